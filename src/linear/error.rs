@@ -1,0 +1,66 @@
+use thiserror::Error;
+
+/// What can go wrong in a factorisation or a solve.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum LinearError {
+    /// The matrix is singular to working precision.
+    #[error("the matrix is singular to working precision (reciprocal condition {rcond:e})")]
+    Singular {
+        /// Estimated reciprocal condition number; 0 where a pivot vanished.
+        rcond: f64,
+    },
+    /// The matrix is not positive definite.
+    #[error("the matrix is not positive definite; check its symmetry and that the body cannot move freely")]
+    NotPositiveDefinite,
+    /// A value is NaN or infinite.
+    #[error("{what} holds a value that is NaN or infinite")]
+    NotFinite {
+        /// Which operand.
+        what: &'static str,
+    },
+    /// The solution does not satisfy the system.
+    #[error("the solve is inaccurate: relative residual {residual:e}")]
+    Inaccurate {
+        /// ‖A x − b‖∞ / (‖A‖ ‖x‖ + ‖b‖), or NaN.
+        residual: f64,
+    },
+    /// The matrix is not square.
+    #[error("a {nrows} x {ncols} matrix is not square")]
+    NotSquare {
+        /// Number of rows.
+        nrows: usize,
+        /// Number of columns.
+        ncols: usize,
+    },
+    /// An array does not fit the matrix.
+    #[error("{what} has length {found}, expected {expected}")]
+    Shape {
+        /// Which array.
+        what: &'static str,
+        /// Length (or multiple) asked for.
+        expected: usize,
+        /// Length given.
+        found: usize,
+    },
+    /// `factor` was called before `analyze`, or with another pattern.
+    #[error("the pattern of this matrix has not been analysed; call `analyze` first")]
+    NotAnalyzed,
+    /// A solve was asked for without a (successful) factorisation.
+    #[error("there is no factorisation to solve with; call `factor` first")]
+    NotFactored,
+    /// The kernel of a Jacobian has not the dimension the method needs.
+    #[error("the Jacobian has a kernel of dimension {found}, expected {expected}")]
+    Kernel {
+        /// Dimension needed.
+        expected: usize,
+        /// Dimension found (a lower bound for sparse matrices).
+        found: usize,
+    },
+    /// Memory or index limits of the solver.
+    #[error("the solver gave up: {what}")]
+    Solver {
+        /// The solver's words.
+        what: String,
+    },
+}

@@ -1,0 +1,125 @@
+//! Linear solvers behind one seam. This room alone knows the linear-algebra crates; their types stay inside it.
+
+mod auto;
+mod bordered;
+mod cholesky;
+mod condition;
+mod dense_lu;
+mod error;
+mod kernel;
+mod sparse_lu;
+
+pub use auto::{AutoSolver, DENSE_LIMIT};
+pub use bordered::Bordered;
+pub use cholesky::Cholesky;
+pub use dense_lu::DenseLu;
+pub use error::LinearError;
+pub use kernel::{NullSpace, null_space};
+pub use sparse_lu::SparseLu;
+
+use crate::sparse::{MatrixRef, PatternRef};
+
+/// A direct (or sufficiently exact) solver for square systems `A x = b`.
+///
+/// The life of a solver: [`analyze`](Self::analyze) once a pattern, [`factor`](Self::factor) once a matrix, then any number of
+/// solves. Implement it to plug in a solver of your own (MUMPS, PARDISO, PETSc …).
+///
+/// **Contract.** `factor` and the solves never panic; a singular or non-finite matrix is an error of `factor` or of the
+/// following solve, never a wrong answer handed out in silence. `analyze` with the pattern already analysed is cheap.
+///
+/// ```
+/// use semismooth::linear::{LinearError, LinearSolver};
+/// use semismooth::sparse::{Matrix, MatrixRef, Pattern, PatternRef};
+///
+/// /// Knows diagonal matrices only.
+/// #[derive(Default)]
+/// struct Diagonal(Vec<f64>);
+///
+/// impl LinearSolver for Diagonal {
+///     fn analyze(&mut self, pattern: PatternRef<'_>) -> Result<(), LinearError> {
+///         if pattern.nrows == pattern.ncols { Ok(()) } else {
+///             Err(LinearError::NotSquare { nrows: pattern.nrows, ncols: pattern.ncols })
+///         }
+///     }
+///     fn factor(&mut self, a: MatrixRef<'_>) -> Result<(), LinearError> {
+///         self.0 = a.values.to_vec();
+///         match self.0.iter().any(|d| *d == 0.0) {
+///             true => Err(LinearError::Singular { rcond: 0.0 }),
+///             false => Ok(()),
+///         }
+///     }
+///     fn solve_in_place(&mut self, b: &mut [f64]) -> Result<(), LinearError> {
+///         let n = self.0.len();
+///         b.iter_mut().enumerate().for_each(|(i, b)| *b /= self.0[i % n]);
+///         Ok(())
+///     }
+///     fn solve_transpose_in_place(&mut self, b: &mut [f64]) -> Result<(), LinearError> {
+///         self.solve_in_place(b)
+///     }
+/// }
+///
+/// let a = Matrix::identity(3);
+/// let mut solver = Diagonal::default();
+/// solver.analyze(a.pattern().as_ref())?;
+/// solver.factor(a.as_ref())?;
+/// let mut x = [1.0, 2.0, 3.0];
+/// solver.solve_in_place(&mut x)?;
+/// assert_eq!(x, [1.0, 2.0, 3.0]);
+/// # Ok::<(), LinearError>(())
+/// ```
+pub trait LinearSolver {
+    /// Takes note of the pattern of the matrices to come.
+    ///
+    /// # Errors
+    /// [`LinearError::NotSquare`], or what the solver cannot handle.
+    fn analyze(&mut self, pattern: PatternRef<'_>) -> Result<(), LinearError>;
+
+    /// Factors a matrix over the analysed pattern.
+    ///
+    /// # Errors
+    /// [`LinearError::Singular`], [`LinearError::NotFinite`], [`LinearError::NotAnalyzed`] or [`LinearError::Shape`].
+    fn factor(&mut self, a: MatrixRef<'_>) -> Result<(), LinearError>;
+
+    /// Overwrites `b` (n × k, column-major: any number of right-hand sides) by `A⁻¹ b`.
+    ///
+    /// # Errors
+    /// [`LinearError::NotFactored`], [`LinearError::Shape`], [`LinearError::Inaccurate`].
+    fn solve_in_place(&mut self, b: &mut [f64]) -> Result<(), LinearError>;
+
+    /// Overwrites `b` (n × k, column-major) by `A⁻ᵀ b`.
+    ///
+    /// # Errors
+    /// As [`solve_in_place`](Self::solve_in_place).
+    fn solve_transpose_in_place(&mut self, b: &mut [f64]) -> Result<(), LinearError>;
+
+    /// An estimate of the reciprocal condition number in the 1-norm, in [0, 1], of the last factored matrix.
+    fn rcond(&self) -> Option<f64> {
+        None
+    }
+
+    /// Sign (−1, 0, +1) and natural logarithm of |det A|, where the solver can tell.
+    fn log_det(&self) -> Option<(i8, f64)> {
+        None
+    }
+}
+
+impl<S: LinearSolver + ?Sized> LinearSolver for Box<S> {
+    fn analyze(&mut self, pattern: PatternRef<'_>) -> Result<(), LinearError> {
+        (**self).analyze(pattern)
+    }
+    fn factor(&mut self, a: MatrixRef<'_>) -> Result<(), LinearError> {
+        (**self).factor(a)
+    }
+    fn solve_in_place(&mut self, b: &mut [f64]) -> Result<(), LinearError> {
+        (**self).solve_in_place(b)
+    }
+    fn solve_transpose_in_place(&mut self, b: &mut [f64]) -> Result<(), LinearError> {
+        (**self).solve_transpose_in_place(b)
+    }
+    fn rcond(&self) -> Option<f64> {
+        (**self).rcond()
+    }
+    fn log_det(&self) -> Option<(i8, f64)> {
+        (**self).log_det()
+    }
+}

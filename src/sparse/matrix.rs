@@ -1,0 +1,325 @@
+use super::{Pattern, PatternRef, SparseError};
+
+/// Values over a [`Pattern`].
+///
+/// A map fills its Jacobian by [`add`](Self::add); contributions to one entry sum up. An addition outside the pattern is
+/// remembered and reported by the solver that asked for the Jacobian, it is never dropped in silence.
+///
+/// ```
+/// use semismooth::sparse::{Matrix, Pattern};
+/// let mut a = Matrix::zeros(Pattern::full(2, 2));
+/// a.add(0, 1, 3.0);
+/// a.add(0, 1, 1.0);
+/// assert_eq!(a.get(0, 1), 4.0);
+/// let mut y = [0.0; 2];
+/// a.mul_vec(&[1.0, 2.0], &mut y);
+/// assert_eq!(y, [8.0, 0.0]);
+/// ```
+#[derive(Debug, Clone, PartialEq)]
+pub struct Matrix {
+    pattern: Pattern,
+    values: Vec<f64>,
+    stray: Option<(usize, usize)>,
+}
+
+/// A borrowed matrix in compressed columns, as handed to a [linear solver](crate::linear::LinearSolver).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MatrixRef<'a> {
+    /// Where the entries are.
+    pub pattern: PatternRef<'a>,
+    /// Their values, in the order of the pattern.
+    pub values: &'a [f64],
+}
+
+impl MatrixRef<'_> {
+    /// Adds `scale * A x` to `y`. Lengths beyond the matrix are ignored.
+    pub fn mul_add(&self, scale: f64, x: &[f64], y: &mut [f64]) {
+        let p = &self.pattern;
+        for (j, &xj) in x.iter().enumerate().take(p.ncols) {
+            let c = scale * xj;
+            if c == 0.0 {
+                continue;
+            }
+            let span = p.col_ptr[j]..p.col_ptr[j + 1];
+            for (&i, &v) in p.row_idx[span.clone()].iter().zip(&self.values[span]) {
+                y[i] += c * v;
+            }
+        }
+    }
+
+    /// Adds `scale * Aᵀ x` to `y`.
+    pub fn mul_transpose_add(&self, scale: f64, x: &[f64], y: &mut [f64]) {
+        let p = &self.pattern;
+        for (j, yj) in y.iter_mut().enumerate().take(p.ncols) {
+            let span = p.col_ptr[j]..p.col_ptr[j + 1];
+            let dot: f64 = p.row_idx[span.clone()]
+                .iter()
+                .zip(&self.values[span])
+                .map(|(&i, &v)| x[i] * v)
+                .sum();
+            *yj += scale * dot;
+        }
+    }
+
+    /// The 1-norm: the largest column sum of absolute values.
+    #[must_use]
+    pub fn norm_1(&self) -> f64 {
+        let p = &self.pattern;
+        (0..p.ncols)
+            .map(|j| {
+                self.values[p.col_ptr[j]..p.col_ptr[j + 1]]
+                    .iter()
+                    .map(|v| v.abs())
+                    .sum()
+            })
+            .fold(0.0, |a: f64, b: f64| if b > a || b.is_nan() { b } else { a })
+    }
+}
+
+impl Matrix {
+    /// The zero matrix over a pattern.
+    #[must_use]
+    pub fn zeros(pattern: Pattern) -> Self {
+        let values = vec![0.0; pattern.nnz()];
+        Self {
+            pattern,
+            values,
+            stray: None,
+        }
+    }
+
+    /// The identity of order `n`, stored on its diagonal.
+    #[must_use]
+    pub fn identity(n: usize) -> Self {
+        let pattern = Pattern::from_csc(n, n, (0..=n).collect(), (0..n).collect());
+        match pattern {
+            Ok(pattern) => Self {
+                values: vec![1.0; n],
+                pattern,
+                stray: None,
+            },
+            Err(_) => unreachable!("the diagonal is a valid pattern"),
+        }
+    }
+
+    /// A matrix over `pattern` with the given values.
+    ///
+    /// # Errors
+    /// [`SparseError::Length`] unless there is one value an entry.
+    pub fn from_values(pattern: Pattern, values: Vec<f64>) -> Result<Self, SparseError> {
+        if values.len() != pattern.nnz() {
+            return Err(SparseError::Length {
+                what: "the array of values",
+                expected: pattern.nnz(),
+                found: values.len(),
+            });
+        }
+        Ok(Self {
+            pattern,
+            values,
+            stray: None,
+        })
+    }
+
+    /// A matrix from `(row, column, value)` triplets; repeated entries sum up.
+    ///
+    /// # Errors
+    /// [`SparseError::OutOfBounds`] names an entry outside the matrix.
+    pub fn from_triplets(
+        nrows: usize,
+        ncols: usize,
+        triplets: &[(usize, usize, f64)],
+    ) -> Result<Self, SparseError> {
+        let pattern = Pattern::from_entries(nrows, ncols, triplets.iter().map(|t| (t.0, t.1)))?;
+        let mut matrix = Self::zeros(pattern);
+        for &(i, j, v) in triplets {
+            matrix.add(i, j, v);
+        }
+        Ok(matrix)
+    }
+
+    /// A full matrix from its rows.
+    ///
+    /// # Errors
+    /// [`SparseError::Length`] unless all rows have one length.
+    pub fn from_rows<R: AsRef<[f64]>>(rows: &[R]) -> Result<Self, SparseError> {
+        let nrows = rows.len();
+        let ncols = rows.first().map_or(0, |r| r.as_ref().len());
+        let mut matrix = Self::zeros(Pattern::full(nrows, ncols));
+        for (i, row) in rows.iter().enumerate() {
+            let row = row.as_ref();
+            if row.len() != ncols {
+                return Err(SparseError::Length {
+                    what: "a row of the matrix",
+                    expected: ncols,
+                    found: row.len(),
+                });
+            }
+            for (j, &v) in row.iter().enumerate() {
+                matrix.add(i, j, v);
+            }
+        }
+        Ok(matrix)
+    }
+
+    /// Number of rows.
+    #[must_use]
+    pub fn nrows(&self) -> usize {
+        self.pattern.nrows()
+    }
+
+    /// Number of columns.
+    #[must_use]
+    pub fn ncols(&self) -> usize {
+        self.pattern.ncols()
+    }
+
+    /// The pattern.
+    #[must_use]
+    pub fn pattern(&self) -> &Pattern {
+        &self.pattern
+    }
+
+    /// The values, in the order of the pattern.
+    #[must_use]
+    pub fn values(&self) -> &[f64] {
+        &self.values
+    }
+
+    /// The values, to be overwritten.
+    pub fn values_mut(&mut self) -> &mut [f64] {
+        &mut self.values
+    }
+
+    /// A borrowed view.
+    #[must_use]
+    pub fn as_ref(&self) -> MatrixRef<'_> {
+        self.leading_columns(self.ncols())
+    }
+
+    /// A view of the first `ncols` columns.
+    #[must_use]
+    pub fn leading_columns(&self, ncols: usize) -> MatrixRef<'_> {
+        let pattern = self.pattern.leading_columns(ncols);
+        MatrixRef {
+            pattern,
+            values: &self.values[..pattern.nnz()],
+        }
+    }
+
+    /// Sets all values to zero and forgets stray additions.
+    pub fn clear(&mut self) {
+        self.values.fill(0.0);
+        self.stray = None;
+    }
+
+    /// Adds `value` to entry `(row, col)`.
+    ///
+    /// Cost: constant in a full column, else logarithmic in its number of entries.
+    #[inline]
+    pub fn add(&mut self, row: usize, col: usize, value: f64) {
+        match self.pattern.slot(row, col) {
+            Some(k) => self.values[k] += value,
+            None => self.stray = Some((row, col)),
+        }
+    }
+
+    /// Adds `scale * block` with its entry (0, 0) at `(row, col)`; linear in the entries of the columns touched.
+    pub fn add_block(&mut self, row: usize, col: usize, scale: f64, block: &Matrix) {
+        for j in 0..block.ncols() {
+            if col + j >= self.ncols() {
+                self.stray = Some((row, col + j));
+                return;
+            }
+            let (start, end) = (
+                self.pattern.col_ptr()[col + j],
+                self.pattern.col_ptr()[col + j + 1],
+            );
+            let rows = &self.pattern.row_idx()[start..end];
+            let mut k = 0;
+            for e in block.pattern.col_ptr()[j]..block.pattern.col_ptr()[j + 1] {
+                let target = row + block.pattern.row_idx()[e];
+                while k < rows.len() && rows[k] < target {
+                    k += 1;
+                }
+                if k < rows.len() && rows[k] == target {
+                    self.values[start + k] += scale * block.values[e];
+                } else {
+                    self.stray = Some((target, col + j));
+                }
+            }
+        }
+    }
+
+    /// The last addition that fell outside the pattern since [`clear`](Self::clear), if any.
+    #[must_use]
+    pub fn stray(&self) -> Option<(usize, usize)> {
+        self.stray
+    }
+
+    /// The value at `(row, col)`; zero where nothing is stored.
+    #[must_use]
+    pub fn get(&self, row: usize, col: usize) -> f64 {
+        self.pattern.slot(row, col).map_or(0.0, |k| self.values[k])
+    }
+
+    /// All stored entries as `(row, column, value)`, column by column.
+    pub fn triplets(&self) -> impl Iterator<Item = (usize, usize, f64)> + '_ {
+        (0..self.ncols()).flat_map(move |j| {
+            (self.pattern.col_ptr()[j]..self.pattern.col_ptr()[j + 1])
+                .map(move |k| (self.pattern.row_idx()[k], j, self.values[k]))
+        })
+    }
+
+    /// `y = A x`.
+    pub fn mul_vec(&self, x: &[f64], y: &mut [f64]) {
+        y.fill(0.0);
+        self.as_ref().mul_add(1.0, x, y);
+    }
+
+    /// `y = Aᵀ x`.
+    pub fn mul_transpose_vec(&self, x: &[f64], y: &mut [f64]) {
+        y.fill(0.0);
+        self.as_ref().mul_transpose_add(1.0, x, y);
+    }
+
+    /// The transpose.
+    #[must_use]
+    pub fn transpose(&self) -> Matrix {
+        let (m, n) = (self.nrows(), self.ncols());
+        let mut col_ptr = vec![0; m + 1];
+        for &i in self.pattern.row_idx() {
+            col_ptr[i + 1] += 1;
+        }
+        for i in 0..m {
+            col_ptr[i + 1] += col_ptr[i];
+        }
+        let mut next = col_ptr.clone();
+        let mut row_idx = vec![0; self.values.len()];
+        let mut values = vec![0.0; self.values.len()];
+        for (i, j, v) in self.triplets() {
+            row_idx[next[i]] = j;
+            values[next[i]] = v;
+            next[i] += 1;
+        }
+        match Pattern::from_csc(n, m, col_ptr, row_idx) {
+            Ok(pattern) => Self {
+                pattern,
+                values,
+                stray: None,
+            },
+            Err(_) => unreachable!("the transpose of a valid pattern is valid"),
+        }
+    }
+
+    /// Checks that every value is finite.
+    ///
+    /// # Errors
+    /// [`SparseError::NotFinite`] names the first entry that is not.
+    pub fn check_finite(&self) -> Result<(), SparseError> {
+        match self.triplets().find(|t| !t.2.is_finite()) {
+            Some((row, col, value)) => Err(SparseError::NotFinite { row, col, value }),
+            None => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,15 @@
+//! Sparse patterns and matrices: the storage in which maps write their Jacobians.
+//!
+//! A [`Pattern`] is declared once; a [`Matrix`] shares it and is filled many times. Matrices are stored by columns
+//! (CSC, zero-based, row indices strictly increasing inside a column). A *full* pattern holds every entry, so the values of a
+//! matrix over it are the usual column-major dense array: small dense and large sparse problems use one type.
+
+mod error;
+mod matrix;
+mod matrix_market;
+mod pattern;
+
+pub use error::SparseError;
+pub use matrix::{Matrix, MatrixRef};
+pub use matrix_market::{read_matrix_market, read_vector};
+pub use pattern::{Pattern, PatternRef};

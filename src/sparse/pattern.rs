@@ -1,0 +1,228 @@
+use std::sync::Arc;
+
+use super::SparseError;
+
+/// Where the entries of a matrix may be: compressed columns, zero-based, rows strictly increasing in each column.
+///
+/// Cloning is cheap (shared storage).
+///
+/// ```
+/// use semismooth::sparse::Pattern;
+/// let p = Pattern::from_entries(2, 3, [(1, 0), (0, 2), (1, 0)])?;
+/// assert_eq!((p.nrows(), p.ncols(), p.nnz()), (2, 3, 2));
+/// assert!(Pattern::full(2, 3).is_full());
+/// # Ok::<(), semismooth::sparse::SparseError>(())
+/// ```
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Pattern {
+    inner: Arc<Inner>,
+}
+
+#[derive(Debug, PartialEq, Eq)]
+struct Inner {
+    nrows: usize,
+    ncols: usize,
+    col_ptr: Vec<usize>,
+    row_idx: Vec<usize>,
+}
+
+/// A borrowed pattern, as handed to a [linear solver](crate::linear::LinearSolver).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct PatternRef<'a> {
+    /// Number of rows.
+    pub nrows: usize,
+    /// Number of columns.
+    pub ncols: usize,
+    /// Column `j` owns the entries `col_ptr[j]..col_ptr[j + 1]`; length `ncols + 1`, first 0.
+    pub col_ptr: &'a [usize],
+    /// Row of each entry, strictly increasing inside a column.
+    pub row_idx: &'a [usize],
+}
+
+impl PatternRef<'_> {
+    /// Number of stored entries.
+    #[must_use]
+    pub fn nnz(&self) -> usize {
+        self.row_idx.len()
+    }
+
+    /// Whether every entry is stored, so that values are a column-major dense array.
+    #[must_use]
+    pub fn is_full(&self) -> bool {
+        self.nnz() == self.nrows * self.ncols
+    }
+}
+
+impl Pattern {
+    /// The pattern with every entry.
+    #[must_use]
+    pub fn full(nrows: usize, ncols: usize) -> Self {
+        let row_idx = (0..ncols).flat_map(|_| 0..nrows).collect();
+        let col_ptr = (0..=ncols).map(|j| j * nrows).collect();
+        Self::new(nrows, ncols, col_ptr, row_idx)
+    }
+
+    /// The pattern holding the given `(row, column)` entries, in any order, repetitions merged.
+    ///
+    /// # Errors
+    /// [`SparseError::OutOfBounds`] names an entry outside the matrix.
+    pub fn from_entries(
+        nrows: usize,
+        ncols: usize,
+        entries: impl IntoIterator<Item = (usize, usize)>,
+    ) -> Result<Self, SparseError> {
+        let mut list = Vec::new();
+        for (row, col) in entries {
+            if row >= nrows || col >= ncols {
+                return Err(SparseError::OutOfBounds {
+                    row,
+                    col,
+                    nrows,
+                    ncols,
+                });
+            }
+            list.push((col, row));
+        }
+        list.sort_unstable();
+        list.dedup();
+        let mut col_ptr = vec![0; ncols + 1];
+        for &(col, _) in &list {
+            col_ptr[col + 1] += 1;
+        }
+        for j in 0..ncols {
+            col_ptr[j + 1] += col_ptr[j];
+        }
+        let row_idx = list.into_iter().map(|(_, row)| row).collect();
+        Ok(Self::new(nrows, ncols, col_ptr, row_idx))
+    }
+
+    /// The pattern given by compressed columns.
+    ///
+    /// # Errors
+    /// [`SparseError::Malformed`] when pointers decrease or do not match, or rows are out of range or not strictly increasing.
+    pub fn from_csc(
+        nrows: usize,
+        ncols: usize,
+        col_ptr: Vec<usize>,
+        row_idx: Vec<usize>,
+    ) -> Result<Self, SparseError> {
+        let malformed = |what: String| Err(SparseError::Malformed { what });
+        if col_ptr.len() != ncols + 1 {
+            return malformed(format!(
+                "{} column pointers for {ncols} columns; one more than columns is needed",
+                col_ptr.len()
+            ));
+        }
+        if col_ptr[0] != 0 || col_ptr[ncols] != row_idx.len() {
+            return malformed(format!(
+                "column pointers run from {} to {}, but there are {} entries",
+                col_ptr[0],
+                col_ptr[ncols],
+                row_idx.len()
+            ));
+        }
+        for j in 0..ncols {
+            if col_ptr[j] > col_ptr[j + 1] || col_ptr[j + 1] > row_idx.len() {
+                return malformed(format!("column pointer {} is out of order", j + 1));
+            }
+            let rows = &row_idx[col_ptr[j]..col_ptr[j + 1]];
+            if rows.windows(2).any(|w| w[0] >= w[1]) {
+                return malformed(format!("rows of column {j} are not strictly increasing"));
+            }
+            if let Some(&row) = rows.last()
+                && row >= nrows
+            {
+                return Err(SparseError::OutOfBounds {
+                    row,
+                    col: j,
+                    nrows,
+                    ncols,
+                });
+            }
+        }
+        Ok(Self::new(nrows, ncols, col_ptr, row_idx))
+    }
+
+    fn new(nrows: usize, ncols: usize, col_ptr: Vec<usize>, row_idx: Vec<usize>) -> Self {
+        Self {
+            inner: Arc::new(Inner {
+                nrows,
+                ncols,
+                col_ptr,
+                row_idx,
+            }),
+        }
+    }
+
+    /// Number of rows.
+    #[must_use]
+    pub fn nrows(&self) -> usize {
+        self.inner.nrows
+    }
+
+    /// Number of columns.
+    #[must_use]
+    pub fn ncols(&self) -> usize {
+        self.inner.ncols
+    }
+
+    /// Number of stored entries.
+    #[must_use]
+    pub fn nnz(&self) -> usize {
+        self.inner.row_idx.len()
+    }
+
+    /// Whether every entry is stored.
+    #[must_use]
+    pub fn is_full(&self) -> bool {
+        self.as_ref().is_full()
+    }
+
+    /// Column pointers, length `ncols + 1`.
+    #[must_use]
+    pub fn col_ptr(&self) -> &[usize] {
+        &self.inner.col_ptr
+    }
+
+    /// Row of each entry.
+    #[must_use]
+    pub fn row_idx(&self) -> &[usize] {
+        &self.inner.row_idx
+    }
+
+    /// A borrowed view.
+    #[must_use]
+    pub fn as_ref(&self) -> PatternRef<'_> {
+        self.leading_columns(self.inner.ncols)
+    }
+
+    /// A view of the first `ncols` columns (all of them if there are fewer).
+    #[must_use]
+    pub fn leading_columns(&self, ncols: usize) -> PatternRef<'_> {
+        let ncols = ncols.min(self.inner.ncols);
+        PatternRef {
+            nrows: self.inner.nrows,
+            ncols,
+            col_ptr: &self.inner.col_ptr[..=ncols],
+            row_idx: &self.inner.row_idx[..self.inner.col_ptr[ncols]],
+        }
+    }
+
+    /// Position of entry `(row, col)` among the values, if it is stored.
+    #[must_use]
+    #[inline]
+    pub fn slot(&self, row: usize, col: usize) -> Option<usize> {
+        let p = &*self.inner;
+        if row >= p.nrows || col >= p.ncols {
+            return None;
+        }
+        let (start, end) = (p.col_ptr[col], p.col_ptr[col + 1]);
+        if end - start == p.nrows {
+            return Some(start + row);
+        }
+        p.row_idx[start..end]
+            .binary_search(&row)
+            .ok()
+            .map(|k| start + k)
+    }
+}
