@@ -41,7 +41,13 @@ impl<L: LinearSolver> Bordered<L> {
     ///
     /// # Errors
     /// [`LinearError::Singular`] when `t` is orthogonal to the kernel; errors of the solver.
-    pub fn solve(&mut self, r: &[f64], t: &[f64], c: f64, x: &mut [f64]) -> Result<(), LinearError> {
+    pub fn solve(
+        &mut self,
+        r: &[f64],
+        t: &[f64],
+        c: f64,
+        x: &mut [f64],
+    ) -> Result<(), LinearError> {
         let _ = (r, t, c, x);
         todo!()
     }

@@ -7,6 +7,8 @@ mod condition;
 mod dense_lu;
 mod error;
 mod kernel;
+mod memory;
+mod scaling;
 mod sparse_lu;
 
 pub use auto::{AutoSolver, DENSE_LIMIT};

@@ -1,0 +1,250 @@
+use std::fmt;
+use std::mem::MaybeUninit;
+use std::sync::Arc;
+
+use faer::dyn_stack::{MemStack, StackReq};
+use faer::sparse::linalg::cholesky::{
+    CholeskySymbolicParams, LltRef, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
+    factorize_symbolic_cholesky, supernodal,
+};
+use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
+use faer::{Conj, MatMut, Par, Side};
+
+use super::condition::{judge, norm_1_estimate};
+use super::memory::{PatternMemory, check_finite, count_rhs};
+use super::sparse_lu::give_up;
+use super::{LinearError, LinearSolver};
+use crate::sparse::{MatrixRef, PatternRef};
+
+/// Right-hand sides solved for at a time: enough for blocked kernels, few enough to bound scratch.
+const BLOCK_RHS: usize = 32;
+
+/// Sparse Cholesky A = L Lᵀ for symmetric positive definite matrices.
+///
+/// Only the lower triangle of A is read (the pattern may hold the upper one too; it is taken to be symmetric, not checked).
+/// The fill-reducing order and all memory are reused as long as the pattern stays. The matrix is scaled by powers of two to a
+/// diagonal near 1 first; [`rcond`](LinearSolver::rcond) is that of the scaled matrix.
+#[derive(Clone, Default)]
+pub struct Cholesky {
+    pattern: PatternMemory,
+    /// Powers of two d with diagonal entries of D A D near 1.
+    scale: Vec<f64>,
+    values: Vec<f64>,
+    engine: Option<Engine>,
+    work: Vec<f64>,
+    rcond: Option<f64>,
+}
+
+#[derive(Clone)]
+struct Engine {
+    symbolic: Arc<SymbolicCholesky<usize>>,
+    factor: Vec<f64>,
+    scratch: Vec<MaybeUninit<u8>>,
+}
+
+impl Cholesky {
+    /// A solver that knows no pattern yet.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Finds the scales and writes D A D into `values`; returns its 1-norm.
+    fn scale(&mut self, a: &[f64]) -> Result<f64, LinearError> {
+        let n = self.pattern.n();
+        let (col_ptr, row_idx) = (self.pattern.col_ptr(), self.pattern.row_idx());
+        for j in 0..n {
+            let span = col_ptr[j]..col_ptr[j + 1];
+            let diagonal = row_idx[span.clone()]
+                .binary_search(&j)
+                .map_or(0.0, |k| a[span.start + k]);
+            if diagonal.is_nan() || diagonal <= 0.0 {
+                return Err(LinearError::NotPositiveDefinite);
+            }
+            self.scale[j] = (-0.5 * diagonal.log2()).round().exp2();
+        }
+        let sums = &mut self.work[..n];
+        sums.fill(0.0);
+        for j in 0..n {
+            for k in col_ptr[j]..col_ptr[j + 1] {
+                let i = row_idx[k];
+                let s = a[k] * self.scale[i] * self.scale[j];
+                self.values[k] = s;
+                if i >= j {
+                    sums[i] += s.abs();
+                }
+                if i > j {
+                    sums[j] += s.abs();
+                }
+            }
+        }
+        Ok(sums.iter().fold(0.0, |m: f64, s| m.max(*s)))
+    }
+
+    fn solve(&mut self, b: &mut [f64]) -> Result<(), LinearError> {
+        let (Some(engine), Some(_)) = (self.engine.as_mut(), self.rcond) else {
+            return Err(LinearError::NotFactored);
+        };
+        let n = self.pattern.n();
+        count_rhs(n, b)?;
+        check_finite(b, "the right-hand side")?;
+        if n == 0 {
+            return Ok(());
+        }
+        for block in b.chunks_mut(n * BLOCK_RHS) {
+            super::scaling::scale_columns(block, &self.scale);
+            engine.solve(block);
+            super::scaling::scale_columns(block, &self.scale);
+        }
+        check_finite(b, "").map_err(|_| LinearError::Inaccurate { residual: f64::NAN })
+    }
+}
+
+impl Engine {
+    fn new(pattern: &PatternMemory) -> Result<Self, LinearError> {
+        let n = pattern.n();
+        let a =
+            SymbolicSparseColMatRef::new_checked(n, n, pattern.col_ptr(), None, pattern.row_idx());
+        let symbolic = factorize_symbolic_cholesky(
+            a,
+            Side::Lower,
+            SymmetricOrdering::Amd,
+            CholeskySymbolicParams::default(),
+        )
+        .map_err(give_up)?;
+        let request = StackReq::or(
+            symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default()),
+            symbolic.solve_in_place_scratch::<f64>(BLOCK_RHS, Par::Seq),
+        );
+        Ok(Self {
+            factor: vec![0.0; symbolic.len_val()],
+            symbolic: Arc::new(symbolic),
+            scratch: vec![MaybeUninit::uninit(); request.unaligned_bytes_required()],
+        })
+    }
+
+    fn solve(&mut self, b: &mut [f64]) {
+        let n = self.symbolic.nrows();
+        let k = b.len() / n;
+        LltRef::new(&self.symbolic, &self.factor).solve_in_place_with_conj(
+            Conj::No,
+            MatMut::from_column_major_slice_mut(b, n, k),
+            Par::Seq,
+            MemStack::new(&mut self.scratch),
+        );
+    }
+
+    /// Σ ln l_ii.
+    fn log_diagonal(&self) -> f64 {
+        match self.symbolic.raw() {
+            SymbolicCholeskyRaw::Simplicial(s) => (0..s.ncols())
+                .map(|j| self.factor[s.col_ptr()[j]].ln())
+                .sum(),
+            SymbolicCholeskyRaw::Supernodal(s) => {
+                let llt = supernodal::SupernodalLltRef::new(s, &self.factor);
+                (0..s.n_supernodes())
+                    .map(|k| {
+                        let block = llt.supernode(k).val();
+                        (0..block.ncols()).map(|j| block[(j, j)].ln()).sum::<f64>()
+                    })
+                    .sum()
+            }
+        }
+    }
+}
+
+impl LinearSolver for Cholesky {
+    fn analyze(&mut self, pattern: PatternRef<'_>) -> Result<(), LinearError> {
+        if !self.pattern.learn(pattern)? {
+            return Ok(());
+        }
+        self.rcond = None;
+        self.engine = None;
+        let n = pattern.ncols;
+        self.scale.resize(n, 1.0);
+        self.values.resize(pattern.nnz(), 0.0);
+        self.work.resize(2 * n, 0.0);
+        match Engine::new(&self.pattern) {
+            Ok(engine) => {
+                self.engine = Some(engine);
+                Ok(())
+            }
+            Err(e) => {
+                self.pattern.forget();
+                Err(e)
+            }
+        }
+    }
+
+    fn factor(&mut self, a: MatrixRef<'_>) -> Result<(), LinearError> {
+        self.rcond = None;
+        self.pattern.check(&a)?;
+        check_finite(a.values, "the matrix")?;
+        let norm = self.scale(a.values)?;
+        let Some(engine) = self.engine.as_mut() else {
+            return Err(LinearError::NotAnalyzed);
+        };
+        let n = self.pattern.n();
+        if n == 0 {
+            self.rcond = Some(1.0);
+            return Ok(());
+        }
+        let symbolic = SymbolicSparseColMatRef::new_checked(
+            n,
+            n,
+            self.pattern.col_ptr(),
+            None,
+            self.pattern.row_idx(),
+        );
+        let result = engine.symbolic.factorize_numeric_llt(
+            &mut engine.factor,
+            SparseColMatRef::new(symbolic, &self.values),
+            Side::Lower,
+            Default::default(),
+            Par::Seq,
+            MemStack::new(&mut engine.scratch),
+            Default::default(),
+        );
+        // A pivot that is not positive is the only error there is.
+        if result.is_err() {
+            return Err(LinearError::NotPositiveDefinite);
+        }
+        let (x, sign) = self.work.split_at_mut(n);
+        let inverse_norm = norm_1_estimate(|x, _| engine.solve(x), x, sign);
+        // A semidefinite matrix may pass the pivots by rounding: it is no more positive definite for that.
+        match judge(norm, inverse_norm) {
+            Ok(rcond) => self.rcond = Some(rcond),
+            Err(_) => return Err(LinearError::NotPositiveDefinite),
+        }
+        Ok(())
+    }
+
+    fn solve_in_place(&mut self, b: &mut [f64]) -> Result<(), LinearError> {
+        self.solve(b)
+    }
+
+    fn solve_transpose_in_place(&mut self, b: &mut [f64]) -> Result<(), LinearError> {
+        self.solve(b)
+    }
+
+    fn rcond(&self) -> Option<f64> {
+        self.rcond
+    }
+
+    fn log_det(&self) -> Option<(i8, f64)> {
+        self.rcond?;
+        let log = self.engine.as_ref()?.log_diagonal();
+        let scales: f64 = self.scale.iter().map(|d| d.ln()).sum();
+        Some((1, 2.0 * (log - scales)))
+    }
+}
+
+impl fmt::Debug for Cholesky {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Cholesky")
+            .field("n", &self.pattern.n())
+            .field("nnz", &self.pattern.row_idx().len())
+            .field("rcond", &self.rcond)
+            .finish_non_exhaustive()
+    }
+}

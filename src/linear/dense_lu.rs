@@ -1,0 +1,321 @@
+use std::fmt;
+use std::mem::MaybeUninit;
+
+use faer::dyn_stack::{MemStack, StackReq};
+use faer::linalg::lu::partial_pivoting::{factor, solve};
+use faer::perm::PermRef;
+use faer::{Conj, MatMut, MatRef, Par};
+use nalgebra::DMatrixViewMut;
+use nalgebra::linalg::{gauss_step, gauss_step_swap};
+
+use super::condition::{arg_max_abs, judge, norm_1_estimate};
+use super::memory::{PatternMemory, check_finite, count_rhs};
+use super::scaling::{Scaling, scale_columns};
+use super::{LinearError, LinearSolver};
+use crate::sparse::{MatrixRef, PatternRef};
+
+/// Orders below this are eliminated column by column, where blocking does not pay.
+const BLOCKED: usize = 50;
+
+/// Right-hand sides solved for at a time by the blocked route, so that scratch is bounded.
+const BLOCK_RHS: usize = 16;
+
+/// Growth of entries during elimination above which half of all digits are lost.
+const MAX_GROWTH: f64 = 1e8;
+
+/// Dense LU with partial pivoting, for any pattern (entries not stored are zeros).
+///
+/// The matrix is first equilibrated by powers of two, S = R A C, so that neither pivots nor the verdict *singular* depend on
+/// the units of equations and unknowns; [`rcond`](LinearSolver::rcond) is that of S. [`LinearError::Singular`] is returned below
+/// 1e-14. Nothing is allocated after [`analyze`](LinearSolver::analyze).
+///
+/// Cost: 2n³/3 operations a factorisation, 2n² a solve.
+#[derive(Clone, Default)]
+pub struct DenseLu {
+    pattern: PatternMemory,
+    scaling: Scaling,
+    lu: Vec<f64>,
+    /// Row exchanged with row k at step k, or (blocked) the permutation and its inverse.
+    perm: Vec<usize>,
+    perm_inv: Vec<usize>,
+    odd: bool,
+    work: Vec<f64>,
+    sign: Vec<f64>,
+    scratch: Vec<MaybeUninit<u8>>,
+    rcond: Option<f64>,
+}
+
+impl DenseLu {
+    /// A solver that knows no pattern yet.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Writes S = R A C into `lu` and returns its 1-norm.
+    fn scatter(&mut self, values: &[f64]) -> Result<f64, LinearError> {
+        let n = self.pattern.n();
+        let (col_ptr, row_idx) = (self.pattern.col_ptr(), self.pattern.row_idx());
+        let full = self.pattern.is_full();
+        if full {
+            self.scaling.compute_full(values)?;
+        } else {
+            self.scaling.compute(col_ptr, row_idx, values)?;
+            self.lu.fill(0.0);
+        }
+        let (row, col) = (self.scaling.row(), self.scaling.col());
+        let mut norm = 0.0_f64;
+        for j in 0..n {
+            let span = col_ptr[j]..col_ptr[j + 1];
+            let target = &mut self.lu[j * n..(j + 1) * n];
+            let mut sum = 0.0;
+            if full {
+                for ((s, v), r) in target.iter_mut().zip(&values[span]).zip(row) {
+                    *s = v * r * col[j];
+                    sum += s.abs();
+                }
+            } else {
+                for (&i, v) in row_idx[span.clone()].iter().zip(&values[span]) {
+                    target[i] = v * row[i] * col[j];
+                    sum += target[i].abs();
+                }
+            }
+            norm = norm.max(sum);
+        }
+        Ok(norm)
+    }
+
+    fn eliminate(&mut self) -> Result<(), LinearError> {
+        let n = self.pattern.n();
+        self.odd = false;
+        if n >= BLOCKED {
+            let (info, _) = factor::lu_in_place(
+                MatMut::from_column_major_slice_mut(&mut self.lu, n, n),
+                &mut self.perm,
+                &mut self.perm_inv,
+                Par::Seq,
+                MemStack::new(&mut self.scratch),
+                Default::default(),
+            );
+            self.odd = info.transposition_count % 2 == 1;
+        } else {
+            for k in 0..n {
+                let pivot = k + arg_max_abs(&self.lu[k * n + k..(k + 1) * n]);
+                let diagonal = self.lu[k * n + pivot];
+                if diagonal == 0.0 {
+                    return Err(LinearError::Singular { rcond: 0.0 });
+                }
+                self.perm[k] = pivot;
+                let mut lu = DMatrixViewMut::from_slice(&mut self.lu, n, n);
+                if pivot == k {
+                    gauss_step(&mut lu, diagonal, k);
+                } else {
+                    self.odd = !self.odd;
+                    lu.columns_range_mut(..k).swap_rows(k, pivot);
+                    gauss_step_swap(&mut lu, diagonal, k, pivot);
+                }
+            }
+        }
+        let growth = self.lu.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+        if (0..n).any(|k| self.lu[k * n + k] == 0.0 || !self.lu[k * n + k].is_finite()) {
+            return Err(LinearError::Singular { rcond: 0.0 });
+        }
+        // Entries of S are below 4, so this is the growth of pivoting, the only way it loses its backward stability.
+        if growth > MAX_GROWTH {
+            return Err(LinearError::Inaccurate {
+                residual: growth * f64::EPSILON,
+            });
+        }
+        Ok(())
+    }
+
+    fn solve(&mut self, b: &mut [f64], transpose: bool) -> Result<(), LinearError> {
+        if self.rcond.is_none() {
+            return Err(LinearError::NotFactored);
+        }
+        let n = self.pattern.n();
+        count_rhs(n, b)?;
+        check_finite(b, "the right-hand side")?;
+        let (before, after) = match transpose {
+            false => (self.scaling.row(), self.scaling.col()),
+            true => (self.scaling.col(), self.scaling.row()),
+        };
+        let factors = Factors {
+            n,
+            lu: &self.lu,
+            perm: &self.perm,
+            perm_inv: &self.perm_inv,
+        };
+        scale_columns(b, before);
+        factors.solve(b, transpose, &mut self.scratch);
+        scale_columns(b, after);
+        check_finite(b, "").map_err(|_| LinearError::Inaccurate { residual: f64::NAN })
+    }
+}
+
+/// The factors of P S = L U, borrowed apart from the scratch of a solve.
+struct Factors<'a> {
+    n: usize,
+    lu: &'a [f64],
+    perm: &'a [usize],
+    perm_inv: &'a [usize],
+}
+
+impl Factors<'_> {
+    fn solve(&self, b: &mut [f64], transpose: bool, scratch: &mut [MaybeUninit<u8>]) {
+        let n = self.n;
+        if n == 0 {
+            return;
+        }
+        if n < BLOCKED {
+            for column in b.chunks_exact_mut(n) {
+                if transpose {
+                    self.solve_small_transpose(column);
+                } else {
+                    self.solve_small(column);
+                }
+            }
+            return;
+        }
+        let lu = MatRef::from_column_major_slice(self.lu, n, n);
+        for block in b.chunks_mut(BLOCK_RHS * n) {
+            let perm = PermRef::new_checked(self.perm, self.perm_inv, n);
+            let k = block.len() / n;
+            let rhs = MatMut::from_column_major_slice_mut(block, n, k);
+            let stack = MemStack::new(scratch);
+            let run = match transpose {
+                false => solve::solve_in_place_with_conj::<usize, f64>,
+                true => solve::solve_transpose_in_place_with_conj::<usize, f64>,
+            };
+            run(lu, lu, perm, Conj::No, rhs, Par::Seq, stack);
+        }
+    }
+
+    fn solve_small(&self, b: &mut [f64]) {
+        let n = self.n;
+        for (k, &p) in self.perm.iter().enumerate() {
+            b.swap(k, p);
+        }
+        for k in 0..n {
+            let (head, tail) = b.split_at_mut(k + 1);
+            let l = &self.lu[k * n + k + 1..(k + 1) * n];
+            for (b, l) in tail.iter_mut().zip(l) {
+                *b -= l * head[k];
+            }
+        }
+        for k in (0..n).rev() {
+            let u = &self.lu[k * n..k * n + k + 1];
+            let (head, tail) = b.split_at_mut(k);
+            tail[0] /= u[k];
+            for (b, u) in head.iter_mut().zip(u) {
+                *b -= u * tail[0];
+            }
+        }
+    }
+
+    fn solve_small_transpose(&self, b: &mut [f64]) {
+        let n = self.n;
+        for k in 0..n {
+            let u = &self.lu[k * n..k * n + k + 1];
+            let dot: f64 = u[..k].iter().zip(b.iter()).map(|(u, b)| u * b).sum();
+            b[k] = (b[k] - dot) / u[k];
+        }
+        for k in (0..n).rev() {
+            let (head, tail) = b.split_at_mut(k + 1);
+            let l = &self.lu[k * n + k + 1..(k + 1) * n];
+            let dot: f64 = l.iter().zip(tail.iter()).map(|(l, b)| l * b).sum();
+            head[k] -= dot;
+        }
+        for (k, &p) in self.perm.iter().enumerate().rev() {
+            b.swap(k, p);
+        }
+    }
+}
+
+impl LinearSolver for DenseLu {
+    fn analyze(&mut self, pattern: PatternRef<'_>) -> Result<(), LinearError> {
+        if !self.pattern.learn(pattern)? {
+            return Ok(());
+        }
+        self.rcond = None;
+        let n = pattern.ncols;
+        self.scaling.resize(n);
+        self.lu.clear();
+        self.lu.resize(n * n, 0.0);
+        self.perm.clear();
+        self.perm.resize(n, 0);
+        self.work.resize(n, 0.0);
+        self.sign.resize(n, 0.0);
+        if n >= BLOCKED {
+            self.perm_inv.clear();
+            self.perm_inv.resize(n, 0);
+            let params = Default::default();
+            let request = StackReq::any_of(&[
+                factor::lu_in_place_scratch::<usize, f64>(n, n, Par::Seq, params),
+                solve::solve_in_place_scratch::<usize, f64>(n, BLOCK_RHS, Par::Seq),
+                solve::solve_transpose_in_place_scratch::<usize, f64>(n, BLOCK_RHS, Par::Seq),
+            ]);
+            self.scratch
+                .resize(request.unaligned_bytes_required(), MaybeUninit::uninit());
+        }
+        Ok(())
+    }
+
+    fn factor(&mut self, a: MatrixRef<'_>) -> Result<(), LinearError> {
+        self.rcond = None;
+        self.pattern.check(&a)?;
+        let norm = self.scatter(a.values)?;
+        self.eliminate()?;
+        let factors = Factors {
+            n: self.pattern.n(),
+            lu: &self.lu,
+            perm: &self.perm,
+            perm_inv: &self.perm_inv,
+        };
+        if factors.n == 0 {
+            self.rcond = Some(1.0);
+            return Ok(());
+        }
+        let inverse_norm = norm_1_estimate(
+            |x, transpose| factors.solve(x, transpose, &mut self.scratch),
+            &mut self.work,
+            &mut self.sign,
+        );
+        self.rcond = Some(judge(norm, inverse_norm)?);
+        Ok(())
+    }
+
+    fn solve_in_place(&mut self, b: &mut [f64]) -> Result<(), LinearError> {
+        self.solve(b, false)
+    }
+
+    fn solve_transpose_in_place(&mut self, b: &mut [f64]) -> Result<(), LinearError> {
+        self.solve(b, true)
+    }
+
+    fn rcond(&self) -> Option<f64> {
+        self.rcond
+    }
+
+    fn log_det(&self) -> Option<(i8, f64)> {
+        self.rcond?;
+        let n = self.pattern.n();
+        let mut odd = self.odd;
+        let mut log = self.scaling.ln_det();
+        for k in 0..n {
+            let pivot = self.lu[k * n + k];
+            odd ^= pivot < 0.0;
+            log += pivot.abs().ln();
+        }
+        Some((if odd { -1 } else { 1 }, log))
+    }
+}
+
+impl fmt::Debug for DenseLu {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("DenseLu")
+            .field("n", &self.pattern.n())
+            .field("rcond", &self.rcond)
+            .finish_non_exhaustive()
+    }
+}

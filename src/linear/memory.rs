@@ -1,0 +1,123 @@
+use super::LinearError;
+use crate::sparse::{MatrixRef, PatternRef};
+
+/// The pattern a solver has analysed, by its contents.
+#[derive(Clone, Default)]
+pub(super) struct PatternMemory {
+    known: bool,
+    n: usize,
+    col_ptr: Vec<usize>,
+    row_idx: Vec<usize>,
+}
+
+impl PatternMemory {
+    /// Takes note of a pattern; `false` when it is the one already known.
+    pub(super) fn learn(&mut self, p: PatternRef<'_>) -> Result<bool, LinearError> {
+        if p.nrows != p.ncols {
+            return Err(LinearError::NotSquare {
+                nrows: p.nrows,
+                ncols: p.ncols,
+            });
+        }
+        if self.known && self.is(p) {
+            return Ok(false);
+        }
+        self.known = false;
+        validate(p)?;
+        self.n = p.ncols;
+        self.col_ptr.clear();
+        self.col_ptr.extend_from_slice(p.col_ptr);
+        self.row_idx.clear();
+        self.row_idx.extend_from_slice(p.row_idx);
+        self.known = true;
+        Ok(true)
+    }
+
+    /// Checks that a matrix lies over the known pattern.
+    pub(super) fn check(&self, a: &MatrixRef<'_>) -> Result<(), LinearError> {
+        if !self.known || !self.is(a.pattern) {
+            return Err(LinearError::NotAnalyzed);
+        }
+        if a.values.len() != self.row_idx.len() {
+            return Err(LinearError::Shape {
+                what: "the array of values",
+                expected: self.row_idx.len(),
+                found: a.values.len(),
+            });
+        }
+        Ok(())
+    }
+
+    fn is(&self, p: PatternRef<'_>) -> bool {
+        p.nrows == self.n
+            && p.ncols == self.n
+            && p.row_idx.len() == self.row_idx.len()
+            && p.col_ptr == self.col_ptr
+            // A full pattern of this size is unique.
+            && (self.row_idx.len() == self.n * self.n || p.row_idx == self.row_idx)
+    }
+
+    pub(super) fn n(&self) -> usize {
+        self.n
+    }
+
+    pub(super) fn is_full(&self) -> bool {
+        self.row_idx.len() == self.n * self.n
+    }
+
+    pub(super) fn col_ptr(&self) -> &[usize] {
+        &self.col_ptr
+    }
+
+    pub(super) fn row_idx(&self) -> &[usize] {
+        &self.row_idx
+    }
+
+    /// Forgets the pattern, after an analysis that failed half-way.
+    pub(super) fn forget(&mut self) {
+        self.known = false;
+    }
+}
+
+/// The fields of a `PatternRef` are public, so anything may stand in them.
+fn validate(p: PatternRef<'_>) -> Result<(), LinearError> {
+    let nnz = p.row_idx.len();
+    let pointers = p.col_ptr.len() == p.ncols + 1
+        && p.col_ptr[0] == 0
+        && p.col_ptr[p.ncols] == nnz
+        && p.col_ptr.windows(2).all(|w| w[0] <= w[1]);
+    let rows = pointers
+        && p.col_ptr.windows(2).all(|w| {
+            let rows = &p.row_idx[w[0]..w[1]];
+            rows.windows(2).all(|r| r[0] < r[1]) && rows.last().is_none_or(|&r| r < p.nrows)
+        });
+    if rows {
+        Ok(())
+    } else {
+        Err(LinearError::Solver {
+            what: "the pattern is not in compressed-column form".to_owned(),
+        })
+    }
+}
+
+/// Number of right-hand sides in `b` for a system of order `n`.
+pub(super) fn count_rhs(n: usize, b: &[f64]) -> Result<usize, LinearError> {
+    let k = b.len().checked_div(n).unwrap_or(0);
+    if k * n != b.len() {
+        return Err(LinearError::Shape {
+            what: "the block of right-hand sides",
+            expected: n * (k + 1),
+            found: b.len(),
+        });
+    }
+    Ok(k)
+}
+
+/// Rejects NaN and infinity in an operand.
+pub(super) fn check_finite(values: &[f64], what: &'static str) -> Result<(), LinearError> {
+    if values.iter().fold(true, |ok, v| ok & v.is_finite()) {
+        Ok(())
+    } else {
+        Err(LinearError::NotFinite { what })
+    }
+}
