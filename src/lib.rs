@@ -1,4 +1,7 @@
 //! Piecewise-smooth equations: correctors, continuation through kinks, contact with friction.
 
+pub mod continuation;
 pub mod linear;
+pub mod newton;
+pub mod piecewise;
 pub mod sparse;

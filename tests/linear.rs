@@ -215,10 +215,7 @@ fn units_do_not_make_a_matrix_singular() {
         };
         let rows: Vec<f64> = (0..n).map(|i| units(i < n / 2)).collect();
         let cols: Vec<f64> = (0..n).map(|j| units(j % 2 == 0)).collect();
-        let scaled: Vec<f64> = base
-            .triplets()
-            .map(|(i, j, v)| v * rows[i] * cols[j])
-            .collect();
+        let scaled: Vec<f64> = base.triplets().map(|(i, j, v)| v * rows[i] * cols[j]).collect();
         a.values_mut().copy_from_slice(&scaled);
         for (name, solver) in general_solvers() {
             let mut solver = factored(solver, &a).unwrap_or_else(|e| panic!("{name} {n}: {e}"));

@@ -41,13 +41,7 @@ impl<L: LinearSolver> Bordered<L> {
     ///
     /// # Errors
     /// [`LinearError::Singular`] when `t` is orthogonal to the kernel; errors of the solver.
-    pub fn solve(
-        &mut self,
-        r: &[f64],
-        t: &[f64],
-        c: f64,
-        x: &mut [f64],
-    ) -> Result<(), LinearError> {
+    pub fn solve(&mut self, r: &[f64], t: &[f64], c: f64, x: &mut [f64]) -> Result<(), LinearError> {
         let _ = (r, t, c, x);
         todo!()
     }
@@ -62,6 +56,12 @@ impl<L: LinearSolver> Bordered<L> {
     /// Sign of det ∇_yH (∇H without its last column), where the solver knows determinants; 0 when it is singular.
     #[must_use]
     pub fn det_sign(&self) -> Option<i8> {
+        todo!()
+    }
+
+    /// stub
+    #[must_use]
+    pub fn log_det(&self) -> Option<(i8, f64)> {
         todo!()
     }
 

@@ -103,8 +103,7 @@ impl Cholesky {
 impl Engine {
     fn new(pattern: &PatternMemory) -> Result<Self, LinearError> {
         let n = pattern.n();
-        let a =
-            SymbolicSparseColMatRef::new_checked(n, n, pattern.col_ptr(), None, pattern.row_idx());
+        let a = SymbolicSparseColMatRef::new_checked(n, n, pattern.col_ptr(), None, pattern.row_idx());
         let symbolic = factorize_symbolic_cholesky(
             a,
             Side::Lower,
@@ -137,9 +136,9 @@ impl Engine {
     /// Σ ln l_ii.
     fn log_diagonal(&self) -> f64 {
         match self.symbolic.raw() {
-            SymbolicCholeskyRaw::Simplicial(s) => (0..s.ncols())
-                .map(|j| self.factor[s.col_ptr()[j]].ln())
-                .sum(),
+            SymbolicCholeskyRaw::Simplicial(s) => {
+                (0..s.ncols()).map(|j| self.factor[s.col_ptr()[j]].ln()).sum()
+            }
             SymbolicCholeskyRaw::Supernodal(s) => {
                 let llt = supernodal::SupernodalLltRef::new(s, &self.factor);
                 (0..s.n_supernodes())
@@ -189,13 +188,8 @@ impl LinearSolver for Cholesky {
             self.rcond = Some(1.0);
             return Ok(());
         }
-        let symbolic = SymbolicSparseColMatRef::new_checked(
-            n,
-            n,
-            self.pattern.col_ptr(),
-            None,
-            self.pattern.row_idx(),
-        );
+        let symbolic =
+            SymbolicSparseColMatRef::new_checked(n, n, self.pattern.col_ptr(), None, self.pattern.row_idx());
         let result = engine.symbolic.factorize_numeric_llt(
             &mut engine.factor,
             SparseColMatRef::new(symbolic, &self.values),

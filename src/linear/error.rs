@@ -11,9 +11,7 @@ pub enum LinearError {
         rcond: f64,
     },
     /// The matrix is not positive definite.
-    #[error(
-        "the matrix is not positive definite; check its symmetry and that the body cannot move freely"
-    )]
+    #[error("the matrix is not positive definite; check its symmetry and that the body cannot move freely")]
     NotPositiveDefinite,
     /// A value is NaN or infinite.
     #[error("{what} holds a value that is NaN or infinite")]

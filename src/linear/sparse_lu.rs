@@ -166,8 +166,7 @@ fn norm_max(x: &[f64]) -> f64 {
 impl Engine {
     fn new(pattern: &PatternMemory, determinants: bool) -> Result<Self, LinearError> {
         let n = pattern.n();
-        let a =
-            SymbolicSparseColMatRef::new_checked(n, n, pattern.col_ptr(), None, pattern.row_idx());
+        let a = SymbolicSparseColMatRef::new_checked(n, n, pattern.col_ptr(), None, pattern.row_idx());
         let symbolic = factorize_symbolic_lu(a, LuSymbolicParams::default()).map_err(give_up)?;
         let blocked = symbolic.factorize_numeric_lu_scratch::<f64>(Par::Seq, Default::default());
         let columns = simplicial::factorize_simplicial_numeric_lu_scratch::<usize, f64>(n, n);
@@ -286,9 +285,7 @@ fn is_odd(perm: &[usize], seen: &mut [bool]) -> bool {
 }
 
 pub(super) fn give_up(e: faer::sparse::FaerError) -> LinearError {
-    LinearError::Solver {
-        what: e.to_string(),
-    }
+    LinearError::Solver { what: e.to_string() }
 }
 
 impl LinearSolver for SparseLu {
@@ -343,8 +340,7 @@ impl LinearSolver for SparseLu {
             let symbolic = SymbolicSparseColMatRef::new_checked(n, n, col_ptr, None, row_idx);
             engine.factor(SparseColMatRef::new(symbolic, &self.values))?;
             let (x, rest) = self.work.split_at_mut(n);
-            let inverse_norm =
-                norm_1_estimate(|x, transpose| engine.solve(x, transpose), x, &mut rest[..n]);
+            let inverse_norm = norm_1_estimate(|x, transpose| engine.solve(x, transpose), x, &mut rest[..n]);
             self.rcond = Some(judge(self.norm_1, inverse_norm)?);
         } else {
             self.rcond = Some(1.0);

@@ -72,10 +72,7 @@ impl MatrixRef<'_> {
                     .map(|v| v.abs())
                     .sum()
             })
-            .fold(
-                0.0,
-                |a: f64, b: f64| if b > a || b.is_nan() { b } else { a },
-            )
+            .fold(0.0, |a: f64, b: f64| if b > a || b.is_nan() { b } else { a })
     }
 }
 

@@ -220,9 +220,6 @@ impl Pattern {
         if end - start == p.nrows {
             return Some(start + row);
         }
-        p.row_idx[start..end]
-            .binary_search(&row)
-            .ok()
-            .map(|k| start + k)
+        p.row_idx[start..end].binary_search(&row).ok().map(|k| start + k)
     }
 }

@@ -1,0 +1,247 @@
+//! The arms of the solution set at a point: for each active selection the kernel of its Jacobian, kept where it points into the
+//! selection's cell.
+
+use super::{Arm, ContinuationOptions};
+use crate::linear::{LinearError, LinearSolver, null_space};
+use crate::newton::{MoorePenrose, dot, norm};
+use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout};
+use crate::sparse::Matrix;
+
+/// Two unit tangents closer than this are one arm.
+const SAME_ARM: f64 = 1e-7;
+/// Rate of a test function, relative to its gradient, below which an arm runs inside the facet.
+const TANGENTIAL: f64 = 1e-9;
+/// Singular values below this, relative to the largest, count as zero in the branching equation.
+const RANK: f64 = 1e-9;
+/// Largest number of residuals for which the dense branching equation is set up.
+const MAX_BRANCHING: usize = 600;
+
+/// A vanishing test function at a point.
+#[derive(Debug, Clone)]
+pub(super) struct Vanishing {
+    pub(super) index: usize,
+    pub(super) site: usize,
+    pub(super) test: usize,
+    pub(super) gradient: Vec<f64>,
+    pub(super) gradient_norm: f64,
+}
+
+impl Vanishing {
+    pub(super) fn new<P: PiecewiseSmooth + ?Sized>(
+        map: &P,
+        layout: &TestLayout,
+        index: usize,
+        x: &[f64],
+    ) -> Self {
+        let (site, test) = layout.locate(index);
+        let mut gradient = vec![0.0; x.len()];
+        map.test_gradient(site, test, x, &mut gradient);
+        let gradient_norm = norm(&gradient);
+        Self {
+            index,
+            site,
+            test,
+            gradient,
+            gradient_norm,
+        }
+    }
+}
+
+/// The vanishing test functions at x: those within `distance`·(1 + ‖x‖) of their facet, and those `forced`.
+pub(super) fn vanishing_at<P: PiecewiseSmooth + ?Sized>(
+    map: &P,
+    layout: &TestLayout,
+    x: &[f64],
+    theta: &[f64],
+    distance: f64,
+    forced: &[usize],
+) -> Vec<Vanishing> {
+    let reach = distance * (1.0 + norm(x));
+    let largest = theta.iter().fold(0.0f64, |a, t| a.max(t.abs()));
+    let mut list = Vec::new();
+    for (index, value) in theta.iter().enumerate() {
+        let is_forced = forced.contains(&index);
+        // Gradients are dear; values of ordinary size cannot vanish within the distance.
+        if !is_forced && value.abs() > 1e-4 * (largest + reach) {
+            continue;
+        }
+        let candidate = Vanishing::new(map, layout, index, x);
+        if is_forced || value.abs() <= reach * candidate.gradient_norm {
+            list.push(candidate);
+        }
+    }
+    list
+}
+
+/// The arms found at a point.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Arms {
+    pub(super) list: Vec<Arm>,
+    /// Whether every active selection was examined and its kernel understood.
+    pub(super) complete: bool,
+}
+
+pub(super) struct ArmSearch<'a, P: ?Sized, L> {
+    pub(super) map: &'a P,
+    pub(super) corrector: &'a mut MoorePenrose<L>,
+    pub(super) options: &'a ContinuationOptions,
+    pub(super) x: &'a [f64],
+    pub(super) vanishing: &'a [Vanishing],
+}
+
+impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
+    /// All arms of the active selections at x.
+    pub(super) fn all(&mut self, active: &ActiveSet) -> Result<Arms, PiecewiseError> {
+        let mut arms = Arms {
+            list: Vec::new(),
+            complete: true,
+        };
+        for (examined, selection) in active.selections().enumerate() {
+            if examined as u64 == self.options.max_selections {
+                arms.complete = false;
+                break;
+            }
+            self.of_selection(&selection, None, &mut arms)?;
+        }
+        Ok(arms)
+    }
+
+    /// The arms of one selection, appended to `arms`.
+    pub(super) fn of_selection(
+        &mut self,
+        selection: &Selection,
+        hint: Option<&[f64]>,
+        arms: &mut Arms,
+    ) -> Result<(), PiecewiseError> {
+        match self.corrector.linearize(self.map, selection, self.x, hint) {
+            Ok(tangent) => {
+                let tangent = tangent.to_vec();
+                self.both_ways(selection, &tangent, arms);
+                Ok(())
+            }
+            Err(PiecewiseError::Linear(LinearError::Kernel { .. } | LinearError::Singular { .. })) => {
+                match self.branching_directions(selection)? {
+                    Some(directions) => {
+                        for d in &directions {
+                            self.both_ways(selection, d, arms);
+                        }
+                    }
+                    None => arms.complete = false,
+                }
+                Ok(())
+            }
+            Err(e) => Err(e),
+        }
+    }
+
+    fn both_ways(&self, selection: &Selection, tangent: &[f64], arms: &mut Arms) {
+        for sign in [1.0, -1.0] {
+            let direction: Vec<f64> = tangent.iter().map(|t| sign * t).collect();
+            let Some(grazing) = self.enters(selection, &direction) else {
+                continue;
+            };
+            let arm = Arm {
+                selection: selection.clone(),
+                tangent: direction,
+                grazing,
+            };
+            let same = arms
+                .list
+                .iter_mut()
+                .find(|a| distance(&a.tangent, &arm.tangent) < SAME_ARM);
+            match same {
+                Some(known) if known.grazing.len() > arm.grazing.len() => *known = arm,
+                Some(_) => {}
+                None => arms.list.push(arm),
+            }
+        }
+    }
+
+    /// Whether a direction leads into the closed cell of a selection; if so, the sites in whose boundary it stays.
+    fn enters(&self, selection: &Selection, direction: &[f64]) -> Option<Vec<usize>> {
+        let mut grazing = Vec::new();
+        for v in self.vanishing {
+            let cell = self.map.cell(v.site, selection.piece(v.site));
+            for facet in cell.iter().filter(|f| f.test() == v.test) {
+                let rate = facet.sign() * dot(&v.gradient, direction);
+                if rate < -TANGENTIAL * v.gradient_norm {
+                    return None;
+                }
+                if rate <= TANGENTIAL * v.gradient_norm && !grazing.contains(&v.site) {
+                    grazing.push(v.site);
+                }
+            }
+        }
+        grazing.sort_unstable();
+        Some(grazing)
+    }
+
+    /// The directions of the curves through a point where ∇H^(σ) has a two-dimensional kernel: with the kernel spanned by
+    /// n₁, n₂ and the left kernel by ψ, the roots of Σ ψᵀH''(nᵢ, nⱼ) aᵢ aⱼ = 0 (Keller 1977). `None` when this does not decide.
+    fn branching_directions(
+        &mut self,
+        selection: &Selection,
+    ) -> Result<Option<Vec<Vec<f64>>>, PiecewiseError> {
+        if self.map.num_residuals() > MAX_BRANCHING {
+            return Ok(None);
+        }
+        self.corrector.assemble(self.map, selection, self.x)?;
+        let kernel = null_space(self.corrector.jacobian(), RANK)?;
+        let ([n1, n2], [psi]) = (kernel.right.as_slice(), kernel.left.as_slice()) else {
+            return Ok(None);
+        };
+        let mut shifted = self.corrector.jacobian().clone();
+        let mut second =
+            |a: &[f64], b: &[f64]| second_derivative(self.map, selection, self.x, a, b, psi, &mut shifted);
+        let (b11, b12, b22) = (second(n1, n1), second(n1, n2), second(n2, n2));
+        let size = b11.abs().max(b12.abs()).max(b22.abs());
+        let discriminant = b12 * b12 - b11 * b22;
+        let scale = kernel.singular_values.first().copied().unwrap_or(0.0);
+        if size <= 1e-7 * scale.max(f64::MIN_POSITIVE) || discriminant.abs() <= 1e-7 * size * size {
+            return Ok(None);
+        }
+        if discriminant < 0.0 {
+            return Ok(Some(Vec::new()));
+        }
+        let root = discriminant.sqrt();
+        // The root without cancellation gives the other one; q ≠ 0 as the discriminant is positive.
+        let q = -(b12 + b12.signum() * root);
+        let pairs = [(q, b11), (b22, q)];
+        let combine = |(a, b): (f64, f64)| -> Vec<f64> {
+            let v: Vec<f64> = n1.iter().zip(n2).map(|(x, y)| a * x + b * y).collect();
+            let length = norm(&v);
+            v.into_iter().map(|c| c / length).collect()
+        };
+        Ok(Some(pairs.into_iter().map(combine).collect()))
+    }
+}
+
+/// ψᵀ H^(σ)''(x)(a, b) by central differences of the Jacobian along a.
+fn second_derivative<P: PiecewiseSmooth + ?Sized>(
+    map: &P,
+    selection: &Selection,
+    x: &[f64],
+    a: &[f64],
+    b: &[f64],
+    psi: &[f64],
+    jac: &mut Matrix,
+) -> f64 {
+    let h = 1e-4 * (1.0 + norm(x));
+    let mut image = vec![0.0; psi.len()];
+    let mut at = |s: f64| {
+        let y: Vec<f64> = x.iter().zip(a).map(|(x, a)| x + s * a).collect();
+        jac.clear();
+        map.jacobian(selection, &y, jac);
+        jac.mul_vec(b, &mut image);
+        dot(psi, &image)
+    };
+    (at(h) - at(-h)) / (2.0 * h)
+}
+
+pub(super) fn distance(a: &[f64], b: &[f64]) -> f64 {
+    a.iter()
+        .zip(b)
+        .map(|(a, b)| (a - b) * (a - b))
+        .sum::<f64>()
+        .sqrt()
+}

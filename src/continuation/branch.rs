@@ -1,0 +1,160 @@
+use std::ops::ControlFlow;
+
+use super::{
+    Arm, BranchPoint, Continuation, ContinuationError, ContinuationOptions, Direction, Event, Point,
+    SmoothFold, Termination, Transition,
+};
+use crate::linear::LinearSolver;
+use crate::piecewise::PiecewiseSmooth;
+
+/// A stretch of a solution curve, collected.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Branch {
+    /// Regular points, by arclength.
+    pub points: Vec<Point>,
+    /// Transition points, by arclength.
+    pub transitions: Vec<Transition>,
+    /// Smooth folds, by arclength.
+    pub smooth_folds: Vec<SmoothFold>,
+    /// Branch points inside pieces or of grazing curves, by arclength.
+    pub branch_points: Vec<BranchPoint>,
+    /// Why the branch ended.
+    pub termination: Termination,
+    /// Number of factorisations.
+    pub factorisations: usize,
+    /// Number of correction steps.
+    pub corrections: usize,
+}
+
+impl Branch {
+    /// Follows a curve to its end.
+    ///
+    /// # Errors
+    /// As [`Continuation::new`] and its iteration.
+    ///
+    /// ```
+    /// use semismooth::continuation::{Branch, ContinuationOptions, Direction};
+    /// use semismooth::piecewise::MinMap;
+    /// // The smooth fold y² + α = 0.
+    /// let map = MinMap::curve(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+    ///     a[0] = x[0] * x[0] + x[1];
+    ///     b[0] = 1e9;
+    /// });
+    /// let options = ContinuationOptions::default().with_parameter_range((-1.0, 1.0));
+    /// let branch = Branch::follow(&map, &[1.0, -1.0], Direction::Increasing, options)?;
+    /// assert_eq!(branch.smooth_folds.len(), 1);
+    /// assert!(branch.smooth_folds[0].point.parameter().abs() < 1e-10);
+    /// # Ok::<(), semismooth::continuation::ContinuationError>(())
+    /// ```
+    pub fn follow<P: PiecewiseSmooth + ?Sized>(
+        map: &P,
+        x: &[f64],
+        direction: Direction,
+        options: ContinuationOptions,
+    ) -> Result<Self, ContinuationError> {
+        Self::collect(Continuation::new(map, x, direction, options)?, |_| {
+            ControlFlow::Continue(())
+        })
+    }
+
+    /// Follows an arm to its end.
+    ///
+    /// # Errors
+    /// As [`Continuation::along_arm`] and its iteration.
+    pub fn follow_arm<P: PiecewiseSmooth + ?Sized>(
+        map: &P,
+        x: &[f64],
+        arm: &Arm,
+        options: ContinuationOptions,
+    ) -> Result<Self, ContinuationError> {
+        Self::collect(Continuation::along_arm(map, x, arm, options)?, |_| {
+            ControlFlow::Continue(())
+        })
+    }
+
+    /// Collects what is left of a continuation; `observe` sees every event and may stop.
+    ///
+    /// # Errors
+    /// As the iteration.
+    pub fn collect<P: PiecewiseSmooth + ?Sized, L: LinearSolver>(
+        mut curve: Continuation<'_, P, L>,
+        mut observe: impl FnMut(&Event) -> ControlFlow<()>,
+    ) -> Result<Self, ContinuationError> {
+        let mut branch = Self {
+            points: Vec::new(),
+            transitions: Vec::new(),
+            smooth_folds: Vec::new(),
+            branch_points: Vec::new(),
+            termination: Termination::Stopped,
+            factorisations: 0,
+            corrections: 0,
+        };
+        while let Some(event) = curve.next() {
+            let event = event?;
+            if observe(&event).is_break() {
+                curve.stop();
+            }
+            match event {
+                Event::Point(p) => branch.points.push(p),
+                Event::Transition(t) => branch.transitions.push(t),
+                Event::SmoothFold(f) => branch.smooth_folds.push(f),
+                Event::BranchPoint(b) => branch.branch_points.push(b),
+            }
+        }
+        branch.termination = curve.termination().unwrap_or(Termination::Stopped);
+        branch.factorisations = curve.factorisations();
+        branch.corrections = curve.corrections();
+        Ok(branch)
+    }
+
+    /// Arclength of the branch.
+    #[must_use]
+    pub fn arclength(&self) -> f64 {
+        let ends = [
+            self.points.last().map(|p| p.arclength),
+            self.transitions.last().map(|t| t.arclength),
+        ];
+        ends.into_iter().flatten().fold(0.0, f64::max)
+    }
+
+    /// Parameters of all folds, smooth or not, by arclength.
+    #[must_use]
+    pub fn folds(&self) -> Vec<f64> {
+        let kinks = self
+            .transitions
+            .iter()
+            .filter(|t| t.is_fold())
+            .map(|t| (t.arclength, t.parameter()));
+        let smooth = self
+            .smooth_folds
+            .iter()
+            .map(|f| (f.point.arclength, f.point.parameter()));
+        let mut all: Vec<_> = kinks.chain(smooth).collect();
+        all.sort_by(|a, b| a.0.total_cmp(&b.0));
+        all.into_iter().map(|f| f.1).collect()
+    }
+
+    /// All points of the branch with their positions, events included, by arclength: (arclength, x).
+    #[must_use]
+    pub fn polyline(&self) -> Vec<(f64, &[f64])> {
+        let mut all: Vec<(f64, &[f64])> = self
+            .points
+            .iter()
+            .map(|p| (p.arclength, p.x.as_slice()))
+            .chain(self.transitions.iter().map(|t| (t.arclength, t.x.as_slice())))
+            .chain(
+                self.smooth_folds
+                    .iter()
+                    .map(|f| (f.point.arclength, f.point.x.as_slice())),
+            )
+            .chain(
+                self.branch_points
+                    .iter()
+                    .map(|b| (b.point.arclength, b.point.x.as_slice())),
+            )
+            .collect();
+        all.sort_by(|a, b| a.0.total_cmp(&b.0));
+        all
+    }
+}

@@ -1,0 +1,509 @@
+use std::collections::VecDeque;
+use std::time::Instant;
+
+use super::arms::{ArmSearch, Arms, Vanishing, distance, vanishing_at};
+use super::{Arm, ContinuationError, ContinuationOptions, Event, Point, PointKind, Strategy, Termination};
+use crate::linear::{AutoSolver, LinearSolver};
+use crate::newton::{MoorePenrose, Newton, NewtonOptions, norm};
+use crate::piecewise::{
+    ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, check_vector, select,
+};
+
+/// Which way to leave the start.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum Direction {
+    /// With growing α.
+    Increasing,
+    /// With falling α.
+    Decreasing,
+    /// Along the arm nearest to the given vector (length n + 1), which must not be orthogonal to it.
+    Along(Vec<f64>),
+}
+
+/// A place on the curve, with all that is known there.
+#[derive(Debug, Clone)]
+pub(super) struct State {
+    pub(super) x: Vec<f64>,
+    pub(super) t: Vec<f64>,
+    pub(super) theta: Vec<f64>,
+    /// Sign of det [∇H^(σ); tᵀ].
+    pub(super) orientation: Option<i8>,
+    pub(super) det_sign: Option<i8>,
+    pub(super) residual_norm: f64,
+    /// Distance from the last state, along the tangent there.
+    pub(super) s: f64,
+}
+
+/// Follows a solution curve of H(x) = 0, x = (y, α), through its kinks: an iterator of [events](Event).
+///
+/// Between transitions the selection σ is frozen and the Moore–Penrose corrector of H^(σ) converges as for a smooth curve. The
+/// first facet crossed is located to rounding on the curve of σ. There the active selections are listed, each with its kernel
+/// turned into its own cell: the arms. A curve goes on along the only arm, or straight on where several leave; it stops where
+/// several leave and none is straight.
+///
+/// A step is rejected when its corrected point is not where it was predicted, when the tangent turns too far, or when the
+/// orientation sign det [∇H; τᵀ] flips without an event to account for it.
+///
+/// ```
+/// use semismooth::continuation::{Continuation, ContinuationOptions, Direction, Event, TransitionKind};
+/// use semismooth::piecewise::MinMap;
+/// // α = |y|: a non-smooth fold at 0.
+/// let map = MinMap::curve(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+///     a[0] = x[1] - x[0];
+///     b[0] = x[1] + x[0];
+/// });
+/// let options = ContinuationOptions::default().with_parameter_range((-1.0, 1.0));
+/// let curve = Continuation::new(&map, &[0.5, 0.5], Direction::Decreasing, options)?;
+/// let folds: Vec<_> = curve
+///     .filter_map(|event| match event { Ok(Event::Transition(t)) => Some(t), _ => None })
+///     .collect();
+/// assert_eq!(folds.len(), 1);
+/// assert_eq!(folds[0].kind, TransitionKind::Fold);
+/// assert!(folds[0].parameter().abs() < 1e-12);
+/// # Ok::<(), semismooth::continuation::ContinuationError>(())
+/// ```
+pub struct Continuation<'a, P: ?Sized, L = AutoSolver> {
+    pub(super) map: &'a P,
+    pub(super) options: ContinuationOptions,
+    pub(super) layout: TestLayout,
+    pub(super) corrector: MoorePenrose<L>,
+    pub(super) selection: Selection,
+    pub(super) here: State,
+    pub(super) next: State,
+    /// Test functions in whose zero set the curve runs.
+    pub(super) grazing: Vec<Vanishing>,
+    /// Selections co-active on a grazing curve, with their orientations at `here`.
+    pub(super) coactive: Vec<(Selection, i8)>,
+    pub(super) arclength: f64,
+    pub(super) h: f64,
+    pub(super) size: f64,
+    pub(super) residual_scale: f64,
+    pub(super) points: usize,
+    pub(super) queue: VecDeque<Event>,
+    pub(super) termination: Option<Termination>,
+    pub(super) start: Vec<f64>,
+    pub(super) started: Option<Instant>,
+}
+
+impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
+    /// Starts at `x` = (y, α), which is corrected onto the curve at its α if need be, in the given direction.
+    ///
+    /// # Errors
+    /// Options out of range, maps that are no curves, starts of the wrong length or not finite, outside the domain, or from which
+    /// Newton's method finds no solution; [`ContinuationError::NoArm`] when no arm leaves in the direction.
+    pub fn new(
+        map: &'a P,
+        x: &[f64],
+        direction: Direction,
+        options: ContinuationOptions,
+    ) -> Result<Self, ContinuationError> {
+        Self::with_solver(map, x, direction, options, AutoSolver::default())
+    }
+
+    /// Starts at `x` along a given arm (of a transition or branch point, or from [`arms_at`]).
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn along_arm(
+        map: &'a P,
+        x: &[f64],
+        arm: &Arm,
+        options: ContinuationOptions,
+    ) -> Result<Self, ContinuationError> {
+        let mut this = Self::prepare(map, x, options, AutoSolver::default())?;
+        check_vector("the tangent of the arm", &arm.tangent, x.len())?;
+        if arm.selection.len() != map.num_sites() {
+            return Err(PiecewiseError::Length {
+                what: "the selection of the arm",
+                expected: map.num_sites(),
+                found: arm.selection.len(),
+            }
+            .into());
+        }
+        let vanishing = this.vanishing_here(&[]);
+        this.adopt(arm, &vanishing)?;
+        this.emit_start();
+        Ok(this)
+    }
+}
+
+/// All arms of the solution set at a solution x, and whether the list is complete to first order.
+///
+/// # Errors
+/// As [`Continuation::new`].
+pub fn arms_at<P: PiecewiseSmooth + ?Sized>(
+    map: &P,
+    x: &[f64],
+    options: &ContinuationOptions,
+) -> Result<(Vec<Arm>, bool), ContinuationError> {
+    let mut this = Continuation::prepare(map, x, options.clone(), AutoSolver::default())?;
+    let vanishing = this.vanishing_here(&[]);
+    let arms = this.all_arms(&vanishing)?;
+    Ok((arms.list, arms.complete))
+}
+
+impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
+    /// [`new`](Continuation::new) with a linear solver of your own.
+    ///
+    /// # Errors
+    /// As [`new`](Continuation::new).
+    pub fn with_solver(
+        map: &'a P,
+        x: &[f64],
+        direction: Direction,
+        options: ContinuationOptions,
+        solver: L,
+    ) -> Result<Self, ContinuationError> {
+        let mut this = Self::prepare(map, x, options, solver)?;
+        if let Direction::Along(v) = &direction {
+            check_vector("the direction", v, map.num_vars())?;
+        }
+        let vanishing = this.vanishing_here(&[]);
+        let arms = this.all_arms(&vanishing)?;
+        let arm = choose_start(&arms, &direction)?;
+        this.adopt(arm, &vanishing)?;
+        this.emit_start();
+        Ok(this)
+    }
+
+    pub(super) fn prepare(
+        map: &'a P,
+        x: &[f64],
+        options: ContinuationOptions,
+        solver: L,
+    ) -> Result<Self, ContinuationError> {
+        options.validate()?;
+        let corrector = MoorePenrose::new(map, solver)?;
+        check_vector("the start x", x, map.num_vars())?;
+        let x = onto_curve(map, x, &options)?;
+        let layout = TestLayout::new(map);
+        let m = x.len();
+        let state = State {
+            t: vec![0.0; m],
+            theta: vec![0.0; layout.total()],
+            orientation: None,
+            det_sign: None,
+            residual_norm: 0.0,
+            s: 0.0,
+            x,
+        };
+        let selection = select(map, &state.x);
+        let size = 1.0 + norm(&state.x);
+        let mut this = Self {
+            map,
+            h: options.step.min(options.max_step),
+            started: options.max_time.map(|_| Instant::now()),
+            options,
+            layout,
+            corrector,
+            selection,
+            next: state.clone(),
+            start: state.x.clone(),
+            here: state,
+            grazing: Vec::new(),
+            coactive: Vec::new(),
+            arclength: 0.0,
+            size,
+            residual_scale: 0.0,
+            points: 0,
+            queue: VecDeque::new(),
+            termination: None,
+        };
+        this.map.test_functions(&this.here.x, &mut this.here.theta);
+        if let Some(i) = this.here.theta.iter().position(|t| !t.is_finite()) {
+            return Err(PiecewiseError::NotFinite {
+                what: "the vector of test functions at the start",
+                index: i,
+            }
+            .into());
+        }
+        Ok(this)
+    }
+
+    /// The map being followed.
+    #[must_use]
+    pub fn map(&self) -> &P {
+        self.map
+    }
+
+    /// Why the curve ended, once it has.
+    #[must_use]
+    pub fn termination(&self) -> Option<Termination> {
+        self.termination
+    }
+
+    /// The current point, as (x, tangent, selection).
+    #[must_use]
+    pub fn position(&self) -> (&[f64], &[f64], &Selection) {
+        (&self.here.x, &self.here.t, &self.selection)
+    }
+
+    /// Number of factorisations so far.
+    #[must_use]
+    pub fn factorisations(&self) -> usize {
+        self.corrector.factorisations()
+    }
+
+    /// Number of correction steps so far.
+    #[must_use]
+    pub fn corrections(&self) -> usize {
+        self.corrector.iterations()
+    }
+
+    /// Ends the curve; the iterator gives what is still in the queue and then nothing.
+    pub fn stop(&mut self) {
+        self.termination.get_or_insert(Termination::Stopped);
+    }
+
+    pub(super) fn vanishing_here(&self, forced: &[usize]) -> Vec<Vanishing> {
+        vanishing_at(
+            self.map,
+            &self.layout,
+            &self.here.x,
+            &self.here.theta,
+            self.options.vanishing_distance,
+            forced,
+        )
+    }
+
+    pub(super) fn active_here(&self, vanishing: &[Vanishing]) -> Result<ActiveSet, ContinuationError> {
+        let indices = vanishing.iter().map(|v| v.index).collect();
+        Ok(ActiveSet::from_tests(
+            self.map,
+            &self.layout,
+            &self.here.theta,
+            indices,
+        ))
+    }
+
+    fn all_arms(&mut self, vanishing: &[Vanishing]) -> Result<Arms, ContinuationError> {
+        let active = self.active_here(vanishing)?;
+        if let Some(&site) = active.outside().first() {
+            return Err(ContinuationError::Outside {
+                site: self.map.site_name(site).into_owned(),
+            });
+        }
+        Ok(self.search(vanishing).all(&active)?)
+    }
+
+    pub(super) fn search<'s>(&'s mut self, vanishing: &'s [Vanishing]) -> ArmSearch<'s, P, L> {
+        ArmSearch {
+            map: self.map,
+            corrector: &mut self.corrector,
+            options: &self.options,
+            x: &self.here.x,
+            vanishing,
+        }
+    }
+
+    /// Leaves `here` along `arm`: freezes its selection and finds what has to be watched.
+    pub(super) fn adopt(&mut self, arm: &Arm, vanishing: &[Vanishing]) -> Result<(), ContinuationError> {
+        self.selection.copy_from(&arm.selection);
+        self.here.t.copy_from_slice(&arm.tangent);
+        self.grazing.clear();
+        self.grazing.extend(
+            vanishing
+                .iter()
+                .filter(|v| arm.grazing.contains(&v.site))
+                .cloned(),
+        );
+        self.here.s = 0.0;
+        self.linearize_here()?;
+        self.find_coactive()?;
+        Ok(())
+    }
+
+    /// Orientation, determinant and residual at `here`; a singular Jacobian (a branch point) leaves the signs unknown.
+    fn linearize_here(&mut self) -> Result<(), ContinuationError> {
+        let State { x, t, .. } = &self.here;
+        let linearized = self.corrector.linearize(self.map, &self.selection, x, Some(t));
+        let (orientation, det_sign) = match linearized {
+            Ok(_) => {
+                let bordered = self.corrector.bordered();
+                (bordered.orientation(t), bordered.det_sign())
+            }
+            Err(PiecewiseError::Linear(_)) => (None, None),
+            Err(e) => return Err(e.into()),
+        };
+        let scale = term_size(self.corrector.jacobian(), x, self.h, t);
+        self.residual_scale = self.residual_scale.max(scale);
+        let mut r = vec![0.0; self.map.num_residuals()];
+        self.map.residual(&self.selection, x, &mut r);
+        self.here.orientation = orientation;
+        self.here.det_sign = det_sign;
+        self.here.residual_norm = norm(&r);
+        Ok(())
+    }
+
+    /// On a grazing curve the other active selections have their own Jacobians, whose singular points are branch points.
+    fn find_coactive(&mut self) -> Result<(), ContinuationError> {
+        const CAP: usize = 256;
+        self.coactive.clear();
+        if self.grazing.is_empty() {
+            return Ok(());
+        }
+        let indices = self.grazing.iter().map(|v| v.index).collect();
+        let active = ActiveSet::from_tests(self.map, &self.layout, &self.here.theta, indices);
+        for selection in active.selections().take(CAP) {
+            if selection == self.selection {
+                continue;
+            }
+            if let Some(sign) = self.orientation_of(&selection, &self.here.x.clone(), &self.here.t.clone())? {
+                self.coactive.push((selection, sign));
+            }
+        }
+        Ok(())
+    }
+
+    /// Sign of det [∇H^(σ)(x); tᵀ], `None` when it is singular or unknown.
+    pub(super) fn orientation_of(
+        &mut self,
+        selection: &Selection,
+        x: &[f64],
+        t: &[f64],
+    ) -> Result<Option<i8>, ContinuationError> {
+        match self.corrector.linearize(self.map, selection, x, Some(t)) {
+            Ok(_) => Ok(self.corrector.bordered().orientation(t)),
+            Err(PiecewiseError::Linear(_)) => Ok(None),
+            Err(e) => Err(e.into()),
+        }
+    }
+
+    fn emit_start(&mut self) {
+        let point = self.point(PointKind::Start, 0);
+        self.emit(Event::Point(point));
+    }
+
+    pub(super) fn emit(&mut self, event: Event) {
+        self.points += 1;
+        self.queue.push_back(event);
+    }
+
+    pub(super) fn point(&self, kind: PointKind, corrections: usize) -> Point {
+        let mut grazing: Vec<usize> = self.grazing.iter().map(|v| v.site).collect();
+        grazing.sort_unstable();
+        grazing.dedup();
+        Point {
+            x: self.here.x.clone(),
+            tangent: self.here.t.clone(),
+            selection: self.selection.clone(),
+            grazing,
+            arclength: self.arclength,
+            residual_norm: self.here.residual_norm,
+            det_sign: self.here.det_sign,
+            corrections,
+            kind,
+        }
+    }
+
+    fn limits(&mut self) {
+        let late = match (self.started, self.options.max_time) {
+            (Some(start), Some(limit)) => start.elapsed() >= limit,
+            _ => false,
+        };
+        let reason = if self.points >= self.options.max_points {
+            Termination::MaxPoints
+        } else if self.arclength >= self.options.max_arclength {
+            Termination::MaxArclength
+        } else if norm(&self.here.x) > self.options.max_growth * self.size {
+            Termination::Unbounded
+        } else if late {
+            Termination::MaxTime
+        } else {
+            return;
+        };
+        self.termination = Some(reason);
+    }
+}
+
+impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Iterator for Continuation<'_, P, L> {
+    type Item = Result<Event, ContinuationError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        loop {
+            if let Some(event) = self.queue.pop_front() {
+                return Some(Ok(event));
+            }
+            if self.termination.is_none() {
+                self.limits();
+            }
+            if self.termination.is_some() {
+                return None;
+            }
+            let stepped = match self.options.strategy {
+                Strategy::Located => self.step(),
+                Strategy::Switching => self.switching_step(),
+            };
+            if let Err(e) = stepped {
+                self.termination = Some(Termination::Stopped);
+                return Some(Err(e));
+            }
+        }
+    }
+}
+
+/// Solves at fixed α unless x is a solution already.
+fn onto_curve<P: PiecewiseSmooth + ?Sized>(
+    map: &P,
+    x: &[f64],
+    options: &ContinuationOptions,
+) -> Result<Vec<f64>, ContinuationError> {
+    let mut x = x.to_vec();
+    let selection = select(map, &x);
+    let mut r = vec![0.0; map.num_residuals()];
+    map.residual(&selection, &x, &mut r);
+    let mut jac = crate::sparse::Matrix::zeros(map.pattern());
+    map.jacobian(&selection, &x, &mut jac);
+    if let Some((row, col)) = jac.stray() {
+        return Err(PiecewiseError::StrayEntry { row, col }.into());
+    }
+    let size = term_size(&jac, &x, 0.0, &x);
+    let tolerance = match options.strategy {
+        Strategy::Located => 1e-13 * size,
+        Strategy::Switching => options.residual_tolerance,
+    };
+    if norm(&r) <= tolerance {
+        return Ok(x);
+    }
+    let given = x.clone();
+    let solved = Newton::new(NewtonOptions::default()).solve(map, &mut x);
+    match solved {
+        Ok(_) => Ok(x),
+        // At folds and on vertical segments ∇_yH is singular: a start that is good to the tolerance is taken as it is.
+        Err(_) if norm(&r) <= options.residual_tolerance * size => Ok(given),
+        Err(e) => Err(e.into()),
+    }
+}
+
+/// ‖ |J| (|x| + h |t|) ‖₂: the size of the terms that cancel in H.
+pub(super) fn term_size(jac: &crate::sparse::Matrix, x: &[f64], h: f64, t: &[f64]) -> f64 {
+    let mut sums = vec![0.0; jac.nrows()];
+    for (i, j, v) in jac.triplets() {
+        sums[i] += v.abs() * (x[j].abs() + h * t[j].abs());
+    }
+    norm(&sums)
+}
+
+fn choose_start<'b>(arms: &'b Arms, direction: &Direction) -> Result<&'b Arm, ContinuationError> {
+    const FLAT: f64 = 1e-10;
+    let rate = |a: &Arm| a.tangent.last().copied().unwrap_or(0.0);
+    let (found, wanted) = match direction {
+        Direction::Increasing => (arms.list.iter().find(|a| rate(a) > FLAT), "growing parameter"),
+        Direction::Decreasing => (arms.list.iter().find(|a| rate(a) < -FLAT), "falling parameter"),
+        Direction::Along(v) => {
+            let length = norm(v);
+            let unit: Vec<f64> = v.iter().map(|c| c / length).collect();
+            let nearest = arms
+                .list
+                .iter()
+                .min_by(|a, b| distance(&a.tangent, &unit).total_cmp(&distance(&b.tangent, &unit)));
+            let ahead = nearest.filter(|a| crate::newton::dot(&a.tangent, &unit) > 0.0);
+            (ahead, "a positive component along the vector given")
+        }
+    };
+    found.ok_or(ContinuationError::NoArm {
+        wanted,
+        found: arms.list.len(),
+    })
+}

@@ -1,0 +1,51 @@
+use thiserror::Error;
+
+use crate::newton::NewtonError;
+use crate::piecewise::PiecewiseError;
+
+/// What can go wrong in starting or following a curve.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum ContinuationError {
+    /// An option is out of its range.
+    #[error("option {name} = {value} is out of range; it must be {range}")]
+    Option {
+        /// Name of the field.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+        /// The range.
+        range: &'static str,
+    },
+    /// The map or a vector does not fit.
+    #[error(transparent)]
+    Map(#[from] PiecewiseError),
+    /// The start could not be corrected onto the curve.
+    #[error("the start is not on the curve and Newton's method at its parameter failed: {0}")]
+    Start(#[from] NewtonError),
+    /// The start lies in the cell of no piece at some site.
+    #[error("the start lies outside the domain of the map at {site}; no piece is active there")]
+    Outside {
+        /// Name of the site.
+        site: String,
+    },
+    /// No arm of the curve leaves the start in the direction asked for.
+    #[error("no arm leaves the start with {wanted}; {found} arms leave it in other directions")]
+    NoArm {
+        /// The direction asked for.
+        wanted: &'static str,
+        /// Number of arms in all.
+        found: usize,
+    },
+    /// The two independent rules of orientation disagree at a transition.
+    #[error(
+        "at parameter {parameter}, {site}: the determinant and the test functions disagree on the orientation of the curve; \
+             an arm would be chosen by chance (the map may be discontinuous there: run `piecewise::check`)"
+    )]
+    Orientation {
+        /// α at the transition.
+        parameter: f64,
+        /// Name of the site.
+        site: String,
+    },
+}

@@ -1,0 +1,379 @@
+//! Events inside a step and where exactly they are.
+
+use super::engine::{Continuation, State};
+use super::step::Unresolved;
+use super::{ContinuationError, Termination};
+use crate::linear::LinearSolver;
+use crate::newton::norm;
+use crate::piecewise::{Facet, PiecewiseError, PiecewiseSmooth};
+
+/// A scalar function along the curve whose sign must not change unnoticed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Monitor {
+    /// A facet of the current cell of a site: its test function (position among all).
+    Facet { index: usize, facet: Facet },
+    /// α passes a value; `last` for a bound of its range.
+    Parameter { value: f64, last: bool },
+    /// α turns: the last component of the tangent.
+    Fold,
+    /// det [∇H^(σ); tᵀ] of the followed selection.
+    Singular,
+    /// The same of a co-active selection (its number).
+    Coactive(usize),
+}
+
+/// Largest number of points computed to locate one event.
+const LIMIT: usize = 60;
+/// α̇ below this counts as zero: the curve is vertical.
+pub(super) const VERTICAL: f64 = 1e-9;
+
+impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
+    /// Finds the first event between `here` and `next` and moves `next` there. `Ok(None)`: no event.
+    pub(super) fn first_event(&mut self) -> Result<Result<Option<Monitor>, Unresolved>, ContinuationError> {
+        if self.dips_unseen() {
+            return Ok(Err(Unresolved));
+        }
+        let mut found = None;
+        for _ in 0..LIMIT {
+            let Some(monitor) = self.earliest(found)? else {
+                return Ok(Ok(found));
+            };
+            if !self.locate(monitor)? {
+                return Ok(Err(Unresolved));
+            }
+            found = Some(monitor);
+        }
+        Ok(Err(Unresolved))
+    }
+
+    /// The monitor violated at `next` whose linear interpolant vanishes first, besides the one already located there.
+    fn earliest(&mut self, located: Option<Monitor>) -> Result<Option<Monitor>, ContinuationError> {
+        let mut best: Option<(f64, Monitor)> = None;
+        let mut offer = |fraction: f64, monitor: Monitor| {
+            let clear = Some(monitor) != located && best.is_none_or(|b| fraction < b.0);
+            if clear {
+                best = Some((fraction, monitor));
+            }
+        };
+        let reach = self.options.vanishing_distance * (1.0 + norm(&self.here.x));
+        let step = self.next.s.max(f64::MIN_POSITIVE);
+        for site in 0..self.layout.num_sites() {
+            let first = self.layout.range(site).start;
+            for &facet in self.map.cell(site, self.selection.piece(site)) {
+                let index = first + facet.test();
+                let (g0, g1) = (
+                    facet.sign() * self.here.theta[index],
+                    facet.sign() * self.next.theta[index],
+                );
+                let slack = match self.grazing.iter().find(|v| v.index == index) {
+                    Some(v) => 100.0 * reach * v.gradient_norm,
+                    // At a located event, facets reached within the vanishing distance belong to it.
+                    None if located.is_some() => reach * (g0 - g1).abs() / step,
+                    None => 0.0,
+                };
+                if g1 < -slack || (g1.is_nan() && !g0.is_nan()) {
+                    let fraction = if g0 > 0.0 { g0 / (g0 - g1) } else { 0.0 };
+                    offer(fraction, Monitor::Facet { index, facet });
+                }
+            }
+        }
+        let last = self.here.x.len() - 1;
+        let (a0, a1) = (self.here.x[last], self.next.x[last]);
+        let (lower, upper) = self.options.parameter_range;
+        let targets = self.options.targets.iter().map(|&v| (v, false));
+        for (value, is_bound) in targets.chain([(lower, true), (upper, true)]) {
+            let strictly_before = if is_bound {
+                // A start on the bound may walk inwards.
+                (value == upper && a1 > value) || (value == lower && a1 < value)
+            } else {
+                (a0 - value) * (a1 - value) < 0.0 || (a1 == value && a0 != value)
+            };
+            if strictly_before && value.is_finite() {
+                let fraction = ((value - a0) / (a1 - a0)).clamp(0.0, 1.0);
+                offer(
+                    fraction,
+                    Monitor::Parameter {
+                        value,
+                        last: is_bound,
+                    },
+                );
+            }
+        }
+        let (t0, t1) = (self.here.t[last], self.next.t[last]);
+        if t0 * t1 < 0.0 && t0.abs() > VERTICAL && t1.abs() > VERTICAL {
+            offer(t0 / (t0 - t1), Monitor::Fold);
+        }
+        if let (Some(o0), Some(o1)) = (self.here.orientation, self.next.orientation)
+            && o0 * o1 < 0
+        {
+            offer(0.5, Monitor::Singular);
+        }
+        if !self.coactive.is_empty() {
+            let (x, t) = (self.next.x.clone(), self.next.t.clone());
+            for k in 0..self.coactive.len() {
+                let (selection, sign) = self.coactive[k].clone();
+                if self.orientation_of(&selection, &x, &t)? != Some(sign) {
+                    offer(0.5, Monitor::Coactive(k));
+                }
+            }
+        }
+        Ok(best.map(|b| b.1))
+    }
+
+    /// Whether a facet may be crossed twice inside the step: its cubic interpolant from values and slopes at both ends dips
+    /// below zero although both ends are inside.
+    fn dips_unseen(&self) -> bool {
+        if self.map.is_piecewise_affine() {
+            return false;
+        }
+        let total = self.layout.total();
+        let (mut d0, mut d1) = (vec![0.0; total], vec![0.0; total]);
+        self.map.test_derivatives(&self.here.x, &self.here.t, &mut d0);
+        self.map.test_derivatives(&self.next.x, &self.next.t, &mut d1);
+        let step = self.next.s;
+        for site in 0..self.layout.num_sites() {
+            let first = self.layout.range(site).start;
+            for facet in self.map.cell(site, self.selection.piece(site)) {
+                let k = first + facet.test();
+                if self.grazing.iter().any(|v| v.index == k) {
+                    continue;
+                }
+                let g = [self.here.theta[k], self.next.theta[k]].map(|t| facet.sign() * t);
+                let slope = [d0[k], d1[k]].map(|d| facet.sign() * d * step);
+                if g[0] > 0.0 && g[1] > 0.0 && slope[0] < 0.0 && slope[1] > 0.0 && hermite_min(g, slope) < 0.0
+                {
+                    return true;
+                }
+            }
+        }
+        false
+    }
+
+    /// Value of a monitor at a state, > 0 before the event; `start` is its value at `here`.
+    fn monitor_value(
+        &mut self,
+        monitor: Monitor,
+        state: &State,
+        origin: &Origin,
+    ) -> Result<f64, ContinuationError> {
+        let last = state.x.len() - 1;
+        Ok(match monitor {
+            Monitor::Facet { index, facet } => facet.sign() * state.theta[index],
+            Monitor::Parameter { value, .. } => origin.sign * (state.x[last] - value),
+            Monitor::Fold => origin.sign * state.t[last],
+            Monitor::Singular => self.determinant(None, state, origin)?,
+            Monitor::Coactive(k) => self.determinant(Some(k), state, origin)?,
+        })
+    }
+
+    /// det [∇H^(σ); tᵀ] relative to its absolute value at the start of the step, signed to be positive there; 0 when singular.
+    fn determinant(
+        &mut self,
+        coactive: Option<usize>,
+        state: &State,
+        origin: &Origin,
+    ) -> Result<f64, ContinuationError> {
+        let selection = match coactive {
+            Some(k) => self.coactive[k].0.clone(),
+            None => self.selection.clone(),
+        };
+        let Some(sign) = self.orientation_of(&selection, &state.x, &state.t)? else {
+            return Ok(0.0);
+        };
+        let log = self.corrector.bordered().log_det().map_or(0.0, |d| d.1);
+        Ok(f64::from(sign) * origin.sign * (log - origin.log).exp())
+    }
+
+    fn origin(&mut self, monitor: Monitor) -> Result<Origin, ContinuationError> {
+        let last = self.here.x.len() - 1;
+        let mut origin = Origin { sign: 1.0, log: 0.0 };
+        match monitor {
+            Monitor::Facet { .. } => {}
+            Monitor::Parameter { value, .. } => origin.sign = sign_of(self.here.x[last] - value),
+            Monitor::Fold => origin.sign = sign_of(self.here.t[last]),
+            Monitor::Singular => self.determinant_origin(None, &mut origin)?,
+            Monitor::Coactive(k) => self.determinant_origin(Some(k), &mut origin)?,
+        }
+        Ok(origin)
+    }
+
+    fn determinant_origin(
+        &mut self,
+        coactive: Option<usize>,
+        origin: &mut Origin,
+    ) -> Result<(), ContinuationError> {
+        let here = self.here.clone();
+        let value = self.determinant(coactive, &here, origin)?;
+        origin.sign = sign_of(value);
+        origin.log = value.abs().max(f64::MIN_POSITIVE).ln();
+        Ok(())
+    }
+
+    /// Moves `next` to the zero of `monitor` between `here` and `next`, by bracketed secants (Anderson–Björck) along the curve of
+    /// the frozen selection, each point corrected to rounding in a hyperplane normal to the tangent at `here`.
+    fn locate(&mut self, monitor: Monitor) -> Result<bool, ContinuationError> {
+        let origin = self.origin(monitor)?;
+        let here = self.here.clone();
+        let mut high = self.next.clone();
+        let (mut a, mut ga) = (0.0, self.monitor_value(monitor, &here, &origin)?);
+        let (mut b, mut gb) = (high.s, self.monitor_value(monitor, &high, &origin)?);
+        if ga <= 0.0 {
+            // A facet left at once: the event is the start of the step itself, to rounding.
+            ga = 0.0;
+        }
+        let width = 4.0 * f64::EPSILON * (norm(&here.x) + b);
+        let slope = (ga - gb).abs() / b.max(f64::MIN_POSITIVE);
+        let mut state = high.clone();
+        let mut best: Option<(f64, State)> = None;
+        for _ in 0..LIMIT {
+            let mut s = if gb < ga {
+                a + (b - a) * ga / (ga - gb)
+            } else {
+                0.5 * (a + b)
+            };
+            if !(s > a && s < b) {
+                s = if ga == 0.0 && a == 0.0 { 0.0 } else { 0.5 * (a + b) };
+            }
+            if !self.state_at(s, &high, &mut state)? {
+                return Ok(false);
+            }
+            let g = self.monitor_value(monitor, &state, &origin)?;
+            if g.is_nan() {
+                return Ok(false);
+            }
+            if best.as_ref().is_none_or(|b| g.abs() < b.0) {
+                best = Some((g.abs(), state.clone()));
+            }
+            if g.abs() <= width * slope || (b - a) <= width {
+                break;
+            }
+            if g > 0.0 {
+                gb *= side_factor(g, ga);
+                (a, ga) = (s, g);
+            } else {
+                ga *= side_factor(g, gb);
+                (b, gb) = (s, g);
+                high = state.clone();
+            }
+        }
+        let Some((_, mut state)) = best else {
+            return Ok(false);
+        };
+        self.complete_state(&mut state)?;
+        self.next = state;
+        Ok(true)
+    }
+
+    /// The point of the curve at distance `s` along the tangent at `here`; the guess interpolates between `here` and `high`.
+    fn state_at(&mut self, s: f64, high: &State, state: &mut State) -> Result<bool, ContinuationError> {
+        let u = s / high.s;
+        let (h00, h10) = ((1.0 + 2.0 * u) * (1.0 - u) * (1.0 - u), u * (1.0 - u) * (1.0 - u));
+        let (h01, h11) = (u * u * (3.0 - 2.0 * u), u * u * (u - 1.0));
+        let stretch = self
+            .here
+            .t
+            .iter()
+            .zip(&high.t)
+            .map(|(a, b)| a * b)
+            .sum::<f64>()
+            .max(0.1);
+        for i in 0..state.x.len() {
+            let (t0, t1) = (self.here.t[i] * high.s, high.t[i] * high.s / stretch);
+            state.x[i] = h00 * self.here.x[i] + h10 * t0 + h01 * high.x[i] + h11 * t1;
+            state.t[i] = (1.0 - u) * self.here.t[i] + u * high.t[i];
+        }
+        let corrected = self.corrector.correct_in_plane(
+            self.map,
+            &self.selection,
+            &self.here.x,
+            &self.here.t,
+            s,
+            &mut state.x,
+            &mut state.t,
+        );
+        match corrected {
+            Ok(c) if c.converged => {
+                state.residual_norm = c.residual_norm;
+                state.s = s;
+                self.map.test_functions(&state.x, &mut state.theta);
+                Ok(true)
+            }
+            Ok(_) | Err(PiecewiseError::Linear(_)) => Ok(false),
+            Err(e) => Err(e.into()),
+        }
+    }
+
+    /// Tangent, orientation, determinant and residual at the very point.
+    fn complete_state(&mut self, state: &mut State) -> Result<(), ContinuationError> {
+        let linearized = self
+            .corrector
+            .linearize(self.map, &self.selection, &state.x, Some(&state.t));
+        match linearized {
+            Ok(tangent) => {
+                let sign = sign_of(crate::newton::dot(tangent, &state.t));
+                for (t, v) in state.t.iter_mut().zip(tangent) {
+                    *t = sign * v;
+                }
+                let bordered = self.corrector.bordered();
+                state.orientation = bordered.orientation(&state.t);
+                state.det_sign = bordered.det_sign();
+            }
+            Err(PiecewiseError::Linear(_)) => {
+                state.orientation = None;
+                state.det_sign = None;
+            }
+            Err(e) => return Err(e.into()),
+        }
+        let mut r = vec![0.0; self.map.num_residuals()];
+        self.map.residual(&self.selection, &state.x, &mut r);
+        state.residual_norm = norm(&r);
+        Ok(())
+    }
+
+    /// Orientations of the co-active selections at `here`.
+    pub(super) fn refresh_coactive(&mut self) -> Result<(), ContinuationError> {
+        if self.coactive.is_empty() || self.termination == Some(Termination::Stopped) {
+            return Ok(());
+        }
+        let (x, t) = (self.here.x.clone(), self.here.t.clone());
+        for k in 0..self.coactive.len() {
+            let selection = self.coactive[k].0.clone();
+            if let Some(sign) = self.orientation_of(&selection, &x, &t)? {
+                self.coactive[k].1 = sign;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Normalisation of a monitor: positive at the start of the step.
+struct Origin {
+    sign: f64,
+    log: f64,
+}
+
+fn sign_of(v: f64) -> f64 {
+    if v < 0.0 { -1.0 } else { 1.0 }
+}
+
+/// Anderson–Björck's factor for the value at the end of the bracket that stays.
+fn side_factor(new: f64, replaced: f64) -> f64 {
+    let m = 1.0 - new / replaced;
+    if m > 0.0 { m } else { 0.5 }
+}
+
+/// Least value on [0, 1] of the cubic with the given values and slopes at the ends, the slopes pointing inwards down.
+fn hermite_min(g: [f64; 2], d: [f64; 2]) -> f64 {
+    let a = 2.0 * g[0] - 2.0 * g[1] + d[0] + d[1];
+    let b = -3.0 * g[0] + 3.0 * g[1] - 2.0 * d[0] - d[1];
+    let value = |u: f64| ((a * u + b) * u + d[0]) * u + g[0];
+    let (qa, qb, qc) = (3.0 * a, 2.0 * b, d[0]);
+    let root = (qb * qb - 4.0 * qa * qc).max(0.0).sqrt();
+    let q = -0.5 * (qb + if qb < 0.0 { -root } else { root });
+    let candidates = [q / qa, qc / q];
+    candidates
+        .into_iter()
+        .filter(|u| *u > 0.0 && *u < 1.0)
+        .map(value)
+        .fold(f64::INFINITY, f64::min)
+}

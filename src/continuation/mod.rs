@@ -1,0 +1,22 @@
+//! Piecewise-smooth Moore–Penrose continuation: solution curves of H(y, α) = 0 followed through their kinks.
+
+mod arms;
+mod branch;
+mod engine;
+mod error;
+mod locate;
+mod options;
+mod record;
+mod smooth;
+mod step;
+mod switching;
+mod transition;
+
+pub use branch::Branch;
+pub use engine::{Continuation, Direction, arms_at};
+pub use error::ContinuationError;
+pub use options::{ContinuationOptions, Strategy};
+pub use record::{
+    Arm, BranchPoint, Event, Point, PointKind, SiteChange, SmoothFold, Termination, Transition,
+    TransitionKind,
+};

@@ -1,0 +1,224 @@
+use std::time::Duration;
+
+use super::ContinuationError;
+
+/// How a curve is followed through kinks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
+pub enum Strategy {
+    /// Frozen selection between transitions, an exact stop at each, a choice of arm there.
+    #[default]
+    Located,
+    /// The algorithm of Haslinger, Janovský and Ligurský: the selection is that of the active set at each iterate; steps are
+    /// halved down to `min_step` in front of a kink, then the vanishing test functions give a new selection. Transitions are
+    /// accurate to `min_step` only, and branches may be jumped; kept to reproduce published runs.
+    Switching,
+}
+
+/// Options of the continuation. The defaults need no touching.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct ContinuationOptions {
+    /// How kinks are passed. Default [`Strategy::Located`].
+    pub strategy: Strategy,
+    /// First step length h, in arclength. Default 0.05.
+    pub step: f64,
+    /// Smallest step length h_min. Default 1e-8.
+    pub min_step: f64,
+    /// Largest step length h_max. Default 1.
+    pub max_step: f64,
+    /// Factor by which an easy step grows, at least 1. Default 1.3.
+    pub growth: f64,
+    /// Factor by which a rejected step shrinks, in (0, 1). Default 0.5.
+    pub shrink: f64,
+    /// ε: bound on ‖H‖₂ of a corrected point; absolute under [`Strategy::Switching`], relative to the size of the terms that
+    /// cancel in H under [`Strategy::Located`]. Default 1e-11.
+    pub residual_tolerance: f64,
+    /// ε': bound on the last correction ‖X^k − X^(k−1)‖₂; absolute under [`Strategy::Switching`], relative to ‖x‖₂ + h under
+    /// [`Strategy::Located`]. Default 1e-8.
+    pub step_tolerance: f64,
+    /// k_max: largest number of corrections. Default 10.
+    pub max_corrections: usize,
+    /// Smallest cosine between the tangents at both ends of an accepted step, in (0, 1). Default 0.97.
+    pub min_cos: f64,
+    /// Interval of the parameter α to stay in. Default (−∞, ∞).
+    pub parameter_range: (f64, f64),
+    /// Parameter values at which a point is wanted exactly, in any order. Default none.
+    pub targets: Vec<f64>,
+    /// Largest number of points (of all kinds). Default 10 000.
+    pub max_points: usize,
+    /// Largest arclength. Default ∞.
+    pub max_arclength: f64,
+    /// Largest ‖x‖₂ relative to 1 + ‖x⁰‖₂ (curves may tend to infinity at a pole). Default 1e6.
+    pub max_growth: f64,
+    /// Largest wall-clock time. Default none.
+    pub max_time: Option<Duration>,
+    /// Distance in x, relative to 1 + ‖x‖₂, within which a test function counts as vanishing at a transition. Default 1e-9.
+    pub vanishing_distance: f64,
+    /// Largest number of active selections examined at one point. Default 4096.
+    pub max_selections: u64,
+}
+
+impl Default for ContinuationOptions {
+    fn default() -> Self {
+        Self {
+            strategy: Strategy::Located,
+            step: 0.05,
+            min_step: 1e-8,
+            max_step: 1.0,
+            growth: 1.3,
+            shrink: 0.5,
+            residual_tolerance: 1e-11,
+            step_tolerance: 1e-8,
+            max_corrections: 10,
+            min_cos: 0.97,
+            parameter_range: (f64::NEG_INFINITY, f64::INFINITY),
+            targets: Vec::new(),
+            max_points: 10_000,
+            max_arclength: f64::INFINITY,
+            max_growth: 1e6,
+            max_time: None,
+            vanishing_distance: 1e-9,
+            max_selections: 4096,
+        }
+    }
+}
+
+macro_rules! setters {
+    ($($(#[$doc:meta])* $name:ident($field:ident: $type:ty);)*) => {$(
+        $(#[$doc])*
+        #[must_use]
+        pub fn $name(mut self, $field: $type) -> Self {
+            self.$field = $field;
+            self
+        }
+    )*};
+}
+
+impl ContinuationOptions {
+    /// The settings printed in the talk of Haslinger, Janovský and Ligurský, with its own algorithm: ε = ε' = 1e-6,
+    /// h_min = 1e-5, h = 0.05, k_max = 10, growth × 1.3 up to 1, halving.
+    #[must_use]
+    pub fn seed() -> Self {
+        Self {
+            strategy: Strategy::Switching,
+            min_step: 1e-5,
+            residual_tolerance: 1e-6,
+            step_tolerance: 1e-6,
+            ..Self::default()
+        }
+    }
+
+    setters! {
+        /// Sets how kinks are passed.
+        with_strategy(strategy: Strategy);
+        /// Sets the first step length.
+        with_step(step: f64);
+        /// Sets the smallest step length.
+        with_min_step(min_step: f64);
+        /// Sets the largest step length.
+        with_max_step(max_step: f64);
+        /// Sets the smallest cosine between neighbouring tangents.
+        with_min_cos(min_cos: f64);
+        /// Sets the interval of the parameter.
+        with_parameter_range(parameter_range: (f64, f64));
+        /// Sets the parameter values to be hit exactly.
+        with_targets(targets: Vec<f64>);
+        /// Sets the largest number of points.
+        with_max_points(max_points: usize);
+        /// Sets the largest arclength.
+        with_max_arclength(max_arclength: f64);
+        /// Sets the largest growth of ‖x‖.
+        with_max_growth(max_growth: f64);
+        /// Sets the largest wall-clock time.
+        with_max_time(max_time: Option<Duration>);
+    }
+
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    /// [`ContinuationError::Option`] names the option out of range.
+    pub fn validate(&self) -> Result<(), ContinuationError> {
+        let positive = |v: f64| v > 0.0 && v.is_finite();
+        let open_unit = |v: f64| v > 0.0 && v < 1.0;
+        let checks: [(&'static str, f64, bool, &'static str); 14] = [
+            ("step", self.step, positive(self.step), "positive and finite"),
+            (
+                "min_step",
+                self.min_step,
+                positive(self.min_step),
+                "positive and finite",
+            ),
+            (
+                "max_step",
+                self.max_step,
+                positive(self.max_step),
+                "positive and finite",
+            ),
+            (
+                "min_step",
+                self.min_step,
+                self.min_step <= self.step.min(self.max_step),
+                "at most step and max_step",
+            ),
+            (
+                "growth",
+                self.growth,
+                self.growth >= 1.0 && self.growth.is_finite(),
+                "at least 1",
+            ),
+            ("shrink", self.shrink, open_unit(self.shrink), "in (0, 1)"),
+            (
+                "residual_tolerance",
+                self.residual_tolerance,
+                positive(self.residual_tolerance),
+                "positive and finite",
+            ),
+            (
+                "step_tolerance",
+                self.step_tolerance,
+                positive(self.step_tolerance),
+                "positive and finite",
+            ),
+            (
+                "max_corrections",
+                self.max_corrections as f64,
+                self.max_corrections > 0,
+                "at least 1",
+            ),
+            ("min_cos", self.min_cos, open_unit(self.min_cos), "in (0, 1)"),
+            (
+                "parameter_range",
+                self.parameter_range.0,
+                self.parameter_range.0 < self.parameter_range.1,
+                "an interval (lower, upper) with lower < upper",
+            ),
+            (
+                "max_points",
+                self.max_points as f64,
+                self.max_points > 0,
+                "at least 1",
+            ),
+            ("max_growth", self.max_growth, self.max_growth > 0.0, "positive"),
+            (
+                "vanishing_distance",
+                self.vanishing_distance,
+                open_unit(self.vanishing_distance),
+                "in (0, 1)",
+            ),
+        ];
+        for (name, value, fine, range) in checks {
+            if !fine {
+                return Err(ContinuationError::Option { name, value, range });
+            }
+        }
+        match self.targets.iter().find(|t| !t.is_finite()) {
+            Some(&value) => Err(ContinuationError::Option {
+                name: "targets",
+                value,
+                range: "finite",
+            }),
+            None => Ok(()),
+        }
+    }
+}

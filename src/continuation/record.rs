@@ -1,0 +1,275 @@
+use std::fmt;
+
+use crate::piecewise::Selection;
+
+/// A point of a solution curve.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Point {
+    /// x = (y, α).
+    pub x: Vec<f64>,
+    /// Unit tangent in the direction of travel.
+    pub tangent: Vec<f64>,
+    /// The selection followed here.
+    pub selection: Selection,
+    /// Sites at which the curve runs inside the boundary of a cell (grazing), increasing.
+    pub grazing: Vec<usize>,
+    /// Arclength from the start.
+    pub arclength: f64,
+    /// ‖H(x)‖₂.
+    pub residual_norm: f64,
+    /// Sign of det ∇_yH^(σ), where the solver knows determinants; 0 when singular.
+    pub det_sign: Option<i8>,
+    /// Number of corrections spent on it.
+    pub corrections: usize,
+    /// Why this point was computed.
+    pub kind: PointKind,
+}
+
+impl Point {
+    /// The parameter α, the last entry of x.
+    #[must_use]
+    pub fn parameter(&self) -> f64 {
+        self.x.last().copied().unwrap_or(f64::NAN)
+    }
+}
+
+/// Why a point was computed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum PointKind {
+    /// The first point.
+    Start,
+    /// The end of a step.
+    Step,
+    /// A requested parameter value (or a bound of the parameter range), hit exactly.
+    Target,
+}
+
+/// What kind of point a [`Transition`] is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum TransitionKind {
+    /// The active selection changes, α goes on in its direction.
+    PassThrough,
+    /// A non-smooth fold: the active selection changes and α turns.
+    Fold,
+    /// The curve enters a vertical segment: α stays constant behind the point.
+    VerticalBegin,
+    /// The curve leaves a vertical segment.
+    VerticalEnd,
+    /// More than two arms leave the point.
+    Branching,
+    /// No arm leaves the point but the one the curve came along.
+    End,
+}
+
+impl TransitionKind {
+    /// The kind in words.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::PassThrough => "pass-through",
+            Self::Fold => "fold",
+            Self::VerticalBegin => "vertical segment begins",
+            Self::VerticalEnd => "vertical segment ends",
+            Self::Branching => "branching",
+            Self::End => "end",
+        }
+    }
+}
+
+impl fmt::Display for TransitionKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// An arm of the solution set at a point: a selection and a direction along which its curve leaves the point.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Arm {
+    /// The selection to freeze.
+    pub selection: Selection,
+    /// Unit tangent, pointing away from the point.
+    pub tangent: Vec<f64>,
+    /// Sites in whose cell boundary the arm runs (grazing), increasing.
+    pub grazing: Vec<usize>,
+}
+
+/// A site whose piece changes at a transition.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct SiteChange {
+    /// The site, from 0.
+    pub site: usize,
+    /// Its piece before.
+    pub from: usize,
+    /// Its piece after; the same as before at an end, or where the curve is stopped at a branching.
+    pub to: usize,
+}
+
+/// A transition point: the active selection changes here.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Transition {
+    /// x = (y, α), located to rounding.
+    pub x: Vec<f64>,
+    /// Unit tangent on arrival.
+    pub tangent_before: Vec<f64>,
+    /// Unit tangent on departure; that of arrival where the curve ends or stops.
+    pub tangent_after: Vec<f64>,
+    /// Selection on arrival.
+    pub before: Selection,
+    /// Selection on departure.
+    pub after: Selection,
+    /// The sites that have a vanishing test function, with their pieces; those that change first.
+    pub sites: Vec<SiteChange>,
+    /// All test functions of all sites at x, in the order of the map.
+    pub test_functions: Vec<f64>,
+    /// Positions of the vanishing ones.
+    pub vanishing: Vec<usize>,
+    /// What happens here.
+    pub kind: TransitionKind,
+    /// All arms that leave x, but the one on which the curve arrived. The curve follows `followed`.
+    pub arms: Vec<Arm>,
+    /// Index in `arms` of the arm that is followed, if any.
+    pub followed: Option<usize>,
+    /// Whether all active selections were examined, so that `arms` is complete to first order.
+    pub complete: bool,
+    /// ‖H(x)‖₂.
+    pub residual_norm: f64,
+    /// Arclength from the start.
+    pub arclength: f64,
+}
+
+impl Transition {
+    /// The parameter α.
+    #[must_use]
+    pub fn parameter(&self) -> f64 {
+        self.x.last().copied().unwrap_or(f64::NAN)
+    }
+
+    /// Whether α turns here.
+    #[must_use]
+    pub fn is_fold(&self) -> bool {
+        self.kind == TransitionKind::Fold
+    }
+}
+
+/// A point inside a piece where the parameter turns (∇_yH^(σ) singular, quadratic tangency).
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct SmoothFold {
+    /// The point.
+    pub point: Point,
+}
+
+/// A point where the Jacobian of a selection loses rank along the curve, so that further arms may leave.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct BranchPoint {
+    /// The point on the curve.
+    pub point: Point,
+    /// The selection whose Jacobian is singular (the followed one, or one co-active on a grazing curve).
+    pub singular: Selection,
+    /// All arms that leave, but the one on which the curve arrived.
+    pub arms: Vec<Arm>,
+    /// Index in `arms` of the arm that is followed, if any.
+    pub followed: Option<usize>,
+}
+
+/// What one pull of the iterator gives.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum Event {
+    /// A regular point.
+    Point(Point),
+    /// A transition point.
+    Transition(Transition),
+    /// A smooth fold.
+    SmoothFold(SmoothFold),
+    /// A branch point inside a piece or of a grazing curve.
+    BranchPoint(BranchPoint),
+}
+
+impl Event {
+    /// x = (y, α) of the event.
+    #[must_use]
+    pub fn x(&self) -> &[f64] {
+        match self {
+            Self::Point(p) => &p.x,
+            Self::Transition(t) => &t.x,
+            Self::SmoothFold(f) => &f.point.x,
+            Self::BranchPoint(b) => &b.point.x,
+        }
+    }
+
+    /// Arclength from the start.
+    #[must_use]
+    pub fn arclength(&self) -> f64 {
+        match self {
+            Self::Point(p) => p.arclength,
+            Self::Transition(t) => t.arclength,
+            Self::SmoothFold(f) => f.point.arclength,
+            Self::BranchPoint(b) => b.point.arclength,
+        }
+    }
+
+    /// The parameter α.
+    #[must_use]
+    pub fn parameter(&self) -> f64 {
+        self.x().last().copied().unwrap_or(f64::NAN)
+    }
+}
+
+/// Why a curve ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Termination {
+    /// α reached a bound of its range.
+    ParameterRange,
+    /// The last transition has no arm to go on.
+    End,
+    /// Several arms leave the last point and none goes straight on; start again along one of them.
+    Branching,
+    /// The curve closed: the start was met again.
+    Closed,
+    /// The limit on points.
+    MaxPoints,
+    /// The limit on arclength.
+    MaxArclength,
+    /// The limit on ‖x‖: the curve tends to infinity (a pole).
+    Unbounded,
+    /// The limit on time.
+    MaxTime,
+    /// No step of at least the smallest length was accepted.
+    StepTooSmall,
+    /// The user stopped.
+    Stopped,
+}
+
+impl Termination {
+    /// The reason in words.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::ParameterRange => "bound of the parameter",
+            Self::End => "end of the branch",
+            Self::Branching => "branching",
+            Self::Closed => "closed curve",
+            Self::MaxPoints => "limit on points",
+            Self::MaxArclength => "limit on arclength",
+            Self::Unbounded => "tends to infinity",
+            Self::MaxTime => "limit on time",
+            Self::StepTooSmall => "step too small",
+            Self::Stopped => "stopped",
+        }
+    }
+}
+
+impl fmt::Display for Termination {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}

@@ -1,0 +1,222 @@
+//! The algorithm of Haslinger, Janovský and Ligurský: selections switch inside the corrector, steps are halved in front of a
+//! kink, vanishing test functions give the selection beyond it.
+
+use super::arms::{Arms, Vanishing};
+use super::engine::Continuation;
+use super::{ContinuationError, Event, PointKind, Termination, Transition, TransitionKind};
+use crate::linear::LinearSolver;
+use crate::newton::{dot, norm};
+use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, select_pieces};
+
+impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
+    /// Steps 2 to 7: predict, correct with the selection of the active set at each iterate, halve on failure; a new selection
+    /// once the smallest step fails.
+    pub(super) fn switching_step(&mut self) -> Result<(), ContinuationError> {
+        let mut h = self.h.min(self.options.max_step);
+        let mut halved = false;
+        loop {
+            if let Some(corrections) = self.try_switching(h)? {
+                self.h = if halved {
+                    h
+                } else {
+                    (h * self.options.growth).min(self.options.max_step)
+                };
+                return self.arrive_switching(corrections);
+            }
+            if h <= self.options.min_step {
+                return self.new_selection();
+            }
+            h = (h * self.options.shrink).max(self.options.min_step);
+            halved = true;
+        }
+    }
+
+    fn try_switching(&mut self, h: f64) -> Result<Option<usize>, ContinuationError> {
+        for i in 0..self.here.x.len() {
+            self.next.x[i] = self.here.x[i] + h * self.here.t[i];
+        }
+        self.next.t.copy_from_slice(&self.here.t);
+        let mut selection = self.selection.clone();
+        let (map, layout) = (self.map, &self.layout);
+        let theta = &mut self.next.theta;
+        let choose = |x: &[f64], selection: &mut Selection| {
+            natural(map, layout, x, theta, selection);
+        };
+        let tolerances = (self.options.residual_tolerance, self.options.step_tolerance);
+        let corrected = self.corrector.correct(
+            self.map,
+            &mut selection,
+            choose,
+            &mut self.next.x,
+            &mut self.next.t,
+            tolerances,
+            self.options.max_corrections,
+        );
+        match corrected {
+            Ok(c) if c.converged => {
+                self.next.residual_norm = c.residual_norm;
+                self.selection.copy_from(&selection);
+                Ok(Some(c.iterations))
+            }
+            Ok(_) | Err(PiecewiseError::Linear(_)) => Ok(None),
+            Err(e) => Err(e.into()),
+        }
+    }
+
+    fn arrive_switching(&mut self, corrections: usize) -> Result<(), ContinuationError> {
+        self.arclength += super::step::distance(&self.here.x, &self.next.x);
+        std::mem::swap(&mut self.here, &mut self.next);
+        let bordered = self.corrector.bordered();
+        self.here.orientation = bordered.orientation(&self.here.t);
+        self.here.det_sign = bordered.det_sign();
+        let alpha = self.here.x[self.here.x.len() - 1];
+        let (lower, upper) = self.options.parameter_range;
+        if alpha < lower || alpha > upper {
+            self.termination = Some(Termination::ParameterRange);
+        }
+        let point = self.point(PointKind::Step, corrections);
+        self.emit(Event::Point(point));
+        Ok(())
+    }
+
+    /// Step 6: the test functions that vanish within a few smallest steps along τ give the candidate selections; the tangent
+    /// preserves the orientation det [∇H; τᵀ]; a step of length zero corrects the point for the new selection.
+    fn new_selection(&mut self) -> Result<(), ContinuationError> {
+        const REACH: f64 = 10.0;
+        let mut rates = vec![0.0; self.layout.total()];
+        self.map.test_derivatives(&self.here.x, &self.here.t, &mut rates);
+        let reach = REACH * self.options.min_step;
+        let vanishing: Vec<Vanishing> = (0..rates.len())
+            .filter(|&k| self.here.theta[k].abs() <= reach * rates[k].abs())
+            .map(|k| Vanishing::new(self.map, &self.layout, k, &self.here.x))
+            .collect();
+        let indices = vanishing.iter().map(|v| v.index).collect();
+        let active = ActiveSet::from_tests(self.map, &self.layout, &self.here.theta, indices);
+        let before = self.selection.clone();
+        let (arrival, oriented) = (self.here.t.clone(), self.here.orientation);
+        for selection in active.selections().take(self.options.max_selections as usize) {
+            if selection == before {
+                continue;
+            }
+            let x = self.here.x.clone();
+            let Ok(tangent) = self.corrector.linearize(self.map, &selection, &x, Some(&arrival)) else {
+                continue;
+            };
+            let mut tangent = tangent.to_vec();
+            let sign = match (self.corrector.bordered().orientation(&tangent), oriented) {
+                (Some(s), Some(o)) => f64::from(s * o),
+                _ => dot(&tangent, &arrival).signum(),
+            };
+            tangent.iter_mut().for_each(|t| *t *= sign);
+            let enters = vanishing.iter().all(|v| {
+                let cell = self.map.cell(v.site, selection.piece(v.site));
+                cell.iter()
+                    .filter(|f| f.test() == v.test)
+                    .all(|f| f.sign() * dot(&v.gradient, &tangent) >= 0.0)
+            });
+            if !enters {
+                continue;
+            }
+            self.emit_switch(&vanishing, &before, &selection, &tangent);
+            self.selection.copy_from(&selection);
+            self.here.t = tangent;
+            self.h = self.options.step;
+            self.recorrect()?;
+            return Ok(());
+        }
+        self.termination = Some(Termination::End);
+        Ok(())
+    }
+
+    fn recorrect(&mut self) -> Result<(), ContinuationError> {
+        let mut frozen = self.selection.clone();
+        let tolerances = (self.options.residual_tolerance, self.options.step_tolerance);
+        let mut x = self.here.x.clone();
+        let mut t = self.here.t.clone();
+        let corrected = self.corrector.correct(
+            self.map,
+            &mut frozen,
+            |_, _| {},
+            &mut x,
+            &mut t,
+            tolerances,
+            self.options.max_corrections,
+        );
+        match corrected {
+            Ok(c) if c.converged => {
+                self.here.x = x;
+                self.here.t = t;
+                self.here.residual_norm = c.residual_norm;
+                let bordered = self.corrector.bordered();
+                self.here.orientation = bordered.orientation(&self.here.t);
+                self.here.det_sign = bordered.det_sign();
+                self.map.test_functions(&self.here.x, &mut self.here.theta);
+                Ok(())
+            }
+            Ok(_) | Err(PiecewiseError::Linear(_)) => Ok(()),
+            Err(e) => Err(e.into()),
+        }
+    }
+
+    fn emit_switch(
+        &mut self,
+        vanishing: &[Vanishing],
+        before: &Selection,
+        after: &Selection,
+        tangent: &[f64],
+    ) {
+        let last = tangent.len() - 1;
+        let kind = if self.here.t[last] * tangent[last] < 0.0 {
+            TransitionKind::Fold
+        } else {
+            TransitionKind::PassThrough
+        };
+        let mut r = vec![0.0; self.map.num_residuals()];
+        self.map.residual(before, &self.here.x, &mut r);
+        let sites = before
+            .differing_sites(after)
+            .map(|site| super::SiteChange {
+                site,
+                from: before.piece(site),
+                to: after.piece(site),
+            })
+            .collect();
+        let arm = super::Arm {
+            selection: after.clone(),
+            tangent: tangent.to_vec(),
+            grazing: Vec::new(),
+        };
+        let arms = Arms {
+            list: vec![arm],
+            complete: false,
+        };
+        let record = Transition {
+            x: self.here.x.clone(),
+            tangent_before: self.here.t.clone(),
+            tangent_after: tangent.to_vec(),
+            before: before.clone(),
+            after: after.clone(),
+            sites,
+            test_functions: self.here.theta.clone(),
+            vanishing: vanishing.iter().map(|v| v.index).collect(),
+            kind,
+            arms: arms.list,
+            followed: Some(0),
+            complete: arms.complete,
+            residual_norm: norm(&r),
+            arclength: self.arclength,
+        };
+        self.emit(Event::Transition(record));
+    }
+}
+
+fn natural<P: PiecewiseSmooth + ?Sized>(
+    map: &P,
+    layout: &TestLayout,
+    x: &[f64],
+    theta: &mut [f64],
+    selection: &mut Selection,
+) {
+    map.test_functions(x, theta);
+    select_pieces(map, layout, theta, true, 0.0, selection);
+}

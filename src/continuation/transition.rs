@@ -1,0 +1,222 @@
+//! What happens at a located transition or branch point: arms, kind, and the arm that is followed.
+
+use super::arms::{Arms, Vanishing};
+use super::engine::Continuation;
+use super::locate::VERTICAL;
+use super::step::distance;
+use super::{
+    Arm, BranchPoint, ContinuationError, Event, PointKind, SiteChange, Termination, Transition,
+    TransitionKind,
+};
+use crate::linear::LinearSolver;
+use crate::piecewise::{ActiveSet, PiecewiseSmooth};
+
+/// An arm within this distance of the reversed tangent of arrival is the one the curve came along.
+const INCOMING: f64 = 1e-5;
+/// An arm within this distance of the tangent of arrival goes straight on.
+const STRAIGHT: f64 = 1e-5;
+
+impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
+    /// Passes the transition at `here`, where test function `index` vanishes.
+    pub(super) fn pass_transition(&mut self, index: usize) -> Result<(), ContinuationError> {
+        let vanishing = self.vanishing_here(&[index]);
+        let active = self.active_here(&vanishing)?;
+        let simple =
+            vanishing.len() == 1 && matches!(active.degenerate_sites(), [(_, pieces)] if pieces.len() == 2);
+        let arms = if simple && self.here.orientation.is_some() {
+            self.simple_arms(&vanishing, &active)?
+        } else {
+            let mut arms = self.search(&vanishing).all(&active)?;
+            self.remove_incoming(&mut arms);
+            arms
+        };
+        let followed = self.choose(&arms);
+        let record = self.transition(&vanishing, &arms, followed);
+        let stop = match (followed, arms.list.len()) {
+            (Some(_), _) => None,
+            (None, 0) => Some(Termination::End),
+            (None, _) => Some(Termination::Branching),
+        };
+        self.emit(Event::Transition(record));
+        match followed {
+            Some(k) => {
+                self.h = self.h.max(self.options.step).min(self.options.max_step);
+                self.adopt(&arms.list[k], &vanishing)?;
+            }
+            None => self.termination = stop,
+        }
+        Ok(())
+    }
+
+    /// The arms where a single facet between two pieces is crossed: the kernel of the selection beyond it. Its sign is fixed by the
+    /// margin of the cell entered; the determinant must say the same (∇H jumps by c ⊗ ∇θ).
+    fn simple_arms(
+        &mut self,
+        vanishing: &[Vanishing],
+        active: &ActiveSet,
+    ) -> Result<Arms, ContinuationError> {
+        let mut beyond = self.selection.clone();
+        for (site, pieces) in active.degenerate_sites() {
+            if let Some(&other) = pieces.iter().find(|&&p| p != self.selection.piece(*site)) {
+                beyond.set(*site, other);
+            }
+        }
+        let mut arms = Arms {
+            list: Vec::new(),
+            complete: true,
+        };
+        let arrival = self.here.t.clone();
+        self.search(vanishing)
+            .of_selection(&beyond, Some(&arrival), &mut arms)?;
+        let mut own = Arms::default();
+        if arms.list.len() != 1 || !arms.list[0].grazing.is_empty() {
+            // Not transversal after all: the full list decides.
+            own = self.search(vanishing).all(active)?;
+            self.remove_incoming(&mut own);
+            return Ok(own);
+        }
+        let after = self.corrector.bordered().orientation(&arms.list[0].tangent);
+        if let (Some(before), Some(after)) = (self.here.orientation, after)
+            && before != after
+        {
+            return Err(ContinuationError::Orientation {
+                parameter: self.here.x.last().copied().unwrap_or(f64::NAN),
+                site: self.map.site_name(vanishing[0].site).into_owned(),
+            });
+        }
+        own.list.clear();
+        Ok(arms)
+    }
+
+    fn remove_incoming(&self, arms: &mut Arms) {
+        let back: Vec<f64> = self.here.t.iter().map(|t| -t).collect();
+        let nearest = (0..arms.list.len()).min_by(|&i, &j| {
+            let d = |k: usize| distance(&arms.list[k].tangent, &back);
+            d(i).total_cmp(&d(j))
+        });
+        if let Some(k) = nearest
+            && distance(&arms.list[k].tangent, &back) < INCOMING
+        {
+            arms.list.remove(k);
+        }
+    }
+
+    /// The arm to follow: the only one, or the one that goes straight on.
+    fn choose(&self, arms: &Arms) -> Option<usize> {
+        match arms.list.len() {
+            0 => None,
+            1 => Some(0),
+            _ => arms
+                .list
+                .iter()
+                .position(|a| distance(&a.tangent, &self.here.t) < STRAIGHT),
+        }
+    }
+
+    fn transition(&self, vanishing: &[Vanishing], arms: &Arms, followed: Option<usize>) -> Transition {
+        let arm = followed.map(|k| &arms.list[k]);
+        let after = arm.map_or(&self.selection, |a| &a.selection);
+        let tangent_after = arm.map_or(&self.here.t, |a| &a.tangent);
+        let mut sites: Vec<usize> = vanishing.iter().map(|v| v.site).collect();
+        sites.extend(self.selection.differing_sites(after));
+        sites.sort_unstable();
+        sites.dedup();
+        let mut changes: Vec<SiteChange> = sites
+            .into_iter()
+            .map(|site| SiteChange {
+                site,
+                from: self.selection.piece(site),
+                to: after.piece(site),
+            })
+            .collect();
+        changes.sort_by_key(|c| c.from == c.to);
+        Transition {
+            x: self.here.x.clone(),
+            tangent_before: self.here.t.clone(),
+            tangent_after: tangent_after.clone(),
+            before: self.selection.clone(),
+            after: after.clone(),
+            sites: changes,
+            test_functions: self.here.theta.clone(),
+            vanishing: vanishing.iter().map(|v| v.index).collect(),
+            kind: kind(&self.here.t, arm, arms.list.len()),
+            arms: arms.list.clone(),
+            followed,
+            complete: arms.complete,
+            residual_norm: self.here.residual_norm,
+            arclength: self.arclength,
+        }
+    }
+
+    /// Passes a point where the Jacobian of the followed selection (or of a co-active one) is singular.
+    pub(super) fn pass_branch_point(&mut self, coactive: Option<usize>) -> Result<(), ContinuationError> {
+        let singular = match coactive {
+            Some(k) => self.coactive[k].0.clone(),
+            None => {
+                self.polish_branch_point()?;
+                self.selection.clone()
+            }
+        };
+        let forced: Vec<usize> = self.grazing.iter().map(|v| v.index).collect();
+        let vanishing = self.vanishing_here(&forced);
+        let active = self.active_here(&vanishing)?;
+        let mut arms = self.search(&vanishing).all(&active)?;
+        self.remove_incoming(&mut arms);
+        let straight = Arm {
+            selection: self.selection.clone(),
+            tangent: self.here.t.clone(),
+            grazing: self.point(PointKind::Step, 0).grazing,
+        };
+        let near = |a: &Arm| distance(&a.tangent, &straight.tangent) < 1e-3;
+        let k = match arms.list.iter().position(near) {
+            Some(k) => {
+                // The followed selection is kept: it is regular, or its curve is the one we are on.
+                arms.list[k].selection = straight.selection;
+                k
+            }
+            None => {
+                arms.list.insert(0, straight);
+                0
+            }
+        };
+        let event = BranchPoint {
+            point: self.point(PointKind::Step, 0),
+            singular,
+            arms: arms.list.clone(),
+            followed: Some(k),
+        };
+        self.emit(Event::BranchPoint(event));
+        let mut watched = std::mem::take(&mut self.coactive);
+        self.adopt(&arms.list[k], &vanishing)?;
+        // At the point itself signs are rounding noise; behind it exactly one has flipped.
+        match coactive {
+            Some(k) => {
+                watched[k].1 = -watched[k].1;
+                self.coactive = watched;
+            }
+            None => self.here.orientation = self.next.orientation.map(|o| -o),
+        }
+        Ok(())
+    }
+}
+
+fn kind(arrival: &[f64], arm: Option<&Arm>, outgoing: usize) -> TransitionKind {
+    let rate = |t: &[f64]| {
+        let last = t.last().copied().unwrap_or(0.0);
+        if last.abs() <= VERTICAL {
+            0.0
+        } else {
+            last.signum()
+        }
+    };
+    match (outgoing, arm) {
+        (0, _) => TransitionKind::End,
+        (1, Some(arm)) => match (rate(arrival), rate(&arm.tangent)) {
+            (a, b) if a == b => TransitionKind::PassThrough,
+            (_, 0.0) => TransitionKind::VerticalBegin,
+            (0.0, _) => TransitionKind::VerticalEnd,
+            _ => TransitionKind::Fold,
+        },
+        _ => TransitionKind::Branching,
+    }
+}

@@ -1,0 +1,44 @@
+use thiserror::Error;
+
+use super::{Failure, Report};
+use crate::linear::LinearError;
+use crate::piecewise::PiecewiseError;
+
+/// What can go wrong in the corrector.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum NewtonError {
+    /// An option is out of its range.
+    #[error("option {name} = {value} is out of range; it must be {range}")]
+    Option {
+        /// Name of the field.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+        /// The range.
+        range: &'static str,
+    },
+    /// The map or the start is unusable.
+    #[error(transparent)]
+    Map(#[from] PiecewiseError),
+    /// The linear solver refused the problem.
+    #[error(transparent)]
+    Linear(#[from] LinearError),
+    /// No solution was found. The best iterate and the history are kept.
+    #[error("no solution found after {} iterations: {}; best residual {:e}", .0.report.iterations.len(), .0.reason, .0.residual_norm)]
+    Failed(Box<Unsolved>),
+}
+
+/// What a failed run leaves.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Unsolved {
+    /// Why it ended.
+    pub reason: Failure,
+    /// The iterate with the smallest residual.
+    pub x: Vec<f64>,
+    /// ‖H(x)‖₂ there.
+    pub residual_norm: f64,
+    /// The history.
+    pub report: Report,
+}

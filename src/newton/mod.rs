@@ -1,0 +1,16 @@
+//! The corrector: Newton's method for piecewise-smooth and semismooth equations.
+
+mod error;
+mod iterate;
+mod moore_penrose;
+mod options;
+mod report;
+mod solver;
+mod system;
+
+pub use error::{NewtonError, Unsolved};
+pub use moore_penrose::{Correction, MoorePenrose};
+pub(crate) use moore_penrose::{dot, norm};
+pub use options::{Damping, NewtonOptions};
+pub use report::{Convergence, Failure, Iteration, Report, Step};
+pub use solver::Newton;

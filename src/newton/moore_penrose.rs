@@ -1,0 +1,246 @@
+use crate::linear::{Bordered, LinearSolver};
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection};
+use crate::sparse::Matrix;
+
+/// The Moore–Penrose corrector of curves H(x) = 0 (n equations, n + 1 variables), with its workspaces.
+///
+/// One iteration: B = [∇H^(σ)(X); Tᵀ], X ← X − B⁻¹[H^(σ)(X); 0], T ← B⁻¹[0; 1] normalised (Allgower–Georg 1990; Dhooge,
+/// Govaerts, Kuznetsov 2003).
+#[derive(Debug, Clone)]
+pub struct MoorePenrose<L> {
+    bordered: Bordered<L>,
+    jac: Matrix,
+    r: Vec<f64>,
+    dx: Vec<f64>,
+    iterations: usize,
+}
+
+/// How a correction ended.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct Correction {
+    /// Whether both tolerances were met.
+    pub converged: bool,
+    /// Number of iterations.
+    pub iterations: usize,
+    /// ‖H^(σ)‖₂ at the last iterate.
+    pub residual_norm: f64,
+    /// ‖X^k − X^(k−1)‖₂ of the last iteration.
+    pub step_norm: f64,
+}
+
+impl<L: LinearSolver> MoorePenrose<L> {
+    /// A corrector for maps of the shape of `map`.
+    ///
+    /// # Errors
+    /// Maps that have not one variable more than residuals.
+    pub fn new<P: PiecewiseSmooth + ?Sized>(map: &P, solver: L) -> Result<Self, PiecewiseError> {
+        let (m, n) = (map.num_vars(), map.num_residuals());
+        if n == 0 || m != n + 1 {
+            return Err(PiecewiseError::Dimensions {
+                vars: m,
+                residuals: n,
+                expected: "a curve has exactly one variable more than residuals",
+            });
+        }
+        let pattern = map.pattern();
+        if pattern.nrows() != n || pattern.ncols() != m {
+            return Err(PiecewiseError::Length {
+                what: "the declared pattern (rows times columns)",
+                expected: n * m,
+                found: pattern.nrows() * pattern.ncols(),
+            });
+        }
+        Ok(Self {
+            bordered: Bordered::new(&pattern, solver)?,
+            jac: Matrix::zeros(pattern),
+            r: vec![0.0; n],
+            dx: vec![0.0; m],
+            iterations: 0,
+        })
+    }
+
+    /// Number of factorisations so far.
+    #[must_use]
+    pub fn factorisations(&self) -> usize {
+        self.bordered.factorisations()
+    }
+
+    /// Number of correction steps so far.
+    #[must_use]
+    pub fn iterations(&self) -> usize {
+        self.iterations
+    }
+
+    /// The Jacobian of the last linearisation.
+    pub(crate) fn jacobian(&self) -> &Matrix {
+        &self.jac
+    }
+
+    /// The factored bordered system of the last linearisation.
+    pub(crate) fn bordered(&self) -> &Bordered<L> {
+        &self.bordered
+    }
+
+    /// Assembles ∇H^(σ)(x) and factors it, so that its kernel is at hand.
+    ///
+    /// # Errors
+    /// [`LinearError::Kernel`] where the kernel is not a line; entries outside the pattern.
+    pub fn linearize<P: PiecewiseSmooth + ?Sized>(
+        &mut self,
+        map: &P,
+        selection: &Selection,
+        x: &[f64],
+        hint: Option<&[f64]>,
+    ) -> Result<&[f64], PiecewiseError> {
+        self.assemble(map, selection, x)?;
+        self.bordered.factor(&self.jac, hint)?;
+        Ok(self.bordered.tangent())
+    }
+
+    /// Assembles ∇H^(σ)(x) without factoring it.
+    pub(crate) fn assemble<P: PiecewiseSmooth + ?Sized>(
+        &mut self,
+        map: &P,
+        selection: &Selection,
+        x: &[f64],
+    ) -> Result<(), PiecewiseError> {
+        self.jac.clear();
+        map.jacobian(selection, x, &mut self.jac);
+        match self.jac.stray() {
+            Some((row, col)) => Err(PiecewiseError::StrayEntry { row, col }),
+            None => Ok(()),
+        }
+    }
+
+    /// Corrects X = `x` towards the curve of the selection that `choose` puts in place at each iterate (leave it alone to
+    /// freeze it), and turns `t` into the tangent there. Ends when ‖H‖ < `tol_residual` and ‖ΔX‖ < `tol_step`, or after
+    /// `max_iterations`.
+    ///
+    /// # Errors
+    /// Singular or non-finite linear systems, entries outside the pattern.
+    #[allow(clippy::too_many_arguments)]
+    pub fn correct<P: PiecewiseSmooth + ?Sized>(
+        &mut self,
+        map: &P,
+        selection: &mut Selection,
+        mut choose: impl FnMut(&[f64], &mut Selection),
+        x: &mut [f64],
+        t: &mut [f64],
+        (tol_residual, tol_step): (f64, f64),
+        max_iterations: usize,
+    ) -> Result<Correction, PiecewiseError> {
+        choose(x, selection);
+        map.residual(selection, x, &mut self.r);
+        let mut outcome = Correction {
+            converged: false,
+            iterations: 0,
+            residual_norm: norm(&self.r),
+            step_norm: f64::INFINITY,
+        };
+        while outcome.iterations < max_iterations {
+            self.assemble(map, selection, x)?;
+            self.bordered.factor(&self.jac, Some(t))?;
+            self.bordered.solve(&self.r, t, 0.0, &mut self.dx)?;
+            for (x, d) in x.iter_mut().zip(&self.dx) {
+                *x -= d;
+            }
+            let tangent = self.bordered.tangent();
+            let sign = dot(tangent, t).signum();
+            for (t, v) in t.iter_mut().zip(tangent) {
+                *t = sign * v;
+            }
+            choose(x, selection);
+            map.residual(selection, x, &mut self.r);
+            self.iterations += 1;
+            outcome.iterations += 1;
+            outcome.residual_norm = norm(&self.r);
+            outcome.step_norm = norm(&self.dx);
+            if !(outcome.residual_norm.is_finite() && outcome.step_norm.is_finite()) {
+                return Ok(outcome);
+            }
+            if outcome.residual_norm < tol_residual && outcome.step_norm < tol_step {
+                outcome.converged = true;
+                return Ok(outcome);
+            }
+        }
+        Ok(outcome)
+    }
+
+    /// Solves H^(σ)(X) = 0 in the hyperplane `normal`·(X − `anchor`) = `s` (Keller's pseudo-arclength), from the guess X = `x`,
+    /// until steps no longer shrink: to rounding. `t` becomes the tangent there, oriented along `normal`.
+    ///
+    /// # Errors
+    /// Singular or non-finite linear systems.
+    #[allow(clippy::too_many_arguments)]
+    pub fn correct_in_plane<P: PiecewiseSmooth + ?Sized>(
+        &mut self,
+        map: &P,
+        selection: &Selection,
+        anchor: &[f64],
+        normal: &[f64],
+        s: f64,
+        x: &mut [f64],
+        t: &mut [f64],
+    ) -> Result<Correction, PiecewiseError> {
+        const LIMIT: usize = 20;
+        let mut outcome = Correction {
+            converged: false,
+            iterations: 0,
+            residual_norm: f64::INFINITY,
+            step_norm: f64::INFINITY,
+        };
+        while outcome.iterations < LIMIT {
+            map.residual(selection, x, &mut self.r);
+            let offset = x
+                .iter()
+                .zip(anchor)
+                .zip(normal)
+                .map(|((x, a), n)| (x - a) * n)
+                .sum::<f64>()
+                - s;
+            self.assemble(map, selection, x)?;
+            self.bordered.factor(&self.jac, Some(normal))?;
+            self.bordered.solve(&self.r, normal, offset, &mut self.dx)?;
+            let tangent = self.bordered.tangent();
+            let sign = dot(tangent, normal).signum();
+            for (t, v) in t.iter_mut().zip(tangent) {
+                *t = sign * v;
+            }
+            self.iterations += 1;
+            outcome.iterations += 1;
+            outcome.residual_norm = norm(&self.r);
+            let step = norm(&self.dx);
+            if !(step.is_finite() && outcome.residual_norm.is_finite()) {
+                return Ok(outcome);
+            }
+            let size = norm(x);
+            let noise = 4.0 * f64::EPSILON * size;
+            // The last correction is applied while it still improves on its predecessor.
+            if step < 0.5 * outcome.step_norm || step <= noise {
+                for (x, d) in x.iter_mut().zip(&self.dx) {
+                    *x -= d;
+                }
+            }
+            let stalled = step >= 0.5 * outcome.step_norm;
+            outcome.step_norm = step;
+            let piecewise_exact = map.is_piecewise_affine() && outcome.iterations >= 2;
+            if step <= noise || piecewise_exact || (stalled && step <= 1e-9 * (1.0 + size)) {
+                outcome.converged = true;
+                return Ok(outcome);
+            }
+            if stalled && outcome.iterations > 4 {
+                return Ok(outcome);
+            }
+        }
+        Ok(outcome)
+    }
+}
+
+pub(crate) fn norm(v: &[f64]) -> f64 {
+    v.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}

@@ -1,0 +1,103 @@
+use super::NewtonError;
+
+/// When Newton steps are shortened.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
+pub enum Damping {
+    /// Full steps; once they cycle between selections or the residual grows, a line search on ½‖H‖².
+    #[default]
+    OnTrouble,
+    /// A line search from the first step.
+    Always,
+    /// Full steps only.
+    Never,
+}
+
+/// Options of the corrector. The defaults need no touching.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct NewtonOptions {
+    /// Largest number of iterations. Default 100.
+    pub max_iterations: usize,
+    /// Absolute tolerance on ‖H(x)‖₂, in the units of the residual. Default 0: only the relative one counts.
+    pub absolute_tolerance: f64,
+    /// Tolerance on ‖H(x)‖₂ relative to the size of the terms that cancel in it, S = ‖(Σ_j |∂H_i/∂x_j| |x_j|)_i‖₂. Default 1e-13.
+    pub relative_tolerance: f64,
+    /// When steps are shortened.
+    pub damping: Damping,
+    /// Sufficient decrease of the line search, in (0, 1). Default 1e-4.
+    pub armijo: f64,
+    /// Smallest step length of the line search, in (0, 1). Default 1e-10.
+    pub min_damping: f64,
+}
+
+impl Default for NewtonOptions {
+    fn default() -> Self {
+        Self {
+            max_iterations: 100,
+            absolute_tolerance: 0.0,
+            relative_tolerance: 1e-13,
+            damping: Damping::OnTrouble,
+            armijo: 1e-4,
+            min_damping: 1e-10,
+        }
+    }
+}
+
+impl NewtonOptions {
+    /// Sets the largest number of iterations.
+    #[must_use]
+    pub fn with_max_iterations(mut self, n: usize) -> Self {
+        self.max_iterations = n;
+        self
+    }
+
+    /// Sets the absolute and the relative tolerance.
+    #[must_use]
+    pub fn with_tolerances(mut self, absolute: f64, relative: f64) -> Self {
+        self.absolute_tolerance = absolute;
+        self.relative_tolerance = relative;
+        self
+    }
+
+    /// Sets when steps are shortened.
+    #[must_use]
+    pub fn with_damping(mut self, damping: Damping) -> Self {
+        self.damping = damping;
+        self
+    }
+
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    /// [`NewtonError::Option`] names the option out of range.
+    pub fn validate(&self) -> Result<(), NewtonError> {
+        let bad = |name, value, range| Err(NewtonError::Option { name, value, range });
+        let nonnegative = |v: f64| v >= 0.0 && v.is_finite();
+        let open_unit = |v: f64| v > 0.0 && v < 1.0;
+        if self.max_iterations == 0 {
+            return bad("max_iterations", 0.0, "at least 1");
+        }
+        if !nonnegative(self.absolute_tolerance) {
+            return bad(
+                "absolute_tolerance",
+                self.absolute_tolerance,
+                "finite and at least 0",
+            );
+        }
+        if !nonnegative(self.relative_tolerance) {
+            return bad(
+                "relative_tolerance",
+                self.relative_tolerance,
+                "finite and at least 0",
+            );
+        }
+        if !open_unit(self.armijo) {
+            return bad("armijo", self.armijo, "in (0, 1)");
+        }
+        if !open_unit(self.min_damping) {
+            return bad("min_damping", self.min_damping, "in (0, 1)");
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,204 @@
+use std::ops::ControlFlow;
+
+use super::iterate::{Workspace, iterate};
+use super::system::{PsBuffers, PsSystem, SemismoothSystem};
+use super::{Convergence, Iteration, NewtonError, NewtonOptions, Report};
+use crate::linear::{AutoSolver, LinearSolver};
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, Semismooth, TestLayout};
+use crate::sparse::Pattern;
+
+/// Newton's method for piecewise-smooth and semismooth equations, with its workspaces.
+///
+/// At each iterate x the selection σ of the pieces in whose cells x lies is linearised and the step solves
+/// ∇H^(σ)(x) d = −H(x) (Kojima–Shindo 1986; Qi–Sun 1993). Rule where several pieces are active: the piece used last is kept
+/// while x is in its closed cell, else the one with the largest margin, else the one with the lowest number; deterministic.
+///
+/// Full steps converge in finitely many iterations on piecewise-affine problems or may cycle. A cycle (a selection comes back
+/// without progress) or a growing residual turns on a line search on ½‖H‖², with steepest descent where the Jacobian is singular
+/// or gives no descent; if that fails too, the least-index rule lets one site at a time change its piece (it terminates for
+/// P-matrix problems, Murty 1974).
+///
+/// A solver is reused from problem to problem; nothing is allocated once it has seen a map of the same shape.
+///
+/// ```
+/// use semismooth::newton::Newton;
+/// use semismooth::piecewise::MinMap;
+/// let map = MinMap::new(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| { a[0] = x[0]; b[0] = 2.0 * x[0] - 3.0; });
+/// let mut newton = Newton::default();
+/// let mut x = [10.0];
+/// newton.solve(&map, &mut x)?;
+/// assert!((x[0] - 1.5).abs() < 1e-9);
+/// assert!(newton.report().iterations.len() <= 4);
+/// # Ok::<(), semismooth::newton::NewtonError>(())
+/// ```
+#[derive(Debug, Clone, Default)]
+pub struct Newton<L = AutoSolver> {
+    options: NewtonOptions,
+    work: Workspace<L>,
+    pieces: PsBuffers,
+}
+
+impl Newton {
+    /// A corrector with the crate's own linear solvers.
+    #[must_use]
+    pub fn new(options: NewtonOptions) -> Self {
+        Self::with_solver(options, AutoSolver::default())
+    }
+}
+
+impl<L: LinearSolver> Newton<L> {
+    /// A corrector with a linear solver of your own.
+    #[must_use]
+    pub fn with_solver(options: NewtonOptions, solver: L) -> Self {
+        Self {
+            options,
+            work: Workspace::new(solver),
+            pieces: PsBuffers::default(),
+        }
+    }
+
+    /// The options.
+    #[must_use]
+    pub fn options(&self) -> &NewtonOptions {
+        &self.options
+    }
+
+    /// The history of the last run.
+    #[must_use]
+    pub fn report(&self) -> &Report {
+        &self.work.report
+    }
+
+    /// The selection at the solution of the last run on a piecewise-smooth map.
+    #[must_use]
+    pub fn selection(&self) -> &Selection {
+        &self.pieces.selection
+    }
+
+    /// Solves H(x) = 0 from the start `x`, which is overwritten by the solution (on failure by the best iterate).
+    ///
+    /// A map with one variable more than residuals is solved for the others, the last (the parameter) staying as it is.
+    ///
+    /// # Errors
+    /// [`NewtonError::Failed`] with the best iterate and the history; errors of options, map, start and linear solver.
+    pub fn solve<P: PiecewiseSmooth + ?Sized>(
+        &mut self,
+        map: &P,
+        x: &mut [f64],
+    ) -> Result<Convergence, NewtonError> {
+        self.solve_observed(map, x, |_| ControlFlow::Continue(()))
+    }
+
+    /// [`solve`](Self::solve), reporting every iteration to `observe`, which may stop the run.
+    ///
+    /// # Errors
+    /// As [`solve`](Self::solve); a stopped run is [`Failure::Interrupted`](super::Failure::Interrupted).
+    pub fn solve_observed<P: PiecewiseSmooth + ?Sized>(
+        &mut self,
+        map: &P,
+        x: &mut [f64],
+        mut observe: impl FnMut(&Iteration) -> ControlFlow<()>,
+    ) -> Result<Convergence, NewtonError> {
+        let (m, n) = (map.num_vars(), map.num_residuals());
+        if n == 0 || (m != n && m != n + 1) {
+            return Err(PiecewiseError::Dimensions {
+                vars: m,
+                residuals: n,
+                expected: "an equation has as many variables as residuals, a curve one more, both at least 1 residual",
+            }
+            .into());
+        }
+        let sites = map.num_sites();
+        let known = self.pieces.layout.as_ref().is_some_and(|l| l.describes(map));
+        let layout = match self.pieces.layout.take() {
+            Some(layout) if known => layout,
+            _ => TestLayout::new(map),
+        };
+        self.pieces.theta.resize(layout.total(), 0.0);
+        if self.pieces.selection.len() != sites {
+            self.pieces.selection = Selection::uniform(sites, 0);
+            self.pieces.wanted = Selection::uniform(sites, 0);
+        }
+        let mut system = PsSystem {
+            map,
+            layout: &layout,
+            theta: &mut self.pieces.theta,
+            selection: &mut self.pieces.selection,
+            wanted: &mut self.pieces.wanted,
+            least_index: false,
+            fresh: true,
+        };
+        let pattern = || map.pattern();
+        let result = run(
+            &mut self.work,
+            &self.options,
+            &mut system,
+            x,
+            (m, n),
+            &pattern,
+            &mut observe,
+        );
+        self.pieces.layout = Some(layout);
+        result
+    }
+
+    /// Solves H(x) = 0 for a semismooth map.
+    ///
+    /// # Errors
+    /// As [`solve`](Self::solve).
+    pub fn solve_semismooth<S: Semismooth + ?Sized>(
+        &mut self,
+        map: &S,
+        x: &mut [f64],
+    ) -> Result<Convergence, NewtonError> {
+        self.solve_semismooth_observed(map, x, |_| ControlFlow::Continue(()))
+    }
+
+    /// [`solve_semismooth`](Self::solve_semismooth), reporting every iteration to `observe`, which may stop the run.
+    ///
+    /// # Errors
+    /// As [`solve`](Self::solve).
+    pub fn solve_semismooth_observed<S: Semismooth + ?Sized>(
+        &mut self,
+        map: &S,
+        x: &mut [f64],
+        mut observe: impl FnMut(&Iteration) -> ControlFlow<()>,
+    ) -> Result<Convergence, NewtonError> {
+        let n = map.num_vars();
+        let mut system = SemismoothSystem(map);
+        let pattern = || map.pattern();
+        run(
+            &mut self.work,
+            &self.options,
+            &mut system,
+            x,
+            (n, n),
+            &pattern,
+            &mut observe,
+        )
+    }
+}
+
+/// Runs the loop; a Jacobian that does not fit the pattern kept from an earlier map of the same size makes a new workspace.
+fn run<L: LinearSolver>(
+    work: &mut Workspace<L>,
+    options: &NewtonOptions,
+    system: &mut dyn super::system::System,
+    x: &mut [f64],
+    (m, n): (usize, usize),
+    pattern: &dyn Fn() -> Pattern,
+    observe: &mut dyn FnMut(&Iteration) -> ControlFlow<()>,
+) -> Result<Convergence, NewtonError> {
+    options.validate()?;
+    crate::piecewise::check_vector("the start x", x, m)?;
+    if !work.fits(m, n) {
+        work.prepare(pattern(), n)?;
+    }
+    match iterate(work, options, system, x, observe) {
+        Err(NewtonError::Map(PiecewiseError::StrayEntry { .. })) => {
+            work.prepare(pattern(), n)?;
+            iterate(work, options, system, x, observe)
+        }
+        result => result,
+    }
+}

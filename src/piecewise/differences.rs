@@ -1,0 +1,53 @@
+//! Central differences of test functions, for maps that do not bring derivatives.
+
+use super::{PiecewiseSmooth, TestLayout};
+
+/// Cube root of the rounding unit: the step that balances truncation and rounding in central differences.
+const STEP: f64 = 6.055e-6;
+
+pub(super) fn test_derivatives<P: PiecewiseSmooth + ?Sized>(map: &P, x: &[f64], d: &[f64], out: &mut [f64]) {
+    let norm_d = max_abs(d);
+    if norm_d == 0.0 || !norm_d.is_finite() {
+        out.fill(if norm_d == 0.0 { 0.0 } else { f64::NAN });
+        return;
+    }
+    let h = STEP * (1.0 + max_abs(x)) / norm_d;
+    let shifted = |s: f64| -> Vec<f64> { x.iter().zip(d).map(|(x, d)| x + s * d).collect() };
+    let mut minus = vec![0.0; out.len()];
+    map.test_functions(&shifted(h), out);
+    map.test_functions(&shifted(-h), &mut minus);
+    for (o, m) in out.iter_mut().zip(&minus) {
+        *o = (*o - m) / (2.0 * h);
+    }
+}
+
+pub(super) fn test_gradient<P: PiecewiseSmooth + ?Sized>(
+    map: &P,
+    site: usize,
+    test: usize,
+    x: &[f64],
+    gradient: &mut [f64],
+) {
+    let layout = TestLayout::new(map);
+    let index = layout.range(site).start + test;
+    let mut y = x.to_vec();
+    let mut theta = vec![0.0; layout.total()];
+    for j in 0..x.len() {
+        let h = STEP * (1.0 + x[j].abs());
+        let mut at = |v: f64| {
+            y[j] = v;
+            map.test_functions(&y, &mut theta);
+            theta[index]
+        };
+        let (plus, minus) = (at(x[j] + h), at(x[j] - h));
+        gradient[j] = (plus - minus) / (2.0 * h);
+        y[j] = x[j];
+    }
+}
+
+fn max_abs(v: &[f64]) -> f64 {
+    v.iter().fold(
+        0.0,
+        |a: f64, b| if b.abs() > a || b.is_nan() { b.abs() } else { a },
+    )
+}

@@ -1,0 +1,63 @@
+use thiserror::Error;
+
+use crate::linear::LinearError;
+
+/// What can go wrong in analysing a piecewise-smooth map at a point.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum PiecewiseError {
+    /// A vector has the wrong length.
+    #[error("{what} has length {found}, expected {expected}")]
+    Length {
+        /// Which vector.
+        what: &'static str,
+        /// Length asked for.
+        expected: usize,
+        /// Length given.
+        found: usize,
+    },
+    /// A value is NaN or infinite.
+    #[error("{what}[{index}] is not finite")]
+    NotFinite {
+        /// Which vector.
+        what: &'static str,
+        /// Position, from 0.
+        index: usize,
+    },
+    /// The map wrote a Jacobian entry outside its declared pattern.
+    #[error("the Jacobian has an entry at ({row}, {col}) outside the declared pattern; extend `pattern()`")]
+    StrayEntry {
+        /// Row, from 0.
+        row: usize,
+        /// Column, from 0.
+        col: usize,
+    },
+    /// The map is neither an equation nor a curve.
+    #[error("a map of {vars} variables and {residuals} residuals does not fit here; {expected}")]
+    Dimensions {
+        /// Number of variables.
+        vars: usize,
+        /// Number of residuals.
+        residuals: usize,
+        /// What would fit.
+        expected: &'static str,
+    },
+    /// A linear-algebra failure.
+    #[error(transparent)]
+    Linear(#[from] LinearError),
+}
+
+/// Checks the length of a vector and that its entries are finite.
+pub(crate) fn check_vector(what: &'static str, v: &[f64], expected: usize) -> Result<(), PiecewiseError> {
+    if v.len() != expected {
+        return Err(PiecewiseError::Length {
+            what,
+            expected,
+            found: v.len(),
+        });
+    }
+    match v.iter().position(|x| !x.is_finite()) {
+        Some(index) => Err(PiecewiseError::NotFinite { what, index }),
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,36 @@
+//! Piecewise-smooth maps: sites, pieces, selections, test functions and active index sets.
+//!
+//! See [`PiecewiseSmooth`] for the trait and its contract, [`Semismooth`] for maps that have no finite list of pieces,
+//! [`check`](mod@check) for testing an implementation, and [`MinMap`] or, with the `autodiff` feature, `Traced`
+//! for maps written as minima, maxima and projections of smooth functions.
+
+mod active;
+#[cfg(feature = "autodiff")]
+mod autodiff;
+mod cell;
+pub mod check;
+mod derivative;
+mod differences;
+mod error;
+mod essential;
+mod layout;
+mod map;
+mod min_map;
+mod real;
+mod selection;
+mod semismooth;
+
+pub use active::{ActiveSet, active_set, select, select_pieces, value};
+#[cfg(feature = "autodiff")]
+pub use autodiff::{Kinks, NonsmoothFunction, Traced};
+pub use cell::{Facet, cell_margin};
+pub use derivative::{CoherentOrientation, b_derivative, coherent_orientation};
+pub use error::PiecewiseError;
+pub(crate) use error::check_vector;
+pub use essential::{Activity, essential_activity};
+pub use layout::TestLayout;
+pub use map::PiecewiseSmooth;
+pub use min_map::MinMap;
+pub use real::Real;
+pub use selection::{Selection, Selections};
+pub use semismooth::Semismooth;

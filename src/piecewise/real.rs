@@ -1,0 +1,68 @@
+use std::fmt::Debug;
+
+use num_traits::{NumAssignOps, NumOps, Signed};
+
+/// The scalar a user's formula is written over: `f64` for values, dual numbers for exact derivatives.
+///
+/// Arithmetic mixes with `f64` on the right (`2.0 * x` is written `x * 2.0`). Branching on [`value`](Self::value), `abs` and
+/// the like hide kinks from the crate; say them through `Kinks` instead.
+pub trait Real:
+    Copy + Debug + From<f64> + Signed + NumAssignOps + NumOps<f64, Self> + NumAssignOps<f64>
+{
+    /// The value without derivatives.
+    fn value(&self) -> f64;
+    /// √x
+    #[must_use]
+    fn sqrt(self) -> Self;
+    /// eˣ
+    #[must_use]
+    fn exp(self) -> Self;
+    /// ln x
+    #[must_use]
+    fn ln(self) -> Self;
+    /// sin x
+    #[must_use]
+    fn sin(self) -> Self;
+    /// cos x
+    #[must_use]
+    fn cos(self) -> Self;
+    /// tanh x
+    #[must_use]
+    fn tanh(self) -> Self;
+    /// xⁿ
+    #[must_use]
+    fn powi(self, n: i32) -> Self;
+    /// x^p
+    #[must_use]
+    fn powf(self, p: f64) -> Self;
+}
+
+impl Real for f64 {
+    fn value(&self) -> f64 {
+        *self
+    }
+    fn sqrt(self) -> Self {
+        f64::sqrt(self)
+    }
+    fn exp(self) -> Self {
+        f64::exp(self)
+    }
+    fn ln(self) -> Self {
+        f64::ln(self)
+    }
+    fn sin(self) -> Self {
+        f64::sin(self)
+    }
+    fn cos(self) -> Self {
+        f64::cos(self)
+    }
+    fn tanh(self) -> Self {
+        f64::tanh(self)
+    }
+    fn powi(self, n: i32) -> Self {
+        f64::powi(self, n)
+    }
+    fn powf(self, p: f64) -> Self {
+        f64::powf(self, p)
+    }
+}

@@ -1,0 +1,43 @@
+use crate::sparse::{Matrix, Pattern};
+
+/// A semismooth map H: ℝⁿ → ℝⁿ without a finite list of pieces (Fischer–Burmeister functions, projections on smooth cones).
+///
+/// Newton's method needs no more than an element of the generalized Jacobian; transitions cannot be located for such maps.
+/// Where a map is piecewise smooth implement [`PiecewiseSmooth`](super::PiecewiseSmooth) instead.
+///
+/// ```
+/// use semismooth::{newton::Newton, piecewise::Semismooth, sparse::Matrix};
+/// /// Fischer–Burmeister: x + F − √(x² + F²) = 0 with F(x) = x − 2 says x ≥ 0, F ≥ 0, x F = 0.
+/// struct Fb;
+/// impl Semismooth for Fb {
+///     fn num_vars(&self) -> usize { 1 }
+///     fn residual(&self, x: &[f64], out: &mut [f64]) {
+///         let f = x[0] - 2.0;
+///         out[0] = x[0] + f - x[0].hypot(f);
+///     }
+///     fn jacobian(&self, x: &[f64], jac: &mut Matrix) {
+///         let f = x[0] - 2.0;
+///         let n = x[0].hypot(f).max(f64::MIN_POSITIVE);
+///         jac.add(0, 0, 2.0 - (x[0] + f) / n);
+///     }
+/// }
+/// let mut x = [0.5];
+/// Newton::default().solve_semismooth(&Fb, &mut x)?;
+/// assert!((x[0] - 2.0).abs() < 1e-10);
+/// # Ok::<(), semismooth::newton::NewtonError>(())
+/// ```
+pub trait Semismooth {
+    /// Number n of variables and residuals.
+    fn num_vars(&self) -> usize;
+
+    /// The residual H(x), of length n.
+    fn residual(&self, x: &[f64], out: &mut [f64]);
+
+    /// Adds an element of the generalized (B- or Clarke) Jacobian at x to a zeroed matrix over [`pattern`](Self::pattern).
+    fn jacobian(&self, x: &[f64], jac: &mut Matrix);
+
+    /// Where Jacobians have entries (n × n). Default: everywhere.
+    fn pattern(&self) -> Pattern {
+        Pattern::full(self.num_vars(), self.num_vars())
+    }
+}
