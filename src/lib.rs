@@ -1,5 +1,6 @@
 //! Piecewise-smooth equations: correctors, continuation through kinks, contact with friction.
 
+pub mod contact;
 pub mod continuation;
 pub mod linear;
 pub mod newton;

@@ -1,0 +1,143 @@
+use thiserror::Error;
+
+use crate::linear::LinearError;
+use crate::newton::NewtonError;
+use crate::piecewise::PiecewiseError;
+use crate::sparse::SparseError;
+
+/// What can be wrong with a contact problem.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum ContactError {
+    /// A matrix has the wrong shape.
+    #[error("{what} is {found_rows} x {found_cols}, expected {rows} x {cols}")]
+    Shape {
+        /// Which matrix.
+        what: &'static str,
+        /// Rows asked for.
+        rows: usize,
+        /// Columns asked for.
+        cols: usize,
+        /// Rows given.
+        found_rows: usize,
+        /// Columns given.
+        found_cols: usize,
+    },
+    /// A vector has the wrong length.
+    #[error("{what} has length {found}, expected {expected}")]
+    Length {
+        /// Which vector.
+        what: &'static str,
+        /// Length asked for.
+        expected: usize,
+        /// Length given.
+        found: usize,
+    },
+    /// There are no displacements or no contact nodes.
+    #[error("the problem is empty: {what}")]
+    Empty {
+        /// What is missing.
+        what: &'static str,
+    },
+    /// A value is NaN or infinite.
+    #[error("{what}[{index}] = {value} is not finite")]
+    NotFinite {
+        /// Which vector.
+        what: &'static str,
+        /// Position, from 0.
+        index: usize,
+        /// The value.
+        value: f64,
+    },
+    /// A matrix entry is NaN or infinite.
+    #[error("{what}: {source}")]
+    Matrix {
+        /// Which matrix.
+        what: &'static str,
+        /// The entry.
+        source: SparseError,
+    },
+    /// The augmentation parameter r is not positive.
+    #[error("the augmentation parameter r = {r} must be positive and finite")]
+    Augmentation {
+        /// Its value.
+        r: f64,
+    },
+    /// A coefficient of friction is negative where a node may be in contact.
+    #[error(
+        "the coefficient of friction of node {node} is {value} at parameter {parameter}; it must not be negative"
+    )]
+    NegativeFriction {
+        /// The contact node, from 0.
+        node: usize,
+        /// The parameter α.
+        parameter: f64,
+        /// F there.
+        value: f64,
+    },
+    /// The stiffness matrix is not symmetric, so that it cannot be condensed by Cholesky.
+    #[error(
+        "the stiffness matrix is not symmetric: entries ({row}, {col}) and ({col}, {row}) differ by {difference:e}; use the full form"
+    )]
+    NotSymmetric {
+        /// Row, from 0.
+        row: usize,
+        /// Column, from 0.
+        col: usize,
+        /// |a_ij − a_ji|.
+        difference: f64,
+    },
+    /// A Lamé coefficient is not positive.
+    #[error("Lamé coefficient {name} = {value} must be positive", name = ["lambda", "mu"][(*index).min(1)])]
+    Modulus {
+        /// 0 for λ, 1 for μ.
+        index: usize,
+        /// Its value.
+        value: f64,
+    },
+    /// The load path cannot be condensed.
+    #[error(
+        "only affine loads can be condensed: a general load path needs a solve at every parameter; use the full form"
+    )]
+    LoadNotAffine,
+    /// No first point was found.
+    #[error("no solution found at parameter {parameter}: {source}")]
+    NoStart {
+        /// The parameter α.
+        parameter: f64,
+        /// Why the last attempt failed.
+        source: Box<NewtonError>,
+    },
+    /// A failure in the map.
+    #[error(transparent)]
+    Map(#[from] PiecewiseError),
+    /// A failure of linear algebra.
+    #[error(transparent)]
+    Linear(#[from] LinearError),
+    /// A file could not be read.
+    #[error(transparent)]
+    File(#[from] SparseError),
+}
+
+pub(super) fn check_finite(what: &'static str, v: &[f64]) -> Result<(), ContactError> {
+    match v.iter().position(|x| !x.is_finite()) {
+        Some(index) => Err(ContactError::NotFinite {
+            what,
+            index,
+            value: v[index],
+        }),
+        None => Ok(()),
+    }
+}
+
+pub(super) fn check_length(what: &'static str, v: &[f64], expected: usize) -> Result<(), ContactError> {
+    if v.len() == expected {
+        check_finite(what, v)
+    } else {
+        Err(ContactError::Length {
+            what,
+            expected,
+            found: v.len(),
+        })
+    }
+}

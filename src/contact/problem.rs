@@ -1,0 +1,267 @@
+use super::error::check_length;
+use super::law::{Law, TESTS};
+use super::{ContactError, ContactState, FrictionPath, LoadPath, NodeValues, SlipBound};
+use crate::piecewise::{PiecewiseSmooth, Selection};
+use crate::sparse::{Matrix, Pattern};
+
+/// A discrete contact problem with Coulomb friction in the plane (Haslinger, Janovský, Ligurský):
+///
+/// ```text
+/// H(x) = ( A u + Bνᵀ λν + Btᵀ λt − f(α);  λν − (θ¹)₊;  λt − P_[−g, g](λt + r Bt u) ),   x = (u, λν, λt, α)
+/// θ¹ = λν + r (Bν u − gap),   g = F(α) (θ¹)₊  or  F(α) λν
+/// ```
+///
+/// n displacements u, p contact nodes; forces λ in the units of f. As a [`PiecewiseSmooth`] map its sites are the contact nodes, with the
+/// pieces "open", "stick", "slip+", "slip-" and the test functions θ¹, θ², θ³ and F (a wall: where F becomes negative a node in
+/// contact has no solution). [`CondensedFriction`](super::CondensedFriction) is the same problem on the contact nodes alone.
+///
+/// ```
+/// use semismooth::contact::{FrictionPath, FrictionProblem, FrictionStart, LoadPath, first_point};
+/// use semismooth::sparse::Matrix;
+/// // One contact node (Hild–Renard), λ = μ = 1, F = α.
+/// let a = Matrix::from_rows(&[[2.0, -1.0], [-1.0, 2.0]])?;
+/// let problem = FrictionProblem::new(
+///     a,
+///     Matrix::from_rows(&[[1.0, 0.0]])?,
+///     Matrix::from_rows(&[[0.0, 1.0]])?,
+///     LoadPath::constant(vec![1.5, 7.0]),
+///     FrictionPath::affine(vec![0.0], vec![1.0]),
+/// )?;
+/// let x = first_point(&problem, 10.0, &FrictionStart::Zero)?;
+/// assert!((x[2] - 1.5).abs() < 1e-12 && (x[3] - 7.0).abs() < 1e-12); // sticks: λ = f
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct FrictionProblem {
+    pub(super) a: Matrix,
+    pub(super) bnu: Matrix,
+    pub(super) bt: Matrix,
+    /// Transposes: column i is row i of Bν, Bt.
+    pub(super) bnu_t: Matrix,
+    pub(super) bt_t: Matrix,
+    pub(super) gap: Vec<f64>,
+    pub(super) load: LoadPath,
+    pub(super) friction: FrictionPath,
+    pub(super) law: Law,
+    pub(super) pattern: Pattern,
+}
+
+impl FrictionProblem {
+    /// The problem with gap 0, r = 1 and g = F (θ¹)₊. `a` is n × n, `bnu` and `bt` are p × n.
+    ///
+    /// # Errors
+    /// Empty problems, wrong shapes, entries that are not finite, a constant coefficient of friction below 0.
+    pub fn new(
+        a: Matrix,
+        bnu: Matrix,
+        bt: Matrix,
+        load: LoadPath,
+        friction: FrictionPath,
+    ) -> Result<Self, ContactError> {
+        let (n, p) = (a.nrows(), bnu.nrows());
+        if n == 0 {
+            return Err(ContactError::Empty {
+                what: "there are no displacements",
+            });
+        }
+        if p == 0 {
+            return Err(ContactError::Empty {
+                what: "there are no contact nodes",
+            });
+        }
+        for (what, matrix, rows) in [
+            ("the stiffness matrix A", &a, n),
+            ("the normal trace Bnu", &bnu, p),
+            ("the tangential trace Bt", &bt, p),
+        ] {
+            if matrix.nrows() != rows || matrix.ncols() != n {
+                return Err(ContactError::Shape {
+                    what,
+                    rows,
+                    cols: n,
+                    found_rows: matrix.nrows(),
+                    found_cols: matrix.ncols(),
+                });
+            }
+            matrix
+                .check_finite()
+                .map_err(|source| ContactError::Matrix { what, source })?;
+        }
+        load.0.check("the load", n)?;
+        friction.0.check("the coefficients of friction", p)?;
+        let constant_friction = friction.0.is_constant();
+        let (bnu_t, bt_t) = (bnu.transpose(), bt.transpose());
+        let pattern = full_pattern(&a, &bnu, &bt)?;
+        let problem = Self {
+            gap: vec![0.0; p],
+            law: Law {
+                r: 1.0,
+                bound: SlipBound::default(),
+                constant_friction,
+            },
+            a,
+            bnu,
+            bt,
+            bnu_t,
+            bt_t,
+            load,
+            friction,
+            pattern,
+        };
+        if constant_friction {
+            problem.check_friction(0.0)?;
+        }
+        Ok(problem)
+    }
+
+    /// Sets the initial gap of each contact node: u_ν ≤ gap.
+    ///
+    /// # Errors
+    /// Wrong length, values that are not finite.
+    pub fn with_gap(mut self, gap: Vec<f64>) -> Result<Self, ContactError> {
+        check_length("the gap", &gap, self.num_contacts())?;
+        self.gap = gap;
+        Ok(self)
+    }
+
+    /// Sets the augmentation parameter r > 0 (force per length). Solutions do not depend on it.
+    ///
+    /// # Errors
+    /// r ≤ 0 or not finite.
+    pub fn with_r(mut self, r: f64) -> Result<Self, ContactError> {
+        if !(r > 0.0 && r.is_finite()) {
+            return Err(ContactError::Augmentation { r });
+        }
+        self.law.r = r;
+        Ok(self)
+    }
+
+    /// Sets the form of the friction bound.
+    #[must_use]
+    pub fn with_bound(mut self, bound: SlipBound) -> Self {
+        self.law.bound = bound;
+        self
+    }
+
+    /// Number n of displacements.
+    #[must_use]
+    pub fn num_displacements(&self) -> usize {
+        self.a.nrows()
+    }
+
+    /// Number p of contact nodes.
+    #[must_use]
+    pub fn num_contacts(&self) -> usize {
+        self.bnu.nrows()
+    }
+
+    /// The augmentation parameter r.
+    #[must_use]
+    pub fn r(&self) -> f64 {
+        self.law.r
+    }
+
+    /// The stiffness matrix A.
+    #[must_use]
+    pub fn stiffness(&self) -> &Matrix {
+        &self.a
+    }
+
+    /// The load f(α).
+    #[must_use]
+    pub fn load_at(&self, alpha: f64) -> Vec<f64> {
+        let n = self.num_displacements();
+        let (mut f, mut df) = (vec![0.0; n], vec![0.0; n]);
+        self.load.0.value(alpha, &mut f, &mut df);
+        f
+    }
+
+    /// The coefficients of friction F(α).
+    #[must_use]
+    pub fn friction_at(&self, alpha: f64) -> Vec<f64> {
+        let p = self.num_contacts();
+        let (mut f, mut df) = (vec![0.0; p], vec![0.0; p]);
+        self.friction.0.value(alpha, &mut f, &mut df);
+        f
+    }
+
+    /// Checks that F(α) ≥ 0 and finite at every node.
+    ///
+    /// # Errors
+    /// [`ContactError::NegativeFriction`] or [`ContactError::NotFinite`] names the node.
+    pub fn check_friction(&self, alpha: f64) -> Result<(), ContactError> {
+        let f = self.friction_at(alpha);
+        super::error::check_finite("the coefficient of friction", &f)?;
+        match f.iter().position(|v| *v < 0.0) {
+            Some(node) => Err(ContactError::NegativeFriction {
+                node,
+                parameter: alpha,
+                value: f[node],
+            }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// What full and condensed friction maps have in common: contact nodes as sites, and values at them.
+pub trait FrictionMap: PiecewiseSmooth {
+    /// The problem behind the map.
+    fn problem(&self) -> &FrictionProblem;
+
+    /// What happens at each contact node at x.
+    fn nodes(&self, x: &[f64]) -> Vec<NodeValues>;
+
+    /// The displacements u at a solution x.
+    ///
+    /// # Errors
+    /// Failures of the linear solver (condensed form).
+    fn displacements(&self, x: &[f64]) -> Result<Vec<f64>, ContactError>;
+
+    /// The state of each contact node in a selection.
+    fn states(&self, selection: &Selection) -> Vec<ContactState> {
+        let law = self.problem().law;
+        selection.pieces().map(|p| law.state(p)).collect()
+    }
+
+    /// The selection with the given states (those beyond the number of nodes are ignored, missing ones are open).
+    fn selection_of(&self, states: &[ContactState]) -> Selection {
+        let p = self.problem().num_contacts();
+        Selection::from_pieces((0..p).map(|i| states.get(i).map_or(0, |s| s.piece())))
+    }
+
+    /// The printed test functions θ¹, θ², θ³ of each node.
+    fn theta(&self, x: &[f64]) -> Vec<[f64; 3]> {
+        let r = self.problem().r();
+        self.nodes(x).iter().map(|v| v.theta(r)).collect()
+    }
+}
+
+fn full_pattern(a: &Matrix, bnu: &Matrix, bt: &Matrix) -> Result<Pattern, ContactError> {
+    let (n, p) = (a.nrows(), bnu.nrows());
+    let mut entries: Vec<(usize, usize)> = a.triplets().map(|(i, j, _)| (i, j)).collect();
+    for (b, offset) in [(bnu, n), (bt, n + p)] {
+        for (i, j, _) in b.triplets() {
+            entries.push((j, offset + i));
+            for row in [n + i, n + p + i] {
+                entries.push((row, j));
+            }
+        }
+    }
+    let alpha = n + 2 * p;
+    for i in 0..p {
+        for row in [n + i, n + p + i] {
+            for col in [n + i, n + p + i, alpha] {
+                entries.push((row, col));
+            }
+        }
+    }
+    entries.extend((0..n).map(|i| (i, alpha)));
+    Ok(Pattern::from_entries(n + 2 * p, alpha + 1, entries)?)
+}
+
+/// Writes the test functions of all nodes.
+pub(super) fn write_tests(law: &Law, nodes: impl Iterator<Item = NodeValues>, out: &mut [f64]) {
+    for (chunk, v) in out.chunks_exact_mut(TESTS).zip(nodes) {
+        chunk.copy_from_slice(&law.tests(&v));
+    }
+}

@@ -1,0 +1,119 @@
+use super::{ContactError, ContactState, FrictionMap};
+use crate::linear::{AutoSolver, LinearSolver};
+use crate::newton::{Newton, NewtonError, NewtonOptions};
+use crate::sparse::Matrix;
+
+/// Where the search for a first point begins.
+#[derive(Debug, Clone, PartialEq, Default)]
+#[non_exhaustive]
+pub enum FrictionStart {
+    /// x = 0.
+    #[default]
+    Zero,
+    /// The solution of the linear problem with all nodes sticking.
+    Stick,
+    /// The solution of the linear problem with the given states.
+    States(Vec<ContactState>),
+    /// A given point.
+    Point(Vec<f64>),
+}
+
+/// A solution at fixed α, by PS-Newton from the start asked for; where that fails, from the other built-in starts.
+///
+/// # Errors
+/// [`ContactError::NegativeFriction`] where F(α) < 0 (unless states are given in which those nodes are open),
+/// [`ContactError::NoStart`] with the best iterate when no start converges, wrong lengths.
+pub fn first_point<M: FrictionMap + ?Sized>(
+    map: &M,
+    alpha: f64,
+    start: &FrictionStart,
+) -> Result<Vec<f64>, ContactError> {
+    super::error::check_finite("the parameter", &[alpha])?;
+    let problem = map.problem();
+    let p = problem.num_contacts();
+    if let FrictionStart::States(states) = start {
+        if states.len() != p {
+            return Err(ContactError::Length {
+                what: "the list of states",
+                expected: p,
+                found: states.len(),
+            });
+        }
+        for (node, value) in problem.friction_at(alpha).into_iter().enumerate() {
+            if states[node] != ContactState::Open && value < 0.0 {
+                return Err(ContactError::NegativeFriction {
+                    node,
+                    parameter: alpha,
+                    value,
+                });
+            }
+        }
+    } else {
+        problem.check_friction(alpha)?;
+    }
+    let m = map.num_vars();
+    let zero = || {
+        let mut x = vec![0.0; m];
+        x[m - 1] = alpha;
+        x
+    };
+    let mut newton = Newton::new(NewtonOptions::default());
+    let mut failure = None;
+    let wanted = match start {
+        FrictionStart::Point(x) => {
+            super::error::check_length("the start", x, m)?;
+            let mut x = x.clone();
+            x[m - 1] = alpha;
+            Some(x)
+        }
+        FrictionStart::Zero => None,
+        FrictionStart::Stick => frozen(map, &vec![ContactState::Stick; p], zero())?,
+        FrictionStart::States(states) => frozen(map, states, zero())?,
+    };
+    let uniform = |s: ContactState| frozen(map, &vec![s; p], zero());
+    let others = [
+        Some(zero()),
+        uniform(ContactState::Stick)?,
+        uniform(ContactState::Open)?,
+    ];
+    for mut x in std::iter::once(wanted).chain(others).flatten() {
+        match newton.solve(map, &mut x) {
+            Ok(_) => return Ok(x),
+            Err(e @ NewtonError::Failed(_)) => failure = Some(e),
+            Err(NewtonError::Map(e)) => return Err(e.into()),
+            Err(e) => failure = Some(e),
+        }
+    }
+    match failure {
+        Some(source) => Err(ContactError::NoStart {
+            parameter: alpha,
+            source: Box::new(source),
+        }),
+        None => Err(ContactError::Empty {
+            what: "no start was tried",
+        }),
+    }
+}
+
+/// The solution of the linear problem with given states (F does not depend on u), `None` where that is singular.
+fn frozen<M: FrictionMap + ?Sized>(
+    map: &M,
+    states: &[ContactState],
+    mut x: Vec<f64>,
+) -> Result<Option<Vec<f64>>, ContactError> {
+    let selection = map.selection_of(states);
+    let n = map.num_residuals();
+    let mut jac = Matrix::zeros(map.pattern());
+    map.jacobian(&selection, &x, &mut jac);
+    let mut r = vec![0.0; n];
+    map.residual(&selection, &x, &mut r);
+    let mut solver = AutoSolver::default();
+    solver.analyze(jac.leading_columns(n).pattern)?;
+    if solver.factor(jac.leading_columns(n)).is_err() || solver.solve_in_place(&mut r).is_err() {
+        return Ok(None);
+    }
+    for (x, d) in x.iter_mut().zip(&r) {
+        *x -= d;
+    }
+    Ok(Some(x))
+}
