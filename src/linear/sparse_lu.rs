@@ -380,6 +380,9 @@ impl LinearSolver for SparseLu {
 
     fn log_det(&self) -> Option<(i8, f64)> {
         self.rcond?;
+        if self.pattern.n() == 0 {
+            return Some((1, 0.0));
+        }
         match &self.engine.as_ref()?.factors {
             Factors::Blocked(_) => None,
             Factors::Columns(c) => {
