@@ -53,14 +53,16 @@ impl DenseLu {
     }
 
     /// Writes S = R A C into `lu` and returns its 1-norm.
-    fn scatter(&mut self, values: &[f64]) -> Result<f64, LinearError> {
+    fn scatter(&mut self, values: &[f64], balanced: bool) -> Result<f64, LinearError> {
         let n = self.pattern.n();
         let (col_ptr, row_idx) = (self.pattern.col_ptr(), self.pattern.row_idx());
         let full = self.pattern.is_full();
-        if full {
-            self.scaling.compute_full(values)?;
-        } else {
-            self.scaling.compute(col_ptr, row_idx, values)?;
+        match (balanced, full) {
+            (false, true) => self.scaling.compute_full(values)?,
+            (false, false) => self.scaling.compute(col_ptr, row_idx, values)?,
+            (true, _) => (self.scaling).balance(col_ptr, row_idx, values, &mut self.work),
+        }
+        if !full {
             self.lu.fill(0.0);
         }
         let (row, col) = (self.scaling.row(), self.scaling.col());
@@ -126,6 +128,28 @@ impl DenseLu {
                 residual: growth * f64::EPSILON,
             });
         }
+        Ok(())
+    }
+
+    fn attempt(&mut self, values: &[f64], balanced: bool) -> Result<(), LinearError> {
+        let norm = self.scatter(values, balanced)?;
+        self.eliminate()?;
+        let factors = Factors {
+            n: self.pattern.n(),
+            lu: &self.lu,
+            perm: &self.perm,
+            perm_inv: &self.perm_inv,
+        };
+        if factors.n == 0 {
+            self.rcond = Some(1.0);
+            return Ok(());
+        }
+        let inverse_norm = norm_1_estimate(
+            |x, transpose| factors.solve(x, transpose, &mut self.scratch),
+            &mut self.work,
+            &mut self.sign,
+        );
+        self.rcond = Some(judge(norm, inverse_norm)?);
         Ok(())
     }
 
@@ -264,25 +288,14 @@ impl LinearSolver for DenseLu {
     fn factor(&mut self, a: MatrixRef<'_>) -> Result<(), LinearError> {
         self.rcond = None;
         self.pattern.check(&a)?;
-        let norm = self.scatter(a.values)?;
-        self.eliminate()?;
-        let factors = Factors {
-            n: self.pattern.n(),
-            lu: &self.lu,
-            perm: &self.perm,
-            perm_inv: &self.perm_inv,
-        };
-        if factors.n == 0 {
-            self.rcond = Some(1.0);
-            return Ok(());
+        match self.attempt(a.values, false) {
+            Err(LinearError::Singular { rcond }) if self.scaling.is_regular() => {
+                // Largest entries may have misled the equilibration: a second opinion before the verdict.
+                self.attempt(a.values, true)
+                    .map_err(|_| LinearError::Singular { rcond })
+            }
+            result => result,
         }
-        let inverse_norm = norm_1_estimate(
-            |x, transpose| factors.solve(x, transpose, &mut self.scratch),
-            &mut self.work,
-            &mut self.sign,
-        );
-        self.rcond = Some(judge(norm, inverse_norm)?);
-        Ok(())
     }
 
     fn solve_in_place(&mut self, b: &mut [f64]) -> Result<(), LinearError> {

@@ -1,6 +1,9 @@
 use super::LinearError;
 use super::memory::check_finite;
 
+/// Sweeps of [`Scaling::balance`]; a handful does unless units vary along a long chain.
+const BALANCE_SWEEPS: usize = 12;
+
 /// Equilibration S = R A C by powers of two, so that the largest entry of every row and column of S lies near 1.
 ///
 /// Pivots and condition numbers of S do not depend on the units of equations and unknowns, and scaling is exact.
@@ -8,6 +11,7 @@ use super::memory::check_finite;
 pub(super) struct Scaling {
     row: Vec<f64>,
     col: Vec<f64>,
+    regular: bool,
 }
 
 impl Scaling {
@@ -18,7 +22,7 @@ impl Scaling {
         self.col.resize(n, 1.0);
     }
 
-    /// Finds R and C; an empty row or column is a singularity. `entries` yields (row, column, value).
+    /// Finds R and C; an empty row or column is a singularity.
     pub(super) fn compute(
         &mut self,
         col_ptr: &[usize],
@@ -26,6 +30,7 @@ impl Scaling {
         values: &[f64],
     ) -> Result<(), LinearError> {
         check_finite(values, "the matrix")?;
+        self.regular = false;
         self.row.fill(0.0);
         for (&i, v) in row_idx.iter().zip(values) {
             self.row[i] = self.row[i].max(v.abs());
@@ -38,7 +43,43 @@ impl Scaling {
                 .zip(&values[span[0]..span[1]])
                 .fold(0.0, |m: f64, (&i, v)| m.max(v.abs() * self.row[i]));
         }
-        invert_all(&mut self.col)
+        invert_all(&mut self.col)?;
+        self.regular = true;
+        Ok(())
+    }
+
+    /// Finds R and C that bring the *geometric means* of rows and columns near 1: dearer, but it undoes any scaling of a
+    /// matrix with entries of one size, where largest entries mislead. `count` is scratch of the order of the matrix.
+    ///
+    /// Alternating least squares of log₂ |r a c| (A. R. Curtis and J. K. Reid, 1972, doi:10.1093/imamat/10.1.118).
+    pub(super) fn balance(
+        &mut self,
+        col_ptr: &[usize],
+        row_idx: &[usize],
+        values: &[f64],
+        count: &mut [f64],
+    ) {
+        let (u, v) = (&mut self.row, &mut self.col);
+        v.fill(0.0);
+        for _ in 0..BALANCE_SWEEPS {
+            u.fill(0.0);
+            count.fill(0.0);
+            for_nonzeros(col_ptr, row_idx, values, |i, j, log| {
+                u[i] -= log + v[j];
+                count[i] += 1.0;
+            });
+            u.iter_mut().zip(&*count).for_each(|(u, c)| *u /= c.max(1.0));
+            v.fill(0.0);
+            count.fill(0.0);
+            for_nonzeros(col_ptr, row_idx, values, |i, j, log| {
+                v[j] -= log + u[i];
+                count[j] += 1.0;
+            });
+            v.iter_mut().zip(&*count).for_each(|(v, c)| *v /= c.max(1.0));
+        }
+        for f in u.iter_mut().chain(v) {
+            *f = f.clamp(-500.0, 500.0).round().exp2();
+        }
     }
 
     /// As [`compute`](Self::compute), for a full matrix.
@@ -58,7 +99,14 @@ impl Scaling {
         for (c, column) in self.col.iter_mut().zip(values.chunks_exact(n)) {
             *c = (self.row.iter().zip(column)).fold(0.0, |m: f64, (r, v)| m.max(v.abs() * r));
         }
-        invert_all(&mut self.col)
+        invert_all(&mut self.col)?;
+        self.regular = true;
+        Ok(())
+    }
+
+    /// Whether no row or column was found empty.
+    pub(super) fn is_regular(&self) -> bool {
+        self.regular
     }
 
     pub(super) fn row(&self) -> &[f64] {
@@ -86,6 +134,18 @@ pub(super) fn scale_columns(b: &mut [f64], factors: &[f64]) {
     for column in b.chunks_exact_mut(factors.len()) {
         for (b, f) in column.iter_mut().zip(factors) {
             *b *= f;
+        }
+    }
+}
+
+/// Calls `f` with row, column and binary exponent of each entry that is not zero.
+fn for_nonzeros(col_ptr: &[usize], row_idx: &[usize], values: &[f64], mut f: impl FnMut(usize, usize, f64)) {
+    for j in 0..col_ptr.len() - 1 {
+        for k in col_ptr[j]..col_ptr[j + 1] {
+            if values[k] != 0.0 {
+                let exponent = (values[k].to_bits() >> 52) & 0x7ff;
+                f(row_idx[k], j, exponent as f64 - 1023.0);
+            }
         }
     }
 }

@@ -87,6 +87,44 @@ impl SparseLu {
         }
     }
 
+    fn attempt(&mut self, values: &[f64], balanced: bool) -> Result<(), LinearError> {
+        let Some(engine) = self.engine.as_mut() else {
+            return Err(LinearError::NotAnalyzed);
+        };
+        let n = self.pattern.n();
+        let (col_ptr, row_idx) = (self.pattern.col_ptr(), self.pattern.row_idx());
+        if n == 0 {
+            self.rcond = Some(1.0);
+            return Ok(());
+        }
+        match balanced {
+            false => self.scaling.compute(col_ptr, row_idx, values)?,
+            true => (self.scaling).balance(col_ptr, row_idx, values, &mut self.work[..n]),
+        }
+        let (row, col) = (self.scaling.row(), self.scaling.col());
+        let row_sums = &mut self.work[..n];
+        row_sums.fill(0.0);
+        self.norm_1 = 0.0;
+        for j in 0..n {
+            let mut sum = 0.0;
+            for k in col_ptr[j]..col_ptr[j + 1] {
+                let s = values[k] * row[row_idx[k]] * col[j];
+                self.values[k] = s;
+                row_sums[row_idx[k]] += s.abs();
+                sum += s.abs();
+            }
+            self.norm_1 = self.norm_1.max(sum);
+        }
+        self.norm_max = norm_max(row_sums);
+        let symbolic = SymbolicSparseColMatRef::new_checked(n, n, col_ptr, None, row_idx);
+        engine.factor(SparseColMatRef::new(symbolic, &self.values))?;
+        let (x, rest) = self.work.split_at_mut(n);
+        let solve = |x: &mut [f64], transpose: bool| engine.solve(x, transpose);
+        let inverse_norm = norm_1_estimate(solve, x, &mut rest[..n]);
+        self.rcond = Some(judge(self.norm_1, inverse_norm)?);
+        Ok(())
+    }
+
     fn solve(&mut self, b: &mut [f64], transpose: bool) -> Result<(), LinearError> {
         let (Some(engine), Some(_)) = (self.engine.as_mut(), self.rcond) else {
             return Err(LinearError::NotFactored);
@@ -315,37 +353,14 @@ impl LinearSolver for SparseLu {
     fn factor(&mut self, a: MatrixRef<'_>) -> Result<(), LinearError> {
         self.rcond = None;
         self.pattern.check(&a)?;
-        let Some(engine) = self.engine.as_mut() else {
-            return Err(LinearError::NotAnalyzed);
-        };
-        let n = self.pattern.n();
-        let (col_ptr, row_idx) = (self.pattern.col_ptr(), self.pattern.row_idx());
-        self.scaling.compute(col_ptr, row_idx, a.values)?;
-        let (row, col) = (self.scaling.row(), self.scaling.col());
-        let row_sums = &mut self.work[..n];
-        row_sums.fill(0.0);
-        self.norm_1 = 0.0;
-        for j in 0..n {
-            let mut sum = 0.0;
-            for k in col_ptr[j]..col_ptr[j + 1] {
-                let s = a.values[k] * row[row_idx[k]] * col[j];
-                self.values[k] = s;
-                row_sums[row_idx[k]] += s.abs();
-                sum += s.abs();
+        match self.attempt(a.values, false) {
+            Err(LinearError::Singular { rcond }) if self.scaling.is_regular() => {
+                // Largest entries may have misled the equilibration: a second opinion before the verdict.
+                self.attempt(a.values, true)
+                    .map_err(|_| LinearError::Singular { rcond })
             }
-            self.norm_1 = self.norm_1.max(sum);
+            result => result,
         }
-        self.norm_max = norm_max(row_sums);
-        if n > 0 {
-            let symbolic = SymbolicSparseColMatRef::new_checked(n, n, col_ptr, None, row_idx);
-            engine.factor(SparseColMatRef::new(symbolic, &self.values))?;
-            let (x, rest) = self.work.split_at_mut(n);
-            let inverse_norm = norm_1_estimate(|x, transpose| engine.solve(x, transpose), x, &mut rest[..n]);
-            self.rcond = Some(judge(self.norm_1, inverse_norm)?);
-        } else {
-            self.rcond = Some(1.0);
-        }
-        Ok(())
     }
 
     fn solve_in_place(&mut self, b: &mut [f64]) -> Result<(), LinearError> {
@@ -362,6 +377,9 @@ impl LinearSolver for SparseLu {
 
     fn log_det(&self) -> Option<(i8, f64)> {
         self.rcond?;
+        if self.pattern.n() == 0 {
+            return Some((1, 0.0));
+        }
         match &self.engine.as_ref()?.factors {
             Factors::Blocked(_) => None,
             Factors::Columns(c) => {
