@@ -1,0 +1,104 @@
+//! The seed's examples against exact rational arithmetic: every branch, from both ends, for step bounds over four decades.
+
+mod common;
+
+use common::{Case, Link, Vertex, cases};
+use semismooth::contact::{CondensedFriction, FrictionMap, FrictionStart, first_point};
+use semismooth::continuation::{Branch, ContinuationOptions, Direction, Termination, TransitionKind};
+
+const WINDOW: (f64, f64) = (-12.0, 25.0);
+
+/// A parameter inside the first piece of a chain and the direction towards its leaving end.
+fn start_of(chain: &[Link], vertices: &[Vertex]) -> (f64, Direction) {
+    let first = &chain[0];
+    let (lo, hi) = first.interval;
+    let inside = match (lo.is_finite(), hi.is_finite()) {
+        (true, true) => 0.5 * (lo + hi),
+        (true, false) => (lo + 4.0).min(WINDOW.1 - 1.0),
+        (false, true) => hi - 4.0,
+        (false, false) => 1.0,
+    };
+    let falling = first.leave.is_some_and(|v| vertices[v].alpha <= inside);
+    let direction = if falling { Direction::Decreasing } else { Direction::Increasing };
+    (inside, direction)
+}
+
+fn check_chain<M: FrictionMap>(map: &M, case: &Case, chain: &[Link], h_max: f64) {
+    let vertices = case.vertices();
+    if chain[0].vertical {
+        return;
+    }
+    let (alpha, direction) = start_of(chain, &vertices);
+    let start = first_point(map, alpha, &FrictionStart::States(chain[0].states.clone()))
+        .unwrap_or_else(|e| panic!("{}: {e}", case.name));
+    let options = ContinuationOptions::default()
+        .with_parameter_range(WINDOW)
+        .with_max_step(h_max)
+        .with_step(h_max.min(0.05))
+        .with_max_points(200_000)
+        .with_max_growth(30.0);
+    let branch = Branch::follow(map, &start, direction, options).unwrap();
+    let expected: Vec<usize> = chain.iter().filter_map(|l| l.leave).collect();
+    let context = format!("{} h_max {h_max}", case.name);
+    assert_eq!(branch.transitions.len(), expected.len(), "{context}: {:?}", branch.termination);
+    for (k, (t, &v)) in branch.transitions.iter().zip(&expected).enumerate() {
+        let vertex = &vertices[v];
+        let scale = 1.0 + vertex.alpha.abs();
+        assert!((t.parameter() - vertex.alpha).abs() <= 1e-10 * scale, "{context}: {}", t.parameter());
+        for (theta, exact) in map.theta(&t.x).iter().zip(&vertex.theta) {
+            for (a, b) in theta.iter().zip(exact) {
+                assert!((a - b).abs() <= 1e-10 * (1.0 + b.abs()), "{context}: {theta:?} {exact:?}");
+            }
+        }
+        let u = map.displacements(&t.x).unwrap();
+        for (a, b) in u.iter().zip(&vertex.u) {
+            assert!((a - b).abs() <= 1e-10 * (1.0 + b.abs()), "{context}");
+        }
+        assert_eq!(map.states(&t.before), chain[k].states, "{context}");
+        let vertical_next = chain.get(k + 1).map(|l| l.vertical);
+        let kind = match (vertex.kind.as_str(), vertex.fold, vertical_next) {
+            ("end", ..) => TransitionKind::End,
+            ("branching", ..) => TransitionKind::Branching,
+            (_, _, Some(true)) => TransitionKind::VerticalBegin,
+            (_, true, _) => TransitionKind::Fold,
+            _ => TransitionKind::PassThrough,
+        };
+        assert_eq!(t.kind, kind, "{context}");
+        if let Some(next) = chain.get(k + 1) {
+            assert_eq!(map.states(&t.after), next.states, "{context}");
+        }
+    }
+    let last = chain.last().unwrap();
+    let ends = match last.leave.map(|v| vertices[v].kind.as_str()) {
+        Some("end") => vec![Termination::End],
+        Some("branching") => vec![Termination::Branching],
+        _ => vec![Termination::ParameterRange, Termination::Unbounded],
+    };
+    assert!(ends.contains(&branch.termination), "{context}: {}", branch.termination);
+    for point in &branch.points {
+        if let Some(sign) = point.det_sign {
+            let states = map.states(&point.selection);
+            let known = chain.iter().find(|l| l.states == states).expect(&context);
+            assert_eq!(i64::from(sign), known.det_sign, "{context}");
+        }
+    }
+}
+
+#[test]
+fn every_branch_from_both_ends_for_all_step_bounds() {
+    for case in cases() {
+        let degenerate = case.name.starts_with("deg_");
+        for reverse in [false, true] {
+            for chain in case.chains(reverse) {
+                for h_max in [1e-2, 0.05, 0.5, 5.0] {
+                    if degenerate && h_max < 0.05 {
+                        continue;
+                    }
+                    check_chain(&case.problem, &case, &chain, h_max);
+                }
+                let condensed = CondensedFriction::new(case.problem.clone()).unwrap();
+                check_chain(&condensed, &case, &chain, 0.5);
+            }
+        }
+    }
+}
