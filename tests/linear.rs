@@ -615,3 +615,45 @@ proptest! {
         }
     }
 }
+
+#[test]
+fn blocked_elimination_meets_structural_singularity_and_nan() {
+    let mut rng = Rng(53);
+    for round in 0..60 {
+        let n = 20 + round;
+        // A few columns share too few rows; the rest is dense enough to be eliminated by blocks.
+        let (crowd, rows) = (2 + round % 7, 1 + round % 5);
+        let crowd = crowd.max(rows + 1);
+        let mut t = Vec::new();
+        for j in 0..n {
+            for i in 0..n {
+                let inside = if j % 3 == 0 && j / 3 < crowd {
+                    i % 11 < 1 && i / 11 < rows
+                } else {
+                    rng.next() > -0.4
+                };
+                if inside {
+                    t.push((i, j, rng.next()));
+                }
+            }
+        }
+        let a = Matrix::from_triplets(n, n, &t).unwrap();
+        for solver in [SparseLu::new(), SparseLu::with_determinants()] {
+            let e = factored(solver, &a).map(|_| ()).unwrap_err();
+            assert!(matches!(e, LinearError::Singular { .. }), "{n}: {e}");
+        }
+    }
+    // By blocks the determinant is unknown, unless asked for.
+    let a = dense(300, &mut rng);
+    assert_eq!(factored(SparseLu::new(), &a).unwrap().log_det(), None);
+    assert!(
+        factored(SparseLu::with_determinants(), &a)
+            .unwrap()
+            .log_det()
+            .is_some()
+    );
+    let mut bad = a.clone();
+    bad.values_mut()[777] = f64::NAN;
+    let e = factored(SparseLu::new(), &bad).map(|_| ()).unwrap_err();
+    assert!(matches!(e, LinearError::NotFinite { .. }));
+}
