@@ -5,10 +5,8 @@ use faer::dyn_stack::{MemStack, StackReq};
 use faer::linalg::lu::partial_pivoting::{factor, solve};
 use faer::perm::PermRef;
 use faer::{Conj, MatMut, MatRef, Par};
-use nalgebra::DMatrixViewMut;
-use nalgebra::linalg::{gauss_step, gauss_step_swap};
 
-use super::condition::{arg_max_abs, judge, norm_1_estimate};
+use super::condition::{judge, norm_1_estimate};
 use super::memory::{PatternMemory, check_finite, count_rhs};
 use super::scaling::{Scaling, scale_columns};
 use super::{LinearError, LinearSolver};
@@ -101,22 +99,8 @@ impl DenseLu {
             );
             self.odd = info.transposition_count % 2 == 1;
         } else {
-            for k in 0..n {
-                let pivot = k + arg_max_abs(&self.lu[k * n + k..(k + 1) * n]);
-                let diagonal = self.lu[k * n + pivot];
-                if diagonal == 0.0 {
-                    return Err(LinearError::Singular { rcond: 0.0 });
-                }
-                self.perm[k] = pivot;
-                let mut lu = DMatrixViewMut::from_slice(&mut self.lu, n, n);
-                if pivot == k {
-                    gauss_step(&mut lu, diagonal, k);
-                } else {
-                    self.odd = !self.odd;
-                    lu.columns_range_mut(..k).swap_rows(k, pivot);
-                    gauss_step_swap(&mut lu, diagonal, k, pivot);
-                }
-            }
+            let run = |n| eliminate_small(n, &mut self.lu, &mut self.perm);
+            self.odd = for_small(n, run).ok_or(LinearError::Singular { rcond: 0.0 })?;
         }
         let growth = self.lu.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
         if (0..n).any(|k| self.lu[k * n + k] == 0.0 || !self.lu[k * n + k].is_finite()) {
@@ -193,11 +177,10 @@ impl Factors<'_> {
         }
         if n < BLOCKED {
             for column in b.chunks_exact_mut(n) {
-                if transpose {
-                    self.solve_small_transpose(column);
-                } else {
-                    self.solve_small(column);
-                }
+                for_small(n, |n| match transpose {
+                    false => solve_small(n, self.lu, self.perm, column),
+                    true => solve_small_transpose(n, self.lu, self.perm, column),
+                });
             }
             return;
         }
@@ -214,45 +197,93 @@ impl Factors<'_> {
             run(lu, lu, perm, Conj::No, rhs, Par::Seq, stack);
         }
     }
+}
 
-    fn solve_small(&self, b: &mut [f64]) {
-        let n = self.n;
-        for (k, &p) in self.perm.iter().enumerate() {
-            b.swap(k, p);
-        }
-        for k in 0..n {
-            let (head, tail) = b.split_at_mut(k + 1);
-            let l = &self.lu[k * n + k + 1..(k + 1) * n];
-            for (b, l) in tail.iter_mut().zip(l) {
-                *b -= l * head[k];
+/// Calls `f` with `n`, as a constant known to the compiler for the orders that matter most.
+#[inline(always)]
+fn for_small<R>(n: usize, f: impl FnOnce(usize) -> R) -> R {
+    match n {
+        1 => f(1),
+        2 => f(2),
+        3 => f(3),
+        4 => f(4),
+        _ => f(n),
+    }
+}
+
+/// Elimination with partial pivoting in place; `true` for an odd number of exchanges, `None` at a pivot that is zero.
+#[inline(always)]
+fn eliminate_small(n: usize, lu: &mut [f64], perm: &mut [usize]) -> Option<bool> {
+    let (lu, perm) = (&mut lu[..n * n], &mut perm[..n]);
+    let mut odd = false;
+    for k in 0..n {
+        let mut pivot = k;
+        for i in k + 1..n {
+            if lu[k * n + i].abs() > lu[k * n + pivot].abs() {
+                pivot = i;
             }
         }
-        for k in (0..n).rev() {
-            let u = &self.lu[k * n..k * n + k + 1];
-            let (head, tail) = b.split_at_mut(k);
-            tail[0] /= u[k];
-            for (b, u) in head.iter_mut().zip(u) {
-                *b -= u * tail[0];
+        let diagonal = lu[k * n + pivot];
+        if diagonal == 0.0 {
+            return None;
+        }
+        perm[k] = pivot;
+        if pivot != k {
+            odd = !odd;
+            (0..n).for_each(|j| lu.swap(j * n + k, j * n + pivot));
+        }
+        let (done, rest) = lu.split_at_mut((k + 1) * n);
+        let l = &mut done[k * n + k + 1..];
+        let inverse = 1.0 / diagonal;
+        l.iter_mut().for_each(|l| *l *= inverse);
+        for column in rest.chunks_exact_mut(n) {
+            let u = column[k];
+            for (c, l) in column[k + 1..].iter_mut().zip(l.iter()) {
+                *c -= l * u;
             }
         }
     }
+    Some(odd)
+}
 
-    fn solve_small_transpose(&self, b: &mut [f64]) {
-        let n = self.n;
-        for k in 0..n {
-            let u = &self.lu[k * n..k * n + k + 1];
-            let dot: f64 = u[..k].iter().zip(b.iter()).map(|(u, b)| u * b).sum();
-            b[k] = (b[k] - dot) / u[k];
+#[inline(always)]
+fn solve_small(n: usize, lu: &[f64], perm: &[usize], b: &mut [f64]) {
+    let (lu, perm, b) = (&lu[..n * n], &perm[..n], &mut b[..n]);
+    for k in 0..n {
+        b.swap(k, perm[k]);
+    }
+    for k in 0..n {
+        let (head, tail) = b.split_at_mut(k + 1);
+        for (b, l) in tail.iter_mut().zip(&lu[k * n + k + 1..(k + 1) * n]) {
+            *b -= l * head[k];
         }
-        for k in (0..n).rev() {
-            let (head, tail) = b.split_at_mut(k + 1);
-            let l = &self.lu[k * n + k + 1..(k + 1) * n];
-            let dot: f64 = l.iter().zip(tail.iter()).map(|(l, b)| l * b).sum();
-            head[k] -= dot;
+    }
+    for k in (0..n).rev() {
+        let (head, tail) = b.split_at_mut(k);
+        tail[0] /= lu[k * n + k];
+        for (b, u) in head.iter_mut().zip(&lu[k * n..k * n + k]) {
+            *b -= u * tail[0];
         }
-        for (k, &p) in self.perm.iter().enumerate().rev() {
-            b.swap(k, p);
-        }
+    }
+}
+
+#[inline(always)]
+fn solve_small_transpose(n: usize, lu: &[f64], perm: &[usize], b: &mut [f64]) {
+    let (lu, perm, b) = (&lu[..n * n], &perm[..n], &mut b[..n]);
+    for k in 0..n {
+        let (head, tail) = b.split_at_mut(k);
+        let u = &lu[k * n..k * n + k];
+        let dot: f64 = u.iter().zip(head.iter()).map(|(u, b)| u * b).sum();
+        tail[0] = (tail[0] - dot) / lu[k * n + k];
+    }
+    for k in (0..n).rev() {
+        let (head, tail) = b.split_at_mut(k + 1);
+        let l = &lu[k * n + k + 1..(k + 1) * n];
+        let dot: f64 = l.iter().zip(tail.iter()).map(|(l, b)| l * b).sum();
+        head[k] -= dot;
+    }
+    for k in (0..n).rev() {
+        b.swap(k, perm[k]);
     }
 }
 
