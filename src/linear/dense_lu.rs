@@ -6,7 +6,7 @@ use faer::linalg::lu::partial_pivoting::{factor, solve};
 use faer::perm::PermRef;
 use faer::{Conj, MatMut, MatRef, Par};
 
-use super::condition::{judge, norm_1_estimate};
+use super::condition::{arg_max_abs, judge, norm_1_estimate};
 use super::memory::{PatternMemory, check_finite, count_rhs};
 use super::scaling::{Scaling, scale_columns};
 use super::{LinearError, LinearSolver};
@@ -99,8 +99,15 @@ impl DenseLu {
             );
             self.odd = info.transposition_count % 2 == 1;
         } else {
-            let run = |n| eliminate_small(n, &mut self.lu, &mut self.perm);
-            self.odd = for_small(n, run).ok_or(LinearError::Singular { rcond: 0.0 })?;
+            let run = match n {
+                1 => eliminate_fixed::<1>,
+                2 => eliminate_fixed::<2>,
+                3 => eliminate_fixed::<3>,
+                4 => eliminate_fixed::<4>,
+                _ => eliminate_small,
+            };
+            self.odd =
+                run(n, &mut self.lu, &mut self.perm).ok_or(LinearError::Singular { rcond: 0.0 })?;
         }
         let growth = self.lu.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
         if (0..n).any(|k| self.lu[k * n + k] == 0.0 || !self.lu[k * n + k].is_finite()) {
@@ -177,10 +184,14 @@ impl Factors<'_> {
         }
         if n < BLOCKED {
             for column in b.chunks_exact_mut(n) {
-                for_small(n, |n| match transpose {
-                    false => solve_small(n, self.lu, self.perm, column),
-                    true => solve_small_transpose(n, self.lu, self.perm, column),
-                });
+                let run = match n {
+                    1 => solve_fixed::<1>,
+                    2 => solve_fixed::<2>,
+                    3 => solve_fixed::<3>,
+                    4 => solve_fixed::<4>,
+                    _ => solve_small,
+                };
+                run(self.lu, self.perm, column, transpose);
             }
             return;
         }
@@ -199,30 +210,52 @@ impl Factors<'_> {
     }
 }
 
-/// Calls `f` with `n`, as a constant known to the compiler for the orders that matter most.
-#[inline(always)]
-fn for_small<R>(n: usize, f: impl FnOnce(usize) -> R) -> R {
-    match n {
-        1 => f(1),
-        2 => f(2),
-        3 => f(3),
-        4 => f(4),
-        _ => f(n),
+/// Solves with a copy of the factors of a constant order, which the compiler keeps in registers.
+#[inline]
+fn solve_fixed<const N: usize>(lu: &[f64], perm: &[usize], b: &mut [f64], transpose: bool) {
+    let (Some(columns), Some(perm), Some(b)) = (
+        lu.as_chunks::<N>().0.first_chunk::<N>(),
+        perm.first_chunk::<N>(),
+        b.first_chunk_mut::<N>(),
+    ) else {
+        return;
+    };
+    let mut x = *b;
+    if transpose {
+        for k in 0..N {
+            for i in 0..k {
+                x[k] -= columns[k][i] * x[i];
+            }
+            x[k] /= columns[k][k];
+        }
+        for k in (0..N).rev() {
+            for i in k + 1..N {
+                x[k] -= columns[k][i] * x[i];
+            }
+        }
+        (0..N).rev().for_each(|k| x.swap(k, perm[k]));
+    } else {
+        (0..N).for_each(|k| x.swap(k, perm[k]));
+        for k in 0..N {
+            for i in k + 1..N {
+                x[i] -= columns[k][i] * x[k];
+            }
+        }
+        for k in (0..N).rev() {
+            x[k] /= columns[k][k];
+            for i in 0..k {
+                x[i] -= columns[k][i] * x[k];
+            }
+        }
     }
+    *b = x;
 }
 
 /// Elimination with partial pivoting in place; `true` for an odd number of exchanges, `None` at a pivot that is zero.
-#[inline(always)]
 fn eliminate_small(n: usize, lu: &mut [f64], perm: &mut [usize]) -> Option<bool> {
-    let (lu, perm) = (&mut lu[..n * n], &mut perm[..n]);
     let mut odd = false;
     for k in 0..n {
-        let mut pivot = k;
-        for i in k + 1..n {
-            if lu[k * n + i].abs() > lu[k * n + pivot].abs() {
-                pivot = i;
-            }
-        }
+        let pivot = k + arg_max_abs(&lu[k * n + k..(k + 1) * n]);
         let diagonal = lu[k * n + pivot];
         if diagonal == 0.0 {
             return None;
@@ -246,44 +279,73 @@ fn eliminate_small(n: usize, lu: &mut [f64], perm: &mut [usize]) -> Option<bool>
     Some(odd)
 }
 
-#[inline(always)]
-fn solve_small(n: usize, lu: &[f64], perm: &[usize], b: &mut [f64]) {
-    let (lu, perm, b) = (&lu[..n * n], &perm[..n], &mut b[..n]);
-    for k in 0..n {
-        b.swap(k, perm[k]);
-    }
-    for k in 0..n {
-        let (head, tail) = b.split_at_mut(k + 1);
-        for (b, l) in tail.iter_mut().zip(&lu[k * n + k + 1..(k + 1) * n]) {
-            *b -= l * head[k];
+/// As [`eliminate_small`], for a constant order.
+#[inline]
+fn eliminate_fixed<const N: usize>(_: usize, lu: &mut [f64], perm: &mut [usize]) -> Option<bool> {
+    let target = lu.as_chunks_mut::<N>().0.first_chunk_mut::<N>()?;
+    let perm = perm.first_chunk_mut::<N>()?;
+    let mut a = *target;
+    let mut odd = false;
+    for k in 0..N {
+        let mut pivot = k;
+        for i in k + 1..N {
+            if a[k][i].abs() > a[k][pivot].abs() {
+                pivot = i;
+            }
+        }
+        if a[k][pivot] == 0.0 {
+            return None;
+        }
+        perm[k] = pivot;
+        if pivot != k {
+            odd = !odd;
+            (0..N).for_each(|j| a[j].swap(k, pivot));
+        }
+        let inverse = 1.0 / a[k][k];
+        for i in k + 1..N {
+            a[k][i] *= inverse;
+        }
+        for j in k + 1..N {
+            for i in k + 1..N {
+                a[j][i] -= a[k][i] * a[j][k];
+            }
         }
     }
-    for k in (0..n).rev() {
-        let (head, tail) = b.split_at_mut(k);
-        tail[0] /= lu[k * n + k];
-        for (b, u) in head.iter_mut().zip(&lu[k * n..k * n + k]) {
-            *b -= u * tail[0];
-        }
-    }
+    *target = a;
+    Some(odd)
 }
 
-#[inline(always)]
-fn solve_small_transpose(n: usize, lu: &[f64], perm: &[usize], b: &mut [f64]) {
-    let (lu, perm, b) = (&lu[..n * n], &perm[..n], &mut b[..n]);
-    for k in 0..n {
-        let (head, tail) = b.split_at_mut(k);
-        let u = &lu[k * n..k * n + k];
-        let dot: f64 = u.iter().zip(head.iter()).map(|(u, b)| u * b).sum();
-        tail[0] = (tail[0] - dot) / lu[k * n + k];
-    }
-    for k in (0..n).rev() {
-        let (head, tail) = b.split_at_mut(k + 1);
-        let l = &lu[k * n + k + 1..(k + 1) * n];
-        let dot: f64 = l.iter().zip(tail.iter()).map(|(l, b)| l * b).sum();
-        head[k] -= dot;
-    }
-    for k in (0..n).rev() {
-        b.swap(k, perm[k]);
+fn solve_small(lu: &[f64], perm: &[usize], b: &mut [f64], transpose: bool) {
+    let n = b.len();
+    if transpose {
+        for k in 0..n {
+            let (head, tail) = b.split_at_mut(k);
+            let u = &lu[k * n..k * n + k];
+            let dot: f64 = u.iter().zip(head.iter()).map(|(u, b)| u * b).sum();
+            tail[0] = (tail[0] - dot) / lu[k * n + k];
+        }
+        for k in (0..n).rev() {
+            let (head, tail) = b.split_at_mut(k + 1);
+            let l = &lu[k * n + k + 1..(k + 1) * n];
+            let dot: f64 = l.iter().zip(tail.iter()).map(|(l, b)| l * b).sum();
+            head[k] -= dot;
+        }
+        (0..n).rev().for_each(|k| b.swap(k, perm[k]));
+    } else {
+        (0..n).for_each(|k| b.swap(k, perm[k]));
+        for k in 0..n {
+            let (head, tail) = b.split_at_mut(k + 1);
+            for (b, l) in tail.iter_mut().zip(&lu[k * n + k + 1..(k + 1) * n]) {
+                *b -= l * head[k];
+            }
+        }
+        for k in (0..n).rev() {
+            let (head, tail) = b.split_at_mut(k);
+            tail[0] /= lu[k * n + k];
+            for (b, u) in head.iter_mut().zip(&lu[k * n..k * n + k]) {
+                *b -= u * tail[0];
+            }
+        }
     }
 }
 
