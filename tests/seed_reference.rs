@@ -19,7 +19,11 @@ fn start_of(chain: &[Link], vertices: &[Vertex]) -> (f64, Direction) {
         (false, false) => 1.0,
     };
     let falling = first.leave.is_some_and(|v| vertices[v].alpha <= inside);
-    let direction = if falling { Direction::Decreasing } else { Direction::Increasing };
+    let direction = if falling {
+        Direction::Decreasing
+    } else {
+        Direction::Increasing
+    };
     (inside, direction)
 }
 
@@ -40,14 +44,26 @@ fn check_chain<M: FrictionMap>(map: &M, case: &Case, chain: &[Link], h_max: f64)
     let branch = Branch::follow(map, &start, direction, options).unwrap();
     let expected: Vec<usize> = chain.iter().filter_map(|l| l.leave).collect();
     let context = format!("{} h_max {h_max}", case.name);
-    assert_eq!(branch.transitions.len(), expected.len(), "{context}: {:?}", branch.termination);
+    assert_eq!(
+        branch.transitions.len(),
+        expected.len(),
+        "{context}: {:?}",
+        branch.termination
+    );
     for (k, (t, &v)) in branch.transitions.iter().zip(&expected).enumerate() {
         let vertex = &vertices[v];
         let scale = 1.0 + vertex.alpha.abs();
-        assert!((t.parameter() - vertex.alpha).abs() <= 1e-10 * scale, "{context}: {}", t.parameter());
+        assert!(
+            (t.parameter() - vertex.alpha).abs() <= 1e-10 * scale,
+            "{context}: {}",
+            t.parameter()
+        );
         for (theta, exact) in map.theta(&t.x).iter().zip(&vertex.theta) {
             for (a, b) in theta.iter().zip(exact) {
-                assert!((a - b).abs() <= 1e-10 * (1.0 + b.abs()), "{context}: {theta:?} {exact:?}");
+                assert!(
+                    (a - b).abs() <= 1e-10 * (1.0 + b.abs()),
+                    "{context}: {theta:?} {exact:?}"
+                );
             }
         }
         let u = map.displacements(&t.x).unwrap();
@@ -74,7 +90,11 @@ fn check_chain<M: FrictionMap>(map: &M, case: &Case, chain: &[Link], h_max: f64)
         Some("branching") => vec![Termination::Branching],
         _ => vec![Termination::ParameterRange, Termination::Unbounded],
     };
-    assert!(ends.contains(&branch.termination), "{context}: {}", branch.termination);
+    assert!(
+        ends.contains(&branch.termination),
+        "{context}: {}",
+        branch.termination
+    );
     for point in &branch.points {
         if let Some(sign) = point.det_sign {
             let states = map.states(&point.selection);

@@ -275,9 +275,12 @@ impl<L: LinearSolver> Bordered<L> {
         self.work.copy_from_slice(r);
         self.solver.solve_in_place(&mut self.work)?;
         insert(&self.work, self.frozen, 0.0, x);
-        let beta = (c - dot(t, x)) / slope;
-        for (x, v) in x.iter_mut().zip(&self.tangent) {
-            *x += beta * v;
+        // The second time for what cancellation left of the last row.
+        for _ in 0..2 {
+            let beta = (c - dot(t, x)) / slope;
+            for (x, v) in x.iter_mut().zip(&self.tangent) {
+                *x += beta * v;
+            }
         }
         check_finite(x, "").map_err(|_| LinearError::Inaccurate { residual: f64::NAN })
     }

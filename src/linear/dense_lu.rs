@@ -5,8 +5,6 @@ use faer::dyn_stack::{MemStack, StackReq};
 use faer::linalg::lu::partial_pivoting::{factor, solve};
 use faer::perm::PermRef;
 use faer::{Conj, MatMut, MatRef, Par};
-use nalgebra::DMatrixViewMut;
-use nalgebra::linalg::{gauss_step, gauss_step_swap};
 
 use super::condition::{arg_max_abs, judge, norm_1_estimate};
 use super::memory::{PatternMemory, check_finite, count_rhs};
@@ -101,22 +99,14 @@ impl DenseLu {
             );
             self.odd = info.transposition_count % 2 == 1;
         } else {
-            for k in 0..n {
-                let pivot = k + arg_max_abs(&self.lu[k * n + k..(k + 1) * n]);
-                let diagonal = self.lu[k * n + pivot];
-                if diagonal == 0.0 {
-                    return Err(LinearError::Singular { rcond: 0.0 });
-                }
-                self.perm[k] = pivot;
-                let mut lu = DMatrixViewMut::from_slice(&mut self.lu, n, n);
-                if pivot == k {
-                    gauss_step(&mut lu, diagonal, k);
-                } else {
-                    self.odd = !self.odd;
-                    lu.columns_range_mut(..k).swap_rows(k, pivot);
-                    gauss_step_swap(&mut lu, diagonal, k, pivot);
-                }
-            }
+            let run = match n {
+                1 => eliminate_fixed::<1>,
+                2 => eliminate_fixed::<2>,
+                3 => eliminate_fixed::<3>,
+                4 => eliminate_fixed::<4>,
+                _ => eliminate_small,
+            };
+            self.odd = run(n, &mut self.lu, &mut self.perm).ok_or(LinearError::Singular { rcond: 0.0 })?;
         }
         let growth = self.lu.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
         if (0..n).any(|k| self.lu[k * n + k] == 0.0 || !self.lu[k * n + k].is_finite()) {
@@ -193,11 +183,14 @@ impl Factors<'_> {
         }
         if n < BLOCKED {
             for column in b.chunks_exact_mut(n) {
-                if transpose {
-                    self.solve_small_transpose(column);
-                } else {
-                    self.solve_small(column);
-                }
+                let run = match n {
+                    1 => solve_fixed::<1>,
+                    2 => solve_fixed::<2>,
+                    3 => solve_fixed::<3>,
+                    4 => solve_fixed::<4>,
+                    _ => solve_small,
+                };
+                run(self.lu, self.perm, column, transpose);
             }
             return;
         }
@@ -214,44 +207,143 @@ impl Factors<'_> {
             run(lu, lu, perm, Conj::No, rhs, Par::Seq, stack);
         }
     }
+}
 
-    fn solve_small(&self, b: &mut [f64]) {
-        let n = self.n;
-        for (k, &p) in self.perm.iter().enumerate() {
-            b.swap(k, p);
+/// Solves with a copy of the factors of a constant order, which the compiler keeps in registers.
+#[inline]
+fn solve_fixed<const N: usize>(lu: &[f64], perm: &[usize], b: &mut [f64], transpose: bool) {
+    let (Some(columns), Some(perm), Some(b)) = (
+        lu.as_chunks::<N>().0.first_chunk::<N>(),
+        perm.first_chunk::<N>(),
+        b.first_chunk_mut::<N>(),
+    ) else {
+        return;
+    };
+    let mut x = *b;
+    if transpose {
+        for k in 0..N {
+            for i in 0..k {
+                x[k] -= columns[k][i] * x[i];
+            }
+            x[k] /= columns[k][k];
         }
+        for k in (0..N).rev() {
+            for i in k + 1..N {
+                x[k] -= columns[k][i] * x[i];
+            }
+        }
+        (0..N).rev().for_each(|k| x.swap(k, perm[k]));
+    } else {
+        (0..N).for_each(|k| x.swap(k, perm[k]));
+        for k in 0..N {
+            for i in k + 1..N {
+                x[i] -= columns[k][i] * x[k];
+            }
+        }
+        for k in (0..N).rev() {
+            x[k] /= columns[k][k];
+            for i in 0..k {
+                x[i] -= columns[k][i] * x[k];
+            }
+        }
+    }
+    *b = x;
+}
+
+/// Elimination with partial pivoting in place; `true` for an odd number of exchanges, `None` at a pivot that is zero.
+fn eliminate_small(n: usize, lu: &mut [f64], perm: &mut [usize]) -> Option<bool> {
+    let mut odd = false;
+    for k in 0..n {
+        let pivot = k + arg_max_abs(&lu[k * n + k..(k + 1) * n]);
+        let diagonal = lu[k * n + pivot];
+        if diagonal == 0.0 {
+            return None;
+        }
+        perm[k] = pivot;
+        if pivot != k {
+            odd = !odd;
+            (0..n).for_each(|j| lu.swap(j * n + k, j * n + pivot));
+        }
+        let (done, rest) = lu.split_at_mut((k + 1) * n);
+        let l = &mut done[k * n + k + 1..];
+        let inverse = 1.0 / diagonal;
+        l.iter_mut().for_each(|l| *l *= inverse);
+        for column in rest.chunks_exact_mut(n) {
+            let u = column[k];
+            for (c, l) in column[k + 1..].iter_mut().zip(l.iter()) {
+                *c -= l * u;
+            }
+        }
+    }
+    Some(odd)
+}
+
+/// As [`eliminate_small`], for a constant order.
+#[inline]
+fn eliminate_fixed<const N: usize>(_: usize, lu: &mut [f64], perm: &mut [usize]) -> Option<bool> {
+    let target = lu.as_chunks_mut::<N>().0.first_chunk_mut::<N>()?;
+    let perm = perm.first_chunk_mut::<N>()?;
+    let mut a = *target;
+    let mut odd = false;
+    for k in 0..N {
+        let mut pivot = k;
+        for i in k + 1..N {
+            if a[k][i].abs() > a[k][pivot].abs() {
+                pivot = i;
+            }
+        }
+        if a[k][pivot] == 0.0 {
+            return None;
+        }
+        perm[k] = pivot;
+        if pivot != k {
+            odd = !odd;
+            (0..N).for_each(|j| a[j].swap(k, pivot));
+        }
+        let inverse = 1.0 / a[k][k];
+        for i in k + 1..N {
+            a[k][i] *= inverse;
+        }
+        for j in k + 1..N {
+            for i in k + 1..N {
+                a[j][i] -= a[k][i] * a[j][k];
+            }
+        }
+    }
+    *target = a;
+    Some(odd)
+}
+
+fn solve_small(lu: &[f64], perm: &[usize], b: &mut [f64], transpose: bool) {
+    let n = b.len();
+    if transpose {
+        for k in 0..n {
+            let (head, tail) = b.split_at_mut(k);
+            let u = &lu[k * n..k * n + k];
+            let dot: f64 = u.iter().zip(head.iter()).map(|(u, b)| u * b).sum();
+            tail[0] = (tail[0] - dot) / lu[k * n + k];
+        }
+        for k in (0..n).rev() {
+            let (head, tail) = b.split_at_mut(k + 1);
+            let l = &lu[k * n + k + 1..(k + 1) * n];
+            let dot: f64 = l.iter().zip(tail.iter()).map(|(l, b)| l * b).sum();
+            head[k] -= dot;
+        }
+        (0..n).rev().for_each(|k| b.swap(k, perm[k]));
+    } else {
+        (0..n).for_each(|k| b.swap(k, perm[k]));
         for k in 0..n {
             let (head, tail) = b.split_at_mut(k + 1);
-            let l = &self.lu[k * n + k + 1..(k + 1) * n];
-            for (b, l) in tail.iter_mut().zip(l) {
+            for (b, l) in tail.iter_mut().zip(&lu[k * n + k + 1..(k + 1) * n]) {
                 *b -= l * head[k];
             }
         }
         for k in (0..n).rev() {
-            let u = &self.lu[k * n..k * n + k + 1];
             let (head, tail) = b.split_at_mut(k);
-            tail[0] /= u[k];
-            for (b, u) in head.iter_mut().zip(u) {
+            tail[0] /= lu[k * n + k];
+            for (b, u) in head.iter_mut().zip(&lu[k * n..k * n + k]) {
                 *b -= u * tail[0];
             }
-        }
-    }
-
-    fn solve_small_transpose(&self, b: &mut [f64]) {
-        let n = self.n;
-        for k in 0..n {
-            let u = &self.lu[k * n..k * n + k + 1];
-            let dot: f64 = u[..k].iter().zip(b.iter()).map(|(u, b)| u * b).sum();
-            b[k] = (b[k] - dot) / u[k];
-        }
-        for k in (0..n).rev() {
-            let (head, tail) = b.split_at_mut(k + 1);
-            let l = &self.lu[k * n + k + 1..(k + 1) * n];
-            let dot: f64 = l.iter().zip(tail.iter()).map(|(l, b)| l * b).sum();
-            head[k] -= dot;
-        }
-        for (k, &p) in self.perm.iter().enumerate().rev() {
-            b.swap(k, p);
         }
     }
 }

@@ -11,5 +11,7 @@ mod pattern;
 
 pub use error::SparseError;
 pub use matrix::{Matrix, MatrixRef};
-pub use matrix_market::{read_matrix_market, read_vector};
+pub use matrix_market::{
+    parse_matrix_market, parse_vector, read_matrix_market, read_vector, write_matrix_market,
+};
 pub use pattern::{Pattern, PatternRef};

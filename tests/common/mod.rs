@@ -38,7 +38,11 @@ pub fn cases() -> Vec<Case> {
 }
 
 pub fn numbers(v: &Value) -> Vec<f64> {
-    v.as_array().unwrap().iter().map(|x| x.as_f64().unwrap()).collect()
+    v.as_array()
+        .unwrap()
+        .iter()
+        .map(|x| x.as_f64().unwrap())
+        .collect()
 }
 
 fn matrix(v: &Value) -> Matrix {
@@ -81,7 +85,10 @@ impl Case {
         let list = self.json["graph"]["vertices"].as_array().unwrap();
         list.iter()
             .map(|v| {
-                let t: Vec<Vec<f64>> = ["theta1", "theta2", "theta3"].iter().map(|k| numbers(&v[*k])).collect();
+                let t: Vec<Vec<f64>> = ["theta1", "theta2", "theta3"]
+                    .iter()
+                    .map(|k| numbers(&v[*k]))
+                    .collect();
                 Vertex {
                     alpha: v["alpha"].as_f64().unwrap(),
                     theta: (0..t[0].len()).map(|i| [t[0][i], t[1][i], t[2][i]]).collect(),
@@ -118,7 +125,10 @@ impl Case {
                         states: states(link["states"].as_str().unwrap()),
                         det_sign: piece["det_sign"].as_i64().unwrap(),
                         vertical: piece["vertical"].as_bool().unwrap(),
-                        interval: (bound("alpha_lo", f64::NEG_INFINITY), bound("alpha_hi", f64::INFINITY)),
+                        interval: (
+                            bound("alpha_lo", f64::NEG_INFINITY),
+                            bound("alpha_hi", f64::INFINITY),
+                        ),
                         leave: end(leave, "vertex"),
                         enter: end(enter, "vertex"),
                     }

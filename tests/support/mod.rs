@@ -1,0 +1,112 @@
+//! Matrices and checks that the tests of linear solvers share.
+
+use semismooth::linear::{AutoSolver, DenseLu, LinearError, LinearSolver, SparseLu};
+use semismooth::sparse::{Matrix, Pattern};
+
+/// A small generator, so that the tests need no crate for it: xorshift64*.
+pub(crate) struct Rng(pub(crate) u64);
+
+impl Rng {
+    /// Uniform in [-1, 1).
+    pub(crate) fn next(&mut self) -> f64 {
+        self.0 ^= self.0 >> 12;
+        self.0 ^= self.0 << 25;
+        self.0 ^= self.0 >> 27;
+        let bits = self.0.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 11;
+        bits as f64 / (1_u64 << 52) as f64 - 1.0
+    }
+
+    pub(crate) fn vec(&mut self, n: usize) -> Vec<f64> {
+        (0..n).map(|_| self.next()).collect()
+    }
+}
+
+pub(crate) fn dense(n: usize, rng: &mut Rng) -> Matrix {
+    Matrix::from_values(Pattern::full(n, n), rng.vec(n * n)).unwrap()
+}
+
+/// A random sparse matrix with a dominant or a merely full diagonal.
+pub(crate) fn sparse(n: usize, per_column: usize, diagonal: f64, rng: &mut Rng) -> Matrix {
+    let mut triplets: Vec<_> = (0..n).map(|j| (j, j, diagonal + rng.next())).collect();
+    for j in 0..n {
+        for _ in 0..per_column {
+            let i = ((rng.next() + 1.0) / 2.0 * n as f64) as usize % n;
+            triplets.push((i, j, rng.next()));
+        }
+    }
+    Matrix::from_triplets(n, n, &triplets).unwrap()
+}
+
+/// The five-point Laplacian on an m × m grid; `neumann` makes it singular.
+pub(crate) fn laplacian(m: usize, neumann: bool) -> Matrix {
+    let mut t = Vec::new();
+    for x in 0..m {
+        for y in 0..m {
+            let k = x * m + y;
+            let mut degree = 0.0;
+            let mut link = |there: bool, other: usize| {
+                if there {
+                    degree += 1.0;
+                    t.push((k, other, -1.0));
+                }
+            };
+            link(x > 0, k.wrapping_sub(m));
+            link(x + 1 < m, k + m);
+            link(y > 0, k.wrapping_sub(1));
+            link(y + 1 < m, k + 1);
+            t.push((k, k, if neumann { degree } else { 4.0 }));
+        }
+    }
+    Matrix::from_triplets(m * m, m * m, &t).unwrap()
+}
+
+pub(crate) fn factored<S: LinearSolver>(mut solver: S, a: &Matrix) -> Result<S, LinearError> {
+    solver.analyze(a.pattern().as_ref())?;
+    solver.factor(a.as_ref())?;
+    Ok(solver)
+}
+
+/// Norm-wise backward error of A x = b (or of the transposed system).
+pub(crate) fn residual(a: &Matrix, x: &[f64], b: &[f64], transpose: bool) -> f64 {
+    let mut r = vec![0.0; b.len()];
+    if transpose {
+        a.mul_transpose_vec(x, &mut r);
+    } else {
+        a.mul_vec(x, &mut r);
+    }
+    let max = |v: &[f64]| v.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+    let norm = if transpose {
+        a.as_ref().norm_1()
+    } else {
+        a.transpose().as_ref().norm_1()
+    };
+    let d: Vec<f64> = r.iter().zip(b).map(|(r, b)| r - b).collect();
+    max(&d) / (norm * max(x) + max(b) + f64::MIN_POSITIVE)
+}
+
+/// Solves with several right-hand sides, plain and transposed, and checks each.
+pub(crate) fn check_solves(solver: &mut dyn LinearSolver, a: &Matrix, rhs: usize, rng: &mut Rng, tol: f64) {
+    let n = a.nrows();
+    for transpose in [false, true] {
+        let b = rng.vec(n * rhs);
+        let mut x = b.clone();
+        if transpose {
+            solver.solve_transpose_in_place(&mut x).unwrap();
+        } else {
+            solver.solve_in_place(&mut x).unwrap();
+        }
+        for (x, b) in x.chunks(n).zip(b.chunks(n)) {
+            let r = residual(a, x, b, transpose);
+            assert!(r < tol, "n = {n}, transpose {transpose}: residual {r:e}");
+        }
+    }
+}
+
+pub(crate) fn general_solvers() -> Vec<(&'static str, Box<dyn LinearSolver>)> {
+    vec![
+        ("dense", Box::new(DenseLu::new())),
+        ("sparse", Box::new(SparseLu::new())),
+        ("sparse, det", Box::new(SparseLu::with_determinants())),
+        ("auto", Box::new(AutoSolver::new())),
+    ]
+}
