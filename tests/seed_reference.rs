@@ -18,7 +18,10 @@ fn start_of(chain: &[Link], vertices: &[Vertex]) -> (f64, Direction) {
         (false, true) => hi - 4.0,
         (false, false) => 1.0,
     };
-    let falling = first.leave.is_some_and(|v| vertices[v].alpha <= inside);
+    let falling = match first.leave {
+        Some(v) => vertices[v].alpha <= inside,
+        None => hi.is_finite(),
+    };
     let direction = if falling {
         Direction::Decreasing
     } else {
@@ -110,7 +113,7 @@ fn every_branch_from_both_ends_for_all_step_bounds() {
         let degenerate = case.name.starts_with("deg_");
         for reverse in [false, true] {
             for chain in case.chains(reverse) {
-                for h_max in [1e-2, 0.05, 0.5, 5.0] {
+                for h_max in [1e-3, 1e-2, 0.05, 0.5, 5.0] {
                     if degenerate && h_max < 0.05 {
                         continue;
                     }
