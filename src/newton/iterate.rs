@@ -31,6 +31,7 @@ pub(super) fn iterate<L: LinearSolver>(
     work.report.factorisations = 0;
     work.report.evaluations = 0;
     work.visited.clear();
+    work.weight.fill(1.0);
     let Some(mut jac) = work.jac.take() else {
         return Err(LinearError::NotAnalyzed.into());
     };
@@ -45,6 +46,7 @@ pub(super) fn iterate<L: LinearSolver>(
             _ => Mode::Full,
         },
         best_norm: f64::INFINITY,
+        weighted: false,
     };
     let outcome = run.go(&mut jac, x);
     let best_norm = run.best_norm;
@@ -73,6 +75,8 @@ pub(super) struct Run<'a, L> {
     pub(super) mode: Mode,
     /// ‖H‖₂ at `work.best`.
     best_norm: f64,
+    /// Whether `work.weight` has been computed.
+    pub(super) weighted: bool,
     pub(super) n: usize,
 }
 
@@ -86,7 +90,7 @@ impl<L: LinearSolver> Run<'_, L> {
         }
         let mut previous_norm = f64::INFINITY;
         let mut why = None;
-        let mut patience = Patience::new(norm);
+        let mut patience = Patience::new(f64::INFINITY);
         let mut index = 0;
         loop {
             let natural_norm = self.natural_norm(x, norm, evaluation);
@@ -121,7 +125,7 @@ impl<L: LinearSolver> Run<'_, L> {
                     (evaluation, norm) = self.back_to_best(x);
                     self.linearize(jac, x)?;
                 }
-                patience = Patience::new(norm);
+                patience = Patience::new(f64::INFINITY);
             }
             let mut step = match self.newton_direction(jac) {
                 Ok(step) => step,
@@ -135,10 +139,11 @@ impl<L: LinearSolver> Run<'_, L> {
                 self.record_last(index, norm, evaluation);
                 return Ok(Ok(Convergence::Rounding));
             }
-            let stuck = self.mode == Mode::LineSearch && patience.is_over(norm, evaluation.changed);
+            let stuck = self.mode == Mode::LineSearch
+                && patience.is_over(self.merit(&self.work.r), evaluation.changed);
             let next = match stuck {
                 true => Err(Failure::Stagnation),
-                false => self.advance(jac, x, norm, &mut step),
+                false => self.advance(jac, x, &mut step),
             };
             let next = match next {
                 Ok(next) => next,

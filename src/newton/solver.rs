@@ -32,7 +32,7 @@ use crate::sparse::Pattern;
 /// assert!(newton.report().iterations.len() <= 4);
 /// # Ok::<(), semismooth::newton::NewtonError>(())
 /// ```
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct Newton<L = AutoSolver> {
     options: NewtonOptions,
     work: Workspace<L>,
@@ -44,6 +44,13 @@ impl Newton {
     #[must_use]
     pub fn new(options: NewtonOptions) -> Self {
         Self::with_solver(options, AutoSolver::default())
+    }
+}
+
+// Not derived: generic over the solver, `Newton::default()` would leave its type open.
+impl Default for Newton {
+    fn default() -> Self {
+        Self::new(NewtonOptions::default())
     }
 }
 

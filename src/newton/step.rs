@@ -1,5 +1,6 @@
 //! One step: its direction and its length.
 
+use super::convergence::equilibrate;
 use super::iterate::{Mode, Run};
 use super::moore_penrose::norm as norm2;
 use super::system::Evaluation;
@@ -36,32 +37,44 @@ impl<L: LinearSolver> Run<'_, L> {
         }
     }
 
-    /// Puts into `d` what up to `steps` steps of conjugate gradients make of min ‖H + ∇H d‖² (one step: steepest descent with
-    /// the best length; many: the shortest least-squares solution, also of a singular system). Returns ‖∇Hᵀ H‖ and the share of
-    /// ‖H‖² that the linear model loses.
+    /// The root of the merit function: ‖H‖ with its rows weighted.
+    pub(super) fn merit(&self, r: &[f64]) -> f64 {
+        if !self.weighted {
+            return norm2(r);
+        }
+        let pairs = r.iter().zip(&self.work.weight);
+        pairs.map(|(r, w)| (r * w).powi(2)).sum::<f64>().sqrt()
+    }
+
+    /// Puts into `d` what up to `steps` steps of conjugate gradients make of min ‖W (H + ∇H d)‖² with the weights W (one step: steepest descent with
+    /// the best length; many: the shortest least-squares solution, also of a singular system). Returns ‖∇Hᵀ W² H‖ and the share of
+    /// ‖W H‖² that the linear model loses.
     fn descent_direction(&mut self, jac: &Matrix, steps: usize) -> (f64, f64) {
         let a = jac.leading_columns(self.n);
         let work = &mut *self.work;
-        let (d, g, p, q, s) = (
+        let (d, g, p, q, s, w) = (
             &mut work.d,
             &mut work.gradient,
             &mut work.conjugate,
             &mut work.size,
             &mut work.trial_r,
+            &work.weight,
         );
         d.fill(0.0);
-        for (s, r) in s.iter_mut().zip(&work.r) {
-            *s = -r;
+        for i in 0..self.n {
+            s[i] = -w[i] * work.r[i];
+            q[i] = w[i] * s[i];
         }
         let start = norm2(s);
         g.fill(0.0);
-        a.mul_transpose_add(1.0, s, g);
+        a.mul_transpose_add(1.0, q, g);
         p.copy_from_slice(g);
         let first = norm2(g);
         let mut gradient = first;
         for _ in 0..steps {
             q.fill(0.0);
             a.mul_add(1.0, p, q);
+            q.iter_mut().zip(w).for_each(|(q, w)| *q *= w);
             let curvature = norm2(q);
             let length = (gradient / curvature).powi(2);
             if !(length.is_finite() && curvature > 0.0) {
@@ -70,9 +83,10 @@ impl<L: LinearSolver> Run<'_, L> {
             for i in 0..self.n {
                 d[i] += length * p[i];
                 s[i] -= length * q[i];
+                q[i] = w[i] * s[i];
             }
             g.fill(0.0);
-            a.mul_transpose_add(1.0, s, g);
+            a.mul_transpose_add(1.0, q, g);
             let next = norm2(g);
             if next <= 1e-10 * first {
                 break;
@@ -87,13 +101,7 @@ impl<L: LinearSolver> Run<'_, L> {
     }
 
     /// Finds the next iterate and leaves it in `trial`, its residual in `trial_r`.
-    pub(super) fn advance(
-        &mut self,
-        jac: &Matrix,
-        x: &[f64],
-        norm: f64,
-        step: &mut Step,
-    ) -> Result<Advance, Failure> {
+    pub(super) fn advance(&mut self, jac: &Matrix, x: &[f64], step: &mut Step) -> Result<Advance, Failure> {
         let singular = *step == Step::Gradient;
         let never = self.options.damping == Damping::Never;
         if never || self.mode == Mode::LeastIndex {
@@ -105,15 +113,20 @@ impl<L: LinearSolver> Run<'_, L> {
                 .search(x, |_| f64::INFINITY, shortest)
                 .ok_or(Failure::NotFinite);
         }
-        // Only to come back into the domain of H are steps shortened here. A residual that explodes leaves the region where the
-        // piece means anything.
+        // Only to come back into the domain of H are steps shortened here.
         if !singular
             && self.mode == Mode::Full
             && let Some(found) = self.search(x, |_| f64::INFINITY, self.options.min_damping)
-            && found.norm <= 1e6 * norm
         {
             return Ok(found);
         }
+        if !self.weighted {
+            let work = &mut *self.work;
+            let (row, col, max) = (&mut work.weight, &mut work.trial[..self.n], &mut work.gradient);
+            equilibrate(jac.leading_columns(self.n), row, col, max);
+            self.weighted = true;
+        }
+        let norm = self.merit(&self.work.r);
         let (armijo, shortest) = (self.options.armijo, self.options.min_damping);
         if !singular && let Some(found) = self.search(x, |t| (1.0 - armijo * t) * norm, shortest) {
             return Ok(found);
@@ -152,7 +165,7 @@ impl<L: LinearSolver> Run<'_, L> {
             let evaluation = self.system.evaluate(&self.work.trial, &mut self.work.trial_r);
             self.work.report.evaluations += 1;
             let norm = norm2(&self.work.trial_r);
-            if norm.is_finite() && norm <= bound(t) {
+            if norm.is_finite() && self.merit(&self.work.trial_r) <= bound(t) {
                 return Some(Advance {
                     damping: t,
                     evaluation,

@@ -17,6 +17,8 @@ pub(super) struct Workspace<L> {
     pub(super) size: Vec<f64>,
     pub(super) gradient: Vec<f64>,
     pub(super) conjugate: Vec<f64>,
+    /// Factors of the residuals in the merit function, so that units of rows do not matter to line searches.
+    pub(super) weight: Vec<f64>,
     pub(super) visited: Vec<(u64, f64)>,
     pub(super) report: Report,
 }
@@ -35,6 +37,7 @@ impl<L: LinearSolver> Workspace<L> {
             size: Vec::new(),
             gradient: Vec::new(),
             conjugate: Vec::new(),
+            weight: Vec::new(),
             visited: Vec::new(),
             report: Report::default(),
         }
@@ -70,6 +73,7 @@ impl<L: LinearSolver> Workspace<L> {
             &mut self.size,
             &mut self.gradient,
             &mut self.conjugate,
+            &mut self.weight,
         ] {
             v.resize(n, 0.0);
         }
