@@ -362,6 +362,8 @@ fn active_sets_are_products() {
 }
 
 proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
     #[test]
     fn b_derivatives_are_one_sided_and_positively_homogeneous(
         u in prop::array::uniform2(-1.0..1.0_f64),
@@ -433,8 +435,7 @@ fn min_maps_of_p_matrices_are_coherently_oriented() {
     assert!(matches!(away, CoherentOrientation::Coherent { .. }));
 }
 
-/// Cells in the plane by half-planes: y > 0; y < 0 and x > 0; y < 0 and x < 0; and y > 0 > y + |x|-like nonsense meeting the
-/// others in the origin alone.
+/// Cells in the plane: y > 0; y < 0 < x; y < 0 and x < 0; and 0 < y < −|x|, which meets the others in the origin alone.
 struct Apex;
 
 impl PiecewiseSmooth for Apex {
@@ -454,7 +455,6 @@ impl PiecewiseSmooth for Apex {
         4
     }
     fn cell(&self, _: usize, piece: usize) -> &[Facet] {
-        // Tests: y, x, −y + x, −y − x. The last piece needs y > 0, x < y·0… : y > 0 and −y + x > 0 and −y − x > 0.
         const CELLS: [&[Facet]; 4] = [
             &[Facet::positive(0)],
             &[Facet::negative(0), Facet::positive(1)],
@@ -674,6 +674,8 @@ mod traced {
     }
 
     proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
         #[test]
         fn derivatives_of_elementary_functions(x in prop::collection::vec(0.2..3.0_f64, 9)) {
             let map = Traced::new(Elementary);

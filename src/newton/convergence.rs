@@ -23,10 +23,13 @@ pub(super) struct Scratch<'a> {
     pub(super) max: &'a mut [f64],
 }
 
-/// Whether |r| ≤ tolerance · size: in the norm, and either row by row, or in the largest row after equilibration.
+/// Where |H_i| is a larger share of its terms, these do not cancel: they vanish together.
+const VANISHING: f64 = 1e-3;
+
+/// Whether |r| ≤ tolerance · size: in the norm and row by row.
 ///
 /// The norm alone would let a row in small units pass unsolved. Row by row alone is too much to ask of a row such as
-/// H_i = x_i at x_i ≈ 0, whose terms vanish with it; equilibration tells how small such a row is among the others.
+/// H_i = x_i at x_i ≈ 0, whose terms vanish with it; such a row is compared with the largest one after equilibration.
 pub(super) fn is_small(
     r: &[f64],
     size: &[f64],
@@ -43,8 +46,11 @@ pub(super) fn is_small(
     }
     let Scratch { row, col, max } = work;
     equilibrate(jac, row, col, max);
-    let largest = |v: &[f64]| v.iter().zip(&*row).fold(0.0, |m: f64, (v, w)| m.max(v.abs() * w));
-    largest(r) <= tolerance * largest(size)
+    let largest = size.iter().zip(&*row).fold(0.0, |m: f64, (s, w)| m.max(s * w));
+    r.iter().zip(size).zip(&*row).all(|((r, s), w)| {
+        let r = r.abs();
+        r <= tolerance * s || (r >= VANISHING * s && r * w <= tolerance * largest)
+    })
 }
 
 /// Factors that bring the largest entry of every row and column of a matrix near 1 (D. Ruiz, RAL-TR-2001-034).

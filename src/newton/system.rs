@@ -50,7 +50,9 @@ impl<P: PiecewiseSmooth + ?Sized> PsSystem<'_, P> {
     fn choose(&mut self, x: &[f64]) -> usize {
         self.map.test_functions(x, self.theta);
         self.trial.copy_from(self.selection);
-        select_pieces(self.map, self.layout, self.theta, !self.fresh, 0.0, self.trial)
+        let changed = select_pieces(self.map, self.layout, self.theta, !self.fresh, 0.0, self.trial);
+        // At the start there is nothing to differ from: what is left of an earlier run does not count.
+        if self.fresh { 0 } else { changed }
     }
 }
 
