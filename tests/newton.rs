@@ -808,6 +808,26 @@ fn fischer_burmeister_agrees_with_the_minimum_and_a_solver_is_reused() {
 }
 
 #[test]
+fn a_semismooth_map_without_pieces_is_damped_too() {
+    /// arctan x = 0, on which full steps from 3 diverge.
+    struct Arctan;
+    impl Semismooth for Arctan {
+        fn num_vars(&self) -> usize {
+            1
+        }
+        fn residual(&self, x: &[f64], out: &mut [f64]) {
+            out[0] = x[0].atan();
+        }
+        fn jacobian(&self, x: &[f64], jac: &mut Matrix) {
+            jac.add(0, 0, 1.0 / (1.0 + x[0] * x[0]));
+        }
+    }
+    let mut x = [3.0];
+    Newton::default().solve_semismooth(&Arctan, &mut x).unwrap();
+    assert!(x[0].abs() < 1e-12, "{x:?}");
+}
+
+#[test]
 fn the_cycling_example_is_a_p_matrix() {
     // Determinants of all selections positive: all principal minors are.
     let lcp = cycling();

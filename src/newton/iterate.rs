@@ -118,8 +118,8 @@ impl<L: LinearSolver> Run<'_, L> {
             if self.mode == Mode::LeastIndex && cycles {
                 return Ok(self.give_up(jac, x, index, norm, evaluation, why.unwrap_or(Failure::Cycling)));
             }
-            let trouble = cycles || norm > 1e3 * self.best_norm;
-            if trouble && self.options.damping == Damping::OnTrouble && self.mode == Mode::Full {
+            // Growth alone tells nothing: the units of rows decide it, and pieces not seen before may cost something at first.
+            if cycles && self.options.damping == Damping::OnTrouble && self.mode == Mode::Full {
                 self.mode = Mode::LineSearch;
                 if natural_norm > self.best_norm {
                     (evaluation, norm) = self.back_to_best(x);
@@ -374,7 +374,7 @@ impl<L: LinearSolver> Run<'_, L> {
     }
 }
 
-/// Watches a line search that changes pieces back and forth without getting on.
+/// Watches a line search that does not get on: it changes pieces back and forth, or creeps up to a kink.
 struct Patience {
     norm: f64,
     iterations: usize,
@@ -396,6 +396,7 @@ impl Patience {
         }
         self.iterations += 1;
         self.changes += changed;
-        self.iterations > PATIENCE && self.changes > 0
+        // On a smooth stretch slow progress is progress, creeping up to a kink is not.
+        self.iterations > PATIENCE && (self.changes > 0 || norm > 0.99 * self.norm)
     }
 }

@@ -14,8 +14,8 @@ use crate::sparse::Pattern;
 /// ∇H^(σ)(x) d = −H(x) (Kojima–Shindo 1986; Qi–Sun 1993). Rule where several pieces are active: the piece used last is kept
 /// while x is in its closed cell, else the one with the largest margin, else the one with the lowest number; deterministic.
 ///
-/// Full steps converge in finitely many iterations on piecewise-affine problems or may cycle. A cycle (a selection comes back
-/// without progress) or a growing residual leads back to the best iterate and turns on a line search on ½‖H‖². Where the
+/// Full steps converge in finitely many iterations on piecewise-affine problems or may cycle. A selection that comes back
+/// without progress leads back to the best iterate and turns on a line search on ½‖H‖² (rows weighted). Where the
 /// Jacobian is singular its least-squares step is taken, where the Newton step gives no descent the steepest one. If that fails
 /// too, the least-index rule lets one site at a time change its piece (it terminates for P-matrix problems, Murty 1974).
 ///

@@ -142,15 +142,13 @@ pub fn coherent_orientation<P: PiecewiseSmooth + ?Sized>(
     let mut solver = AutoSolver::default();
     solver.analyze(jac.leading_columns(n).pattern)?;
     let mut first: Option<(Selection, i8)> = None;
-    let mut examined = 0;
-    for selection in active.selections() {
+    for (selection, examined) in active.selections().zip(0..) {
         if examined == cap {
             return Ok(CoherentOrientation::Undecided {
                 examined,
                 total: active.total(),
             });
         }
-        examined += 1;
         jac.clear();
         map.jacobian(&selection, x, &mut jac);
         if let Some((row, col)) = jac.stray() {
