@@ -85,7 +85,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
     /// Assembles ∇H^(σ)(x) and factors it, so that its kernel is at hand.
     ///
     /// # Errors
-    /// [`LinearError::Kernel`] where the kernel is not a line; entries outside the pattern.
+    /// [`LinearError::Kernel`](crate::linear::LinearError::Kernel) where the kernel is not a line; entries outside the pattern.
     pub fn linearize<P: PiecewiseSmooth + ?Sized>(
         &mut self,
         map: &P,
