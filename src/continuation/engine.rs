@@ -87,6 +87,9 @@ pub struct Continuation<'a, P: ?Sized, L = AutoSolver> {
     pub(super) termination: Option<Termination>,
     pub(super) start: Vec<f64>,
     pub(super) started: Option<Instant>,
+    /// Buffers.
+    pub(super) rates: Vec<f64>,
+    pub(super) residual: Vec<f64>,
 }
 
 impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
@@ -212,6 +215,8 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
             points: 0,
             queue: VecDeque::new(),
             termination: None,
+            rates: Vec::new(),
+            residual: Vec::new(),
         };
         this.map.test_functions(&this.here.x, &mut this.here.theta);
         if let Some(i) = this.here.theta.iter().position(|t| !t.is_finite()) {
@@ -441,6 +446,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Iterator for Continuation<'_,
                 return None;
             }
             let stepped = match self.options.strategy {
+                Strategy::Located if self.map.is_piecewise_affine() => self.step_affine(),
                 Strategy::Located => self.step(),
                 Strategy::Switching => self.switching_step(),
             };

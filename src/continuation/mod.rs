@@ -6,6 +6,7 @@ mod engine;
 mod error;
 mod locate;
 mod options;
+mod polygon;
 mod record;
 mod smooth;
 mod step;
