@@ -109,6 +109,6 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
 
     /// Size of the terms of H at x, by the last Jacobian assembled.
     fn terms_at(&self, x: &[f64]) -> f64 {
-        super::engine::term_size(self.corrector.jacobian(), x, 0.0, x)
+        super::start::term_size(self.corrector.jacobian(), x, 0.0, x)
     }
 }
