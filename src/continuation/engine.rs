@@ -316,10 +316,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
         let State { x, t, .. } = &self.here;
         let linearized = self.corrector.linearize(self.map, &self.selection, x, Some(t));
         let (orientation, det_sign) = match linearized {
-            Ok(_) => {
-                let bordered = self.corrector.bordered();
-                (bordered.orientation(t), bordered.det_sign())
-            }
+            Ok(_) => (self.corrector.orientation(t), self.corrector.det_sign()),
             Err(PiecewiseError::Linear(_)) => (None, None),
             Err(e) => return Err(e.into()),
         };
@@ -361,7 +358,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
         t: &[f64],
     ) -> Result<Option<i8>, ContinuationError> {
         match self.corrector.linearize(self.map, selection, x, Some(t)) {
-            Ok(_) => Ok(self.corrector.bordered().orientation(t)),
+            Ok(_) => Ok(self.corrector.orientation(t)),
             Err(PiecewiseError::Linear(_)) => Ok(None),
             Err(e) => Err(e.into()),
         }

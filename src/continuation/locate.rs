@@ -182,7 +182,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         let Some(sign) = self.orientation_of(&selection, &state.x, &state.t)? else {
             return Ok(0.0);
         };
-        let log = self.corrector.bordered().log_det().map_or(0.0, |d| d.1);
+        let log = self.corrector.log_det().unwrap_or(0.0);
         Ok(f64::from(sign) * origin.sign * (log - origin.log).exp())
     }
 
@@ -316,13 +316,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
     /// Whether the last linearisation was singular or nearly so, which costs the located point its last digits.
     fn ill_conditioned(&self) -> bool {
         const POOR: f64 = 1e-8;
-        self.next.orientation.is_none()
-            || self
-                .corrector
-                .bordered()
-                .solver()
-                .rcond()
-                .is_some_and(|r| r < POOR)
+        self.next.orientation.is_none() || self.corrector.rcond().is_some_and(|r| r < POOR)
     }
 
     /// Tangent, orientation, determinant and residual at the very point.
@@ -342,9 +336,8 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
                 for (t, v) in state.t.iter_mut().zip(tangent) {
                     *t = sign * v;
                 }
-                let bordered = self.corrector.bordered();
-                state.orientation = bordered.orientation(&state.t);
-                state.det_sign = bordered.det_sign();
+                state.orientation = self.corrector.orientation(&state.t);
+                state.det_sign = self.corrector.det_sign();
             }
             Err(PiecewiseError::Linear(_)) => {
                 state.orientation = None;

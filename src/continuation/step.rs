@@ -75,9 +75,8 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
             Ok(_) | Err(PiecewiseError::Linear(_)) => return Ok(None),
             Err(e) => return Err(e.into()),
         };
-        let bordered = self.corrector.bordered();
-        self.next.orientation = bordered.orientation(&self.next.t);
-        self.next.det_sign = bordered.det_sign();
+        self.next.orientation = self.corrector.orientation(&self.next.t);
+        self.next.det_sign = self.corrector.det_sign();
         self.next.residual_norm = correction.residual_norm;
         if !self.acceptable(h) {
             return Ok(None);

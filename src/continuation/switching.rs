@@ -66,9 +66,8 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
     fn arrive_switching(&mut self, corrections: usize) -> Result<(), ContinuationError> {
         self.arclength += super::step::distance(&self.here.x, &self.next.x);
         std::mem::swap(&mut self.here, &mut self.next);
-        let bordered = self.corrector.bordered();
-        self.here.orientation = bordered.orientation(&self.here.t);
-        self.here.det_sign = bordered.det_sign();
+        self.here.orientation = self.corrector.orientation(&self.here.t);
+        self.here.det_sign = self.corrector.det_sign();
         let alpha = self.here.x[self.here.x.len() - 1];
         let (lower, upper) = self.options.parameter_range;
         if alpha < lower || alpha > upper {
@@ -103,7 +102,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
                 continue;
             };
             let mut tangent = tangent.to_vec();
-            let sign = match (self.corrector.bordered().orientation(&tangent), oriented) {
+            let sign = match (self.corrector.orientation(&tangent), oriented) {
                 (Some(s), Some(o)) => f64::from(s * o),
                 _ => dot(&tangent, &arrival).signum(),
             };
@@ -148,9 +147,8 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
                 self.here.x = x;
                 self.here.t = t;
                 self.here.residual_norm = c.residual_norm;
-                let bordered = self.corrector.bordered();
-                self.here.orientation = bordered.orientation(&self.here.t);
-                self.here.det_sign = bordered.det_sign();
+                self.here.orientation = self.corrector.orientation(&self.here.t);
+                self.here.det_sign = self.corrector.det_sign();
                 self.map.test_functions(&self.here.x, &mut self.here.theta);
                 Ok(())
             }

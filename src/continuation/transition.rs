@@ -75,7 +75,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
             self.remove_incoming(&mut own);
             return Ok(own);
         }
-        let after = self.corrector.bordered().orientation(&arms.list[0].tangent);
+        let after = self.corrector.orientation(&arms.list[0].tangent);
         if let (Some(before), Some(after)) = (self.here.orientation, after)
             && before != after
         {

@@ -8,6 +8,7 @@ mod dense_lu;
 mod error;
 mod kernel;
 mod memory;
+mod row_inverse;
 mod scaling;
 mod sparse_lu;
 
@@ -17,6 +18,7 @@ pub use cholesky::Cholesky;
 pub use dense_lu::DenseLu;
 pub use error::LinearError;
 pub use kernel::{NullSpace, null_space};
+pub(crate) use row_inverse::RowInverse;
 pub use sparse_lu::SparseLu;
 
 use crate::sparse::{MatrixRef, PatternRef};

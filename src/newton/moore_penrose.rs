@@ -1,4 +1,4 @@
-use crate::linear::{Bordered, LinearSolver};
+use crate::linear::{Bordered, DENSE_LIMIT, LinearSolver, RowInverse};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection};
 use crate::sparse::Matrix;
 
@@ -15,7 +15,16 @@ pub struct MoorePenrose<L> {
     iterations: usize,
     /// The selection whose factored Jacobian is at hand; for affine pieces that serves at every x.
     factored: Option<Selection>,
+    /// For affine pieces, the inverse of the bordered Jacobian of a selection, and whether it is the one at hand.
+    inverse: Option<(Selection, RowInverse)>,
+    inverse_at_hand: bool,
+    updates: usize,
+    rows: Vec<usize>,
+    changed_rows: Vec<usize>,
 }
+
+/// Largest number of residuals for which an inverse of a full Jacobian is kept.
+const MAX_INVERSE: usize = 1000;
 
 /// How a correction ended.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -60,6 +69,11 @@ impl<L: LinearSolver> MoorePenrose<L> {
             dx: vec![0.0; m],
             iterations: 0,
             factored: None,
+            inverse: None,
+            inverse_at_hand: false,
+            updates: 0,
+            rows: Vec::new(),
+            changed_rows: Vec::new(),
         })
     }
 
@@ -80,9 +94,55 @@ impl<L: LinearSolver> MoorePenrose<L> {
         &self.jac
     }
 
-    /// The factored bordered system of the last linearisation.
-    pub(crate) fn bordered(&self) -> &Bordered<L> {
-        &self.bordered
+    /// The unit kernel vector of the last linearisation.
+    pub(crate) fn tangent(&self) -> &[f64] {
+        match &self.inverse {
+            Some((_, inverse)) if self.inverse_at_hand => inverse.tangent(),
+            _ => self.bordered.tangent(),
+        }
+    }
+
+    /// Sign of det [∇H; tᵀ] at the last linearisation, where determinants are known.
+    pub(crate) fn orientation(&self, t: &[f64]) -> Option<i8> {
+        match &self.inverse {
+            Some((_, inverse)) if self.inverse_at_hand => Some(inverse.orientation(t)),
+            _ => self.bordered.orientation(t),
+        }
+    }
+
+    /// Sign of det ∇_yH at the last linearisation, where determinants are known.
+    pub(crate) fn det_sign(&self) -> Option<i8> {
+        match &self.inverse {
+            Some((_, inverse)) if self.inverse_at_hand => {
+                let last = inverse.tangent().last().copied().unwrap_or(0.0);
+                let sign = inverse.orientation(inverse.tangent());
+                Some(if last == 0.0 {
+                    0
+                } else {
+                    sign * last.signum() as i8
+                })
+            }
+            _ => self.bordered.det_sign(),
+        }
+    }
+
+    /// Logarithm of |det [∇H; τᵀ]| at the last linearisation, where determinants are known.
+    pub(crate) fn log_det(&self) -> Option<f64> {
+        match &self.inverse {
+            Some((_, inverse)) if self.inverse_at_hand => Some(inverse.log_det()),
+            _ => self.bordered.log_det().map(|d| d.1),
+        }
+    }
+
+    /// Reciprocal condition estimate of the last factorisation.
+    pub(crate) fn rcond(&self) -> Option<f64> {
+        self.bordered.solver().rcond()
+    }
+
+    /// Number of updates by which factorisations were saved.
+    #[must_use]
+    pub fn updates(&self) -> usize {
+        self.updates
     }
 
     /// Assembles ∇H^(σ)(x) and factors it, so that its kernel is at hand.
@@ -96,13 +156,51 @@ impl<L: LinearSolver> MoorePenrose<L> {
         x: &[f64],
         hint: Option<&[f64]>,
     ) -> Result<&[f64], PiecewiseError> {
-        if map.is_piecewise_affine() && self.factored.as_ref() == Some(selection) {
-            return Ok(self.bordered.tangent());
+        if !map.is_piecewise_affine() {
+            self.assemble(map, selection, x)?;
+            self.bordered.factor(&self.jac, hint)?;
+            return Ok(self.tangent());
+        }
+        if self.factored.as_ref() == Some(selection) {
+            return Ok(self.tangent());
         }
         self.assemble(map, selection, x)?;
-        self.bordered.factor(&self.jac, hint)?;
+        if self.update_inverse(map, selection) {
+            self.inverse_at_hand = true;
+            self.updates += 1;
+        } else {
+            self.bordered.factor(&self.jac, hint)?;
+            self.inverse = None;
+            let n = self.jac.nrows();
+            if n <= DENSE_LIMIT || (self.jac.pattern().is_full() && n <= MAX_INVERSE) {
+                let inverse = RowInverse::new(&self.jac, &mut self.bordered)?;
+                self.inverse = inverse.map(|i| (selection.clone(), i));
+            }
+        }
         self.factored = Some(selection.clone());
-        Ok(self.bordered.tangent())
+        Ok(self.tangent())
+    }
+
+    /// Turns the inverse at hand into that of `selection` where they differ at one or two sites whose rows are known to be few.
+    fn update_inverse<P: PiecewiseSmooth + ?Sized>(&mut self, map: &P, selection: &Selection) -> bool {
+        const FEW_SITES: usize = 2;
+        let Some((known, mut inverse)) = self.inverse.take() else {
+            return false;
+        };
+        self.changed_rows.clear();
+        for (count, site) in known.differing_sites(selection).enumerate() {
+            if count == FEW_SITES {
+                return false;
+            }
+            map.site_rows(site, &mut self.rows);
+            self.changed_rows.extend_from_slice(&self.rows);
+        }
+        let few = self.changed_rows.len() * 4 <= self.jac.nrows().max(8);
+        if few && inverse.replace(&self.jac, &self.changed_rows) {
+            self.inverse = Some((selection.clone(), inverse));
+            return true;
+        }
+        false
     }
 
     /// Assembles ∇H^(σ)(x) without factoring it.
@@ -113,6 +211,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
         x: &[f64],
     ) -> Result<(), PiecewiseError> {
         self.factored = None;
+        self.inverse_at_hand = false;
         self.jac.clear();
         map.jacobian(selection, x, &mut self.jac);
         match self.jac.stray() {

@@ -1,0 +1,169 @@
+use super::{Bordered, LinearError, LinearSolver};
+use crate::sparse::Matrix;
+
+/// Change of the determinant by one row below which the update would lose too many digits.
+const SMALL_PIVOT: f64 = 1e-7;
+/// Updates after which the inverse is made anew.
+const MAX_UPDATES: usize = 100;
+/// Residual ‖∇H τ‖∞ relative to ‖∇H‖ above which the inverse has decayed.
+const DECAY: f64 = 1e-12;
+
+/// The inverse of [∇H; tᵀ] for a small dense ∇H, kept up to date while rows of ∇H are replaced (Sherman–Morrison).
+///
+/// A change of the piece at one site replaces the few rows of that site: O(n²) operations a row instead of a factorisation.
+/// Every update is checked by the residual of the tangent it gives.
+#[derive(Debug, Clone)]
+pub(crate) struct RowInverse {
+    order: usize,
+    /// Row-major rows of ∇H.
+    rows: Vec<f64>,
+    border: Vec<f64>,
+    /// Column-major inverse.
+    inverse: Vec<f64>,
+    /// Sign and logarithm of |det [∇H; tᵀ]|.
+    det: (i8, f64),
+    tangent: Vec<f64>,
+    weights: Vec<f64>,
+    column: Vec<f64>,
+    updates: usize,
+}
+
+impl RowInverse {
+    /// The inverse of the system factored in `bordered`, bordered by its tangent. `None` without determinants.
+    pub(crate) fn new<L: LinearSolver>(
+        jacobian: &Matrix,
+        bordered: &mut Bordered<L>,
+    ) -> Result<Option<Self>, LinearError> {
+        let Some(det) = bordered.log_det() else {
+            return Ok(None);
+        };
+        let n = jacobian.nrows();
+        let order = n + 1;
+        let border = bordered.tangent().to_vec();
+        let mut rows = vec![0.0; n * order];
+        for (i, j, v) in jacobian.triplets() {
+            rows[i * order + j] = v;
+        }
+        let mut inverse = vec![0.0; order * order];
+        let mut unit = vec![0.0; n];
+        for (k, column) in inverse.chunks_exact_mut(order).enumerate() {
+            if k < n {
+                unit[k] = 1.0;
+                bordered.solve(&unit, &border, 0.0, column)?;
+                unit[k] = 0.0;
+            } else {
+                column.copy_from_slice(&border);
+            }
+        }
+        Ok(Some(Self {
+            order,
+            rows,
+            tangent: border.clone(),
+            border,
+            inverse,
+            det,
+            weights: vec![0.0; order],
+            column: vec![0.0; order],
+            updates: 0,
+        }))
+    }
+
+    /// Replaces the given rows of ∇H by those of `jacobian`; false when the result is not to be trusted, and the inverse with it.
+    pub(crate) fn replace(&mut self, jacobian: &Matrix, rows: &[usize]) -> bool {
+        self.updates += 1;
+        if self.updates > MAX_UPDATES {
+            return false;
+        }
+        for &i in rows {
+            if !self.replace_row(jacobian, i) {
+                return false;
+            }
+        }
+        let last = &self.inverse[(self.order - 1) * self.order..];
+        let length = last.iter().map(|v| v * v).sum::<f64>().sqrt();
+        if !length.is_finite() || length == 0.0 {
+            return false;
+        }
+        for (t, v) in self.tangent.iter_mut().zip(last) {
+            *t = v / length;
+        }
+        self.accurate()
+    }
+
+    fn replace_row(&mut self, jacobian: &Matrix, i: usize) -> bool {
+        let m = self.order;
+        // d = new row − old row; B' = B + eᵢ dᵀ.
+        let row = &mut self.rows[i * m..(i + 1) * m];
+        let mut largest = 0.0f64;
+        for (j, (old, d)) in row.iter_mut().zip(self.column.iter_mut()).enumerate() {
+            let new = jacobian.get(i, j);
+            largest = largest.max(new.abs()).max(old.abs());
+            *d = new - *old;
+            *old = new;
+        }
+        for (k, w) in self.weights.iter_mut().enumerate() {
+            let column = &self.inverse[k * m..(k + 1) * m];
+            *w = self.column.iter().zip(column).map(|(d, v)| d * v).sum();
+        }
+        let pivot = 1.0 + self.weights[i];
+        if !pivot.is_finite()
+            || pivot.abs() < SMALL_PIVOT
+            || pivot.abs() > 1.0 / SMALL_PIVOT
+            || largest == 0.0
+        {
+            return false;
+        }
+        if pivot < 0.0 {
+            self.det.0 = -self.det.0;
+        }
+        self.det.1 += pivot.abs().ln();
+        self.column.copy_from_slice(&self.inverse[i * m..(i + 1) * m]);
+        for (k, w) in self.weights.iter().enumerate() {
+            if *w != 0.0 {
+                let factor = w / pivot;
+                let target = &mut self.inverse[k * m..(k + 1) * m];
+                for (v, c) in target.iter_mut().zip(&self.column) {
+                    *v -= factor * c;
+                }
+            }
+        }
+        true
+    }
+
+    /// Whether the tangent lies in the kernel of ∇H to nearly all digits.
+    fn accurate(&self) -> bool {
+        let m = self.order;
+        self.rows.chunks_exact(m).all(|row| {
+            let (mut sum, mut size) = (0.0f64, 0.0f64);
+            for (a, t) in row.iter().zip(&self.tangent) {
+                sum += a * t;
+                size = size.max(a.abs());
+            }
+            sum.abs() <= DECAY * size
+        })
+    }
+
+    /// The unit kernel vector of ∇H; det [∇H; τᵀ] and the border fix its sign.
+    pub(crate) fn tangent(&self) -> &[f64] {
+        &self.tangent
+    }
+
+    /// Sign of det [∇H; vᵀ]: that of [∇H; tᵀ] is known, and both are proportional to the component along the kernel.
+    pub(crate) fn orientation(&self, v: &[f64]) -> i8 {
+        let along = |w: &[f64]| w.iter().zip(&self.tangent).map(|(a, b)| a * b).sum::<f64>();
+        let product = along(v) * along(&self.border);
+        if product == 0.0 {
+            0
+        } else if product > 0.0 {
+            self.det.0
+        } else {
+            -self.det.0
+        }
+    }
+
+    /// Logarithm of |det [∇H; τᵀ]|, with the unit tangent as border.
+    pub(crate) fn log_det(&self) -> f64 {
+        let along: f64 = self.border.iter().zip(&self.tangent).map(|(a, b)| a * b).sum();
+        self.det.1 - along.abs().ln()
+    }
+}
