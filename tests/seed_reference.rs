@@ -18,7 +18,10 @@ fn start_of(chain: &[Link], vertices: &[Vertex]) -> (f64, Direction) {
         (false, true) => hi - 4.0,
         (false, false) => 1.0,
     };
-    let falling = first.leave.is_some_and(|v| vertices[v].alpha <= inside);
+    let falling = match first.leave {
+        Some(v) => vertices[v].alpha <= inside,
+        None => hi.is_finite(),
+    };
     let direction = if falling {
         Direction::Decreasing
     } else {
@@ -110,7 +113,7 @@ fn every_branch_from_both_ends_for_all_step_bounds() {
         let degenerate = case.name.starts_with("deg_");
         for reverse in [false, true] {
             for chain in case.chains(reverse) {
-                for h_max in [1e-2, 0.05, 0.5, 5.0] {
+                for h_max in [1e-3, 1e-2, 0.05, 0.5, 5.0] {
                     if degenerate && h_max < 0.05 {
                         continue;
                     }
@@ -120,5 +123,30 @@ fn every_branch_from_both_ends_for_all_step_bounds() {
                 check_chain(&condensed, &case, &chain, 0.5);
             }
         }
+    }
+}
+
+/// The tables printed for p = 2, Example 1 (its printed load is rounded, hence the tolerance).
+#[test]
+fn printed_classification_of_the_transition_points() {
+    let case = cases().into_iter().find(|c| c.name == "p2_ex1").unwrap();
+    let stick = common::states("KK");
+    let start = first_point(&case.problem, 8.0, &FrictionStart::States(stick)).unwrap();
+    let options = ContinuationOptions::default().with_parameter_range((0.0, 12.0));
+    let branch = Branch::follow(&case.problem, &start, Direction::Decreasing, options).unwrap();
+    let printed = [
+        ([[0.4, -4.2834, 0.0], [1.3717, -9.4859, 5.2025]], ["KK", "-K"]),
+        ([[0.4, -3.0019, -0.6407], [1.0513, -6.2056, 0.0]], ["-K", "--"]),
+        ([[0.0, -2.2278, -2.2278], [0.2578, -5.3667, -0.8]], ["--", "O-"]),
+    ];
+    assert_eq!(branch.transitions.len(), printed.len());
+    for (t, (theta, names)) in branch.transitions.iter().zip(&printed) {
+        for (node, expected) in case.problem.theta(&t.x).iter().zip(theta) {
+            for (a, b) in node.iter().zip(expected) {
+                assert!((a - b).abs() <= 2.5e-4, "{node:?} {expected:?}");
+            }
+        }
+        assert_eq!(case.problem.states(&t.before), common::states(names[0]));
+        assert_eq!(case.problem.states(&t.after), common::states(names[1]));
     }
 }

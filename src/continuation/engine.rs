@@ -9,6 +9,9 @@ use crate::piecewise::{
     ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, check_vector, select,
 };
 
+/// |α̇| up to which ∇_yH counts as singular in the reported sign of its determinant.
+const SINGULAR: f64 = 1e-7;
+
 /// Which way to leave the start.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
@@ -391,10 +394,16 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
             grazing,
             arclength: self.arclength,
             residual_norm: self.here.residual_norm,
-            det_sign: self.here.det_sign,
+            det_sign: self.det_sign_here(),
             corrections,
             kind,
         }
+    }
+
+    /// The sign of det ∇_yH; zero on vertical segments, where α̇ is the rounding error of an ill-conditioned kernel.
+    fn det_sign_here(&self) -> Option<i8> {
+        let vertical = self.here.t.last().is_some_and(|t| t.abs() <= SINGULAR);
+        self.here.det_sign.map(|s| if vertical { 0 } else { s })
     }
 
     fn limits(&mut self) {

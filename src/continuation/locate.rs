@@ -24,6 +24,8 @@ pub(super) enum Monitor {
 
 /// Largest number of points computed to locate one event.
 const LIMIT: usize = 60;
+/// Distance from the interpolated guess, relative to the step, beyond which a corrected point lies on another curve.
+const STRAY: f64 = 0.02;
 /// α̇ below this counts as zero: the curve is vertical.
 pub(super) const VERTICAL: f64 = 1e-9;
 
@@ -261,6 +263,9 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         };
         self.complete_state(&mut state)?;
         self.next = state;
+        if matches!(monitor, Monitor::Facet { .. }) && self.ill_conditioned() {
+            self.sharpen_at_branch_point()?;
+        }
         Ok(true)
     }
 
@@ -282,6 +287,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
             state.x[i] = h00 * self.here.x[i] + h10 * t0 + h01 * high.x[i] + h11 * t1;
             state.t[i] = (1.0 - u) * self.here.t[i] + u * high.t[i];
         }
+        let guess = state.x.clone();
         let corrected = self.corrector.correct_in_plane(
             self.map,
             &self.selection,
@@ -293,6 +299,10 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         );
         match corrected {
             Ok(c) if c.converged => {
+                let strayed = super::arms::distance(&state.x, &guess);
+                if strayed > STRAY * high.s + 1e-9 * (1.0 + norm(&guess)) {
+                    return Ok(false);
+                }
                 state.residual_norm = c.residual_norm;
                 state.s = s;
                 self.map.test_functions(&state.x, &mut state.theta);
@@ -303,12 +313,30 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         }
     }
 
+    /// Whether the last linearisation was singular or nearly so, which costs the located point its last digits.
+    fn ill_conditioned(&self) -> bool {
+        const POOR: f64 = 1e-8;
+        self.next.orientation.is_none()
+            || self
+                .corrector
+                .bordered()
+                .solver()
+                .rcond()
+                .is_some_and(|r| r < POOR)
+    }
+
     /// Tangent, orientation, determinant and residual at the very point.
     fn complete_state(&mut self, state: &mut State) -> Result<(), ContinuationError> {
         let linearized = self
             .corrector
             .linearize(self.map, &self.selection, &state.x, Some(&state.t));
         match linearized {
+            // Next to a branch point the kernel is noise: the tangent of the corrector is kept.
+            Ok(tangent) if crate::newton::dot(tangent, &self.here.t).abs() < self.options.min_cos => {
+                state.t.copy_from_slice(&self.here.t);
+                state.orientation = None;
+                state.det_sign = None;
+            }
             Ok(tangent) => {
                 let sign = sign_of(crate::newton::dot(tangent, &state.t));
                 for (t, v) in state.t.iter_mut().zip(tangent) {

@@ -18,7 +18,7 @@ pub struct Point {
     pub arclength: f64,
     /// ‖H(x)‖₂.
     pub residual_norm: f64,
-    /// Sign of det ∇_yH^(σ), where the solver knows determinants; 0 when singular.
+    /// Sign of det ∇_yH^(σ), where the solver knows determinants; 0 when singular (|α̇| ≤ 1e-7).
     pub det_sign: Option<i8>,
     /// Number of corrections spent on it.
     pub corrections: usize,

@@ -2,6 +2,7 @@
 
 use super::ContinuationError;
 use super::engine::Continuation;
+use super::locate::Monitor;
 use super::step::distance;
 use crate::linear::{DenseLu, LinearSolver, null_space};
 use crate::newton::norm;
@@ -12,21 +13,36 @@ use crate::sparse::{Matrix, Pattern};
 const MAX_DENSE: usize = 120;
 
 impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
-    /// Moves `here` onto the branch point near it by Newton's method on the extended system of a simple branch point
-    /// (Griewank–Reddien 1984): H(x) + β w = 0, ∇H(x)ᵀ w = 0, wᵀw = 1, which is regular there. Bisection alone stops at the
-    /// square root of the rounding unit, as the corrector's matrix is singular at the very point. Large problems keep the
-    /// bisected point.
+    /// Moves `here` onto the branch point near it, where that can be found to full accuracy.
     pub(super) fn polish_branch_point(&mut self) -> Result<(), ContinuationError> {
+        let guess = self.here.x.clone();
+        let reach = 1e-2 * (self.h + self.options.min_step);
+        if let Some(x) = self.branch_point_near(&guess, reach)? {
+            self.here.x = x;
+            self.map.test_functions(&self.here.x, &mut self.here.theta);
+        }
+        Ok(())
+    }
+
+    /// The branch point of the followed selection within `reach` of `guess`, by Newton's method on the extended system of a
+    /// simple branch point (Griewank–Reddien 1984): H(x) + β w = 0, ∇H(x)ᵀ w = 0, wᵀw = 1, which is regular there. Anything
+    /// that solves with ∇H stops at the square root of the rounding unit. Dense: `None` for large problems.
+    fn branch_point_near(
+        &mut self,
+        guess: &[f64],
+        reach: f64,
+    ) -> Result<Option<Vec<f64>>, ContinuationError> {
         let (n, m) = (self.map.num_residuals(), self.map.num_vars());
         if n > MAX_DENSE {
-            return Ok(());
+            return Ok(None);
         }
-        self.corrector.assemble(self.map, &self.selection, &self.here.x)?;
+        self.corrector.assemble(self.map, &self.selection, guess)?;
         let mut jac = self.corrector.jacobian().clone();
-        let Some(mut w) = null_space(&jac, 1e-4).map_err(PiecewiseError::from)?.left.pop() else {
-            return Ok(());
+        let kernels = null_space(&jac, 1.0).map_err(PiecewiseError::from)?;
+        let Some(mut w) = kernels.left.last().cloned() else {
+            return Ok(None);
         };
-        let mut x = self.here.x.clone();
+        let mut x = guess.to_vec();
         let mut beta = 0.0;
         let order = n + m + 1;
         let mut system = Matrix::zeros(Pattern::full(order, order));
@@ -38,7 +54,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         for _ in 0..12 {
             self.assemble_extended(&x, beta, &w, &mut jac, &mut system, &mut rhs);
             if solver.factor(system.as_ref()).is_err() || solver.solve_in_place(&mut rhs).is_err() {
-                return Ok(());
+                return Ok(None);
             }
             x.iter_mut().zip(&rhs).for_each(|(x, d)| *x -= d);
             beta -= rhs[m];
@@ -47,13 +63,79 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
                 break;
             }
         }
-        let settled = norm(&rhs) <= 1e-9 * (1.0 + norm(&x));
-        let moved = distance(&x, &self.here.x);
-        if settled && beta.abs() <= 1e-9 && moved <= 1e-2 * (self.h + self.options.min_step) {
-            self.here.x = x;
-            self.map.test_functions(&self.here.x, &mut self.here.theta);
+        let settled = norm(&rhs) <= 1e-9 * (1.0 + norm(&x)) && beta.abs() <= 1e-9;
+        Ok((settled && distance(&x, guess) <= reach).then_some(x))
+    }
+
+    /// Replaces `next`, an event found next to a branch point of the frozen selection, by that branch point.
+    pub(super) fn sharpen_at_branch_point(&mut self) -> Result<(), ContinuationError> {
+        let guess = self.next.x.clone();
+        if let Some(x) = self.branch_point_near(&guess, 1e-6 * (1.0 + norm(&guess)))? {
+            self.next.x = x;
+            self.map.test_functions(&self.next.x, &mut self.next.theta);
         }
         Ok(())
+    }
+
+    /// The next facet, where it is met at a branch point of the frozen selection: there its corrector fails on both sides. The
+    /// point is extrapolated along the tangent and found by the extended system.
+    pub(super) fn event_at_branch_point(&mut self, h: f64) -> Result<Option<Monitor>, ContinuationError> {
+        let mut rates = vec![0.0; self.layout.total()];
+        self.map.test_derivatives(&self.here.x, &self.here.t, &mut rates);
+        let mut nearest: Option<(f64, Monitor)> = None;
+        for site in 0..self.layout.num_sites() {
+            let first = self.layout.range(site).start;
+            for &facet in self.map.cell(site, self.selection.piece(site)) {
+                let index = first + facet.test();
+                let s = -self.here.theta[index] / rates[index];
+                let ahead = facet.sign() * rates[index] < 0.0 && s >= 0.0;
+                if ahead && nearest.is_none_or(|n| s < n.0) {
+                    nearest = Some((s, Monitor::Facet { index, facet }));
+                }
+            }
+        }
+        let Some((s, monitor)) = nearest.filter(|n| n.0 <= 2.0 * h) else {
+            return Ok(None);
+        };
+        let guess: Vec<f64> = self
+            .here
+            .x
+            .iter()
+            .zip(&self.here.t)
+            .map(|(x, t)| x + s * t)
+            .collect();
+        let reach = 0.1 * s + 10.0 * self.options.vanishing_distance * (1.0 + norm(&guess));
+        let Some(x) = self.branch_point_near(&guess, reach)? else {
+            return Ok(None);
+        };
+        let mut theta = vec![0.0; self.layout.total()];
+        self.map.test_functions(&x, &mut theta);
+        let tiny = self.options.vanishing_distance * (1.0 + norm(&x));
+        let Monitor::Facet { index, .. } = monitor else {
+            return Ok(None);
+        };
+        if theta[index].abs() > tiny * rates[index].abs() {
+            return Ok(None);
+        }
+        let chord: Vec<f64> = x.iter().zip(&self.here.x).map(|(a, b)| a - b).collect();
+        let length = norm(&chord);
+        if length == 0.0 {
+            return Ok(None);
+        }
+        // On an arc of a circle the tangents at both ends mirror each other in the chord.
+        let along = chord.iter().zip(&self.here.t).map(|(c, t)| c * t).sum::<f64>() / (length * length);
+        for (i, t) in self.next.t.iter_mut().enumerate() {
+            *t = 2.0 * along * chord[i] - self.here.t[i];
+        }
+        let mut r = vec![0.0; self.map.num_residuals()];
+        self.map.residual(&self.selection, &x, &mut r);
+        self.next.x = x;
+        self.next.theta = theta;
+        self.next.s = length;
+        self.next.orientation = None;
+        self.next.det_sign = Some(0);
+        self.next.residual_norm = norm(&r);
+        Ok(Some(monitor))
     }
 
     fn assemble_extended(

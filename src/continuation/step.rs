@@ -11,6 +11,8 @@ use crate::piecewise::{PiecewiseError, PiecewiseSmooth};
 const CHORD: f64 = 0.05;
 /// Corrections up to which a step counts as easy.
 const EASY: usize = 3;
+/// Rejections after which a step may be stuck at a singular point.
+const REJECTED: usize = 3;
 
 impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
     pub(super) fn step(&mut self) -> Result<(), ContinuationError> {
@@ -19,7 +21,8 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         if room > 0.0 {
             h = h.min(room.max(self.options.min_step));
         }
-        let mut shortened = false;
+        let longest = h;
+        let mut rejected = 0;
         loop {
             if h < self.options.min_step {
                 self.termination = Some(Termination::StepTooSmall);
@@ -29,7 +32,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
                 let event = self.first_event()?;
                 match event {
                     Ok(first) => {
-                        self.h = if shortened || corrections > EASY {
+                        self.h = if rejected > 0 || corrections > EASY {
                             h
                         } else {
                             (h * self.options.growth).min(self.options.max_step)
@@ -40,8 +43,13 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
                     Err(Unresolved) => {}
                 }
             }
+            if rejected >= REJECTED
+                && let Some(event) = self.event_at_branch_point(longest)?
+            {
+                return self.arrive(Some(event), 0);
+            }
             h *= self.options.shrink;
-            shortened = true;
+            rejected += 1;
         }
     }
 
@@ -125,7 +133,9 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
             self.termination = Some(Termination::Closed);
             return Ok(());
         }
-        self.refresh_coactive()?;
+        if !matches!(event, Some(Monitor::Coactive(_))) {
+            self.refresh_coactive()?;
+        }
         match event {
             None => {
                 let point = self.point(PointKind::Step, corrections);

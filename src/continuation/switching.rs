@@ -53,7 +53,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
             self.options.max_corrections,
         );
         match corrected {
-            Ok(c) if c.converged => {
+            Ok(c) if c.converged && dot(&self.here.t, &self.next.t) >= self.options.min_cos => {
                 self.next.residual_norm = c.residual_norm;
                 self.selection.copy_from(&selection);
                 Ok(Some(c.iterations))
@@ -120,8 +120,9 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
             self.emit_switch(&vanishing, &before, &selection, &tangent);
             self.selection.copy_from(&selection);
             self.here.t = tangent;
-            self.h = self.options.step;
             self.recorrect()?;
+            // The re-correction is a step of length zero that was not halved.
+            self.h = (self.options.step * self.options.growth).min(self.options.max_step);
             return Ok(());
         }
         self.termination = Some(Termination::End);

@@ -1,74 +1,20 @@
 use std::ops::ControlFlow;
 
+use super::convergence::{Scratch, is_small, row_sizes};
 use super::moore_penrose::norm as norm2;
 use super::system::{Evaluation, System};
-use super::{Convergence, Damping, Failure, Iteration, NewtonError, NewtonOptions, Report, Step, Unsolved};
+use super::workspace::Workspace;
+use super::{Convergence, Damping, Failure, Iteration, NewtonError, NewtonOptions, Step, Unsolved};
 use crate::linear::{LinearError, LinearSolver};
 use crate::piecewise::PiecewiseError;
-use crate::sparse::{Matrix, Pattern};
+use crate::sparse::Matrix;
 
-/// Everything a run needs room for.
-#[derive(Debug, Clone, Default)]
-pub(super) struct Workspace<L> {
-    solver: L,
-    jac: Option<Matrix>,
-    n: usize,
-    r: Vec<f64>,
-    trial_r: Vec<f64>,
-    d: Vec<f64>,
-    trial: Vec<f64>,
-    best: Vec<f64>,
-    scale: Vec<f64>,
-    visited: Vec<(u64, f64)>,
-    pub(super) report: Report,
-}
-
-impl<L: LinearSolver> Workspace<L> {
-    pub(super) fn new(solver: L) -> Self {
-        Self {
-            solver,
-            jac: None,
-            n: 0,
-            r: Vec::new(),
-            trial_r: Vec::new(),
-            d: Vec::new(),
-            trial: Vec::new(),
-            best: Vec::new(),
-            scale: Vec::new(),
-            visited: Vec::new(),
-            report: Report::default(),
-        }
-    }
-
-    pub(super) fn fits(&self, m: usize, n: usize) -> bool {
-        self.n == n && self.jac.as_ref().is_some_and(|j| j.ncols() == m)
-    }
-
-    pub(super) fn prepare(&mut self, pattern: Pattern, n: usize) -> Result<(), NewtonError> {
-        let m = pattern.ncols();
-        if pattern.nrows() != n {
-            return Err(PiecewiseError::Length {
-                what: "the rows of the declared pattern",
-                expected: n,
-                found: pattern.nrows(),
-            }
-            .into());
-        }
-        self.solver.analyze(pattern.leading_columns(n))?;
-        self.jac = Some(Matrix::zeros(pattern));
-        self.n = n;
-        for v in [&mut self.r, &mut self.trial_r, &mut self.d, &mut self.scale] {
-            v.resize(n, 0.0);
-        }
-        self.trial.resize(m, 0.0);
-        self.best.resize(m, 0.0);
-        Ok(())
-    }
-}
+/// Line-search iterations after which the residual must have halved, or pieces are changed one at a time.
+const PATIENCE: usize = 12;
 
 /// How far the globalisation has been driven.
 #[derive(PartialEq, PartialOrd, Clone, Copy)]
-enum Mode {
+pub(super) enum Mode {
     Full,
     LineSearch,
     LeastIndex,
@@ -81,31 +27,33 @@ pub(super) fn iterate<L: LinearSolver>(
     x: &mut [f64],
     observe: &mut dyn FnMut(&Iteration) -> ControlFlow<()>,
 ) -> Result<Convergence, NewtonError> {
-    let n = work.n;
     work.report.iterations.clear();
     work.report.factorisations = 0;
-    work.report.evaluations = 1;
+    work.report.evaluations = 0;
     work.visited.clear();
+    work.weight.fill(1.0);
     let Some(mut jac) = work.jac.take() else {
         return Err(LinearError::NotAnalyzed.into());
     };
     let mut run = Run {
+        n: work.n,
         work,
         options,
         system,
+        observe,
         mode: match options.damping {
             Damping::Always => Mode::LineSearch,
             _ => Mode::Full,
         },
         best_norm: f64::INFINITY,
-        n,
+        weighted: false,
     };
-    let outcome = run.go(&mut jac, x, observe);
+    let outcome = run.go(&mut jac, x);
     let best_norm = run.best_norm;
     work.jac = Some(jac);
-    match outcome {
-        Ok(Ok(convergence)) => Ok(convergence),
-        Ok(Err(reason)) => {
+    match outcome? {
+        Ok(convergence) => Ok(convergence),
+        Err(reason) => {
             if best_norm.is_finite() {
                 x.copy_from_slice(&work.best);
             }
@@ -116,100 +64,159 @@ pub(super) fn iterate<L: LinearSolver>(
                 report: work.report.clone(),
             })))
         }
-        Err(e) => Err(e),
     }
 }
 
-struct Run<'a, L> {
-    work: &'a mut Workspace<L>,
-    options: &'a NewtonOptions,
-    system: &'a mut dyn System,
-    mode: Mode,
+pub(super) struct Run<'a, L> {
+    pub(super) work: &'a mut Workspace<L>,
+    pub(super) options: &'a NewtonOptions,
+    pub(super) system: &'a mut dyn System,
+    observe: &'a mut dyn FnMut(&Iteration) -> ControlFlow<()>,
+    pub(super) mode: Mode,
+    /// ‖H‖₂ at `work.best`.
     best_norm: f64,
-    n: usize,
+    /// Whether `work.weight` has been computed.
+    pub(super) weighted: bool,
+    pub(super) n: usize,
 }
 
 impl<L: LinearSolver> Run<'_, L> {
-    fn go(
-        &mut self,
-        jac: &mut Matrix,
-        x: &mut [f64],
-        observe: &mut dyn FnMut(&Iteration) -> ControlFlow<()>,
-    ) -> Result<Result<Convergence, Failure>, NewtonError> {
-        let mut evaluation = self.system.evaluate(x, &mut self.work.r);
+    /// The outer result is for misuse, the inner one for the outcome of the iteration.
+    fn go(&mut self, jac: &mut Matrix, x: &mut [f64]) -> Result<Result<Convergence, Failure>, NewtonError> {
+        let mut evaluation = self.enter(x);
         let mut norm = norm2(&self.work.r);
         if !norm.is_finite() {
             return Ok(Err(Failure::NotFinite));
         }
         let mut previous_norm = f64::INFINITY;
-        let mut budget = self.options.max_iterations;
-        for index in 0.. {
-            if norm < self.best_norm && (evaluation.settled || index == 0) {
-                self.best_norm = norm;
+        let mut why = None;
+        let mut patience = Patience::new(f64::INFINITY);
+        let mut index = 0;
+        loop {
+            let natural_norm = self.natural_norm(x, norm, evaluation);
+            if natural_norm < self.best_norm {
+                self.best_norm = natural_norm;
                 self.work.best.copy_from_slice(x);
             }
-            jac.clear();
-            self.system.linearize(x, jac);
-            if let Some((row, col)) = jac.stray() {
-                return Err(PiecewiseError::StrayEntry { row, col }.into());
-            }
-            if let Some(convergence) = self.converged(jac, x, norm, previous_norm, &evaluation) {
-                self.best_norm = norm;
-                self.record_last(observe, index, norm, evaluation.changed);
+            self.linearize(jac, x)?;
+            if let Some(convergence) = self.converged(jac, x, natural_norm, previous_norm, evaluation) {
+                self.best_norm = natural_norm;
+                self.record_last(index, natural_norm, evaluation);
                 return Ok(Ok(convergence));
             }
-            if index == budget {
-                self.record_last(observe, index, norm, evaluation.changed);
-                return Ok(Err(Failure::MaxIterations));
+            if index >= self.options.max_iterations {
+                return Ok(self.give_up(
+                    jac,
+                    x,
+                    index,
+                    norm,
+                    evaluation,
+                    why.unwrap_or(Failure::MaxIterations),
+                ));
             }
-            let trouble = self.cycles(norm) || norm > 1e3 * self.best_norm;
-            if trouble && self.options.damping == Damping::OnTrouble && self.mode == Mode::Full {
+            let cycles = self.cycles(norm);
+            if self.mode == Mode::LeastIndex && cycles {
+                return Ok(self.give_up(jac, x, index, norm, evaluation, why.unwrap_or(Failure::Cycling)));
+            }
+            // Growth alone tells nothing: the units of rows decide it, and pieces not seen before may cost something at first.
+            if cycles && self.options.damping == Damping::OnTrouble && self.mode == Mode::Full {
                 self.mode = Mode::LineSearch;
-                self.work.visited.clear();
+                if natural_norm > self.best_norm {
+                    (evaluation, norm) = self.back_to_best(x);
+                    self.linearize(jac, x)?;
+                }
+                patience = Patience::new(f64::INFINITY);
             }
-            let mut step = self.newton_direction(jac)?;
-            let negligible = 16.0 * f64::EPSILON * norm2(x);
-            if step == Step::Newton && evaluation.settled && norm2(&self.work.d) <= negligible {
+            let mut step = match self.newton_direction(jac) {
+                Ok(step) => step,
+                Err(LinearError::NotFinite { .. }) => {
+                    return Ok(self.give_up(jac, x, index, norm, evaluation, Failure::NotFinite));
+                }
+                Err(e) => return Err(e.into()),
+            };
+            if self.step_is_rounding(x, norm, previous_norm, step, evaluation) {
                 self.best_norm = norm;
-                self.record_last(observe, index, norm, evaluation.changed);
+                self.record_last(index, norm, evaluation);
                 return Ok(Ok(Convergence::Rounding));
             }
-            let (damping, next, next_norm) = match self.advance(jac, x, norm, &mut step) {
-                Ok(found) => found,
-                Err(reason) if self.options.damping != Damping::Never && self.mode < Mode::LeastIndex => {
-                    if !self.system.use_least_index() {
-                        self.record_last(observe, index, norm, evaluation.changed);
-                        return Ok(Err(reason));
+            let stuck = self.mode == Mode::LineSearch
+                && patience.is_over(self.merit(&self.work.r), evaluation.changed);
+            let next = match stuck {
+                true => Err(Failure::Stagnation),
+                false => self.advance(jac, x, &mut step),
+            };
+            let next = match next {
+                Ok(next) => next,
+                Err(reason) => {
+                    let last_resort = self.options.damping != Damping::Never && self.mode < Mode::LeastIndex;
+                    if reason == Failure::Stagnation && !stuck && self.is_rounding(jac, x) {
+                        self.record_last(index, self.best_norm, evaluation);
+                        return Ok(Ok(Convergence::Rounding));
                     }
+                    if !(last_resort && self.system.use_least_index()) {
+                        let reason = why.unwrap_or(reason);
+                        return Ok(self.give_up(jac, x, index, norm, evaluation, reason));
+                    }
+                    // A stationary point says more about the problem than how the last resort failed.
+                    why = matches!(reason, Failure::Stationary { .. }).then_some(reason);
                     self.mode = Mode::LeastIndex;
                     self.work.visited.clear();
-                    budget += self.options.max_iterations;
-                    // Trial steps have moved the selection.
-                    evaluation = self.system.evaluate(x, &mut self.work.r);
-                    norm = norm2(&self.work.r);
+                    (evaluation, norm) = self.back_to_best(x);
+                    previous_norm = f64::INFINITY;
                     continue;
                 }
-                Err(reason) => {
-                    self.record_last(observe, index, norm, evaluation.changed);
-                    return Ok(Err(reason));
-                }
             };
-            let step_norm = damping * norm2(&self.work.d);
-            let flow = self.record(observe, index, norm, step_norm, damping, evaluation.changed, step);
+            let step_norm = next.damping * norm2(&self.work.d);
+            let flow = self.record(index, norm, step_norm, next.damping, evaluation.changed, step);
+            self.system.accept();
             x.copy_from_slice(&self.work.trial);
             std::mem::swap(&mut self.work.r, &mut self.work.trial_r);
             previous_norm = norm;
-            norm = next_norm;
-            evaluation = next;
+            norm = next.norm;
+            evaluation = next.evaluation;
+            index += 1;
             if flow.is_break() {
-                if norm < self.best_norm {
-                    self.best_norm = norm;
+                let natural_norm = self.natural_norm(x, norm, evaluation);
+                if natural_norm < self.best_norm {
+                    self.best_norm = natural_norm;
                     self.work.best.copy_from_slice(x);
                 }
                 return Ok(Err(Failure::Interrupted));
             }
         }
-        Ok(Err(Failure::MaxIterations))
+    }
+
+    /// Makes x the iterate.
+    fn enter(&mut self, x: &[f64]) -> Evaluation {
+        let evaluation = self.system.evaluate(x, &mut self.work.r);
+        self.work.report.evaluations += 1;
+        self.system.accept();
+        evaluation
+    }
+
+    fn back_to_best(&mut self, x: &mut [f64]) -> (Evaluation, f64) {
+        x.copy_from_slice(&self.work.best);
+        let evaluation = self.enter(x);
+        (evaluation, norm2(&self.work.r))
+    }
+
+    /// ‖H(x)‖; where the iterate uses other pieces, H(x) is left in `trial_r`.
+    fn natural_norm(&mut self, x: &[f64], norm: f64, evaluation: Evaluation) -> f64 {
+        if evaluation.settled {
+            return norm;
+        }
+        self.work.report.evaluations += 1;
+        self.system.natural(x, &mut self.work.trial_r);
+        norm2(&self.work.trial_r)
+    }
+
+    fn linearize(&mut self, jac: &mut Matrix, x: &[f64]) -> Result<(), NewtonError> {
+        jac.clear();
+        self.system.linearize(x, jac);
+        if let Some((row, col)) = jac.stray() {
+            return Err(PiecewiseError::StrayEntry { row, col }.into());
+        }
+        Ok(())
     }
 
     /// Tolerance on the residual relative to the size of its terms; the rounding floor of those terms counts as converged once
@@ -220,28 +227,104 @@ impl<L: LinearSolver> Run<'_, L> {
         x: &[f64],
         norm: f64,
         previous: f64,
-        evaluation: &Evaluation,
+        evaluation: Evaluation,
     ) -> Option<Convergence> {
-        if !evaluation.settled {
-            return None;
+        let n = self.n;
+        let work = &mut *self.work;
+        let outcome = if norm <= self.options.absolute_tolerance {
+            Some(Convergence::Tolerance)
+        } else {
+            let r = match evaluation.settled {
+                true => &work.r,
+                false => &work.trial_r,
+            };
+            row_sizes(jac.as_ref(), x, &mut work.size);
+            let floor = 8.0 * f64::EPSILON * (n as f64).sqrt().max(4.0);
+            let tolerance = self.options.relative_tolerance;
+            let mut small = |tolerance| {
+                let scratch = Scratch {
+                    row: &mut work.d,
+                    col: &mut work.trial[..n],
+                    max: &mut work.gradient,
+                };
+                is_small(r, &work.size, tolerance, jac.leading_columns(n), scratch)
+            };
+            if small(tolerance) {
+                Some(Convergence::Tolerance)
+            } else {
+                (norm >= 0.5 * previous && small(floor)).then_some(Convergence::Rounding)
+            }
+        };
+        if outcome.is_some() && !evaluation.settled {
+            self.system.natural(x, &mut self.work.trial_r);
+            self.system.accept();
         }
-        if norm <= self.options.absolute_tolerance {
-            return Some(Convergence::Tolerance);
+        outcome
+    }
+
+    /// Whether the Newton step drowns in the rounding of x while the residual no longer falls.
+    fn step_is_rounding(
+        &self,
+        x: &[f64],
+        norm: f64,
+        previous: f64,
+        step: Step,
+        evaluation: Evaluation,
+    ) -> bool {
+        evaluation.settled
+            && step != Step::Gradient
+            && norm >= 0.5 * previous
+            && norm2(&self.work.d) <= 16.0 * f64::EPSILON * norm2(&x[..self.n])
+    }
+
+    /// Whether the residual at the best iterate is the noise of its own evaluation: no larger than the change made by moving
+    /// each variable by two units in its last place. The best iterate becomes `x`.
+    fn is_rounding(&mut self, jac: &mut Matrix, x: &mut [f64]) -> bool {
+        const PATTERNS: [u64; 4] = [0, u64::MAX, 0x5555_5555_5555_5555, 0x6666_6666_6666_6666];
+        self.back_to_best(x);
+        self.system.natural(x, &mut self.work.r);
+        self.system.accept();
+        if self.linearize(jac, x).is_err() {
+            return false;
         }
-        let scale = &mut self.work.scale;
-        scale.fill(0.0);
-        let a = jac.as_ref();
-        for (j, xj) in x.iter().enumerate() {
-            for k in a.pattern.col_ptr[j]..a.pattern.col_ptr[j + 1] {
-                scale[a.pattern.row_idx[k]] += (a.values[k] * xj).abs();
+        let work = &mut *self.work;
+        work.size.fill(0.0);
+        for pattern in PATTERNS {
+            work.trial.copy_from_slice(x);
+            for (j, v) in work.trial[..self.n].iter_mut().enumerate() {
+                let up = pattern >> (j % 64) & 1 == 1;
+                *v *= 1.0 + if up { 2.0 } else { -2.0 } * f64::EPSILON;
+            }
+            self.system.natural(&work.trial, &mut work.trial_r);
+            work.report.evaluations += 1;
+            for i in 0..self.n {
+                work.size[i] = work.size[i].max((work.trial_r[i] - work.r[i]).abs());
             }
         }
-        let size = norm2(scale);
-        if norm <= self.options.relative_tolerance * size {
-            return Some(Convergence::Tolerance);
+        let scratch = Scratch {
+            row: &mut work.d,
+            col: &mut work.trial[..self.n],
+            max: &mut work.gradient,
+        };
+        is_small(&work.r, &work.size, 2.0, jac.leading_columns(self.n), scratch)
+    }
+
+    /// The end of a run that found nothing, unless its best iterate is as good as rounding allows.
+    fn give_up(
+        &mut self,
+        jac: &mut Matrix,
+        x: &mut [f64],
+        index: usize,
+        norm: f64,
+        evaluation: Evaluation,
+        reason: Failure,
+    ) -> Result<Convergence, Failure> {
+        if reason != Failure::NotFinite && self.is_rounding(jac, x) {
+            self.record_last(index, self.best_norm, evaluation);
+            return Ok(Convergence::Rounding);
         }
-        let floor = 8.0 * f64::EPSILON * (self.n as f64).sqrt().max(4.0) * size;
-        (norm == 0.0 || (norm <= floor && norm >= 0.5 * previous)).then_some(Convergence::Rounding)
+        self.record_last(index, norm, evaluation);
+        Err(reason)
     }
 
     /// Whether the current selection was met before at a residual not much larger than now.
@@ -263,131 +346,13 @@ impl<L: LinearSolver> Run<'_, L> {
         }
     }
 
-    /// Puts the Newton direction into `d`, or −∇Hᵀ H where the Jacobian is singular.
-    fn newton_direction(&mut self, jac: &Matrix) -> Result<Step, NewtonError> {
-        let leading = jac.leading_columns(self.n);
-        self.work.report.factorisations += 1;
-        let solved = self.work.solver.factor(leading).and_then(|()| {
-            for (d, r) in self.work.d.iter_mut().zip(&self.work.r) {
-                *d = -r;
-            }
-            self.work.solver.solve_in_place(&mut self.work.d)
-        });
-        match solved {
-            Ok(()) => Ok(match self.mode {
-                Mode::LeastIndex => Step::LeastIndex,
-                _ => Step::Newton,
-            }),
-            Err(LinearError::Singular { .. } | LinearError::Inaccurate { .. }) => Ok(Step::Gradient),
-            Err(e) => Err(e.into()),
-        }
-    }
-
-    /// The Cauchy step −t ∇Hᵀ H with the t that minimises the linear model; its norm of the gradient is returned.
-    fn gradient_direction(&mut self, jac: &Matrix) -> f64 {
-        let leading = jac.leading_columns(self.n);
-        let work = &mut *self.work;
-        work.d.fill(0.0);
-        leading.mul_transpose_add(-1.0, &work.r, &mut work.d);
-        let gradient = norm2(&work.d);
-        work.scale.fill(0.0);
-        leading.mul_add(1.0, &work.d, &mut work.scale);
-        let curvature = norm2(&work.scale);
-        if gradient > 0.0 && curvature > 0.0 {
-            let t = (gradient / curvature).powi(2);
-            work.d.iter_mut().for_each(|d| *d *= t);
-        }
-        gradient
-    }
-
-    /// Takes the step: leaves the new iterate in `trial`, its residual in `trial_r`.
-    fn advance(
-        &mut self,
-        jac: &Matrix,
-        x: &[f64],
-        norm: f64,
-        step: &mut Step,
-    ) -> Result<(f64, Evaluation, f64), Failure> {
-        if *step == Step::Gradient
-            && (self.options.damping == Damping::Never || self.mode == Mode::LeastIndex)
-        {
-            return Err(Failure::Singular);
-        }
-        if *step != Step::Gradient && self.mode != Mode::LineSearch {
-            let limit = if self.mode == Mode::LeastIndex || self.options.damping == Damping::Never {
-                f64::INFINITY
-            } else {
-                // A residual that explodes leaves the region where the piece means anything.
-                1e6 * norm
-            };
-            if let Some(found) = self.search(x, limit, false) {
-                if self.mode == Mode::LeastIndex && self.cycles(found.2) {
-                    return Err(Failure::Cycling);
-                }
-                return Ok(found);
-            }
-            if self.mode == Mode::LeastIndex || self.options.damping == Damping::Never {
-                return Err(Failure::NotFinite);
-            }
-        }
-        if *step != Step::Gradient
-            && let Some(found) = self.search(x, norm, true)
-        {
-            return Ok(found);
-        }
-        let gradient = self.gradient_direction(jac);
-        *step = Step::Gradient;
-        let flat = 1e-14 * norm * jac.as_ref().norm_1().max(f64::MIN_POSITIVE);
-        if gradient <= flat {
-            return Err(Failure::Stationary {
-                gradient_norm: gradient,
-            });
-        }
-        self.search(x, norm, true).ok_or(Failure::Stagnation)
-    }
-
-    /// Halves the step until the residual is at most `limit` (with sufficient decrease if `armijo`) and finite. Without
-    /// `armijo` only one full step and steps out of a domain are tried.
-    fn search(&mut self, x: &[f64], limit: f64, armijo: bool) -> Option<(f64, Evaluation, f64)> {
-        let mut t = 1.0;
-        while t >= self.options.min_damping {
-            for (i, trial) in self.work.trial.iter_mut().enumerate() {
-                *trial = x[i] + if i < self.n { t * self.work.d[i] } else { 0.0 };
-            }
-            let evaluation = self.system.evaluate(&self.work.trial, &mut self.work.trial_r);
-            self.work.report.evaluations += 1;
-            let norm = norm2(&self.work.trial_r);
-            let bound = if armijo {
-                (1.0 - self.options.armijo * t) * limit
-            } else {
-                limit
-            };
-            if norm.is_finite() && norm <= bound {
-                return Some((t, evaluation, norm));
-            }
-            if norm.is_finite() && !armijo {
-                return None;
-            }
-            t *= 0.5;
-        }
-        None
-    }
-
     /// Records the last iterate; what the observer says no longer matters.
-    fn record_last(
-        &mut self,
-        observe: &mut dyn FnMut(&Iteration) -> ControlFlow<()>,
-        index: usize,
-        residual_norm: f64,
-        sites_changed: usize,
-    ) {
-        let _ = self.record(observe, index, residual_norm, 0.0, 0.0, sites_changed, Step::None);
+    fn record_last(&mut self, index: usize, residual_norm: f64, evaluation: Evaluation) {
+        let _ = self.record(index, residual_norm, 0.0, 0.0, evaluation.changed, Step::None);
     }
 
-    #[allow(clippy::too_many_arguments)]
     fn record(
         &mut self,
-        observe: &mut dyn FnMut(&Iteration) -> ControlFlow<()>,
         index: usize,
         residual_norm: f64,
         step_norm: f64,
@@ -405,6 +370,33 @@ impl<L: LinearSolver> Run<'_, L> {
             step,
         };
         self.work.report.iterations.push(entry);
-        observe(&entry)
+        (self.observe)(&entry)
+    }
+}
+
+/// Watches a line search that does not get on: it changes pieces back and forth, or creeps up to a kink.
+struct Patience {
+    norm: f64,
+    iterations: usize,
+    changes: usize,
+}
+
+impl Patience {
+    fn new(norm: f64) -> Self {
+        Self {
+            norm,
+            iterations: 0,
+            changes: 0,
+        }
+    }
+
+    fn is_over(&mut self, norm: f64, changed: usize) -> bool {
+        if norm <= 0.5 * self.norm {
+            *self = Self::new(norm);
+        }
+        self.iterations += 1;
+        self.changes += changed;
+        // On a smooth stretch slow progress is progress, creeping up to a kink is not.
+        self.iterations > PATIENCE && (self.changes > 0 || norm > 0.99 * self.norm)
     }
 }

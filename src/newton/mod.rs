@@ -1,12 +1,15 @@
 //! The corrector: Newton's method for piecewise-smooth and semismooth equations.
 
+mod convergence;
 mod error;
 mod iterate;
 mod moore_penrose;
 mod options;
 mod report;
 mod solver;
+mod step;
 mod system;
+mod workspace;
 
 pub use error::{NewtonError, Unsolved};
 pub use moore_penrose::{Correction, MoorePenrose};

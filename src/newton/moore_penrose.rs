@@ -85,7 +85,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
     /// Assembles ∇H^(σ)(x) and factors it, so that its kernel is at hand.
     ///
     /// # Errors
-    /// [`LinearError::Kernel`] where the kernel is not a line; entries outside the pattern.
+    /// [`LinearError::Kernel`](crate::linear::LinearError::Kernel) where the kernel is not a line; entries outside the pattern.
     pub fn linearize<P: PiecewiseSmooth + ?Sized>(
         &mut self,
         map: &P,
@@ -238,7 +238,16 @@ impl<L: LinearSolver> MoorePenrose<L> {
 }
 
 pub(crate) fn norm(v: &[f64]) -> f64 {
-    v.iter().map(|x| x * x).sum::<f64>().sqrt()
+    let squares: f64 = v.iter().map(|x| x * x).sum();
+    if (1e-290..1e290).contains(&squares) || squares.is_nan() {
+        return squares.sqrt();
+    }
+    // Squares left the range of numbers; the norm need not.
+    let max = v.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+    if max == 0.0 || max.is_infinite() {
+        return max;
+    }
+    max * v.iter().map(|x| (x / max).powi(2)).sum::<f64>().sqrt()
 }
 
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {

@@ -4,7 +4,7 @@ use super::NewtonError;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub enum Damping {
-    /// Full steps; once they cycle between selections or the residual grows, a line search on ½‖H‖².
+    /// Full steps; once a selection is met again without progress, a line search on ½‖H‖² with equilibrated rows.
     #[default]
     OnTrouble,
     /// A line search from the first step.

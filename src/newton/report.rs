@@ -26,7 +26,8 @@ pub struct Iteration {
 pub enum Step {
     /// Newton step of the selection at the iterate.
     Newton,
-    /// Steepest descent of ½‖H‖² (the Jacobian was singular, or the Newton step no descent).
+    /// Descent step for ½‖H‖²: the least-squares step where the Jacobian was singular, steepest descent where the Newton step gave
+    /// no descent.
     Gradient,
     /// Newton step with only the first site that wants to change its piece doing so (least-index rule).
     LeastIndex,

@@ -1,7 +1,8 @@
 use std::ops::ControlFlow;
 
-use super::iterate::{Workspace, iterate};
+use super::iterate::iterate;
 use super::system::{PsBuffers, PsSystem, SemismoothSystem};
+use super::workspace::Workspace;
 use super::{Convergence, Iteration, NewtonError, NewtonOptions, Report};
 use crate::linear::{AutoSolver, LinearSolver};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, Semismooth, TestLayout};
@@ -13,10 +14,10 @@ use crate::sparse::Pattern;
 /// ∇H^(σ)(x) d = −H(x) (Kojima–Shindo 1986; Qi–Sun 1993). Rule where several pieces are active: the piece used last is kept
 /// while x is in its closed cell, else the one with the largest margin, else the one with the lowest number; deterministic.
 ///
-/// Full steps converge in finitely many iterations on piecewise-affine problems or may cycle. A cycle (a selection comes back
-/// without progress) or a growing residual turns on a line search on ½‖H‖², with steepest descent where the Jacobian is singular
-/// or gives no descent; if that fails too, the least-index rule lets one site at a time change its piece (it terminates for
-/// P-matrix problems, Murty 1974).
+/// Full steps converge in finitely many iterations on piecewise-affine problems or may cycle. A selection that comes back
+/// without progress leads back to the best iterate and turns on a line search on ½‖H‖² (rows weighted). Where the
+/// Jacobian is singular its least-squares step is taken, where the Newton step gives no descent the steepest one. If that fails
+/// too, the least-index rule lets one site at a time change its piece (it terminates for P-matrix problems, Murty 1974).
 ///
 /// A solver is reused from problem to problem; nothing is allocated once it has seen a map of the same shape.
 ///
@@ -31,7 +32,7 @@ use crate::sparse::Pattern;
 /// assert!(newton.report().iterations.len() <= 4);
 /// # Ok::<(), semismooth::newton::NewtonError>(())
 /// ```
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct Newton<L = AutoSolver> {
     options: NewtonOptions,
     work: Workspace<L>,
@@ -43,6 +44,13 @@ impl Newton {
     #[must_use]
     pub fn new(options: NewtonOptions) -> Self {
         Self::with_solver(options, AutoSolver::default())
+    }
+}
+
+// Not derived: generic over the solver, `Newton::default()` would leave its type open.
+impl Default for Newton {
+    fn default() -> Self {
+        Self::new(NewtonOptions::default())
     }
 }
 
@@ -117,14 +125,14 @@ impl<L: LinearSolver> Newton<L> {
         self.pieces.theta.resize(layout.total(), 0.0);
         if self.pieces.selection.len() != sites {
             self.pieces.selection = Selection::uniform(sites, 0);
-            self.pieces.wanted = Selection::uniform(sites, 0);
+            self.pieces.trial = Selection::uniform(sites, 0);
         }
         let mut system = PsSystem {
             map,
             layout: &layout,
             theta: &mut self.pieces.theta,
             selection: &mut self.pieces.selection,
-            wanted: &mut self.pieces.wanted,
+            trial: &mut self.pieces.trial,
             least_index: false,
             fresh: true,
         };
@@ -165,6 +173,14 @@ impl<L: LinearSolver> Newton<L> {
         mut observe: impl FnMut(&Iteration) -> ControlFlow<()>,
     ) -> Result<Convergence, NewtonError> {
         let n = map.num_vars();
+        if n == 0 {
+            return Err(PiecewiseError::Dimensions {
+                vars: 0,
+                residuals: 0,
+                expected: "an equation has at least 1 variable",
+            }
+            .into());
+        }
         let mut system = SemismoothSystem(map);
         let pattern = || map.pattern();
         run(
@@ -192,11 +208,11 @@ fn run<L: LinearSolver>(
     options.validate()?;
     crate::piecewise::check_vector("the start x", x, m)?;
     if !work.fits(m, n) {
-        work.prepare(pattern(), n)?;
+        work.prepare(pattern(), m, n)?;
     }
     match iterate(work, options, system, x, observe) {
         Err(NewtonError::Map(PiecewiseError::StrayEntry { .. })) => {
-            work.prepare(pattern(), n)?;
+            work.prepare(pattern(), m, n)?;
             iterate(work, options, system, x, observe)
         }
         result => result,

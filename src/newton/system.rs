@@ -3,16 +3,23 @@ use crate::sparse::Matrix;
 
 /// What the Newton loop needs of a problem: piecewise-smooth maps with selections, or semismooth maps without.
 pub(super) trait System {
+    /// The residual at a point that may be stepped to; the iterate stays where it is until [`accept`](Self::accept).
     fn evaluate(&mut self, x: &[f64], out: &mut [f64]) -> Evaluation;
+    /// The point evaluated last becomes the iterate.
+    fn accept(&mut self);
+    /// H(x) itself, each site using the piece in whose cell x lies, whatever the rule for the iterates. Call
+    /// [`accept`](Self::accept) to go on with these pieces.
+    fn natural(&mut self, x: &[f64], out: &mut [f64]);
     fn linearize(&mut self, x: &[f64], jac: &mut Matrix);
     /// From now on at most one site changes its piece at a time. False where there are no pieces.
     fn use_least_index(&mut self) -> bool;
-    /// A fingerprint of the current selection.
+    /// A fingerprint of the selection at the iterate.
     fn fingerprint(&self) -> Option<u64>;
 }
 
+#[derive(Clone, Copy)]
 pub(super) struct Evaluation {
-    /// Sites whose piece changed against the last evaluation.
+    /// Sites whose piece differs from that at the iterate.
     pub(super) changed: usize,
     /// Whether all sites use the piece in whose cell x lies.
     pub(super) settled: bool,
@@ -24,39 +31,55 @@ pub(super) struct PsBuffers {
     pub(super) layout: Option<TestLayout>,
     pub(super) theta: Vec<f64>,
     pub(super) selection: Selection,
-    pub(super) wanted: Selection,
+    pub(super) trial: Selection,
 }
 
 pub(super) struct PsSystem<'a, P: ?Sized> {
     pub(super) map: &'a P,
     pub(super) layout: &'a TestLayout,
     pub(super) theta: &'a mut [f64],
+    /// Of the iterate.
     pub(super) selection: &'a mut Selection,
-    pub(super) wanted: &'a mut Selection,
+    /// Of the point evaluated last.
+    pub(super) trial: &'a mut Selection,
     pub(super) least_index: bool,
     pub(super) fresh: bool,
 }
 
+impl<P: PiecewiseSmooth + ?Sized> PsSystem<'_, P> {
+    fn choose(&mut self, x: &[f64]) -> usize {
+        self.map.test_functions(x, self.theta);
+        self.trial.copy_from(self.selection);
+        let changed = select_pieces(self.map, self.layout, self.theta, !self.fresh, 0.0, self.trial);
+        // At the start there is nothing to differ from: what is left of an earlier run does not count.
+        if self.fresh { 0 } else { changed }
+    }
+}
+
 impl<P: PiecewiseSmooth + ?Sized> System for PsSystem<'_, P> {
     fn evaluate(&mut self, x: &[f64], out: &mut [f64]) -> Evaluation {
-        self.map.test_functions(x, self.theta);
-        self.wanted.copy_from(self.selection);
-        let keep = !self.fresh;
-        let mut changed = select_pieces(self.map, self.layout, self.theta, keep, 0.0, self.wanted);
-        let mut settled = true;
-        if self.least_index && !self.fresh && changed > 1 {
-            let first = self.selection.differing_sites(self.wanted).next();
-            if let Some(site) = first {
-                self.selection.set(site, self.wanted.piece(site));
-            }
-            settled = false;
+        let mut changed = self.choose(x);
+        let settled = !self.least_index || changed <= 1;
+        if !settled {
+            let first = self.selection.differing_sites(self.trial).next();
+            let site = first.unwrap_or(0);
+            let piece = self.trial.piece(site);
+            self.trial.copy_from(self.selection);
+            self.trial.set(site, piece);
             changed = 1;
-        } else {
-            self.selection.copy_from(self.wanted);
         }
-        self.fresh = false;
-        self.map.residual(self.selection, x, out);
+        self.map.residual(self.trial, x, out);
         Evaluation { changed, settled }
+    }
+
+    fn accept(&mut self) {
+        self.selection.copy_from(self.trial);
+        self.fresh = false;
+    }
+
+    fn natural(&mut self, x: &[f64], out: &mut [f64]) {
+        self.choose(x);
+        self.map.residual(self.trial, x, out);
     }
 
     fn linearize(&mut self, x: &[f64], jac: &mut Matrix) {
@@ -86,6 +109,12 @@ impl<S: Semismooth + ?Sized> System for SemismoothSystem<'_, S> {
         }
     }
 
+    fn accept(&mut self) {}
+
+    fn natural(&mut self, x: &[f64], out: &mut [f64]) {
+        self.0.residual(x, out);
+    }
+
     fn linearize(&mut self, x: &[f64], jac: &mut Matrix) {
         self.0.jacobian(x, jac);
     }
@@ -95,6 +124,7 @@ impl<S: Semismooth + ?Sized> System for SemismoothSystem<'_, S> {
     }
 
     fn fingerprint(&self) -> Option<u64> {
-        None
+        // One piece as it were: a residual that does not fall is trouble.
+        Some(0)
     }
 }

@@ -1,1 +1,289 @@
+//! A checker for implementations of [`PiecewiseSmooth`], to be called in their tests.
+//!
+//! ```
+//! use semismooth::piecewise::MinMap;
+//! use semismooth::piecewise::check::{CheckOptions, check};
+//! let map = MinMap::new(2, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+//!     a.copy_from_slice(x);
+//!     b[0] = 2.0 * x[0] + x[1] - 5.0;
+//!     b[1] = x[0] + 2.0 * x[1].powi(2) - 1.0;
+//! });
+//! // Points on both sides of every kink, in general position.
+//! let samples = [vec![0.3, -1.1], vec![4.2, 2.3], vec![-2.1, 0.7], vec![7.1, -3.9]];
+//! let report = check(&map, &samples, &CheckOptions::default())?;
+//! assert_eq!(report.points, 4);
+//! assert!(report.boundaries > 0);
+//! # Ok::<(), semismooth::piecewise::check::CheckError>(())
+//! ```
 
+use std::fmt;
+
+use thiserror::Error;
+
+use super::error::check_vector;
+use super::{PiecewiseError, PiecewiseSmooth};
+
+mod cells;
+mod derivatives;
+mod session;
+
+use session::Session;
+
+/// Options of [`check`]. The defaults suit maps of moderate size and scale.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct CheckOptions {
+    /// Largest deviation of a derivative from its difference quotient, relative to its size. Default 1e-5.
+    pub tolerance: f64,
+    /// Largest jump of a residual at a kink, relative to the residuals met on the way there. Default 1e-8.
+    pub continuity_tolerance: f64,
+    /// Most selections examined at a point. If there are more, those that differ in one site from the selection there are
+    /// examined, all of them. Default 64.
+    pub max_selections: usize,
+    /// Number of findings at which the check ends. Default 20.
+    pub max_findings: usize,
+    /// Whether selections are examined at points outside their cells too, where correctors may evaluate them. Where they are
+    /// not finite there they are passed over. Default true.
+    pub beyond_cells: bool,
+}
+
+impl Default for CheckOptions {
+    fn default() -> Self {
+        Self {
+            tolerance: 1e-5,
+            continuity_tolerance: 1e-8,
+            max_selections: 64,
+            max_findings: 20,
+            beyond_cells: true,
+        }
+    }
+}
+
+impl CheckOptions {
+    /// Sets the tolerance for derivatives.
+    #[must_use]
+    pub fn with_tolerance(mut self, tolerance: f64) -> Self {
+        self.tolerance = tolerance;
+        self
+    }
+
+    /// Sets the tolerance for jumps.
+    #[must_use]
+    pub fn with_continuity_tolerance(mut self, tolerance: f64) -> Self {
+        self.continuity_tolerance = tolerance;
+        self
+    }
+
+    /// Sets the most selections examined at a point.
+    #[must_use]
+    pub fn with_max_selections(mut self, n: usize) -> Self {
+        self.max_selections = n;
+        self
+    }
+
+    /// Sets the number of findings at which the check ends.
+    #[must_use]
+    pub fn with_max_findings(mut self, n: usize) -> Self {
+        self.max_findings = n;
+        self
+    }
+
+    /// Sets whether selections are examined outside their cells.
+    #[must_use]
+    pub fn with_beyond_cells(mut self, yes: bool) -> Self {
+        self.beyond_cells = yes;
+        self
+    }
+
+    fn validate(&self) -> Result<(), CheckError> {
+        for (name, value) in [
+            ("tolerance", self.tolerance),
+            ("continuity_tolerance", self.continuity_tolerance),
+            ("max_findings", self.max_findings as f64),
+        ] {
+            if !(value > 0.0 && value.is_finite()) {
+                return Err(CheckError::Option { name, value });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// How much a [`check`] has seen: a pass means little where these numbers are small.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
+pub struct CheckReport {
+    /// Samples inside the domain.
+    pub points: usize,
+    /// Samples behind a wall, passed over.
+    pub outside: usize,
+    /// Selections whose Jacobian was compared with difference quotients, over all points.
+    pub selections: usize,
+    /// Points on boundaries between pieces at which continuity was examined.
+    pub boundaries: usize,
+}
+
+/// What kind of error was found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum FindingKind {
+    /// A number or an index that cannot be.
+    Structure,
+    /// A point lies in the cell of no piece, and behind no wall.
+    Gap,
+    /// A point lies in the cells of several pieces.
+    Overlap,
+    /// Active selections disagree on a boundary.
+    Discontinuity,
+    /// The Jacobian of a selection is not the derivative of its residual.
+    Jacobian,
+    /// A Jacobian entry lies outside the declared pattern.
+    StrayEntry,
+    /// `test_derivatives` are not the derivatives of the test functions.
+    TestDerivatives,
+    /// `test_gradient` is not the gradient of the test function.
+    TestGradient,
+    /// A row outside `site_rows` depends on the piece of the site.
+    SiteRows,
+    /// The map says it is piecewise affine, and is not.
+    Affine,
+    /// A value is NaN or infinite.
+    NotFinite,
+}
+
+impl fmt::Display for FindingKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Structure => "impossible structure",
+            Self::Gap => "point in the cell of no piece",
+            Self::Overlap => "point in the cells of several pieces",
+            Self::Discontinuity => "jump between active selections",
+            Self::Jacobian => "wrong Jacobian",
+            Self::StrayEntry => "Jacobian entry outside the pattern",
+            Self::TestDerivatives => "wrong test_derivatives",
+            Self::TestGradient => "wrong test_gradient",
+            Self::SiteRows => "row outside site_rows depends on the piece",
+            Self::Affine => "derivative not constant although declared piecewise affine",
+            Self::NotFinite => "value not finite",
+        })
+    }
+}
+
+/// One error of an implementation.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Finding {
+    /// What kind of error.
+    pub kind: FindingKind,
+    /// Number of the sample at (or starting from) which it showed.
+    pub point: Option<usize>,
+    /// The site concerned, with its name.
+    pub site: Option<(usize, String)>,
+    /// The piece concerned, with its name.
+    pub piece: Option<(usize, String)>,
+    /// Row and column; for test functions the number of the test at its site and the variable.
+    pub entry: Option<(usize, usize)>,
+    /// The value that would be right.
+    pub expected: f64,
+    /// The value found.
+    pub found: f64,
+    /// What the values are.
+    pub what: String,
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.kind)?;
+        if let Some(point) = self.point {
+            write!(f, " at sample {point}")?;
+        }
+        if let Some((site, name)) = &self.site {
+            write!(f, ", site {site} ({name})")?;
+        }
+        if let Some((piece, name)) = &self.piece {
+            write!(f, ", piece {piece} ({name})")?;
+        }
+        if let Some((row, col)) = self.entry {
+            write!(f, ", entry ({row}, {col})")?;
+        }
+        write!(
+            f,
+            ": {}; expected {:e}, found {:e}",
+            self.what, self.expected, self.found
+        )
+    }
+}
+
+/// Why a [`check`] did not pass.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum CheckError {
+    /// The implementation is wrong.
+    #[error("{} error(s) in the map:{}", .0.len(), list(.0))]
+    Findings(Vec<Finding>),
+    /// There is no sample, or none inside the domain.
+    #[error("there is no sample inside the domain of the map ({outside} outside)")]
+    NoSamples {
+        /// Samples behind walls.
+        outside: usize,
+    },
+    /// A sample has the wrong length or is not finite.
+    #[error("sample {point}: {source}")]
+    Sample {
+        /// Number of the sample.
+        point: usize,
+        /// What is wrong.
+        source: PiecewiseError,
+    },
+    /// An option is out of its range.
+    #[error("option {name} = {value} is out of range; it must be positive and finite")]
+    Option {
+        /// Name of the field.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+    },
+}
+
+fn list(findings: &[Finding]) -> String {
+    findings.iter().map(|f| format!("\n  {f}")).collect()
+}
+
+/// Tests whether a map keeps the contract of [`PiecewiseSmooth`], at given samples and at the kinks between them.
+///
+/// Samples should be in general position (not on kinks) and lie in all the pieces; see the [report](CheckReport) for how much was
+/// examined. Checked are: numbers and indices; that the cells of each site tile the domain; continuity at boundaries found between
+/// samples; Jacobians, `test_derivatives` and `test_gradient` against difference quotients; `pattern`, `site_rows` and
+/// `is_piecewise_affine` against what the map does.
+///
+/// Cost: about 4 m residuals a selection and sample, and a [`test_gradient`](PiecewiseSmooth::test_gradient) a test function and
+/// sample.
+///
+/// # Errors
+/// [`CheckError::Findings`] with all that is wrong with the map; the others say what is wrong with the call.
+pub fn check<P: PiecewiseSmooth + ?Sized>(
+    map: &P,
+    samples: &[Vec<f64>],
+    options: &CheckOptions,
+) -> Result<CheckReport, CheckError> {
+    options.validate()?;
+    for (point, x) in samples.iter().enumerate() {
+        check_vector("the point", x, map.num_vars())
+            .map_err(|source| CheckError::Sample { point, source })?;
+    }
+    let mut session = Session::new(map, samples, options);
+    session.structure();
+    // Nothing can be evaluated safely on an impossible structure.
+    if session.findings.is_empty() {
+        session.run();
+    }
+    if !session.findings.is_empty() {
+        return Err(CheckError::Findings(session.findings));
+    }
+    match session.report {
+        CheckReport {
+            points: 0, outside, ..
+        } => Err(CheckError::NoSamples { outside }),
+        report => Ok(report),
+    }
+}

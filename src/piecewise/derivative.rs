@@ -36,12 +36,20 @@ pub fn b_derivative<P: PiecewiseSmooth + ?Sized>(
             found: out.len(),
         });
     }
+    let pattern = map.pattern();
+    if pattern.nrows() != n || pattern.ncols() != m {
+        return Err(PiecewiseError::Length {
+            what: "the declared pattern (rows times columns)",
+            expected: n * m,
+            found: pattern.nrows() * pattern.ncols(),
+        });
+    }
     let active = active_set(map, x, tolerance);
     let layout = TestLayout::new(map);
     let mut rates = vec![0.0; layout.total()];
     map.test_derivatives(x, d, &mut rates);
     let selection = pointed_into(map, &layout, &active, &rates);
-    let mut jac = Matrix::zeros(map.pattern());
+    let mut jac = Matrix::zeros(pattern);
     map.jacobian(&selection, x, &mut jac);
     if let Some((row, col)) = jac.stray() {
         return Err(PiecewiseError::StrayEntry { row, col });
@@ -134,15 +142,13 @@ pub fn coherent_orientation<P: PiecewiseSmooth + ?Sized>(
     let mut solver = AutoSolver::default();
     solver.analyze(jac.leading_columns(n).pattern)?;
     let mut first: Option<(Selection, i8)> = None;
-    let mut examined = 0;
-    for selection in active.selections() {
+    for (selection, examined) in active.selections().zip(0..) {
         if examined == cap {
             return Ok(CoherentOrientation::Undecided {
                 examined,
                 total: active.total(),
             });
         }
-        examined += 1;
         jac.clear();
         map.jacobian(&selection, x, &mut jac);
         if let Some((row, col)) = jac.stray() {

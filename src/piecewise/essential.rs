@@ -16,7 +16,7 @@ pub enum Activity {
 }
 
 /// Decides whether `selection` is essentially active at x by the gradients of its vanishing facets: it is when some direction d
-/// has sign·∇θ·d > 0 on all of them (Gordan's alternative, by von Neumann's algorithm).
+/// has sign·∇θ·d > 0 on all of them (Gordan's alternative).
 ///
 /// # Errors
 /// Wrong lengths or values that are not finite.
@@ -59,8 +59,9 @@ pub fn essential_activity<P: PiecewiseSmooth + ?Sized>(
     Ok(open_cone(&normals))
 }
 
-/// Von Neumann's algorithm for: is there a d with g·d > 0 for all unit vectors g? The iterate w is a convex combination of the
-/// g; either w itself serves as d, or w tends to 0.
+/// Is there a d with g·d > 0 for all unit vectors g? The point w of their convex hull nearest to 0 tells: either w itself serves
+/// as d, or it is 0. Pairwise steps of Frank and Wolfe move weight from the g that helps least to the one that helps most; they
+/// converge linearly, faces with 0 in them included (Lacoste-Julien and Jaggi 2015).
 fn open_cone(normals: &[Vec<f64>]) -> Activity {
     const LIMIT: usize = 20_000;
     const ZERO: f64 = 1e-7;
@@ -69,22 +70,36 @@ fn open_cone(normals: &[Vec<f64>]) -> Activity {
         return Activity::Essential;
     };
     let mut w = first.clone();
+    let mut weights = vec![0.0; normals.len()];
+    weights[0] = 1.0;
     for _ in 0..LIMIT {
-        let worst = normals.iter().min_by(|a, b| dot(a, &w).total_cmp(&dot(b, &w)));
-        let Some(g) = worst else {
-            return Activity::Essential;
-        };
-        let slack = dot(g, &w);
-        if slack > 1e-12 {
+        let (mut toward, mut away) = (0, 0);
+        let (mut lowest, mut highest) = (f64::INFINITY, f64::NEG_INFINITY);
+        for (k, g) in normals.iter().enumerate() {
+            let slack = dot(g, &w);
+            if slack < lowest {
+                (toward, lowest) = (k, slack);
+            }
+            if weights[k] > 0.0 && slack > highest {
+                (away, highest) = (k, slack);
+            }
+        }
+        if lowest > 1e-12 {
             return Activity::Essential;
         }
-        let norm2 = dot(&w, &w);
-        if norm2 < ZERO * ZERO {
+        if dot(&w, &w) < ZERO * ZERO {
             return Activity::Inessential;
         }
-        let step = (norm2 - slack) / (norm2 - 2.0 * slack + 1.0);
-        for (w, g) in w.iter_mut().zip(g) {
-            *w += step * (g - *w);
+        let (g, h) = (&normals[toward], &normals[away]);
+        let length: f64 = g.iter().zip(h).map(|(g, h)| (g - h).powi(2)).sum();
+        let step = ((highest - lowest) / length).min(weights[away]);
+        if step.is_nan() || step <= 0.0 {
+            return Activity::Undecided;
+        }
+        weights[toward] += step;
+        weights[away] -= step;
+        for ((w, g), h) in w.iter_mut().zip(g).zip(h) {
+            *w += step * (g - h);
         }
     }
     Activity::Undecided

@@ -1,0 +1,81 @@
+//! When a residual counts as zero: relative to the terms that cancel in it, whatever the units of equations and unknowns.
+
+use super::moore_penrose::norm;
+use crate::sparse::MatrixRef;
+
+/// Sweeps of equilibration; each halves the decimal exponents that are left.
+const SWEEPS: usize = 6;
+
+/// The size of the terms that cancel in each residual, S_i = Σ_j |∂H_i/∂x_j| |x_j|.
+pub(super) fn row_sizes(jac: MatrixRef<'_>, x: &[f64], size: &mut [f64]) {
+    size.fill(0.0);
+    for (j, xj) in x.iter().enumerate() {
+        for k in jac.pattern.col_ptr[j]..jac.pattern.col_ptr[j + 1] {
+            size[jac.pattern.row_idx[k]] += (jac.values[k] * xj).abs();
+        }
+    }
+}
+
+/// Room for [`is_small`]: three vectors as long as the residual.
+pub(super) struct Scratch<'a> {
+    pub(super) row: &'a mut [f64],
+    pub(super) col: &'a mut [f64],
+    pub(super) max: &'a mut [f64],
+}
+
+/// Where |H_i| is a larger share of its terms, these do not cancel: they vanish together.
+const VANISHING: f64 = 1e-3;
+
+/// Whether |r| ≤ tolerance · size: in the norm and row by row.
+///
+/// The norm alone would let a row in small units pass unsolved. Row by row alone is too much to ask of a row such as
+/// H_i = x_i at x_i ≈ 0, whose terms vanish with it; such a row is compared with the largest one after equilibration.
+pub(super) fn is_small(
+    r: &[f64],
+    size: &[f64],
+    tolerance: f64,
+    jac: MatrixRef<'_>,
+    work: Scratch<'_>,
+) -> bool {
+    let bound = tolerance * norm(size);
+    if norm(r) > bound || bound.is_nan() {
+        return false;
+    }
+    if r.iter().zip(size).all(|(r, s)| r.abs() <= tolerance * s) {
+        return true;
+    }
+    let Scratch { row, col, max } = work;
+    equilibrate(jac, row, col, max);
+    let largest = size.iter().zip(&*row).fold(0.0, |m: f64, (s, w)| m.max(s * w));
+    r.iter().zip(size).zip(&*row).all(|((r, s), w)| {
+        let r = r.abs();
+        r <= tolerance * s || (r >= VANISHING * s && r * w <= tolerance * largest)
+    })
+}
+
+/// Factors that bring the largest entry of every row and column of a matrix near 1 (D. Ruiz, RAL-TR-2001-034).
+pub(super) fn equilibrate(a: MatrixRef<'_>, row: &mut [f64], col: &mut [f64], max: &mut [f64]) {
+    row.fill(1.0);
+    col.fill(1.0);
+    let divide = |factor: &mut f64, max: f64| {
+        if max > 0.0 && max.is_finite() {
+            *factor /= max.sqrt();
+        }
+    };
+    for _ in 0..SWEEPS {
+        max.fill(0.0);
+        for j in 0..a.pattern.ncols {
+            let span = a.pattern.col_ptr[j]..a.pattern.col_ptr[j + 1];
+            let mut column = 0.0_f64;
+            for (&i, v) in a.pattern.row_idx[span.clone()].iter().zip(&a.values[span]) {
+                let entry = (v * row[i] * col[j]).abs();
+                column = column.max(entry);
+                max[i] = max[i].max(entry);
+            }
+            divide(&mut col[j], column);
+        }
+        for (r, m) in row.iter_mut().zip(&*max) {
+            divide(r, *m);
+        }
+    }
+}

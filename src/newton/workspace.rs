@@ -1,0 +1,84 @@
+use super::{NewtonError, Report};
+use crate::linear::LinearSolver;
+use crate::piecewise::PiecewiseError;
+use crate::sparse::{Matrix, Pattern};
+
+/// Everything a run needs room for.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Workspace<L> {
+    pub(super) solver: L,
+    pub(super) jac: Option<Matrix>,
+    pub(super) n: usize,
+    pub(super) r: Vec<f64>,
+    pub(super) trial_r: Vec<f64>,
+    pub(super) d: Vec<f64>,
+    pub(super) trial: Vec<f64>,
+    pub(super) best: Vec<f64>,
+    pub(super) size: Vec<f64>,
+    pub(super) gradient: Vec<f64>,
+    pub(super) conjugate: Vec<f64>,
+    /// Factors of the residuals in the merit function, so that units of rows do not matter to line searches.
+    pub(super) weight: Vec<f64>,
+    pub(super) visited: Vec<(u64, f64)>,
+    pub(super) report: Report,
+}
+
+impl<L: LinearSolver> Workspace<L> {
+    pub(super) fn new(solver: L) -> Self {
+        Self {
+            solver,
+            jac: None,
+            n: 0,
+            r: Vec::new(),
+            trial_r: Vec::new(),
+            d: Vec::new(),
+            trial: Vec::new(),
+            best: Vec::new(),
+            size: Vec::new(),
+            gradient: Vec::new(),
+            conjugate: Vec::new(),
+            weight: Vec::new(),
+            visited: Vec::new(),
+            report: Report::default(),
+        }
+    }
+
+    pub(super) fn fits(&self, m: usize, n: usize) -> bool {
+        self.n == n && self.jac.as_ref().is_some_and(|j| j.ncols() == m)
+    }
+
+    pub(super) fn prepare(&mut self, pattern: Pattern, m: usize, n: usize) -> Result<(), NewtonError> {
+        let sides = [
+            ("the rows of the declared pattern", n, pattern.nrows()),
+            ("the columns of the declared pattern", m, pattern.ncols()),
+        ];
+        for (what, expected, found) in sides {
+            if found != expected {
+                return Err(PiecewiseError::Length {
+                    what,
+                    expected,
+                    found,
+                }
+                .into());
+            }
+        }
+        self.jac = None;
+        self.solver.analyze(pattern.leading_columns(n))?;
+        self.jac = Some(Matrix::zeros(pattern));
+        self.n = n;
+        for v in [
+            &mut self.r,
+            &mut self.trial_r,
+            &mut self.d,
+            &mut self.size,
+            &mut self.gradient,
+            &mut self.conjugate,
+            &mut self.weight,
+        ] {
+            v.resize(n, 0.0);
+        }
+        self.trial.resize(m, 0.0);
+        self.best.resize(m, 0.0);
+        Ok(())
+    }
+}

@@ -1,0 +1,274 @@
+//! Rounding, scales, misuse and problems without solution.
+
+use semismooth::newton::{Convergence, Damping, Failure, Newton, NewtonError, NewtonOptions};
+use semismooth::piecewise::{Facet, MinMap, PiecewiseError, PiecewiseSmooth, Selection, Semismooth};
+use semismooth::sparse::{Matrix, Pattern};
+
+use crate::problems::{Lcp, Smooth, close, cycling, p_matrix, scalar};
+
+#[test]
+fn zero_tolerances_end_at_the_rounding_floor() {
+    let options = NewtonOptions::default().with_tolerances(0.0, 0.0);
+    let cube = scalar(|x| x * x * x - 2.0 * x - 5.0, |x| 3.0 * x * x - 2.0);
+    let noisy = scalar(|x| (1e6 + x.exp()) - (1e6 + 3.0), f64::exp);
+    let maps: [(&dyn PiecewiseSmooth, f64, f64); 2] = [
+        (&cube, 2.094_551_481_542_326_6, 1e-14),
+        (&noisy, 3.0_f64.ln(), 1e-9),
+    ];
+    for (map, root, accuracy) in maps {
+        for damping in [Damping::OnTrouble, Damping::Always, Damping::Never] {
+            let mut newton = Newton::new(options.clone().with_damping(damping));
+            let mut x = [2.3];
+            let end = newton.solve(map, &mut x);
+            // A residual of exactly 0 is a solution by any tolerance.
+            let exact = newton.report().residual_norm() == 0.0;
+            let right = if exact {
+                Convergence::Tolerance
+            } else {
+                Convergence::Rounding
+            };
+            assert_eq!(end, Ok(right), "{damping:?} {x:?}");
+            assert!((x[0] - root).abs() < accuracy, "{x:?}");
+        }
+    }
+    // 1/3 has no representation: 3 x − 1 with a detour cannot vanish to the last bit everywhere.
+    let n = 6;
+    let e: Vec<f64> = (0..n * n).map(|k| ((k * k + 3) as f64).sin()).collect();
+    let lcp = Lcp::new(
+        p_matrix(n, &e, 0.3),
+        (0..n).map(|k| (k as f64 * 1.7).cos() / 3.0).collect(),
+    );
+    let mut x = vec![1.0; n];
+    let mut newton = Newton::new(options);
+    newton.solve(&lcp, &mut x).unwrap();
+    assert!(close(&x, &lcp.enumerate()[0], 1e-12));
+}
+
+#[test]
+fn small_rows_are_solved_too() {
+    // The second row is nonlinear and 10¹⁵ times smaller than the first, which is exact after one step.
+    let map = Smooth {
+        n: 2,
+        f: |x: &[f64], out: &mut [f64]| {
+            out[0] = 1e9 * (x[0] - 3.0);
+            out[1] = 1e-6 * (x[1].exp() - x[0]);
+        },
+        j: |x: &[f64], jac: &mut Matrix| {
+            jac.add(0, 0, 1e9);
+            jac.add(1, 0, -1e-6);
+            jac.add(1, 1, 1e-6 * x[1].exp());
+        },
+    };
+    let mut x = [1.0, 4.0];
+    Newton::default().solve(&map, &mut x).unwrap();
+    assert!((x[1] - 3.0_f64.ln()).abs() < 1e-12, "{x:?}");
+}
+
+#[test]
+fn tiny_and_huge_residuals_neither_vanish_nor_overflow() {
+    for scale in [1e-200, 1e200] {
+        let map = scalar(move |x| scale * (x * x - 2.0), move |x| scale * 2.0 * x);
+        let mut x = [5.0];
+        Newton::default().solve(&map, &mut x).unwrap();
+        assert!((x[0] - 2.0_f64.sqrt()).abs() < 1e-13, "{x:?}");
+    }
+}
+
+#[test]
+fn misuse_is_named() {
+    let lcp = Lcp::new(vec![vec![1.0, 0.0], vec![0.0, 1.0]], vec![-1.0, -1.0]);
+    let wide = MinMap::new(0, |_: &[f64], _: &mut [f64], _: &mut [f64]| {});
+    struct Shape(usize, usize, usize, usize);
+    impl PiecewiseSmooth for Shape {
+        fn num_vars(&self) -> usize {
+            self.0
+        }
+        fn num_residuals(&self) -> usize {
+            self.1
+        }
+        fn num_sites(&self) -> usize {
+            0
+        }
+        fn num_pieces(&self, _: usize) -> usize {
+            1
+        }
+        fn num_tests(&self, _: usize) -> usize {
+            0
+        }
+        fn cell(&self, _: usize, _: usize) -> &[Facet] {
+            &[]
+        }
+        fn test_functions(&self, _: &[f64], _: &mut [f64]) {}
+        fn residual(&self, _: &Selection, _: &[f64], out: &mut [f64]) {
+            out.fill(1.0);
+        }
+        fn jacobian(&self, _: &Selection, _: &[f64], jac: &mut Matrix) {
+            jac.add(0, 0, 1.0);
+            jac.add(1, 1, 1.0);
+        }
+        fn pattern(&self) -> Pattern {
+            Pattern::full(self.2, self.3)
+        }
+    }
+    let zero = NewtonOptions::default().with_max_iterations(0);
+    let negative = NewtonOptions::default().with_tolerances(-1.0, 0.0);
+    let nan = NewtonOptions::default().with_tolerances(0.0, f64::NAN);
+    let plain = NewtonOptions::default();
+    let diagonal = Pattern::from_entries(2, 2, [(0, 0)]).unwrap();
+    struct Thin(Lcp, Pattern);
+    impl Semismooth for Thin {
+        fn num_vars(&self) -> usize {
+            2
+        }
+        fn residual(&self, x: &[f64], out: &mut [f64]) {
+            out.copy_from_slice(x);
+            out[0] -= self.0.q[0];
+        }
+        fn jacobian(&self, _: &[f64], jac: &mut Matrix) {
+            jac.add(0, 0, 1.0);
+            jac.add(1, 1, 1.0);
+        }
+        fn pattern(&self) -> Pattern {
+            self.1.clone()
+        }
+    }
+    type Case<'a> = (&'a str, &'a dyn PiecewiseSmooth, NewtonOptions, Vec<f64>, &'a str);
+    let cases: Vec<Case<'_>> = vec![
+        (
+            "NaN",
+            &lcp,
+            plain.clone(),
+            vec![1.0, f64::NAN],
+            "the start x[1] is not finite",
+        ),
+        (
+            "inf",
+            &lcp,
+            plain.clone(),
+            vec![f64::INFINITY, 0.0],
+            "the start x[0] is not finite",
+        ),
+        (
+            "short",
+            &lcp,
+            plain.clone(),
+            vec![1.0],
+            "the start x has length 1, expected 2",
+        ),
+        (
+            "empty",
+            &wide,
+            plain.clone(),
+            vec![],
+            "a map of 0 variables and 0 residuals",
+        ),
+        (
+            "wide",
+            &Shape(4, 2, 2, 4),
+            plain.clone(),
+            vec![0.0; 4],
+            "a map of 4 variables and 2 residuals",
+        ),
+        (
+            "tall",
+            &Shape(2, 3, 3, 2),
+            plain.clone(),
+            vec![0.0; 2],
+            "a map of 2 variables and 3 residuals",
+        ),
+        (
+            "rows",
+            &Shape(2, 2, 3, 2),
+            plain.clone(),
+            vec![0.0; 2],
+            "the rows of the declared pattern has length 3",
+        ),
+        (
+            "columns",
+            &Shape(2, 2, 2, 3),
+            plain.clone(),
+            vec![0.0; 2],
+            "the columns of the declared pattern has length 3",
+        ),
+        ("zero", &lcp, zero, vec![0.0; 2], "option max_iterations = 0"),
+        (
+            "negative",
+            &lcp,
+            negative,
+            vec![0.0; 2],
+            "option absolute_tolerance = -1",
+        ),
+        ("nan", &lcp, nan, vec![0.0; 2], "option relative_tolerance = NaN"),
+    ];
+    for (name, map, options, mut x, message) in cases {
+        let error = Newton::new(options).solve(map, &mut x).unwrap_err();
+        assert!(error.to_string().starts_with(message), "{name}: {error}");
+    }
+    let stray = Newton::default().solve_semismooth(&Thin(lcp, diagonal), &mut [5.0, 5.0]);
+    let expected = PiecewiseError::StrayEntry { row: 1, col: 1 };
+    assert_eq!(stray, Err(NewtonError::Map(expected)));
+}
+
+#[test]
+fn maps_that_are_not_finite_fail_by_name() {
+    let log = scalar(|x| x.ln() + 5.0, |x| 1.0 / x);
+    // From 10 the full step leads to a negative argument; shortened it does not.
+    let mut x = [10.0];
+    Newton::default().solve(&log, &mut x).unwrap();
+    assert!((x[0] - (-5.0_f64).exp()).abs() < 1e-14);
+    let reason = |map: &dyn PiecewiseSmooth, start: f64| match Newton::default().solve(map, &mut [start]) {
+        Err(NewtonError::Failed(u)) => u.reason,
+        other => panic!("{other:?}"),
+    };
+    assert_eq!(reason(&log, -1.0), Failure::NotFinite);
+    assert_eq!(
+        reason(&scalar(|x| x - 1.0, |_| f64::NAN), 0.0),
+        Failure::NotFinite
+    );
+}
+
+#[test]
+fn an_unsolvable_problem_keeps_its_best_iterate_and_history() {
+    // x² + 1 = 0: the best is x = 0.
+    let map = scalar(|x| x * x + 1.0, |x| 2.0 * x);
+    let mut x = [3.0];
+    let Err(NewtonError::Failed(failed)) = Newton::default().solve(&map, &mut x) else {
+        panic!("x² + 1 = 0 was solved by {x:?}")
+    };
+    assert_eq!(failed.x, x);
+    assert!(failed.residual_norm <= 1.0 + 1e-6, "{failed:?}");
+    assert!(failed.report.iterations.len() > 2);
+    assert_eq!(failed.report.iterations[0].residual_norm, 10.0);
+    // max(x, 0) + 1 = 0 has slope 0 on one side.
+    let flat = MinMap::new(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+        a[0] = -x[0] - 1.0;
+        b[0] = -1.0;
+    });
+    let mut x = [2.0];
+    match Newton::default().solve(&flat, &mut x) {
+        Err(NewtonError::Failed(u)) => {
+            assert!((u.residual_norm - 1.0).abs() < 1e-9);
+            assert!(matches!(u.reason, Failure::Stationary { .. }), "{:?}", u.reason);
+        }
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn iterations_are_limited() {
+    let map = scalar(|x| x.powi(11) - 1.0, |x| 11.0 * x.powi(10));
+    let options = NewtonOptions::default().with_max_iterations(5);
+    match Newton::new(options).solve(&map, &mut [100.0]) {
+        Err(NewtonError::Failed(u)) => {
+            assert_eq!(u.reason, Failure::MaxIterations);
+            assert_eq!(u.report.iterations.len(), 6);
+        }
+        other => panic!("{other:?}"),
+    }
+    for k in [1, 3, 10] {
+        let options = NewtonOptions::default().with_max_iterations(k);
+        let mut newton = Newton::new(options);
+        let _ = newton.solve(&cycling(), &mut [2.0, 0.0, 0.0]);
+        assert!(newton.report().iterations.len() <= k + 1);
+    }
+}

@@ -1,0 +1,379 @@
+//! Piecewise-smooth maps: the checker, selections, active sets, derivatives, orientation and traced functions.
+
+mod rubber;
+#[cfg(feature = "autodiff")]
+mod traced;
+
+use proptest::prelude::*;
+use semismooth::piecewise::check::{CheckError, CheckOptions, Finding, FindingKind, check};
+use semismooth::piecewise::{
+    ActiveSet, Activity, CoherentOrientation, Facet, MinMap, PiecewiseError, PiecewiseSmooth, Selection,
+    Selections, TestLayout, active_set, b_derivative, coherent_orientation, essential_activity, select,
+    value,
+};
+use semismooth::sparse::Matrix;
+
+use rubber::{Fault, R, Rubber, samples};
+
+#[test]
+fn the_checker_passes_correct_maps() {
+    let report = check(&Rubber(Fault::None), &samples(), &CheckOptions::default()).unwrap();
+    assert_eq!((report.points, report.outside), (12, 1));
+    assert_eq!(report.selections, 12 * 9);
+    assert!(report.boundaries > 10, "{report:?}");
+    // Beyond the cap each piece of each site is examined once with the others as they are.
+    let few = CheckOptions::default().with_max_selections(4);
+    let report = check(&Rubber(Fault::None), &samples(), &few).unwrap();
+    assert_eq!(report.selections, 12 * 5);
+    let own = CheckOptions::default().with_beyond_cells(false);
+    assert_eq!(
+        check(&Rubber(Fault::None), &samples(), &own).unwrap().selections,
+        12
+    );
+    let map = MinMap::new(3, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+        a.copy_from_slice(x);
+        b[0] = x[0] * x[1] - 1.0;
+        b[1] = x[2].exp() - x[0];
+        b[2] = x[1].sin();
+    });
+    let points: Vec<Vec<f64>> = samples().iter().map(|x| x[..3].to_vec()).collect();
+    let report = check(&map, &points, &CheckOptions::default()).unwrap();
+    assert!(report.boundaries > 10 && report.points == 13);
+}
+
+fn findings(fault: Fault) -> Vec<Finding> {
+    match check(&Rubber(fault), &samples(), &CheckOptions::default()) {
+        Err(CheckError::Findings(found)) => found,
+        other => panic!("{fault:?}: {other:?}"),
+    }
+}
+
+#[test]
+fn each_deliberate_error_is_found_and_named() {
+    let cases = [
+        (Fault::JacobianSign, FindingKind::Jacobian),
+        (Fault::Jump, FindingKind::Discontinuity),
+        (Fault::Overlap, FindingKind::Overlap),
+        (Fault::Gap, FindingKind::Gap),
+        (Fault::Pattern, FindingKind::StrayEntry),
+        (Fault::Gradient, FindingKind::TestGradient),
+        (Fault::Rates, FindingKind::TestDerivatives),
+        (Fault::Rows, FindingKind::SiteRows),
+        (Fault::Affine, FindingKind::Affine),
+        (Fault::Nan, FindingKind::NotFinite),
+        (Fault::Facet, FindingKind::Structure),
+        (Fault::PatternShape, FindingKind::Structure),
+    ];
+    for (fault, kind) in cases {
+        let found = findings(fault);
+        assert!(found.iter().any(|f| f.kind == kind), "{fault:?}: {found:?}");
+    }
+}
+
+#[test]
+fn findings_tell_where() {
+    let found = findings(Fault::JacobianSign);
+    assert!(found.iter().all(|f| f.kind == FindingKind::Jacobian), "{found:?}");
+    assert!(found.iter().all(|f| f.entry == Some((3, 4))));
+    let f = found.iter().find(|f| f.piece.is_some()).unwrap();
+    assert_eq!(f.site, Some((1, "block 1".to_owned())));
+    assert_eq!(f.piece, Some((0, "left".to_owned())));
+    assert!((f.expected - 1.0).abs() < 1e-6 && f.found == -1.0);
+    let text = CheckError::Findings(found).to_string();
+    for word in ["wrong Jacobian", "block 1", "left", "(3, 4)"] {
+        assert!(text.contains(word), "{text}");
+    }
+    let jump = &findings(Fault::Jump)[0];
+    assert_eq!(jump.site.as_ref().map(|s| s.0), Some(1));
+    assert!((jump.found - jump.expected - 0.1).abs() < 1e-9, "{jump}");
+    let few = CheckOptions::default().with_max_findings(1);
+    match check(&Rubber(Fault::Rows), &samples(), &few) {
+        Err(CheckError::Findings(found)) => assert_eq!(found.len(), 1),
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn misuse_of_the_checker_is_named() {
+    let map = Rubber(Fault::None);
+    let options = CheckOptions::default();
+    assert_eq!(
+        check(&map, &[], &options),
+        Err(CheckError::NoSamples { outside: 0 })
+    );
+    let behind = [vec![0.0, 0.0, 0.0, 0.0, -1.0]];
+    assert_eq!(
+        check(&map, &behind, &options),
+        Err(CheckError::NoSamples { outside: 1 })
+    );
+    assert!(matches!(
+        check(&map, &[vec![0.0; 3]], &options),
+        Err(CheckError::Sample {
+            point: 0,
+            source: PiecewiseError::Length {
+                expected: 5,
+                found: 3,
+                ..
+            }
+        })
+    ));
+    let bad = options.with_tolerance(f64::NAN);
+    assert!(matches!(
+        check(&map, &samples(), &bad),
+        Err(CheckError::Option {
+            name: "tolerance",
+            ..
+        })
+    ));
+}
+
+#[test]
+fn selections_are_lazy_ordered_and_complete() {
+    struct Many;
+    impl PiecewiseSmooth for Many {
+        fn num_vars(&self) -> usize {
+            200
+        }
+        fn num_residuals(&self) -> usize {
+            200
+        }
+        fn num_sites(&self) -> usize {
+            200
+        }
+        fn num_pieces(&self, _: usize) -> usize {
+            4
+        }
+        fn num_tests(&self, _: usize) -> usize {
+            0
+        }
+        fn cell(&self, _: usize, _: usize) -> &[Facet] {
+            &[]
+        }
+        fn test_functions(&self, _: &[f64], _: &mut [f64]) {}
+        fn residual(&self, _: &Selection, _: &[f64], _: &mut [f64]) {}
+        fn jacobian(&self, _: &Selection, _: &[f64], _: &mut Matrix) {}
+    }
+    let all = Selections::all(&Many);
+    assert_eq!(all.total(), None);
+    let first: Vec<Vec<usize>> = all.take(5).map(|s| s.pieces().skip(198).collect()).collect();
+    assert_eq!(first, [[0, 0], [0, 1], [0, 2], [0, 3], [1, 0]]);
+    assert_eq!(
+        Selections::varying(&Many, &Selection::uniform(200, 1), 0..63).total(),
+        Some(1 << 126)
+    );
+    let some: Vec<Selection> = Selections::all(&Rubber(Fault::None)).collect();
+    assert_eq!(some.len(), 9);
+    assert!(some.windows(2).all(|w| w[0] < w[1]));
+    let none = Selections::new(Selection::uniform(2, 0), vec![(0, vec![1]), (1, vec![])]);
+    assert_eq!((none.total(), none.count()), (Some(0), 0));
+    assert_eq!(Selections::new(Selection::default(), vec![]).count(), 1);
+}
+
+#[test]
+fn active_sets_are_products() {
+    let map = Rubber(Fault::None);
+    // z₁ = α: stick and right; z₂ = −α: left and stick.
+    let x = [1.0, -1.0, -0.5, 0.5, 1.0];
+    let active = active_set(&map, &x, 1e-12);
+    assert_eq!(active.total(), Some(4));
+    assert_eq!(active.degenerate_sites(), [(0, vec![1, 2]), (1, vec![0, 1])]);
+    let listed: Vec<Selection> = active.selections().collect();
+    for s in Selections::all(&map) {
+        assert_eq!(active.contains(&s), listed.contains(&s));
+    }
+    assert!(!active.contains(&Selection::uniform(3, 1)));
+    assert!(active.outside().is_empty());
+    // All agree there, and with the value.
+    let (mut h, mut other) = ([0.0; 4], [0.0; 4]);
+    value(&map, &x, &mut h);
+    for s in listed {
+        map.residual(&s, &x, &mut other);
+        assert!(h.iter().zip(&other).all(|(a, b)| (a - b).abs() < 1e-15));
+    }
+    let outside = active_set(&map, &[0.0, 0.0, 0.0, 0.0, -1.0], 0.0);
+    assert_eq!(outside.outside(), [0, 1]);
+    // The apex z = α = 0: all pieces of both sites.
+    assert_eq!(active_set(&map, &[0.0; 5], 0.0).total(), Some(9));
+    let layout = TestLayout::new(&map);
+    let mut theta = [0.0; 6];
+    map.test_functions(&x, &mut theta);
+    let one = ActiveSet::from_tests(&map, &layout, &theta, vec![0]);
+    assert_eq!(one.degenerate_sites(), [(0, vec![1, 2])]);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn b_derivatives_are_one_sided_and_positively_homogeneous(
+        u in prop::array::uniform2(-1.0..1.0_f64),
+        on in prop::array::uniform2(0..3_usize),
+        alpha in 0.5..2.0_f64,
+        d in prop::array::uniform5(-1.0..1.0_f64),
+        t in 0.1..10.0_f64,
+    ) {
+        let map = Rubber(Fault::None);
+        // Each site on a kink or in the middle of sticking.
+        let z = |k: usize| alpha * [-1.0, 0.0, 1.0][k];
+        let x = [u[0], u[1], z(on[0]) - R * u[0], z(on[1]) - R * u[1], alpha];
+        let mut derivative = [0.0; 4];
+        let s = b_derivative(&map, &x, &d, 1e-9, &mut derivative).unwrap();
+        prop_assert!(active_set(&map, &x, 1e-9).contains(&s));
+        let h = 1e-6;
+        let moved: Vec<f64> = x.iter().zip(&d).map(|(x, d)| x + h * d).collect();
+        let (mut a, mut b) = ([0.0; 4], [0.0; 4]);
+        value(&map, &x, &mut a);
+        value(&map, &moved, &mut b);
+        for i in 0..4 {
+            prop_assert!(((b[i] - a[i]) / h - derivative[i]).abs() < 2e-5, "{} {:?}", i, derivative);
+        }
+        let longer = d.map(|d| t * d);
+        let mut scaled = [0.0; 4];
+        b_derivative(&map, &x, &longer, 1e-9, &mut scaled).unwrap();
+        for i in 0..4 {
+            prop_assert!((scaled[i] - t * derivative[i]).abs() < 1e-12 * (1.0 + scaled[i].abs()));
+        }
+    }
+}
+
+fn lcp(m: [[f64; 2]; 2]) -> impl PiecewiseSmooth {
+    MinMap::new(2, move |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+        a.copy_from_slice(x);
+        for i in 0..2 {
+            b[i] = m[i][0] * x[0] + m[i][1] * x[1];
+        }
+    })
+}
+
+#[test]
+fn min_maps_of_p_matrices_are_coherently_oriented() {
+    let at = |m, cap| coherent_orientation(&lcp(m), &[0.0, 0.0], 1e-12, cap).unwrap();
+    let p = [[1.0, 3.0], [0.0, 1.0]];
+    assert_eq!(at(p, 100), CoherentOrientation::Coherent { sign: 1 });
+    // Principal minors 1, 1 and −3.
+    match at([[1.0, 2.0], [2.0, 1.0]], 100) {
+        CoherentOrientation::Incoherent { first, second } => {
+            assert_eq!((first.1, second.1), (1, -1));
+            assert_eq!(second.0, Selection::uniform(2, 1));
+        }
+        other => panic!("{other:?}"),
+    }
+    // A vanishing minor is no orientation.
+    match at([[1.0, 1.0], [1.0, 1.0]], 100) {
+        CoherentOrientation::Incoherent { second, .. } => assert_eq!(second.1, 0),
+        other => panic!("{other:?}"),
+    }
+    assert_eq!(
+        at(p, 3),
+        CoherentOrientation::Undecided {
+            examined: 3,
+            total: Some(4)
+        }
+    );
+    // Away from kinks one selection decides.
+    let away = coherent_orientation(&lcp([[1.0, 2.0], [2.0, 1.0]]), &[-1.0, 1.0], 1e-12, 10).unwrap();
+    assert!(matches!(away, CoherentOrientation::Coherent { .. }));
+}
+
+/// Cells in the plane: y > 0; y < 0 < x; y < 0 and x < 0; and 0 < y < −|x|, which meets the others in the origin alone.
+struct Apex;
+
+impl PiecewiseSmooth for Apex {
+    fn num_vars(&self) -> usize {
+        2
+    }
+    fn num_residuals(&self) -> usize {
+        1
+    }
+    fn num_sites(&self) -> usize {
+        1
+    }
+    fn num_pieces(&self, _: usize) -> usize {
+        4
+    }
+    fn num_tests(&self, _: usize) -> usize {
+        4
+    }
+    fn cell(&self, _: usize, piece: usize) -> &[Facet] {
+        const CELLS: [&[Facet]; 4] = [
+            &[Facet::positive(0)],
+            &[Facet::negative(0), Facet::positive(1)],
+            &[Facet::negative(0), Facet::negative(1)],
+            &[Facet::positive(0), Facet::positive(2), Facet::positive(3)],
+        ];
+        CELLS[piece]
+    }
+    fn test_functions(&self, x: &[f64], out: &mut [f64]) {
+        out.copy_from_slice(&[x[1], x[0], x[0] - x[1], -x[0] - x[1]]);
+    }
+    fn residual(&self, _: &Selection, _: &[f64], out: &mut [f64]) {
+        out[0] = 0.0;
+    }
+    fn jacobian(&self, _: &Selection, _: &[f64], _: &mut Matrix) {}
+}
+
+#[test]
+fn a_piece_without_interior_is_inessential() {
+    let origin = [0.0, 0.0];
+    let activity =
+        |piece, x: &[f64]| essential_activity(&Apex, x, &Selection::uniform(1, piece), 1e-12).unwrap();
+    for piece in 0..3 {
+        assert_eq!(activity(piece, &origin), Activity::Essential);
+    }
+    assert_eq!(activity(3, &origin), Activity::Inessential);
+    assert_eq!(activity(0, &[1.0, -1.0]), Activity::Inactive);
+    assert_eq!(activity(1, &[1.0, -1.0]), Activity::Essential);
+    assert!(essential_activity(&Apex, &origin, &Selection::uniform(2, 0), 0.0).is_err());
+    assert_eq!(select(&Apex, &[1.0, -1.0]).piece(0), 1);
+}
+
+#[test]
+fn opposite_facets_with_others_are_inessential() {
+    /// y > 0, y < 0 by two tests, and x > 0: 0 lies on a face of the hull of the normals, not inside.
+    struct Squeezed;
+    impl PiecewiseSmooth for Squeezed {
+        fn num_vars(&self) -> usize {
+            2
+        }
+        fn num_residuals(&self) -> usize {
+            1
+        }
+        fn num_sites(&self) -> usize {
+            1
+        }
+        fn num_pieces(&self, _: usize) -> usize {
+            1
+        }
+        fn num_tests(&self, _: usize) -> usize {
+            3
+        }
+        fn cell(&self, _: usize, _: usize) -> &[Facet] {
+            const CELL: &[Facet] = &[Facet::positive(0), Facet::positive(1), Facet::positive(2)];
+            CELL
+        }
+        fn test_functions(&self, x: &[f64], out: &mut [f64]) {
+            out.copy_from_slice(&[x[0] + 0.3 * x[1], x[1], -x[1]]);
+        }
+        fn residual(&self, _: &Selection, _: &[f64], out: &mut [f64]) {
+            out[0] = 0.0;
+        }
+        fn jacobian(&self, _: &Selection, _: &[f64], _: &mut Matrix) {}
+    }
+    let found = essential_activity(&Squeezed, &[0.0, 0.0], &Selection::uniform(1, 0), 0.0);
+    assert_eq!(found, Ok(Activity::Inessential));
+}
+
+#[test]
+fn a_wrong_pattern_is_an_error() {
+    let map = Rubber(Fault::PatternShape);
+    let found = b_derivative(&map, &[0.1; 5], &[1.0; 5], 0.0, &mut [0.0; 4]);
+    assert!(matches!(found, Err(PiecewiseError::Length { .. })));
+    let found = b_derivative(
+        &Rubber(Fault::Pattern),
+        &[0.1, 9.0, 0.1, 9.0, 0.1],
+        &[1.0; 5],
+        0.0,
+        &mut [0.0; 4],
+    );
+    assert_eq!(found, Err(PiecewiseError::StrayEntry { row: 3, col: 4 }));
+}
