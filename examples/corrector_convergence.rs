@@ -1,4 +1,4 @@
-//! Newton's method for piecewise-smooth equations on friction problems (1 to 14 contact nodes, full and condensed) and on a circuit.
+//! Newton's method for piecewise-smooth equations on friction problems (1 to 11 contact nodes, full and condensed) and on a circuit.
 //! You will see residuals, steps, how many sites change their piece in each iteration, and the observed order of convergence.
 //! Run: cargo run --release --example corrector_convergence
 
@@ -11,7 +11,9 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use common::{Outcome, exit, shipped_folder};
-use semismooth::contact::{CondensedFriction, FrictionPath, FrictionProblem, HildRenard, LoadPath, read_folder};
+use semismooth::contact::{
+    CondensedFriction, FrictionPath, FrictionProblem, HildRenard, LoadPath, read_folder,
+};
 use semismooth::newton::{Newton, NewtonOptions};
 use semismooth::piecewise::{PiecewiseSmooth, Traced};
 use semismooth::sparse::Matrix;
@@ -33,10 +35,17 @@ fn run() -> Outcome<()> {
     let block = read_folder(shipped_folder())?.problem;
     history("elastic block, 11 contact nodes, full form, γ = 0.5", &block, 0.5)?;
     let condensed = CondensedFriction::new(block)?;
-    history("elastic block, 11 contact nodes, condensed, γ = 0.5", &condensed, 0.5)?;
+    history(
+        "elastic block, 11 contact nodes, condensed, γ = 0.5",
+        &condensed,
+        0.5,
+    )?;
     let circuit = Traced::new(TunnelDiode);
-    history("tunnel diode at 0.8 V: smooth pieces that are not affine", &circuit, 0.8)?;
-    history("tunnel diode at 2 V, beyond the valley", &circuit, 2.0)
+    history(
+        "tunnel diode at 0.8 V: smooth pieces that are not affine",
+        &circuit,
+        0.8,
+    )
 }
 
 /// Solves at a fixed parameter, from zero, and prints every iteration.
@@ -46,7 +55,11 @@ fn history<P: PiecewiseSmooth>(title: &str, map: &P, parameter: f64) -> Outcome<
     let mut newton = Newton::new(NewtonOptions::default());
     let convergence = newton.solve(map, &mut x)?;
     let report = newton.report();
-    println!("\n{title} ({} unknowns, {} sites)", map.num_residuals(), map.num_sites());
+    println!(
+        "\n{title} ({} unknowns, {} sites)",
+        map.num_residuals(),
+        map.num_sites()
+    );
     println!("    k    residual        step     damping  sites changed");
     for i in &report.iterations {
         println!(
@@ -56,7 +69,9 @@ fn history<P: PiecewiseSmooth>(title: &str, map: &P, parameter: f64) -> Outcome<
     }
     let floor = 1e-13 * report.iterations.first().map_or(1.0, |i| i.residual_norm);
     match report.observed_order(floor) {
-        Some(order) if !map.is_piecewise_affine() => println!("  observed order {order:.2} ({convergence:?})"),
+        Some(order) if !map.is_piecewise_affine() => {
+            println!("  observed order {order:.2} ({convergence:?})")
+        }
         _ => println!("  finite termination: the last step solves the right piece exactly ({convergence:?})"),
     }
     Ok(())

@@ -54,7 +54,10 @@ fn run(args: &Args) -> Outcome<()> {
     for b in &branch.branch_points {
         let (parameter, arms) = (b.point.parameter(), b.arms.len());
         if args.json {
-            println!("{}", json!({"event": "branch point", "parameter": parameter, "arms": arms}));
+            println!(
+                "{}",
+                json!({"event": "branch point", "parameter": parameter, "arms": arms})
+            );
         } else {
             println!("{parameter:<20}  branch point, {arms} arms go on");
         }

@@ -150,7 +150,8 @@ fn show(example: &Example, case: &Value, args: &Args) -> Outcome<f64> {
     if missing > 0 {
         return Err(format!("{}: {missing} transition points were not met", example.key).into());
     }
-    picture(example, &map, &branches, p).write(file_in(&args.out, &format!("{}.svg", file_name(example)))?)?;
+    picture(example, &map, &branches, p)
+        .write(file_in(&args.out, &format!("{}.svg", file_name(example)))?)?;
     Ok(worst)
 }
 
@@ -184,7 +185,9 @@ fn events(map: &FrictionProblem, branch: &Branch) -> Vec<(Vec<f64>, Selection, S
         all.push((b.point.arclength, b.point.x.clone(), s.clone(), s, kind));
     }
     all.sort_by(|a, b| a.0.total_cmp(&b.0));
-    all.into_iter().map(|(_, x, a, b, kind)| (x, a, b, kind)).collect()
+    all.into_iter()
+        .map(|(_, x, a, b, kind)| (x, a, b, kind))
+        .collect()
 }
 
 fn print_transition(
@@ -195,7 +198,10 @@ fn print_transition(
     deviation: f64,
 ) {
     let alpha = x.last().copied().unwrap_or(f64::NAN);
-    println!("    α = {:.12}  {kind}  (deviation {deviation:.1e})", positive_zero(alpha));
+    println!(
+        "    α = {:.12}  {kind}  (deviation {deviation:.1e})",
+        positive_zero(alpha)
+    );
     let (before, after) = (map.states(before), map.states(after));
     for (i, theta) in map.theta(x).iter().enumerate() {
         println!(

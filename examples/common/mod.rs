@@ -20,7 +20,8 @@ pub(crate) fn exit(outcome: Outcome<()>) -> ExitCode {
 
 /// A file in a folder, which is made if need be.
 pub(crate) fn file_in(folder: &Path, name: &str) -> Outcome<PathBuf> {
-    std::fs::create_dir_all(folder).map_err(|e| format!("cannot make the folder {}: {e}", folder.display()))?;
+    std::fs::create_dir_all(folder)
+        .map_err(|e| format!("cannot make the folder {}: {e}", folder.display()))?;
     Ok(folder.join(name))
 }
 

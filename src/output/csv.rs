@@ -112,7 +112,10 @@ mod tests {
         let branch = Branch::follow(&map, &[0.9, 0.3], Direction::Decreasing, options).unwrap();
         assert_eq!(branch.transitions.len(), 1);
         let mut table = Vec::new();
-        let columns = [Column::entry("y, \"quoted\"", 0), Column::new("none", |_| f64::NAN)];
+        let columns = [
+            Column::entry("y, \"quoted\"", 0),
+            Column::new("none", |_| f64::NAN),
+        ];
         write_csv(&mut table, &map, &branch, &columns).unwrap();
         let table = String::from_utf8(table).unwrap();
         let lines: Vec<&str> = table.split_terminator("\r\n").collect();

@@ -13,6 +13,10 @@ use super::plane::{Point, Range, clip, drawable, inside, padded_range, tick_labe
 const SCALE: i32 = 4;
 const TEXT: i32 = 15 * SCALE;
 const RADIUS: i32 = 5 * SCALE;
+/// Beyond this number of transitions of a curve the circles are smaller.
+const MANY: usize = 12;
+/// Height of a row of the legend.
+const ROW: i32 = 22 * SCALE;
 /// Length of curve, in pixels, that gets an arrow of its own.
 const ARROW_EVERY: f64 = 170.0 * SCALE as f64;
 /// A stretch shorter than this gets none.
@@ -34,8 +38,7 @@ pub(super) fn draw(diagram: &BranchDiagram) -> Result<String, OutputError> {
     let scale = SCALE as u32;
     let mut svg = String::new();
     {
-        let root =
-            SVGBackend::with_string(&mut svg, (width * scale, height * scale)).into_drawing_area();
+        let root = SVGBackend::with_string(&mut svg, (width * scale, height * scale)).into_drawing_area();
         root.fill(&WHITE).map_err(failed)?;
         let mut top = 6 * SCALE;
         if !diagram.title.is_empty() {
@@ -45,16 +48,23 @@ pub(super) fn draw(diagram: &BranchDiagram) -> Result<String, OutputError> {
                 .map_err(failed)?;
             top = 26 * SCALE;
         }
-        let (upper, legend) = root.split_vertically(height as i32 * SCALE - 26 * SCALE);
+        let rows = legend_rows(diagram);
+        // Half of the picture at most.
+        let legend_height = (rows.len() as i32 * ROW + 4 * SCALE).min(height as i32 * SCALE / 2);
+        let (upper, legend) = root.split_vertically(height as i32 * SCALE - legend_height);
         let area = upper.margin(top, 0, 4 * SCALE, 10 * SCALE);
         let panels = area.split_evenly((1, diagram.panels.len()));
         for ((panel, area), ranges) in diagram.panels.iter().zip(&panels).zip(&ranges) {
             draw_panel(&root, area, panel, *ranges)?;
         }
-        draw_legend(&legend, diagram)?;
+        draw_legend(&legend, &rows)?;
         root.present().map_err(failed)?;
     }
-    let drawn = format!("width=\"{}\" height=\"{}\" viewBox", width * scale, height * scale);
+    let drawn = format!(
+        "width=\"{}\" height=\"{}\" viewBox",
+        width * scale,
+        height * scale
+    );
     let shown = format!("width=\"{width}\" height=\"{height}\" viewBox");
     Ok(svg.replacen(&drawn, &shown, 1))
 }
@@ -78,7 +88,10 @@ fn check(diagram: &BranchDiagram) -> Result<Vec<(Range, Range)>, OutputError> {
 fn panel_ranges(k: usize, panel: &Panel) -> Result<(Range, Range), OutputError> {
     for (c, curve) in panel.curves.iter().enumerate() {
         let marks = curve.transitions.iter().chain(&curve.branchings);
-        for points in [&mut curve.vertices.iter() as &mut dyn Iterator<Item = _>, &mut marks.into_iter()] {
+        for points in [
+            &mut curve.vertices.iter() as &mut dyn Iterator<Item = _>,
+            &mut marks.into_iter(),
+        ] {
             if let Some((vertex, &(x, y))) = points.enumerate().find(|(_, p)| !drawable(**p)) {
                 return Err(OutputError::NotDrawable {
                     panel: k,
@@ -98,13 +111,11 @@ fn panel_ranges(k: usize, panel: &Panel) -> Result<(Range, Range), OutputError> 
     }
     let vertices = || panel.curves.iter().flat_map(|c| &c.vertices);
     let axis = |name, given: Option<Range>, found: Option<Range>| match given {
-        Some((lower, upper)) if !(lower < upper && drawable((lower, upper))) => {
-            Err(OutputError::Range {
-                axis: name,
-                lower,
-                upper,
-            })
-        }
+        Some((lower, upper)) if !(lower < upper && drawable((lower, upper))) => Err(OutputError::Range {
+            axis: name,
+            lower,
+            upper,
+        }),
         // A range too narrow for its tick marks is widened as data would be.
         Some((lower, upper)) if upper - lower <= 1e-9 * lower.abs().max(upper.abs()) => {
             padded_range([lower, upper].into_iter()).ok_or(OutputError::Empty { what: name })
@@ -153,9 +164,7 @@ fn draw_panel(
     if !panel.caption.is_empty() {
         builder.caption(printable(&panel.caption), ("sans-serif", TEXT));
     }
-    let mut chart = builder
-        .build_cartesian_2d(x.0..x.1, y.0..y.1)
-        .map_err(failed)?;
+    let mut chart = builder.build_cartesian_2d(x.0..x.1, y.0..y.1).map_err(failed)?;
     let narrow = area.dim_in_pixel().0 < 420 * SCALE as u32;
     chart
         .configure_mesh()
@@ -180,8 +189,13 @@ fn draw_panel(
     }
     let black = BLACK.stroke_width(SCALE as u32 * 5 / 4);
     for curve in &panel.curves {
+        let radius = if curve.transitions.len() > MANY {
+            RADIUS * 3 / 5
+        } else {
+            RADIUS
+        };
         for &p in curve.transitions.iter().filter(|p| inside(**p, x, y)) {
-            root.draw(&Circle::new(pixel(p), RADIUS, black)).map_err(failed)?;
+            root.draw(&Circle::new(pixel(p), radius, black)).map_err(failed)?;
         }
         for &p in curve.branchings.iter().filter(|p| inside(**p, x, y)) {
             draw_diamond(root, pixel(p))?;
@@ -300,8 +314,32 @@ fn draw_star(root: &Area<'_>, (x, y): Pixel) -> Result<(), OutputError> {
     Ok(())
 }
 
-/// One row: the classes in order of appearance, then the marks in use.
-fn draw_legend(area: &Area<'_>, diagram: &BranchDiagram) -> Result<(), OutputError> {
+/// An entry of the legend.
+enum Entry<'a> {
+    Class(&'a SegmentStyle),
+    Transition,
+    Branching,
+    Start,
+}
+
+impl Entry<'_> {
+    fn label(&self) -> String {
+        match self {
+            Self::Class(style) => printable(&style.name),
+            Self::Transition => "transition".into(),
+            Self::Branching => "branching".into(),
+            Self::Start => "start".into(),
+        }
+    }
+
+    /// Fonts are not known here: a generous guess.
+    fn width(&self) -> i32 {
+        (30 + 20) * SCALE + self.label().chars().count() as i32 * 13 * SCALE / 2
+    }
+}
+
+/// The classes in order of appearance, then the marks in use, in rows.
+fn legend_rows(diagram: &BranchDiagram) -> Vec<Vec<Entry<'_>>> {
     let curves = || diagram.panels.iter().flat_map(|p| &p.curves);
     let mut classes: Vec<&SegmentStyle> = Vec::new();
     for style in curves().flat_map(|c| &c.styles) {
@@ -309,43 +347,57 @@ fn draw_legend(area: &Area<'_>, diagram: &BranchDiagram) -> Result<(), OutputErr
             classes.push(style);
         }
     }
-    let marks = [
-        (curves().any(|c| !c.transitions.is_empty()), "transition"),
-        (curves().any(|c| !c.branchings.is_empty()), "branching"),
-        (
-            curves().any(|c| c.starts && !c.vertices.is_empty()),
-            "start",
-        ),
-    ];
-    let labels = classes
-        .iter()
-        .map(|c| &*c.name)
-        .chain(marks.iter().filter(|m| m.0).map(|m| m.1));
-    let width_of = |label: &str| 30 * SCALE + label.chars().count() as i32 * 7 * SCALE + 14 * SCALE;
-    let total: i32 = labels.map(width_of).sum();
-    let style = text(area, TEXT - SCALE, HPos::Left);
-    let y = 12 * SCALE;
-    let mut x = ((area.dim_in_pixel().0 as i32 - total) / 2).max(4 * SCALE);
-    for class in classes {
-        let line = vec![(x, y), (x + 24 * SCALE, y)];
-        let stroke = rgb(class.colour).stroke_width(3 * SCALE as u32);
-        area.draw(&PathElement::new(line, stroke)).map_err(failed)?;
-        area.draw_text(&printable(&class.name), &style, (x + 30 * SCALE, y))
-            .map_err(failed)?;
-        x += width_of(&class.name);
+    let mut entries: Vec<Entry<'_>> = classes.into_iter().map(Entry::Class).collect();
+    if curves().any(|c| !c.transitions.is_empty()) {
+        entries.push(Entry::Transition);
     }
-    for (k, (_, label)) in marks.iter().enumerate().filter(|(_, m)| m.0) {
-        let centre = (x + 16 * SCALE, y);
-        match k {
-            0 => area
-                .draw(&Circle::new(centre, RADIUS, BLACK.stroke_width(SCALE as u32)))
-                .map_err(failed)?,
-            1 => draw_diamond(area, centre)?,
-            _ => draw_star(area, centre)?,
+    if curves().any(|c| !c.branchings.is_empty()) {
+        entries.push(Entry::Branching);
+    }
+    if curves().any(|c| c.starts && !c.vertices.is_empty()) {
+        entries.push(Entry::Start);
+    }
+    let available = diagram.size.0 as i32 * SCALE;
+    let mut rows: Vec<Vec<Entry<'_>>> = Vec::new();
+    let mut used = available;
+    for entry in entries {
+        if used + entry.width() > available || rows.is_empty() {
+            rows.push(Vec::new());
+            used = 0;
         }
-        area.draw_text(label, &style, (x + 30 * SCALE, y))
-            .map_err(failed)?;
-        x += width_of(label);
+        used += entry.width();
+        if let Some(row) = rows.last_mut() {
+            row.push(entry);
+        }
+    }
+    rows
+}
+
+fn draw_legend(area: &Area<'_>, rows: &[Vec<Entry<'_>>]) -> Result<(), OutputError> {
+    let style = text(area, TEXT - SCALE, HPos::Left);
+    let mut y = ROW / 2;
+    for row in rows {
+        let total: i32 = row.iter().map(Entry::width).sum();
+        let mut x = ((area.dim_in_pixel().0 as i32 - total + 20 * SCALE) / 2).max(4 * SCALE);
+        for entry in row {
+            let centre = (x + 16 * SCALE, y);
+            match entry {
+                Entry::Class(class) => {
+                    let line = vec![(x, y), (x + 24 * SCALE, y)];
+                    let stroke = rgb(class.colour).stroke_width(3 * SCALE as u32);
+                    area.draw(&PathElement::new(line, stroke)).map_err(failed)?;
+                }
+                Entry::Transition => area
+                    .draw(&Circle::new(centre, RADIUS, BLACK.stroke_width(SCALE as u32)))
+                    .map_err(failed)?,
+                Entry::Branching => draw_diamond(area, centre)?,
+                Entry::Start => draw_star(area, centre)?,
+            }
+            area.draw_text(&entry.label(), &style, (x + 30 * SCALE, y))
+                .map_err(failed)?;
+            x += entry.width();
+        }
+        y += ROW;
     }
     Ok(())
 }
@@ -391,7 +443,9 @@ mod tests {
             .with_start(true);
         let d = BranchDiagram::new(Panel::new("α", "y").with_curve(curve).with_caption("a < b"))
             .with_title("R&D \u{0}")
-            .with_panel(Panel::new("x", "y").with_curve(Curve::line(vec![(0.0, 0.0)], blue()).with_start(true)));
+            .with_panel(
+                Panel::new("x", "y").with_curve(Curve::line(vec![(0.0, 0.0)], blue()).with_start(true)),
+            );
         let svg = d.to_svg().unwrap();
         assert_well_formed(&svg);
         assert_eq!(svg, d.to_svg().unwrap());
@@ -413,7 +467,9 @@ mod tests {
             let d = BranchDiagram::new(Panel::new("", "").with_curve(curve));
             assert!(matches!(d.to_svg(), Err(NotDrawable { vertex: 0, .. })));
         }
-        let d = BranchDiagram::new(Panel::new("", "").with_curve(Curve::segments(vec![(0.0, 0.0)], vec![blue()])));
+        let d = BranchDiagram::new(
+            Panel::new("", "").with_curve(Curve::segments(vec![(0.0, 0.0)], vec![blue()])),
+        );
         assert!(matches!(d.to_svg(), Err(Segments { .. })));
         let d = diagram(vec![(0.0, 0.0), (1.0, 1.0)]);
         for (w, h) in [(0, 0), (159, 400), (400, 159), (u32::MAX, 400), (400, u32::MAX)] {

@@ -35,7 +35,9 @@ pub enum OutputError {
         styles: usize,
     },
     /// The size of the picture is out of range.
-    #[error("a picture of {width} x {height} with {panels} panels; each panel needs 160 x 160 to 10000 x 10000")]
+    #[error(
+        "a picture of {width} x {height} with {panels} panels; each panel needs 160 x 160 to 10000 x 10000"
+    )]
     Size {
         /// Width in pixels.
         width: u32,
