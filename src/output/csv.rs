@@ -7,10 +7,12 @@ use super::walk::vertices;
 use crate::continuation::Branch;
 use crate::piecewise::PiecewiseSmooth;
 
+type Scalar<'a> = dyn Fn(&[f64]) -> f64 + 'a;
+
 /// A column of a table: a name and a scalar function of x = (y, α).
 pub struct Column<'a> {
     name: Cow<'a, str>,
-    value: Box<dyn Fn(&[f64]) -> f64 + 'a>,
+    value: Box<Scalar<'a>>,
 }
 
 impl<'a> Column<'a> {
