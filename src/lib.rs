@@ -1,5 +1,7 @@
 //! Piecewise-smooth equations: correctors, continuation through kinks, contact with friction.
 
+#![warn(missing_docs, unreachable_pub)]
+
 pub mod contact;
 pub mod continuation;
 pub mod linear;

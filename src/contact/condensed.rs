@@ -64,10 +64,7 @@ impl CondensedFriction {
                 .mul_transpose_add(1.0, column, &mut out[p..]);
             out
         };
-        let mut compliance: Vec<f64> = block[..2 * p * n]
-            .chunks_exact(n)
-            .flat_map(|c| traces(c))
-            .collect();
+        let mut compliance: Vec<f64> = block[..2 * p * n].chunks_exact(n).flat_map(traces).collect();
         // Rounding leaves C slightly unsymmetric; rows and columns are used interchangeably below.
         for i in 0..2 * p {
             for j in 0..i {
@@ -135,6 +132,19 @@ impl CondensedFriction {
             pressure: x[i],
             traction: x[p + i],
             friction,
+        }
+    }
+
+    /// F of one node and dF/dα.
+    fn friction(&self, i: usize, alpha: f64) -> (f64, f64) {
+        match &self.problem.friction.0 {
+            Path::Affine { constant, slope } => (constant[i] + alpha * slope[i], slope[i]),
+            path @ Path::Function(_) => {
+                let p = self.problem.num_contacts();
+                let (mut value, mut derivative) = (vec![0.0; p], vec![0.0; p]);
+                path.value(alpha, &mut value, &mut derivative);
+                (value[i], derivative[i])
+            }
         }
     }
 
@@ -281,14 +291,12 @@ impl PiecewiseSmooth for CondensedFriction {
     }
 
     fn test_gradient(&self, site: usize, test: usize, x: &[f64], gradient: &mut [f64]) {
-        self.for_nodes(x, |i, v, friction_rate| {
-            if i == site {
-                let row = self.problem.law.test_rows(&v)[test.min(TESTS - 1)];
-                for (j, g) in gradient.iter_mut().enumerate() {
-                    *g = self.entry(i, &row, friction_rate, j);
-                }
-            }
-        });
+        let (friction, friction_rate) = self.friction(site, x[x.len() - 1]);
+        let v = self.node(site, x, friction);
+        let row = self.problem.law.test_rows(&v)[test.min(TESTS - 1)];
+        for (j, g) in gradient.iter_mut().enumerate() {
+            *g = self.entry(site, &row, friction_rate, j);
+        }
     }
 }
 

@@ -34,8 +34,6 @@ use crate::sparse::{Matrix, Pattern};
 #[derive(Debug, Clone)]
 pub struct FrictionProblem {
     pub(super) a: Matrix,
-    pub(super) bnu: Matrix,
-    pub(super) bt: Matrix,
     /// Transposes: column i is row i of Bν, Bt.
     pub(super) bnu_t: Matrix,
     pub(super) bt_t: Matrix,
@@ -100,8 +98,6 @@ impl FrictionProblem {
                 constant_friction,
             },
             a,
-            bnu,
-            bt,
             bnu_t,
             bt_t,
             load,
@@ -152,7 +148,7 @@ impl FrictionProblem {
     /// Number p of contact nodes.
     #[must_use]
     pub fn num_contacts(&self) -> usize {
-        self.bnu.nrows()
+        self.bnu_t.ncols()
     }
 
     /// The augmentation parameter r.

@@ -6,17 +6,20 @@ mod engine;
 mod error;
 mod locate;
 mod options;
+mod polygon;
 mod record;
 mod smooth;
+mod start;
 mod step;
 mod switching;
 mod transition;
 
 pub use branch::Branch;
-pub use engine::{Continuation, Direction, arms_at};
+pub use engine::{Continuation, arms_at};
 pub use error::ContinuationError;
 pub use options::{ContinuationOptions, Strategy};
 pub use record::{
     Arm, BranchPoint, Event, Point, PointKind, SiteChange, SmoothFold, Termination, Transition,
     TransitionKind,
 };
+pub use start::Direction;

@@ -30,17 +30,14 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
             }
             if let Some(corrections) = self.try_step(h)? {
                 let event = self.first_event()?;
-                match event {
-                    Ok(first) => {
-                        self.h = if rejected > 0 || corrections > EASY {
-                            h
-                        } else {
-                            (h * self.options.growth).min(self.options.max_step)
-                        };
-                        return self.arrive(first, corrections);
-                    }
-                    // Something lies inside the step that could not be located: come closer.
-                    Err(Unresolved) => {}
+                // An event that cannot be located inside the step asks for a shorter one.
+                if let Ok(first) = event {
+                    self.h = if rejected > 0 || corrections > EASY {
+                        h
+                    } else {
+                        (h * self.options.growth).min(self.options.max_step)
+                    };
+                    return self.arrive(first, corrections);
                 }
             }
             if rejected >= REJECTED
@@ -103,7 +100,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
     fn acceptable(&self, h: f64) -> bool {
         let (a, b) = (&self.here, &self.next);
         let cos = dot(&a.t, &b.t);
-        if !(cos >= self.options.min_cos) {
+        if cos.is_nan() || cos < self.options.min_cos {
             return false;
         }
         let chord: Vec<f64> = b.x.iter().zip(&a.x).map(|(x, x0)| x - x0).collect();
@@ -122,7 +119,11 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
     }
 
     /// Moves to `next`, where the step ends regularly or at an event.
-    fn arrive(&mut self, event: Option<Monitor>, corrections: usize) -> Result<(), ContinuationError> {
+    pub(super) fn arrive(
+        &mut self,
+        event: Option<Monitor>,
+        corrections: usize,
+    ) -> Result<(), ContinuationError> {
         let closed = self.closes()?;
         self.arclength += distance(&self.here.x, &self.next.x);
         std::mem::swap(&mut self.here, &mut self.next);

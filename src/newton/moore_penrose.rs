@@ -13,6 +13,8 @@ pub struct MoorePenrose<L> {
     r: Vec<f64>,
     dx: Vec<f64>,
     iterations: usize,
+    /// The selection whose factored Jacobian is at hand; for affine pieces that serves at every x.
+    factored: Option<Selection>,
 }
 
 /// How a correction ended.
@@ -57,6 +59,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
             r: vec![0.0; n],
             dx: vec![0.0; m],
             iterations: 0,
+            factored: None,
         })
     }
 
@@ -93,8 +96,12 @@ impl<L: LinearSolver> MoorePenrose<L> {
         x: &[f64],
         hint: Option<&[f64]>,
     ) -> Result<&[f64], PiecewiseError> {
+        if map.is_piecewise_affine() && self.factored.as_ref() == Some(selection) {
+            return Ok(self.bordered.tangent());
+        }
         self.assemble(map, selection, x)?;
         self.bordered.factor(&self.jac, hint)?;
+        self.factored = Some(selection.clone());
         Ok(self.bordered.tangent())
     }
 
@@ -105,6 +112,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
         selection: &Selection,
         x: &[f64],
     ) -> Result<(), PiecewiseError> {
+        self.factored = None;
         self.jac.clear();
         map.jacobian(selection, x, &mut self.jac);
         match self.jac.stray() {

@@ -1,0 +1,114 @@
+//! Piecewise-affine curves: from kink to kink by a ratio test, without step control or corrector.
+
+use super::engine::Continuation;
+use super::locate::Monitor;
+use super::{ContinuationError, Termination};
+use crate::linear::LinearSolver;
+use crate::newton::norm;
+use crate::piecewise::PiecewiseSmooth;
+
+/// Residual, in rounding errors of its terms, above which the point reached is corrected.
+const DRIFT: f64 = 64.0;
+
+impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
+    /// Goes along the tangent to the first facet, parameter value or limit. Both curve and test functions are affine, so the
+    /// ratio of value and rate is exact.
+    pub(super) fn step_affine(&mut self) -> Result<(), ContinuationError> {
+        let mut rates = std::mem::take(&mut self.rates);
+        rates.resize(self.layout.total(), 0.0);
+        self.map.test_derivatives(&self.here.x, &self.here.t, &mut rates);
+        let (mut s, mut event) = (self.farthest(), None);
+        for site in 0..self.layout.num_sites() {
+            let first = self.layout.range(site).start;
+            for &facet in self.map.cell(site, self.selection.piece(site)) {
+                let index = first + facet.test();
+                let rate = facet.sign() * rates[index];
+                if rate < 0.0 && !self.grazing.iter().any(|v| v.index == index) {
+                    let ratio = (facet.sign() * self.here.theta[index]).max(0.0) / -rate;
+                    if ratio < s {
+                        (s, event) = (ratio, Some(Monitor::Facet { index, facet }));
+                    }
+                }
+            }
+        }
+        self.rates = rates;
+        let last = self.here.x.len() - 1;
+        let (alpha, rate) = (self.here.x[last], self.here.t[last]);
+        let (lower, upper) = self.options.parameter_range;
+        let targets = self.options.targets.iter().map(|&v| (v, false));
+        for (value, is_bound) in targets.chain([(lower, true), (upper, true)]) {
+            let ahead = (value - alpha) / rate;
+            let leaves = !is_bound || (value == upper) == (rate > 0.0);
+            let reached = if is_bound { ahead >= 0.0 } else { ahead > 0.0 };
+            if leaves && reached && ahead.is_finite() && ahead < s {
+                (s, event) = (
+                    ahead,
+                    Some(Monitor::Parameter {
+                        value,
+                        last: is_bound,
+                    }),
+                );
+            }
+        }
+        for i in 0..=last {
+            self.next.x[i] = self.here.x[i] + s * self.here.t[i];
+        }
+        self.next.t.copy_from_slice(&self.here.t);
+        self.next.s = s;
+        self.next.orientation = self.here.orientation;
+        self.next.det_sign = self.here.det_sign;
+        self.settle()?;
+        self.map.test_functions(&self.next.x, &mut self.next.theta);
+        self.arrive(event, 0)?;
+        if event.is_none() && self.termination.is_none() {
+            self.termination = Some(if self.arclength >= self.options.max_arclength {
+                Termination::MaxArclength
+            } else {
+                Termination::Unbounded
+            });
+        }
+        Ok(())
+    }
+
+    /// How far the tangent may be followed at most: to the limit on arclength, or where ‖x‖ exceeds its bound.
+    fn farthest(&self) -> f64 {
+        let room = self.options.max_arclength - self.arclength;
+        let bound = self.options.max_growth * self.size + norm(&self.here.x);
+        room.min(bound).max(0.0)
+    }
+
+    /// Removes what rounding has added up along the curve.
+    fn settle(&mut self) -> Result<(), ContinuationError> {
+        let mut r = std::mem::take(&mut self.residual);
+        r.resize(self.map.num_residuals(), 0.0);
+        self.map.residual(&self.selection, &self.next.x, &mut r);
+        self.next.residual_norm = norm(&r);
+        self.residual = r;
+        let scale = self.residual_scale.max(self.terms_at(&self.next.x));
+        if self.next.residual_norm > DRIFT * f64::EPSILON * scale {
+            let anchor = self.next.x.clone();
+            let normal = self.next.t.clone();
+            let corrected = self.corrector.correct_in_plane(
+                self.map,
+                &self.selection,
+                &anchor,
+                &normal,
+                0.0,
+                &mut self.next.x,
+                &mut self.next.t,
+            );
+            match corrected {
+                Ok(c) => self.next.residual_norm = c.residual_norm,
+                // A singular selection (a continuum of solutions) is followed as far as its residual allows.
+                Err(crate::piecewise::PiecewiseError::Linear(_)) => {}
+                Err(e) => return Err(e.into()),
+            }
+        }
+        Ok(())
+    }
+
+    /// Size of the terms of H at x, by the last Jacobian assembled.
+    fn terms_at(&self, x: &[f64]) -> f64 {
+        super::start::term_size(self.corrector.jacobian(), x, 0.0, x)
+    }
+}
