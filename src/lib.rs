@@ -6,5 +6,11 @@ pub mod contact;
 pub mod continuation;
 pub mod linear;
 pub mod newton;
+pub mod output;
 pub mod piecewise;
 pub mod sparse;
+
+/// The example of the README, compiled with the tests.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;

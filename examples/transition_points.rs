@@ -1,0 +1,309 @@
+//! Every solution branch of six small Coulomb friction problems with one or two contact nodes (Haslinger, Janovský, Ligurský).
+//! You will see each transition point exact and classified, its distance from exact arithmetic, and a picture of each problem.
+//! Run: cargo run --release --example transition_points [-- --out DIR]
+
+mod common;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Instant;
+
+use clap::Parser;
+use common::{Outcome, exit, file_in};
+use semismooth::contact::{
+    ContactState, FrictionMap, FrictionPath, FrictionProblem, FrictionStart, LoadPath, first_point,
+};
+use semismooth::continuation::{Branch, ContinuationOptions, Direction, TransitionKind};
+use semismooth::output::{BranchDiagram, Curve, Panel, SegmentStyle};
+use semismooth::piecewise::Selection;
+use semismooth::sparse::Matrix;
+use serde_json::Value;
+
+/// Follows every branch of six friction problems and prints their transition points.
+#[derive(Parser)]
+struct Args {
+    /// Folder for the pictures.
+    #[arg(long, default_value = "out")]
+    out: PathBuf,
+}
+
+/// An example of the talk: where its data stand, the window of α, and a state at α = 10 from which each branch is followed.
+struct Example {
+    key: &'static str,
+    title: &'static str,
+    window: (f64, f64),
+    starts: &'static [&'static str],
+}
+
+/// Coefficients of friction F = α must not be negative in contact: windows reach a little below 0 to show where branches end.
+const EXAMPLES: [Example; 6] = [
+    Example {
+        key: "p1_ex1",
+        title: "p = 1, Example 1: f = (1.5, 7), F = α",
+        window: (-0.5, 10.0),
+        starts: &["K"],
+    },
+    Example {
+        key: "p1_ex2",
+        title: "p = 1, Example 2: f = (1.5, −4), F = α",
+        window: (-0.5, 10.0),
+        starts: &["O", "K"],
+    },
+    Example {
+        key: "p1_ex3",
+        title: "p = 1, Example 3: f = (1, −2), F = α",
+        window: (-0.5, 10.0),
+        starts: &["O", "K"],
+    },
+    Example {
+        key: "p1_ex4",
+        title: "p = 1, Example 4: f = (1 − 0.08, −2), F = α",
+        window: (-0.5, 10.0),
+        starts: &["O", "K"],
+    },
+    Example {
+        key: "p2_ex1",
+        title: "p = 2, Example 1: F = (α, α)",
+        window: (-0.5, 10.0),
+        starts: &["OO", "KK"],
+    },
+    Example {
+        key: "p2_ex2",
+        title: "p = 2, Example 2: f = f⁰ + α f¹, F = (4, 4)",
+        window: (-6.0, 10.0),
+        starts: &["OK"],
+    },
+];
+
+const START: f64 = 10.0;
+const TOLERANCE: f64 = 1e-9;
+
+fn main() -> ExitCode {
+    exit(run(&Args::parse()))
+}
+
+fn run(args: &Args) -> Outcome<()> {
+    let text = include_str!(concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/tests/data/seed_examples.json"
+    ));
+    let reference: Value = serde_json::from_str(text)?;
+    let begun = Instant::now();
+    let mut worst = 0.0_f64;
+    for example in &EXAMPLES {
+        let case = reference["cases"]
+            .as_array()
+            .and_then(|cases| cases.iter().find(|c| c["name"] == example.key))
+            .ok_or_else(|| format!("no reference for {}", example.key))?;
+        worst = worst.max(show(example, case, args)?);
+    }
+    println!(
+        "\nSix examples in {:.0} ms; largest deviation from the exact values {worst:.1e}; pictures in {}",
+        begun.elapsed().as_secs_f64() * 1e3,
+        args.out.display()
+    );
+    if worst > TOLERANCE {
+        return Err(format!("a deviation of {worst:e} from the exact values").into());
+    }
+    Ok(())
+}
+
+/// Follows all branches of one example; returns the largest deviation from the reference.
+fn show(example: &Example, case: &Value, args: &Args) -> Outcome<f64> {
+    println!("\n{}", example.title);
+    let map = problem(case)?;
+    let p = map.num_contacts();
+    let options = ContinuationOptions::default()
+        .with_parameter_range(example.window)
+        .with_max_step(0.2);
+    let mut branches = Vec::new();
+    let mut found = vec![false; vertices(case).len()];
+    let mut worst = 0.0_f64;
+    for (k, start) in example.starts.iter().enumerate() {
+        let states = states(start);
+        let x = first_point(&map, START, &FrictionStart::States(states.clone()))?;
+        // The start lies on the bound of the window: the other direction leaves it at once.
+        let branch = Branch::follow(&map, &x, Direction::Decreasing, options.clone())?;
+        let last = branch.polyline().last().map_or(START, |(_, x)| x[x.len() - 1]);
+        println!(
+            "  branch {}: {} at α = {START}, {} points, to α = {:.4} ({})",
+            k + 1,
+            names(&states),
+            branch.points.len(),
+            positive_zero(last),
+            branch.termination,
+        );
+        for (x, before, after, kind) in events(&map, &branch) {
+            let deviation = match nearest(case, &x) {
+                Some((v, deviation)) => {
+                    found[v] = true;
+                    deviation
+                }
+                None => f64::INFINITY,
+            };
+            worst = worst.max(deviation);
+            print_transition(&map, &x, (&before, &after), &kind, deviation);
+        }
+        branches.push(branch);
+    }
+    let missing = found.iter().filter(|f| !**f).count();
+    if missing > 0 {
+        return Err(format!("{}: {missing} transition points were not met", example.key).into());
+    }
+    picture(example, &map, &branches, p)
+        .write(file_in(&args.out, &format!("{}.svg", file_name(example)))?)?;
+    Ok(worst)
+}
+
+fn file_name(example: &Example) -> String {
+    example.key.replace("ex", "example")
+}
+
+/// Transitions and branch points of a branch: x, selections before and after, kind.
+fn events(map: &FrictionProblem, branch: &Branch) -> Vec<(Vec<f64>, Selection, Selection, String)> {
+    let mut all: Vec<_> = branch
+        .transitions
+        .iter()
+        .map(|t| {
+            let kind = match t.kind {
+                TransitionKind::Branching => format!("branching, {} arms go on", t.arms.len()),
+                kind => kind.to_string(),
+            };
+            (t.arclength, t.x.clone(), t.before.clone(), t.after.clone(), kind)
+        })
+        .collect();
+    for b in &branch.branch_points {
+        let others: Vec<_> = b
+            .arms
+            .iter()
+            .enumerate()
+            .filter(|(k, _)| Some(*k) != b.followed)
+            .map(|(_, arm)| names(&map.states(&arm.selection)))
+            .collect();
+        let kind = format!("branching, leaves along: {}", others.join("; "));
+        let s = b.point.selection.clone();
+        all.push((b.point.arclength, b.point.x.clone(), s.clone(), s, kind));
+    }
+    all.sort_by(|a, b| a.0.total_cmp(&b.0));
+    all.into_iter()
+        .map(|(_, x, a, b, kind)| (x, a, b, kind))
+        .collect()
+}
+
+fn print_transition(
+    map: &FrictionProblem,
+    x: &[f64],
+    (before, after): (&Selection, &Selection),
+    kind: &str,
+    deviation: f64,
+) {
+    let alpha = x.last().copied().unwrap_or(f64::NAN);
+    println!(
+        "    α = {:.12}  {kind}  (deviation {deviation:.1e})",
+        positive_zero(alpha)
+    );
+    let (before, after) = (map.states(before), map.states(after));
+    for (i, theta) in map.theta(x).iter().enumerate() {
+        println!(
+            "      node {}: {:>5} → {:<5}  θ¹ = {:9.4}  θ² = {:9.4}  θ³ = {:9.4}",
+            i + 1,
+            before[i].name(),
+            after[i].name(),
+            positive_zero(theta[0]),
+            positive_zero(theta[1]),
+            positive_zero(theta[2])
+        );
+    }
+}
+
+/// Rounding errors print as 0, not as −0.
+fn positive_zero(v: f64) -> f64 {
+    if v.abs() < 5e-13 { 0.0 } else { v }
+}
+
+/// One panel a contact node: its tangential displacement over α, coloured by its state.
+fn picture(example: &Example, map: &FrictionProblem, branches: &[Branch], p: usize) -> BranchDiagram {
+    let panel = |node: usize| {
+        let label = if p == 1 {
+            "tangential displacement".to_owned()
+        } else {
+            format!("tangential displacement, node {}", node + 1)
+        };
+        branches.iter().fold(Panel::new("α", label), |panel, branch| {
+            panel.with_curve(Curve::of_branch(
+                branch,
+                |x| x[2 * node + 1],
+                |selection, grazing| {
+                    SegmentStyle::contact(map.states(selection)[node], grazing.contains(&node))
+                },
+            ))
+        })
+    };
+    let diagram = (1..p).fold(BranchDiagram::new(panel(0)), |d, node| d.with_panel(panel(node)));
+    diagram
+        .with_title(example.title)
+        .with_size(if p == 1 { 640 } else { 860 }, 420)
+}
+
+// The reference: problems and the vertices of their solution graphs, from exact rational arithmetic.
+
+fn numbers(v: &Value) -> Vec<f64> {
+    v.as_array()
+        .map_or(Vec::new(), |a| a.iter().filter_map(Value::as_f64).collect())
+}
+
+fn matrix(v: &Value) -> Outcome<Matrix> {
+    let rows: Vec<Vec<f64>> = v
+        .as_array()
+        .map_or(Vec::new(), |a| a.iter().map(numbers).collect());
+    Ok(Matrix::from_rows(&rows)?)
+}
+
+fn problem(case: &Value) -> Outcome<FrictionProblem> {
+    Ok(FrictionProblem::new(
+        matrix(&case["A"])?,
+        matrix(&case["Bnu"])?,
+        matrix(&case["Bt"])?,
+        LoadPath::affine(numbers(&case["f0"]), numbers(&case["f1"])),
+        FrictionPath::affine(numbers(&case["F0"]), numbers(&case["F1"])),
+    )?)
+}
+
+/// x = (u, λν, λt, α) of each vertex.
+fn vertices(case: &Value) -> Vec<Vec<f64>> {
+    let list = case["graph"]["vertices"].as_array();
+    list.map_or(Vec::new(), |list| {
+        list.iter()
+            .map(|v| {
+                let parts = [&v["u"], &v["lam_nu"], &v["lam_t"]];
+                let mut x: Vec<f64> = parts.iter().flat_map(|p| numbers(p)).collect();
+                x.push(v["alpha"].as_f64().unwrap_or(f64::NAN));
+                x
+            })
+            .collect()
+    })
+}
+
+/// The vertex nearest to x and the largest deviation from it in u, λ or α.
+fn nearest(case: &Value, x: &[f64]) -> Option<(usize, f64)> {
+    let deviation = |v: &[f64]| x.iter().zip(v).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    vertices(case)
+        .iter()
+        .map(|v| deviation(v))
+        .enumerate()
+        .min_by(|a, b| a.1.total_cmp(&b.1))
+}
+
+fn states(letters: &str) -> Vec<ContactState> {
+    letters
+        .chars()
+        .map(|c| {
+            let state = ContactState::ALL.into_iter().find(|s| s.letter() == c);
+            state.unwrap_or(ContactState::Open)
+        })
+        .collect()
+}
+
+fn names(states: &[ContactState]) -> String {
+    states.iter().map(|s| s.name()).collect::<Vec<_>>().join(", ")
+}

@@ -1,0 +1,269 @@
+use std::borrow::Cow;
+use std::path::Path;
+
+use super::OutputError;
+use super::plane::{Point, Range};
+use super::walk::vertices;
+use crate::contact::ContactState;
+use crate::continuation::{Branch, TransitionKind};
+use crate::piecewise::Selection;
+
+/// An sRGB colour.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Colour {
+    /// Red.
+    pub red: u8,
+    /// Green.
+    pub green: u8,
+    /// Blue.
+    pub blue: u8,
+}
+
+impl Colour {
+    /// No contact.
+    pub const RED: Self = Self::new(0xd6, 0x27, 0x28);
+    /// Stick.
+    pub const GREEN: Self = Self::new(0x1a, 0x96, 0x41);
+    /// Slip.
+    pub const BLUE: Self = Self::new(0x1f, 0x5f, 0xd0);
+    /// Grazing.
+    pub const GREY: Self = Self::new(0x8c, 0x8c, 0x8c);
+    /// Orange.
+    pub const ORANGE: Self = Self::new(0xe6, 0x7e, 0x00);
+    /// Purple.
+    pub const PURPLE: Self = Self::new(0x7b, 0x3f, 0xa0);
+
+    /// A colour from its components.
+    #[must_use]
+    pub const fn new(red: u8, green: u8, blue: u8) -> Self {
+        Self { red, green, blue }
+    }
+}
+
+/// How the segments of one class are drawn: name in the legend and colour.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SegmentStyle {
+    /// Name in the legend; segments of the same name share an entry.
+    pub name: Cow<'static, str>,
+    /// Colour of the line.
+    pub colour: Colour,
+}
+
+impl SegmentStyle {
+    /// A class of segments.
+    pub fn new(name: impl Into<Cow<'static, str>>, colour: Colour) -> Self {
+        Self {
+            name: name.into(),
+            colour,
+        }
+    }
+
+    /// The colours of Haslinger, Janovský and Ligurský for a contact node: red no contact, green stick, blue slip, grey grazing.
+    #[must_use]
+    pub fn contact(state: ContactState, grazing: bool) -> Self {
+        match state {
+            _ if grazing => Self::new("grazing", Colour::GREY),
+            ContactState::Open => Self::new("no contact", Colour::RED),
+            ContactState::Stick => Self::new("stick", Colour::GREEN),
+            ContactState::SlipPlus | ContactState::SlipMinus => Self::new("slip", Colour::BLUE),
+        }
+    }
+}
+
+/// A curve in the plane: a polyline with a style for each segment, and marks.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Curve {
+    pub(super) vertices: Vec<Point>,
+    pub(super) styles: Vec<SegmentStyle>,
+    pub(super) transitions: Vec<Point>,
+    pub(super) branchings: Vec<Point>,
+    pub(super) starts: bool,
+}
+
+impl Curve {
+    /// A polyline with all segments alike, without marks.
+    #[must_use]
+    pub fn line(vertices: Vec<(f64, f64)>, style: SegmentStyle) -> Self {
+        let styles = vec![style; vertices.len().saturating_sub(1)];
+        Self::segments(vertices, styles)
+    }
+
+    /// A polyline with one style a segment, without marks.
+    #[must_use]
+    pub fn segments(vertices: Vec<(f64, f64)>, styles: Vec<SegmentStyle>) -> Self {
+        Self {
+            vertices,
+            styles,
+            ..Self::default()
+        }
+    }
+
+    /// A branch over its parameter: `ordinate` is the scalar of x = (y, α) that is drawn, `style` the class of a segment from its
+    /// selection and the sites that graze on it. Marks the start, the transitions and the branching points.
+    pub fn of_branch(
+        branch: &Branch,
+        ordinate: impl Fn(&[f64]) -> f64,
+        style: impl Fn(&Selection, &[usize]) -> SegmentStyle,
+    ) -> Self {
+        let place = |x: &[f64]| (x.last().copied().unwrap_or(f64::NAN), ordinate(x));
+        let walk = vertices(branch);
+        let segments = walk.len().saturating_sub(1);
+        let (branching, other): (Vec<_>, Vec<_>) = branch
+            .transitions
+            .iter()
+            .partition(|t| t.kind == TransitionKind::Branching);
+        let branchings = branching
+            .iter()
+            .map(|t| place(&t.x))
+            .chain(branch.branch_points.iter().map(|b| place(&b.point.x)));
+        Self {
+            vertices: walk.iter().map(|v| place(v.x)).collect(),
+            styles: walk[..segments]
+                .iter()
+                .map(|v| style(v.selection, v.grazing))
+                .collect(),
+            transitions: other.iter().map(|t| place(&t.x)).collect(),
+            branchings: branchings.collect(),
+            starts: true,
+        }
+    }
+
+    /// Marks transitions by circles.
+    #[must_use]
+    pub fn with_transitions(mut self, points: Vec<(f64, f64)>) -> Self {
+        self.transitions = points;
+        self
+    }
+
+    /// Marks branching points by diamonds.
+    #[must_use]
+    pub fn with_branchings(mut self, points: Vec<(f64, f64)>) -> Self {
+        self.branchings = points;
+        self
+    }
+
+    /// Whether the first vertex is marked by a star.
+    #[must_use]
+    pub fn with_start(mut self, marked: bool) -> Self {
+        self.starts = marked;
+        self
+    }
+}
+
+/// One pair of axes with curves.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Panel {
+    pub(super) labels: (String, String),
+    pub(super) caption: String,
+    pub(super) curves: Vec<Curve>,
+    pub(super) ranges: (Option<Range>, Option<Range>),
+}
+
+impl Panel {
+    /// Empty axes with their labels.
+    pub fn new(x_label: impl Into<String>, y_label: impl Into<String>) -> Self {
+        Self {
+            labels: (x_label.into(), y_label.into()),
+            ..Self::default()
+        }
+    }
+
+    /// Writes a caption above the axes.
+    #[must_use]
+    pub fn with_caption(mut self, caption: impl Into<String>) -> Self {
+        self.caption = caption.into();
+        self
+    }
+
+    /// Adds a curve.
+    #[must_use]
+    pub fn with_curve(mut self, curve: Curve) -> Self {
+        self.curves.push(curve);
+        self
+    }
+
+    /// Shows this range of the abscissa only; by default all of every curve.
+    #[must_use]
+    pub fn with_x_range(mut self, lower: f64, upper: f64) -> Self {
+        self.ranges.0 = Some((lower, upper));
+        self
+    }
+
+    /// Shows this range of the ordinate only; by default all of every curve.
+    #[must_use]
+    pub fn with_y_range(mut self, lower: f64, upper: f64) -> Self {
+        self.ranges.1 = Some((lower, upper));
+        self
+    }
+}
+
+/// A branch diagram: solution curves over the parameter, coloured by state, ○ at transitions, ◆ at branching points, ✱ at starts,
+/// arrows in the direction of travel, axes, legend. One panel, or several side by side.
+///
+/// ```
+/// use semismooth::output::{BranchDiagram, Colour, Curve, Panel, SegmentStyle};
+/// let curve = Curve::line(vec![(0.0, 0.0), (1.0, 1.0)], SegmentStyle::new("solid", Colour::BLUE));
+/// let svg = BranchDiagram::new(Panel::new("α", "y").with_curve(curve)).to_svg()?;
+/// assert!(svg.starts_with("<svg"));
+/// # Ok::<(), semismooth::output::OutputError>(())
+/// ```
+#[derive(Debug, Clone, PartialEq)]
+pub struct BranchDiagram {
+    pub(super) size: (u32, u32),
+    pub(super) title: String,
+    pub(super) panels: Vec<Panel>,
+}
+
+impl BranchDiagram {
+    /// A diagram of 640 × 420 pixels with one panel.
+    #[must_use]
+    pub fn new(panel: Panel) -> Self {
+        Self {
+            size: (640, 420),
+            title: String::new(),
+            panels: vec![panel],
+        }
+    }
+
+    /// Adds a panel to the right.
+    #[must_use]
+    pub fn with_panel(mut self, panel: Panel) -> Self {
+        self.panels.push(panel);
+        self
+    }
+
+    /// Sets the title.
+    #[must_use]
+    pub fn with_title(mut self, title: impl Into<String>) -> Self {
+        self.title = title.into();
+        self
+    }
+
+    /// Sets the size in pixels.
+    #[must_use]
+    pub fn with_size(mut self, width: u32, height: u32) -> Self {
+        self.size = (width, height);
+        self
+    }
+
+    /// The picture as SVG; the same diagram gives the same text.
+    ///
+    /// # Errors
+    /// Diagrams without a vertex, coordinates that are NaN, infinite or beyond 1e100, ranges that are no intervals, sizes out of
+    /// range.
+    pub fn to_svg(&self) -> Result<String, OutputError> {
+        super::draw::draw(self)
+    }
+
+    /// Writes the picture to a file.
+    ///
+    /// # Errors
+    /// As [`to_svg`](Self::to_svg); [`OutputError::Io`].
+    pub fn write(&self, path: impl AsRef<Path>) -> Result<(), OutputError> {
+        let path = path.as_ref();
+        std::fs::write(path, self.to_svg()?).map_err(|e| OutputError::Io {
+            path: Some(path.to_path_buf()),
+            what: e.to_string(),
+        })
+    }
+}

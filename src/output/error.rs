@@ -1,0 +1,82 @@
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+/// What can go wrong in writing results.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum OutputError {
+    /// There is nothing to draw.
+    #[error("there is nothing to draw: {what}")]
+    Empty {
+        /// What is missing.
+        what: &'static str,
+    },
+    /// A coordinate is NaN or infinite, or too large to be drawn.
+    #[error("curve {curve} of panel {panel}: vertex {vertex} = ({x}, {y}) cannot be drawn")]
+    NotDrawable {
+        /// Panel, from 0.
+        panel: usize,
+        /// Curve of the panel, from 0.
+        curve: usize,
+        /// Vertex (or mark) of the curve, from 0.
+        vertex: usize,
+        /// Abscissa.
+        x: f64,
+        /// Ordinate.
+        y: f64,
+    },
+    /// The number of segment styles does not fit the number of vertices.
+    #[error("a curve of {vertices} vertices has {styles} segment styles, expected one fewer than vertices")]
+    Segments {
+        /// Number of vertices.
+        vertices: usize,
+        /// Number of styles.
+        styles: usize,
+    },
+    /// The size of the picture is out of range.
+    #[error(
+        "a picture of {width} x {height} with {panels} panels; each panel needs 160 x 160 to 10000 x 10000"
+    )]
+    Size {
+        /// Width in pixels.
+        width: u32,
+        /// Height in pixels.
+        height: u32,
+        /// Number of panels.
+        panels: usize,
+    },
+    /// A range of an axis is not an interval.
+    #[error("the {axis} range ({lower}, {upper}) must be finite with lower < upper")]
+    Range {
+        /// Which axis.
+        axis: &'static str,
+        /// Lower bound.
+        lower: f64,
+        /// Upper bound.
+        upper: f64,
+    },
+    /// The drawing library failed.
+    #[error("drawing failed: {what}")]
+    Drawing {
+        /// Its message.
+        what: String,
+    },
+    /// Writing failed.
+    #[error("cannot write{}: {what}", path.as_ref().map(|p| format!(" {}", p.display())).unwrap_or_default())]
+    Io {
+        /// The file, where there is one.
+        path: Option<PathBuf>,
+        /// The message of the system.
+        what: String,
+    },
+}
+
+impl From<std::io::Error> for OutputError {
+    fn from(e: std::io::Error) -> Self {
+        Self::Io {
+            path: None,
+            what: e.to_string(),
+        }
+    }
+}

@@ -1,0 +1,122 @@
+//! Plane geometry of diagrams: ranges of axes and clipping, with every degenerate case caught.
+
+/// Largest magnitude that is drawn: differences and products of such numbers stay finite.
+pub(super) const LARGEST: f64 = 1e100;
+
+pub(super) type Point = (f64, f64);
+
+/// A range of an axis, (lower, upper).
+pub(super) type Range = (f64, f64);
+
+pub(super) fn drawable(p: Point) -> bool {
+    p.0.abs() <= LARGEST && p.1.abs() <= LARGEST
+}
+
+/// The range of some values with a margin; degenerate ones are widened until tick marks can be told apart in `f64`.
+pub(super) fn padded_range(values: impl Iterator<Item = f64>) -> Option<Range> {
+    let (lower, upper) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| {
+        (a.min(v), b.max(v))
+    });
+    if lower > upper {
+        return None;
+    }
+    let magnitude = lower.abs().max(upper.abs());
+    let span = upper - lower;
+    if span <= 1e-9 * magnitude || span < 1e-100 {
+        let pad = if magnitude < 1e-100 { 1.0 } else { 0.5 * magnitude };
+        return Some((lower - pad, upper + pad));
+    }
+    Some((lower - 0.06 * span, upper + 0.06 * span))
+}
+
+/// The part of the segment a–b inside the box (Liang–Barsky).
+pub(super) fn clip(a: Point, b: Point, x: Range, y: Range) -> Option<(Point, Point)> {
+    let (dx, dy) = (b.0 - a.0, b.1 - a.1);
+    let (mut enter, mut leave) = (0.0_f64, 1.0_f64);
+    let sides = [
+        (-dx, a.0 - x.0),
+        (dx, x.1 - a.0),
+        (-dy, a.1 - y.0),
+        (dy, y.1 - a.1),
+    ];
+    for (rate, room) in sides {
+        if rate == 0.0 {
+            if room < 0.0 {
+                return None;
+            }
+        } else if rate < 0.0 {
+            enter = enter.max(room / rate);
+        } else {
+            leave = leave.min(room / rate);
+        }
+    }
+    let at = |t: f64| (a.0 + t * dx, a.1 + t * dy);
+    (enter <= leave).then(|| {
+        (
+            if enter > 0.0 { at(enter) } else { a },
+            if leave < 1.0 { at(leave) } else { b },
+        )
+    })
+}
+
+pub(super) fn inside(p: Point, x: Range, y: Range) -> bool {
+    (x.0..=x.1).contains(&p.0) && (y.0..=y.1).contains(&p.1)
+}
+
+/// A tick label: six significant digits, no trailing zeros.
+pub(super) fn tick_label(value: f64, range: Range) -> String {
+    let span = range.1 - range.0;
+    if value.abs() < 1e-9 * span {
+        return "0".into();
+    }
+    let magnitude = value.abs().max(1e-2 * span).log10().floor();
+    if !(-4.0..6.0).contains(&value.abs().log10()) {
+        return format!("{value:.3e}");
+    }
+    let decimals = (5.0 - magnitude).clamp(0.0, 9.0) as usize;
+    let text = format!("{value:.decimals$}");
+    if text.contains('.') {
+        text.trim_end_matches('0').trim_end_matches('.').replace('-', "−")
+    } else {
+        text.replace('-', "−")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn degenerate_ranges_are_widened() {
+        assert_eq!(padded_range(std::iter::empty()), None);
+        assert_eq!(padded_range([0.0].into_iter()), Some((-1.0, 1.0)));
+        assert_eq!(padded_range([2.0, 2.0].into_iter()), Some((1.0, 3.0)));
+        let (a, b) = padded_range([1.0, 1.0 + 1e-15].into_iter()).unwrap();
+        assert!(b - a > 0.5);
+        let (a, b) = padded_range([-LARGEST, LARGEST].into_iter()).unwrap();
+        assert!((b - a).is_finite());
+    }
+
+    #[test]
+    fn clipping_keeps_what_is_inside() {
+        let unit = (0.0, 1.0);
+        assert_eq!(
+            clip((-1.0, 0.5), (2.0, 0.5), unit, unit),
+            Some(((0.0, 0.5), (1.0, 0.5)))
+        );
+        assert_eq!(clip((2.0, 0.0), (2.0, 1.0), unit, unit), None);
+        assert_eq!(
+            clip((0.5, 0.5), (0.5, 0.5), unit, unit),
+            Some(((0.5, 0.5), (0.5, 0.5)))
+        );
+    }
+
+    #[test]
+    fn ticks_are_short() {
+        assert_eq!(tick_label(0.30000000000000004, (0.0, 1.0)), "0.3");
+        assert_eq!(tick_label(1e-17, (0.0, 1.0)), "0");
+        assert_eq!(tick_label(-2.5, (-5.0, 5.0)), "−2.5");
+        assert_eq!(tick_label(120.0, (0.0, 200.0)), "120");
+        assert_eq!(tick_label(2e7, (0.0, 3e7)), "2.000e7");
+    }
+}

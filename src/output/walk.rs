@@ -1,0 +1,58 @@
+//! A branch as one list of vertices, events merged with regular points.
+
+use crate::continuation::{Arm, Branch, Point};
+use crate::piecewise::Selection;
+
+/// A vertex of a branch, with the state in which the curve leaves it.
+pub(super) struct Vertex<'a> {
+    pub(super) arclength: f64,
+    pub(super) x: &'a [f64],
+    pub(super) event: &'static str,
+    pub(super) selection: &'a Selection,
+    pub(super) grazing: &'a [usize],
+}
+
+impl<'a> Vertex<'a> {
+    fn regular(point: &'a Point, event: &'static str) -> Self {
+        Self {
+            arclength: point.arclength,
+            x: &point.x,
+            event,
+            selection: &point.selection,
+            grazing: &point.grazing,
+        }
+    }
+
+    fn leaving_along(mut self, arm: Option<&'a Arm>) -> Self {
+        if let Some(arm) = arm {
+            self.selection = &arm.selection;
+            self.grazing = &arm.grazing;
+        }
+        self
+    }
+}
+
+/// All vertices by arclength.
+pub(super) fn vertices(branch: &Branch) -> Vec<Vertex<'_>> {
+    let points = branch.points.iter().map(|p| Vertex::regular(p, "point"));
+    let transitions = branch.transitions.iter().map(|t| {
+        let vertex = Vertex {
+            arclength: t.arclength,
+            x: &t.x,
+            event: t.kind.name(),
+            selection: &t.after,
+            grazing: &[],
+        };
+        vertex.leaving_along(t.followed.and_then(|k| t.arms.get(k)))
+    });
+    let folds = branch
+        .smooth_folds
+        .iter()
+        .map(|f| Vertex::regular(&f.point, "smooth fold"));
+    let branchings = branch.branch_points.iter().map(|b| {
+        Vertex::regular(&b.point, "branch point").leaving_along(b.followed.and_then(|k| b.arms.get(k)))
+    });
+    let mut all: Vec<_> = points.chain(transitions).chain(folds).chain(branchings).collect();
+    all.sort_by(|a, b| a.arclength.total_cmp(&b.arclength));
+    all
+}
