@@ -4,7 +4,7 @@ use super::error::check_length;
 use super::law::{Row, TESTS};
 use super::paths::Path;
 use super::{ContactError, FrictionMap, FrictionProblem, NodeValues};
-use crate::linear::{Cholesky, LinearSolver};
+use crate::linear::Condensation;
 use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, Pattern};
 
@@ -17,9 +17,8 @@ use crate::sparse::{Matrix, Pattern};
 #[derive(Debug, Clone)]
 pub struct CondensedFriction {
     problem: FrictionProblem,
-    factor: Cholesky,
-    /// C, 2p × 2p, row-major (it is symmetric); rows and columns are the normal, then the tangential quantities.
-    compliance: Vec<f64>,
+    /// C, 2p × 2p; rows and columns are the normal, then the tangential quantities.
+    condensation: Condensation,
     /// Free motion at α = 0 and its rate.
     free: Vec<f64>,
     free_rate: Vec<f64>,
@@ -33,53 +32,22 @@ impl CondensedFriction {
     /// A that is not symmetric or not positive definite; loads that are not affine in α (their free motion would need a solve at
     /// every α: use the full form).
     pub fn new(problem: FrictionProblem) -> Result<Self, ContactError> {
-        let (n, p) = (problem.num_displacements(), problem.num_contacts());
+        let p = problem.num_contacts();
         check_symmetric(&problem.a)?;
         let Path::Affine { constant, slope } = &problem.load.0 else {
             return Err(ContactError::LoadNotAffine);
         };
-        let mut factor = Cholesky::default();
-        factor.analyze(problem.a.pattern().as_ref())?;
-        factor.factor(problem.a.as_ref())?;
-        // One block of right-hand sides: Bνᵀ, Btᵀ, f₀, f₁.
-        let columns = 2 * p + 2;
-        let mut block = vec![0.0; n * columns];
-        for (b, first) in [(&problem.bnu_t, 0), (&problem.bt_t, p)] {
-            for (i, j, v) in b.triplets() {
-                block[(first + j) * n + i] = v;
-            }
-        }
-        block[2 * p * n..(2 * p + 1) * n].copy_from_slice(constant);
-        block[(2 * p + 1) * n..].copy_from_slice(slope);
-        factor.solve_in_place(&mut block)?;
-        let traces = |column: &[f64]| -> Vec<f64> {
-            let mut out = vec![0.0; 2 * p];
-            problem
-                .bnu_t
-                .as_ref()
-                .mul_transpose_add(1.0, column, &mut out[..p]);
-            problem
-                .bt_t
-                .as_ref()
-                .mul_transpose_add(1.0, column, &mut out[p..]);
-            out
+        let condensation = Condensation::new(&problem.a, &stacked(&problem)?)?;
+        let free = condensation.traces_of_solution(constant)?;
+        let free_rate = if slope.iter().all(|s| *s == 0.0) {
+            vec![0.0; 2 * p]
+        } else {
+            condensation.traces_of_solution(slope)?
         };
-        let mut compliance: Vec<f64> = block[..2 * p * n].chunks_exact(n).flat_map(traces).collect();
-        // Rounding leaves C slightly unsymmetric; rows and columns are used interchangeably below.
-        for i in 0..2 * p {
-            for j in 0..i {
-                let mean = 0.5 * (compliance[i * 2 * p + j] + compliance[j * 2 * p + i]);
-                compliance[i * 2 * p + j] = mean;
-                compliance[j * 2 * p + i] = mean;
-            }
-        }
-        let free = traces(&block[2 * p * n..(2 * p + 1) * n]);
-        let free_rate = traces(&block[(2 * p + 1) * n..]);
         Ok(Self {
             pattern: Pattern::full(2 * p, 2 * p + 1),
             problem,
-            factor,
-            compliance,
+            condensation,
             free,
             free_rate,
         })
@@ -87,11 +55,14 @@ impl CondensedFriction {
 
     /// The compliance C = B A⁻¹ Bᵀ, 2p × 2p: normal quantities first, then tangential.
     #[must_use]
-    pub fn compliance(&self) -> Matrix {
+    pub fn compliance(&self) -> &Matrix {
+        self.condensation.compliance()
+    }
+
+    /// Row k of C, which is its column k.
+    fn compliance_row(&self, k: usize) -> &[f64] {
         let q = 2 * self.problem.num_contacts();
-        let mut c = Matrix::zeros(Pattern::full(q, q));
-        c.values_mut().copy_from_slice(&self.compliance);
-        c
+        &self.condensation.compliance().values()[k * q..(k + 1) * q]
     }
 
     /// The point (u, λν, λt, α) of the full form.
@@ -118,7 +89,7 @@ impl CondensedFriction {
     fn displacement(&self, k: usize, x: &[f64]) -> f64 {
         let p = self.problem.num_contacts();
         let q = 2 * p;
-        let row = &self.compliance[k * q..(k + 1) * q];
+        let row = self.compliance_row(k);
         let reaction: f64 = row.iter().zip(x).map(|(c, l)| c * l).sum();
         let gap = if k < p { self.problem.gap[k] } else { 0.0 };
         self.free[k] + x[q] * self.free_rate[k] - reaction - gap
@@ -176,8 +147,7 @@ impl CondensedFriction {
                 + row.slip * self.free_rate[p + i]
                 + row.friction * friction_rate;
         }
-        let mut v =
-            -row.penetration * self.compliance[i * q + j] - row.slip * self.compliance[(p + i) * q + j];
+        let mut v = -row.penetration * self.compliance_row(i)[j] - row.slip * self.compliance_row(p + i)[j];
         if j == i {
             v += row.pressure;
         }
@@ -255,13 +225,29 @@ impl PiecewiseSmooth for CondensedFriction {
 
     fn jacobian(&self, selection: &Selection, x: &[f64], jac: &mut Matrix) {
         let p = self.problem.num_contacts();
+        let q = 2 * p;
         self.for_nodes(x, |i, v, friction_rate| {
             let rows = self.problem.law.rows(selection.piece(i), &v);
+            let (normal, tangential) = (self.compliance_row(i), self.compliance_row(p + i));
             for (row, index) in rows.iter().zip([i, p + i]) {
-                for j in 0..=2 * p {
-                    let value = self.entry(i, row, friction_rate, j);
-                    if value != 0.0 {
-                        jac.add(index, j, value);
+                let closed = row.penetration != 0.0 || row.slip != 0.0;
+                if closed && jac.pattern().is_full() {
+                    // The rows of a closed node are full: written by strides, as a search a entry would cost most of a step.
+                    let strided = jac.values_mut()[index..].iter_mut().step_by(q);
+                    for (value, (n, t)) in strided.zip(normal.iter().zip(tangential)) {
+                        *value -= row.penetration * n + row.slip * t;
+                    }
+                    jac.add(index, i, row.pressure);
+                    jac.add(index, p + i, row.traction);
+                    jac.add(index, q, self.entry(i, row, friction_rate, q));
+                } else {
+                    let columns = if closed { 0..q } else { i..i };
+                    for j in columns.chain([q]) {
+                        jac.add(index, j, self.entry(i, row, friction_rate, j));
+                    }
+                    if !closed {
+                        jac.add(index, i, row.pressure);
+                        jac.add(index, p + i, row.traction);
                     }
                 }
             }
@@ -272,7 +258,7 @@ impl PiecewiseSmooth for CondensedFriction {
         let p = self.problem.num_contacts();
         let q = 2 * p;
         let moved = |k: usize| -> f64 {
-            let row = &self.compliance[k * q..(k + 1) * q];
+            let row = self.compliance_row(k);
             let reaction: f64 = row.iter().zip(d).map(|(c, l)| c * l).sum();
             d[q] * self.free_rate[k] - reaction
         };
@@ -317,23 +303,42 @@ impl FrictionMap for CondensedFriction {
         let p = self.problem.num_contacts();
         check_length("the solution x", x, self.num_vars())?;
         let mut u = self.problem.load_at(x[2 * p]);
-        self.problem.bnu_t.as_ref().mul_add(-1.0, &x[..p], &mut u);
-        self.problem.bt_t.as_ref().mul_add(-1.0, &x[p..2 * p], &mut u);
-        self.factor.clone().solve_in_place(&mut u)?;
+        self.condensation.expand(&x[..2 * p], &mut u)?;
         Ok(u)
     }
 }
 
+/// B = (Bν; Bt).
+fn stacked(problem: &FrictionProblem) -> Result<Matrix, ContactError> {
+    let (n, p) = (problem.num_displacements(), problem.num_contacts());
+    let normal = problem.bnu_t.triplets().map(|(j, i, v)| (i, j, v));
+    let tangential = problem.bt_t.triplets().map(|(j, i, v)| (p + i, j, v));
+    let entries: Vec<_> = normal.chain(tangential).collect();
+    Ok(Matrix::from_triplets(2 * p, n, &entries)?)
+}
+
 fn check_symmetric(a: &Matrix) -> Result<(), ContactError> {
+    let transpose = a.transpose();
+    let same_pattern = a.pattern() == transpose.pattern();
     let largest = a.values().iter().fold(0.0f64, |m, v| m.max(v.abs()));
-    let worst = a
-        .triplets()
-        .map(|(i, j, v)| (i, j, (v - a.get(j, i)).abs()))
-        .max_by(|x, y| x.2.total_cmp(&y.2));
-    match worst {
-        Some((row, col, difference)) if difference > 1e-10 * largest => {
-            Err(ContactError::NotSymmetric { row, col, difference })
+    let mut worst = (0, 0, 0.0);
+    for (k, (row, col, v)) in a.triplets().enumerate() {
+        let mirror = if same_pattern {
+            transpose.values()[k]
+        } else {
+            a.get(col, row)
+        };
+        let difference = (v - mirror).abs();
+        if difference > worst.2 {
+            worst = (row, col, difference);
         }
-        _ => Ok(()),
     }
+    if worst.2 > 1e-10 * largest {
+        return Err(ContactError::NotSymmetric {
+            row: worst.0,
+            col: worst.1,
+            difference: worst.2,
+        });
+    }
+    Ok(())
 }

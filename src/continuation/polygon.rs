@@ -84,7 +84,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         self.map.residual(&self.selection, &self.next.x, &mut r);
         self.next.residual_norm = norm(&r);
         self.residual = r;
-        let scale = self.residual_scale.max(self.terms_at(&self.next.x));
+        let scale = self.residual_scale * (1.0 + norm(&self.next.x) / self.size);
         if self.next.residual_norm > DRIFT * f64::EPSILON * scale {
             let anchor = self.next.x.clone();
             let normal = self.next.t.clone();
@@ -105,10 +105,5 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
             }
         }
         Ok(())
-    }
-
-    /// Size of the terms of H at x, by the last Jacobian assembled.
-    fn terms_at(&self, x: &[f64]) -> f64 {
-        super::start::term_size(self.corrector.jacobian(), x, 0.0, x)
     }
 }

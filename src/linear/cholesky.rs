@@ -2,7 +2,9 @@ use std::fmt;
 use std::mem::MaybeUninit;
 use std::sync::Arc;
 
-use faer::dyn_stack::{MemStack, StackReq};
+use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
+use faer::perm::PermRef;
+use faer::sparse::linalg::amd;
 use faer::sparse::linalg::cholesky::{
     CholeskySymbolicParams, LltRef, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
     factorize_symbolic_cholesky, supernodal,
@@ -49,6 +51,51 @@ impl Cholesky {
         Self::default()
     }
 
+    /// [`analyze`](LinearSolver::analyze), with the unknowns in `last` (distinct, below n) eliminated last, in that order.
+    pub(crate) fn analyze_with_last(
+        &mut self,
+        pattern: PatternRef<'_>,
+        last: &[usize],
+    ) -> Result<(), LinearError> {
+        self.pattern.learn(pattern)?;
+        self.prepare(last)
+    }
+
+    /// The trailing q × q block of the factor of A (not scaled), column-major, lower triangular. With the unknowns of an index
+    /// set J eliminated last, L Lᵀ of this block is the Schur complement of A on J.
+    pub(crate) fn trailing_factor(&self, last: &[usize]) -> Result<Vec<f64>, LinearError> {
+        let (Some(engine), Some(_)) = (self.engine.as_ref(), self.rcond) else {
+            return Err(LinearError::NotFactored);
+        };
+        let q = last.len();
+        let mut block = engine.trailing(q);
+        for column in block.chunks_exact_mut(q) {
+            for (v, &i) in column.iter_mut().zip(last) {
+                *v /= self.scale[i];
+            }
+        }
+        Ok(block)
+    }
+
+    fn prepare(&mut self, last: &[usize]) -> Result<(), LinearError> {
+        self.rcond = None;
+        self.engine = None;
+        let n = self.pattern.n();
+        self.scale.resize(n, 1.0);
+        self.values.resize(self.pattern.row_idx().len(), 0.0);
+        self.work.resize(2 * n, 0.0);
+        match Engine::new(&self.pattern, last) {
+            Ok(engine) => {
+                self.engine = Some(engine);
+                Ok(())
+            }
+            Err(e) => {
+                self.pattern.forget();
+                Err(e)
+            }
+        }
+    }
+
     /// Finds the scales and writes D A D into `values`; returns its 1-norm.
     fn scale(&mut self, a: &[f64]) -> Result<f64, LinearError> {
         let n = self.pattern.n();
@@ -82,7 +129,25 @@ impl Cholesky {
     }
 
     fn solve(&mut self, b: &mut [f64]) -> Result<(), LinearError> {
-        let (Some(engine), Some(_)) = (self.engine.as_mut(), self.rcond) else {
+        let mut scratch = match &mut self.engine {
+            Some(engine) => std::mem::take(&mut engine.scratch),
+            None => Vec::new(),
+        };
+        let result = self.solve_with(b, &mut scratch);
+        if let Some(engine) = &mut self.engine {
+            engine.scratch = scratch;
+        }
+        result
+    }
+
+    /// Solves from behind a shared reference, with scratch of its own.
+    pub(crate) fn solve_shared(&self, b: &mut [f64]) -> Result<(), LinearError> {
+        let bytes = self.engine.as_ref().map_or(0, |e| e.scratch.len());
+        self.solve_with(b, &mut vec![MaybeUninit::uninit(); bytes])
+    }
+
+    fn solve_with(&self, b: &mut [f64], scratch: &mut [MaybeUninit<u8>]) -> Result<(), LinearError> {
+        let (Some(engine), Some(_)) = (self.engine.as_ref(), self.rcond) else {
             return Err(LinearError::NotFactored);
         };
         let n = self.pattern.n();
@@ -93,7 +158,7 @@ impl Cholesky {
         }
         for block in b.chunks_mut(n * BLOCK_RHS) {
             super::scaling::scale_columns(block, &self.scale);
-            engine.solve(block);
+            engine.solve(block, scratch);
             super::scaling::scale_columns(block, &self.scale);
         }
         check_finite(b, "").map_err(|_| LinearError::Inaccurate { residual: f64::NAN })
@@ -101,16 +166,23 @@ impl Cholesky {
 }
 
 impl Engine {
-    fn new(pattern: &PatternMemory) -> Result<Self, LinearError> {
+    /// Analyses a pattern; the unknowns in `last` are eliminated last, in the order given.
+    fn new(pattern: &PatternMemory, last: &[usize]) -> Result<Self, LinearError> {
         let n = pattern.n();
         let a = SymbolicSparseColMatRef::new_checked(n, n, pattern.col_ptr(), None, pattern.row_idx());
-        let symbolic = factorize_symbolic_cholesky(
-            a,
-            Side::Lower,
-            SymmetricOrdering::Amd,
-            CholeskySymbolicParams::default(),
-        )
-        .map_err(give_up)?;
+        let (order, position) = if last.is_empty() {
+            Default::default()
+        } else {
+            order_with_last(a, last)?
+        };
+        let ordering = if last.is_empty() {
+            SymmetricOrdering::Amd
+        } else {
+            SymmetricOrdering::Custom(PermRef::new_checked(&order, &position, n))
+        };
+        let symbolic =
+            factorize_symbolic_cholesky(a, Side::Lower, ordering, CholeskySymbolicParams::default())
+                .map_err(give_up)?;
         let request = StackReq::or(
             symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default()),
             symbolic.solve_in_place_scratch::<f64>(BLOCK_RHS, Par::Seq),
@@ -122,15 +194,52 @@ impl Engine {
         })
     }
 
-    fn solve(&mut self, b: &mut [f64]) {
+    fn solve(&self, b: &mut [f64], scratch: &mut [MaybeUninit<u8>]) {
         let n = self.symbolic.nrows();
         let k = b.len() / n;
         LltRef::new(&self.symbolic, &self.factor).solve_in_place_with_conj(
             Conj::No,
             MatMut::from_column_major_slice_mut(b, n, k),
             Par::Seq,
-            MemStack::new(&mut self.scratch),
+            MemStack::new(scratch),
         );
+    }
+
+    /// The trailing q × q block of L, column-major; its upper triangle is zero.
+    fn trailing(&self, q: usize) -> Vec<f64> {
+        let first = self.symbolic.nrows() - q;
+        let mut block = vec![0.0; q * q];
+        let mut put = |i: usize, j: usize, v: f64| {
+            if i >= j && j >= first {
+                block[(j - first) * q + (i - first)] = v;
+            }
+        };
+        match self.symbolic.raw() {
+            SymbolicCholeskyRaw::Simplicial(s) => {
+                for j in first..s.ncols() {
+                    for k in s.col_ptr()[j]..s.col_ptr()[j + 1] {
+                        put(s.row_idx()[k], j, self.factor[k]);
+                    }
+                }
+            }
+            SymbolicCholeskyRaw::Supernodal(s) => {
+                let llt = supernodal::SupernodalLltRef::new(s, &self.factor);
+                for k in 0..s.n_supernodes() {
+                    let supernode = llt.supernode(k);
+                    let (start, values) = (supernode.start(), supernode.val());
+                    for c in 0..values.ncols() {
+                        for r in c..values.nrows() {
+                            let row = match r.checked_sub(values.ncols()) {
+                                None => start + r,
+                                Some(below) => supernode.pattern()[below],
+                            };
+                            put(row, start + c, values[(r, c)]);
+                        }
+                    }
+                }
+            }
+        }
+        block
     }
 
     /// Σ ln l_ii.
@@ -152,27 +261,42 @@ impl Engine {
     }
 }
 
+/// An approximate minimum degree order with the unknowns in `last` moved to the end: (old number at each place, place of each).
+fn order_with_last(
+    a: SymbolicSparseColMatRef<'_, usize>,
+    last: &[usize],
+) -> Result<(Vec<usize>, Vec<usize>), LinearError> {
+    let n = a.ncols();
+    let (mut order, mut position) = (vec![0; n], vec![0; n]);
+    let nnz = a.row_idx().len();
+    let request = amd::order_maybe_unsorted_scratch::<usize>(n, nnz);
+    let mut memory = MemBuffer::try_new(request).map_err(|_| LinearError::Solver {
+        what: "out of memory while ordering the unknowns".to_owned(),
+    })?;
+    amd::order_maybe_unsorted(
+        &mut order,
+        &mut position,
+        a,
+        amd::Control::default(),
+        MemStack::new(&mut memory),
+    )
+    .map_err(give_up)?;
+    let mut is_last = vec![false; n];
+    last.iter().for_each(|&i| is_last[i] = true);
+    order.retain(|&i| !is_last[i]);
+    order.extend_from_slice(last);
+    for (place, &i) in order.iter().enumerate() {
+        position[i] = place;
+    }
+    Ok((order, position))
+}
+
 impl LinearSolver for Cholesky {
     fn analyze(&mut self, pattern: PatternRef<'_>) -> Result<(), LinearError> {
         if !self.pattern.learn(pattern)? {
             return Ok(());
         }
-        self.rcond = None;
-        self.engine = None;
-        let n = pattern.ncols;
-        self.scale.resize(n, 1.0);
-        self.values.resize(pattern.nnz(), 0.0);
-        self.work.resize(2 * n, 0.0);
-        match Engine::new(&self.pattern) {
-            Ok(engine) => {
-                self.engine = Some(engine);
-                Ok(())
-            }
-            Err(e) => {
-                self.pattern.forget();
-                Err(e)
-            }
-        }
+        self.prepare(&[])
     }
 
     fn factor(&mut self, a: MatrixRef<'_>) -> Result<(), LinearError> {
@@ -204,7 +328,9 @@ impl LinearSolver for Cholesky {
             return Err(LinearError::NotPositiveDefinite);
         }
         let (x, sign) = self.work.split_at_mut(n);
-        let inverse_norm = norm_1_estimate(|x, _| engine.solve(x), x, sign);
+        let mut scratch = std::mem::take(&mut engine.scratch);
+        let inverse_norm = norm_1_estimate(|x, _| engine.solve(x, &mut scratch), x, sign);
+        engine.scratch = scratch;
         // A semidefinite matrix may pass the pivots by rounding: it is no more positive definite for that.
         match judge(norm, inverse_norm) {
             Ok(rcond) => self.rcond = Some(rcond),

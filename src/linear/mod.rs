@@ -3,6 +3,7 @@
 mod auto;
 mod bordered;
 mod cholesky;
+mod condensation;
 mod condition;
 mod dense_lu;
 mod error;
@@ -15,6 +16,7 @@ mod sparse_lu;
 pub use auto::{AutoSolver, DENSE_LIMIT};
 pub use bordered::Bordered;
 pub use cholesky::Cholesky;
+pub use condensation::Condensation;
 pub use dense_lu::DenseLu;
 pub use error::LinearError;
 pub use kernel::{NullSpace, null_space};

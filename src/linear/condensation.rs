@@ -1,0 +1,170 @@
+use faer::linalg::matmul::matmul;
+use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
+use faer::{Accum, MatMut, MatRef, Par};
+
+use super::{Cholesky, LinearError, LinearSolver};
+use crate::sparse::{Matrix, Pattern};
+
+/// Orders below this are handled by plain loops.
+const BLOCKED: usize = 48;
+
+/// The condensation of A u + Bᵀ λ = f onto the few quantities v = B u: v = B A⁻¹ f − C λ with C = B A⁻¹ Bᵀ.
+///
+/// A is n × n, symmetric positive definite (its lower triangle is read); B is q × n and touches few of the n unknowns. Those
+/// are eliminated last, so that C follows from the trailing block of the Cholesky factor: one factorisation, no right-hand
+/// side for any row of B.
+///
+/// ```
+/// use semismooth::linear::Condensation;
+/// use semismooth::sparse::Matrix;
+/// let a = Matrix::from_rows(&[[2.0, -1.0], [-1.0, 2.0]])?;
+/// let b = Matrix::from_rows(&[[1.0, 0.0]])?;
+/// let condensation = Condensation::new(&a, &b)?;
+/// assert!((condensation.compliance().get(0, 0) - 2.0 / 3.0).abs() < 1e-15);
+/// let free = condensation.traces_of_solution(&[3.0, 0.0])?; // B A⁻¹ f
+/// assert!((free[0] - 2.0).abs() < 1e-15);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct Condensation {
+    factor: Cholesky,
+    /// Bᵀ, n × q.
+    b_t: Matrix,
+    compliance: Matrix,
+}
+
+impl Condensation {
+    /// Factors A and forms C.
+    ///
+    /// # Errors
+    /// Shapes that do not fit ([`LinearError::Shape`], [`LinearError::NotSquare`]), A not positive definite.
+    pub fn new(a: &Matrix, b: &Matrix) -> Result<Self, LinearError> {
+        let (n, q) = (a.nrows(), b.nrows());
+        if a.ncols() != n {
+            return Err(LinearError::NotSquare {
+                nrows: n,
+                ncols: a.ncols(),
+            });
+        }
+        if b.ncols() != n {
+            return Err(LinearError::Shape {
+                what: "a row of B",
+                expected: n,
+                found: b.ncols(),
+            });
+        }
+        let touched: Vec<usize> = (0..n)
+            .filter(|&j| b.pattern().col_ptr()[j] < b.pattern().col_ptr()[j + 1])
+            .collect();
+        let mut factor = Cholesky::default();
+        factor.analyze_with_last(a.pattern().as_ref(), &touched)?;
+        factor.factor(a.as_ref())?;
+        let l = factor.trailing_factor(&touched)?;
+        let compliance = compliance(b, &touched, &l, q)?;
+        Ok(Self {
+            factor,
+            b_t: b.transpose(),
+            compliance,
+        })
+    }
+
+    /// C = B A⁻¹ Bᵀ, q × q, full and exactly symmetric.
+    #[must_use]
+    pub fn compliance(&self) -> &Matrix {
+        &self.compliance
+    }
+
+    /// B A⁻¹ f.
+    ///
+    /// # Errors
+    /// A right-hand side of the wrong length or not finite.
+    pub fn traces_of_solution(&self, f: &[f64]) -> Result<Vec<f64>, LinearError> {
+        let mut u = f.to_vec();
+        self.check(&u)?;
+        self.factor.solve_shared(&mut u)?;
+        let mut v = vec![0.0; self.b_t.ncols()];
+        self.b_t.mul_transpose_vec(&u, &mut v);
+        Ok(v)
+    }
+
+    /// Overwrites f by u = A⁻¹ (f − Bᵀ λ).
+    ///
+    /// # Errors
+    /// Wrong lengths, values that are not finite.
+    pub fn expand(&self, lambda: &[f64], f: &mut [f64]) -> Result<(), LinearError> {
+        self.check(f)?;
+        if lambda.len() != self.b_t.ncols() {
+            return Err(LinearError::Shape {
+                what: "the multiplier",
+                expected: self.b_t.ncols(),
+                found: lambda.len(),
+            });
+        }
+        self.b_t.as_ref().mul_add(-1.0, lambda, f);
+        self.factor.solve_shared(f)
+    }
+
+    fn check(&self, f: &[f64]) -> Result<(), LinearError> {
+        if f.len() == self.b_t.nrows() {
+            Ok(())
+        } else {
+            Err(LinearError::Shape {
+                what: "the right-hand side",
+                expected: self.b_t.nrows(),
+                found: f.len(),
+            })
+        }
+    }
+}
+
+/// C = Yᵀ Y with Y = L⁻¹ B_Jᵀ, where L Lᵀ is the Schur complement of A on J.
+fn compliance(b: &Matrix, touched: &[usize], l: &[f64], q: usize) -> Result<Matrix, LinearError> {
+    let k = touched.len();
+    let mut y = vec![0.0; k * q];
+    for (place, &j) in touched.iter().enumerate() {
+        let span = b.pattern().col_ptr()[j]..b.pattern().col_ptr()[j + 1];
+        for e in span {
+            y[b.pattern().row_idx()[e] * k + place] = b.values()[e];
+        }
+    }
+    if k < BLOCKED {
+        for column in y.chunks_exact_mut(k.max(1)) {
+            for j in 0..k {
+                column[j] /= l[j * k + j];
+                let pivot = column[j];
+                for (v, a) in column[j + 1..].iter_mut().zip(&l[j * k + j + 1..(j + 1) * k]) {
+                    *v -= pivot * a;
+                }
+            }
+        }
+    } else {
+        solve_lower_triangular_in_place(
+            MatRef::from_column_major_slice(l, k, k),
+            MatMut::from_column_major_slice_mut(&mut y, k, q),
+            Par::Seq,
+        );
+    }
+    let mut c = Matrix::zeros(Pattern::full(q, q));
+    let values = c.values_mut();
+    if k < BLOCKED {
+        for i in 0..q {
+            for j in 0..=i {
+                let (a, b) = (&y[i * k..(i + 1) * k], &y[j * k..(j + 1) * k]);
+                values[j * q + i] = a.iter().zip(b).map(|(a, b)| a * b).sum();
+            }
+        }
+    } else {
+        let y = MatRef::from_column_major_slice(&y, k, q);
+        let target = MatMut::from_column_major_slice_mut(values, q, q);
+        matmul(target, Accum::Replace, y.transpose(), y, 1.0, Par::Seq);
+    }
+    for i in 0..q {
+        for j in 0..i {
+            values[i * q + j] = values[j * q + i];
+        }
+    }
+    c.check_finite().map_err(|_| LinearError::NotFinite {
+        what: "the compliance",
+    })?;
+    Ok(c)
+}
