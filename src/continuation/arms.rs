@@ -10,7 +10,7 @@ use crate::sparse::Matrix;
 /// Two unit tangents closer than this are one arm.
 const SAME_ARM: f64 = 1e-7;
 /// Rate of a test function, relative to its gradient, below which an arm runs inside the facet.
-const TANGENTIAL: f64 = 1e-9;
+pub(super) const TANGENTIAL: f64 = 1e-9;
 /// Singular values below this, relative to the largest, count as zero in the branching equation.
 const RANK: f64 = 1e-9;
 /// Largest number of residuals for which the dense branching equation is set up.

@@ -1,6 +1,6 @@
 //! What happens at a located transition or branch point: arms, kind, and the arm that is followed.
 
-use super::arms::{Arms, Vanishing};
+use super::arms::{Arms, TANGENTIAL, Vanishing};
 use super::engine::Continuation;
 use super::locate::VERTICAL;
 use super::step::distance;
@@ -9,6 +9,7 @@ use super::{
     TransitionKind,
 };
 use crate::linear::LinearSolver;
+use crate::newton::dot;
 use crate::piecewise::{ActiveSet, PiecewiseSmooth};
 
 /// An arm within this distance of the reversed tangent of arrival is the one the curve came along.
@@ -150,12 +151,17 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
 
     /// Passes a point where the Jacobian of the followed selection (or of a co-active one) is singular.
     pub(super) fn pass_branch_point(&mut self, coactive: Option<usize>) -> Result<(), ContinuationError> {
+        if coactive.is_none() {
+            self.polish_branch_point()?;
+            // On a facet there is no going straight on: what leaves the cell here is a transition.
+            if let Some(index) = self.facet_left_here() {
+                self.here.orientation = None;
+                return self.pass_transition(index);
+            }
+        }
         let singular = match coactive {
             Some(k) => self.coactive[k].0.clone(),
-            None => {
-                self.polish_branch_point()?;
-                self.selection.clone()
-            }
+            None => self.selection.clone(),
         };
         let forced: Vec<usize> = self.grazing.iter().map(|v| v.index).collect();
         let vanishing = self.vanishing_here(&forced);
@@ -197,6 +203,19 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
             None => self.here.orientation = self.next.orientation.map(|o| -o),
         }
         Ok(())
+    }
+
+    /// A vanishing test function of a facet of the followed cell across which the tangent leads out.
+    fn facet_left_here(&self) -> Option<usize> {
+        let leaves = |v: &&Vanishing| {
+            let rate = dot(&v.gradient, &self.here.t);
+            let cell = self.map.cell(v.site, self.selection.piece(v.site));
+            !self.grazing.iter().any(|g| g.index == v.index)
+                && cell
+                    .iter()
+                    .any(|f| f.test() == v.test && f.sign() * rate < -TANGENTIAL * v.gradient_norm)
+        };
+        self.vanishing_here(&[]).iter().find(leaves).map(|v| v.index)
     }
 }
 
