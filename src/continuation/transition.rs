@@ -14,6 +14,7 @@ use crate::piecewise::{ActiveSet, PiecewiseSmooth};
 
 /// An arm within this distance of the reversed tangent of arrival is the one the curve came along.
 const INCOMING: f64 = 1e-5;
+const INCOMING_SINGULAR: f64 = 1e-2;
 /// An arm within this distance of the tangent of arrival goes straight on.
 const STRAIGHT: f64 = 1e-5;
 
@@ -27,7 +28,11 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         let arms = if simple && self.here.orientation.is_some() {
             self.simple_arms(&vanishing, &active)?
         } else {
-            let mut arms = self.search(&vanishing).all(&active)?;
+            // Without an orientation the selection is singular here.
+            let singular = self.here.orientation.is_none().then(|| self.selection.clone());
+            let mut search = self.search(&vanishing);
+            search.singular = singular;
+            let mut arms = search.all(&active)?;
             self.remove_incoming(&mut arms);
             arms
         };
@@ -43,6 +48,9 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
             Some(k) => {
                 self.h = self.h.max(self.options.step).min(self.options.max_step);
                 self.adopt(&arms.list[k], &vanishing)?;
+                if !simple {
+                    self.doubt_orientation()?;
+                }
             }
             None => self.termination = stop,
         }
@@ -95,8 +103,13 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
             let d = |k: usize| distance(&arms.list[k].tangent, &back);
             d(i).total_cmp(&d(j))
         });
+        let tolerance = match self.here.orientation {
+            Some(_) => INCOMING,
+            // At a singular point the tangent of arrival is less accurate.
+            None => INCOMING_SINGULAR,
+        };
         if let Some(k) = nearest
-            && distance(&arms.list[k].tangent, &back) < INCOMING
+            && distance(&arms.list[k].tangent, &back) < tolerance
         {
             arms.list.remove(k);
         }
@@ -166,7 +179,9 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         let forced: Vec<usize> = self.grazing.iter().map(|v| v.index).collect();
         let vanishing = self.vanishing_here(&forced);
         let active = self.active_here(&vanishing)?;
-        let mut arms = self.search(&vanishing).all(&active)?;
+        let mut search = self.search(&vanishing);
+        search.singular = Some(singular.clone());
+        let mut arms = search.all(&active)?;
         self.remove_incoming(&mut arms);
         let straight = Arm {
             selection: self.selection.clone(),
@@ -197,7 +212,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         // At the point itself signs are rounding noise; behind it exactly one has flipped.
         match coactive {
             Some(k) => {
-                watched[k].1 = -watched[k].1;
+                watched[k].1 = watched[k].1.map(|s| -s);
                 self.coactive = watched;
             }
             None => self.here.orientation = self.next.orientation.map(|o| -o),
