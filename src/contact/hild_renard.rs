@@ -152,7 +152,8 @@ impl HildRenard {
         list
     }
 
-    /// The solution (u_ν, u_t, λ_ν, λ_t) in a given state at α; meaningful on the interval of that state.
+    /// The solution (u_ν, u_t, λ_ν, λ_t) in a given state at α; meaningful on the interval of that state. Not so on the
+    /// vertical segment of the bifurcating case: there u_t runs from 0 to −f_ν/c, with λ_ν = f_ν + c u_t, λ_t = −α λ_ν.
     #[must_use]
     pub fn solution(&self, state: ContactState, alpha: f64) -> [f64; 4] {
         let (d, c) = (self.diagonal(), self.off());

@@ -10,9 +10,9 @@ use crate::sparse::Matrix;
 /// Two unit tangents closer than this are one arm.
 const SAME_ARM: f64 = 1e-7;
 /// Rate of a test function, relative to its gradient, below which an arm runs inside the facet.
-const TANGENTIAL: f64 = 1e-9;
+pub(super) const TANGENTIAL: f64 = 1e-9;
 /// Singular values below this, relative to the largest, count as zero in the branching equation.
-const RANK: f64 = 1e-9;
+pub(super) const RANK: f64 = 1e-9;
 /// Largest number of residuals for which the dense branching equation is set up.
 const MAX_BRANCHING: usize = 600;
 
@@ -87,6 +87,8 @@ pub(super) struct ArmSearch<'a, P: ?Sized, L> {
     pub(super) options: &'a ContinuationOptions,
     pub(super) x: &'a [f64],
     pub(super) vanishing: &'a [Vanishing],
+    /// A selection known to be singular at (or within rounding of) x, where its kernel is a chance mixture.
+    pub(super) singular: Option<Selection>,
 }
 
 impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
@@ -113,6 +115,14 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
         hint: Option<&[f64]>,
         arms: &mut Arms,
     ) -> Result<(), PiecewiseError> {
+        if self.singular.as_ref() == Some(selection)
+            && let Some(directions) = self.branching_directions(selection)?
+        {
+            for d in &directions {
+                self.both_ways(selection, d, arms);
+            }
+            return Ok(());
+        }
         match self.corrector.linearize(self.map, selection, self.x, hint) {
             Ok(tangent) => {
                 let tangent = tangent.to_vec();

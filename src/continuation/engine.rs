@@ -1,10 +1,11 @@
 use std::collections::VecDeque;
 use std::time::Instant;
 
-use super::arms::{ArmSearch, Arms, Vanishing, vanishing_at};
+use super::arms::{ArmSearch, Arms, RANK, Vanishing, vanishing_at};
+use super::smooth::MAX_DENSE;
 use super::start::{Direction, choose_start, onto_curve, term_size};
 use super::{Arm, ContinuationError, ContinuationOptions, Event, Point, PointKind, Strategy, Termination};
-use crate::linear::{AutoSolver, LinearSolver};
+use crate::linear::{AutoSolver, LinearSolver, null_space};
 use crate::newton::{MoorePenrose, norm};
 use crate::piecewise::{
     ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, check_vector, select,
@@ -65,13 +66,15 @@ pub struct Continuation<'a, P: ?Sized, L = AutoSolver> {
     pub(super) next: State,
     /// Test functions in whose zero set the curve runs.
     pub(super) grazing: Vec<Vanishing>,
-    /// Selections co-active on a grazing curve, with their orientations at `here`.
-    pub(super) coactive: Vec<(Selection, i8)>,
+    /// Selections co-active on a grazing curve, with their orientations at `here`, as far as known.
+    pub(super) coactive: Vec<(Selection, Option<i8>)>,
     pub(super) arclength: f64,
     pub(super) h: f64,
     pub(super) size: f64,
     pub(super) residual_scale: f64,
     pub(super) points: usize,
+    /// Number of steps in a row that had to be shortened.
+    pub(super) creeping: usize,
     pub(super) queue: VecDeque<Event>,
     pub(super) termination: Option<Termination>,
     pub(super) start: Vec<f64>,
@@ -118,6 +121,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
         }
         let vanishing = this.vanishing_here(&[]);
         this.adopt(arm, &vanishing)?;
+        this.doubt_orientation()?;
         this.emit_start();
         Ok(this)
     }
@@ -158,6 +162,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
         let arms = this.all_arms(&vanishing)?;
         let arm = choose_start(&arms, &direction)?;
         this.adopt(arm, &vanishing)?;
+        this.doubt_orientation()?;
         this.emit_start();
         Ok(this)
     }
@@ -202,6 +207,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
             size,
             residual_scale: 0.0,
             points: 0,
+            creeping: 0,
             queue: VecDeque::new(),
             termination: None,
             rates: Vec::new(),
@@ -291,6 +297,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
             options: &self.options,
             x: &self.here.x,
             vanishing,
+            singular: None,
         }
     }
 
@@ -333,6 +340,26 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
         Ok(())
     }
 
+    /// Whether ∇H^(σ) is singular at (or within rounding of) `here`, so that the sign of its determinant is chance. Equilibration
+    /// hides this from the condition estimate of the solver; large problems are taken to be regular.
+    fn is_singular_here(&mut self, selection: &Selection) -> Result<bool, ContinuationError> {
+        if self.map.num_residuals() > MAX_DENSE {
+            return Ok(false);
+        }
+        self.corrector.assemble(self.map, selection, &self.here.x)?;
+        let kernel = null_space(self.corrector.jacobian(), RANK).map_err(PiecewiseError::from)?;
+        Ok(kernel.right.len() > 1)
+    }
+
+    /// Forgets the orientation where a curve sets out from a branch point.
+    pub(super) fn doubt_orientation(&mut self) -> Result<(), ContinuationError> {
+        if self.is_singular_here(&self.selection.clone())? {
+            self.here.orientation = None;
+            self.here.det_sign = None;
+        }
+        Ok(())
+    }
+
     /// On a grazing curve the other active selections have their own Jacobians, whose singular points are branch points.
     fn find_coactive(&mut self) -> Result<(), ContinuationError> {
         const CAP: usize = 256;
@@ -346,9 +373,10 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
             if selection == self.selection {
                 continue;
             }
-            if let Some(sign) = self.orientation_of(&selection, &self.here.x.clone(), &self.here.t.clone())? {
-                self.coactive.push((selection, sign));
-            }
+            let (x, t) = (self.here.x.clone(), self.here.t.clone());
+            let sign = self.orientation_of(&selection, &x, &t)?;
+            let known = sign.is_some() && !self.is_singular_here(&selection)?;
+            self.coactive.push((selection, sign.filter(|_| known)));
         }
         Ok(())
     }

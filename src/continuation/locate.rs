@@ -114,7 +114,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
             let (x, t) = (self.next.x.clone(), self.next.t.clone());
             for k in 0..self.coactive.len() {
                 let (selection, sign) = self.coactive[k].clone();
-                if self.orientation_of(&selection, &x, &t)? != Some(sign) {
+                if sign.is_some() && self.orientation_of(&selection, &x, &t)? != sign {
                     offer(0.5, Monitor::Coactive(k));
                 }
             }
@@ -325,7 +325,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
             .corrector
             .linearize(self.map, &self.selection, &state.x, Some(&state.t));
         match linearized {
-            // Next to a branch point the kernel is noise: the tangent of the corrector is kept.
+            // Next to a branch point the kernel is noise: the tangent at the start of the step is kept.
             Ok(tangent) if crate::newton::dot(tangent, &self.here.t).abs() < self.options.min_cos => {
                 state.t.copy_from_slice(&self.here.t);
                 state.orientation = None;
@@ -340,6 +340,10 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
                 state.det_sign = self.corrector.det_sign();
             }
             Err(PiecewiseError::Linear(_)) => {
+                // So may be what the corrector left.
+                if crate::newton::dot(&state.t, &self.here.t) < self.options.min_cos {
+                    state.t.copy_from_slice(&self.here.t);
+                }
                 state.orientation = None;
                 state.det_sign = None;
             }
@@ -360,7 +364,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         for k in 0..self.coactive.len() {
             let selection = self.coactive[k].0.clone();
             if let Some(sign) = self.orientation_of(&selection, &x, &t)? {
-                self.coactive[k].1 = sign;
+                self.coactive[k].1 = Some(sign);
             }
         }
         Ok(())

@@ -10,7 +10,9 @@ use crate::piecewise::{PiecewiseError, PiecewiseSmooth};
 use crate::sparse::{Matrix, Pattern};
 
 /// Largest number of residuals for which the dense extended system is solved.
-const MAX_DENSE: usize = 120;
+pub(super) const MAX_DENSE: usize = 120;
+/// Distance to a facet, relative to 1 + ‖x‖, up to which a curve that is stuck is taken to have crept up to it.
+const CREEP: f64 = 1e-6;
 
 impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
     /// Moves `here` onto the branch point near it, where that can be found to full accuracy.
@@ -94,7 +96,9 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
                 }
             }
         }
-        let Some((s, monitor)) = nearest.filter(|n| n.0 <= 2.0 * h) else {
+        // Steps that crept up to the point are much shorter than what is left to it.
+        let far = 2.0 * h.max(CREEP * (1.0 + norm(&self.here.x)));
+        let Some((s, monitor)) = nearest.filter(|n| n.0 <= far) else {
             return Ok(None);
         };
         let guess: Vec<f64> = self

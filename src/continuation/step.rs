@@ -11,7 +11,7 @@ use crate::piecewise::{PiecewiseError, PiecewiseSmooth};
 const CHORD: f64 = 0.05;
 /// Corrections up to which a step counts as easy.
 const EASY: usize = 3;
-/// Rejections after which a step may be stuck at a singular point.
+/// Rejections, or steps in a row with rejections, after which a curve may be stuck at a singular point.
 const REJECTED: usize = 3;
 
 impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
@@ -25,6 +25,9 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         let mut rejected = 0;
         loop {
             if h < self.options.min_step {
+                if let Some(event) = self.event_at_branch_point(longest)? {
+                    return self.arrive(Some(event), 0);
+                }
                 self.termination = Some(Termination::StepTooSmall);
                 return Ok(());
             }
@@ -37,12 +40,14 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
                     } else {
                         (h * self.options.growth).min(self.options.max_step)
                     };
+                    self.creeping = if rejected > 0 { self.creeping + 1 } else { 0 };
                     return self.arrive(first, corrections);
                 }
             }
-            if rejected >= REJECTED
+            if (rejected >= REJECTED || self.creeping >= REJECTED)
                 && let Some(event) = self.event_at_branch_point(longest)?
             {
+                self.creeping = 0;
                 return self.arrive(Some(event), 0);
             }
             h *= self.options.shrink;

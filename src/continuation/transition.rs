@@ -1,6 +1,6 @@
 //! What happens at a located transition or branch point: arms, kind, and the arm that is followed.
 
-use super::arms::{Arms, Vanishing};
+use super::arms::{Arms, TANGENTIAL, Vanishing};
 use super::engine::Continuation;
 use super::locate::VERTICAL;
 use super::step::distance;
@@ -9,10 +9,12 @@ use super::{
     TransitionKind,
 };
 use crate::linear::LinearSolver;
+use crate::newton::dot;
 use crate::piecewise::{ActiveSet, PiecewiseSmooth};
 
 /// An arm within this distance of the reversed tangent of arrival is the one the curve came along.
 const INCOMING: f64 = 1e-5;
+const INCOMING_SINGULAR: f64 = 1e-2;
 /// An arm within this distance of the tangent of arrival goes straight on.
 const STRAIGHT: f64 = 1e-5;
 
@@ -26,7 +28,11 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         let arms = if simple && self.here.orientation.is_some() {
             self.simple_arms(&vanishing, &active)?
         } else {
-            let mut arms = self.search(&vanishing).all(&active)?;
+            // Without an orientation the selection is singular here.
+            let singular = self.here.orientation.is_none().then(|| self.selection.clone());
+            let mut search = self.search(&vanishing);
+            search.singular = singular;
+            let mut arms = search.all(&active)?;
             self.remove_incoming(&mut arms);
             arms
         };
@@ -42,6 +48,9 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
             Some(k) => {
                 self.h = self.h.max(self.options.step).min(self.options.max_step);
                 self.adopt(&arms.list[k], &vanishing)?;
+                if !simple {
+                    self.doubt_orientation()?;
+                }
             }
             None => self.termination = stop,
         }
@@ -94,8 +103,13 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
             let d = |k: usize| distance(&arms.list[k].tangent, &back);
             d(i).total_cmp(&d(j))
         });
+        let tolerance = match self.here.orientation {
+            Some(_) => INCOMING,
+            // At a singular point the tangent of arrival is less accurate.
+            None => INCOMING_SINGULAR,
+        };
         if let Some(k) = nearest
-            && distance(&arms.list[k].tangent, &back) < INCOMING
+            && distance(&arms.list[k].tangent, &back) < tolerance
         {
             arms.list.remove(k);
         }
@@ -150,17 +164,24 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
 
     /// Passes a point where the Jacobian of the followed selection (or of a co-active one) is singular.
     pub(super) fn pass_branch_point(&mut self, coactive: Option<usize>) -> Result<(), ContinuationError> {
+        if coactive.is_none() {
+            self.polish_branch_point()?;
+            // On a facet there is no going straight on: what leaves the cell here is a transition.
+            if let Some(index) = self.facet_left_here() {
+                self.here.orientation = None;
+                return self.pass_transition(index);
+            }
+        }
         let singular = match coactive {
             Some(k) => self.coactive[k].0.clone(),
-            None => {
-                self.polish_branch_point()?;
-                self.selection.clone()
-            }
+            None => self.selection.clone(),
         };
         let forced: Vec<usize> = self.grazing.iter().map(|v| v.index).collect();
         let vanishing = self.vanishing_here(&forced);
         let active = self.active_here(&vanishing)?;
-        let mut arms = self.search(&vanishing).all(&active)?;
+        let mut search = self.search(&vanishing);
+        search.singular = Some(singular.clone());
+        let mut arms = search.all(&active)?;
         self.remove_incoming(&mut arms);
         let straight = Arm {
             selection: self.selection.clone(),
@@ -191,12 +212,25 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         // At the point itself signs are rounding noise; behind it exactly one has flipped.
         match coactive {
             Some(k) => {
-                watched[k].1 = -watched[k].1;
+                watched[k].1 = watched[k].1.map(|s| -s);
                 self.coactive = watched;
             }
             None => self.here.orientation = self.next.orientation.map(|o| -o),
         }
         Ok(())
+    }
+
+    /// A vanishing test function of a facet of the followed cell across which the tangent leads out.
+    fn facet_left_here(&self) -> Option<usize> {
+        let leaves = |v: &&Vanishing| {
+            let rate = dot(&v.gradient, &self.here.t);
+            let cell = self.map.cell(v.site, self.selection.piece(v.site));
+            !self.grazing.iter().any(|g| g.index == v.index)
+                && cell
+                    .iter()
+                    .any(|f| f.test() == v.test && f.sign() * rate < -TANGENTIAL * v.gradient_norm)
+        };
+        self.vanishing_here(&[]).iter().find(leaves).map(|v| v.index)
     }
 }
 
