@@ -1,15 +1,11 @@
 use std::borrow::Cow;
 
-use num_dual::{Derivative, DualNum, DualSVec64};
+use num_dual::{Dual64, DualNum};
 
 use super::{Facet, PiecewiseSmooth, Real, Selection};
 use crate::sparse::{Matrix, Pattern};
 
-/// Number of directions differentiated in one sweep.
-const LANES: usize = 8;
-type Dual = DualSVec64<LANES>;
-
-impl Real for Dual {
+impl Real for Dual64 {
     fn value(&self) -> f64 {
         self.re
     }
@@ -263,26 +259,17 @@ impl<F: NonsmoothFunction> PiecewiseSmooth for Traced<F> {
 
     fn jacobian(&self, selection: &Selection, x: &[f64], jac: &mut Matrix) {
         let (m, n) = (self.num_vars(), self.num_residuals());
-        let mut seeded: Vec<Dual> = x.iter().map(|&v| Dual::from(v)).collect();
-        let mut out = vec![Dual::from(0.0); n];
-        for start in (0..m).step_by(LANES) {
-            let lanes = LANES.min(m - start);
-            for lane in 0..lanes {
-                seeded[start + lane].eps =
-                    Derivative::derivative_generic(nalgebra::Const::<LANES>, nalgebra::Const::<1>, lane);
-            }
+        let mut seeded: Vec<Dual64> = x.iter().map(|&v| Dual64::from(v)).collect();
+        let mut out = vec![Dual64::from(0.0); n];
+        for j in 0..m {
+            seeded[j].eps = 1.0;
             self.function
                 .eval(&seeded, &mut Kinks::new(Mode::Frozen(selection)), &mut out);
-            for lane in 0..lanes {
-                for (i, value) in out.iter().enumerate() {
-                    let d = value
-                        .eps
-                        .unwrap_generic(nalgebra::Const::<LANES>, nalgebra::Const::<1>)[lane];
-                    if d != 0.0 {
-                        jac.add(i, start + lane, d);
-                    }
+            seeded[j].eps = 0.0;
+            for (i, value) in out.iter().enumerate() {
+                if value.eps != 0.0 {
+                    jac.add(i, j, value.eps);
                 }
-                seeded[start + lane] = Dual::from(x[start + lane]);
             }
         }
     }
