@@ -321,6 +321,14 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
     /// Orientation, determinant and residual at `here`; a singular Jacobian (a branch point) leaves the signs unknown.
     fn linearize_here(&mut self) -> Result<(), ContinuationError> {
         let State { x, t, .. } = &self.here;
+        let affine = self.map.is_piecewise_affine();
+        let mut scale = 0.0;
+        if !affine {
+            // At a branch point ∇H may vanish altogether: the size of the terms of H is also that a step ahead.
+            let ahead: Vec<f64> = x.iter().zip(t).map(|(x, t)| x + self.h * t).collect();
+            self.corrector.assemble(self.map, &self.selection, &ahead)?;
+            scale = term_size(self.corrector.jacobian(), x, self.h, t);
+        }
         let linearized = self.corrector.linearize(self.map, &self.selection, x, Some(t));
         let (orientation, det_sign) = match linearized {
             Ok(_) => (self.corrector.orientation(t), self.corrector.det_sign()),
@@ -328,8 +336,8 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
             Err(e) => return Err(e.into()),
         };
         // For affine pieces the terms grow with ‖x‖ alone; summing them at every kink would cost more than the step.
-        if self.residual_scale == 0.0 || !self.map.is_piecewise_affine() {
-            let scale = term_size(self.corrector.jacobian(), x, self.h, t);
+        if self.residual_scale == 0.0 || !affine {
+            scale = term_size(self.corrector.jacobian(), x, self.h, t).max(scale);
             self.residual_scale = self.residual_scale.max(scale);
         }
         let mut r = vec![0.0; self.map.num_residuals()];
@@ -346,9 +354,18 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
         if self.map.num_residuals() > MAX_DENSE {
             return Ok(false);
         }
-        self.corrector.assemble(self.map, selection, &self.here.x)?;
-        let kernel = null_space(self.corrector.jacobian(), RANK).map_err(PiecewiseError::from)?;
-        Ok(kernel.right.len() > 1)
+        // The Jacobian may vanish altogether here: singular is what is small against a step ahead, too.
+        let State { x, t, .. } = &self.here;
+        let ahead: Vec<f64> = x.iter().zip(t).map(|(x, t)| x + self.h * t).collect();
+        self.corrector.assemble(self.map, selection, &ahead)?;
+        let entries = self.corrector.jacobian().values().iter();
+        let size = entries.fold(0.0f64, |a, v| a.max(v.abs()));
+        self.corrector.assemble(self.map, selection, x)?;
+        let values = null_space(self.corrector.jacobian(), RANK)
+            .map_err(PiecewiseError::from)?
+            .singular_values;
+        let (first, last) = (values.first().copied(), values.last().copied());
+        Ok(last.unwrap_or(0.0) <= RANK * first.unwrap_or(0.0).max(size))
     }
 
     /// Forgets the orientation where a curve sets out from a branch point.

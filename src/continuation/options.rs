@@ -141,7 +141,7 @@ impl ContinuationOptions {
     pub fn validate(&self) -> Result<(), ContinuationError> {
         let positive = |v: f64| v > 0.0 && v.is_finite();
         let open_unit = |v: f64| v > 0.0 && v < 1.0;
-        let checks: [(&'static str, f64, bool, &'static str); 14] = [
+        let checks: [(&'static str, f64, bool, &'static str); 15] = [
             ("step", self.step, positive(self.step), "positive and finite"),
             (
                 "min_step",
@@ -198,6 +198,12 @@ impl ContinuationOptions {
                 self.max_points as f64,
                 self.max_points > 0,
                 "at least 1",
+            ),
+            (
+                "max_arclength",
+                self.max_arclength,
+                self.max_arclength > 0.0,
+                "positive",
             ),
             ("max_growth", self.max_growth, self.max_growth > 0.0, "positive"),
             (

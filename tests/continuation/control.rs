@@ -1,0 +1,146 @@
+//! Targets, limits and the iterator.
+
+use std::ops::ControlFlow;
+
+use super::maps::{follow, lens, near, parabola_and_line, two_arcs, within};
+use semismooth::continuation::{Branch, Continuation, Direction, Event, PointKind, Termination};
+
+#[test]
+fn targets_and_bounds_are_hit_exactly() {
+    let map = parabola_and_line();
+    let targets = vec![1.0 / 3.0, 5.0, 0.1, -0.2, 0.7, 1e-9];
+    let o = within((-2.0, 5.7)).with_targets(targets.clone());
+    let branch = follow(&map, [2.4, 4.76], Direction::Decreasing, o);
+    let hits: Vec<f64> = branch
+        .points
+        .iter()
+        .filter(|p| p.kind == PointKind::Target)
+        .map(|p| p.x[1])
+        .collect();
+    // Down to the fold at α = (1 − √17)/8 and up again, bit for bit; 5 lies above the start.
+    let expected = [
+        0.7,
+        1.0 / 3.0,
+        0.1,
+        1e-9,
+        -0.2,
+        -0.2,
+        1e-9,
+        0.1,
+        1.0 / 3.0,
+        0.7,
+        5.0,
+        5.7,
+    ];
+    assert_eq!(hits, expected);
+    assert_eq!(branch.termination, Termination::ParameterRange);
+    for p in &branch.points {
+        assert!(map.value(&p.x).abs() < 1e-14);
+    }
+}
+
+#[test]
+fn a_start_on_the_bound_walks_inwards() {
+    let branch = follow(&lens(), [0.75, 0.5], Direction::Decreasing, within((-0.5, 0.5)));
+    assert_eq!(branch.points.last().unwrap().x[1], -0.5);
+    let branch = follow(&lens(), [0.75, 0.5], Direction::Increasing, within((-0.5, 0.5)));
+    assert_eq!(branch.termination, Termination::ParameterRange);
+    assert!(branch.transitions.is_empty());
+}
+
+#[test]
+fn limits_end_a_branch() {
+    let map = parabola_and_line();
+    let start = [2.4, 4.76];
+    let o = within((-2.0, 6.0));
+    let branch = follow(&map, start, Direction::Decreasing, o.clone().with_max_points(7));
+    assert_eq!(branch.termination, Termination::MaxPoints);
+    assert_eq!(branch.points.len() + branch.transitions.len(), 7);
+    let branch = follow(
+        &map,
+        start,
+        Direction::Decreasing,
+        o.clone().with_max_arclength(1.25),
+    );
+    assert_eq!(branch.termination, Termination::MaxArclength);
+    let length = branch.arclength();
+    assert!((1.25 - 1e-6..1.26).contains(&length), "{length}");
+    let o = within((-2.0, 1e9)).with_max_growth(10.0);
+    let branch = follow(&map, start, Direction::Increasing, o);
+    assert_eq!(branch.termination, Termination::Unbounded);
+}
+
+#[test]
+fn the_iterator_can_be_looked_into() {
+    let map = parabola_and_line();
+    let mut curve =
+        Continuation::new(&map, &[2.4, 4.76], Direction::Decreasing, within((-2.0, 6.0))).unwrap();
+    let first = curve.next().unwrap().unwrap();
+    assert!(matches!(&first, Event::Point(p) if p.kind == PointKind::Start));
+    let mut arclength = -1.0;
+    for _ in 0..5 {
+        let event = curve.next().unwrap().unwrap();
+        let (x, t, selection) = curve.position();
+        assert_eq!(x, event.x());
+        assert!((t[0].hypot(t[1]) - 1.0).abs() < 1e-12);
+        assert_eq!((selection.len(), curve.termination()), (1, None));
+        assert!(event.arclength() > arclength);
+        arclength = event.arclength();
+    }
+    curve.stop();
+    assert!(curve.next().is_none());
+    assert_eq!(curve.termination(), Some(Termination::Stopped));
+    // What is left of a curve can be collected.
+    let mut curve =
+        Continuation::new(&map, &[2.4, 4.76], Direction::Decreasing, within((-2.0, 6.0))).unwrap();
+    curve.next().unwrap().unwrap();
+    let rest = Branch::collect(curve, |_| ControlFlow::Continue(())).unwrap();
+    assert_eq!(
+        (rest.transitions.len(), rest.termination),
+        (2, Termination::ParameterRange)
+    );
+}
+
+#[test]
+fn an_observer_stops_at_the_first_transition() {
+    let map = parabola_and_line();
+    let curve = Continuation::new(&map, &[2.4, 4.76], Direction::Decreasing, within((-2.0, 6.0))).unwrap();
+    let branch = Branch::collect(curve, |event| match event {
+        Event::Transition(_) => ControlFlow::Break(()),
+        _ => ControlFlow::Continue(()),
+    })
+    .unwrap();
+    assert_eq!(
+        (branch.transitions.len(), branch.termination),
+        (1, Termination::Stopped)
+    );
+    assert!(
+        branch
+            .points
+            .iter()
+            .all(|p| p.x[1] >= branch.transitions[0].parameter())
+    );
+}
+
+#[test]
+fn a_start_off_the_curve_is_corrected_at_its_parameter() {
+    let branch = follow(
+        &lens(),
+        [0.9, 0.5],
+        Direction::Increasing,
+        within((-2.0, 2.0)).with_max_points(3),
+    );
+    assert!(near(&branch.points[0].x, [0.75, 0.5], 1e-12));
+}
+
+#[test]
+fn two_runs_agree_in_every_bit() {
+    for map in [parabola_and_line(), lens(), two_arcs()] {
+        let run = || {
+            let start = [[2.4, 4.76], [0.75, 0.5], [0.6, 0.8]];
+            let x = start.into_iter().find(|x| map.value(x).abs() < 1e-12).unwrap();
+            follow(&map, x, Direction::Decreasing, within((-2.0, 6.0)))
+        };
+        assert_eq!(run(), run());
+    }
+}

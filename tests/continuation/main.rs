@@ -1,0 +1,6 @@
+//! Curves with known transitions, folds and branch points.
+
+mod control;
+mod kinks;
+mod maps;
+mod smooth;

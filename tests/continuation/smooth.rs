@@ -1,0 +1,147 @@
+//! Folds and branch points inside a piece.
+
+use super::maps::{PlaneMap, follow, near, within};
+use semismooth::continuation::{Branch, ContinuationOptions, Direction, Termination};
+
+#[test]
+fn a_quadratic_fold() {
+    let map = PlaneMap::smooth(|y, a| [y * y + a, 2.0 * y, 1.0]);
+    for (start, h) in [(1.0, 0.05), (-2.0, 0.05), (3.0, 0.3), (0.37, 0.011)] {
+        let o = within((-10.0, 1.0)).with_step(h);
+        let branch = follow(&map, [start, -start * start], Direction::Increasing, o);
+        assert_eq!(branch.smooth_folds.len(), 1);
+        assert!(near(&branch.smooth_folds[0].point.x, [0.0, 0.0], 1e-12));
+        assert!(branch.branch_points.is_empty() && branch.transitions.is_empty());
+        assert_eq!(branch.termination, Termination::ParameterRange);
+        let end = branch.points.last().unwrap();
+        assert!(near(&end.x, [-start.signum() * 10f64.sqrt(), -10.0], 1e-9));
+        // α turns exactly where det ∇_yH changes its sign.
+        for p in &branch.points {
+            assert_eq!(p.det_sign, Some(if p.x[0] > 0.0 { 1 } else { -1 }));
+        }
+    }
+}
+
+#[test]
+fn a_cubic_turning_twice() {
+    // α = y³ − y: folds at y = ±1/√3.
+    let map = PlaneMap::smooth(|y, a| [y * y * y - y - a, 3.0 * y * y - 1.0, -1.0]);
+    let branch = follow(&map, [-2.0, -6.0], Direction::Increasing, within((-6.0, 6.0)));
+    let y = 1.0 / 3f64.sqrt();
+    let folds: Vec<_> = branch.smooth_folds.iter().map(|f| f.point.x.clone()).collect();
+    assert_eq!(folds.len(), 2);
+    assert!(near(&folds[0], [-y, 2.0 / 3.0 * y], 1e-12) && near(&folds[1], [y, -2.0 / 3.0 * y], 1e-12));
+    assert!(near(&branch.points.last().unwrap().x, [2.0, 6.0], 1e-9));
+}
+
+/// The rays leaving the only branch point of a curve, that of arrival included, as unit vectors.
+fn rays(branch: &Branch) -> Vec<Vec<f64>> {
+    assert_eq!(branch.branch_points.len(), 1);
+    let b = &branch.branch_points[0];
+    assert!(near(&b.point.x, [0.0, 0.0], 1e-10), "{:?}", b.point.x);
+    let mut rays: Vec<Vec<f64>> = b.arms.iter().map(|a| a.tangent.clone()).collect();
+    rays.push(b.point.tangent.iter().map(|t| -t).collect());
+    rays
+}
+
+fn check_rays(map: &PlaneMap, branch: &Branch, expected: &[[f64; 2]]) {
+    let rays = rays(branch);
+    assert_eq!(rays.len(), expected.len());
+    for e in expected {
+        let length = e[0].hypot(e[1]);
+        let unit = [e[0] / length, e[1] / length];
+        assert!(rays.iter().any(|r| near(r, unit, 1e-6)), "{unit:?} {rays:?}");
+    }
+    // Each arm can be followed and stays on the curve; it does not meet its own start again.
+    let b = &branch.branch_points[0];
+    for arm in &b.arms {
+        let o = within((-1.5, 1.5)).with_max_arclength(3.0);
+        let followed = Branch::follow_arm(map, &b.point.x, arm, o).unwrap();
+        assert!(followed.branch_points.is_empty(), "{:?}", followed.branch_points);
+        let last = followed.points.last().unwrap();
+        let moved = last.x[0].hypot(last.x[1]);
+        assert!(
+            moved > 1.0 && map.value(&last.x).abs() < 1e-9,
+            "{} {last:?} {arm:?} {:?}",
+            followed.termination,
+            b.point
+        );
+        let cos = (last.x[0] * arm.tangent[0] + last.x[1] * arm.tangent[1]) / moved;
+        assert!(cos > 0.3, "{arm:?} led to {:?}", last.x);
+    }
+}
+
+#[test]
+fn a_pitchfork() {
+    let map = PlaneMap::smooth(|y, a| [y * y * y - a * y, 3.0 * y * y - a, -y]);
+    for h in [0.013, 0.05, 0.31, 1.0] {
+        let o = within((-1.0, 1.0)).with_step(h);
+        let branch = follow(&map, [0.0, -0.97], Direction::Increasing, o.clone());
+        check_rays(&map, &branch, &[[0.0, -1.0], [0.0, 1.0], [1.0, 0.0], [-1.0, 0.0]]);
+        assert!(near(&branch.points.last().unwrap().x, [0.0, 1.0], 1e-12));
+        // Along the parabola the branch point is a fold of α, too.
+        let branch = follow(&map, [0.9, 0.81], Direction::Decreasing, o);
+        check_rays(&map, &branch, &[[0.0, -1.0], [0.0, 1.0], [1.0, 0.0], [-1.0, 0.0]]);
+        assert!(near(&branch.points.last().unwrap().x, [-1.0, 1.0], 1e-9));
+    }
+}
+
+#[test]
+fn a_transcritical_point() {
+    let map = PlaneMap::smooth(|y, a| [y * y - a * y, 2.0 * y - a, -y]);
+    for h in [0.013, 0.05, 0.31, 1.0] {
+        let o = within((-1.0, 1.0)).with_step(h);
+        for start in [[0.0, -0.97], [-0.83, -0.83]] {
+            let branch = follow(&map, start, Direction::Increasing, o.clone());
+            check_rays(
+                &map,
+                &branch,
+                &[[0.0, -1.0], [0.0, 1.0], [1.0, 1.0], [-1.0, -1.0]],
+            );
+            assert!(branch.smooth_folds.is_empty());
+        }
+    }
+}
+
+/// Curves that nearly meet are not confused, however long the steps may be.
+#[test]
+fn near_misses() {
+    let hyperbola = PlaneMap::smooth(|y, a| [y * y - a * a - 1e-4, 2.0 * y, -2.0 * a]);
+    let turned = PlaneMap::smooth(|y, a| [a * a - y * y - 1e-4, -2.0 * y, 2.0 * a]);
+    let parallel = PlaneMap::smooth(|y, a| {
+        let (p, q) = (y - (3.0 * a).sin(), y - (3.0 * a).sin() - 1e-2);
+        [p * q, p + q, -(p + q) * 3.0 * (3.0 * a).cos()]
+    });
+    for h in [1e-3, 1e-2, 0.05, 0.5, 5.0] {
+        let o = ContinuationOptions::default()
+            .with_parameter_range((-1.0, 1.0))
+            .with_max_step(h)
+            .with_step(0.05f64.min(h))
+            .with_max_points(100_000);
+        let y = (1.0 + 1e-4f64).sqrt();
+        let branch = follow(&hyperbola, [y, -1.0], Direction::Increasing, o.clone());
+        assert!(
+            near(&branch.points.last().unwrap().x, [y, 1.0], 1e-9),
+            "h_max {h}"
+        );
+        assert!(branch.points.iter().all(|p| p.x[0] >= 0.99e-2) && branch.smooth_folds.is_empty());
+        // The same turned by 90°: the curve folds in front of the other one.
+        let y = (1.0 - 1e-4f64).sqrt();
+        let branch = follow(&turned, [y, -1.0], Direction::Increasing, o.clone());
+        assert!(
+            near(&branch.points.last().unwrap().x, [-y, -1.0], 1e-9),
+            "h_max {h}"
+        );
+        assert_eq!(branch.smooth_folds.len(), 1);
+        assert!(near(&branch.smooth_folds[0].point.x, [0.0, -1e-2], 1e-10));
+        let branch = follow(&parallel, [-(3f64.sin()), -1.0], Direction::Increasing, o);
+        for p in &branch.points {
+            assert!(
+                (p.x[0] - (3.0 * p.x[1]).sin()).abs() < 1e-9,
+                "h_max {h}: {:?}",
+                p.x
+            );
+        }
+        assert_eq!(branch.termination, Termination::ParameterRange);
+    }
+}
