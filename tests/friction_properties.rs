@@ -17,6 +17,9 @@ const WINDOW: (f64, f64) = (0.0, 4.0);
 /// Distance (relative) that inequalities and pivots of a regular sample keep from zero.
 const MARGIN: f64 = 1e-6;
 
+/// x, the states, and sign det ∇_yH.
+type Solution = (Vec<f64>, Vec<ContactState>, i32);
+
 #[derive(Debug, Clone)]
 struct Sample {
     a: Vec<Vec<f64>>,
@@ -195,7 +198,7 @@ impl Sample {
 
     /// All solutions at α with their states, by enumeration of the 4ᵖ linear systems; `None` if one of them is not clearly
     /// regular or clearly in or out.
-    fn solutions(&self, alpha: f64) -> Option<Vec<(Vec<f64>, Vec<ContactState>, i32)>> {
+    fn solutions(&self, alpha: f64) -> Option<Vec<Solution>> {
         let (n, p) = (self.n(), self.p());
         let m = n + 2 * p;
         let mut found = Vec::new();
