@@ -9,7 +9,7 @@ use semismooth::continuation::{
 };
 use semismooth::linear::{AutoSolver, Cholesky, DenseLu, LinearError, LinearSolver, SparseLu};
 use semismooth::newton::{Newton, NewtonError, NewtonOptions};
-use semismooth::piecewise::{MinMap, PiecewiseError, Selection};
+use semismooth::piecewise::{MinMap, PiecewiseError, PiecewiseSmooth, Selection};
 use semismooth::sparse::{Matrix, Pattern, SparseError};
 
 const BAD: [f64; 3] = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY];
@@ -147,7 +147,7 @@ fn first_points() {
 }
 
 /// α = |y|.
-fn vee() -> MinMap<impl Fn(&[f64], &mut [f64], &mut [f64])> {
+fn vee() -> impl PiecewiseSmooth {
     MinMap::curve(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
         a[0] = x[1] - x[0];
         b[0] = x[1] + x[0];

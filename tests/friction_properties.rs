@@ -20,6 +20,9 @@ const WINDOW: (f64, f64) = (0.0, 4.0);
 /// Distance (relative) that inequalities and pivots of a regular sample keep from zero.
 const MARGIN: f64 = 1e-6;
 
+/// x, the states, and sign det ∇_yH.
+type Solution = (Vec<f64>, Vec<ContactState>, i32);
+
 #[derive(Debug, Clone)]
 struct Sample {
     a: Vec<Vec<f64>>,
