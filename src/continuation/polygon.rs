@@ -59,6 +59,14 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         self.next.det_sign = self.here.det_sign;
         self.settle()?;
         self.map.test_functions(&self.next.x, &mut self.next.theta);
+        if let Some(Monitor::Facet { index, .. }) = event {
+            // What settling has moved along the curve.
+            let rest = self.next.theta[index] / self.rates[index];
+            for (x, t) in self.next.x.iter_mut().zip(&self.next.t) {
+                *x -= rest * t;
+            }
+            self.map.test_functions(&self.next.x, &mut self.next.theta);
+        }
         self.arrive(event, 0)?;
         if event.is_none() && self.termination.is_none() {
             self.termination = Some(if self.arclength >= self.options.max_arclength {
@@ -83,6 +91,10 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         r.resize(self.map.num_residuals(), 0.0);
         self.map.residual(&self.selection, &self.next.x, &mut r);
         self.next.residual_norm = norm(&r);
+        if self.next.residual_norm > 0.0 && self.corrector.refine(&self.selection, &r, &mut self.next.x) {
+            self.map.residual(&self.selection, &self.next.x, &mut r);
+            self.next.residual_norm = norm(&r);
+        }
         self.residual = r;
         let scale = self.residual_scale * (1.0 + norm(&self.next.x) / self.size);
         if self.next.residual_norm > DRIFT * f64::EPSILON * scale {

@@ -5,8 +5,8 @@ use crate::sparse::Matrix;
 const SMALL_PIVOT: f64 = 1e-7;
 /// Updates after which the inverse is made anew.
 const MAX_UPDATES: usize = 100;
-/// Residual ‖∇H τ‖∞ relative to ‖∇H‖ above which the inverse has decayed.
-const DECAY: f64 = 1e-12;
+/// Residual of the tangent, relative to the entries of ∇H, above which the inverse has decayed.
+const DECAY: f64 = 1e-10;
 
 /// The inverse of [∇H; tᵀ] for a small dense ∇H, kept up to date while rows of ∇H are replaced (Sherman–Morrison).
 ///
@@ -80,14 +80,35 @@ impl RowInverse {
             }
         }
         let last = &self.inverse[(self.order - 1) * self.order..];
-        let length = last.iter().map(|v| v * v).sum::<f64>().sqrt();
-        if !length.is_finite() || length == 0.0 {
-            return false;
+        self.tangent.copy_from_slice(last);
+        self.normalise() && self.refine() && self.normalise()
+    }
+
+    fn normalise(&mut self) -> bool {
+        let length = self.tangent.iter().map(|v| v * v).sum::<f64>().sqrt();
+        self.tangent.iter_mut().for_each(|t| *t /= length);
+        length.is_finite() && length > 0.0
+    }
+
+    /// One step of iterative refinement of the tangent; false when its residual shows that the inverse has decayed.
+    fn refine(&mut self) -> bool {
+        let m = self.order;
+        let mut worst = 0.0f64;
+        for (i, row) in self.rows.chunks_exact(m).enumerate() {
+            let (mut sum, mut size) = (0.0f64, 0.0f64);
+            for (a, t) in row.iter().zip(&self.tangent) {
+                sum += a * t;
+                size = size.max(a.abs());
+            }
+            self.column[i] = sum;
+            if size > 0.0 {
+                worst = worst.max(sum.abs() / size);
+            }
         }
-        for (t, v) in self.tangent.iter_mut().zip(last) {
-            *t = v / length;
+        for (column, r) in self.inverse.chunks_exact(m).zip(&self.column[..m - 1]) {
+            self.tangent.iter_mut().zip(column).for_each(|(t, c)| *t -= r * c);
         }
-        self.accurate()
+        worst <= DECAY
     }
 
     fn replace_row(&mut self, jacobian: &Matrix, i: usize) -> bool {
@@ -130,22 +151,18 @@ impl RowInverse {
         true
     }
 
-    /// Whether the tangent lies in the kernel of ∇H to nearly all digits.
-    fn accurate(&self) -> bool {
-        let m = self.order;
-        self.rows.chunks_exact(m).all(|row| {
-            let (mut sum, mut size) = (0.0f64, 0.0f64);
-            for (a, t) in row.iter().zip(&self.tangent) {
-                sum += a * t;
-                size = size.max(a.abs());
-            }
-            sum.abs() <= DECAY * size
-        })
-    }
-
     /// The unit kernel vector of ∇H; det [∇H; τᵀ] and the border fix its sign.
     pub(crate) fn tangent(&self) -> &[f64] {
         &self.tangent
+    }
+
+    /// x ← x − [∇H; tᵀ]⁻¹ [r; 0].
+    pub(crate) fn correct(&self, r: &[f64], x: &mut [f64]) {
+        for (column, r) in self.inverse.chunks_exact(self.order).zip(r) {
+            if *r != 0.0 {
+                x.iter_mut().zip(column).for_each(|(x, c)| *x -= r * c);
+            }
+        }
     }
 
     /// Sign of det [∇H; vᵀ]: that of [∇H; tᵀ] is known, and both are proportional to the component along the kernel.

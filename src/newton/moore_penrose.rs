@@ -203,6 +203,25 @@ impl<L: LinearSolver> MoorePenrose<L> {
         false
     }
 
+    /// One correction of x, where H^(σ)(x) = `r`, with the factors at hand if they are those of `selection` (affine pieces);
+    /// false if they are not.
+    pub(crate) fn refine(&mut self, selection: &Selection, r: &[f64], x: &mut [f64]) -> bool {
+        if self.factored.as_ref() != Some(selection) {
+            return false;
+        }
+        match &self.inverse {
+            Some((_, inverse)) if self.inverse_at_hand => inverse.correct(r, x),
+            _ => {
+                let tangent = self.bordered.tangent().to_vec();
+                if self.bordered.solve(r, &tangent, 0.0, &mut self.dx).is_err() {
+                    return false;
+                }
+                x.iter_mut().zip(&self.dx).for_each(|(x, d)| *x -= d);
+            }
+        }
+        true
+    }
+
     /// Assembles ∇H^(σ)(x) without factoring it.
     pub(crate) fn assemble<P: PiecewiseSmooth + ?Sized>(
         &mut self,
