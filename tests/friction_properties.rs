@@ -12,9 +12,6 @@ use semismooth::continuation::{
 };
 use semismooth::sparse::Matrix;
 
-/// x, the states, the sign of det ∇_yH.
-type Solution = (Vec<f64>, Vec<ContactState>, i32);
-
 /// The window of the parameter.
 const WINDOW: (f64, f64) = (0.0, 4.0);
 /// Distance (relative) that inequalities and pivots of a regular sample keep from zero.
