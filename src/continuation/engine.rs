@@ -351,7 +351,8 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
     /// Whether ∇H^(σ) is singular at (or within rounding of) `here`, so that the sign of its determinant is chance. Equilibration
     /// hides this from the condition estimate of the solver; large problems are taken to be regular.
     fn is_singular_here(&mut self, selection: &Selection) -> Result<bool, ContinuationError> {
-        if self.map.num_residuals() > MAX_DENSE {
+        // Where the Jacobian is the same everywhere, its factorisation has told already.
+        if self.map.num_residuals() > MAX_DENSE || self.map.is_piecewise_affine() {
             return Ok(false);
         }
         // The Jacobian may vanish altogether here: singular is what is small against a step ahead, too.
