@@ -122,7 +122,7 @@ const ONE: Colour = Colour::new(0xe4, 0xe9, 0xf2);
 const TWO: Colour = Colour::new(0xf6, 0xdc, 0xb8);
 const THREE: Colour = Colour::new(0xf1, 0xc4, 0xc4);
 
-/// Hatches regions of the plane with upright lines, classified in small steps.
+/// Hatches regions of the plane with upright dashes, classified in small steps. Each dash is a curve: too short for an arrow.
 fn regions(
     mut panel: Panel,
     x: (f64, f64),
@@ -131,22 +131,23 @@ fn regions(
 ) -> Outcome<Panel> {
     const LINES: usize = 90;
     const STEPS: usize = 160;
+    const DASH: usize = 12;
     let at = |range: (f64, f64), t: f64| range.0 + (range.1 - range.0) * t;
     for i in 0..LINES {
         let abscissa = at(x, (i as f64 + 0.5) / LINES as f64);
-        let (mut vertices, mut styles) = (vec![(abscissa, y.0)], Vec::<SegmentStyle>::new());
-        for j in 0..STEPS {
-            let (name, colour) = class(abscissa, at(y, (j as f64 + 0.5) / STEPS as f64))?;
-            let end = (abscissa, at(y, (j + 1) as f64 / STEPS as f64));
-            // Equal neighbours are one segment.
-            if styles.last().is_some_and(|s| s.colour == colour) {
-                vertices.pop();
-            } else {
-                styles.push(SegmentStyle::new(name, colour));
+        let step = |j: usize| at(y, j as f64 / STEPS as f64);
+        let mut from = 0;
+        while from < STEPS {
+            let here = |j: usize| class(abscissa, 0.5 * (step(j) + step(j + 1)));
+            let (name, colour) = here(from)?;
+            let mut to = from + 1;
+            while to < STEPS.min(from + DASH) && here(to)?.1 == colour {
+                to += 1;
             }
-            vertices.push(end);
+            let dash = vec![(abscissa, step(from)), (abscissa, step(to))];
+            panel = panel.with_curve(Curve::line(dash, SegmentStyle::new(name, colour)));
+            from = to;
         }
-        panel = panel.with_curve(Curve::segments(vertices, styles));
     }
     Ok(panel)
 }
