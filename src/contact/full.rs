@@ -24,7 +24,7 @@ impl FrictionProblem {
     }
 
     /// Calls `f(node, values, dF/dα)` for every contact node.
-    fn for_nodes(&self, x: &[f64], mut f: impl FnMut(usize, NodeValues, f64)) {
+    pub(super) fn for_nodes(&self, x: &[f64], mut f: impl FnMut(usize, NodeValues, f64)) {
         let p = self.num_contacts();
         let alpha = x[x.len() - 1];
         match &self.friction.0 {
@@ -44,7 +44,7 @@ impl FrictionProblem {
     }
 
     /// Adds the gradient of a node quantity, `row`, to `add(column, value)`.
-    fn scatter(&self, i: usize, row: &Row, friction_rate: f64, mut add: impl FnMut(usize, f64)) {
+    pub(super) fn scatter(&self, i: usize, row: &Row, friction_rate: f64, mut add: impl FnMut(usize, f64)) {
         let (n, p) = (self.num_displacements(), self.num_contacts());
         for (matrix, factor) in [(&self.bnu_t, row.penetration), (&self.bt_t, row.slip)] {
             if factor != 0.0 {
@@ -59,6 +59,28 @@ impl FrictionProblem {
         for (column, v) in own {
             if v != 0.0 {
                 add(column, v);
+            }
+        }
+    }
+
+    /// Adds the rows of equilibrium, which are the same in all pieces, to a Jacobian.
+    pub(super) fn equilibrium_jacobian(&self, alpha: f64, jac: &mut Matrix) {
+        let (n, p) = (self.num_displacements(), self.num_contacts());
+        jac.add_block(0, 0, 1.0, &self.a);
+        jac.add_block(0, n, 1.0, &self.bnu_t);
+        jac.add_block(0, n + p, 1.0, &self.bt_t);
+        match &self.load.0 {
+            super::paths::Path::Affine { slope, .. } => {
+                for (i, s) in slope.iter().enumerate() {
+                    jac.add(i, n + 2 * p, -s);
+                }
+            }
+            path @ super::paths::Path::Function(_) => {
+                let mut rate = vec![0.0; n];
+                path.value(alpha, &mut vec![0.0; n], &mut rate);
+                for (i, s) in rate.iter().enumerate() {
+                    jac.add(i, n + 2 * p, -s);
+                }
             }
         }
     }
@@ -148,24 +170,7 @@ impl PiecewiseSmooth for FrictionProblem {
 
     fn jacobian(&self, selection: &Selection, x: &[f64], jac: &mut Matrix) {
         let (n, p) = (self.num_displacements(), self.num_contacts());
-        let alpha = x[n + 2 * p];
-        jac.add_block(0, 0, 1.0, &self.a);
-        jac.add_block(0, n, 1.0, &self.bnu_t);
-        jac.add_block(0, n + p, 1.0, &self.bt_t);
-        match &self.load.0 {
-            super::paths::Path::Affine { slope, .. } => {
-                for (i, s) in slope.iter().enumerate() {
-                    jac.add(i, n + 2 * p, -s);
-                }
-            }
-            path @ super::paths::Path::Function(_) => {
-                let mut rate = vec![0.0; n];
-                path.value(alpha, &mut vec![0.0; n], &mut rate);
-                for (i, s) in rate.iter().enumerate() {
-                    jac.add(i, n + 2 * p, -s);
-                }
-            }
-        }
+        self.equilibrium_jacobian(x[n + 2 * p], jac);
         self.for_nodes(x, |i, v, friction_rate| {
             let rows = self.law.rows(selection.piece(i), &v);
             for (row, index) in rows.iter().zip([n + i, n + p + i]) {

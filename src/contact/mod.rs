@@ -5,6 +5,7 @@
 
 mod condensed;
 mod error;
+mod family;
 #[cfg(feature = "json")]
 mod folder;
 mod full;
@@ -16,6 +17,7 @@ mod start;
 
 pub use condensed::CondensedFriction;
 pub use error::ContactError;
+pub use family::FrictionFamily;
 #[cfg(feature = "json")]
 pub use folder::{DiscreteFolder, read_folder};
 pub use hild_renard::{HildRenard, HildRenardBranch, HildRenardCase};

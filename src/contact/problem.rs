@@ -120,6 +120,32 @@ impl FrictionProblem {
         Ok(self)
     }
 
+    /// Replaces the load.
+    ///
+    /// # Errors
+    /// Wrong length, values that are not finite.
+    pub fn with_load(mut self, load: LoadPath) -> Result<Self, ContactError> {
+        load.0.check("the load", self.num_displacements())?;
+        self.load = load;
+        Ok(self)
+    }
+
+    /// Replaces the coefficients of friction.
+    ///
+    /// # Errors
+    /// Wrong length, values that are not finite, a constant coefficient below 0.
+    pub fn with_friction(mut self, friction: FrictionPath) -> Result<Self, ContactError> {
+        friction
+            .0
+            .check("the coefficients of friction", self.num_contacts())?;
+        self.law.constant_friction = friction.0.is_constant();
+        self.friction = friction;
+        if self.law.constant_friction {
+            self.check_friction(0.0)?;
+        }
+        Ok(self)
+    }
+
     /// Sets the augmentation parameter r > 0 (force per length). Solutions do not depend on it.
     ///
     /// # Errors
@@ -170,6 +196,18 @@ impl FrictionProblem {
         let (mut f, mut df) = (vec![0.0; n], vec![0.0; n]);
         self.load.0.value(alpha, &mut f, &mut df);
         f
+    }
+
+    /// ∂_fH in the full form, the derivative of the residuals with respect to the load: −I above zeros.
+    ///
+    /// # Errors
+    /// None in practice; the pattern is checked again.
+    pub fn load_derivative(&self) -> Result<Matrix, ContactError> {
+        let n = self.num_displacements();
+        let rows = n + 2 * self.num_contacts();
+        let mut matrix = Matrix::zeros(Pattern::from_entries(rows, n, (0..n).map(|i| (i, i)))?);
+        matrix.values_mut().fill(-1.0);
+        Ok(matrix)
     }
 
     /// The coefficients of friction F(α).

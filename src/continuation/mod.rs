@@ -2,6 +2,7 @@
 
 mod arms;
 mod branch;
+mod certificate;
 mod engine;
 mod error;
 mod locate;
@@ -13,8 +14,10 @@ mod start;
 mod step;
 mod switching;
 mod transition;
+mod transition_set;
 
 pub use branch::Branch;
+pub use certificate::certify;
 pub use engine::{Continuation, arms_at};
 pub use error::ContinuationError;
 pub use options::{ContinuationOptions, Strategy};
@@ -23,3 +26,4 @@ pub use record::{
     TransitionKind,
 };
 pub use start::Direction;
+pub use transition_set::TransitionSet;

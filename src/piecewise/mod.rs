@@ -19,6 +19,7 @@ mod min_map;
 mod real;
 mod selection;
 mod semismooth;
+mod uniqueness;
 
 pub use active::{ActiveSet, active_set, select, select_pieces, value};
 #[cfg(feature = "autodiff")]
@@ -34,3 +35,4 @@ pub use min_map::MinMap;
 pub use real::Real;
 pub use selection::{Selection, Selections};
 pub use semismooth::Semismooth;
+pub use uniqueness::{LocalUniqueness, local_uniqueness};

@@ -1,0 +1,197 @@
+//! One contact node with Coulomb friction: where the number of solutions changes, in two planes of parameters (Hild and Renard 2005).
+//! You will see the followed transition lines, folds in orange, over the regions with one, two and three solutions, as two pictures.
+//! Run: cargo run --release --example transition_sets [-- --out DIR]
+
+mod common;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::Parser;
+use common::{Outcome, exit, file_in};
+use semismooth::contact::{FrictionFamily, FrictionPath, HildRenard, HildRenardCase, LoadPath};
+use semismooth::continuation::{Branch, ContinuationOptions, Direction, TransitionSet};
+use semismooth::output::{BranchDiagram, Colour, Curve, Panel, SegmentStyle};
+
+/// Follows and draws the transition sets of the model with one contact node.
+#[derive(Parser)]
+struct Args {
+    /// Folder for the pictures.
+    #[arg(long, default_value = "out")]
+    out: PathBuf,
+}
+
+/// Test functions of the node.
+const CONTACT: usize = 0;
+const SLIP_PLUS: usize = 1;
+const SLIP_MINUS: usize = 2;
+
+fn main() -> ExitCode {
+    exit(run(&Args::parse()))
+}
+
+fn run(args: &Args) -> Outcome<()> {
+    let loads = load_plane()?;
+    loads.write(file_in(&args.out, "transition_sets_load.svg")?)?;
+    let friction = friction_plane()?;
+    friction.write(file_in(&args.out, "transition_sets_friction.svg")?)?;
+    println!("Pictures in {}", args.out.display());
+    Ok(())
+}
+
+/// The plane (f_ν, f_t) at F = 3.
+fn load_plane() -> Outcome<BranchDiagram> {
+    const F: f64 = 3.0;
+    println!("(f_ν, f_t) at F = {F}");
+    let problem = HildRenard::new(0.0, 0.0, 1.0, 1.0)?.problem()?;
+    let problem = problem
+        .with_load(LoadPath::affine(vec![0.0, 0.0], vec![1.0, 0.0]))?
+        .with_friction(FrictionPath::constant(vec![F]))?;
+    let family = FrictionFamily::new(problem, vec![0.0, 1.0], vec![0.0])?;
+    let mut panel = regions(
+        Panel::new("f_ν", "f_t"),
+        (-2.0, 4.0),
+        (-8.0, 8.0),
+        |normal, tangential| {
+            let model = HildRenard::new(normal, tangential, 1.0, 1.0)?;
+            Ok(match model.case() {
+                HildRenardCase::Two => ("two branches over F", TWO),
+                _ => ("one branch over F", ONE),
+            })
+        },
+    )?;
+    // Each line starts at a point of it that is plain to see.
+    let starts = [
+        (SLIP_MINUS, [0.0, 0.0, 2.0, -6.0, 2.0, -6.0]),
+        (SLIP_PLUS, [0.0, 0.0, 2.0, 6.0, 2.0, 6.0]),
+        (CONTACT, [0.0, -1.0, 0.0, 0.0, 1.0, -2.0]),
+    ];
+    for (test, x) in starts {
+        for direction in [Direction::Decreasing, Direction::Increasing] {
+            panel = panel.with_curve(line(&family, test, &x, direction, false)?);
+        }
+    }
+    let panel = panel.with_x_range(-2.0, 4.0).with_y_range(-8.0, 8.0);
+    Ok(BranchDiagram::new(panel)
+        .with_title("Transition sets at F = 3")
+        .with_size(680, 460))
+}
+
+/// The plane (f_t, F) at f_ν = 1.5.
+fn friction_plane() -> Outcome<BranchDiagram> {
+    println!("(f_t, F) at f_ν = 1.5");
+    let problem = HildRenard::new(1.5, 0.0, 1.0, 1.0)?.problem()?;
+    let family = FrictionFamily::new(problem, vec![0.0, 1.0], vec![0.0])?;
+    let mut panel = regions(
+        Panel::new("f_t", "F"),
+        (-8.0, 8.0),
+        (0.0, 6.0),
+        |tangential, friction| {
+            let model = HildRenard::new(1.5, tangential, 1.0, 1.0)?;
+            let holds = |b: &semismooth::contact::HildRenardBranch| {
+                (b.interval.0..=b.interval.1).contains(&friction) && b.interval.0 < b.interval.1
+            };
+            Ok(match model.branches().iter().filter(|b| holds(b)).count() {
+                3 => ("three solutions", THREE),
+                2 => ("two solutions", TWO),
+                _ => ("one solution", ONE),
+            })
+        },
+    )?;
+    let starts = [
+        (SLIP_MINUS, [0.0, 0.0, 1.5, -6.0, 4.0, -6.0]),
+        (SLIP_PLUS, [0.0, 0.0, 1.5, 6.0, 4.0, 6.0]),
+    ];
+    for (test, x) in starts {
+        for direction in [Direction::Decreasing, Direction::Increasing] {
+            panel = panel.with_curve(line(&family, test, &x, direction, true)?);
+        }
+    }
+    for rate in [1.0, -1.0] {
+        let along = Direction::Along(vec![0.0, 0.0, 0.0, 0.0, rate, 0.0]);
+        let x = [0.0, -1.5, 0.0, 0.0, 3.0, -3.0];
+        panel = panel.with_curve(line(&family, CONTACT, &x, along, true)?);
+    }
+    let panel = panel.with_x_range(-8.0, 8.0).with_y_range(0.0, 6.0);
+    Ok(BranchDiagram::new(panel)
+        .with_title("Transition sets at f_ν = 1.5")
+        .with_size(680, 460))
+}
+
+const ONE: Colour = Colour::new(0xe4, 0xe9, 0xf2);
+const TWO: Colour = Colour::new(0xf6, 0xdc, 0xb8);
+const THREE: Colour = Colour::new(0xf1, 0xc4, 0xc4);
+
+/// Hatches regions of the plane with upright dashes, classified in small steps. Each dash is a curve: too short for an arrow.
+fn regions(
+    mut panel: Panel,
+    x: (f64, f64),
+    y: (f64, f64),
+    class: impl Fn(f64, f64) -> Outcome<(&'static str, Colour)>,
+) -> Outcome<Panel> {
+    const LINES: usize = 90;
+    const STEPS: usize = 160;
+    const DASH: usize = 12;
+    let at = |range: (f64, f64), t: f64| range.0 + (range.1 - range.0) * t;
+    for i in 0..LINES {
+        let abscissa = at(x, (i as f64 + 0.5) / LINES as f64);
+        let step = |j: usize| at(y, j as f64 / STEPS as f64);
+        let mut from = 0;
+        while from < STEPS {
+            let here = |j: usize| class(abscissa, 0.5 * (step(j) + step(j + 1)));
+            let (name, colour) = here(from)?;
+            let mut to = from + 1;
+            while to < STEPS.min(from + DASH) && here(to)?.1 == colour {
+                to += 1;
+            }
+            let dash = vec![(abscissa, step(from)), (abscissa, step(to))];
+            panel = panel.with_curve(Curve::line(dash, SegmentStyle::new(name, colour)));
+            from = to;
+        }
+    }
+    Ok(panel)
+}
+
+/// A transition line in the plane of the parameters, coloured by what happens to the solution when it is crossed.
+fn line(
+    family: &FrictionFamily,
+    test: usize,
+    x: &[f64],
+    direction: Direction,
+    swapped: bool,
+) -> Outcome<Curve> {
+    let set = TransitionSet::new(family, 0, test)?;
+    let options = ContinuationOptions::default()
+        .with_parameter_range((-8.0, 8.0))
+        .with_max_arclength(12.0)
+        .with_max_step(0.1);
+    let branch = Branch::follow(&set, x, direction, options)?;
+    let place = |x: &[f64]| {
+        let (a, b) = (x[4], x[5]);
+        if swapped { (b, a) } else { (a, b) }
+    };
+    let mut vertices: Vec<(f64, f64)> = Vec::new();
+    let mut styles = Vec::new();
+    let walk = branch.polyline();
+    for pair in walk.windows(2) {
+        let middle: Vec<f64> = pair[0]
+            .1
+            .iter()
+            .zip(pair[1].1)
+            .map(|(a, b)| 0.5 * (a + b))
+            .collect();
+        let selection = semismooth::piecewise::select(&set, &middle);
+        let style = match (set.is_fold(&selection, &middle)?, test) {
+            (Some(true), _) => SegmentStyle::new("fold", Colour::ORANGE),
+            (_, CONTACT) => SegmentStyle::new("contact is lost", Colour::RED),
+            _ => SegmentStyle::new("stick and slip", Colour::GREEN),
+        };
+        styles.push(style);
+    }
+    vertices.extend(walk.iter().map(|(_, x)| place(x)));
+    for t in &branch.transitions {
+        let (a, b) = place(&t.x);
+        println!("  two test functions vanish at ({a:.6}, {b:.6}): {}", t.kind);
+    }
+    Ok(Curve::segments(vertices, styles))
+}

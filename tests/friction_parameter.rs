@@ -1,0 +1,203 @@
+//! The coefficient of friction as the parameter: curved pieces, folds, and paths of load and friction together.
+#![cfg(feature = "json")]
+
+mod common;
+
+use std::path::Path;
+
+use semismooth::contact::{
+    ContactState, FrictionMap, FrictionPath, FrictionProblem, FrictionStart, HildRenard, LoadPath,
+    first_point, read_folder,
+};
+use semismooth::continuation::{
+    Branch, ContinuationOptions, Direction, Termination, TransitionKind, certify,
+};
+use semismooth::sparse::Matrix;
+
+use ContactState::{Open, SlipMinus, Stick};
+
+const FOLD: f64 = 1.667_252_305_251_824_4;
+const NODE: usize = 0;
+
+/// The vee at γ = 0.38, with one coefficient of friction F = α for all nodes.
+fn vee() -> FrictionProblem {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/vee");
+    let problem = read_folder(folder).unwrap().problem;
+    let p = problem.num_contacts();
+    let load = problem.load_at(0.38);
+    problem
+        .with_load(LoadPath::constant(load))
+        .unwrap()
+        .with_friction(FrictionPath::affine(vec![0.0; p], vec![1.0; p]))
+        .unwrap()
+}
+
+fn states(p: usize, first: ContactState) -> Vec<ContactState> {
+    let mut list = vec![Open; p];
+    list[NODE] = first;
+    list
+}
+
+#[test]
+fn three_solutions_and_a_nonsmooth_fold_in_friction() {
+    let map = vee();
+    let p = map.num_contacts();
+    // Stored solutions: (λν, λt) of the closed node; all other nodes are open.
+    let stored = [
+        (Open, 0.0, 0.0),
+        (Stick, 0.279_517_156_801_907, -0.466_025_624_035_415_1),
+        (SlipMinus, 0.170_151_854_180_239_87, -0.306_273_337_524_431_7),
+    ];
+    let mut starts = Vec::new();
+    for (state, pressure, traction) in stored {
+        let wanted = states(p, state);
+        let x = first_point(&map, 1.8, &FrictionStart::States(wanted.clone())).unwrap();
+        let node = map.nodes(&x)[NODE];
+        assert!((node.pressure - pressure).abs() < 1e-9 && (node.traction - traction).abs() < 1e-9);
+        assert_eq!(map.states(&semismooth::piecewise::select(&map, &x)), wanted);
+        starts.push(x);
+    }
+    let options = ContinuationOptions::default().with_parameter_range((1.0, 1.8));
+    let branch = Branch::follow(&map, &starts[1], Direction::Decreasing, options.clone()).unwrap();
+    assert_eq!(branch.termination, Termination::ParameterRange);
+    assert_eq!(branch.transitions.len(), 1, "{:?}", branch.folds());
+    let fold = &branch.transitions[0];
+    assert_eq!(fold.kind, TransitionKind::Fold);
+    assert!(
+        (fold.parameter() - FOLD).abs() <= 1e-9,
+        "{:.17}",
+        fold.parameter()
+    );
+    assert_eq!(fold.sites[0].site, NODE);
+    assert_eq!(
+        (fold.sites[0].from, fold.sites[0].to),
+        (Stick.piece(), SlipMinus.piece())
+    );
+    assert!(fold.complete);
+
+    // No step leaves the branch: every point is the exact solution of its state at its F.
+    let mut seen = Vec::new();
+    for point in &branch.points {
+        let alpha = point.parameter();
+        assert!((FOLD - 1e-9..=1.8).contains(&alpha), "{alpha}");
+        let own = map.states(&point.selection);
+        let x = first_point(&map, alpha, &FrictionStart::States(own.clone())).unwrap();
+        let distance = point
+            .x
+            .iter()
+            .zip(&x)
+            .map(|(a, b)| (a - b).abs())
+            .fold(0.0, f64::max);
+        assert!(distance < 1e-8, "{distance:e} at {alpha}");
+        if seen.last() != Some(&own) {
+            seen.push(own);
+        }
+    }
+    assert_eq!(seen, [states(p, Stick), states(p, SlipMinus)]);
+    let last = &branch.points.last().unwrap().x;
+    assert!(last.iter().zip(&starts[2]).all(|(a, b)| (a - b).abs() < 1e-9));
+
+    // Uniqueness is certified on both sides of the fold and fails in it.
+    let load = map.load_derivative().unwrap();
+    assert!(fold.certify(&map, &load, &options).unwrap().fails());
+    for x in &starts {
+        assert!(certify(&map, x, &load, &options).unwrap().is_certified());
+    }
+}
+
+/// Hild–Renard model along a smooth path of load and friction: each point against the closed form at its own data.
+#[test]
+fn load_and_friction_together_along_a_smooth_path() {
+    let data = |s: f64| (1.5 + 0.5 * s.sin(), -4.0 + s * s, 3.0 + (0.7 * s).cos());
+    let rates = |s: f64| (0.5 * s.cos(), 2.0 * s, -0.7 * (0.7 * s).sin());
+    let map = FrictionProblem::new(
+        Matrix::from_rows(&[[2.0, -1.0], [-1.0, 2.0]]).unwrap(),
+        Matrix::from_rows(&[[1.0, 0.0]]).unwrap(),
+        Matrix::from_rows(&[[0.0, 1.0]]).unwrap(),
+        LoadPath::function(move |s, f, df| {
+            (f[0], f[1]) = (data(s).0, data(s).1);
+            (df[0], df[1]) = (rates(s).0, rates(s).1);
+        }),
+        FrictionPath::function(move |s, f, df| {
+            f[0] = data(s).2;
+            df[0] = rates(s).2;
+        }),
+    )
+    .unwrap();
+    // |f_t| = F f_ν at the changes between stick and slip, by bisection.
+    let excess = |s: f64| {
+        let (normal, tangential, friction) = data(s);
+        tangential.abs() - friction * normal
+    };
+    let root = |mut a: f64, mut b: f64| {
+        for _ in 0..200 {
+            let c = 0.5 * (a + b);
+            if (excess(a) > 0.0) == (excess(c) > 0.0) {
+                a = c;
+            } else {
+                b = c;
+            }
+        }
+        a
+    };
+    let exit = root(2.0, 4.0);
+    let x = first_point(&map, 0.0, &FrictionStart::States(vec![Stick])).unwrap();
+    let options = ContinuationOptions::default().with_parameter_range((0.0, 4.0));
+    let branch = Branch::follow(&map, &x, Direction::Increasing, options).unwrap();
+    assert_eq!(branch.termination, Termination::ParameterRange);
+    assert_eq!(branch.transitions.len(), 1);
+    assert!((branch.transitions[0].parameter() - exit).abs() < 1e-11);
+    for point in &branch.points {
+        let s = point.parameter();
+        let (normal, tangential, friction) = data(s);
+        let model = HildRenard::new(normal, tangential, 1.0, 1.0).unwrap();
+        let state = map.states(&point.selection)[0];
+        let exact = model.solution(state, friction);
+        let distance = point
+            .x
+            .iter()
+            .zip(exact)
+            .map(|(a, b)| (a - b).abs())
+            .fold(0.0, f64::max);
+        assert!(distance < 1e-10, "{distance:e} at {s}");
+    }
+}
+
+/// Coefficients that vary from node to node: the branch of the two-node example along F = (α, β(α)) against each point solved alone.
+#[test]
+fn friction_that_differs_between_nodes() {
+    let case = common::cases().into_iter().find(|c| c.name == "p2_ex1").unwrap();
+    let problem = &case.problem;
+    let map = FrictionProblem::new(
+        problem.stiffness().clone(),
+        Matrix::from_rows(&[[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]).unwrap(),
+        Matrix::from_rows(&[[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]).unwrap(),
+        LoadPath::constant(problem.load_at(0.0)),
+        FrictionPath::function(|s, f, df| {
+            (f[0], f[1]) = (s, 0.5 * s + 0.05 * s * s);
+            (df[0], df[1]) = (1.0, 0.5 + 0.1 * s);
+        }),
+    )
+    .unwrap();
+    let x = first_point(&map, 10.0, &FrictionStart::States(vec![Stick, Stick])).unwrap();
+    let options = ContinuationOptions::default().with_parameter_range((0.5, 10.0));
+    let branch = Branch::follow(&map, &x, Direction::Decreasing, options).unwrap();
+    assert_eq!(branch.termination, Termination::ParameterRange);
+    // Stick ends where |λt| = F λν with λ = f: the first change by hand.
+    let f = problem.load_at(0.0);
+    let first = f[1].abs() / f[0];
+    let second = (-0.5 + (0.25 + 0.2 * f[3].abs() / f[2]).sqrt()) / 0.1;
+    let change = branch.transitions.first().unwrap();
+    assert!((change.parameter() - first.max(second)).abs() < 1e-11);
+    for point in &branch.points {
+        let own = map.states(&point.selection);
+        let x = first_point(&map, point.parameter(), &FrictionStart::States(own)).unwrap();
+        let distance = point
+            .x
+            .iter()
+            .zip(&x)
+            .map(|(a, b)| (a - b).abs())
+            .fold(0.0, f64::max);
+        assert!(distance < 1e-9, "{distance:e} at {}", point.parameter());
+    }
+}
