@@ -2,6 +2,7 @@
 
 mod arms;
 mod branch;
+mod diagram;
 mod engine;
 mod error;
 mod locate;
@@ -15,6 +16,10 @@ mod switching;
 mod transition;
 
 pub use branch::Branch;
+pub use diagram::{
+    Completeness, Diagram, DiagramBranch, DiagramEdge, DiagramFold, DiagramOptions, DiagramVertex, EdgeEnd,
+    Limit, Progress, Solution, SolutionsAt, VertexArm, VertexKind,
+};
 pub use engine::{Continuation, arms_at};
 pub use error::ContinuationError;
 pub use options::{ContinuationOptions, Strategy};
