@@ -109,8 +109,31 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
         arm: &Arm,
         options: ContinuationOptions,
     ) -> Result<Self, ContinuationError> {
-        let mut this = Self::prepare(map, x, options, AutoSolver::default())?;
-        check_vector("the tangent of the arm", &arm.tangent, x.len())?;
+        Self::prepare(map, x, options, AutoSolver::default())?.leave_along(arm)
+    }
+
+    /// [`along_arm`](Self::along_arm) from a point known to lie on the curve. It is not corrected: at a fold or branch point
+    /// Newton's method at fixed α may end on another branch. At a `singular` point signs of determinants are rounding noise.
+    pub(super) fn along_arm_from(
+        map: &'a P,
+        x: &[f64],
+        arm: &Arm,
+        singular: bool,
+        options: ContinuationOptions,
+    ) -> Result<Self, ContinuationError> {
+        options.validate()?;
+        let corrector = MoorePenrose::new(map, AutoSolver::default())?;
+        let mut this = Self::prepare_at(map, x.to_vec(), options, corrector)?.leave_along(arm)?;
+        if singular {
+            this.here.orientation = None;
+            this.here.det_sign = None;
+        }
+        Ok(this)
+    }
+
+    fn leave_along(mut self, arm: &Arm) -> Result<Self, ContinuationError> {
+        let map = self.map;
+        check_vector("the tangent of the arm", &arm.tangent, map.num_vars())?;
         if arm.selection.len() != map.num_sites() {
             return Err(PiecewiseError::Length {
                 what: "the selection of the arm",
@@ -119,11 +142,11 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
             }
             .into());
         }
-        let vanishing = this.vanishing_here(&[]);
-        this.adopt(arm, &vanishing)?;
-        this.doubt_orientation()?;
-        this.emit_start();
-        Ok(this)
+        let vanishing = self.vanishing_here(&[]);
+        self.adopt(arm, &vanishing)?;
+        self.doubt_orientation()?;
+        self.emit_start();
+        Ok(self)
     }
 }
 
@@ -177,6 +200,15 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
         let corrector = MoorePenrose::new(map, solver)?;
         check_vector("the start x", x, map.num_vars())?;
         let x = onto_curve(map, x, &options)?;
+        Self::prepare_at(map, x, options, corrector)
+    }
+
+    fn prepare_at(
+        map: &'a P,
+        x: Vec<f64>,
+        options: ContinuationOptions,
+        corrector: MoorePenrose<L>,
+    ) -> Result<Self, ContinuationError> {
         let layout = TestLayout::new(map);
         let m = x.len();
         let state = State {
@@ -280,7 +312,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
         ))
     }
 
-    fn all_arms(&mut self, vanishing: &[Vanishing]) -> Result<Arms, ContinuationError> {
+    pub(super) fn all_arms(&mut self, vanishing: &[Vanishing]) -> Result<Arms, ContinuationError> {
         let active = self.active_here(vanishing)?;
         if let Some(&site) = active.outside().first() {
             return Err(ContinuationError::Outside {

@@ -3,6 +3,7 @@
 mod arms;
 mod branch;
 mod certificate;
+mod diagram;
 mod engine;
 mod error;
 mod locate;
@@ -18,6 +19,10 @@ mod transition_set;
 
 pub use branch::Branch;
 pub use certificate::certify;
+pub use diagram::{
+    Completeness, Diagram, DiagramBranch, DiagramEdge, DiagramFold, DiagramOptions, DiagramVertex, EdgeEnd,
+    Limit, Progress, Solution, SolutionsAt, VertexArm, VertexKind,
+};
 pub use engine::{Continuation, arms_at};
 pub use error::ContinuationError;
 pub use options::{ContinuationOptions, Strategy};

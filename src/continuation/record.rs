@@ -177,6 +177,8 @@ pub struct BranchPoint {
     pub arms: Vec<Arm>,
     /// Index in `arms` of the arm that is followed, if any.
     pub followed: Option<usize>,
+    /// Whether `arms` is complete to first order: all active selections were examined and their branching equations decided.
+    pub complete: bool,
 }
 
 /// What one pull of the iterator gives.

@@ -2,6 +2,7 @@
 
 use super::engine::Continuation;
 use super::locate::Monitor;
+use super::start::term_size;
 use super::{ContinuationError, PointKind, Termination};
 use crate::linear::LinearSolver;
 use crate::newton::{dot, norm};
@@ -76,16 +77,24 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
             o.max_corrections,
         );
         let correction = match corrected {
-            Ok(c) if c.converged => c,
-            Ok(_) | Err(PiecewiseError::Linear(_)) => return Ok(None),
+            Ok(c) => c,
+            Err(PiecewiseError::Linear(_)) => return Ok(None),
             Err(e) => return Err(e.into()),
         };
+        // The terms that cancel may have been smaller so far: none at all on leaving a branch point at the origin.
+        let scale = term_size(self.corrector.jacobian(), &self.next.x, h, &self.next.t);
+        let fine = correction.residual_norm <= self.options.residual_tolerance * scale
+            && correction.step_norm <= tolerances.1;
+        if !(correction.converged || fine) {
+            return Ok(None);
+        }
         self.next.orientation = self.corrector.orientation(&self.next.t);
         self.next.det_sign = self.corrector.det_sign();
         self.next.residual_norm = correction.residual_norm;
         if !self.acceptable(h) {
             return Ok(None);
         }
+        self.residual_scale = self.residual_scale.max(scale);
         self.next.s = self.progress();
         self.map.test_functions(&self.next.x, &mut self.next.theta);
         Ok(Some(correction.iterations))

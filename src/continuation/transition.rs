@@ -115,6 +115,18 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         }
     }
 
+    /// The tangent of arrival belongs to the point next to the branch point from which that was found: the arm that it means is
+    /// exact.
+    fn snap_tangent(&mut self, arms: &Arms) {
+        const NEAR: f64 = 0.05;
+        let back: Vec<f64> = self.here.t.iter().map(|t| -t).collect();
+        let far = |a: &Arm| distance(&a.tangent, &back);
+        let nearest = arms.list.iter().min_by(|a, b| far(a).total_cmp(&far(b)));
+        if let Some(arm) = nearest.filter(|a| far(a) < NEAR) {
+            self.here.t = arm.tangent.iter().map(|t| -t).collect();
+        }
+    }
+
     /// The arm to follow: the only one, or the one that goes straight on.
     fn choose(&self, arms: &Arms) -> Option<usize> {
         match arms.list.len() {
@@ -182,6 +194,9 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         let mut search = self.search(&vanishing);
         search.singular = Some(singular.clone());
         let mut arms = search.all(&active)?;
+        if coactive.is_none() {
+            self.snap_tangent(&arms);
+        }
         self.remove_incoming(&mut arms);
         let straight = Arm {
             selection: self.selection.clone(),
@@ -205,6 +220,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
             singular,
             arms: arms.list.clone(),
             followed: Some(k),
+            complete: arms.complete,
         };
         self.emit(Event::BranchPoint(event));
         let mut watched = std::mem::take(&mut self.coactive);

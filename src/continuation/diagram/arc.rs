@@ -1,0 +1,95 @@
+//! An edge while it is followed, and what arms say about a vertex.
+
+use super::{EdgeEnd, VertexArm, VertexKind};
+use crate::continuation::{Arm, Point, PointKind};
+
+/// |α̇| up to which an arm counts as vertical.
+pub(super) const FLAT: f64 = 1e-7;
+
+/// An edge under way.
+pub(super) struct Arc {
+    pub(super) from: EdgeEnd,
+    pub(super) base: f64,
+    pub(super) points: Vec<Point>,
+    pub(super) smooth_folds: Vec<usize>,
+}
+
+impl Arc {
+    pub(super) fn new(from: EdgeEnd, first: Point) -> Self {
+        let mut arc = Self {
+            from,
+            base: first.arclength,
+            points: Vec::new(),
+            smooth_folds: Vec::new(),
+        };
+        arc.push(first);
+        arc
+    }
+
+    pub(super) fn push(&mut self, mut point: Point) {
+        point.arclength -= self.base;
+        self.points.push(point);
+    }
+
+    /// The point at which the edge ends, for events that record no point.
+    pub(super) fn last_point(
+        &self,
+        x: &[f64],
+        tangent: &[f64],
+        arclength: f64,
+        residual_norm: f64,
+    ) -> Option<Point> {
+        let last = self.points.last()?;
+        let mut point = last.clone();
+        point.x = x.to_vec();
+        point.tangent = tangent.to_vec();
+        point.arclength = arclength;
+        point.residual_norm = residual_norm;
+        point.kind = PointKind::Step;
+        Some(point)
+    }
+
+    /// At singular ends the sign of the determinant is that of the interior.
+    pub(super) fn settle_signs(&mut self, ends: [bool; 2]) {
+        let last = self.points.len() - 1;
+        if last < 2 {
+            return;
+        }
+        if ends[0] {
+            self.points[0].det_sign = self.points[1].det_sign;
+        }
+        if ends[1] {
+            self.points[last].det_sign = self.points[last - 1].det_sign;
+        }
+    }
+}
+
+/// The arm on which a curve that arrives at a point would leave it again.
+pub(super) fn reversed(point: &Point) -> Arm {
+    Arm {
+        selection: point.selection.clone(),
+        tangent: point.tangent.iter().map(|t| -t).collect(),
+        grazing: point.grazing.clone(),
+    }
+}
+
+pub(super) fn kind_of(arms: &[Arm]) -> VertexKind {
+    let rates: Vec<f64> = arms
+        .iter()
+        .map(|a| a.tangent.last().copied().unwrap_or(0.0))
+        .map(|t| if t.abs() <= FLAT { 0.0 } else { t.signum() })
+        .collect();
+    match rates.as_slice() {
+        [] => VertexKind::Isolated,
+        [_] => VertexKind::End,
+        [a, b] if a * b < 0.0 || (*a == 0.0 && *b == 0.0) => VertexKind::PassThrough,
+        [a, b] if *a == 0.0 || *b == 0.0 => VertexKind::Vertical,
+        [_, _] => VertexKind::Fold,
+        _ => VertexKind::Branching,
+    }
+}
+
+pub(super) fn kind_of_slots(slots: &[VertexArm]) -> VertexKind {
+    let arms: Vec<Arm> = slots.iter().map(|s| s.arm.clone()).collect();
+    kind_of(&arms)
+}

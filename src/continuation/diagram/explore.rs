@@ -1,0 +1,489 @@
+//! Following every arm of every vertex.
+
+use std::collections::VecDeque;
+use std::ops::ControlFlow;
+use std::time::Instant;
+
+use super::arc::{Arc, FLAT, kind_of, kind_of_slots, reversed};
+use super::{Diagram, DiagramEdge, DiagramOptions, DiagramVertex, EdgeEnd, Limit, VertexArm, VertexKind};
+use crate::continuation::arms::distance;
+use crate::continuation::{
+    Arm, Continuation, ContinuationError, Event, Point, PointKind, Strategy, Termination,
+};
+use crate::linear::AutoSolver;
+use crate::newton::norm;
+use crate::piecewise::PiecewiseSmooth;
+
+/// Arms of one vertex closer than this are one; at singular points tangents carry only half of the digits.
+const SAME_ARM: f64 = 1e-4;
+const SAME_ARM_SINGULAR: f64 = 1e-2;
+
+/// How far an exploration has come.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct Progress<'a> {
+    /// Number of vertices.
+    pub vertices: usize,
+    /// Number of edges.
+    pub edges: usize,
+    /// Number of arms known and not followed yet, but those of the curve under way.
+    pub pending: usize,
+    /// Number of points computed.
+    pub points: usize,
+    /// The event just met.
+    pub event: &'a Event,
+}
+
+impl Diagram {
+    /// Follows the curves through `starts` in both directions, and all arms met on the way.
+    ///
+    /// Starts are corrected onto the curve at their α. A start on a curve known already cuts its edge in two.
+    ///
+    /// # Errors
+    /// Options out of range; starts of the wrong length, outside the range of the parameter or the domain, or from which Newton's
+    /// method finds no solution. What fails later on is told by [`completeness`](Self::completeness).
+    pub fn explore<P, S>(map: &P, starts: &[S], options: &DiagramOptions) -> Result<Self, ContinuationError>
+    where
+        P: PiecewiseSmooth + ?Sized,
+        S: AsRef<[f64]>,
+    {
+        Self::explore_observed(map, starts, options, |_| ControlFlow::Continue(()))
+    }
+
+    /// [`explore`](Self::explore), reporting every event to `observe`, which may stop.
+    ///
+    /// # Errors
+    /// As [`explore`](Self::explore).
+    pub fn explore_observed<P, S>(
+        map: &P,
+        starts: &[S],
+        options: &DiagramOptions,
+        observe: impl FnMut(&Progress<'_>) -> ControlFlow<()>,
+    ) -> Result<Self, ContinuationError>
+    where
+        P: PiecewiseSmooth + ?Sized,
+        S: AsRef<[f64]>,
+    {
+        options.validate()?;
+        let mut options = options.clone();
+        options.continuation.strategy = Strategy::Located;
+        let mut explorer = Explorer {
+            map,
+            diagram: Self {
+                range: options.continuation.parameter_range,
+                same_point: options.same_point,
+                ..Self::default()
+            },
+            options,
+            pending: VecDeque::new(),
+            started: Instant::now(),
+            halted: false,
+            observe,
+        };
+        for start in starts {
+            explorer.start(start.as_ref())?;
+            explorer.follow_pending();
+        }
+        Ok(explorer.diagram)
+    }
+}
+
+struct Explorer<'m, P: ?Sized, O> {
+    map: &'m P,
+    diagram: Diagram,
+    options: DiagramOptions,
+    pending: VecDeque<EdgeEnd>,
+    started: Instant,
+    halted: bool,
+    observe: O,
+}
+
+/// What a curve finds at a vertex.
+struct Meeting<'e> {
+    x: &'e [f64],
+    kind: Option<VertexKind>,
+    incoming: Arm,
+    others: &'e [Arm],
+    followed: Option<usize>,
+    complete: bool,
+}
+
+impl<P: PiecewiseSmooth + ?Sized, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'_, P, O> {
+    fn start(&mut self, x: &[f64]) -> Result<(), ContinuationError> {
+        let options = self.options.continuation.clone();
+        let mut curve = Continuation::prepare(self.map, x, options, AutoSolver::default())?;
+        let x = curve.here.x.clone();
+        let alpha = x.last().copied().unwrap_or(f64::NAN);
+        let (lower, upper) = self.diagram.range;
+        if !(alpha >= lower && alpha <= upper) {
+            return Err(ContinuationError::Option {
+                name: "start",
+                value: alpha,
+                range: "inside the range of the parameter",
+            });
+        }
+        if let Some(v) = self.diagram.vertex_near(&x) {
+            self.diagram.vertices[v].is_start = true;
+            return Ok(());
+        }
+        if self.diagram.split_at(self.map, &x)? {
+            return Ok(());
+        }
+        let vanishing = curve.vanishing_here(&[]);
+        let arms = curve.all_arms(&vanishing)?;
+        let straight = match arms.list.as_slice() {
+            [a, b] => {
+                let opposite: Vec<f64> = b.tangent.iter().map(|t| -t).collect();
+                distance(&a.tangent, &opposite) < SAME_ARM
+            }
+            _ => false,
+        };
+        let kind = if straight {
+            VertexKind::Start
+        } else {
+            kind_of(&arms.list)
+        };
+        let arms_complete = arms.complete;
+        let v = self.add_vertex(DiagramVertex {
+            x,
+            kind,
+            is_start: true,
+            arms: arms.list.into_iter().map(VertexArm::new).collect(),
+            complete: arms_complete,
+        });
+        // Both directions of the start come first: later curves must not run over it unawares.
+        let ends = (0..self.diagram.vertices[v].arms.len()).map(|arm| EdgeEnd { vertex: v, arm });
+        self.pending.extend(ends);
+        Ok(())
+    }
+
+    fn add_vertex(&mut self, vertex: DiagramVertex) -> usize {
+        let v = self.diagram.vertices.len();
+        if !vertex.complete {
+            self.diagram.completeness.add(Limit::Arms { vertex: v });
+        }
+        self.diagram.vertices.push(vertex);
+        v
+    }
+
+    fn follow_pending(&mut self) {
+        while let Some(end) = self.pending.pop_front() {
+            if self.halted {
+                continue;
+            }
+            let arm = &self.diagram.vertices[end.vertex].arms[end.arm];
+            if arm.edge.is_some() || arm.outside {
+                continue;
+            }
+            if self.leaves_range(end) {
+                self.diagram.vertices[end.vertex].arms[end.arm].outside = true;
+                continue;
+            }
+            let used = self.diagram.points;
+            let late = self
+                .options
+                .continuation
+                .max_time
+                .is_some_and(|t| self.started.elapsed() >= t);
+            let limit = if self.diagram.edges.len() >= self.options.max_edges {
+                Limit::MaxEdges
+            } else if used >= self.options.max_points {
+                Limit::MaxPoints
+            } else if late {
+                Limit::MaxTime
+            } else {
+                self.follow(end);
+                continue;
+            };
+            self.halt(limit);
+        }
+    }
+
+    fn halt(&mut self, limit: Limit) {
+        self.diagram.completeness.add(limit);
+        self.halted = true;
+    }
+
+    /// Whether an arm at a bound of the parameter points outwards.
+    fn leaves_range(&self, end: EdgeEnd) -> bool {
+        let vertex = &self.diagram.vertices[end.vertex];
+        let (lower, upper) = self.diagram.range;
+        let rate = vertex.arms[end.arm].arm.tangent.last().copied().unwrap_or(0.0);
+        let near = |bound: f64| {
+            bound.is_finite() && (vertex.parameter() - bound).abs() <= 1e-12 * (1.0 + bound.abs())
+        };
+        (near(upper) && rate > FLAT) || (near(lower) && rate < -FLAT)
+    }
+
+    /// Follows a curve from a vertex until it ends or meets what is known.
+    fn follow(&mut self, end: EdgeEnd) {
+        let vertex = &self.diagram.vertices[end.vertex];
+        let mut options = self.options.continuation.clone();
+        options.max_points = options
+            .max_points
+            .min(self.options.max_points - self.diagram.points)
+            .max(1);
+        options.max_time = options.max_time.map(|t| t.saturating_sub(self.started.elapsed()));
+        let arm = vertex.arms[end.arm].arm.clone();
+        let singular = vertex.kind == VertexKind::BranchPoint;
+        let mut curve = match Continuation::along_arm_from(self.map, &vertex.x, &arm, singular, options) {
+            Ok(curve) => curve,
+            Err(error) => {
+                let vertex = end.vertex;
+                return self.diagram.completeness.add(Limit::Failed { vertex, error });
+            }
+        };
+        let mut arc = Arc::new(end, curve.point(PointKind::Start, 0));
+        let mut failure = None;
+        while let Some(event) = curve.next() {
+            let event = match event {
+                Ok(event) => event,
+                Err(error) => {
+                    failure = Some(error);
+                    break;
+                }
+            };
+            self.diagram.points += 1;
+            let report = Progress {
+                vertices: self.diagram.vertices.len(),
+                edges: self.diagram.edges.len(),
+                pending: self.pending.len(),
+                points: self.diagram.points,
+                event: &event,
+            };
+            if (self.observe)(&report).is_break() {
+                curve.stop();
+                self.halt(Limit::Stopped);
+            }
+            let next = match event {
+                Event::Point(p) if p.kind == PointKind::Start => continue,
+                Event::Point(p) => {
+                    arc.push(p);
+                    continue;
+                }
+                Event::SmoothFold(f) => {
+                    arc.smooth_folds.push(arc.points.len());
+                    arc.push(f.point);
+                    continue;
+                }
+                Event::Transition(t) => {
+                    let Some(point) =
+                        arc.last_point(&t.x, &t.tangent_before, t.arclength - arc.base, t.residual_norm)
+                    else {
+                        return;
+                    };
+                    let meeting = Meeting {
+                        x: &t.x,
+                        kind: None,
+                        incoming: reversed(&point),
+                        others: &t.arms,
+                        followed: t.followed,
+                        complete: t.complete,
+                    };
+                    self.meet(&mut arc, point, meeting)
+                }
+                Event::BranchPoint(b) => {
+                    let mut point = b.point.clone();
+                    point.arclength -= arc.base;
+                    let meeting = Meeting {
+                        x: &b.point.x,
+                        kind: Some(VertexKind::BranchPoint),
+                        incoming: reversed(&point),
+                        others: &b.arms,
+                        followed: b.followed,
+                        complete: b.complete,
+                    };
+                    self.meet(&mut arc, point, meeting)
+                }
+            };
+            match next {
+                Some(end) if !self.halted => arc = Arc::new(end, curve.point(PointKind::Start, 0)),
+                _ => return,
+            }
+        }
+        let termination = curve.termination().unwrap_or(Termination::Stopped);
+        self.end(arc, termination, failure);
+    }
+
+    /// Ends the arc under way at a vertex; gives the arm on which the curve goes on, unless it is known.
+    fn meet(&mut self, arc: &mut Arc, point: Point, meeting: Meeting<'_>) -> Option<EdgeEnd> {
+        let singular = meeting.kind == Some(VertexKind::BranchPoint);
+        let size = 1.0 + norm(meeting.x);
+        let known = self.diagram.vertex_near(meeting.x);
+        // Facets that vanish within rounding of each other are met one after the other: one vertex.
+        if known == Some(arc.from.vertex) && point.arclength <= 4.0 * self.options.same_point * size {
+            let from = &mut self.diagram.vertices[arc.from.vertex].arms[arc.from.arm];
+            let onward = meeting.others.get(meeting.followed?)?;
+            from.arm = onward.clone();
+            self.diagram.vertices[arc.from.vertex].complete &= meeting.complete;
+            return Some(arc.from);
+        }
+        let v = match known {
+            Some(v) => v,
+            None => self.add_vertex(DiagramVertex {
+                x: meeting.x.to_vec(),
+                kind: VertexKind::Start,
+                is_start: false,
+                arms: Vec::new(),
+                complete: meeting.complete,
+            }),
+        };
+        let incoming = self.slot(v, &meeting.incoming, singular);
+        let others: Vec<usize> = meeting.others.iter().map(|a| self.slot(v, a, singular)).collect();
+        let vertex = &mut self.diagram.vertices[v];
+        vertex.kind = match meeting.kind {
+            Some(kind) => kind,
+            None if vertex.kind == VertexKind::BranchPoint => VertexKind::BranchPoint,
+            None => kind_of_slots(&vertex.arms),
+        };
+        arc.points.push(point);
+        let to = EdgeEnd {
+            vertex: v,
+            arm: incoming,
+        };
+        if !self.close(arc, to) {
+            return None;
+        }
+        let onward = meeting.followed.map(|k| others[k]);
+        for &arm in others.iter().filter(|a| Some(**a) != onward) {
+            self.pending.push_back(EdgeEnd { vertex: v, arm });
+        }
+        let end = EdgeEnd {
+            vertex: v,
+            arm: onward?,
+        };
+        let full = self.diagram.edges.len() >= self.options.max_edges;
+        if full || self.leaves_range(end) {
+            self.pending.push_back(end);
+            return None;
+        }
+        let free = self.diagram.vertices[v].arms[end.arm].edge.is_none();
+        free.then_some(end)
+    }
+
+    /// The arm of a vertex nearest to `arm`, added if there is none.
+    fn slot(&mut self, v: usize, arm: &Arm, singular: bool) -> usize {
+        let vertex = &mut self.diagram.vertices[v];
+        let singular = singular || vertex.kind == VertexKind::BranchPoint;
+        let reach = if singular { SAME_ARM_SINGULAR } else { SAME_ARM };
+        let far = |k: &usize| distance(&vertex.arms[*k].arm.tangent, &arm.tangent);
+        let nearest = (0..vertex.arms.len()).min_by(|i, j| far(i).total_cmp(&far(j)));
+        match nearest.filter(|k| far(k) < reach) {
+            Some(k) => k,
+            None => {
+                vertex.arms.push(VertexArm::new(arm.clone()));
+                vertex.arms.len() - 1
+            }
+        }
+    }
+
+    /// Stores an arc as an edge; `false` if it arrives along an arm that has one.
+    fn close(&mut self, arc: &mut Arc, to: EdgeEnd) -> bool {
+        let singular = |v: usize| self.diagram.vertices[v].kind == VertexKind::BranchPoint;
+        arc.settle_signs([singular(arc.from.vertex), singular(to.vertex)]);
+        let mut edge = DiagramEdge {
+            from: arc.from,
+            to,
+            points: std::mem::take(&mut arc.points),
+            smooth_folds: std::mem::take(&mut arc.smooth_folds),
+        };
+        if to == arc.from {
+            let vertex = to.vertex;
+            self.diagram.completeness.add(Limit::Contradiction { vertex });
+            return false;
+        }
+        if let Some(known) = self.diagram.link(to).edge {
+            return self.replace(known, edge);
+        }
+        if let (Some(first), Some(last)) = (edge.points.first().cloned(), edge.points.last_mut())
+            && last.det_sign.is_none()
+        {
+            last.det_sign = first.det_sign;
+        }
+        let e = self.diagram.edges.len();
+        self.diagram.link_mut(edge.from).edge = Some(e);
+        self.diagram.link_mut(edge.to).edge = Some(e);
+        self.diagram.edges.push(edge);
+        true
+    }
+
+    /// A curve from a new start may arrive along an edge that was given up on the way to that start: it takes its place.
+    fn replace(&mut self, known: usize, edge: DiagramEdge) -> bool {
+        let old = &self.diagram.edges[known];
+        let far = if old.from == edge.to { old.to } else { old.from };
+        let given_up = matches!(self.diagram.vertices[far.vertex].kind, VertexKind::Limit(_));
+        let from_start = self.diagram.vertices[edge.from.vertex].kind == VertexKind::Start;
+        if given_up && from_start {
+            self.diagram.link_mut(far).edge = None;
+            self.diagram.link_mut(edge.from).edge = Some(known);
+            self.diagram.edges[known] = edge;
+        } else {
+            let vertex = edge.to.vertex;
+            self.diagram.completeness.add(Limit::Contradiction { vertex });
+        }
+        false
+    }
+
+    /// The curve under way ends without meeting anything new.
+    fn end(&mut self, mut arc: Arc, termination: Termination, failure: Option<ContinuationError>) {
+        let from = arc.from;
+        let length = arc.points.last().map_or(0.0, |p| p.arclength);
+        let last = arc.points.last().cloned();
+        let Some(point) = last.filter(|_| arc.points.len() > 1 && length > 0.0) else {
+            match termination {
+                Termination::ParameterRange => self.diagram.link_mut(from).outside = true,
+                _ => self.stopped_at(from.vertex, termination, failure),
+            }
+            return;
+        };
+        let kind = match termination {
+            Termination::ParameterRange => VertexKind::Bound,
+            other => VertexKind::Limit(other),
+        };
+        let v = match self.diagram.vertex_near(&point.x) {
+            Some(v) => v,
+            None => self.add_vertex(DiagramVertex {
+                x: point.x.clone(),
+                kind,
+                is_start: false,
+                arms: Vec::new(),
+                complete: true,
+            }),
+        };
+        let arm = self.slot(v, &reversed(&point), false);
+        self.close(&mut arc, EdgeEnd { vertex: v, arm });
+        self.stopped_at(v, termination, failure);
+    }
+
+    fn stopped_at(&mut self, vertex: usize, termination: Termination, failure: Option<ContinuationError>) {
+        if let Some(error) = failure {
+            return self.diagram.completeness.add(Limit::Failed { vertex, error });
+        }
+        match termination {
+            Termination::ParameterRange | Termination::Closed | Termination::Unbounded => {}
+            Termination::End | Termination::Branching => {}
+            _ => self
+                .diagram
+                .completeness
+                .add(Limit::Curve { vertex, termination }),
+        }
+    }
+}
+
+impl Diagram {
+    /// The vertex at x, if there is one.
+    pub(super) fn vertex_near(&self, x: &[f64]) -> Option<usize> {
+        let reach = self.same_point * (1.0 + norm(x));
+        let far = |v: &usize| distance(&self.vertices[*v].x, x);
+        let nearest = (0..self.vertices.len()).min_by(|a, b| far(a).total_cmp(&far(b)))?;
+        (far(&nearest) <= reach).then_some(nearest)
+    }
+
+    pub(super) fn link(&self, end: EdgeEnd) -> &VertexArm {
+        &self.vertices[end.vertex].arms[end.arm]
+    }
+
+    pub(super) fn link_mut(&mut self, end: EdgeEnd) -> &mut VertexArm {
+        &mut self.vertices[end.vertex].arms[end.arm]
+    }
+}

@@ -1,0 +1,16 @@
+//! The graph of all branches connected to given starts.
+
+mod arc;
+mod chains;
+mod explore;
+mod model;
+mod options;
+mod query;
+mod split;
+mod table;
+
+pub use chains::DiagramBranch;
+pub use explore::Progress;
+pub use model::{Completeness, Diagram, DiagramEdge, DiagramVertex, EdgeEnd, Limit, VertexArm, VertexKind};
+pub use options::DiagramOptions;
+pub use query::{DiagramFold, Solution, SolutionsAt};

@@ -1,0 +1,334 @@
+use std::fmt;
+
+use crate::continuation::{Arm, ContinuationError, Point, Termination};
+
+/// The solution set of H(y, α) = 0 connected to given starts, as a graph: vertices where pieces of curve meet or end, edges the
+/// pieces of curve between them.
+///
+/// Every arm of every vertex is followed. A curve that arrives at a known vertex is joined to it; an arc is stored once, whichever
+/// end it is found from. [`Completeness`] says whether anything was left out.
+///
+/// ```
+/// use semismooth::continuation::{Diagram, DiagramOptions};
+/// use semismooth::piecewise::MinMap;
+/// // The pitchfork y³ = αy.
+/// let map = MinMap::curve(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+///     a[0] = x[0] * x[0] * x[0] - x[1] * x[0];
+///     b[0] = 1e9;
+/// });
+/// let options = DiagramOptions::default().with_parameter_range((-1.0, 1.0));
+/// let diagram = Diagram::explore(&map, &[[0.0, -0.5]], &options)?;
+/// assert!(diagram.completeness().is_complete());
+/// assert_eq!(diagram.solutions_at(&map, -0.25)?.count(), Some(1));
+/// let three = diagram.solutions_at(&map, 0.25)?;
+/// assert_eq!(three.count(), Some(3));
+/// assert!(three.points.iter().any(|s| (s.x[0] - 0.5).abs() < 1e-12));
+/// # Ok::<(), semismooth::continuation::ContinuationError>(())
+/// ```
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Diagram {
+    pub(super) vertices: Vec<DiagramVertex>,
+    pub(super) edges: Vec<DiagramEdge>,
+    pub(super) completeness: Completeness,
+    pub(super) range: (f64, f64),
+    pub(super) same_point: f64,
+    pub(super) points: usize,
+}
+
+impl Diagram {
+    /// The vertices, in the order in which they were found.
+    #[must_use]
+    pub fn vertices(&self) -> &[DiagramVertex] {
+        &self.vertices
+    }
+
+    /// The edges, in the order in which they were found.
+    #[must_use]
+    pub fn edges(&self) -> &[DiagramEdge] {
+        &self.edges
+    }
+
+    /// Whether everything connected to the starts was followed.
+    #[must_use]
+    pub fn completeness(&self) -> &Completeness {
+        &self.completeness
+    }
+
+    /// The interval of the parameter that was explored.
+    #[must_use]
+    pub fn parameter_range(&self) -> (f64, f64) {
+        self.range
+    }
+
+    /// Number of points computed, those of arcs met twice included.
+    #[must_use]
+    pub fn points_computed(&self) -> usize {
+        self.points
+    }
+}
+
+/// What a vertex is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum VertexKind {
+    /// A start inside a curve: nothing happens here.
+    Start,
+    /// The active selection changes, α goes on in its direction.
+    PassThrough,
+    /// A non-smooth fold.
+    Fold,
+    /// A vertical segment begins or ends.
+    Vertical,
+    /// More than two arms meet, several selections being active.
+    Branching,
+    /// A Jacobian loses rank along the curve.
+    BranchPoint,
+    /// A single arm: the curve ends.
+    End,
+    /// No arm: an isolated solution.
+    Isolated,
+    /// The curve leaves the range of the parameter.
+    Bound,
+    /// The curve was not followed further.
+    Limit(Termination),
+}
+
+impl VertexKind {
+    /// The kind in words.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Start => "start",
+            Self::PassThrough => "pass-through",
+            Self::Fold => "fold",
+            Self::Vertical => "vertical segment",
+            Self::Branching => "branching",
+            Self::BranchPoint => "branch point",
+            Self::End => "end",
+            Self::Isolated => "isolated",
+            Self::Bound => "bound",
+            Self::Limit(t) => t.name(),
+        }
+    }
+}
+
+impl fmt::Display for VertexKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// An arm at a vertex.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct VertexArm {
+    /// Selection and direction.
+    pub arm: Arm,
+    /// The edge that leaves along it; `None` where it was not followed.
+    pub edge: Option<usize>,
+    /// Whether it leaves the range of the parameter at once.
+    pub outside: bool,
+}
+
+impl VertexArm {
+    pub(super) fn new(arm: Arm) -> Self {
+        Self {
+            arm,
+            edge: None,
+            outside: false,
+        }
+    }
+}
+
+/// A point where curves meet or end.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct DiagramVertex {
+    /// x = (y, α).
+    pub x: Vec<f64>,
+    /// What it is.
+    pub kind: VertexKind,
+    /// Whether it is one of the starts.
+    pub is_start: bool,
+    /// All arms.
+    pub arms: Vec<VertexArm>,
+    /// Whether the list of arms is complete to first order.
+    pub complete: bool,
+}
+
+impl DiagramVertex {
+    /// The parameter α.
+    #[must_use]
+    pub fn parameter(&self) -> f64 {
+        self.x.last().copied().unwrap_or(f64::NAN)
+    }
+}
+
+/// One end of an edge.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub struct EdgeEnd {
+    /// The vertex.
+    pub vertex: usize,
+    /// The arm of the vertex along which the edge leaves it.
+    pub arm: usize,
+}
+
+/// A piece of curve between two vertices, on one selection.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct DiagramEdge {
+    /// Where it begins.
+    pub from: EdgeEnd,
+    /// Where it ends; the same vertex for a closed curve.
+    pub to: EdgeEnd,
+    /// Its points from end to end, vertices and smooth folds included; arclengths count from its beginning.
+    pub points: Vec<Point>,
+    /// Positions in `points` of the smooth folds.
+    pub smooth_folds: Vec<usize>,
+}
+
+impl DiagramEdge {
+    /// Whether the edge returns to the vertex it leaves.
+    #[must_use]
+    pub fn is_closed(&self) -> bool {
+        self.from.vertex == self.to.vertex
+    }
+
+    /// Whether α is constant along it: a continuum of solutions at one α.
+    #[must_use]
+    pub fn is_vertical(&self) -> bool {
+        const FLAT: f64 = 1e-7;
+        self.points
+            .iter()
+            .all(|p| p.tangent.last().is_some_and(|t| t.abs() <= FLAT))
+    }
+
+    /// Signs of det ∇_yH^(σ) along the edge, each change once: one sign but where smooth folds are passed. Empty where the linear
+    /// solver knows no determinants.
+    #[must_use]
+    pub fn det_signs(&self) -> Vec<i8> {
+        let vertical = self.is_vertical();
+        let known = self.points.iter().filter_map(|p| p.det_sign);
+        let mut signs: Vec<i8> = known.filter(|s| vertical || *s != 0).collect();
+        signs.dedup();
+        signs
+    }
+
+    /// Least and largest parameter.
+    #[must_use]
+    pub fn interval(&self) -> (f64, f64) {
+        self.points
+            .iter()
+            .map(Point::parameter)
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, u), a| {
+                (l.min(a), u.max(a))
+            })
+    }
+
+    /// Its arclength.
+    #[must_use]
+    pub fn arclength(&self) -> f64 {
+        self.points.last().map_or(0.0, |p| p.arclength)
+    }
+}
+
+/// Whether a diagram holds everything connected to its starts.
+#[derive(Debug, Clone, PartialEq, Default)]
+#[non_exhaustive]
+pub enum Completeness {
+    /// Every arm of every vertex was followed to a vertex, to a bound of the parameter, or to infinity (`max_growth`).
+    #[default]
+    WithinBounds,
+    /// Something was left out.
+    Limited(Vec<Limit>),
+}
+
+impl Completeness {
+    /// Whether nothing was left out.
+    #[must_use]
+    pub fn is_complete(&self) -> bool {
+        matches!(self, Self::WithinBounds)
+    }
+
+    pub(super) fn add(&mut self, limit: Limit) {
+        match self {
+            Self::WithinBounds => *self = Self::Limited(vec![limit]),
+            Self::Limited(list) => list.push(limit),
+        }
+    }
+}
+
+impl fmt::Display for Completeness {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::WithinBounds => f.write_str("complete within the bounds"),
+            Self::Limited(list) => {
+                f.write_str("incomplete: ")?;
+                for (k, limit) in list.iter().enumerate() {
+                    let separator = if k > 0 { "; " } else { "" };
+                    write!(f, "{separator}{limit}")?;
+                }
+                Ok(())
+            }
+        }
+    }
+}
+
+/// Why something was left out of a diagram.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum Limit {
+    /// The limit on edges; arms are left.
+    MaxEdges,
+    /// The limit on the number of points in all; arms are left.
+    MaxPoints,
+    /// The limit on time; arms are left.
+    MaxTime,
+    /// The observer stopped the exploration.
+    Stopped,
+    /// The curve that ends (or could not begin) at a vertex was not followed further.
+    Curve {
+        /// The vertex.
+        vertex: usize,
+        /// Why.
+        termination: Termination,
+    },
+    /// The arms of a vertex could not all be determined.
+    Arms {
+        /// The vertex.
+        vertex: usize,
+    },
+    /// A curve arrived at a vertex along an arm that belongs to another edge; it was dropped.
+    Contradiction {
+        /// The vertex.
+        vertex: usize,
+    },
+    /// Following an arm of a vertex failed.
+    Failed {
+        /// The vertex.
+        vertex: usize,
+        /// Why.
+        error: ContinuationError,
+    },
+}
+
+impl fmt::Display for Limit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::MaxEdges => f.write_str("limit on edges"),
+            Self::MaxPoints => f.write_str("limit on points"),
+            Self::MaxTime => f.write_str("limit on time"),
+            Self::Stopped => f.write_str("stopped"),
+            Self::Curve { vertex, termination } => write!(f, "{termination} at vertex {vertex}"),
+            Self::Arms { vertex } => write!(f, "arms of vertex {vertex} undecided"),
+            Self::Contradiction { vertex } => {
+                write!(
+                    f,
+                    "a curve arrived at vertex {vertex} along the arm of another edge"
+                )
+            }
+            Self::Failed { vertex, error } => write!(f, "from vertex {vertex}: {error}"),
+        }
+    }
+}

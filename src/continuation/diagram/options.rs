@@ -1,0 +1,77 @@
+use crate::continuation::{ContinuationError, ContinuationOptions};
+
+/// Options of [`Diagram::explore`](super::Diagram::explore).
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct DiagramOptions {
+    /// How curves are followed and in which range of the parameter. `max_time` bounds the whole diagram, all other limits each
+    /// curve; the strategy is always [`Strategy::Located`](crate::continuation::Strategy::Located).
+    pub continuation: ContinuationOptions,
+    /// Largest number of edges. Default 10 000.
+    pub max_edges: usize,
+    /// Largest number of points on all curves together. Default 1 000 000.
+    pub max_points: usize,
+    /// Points at most this far apart, relative to 1 + ‖x‖₂, are one vertex. Default 1e-7.
+    pub same_point: f64,
+}
+
+impl Default for DiagramOptions {
+    fn default() -> Self {
+        Self {
+            continuation: ContinuationOptions::default(),
+            max_edges: 10_000,
+            max_points: 1_000_000,
+            same_point: 1e-7,
+        }
+    }
+}
+
+impl DiagramOptions {
+    /// Sets how curves are followed.
+    #[must_use]
+    pub fn with_continuation(mut self, continuation: ContinuationOptions) -> Self {
+        self.continuation = continuation;
+        self
+    }
+
+    /// Sets the interval of the parameter.
+    #[must_use]
+    pub fn with_parameter_range(mut self, range: (f64, f64)) -> Self {
+        self.continuation.parameter_range = range;
+        self
+    }
+
+    /// Sets the largest number of edges.
+    #[must_use]
+    pub fn with_max_edges(mut self, max_edges: usize) -> Self {
+        self.max_edges = max_edges;
+        self
+    }
+
+    /// Sets the largest number of points on all curves together.
+    #[must_use]
+    pub fn with_max_points(mut self, max_points: usize) -> Self {
+        self.max_points = max_points;
+        self
+    }
+
+    /// Sets the distance within which points are one vertex.
+    #[must_use]
+    pub fn with_same_point(mut self, same_point: f64) -> Self {
+        self.same_point = same_point;
+        self
+    }
+
+    pub(super) fn validate(&self) -> Result<(), ContinuationError> {
+        self.continuation.validate()?;
+        let fine = self.same_point > 0.0 && self.same_point < 1e-2;
+        if fine {
+            return Ok(());
+        }
+        Err(ContinuationError::Option {
+            name: "same_point",
+            value: self.same_point,
+            range: "in (0, 0.01)",
+        })
+    }
+}

@@ -1,0 +1,222 @@
+//! What a diagram can be asked.
+
+use super::split::Stretch;
+use super::{Diagram, VertexKind};
+use crate::continuation::arms::distance;
+use crate::continuation::{ContinuationError, Point};
+use crate::linear::AutoSolver;
+use crate::newton::{MoorePenrose, norm};
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection};
+
+/// A solution at a given α.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Solution {
+    /// x = (y, α).
+    pub x: Vec<f64>,
+    /// A selection active there.
+    pub selection: Selection,
+    /// Sign of det ∇_yH^(σ) of that selection, where it is known.
+    pub det_sign: Option<i8>,
+    /// The edge on which it lies; the first one at a vertex.
+    pub edge: usize,
+}
+
+/// The solutions of a diagram at one α.
+#[derive(Debug, Clone, PartialEq, Default)]
+#[non_exhaustive]
+pub struct SolutionsAt {
+    /// Solutions that are no part of a continuum.
+    pub points: Vec<Solution>,
+    /// Edges that lie at this α as a whole: vertical segments, each a continuum of solutions.
+    pub continua: Vec<usize>,
+}
+
+impl SolutionsAt {
+    /// Number of solutions; `None` if there are infinitely many.
+    #[must_use]
+    pub fn count(&self) -> Option<usize> {
+        self.continua.is_empty().then_some(self.points.len())
+    }
+
+    /// Σ sign det ∇_yH over the solutions, where all signs are known and none is 0. At regular α of problems whose solutions are
+    /// all known, this is the degree of the map: an evidence that none is missing.
+    #[must_use]
+    pub fn index_sum(&self) -> Option<i64> {
+        self.count()?;
+        self.points
+            .iter()
+            .map(|s| s.det_sign.filter(|d| *d != 0).map(i64::from))
+            .sum()
+    }
+}
+
+/// A point where α turns.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct DiagramFold {
+    /// x = (y, α).
+    pub x: Vec<f64>,
+    /// The vertex of a non-smooth fold; `None` for a smooth one.
+    pub vertex: Option<usize>,
+    /// The edge of a smooth fold; an edge that meets in a non-smooth one.
+    pub edge: usize,
+}
+
+impl DiagramFold {
+    /// The parameter α.
+    #[must_use]
+    pub fn parameter(&self) -> f64 {
+        self.x.last().copied().unwrap_or(f64::NAN)
+    }
+}
+
+impl Diagram {
+    /// All solutions of the diagram at `alpha`, corrected to rounding on their selections; vertical segments as continua.
+    ///
+    /// # Errors
+    /// [`ContinuationError::Option`] for an α outside the explored range; maps that are not those of the diagram.
+    pub fn solutions_at<P: PiecewiseSmooth + ?Sized>(
+        &self,
+        map: &P,
+        alpha: f64,
+    ) -> Result<SolutionsAt, ContinuationError> {
+        let (lower, upper) = self.range;
+        if !(alpha >= lower && alpha <= upper) {
+            return Err(ContinuationError::Option {
+                name: "alpha",
+                value: alpha,
+                range: "inside the explored range of the parameter",
+            });
+        }
+        let mut corrector = MoorePenrose::new(map, AutoSolver::default())?;
+        let near = |a: f64| (a - alpha).abs() <= 1e-10 * (1.0 + alpha.abs());
+        let mut found = SolutionsAt::default();
+        for (e, edge) in self.edges.iter().enumerate() {
+            if edge.is_vertical() {
+                if edge.points.iter().all(|p| near(p.parameter())) {
+                    found.continua.push(e);
+                }
+                continue;
+            }
+            for (k, a) in edge.points.iter().enumerate() {
+                if near(a.parameter()) {
+                    self.offer(&mut found, a.x.clone(), a, e);
+                    continue;
+                }
+                let Some(b) = edge.points.get(k + 1) else {
+                    continue;
+                };
+                let between = (a.parameter() - alpha) * (b.parameter() - alpha) < 0.0;
+                if !between || near(b.parameter()) {
+                    continue;
+                }
+                if let Some(x) = onto_parameter(map, &mut corrector, a, b, alpha)? {
+                    self.offer(&mut found, x, a, e);
+                }
+            }
+        }
+        // Ends of a continuum belong to it.
+        let continua = found.continua.clone();
+        let part_of = |x: &[f64]| {
+            let ends = continua
+                .iter()
+                .flat_map(|&e| [self.edges[e].from.vertex, self.edges[e].to.vertex]);
+            ends.into_iter()
+                .any(|v| distance(&self.vertices[v].x, x) <= self.same_point * (1.0 + norm(x)))
+        };
+        found.points.retain(|s| !part_of(&s.x));
+        Ok(found)
+    }
+
+    fn offer(&self, found: &mut SolutionsAt, x: Vec<f64>, at: &Point, edge: usize) {
+        let reach = self.same_point * (1.0 + norm(&x));
+        if found.points.iter().all(|s| distance(&s.x, &x) > reach) {
+            found.points.push(Solution {
+                x,
+                selection: at.selection.clone(),
+                det_sign: at.det_sign,
+                edge,
+            });
+        }
+    }
+
+    /// All folds, smooth or not, by α.
+    #[must_use]
+    pub fn folds(&self) -> Vec<DiagramFold> {
+        let mut folds = Vec::new();
+        for (v, vertex) in self.vertices.iter().enumerate() {
+            let edge = vertex.arms.iter().find_map(|a| a.edge);
+            if let (VertexKind::Fold, Some(edge)) = (vertex.kind, edge) {
+                folds.push(DiagramFold {
+                    x: vertex.x.clone(),
+                    vertex: Some(v),
+                    edge,
+                });
+            }
+        }
+        for (e, edge) in self.edges.iter().enumerate() {
+            for point in edge.smooth_folds.iter().filter_map(|&k| edge.points.get(k)) {
+                folds.push(DiagramFold {
+                    x: point.x.clone(),
+                    vertex: None,
+                    edge: e,
+                });
+            }
+        }
+        folds.sort_by(|a, b| a.parameter().total_cmp(&b.parameter()));
+        folds
+    }
+}
+
+/// The point at `alpha` between two neighbouring points, by bisected secants along the chord, then exactly onto α.
+fn onto_parameter<P: PiecewiseSmooth + ?Sized>(
+    map: &P,
+    corrector: &mut MoorePenrose<AutoSolver>,
+    a: &Point,
+    b: &Point,
+    alpha: f64,
+) -> Result<Option<Vec<f64>>, PiecewiseError> {
+    const LIMIT: usize = 80;
+    let Some(stretch) = Stretch::new(a, b) else {
+        return Ok(None);
+    };
+    let last = a.x.len() - 1;
+    let (mut low, mut high) = ((0.0, a.x[last] - alpha), (1.0, b.x[last] - alpha));
+    let mut best = None;
+    for round in 0..LIMIT {
+        let secant = low.0 + (high.0 - low.0) * low.1 / (low.1 - high.1);
+        let middle = 0.5 * (low.0 + high.0);
+        // Every third point is the middle: secants may leave one end where it is.
+        let u = if round % 3 == 2 { middle } else { secant };
+        let Some((x, _)) = stretch.at(map, corrector, u)? else {
+            break;
+        };
+        let g = x[last] - alpha;
+        best = Some(x);
+        if g.abs() <= 4.0 * f64::EPSILON * (1.0 + alpha.abs()) {
+            break;
+        }
+        if g * low.1 > 0.0 {
+            low = (u, g);
+        } else {
+            high = (u, g);
+        }
+    }
+    let Some(x) = best else {
+        return Ok(None);
+    };
+    let mut normal = vec![0.0; last + 1];
+    normal[last] = 1.0;
+    let (mut y, mut t) = (x.clone(), normal.clone());
+    let offset = alpha - x[last];
+    match corrector.correct_in_plane(map, &a.selection, &x, &normal, offset, &mut y, &mut t) {
+        Ok(c) if c.converged && distance(&x, &y) <= 1e-6 * (1.0 + norm(&x)) => {
+            y[last] = alpha;
+            Ok(Some(y))
+        }
+        // Next to a fold the plane of constant α is tangent to the curve: the bracket is as good as it gets.
+        Ok(_) | Err(PiecewiseError::Linear(_)) => Ok(Some(x)),
+        Err(e) => Err(e),
+    }
+}

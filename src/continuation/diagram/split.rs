@@ -1,0 +1,163 @@
+//! Points inside known edges.
+
+use super::{Diagram, DiagramEdge, DiagramVertex, EdgeEnd, VertexArm, VertexKind};
+use crate::continuation::arms::distance;
+use crate::continuation::{ContinuationError, Point, PointKind};
+use crate::linear::AutoSolver;
+use crate::newton::{MoorePenrose, dot, norm};
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth};
+
+/// A point of a curve and its tangent there.
+type Placed = (Vec<f64>, Vec<f64>);
+
+/// A stretch of curve between neighbouring points of an edge, on their selection.
+pub(super) struct Stretch<'e> {
+    pub(super) a: &'e Point,
+    pub(super) b: &'e Point,
+    chord: Vec<f64>,
+    length: f64,
+}
+
+impl<'e> Stretch<'e> {
+    /// `None` where the points coincide.
+    pub(super) fn new(a: &'e Point, b: &'e Point) -> Option<Self> {
+        let length = distance(&a.x, &b.x);
+        let chord = a.x.iter().zip(&b.x).map(|(a, b)| (b - a) / length).collect();
+        (length > 0.0).then_some(Self { a, b, chord, length })
+    }
+
+    /// Whether x lies in the ball over the chord, a little widened: curves are nowhere near as bent as that.
+    fn surrounds(&self, x: &[f64]) -> bool {
+        let centre: Vec<f64> = self
+            .a
+            .x
+            .iter()
+            .zip(&self.b.x)
+            .map(|(a, b)| 0.5 * (a + b))
+            .collect();
+        distance(&centre, x) <= 0.51 * self.length
+    }
+
+    /// Position of x along the chord, 0 at a and 1 at b.
+    fn fraction(&self, x: &[f64]) -> f64 {
+        let offset: Vec<f64> = x.iter().zip(&self.a.x).map(|(x, a)| x - a).collect();
+        dot(&offset, &self.chord) / self.length
+    }
+
+    /// The point of the curve over the chord at fraction u, with its tangent: corrected to rounding from the cubic through both ends.
+    pub(super) fn at<P: PiecewiseSmooth + ?Sized>(
+        &self,
+        map: &P,
+        corrector: &mut MoorePenrose<AutoSolver>,
+        u: f64,
+    ) -> Result<Option<Placed>, PiecewiseError> {
+        let (h00, h10) = ((1.0 + 2.0 * u) * (1.0 - u) * (1.0 - u), u * (1.0 - u) * (1.0 - u));
+        let (h01, h11) = (u * u * (3.0 - 2.0 * u), u * u * (u - 1.0));
+        let (a, b) = (self.a, self.b);
+        let mut x: Vec<f64> = (0..a.x.len())
+            .map(|i| {
+                let slopes = h10 * a.tangent[i] + h11 * b.tangent[i];
+                h00 * a.x[i] + h01 * b.x[i] + slopes * self.length
+            })
+            .collect();
+        let guess = x.clone();
+        let mut t = self.chord.clone();
+        let selection = &a.selection;
+        let s = u * self.length;
+        let corrected = corrector.correct_in_plane(map, selection, &a.x, &self.chord, s, &mut x, &mut t);
+        match corrected {
+            Ok(c) if c.converged && distance(&x, &guess) <= 0.1 * self.length => Ok(Some((x, t))),
+            Ok(_) | Err(PiecewiseError::Linear(_)) => Ok(None),
+            Err(e) => Err(e),
+        }
+    }
+}
+
+impl Diagram {
+    /// Cuts the edge through x in two by a vertex there; `false` if no edge passes x.
+    pub(super) fn split_at<P: PiecewiseSmooth + ?Sized>(
+        &mut self,
+        map: &P,
+        x: &[f64],
+    ) -> Result<bool, ContinuationError> {
+        let mut corrector = MoorePenrose::new(map, AutoSolver::default())?;
+        let reach = self.same_point * (1.0 + norm(x));
+        for e in 0..self.edges.len() {
+            let points = &self.edges[e].points;
+            for k in 1..points.len() {
+                let Some(stretch) = Stretch::new(&points[k - 1], &points[k]) else {
+                    continue;
+                };
+                if !stretch.surrounds(x) {
+                    continue;
+                }
+                let u = stretch.fraction(x);
+                if let Some((y, t)) = stretch.at(map, &mut corrector, u)?
+                    && distance(&y, x) <= reach
+                {
+                    self.cut(e, k, x, t);
+                    return Ok(true);
+                }
+            }
+        }
+        Ok(false)
+    }
+
+    fn cut(&mut self, e: usize, k: usize, x: &[f64], tangent: Vec<f64>) {
+        let vertex = self.vertices.len();
+        let second = self.edges.len();
+        let edge = &mut self.edges[e];
+        let (before, after) = (&edge.points[k - 1], &edge.points[k]);
+        // At a smooth fold the sign is none; its neighbour knows.
+        let near = if edge.smooth_folds.contains(&(k - 1)) {
+            after
+        } else {
+            before
+        };
+        let point = Point {
+            x: x.to_vec(),
+            tangent,
+            arclength: before.arclength + distance(x, &before.x),
+            det_sign: near.det_sign,
+            kind: PointKind::Start,
+            corrections: 0,
+            ..before.clone()
+        };
+        let onward = VertexArm {
+            arm: super::arc::reversed(&Point {
+                tangent: point.tangent.iter().map(|t| -t).collect(),
+                ..point.clone()
+            }),
+            edge: Some(second),
+            outside: false,
+        };
+        let backward = VertexArm {
+            arm: super::arc::reversed(&point),
+            edge: Some(e),
+            outside: false,
+        };
+        let base = point.arclength;
+        let mut tail = edge.points.split_off(k);
+        tail.insert(0, point.clone());
+        tail.iter_mut().for_each(|p| p.arclength -= base);
+        edge.points.push(point);
+        let (folds, later): (Vec<usize>, Vec<usize>) = edge.smooth_folds.iter().partition(|&&f| f < k);
+        edge.smooth_folds = folds;
+        let end = edge.to;
+        edge.to = EdgeEnd { vertex, arm: 0 };
+        self.edges.push(DiagramEdge {
+            from: EdgeEnd { vertex, arm: 1 },
+            to: end,
+            points: tail,
+            smooth_folds: later.into_iter().map(|f| f + 1 - k).collect(),
+        });
+        self.vertices.push(DiagramVertex {
+            x: x.to_vec(),
+            kind: VertexKind::Start,
+            is_start: true,
+            arms: vec![backward, onward],
+            complete: true,
+        });
+        self.link_mut(end).edge = Some(second);
+    }
+}

@@ -1,0 +1,181 @@
+//! Diagrams: the complete solution sets of the seed's examples, branchings, closed curves, starts that meet.
+
+mod common;
+
+use std::ops::ControlFlow;
+
+use common::{Case, cases};
+use semismooth::contact::{FrictionMap, FrictionStart, first_point};
+use semismooth::continuation::{Completeness, Diagram, DiagramOptions, Limit, VertexKind};
+use semismooth::piecewise::{MinMap, PiecewiseSmooth};
+
+const WINDOW: (f64, f64) = (-12.0, 25.0);
+
+fn window() -> DiagramOptions {
+    let mut options = DiagramOptions::default().with_parameter_range(WINDOW);
+    options.continuation.max_growth = 1e3;
+    options
+}
+
+fn starts(case: &Case, at: &[(&str, f64)]) -> Vec<Vec<f64>> {
+    at.iter()
+        .map(|(s, alpha)| {
+            let states = FrictionStart::States(common::states(s));
+            first_point(&case.problem, *alpha, &states).unwrap()
+        })
+        .collect()
+}
+
+/// Name, starts, number of branches, components, and vertices besides bounds and starts.
+type Expected = (&'static str, &'static [(&'static str, f64)], usize, usize);
+
+const EXPECTED: [Expected; 6] = [
+    ("p1_ex1", &[("K", 10.0)], 1, 1),
+    ("p1_ex2", &[("K", 10.0), ("O", 10.0)], 2, 2),
+    ("p1_ex3", &[("K", 10.0)], 2, 1),
+    ("p1_ex4", &[("O", 10.0), ("-", 10.0)], 2, 2),
+    ("p2_ex1", &[("KK", 8.0), ("OO", 8.0)], 2, 2),
+    ("p2_ex2", &[("KK", 0.0)], 1, 1),
+];
+
+#[test]
+fn the_examples_of_the_seed_are_complete() {
+    for (name, from, branches, components) in EXPECTED {
+        let case = cases().into_iter().find(|c| c.name == name).unwrap();
+        let map = &case.problem;
+        let diagram = Diagram::explore(map, &starts(&case, from), &window()).unwrap();
+        assert!(diagram.completeness().is_complete(), "{name}\n{diagram}");
+        assert_eq!(diagram.branches().len(), branches, "{name}\n{diagram}");
+        assert_eq!(diagram.components().len(), components, "{name}\n{diagram}");
+        for vertex in case.vertices() {
+            let known = diagram
+                .vertices()
+                .iter()
+                .find(|v| {
+                    (v.parameter() - vertex.alpha).abs() < 1e-9 && {
+                        let u = map.displacements(&v.x).unwrap();
+                        u.iter().zip(&vertex.u).all(|(a, b)| (a - b).abs() < 1e-9)
+                    }
+                })
+                .unwrap_or_else(|| panic!("{name}: no vertex at {}\n{diagram}", vertex.alpha));
+            assert_eq!(known.kind == VertexKind::Fold, vertex.fold, "{name}\n{diagram}");
+        }
+        let alphas = common::numbers(&case.json["alphas"]);
+        for (alpha, exact) in alphas.iter().zip(case.json["solutions"].as_array().unwrap()) {
+            let exact = exact.as_array().unwrap();
+            let found = diagram.solutions_at(map, *alpha).unwrap();
+            assert_eq!(found.count(), Some(exact.len()), "{name} at {alpha}\n{diagram}");
+            for solution in exact {
+                let u = common::numbers(&solution["u"]);
+                let there = found.points.iter().any(|s| {
+                    let v = map.displacements(&s.x).unwrap();
+                    v.iter().zip(&u).all(|(a, b)| (a - b).abs() < 1e-9)
+                });
+                assert!(there, "{name} at {alpha}");
+            }
+        }
+    }
+}
+
+#[test]
+fn the_vertical_segment_of_example_3_is_a_continuum() {
+    let case = cases().into_iter().find(|c| c.name == "p1_ex3").unwrap();
+    let diagram = Diagram::explore(&case.problem, &starts(&case, &[("O", 10.0)]), &window()).unwrap();
+    let at = diagram.solutions_at(&case.problem, 2.0).unwrap();
+    assert_eq!((at.count(), at.continua.len()), (None, 1), "{diagram}");
+    assert!(at.points.is_empty());
+    assert_eq!(diagram.edges()[at.continua[0]].det_signs(), [0]);
+    assert_eq!(diagram.solutions_at(&case.problem, 3.0).unwrap().count(), Some(2));
+}
+
+fn smooth(f: impl Fn(f64, f64) -> f64) -> impl PiecewiseSmooth {
+    MinMap::curve(1, move |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+        a[0] = f(x[0], x[1]);
+        b[0] = 1e9;
+    })
+}
+
+#[test]
+fn pitchfork_and_transcritical_have_four_arms() {
+    let options = DiagramOptions::default().with_parameter_range((-1.0, 1.0));
+    let pitchfork = smooth(|y, a| y * y * y - a * y);
+    let transcritical = smooth(|y, a| y * y - a * y);
+    let maps: [(&dyn PiecewiseSmooth, usize); 2] = [(&pitchfork, 3), (&transcritical, 2)];
+    for (map, above) in maps {
+        for start in [[0.0, -0.5], [0.6, if above == 3 { 0.36 } else { 0.6 }]] {
+            let diagram = Diagram::explore(map, &[start], &options).unwrap();
+            assert!(diagram.completeness().is_complete(), "{diagram}");
+            let centre = diagram
+                .vertices()
+                .iter()
+                .find(|v| v.kind == VertexKind::BranchPoint);
+            let centre = centre.unwrap_or_else(|| panic!("{diagram}"));
+            assert_eq!(centre.arms.len(), 4, "{diagram}");
+            assert!(centre.arms.iter().all(|a| a.edge.is_some()));
+            assert_eq!((diagram.components().len(), diagram.branches().len()), (1, 2));
+            let at = diagram.solutions_at(map, 0.25).unwrap();
+            assert_eq!(at.count(), Some(above), "{diagram}");
+        }
+    }
+}
+
+#[test]
+fn an_isola_is_one_closed_edge() {
+    let circle = smooth(|y, a| y * y + a * a - 1.0);
+    let diagram = Diagram::explore(&circle, &[[0.8, 0.6]], &DiagramOptions::default()).unwrap();
+    assert!(diagram.completeness().is_complete(), "{diagram}");
+    assert_eq!(
+        (diagram.edges().len(), diagram.vertices().len()),
+        (1, 1),
+        "{diagram}"
+    );
+    assert!(diagram.edges()[0].is_closed());
+    assert_eq!(diagram.isolas().len(), 1);
+    assert_eq!(diagram.folds().len(), 2);
+    assert_eq!(diagram.solutions_at(&circle, 0.3).unwrap().count(), Some(2));
+    // A second start cuts it in two; it stays one isola.
+    let two = Diagram::explore(&circle, &[[0.8, 0.6], [-0.6, 0.8]], &DiagramOptions::default()).unwrap();
+    assert_eq!((two.edges().len(), two.components().len()), (2, 1), "{two}");
+    assert_eq!(two.isolas().len(), 1);
+    assert_eq!(two.folds().len(), 2);
+}
+
+#[test]
+fn two_starts_on_a_curve_give_one_component() {
+    let case = cases().into_iter().find(|c| c.name == "p2_ex2").unwrap();
+    let from = starts(&case, &[("KK", 0.0), ("OO", -5.0), ("OK", 10.0), ("KK", 0.0)]);
+    let diagram = Diagram::explore(&case.problem, &from, &window()).unwrap();
+    assert_eq!(
+        (diagram.components().len(), diagram.branches().len()),
+        (1, 1),
+        "{diagram}"
+    );
+    let one = Diagram::explore(&case.problem, &from[..1], &window()).unwrap();
+    assert_eq!(diagram.vertices().len(), one.vertices().len() + 2);
+    let again = Diagram::explore(&case.problem, &from, &window()).unwrap();
+    assert_eq!(diagram, again);
+}
+
+#[test]
+fn limits_are_told() {
+    let circle = smooth(|y, a| y * y + a * a - 1.0);
+    let few = DiagramOptions::default().with_max_points(5);
+    let diagram = Diagram::explore(&circle, &[[0.8, 0.6]], &few).unwrap();
+    assert!(!diagram.completeness().is_complete());
+    let mut seen = 0;
+    let stopped = Diagram::explore_observed(&circle, &[[0.8, 0.6]], &DiagramOptions::default(), |_| {
+        seen += 1;
+        if seen == 3 {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
+        }
+    })
+    .unwrap();
+    match stopped.completeness() {
+        Completeness::Limited(list) => assert!(list.contains(&Limit::Stopped)),
+        other => panic!("{other}"),
+    }
+    let outside = DiagramOptions::default().with_parameter_range((2.0, 3.0));
+    assert!(Diagram::explore(&circle, &[[0.8, 0.6]], &outside).is_err());
+}
