@@ -1,0 +1,185 @@
+//! Depth-first search over the pieces of the sites, pruned by infeasibility of what has been decided.
+
+use super::hull;
+use super::system::System;
+use super::table::{Contradiction, Place, Sign, Table};
+
+/// What the search may do and what it has done.
+#[derive(Debug, Clone)]
+pub(super) struct Search<'a> {
+    system: &'a System,
+    /// Variable of the first form of each site.
+    offsets: Vec<usize>,
+    max_nodes: u64,
+    pub(super) nodes: u64,
+    pub(super) pivots: u64,
+    /// Selections examined or ruled out, and all there are.
+    pub(super) examined: f64,
+    pub(super) total: f64,
+    pub(super) stopped: bool,
+}
+
+impl<'a> Search<'a> {
+    pub(super) fn new(system: &'a System, max_nodes: u64) -> Self {
+        let mut offsets = Vec::with_capacity(system.sites.len());
+        let mut next = system.common.len();
+        for site in &system.sites {
+            offsets.push(next);
+            next += site.forms.len();
+        }
+        Self {
+            system,
+            offsets,
+            max_nodes,
+            nodes: 0,
+            pivots: 0,
+            examined: 0.0,
+            total: system.sites.iter().map(|s| s.pieces.len() as f64).product(),
+            stopped: false,
+        }
+    }
+
+    /// The table of all forms with the common equalities eliminated and what all pieces of a site imply required.
+    pub(super) fn root(&self, extra: &[super::table::Form]) -> Result<Table, Contradiction> {
+        let sites = self.system.sites.iter().flat_map(|s| &s.forms);
+        let mut table = Table::new(self.system.unknowns, self.system.common.iter().chain(sites));
+        for form in extra {
+            table.fix_form(form)?;
+        }
+        for var in 0..self.system.common.len() {
+            table.fix(var)?;
+        }
+        let mut table = table.compact();
+        let mut implied = Vec::new();
+        for (site, &offset) in self.system.sites.iter().zip(&self.offsets) {
+            for (form, sign) in hull::implied(site, offset, &table) {
+                implied.push((offset + form, sign));
+            }
+        }
+        for (var, sign) in implied {
+            table.constrain(var, sign)?;
+        }
+        Ok(table)
+    }
+
+    /// The forms that have one sign in all pieces of their site, with that sign.
+    pub(super) fn implied(&self, table: &Table) -> Vec<(usize, f64)> {
+        let first = self.system.common.len();
+        let last = first + self.system.sites.iter().map(|s| s.forms.len()).sum::<usize>();
+        (first..last)
+            .filter(|&var| table.sign(var) != Sign::Free && table.place(var) != Place::Gone)
+            .map(|var| (var, table.sign(var).factor()))
+            .collect()
+    }
+
+    /// Searches from a root; `leaf` receives each choice of pieces (by number in the map) that was not ruled out.
+    pub(super) fn run<E>(
+        &mut self,
+        mut table: Table,
+        leaf: &mut impl FnMut(&[usize]) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let total = self.total;
+        if table.repair().is_err() {
+            self.examined += total;
+            return Ok(());
+        }
+        let mut undecided: Vec<usize> = (0..self.system.sites.len()).collect();
+        let mut chosen = vec![0; undecided.len()];
+        self.descend(&table, &mut undecided, &mut chosen, total, leaf)
+    }
+
+    fn descend<E>(
+        &mut self,
+        table: &Table,
+        undecided: &mut Vec<usize>,
+        chosen: &mut [usize],
+        weight: f64,
+        leaf: &mut impl FnMut(&[usize]) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let Some((position, open)) = self.branching_site(table, undecided) else {
+            self.examined += 1.0;
+            return leaf(chosen);
+        };
+        let site = undecided.swap_remove(position);
+        let system = self.system;
+        let pieces = &system.sites[site].pieces;
+        let share = weight / pieces.len() as f64;
+        self.examined += share * (pieces.len() - open.len()) as f64;
+        for k in open {
+            if self.nodes >= self.max_nodes {
+                self.stopped = true;
+                break;
+            }
+            self.nodes += 1;
+            let mut child = table.compact();
+            let decided = self.decide(&mut child, site, k).and_then(|()| child.repair());
+            self.pivots += child.pivots;
+            match decided {
+                Ok(()) => {
+                    chosen[site] = pieces[k].piece;
+                    self.descend(&child, undecided, chosen, share, leaf)?;
+                }
+                Err(Contradiction) => self.examined += share,
+            }
+            if self.stopped {
+                break;
+            }
+        }
+        undecided.push(site);
+        let end = undecided.len() - 1;
+        undecided.swap(position, end);
+        Ok(())
+    }
+
+    /// The undecided site to branch on, with the pieces that are not ruled out at sight: the fewest pieces first, among those
+    /// the site that the present vertex of the relaxed problem violates most.
+    fn branching_site(&self, table: &Table, undecided: &[usize]) -> Option<(usize, Vec<usize>)> {
+        let mut best: Option<(usize, f64, usize, Vec<usize>)> = None;
+        let mut reach = Vec::new();
+        for (position, &s) in undecided.iter().enumerate() {
+            let (site, offset) = (&self.system.sites[s], self.offsets[s]);
+            reach.clear();
+            reach.extend((0..site.forms.len()).map(|f| table.reach(offset + f)));
+            let mut distance = f64::INFINITY;
+            let mut open = Vec::with_capacity(site.pieces.len());
+            for (k, piece) in site.pieces.iter().enumerate() {
+                let zero = piece.equalities.iter().all(|&f| reach[f] == (true, true));
+                let inside = piece.facets.iter().all(|&(f, sign)| {
+                    let (up, down) = reach[f];
+                    if sign > 0.0 { up } else { down }
+                });
+                if !(zero && inside) {
+                    continue;
+                }
+                open.push(k);
+                let off = piece.equalities.iter().map(|&f| table.value(offset + f).abs());
+                let wrong = piece.facets.iter().map(|&(f, sign)| -sign * table.value(offset + f));
+                distance = distance.min(off.chain(wrong).fold(0.0, f64::max));
+            }
+            let better = best
+                .as_ref()
+                .is_none_or(|b| open.len() < b.0 || (open.len() == b.0 && distance > b.1));
+            if better {
+                best = Some((open.len(), distance, position, open));
+            }
+        }
+        best.map(|b| (b.2, b.3))
+    }
+
+    fn decide(&self, table: &mut Table, site: usize, k: usize) -> Result<(), Contradiction> {
+        let (description, offset) = (&self.system.sites[site], self.offsets[site]);
+        let piece = &description.pieces[k];
+        for &(form, sign) in &piece.facets {
+            table.constrain(offset + form, Sign::of(sign))?;
+        }
+        for &form in &piece.equalities {
+            table.fix(offset + form)?;
+        }
+        for form in 0..description.forms.len() {
+            if !piece.facets.iter().any(|f| f.0 == form) {
+                table.forget(offset + form);
+            }
+        }
+        Ok(())
+    }
+}
