@@ -2,6 +2,7 @@
 
 mod common;
 #[path = "support/mod.rs"]
+#[allow(dead_code)]
 mod support;
 
 use common::{cases, numbers};
@@ -247,6 +248,7 @@ fn branching_with_a_vertical_segment() {
     let map = CondensedFriction::new(case.problem).unwrap();
     let set = all_solutions(&map, 2.0, &EnumerationOptions::default()).unwrap();
     assert_eq!(set.completeness, Completeness::Complete);
+    println!("{set:?}");
     assert_eq!(set.continua.len(), 1);
     let segment = &set.continua[0];
     assert_eq!((segment.dimension, segment.ends.len()), (1, 2));

@@ -100,7 +100,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
             complete: true,
         };
         if active.total().is_none_or(|total| total > PLAIN) {
-            let found = directional_selections(self.map, self.x, active, self.options.max_selections);
+            let found = directional_selections(self.map, self.x, active, self.options.max_nodes);
             match found {
                 Ok(Some(found)) => {
                     arms.complete = found.complete;

@@ -168,16 +168,19 @@ pub(crate) fn directional_selections<P: PiecewiseSmooth + ?Sized>(
         Ok(())
     };
     let mut runs = 0.0;
+    let dbg = |s: &Search<'_>| if std::env::var("PROBES").is_ok() { eprintln!("run: {} nodes {} pivots", s.nodes, s.pivots) };
     for sign in [1.0, -1.0] {
         runs += 1.0;
         match search.root(&[rate(&system, -sign)]) {
             Ok(root) => search.run(root, &mut leaf)?,
             Err(_) => search.examined += search.total,
         }
+        dbg(&search);
     }
     for root in vertical_roots(&search, &system) {
         runs += 1.0;
         search.run(root, &mut leaf)?;
+        dbg(&search);
     }
     Ok(Some(Candidates {
         selections: found.into_iter().collect(),
@@ -325,6 +328,9 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Collector<'a, P> {
         let length = norm(&tangent);
         for factor in [1.0 / length, -1.0 / length] {
             let direction: Vec<f64> = tangent.iter().map(|t| t * factor).collect();
+            let vertical = direction.last().is_some_and(|rate| rate.abs() <= VERTICAL);
+            // The determinant behind a vertical tangent is rounding noise.
+            let sign = if vertical { Some(0) } else { sign };
             if self.enters(selection, &direction) {
                 self.add(selection, direction, sign);
             }

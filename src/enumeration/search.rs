@@ -85,42 +85,39 @@ impl<'a> Search<'a> {
         }
         let mut undecided: Vec<usize> = (0..self.system.sites.len()).collect();
         let mut chosen = vec![0; undecided.len()];
-        self.descend(&table, &mut undecided, &mut chosen, total, leaf)
+        let alive: Vec<Vec<usize>> = (self.system.sites.iter())
+            .map(|s| (0..s.pieces.len()).collect())
+            .collect();
+        self.descend(&table, &mut undecided, &alive, &mut chosen, total, leaf)
     }
 
     fn descend<E>(
         &mut self,
         table: &Table,
         undecided: &mut Vec<usize>,
+        alive: &[Vec<usize>],
         chosen: &mut [usize],
         weight: f64,
         leaf: &mut impl FnMut(&[usize]) -> Result<(), E>,
     ) -> Result<(), E> {
-        let Some((position, open)) = self.branching_site(table, undecided) else {
+        if undecided.is_empty() {
             self.examined += 1.0;
             return leaf(chosen);
+        }
+        // What is ruled out here is ruled out in the whole subtree.
+        let mut alive = alive.to_vec();
+        let candidates = self.branching_sites(table, undecided, &mut alive);
+        let Some((position, children)) = self.probe(table, undecided, candidates, &mut alive) else {
+            self.stopped = true;
+            return Ok(());
         };
         let site = undecided.swap_remove(position);
-        let system = self.system;
-        let pieces = &system.sites[site].pieces;
+        let pieces = &self.system.sites[site].pieces;
         let share = weight / pieces.len() as f64;
-        self.examined += share * (pieces.len() - open.len()) as f64;
-        for k in open {
-            if self.nodes >= self.max_nodes {
-                self.stopped = true;
-                break;
-            }
-            self.nodes += 1;
-            let mut child = table.compact();
-            let decided = self.decide(&mut child, site, k).and_then(|()| child.repair());
-            self.pivots += child.pivots;
-            match decided {
-                Ok(()) => {
-                    chosen[site] = pieces[k].piece;
-                    self.descend(&child, undecided, chosen, share, leaf)?;
-                }
-                Err(Contradiction) => self.examined += share,
-            }
+        self.examined += share * (pieces.len() - children.len()) as f64;
+        for (k, child) in children {
+            chosen[site] = pieces[k].piece;
+            self.descend(&child, undecided, &alive, chosen, share, leaf)?;
             if self.stopped {
                 break;
             }
@@ -131,39 +128,72 @@ impl<'a> Search<'a> {
         Ok(())
     }
 
-    /// The undecided site to branch on, with the pieces that are not ruled out at sight: the fewest pieces first, among those
-    /// the site that the present vertex of the relaxed problem violates most.
-    fn branching_site(&self, table: &Table, undecided: &[usize]) -> Option<(usize, Vec<usize>)> {
-        let mut best: Option<(usize, f64, usize, Vec<usize>)> = None;
+    /// Of some candidate sites the one with the fewest pieces that are feasible, and the tables behind them; `None` at the cap.
+    fn probe(
+        &mut self,
+        table: &Table,
+        undecided: &[usize],
+        candidates: Vec<usize>,
+        alive: &mut [Vec<usize>],
+    ) -> Option<(usize, Vec<(usize, Table)>)> {
+        let mut best: Option<(usize, Vec<(usize, Table)>)> = None;
+        for position in candidates {
+            let site = undecided[position];
+            let mut children = Vec::with_capacity(alive[site].len());
+            for &k in &alive[site] {
+                if self.nodes >= self.max_nodes {
+                    return None;
+                }
+                self.nodes += 1;
+                let mut child = table.compact();
+                let decided = self.decide(&mut child, site, k).and_then(|()| child.repair());
+                self.pivots += child.pivots;
+                if decided.is_ok() {
+                    children.push((k, child));
+                }
+            }
+            alive[site].retain(|k| children.iter().any(|c| c.0 == *k));
+            if best.as_ref().is_none_or(|b| children.len() < b.1.len()) {
+                best = Some((position, children));
+            }
+            if best.as_ref().is_some_and(|b| b.1.len() <= 1) {
+                break;
+            }
+        }
+        best
+    }
+
+    /// The undecided sites worth branching on, by position: those with the fewest pieces that are not ruled out at sight first,
+    /// among them those that the present vertex of the relaxed problem violates most.
+    fn branching_sites(&self, table: &Table, undecided: &[usize], alive: &mut [Vec<usize>]) -> Vec<usize> {
+        let mut all: Vec<(usize, f64, usize)> = Vec::with_capacity(undecided.len());
         let mut reach = Vec::new();
         for (position, &s) in undecided.iter().enumerate() {
             let (site, offset) = (&self.system.sites[s], self.offsets[s]);
             reach.clear();
             reach.extend((0..site.forms.len()).map(|f| table.reach(offset + f)));
             let mut distance = f64::INFINITY;
-            let mut open = Vec::with_capacity(site.pieces.len());
-            for (k, piece) in site.pieces.iter().enumerate() {
+            alive[s].retain(|&k| {
+                let piece = &site.pieces[k];
                 let zero = piece.equalities.iter().all(|&f| reach[f] == (true, true));
                 let inside = piece.facets.iter().all(|&(f, sign)| {
                     let (up, down) = reach[f];
                     if sign > 0.0 { up } else { down }
                 });
-                if !(zero && inside) {
-                    continue;
-                }
-                open.push(k);
                 let off = piece.equalities.iter().map(|&f| table.value(offset + f).abs());
                 let wrong = piece.facets.iter().map(|&(f, sign)| -sign * table.value(offset + f));
-                distance = distance.min(off.chain(wrong).fold(0.0, f64::max));
-            }
-            let better = best
-                .as_ref()
-                .is_none_or(|b| open.len() < b.0 || (open.len() == b.0 && distance > b.1));
-            if better {
-                best = Some((open.len(), distance, position, open));
-            }
+                if zero && inside {
+                    distance = distance.min(off.chain(wrong).fold(0.0, f64::max));
+                }
+                zero && inside
+            });
+            all.push((alive[s].len(), distance, position));
         }
-        best.map(|b| (b.2, b.3))
+        all.sort_by(|a, b| a.0.cmp(&b.0).then(b.1.total_cmp(&a.1)).then(a.2.cmp(&b.2)));
+        // A site without choice needs no comparison.
+        let probes: usize = std::env::var("PROBES").ok().and_then(|v| v.parse().ok()).unwrap_or(1);
+        let count = if all.first().is_some_and(|a| a.0 <= 1) { 1 } else { probes };
+        all.into_iter().take(count).map(|a| a.2).collect()
     }
 
     fn decide(&self, table: &mut Table, site: usize, k: usize) -> Result<(), Contradiction> {

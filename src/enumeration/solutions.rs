@@ -165,6 +165,15 @@ pub fn all_solutions<P: PiecewiseSmooth + ?Sized>(
     Ok(set)
 }
 
+/// Reciprocal condition below which the rank is determined by elimination with full pivoting.
+const DOUBTFUL: f64 = 1e-11;
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Rank {
+    Full,
+    Deficient,
+}
+
 pub(super) fn norm(v: &[f64]) -> f64 {
     v.iter().map(|c| c * c).sum::<f64>().sqrt()
 }
@@ -209,10 +218,16 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Collector<'a, P> {
         if let Some((row, col)) = self.jac.stray() {
             return Err(PiecewiseError::StrayEntry { row, col }.into());
         }
-        match self.solver.factor(self.jac.leading_columns(n)) {
-            Ok(()) => {}
-            Err(LinearError::Singular { .. }) => return self.singular(selection),
+        let doubtful = match self.solver.factor(self.jac.leading_columns(n)) {
+            Ok(()) => self.solver.rcond().is_some_and(|rcond| rcond < DOUBTFUL),
+            Err(LinearError::Singular { .. }) => true,
             Err(e) => return Err(e.into()),
+        };
+        if doubtful {
+            match self.singular(selection) {
+                Rank::Deficient => return Ok(()),
+                Rank::Full => {}
+            }
         }
         let sign = self.solver.log_det().map(|d| d.0);
         let mut x = self.origin.clone();
@@ -221,7 +236,8 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Collector<'a, P> {
         for _ in 0..3 {
             self.map.residual(selection, &x, &mut r);
             if self.solver.solve_in_place(&mut r).is_err() {
-                return self.singular(selection);
+                self.undecided += 1;
+                return Ok(());
             }
             for (x, d) in x.iter_mut().zip(&r) {
                 *x -= d;
@@ -311,7 +327,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Collector<'a, P> {
     }
 
     /// A selection with a singular Jacobian: no solution, a segment, or more.
-    fn singular(&mut self, selection: &Selection) -> Result<(), EnumerationError> {
+    fn singular(&mut self, selection: &Selection) -> Rank {
         let n = self.map.num_residuals();
         let mut r = vec![0.0; n];
         self.map.residual(selection, &self.origin, &mut r);
@@ -327,10 +343,10 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Collector<'a, P> {
             rows[i][j] += v;
         }
         let Some(set) = solutions(rows, n) else {
-            return Ok(());
+            return Rank::Deficient;
         };
         match set.kernel.as_slice() {
-            [] => self.undecided += 1,
+            [] => return Rank::Full,
             [direction] => self.segment(selection, &set, direction),
             _ => self.continua.push(Continuum {
                 selections: vec![selection.clone()],
@@ -338,7 +354,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Collector<'a, P> {
                 ends: Vec::new(),
             }),
         }
-        Ok(())
+        Rank::Deficient
     }
 
     /// The part of the line y + t d that lies in the cell.
