@@ -71,10 +71,16 @@ fn arms(c: &mut Criterion) {
     x[map.num_vars() - 1] = 0.5;
     let options = EnumerationOptions::default();
     let found = all_arms(&map, &x, &options).unwrap();
-    println!("11 grazing nodes: {} arms, {} nodes", found.arms.len(), found.nodes);
+    println!(
+        "11 grazing nodes: {} arms, {} nodes",
+        found.arms.len(),
+        found.nodes
+    );
     let mut group = c.benchmark_group("all arms");
     group.sample_size(10);
-    group.bench_function("11 grazing nodes", |b| b.iter(|| all_arms(&map, &x, &options).unwrap()));
+    group.bench_function("11 grazing nodes", |b| {
+        b.iter(|| all_arms(&map, &x, &options).unwrap())
+    });
     group.finish();
 }
 

@@ -45,7 +45,9 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let one = std::slice::from_ref(cases);
     let options = EnumerationOptions::default().with_max_nodes(arguments.max_nodes);
     for (k, case) in cases.as_array().map_or(one, Vec::as_slice).iter().enumerate() {
-        let name = case["name"].as_str().map_or_else(|| format!("case {k}"), str::to_owned);
+        let name = case["name"]
+            .as_str()
+            .map_or_else(|| format!("case {k}"), str::to_owned);
         let in_case = |e: Box<dyn Error>| format!("{}, {name}: {e}", path.display());
         let map = CondensedFriction::new(problem(case).map_err(in_case)?).map_err(|e| in_case(e.into()))?;
         for alpha in numbers(case, "alphas").map_err(in_case)? {
@@ -122,20 +124,35 @@ fn print(map: &CondensedFriction, name: &str, alpha: f64, set: &SolutionSet) {
         notes.push_str(&format!(", {} continua of solutions", set.continua.len()));
     }
     let count = set.solutions.len();
-    println!("{name:16} α = {alpha:<10.6} {count:2} solutions: {}   [{notes}]", solutions.join("  "));
+    println!(
+        "{name:16} α = {alpha:<10.6} {count:2} solutions: {}   [{notes}]",
+        solutions.join("  ")
+    );
 }
 
 fn numbers(case: &Value, key: &str) -> Result<Vec<f64>, Box<dyn Error>> {
-    let list = case[key].as_array().ok_or_else(|| format!("`{key}` is missing or no list"))?;
-    let number = |v: &Value| v.as_f64().ok_or_else(|| format!("`{key}` holds {v}, not a number").into());
+    let list = case[key]
+        .as_array()
+        .ok_or_else(|| format!("`{key}` is missing or no list"))?;
+    let number = |v: &Value| {
+        v.as_f64()
+            .ok_or_else(|| format!("`{key}` holds {v}, not a number").into())
+    };
     list.iter().map(number).collect()
 }
 
 fn matrix(case: &Value, key: &str) -> Result<Matrix, Box<dyn Error>> {
-    let rows = case[key].as_array().ok_or_else(|| format!("`{key}` is missing or no matrix"))?;
+    let rows = case[key]
+        .as_array()
+        .ok_or_else(|| format!("`{key}` is missing or no matrix"))?;
     let row = |r: &Value| -> Result<Vec<f64>, Box<dyn Error>> {
-        let list = r.as_array().ok_or_else(|| format!("a row of `{key}` is no list"))?;
-        let number = |v: &Value| v.as_f64().ok_or_else(|| format!("`{key}` holds {v}, not a number").into());
+        let list = r
+            .as_array()
+            .ok_or_else(|| format!("a row of `{key}` is no list"))?;
+        let number = |v: &Value| {
+            v.as_f64()
+                .ok_or_else(|| format!("`{key}` holds {v}, not a number").into())
+        };
         list.iter().map(number).collect()
     };
     let rows = rows.iter().map(row).collect::<Result<Vec<_>, _>>()?;

@@ -168,19 +168,16 @@ pub(crate) fn directional_selections<P: PiecewiseSmooth + ?Sized>(
         Ok(())
     };
     let mut runs = 0.0;
-    let dbg = |s: &Search<'_>| if std::env::var("PROBES").is_ok() { eprintln!("run: {} nodes {} pivots", s.nodes, s.pivots) };
     for sign in [1.0, -1.0] {
         runs += 1.0;
         match search.root(&[rate(&system, -sign)]) {
             Ok(root) => search.run(root, &mut leaf)?,
             Err(_) => search.examined += search.total,
         }
-        dbg(&search);
     }
     for root in vertical_roots(&search, &system) {
         runs += 1.0;
         search.run(root, &mut leaf)?;
-        dbg(&search);
     }
     Ok(Some(Candidates {
         selections: found.into_iter().collect(),

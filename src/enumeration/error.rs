@@ -18,7 +18,9 @@ pub enum EnumerationError {
         range: &'static str,
     },
     /// The pieces are not affine in y at fixed parameter, so that they have no finite list of solutions to enumerate.
-    #[error("{what} is not affine in the unknowns at fixed parameter: its derivatives differ between two points")]
+    #[error(
+        "{what} is not affine in the unknowns at fixed parameter: its derivatives differ between two points"
+    )]
     NotAffine {
         /// Which row or test function.
         what: String,

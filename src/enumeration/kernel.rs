@@ -3,6 +3,11 @@
 /// Pivots below this, relative to the largest entry of the scaled matrix, count as zero.
 const RANK: f64 = 1e-10;
 
+/// Columns whose entries are all below this, in rows of size one, are rounding noise.
+pub(super) const NOISE: f64 = 1e-14;
+/// Equations that miss each other by less than this, as a distance relative to 1 + the largest, agree.
+const CONSISTENT: f64 = 1e-9;
+
 /// All solutions of a linear system: a particular one and a basis of the kernel.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct AffineSet {
@@ -12,7 +17,6 @@ pub(super) struct AffineSet {
 
 /// The solutions of A y + b = 0, `rows` holding the rows (A | b); `None` where the rows contradict each other.
 pub(super) fn solutions(mut rows: Vec<Vec<f64>>, unknowns: usize) -> Option<AffineSet> {
-    let constants = rows.iter().fold(0.0f64, |m, r| m.max(r[unknowns].abs()));
     // Rows and columns are brought to size one, so that the rank does not depend on units.
     for row in &mut rows {
         let size = row[..unknowns].iter().fold(0.0f64, |m, v| m.max(v.abs()));
@@ -20,19 +24,20 @@ pub(super) fn solutions(mut rows: Vec<Vec<f64>>, unknowns: usize) -> Option<Affi
             row.iter_mut().for_each(|v| *v /= size);
         }
     }
+    let constants = rows.iter().fold(0.0f64, |m, r| m.max(r[unknowns].abs()));
     let mut scale = vec![0.0f64; unknowns];
     for row in &rows {
         for (s, v) in scale.iter_mut().zip(row) {
             *s = s.max(v.abs());
         }
     }
-    for s in scale.iter_mut().filter(|s| **s == 0.0) {
-        *s = 1.0;
-    }
     for row in &mut rows {
         for (v, s) in row.iter_mut().zip(&scale) {
-            *v /= s;
+            *v = if *s <= NOISE { 0.0 } else { *v / s };
         }
+    }
+    for s in scale.iter_mut().filter(|s| **s <= NOISE) {
+        *s = 1.0;
     }
     let mut pivots: Vec<usize> = Vec::new();
     let mut used = vec![false; unknowns];
@@ -66,7 +71,8 @@ pub(super) fn solutions(mut rows: Vec<Vec<f64>>, unknowns: usize) -> Option<Affi
         used[c] = true;
         pivots.push(c);
     }
-    let limit = 1e3 * RANK * constants.max(rows.iter().take(pivots.len()).fold(0.0, |m, r| m.max(r[unknowns].abs())));
+    // With rows of size one the constants are distances.
+    let limit = CONSISTENT * (1.0 + constants);
     if rows[pivots.len()..].iter().any(|r| r[unknowns].abs() > limit) {
         return None;
     }

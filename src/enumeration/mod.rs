@@ -18,8 +18,8 @@ mod solutions;
 mod system;
 mod table;
 
-pub use arms::{DirectionalArm, DirectionalArms, all_arms};
 pub(crate) use arms::directional_selections;
+pub use arms::{DirectionalArm, DirectionalArms, all_arms};
 pub use error::EnumerationError;
 pub use options::EnumerationOptions;
 pub use solutions::{Completeness, Continuum, Solution, SolutionSet, all_solutions};

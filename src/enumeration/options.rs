@@ -50,7 +50,12 @@ impl EnumerationOptions {
     pub fn validate(&self) -> Result<(), super::EnumerationError> {
         let small = |v: f64| v > 0.0 && v < 1.0;
         let checks = [
-            ("max_nodes", self.max_nodes as f64, self.max_nodes > 0, "at least 1"),
+            (
+                "max_nodes",
+                self.max_nodes as f64,
+                self.max_nodes > 0,
+                "at least 1",
+            ),
             ("tolerance", self.tolerance, small(self.tolerance), "in (0, 1)"),
             (
                 "merge_distance",

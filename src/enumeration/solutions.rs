@@ -374,7 +374,10 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Collector<'a, P> {
         for site in 0..self.layout.num_sites() {
             let range = self.layout.range(site);
             for facet in self.map.cell(site, selection.piece(site)) {
-                let (a, b) = (facet.margin(&here[range.clone()]), facet.margin(&there[range.clone()]));
+                let (a, b) = (
+                    facet.margin(&here[range.clone()]),
+                    facet.margin(&there[range.clone()]),
+                );
                 let (rate, slack) = (b - a, self.options.tolerance * (a.abs() + b.abs()));
                 if rate.abs() <= slack {
                     if a < -1e3 * slack.max(f64::EPSILON) {
@@ -395,7 +398,11 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Collector<'a, P> {
             let x = at(0.5 * (low + high));
             return self.add(selection, x, Some(0));
         }
-        let ends: Vec<Vec<f64>> = [low, high].into_iter().filter(|t| t.is_finite()).map(at).collect();
+        let ends: Vec<Vec<f64>> = [low, high]
+            .into_iter()
+            .filter(|t| t.is_finite())
+            .map(at)
+            .collect();
         let known = self.continua.iter().position(|c| {
             let agree = |e: &Vec<f64>| c.ends.iter().any(|f| self.same(e, f));
             c.dimension == 1 && !ends.is_empty() && c.ends.len() == ends.len() && ends.iter().all(agree)
@@ -421,7 +428,8 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Collector<'a, P> {
                 [Some(sign)] if *sign != 0 => Some(*sign),
                 // Two selections share a facet with nothing else active: the sum of two half-space maps.
                 [Some(a), Some(b)] if *a != 0 && *b != 0 => {
-                    let tolerance = self.options.merge_distance * s.x.iter().fold(1.0f64, |m, v| m.max(v.abs()));
+                    let tolerance =
+                        self.options.merge_distance * s.x.iter().fold(1.0f64, |m, v| m.max(v.abs()));
                     let two = active_set(self.map, &s.x, tolerance).total() == Some(2);
                     two.then_some((a + b) / 2)
                 }

@@ -1,6 +1,7 @@
 //! The affine forms behind a piecewise-affine system: common equalities, and for each site the equalities and facets of its pieces.
 
 use super::EnumerationError;
+use super::kernel::NOISE;
 use super::table::Form;
 use crate::piecewise::{ActiveSet, PiecewiseSmooth, Selection, TestLayout};
 use crate::sparse::Matrix;
@@ -251,8 +252,12 @@ pub(super) fn directional<P: PiecewiseSmooth + ?Sized>(
     // Differences across a step of rounding size show the noise of approximate derivatives, and nothing else.
     let near: Vec<f64> = x.iter().map(|v| v + 1e-13 * (1.0 + v.abs())).collect();
     let layout = TestLayout::new(map);
-    let vanishes =
-        |site: usize, test: usize| active.vanishing().binary_search(&(layout.range(site).start + test)).is_ok();
+    let vanishes = |site: usize, test: usize| {
+        active
+            .vanishing()
+            .binary_search(&(layout.range(site).start + test))
+            .is_ok()
+    };
     let choices = active.degenerate_sites();
     let mut system = build(map, owner, active.first(), choices, [x, &near], m, vanishes)?;
     system.all_forms().for_each(|f| f.constant = 0.0);
@@ -286,7 +291,8 @@ impl System {
                 *c = c.max(a.abs());
             }
         }
-        let factors: Vec<f64> = columns.iter().map(|&c| power(c)).collect();
+        let factor = |&c: &f64| if c <= NOISE { 0.0 } else { power(c) };
+        let factors: Vec<f64> = columns.iter().map(factor).collect();
         let mut largest = 0.0f64;
         for form in self.all_forms() {
             for (a, f) in form.coefficients.iter_mut().zip(&factors) {
