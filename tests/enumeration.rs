@@ -299,3 +299,34 @@ fn branching_with_a_vertical_segment() {
         "{rates:?}"
     );
 }
+
+/// Rows that depend on several sites: no pruning, the same list.
+#[cfg(feature = "autodiff")]
+#[test]
+fn unknown_structure() {
+    use semismooth::piecewise::{Kinks, NonsmoothFunction, Real, Traced};
+    struct Example;
+    impl NonsmoothFunction for Example {
+        fn num_vars(&self) -> usize {
+            2
+        }
+        fn num_residuals(&self) -> usize {
+            2
+        }
+        fn eval<T: Real>(&self, x: &[T], kinks: &mut Kinks<'_, T>, out: &mut [T]) {
+            out[0] = kinks.abs(x[0]) + x[0] * 0.5 - 3.0;
+            out[1] = x[1] - kinks.max(x[0], T::from(1.0));
+        }
+    }
+    let map = Traced::new(Example);
+    let set = all_solutions(&map, 0.0, &EnumerationOptions::default()).unwrap();
+    assert_eq!(set.completeness, Completeness::Complete);
+    let points: Vec<&[f64]> = set.solutions.iter().map(|s| s.x.as_slice()).collect();
+    assert_eq!(points, [&[2.0, 2.0][..], &[-6.0, 1.0][..]]);
+    let capped = all_solutions(&map, 0.0, &EnumerationOptions::default().with_max_nodes(1)).unwrap();
+    let incomplete = Completeness::Incomplete {
+        examined: 1.0,
+        total: 4.0,
+    };
+    assert_eq!(capped.completeness, incomplete);
+}
