@@ -4,6 +4,7 @@
 
 pub mod contact;
 pub mod continuation;
+pub mod enumeration;
 pub mod linear;
 pub mod newton;
 pub mod output;

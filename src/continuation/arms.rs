@@ -2,6 +2,7 @@
 //! selection's cell.
 
 use super::{Arm, ContinuationOptions};
+use crate::enumeration::{EnumerationError, directional_selections};
 use crate::linear::{LinearError, LinearSolver, null_space};
 use crate::newton::{MoorePenrose, dot, norm};
 use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout};
@@ -13,6 +14,8 @@ const SAME_ARM: f64 = 1e-7;
 pub(super) const TANGENTIAL: f64 = 1e-9;
 /// Singular values below this, relative to the largest, count as zero in the branching equation.
 pub(super) const RANK: f64 = 1e-9;
+/// Up to so many active selections all are tried; beyond, the pruned search rules out most of them first.
+const PLAIN: u128 = 16;
 /// Largest number of residuals for which the dense branching equation is set up.
 const MAX_BRANCHING: usize = 600;
 
@@ -98,6 +101,22 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
             list: Vec::new(),
             complete: true,
         };
+        if active.total().is_none_or(|total| total > PLAIN) {
+            let found = directional_selections(self.map, self.x, active, self.options.max_nodes);
+            match found {
+                Ok(Some(found)) => {
+                    arms.complete = found.complete;
+                    for selection in &found.selections {
+                        self.of_selection(selection, None, &mut arms)?;
+                    }
+                    return Ok(arms);
+                }
+                // Rows that depend on several sites, or too large a table: one by one.
+                Ok(None) | Err(EnumerationError::TooLarge { .. }) => {}
+                Err(EnumerationError::Map(e)) => return Err(e),
+                Err(_) => arms.complete = false,
+            }
+        }
         for (examined, selection) in active.selections().enumerate() {
             if examined as u64 == self.options.max_selections {
                 arms.complete = false;

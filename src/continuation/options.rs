@@ -55,8 +55,10 @@ pub struct ContinuationOptions {
     pub max_time: Option<Duration>,
     /// Distance in x, relative to 1 + ‖x‖₂, within which a test function counts as vanishing at a transition. Default 1e-9.
     pub vanishing_distance: f64,
-    /// Largest number of active selections examined at one point. Default 4096.
+    /// Largest number of active selections examined at one point where all are tried in turn. Default 4096.
     pub max_selections: u64,
+    /// Largest number of partial selections tried at one point where the search for arms is pruned. Default 1 000 000.
+    pub max_nodes: u64,
 }
 
 impl Default for ContinuationOptions {
@@ -80,6 +82,7 @@ impl Default for ContinuationOptions {
             max_time: None,
             vanishing_distance: 1e-9,
             max_selections: 4096,
+            max_nodes: 1_000_000,
         }
     }
 }

@@ -1,0 +1,168 @@
+//! Coulomb friction with few contact nodes: every solution at given parameters, by complete enumeration.
+//! You see for each case and α the number of solutions, their states, the signs of det ∇_yH and whether the list is certified complete.
+//! Run: cargo run --release --example all_solutions -- [FILE] [--json]   (FILE: cases with A, Bnu, Bt, f0, f1, F0, F1, r, alphas)
+
+use std::error::Error;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::Parser;
+use semismooth::contact::{CondensedFriction, FrictionMap, FrictionPath, FrictionProblem, LoadPath};
+use semismooth::enumeration::{Completeness, EnumerationOptions, SolutionSet, all_solutions};
+use semismooth::piecewise::Selection;
+use semismooth::sparse::Matrix;
+use serde_json::{Value, json};
+
+/// Prints all solutions of small friction problems at given parameters.
+#[derive(Parser)]
+struct Arguments {
+    /// JSON file with a list `cases`, each with A, Bnu, Bt, f0, f1, F0, F1, r, alphas; the seed's examples when left out
+    file: Option<PathBuf>,
+    /// Print a JSON object for each case and parameter instead of a table
+    #[arg(long)]
+    json: bool,
+    /// Largest number of search nodes for one parameter
+    #[arg(long, default_value_t = 1_000_000)]
+    max_nodes: u64,
+}
+
+fn main() -> ExitCode {
+    match run(&Arguments::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(e) => {
+            eprintln!("error: {e}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
+    let seed = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/seed_examples.json");
+    let path = arguments.file.clone().unwrap_or_else(|| seed.into());
+    let text = std::fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
+    let file: Value = serde_json::from_str(&text).map_err(|e| format!("{}: {e}", path.display()))?;
+    let cases = file.get("cases").unwrap_or(&file);
+    let one = std::slice::from_ref(cases);
+    let options = EnumerationOptions::default().with_max_nodes(arguments.max_nodes);
+    for (k, case) in cases.as_array().map_or(one, Vec::as_slice).iter().enumerate() {
+        let name = case["name"]
+            .as_str()
+            .map_or_else(|| format!("case {k}"), str::to_owned);
+        let in_case = |e: Box<dyn Error>| format!("{}, {name}: {e}", path.display());
+        let map = CondensedFriction::new(problem(case).map_err(in_case)?).map_err(|e| in_case(e.into()))?;
+        for alpha in numbers(case, "alphas").map_err(in_case)? {
+            let set = all_solutions(&map, alpha, &options).map_err(|e| in_case(e.into()))?;
+            if arguments.json {
+                println!("{}", record(&map, &name, alpha, &set));
+            } else {
+                print(&map, &name, alpha, &set);
+            }
+        }
+    }
+    Ok(())
+}
+
+fn letters(map: &CondensedFriction, selection: &Selection) -> String {
+    map.states(selection).iter().map(|s| s.letter()).collect()
+}
+
+/// Complete, and in agreement with the degree of the problem where that applies.
+fn certified(map: &CondensedFriction, alpha: f64, set: &SolutionSet) -> bool {
+    let regular = map.problem().friction_at(alpha).iter().all(|f| *f >= 0.0);
+    set.completeness.is_complete() && (!regular || set.index_sum.is_none_or(|sum| sum == 1))
+}
+
+fn record(map: &CondensedFriction, name: &str, alpha: f64, set: &SolutionSet) -> Value {
+    let names = |list: &[Selection]| -> Vec<String> { list.iter().map(|s| letters(map, s)).collect() };
+    let continua: Vec<Value> = set
+        .continua
+        .iter()
+        .map(|c| json!({"states": names(&c.selections), "dimension": c.dimension, "ends": c.ends}))
+        .collect();
+    json!({
+        "case": name,
+        "alpha": alpha,
+        "count": set.solutions.len(),
+        "states": set.solutions.iter().map(|s| letters(map, &s.selections[0])).collect::<Vec<_>>(),
+        "all_states": set.solutions.iter().map(|s| names(&s.selections)).collect::<Vec<_>>(),
+        "det_signs": set.solutions.iter().map(|s| s.det_signs[0]).collect::<Vec<_>>(),
+        "lambda": set.solutions.iter().map(|s| s.x[..s.x.len() - 1].to_vec()).collect::<Vec<_>>(),
+        "continua": continua,
+        "index_sum": set.index_sum,
+        "complete": certified(map, alpha, set),
+    })
+}
+
+fn print(map: &CondensedFriction, name: &str, alpha: f64, set: &SolutionSet) {
+    let solutions: Vec<String> = set
+        .solutions
+        .iter()
+        .map(|s| {
+            let states: Vec<String> = s.selections.iter().map(|x| letters(map, x)).collect();
+            let sign = match s.det_signs[0] {
+                Some(1) => "det > 0",
+                Some(-1) => "det < 0",
+                Some(_) => "det = 0",
+                None => "det unknown",
+            };
+            format!("{} ({sign})", states.join("="))
+        })
+        .collect();
+    let mut notes = match set.completeness {
+        Completeness::Complete if certified(map, alpha, set) => "complete".to_owned(),
+        Completeness::Complete => "complete, but the index sum is not +1".to_owned(),
+        Completeness::Incomplete { examined, total } => {
+            format!("incomplete: {examined:.0} of {total:.0} selections examined")
+        }
+        Completeness::Undecided { selections } => format!("{selections} selections undecided"),
+        _ => "completeness unknown".to_owned(),
+    };
+    if let Some(sum) = set.index_sum {
+        notes.push_str(&format!(", index sum {sum:+}"));
+    }
+    if !set.continua.is_empty() {
+        notes.push_str(&format!(", {} continua of solutions", set.continua.len()));
+    }
+    let count = set.solutions.len();
+    println!(
+        "{name:16} α = {alpha:<10.6} {count:2} solutions: {}   [{notes}]",
+        solutions.join("  ")
+    );
+}
+
+fn numbers(case: &Value, key: &str) -> Result<Vec<f64>, Box<dyn Error>> {
+    let list = case[key]
+        .as_array()
+        .ok_or_else(|| format!("`{key}` is missing or no list"))?;
+    let number = |v: &Value| {
+        v.as_f64()
+            .ok_or_else(|| format!("`{key}` holds {v}, not a number").into())
+    };
+    list.iter().map(number).collect()
+}
+
+fn matrix(case: &Value, key: &str) -> Result<Matrix, Box<dyn Error>> {
+    let rows = case[key]
+        .as_array()
+        .ok_or_else(|| format!("`{key}` is missing or no matrix"))?;
+    let row = |r: &Value| -> Result<Vec<f64>, Box<dyn Error>> {
+        let list = r
+            .as_array()
+            .ok_or_else(|| format!("a row of `{key}` is no list"))?;
+        let number = |v: &Value| {
+            v.as_f64()
+                .ok_or_else(|| format!("`{key}` holds {v}, not a number").into())
+        };
+        list.iter().map(number).collect()
+    };
+    let rows = rows.iter().map(row).collect::<Result<Vec<_>, _>>()?;
+    Ok(Matrix::from_rows(&rows)?)
+}
+
+fn problem(case: &Value) -> Result<FrictionProblem, Box<dyn Error>> {
+    let load = LoadPath::affine(numbers(case, "f0")?, numbers(case, "f1")?);
+    let friction = FrictionPath::affine(numbers(case, "F0")?, numbers(case, "F1")?);
+    let (a, bnu, bt) = (matrix(case, "A")?, matrix(case, "Bnu")?, matrix(case, "Bt")?);
+    let r = case["r"].as_f64().unwrap_or(1.0);
+    Ok(FrictionProblem::new(a, bnu, bt, load, friction)?.with_r(r)?)
+}

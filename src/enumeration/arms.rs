@@ -1,0 +1,398 @@
+//! All arms of the solution set at a point: the solutions of the directional problem H'(x; τ) = 0.
+
+use std::collections::BTreeSet;
+
+use super::kernel::solutions;
+use super::search::Search;
+use super::solutions::norm;
+use super::system::System;
+use super::table::{Form, Table};
+use super::{Completeness, EnumerationError, EnumerationOptions, system};
+use crate::linear::{AutoSolver, LinearError, LinearSolver};
+use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, check_vector};
+use crate::sparse::Matrix;
+
+/// Two unit tangents closer than this are one arm.
+const SAME: f64 = 1e-7;
+/// Rate of a test function, relative to its gradient, that counts as zero.
+const TANGENTIAL: f64 = 1e-9;
+/// |α̇| up to which an arm counts as vertical.
+const VERTICAL: f64 = 1e-9;
+
+/// An arm: a half-line of directions τ = (ẏ, α̇) with H'(x; τ) = 0.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct DirectionalArm {
+    /// Unit tangent, pointing away from the point.
+    pub tangent: Vec<f64>,
+    /// All selections into whose closed cells it points, in lexicographic order; more than one when it runs in a facet.
+    pub selections: Vec<Selection>,
+    /// For each of them the sign of det ∇_yH^(σ): 0 when singular, `None` when the linear solver knows no determinants.
+    pub det_signs: Vec<Option<i8>>,
+}
+
+impl DirectionalArm {
+    /// α̇, the last entry of the tangent.
+    #[must_use]
+    pub fn rate(&self) -> f64 {
+        self.tangent.last().copied().unwrap_or(0.0)
+    }
+
+    /// Whether the arm stays at one α (to first order).
+    #[must_use]
+    pub fn is_vertical(&self) -> bool {
+        self.rate().abs() <= VERTICAL
+    }
+
+    /// The local index of the arm: the sign of the determinant, or the mean of two where it runs in one facet.
+    fn index(&self) -> Option<i64> {
+        match self.det_signs.as_slice() {
+            [Some(sign)] if *sign != 0 => Some(i64::from(*sign)),
+            [Some(a), Some(b)] if *a != 0 && *b != 0 => Some(i64::from((a + b) / 2)),
+            _ => None,
+        }
+    }
+}
+
+/// All arms at a point.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct DirectionalArms {
+    /// The arms: those with growing α, with falling α, vertical ones.
+    pub arms: Vec<DirectionalArm>,
+    /// Selections whose Jacobian has a kernel of dimension two or more with directions into their cell: their arms are not
+    /// decided to first order.
+    pub unresolved: Vec<Selection>,
+    /// Σ sign det ∇_yH^(σ) over the arms with α̇ > 0 and over those with α̇ < 0. The two are equal: ẏ ↦ H'(x; (ẏ, s)) has no zeros
+    /// for s = 0 but ẏ = 0, hence the same degree for s = 1 and s = −1. `None` where there are vertical arms, undecided
+    /// selections, or an arm whose index is unknown.
+    pub orientation: Option<(i64, i64)>,
+    /// Whether the list is complete to first order. Selections count once for each of the runs α̇ > 0, α̇ < 0, α̇ = 0.
+    pub completeness: Completeness,
+    /// Nodes of the search: partial selections tried.
+    pub nodes: u64,
+}
+
+/// All arms of the solution curves of H(y, α) = 0 at the solution `x` = (y, α). Test functions within `options.tolerance` of their
+/// zero set, as a distance relative to 1 + ‖x‖₂, count as vanishing there. The pieces need not be affine.
+///
+/// # Errors
+/// Options out of range, maps that are no curves, wrong length, values that are not finite, [`EnumerationError::Outside`],
+/// [`EnumerationError::TooLarge`].
+///
+/// ```
+/// use semismooth::enumeration::{EnumerationOptions, all_arms};
+/// use semismooth::piecewise::MinMap;
+/// // α = |y|: two arms leave the kink at 0, both with growing α.
+/// let map = MinMap::curve(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+///     a[0] = x[1] - x[0];
+///     b[0] = x[1] + x[0];
+/// });
+/// let found = all_arms(&map, &[0.0, 0.0], &EnumerationOptions::default())?;
+/// assert_eq!(found.arms.len(), 2);
+/// assert!(found.completeness.is_complete() && found.arms.iter().all(|a| a.rate() > 0.0));
+/// assert_eq!(found.orientation, Some((0, 0)));
+/// # Ok::<(), semismooth::enumeration::EnumerationError>(())
+/// ```
+pub fn all_arms<P: PiecewiseSmooth + ?Sized>(
+    map: &P,
+    x: &[f64],
+    options: &EnumerationOptions,
+) -> Result<DirectionalArms, EnumerationError> {
+    options.validate()?;
+    let (m, n) = (map.num_vars(), map.num_residuals());
+    if m != n + 1 {
+        return Err(PiecewiseError::Dimensions {
+            vars: m,
+            residuals: n,
+            expected: "one variable more than residuals (the parameter)",
+        }
+        .into());
+    }
+    check_vector("the point x", x, m)?;
+    let layout = TestLayout::new(map);
+    let mut theta = vec![0.0; layout.total()];
+    map.test_functions(x, &mut theta);
+    let mut gradient = vec![0.0; m];
+    let mut vanishes = |k: usize| {
+        let (site, test) = layout.locate(k);
+        map.test_gradient(site, test, x, &mut gradient);
+        theta[k].abs() <= options.tolerance * (1.0 + norm(x)) * norm(&gradient)
+    };
+    let vanishing = (0..theta.len()).filter(|&k| vanishes(k)).collect();
+    let active = ActiveSet::from_tests(map, &layout, &theta, vanishing);
+    if let Some(&site) = active.outside().first() {
+        return Err(EnumerationError::Outside {
+            site: map.site_name(site).into_owned(),
+        });
+    }
+    let found = selections(map, x, &active, options.max_nodes)?;
+    let mut collector = Collector::new(map, x, &active)?;
+    for selection in &found.selections {
+        collector.examine(selection)?;
+    }
+    Ok(collector.finish(&found))
+}
+
+/// Selections that may have arms at a point.
+#[derive(Debug, Clone)]
+pub(crate) struct Candidates {
+    pub(crate) selections: Vec<Selection>,
+    pub(crate) complete: bool,
+    examined: f64,
+    total: f64,
+    nodes: u64,
+}
+
+/// The active selections that the directional problem does not rule out; `None` where a residual depends on the pieces of two
+/// degenerate sites, so that nothing can be ruled out early.
+pub(crate) fn directional_selections<P: PiecewiseSmooth + ?Sized>(
+    map: &P,
+    x: &[f64],
+    active: &ActiveSet,
+    max_nodes: u64,
+) -> Result<Option<Candidates>, EnumerationError> {
+    let sites = active.degenerate_sites().iter().map(|s| s.0);
+    let Some(owner) = system::owners(map, sites) else {
+        return Ok(None);
+    };
+    let system = system::directional(map, &owner, x, active)?;
+    let mut search = Search::new(&system, max_nodes);
+    let mut found = BTreeSet::new();
+    let mut leaf = |pieces: &[usize]| -> Result<(), EnumerationError> {
+        let mut selection = active.first().clone();
+        for ((site, _), piece) in active.degenerate_sites().iter().zip(pieces) {
+            selection.set(*site, *piece);
+        }
+        found.insert(selection);
+        Ok(())
+    };
+    let mut runs = 0.0;
+    for sign in [1.0, -1.0] {
+        runs += 1.0;
+        match search.root(&[rate(&system, -sign)]) {
+            Ok(root) => search.run(root, &mut leaf)?,
+            Err(_) => search.examined += search.total,
+        }
+    }
+    for root in vertical_roots(&search, &system) {
+        runs += 1.0;
+        search.run(root, &mut leaf)?;
+    }
+    Ok(Some(Candidates {
+        selections: found.into_iter().collect(),
+        complete: !search.stopped,
+        examined: search.examined,
+        total: runs * search.total,
+        nodes: search.nodes,
+    }))
+}
+
+fn selections<P: PiecewiseSmooth + ?Sized>(
+    map: &P,
+    x: &[f64],
+    active: &ActiveSet,
+    max_nodes: u64,
+) -> Result<Candidates, EnumerationError> {
+    if let Some(found) = directional_selections(map, x, active, max_nodes)? {
+        return Ok(found);
+    }
+    let sizes = active.degenerate_sites().iter().map(|s| s.1.len() as f64);
+    let total = sizes.product();
+    let limit = usize::try_from(max_nodes).unwrap_or(usize::MAX);
+    let selections: Vec<Selection> = active.selections().take(limit).collect();
+    let examined = selections.len() as f64;
+    Ok(Candidates {
+        complete: examined >= total,
+        nodes: selections.len() as u64,
+        selections,
+        examined,
+        total,
+    })
+}
+
+/// The form α̇ + constant.
+fn rate(system: &System, constant: f64) -> Form {
+    let mut coefficients = vec![0.0; system.unknowns];
+    if let Some(last) = coefficients.last_mut() {
+        *last = 1.0;
+    }
+    Form {
+        coefficients,
+        constant,
+        error: f64::EPSILON,
+    }
+}
+
+/// Roots that together hold all rays with α̇ = 0, each normalised by an affine condition. The forms that have one sign in all
+/// pieces of their site sum up to something ≥ 0, and to 0 only where all of them vanish: so either the sum is 1, or they all
+/// vanish and one of the directions left over is ±1, those before it being 0.
+fn vertical_roots(search: &Search<'_>, system: &System) -> Vec<Table> {
+    let Ok(flat) = search.root(&[rate(system, 0.0)]) else {
+        return Vec::new();
+    };
+    let mut roots = Vec::new();
+    let implied = search.implied(&flat);
+    let mut normalised = flat.clone();
+    if normalised.fix_form(&flat.combination(&implied, -1.0)).is_ok() {
+        roots.push(normalised);
+    }
+    let mut rest = flat;
+    for (var, _) in implied {
+        if rest.fix(var).is_err() {
+            return roots;
+        }
+    }
+    while rest.dimension() > 0 {
+        for value in [1.0, -1.0] {
+            let mut root = rest.clone();
+            root.set_column(0, value);
+            roots.push(root);
+        }
+        rest.set_column(0, 0.0);
+    }
+    roots
+}
+
+/// Computes and gathers the arms of single selections.
+struct Collector<'a, P: ?Sized> {
+    map: &'a P,
+    x: &'a [f64],
+    /// Site, number in the site, gradient of each vanishing test function.
+    vanishing: Vec<(usize, usize, Vec<f64>)>,
+    jac: Matrix,
+    solver: AutoSolver,
+    arms: Vec<DirectionalArm>,
+    unresolved: Vec<Selection>,
+}
+
+impl<'a, P: PiecewiseSmooth + ?Sized> Collector<'a, P> {
+    fn new(map: &'a P, x: &'a [f64], active: &ActiveSet) -> Result<Self, EnumerationError> {
+        let layout = TestLayout::new(map);
+        let gradient = |&k: &usize| {
+            let (site, test) = layout.locate(k);
+            let mut gradient = vec![0.0; x.len()];
+            map.test_gradient(site, test, x, &mut gradient);
+            (site, test, gradient)
+        };
+        let jac = Matrix::zeros(map.pattern());
+        let mut solver = AutoSolver::default();
+        solver.analyze(jac.leading_columns(map.num_residuals()).pattern)?;
+        Ok(Self {
+            vanishing: active.vanishing().iter().map(gradient).collect(),
+            map,
+            x,
+            jac,
+            solver,
+            arms: Vec::new(),
+            unresolved: Vec::new(),
+        })
+    }
+
+    fn examine(&mut self, selection: &Selection) -> Result<(), EnumerationError> {
+        let n = self.map.num_residuals();
+        self.jac.clear();
+        self.map.jacobian(selection, self.x, &mut self.jac);
+        if let Some((row, col)) = self.jac.stray() {
+            return Err(PiecewiseError::StrayEntry { row, col }.into());
+        }
+        let mut tangent = vec![0.0; n];
+        for (i, _, v) in self.jac.triplets().filter(|t| t.1 == n) {
+            tangent[i] -= v;
+        }
+        let factored = self.solver.factor(self.jac.leading_columns(n));
+        let solved = factored.and_then(|()| self.solver.solve_in_place(&mut tangent));
+        let sign = match solved {
+            Ok(()) => {
+                tangent.push(1.0);
+                self.solver.log_det().map(|d| d.0)
+            }
+            Err(LinearError::Singular { .. } | LinearError::Inaccurate { .. }) => {
+                let mut rows = vec![vec![0.0; n + 2]; n];
+                for (i, j, v) in self.jac.triplets() {
+                    rows[i][j] += v;
+                }
+                let kernel = solutions(rows, n + 1).map_or_else(Vec::new, |s| s.kernel);
+                let [one] = kernel.as_slice() else {
+                    self.unresolved.push(selection.clone());
+                    return Ok(());
+                };
+                tangent.clone_from(one);
+                Some(0)
+            }
+            Err(e) => return Err(e.into()),
+        };
+        let length = norm(&tangent);
+        for factor in [1.0 / length, -1.0 / length] {
+            let direction: Vec<f64> = tangent.iter().map(|t| t * factor).collect();
+            let vertical = direction.last().is_some_and(|rate| rate.abs() <= VERTICAL);
+            // The determinant behind a vertical tangent is rounding noise.
+            let sign = if vertical { Some(0) } else { sign };
+            if self.enters(selection, &direction) {
+                self.add(selection, direction, sign);
+            }
+        }
+        Ok(())
+    }
+
+    fn enters(&self, selection: &Selection, direction: &[f64]) -> bool {
+        self.vanishing.iter().all(|(site, test, gradient)| {
+            let rate: f64 = gradient.iter().zip(direction).map(|(g, d)| g * d).sum();
+            let cell = self.map.cell(*site, selection.piece(*site)).iter();
+            cell.filter(|f| f.test() == *test)
+                .all(|f| f.sign() * rate >= -TANGENTIAL * norm(gradient))
+        })
+    }
+
+    fn add(&mut self, selection: &Selection, tangent: Vec<f64>, sign: Option<i8>) {
+        let same = |a: &&mut DirectionalArm| {
+            let apart: Vec<f64> = a.tangent.iter().zip(&tangent).map(|(a, b)| a - b).collect();
+            norm(&apart) < SAME
+        };
+        if let Some(known) = self.arms.iter_mut().find(same) {
+            known.selections.push(selection.clone());
+            known.det_signs.push(sign);
+        } else {
+            self.arms.push(DirectionalArm {
+                tangent,
+                selections: vec![selection.clone()],
+                det_signs: vec![sign],
+            });
+        }
+    }
+
+    fn finish(mut self, found: &Candidates) -> DirectionalArms {
+        let group = |a: &DirectionalArm| match a.rate() {
+            _ if a.is_vertical() => 2,
+            rate if rate > 0.0 => 0,
+            _ => 1,
+        };
+        self.arms.sort_by_key(group);
+        let sum = |which: i32| -> Option<i64> {
+            let arms = self.arms.iter().filter(|a| group(a) == which);
+            arms.map(DirectionalArm::index).sum()
+        };
+        let decided = found.complete && self.unresolved.is_empty();
+        let applies = decided && self.arms.iter().all(|a| group(a) != 2);
+        let orientation = if applies { sum(0).zip(sum(1)) } else { None };
+        let completeness = if !found.complete {
+            Completeness::Incomplete {
+                examined: found.examined,
+                total: found.total,
+            }
+        } else if decided {
+            Completeness::Complete
+        } else {
+            Completeness::Undecided {
+                selections: self.unresolved.len() as u64,
+            }
+        };
+        DirectionalArms {
+            arms: self.arms,
+            unresolved: self.unresolved,
+            orientation,
+            completeness,
+            nodes: found.nodes,
+        }
+    }
+}

@@ -1,0 +1,58 @@
+//! What all pieces of a site have in common: signs of its forms that hold whatever piece is chosen. They bound the search from its
+//! root on (for Coulomb friction: uν ≤ 0, λν ≥ 0, |λt| ≤ F λν).
+
+use super::system::{Piece, Site};
+use super::table::{Form, Place, Sign, Table};
+
+/// The forms of a site (by number in the site) that have one sign in all its pieces.
+pub(super) fn implied(site: &Site, offset: usize, table: &Table) -> Vec<(usize, Sign)> {
+    let forms: Option<Vec<Form>> = (0..site.forms.len()).map(|f| table.form(offset + f)).collect();
+    let Some(forms) = forms else {
+        return Vec::new();
+    };
+    let mut found = Vec::new();
+    for f in 0..forms.len() {
+        for sign in [Sign::Positive, Sign::Negative] {
+            if site.pieces.iter().all(|piece| holds(&forms, piece, f, sign)) {
+                found.push((f, sign));
+            }
+        }
+    }
+    found
+}
+
+/// Whether a form has the given sign in the whole cell of a piece: the homogenised cell (the constant times t ≥ 0) holds no point
+/// where it is −1 times that sign.
+fn holds(forms: &[Form], piece: &Piece, form: usize, sign: Sign) -> bool {
+    let same = |f: &(usize, f64)| f.0 == form && f.1 == sign.factor();
+    if piece.equalities.contains(&form) || piece.facets.iter().any(same) {
+        return true;
+    }
+    let homogeneous = |f: &Form, constant: f64| {
+        let mut coefficients = f.coefficients.clone();
+        coefficients.push(f.constant);
+        Form {
+            coefficients,
+            constant,
+            error: f.error,
+        }
+    };
+    let mut all: Vec<Form> = forms.iter().map(|f| homogeneous(f, 0.0)).collect();
+    all.push(homogeneous(&forms[form], sign.factor()));
+    let unknowns = all[0].coefficients.len();
+    let mut table = Table::new(unknowns, all.iter());
+    let t = all.len() + unknowns - 1;
+    debug_assert!(matches!(table.place(t), Place::Column(_)));
+    let mut require = || {
+        table.constrain(t, Sign::Positive)?;
+        for &(f, sign) in &piece.facets {
+            table.constrain(f, Sign::of(sign))?;
+        }
+        for &f in &piece.equalities {
+            table.fix(f)?;
+        }
+        table.fix(forms.len())?;
+        table.repair()
+    };
+    require().is_err()
+}

@@ -1,0 +1,25 @@
+//! Complete lists: all solutions of a piecewise-affine equation at a fixed parameter, all arms of a solution set at a point.
+//!
+//! Where the pieces are affine both are finite problems: choose a piece at every site such that the equalities and the cell
+//! conditions of all chosen pieces hold together. The search chooses site after site, eliminates the equalities of the piece, and
+//! drops a partial choice as soon as a linear program shows that no point satisfies what has been decided and what all pieces of
+//! the open sites have in common. Kᵖ selections are never stored; each pruned partial choice counts the selections it rules out.
+//!
+//! [`all_solutions`] and [`all_arms`] work for any map whose residuals belong each to one site or to none
+//! ([`site_rows`](crate::piecewise::PiecewiseSmooth::site_rows)); for other maps solutions are enumerated one by one, up to the cap.
+
+mod arms;
+mod error;
+mod hull;
+mod kernel;
+mod options;
+mod search;
+mod solutions;
+mod system;
+mod table;
+
+pub(crate) use arms::directional_selections;
+pub use arms::{DirectionalArm, DirectionalArms, all_arms};
+pub use error::EnumerationError;
+pub use options::EnumerationOptions;
+pub use solutions::{Completeness, Continuum, Solution, SolutionSet, all_solutions};

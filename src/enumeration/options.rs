@@ -1,0 +1,74 @@
+/// Options of the enumeration. The defaults need no touching.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct EnumerationOptions {
+    /// Largest number of search nodes (partial selections tried) before the search gives up and says how far it came.
+    /// Default 1 000 000.
+    pub max_nodes: u64,
+    /// A point counts as lying in a closed cell when it is no farther from it than this, relative to 1 + ‖x‖₂. Default 1e-9.
+    pub tolerance: f64,
+    /// Two points closer than this, relative to 1 + ‖x‖₂, are one. Default 1e-8.
+    pub merge_distance: f64,
+}
+
+impl Default for EnumerationOptions {
+    fn default() -> Self {
+        Self {
+            max_nodes: 1_000_000,
+            tolerance: 1e-9,
+            merge_distance: 1e-8,
+        }
+    }
+}
+
+impl EnumerationOptions {
+    /// Sets the largest number of search nodes.
+    #[must_use]
+    pub fn with_max_nodes(mut self, max_nodes: u64) -> Self {
+        self.max_nodes = max_nodes;
+        self
+    }
+
+    /// Sets the distance up to which a point belongs to a cell.
+    #[must_use]
+    pub fn with_tolerance(mut self, tolerance: f64) -> Self {
+        self.tolerance = tolerance;
+        self
+    }
+
+    /// Sets the distance up to which points are one.
+    #[must_use]
+    pub fn with_merge_distance(mut self, merge_distance: f64) -> Self {
+        self.merge_distance = merge_distance;
+        self
+    }
+
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    /// [`EnumerationError::Option`](super::EnumerationError::Option) names the option out of range.
+    pub fn validate(&self) -> Result<(), super::EnumerationError> {
+        let small = |v: f64| v > 0.0 && v < 1.0;
+        let checks = [
+            (
+                "max_nodes",
+                self.max_nodes as f64,
+                self.max_nodes > 0,
+                "at least 1",
+            ),
+            ("tolerance", self.tolerance, small(self.tolerance), "in (0, 1)"),
+            (
+                "merge_distance",
+                self.merge_distance,
+                small(self.merge_distance),
+                "in (0, 1)",
+            ),
+        ];
+        for (name, value, fine, range) in checks {
+            if !fine {
+                return Err(super::EnumerationError::Option { name, value, range });
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,445 @@
+//! All solutions at a fixed parameter.
+
+use super::kernel::{AffineSet, solutions};
+use super::search::Search;
+use super::{EnumerationError, EnumerationOptions, system};
+use crate::linear::{AutoSolver, LinearError, LinearSolver};
+use crate::piecewise::{
+    PiecewiseError, PiecewiseSmooth, Selection, Selections, TestLayout, active_set, cell_margin, check_vector,
+};
+use crate::sparse::Matrix;
+
+/// How far a list is known to be complete.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub enum Completeness {
+    /// Every selection was examined or ruled out.
+    Complete,
+    /// The cap was reached.
+    Incomplete {
+        /// Selections examined or ruled out.
+        examined: f64,
+        /// Selections in all.
+        total: f64,
+    },
+    /// All selections were examined, but for some rounding left open whether they hold a solution.
+    Undecided {
+        /// How many.
+        selections: u64,
+    },
+}
+
+impl Completeness {
+    /// Whether the list is complete.
+    #[must_use]
+    pub fn is_complete(&self) -> bool {
+        *self == Self::Complete
+    }
+}
+
+/// A solution.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Solution {
+    /// The point: y, followed by α for a curve.
+    pub x: Vec<f64>,
+    /// All selections that give this point, in lexicographic order.
+    pub selections: Vec<Selection>,
+    /// For each of them the sign of det ∇_yH^(σ): 0 when singular, `None` when the linear solver knows no determinants.
+    pub det_signs: Vec<Option<i8>>,
+    /// Distance to the nearest kink: the smallest signed test function of its cells; 0 at a transition.
+    pub margin: f64,
+    /// The local index (degree) of the solution: the sign of the determinant where one selection is active, the mean of the two
+    /// signs where two are (0: the point is a fold); `None` where that does not decide.
+    pub index: Option<i8>,
+}
+
+/// A continuum of solutions at one parameter: a vertical segment, or a larger polyhedron.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Continuum {
+    /// The selections that hold it.
+    pub selections: Vec<Selection>,
+    /// Dimension of the solution space of the selection's linear system; 1 for a segment, a ray or a line.
+    pub dimension: usize,
+    /// The ends of a segment (of a ray: one; none where the dimension is larger than one).
+    pub ends: Vec<Vec<f64>>,
+}
+
+/// All solutions of an equation, or of a curve's equation at one parameter.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct SolutionSet {
+    /// The solutions, ordered by their first selection.
+    pub solutions: Vec<Solution>,
+    /// Continua of solutions; empty at regular parameters.
+    pub continua: Vec<Continuum>,
+    /// Σ of the local indices, where all are known and there are no continua. By degree theory it does not depend on the data
+    /// of a class of problems: +1 for friction with F ≥ 0 and for LCPs whose matrix is strictly copositive (or P).
+    pub index_sum: Option<i64>,
+    /// Whether the lists are complete.
+    pub completeness: Completeness,
+    /// Nodes of the search: partial selections tried.
+    pub nodes: u64,
+    /// Exchange steps of all linear programs.
+    pub pivots: u64,
+}
+
+/// All solutions y of H(y, α) = 0 for a map whose pieces are affine in y. For an equation (as many variables as residuals) `alpha`
+/// is ignored.
+///
+/// Affinity is tested on every row by derivatives at two points, and every solution by its residual and its cell. Maps whose
+/// residuals depend each on the piece of one site at most are searched with pruning; others selection by selection.
+///
+/// # Errors
+/// Options out of range, maps that are neither equation nor curve, α not finite, [`EnumerationError::NotAffine`] with the row or
+/// site, [`EnumerationError::TooLarge`], Jacobians that are not finite or have entries outside their pattern.
+///
+/// ```
+/// use semismooth::enumeration::{EnumerationOptions, all_solutions};
+/// use semismooth::piecewise::MinMap;
+/// // 0 ≤ x ⟂ −x + 1 ≥ 0 has the solutions 0 and 1.
+/// let lcp = MinMap::new(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| { a[0] = x[0]; b[0] = 1.0 - x[0]; });
+/// let set = all_solutions(&lcp, 0.0, &EnumerationOptions::default())?;
+/// assert_eq!(set.solutions.len(), 2);
+/// assert_eq!(set.index_sum, Some(0));
+/// assert!(set.completeness.is_complete());
+/// # Ok::<(), semismooth::enumeration::EnumerationError>(())
+/// ```
+pub fn all_solutions<P: PiecewiseSmooth + ?Sized>(
+    map: &P,
+    alpha: f64,
+    options: &EnumerationOptions,
+) -> Result<SolutionSet, EnumerationError> {
+    options.validate()?;
+    check_vector("the parameter", &[alpha], 1)?;
+    let (m, n) = (map.num_vars(), map.num_residuals());
+    if m != n && m != n + 1 {
+        return Err(PiecewiseError::Dimensions {
+            vars: m,
+            residuals: n,
+            expected: "as many variables as residuals, or one more (the parameter)",
+        }
+        .into());
+    }
+    let mut origin = vec![0.0; m];
+    if m > n {
+        origin[n] = alpha;
+    }
+    let mut collector = Collector::new(map, origin.clone(), options)?;
+    let mut set = SolutionSet {
+        solutions: Vec::new(),
+        continua: Vec::new(),
+        index_sum: None,
+        completeness: Completeness::Complete,
+        nodes: 0,
+        pivots: 0,
+    };
+    let (examined, total, stopped);
+    if let Some(owner) = system::owners(map, 0..map.num_sites()) {
+        let system = system::at_parameter(map, &owner, &origin)?;
+        let mut search = Search::new(&system, options.max_nodes);
+        match search.root(&[]) {
+            Ok(root) => search.run(root, &mut |pieces| {
+                collector.examine(&Selection::from_pieces(pieces.iter().copied()))
+            })?,
+            Err(_) => search.examined = search.total,
+        }
+        (set.nodes, set.pivots) = (search.nodes, search.pivots);
+        (examined, total, stopped) = (search.examined, search.total, search.stopped);
+    } else {
+        total = (0..map.num_sites()).map(|s| map.num_pieces(s) as f64).product();
+        for selection in Selections::all(map).take(usize::try_from(options.max_nodes).unwrap_or(usize::MAX)) {
+            collector.examine(&selection)?;
+            set.nodes += 1;
+        }
+        examined = set.nodes as f64;
+        stopped = examined < total;
+    }
+    set.completeness = match collector.undecided {
+        _ if stopped => Completeness::Incomplete { examined, total },
+        0 => Completeness::Complete,
+        selections => Completeness::Undecided { selections },
+    };
+    collector.finish(&mut set);
+    Ok(set)
+}
+
+/// Reciprocal condition below which the rank is determined by elimination with full pivoting.
+const DOUBTFUL: f64 = 1e-11;
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Rank {
+    Full,
+    Deficient,
+}
+
+pub(super) fn norm(v: &[f64]) -> f64 {
+    v.iter().map(|c| c * c).sum::<f64>().sqrt()
+}
+
+/// Solves for single selections, verifies and gathers what they give.
+struct Collector<'a, P: ?Sized> {
+    map: &'a P,
+    options: &'a EnumerationOptions,
+    layout: TestLayout,
+    origin: Vec<f64>,
+    probe: Vec<f64>,
+    jac: Matrix,
+    solver: AutoSolver,
+    solutions: Vec<Solution>,
+    continua: Vec<Continuum>,
+    undecided: u64,
+}
+
+impl<'a, P: PiecewiseSmooth + ?Sized> Collector<'a, P> {
+    fn new(map: &'a P, origin: Vec<f64>, options: &'a EnumerationOptions) -> Result<Self, EnumerationError> {
+        let jac = Matrix::zeros(map.pattern());
+        let mut solver = AutoSolver::default();
+        solver.analyze(jac.leading_columns(map.num_residuals()).pattern)?;
+        Ok(Self {
+            map,
+            options,
+            layout: TestLayout::new(map),
+            probe: system::probe(&origin, map.num_residuals()),
+            origin,
+            jac,
+            solver,
+            solutions: Vec::new(),
+            continua: Vec::new(),
+            undecided: 0,
+        })
+    }
+
+    fn examine(&mut self, selection: &Selection) -> Result<(), EnumerationError> {
+        let n = self.map.num_residuals();
+        self.jac.clear();
+        self.map.jacobian(selection, &self.origin, &mut self.jac);
+        if let Some((row, col)) = self.jac.stray() {
+            return Err(PiecewiseError::StrayEntry { row, col }.into());
+        }
+        let doubtful = match self.solver.factor(self.jac.leading_columns(n)) {
+            Ok(()) => self.solver.rcond().is_some_and(|rcond| rcond < DOUBTFUL),
+            Err(LinearError::Singular { .. }) => true,
+            Err(e) => return Err(e.into()),
+        };
+        if doubtful {
+            match self.singular(selection) {
+                Rank::Deficient => return Ok(()),
+                Rank::Full => {}
+            }
+        }
+        let sign = self.solver.log_det().map(|d| d.0);
+        let mut x = self.origin.clone();
+        let mut r = vec![0.0; n];
+        // The first solve is the solution; the others remove the rounding of approximate Jacobians.
+        for _ in 0..3 {
+            self.map.residual(selection, &x, &mut r);
+            if self.solver.solve_in_place(&mut r).is_err() {
+                self.undecided += 1;
+                return Ok(());
+            }
+            for (x, d) in x.iter_mut().zip(&r) {
+                *x -= d;
+            }
+        }
+        self.check_affine(selection, &x)?;
+        if self.lies_in_cell(selection, &x) {
+            self.add(selection, x, sign);
+        }
+        Ok(())
+    }
+
+    /// An affine piece has no residual left after the solve, wherever its solution is.
+    fn check_affine(&self, selection: &Selection, x: &[f64]) -> Result<(), EnumerationError> {
+        let n = self.map.num_residuals();
+        let (mut r, mut at_probe, mut base) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
+        self.map.residual(selection, x, &mut r);
+        self.map.residual(selection, &self.probe, &mut at_probe);
+        self.map.residual(selection, &self.origin, &mut base);
+        let mut terms = vec![0.0; n];
+        for (i, j, v) in self.jac.triplets().filter(|t| t.1 < n) {
+            terms[i] += v.abs() * (x[j].abs() + self.probe[j].abs());
+            at_probe[i] -= v * self.probe[j];
+        }
+        for i in 0..n {
+            let size = terms[i] + base[i].abs();
+            if r[i].abs() > 1e-7 * size || (at_probe[i] - base[i]).abs() > 1e-7 * size {
+                return Err(EnumerationError::NotAffine {
+                    what: format!("residual {i}"),
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether all facets of the selection hold at x, within the tolerance as a distance.
+    fn lies_in_cell(&self, selection: &Selection, x: &[f64]) -> bool {
+        let mut theta = vec![0.0; self.layout.total()];
+        self.map.test_functions(x, &mut theta);
+        let mut gradient = vec![0.0; x.len()];
+        (0..self.layout.num_sites()).all(|site| {
+            let tests = &theta[self.layout.range(site)];
+            self.map.cell(site, selection.piece(site)).iter().all(|facet| {
+                let margin = facet.margin(tests);
+                margin >= 0.0 || {
+                    self.map.test_gradient(site, facet.test(), x, &mut gradient);
+                    let size = norm(&gradient) * (1.0 + norm(x));
+                    margin >= -self.options.tolerance * size
+                }
+            })
+        })
+    }
+
+    fn margin(&self, selection: &Selection, x: &[f64]) -> f64 {
+        let mut theta = vec![0.0; self.layout.total()];
+        self.map.test_functions(x, &mut theta);
+        let margins = (0..self.layout.num_sites()).map(|site| {
+            let cell = self.map.cell(site, selection.piece(site));
+            cell_margin(cell, &theta[self.layout.range(site)])
+        });
+        margins.fold(f64::INFINITY, f64::min).max(0.0)
+    }
+
+    fn same(&self, a: &[f64], b: &[f64]) -> bool {
+        let apart: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
+        norm(&apart) <= self.options.merge_distance * (1.0 + norm(a))
+    }
+
+    fn add(&mut self, selection: &Selection, x: Vec<f64>, sign: Option<i8>) {
+        let margin = self.margin(selection, &x);
+        let known = (0..self.solutions.len()).find(|&k| self.same(&self.solutions[k].x, &x));
+        match known {
+            Some(k) => {
+                let s = &mut self.solutions[k];
+                s.selections.push(selection.clone());
+                s.det_signs.push(sign);
+                s.margin = s.margin.min(margin);
+            }
+            None => self.solutions.push(Solution {
+                x,
+                selections: vec![selection.clone()],
+                det_signs: vec![sign],
+                margin,
+                index: None,
+            }),
+        }
+    }
+
+    /// A selection with a singular Jacobian: no solution, a segment, or more.
+    fn singular(&mut self, selection: &Selection) -> Rank {
+        let n = self.map.num_residuals();
+        let mut r = vec![0.0; n];
+        self.map.residual(selection, &self.origin, &mut r);
+        let mut rows: Vec<Vec<f64>> = r
+            .into_iter()
+            .map(|c| {
+                let mut row = vec![0.0; n + 1];
+                row[n] = c;
+                row
+            })
+            .collect();
+        for (i, j, v) in self.jac.triplets().filter(|t| t.1 < n) {
+            rows[i][j] += v;
+        }
+        let Some(set) = solutions(rows, n) else {
+            return Rank::Deficient;
+        };
+        match set.kernel.as_slice() {
+            [] => return Rank::Full,
+            [direction] => self.segment(selection, &set, direction),
+            _ => self.continua.push(Continuum {
+                selections: vec![selection.clone()],
+                dimension: set.kernel.len(),
+                ends: Vec::new(),
+            }),
+        }
+        Rank::Deficient
+    }
+
+    /// The part of the line y + t d that lies in the cell.
+    fn segment(&mut self, selection: &Selection, set: &AffineSet, direction: &[f64]) {
+        let at = |t: f64| -> Vec<f64> {
+            let mut x = self.origin.clone();
+            for (x, (p, d)) in x.iter_mut().zip(set.point.iter().zip(direction)) {
+                *x = p + t * d;
+            }
+            x
+        };
+        let total = self.layout.total();
+        let (mut here, mut there) = (vec![0.0; total], vec![0.0; total]);
+        self.map.test_functions(&at(0.0), &mut here);
+        self.map.test_functions(&at(1.0), &mut there);
+        let (mut low, mut high) = (f64::NEG_INFINITY, f64::INFINITY);
+        for site in 0..self.layout.num_sites() {
+            let range = self.layout.range(site);
+            for facet in self.map.cell(site, selection.piece(site)) {
+                let (a, b) = (
+                    facet.margin(&here[range.clone()]),
+                    facet.margin(&there[range.clone()]),
+                );
+                let (rate, slack) = (b - a, self.options.tolerance * (a.abs() + b.abs()));
+                if rate.abs() <= slack {
+                    if a < -1e3 * slack.max(f64::EPSILON) {
+                        return;
+                    }
+                } else if rate > 0.0 {
+                    low = low.max(-a / rate);
+                } else {
+                    high = high.min(-a / rate);
+                }
+            }
+        }
+        let rounding = self.options.merge_distance * (1.0 + norm(&set.point)) / norm(direction);
+        if low > high + rounding {
+            return;
+        }
+        if high - low <= rounding {
+            let x = at(0.5 * (low + high));
+            return self.add(selection, x, Some(0));
+        }
+        let ends: Vec<Vec<f64>> = [low, high]
+            .into_iter()
+            .filter(|t| t.is_finite())
+            .map(at)
+            .collect();
+        let known = self.continua.iter().position(|c| {
+            let agree = |e: &Vec<f64>| c.ends.iter().any(|f| self.same(e, f));
+            c.dimension == 1 && !ends.is_empty() && c.ends.len() == ends.len() && ends.iter().all(agree)
+        });
+        match known {
+            Some(k) => self.continua[k].selections.push(selection.clone()),
+            None => self.continua.push(Continuum {
+                selections: vec![selection.clone()],
+                dimension: 1,
+                ends,
+            }),
+        }
+    }
+
+    /// Orders the list, finds the local indices and their sum.
+    fn finish(mut self, set: &mut SolutionSet) {
+        for s in &mut self.solutions {
+            let mut order: Vec<usize> = (0..s.selections.len()).collect();
+            order.sort_by(|&a, &b| s.selections[a].cmp(&s.selections[b]));
+            s.selections = order.iter().map(|&k| s.selections[k].clone()).collect();
+            s.det_signs = order.iter().map(|&k| s.det_signs[k]).collect();
+            s.index = match s.det_signs.as_slice() {
+                [Some(sign)] if *sign != 0 => Some(*sign),
+                // Two selections share a facet with nothing else active: the sum of two half-space maps.
+                [Some(a), Some(b)] if *a != 0 && *b != 0 => {
+                    let tolerance =
+                        self.options.merge_distance * s.x.iter().fold(1.0f64, |m, v| m.max(v.abs()));
+                    let two = active_set(self.map, &s.x, tolerance).total() == Some(2);
+                    two.then_some((a + b) / 2)
+                }
+                _ => None,
+            };
+        }
+        self.solutions.sort_by(|a, b| a.selections.cmp(&b.selections));
+        let indices: Option<i64> = self.solutions.iter().map(|s| s.index.map(i64::from)).sum();
+        set.index_sum = indices.filter(|_| self.continua.is_empty());
+        set.solutions = self.solutions;
+        set.continua = self.continua;
+    }
+}

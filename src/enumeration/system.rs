@@ -1,0 +1,330 @@
+//! The affine forms behind a piecewise-affine system: common equalities, and for each site the equalities and facets of its pieces.
+
+use super::EnumerationError;
+use super::kernel::NOISE;
+use super::table::Form;
+use crate::piecewise::{ActiveSet, PiecewiseSmooth, Selection, TestLayout};
+use crate::sparse::Matrix;
+
+/// Largest number of coefficients in the dense table.
+const MAX_TABLE: usize = 1 << 26;
+/// Derivatives that differ by more than this, relative to their size, are not constant.
+const CONSTANT: f64 = 1e-6;
+
+/// A piecewise-affine system: the common forms vanish, and at every site all conditions of one of its pieces hold.
+#[derive(Debug, Clone)]
+pub(super) struct System {
+    pub(super) unknowns: usize,
+    pub(super) common: Vec<Form>,
+    pub(super) sites: Vec<Site>,
+}
+
+#[derive(Debug, Clone)]
+pub(super) struct Site {
+    /// Its number in the map.
+    pub(super) site: usize,
+    pub(super) forms: Vec<Form>,
+    pub(super) pieces: Vec<Piece>,
+}
+
+#[derive(Debug, Clone)]
+pub(super) struct Piece {
+    /// Its number in the map.
+    pub(super) piece: usize,
+    /// Forms of the site that vanish.
+    pub(super) equalities: Vec<usize>,
+    /// Forms of the site that have the given sign.
+    pub(super) facets: Vec<(usize, f64)>,
+}
+
+/// Which residuals belong to which of the given sites; `None` where one depends on the pieces of two sites.
+pub(super) fn owners<P: PiecewiseSmooth + ?Sized>(
+    map: &P,
+    sites: impl Iterator<Item = usize>,
+) -> Option<Vec<Option<usize>>> {
+    let mut owner = vec![None; map.num_residuals()];
+    let mut rows = Vec::new();
+    for site in sites {
+        map.site_rows(site, &mut rows);
+        for &row in &rows {
+            match owner.get_mut(row) {
+                Some(free @ None) => *free = Some(site),
+                Some(Some(other)) if *other == site => {}
+                _ => return None,
+            }
+        }
+    }
+    Some(owner)
+}
+
+/// Rows of derivatives at a point and, for the noise in them, at a second one.
+struct Rows {
+    forms: Vec<Form>,
+}
+
+/// Derivatives of H^(σ) with respect to the first `unknowns` variables, with their noise between `x` and `probe`.
+fn rows<P: PiecewiseSmooth + ?Sized>(
+    map: &P,
+    selection: &Selection,
+    at: [&[f64]; 2],
+    unknowns: usize,
+    jac: &mut Matrix,
+) -> Result<Rows, EnumerationError> {
+    let n = map.num_residuals();
+    let mut constants = vec![0.0; n];
+    map.residual(selection, at[0], &mut constants);
+    let mut pair = [vec![0.0; n * unknowns], vec![0.0; n * unknowns]];
+    for (x, dense) in at.iter().zip(&mut pair) {
+        jac.clear();
+        map.jacobian(selection, x, jac);
+        if let Some((row, col)) = jac.stray() {
+            return Err(crate::piecewise::PiecewiseError::StrayEntry { row, col }.into());
+        }
+        for (i, j, v) in jac.triplets().filter(|t| t.1 < unknowns) {
+            dense[i * unknowns + j] += v;
+        }
+    }
+    let forms = (0..n)
+        .map(|i| {
+            let range = i * unknowns..(i + 1) * unknowns;
+            form(&pair[0][range.clone()], &pair[1][range], constants[i])
+        })
+        .collect();
+    Ok(Rows { forms })
+}
+
+/// The form with the first coefficients; the difference to the second ones is its error.
+fn form(first: &[f64], second: &[f64], constant: f64) -> Form {
+    let noise = first
+        .iter()
+        .zip(second)
+        .fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
+    // A coefficient within the noise would be scaled up to a wrong one.
+    let clean = |a: &f64| if a.abs() <= 4.0 * noise { 0.0 } else { *a };
+    Form {
+        coefficients: first.iter().map(clean).collect(),
+        constant,
+        error: 4.0 * noise,
+    }
+}
+
+fn size(form: &Form) -> f64 {
+    form.coefficients.iter().fold(0.0f64, |m, a| m.max(a.abs()))
+}
+
+/// All forms of the given sites and pieces, the derivatives taken at `at[0]`. `tests` says which test functions count.
+fn build<P: PiecewiseSmooth + ?Sized>(
+    map: &P,
+    owner: &[Option<usize>],
+    base: &Selection,
+    choices: &[(usize, Vec<usize>)],
+    at: [&[f64]; 2],
+    unknowns: usize,
+    tests: impl Fn(usize, usize) -> bool,
+) -> Result<System, EnumerationError> {
+    let layout = TestLayout::new(map);
+    let mut theta = vec![0.0; layout.total()];
+    map.test_functions(at[0], &mut theta);
+    let mut jac = Matrix::zeros(map.pattern());
+    let mut system = System {
+        unknowns,
+        common: Vec::new(),
+        sites: Vec::new(),
+    };
+    let mut gradients = [vec![0.0; map.num_vars()], vec![0.0; map.num_vars()]];
+    let mut test_of = Vec::with_capacity(choices.len());
+    for (site, pieces) in choices {
+        let mut forms = Vec::new();
+        let mut index = vec![usize::MAX; map.num_tests(*site)];
+        for test in 0..map.num_tests(*site) {
+            let used = pieces
+                .iter()
+                .any(|&k| map.cell(*site, k).iter().any(|f| f.test() == test));
+            if !used || !tests(*site, test) {
+                continue;
+            }
+            for (x, gradient) in at.iter().zip(&mut gradients) {
+                map.test_gradient(*site, test, x, gradient);
+            }
+            index[test] = forms.len();
+            let value = theta[layout.range(*site).start + test];
+            forms.push(form(&gradients[0][..unknowns], &gradients[1][..unknowns], value));
+        }
+        let facets = |k: usize| {
+            let cell = map.cell(*site, k).iter();
+            cell.filter(|f| index[f.test()] != usize::MAX)
+                .map(|f| (index[f.test()], f.sign()))
+                .collect()
+        };
+        system.sites.push(Site {
+            site: *site,
+            pieces: pieces
+                .iter()
+                .map(|&piece| Piece {
+                    piece,
+                    equalities: Vec::new(),
+                    facets: facets(piece),
+                })
+                .collect(),
+            forms,
+        });
+        test_of.push(index);
+    }
+    // Rows depend on the piece of their own site alone: one Jacobian gives the k-th pieces of all sites.
+    let rounds = choices.iter().map(|c| c.1.len()).max().unwrap_or(1).max(1);
+    let mut selection = base.clone();
+    for round in 0..rounds {
+        for (site, pieces) in choices {
+            selection.set(*site, pieces[round.min(pieces.len() - 1)]);
+        }
+        let found = rows(map, &selection, at, unknowns, &mut jac)?;
+        if round == 0 {
+            let common = found.forms.iter().zip(owner).filter(|f| f.1.is_none());
+            system.common = common.map(|f| f.0.clone()).collect();
+        }
+        for s in system.sites.iter_mut().filter(|s| round < s.pieces.len()) {
+            for (row, _) in owner.iter().enumerate().filter(|o| *o.1 == Some(s.site)) {
+                let new = &found.forms[row];
+                // Pieces share rows (three of Coulomb's four say uν = 0): one form does for all.
+                let same = |f: &Form| f.constant == new.constant && f.coefficients == new.coefficients;
+                let k = s.forms.iter().position(same).unwrap_or_else(|| {
+                    s.forms.push(new.clone());
+                    s.forms.len() - 1
+                });
+                s.pieces[round].equalities.push(k);
+            }
+        }
+    }
+    system.check()?;
+    Ok(system)
+}
+
+/// The system of all solutions y at fixed parameter; x = (0, α) is its origin.
+pub(super) fn at_parameter<P: PiecewiseSmooth + ?Sized>(
+    map: &P,
+    owner: &[Option<usize>],
+    origin: &[f64],
+) -> Result<System, EnumerationError> {
+    let n = map.num_residuals();
+    let probe = probe(origin, n);
+    let choices: Vec<(usize, Vec<usize>)> = (0..map.num_sites())
+        .map(|s| (s, (0..map.num_pieces(s)).collect()))
+        .collect();
+    let base = Selection::uniform(map.num_sites(), 0);
+    let mut system = build(map, owner, &base, &choices, [origin, &probe], n, |_, _| true)?;
+    for form in system.common.iter() {
+        constant_form(form, || "a row common to all pieces".into())?;
+    }
+    for s in &system.sites {
+        for form in &s.forms {
+            constant_form(form, || map.site_name(s.site).into_owned())?;
+        }
+    }
+    system.scale();
+    Ok(system)
+}
+
+/// A point off the origin, of no particular position: derivatives that are the same there are taken to be constant.
+pub(super) fn probe(origin: &[f64], unknowns: usize) -> Vec<f64> {
+    let mut probe = origin.to_vec();
+    for (i, v) in probe.iter_mut().take(unknowns).enumerate() {
+        let fraction = ((i * 7919 + 3571) % 1009) as f64 / 1009.0;
+        *v += (3.0 * fraction - 1.4) * if i % 2 == 0 { 1.0 } else { -1.7 };
+    }
+    probe
+}
+
+fn constant_form(form: &Form, what: impl Fn() -> String) -> Result<(), EnumerationError> {
+    if form.error > 4.0 * CONSTANT * size(form).max(f64::MIN_POSITIVE) && form.error > 1e-9 {
+        return Err(EnumerationError::NotAffine { what: what() });
+    }
+    Ok(())
+}
+
+/// The system of all directions (ẏ, α̇) at x: H'(x; τ) = 0, homogeneous.
+pub(super) fn directional<P: PiecewiseSmooth + ?Sized>(
+    map: &P,
+    owner: &[Option<usize>],
+    x: &[f64],
+    active: &ActiveSet,
+) -> Result<System, EnumerationError> {
+    let m = map.num_vars();
+    // Differences across a step of rounding size show the noise of approximate derivatives, and nothing else.
+    let near: Vec<f64> = x.iter().map(|v| v + 1e-13 * (1.0 + v.abs())).collect();
+    let layout = TestLayout::new(map);
+    let vanishes = |site: usize, test: usize| {
+        active
+            .vanishing()
+            .binary_search(&(layout.range(site).start + test))
+            .is_ok()
+    };
+    let choices = active.degenerate_sites();
+    let mut system = build(map, owner, active.first(), choices, [x, &near], m, vanishes)?;
+    system.all_forms().for_each(|f| f.constant = 0.0);
+    system.scale();
+    Ok(system)
+}
+
+impl System {
+    fn all_forms(&mut self) -> impl Iterator<Item = &mut Form> {
+        let sites = self.sites.iter_mut().flat_map(|s| &mut s.forms);
+        self.common.iter_mut().chain(sites)
+    }
+
+    fn check(&self) -> Result<(), EnumerationError> {
+        let rows = self.common.len() + self.sites.iter().map(|s| s.forms.len()).sum::<usize>();
+        match rows.checked_mul(self.unknowns + 1) {
+            Some(total) if total <= MAX_TABLE => Ok(()),
+            _ => Err(EnumerationError::TooLarge {
+                rows,
+                unknowns: self.unknowns,
+            }),
+        }
+    }
+
+    /// Scales unknowns and forms by powers of two so that coefficients are of size one, and the constants by one more.
+    fn scale(&mut self) {
+        let mut columns = vec![0.0f64; self.unknowns];
+        for form in self.all_forms() {
+            scale_form(form);
+            for (c, a) in columns.iter_mut().zip(&form.coefficients) {
+                *c = c.max(a.abs());
+            }
+        }
+        let factor = |&c: &f64| if c <= NOISE { 0.0 } else { power(c) };
+        let factors: Vec<f64> = columns.iter().map(factor).collect();
+        let mut largest = 0.0f64;
+        for form in self.all_forms() {
+            for (a, f) in form.coefficients.iter_mut().zip(&factors) {
+                *a *= f;
+            }
+            scale_form(form);
+            if form.coefficients.iter().any(|a| *a != 0.0) {
+                largest = largest.max(form.constant.abs());
+            }
+        }
+        let constants = power(largest);
+        for form in self.all_forms() {
+            let flat = form.coefficients.iter().all(|a| *a == 0.0);
+            form.constant *= if flat { power(form.constant) } else { constants };
+            form.error += f64::EPSILON;
+        }
+    }
+}
+
+/// The power of two next to 1/v; 1 for v = 0.
+fn power(v: f64) -> f64 {
+    let v = v.abs();
+    if v > 0.0 && v.is_finite() {
+        (-v.log2().round()).clamp(-1000.0, 1000.0).exp2()
+    } else {
+        1.0
+    }
+}
+
+fn scale_form(form: &mut Form) {
+    let f = power(size(form));
+    form.coefficients.iter_mut().for_each(|a| *a *= f);
+    form.constant *= f;
+    form.error *= f;
+}

@@ -1,0 +1,422 @@
+//! A dictionary of affine forms: every form as a constant plus a combination of the columns, with sign constraints on both.
+
+/// Rounding unit of the running error bounds.
+const EPS: f64 = f64::EPSILON;
+/// Coefficients below this multiple of their error bound count as zero.
+const SAFETY: f64 = 64.0;
+/// Size (in scaled units, summed over the columns) up to which a coefficient taken for zero might have mattered.
+const RADIUS: f64 = 1e4;
+/// Constants up to this size, in scaled units, are no evidence: a contradiction has to be clearer.
+const CLEAR: f64 = 1e-9;
+
+/// What is known of the sign of a form.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Sign {
+    Free,
+    Positive,
+    Negative,
+}
+
+impl Sign {
+    /// +1 for ≥ 0, −1 for ≤ 0, 0 for any.
+    pub(super) fn factor(self) -> f64 {
+        match self {
+            Self::Free => 0.0,
+            Self::Positive => 1.0,
+            Self::Negative => -1.0,
+        }
+    }
+
+    pub(super) fn of(factor: f64) -> Self {
+        if factor >= 0.0 {
+            Self::Positive
+        } else {
+            Self::Negative
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Place {
+    Row(usize),
+    Column(usize),
+    /// Fixed at zero, or of no further interest.
+    Gone,
+}
+
+/// An affine form of the unknowns, and a bound of the rounding error in its coefficients.
+#[derive(Debug, Clone)]
+pub(super) struct Form {
+    pub(super) coefficients: Vec<f64>,
+    pub(super) constant: f64,
+    pub(super) error: f64,
+}
+
+/// The system cannot be satisfied: proved within rounding.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Contradiction;
+
+/// The dictionary. Variables are the forms, numbered as given, followed by the unknowns, which are free.
+///
+/// Elimination of an equality exchanges its form with a column and drops the column; feasibility of the sign constraints is
+/// restored by exchanges of the same kind (the dual simplex method without costs, Bland's rule in the end), so that a child of a
+/// search node starts from the basis of its parent.
+#[derive(Debug, Clone)]
+pub(super) struct Table {
+    forms: usize,
+    stride: usize,
+    /// Variable of each row and of each column.
+    rows: Vec<usize>,
+    columns: Vec<usize>,
+    /// Rows of `stride` numbers: the constant, then the coefficients.
+    data: Vec<f64>,
+    error: Vec<f64>,
+    place: Vec<Place>,
+    sign: Vec<Sign>,
+    scratch: Vec<f64>,
+    pub(super) pivots: u64,
+}
+
+impl Table {
+    pub(super) fn new<'f>(unknowns: usize, forms: impl Iterator<Item = &'f Form>) -> Self {
+        let stride = unknowns + 1;
+        let (mut data, mut error) = (Vec::new(), Vec::new());
+        for form in forms {
+            data.push(form.constant);
+            data.extend_from_slice(&form.coefficients);
+            error.push(form.error);
+        }
+        let count = error.len();
+        let mut place: Vec<Place> = (0..count).map(Place::Row).collect();
+        place.extend((0..unknowns).map(Place::Column));
+        Self {
+            forms: count,
+            stride,
+            rows: (0..count).collect(),
+            columns: (count..count + unknowns).collect(),
+            data,
+            error,
+            sign: vec![Sign::Free; place.len()],
+            place,
+            scratch: Vec::new(),
+            pivots: 0,
+        }
+    }
+
+    /// A copy without room for what has been dropped.
+    pub(super) fn compact(&self) -> Self {
+        let width = self.width();
+        let mut data = Vec::with_capacity(self.rows.len() * width);
+        for r in 0..self.rows.len() {
+            data.extend_from_slice(self.row(r));
+        }
+        Self {
+            forms: self.forms,
+            stride: width,
+            rows: self.rows.clone(),
+            columns: self.columns.clone(),
+            data,
+            error: self.error.clone(),
+            place: self.place.clone(),
+            sign: self.sign.clone(),
+            scratch: Vec::new(),
+            pivots: 0,
+        }
+    }
+
+    fn width(&self) -> usize {
+        self.columns.len() + 1
+    }
+
+    fn row(&self, r: usize) -> &[f64] {
+        &self.data[r * self.stride..r * self.stride + self.width()]
+    }
+
+    /// Number of columns: the dimension that is left.
+    pub(super) fn dimension(&self) -> usize {
+        self.columns.len()
+    }
+
+    pub(super) fn place(&self, var: usize) -> Place {
+        self.place[var]
+    }
+
+    pub(super) fn sign(&self, var: usize) -> Sign {
+        self.sign[var]
+    }
+
+    /// The form of a variable over the present columns, and whether it is one (a column is its own form).
+    pub(super) fn form(&self, var: usize) -> Option<Form> {
+        let Place::Row(r) = self.place[var] else {
+            return None;
+        };
+        let row = self.row(r);
+        Some(Form {
+            constant: row[0],
+            coefficients: row[1..].to_vec(),
+            error: self.error[r],
+        })
+    }
+
+    /// Adds the variables' sum, with factors, as a new row; returns its variable. Only before any search: numbers of forms shift.
+    pub(super) fn combination(&self, terms: &[(usize, f64)], constant: f64) -> Form {
+        let mut sum = Form {
+            coefficients: vec![0.0; self.columns.len()],
+            constant,
+            error: 0.0,
+        };
+        for &(var, factor) in terms {
+            match self.place[var] {
+                Place::Row(r) => {
+                    sum.constant += factor * self.row(r)[0];
+                    for (s, a) in sum.coefficients.iter_mut().zip(&self.row(r)[1..]) {
+                        *s += factor * a;
+                    }
+                    sum.error = sum.error.max(factor.abs() * self.error[r]);
+                }
+                Place::Column(c) => sum.coefficients[c] += factor,
+                Place::Gone => {}
+            }
+        }
+        sum
+    }
+
+    /// Eliminates one more equality, given over the present columns.
+    pub(super) fn fix_form(&mut self, form: &Form) -> Result<(), Contradiction> {
+        let var = self.place.len();
+        let r = self.rows.len();
+        self.place.push(Place::Row(r));
+        self.sign.push(Sign::Free);
+        self.rows.push(var);
+        self.error.push(form.error);
+        self.data.resize(r * self.stride, 0.0);
+        self.data.push(form.constant);
+        self.data.extend_from_slice(&form.coefficients);
+        self.data.resize((r + 1) * self.stride, 0.0);
+        self.fix(var)
+    }
+
+    /// Sets a variable to zero.
+    pub(super) fn fix(&mut self, var: usize) -> Result<(), Contradiction> {
+        match self.place[var] {
+            Place::Gone => {}
+            Place::Column(c) => self.drop_column(c),
+            Place::Row(r) => match self.largest(r) {
+                Some(c) => {
+                    self.exchange(r, c);
+                    if let Place::Column(c) = self.place[var] {
+                        self.drop_column(c);
+                    }
+                }
+                None if self.row(r)[0].abs() > self.threshold(r) => return Err(Contradiction),
+                None => self.drop_row(r),
+            },
+        }
+        self.place[var] = Place::Gone;
+        Ok(())
+    }
+
+    /// Gives the column at a position a value.
+    pub(super) fn set_column(&mut self, c: usize, value: f64) {
+        for r in 0..self.rows.len() {
+            let a = self.data[r * self.stride + 1 + c];
+            self.data[r * self.stride] += value * a;
+        }
+        self.drop_column(c);
+    }
+
+    /// Constrains the sign of a variable; opposite constraints make it zero.
+    pub(super) fn constrain(&mut self, var: usize, sign: Sign) -> Result<(), Contradiction> {
+        if self.place[var] == Place::Gone {
+            return Ok(());
+        }
+        match (self.sign[var], sign) {
+            (_, Sign::Free) => Ok(()),
+            (Sign::Free, _) => {
+                self.sign[var] = sign;
+                Ok(())
+            }
+            (old, new) if old == new => Ok(()),
+            _ => self.fix(var),
+        }
+    }
+
+    /// Forgets a row that is of no further interest; a column has to stay.
+    pub(super) fn forget(&mut self, var: usize) {
+        if let Place::Row(r) = self.place[var] {
+            self.drop_row(r);
+        }
+    }
+
+    /// Restores the sign constraints of all rows.
+    pub(super) fn repair(&mut self) -> Result<(), Contradiction> {
+        let quick = 4 * (self.rows.len() + self.columns.len()) + 20;
+        // Bland's rule ends in exact arithmetic; a limit makes sure of it, and gives no verdict.
+        for step in 0..20 * quick {
+            let bland = step > quick;
+            let Some(r) = self.violated(bland) else {
+                return Ok(());
+            };
+            match self.entering(r, bland) {
+                Some(c) => self.exchange(r, c),
+                None => return Err(Contradiction),
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether a variable can be ≥ 0 and whether it can be ≤ 0, by the signs of its row alone.
+    pub(super) fn reach(&self, var: usize) -> (bool, bool) {
+        let Place::Row(r) = self.place[var] else {
+            return (true, true);
+        };
+        let (threshold, tiny) = (self.threshold(r), SAFETY * self.error[r]);
+        let row = self.row(r);
+        let (mut up, mut down) = (row[0] >= -threshold, row[0] <= threshold);
+        for (a, &column) in row[1..].iter().zip(&self.columns) {
+            if a.abs() <= tiny {
+                continue;
+            }
+            let way = a * self.sign[column].factor();
+            up |= way >= 0.0;
+            down |= way <= 0.0;
+        }
+        (up, down)
+    }
+
+    /// The value of a variable at the present vertex (all columns zero).
+    pub(super) fn value(&self, var: usize) -> f64 {
+        match self.place[var] {
+            Place::Row(r) => self.row(r)[0],
+            _ => 0.0,
+        }
+    }
+
+    fn threshold(&self, r: usize) -> f64 {
+        CLEAR + SAFETY * RADIUS * self.error[r]
+    }
+
+    /// The column with the largest coefficient in a row, free ones first.
+    fn largest(&self, r: usize) -> Option<usize> {
+        let tiny = SAFETY * self.error[r];
+        let mut best: Option<(bool, f64, usize)> = None;
+        for (c, (a, &column)) in self.row(r)[1..].iter().zip(&self.columns).enumerate() {
+            let candidate = (self.sign[column] == Sign::Free, a.abs(), c);
+            let better = best.is_none_or(|b| (candidate.0, candidate.1) > (b.0, b.1));
+            if candidate.1 > tiny && better {
+                best = Some(candidate);
+            }
+        }
+        best.map(|b| b.2)
+    }
+
+    /// The most violated row, or by Bland's rule the violated row of the first variable.
+    fn violated(&self, bland: bool) -> Option<usize> {
+        let mut best: Option<(f64, usize)> = None;
+        for (r, &var) in self.rows.iter().enumerate() {
+            let value = self.sign[var].factor() * self.data[r * self.stride];
+            if value >= -self.threshold(r) {
+                continue;
+            }
+            let key = if bland { var as f64 } else { value };
+            if best.is_none_or(|b| key < b.0) {
+                best = Some((key, r));
+            }
+        }
+        best.map(|b| b.1)
+    }
+
+    /// A column whose growth into its admissible side improves a violated row.
+    fn entering(&self, r: usize, bland: bool) -> Option<usize> {
+        let tiny = SAFETY * self.error[r];
+        let wanted = self.sign[self.rows[r]].factor();
+        let mut best: Option<(f64, usize)> = None;
+        for (c, (a, &column)) in self.row(r)[1..].iter().zip(&self.columns).enumerate() {
+            let key = match self.sign[column] {
+                _ if a.abs() <= tiny => continue,
+                // A free column leaves for good: never a loss.
+                Sign::Free => 1e30 * a.abs(),
+                sign if wanted * a * sign.factor() > 0.0 => {
+                    if bland {
+                        -(column as f64)
+                    } else {
+                        a.abs()
+                    }
+                }
+                _ => continue,
+            };
+            if best.is_none_or(|b| key > b.0) {
+                best = Some((key, c));
+            }
+        }
+        best.map(|b| b.1)
+    }
+
+    /// Exchanges the variable of a row with that of a column.
+    fn exchange(&mut self, r: usize, c: usize) {
+        self.pivots += 1;
+        let (width, stride) = (self.width(), self.stride);
+        let pivot_row = &mut self.data[r * stride..r * stride + width];
+        let inverse = 1.0 / pivot_row[1 + c];
+        pivot_row.iter_mut().for_each(|v| *v *= -inverse);
+        pivot_row[1 + c] = inverse;
+        let size = pivot_row.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+        let error = self.error[r] * inverse.abs() + EPS * size;
+        self.error[r] = error;
+        let mut scratch = std::mem::take(&mut self.scratch);
+        scratch.clear();
+        scratch.extend_from_slice(pivot_row);
+        for i in 0..self.rows.len() {
+            if i == r {
+                continue;
+            }
+            let row = &mut self.data[i * stride..i * stride + width];
+            let m = row[1 + c];
+            if m == 0.0 {
+                continue;
+            }
+            row[1 + c] = 0.0;
+            for (a, b) in row.iter_mut().zip(&scratch) {
+                *a += m * b;
+            }
+            self.error[i] = self.error[i].max(m.abs() * error) + EPS * m.abs() * size;
+        }
+        self.scratch = scratch;
+        let (leaving, entering) = (self.rows[r], self.columns[c]);
+        self.rows[r] = entering;
+        self.columns[c] = leaving;
+        self.place[entering] = Place::Row(r);
+        self.place[leaving] = Place::Column(c);
+        // The unknowns themselves are free and nobody asks for them again.
+        if entering >= self.forms && self.sign[entering] == Sign::Free {
+            self.drop_row(r);
+        }
+    }
+
+    fn drop_column(&mut self, c: usize) {
+        let last = self.columns.len() - 1;
+        self.place[self.columns[c]] = Place::Gone;
+        if c != last {
+            for r in 0..self.rows.len() {
+                let start = r * self.stride + 1;
+                self.data[start + c] = self.data[start + last];
+            }
+            self.place[self.columns[last]] = Place::Column(c);
+        }
+        self.columns.swap_remove(c);
+    }
+
+    fn drop_row(&mut self, r: usize) {
+        let last = self.rows.len() - 1;
+        self.place[self.rows[r]] = Place::Gone;
+        if r != last {
+            let (from, to) = (last * self.stride, r * self.stride);
+            self.data.copy_within(from..from + self.stride, to);
+            self.error[r] = self.error[last];
+            self.place[self.rows[last]] = Place::Row(r);
+        }
+        self.rows.swap_remove(r);
+        self.error.truncate(last);
+        self.data.truncate(last * self.stride);
+    }
+}

@@ -1,0 +1,332 @@
+//! Complete lists of solutions and arms, against exact arithmetic and brute force.
+
+mod common;
+#[path = "support/mod.rs"]
+#[allow(dead_code)]
+mod support;
+
+use common::{cases, numbers};
+use proptest::prelude::*;
+use semismooth::contact::{
+    CondensedFriction, ContactState, FrictionMap, FrictionPath, FrictionProblem, LoadPath,
+};
+use semismooth::continuation::{ContinuationOptions, arms_at};
+use semismooth::enumeration::{
+    Completeness, EnumerationError, EnumerationOptions, SolutionSet, all_arms, all_solutions,
+};
+use semismooth::linear::{DenseLu, LinearSolver};
+use semismooth::piecewise::{MinMap, PiecewiseSmooth, Selections};
+use semismooth::sparse::Matrix;
+use support::Rng;
+
+fn letters<M: FrictionMap>(map: &M, set: &SolutionSet) -> Vec<Vec<String>> {
+    let name = |s: &_| map.states(s).iter().map(|c: &ContactState| c.letter()).collect();
+    set.solutions
+        .iter()
+        .map(|s| s.selections.iter().map(name).collect())
+        .collect()
+}
+
+fn compare<M: FrictionMap>(map: &M, case: &common::Case) {
+    let alphas = numbers(&case.json["alphas"]);
+    for (&alpha, list) in alphas.iter().zip(case.json["solutions"].as_array().unwrap()) {
+        let set = all_solutions(map, alpha, &EnumerationOptions::default()).unwrap();
+        let list = list.as_array().unwrap();
+        let context = format!("{} at {alpha}: {:?}", case.name, letters(map, &set));
+        assert_eq!(set.completeness, Completeness::Complete, "{context}");
+        assert_eq!(set.solutions.len(), list.len(), "{context}");
+        assert!(set.continua.is_empty(), "{context}");
+        let friction = case.problem.friction_at(alpha);
+        for stored in list {
+            // Where F < 0 the map has no contact piece; the stored list admits it as long as λν = 0.
+            let admitted = |s: &String| s.chars().zip(&friction).all(|(c, f)| c == 'O' || *f >= 0.0);
+            let mut wanted: Vec<String> = (stored["all_states"].as_array().unwrap().iter())
+                .map(|s| s.as_str().unwrap().to_owned())
+                .filter(admitted)
+                .collect();
+            wanted.sort();
+            let position = letters(map, &set)
+                .into_iter()
+                .position(|mut mine| {
+                    mine.sort();
+                    mine == wanted
+                })
+                .unwrap_or_else(|| panic!("{context}: {wanted:?} is missing"));
+            let solution = &set.solutions[position];
+            let mut exact = numbers(&stored["lam_nu"]);
+            exact.extend(numbers(&stored["lam_t"]));
+            let p = exact.len() / 2;
+            let start = map.num_residuals() - 2 * p;
+            let u = map.displacements(&solution.x).unwrap();
+            let mine = solution.x[start..start + 2 * p].iter().chain(&u);
+            for (a, b) in mine.zip(exact.iter().chain(&numbers(&stored["u"]))) {
+                assert!((a - b).abs() <= 1e-10 * (1.0 + b.abs()), "{context}");
+            }
+            let sign = stored["det_sign"].as_i64().unwrap();
+            assert_eq!(solution.det_signs[0].map(i64::from), Some(sign), "{context}");
+        }
+        if friction.iter().all(|f| *f >= 0.0) {
+            assert_eq!(set.index_sum, Some(1), "{context}");
+        }
+    }
+}
+
+#[test]
+fn lists_of_the_seed_are_complete() {
+    for case in cases() {
+        compare(&case.problem, &case);
+        compare(&CondensedFriction::new(case.problem.clone()).unwrap(), &case);
+    }
+}
+
+fn friction(p: usize, extra: usize, rng: &mut Rng) -> FrictionProblem {
+    let n = 2 * p + extra;
+    let g = rng.vec(n * n);
+    let mut a = vec![vec![0.0; n]; n];
+    for i in 0..n {
+        for j in 0..n {
+            a[i][j] = (0..n).map(|k| g[i * n + k] * g[j * n + k]).sum::<f64>() / n as f64;
+        }
+        a[i][i] += 0.2;
+    }
+    let pick = |offset: usize| {
+        let row = |i: usize| -> Vec<f64> { (0..n).map(|j| f64::from(j == 2 * i + offset)).collect() };
+        Matrix::from_rows(&(0..p).map(row).collect::<Vec<_>>()).unwrap()
+    };
+    let load = rng.vec(n).into_iter().map(|v| 3.0 * v).collect();
+    let friction = rng.vec(p).into_iter().map(|v| 1.5 * (1.0 + v)).collect();
+    FrictionProblem::new(
+        Matrix::from_rows(&a).unwrap(),
+        pick(0),
+        pick(1),
+        LoadPath::constant(load),
+        FrictionPath::constant(friction),
+    )
+    .unwrap()
+}
+
+/// All solutions by trying every selection.
+fn brute_force<P: PiecewiseSmooth>(map: &P) -> Vec<Vec<f64>> {
+    let (m, n) = (map.num_vars(), map.num_residuals());
+    let origin = vec![0.0; m];
+    let mut found = Vec::new();
+    for selection in Selections::all(map) {
+        let mut jac = Matrix::zeros(map.pattern());
+        map.jacobian(&selection, &origin, &mut jac);
+        let mut lu = DenseLu::new();
+        lu.analyze(jac.leading_columns(n).pattern).unwrap();
+        let mut r = vec![0.0; n];
+        map.residual(&selection, &origin, &mut r);
+        if lu.factor(jac.leading_columns(n)).is_err() || lu.solve_in_place(&mut r).is_err() {
+            continue;
+        }
+        let mut x = origin.clone();
+        for (x, r) in x.iter_mut().zip(&r) {
+            *x = -r;
+        }
+        let tests: usize = (0..map.num_sites()).map(|s| map.num_tests(s)).sum();
+        let mut theta = vec![0.0; tests];
+        map.test_functions(&x, &mut theta);
+        let mut first = 0;
+        let inside = (0..map.num_sites()).all(|site| {
+            let range = first..first + map.num_tests(site);
+            first = range.end;
+            let cell = map.cell(site, selection.piece(site));
+            cell.iter().all(|f| f.margin(&theta[range.clone()]) >= 0.0)
+        });
+        if inside {
+            found.push(x);
+        }
+    }
+    found
+}
+
+fn same_lists(set: &SolutionSet, brute: &[Vec<f64>], tolerance: f64) -> Result<(), TestCaseError> {
+    prop_assert_eq!(set.completeness, Completeness::Complete);
+    prop_assert_eq!(set.solutions.len(), brute.len());
+    for x in brute {
+        let near = |y: &[f64]| {
+            x.iter()
+                .zip(y)
+                .all(|(a, b)| (a - b).abs() <= tolerance * (1.0 + b.abs()))
+        };
+        prop_assert!(set.solutions.iter().any(|s| near(&s.x)));
+    }
+    Ok(())
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(60))]
+
+    #[test]
+    fn friction_against_brute_force(p in 1usize..=4, extra in 0usize..3, seed in 1u64..u64::MAX) {
+        let problem = friction(p, extra, &mut Rng(seed));
+        let condensed = CondensedFriction::new(problem.clone()).unwrap();
+        let brute = brute_force(&condensed);
+        let options = EnumerationOptions::default();
+        let set = all_solutions(&condensed, 0.0, &options).unwrap();
+        same_lists(&set, &brute, 1e-10)?;
+        prop_assert_eq!(set.index_sum, Some(1));
+        let full = all_solutions(&problem, 0.0, &options).unwrap();
+        prop_assert_eq!(full.solutions.len(), brute.len());
+        prop_assert_eq!(full.index_sum, Some(1));
+    }
+
+    #[test]
+    fn complementarity_against_brute_force(n in 1usize..=7, seed in 1u64..u64::MAX) {
+        let mut rng = Rng(seed);
+        let (m, q) = (rng.vec(n * n), rng.vec(n));
+        let lcp = MinMap::new(n, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+            a.copy_from_slice(x);
+            for i in 0..n {
+                b[i] = q[i] + (0..n).map(|j| m[i * n + j] * x[j]).sum::<f64>();
+            }
+        });
+        let set = all_solutions(&lcp, 0.0, &EnumerationOptions::default()).unwrap();
+        same_lists(&set, &brute_force(&lcp), 1e-7)?;
+    }
+}
+
+#[test]
+fn many_nodes() {
+    let options = EnumerationOptions::default();
+    for seed in [3, 11, 19] {
+        let map = CondensedFriction::new(friction(8, 2, &mut Rng(seed))).unwrap();
+        let set = all_solutions(&map, 0.0, &options).unwrap();
+        assert_eq!(set.completeness, Completeness::Complete);
+        assert_eq!(set.index_sum, Some(1));
+        println!(
+            "p = 8: {} solutions, {} nodes, {} pivots",
+            set.solutions.len(),
+            set.nodes,
+            set.pivots
+        );
+    }
+    let map = CondensedFriction::new(friction(12, 0, &mut Rng(5))).unwrap();
+    let set = all_solutions(&map, 0.0, &options).unwrap();
+    println!(
+        "p = 12: {} solutions, {} nodes, {:?}",
+        set.solutions.len(),
+        set.nodes,
+        set.completeness
+    );
+    assert!(!set.completeness.is_complete() || set.index_sum == Some(1));
+}
+
+#[test]
+fn a_cap_is_said() {
+    let map = CondensedFriction::new(friction(8, 0, &mut Rng(3))).unwrap();
+    let set = all_solutions(&map, 0.0, &EnumerationOptions::default().with_max_nodes(6)).unwrap();
+    let Completeness::Incomplete { examined, total } = set.completeness else {
+        panic!("{:?}", set.completeness);
+    };
+    assert_eq!(total, 65536.0);
+    assert!(examined < total);
+}
+
+#[test]
+fn curved_pieces_are_refused() {
+    let map = MinMap::new(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+        a[0] = x[0] * x[0] - 1.0;
+        b[0] = x[0] + 3.0;
+    });
+    let refused = all_solutions(&map, 0.0, &EnumerationOptions::default());
+    assert!(
+        matches!(refused, Err(EnumerationError::NotAffine { .. })),
+        "{refused:?}"
+    );
+}
+
+/// The unloaded body: u = 0, λ = 0, and all contact nodes graze.
+#[cfg(feature = "json")]
+#[test]
+fn six_arms_where_eleven_nodes_graze() {
+    use semismooth::contact::read_folder;
+    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/block_symmetric");
+    let map = CondensedFriction::new(read_folder(folder).unwrap().problem).unwrap();
+    let mut x = vec![0.0; map.num_vars()];
+    x[map.num_vars() - 1] = 0.5;
+    let found = all_arms(&map, &x, &EnumerationOptions::default()).unwrap();
+    println!("{} nodes", found.nodes);
+    assert_eq!(found.completeness, Completeness::Complete);
+    let growing = found.arms.iter().filter(|a| a.rate() > 1e-9).count();
+    assert_eq!((growing, found.arms.len()), (3, 6));
+    let (plus, minus) = found.orientation.unwrap();
+    assert_eq!(plus, minus);
+    let (arms, complete) = arms_at(&map, &x, &ContinuationOptions::default()).unwrap();
+    assert!(complete);
+    assert_eq!(arms.len(), 6);
+}
+
+/// At F = α = 2 a slipping solution becomes a vertical segment between the open and the sticking one.
+#[test]
+fn branching_with_a_vertical_segment() {
+    let case = cases().into_iter().find(|c| c.name == "p1_ex3").unwrap();
+    let map = CondensedFriction::new(case.problem).unwrap();
+    let set = all_solutions(&map, 2.0, &EnumerationOptions::default()).unwrap();
+    assert_eq!(set.completeness, Completeness::Complete);
+    assert_eq!(set.continua.len(), 1);
+    let segment = &set.continua[0];
+    assert_eq!((segment.dimension, segment.ends.len()), (1, 2));
+    let vertex = |kind: &str| {
+        let found = case.json["graph"]["vertices"].as_array().unwrap().iter();
+        found
+            .filter(|v| v["kind"] == kind && v["alpha"] == 2.0)
+            .collect::<Vec<_>>()
+    };
+    let branching = vertex("branching")[0];
+    let point = [
+        numbers(&branching["lam_nu"])[0],
+        numbers(&branching["lam_t"])[0],
+        2.0,
+    ];
+    let near = |e: &Vec<f64>| e.iter().zip(&point).all(|(a, b)| (a - b).abs() < 1e-9);
+    assert!(segment.ends.iter().any(near), "{:?} {point:?}", segment.ends);
+    // At the branching: open on both sides, and the segment. The Jacobian of the slipping selection has a kernel of dimension two
+    // there, so that directions alone do not decide; its curvature does.
+    let arms = all_arms(&map, &point, &EnumerationOptions::default()).unwrap();
+    assert_eq!(arms.completeness, Completeness::Undecided { selections: 1 });
+    assert_eq!(arms.orientation, None);
+    let mut full = numbers(&branching["u"]);
+    full.extend(point);
+    let (arms, complete) = arms_at(map.problem(), &full, &ContinuationOptions::default()).unwrap();
+    assert!(complete);
+    let mut rates: Vec<f64> = arms.iter().map(|a| a.tangent[4]).collect();
+    rates.sort_by(f64::total_cmp);
+    assert_eq!(rates.len(), 3, "{rates:?}");
+    assert!(
+        rates[0] < -0.1 && rates[1].abs() < 1e-7 && rates[2] > 0.1,
+        "{rates:?}"
+    );
+}
+
+/// Rows that depend on several sites: no pruning, the same list.
+#[cfg(feature = "autodiff")]
+#[test]
+fn unknown_structure() {
+    use semismooth::piecewise::{Kinks, NonsmoothFunction, Real, Traced};
+    struct Example;
+    impl NonsmoothFunction for Example {
+        fn num_vars(&self) -> usize {
+            2
+        }
+        fn num_residuals(&self) -> usize {
+            2
+        }
+        fn eval<T: Real>(&self, x: &[T], kinks: &mut Kinks<'_, T>, out: &mut [T]) {
+            out[0] = kinks.abs(x[0]) + x[0] * 0.5 - 3.0;
+            out[1] = x[1] - kinks.max(x[0], T::from(1.0));
+        }
+    }
+    let map = Traced::new(Example);
+    let set = all_solutions(&map, 0.0, &EnumerationOptions::default()).unwrap();
+    assert_eq!(set.completeness, Completeness::Complete);
+    let points: Vec<&[f64]> = set.solutions.iter().map(|s| s.x.as_slice()).collect();
+    assert_eq!(points, [&[2.0, 2.0][..], &[-6.0, 1.0][..]]);
+    let capped = all_solutions(&map, 0.0, &EnumerationOptions::default().with_max_nodes(1)).unwrap();
+    let incomplete = Completeness::Incomplete {
+        examined: 1.0,
+        total: 4.0,
+    };
+    assert_eq!(capped.completeness, incomplete);
+}
