@@ -131,6 +131,8 @@ impl ContinuationOptions {
         with_max_points(max_points: usize);
         /// Sets the largest arclength.
         with_max_arclength(max_arclength: f64);
+        /// Sets the largest number of partial selections tried at one point.
+        with_max_nodes(max_nodes: u64);
         /// Sets the largest growth of ‖x‖.
         with_max_growth(max_growth: f64);
         /// Sets the largest wall-clock time.
@@ -144,7 +146,7 @@ impl ContinuationOptions {
     pub fn validate(&self) -> Result<(), ContinuationError> {
         let positive = |v: f64| v > 0.0 && v.is_finite();
         let open_unit = |v: f64| v > 0.0 && v < 1.0;
-        let checks: [(&'static str, f64, bool, &'static str); 15] = [
+        let checks: [(&'static str, f64, bool, &'static str); 17] = [
             ("step", self.step, positive(self.step), "positive and finite"),
             (
                 "min_step",
@@ -214,6 +216,18 @@ impl ContinuationOptions {
                 self.vanishing_distance,
                 open_unit(self.vanishing_distance),
                 "in (0, 1)",
+            ),
+            (
+                "max_selections",
+                self.max_selections as f64,
+                self.max_selections > 0,
+                "at least 1",
+            ),
+            (
+                "max_nodes",
+                self.max_nodes as f64,
+                self.max_nodes > 0,
+                "at least 1",
             ),
         ];
         for (name, value, fine, range) in checks {
