@@ -6,10 +6,11 @@ use super::smooth::MAX_DENSE;
 use super::start::{Direction, choose_start, onto_curve, term_size};
 use super::{Arm, ContinuationError, ContinuationOptions, Event, Point, PointKind, Strategy, Termination};
 use crate::linear::{AutoSolver, LinearSolver, null_space};
-use crate::newton::{MoorePenrose, norm};
+use crate::newton::MoorePenrose;
 use crate::piecewise::{
     ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, check_vector, select,
 };
+use crate::sparse::norm;
 
 /// |α̇| up to which ∇_yH counts as singular in the reported sign of its determinant.
 const SINGULAR: f64 = 1e-7;
