@@ -317,7 +317,7 @@ fn stacked(problem: &FrictionProblem) -> Result<Matrix, ContactError> {
     Ok(Matrix::from_triplets(2 * p, n, &entries)?)
 }
 
-fn check_symmetric(a: &Matrix) -> Result<(), ContactError> {
+pub(super) fn check_symmetric(a: &Matrix) -> Result<(), ContactError> {
     let transpose = a.transpose();
     let same_pattern = a.pattern() == transpose.pattern();
     let largest = a.values().iter().fold(0.0f64, |m, v| m.max(v.abs()));
