@@ -320,7 +320,7 @@ fn stacked(problem: &FrictionProblem) -> Result<Matrix, ContactError> {
     Ok(Matrix::from_triplets(2 * p, n, &entries)?)
 }
 
-fn check_symmetric(a: &Matrix) -> Result<(), ContactError> {
+pub(super) fn check_symmetric(a: &Matrix) -> Result<(), ContactError> {
     let (col_ptr, row_idx) = (a.pattern().col_ptr(), a.pattern().row_idx());
     let largest = a.values().iter().fold(0.0f64, |m, v| m.max(v.abs()));
     let mut worst = (0, 0, 0.0);
