@@ -25,7 +25,7 @@ struct Args {
     #[arg(long, default_value_t = 2)]
     neighbours: u64,
     /// Number of values of α at which all solutions are enumerated.
-    #[arg(long, default_value_t = 24)]
+    #[arg(long, default_value_t = 16)]
     alphas: usize,
     /// Where the sequence of random numbers begins.
     #[arg(long, default_value_t = 1)]
