@@ -10,6 +10,7 @@ use self::deflation::Steps;
 pub use self::options::SearchOptions;
 use super::arms::distance;
 use super::{ContinuationError, Diagram};
+use crate::enumeration::Random;
 use crate::newton::{Newton, NewtonError, NewtonOptions, norm};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, active_set, check_vector};
 
@@ -160,7 +161,7 @@ pub fn search_solutions_observed<P: PiecewiseSmooth + ?Sized, S: AsRef<[f64]>>(
         options,
         newton: Newton::new(NewtonOptions::default()),
         steps: Steps::new(map)?,
-        random: Random(options.seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1),
+        random: Random::new(options.seed),
         found: FoundSolutions::default(),
         followed: 0,
         neighbour: (0, 0, 0),
@@ -434,27 +435,5 @@ impl<P: PiecewiseSmooth + ?Sized, O: FnMut(&FoundSolutions) -> ControlFlow<()>> 
         let sum: Option<i64> = indices.sum();
         self.found.index_sum = sum.filter(|_| self.found.continua == 0);
         self.found
-    }
-}
-
-/// xorshift64* (Vigna 2016).
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 ^= self.0 >> 12;
-        self.0 ^= self.0 << 25;
-        self.0 ^= self.0 >> 27;
-        self.0.wrapping_mul(0x2545_f491_4f6c_dd1d)
-    }
-
-    /// Uniform in [−1, 1).
-    fn symmetric(&mut self) -> f64 {
-        (self.next() >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
-    }
-
-    /// Uniform in 0..n; 0 for n = 0.
-    fn below(&mut self, n: usize) -> usize {
-        ((self.next() >> 33) as usize) % n.max(1)
     }
 }
