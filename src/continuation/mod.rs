@@ -10,6 +10,7 @@ mod locate;
 mod options;
 mod polygon;
 mod record;
+mod search;
 mod smooth;
 mod start;
 mod step;
@@ -29,6 +30,9 @@ pub use options::{ContinuationOptions, Strategy};
 pub use record::{
     Arm, BranchPoint, Event, Point, PointKind, SiteChange, SmoothFold, Termination, Transition,
     TransitionKind,
+};
+pub use search::{
+    FoundBy, FoundSolution, FoundSolutions, SearchOptions, search_solutions, search_solutions_observed,
 };
 pub use start::Direction;
 pub use transition_set::TransitionSet;

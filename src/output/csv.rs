@@ -28,6 +28,18 @@ impl<'a> Column<'a> {
     pub fn entry(name: impl Into<Cow<'a, str>>, index: usize) -> Self {
         Self::new(name, move |x| x.get(index).copied().unwrap_or(f64::NAN))
     }
+
+    /// Its name.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Its value at x.
+    #[must_use]
+    pub fn value(&self, x: &[f64]) -> f64 {
+        (self.value)(x)
+    }
 }
 
 impl fmt::Debug for Column<'_> {
@@ -90,7 +102,7 @@ pub fn write_csv<P: PiecewiseSmooth + ?Sized>(
     Ok(out.flush()?)
 }
 
-fn quoted(field: &str) -> Cow<'_, str> {
+pub(super) fn quoted(field: &str) -> Cow<'_, str> {
     if field.contains([',', '"', '\r', '\n']) {
         Cow::Owned(format!("\"{}\"", field.replace('"', "\"\"")))
     } else {

@@ -294,6 +294,11 @@ pub enum Limit {
         /// Why.
         termination: Termination,
     },
+    /// Not all solutions at a parameter are known to be found.
+    Solutions {
+        /// The parameter.
+        parameter: f64,
+    },
     /// The arms of a vertex could not all be determined.
     Arms {
         /// The vertex.
@@ -321,6 +326,7 @@ impl fmt::Display for Limit {
             Self::MaxTime => f.write_str("limit on time"),
             Self::Stopped => f.write_str("stopped"),
             Self::Curve { vertex, termination } => write!(f, "{termination} at vertex {vertex}"),
+            Self::Solutions { parameter } => write!(f, "solutions at parameter {parameter} not all known"),
             Self::Arms { vertex } => write!(f, "arms of vertex {vertex} undecided"),
             Self::Contradiction { vertex } => {
                 write!(
