@@ -281,6 +281,12 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
         self.corrector.factorisations()
     }
 
+    /// Number of factorisations saved so far by updates, where all pieces are affine.
+    #[must_use]
+    pub fn updates(&self) -> usize {
+        self.corrector.updates()
+    }
+
     /// Number of correction steps so far.
     #[must_use]
     pub fn corrections(&self) -> usize {

@@ -18,8 +18,8 @@ use super::sparse_lu::give_up;
 use super::{LinearError, LinearSolver};
 use crate::sparse::{MatrixRef, PatternRef};
 
-/// Right-hand sides solved for at a time: enough for blocked kernels, few enough to bound scratch.
-const BLOCK_RHS: usize = 32;
+/// Right-hand sides solved for at a time: scratch grows with them.
+const BLOCK_RHS: usize = 8;
 
 /// Sparse Cholesky A = L Lᵀ for symmetric positive definite matrices.
 ///
