@@ -6,6 +6,7 @@ mod certificate;
 mod diagram;
 mod engine;
 mod error;
+mod fold_set;
 mod locate;
 mod options;
 mod polygon;
@@ -26,6 +27,7 @@ pub use diagram::{
 };
 pub use engine::{Continuation, arms_at};
 pub use error::ContinuationError;
+pub use fold_set::FoldSet;
 pub use options::{ContinuationOptions, Strategy};
 pub use record::{
     Arm, BranchPoint, Event, Point, PointKind, SiteChange, SmoothFold, Termination, Transition,
@@ -35,4 +37,4 @@ pub use search::{
     FoundBy, FoundSolution, FoundSolutions, SearchOptions, search_solutions, search_solutions_observed,
 };
 pub use start::Direction;
-pub use transition_set::TransitionSet;
+pub use transition_set::{CharacterChange, TransitionSet};
