@@ -6,10 +6,13 @@ mod certificate;
 mod diagram;
 mod engine;
 mod error;
+#[cfg(feature = "serde")]
+mod extended;
 mod locate;
 mod options;
 mod polygon;
 mod record;
+mod save;
 mod search;
 mod smooth;
 mod start;
@@ -31,6 +34,7 @@ pub use record::{
     Arm, BranchPoint, Event, Point, PointKind, SiteChange, SmoothFold, Termination, Transition,
     TransitionKind,
 };
+pub use save::SavedRun;
 pub use search::{
     FoundBy, FoundSolution, FoundSolutions, SearchOptions, search_solutions, search_solutions_observed,
 };
