@@ -5,6 +5,7 @@
 pub mod contact;
 pub mod continuation;
 pub mod enumeration;
+pub mod fem;
 pub mod linear;
 pub mod newton;
 pub mod output;

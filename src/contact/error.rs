@@ -100,6 +100,22 @@ pub enum ContactError {
         "only affine loads can be condensed: a general load path needs a solve at every parameter; use the full form"
     )]
     LoadNotAffine,
+    /// A curve of the coefficient of friction is malformed.
+    #[error("{what}")]
+    Curve {
+        /// What is wrong, and where.
+        what: String,
+    },
+    /// A law for another dimension than the body.
+    #[error(
+        "the law has {law} tangential direction(s), the body {body}: planar laws belong to planar bodies"
+    )]
+    Tangents {
+        /// Of the law.
+        law: usize,
+        /// Of the body.
+        body: usize,
+    },
     /// No first point was found.
     #[error("no solution found at parameter {parameter}: {source}")]
     NoStart {

@@ -4,9 +4,10 @@
 use super::{Arm, ContinuationOptions};
 use crate::enumeration::{EnumerationError, directional_selections, local_selections};
 use crate::linear::{LinearError, LinearSolver, null_space};
-use crate::newton::{MoorePenrose, dot, norm};
+use crate::newton::MoorePenrose;
 use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout};
 use crate::sparse::Matrix;
+use crate::sparse::{dot, norm};
 
 /// Two unit tangents closer than this are one arm.
 const SAME_ARM: f64 = 1e-7;

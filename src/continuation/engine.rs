@@ -6,10 +6,11 @@ use super::smooth::MAX_DENSE;
 use super::start::{Direction, choose_start, onto_curve, term_size};
 use super::{Arm, ContinuationError, ContinuationOptions, Event, Point, PointKind, Strategy, Termination};
 use crate::linear::{AutoSolver, LinearSolver, null_space};
-use crate::newton::{MoorePenrose, norm};
+use crate::newton::MoorePenrose;
 use crate::piecewise::{
     ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, check_vector, select,
 };
+use crate::sparse::norm;
 
 /// |α̇| up to which ∇_yH counts as singular in the reported sign of its determinant.
 const SINGULAR: f64 = 1e-7;
@@ -282,6 +283,12 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
     #[must_use]
     pub fn factorisations(&self) -> usize {
         self.earlier.0 + self.corrector.factorisations()
+    }
+
+    /// Number of factorisations saved so far by updates, where all pieces are affine.
+    #[must_use]
+    pub fn updates(&self) -> usize {
+        self.corrector.updates()
     }
 
     /// Number of correction steps so far.

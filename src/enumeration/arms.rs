@@ -5,13 +5,13 @@ use std::collections::BTreeSet;
 use super::kernel::solutions;
 use super::local::local_selections;
 use super::search::Search;
-use super::solutions::norm;
 use super::system::System;
 use super::table::{Form, Table};
 use super::{Completeness, EnumerationError, EnumerationOptions, system};
 use crate::linear::{AutoSolver, LinearError, LinearSolver};
 use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, check_vector};
 use crate::sparse::Matrix;
+use crate::sparse::norm;
 
 /// Two unit tangents closer than this are one arm.
 const SAME: f64 = 1e-7;

@@ -4,10 +4,10 @@ use std::collections::BTreeSet;
 
 use super::EnumerationError;
 use super::random::Random;
-use super::solutions::norm;
 use crate::linear::{AutoSolver, LinearError, LinearSolver};
 use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout};
 use crate::sparse::Matrix;
+use crate::sparse::norm;
 
 /// Largest number of linear solves for one start.
 const SOLVES: usize = 100;

@@ -2,7 +2,7 @@ use faer::linalg::matmul::matmul;
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::{Accum, MatMut, MatRef, Par};
 
-use super::{Cholesky, LinearError, LinearSolver};
+use super::{Cholesky, LinearError};
 use crate::sparse::{Matrix, Pattern};
 
 /// Orders below this are handled by plain loops.
@@ -58,7 +58,7 @@ impl Condensation {
             .collect();
         let mut factor = Cholesky::default();
         factor.analyze_with_last(a.pattern().as_ref(), &touched)?;
-        factor.factor(a.as_ref())?;
+        factor.factor_by_pivots(a.as_ref())?;
         let l = factor.trailing_factor(&touched)?;
         let compliance = compliance(b, &touched, &l, q)?;
         Ok(Self {

@@ -13,7 +13,6 @@ mod workspace;
 
 pub use error::{NewtonError, Unsolved};
 pub use moore_penrose::{Correction, MoorePenrose};
-pub(crate) use moore_penrose::{dot, norm};
 pub use options::{Damping, NewtonOptions};
 pub use report::{Convergence, Failure, Iteration, Report, Step};
 pub use solver::Newton;

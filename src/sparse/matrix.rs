@@ -297,10 +297,13 @@ impl Matrix {
         let mut next = col_ptr.clone();
         let mut row_idx = vec![0; self.values.len()];
         let mut values = vec![0.0; self.values.len()];
-        for (i, j, v) in self.triplets() {
-            row_idx[next[i]] = j;
-            values[next[i]] = v;
-            next[i] += 1;
+        for (j, span) in self.pattern.col_ptr().windows(2).enumerate() {
+            for k in span[0]..span[1] {
+                let place = &mut next[self.pattern.row_idx()[k]];
+                row_idx[*place] = j;
+                values[*place] = self.values[k];
+                *place += 1;
+            }
         }
         match Pattern::from_csc(n, m, col_ptr, row_idx) {
             Ok(pattern) => Self {

@@ -11,8 +11,8 @@ use crate::continuation::{
     Arm, Continuation, ContinuationError, Event, Point, PointKind, Strategy, Termination,
 };
 use crate::linear::AutoSolver;
-use crate::newton::norm;
 use crate::piecewise::PiecewiseSmooth;
+use crate::sparse::norm;
 
 /// Arms of one vertex closer than this are one; at singular points tangents carry only half of the digits.
 const SAME_ARM: f64 = 1e-4;

@@ -5,8 +5,9 @@ use super::{Diagram, VertexKind};
 use crate::continuation::arms::distance;
 use crate::continuation::{ContinuationError, Point};
 use crate::linear::AutoSolver;
-use crate::newton::{MoorePenrose, norm};
+use crate::newton::MoorePenrose;
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection};
+use crate::sparse::norm;
 
 /// A solution at a given α.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,9 +1,9 @@
 //! Newton steps at fixed α: with the selection frozen, and with known solutions deflated.
 
 use crate::linear::{AutoSolver, LinearSolver};
-use crate::newton::norm;
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, TestLayout, select_pieces};
 use crate::sparse::Matrix;
+use crate::sparse::norm;
 
 /// Largest number of deflated steps.
 const STEPS: usize = 60;

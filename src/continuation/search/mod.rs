@@ -11,8 +11,9 @@ pub use self::options::SearchOptions;
 use super::arms::distance;
 use super::{ContinuationError, Diagram};
 use crate::enumeration::Random;
-use crate::newton::{Newton, NewtonError, NewtonOptions, norm};
+use crate::newton::{Newton, NewtonError, NewtonOptions};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, active_set, check_vector};
+use crate::sparse::norm;
 
 /// What led to a solution.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
