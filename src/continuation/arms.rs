@@ -21,7 +21,8 @@ const PLAIN: u128 = 16;
 const MAX_BRANCHING: usize = 600;
 
 /// A vanishing test function at a point.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Vanishing {
     pub(super) index: usize,
     pub(super) site: usize,

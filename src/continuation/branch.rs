@@ -10,6 +10,7 @@ use crate::piecewise::PiecewiseSmooth;
 /// A stretch of a solution curve, collected.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Branch {
     /// Regular points, by arclength.
     pub points: Vec<Point>,

@@ -7,10 +7,13 @@ mod diagram;
 mod engine;
 mod error;
 mod fold_set;
+#[cfg(feature = "serde")]
+mod extended;
 mod locate;
 mod options;
 mod polygon;
 mod record;
+mod save;
 mod search;
 mod smooth;
 mod start;
@@ -33,6 +36,7 @@ pub use record::{
     Arm, BranchPoint, Event, Point, PointKind, SiteChange, SmoothFold, Termination, Transition,
     TransitionKind,
 };
+pub use save::SavedRun;
 pub use search::{
     FoundBy, FoundSolution, FoundSolutions, SearchOptions, search_solutions, search_solutions_observed,
 };

@@ -7,6 +7,7 @@ mod diagram;
 mod draw;
 mod error;
 mod graph;
+mod live;
 #[cfg(feature = "svg")]
 mod plane;
 mod walk;
@@ -18,3 +19,6 @@ pub use error::OutputError;
 pub use graph::write_diagram_csv;
 #[cfg(feature = "json")]
 pub use graph::write_diagram_json;
+pub use live::CsvWriter;
+#[cfg(feature = "json")]
+pub use live::JsonLinesWriter;
