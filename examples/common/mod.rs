@@ -5,6 +5,8 @@ use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+pub(crate) mod bars;
+
 pub(crate) type Outcome<T> = Result<T, Box<dyn Error>>;
 
 /// Errors go to standard error, and the exit status tells.

@@ -10,9 +10,11 @@ mod coulomb_laws;
 mod curve;
 mod error;
 mod family;
+mod fixed_point;
 #[cfg(feature = "json")]
 mod folder;
 mod full;
+mod given_bound;
 mod hild_renard;
 mod law;
 mod node_law;
@@ -27,8 +29,10 @@ pub use coulomb_laws::{OrthotropicCoulomb, PlanarCoulomb};
 pub use curve::{FrictionCoefficient, FrictionCurve};
 pub use error::ContactError;
 pub use family::FrictionFamily;
+pub use fixed_point::{FixedPointOptions, FixedPointReport, fixed_point};
 #[cfg(feature = "json")]
 pub use folder::{DiscreteFolder, read_folder};
+pub use given_bound::GivenBound;
 pub use hild_renard::{HildRenard, HildRenardBranch, HildRenardCase};
 pub use law::{ContactState, NodeValues, SlipBound};
 pub use node_law::{Frictionless, LocalRow, LocalValues, MAX_TESTS, NodeLaw};
