@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 pub(crate) mod bars;
+pub(crate) mod squares;
 
 pub(crate) type Outcome<T> = Result<T, Box<dyn Error>>;
 

@@ -21,6 +21,7 @@ mod node_law;
 mod paths;
 mod problem;
 mod start;
+mod uniqueness;
 
 pub use body::ContactBody;
 pub use condensed::CondensedFriction;
@@ -39,3 +40,6 @@ pub use node_law::{Frictionless, LocalRow, LocalValues, MAX_TESTS, NodeLaw};
 pub use paths::{FrictionPath, LoadPath};
 pub use problem::{FrictionMap, FrictionProblem};
 pub use start::{FrictionStart, first_point};
+pub use uniqueness::{
+    UniquenessConstants, check_multipliers, critical_friction, friction_bounds, inf_sup_constant,
+};
