@@ -8,10 +8,14 @@ use super::{McpIteration, McpOptions, McpReport, McpStatus, McpStep, McpStrategy
 use crate::complementarity::McpFunction;
 use crate::complementarity::fischer::{Gap, component, component_gradient};
 use crate::complementarity::problem::natural;
+use crate::linear::{AutoSolver, LinearSolver};
 use crate::newton::equilibrate;
 
 /// Iterates beyond this size, relative to the start, count as tending to infinity.
 const FAR: f64 = 1e10;
+
+/// Distance, relative to 1 + ‖x‖, within which a point with a small residual must have a solution by linearisation.
+const NEAR: f64 = 1e-3;
 
 /// Sufficient decrease of the line search.
 const ARMIJO: f64 = 1e-4;
@@ -310,46 +314,58 @@ impl Engine<'_> {
         std::mem::swap(&mut w.f, &mut w.trial_f);
     }
 
-    /// ‖x − trial_x‖∞ and ‖x‖∞, in scaled variables.
-    fn step_and_size(&self) -> (f64, f64) {
+    /// ‖x − trial_x‖∞.
+    fn step_length(&self) -> f64 {
         let w = &*self.work;
-        let (mut step, mut size) = (0.0_f64, 0.0_f64);
-        for i in 0..w.n {
-            step = step.max((w.x[i] - w.trial_x[i]).abs() / w.col[i]);
-            size = size.max(w.x[i].abs() / w.col[i]);
-        }
-        (step, size)
+        (0..w.n).fold(0.0, |m: f64, i| m.max((w.x[i] - w.trial_x[i]).abs()))
     }
 
     /// Whether a small residual at `work.x` belongs to a solution nearby, and not to one at infinity (as of e⁻ˣ): each free row
-    /// vanishes close by on its own, and so do all together. Uses `work.jac`; `last_step` is the length of the step that led here.
-    fn is_localised(&mut self, last_step: f64) -> bool {
+    /// vanishes close by on its own, and so do all together. Uses `work.jac`; `last_step` is the
+    /// length of the step that led here, if it was a full one of Newton's method for the natural map.
+    fn is_localised(&mut self, last_step: Option<f64>) -> bool {
         if self.affine {
             return true;
         }
         let n = self.n();
-        let size = (0..n).fold(0.0_f64, |m, i| m.max(self.work.x[i].abs() / self.work.col[i]));
+        // In the units of the problem: equilibration at a point far out would hide how far it is.
+        let size = 1.0 + max_abs(&self.work.x);
         {
             let w = &mut *self.work;
             w.scratch.fill(0.0);
-            for (i, _, v) in w.jac.triplets() {
-                w.scratch[i] = w.scratch[i].max(v.abs());
+            for (i, j, v) in w.jac.triplets() {
+                w.scratch[i] = w.scratch[i].max((v / (w.row[i] * w.col[j])).abs());
             }
         }
         for i in 0..n {
             let w = &*self.work;
-            let f = w.row[i] * w.f[i];
-            let free = natural(w.x[i], self.lower[i], self.upper[i], w.f[i]) == w.f[i];
-            if free && f != 0.0 && f.abs() > 1e-3 * (1.0 + size) * w.scratch[i] && !self.is_isolated(i) {
+            let f = w.f[i];
+            let free = natural(w.x[i], self.lower[i], self.upper[i], f) == f;
+            if free && f != 0.0 && f.abs() > NEAR * size * w.scratch[i] && !self.is_isolated(i) {
                 return false;
             }
         }
-        if last_step <= 0.05 * (1.0 + size) {
+        if last_step.is_some_and(|s| s <= NEAR * size) {
             return true;
         }
         self.update_active();
-        // A singular system says nothing.
-        !self.natural_step() || max_abs(&self.work.d) <= 0.1 * (1.0 + size)
+        if !self.natural_step() {
+            // A singular system says nothing.
+            return true;
+        }
+        let w = &*self.work;
+        let step = (0..n).fold(0.0_f64, |m, i| m.max((w.d[i] * w.col[i]).abs()));
+        step <= NEAR * size || !self.is_regular()
+    }
+
+    /// Whether the system of the free components is well conditioned after equilibration, so that its Newton step means something.
+    fn is_regular(&mut self) -> bool {
+        let w = &mut *self.work;
+        w.build_natural();
+        let mut solver = AutoSolver::new();
+        solver.analyze(w.system.pattern().as_ref()).is_ok()
+            && solver.factor(w.system.as_ref()).is_ok()
+            && solver.rcond().is_none_or(|r| r > 1e-8)
     }
 
     /// Whether |F_i| grows a hundredfold when one variable changes by a thousandth.
@@ -508,7 +524,7 @@ impl Engine<'_> {
         let mut kept_psi = f64::INFINITY;
         let mut excursion = 0;
         let mut locked = false;
-        let mut last_step = f64::INFINITY;
+        let mut last_step = None;
         let mut slow = 0;
         self.work.merits.clear();
         for k in 0.. {
@@ -592,17 +608,20 @@ impl Engine<'_> {
             self.work.merits.push(psi);
             let from = self.work.merits.len().saturating_sub(plan.memory);
             let reference = self.work.merits[from..].iter().fold(psi, |m, p| m.max(*p));
-            let step = if plan.natural && self.try_natural(plan, reference, locked, inside) {
-                Some((McpStep::Natural, 1.0))
-            } else {
-                self.try_fischer(plan, psi, reference, inside)
+            let natural = match plan.natural {
+                true => self.try_natural(plan, reference, locked, inside),
+                false => None,
+            };
+            let step = match natural {
+                Some(t) => Some((McpStep::Natural, t)),
+                None => self.try_fischer(plan, psi, reference, inside),
             };
             let Some((kind, damping)) = step else {
                 self.record(residual, psi, McpStep::None, 0.0);
                 return self.settle(plan, psi);
             };
             self.record(residual, psi, kind, damping);
-            last_step = self.step_and_size().0;
+            last_step = (kind == McpStep::Natural && damping == 1.0).then(|| self.step_length());
             self.accept_trial();
             psi = self.merit(plan);
         }
@@ -625,7 +644,7 @@ impl Engine<'_> {
 
     /// No step helps: a solution to rounding, a stationary point, or neither.
     fn settle(&mut self, plan: &Plan, psi: f64) -> McpStatus {
-        if plan.proximal == 0.0 && self.is_inside() && self.is_rounding() && self.is_localised(0.0) {
+        if plan.proximal == 0.0 && self.is_inside() && self.is_rounding() && self.is_localised(None) {
             return McpStatus::Solved;
         }
         if plan.natural {
@@ -649,10 +668,10 @@ impl Engine<'_> {
     }
 
     /// A full, projected step of the natural map: taken where it helps, or on credit.
-    fn try_natural(&mut self, plan: &Plan, reference: f64, locked: bool, inside: bool) -> bool {
+    fn try_natural(&mut self, plan: &Plan, reference: f64, locked: bool, inside: bool) -> Option<f64> {
         self.update_active();
         if !self.natural_step() {
-            return false;
+            return None;
         }
         self.make_trial(1.0, inside);
         let mut t = 1.0;
@@ -660,23 +679,23 @@ impl Engine<'_> {
         while !self.evaluate_trial() {
             t *= 0.5;
             if t < 1e-3 {
-                return false;
+                return None;
             }
             self.make_trial(t, inside);
         }
         let psi = self.trial_merit(plan);
         if psi.is_nan() {
-            return false;
+            return None;
         }
         let wanted = if plan.credit == 0 { 0.5 } else { 1.0 - ARMIJO };
         if psi <= wanted * reference {
-            return true;
+            return Some(t);
         }
         let w = &*self.work;
         if plan.proximal == 0.0 && self.residual_of(&w.trial_x, &w.trial_f) <= 0.25 * self.attempt_best {
-            return true;
+            return Some(t);
         }
-        !locked && plan.credit > 0 && psi < 1e6 * (1.0 + reference)
+        (!locked && plan.credit > 0 && psi < 1e6 * (1.0 + reference)).then_some(t)
     }
 
     /// ∂Φ and its H in `work.system`, HᵀΦ in `work.gradient`.
@@ -778,7 +797,10 @@ impl Engine<'_> {
         inside: bool,
     ) -> Option<f64> {
         let mut t = first;
-        while t >= least {
+        for _ in 0..40 {
+            if !(t >= least && t > 0.0) {
+                break;
+            }
             self.make_trial(t, inside);
             let slope: f64 = {
                 let w = &*self.work;

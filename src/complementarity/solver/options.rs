@@ -10,7 +10,7 @@ pub struct McpOptions {
     ///
     /// Where rounding forbids it a residual that is no more than the rounding error of its own terms is taken, too.
     pub tolerance: f64,
-    /// Largest number of iterations, over all strategies. Default 5000.
+    /// Largest number of iterations, over all strategies, points of paths included. Default 20 000.
     pub max_iterations: usize,
     /// Largest number of iterations of one attempt. Default 200.
     pub max_attempt: usize,
@@ -32,7 +32,7 @@ impl Default for McpOptions {
     fn default() -> Self {
         Self {
             tolerance: 1e-10,
-            max_iterations: 5000,
+            max_iterations: 20_000,
             max_attempt: 200,
             max_time: None,
             stay_inside: true,

@@ -19,13 +19,13 @@ struct End {
 }
 
 impl Engine<'_> {
-    fn path_options(&self, size: f64) -> ContinuationOptions {
+    fn path_options(&self, size: f64, least: f64) -> ContinuationOptions {
         let left = self
             .options
             .max_time
             .map(|t| t.saturating_sub(self.started.elapsed()));
         ContinuationOptions::default()
-            .with_parameter_range((-0.05, 1.0))
+            .with_parameter_range((least, 1.0))
             .with_max_points(POINTS)
             .with_max_step(10.0 * (1.0 + size))
             .with_max_nodes(20_000)
@@ -33,13 +33,13 @@ impl Engine<'_> {
             .with_max_time(left)
     }
 
-    /// Follows the curve from (y, 0) towards α = 1, also over branchings.
-    fn follow<P: PiecewiseSmooth>(&mut self, map: &P, y: &[f64]) -> Option<End> {
+    /// Follows the curve from (y, 0) towards α = 1, as long as α stays above `least`, also over branchings.
+    fn follow<P: PiecewiseSmooth>(&mut self, map: &P, y: &[f64], least: f64) -> Option<End> {
         let n = self.n();
         let mut x = y.to_vec();
         x.push(0.0);
         let size = y.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-        let options = self.path_options(size);
+        let options = self.path_options(size, least);
         let mut curve = Continuation::new(map, &x, Direction::Increasing, options.clone()).ok()?;
         let mut nearest = End {
             x: x.clone(),
@@ -170,7 +170,7 @@ impl Engine<'_> {
             let Ok(problem) = Mcp::affine(matrix, q, lower.clone(), upper.clone()) else {
                 return None;
             };
-            if let Some(end) = self.follow(&problem, &y)
+            if let Some(end) = self.follow(&problem, &y, f64::NEG_INFINITY)
                 && end.x[n] > 0.0
             {
                 let mut x = end.x;
@@ -248,7 +248,7 @@ impl Engine<'_> {
         let Ok(problem) = Mcp::new(function, lower, upper) else {
             return McpStatus::Stalled;
         };
-        let end = self.follow(&problem, &y);
+        let end = self.follow(&problem, &y, -0.05);
         let (evaluations, jacobians) = {
             let b = problem.function().buffer.borrow();
             (b.evaluations, b.jacobians)

@@ -159,16 +159,7 @@ impl Work {
             }
         }
         if sparse {
-            for j in 0..n {
-                for e in col_ptr[j]..col_ptr[j + 1] {
-                    let i = row_idx[e];
-                    let both = self.active[i] == 0 && self.active[j] == 0;
-                    self.system.values_mut()[e] = match both {
-                        true => self.jac.values()[e],
-                        false => f64::from(u8::from(i == j)),
-                    };
-                }
-            }
+            self.build_natural();
             for (k, &i) in self.free.iter().enumerate() {
                 self.d[i] = self.reduced[k];
             }
@@ -213,6 +204,21 @@ impl Work {
             self.d[i] = self.reduced[k];
         }
         self.d.iter().all(|v| v.is_finite())
+    }
+
+    /// The system of the free components, with the identity for the others, into `system`.
+    pub(super) fn build_natural(&mut self) {
+        let pattern = self.jac.pattern().clone();
+        for j in 0..self.n {
+            for e in pattern.col_ptr()[j]..pattern.col_ptr()[j + 1] {
+                let i = pattern.row_idx()[e];
+                let both = self.active[i] == 0 && self.active[j] == 0;
+                self.system.values_mut()[e] = match both {
+                    true => self.jac.values()[e],
+                    false => f64::from(u8::from(i == j)),
+                };
+            }
+        }
     }
 
     /// H = diag(∂Φ/∂x) + diag(∂Φ/∂F) J, into `system`, with `shift` added to J on its diagonal.
