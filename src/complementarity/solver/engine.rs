@@ -8,7 +8,6 @@ use super::{McpIteration, McpOptions, McpReport, McpStatus, McpStep, McpStrategy
 use crate::complementarity::McpFunction;
 use crate::complementarity::fischer::{Gap, component, component_gradient};
 use crate::complementarity::problem::natural;
-use crate::linear::{AutoSolver, LinearSolver};
 use crate::newton::equilibrate;
 
 /// Iterates beyond this size, relative to the start, count as tending to infinity.
@@ -282,6 +281,13 @@ impl Engine<'_> {
 
     /// The Newton step of the natural map for the active set at hand.
     pub(super) fn natural_step(&mut self) -> bool {
+        self.bound_steps();
+        self.report.factorisations += 1;
+        self.work.solve_reduced()
+    }
+
+    /// The steps of the components at bounds, 0 for the others.
+    fn bound_steps(&mut self) {
         let w = &mut *self.work;
         for i in 0..w.n {
             w.d[i] = match w.active[i] {
@@ -290,8 +296,6 @@ impl Engine<'_> {
                 _ => 0.0,
             };
         }
-        self.report.factorisations += 1;
-        w.solve_reduced()
     }
 
     /// trial_x = P(x + t C d); components that step to a bound land on it.
@@ -349,23 +353,11 @@ impl Engine<'_> {
             return true;
         }
         self.update_active();
-        if !self.natural_step() {
-            // A singular system says nothing.
-            return true;
-        }
-        let w = &*self.work;
-        let step = (0..n).fold(0.0_f64, |m, i| m.max((w.d[i] * w.col[i]).abs()));
-        step <= NEAR * size || !self.is_regular()
-    }
-
-    /// Whether the system of the free components is well conditioned after equilibration, so that its Newton step means something.
-    fn is_regular(&mut self) -> bool {
+        self.bound_steps();
+        self.report.factorisations += 1;
         let w = &mut *self.work;
-        w.build_natural();
-        let mut solver = AutoSolver::new();
-        solver.analyze(w.system.pattern().as_ref()).is_ok()
-            && solver.factor(w.system.as_ref()).is_ok()
-            && solver.rcond().is_none_or(|r| r > 1e-8)
+        // An ill-conditioned system says nothing.
+        !w.solve_carefully(1e-8) || (0..n).all(|i| (w.d[i] * w.col[i]).abs() <= NEAR * size)
     }
 
     /// Whether |F_i| grows a hundredfold when one variable changes by a thousandth.

@@ -132,32 +132,14 @@ impl Work {
     /// Σ_j J_ij d_j = −scaled_i.
     pub(super) fn solve_reduced(&mut self) -> bool {
         let n = self.n;
-        self.free.clear();
-        for i in 0..n {
-            if self.active[i] == 0 {
-                self.position[i] = self.free.len();
-                self.free.push(i);
-            }
-        }
+        self.reduce();
         let k = self.free.len();
         if k == 0 {
             return true;
         }
         let pattern = self.jac.pattern().clone();
-        let sparse = n > SMALL && !(pattern.is_full() || k <= SMALL);
-        self.reduced.clear();
-        self.reduced.extend(self.free.iter().map(|&i| -self.scaled[i]));
         let (col_ptr, row_idx) = (pattern.col_ptr(), pattern.row_idx());
-        for j in 0..n {
-            if self.active[j] == 0 || self.d[j] == 0.0 {
-                continue;
-            }
-            for e in col_ptr[j]..col_ptr[j + 1] {
-                if self.active[row_idx[e]] == 0 {
-                    self.reduced[self.position[row_idx[e]]] -= self.jac.values()[e] * self.d[j];
-                }
-            }
-        }
+        let sparse = n > SMALL && !(pattern.is_full() || k <= SMALL);
         if sparse {
             self.build_natural();
             for (k, &i) in self.free.iter().enumerate() {
@@ -204,6 +186,48 @@ impl Work {
             self.d[i] = self.reduced[k];
         }
         self.d.iter().all(|v| v.is_finite())
+    }
+
+    /// Numbers the free components and makes their right-hand sides.
+    fn reduce(&mut self) {
+        let n = self.n;
+        self.free.clear();
+        for i in 0..n {
+            if self.active[i] == 0 {
+                self.position[i] = self.free.len();
+                self.free.push(i);
+            }
+        }
+        self.reduced.clear();
+        self.reduced.extend(self.free.iter().map(|&i| -self.scaled[i]));
+        let pattern = self.jac.pattern();
+        for j in 0..n {
+            if self.active[j] == 0 || self.d[j] == 0.0 {
+                continue;
+            }
+            for e in pattern.col_ptr()[j]..pattern.col_ptr()[j + 1] {
+                let i = pattern.row_idx()[e];
+                if self.active[i] == 0 {
+                    self.reduced[self.position[i]] -= self.jac.values()[e] * self.d[j];
+                }
+            }
+        }
+    }
+
+    /// As [`solve_reduced`](Self::solve_reduced), by an equilibrated factorisation; `false` below the given reciprocal condition.
+    pub(super) fn solve_carefully(&mut self, rcond: f64) -> bool {
+        self.reduce();
+        self.build_natural();
+        for (k, &i) in self.free.iter().enumerate() {
+            self.d[i] = self.reduced[k];
+        }
+        if !self.analyzed && self.solver.analyze(self.system.pattern().as_ref()).is_err() {
+            return false;
+        }
+        self.analyzed = true;
+        self.solver.factor(self.system.as_ref()).is_ok()
+            && self.solver.rcond().is_none_or(|r| r > rcond)
+            && self.solver.solve_in_place(&mut self.d).is_ok()
     }
 
     /// The system of the free components, with the identity for the others, into `system`.
