@@ -7,10 +7,10 @@
 //! * xᵢ = uᵢ and Fᵢ(x) ≤ 0.
 //!
 //! With l = 0, u = ∞ this is the nonlinear complementarity problem 0 ≤ x ⟂ F(x) ≥ 0 (LCP for affine F), with l = −∞, u = ∞ a
-//! system of equations, with F = ∇f + … the first-order conditions of a program (`kkt`). Bounds may be infinite or equal.
+//! system of equations, with F = ∇f + … the first-order conditions of a program ([`kkt()`]). Bounds may be infinite or equal.
 //!
 //! # Pieces
-//! * [`McpFunction`] is F, with its Jacobian: [`WithJacobian`] (two closures), `Differenced` (coloured finite differences over a
+//! * [`McpFunction`] is F, with its Jacobian: [`WithJacobian`] (two closures), [`Differenced`] (coloured finite differences over a
 //!   sparse pattern), `Autodiff` (dual numbers), [`AffineFunction`] (M x + q).
 //! * [`Mcp`] is the problem: F and its bounds. It is a [`PiecewiseSmooth`](crate::piecewise::PiecewiseSmooth) map, the natural map
 //!   x − mid(l, u, x − F(x)), with one site a component and the pieces lower, interior, upper. So Newton's method, continuation,
@@ -36,17 +36,26 @@
 //! ```
 
 mod affine;
+#[cfg(feature = "autodiff")]
+mod autodiff;
+mod coloring;
+mod differences;
 mod error;
 mod fischer;
 mod function;
+mod kkt;
 mod natural;
 mod problem;
 mod solver;
 
 pub use affine::AffineFunction;
+#[cfg(feature = "autodiff")]
+pub use autodiff::{Autodiff, SmoothFunction};
+pub use differences::{Differenced, JacobianCheck, check_jacobian};
 pub use error::ComplementarityError;
 pub use fischer::FischerBurmeister;
 pub use function::{McpFunction, WithJacobian};
+pub use kkt::{ConstraintKind, Kkt, Program, kkt};
 pub use problem::{AtParameter, Mcp};
 pub use solver::{
     BoundState, Fallback, McpIteration, McpOptions, McpReport, McpSolver, McpStatus, McpStep, McpStrategy,

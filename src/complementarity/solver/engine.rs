@@ -16,6 +16,9 @@ const FAR: f64 = 1e10;
 /// Distance, relative to 1 + ‖x‖, within which a point with a small residual must have a solution by linearisation.
 const NEAR: f64 = 1e-3;
 
+/// Factor by which rows may grow or shrink before they are equilibrated anew.
+const STALE: f64 = 1e7;
+
 /// Sufficient decrease of the line search.
 const ARMIJO: f64 = 1e-4;
 
@@ -200,9 +203,26 @@ impl Engine<'_> {
             return;
         }
         equilibrate(w.jac.as_ref(), &mut w.row, &mut w.col, &mut w.scratch);
-        let tame = |v: &mut f64| *v = v.clamp(1e-8, 1e8).log2().round().exp2();
-        w.row.iter_mut().for_each(tame);
-        w.col.iter_mut().for_each(tame);
+        let power = |v: f64| v.clamp(1e-150, 1e150).log2().round().exp2();
+        // Rows all of whose entries are huge or tiny follow their value; a Jacobian that happens to vanish does not make a row huge.
+        for (r, f) in w.row.iter_mut().zip(&w.f) {
+            *r = power(r.clamp(1e-8_f64.min(1.0 / f.abs()), 1e8_f64.max(1.0 / f.abs())));
+        }
+        w.col.iter_mut().for_each(|c| *c = power(c.clamp(1e-8, 1e8)));
+    }
+
+    /// Whether rows have left the range in which the factors equilibrate `work.jac` (not yet scaled).
+    fn is_stale(&mut self, plan: &Plan) -> bool {
+        if !(plan.scaled && self.options.equilibrate) {
+            return false;
+        }
+        let w = &mut *self.work;
+        w.scratch.fill(0.0);
+        for (i, j, v) in w.jac.triplets() {
+            w.scratch[i] = w.scratch[i].max((v * w.row[i] * w.col[j]).abs());
+        }
+        (w.scratch.iter().zip(&w.f).zip(&w.row))
+            .any(|((s, f), r)| *s > STALE || (*s < 1.0 / STALE && *s > 0.0 && (r * f).abs() < 1.0 / STALE))
     }
 
     fn scale_jacobian(&mut self, plan: &Plan) {
@@ -518,6 +538,7 @@ impl Engine<'_> {
         let mut locked = false;
         let mut last_step = None;
         let mut slow = 0;
+        let mut anew = 0;
         self.work.merits.clear();
         for k in 0.. {
             let residual = self.residual();
@@ -526,6 +547,13 @@ impl Engine<'_> {
             }
             if !fresh_jacobian && !self.jacobian() {
                 return failure(self);
+            }
+            if !fresh_jacobian && anew < 20 && self.is_stale(plan) {
+                anew += 1;
+                self.equilibrate(plan);
+                psi = self.merit(plan);
+                kept_psi = f64::INFINITY;
+                self.work.merits.clear();
             }
             fresh_jacobian = false;
             self.scale_jacobian(plan);
