@@ -12,6 +12,7 @@ mod kernel;
 mod memory;
 mod row_inverse;
 mod scaling;
+mod small_lu;
 mod sparse_lu;
 
 pub use auto::{AutoSolver, DENSE_LIMIT};
@@ -23,6 +24,7 @@ pub use eigen::{eigenvalues, generalized_eigenvalues, symmetric_eigenvalues};
 pub use error::LinearError;
 pub use kernel::{NullSpace, null_space};
 pub(crate) use row_inverse::RowInverse;
+pub(crate) use small_lu::SmallLu;
 pub use sparse_lu::SparseLu;
 
 use crate::sparse::{MatrixRef, PatternRef};
