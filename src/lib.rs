@@ -2,6 +2,7 @@
 
 #![warn(missing_docs, unreachable_pub)]
 
+pub mod complementarity;
 pub mod contact;
 pub mod continuation;
 pub mod enumeration;

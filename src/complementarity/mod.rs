@@ -1,0 +1,6 @@
+//! Complementarity problems.
+
+mod lcp;
+pub mod pivoting;
+
+pub use lcp::{Lcp, LcpError};
