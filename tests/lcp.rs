@@ -136,7 +136,7 @@ fn lemke_stops_at_its_limit_on_exponential_families() {
     let report = Lemke::new(options).solve(&lcp, &mut z).unwrap();
     assert_eq!((report.status, report.pivots), (LemkeStatus::PivotLimit, 5000));
     // The covering vector chooses the path: this one is short.
-    let covering = (0..40).map(|i| 2.0_f64.powi(i)).collect();
+    let covering = (0..40).map(|i| f64::from(i + 1)).collect();
     let report = Lemke::new(LemkeOptions::default().with_covering(covering))
         .solve(&lcp, &mut z)
         .unwrap();
