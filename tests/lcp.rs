@@ -7,7 +7,7 @@ use semismooth::enumeration::{EnumerationOptions, SolutionSet, all_solutions};
 use semismooth::sparse::Matrix;
 
 fn enumerate(lcp: &Lcp) -> SolutionSet {
-    all_solutions(lcp, 0.0, &EnumerationOptions::default()).unwrap()
+    all_solutions(lcp.mcp(), 0.0, &EnumerationOptions::default()).unwrap()
 }
 
 fn matrix(n: usize, entry: impl Fn(usize, usize) -> f64) -> Matrix {
@@ -120,7 +120,7 @@ proptest! {
     #[test]
     fn boxes(m in small_integers(N * N), q in small_integers(N), width in prop::collection::vec(0..4_u8, N)) {
         let upper: Vec<f64> = width.iter().map(|w| f64::from(*w) - 1.0).collect();
-        let lcp = Lcp::new(matrix(N, |i, j| m[i * N + j]), q).unwrap().with_bounds(vec![-1.0; N], upper).unwrap();
+        let lcp = Lcp::boxed(matrix(N, |i, j| m[i * N + j]), q, vec![-1.0; N], upper).unwrap();
         let (status, z, residual) = lemke(&lcp);
         prop_assert_eq!(status, LemkeStatus::Solved);
         prop_assert!(residual < 1e-12);

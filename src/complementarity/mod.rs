@@ -30,5 +30,5 @@ mod problem;
 pub use affine::AffineFunction;
 pub use error::ComplementarityError;
 pub use function::{McpFunction, WithJacobian};
-pub use lcp::{Lcp, LcpError};
+pub use lcp::Lcp;
 pub use problem::{AtParameter, Mcp};

@@ -1,5 +1,5 @@
 use super::basis::Basis;
-use crate::complementarity::{Lcp, LcpError};
+use crate::complementarity::{ComplementarityError, Lcp};
 use crate::linear::LinearError;
 use crate::sparse::{Matrix, Pattern};
 
@@ -186,9 +186,9 @@ impl Lemke {
     /// Solves the problem; `z` holds the solution, or where the path ended. What `z` held before does not matter.
     ///
     /// # Errors
-    /// [`LcpError::Length`] for `z` or the covering vector, [`LcpError::Option`] for a covering vector that is not positive,
-    /// [`LcpError::Unsuitable`] for more than 20 000 unknowns or unknowns without bounds whose block of M is singular.
-    pub fn solve(&mut self, lcp: &Lcp, z: &mut [f64]) -> Result<LemkeReport, LcpError> {
+    /// [`ComplementarityError::Length`] for `z` or the covering vector, [`ComplementarityError::Option`] for a covering vector that is not positive,
+    /// [`ComplementarityError::Unsuitable`] for more than 20 000 unknowns or unknowns without bounds whose block of M is singular.
+    pub fn solve(&mut self, lcp: &Lcp, z: &mut [f64]) -> Result<LemkeReport, ComplementarityError> {
         let n = lcp.len();
         self.check(lcp, z)?;
         self.prepare(n);
@@ -212,9 +212,9 @@ impl Lemke {
         Ok(report)
     }
 
-    fn check(&self, lcp: &Lcp, z: &[f64]) -> Result<(), LcpError> {
+    fn check(&self, lcp: &Lcp, z: &[f64]) -> Result<(), ComplementarityError> {
         let n = lcp.len();
-        let length = |what, found| LcpError::Length {
+        let length = |what, found| ComplementarityError::Length {
             what,
             expected: n,
             found,
@@ -223,7 +223,7 @@ impl Lemke {
             return Err(length("the point", z.len()));
         }
         if n > MAX_ORDER {
-            return Err(LcpError::Unsuitable {
+            return Err(ComplementarityError::Unsuitable {
                 method: "Lemke's method",
                 reason: format!("its dense inverse for {n} unknowns would not fit; use an active-set method"),
             });
@@ -235,7 +235,7 @@ impl Lemke {
             return Err(length("the covering vector", d.len()));
         }
         match d.iter().find(|d| !(d.is_finite() && **d > 0.0)) {
-            Some(&value) => Err(LcpError::Option {
+            Some(&value) => Err(ComplementarityError::Option {
                 name: "covering",
                 value,
                 range: "finite and positive in every entry",
@@ -269,7 +269,7 @@ impl Lemke {
     }
 
     /// The basis of all wᵢ, with the zᵢ that have no bounds in place of theirs.
-    fn start(&mut self, lcp: &Lcp) -> Result<(), LcpError> {
+    fn start(&mut self, lcp: &Lcp) -> Result<(), ComplementarityError> {
         let (lower, upper) = (lcp.lower(), lcp.upper());
         for i in 0..lcp.len() {
             let side = match (lower[i].is_finite(), upper[i].is_finite()) {
@@ -291,8 +291,10 @@ impl Lemke {
         }
         if self.side.contains(&Side::Free) {
             match self.refactor(lcp) {
-                Err(LcpError::Linear(LinearError::Singular { .. } | LinearError::Inaccurate { .. })) => {
-                    return Err(LcpError::Unsuitable {
+                Err(ComplementarityError::Linear(
+                    LinearError::Singular { .. } | LinearError::Inaccurate { .. },
+                )) => {
+                    return Err(ComplementarityError::Unsuitable {
                         method: "Lemke's method",
                         reason: "the block of the matrix that belongs to the unknowns without bounds is singular; give them \
                                  finite bounds"
@@ -335,7 +337,12 @@ impl Lemke {
         }
     }
 
-    fn follow(&mut self, lcp: &Lcp, limit: usize, pivots: &mut usize) -> Result<LemkeStatus, LcpError> {
+    fn follow(
+        &mut self,
+        lcp: &Lcp,
+        limit: usize,
+        pivots: &mut usize,
+    ) -> Result<LemkeStatus, ComplementarityError> {
         let Some(mut slot) = self.enter_cover() else {
             return Ok(LemkeStatus::Solved);
         };
@@ -589,7 +596,7 @@ impl Lemke {
     }
 
     /// The basis as a full matrix, and its inverse.
-    fn refactor(&mut self, lcp: &Lcp) -> Result<(), LcpError> {
+    fn refactor(&mut self, lcp: &Lcp) -> Result<(), ComplementarityError> {
         let n = self.basic.len();
         let mut matrix = Matrix::zeros(Pattern::full(n, n));
         let pattern = lcp.matrix().pattern();
@@ -639,12 +646,14 @@ impl Lemke {
     }
 
     /// Whether the basic variables satisfy their equations, with a new inverse if need be.
-    fn verify(&mut self, lcp: &Lcp) -> Result<bool, LcpError> {
+    fn verify(&mut self, lcp: &Lcp) -> Result<bool, ComplementarityError> {
         if self.decay(lcp) <= DECAY {
             return Ok(true);
         }
         match self.refactor(lcp) {
-            Err(LcpError::Linear(LinearError::Singular { .. } | LinearError::Inaccurate { .. })) => {
+            Err(ComplementarityError::Linear(
+                LinearError::Singular { .. } | LinearError::Inaccurate { .. },
+            )) => {
                 return Ok(false);
             }
             result => result?,
@@ -654,7 +663,7 @@ impl Lemke {
     }
 
     /// t has left: refines the basic variables and judges them.
-    fn finish(&mut self, lcp: &Lcp) -> Result<LemkeStatus, LcpError> {
+    fn finish(&mut self, lcp: &Lcp) -> Result<LemkeStatus, ComplementarityError> {
         if !self.verify(lcp)? {
             return Ok(LemkeStatus::Inaccurate);
         }
@@ -781,10 +790,8 @@ mod tests {
             [1.0, 0.0, 0.0, 1.0],
         ]);
         let inf = f64::INFINITY;
-        let lcp = Lcp::new(m.unwrap(), vec![-8.0, 3.0, -1.0, 4.0])
-            .unwrap()
-            .with_bounds(vec![0.0, -inf, 0.25, -inf], vec![1.5, inf, 0.25, 2.0])
-            .unwrap();
+        let (lower, upper) = (vec![0.0, -inf, 0.25, -inf], vec![1.5, inf, 0.25, 2.0]);
+        let lcp = Lcp::boxed(m.unwrap(), vec![-8.0, 3.0, -1.0, 4.0], lower, upper).unwrap();
         let mut z = [0.0; 4];
         let report = Lemke::default().solve(&lcp, &mut z).unwrap();
         assert_eq!(report.status, LemkeStatus::Solved);
