@@ -19,6 +19,7 @@
 //! * `FischerBurmeister` is the semismooth reformulation with a smooth merit function.
 //! * `McpSolver` solves an MCP from any start; see there for the strategy.
 
+pub mod active_set;
 mod affine;
 mod error;
 mod function;

@@ -9,6 +9,7 @@ mod dense_lu;
 mod error;
 mod kernel;
 mod memory;
+mod multigrid;
 mod row_inverse;
 mod scaling;
 mod sparse_lu;
@@ -20,6 +21,8 @@ pub use condensation::Condensation;
 pub use dense_lu::DenseLu;
 pub use error::LinearError;
 pub use kernel::{NullSpace, null_space};
+pub use multigrid::Prolongation;
+pub(crate) use multigrid::{TruncatedMultigrid, aggregation_hierarchy, coarse_problem};
 pub(crate) use row_inverse::RowInverse;
 pub use sparse_lu::SparseLu;
 
