@@ -4,6 +4,7 @@
 //! *sticking* (u_ν = gap, u_t = 0) or *slipping* (u_ν = gap, λ_t = ±F λ_ν with ±u_t ≥ 0).
 
 mod condensed;
+mod delassus;
 mod error;
 mod family;
 #[cfg(feature = "json")]
@@ -16,6 +17,12 @@ mod problem;
 mod start;
 
 pub use condensed::CondensedFriction;
+#[cfg(feature = "json")]
+pub use delassus::read_delassus;
+pub use delassus::{
+    DelassusError, DelassusIteration, DelassusOptions, DelassusPhase, DelassusProblem, DelassusReport,
+    DelassusSolver, DelassusState, DelassusStatus,
+};
 pub use error::ContactError;
 pub use family::FrictionFamily;
 #[cfg(feature = "json")]
