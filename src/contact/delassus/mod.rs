@@ -4,6 +4,7 @@ mod cone;
 mod error;
 #[cfg(feature = "json")]
 mod file;
+mod interior;
 mod local;
 mod newton;
 mod options;

@@ -41,6 +41,8 @@ impl fmt::Display for DelassusStatus {
 pub enum DelassusPhase {
     /// Sweeps of nonsmooth Gauss–Seidel.
     Sweeps,
+    /// One step of the interior-point iteration.
+    Interior,
     /// A proximal step by semismooth Newton.
     Proximal,
 }

@@ -150,7 +150,33 @@ impl<'a, const D: usize> Run<'a, D> {
         if let ControlFlow::Break(s) = self.record(DelassusPhase::Sweeps, 0.0, 30, true)? {
             return Ok(s);
         }
-        let mut alpha = 1e-2;
+        let mut interior = super::interior::Interior::new(&self.scaled);
+        let depth: f64 = std::env::var("DEPTH")
+            .ok()
+            .and_then(|s| s.parse().ok())
+            .unwrap_or(1.0);
+        interior.start(&self.scaled, &self.r, depth);
+        let mut short = 0;
+        for _ in 0..80 {
+            let Some(length) = interior.step(&self.scaled) else {
+                break;
+            };
+            self.newton.factorisations += 1;
+            interior.reactions(&self.scaled, &mut self.r);
+            if let ControlFlow::Break(s) =
+                self.record(DelassusPhase::Interior, interior.gap(), 1, length > 0.1)?
+            {
+                return Ok(s);
+            }
+            short = if length < 1e-3 { short + 1 } else { 0 };
+            if interior.gap() < 1e-13 || short > 3 {
+                break;
+            }
+        }
+        let mut alpha: f64 = std::env::var("ALPHA")
+            .ok()
+            .and_then(|s| s.parse().ok())
+            .unwrap_or(1e-2);
         let mut centre = self.r.clone();
         loop {
             let before = self.newton.factorisations;
