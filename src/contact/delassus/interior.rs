@@ -1,11 +1,23 @@
 //! Interior points for the law with De Saxcé's term: from anywhere into the neighbourhood of a solution.
 
+use super::krylov::Gmres;
 use super::scaled::{Block, Scaled, add_product};
-use crate::linear::{AutoSolver, LinearSolver};
+use crate::linear::{AutoSolver, Cholesky, LinearSolver};
 use crate::sparse::{MatrixRef, PatternRef};
 
 /// How far towards the boundary of the cones a step may go.
 const FRACTION: f64 = 0.995;
+
+/// A shorter step is one that De Saxcé's term has spoilt; the next few leave its derivative out. The iteration then is that of a
+/// convex problem, slower but of longer steps.
+const SHORT: f64 = 0.1;
+const FREEZE: usize = 5;
+
+/// Added to the matrix against a mean diagonal of M of 1: near the boundary W² vanishes on the kernel of M.
+const SHIFT: f64 = 1e-12;
+
+/// Orders from here on are solved by Cholesky and GMRES where M is sparse: fill-in is a fraction of that of LU.
+const LARGE: usize = 1500;
 
 /// A primal–dual interior-point iteration with Nesterov–Todd scaling and Mehrotra's corrector.
 ///
@@ -18,6 +30,15 @@ const FRACTION: f64 = 0.995;
 #[derive(Debug)]
 pub(super) struct Interior<const D: usize> {
     solver: AutoSolver,
+    /// Whether the symmetric part is factored, and GMRES does the rest.
+    symmetric: bool,
+    cholesky: Cholesky,
+    gmres: Gmres,
+    /// M̃ + W² without De Saxcé's term.
+    near: Vec<f64>,
+    /// Steps left with De Saxcé's term frozen.
+    frozen: usize,
+    may_freeze: bool,
     pub(super) x: Vec<[f64; D]>,
     y: Vec<[f64; D]>,
     /// M̃ x + q̃ + ‖u_T‖ e_N.
@@ -150,6 +171,8 @@ impl<const D: usize> Interior<D> {
                 col_ptr.push(row_idx.len());
             }
         }
+        let n = nc * D;
+        let symmetric = n >= LARGE && row_idx.len() < n * n / 4 && m.is_structurally_symmetric();
         let zero = vec![[0.0; D]; nc];
         let unit = Nt {
             beta: 1.0,
@@ -158,6 +181,12 @@ impl<const D: usize> Interior<D> {
         };
         Self {
             solver: AutoSolver::new(),
+            symmetric,
+            cholesky: Cholesky::new(),
+            gmres: Gmres::default(),
+            near: vec![0.0; if symmetric { row_idx.len() } else { 0 }],
+            frozen: 0,
+            may_freeze: false,
             x: zero.clone(),
             y: zero.clone(),
             image: zero.clone(),
@@ -174,7 +203,9 @@ impl<const D: usize> Interior<D> {
     }
 
     /// Puts x and y well inside of the cones near the reactions `r`.
-    pub(super) fn start(&mut self, p: &Scaled<D>, r: &[[f64; D]], depth: f64) {
+    pub(super) fn start(&mut self, p: &Scaled<D>, r: &[[f64; D]], may_freeze: bool) {
+        self.may_freeze = may_freeze;
+        self.frozen = 0;
         for i in 0..r.len() {
             let mu = p.friction[i];
             self.x[i] = r[i];
@@ -186,10 +217,7 @@ impl<const D: usize> Interior<D> {
         }
         self.evaluate(p);
         let mean = |v: &[[f64; D]]| v.iter().map(|z| z[0].abs()).sum::<f64>() / v.len() as f64;
-        let (dx, dy) = (
-            depth * mean(&self.x).max(1e-3),
-            depth * mean(&self.image).max(1e-3),
-        );
+        let (dx, dy) = (mean(&self.x).max(1e-3), mean(&self.image).max(1e-3));
         for i in 0..r.len() {
             let t = super::cone::tangential_norm(&self.x[i]);
             self.x[i][0] = self.x[i][0].max(t + dx);
@@ -250,6 +278,7 @@ impl<const D: usize> Interior<D> {
     fn assemble(&mut self, p: &Scaled<D>) {
         let m = &p.matrix;
         let mut at = 0;
+        let slope = f64::from(self.frozen == 0);
         for j in 0..self.x.len() {
             let column = if p.friction[j] > 0.0 {
                 p.friction[j].recip()
@@ -264,13 +293,24 @@ impl<const D: usize> Interior<D> {
                     let mu = p.friction[i];
                     if mu > 0.0 {
                         let term: f64 = (1..D).map(|a| self.direction[i][a] * block[a][c]).sum();
-                        self.values[at] = s * (block[0][c] / mu + term);
+                        self.values[at] = s * (block[0][c] / mu + slope * term);
                         for a in 1..D {
                             self.values[at + a] = s * block[a][c];
                         }
                     } else {
                         self.values[at] = s * block[0][c];
                         self.values[at + 1..at + D].fill(0.0);
+                    }
+                    if self.symmetric {
+                        for a in 0..D {
+                            let row = match (mu > 0.0, a) {
+                                (true, 0) => mu.recip(),
+                                (false, a) if a > 0 => 0.0,
+                                _ => 1.0,
+                            };
+                            let kept = p.friction[j] > 0.0 || c == 0;
+                            self.near[at + a] = if kept { s * row * block[a][c] } else { 0.0 };
+                        }
                     }
                     if i == j {
                         let w = if mu > 0.0 {
@@ -285,6 +325,13 @@ impl<const D: usize> Interior<D> {
                         };
                         for a in 0..D {
                             self.values[at + a] += w[a][c];
+                        }
+                        self.values[at + c] += SHIFT * s * s;
+                        if self.symmetric {
+                            for a in 0..D {
+                                self.near[at + a] += w[a][c];
+                            }
+                            self.near[at + c] += SHIFT * s * s;
                         }
                     }
                     at += D;
@@ -303,21 +350,12 @@ impl<const D: usize> Interior<D> {
             }
         }
         self.assemble(p);
-        let n = nc * D;
-        let pattern = PatternRef {
-            nrows: n,
-            ncols: n,
-            col_ptr: &self.col_ptr,
-            row_idx: &self.row_idx,
-        };
-        let values = &self.values;
-        self.solver.analyze(pattern).ok()?;
-        self.solver.factor(MatrixRef { pattern, values }).ok()?;
+        self.factor()?;
         let gap = self.gap();
-        self.direction_for(p, 0.0, false)?;
+        self.direction_for(p, 0.0, 1.0, false)?;
         let affine = self.longest(p);
         let centring = (1.0 - affine).powi(3).clamp(1e-6, 1.0);
-        self.direction_for(p, centring * gap, true)?;
+        self.direction_for(p, centring * gap, 1.0 - centring, true)?;
         let length = (FRACTION * self.longest(p)).min(1.0);
         for i in 0..nc {
             for k in 0..D {
@@ -325,11 +363,61 @@ impl<const D: usize> Interior<D> {
                 self.y[i][k] += length * self.dy[i][k];
             }
         }
+        if self.frozen > 0 {
+            self.frozen -= 1;
+        } else if self.may_freeze && length < SHORT {
+            self.frozen = FREEZE;
+        }
         Some(length)
     }
 
+    fn factor(&mut self) -> Option<()> {
+        let n = self.rhs.len();
+        let pattern = PatternRef {
+            nrows: n,
+            ncols: n,
+            col_ptr: &self.col_ptr,
+            row_idx: &self.row_idx,
+        };
+        if self.symmetric {
+            let near = &self.near;
+            let factored = self.cholesky.analyze(pattern).and_then(|()| {
+                let matrix = MatrixRef {
+                    pattern,
+                    values: near,
+                };
+                self.cholesky.factor(matrix)
+            });
+            if factored.is_ok() {
+                return Some(());
+            }
+            self.symmetric = false;
+        }
+        self.solver.analyze(pattern).ok()?;
+        let values = &self.values;
+        self.solver.factor(MatrixRef { pattern, values }).ok()
+    }
+
+    fn solve(&mut self) -> Option<()> {
+        if self.symmetric {
+            let n = self.rhs.len();
+            let pattern = PatternRef {
+                nrows: n,
+                ncols: n,
+                col_ptr: &self.col_ptr,
+                row_idx: &self.row_idx,
+            };
+            let matrix = MatrixRef {
+                pattern,
+                values: &self.values,
+            };
+            return self.gmres.solve(matrix, &mut self.cholesky, &mut self.rhs);
+        }
+        self.solver.solve_in_place(&mut self.rhs).ok()
+    }
+
     /// dx, dy towards x ∘ y = σ e; with the second-order term of the last direction if `correct`.
-    fn direction_for(&mut self, p: &Scaled<D>, sigma: f64, correct: bool) -> Option<()> {
+    fn direction_for(&mut self, p: &Scaled<D>, sigma: f64, weight: f64, correct: bool) -> Option<()> {
         for i in 0..self.x.len() {
             let (x, y) = (&self.x[i], &self.y[i]);
             let infeasible: [f64; D] = std::array::from_fn(|k| self.image[i][k] - y[k]);
@@ -358,10 +446,14 @@ impl<const D: usize> Interior<D> {
             }
             for k in 0..D {
                 let used = p.friction[i] > 0.0 || k == 0;
-                self.rhs[i * D + k] = if used { target[k] - infeasible[k] } else { 0.0 };
+                self.rhs[i * D + k] = if used {
+                    target[k] - weight * infeasible[k]
+                } else {
+                    0.0
+                };
             }
         }
-        self.solver.solve_in_place(&mut self.rhs).ok()?;
+        self.solve()?;
         for i in 0..self.x.len() {
             self.dx[i].copy_from_slice(&self.rhs[i * D..(i + 1) * D]);
             let mut dy = self.work[i];

@@ -5,6 +5,7 @@ mod error;
 #[cfg(feature = "json")]
 mod file;
 mod interior;
+mod krylov;
 mod local;
 mod newton;
 mod options;

@@ -98,8 +98,9 @@ impl<const D: usize> BlockMatrix<D> {
         }
     }
 
-    pub(super) fn order(&self) -> usize {
-        self.diagonal.len()
+    /// Whether block (j, i) is stored with block (i, j).
+    pub(super) fn is_structurally_symmetric(&self) -> bool {
+        self.row_ptr == self.col_ptr && self.row == self.col
     }
 
     /// Adds row `i` of M r to `u`.

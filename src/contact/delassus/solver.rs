@@ -1,10 +1,42 @@
 use std::ops::ControlFlow;
 
+use super::cone::tangential_norm;
+use super::interior::Interior;
 use super::local::solve_contact;
-use super::newton::{Inner, Newton, alart_curnier};
+use super::newton::{Inner, Newton};
 use super::report::{DelassusIteration, DelassusPhase, DelassusReport, DelassusStatus};
 use super::scaled::{Scaled, Vector};
 use super::{DelassusError, DelassusOptions, DelassusProblem, DelassusState};
+
+const SWEEPS: usize = 30;
+const ALPHA: f64 = 1e-2;
+const ALPHA_NEAR: f64 = 1e-5;
+const INNER: usize = 30;
+const PATIENCE: usize = 100;
+const INTERIOR_STEPS: usize = 80;
+
+/// What counts as no reaction and as no slip, relative to the largest entries in scaled variables.
+const ZERO: f64 = 1e-9;
+
+/// Break with a status ends the run.
+type Outcome = Result<ControlFlow<DelassusStatus>, DelassusError>;
+
+macro_rules! flow_value {
+    ($flow:expr) => {
+        match $flow {
+            ControlFlow::Break(status) => return Ok(ControlFlow::Break(status)),
+            ControlFlow::Continue(value) => value,
+        }
+    };
+}
+
+macro_rules! flow {
+    ($flow:expr) => {
+        if let ControlFlow::Break(status) = $flow {
+            return Ok(status);
+        }
+    };
+}
 
 /// Solver of [`DelassusProblem`]s.
 #[derive(Debug, Clone, Default)]
@@ -144,68 +176,76 @@ impl<'a, const D: usize> Run<'a, D> {
         if self.best_residual <= self.options.tolerance {
             return Ok(DelassusStatus::Solved);
         }
-        for k in 0..30 {
+        self.sweeps_of(SWEEPS);
+        flow!(self.record(DelassusPhase::Sweeps, 0.0, SWEEPS, true)?);
+        flow!(self.interior(false)?);
+        flow!(self.proximal(ALPHA_NEAR)?);
+        flow!(self.interior(true)?);
+        flow!(self.proximal(ALPHA_NEAR)?);
+        self.r.iter_mut().for_each(|r| *r = [0.0; D]);
+        self.sweeps_of(10 * SWEEPS);
+        flow!(self.record(DelassusPhase::Sweeps, 0.0, 10 * SWEEPS, true)?);
+        flow!(self.proximal(ALPHA)?);
+        Ok(DelassusStatus::Stalled)
+    }
+
+    fn sweeps_of(&mut self, n: usize) {
+        for k in 0..n {
             self.sweep(k % 2 == 1);
         }
-        if let ControlFlow::Break(s) = self.record(DelassusPhase::Sweeps, 0.0, 30, true)? {
-            return Ok(s);
-        }
-        let mut interior = super::interior::Interior::new(&self.scaled);
-        let depth: f64 = std::env::var("DEPTH")
-            .ok()
-            .and_then(|s| s.parse().ok())
-            .unwrap_or(1.0);
-        interior.start(&self.scaled, &self.r, depth);
-        let mut short = 0;
-        for _ in 0..80 {
+    }
+
+    /// Interior points from the iterate; leaves the last iterate.
+    fn interior(&mut self, may_freeze: bool) -> Outcome {
+        let mut interior = Interior::new(&self.scaled);
+        interior.start(&self.scaled, &self.r, may_freeze);
+        let (mut best, mut since) = (f64::INFINITY, 0);
+        for _ in 0..INTERIOR_STEPS {
             let Some(length) = interior.step(&self.scaled) else {
                 break;
             };
             self.newton.factorisations += 1;
             interior.reactions(&self.scaled, &mut self.r);
-            if let ControlFlow::Break(s) =
-                self.record(DelassusPhase::Interior, interior.gap(), 1, length > 0.1)?
-            {
-                return Ok(s);
-            }
-            short = if length < 1e-3 { short + 1 } else { 0 };
-            if interior.gap() < 1e-13 || short > 3 {
+            let gap = interior.gap();
+            let residual = flow_value!(self.record(DelassusPhase::Interior, gap, 1, length > 0.1)?);
+            since = if residual < 0.7 * best { 0 } else { since + 1 };
+            best = best.min(residual);
+            if gap < 1e-13 || since > 10 {
                 break;
             }
         }
-        let mut alpha: f64 = std::env::var("ALPHA")
-            .ok()
-            .and_then(|s| s.parse().ok())
-            .unwrap_or(1e-2);
+        Ok(ControlFlow::Continue(()))
+    }
+
+    /// Proximal steps from the iterate until they no longer pay.
+    fn proximal(&mut self, mut alpha: f64) -> Outcome {
         let mut centre = self.r.clone();
+        let (mut mark, mut mark_at) = (f64::INFINITY, self.newton.factorisations);
         loop {
             let before = self.newton.factorisations;
             if before >= self.options.max_factorisations {
-                return Ok(DelassusStatus::Limit);
+                return Ok(ControlFlow::Break(DelassusStatus::Limit));
             }
             centre.copy_from_slice(&self.r);
             let scale = self.r.iter().flatten().fold(1.0_f64, |a, b| a.max(b.abs()));
+            let tolerance = 1e-14 * scale;
             let inner = self
                 .newton
-                .solve(&self.scaled, &mut self.r, alpha, &centre, 1e-14 * scale, 30);
+                .solve(&self.scaled, &mut self.r, alpha, &centre, tolerance, INNER);
             let work = self.newton.factorisations - before;
-            match inner {
-                Inner::Converged => {
-                    if let ControlFlow::Break(s) = self.record(DelassusPhase::Proximal, alpha, work, true)? {
-                        return Ok(s);
-                    }
-                    alpha = (alpha * 0.3).max(1e-10);
-                }
-                Inner::Failed => {
-                    if let ControlFlow::Break(s) = self.record(DelassusPhase::Proximal, alpha, work, false)? {
-                        return Ok(s);
-                    }
-                    self.r.copy_from_slice(&centre);
-                    alpha *= 4.0;
-                    if alpha > 1e6 {
-                        return Ok(DelassusStatus::Stalled);
-                    }
-                }
+            let converged = inner == Inner::Converged;
+            let residual = flow_value!(self.record(DelassusPhase::Proximal, alpha, work, converged)?);
+            if converged {
+                alpha = (alpha * 0.3).max(1e-10);
+            } else {
+                self.r.copy_from_slice(&centre);
+                alpha *= 4.0;
+            }
+            if residual < 0.3 * mark {
+                (mark, mark_at) = (residual, self.newton.factorisations);
+            }
+            if self.newton.factorisations - mark_at > PATIENCE || alpha > 1e6 {
+                return Ok(ControlFlow::Continue(()));
             }
         }
     }
@@ -216,9 +256,8 @@ impl<'a, const D: usize> Run<'a, D> {
         let r = self.scaled.scale(&self.best);
         let mut v = vec![[0.0; D]; r.len()];
         self.scaled.velocities(&r, &mut v);
-        let states: Vec<DelassusState> = (0..r.len())
-            .map(|i| alart_curnier(self.problem.friction()[i], &r[i], &v[i]).state)
-            .collect();
+        let size = r.iter().flatten().fold(1.0_f64, |a, b| a.max(b.abs()));
+        let states = (0..r.len()).map(|i| state(&r[i], &v[i], size)).collect();
         Ok(DelassusReport {
             status,
             residual: self.problem.residual(&self.best)?,
@@ -229,5 +268,16 @@ impl<'a, const D: usize> Run<'a, D> {
             sweeps: self.sweeps,
             history: self.history,
         })
+    }
+}
+
+/// The state of a contact of a solution in scaled variables, whose largest entry is about `size`.
+fn state<const D: usize>(r: &[f64; D], u: &[f64; D], size: f64) -> DelassusState {
+    if r[0] <= ZERO * size {
+        DelassusState::Open
+    } else if tangential_norm(u) <= ZERO * size {
+        DelassusState::Stick
+    } else {
+        DelassusState::Slip
     }
 }
