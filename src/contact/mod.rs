@@ -8,6 +8,7 @@ mod condensed;
 mod condensed_contact;
 mod coulomb_laws;
 mod curve;
+mod delassus;
 mod error;
 mod family;
 mod fixed_point;
@@ -28,6 +29,12 @@ pub use condensed::CondensedFriction;
 pub use condensed_contact::{CondensedContact, ContactSolution};
 pub use coulomb_laws::{OrthotropicCoulomb, PlanarCoulomb};
 pub use curve::{FrictionCoefficient, FrictionCurve};
+#[cfg(feature = "json")]
+pub use delassus::read_delassus;
+pub use delassus::{
+    DelassusError, DelassusIteration, DelassusOptions, DelassusPhase, DelassusProblem, DelassusReport,
+    DelassusSolver, DelassusState, DelassusStatus,
+};
 pub use error::ContactError;
 pub use family::FrictionFamily;
 pub use fixed_point::{FixedPointOptions, FixedPointReport, fixed_point};
