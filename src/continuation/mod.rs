@@ -6,9 +6,9 @@ mod certificate;
 mod diagram;
 mod engine;
 mod error;
-mod fold_set;
 #[cfg(feature = "serde")]
 mod extended;
+mod fold_set;
 mod locate;
 mod options;
 mod polygon;
