@@ -1,15 +1,19 @@
 //! Two contact nodes with Coulomb friction, F = (α, α): is it true that there are at most two solution branches?
 //! You will see, over random loads and Lamé coefficients, how often each number of branches and of solutions occurs, and the
 //! problems with the largest numbers found. Every list of solutions comes from a complete enumeration.
+//! Ctrl-C ends it early and prints what was found so far.
 //! Run: cargo run --release --example sample_branches [-- --samples N --seed S]
 
 mod common;
+#[path = "common/progress.rs"]
+mod progress;
 
 use std::collections::BTreeMap;
 use std::process::ExitCode;
 
 use clap::Parser;
 use common::{Outcome, Random, exit};
+use progress::Progress;
 use semismooth::contact::{CondensedFriction, FrictionPath, FrictionProblem, LoadPath};
 use semismooth::continuation::{Diagram, DiagramOptions};
 use semismooth::enumeration::{EnumerationOptions, all_solutions};
@@ -141,7 +145,12 @@ fn run(args: &Args) -> Outcome<()> {
     let mut records: [Option<(Sample, Count)>; 2] = [None; 2];
     let mut uncertified = 0;
     let (mut drawn, mut near) = (0, Vec::new());
+    let progress = Progress::new(args.samples)?;
     loop {
+        let most = records[0].map_or(0, |r: (Sample, Count)| r.1.branches);
+        if progress.at(drawn, format!("{most} branches at most")).is_break() {
+            break;
+        }
         let (sample, is_drawn) = match near.pop() {
             Some(sample) => (sample, false),
             None if drawn == args.samples => break,
@@ -154,7 +163,7 @@ fn run(args: &Args) -> Outcome<()> {
         *by_branches.entry(found.branches).or_default() += 1;
         *by_solutions.entry(found.solutions).or_default() += 1;
         uncertified += u64::from(!found.certified);
-        if records[0].is_none_or(|r: (Sample, Count)| found.branches > r.1.branches) {
+        if records[0].is_none_or(|r| found.branches > r.1.branches) {
             records[0] = Some((sample, found));
         }
         if records[1].is_none_or(|r: (Sample, Count)| found.solutions > r.1.solutions) {
@@ -164,10 +173,11 @@ fn run(args: &Args) -> Outcome<()> {
             near.extend((0..args.neighbours).map(|_| neighbour(&sample, &mut random)));
         }
     }
+    drop(progress);
     println!(
         "{} problems drawn, {} near them, {} values of α each, seed {}",
-        args.samples,
-        by_branches.values().sum::<u64>() - args.samples,
+        drawn,
+        by_branches.values().sum::<u64>().saturating_sub(drawn),
         args.alphas,
         args.seed
     );
