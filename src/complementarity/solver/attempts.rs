@@ -90,6 +90,8 @@ impl Engine<'_> {
                 component: self.bad_component.unwrap_or(0),
             };
         }
+        // The first attempt begins here.
+        self.fresh = true;
         let limit = self.options.max_attempt;
         let ended = self.attempt(McpStrategy::Newton, |e| {
             if e.affine {

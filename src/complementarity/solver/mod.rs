@@ -178,6 +178,7 @@ impl McpSolver {
             interrupted: false,
             asymptotic: false,
             bad_component: None,
+            fresh: false,
             given_active: states.is_some(),
         };
         let status = engine.solve(states);
