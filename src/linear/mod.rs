@@ -22,7 +22,7 @@ pub use dense_lu::DenseLu;
 pub use error::LinearError;
 pub use kernel::{NullSpace, null_space};
 pub use multigrid::Prolongation;
-pub(crate) use multigrid::{TruncatedMultigrid, aggregation_hierarchy, coarse_problem};
+pub(crate) use multigrid::{TruncatedMultigrid, affine_prolongation, aggregation_hierarchy, coarse_problem};
 pub(crate) use row_inverse::RowInverse;
 pub use sparse_lu::SparseLu;
 
