@@ -12,8 +12,6 @@ use crate::linear::LinearError;
 const COARSE: f64 = 5e-2;
 /// Part of the components that must still change after the first iteration for a start to be given up for one from coarser problems.
 const FAR: f64 = 0.02;
-/// Part of the largest violation that makes another one large.
-const LARGE: f64 = 0.5;
 /// Block exchanges before single ones; triangular matrices need as many as unknowns, with slow or no decrease of their number.
 const MORE_BLOCKS: usize = 100;
 /// Rounding of w, relative to its terms, below which its sign says nothing.
@@ -21,8 +19,8 @@ const ROUNDING: f64 = 8.0 * f64::EPSILON;
 
 /// The primal–dual active-set method (block principal pivoting) for LCPs and box LCPs.
 ///
-/// All components whose signs are wrong are exchanged at once. Should that not lessen their number for a while, only those with the
-/// largest violations are, from the start again; then all for a longer while, and at last one at a time by the least-index rule
+/// All components whose signs are wrong are exchanged at once. Should that not lessen their number for a while, only a few with the
+/// largest violations are, starting from the bounds; then all for a longer while, and at last one at a time by the least-index rule
 /// until their number is less (J. J. Júdice, F. M. Pires, 1994, after
 /// K. G. Murty, 1974): for P matrices
 /// the method then ends at the solution after finitely many iterations. For M matrices (obstacle problems) block exchanges alone are
@@ -49,7 +47,7 @@ pub struct ActiveSetSolver<R = AutoReduced> {
     reduced: R,
     activity: Vec<Activity>,
     next: Vec<Activity>,
-    first: Vec<Activity>,
+    ranking: Vec<(f64, usize)>,
     free: Vec<bool>,
     scale: Vec<f64>,
     w: Vec<f64>,
@@ -66,7 +64,7 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
             reduced,
             activity: Vec::new(),
             next: Vec::new(),
-            first: Vec::new(),
+            ranking: Vec::new(),
             free: Vec::new(),
             scale: Vec::new(),
             w: Vec::new(),
@@ -165,7 +163,8 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
         let n = lcp.len();
         self.reduced.load(lcp.matrix())?;
         self.history.clear();
-        for sets in [&mut self.activity, &mut self.next, &mut self.first] {
+        self.ranking.reserve(n);
+        for sets in [&mut self.activity, &mut self.next] {
             sets.clear();
             sets.resize(n, Activity::Inactive);
         }
@@ -224,7 +223,7 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
         let mut exchange = Exchange::Block;
         let mut residual = f64::INFINITY;
         let mut restarted = false;
-        self.first.copy_from_slice(&self.next);
+        let mut at_most = 1;
         let mut may_restart = sets.is_none();
         loop {
             if self.history.len() == self.options.max_iterations {
@@ -291,13 +290,22 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
             };
             match exchange {
                 Exchange::Block => {}
-                // What block exchanges made of the sets is no better than the start.
+                // What block exchanges made of the sets is no better than none at all.
                 Exchange::Largest if !restarted => {
                     restarted = true;
-                    self.next.copy_from_slice(&self.first);
+                    for i in 0..n {
+                        self.next[i] = match (lower[i].is_finite(), upper[i].is_finite()) {
+                            (true, _) => Activity::Lower,
+                            (false, true) => Activity::Upper,
+                            (false, false) => Activity::Inactive,
+                        };
+                    }
                     changes = n;
                 }
-                Exchange::Largest => self.keep_largest(lcp, z),
+                Exchange::Largest => {
+                    at_most = if changes < before { 2 * at_most } else { 1 };
+                    self.keep_largest(lcp, z, at_most);
+                }
                 Exchange::Single => self.keep_one(),
             }
         }
@@ -382,22 +390,26 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
         }
     }
 
-    /// Keeps only the changes with the largest violations, measured so that scaling M and q by DMD, Dq does not matter.
-    fn keep_largest(&mut self, lcp: &Lcp, z: &[f64]) {
-        let violation = |i: usize, now: Activity| match now {
-            Activity::Inactive => (lcp.lower()[i] - z[i]).max(z[i] - lcp.upper()[i]) * self.scale[i].sqrt(),
-            _ => self.w[i].abs() / self.scale[i].sqrt(),
-        };
-        let mut largest = 0.0_f64;
+    /// Keeps only the changes with the largest violations, measured so that scaling M and q by DMD, Dq does not matter; among equal
+    /// ones those of the least indices.
+    fn keep_largest(&mut self, lcp: &Lcp, z: &[f64], at_most: usize) {
+        self.ranking.clear();
         for i in 0..z.len() {
-            if self.next[i] != self.activity[i] {
-                largest = largest.max(violation(i, self.activity[i]));
+            let now = self.activity[i];
+            if self.next[i] == now {
+                continue;
             }
+            let violation = match now {
+                Activity::Inactive => {
+                    (lcp.lower()[i] - z[i]).max(z[i] - lcp.upper()[i]) * self.scale[i].sqrt()
+                }
+                _ => self.w[i].abs() / self.scale[i].sqrt(),
+            };
+            self.ranking.push((violation, i));
         }
-        for i in 0..z.len() {
-            if violation(i, self.activity[i]) < LARGE * largest {
-                self.next[i] = self.activity[i];
-            }
+        (self.ranking).sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        for &(_, i) in self.ranking.iter().skip(at_most) {
+            self.next[i] = self.activity[i];
         }
     }
 
