@@ -63,6 +63,20 @@ pub enum ComplementarityError {
         /// What would fit.
         expected: &'static str,
     },
+    /// A Jacobian entry is not the derivative of the function.
+    #[error(
+        "the Jacobian has {given} at ({row}, {col}), but difference quotients give {found}; check the derivative"
+    )]
+    WrongDerivative {
+        /// Row, from 0.
+        row: usize,
+        /// Column, from 0.
+        col: usize,
+        /// The entry.
+        given: f64,
+        /// Its difference quotient.
+        found: f64,
+    },
     /// An option is out of its range.
     #[error("option {name} = {value} is out of range; it must be {range}")]
     Option {
