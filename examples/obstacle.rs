@@ -182,34 +182,55 @@ impl Grid {
         (1..=self.m).flat_map(move |j| (1..=self.m).map(move |i| (self.at(i), self.at(j))))
     }
 
-    /// Bilinear interpolation from the lines 2, 4, … (1 to m/2 of the coarse grid). Boundary values are the offset.
-    fn prolongation(&self, boundary: impl Fn(f64, f64) -> f64) -> Outcome<Prolongation> {
-        let (m, coarse) = (self.m, self.m / 2);
-        // Parents of line i as (fine line, weight).
+    /// What boundary values contribute at point (i, j) beside the boundary.
+    fn add_boundary(&self, i: usize, j: usize, boundary: &impl Fn(f64, f64) -> f64, offset: &mut [f64]) {
         let parents = |i: usize| match i % 2 {
-            0 => vec![(i, 1.0)],
-            _ => vec![(i - 1, 0.5), (i + 1, 0.5)],
+            0 => vec![i],
+            _ => vec![i - 1, i + 1],
         };
-        let inside = |i: usize| i > 0 && i <= m;
-        let mut entries = Vec::with_capacity(9 * coarse * coarse);
-        let mut offset = vec![0.0; m * m];
-        for j in 1..=m {
-            for i in 1..=m {
-                let k = (j - 1) * m + i - 1;
-                for (b, v) in parents(j) {
-                    for (a, u) in parents(i) {
-                        if inside(a) && inside(b) {
-                            entries.push((k, (b / 2 - 1) * coarse + a / 2 - 1, u * v));
-                        } else {
-                            offset[k] += u * v * boundary(self.at(a), self.at(b));
-                        }
-                    }
+        for &b in &parents(j) {
+            for &a in &parents(i) {
+                if a == 0 || b == 0 || a > self.m || b > self.m {
+                    let share = weight(i, a / 2) * weight(j, b / 2);
+                    offset[(j - 1) * self.m + i - 1] += share * boundary(self.at(a), self.at(b));
                 }
             }
         }
-        let matrix = Matrix::from_triplets(m * m, coarse * coarse, &entries)?;
+    }
+
+    /// Bilinear interpolation from the lines 2, 4, … (1 to m/2 of the coarse grid). Boundary values are the offset.
+    fn prolongation(&self, boundary: impl Fn(f64, f64) -> f64) -> Outcome<Prolongation> {
+        let (m, coarse) = (self.m, self.m / 2);
+        let (mut start, mut rows, mut weights) = (vec![0], Vec::new(), Vec::new());
+        for b in 1..=coarse {
+            for a in 1..=coarse {
+                for j in 2 * b - 1..=(2 * b + 1).min(m) {
+                    for i in 2 * a - 1..=(2 * a + 1).min(m) {
+                        rows.push((j - 1) * m + i - 1);
+                        weights.push(weight(i, a) * weight(j, b));
+                    }
+                }
+                start.push(rows.len());
+            }
+        }
+        let pattern = Pattern::from_csc(m * m, coarse * coarse, start, rows)?;
+        let matrix = Matrix::from_values(pattern, weights)?;
+        let mut offset = vec![0.0; m * m];
+        for k in 1..=m {
+            for side in [1, m] {
+                self.add_boundary(side, k, &boundary, &mut offset);
+                if k != 1 && k != m {
+                    self.add_boundary(k, side, &boundary, &mut offset);
+                }
+            }
+        }
         Ok(Prolongation::new(&matrix)?.with_offset(offset)?)
     }
+}
+
+/// Weight of coarse line a, which is fine line 2a, at fine line i.
+fn weight(i: usize, a: usize) -> f64 {
+    if i == 2 * a { 1.0 } else { 0.5 }
 }
 
 fn nested(problem: Problem, m: usize) -> Outcome<Nested> {

@@ -25,7 +25,7 @@ pub use eigen::{eigenvalues, generalized_eigenvalues, symmetric_eigenvalues};
 pub use error::LinearError;
 pub use kernel::{NullSpace, null_space};
 pub use multigrid::Prolongation;
-pub(crate) use multigrid::{TruncatedMultigrid, aggregation_hierarchy, coarse_problem};
+pub(crate) use multigrid::{TruncatedMultigrid, affine_prolongation, aggregation_hierarchy, coarse_problem};
 pub(crate) use row_inverse::RowInverse;
 pub(crate) use small_lu::SmallLu;
 pub use sparse_lu::SparseLu;

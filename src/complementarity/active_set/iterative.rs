@@ -1,7 +1,8 @@
 use std::sync::Arc;
 
-use super::ReducedSolver;
-use crate::complementarity::ComplementarityError;
+use super::nested::algebraic_start;
+use super::{ActiveSetOptions, Activity, ReducedSolver};
+use crate::complementarity::{ComplementarityError, Lcp};
 use crate::linear::{LinearError, Prolongation, TruncatedMultigrid, aggregation_hierarchy};
 use crate::sparse::Matrix;
 
@@ -15,7 +16,11 @@ const LIMIT: usize = 200;
 #[derive(Debug, Clone)]
 pub struct MultigridReduced {
     given: Option<Vec<Arc<Prolongation>>>,
+    /// Galerkin products that belong to the given prolongations, while they are known to.
+    products: Option<Vec<Matrix>>,
     multigrid: Option<TruncatedMultigrid>,
+    /// What was found by aggregation.
+    found: (Vec<Arc<Prolongation>>, Vec<Matrix>),
 }
 
 impl MultigridReduced {
@@ -24,7 +29,9 @@ impl MultigridReduced {
     pub fn algebraic() -> Self {
         Self {
             given: None,
+            products: None,
             multigrid: None,
+            found: Default::default(),
         }
     }
 
@@ -33,22 +40,39 @@ impl MultigridReduced {
     pub fn with_prolongations(prolongations: Vec<Arc<Prolongation>>) -> Self {
         Self {
             given: Some(prolongations),
+            products: None,
             multigrid: None,
+            found: Default::default(),
+        }
+    }
+
+    /// As [`with_prolongations`](Self::with_prolongations), for one matrix whose Galerkin products are known.
+    pub(super) fn with_products(prolongations: Vec<Arc<Prolongation>>, products: Vec<Matrix>) -> Self {
+        Self {
+            products: Some(products),
+            ..Self::with_prolongations(prolongations)
         }
     }
 }
 
 impl ReducedSolver for MultigridReduced {
     fn load(&mut self, matrix: &Matrix) -> Result<(), ComplementarityError> {
-        let found;
-        let prolongations = match &self.given {
-            Some(given) => given,
+        let products = match &self.given {
+            Some(_) => self.products.as_ref(),
             None => {
-                found = aggregation_hierarchy(matrix.as_ref(), None)?;
-                &found
+                self.found = aggregation_hierarchy(matrix.as_ref())?;
+                Some(&self.found.1)
             }
         };
-        self.multigrid = Some(TruncatedMultigrid::new(matrix.as_ref(), prolongations)?);
+        let prolongations = self.given.as_ref().unwrap_or(&self.found.0);
+        let products: Option<Vec<_>> = products.map(|p| p.iter().map(Matrix::as_ref).collect());
+        self.multigrid = Some(TruncatedMultigrid::new(
+            matrix.as_ref(),
+            prolongations,
+            products.as_deref(),
+        )?);
+        // They belong to this matrix alone.
+        self.products = None;
         Ok(())
     }
 
@@ -69,5 +93,16 @@ impl ReducedSolver for MultigridReduced {
 
     fn is_direct(&self) -> bool {
         false
+    }
+
+    fn coarse_start(
+        &mut self,
+        lcp: &Lcp,
+        options: &ActiveSetOptions,
+    ) -> Result<Option<(Vec<f64>, Vec<Activity>)>, ComplementarityError> {
+        if self.given.is_some() || self.found.0.is_empty() {
+            return Ok(None);
+        }
+        algebraic_start(lcp, &self.found.0, &self.found.1, options)
     }
 }

@@ -15,6 +15,8 @@ mod solver;
 pub use direct::DirectReduced;
 pub use iterative::MultigridReduced;
 pub use nested::{LevelReport, Nested, NestedReport};
-pub use options::{ActiveSetIteration, ActiveSetOptions, ActiveSetReport, ActiveSetStatus, Activity};
+pub use options::{
+    ActiveSetIteration, ActiveSetOptions, ActiveSetReport, ActiveSetStatus, Activity, Exchange,
+};
 pub use reduced::{AutoReduced, ReducedSolver};
 pub use solver::ActiveSetSolver;

@@ -5,7 +5,11 @@ use super::{
     MultigridReduced,
 };
 use crate::complementarity::{ComplementarityError, Lcp};
-use crate::linear::{LinearError, Prolongation, aggregation_hierarchy, coarse_problem};
+use crate::linear::{LinearError, Prolongation, affine_prolongation, coarse_problem};
+use crate::sparse::Matrix;
+
+/// Tolerance on coarser levels, whose solutions are starts only.
+const COARSE_TOLERANCE: f64 = 1e-6;
 
 /// A problem with coarser versions of it: solved on the coarsest first, each solution and its active set prolonged to the next.
 ///
@@ -16,6 +20,8 @@ pub struct Nested {
     /// Finest first.
     problems: Vec<Lcp>,
     prolongations: Vec<Arc<Prolongation>>,
+    /// Whether all coarser matrices are Galerkin products.
+    galerkin: bool,
 }
 
 /// Report on one level.
@@ -57,6 +63,7 @@ impl Nested {
         Self {
             problems: vec![finest],
             prolongations: Vec::new(),
+            galerkin: true,
         }
     }
 
@@ -68,13 +75,8 @@ impl Nested {
         self.check(&prolongation)?;
         let fine = &self.problems[self.problems.len() - 1];
         let (matrix, q) = coarse_problem(fine.matrix().as_ref(), fine.q(), &prolongation)?;
-        let offset = prolongation.offset();
-        let at = |bounds: &[f64]| -> Vec<f64> {
-            let value = |&i: &usize| bounds[i] - offset.get(i).copied().unwrap_or(0.0);
-            prolongation.representatives().iter().map(value).collect()
-        };
-        let coarse = Lcp::boxed(matrix, q, at(fine.lower()), at(fine.upper()))?;
-        self.with_coarser(coarse, prolongation)
+        let coarse = coarse_lcp(fine, &prolongation, matrix, q)?;
+        self.push(coarse, prolongation)
     }
 
     /// Adds a coarser level with a problem of your own (another discretisation).
@@ -87,6 +89,11 @@ impl Nested {
         prolongation: Prolongation,
     ) -> Result<Self, ComplementarityError> {
         self.check(&prolongation)?;
+        self.galerkin = false;
+        self.push(coarse, prolongation)
+    }
+
+    fn push(mut self, coarse: Lcp, prolongation: Prolongation) -> Result<Self, ComplementarityError> {
         if prolongation.num_coarse() != coarse.len() {
             return Err(ComplementarityError::Length {
                 what: "the coarse problem",
@@ -97,19 +104,6 @@ impl Nested {
         self.problems.push(coarse);
         self.prolongations.push(Arc::new(prolongation));
         Ok(self)
-    }
-
-    /// Coarser levels by smoothed aggregation, from the matrix alone.
-    ///
-    /// # Errors
-    /// Matrices with a diagonal entry that is not positive are not coarsened; others do not fail.
-    pub fn algebraic(finest: Lcp) -> Result<Self, ComplementarityError> {
-        let hierarchy = aggregation_hierarchy(finest.matrix().as_ref(), Some(finest.q()))?;
-        let mut nested = Self::new(finest);
-        for p in hierarchy {
-            nested = nested.coarsen(Arc::unwrap_or_clone(p))?;
-        }
-        Ok(nested)
     }
 
     fn check(&self, prolongation: &Prolongation) -> Result<(), ComplementarityError> {
@@ -147,8 +141,20 @@ impl Nested {
             let problem = &self.problems[k];
             let mut x = vec![0.0; problem.len()];
             let below = &self.prolongations[k..];
-            let reduced = MultigridReduced::with_prolongations(below.to_vec());
-            let mut solver = ActiveSetSolver::with_reduced(options.clone(), reduced);
+            let reduced = if self.galerkin {
+                let products = self.problems[k + 1..]
+                    .iter()
+                    .map(|p| p.matrix().clone())
+                    .collect();
+                MultigridReduced::with_products(below.to_vec(), products)
+            } else {
+                MultigridReduced::with_prolongations(below.to_vec())
+            };
+            let mut options = options.clone();
+            if k > 0 {
+                options.tolerance = options.tolerance.max(COARSE_TOLERANCE);
+            }
+            let mut solver = ActiveSetSolver::with_reduced(options, reduced);
             let report = match below.first() {
                 None => {
                     for (x, (l, u)) in x.iter_mut().zip(problem.lower().iter().zip(problem.upper())) {
@@ -180,6 +186,54 @@ impl Nested {
         z.copy_from_slice(&coarse);
         Ok(NestedReport { levels, activity })
     }
+}
+
+/// The coarse problem with bounds read at the representatives.
+fn coarse_lcp(
+    fine: &Lcp,
+    p: &Prolongation,
+    matrix: Matrix,
+    q: Vec<f64>,
+) -> Result<Lcp, ComplementarityError> {
+    let at = |bounds: &[f64]| -> Vec<f64> {
+        let value = |&i: &usize| bounds[i] - p.offset().get(i).copied().unwrap_or(0.0);
+        p.representatives().iter().map(value).collect()
+    };
+    Lcp::boxed(matrix, q, at(fine.lower()), at(fine.upper()))
+}
+
+/// A start for a problem from the levels that aggregation found for its matrix.
+pub(super) fn algebraic_start(
+    lcp: &Lcp,
+    hierarchy: &[Arc<Prolongation>],
+    products: &[Matrix],
+    options: &ActiveSetOptions,
+) -> Result<Option<(Vec<f64>, Vec<Activity>)>, ComplementarityError> {
+    let mut first = None;
+    let mut nested: Option<Nested> = None;
+    for (p, product) in hierarchy.iter().zip(products) {
+        let fine = nested.as_ref().map_or(lcp, |n| &n.problems[n.problems.len() - 1]);
+        let (p, q) = affine_prolongation(fine.matrix().as_ref(), fine.q(), p)?;
+        let coarse = coarse_lcp(fine, &p, product.clone(), q)?;
+        nested = Some(match nested {
+            None => {
+                first = Some(p);
+                Nested::new(coarse)
+            }
+            Some(n) => n.push(coarse, p)?,
+        });
+    }
+    let (Some(first), Some(nested)) = (first, nested) else {
+        return Ok(None);
+    };
+    let options = options
+        .clone()
+        .with_tolerance(options.tolerance.max(COARSE_TOLERANCE));
+    let mut coarse = vec![0.0; first.num_coarse()];
+    let report = nested.solve(&options, &mut coarse)?;
+    let mut x = vec![0.0; lcp.len()];
+    first.prolong(&coarse, &mut x);
+    Ok(Some((x, prolong_activity(&first, &report.activity))))
 }
 
 /// A fine component rests at a bound where all coarse ones that it depends on do.

@@ -21,7 +21,7 @@ pub struct ActiveSetOptions {
     /// Tolerance on the scaled natural residual maxᵢ |zᵢ − mid(lᵢ, uᵢ, zᵢ − wᵢ/mᵢ)| (mᵢ the size of row i of M) relative to
     /// the largest |zᵢ|. Solved exactly, a problem ends at rounding whatever this says; it ends iterative solves. Default 1e-11.
     pub tolerance: f64,
-    /// Block exchanges without fewer violated signs after which single exchanges take over until there are fewer. Default 10.
+    /// Block exchanges without fewer wrong signs after which other exchanges are tried. Default 10.
     pub patience: usize,
 }
 
@@ -108,8 +108,20 @@ pub struct ActiveSetIteration {
     pub inactive: usize,
     /// Iterations of the linear solver; 0 for a direct one.
     pub linear_iterations: usize,
-    /// Whether only one component was exchanged.
-    pub single: bool,
+    /// Which of the components with wrong signs were exchanged.
+    pub exchange: Exchange,
+}
+
+/// Which components are exchanged between two iterations.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Exchange {
+    /// All whose signs are wrong.
+    #[default]
+    Block,
+    /// Those with the largest violations.
+    Largest,
+    /// One, by the least-index rule.
+    Single,
 }
 
 /// Report on a run.

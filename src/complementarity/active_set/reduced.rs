@@ -1,5 +1,5 @@
-use super::{DirectReduced, MultigridReduced};
-use crate::complementarity::ComplementarityError;
+use super::{ActiveSetOptions, Activity, DirectReduced, MultigridReduced};
+use crate::complementarity::{ComplementarityError, Lcp};
 use crate::linear::LinearError;
 use crate::sparse::Matrix;
 
@@ -33,6 +33,19 @@ pub trait ReducedSolver {
 
     /// Whether solutions are exact up to rounding whatever the tolerance.
     fn is_direct(&self) -> bool;
+
+    /// A start, point and sets, from coarser versions of the problem, if the solver has any. Asked for when nothing is known of the
+    /// solution. Default: none.
+    ///
+    /// # Errors
+    /// Those of the solves on coarser levels.
+    fn coarse_start(
+        &mut self,
+        _lcp: &Lcp,
+        _options: &ActiveSetOptions,
+    ) -> Result<Option<(Vec<f64>, Vec<Activity>)>, ComplementarityError> {
+        Ok(None)
+    }
 }
 
 /// Direct solves for small, full or unsymmetric matrices, conjugate gradients with multigrid for large sparse symmetric ones; should
@@ -121,5 +134,16 @@ impl ReducedSolver for AutoReduced {
 
     fn is_direct(&self) -> bool {
         self.iterative.is_none()
+    }
+
+    fn coarse_start(
+        &mut self,
+        lcp: &Lcp,
+        options: &ActiveSetOptions,
+    ) -> Result<Option<(Vec<f64>, Vec<Activity>)>, ComplementarityError> {
+        match &mut self.iterative {
+            Some(iterative) => iterative.coarse_start(lcp, options),
+            None => Ok(None),
+        }
     }
 }

@@ -1,7 +1,7 @@
 use std::ops::ControlFlow;
 
 use super::{
-    ActiveSetIteration, ActiveSetOptions, ActiveSetReport, ActiveSetStatus, Activity, AutoReduced,
+    ActiveSetIteration, ActiveSetOptions, ActiveSetReport, ActiveSetStatus, Activity, AutoReduced, Exchange,
     ReducedSolver,
 };
 use crate::complementarity::problem::natural;
@@ -9,14 +9,20 @@ use crate::complementarity::{ComplementarityError, Lcp};
 use crate::linear::LinearError;
 
 /// Relative accuracy asked of iterative solves while the sets still change much.
-const COARSE: f64 = 1e-2;
+const COARSE: f64 = 5e-2;
+/// Part of the components that must still change after the first iteration for a start to be given up for one from coarser problems.
+const FAR: f64 = 0.02;
+/// Block exchanges before single ones; triangular matrices need as many as unknowns, with slow or no decrease of their number.
+const MORE_BLOCKS: usize = 100;
 /// Rounding of w, relative to its terms, below which its sign says nothing.
 const ROUNDING: f64 = 8.0 * f64::EPSILON;
 
 /// The primal–dual active-set method (block principal pivoting) for LCPs and box LCPs.
 ///
-/// All components whose signs are wrong are exchanged at once. Should that not lessen their number for a while, they are exchanged one
-/// at a time by the least-index rule until it does (J. J. Júdice, F. M. Pires, 1994, after K. G. Murty, 1974): for P matrices
+/// All components whose signs are wrong are exchanged at once. Should that not lessen their number for a while, only a few with the
+/// largest violations are, starting from the bounds; then all for a longer while, and at last one at a time by the least-index rule
+/// until their number is less (J. J. Júdice, F. M. Pires, 1994, after
+/// K. G. Murty, 1974): for P matrices
 /// the method then ends at the solution after finitely many iterations. For M matrices (obstacle problems) block exchanges alone are
 /// monotone. Started from the right sets, it takes one factorisation.
 ///
@@ -35,12 +41,13 @@ const ROUNDING: f64 = 8.0 * f64::EPSILON;
 /// assert!(report.iterations <= 100);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct ActiveSetSolver<R = AutoReduced> {
     options: ActiveSetOptions,
     reduced: R,
     activity: Vec<Activity>,
     next: Vec<Activity>,
+    ranking: Vec<(f64, usize)>,
     free: Vec<bool>,
     scale: Vec<f64>,
     w: Vec<f64>,
@@ -57,6 +64,7 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
             reduced,
             activity: Vec::new(),
             next: Vec::new(),
+            ranking: Vec::new(),
             free: Vec::new(),
             scale: Vec::new(),
             w: Vec::new(),
@@ -140,10 +148,22 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
         })
     }
 
+    /// Starts again from coarser problems, if there are any; tells whether.
+    fn coarse_start(&mut self, lcp: &Lcp, z: &mut [f64]) -> Result<bool, ComplementarityError> {
+        let Some((x, sets)) = self.reduced.coarse_start(lcp, &self.options)? else {
+            return Ok(false);
+        };
+        z.copy_from_slice(&x);
+        self.next.copy_from_slice(&sets);
+        lcp.residual(z, &mut self.w);
+        Ok(true)
+    }
+
     fn prepare(&mut self, lcp: &Lcp) -> Result<(), ComplementarityError> {
         let n = lcp.len();
         self.reduced.load(lcp.matrix())?;
         self.history.clear();
+        self.ranking.reserve(n);
         for sets in [&mut self.activity, &mut self.next] {
             sets.clear();
             sets.resize(n, Activity::Inactive);
@@ -182,6 +202,7 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
     ) -> Result<ActiveSetStatus, ComplementarityError> {
         let n = z.len();
         let (lower, upper) = (lcp.lower(), lcp.upper());
+        lcp.residual(z, &mut self.w);
         match sets {
             Some(sets) => {
                 for i in 0..n {
@@ -194,26 +215,25 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
                 }
             }
             None => {
-                lcp.residual(z, &mut self.w);
                 self.guess(lcp, z);
             }
         }
         let mut changes = n;
-        let (mut fewest, mut patience) = (usize::MAX, self.options.patience);
-        let mut single = false;
+        let (mut fewest, mut stagnant) = (usize::MAX, 0);
+        let mut exchange = Exchange::Block;
         let mut residual = f64::INFINITY;
+        let mut restarted = false;
+        let mut at_most = 1;
+        let mut may_restart = sets.is_none();
         loop {
             if self.history.len() == self.options.max_iterations {
                 return Ok(ActiveSetStatus::IterationLimit);
             }
             if changes > 0 {
                 self.activity.copy_from_slice(&self.next);
-                let mut inactive = 0;
                 for i in 0..n {
                     self.free[i] = self.activity[i] == Activity::Inactive;
-                    inactive += usize::from(self.free[i]);
                 }
-                let _ = inactive;
                 self.reduced.select(lcp.matrix(), &self.free)?;
             }
             let linear = self.newton_step(lcp, z, changes, residual)?;
@@ -224,7 +244,7 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
                 changes,
                 inactive: self.free.iter().filter(|f| **f).count(),
                 linear_iterations: linear,
-                single,
+                exchange,
             };
             self.history.push(iteration);
             if observe(&iteration).is_break() {
@@ -233,6 +253,7 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
             if !residual.is_finite() {
                 return Ok(ActiveSetStatus::Inaccurate);
             }
+            let before = changes;
             changes = self.guess(lcp, z);
             if changes == 0 && self.reduced.is_direct() {
                 return Ok(ActiveSetStatus::Solved);
@@ -241,15 +262,51 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
                 self.clamp(lcp, z);
                 return Ok(ActiveSetStatus::Solved);
             }
-            single = false;
+            let part = changes as f64 / n as f64;
+            // A layer of a set in the plane has about √n components; to peel off one by one is slow.
+            let peeling = self.history.len() > 3 && changes * changes > n && 2 * changes > before;
+            if may_restart && (part > FAR || peeling) {
+                may_restart = false;
+                if self.coarse_start(lcp, z)? {
+                    changes = n;
+                    residual = f64::INFINITY;
+                    continue;
+                }
+            }
             if changes < fewest {
-                fewest = changes;
-                patience = self.options.patience;
-            } else if patience > 0 {
-                patience -= 1;
-            } else if self.reduced.is_direct() {
-                single = true;
-                self.keep_one();
+                (fewest, stagnant) = (changes, 0);
+            } else {
+                stagnant += 1;
+            }
+            let patience = self.options.patience;
+            exchange = if !self.reduced.is_direct() || stagnant <= patience {
+                Exchange::Block
+            } else if stagnant <= 3 * patience {
+                Exchange::Largest
+            } else if stagnant <= 3 * patience + n.min(MORE_BLOCKS) {
+                Exchange::Block
+            } else {
+                Exchange::Single
+            };
+            match exchange {
+                Exchange::Block => {}
+                // What block exchanges made of the sets is no better than none at all.
+                Exchange::Largest if !restarted => {
+                    restarted = true;
+                    for i in 0..n {
+                        self.next[i] = match (lower[i].is_finite(), upper[i].is_finite()) {
+                            (true, _) => Activity::Lower,
+                            (false, true) => Activity::Upper,
+                            (false, false) => Activity::Inactive,
+                        };
+                    }
+                    changes = n;
+                }
+                Exchange::Largest => {
+                    at_most = if changes < before { 2 * at_most } else { 1 };
+                    self.keep_largest(lcp, z, at_most);
+                }
+                Exchange::Single => self.keep_one(),
             }
         }
     }
@@ -262,15 +319,22 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
         changes: usize,
         residual: f64,
     ) -> Result<usize, ComplementarityError> {
-        for i in 0..z.len() {
-            match self.activity[i] {
-                Activity::Lower => z[i] = lcp.lower()[i],
-                Activity::Upper => z[i] = lcp.upper()[i],
-                Activity::Inactive => {}
+        let pattern = lcp.matrix().pattern();
+        for j in 0..z.len() {
+            let bound = match self.activity[j] {
+                Activity::Lower => lcp.lower()[j],
+                Activity::Upper => lcp.upper()[j],
+                Activity::Inactive => continue,
+            };
+            let move_by = bound - z[j];
+            if move_by != 0.0 {
+                z[j] = bound;
+                for k in pattern.col_ptr()[j]..pattern.col_ptr()[j + 1] {
+                    self.w[pattern.row_idx()[k]] += lcp.matrix().values()[k] * move_by;
+                }
             }
         }
-        lcp.residual(z, &mut self.r);
-        self.r.iter_mut().for_each(|r| *r = -*r);
+        self.r.iter_mut().zip(&self.w).for_each(|(r, w)| *r = -*w);
         let goal = 0.3 * self.options.tolerance * size(z) / residual;
         // While sets change, accuracy is wasted.
         let tolerance = if changes * 1000 > z.len() || !residual.is_finite() {
@@ -314,13 +378,37 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
         changes
     }
 
-    /// Keeps only the last of the changes in `next` (Murty's rule, in the order from the end).
+    /// Keeps only the last of the changes in `next` (Murty's rule, in the order from the end), one step between bounds at a time.
     fn keep_one(&mut self) {
         let last = (0..self.next.len())
             .rev()
             .find(|&i| self.next[i] != self.activity[i]);
         let Some(last) = last else { return };
-        for i in 0..last {
+        self.next[..last].copy_from_slice(&self.activity[..last]);
+        if self.activity[last] != Activity::Inactive {
+            self.next[last] = Activity::Inactive;
+        }
+    }
+
+    /// Keeps only the changes with the largest violations, measured so that scaling M and q by DMD, Dq does not matter; among equal
+    /// ones those of the least indices.
+    fn keep_largest(&mut self, lcp: &Lcp, z: &[f64], at_most: usize) {
+        self.ranking.clear();
+        for i in 0..z.len() {
+            let now = self.activity[i];
+            if self.next[i] == now {
+                continue;
+            }
+            let violation = match now {
+                Activity::Inactive => {
+                    (lcp.lower()[i] - z[i]).max(z[i] - lcp.upper()[i]) * self.scale[i].sqrt()
+                }
+                _ => self.w[i].abs() / self.scale[i].sqrt(),
+            };
+            self.ranking.push((violation, i));
+        }
+        (self.ranking).sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        for &(_, i) in self.ranking.iter().skip(at_most) {
             self.next[i] = self.activity[i];
         }
     }
@@ -341,6 +429,12 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
         for ((z, l), u) in z.iter_mut().zip(lcp.lower()).zip(lcp.upper()) {
             *z = z.max(*l).min(*u);
         }
+    }
+}
+
+impl Default for ActiveSetSolver<AutoReduced> {
+    fn default() -> Self {
+        Self::new(ActiveSetOptions::default())
     }
 }
 

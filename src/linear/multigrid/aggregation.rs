@@ -9,14 +9,9 @@ const MIN_COARSENING: f64 = 0.7;
 
 /// Smoothed aggregation (P. Vaněk, J. Mandel, M. Brezina, 1996): unknowns are gathered with their strong neighbours, and the
 /// constant on each aggregate is smoothed by one damped Jacobi step. `None` when the matrix does not coarsen.
-pub(super) fn smoothed_aggregation(a: &Rows, q: Option<&[f64]>) -> Result<Option<Prolongation>, LinearError> {
+pub(super) fn smoothed_aggregation(a: &Rows) -> Result<Option<Prolongation>, LinearError> {
     let n = a.nrows();
-    let diagonal: Vec<f64> = (0..n)
-        .map(|i| {
-            let (cols, values) = a.row(i);
-            cols.binary_search(&(i as u32)).map_or(0.0, |k| values[k])
-        })
-        .collect();
+    let diagonal = diagonal(a);
     if diagonal.iter().any(|d| !(*d > 0.0)) {
         return Ok(None);
     }
@@ -24,11 +19,7 @@ pub(super) fn smoothed_aggregation(a: &Rows, q: Option<&[f64]>) -> Result<Option
     if count == 0 || count as f64 > MIN_COARSENING * n as f64 {
         return Ok(None);
     }
-    // The largest eigenvalue of D⁻¹A is at most its largest row sum of absolute values.
-    let bound = (0..n)
-        .map(|i| a.row(i).1.iter().map(|v| v.abs()).sum::<f64>() / diagonal[i])
-        .fold(0.0, f64::max);
-    let omega = 4.0 / (3.0 * bound);
+    let omega = damping(a, &diagonal);
     let mut start = vec![0_u32];
     let (mut col, mut value): (Vec<u32>, Vec<f64>) = (Vec::new(), Vec::new());
     let mut slot = vec![usize::MAX; count];
@@ -72,15 +63,30 @@ pub(super) fn smoothed_aggregation(a: &Rows, q: Option<&[f64]>) -> Result<Option
         value,
     };
     // Twice transposed, columns are in order.
-    let p = Prolongation::from_columns(rows.transpose())?;
-    match q {
-        // The same Jacobi step applied to the affine problem A x + q = 0.
-        Some(q) => {
-            let offset = q.iter().zip(&diagonal).map(|(q, d)| -omega * q / d).collect();
-            Ok(Some(p.with_offset(offset)?))
-        }
-        None => Ok(Some(p)),
-    }
+    Prolongation::from_columns(rows.transpose()).map(Some)
+}
+
+/// The factor of the Jacobi step: the largest eigenvalue of D⁻¹A is at most its largest row sum of absolute values.
+fn damping(a: &Rows, diagonal: &[f64]) -> f64 {
+    let sum = |i: usize| a.row(i).1.iter().map(|v| v.abs()).sum::<f64>();
+    let bound = (0..a.nrows()).map(|i| sum(i) / diagonal[i]).fold(0.0, f64::max);
+    4.0 / (3.0 * bound)
+}
+
+/// The offset of the prolongation for the affine problem A x + q = 0: what the same Jacobi step makes of 0.
+pub(super) fn offset(a: &Rows, q: &[f64]) -> Vec<f64> {
+    let diagonal = diagonal(a);
+    let omega = damping(a, &diagonal);
+    q.iter().zip(&diagonal).map(|(q, d)| -omega * q / d).collect()
+}
+
+fn diagonal(a: &Rows) -> Vec<f64> {
+    (0..a.nrows())
+        .map(|i| {
+            let (cols, values) = a.row(i);
+            cols.binary_search(&(i as u32)).map_or(0.0, |k| values[k])
+        })
+        .collect()
 }
 
 /// The aggregate of each unknown (`None` for those without strong neighbours), and their number.

@@ -25,9 +25,9 @@ impl Galerkin {
         let mut col: Vec<u32> = Vec::with_capacity(a.col.len());
         for c in 0..p.num_coarse() {
             let first = col.len();
-            for &i in p.columns.row(c).0 {
+            for &i in p.columns().row(c).0 {
                 for &j in a.row(i as usize).0 {
-                    for &k in p.rows.row(j as usize).0 {
+                    for &k in p.rows().row(j as usize).0 {
                         if self.slot[k as usize] != c as u32 {
                             self.slot[k as usize] = c as u32;
                             col.push(k);
@@ -61,7 +61,7 @@ impl Galerkin {
             None => self.affected.extend(0..p.num_coarse()),
             Some(rows) => {
                 for &i in rows {
-                    for &k in p.rows.row(i).0 {
+                    for &k in p.rows().row(i).0 {
                         if !self.marked[k as usize] {
                             self.marked[k as usize] = true;
                             self.affected.push(k as usize);
@@ -78,7 +78,7 @@ impl Galerkin {
                 self.slot[c.col[k] as usize] = k as u32;
                 c.value[k] = 0.0;
             }
-            let (fine, weights) = p.columns.row(row);
+            let (fine, weights) = p.columns().row(row);
             for (&i, w) in fine.iter().zip(weights) {
                 if !is_free(i) {
                     continue;
@@ -89,7 +89,7 @@ impl Galerkin {
                         continue;
                     }
                     let wv = w * v;
-                    let (parents, parts) = p.rows.row(j as usize);
+                    let (parents, parts) = p.rows().row(j as usize);
                     for (&k, u) in parents.iter().zip(parts) {
                         c.value[self.slot[k as usize] as usize] += wv * u;
                     }

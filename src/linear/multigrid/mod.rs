@@ -19,27 +19,37 @@ const COARSEST: usize = 60;
 /// Sweeps on the coarsest level, forth and back.
 const COARSEST_SWEEPS: usize = 6;
 
-/// Prolongations found by smoothed aggregation, from the given matrix down to a few dozen unknowns, finest first. Offsets are
-/// those of the affine problem A x + q = 0 where `q` is given. Empty when the matrix does not coarsen.
+/// Prolongations found by smoothed aggregation, from the given matrix down to a few dozen unknowns, finest first, with the
+/// Galerkin products. Empty when the matrix does not coarsen.
 pub(crate) fn aggregation_hierarchy(
     a: MatrixRef<'_>,
-    q: Option<&[f64]>,
-) -> Result<Vec<Arc<Prolongation>>, LinearError> {
-    let mut levels = Vec::new();
+) -> Result<(Vec<Arc<Prolongation>>, Vec<Matrix>), LinearError> {
+    let (mut levels, mut matrices) = (Vec::new(), Vec::new());
     let mut a = Rows::transposed(a);
-    let mut q = q.map(<[f64]>::to_vec);
     while a.nrows() > COARSEST {
-        let Some(p) = aggregation::smoothed_aggregation(&a, q.as_deref())? else {
+        let Some(p) = aggregation::smoothed_aggregation(&a)? else {
             break;
         };
         let mut galerkin = Galerkin::new(p.num_coarse());
         let mut coarse = galerkin.pattern(&a, &p);
         galerkin.sum(&a, None, &p, None, &mut coarse);
-        q = q.map(|mut q| coarse_vector(&a, &mut q, &p));
+        matrices.push(into_matrix(&coarse)?);
         a = coarse;
         levels.push(Arc::new(p));
     }
-    Ok(levels)
+    Ok((levels, matrices))
+}
+
+/// An aggregation prolongation with the offset that fits the affine problem A x + q = 0, and the vector q of the coarse problem.
+pub(crate) fn affine_prolongation(
+    a: MatrixRef<'_>,
+    q: &[f64],
+    p: &Prolongation,
+) -> Result<(Prolongation, Vec<f64>), LinearError> {
+    let a = Rows::transposed(a);
+    let p = p.clone().with_offset(aggregation::offset(&a, q))?;
+    let q = coarse_vector(&a, &mut q.to_vec(), &p);
+    Ok((p, q))
 }
 
 /// Pᵀ(A b + q), with b the offset of the prolongation.
@@ -65,13 +75,17 @@ pub(crate) fn coarse_problem(
     let mut c = galerkin.pattern(&a, p);
     galerkin.sum(&a, None, p, None, &mut c);
     let q = coarse_vector(&a, &mut q.to_vec(), p);
-    let n = p.num_coarse();
+    Ok((into_matrix(&c)?, q))
+}
+
+/// A symmetric matrix by rows is one by columns.
+fn into_matrix(c: &Rows) -> Result<Matrix, LinearError> {
+    let n = c.nrows();
     let start = c.start.iter().map(|&s| s as usize).collect();
     let col = c.col.iter().map(|&j| j as usize).collect();
-    // C is symmetric: its rows are its columns.
     let refuse = |e: crate::sparse::SparseError| LinearError::Solver { what: e.to_string() };
     let pattern = Pattern::from_csc(n, n, start, col).map_err(refuse)?;
-    Ok((Matrix::from_values(pattern, c.value).map_err(refuse)?, q))
+    Matrix::from_values(pattern, c.value.clone()).map_err(refuse)
 }
 
 /// One level: a matrix with the workspace of a cycle.
@@ -117,7 +131,8 @@ impl Level {
         };
     }
 
-    /// x ← a forward Gauss–Seidel sweep from x = 0, and r ← b − A x, which then is the upper part alone.
+    /// x ← a forward Gauss–Seidel sweep from x = 0, and r ← b − A x. That residual is −(upper part) x; by symmetry it is gathered in
+    /// the same pass over the lower part.
     fn smooth_from_zero(&mut self) {
         let Self {
             a,
@@ -129,26 +144,22 @@ impl Level {
         } = self;
         for i in 0..b.len() {
             let inverse = inverse_diagonal[i];
+            r[i] = 0.0;
             if inverse == 0.0 {
                 x[i] = 0.0;
                 continue;
             }
             let lower = a.start[i] as usize..diagonal[i] as usize;
-            let sum: f64 = (a.col[lower.clone()].iter().zip(&a.value[lower]))
-                .map(|(&j, v)| v * x[j as usize])
-                .sum();
-            x[i] = (b[i] - sum) * inverse;
-        }
-        for i in 0..b.len() {
-            if inverse_diagonal[i] == 0.0 {
-                r[i] = 0.0;
-                continue;
+            let (cols, values) = (&a.col[lower.clone()], &a.value[lower]);
+            let mut sum = b[i];
+            for (&j, v) in cols.iter().zip(values) {
+                sum -= v * x[j as usize];
             }
-            let upper = diagonal[i] as usize + 1..a.start[i + 1] as usize;
-            let sum: f64 = (a.col[upper.clone()].iter().zip(&a.value[upper]))
-                .map(|(&j, v)| v * x[j as usize])
-                .sum();
-            r[i] = -sum;
+            let step = sum * inverse;
+            x[i] = step;
+            for (&j, v) in cols.iter().zip(values) {
+                r[j as usize] -= v * step;
+            }
         }
     }
 
@@ -157,6 +168,14 @@ impl Level {
         if inverse != 0.0 {
             let r = self.b[i] - self.a.dot(i, &self.x);
             self.x[i] += r * inverse;
+        }
+    }
+
+    fn clear_left_out(&mut self) {
+        for (r, d) in self.r.iter_mut().zip(&self.inverse_diagonal) {
+            if *d == 0.0 {
+                *r = 0.0;
+            }
         }
     }
 
@@ -188,12 +207,17 @@ pub(crate) struct TruncatedMultigrid {
 }
 
 impl TruncatedMultigrid {
-    /// For the symmetric matrix `a`; prolongations finest first. All unknowns are left out until [`set_free`](Self::set_free).
-    pub(crate) fn new(a: MatrixRef<'_>, prolongations: &[Arc<Prolongation>]) -> Result<Self, LinearError> {
+    /// For the symmetric matrix `a`; prolongations finest first. With `coarse` the Galerkin products over all unknowns, if they are
+    /// known; else they are summed when unknowns are first chosen.
+    pub(crate) fn new(
+        a: MatrixRef<'_>,
+        prolongations: &[Arc<Prolongation>],
+        coarse: Option<&[MatrixRef<'_>]>,
+    ) -> Result<Self, LinearError> {
         let n = a.pattern.ncols;
         let mut levels = vec![Level::new(Rows::transposed(a))?];
         let mut all = Vec::new();
-        for p in prolongations {
+        for (k, p) in prolongations.iter().enumerate() {
             let fine = &levels[levels.len() - 1].a;
             if p.num_fine() != fine.nrows() {
                 return Err(LinearError::Shape {
@@ -203,27 +227,31 @@ impl TruncatedMultigrid {
                 });
             }
             let mut galerkin = Galerkin::new(p.num_coarse());
-            let coarse = galerkin.pattern(fine, p);
-            levels.push(Level::new(coarse)?);
+            let next = match coarse.and_then(|c| c.get(k)) {
+                Some(known) => Rows::transposed(*known),
+                None => galerkin.pattern(fine, p),
+            };
+            levels.push(Level::new(next)?);
             all.push(galerkin);
+        }
+        let ready = coarse.is_some_and(|c| c.len() >= prolongations.len());
+        if ready {
+            for level in &mut levels {
+                (0..level.b.len()).for_each(|i| level.invert_diagonal(i, true));
+            }
         }
         Ok(Self {
             prolongations: prolongations.to_vec(),
             galerkin: all,
             levels,
-            free: vec![false; n],
-            ready: false,
+            // As long as nothing is left out, all coarse matrices are right.
+            free: vec![true; n],
+            ready,
             direction: vec![0.0; n],
             product: vec![0.0; n],
             changed: Vec::new(),
             marked: vec![false; n],
         })
-    }
-
-    /// Replaces the values of the matrix (over the same pattern).
-    pub(crate) fn set_values(&mut self, values: &[f64]) {
-        self.levels[0].a.value.copy_from_slice(values);
-        self.ready = false;
     }
 
     /// Chooses the free unknowns.
@@ -275,6 +303,7 @@ impl TruncatedMultigrid {
             let (above, below) = self.levels.split_at_mut(k + 1);
             let fine = &mut above[k];
             fine.smooth_from_zero();
+            fine.clear_left_out();
             self.prolongations[k].restrict(&fine.r, &mut below[0].b);
         }
         let coarsest = &mut self.levels[last];
@@ -285,7 +314,7 @@ impl TruncatedMultigrid {
         for k in (0..last).rev() {
             let (above, below) = self.levels.split_at_mut(k + 1);
             let fine = &mut above[k];
-            let p = &self.prolongations[k].rows;
+            let p = &self.prolongations[k].rows();
             for i in 0..fine.x.len() {
                 if fine.inverse_diagonal[i] != 0.0 {
                     fine.x[i] += p.dot(i, &below[0].x);
@@ -295,9 +324,8 @@ impl TruncatedMultigrid {
         }
     }
 
-    /// Conjugate gradients for A_FF d = r_F: stops when the energy norm of the preconditioned residual has fallen by `tolerance`.
-    /// `d` is overwritten, zero where unknowns are left out; `r` becomes the residual. Tells the number of iterations; stops at
-    /// `limit`.
+    /// Conjugate gradients for A_FF d = r_F: stops when ‖r_F‖₂ has fallen by `tolerance`. `d` is overwritten, zero where unknowns
+    /// are left out; `r` becomes the residual. Tells the number of iterations; stops at `limit`.
     pub(crate) fn solve(
         &mut self,
         r: &mut [f64],
@@ -307,52 +335,57 @@ impl TruncatedMultigrid {
     ) -> Result<usize, LinearError> {
         let n = r.len();
         d.fill(0.0);
-        for i in 0..n {
-            if !self.free[i] {
-                r[i] = 0.0;
+        for (r, free) in r.iter_mut().zip(&self.free) {
+            if !free {
+                *r = 0.0;
             }
         }
-        self.levels[0].b.copy_from_slice(r);
-        self.cycle();
-        self.direction.copy_from_slice(&self.levels[0].x);
-        let mut rho = inner(r, &self.direction);
-        let goal = rho * tolerance * tolerance;
+        let mut size = inner(r, r);
+        let goal = size * tolerance * tolerance;
+        self.direction.fill(0.0);
+        let mut rho = 1.0;
         for iteration in 0..limit {
-            if rho <= goal || rho == 0.0 {
+            if size <= goal || size == 0.0 {
                 return Ok(iteration);
-            }
-            if !(rho > 0.0) {
-                return Err(LinearError::NotPositiveDefinite);
-            }
-            let a = &self.levels[0].a;
-            for i in 0..n {
-                self.product[i] = if self.free[i] {
-                    a.dot(i, &self.direction)
-                } else {
-                    0.0
-                };
-            }
-            let curvature = inner(&self.direction, &self.product);
-            if !(curvature > 0.0) {
-                return Err(LinearError::NotPositiveDefinite);
-            }
-            let alpha = rho / curvature;
-            for i in 0..n {
-                d[i] += alpha * self.direction[i];
-                r[i] -= alpha * self.product[i];
             }
             self.levels[0].b.copy_from_slice(r);
             self.cycle();
             let z = &self.levels[0].x;
             let next = inner(r, z);
-            let beta = next / rho;
+            if !(next > 0.0 && next.is_finite()) {
+                return Err(LinearError::NotPositiveDefinite);
+            }
+            let beta = if iteration == 0 { 0.0 } else { next / rho };
             rho = next;
-            self.direction
+            (self.direction.iter_mut().zip(z)).for_each(|(p, z)| *p = z + beta * *p);
+            let a = &self.levels[0].a;
+            let mut curvature = 0.0;
+            for i in 0..n {
+                let product = if self.free[i] {
+                    a.dot(i, &self.direction)
+                } else {
+                    0.0
+                };
+                self.product[i] = product;
+                curvature += product * self.direction[i];
+            }
+            if !(curvature > 0.0 && curvature.is_finite()) {
+                return Err(LinearError::NotPositiveDefinite);
+            }
+            let alpha = rho / curvature;
+            size = 0.0;
+            for (((d, p), r), product) in d
                 .iter_mut()
-                .zip(z)
-                .for_each(|(p, z)| *p = z + beta * *p);
+                .zip(&self.direction)
+                .zip(r.iter_mut())
+                .zip(&self.product)
+            {
+                *d += alpha * p;
+                *r -= alpha * product;
+                size += *r * *r;
+            }
         }
-        Ok(limit)
+        Ok(if size <= goal { limit - 1 } else { limit })
     }
 }
 

@@ -1,3 +1,5 @@
+use std::sync::Arc;
+
 use super::rows::Rows;
 use crate::linear::LinearError;
 use crate::sparse::Matrix;
@@ -9,12 +11,19 @@ const MAX_ENTRIES: usize = u32::MAX as usize;
 ///
 /// P interpolates; b carries what does not depend on the coarse unknowns (boundary values). Each coarse unknown is *represented* by
 /// the fine one on which it has the largest weight: bounds of coarse problems are read there.
+///
+/// Cloning shares P.
 #[derive(Debug, Clone)]
 pub struct Prolongation {
-    /// P by rows, and Pᵀ by rows.
-    pub(super) rows: Rows,
-    pub(super) columns: Rows,
+    inner: Arc<Inner>,
     offset: Vec<f64>,
+}
+
+#[derive(Debug)]
+struct Inner {
+    /// P by rows, and Pᵀ by rows.
+    rows: Rows,
+    columns: Rows,
     representative: Vec<usize>,
 }
 
@@ -60,11 +69,21 @@ impl Prolongation {
         }
         let rows = columns.transpose();
         Ok(Self {
+            inner: Arc::new(Inner {
+                rows,
+                columns,
+                representative,
+            }),
             offset: Vec::new(),
-            rows,
-            columns,
-            representative,
         })
+    }
+
+    pub(super) fn rows(&self) -> &Rows {
+        &self.inner.rows
+    }
+
+    pub(super) fn columns(&self) -> &Rows {
+        &self.inner.columns
     }
 
     /// Sets b, one entry a fine unknown.
@@ -91,13 +110,13 @@ impl Prolongation {
     /// Number of fine unknowns.
     #[must_use]
     pub fn num_fine(&self) -> usize {
-        self.rows.nrows()
+        self.inner.rows.nrows()
     }
 
     /// Number of coarse unknowns.
     #[must_use]
     pub fn num_coarse(&self) -> usize {
-        self.columns.nrows()
+        self.inner.columns.nrows()
     }
 
     /// b; empty when it is zero.
@@ -109,26 +128,26 @@ impl Prolongation {
     /// For each coarse unknown the fine one that represents it.
     #[must_use]
     pub fn representatives(&self) -> &[usize] {
-        &self.representative
+        &self.inner.representative
     }
 
     /// The coarse unknowns on which fine unknown `i` depends, with their weights.
     pub fn parents(&self, i: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
-        let (cols, weights) = self.rows.row(i);
+        let (cols, weights) = self.inner.rows.row(i);
         cols.iter().zip(weights).map(|(&j, &w)| (j as usize, w))
     }
 
     /// `fine = P coarse + b`. Lengths must fit.
     pub fn prolong(&self, coarse: &[f64], fine: &mut [f64]) {
         for (i, x) in fine.iter_mut().enumerate() {
-            *x = self.rows.dot(i, coarse) + self.offset.get(i).copied().unwrap_or(0.0);
+            *x = self.inner.rows.dot(i, coarse) + self.offset.get(i).copied().unwrap_or(0.0);
         }
     }
 
     /// `coarse = Pᵀ fine`. Lengths must fit.
     pub fn restrict(&self, fine: &[f64], coarse: &mut [f64]) {
         for (c, y) in coarse.iter_mut().enumerate() {
-            *y = self.columns.dot(c, fine);
+            *y = self.inner.columns.dot(c, fine);
         }
     }
 }
