@@ -1,6 +1,6 @@
 use std::ops::ControlFlow;
 
-use super::cone::tangential_norm;
+use super::cone::{natural_residual, tangential_norm};
 use super::interior::Interior;
 use super::local::solve_contact;
 use super::newton::{Inner, Newton};
@@ -13,6 +13,8 @@ const ALPHA: f64 = 1e-2;
 const ALPHA_NEAR: f64 = 1e-5;
 const INNER: usize = 30;
 const PATIENCE: usize = 100;
+/// Largest violation of the law against q and u that a solution may have.
+const VIOLATION: f64 = 1e-6;
 const INTERIOR_STEPS: usize = 80;
 
 /// What counts as no reaction and as no slip, relative to the largest entries in scaled variables.
@@ -88,6 +90,7 @@ struct Run<'a, const D: usize> {
     scaled: Scaled<D>,
     newton: Newton<D>,
     r: Vector<D>,
+    u: Vector<D>,
     best: Vec<f64>,
     best_residual: f64,
     plain: Vec<f64>,
@@ -106,6 +109,7 @@ impl<'a, const D: usize> Run<'a, D> {
         Self {
             newton: Newton::new(problem.contacts()),
             r: scaled.scale(start),
+            u: vec![[0.0; D]; problem.contacts()],
             best: start.to_vec(),
             best_residual: f64::INFINITY,
             plain: start.to_vec(),
@@ -119,14 +123,31 @@ impl<'a, const D: usize> Run<'a, D> {
     }
 
     /// The residual of the current iterate; the best one is kept.
+    ///
+    /// Where a problem has no solution, reactions that grow without bound make the law's violation small against themselves. An
+    /// iterate counts only if the violation is small against q and u too.
     fn measure(&mut self) -> Result<f64, DelassusError> {
         self.scaled.unscale(&self.r, &mut self.plain);
         let residual = self.problem.residual(&self.plain)?;
         if residual < self.best_residual {
-            self.best_residual = residual;
-            self.best.copy_from_slice(&self.plain);
+            let violation = self.violation();
+            if violation <= VIOLATION || residual > 1e-4 * violation {
+                self.best_residual = residual;
+                self.best.copy_from_slice(&self.plain);
+            }
         }
         Ok(residual)
+    }
+
+    /// ‖r − P_K(r − û)‖ against ‖q‖ and ‖u‖, in scaled variables.
+    fn violation(&mut self) -> f64 {
+        let p = &self.scaled;
+        p.velocities(&self.r, &mut self.u);
+        let norm = |v: &[[f64; D]]| v.iter().flatten().map(|x| x * x).sum::<f64>().sqrt();
+        let sum: f64 = (0..self.r.len())
+            .map(|i| natural_residual(p.friction[i], 1.0, &self.r[i], &self.u[i]))
+            .sum();
+        sum.sqrt() / norm(&p.q).max(norm(&self.u)).max(f64::MIN_POSITIVE)
     }
 
     fn record(
@@ -201,6 +222,9 @@ impl<'a, const D: usize> Run<'a, D> {
         interior.start(&self.scaled, &self.r, may_freeze);
         let (mut best, mut since) = (f64::INFINITY, 0);
         for _ in 0..INTERIOR_STEPS {
+            if self.newton.factorisations >= self.options.max_factorisations {
+                return Ok(ControlFlow::Break(DelassusStatus::Limit));
+            }
             let Some(length) = interior.step(&self.scaled) else {
                 break;
             };
@@ -226,6 +250,7 @@ impl<'a, const D: usize> Run<'a, D> {
             if before >= self.options.max_factorisations {
                 return Ok(ControlFlow::Break(DelassusStatus::Limit));
             }
+            let left = self.options.max_factorisations - before;
             centre.copy_from_slice(&self.r);
             let scale = self.r.iter().flatten().fold(1.0_f64, |a, b| a.max(b.abs()));
             let tolerance = 1e-14 * scale;
