@@ -46,18 +46,22 @@ def peer(gf, np, folder):
     model.add_initialized_data("alpha", [1.0] * p)
     model.add_explicit_matrix("u", "u", stiffness)
     # A load of a variable without mesh: integrated over an interval of length 1.
-    unit = gf.MeshIm(gf.Mesh("cartesian", [0, 1]), gf.Integ("IM_GAUSS1D(1)"))
+    mesh = gf.Mesh("cartesian", [0, 1])  # has to outlive what is defined on it
+    unit = gf.MeshIm(mesh, gf.Integ("IM_GAUSS1D(1)"))
     model.add_source_term(unit, "f.Test_u")
     model.add_basic_contact_brick(
         "u", "lambda_n", "lambda_t", "r", normal, tangential, "friction", "gap", "alpha", 1
     )
     model.solve("max_res", 1e-12, "max_iter", 200)
 
-    # The options with which GetFEM gets through the vee problem; larger steps leave the branch.
-    steps = ("h_init", 5e-4, "h_max", 1e-1, "h_min", 5e-7)
-    limits = ("max_iter", 5, "thr_iter", 4, "max_res", 5e-12, "max_diff", 5e-12, "min_cos", 0.99999, "max_res_solve", 1e-12)
+    # The options with which GetFEM was found to get through these problems; larger steps leave the branch.
+    options = meta.get("getfem", {}).get("opts") or {
+        "h_init": 5e-4, "h_max": 1e-1, "h_min": 5e-7, "max_iter": 5, "thr_iter": 4,
+        "max_res": 5e-10, "max_diff": 5e-10, "min_cos": 0.99999, "max_res_solve": 1e-10,
+    }
+    flat = [v for pair in options.items() for v in pair]
     curve = gf.ContStruct(
-        model, "gamma", "f0", "f1", "f", 1.0 / model.nbdof(), "singularities", 1, "lsolver", "superlu", *steps, *limits
+        model, "gamma", "f0", "f1", "f", 1.0 / model.nbdof(), "singularities", 1, "non-smooth", *flat
     )
     x, gamma = model.from_variables(), 0.0
     tangent, tangent_gamma, h = curve.init_Moore_Penrose_continuation(x, gamma, 1.0)
