@@ -7,6 +7,8 @@ use std::process::ExitCode;
 
 use semismooth::contact::{FrictionPath, FrictionProblem, LoadPath};
 use semismooth::sparse::Matrix;
+pub(crate) mod bars;
+pub(crate) mod squares;
 
 pub(crate) type Outcome<T> = Result<T, Box<dyn Error>>;
 

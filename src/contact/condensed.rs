@@ -321,31 +321,8 @@ fn stacked(problem: &FrictionProblem) -> Result<Matrix, ContactError> {
 }
 
 pub(super) fn check_symmetric(a: &Matrix) -> Result<(), ContactError> {
-    let (col_ptr, row_idx) = (a.pattern().col_ptr(), a.pattern().row_idx());
-    let largest = a.values().iter().fold(0.0f64, |m, v| m.max(v.abs()));
-    let mut worst = (0, 0, 0.0);
-    // Columns are met in rising order, and so are the mirror images in each column: one pass finds them all.
-    let mut next = col_ptr.to_vec();
-    for (col, span) in col_ptr.windows(2).enumerate() {
-        for k in span[0]..span[1] {
-            let (row, v) = (row_idx[k], a.values()[k]);
-            while next[row] < col_ptr[row + 1] && row_idx[next[row]] < col {
-                next[row] += 1;
-            }
-            let mirrored = next[row] < col_ptr[row + 1] && row_idx[next[row]] == col;
-            let mirror = if mirrored { a.values()[next[row]] } else { 0.0 };
-            let difference = (v - mirror).abs();
-            if difference > worst.2 {
-                worst = (row, col, difference);
-            }
-        }
+    match a.asymmetry(1e-10) {
+        Some((row, col, difference)) => Err(ContactError::NotSymmetric { row, col, difference }),
+        None => Ok(()),
     }
-    if worst.2 > 1e-10 * largest {
-        return Err(ContactError::NotSymmetric {
-            row: worst.0,
-            col: worst.1,
-            difference: worst.2,
-        });
-    }
-    Ok(())
 }

@@ -116,6 +116,10 @@ impl NodeLaw for PlanarCoulomb {
         self.coefficient.is_constant()
     }
 
+    fn friction(&self, v: &LocalValues) -> [f64; 2] {
+        [self.coefficient.value(v.node, v.slip_norm(), v.parameter)[0]; 2]
+    }
+
     fn check(&self, v: &LocalValues) -> Result<(), ContactError> {
         check_coefficient(&self.coefficient, v, false)
     }
@@ -313,6 +317,10 @@ impl NodeLaw for OrthotropicCoulomb {
             }
         }
         rows
+    }
+
+    fn friction(&self, v: &LocalValues) -> [f64; 2] {
+        [0, 1].map(|d| self.coefficients[d].value(v.node, v.slip_norm(), v.parameter)[0])
     }
 
     fn check(&self, v: &LocalValues) -> Result<(), ContactError> {

@@ -116,6 +116,16 @@ pub enum ContactError {
         /// Of the body.
         body: usize,
     },
+    /// Multipliers that no displacement sees: condition (1) of Haslinger, Kučera and Vlach fails.
+    #[error(
+        "{expected} multipliers, but the displacements tell only {rank} of them apart: use fewer (larger faces), or nodal multipliers"
+    )]
+    InvisibleMultiplier {
+        /// Number of multipliers.
+        expected: usize,
+        /// Rank of the pairing with the displacements.
+        rank: usize,
+    },
     /// No first point was found.
     #[error("no solution found at parameter {parameter}: {source}")]
     NoStart {

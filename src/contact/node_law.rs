@@ -113,6 +113,11 @@ pub trait NodeLaw {
         false
     }
 
+    /// The coefficients of friction F₁, F₂ at a point (equal where the law is isotropic); 0 without friction.
+    fn friction(&self, _v: &LocalValues) -> [f64; 2] {
+        [0.0; 2]
+    }
+
     /// Checks coefficients at a point.
     ///
     /// # Errors
@@ -121,14 +126,14 @@ pub trait NodeLaw {
         Ok(())
     }
 
-    /// The state of a node in a piece.
+    /// The state of a node in a piece, by the name of the piece; "slip" is slip+ or slip− by the sign of λt along t₁.
     fn state(&self, piece: usize, v: &LocalValues) -> ContactState {
         match self.piece_name(piece) {
             "stick" => ContactState::Stick,
-            "slip" | "slip+" | "slip-" if v.slip[0] * v.traction[0] < 0.0 || v.traction[0] < 0.0 => {
-                ContactState::SlipMinus
-            }
-            "slip" | "slip+" | "slip-" => ContactState::SlipPlus,
+            "slip+" => ContactState::SlipPlus,
+            "slip-" => ContactState::SlipMinus,
+            "slip" if v.traction[0] < 0.0 => ContactState::SlipMinus,
+            "slip" => ContactState::SlipPlus,
             _ => ContactState::Open,
         }
     }

@@ -8,6 +8,7 @@ mod engine;
 mod error;
 #[cfg(feature = "serde")]
 mod extended;
+mod fold_set;
 mod locate;
 mod options;
 mod polygon;
@@ -29,6 +30,7 @@ pub use diagram::{
 };
 pub use engine::{Continuation, arms_at};
 pub use error::ContinuationError;
+pub use fold_set::FoldSet;
 pub use options::{ContinuationOptions, Strategy};
 pub use record::{
     Arm, BranchPoint, Event, Point, PointKind, SiteChange, SmoothFold, Termination, Transition,
@@ -39,4 +41,4 @@ pub use search::{
     FoundBy, FoundSolution, FoundSolutions, SearchOptions, search_solutions, search_solutions_observed,
 };
 pub use start::Direction;
-pub use transition_set::TransitionSet;
+pub use transition_set::{CharacterChange, TransitionSet};

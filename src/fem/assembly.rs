@@ -78,7 +78,7 @@ impl ElasticSystem {
                 materials[cell] = number + 1;
             }
         }
-        let mut stiffness = Matrix::zeros(pattern(mesh, &dofs, free)?);
+        let mut stiffness = Matrix::zeros(pattern(mesh, dim, &dofs, free)?);
         let mut lift = vec![0.0; free];
         let tensors: Vec<Tensor> = std::iter::once(&body.material)
             .chain(body.by_group.iter().map(|g| &g.1))
@@ -356,9 +356,8 @@ impl ElementMatrix {
     }
 }
 
-/// The pattern of the free displacements: nodes that share a cell.
-fn pattern(mesh: &Mesh, dofs: &[usize], free: usize) -> Result<Pattern, FemError> {
-    let dim = mesh.dim();
+/// The pattern of the free unknowns, `dim` a node: nodes that share a cell.
+pub(super) fn pattern(mesh: &Mesh, dim: usize, dofs: &[usize], free: usize) -> Result<Pattern, FemError> {
     let nodes = mesh.num_nodes();
     let mut first = vec![0usize; nodes + 1];
     for cell in 0..mesh.num_cells() {

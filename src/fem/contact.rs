@@ -1,7 +1,7 @@
 use std::fmt;
 use std::sync::Arc;
 
-use super::mesh::{cross, dot, norm};
+use super::mesh::{by_position, cross, dot, norm};
 use super::{ElasticSystem, FemError};
 use crate::sparse::Matrix;
 
@@ -129,12 +129,7 @@ impl ElasticSystem {
             });
         }
         let points = mesh.points();
-        nodes.sort_by(|&a, &b| {
-            let (p, q) = (points[a], points[b]);
-            p[0].total_cmp(&q[0])
-                .then(p[1].total_cmp(&q[1]))
-                .then(p[2].total_cmp(&q[2]))
-        });
+        nodes.sort_by(|&a, &b| by_position(points[a], points[b]));
         let p = nodes.len();
         let mut rows = [Vec::new(), Vec::new(), Vec::new()];
         let (mut gaps, mut normals, mut tangents) = (Vec::new(), Vec::new(), Vec::new());

@@ -450,3 +450,10 @@ pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
 pub(super) fn norm(a: [f64; 3]) -> f64 {
     dot(a, a).sqrt()
 }
+
+/// By x, then y, then z.
+pub(super) fn by_position(p: [f64; 3], q: [f64; 3]) -> std::cmp::Ordering {
+    p[0].total_cmp(&q[0])
+        .then(p[1].total_cmp(&q[1]))
+        .then(p[2].total_cmp(&q[2]))
+}

@@ -16,6 +16,7 @@ mod material;
 mod mesh;
 mod refine;
 mod rigid;
+mod trace;
 
 pub use assembly::ElasticSystem;
 pub use contact::{ContactRows, Foundation};
@@ -25,3 +26,4 @@ pub use error::FemError;
 pub use getfem::{parse_getfem, read_getfem};
 pub use material::{Material, PlaneModel};
 pub use mesh::{BoundaryFacet, Mesh};
+pub use trace::TraceSpace;

@@ -2,7 +2,7 @@ use faer::linalg::matmul::matmul;
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::{Accum, MatMut, MatRef, Par};
 
-use super::{Cholesky, LinearError};
+use super::{Cholesky, LinearError, LinearSolver};
 use crate::sparse::{Matrix, Pattern};
 
 /// Orders below this are handled by plain loops.
@@ -72,6 +72,12 @@ impl Condensation {
     #[must_use]
     pub fn compliance(&self) -> &Matrix {
         &self.compliance
+    }
+
+    /// ln det A.
+    #[must_use]
+    pub fn log_det(&self) -> f64 {
+        self.factor.log_det().map_or(f64::NAN, |d| d.1)
     }
 
     /// B A⁻¹ f.

@@ -11,6 +11,7 @@ mod step;
 mod system;
 mod workspace;
 
+pub(crate) use convergence::equilibrate;
 pub use error::{NewtonError, Unsolved};
 pub use moore_penrose::{Correction, MoorePenrose};
 pub use options::{Damping, NewtonOptions};
