@@ -23,7 +23,7 @@ use semismooth::sparse::Matrix;
 #[derive(Parser)]
 struct Args {
     /// Number of problems drawn.
-    #[arg(long, default_value_t = 100)]
+    #[arg(long, default_value_t = 500)]
     samples: u64,
     /// Number of loads tried near each load with several solutions.
     #[arg(long, default_value_t = 2)]

@@ -3,11 +3,11 @@
 mod common;
 
 use semismooth::contact::{CondensedFriction, FrictionPath, FrictionProblem, LoadPath};
-use semismooth::continuation::{Completeness, Diagram, DiagramOptions, Limit, VertexKind};
+use semismooth::continuation::{Completeness, Diagram, DiagramOptions, Limit, VertexKind, certify};
 use semismooth::enumeration::{EnumerationOptions, all_solutions};
 use semismooth::linear::{DenseLu, LinearSolver};
 use semismooth::output::{Column, write_diagram_csv};
-use semismooth::piecewise::{MinMap, PiecewiseSmooth, Selections};
+use semismooth::piecewise::{LocalUniqueness, MinMap, PiecewiseSmooth, Selections};
 use semismooth::sparse::Matrix;
 
 const RANGE: (f64, f64) = (-4.0, 4.0);
@@ -192,6 +192,47 @@ fn seventeen_solutions_on_five_branches() {
     let at = diagram.solutions_at(&map, fold).unwrap();
     assert_eq!(at.points.iter().filter(|s| s.index == Some(0)).count(), 1);
     assert_eq!(at.index_sum(), Some(1));
+}
+
+/// Local uniqueness fails at the folds of all branches, closed ones included, and nowhere else.
+#[test]
+fn certificates_fail_exactly_at_folds() {
+    let map = three_nodes();
+    let options = DiagramOptions::default().with_parameter_range(RANGE);
+    let diagram =
+        Diagram::explore_sections(&map, &[0.0, 1.0], &options, &EnumerationOptions::default()).unwrap();
+    let load = Matrix::identity(map.num_residuals());
+    let certificate = |x: &[f64]| certify(&map, x, &load, &options.continuation).unwrap();
+    let (mut folds, mut others) = (0, 0);
+    for vertex in diagram.vertices() {
+        let found = certificate(&vertex.x);
+        if vertex.kind == VertexKind::Fold {
+            assert!(found.fails(), "{} {found:?}", vertex.parameter());
+            folds += 1;
+        } else {
+            assert!(
+                found.is_certified(),
+                "{} {} {found:?}",
+                vertex.parameter(),
+                vertex.kind
+            );
+            others += 1;
+        }
+    }
+    assert!(
+        folds == diagram.folds().len() && folds > 15 && others > 15,
+        "{diagram}"
+    );
+    for edge in diagram.edges() {
+        let [a, b] = [&edge.points[0], edge.points.last().unwrap()];
+        let middle: Vec<f64> = a.x.iter().zip(&b.x).map(|(a, b)| 0.5 * (a + b)).collect();
+        match certificate(&middle) {
+            LocalUniqueness::Lipschitz { sign, selections, .. } => {
+                assert_eq!((sign, selections), (a.det_sign, 1));
+            }
+            other => panic!("{other:?}"),
+        }
+    }
 }
 
 #[test]

@@ -27,6 +27,12 @@ pub enum ContinuationError {
     /// The solutions at a parameter could not be enumerated.
     #[error(transparent)]
     Enumeration(#[from] EnumerationError),
+    /// An error of an earlier run, read from a file.
+    #[error("{message}")]
+    Recorded {
+        /// Its message.
+        message: String,
+    },
     /// The start lies in the cell of no piece at some site.
     #[error("the start lies outside the domain of the map at {site}; no piece is active there")]
     Outside {

@@ -1,4 +1,4 @@
-//! Numbers that may be infinite, for formats that know none (JSON).
+//! Numbers that may be infinite, for formats that know none (JSON), and errors as their messages.
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
@@ -41,7 +41,7 @@ pub(super) fn deserialize<'de, D: Deserializer<'de>>(d: D) -> Result<f64, D::Err
 }
 
 /// The same for an interval.
-pub(super) mod pair {
+pub(in crate::continuation) mod pair {
     use super::{Deserialize, Deserializer, Extended, Serialize, Serializer};
 
     pub(in crate::continuation) fn serialize<S: Serializer>(v: &(f64, f64), s: S) -> Result<S::Ok, S::Error> {
@@ -52,5 +52,25 @@ pub(super) mod pair {
         d: D,
     ) -> Result<(f64, f64), D::Error> {
         <(Extended, Extended)>::deserialize(d).map(|(a, b)| (a.into(), b.into()))
+    }
+}
+
+/// An error comes back as its message.
+pub(in crate::continuation) mod error {
+    use serde::{Deserialize, Deserializer, Serializer};
+
+    use crate::continuation::ContinuationError;
+
+    pub(in crate::continuation) fn serialize<S: Serializer>(
+        e: &ContinuationError,
+        s: S,
+    ) -> Result<S::Ok, S::Error> {
+        s.collect_str(e)
+    }
+
+    pub(in crate::continuation) fn deserialize<'de, D: Deserializer<'de>>(
+        d: D,
+    ) -> Result<ContinuationError, D::Error> {
+        String::deserialize(d).map(|message| ContinuationError::Recorded { message })
     }
 }
