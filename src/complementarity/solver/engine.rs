@@ -464,7 +464,7 @@ impl Engine<'_> {
                 }
                 let residual = self.residual();
                 self.note_best(residual);
-                if residual <= self.options.tolerance || self.is_rounding() {
+                if plan.proximal > 0.0 || residual <= self.options.tolerance || self.is_rounding() {
                     self.record(residual, merit, McpStep::None, 0.0);
                     return McpStatus::Solved;
                 }
