@@ -275,7 +275,8 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
             }
             if changes < fewest {
                 (fewest, stagnant) = (changes, 0);
-            } else {
+            } else if self.adds() {
+                // Releases alone cannot go on for ever, however few they are at a time.
                 stagnant += 1;
             }
             let patience = self.options.patience;
@@ -376,6 +377,12 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
             changes += usize::from(self.next[i] != now);
         }
         changes
+    }
+
+    /// Whether a component in `next` moves to a bound.
+    fn adds(&self) -> bool {
+        let moves = |(next, now): (&Activity, &Activity)| next != now && *next != Activity::Inactive;
+        self.next.iter().zip(&self.activity).any(moves)
     }
 
     /// Keeps only the last of the changes in `next` (Murty's rule, in the order from the end), one step between bounds at a time.
