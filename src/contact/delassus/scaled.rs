@@ -162,11 +162,16 @@ impl<const D: usize> Scaled<D> {
         }
     }
 
-    /// The reactions in the units of the problem.
+    /// The reactions in the units of the problem; without friction exactly normal.
     pub(super) fn unscale(&self, r: &[[f64; D]], out: &mut [f64]) {
         for (i, r) in r.iter().enumerate() {
             for k in 0..D {
-                out[i * D + k] = self.sigma * self.scale[i] * r[k];
+                let carries = k == 0 || self.friction[i] > 0.0;
+                out[i * D + k] = if carries {
+                    self.sigma * self.scale[i] * r[k]
+                } else {
+                    0.0
+                };
             }
         }
     }

@@ -13,6 +13,9 @@ const ALPHA: f64 = 1e-2;
 const ALPHA_NEAR: f64 = 1e-5;
 const INNER: usize = 30;
 const PATIENCE: usize = 100;
+
+/// Residual from which proximal steps converge, as a rule.
+const NEAR: f64 = 1e-6;
 /// Largest violation of the law against q and u that a solution may have.
 const VIOLATION: f64 = 1e-6;
 const INTERIOR_STEPS: usize = 80;
@@ -92,7 +95,7 @@ struct Run<'a, const D: usize> {
     r: Vector<D>,
     u: Vector<D>,
     best: Vec<f64>,
-    best_residual: f64,
+    best_key: f64,
     plain: Vec<f64>,
     sweeps: usize,
     history: Vec<DelassusIteration>,
@@ -111,7 +114,7 @@ impl<'a, const D: usize> Run<'a, D> {
             r: scaled.scale(start),
             u: vec![[0.0; D]; problem.contacts()],
             best: start.to_vec(),
-            best_residual: f64::INFINITY,
+            best_key: f64::INFINITY,
             plain: start.to_vec(),
             sweeps: 0,
             history: Vec::new(),
@@ -129,12 +132,16 @@ impl<'a, const D: usize> Run<'a, D> {
     fn measure(&mut self) -> Result<f64, DelassusError> {
         self.scaled.unscale(&self.r, &mut self.plain);
         let residual = self.problem.residual(&self.plain)?;
-        if residual < self.best_residual {
-            let violation = self.violation();
-            if violation <= VIOLATION || residual > 1e-4 * violation {
-                self.best_residual = residual;
-                self.best.copy_from_slice(&self.plain);
-            }
+        let violation = self.violation();
+        let key = if violation <= VIOLATION {
+            residual
+        } else {
+            violation
+        };
+        // A gain within rounding is no reason to move on.
+        if key < 0.99 * self.best_key || (key < self.best_key && key <= self.options.tolerance) {
+            self.best_key = key;
+            self.best.copy_from_slice(&self.plain);
         }
         Ok(residual)
     }
@@ -167,7 +174,7 @@ impl<'a, const D: usize> Run<'a, D> {
             success,
         };
         self.history.push(entry);
-        if self.best_residual <= self.options.tolerance {
+        if self.best_key <= self.options.tolerance {
             return Ok(ControlFlow::Break(DelassusStatus::Solved));
         }
         if (self.observe)(&entry).is_break() {
@@ -194,20 +201,28 @@ impl<'a, const D: usize> Run<'a, D> {
 
     fn run(&mut self) -> Result<DelassusStatus, DelassusError> {
         self.measure()?;
-        if self.best_residual <= self.options.tolerance {
+        if self.best_key <= self.options.tolerance {
             return Ok(DelassusStatus::Solved);
         }
         self.sweeps_of(SWEEPS);
         flow!(self.record(DelassusPhase::Sweeps, 0.0, SWEEPS, true)?);
         flow!(self.interior(false)?);
-        flow!(self.proximal(ALPHA_NEAR)?);
-        flow!(self.interior(true)?);
+        if self.best_key > NEAR {
+            self.restart();
+            flow!(self.interior(true)?);
+        }
+        self.restart();
         flow!(self.proximal(ALPHA_NEAR)?);
         self.r.iter_mut().for_each(|r| *r = [0.0; D]);
         self.sweeps_of(10 * SWEEPS);
         flow!(self.record(DelassusPhase::Sweeps, 0.0, 10 * SWEEPS, true)?);
         flow!(self.proximal(ALPHA)?);
         Ok(DelassusStatus::Stalled)
+    }
+
+    /// Goes back to the best iterate.
+    fn restart(&mut self) {
+        self.r = self.scaled.scale(&self.best);
     }
 
     fn sweeps_of(&mut self, n: usize) {
@@ -254,9 +269,14 @@ impl<'a, const D: usize> Run<'a, D> {
             centre.copy_from_slice(&self.r);
             let scale = self.r.iter().flatten().fold(1.0_f64, |a, b| a.max(b.abs()));
             let tolerance = 1e-14 * scale;
-            let inner = self
-                .newton
-                .solve(&self.scaled, &mut self.r, alpha, &centre, tolerance, INNER);
+            let inner = self.newton.solve(
+                &self.scaled,
+                &mut self.r,
+                alpha,
+                &centre,
+                tolerance,
+                left.min(INNER),
+            );
             let work = self.newton.factorisations - before;
             let converged = inner == Inner::Converged;
             let residual = flow_value!(self.record(DelassusPhase::Proximal, alpha, work, converged)?);
