@@ -1,11 +1,11 @@
 //! A market with several equilibria as a mixed complementarity problem with a parameter.
-//! You will see how the single equilibrium of an exchange economy splits into three as endowments shrink, where consumers stop buying
+//! You will see how the single equilibrium of an exchange economy turns into three as endowments shrink, where consumers stop buying
 //! a good, prices and determinants at one parameter, and a bifurcation diagram.
 //! Run: cargo run --release --example equilibria [-- --out DIR] [--at R]
 //!
-//! Shapley and Shubik's economy (1977; Mas-Colell, Whinston and Green 1995, example 15.B.2): two goods, two consumers with the
-//! utilities x₁₁ − x₂₁⁻⁸/8 and x₂₂ − x₁₂⁻⁸/8, endowments (2, r) and (r, 2). With the first price 1 and the second p, consumption and
-//! λ of each consumer, and p, are the unknowns; nobody consumes less than nothing.
+//! After Shapley and Shubik (1977; Mas-Colell, Whinston and Green 1995, example 15.B.2): two goods, two consumers with the
+//! utilities x₁₁ − x₂₁⁻⁸/8 and x₂₂ − x₁₂⁻⁸/8, endowments (2, r) and (r, 2.02). With the first price 1 and the second p, consumption
+//! and λ of each consumer, and p, are the unknowns; nobody consumes less than nothing.
 
 mod common;
 
@@ -33,16 +33,16 @@ impl SmoothFunction for Economy {
 
     fn eval<T: Real>(&self, x: &[T], out: &mut [T]) {
         let [a1, a2, la, b1, b2, lb, p, r] = [x[0], x[1], x[2], x[3], x[4], x[5], x[6], x[7]];
-        // First consumer: marginal cost less marginal utility of each good, and the budget.
+        // First consumer: marginal cost less marginal utility of each good (times x₂₁⁹, which is positive), and the budget.
         out[0] = la - 1.0;
-        out[1] = la * p - a2.powi(-9);
+        out[1] = la * p * a2.powi(9) - 1.0;
         out[2] = p * r + 2.0 - a1 - p * a2;
         // Second consumer.
-        out[3] = lb - b1.powi(-9);
+        out[3] = lb * b1.powi(9) - 1.0;
         out[4] = lb * p - 1.0;
-        out[5] = r + p * 2.0 - b1 - p * b2;
+        out[5] = r + p * 2.02 - b1 - p * b2;
         // Excess supply of the second good.
-        out[6] = r + 2.0 - a2 - b2;
+        out[6] = r + 2.02 - a2 - b2;
     }
 }
 
@@ -69,27 +69,33 @@ fn run(arguments: &Arguments) -> Outcome<()> {
         vec![none; 7],
     )?;
 
-    // One equilibrium, from prices and quantities of 1.
-    let r = 1.5;
-    let mut x = [1.0; 7];
+    // Equilibria of a poor market, from prices far apart.
+    let r = 0.5;
+    let poor = market.at(r)?;
     let mut solver = McpSolver::default();
-    let report = solver.solve(&market.at(r)?, &mut x)?;
-    println!(
-        "r = {r}: {}, residual {:.1e}, price {:.6}",
-        report.status, report.residual, x[6]
-    );
-    if !report.is_solved() {
-        return Err("there is no equilibrium to start from".into());
+    let mut starts: Vec<Vec<f64>> = Vec::new();
+    for price in [0.1, 1.0, 10.0] {
+        let mut x = vec![1.0; 7];
+        x[6] = price;
+        let report = solver.solve(&poor, &mut x)?;
+        println!(
+            "r = {r}, from the price {price}: {}, residual {:.1e}, p = {:.6}",
+            report.status, report.residual, x[6]
+        );
+        if report.is_solved() && starts.iter().all(|s| (s[6] - x[6]).abs() > 1e-6) {
+            x.push(r);
+            starts.push(x);
+        }
     }
 
-    // All that is connected to it.
-    let mut start = x.to_vec();
-    start.push(r);
+    // All that is connected to them.
     let options = DiagramOptions::default().with_parameter_range((0.05, 1.5));
-    let diagram = Diagram::explore(&market, &[start], &options)?;
-    let names = ["x11", "x21", "λ1", "x12", "x22", "λ2", "p"];
+    let diagram = Diagram::explore(&market, &starts, &options)?;
     for vertex in diagram.vertices() {
-        if !matches!(vertex.kind, VertexKind::Bound | VertexKind::Start) {
+        if !matches!(
+            vertex.kind,
+            VertexKind::Bound | VertexKind::Start | VertexKind::Fold
+        ) {
             let at_bound: Vec<&str> = (0..7)
                 .filter(|&i| vertex.x[i].abs() < 1e-9)
                 .map(|i| names[i])
@@ -106,6 +112,9 @@ fn run(arguments: &Arguments) -> Outcome<()> {
                 }
             );
         }
+    }
+    for fold in diagram.folds() {
+        println!("r = {:.6}, p = {:.6}: fold", fold.x[7], fold.x[6]);
     }
     println!(
         "{} pieces of curve, {}",

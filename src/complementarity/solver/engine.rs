@@ -352,7 +352,7 @@ impl Engine<'_> {
     /// Whether a small residual at `work.x` belongs to a solution nearby, and not to one at infinity (as of e⁻ˣ): each free row
     /// vanishes close by on its own, and so do all together. Uses `work.jac`; `last_step` is the
     /// length of the step that led here, if it was a full one of Newton's method for the natural map.
-    fn is_localised(&mut self, last_step: Option<f64>) -> bool {
+    pub(super) fn is_localised(&mut self, last_step: Option<f64>) -> bool {
         if self.affine {
             return true;
         }
