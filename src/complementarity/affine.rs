@@ -53,6 +53,14 @@ impl AffineFunction {
     pub fn q(&self) -> &[f64] {
         &self.q
     }
+
+    pub(super) fn q_mut(&mut self) -> &mut [f64] {
+        &mut self.q
+    }
+
+    pub(super) fn values_mut(&mut self) -> &mut [f64] {
+        self.matrix.values_mut()
+    }
 }
 
 impl McpFunction for AffineFunction {

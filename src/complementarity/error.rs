@@ -87,6 +87,14 @@ pub enum ComplementarityError {
         /// The range.
         range: &'static str,
     },
+    /// A method needs what the problem has not.
+    #[error("{method} cannot solve this problem: {reason}")]
+    Unsuitable {
+        /// The method.
+        method: &'static str,
+        /// Why, and what to do.
+        reason: String,
+    },
     /// The map could not be used.
     #[error(transparent)]
     Map(#[from] PiecewiseError),

@@ -35,6 +35,7 @@
 //! # Ok::<(), semismooth::complementarity::ComplementarityError>(())
 //! ```
 
+pub mod active_set;
 mod affine;
 #[cfg(feature = "autodiff")]
 mod autodiff;
@@ -44,7 +45,9 @@ mod error;
 mod fischer;
 mod function;
 mod kkt;
+mod lcp;
 mod natural;
+pub mod pivoting;
 mod problem;
 mod solver;
 
@@ -56,6 +59,7 @@ pub use error::ComplementarityError;
 pub use fischer::FischerBurmeister;
 pub use function::{McpFunction, WithJacobian};
 pub use kkt::{ConstraintKind, Kkt, Program, kkt};
+pub use lcp::Lcp;
 pub use problem::{AtParameter, Mcp};
 pub use solver::{
     BoundState, Fallback, McpIteration, McpOptions, McpReport, McpSolver, McpStatus, McpStep, McpStrategy,

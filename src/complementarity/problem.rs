@@ -108,6 +108,10 @@ impl<F: McpFunction> Mcp<F> {
         &self.function
     }
 
+    pub(super) fn function_mut(&mut self) -> &mut F {
+        &mut self.function
+    }
+
     /// Lower bounds; −∞ where there is none.
     #[must_use]
     pub fn lower(&self) -> &[f64] {
