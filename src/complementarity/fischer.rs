@@ -6,11 +6,14 @@ use crate::sparse::{Matrix, Pattern};
 
 /// φ(a, b) = a + b − √(a² + b²).
 ///
-/// Where both arguments are positive the sum cancels; 2ab / (a + b + √(a² + b²)) does not.
+/// Where an argument is positive this cancels; 2ab / (a + b + √(a² + b²)) and a − a² / (b + √(a² + b²)) do not.
 pub(super) fn phi(a: f64, b: f64) -> f64 {
     let h = a.hypot(b);
     if a > 0.0 && b > 0.0 {
         2.0 * a.min(b) * (a.max(b) / (a + b + h))
+    } else if a.max(b) > 0.0 {
+        let (low, high) = (a.min(b), a.max(b));
+        low - low * (low / (high + h))
     } else {
         a + b - h
     }

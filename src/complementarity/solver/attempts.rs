@@ -2,6 +2,14 @@
 
 use super::engine::{Engine, Plan, max_abs};
 use super::{BoundState, Fallback, McpStatus, McpStrategy};
+use crate::complementarity::Mcp;
+use crate::enumeration::{EnumerationOptions, all_solutions};
+
+/// Affine problems up to this size are searched by enumeration of active sets.
+const ENUMERABLE: usize = 24;
+
+/// Largest number of nodes of that search.
+const NODES: u64 = 50_000;
 
 impl Plan {
     pub(super) fn newton(max_iterations: usize) -> Self {
@@ -90,6 +98,8 @@ impl Engine<'_> {
                 component: self.bad_component.unwrap_or(0),
             };
         }
+        // The first attempt begins here.
+        self.fresh = true;
         let limit = self.options.max_attempt;
         let ended = self.attempt(McpStrategy::Newton, |e| {
             if e.affine {
@@ -125,6 +135,12 @@ impl Engine<'_> {
             }
             self.restart_at_start();
             if let Some(status) = self.attempt(McpStrategy::Homotopy, Self::homotopy) {
+                return status;
+            }
+        }
+        if self.affine && self.n() <= ENUMERABLE {
+            self.restart_at_start();
+            if let Some(status) = self.attempt(McpStrategy::Enumeration, Self::enumerate) {
                 return status;
             }
         }
@@ -242,10 +258,29 @@ impl Engine<'_> {
         let mut epsilon = size;
         let mut outcome = McpStatus::Stalled;
         let mut last = f64::INFINITY;
-        for k in 0..24 {
+        let (rounds, shrink, least) = if self.affine {
+            (40, 0.1, 1e-7)
+        } else {
+            (24, 0.2, 1e-9)
+        };
+        for k in 0..rounds {
             let w = &mut *self.work;
             w.centre.copy_from_slice(&w.x);
-            outcome = self.descend(&Plan::proximal(epsilon, 40));
+            let plan = Plan::proximal(epsilon, 40);
+            outcome = McpStatus::Stalled;
+            if self.affine {
+                outcome = self.affine_newton(&plan);
+                if outcome != McpStatus::Solved {
+                    let w = &mut *self.work;
+                    w.x.copy_from_slice(&w.centre);
+                    if self.affine_path(&plan) {
+                        outcome = McpStatus::Solved;
+                    }
+                }
+            }
+            if outcome != McpStatus::Solved {
+                outcome = self.descend(&plan);
+            }
             if let Some(status) = self.exhausted() {
                 return status;
             }
@@ -273,11 +308,47 @@ impl Engine<'_> {
                 w.x.copy_from_slice(&w.centre);
             }
             last = last.min(residual);
-            epsilon = (epsilon * 0.2).max(1e-9 * size);
+            epsilon = (epsilon * shrink).max(least * size);
         }
         match outcome {
             McpStatus::Solved => McpStatus::Stalled,
             other => other,
+        }
+    }
+
+    /// Pruned search of all active sets of a small affine problem.
+    fn enumerate(&mut self) -> McpStatus {
+        if !self.jacobian() {
+            return McpStatus::Stalled;
+        }
+        let n = self.n();
+        let w = &mut *self.work;
+        w.trial_x.fill(0.0);
+        self.function.value(&w.trial_x, &mut w.trial_f);
+        self.report.evaluations += 1;
+        let problem = Mcp::affine(
+            w.jac.clone(),
+            w.trial_f.clone(),
+            self.lower.to_vec(),
+            self.upper.to_vec(),
+        );
+        let options = EnumerationOptions::default().with_max_nodes(NODES);
+        let set = match problem.map(|p| all_solutions(&p, 0.0, &options)) {
+            Ok(Ok(set)) => set,
+            _ => return McpStatus::Stalled,
+        };
+        self.report.iterations += set.nodes as usize / n.max(1);
+        let ends = set.continua.iter().flat_map(|c| &c.ends);
+        for y in set.solutions.iter().map(|s| &s.x).chain(ends) {
+            self.work.x.copy_from_slice(&y[..n]);
+            if self.descend(&Plan::newton(10)) == McpStatus::Solved {
+                return McpStatus::Solved;
+            }
+        }
+        let none = set.solutions.is_empty() && set.continua.is_empty();
+        match none && set.completeness.is_complete() {
+            true => McpStatus::Infeasible,
+            false => McpStatus::Stalled,
         }
     }
 
@@ -300,7 +371,12 @@ impl Engine<'_> {
         if norm <= 1e-6 * (1.0 + max_abs(&self.work.x)) || norm.is_nan() {
             return false;
         }
-        v.iter_mut().for_each(|v| *v /= norm);
+        for v in &mut v {
+            *v /= norm;
+            if v.abs() < 1e-12 {
+                *v = 0.0;
+            }
+        }
         if !self.jacobian() {
             return false;
         }

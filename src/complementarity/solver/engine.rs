@@ -60,6 +60,8 @@ pub(super) struct Engine<'a> {
     /// A point far out had a small residual.
     pub(super) asymptotic: bool,
     pub(super) bad_component: Option<usize>,
+    /// Whether `work.f` is F at `work.x` already.
+    pub(super) fresh: bool,
     /// Where the first active set is given by the user.
     pub(super) given_active: bool,
 }
@@ -82,6 +84,9 @@ impl Engine<'_> {
 
     /// F at `work.x`; `false` and the component noted where it is not finite.
     pub(super) fn evaluate(&mut self) -> bool {
+        if std::mem::take(&mut self.fresh) {
+            return true;
+        }
         self.report.evaluations += 1;
         self.function.value(&self.work.x, &mut self.work.f);
         let bad = self.work.f.iter().position(|f| !f.is_finite());
@@ -459,7 +464,7 @@ impl Engine<'_> {
                 }
                 let residual = self.residual();
                 self.note_best(residual);
-                if residual <= self.options.tolerance || self.is_rounding() {
+                if plan.proximal > 0.0 || residual <= self.options.tolerance || self.is_rounding() {
                     self.record(residual, merit, McpStep::None, 0.0);
                     return McpStatus::Solved;
                 }

@@ -34,7 +34,8 @@ use work::Work;
 /// 4. *Josephy–Newton*: linearised problems, solved along the piecewise linear path from the iterate (Ralph 1994; Dirkse and Ferris
 ///    1995) by the crate's continuation.
 /// 5. *Homotopy*: t F(x) + (1 − t)(x − x⁰) from t = 0 to 1, by arclength continuation through kinks and folds.
-/// 6. *Restart*: 1, 2 and 5 from perturbed starts.
+/// 6. *Enumeration*: for affine problems of up to 24 components a pruned search of all active sets.
+/// 7. *Restart*: 1, 2 and 5 from perturbed starts.
 ///
 /// Iterates stay within the bounds (unless F is affine), and F is evaluated nowhere else ([`McpOptions::stay_inside`]); where it is not
 /// finite the step is shortened. Success is claimed only after the natural residual was evaluated at the point returned, with
@@ -42,7 +43,7 @@ use work::Work;
 ///
 /// # Cost
 /// A step factors the system of the components away from their bounds. Up to 48 components nothing is allocated once a solver
-/// has seen a problem with the same pattern, unless it comes to strategies 4 to 6.
+/// has seen a problem with the same pattern, unless it comes to strategies 4 to 7.
 #[derive(Debug, Clone, Default)]
 pub struct McpSolver {
     options: McpOptions,
@@ -178,6 +179,7 @@ impl McpSolver {
             interrupted: false,
             asymptotic: false,
             bad_component: None,
+            fresh: false,
             given_active: states.is_some(),
         };
         let status = engine.solve(states);

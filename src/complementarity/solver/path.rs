@@ -76,6 +76,25 @@ impl Engine<'_> {
         Some(nearest)
     }
 
+    /// Moves `work.x` to the solution of an affine (proximal) problem along its path; `false` where the path does not arrive.
+    pub(super) fn affine_path(&mut self, plan: &Plan) -> bool {
+        if self.n() > self.options.max_path_size || !self.evaluate() || !self.jacobian() {
+            return false;
+        }
+        if self.linearise(plan, true).is_none() {
+            return false;
+        }
+        match self.linearised_solution() {
+            Some((y, true)) => {
+                for i in 0..self.n() {
+                    self.work.x[i] = self.clamp(i, y[i] * self.work.col[i]);
+                }
+                self.evaluate()
+            }
+            _ => false,
+        }
+    }
+
     /// Newton's method with linearised complementarity problems.
     pub(super) fn josephy(&mut self) -> McpStatus {
         let n = self.n();
@@ -100,7 +119,7 @@ impl Engine<'_> {
             } else {
                 reference.min(psi * 4.0).max(psi)
             };
-            let Some(target) = self.linearised_solution() else {
+            let Some((target, _)) = self.linearised_solution() else {
                 return McpStatus::Stalled;
             };
             self.record(self.residual(), psi, McpStep::Linearised, 1.0);
@@ -134,8 +153,8 @@ impl Engine<'_> {
         McpStatus::IterationLimit
     }
 
-    /// The point where the path of the problem linearised at `work.x` ends, in scaled variables.
-    fn linearised_solution(&mut self) -> Option<Vec<f64>> {
+    /// The point where the path of the problem linearised at `work.x` ends, in scaled variables, and whether it is a solution.
+    fn linearised_solution(&mut self) -> Option<(Vec<f64>, bool)> {
         let n = self.n();
         let w = &*self.work;
         let y: Vec<f64> = (0..n).map(|i| w.x[i] / w.col[i]).collect();
@@ -175,7 +194,7 @@ impl Engine<'_> {
             {
                 let mut x = end.x;
                 x.truncate(n);
-                return Some(x);
+                return Some((x, end.reached));
             }
         }
         None

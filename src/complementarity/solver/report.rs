@@ -14,7 +14,8 @@ pub enum McpStatus {
     },
     /// Iterates or paths tend to infinity; a residual that tends to 0 there belongs to no solution.
     Unbounded,
-    /// There is no solution: the report holds a certificate.
+    /// There is no solution: the report holds a certificate, or (certificate empty) all active sets of a small affine problem were
+    /// ruled out.
     Infeasible,
     /// No strategy made progress any more.
     Stalled,
@@ -57,7 +58,7 @@ impl fmt::Display for McpStatus {
                 "stationary point of the merit function (gradient {gradient_norm:.1e}) that is no solution"
             ),
             Self::Unbounded => f.write_str("the iterates tend to infinity"),
-            Self::Infeasible => f.write_str("infeasible, with certificate"),
+            Self::Infeasible => f.write_str("there is no solution"),
             Self::Stalled => f.write_str("no strategy makes progress any more"),
             Self::EvaluationFailure { component } => {
                 write!(f, "component {component} of the function cannot be evaluated")
@@ -81,6 +82,8 @@ pub enum McpStrategy {
     JosephyNewton,
     /// A path from the start to a solution, t F(x) + (1 − t)(x − x⁰), through folds.
     Homotopy,
+    /// Small affine problems: a pruned search of all active sets.
+    Enumeration,
     /// The first strategy and paths from perturbed starts.
     Restart,
 }
@@ -95,6 +98,7 @@ impl McpStrategy {
             Self::Proximal => "proximal",
             Self::JosephyNewton => "Josephy-Newton",
             Self::Homotopy => "homotopy",
+            Self::Enumeration => "enumeration",
             Self::Restart => "restart",
         }
     }
@@ -199,7 +203,7 @@ pub struct McpReport {
     /// Where each component is.
     pub states: Vec<BoundState>,
     /// For [`McpStatus::Infeasible`] the vector v that proves it: v points along no finite bound, so that every solution has
-    /// vᵀF(x) ≥ 0, yet sup vᵀF(x) < 0 over the bounds. Empty otherwise.
+    /// vᵀF(x) ≥ 0, yet sup vᵀF(x) < 0 over the bounds. Empty where enumeration proved it, and otherwise.
     pub certificate: Vec<f64>,
     /// Wall-clock time.
     pub time: Duration,
