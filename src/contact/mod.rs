@@ -9,6 +9,7 @@ mod condensed_contact;
 mod coulomb_laws;
 mod curve;
 mod error;
+mod evolution;
 mod family;
 mod fixed_point;
 #[cfg(feature = "json")]
@@ -29,6 +30,7 @@ pub use condensed_contact::{CondensedContact, ContactSolution};
 pub use coulomb_laws::{OrthotropicCoulomb, PlanarCoulomb};
 pub use curve::{FrictionCoefficient, FrictionCurve};
 pub use error::ContactError;
+pub use evolution::{EvolutionStep, evolve};
 pub use family::FrictionFamily;
 pub use fixed_point::{FixedPointOptions, FixedPointReport, fixed_point};
 #[cfg(feature = "json")]
