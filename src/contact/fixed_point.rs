@@ -2,8 +2,8 @@ use super::ContactError;
 use super::condensed_contact::CondensedContact;
 use super::given_bound::GivenBound;
 use super::node_law::NodeLaw;
-use crate::newton::norm;
 use crate::piecewise::PiecewiseSmooth;
+use crate::sparse::norm;
 
 /// Options of [`fixed_point`].
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -8,6 +8,7 @@ mod condensed;
 mod condensed_contact;
 mod coulomb_laws;
 mod curve;
+mod delassus;
 mod error;
 mod evolution;
 mod family;
@@ -29,6 +30,12 @@ pub use condensed::CondensedFriction;
 pub use condensed_contact::{CondensedContact, ContactSolution};
 pub use coulomb_laws::{OrthotropicCoulomb, PlanarCoulomb};
 pub use curve::{FrictionCoefficient, FrictionCurve};
+#[cfg(feature = "json")]
+pub use delassus::read_delassus;
+pub use delassus::{
+    DelassusError, DelassusIteration, DelassusOptions, DelassusPhase, DelassusProblem, DelassusReport,
+    DelassusSolver, DelassusState, DelassusStatus,
+};
 pub use error::ContactError;
 pub use evolution::{EvolutionStep, evolve};
 pub use family::FrictionFamily;

@@ -9,8 +9,8 @@ use super::{
     TransitionKind,
 };
 use crate::linear::LinearSolver;
-use crate::newton::{dot, norm};
 use crate::piecewise::{ActiveSet, PiecewiseSmooth};
+use crate::sparse::{dot, norm};
 
 /// An arm within this distance of the reversed tangent of arrival is the one the curve came along.
 const INCOMING: f64 = 1e-5;
