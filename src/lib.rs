@@ -6,6 +6,8 @@ pub mod complementarity;
 pub mod contact;
 pub mod continuation;
 pub mod enumeration;
+pub mod fem;
+pub mod interface;
 pub mod linear;
 pub mod newton;
 pub mod output;

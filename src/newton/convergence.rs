@@ -1,7 +1,7 @@
 //! When a residual counts as zero: relative to the terms that cancel in it, whatever the units of equations and unknowns.
 
-use super::moore_penrose::norm;
 use crate::sparse::MatrixRef;
+use crate::sparse::norm;
 
 /// Sweeps of equilibration; each halves the decimal exponents that are left.
 const SWEEPS: usize = 6;

@@ -14,7 +14,6 @@ mod workspace;
 pub(crate) use convergence::equilibrate;
 pub use error::{NewtonError, Unsolved};
 pub use moore_penrose::{Correction, MoorePenrose};
-pub(crate) use moore_penrose::{dot, norm};
 pub use options::{Damping, NewtonOptions};
 pub use report::{Convergence, Failure, Iteration, Report, Step};
 pub use solver::Newton;

@@ -1,0 +1,105 @@
+//! One contact on its own, exactly: the step of the nonsmooth Gauss–Seidel iteration.
+
+use super::cone::tangential_norm;
+use super::scaled::Block;
+
+/// Largest number of secant and bisection steps for the slip; the bracket halves in each, on a logarithmic scale.
+const STEPS: usize = 80;
+
+/// The reaction of a single contact with u = W r + b.
+///
+/// Open if b_N ≥ 0. Else it sticks with r = −W⁻¹ b where that lies in the cone. Else it slips, u_N = 0 and u_T = −s r_T with an
+/// s > 0 at which μ r_N = ‖r_T‖; with S the Schur complement of W_NN,
+///
+/// r_T(s) = −(S + s I)⁻¹ (b_T − W_TN b_N / W_NN),  r_N(s) = −(b_N + W_NT r_T) / W_NN.
+///
+/// At s = 0 the reaction is outside of the cone, and inside for s → ∞, where r_N → −b_N / W_NN > 0: a bracket for every positive
+/// semidefinite W, symmetric or not.
+pub(super) fn solve_contact<const D: usize>(w: &Block<D>, b: &[f64; D], mu: f64) -> [f64; D] {
+    let mut r = [0.0; D];
+    if b[0] >= 0.0 {
+        return r;
+    }
+    let wn = w[0][0];
+    if wn <= 0.0 {
+        return r;
+    }
+    let mut schur = [[0.0; 2]; 2];
+    let mut c = [0.0; 2];
+    for a in 1..D {
+        c[a - 1] = b[a] - w[a][0] * b[0] / wn;
+        for e in 1..D {
+            schur[a - 1][e - 1] = w[a][e] - w[a][0] * w[0][e] / wn;
+        }
+    }
+    if D == 2 {
+        schur[1][1] = 1.0;
+    }
+    let mut at = |s: f64| -> f64 {
+        let (p, q) = (schur[0][0] + s, schur[1][1] + s);
+        let det = p * q - schur[0][1] * schur[1][0];
+        let t = [
+            -(q * c[0] - schur[0][1] * c[1]) / det,
+            -(p * c[1] - schur[1][0] * c[0]) / det,
+        ];
+        let mut normal = b[0];
+        for a in 1..D {
+            r[a] = t[a - 1];
+            normal += w[0][a] * t[a - 1];
+        }
+        r[0] = -normal / wn;
+        // ≥ 0 inside the cone; nearly linear in s.
+        mu * r[0] / tangential_norm(&r) - 1.0
+    };
+    if mu == 0.0 || c == [0.0; 2] {
+        r[0] = -b[0] / wn;
+        return r;
+    }
+    // A singular S gives infinities or NaN at s = 0.
+    let stick = at(0.0);
+    if stick >= 0.0 {
+        return r;
+    }
+    let (mut low, mut f_low) = (0.0, stick);
+    let mut high = schur[0][0].abs().max(schur[1][1].abs()).max(f64::MIN_POSITIVE);
+    let mut f_high = at(high);
+    while f_high.is_nan() || f_high < 0.0 {
+        (low, f_low) = (high, f_high);
+        high *= 10.0;
+        if high > 1e100 {
+            return [0.0; D];
+        }
+        f_high = at(high);
+    }
+    // Regula falsi (Illinois), with bisection where it is slow.
+    let mut side = 0;
+    for step in 0..STEPS {
+        if high - low <= 1e-15 * high || f_high.abs() < 1e-15 {
+            break;
+        }
+        let secant = (low * f_high - high * f_low) / (f_high - f_low);
+        let s = match step % 4 {
+            3 if low > 0.0 => (low * high).sqrt(),
+            3 => 1e-3 * high,
+            _ if secant > low && secant < high => secant,
+            _ => 0.5 * (low + high),
+        };
+        let f = at(s);
+        if f >= 0.0 {
+            (high, f_high) = (s, f);
+            if side == 1 {
+                f_low *= 0.5;
+            }
+            side = 1;
+        } else {
+            low = s;
+            f_low = if f.is_nan() { -1.0 } else { f };
+            if side == -1 {
+                f_high *= 0.5;
+            }
+            side = -1;
+        }
+    }
+    at(high);
+    r
+}

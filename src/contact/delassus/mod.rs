@@ -1,0 +1,23 @@
+//! Frictional contact in Delassus form, u = M r + q, in the plane and in space.
+
+mod cone;
+mod error;
+#[cfg(feature = "json")]
+mod file;
+mod interior;
+mod krylov;
+mod local;
+mod newton;
+mod options;
+mod problem;
+mod report;
+mod scaled;
+mod solver;
+
+pub use error::DelassusError;
+#[cfg(feature = "json")]
+pub use file::read_delassus;
+pub use options::DelassusOptions;
+pub use problem::{DelassusProblem, DelassusState};
+pub use report::{DelassusIteration, DelassusPhase, DelassusReport, DelassusStatus};
+pub use solver::DelassusSolver;

@@ -1,0 +1,285 @@
+//! Semismooth Newton on the residual of Alart and Curnier, for M + αI and q − α c: one proximal step.
+
+use super::cone::tangential_norm;
+use super::problem::DelassusState;
+use super::scaled::{Block, Scaled, Vector, add_product};
+use crate::linear::{AutoSolver, LinearSolver};
+use crate::sparse::{MatrixRef, PatternRef};
+
+/// The line search compares with the largest of the last merits: kinks make single full steps fail that pay later.
+const MEMORY: usize = 4;
+const HALVINGS: usize = 12;
+const ARMIJO: f64 = 1e-4;
+
+/// How an inner iteration ended.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Inner {
+    Converged,
+    /// No decrease, too many iterations, a singular matrix or an overflow.
+    Failed,
+}
+
+/// The residual F of one contact and its derivative dF = A dr + B du.
+///
+/// With z = r − u: F_N = r_N − (z_N)₊, F_T = r_T − P(z_T) on the disc of radius μ (z_N)₊.
+/// P. Alart, A. Curnier, Comput. Methods Appl. Mech. Engrg. 92 (1991), doi:10.1016/0045-7825(91)90022-X. All terms have one unit
+/// as the mean diagonal of M is 1.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Local<const D: usize> {
+    pub(super) state: DelassusState,
+    pub(super) f: [f64; D],
+}
+
+pub(super) fn alart_curnier<const D: usize>(mu: f64, r: &[f64; D], u: &[f64; D]) -> Local<D> {
+    let z: [f64; D] = std::array::from_fn(|k| r[k] - u[k]);
+    if z[0] <= 0.0 {
+        return Local {
+            state: DelassusState::Open,
+            f: *r,
+        };
+    }
+    let radius = mu * z[0];
+    let t = tangential_norm(&z);
+    if t <= radius && mu > 0.0 {
+        return Local {
+            state: DelassusState::Stick,
+            f: *u,
+        };
+    }
+    let scale = if t > 0.0 { radius / t } else { 0.0 };
+    let mut f: [f64; D] = std::array::from_fn(|k| r[k] - scale * z[k]);
+    f[0] = u[0];
+    Local {
+        state: DelassusState::Slip,
+        f,
+    }
+}
+
+/// A and B of a slipping contact.
+fn slip_derivative<const D: usize>(mu: f64, r: &[f64; D], u: &[f64; D]) -> (Block<D>, Block<D>) {
+    let z: [f64; D] = std::array::from_fn(|k| r[k] - u[k]);
+    let t = tangential_norm(&z);
+    let mut a = [[0.0; D]; D];
+    let mut b = [[0.0; D]; D];
+    b[0][0] = 1.0;
+    let scale = if t > 0.0 { mu * z[0] / t } else { 0.0 };
+    for i in 1..D {
+        a[i][i] = 1.0;
+        if t == 0.0 {
+            continue;
+        }
+        a[i][0] = -mu * z[i] / t;
+        b[i][0] = mu * z[i] / t;
+        for j in 1..D {
+            let tangent = scale * (f64::from(i == j) - z[i] * z[j] / (t * t));
+            a[i][j] -= tangent;
+            b[i][j] = tangent;
+        }
+    }
+    (a, b)
+}
+
+/// Workspace of the Newton iteration; nothing is allocated once the largest set of closed contacts was met.
+#[derive(Debug)]
+pub(super) struct Newton<const D: usize> {
+    solver: AutoSolver,
+    pub(super) factorisations: usize,
+    local: Vec<Local<D>>,
+    a: Vec<Block<D>>,
+    b: Vec<Block<D>>,
+    u: Vector<D>,
+    trial: Vector<D>,
+    step: Vector<D>,
+    closed: Vec<usize>,
+    /// Number of a contact among the closed ones.
+    index: Vec<usize>,
+    col_ptr: Vec<usize>,
+    row_idx: Vec<usize>,
+    values: Vec<f64>,
+    rhs: Vec<f64>,
+}
+
+impl<const D: usize> Newton<D> {
+    pub(super) fn new(nc: usize) -> Self {
+        let zero = [0.0; D];
+        let open = Local {
+            state: DelassusState::Open,
+            f: zero,
+        };
+        Self {
+            solver: AutoSolver::new(),
+            factorisations: 0,
+            local: vec![open; nc],
+            a: vec![[[0.0; D]; D]; nc],
+            b: vec![[[0.0; D]; D]; nc],
+            u: vec![zero; nc],
+            trial: vec![zero; nc],
+            step: vec![zero; nc],
+            closed: Vec::new(),
+            index: vec![usize::MAX; nc],
+            col_ptr: Vec::new(),
+            row_idx: Vec::new(),
+            values: Vec::new(),
+            rhs: Vec::new(),
+        }
+    }
+
+    /// F at `r`; the squared norm.
+    fn evaluate(&mut self, p: &Scaled<D>, r: &[[f64; D]], alpha: f64, centre: &[[f64; D]]) -> f64 {
+        p.velocities(r, &mut self.u);
+        let mut sum = 0.0;
+        for i in 0..r.len() {
+            for k in 0..D {
+                self.u[i][k] += alpha * (r[i][k] - centre[i][k]);
+            }
+            self.local[i] = alart_curnier(p.friction[i], &r[i], &self.u[i]);
+            sum += self.local[i].f.iter().map(|v| v * v).sum::<f64>();
+        }
+        sum
+    }
+
+    /// Improves `r` until ‖F‖₂ ≤ `tolerance`; `r` is the last iterate in any case.
+    pub(super) fn solve(
+        &mut self,
+        p: &Scaled<D>,
+        r: &mut [[f64; D]],
+        alpha: f64,
+        centre: &[[f64; D]],
+        tolerance: f64,
+        max_iterations: usize,
+    ) -> Inner {
+        let mut merit = self.evaluate(p, r, alpha, centre);
+        let mut memory = [merit; MEMORY];
+        for iteration in 0..max_iterations {
+            if merit.sqrt() <= tolerance {
+                return Inner::Converged;
+            }
+            if !merit.is_finite() || !self.newton_step(p, r, alpha) {
+                return Inner::Failed;
+            }
+            let limit = memory.iter().fold(0.0_f64, |a, b| a.max(*b));
+            let mut length = 1.0;
+            let mut accepted = false;
+            let mut trial = std::mem::take(&mut self.trial);
+            for _ in 0..HALVINGS {
+                for i in 0..r.len() {
+                    for k in 0..D {
+                        trial[i][k] = r[i][k] + length * self.step[i][k];
+                    }
+                }
+                let found = self.evaluate(p, &trial, alpha, centre);
+                if found <= (1.0 - ARMIJO * length) * limit {
+                    merit = found;
+                    accepted = true;
+                    break;
+                }
+                length *= 0.5;
+            }
+            if accepted {
+                r.copy_from_slice(&trial);
+            }
+            self.trial = trial;
+            if !accepted {
+                return Inner::Failed;
+            }
+            memory[iteration % MEMORY] = merit;
+        }
+        if merit.sqrt() <= tolerance {
+            Inner::Converged
+        } else {
+            Inner::Failed
+        }
+    }
+
+    /// The Newton step from `r`, where F was evaluated last. False if the matrix is singular.
+    fn newton_step(&mut self, p: &Scaled<D>, r: &[[f64; D]], alpha: f64) -> bool {
+        let m = &p.matrix;
+        self.closed.clear();
+        for i in 0..r.len() {
+            self.index[i] = usize::MAX;
+            match self.local[i].state {
+                DelassusState::Open => {
+                    self.step[i] = r[i].map(|v| -v);
+                    continue;
+                }
+                DelassusState::Stick => {
+                    self.a[i] = [[0.0; D]; D];
+                    self.b[i] = std::array::from_fn(|a| std::array::from_fn(|c| f64::from(a == c)));
+                }
+                DelassusState::Slip => {
+                    (self.a[i], self.b[i]) = slip_derivative(p.friction[i], &r[i], &self.u[i]);
+                }
+            }
+            self.index[i] = self.closed.len();
+            self.closed.push(i);
+        }
+        if self.closed.is_empty() {
+            return true;
+        }
+        self.rhs.clear();
+        for &i in &self.closed {
+            let mut released = [0.0; D];
+            for k in m.row_ptr[i]..m.row_ptr[i + 1] {
+                let j = m.col[k];
+                if self.index[j] == usize::MAX {
+                    add_product(&m.blocks[k], &self.step[j], &mut released);
+                }
+            }
+            let mut f = self.local[i].f;
+            add_product(&self.b[i], &released, &mut f);
+            self.rhs.extend(f.iter().map(|v| -v));
+        }
+        self.assemble(p, alpha);
+        let n = self.closed.len() * D;
+        let pattern = PatternRef {
+            nrows: n,
+            ncols: n,
+            col_ptr: &self.col_ptr,
+            row_idx: &self.row_idx,
+        };
+        let values = &self.values;
+        self.factorisations += 1;
+        let solved = self
+            .solver
+            .analyze(pattern)
+            .and_then(|()| self.solver.factor(MatrixRef { pattern, values }))
+            .and_then(|()| self.solver.solve_in_place(&mut self.rhs));
+        if solved.is_err() {
+            return false;
+        }
+        for (&i, d) in self.closed.iter().zip(self.rhs.chunks_exact(D)) {
+            self.step[i].copy_from_slice(d);
+        }
+        true
+    }
+
+    /// A + B (M + αI) of the closed contacts.
+    fn assemble(&mut self, p: &Scaled<D>, alpha: f64) {
+        let m = &p.matrix;
+        self.col_ptr.clear();
+        self.row_idx.clear();
+        self.values.clear();
+        self.col_ptr.push(0);
+        for &j in &self.closed {
+            for c in 0..D {
+                for k in m.col_ptr[j]..m.col_ptr[j + 1] {
+                    let i = m.row[k];
+                    let row = self.index[i];
+                    if row == usize::MAX {
+                        continue;
+                    }
+                    let block = &m.blocks[m.slot[k]];
+                    for a in 0..D {
+                        let mut v: f64 = (0..D).map(|e| self.b[i][a][e] * block[e][c]).sum();
+                        if i == j {
+                            v += self.a[i][a][c] + alpha * self.b[i][a][c];
+                        }
+                        self.row_idx.push(row * D + a);
+                        self.values.push(v);
+                    }
+                }
+                self.col_ptr.push(self.row_idx.len());
+            }
+        }
+    }
+}

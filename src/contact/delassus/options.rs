@@ -1,0 +1,62 @@
+use super::DelassusError;
+
+/// Options of [`DelassusSolver`](super::DelassusSolver). The defaults need no touching.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct DelassusOptions {
+    /// Residual ([`DelassusProblem::residual`](super::DelassusProblem::residual)) of a solution, in (0, 1). Default 1e-12.
+    pub tolerance: f64,
+    /// Largest number of factorisations. Default 2000.
+    pub max_factorisations: usize,
+    /// Largest number of Gauss–Seidel sweeps in all. Default 20 000.
+    pub max_sweeps: usize,
+}
+
+impl Default for DelassusOptions {
+    fn default() -> Self {
+        Self {
+            tolerance: 1e-12,
+            max_factorisations: 2000,
+            max_sweeps: 20_000,
+        }
+    }
+}
+
+impl DelassusOptions {
+    /// Sets the residual of a solution.
+    #[must_use]
+    pub fn with_tolerance(mut self, tolerance: f64) -> Self {
+        self.tolerance = tolerance;
+        self
+    }
+
+    /// Sets the largest number of factorisations.
+    #[must_use]
+    pub fn with_max_factorisations(mut self, n: usize) -> Self {
+        self.max_factorisations = n;
+        self
+    }
+
+    /// Sets the largest number of Gauss–Seidel sweeps.
+    #[must_use]
+    pub fn with_max_sweeps(mut self, n: usize) -> Self {
+        self.max_sweeps = n;
+        self
+    }
+
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    /// [`DelassusError::Option`] names the option out of range.
+    pub fn validate(&self) -> Result<(), DelassusError> {
+        if self.tolerance > 0.0 && self.tolerance < 1.0 {
+            Ok(())
+        } else {
+            Err(DelassusError::Option {
+                name: "tolerance",
+                value: self.tolerance,
+                range: "in (0, 1)",
+            })
+        }
+    }
+}

@@ -1,0 +1,185 @@
+use super::DelassusProblem;
+
+/// A vector of blocks, one a contact.
+pub(super) type Vector<const D: usize> = Vec<[f64; D]>;
+pub(super) type Block<const D: usize> = [[f64; D]; D];
+
+/// A problem in scaled variables and block storage: the mean diagonal entry of each contact is 1 and ‖q‖∞ is 1.
+///
+/// With S = diag(s_i) one positive factor a contact and σ = ‖S q‖∞ the scaled problem is S M S, S q / σ, with r = σ S r̃ and
+/// u = σ S⁻¹ ũ: cones and the law do not feel it.
+#[derive(Debug, Clone)]
+pub(super) struct Scaled<const D: usize> {
+    pub(super) friction: Vec<f64>,
+    pub(super) q: Vector<D>,
+    pub(super) matrix: BlockMatrix<D>,
+    scale: Vec<f64>,
+    sigma: f64,
+}
+
+/// D × D blocks by rows, with the way to read them by columns.
+#[derive(Debug, Clone)]
+pub(super) struct BlockMatrix<const D: usize> {
+    pub(super) row_ptr: Vec<usize>,
+    /// Block column of each block, increasing in a row.
+    pub(super) col: Vec<usize>,
+    pub(super) blocks: Vec<Block<D>>,
+    /// Diagonal blocks, zero where none is stored.
+    pub(super) diagonal: Vec<Block<D>>,
+    pub(super) col_ptr: Vec<usize>,
+    /// Block row of each block, increasing in a column.
+    pub(super) row: Vec<usize>,
+    /// Where that block stands in `blocks`.
+    pub(super) slot: Vec<usize>,
+}
+
+impl<const D: usize> BlockMatrix<D> {
+    /// Every diagonal block is stored, also where it vanishes.
+    fn new(problem: &DelassusProblem, scale: &[f64]) -> Self {
+        let nc = problem.contacts();
+        let pattern = problem.matrix().pattern();
+        let (ptr, rows) = (pattern.col_ptr(), pattern.row_idx());
+        let values = problem.matrix().values();
+        let mut col_ptr = vec![0];
+        let mut row = Vec::new();
+        let mut place = vec![usize::MAX; nc];
+        for j in 0..nc {
+            let start = row.len();
+            place[j] = start;
+            row.push(j);
+            for k in ptr[j * D]..ptr[(j + 1) * D] {
+                let i = rows[k] / D;
+                if values[k] != 0.0 && (place[i] == usize::MAX || place[i] < start) {
+                    place[i] = row.len();
+                    row.push(i);
+                }
+            }
+            row[start..].sort_unstable();
+            col_ptr.push(row.len());
+        }
+        let mut row_ptr = vec![0; nc + 1];
+        for &i in &row {
+            row_ptr[i + 1] += 1;
+        }
+        for i in 0..nc {
+            row_ptr[i + 1] += row_ptr[i];
+        }
+        let mut next = row_ptr.clone();
+        let mut col = vec![0; row.len()];
+        let mut slot = vec![0; row.len()];
+        let mut blocks = vec![[[0.0; D]; D]; row.len()];
+        let mut diagonal = vec![[[0.0; D]; D]; nc];
+        for j in 0..nc {
+            for k in col_ptr[j]..col_ptr[j + 1] {
+                let i = row[k];
+                slot[k] = next[i];
+                place[i] = next[i];
+                col[next[i]] = j;
+                next[i] += 1;
+            }
+            for c in 0..D {
+                for k in ptr[j * D + c]..ptr[j * D + c + 1] {
+                    let (i, a) = (rows[k] / D, rows[k] % D);
+                    if values[k] != 0.0 {
+                        blocks[place[i]][a][c] = scale[i] * scale[j] * values[k];
+                    }
+                }
+            }
+            diagonal[j] = blocks[place[j]];
+        }
+        Self {
+            row_ptr,
+            col,
+            blocks,
+            diagonal,
+            col_ptr,
+            row,
+            slot,
+        }
+    }
+
+    /// Whether block (j, i) is stored with block (i, j).
+    pub(super) fn is_structurally_symmetric(&self) -> bool {
+        self.row_ptr == self.col_ptr && self.row == self.col
+    }
+
+    /// Adds row `i` of M r to `u`.
+    #[inline]
+    pub(super) fn add_row(&self, i: usize, r: &[[f64; D]], u: &mut [f64; D]) {
+        for k in self.row_ptr[i]..self.row_ptr[i + 1] {
+            add_product(&self.blocks[k], &r[self.col[k]], u);
+        }
+    }
+}
+
+/// u += b r.
+#[inline]
+pub(super) fn add_product<const D: usize>(b: &Block<D>, r: &[f64; D], u: &mut [f64; D]) {
+    for a in 0..D {
+        for c in 0..D {
+            u[a] += b[a][c] * r[c];
+        }
+    }
+}
+
+impl<const D: usize> Scaled<D> {
+    pub(super) fn new(problem: &DelassusProblem) -> Self {
+        let nc = problem.contacts();
+        let m = problem.matrix();
+        let means: Vec<f64> = (0..nc)
+            .map(|i| (0..D).map(|k| m.get(i * D + k, i * D + k)).sum::<f64>() / D as f64)
+            .collect();
+        let largest = means.iter().fold(0.0_f64, |a, b| a.max(*b));
+        // Contacts that cannot move have no scale of their own.
+        let ordinary = if largest > 0.0 { largest } else { 1.0 };
+        let scale: Vec<f64> = means
+            .iter()
+            .map(|&d| if d > 1e-13 * largest { d } else { ordinary }.sqrt().recip())
+            .collect();
+        let q = problem.q();
+        let sigma = (0..nc * D).fold(0.0_f64, |a, i| a.max((scale[i / D] * q[i]).abs()));
+        let sigma = if sigma > 0.0 { sigma } else { 1.0 };
+        Self {
+            friction: problem.friction().to_vec(),
+            q: (0..nc)
+                .map(|i| std::array::from_fn(|k| scale[i] * q[i * D + k] / sigma))
+                .collect(),
+            matrix: BlockMatrix::new(problem, &scale),
+            scale,
+            sigma,
+        }
+    }
+
+    pub(super) fn contacts(&self) -> usize {
+        self.friction.len()
+    }
+
+    /// u = M r + q.
+    pub(super) fn velocities(&self, r: &[[f64; D]], u: &mut [[f64; D]]) {
+        for i in 0..r.len() {
+            u[i] = self.q[i];
+            self.matrix.add_row(i, r, &mut u[i]);
+        }
+    }
+
+    /// The reactions in the units of the problem; without friction exactly normal.
+    pub(super) fn unscale(&self, r: &[[f64; D]], out: &mut [f64]) {
+        for (i, r) in r.iter().enumerate() {
+            for k in 0..D {
+                let carries = k == 0 || self.friction[i] > 0.0;
+                out[i * D + k] = if carries {
+                    self.sigma * self.scale[i] * r[k]
+                } else {
+                    0.0
+                };
+            }
+        }
+    }
+
+    /// Reactions given in the units of the problem.
+    pub(super) fn scale(&self, r: &[f64]) -> Vector<D> {
+        (0..self.contacts())
+            .map(|i| std::array::from_fn(|k| r[i * D + k] / (self.sigma * self.scale[i])))
+            .collect()
+    }
+}

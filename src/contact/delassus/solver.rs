@@ -1,0 +1,328 @@
+use std::ops::ControlFlow;
+
+use super::cone::{natural_residual, tangential_norm};
+use super::interior::Interior;
+use super::local::solve_contact;
+use super::newton::{Inner, Newton};
+use super::report::{DelassusIteration, DelassusPhase, DelassusReport, DelassusStatus};
+use super::scaled::{Scaled, Vector};
+use super::{DelassusError, DelassusOptions, DelassusProblem, DelassusState};
+
+const SWEEPS: usize = 30;
+const ALPHA: f64 = 1e-2;
+const ALPHA_NEAR: f64 = 1e-5;
+const INNER: usize = 30;
+const PATIENCE: usize = 100;
+
+/// Residual from which proximal steps converge, as a rule.
+const NEAR: f64 = 1e-6;
+/// Largest violation of the law against q and u that a solution may have.
+const VIOLATION: f64 = 1e-6;
+const INTERIOR_STEPS: usize = 80;
+
+/// What counts as no reaction and as no slip, relative to the largest entries in scaled variables.
+const ZERO: f64 = 1e-9;
+
+/// Break with a status ends the run.
+type Outcome = Result<ControlFlow<DelassusStatus>, DelassusError>;
+
+macro_rules! flow_value {
+    ($flow:expr) => {
+        match $flow {
+            ControlFlow::Break(status) => return Ok(ControlFlow::Break(status)),
+            ControlFlow::Continue(value) => value,
+        }
+    };
+}
+
+macro_rules! flow {
+    ($flow:expr) => {
+        if let ControlFlow::Break(status) = $flow {
+            return Ok(status);
+        }
+    };
+}
+
+/// Solver of [`DelassusProblem`]s.
+#[derive(Debug, Clone, Default)]
+pub struct DelassusSolver {
+    options: DelassusOptions,
+}
+
+impl DelassusSolver {
+    /// A solver with the given options.
+    ///
+    /// # Errors
+    /// [`DelassusError::Option`] names an option out of range.
+    pub fn new(options: DelassusOptions) -> Result<Self, DelassusError> {
+        options.validate()?;
+        Ok(Self { options })
+    }
+
+    /// Solves from r = 0.
+    ///
+    /// # Errors
+    /// None at present for a valid problem; a failed run is told by the status of the report.
+    pub fn solve(&self, problem: &DelassusProblem) -> Result<DelassusReport, DelassusError> {
+        let zero = vec![0.0; problem.q().len()];
+        self.solve_from(problem, &zero, |_| ControlFlow::Continue(()))
+    }
+
+    /// Solves from the reactions `start`; `observe` sees every entry of the history and may stop the run.
+    ///
+    /// # Errors
+    /// [`DelassusError::Length`] and [`DelassusError::NotFinite`] for the start.
+    pub fn solve_from(
+        &self,
+        problem: &DelassusProblem,
+        start: &[f64],
+        mut observe: impl FnMut(&DelassusIteration) -> ControlFlow<()>,
+    ) -> Result<DelassusReport, DelassusError> {
+        problem.velocities(start)?;
+        match problem.dimension() {
+            2 => Run::<2>::new(problem, &self.options, start, &mut observe).report(),
+            _ => Run::<3>::new(problem, &self.options, start, &mut observe).report(),
+        }
+    }
+}
+
+struct Run<'a, const D: usize> {
+    problem: &'a DelassusProblem,
+    options: &'a DelassusOptions,
+    observe: &'a mut dyn FnMut(&DelassusIteration) -> ControlFlow<()>,
+    scaled: Scaled<D>,
+    newton: Newton<D>,
+    r: Vector<D>,
+    u: Vector<D>,
+    best: Vec<f64>,
+    best_key: f64,
+    plain: Vec<f64>,
+    sweeps: usize,
+    history: Vec<DelassusIteration>,
+}
+
+impl<'a, const D: usize> Run<'a, D> {
+    fn new(
+        problem: &'a DelassusProblem,
+        options: &'a DelassusOptions,
+        start: &[f64],
+        observe: &'a mut dyn FnMut(&DelassusIteration) -> ControlFlow<()>,
+    ) -> Self {
+        let scaled = Scaled::new(problem);
+        Self {
+            newton: Newton::new(problem.contacts()),
+            r: scaled.scale(start),
+            u: vec![[0.0; D]; problem.contacts()],
+            best: start.to_vec(),
+            best_key: f64::INFINITY,
+            plain: start.to_vec(),
+            sweeps: 0,
+            history: Vec::new(),
+            problem,
+            options,
+            observe,
+            scaled,
+        }
+    }
+
+    /// The residual of the current iterate; the best one is kept.
+    ///
+    /// Where a problem has no solution, reactions that grow without bound make the law's violation small against themselves. An
+    /// iterate counts only if the violation is small against q and u too.
+    fn measure(&mut self) -> Result<f64, DelassusError> {
+        self.scaled.unscale(&self.r, &mut self.plain);
+        let residual = self.problem.residual(&self.plain)?;
+        let violation = self.violation();
+        let key = if violation <= VIOLATION {
+            residual
+        } else {
+            violation
+        };
+        // A gain within rounding is no reason to move on.
+        if key < 0.99 * self.best_key || (key < self.best_key && key <= self.options.tolerance) {
+            self.best_key = key;
+            self.best.copy_from_slice(&self.plain);
+        }
+        Ok(residual)
+    }
+
+    /// ‖r − P_K(r − û)‖ against ‖q‖ and ‖u‖, in scaled variables.
+    fn violation(&mut self) -> f64 {
+        let p = &self.scaled;
+        p.velocities(&self.r, &mut self.u);
+        let norm = |v: &[[f64; D]]| v.iter().flatten().map(|x| x * x).sum::<f64>().sqrt();
+        let sum: f64 = (0..self.r.len())
+            .map(|i| natural_residual(p.friction[i], 1.0, &self.r[i], &self.u[i]))
+            .sum();
+        sum.sqrt() / norm(&p.q).max(norm(&self.u)).max(f64::MIN_POSITIVE)
+    }
+
+    fn record(
+        &mut self,
+        phase: DelassusPhase,
+        alpha: f64,
+        work: usize,
+        success: bool,
+    ) -> Result<ControlFlow<DelassusStatus, f64>, DelassusError> {
+        let residual = self.measure()?;
+        let entry = DelassusIteration {
+            index: self.history.len(),
+            phase,
+            residual,
+            alpha,
+            work,
+            success,
+        };
+        self.history.push(entry);
+        if self.best_key <= self.options.tolerance {
+            return Ok(ControlFlow::Break(DelassusStatus::Solved));
+        }
+        if (self.observe)(&entry).is_break() {
+            return Ok(ControlFlow::Break(DelassusStatus::Interrupted));
+        }
+        Ok(ControlFlow::Continue(residual))
+    }
+
+    /// One sweep of nonsmooth Gauss–Seidel.
+    fn sweep(&mut self, backward: bool) {
+        let p = &self.scaled;
+        let nc = p.contacts();
+        for k in 0..nc {
+            let i = if backward { nc - 1 - k } else { k };
+            let mut b = p.q[i];
+            let old = self.r[i];
+            self.r[i] = [0.0; D];
+            p.matrix.add_row(i, &self.r, &mut b);
+            self.r[i] = old;
+            self.r[i] = solve_contact(&p.matrix.diagonal[i], &b, p.friction[i]);
+        }
+        self.sweeps += 1;
+    }
+
+    fn run(&mut self) -> Result<DelassusStatus, DelassusError> {
+        self.measure()?;
+        if self.best_key <= self.options.tolerance {
+            return Ok(DelassusStatus::Solved);
+        }
+        self.sweeps_of(SWEEPS);
+        flow!(self.record(DelassusPhase::Sweeps, 0.0, SWEEPS, true)?);
+        flow!(self.interior(false)?);
+        if self.best_key > NEAR {
+            self.restart();
+            flow!(self.interior(true)?);
+        }
+        self.restart();
+        flow!(self.proximal(ALPHA_NEAR)?);
+        self.r.iter_mut().for_each(|r| *r = [0.0; D]);
+        self.sweeps_of(10 * SWEEPS);
+        flow!(self.record(DelassusPhase::Sweeps, 0.0, 10 * SWEEPS, true)?);
+        flow!(self.proximal(ALPHA)?);
+        Ok(DelassusStatus::Stalled)
+    }
+
+    /// Goes back to the best iterate.
+    fn restart(&mut self) {
+        self.r = self.scaled.scale(&self.best);
+    }
+
+    fn sweeps_of(&mut self, n: usize) {
+        for k in 0..n {
+            self.sweep(k % 2 == 1);
+        }
+    }
+
+    /// Interior points from the iterate; leaves the last iterate.
+    fn interior(&mut self, may_freeze: bool) -> Outcome {
+        let mut interior = Interior::new(&self.scaled);
+        interior.start(&self.scaled, &self.r, may_freeze);
+        let (mut best, mut since) = (f64::INFINITY, 0);
+        for _ in 0..INTERIOR_STEPS {
+            if self.newton.factorisations >= self.options.max_factorisations {
+                return Ok(ControlFlow::Break(DelassusStatus::Limit));
+            }
+            let Some(length) = interior.step(&self.scaled) else {
+                break;
+            };
+            self.newton.factorisations += 1;
+            interior.reactions(&self.scaled, &mut self.r);
+            let gap = interior.gap();
+            let residual = flow_value!(self.record(DelassusPhase::Interior, gap, 1, length > 0.1)?);
+            since = if residual < 0.7 * best { 0 } else { since + 1 };
+            best = best.min(residual);
+            if gap < 1e-13 || since > 10 {
+                break;
+            }
+        }
+        Ok(ControlFlow::Continue(()))
+    }
+
+    /// Proximal steps from the iterate until they no longer pay.
+    fn proximal(&mut self, mut alpha: f64) -> Outcome {
+        let mut centre = self.r.clone();
+        let (mut mark, mut mark_at) = (f64::INFINITY, self.newton.factorisations);
+        loop {
+            let before = self.newton.factorisations;
+            if before >= self.options.max_factorisations {
+                return Ok(ControlFlow::Break(DelassusStatus::Limit));
+            }
+            let left = self.options.max_factorisations - before;
+            centre.copy_from_slice(&self.r);
+            let scale = self.r.iter().flatten().fold(1.0_f64, |a, b| a.max(b.abs()));
+            let tolerance = 1e-14 * scale;
+            let inner = self.newton.solve(
+                &self.scaled,
+                &mut self.r,
+                alpha,
+                &centre,
+                tolerance,
+                left.min(INNER),
+            );
+            let work = self.newton.factorisations - before;
+            let converged = inner == Inner::Converged;
+            let residual = flow_value!(self.record(DelassusPhase::Proximal, alpha, work, converged)?);
+            if converged {
+                alpha = (alpha * 0.3).max(1e-10);
+            } else {
+                self.r.copy_from_slice(&centre);
+                alpha *= 4.0;
+            }
+            if residual < 0.3 * mark {
+                (mark, mark_at) = (residual, self.newton.factorisations);
+            }
+            if self.newton.factorisations - mark_at > PATIENCE || alpha > 1e6 {
+                return Ok(ControlFlow::Continue(()));
+            }
+        }
+    }
+
+    fn report(mut self) -> Result<DelassusReport, DelassusError> {
+        let status = self.run()?;
+        let u = self.problem.velocities(&self.best)?;
+        let r = self.scaled.scale(&self.best);
+        let mut v = vec![[0.0; D]; r.len()];
+        self.scaled.velocities(&r, &mut v);
+        let size = r.iter().flatten().fold(1.0_f64, |a, b| a.max(b.abs()));
+        let states = (0..r.len()).map(|i| state(&r[i], &v[i], size)).collect();
+        Ok(DelassusReport {
+            status,
+            residual: self.problem.residual(&self.best)?,
+            r: self.best,
+            u,
+            states,
+            factorisations: self.newton.factorisations,
+            sweeps: self.sweeps,
+            history: self.history,
+        })
+    }
+}
+
+/// The state of a contact of a solution in scaled variables, whose largest entry is about `size`.
+fn state<const D: usize>(r: &[f64; D], u: &[f64; D], size: f64) -> DelassusState {
+    if r[0] <= ZERO * size {
+        DelassusState::Open
+    } else if tangential_norm(u) <= ZERO * size {
+        DelassusState::Stick
+    } else {
+        DelassusState::Slip
+    }
+}

@@ -1,0 +1,514 @@
+//! Families of problems in Delassus form with the structure of multibody contact: M = H W Hᵀ of rigid bodies, mostly with far more
+//! contact unknowns than degrees of freedom.
+#![allow(dead_code)]
+
+use semismooth::contact::DelassusProblem;
+use semismooth::sparse::Matrix;
+
+/// A deterministic stream of numbers (splitmix64).
+pub struct Stream(pub u64);
+
+impl Stream {
+    pub fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    }
+
+    /// Uniform in [a, b).
+    pub fn uniform(&mut self, a: f64, b: f64) -> f64 {
+        a + (b - a) * (self.next() >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    pub fn below(&mut self, n: usize) -> usize {
+        (self.next() % n as u64) as usize
+    }
+
+    pub fn vector(&mut self, n: usize, bound: f64) -> Vec<f64> {
+        (0..n).map(|_| self.uniform(-bound, bound)).collect()
+    }
+}
+
+pub type V3 = [f64; 3];
+
+pub fn dot(a: V3, b: V3) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+pub fn cross(a: V3, b: V3) -> V3 {
+    [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
+}
+
+pub fn sub(a: V3, b: V3) -> V3 {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+pub fn unit(a: V3) -> V3 {
+    let s = dot(a, a).sqrt();
+    a.map(|v| v / s)
+}
+
+/// A rigid body: centre, inverse mass, inverse inertia about the axes, velocity and spin.
+#[derive(Clone, Copy)]
+pub struct Body {
+    pub centre: V3,
+    pub mass: f64,
+    pub inertia: V3,
+    pub velocity: V3,
+    pub spin: V3,
+}
+
+/// A contact between two bodies (`None` is the ground): the normal points from `under` to `over`.
+#[derive(Clone, Copy)]
+pub struct Touch {
+    pub over: usize,
+    pub under: Option<usize>,
+    pub point: V3,
+    pub normal: V3,
+}
+
+/// Rows of H of one contact for a body: 3 × 6, in the frame (N, T1, T2).
+fn rows(frame: [V3; 3], arm: V3, sign: f64) -> [[f64; 6]; 3] {
+    frame.map(|e| {
+        let m = cross(arm, e);
+        [e[0], e[1], e[2], m[0], m[1], m[2]].map(|v| sign * v)
+    })
+}
+
+/// The problem of a set of bodies; `dimension` 2 drops the second tangent (which is then along z).
+pub fn assemble(dimension: usize, bodies: &[Body], touches: &[Touch], mu: f64) -> DelassusProblem {
+    let mut by_body: Vec<Vec<(usize, [[f64; 6]; 3])>> = vec![Vec::new(); bodies.len()];
+    for (k, t) in touches.iter().enumerate() {
+        let n = unit(t.normal);
+        let frame = if dimension == 2 {
+            [n, [-n[1], n[0], 0.0], [0.0, 0.0, 1.0]]
+        } else {
+            let helper = if n[0].abs() < 0.6 {
+                [1.0, 0.0, 0.0]
+            } else {
+                [0.0, 1.0, 0.0]
+            };
+            let t1 = unit(cross(n, helper));
+            [n, t1, cross(n, t1)]
+        };
+        by_body[t.over].push((k, rows(frame, sub(t.point, bodies[t.over].centre), 1.0)));
+        if let Some(b) = t.under {
+            by_body[b].push((k, rows(frame, sub(t.point, bodies[b].centre), -1.0)));
+        }
+    }
+    let n = dimension * touches.len();
+    let mut triplets = Vec::new();
+    let mut q = vec![0.0; n];
+    for (body, list) in bodies.iter().zip(&by_body) {
+        let w: [f64; 6] = std::array::from_fn(|k| {
+            if k < 3 {
+                1.0 / body.mass
+            } else {
+                1.0 / body.inertia[k - 3]
+            }
+        });
+        let v: [f64; 6] = std::array::from_fn(|k| if k < 3 { body.velocity[k] } else { body.spin[k - 3] });
+        for (i, hi) in list {
+            for a in 0..dimension {
+                q[i * dimension + a] += (0..6).map(|k| hi[a][k] * v[k]).sum::<f64>();
+                for (j, hj) in list {
+                    for c in 0..dimension {
+                        let m: f64 = (0..6).map(|k| hi[a][k] * w[k] * hj[c][k]).sum();
+                        triplets.push((i * dimension + a, j * dimension + c, m));
+                    }
+                }
+            }
+        }
+    }
+    let m = Matrix::from_triplets(n, n, &triplets).unwrap();
+    DelassusProblem::new(dimension, m, q, vec![mu; touches.len()]).unwrap()
+}
+
+fn brick(centre: V3, size: V3, density: f64, velocity: V3) -> Body {
+    let mass = density * size[0] * size[1] * size[2];
+    let s = size.map(|v| v * v);
+    Body {
+        centre,
+        mass,
+        inertia: [s[1] + s[2], s[0] + s[2], s[0] + s[1]].map(|v| v * mass / 12.0),
+        velocity,
+        spin: [0.0; 3],
+    }
+}
+
+/// A wall of bricks in stretcher bond: each brick touches those below at the four corners of every common face.
+pub fn wall(courses: usize, length: usize, mu: f64, push: f64, seed: u64) -> DelassusProblem {
+    let mut s = Stream(seed);
+    let (lx, ly, lz) = (2.0, 1.0, 0.7);
+    let mut bodies: Vec<Body> = Vec::new();
+    let mut touches = Vec::new();
+    let mut below: Vec<usize> = Vec::new();
+    for c in 0..courses {
+        let shift = if c % 2 == 0 { 0.0 } else { 0.5 * lx };
+        let mut here = Vec::new();
+        for k in 0..length {
+            let x = shift + lx * k as f64;
+            let z = lz * (c as f64 + 0.5);
+            let velocity = [push * s.uniform(0.5, 1.5), push * s.uniform(-0.2, 0.2), -9.81e-3];
+            bodies.push(brick([x, 0.0, z], [lx, ly, lz], s.uniform(0.8, 1.2), velocity));
+            let over = bodies.len() - 1;
+            here.push(over);
+            let mut face = |under: Option<usize>, x0: f64, x1: f64| {
+                for px in [x0, x1] {
+                    for py in [-0.5 * ly, 0.5 * ly] {
+                        let point = [px, py, z - 0.5 * lz];
+                        touches.push(Touch {
+                            over,
+                            under,
+                            point,
+                            normal: [0.0, 0.0, 1.0],
+                        });
+                    }
+                }
+            };
+            if c == 0 {
+                face(None, x - 0.5 * lx, x + 0.5 * lx);
+            }
+            for &b in &below {
+                let xb: f64 = bodies[b].centre[0];
+                let (x0, x1) = (
+                    (x - 0.5 * lx).max(xb - 0.5 * lx),
+                    (x + 0.5 * lx).min(xb + 0.5 * lx),
+                );
+                if x1 > x0 + 1e-9 {
+                    face(Some(b), x0, x1);
+                }
+            }
+            if k > 0 {
+                let px = x - 0.5 * lx;
+                for py in [-0.5 * ly, 0.5 * ly] {
+                    for pz in [-0.5 * lz, 0.5 * lz] {
+                        touches.push(Touch {
+                            over,
+                            under: Some(over - 1),
+                            point: [px, py, z + pz],
+                            normal: [1.0, 0.0, 0.0],
+                        });
+                    }
+                }
+            }
+        }
+        below = here;
+    }
+    assemble(3, &bodies, &touches, mu)
+}
+
+/// A tower of planks laid crosswise, three a storey, with four contacts for each crossing.
+pub fn tower(storeys: usize, mu: f64, lean: f64, seed: u64) -> DelassusProblem {
+    let mut s = Stream(seed);
+    let size = [3.0, 1.0, 0.5];
+    let mut bodies: Vec<Body> = Vec::new();
+    let mut touches = Vec::new();
+    for c in 0..storeys {
+        let z = size[2] * (c as f64 + 0.5);
+        for k in 0..3 {
+            let off = k as f64 - 1.0 + s.uniform(-0.05, 0.05);
+            let turned = c % 2 == 1;
+            let (centre, dims) = if turned {
+                ([off, 0.0, z], [0.9, 3.0, 0.5])
+            } else {
+                ([0.0, off, z], [3.0, 0.9, 0.5])
+            };
+            let velocity = [lean * s.uniform(-1.0, 1.0), lean * s.uniform(-1.0, 1.0), -0.01];
+            bodies.push(brick(centre, dims, 1.0, velocity));
+            let over = bodies.len() - 1;
+            let unders: Vec<Option<usize>> = if c == 0 {
+                vec![None]
+            } else {
+                (3 * (c - 1)..3 * c).map(Some).collect()
+            };
+            for under in unders {
+                let other = under.map_or(if turned { [0.0, 0.0] } else { [0.0, 0.0] }, |b| {
+                    [bodies[b].centre[0], bodies[b].centre[1]]
+                });
+                let (cx, cy) = match (under, turned) {
+                    (None, _) => (centre[0], centre[1]),
+                    (_, true) => (centre[0], other[1]),
+                    (_, false) => (other[0], centre[1]),
+                };
+                let (hx, hy) = if under.is_none() {
+                    (0.5 * dims[0], 0.5 * dims[1])
+                } else {
+                    (0.45, 0.45)
+                };
+                for (dx, dy) in [(-hx, -hy), (hx, -hy), (-hx, hy), (hx, hy)] {
+                    let point = [cx + dx, cy + dy, z - 0.25];
+                    touches.push(Touch {
+                        over,
+                        under,
+                        point,
+                        normal: [0.0, 0.0, 1.0],
+                    });
+                }
+            }
+        }
+    }
+    assemble(3, &bodies, &touches, mu)
+}
+
+/// A packing of spheres on a jittered lattice in a box: near neighbours and walls touch.
+pub fn packing(side: [usize; 3], mu: f64, shake: f64, ratio: f64, seed: u64) -> DelassusProblem {
+    let mut s = Stream(seed);
+    let mut bodies = Vec::new();
+    let at = |i: usize, j: usize, k: usize| (k * side[1] + j) * side[0] + i;
+    for k in 0..side[2] {
+        for j in 0..side[1] {
+            for i in 0..side[0] {
+                let jitter = 0.15;
+                let centre = [
+                    i as f64 + s.uniform(-jitter, jitter),
+                    j as f64 + s.uniform(-jitter, jitter),
+                    k as f64 + s.uniform(-jitter, jitter),
+                ];
+                let mass = ratio.powf(s.uniform(0.0, 1.0));
+                bodies.push(Body {
+                    centre,
+                    mass,
+                    inertia: [0.4 * mass * 0.25; 3],
+                    velocity: [shake * s.uniform(-1.0, 1.0), shake * s.uniform(-1.0, 1.0), -0.01],
+                    spin: [shake * s.uniform(-1.0, 1.0); 3],
+                });
+            }
+        }
+    }
+    let mut touches = Vec::new();
+    for k in 0..side[2] {
+        for j in 0..side[1] {
+            for i in 0..side[0] {
+                let over = at(i, j, k);
+                let mut near = |under: Option<usize>, normal: V3| {
+                    let c = bodies[over].centre;
+                    let point = [
+                        c[0] - 0.5 * normal[0],
+                        c[1] - 0.5 * normal[1],
+                        c[2] - 0.5 * normal[2],
+                    ];
+                    touches.push(Touch {
+                        over,
+                        under,
+                        point,
+                        normal,
+                    });
+                };
+                if k == 0 {
+                    near(None, [0.0, 0.0, 1.0]);
+                }
+                if i == 0 {
+                    near(None, [1.0, 0.0, 0.0]);
+                }
+                if i == side[0] - 1 {
+                    near(None, [-1.0, 0.0, 0.0]);
+                }
+                if j == 0 {
+                    near(None, [0.0, 1.0, 0.0]);
+                }
+                if j == side[1] - 1 {
+                    near(None, [0.0, -1.0, 0.0]);
+                }
+                for (di, dj, dk) in [(1, 0, 0), (0, 1, 0), (0, 0, 1)] {
+                    if i >= di && j >= dj && k >= dk {
+                        let b = at(i - di, j - dj, k - dk);
+                        near(Some(b), unit(sub(bodies[over].centre, bodies[b].centre)));
+                    }
+                }
+            }
+        }
+    }
+    assemble(3, &bodies, &touches, mu)
+}
+
+/// Discs in a heap of the plane, hexagonal with jitter.
+pub fn discs(rows: usize, columns: usize, mu: f64, shake: f64, seed: u64) -> DelassusProblem {
+    let mut s = Stream(seed);
+    let mut bodies = Vec::new();
+    for k in 0..rows {
+        for i in 0..columns {
+            let jitter = 0.05;
+            let x = i as f64 + if k % 2 == 1 { 0.5 } else { 0.0 };
+            let mass = s.uniform(0.5, 2.0);
+            bodies.push(Body {
+                centre: [
+                    x + s.uniform(-jitter, jitter),
+                    0.87 * k as f64 + s.uniform(-jitter, jitter),
+                    0.0,
+                ],
+                mass,
+                inertia: [0.125 * mass; 3],
+                velocity: [shake * s.uniform(-1.0, 1.0), -0.01, 0.0],
+                spin: [0.0, 0.0, shake * s.uniform(-1.0, 1.0)],
+            });
+        }
+    }
+    let mut touches = Vec::new();
+    for over in 0..bodies.len() {
+        let c = bodies[over].centre;
+        if over < columns {
+            touches.push(Touch {
+                over,
+                under: None,
+                point: [c[0], c[1] - 0.5, 0.0],
+                normal: [0.0, 1.0, 0.0],
+            });
+        }
+        if over % columns == 0 {
+            touches.push(Touch {
+                over,
+                under: None,
+                point: [c[0] - 0.5, c[1], 0.0],
+                normal: [1.0, 0.0, 0.0],
+            });
+        }
+        if over % columns == columns - 1 {
+            touches.push(Touch {
+                over,
+                under: None,
+                point: [c[0] + 0.5, c[1], 0.0],
+                normal: [-1.0, 0.0, 0.0],
+            });
+        }
+        for under in 0..over {
+            let d = sub(c, bodies[under].centre);
+            if dot(d, d).sqrt() < 1.15 {
+                let n = unit(d);
+                touches.push(Touch {
+                    over,
+                    under: Some(under),
+                    point: [c[0] - 0.5 * n[0], c[1] - 0.5 * n[1], 0.0],
+                    normal: n,
+                });
+            }
+        }
+    }
+    assemble(2, &bodies, &touches, mu)
+}
+
+/// An arch of wedges between two fixed abutments, four contacts a joint (two in the plane): stands by friction alone.
+pub fn arch(dimension: usize, wedges: usize, mu: f64, load: f64) -> DelassusProblem {
+    let (inner, outer) = (4.0, 5.0);
+    let mid = 0.5 * (inner + outer);
+    let step = std::f64::consts::PI / wedges as f64;
+    let mut bodies = Vec::new();
+    let mut touches = Vec::new();
+    for k in 0..wedges {
+        let a = step * (k as f64 + 0.5);
+        let heavy = if k == wedges / 3 { load } else { 1.0 };
+        let centre = [mid * a.cos(), mid * a.sin(), 0.0];
+        let mut b = brick(centre, [1.0, step * mid, 1.0], 1.0, [0.0, -0.01 * heavy, 0.0]);
+        let i = b.inertia[2];
+        b.inertia = [i; 3];
+        bodies.push(b);
+    }
+    for k in 0..=wedges {
+        let a = step * k as f64;
+        let along = [-a.sin(), a.cos(), 0.0];
+        for radius in [inner, outer] {
+            for depth in if dimension == 2 {
+                vec![0.0]
+            } else {
+                vec![-0.5, 0.5]
+            } {
+                let point = [radius * a.cos(), radius * a.sin(), depth];
+                let touch = if k == wedges {
+                    Touch {
+                        over: wedges - 1,
+                        under: None,
+                        point,
+                        normal: along.map(|v| -v),
+                    }
+                } else {
+                    Touch {
+                        over: k,
+                        under: k.checked_sub(1),
+                        point,
+                        normal: along,
+                    }
+                };
+                touches.push(touch);
+            }
+        }
+    }
+    assemble(dimension, &bodies, &touches, mu)
+}
+
+/// M = H Hᵀ of random H with `freedom` columns; q = H v (in the range) or any; entries of M perturbed by `skew`.
+pub fn random(
+    dimension: usize,
+    contacts: usize,
+    freedom: usize,
+    mu: f64,
+    in_range: bool,
+    skew: f64,
+    seed: u64,
+) -> DelassusProblem {
+    let mut s = Stream(seed);
+    let n = dimension * contacts;
+    let h: Vec<Vec<f64>> = (0..n).map(|_| s.vector(freedom, 1.0)).collect();
+    let v = s.vector(freedom, 1.0);
+    let rows: Vec<Vec<f64>> = (0..n)
+        .map(|i| {
+            (0..n)
+                .map(|j| {
+                    let m: f64 = h[i].iter().zip(&h[j]).map(|(a, b)| a * b).sum();
+                    m * (1.0 + skew * s.uniform(-1.0, 1.0))
+                })
+                .collect()
+        })
+        .collect();
+    let q = (0..n)
+        .map(|i| {
+            let free: f64 = h[i].iter().zip(&v).map(|(a, b)| a * b).sum();
+            if in_range {
+                free
+            } else {
+                free + s.uniform(-0.5, 0.5)
+            }
+        })
+        .collect();
+    let friction = (0..contacts).map(|_| mu * s.uniform(0.2, 1.0)).collect();
+    DelassusProblem::new(dimension, Matrix::from_rows(&rows).unwrap(), q, friction).unwrap()
+}
+
+/// Points of an elastic half-space: M dense, definite, of fast decaying spectrum.
+pub fn half_space(side: usize, mu: f64, seed: u64) -> DelassusProblem {
+    let mut s = Stream(seed);
+    let nc = side * side;
+    let n = 3 * nc;
+    let at = |i: usize| [(i % side) as f64, (i / side) as f64];
+    let mut rows = vec![vec![0.0; n]; n];
+    for i in 0..nc {
+        for j in 0..nc {
+            let (a, b) = (at(i), at(j));
+            let d = ((a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2)).sqrt();
+            let g = (-0.5 * d * d / 4.0).exp();
+            for k in 0..3 {
+                rows[3 * i + k][3 * j + k] = g * if k == 0 { 1.0 } else { 1.3 };
+            }
+            // Coupling of pressure and tangential displacement, skew in space.
+            for (k, e) in [(1, a[0] - b[0]), (2, a[1] - b[1])] {
+                rows[3 * i][3 * j + k] = 0.15 * g * e;
+                rows[3 * j + k][3 * i] = 0.15 * g * e;
+            }
+        }
+    }
+    let q = (0..n)
+        .map(|i| {
+            if i % 3 == 0 {
+                -1.0 + s.uniform(0.0, 1.2)
+            } else {
+                s.uniform(-0.5, 0.5)
+            }
+        })
+        .collect();
+    DelassusProblem::new(3, Matrix::from_rows(&rows).unwrap(), q, vec![mu; nc]).unwrap()
+}

@@ -1,0 +1,392 @@
+//! Problems in Delassus form u = M r + q against enumeration, constructed solutions, closed forms and invariances.
+
+mod families;
+mod oracle;
+
+use std::ops::ControlFlow;
+use std::path::Path;
+
+use families::Stream;
+use proptest::prelude::*;
+use semismooth::contact::{
+    DelassusError, DelassusOptions, DelassusProblem, DelassusReport, DelassusSolver, DelassusState,
+    DelassusStatus, read_delassus,
+};
+use semismooth::sparse::Matrix;
+
+const TOLERANCE: f64 = 1e-12;
+
+fn solve(p: &DelassusProblem) -> DelassusReport {
+    DelassusSolver::default().solve(p).unwrap()
+}
+
+/// Solved, judged by the oracle and not by the crate.
+fn solved(p: &DelassusProblem) -> Result<DelassusReport, String> {
+    let report = solve(p);
+    let residual = oracle::residual(p, &report.r);
+    if report.status != DelassusStatus::Solved || residual > 1.01 * TOLERANCE {
+        return Err(format!("{}, residual {residual:e}", report.status));
+    }
+    Ok(report)
+}
+
+fn rows(p: &DelassusProblem) -> Vec<Vec<f64>> {
+    let n = p.q().len();
+    (0..n)
+        .map(|i| (0..n).map(|j| p.matrix().get(i, j)).collect())
+        .collect()
+}
+
+fn close(a: &[f64], b: &[f64], tolerance: f64) -> bool {
+    let size = a.iter().chain(b).fold(0.0_f64, |m, v| m.max(v.abs()));
+    a.iter().zip(b).all(|(x, y)| (x - y).abs() <= tolerance * size)
+}
+
+#[test]
+fn files_are_solved() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/friction");
+    let mut names: Vec<_> = std::fs::read_dir(folder)
+        .unwrap()
+        .map(|e| e.unwrap().path())
+        .collect();
+    names.sort();
+    assert_eq!(names.len(), 11);
+    for path in names {
+        let p = read_delassus(&path).unwrap();
+        let report = solved(&p).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+        assert_eq!(report.states.len(), p.contacts());
+        // The velocities of a solution where M is symmetric and semidefinite do not depend on the solver's way.
+        let again = DelassusSolver::default()
+            .solve_from(&p, &report.r, |_| ControlFlow::Continue(()))
+            .unwrap();
+        assert_eq!(again.iterations(), 0, "{}", path.display());
+    }
+}
+
+/// One contact in space, sliding, in closed form: M = diag(a, b, b), q = (−p, −c, 0): r_N = p/a, r_T1 = μ r_N, u_T1 = b μ p/a − c.
+#[test]
+fn one_contact_in_closed_form() {
+    let (a, b, pressure) = (2.0, 3.0, 5.0);
+    let m = || Matrix::from_rows(&[[a, 0.0, 0.0], [0.0, b, 0.0], [0.0, 0.0, b]]).unwrap();
+    for (mu, push) in [(0.3, 4.0), (0.3, 2.0), (1.5, 7.0), (0.0, 1.0)] {
+        let (s, c) = 0.7_f64.sin_cos();
+        let p = DelassusProblem::new(3, m(), vec![-pressure, -push * c, -push * s], vec![mu]).unwrap();
+        let r = solved(&p).unwrap();
+        let normal = pressure / a;
+        let friction = (push / b).min(mu * normal);
+        assert!(
+            close(&r.r, &[normal, friction * c, friction * s], 1e-11),
+            "{:?}",
+            r.r
+        );
+        let expected = if push / b < mu * normal {
+            DelassusState::Stick
+        } else {
+            DelassusState::Slip
+        };
+        assert_eq!(r.states, [expected]);
+        let slip = b * friction - push;
+        assert!(close(&r.u, &[0.0, slip * c, slip * s], 1e-11) || expected == DelassusState::Stick);
+    }
+    let open = DelassusProblem::new(3, m(), vec![0.5, 1.0, 0.0], vec![0.4]).unwrap();
+    assert_eq!(solved(&open).unwrap().r, [0.0; 3]);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    /// Planar problems: the solution is one of those found by going through all 4ⁿ choices of pieces.
+    #[test]
+    fn planar_problems_agree_with_enumeration(seed in any::<u64>(), nc in 1..5_usize, mu in 0.0..0.6_f64) {
+        let p = families::random(2, nc, 2 * nc + 2, mu, false, 0.0, seed);
+        let all = oracle::planar_solutions(&rows(&p), p.q(), p.friction());
+        prop_assume!(!all.is_empty());
+        let report = solved(&p).map_err(TestCaseError::fail)?;
+        prop_assert!(all.iter().any(|r| close(r, &report.r, 1e-7)), "{:?} not among {all:?}", report.r);
+    }
+
+    /// Problems in space made from a solution: r and u of each contact satisfy the law, q = u − M r. M is deficient in rank for
+    /// half of them; where it is definite and friction small, the solution is the only one.
+    #[test]
+    fn constructed_problems_are_solved(seed in any::<u64>(), nc in 1..12_usize, deficient in any::<bool>()) {
+        let mut s = Stream(seed);
+        let freedom = if deficient { 2 * nc } else { 3 * nc + 4 };
+        let m = rows(&families::random(3, nc, freedom, 0.3, true, 0.0, seed));
+        let (mut r, mut u, mut friction) = (Vec::new(), Vec::new(), Vec::new());
+        for _ in 0..nc {
+            let mu = s.uniform(0.05, 0.3);
+            let (sin, cos) = s.uniform(0.0, 6.3).sin_cos();
+            let (normal, slip) = (s.uniform(0.1, 1.0), s.uniform(0.1, 1.0));
+            match s.below(3) {
+                0 => { r.extend([0.0; 3]); u.extend([normal, slip * cos, slip * sin]); }
+                1 => { r.extend([normal, 0.5 * mu * normal * cos, 0.5 * mu * normal * sin]); u.extend([0.0; 3]); }
+                _ => { r.extend([normal, -mu * normal * cos, -mu * normal * sin]); u.extend([0.0, slip * cos, slip * sin]); }
+            }
+            friction.push(mu);
+        }
+        let q: Vec<f64> = (0..3 * nc).map(|i| u[i] - m[i].iter().zip(&r).map(|(a, b)| a * b).sum::<f64>()).collect();
+        let p = DelassusProblem::new(3, Matrix::from_rows(&m).unwrap(), q, friction).unwrap();
+        prop_assert!(oracle::residual(&p, &r) < 1e-14);
+        solved(&p).map_err(TestCaseError::fail)?;
+    }
+
+    /// r(s q) = s r(q), r for s M is r / s, and the order of the contacts does not matter.
+    #[test]
+    fn scales_and_order_do_not_matter(seed in any::<u64>(), nc in 1..8_usize, exponent in -40..40_i32) {
+        let p = families::random(3, nc, 3 * nc + 3, 0.3, false, 0.0, seed);
+        let first = solved(&p).map_err(TestCaseError::fail)?;
+        let s = 2.0_f64.powi(exponent);
+        let scaled: Vec<f64> = p.q().iter().map(|v| s * v).collect();
+        let q_scaled = DelassusProblem::new(3, p.matrix().clone(), scaled, p.friction().to_vec()).unwrap();
+        let r = solved(&q_scaled).map_err(TestCaseError::fail)?.r;
+        let expected: Vec<f64> = first.r.iter().map(|v| s * v).collect();
+        prop_assert!(close(&r, &expected, 1e-8));
+
+        let t = 2.0_f64.powi(exponent.clamp(-8, 8));
+        let stiffer: Vec<Vec<f64>> = rows(&p).iter().map(|row| row.iter().map(|v| t * v).collect()).collect();
+        let m_scaled = DelassusProblem::new(3, Matrix::from_rows(&stiffer).unwrap(), p.q().to_vec(), p.friction().to_vec()).unwrap();
+        let r = solved(&m_scaled).map_err(TestCaseError::fail)?.r;
+        let expected: Vec<f64> = first.r.iter().map(|v| v / t).collect();
+        prop_assert!(close(&r, &expected, 1e-8));
+
+        let m = rows(&p);
+        let to = |i: usize| 3 * (nc - 1 - i / 3) + i % 3;
+        let turned: Vec<Vec<f64>> = (0..3 * nc).map(|i| (0..3 * nc).map(|j| m[to(i)][to(j)]).collect()).collect();
+        let q = (0..3 * nc).map(|i| p.q()[to(i)]).collect();
+        let friction = p.friction().iter().rev().copied().collect();
+        let reversed = DelassusProblem::new(3, Matrix::from_rows(&turned).unwrap(), q, friction).unwrap();
+        let r = solved(&reversed).map_err(TestCaseError::fail)?.r;
+        let expected: Vec<f64> = (0..3 * nc).map(|i| first.r[to(i)]).collect();
+        prop_assert!(close(&r, &expected, 1e-8));
+    }
+
+    /// Without friction only the normal components are left, a linear complementarity problem: 2ⁿ choices.
+    #[test]
+    fn frictionless_is_complementarity(seed in any::<u64>(), nc in 1..6_usize, space in any::<bool>()) {
+        let d = if space { 3 } else { 2 };
+        let p = families::random(d, nc, d * nc + 2, 0.0, false, 0.0, seed);
+        let report = solved(&p).map_err(TestCaseError::fail)?;
+        let m = rows(&p);
+        let normal: Vec<Vec<f64>> = (0..nc).map(|i| (0..nc).map(|j| m[d * i][d * j]).collect()).collect();
+        let q: Vec<f64> = (0..nc).map(|i| p.q()[d * i]).collect();
+        let expected = oracle::lcp(&normal, &q);
+        let found: Vec<f64> = (0..nc).map(|i| report.r[d * i]).collect();
+        prop_assert!(close(&found, &expected, 1e-9), "{found:?} against {expected:?}");
+        prop_assert!((0..d * nc).all(|i| i % d == 0 || report.r[i] == 0.0));
+    }
+}
+
+/// Many more contact unknowns than degrees of freedom, stacked, leaning, jammed.
+#[test]
+fn multibody_families_are_solved() {
+    let mut problems = Vec::new();
+    for mu in [0.1, 0.4, 0.8] {
+        problems.push(("wall", families::wall(4, 4, mu, 1e-3, 1)));
+        problems.push(("tower", families::tower(5, mu, 1e-3, 1)));
+        problems.push(("leaning tower", families::tower(5, mu, 0.1, 2)));
+        problems.push(("packing", families::packing([3, 3, 3], mu, 3e-2, 1.0, 1)));
+        problems.push(("discs", families::discs(6, 8, mu, 1e-2, 1)));
+        problems.push(("planar arch", families::arch(2, 15, mu + 0.2, 2.0)));
+        problems.push(("arch", families::arch(3, 15, mu + 0.2, 2.0)));
+        problems.push(("half-space", families::half_space(6, mu, 1)));
+    }
+    for (name, p) in problems {
+        solved(&p).unwrap_or_else(|e| panic!("{name}, μ = {}: {e}", p.friction()[0]));
+    }
+}
+
+#[test]
+fn no_load_no_reaction() {
+    let p = families::random(3, 4, 6, 0.5, true, 0.0, 3);
+    let zero = DelassusProblem::new(3, p.matrix().clone(), vec![0.0; 12], p.friction().to_vec()).unwrap();
+    let report = solved(&zero).unwrap();
+    assert_eq!(report.r, [0.0; 12]);
+    assert_eq!(report.residual, 0.0);
+    let tiny: Vec<f64> = p.q().iter().map(|v| v * 1e-200).collect();
+    let tiny = DelassusProblem::new(3, p.matrix().clone(), tiny, p.friction().to_vec()).unwrap();
+    assert!(solve(&tiny).is_solved());
+}
+
+/// Contacts between bodies that cannot move: no reaction changes anything.
+#[test]
+fn immobile_contacts() {
+    let m = Matrix::from_triplets(4, 4, &[(0, 0, 1.0), (1, 1, 1.0)]).unwrap();
+    let p = |q: [f64; 4]| DelassusProblem::new(2, m.clone(), q.to_vec(), vec![0.5; 2]).unwrap();
+    let report = solved(&p([-1.0, 0.1, 0.3, 1.0])).unwrap();
+    assert_eq!(&report.r[2..], [0.0, 0.0]);
+    // They are pressed into each other, and nothing helps: no solution, but an answer.
+    let report = solve(&p([-1.0, 0.1, -0.3, 1.0]));
+    assert!(!report.is_solved());
+    assert!(report.residual > 0.01 && report.r.iter().all(|v| v.is_finite()));
+    assert!(!report.history.is_empty());
+}
+
+#[test]
+fn bad_input_is_refused() {
+    let eye = || Matrix::identity(6);
+    let make = |d, m, q: Vec<f64>, mu: Vec<f64>| DelassusProblem::new(d, m, q, mu).unwrap_err();
+    let q = || vec![-1.0; 6];
+    assert!(matches!(
+        make(4, eye(), q(), vec![0.1; 2]),
+        DelassusError::Dimension { found: 4 }
+    ));
+    assert!(matches!(
+        make(3, Matrix::identity(0), vec![], vec![]),
+        DelassusError::Empty
+    ));
+    assert!(matches!(
+        make(3, eye(), q(), vec![0.1; 3]),
+        DelassusError::Shape { expected: 9, .. }
+    ));
+    assert!(matches!(
+        make(3, eye(), vec![0.0; 5], vec![0.1; 2]),
+        DelassusError::Length { found: 5, .. }
+    ));
+    let friction = make(3, eye(), q(), vec![0.1, -0.1]);
+    assert!(matches!(
+        friction,
+        DelassusError::NegativeFriction { contact: 1, .. }
+    ));
+    for bad in [f64::NAN, f64::INFINITY] {
+        let mut broken = q();
+        broken[4] = bad;
+        assert!(matches!(
+            make(3, eye(), broken, vec![0.1; 2]),
+            DelassusError::NotFinite {
+                what: "q",
+                index: 4,
+                ..
+            }
+        ));
+        assert!(matches!(
+            make(3, eye(), q(), vec![0.1, bad]),
+            DelassusError::NotFinite {
+                what: "mu",
+                index: 1,
+                ..
+            }
+        ));
+        let mut m = eye();
+        m.values_mut()[2] = bad;
+        assert!(matches!(
+            make(3, m, q(), vec![0.1; 2]),
+            DelassusError::Matrix { .. }
+        ));
+    }
+    let mut m = eye();
+    m.values_mut()[3] = -1.0;
+    assert!(matches!(
+        make(3, m, q(), vec![0.1; 2]),
+        DelassusError::NegativeDiagonal { index: 3, .. }
+    ));
+
+    let p = DelassusProblem::new(3, eye(), q(), vec![0.1; 2]).unwrap();
+    let go = |start: &[f64]| DelassusSolver::default().solve_from(&p, start, |_| ControlFlow::Continue(()));
+    assert!(matches!(
+        go(&[0.0; 5]),
+        Err(DelassusError::Length {
+            what: "r",
+            found: 5,
+            ..
+        })
+    ));
+    assert!(matches!(
+        go(&[f64::NAN; 6]),
+        Err(DelassusError::NotFinite { what: "r", .. })
+    ));
+    for tolerance in [0.0, -1.0, 1.0, f64::NAN] {
+        let options = DelassusOptions::default().with_tolerance(tolerance);
+        assert!(matches!(
+            DelassusSolver::new(options),
+            Err(DelassusError::Option {
+                name: "tolerance",
+                ..
+            })
+        ));
+    }
+}
+
+#[test]
+fn files_with_errors_are_refused() {
+    let folder = std::env::temp_dir().join(format!("delassus_files_{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let path = folder.join("problem.json");
+    let mut told = Vec::new();
+    for (text, word) in [
+        ("{", "EOF"),
+        ("[]", "dimension"),
+        (
+            r#"{"dimension": 2.5, "mu": [0.1], "q": [0, 0], "M": [[1, 0], [0, 1]]}"#,
+            "whole number",
+        ),
+        (
+            r#"{"dimension": 2, "q": [0, 0], "M": [[1, 0], [0, 1]]}"#,
+            "`mu` is missing",
+        ),
+        (
+            r#"{"dimension": 2, "mu": ["a"], "q": [0, 0], "M": [[1, 0], [0, 1]]}"#,
+            "entry 0 of `mu`",
+        ),
+        (r#"{"dimension": 2, "mu": [0.1], "q": [0, 0]}"#, "`M` is missing"),
+        (
+            r#"{"dimension": 2, "mu": [0.1], "q": [0, 0], "M": [[1, 0], [0]]}"#,
+            "`M`",
+        ),
+        (
+            r#"{"dimension": 2, "mu": [0.1], "nc": 2, "q": [0, 0], "M": [[1, 0], [0, 1]]}"#,
+            "`nc` is 2",
+        ),
+        (
+            r#"{"dimension": 2, "mu": [0.1], "q": [0, 0], "M": {"format": "coo"}}"#,
+            "coo",
+        ),
+        (
+            r#"{"dimension": 2, "mu": [0.1], "q": [0, 0], "M": {"format": "csc", "indptr": [0, 1, 2], "indices": [0, 2], "data": [1, 1]}}"#,
+            "outside",
+        ),
+        (
+            r#"{"dimension": 2, "mu": [0.1], "q": [0, 0], "M": {"format": "csc", "indptr": [0, 3, 2], "indices": [0, 1], "data": [1, 1]}}"#,
+            "indptr",
+        ),
+    ] {
+        std::fs::write(&path, text).unwrap();
+        let error = read_delassus(&path).unwrap_err().to_string();
+        told.push((
+            error.contains(word) && error.contains("problem.json"),
+            word,
+            error,
+        ));
+    }
+    let missing = read_delassus(folder.join("missing.json")).unwrap_err();
+    std::fs::remove_dir_all(&folder).unwrap();
+    assert!(matches!(missing, DelassusError::File { .. }));
+    assert!(told.iter().all(|t| t.0), "{told:?}");
+}
+
+/// The observer sees the history and may stop the run; limits end it; what was best is handed out.
+#[test]
+fn runs_can_be_stopped() {
+    let p = families::wall(3, 3, 0.3, 1e-2, 1);
+    let zero = vec![0.0; p.q().len()];
+    let mut seen = Vec::new();
+    let report = DelassusSolver::default()
+        .solve_from(&p, &zero, |entry| {
+            seen.push(*entry);
+            if seen.len() == 3 {
+                ControlFlow::Break(())
+            } else {
+                ControlFlow::Continue(())
+            }
+        })
+        .unwrap();
+    assert_eq!(report.status, DelassusStatus::Interrupted);
+    assert_eq!(report.history, seen);
+    let least = seen.iter().map(|e| e.residual).fold(f64::INFINITY, f64::min);
+    assert_eq!(report.residual, least);
+
+    let options = DelassusOptions::default().with_max_factorisations(2);
+    let report = DelassusSolver::new(options).unwrap().solve(&p).unwrap();
+    assert_eq!(report.status, DelassusStatus::Limit);
+    assert!(report.factorisations <= 2);
+    assert_eq!(solve(&p), solve(&p));
+}
