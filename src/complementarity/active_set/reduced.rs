@@ -4,7 +4,7 @@ use crate::linear::LinearError;
 use crate::sparse::Matrix;
 
 /// Number of unknowns from which sparse symmetric systems are solved iteratively by [`AutoReduced`].
-const ITERATIVE: usize = 20_000;
+const ITERATIVE: usize = 5000;
 
 /// A start for an active-set method.
 #[derive(Debug, Clone, PartialEq)]

@@ -144,19 +144,21 @@ impl Prolongation {
         }
     }
 
-    /// What all parents of a fine unknown have in common, `otherwise` where they differ: carries active sets from a coarse problem
-    /// to a finer one.
+    /// What holds for more than half of the parents of a fine unknown, by weight; `otherwise` where nothing does: carries active sets
+    /// from a coarse problem to a finer one.
     #[must_use]
     pub fn inherit<T: Copy + PartialEq>(&self, coarse: &[T], otherwise: T) -> Vec<T> {
-        (0..self.num_fine())
-            .map(|i| {
-                let mut parents = self.parents(i).filter_map(|(c, _)| coarse.get(c).copied());
-                match parents.next() {
-                    Some(first) if parents.all(|p| p == first) => first,
-                    _ => otherwise,
-                }
-            })
-            .collect()
+        let most = |i: usize| {
+            let parents = || {
+                self.parents(i)
+                    .filter_map(|(c, w)| Some((*coarse.get(c)?, w.abs())))
+            };
+            let half = 0.5 * parents().map(|p| p.1).sum::<f64>();
+            let weight = |kind: T| parents().filter(|p| p.0 == kind).map(|p| p.1).sum::<f64>();
+            let found = parents().map(|p| p.0).find(|&kind| weight(kind) > half);
+            found.unwrap_or(otherwise)
+        };
+        (0..self.num_fine()).map(most).collect()
     }
 
     /// `coarse = Pᵀ fine`. Lengths must fit.
