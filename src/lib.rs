@@ -2,9 +2,12 @@
 
 #![warn(missing_docs, unreachable_pub)]
 
+pub mod complementarity;
 pub mod contact;
 pub mod continuation;
 pub mod enumeration;
+pub mod fem;
+pub mod interface;
 pub mod linear;
 pub mod newton;
 pub mod output;

@@ -187,6 +187,41 @@ proptest! {
     }
 }
 
+/// The model with two nodes, F = (α, α), of which at most two branches have been observed: five solutions at one α, found by sampling
+/// loads near those with three.
+#[test]
+fn five_solutions_with_two_nodes() {
+    let (lambda, mu) = (0.033_207_348_086_647_76, 1.0);
+    let (a, b, c, d) = (
+        0.5 * mu,
+        0.5 * lambda,
+        0.5 * (lambda + 2.0 * mu),
+        lambda + 3.0 * mu,
+    );
+    let stiffness = Matrix::from_rows(&[
+        [a, 0.0, -a, -a],
+        [0.0, c, -b, -c],
+        [-a, -b, d, 0.0],
+        [-a, -c, 0.0, d],
+    ]);
+    let normal = Matrix::from_rows(&[[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]);
+    let tangential = Matrix::from_rows(&[[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]);
+    let load = LoadPath::constant(vec![
+        0.116_716_292_134_593_13,
+        -0.939_125_465_557_446_5,
+        0.025_673_130_455_481_75,
+        0.322_120_408_332_781_05,
+    ]);
+    let friction = FrictionPath::constant(vec![6.431_985; 2]);
+    let (stiffness, normal, tangential) = (stiffness.unwrap(), normal.unwrap(), tangential.unwrap());
+    let problem = FrictionProblem::new(stiffness, normal, tangential, load, friction).unwrap();
+    let map = CondensedFriction::new(problem).unwrap();
+    let set = all_solutions(&map, 0.0, &EnumerationOptions::default()).unwrap();
+    assert_eq!(set.completeness, Completeness::Complete);
+    assert_eq!((set.solutions.len(), set.index_sum), (5, Some(1)));
+    assert_eq!(brute_force(&map).len(), 5);
+}
+
 #[test]
 fn many_nodes() {
     let options = EnumerationOptions::default();

@@ -1,9 +1,9 @@
 //! Transition sets of the model with one contact node (Hild and Renard 2005), against the analytic lines.
 
 use semismooth::contact::{FrictionFamily, FrictionPath, FrictionProblem, LoadPath};
-use semismooth::continuation::{Branch, ContinuationOptions, Direction, Termination, TransitionSet};
-use semismooth::piecewise::PiecewiseSmooth;
+use semismooth::continuation::{Branch, ContinuationOptions, Direction, FoldSet, Termination, TransitionSet};
 use semismooth::piecewise::check::CheckOptions;
+use semismooth::piecewise::{Facet, PiecewiseSmooth, Selection};
 use semismooth::sparse::Matrix;
 
 fn node(load: LoadPath, friction: FrictionPath) -> FrictionProblem {
@@ -119,4 +119,93 @@ fn lines_of_the_plane_of_friction_and_load() {
     let line = Branch::follow(&set, &[0.0, -1.5, 0.0, 0.0, 0.5, -3.0], along, options).unwrap();
     let last = &line.points.last().unwrap().x;
     assert!((last[4] - 5.5).abs() < 1e-9 && (last[5] + 3.0).abs() < 1e-12);
+}
+
+#[test]
+fn folds_begin_along_the_line_of_slip_where_its_slope_vanishes() {
+    let set = TransitionSet::new(friction_plane(), 0, 2).unwrap();
+    let line = follow(&set, &[0.0, 0.0, 1.5, -6.0, 4.0, -6.0], (-7.0, -0.5));
+    let changes = set.character_changes(&line).unwrap();
+    assert_eq!(changes.len(), 1);
+    // F = (λ+3μ)/(λ+μ) = 2, at f_t = −F f_ν = −3; towards larger f_t folds end there.
+    assert!((changes[0].x[4] - 2.0).abs() < 1e-9, "{:?}", changes[0]);
+    assert!((changes[0].x[5] + 3.0).abs() < 1e-9);
+    assert!(changes[0].folds_before);
+}
+
+/// A softening spring y − β y³/3, with a stop of stiffness 9 at y = 2, under the load α.
+#[derive(Debug)]
+struct Softening;
+
+impl PiecewiseSmooth for Softening {
+    fn num_vars(&self) -> usize {
+        3
+    }
+    fn num_residuals(&self) -> usize {
+        1
+    }
+    fn num_sites(&self) -> usize {
+        1
+    }
+    fn num_pieces(&self, _site: usize) -> usize {
+        2
+    }
+    fn num_tests(&self, _site: usize) -> usize {
+        1
+    }
+    fn cell(&self, _site: usize, piece: usize) -> &[Facet] {
+        const CELLS: [[Facet; 1]; 2] = [[Facet::negative(0)], [Facet::positive(0)]];
+        &CELLS[piece]
+    }
+    fn test_functions(&self, x: &[f64], out: &mut [f64]) {
+        out[0] = x[0] - 2.0;
+    }
+    fn residual(&self, s: &Selection, x: &[f64], out: &mut [f64]) {
+        out[0] = x[0] - x[2] * x[0].powi(3) / 3.0 + s.piece(0) as f64 * 9.0 * (x[0] - 2.0) - x[1];
+    }
+    fn jacobian(&self, s: &Selection, x: &[f64], jac: &mut Matrix) {
+        jac.add(0, 0, 1.0 - x[2] * x[0].powi(2) + s.piece(0) as f64 * 9.0);
+        jac.add(0, 1, -1.0);
+        jac.add(0, 2, -x[0].powi(3) / 3.0);
+    }
+}
+
+#[test]
+fn smooth_folds_end_where_they_meet_the_line_of_kinks() {
+    // Folds at y = 1/√β, α = (2/3)/√β while y < 2, that is β > 1/4.
+    let (set, start) = FoldSet::new(Softening, &[1.0, 2.0 / 3.0, 1.0]).unwrap();
+    let options = ContinuationOptions::default()
+        .with_parameter_range((0.1, 4.0))
+        .with_max_step(0.2);
+    let up = Branch::follow(&set, &start, Direction::Increasing, options.clone()).unwrap();
+    assert_eq!(up.termination, Termination::ParameterRange);
+    let down = Branch::follow(&set, &start, Direction::Decreasing, options.clone()).unwrap();
+    for p in up.points.iter().chain(&down.points) {
+        let [y, alpha, beta] = set.family_point(&p.x)[..] else {
+            panic!("three variables");
+        };
+        assert!((y - 1.0 / beta.sqrt()).abs() < 1e-9, "{y} {beta}");
+        assert!((alpha - 2.0 / 3.0 / beta.sqrt()).abs() < 1e-9);
+    }
+    assert_eq!(down.termination, Termination::End);
+    let end = set.family_point(&down.transitions[0].x);
+    assert!(
+        (end[0] - 2.0).abs() < 1e-10 && (end[2] - 0.25).abs() < 1e-10,
+        "{end:?}"
+    );
+    // The same point is where kinks become folds.
+    let kinks = TransitionSet::new(Softening, 0, 0).unwrap();
+    let start = [2.0, 2.0 - 8.0 / 3.0, 1.0];
+    let line = Branch::follow(&kinks, &start, Direction::Decreasing, options).unwrap();
+    let changes = kinks.character_changes(&line).unwrap();
+    assert_eq!(changes.len(), 1);
+    for (a, b) in changes[0].x.iter().zip(&end) {
+        assert!((a - b).abs() < 1e-9, "{:?} {end:?}", changes[0]);
+    }
+}
+
+#[test]
+fn a_regular_point_is_no_fold_to_start_from() {
+    let e = FoldSet::new(Softening, &[0.5, 0.4, 1.0]).unwrap_err();
+    assert!(e.to_string().contains("kernel"), "{e}");
 }

@@ -1,9 +1,14 @@
-//! What the examples share: exit status and files.
+//! What the examples share: exit status, files, random numbers.
 #![allow(dead_code)]
 
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+
+use semismooth::contact::{FrictionPath, FrictionProblem, LoadPath};
+use semismooth::sparse::Matrix;
+pub(crate) mod bars;
+pub(crate) mod squares;
 
 pub(crate) type Outcome<T> = Result<T, Box<dyn Error>>;
 
@@ -28,4 +33,51 @@ pub(crate) fn file_in(folder: &Path, name: &str) -> Outcome<PathBuf> {
 /// The folder with a discrete problem that comes with the repository.
 pub(crate) fn shipped_folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/data/block_linear_10x20_F0.5")
+}
+
+/// A small generator of reproducible random numbers (xorshift64*, Vigna 2016).
+pub(crate) struct Random(u64);
+
+impl Random {
+    pub(crate) fn new(seed: u64) -> Self {
+        // 0 would stay 0; neighbouring seeds are spread by an odd factor.
+        Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1)
+    }
+
+    /// Uniform in [−1, 1).
+    pub(crate) fn symmetric(&mut self) -> f64 {
+        self.0 ^= self.0 >> 12;
+        self.0 ^= self.0 << 25;
+        self.0 ^= self.0 >> 27;
+        let bits = self.0.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 11;
+        bits as f64 / (1_u64 << 52) as f64 - 1.0
+    }
+}
+
+/// Three contact nodes, weakly coupled, under the load f(α) = f0 + α f1: 17 solutions at α = 0, five branches, four of them closed.
+pub(crate) fn five_branches() -> Outcome<FrictionProblem> {
+    let stiffness = Matrix::from_rows(&[
+        [2.0, -1.3, -0.2, 0.0, 0.0, -0.3],
+        [-1.3, 2.1, -0.3, 0.1, -0.2, 0.2],
+        [-0.2, -0.3, 1.9, -0.8, 0.2, 0.1],
+        [0.0, 0.1, -0.8, 1.9, 0.0, -0.1],
+        [0.0, -0.2, 0.2, 0.0, 2.0, -1.1],
+        [-0.3, 0.2, 0.1, -0.1, -1.1, 2.3],
+    ])?;
+    let pick = |first: usize| -> Outcome<Matrix> {
+        let entries: Vec<_> = (0..3).map(|i| (i, 2 * i + first, 1.0)).collect();
+        Ok(Matrix::from_triplets(3, 6, &entries)?)
+    };
+    let load = LoadPath::affine(
+        vec![1.6, -2.3, 0.7, -1.9, 1.5, -3.1],
+        vec![-0.2, -0.6, -0.9, 0.4, 0.9, -0.2],
+    );
+    let friction = FrictionPath::constant(vec![5.5, 7.75, 8.75]);
+    Ok(FrictionProblem::new(
+        stiffness,
+        pick(0)?,
+        pick(1)?,
+        load,
+        friction,
+    )?)
 }

@@ -6,7 +6,7 @@ use super::paths::Path;
 use super::{ContactError, FrictionMap, FrictionProblem, NodeValues};
 use crate::linear::Condensation;
 use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
-use crate::sparse::{Matrix, Pattern};
+use crate::sparse::{Matrix, Pattern, dot};
 
 /// A [`FrictionProblem`] condensed onto its contact nodes: x = (λν, λt, α).
 ///
@@ -90,7 +90,7 @@ impl CondensedFriction {
         let p = self.problem.num_contacts();
         let q = 2 * p;
         let row = self.compliance_row(k);
-        let reaction: f64 = row.iter().zip(x).map(|(c, l)| c * l).sum();
+        let reaction = dot(row, x);
         let gap = if k < p { self.problem.gap[k] } else { 0.0 };
         self.free[k] + x[q] * self.free_rate[k] - reaction - gap
     }
@@ -233,9 +233,12 @@ impl PiecewiseSmooth for CondensedFriction {
                 let closed = row.penetration != 0.0 || row.slip != 0.0;
                 if closed && jac.pattern().is_full() {
                     // The rows of a closed node are full: written by strides, as a search a entry would cost most of a step.
-                    let strided = jac.values_mut()[index..].iter_mut().step_by(q);
-                    for (value, (n, t)) in strided.zip(normal.iter().zip(tangential)) {
-                        *value -= row.penetration * n + row.slip * t;
+                    for (factor, compliance) in [(row.penetration, normal), (row.slip, tangential)] {
+                        if factor != 0.0 {
+                            for (column, c) in jac.values_mut().chunks_exact_mut(q).zip(compliance) {
+                                column[index] -= factor * c;
+                            }
+                        }
                     }
                     jac.add(index, i, row.pressure);
                     jac.add(index, p + i, row.traction);
@@ -259,7 +262,7 @@ impl PiecewiseSmooth for CondensedFriction {
         let q = 2 * p;
         let moved = |k: usize| -> f64 {
             let row = self.compliance_row(k);
-            let reaction: f64 = row.iter().zip(d).map(|(c, l)| c * l).sum();
+            let reaction = dot(row, d);
             d[q] * self.free_rate[k] - reaction
         };
         let mut chunks = out.chunks_exact_mut(TESTS);
@@ -317,28 +320,9 @@ fn stacked(problem: &FrictionProblem) -> Result<Matrix, ContactError> {
     Ok(Matrix::from_triplets(2 * p, n, &entries)?)
 }
 
-fn check_symmetric(a: &Matrix) -> Result<(), ContactError> {
-    let transpose = a.transpose();
-    let same_pattern = a.pattern() == transpose.pattern();
-    let largest = a.values().iter().fold(0.0f64, |m, v| m.max(v.abs()));
-    let mut worst = (0, 0, 0.0);
-    for (k, (row, col, v)) in a.triplets().enumerate() {
-        let mirror = if same_pattern {
-            transpose.values()[k]
-        } else {
-            a.get(col, row)
-        };
-        let difference = (v - mirror).abs();
-        if difference > worst.2 {
-            worst = (row, col, difference);
-        }
+pub(super) fn check_symmetric(a: &Matrix) -> Result<(), ContactError> {
+    match a.asymmetry(1e-10) {
+        Some((row, col, difference)) => Err(ContactError::NotSymmetric { row, col, difference }),
+        None => Ok(()),
     }
-    if worst.2 > 1e-10 * largest {
-        return Err(ContactError::NotSymmetric {
-            row: worst.0,
-            col: worst.1,
-            difference: worst.2,
-        });
-    }
-    Ok(())
 }

@@ -100,6 +100,32 @@ pub enum ContactError {
         "only affine loads can be condensed: a general load path needs a solve at every parameter; use the full form"
     )]
     LoadNotAffine,
+    /// A curve of the coefficient of friction is malformed.
+    #[error("{what}")]
+    Curve {
+        /// What is wrong, and where.
+        what: String,
+    },
+    /// A law for another dimension than the body.
+    #[error(
+        "the law has {law} tangential direction(s), the body {body}: planar laws belong to planar bodies"
+    )]
+    Tangents {
+        /// Of the law.
+        law: usize,
+        /// Of the body.
+        body: usize,
+    },
+    /// Multipliers that no displacement sees: condition (1) of Haslinger, Kučera and Vlach fails.
+    #[error(
+        "{expected} multipliers, but the displacements tell only {rank} of them apart: use fewer (larger faces), or nodal multipliers"
+    )]
+    InvisibleMultiplier {
+        /// Number of multipliers.
+        expected: usize,
+        /// Rank of the pairing with the displacements.
+        rank: usize,
+    },
     /// No first point was found.
     #[error("no solution found at parameter {parameter}: {source}")]
     NoStart {

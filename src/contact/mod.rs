@@ -3,20 +3,32 @@
 //! Signs: u_ν ≤ gap is the admissible side, λ_ν ≥ 0 the pressure, λ_t has the sign of the slip u_t. A node is *open* (λ = 0),
 //! *sticking* (u_ν = gap, u_t = 0) or *slipping* (u_ν = gap, λ_t = ±F λ_ν with ±u_t ≥ 0).
 
+mod body;
 mod condensed;
+mod condensed_contact;
+mod coulomb_laws;
+mod curve;
 mod delassus;
 mod error;
 mod family;
+mod fixed_point;
 #[cfg(feature = "json")]
 mod folder;
 mod full;
+mod given_bound;
 mod hild_renard;
 mod law;
+mod node_law;
 mod paths;
 mod problem;
 mod start;
+mod uniqueness;
 
+pub use body::ContactBody;
 pub use condensed::CondensedFriction;
+pub use condensed_contact::{CondensedContact, ContactSolution};
+pub use coulomb_laws::{OrthotropicCoulomb, PlanarCoulomb};
+pub use curve::{FrictionCoefficient, FrictionCurve};
 #[cfg(feature = "json")]
 pub use delassus::read_delassus;
 pub use delassus::{
@@ -25,10 +37,16 @@ pub use delassus::{
 };
 pub use error::ContactError;
 pub use family::FrictionFamily;
+pub use fixed_point::{FixedPointOptions, FixedPointReport, fixed_point};
 #[cfg(feature = "json")]
 pub use folder::{DiscreteFolder, read_folder};
+pub use given_bound::GivenBound;
 pub use hild_renard::{HildRenard, HildRenardBranch, HildRenardCase};
 pub use law::{ContactState, NodeValues, SlipBound};
+pub use node_law::{Frictionless, LocalRow, LocalValues, MAX_TESTS, NodeLaw};
 pub use paths::{FrictionPath, LoadPath};
 pub use problem::{FrictionMap, FrictionProblem};
 pub use start::{FrictionStart, first_point};
+pub use uniqueness::{
+    UniquenessConstants, check_multipliers, critical_friction, friction_bounds, inf_sup_constant,
+};

@@ -2,11 +2,12 @@
 //! selection's cell.
 
 use super::{Arm, ContinuationOptions};
-use crate::enumeration::{EnumerationError, directional_selections};
+use crate::enumeration::{EnumerationError, directional_selections, local_selections};
 use crate::linear::{LinearError, LinearSolver, null_space};
-use crate::newton::{MoorePenrose, dot, norm};
+use crate::newton::MoorePenrose;
 use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout};
 use crate::sparse::Matrix;
+use crate::sparse::{dot, norm};
 
 /// Two unit tangents closer than this are one arm.
 const SAME_ARM: f64 = 1e-7;
@@ -20,7 +21,8 @@ const PLAIN: u128 = 16;
 const MAX_BRANCHING: usize = 600;
 
 /// A vanishing test function at a point.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct Vanishing {
     pub(super) index: usize,
     pub(super) site: usize,
@@ -109,6 +111,9 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
                     for selection in &found.selections {
                         self.of_selection(selection, None, &mut arms)?;
                     }
+                    if !found.complete {
+                        self.locally(active, &mut arms)?;
+                    }
                     return Ok(arms);
                 }
                 // Rows that depend on several sites, or too large a table: one by one.
@@ -120,11 +125,33 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
         for (examined, selection) in active.selections().enumerate() {
             if examined as u64 == self.options.max_selections {
                 arms.complete = false;
+                self.locally(active, &mut arms)?;
                 break;
             }
             self.of_selection(&selection, None, &mut arms)?;
         }
         Ok(arms)
+    }
+
+    /// Where not all selections can be examined: those that a local search finds.
+    fn locally(&mut self, active: &ActiveSet, arms: &mut Arms) -> Result<(), PiecewiseError> {
+        const STARTS: usize = 50;
+        // A search takes no longer than a few hundred steps of the curve.
+        let solves = if self.map.num_residuals() > MAX_BRANCHING {
+            200
+        } else {
+            4000
+        };
+        match local_selections(self.map, self.x, active, STARTS, solves) {
+            Ok(selections) => {
+                for selection in &selections {
+                    self.of_selection(selection, None, arms)?;
+                }
+                Ok(())
+            }
+            Err(EnumerationError::Map(e)) => Err(e),
+            Err(_) => Ok(()),
+        }
     }
 
     /// The arms of one selection, appended to `arms`.

@@ -10,6 +10,7 @@ use crate::piecewise::PiecewiseSmooth;
 /// A stretch of a solution curve, collected.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Branch {
     /// Regular points, by arclength.
     pub points: Vec<Point>,
@@ -23,6 +24,8 @@ pub struct Branch {
     pub termination: Termination,
     /// Number of factorisations.
     pub factorisations: usize,
+    /// Number of factorisations saved by updates (affine pieces).
+    pub updates: usize,
     /// Number of correction steps.
     pub corrections: usize,
 }
@@ -88,6 +91,7 @@ impl Branch {
             branch_points: Vec::new(),
             termination: Termination::Stopped,
             factorisations: 0,
+            updates: 0,
             corrections: 0,
         };
         while let Some(event) = curve.next() {
@@ -104,6 +108,7 @@ impl Branch {
         }
         branch.termination = curve.termination().unwrap_or(Termination::Stopped);
         branch.factorisations = curve.factorisations();
+        branch.updates = curve.updates();
         branch.corrections = curve.corrections();
         Ok(branch)
     }

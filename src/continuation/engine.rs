@@ -6,16 +6,18 @@ use super::smooth::MAX_DENSE;
 use super::start::{Direction, choose_start, onto_curve, term_size};
 use super::{Arm, ContinuationError, ContinuationOptions, Event, Point, PointKind, Strategy, Termination};
 use crate::linear::{AutoSolver, LinearSolver, null_space};
-use crate::newton::{MoorePenrose, norm};
+use crate::newton::MoorePenrose;
 use crate::piecewise::{
     ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, check_vector, select,
 };
+use crate::sparse::norm;
 
 /// |α̇| up to which ∇_yH counts as singular in the reported sign of its determinant.
 const SINGULAR: f64 = 1e-7;
 
 /// A place on the curve, with all that is known there.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct State {
     pub(super) x: Vec<f64>,
     pub(super) t: Vec<f64>,
@@ -79,6 +81,8 @@ pub struct Continuation<'a, P: ?Sized, L = AutoSolver> {
     pub(super) termination: Option<Termination>,
     pub(super) start: Vec<f64>,
     pub(super) started: Option<Instant>,
+    /// Factorisations and corrections before the state was last saved.
+    pub(super) earlier: (usize, usize),
     /// Buffers.
     pub(super) rates: Vec<f64>,
     pub(super) residual: Vec<f64>,
@@ -203,7 +207,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
         Self::prepare_at(map, x, options, corrector)
     }
 
-    fn prepare_at(
+    pub(super) fn prepare_at(
         map: &'a P,
         x: Vec<f64>,
         options: ContinuationOptions,
@@ -242,6 +246,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
             creeping: 0,
             queue: VecDeque::new(),
             termination: None,
+            earlier: (0, 0),
             rates: Vec::new(),
             residual: Vec::new(),
         };
@@ -277,13 +282,19 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
     /// Number of factorisations so far.
     #[must_use]
     pub fn factorisations(&self) -> usize {
-        self.corrector.factorisations()
+        self.earlier.0 + self.corrector.factorisations()
+    }
+
+    /// Number of factorisations saved so far by updates, where all pieces are affine.
+    #[must_use]
+    pub fn updates(&self) -> usize {
+        self.corrector.updates()
     }
 
     /// Number of correction steps so far.
     #[must_use]
     pub fn corrections(&self) -> usize {
-        self.corrector.iterations()
+        self.earlier.1 + self.corrector.iterations()
     }
 
     /// Ends the curve; the iterator gives what is still in the queue and then nothing.

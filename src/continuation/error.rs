@@ -1,5 +1,6 @@
 use thiserror::Error;
 
+use crate::enumeration::EnumerationError;
 use crate::newton::NewtonError;
 use crate::piecewise::PiecewiseError;
 
@@ -23,6 +24,15 @@ pub enum ContinuationError {
     /// The start could not be corrected onto the curve.
     #[error("the start is not on the curve and Newton's method at its parameter failed: {0}")]
     Start(#[from] NewtonError),
+    /// The solutions at a parameter could not be enumerated.
+    #[error(transparent)]
+    Enumeration(#[from] EnumerationError),
+    /// An error of an earlier run, read from a file.
+    #[error("{message}")]
+    Recorded {
+        /// Its message.
+        message: String,
+    },
     /// The start lies in the cell of no piece at some site.
     #[error("the start lies outside the domain of the map at {site}; no piece is active there")]
     Outside {

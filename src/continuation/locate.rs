@@ -4,8 +4,8 @@ use super::engine::{Continuation, State};
 use super::step::Unresolved;
 use super::{ContinuationError, Termination};
 use crate::linear::LinearSolver;
-use crate::newton::norm;
 use crate::piecewise::{Facet, PiecewiseError, PiecewiseSmooth};
+use crate::sparse::norm;
 
 /// A scalar function along the curve whose sign must not change unnoticed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -326,13 +326,13 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
             .linearize(self.map, &self.selection, &state.x, Some(&state.t));
         match linearized {
             // Next to a branch point the kernel is noise: the tangent at the start of the step is kept.
-            Ok(tangent) if crate::newton::dot(tangent, &self.here.t).abs() < self.options.min_cos => {
+            Ok(tangent) if crate::sparse::dot(tangent, &self.here.t).abs() < self.options.min_cos => {
                 state.t.copy_from_slice(&self.here.t);
                 state.orientation = None;
                 state.det_sign = None;
             }
             Ok(tangent) => {
-                let sign = sign_of(crate::newton::dot(tangent, &state.t));
+                let sign = sign_of(crate::sparse::dot(tangent, &state.t));
                 for (t, v) in state.t.iter_mut().zip(tangent) {
                     *t = sign * v;
                 }
@@ -341,7 +341,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
             }
             Err(PiecewiseError::Linear(_)) => {
                 // So may be what the corrector left.
-                if crate::newton::dot(&state.t, &self.here.t) < self.options.min_cos {
+                if crate::sparse::dot(&state.t, &self.here.t) < self.options.min_cos {
                     state.t.copy_from_slice(&self.here.t);
                 }
                 state.orientation = None;

@@ -6,10 +6,15 @@ mod certificate;
 mod diagram;
 mod engine;
 mod error;
+#[cfg(feature = "serde")]
+mod extended;
+mod fold_set;
 mod locate;
 mod options;
 mod polygon;
 mod record;
+mod save;
+mod search;
 mod smooth;
 mod start;
 mod step;
@@ -25,10 +30,15 @@ pub use diagram::{
 };
 pub use engine::{Continuation, arms_at};
 pub use error::ContinuationError;
+pub use fold_set::FoldSet;
 pub use options::{ContinuationOptions, Strategy};
 pub use record::{
     Arm, BranchPoint, Event, Point, PointKind, SiteChange, SmoothFold, Termination, Transition,
     TransitionKind,
 };
+pub use save::SavedRun;
+pub use search::{
+    FoundBy, FoundSolution, FoundSolutions, SearchOptions, search_solutions, search_solutions_observed,
+};
 pub use start::Direction;
-pub use transition_set::TransitionSet;
+pub use transition_set::{CharacterChange, TransitionSet};

@@ -5,6 +5,7 @@ use super::ContinuationError;
 /// How a curve is followed through kinks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Strategy {
     /// Frozen selection between transitions, an exact stop at each, a choice of arm there.
     #[default]
@@ -18,6 +19,7 @@ pub enum Strategy {
 /// Options of the continuation. The defaults need no touching.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ContinuationOptions {
     /// How kinks are passed. Default [`Strategy::Located`].
     pub strategy: Strategy,
@@ -42,14 +44,17 @@ pub struct ContinuationOptions {
     /// Smallest cosine between the tangents at both ends of an accepted step, in (0, 1). Default 0.97.
     pub min_cos: f64,
     /// Interval of the parameter α to stay in. Default (−∞, ∞).
+    #[cfg_attr(feature = "serde", serde(with = "super::extended::pair"))]
     pub parameter_range: (f64, f64),
     /// Parameter values at which a point is wanted exactly, in any order. Default none.
     pub targets: Vec<f64>,
     /// Largest number of points (of all kinds). Default 10 000.
     pub max_points: usize,
     /// Largest arclength. Default ∞.
+    #[cfg_attr(feature = "serde", serde(with = "super::extended"))]
     pub max_arclength: f64,
     /// Largest ‖x‖₂ relative to 1 + ‖x⁰‖₂ (curves may tend to infinity at a pole). Default 1e6.
+    #[cfg_attr(feature = "serde", serde(with = "super::extended"))]
     pub max_growth: f64,
     /// Largest wall-clock time. Default none.
     pub max_time: Option<Duration>,

@@ -4,10 +4,12 @@ use super::engine::Continuation;
 use super::locate::Monitor;
 use super::{ContinuationError, Termination};
 use crate::linear::LinearSolver;
-use crate::newton::norm;
 use crate::piecewise::PiecewiseSmooth;
+use crate::sparse::norm;
 
-/// Residual, in rounding errors of its terms, above which the point reached is corrected.
+/// Residual, in rounding errors of its terms, above which a step of refinement pays.
+const ROUNDING: f64 = 1.0;
+/// The same, above which the point reached is corrected.
 const DRIFT: f64 = 64.0;
 
 impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
@@ -65,7 +67,9 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
             for (x, t) in self.next.x.iter_mut().zip(&self.next.t) {
                 *x -= rest * t;
             }
-            self.map.test_functions(&self.next.x, &mut self.next.theta);
+            for (theta, rate) in self.next.theta.iter_mut().zip(&self.rates) {
+                *theta -= rest * rate;
+            }
         }
         self.arrive(event, 0)?;
         if event.is_none() && self.termination.is_none() {
@@ -91,13 +95,15 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         r.resize(self.map.num_residuals(), 0.0);
         self.map.residual(&self.selection, &self.next.x, &mut r);
         self.next.residual_norm = norm(&r);
-        if self.next.residual_norm > 0.0 && self.corrector.refine(&self.selection, &r, &mut self.next.x) {
+        let rounding = f64::EPSILON * self.residual_scale * (1.0 + norm(&self.next.x) / self.size);
+        if self.next.residual_norm > ROUNDING * rounding
+            && self.corrector.refine(&self.selection, &r, &mut self.next.x)
+        {
             self.map.residual(&self.selection, &self.next.x, &mut r);
             self.next.residual_norm = norm(&r);
         }
         self.residual = r;
-        let scale = self.residual_scale * (1.0 + norm(&self.next.x) / self.size);
-        if self.next.residual_norm > DRIFT * f64::EPSILON * scale {
+        if self.next.residual_norm > DRIFT * rounding {
             let anchor = self.next.x.clone();
             let normal = self.next.t.clone();
             let corrected = self.corrector.correct_in_plane(

@@ -5,6 +5,7 @@ use crate::piecewise::Selection;
 /// A point of a solution curve.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Point {
     /// x = (y, α).
     pub x: Vec<f64>,
@@ -37,6 +38,7 @@ impl Point {
 /// Why a point was computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum PointKind {
     /// The first point.
     Start,
@@ -49,6 +51,7 @@ pub enum PointKind {
 /// What kind of point a [`Transition`] is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum TransitionKind {
     /// The active selection changes, α goes on in its direction.
     PassThrough,
@@ -88,6 +91,7 @@ impl fmt::Display for TransitionKind {
 /// An arm of the solution set at a point: a selection and a direction along which its curve leaves the point.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Arm {
     /// The selection to freeze.
     pub selection: Selection,
@@ -100,6 +104,7 @@ pub struct Arm {
 /// A site whose piece changes at a transition.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SiteChange {
     /// The site, from 0.
     pub site: usize,
@@ -112,6 +117,7 @@ pub struct SiteChange {
 /// A transition point: the active selection changes here.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Transition {
     /// x = (y, α), located to rounding.
     pub x: Vec<f64>,
@@ -160,6 +166,7 @@ impl Transition {
 /// A point inside a piece where the parameter turns (∇_yH^(σ) singular, quadratic tangency).
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SmoothFold {
     /// The point.
     pub point: Point,
@@ -168,6 +175,7 @@ pub struct SmoothFold {
 /// A point where the Jacobian of a selection loses rank along the curve, so that further arms may leave.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct BranchPoint {
     /// The point on the curve.
     pub point: Point,
@@ -184,6 +192,7 @@ pub struct BranchPoint {
 /// What one pull of the iterator gives.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Event {
     /// A regular point.
     Point(Point),
@@ -228,6 +237,7 @@ impl Event {
 /// Why a curve ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Termination {
     /// α reached a bound of its range.
     ParameterRange,

@@ -5,8 +5,8 @@ use super::engine::Continuation;
 use super::locate::Monitor;
 use super::step::distance;
 use crate::linear::{DenseLu, LinearSolver, null_space};
-use crate::newton::norm;
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth};
+use crate::sparse::norm;
 use crate::sparse::{Matrix, Pattern};
 
 /// Largest number of residuals for which the dense extended system is solved.

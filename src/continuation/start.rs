@@ -2,9 +2,10 @@
 
 use super::arms::{Arms, distance};
 use super::{Arm, ContinuationError, ContinuationOptions, Strategy};
-use crate::newton::{Newton, NewtonOptions, dot, norm};
+use crate::newton::{Newton, NewtonOptions};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, select};
 use crate::sparse::Matrix;
+use crate::sparse::{dot, norm};
 
 /// Which way to leave the start.
 #[derive(Debug, Clone, PartialEq)]

@@ -5,8 +5,8 @@ use super::locate::Monitor;
 use super::start::term_size;
 use super::{ContinuationError, PointKind, Termination};
 use crate::linear::LinearSolver;
-use crate::newton::{dot, norm};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth};
+use crate::sparse::{dot, norm};
 
 /// Angle (as a distance of unit vectors) allowed between the chord of a step and the mean of the tangents at its ends.
 const CHORD: f64 = 0.05;

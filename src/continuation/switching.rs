@@ -5,8 +5,8 @@ use super::arms::{Arms, Vanishing};
 use super::engine::Continuation;
 use super::{ContinuationError, Event, PointKind, Termination, Transition, TransitionKind};
 use crate::linear::LinearSolver;
-use crate::newton::{dot, norm};
 use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, select_pieces};
+use crate::sparse::{dot, norm};
 
 impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
     /// Steps 2 to 7: predict, correct with the selection of the active set at each iterate, halve on failure; a new selection

@@ -1,8 +1,22 @@
 use std::borrow::Cow;
 
+use super::Branch;
 use crate::linear::{AutoSolver, LinearError, LinearSolver};
+use crate::newton::MoorePenrose;
 use crate::piecewise::{Facet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, check_vector};
-use crate::sparse::{Matrix, Pattern};
+use crate::sparse::{Matrix, Pattern, norm};
+
+/// A point of a [`TransitionSet`] where folds begin or end along it.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct CharacterChange {
+    /// The point (y, α, β).
+    pub x: Vec<f64>,
+    /// The selection of the family on the side kept.
+    pub selection: Selection,
+    /// Whether the transitions before it, in the direction of the curve, are folds.
+    pub folds_before: bool,
+}
 
 /// The points (y, α, β) of a two-parameter family at which one test function vanishes: a curve to [follow](super::Continuation) in
 /// the last parameter β.
@@ -167,6 +181,56 @@ impl<P: PiecewiseSmooth> TransitionSet<P> {
             (Some(a), Some(b)) if a * b != 0 => Some(a != b),
             _ => None,
         })
+    }
+
+    /// The points of a followed curve where its character changes: where α folds on one side and does not on the other, as the
+    /// determinant of a piece beside the facet passes zero. Curves of [smooth folds](super::FoldSet) end there. Points of codimension
+    /// two where a second test function vanishes are transitions of the curve, and not repeated.
+    ///
+    /// # Errors
+    /// Failures of the linear solver.
+    pub fn character_changes(&self, curve: &Branch) -> Result<Vec<CharacterChange>, PiecewiseError> {
+        const HALVINGS: usize = 60;
+        let mut corrector = MoorePenrose::new(self, AutoSolver::default())?;
+        let mut changes = Vec::new();
+        for pair in curve.points.windows(2) {
+            if pair[0].selection != pair[1].selection {
+                continue;
+            }
+            let selection = &pair[0].selection;
+            let [before, after] = [&pair[0], &pair[1]].map(|p| self.is_fold(selection, &p.x));
+            let (Some(before), Some(after)) = (before?, after?) else {
+                continue;
+            };
+            if before == after {
+                continue;
+            }
+            let anchor = &pair[0].x;
+            let mut normal: Vec<f64> = pair[1].x.iter().zip(anchor).map(|(b, a)| b - a).collect();
+            let length = norm(&normal);
+            normal.iter_mut().for_each(|v| *v /= length);
+            let (mut low, mut high) = (0.0, length);
+            let mut x = anchor.clone();
+            let mut t = normal.clone();
+            for _ in 0..HALVINGS {
+                let s = 0.5 * (low + high);
+                for (x, (a, v)) in x.iter_mut().zip(anchor.iter().zip(&normal)) {
+                    *x = a + s * v;
+                }
+                corrector.correct_in_plane(self, selection, anchor, &normal, s, &mut x, &mut t)?;
+                match self.is_fold(selection, &x)? {
+                    Some(fold) if fold == before => low = s,
+                    Some(_) => high = s,
+                    None => break,
+                }
+            }
+            changes.push(CharacterChange {
+                x,
+                selection: self.family_selection(selection),
+                folds_before: before,
+            });
+        }
+        Ok(changes)
     }
 
     fn det_sign(&self, selection: &Selection, x: &[f64]) -> Result<Option<i8>, PiecewiseError> {

@@ -3,19 +3,22 @@
 use std::collections::BTreeSet;
 
 use super::kernel::solutions;
+use super::local::local_selections;
 use super::search::Search;
-use super::solutions::norm;
 use super::system::System;
 use super::table::{Form, Table};
 use super::{Completeness, EnumerationError, EnumerationOptions, system};
 use crate::linear::{AutoSolver, LinearError, LinearSolver};
 use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, check_vector};
 use crate::sparse::Matrix;
+use crate::sparse::norm;
 
 /// Two unit tangents closer than this are one arm.
 const SAME: f64 = 1e-7;
 /// Rate of a test function, relative to its gradient, that counts as zero.
 const TANGENTIAL: f64 = 1e-9;
+/// Linear systems that the local search may solve, for each start.
+const SOLVES: usize = 100;
 /// |α̇| up to which an arm counts as vertical.
 const VERTICAL: f64 = 1e-9;
 
@@ -64,8 +67,9 @@ pub struct DirectionalArms {
     /// decided to first order.
     pub unresolved: Vec<Selection>,
     /// Σ sign det ∇_yH^(σ) over the arms with α̇ > 0 and over those with α̇ < 0. The two are equal: ẏ ↦ H'(x; (ẏ, s)) has no zeros
-    /// for s = 0 but ẏ = 0, hence the same degree for s = 1 and s = −1. `None` where there are vertical arms, undecided
-    /// selections, or an arm whose index is unknown.
+    /// for s = 0 but ẏ = 0, hence the same degree for s = 1 and s = −1. In an incomplete list, sums that differ prove that arms are
+    /// missing; equal ones are evidence. `None` where there are vertical arms, undecided selections, or an arm whose index is
+    /// unknown.
     pub orientation: Option<(i64, i64)>,
     /// Whether the list is complete to first order. Selections count once for each of the runs α̇ > 0, α̇ < 0, α̇ = 0.
     pub completeness: Completeness,
@@ -75,6 +79,9 @@ pub struct DirectionalArms {
 
 /// All arms of the solution curves of H(y, α) = 0 at the solution `x` = (y, α). Test functions within `options.tolerance` of their
 /// zero set, as a distance relative to 1 + ‖x‖₂, count as vanishing there. The pieces need not be affine.
+///
+/// Where the cap on nodes is reached, a local search goes on: Newton's method on the directional problem for α̇ = ±1 from random
+/// selections and from neighbours of what was found. The list then stays incomplete, whatever it holds.
 ///
 /// # Errors
 /// Options out of range, maps that are no curves, wrong length, values that are not finite, [`EnumerationError::Outside`],
@@ -126,7 +133,19 @@ pub fn all_arms<P: PiecewiseSmooth + ?Sized>(
             site: map.site_name(site).into_owned(),
         });
     }
-    let found = selections(map, x, &active, options.max_nodes)?;
+    let mut found = selections(map, x, &active, options.max_nodes)?;
+    if !found.complete {
+        let local = local_selections(
+            map,
+            x,
+            &active,
+            options.local_starts,
+            SOLVES * options.local_starts,
+        )?;
+        found.selections.extend(local);
+        found.selections.sort_unstable();
+        found.selections.dedup();
+    }
     let mut collector = Collector::new(map, x, &active)?;
     for selection in &found.selections {
         collector.examine(selection)?;
@@ -373,7 +392,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Collector<'a, P> {
             arms.map(DirectionalArm::index).sum()
         };
         let decided = found.complete && self.unresolved.is_empty();
-        let applies = decided && self.arms.iter().all(|a| group(a) != 2);
+        let applies = self.unresolved.is_empty() && self.arms.iter().all(|a| group(a) != 2);
         let orientation = if applies { sum(0).zip(sum(1)) } else { None };
         let completeness = if !found.complete {
             Completeness::Incomplete {

@@ -5,6 +5,9 @@ pub struct EnumerationOptions {
     /// Largest number of search nodes (partial selections tried) before the search gives up and says how far it came.
     /// Default 1 000 000.
     pub max_nodes: u64,
+    /// Where the search for arms gives up, a local search goes on from this number of random selections for either sign of α̇; it
+    /// may find arms and never completes the list. Default 100.
+    pub local_starts: usize,
     /// A point counts as lying in a closed cell when it is no farther from it than this, relative to 1 + ‖x‖₂. Default 1e-9.
     pub tolerance: f64,
     /// Two points closer than this, relative to 1 + ‖x‖₂, are one. Default 1e-8.
@@ -15,6 +18,7 @@ impl Default for EnumerationOptions {
     fn default() -> Self {
         Self {
             max_nodes: 1_000_000,
+            local_starts: 100,
             tolerance: 1e-9,
             merge_distance: 1e-8,
         }
@@ -26,6 +30,13 @@ impl EnumerationOptions {
     #[must_use]
     pub fn with_max_nodes(mut self, max_nodes: u64) -> Self {
         self.max_nodes = max_nodes;
+        self
+    }
+
+    /// Sets the number of starts of the local search for arms.
+    #[must_use]
+    pub fn with_local_starts(mut self, local_starts: usize) -> Self {
+        self.local_starts = local_starts;
         self
     }
 

@@ -7,7 +7,7 @@ use crate::linear::{AutoSolver, LinearError, LinearSolver};
 use crate::piecewise::{
     PiecewiseError, PiecewiseSmooth, Selection, Selections, TestLayout, active_set, cell_margin, check_vector,
 };
-use crate::sparse::Matrix;
+use crate::sparse::{Matrix, norm};
 
 /// How far a list is known to be complete.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -172,10 +172,6 @@ const DOUBTFUL: f64 = 1e-11;
 enum Rank {
     Full,
     Deficient,
-}
-
-pub(super) fn norm(v: &[f64]) -> f64 {
-    v.iter().map(|c| c * c).sum::<f64>().sqrt()
 }
 
 /// Solves for single selections, verifies and gathers what they give.

@@ -1,7 +1,7 @@
 use super::condition::arg_max_abs;
 use super::memory::check_finite;
 use super::{AutoSolver, DENSE_LIMIT, LinearError, LinearSolver, null_space};
-use crate::sparse::{Matrix, MatrixRef, Pattern, PatternRef};
+use crate::sparse::{Matrix, MatrixRef, Pattern, PatternRef, dot};
 
 /// The frozen coordinate is kept while its share of the hint is at least this, to save a symbolic analysis.
 const KEEP: f64 = 0.01;
@@ -415,10 +415,6 @@ fn insert(rest: &[f64], k: usize, value: f64, full: &mut [f64]) {
     full[..k].copy_from_slice(&rest[..k]);
     full[k] = value;
     full[k + 1..].copy_from_slice(&rest[k..]);
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
 fn sign(v: f64) -> i8 {

@@ -18,8 +18,8 @@ use super::sparse_lu::give_up;
 use super::{LinearError, LinearSolver};
 use crate::sparse::{MatrixRef, PatternRef};
 
-/// Right-hand sides solved for at a time: enough for blocked kernels, few enough to bound scratch.
-const BLOCK_RHS: usize = 32;
+/// Right-hand sides solved for at a time: scratch grows with them.
+const BLOCK_RHS: usize = 8;
 
 /// Sparse Cholesky A = L Lᵀ for symmetric positive definite matrices.
 ///
@@ -75,6 +75,68 @@ impl Cholesky {
             }
         }
         Ok(block)
+    }
+
+    /// [`factor`](LinearSolver::factor), with the condition judged by the pivots alone where they leave no doubt. With a unit
+    /// diagonal 1/l_jj² bounds ‖A⁻¹‖ from below, and is near it in all but contrived matrices.
+    pub(crate) fn factor_by_pivots(&mut self, a: MatrixRef<'_>) -> Result<(), LinearError> {
+        const DOUBTFUL: f64 = 1e-9;
+        let norm = self.decompose(a)?;
+        let smallest = self.engine.as_ref().map_or(1.0, Engine::smallest_pivot);
+        if smallest < DOUBTFUL {
+            return self.estimate_condition(norm);
+        }
+        self.rcond = Some((smallest / norm.max(1.0)).min(1.0));
+        Ok(())
+    }
+
+    /// Scales and factors; returns the norm of the scaled matrix. Nothing is known of its condition then.
+    fn decompose(&mut self, a: MatrixRef<'_>) -> Result<f64, LinearError> {
+        self.rcond = None;
+        self.pattern.check(&a)?;
+        check_finite(a.values, "the matrix")?;
+        let norm = self.scale(a.values)?;
+        let Some(engine) = self.engine.as_mut() else {
+            return Err(LinearError::NotAnalyzed);
+        };
+        let n = self.pattern.n();
+        if n == 0 {
+            return Ok(0.0);
+        }
+        let symbolic =
+            SymbolicSparseColMatRef::new_checked(n, n, self.pattern.col_ptr(), None, self.pattern.row_idx());
+        let result = engine.symbolic.factorize_numeric_llt(
+            &mut engine.factor,
+            SparseColMatRef::new(symbolic, &self.values),
+            Side::Lower,
+            Default::default(),
+            Par::Seq,
+            MemStack::new(&mut engine.scratch),
+            Default::default(),
+        );
+        // A pivot that is not positive is the only error there is.
+        if result.is_err() {
+            return Err(LinearError::NotPositiveDefinite);
+        }
+        Ok(norm)
+    }
+
+    fn estimate_condition(&mut self, norm: f64) -> Result<(), LinearError> {
+        let n = self.pattern.n();
+        let Some(engine) = self.engine.as_mut().filter(|_| n > 0) else {
+            self.rcond = Some(1.0);
+            return Ok(());
+        };
+        let (x, sign) = self.work.split_at_mut(n);
+        let mut scratch = std::mem::take(&mut engine.scratch);
+        let inverse_norm = norm_1_estimate(|x, _| engine.solve(x, &mut scratch), x, sign);
+        engine.scratch = scratch;
+        // A semidefinite matrix may pass the pivots by rounding: it is no more positive definite for that.
+        match judge(norm, inverse_norm) {
+            Ok(rcond) => self.rcond = Some(rcond),
+            Err(_) => return Err(LinearError::NotPositiveDefinite),
+        }
+        Ok(())
     }
 
     fn prepare(&mut self, last: &[usize]) -> Result<(), LinearError> {
@@ -242,53 +304,114 @@ impl Engine {
         block
     }
 
-    /// Σ ln l_ii.
-    fn log_diagonal(&self) -> f64 {
+    /// Calls `f` with every diagonal entry of L.
+    fn for_diagonal(&self, mut f: impl FnMut(f64)) {
         match self.symbolic.raw() {
             SymbolicCholeskyRaw::Simplicial(s) => {
-                (0..s.ncols()).map(|j| self.factor[s.col_ptr()[j]].ln()).sum()
+                (0..s.ncols()).for_each(|j| f(self.factor[s.col_ptr()[j]]));
             }
             SymbolicCholeskyRaw::Supernodal(s) => {
                 let llt = supernodal::SupernodalLltRef::new(s, &self.factor);
-                (0..s.n_supernodes())
-                    .map(|k| {
-                        let block = llt.supernode(k).val();
-                        (0..block.ncols()).map(|j| block[(j, j)].ln()).sum::<f64>()
-                    })
-                    .sum()
+                for k in 0..s.n_supernodes() {
+                    let block = llt.supernode(k).val();
+                    (0..block.ncols()).for_each(|j| f(block[(j, j)]));
+                }
             }
         }
     }
+
+    /// Σ ln l_jj.
+    fn log_diagonal(&self) -> f64 {
+        let mut sum = 0.0;
+        self.for_diagonal(|l| sum += l.ln());
+        sum
+    }
+
+    /// min l_jj².
+    fn smallest_pivot(&self) -> f64 {
+        let mut smallest = 1.0f64;
+        self.for_diagonal(|l| smallest = smallest.min(l * l));
+        smallest
+    }
 }
 
-/// An approximate minimum degree order with the unknowns in `last` moved to the end: (old number at each place, place of each).
+/// An approximate minimum degree order of the unknowns but those in `last`, which follow in the order given: (old number at each
+/// place, place of each).
 fn order_with_last(
     a: SymbolicSparseColMatRef<'_, usize>,
     last: &[usize],
 ) -> Result<(Vec<usize>, Vec<usize>), LinearError> {
     let n = a.ncols();
-    let (mut order, mut position) = (vec![0; n], vec![0; n]);
-    let nnz = a.row_idx().len();
-    let request = amd::order_maybe_unsorted_scratch::<usize>(n, nnz);
+    let mut is_last = vec![false; n];
+    last.iter().for_each(|&i| is_last[i] = true);
+    let quotient = Quotient::new(a, &is_last);
+    let k = quotient.col_ptr.len() - 1;
+    let (mut groups, mut places) = (vec![0; k], vec![0; k]);
+    let graph = SymbolicSparseColMatRef::new_checked(k, k, &quotient.col_ptr, None, &quotient.row_idx);
+    let request = amd::order_maybe_unsorted_scratch::<usize>(k, quotient.row_idx.len());
     let mut memory = MemBuffer::try_new(request).map_err(|_| LinearError::Solver {
         what: "out of memory while ordering the unknowns".to_owned(),
     })?;
-    amd::order_maybe_unsorted(
-        &mut order,
-        &mut position,
-        a,
-        amd::Control::default(),
-        MemStack::new(&mut memory),
-    )
-    .map_err(give_up)?;
-    let mut is_last = vec![false; n];
-    last.iter().for_each(|&i| is_last[i] = true);
-    order.retain(|&i| !is_last[i]);
+    let stack = MemStack::new(&mut memory);
+    amd::order_maybe_unsorted(&mut groups, &mut places, graph, amd::Control::default(), stack)
+        .map_err(give_up)?;
+    let mut order = Vec::with_capacity(n);
+    for g in groups {
+        order.extend_from_slice(&quotient.members[quotient.first[g]..quotient.first[g + 1]]);
+    }
     order.extend_from_slice(last);
+    let mut position = vec![0; n];
     for (place, &i) in order.iter().enumerate() {
         position[i] = place;
     }
     Ok((order, position))
+}
+
+/// The graph of a matrix with neighbouring unknowns of equal columns (those of one node of a mesh) as one: a fraction of the size,
+/// with the same good orders.
+struct Quotient {
+    col_ptr: Vec<usize>,
+    row_idx: Vec<usize>,
+    /// The unknowns of group g are `members[first[g]..first[g + 1]]`.
+    members: Vec<usize>,
+    first: Vec<usize>,
+}
+
+impl Quotient {
+    fn new(a: SymbolicSparseColMatRef<'_, usize>, left_out: &[bool]) -> Self {
+        const NONE: usize = usize::MAX;
+        let n = a.ncols();
+        let column = |j: usize| &a.row_idx()[a.col_ptr()[j]..a.col_ptr()[j + 1]];
+        let (mut members, mut first) = (Vec::with_capacity(n), Vec::new());
+        let mut group_of = vec![NONE; n];
+        let mut previous = None;
+        for j in (0..n).filter(|&j| !left_out[j]) {
+            if previous.is_none_or(|i| column(i) != column(j)) {
+                first.push(members.len());
+            }
+            group_of[j] = first.len() - 1;
+            members.push(j);
+            previous = Some(j);
+        }
+        let (mut col_ptr, mut row_idx) = (vec![0], Vec::with_capacity(a.row_idx().len() / 2));
+        for &start in &first {
+            let begun = row_idx.len();
+            for &i in column(members[start]) {
+                let g = group_of[i];
+                if g != NONE && (row_idx.len() == begun || row_idx[row_idx.len() - 1] != g) {
+                    row_idx.push(g);
+                }
+            }
+            col_ptr.push(row_idx.len());
+        }
+        first.push(members.len());
+        Self {
+            col_ptr,
+            row_idx,
+            members,
+            first,
+        }
+    }
 }
 
 impl LinearSolver for Cholesky {
@@ -300,43 +423,8 @@ impl LinearSolver for Cholesky {
     }
 
     fn factor(&mut self, a: MatrixRef<'_>) -> Result<(), LinearError> {
-        self.rcond = None;
-        self.pattern.check(&a)?;
-        check_finite(a.values, "the matrix")?;
-        let norm = self.scale(a.values)?;
-        let Some(engine) = self.engine.as_mut() else {
-            return Err(LinearError::NotAnalyzed);
-        };
-        let n = self.pattern.n();
-        if n == 0 {
-            self.rcond = Some(1.0);
-            return Ok(());
-        }
-        let symbolic =
-            SymbolicSparseColMatRef::new_checked(n, n, self.pattern.col_ptr(), None, self.pattern.row_idx());
-        let result = engine.symbolic.factorize_numeric_llt(
-            &mut engine.factor,
-            SparseColMatRef::new(symbolic, &self.values),
-            Side::Lower,
-            Default::default(),
-            Par::Seq,
-            MemStack::new(&mut engine.scratch),
-            Default::default(),
-        );
-        // A pivot that is not positive is the only error there is.
-        if result.is_err() {
-            return Err(LinearError::NotPositiveDefinite);
-        }
-        let (x, sign) = self.work.split_at_mut(n);
-        let mut scratch = std::mem::take(&mut engine.scratch);
-        let inverse_norm = norm_1_estimate(|x, _| engine.solve(x, &mut scratch), x, sign);
-        engine.scratch = scratch;
-        // A semidefinite matrix may pass the pivots by rounding: it is no more positive definite for that.
-        match judge(norm, inverse_norm) {
-            Ok(rcond) => self.rcond = Some(rcond),
-            Err(_) => return Err(LinearError::NotPositiveDefinite),
-        }
-        Ok(())
+        let norm = self.decompose(a)?;
+        self.estimate_condition(norm)
     }
 
     fn solve_in_place(&mut self, b: &mut [f64]) -> Result<(), LinearError> {

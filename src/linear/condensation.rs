@@ -58,7 +58,7 @@ impl Condensation {
             .collect();
         let mut factor = Cholesky::default();
         factor.analyze_with_last(a.pattern().as_ref(), &touched)?;
-        factor.factor(a.as_ref())?;
+        factor.factor_by_pivots(a.as_ref())?;
         let l = factor.trailing_factor(&touched)?;
         let compliance = compliance(b, &touched, &l, q)?;
         Ok(Self {
@@ -72,6 +72,12 @@ impl Condensation {
     #[must_use]
     pub fn compliance(&self) -> &Matrix {
         &self.compliance
+    }
+
+    /// ln det A.
+    #[must_use]
+    pub fn log_det(&self) -> f64 {
+        self.factor.log_det().map_or(f64::NAN, |d| d.1)
     }
 
     /// B A⁻¹ f.

@@ -6,11 +6,14 @@ mod cholesky;
 mod condensation;
 mod condition;
 mod dense_lu;
+mod eigen;
 mod error;
 mod kernel;
 mod memory;
+mod multigrid;
 mod row_inverse;
 mod scaling;
+mod small_lu;
 mod sparse_lu;
 
 pub use auto::{AutoSolver, DENSE_LIMIT};
@@ -18,9 +21,13 @@ pub use bordered::Bordered;
 pub use cholesky::Cholesky;
 pub use condensation::Condensation;
 pub use dense_lu::DenseLu;
+pub use eigen::{eigenvalues, generalized_eigenvalues, symmetric_eigenvalues};
 pub use error::LinearError;
 pub use kernel::{NullSpace, null_space};
+pub use multigrid::Prolongation;
+pub(crate) use multigrid::{TruncatedMultigrid, affine_prolongation, aggregation_hierarchy, coarse_problem};
 pub(crate) use row_inverse::RowInverse;
+pub(crate) use small_lu::SmallLu;
 pub use sparse_lu::SparseLu;
 
 use crate::sparse::{MatrixRef, PatternRef};

@@ -1,5 +1,5 @@
 use super::{Bordered, LinearError, LinearSolver};
-use crate::sparse::Matrix;
+use crate::sparse::{Matrix, dot};
 
 /// Change of the determinant by one row below which the update would lose too many digits.
 const SMALL_PIVOT: f64 = 1e-7;
@@ -17,6 +17,8 @@ pub(crate) struct RowInverse {
     order: usize,
     /// Row-major rows of ∇H.
     rows: Vec<f64>,
+    /// Largest modulus in each row.
+    sizes: Vec<f64>,
     border: Vec<f64>,
     /// Column-major inverse.
     inverse: Vec<f64>,
@@ -44,6 +46,10 @@ impl RowInverse {
         for (i, j, v) in jacobian.triplets() {
             rows[i * order + j] = v;
         }
+        let sizes = rows
+            .chunks_exact(order)
+            .map(|r| r.iter().fold(0.0, |m: f64, v| m.max(v.abs())))
+            .collect();
         let mut inverse = vec![0.0; order * order];
         let mut unit = vec![0.0; n];
         for (k, column) in inverse.chunks_exact_mut(order).enumerate() {
@@ -58,6 +64,7 @@ impl RowInverse {
         Ok(Some(Self {
             order,
             rows,
+            sizes,
             tangent: border.clone(),
             border,
             inverse,
@@ -85,7 +92,7 @@ impl RowInverse {
     }
 
     fn normalise(&mut self) -> bool {
-        let length = self.tangent.iter().map(|v| v * v).sum::<f64>().sqrt();
+        let length = dot(&self.tangent, &self.tangent).sqrt();
         self.tangent.iter_mut().for_each(|t| *t /= length);
         length.is_finite() && length > 0.0
     }
@@ -95,14 +102,10 @@ impl RowInverse {
         let m = self.order;
         let mut worst = 0.0f64;
         for (i, row) in self.rows.chunks_exact(m).enumerate() {
-            let (mut sum, mut size) = (0.0f64, 0.0f64);
-            for (a, t) in row.iter().zip(&self.tangent) {
-                sum += a * t;
-                size = size.max(a.abs());
-            }
+            let sum = dot(row, &self.tangent);
             self.column[i] = sum;
-            if size > 0.0 {
-                worst = worst.max(sum.abs() / size);
+            if self.sizes[i] > 0.0 {
+                worst = worst.max(sum.abs() / self.sizes[i]);
             }
         }
         for (column, r) in self.inverse.chunks_exact(m).zip(&self.column[..m - 1]) {
@@ -115,23 +118,24 @@ impl RowInverse {
         let m = self.order;
         // d = new row − old row; B' = B + eᵢ dᵀ.
         let row = &mut self.rows[i * m..(i + 1) * m];
-        let mut largest = 0.0f64;
+        let mut size = 0.0f64;
+        let strided = jacobian.pattern().is_full().then(|| jacobian.values());
         for (j, (old, d)) in row.iter_mut().zip(self.column.iter_mut()).enumerate() {
-            let new = jacobian.get(i, j);
-            largest = largest.max(new.abs()).max(old.abs());
+            let new = match strided {
+                Some(values) => values[j * (m - 1) + i],
+                None => jacobian.get(i, j),
+            };
+            size = size.max(new.abs());
             *d = new - *old;
             *old = new;
         }
+        self.sizes[i] = size;
         for (k, w) in self.weights.iter_mut().enumerate() {
             let column = &self.inverse[k * m..(k + 1) * m];
-            *w = self.column.iter().zip(column).map(|(d, v)| d * v).sum();
+            *w = dot(&self.column, column);
         }
         let pivot = 1.0 + self.weights[i];
-        if !pivot.is_finite()
-            || pivot.abs() < SMALL_PIVOT
-            || pivot.abs() > 1.0 / SMALL_PIVOT
-            || largest == 0.0
-        {
+        if !pivot.is_finite() || pivot.abs() < SMALL_PIVOT || pivot.abs() > 1.0 / SMALL_PIVOT || size == 0.0 {
             return false;
         }
         if pivot < 0.0 {
@@ -167,7 +171,7 @@ impl RowInverse {
 
     /// Sign of det [∇H; vᵀ]: that of [∇H; tᵀ] is known, and both are proportional to the component along the kernel.
     pub(crate) fn orientation(&self, v: &[f64]) -> i8 {
-        let along = |w: &[f64]| w.iter().zip(&self.tangent).map(|(a, b)| a * b).sum::<f64>();
+        let along = |w: &[f64]| dot(w, &self.tangent);
         let product = along(v) * along(&self.border);
         if product == 0.0 {
             0
@@ -180,7 +184,7 @@ impl RowInverse {
 
     /// Logarithm of |det [∇H; τᵀ]|, with the unit tangent as border.
     pub(crate) fn log_det(&self) -> f64 {
-        let along: f64 = self.border.iter().zip(&self.tangent).map(|(a, b)| a * b).sum();
+        let along = dot(&self.border, &self.tangent);
         self.det.1 - along.abs().ln()
     }
 }

@@ -1,7 +1,7 @@
 //! When a residual counts as zero: relative to the terms that cancel in it, whatever the units of equations and unknowns.
 
-use super::moore_penrose::norm;
 use crate::sparse::MatrixRef;
+use crate::sparse::norm;
 
 /// Sweeps of equilibration; each halves the decimal exponents that are left.
 const SWEEPS: usize = 6;
@@ -54,7 +54,7 @@ pub(super) fn is_small(
 }
 
 /// Factors that bring the largest entry of every row and column of a matrix near 1 (D. Ruiz, RAL-TR-2001-034).
-pub(super) fn equilibrate(a: MatrixRef<'_>, row: &mut [f64], col: &mut [f64], max: &mut [f64]) {
+pub(crate) fn equilibrate(a: MatrixRef<'_>, row: &mut [f64], col: &mut [f64], max: &mut [f64]) {
     row.fill(1.0);
     col.fill(1.0);
     let divide = |factor: &mut f64, max: f64| {

@@ -1,13 +1,13 @@
 use std::ops::ControlFlow;
 
 use super::convergence::{Scratch, is_small, row_sizes};
-use super::moore_penrose::norm as norm2;
 use super::system::{Evaluation, System};
 use super::workspace::Workspace;
 use super::{Convergence, Damping, Failure, Iteration, NewtonError, NewtonOptions, Step, Unsolved};
 use crate::linear::{LinearError, LinearSolver};
 use crate::piecewise::PiecewiseError;
 use crate::sparse::Matrix;
+use crate::sparse::norm as norm2;
 
 /// Line-search iterations after which the residual must have halved, or pieces are changed one at a time.
 const PATIENCE: usize = 12;

@@ -11,9 +11,9 @@ mod step;
 mod system;
 mod workspace;
 
+pub(crate) use convergence::equilibrate;
 pub use error::{NewtonError, Unsolved};
 pub use moore_penrose::{Correction, MoorePenrose};
-pub(crate) use moore_penrose::{dot, norm};
 pub use options::{Damping, NewtonOptions};
 pub use report::{Convergence, Failure, Iteration, Report, Step};
 pub use solver::Newton;

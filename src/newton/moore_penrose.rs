@@ -1,6 +1,6 @@
 use crate::linear::{Bordered, DENSE_LIMIT, LinearSolver, RowInverse};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection};
-use crate::sparse::Matrix;
+use crate::sparse::{Matrix, dot, norm};
 
 /// The Moore–Penrose corrector of curves H(x) = 0 (n equations, n + 1 variables), with its workspaces.
 ///
@@ -361,21 +361,4 @@ impl<L: LinearSolver> MoorePenrose<L> {
         }
         Ok(outcome)
     }
-}
-
-pub(crate) fn norm(v: &[f64]) -> f64 {
-    let squares: f64 = v.iter().map(|x| x * x).sum();
-    if (1e-290..1e290).contains(&squares) || squares.is_nan() {
-        return squares.sqrt();
-    }
-    // Squares left the range of numbers; the norm need not.
-    let max = v.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
-    if max == 0.0 || max.is_infinite() {
-        return max;
-    }
-    max * v.iter().map(|x| (x / max).powi(2)).sum::<f64>().sqrt()
-}
-
-pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
 }

@@ -2,11 +2,11 @@
 
 use super::convergence::equilibrate;
 use super::iterate::{Mode, Run};
-use super::moore_penrose::norm as norm2;
 use super::system::Evaluation;
 use super::{Damping, Failure, Step};
 use crate::linear::{LinearError, LinearSolver};
 use crate::sparse::Matrix;
+use crate::sparse::norm as norm2;
 
 /// Largest number of conjugate-gradient steps for the step at a singular Jacobian.
 const LEAST_SQUARES: usize = 200;

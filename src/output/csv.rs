@@ -3,7 +3,7 @@ use std::fmt;
 use std::io::Write;
 
 use super::OutputError;
-use super::walk::vertices;
+use super::walk::{Vertex, vertices};
 use crate::continuation::Branch;
 use crate::piecewise::PiecewiseSmooth;
 
@@ -27,6 +27,18 @@ impl<'a> Column<'a> {
     /// The column of one entry of x (NaN where x has no such entry).
     pub fn entry(name: impl Into<Cow<'a, str>>, index: usize) -> Self {
         Self::new(name, move |x| x.get(index).copied().unwrap_or(f64::NAN))
+    }
+
+    /// Its name.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Its value at x.
+    #[must_use]
+    pub fn value(&self, x: &[f64]) -> f64 {
+        (self.value)(x)
     }
 }
 
@@ -68,6 +80,18 @@ pub fn write_csv<P: PiecewiseSmooth + ?Sized>(
     branch: &Branch,
     columns: &[Column<'_>],
 ) -> Result<(), OutputError> {
+    write_header(out, map, columns)?;
+    for v in vertices(branch) {
+        write_row(out, map, &v, columns)?;
+    }
+    Ok(out.flush()?)
+}
+
+pub(super) fn write_header<P: PiecewiseSmooth + ?Sized>(
+    out: &mut impl Write,
+    map: &P,
+    columns: &[Column<'_>],
+) -> std::io::Result<()> {
     write!(out, "arclength,parameter,event")?;
     for column in columns {
         write!(out, ",{}", quoted(&column.name))?;
@@ -75,22 +99,27 @@ pub fn write_csv<P: PiecewiseSmooth + ?Sized>(
     for site in 0..map.num_sites() {
         write!(out, ",{}", quoted(&map.site_name(site)))?;
     }
-    write!(out, "\r\n")?;
-    for v in vertices(branch) {
-        let parameter = v.x.last().copied().unwrap_or(f64::NAN);
-        write!(out, "{:?},{parameter:?},{}", v.arclength, quoted(v.event))?;
-        for column in columns {
-            write!(out, ",{:?}", (column.value)(v.x))?;
-        }
-        for (site, piece) in v.selection.pieces().enumerate() {
-            write!(out, ",{}", quoted(&map.piece_name(site, piece)))?;
-        }
-        write!(out, "\r\n")?;
-    }
-    Ok(out.flush()?)
+    write!(out, "\r\n")
 }
 
-fn quoted(field: &str) -> Cow<'_, str> {
+pub(super) fn write_row<P: PiecewiseSmooth + ?Sized>(
+    out: &mut impl Write,
+    map: &P,
+    v: &Vertex<'_>,
+    columns: &[Column<'_>],
+) -> std::io::Result<()> {
+    let parameter = v.x.last().copied().unwrap_or(f64::NAN);
+    write!(out, "{:?},{parameter:?},{}", v.arclength, quoted(v.event))?;
+    for column in columns {
+        write!(out, ",{:?}", (column.value)(v.x))?;
+    }
+    for (site, piece) in v.selection.pieces().enumerate() {
+        write!(out, ",{}", quoted(&map.piece_name(site, piece)))?;
+    }
+    write!(out, "\r\n")
+}
+
+pub(super) fn quoted(field: &str) -> Cow<'_, str> {
     if field.contains([',', '"', '\r', '\n']) {
         Cow::Owned(format!("\"{}\"", field.replace('"', "\"\"")))
     } else {

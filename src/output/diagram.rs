@@ -5,7 +5,7 @@ use super::OutputError;
 use super::plane::{Point, Range};
 use super::walk::vertices;
 use crate::contact::ContactState;
-use crate::continuation::{Branch, TransitionKind};
+use crate::continuation::{Branch, Diagram, DiagramEdge, TransitionKind, VertexKind};
 use crate::piecewise::Selection;
 
 /// An sRGB colour.
@@ -47,15 +47,25 @@ pub struct SegmentStyle {
     pub name: Cow<'static, str>,
     /// Colour of the line.
     pub colour: Colour,
+    /// Whether the line is dashed: where det ∇_yH < 0, in the pictures of this crate.
+    pub dashed: bool,
 }
 
 impl SegmentStyle {
-    /// A class of segments.
+    /// A class of segments with solid lines.
     pub fn new(name: impl Into<Cow<'static, str>>, colour: Colour) -> Self {
         Self {
             name: name.into(),
             colour,
+            dashed: false,
         }
+    }
+
+    /// Sets whether the line is dashed.
+    #[must_use]
+    pub fn with_dashes(mut self, dashed: bool) -> Self {
+        self.dashed = dashed;
+        self
     }
 
     /// The colours of Haslinger, Janovský and Ligurský for a contact node: red no contact, green stick, blue slip, grey grazing.
@@ -78,6 +88,8 @@ pub struct Curve {
     pub(super) transitions: Vec<Point>,
     pub(super) branchings: Vec<Point>,
     pub(super) starts: bool,
+    /// Without arrows: the curve has no direction of travel.
+    pub(super) undirected: bool,
 }
 
 impl Curve {
@@ -125,6 +137,29 @@ impl Curve {
             transitions: other.iter().map(|t| place(&t.x)).collect(),
             branchings: branchings.collect(),
             starts: true,
+            undirected: false,
+        }
+    }
+
+    /// An edge of an explored diagram, without marks and arrows; dashed where det ∇_yH < 0. `ordinate` and `style` as in
+    /// [`of_branch`](Self::of_branch).
+    pub fn of_edge(
+        edge: &DiagramEdge,
+        ordinate: impl Fn(&[f64]) -> f64,
+        style: impl Fn(&Selection, &[usize]) -> SegmentStyle,
+    ) -> Self {
+        let points = edge.points.iter();
+        let styles = edge.points.windows(2).map(|ends| {
+            // Signs are those of a stretch; at a smooth fold, where it changes, the point knows none.
+            let signs = ends.iter().map(|p| p.det_sign);
+            let negative = signs.flatten().find(|s| *s != 0) == Some(-1);
+            style(&ends[0].selection, &ends[0].grazing).with_dashes(negative)
+        });
+        Self {
+            vertices: points.map(|p| (p.parameter(), ordinate(&p.x))).collect(),
+            styles: styles.collect(),
+            undirected: true,
+            ..Self::default()
         }
     }
 
@@ -182,6 +217,34 @@ impl Panel {
         self
     }
 
+    /// Adds an explored diagram over its parameter: every edge, ○ at vertices with two arms or fewer, ◆ where more meet, ✱ at
+    /// starts. Bounds and limits are not marked.
+    #[must_use]
+    pub fn with_diagram(
+        mut self,
+        diagram: &Diagram,
+        ordinate: impl Fn(&[f64]) -> f64,
+        style: impl Fn(&Selection, &[usize]) -> SegmentStyle,
+    ) -> Self {
+        let edges = diagram.edges().iter();
+        self.curves
+            .extend(edges.map(|e| Curve::of_edge(e, &ordinate, &style)));
+        let mut marks = Curve::default();
+        for vertex in diagram.vertices() {
+            let place = (vertex.parameter(), ordinate(&vertex.x));
+            match vertex.kind {
+                VertexKind::Branching | VertexKind::BranchPoint => marks.branchings.push(place),
+                VertexKind::Start | VertexKind::Bound | VertexKind::Limit(_) => {}
+                _ => marks.transitions.push(place),
+            }
+            if vertex.is_start {
+                let start = Curve::line(vec![place], SegmentStyle::new("", Colour::GREY));
+                self.curves.push(start.with_start(true));
+            }
+        }
+        self.with_curve(marks)
+    }
+
     /// Shows this range of the abscissa only; by default all of every curve.
     #[must_use]
     pub fn with_x_range(mut self, lower: f64, upper: f64) -> Self {
@@ -198,7 +261,7 @@ impl Panel {
 }
 
 /// A branch diagram: solution curves over the parameter, coloured by state, ○ at transitions, ◆ at branching points, ✱ at starts,
-/// arrows in the direction of travel, axes, legend. One panel, or several side by side.
+/// arrows in the direction of travel, dashes where det ∇_yH < 0 (diagrams), axes, legend. One panel, or several side by side.
 ///
 /// ```
 /// use semismooth::output::{BranchDiagram, Colour, Curve, Panel, SegmentStyle};

@@ -2,6 +2,7 @@
 
 use plotters::coord::Shift;
 use plotters::coord::types::RangedCoordf64;
+use plotters::element::DashedPathElement;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
@@ -219,9 +220,10 @@ fn draw_lines(
     let finish = |stretch: &mut Vec<Pixel>, style: Option<&SegmentStyle>| -> Result<(), OutputError> {
         if let (Some(style), true) = (style, stretch.len() > 1) {
             let colour = rgb(style.colour);
-            let line = PathElement::new(thinned(stretch), colour.stroke_width(2 * SCALE as u32 + 2));
-            root.draw(&line).map_err(failed)?;
-            draw_arrows(root, stretch, colour)?;
+            draw_line(root, thinned(stretch), style, 2 * SCALE as u32 + 2)?;
+            if !curve.undirected {
+                draw_arrows(root, stretch, colour)?;
+            }
         }
         stretch.clear();
         Ok(())
@@ -242,6 +244,16 @@ fn draw_lines(
         }
     }
     finish(&mut stretch, current)
+}
+
+fn draw_line(root: &Area<'_>, line: Vec<Pixel>, style: &SegmentStyle, width: u32) -> Result<(), OutputError> {
+    let stroke = rgb(style.colour).stroke_width(width);
+    let drawn = if style.dashed {
+        root.draw(&DashedPathElement::new(line, 7 * SCALE, 4 * SCALE, stroke))
+    } else {
+        root.draw(&PathElement::new(line, stroke))
+    };
+    drawn.map_err(failed)
 }
 
 fn thinned(stretch: &[Pixel]) -> Vec<Pixel> {
@@ -317,6 +329,7 @@ fn draw_star(root: &Area<'_>, (x, y): Pixel) -> Result<(), OutputError> {
 /// An entry of the legend.
 enum Entry<'a> {
     Class(&'a SegmentStyle),
+    Negative,
     Transition,
     Branching,
     Start,
@@ -326,6 +339,7 @@ impl Entry<'_> {
     fn label(&self) -> String {
         match self {
             Self::Class(style) => printable(&style.name),
+            Self::Negative => "det < 0".into(),
             Self::Transition => "transition".into(),
             Self::Branching => "branching".into(),
             Self::Start => "start".into(),
@@ -348,6 +362,9 @@ fn legend_rows(diagram: &BranchDiagram) -> Vec<Vec<Entry<'_>>> {
         }
     }
     let mut entries: Vec<Entry<'_>> = classes.into_iter().map(Entry::Class).collect();
+    if curves().flat_map(|c| &c.styles).any(|s| s.dashed) {
+        entries.push(Entry::Negative);
+    }
     if curves().any(|c| !c.transitions.is_empty()) {
         entries.push(Entry::Transition);
     }
@@ -383,9 +400,14 @@ fn draw_legend(area: &Area<'_>, rows: &[Vec<Entry<'_>>]) -> Result<(), OutputErr
             let centre = (x + 16 * SCALE, y);
             match entry {
                 Entry::Class(class) => {
+                    let solid = (*class).clone().with_dashes(false);
                     let line = vec![(x, y), (x + 24 * SCALE, y)];
-                    let stroke = rgb(class.colour).stroke_width(3 * SCALE as u32);
-                    area.draw(&PathElement::new(line, stroke)).map_err(failed)?;
+                    draw_line(area, line, &solid, 3 * SCALE as u32)?;
+                }
+                Entry::Negative => {
+                    let dashes = SegmentStyle::new("", Colour::GREY).with_dashes(true);
+                    let line = vec![(x, y), (x + 24 * SCALE, y)];
+                    draw_line(area, line, &dashes, 3 * SCALE as u32)?;
                 }
                 Entry::Transition => area
                     .draw(&Circle::new(centre, RADIUS, BLACK.stroke_width(SCALE as u32)))

@@ -1,4 +1,4 @@
-//! What people take away: branches as CSV tables and, with the `svg` feature, as diagrams.
+//! What people take away: branches and explored diagrams as CSV tables, with the `json` feature as JSON, with `svg` as pictures.
 
 mod csv;
 #[cfg(feature = "svg")]
@@ -6,6 +6,8 @@ mod diagram;
 #[cfg(feature = "svg")]
 mod draw;
 mod error;
+mod graph;
+mod live;
 #[cfg(feature = "svg")]
 mod plane;
 mod walk;
@@ -14,3 +16,9 @@ pub use csv::{Column, write_csv};
 #[cfg(feature = "svg")]
 pub use diagram::{BranchDiagram, Colour, Curve, Panel, SegmentStyle};
 pub use error::OutputError;
+pub use graph::write_diagram_csv;
+#[cfg(feature = "json")]
+pub use graph::write_diagram_json;
+pub use live::CsvWriter;
+#[cfg(feature = "json")]
+pub use live::JsonLinesWriter;

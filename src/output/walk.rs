@@ -1,6 +1,6 @@
 //! A branch as one list of vertices, events merged with regular points.
 
-use crate::continuation::{Arm, Branch, Point};
+use crate::continuation::{Arm, Branch, BranchPoint, Event, Point, Transition};
 use crate::piecewise::Selection;
 
 /// A vertex of a branch, with the state in which the curve leaves it.
@@ -32,10 +32,8 @@ impl<'a> Vertex<'a> {
     }
 }
 
-/// All vertices by arclength.
-pub(super) fn vertices(branch: &Branch) -> Vec<Vertex<'_>> {
-    let points = branch.points.iter().map(|p| Vertex::regular(p, "point"));
-    let transitions = branch.transitions.iter().map(|t| {
+impl<'a> From<&'a Transition> for Vertex<'a> {
+    fn from(t: &'a Transition) -> Self {
         let vertex = Vertex {
             arclength: t.arclength,
             x: &t.x,
@@ -44,14 +42,35 @@ pub(super) fn vertices(branch: &Branch) -> Vec<Vertex<'_>> {
             grazing: &[],
         };
         vertex.leaving_along(t.followed.and_then(|k| t.arms.get(k)))
-    });
+    }
+}
+
+impl<'a> From<&'a BranchPoint> for Vertex<'a> {
+    fn from(b: &'a BranchPoint) -> Self {
+        Vertex::regular(&b.point, "branch point").leaving_along(b.followed.and_then(|k| b.arms.get(k)))
+    }
+}
+
+impl<'a> From<&'a Event> for Vertex<'a> {
+    fn from(event: &'a Event) -> Self {
+        match event {
+            Event::Point(p) => Vertex::regular(p, "point"),
+            Event::Transition(t) => t.into(),
+            Event::SmoothFold(f) => Vertex::regular(&f.point, "smooth fold"),
+            Event::BranchPoint(b) => b.into(),
+        }
+    }
+}
+
+/// All vertices by arclength.
+pub(super) fn vertices(branch: &Branch) -> Vec<Vertex<'_>> {
+    let points = branch.points.iter().map(|p| Vertex::regular(p, "point"));
+    let transitions = branch.transitions.iter().map(Vertex::from);
     let folds = branch
         .smooth_folds
         .iter()
         .map(|f| Vertex::regular(&f.point, "smooth fold"));
-    let branchings = branch.branch_points.iter().map(|b| {
-        Vertex::regular(&b.point, "branch point").leaving_along(b.followed.and_then(|k| b.arms.get(k)))
-    });
+    let branchings = branch.branch_points.iter().map(Vertex::from);
     let mut all: Vec<_> = points.chain(transitions).chain(folds).chain(branchings).collect();
     all.sort_by(|a, b| a.arclength.total_cmp(&b.arclength));
     all

@@ -12,6 +12,7 @@ use super::PiecewiseSmooth;
 /// assert_eq!(s.differing_sites(&Selection::uniform(3, 0)).collect::<Vec<_>>(), [2]);
 /// ```
 #[derive(Debug, Clone, PartialEq, Eq, Hash, PartialOrd, Ord, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Selection {
     pieces: Vec<u16>,
 }

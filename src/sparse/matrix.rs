@@ -297,10 +297,13 @@ impl Matrix {
         let mut next = col_ptr.clone();
         let mut row_idx = vec![0; self.values.len()];
         let mut values = vec![0.0; self.values.len()];
-        for (i, j, v) in self.triplets() {
-            row_idx[next[i]] = j;
-            values[next[i]] = v;
-            next[i] += 1;
+        for (j, span) in self.pattern.col_ptr().windows(2).enumerate() {
+            for k in span[0]..span[1] {
+                let place = &mut next[self.pattern.row_idx()[k]];
+                row_idx[*place] = j;
+                values[*place] = self.values[k];
+                *place += 1;
+            }
         }
         match Pattern::from_csc(n, m, col_ptr, row_idx) {
             Ok(pattern) => Self {
@@ -310,6 +313,31 @@ impl Matrix {
             },
             Err(_) => unreachable!("the transpose of a valid pattern is valid"),
         }
+    }
+
+    /// The worst violation of symmetry of a square matrix, (i, j, |A_ij − A_ji|), where it exceeds `tolerance` times the largest
+    /// entry.
+    pub(crate) fn asymmetry(&self, tolerance: f64) -> Option<(usize, usize, f64)> {
+        let (col_ptr, row_idx) = (self.pattern.col_ptr(), self.pattern.row_idx());
+        let largest = self.values.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+        let mut worst = (0, 0, 0.0);
+        // Columns are met in rising order, and so are the mirror images in each column: one pass finds them all.
+        let mut next = col_ptr.to_vec();
+        for (col, span) in col_ptr.windows(2).enumerate() {
+            for k in span[0]..span[1] {
+                let (row, v) = (row_idx[k], self.values[k]);
+                while next[row] < col_ptr[row + 1] && row_idx[next[row]] < col {
+                    next[row] += 1;
+                }
+                let mirrored = next[row] < col_ptr[row + 1] && row_idx[next[row]] == col;
+                let mirror = if mirrored { self.values[next[row]] } else { 0.0 };
+                let difference = (v - mirror).abs();
+                if difference > worst.2 {
+                    worst = (row, col, difference);
+                }
+            }
+        }
+        (worst.2 > tolerance * largest).then_some(worst)
     }
 
     /// Checks that every value is finite.

@@ -8,6 +8,7 @@ mod error;
 mod matrix;
 mod matrix_market;
 mod pattern;
+mod vector;
 
 pub use error::SparseError;
 pub use matrix::{Matrix, MatrixRef};
@@ -15,3 +16,4 @@ pub use matrix_market::{
     parse_matrix_market, parse_vector, read_matrix_market, read_vector, write_matrix_market,
 };
 pub use pattern::{Pattern, PatternRef};
+pub(crate) use vector::{dot, norm};

@@ -11,8 +11,8 @@ use crate::continuation::{
     Arm, Continuation, ContinuationError, Event, Point, PointKind, Strategy, Termination,
 };
 use crate::linear::AutoSolver;
-use crate::newton::norm;
 use crate::piecewise::PiecewiseSmooth;
+use crate::sparse::norm;
 
 /// Arms of one vertex closer than this are one; at singular points tangents carry only half of the digits.
 const SAME_ARM: f64 = 1e-4;
@@ -65,32 +65,20 @@ impl Diagram {
         S: AsRef<[f64]>,
     {
         options.validate()?;
-        let mut options = options.clone();
-        options.continuation.strategy = Strategy::Located;
-        let mut explorer = Explorer {
-            map,
-            diagram: Self {
-                range: options.continuation.parameter_range,
-                same_point: options.same_point,
-                ..Self::default()
-            },
-            options,
-            pending: VecDeque::new(),
-            started: Instant::now(),
-            halted: false,
-            observe,
+        let diagram = Self {
+            range: options.continuation.parameter_range,
+            same_point: options.same_point,
+            ..Self::default()
         };
-        for start in starts {
-            explorer.start(start.as_ref())?;
-            explorer.follow_pending();
-        }
+        let mut explorer = Explorer::new(map, diagram, options, observe);
+        explorer.run(Vec::new(), starts)?;
         Ok(explorer.diagram)
     }
 }
 
-struct Explorer<'m, P: ?Sized, O> {
+pub(super) struct Explorer<'m, P: ?Sized, O> {
     map: &'m P,
-    diagram: Diagram,
+    pub(super) diagram: Diagram,
     options: DiagramOptions,
     pending: VecDeque<EdgeEnd>,
     started: Instant,
@@ -108,7 +96,36 @@ struct Meeting<'e> {
     complete: bool,
 }
 
-impl<P: PiecewiseSmooth + ?Sized, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'_, P, O> {
+impl<'m, P: PiecewiseSmooth + ?Sized, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, P, O> {
+    pub(super) fn new(map: &'m P, diagram: Diagram, options: &DiagramOptions, observe: O) -> Self {
+        let mut options = options.clone();
+        options.continuation.strategy = Strategy::Located;
+        Self {
+            map,
+            diagram,
+            options,
+            pending: VecDeque::new(),
+            started: Instant::now(),
+            halted: false,
+            observe,
+        }
+    }
+
+    /// Follows the arms that are pending, then those of the starts.
+    pub(super) fn run<S: AsRef<[f64]>>(
+        &mut self,
+        pending: Vec<EdgeEnd>,
+        starts: &[S],
+    ) -> Result<(), ContinuationError> {
+        self.pending.extend(pending);
+        self.follow_pending();
+        for start in starts {
+            self.start(start.as_ref())?;
+            self.follow_pending();
+        }
+        Ok(())
+    }
+
     fn start(&mut self, x: &[f64]) -> Result<(), ContinuationError> {
         let options = self.options.continuation.clone();
         let mut curve = Continuation::prepare(self.map, x, options, AutoSolver::default())?;

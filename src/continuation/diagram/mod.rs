@@ -6,6 +6,8 @@ mod explore;
 mod model;
 mod options;
 mod query;
+mod resume;
+mod sections;
 mod split;
 mod table;
 

@@ -26,10 +26,12 @@ use crate::continuation::{Arm, ContinuationError, Point, Termination};
 /// # Ok::<(), semismooth::continuation::ContinuationError>(())
 /// ```
 #[derive(Debug, Clone, PartialEq, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Diagram {
     pub(super) vertices: Vec<DiagramVertex>,
     pub(super) edges: Vec<DiagramEdge>,
     pub(super) completeness: Completeness,
+    #[cfg_attr(feature = "serde", serde(with = "crate::continuation::extended::pair"))]
     pub(super) range: (f64, f64),
     pub(super) same_point: f64,
     pub(super) points: usize,
@@ -70,6 +72,7 @@ impl Diagram {
 /// What a vertex is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum VertexKind {
     /// A start inside a curve: nothing happens here.
     Start,
@@ -121,6 +124,7 @@ impl fmt::Display for VertexKind {
 /// An arm at a vertex.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct VertexArm {
     /// Selection and direction.
     pub arm: Arm,
@@ -143,6 +147,7 @@ impl VertexArm {
 /// A point where curves meet or end.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct DiagramVertex {
     /// x = (y, α).
     pub x: Vec<f64>,
@@ -167,6 +172,7 @@ impl DiagramVertex {
 /// One end of an edge.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct EdgeEnd {
     /// The vertex.
     pub vertex: usize,
@@ -177,6 +183,7 @@ pub struct EdgeEnd {
 /// A piece of curve between two vertices, on one selection.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct DiagramEdge {
     /// Where it begins.
     pub from: EdgeEnd,
@@ -236,6 +243,7 @@ impl DiagramEdge {
 /// Whether a diagram holds everything connected to its starts.
 #[derive(Debug, Clone, PartialEq, Default)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Completeness {
     /// Every arm of every vertex was followed to a vertex, to a bound of the parameter, or to infinity (`max_growth`).
     #[default]
@@ -278,6 +286,7 @@ impl fmt::Display for Completeness {
 /// Why something was left out of a diagram.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Limit {
     /// The limit on edges; arms are left.
     MaxEdges,
@@ -294,6 +303,11 @@ pub enum Limit {
         /// Why.
         termination: Termination,
     },
+    /// Not all solutions at a parameter are known to be found.
+    Solutions {
+        /// The parameter.
+        parameter: f64,
+    },
     /// The arms of a vertex could not all be determined.
     Arms {
         /// The vertex.
@@ -309,6 +323,7 @@ pub enum Limit {
         /// The vertex.
         vertex: usize,
         /// Why.
+        #[cfg_attr(feature = "serde", serde(with = "crate::continuation::extended::error"))]
         error: ContinuationError,
     },
 }
@@ -321,6 +336,7 @@ impl fmt::Display for Limit {
             Self::MaxTime => f.write_str("limit on time"),
             Self::Stopped => f.write_str("stopped"),
             Self::Curve { vertex, termination } => write!(f, "{termination} at vertex {vertex}"),
+            Self::Solutions { parameter } => write!(f, "solutions at parameter {parameter} not all known"),
             Self::Arms { vertex } => write!(f, "arms of vertex {vertex} undecided"),
             Self::Contradiction { vertex } => {
                 write!(

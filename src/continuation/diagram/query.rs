@@ -5,8 +5,9 @@ use super::{Diagram, VertexKind};
 use crate::continuation::arms::distance;
 use crate::continuation::{ContinuationError, Point};
 use crate::linear::AutoSolver;
-use crate::newton::{MoorePenrose, norm};
+use crate::newton::MoorePenrose;
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection};
+use crate::sparse::norm;
 
 /// A solution at a given α.
 #[derive(Debug, Clone, PartialEq)]
@@ -20,6 +21,9 @@ pub struct Solution {
     pub det_sign: Option<i8>,
     /// The edge on which it lies; the first one at a vertex.
     pub edge: usize,
+    /// The local index (degree) of the solution: the sign of the determinant, where two edges meet the mean of their signs (0: a
+    /// fold); `None` where that does not decide (grazing, branchings, unknown signs).
+    pub index: Option<i8>,
 }
 
 /// The solutions of a diagram at one α.
@@ -30,24 +34,26 @@ pub struct SolutionsAt {
     pub points: Vec<Solution>,
     /// Edges that lie at this α as a whole: vertical segments, each a continuum of solutions.
     pub continua: Vec<usize>,
+    /// Solutions from which no curve leaves, as x = (y, α).
+    pub isolated: Vec<Vec<f64>>,
 }
 
 impl SolutionsAt {
     /// Number of solutions; `None` if there are infinitely many.
     #[must_use]
     pub fn count(&self) -> Option<usize> {
-        self.continua.is_empty().then_some(self.points.len())
+        let finite = self.continua.is_empty();
+        finite.then_some(self.points.len() + self.isolated.len())
     }
 
-    /// Σ sign det ∇_yH over the solutions, where all signs are known and none is 0. At regular α of problems whose solutions are
-    /// all known, this is the degree of the map: an evidence that none is missing.
+    /// Sum of the local indices, where all are known. For problems whose solutions are all known this is the degree of the map
+    /// (+1 for Coulomb friction with F ≥ 0): an evidence that none is missing.
     #[must_use]
     pub fn index_sum(&self) -> Option<i64> {
-        self.count()?;
-        self.points
-            .iter()
-            .map(|s| s.det_sign.filter(|d| *d != 0).map(i64::from))
-            .sum()
+        if !(self.continua.is_empty() && self.isolated.is_empty()) {
+            return None;
+        }
+        self.points.iter().map(|s| s.index.map(i64::from)).sum()
     }
 }
 
@@ -116,6 +122,11 @@ impl Diagram {
                 }
             }
         }
+        for vertex in self.vertices.iter().filter(|v| v.arms.is_empty()) {
+            if near(vertex.parameter()) {
+                found.isolated.push(vertex.x.clone());
+            }
+        }
         // Ends of a continuum belong to it.
         let continua = found.continua.clone();
         let part_of = |x: &[f64]| {
@@ -131,14 +142,22 @@ impl Diagram {
 
     fn offer(&self, found: &mut SolutionsAt, x: Vec<f64>, at: &Point, edge: usize) {
         let reach = self.same_point * (1.0 + norm(&x));
-        if found.points.iter().all(|s| distance(&s.x, &x) > reach) {
-            found.points.push(Solution {
-                x,
-                selection: at.selection.clone(),
-                det_sign: at.det_sign,
-                edge,
-            });
+        let sign = at.det_sign.filter(|s| *s != 0 && at.grazing.is_empty());
+        if let Some(known) = found.points.iter_mut().find(|s| distance(&s.x, &x) <= reach) {
+            let vertex = self.vertex_near(&x).map(|v| self.vertices[v].arms.len());
+            known.index = match (known.index, sign) {
+                (Some(a), Some(b)) if vertex == Some(2) => Some((a + b) / 2),
+                _ => None,
+            };
+            return;
         }
+        found.points.push(Solution {
+            x,
+            selection: at.selection.clone(),
+            det_sign: at.det_sign,
+            edge,
+            index: sign,
+        });
     }
 
     /// All folds, smooth or not, by α.

@@ -1,0 +1,189 @@
+//! Complementarity: obstacle problems nested over grids and from a cold start, dense LCPs, exponential families, small LCPs.
+
+use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
+use semismooth::complementarity::active_set::{ActiveSetOptions, ActiveSetSolver, ActiveSetStatus, Nested};
+use semismooth::complementarity::pivoting::{Lemke, LemkeStatus};
+use semismooth::complementarity::{Lcp, McpSolver};
+use semismooth::linear::Prolongation;
+use semismooth::sparse::{Matrix, Pattern};
+
+/// Uniform in [-1, 1).
+fn next(state: &mut u64) -> f64 {
+    *state ^= *state >> 12;
+    *state ^= *state << 25;
+    *state ^= *state >> 27;
+    let bits = state.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 11;
+    bits as f64 / (1_u64 << 52) as f64 - 1.0
+}
+
+/// MCPLIB's obstacle problem on m × m points.
+fn obstacle(m: usize) -> Lcp {
+    let (n, h) = (m * m, 1.0 / (m + 1) as f64);
+    let mut entries = Vec::with_capacity(5 * n);
+    let (mut lower, mut upper) = (Vec::new(), Vec::new());
+    for j in 0..m {
+        for i in 0..m {
+            let k = j * m + i;
+            entries.push((k, k, 4.0));
+            if i > 0 {
+                entries.push((k, k - 1, -1.0));
+                entries.push((k - 1, k, -1.0));
+            }
+            if j > 0 {
+                entries.push((k, k - m, -1.0));
+                entries.push((k - m, k, -1.0));
+            }
+            let s = (9.2 * (i + 1) as f64 * h).sin() * (9.3 * (j + 1) as f64 * h).sin();
+            lower.push(s.powi(3));
+            upper.push(s * s + 0.2);
+        }
+    }
+    let matrix = Matrix::from_triplets(n, n, &entries).unwrap();
+    Lcp::boxed(matrix, vec![-h * h; n], lower, upper).unwrap()
+}
+
+/// Bilinear interpolation from every second line.
+fn halving(m: usize) -> Prolongation {
+    let coarse = m / 2;
+    let mut entries = Vec::new();
+    let weight = |i: usize, a: usize| if i == 2 * a { 1.0 } else { 0.5 };
+    for b in 1..=coarse {
+        for a in 1..=coarse {
+            for j in 2 * b - 1..=(2 * b + 1).min(m) {
+                for i in 2 * a - 1..=(2 * a + 1).min(m) {
+                    entries.push((
+                        (j - 1) * m + i - 1,
+                        (b - 1) * coarse + a - 1,
+                        weight(i, a) * weight(j, b),
+                    ));
+                }
+            }
+        }
+    }
+    Prolongation::new(&Matrix::from_triplets(m * m, coarse * coarse, &entries).unwrap()).unwrap()
+}
+
+fn grids(c: &mut Criterion) {
+    let options = ActiveSetOptions::default();
+    let mut group = c.benchmark_group("obstacle");
+    group.sample_size(10);
+    for m in [100, 400, 800] {
+        let mut nested = Nested::new(obstacle(m));
+        let mut size = m;
+        while size > 8 {
+            nested = nested.coarsen(halving(size)).unwrap();
+            size /= 2;
+        }
+        let mut z = vec![0.0; m * m];
+        let report = nested.solve(&options, &mut z).unwrap();
+        assert_eq!(report.status(), ActiveSetStatus::Solved);
+        let most = report.levels.iter().map(|l| l.report.iterations).max();
+        println!("m = {m}: at most {most:?} iterations a level");
+        group.bench_function(BenchmarkId::new("nested", m), |b| {
+            b.iter(|| nested.solve(&options, &mut z).unwrap())
+        });
+    }
+    for m in [100, 400] {
+        let lcp = obstacle(m);
+        let start: Vec<f64> = lcp.lower().iter().map(|l| l.max(0.0)).collect();
+        let mut solver = ActiveSetSolver::default();
+        let mut z = start.clone();
+        println!("m = {m}: {:?}", solver.solve(&lcp, &mut z).unwrap());
+        group.bench_function(BenchmarkId::new("from max(0, lower)", m), |b| {
+            b.iter(|| {
+                z.copy_from_slice(&start);
+                solver.solve(&lcp, &mut z).unwrap()
+            });
+        });
+    }
+    group.finish();
+}
+
+/// AᵀA + B + D with A, B in [-5, 5], B skew, D in [0, 0.3], q in [-500, 500] (P. T. Harker, J.-S. Pang, 1990).
+fn harker_pang(n: usize) -> Lcp {
+    let mut s = 7;
+    let a: Vec<f64> = (0..n * n).map(|_| 5.0 * next(&mut s)).collect();
+    let mut m = vec![0.0; n * n];
+    for (i, row) in a.chunks_exact(n).enumerate() {
+        for (j, other) in a.chunks_exact(n).enumerate() {
+            m[j * n + i] = row.iter().zip(other).map(|(x, y)| x * y).sum();
+        }
+    }
+    for i in 0..n {
+        for j in 0..i {
+            let b = 5.0 * next(&mut s);
+            m[j * n + i] += b;
+            m[i * n + j] -= b;
+        }
+        m[i * n + i] += 0.15 * (next(&mut s) + 1.0);
+    }
+    let q = (0..n).map(|_| 500.0 * next(&mut s)).collect();
+    Lcp::new(Matrix::from_values(Pattern::full(n, n), m).unwrap(), q).unwrap()
+}
+
+fn family(n: usize, entry: impl Fn(usize, usize) -> f64) -> Lcp {
+    let rows: Vec<Vec<f64>> = (0..n).map(|i| (0..n).map(|j| entry(i, j)).collect()).collect();
+    Lcp::new(Matrix::from_rows(&rows).unwrap(), vec![-1.0; n]).unwrap()
+}
+
+fn dense(c: &mut Criterion) {
+    let mut group = c.benchmark_group("dense");
+    group.sample_size(10);
+    let fathi = |i: usize, j: usize| 4.0 * i.min(j) as f64 + if i == j { 1.0 } else { 2.0 };
+    let murty = |i: usize, j: usize| [0.0, 1.0, 2.0][usize::from(i >= j) + usize::from(i > j)];
+    for (name, lcp) in [
+        ("Harker-Pang 1000", harker_pang(1000)),
+        ("Fathi 1000", family(1000, fathi)),
+        ("Murty 40", family(40, murty)),
+    ] {
+        let mut z = vec![0.0; lcp.len()];
+        let mut solver = ActiveSetSolver::default();
+        let report = solver.solve(&lcp, &mut z).unwrap();
+        assert_eq!(report.status, ActiveSetStatus::Solved);
+        println!("{name}: {report:?}");
+        group.bench_function(BenchmarkId::new("active sets", name), |b| {
+            b.iter(|| {
+                z.fill(0.0);
+                solver.solve(&lcp, &mut z).unwrap()
+            });
+        });
+    }
+    let lcp = harker_pang(1000);
+    let mut z = vec![0.0; 1000];
+    let mut lemke = Lemke::default();
+    group.bench_function("Lemke/Harker-Pang 1000", |b| {
+        b.iter(|| lemke.solve(&lcp, &mut z).unwrap())
+    });
+    group.finish();
+}
+
+fn small(c: &mut Criterion) {
+    let mut group = c.benchmark_group("small, solver reused");
+    for n in [5, 10, 20] {
+        let lcp = harker_pang(n);
+        let mut z = vec![0.0; n];
+        let mut lemke = Lemke::default();
+        assert_eq!(lemke.solve(&lcp, &mut z).unwrap().status, LemkeStatus::Solved);
+        group.bench_function(BenchmarkId::new("Lemke", n), |b| {
+            b.iter(|| lemke.solve(&lcp, &mut z).unwrap())
+        });
+        let mut sets = ActiveSetSolver::default();
+        group.bench_function(BenchmarkId::new("active sets", n), |b| {
+            b.iter(|| {
+                z.fill(0.0);
+                sets.solve(&lcp, &mut z).unwrap()
+            });
+        });
+        let mut newton = McpSolver::default();
+        group.bench_function(BenchmarkId::new("McpSolver", n), |b| {
+            b.iter(|| {
+                z.fill(0.0);
+                newton.solve(lcp.mcp(), &mut z).unwrap().is_solved()
+            });
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, small, dense, grids);
+criterion_main!(benches);

@@ -1,0 +1,108 @@
+use std::sync::Arc;
+
+use super::nested::algebraic_start;
+use super::{ActiveSetOptions, Activity, ReducedSolver};
+use crate::complementarity::{ComplementarityError, Lcp};
+use crate::linear::{LinearError, Prolongation, TruncatedMultigrid, aggregation_hierarchy};
+use crate::sparse::Matrix;
+
+/// Iterations after which conjugate gradients are given up.
+const LIMIT: usize = 200;
+
+/// Conjugate gradients with a multigrid cycle, for symmetric positive definite matrices.
+///
+/// Coarse levels come from given [`Prolongation`]s (nested grids) or by smoothed aggregation from the matrix alone. They are truncated
+/// to the free components, and only what changes with a set is made anew.
+#[derive(Debug, Clone)]
+pub struct MultigridReduced {
+    given: Option<Vec<Arc<Prolongation>>>,
+    /// Galerkin products that belong to the given prolongations, while they are known to.
+    products: Option<Vec<Matrix>>,
+    multigrid: Option<TruncatedMultigrid>,
+    /// What was found by aggregation.
+    found: (Vec<Arc<Prolongation>>, Vec<Matrix>),
+}
+
+impl MultigridReduced {
+    /// Coarse levels by smoothed aggregation.
+    #[must_use]
+    pub fn algebraic() -> Self {
+        Self {
+            given: None,
+            products: None,
+            multigrid: None,
+            found: Default::default(),
+        }
+    }
+
+    /// Coarse levels by the given prolongations, finest first.
+    #[must_use]
+    pub fn with_prolongations(prolongations: Vec<Arc<Prolongation>>) -> Self {
+        Self {
+            given: Some(prolongations),
+            products: None,
+            multigrid: None,
+            found: Default::default(),
+        }
+    }
+
+    /// As [`with_prolongations`](Self::with_prolongations), for one matrix whose Galerkin products are known.
+    pub(super) fn with_products(prolongations: Vec<Arc<Prolongation>>, products: Vec<Matrix>) -> Self {
+        Self {
+            products: Some(products),
+            ..Self::with_prolongations(prolongations)
+        }
+    }
+}
+
+impl ReducedSolver for MultigridReduced {
+    fn load(&mut self, matrix: &Matrix) -> Result<(), ComplementarityError> {
+        let products = match &self.given {
+            Some(_) => self.products.as_ref(),
+            None => {
+                self.found = aggregation_hierarchy(matrix.as_ref())?;
+                Some(&self.found.1)
+            }
+        };
+        let prolongations = self.given.as_ref().unwrap_or(&self.found.0);
+        let products: Option<Vec<_>> = products.map(|p| p.iter().map(Matrix::as_ref).collect());
+        self.multigrid = Some(TruncatedMultigrid::new(
+            matrix.as_ref(),
+            prolongations,
+            products.as_deref(),
+        )?);
+        // They belong to this matrix alone.
+        self.products = None;
+        Ok(())
+    }
+
+    fn select(&mut self, _matrix: &Matrix, free: &[bool]) -> Result<(), ComplementarityError> {
+        let multigrid = self.multigrid.as_mut().ok_or(LinearError::NotAnalyzed)?;
+        multigrid.set_free(free);
+        Ok(())
+    }
+
+    fn solve(&mut self, r: &mut [f64], d: &mut [f64], tolerance: f64) -> Result<usize, ComplementarityError> {
+        let multigrid = self.multigrid.as_mut().ok_or(LinearError::NotAnalyzed)?;
+        let iterations = multigrid.solve(r, d, tolerance, LIMIT)?;
+        if iterations == LIMIT {
+            return Err(LinearError::Inaccurate { residual: tolerance }.into());
+        }
+        Ok(iterations)
+    }
+
+    fn is_direct(&self) -> bool {
+        false
+    }
+
+    fn coarse_start(
+        &mut self,
+        lcp: &Lcp,
+        options: &ActiveSetOptions,
+    ) -> Result<Option<(Vec<f64>, Vec<Activity>)>, ComplementarityError> {
+        if self.given.is_some() || self.found.0.is_empty() {
+            return Ok(None);
+        }
+        algebraic_start(lcp, &self.found.0, &self.found.1, options)
+    }
+}

@@ -1,0 +1,22 @@
+//! Primal–dual active sets for linear complementarity problems, from a handful of unknowns to millions.
+//!
+//! An iteration guesses at which bound each component rests, solves the equations of the others (the *reduced system*), and
+//! corrects the guess by the signs that come out: the Newton method of the natural map, also known as block principal pivoting. It
+//! ends after finitely many iterations, and needs few. [`ReducedSolver`] is the seam behind which reduced systems are solved;
+//! [`Nested`] starts from coarser problems.
+
+mod direct;
+mod iterative;
+mod nested;
+mod options;
+mod reduced;
+mod solver;
+
+pub use direct::DirectReduced;
+pub use iterative::MultigridReduced;
+pub use nested::{LevelReport, Nested, NestedReport};
+pub use options::{
+    ActiveSetIteration, ActiveSetOptions, ActiveSetReport, ActiveSetStatus, Activity, Exchange,
+};
+pub use reduced::{AutoReduced, ReducedSolver};
+pub use solver::ActiveSetSolver;

@@ -1,0 +1,250 @@
+use std::sync::Arc;
+
+use super::{
+    ActiveSetIteration, ActiveSetOptions, ActiveSetReport, ActiveSetSolver, ActiveSetStatus, Activity,
+    MultigridReduced,
+};
+use crate::complementarity::{ComplementarityError, Lcp};
+use crate::linear::{LinearError, Prolongation, affine_prolongation, coarse_problem};
+use crate::sparse::Matrix;
+
+/// Tolerance on coarser levels, whose solutions are starts only.
+const COARSE_TOLERANCE: f64 = 1e-6;
+
+/// A problem with coarser versions of it: solved on the coarsest first, each solution and its active set prolonged to the next.
+///
+/// The matrices must be symmetric positive definite. Reduced systems are solved by conjugate gradients, the coarser levels serving as
+/// their multigrid preconditioner.
+#[derive(Debug, Clone)]
+pub struct Nested {
+    /// Finest first.
+    problems: Vec<Lcp>,
+    prolongations: Vec<Arc<Prolongation>>,
+    /// Whether all coarser matrices are Galerkin products.
+    galerkin: bool,
+}
+
+/// Report on one level.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct LevelReport {
+    /// Number of unknowns.
+    pub unknowns: usize,
+    /// How the level ended.
+    pub report: ActiveSetReport,
+    /// Its iterations.
+    pub history: Vec<ActiveSetIteration>,
+}
+
+/// Report on all levels.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct NestedReport {
+    /// Coarsest first.
+    pub levels: Vec<LevelReport>,
+    /// Sets of the finest level.
+    pub activity: Vec<Activity>,
+}
+
+impl NestedReport {
+    /// How the finest level ended.
+    #[must_use]
+    pub fn status(&self) -> ActiveSetStatus {
+        self.levels
+            .last()
+            .map_or(ActiveSetStatus::Inaccurate, |l| l.report.status)
+    }
+}
+
+impl Nested {
+    /// The problem to be solved, without coarser levels yet.
+    #[must_use]
+    pub fn new(finest: Lcp) -> Self {
+        Self {
+            problems: vec![finest],
+            prolongations: Vec::new(),
+            galerkin: true,
+        }
+    }
+
+    /// Adds a coarser level: the Galerkin problem Pᵀ M P, Pᵀ(M b + q), its bounds those at the representatives of the coarse unknowns.
+    ///
+    /// # Errors
+    /// A prolongation whose fine unknowns are not those of the coarsest level so far.
+    pub fn coarsen(self, prolongation: Prolongation) -> Result<Self, ComplementarityError> {
+        self.check(&prolongation)?;
+        let fine = &self.problems[self.problems.len() - 1];
+        let (matrix, q) = coarse_problem(fine.matrix().as_ref(), fine.q(), &prolongation)?;
+        let coarse = coarse_lcp(fine, &prolongation, matrix, q)?;
+        self.push(coarse, prolongation)
+    }
+
+    /// Adds a coarser level with a problem of your own (another discretisation).
+    ///
+    /// # Errors
+    /// A prolongation that does not lead from the unknowns of `coarse` to those of the coarsest level so far.
+    pub fn with_coarser(
+        mut self,
+        coarse: Lcp,
+        prolongation: Prolongation,
+    ) -> Result<Self, ComplementarityError> {
+        self.check(&prolongation)?;
+        self.galerkin = false;
+        self.push(coarse, prolongation)
+    }
+
+    fn push(mut self, coarse: Lcp, prolongation: Prolongation) -> Result<Self, ComplementarityError> {
+        if prolongation.num_coarse() != coarse.len() {
+            return Err(ComplementarityError::Length {
+                what: "the coarse problem",
+                expected: prolongation.num_coarse(),
+                found: coarse.len(),
+            });
+        }
+        self.problems.push(coarse);
+        self.prolongations.push(Arc::new(prolongation));
+        Ok(self)
+    }
+
+    fn check(&self, prolongation: &Prolongation) -> Result<(), ComplementarityError> {
+        let expected = self.problems[self.problems.len() - 1].len();
+        if prolongation.num_fine() == expected {
+            return Ok(());
+        }
+        Err(LinearError::Shape {
+            what: "the prolongation (rows)",
+            expected,
+            found: prolongation.num_fine(),
+        }
+        .into())
+    }
+
+    /// The problems, finest first.
+    #[must_use]
+    pub fn problems(&self) -> &[Lcp] {
+        &self.problems
+    }
+
+    /// Solves from the coarsest level to the finest, whose solution is written to `z`.
+    ///
+    /// # Errors
+    /// `z` of the wrong length, options out of range.
+    pub fn solve(
+        &self,
+        options: &ActiveSetOptions,
+        z: &mut [f64],
+    ) -> Result<NestedReport, ComplementarityError> {
+        let mut levels = Vec::new();
+        let mut activity = Vec::new();
+        let mut coarse: Vec<f64> = Vec::new();
+        for k in (0..self.problems.len()).rev() {
+            let problem = &self.problems[k];
+            let mut x = vec![0.0; problem.len()];
+            let below = &self.prolongations[k..];
+            let reduced = if self.galerkin {
+                let products = self.problems[k + 1..]
+                    .iter()
+                    .map(|p| p.matrix().clone())
+                    .collect();
+                MultigridReduced::with_products(below.to_vec(), products)
+            } else {
+                MultigridReduced::with_prolongations(below.to_vec())
+            };
+            let mut options = options.clone();
+            if k > 0 {
+                options.tolerance = options.tolerance.max(COARSE_TOLERANCE);
+            }
+            let mut solver = ActiveSetSolver::with_reduced(options, reduced);
+            let report = match below.first() {
+                None => {
+                    for (x, (l, u)) in x.iter_mut().zip(problem.lower().iter().zip(problem.upper())) {
+                        *x = f64::max(*x, *l).min(*u);
+                    }
+                    solver.solve(problem, &mut x)?
+                }
+                Some(p) => {
+                    p.prolong(&coarse, &mut x);
+                    let sets = prolong_activity(p, &activity);
+                    solver.solve_from(problem, &mut x, &sets)?
+                }
+            };
+            levels.push(LevelReport {
+                unknowns: problem.len(),
+                report,
+                history: solver.history().to_vec(),
+            });
+            activity = solver.activity().to_vec();
+            coarse = x;
+        }
+        if z.len() != coarse.len() {
+            return Err(ComplementarityError::Length {
+                what: "the point",
+                expected: coarse.len(),
+                found: z.len(),
+            });
+        }
+        z.copy_from_slice(&coarse);
+        Ok(NestedReport { levels, activity })
+    }
+}
+
+/// The coarse problem with bounds read at the representatives.
+fn coarse_lcp(
+    fine: &Lcp,
+    p: &Prolongation,
+    matrix: Matrix,
+    q: Vec<f64>,
+) -> Result<Lcp, ComplementarityError> {
+    let at = |bounds: &[f64]| -> Vec<f64> {
+        let value = |&i: &usize| bounds[i] - p.offset().get(i).copied().unwrap_or(0.0);
+        p.representatives().iter().map(value).collect()
+    };
+    Lcp::boxed(matrix, q, at(fine.lower()), at(fine.upper()))
+}
+
+/// A start for a problem from the levels that aggregation found for its matrix.
+pub(super) fn algebraic_start(
+    lcp: &Lcp,
+    hierarchy: &[Arc<Prolongation>],
+    products: &[Matrix],
+    options: &ActiveSetOptions,
+) -> Result<Option<(Vec<f64>, Vec<Activity>)>, ComplementarityError> {
+    let mut first = None;
+    let mut nested: Option<Nested> = None;
+    for (p, product) in hierarchy.iter().zip(products) {
+        let fine = nested.as_ref().map_or(lcp, |n| &n.problems[n.problems.len() - 1]);
+        let (p, q) = affine_prolongation(fine.matrix().as_ref(), fine.q(), p)?;
+        let coarse = coarse_lcp(fine, &p, product.clone(), q)?;
+        nested = Some(match nested {
+            None => {
+                first = Some(p);
+                Nested::new(coarse)
+            }
+            Some(n) => n.push(coarse, p)?,
+        });
+    }
+    let (Some(first), Some(nested)) = (first, nested) else {
+        return Ok(None);
+    };
+    let options = options
+        .clone()
+        .with_tolerance(options.tolerance.max(COARSE_TOLERANCE));
+    let mut coarse = vec![0.0; first.num_coarse()];
+    let report = nested.solve(&options, &mut coarse)?;
+    let mut x = vec![0.0; lcp.len()];
+    first.prolong(&coarse, &mut x);
+    Ok(Some((x, prolong_activity(&first, &report.activity))))
+}
+
+/// A fine component rests at a bound where all coarse ones that it depends on do.
+pub(super) fn prolong_activity(p: &Prolongation, coarse: &[Activity]) -> Vec<Activity> {
+    (0..p.num_fine())
+        .map(|i| {
+            let mut parents = p.parents(i).map(|(c, _)| coarse[c]);
+            match parents.next() {
+                Some(first) if parents.all(|a| a == first) => first,
+                _ => Activity::Inactive,
+            }
+        })
+        .collect()
+}

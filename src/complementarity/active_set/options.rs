@@ -1,0 +1,139 @@
+use crate::complementarity::ComplementarityError;
+
+/// Where a component rests.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Activity {
+    /// At its lower bound.
+    Lower,
+    /// Between its bounds: its equation holds.
+    #[default]
+    Inactive,
+    /// At its upper bound.
+    Upper,
+}
+
+/// Options of [`ActiveSetSolver`](super::ActiveSetSolver). The defaults need no touching.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct ActiveSetOptions {
+    /// Largest number of iterations; default 1000.
+    pub max_iterations: usize,
+    /// Tolerance on the scaled natural residual maxᵢ |zᵢ − mid(lᵢ, uᵢ, zᵢ − wᵢ/mᵢ)| (mᵢ the size of row i of M) relative to
+    /// the largest |zᵢ|. Solved exactly, a problem ends at rounding whatever this says; it ends iterative solves. Default 1e-11.
+    pub tolerance: f64,
+    /// Block exchanges without fewer wrong signs after which other exchanges are tried. Default 10.
+    pub patience: usize,
+}
+
+impl Default for ActiveSetOptions {
+    fn default() -> Self {
+        Self {
+            max_iterations: 1000,
+            tolerance: 1e-11,
+            patience: 10,
+        }
+    }
+}
+
+impl ActiveSetOptions {
+    /// Sets the largest number of iterations.
+    #[must_use]
+    pub fn with_max_iterations(mut self, max_iterations: usize) -> Self {
+        self.max_iterations = max_iterations;
+        self
+    }
+
+    /// Sets the tolerance.
+    #[must_use]
+    pub fn with_tolerance(mut self, tolerance: f64) -> Self {
+        self.tolerance = tolerance;
+        self
+    }
+
+    /// Sets the patience with block exchanges.
+    #[must_use]
+    pub fn with_patience(mut self, patience: usize) -> Self {
+        self.patience = patience;
+        self
+    }
+
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    /// [`ComplementarityError::Option`] names the option out of range.
+    pub fn validate(&self) -> Result<(), ComplementarityError> {
+        if self.max_iterations == 0 {
+            return Err(ComplementarityError::Option {
+                name: "max_iterations",
+                value: 0.0,
+                range: "at least 1",
+            });
+        }
+        if !(self.tolerance > 0.0 && self.tolerance < 1.0) {
+            return Err(ComplementarityError::Option {
+                name: "tolerance",
+                value: self.tolerance,
+                range: "in (0, 1)",
+            });
+        }
+        Ok(())
+    }
+}
+
+/// How a run ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum ActiveSetStatus {
+    /// At a solution.
+    Solved,
+    /// At the limit on iterations.
+    IterationLimit,
+    /// A reduced matrix is singular (or, for iterative solves, not positive definite): not a P matrix.
+    Singular,
+    /// The reduced systems could not be solved accurately enough to go on.
+    Inaccurate,
+    /// The observer asked to stop.
+    Interrupted,
+}
+
+/// One iteration.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct ActiveSetIteration {
+    /// Natural residual maxᵢ |zᵢ − mid(lᵢ, uᵢ, zᵢ − wᵢ)| after it.
+    pub residual: f64,
+    /// Components that moved to or from a bound before it.
+    pub changes: usize,
+    /// Components between their bounds during it.
+    pub inactive: usize,
+    /// Iterations of the linear solver; 0 for a direct one.
+    pub linear_iterations: usize,
+    /// Which of the components with wrong signs were exchanged.
+    pub exchange: Exchange,
+}
+
+/// Which components are exchanged between two iterations.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Exchange {
+    /// All whose signs are wrong.
+    #[default]
+    Block,
+    /// Those with the largest violations.
+    Largest,
+    /// One, by the least-index rule.
+    Single,
+}
+
+/// Report on a run.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct ActiveSetReport {
+    /// How it ended.
+    pub status: ActiveSetStatus,
+    /// Natural residual of the point handed back.
+    pub residual: f64,
+    /// Iterations: reduced systems solved.
+    pub iterations: usize,
+    /// Iterations of the linear solver in all; 0 for a direct one.
+    pub linear_iterations: usize,
+}

@@ -1,0 +1,149 @@
+use super::{ActiveSetOptions, Activity, DirectReduced, MultigridReduced};
+use crate::complementarity::{ComplementarityError, Lcp};
+use crate::linear::LinearError;
+use crate::sparse::Matrix;
+
+/// Number of unknowns from which sparse symmetric systems are solved iteratively by [`AutoReduced`].
+const ITERATIVE: usize = 20_000;
+
+/// A solver for the reduced systems M_FF d_F = r_F of an active-set method; F are the free components.
+///
+/// Implement it to bring a preconditioner or a solver of your own. `load` comes first, then `select` before each `solve`
+/// with another set.
+pub trait ReducedSolver {
+    /// Takes note of the matrix of a problem.
+    ///
+    /// # Errors
+    /// What the solver cannot handle.
+    fn load(&mut self, matrix: &Matrix) -> Result<(), ComplementarityError>;
+
+    /// Chooses the free components, one entry an unknown, and factors or prepares what is needed. `matrix` is the one that was
+    /// loaded.
+    ///
+    /// # Errors
+    /// [`LinearError::Singular`] or [`LinearError::NotPositiveDefinite`], wrapped, for a matrix that cannot be solved with.
+    fn select(&mut self, matrix: &Matrix, free: &[bool]) -> Result<(), ComplementarityError>;
+
+    /// Overwrites `d` by the solution, 0 outside F; `r` (arbitrary outside F) may be overwritten. An iterative solver may stop
+    /// when a norm of the residual has fallen by the factor `tolerance`; the number of its iterations is handed back, 0 by a direct one.
+    ///
+    /// # Errors
+    /// As [`select`](Self::select).
+    fn solve(&mut self, r: &mut [f64], d: &mut [f64], tolerance: f64) -> Result<usize, ComplementarityError>;
+
+    /// Whether solutions are exact up to rounding whatever the tolerance.
+    fn is_direct(&self) -> bool;
+
+    /// A start, point and sets, from coarser versions of the problem, if the solver has any. Asked for when nothing is known of the
+    /// solution. Default: none.
+    ///
+    /// # Errors
+    /// Those of the solves on coarser levels.
+    fn coarse_start(
+        &mut self,
+        _lcp: &Lcp,
+        _options: &ActiveSetOptions,
+    ) -> Result<Option<(Vec<f64>, Vec<Activity>)>, ComplementarityError> {
+        Ok(None)
+    }
+}
+
+/// Direct solves for small, full or unsymmetric matrices, conjugate gradients with multigrid for large sparse symmetric ones; should
+/// these not converge, direct ones again.
+#[derive(Debug, Clone, Default)]
+pub struct AutoReduced {
+    direct: DirectReduced,
+    iterative: Option<Box<MultigridReduced>>,
+    /// The set selected, should the direct solver have to take over.
+    free: Vec<bool>,
+    matrix: Option<Matrix>,
+}
+
+impl AutoReduced {
+    /// A solver that knows no matrix yet.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+}
+
+/// Whether a matrix is large, sparse, symmetric and has a positive diagonal.
+pub(super) fn suits_multigrid(matrix: &Matrix) -> bool {
+    let n = matrix.nrows();
+    n >= ITERATIVE && matrix.values().len() < n * 60 && is_symmetric(matrix) && {
+        let diagonal = |i| matrix.get(i, i);
+        (0..n).all(|i| diagonal(i) > 0.0)
+    }
+}
+
+/// Symmetry up to rounding.
+pub(super) fn is_symmetric(matrix: &Matrix) -> bool {
+    let other = matrix.transpose();
+    matrix.pattern().col_ptr() == other.pattern().col_ptr()
+        && matrix.pattern().row_idx() == other.pattern().row_idx()
+        && (matrix.values().iter().zip(other.values()))
+            .all(|(a, b)| (a - b).abs() <= 1e-12 * a.abs().max(b.abs()))
+}
+
+impl ReducedSolver for AutoReduced {
+    fn load(&mut self, matrix: &Matrix) -> Result<(), ComplementarityError> {
+        self.iterative = None;
+        self.matrix = None;
+        if suits_multigrid(matrix) {
+            let mut iterative = MultigridReduced::algebraic();
+            match iterative.load(matrix) {
+                Ok(()) => {
+                    self.iterative = Some(Box::new(iterative));
+                    self.matrix = Some(matrix.clone());
+                    return Ok(());
+                }
+                Err(ComplementarityError::Linear(LinearError::NotPositiveDefinite)) => {}
+                Err(e) => return Err(e),
+            }
+        }
+        self.direct.load(matrix)
+    }
+
+    fn select(&mut self, matrix: &Matrix, free: &[bool]) -> Result<(), ComplementarityError> {
+        match &mut self.iterative {
+            Some(iterative) => {
+                self.free.clear();
+                self.free.extend_from_slice(free);
+                iterative.select(matrix, free)
+            }
+            None => self.direct.select(matrix, free),
+        }
+    }
+
+    fn solve(&mut self, r: &mut [f64], d: &mut [f64], tolerance: f64) -> Result<usize, ComplementarityError> {
+        if let (Some(iterative), Some(matrix)) = (&mut self.iterative, &self.matrix) {
+            let rhs = r.to_vec();
+            match iterative.solve(r, d, tolerance) {
+                Err(ComplementarityError::Linear(_)) => {
+                    r.copy_from_slice(&rhs);
+                    self.direct.load(matrix)?;
+                    self.direct.select(matrix, &self.free)?;
+                }
+                result => return result,
+            }
+            self.iterative = None;
+            self.matrix = None;
+        }
+        self.direct.solve(r, d, tolerance)
+    }
+
+    fn is_direct(&self) -> bool {
+        self.iterative.is_none()
+    }
+
+    fn coarse_start(
+        &mut self,
+        lcp: &Lcp,
+        options: &ActiveSetOptions,
+    ) -> Result<Option<(Vec<f64>, Vec<Activity>)>, ComplementarityError> {
+        match &mut self.iterative {
+            Some(iterative) => iterative.coarse_start(lcp, options),
+            None => Ok(None),
+        }
+    }
+}

@@ -1,0 +1,458 @@
+use std::ops::ControlFlow;
+
+use super::{
+    ActiveSetIteration, ActiveSetOptions, ActiveSetReport, ActiveSetStatus, Activity, AutoReduced, Exchange,
+    ReducedSolver,
+};
+use crate::complementarity::problem::natural;
+use crate::complementarity::{ComplementarityError, Lcp};
+use crate::linear::LinearError;
+
+/// Relative accuracy asked of iterative solves while the sets still change much.
+const COARSE: f64 = 5e-2;
+/// Part of the components that must still change after the first iteration for a start to be given up for one from coarser problems.
+const FAR: f64 = 0.02;
+/// Block exchanges before single ones; triangular matrices need as many as unknowns, with slow or no decrease of their number.
+const MORE_BLOCKS: usize = 100;
+/// Rounding of w, relative to its terms, below which its sign says nothing.
+const ROUNDING: f64 = 8.0 * f64::EPSILON;
+
+/// The primal–dual active-set method (block principal pivoting) for LCPs and box LCPs.
+///
+/// All components whose signs are wrong are exchanged at once. Should that not lessen their number for a while, only a few with the
+/// largest violations are, starting from the bounds; then all for a longer while, and at last one at a time by the least-index rule
+/// until their number is less (J. J. Júdice, F. M. Pires, 1994, after
+/// K. G. Murty, 1974): for P matrices
+/// the method then ends at the solution after finitely many iterations. For M matrices (obstacle problems) block exchanges alone are
+/// monotone. Started from the right sets, it takes one factorisation.
+///
+/// A solver that is used again for problems of the same size with full matrices of at most 64 unknowns allocates nothing.
+///
+/// ```
+/// use semismooth::complementarity::{Lcp, active_set::{ActiveSetSolver, ActiveSetStatus}};
+/// use semismooth::sparse::Matrix;
+/// // Murty's example of exponential length for Lemke's method: 1 on the diagonal, 2 below.
+/// let n = 40;
+/// let rows: Vec<Vec<f64>> = (0..n).map(|i| (0..n).map(|j| if i == j { 1.0 } else if i > j { 2.0 } else { 0.0 }).collect()).collect();
+/// let lcp = Lcp::new(Matrix::from_rows(&rows)?, vec![-1.0; n])?;
+/// let mut z = vec![0.0; n];
+/// let report = ActiveSetSolver::default().solve(&lcp, &mut z)?;
+/// assert_eq!(report.status, ActiveSetStatus::Solved);
+/// assert!(report.iterations <= 100);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct ActiveSetSolver<R = AutoReduced> {
+    options: ActiveSetOptions,
+    reduced: R,
+    activity: Vec<Activity>,
+    next: Vec<Activity>,
+    ranking: Vec<(f64, usize)>,
+    free: Vec<bool>,
+    scale: Vec<f64>,
+    w: Vec<f64>,
+    r: Vec<f64>,
+    step: Vec<f64>,
+    history: Vec<ActiveSetIteration>,
+}
+
+impl<R: ReducedSolver> ActiveSetSolver<R> {
+    /// A solver with the given options and linear solver.
+    pub fn with_reduced(options: ActiveSetOptions, reduced: R) -> Self {
+        Self {
+            options,
+            reduced,
+            activity: Vec::new(),
+            next: Vec::new(),
+            ranking: Vec::new(),
+            free: Vec::new(),
+            scale: Vec::new(),
+            w: Vec::new(),
+            r: Vec::new(),
+            step: Vec::new(),
+            history: Vec::new(),
+        }
+    }
+
+    /// The sets at the end of the last run.
+    #[must_use]
+    pub fn activity(&self) -> &[Activity] {
+        &self.activity
+    }
+
+    /// The iterations of the last run.
+    #[must_use]
+    pub fn history(&self) -> &[ActiveSetIteration] {
+        &self.history
+    }
+
+    /// Solves the problem from the start in `z`, which is overwritten by the solution or the last iterate.
+    ///
+    /// # Errors
+    /// A start of the wrong length or not finite, options out of range. How the run ended is in the report.
+    pub fn solve(&mut self, lcp: &Lcp, z: &mut [f64]) -> Result<ActiveSetReport, ComplementarityError> {
+        self.solve_observed(lcp, z, None, |_| ControlFlow::Continue(()))
+    }
+
+    /// Solves the problem, with the sets of the first iteration given instead of read off the start in `z`; what is [`Activity::Lower`] or
+    /// [`Activity::Upper`] without such a bound counts as inactive.
+    ///
+    /// # Errors
+    /// As [`solve`](Self::solve), and sets of the wrong length.
+    pub fn solve_from(
+        &mut self,
+        lcp: &Lcp,
+        z: &mut [f64],
+        sets: &[Activity],
+    ) -> Result<ActiveSetReport, ComplementarityError> {
+        self.solve_observed(lcp, z, Some(sets), |_| ControlFlow::Continue(()))
+    }
+
+    /// As [`solve`](Self::solve) or [`solve_from`](Self::solve_from), told of each iteration and able to stop.
+    ///
+    /// # Errors
+    /// As [`solve_from`](Self::solve_from).
+    pub fn solve_observed(
+        &mut self,
+        lcp: &Lcp,
+        z: &mut [f64],
+        sets: Option<&[Activity]>,
+        mut observe: impl FnMut(&ActiveSetIteration) -> ControlFlow<()>,
+    ) -> Result<ActiveSetReport, ComplementarityError> {
+        self.options.validate()?;
+        crate::complementarity::error::check_finite("the start", z, lcp.len())?;
+        if let Some(sets) = sets
+            && sets.len() != lcp.len()
+        {
+            return Err(ComplementarityError::Length {
+                what: "the array of sets",
+                expected: lcp.len(),
+                found: sets.len(),
+            });
+        }
+        self.prepare(lcp)?;
+        let status = match self.iterate(lcp, z, sets, &mut observe) {
+            Ok(status) => status,
+            Err(ComplementarityError::Linear(
+                LinearError::Singular { .. } | LinearError::NotPositiveDefinite,
+            )) => ActiveSetStatus::Singular,
+            Err(ComplementarityError::Linear(LinearError::Inaccurate { .. })) => ActiveSetStatus::Inaccurate,
+            Err(e) => return Err(e),
+        };
+        lcp.residual(z, &mut self.w);
+        Ok(ActiveSetReport {
+            status,
+            residual: lcp.natural_residual_of(z, &self.w),
+            iterations: self.history.len(),
+            linear_iterations: self.history.iter().map(|i| i.linear_iterations).sum(),
+        })
+    }
+
+    /// Starts again from coarser problems, if there are any; tells whether.
+    fn coarse_start(&mut self, lcp: &Lcp, z: &mut [f64]) -> Result<bool, ComplementarityError> {
+        let Some((x, sets)) = self.reduced.coarse_start(lcp, &self.options)? else {
+            return Ok(false);
+        };
+        z.copy_from_slice(&x);
+        self.next.copy_from_slice(&sets);
+        lcp.residual(z, &mut self.w);
+        Ok(true)
+    }
+
+    fn prepare(&mut self, lcp: &Lcp) -> Result<(), ComplementarityError> {
+        let n = lcp.len();
+        self.reduced.load(lcp.matrix())?;
+        self.history.clear();
+        self.ranking.reserve(n);
+        for sets in [&mut self.activity, &mut self.next] {
+            sets.clear();
+            sets.resize(n, Activity::Inactive);
+        }
+        self.free.resize(n, true);
+        for v in [&mut self.scale, &mut self.w, &mut self.r, &mut self.step] {
+            v.clear();
+            v.resize(n, 0.0);
+        }
+        // Positive diagonals are the natural size of a row; largest entries stand in for others.
+        let matrix = lcp.matrix();
+        for (i, j, v) in matrix.triplets() {
+            if i == j && v > 0.0 {
+                self.scale[i] = v;
+            } else {
+                self.r[i] = v.abs().max(self.r[i]);
+            }
+        }
+        for (s, largest) in self.scale.iter_mut().zip(&self.r) {
+            if *s <= 1e-3 * largest {
+                *s = *largest;
+            }
+            if *s == 0.0 {
+                *s = 1.0;
+            }
+        }
+        Ok(())
+    }
+
+    fn iterate(
+        &mut self,
+        lcp: &Lcp,
+        z: &mut [f64],
+        sets: Option<&[Activity]>,
+        observe: &mut dyn FnMut(&ActiveSetIteration) -> ControlFlow<()>,
+    ) -> Result<ActiveSetStatus, ComplementarityError> {
+        let n = z.len();
+        let (lower, upper) = (lcp.lower(), lcp.upper());
+        lcp.residual(z, &mut self.w);
+        match sets {
+            Some(sets) => {
+                for i in 0..n {
+                    self.next[i] = match sets[i] {
+                        Activity::Upper if upper[i].is_finite() => Activity::Upper,
+                        Activity::Lower if lower[i].is_finite() => Activity::Lower,
+                        _ if lower[i] == upper[i] => Activity::Lower,
+                        _ => Activity::Inactive,
+                    };
+                }
+            }
+            None => {
+                self.guess(lcp, z);
+            }
+        }
+        let mut changes = n;
+        let (mut fewest, mut stagnant) = (usize::MAX, 0);
+        let mut exchange = Exchange::Block;
+        let mut residual = f64::INFINITY;
+        let mut restarted = false;
+        let mut at_most = 1;
+        let mut may_restart = sets.is_none();
+        loop {
+            if self.history.len() == self.options.max_iterations {
+                return Ok(ActiveSetStatus::IterationLimit);
+            }
+            if changes > 0 {
+                self.activity.copy_from_slice(&self.next);
+                for i in 0..n {
+                    self.free[i] = self.activity[i] == Activity::Inactive;
+                }
+                self.reduced.select(lcp.matrix(), &self.free)?;
+            }
+            let linear = self.newton_step(lcp, z, changes, residual)?;
+            lcp.residual(z, &mut self.w);
+            residual = self.scaled_residual(lcp, z);
+            let iteration = ActiveSetIteration {
+                residual: lcp.natural_residual_of(z, &self.w),
+                changes,
+                inactive: self.free.iter().filter(|f| **f).count(),
+                linear_iterations: linear,
+                exchange,
+            };
+            self.history.push(iteration);
+            if observe(&iteration).is_break() {
+                return Ok(ActiveSetStatus::Interrupted);
+            }
+            if !residual.is_finite() {
+                return Ok(ActiveSetStatus::Inaccurate);
+            }
+            let before = changes;
+            changes = self.guess(lcp, z);
+            if changes == 0 && self.reduced.is_direct() {
+                return Ok(ActiveSetStatus::Solved);
+            }
+            if residual <= self.options.tolerance * size(z) {
+                self.clamp(lcp, z);
+                return Ok(ActiveSetStatus::Solved);
+            }
+            let part = changes as f64 / n as f64;
+            // A layer of a set in the plane has about √n components; to peel off one by one is slow.
+            let peeling = self.history.len() > 3 && changes * changes > n && 2 * changes > before;
+            if may_restart && (part > FAR || peeling) {
+                may_restart = false;
+                if self.coarse_start(lcp, z)? {
+                    changes = n;
+                    residual = f64::INFINITY;
+                    continue;
+                }
+            }
+            if changes < fewest {
+                (fewest, stagnant) = (changes, 0);
+            } else if self.adds() {
+                // Releases alone cannot go on for ever, however few they are at a time.
+                stagnant += 1;
+            }
+            let patience = self.options.patience;
+            exchange = if !self.reduced.is_direct() || stagnant <= patience {
+                Exchange::Block
+            } else if stagnant <= 3 * patience {
+                Exchange::Largest
+            } else if stagnant <= 3 * patience + n.min(MORE_BLOCKS) {
+                Exchange::Block
+            } else {
+                Exchange::Single
+            };
+            match exchange {
+                Exchange::Block => {}
+                // What block exchanges made of the sets is no better than none at all.
+                Exchange::Largest if !restarted => {
+                    restarted = true;
+                    for i in 0..n {
+                        self.next[i] = match (lower[i].is_finite(), upper[i].is_finite()) {
+                            (true, _) => Activity::Lower,
+                            (false, true) => Activity::Upper,
+                            (false, false) => Activity::Inactive,
+                        };
+                    }
+                    changes = n;
+                }
+                Exchange::Largest => {
+                    at_most = if changes < before { 2 * at_most } else { 1 };
+                    self.keep_largest(lcp, z, at_most);
+                }
+                Exchange::Single => self.keep_one(),
+            }
+        }
+    }
+
+    /// Moves the active components to their bounds and solves for the others; tells the iterations of the linear solver.
+    fn newton_step(
+        &mut self,
+        lcp: &Lcp,
+        z: &mut [f64],
+        changes: usize,
+        residual: f64,
+    ) -> Result<usize, ComplementarityError> {
+        let pattern = lcp.matrix().pattern();
+        for j in 0..z.len() {
+            let bound = match self.activity[j] {
+                Activity::Lower => lcp.lower()[j],
+                Activity::Upper => lcp.upper()[j],
+                Activity::Inactive => continue,
+            };
+            let move_by = bound - z[j];
+            if move_by != 0.0 {
+                z[j] = bound;
+                for k in pattern.col_ptr()[j]..pattern.col_ptr()[j + 1] {
+                    self.w[pattern.row_idx()[k]] += lcp.matrix().values()[k] * move_by;
+                }
+            }
+        }
+        self.r.iter_mut().zip(&self.w).for_each(|(r, w)| *r = -*w);
+        let goal = 0.3 * self.options.tolerance * size(z) / residual;
+        // While sets change, accuracy is wasted.
+        let tolerance = if changes * 1000 > z.len() || !residual.is_finite() {
+            COARSE
+        } else {
+            goal.clamp(1e-10, COARSE)
+        };
+        let count = self.reduced.solve(&mut self.r, &mut self.step, tolerance)?;
+        z.iter_mut().zip(&self.step).for_each(|(z, d)| *z += d);
+        Ok(count)
+    }
+
+    /// The sets that the point in `z` and `w` suggests, in `next`; tells how many components differ from those at hand.
+    fn guess(&mut self, lcp: &Lcp, z: &[f64]) -> usize {
+        let (lower, upper) = (lcp.lower(), lcp.upper());
+        let direct = self.reduced.is_direct();
+        let rounding = ROUNDING * size(z);
+        let mut changes = 0;
+        for i in 0..z.len() {
+            let now = self.activity[i];
+            let reach = self.w[i] / self.scale[i];
+            self.next[i] = if lower[i] == upper[i] {
+                Activity::Lower
+            } else if direct && now != Activity::Inactive && reach.abs() <= rounding {
+                // Degenerate: nothing says that the component should move.
+                now
+            } else {
+                // For exact solves one of the two terms is zero.
+                let position = z[i] - reach;
+                let slack = if now == Activity::Inactive { rounding } else { 0.0 };
+                if position < lower[i] - slack || (position <= lower[i] && now == Activity::Lower) {
+                    Activity::Lower
+                } else if position > upper[i] + slack || (position >= upper[i] && now == Activity::Upper) {
+                    Activity::Upper
+                } else {
+                    Activity::Inactive
+                }
+            };
+            changes += usize::from(self.next[i] != now);
+        }
+        changes
+    }
+
+    /// Whether a component in `next` moves to a bound.
+    fn adds(&self) -> bool {
+        let moves = |(next, now): (&Activity, &Activity)| next != now && *next != Activity::Inactive;
+        self.next.iter().zip(&self.activity).any(moves)
+    }
+
+    /// Keeps only the last of the changes in `next` (Murty's rule, in the order from the end), one step between bounds at a time.
+    fn keep_one(&mut self) {
+        let last = (0..self.next.len())
+            .rev()
+            .find(|&i| self.next[i] != self.activity[i]);
+        let Some(last) = last else { return };
+        self.next[..last].copy_from_slice(&self.activity[..last]);
+        if self.activity[last] != Activity::Inactive {
+            self.next[last] = Activity::Inactive;
+        }
+    }
+
+    /// Keeps only the changes with the largest violations, measured so that scaling M and q by DMD, Dq does not matter; among equal
+    /// ones those of the least indices.
+    fn keep_largest(&mut self, lcp: &Lcp, z: &[f64], at_most: usize) {
+        self.ranking.clear();
+        for i in 0..z.len() {
+            let now = self.activity[i];
+            if self.next[i] == now {
+                continue;
+            }
+            let violation = match now {
+                Activity::Inactive => {
+                    (lcp.lower()[i] - z[i]).max(z[i] - lcp.upper()[i]) * self.scale[i].sqrt()
+                }
+                _ => self.w[i].abs() / self.scale[i].sqrt(),
+            };
+            self.ranking.push((violation, i));
+        }
+        (self.ranking).sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        for &(_, i) in self.ranking.iter().skip(at_most) {
+            self.next[i] = self.activity[i];
+        }
+    }
+
+    /// maxᵢ |zᵢ − mid(lᵢ, uᵢ, zᵢ − wᵢ/mᵢ)|.
+    fn scaled_residual(&self, lcp: &Lcp, z: &[f64]) -> f64 {
+        let mut worst = 0.0_f64;
+        for i in 0..z.len() {
+            let r = natural(z[i], lcp.lower()[i], lcp.upper()[i], self.w[i] / self.scale[i]).abs();
+            if r > worst || r.is_nan() {
+                worst = r;
+            }
+        }
+        worst
+    }
+
+    fn clamp(&self, lcp: &Lcp, z: &mut [f64]) {
+        for ((z, l), u) in z.iter_mut().zip(lcp.lower()).zip(lcp.upper()) {
+            *z = z.max(*l).min(*u);
+        }
+    }
+}
+
+impl Default for ActiveSetSolver<AutoReduced> {
+    fn default() -> Self {
+        Self::new(ActiveSetOptions::default())
+    }
+}
+
+impl ActiveSetSolver<AutoReduced> {
+    /// A solver with the given options.
+    #[must_use]
+    pub fn new(options: ActiveSetOptions) -> Self {
+        Self::with_reduced(options, AutoReduced::default())
+    }
+}
+
+fn size(z: &[f64]) -> f64 {
+    z.iter().fold(0.0_f64, |m, v| m.max(v.abs()))
+}

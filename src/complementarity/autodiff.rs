@@ -1,0 +1,119 @@
+use std::cell::RefCell;
+use std::fmt;
+
+use num_dual::Dual64;
+
+use super::McpFunction;
+use super::coloring::Coloring;
+use crate::piecewise::Real;
+use crate::sparse::{Matrix, Pattern};
+
+/// A smooth function written once over [`Real`]; [`Autodiff`] turns it into an [`McpFunction`] with exact Jacobians.
+pub trait SmoothFunction {
+    /// Number m of variables.
+    fn num_vars(&self) -> usize;
+
+    /// Number n of values: m, or m − 1 for a function with a parameter. Default: m.
+    fn num_values(&self) -> usize {
+        self.num_vars()
+    }
+
+    /// Writes F(x) to `out`.
+    fn eval<T: Real>(&self, x: &[T], out: &mut [T]);
+
+    /// Where the Jacobian has entries. Default: everywhere.
+    fn pattern(&self) -> Pattern {
+        Pattern::full(self.num_values(), self.num_vars())
+    }
+}
+
+/// A [`SmoothFunction`] with its Jacobian by forward-mode dual numbers, one evaluation for all columns of a colour.
+///
+/// ```
+/// use semismooth::complementarity::{Autodiff, Mcp, McpSolver, SmoothFunction};
+/// use semismooth::piecewise::Real;
+/// struct Prices;
+/// impl SmoothFunction for Prices {
+///     fn num_vars(&self) -> usize { 2 }
+///     fn eval<T: Real>(&self, x: &[T], out: &mut [T]) {
+///         out[0] = x[0].ln() + x[1] - 1.0;
+///         out[1] = x[1] * x[1] + x[0] - 1.0;
+///     }
+/// }
+/// let problem = Mcp::new(Autodiff::new(Prices), vec![1e-6, 0.0], vec![f64::INFINITY; 2])?;
+/// let mut x = [3.0, 3.0];
+/// let report = McpSolver::default().solve(&problem, &mut x)?;
+/// assert!(report.is_solved());
+/// # Ok::<(), semismooth::complementarity::ComplementarityError>(())
+/// ```
+pub struct Autodiff<S> {
+    function: S,
+    pattern: Pattern,
+    coloring: Coloring,
+    work: RefCell<(Vec<Dual64>, Vec<Dual64>)>,
+}
+
+impl<S: SmoothFunction> Autodiff<S> {
+    /// Wraps a function.
+    pub fn new(function: S) -> Self {
+        let pattern = function.pattern();
+        Self {
+            coloring: Coloring::new(&pattern),
+            work: RefCell::new((
+                vec![Dual64::from(0.0); function.num_vars()],
+                vec![Dual64::from(0.0); function.num_values()],
+            )),
+            pattern,
+            function,
+        }
+    }
+
+    /// The function.
+    pub fn inner(&self) -> &S {
+        &self.function
+    }
+}
+
+impl<S: fmt::Debug> fmt::Debug for Autodiff<S> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Autodiff")
+            .field("function", &self.function)
+            .finish_non_exhaustive()
+    }
+}
+
+impl<S: SmoothFunction> McpFunction for Autodiff<S> {
+    fn num_vars(&self) -> usize {
+        self.function.num_vars()
+    }
+
+    fn num_values(&self) -> usize {
+        self.function.num_values()
+    }
+
+    fn value(&self, x: &[f64], out: &mut [f64]) {
+        self.function.eval(x, out);
+    }
+
+    fn jacobian(&self, x: &[f64], jac: &mut Matrix) {
+        let (seeded, out) = &mut *self.work.borrow_mut();
+        for (s, v) in seeded.iter_mut().zip(x) {
+            *s = Dual64::from(*v);
+        }
+        for group in self.coloring.groups() {
+            group.iter().for_each(|&j| seeded[j].eps = 1.0);
+            self.function.eval(seeded, out);
+            for &j in group {
+                seeded[j].eps = 0.0;
+                for k in self.pattern.col_ptr()[j]..self.pattern.col_ptr()[j + 1] {
+                    let i = self.pattern.row_idx()[k];
+                    jac.add(i, j, out[i].eps);
+                }
+            }
+        }
+    }
+
+    fn pattern(&self) -> Pattern {
+        self.pattern.clone()
+    }
+}

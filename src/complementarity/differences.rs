@@ -1,0 +1,252 @@
+use std::cell::RefCell;
+
+use super::coloring::Coloring;
+use super::{ComplementarityError, McpFunction};
+use crate::sparse::{Matrix, Pattern};
+
+/// Relative step of central differences, the cube root of the rounding unit.
+const CENTRAL: f64 = 6.055e-6;
+
+/// A function given by its value alone; its Jacobian is made of coloured finite differences.
+///
+/// With a sparse [pattern](Self::with_pattern) a Jacobian costs two evaluations a colour (for a tridiagonal one six in all),
+/// otherwise two a variable. Differences are central (error about 1e-10 relative), one-sided where F is not finite on one side or
+/// the [bounds](Self::with_bounds) are near.
+///
+/// ```
+/// use semismooth::complementarity::{Differenced, Mcp, McpSolver};
+/// let f = Differenced::new(2, |x: &[f64], out: &mut [f64]| {
+///     out[0] = x[0] + x[1].sqrt() - 3.0;
+///     out[1] = x[1] - x[0] * x[0];
+/// })
+/// .with_bounds(vec![0.0; 2], vec![f64::INFINITY; 2])?;
+/// let mut x = [5.0, 5.0];
+/// assert!(McpSolver::default().solve(&Mcp::ncp(f)?, &mut x)?.is_solved());
+/// assert!((x[0] - 1.5).abs() < 1e-8 && (x[1] - 2.25).abs() < 1e-8);
+/// # Ok::<(), semismooth::complementarity::ComplementarityError>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct Differenced<V> {
+    value: V,
+    pattern: Pattern,
+    coloring: Coloring,
+    bounds: Option<(Vec<f64>, Vec<f64>)>,
+    work: RefCell<[Vec<f64>; 5]>,
+}
+
+impl<V: Fn(&[f64], &mut [f64])> Differenced<V> {
+    /// A function of `n` variables with `n` values; `value(x, out)` overwrites `out`.
+    pub fn new(n: usize, value: V) -> Self {
+        Self::over(Pattern::full(n, n), value)
+    }
+
+    /// A function of `n` variables and a parameter, which comes last.
+    pub fn parametric(n: usize, value: V) -> Self {
+        Self::over(Pattern::full(n, n + 1), value)
+    }
+
+    fn over(pattern: Pattern, value: V) -> Self {
+        let (n, m) = (pattern.nrows(), pattern.ncols());
+        Self {
+            value,
+            coloring: Coloring::new(&pattern),
+            bounds: None,
+            work: RefCell::new([
+                vec![0.0; m],
+                vec![0.0; n],
+                vec![0.0; n],
+                vec![0.0; n],
+                vec![0.0; m],
+            ]),
+            pattern,
+        }
+    }
+
+    /// Says where the Jacobian has entries. The pattern also settles the numbers of values and variables.
+    #[must_use]
+    pub fn with_pattern(self, pattern: Pattern) -> Self {
+        Self {
+            bounds: self.bounds,
+            ..Self::over(pattern, self.value)
+        }
+    }
+
+    /// Keeps the points of difference quotients within bounds (of length n; a parameter has none).
+    ///
+    /// # Errors
+    /// Wrong lengths.
+    pub fn with_bounds(mut self, lower: Vec<f64>, upper: Vec<f64>) -> Result<Self, ComplementarityError> {
+        for (what, found) in [("lower", lower.len()), ("upper", upper.len())] {
+            if found != self.pattern.nrows() {
+                return Err(ComplementarityError::Length {
+                    what,
+                    expected: self.pattern.nrows(),
+                    found,
+                });
+            }
+        }
+        self.bounds = Some((lower, upper));
+        Ok(self)
+    }
+
+    /// Number of colours: evaluations of a one-sided Jacobian.
+    #[must_use]
+    pub fn num_colors(&self) -> usize {
+        self.coloring.groups().len()
+    }
+
+    fn range(&self, j: usize) -> (f64, f64) {
+        match &self.bounds {
+            Some((l, u)) if j < l.len() => (l[j], u[j]),
+            _ => (f64::NEG_INFINITY, f64::INFINITY),
+        }
+    }
+}
+
+impl<V: Fn(&[f64], &mut [f64])> McpFunction for Differenced<V> {
+    fn num_vars(&self) -> usize {
+        self.pattern.ncols()
+    }
+
+    fn num_values(&self) -> usize {
+        self.pattern.nrows()
+    }
+
+    fn value(&self, x: &[f64], out: &mut [f64]) {
+        (self.value)(x, out);
+    }
+
+    fn jacobian(&self, x: &[f64], jac: &mut Matrix) {
+        let [y, here, plus, minus, steps] = &mut *self.work.borrow_mut();
+        y.copy_from_slice(x);
+        (self.value)(x, here);
+        for (s, x) in steps.iter_mut().zip(x) {
+            // A power of two near the ideal step, so that x + h − x is h where x is not much larger.
+            *s = (CENTRAL * (1.0 + x.abs())).log2().round().exp2();
+        }
+        for group in self.coloring.groups() {
+            let shift = |sign: f64, out: &mut [f64], y: &mut [f64]| {
+                for &j in group {
+                    let (l, u) = self.range(j);
+                    y[j] = (x[j] + sign * steps[j]).max(l).min(u);
+                }
+                (self.value)(y, out);
+            };
+            shift(1.0, plus, y);
+            shift(-1.0, minus, y);
+            for &j in group {
+                let (l, u) = self.range(j);
+                let ahead = (x[j] + steps[j]).max(l).min(u) - x[j];
+                let back = x[j] - (x[j] - steps[j]).max(l).min(u);
+                y[j] = x[j];
+                for k in self.pattern.col_ptr()[j]..self.pattern.col_ptr()[j + 1] {
+                    let i = self.pattern.row_idx()[k];
+                    let quotient = match (
+                        plus[i].is_finite() && ahead > 0.0,
+                        minus[i].is_finite() && back > 0.0,
+                    ) {
+                        (true, false) => (plus[i] - here[i]) / ahead,
+                        (false, true) => (here[i] - minus[i]) / back,
+                        // Equal bounds leave no room; the entry does not matter there.
+                        (false, false) if ahead <= 0.0 && back <= 0.0 => 0.0,
+                        _ => (plus[i] - minus[i]) / (ahead + back),
+                    };
+                    jac.add(i, j, quotient);
+                }
+            }
+        }
+    }
+
+    fn pattern(&self) -> Pattern {
+        self.pattern.clone()
+    }
+}
+
+/// What [`check_jacobian`] has seen.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct JacobianCheck {
+    /// Largest difference between an entry and its difference quotient, relative to 1 + its size.
+    pub largest_error: f64,
+    /// Where.
+    pub entry: (usize, usize),
+}
+
+/// Compares the Jacobian of a function at x with central differences.
+///
+/// # Errors
+/// [`ComplementarityError::WrongDerivative`] names the worst entry if it is off by more than `tolerance` (1e-5 is sensible)
+/// relative to 1 + its size and beyond the error of the quotient; wrong lengths, entries outside the pattern, values that are not
+/// finite.
+///
+/// ```
+/// use semismooth::complementarity::{ComplementarityError, WithJacobian, check_jacobian};
+/// let wrong = WithJacobian::new(
+///     1,
+///     |x: &[f64], out: &mut [f64]| out[0] = x[0] * x[0],
+///     |x: &[f64], jac: &mut semismooth::sparse::Matrix| jac.add(0, 0, x[0]),
+/// );
+/// let error = check_jacobian(&wrong, &[3.0], 1e-5).unwrap_err();
+/// assert!(matches!(error, ComplementarityError::WrongDerivative { row: 0, col: 0, .. }));
+/// ```
+pub fn check_jacobian<F: McpFunction + ?Sized>(
+    function: &F,
+    x: &[f64],
+    tolerance: f64,
+) -> Result<JacobianCheck, ComplementarityError> {
+    let (n, m) = (function.num_values(), function.num_vars());
+    super::error::check_finite("the point x", x, m)?;
+    let mut jac = Matrix::zeros(super::affine::with_diagonal(&function.pattern())?);
+    function.jacobian(x, &mut jac);
+    if let Some((row, col)) = jac.stray() {
+        return Err(crate::piecewise::PiecewiseError::StrayEntry { row, col }.into());
+    }
+    let mut y = x.to_vec();
+    let mut quotient = |j: usize, h: f64| {
+        let (mut plus, mut minus) = (vec![0.0; n], vec![0.0; n]);
+        y[j] = x[j] + h;
+        function.value(&y, &mut plus);
+        y[j] = x[j] - h;
+        function.value(&y, &mut minus);
+        y[j] = x[j];
+        plus.iter()
+            .zip(&minus)
+            .map(|(p, m)| (p - m) / (2.0 * h))
+            .collect::<Vec<f64>>()
+    };
+    let mut worst = JacobianCheck {
+        largest_error: 0.0,
+        entry: (0, 0),
+    };
+    for j in 0..m {
+        let h = (CENTRAL * (1.0 + x[j].abs())).log2().round().exp2();
+        let (fine, coarse) = (quotient(j, h), quotient(j, 8.0 * h));
+        for i in 0..n {
+            let given = jac.get(i, j);
+            if !(given.is_finite() && fine[i].is_finite()) {
+                return Err(ComplementarityError::NotFinite {
+                    what: "the row of the Jacobian, or of its difference quotients,",
+                    index: i,
+                    value: if given.is_finite() { fine[i] } else { given },
+                });
+            }
+            let doubt = (fine[i] - coarse[i]).abs();
+            let error = ((given - fine[i]).abs() - doubt).max(0.0) / (1.0 + given.abs().max(fine[i].abs()));
+            if error > worst.largest_error {
+                worst = JacobianCheck {
+                    largest_error: error,
+                    entry: (i, j),
+                };
+            }
+            if error > tolerance {
+                return Err(ComplementarityError::WrongDerivative {
+                    row: i,
+                    col: j,
+                    given,
+                    found: fine[i],
+                });
+            }
+        }
+    }
+    Ok(worst)
+}

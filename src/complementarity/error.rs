@@ -1,0 +1,130 @@
+use thiserror::Error;
+
+use crate::linear::LinearError;
+use crate::piecewise::PiecewiseError;
+use crate::sparse::SparseError;
+
+/// What can be wrong with a complementarity problem or its options. How a solve ended is told by its report.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum ComplementarityError {
+    /// There is nothing to solve for.
+    #[error("the problem has no variables; at least one is needed")]
+    Empty,
+    /// A vector has the wrong length.
+    #[error("{what} has length {found}, expected {expected}")]
+    Length {
+        /// Which vector.
+        what: &'static str,
+        /// Length asked for.
+        expected: usize,
+        /// Length given.
+        found: usize,
+    },
+    /// A bound is NaN, a lower bound +∞ or an upper bound −∞.
+    #[error("{what}[{index}] = {value} is no bound; use a number, or {free} where there is none")]
+    Bound {
+        /// Which vector.
+        what: &'static str,
+        /// Component, from 0.
+        index: usize,
+        /// Its value.
+        value: f64,
+        /// The infinity that says "no bound" here.
+        free: &'static str,
+    },
+    /// A lower bound lies above the upper one.
+    #[error("lower[{index}] = {lower} lies above upper[{index}] = {upper}; no x satisfies both")]
+    CrossedBounds {
+        /// Component, from 0.
+        index: usize,
+        /// Lower bound.
+        lower: f64,
+        /// Upper bound.
+        upper: f64,
+    },
+    /// A number that must be finite is not.
+    #[error("{what}[{index}] = {value} is not finite")]
+    NotFinite {
+        /// Which vector.
+        what: &'static str,
+        /// Position, from 0.
+        index: usize,
+        /// Its value.
+        value: f64,
+    },
+    /// The function does not have as many variables as its use asks for.
+    #[error("a function of {vars} variables with {values} values does not fit here; {expected}")]
+    Dimensions {
+        /// Number of variables.
+        vars: usize,
+        /// Number of values.
+        values: usize,
+        /// What would fit.
+        expected: &'static str,
+    },
+    /// A Jacobian entry is not the derivative of the function.
+    #[error(
+        "the Jacobian has {given} at ({row}, {col}), but difference quotients give {found}; check the derivative"
+    )]
+    WrongDerivative {
+        /// Row, from 0.
+        row: usize,
+        /// Column, from 0.
+        col: usize,
+        /// The entry.
+        given: f64,
+        /// Its difference quotient.
+        found: f64,
+    },
+    /// An option is out of its range.
+    #[error("option {name} = {value} is out of range; it must be {range}")]
+    Option {
+        /// Name of the field.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+        /// The range.
+        range: &'static str,
+    },
+    /// A method needs what the problem has not.
+    #[error("{method} cannot solve this problem: {reason}")]
+    Unsuitable {
+        /// The method.
+        method: &'static str,
+        /// Why, and what to do.
+        reason: String,
+    },
+    /// The map could not be used.
+    #[error(transparent)]
+    Map(#[from] PiecewiseError),
+    /// A matrix or pattern does not fit.
+    #[error(transparent)]
+    Sparse(#[from] SparseError),
+    /// The linear solver refused the problem (size, memory).
+    #[error(transparent)]
+    Linear(#[from] LinearError),
+}
+
+/// Checks the length of a vector and that its entries are finite.
+pub(super) fn check_finite(
+    what: &'static str,
+    v: &[f64],
+    expected: usize,
+) -> Result<(), ComplementarityError> {
+    if v.len() != expected {
+        return Err(ComplementarityError::Length {
+            what,
+            expected,
+            found: v.len(),
+        });
+    }
+    match v.iter().position(|x| !x.is_finite()) {
+        Some(index) => Err(ComplementarityError::NotFinite {
+            what,
+            index,
+            value: v[index],
+        }),
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,258 @@
+//! Fischer–Burmeister functions, free of cancellation, and the reformulation of an MCP by them.
+
+use super::{ComplementarityError, Mcp, McpFunction};
+use crate::piecewise::Semismooth;
+use crate::sparse::{Matrix, Pattern};
+
+/// φ(a, b) = a + b − √(a² + b²).
+///
+/// Where an argument is positive this cancels; 2ab / (a + b + √(a² + b²)) and a − a² / (b + √(a² + b²)) do not.
+pub(super) fn phi(a: f64, b: f64) -> f64 {
+    let h = a.hypot(b);
+    if a > 0.0 && b > 0.0 {
+        2.0 * a.min(b) * (a.max(b) / (a + b + h))
+    } else if a.max(b) > 0.0 {
+        let (low, high) = (a.min(b), a.max(b));
+        low - low * (low / (high + h))
+    } else {
+        a + b - h
+    }
+}
+
+/// ∇φ(a, b), for (a, b) ≠ (0, 0).
+fn phi_gradient(a: f64, b: f64) -> (f64, f64) {
+    let h = a.hypot(b);
+    // 1 − a/h, without cancellation where a is nearly h.
+    let one_minus = |a: f64, b: f64| {
+        if a > 0.0 {
+            (b / h) * (b / (h + a))
+        } else {
+            1.0 - a / h
+        }
+    };
+    (one_minus(a, b), one_minus(b, a))
+}
+
+/// φ with the penalty of Chen, Chen and Kanzow (2000): λ φ(a, b) + (1 − λ) a₊ b₊.
+fn penalised(a: f64, b: f64, lambda: f64) -> f64 {
+    if lambda == 1.0 {
+        phi(a, b)
+    } else {
+        lambda * phi(a, b) + (1.0 - lambda) * a.max(0.0) * b.max(0.0)
+    }
+}
+
+/// An element of the B-subdifferential of the penalised φ at (a, b); at (0, 0) the limit of gradients along (da, db).
+fn penalised_gradient(a: f64, b: f64, lambda: f64, (da, db): (f64, f64)) -> (f64, f64) {
+    let (ga, gb) = if a != 0.0 || b != 0.0 {
+        phi_gradient(a, b)
+    } else if da != 0.0 || db != 0.0 {
+        phi_gradient(da, db)
+    } else {
+        phi_gradient(1.0, 0.0)
+    };
+    if lambda == 1.0 {
+        return (ga, gb);
+    }
+    let (pa, pb) = if a > 0.0 && b > 0.0 { (b, a) } else { (0.0, 0.0) };
+    (
+        lambda * ga + (1.0 - lambda) * pa,
+        lambda * gb + (1.0 - lambda) * pb,
+    )
+}
+
+/// The distances a = x − l and b = u − x, infinite without a bound, of one component.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Gap {
+    pub(super) below: f64,
+    pub(super) above: f64,
+}
+
+/// Φ of one component: φ(a, f), −φ(b, −f), f, or φ(a, −φ(b, −f)), by the bounds there are (Billups 1995).
+pub(super) fn component(gap: Gap, f: f64, lambda: f64) -> f64 {
+    let Gap { below, above } = gap;
+    let inner = match above < f64::INFINITY {
+        true => -penalised(above, -f, lambda),
+        false => f,
+    };
+    match below < f64::INFINITY {
+        true => penalised(below, inner, lambda),
+        false => inner,
+    }
+}
+
+/// The derivatives of Φ of one component with respect to x and to f. Where the gap is closed and f = 0 it is the limit along a
+/// direction in which x changes at rate 1 and f at rate `df`.
+pub(super) fn component_gradient(gap: Gap, f: f64, lambda: f64, df: f64) -> (f64, f64) {
+    let Gap { below, above } = gap;
+    // With respect to x: γ, to f: δ.
+    let (inner, gamma, delta) = match above < f64::INFINITY {
+        true => {
+            let (g, d) = penalised_gradient(above, -f, lambda, (-1.0, -df));
+            (-penalised(above, -f, lambda), g, d)
+        }
+        false => (f, 0.0, 1.0),
+    };
+    match below < f64::INFINITY {
+        true => {
+            let (a, b) = penalised_gradient(below, inner, lambda, (1.0, gamma + delta * df));
+            (a + b * gamma, b * delta)
+        }
+        false => (gamma, delta),
+    }
+}
+
+/// The reformulation Φ(x) = 0 of an MCP by (penalised) Fischer–Burmeister functions; ½‖Φ‖² is continuously differentiable.
+///
+/// Φᵢ = φ(xᵢ − lᵢ, Fᵢ) with a lower bound only, −φ(uᵢ − xᵢ, −Fᵢ) with an upper one only, φ(xᵢ − lᵢ, −φ(uᵢ − xᵢ, −Fᵢ)) with
+/// both, Fᵢ without (Fischer 1992, Billups 1995). φ is evaluated without cancellation, so that Φ and the natural residual vanish
+/// together also in floating-point numbers, and where it has no gradient an element of the B-subdifferential is taken (De Luca,
+/// Facchinei and Kanzow 1996).
+///
+/// ```
+/// use semismooth::complementarity::{FischerBurmeister, Mcp, WithJacobian};
+/// use semismooth::newton::Newton;
+/// use semismooth::sparse::Matrix;
+/// let f = WithJacobian::new(
+///     1,
+///     |x: &[f64], out: &mut [f64]| out[0] = x[0] - 2.0,
+///     |_: &[f64], jac: &mut Matrix| jac.add(0, 0, 1.0),
+/// );
+/// let problem = Mcp::ncp(f)?;
+/// let mut x = [0.5];
+/// Newton::default().solve_semismooth(&FischerBurmeister::new(&problem)?, &mut x)?;
+/// assert!((x[0] - 2.0).abs() < 1e-10);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug, Clone, Copy)]
+pub struct FischerBurmeister<'a, F> {
+    problem: &'a Mcp<F>,
+    lambda: f64,
+}
+
+impl<'a, F: McpFunction> FischerBurmeister<'a, F> {
+    /// The plain function.
+    ///
+    /// # Errors
+    /// A parametric problem: fix its parameter by [`Mcp::at`].
+    pub fn new(problem: &'a Mcp<F>) -> Result<Self, ComplementarityError> {
+        Self::penalised(problem, 1.0)
+    }
+
+    /// The penalised function λ φ(a, b) + (1 − λ) a₊ b₊, whose merit has bounded level sets on more problems; λ in (0, 1].
+    ///
+    /// # Errors
+    /// λ out of range; a parametric problem.
+    pub fn penalised(problem: &'a Mcp<F>, lambda: f64) -> Result<Self, ComplementarityError> {
+        if !(lambda > 0.0 && lambda <= 1.0) {
+            return Err(ComplementarityError::Option {
+                name: "lambda",
+                value: lambda,
+                range: "in (0, 1]",
+            });
+        }
+        if problem.is_parametric() {
+            return Err(ComplementarityError::Dimensions {
+                vars: problem.len() + 1,
+                values: problem.len(),
+                expected: "fix the parameter first, by `Mcp::at`",
+            });
+        }
+        Ok(Self { problem, lambda })
+    }
+
+    fn gap(&self, x: &[f64], i: usize) -> Gap {
+        Gap {
+            below: x[i] - self.problem.lower()[i],
+            above: self.problem.upper()[i] - x[i],
+        }
+    }
+}
+
+impl<F: McpFunction> Semismooth for FischerBurmeister<'_, F> {
+    fn num_vars(&self) -> usize {
+        self.problem.len()
+    }
+
+    fn residual(&self, x: &[f64], out: &mut [f64]) {
+        self.problem.function().value(x, out);
+        for i in 0..out.len() {
+            out[i] = component(self.gap(x, i), out[i], self.lambda);
+        }
+    }
+
+    fn jacobian(&self, x: &[f64], jac: &mut Matrix) {
+        let n = x.len();
+        let mut f = vec![0.0; n];
+        self.problem.function().value(x, &mut f);
+        self.problem.function().jacobian(x, jac);
+        // Rates of f along the indicator of the components without a gradient.
+        let (mut z, mut rate) = (vec![0.0; n], vec![0.0; n]);
+        for i in 0..n {
+            let Gap { below, above } = self.gap(x, i);
+            z[i] = f64::from(u8::from(f[i] == 0.0 && (below == 0.0 || above == 0.0)));
+        }
+        jac.mul_vec(&z, &mut rate);
+        let pattern = jac.pattern().clone();
+        let factors: Vec<(f64, f64)> = (0..n)
+            .map(|i| component_gradient(self.gap(x, i), f[i], self.lambda, rate[i]))
+            .collect();
+        for j in 0..n {
+            for k in pattern.col_ptr()[j]..pattern.col_ptr()[j + 1] {
+                let i = pattern.row_idx()[k];
+                let (a, b) = factors[i];
+                let v = &mut jac.values_mut()[k];
+                *v = b * *v + if i == j { a } else { 0.0 };
+            }
+        }
+    }
+
+    fn pattern(&self) -> Pattern {
+        self.problem.jacobian_pattern().clone()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn does_not_cancel() {
+        // a + b − √(a² + b²) is 0 in floating-point numbers for the first pair; the true value is nearly 2ab/(a + b + h).
+        assert!((phi(1e-4, 1e13) - 1e-4).abs() < 1e-12);
+        assert!((phi(1e13, 1e-4) - 1e-4).abs() < 1e-12);
+        assert!((phi(3.0, 4.0) - 2.0).abs() < 1e-15);
+        assert!(phi(-1e-4, 1e13) < -1e-4);
+        assert_eq!(phi(0.0, 5.0), 0.0);
+    }
+
+    #[test]
+    fn gradients_are_those_of_differences() {
+        let inf = f64::INFINITY;
+        for (l, u) in [(0.0, inf), (-inf, 1.0), (0.0, 1.0), (-inf, inf)] {
+            for lambda in [1.0, 0.8] {
+                for (x, f) in [(0.3, 0.4), (0.9, -2.0), (-0.5, 1.0), (1.5, 3.0), (0.2, -1e3)] {
+                    let at = |x: f64, f: f64| {
+                        let gap = Gap {
+                            below: x - l,
+                            above: u - x,
+                        };
+                        (component(gap, f, lambda), component_gradient(gap, f, lambda, 0.0))
+                    };
+                    let h = 1e-6;
+                    let (_, (gx, gf)) = at(x, f);
+                    let dx = (at(x + h, f).0 - at(x - h, f).0) / (2.0 * h);
+                    let df = (at(x, f + h).0 - at(x, f - h).0) / (2.0 * h);
+                    assert!(
+                        (gx - dx).abs() < 1e-6 * (1.0 + gx.abs()),
+                        "{l} {u} {x} {f}: {gx} {dx}"
+                    );
+                    assert!(
+                        (gf - df).abs() < 1e-6 * (1.0 + gf.abs()),
+                        "{l} {u} {x} {f}: {gf} {df}"
+                    );
+                }
+            }
+        }
+    }
+}

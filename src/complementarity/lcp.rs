@@ -1,0 +1,156 @@
+use super::error::check_finite;
+use super::problem::natural;
+use super::{AffineFunction, ComplementarityError, Mcp};
+use crate::sparse::Matrix;
+
+/// The linear complementarity problem LCP(M, q), or with bounds the box LCP (affine variational inequality over a box).
+///
+/// Without bounds: find z ≥ 0 with w = M z + q ≥ 0 and zᵀw = 0. With bounds l ≤ z ≤ u (infinite, equal and absent ones included):
+/// wᵢ ≥ 0 where zᵢ = lᵢ, wᵢ ≤ 0 where zᵢ = uᵢ, and wᵢ = 0 between; for lᵢ = uᵢ no condition on wᵢ.
+///
+/// It holds an affine [`Mcp`], and so is a piecewise-smooth map to Newton's method, enumeration and continuation:
+///
+/// ```
+/// use semismooth::complementarity::Lcp;
+/// use semismooth::enumeration::{EnumerationOptions, all_solutions};
+/// use semismooth::sparse::Matrix;
+/// // Two solutions: z = 0 and z = 1.
+/// let lcp = Lcp::new(Matrix::from_rows(&[[-1.0]])?, vec![1.0])?;
+/// let set = all_solutions(lcp.mcp(), 0.0, &EnumerationOptions::default())?;
+/// assert_eq!(set.solutions.len(), 2);
+/// assert_eq!(lcp.natural_residual(&[1.0]), 0.0);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug, Clone, PartialEq)]
+pub struct Lcp {
+    mcp: Mcp<AffineFunction>,
+}
+
+impl Lcp {
+    /// LCP(M, q): z ≥ 0.
+    ///
+    /// # Errors
+    /// [`ComplementarityError`] names the shape or the entry that is wrong.
+    pub fn new(matrix: Matrix, q: Vec<f64>) -> Result<Self, ComplementarityError> {
+        let n = q.len();
+        Self::boxed(matrix, q, vec![0.0; n], vec![f64::INFINITY; n])
+    }
+
+    /// The box LCP: l ≤ z ≤ u, −∞ and +∞ where there is no bound.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new), and bounds that are NaN or leave no value.
+    pub fn boxed(
+        matrix: Matrix,
+        q: Vec<f64>,
+        lower: Vec<f64>,
+        upper: Vec<f64>,
+    ) -> Result<Self, ComplementarityError> {
+        if matrix.nrows() != matrix.ncols() {
+            return Err(ComplementarityError::Dimensions {
+                vars: matrix.ncols(),
+                values: matrix.nrows(),
+                expected: "the matrix of an LCP is square",
+            });
+        }
+        if let Some((row, col)) = matrix.stray() {
+            return Err(crate::piecewise::PiecewiseError::StrayEntry { row, col }.into());
+        }
+        let mcp = Mcp::affine(matrix, q, lower, upper)?;
+        Ok(Self { mcp })
+    }
+
+    /// The problem as an MCP, which is a piecewise-smooth map.
+    #[must_use]
+    pub fn mcp(&self) -> &Mcp<AffineFunction> {
+        &self.mcp
+    }
+
+    /// Number n of unknowns.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.mcp.len()
+    }
+
+    /// Always false: a problem has at least one unknown.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.mcp.is_empty()
+    }
+
+    /// M, its diagonal stored.
+    #[must_use]
+    pub fn matrix(&self) -> &Matrix {
+        self.mcp.function().matrix()
+    }
+
+    /// q.
+    #[must_use]
+    pub fn q(&self) -> &[f64] {
+        self.mcp.function().q()
+    }
+
+    /// Lower bounds; 0 unless given.
+    #[must_use]
+    pub fn lower(&self) -> &[f64] {
+        self.mcp.lower()
+    }
+
+    /// Upper bounds; +∞ unless given.
+    #[must_use]
+    pub fn upper(&self) -> &[f64] {
+        self.mcp.upper()
+    }
+
+    /// Replaces q, for batches of problems with one matrix; nothing is allocated.
+    ///
+    /// # Errors
+    /// Wrong length or entries that are not finite; the problem is then unchanged.
+    pub fn set_q(&mut self, q: &[f64]) -> Result<(), ComplementarityError> {
+        check_finite("q", q, self.len())?;
+        self.mcp.function_mut().q_mut().copy_from_slice(q);
+        Ok(())
+    }
+
+    /// Replaces the values of M over the pattern of [`matrix`](Self::matrix); nothing is allocated.
+    ///
+    /// # Errors
+    /// Wrong length or entries that are not finite; the problem is then unchanged.
+    pub fn set_values(&mut self, values: &[f64]) -> Result<(), ComplementarityError> {
+        check_finite("the values of the matrix", values, self.matrix().values().len())?;
+        self.mcp.function_mut().values_mut().copy_from_slice(values);
+        Ok(())
+    }
+
+    /// w = M z + q; both slices must have length n.
+    pub fn residual(&self, z: &[f64], w: &mut [f64]) {
+        w.copy_from_slice(self.q());
+        self.matrix().as_ref().mul_add(1.0, z, w);
+    }
+
+    /// The natural residual maxᵢ |zᵢ − mid(lᵢ, uᵢ, zᵢ − wᵢ)|, zero exactly at solutions; NaN if `z` holds one or has not length n.
+    #[must_use]
+    pub fn natural_residual(&self, z: &[f64]) -> f64 {
+        let mut r = vec![0.0; self.len()];
+        self.mcp.natural_residual(z, &mut r).unwrap_or(f64::NAN)
+    }
+
+    /// The natural residual for w = M z + q at hand.
+    pub(super) fn natural_residual_of(&self, z: &[f64], w: &[f64]) -> f64 {
+        let (lower, upper) = (self.lower(), self.upper());
+        let mut worst = 0.0_f64;
+        for i in 0..z.len() {
+            let r = natural(z[i], lower[i], upper[i], w[i]).abs();
+            if r > worst || r.is_nan() {
+                worst = r;
+            }
+        }
+        worst
+    }
+
+    /// Whether the bounds are 0 ≤ z < ∞.
+    #[must_use]
+    pub fn is_standard(&self) -> bool {
+        self.lower().iter().all(|l| *l == 0.0) && self.upper().iter().all(|u| *u == f64::INFINITY)
+    }
+}

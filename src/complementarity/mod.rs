@@ -1,0 +1,66 @@
+//! Complementarity problems: LCP, NCP, box-constrained variational inequalities and MCP.
+//!
+//! All of them are the mixed complementarity problem MCP(F, l, u): find l ≤ x ≤ u such that, component by component,
+//!
+//! * xᵢ = lᵢ and Fᵢ(x) ≥ 0, or
+//! * lᵢ ≤ xᵢ ≤ uᵢ and Fᵢ(x) = 0, or
+//! * xᵢ = uᵢ and Fᵢ(x) ≤ 0.
+//!
+//! With l = 0, u = ∞ this is the nonlinear complementarity problem 0 ≤ x ⟂ F(x) ≥ 0 (LCP for affine F), with l = −∞, u = ∞ a
+//! system of equations, with F = ∇f + … the first-order conditions of a program ([`kkt()`]). Bounds may be infinite or equal.
+//!
+//! # Pieces
+//! * [`McpFunction`] is F, with its Jacobian: [`WithJacobian`] (two closures), [`Differenced`] (coloured finite differences over a
+//!   sparse pattern), `Autodiff` (dual numbers), [`AffineFunction`] (M x + q).
+//! * [`Mcp`] is the problem: F and its bounds. It is a [`PiecewiseSmooth`](crate::piecewise::PiecewiseSmooth) map, the natural map
+//!   x − mid(l, u, x − F(x)), with one site a component and the pieces lower, interior, upper. So Newton's method, continuation,
+//!   transitions, diagrams and enumeration know it. A function of one variable more than values is a *parametric* MCP, its last
+//!   variable the parameter.
+//! * [`FischerBurmeister`] is the semismooth reformulation with a smooth merit function.
+//! * [`McpSolver`] solves an MCP from any start; see there for the strategy.
+//!
+//! ```
+//! use semismooth::complementarity::{Mcp, McpSolver, WithJacobian};
+//!
+//! // 0 ≤ x ⟂ (x − 1)² − 1.01 ≥ 0 (Billups 1995): Newton's method stops near 0, where the merit function has a local minimum.
+//! let f = WithJacobian::new(
+//!     1,
+//!     |x: &[f64], out: &mut [f64]| out[0] = (x[0] - 1.0).powi(2) - 1.01,
+//!     |x: &[f64], jac: &mut semismooth::sparse::Matrix| jac.add(0, 0, 2.0 * (x[0] - 1.0)),
+//! );
+//! let problem = Mcp::ncp(f)?;
+//! let mut x = [0.0];
+//! let report = McpSolver::default().solve(&problem, &mut x)?;
+//! assert!(report.is_solved() && (x[0] - 1.0 - 1.01_f64.sqrt()).abs() < 1e-9);
+//! # Ok::<(), semismooth::complementarity::ComplementarityError>(())
+//! ```
+
+pub mod active_set;
+mod affine;
+#[cfg(feature = "autodiff")]
+mod autodiff;
+mod coloring;
+mod differences;
+mod error;
+mod fischer;
+mod function;
+mod kkt;
+mod lcp;
+mod natural;
+pub mod pivoting;
+mod problem;
+mod solver;
+
+pub use affine::AffineFunction;
+#[cfg(feature = "autodiff")]
+pub use autodiff::{Autodiff, SmoothFunction};
+pub use differences::{Differenced, JacobianCheck, check_jacobian};
+pub use error::ComplementarityError;
+pub use fischer::FischerBurmeister;
+pub use function::{McpFunction, WithJacobian};
+pub use kkt::{ConstraintKind, Kkt, Program, kkt};
+pub use lcp::Lcp;
+pub use problem::{AtParameter, Mcp};
+pub use solver::{
+    BoundState, Fallback, McpIteration, McpOptions, McpReport, McpSolver, McpStatus, McpStep, McpStrategy,
+};

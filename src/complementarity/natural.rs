@@ -1,0 +1,209 @@
+//! The natural map of an MCP as a piecewise-smooth map.
+
+use std::borrow::Cow;
+
+use super::{Mcp, McpFunction};
+use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
+use crate::sparse::{Matrix, Pattern};
+
+/// What holds at a component.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Piece {
+    Lower,
+    Interior,
+    Upper,
+    Fixed,
+}
+
+impl<F: McpFunction> Mcp<F> {
+    fn pieces_of(&self, i: usize) -> &'static [Piece] {
+        use Piece::{Fixed, Interior, Lower, Upper};
+        let (l, u) = (self.lower()[i], self.upper()[i]);
+        match (l.is_finite(), u.is_finite()) {
+            (true, true) if l == u => &[Fixed],
+            (true, true) => &[Lower, Interior, Upper],
+            (true, false) => &[Lower, Interior],
+            (false, true) => &[Interior, Upper],
+            (false, false) => &[Interior],
+        }
+    }
+
+    fn piece(&self, selection: &Selection, i: usize) -> Piece {
+        let pieces = self.pieces_of(i);
+        pieces[selection.piece(i).min(pieces.len() - 1)]
+    }
+
+    /// Calls `with(position, i, bound)` for each test function xᵢ − Fᵢ − bound.
+    fn each_test(&self, mut with: impl FnMut(usize, usize, f64)) {
+        let mut k = 0;
+        for i in 0..self.len() {
+            let (l, u) = (self.lower()[i], self.upper()[i]);
+            if l == u {
+                continue;
+            }
+            for bound in [l, u] {
+                if bound.is_finite() {
+                    with(k, i, bound);
+                    k += 1;
+                }
+            }
+        }
+    }
+
+    fn jacobian_at(&self, x: &[f64]) -> Matrix {
+        let mut jac = Matrix::zeros(self.jacobian_pattern().clone());
+        self.function().jacobian(x, &mut jac);
+        jac
+    }
+}
+
+impl<F: McpFunction> PiecewiseSmooth for Mcp<F> {
+    fn num_vars(&self) -> usize {
+        self.function().num_vars()
+    }
+
+    fn num_residuals(&self) -> usize {
+        self.len()
+    }
+
+    fn num_sites(&self) -> usize {
+        self.len()
+    }
+
+    fn num_pieces(&self, site: usize) -> usize {
+        self.pieces_of(site).len()
+    }
+
+    fn num_tests(&self, site: usize) -> usize {
+        self.pieces_of(site).len() - 1
+    }
+
+    fn cell(&self, site: usize, piece: usize) -> &[Facet] {
+        const BELOW: [Facet; 1] = [Facet::negative(0)];
+        const ABOVE: [Facet; 1] = [Facet::positive(0)];
+        const BETWEEN: [Facet; 2] = [Facet::positive(0), Facet::negative(1)];
+        const ABOVE_BOTH: [Facet; 1] = [Facet::positive(1)];
+        let pieces = self.pieces_of(site);
+        match (pieces[piece.min(pieces.len() - 1)], pieces) {
+            (_, [_]) => &[],
+            (Piece::Lower, _) | (Piece::Interior, [Piece::Interior, ..]) => &BELOW,
+            (Piece::Interior, [_, _]) | (Piece::Upper, [_, _]) => &ABOVE,
+            (Piece::Upper, _) => &ABOVE_BOTH,
+            _ => &BETWEEN,
+        }
+    }
+
+    fn test_functions(&self, x: &[f64], out: &mut [f64]) {
+        let mut f = vec![0.0; self.len()];
+        self.function().value(x, &mut f);
+        self.each_test(|k, i, bound| out[k] = (x[i] - bound) - f[i]);
+    }
+
+    fn residual(&self, selection: &Selection, x: &[f64], out: &mut [f64]) {
+        self.function().value(x, out);
+        for i in 0..self.len() {
+            match self.piece(selection, i) {
+                Piece::Interior => {}
+                Piece::Lower | Piece::Fixed => out[i] = x[i] - self.lower()[i],
+                Piece::Upper => out[i] = x[i] - self.upper()[i],
+            }
+        }
+    }
+
+    fn jacobian(&self, selection: &Selection, x: &[f64], jac: &mut Matrix) {
+        self.function().jacobian(x, jac);
+        let pattern = jac.pattern().clone();
+        let at_bound = |i: usize| self.piece(selection, i) != Piece::Interior;
+        for j in 0..pattern.ncols() {
+            for k in pattern.col_ptr()[j]..pattern.col_ptr()[j + 1] {
+                let i = pattern.row_idx()[k];
+                if at_bound(i) {
+                    jac.values_mut()[k] = f64::from(u8::from(i == j));
+                }
+            }
+        }
+    }
+
+    fn pattern(&self) -> Pattern {
+        self.jacobian_pattern().clone()
+    }
+
+    fn piece_name(&self, site: usize, piece: usize) -> Cow<'_, str> {
+        let pieces = self.pieces_of(site);
+        Cow::Borrowed(match pieces[piece.min(pieces.len() - 1)] {
+            Piece::Lower => "lower",
+            Piece::Interior => "interior",
+            Piece::Upper => "upper",
+            Piece::Fixed => "fixed",
+        })
+    }
+
+    fn site_name(&self, site: usize) -> Cow<'_, str> {
+        Cow::Owned(format!("component {site}"))
+    }
+
+    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
+        rows.clear();
+        rows.push(site);
+    }
+
+    fn is_piecewise_affine(&self) -> bool {
+        self.function().is_affine()
+    }
+
+    fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {
+        let mut jd = vec![0.0; self.len()];
+        self.jacobian_at(x).mul_vec(d, &mut jd);
+        self.each_test(|k, i, _| out[k] = d[i] - jd[i]);
+    }
+
+    fn test_gradient(&self, site: usize, _test: usize, x: &[f64], gradient: &mut [f64]) {
+        let jac = self.jacobian_at(x);
+        for j in 0..gradient.len() {
+            gradient[j] = f64::from(u8::from(j == site)) - jac.get(site, j);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{AffineFunction, problem::natural};
+    use super::*;
+    use crate::piecewise::check::{CheckOptions, check};
+    use crate::piecewise::value;
+
+    #[test]
+    fn keeps_the_contract_for_all_kinds_of_bounds() {
+        let inf = f64::INFINITY;
+        let rows: Vec<Vec<f64>> = (0..5)
+            .map(|i| {
+                (0..5)
+                    .map(|j| ((i * 7 + j * 3) % 5) as f64 - 1.5 + 4.0 * f64::from(u8::from(i == j)))
+                    .collect()
+            })
+            .collect();
+        let f =
+            AffineFunction::new(Matrix::from_rows(&rows).unwrap(), vec![1.0, -2.0, 0.5, 3.0, -1.0]).unwrap();
+        let lower = vec![0.0, -inf, -1.0, -inf, 2.0];
+        let upper = vec![inf, 1.0, 1.0, inf, 2.0];
+        let mcp = Mcp::new(f, lower.clone(), upper.clone()).unwrap();
+        let points: Vec<Vec<f64>> = (0..20)
+            .map(|k| {
+                (0..5)
+                    .map(|i| ((k * 13 + i * 5) % 11) as f64 * 0.4 - 2.0)
+                    .collect()
+            })
+            .collect();
+        for x in &points {
+            let (mut a, mut f) = (vec![0.0; 5], vec![0.0; 5]);
+            value(&mcp, x, &mut a);
+            mcp.function().value(x, &mut f);
+            for i in 0..5 {
+                let mid = (x[i] - f[i]).max(lower[i]).min(upper[i]);
+                assert!((a[i] - (x[i] - mid)).abs() < 1e-12);
+                assert!((natural(x[i], lower[i], upper[i], f[i]) - a[i]).abs() < 1e-12);
+            }
+        }
+        check(&mcp, &points, &CheckOptions::default()).unwrap();
+    }
+}

@@ -1,0 +1,801 @@
+use super::basis::Basis;
+use crate::complementarity::{ComplementarityError, Lcp};
+use crate::linear::LinearError;
+use crate::sparse::{Matrix, Pattern};
+
+/// Entries of the entering column below this part of its largest are no pivots.
+const PIVOT: f64 = 1e-11;
+/// Ratios closer than this, relative to their size, are ties; the lexicographic rule decides among them.
+const TIE: f64 = 1e-13;
+/// Exchanges after which the values of the basic variables are compared with the equations.
+const CHECK_EVERY: usize = 32;
+/// Relative error of the basic variables above which the inverse is made anew.
+const DECAY: f64 = 1e-9;
+/// Distances to bounds below this part of the right-hand side are zero.
+const ZERO: f64 = 1e-14;
+/// Relative difference below which entries of the inverse are equal to the lexicographic rule.
+const SAME: f64 = 1e-11;
+/// Bounds may be violated by this much, relative to the basic variables, before the result is called inaccurate.
+const FEASIBLE: f64 = 1e-9;
+/// Relative rounding allowed in a certificate.
+const ROUNDING: f64 = 1e-10;
+/// Largest order, for the sake of memory: the inverse takes 8 n² bytes.
+const MAX_ORDER: usize = 20_000;
+
+/// Options of [`Lemke`]. The defaults need no touching.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct LemkeOptions {
+    /// Largest number of exchanges; default `None`: 50 n + 1000.
+    pub max_pivots: Option<usize>,
+    /// The covering vector d > 0, one entry an unknown; default `None`: all ones. It chooses the path, and with several
+    /// solutions the one that is found.
+    pub covering: Option<Vec<f64>>,
+}
+
+impl Default for LemkeOptions {
+    fn default() -> Self {
+        Self {
+            max_pivots: None,
+            covering: None,
+        }
+    }
+}
+
+impl LemkeOptions {
+    /// Sets the largest number of exchanges.
+    #[must_use]
+    pub fn with_max_pivots(mut self, max_pivots: usize) -> Self {
+        self.max_pivots = Some(max_pivots);
+        self
+    }
+
+    /// Sets the covering vector.
+    #[must_use]
+    pub fn with_covering(mut self, covering: Vec<f64>) -> Self {
+        self.covering = Some(covering);
+        self
+    }
+}
+
+/// How a path of Lemke's method ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum LemkeStatus {
+    /// At a solution.
+    Solved,
+    /// On a secondary ray, whose direction is [`Lemke::ray`]. With `infeasible` that direction v was verified to be a certificate
+    /// that no z ≥ 0 has M z + q ≥ 0, hence that there is no solution: v ≥ 0, Mᵀv ≤ 0, qᵀv < 0. Without it, there may be one.
+    Ray {
+        /// Whether the direction proves that there is no solution.
+        infeasible: bool,
+    },
+    /// At the limit on exchanges.
+    PivotLimit,
+    /// Rounding destroyed the basis: no exchange with an acceptable pivot, or a solution that does not satisfy the equations.
+    Inaccurate,
+}
+
+/// Report on one path.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct LemkeReport {
+    /// How it ended.
+    pub status: LemkeStatus,
+    /// Exchanges made.
+    pub pivots: usize,
+    /// How often the inverse was made anew.
+    pub refactorisations: usize,
+    /// Natural residual of the point handed back.
+    pub residual: f64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Var {
+    /// wᵢ.
+    Slack(usize),
+    /// zᵢ.
+    Point(usize),
+    /// The covering variable t.
+    Cover,
+}
+
+/// The bound at which zᵢ rests while it is not basic, and with it the sign of wᵢ.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Side {
+    Lower,
+    Upper,
+    /// No bounds: wᵢ is never basic.
+    Free,
+    /// Equal bounds: zᵢ is never basic, wᵢ has any sign.
+    Fixed,
+}
+
+/// Lemke's complementary pivoting for the (box) LCP, with a lexicographic ratio test.
+///
+/// Starting at z = the bound nearest to minus infinity that is finite, the method follows the solutions of
+/// w = M z + q + t d, complementary in (z, w), from large t to t = 0. The lexicographic rule excludes cycling, so that the path
+/// ends at a solution or on a ray for any M. Bounds are handled as such: an upper bound costs no extra unknown. It finds a
+/// solution whenever there is one for copositive-plus matrices (positive semidefinite ones included), and always for P matrices,
+/// strictly copositive ones, and for finite boxes (C. E. Lemke, 1965; R. W. Cottle, J.-S. Pang, R. E. Stone, *The Linear
+/// Complementarity Problem*, 1992, algorithm 4.4.5 and section 4.9).
+///
+/// The inverse of the basis is maintained (n² operations an exchange) and made anew when it has decayed. A solver that is used
+/// again allocates nothing for problems that are not larger than the first.
+///
+/// ```
+/// use semismooth::complementarity::{Lcp, pivoting::{Lemke, LemkeStatus}};
+/// use semismooth::sparse::Matrix;
+/// let lcp = Lcp::new(Matrix::from_rows(&[[2.0, 1.0], [1.0, 2.0]])?, vec![-5.0, -1.0])?;
+/// let mut z = [0.0; 2];
+/// let report = Lemke::default().solve(&lcp, &mut z)?;
+/// assert_eq!(report.status, LemkeStatus::Solved);
+/// assert_eq!(z, [2.5, 0.0]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug, Clone, Default)]
+pub struct Lemke {
+    options: LemkeOptions,
+    basis: Basis,
+    side: Vec<Side>,
+    basic: Vec<Var>,
+    /// Values of the basic variables, slot by slot.
+    value: Vec<f64>,
+    /// The entering column in terms of the basis.
+    entering: Vec<f64>,
+    /// Rate of each basic variable as the entering one moves.
+    rate: Vec<f64>,
+    /// Column of t.
+    cover: Vec<f64>,
+    rhs: Vec<f64>,
+    work: Vec<f64>,
+    /// Sides into which the right-hand side is perturbed; 0 for equations without inequality.
+    perturbation: Vec<f64>,
+    /// Distances to bounds up to this one are rounding.
+    zero: f64,
+    tied: Vec<usize>,
+    ray: Vec<f64>,
+    has_ray: bool,
+    refactorisations: usize,
+    fresh: bool,
+}
+
+/// What bounds the move of the entering variable.
+enum Block {
+    Slot { slot: usize, step: f64, at_upper: bool },
+    Flip { step: f64 },
+    Nothing,
+}
+
+impl Lemke {
+    /// A solver with the given options.
+    #[must_use]
+    pub fn new(options: LemkeOptions) -> Self {
+        Self {
+            options,
+            ..Self::default()
+        }
+    }
+
+    /// The z part of the direction of the ray on which the last path ended, scaled to largest entry 1.
+    #[must_use]
+    pub fn ray(&self) -> Option<&[f64]> {
+        self.has_ray.then_some(&self.ray)
+    }
+
+    /// Solves the problem; `z` holds the solution, or where the path ended. What `z` held before does not matter.
+    ///
+    /// # Errors
+    /// [`ComplementarityError::Length`] for `z` or the covering vector, [`ComplementarityError::Option`] for a covering vector that is not positive,
+    /// [`ComplementarityError::Unsuitable`] for more than 20 000 unknowns or unknowns without bounds whose block of M is singular.
+    pub fn solve(&mut self, lcp: &Lcp, z: &mut [f64]) -> Result<LemkeReport, ComplementarityError> {
+        let n = lcp.len();
+        self.check(lcp, z)?;
+        self.prepare(n);
+        self.start(lcp)?;
+        let limit = self.options.max_pivots.unwrap_or(50 * n + 1000);
+        let mut pivots = 0;
+        let status = self.follow(lcp, limit, &mut pivots)?;
+        self.point(lcp, z);
+        lcp.residual(z, &mut self.work);
+        let mut report = LemkeReport {
+            status,
+            pivots,
+            refactorisations: self.refactorisations,
+            residual: lcp.natural_residual_of(z, &self.work),
+        };
+        if let LemkeStatus::Ray { .. } = status {
+            report.status = LemkeStatus::Ray {
+                infeasible: self.proves_infeasibility(lcp),
+            };
+        }
+        Ok(report)
+    }
+
+    fn check(&self, lcp: &Lcp, z: &[f64]) -> Result<(), ComplementarityError> {
+        let n = lcp.len();
+        let length = |what, found| ComplementarityError::Length {
+            what,
+            expected: n,
+            found,
+        };
+        if z.len() != n {
+            return Err(length("the point", z.len()));
+        }
+        if n > MAX_ORDER {
+            return Err(ComplementarityError::Unsuitable {
+                method: "Lemke's method",
+                reason: format!("its dense inverse for {n} unknowns would not fit; use an active-set method"),
+            });
+        }
+        let Some(d) = &self.options.covering else {
+            return Ok(());
+        };
+        if d.len() != n {
+            return Err(length("the covering vector", d.len()));
+        }
+        match d.iter().find(|d| !(d.is_finite() && **d > 0.0)) {
+            Some(&value) => Err(ComplementarityError::Option {
+                name: "covering",
+                value,
+                range: "finite and positive in every entry",
+            }),
+            None => Ok(()),
+        }
+    }
+
+    fn prepare(&mut self, n: usize) {
+        self.basis.reset(n);
+        self.side.clear();
+        self.basic.clear();
+        for v in [
+            &mut self.value,
+            &mut self.entering,
+            &mut self.rate,
+            &mut self.cover,
+            &mut self.rhs,
+            &mut self.work,
+            &mut self.perturbation,
+            &mut self.ray,
+        ] {
+            v.clear();
+            v.resize(n, 0.0);
+        }
+        self.tied.clear();
+        self.tied.reserve(n);
+        self.has_ray = false;
+        self.refactorisations = 0;
+        self.fresh = true;
+    }
+
+    /// The basis of all wᵢ, with the zᵢ that have no bounds in place of theirs.
+    fn start(&mut self, lcp: &Lcp) -> Result<(), ComplementarityError> {
+        let (lower, upper) = (lcp.lower(), lcp.upper());
+        for i in 0..lcp.len() {
+            let side = match (lower[i].is_finite(), upper[i].is_finite()) {
+                (true, true) if lower[i] == upper[i] => Side::Fixed,
+                (true, _) => Side::Lower,
+                (false, true) => Side::Upper,
+                (false, false) => Side::Free,
+            };
+            self.side.push(side);
+            self.perturbation[i] = match side {
+                Side::Lower => 1.0,
+                Side::Upper => -1.0,
+                Side::Free | Side::Fixed => 0.0,
+            };
+            self.basic.push(match side {
+                Side::Free => Var::Point(i),
+                _ => Var::Slack(i),
+            });
+        }
+        if self.side.contains(&Side::Free) {
+            match self.refactor(lcp) {
+                Err(ComplementarityError::Linear(
+                    LinearError::Singular { .. } | LinearError::Inaccurate { .. },
+                )) => {
+                    return Err(ComplementarityError::Unsuitable {
+                        method: "Lemke's method",
+                        reason: "the block of the matrix that belongs to the unknowns without bounds is singular; give them \
+                                 finite bounds"
+                            .to_owned(),
+                    });
+                }
+                result => result?,
+            }
+        }
+        self.values(lcp);
+        self.zero = ZERO * self.rhs.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+        Ok(())
+    }
+
+    /// Right-hand side q + Σ M_j z_j over the z_j that rest at bounds, then the basic variables (without t in the basis, or with it).
+    fn values(&mut self, lcp: &Lcp) {
+        self.right_hand_side(lcp);
+        self.basis.apply(&self.rhs, &mut self.value);
+    }
+
+    fn right_hand_side(&mut self, lcp: &Lcp) {
+        self.rhs.copy_from_slice(lcp.q());
+        self.resting(lcp);
+        lcp.matrix().as_ref().mul_add(1.0, &self.work, &mut self.rhs);
+    }
+
+    /// Writes z with zeros at the basic places into `work`.
+    fn resting(&mut self, lcp: &Lcp) {
+        for i in 0..lcp.len() {
+            self.work[i] = match self.side[i] {
+                Side::Lower | Side::Fixed => lcp.lower()[i],
+                Side::Upper => lcp.upper()[i],
+                Side::Free => 0.0,
+            };
+        }
+        for var in &self.basic {
+            if let Var::Point(i) = *var {
+                self.work[i] = 0.0;
+            }
+        }
+    }
+
+    fn follow(
+        &mut self,
+        lcp: &Lcp,
+        limit: usize,
+        pivots: &mut usize,
+    ) -> Result<LemkeStatus, ComplementarityError> {
+        let Some(mut slot) = self.enter_cover() else {
+            return Ok(LemkeStatus::Solved);
+        };
+        let mut leaving = self.basic[slot];
+        let mut at_upper = false;
+        self.exchange(slot, Var::Cover);
+        *pivots = 1;
+        self.fresh = false;
+        loop {
+            let (entering, direction) = self.complement(leaving, at_upper);
+            if *pivots % CHECK_EVERY == 0 && !self.verify(lcp)? {
+                return Ok(LemkeStatus::Inaccurate);
+            }
+            if *pivots >= limit {
+                return Ok(LemkeStatus::PivotLimit);
+            }
+            self.column(lcp, entering);
+            *pivots += 1;
+            match self.ratio_test(lcp, entering, direction) {
+                Block::Nothing => {
+                    if !self.fresh {
+                        // A ray is too weighty a claim for a worn inverse.
+                        self.refactor(lcp)?;
+                        self.values(lcp);
+                        *pivots -= 1;
+                        continue;
+                    }
+                    self.record_ray(entering, direction);
+                    return Ok(LemkeStatus::Ray { infeasible: false });
+                }
+                Block::Flip { step } => {
+                    self.advance(step, direction);
+                    let Var::Point(i) = entering else {
+                        return Ok(LemkeStatus::Inaccurate);
+                    };
+                    at_upper = direction > 0.0;
+                    self.side[i] = if at_upper { Side::Upper } else { Side::Lower };
+                    leaving = entering;
+                }
+                Block::Slot {
+                    slot: k,
+                    step,
+                    at_upper: upper,
+                } => {
+                    (slot, at_upper) = (k, upper);
+                    leaving = self.basic[slot];
+                    let from = self.position(lcp, entering);
+                    self.advance(step, direction);
+                    self.value[slot] = from + direction * step;
+                    if let Var::Point(i) = leaving {
+                        self.side[i] = if at_upper { Side::Upper } else { Side::Lower };
+                    }
+                    self.exchange(slot, entering);
+                    self.fresh = false;
+                    if leaving == Var::Cover {
+                        return self.finish(lcp);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Brings t into the basis for the slot that needs it most; `None` when no bound is violated.
+    fn enter_cover(&mut self) -> Option<usize> {
+        let n = self.basic.len();
+        for k in 0..n {
+            let d = self.options.covering.as_ref().map_or(1.0, |d| d[k]);
+            // B⁻¹ times the column of t: the basic variables grow by d an unit of t.
+            self.entering[k] = match (self.basic[k], self.side[k]) {
+                (Var::Slack(_), Side::Lower) => -d,
+                (Var::Slack(_), Side::Upper) => d,
+                _ => 0.0,
+            };
+        }
+        let mut worst = 0.0;
+        let mut slot = None;
+        for k in 0..n {
+            let c = self.entering[k];
+            if c == 0.0 {
+                continue;
+            }
+            let needed = self.value[k] / c;
+            let first = match slot {
+                // Equal needs: the row that is lexicographically smaller needs more.
+                Some(p) if needed == worst => self.lexicographically_less((k, -c), (p, -self.entering[p])),
+                _ => needed > worst,
+            };
+            if first {
+                worst = needed;
+                slot = Some(k);
+            }
+        }
+        let slot = slot?;
+        // The column itself, for later factorisations: −B d̂ (slack columns are unit vectors).
+        self.cover.fill(0.0);
+        for k in 0..n {
+            if let Var::Slack(i) = self.basic[k] {
+                self.cover[i] = self.entering[k];
+            }
+            if k != slot {
+                self.value[k] -= worst * self.entering[k];
+            }
+        }
+        self.value[slot] = worst;
+        Some(slot)
+    }
+
+    fn exchange(&mut self, slot: usize, entering: Var) {
+        self.basis.exchange(slot, &self.entering);
+        self.basic[slot] = entering;
+    }
+
+    /// The variable that enters after `leaving` left at its lower or upper bound, and whether it grows or falls.
+    fn complement(&self, leaving: Var, at_upper: bool) -> (Var, f64) {
+        match leaving {
+            Var::Slack(i) if self.side[i] == Side::Upper => (Var::Point(i), -1.0),
+            Var::Slack(i) => (Var::Point(i), 1.0),
+            Var::Point(i) if at_upper => (Var::Slack(i), -1.0),
+            Var::Point(i) => (Var::Slack(i), 1.0),
+            Var::Cover => (Var::Cover, 1.0),
+        }
+    }
+
+    /// The value of a variable that is about to enter.
+    fn position(&self, lcp: &Lcp, var: Var) -> f64 {
+        match var {
+            Var::Point(i) if self.side[i] == Side::Upper => lcp.upper()[i],
+            Var::Point(i) => lcp.lower()[i],
+            _ => 0.0,
+        }
+    }
+
+    /// B⁻¹ times the column of `var`.
+    fn column(&mut self, lcp: &Lcp, var: Var) {
+        match var {
+            Var::Slack(i) => self.basis.column(i, 1.0, &mut self.entering),
+            Var::Point(i) => {
+                let pattern = lcp.matrix().pattern();
+                let span = pattern.col_ptr()[i]..pattern.col_ptr()[i + 1];
+                let values = &lcp.matrix().values()[span.clone()];
+                if values.len() == self.rhs.len() {
+                    self.basis.apply(values, &mut self.entering);
+                    self.entering.iter_mut().for_each(|v| *v = -*v);
+                } else {
+                    let rows = &pattern.row_idx()[span];
+                    self.basis.apply_sparse(rows, values, -1.0, &mut self.entering);
+                }
+            }
+            Var::Cover => self.basis.apply(&self.cover, &mut self.entering),
+        }
+    }
+
+    fn bounds(&self, lcp: &Lcp, var: Var) -> (f64, f64) {
+        match var {
+            Var::Point(i) => (lcp.lower()[i], lcp.upper()[i]),
+            Var::Cover => (0.0, f64::INFINITY),
+            Var::Slack(i) => match self.side[i] {
+                Side::Upper => (f64::NEG_INFINITY, 0.0),
+                Side::Fixed => (f64::NEG_INFINITY, f64::INFINITY),
+                _ => (0.0, f64::INFINITY),
+            },
+        }
+    }
+
+    /// How far `entering` can move, and what stops it.
+    fn ratio_test(&mut self, lcp: &Lcp, entering: Var, direction: f64) -> Block {
+        let largest = self.entering.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+        let smallest_pivot = PIVOT * largest;
+        let mut least = f64::INFINITY;
+        for k in 0..self.basic.len() {
+            let rate = -direction * self.entering[k];
+            // 0 marks slots that do not stop the move.
+            self.rate[k] = 0.0;
+            if rate.abs() <= smallest_pivot {
+                continue;
+            }
+            let (lower, upper) = self.bounds(lcp, self.basic[k]);
+            let room = if rate < 0.0 {
+                self.value[k] - lower
+            } else {
+                upper - self.value[k]
+            };
+            if room.is_finite() {
+                self.rate[k] = rate;
+                let room = if room <= self.zero { 0.0 } else { room };
+                let ratio = room / rate.abs();
+                self.work[k] = ratio;
+                least = least.min(ratio);
+            }
+        }
+        let (lower, upper) = self.bounds(lcp, entering);
+        let flip = match entering {
+            Var::Point(_) => upper - lower,
+            _ => f64::INFINITY,
+        };
+        if flip <= least {
+            return if flip.is_finite() {
+                Block::Flip { step: flip }
+            } else {
+                Block::Nothing
+            };
+        }
+        let limit = least * (1.0 + TIE);
+        self.tied.clear();
+        for k in 0..self.basic.len() {
+            if self.rate[k] != 0.0 && self.work[k] <= limit {
+                self.tied.push(k);
+            }
+        }
+        let cover = self.tied.iter().position(|&k| self.basic[k] == Var::Cover);
+        let mut best = self.tied[cover.unwrap_or(0)];
+        if cover.is_none() {
+            for t in 1..self.tied.len() {
+                let k = self.tied[t];
+                if self.lexicographically_less((k, -self.rate[k]), (best, -self.rate[best])) {
+                    best = k;
+                }
+            }
+        }
+        Block::Slot {
+            slot: best,
+            step: self.work[best],
+            at_upper: self.rate[best] > 0.0,
+        }
+    }
+
+    /// Whether the perturbed ratio of one slot is smaller than that of another, the unperturbed ones being equal. Slots come with
+    /// the rate at which the distance to their bound shrinks, signed: positive towards a lower, negative towards an upper bound.
+    fn lexicographically_less(&self, (k, k_rate): (usize, f64), (p, p_rate): (usize, f64)) -> bool {
+        for ((a, b), sign) in self
+            .basis
+            .row(k)
+            .iter()
+            .zip(self.basis.row(p))
+            .zip(&self.perturbation)
+        {
+            let (a, b) = (a / k_rate, b / p_rate);
+            let difference = sign * (a - b);
+            if difference.abs() > SAME * a.abs().max(b.abs()) {
+                return difference < 0.0;
+            }
+        }
+        false
+    }
+
+    fn advance(&mut self, step: f64, direction: f64) {
+        let length = direction * step;
+        for (v, y) in self.value.iter_mut().zip(&self.entering) {
+            *v -= length * y;
+        }
+    }
+
+    /// The basis as a full matrix, and its inverse.
+    fn refactor(&mut self, lcp: &Lcp) -> Result<(), ComplementarityError> {
+        let n = self.basic.len();
+        let mut matrix = Matrix::zeros(Pattern::full(n, n));
+        let pattern = lcp.matrix().pattern();
+        for (column, var) in matrix.values_mut().chunks_exact_mut(n).zip(&self.basic) {
+            match *var {
+                Var::Slack(i) => column[i] = 1.0,
+                Var::Cover => column.copy_from_slice(&self.cover),
+                Var::Point(j) => {
+                    for k in pattern.col_ptr()[j]..pattern.col_ptr()[j + 1] {
+                        column[pattern.row_idx()[k]] = -lcp.matrix().values()[k];
+                    }
+                }
+            }
+        }
+        self.refactorisations += 1;
+        self.fresh = true;
+        self.basis.factor(&matrix)?;
+        Ok(())
+    }
+
+    /// Error of the basic variables in their equations, relative to the terms; the residual is left in `rhs`.
+    fn decay(&mut self, lcp: &Lcp) -> f64 {
+        self.right_hand_side(lcp);
+        let mut size = self.rhs.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+        let pattern = lcp.matrix().pattern();
+        for (var, &v) in self.basic.iter().zip(&self.value) {
+            size = size.max(v.abs());
+            match *var {
+                Var::Slack(i) => self.rhs[i] -= v,
+                Var::Cover => self
+                    .rhs
+                    .iter_mut()
+                    .zip(&self.cover)
+                    .for_each(|(r, c)| *r -= c * v),
+                Var::Point(j) => {
+                    for k in pattern.col_ptr()[j]..pattern.col_ptr()[j + 1] {
+                        self.rhs[pattern.row_idx()[k]] += lcp.matrix().values()[k] * v;
+                    }
+                }
+            }
+        }
+        let worst = self
+            .rhs
+            .iter()
+            .fold(0.0_f64, |m, v| if v.abs() <= m { m } else { v.abs() });
+        if size == 0.0 { worst } else { worst / size }
+    }
+
+    /// Whether the basic variables satisfy their equations, with a new inverse if need be.
+    fn verify(&mut self, lcp: &Lcp) -> Result<bool, ComplementarityError> {
+        if self.decay(lcp) <= DECAY {
+            return Ok(true);
+        }
+        match self.refactor(lcp) {
+            Err(ComplementarityError::Linear(
+                LinearError::Singular { .. } | LinearError::Inaccurate { .. },
+            )) => {
+                return Ok(false);
+            }
+            result => result?,
+        }
+        self.values(lcp);
+        Ok(self.decay(lcp) <= DECAY)
+    }
+
+    /// t has left: refines the basic variables and judges them.
+    fn finish(&mut self, lcp: &Lcp) -> Result<LemkeStatus, ComplementarityError> {
+        if !self.verify(lcp)? {
+            return Ok(LemkeStatus::Inaccurate);
+        }
+        for _ in 0..2 {
+            self.basis.apply(&self.rhs, &mut self.entering);
+            self.value
+                .iter_mut()
+                .zip(&self.entering)
+                .for_each(|(v, d)| *v += d);
+            self.decay(lcp);
+        }
+        let largest = self.value.iter().fold(self.zero, |m, v| m.max(v.abs()));
+        for k in 0..self.basic.len() {
+            let (lower, upper) = self.bounds(lcp, self.basic[k]);
+            if self.value[k] < lower - FEASIBLE * largest || self.value[k] > upper + FEASIBLE * largest {
+                return Ok(LemkeStatus::Inaccurate);
+            }
+        }
+        Ok(LemkeStatus::Solved)
+    }
+
+    /// z of the current basis, inside its bounds.
+    fn point(&mut self, lcp: &Lcp, z: &mut [f64]) {
+        self.resting(lcp);
+        z.copy_from_slice(&self.work);
+        for (var, v) in self.basic.iter().zip(&self.value) {
+            if let Var::Point(i) = *var {
+                z[i] = v.max(lcp.lower()[i]).min(lcp.upper()[i]);
+            }
+        }
+    }
+
+    fn record_ray(&mut self, entering: Var, direction: f64) {
+        self.ray.fill(0.0);
+        for (var, y) in self.basic.iter().zip(&self.entering) {
+            if let Var::Point(i) = *var {
+                self.ray[i] = -direction * y;
+            }
+        }
+        if let Var::Point(i) = entering {
+            self.ray[i] = direction;
+        }
+        let largest = self.ray.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+        if largest > 0.0 {
+            self.ray.iter_mut().for_each(|v| *v /= largest);
+            self.has_ray = true;
+        }
+    }
+
+    /// Whether v ≥ 0, Mᵀv ≤ 0 and qᵀv < 0 hold for the ray: for every z ≥ 0 then vᵀ(M z + q) < 0.
+    fn proves_infeasibility(&mut self, lcp: &Lcp) -> bool {
+        if !self.has_ray || !lcp.is_standard() {
+            return false;
+        }
+        let v = &mut self.ray;
+        v.iter_mut()
+            .filter(|v| v.abs() <= ROUNDING)
+            .for_each(|v| *v = 0.0);
+        if v.iter().any(|v| *v < 0.0) {
+            return false;
+        }
+        let (mut gain, mut size) = (0.0, 0.0);
+        for (q, v) in lcp.q().iter().zip(v.iter()) {
+            gain += q * v;
+            size += (q * v).abs();
+        }
+        self.work.fill(0.0);
+        lcp.matrix().as_ref().mul_transpose_add(1.0, v, &mut self.work);
+        let norm = lcp.matrix().values().iter().fold(0.0_f64, |m, a| m.max(a.abs()));
+        gain < -ROUNDING * size && self.work.iter().all(|w| *w <= ROUNDING * norm)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn solve(rows: &[&[f64]], q: &[f64]) -> (LemkeReport, Vec<f64>, Option<Vec<f64>>) {
+        let lcp = Lcp::new(Matrix::from_rows(rows).unwrap(), q.to_vec()).unwrap();
+        let mut solver = Lemke::default();
+        let mut z = vec![f64::NAN; q.len()];
+        let report = solver.solve(&lcp, &mut z).unwrap();
+        (report, z, solver.ray().map(<[f64]>::to_vec))
+    }
+
+    #[test]
+    fn one_unknown() {
+        assert_eq!(solve(&[&[2.0]], &[-3.0]).1, [1.5]);
+        assert_eq!(solve(&[&[2.0]], &[3.0]).0.pivots, 0);
+        let (report, _, ray) = solve(&[&[0.0]], &[-1.0]);
+        assert_eq!(report.status, LemkeStatus::Ray { infeasible: true });
+        assert_eq!(ray, Some(vec![1.0]));
+        let (report, _, _) = solve(&[&[-1.0]], &[-1.0]);
+        assert_eq!(report.status, LemkeStatus::Ray { infeasible: true });
+    }
+
+    #[test]
+    fn a_ray_of_a_solvable_problem_is_no_certificate() {
+        // z = (1, 0), w = (0, 1) is a solution, but M is not copositive.
+        let (report, z, _) = solve(&[&[1.0, 0.0], &[2.0, -1.0]], &[-1.0, -1.0]);
+        match report.status {
+            LemkeStatus::Solved => assert!(report.residual < 1e-14, "{z:?}"),
+            status => assert_eq!(status, LemkeStatus::Ray { infeasible: false }),
+        }
+    }
+
+    #[test]
+    fn the_lexicographic_rule_ends_cycles() {
+        // M. M. Kostreva, "Cycling in linear complementarity problems", Math. Prog. 16 (1979): three equal ratios at the start.
+        let (report, _, _) = solve(
+            &[&[1.0, 2.0, 0.0], &[0.0, 1.0, 2.0], &[2.0, 0.0, 1.0]],
+            &[-1.0, -1.0, -1.0],
+        );
+        assert_eq!(report.status, LemkeStatus::Solved);
+        assert!(report.residual < 1e-14);
+    }
+
+    #[test]
+    fn free_and_fixed_unknowns_and_upper_bounds() {
+        let m = Matrix::from_rows(&[
+            [2.0, 1.0, 0.0, 0.5],
+            [-1.0, 3.0, 1.0, 0.0],
+            [0.0, 1.0, 2.0, 0.0],
+            [1.0, 0.0, 0.0, 1.0],
+        ]);
+        let inf = f64::INFINITY;
+        let (lower, upper) = (vec![0.0, -inf, 0.25, -inf], vec![1.5, inf, 0.25, 2.0]);
+        let lcp = Lcp::boxed(m.unwrap(), vec![-8.0, 3.0, -1.0, 4.0], lower, upper).unwrap();
+        let mut z = [0.0; 4];
+        let report = Lemke::default().solve(&lcp, &mut z).unwrap();
+        assert_eq!(report.status, LemkeStatus::Solved);
+        assert!(lcp.natural_residual(&z) < 1e-14, "{z:?}");
+        assert_eq!((z[0], z[2]), (1.5, 0.25));
+    }
+}

@@ -1,0 +1,295 @@
+use std::cell::RefCell;
+
+use super::affine::with_diagonal;
+use super::error::check_finite;
+use super::{AffineFunction, ComplementarityError, McpFunction};
+use crate::sparse::{Matrix, Pattern};
+
+/// A mixed complementarity problem MCP(F, l, u).
+///
+/// Also the variational inequality over the box [l, u]: F(x)ᵀ(y − x) ≥ 0 for all y in it.
+///
+/// `Mcp` implements [`PiecewiseSmooth`](crate::piecewise::PiecewiseSmooth) as its natural map: component i is a site with the pieces
+///
+/// * lower: xᵢ − lᵢ, where xᵢ − Fᵢ < lᵢ,
+/// * interior: Fᵢ, where lᵢ < xᵢ − Fᵢ < uᵢ,
+/// * upper: xᵢ − uᵢ, where xᵢ − Fᵢ > uᵢ,
+///
+/// without those that infinite bounds rule out; a component with equal bounds has the only piece "fixed".
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mcp<F> {
+    function: F,
+    lower: Vec<f64>,
+    upper: Vec<f64>,
+    pattern: Pattern,
+}
+
+impl<F: McpFunction> Mcp<F> {
+    /// The problem of F with bounds of length n; −∞ and +∞ where there is none.
+    ///
+    /// # Errors
+    /// n = 0, wrong lengths, a pattern of another shape, NaN among the bounds, lᵢ > uᵢ, lᵢ = +∞ or uᵢ = −∞.
+    pub fn new(function: F, lower: Vec<f64>, upper: Vec<f64>) -> Result<Self, ComplementarityError> {
+        let (n, m) = (function.num_values(), function.num_vars());
+        if n == 0 {
+            return Err(ComplementarityError::Empty);
+        }
+        if m != n && m != n + 1 {
+            return Err(ComplementarityError::Dimensions {
+                vars: m,
+                values: n,
+                expected: "an MCP has as many variables as values, a parametric one has one variable more",
+            });
+        }
+        for (what, bound, wrong, free) in [
+            ("lower", &lower, f64::INFINITY, "-inf"),
+            ("upper", &upper, f64::NEG_INFINITY, "+inf"),
+        ] {
+            if bound.len() != n {
+                return Err(ComplementarityError::Length {
+                    what,
+                    expected: n,
+                    found: bound.len(),
+                });
+            }
+            if let Some(index) = bound.iter().position(|b| b.is_nan() || *b == wrong) {
+                return Err(ComplementarityError::Bound {
+                    what,
+                    index,
+                    value: bound[index],
+                    free,
+                });
+            }
+        }
+        if let Some(index) = (0..n).find(|&i| lower[i] > upper[i]) {
+            return Err(ComplementarityError::CrossedBounds {
+                index,
+                lower: lower[index],
+                upper: upper[index],
+            });
+        }
+        let pattern = function.pattern();
+        if pattern.nrows() != n || pattern.ncols() != m {
+            return Err(ComplementarityError::Length {
+                what: "the declared pattern (rows times columns)",
+                expected: n * m,
+                found: pattern.nrows() * pattern.ncols(),
+            });
+        }
+        Ok(Self {
+            pattern: with_diagonal(&pattern)?,
+            function,
+            lower,
+            upper,
+        })
+    }
+
+    /// The nonlinear complementarity problem 0 ≤ x ⟂ F(x) ≥ 0.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn ncp(function: F) -> Result<Self, ComplementarityError> {
+        let n = function.num_values();
+        Self::new(function, vec![0.0; n], vec![f64::INFINITY; n])
+    }
+
+    /// The system of equations F(x) = 0.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn equations(function: F) -> Result<Self, ComplementarityError> {
+        let n = function.num_values();
+        Self::new(function, vec![f64::NEG_INFINITY; n], vec![f64::INFINITY; n])
+    }
+
+    /// F.
+    #[must_use]
+    pub fn function(&self) -> &F {
+        &self.function
+    }
+
+    pub(super) fn function_mut(&mut self) -> &mut F {
+        &mut self.function
+    }
+
+    /// Lower bounds; −∞ where there is none.
+    #[must_use]
+    pub fn lower(&self) -> &[f64] {
+        &self.lower
+    }
+
+    /// Upper bounds; +∞ where there is none.
+    #[must_use]
+    pub fn upper(&self) -> &[f64] {
+        &self.upper
+    }
+
+    /// Number n of components.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.lower.len()
+    }
+
+    /// Always false: a problem has at least one component.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.lower.is_empty()
+    }
+
+    /// Whether F has a parameter, its last variable.
+    #[must_use]
+    pub fn is_parametric(&self) -> bool {
+        self.function.num_vars() > self.len()
+    }
+
+    /// Where Jacobians of F and of the reformulations have entries: the pattern of F with the diagonal.
+    #[must_use]
+    pub fn jacobian_pattern(&self) -> &Pattern {
+        &self.pattern
+    }
+
+    /// The nearest point within the bounds, component by component; NaN stays.
+    pub fn project(&self, x: &mut [f64]) {
+        for ((x, l), u) in x.iter_mut().zip(&self.lower).zip(&self.upper) {
+            *x = x.max(*l).min(*u);
+        }
+    }
+
+    /// Writes the natural residual xᵢ − mid(lᵢ, uᵢ, xᵢ − Fᵢ(x)) to `out` and returns its largest absolute value; NaN where F or x
+    /// is not finite.
+    ///
+    /// # Errors
+    /// Wrong lengths.
+    pub fn natural_residual(&self, x: &[f64], out: &mut [f64]) -> Result<f64, ComplementarityError> {
+        for (what, found, expected) in [
+            ("x", x.len(), self.function.num_vars()),
+            ("out", out.len(), self.len()),
+        ] {
+            if found != expected {
+                return Err(ComplementarityError::Length {
+                    what,
+                    expected,
+                    found,
+                });
+            }
+        }
+        self.function.value(x, out);
+        for i in 0..out.len() {
+            out[i] = natural(x[i], self.lower[i], self.upper[i], out[i]);
+        }
+        Ok(max_abs(out))
+    }
+
+    /// The problem at a value of its parameter.
+    ///
+    /// # Errors
+    /// A problem without a parameter; a value that is not finite.
+    pub fn at(&self, parameter: f64) -> Result<Mcp<AtParameter<&F>>, ComplementarityError> {
+        if !self.is_parametric() {
+            return Err(ComplementarityError::Dimensions {
+                vars: self.function.num_vars(),
+                values: self.len(),
+                expected: "only a function with one variable more than values has a parameter",
+            });
+        }
+        check_finite("the parameter", &[parameter], 1)?;
+        let function = AtParameter::new(&self.function, parameter, self.pattern.clone())?;
+        Mcp::new(function, self.lower.clone(), self.upper.clone())
+    }
+}
+
+impl Mcp<AffineFunction> {
+    /// The affine problem with F = M x + q: an LCP over a box.
+    ///
+    /// # Errors
+    /// As [`AffineFunction::new`] and [`Mcp::new`].
+    pub fn affine(
+        matrix: Matrix,
+        q: Vec<f64>,
+        lower: Vec<f64>,
+        upper: Vec<f64>,
+    ) -> Result<Self, ComplementarityError> {
+        Self::new(AffineFunction::new(matrix, q)?, lower, upper)
+    }
+}
+
+/// x − mid(l, u, x − f), without the rounding of the difference where it is f; NaN where x or f is.
+pub(super) fn natural(x: f64, lower: f64, upper: f64, f: f64) -> f64 {
+    if !f.is_finite() || !x.is_finite() {
+        return f64::NAN;
+    }
+    // x − f < l is tested as x − l < f: exact where both are near 0.
+    if f > x - lower {
+        x - lower
+    } else if f < x - upper {
+        x - upper
+    } else {
+        f
+    }
+}
+
+/// The largest absolute value; NaN if there is one.
+pub(super) fn max_abs(v: &[f64]) -> f64 {
+    v.iter().fold(
+        0.0,
+        |a: f64, b| if b.abs() > a || b.is_nan() { b.abs() } else { a },
+    )
+}
+
+/// A function with its parameter fixed.
+#[derive(Debug, Clone)]
+pub struct AtParameter<F> {
+    function: F,
+    work: RefCell<(Vec<f64>, Matrix)>,
+    pattern: Pattern,
+}
+
+impl<F: McpFunction> AtParameter<F> {
+    fn new(function: F, parameter: f64, pattern: Pattern) -> Result<Self, ComplementarityError> {
+        let n = function.num_values();
+        let leading = pattern.leading_columns(n);
+        let own = Pattern::from_csc(n, n, leading.col_ptr.to_vec(), leading.row_idx.to_vec())?;
+        let mut x = vec![0.0; n];
+        x.push(parameter);
+        Ok(Self {
+            function,
+            work: RefCell::new((x, Matrix::zeros(pattern))),
+            pattern: own,
+        })
+    }
+}
+
+impl<F: McpFunction> McpFunction for AtParameter<F> {
+    fn num_vars(&self) -> usize {
+        self.function.num_values()
+    }
+
+    fn value(&self, x: &[f64], out: &mut [f64]) {
+        let (all, _) = &mut *self.work.borrow_mut();
+        all[..x.len()].copy_from_slice(x);
+        self.function.value(all, out);
+    }
+
+    fn jacobian(&self, x: &[f64], jac: &mut Matrix) {
+        let (all, full) = &mut *self.work.borrow_mut();
+        all[..x.len()].copy_from_slice(x);
+        full.clear();
+        self.function.jacobian(all, full);
+        if let Some((row, col)) = full.stray() {
+            jac.add(row, col, f64::NAN);
+        }
+        for (i, j, v) in full.triplets() {
+            if j < x.len() {
+                jac.add(i, j, v);
+            }
+        }
+    }
+
+    fn pattern(&self) -> Pattern {
+        self.pattern.clone()
+    }
+
+    fn is_affine(&self) -> bool {
+        self.function.is_affine()
+    }
+}

@@ -1,0 +1,195 @@
+//! The solver of mixed complementarity problems.
+
+mod attempts;
+mod engine;
+mod options;
+mod path;
+mod report;
+mod work;
+
+use std::ops::ControlFlow;
+use std::time::Instant;
+
+pub use options::McpOptions;
+pub use report::{BoundState, Fallback, McpIteration, McpReport, McpStatus, McpStep, McpStrategy};
+
+use super::error::check_finite;
+use super::{ComplementarityError, Mcp, McpFunction};
+use engine::{Engine, far};
+use work::Work;
+
+/// Solves mixed complementarity problems from any start.
+///
+/// # Strategy
+/// What is tried, each only if all before it failed; the report lists every attempt. All of it is deterministic.
+///
+/// 1. The start is projected on the bounds; if F cannot be evaluated there a point nearby is sought. Rows and columns are
+///    equilibrated. *Newton*: steps of the natural map (active-set steps), full while they reduce the merit ½‖Φ‖² of the
+///    Fischer–Burmeister function below the largest of its last values, and for a few steps on credit; else line searches along the
+///    Newton step of Φ, regularised least-squares steps where H is singular, and the projected gradient (De Luca, Facchinei and
+///    Kanzow 1996; Munson et al. 2001). For affine F full steps of the natural map come first: they need no merit, and end at a
+///    solution after finitely many active sets or are left when a set comes back.
+/// 2. *Fischer–Burmeister*: the penalised function of Chen, Chen and Kanzow (2000), without equilibration.
+/// 3. *Proximal*: F(x) + ε (x − x_k), ε → 0 (Billups 1995); for affine F its displacement may prove infeasibility.
+/// 4. *Josephy–Newton*: linearised problems, solved along the piecewise linear path from the iterate (Ralph 1994; Dirkse and Ferris
+///    1995) by the crate's continuation.
+/// 5. *Homotopy*: t F(x) + (1 − t)(x − x⁰) from t = 0 to 1, by arclength continuation through kinks and folds.
+/// 6. *Enumeration*: for affine problems of up to 24 components a pruned search of all active sets.
+/// 7. *Restart*: 1, 2 and 5 from perturbed starts.
+///
+/// Iterates stay within the bounds (unless F is affine), and F is evaluated nowhere else ([`McpOptions::stay_inside`]); where it is not
+/// finite the step is shortened. Success is claimed only after the natural residual was evaluated at the point returned, with
+/// the bounds satisfied exactly, and only if the residual vanishes near that point (not, as that of e⁻ˣ, at infinity).
+///
+/// # Cost
+/// A step factors the system of the components away from their bounds. Up to 48 components nothing is allocated once a solver
+/// has seen a problem with the same pattern, unless it comes to strategies 4 to 7.
+#[derive(Debug, Clone, Default)]
+pub struct McpSolver {
+    options: McpOptions,
+    work: Option<Work>,
+    report: McpReport,
+}
+
+impl McpSolver {
+    /// A solver with the given options.
+    #[must_use]
+    pub fn new(options: McpOptions) -> Self {
+        Self {
+            options,
+            ..Self::default()
+        }
+    }
+
+    /// The options.
+    #[must_use]
+    pub fn options(&self) -> &McpOptions {
+        &self.options
+    }
+
+    /// How the last solve went.
+    #[must_use]
+    pub fn report(&self) -> &McpReport {
+        &self.report
+    }
+
+    /// Solves from the start `x`, which is overwritten by the solution, or by the point with the smallest natural residual.
+    ///
+    /// A solution of a similar problem is a good start: with the right active set one factorisation solves an affine problem.
+    ///
+    /// # Errors
+    /// Misuse only: a parametric problem, a start of wrong length or not finite, options out of range, a Jacobian entry outside the
+    /// pattern. That no solution was found is told by [`McpReport::status`].
+    pub fn solve<F: McpFunction>(
+        &mut self,
+        problem: &Mcp<F>,
+        x: &mut [f64],
+    ) -> Result<&McpReport, ComplementarityError> {
+        self.solve_observed(problem, x, |_| ControlFlow::Continue(()))
+    }
+
+    /// [`solve`](Self::solve), reporting every iteration to `observe`, which may stop the run.
+    ///
+    /// # Errors
+    /// As [`solve`](Self::solve).
+    pub fn solve_observed<F: McpFunction>(
+        &mut self,
+        problem: &Mcp<F>,
+        x: &mut [f64],
+        mut observe: impl FnMut(&McpIteration) -> ControlFlow<()>,
+    ) -> Result<&McpReport, ComplementarityError> {
+        self.run(problem, x, None, &mut observe)
+    }
+
+    /// [`solve`](Self::solve) for which the first step uses the given active set instead of that of the start: components said to be
+    /// at a bound are moved there. The states of a [report](McpReport::states) of a similar problem serve.
+    ///
+    /// # Errors
+    /// As [`solve`](Self::solve); states of the wrong length, or at a bound that does not exist.
+    pub fn solve_from_states<F: McpFunction>(
+        &mut self,
+        problem: &Mcp<F>,
+        x: &mut [f64],
+        states: &[BoundState],
+    ) -> Result<&McpReport, ComplementarityError> {
+        if states.len() != problem.len() {
+            return Err(ComplementarityError::Length {
+                what: "the active set",
+                expected: problem.len(),
+                found: states.len(),
+            });
+        }
+        for (i, s) in states.iter().enumerate() {
+            let (what, bound, free) = match s {
+                BoundState::Lower => ("lower", problem.lower()[i], "another state"),
+                BoundState::Upper => ("upper", problem.upper()[i], "another state"),
+                BoundState::Interior => continue,
+            };
+            if bound.is_infinite() {
+                return Err(ComplementarityError::Bound {
+                    what,
+                    index: i,
+                    value: bound,
+                    free,
+                });
+            }
+        }
+        self.run(problem, x, Some(states), &mut |_| ControlFlow::Continue(()))
+    }
+
+    fn run<F: McpFunction>(
+        &mut self,
+        problem: &Mcp<F>,
+        x: &mut [f64],
+        states: Option<&[BoundState]>,
+        observe: &mut dyn FnMut(&McpIteration) -> ControlFlow<()>,
+    ) -> Result<&McpReport, ComplementarityError> {
+        let started = Instant::now();
+        self.options.validate()?;
+        if problem.is_parametric() {
+            return Err(ComplementarityError::Dimensions {
+                vars: problem.len() + 1,
+                values: problem.len(),
+                expected: "fix the parameter first, by `Mcp::at`, or follow the solutions by `continuation`",
+            });
+        }
+        check_finite("the start x", x, problem.len())?;
+        let pattern = problem.jacobian_pattern();
+        let mut work = match self.work.take() {
+            Some(work) if work.fits(pattern) => work,
+            _ => Work::new(pattern)?,
+        };
+        self.report.clear();
+        work.start.copy_from_slice(x);
+        problem.project(&mut work.start);
+        let mut engine = Engine {
+            function: problem.function(),
+            lower: problem.lower(),
+            upper: problem.upper(),
+            options: &self.options,
+            far: far(&work.start),
+            work: &mut work,
+            report: &mut self.report,
+            observe,
+            started,
+            strategy: McpStrategy::Newton,
+            affine: problem.function().is_affine(),
+            best: f64::INFINITY,
+            attempt_best: f64::INFINITY,
+            interrupted: false,
+            asymptotic: false,
+            bad_component: None,
+            fresh: false,
+            given_active: states.is_some(),
+        };
+        let status = engine.solve(states);
+        let stray = engine.work.jac.stray();
+        engine.finish(status, x);
+        self.report.time = started.elapsed();
+        self.work = Some(work);
+        match stray {
+            Some((row, col)) => Err(crate::piecewise::PiecewiseError::StrayEntry { row, col }.into()),
+            None => Ok(&self.report),
+        }
+    }
+}

@@ -1,0 +1,97 @@
+use std::time::Duration;
+
+use crate::complementarity::ComplementarityError;
+
+/// Options of [`McpSolver`](super::McpSolver). The defaults need no touching.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct McpOptions {
+    /// Bound on the natural residual max |xᵢ − mid(lᵢ, uᵢ, xᵢ − Fᵢ)| of a solution, in the units of x and F. Default 1e-10.
+    ///
+    /// Where rounding forbids it a residual that is no more than the rounding error of its own terms is taken, too.
+    pub tolerance: f64,
+    /// Largest number of iterations, over all strategies, points of paths included. Default 20 000.
+    pub max_iterations: usize,
+    /// Largest number of iterations of one attempt. Default 200.
+    pub max_attempt: usize,
+    /// Largest wall-clock time. Default none.
+    pub max_time: Option<Duration>,
+    /// Whether F is evaluated within the bounds only. Default true. An affine F is evaluated anywhere.
+    pub stay_inside: bool,
+    /// Whether rows and columns are equilibrated, by powers of two and the Jacobian at the start. Default true.
+    pub equilibrate: bool,
+    /// Whether other strategies follow where the first one fails. Default true.
+    pub fallbacks: bool,
+    /// Largest number of components for which paths are followed as a last resort. Default 300.
+    pub max_path_size: usize,
+    /// Number of perturbed starts tried in the end. Default 12.
+    pub restarts: usize,
+}
+
+impl Default for McpOptions {
+    fn default() -> Self {
+        Self {
+            tolerance: 1e-10,
+            max_iterations: 20_000,
+            max_attempt: 200,
+            max_time: None,
+            stay_inside: true,
+            equilibrate: true,
+            fallbacks: true,
+            max_path_size: 300,
+            restarts: 12,
+        }
+    }
+}
+
+macro_rules! setters {
+    ($($(#[$doc:meta])* $name:ident($field:ident: $type:ty);)*) => {$(
+        $(#[$doc])*
+        #[must_use]
+        pub fn $name(mut self, $field: $type) -> Self {
+            self.$field = $field;
+            self
+        }
+    )*};
+}
+
+impl McpOptions {
+    setters! {
+        /// Sets the bound on the natural residual.
+        with_tolerance(tolerance: f64);
+        /// Sets the largest number of iterations, over all strategies.
+        with_max_iterations(max_iterations: usize);
+        /// Sets the largest number of iterations of one attempt.
+        with_max_attempt(max_attempt: usize);
+        /// Sets the largest wall-clock time.
+        with_max_time(max_time: Option<Duration>);
+        /// Sets whether F is evaluated within the bounds only.
+        with_stay_inside(stay_inside: bool);
+        /// Sets whether rows and columns are equilibrated.
+        with_equilibrate(equilibrate: bool);
+        /// Sets whether other strategies follow where the first one fails.
+        with_fallbacks(fallbacks: bool);
+        /// Sets the largest number of components for which paths are followed.
+        with_max_path_size(max_path_size: usize);
+        /// Sets the number of perturbed starts.
+        with_restarts(restarts: usize);
+    }
+
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    /// [`ComplementarityError::Option`] names the option out of range.
+    pub fn validate(&self) -> Result<(), ComplementarityError> {
+        let bad = |name, value, range| Err(ComplementarityError::Option { name, value, range });
+        if !(self.tolerance > 0.0 && self.tolerance.is_finite()) {
+            return bad("tolerance", self.tolerance, "positive and finite");
+        }
+        if self.max_iterations == 0 {
+            return bad("max_iterations", 0.0, "at least 1");
+        }
+        if self.max_attempt == 0 {
+            return bad("max_attempt", 0.0, "at least 1");
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,271 @@
+use std::fmt;
+use std::time::Duration;
+
+/// How a solve ended.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub enum McpStatus {
+    /// x satisfies the bounds exactly and the natural residual is within the tolerance, as checked at the point returned.
+    Solved,
+    /// A stationary point of the merit function ½‖Φ‖² that is no solution.
+    Stationary {
+        /// Largest component of the projected gradient of the (scaled) merit function.
+        gradient_norm: f64,
+    },
+    /// Iterates or paths tend to infinity; a residual that tends to 0 there belongs to no solution.
+    Unbounded,
+    /// There is no solution: the report holds a certificate, or (certificate empty) all active sets of a small affine problem were
+    /// ruled out.
+    Infeasible,
+    /// No strategy made progress any more.
+    Stalled,
+    /// The limit on iterations.
+    IterationLimit,
+    /// The limit on time.
+    TimeLimit,
+    /// F (or its Jacobian) is not finite at the start and at all points tried near it, or along every step from the best point.
+    EvaluationFailure {
+        /// First component that is not finite, from 0.
+        component: usize,
+    },
+    /// The observer asked to stop.
+    Interrupted,
+}
+
+impl McpStatus {
+    /// One or two words: "solved" exactly if the problem is solved.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Solved => "solved",
+            Self::Stationary { .. } => "stationary",
+            Self::Unbounded => "unbounded",
+            Self::Infeasible => "infeasible",
+            Self::Stalled => "stalled",
+            Self::IterationLimit => "iteration limit",
+            Self::TimeLimit => "time limit",
+            Self::EvaluationFailure { .. } => "evaluation failure",
+            Self::Interrupted => "interrupted",
+        }
+    }
+}
+
+impl fmt::Display for McpStatus {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Stationary { gradient_norm } => write!(
+                f,
+                "stationary point of the merit function (gradient {gradient_norm:.1e}) that is no solution"
+            ),
+            Self::Unbounded => f.write_str("the iterates tend to infinity"),
+            Self::Infeasible => f.write_str("there is no solution"),
+            Self::Stalled => f.write_str("no strategy makes progress any more"),
+            Self::EvaluationFailure { component } => {
+                write!(f, "component {component} of the function cannot be evaluated")
+            }
+            other => f.write_str(other.name()),
+        }
+    }
+}
+
+/// What is tried, in this order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[non_exhaustive]
+pub enum McpStrategy {
+    /// Active-set Newton steps of the natural map, globalised by the Fischer–Burmeister merit function.
+    Newton,
+    /// Newton steps of the penalised Fischer–Burmeister function, without equilibration.
+    FischerBurmeister,
+    /// Proximal points: F(x) + ε (x − x_k), ε → 0.
+    Proximal,
+    /// Linearised problems solved along piecewise linear paths (Josephy 1979; Ralph 1994).
+    JosephyNewton,
+    /// A path from the start to a solution, t F(x) + (1 − t)(x − x⁰), through folds.
+    Homotopy,
+    /// Small affine problems: a pruned search of all active sets.
+    Enumeration,
+    /// The first strategy and paths from perturbed starts.
+    Restart,
+}
+
+impl McpStrategy {
+    /// The strategy in words.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Newton => "Newton",
+            Self::FischerBurmeister => "Fischer-Burmeister",
+            Self::Proximal => "proximal",
+            Self::JosephyNewton => "Josephy-Newton",
+            Self::Homotopy => "homotopy",
+            Self::Enumeration => "enumeration",
+            Self::Restart => "restart",
+        }
+    }
+}
+
+impl fmt::Display for McpStrategy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// An attempt that failed, so that another one followed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct Fallback {
+    /// What was tried.
+    pub strategy: McpStrategy,
+    /// How it ended.
+    pub outcome: McpStatus,
+    /// Smallest natural residual it met; infinite where it met none.
+    pub residual: f64,
+    /// Iterations spent.
+    pub iterations: usize,
+}
+
+/// How a step was found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum McpStep {
+    /// Newton step of the natural map with the active set at the iterate.
+    Natural,
+    /// Newton step of the Fischer–Burmeister function.
+    FischerBurmeister,
+    /// Regularised least-squares step (Levenberg–Marquardt).
+    Regularised,
+    /// Projected steepest descent.
+    Gradient,
+    /// Solution of the linearised complementarity problem.
+    Linearised,
+    /// The end of a path.
+    Path,
+    /// None: the last iterate of an attempt.
+    None,
+}
+
+/// One iterate, and the step from it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct McpIteration {
+    /// Number of the iteration, from 0, over all attempts.
+    pub index: usize,
+    /// The attempt it belongs to.
+    pub strategy: McpStrategy,
+    /// Natural residual at the iterate.
+    pub residual: f64,
+    /// The (scaled) merit function ½‖Φ‖² at the iterate.
+    pub merit: f64,
+    /// How the step from it was found.
+    pub step: McpStep,
+    /// Its length, 1 for a full step.
+    pub damping: f64,
+}
+
+/// Where a component is in a solution.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum BoundState {
+    /// At its lower bound, F ≥ 0.
+    Lower,
+    /// F = 0.
+    Interior,
+    /// At its upper bound, F ≤ 0.
+    Upper,
+}
+
+/// How a solve went. The solver keeps it, so that it is not allocated anew.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct McpReport {
+    /// How it ended.
+    pub status: McpStatus,
+    /// Natural residual max |xᵢ − mid(lᵢ, uᵢ, xᵢ − Fᵢ)| at the x returned; NaN where F could not be evaluated at all.
+    pub residual: f64,
+    /// Largest violation of a bound by x; 0 unless x could not be evaluated.
+    pub feasibility: f64,
+    /// Complementarity max min(|xᵢ − bound|, |Fᵢ|) over the bounds that the sign of Fᵢ asks to be active.
+    pub complementarity: f64,
+    /// Iterations, over all attempts.
+    pub iterations: usize,
+    /// Evaluations of F.
+    pub evaluations: usize,
+    /// Evaluations of its Jacobian.
+    pub jacobians: usize,
+    /// Factorisations.
+    pub factorisations: usize,
+    /// The strategy that finished (the last one tried).
+    pub strategy: McpStrategy,
+    /// The attempts before it, in order, with their outcomes.
+    pub fallbacks: Vec<Fallback>,
+    /// The iterates.
+    pub history: Vec<McpIteration>,
+    /// Where each component is.
+    pub states: Vec<BoundState>,
+    /// For [`McpStatus::Infeasible`] the vector v that proves it: v points along no finite bound, so that every solution has
+    /// vᵀF(x) ≥ 0, yet sup vᵀF(x) < 0 over the bounds. Empty where enumeration proved it, and otherwise.
+    pub certificate: Vec<f64>,
+    /// Wall-clock time.
+    pub time: Duration,
+}
+
+impl Default for McpReport {
+    fn default() -> Self {
+        Self {
+            status: McpStatus::Stalled,
+            residual: f64::NAN,
+            feasibility: 0.0,
+            complementarity: f64::NAN,
+            iterations: 0,
+            evaluations: 0,
+            jacobians: 0,
+            factorisations: 0,
+            strategy: McpStrategy::Newton,
+            fallbacks: Vec::new(),
+            history: Vec::new(),
+            states: Vec::new(),
+            certificate: Vec::new(),
+            time: Duration::ZERO,
+        }
+    }
+}
+
+impl McpReport {
+    /// Whether the problem is solved.
+    #[must_use]
+    pub fn is_solved(&self) -> bool {
+        self.status == McpStatus::Solved
+    }
+
+    /// The observed order of convergence, log(r₃/r₂) / log(r₂/r₁), from the last three natural residuals above `floor` (rounding)
+    /// of the attempt that finished; `None` with fewer than three that fall.
+    #[must_use]
+    pub fn observed_order(&self, floor: f64) -> Option<f64> {
+        let mut last = self
+            .history
+            .iter()
+            .rev()
+            .take_while(|i| i.strategy == self.strategy)
+            .map(|i| i.residual)
+            .filter(|r| *r > floor);
+        let (c, b, a) = (last.next()?, last.next()?, last.next()?);
+        let order = (c / b).ln() / (b / a).ln();
+        (b < a && c < b && order.is_finite()).then_some(order)
+    }
+
+    /// Empties the report, keeping its memory.
+    pub(super) fn clear(&mut self) {
+        let mut kept = std::mem::take(self);
+        kept.fallbacks.clear();
+        kept.history.clear();
+        kept.states.clear();
+        kept.certificate.clear();
+        *self = Self {
+            fallbacks: kept.fallbacks,
+            history: kept.history,
+            states: kept.states,
+            certificate: kept.certificate,
+            ..Self::default()
+        };
+    }
+}

@@ -1,0 +1,331 @@
+//! Coulomb friction in the plane and in space with coefficients that depend on node, slip and parameter.
+
+use super::node_law::{CLOSED, LocalRow, LocalValues, NodeLaw, OPEN, add_row, free, normal, theta1_row};
+use super::{ContactError, FrictionCoefficient};
+use crate::piecewise::Facet;
+
+/// Planar Coulomb friction |λt| ≤ F λν with F = F(x, |u_t|, α). Pieces "open", "stick", "slip+", "slip-"; test functions θ¹, θ², θ³
+/// (F at u_t in θ², at −u_t in θ³, so that both are smooth) and, where F depends on α, F as a wall.
+#[derive(Debug, Clone)]
+pub struct PlanarCoulomb {
+    coefficient: FrictionCoefficient,
+}
+
+impl PlanarCoulomb {
+    /// The law with the given coefficient.
+    #[must_use]
+    pub fn new(coefficient: FrictionCoefficient) -> Self {
+        Self { coefficient }
+    }
+
+    /// g = F(σ u_t) θ¹ on the side σ, and its derivatives.
+    fn bound(&self, side: f64, v: &LocalValues) -> (f64, LocalRow) {
+        let [f, slope, rate] = self.coefficient.value(v.node, side * v.slip[0], v.parameter);
+        let pressure = v.theta1();
+        let mut row = LocalRow {
+            parameter: rate * pressure,
+            ..LocalRow::default()
+        };
+        row.slip[0] = side * slope * pressure;
+        add_row(&mut row, f, &theta1_row(v));
+        (f * pressure, row)
+    }
+}
+
+impl NodeLaw for PlanarCoulomb {
+    fn num_tangents(&self) -> usize {
+        1
+    }
+
+    fn num_pieces(&self) -> usize {
+        4
+    }
+
+    fn num_tests(&self) -> usize {
+        4
+    }
+
+    fn cell(&self, piece: usize) -> &'static [Facet] {
+        const RUBBING: Facet = Facet::positive(3).wall();
+        const CELLS: [&[Facet]; 4] = [
+            &[OPEN],
+            &[CLOSED, Facet::negative(1), Facet::positive(2), RUBBING],
+            &[CLOSED, Facet::positive(1), RUBBING],
+            &[CLOSED, Facet::negative(2), RUBBING],
+        ];
+        CELLS[piece.min(3)]
+    }
+
+    fn piece_name(&self, piece: usize) -> &'static str {
+        ["open", "stick", "slip+", "slip-"][piece.min(3)]
+    }
+
+    fn tests(&self, v: &LocalValues, out: &mut [f64]) {
+        let z = v.traction[0] + v.r * v.slip[0];
+        out[0] = v.theta1();
+        out[1] = z - self.bound(1.0, v).0;
+        out[2] = z + self.bound(-1.0, v).0;
+        out[3] = if self.coefficient.depends_on_parameter() {
+            self.coefficient.value(v.node, v.slip[0].abs(), v.parameter)[0]
+        } else {
+            1.0
+        };
+    }
+
+    fn test_rows(&self, v: &LocalValues, rows: &mut [LocalRow]) {
+        rows[0] = theta1_row(v);
+        for (row, side) in rows[1..3].iter_mut().zip([1.0, -1.0]) {
+            *row = LocalRow::default();
+            row.traction[0] = 1.0;
+            row.slip[0] = v.r;
+            add_row(row, -side, &self.bound(side, v).1);
+        }
+        rows[3] = LocalRow::default();
+        if self.coefficient.depends_on_parameter() {
+            let [_, slope, rate] = self.coefficient.value(v.node, v.slip[0].abs(), v.parameter);
+            rows[3].slip[0] = slope * v.slip[0].signum();
+            rows[3].parameter = rate;
+        }
+    }
+
+    fn residual(&self, piece: usize, v: &LocalValues) -> [f64; 3] {
+        let tangential = match piece {
+            0 => v.traction[0],
+            1 => -v.r * v.slip[0],
+            2 => v.traction[0] - self.bound(1.0, v).0,
+            _ => v.traction[0] + self.bound(-1.0, v).0,
+        };
+        [normal(piece != 0, v).0, tangential, 0.0]
+    }
+
+    fn rows(&self, piece: usize, v: &LocalValues) -> [LocalRow; 3] {
+        let mut tangential = LocalRow::default();
+        match piece {
+            0 => tangential = free(0),
+            1 => tangential.slip[0] = -v.r,
+            _ => {
+                let side = if piece == 2 { 1.0 } else { -1.0 };
+                tangential = free(0);
+                add_row(&mut tangential, -side, &self.bound(side, v).1);
+            }
+        }
+        [normal(piece != 0, v).1, tangential, LocalRow::default()]
+    }
+
+    fn is_affine(&self) -> bool {
+        self.coefficient.is_constant()
+    }
+
+    fn friction(&self, v: &LocalValues) -> [f64; 2] {
+        [self.coefficient.value(v.node, v.slip_norm(), v.parameter)[0]; 2]
+    }
+
+    fn check(&self, v: &LocalValues) -> Result<(), ContactError> {
+        check_coefficient(&self.coefficient, v, false)
+    }
+}
+
+pub(super) fn check_coefficient(
+    coefficient: &FrictionCoefficient,
+    v: &LocalValues,
+    positive: bool,
+) -> Result<(), ContactError> {
+    let values = coefficient.value(v.node, v.slip_norm(), v.parameter);
+    if values.iter().any(|f| !f.is_finite()) {
+        return Err(ContactError::NotFinite {
+            what: "the coefficient of friction or a derivative of it, at node",
+            index: v.node,
+            value: values.into_iter().find(|f| !f.is_finite()).unwrap_or(f64::NAN),
+        });
+    }
+    if values[0] < 0.0 || (positive && values[0] == 0.0) {
+        return Err(ContactError::NegativeFriction {
+            node: v.node,
+            parameter: v.parameter,
+            value: values[0],
+        });
+    }
+    Ok(())
+}
+
+/// Coulomb friction in space with principal coefficients F = diag(F₁, F₂) along t₁, t₂, each of them F_k(x, ‖u_t‖, α) > 0:
+///
+/// ```text
+/// λt ∈ F² u_t λν / ‖F u_t‖ where u_t ≠ 0,   ‖F⁻¹ λt‖ ≤ λν.
+/// ```
+///
+/// With s = F⁻¹λt and w = F u_t the law is isotropic with coefficient 1: H_t = λt − F P(z), z = F⁻¹ λt + r F u_t, P the projection
+/// onto the disc of radius R = θ¹. Slip is parallel to F⁻² λt, not to λt, unless F₁ = F₂. Pieces "open", "stick", "slip"; test functions
+/// θ¹, θ² = ‖z‖ − R and, where F depends on α, F₁ and F₂ as walls. Only semismooth at u_t = 0 on the slip piece if F'(0) ≠ 0, and at the
+/// apex z = 0, R = 0.
+#[derive(Debug, Clone)]
+pub struct OrthotropicCoulomb {
+    coefficients: [FrictionCoefficient; 2],
+}
+
+/// Intermediate quantities of the orthotropic law.
+struct Scaled {
+    f: [f64; 2],
+    /// Derivatives of F₁, F₂.
+    df: [LocalRow; 2],
+    dz: [LocalRow; 2],
+    norm: f64,
+    /// z/‖z‖, 0 at 0.
+    direction: [f64; 2],
+}
+
+impl OrthotropicCoulomb {
+    /// The law with coefficients F₁ along t₁ and F₂ along t₂.
+    #[must_use]
+    pub fn new(first: FrictionCoefficient, second: FrictionCoefficient) -> Self {
+        Self {
+            coefficients: [first, second],
+        }
+    }
+
+    /// The isotropic law.
+    #[must_use]
+    pub fn isotropic(coefficient: FrictionCoefficient) -> Self {
+        Self::new(coefficient.clone(), coefficient)
+    }
+
+    fn scaled(&self, v: &LocalValues) -> Scaled {
+        let slip = v.slip_norm();
+        let (mut f, mut df) = ([0.0; 2], [LocalRow::default(); 2]);
+        let (mut z, mut dz) = ([0.0; 2], [LocalRow::default(); 2]);
+        for d in 0..2 {
+            let [value, slope, rate] = self.coefficients[d].value(v.node, slip, v.parameter);
+            f[d] = value;
+            df[d].parameter = rate;
+            if slip > 0.0 {
+                df[d].slip = v.slip.map(|u| slope * u / slip);
+            }
+            z[d] = v.traction[d] / value + v.r * value * v.slip[d];
+            dz[d].traction[d] = 1.0 / value;
+            dz[d].slip[d] = v.r * value;
+            add_row(
+                &mut dz[d],
+                v.r * v.slip[d] - v.traction[d] / (value * value),
+                &df[d],
+            );
+        }
+        let norm = z[0].hypot(z[1]);
+        let direction = if norm > 0.0 { z.map(|c| c / norm) } else { [0.0; 2] };
+        Scaled {
+            f,
+            df,
+            dz,
+            norm,
+            direction,
+        }
+    }
+}
+
+impl NodeLaw for OrthotropicCoulomb {
+    fn num_tangents(&self) -> usize {
+        2
+    }
+
+    fn num_pieces(&self) -> usize {
+        3
+    }
+
+    fn num_tests(&self) -> usize {
+        4
+    }
+
+    fn cell(&self, piece: usize) -> &'static [Facet] {
+        const WALLS: [Facet; 2] = [Facet::positive(2).wall(), Facet::positive(3).wall()];
+        const CELLS: [&[Facet]; 3] = [
+            &[OPEN],
+            &[CLOSED, Facet::negative(1), WALLS[0], WALLS[1]],
+            &[CLOSED, Facet::positive(1), WALLS[0], WALLS[1]],
+        ];
+        CELLS[piece.min(2)]
+    }
+
+    fn piece_name(&self, piece: usize) -> &'static str {
+        ["open", "stick", "slip"][piece.min(2)]
+    }
+
+    fn tests(&self, v: &LocalValues, out: &mut [f64]) {
+        let s = self.scaled(v);
+        out[0] = v.theta1();
+        out[1] = s.norm - v.theta1();
+        for d in 0..2 {
+            out[2 + d] = if self.coefficients[d].depends_on_parameter() {
+                s.f[d]
+            } else {
+                1.0
+            };
+        }
+    }
+
+    fn test_rows(&self, v: &LocalValues, rows: &mut [LocalRow]) {
+        let s = self.scaled(v);
+        rows[0] = theta1_row(v);
+        rows[1] = LocalRow::default();
+        add_row(&mut rows[1], -1.0, &theta1_row(v));
+        for d in 0..2 {
+            add_row(&mut rows[1], s.direction[d], &s.dz[d]);
+            rows[2 + d] = if self.coefficients[d].depends_on_parameter() {
+                s.df[d]
+            } else {
+                LocalRow::default()
+            };
+        }
+    }
+
+    fn residual(&self, piece: usize, v: &LocalValues) -> [f64; 3] {
+        let h = normal(piece != 0, v).0;
+        if piece == 0 {
+            return [h, v.traction[0], v.traction[1]];
+        }
+        let s = self.scaled(v);
+        // On the piece "stick" λt − F z = −r F² u_t, written without the traction that cancels.
+        let tangential = |d: usize| match piece {
+            1 => -v.r * s.f[d] * s.f[d] * v.slip[d],
+            _ => v.traction[d] - s.f[d] * s.direction[d] * v.theta1(),
+        };
+        [h, tangential(0), tangential(1)]
+    }
+
+    fn rows(&self, piece: usize, v: &LocalValues) -> [LocalRow; 3] {
+        let h = normal(piece != 0, v).1;
+        if piece == 0 {
+            return [h, free(0), free(1)];
+        }
+        let s = self.scaled(v);
+        let radius = v.theta1();
+        let mut rows = [h, free(0), free(1)];
+        for d in 0..2 {
+            let row = &mut rows[1 + d];
+            if piece == 1 {
+                *row = LocalRow::default();
+                row.slip[d] = -v.r * s.f[d] * s.f[d];
+                add_row(row, -2.0 * v.r * s.f[d] * v.slip[d], &s.df[d]);
+                continue;
+            }
+            add_row(row, -s.direction[d] * radius, &s.df[d]);
+            add_row(row, -s.f[d] * s.direction[d], &theta1_row(v));
+            if s.norm > 0.0 {
+                for e in 0..2 {
+                    let identity = if d == e { 1.0 } else { 0.0 };
+                    let projection = identity - s.direction[d] * s.direction[e];
+                    add_row(row, -s.f[d] * radius / s.norm * projection, &s.dz[e]);
+                }
+            }
+        }
+        rows
+    }
+
+    fn friction(&self, v: &LocalValues) -> [f64; 2] {
+        [0, 1].map(|d| self.coefficients[d].value(v.node, v.slip_norm(), v.parameter)[0])
+    }
+
+    fn check(&self, v: &LocalValues) -> Result<(), ContactError> {
+        self.coefficients
+            .iter()
+            .try_for_each(|c| check_coefficient(c, v, true))
+    }
+}

@@ -1,0 +1,290 @@
+//! Coefficients of friction as functions of the slip.
+
+use std::fmt;
+use std::sync::Arc;
+
+use super::ContactError;
+
+type CurveFunction = Arc<dyn Fn(f64) -> (f64, f64) + Send + Sync>;
+type NodeFunction = Arc<dyn Fn(usize, f64, f64) -> [f64; 3] + Send + Sync>;
+
+/// A coefficient of friction F(ξ) against the slip ξ = ‖u_t‖ ≥ 0.
+///
+/// ```
+/// use semismooth::contact::FrictionCurve;
+/// let f = FrictionCurve::exponential(0.4, 0.1, 0.005)?; // 0.1 + 0.3 exp(−ξ/0.005)
+/// assert!((f.value(0.0).0 - 0.4).abs() < 1e-15 && f.value(0.0).1 < 0.0);
+/// let table = FrictionCurve::table(&[(0.0, 0.4), (0.01, 0.2), (0.02, 0.2)])?;
+/// assert_eq!(table.value(1.0), (0.2, 0.0)); // constant behind the last point
+/// # Ok::<(), semismooth::contact::ContactError>(())
+/// ```
+#[derive(Clone)]
+pub struct FrictionCurve(Curve);
+
+#[derive(Clone)]
+enum Curve {
+    Constant(f64),
+    Exponential { first: f64, last: f64, length: f64 },
+    Table(Arc<[[f64; 3]]>),
+    Function(CurveFunction),
+}
+
+impl fmt::Debug for FrictionCurve {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match &self.0 {
+            Curve::Constant(c) => f.debug_tuple("Constant").field(c).finish(),
+            Curve::Exponential { first, last, length } => f
+                .debug_struct("Exponential")
+                .field("first", first)
+                .field("last", last)
+                .field("length", length)
+                .finish(),
+            Curve::Table(points) => f.debug_tuple("Table").field(points).finish(),
+            Curve::Function(_) => f.write_str("Function"),
+        }
+    }
+}
+
+impl FrictionCurve {
+    /// F(ξ) = value.
+    ///
+    /// # Errors
+    /// Values below 0 or not finite.
+    pub fn constant(value: f64) -> Result<Self, ContactError> {
+        check(value, 0.0)?;
+        Ok(Self(Curve::Constant(value)))
+    }
+
+    /// F(ξ) = last + (first − last) exp(−ξ/length): semismooth, not piecewise smooth, in space, as F'(0) ≠ 0.
+    ///
+    /// # Errors
+    /// Values below 0 or not finite, a length that is not positive.
+    pub fn exponential(first: f64, last: f64, length: f64) -> Result<Self, ContactError> {
+        check(first, 0.0)?;
+        check(last, f64::INFINITY)?;
+        if !(length > 0.0 && length.is_finite()) {
+            return Err(ContactError::Curve {
+                what: format!("the length of decay is {length}; it must be positive and finite"),
+            });
+        }
+        Ok(Self(Curve::Exponential { first, last, length }))
+    }
+
+    /// Monotone cubic interpolation of (ξ, F) pairs (Fritsch and Carlson 1980), constant outside the table: no overshoot, so F ≥ 0
+    /// everywhere if it is at the points.
+    ///
+    /// # Errors
+    /// No points, ξ that do not increase or are negative, F below 0 or not finite.
+    pub fn table(points: &[(f64, f64)]) -> Result<Self, ContactError> {
+        if points.is_empty() {
+            return Err(ContactError::Empty {
+                what: "a table of the coefficient of friction needs at least one point",
+            });
+        }
+        for (k, &(slip, value)) in points.iter().enumerate() {
+            check(value, slip)?;
+            if !(slip >= 0.0 && slip.is_finite() && (k == 0 || slip > points[k - 1].0)) {
+                return Err(ContactError::Curve {
+                    what: format!("slips of a table must increase from 0: point {k} is at {slip}"),
+                });
+            }
+        }
+        let secants: Vec<f64> = points
+            .windows(2)
+            .map(|w| (w[1].1 - w[0].1) / (w[1].0 - w[0].0))
+            .collect();
+        let n = points.len();
+        let rows: Vec<[f64; 3]> = (0..n)
+            .map(|k| {
+                // Flat ends join the constants outside; the harmonic mean of the secants inside keeps each piece monotone.
+                let slope = if k == 0 || k + 1 == n || secants[k - 1] * secants[k] <= 0.0 {
+                    0.0
+                } else {
+                    2.0 / (1.0 / secants[k - 1] + 1.0 / secants[k])
+                };
+                [points[k].0, points[k].1, slope]
+            })
+            .collect();
+        Ok(Self(Curve::Table(rows.into())))
+    }
+
+    /// Any curve: `function(ξ)` gives F and F' for ξ ≥ 0. It must be finite, continuously differentiable and ≥ 0.
+    #[must_use]
+    pub fn function(function: impl Fn(f64) -> (f64, f64) + Send + Sync + 'static) -> Self {
+        Self(Curve::Function(Arc::new(function)))
+    }
+
+    /// F(ξ) and F'(ξ). For ξ < 0, where selections are evaluated beyond their cells, the tangent at 0.
+    #[must_use]
+    pub fn value(&self, slip: f64) -> (f64, f64) {
+        if slip < 0.0 {
+            let (value, slope) = self.value(0.0);
+            return (value + slope * slip, slope);
+        }
+        match &self.0 {
+            Curve::Constant(c) => (*c, 0.0),
+            Curve::Exponential { first, last, length } => {
+                let decay = (first - last) * (-slip / length).exp();
+                (last + decay, -decay / length)
+            }
+            Curve::Table(points) => {
+                let (begin, end) = (points[0], points[points.len() - 1]);
+                if slip <= begin[0] {
+                    return (begin[1], 0.0);
+                }
+                if slip >= end[0] {
+                    return (end[1], 0.0);
+                }
+                let k = points.partition_point(|p| p[0] <= slip);
+                let ([x0, y0, s0], [x1, y1, s1]) = (points[k - 1], points[k]);
+                let h = x1 - x0;
+                let t = (slip - x0) / h;
+                let (t2, t3) = (t * t, t * t * t);
+                let value = (2.0 * t3 - 3.0 * t2 + 1.0) * y0
+                    + (t3 - 2.0 * t2 + t) * h * s0
+                    + (3.0 * t2 - 2.0 * t3) * y1
+                    + (t3 - t2) * h * s1;
+                let slope = (6.0 * t2 - 6.0 * t) * (y0 - y1) / h
+                    + (3.0 * t2 - 4.0 * t + 1.0) * s0
+                    + (3.0 * t2 - 2.0 * t) * s1;
+                (value, slope)
+            }
+            Curve::Function(f) => f(slip),
+        }
+    }
+
+    /// The same curve times a factor ≥ 0.
+    #[must_use]
+    pub fn times(&self, factor: f64) -> Self {
+        let own = self.clone();
+        Self::function(move |slip| {
+            let (value, slope) = own.value(slip);
+            (factor * value, factor * slope)
+        })
+    }
+
+    fn is_constant(&self) -> bool {
+        matches!(self.0, Curve::Constant(_))
+    }
+}
+
+fn check(value: f64, slip: f64) -> Result<(), ContactError> {
+    if value >= 0.0 && value.is_finite() {
+        Ok(())
+    } else {
+        Err(ContactError::Curve {
+            what: format!(
+                "the coefficient of friction at slip {slip} is {value}; it must be finite and not negative"
+            ),
+        })
+    }
+}
+
+/// A coefficient of friction F(xᵢ, ‖u_t‖, α) for all contact nodes.
+#[derive(Clone)]
+pub struct FrictionCoefficient {
+    function: NodeFunction,
+    depends_on_parameter: bool,
+    constant: bool,
+}
+
+impl fmt::Debug for FrictionCoefficient {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("FrictionCoefficient")
+            .field("depends_on_parameter", &self.depends_on_parameter)
+            .finish_non_exhaustive()
+    }
+}
+
+impl FrictionCoefficient {
+    /// One curve at all nodes.
+    #[must_use]
+    pub fn uniform(curve: FrictionCurve) -> Self {
+        Self {
+            constant: curve.is_constant(),
+            depends_on_parameter: false,
+            function: Arc::new(move |_, slip, _| {
+                let (value, slope) = curve.value(slip);
+                [value, slope, 0.0]
+            }),
+        }
+    }
+
+    /// α F(ξ): the scale of friction as the parameter (ζ of Haslinger, Kučera, Vlach 2008).
+    #[must_use]
+    pub fn scaled(curve: FrictionCurve) -> Self {
+        Self {
+            constant: false,
+            depends_on_parameter: true,
+            function: Arc::new(move |_, slip, alpha| {
+                let (value, slope) = curve.value(slip);
+                [alpha * value, alpha * slope, value]
+            }),
+        }
+    }
+
+    /// A curve for each node; the last one for nodes beyond the list.
+    ///
+    /// # Errors
+    /// No curves.
+    pub fn per_node(curves: Vec<FrictionCurve>) -> Result<Self, ContactError> {
+        if curves.is_empty() {
+            return Err(ContactError::Empty {
+                what: "there are no curves of the coefficient of friction",
+            });
+        }
+        Ok(Self {
+            constant: curves.iter().all(FrictionCurve::is_constant),
+            depends_on_parameter: false,
+            function: Arc::new(move |node, slip, _| {
+                let (value, slope) = curves[node.min(curves.len() - 1)].value(slip);
+                [value, slope, 0.0]
+            }),
+        })
+    }
+
+    /// Any coefficient: `function(node, ξ, α)` gives F, ∂F/∂ξ, ∂F/∂α. It must be continuously differentiable for ξ ≥ 0 and is
+    /// continued by its tangent to ξ < 0.
+    #[must_use]
+    pub fn function(function: impl Fn(usize, f64, f64) -> [f64; 3] + Send + Sync + 'static) -> Self {
+        Self {
+            constant: false,
+            depends_on_parameter: true,
+            function: Arc::new(move |node, slip, alpha| {
+                if slip < 0.0 {
+                    let [value, slope, rate] = function(node, 0.0, alpha);
+                    [value + slope * slip, slope, rate]
+                } else {
+                    function(node, slip, alpha)
+                }
+            }),
+        }
+    }
+
+    /// The same coefficient times a factor ≥ 0.
+    #[must_use]
+    pub fn times(&self, factor: f64) -> Self {
+        let own = self.clone();
+        Self {
+            depends_on_parameter: self.depends_on_parameter,
+            constant: self.constant,
+            function: Arc::new(move |node, slip, alpha| own.value(node, slip, alpha).map(|v| factor * v)),
+        }
+    }
+
+    /// F, ∂F/∂ξ and ∂F/∂α of a node.
+    #[must_use]
+    pub fn value(&self, node: usize, slip: f64, alpha: f64) -> [f64; 3] {
+        (self.function)(node, slip, alpha)
+    }
+
+    /// Whether F depends on α, and may become negative.
+    pub(super) fn depends_on_parameter(&self) -> bool {
+        self.depends_on_parameter
+    }
+
+    /// Whether F depends on nothing but the node.
+    pub(super) fn is_constant(&self) -> bool {
+        self.constant
+    }
+}

@@ -1,0 +1,141 @@
+use super::ContactError;
+use super::condensed_contact::CondensedContact;
+use super::given_bound::GivenBound;
+use super::node_law::NodeLaw;
+use crate::piecewise::PiecewiseSmooth;
+use crate::sparse::norm;
+
+/// Options of [`fixed_point`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct FixedPointOptions {
+    /// ω in (0, 1]: (φ, g) ← (1 − ω)(φ, g) + ω Ψ(φ, g). Default 1.
+    pub relaxation: f64,
+    /// The iteration ends when λ changes by less than this, relative to its norm. Default 1e-11.
+    pub tolerance: f64,
+    /// Largest number of iterations. Default 10 000.
+    pub max_iterations: usize,
+}
+
+impl Default for FixedPointOptions {
+    fn default() -> Self {
+        Self {
+            relaxation: 1.0,
+            tolerance: 1e-11,
+            max_iterations: 10_000,
+        }
+    }
+}
+
+impl FixedPointOptions {
+    /// Sets the relaxation ω.
+    #[must_use]
+    pub fn with_relaxation(mut self, relaxation: f64) -> Self {
+        self.relaxation = relaxation;
+        self
+    }
+
+    /// Sets the tolerance.
+    #[must_use]
+    pub fn with_tolerance(mut self, tolerance: f64) -> Self {
+        self.tolerance = tolerance;
+        self
+    }
+
+    /// Sets the largest number of iterations.
+    #[must_use]
+    pub fn with_max_iterations(mut self, max_iterations: usize) -> Self {
+        self.max_iterations = max_iterations;
+        self
+    }
+}
+
+/// What [`fixed_point`] found.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct FixedPointReport {
+    /// The last iterate (λν, λt, α).
+    pub x: Vec<f64>,
+    /// Whether the tolerance was met.
+    pub converged: bool,
+    /// Relative changes ‖Δλ‖/‖λ‖, one an iteration.
+    pub changes: Vec<f64>,
+}
+
+impl FixedPointReport {
+    /// Number of iterations.
+    #[must_use]
+    pub fn iterations(&self) -> usize {
+        self.changes.len()
+    }
+
+    /// The observed contraction rate: geometric mean of the ratios of the last changes above rounding (at most ten).
+    #[must_use]
+    pub fn contraction(&self) -> Option<f64> {
+        let end = self.changes.iter().rposition(|c| *c > 1e-13)?;
+        let begin = end.saturating_sub(10);
+        (end > begin).then(|| (self.changes[end] / self.changes[begin]).powf(1.0 / (end - begin) as f64))
+    }
+}
+
+/// The fixed-point iteration of Haslinger, Kučera and Vlach (2008): Ψ(φ, g) = (‖u_t‖, λν) of the problem with friction coefficients
+/// F(φ) and given bound g. Each inner problem (Tresca friction) is solved by PS-Newton. The iteration starts with φ and g of `start`.
+///
+/// # Errors
+/// Wrong lengths, a relaxation outside (0, 1], inner problems that cannot be solved. Not to converge is no error.
+pub fn fixed_point<L: NodeLaw>(
+    problem: &CondensedContact<L>,
+    start: &[f64],
+    options: &FixedPointOptions,
+) -> Result<FixedPointReport, ContactError> {
+    let omega = options.relaxation;
+    if !(omega > 0.0 && omega <= 1.0) {
+        return Err(ContactError::Curve {
+            what: format!("the relaxation of the fixed-point iteration is {omega}; it must lie in (0, 1]"),
+        });
+    }
+    let q = problem.num_residuals();
+    let begin = problem.solution(start)?.nodes;
+    let alpha = start[q];
+    let mut slips: Vec<f64> = begin.iter().map(super::LocalValues::slip_norm).collect();
+    let mut pressures: Vec<f64> = begin.iter().map(|v| v.pressure.max(0.0)).collect();
+    let mut nodes = begin;
+    let mut inner = problem.with_law(GivenBound::new(
+        problem.law().num_tangents(),
+        vec![0.0; slips.len()],
+        vec![[0.0; 2]; slips.len()],
+    )?)?;
+    let mut report = FixedPointReport {
+        x: start.to_vec(),
+        converged: false,
+        changes: Vec::new(),
+    };
+    while report.changes.len() < options.max_iterations && !report.converged {
+        let coefficients = nodes
+            .iter()
+            .zip(&slips)
+            .map(|(v, &phi)| {
+                let at = super::LocalValues {
+                    slip: [phi, 0.0],
+                    ..*v
+                };
+                problem.law().check(&at)?;
+                Ok(problem.law().friction(&at))
+            })
+            .collect::<Result<Vec<_>, ContactError>>()?;
+        *inner.law_mut() = GivenBound::new(problem.law().num_tangents(), pressures.clone(), coefficients)?;
+        let x = inner.solve(alpha, Some(&report.x))?;
+        let change: Vec<f64> = x.iter().zip(&report.x).map(|(a, b)| a - b).collect();
+        report
+            .changes
+            .push(norm(&change) / norm(&x[..q]).max(f64::MIN_POSITIVE));
+        report.converged = report.changes.last().is_some_and(|c| *c <= options.tolerance);
+        report.x = x;
+        nodes = problem.solution(&report.x)?.nodes;
+        for (i, v) in nodes.iter().enumerate() {
+            slips[i] += omega * (v.slip_norm() - slips[i]);
+            pressures[i] += omega * (v.pressure.max(0.0) - pressures[i]);
+        }
+    }
+    Ok(report)
+}

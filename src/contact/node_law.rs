@@ -1,0 +1,232 @@
+//! Laws of contact at one node, in the plane and in space.
+
+use super::{ContactError, ContactState};
+use crate::piecewise::Facet;
+
+/// Quantities at one contact node, and the augmentation parameter.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[non_exhaustive]
+pub struct LocalValues {
+    /// The contact node, from 0.
+    pub node: usize,
+    /// u_ν − gap, ≤ 0 where admissible.
+    pub penetration: f64,
+    /// u_t; the second component is 0 in the plane.
+    pub slip: [f64; 2],
+    /// λν ≥ 0.
+    pub pressure: f64,
+    /// λt; the second component is 0 in the plane.
+    pub traction: [f64; 2],
+    /// α.
+    pub parameter: f64,
+    /// r > 0.
+    pub r: f64,
+}
+
+impl LocalValues {
+    /// θ¹ = λν + r (u_ν − gap).
+    #[must_use]
+    pub fn theta1(&self) -> f64 {
+        self.pressure + self.r * self.penetration
+    }
+
+    /// ‖u_t‖.
+    #[must_use]
+    pub fn slip_norm(&self) -> f64 {
+        self.slip[0].hypot(self.slip[1])
+    }
+}
+
+/// Derivatives of a function of [`LocalValues`].
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[non_exhaustive]
+pub struct LocalRow {
+    /// With respect to the penetration.
+    pub penetration: f64,
+    /// With respect to u_t.
+    pub slip: [f64; 2],
+    /// With respect to λν.
+    pub pressure: f64,
+    /// With respect to λt.
+    pub traction: [f64; 2],
+    /// With respect to α.
+    pub parameter: f64,
+}
+
+impl LocalRow {
+    fn theta1(r: f64) -> Self {
+        Self {
+            penetration: r,
+            pressure: 1.0,
+            ..Self::default()
+        }
+    }
+
+    fn add(&mut self, scale: f64, other: &Self) {
+        self.penetration += scale * other.penetration;
+        self.pressure += scale * other.pressure;
+        self.parameter += scale * other.parameter;
+        for d in 0..2 {
+            self.slip[d] += scale * other.slip[d];
+            self.traction[d] += scale * other.traction[d];
+        }
+    }
+}
+
+/// Most test functions a law may have.
+pub const MAX_TESTS: usize = 4;
+
+/// A law of contact at one node: a finite list of smooth pieces, each with its cell.
+///
+/// Residuals have one normal component (order: normal, t₁, t₂; in the plane the last is not used). Pieces and test functions obey the
+/// contract of [`PiecewiseSmooth`](crate::piecewise::PiecewiseSmooth); all functions are pure.
+pub trait NodeLaw {
+    /// 1 in the plane, 2 in space.
+    fn num_tangents(&self) -> usize;
+
+    /// Number of pieces; piece 0 is the open node.
+    fn num_pieces(&self) -> usize;
+
+    /// Number of test functions, at most [`MAX_TESTS`].
+    fn num_tests(&self) -> usize;
+
+    /// The cell of a piece.
+    fn cell(&self, piece: usize) -> &'static [Facet];
+
+    /// Name of a piece.
+    fn piece_name(&self, piece: usize) -> &'static str;
+
+    /// Test functions.
+    fn tests(&self, v: &LocalValues, out: &mut [f64]);
+
+    /// Derivatives of the test functions.
+    fn test_rows(&self, v: &LocalValues, rows: &mut [LocalRow]);
+
+    /// Residuals H_ν, H_t of a piece.
+    fn residual(&self, piece: usize, v: &LocalValues) -> [f64; 3];
+
+    /// Derivatives of the residuals.
+    fn rows(&self, piece: usize, v: &LocalValues) -> [LocalRow; 3];
+
+    /// Whether all pieces and test functions are affine in the local values and α.
+    fn is_affine(&self) -> bool {
+        false
+    }
+
+    /// The coefficients of friction F₁, F₂ at a point (equal where the law is isotropic); 0 without friction.
+    fn friction(&self, _v: &LocalValues) -> [f64; 2] {
+        [0.0; 2]
+    }
+
+    /// Checks coefficients at a point.
+    ///
+    /// # Errors
+    /// Coefficients of friction that are negative (or zero, where the law divides by them) or not finite.
+    fn check(&self, _v: &LocalValues) -> Result<(), ContactError> {
+        Ok(())
+    }
+
+    /// The state of a node in a piece, by the name of the piece; "slip" is slip+ or slip− by the sign of λt along t₁.
+    fn state(&self, piece: usize, v: &LocalValues) -> ContactState {
+        match self.piece_name(piece) {
+            "stick" => ContactState::Stick,
+            "slip+" => ContactState::SlipPlus,
+            "slip-" => ContactState::SlipMinus,
+            "slip" if v.traction[0] < 0.0 => ContactState::SlipMinus,
+            "slip" => ContactState::SlipPlus,
+            _ => ContactState::Open,
+        }
+    }
+}
+
+pub(super) const CLOSED: Facet = Facet::positive(0);
+pub(super) const OPEN: Facet = Facet::negative(0);
+
+/// H_ν of a piece and its derivatives.
+pub(super) fn normal(closed: bool, v: &LocalValues) -> (f64, LocalRow) {
+    let mut row = LocalRow::default();
+    if closed {
+        row.penetration = -v.r;
+        (-v.r * v.penetration, row)
+    } else {
+        row.pressure = 1.0;
+        (v.pressure, row)
+    }
+}
+
+/// λt of an open node.
+pub(super) fn free(d: usize) -> LocalRow {
+    let mut row = LocalRow::default();
+    row.traction[d] = 1.0;
+    row
+}
+
+pub(super) fn theta1_row(v: &LocalValues) -> LocalRow {
+    LocalRow::theta1(v.r)
+}
+
+pub(super) fn add_row(target: &mut LocalRow, scale: f64, other: &LocalRow) {
+    target.add(scale, other);
+}
+
+/// Frictionless contact: λt = 0. Pieces "open", "closed".
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Frictionless {
+    tangents: usize,
+}
+
+impl Frictionless {
+    /// In the plane (one tangent).
+    #[must_use]
+    pub const fn plane() -> Self {
+        Self { tangents: 1 }
+    }
+
+    /// In space (two tangents).
+    #[must_use]
+    pub const fn space() -> Self {
+        Self { tangents: 2 }
+    }
+}
+
+impl NodeLaw for Frictionless {
+    fn num_tangents(&self) -> usize {
+        self.tangents
+    }
+
+    fn num_pieces(&self) -> usize {
+        2
+    }
+
+    fn num_tests(&self) -> usize {
+        1
+    }
+
+    fn cell(&self, piece: usize) -> &'static [Facet] {
+        if piece == 0 { &[OPEN] } else { &[CLOSED] }
+    }
+
+    fn piece_name(&self, piece: usize) -> &'static str {
+        if piece == 0 { "open" } else { "slip" }
+    }
+
+    fn tests(&self, v: &LocalValues, out: &mut [f64]) {
+        out[0] = v.theta1();
+    }
+
+    fn test_rows(&self, v: &LocalValues, rows: &mut [LocalRow]) {
+        rows[0] = theta1_row(v);
+    }
+
+    fn residual(&self, piece: usize, v: &LocalValues) -> [f64; 3] {
+        [normal(piece == 1, v).0, v.traction[0], v.traction[1]]
+    }
+
+    fn rows(&self, piece: usize, v: &LocalValues) -> [LocalRow; 3] {
+        [normal(piece == 1, v).1, free(0), free(1)]
+    }
+
+    fn is_affine(&self) -> bool {
+        true
+    }
+}

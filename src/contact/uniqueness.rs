@@ -1,0 +1,249 @@
+//! Constants that bound the fixed-point map Ψ of the friction problem, and what follows for uniqueness (Haslinger, Kučera, Vlach 2008).
+
+use super::ContactError;
+use super::condensed_contact::CondensedContact;
+use super::error::check_length;
+use super::node_law::NodeLaw;
+use crate::linear::{
+    AutoSolver, Condensation, LinearError, LinearSolver, eigenvalues, generalized_eigenvalues,
+    symmetric_eigenvalues,
+};
+use crate::sparse::{Matrix, Pattern};
+
+/// Constants of a discretised body with lumped multipliers. With mᵢ the area of node i, W = C the compliance and M the areas:
+///
+/// ```text
+/// c_inv² = λmax(M, Bν A₀⁻¹ Bνᵀ in densities),  A₀: v_t = 0 on Γc     ‖μ‖_L² ≤ c_inv sup_v (μ, v_ν)/‖v‖_A
+/// c_t²   = λmax(M^½ W_tt M^½)                                        ‖v_t‖_L² ≤ c_t ‖v‖_A
+/// c_∞²   = maxᵢ λmax(W_tt[i, i])                                     max |v_t| ≤ c_∞ ‖v‖_A
+/// ```
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct UniquenessConstants {
+    /// Constant of the inverse inequality for the multipliers, (force/length)^½ per area^½ in the caller's units.
+    pub c_inv: f64,
+    /// Constant of the trace in L².
+    pub c_t: f64,
+    /// Constant of the trace in L^∞.
+    pub c_inf: f64,
+}
+
+impl UniquenessConstants {
+    /// The constants of a condensed body; `areas` are the lumped areas (lengths in the plane) of its contact nodes.
+    ///
+    /// # Errors
+    /// Wrong lengths, areas that are not positive, a singular compliance.
+    pub fn new<L: NodeLaw>(problem: &CondensedContact<L>, areas: &[f64]) -> Result<Self, ContactError> {
+        let p = problem.num_contacts();
+        check_length("the areas of the contact nodes", areas, p)?;
+        if let Some(node) = areas.iter().position(|a| *a <= 0.0) {
+            return Err(ContactError::Curve {
+                what: format!(
+                    "the area of contact node {node} is {}; it must be positive",
+                    areas[node]
+                ),
+            });
+        }
+        let c = problem.compliance();
+        let q = c.nrows();
+        // (W⁻¹)_νν is the inverse of the compliance under v_t = 0.
+        let mut solver = AutoSolver::default();
+        solver.analyze(c.pattern().as_ref())?;
+        solver.factor(c.as_ref())?;
+        let mut normal = Matrix::zeros(Pattern::full(p, p));
+        let mut column = vec![0.0; q];
+        for j in 0..p {
+            column.fill(0.0);
+            column[j] = 1.0;
+            solver.solve_in_place(&mut column)?;
+            for i in 0..p {
+                normal.values_mut()[j * p + i] = column[i] / (areas[i] * areas[j]).sqrt();
+            }
+        }
+        let t = q - p;
+        let mut tangential = Matrix::zeros(Pattern::full(t, t));
+        for j in 0..t {
+            for i in 0..t {
+                tangential.values_mut()[j * t + i] =
+                    c.values()[(p + j) * q + p + i] * (areas[i % p] * areas[j % p]).sqrt();
+            }
+        }
+        let largest = |m: &Matrix| -> Result<f64, LinearError> {
+            Ok(symmetric_eigenvalues(m)?.last().copied().unwrap_or(0.0))
+        };
+        let mut c_inf = 0.0f64;
+        for i in 0..p {
+            let at = |d: usize, e: usize| c.values()[((e + 1) * p + i) * q + (d + 1) * p + i];
+            c_inf = c_inf.max(if t == p {
+                at(0, 0)
+            } else {
+                let (mean, half) = (0.5 * (at(0, 0) + at(1, 1)), 0.5 * (at(0, 0) - at(1, 1)));
+                mean + half.hypot(at(0, 1))
+            });
+        }
+        Ok(Self {
+            c_inv: largest(&normal)?.sqrt(),
+            c_t: largest(&tangential)?.sqrt(),
+            c_inf: c_inf.sqrt(),
+        })
+    }
+
+    /// C₁ / F_max = c_t c_inv: the part of the Lipschitz constant of Ψ that stems from the size of F. ∼ H^(−1/2).
+    #[must_use]
+    pub fn c1(&self) -> f64 {
+        self.c_t * self.c_inv
+    }
+
+    /// C₂ / (L κ ‖g‖) = c_∞ c_inv: the part that stems from the slope L of F. ∼ (H h)^(−1/2).
+    #[must_use]
+    pub fn c2(&self) -> f64 {
+        self.c_inf * self.c_inv
+    }
+
+    /// Below this coefficient (independent of the slip) the solution is unique and Ψ contracts.
+    #[must_use]
+    pub fn guaranteed_friction(&self) -> f64 {
+        1.0 / self.c1()
+    }
+}
+
+/// κ(F) = sup max(F₁, F₂)/min(F₁, F₂) and L = max |∂F_k/∂ξ| of the law over slips in [0, `largest_slip`] at all nodes, by sampling
+/// (`samples` slips a node; L from differences).
+///
+/// # Errors
+/// Coefficients that are negative or not finite, fewer than two samples, a slip that is not positive.
+pub fn friction_bounds<L: NodeLaw>(
+    problem: &CondensedContact<L>,
+    alpha: f64,
+    largest_slip: f64,
+    samples: usize,
+) -> Result<(f64, f64), ContactError> {
+    if samples < 2 || !(largest_slip > 0.0 && largest_slip.is_finite()) {
+        return Err(ContactError::Curve {
+            what: format!(
+                "{samples} samples up to slip {largest_slip}: at least two, up to a positive slip, are needed"
+            ),
+        });
+    }
+    let (mut kappa, mut slope) = (1.0f64, 0.0f64);
+    let step = largest_slip / (samples - 1) as f64;
+    for node in 0..problem.num_contacts() {
+        let mut last: Option<[f64; 2]> = None;
+        for k in 0..samples {
+            let v = super::LocalValues {
+                node,
+                slip: [step * k as f64, 0.0],
+                parameter: alpha,
+                ..super::LocalValues::default()
+            };
+            problem.law().check(&v)?;
+            let f = problem.law().friction(&v);
+            kappa = kappa.max(f[0].max(f[1]) / f[0].min(f[1]));
+            if let Some(before) = last {
+                for d in 0..2 {
+                    slope = slope.max((f[d] - before[d]).abs() / step);
+                }
+            }
+            last = Some(f);
+        }
+    }
+    Ok((kappa, slope))
+}
+
+/// The smallest coefficient F for which the pattern "all nodes in contact, slipping to one side" (constant F, plane) is singular: the
+/// smallest |1/μ| over the real eigenvalues μ of W_νν⁻¹ W_νt. `None` if there is none. Below it no branch of solutions folds on this
+/// pattern.
+///
+/// # Errors
+/// A body in space, a singular compliance.
+pub fn critical_friction<L: NodeLaw>(problem: &CondensedContact<L>) -> Result<Option<f64>, ContactError> {
+    if problem.body().num_tangents() != 1 {
+        return Err(ContactError::Tangents {
+            law: 1,
+            body: problem.body().num_tangents(),
+        });
+    }
+    let p = problem.num_contacts();
+    let c = problem.compliance();
+    let block = |first: usize| {
+        let mut m = Matrix::zeros(Pattern::full(p, p));
+        for j in 0..p {
+            for i in 0..p {
+                m.values_mut()[j * p + i] = c.values()[(first + j) * 2 * p + i];
+            }
+        }
+        m
+    };
+    let normal = block(0);
+    let mut mixed = block(p);
+    let mut solver = AutoSolver::default();
+    solver.analyze(normal.pattern().as_ref())?;
+    solver.factor(normal.as_ref())?;
+    for column in mixed.values_mut().chunks_exact_mut(p) {
+        solver.solve_in_place(column)?;
+    }
+    let real = eigenvalues(&mixed)?
+        .into_iter()
+        .filter(|(re, im)| im.abs() <= 1e-10 * re.abs());
+    Ok(real
+        .map(|(re, _)| 1.0 / re.abs())
+        .filter(|f| f.is_finite())
+        .min_by(f64::total_cmp))
+}
+
+/// Checks that no non-zero multiplier is invisible: that the pairing (multipliers × displacements) has full row rank.
+///
+/// # Errors
+/// [`ContactError::InvisibleMultiplier`] tells the rank; entries that are not finite.
+pub fn check_multipliers(pairing: &Matrix) -> Result<(), ContactError> {
+    let q = pairing.nrows();
+    let mut squares = vec![0.0; q];
+    for (k, _, v) in pairing.triplets() {
+        squares[k] += v * v;
+    }
+    // Rows of norm 1, so that small faces count like large ones.
+    let scale: Vec<f64> = squares
+        .iter()
+        .map(|s| if *s > 0.0 { s.sqrt().recip() } else { 0.0 })
+        .collect();
+    let transpose = pairing.transpose();
+    let mut gram = Matrix::zeros(Pattern::full(q, q));
+    let (mut row, mut product) = (vec![0.0; pairing.ncols()], vec![0.0; q]);
+    for k in 0..q {
+        row.fill(0.0);
+        let span = transpose.pattern().col_ptr()[k]..transpose.pattern().col_ptr()[k + 1];
+        for e in span {
+            row[transpose.pattern().row_idx()[e]] = transpose.values()[e] * scale[k];
+        }
+        pairing.mul_vec(&row, &mut product);
+        for i in 0..q {
+            gram.values_mut()[k * q + i] = product[i] * scale[i];
+        }
+    }
+    let values = symmetric_eigenvalues(&gram)?;
+    let largest = values.last().copied().unwrap_or(0.0);
+    let rank = values
+        .iter()
+        .filter(|v| **v > 1e-12 * largest && **v > 0.0)
+        .count();
+    if rank < q {
+        return Err(ContactError::InvisibleMultiplier { expected: q, rank });
+    }
+    Ok(())
+}
+
+/// The discrete inf-sup constant β of a space of multipliers: β² = λmin(S, S_ref), where S = Q K⁻¹ Qᵀ with the pairing Q and the metric K
+/// of the displacements, and S_ref the same on a mesh fine enough to stand for all displacements. Each argument is (K, Q).
+///
+/// # Errors
+/// Shapes that do not fit, metrics that are not positive definite, multipliers that are invisible.
+pub fn inf_sup_constant(
+    coarse: (&Matrix, &Matrix),
+    reference: (&Matrix, &Matrix),
+) -> Result<f64, ContactError> {
+    check_multipliers(coarse.1)?;
+    let s = Condensation::new(coarse.0, coarse.1)?;
+    let s_ref = Condensation::new(reference.0, reference.1)?;
+    let values = generalized_eigenvalues(s.compliance(), s_ref.compliance())?;
+    Ok(values.first().copied().unwrap_or(0.0).max(0.0).sqrt())
+}

@@ -1,0 +1,236 @@
+//! Going on with an exploration that was stopped.
+
+use std::ops::ControlFlow;
+
+use super::explore::{Explorer, Progress};
+use super::{Completeness, Diagram, DiagramOptions, DiagramVertex, EdgeEnd, Limit, VertexArm, VertexKind};
+use crate::continuation::{ContinuationError, Termination};
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth, check_vector};
+
+/// Whether a further run may go beyond this end of a curve.
+fn lifted(termination: Termination) -> bool {
+    use Termination::{MaxArclength, MaxPoints, MaxTime, Stopped};
+    matches!(termination, MaxArclength | MaxPoints | MaxTime | Stopped)
+}
+
+impl Diagram {
+    /// Goes on with a diagram that was stopped by a limit or by its observer (and perhaps written and read since), and adds what can be
+    /// reached from `starts`, which may be empty.
+    ///
+    /// All arms that were not followed are pending. The edge that was under way when the diagram was stopped is followed anew from
+    /// its last vertex: a run that is too short for an edge makes no progress. Limits on edges and points count what was done already. The range of the parameter must be the same.
+    ///
+    /// # Errors
+    /// As [`explore`](Self::explore); diagrams that do not fit the map.
+    ///
+    /// ```
+    /// use semismooth::continuation::{Diagram, DiagramOptions};
+    /// use semismooth::piecewise::MinMap;
+    /// // The unit circle.
+    /// let map = MinMap::curve(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+    ///     a[0] = x[0] * x[0] + x[1] * x[1] - 1.0;
+    ///     b[0] = 1e9;
+    /// });
+    /// let part = Diagram::explore(&map, &[[0.8, 0.6]], &DiagramOptions::default().with_max_points(10))?;
+    /// assert!(!part.completeness().is_complete());
+    /// let none: [[f64; 2]; 0] = [];
+    /// let whole = part.resume(&map, &none, &DiagramOptions::default())?;
+    /// assert!(whole.completeness().is_complete());
+    /// assert_eq!(whole.isolas().len(), 1);
+    /// # Ok::<(), semismooth::continuation::ContinuationError>(())
+    /// ```
+    pub fn resume<P, S>(
+        self,
+        map: &P,
+        starts: &[S],
+        options: &DiagramOptions,
+    ) -> Result<Self, ContinuationError>
+    where
+        P: PiecewiseSmooth + ?Sized,
+        S: AsRef<[f64]>,
+    {
+        self.resume_observed(map, starts, options, |_| ControlFlow::Continue(()))
+    }
+
+    /// [`resume`](Self::resume), reporting every event to `observe`, which may stop.
+    ///
+    /// # Errors
+    /// As [`resume`](Self::resume).
+    pub fn resume_observed<P, S>(
+        mut self,
+        map: &P,
+        starts: &[S],
+        options: &DiagramOptions,
+        observe: impl FnMut(&Progress<'_>) -> ControlFlow<()>,
+    ) -> Result<Self, ContinuationError>
+    where
+        P: PiecewiseSmooth + ?Sized,
+        S: AsRef<[f64]>,
+    {
+        options.validate()?;
+        self.check(map)?;
+        let (lower, upper) = options.continuation.parameter_range;
+        for (value, own) in [(lower, self.range.0), (upper, self.range.1)] {
+            if value != own {
+                return Err(ContinuationError::Option {
+                    name: "parameter_range",
+                    value,
+                    range: "that of the diagram to be resumed",
+                });
+            }
+        }
+        let mut again = self.reopen();
+        let mut pending = Vec::new();
+        for (vertex, v) in self.vertices.iter().enumerate() {
+            let open = |a: &VertexArm| a.edge.is_none() && !a.outside;
+            let arms = (0..v.arms.len()).filter(|&k| open(&v.arms[k]));
+            pending.extend(arms.map(|arm| EdgeEnd { vertex, arm }));
+        }
+        // Curves meet each other at events only; those that have none in their middle come first.
+        pending.sort_by_key(|end| self.vertices[end.vertex].kind != VertexKind::Start);
+        again.extend(starts.iter().map(|s| s.as_ref().to_vec()));
+        let mut explorer = Explorer::new(map, self, options, observe);
+        explorer.run(pending, &again)?;
+        Ok(explorer.diagram)
+    }
+
+    /// Forgets the limits that a further run may lift, with the edges that ended there, and the starts from which nothing was followed:
+    /// these are given back.
+    fn reopen(&mut self) -> Vec<Vec<f64>> {
+        let stopped = |v: &DiagramVertex| matches!(v.kind, VertexKind::Limit(t) if lifted(t));
+        let cut: Vec<bool> = (self.edges.iter())
+            .map(|e| {
+                [e.from, e.to]
+                    .iter()
+                    .any(|end| stopped(&self.vertices[end.vertex]))
+            })
+            .collect();
+        let mut starts = Vec::new();
+        let mut gone = Vec::with_capacity(self.vertices.len());
+        for vertex in &mut self.vertices {
+            for arm in &mut vertex.arms {
+                arm.edge = arm.edge.filter(|e| !cut[*e]);
+            }
+            let unused = vertex.arms.iter().all(|a| a.edge.is_none() && !a.outside);
+            let start = vertex.is_start && unused && !vertex.arms.is_empty();
+            if start {
+                starts.push(vertex.x.clone());
+            }
+            gone.push(start || stopped(vertex));
+        }
+        self.remove(&gone, &cut);
+        starts
+    }
+
+    /// Removes vertices and edges and everything that tells of them.
+    fn remove(&mut self, vertices: &[bool], edges: &[bool]) {
+        let renumbered = |gone: &[bool]| -> Vec<usize> {
+            let mut next = 0;
+            let number = |g: &bool| {
+                let number = next;
+                next += usize::from(!g);
+                number
+            };
+            gone.iter().map(number).collect()
+        };
+        let (vertex_of, edge_of) = (renumbered(vertices), renumbered(edges));
+        let mut k = 0;
+        self.vertices.retain(|_| {
+            k += 1;
+            !vertices[k - 1]
+        });
+        k = 0;
+        self.edges.retain(|_| {
+            k += 1;
+            !edges[k - 1]
+        });
+        for arm in self.vertices.iter_mut().flat_map(|v| &mut v.arms) {
+            arm.edge = arm.edge.map(|e| edge_of[e]);
+        }
+        for edge in &mut self.edges {
+            edge.from.vertex = vertex_of[edge.from.vertex];
+            edge.to.vertex = vertex_of[edge.to.vertex];
+        }
+        let limits = match std::mem::take(&mut self.completeness) {
+            Completeness::Limited(list) => list,
+            Completeness::WithinBounds => Vec::new(),
+        };
+        for limit in limits {
+            match limit {
+                Limit::Curve { vertex, termination } if !vertices[vertex] && !lifted(termination) => {
+                    let vertex = vertex_of[vertex];
+                    self.completeness.add(Limit::Curve { vertex, termination });
+                }
+                Limit::Arms { vertex } if !vertices[vertex] => {
+                    let vertex = vertex_of[vertex];
+                    self.completeness.add(Limit::Arms { vertex });
+                }
+                Limit::Solutions { .. } => self.completeness.add(limit),
+                // Tried again, and told again where it fails again.
+                _ => {}
+            }
+        }
+    }
+
+    /// Whether the diagram may be that of a map: nothing in it is out of range.
+    fn check<P: PiecewiseSmooth + ?Sized>(&self, map: &P) -> Result<(), ContinuationError> {
+        let (m, sites) = (map.num_vars(), map.num_sites());
+        let index = |what, found: usize, expected: usize| {
+            let error = PiecewiseError::Length {
+                what,
+                expected,
+                found: found + 1,
+            };
+            if found < expected { Ok(()) } else { Err(error) }
+        };
+        let selection = |s: &crate::piecewise::Selection| {
+            if s.len() != sites {
+                return Err(PiecewiseError::Length {
+                    what: "a selection of the diagram",
+                    expected: sites,
+                    found: s.len(),
+                });
+            }
+            let mut pieces = s.pieces().enumerate();
+            pieces.try_for_each(|(site, k)| {
+                index("the pieces of a site of the diagram", k, map.num_pieces(site))
+            })
+        };
+        for vertex in &self.vertices {
+            check_vector("a vertex of the diagram", &vertex.x, m)?;
+            for a in &vertex.arms {
+                check_vector("an arm of the diagram", &a.arm.tangent, m)?;
+                selection(&a.arm.selection)?;
+                index(
+                    "the edges of the diagram",
+                    a.edge.unwrap_or(0),
+                    self.edges.len().max(1),
+                )?;
+            }
+        }
+        if let Completeness::Limited(limits) = &self.completeness {
+            for limit in limits {
+                if let Limit::Curve { vertex, .. } | Limit::Arms { vertex } = limit {
+                    index("the vertices of the diagram", *vertex, self.vertices.len())?;
+                }
+            }
+        }
+        for edge in &self.edges {
+            for end in [edge.from, edge.to] {
+                index("the vertices of the diagram", end.vertex, self.vertices.len())?;
+                index(
+                    "the arms of a vertex of the diagram",
+                    end.arm,
+                    self.vertices[end.vertex].arms.len(),
+                )?;
+            }
+            index("the points of an edge of the diagram", 1, edge.points.len())?;
+            for p in &edge.points {
+                check_vector("a point of the diagram", &p.x, m)?;
+                check_vector("a tangent of the diagram", &p.tangent, m)?;
+                selection(&p.selection)?;
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,230 @@
+//! The state of a run as data.
+
+use std::time::{Duration, Instant};
+
+use super::arms::Vanishing;
+use super::engine::{Continuation, State};
+use super::{ContinuationError, ContinuationOptions, Event, Termination};
+use crate::linear::AutoSolver;
+use crate::newton::MoorePenrose;
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, TestLayout, check_vector};
+
+/// The state of a [`Continuation`] between two events: point, tangent, selection, step size, options, counters, events not yet
+/// given out. With the `serde` feature it can be written and read in any format.
+///
+/// A run that is resumed goes on, bit for bit, as the run that was saved. Formats must keep every bit of an `f64`: for
+/// `serde_json` that is its feature `float_roundtrip` (on with this crate's `json`).
+///
+/// ```
+/// use semismooth::continuation::{Continuation, ContinuationOptions, Direction};
+/// use semismooth::piecewise::MinMap;
+/// let map = MinMap::curve(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+///     a[0] = x[1] - x[0] * x[0];
+///     b[0] = x[1] + x[0];
+/// });
+/// let options = ContinuationOptions::default().with_parameter_range((-1.0, 1.0));
+/// let mut curve = Continuation::new(&map, &[0.5, 0.25], Direction::Decreasing, options)?;
+/// curve.by_ref().take(3).for_each(drop);
+/// let saved = curve.save()?;
+/// let resumed: Vec<_> = Continuation::resume(&map, &saved)?.collect();
+/// assert_eq!(resumed, curve.collect::<Vec<_>>());
+/// # Ok::<(), semismooth::continuation::ContinuationError>(())
+/// ```
+#[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct SavedRun {
+    /// Numbers of residuals and sites of the map.
+    residuals: usize,
+    sites: usize,
+    options: ContinuationOptions,
+    selection: Selection,
+    here: State,
+    grazing: Vec<Vanishing>,
+    coactive: Vec<(Selection, Option<i8>)>,
+    arclength: f64,
+    step: f64,
+    size: f64,
+    residual_scale: f64,
+    points: usize,
+    creeping: usize,
+    queue: Vec<Event>,
+    termination: Option<Termination>,
+    start: Vec<f64>,
+    elapsed: Option<Duration>,
+    factorisations: usize,
+    corrections: usize,
+}
+
+impl SavedRun {
+    /// The point x = (y, α).
+    #[must_use]
+    pub fn x(&self) -> &[f64] {
+        &self.here.x
+    }
+
+    /// The parameter α.
+    #[must_use]
+    pub fn parameter(&self) -> f64 {
+        self.here.x.last().copied().unwrap_or(f64::NAN)
+    }
+
+    /// Arclength from the start.
+    #[must_use]
+    pub fn arclength(&self) -> f64 {
+        self.arclength
+    }
+
+    /// Number of points computed so far.
+    #[must_use]
+    pub fn points(&self) -> usize {
+        self.points
+    }
+
+    /// The options. They may be changed before the run is resumed, to raise a limit for example.
+    pub fn options_mut(&mut self) -> &mut ContinuationOptions {
+        &mut self.options
+    }
+
+    /// Takes back that the run ended, so that it goes on once the limit that ended it is raised. No effect on curves that are at
+    /// their end (end of a branch, branching, closed).
+    #[must_use]
+    pub fn reopened(mut self) -> Self {
+        use Termination::{Branching, Closed, End};
+        if !matches!(self.termination, Some(Branching | Closed | End)) {
+            self.termination = None;
+        }
+        self
+    }
+
+    /// Whether the state fits a map, so that nothing can go wrong in its use.
+    fn check<P: PiecewiseSmooth + ?Sized>(&self, map: &P) -> Result<(), ContinuationError> {
+        let layout = TestLayout::new(map);
+        let length = |what, expected: usize, found: usize| {
+            let error = PiecewiseError::Length {
+                what,
+                expected,
+                found,
+            };
+            if expected == found { Ok(()) } else { Err(error) }
+        };
+        length(
+            "the residual of the saved run",
+            map.num_residuals(),
+            self.residuals,
+        )?;
+        length("the list of sites of the saved run", map.num_sites(), self.sites)?;
+        let m = map.num_vars();
+        check_vector("the saved point", &self.here.x, m)?;
+        check_vector("the saved tangent", &self.here.t, m)?;
+        check_vector("the saved start", &self.start, m)?;
+        check_vector("the saved test functions", &self.here.theta, layout.total())?;
+        let numbers = [self.arclength, self.step, self.size, self.residual_scale];
+        check_vector("the saved scalars", &numbers, numbers.len())?;
+        for v in &self.grazing {
+            check_vector("a saved gradient", &v.gradient, m)?;
+            length(
+                "the list of sites of the saved run",
+                map.num_sites(),
+                map.num_sites().max(v.site + 1),
+            )?;
+            let tests = layout.total();
+            length(
+                "the list of test functions of the saved run",
+                tests,
+                tests.max(v.index + 1),
+            )?;
+        }
+        let selections = std::iter::once(&self.selection).chain(self.coactive.iter().map(|c| &c.0));
+        for selection in selections {
+            length("a saved selection", map.num_sites(), selection.len())?;
+            for (site, piece) in selection.pieces().enumerate() {
+                let pieces = map.num_pieces(site);
+                length(
+                    "the list of pieces of a site of the saved run",
+                    pieces,
+                    pieces.max(piece + 1),
+                )?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
+    /// The state of the run, after the events given out so far.
+    ///
+    /// What is kept of factorisations is dropped and made anew, so that this run and one resumed from the state go on alike to the last bit; one
+    /// that is never saved may differ in the last digits where pieces are affine.
+    ///
+    /// # Errors
+    /// Those of the linear solver.
+    pub fn save(&mut self) -> Result<SavedRun, ContinuationError> {
+        self.earlier = (self.factorisations(), self.corrections());
+        self.corrector = MoorePenrose::new(self.map, AutoSolver::default())?;
+        self.renew_factors()?;
+        Ok(SavedRun {
+            residuals: self.map.num_residuals(),
+            sites: self.map.num_sites(),
+            options: self.options.clone(),
+            selection: self.selection.clone(),
+            here: self.here.clone(),
+            grazing: self.grazing.clone(),
+            coactive: self.coactive.clone(),
+            arclength: self.arclength,
+            step: self.h,
+            size: self.size,
+            residual_scale: self.residual_scale,
+            points: self.points,
+            creeping: self.creeping,
+            queue: self.queue.iter().cloned().collect(),
+            termination: self.termination,
+            start: self.start.clone(),
+            elapsed: self.started.map(|s| s.elapsed()),
+            factorisations: self.earlier.0,
+            corrections: self.earlier.1,
+        })
+    }
+
+    /// Goes on from a saved state, bit for bit as the run that was saved. The map must be the same.
+    ///
+    /// # Errors
+    /// States that do not fit the map, options out of range.
+    pub fn resume(map: &'a P, saved: &SavedRun) -> Result<Self, ContinuationError> {
+        saved.check(map)?;
+        saved.options.validate()?;
+        let corrector = MoorePenrose::new(map, AutoSolver::default())?;
+        let mut this = Self::prepare_at(map, saved.here.x.clone(), saved.options.clone(), corrector)?;
+        this.selection = saved.selection.clone();
+        this.here = saved.here.clone();
+        this.next = saved.here.clone();
+        this.grazing.clone_from(&saved.grazing);
+        this.coactive.clone_from(&saved.coactive);
+        this.arclength = saved.arclength;
+        this.h = saved.step;
+        this.size = saved.size;
+        this.residual_scale = saved.residual_scale;
+        this.points = saved.points;
+        this.creeping = saved.creeping;
+        this.queue = saved.queue.iter().cloned().collect();
+        this.termination = saved.termination;
+        this.start.clone_from(&saved.start);
+        this.earlier = (saved.factorisations, saved.corrections);
+        if let (Some(started), Some(elapsed)) = (this.started, saved.elapsed) {
+            this.started = started.checked_sub(elapsed).or_else(|| Some(Instant::now()));
+        }
+        this.renew_factors()?;
+        Ok(this)
+    }
+
+    /// Affine pieces are followed with the factors at hand; those of curved ones are made in every step.
+    fn renew_factors(&mut self) -> Result<(), ContinuationError> {
+        if !self.map.is_piecewise_affine() || self.termination.is_some() {
+            return Ok(());
+        }
+        let State { x, t, .. } = &self.here;
+        match self.corrector.linearize(self.map, &self.selection, x, Some(t)) {
+            Ok(_) | Err(PiecewiseError::Linear(_)) => Ok(()),
+            Err(e) => Err(e.into()),
+        }
+    }
+}

@@ -1,0 +1,142 @@
+use crate::continuation::{ContinuationError, DiagramOptions};
+
+/// Options of [`search_solutions`](super::search_solutions).
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct SearchOptions {
+    /// Number of random starts in each round. Default 100.
+    pub starts: usize,
+    /// Largest number of starts in each round from selections that differ from that of a known solution at one site; each is
+    /// tried once. Default 1000.
+    pub neighbours: usize,
+    /// Random points are drawn from a box around 0 of this half-width, relative to 1 + the largest entry of the solutions known.
+    /// Default 2.
+    pub spread: f64,
+    /// Number of deflated Newton runs in each round. Default 20.
+    pub deflations: usize,
+    /// Largest number of rounds; a round without a new solution is the last. Default 4.
+    pub rounds: usize,
+    /// Curves through the solutions are followed as far as α ± `reach` (1 + |α|); `None` to follow none. Default 1.
+    pub reach: Option<f64>,
+    /// How curves are followed; the range of the parameter is replaced by that of `reach`. Default: at most 2000 edges and 100 000
+    /// points a round.
+    pub diagram: DiagramOptions,
+    /// The search ends with this number of solutions. Default 10 000.
+    pub max_solutions: usize,
+    /// Two points closer than this, relative to 1 + ‖x‖₂, are one. Default 1e-7.
+    pub merge_distance: f64,
+    /// Where the sequence of random numbers begins. Default 1.
+    pub seed: u64,
+}
+
+impl Default for SearchOptions {
+    fn default() -> Self {
+        Self {
+            starts: 100,
+            neighbours: 1000,
+            spread: 2.0,
+            deflations: 20,
+            rounds: 4,
+            reach: Some(1.0),
+            diagram: DiagramOptions::default()
+                .with_max_edges(2000)
+                .with_max_points(100_000),
+            max_solutions: 10_000,
+            merge_distance: 1e-7,
+            seed: 1,
+        }
+    }
+}
+
+impl SearchOptions {
+    /// Sets the number of random starts in each round.
+    #[must_use]
+    pub fn with_starts(mut self, starts: usize) -> Self {
+        self.starts = starts;
+        self
+    }
+
+    /// Sets the largest number of starts from neighbouring selections in each round.
+    #[must_use]
+    pub fn with_neighbours(mut self, neighbours: usize) -> Self {
+        self.neighbours = neighbours;
+        self
+    }
+
+    /// Sets the half-width of the box of random points.
+    #[must_use]
+    pub fn with_spread(mut self, spread: f64) -> Self {
+        self.spread = spread;
+        self
+    }
+
+    /// Sets the number of deflated runs in each round.
+    #[must_use]
+    pub fn with_deflations(mut self, deflations: usize) -> Self {
+        self.deflations = deflations;
+        self
+    }
+
+    /// Sets the largest number of rounds.
+    #[must_use]
+    pub fn with_rounds(mut self, rounds: usize) -> Self {
+        self.rounds = rounds;
+        self
+    }
+
+    /// Sets how far curves are followed.
+    #[must_use]
+    pub fn with_reach(mut self, reach: Option<f64>) -> Self {
+        self.reach = reach;
+        self
+    }
+
+    /// Sets how curves are followed.
+    #[must_use]
+    pub fn with_diagram(mut self, diagram: DiagramOptions) -> Self {
+        self.diagram = diagram;
+        self
+    }
+
+    /// Sets where the sequence of random numbers begins.
+    #[must_use]
+    pub fn with_seed(mut self, seed: u64) -> Self {
+        self.seed = seed;
+        self
+    }
+
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    /// [`ContinuationError::Option`] names the option out of range.
+    pub fn validate(&self) -> Result<(), ContinuationError> {
+        self.diagram.continuation.validate()?;
+        let positive = |v: f64| v > 0.0 && v.is_finite();
+        let reach = self.reach.unwrap_or(1.0);
+        let checks = [
+            (
+                "spread",
+                self.spread,
+                positive(self.spread),
+                "positive and finite",
+            ),
+            ("reach", reach, positive(reach), "positive and finite"),
+            (
+                "merge_distance",
+                self.merge_distance,
+                self.merge_distance > 0.0 && self.merge_distance < 1e-2,
+                "in (0, 0.01)",
+            ),
+            (
+                "max_solutions",
+                self.max_solutions as f64,
+                self.max_solutions > 0,
+                "at least 1",
+            ),
+        ];
+        match checks.iter().find(|c| !c.2) {
+            Some(&(name, value, _, range)) => Err(ContinuationError::Option { name, value, range }),
+            None => Ok(()),
+        }
+    }
+}

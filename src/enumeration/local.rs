@@ -1,0 +1,183 @@
+//! Arms by local search: the directional problem H'(x; (ẏ, ±1)) = 0 as a piecewise-linear equation, solved from many selections.
+
+use std::collections::BTreeSet;
+
+use super::EnumerationError;
+use super::random::Random;
+use crate::linear::{AutoSolver, LinearError, LinearSolver};
+use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout};
+use crate::sparse::Matrix;
+use crate::sparse::norm;
+
+/// Largest number of linear solves for one start.
+const SOLVES: usize = 100;
+/// Rate of a test function, relative to its gradient and the direction, that counts as zero.
+const TANGENTIAL: f64 = 1e-9;
+
+/// Selections that may have arms at a point with too many degenerate sites for a complete search: those at which Newton's method on
+/// the directional problem stops, and singular ones met on the way. From `starts` random selections for either sign of α̇, and
+/// from all that differ from a find at one site, as often as `starts` times the number of sites.
+pub(crate) fn local_selections<P: PiecewiseSmooth + ?Sized>(
+    map: &P,
+    x: &[f64],
+    active: &ActiveSet,
+    starts: usize,
+    max_solves: usize,
+) -> Result<Vec<Selection>, EnumerationError> {
+    let mut local = Local::new(map, x, active)?;
+    let mut random = Random::new(1);
+    let sites = active.degenerate_sites();
+    let mut queue: Vec<(Selection, f64)> = Vec::new();
+    for k in 0..starts {
+        let mut selection = active.first().clone();
+        for (site, pieces) in sites {
+            // The first start takes the first piece everywhere.
+            let piece = if k == 0 { 0 } else { random.below(pieces.len()) };
+            selection.set(*site, pieces[piece]);
+        }
+        queue.extend([1.0, -1.0].map(|sign| (selection.clone(), sign)));
+    }
+    queue.reverse();
+    while let Some((start, sign)) = queue.pop() {
+        if local.solves >= max_solves {
+            break;
+        }
+        let Some(found) = local.solve(start, sign)? else {
+            continue;
+        };
+        for (site, pieces) in sites {
+            for &piece in pieces.iter().filter(|p| **p != found.piece(*site)) {
+                let mut near = found.clone();
+                near.set(*site, piece);
+                queue.push((near, sign));
+            }
+        }
+    }
+    Ok(local.found.into_iter().collect())
+}
+
+struct Local<'a, P: ?Sized> {
+    map: &'a P,
+    x: &'a [f64],
+    active: &'a ActiveSet,
+    /// Site, number in the site, gradient and its norm of each vanishing test function.
+    vanishing: Vec<(usize, usize, Vec<f64>, f64)>,
+    jac: Matrix,
+    solver: AutoSolver,
+    direction: Vec<f64>,
+    found: BTreeSet<Selection>,
+    solves: usize,
+}
+
+impl<'a, P: PiecewiseSmooth + ?Sized> Local<'a, P> {
+    fn new(map: &'a P, x: &'a [f64], active: &'a ActiveSet) -> Result<Self, EnumerationError> {
+        let layout = TestLayout::new(map);
+        let gradient = |&k: &usize| {
+            let (site, test) = layout.locate(k);
+            let mut gradient = vec![0.0; x.len()];
+            map.test_gradient(site, test, x, &mut gradient);
+            let size = norm(&gradient);
+            (site, test, gradient, size)
+        };
+        let jac = Matrix::zeros(map.pattern());
+        let mut solver = AutoSolver::default();
+        solver.analyze(jac.leading_columns(map.num_residuals()).pattern)?;
+        Ok(Self {
+            vanishing: active.vanishing().iter().map(gradient).collect(),
+            map,
+            x,
+            active,
+            jac,
+            solver,
+            direction: Vec::new(),
+            found: BTreeSet::new(),
+            solves: 0,
+        })
+    }
+
+    /// The direction of a selection with the given α̇; `false` where ∇_yH^(σ) is singular.
+    fn linear(&mut self, selection: &Selection, rate: f64) -> Result<bool, EnumerationError> {
+        let n = self.map.num_residuals();
+        self.solves += 1;
+        self.jac.clear();
+        self.map.jacobian(selection, self.x, &mut self.jac);
+        if let Some((row, col)) = self.jac.stray() {
+            return Err(PiecewiseError::StrayEntry { row, col }.into());
+        }
+        self.direction.clear();
+        self.direction.resize(n, 0.0);
+        for (i, _, v) in self.jac.triplets().filter(|t| t.1 == n) {
+            self.direction[i] -= rate * v;
+        }
+        let factored = self.solver.factor(self.jac.leading_columns(n));
+        match factored.and_then(|()| self.solver.solve_in_place(&mut self.direction)) {
+            Ok(()) => {
+                self.direction.push(rate);
+                Ok(true)
+            }
+            Err(LinearError::Singular { .. } | LinearError::Inaccurate { .. }) => Ok(false),
+            Err(e) => Err(e.into()),
+        }
+    }
+
+    /// Newton's method from a selection; once a selection comes back, one site at a time, the first that is wrong (Murty 1974).
+    /// Gives the selection that was new and has the direction in its cell.
+    fn solve(&mut self, start: Selection, rate: f64) -> Result<Option<Selection>, EnumerationError> {
+        let mut selection = start;
+        let mut seen = BTreeSet::new();
+        let mut one_at_a_time = false;
+        for _ in 0..SOLVES {
+            if !seen.insert(selection.clone()) {
+                if one_at_a_time {
+                    return Ok(None);
+                }
+                one_at_a_time = true;
+                seen.clear();
+            }
+            if !self.linear(&selection, rate)? {
+                let new = self.found.insert(selection.clone());
+                return Ok(new.then_some(selection));
+            }
+            if !self.correct(&mut selection, one_at_a_time) {
+                let new = self.found.insert(selection.clone());
+                return Ok(new.then_some(selection));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Moves the selection to the pieces whose cells the direction enters; `false` if it is there already.
+    fn correct(&self, selection: &mut Selection, only_one: bool) -> bool {
+        let length = norm(&self.direction);
+        let margin = |site: usize, piece: usize| -> f64 {
+            let mut least = f64::INFINITY;
+            for (s, test, gradient, size) in &self.vanishing {
+                if *s != site {
+                    continue;
+                }
+                let rate: f64 = gradient.iter().zip(&self.direction).map(|(g, d)| g * d).sum();
+                for facet in self.map.cell(site, piece).iter().filter(|f| f.test() == *test) {
+                    least = least.min(facet.sign() * rate / (size * length).max(f64::MIN_POSITIVE));
+                }
+            }
+            least
+        };
+        let mut changed = false;
+        for (site, pieces) in self.active.degenerate_sites() {
+            if margin(*site, selection.piece(*site)) >= -TANGENTIAL {
+                continue;
+            }
+            let best = pieces
+                .iter()
+                .max_by(|a, b| margin(*site, **a).total_cmp(&margin(*site, **b)));
+            if let Some(&piece) = best.filter(|p| **p != selection.piece(*site)) {
+                selection.set(*site, piece);
+                changed = true;
+                if only_one {
+                    break;
+                }
+            }
+        }
+        changed
+    }
+}

@@ -1,0 +1,129 @@
+use std::fmt;
+use std::sync::Arc;
+
+use super::assembly::ElasticSystem;
+use super::{FemError, Material, Mesh, PlaneModel};
+
+type Field = Arc<dyn Fn([f64; 3]) -> f64 + Send + Sync>;
+
+/// Prescribed displacements on a group of facets.
+#[derive(Clone)]
+pub(super) struct Support {
+    pub(super) group: String,
+    /// All components if none.
+    pub(super) component: Option<usize>,
+    /// Zero if none.
+    pub(super) value: Option<Field>,
+}
+
+impl fmt::Debug for Support {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Support")
+            .field("group", &self.group)
+            .field("component", &self.component)
+            .finish_non_exhaustive()
+    }
+}
+
+/// A linearly elastic body: mesh, materials, supports.
+///
+/// ```
+/// use semismooth::fem::{Elasticity, Foundation, Material, Mesh};
+/// let mesh = Mesh::rectangle([0.0, 0.0], [4.0, 1.0], [8, 2])?;
+/// let body = Elasticity::new(mesh, Material::isotropic(211.9, 0.277)?).fix("left");
+/// let system = body.assemble()?; // plane strain
+/// let load = system.traction("top", |_| [0.0, -0.02, 0.0])?;
+/// let contact = system.contact("bottom", &Foundation::plane([0.0; 3], [0.0, 1.0, 0.0]))?;
+/// assert_eq!((system.stiffness().nrows(), load.len()), (48, 48));
+/// assert_eq!(contact.nodes.len(), 8); // the clamped corner is left out
+/// # Ok::<(), semismooth::fem::FemError>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct Elasticity {
+    pub(super) mesh: Arc<Mesh>,
+    pub(super) material: Material,
+    pub(super) by_group: Vec<(String, Material)>,
+    pub(super) plane: PlaneModel,
+    pub(super) supports: Vec<Support>,
+}
+
+impl Elasticity {
+    /// A body of one material; plane strain if the mesh is plane.
+    #[must_use]
+    pub fn new(mesh: Mesh, material: Material) -> Self {
+        Self {
+            mesh: Arc::new(mesh),
+            material,
+            by_group: Vec::new(),
+            plane: PlaneModel::default(),
+            supports: Vec::new(),
+        }
+    }
+
+    /// Sets plane strain or plane stress; without effect in space.
+    #[must_use]
+    pub fn with_plane_model(mut self, plane: PlaneModel) -> Self {
+        self.plane = plane;
+        self
+    }
+
+    /// Another material for a group of cells; later calls win.
+    #[must_use]
+    pub fn with_material(mut self, cells: impl Into<String>, material: Material) -> Self {
+        self.by_group.push((cells.into(), material));
+        self
+    }
+
+    /// u = 0 on a group of facets.
+    #[must_use]
+    pub fn fix(mut self, facets: impl Into<String>) -> Self {
+        self.supports.push(Support {
+            group: facets.into(),
+            component: None,
+            value: None,
+        });
+        self
+    }
+
+    /// u_component = 0 on a group of facets (0: x, 1: y, 2: z), as on a plane of symmetry.
+    #[must_use]
+    pub fn fix_component(mut self, facets: impl Into<String>, component: usize) -> Self {
+        self.supports.push(Support {
+            group: facets.into(),
+            component: Some(component),
+            value: None,
+        });
+        self
+    }
+
+    /// u_component = `value(x)` on a group of facets; later calls win where groups meet.
+    #[must_use]
+    pub fn prescribe(
+        mut self,
+        facets: impl Into<String>,
+        component: usize,
+        value: impl Fn([f64; 3]) -> f64 + Send + Sync + 'static,
+    ) -> Self {
+        self.supports.push(Support {
+            group: facets.into(),
+            component: Some(component),
+            value: Some(Arc::new(value)),
+        });
+        self
+    }
+
+    /// The mesh.
+    #[must_use]
+    pub fn mesh(&self) -> &Mesh {
+        &self.mesh
+    }
+
+    /// Assembles the stiffness matrix of the free displacements.
+    ///
+    /// # Errors
+    /// Groups that do not exist or are empty, components beyond the dimension, prescribed values that are not finite, nothing free,
+    /// supports that leave rigid motions ([`FemError::Floating`] names them).
+    pub fn assemble(&self) -> Result<ElasticSystem, FemError> {
+        ElasticSystem::new(self)
+    }
+}

@@ -1,0 +1,224 @@
+use std::path::PathBuf;
+
+use thiserror::Error;
+
+use crate::sparse::SparseError;
+
+/// What can be wrong with a mesh, a material, supports, loads or a contact boundary. Nodes, cells and facets count from 0.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum FemError {
+    /// A mesh without cells, or a generator asked for none.
+    #[error("the mesh is empty: {what}")]
+    Empty {
+        /// What is missing.
+        what: &'static str,
+    },
+    /// A cell, a facet or a list refers to a node that does not exist.
+    #[error("{what} {index} refers to node {node}, but there are {nodes} nodes, counted from 0")]
+    NoSuchNode {
+        /// "cell" or "facet".
+        what: &'static str,
+        /// Which one.
+        index: usize,
+        /// The node.
+        node: usize,
+        /// Number of nodes.
+        nodes: usize,
+    },
+    /// A cell or facet has the wrong number of nodes.
+    #[error("{what} {index} has {found} nodes, expected {expected}")]
+    CellNodes {
+        /// "cell" or "facet".
+        what: &'static str,
+        /// Which one.
+        index: usize,
+        /// How many there should be.
+        expected: usize,
+        /// How many there are.
+        found: usize,
+    },
+    /// A cell of another dimension than the mesh.
+    #[error("cell {cell} is a {kind}, which does not fit into a mesh of dimension {dim}")]
+    CellDimension {
+        /// The cell.
+        cell: usize,
+        /// Its kind.
+        kind: &'static str,
+        /// Dimension of the mesh.
+        dim: usize,
+    },
+    /// A dimension other than 2 or 3.
+    #[error("a mesh has dimension 2 or 3, not {dim}")]
+    Dimension {
+        /// What was asked for.
+        dim: usize,
+    },
+    /// A coordinate is NaN or infinite.
+    #[error("node {node} lies at {point:?}; coordinates must be finite")]
+    Coordinate {
+        /// The node.
+        node: usize,
+        /// Where it is.
+        point: [f64; 3],
+    },
+    /// The Jacobian of a cell is not positive.
+    #[error(
+        "cell {cell} (nodes {nodes:?}) has Jacobian determinant {determinant:e} at one of its corners: it is turned inside out, folded or flat; \
+         number its nodes counter-clockwise, or mesh anew"
+    )]
+    Jacobian {
+        /// The cell.
+        cell: usize,
+        /// Its nodes.
+        nodes: Vec<usize>,
+        /// The smallest determinant found.
+        determinant: f64,
+    },
+    /// A node belongs to no cell.
+    #[error("node {node} belongs to no cell: its displacement is free of any stiffness; remove it")]
+    LooseNode {
+        /// The node.
+        node: usize,
+    },
+    /// A grading or partition that does not increase.
+    #[error("grid lines along {axis} must increase and be finite: line {line} is {value}")]
+    Grading {
+        /// "x", "y" or "z".
+        axis: &'static str,
+        /// The offending line.
+        line: usize,
+        /// Its coordinate.
+        value: f64,
+    },
+    /// A group that the mesh does not have.
+    #[error("there is no group \"{name}\" of {what}; the mesh has {known}")]
+    NoSuchGroup {
+        /// "facets" or "cells".
+        what: &'static str,
+        /// The name asked for.
+        name: String,
+        /// The names there are.
+        known: String,
+    },
+    /// A group without members.
+    #[error("the group \"{name}\" of {what} is empty")]
+    EmptyGroup {
+        /// "facets" or "cells".
+        what: &'static str,
+        /// Its name.
+        name: String,
+    },
+    /// Material constants out of range.
+    #[error("{what} = {value}: {rule}")]
+    Material {
+        /// Which constant.
+        what: &'static str,
+        /// Its value.
+        value: f64,
+        /// What it must obey.
+        rule: &'static str,
+    },
+    /// An elasticity tensor without the symmetries c_ijkl = c_jikl = c_klij.
+    #[error("the elasticity tensor is not symmetric: c_{}{}{}{} = {first}, c_{}{}{}{} = {second}",
+        .indices[0] + 1, .indices[1] + 1, .indices[2] + 1, .indices[3] + 1, .other[0] + 1, .other[1] + 1, .other[2] + 1, .other[3] + 1)]
+    TensorSymmetry {
+        /// i, j, k, l from 0.
+        indices: [usize; 4],
+        /// The indices of the entry it should equal.
+        other: [usize; 4],
+        /// The first entry.
+        first: f64,
+        /// The second entry.
+        second: f64,
+    },
+    /// An elasticity tensor that is not positive definite.
+    #[error("the elasticity tensor is not positive definite: pivot {pivot} of its 6 x 6 matrix is {value:e}")]
+    TensorDefinite {
+        /// Number of the pivot, from 0, in the order 11, 22, 33, 12, 23, 13.
+        pivot: usize,
+        /// Its value.
+        value: f64,
+    },
+    /// A component beyond the dimension.
+    #[error("component {component} of the displacement does not exist in dimension {dim}")]
+    Component {
+        /// From 0.
+        component: usize,
+        /// Dimension of the mesh.
+        dim: usize,
+    },
+    /// A user's function gave NaN or infinity.
+    #[error("{what} at ({}, {}, {}) is {value}; it must be finite", .at[0], .at[1], .at[2])]
+    NotFinite {
+        /// Which function.
+        what: &'static str,
+        /// Where.
+        at: [f64; 3],
+        /// What it gave.
+        value: f64,
+    },
+    /// No displacement is free.
+    #[error("all displacements are prescribed: nothing is left to solve for")]
+    NothingFree,
+    /// The supports let the body move without strain.
+    #[error(
+        "the body floats: nothing resists {modes}; the stiffness matrix is singular. Fix more of the boundary"
+    )]
+    Floating {
+        /// The free rigid modes, in words.
+        modes: String,
+    },
+    /// A contact node whose displacement is prescribed in the normal direction or in a tangential one.
+    #[error(
+        "contact node {node} at ({}, {}, {}): its {direction} displacement is prescribed, so that no reaction can be told; take it out of the contact group",
+        .at[0], .at[1], .at[2]
+    )]
+    ContactFixed {
+        /// The node.
+        node: usize,
+        /// Where it is.
+        at: [f64; 3],
+        /// "normal" or "tangential".
+        direction: &'static str,
+    },
+    /// A normal or tangent that is zero, not finite, or a tangent that is not orthogonal to the normal.
+    #[error("contact node {node}: {what}")]
+    Frame {
+        /// The node.
+        node: usize,
+        /// What is wrong.
+        what: String,
+    },
+    /// A vector has the wrong length.
+    #[error("{what} has length {found}, expected {expected}")]
+    Length {
+        /// Which vector.
+        what: &'static str,
+        /// Length asked for.
+        expected: usize,
+        /// Length given.
+        found: usize,
+    },
+    /// A file could not be read.
+    #[error("{path}: {what}", path = path.display())]
+    Io {
+        /// The file.
+        path: PathBuf,
+        /// The operating system's words.
+        what: String,
+    },
+    /// A file is not in the format it should be in.
+    #[error("{path}, line {line}: {what}", path = path.display())]
+    Parse {
+        /// The file.
+        path: PathBuf,
+        /// Line, from 1.
+        line: usize,
+        /// What was found and what was expected.
+        what: String,
+    },
+    /// A matrix could not be built.
+    #[error(transparent)]
+    Sparse(#[from] SparseError),
+}

@@ -1,0 +1,180 @@
+use super::FemError;
+
+/// Order of strains and stresses: 11, 22, 33, 12, 23, 13 (shear strains doubled).
+pub(super) const VOIGT: [[usize; 2]; 6] = [[0, 0], [1, 1], [2, 2], [0, 1], [1, 2], [0, 2]];
+
+/// How a plane problem stands for a body in space.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
+pub enum PlaneModel {
+    /// ε₁₃ = ε₂₃ = ε₃₃ = 0: a long body, one unit of its length.
+    #[default]
+    Strain,
+    /// σ₁₃ = σ₂₃ = σ₃₃ = 0: a thin plate of unit thickness.
+    Stress,
+}
+
+/// A linearly elastic material.
+///
+/// ```
+/// use semismooth::fem::Material;
+/// let steel = Material::isotropic(211.9, 0.277)?; // GPa
+/// assert!(Material::isotropic(211.9, 0.5).is_err()); // incompressible: no finite λ
+/// let same = Material::tensor(&steel.components())?;
+/// assert_eq!(steel, same);
+/// # Ok::<(), semismooth::fem::FemError>(())
+/// ```
+#[derive(Debug, Clone, PartialEq)]
+pub struct Material {
+    /// Stress from strain, in the order of [`VOIGT`].
+    matrix: [[f64; 6]; 6],
+}
+
+impl Material {
+    /// Young's modulus E > 0 and Poisson's ratio −1 < ν < ½.
+    ///
+    /// # Errors
+    /// Constants out of range.
+    pub fn isotropic(young: f64, poisson: f64) -> Result<Self, FemError> {
+        if !(young > 0.0 && young.is_finite()) {
+            return Err(FemError::Material {
+                what: "Young's modulus E",
+                value: young,
+                rule: "it must be positive and finite",
+            });
+        }
+        if !(poisson > -1.0 && poisson < 0.5) {
+            return Err(FemError::Material {
+                what: "Poisson's ratio",
+                value: poisson,
+                rule: "it must lie strictly between -1 and 0.5",
+            });
+        }
+        let mu = young / (2.0 * (1.0 + poisson));
+        Self::lame(2.0 * mu * poisson / (1.0 - 2.0 * poisson), mu)
+    }
+
+    /// Lamé's constants: μ > 0, 3λ + 2μ > 0.
+    ///
+    /// # Errors
+    /// Constants out of range.
+    pub fn lame(lambda: f64, mu: f64) -> Result<Self, FemError> {
+        if !(mu > 0.0 && mu.is_finite()) {
+            return Err(FemError::Material {
+                what: "the Lamé constant mu",
+                value: mu,
+                rule: "it must be positive and finite",
+            });
+        }
+        if !(3.0 * lambda + 2.0 * mu > 0.0 && lambda.is_finite()) {
+            return Err(FemError::Material {
+                what: "the Lamé constant lambda",
+                value: lambda,
+                rule: "3 lambda + 2 mu must be positive and finite",
+            });
+        }
+        let mut matrix = [[0.0; 6]; 6];
+        for i in 0..3 {
+            for j in 0..3 {
+                matrix[i][j] = lambda;
+            }
+            matrix[i][i] = lambda + 2.0 * mu;
+            matrix[i + 3][i + 3] = mu;
+        }
+        Ok(Self { matrix })
+    }
+
+    /// A general elasticity tensor, σ_ij = c_ijkl ε_kl. Symmetry is asked for to 1e-12 of the largest entry.
+    ///
+    /// # Errors
+    /// Entries that are not finite, c_ijkl ≠ c_jikl, c_ijlk or c_klij, a tensor that is not positive definite.
+    pub fn tensor(c: &[[[[f64; 3]; 3]; 3]; 3]) -> Result<Self, FemError> {
+        let indices = || (0..81).map(|m| [m / 27, m / 9 % 3, m / 3 % 3, m % 3]);
+        let at = |[i, j, k, l]: [usize; 4]| c[i][j][k][l];
+        let mut largest = 0.0f64;
+        for index in indices() {
+            if !at(index).is_finite() {
+                return Err(FemError::Material {
+                    what: "an entry of the elasticity tensor",
+                    value: at(index),
+                    rule: "it must be finite",
+                });
+            }
+            largest = largest.max(at(index).abs());
+        }
+        for index in indices() {
+            let [i, j, k, l] = index;
+            for other in [[j, i, k, l], [i, j, l, k], [k, l, i, j]] {
+                if (at(index) - at(other)).abs() > 1e-12 * largest {
+                    return Err(FemError::TensorSymmetry {
+                        indices: index,
+                        other,
+                        first: at(index),
+                        second: at(other),
+                    });
+                }
+            }
+        }
+        let mut matrix = [[0.0; 6]; 6];
+        for (row, [i, j]) in matrix.iter_mut().zip(VOIGT) {
+            for (entry, [k, l]) in row.iter_mut().zip(VOIGT) {
+                *entry = 0.5 * (c[i][j][k][l] + c[k][l][i][j]);
+            }
+        }
+        let mut work = matrix;
+        for pivot in 0..6 {
+            let value = work[pivot][pivot];
+            if value <= 1e-14 * largest {
+                return Err(FemError::TensorDefinite { pivot, value });
+            }
+            for i in pivot + 1..6 {
+                let factor = work[i][pivot] / value;
+                for j in pivot..6 {
+                    work[i][j] -= factor * work[pivot][j];
+                }
+            }
+        }
+        Ok(Self { matrix })
+    }
+
+    /// All components c_ijkl.
+    #[must_use]
+    pub fn components(&self) -> [[[[f64; 3]; 3]; 3]; 3] {
+        let place = |i: usize, j: usize| match (i.min(j), i.max(j)) {
+            (0, 1) => 3,
+            (1, 2) => 4,
+            (0, 2) => 5,
+            (i, _) => i,
+        };
+        std::array::from_fn(|i| {
+            std::array::from_fn(|j| {
+                std::array::from_fn(|k| std::array::from_fn(|l| self.matrix[place(i, j)][place(k, l)]))
+            })
+        })
+    }
+
+    /// Stress from strain in space.
+    pub(super) fn solid(&self) -> [[f64; 6]; 6] {
+        self.matrix
+    }
+
+    /// Stress (11, 22, 12) from strain in the plane.
+    pub(super) fn plane(&self, model: PlaneModel) -> [[f64; 3]; 3] {
+        const KEPT: [usize; 3] = [0, 1, 3];
+        let mut c = self.matrix;
+        if model == PlaneModel::Stress {
+            // Out-of-plane stresses vanish: their strains are eliminated.
+            for pivot in [2, 4, 5] {
+                for i in 0..6 {
+                    if i == pivot {
+                        continue;
+                    }
+                    let factor = c[i][pivot] / c[pivot][pivot];
+                    for j in 0..6 {
+                        c[i][j] -= factor * c[pivot][j];
+                    }
+                }
+            }
+        }
+        std::array::from_fn(|a| std::array::from_fn(|b| 0.5 * (c[KEPT[a]][KEPT[b]] + c[KEPT[b]][KEPT[a]])))
+    }
+}

@@ -1,0 +1,459 @@
+use std::collections::{BTreeMap, HashMap};
+
+use super::FemError;
+use super::element::{CellKind, MAX_NODES, map_cell};
+
+/// A conforming mesh in the plane or in space, with named groups of cells (materials) and facets (edges or faces of the boundary).
+///
+/// ```
+/// use semismooth::fem::Mesh;
+/// let mut mesh = Mesh::rectangle([0.0, 0.0], [2.0, 1.0], [4, 2])?;
+/// assert_eq!((mesh.num_nodes(), mesh.num_cells()), (15, 8));
+/// mesh.mark_boundary("sloping", |facet| facet.normal[0] > 0.5);
+/// assert_eq!(mesh.facet_group("sloping")?.len(), 2);
+/// assert_eq!(mesh.refined()?.facet_group("sloping")?.len(), 4);
+/// # Ok::<(), semismooth::fem::FemError>(())
+/// ```
+#[derive(Debug, Clone, PartialEq)]
+pub struct Mesh {
+    dim: usize,
+    points: Vec<[f64; 3]>,
+    kinds: Vec<CellKind>,
+    /// Nodes of cell c: `nodes[first[c]..first[c + 1]]`.
+    first: Vec<usize>,
+    nodes: Vec<usize>,
+    facet_groups: BTreeMap<String, Vec<Vec<usize>>>,
+    cell_groups: BTreeMap<String, Vec<usize>>,
+}
+
+/// A facet of the boundary, as given to the closure of [`Mesh::mark_boundary`].
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct BoundaryFacet {
+    /// The cell it belongs to.
+    pub cell: usize,
+    /// Its nodes, turned so that the normal points out of the cell.
+    pub nodes: Vec<usize>,
+    /// Unit outward normal (of the mean plane); third component 0 in the plane.
+    pub normal: [f64; 3],
+    /// Mean of its nodes.
+    pub centre: [f64; 3],
+    /// Length or area.
+    pub measure: f64,
+}
+
+impl Mesh {
+    /// A mesh from its points (third coordinate ignored in the plane) and cells.
+    ///
+    /// # Errors
+    /// Dimension other than 2 or 3, no cells, cells of another dimension, wrong node numbers, coordinates that are not finite, nodes in
+    /// no cell, cells with non-positive Jacobian: each names the cell or node.
+    pub fn new(
+        dim: usize,
+        points: Vec<[f64; 3]>,
+        cells: impl IntoIterator<Item = (CellKind, Vec<usize>)>,
+    ) -> Result<Self, FemError> {
+        let mesh = Self::unchecked(dim, points, cells)?;
+        mesh.check_jacobians()?;
+        Ok(mesh)
+    }
+
+    /// Like [`new`](Self::new), but cells numbered clockwise are turned round: for files whose format leaves the sense open.
+    ///
+    /// # Errors
+    /// Like [`new`](Self::new); cells that are folded or flat stay errors.
+    pub fn oriented(
+        dim: usize,
+        points: Vec<[f64; 3]>,
+        cells: impl IntoIterator<Item = (CellKind, Vec<usize>)>,
+    ) -> Result<Self, FemError> {
+        let mut mesh = Self::unchecked(dim, points, cells)?;
+        for cell in 0..mesh.num_cells() {
+            let (low, high) = mesh.jacobian_range(cell);
+            if low < 0.0 && high < 0.0 {
+                let kind = mesh.kinds[cell];
+                let nodes = &mut mesh.nodes[mesh.first[cell]..mesh.first[cell + 1]];
+                match kind {
+                    CellKind::Triangle => nodes.swap(1, 2),
+                    CellKind::Quadrilateral => nodes.swap(1, 3),
+                    CellKind::Tetrahedron => nodes.swap(1, 2),
+                    CellKind::Hexahedron => {
+                        nodes.swap(1, 3);
+                        nodes.swap(5, 7);
+                    }
+                }
+            }
+        }
+        mesh.check_jacobians()?;
+        Ok(mesh)
+    }
+
+    fn unchecked(
+        dim: usize,
+        mut points: Vec<[f64; 3]>,
+        cells: impl IntoIterator<Item = (CellKind, Vec<usize>)>,
+    ) -> Result<Self, FemError> {
+        if dim != 2 && dim != 3 {
+            return Err(FemError::Dimension { dim });
+        }
+        if dim == 2 {
+            points.iter_mut().for_each(|p| p[2] = 0.0);
+        }
+        if let Some(node) = points.iter().position(|p| p.iter().any(|x| !x.is_finite())) {
+            return Err(FemError::Coordinate {
+                node,
+                point: points[node],
+            });
+        }
+        let (mut kinds, mut first, mut nodes) = (Vec::new(), vec![0], Vec::new());
+        let mut used = vec![false; points.len()];
+        for (cell, (kind, list)) in cells.into_iter().enumerate() {
+            if kind.dim() != dim {
+                return Err(FemError::CellDimension {
+                    cell,
+                    kind: kind.name(),
+                    dim,
+                });
+            }
+            if list.len() != kind.num_nodes() {
+                return Err(FemError::CellNodes {
+                    what: "cell",
+                    index: cell,
+                    expected: kind.num_nodes(),
+                    found: list.len(),
+                });
+            }
+            check_nodes("cell", cell, &list, points.len())?;
+            list.iter().for_each(|&n| used[n] = true);
+            kinds.push(kind);
+            nodes.extend(list);
+            first.push(nodes.len());
+        }
+        if kinds.is_empty() {
+            return Err(FemError::Empty {
+                what: "there are no cells",
+            });
+        }
+        if let Some(node) = used.iter().position(|u| !u) {
+            return Err(FemError::LooseNode { node });
+        }
+        Ok(Self {
+            dim,
+            points,
+            kinds,
+            first,
+            nodes,
+            facet_groups: BTreeMap::new(),
+            cell_groups: BTreeMap::new(),
+        })
+    }
+
+    fn check_jacobians(&self) -> Result<(), FemError> {
+        for cell in 0..self.num_cells() {
+            let (low, high) = self.jacobian_range(cell);
+            if low <= 1e-14 * high.abs() {
+                return Err(FemError::Jacobian {
+                    cell,
+                    nodes: self.cell(cell).to_vec(),
+                    determinant: low,
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Smallest and largest Jacobian determinant at the corners of a cell.
+    fn jacobian_range(&self, cell: usize) -> (f64, f64) {
+        let kind = self.kinds[cell];
+        let corners = self.corners(cell);
+        let mut range = (f64::INFINITY, f64::NEG_INFINITY);
+        let probes = if kind.is_simplex() { 1 } else { kind.num_nodes() };
+        for x in &kind.corners()[..probes] {
+            let (_, _, det) = map_cell(kind, &corners[..kind.num_nodes()], *x);
+            range = (range.0.min(det), range.1.max(det));
+        }
+        range
+    }
+
+    /// 2 or 3.
+    #[must_use]
+    pub fn dim(&self) -> usize {
+        self.dim
+    }
+
+    /// Number of nodes.
+    #[must_use]
+    pub fn num_nodes(&self) -> usize {
+        self.points.len()
+    }
+
+    /// Number of cells.
+    #[must_use]
+    pub fn num_cells(&self) -> usize {
+        self.kinds.len()
+    }
+
+    /// Coordinates of the nodes; the third is 0 in the plane.
+    #[must_use]
+    pub fn points(&self) -> &[[f64; 3]] {
+        &self.points
+    }
+
+    /// Kind of a cell.
+    #[must_use]
+    pub fn kind(&self, cell: usize) -> CellKind {
+        self.kinds[cell]
+    }
+
+    /// Nodes of a cell.
+    #[must_use]
+    pub fn cell(&self, cell: usize) -> &[usize] {
+        &self.nodes[self.first[cell]..self.first[cell + 1]]
+    }
+
+    pub(super) fn corners(&self, cell: usize) -> [[f64; 3]; MAX_NODES] {
+        let mut corners = [[0.0; 3]; MAX_NODES];
+        for (corner, &node) in corners.iter_mut().zip(self.cell(cell)) {
+            *corner = self.points[node];
+        }
+        corners
+    }
+
+    /// Mean of a cell's nodes.
+    #[must_use]
+    pub fn centre(&self, cell: usize) -> [f64; 3] {
+        mean(self.cell(cell).iter().map(|&n| self.points[n]))
+    }
+
+    /// All facets that belong to one cell only, in the order of the cells.
+    #[must_use]
+    pub fn boundary(&self) -> Vec<BoundaryFacet> {
+        let mut count: HashMap<[usize; 4], u32> = HashMap::new();
+        for cell in 0..self.num_cells() {
+            for local in self.kinds[cell].facets() {
+                *count.entry(self.facet_key(cell, local)).or_insert(0) += 1;
+            }
+        }
+        let mut boundary = Vec::new();
+        for cell in 0..self.num_cells() {
+            for local in self.kinds[cell].facets() {
+                if count[&self.facet_key(cell, local)] == 1 {
+                    boundary.push(self.facet(cell, local));
+                }
+            }
+        }
+        boundary
+    }
+
+    fn facet_key(&self, cell: usize, local: &[usize]) -> [usize; 4] {
+        let nodes = self.cell(cell);
+        key(local.iter().map(|&a| nodes[a]))
+    }
+
+    fn facet(&self, cell: usize, local: &[usize]) -> BoundaryFacet {
+        let all = self.cell(cell);
+        let nodes: Vec<usize> = local.iter().map(|&a| all[a]).collect();
+        let area = self.area_vector(&nodes);
+        let measure = norm(area);
+        BoundaryFacet {
+            cell,
+            normal: area.map(|x| x / measure),
+            centre: mean(nodes.iter().map(|&n| self.points[n])),
+            measure,
+            nodes,
+        }
+    }
+
+    /// Normal times length or area of a facet.
+    pub(super) fn area_vector(&self, nodes: &[usize]) -> [f64; 3] {
+        let p = |a: usize| self.points[nodes[a]];
+        match nodes.len() {
+            2 => {
+                let d = difference(p(1), p(0));
+                [d[1], -d[0], 0.0]
+            }
+            3 => cross(difference(p(1), p(0)), difference(p(2), p(0))).map(|x| 0.5 * x),
+            _ => cross(difference(p(2), p(0)), difference(p(3), p(1))).map(|x| 0.5 * x),
+        }
+    }
+
+    /// Names the boundary facets for which `choose` says so; facets are added to a group that exists. Returns how many were chosen.
+    pub fn mark_boundary(
+        &mut self,
+        name: impl Into<String>,
+        choose: impl Fn(&BoundaryFacet) -> bool,
+    ) -> usize {
+        let chosen: Vec<_> = self
+            .boundary()
+            .into_iter()
+            .filter(|f| choose(f))
+            .map(|f| f.nodes)
+            .collect();
+        let number = chosen.len();
+        self.facet_groups.entry(name.into()).or_default().extend(chosen);
+        number
+    }
+
+    /// Names facets given by their nodes.
+    ///
+    /// # Errors
+    /// Facets with too few or too many nodes, nodes that do not exist.
+    pub fn add_facet_group(
+        &mut self,
+        name: impl Into<String>,
+        facets: Vec<Vec<usize>>,
+    ) -> Result<(), FemError> {
+        for (index, nodes) in facets.iter().enumerate() {
+            let fits = match self.dim {
+                2 => nodes.len() == 2,
+                _ => nodes.len() == 3 || nodes.len() == 4,
+            };
+            if !fits {
+                return Err(FemError::CellNodes {
+                    what: "facet",
+                    index,
+                    expected: self.dim,
+                    found: nodes.len(),
+                });
+            }
+            check_nodes("facet", index, nodes, self.points.len())?;
+        }
+        self.facet_groups.entry(name.into()).or_default().extend(facets);
+        Ok(())
+    }
+
+    /// Names the cells for which `choose(centre)` says so. Returns how many were chosen.
+    pub fn mark_cells(&mut self, name: impl Into<String>, choose: impl Fn([f64; 3]) -> bool) -> usize {
+        let chosen: Vec<_> = (0..self.num_cells())
+            .filter(|&c| choose(self.centre(c)))
+            .collect();
+        let number = chosen.len();
+        self.cell_groups.entry(name.into()).or_default().extend(chosen);
+        number
+    }
+
+    /// Facets of a group, each as its nodes.
+    ///
+    /// # Errors
+    /// A group that does not exist or is empty.
+    pub fn facet_group(&self, name: &str) -> Result<&[Vec<usize>], FemError> {
+        lookup("facets", name, &self.facet_groups)
+    }
+
+    /// Cells of a group.
+    ///
+    /// # Errors
+    /// A group that does not exist or is empty.
+    pub fn cell_group(&self, name: &str) -> Result<&[usize], FemError> {
+        lookup("cells", name, &self.cell_groups)
+    }
+
+    /// Names of the groups of facets.
+    pub fn facet_group_names(&self) -> impl Iterator<Item = &str> {
+        self.facet_groups.keys().map(String::as_str)
+    }
+
+    /// Names of the groups of cells.
+    pub fn cell_group_names(&self) -> impl Iterator<Item = &str> {
+        self.cell_groups.keys().map(String::as_str)
+    }
+
+    pub(super) fn groups(&self) -> (&BTreeMap<String, Vec<Vec<usize>>>, &BTreeMap<String, Vec<usize>>) {
+        (&self.facet_groups, &self.cell_groups)
+    }
+
+    pub(super) fn set_groups(
+        &mut self,
+        facets: BTreeMap<String, Vec<Vec<usize>>>,
+        cells: BTreeMap<String, Vec<usize>>,
+    ) {
+        self.facet_groups = facets;
+        self.cell_groups = cells;
+    }
+}
+
+fn lookup<'a, T>(
+    what: &'static str,
+    name: &str,
+    groups: &'a BTreeMap<String, Vec<T>>,
+) -> Result<&'a [T], FemError> {
+    match groups.get(name) {
+        Some(list) if list.is_empty() => Err(FemError::EmptyGroup {
+            what,
+            name: name.into(),
+        }),
+        Some(list) => Ok(list),
+        None => {
+            let names: Vec<_> = groups.keys().map(|k| format!("\"{k}\"")).collect();
+            Err(FemError::NoSuchGroup {
+                what,
+                name: name.into(),
+                known: if names.is_empty() {
+                    "none".into()
+                } else {
+                    names.join(", ")
+                },
+            })
+        }
+    }
+}
+
+fn check_nodes(what: &'static str, index: usize, list: &[usize], nodes: usize) -> Result<(), FemError> {
+    match list.iter().find(|&&n| n >= nodes) {
+        Some(&node) => Err(FemError::NoSuchNode {
+            what,
+            index,
+            node,
+            nodes,
+        }),
+        None => Ok(()),
+    }
+}
+
+/// Sorted nodes, padded.
+pub(super) fn key(nodes: impl Iterator<Item = usize>) -> [usize; 4] {
+    let mut key = [usize::MAX; 4];
+    for (k, n) in key.iter_mut().zip(nodes) {
+        *k = n;
+    }
+    key.sort_unstable();
+    key
+}
+
+pub(super) fn mean(points: impl ExactSizeIterator<Item = [f64; 3]>) -> [f64; 3] {
+    let scale = 1.0 / points.len() as f64;
+    let mut sum = [0.0; 3];
+    for p in points {
+        for d in 0..3 {
+            sum[d] += p[d];
+        }
+    }
+    sum.map(|s| s * scale)
+}
+
+pub(super) fn difference(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+pub(super) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
+}
+
+pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+pub(super) fn norm(a: [f64; 3]) -> f64 {
+    dot(a, a).sqrt()
+}
+
+/// By x, then y, then z.
+pub(super) fn by_position(p: [f64; 3], q: [f64; 3]) -> std::cmp::Ordering {
+    p[0].total_cmp(&q[0])
+        .then(p[1].total_cmp(&q[1]))
+        .then(p[2].total_cmp(&q[2]))
+}

@@ -1,0 +1,106 @@
+//! The non-uniqueness problems of friction that weakens with the slip, against independent digits.
+
+use semismooth::contact::{CondensedContact, FixedPointOptions, NodeLaw, fixed_point};
+use semismooth::continuation::{Branch, ContinuationOptions, Direction, PointKind, Termination};
+
+#[path = "../examples/common/bars.rs"]
+mod bars;
+
+/// Follows ζ from 3.2 on the sticking side down, through both folds.
+fn follow<L: NodeLaw>(problem: &CondensedContact<L>) -> Branch {
+    let start = problem
+        .solve(3.2, Some(&problem.stick_start(3.2).unwrap()))
+        .unwrap();
+    let options = ContinuationOptions::default()
+        .with_parameter_range((0.6, 3.3))
+        .with_targets(vec![1.4]);
+    let branch = Branch::follow(problem, &start, Direction::Decreasing, options).unwrap();
+    assert_eq!(branch.termination, Termination::ParameterRange);
+    branch
+}
+
+/// The points at ζ = 1.4: slip of the last contact node along x, and sign of the determinant.
+fn at_target<L: NodeLaw>(problem: &CondensedContact<L>, branch: &Branch) -> Vec<(f64, Option<i8>)> {
+    let targets = branch
+        .points
+        .iter()
+        .filter(|p| p.kind == PointKind::Target && p.parameter() == 1.4);
+    targets
+        .map(|p| {
+            (
+                problem.solution(&p.x).unwrap().nodes.last().unwrap().slip[0],
+                p.det_sign,
+            )
+        })
+        .collect()
+}
+
+fn close(found: f64, expected: f64, relative: f64) {
+    assert!(
+        (found - expected).abs() <= relative * expected.abs(),
+        "{found} {expected}"
+    );
+}
+
+#[test]
+fn plane_bar() {
+    for (nx, folds) in [
+        (20, [1.398827735096, 2.724786266795]),
+        (40, [1.375501835970, 2.725414553670]),
+    ] {
+        let bar = bars::bar2d(nx).unwrap();
+        let branch = follow(&bar.problem);
+        let found = branch.folds();
+        assert_eq!(found.len(), 2);
+        found.iter().zip(folds).for_each(|(f, e)| close(*f, e, 1e-9));
+        let kinks: Vec<_> = branch.transitions.iter().filter(|t| t.is_fold()).collect();
+        assert_eq!((kinks.len(), branch.smooth_folds.len()), (1, 1));
+        // Stick → slip at x = 8 m on both meshes (seen from the slipping side: the other way round).
+        let site = kinks[0].sites[0].site;
+        if nx == 40 {
+            close(bar.rows.points[site][0], 8.0, 1e-12);
+        }
+        let solutions = at_target(&bar.problem, &branch);
+        assert_eq!(
+            solutions.iter().map(|s| s.1).collect::<Vec<_>>(),
+            [Some(1), Some(-1), Some(1)]
+        );
+        if nx == 40 {
+            for (s, expected) in solutions.iter().zip([2.0880547e-3, 3.1783958e-3, 2.02185555e-2]) {
+                close(s.0, expected, 3e-8);
+            }
+        }
+    }
+}
+
+#[test]
+fn solid_bar() {
+    let bar = bars::bar3d(20, false).unwrap();
+    let branch = follow(&bar.problem);
+    let folds = branch.folds();
+    assert_eq!(folds.len(), 2);
+    close(folds[0], 1.3890682216770, 1e-9);
+    close(folds[1], 2.7635195967850, 1e-9);
+    assert_eq!(branch.smooth_folds.len(), 2);
+    let signs: Vec<_> = at_target(&bar.problem, &branch).iter().map(|s| s.1).collect();
+    assert_eq!(signs, [Some(1), Some(-1), Some(1)]);
+}
+
+/// The fixed point from stick finds the sticking solution above the lower fold and the slipping one below.
+#[test]
+fn fixed_point_jumps_at_the_fold() {
+    let bar = bars::bar2d(40).unwrap();
+    let end = |zeta: f64| {
+        let start = bar.problem.stick_start(zeta).unwrap();
+        let report = fixed_point(&bar.problem, &start, &FixedPointOptions::default()).unwrap();
+        assert!(report.converged);
+        assert!(report.contraction().unwrap() < 1.0);
+        // A fixed point is a solution: Newton stays there.
+        let x = bar.problem.solve(zeta, Some(&report.x)).unwrap();
+        let slip = |x: &[f64]| bar.problem.solution(x).unwrap().nodes[39].slip[0];
+        close(slip(&report.x), slip(&x), 1e-7);
+        slip(&x)
+    };
+    assert!(end(1.3755019) < 5e-3);
+    assert!(end(1.3755018) > 1e-2);
+}

@@ -1,0 +1,451 @@
+//! Finite elements: patch tests, observed orders, rigid motions, refinement, bad input.
+
+use semismooth::fem::{CellKind, Elasticity, FemError, Foundation, Material, Mesh, PlaneModel, parse_getfem};
+use semismooth::linear::{Cholesky, LinearSolver};
+
+fn solve(system: &semismooth::fem::ElasticSystem, load: &[f64]) -> Vec<f64> {
+    let mut solver = Cholesky::default();
+    solver.analyze(system.stiffness().pattern().as_ref()).unwrap();
+    solver.factor(system.stiffness().as_ref()).unwrap();
+    let mut u: Vec<f64> = load
+        .iter()
+        .zip(system.support_load())
+        .map(|(f, l)| f + l)
+        .collect();
+    solver.solve_in_place(&mut u).unwrap();
+    system.displacements(&u).unwrap()
+}
+
+/// A distorted mesh of each kind.
+fn meshes() -> Vec<Mesh> {
+    let bend = |mesh: Mesh| {
+        let points = mesh
+            .points()
+            .iter()
+            .map(|p| {
+                let [x, y, z] = *p;
+                [
+                    x + 0.1 * y * z + 0.05 * y * y,
+                    y + 0.1 * x * x,
+                    z * (1.0 + 0.1 * x),
+                ]
+            })
+            .collect();
+        let cells: Vec<_> = (0..mesh.num_cells())
+            .map(|c| (mesh.kind(c), mesh.cell(c).to_vec()))
+            .collect();
+        let mut bent = Mesh::new(mesh.dim(), points, cells).unwrap();
+        bent.mark_boundary("all", |_| true);
+        bent
+    };
+    let plane = Mesh::rectangle([0.0, 0.0], [1.0, 1.5], [3, 4]).unwrap();
+    let solid = Mesh::block([0.0; 3], [1.0, 1.5, 0.8], [2, 3, 2]).unwrap();
+    vec![
+        bend(plane.simplices().unwrap()),
+        bend(plane),
+        bend(solid.simplices().unwrap()),
+        bend(solid),
+    ]
+}
+
+/// Linear displacements are reproduced exactly, by every kind of cell, with a general anisotropic tensor.
+#[test]
+fn patch() {
+    // A random positive definite matrix with the symmetries of an elasticity tensor.
+    let mut c = Material::isotropic(3.0, 0.3).unwrap().components();
+    let bump = [0.3, 0.1, -0.2, 0.25, 0.15, -0.1];
+    let place = |i: usize, j: usize| [[0, 3, 5], [3, 1, 4], [5, 4, 2]][i][j];
+    for i in 0..3 {
+        for j in 0..3 {
+            for k in 0..3 {
+                for l in 0..3 {
+                    c[i][j][k][l] += bump[place(i, j)] * bump[place(k, l)];
+                }
+            }
+        }
+    }
+    let gradient = [[0.3, -0.2, 0.1], [0.15, 0.4, -0.3], [0.2, 0.1, -0.25]];
+    for mesh in meshes() {
+        let dim = mesh.dim();
+        let value = move |x: [f64; 3], d: usize| (0..dim).map(|e| gradient[d][e] * x[e]).sum::<f64>();
+        let mut body = Elasticity::new(mesh.clone(), Material::tensor(&c).unwrap());
+        for d in 0..dim {
+            body = body.prescribe("all", d, move |x| value(x, d));
+        }
+        let system = body.assemble().unwrap();
+        let u = solve(&system, &vec![0.0; system.num_free()]);
+        for (node, x) in mesh.points().iter().enumerate() {
+            for d in 0..dim {
+                assert!((u[dim * node + d] - value(*x, d)).abs() < 1e-13);
+            }
+        }
+    }
+}
+
+/// Rigid motions, translations and rotations, cost no force: K r = 0, seen from the supports (K_ff r_f + K_fs r_s = 0).
+#[test]
+fn rigid_motions() {
+    for mesh in meshes() {
+        let dim = mesh.dim();
+        let spin = if dim == 2 {
+            [0.0, 0.0, 0.7]
+        } else {
+            [0.3, -0.5, 0.7]
+        };
+        let motion = move |x: [f64; 3]| {
+            [
+                0.2 + spin[1] * x[2] - spin[2] * x[1],
+                -0.1 + spin[2] * x[0] - spin[0] * x[2],
+                0.4 + spin[0] * x[1] - spin[1] * x[0],
+            ]
+        };
+        let mut body = Elasticity::new(mesh.clone(), Material::lame(1.3, 0.8).unwrap());
+        for d in 0..dim {
+            body = body.prescribe("all", d, move |x| motion(x)[d]);
+        }
+        let system = body.assemble().unwrap();
+        let mut residual: Vec<f64> = system.support_load().iter().map(|l| -l).collect();
+        let mut r = vec![0.0; system.num_free()];
+        for (node, x) in mesh.points().iter().enumerate() {
+            for d in 0..dim {
+                if let Some(dof) = system.dof(node, d) {
+                    r[dof] = motion(*x)[d];
+                }
+            }
+        }
+        system.stiffness().as_ref().mul_add(1.0, &r, &mut residual);
+        assert!(residual.iter().all(|v| v.abs() < 1e-13));
+        // The matrix is symmetric to the last bit.
+        let transpose = system.stiffness().transpose();
+        assert_eq!(system.stiffness().values(), transpose.values());
+    }
+}
+
+/// A manufactured solution u = (sin πx sin πy, …): nodal errors in the mean fall with h².
+#[test]
+fn observed_order() {
+    use std::f64::consts::PI;
+    let (lambda, mu) = (1.2, 0.9);
+    let force = move |x: [f64; 3]| {
+        // −div σ of u = (s, 0.5 s), s = sin πx sin πy.
+        let s = (PI * x[0]).sin() * (PI * x[1]).sin();
+        let c = (PI * x[0]).cos() * (PI * x[1]).cos();
+        let along =
+            |own: f64, other: f64| PI * PI * ((lambda + 3.0 * mu) * own * s - (lambda + mu) * other * c);
+        [along(1.0, 0.5), along(0.5, 1.0), 0.0]
+    };
+    for triangles in [false, true] {
+        let errors: Vec<f64> = [16usize, 32, 64]
+            .iter()
+            .map(|&n| {
+                let mut mesh = Mesh::rectangle([0.0, 0.0], [1.0, 1.0], [n, n]).unwrap();
+                if triangles {
+                    mesh = mesh.simplices().unwrap();
+                }
+                mesh.mark_boundary("all", |_| true);
+                let system = Elasticity::new(mesh.clone(), Material::lame(lambda, mu).unwrap())
+                    .fix("all")
+                    .assemble()
+                    .unwrap();
+                let u = solve(&system, &system.body_force(force).unwrap());
+                let sum: f64 = mesh
+                    .points()
+                    .iter()
+                    .enumerate()
+                    .map(|(k, p)| {
+                        let s = (PI * p[0]).sin() * (PI * p[1]).sin();
+                        (u[2 * k] - s).powi(2) + (u[2 * k + 1] - 0.5 * s).powi(2)
+                    })
+                    .sum();
+                (sum / mesh.num_nodes() as f64).sqrt()
+            })
+            .collect();
+        for pair in errors.windows(2) {
+            let order = (pair[0] / pair[1]).log2();
+            assert!((1.9..2.1).contains(&order), "{order} {errors:?}");
+        }
+    }
+}
+
+/// Uniaxial tension: strain along E⁻¹ σ, across −ν E⁻¹ σ in plane stress; stiffer in plane strain; exact in space.
+#[test]
+fn tension() {
+    let (young, poisson) = (2.5, 0.3);
+    let material = Material::isotropic(young, poisson).unwrap();
+    let pull = |mesh: Mesh, plane: PlaneModel| {
+        let dim = mesh.dim();
+        let mut body = Elasticity::new(mesh, material.clone())
+            .with_plane_model(plane)
+            .fix_component("left", 0)
+            .fix_component("bottom", dim - 1);
+        if dim == 3 {
+            body = body.fix_component("front", 1);
+        }
+        let system = body.assemble().unwrap();
+        let u = solve(&system, &system.traction("right", |_| [0.5, 0.0, 0.0]).unwrap());
+        let far = system
+            .mesh()
+            .points()
+            .iter()
+            .position(|p| p[..dim].iter().all(|x| (x - 1.0).abs() < 1e-12))
+            .unwrap();
+        (u[dim * far], u[dim * far + dim - 1])
+    };
+    let strain = 0.5 / young;
+    let square = || Mesh::rectangle([0.0, 0.0], [1.0, 1.0], [2, 3]).unwrap();
+    let cases = [
+        (pull(square(), PlaneModel::Stress), (strain, -poisson * strain)),
+        (
+            pull(square(), PlaneModel::Strain),
+            (
+                strain * (1.0 - poisson * poisson),
+                -strain * poisson * (1.0 + poisson),
+            ),
+        ),
+        (
+            pull(
+                Mesh::block([0.0; 3], [1.0; 3], [2, 1, 3]).unwrap(),
+                PlaneModel::Strain,
+            ),
+            (strain, -poisson * strain),
+        ),
+    ];
+    for (found, expected) in cases {
+        assert!((found.0 - expected.0).abs() < 1e-13 && (found.1 - expected.1).abs() < 1e-13);
+    }
+}
+
+/// Two materials by group against the mixture rule of springs in series.
+#[test]
+fn materials_by_group() {
+    let mut mesh = Mesh::rectangle([0.0, 0.0], [2.0, 1.0], [4, 2]).unwrap();
+    assert_eq!(mesh.mark_cells("soft", |c| c[0] > 1.0), 4);
+    let system = Elasticity::new(mesh, Material::isotropic(2.0, 0.0).unwrap())
+        .with_material("soft", Material::isotropic(0.5, 0.0).unwrap())
+        .fix_component("left", 0)
+        .fix_component("bottom", 1)
+        .assemble()
+        .unwrap();
+    let u = solve(&system, &system.traction("right", |_| [1.0, 0.0, 0.0]).unwrap());
+    assert!((u[2 * 4] - (1.0 / 2.0 + 1.0 / 0.5)).abs() < 1e-13);
+}
+
+/// Refinement keeps volumes, groups and boundaries, and gives the energy of nested spaces: displacement under a load grows.
+#[test]
+fn refinement() {
+    for mesh in meshes() {
+        let fine = mesh.refined().unwrap();
+        let children = if mesh.dim() == 2 { 4 } else { 8 };
+        assert_eq!(fine.num_cells(), children * mesh.num_cells());
+        let faces = if mesh.dim() == 2 { 2 } else { 4 };
+        assert_eq!(fine.boundary().len(), faces * mesh.boundary().len());
+        assert_eq!(
+            fine.facet_group("all").unwrap().len(),
+            faces * mesh.facet_group("all").unwrap().len()
+        );
+        let area = |m: &Mesh| -> [f64; 3] {
+            let mut sum = [0.0; 3];
+            for f in m.boundary() {
+                (0..3).for_each(|d| sum[d] += f.normal[d] * f.measure);
+            }
+            sum
+        };
+        // Boundaries are closed.
+        for m in [&mesh, &fine] {
+            assert!(area(m).iter().all(|a| a.abs() < 1e-12));
+        }
+        let work = |m: &Mesh| {
+            let mut m = m.clone();
+            m.mark_boundary("foot", |f| f.normal[1] < -0.8);
+            m.mark_boundary("head", |f| f.normal[1] > 0.8);
+            let system = Elasticity::new(m, Material::lame(1.0, 1.0).unwrap())
+                .fix("foot")
+                .assemble()
+                .unwrap();
+            let load = system.body_force(|_| [1.0, 0.5, 0.2]).unwrap();
+            let mut solver = Cholesky::default();
+            solver.analyze(system.stiffness().pattern().as_ref()).unwrap();
+            solver.factor(system.stiffness().as_ref()).unwrap();
+            let mut u = load.clone();
+            solver.solve_in_place(&mut u).unwrap();
+            u.iter().zip(&load).map(|(u, f)| u * f).sum::<f64>()
+        };
+        if matches!(mesh.kind(0), CellKind::Triangle | CellKind::Tetrahedron) {
+            let (coarse, finer) = (work(&mesh), work(&fine));
+            assert!(finer > coarse && finer < 2.5 * coarse, "{coarse} {finer}");
+        }
+    }
+}
+
+#[test]
+fn contact_frames() {
+    let mesh = Mesh::block([0.0; 3], [2.0, 1.0, 1.0], [2, 2, 1]).unwrap();
+    let system = Elasticity::new(mesh, Material::lame(1.0, 1.0).unwrap())
+        .fix("left")
+        .assemble()
+        .unwrap();
+    let ground = Foundation::plane([0.0, 0.0, -0.25], [0.0, 0.0, 2.0]).with_tangent(|_| [1.0, 1.0, 5.0]);
+    let rows = system.contact("bottom", &ground).unwrap();
+    assert_eq!(rows.nodes.len(), 6);
+    assert!((rows.areas.iter().sum::<f64>() - 1.5).abs() < 1e-14); // the clamped nodes carry the rest
+    let s = 0.5f64.sqrt();
+    for i in 0..6 {
+        assert_eq!(rows.normals[i], [0.0, 0.0, -1.0]);
+        assert!((rows.gap[i] - 0.25).abs() < 1e-15);
+        let [t1, t2] = rows.tangents[i];
+        for (t, expected) in [(t1, [s, s, 0.0]), (t2, [-s, s, 0.0])] {
+            assert!((0..3).all(|d| (t[d] - expected[d]).abs() < 1e-15), "{t:?}");
+        }
+    }
+}
+
+#[test]
+fn bad_input() {
+    let square = || Mesh::rectangle([0.0, 0.0], [1.0, 1.0], [2, 2]).unwrap();
+    let steel = || Material::isotropic(1.0, 0.3).unwrap();
+    // Geometry.
+    let points = vec![[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+    let quad = |nodes: [usize; 4]| vec![(CellKind::Quadrilateral, nodes.to_vec())];
+    assert!(matches!(
+        Mesh::new(2, points.clone(), quad([0, 3, 2, 1])),
+        Err(FemError::Jacobian { cell: 0, .. })
+    ));
+    assert!(Mesh::oriented(2, points.clone(), quad([0, 3, 2, 1])).is_ok());
+    assert!(matches!(
+        Mesh::oriented(2, points.clone(), quad([0, 2, 1, 3])),
+        Err(FemError::Jacobian { .. })
+    ));
+    assert!(matches!(
+        Mesh::new(2, points.clone(), quad([0, 1, 2, 7])),
+        Err(FemError::NoSuchNode { node: 7, .. })
+    ));
+    assert!(matches!(
+        Mesh::new(2, points.clone(), vec![(CellKind::Triangle, vec![0, 1, 2])]),
+        Err(FemError::LooseNode { node: 3 })
+    ));
+    let mut flawed = points.clone();
+    flawed[2][1] = f64::NAN;
+    assert!(matches!(
+        Mesh::new(2, flawed, quad([0, 1, 2, 3])),
+        Err(FemError::Coordinate { node: 2, .. })
+    ));
+    assert!(matches!(
+        Mesh::new(2, vec![], vec![]),
+        Err(FemError::Empty { .. })
+    ));
+    assert!(matches!(
+        Mesh::rectangle([0.0, 0.0], [1.0, 1.0], [0, 2]),
+        Err(FemError::Empty { .. } | FemError::Grading { .. })
+    ));
+    assert!(matches!(
+        Mesh::rectangle_graded(&[0.0, 0.5, 0.5], &[0.0, 1.0]),
+        Err(FemError::Grading {
+            axis: "x",
+            line: 2,
+            ..
+        })
+    ));
+    // Materials.
+    for (young, poisson) in [
+        (0.0, 0.3),
+        (f64::NAN, 0.3),
+        (1.0, 0.5),
+        (1.0, -1.0),
+        (1.0, f64::NAN),
+    ] {
+        assert!(Material::isotropic(young, poisson).is_err());
+    }
+    let mut c = steel().components();
+    c[0][1][0][1] += 0.1;
+    assert!(matches!(
+        Material::tensor(&c),
+        Err(FemError::TensorSymmetry { .. })
+    ));
+    let c = Material::lame(1.0, 1.0)
+        .unwrap()
+        .components()
+        .map(|a| a.map(|b| b.map(|d| d.map(|e| -e))));
+    assert!(matches!(
+        Material::tensor(&c),
+        Err(FemError::TensorDefinite { .. })
+    ));
+    // Supports and groups.
+    let error = Elasticity::new(square(), steel())
+        .fix("ground")
+        .assemble()
+        .unwrap_err();
+    assert!(error.to_string().contains("\"bottom\""), "{error}");
+    let mut empty = square();
+    empty.mark_boundary("nowhere", |_| false);
+    assert!(matches!(
+        Elasticity::new(empty, steel()).fix("nowhere").assemble(),
+        Err(FemError::EmptyGroup { .. })
+    ));
+    for (body, modes) in [
+        (
+            Elasticity::new(square(), steel()),
+            "translation along x, translation along y, rotation about z",
+        ),
+        (
+            Elasticity::new(square(), steel()).fix_component("bottom", 1),
+            "translation along x",
+        ),
+    ] {
+        match body.assemble() {
+            Err(FemError::Floating { modes: found }) => assert_eq!(found, modes),
+            other => panic!("{other:?}"),
+        }
+    }
+    assert!(matches!(
+        Elasticity::new(square(), steel())
+            .fix_component("bottom", 2)
+            .assemble(),
+        Err(FemError::Component { component: 2, dim: 2 })
+    ));
+    let body = Elasticity::new(square(), steel());
+    assert!(matches!(
+        body.clone().prescribe("bottom", 0, |_| f64::NAN).assemble(),
+        Err(FemError::NotFinite { .. })
+    ));
+    let system = body.fix("top").assemble().unwrap();
+    assert!(matches!(
+        system.traction("left", |_| [f64::INFINITY, 0.0, 0.0]),
+        Err(FemError::NotFinite { .. })
+    ));
+    assert!(system.body_force(|_| [0.0, f64::NAN, 0.0]).is_err());
+    assert!(matches!(
+        system.contact("top", &Foundation::plane([0.0; 3], [0.0, 1.0, 0.0])),
+        Err(FemError::EmptyGroup { .. })
+    ));
+    assert!(matches!(
+        system.contact("bottom", &Foundation::plane([0.0; 3], [0.0; 3])),
+        Err(FemError::NotFinite { .. } | FemError::Frame { .. })
+    ));
+    let sliding = Elasticity::new(square(), steel())
+        .fix("top")
+        .fix_component("left", 0)
+        .assemble()
+        .unwrap();
+    assert!(matches!(
+        sliding.contact("bottom", &Foundation::plane([0.0; 3], [0.0, 1.0, 0.0])),
+        Err(FemError::ContactFixed {
+            direction: "tangential",
+            ..
+        })
+    ));
+    // Files.
+    let parse = |text: &str| parse_getfem(text, "m.mesh".as_ref());
+    assert!(matches!(parse("nothing"), Err(FemError::Empty { .. })));
+    assert!(matches!(
+        parse("POINT 0 a b"),
+        Err(FemError::Parse { line: 1, .. })
+    ));
+    assert!(matches!(
+        parse("POINT 0 0 0\nCONVEX 0 'GT_PK(2,1)' 0 1 2"),
+        Err(FemError::Parse { line: 2, .. })
+    ));
+    assert!(matches!(
+        parse("POINT 0 0 0\nCONVEX 0 'GT_PK(2,2)' 0 0 0"),
+        Err(FemError::Parse { .. })
+    ));
+}

@@ -1,0 +1,351 @@
+//! Linear complementarity problems: pivoting against complete enumeration.
+
+use proptest::prelude::*;
+use semismooth::complementarity::Lcp;
+use semismooth::complementarity::pivoting::{Lemke, LemkeOptions, LemkeStatus};
+use semismooth::enumeration::{EnumerationOptions, SolutionSet, all_solutions};
+use semismooth::sparse::Matrix;
+
+fn enumerate(lcp: &Lcp) -> SolutionSet {
+    all_solutions(lcp.mcp(), 0.0, &EnumerationOptions::default()).unwrap()
+}
+
+fn matrix(n: usize, entry: impl Fn(usize, usize) -> f64) -> Matrix {
+    let rows: Vec<Vec<f64>> = (0..n).map(|i| (0..n).map(|j| entry(i, j)).collect()).collect();
+    Matrix::from_rows(&rows).unwrap()
+}
+
+/// Whether a point is among the enumerated solutions, or lies on one of their continua.
+fn listed(set: &SolutionSet, z: &[f64]) -> bool {
+    let near = |x: &[f64]| {
+        x.iter()
+            .zip(z)
+            .all(|(a, b)| (a - b).abs() < 1e-7 * (1.0 + a.abs()))
+    };
+    !set.continua.is_empty() || set.solutions.iter().any(|s| near(&s.x))
+}
+
+/// Murty's family: M lower triangular with 1 on the diagonal and 2 below, q = −1; the solution is e₁.
+fn murty(n: usize) -> Lcp {
+    let m = matrix(n, |i, j| {
+        [0.0, 1.0, 2.0][usize::from(i >= j) + usize::from(i > j)]
+    });
+    Lcp::new(m, vec![-1.0; n]).unwrap()
+}
+
+/// Entries −2, −1, 0, 1, 2: ties and degenerate vertices abound.
+fn small_integers(len: usize) -> impl Strategy<Value = Vec<f64>> {
+    prop::collection::vec((-2..=2_i8).prop_map(f64::from), len)
+}
+
+fn reals(len: usize) -> impl Strategy<Value = Vec<f64>> {
+    prop::collection::vec(-1.0..1.0, len)
+}
+
+const N: usize = 5;
+
+fn lemke(lcp: &Lcp) -> (LemkeStatus, Vec<f64>, f64) {
+    let mut z = vec![f64::NAN; lcp.len()];
+    let report = Lemke::default().solve(lcp, &mut z).unwrap();
+    (report.status, z, report.residual)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+
+    /// A P matrix has exactly one solution for every q.
+    #[test]
+    fn p_matrices(g in reals(N * N), s in reals(N * N), q in reals(N)) {
+        // GᵀG + I/10 + skew is positive definite, hence P.
+        let lcp = Lcp::new(matrix(N, |i, j| {
+            let dot: f64 = (0..N).map(|k| g[k * N + i] * g[k * N + j]).sum();
+            dot + if i == j { 0.1 } else { s[i * N + j] - s[j * N + i] }
+        }), q).unwrap();
+        let set = enumerate(&lcp);
+        prop_assert_eq!(set.solutions.len(), 1);
+        prop_assert_eq!(set.index_sum, Some(1));
+        let (status, z, residual) = lemke(&lcp);
+        prop_assert_eq!(status, LemkeStatus::Solved);
+        prop_assert!(residual < 1e-12);
+        prop_assert!(listed(&set, &z));
+    }
+
+    /// Positive semidefinite: solvable exactly if feasible, and Lemke's method tells, with a certificate.
+    #[test]
+    fn positive_semidefinite(g in small_integers(2 * N), s in small_integers(N * N), q in small_integers(N)) {
+        let lcp = Lcp::new(matrix(N, |i, j| {
+            let dot: f64 = (0..2).map(|k| g[k * N + i] * g[k * N + j]).sum();
+            dot + s[i * N + j] - s[j * N + i]
+        }), q).unwrap();
+        let set = enumerate(&lcp);
+        prop_assert!(set.completeness.is_complete());
+        let (status, z, residual) = lemke(&lcp);
+        if set.solutions.is_empty() && set.continua.is_empty() {
+            prop_assert_eq!(status, LemkeStatus::Ray { infeasible: true });
+        } else {
+            prop_assert_eq!(status, LemkeStatus::Solved);
+            prop_assert!(residual < 1e-12);
+            prop_assert!(listed(&set, &z));
+        }
+    }
+
+    /// Strictly copositive (all entries ≥ 0, positive diagonal): always solvable, often with several solutions.
+    #[test]
+    fn strictly_copositive(m in prop::collection::vec((0..=4_i8).prop_map(f64::from), N * N), q in small_integers(N)) {
+        let lcp = Lcp::new(matrix(N, |i, j| m[i * N + j] + f64::from(u8::from(i == j))), q).unwrap();
+        let (status, z, residual) = lemke(&lcp);
+        prop_assert_eq!(status, LemkeStatus::Solved);
+        prop_assert!(residual < 1e-12);
+        prop_assert!(listed(&enumerate(&lcp), &z));
+    }
+
+    /// Any matrix: what is called solved is listed, and a certificate is never given to a solvable problem.
+    #[test]
+    fn any_matrix(m in small_integers(N * N), q in small_integers(N)) {
+        let lcp = Lcp::new(matrix(N, |i, j| m[i * N + j]), q).unwrap();
+        let set = enumerate(&lcp);
+        let none = set.solutions.is_empty() && set.continua.is_empty();
+        let (status, z, residual) = lemke(&lcp);
+        match status {
+            LemkeStatus::Solved => {
+                prop_assert!(residual < 1e-12);
+                prop_assert!(listed(&set, &z));
+            }
+            LemkeStatus::Ray { infeasible } => prop_assert!(none || !infeasible),
+            other => prop_assert!(false, "{:?}", other),
+        }
+    }
+
+    /// A finite box has a solution for every matrix.
+    #[test]
+    fn boxes(m in small_integers(N * N), q in small_integers(N), width in prop::collection::vec(0..4_u8, N)) {
+        let upper: Vec<f64> = width.iter().map(|w| f64::from(*w) - 1.0).collect();
+        let lcp = Lcp::boxed(matrix(N, |i, j| m[i * N + j]), q, vec![-1.0; N], upper).unwrap();
+        let (status, z, residual) = lemke(&lcp);
+        prop_assert_eq!(status, LemkeStatus::Solved);
+        prop_assert!(residual < 1e-12);
+        prop_assert!(listed(&enumerate(&lcp), &z));
+    }
+}
+
+#[test]
+fn lemke_stops_at_its_limit_on_exponential_families() {
+    let lcp = murty(40);
+    let mut z = vec![0.0; 40];
+    let options = LemkeOptions::default().with_max_pivots(5000);
+    let report = Lemke::new(options).solve(&lcp, &mut z).unwrap();
+    assert_eq!((report.status, report.pivots), (LemkeStatus::PivotLimit, 5000));
+    // The covering vector chooses the path: this one is short.
+    let covering = (0..40).map(|i| f64::from(i + 1)).collect();
+    let report = Lemke::new(LemkeOptions::default().with_covering(covering))
+        .solve(&lcp, &mut z)
+        .unwrap();
+    assert_eq!(report.status, LemkeStatus::Solved);
+    assert!(z[0] == 1.0 && z[1..].iter().all(|z| *z == 0.0), "{z:?}");
+}
+
+mod active_set {
+    use super::*;
+    use semismooth::complementarity::active_set::{
+        ActiveSetOptions, ActiveSetSolver, ActiveSetStatus, Activity, DirectReduced, MultigridReduced, Nested,
+    };
+    use semismooth::linear::Prolongation;
+
+    fn solve(lcp: &Lcp) -> (ActiveSetStatus, Vec<f64>, f64, usize) {
+        let mut z = vec![0.0; lcp.len()];
+        let report = ActiveSetSolver::default().solve(lcp, &mut z).unwrap();
+        (report.status, z, report.residual, report.iterations)
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(200))]
+
+        /// On P matrices the method is finite, from any start and sets.
+        #[test]
+        fn p_matrices(
+            g in reals(N * N),
+            s in reals(N * N),
+            q in reals(N),
+            start in reals(N),
+            width in prop::collection::vec(0.0..2.0, N),
+        ) {
+            let m = matrix(N, |i, j| {
+                let dot: f64 = (0..N).map(|k| g[k * N + i] * g[k * N + j]).sum();
+                dot + if i == j { 0.05 } else { 4.0 * (s[i * N + j] - s[j * N + i]) }
+            });
+            let lcp = Lcp::boxed(m, q, vec![-0.5; N], width.iter().map(|w| w - 0.5).collect()).unwrap();
+            let mut z = start;
+            let report = ActiveSetSolver::default().solve(&lcp, &mut z).unwrap();
+            prop_assert_eq!(report.status, ActiveSetStatus::Solved);
+            prop_assert!(report.residual < 1e-12);
+            prop_assert!(listed(&enumerate(&lcp), &z));
+            let (status, by_lemke, _) = lemke(&lcp);
+            prop_assert_eq!(status, LemkeStatus::Solved);
+            for (a, b) in z.iter().zip(&by_lemke) {
+                prop_assert!((a - b).abs() < 1e-10);
+            }
+        }
+
+        /// Whatever the matrix, what is called solved is a solution.
+        #[test]
+        fn any_matrix(m in small_integers(N * N), q in small_integers(N)) {
+            let lcp = Lcp::new(matrix(N, |i, j| m[i * N + j]), q).unwrap();
+            let mut z = vec![0.0; N];
+            let options = ActiveSetOptions::default().with_max_iterations(50);
+            let report = ActiveSetSolver::new(options).solve(&lcp, &mut z).unwrap();
+            if report.status == ActiveSetStatus::Solved {
+                prop_assert!(lcp.natural_residual(&z) < 1e-12);
+            }
+        }
+    }
+
+    #[test]
+    fn murty_and_fathi_take_few_iterations() {
+        let (status, z, _, iterations) = solve(&murty(40));
+        assert_eq!(status, ActiveSetStatus::Solved);
+        assert!(z[0] == 1.0 && z[1..].iter().all(|z| *z == 0.0));
+        assert!(iterations <= 100, "{iterations}");
+        // Fathi: M = L Lᵀ with Murty's L, q = −1; Lemke's method needs 2ⁿ − 1 exchanges, Newton's few.
+        let n = 120;
+        let l = |i: usize, j: usize| [0.0, 1.0, 2.0][usize::from(i >= j) + usize::from(i > j)];
+        let fathi = matrix(n, |i, j| (0..n).map(|k| l(i, k) * l(j, k)).sum());
+        let (status, z, residual, iterations) = solve(&Lcp::new(fathi, vec![-1.0; n]).unwrap());
+        assert_eq!(status, ActiveSetStatus::Solved);
+        assert!(residual < 1e-10 && z[0] == 1.0, "{residual:e}");
+        assert!(iterations <= 100, "{iterations}");
+    }
+
+    #[test]
+    fn a_right_start_takes_one_iteration() {
+        let lcp = Lcp::new(
+            matrix(3, |i, j| if i == j { 2.0 } else { -0.5 }),
+            vec![-1.0, 1.0, 2.0],
+        )
+        .unwrap();
+        let mut solver = ActiveSetSolver::default();
+        let mut z = [0.0; 3];
+        solver.solve(&lcp, &mut z).unwrap();
+        let (sets, solution) = (solver.activity().to_vec(), z);
+        assert_eq!(sets, [Activity::Inactive, Activity::Lower, Activity::Lower]);
+        let report = solver.solve(&lcp, &mut z).unwrap();
+        assert_eq!(report.iterations, 1);
+        let mut far = [7.0; 3];
+        let report = solver.solve_from(&lcp, &mut far, &sets).unwrap();
+        assert_eq!((report.iterations, far), (1, solution));
+    }
+
+    #[test]
+    fn a_singular_matrix_is_reported() {
+        let lcp = Lcp::new(matrix(2, |_, _| 1.0), vec![-1.0, -2.0]).unwrap();
+        assert_eq!(solve(&lcp).0, ActiveSetStatus::Singular);
+        let mut short = [0.0];
+        assert!(ActiveSetSolver::default().solve(&lcp, &mut short).is_err());
+        assert!(
+            ActiveSetSolver::default()
+                .solve(&lcp, &mut [f64::NAN, 0.0])
+                .is_err()
+        );
+    }
+
+    /// −u″ = load on a line of n points above an obstacle.
+    fn string(n: usize, obstacle: impl Fn(f64) -> f64) -> Lcp {
+        let mut entries = Vec::new();
+        for i in 0..n {
+            entries.push((i, i, 2.0));
+            if i > 0 {
+                entries.push((i, i - 1, -1.0));
+                entries.push((i - 1, i, -1.0));
+            }
+        }
+        let h = 1.0 / (n + 1) as f64;
+        let lower = (1..=n).map(|i| obstacle(i as f64 * h)).collect();
+        let m = Matrix::from_triplets(n, n, &entries).unwrap();
+        Lcp::boxed(m, vec![0.0; n], lower, vec![f64::INFINITY; n]).unwrap()
+    }
+
+    fn halving(n: usize) -> Prolongation {
+        let mut entries = Vec::new();
+        for c in 0..n / 2 {
+            entries.push((2 * c, c, 0.5));
+            entries.push((2 * c + 1, c, 1.0));
+            if 2 * c + 2 < n {
+                entries.push((2 * c + 2, c, 0.5));
+            }
+        }
+        Prolongation::new(&Matrix::from_triplets(n, n / 2, &entries).unwrap()).unwrap()
+    }
+
+    /// The taut string over a parabola: tangent lines from the ends, contact between; three routes.
+    #[test]
+    fn string_over_a_parabola() {
+        let n = 1023;
+        // The tangents from (0, 0) and (1, 0) touch 1/4 − 4 (x − 1/2)² at x = √12/8 and 1 − √12/8.
+        let obstacle = |x: f64| 0.25 - 4.0 * (x - 0.5) * (x - 0.5);
+        let lcp = string(n, obstacle);
+        let touch = 12.0_f64.sqrt() / 8.0;
+        let exact = |x: f64| {
+            let x = x.min(1.0 - x);
+            if x < touch {
+                x * obstacle(touch) / touch
+            } else {
+                obstacle(x)
+            }
+        };
+        let mut nested = Nested::new(lcp.clone());
+        for size in [1023, 511, 255, 127, 63, 31] {
+            nested = nested.coarsen(halving(size)).unwrap();
+        }
+        let mut by_levels = vec![0.0; n];
+        let report = nested
+            .solve(&ActiveSetOptions::default(), &mut by_levels)
+            .unwrap();
+        assert_eq!(report.status(), ActiveSetStatus::Solved);
+        assert!(report.levels.iter().all(|l| l.report.iterations <= 6));
+        let mut by_cholesky = vec![0.0; n];
+        let mut solver = ActiveSetSolver::with_reduced(ActiveSetOptions::default(), DirectReduced::new());
+        assert_eq!(
+            solver.solve(&lcp, &mut by_cholesky).unwrap().status,
+            ActiveSetStatus::Solved
+        );
+        let mut by_aggregates = vec![0.0; n];
+        let mut solver =
+            ActiveSetSolver::with_reduced(ActiveSetOptions::default(), MultigridReduced::algebraic());
+        assert_eq!(
+            solver.solve(&lcp, &mut by_aggregates).unwrap().status,
+            ActiveSetStatus::Solved
+        );
+        for i in 0..n {
+            let x = (i + 1) as f64 / (n + 1) as f64;
+            assert!(
+                (by_cholesky[i] - exact(x)).abs() < 1e-5,
+                "{i}: {} {}",
+                by_cholesky[i],
+                exact(x)
+            );
+            assert!((by_cholesky[i] - by_levels[i]).abs() < 1e-8);
+            assert!((by_cholesky[i] - by_aggregates[i]).abs() < 1e-8);
+        }
+    }
+
+    #[test]
+    fn prolongations_are_checked() {
+        let lcp = string(15, |_| -1.0);
+        assert!(Nested::new(lcp.clone()).coarsen(halving(17)).is_err());
+        assert!(
+            Nested::new(lcp.clone())
+                .with_coarser(string(9, |_| -1.0), halving(15))
+                .is_err()
+        );
+        assert!(Prolongation::new(&Matrix::identity(3)).is_err());
+        assert!(Prolongation::new(&Matrix::from_triplets(3, 2, &[(0, 0, 1.0)]).unwrap()).is_err());
+        assert!(halving(15).with_offset(vec![0.0; 3]).is_err());
+        assert!(halving(15).with_offset(vec![f64::NAN; 15]).is_err());
+        let rediscretised = Nested::new(lcp)
+            .with_coarser(string(7, |_| -1.0), halving(15))
+            .unwrap();
+        let mut z = vec![1.0; 15];
+        let report = rediscretised.solve(&ActiveSetOptions::default(), &mut z).unwrap();
+        assert_eq!(report.status(), ActiveSetStatus::Solved);
+        assert!(z.iter().all(|z| z.abs() < 1e-9));
+    }
+}

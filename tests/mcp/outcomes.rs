@@ -1,0 +1,254 @@
+use std::ops::ControlFlow;
+use std::time::Duration;
+
+use semismooth::complementarity::{
+    AffineFunction, BoundState, ComplementarityError, Mcp, McpOptions, McpSolver, McpStatus, McpStrategy,
+    WithJacobian,
+};
+use semismooth::sparse::{Matrix, Pattern};
+
+use crate::support::{INF, Rng, matrix, scalar, solve};
+
+fn parabola() -> Mcp<impl semismooth::complementarity::McpFunction> {
+    Mcp::equations(scalar(|x| x * x + 1.0, |x| 2.0 * x)).unwrap()
+}
+
+#[test]
+fn limits_and_observers_end_a_solve_with_its_best_iterate() {
+    let problem = parabola();
+    let mut x = [3.0];
+    let mut solver = McpSolver::new(McpOptions::default().with_max_iterations(3));
+    let report = solver.solve(&problem, &mut x).unwrap();
+    assert_eq!(report.status, McpStatus::IterationLimit);
+    assert!(report.iterations == 3 && report.history.len() >= 3);
+    let best = report.history.iter().map(|i| i.residual).fold(INF, f64::min);
+    assert!((x[0] * x[0] + 1.0 - best).abs() < 1e-12);
+
+    let mut x = [3.0];
+    let report = solver
+        .solve_observed(&problem, &mut x, |i| match i.index {
+            1 => ControlFlow::Break(()),
+            _ => ControlFlow::Continue(()),
+        })
+        .unwrap();
+    assert_eq!(report.status, McpStatus::Interrupted);
+
+    let mut solver = McpSolver::new(McpOptions::default().with_max_time(Some(Duration::ZERO)));
+    let mut x = [3.0];
+    assert_eq!(
+        solver.solve(&problem, &mut x).unwrap().status,
+        McpStatus::TimeLimit
+    );
+}
+
+#[test]
+fn fallbacks_are_reported_in_order_and_can_be_switched_off() {
+    let problem = parabola();
+    let mut x = [3.0];
+    let mut solver = McpSolver::new(McpOptions::default().with_fallbacks(false));
+    let report = solver.solve(&problem, &mut x).unwrap();
+    assert_eq!(report.fallbacks.len(), 1);
+    assert_eq!(report.fallbacks[0].strategy, McpStrategy::Newton);
+    let (_, report) = solve(&problem, &[3.0]);
+    assert!(
+        report
+            .fallbacks
+            .windows(2)
+            .all(|w| w[0].strategy <= w[1].strategy)
+    );
+    assert_eq!(report.fallbacks.last().unwrap().strategy, McpStrategy::Restart);
+    assert!(report.fallbacks.iter().all(|f| f.residual >= 1.0));
+}
+
+#[test]
+fn infeasible_affine_problems_come_with_a_certificate() {
+    let mut rng = Rng(7);
+    for n in [1, 2, 5, 9] {
+        // M = B Bᵀ with a zero first row and column, q₀ < 0: F₀ = q₀ < 0 for all x.
+        let b = rng.square(n);
+        let mut rows = vec![vec![0.0; n]; n];
+        for i in 1..n {
+            for j in 1..n {
+                rows[i][j] = (0..n / 2).map(|k| b[i][k] * b[j][k]).sum();
+            }
+        }
+        let mut q: Vec<f64> = (0..n).map(|_| rng.next()).collect();
+        q[0] = -0.3;
+        let (lower, upper) = (vec![0.0; n], vec![INF; n]);
+        let problem = Mcp::affine(matrix(&rows), q.clone(), lower, upper).unwrap();
+        let (_, report) = solve(&problem, &vec![1.0; n]);
+        assert_eq!(report.status, McpStatus::Infeasible, "n = {n}");
+        // v ≥ 0, Mᵀv ≤ 0, qᵀv < 0: no x ≥ 0 has M x + q ≥ 0.
+        let v = &report.certificate;
+        assert!(v.iter().all(|v| *v >= 0.0));
+        for j in 0..n {
+            let mv: f64 = (0..n).map(|i| rows[i][j] * v[i]).sum();
+            assert!(mv <= 1e-9, "{mv}");
+        }
+        assert!(q.iter().zip(v).map(|(q, v)| q * v).sum::<f64>() < 0.0);
+    }
+}
+
+#[test]
+fn warm_starts_take_one_factorisation() {
+    let n = 30_usize;
+    let rows: Vec<Vec<f64>> = (0..n)
+        .map(|i| {
+            (0..n)
+                .map(|j| {
+                    if i == j {
+                        2.1
+                    } else if usize::abs_diff(i, j) == 1 {
+                        -1.0
+                    } else {
+                        0.0
+                    }
+                })
+                .collect()
+        })
+        .collect();
+    let load = |shift: f64| {
+        (0..n)
+            .map(|i| (i as f64 * 0.7).sin() + shift)
+            .collect::<Vec<f64>>()
+    };
+    let problem = |shift| Mcp::affine(matrix(&rows), load(shift), vec![0.0; n], vec![INF; n]).unwrap();
+    let mut solver = McpSolver::default();
+    let mut x = vec![0.0; n];
+    let report = solver.solve(&problem(0.0), &mut x).unwrap();
+    assert!(report.is_solved() && report.factorisations > 1);
+    let states = report.states.clone();
+
+    let mut warm = x.clone();
+    let report = solver.solve(&problem(1e-3), &mut warm).unwrap();
+    assert!(report.is_solved());
+    assert_eq!(report.factorisations, 1);
+
+    let mut cold = vec![5.0; n];
+    let report = solver
+        .solve_from_states(&problem(1e-3), &mut cold, &states)
+        .unwrap();
+    assert!(report.is_solved());
+    assert_eq!(report.factorisations, 1);
+    for (a, b) in warm.iter().zip(&cold) {
+        assert!((a - b).abs() < 1e-12);
+    }
+    let wrong = vec![BoundState::Upper; n];
+    assert!(matches!(
+        solver.solve_from_states(&problem(0.0), &mut cold, &wrong),
+        Err(ComplementarityError::Bound { index: 0, .. })
+    ));
+}
+
+#[test]
+fn convergence_is_quadratic_at_regular_solutions() {
+    let problem = Mcp::ncp(scalar(|x: f64| x.exp() - 20.0, f64::exp)).unwrap();
+    let (_, report) = solve(&problem, &[4.0]);
+    let order = report.observed_order(1e-14).unwrap();
+    assert!((1.7..2.3).contains(&order), "{order}");
+}
+
+#[test]
+fn misuse_is_named() {
+    let one = || AffineFunction::new(Matrix::identity(2), vec![1.0, 1.0]).unwrap();
+    let new = |l: [f64; 2], u: [f64; 2]| Mcp::new(one(), l.to_vec(), u.to_vec());
+    assert!(new([0.0, -INF], [0.0, INF]).is_ok());
+    assert!(matches!(
+        new([0.0, 2.0], [1.0, 1.0]),
+        Err(ComplementarityError::CrossedBounds { index: 1, .. })
+    ));
+    assert!(matches!(
+        new([0.0, f64::NAN], [1.0, 1.0]),
+        Err(ComplementarityError::Bound { index: 1, .. })
+    ));
+    assert!(matches!(
+        new([INF, 0.0], [INF, 1.0]),
+        Err(ComplementarityError::Bound { index: 0, .. })
+    ));
+    assert!(matches!(
+        new([0.0, 0.0], [1.0, -INF]),
+        Err(ComplementarityError::Bound { index: 1, .. })
+    ));
+    assert!(matches!(
+        Mcp::new(one(), vec![0.0], vec![1.0, 1.0]),
+        Err(ComplementarityError::Length {
+            expected: 2,
+            found: 1,
+            ..
+        })
+    ));
+    assert!(matches!(
+        AffineFunction::new(Matrix::identity(0), Vec::new()),
+        Err(ComplementarityError::Empty)
+    ));
+    assert!(matches!(
+        AffineFunction::new(matrix(&[vec![f64::NAN]]), vec![1.0]),
+        Err(ComplementarityError::Sparse(_))
+    ));
+    assert!(matches!(
+        AffineFunction::new(Matrix::identity(1), vec![INF]),
+        Err(ComplementarityError::NotFinite { index: 0, .. })
+    ));
+
+    let mut solver = McpSolver::default();
+    let problem = Mcp::ncp(one()).unwrap();
+    assert!(matches!(
+        solver.solve(&problem, &mut [1.0]),
+        Err(ComplementarityError::Length { .. })
+    ));
+    assert!(matches!(
+        solver.solve(&problem, &mut [1.0, f64::NAN]),
+        Err(ComplementarityError::NotFinite { index: 1, .. })
+    ));
+    for bad in [
+        McpOptions::default().with_tolerance(0.0),
+        McpOptions::default().with_tolerance(f64::NAN),
+        McpOptions::default().with_max_iterations(0),
+        McpOptions::default().with_max_attempt(0),
+    ] {
+        let solved = McpSolver::new(bad)
+            .solve(&problem, &mut [1.0, 1.0])
+            .map(|r| r.status);
+        assert!(matches!(solved, Err(ComplementarityError::Option { .. })));
+    }
+    let stray = WithJacobian::new(
+        2,
+        |x: &[f64], out: &mut [f64]| out.copy_from_slice(x),
+        |_: &[f64], jac: &mut Matrix| {
+            jac.add(0, 0, 1.0);
+            jac.add(0, 1, 1.0);
+            jac.add(1, 1, 1.0);
+        },
+    )
+    .with_pattern(Pattern::from_entries(2, 2, [(0, 0), (1, 1)]).unwrap());
+    let solved = solver
+        .solve(&Mcp::ncp(stray).unwrap(), &mut [1.0, 1.0])
+        .map(|r| r.status);
+    assert!(matches!(solved, Err(ComplementarityError::Map(_))), "{solved:?}");
+}
+
+#[test]
+fn iterates_stay_inside_where_the_function_needs_it() {
+    use std::cell::Cell;
+    let lowest = Cell::new(INF);
+    let f = WithJacobian::new(
+        2,
+        |x: &[f64], out: &mut [f64]| {
+            lowest.set(lowest.get().min(x[0]).min(x[1]));
+            out[0] = x[0].ln() + x[1] - 3.0;
+            out[1] = x[1].sqrt() - x[0] + 2.0;
+        },
+        |x: &[f64], jac: &mut Matrix| {
+            jac.add(0, 0, 1.0 / x[0]);
+            jac.add(0, 1, 1.0);
+            jac.add(1, 0, -1.0);
+            jac.add(1, 1, 0.5 / x[1].sqrt());
+        },
+    );
+    let problem = Mcp::new(f, vec![1e-3, 0.0], vec![INF; 2]).unwrap();
+    for start in [[0.0, 0.0], [1.0, 1.0], [100.0, 0.0], [-5.0, 1e4]] {
+        lowest.set(INF);
+        assert!(solve(&problem, &start).1.is_solved(), "{start:?}");
+        assert!(lowest.get() >= 0.0);
+    }
+}
