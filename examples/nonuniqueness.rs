@@ -243,9 +243,54 @@ fn draw<L: NodeLaw>(bar: &Bar<L>, name: &str, branch: &Branch, found: &Found, ar
         .with_title(format!("{name}: solutions at ζ = {WANTED} along the ground"))
         .with_size(1200, 420)
         .write(&ground)?;
+    fields(bar, name, found, args)?;
     if !args.json {
         println!("\nwritten: {}, {}", s_curve.display(), ground.display());
     }
+    Ok(())
+}
+
+/// The solutions as fields on the mesh, for ParaView.
+#[cfg(feature = "vtk")]
+fn fields<L: NodeLaw>(bar: &Bar<L>, name: &str, found: &Found, args: &Args) -> Outcome<()> {
+    use semismooth::output::{Field, write_vtu};
+    let (system, rows) = (&bar.system, &bar.rows);
+    let mesh = system.mesh();
+    let (dim, n) = (mesh.dim(), mesh.num_nodes());
+    for (k, (x, _)) in found.solutions.iter().enumerate() {
+        let free = bar.problem.displacements(x)?;
+        let solution = bar.problem.solution(x)?;
+        // −1 off the ground; tractions are forces by area, vectors in space.
+        let (mut state, mut pressure) = (vec![-1.0; n], vec![0.0; n]);
+        let (mut traction, mut slip) = (vec![0.0; 3 * n], vec![0.0; 3 * n]);
+        for (i, &node) in rows.nodes.iter().enumerate() {
+            let v = &solution.nodes[i];
+            state[node] = f64::from(solution.states[i].piece() as u32);
+            pressure[node] = v.pressure / rows.areas[i];
+            for d in 0..3 {
+                for (t, axis) in rows.tangents[i].iter().enumerate() {
+                    traction[3 * node + d] -= v.traction[t] / rows.areas[i] * axis[d];
+                    slip[3 * node + d] += v.slip[t] * axis[d];
+                }
+                traction[3 * node + d] -= pressure[node] * rows.normals[i][d];
+            }
+        }
+        let stress = system.stresses(&free)?.into_iter().flatten().collect();
+        let path = file_in(&args.out, &format!("{name}_solution_{}.vtu", k + 1))?;
+        let at_nodes = [
+            Field::new("displacement", dim, system.displacements(&free)?),
+            Field::new("contact state", 1, state),
+            Field::new("pressure", 1, pressure),
+            Field::new("traction", 3, traction),
+            Field::new("slip", 3, slip),
+        ];
+        write_vtu(path, mesh, &at_nodes, &[Field::new("stress", 6, stress)])?;
+    }
+    Ok(())
+}
+
+#[cfg(not(feature = "vtk"))]
+fn fields<L: NodeLaw>(_bar: &Bar<L>, _name: &str, _found: &Found, _args: &Args) -> Outcome<()> {
     Ok(())
 }
 

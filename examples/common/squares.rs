@@ -3,7 +3,9 @@
 
 use std::error::Error;
 
-use semismooth::contact::{CondensedContact, ContactBody, LoadPath, NodeLaw};
+use semismooth::contact::{
+    CondensedContact, ContactBody, FrictionCoefficient, FrictionCurve, LoadPath, NodeLaw, PlanarCoulomb,
+};
 use semismooth::fem::{ContactRows, Elasticity, Foundation, Material, Mesh, TraceSpace};
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
@@ -92,4 +94,24 @@ pub(crate) fn inf_sup(n: usize, multipliers: Multipliers, reference: &TraceSpace
         (own.gram(), &q),
         (reference.gram(), &q_ref),
     )?)
+}
+
+/// A block (0, 2) × (0, 1) held at its top, pressed down by moving it 0.02 into the ground, with the horizontal traction 0.03 α on its
+/// right side; E = 1, ν = 0.277, plane strain.
+pub(crate) fn pushed_block(n: usize, friction: f64) -> Result<CondensedContact<PlanarCoulomb>> {
+    let system = Elasticity::new(plane_mesh(n)?, Material::isotropic(1.0, 0.277)?)
+        .prescribe("top", 0, |_| 0.0)
+        .prescribe("top", 1, |_| -0.02)
+        .assemble()?;
+    let rows = system.contact("bottom", &Foundation::plane([0.0; 3], [0.0, 1.0, 0.0]))?;
+    let push = system.traction("right", |_| [0.03, 0.0, 0.0])?;
+    let load = LoadPath::affine(system.support_load().to_vec(), push);
+    let body = ContactBody::new(
+        system.stiffness().clone(),
+        rows.normal.clone(),
+        vec![rows.tangential.clone()],
+        load,
+    )?;
+    let law = PlanarCoulomb::new(FrictionCoefficient::uniform(FrictionCurve::constant(friction)?));
+    Ok(CondensedContact::new(body, law)?)
 }

@@ -85,6 +85,15 @@ impl ContactBody {
         Ok(self)
     }
 
+    /// The load f(α).
+    #[must_use]
+    pub fn load_at(&self, alpha: f64) -> Vec<f64> {
+        let n = self.num_displacements();
+        let (mut f, mut rate) = (vec![0.0; n], vec![0.0; n]);
+        self.load.0.value(alpha, &mut f, &mut rate);
+        f
+    }
+
     /// Number n of displacements.
     #[must_use]
     pub fn num_displacements(&self) -> usize {

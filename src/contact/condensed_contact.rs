@@ -21,6 +21,8 @@ pub struct CondensedContact<L> {
     condensation: Condensation,
     free: Vec<f64>,
     free_rate: Vec<f64>,
+    /// Tangential displacements that count as no slip, by t₁, then t₂.
+    reference: Vec<f64>,
     r: f64,
     pattern: Pattern,
 }
@@ -70,6 +72,7 @@ impl<L: NodeLaw> CondensedContact<L> {
             .sum();
         Ok(Self {
             r: q as f64 / trace,
+            reference: vec![0.0; q - p],
             pattern: Pattern::full(q, q + 1),
             body,
             law,
@@ -97,6 +100,7 @@ impl<L: NodeLaw> CondensedContact<L> {
             free: self.free.clone(),
             free_rate: self.free_rate.clone(),
             r: self.r,
+            reference: self.reference.clone(),
             pattern: self.pattern.clone(),
         })
     }
@@ -111,6 +115,30 @@ impl<L: NodeLaw> CondensedContact<L> {
         }
         self.r = r;
         Ok(self)
+    }
+
+    /// Sets the tangential displacements from which slips are measured (all along t₁, then all along t₂): those of the step before, in a
+    /// history of loading. Zero at first.
+    ///
+    /// # Errors
+    /// Wrong length, values that are not finite.
+    pub fn set_reference_slip(&mut self, reference: &[f64]) -> Result<(), ContactError> {
+        check_length("the reference of the slip", reference, self.reference.len())?;
+        self.reference.copy_from_slice(reference);
+        Ok(())
+    }
+
+    /// Displacements u_ν (from the undeformed state), u_t₁[, u_t₂] of the contact nodes at x, in the order of
+    /// [`compliance`](Self::compliance).
+    ///
+    /// # Errors
+    /// Wrong length, values that are not finite.
+    pub fn contact_displacements(&self, x: &[f64]) -> Result<Vec<f64>, ContactError> {
+        check_length("the solution x", x, self.num_vars())?;
+        let q = self.order();
+        let mut v = self.free_motion(x[q]);
+        self.compliance().as_ref().mul_add(-1.0, &x[..q], &mut v);
+        Ok(v)
     }
 
     /// The augmentation parameter.
@@ -179,7 +207,7 @@ impl<L: NodeLaw> CondensedContact<L> {
             ..LocalValues::default()
         };
         for d in 0..self.body.num_tangents() {
-            v.slip[d] = displacement((d + 1) * p + i);
+            v.slip[d] = displacement((d + 1) * p + i) - self.reference[d * p + i];
             v.traction[d] = x[(d + 1) * p + i];
         }
         v
@@ -237,21 +265,19 @@ impl<L: NodeLaw> CondensedContact<L> {
     pub fn displacements(&self, x: &[f64]) -> Result<Vec<f64>, ContactError> {
         check_length("the solution x", x, self.num_vars())?;
         let q = self.order();
-        let n = self.body.num_displacements();
-        let (mut u, mut scratch) = (vec![0.0; n], vec![0.0; n]);
-        self.body.load.0.value(x[q], &mut u, &mut scratch);
+        let mut u = self.body.load_at(x[q]);
         self.condensation.expand(&x[..q], &mut u)?;
         Ok(u)
     }
 
-    /// The forces that keep all contact nodes at u_ν = gap, u_t = 0: a start from the stick-like side.
+    /// The forces that keep all contact nodes at u_ν = gap without slip: a start from the stick-like side.
     ///
     /// # Errors
     /// A singular compliance.
     pub fn stick_start(&self, alpha: f64) -> Result<Vec<f64>, ContactError> {
         let mut x = self.free_motion(alpha);
-        for (w, gap) in x.iter_mut().zip(&self.body.gap) {
-            *w -= gap;
+        for (w, held) in x.iter_mut().zip(self.body.gap.iter().chain(&self.reference)) {
+            *w -= held;
         }
         let mut solver = AutoSolver::default();
         solver.analyze(self.compliance().pattern().as_ref())?;

@@ -10,6 +10,7 @@ mod coulomb_laws;
 mod curve;
 mod delassus;
 mod error;
+mod evolution;
 mod family;
 mod fixed_point;
 #[cfg(feature = "json")]
@@ -36,6 +37,7 @@ pub use delassus::{
     DelassusSolver, DelassusState, DelassusStatus,
 };
 pub use error::ContactError;
+pub use evolution::{EvolutionStep, evolve};
 pub use family::FrictionFamily;
 pub use fixed_point::{FixedPointOptions, FixedPointReport, fixed_point};
 #[cfg(feature = "json")]

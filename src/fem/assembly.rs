@@ -5,7 +5,7 @@ use super::element::{CellKind, MAX_NODES, facet_quadrature, map_cell};
 use super::material::VOIGT;
 use super::mesh::{cross, norm};
 use super::rigid::check_supports;
-use super::{FemError, Mesh};
+use super::{FemError, Material, Mesh, PlaneModel};
 use crate::sparse::{Matrix, Pattern};
 
 /// No free displacement.
@@ -24,6 +24,10 @@ pub struct ElasticSystem {
     prescribed: Vec<f64>,
     /// Forces that the prescribed displacements put on the free ones.
     lift: Vec<f64>,
+    plane: PlaneModel,
+    /// Materials, and which of them each cell has.
+    materials: Vec<Material>,
+    material_of: Vec<usize>,
 }
 
 impl ElasticSystem {
@@ -126,6 +130,12 @@ impl ElasticSystem {
             dofs,
             prescribed,
             lift,
+            plane: body.plane,
+            materials: std::iter::once(&body.material)
+                .chain(body.by_group.iter().map(|g| &g.1))
+                .cloned()
+                .collect(),
+            material_of: materials,
         })
     }
 
@@ -255,6 +265,48 @@ impl ElasticSystem {
             .zip(&self.prescribed)
             .map(|(&dof, &value)| if dof == PRESCRIBED { value } else { free[dof] })
             .collect())
+    }
+
+    /// Stresses (11, 22, 33, 12, 23, 13) at the centre of each cell, from the free displacements.
+    ///
+    /// # Errors
+    /// Wrong length.
+    pub fn stresses(&self, free: &[f64]) -> Result<Vec<[f64; 6]>, FemError> {
+        let u = self.displacements(free)?;
+        let dim = self.mesh.dim();
+        let stress = |cell: usize| {
+            let kind = self.mesh.kind(cell);
+            let nodes = self.mesh.cell(cell);
+            let third = if kind.is_simplex() {
+                1.0 / (dim + 1) as f64
+            } else {
+                0.0
+            };
+            let corners = self.mesh.corners(cell);
+            let (_, gradient, _) = map_cell(kind, &corners[..nodes.len()], [third; 3]);
+            // h[d][e] = ∂u_d/∂x_e
+            let mut h = [[0.0; 3]; 3];
+            for (&node, g) in nodes.iter().zip(&gradient) {
+                for d in 0..dim {
+                    for e in 0..dim {
+                        h[d][e] += u[dim * node + d] * g[e];
+                    }
+                }
+            }
+            let strain = VOIGT.map(|[i, j]| if i == j { h[i][i] } else { h[i][j] + h[j][i] });
+            let material = &self.materials[self.material_of[cell]];
+            if dim == 2 && self.plane == PlaneModel::Stress {
+                let c = material.plane(PlaneModel::Stress);
+                let own = [strain[0], strain[1], strain[3]];
+                let s = c.map(|row| row.iter().zip(&own).map(|(c, e)| c * e).sum::<f64>());
+                [s[0], s[1], 0.0, s[2], 0.0, 0.0]
+            } else {
+                material
+                    .solid()
+                    .map(|row| row.iter().zip(&strain).map(|(c, e)| c * e).sum::<f64>())
+            }
+        };
+        Ok((0..self.mesh.num_cells()).map(stress).collect())
     }
 
     fn add(&self, load: &mut [f64], node: usize, scale: f64, force: [f64; 3]) {

@@ -62,6 +62,16 @@ pub enum OutputError {
         /// Its message.
         what: String,
     },
+    /// A field does not fit its mesh.
+    #[error("the field \"{name}\" has {found} values, expected {expected}")]
+    Field {
+        /// Its name.
+        name: String,
+        /// Values asked for.
+        expected: usize,
+        /// Values given.
+        found: usize,
+    },
     /// Writing failed.
     #[error("cannot write{}: {what}", path.as_ref().map(|p| format!(" {}", p.display())).unwrap_or_default())]
     Io {

@@ -10,6 +10,8 @@ mod graph;
 mod live;
 #[cfg(feature = "svg")]
 mod plane;
+#[cfg(feature = "vtk")]
+mod vtu;
 mod walk;
 
 pub use csv::{Column, write_csv};
@@ -22,3 +24,5 @@ pub use graph::write_diagram_json;
 pub use live::CsvWriter;
 #[cfg(feature = "json")]
 pub use live::JsonLinesWriter;
+#[cfg(feature = "vtk")]
+pub use vtu::{Field, write_vtu};

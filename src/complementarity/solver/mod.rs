@@ -1,10 +1,13 @@
 //! The solver of mixed complementarity problems.
 
+mod affine;
 mod attempts;
 mod engine;
+mod judge;
 mod options;
 mod path;
 mod report;
+mod steps;
 mod work;
 
 use std::ops::ControlFlow;

@@ -144,6 +144,21 @@ impl Prolongation {
         }
     }
 
+    /// What all parents of a fine unknown have in common, `otherwise` where they differ: carries active sets from a coarse problem
+    /// to a finer one.
+    #[must_use]
+    pub fn inherit<T: Copy + PartialEq>(&self, coarse: &[T], otherwise: T) -> Vec<T> {
+        (0..self.num_fine())
+            .map(|i| {
+                let mut parents = self.parents(i).filter_map(|(c, _)| coarse.get(c).copied());
+                match parents.next() {
+                    Some(first) if parents.all(|p| p == first) => first,
+                    _ => otherwise,
+                }
+            })
+            .collect()
+    }
+
     /// `coarse = Pᵀ fine`. Lengths must fit.
     pub fn restrict(&self, fine: &[f64], coarse: &mut [f64]) {
         for (c, y) in coarse.iter_mut().enumerate() {

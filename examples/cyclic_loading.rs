@@ -1,0 +1,96 @@
+//! A block pressed on the ground and pushed to and fro: friction remembers the way (hysteresis).
+//! You will see, for each level of the horizontal load, how many nodes stick and slip, the displacement of the block's foot, the energy
+//! balance (work = stored + dissipated), and a picture of the hysteresis loop.
+//! Run: cargo run --release --example cyclic_loading [-- --steps 20] [--cells 8] [--out DIR]
+
+mod common;
+
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::Parser;
+use common::squares::pushed_block;
+use common::{Outcome, exit, file_in};
+use semismooth::contact::{ContactState, evolve};
+use semismooth::output::{BranchDiagram, Colour, Curve, Panel, SegmentStyle};
+
+/// Two cycles of horizontal load on a block with Coulomb friction.
+#[derive(Parser)]
+struct Args {
+    /// Steps a quarter of a cycle.
+    #[arg(long, default_value_t = 10)]
+    steps: usize,
+    /// Cells a unit length; the block is 2 × 1.
+    #[arg(long, default_value_t = 8)]
+    cells: usize,
+    /// Coefficient of friction.
+    #[arg(long, default_value_t = 0.4)]
+    friction: f64,
+    /// Folder for the picture.
+    #[arg(long, default_value = "out")]
+    out: PathBuf,
+}
+
+fn main() -> ExitCode {
+    exit(run(&Args::parse()))
+}
+
+fn run(args: &Args) -> Outcome<()> {
+    if args.steps == 0 || args.cells < 2 {
+        return Err("--steps must be at least 1 and --cells at least 2".into());
+    }
+    let mut problem = pushed_block(args.cells, args.friction)?;
+    let quarter =
+        |from: f64, to: f64| (1..=args.steps).map(move |k| from + (to - from) * k as f64 / args.steps as f64);
+    let corners = [0.0, 1.0, 0.0, -1.0, 0.0, 1.0, 0.0, -1.0, 0.0];
+    let levels: Vec<f64> = corners.windows(2).flat_map(|w| quarter(w[0], w[1])).collect();
+    let start = problem.solve(0.0, None)?;
+    let p = problem.num_contacts();
+    let mean = |v: &[f64]| v[p..].iter().sum::<f64>() / p as f64;
+    let mut path = vec![(mean(&problem.contact_displacements(&start)?), 0.0)];
+    println!("   load   open stick slip   mean u_t     transitions      work      stored  dissipated");
+    let steps = evolve(&mut problem, &start, &levels, |s| {
+        let count = |wanted: &[ContactState]| s.solution.states.iter().filter(|x| wanted.contains(x)).count();
+        println!(
+            "  {:>6.3}  {:>4} {:>5} {:>4}  {:>10.3e}  {:>6}{}  {:>10.3e} {:>10.3e} {:>10.3e}",
+            s.level,
+            count(&[ContactState::Open]),
+            count(&[ContactState::Stick]),
+            count(&[ContactState::SlipPlus, ContactState::SlipMinus]),
+            mean(&s.displacements),
+            s.transitions,
+            if s.followed { "        " } else { " Newton " },
+            s.work,
+            s.stored,
+            s.dissipated
+        );
+        path.push((mean(&s.displacements), s.level));
+        ControlFlow::Continue(())
+    })?;
+    let sum = |f: &dyn Fn(&semismooth::contact::EvolutionStep) -> f64| steps.iter().map(f).sum::<f64>();
+    let (work, stored, dissipated) = (sum(&|s| s.work), sum(&|s| s.stored), sum(&|s| s.dissipated));
+    println!(
+        "\nsums: work {work:.6e} = stored {stored:.6e} + dissipated {dissipated:.6e} + {:.1e}",
+        work - stored - dissipated
+    );
+    let cycle = 4 * args.steps;
+    let style = |name: &'static str, colour| SegmentStyle::new(name, colour);
+    let picture = file_in(&args.out, "cyclic_loading.svg")?;
+    BranchDiagram::new(
+        Panel::new("mean tangential displacement of the foot", "horizontal load")
+            .with_curve(Curve::line(
+                path[..=cycle].to_vec(),
+                style("first cycle", Colour::BLUE),
+            ))
+            .with_curve(Curve::line(
+                path[cycle..].to_vec(),
+                style("second cycle", Colour::ORANGE),
+            )),
+    )
+    .with_title("Hysteresis of a block with friction")
+    .with_size(640, 480)
+    .write(&picture)?;
+    println!("written: {}", picture.display());
+    Ok(())
+}

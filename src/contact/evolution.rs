@@ -1,0 +1,161 @@
+//! Quasi-static histories of loading.
+
+use std::ops::ControlFlow;
+
+use super::ContactError;
+use super::condensed_contact::{CondensedContact, ContactSolution};
+use super::node_law::NodeLaw;
+use crate::continuation::{Branch, ContinuationOptions, Direction, Termination};
+
+/// One step of [`evolve`].
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct EvolutionStep {
+    /// The load level α at the end of the step.
+    pub level: f64,
+    /// The solution there (λν, λt, α).
+    pub x: Vec<f64>,
+    /// States and local quantities; slips are increments of this step.
+    pub solution: ContactSolution,
+    /// Displacements of the contact nodes, in the order of [`CondensedContact::compliance`].
+    pub displacements: Vec<f64>,
+    /// α at the folds which the branch of this step meets: where there are any, solutions are not unique near them.
+    pub folds: Vec<f64>,
+    /// Number of transitions passed.
+    pub transitions: usize,
+    /// Whether the branch from the step before reaches this level without a fold. If not the solution was found by Newton's method: a
+    /// jump (snap-through) to another branch, or along a branch that could not be followed.
+    pub followed: bool,
+    /// Work of the loads in this step (trapezoidal rule).
+    pub work: f64,
+    /// Change of the elastic energy ½ uᵀ A u.
+    pub stored: f64,
+    /// Dissipation Σ λt · Δu_t ≥ 0 of the implicit step. work − stored − dissipated is of second order in the length of the step.
+    pub dissipated: f64,
+}
+
+/// Follows a body through a history of load levels: in each step the static law holds for the increments of slip, u_t − u_t^(k−1), and
+/// the branch of solutions is followed from the old level to the new one, so that folds are seen and not jumped.
+///
+/// `start` is the solution at the first level (from [`CondensedContact::solve`]); `levels` are those that come after. `observe` sees each
+/// step and may stop. The problem keeps the last reference of its slips.
+///
+/// # Errors
+/// Wrong lengths, levels that are not finite, levels at which no solution is found.
+pub fn evolve<L: NodeLaw>(
+    problem: &mut CondensedContact<L>,
+    start: &[f64],
+    levels: &[f64],
+    mut observe: impl FnMut(&EvolutionStep) -> ControlFlow<()>,
+) -> Result<Vec<EvolutionStep>, ContactError> {
+    super::error::check_finite("the list of load levels", levels)?;
+    let p = problem.num_contacts();
+    let mut x = start.to_vec();
+    let mut held = problem.contact_displacements(&x)?;
+    let mut energy = Energy::at(problem, &x)?;
+    let mut steps = Vec::new();
+    for &level in levels {
+        problem.set_reference_slip(&held[p..])?;
+        let begin = x[x.len() - 1];
+        let mut step = if level == begin {
+            Reached {
+                x: problem.solve(level, Some(&x))?,
+                folds: Vec::new(),
+                transitions: 0,
+                followed: true,
+            }
+        } else {
+            reach(problem, &x, level)?
+        };
+        x = std::mem::take(&mut step.x);
+        let now = problem.contact_displacements(&x)?;
+        let next = Energy::at(problem, &x)?;
+        let tangential = x[p..x.len() - 1].iter().zip(now[p..].iter().zip(&held[p..]));
+        let done = EvolutionStep {
+            level,
+            solution: problem.solution(&x)?,
+            folds: step.folds,
+            transitions: step.transitions,
+            followed: step.followed,
+            work: next.work_from(&energy),
+            stored: next.stored - energy.stored,
+            dissipated: tangential.map(|(l, (u, old))| l * (u - old)).sum(),
+            displacements: now.clone(),
+            x: x.clone(),
+        };
+        held = now;
+        energy = next;
+        let flow = observe(&done);
+        steps.push(done);
+        if flow.is_break() {
+            break;
+        }
+    }
+    Ok(steps)
+}
+
+struct Reached {
+    x: Vec<f64>,
+    folds: Vec<f64>,
+    transitions: usize,
+    followed: bool,
+}
+
+/// From a solution of the step before to the new level.
+fn reach<L: NodeLaw>(problem: &CondensedContact<L>, x: &[f64], level: f64) -> Result<Reached, ContactError> {
+    let begin = x[x.len() - 1];
+    let direction = if level > begin {
+        Direction::Increasing
+    } else {
+        Direction::Decreasing
+    };
+    let options = ContinuationOptions::default()
+        .with_parameter_range((begin.min(level), begin.max(level)))
+        .with_max_points(1000);
+    // Nodes that slipped start at the boundary of their cells, many at once: where that start is too degenerate Newton decides.
+    let branch = Branch::follow(problem, x, direction, options).ok();
+    let (folds, transitions) = branch
+        .as_ref()
+        .map_or((Vec::new(), 0), |b| (b.folds(), b.transitions.len()));
+    let end = branch
+        .filter(|b| b.termination == Termination::ParameterRange)
+        .and_then(|b| b.points.into_iter().next_back())
+        .filter(|p| p.parameter() == level && folds.is_empty());
+    let followed = end.is_some();
+    let x = match end {
+        Some(point) => point.x,
+        None => problem.solve(level, Some(x))?,
+    };
+    Ok(Reached {
+        x,
+        folds,
+        transitions,
+        followed,
+    })
+}
+
+/// Loads, displacements and elastic energy at a solution.
+struct Energy {
+    u: Vec<f64>,
+    load: Vec<f64>,
+    stored: f64,
+}
+
+impl Energy {
+    fn at<L: NodeLaw>(problem: &CondensedContact<L>, x: &[f64]) -> Result<Self, ContactError> {
+        let u = problem.displacements(x)?;
+        let body = problem.body();
+        let load = body.load_at(x[x.len() - 1]);
+        let mut force = vec![0.0; u.len()];
+        body.stiffness().mul_vec(&u, &mut force);
+        let stored = 0.5 * force.iter().zip(&u).map(|(f, u)| f * u).sum::<f64>();
+        Ok(Self { u, load, stored })
+    }
+
+    fn work_from(&self, before: &Self) -> f64 {
+        let mean = self.load.iter().zip(&before.load).map(|(a, b)| 0.5 * (a + b));
+        mean.zip(self.u.iter().zip(&before.u))
+            .map(|(f, (a, b))| f * (a - b))
+            .sum()
+    }
+}

@@ -1,0 +1,212 @@
+//! Gmsh files of both versions, text and binary of either byte order: one mesh, eight ways.
+
+use semismooth::fem::{CellKind, FemError, Mesh, parse_gmsh};
+
+/// Writes numbers as text or as bytes.
+struct Writer {
+    out: Vec<u8>,
+    binary: bool,
+    big: bool,
+}
+
+impl Writer {
+    fn new(version: &str, binary: bool, big: bool) -> Self {
+        let mut w = Self {
+            out: format!("$MeshFormat\n{version} {} 8\n", i32::from(binary)).into_bytes(),
+            binary,
+            big,
+        };
+        if binary {
+            w.int(1);
+        }
+        w.text("\n$EndMeshFormat\n$PhysicalNames\n3\n1 1 \"the foot\"\n2 1 \"left half\"\n2 2 \"right half\"\n$EndPhysicalNames\n");
+        w
+    }
+
+    fn text(&mut self, s: &str) {
+        self.out.extend(s.as_bytes());
+    }
+
+    fn put<const N: usize>(&mut self, mut bytes: [u8; N], text: String) {
+        if self.binary {
+            if self.big {
+                bytes.reverse();
+            }
+            self.out.extend(bytes);
+        } else {
+            self.text(&text);
+            self.text(" ");
+        }
+    }
+
+    fn int(&mut self, v: i32) {
+        self.put(v.to_le_bytes(), v.to_string());
+    }
+
+    fn size(&mut self, v: u64) {
+        self.put(v.to_le_bytes(), v.to_string());
+    }
+
+    fn double(&mut self, v: f64) {
+        self.put(v.to_le_bytes(), format!("{v:?}"));
+    }
+}
+
+/// Two squares side by side (the second one clockwise), the first edges at the foot named, a node that belongs to nothing.
+const POINTS: [[f64; 2]; 7] = [
+    [0.0, 0.0],
+    [1.0, 0.0],
+    [2.0, 0.0],
+    [0.0, 1.0],
+    [1.0, 1.0],
+    [2.0, 1.5],
+    [9.0, 9.0],
+];
+const QUADS: [[u64; 4]; 2] = [[1, 2, 5, 4], [6, 5, 2, 3]];
+const LINES: [[u64; 2]; 2] = [[1, 2], [2, 3]];
+
+fn version_2(binary: bool, big: bool) -> Vec<u8> {
+    let mut w = Writer::new("2.2", binary, big);
+    w.text("$Nodes\n7\n");
+    for (k, p) in POINTS.iter().enumerate() {
+        w.int(k as i32 + 1);
+        [p[0], p[1], 0.5].into_iter().for_each(|x| w.double(x));
+    }
+    w.text("\n$EndNodes\n$Elements\n4\n");
+    let header = |w: &mut Writer, kind: i32, count: i32| {
+        if binary {
+            [kind, count, 2].into_iter().for_each(|v| w.int(v));
+        }
+    };
+    let begin = |w: &mut Writer, tag: i32, kind: i32, group: i32| {
+        w.int(tag);
+        if !binary {
+            w.int(kind);
+            w.int(2);
+        }
+        w.int(group);
+        w.int(77);
+    };
+    header(&mut w, 1, 2);
+    for (k, l) in LINES.iter().enumerate() {
+        begin(&mut w, k as i32 + 1, 1, 1);
+        l.into_iter().for_each(|n| w.int(n as i32));
+    }
+    header(&mut w, 3, 2);
+    for (k, q) in QUADS.iter().enumerate() {
+        begin(&mut w, k as i32 + 3, 3, k as i32 + 1);
+        q.into_iter().for_each(|n| w.int(n as i32));
+    }
+    w.text("\n$EndElements\n");
+    w.out
+}
+
+fn version_4(binary: bool, big: bool) -> Vec<u8> {
+    let mut w = Writer::new("4.1", binary, big);
+    w.text("$Entities\n");
+    [0, 1, 2, 0].into_iter().for_each(|v| w.size(v));
+    let entity = |w: &mut Writer, tag: i32, physical: i32| {
+        w.int(tag);
+        (0..6).for_each(|_| w.double(0.0));
+        w.size(1);
+        w.int(physical);
+        w.size(1);
+        w.int(-1);
+    };
+    entity(&mut w, 4, 1);
+    entity(&mut w, 8, 1);
+    entity(&mut w, 9, 2);
+    w.text("\n$EndEntities\n$Nodes\n");
+    [2, 7, 1, 7].into_iter().for_each(|v| w.size(v));
+    for (dim, tag, range) in [(1, 4, 0..3), (2, 8, 3..7)] {
+        [dim, tag, 0].into_iter().for_each(|v| w.int(v));
+        w.size(range.len() as u64);
+        range.clone().for_each(|k| w.size(k as u64 + 1));
+        for p in &POINTS[range] {
+            [p[0], p[1], 0.5].into_iter().for_each(|x| w.double(x));
+        }
+    }
+    w.text("\n$EndNodes\n$Elements\n");
+    [3, 4, 1, 4].into_iter().for_each(|v| w.size(v));
+    [1, 4, 1].into_iter().for_each(|v| w.int(v));
+    w.size(2);
+    for (k, l) in LINES.iter().enumerate() {
+        w.size(k as u64 + 1);
+        l.into_iter().for_each(|n| w.size(n));
+    }
+    for (k, q) in QUADS.iter().enumerate() {
+        [2, 8 + k as i32, 3].into_iter().for_each(|v| w.int(v));
+        w.size(1);
+        w.size(k as u64 + 3);
+        q.into_iter().for_each(|n| w.size(n));
+    }
+    w.text("\n$EndElements\n");
+    w.out
+}
+
+fn expected(mesh: &Mesh) {
+    assert_eq!((mesh.dim(), mesh.num_nodes(), mesh.num_cells()), (2, 6, 2));
+    assert_eq!(mesh.kind(0), CellKind::Quadrilateral);
+    assert_eq!(mesh.points()[5], [2.0, 1.5, 0.0]);
+    assert_eq!(mesh.facet_group("the foot").unwrap(), [[0, 1], [1, 2]]);
+    assert_eq!(mesh.cell_group("left half").unwrap(), [0]);
+    assert_eq!(mesh.cell_group("right half").unwrap(), [1]);
+    let area: f64 = mesh
+        .boundary()
+        .iter()
+        .map(|f| f.centre[0] * f.normal[0] * f.measure)
+        .sum();
+    assert!((area - 2.25).abs() < 1e-14); // ∫ x n_x = area
+}
+
+#[test]
+fn one_mesh_many_ways() {
+    for (binary, big) in [(false, false), (true, false), (true, true)] {
+        expected(&parse_gmsh(&version_2(binary, big), "two.msh".as_ref()).unwrap());
+        expected(&parse_gmsh(&version_4(binary, big), "two.msh".as_ref()).unwrap());
+    }
+}
+
+/// Every way to cut a file short is an error, not a panic and not a mesh with other groups.
+#[test]
+fn truncated_files() {
+    for file in [
+        version_2(false, false),
+        version_2(true, false),
+        version_4(false, false),
+        version_4(true, false),
+    ] {
+        for end in 0..file.len() - 2 {
+            assert!(
+                parse_gmsh(&file[..end], "cut.msh".as_ref()).is_err() || end > file.len() - 3,
+                "{end}"
+            );
+        }
+    }
+}
+
+#[test]
+fn bad_files() {
+    let parse = |text: &str| parse_gmsh(text.as_bytes(), "bad.msh".as_ref());
+    let text = String::from_utf8(version_2(false, false)).unwrap();
+    for (from, to, word) in [
+        ("2.2 0 8", "3.0 0 8", "version 3.0"),
+        ("2.2 0 8", "2.2 0 4", "4 bytes"),
+        ("1 1 2 1 77 1 2", "1 8 2 1 77 1 2", "type 8"),
+        ("1 1 2 1 77 1 2", "1 1 2 1 77 1 99", "node 99"),
+        ("2.0 1.5 0.5", "2.0 nan 0.5", "finite"),
+        ("2.0 1.5 0.5", "2.0 zwei 0.5", "zwei"),
+        ("2.0 1.5 0.5", "2.0 1.5 0.7", "plane"),
+        ("2.0 1.5 0.5", "1.2 -1.0 0.5", "element 4"),
+        ("\"the foot\"", "the foot", "physical name"),
+    ] {
+        assert!(text.contains(from), "{from}");
+        let error = parse(&text.replacen(from, to, 1)).unwrap_err();
+        assert!(error.to_string().contains(word), "{word}: {error}");
+    }
+    assert!(matches!(
+        parse("$Nodes\n1\n1 0 0 0\n$EndNodes\n"),
+        Err(FemError::Parse { .. })
+    ));
+    assert!(matches!(parse(""), Err(FemError::Empty { .. })));
+}
