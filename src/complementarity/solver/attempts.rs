@@ -146,7 +146,7 @@ impl Engine<'_> {
         }
         for k in 0..self.options.restarts {
             for path in [false, true] {
-                if path && (!paths || k >= 6) {
+                if path && (k >= 6 || self.n() > self.options.max_path_size / 3) {
                     continue;
                 }
                 self.candidate(k);

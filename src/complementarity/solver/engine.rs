@@ -211,7 +211,8 @@ impl Engine<'_> {
         let power = |v: f64| v.clamp(1e-150, 1e150).log2().round().exp2();
         // Rows all of whose entries are huge or tiny follow their value; a Jacobian that happens to vanish does not make a row huge.
         for (r, f) in w.row.iter_mut().zip(&w.f) {
-            *r = power(r.clamp(1e-8_f64.min(1.0 / f.abs()), 1e8_f64.max(1.0 / f.abs())));
+            let size = if *f == 0.0 { 1.0 } else { f.abs() };
+            *r = power(r.clamp(1e-8_f64.min(1.0 / size), 1e8_f64.max(1.0 / size)));
         }
         w.col.iter_mut().for_each(|c| *c = power(c.clamp(1e-8, 1e8)));
     }
