@@ -90,12 +90,12 @@ fn version_2(binary: bool, big: bool) -> Vec<u8> {
     header(&mut w, 1, 2);
     for (k, l) in LINES.iter().enumerate() {
         begin(&mut w, k as i32 + 1, 1, 1);
-        l.into_iter().for_each(|n| w.int(n as i32));
+        l.iter().for_each(|n| w.int(*n as i32));
     }
     header(&mut w, 3, 2);
     for (k, q) in QUADS.iter().enumerate() {
         begin(&mut w, k as i32 + 3, 3, k as i32 + 1);
-        q.into_iter().for_each(|n| w.int(n as i32));
+        q.iter().for_each(|n| w.int(*n as i32));
     }
     w.text("\n$EndElements\n");
     w.out
@@ -132,13 +132,13 @@ fn version_4(binary: bool, big: bool) -> Vec<u8> {
     w.size(2);
     for (k, l) in LINES.iter().enumerate() {
         w.size(k as u64 + 1);
-        l.into_iter().for_each(|n| w.size(n));
+        l.iter().for_each(|n| w.size(*n));
     }
     for (k, q) in QUADS.iter().enumerate() {
         [2, 8 + k as i32, 3].into_iter().for_each(|v| w.int(v));
         w.size(1);
         w.size(k as u64 + 3);
-        q.into_iter().for_each(|n| w.size(n));
+        q.iter().for_each(|n| w.size(*n));
     }
     w.text("\n$EndElements\n");
     w.out

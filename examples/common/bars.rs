@@ -74,7 +74,7 @@ pub(crate) fn bar3d(nx: usize, orthotropic: bool) -> Result<Bar<OrthotropicCoulo
 }
 
 fn check(nx: usize) -> Result<()> {
-    if nx < 10 || nx % 10 != 0 {
+    if nx < 10 || !nx.is_multiple_of(10) {
         return Err(format!("the number of cells along the bar is {nx}; it must be a multiple of 10").into());
     }
     Ok(())

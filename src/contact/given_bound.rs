@@ -109,7 +109,7 @@ impl NodeLaw for GivenBound {
         let (g, f) = self.data(v.node);
         let (_, _, direction) = self.z(v);
         let tangential = |d: usize| {
-            if piece % 2 == 0 && f[d] > 0.0 {
+            if piece.is_multiple_of(2) && f[d] > 0.0 {
                 -v.r * f[d] * f[d] * v.slip[d]
             } else {
                 v.traction[d] - f[d] * g * direction[d]
@@ -124,7 +124,7 @@ impl NodeLaw for GivenBound {
         let mut rows = [normal(piece >= 2, v).1, free(0), free(1)];
         for d in 0..2 {
             let row = &mut rows[1 + d];
-            if piece % 2 == 0 && f[d] > 0.0 {
+            if piece.is_multiple_of(2) && f[d] > 0.0 {
                 *row = LocalRow::default();
                 row.slip[d] = -v.r * f[d] * f[d];
             } else if norm > 0.0 {

@@ -3,6 +3,11 @@ use std::collections::{BTreeMap, HashMap};
 use super::FemError;
 use super::element::{CellKind, MAX_NODES, map_cell};
 
+/// Facets by name of their group, each as its nodes.
+pub(super) type FacetGroups = BTreeMap<String, Vec<Vec<usize>>>;
+/// Cells by name of their group.
+pub(super) type CellGroups = BTreeMap<String, Vec<usize>>;
+
 /// A conforming mesh in the plane or in space, with named groups of cells (materials) and facets (edges or faces of the boundary).
 ///
 /// ```
@@ -22,8 +27,8 @@ pub struct Mesh {
     /// Nodes of cell c: `nodes[first[c]..first[c + 1]]`.
     first: Vec<usize>,
     nodes: Vec<usize>,
-    facet_groups: BTreeMap<String, Vec<Vec<usize>>>,
-    cell_groups: BTreeMap<String, Vec<usize>>,
+    facet_groups: FacetGroups,
+    cell_groups: CellGroups,
 }
 
 /// A facet of the boundary, as given to the closure of [`Mesh::mark_boundary`].
@@ -358,15 +363,11 @@ impl Mesh {
         self.cell_groups.keys().map(String::as_str)
     }
 
-    pub(super) fn groups(&self) -> (&BTreeMap<String, Vec<Vec<usize>>>, &BTreeMap<String, Vec<usize>>) {
+    pub(super) fn groups(&self) -> (&FacetGroups, &CellGroups) {
         (&self.facet_groups, &self.cell_groups)
     }
 
-    pub(super) fn set_groups(
-        &mut self,
-        facets: BTreeMap<String, Vec<Vec<usize>>>,
-        cells: BTreeMap<String, Vec<usize>>,
-    ) {
+    pub(super) fn set_groups(&mut self, facets: FacetGroups, cells: CellGroups) {
         self.facet_groups = facets;
         self.cell_groups = cells;
     }
