@@ -1,4 +1,5 @@
 use super::basis::Basis;
+use super::{LemkeOptions, LemkeReport, LemkeStatus};
 use crate::complementarity::{ComplementarityError, Lcp};
 use crate::linear::LinearError;
 use crate::sparse::{Matrix, Pattern};
@@ -21,65 +22,6 @@ const FEASIBLE: f64 = 1e-9;
 const ROUNDING: f64 = 1e-10;
 /// Largest order, for the sake of memory: the inverse takes 8 n² bytes.
 const MAX_ORDER: usize = 20_000;
-
-/// Options of [`Lemke`]. The defaults need no touching.
-#[derive(Debug, Clone, PartialEq, Default)]
-#[non_exhaustive]
-pub struct LemkeOptions {
-    /// Largest number of exchanges; default `None`: 50 n + 1000.
-    pub max_pivots: Option<usize>,
-    /// The covering vector d > 0, one entry an unknown; default `None`: all ones. It chooses the path, and with several
-    /// solutions the one that is found.
-    pub covering: Option<Vec<f64>>,
-}
-
-impl LemkeOptions {
-    /// Sets the largest number of exchanges.
-    #[must_use]
-    pub fn with_max_pivots(mut self, max_pivots: usize) -> Self {
-        self.max_pivots = Some(max_pivots);
-        self
-    }
-
-    /// Sets the covering vector.
-    #[must_use]
-    pub fn with_covering(mut self, covering: Vec<f64>) -> Self {
-        self.covering = Some(covering);
-        self
-    }
-}
-
-/// How a path of Lemke's method ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum LemkeStatus {
-    /// At a solution.
-    Solved,
-    /// On a secondary ray, whose direction is [`Lemke::ray`]. With `infeasible` that direction v was verified to be a certificate
-    /// that no z ≥ 0 has M z + q ≥ 0, hence that there is no solution: v ≥ 0, Mᵀv ≤ 0, qᵀv < 0. Without it, there may be one.
-    Ray {
-        /// Whether the direction proves that there is no solution.
-        infeasible: bool,
-    },
-    /// At the limit on exchanges.
-    PivotLimit,
-    /// Rounding destroyed the basis: no exchange with an acceptable pivot, or a solution that does not satisfy the equations.
-    Inaccurate,
-}
-
-/// Report on one path.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[non_exhaustive]
-pub struct LemkeReport {
-    /// How it ended.
-    pub status: LemkeStatus,
-    /// Exchanges made.
-    pub pivots: usize,
-    /// How often the inverse was made anew.
-    pub refactorisations: usize,
-    /// Natural residual of the point handed back.
-    pub residual: f64,
-}
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Var {
@@ -729,64 +671,4 @@ impl Lemke {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn solve(rows: &[&[f64]], q: &[f64]) -> (LemkeReport, Vec<f64>, Option<Vec<f64>>) {
-        let lcp = Lcp::new(Matrix::from_rows(rows).unwrap(), q.to_vec()).unwrap();
-        let mut solver = Lemke::default();
-        let mut z = vec![f64::NAN; q.len()];
-        let report = solver.solve(&lcp, &mut z).unwrap();
-        (report, z, solver.ray().map(<[f64]>::to_vec))
-    }
-
-    #[test]
-    fn one_unknown() {
-        assert_eq!(solve(&[&[2.0]], &[-3.0]).1, [1.5]);
-        assert_eq!(solve(&[&[2.0]], &[3.0]).0.pivots, 0);
-        let (report, _, ray) = solve(&[&[0.0]], &[-1.0]);
-        assert_eq!(report.status, LemkeStatus::Ray { infeasible: true });
-        assert_eq!(ray, Some(vec![1.0]));
-        let (report, _, _) = solve(&[&[-1.0]], &[-1.0]);
-        assert_eq!(report.status, LemkeStatus::Ray { infeasible: true });
-    }
-
-    #[test]
-    fn a_ray_of_a_solvable_problem_is_no_certificate() {
-        // z = (1, 0), w = (0, 1) is a solution, but M is not copositive.
-        let (report, z, _) = solve(&[&[1.0, 0.0], &[2.0, -1.0]], &[-1.0, -1.0]);
-        match report.status {
-            LemkeStatus::Solved => assert!(report.residual < 1e-14, "{z:?}"),
-            status => assert_eq!(status, LemkeStatus::Ray { infeasible: false }),
-        }
-    }
-
-    #[test]
-    fn the_lexicographic_rule_ends_cycles() {
-        // M. M. Kostreva, "Cycling in linear complementarity problems", Math. Prog. 16 (1979): three equal ratios at the start.
-        let (report, _, _) = solve(
-            &[&[1.0, 2.0, 0.0], &[0.0, 1.0, 2.0], &[2.0, 0.0, 1.0]],
-            &[-1.0, -1.0, -1.0],
-        );
-        assert_eq!(report.status, LemkeStatus::Solved);
-        assert!(report.residual < 1e-14);
-    }
-
-    #[test]
-    fn free_and_fixed_unknowns_and_upper_bounds() {
-        let m = Matrix::from_rows(&[
-            [2.0, 1.0, 0.0, 0.5],
-            [-1.0, 3.0, 1.0, 0.0],
-            [0.0, 1.0, 2.0, 0.0],
-            [1.0, 0.0, 0.0, 1.0],
-        ]);
-        let inf = f64::INFINITY;
-        let (lower, upper) = (vec![0.0, -inf, 0.25, -inf], vec![1.5, inf, 0.25, 2.0]);
-        let lcp = Lcp::boxed(m.unwrap(), vec![-8.0, 3.0, -1.0, 4.0], lower, upper).unwrap();
-        let mut z = [0.0; 4];
-        let report = Lemke::default().solve(&lcp, &mut z).unwrap();
-        assert_eq!(report.status, LemkeStatus::Solved);
-        assert!(lcp.natural_residual(&z) < 1e-14, "{z:?}");
-        assert_eq!((z[0], z[2]), (1.5, 0.25));
-    }
-}
+mod tests;

@@ -5,5 +5,7 @@
 
 mod basis;
 mod lemke;
+mod options;
 
-pub use lemke::{Lemke, LemkeOptions, LemkeReport, LemkeStatus};
+pub use lemke::Lemke;
+pub use options::{LemkeOptions, LemkeReport, LemkeStatus};

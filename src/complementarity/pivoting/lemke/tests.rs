@@ -1,0 +1,59 @@
+use super::*;
+
+fn solve(rows: &[&[f64]], q: &[f64]) -> (LemkeReport, Vec<f64>, Option<Vec<f64>>) {
+    let lcp = Lcp::new(Matrix::from_rows(rows).unwrap(), q.to_vec()).unwrap();
+    let mut solver = Lemke::default();
+    let mut z = vec![f64::NAN; q.len()];
+    let report = solver.solve(&lcp, &mut z).unwrap();
+    (report, z, solver.ray().map(<[f64]>::to_vec))
+}
+
+#[test]
+fn one_unknown() {
+    assert_eq!(solve(&[&[2.0]], &[-3.0]).1, [1.5]);
+    assert_eq!(solve(&[&[2.0]], &[3.0]).0.pivots, 0);
+    let (report, _, ray) = solve(&[&[0.0]], &[-1.0]);
+    assert_eq!(report.status, LemkeStatus::Ray { infeasible: true });
+    assert_eq!(ray, Some(vec![1.0]));
+    let (report, _, _) = solve(&[&[-1.0]], &[-1.0]);
+    assert_eq!(report.status, LemkeStatus::Ray { infeasible: true });
+}
+
+#[test]
+fn a_ray_of_a_solvable_problem_is_no_certificate() {
+    // z = (1, 0), w = (0, 1) is a solution, but M is not copositive.
+    let (report, z, _) = solve(&[&[1.0, 0.0], &[2.0, -1.0]], &[-1.0, -1.0]);
+    match report.status {
+        LemkeStatus::Solved => assert!(report.residual < 1e-14, "{z:?}"),
+        status => assert_eq!(status, LemkeStatus::Ray { infeasible: false }),
+    }
+}
+
+#[test]
+fn the_lexicographic_rule_ends_cycles() {
+    // M. M. Kostreva, "Cycling in linear complementarity problems", Math. Prog. 16 (1979): three equal ratios at the start.
+    let (report, _, _) = solve(
+        &[&[1.0, 2.0, 0.0], &[0.0, 1.0, 2.0], &[2.0, 0.0, 1.0]],
+        &[-1.0, -1.0, -1.0],
+    );
+    assert_eq!(report.status, LemkeStatus::Solved);
+    assert!(report.residual < 1e-14);
+}
+
+#[test]
+fn free_and_fixed_unknowns_and_upper_bounds() {
+    let m = Matrix::from_rows(&[
+        [2.0, 1.0, 0.0, 0.5],
+        [-1.0, 3.0, 1.0, 0.0],
+        [0.0, 1.0, 2.0, 0.0],
+        [1.0, 0.0, 0.0, 1.0],
+    ]);
+    let inf = f64::INFINITY;
+    let (lower, upper) = (vec![0.0, -inf, 0.25, -inf], vec![1.5, inf, 0.25, 2.0]);
+    let lcp = Lcp::boxed(m.unwrap(), vec![-8.0, 3.0, -1.0, 4.0], lower, upper).unwrap();
+    let mut z = [0.0; 4];
+    let report = Lemke::default().solve(&lcp, &mut z).unwrap();
+    assert_eq!(report.status, LemkeStatus::Solved);
+    assert!(lcp.natural_residual(&z) < 1e-14, "{z:?}");
+    assert_eq!((z[0], z[2]), (1.5, 0.25));
+}

@@ -1,0 +1,58 @@
+/// Options of [`Lemke`](super::Lemke). The defaults need no touching.
+#[derive(Debug, Clone, PartialEq, Default)]
+#[non_exhaustive]
+pub struct LemkeOptions {
+    /// Largest number of exchanges; default `None`: 50 n + 1000.
+    pub max_pivots: Option<usize>,
+    /// The covering vector d > 0, one entry an unknown; default `None`: all ones. It chooses the path, and with several
+    /// solutions the one that is found.
+    pub covering: Option<Vec<f64>>,
+}
+
+impl LemkeOptions {
+    /// Sets the largest number of exchanges.
+    #[must_use]
+    pub fn with_max_pivots(mut self, max_pivots: usize) -> Self {
+        self.max_pivots = Some(max_pivots);
+        self
+    }
+
+    /// Sets the covering vector.
+    #[must_use]
+    pub fn with_covering(mut self, covering: Vec<f64>) -> Self {
+        self.covering = Some(covering);
+        self
+    }
+}
+
+/// How a path of Lemke's method ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum LemkeStatus {
+    /// At a solution.
+    Solved,
+    /// On a secondary ray, whose direction is [`Lemke::ray`](super::Lemke::ray). With `infeasible` that direction v was verified to be a certificate
+    /// that no z ≥ 0 has M z + q ≥ 0, hence that there is no solution: v ≥ 0, Mᵀv ≤ 0, qᵀv < 0. Without it, there may be one.
+    Ray {
+        /// Whether the direction proves that there is no solution.
+        infeasible: bool,
+    },
+    /// At the limit on exchanges.
+    PivotLimit,
+    /// Rounding destroyed the basis: no exchange with an acceptable pivot, or a solution that does not satisfy the equations.
+    Inaccurate,
+}
+
+/// Report on one path.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct LemkeReport {
+    /// How it ended.
+    pub status: LemkeStatus,
+    /// Exchanges made.
+    pub pivots: usize,
+    /// How often the inverse was made anew.
+    pub refactorisations: usize,
+    /// Natural residual of the point handed back.
+    pub residual: f64,
+}
