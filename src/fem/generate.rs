@@ -3,7 +3,7 @@
 use super::{CellKind, FemError, Mesh};
 
 impl Mesh {
-    /// A rectangle of n[0] × n[1] equal quadrilaterals, with the groups of facets "left", "right", "bottom", "top". Nodes are
+    /// A rectangle of `n[0]` × `n[1]` equal quadrilaterals, with the groups of facets "left", "right", "bottom", "top". Nodes are
     /// numbered along x first.
     ///
     /// # Errors
@@ -39,7 +39,7 @@ impl Mesh {
         Ok(mesh)
     }
 
-    /// A box of n[0] × n[1] × n[2] equal hexahedra, with the groups "left", "right" (x), "front", "back" (y), "bottom", "top" (z).
+    /// A box of `n[0]` × `n[1]` × `n[2]` equal hexahedra, with the groups "left", "right" (x), "front", "back" (y), "bottom", "top" (z).
     ///
     /// # Errors
     /// No cells, corners that are not in order.
