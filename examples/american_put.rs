@@ -14,10 +14,10 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use common::{Outcome, exit, file_in};
-use semismooth::complementarity::Lcp;
 use semismooth::complementarity::active_set::{
-    ActiveSetOptions, ActiveSetSolver, ActiveSetStatus, Activity, DirectReduced,
+    ActiveSetOptions, ActiveSetSolver, ActiveSetStatus, DirectReduced,
 };
+use semismooth::complementarity::{BoundState, Lcp};
 use semismooth::output::{BranchDiagram, Colour, Curve, Panel, SegmentStyle};
 use semismooth::sparse::Matrix;
 
@@ -135,7 +135,7 @@ fn price(a: &Arguments) -> Outcome<Put> {
     // Beyond the grid: exercised on the left, worthless on the right.
     let left = a.strike - share(0) * (-h).exp();
     let mut v = payoff.clone();
-    let mut sets = vec![Activity::Lower; n];
+    let mut sets = vec![BoundState::Lower; n];
     let mut solver = ActiveSetSolver::with_reduced(ActiveSetOptions::default(), DirectReduced::new());
     let mut put = Put {
         price: 0.0,
@@ -169,7 +169,7 @@ fn price(a: &Arguments) -> Outcome<Put> {
         if report.status != ActiveSetStatus::Solved {
             return Err(format!("step {step} ended as {:?}", report.status).into());
         }
-        sets.copy_from_slice(solver.activity());
+        sets.copy_from_slice(solver.states());
         put.factorisations += report.iterations;
         if step == 0 {
             put.first = report.iterations;
@@ -179,7 +179,7 @@ fn price(a: &Arguments) -> Outcome<Put> {
         put.residual = put.residual.max(report.residual);
         let exercised = sets
             .iter()
-            .rposition(|s| *s == Activity::Lower)
+            .rposition(|s| *s == BoundState::Lower)
             .filter(|&i| payoff[i] > 0.0);
         if let Some(i) = exercised {
             put.boundary.push(((step + 1) as f64 * dt, share(i)));

@@ -17,11 +17,11 @@ use std::time::Instant;
 
 use clap::{Parser, ValueEnum};
 use common::{Outcome, exit, file_in};
-use semismooth::complementarity::Lcp;
 use semismooth::complementarity::active_set::{
-    ActiveSetIteration, ActiveSetOptions, ActiveSetReport, ActiveSetSolver, ActiveSetStatus, Activity,
-    DirectReduced, Nested,
+    ActiveSetIteration, ActiveSetOptions, ActiveSetReport, ActiveSetSolver, ActiveSetStatus, DirectReduced,
+    Nested,
 };
+use semismooth::complementarity::{BoundState, Lcp};
 use semismooth::linear::Prolongation;
 use semismooth::sparse::{Matrix, Pattern};
 
@@ -284,7 +284,7 @@ fn run(arguments: &Arguments) -> Outcome<()> {
     Ok(())
 }
 
-fn solve(problem: Problem, arguments: &Arguments) -> Outcome<(Vec<f64>, Vec<Activity>)> {
+fn solve(problem: Problem, arguments: &Arguments) -> Outcome<(Vec<f64>, Vec<BoundState>)> {
     let m = arguments.m;
     let options = ActiveSetOptions::default();
     let mut z = vec![0.0; m * m];
@@ -302,7 +302,7 @@ fn solve(problem: Problem, arguments: &Arguments) -> Outcome<(Vec<f64>, Vec<Acti
         }
         println!("set-up of the hierarchy {set_up:.3} s");
         check(report.status())?;
-        return Ok((z, report.activity));
+        return Ok((z, report.states));
     }
     let lcp = problem.lcp(m)?;
     for (z, l) in z.iter_mut().zip(lcp.lower()) {
@@ -315,14 +315,14 @@ fn solve(problem: Problem, arguments: &Arguments) -> Outcome<(Vec<f64>, Vec<Acti
         line(problem, 0, m * m, &report, Some(begin.elapsed().as_secs_f64()));
         list(arguments.verbose, solver.history());
         check(report.status)?;
-        return Ok((z, solver.activity().to_vec()));
+        return Ok((z, solver.states().to_vec()));
     }
     let mut solver = ActiveSetSolver::new(options);
     let report = solver.solve(&lcp, &mut z)?;
     line(problem, 0, m * m, &report, Some(begin.elapsed().as_secs_f64()));
     list(arguments.verbose, solver.history());
     check(report.status)?;
-    Ok((z, solver.activity().to_vec()))
+    Ok((z, solver.states().to_vec()))
 }
 
 fn check(status: ActiveSetStatus) -> Outcome<()> {
@@ -353,7 +353,7 @@ fn list(verbose: bool, history: &[ActiveSetIteration]) {
 }
 
 /// The sets as runs of equal cells, row by row; at most 200 cells a side.
-fn picture(m: usize, activity: &[Activity]) -> Outcome<String> {
+fn picture(m: usize, activity: &[BoundState]) -> Outcome<String> {
     let cells = m.min(200);
     let at = |i: usize, j: usize| activity[(j * m / cells) * m + i * m / cells];
     let mut svg = format!(
@@ -369,9 +369,9 @@ fn picture(m: usize, activity: &[Activity]) -> Outcome<String> {
                 i += 1;
             }
             let colour = match kind {
-                Activity::Lower => "#d62728",
-                Activity::Upper => "#1f5fd0",
-                Activity::Inactive => continue,
+                BoundState::Lower => "#d62728",
+                BoundState::Upper => "#1f5fd0",
+                _ => continue,
             };
             // The y axis points up.
             let (y, width) = (cells - 1 - j, i - first);

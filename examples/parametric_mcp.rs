@@ -77,7 +77,7 @@ impl SmoothFunction for Kehoe {
             };
             let mut supply = own(j) + y[0] * ACTIVITIES[0][j] + y[1] * ACTIVITIES[1][j];
             for i in 0..4 {
-                supply = supply - p[i] * own(i) * SHARES[i][j] / p[j];
+                supply -= p[i] * own(i) * SHARES[i][j] / p[j];
             }
             out[2 + j] = supply;
         }

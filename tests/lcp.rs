@@ -1,8 +1,8 @@
 //! Linear complementarity problems: pivoting against complete enumeration.
 
 use proptest::prelude::*;
-use semismooth::complementarity::Lcp;
 use semismooth::complementarity::pivoting::{Lemke, LemkeOptions, LemkeStatus};
+use semismooth::complementarity::{BoundState, Lcp};
 use semismooth::enumeration::{EnumerationOptions, SolutionSet, all_solutions};
 use semismooth::sparse::Matrix;
 
@@ -147,7 +147,7 @@ fn lemke_stops_at_its_limit_on_exponential_families() {
 mod active_set {
     use super::*;
     use semismooth::complementarity::active_set::{
-        ActiveSetOptions, ActiveSetSolver, ActiveSetStatus, Activity, DirectReduced, MultigridReduced, Nested,
+        ActiveSetOptions, ActiveSetSolver, ActiveSetStatus, DirectReduced, MultigridReduced, Nested,
     };
     use semismooth::linear::Prolongation;
 
@@ -225,8 +225,8 @@ mod active_set {
         let mut solver = ActiveSetSolver::default();
         let mut z = [0.0; 3];
         solver.solve(&lcp, &mut z).unwrap();
-        let (sets, solution) = (solver.activity().to_vec(), z);
-        assert_eq!(sets, [Activity::Inactive, Activity::Lower, Activity::Lower]);
+        let (sets, solution) = (solver.states().to_vec(), z);
+        assert_eq!(sets, [BoundState::Interior, BoundState::Lower, BoundState::Lower]);
         let report = solver.solve(&lcp, &mut z).unwrap();
         assert_eq!(report.iterations, 1);
         let mut far = [7.0; 3];

@@ -340,7 +340,7 @@ impl Tape {
                 .sum::<u8>()
                 .min(2),
             Node::Quotient(a, b) if self.degree(b) == 0 => self.degree(a),
-            Node::Power(a, p) if p == 1.0 => self.degree(a),
+            Node::Power(a, 1.0) => self.degree(a),
             Node::Quotient(a, b) | Node::GeneralPower(a, b) => 2 * self.degree(a).max(self.degree(b)).min(1),
             Node::Power(a, _) | Node::Exp(a) | Node::Log(a) | Node::Sqrt(a) | Node::Sin(a) | Node::Cos(a) => {
                 2 * self.degree(a).min(1)

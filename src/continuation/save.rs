@@ -153,8 +153,8 @@ impl SavedRun {
 impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
     /// The state of the run, after the events given out so far.
     ///
-    /// What is kept of factorisations is dropped and made anew, so that this run and one resumed from the state go on alike to the last bit; one
-    /// that is never saved may differ in the last digits where pieces are affine.
+    /// What is kept of factorisations is dropped and made anew, so that this run and one resumed from the state go on alike to the
+    /// last bit; one that is never saved may differ in the last digits where pieces are affine.
     ///
     /// # Errors
     /// Those of the linear solver.

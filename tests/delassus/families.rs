@@ -229,9 +229,7 @@ pub fn tower(storeys: usize, mu: f64, lean: f64, seed: u64) -> DelassusProblem {
                 (3 * (c - 1)..3 * c).map(Some).collect()
             };
             for under in unders {
-                let other = under.map_or(if turned { [0.0, 0.0] } else { [0.0, 0.0] }, |b| {
-                    [bodies[b].centre[0], bodies[b].centre[1]]
-                });
+                let other = under.map_or([0.0, 0.0], |b| [bodies[b].centre[0], bodies[b].centre[1]]);
                 let (cx, cy) = match (under, turned) {
                     (None, _) => (centre[0], centre[1]),
                     (_, true) => (centre[0], other[1]),

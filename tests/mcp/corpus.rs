@@ -5,8 +5,10 @@ use semismooth::complementarity::{McpSolver, check_jacobian};
 use crate::expressions::{Problem, parse, read};
 use crate::support::residual;
 
-fn files() -> Vec<PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/complementarity");
+fn files(folder: &str) -> Vec<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("tests/data")
+        .join(folder);
     let mut files: Vec<PathBuf> = std::fs::read_dir(folder)
         .unwrap()
         .map(|e| e.unwrap().path())
@@ -45,7 +47,7 @@ fn solutions_of(problem: &Problem, solver: &mut McpSolver) -> Vec<Vec<f64>> {
 #[test]
 fn every_start_of_every_file_is_solved() {
     let mut solver = McpSolver::default();
-    let files = files();
+    let files = files("complementarity");
     assert_eq!(files.len(), 15);
     for file in files {
         let problem = read(&file).unwrap();
@@ -64,6 +66,26 @@ fn every_start_of_every_file_is_solved() {
 }
 
 #[test]
+fn more_problems_of_the_literature_from_far_starts() {
+    let mut solver = McpSolver::default();
+    for file in files("mcp") {
+        let problem = read(&file).unwrap();
+        if problem.solvable {
+            solutions_of(&problem, &mut solver);
+            continue;
+        }
+        for (label, start) in &problem.starts {
+            let report = solver.solve(&problem.mcp, &mut start.clone()).unwrap();
+            assert!(
+                !report.is_solved(),
+                "{}, start {label}, has no solution",
+                problem.name
+            );
+        }
+    }
+}
+
+#[test]
 fn distinct_solutions_are_found_from_distinct_starts() {
     let mut solver = McpSolver::default();
     for (name, least) in [("aggarwal", 2), ("coulomb_node", 2), ("kojshin", 2)] {
@@ -76,7 +98,7 @@ fn distinct_solutions_are_found_from_distinct_starts() {
 
 #[test]
 fn derivatives_of_expressions_are_right() {
-    for file in files() {
+    for file in files("complementarity") {
         let problem = read(&file).unwrap();
         let x: Vec<f64> = (0..problem.mcp.len())
             .map(|i| 0.7 + 0.13 * (i % 7) as f64)

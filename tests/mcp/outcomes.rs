@@ -252,3 +252,43 @@ fn iterates_stay_inside_where_the_function_needs_it() {
         assert!(lowest.get() >= 0.0);
     }
 }
+
+#[test]
+fn leaving_the_bounds_on_the_way_is_an_option() {
+    // F is defined everywhere; the solution has one active bound.
+    let f = || {
+        WithJacobian::new(
+            2,
+            |x: &[f64], out: &mut [f64]| {
+                out[0] = x[0].powi(3) + x[1] - 9.0;
+                out[1] = x[0] - x[1].powi(3) + 3.0;
+            },
+            |x: &[f64], jac: &mut Matrix| {
+                jac.add(0, 0, 3.0 * x[0] * x[0]);
+                jac.add(0, 1, 1.0);
+                jac.add(1, 0, 1.0);
+                jac.add(1, 1, -3.0 * x[1] * x[1]);
+            },
+        )
+    };
+    let problem = Mcp::new(f(), vec![0.0, 0.0], vec![INF, 1.5]).unwrap();
+    let mut solver = McpSolver::new(McpOptions::default().with_stay_inside(false));
+    for start in [[0.0, 0.0], [5.0, 1.0], [-10.0, 40.0]] {
+        let mut x = start;
+        let report = solver.solve(&problem, &mut x).unwrap();
+        assert!(report.is_solved(), "{start:?}: {:?}", report.status);
+        assert!((0.0..=1.5).contains(&x[1]) && x[0] >= 0.0);
+        assert!(crate::support::residual(&problem, &x) <= 1e-9);
+    }
+}
+
+#[test]
+fn rounding_does_not_excuse_residuals_far_out() {
+    // x − y + 1 = 0 and y − x = 0 have no solution, but at 1e17 both vanish in floating-point numbers.
+    let f = AffineFunction::new(matrix(&[vec![1.0, -1.0], vec![-1.0, 1.0]]), vec![1.0, 0.0]).unwrap();
+    let problem = Mcp::equations(f).unwrap();
+    for start in [0.0, 1.0, 1e6, 1e9] {
+        let (x, report) = solve(&problem, &[start, start]);
+        assert!(!report.is_solved(), "{start}: {x:?}");
+    }
+}

@@ -32,6 +32,7 @@ pub(crate) fn solve<F: McpFunction>(problem: &Mcp<F>, start: &[f64]) -> (Vec<f64
 }
 
 /// A function of one variable with its derivative.
+#[allow(clippy::type_complexity)] // closures have no names
 pub(crate) fn scalar(
     f: impl Fn(f64) -> f64,
     derivative: impl Fn(f64) -> f64,

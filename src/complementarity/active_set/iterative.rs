@@ -1,7 +1,7 @@
 use std::sync::Arc;
 
 use super::nested::algebraic_start;
-use super::{ActiveSetOptions, Activity, ReducedSolver};
+use super::{ActiveSetOptions, ReducedSolver, Start};
 use crate::complementarity::{ComplementarityError, Lcp};
 use crate::linear::{LinearError, Prolongation, TruncatedMultigrid, aggregation_hierarchy};
 use crate::sparse::Matrix;
@@ -99,7 +99,7 @@ impl ReducedSolver for MultigridReduced {
         &mut self,
         lcp: &Lcp,
         options: &ActiveSetOptions,
-    ) -> Result<Option<(Vec<f64>, Vec<Activity>)>, ComplementarityError> {
+    ) -> Result<Option<Start>, ComplementarityError> {
         if self.given.is_some() || self.found.0.is_empty() {
             return Ok(None);
         }

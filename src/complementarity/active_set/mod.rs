@@ -15,8 +15,6 @@ mod solver;
 pub use direct::DirectReduced;
 pub use iterative::MultigridReduced;
 pub use nested::{LevelReport, Nested, NestedReport};
-pub use options::{
-    ActiveSetIteration, ActiveSetOptions, ActiveSetReport, ActiveSetStatus, Activity, Exchange,
-};
-pub use reduced::{AutoReduced, ReducedSolver};
+pub use options::{ActiveSetIteration, ActiveSetOptions, ActiveSetReport, ActiveSetStatus, Exchange};
+pub use reduced::{AutoReduced, ReducedSolver, Start};
 pub use solver::ActiveSetSolver;

@@ -1,10 +1,10 @@
 use std::sync::Arc;
 
 use super::{
-    ActiveSetIteration, ActiveSetOptions, ActiveSetReport, ActiveSetSolver, ActiveSetStatus, Activity,
-    MultigridReduced,
+    ActiveSetIteration, ActiveSetOptions, ActiveSetReport, ActiveSetSolver, ActiveSetStatus,
+    MultigridReduced, Start,
 };
-use crate::complementarity::{ComplementarityError, Lcp};
+use crate::complementarity::{BoundState, ComplementarityError, Lcp};
 use crate::linear::{LinearError, Prolongation, affine_prolongation, coarse_problem};
 use crate::sparse::Matrix;
 
@@ -43,7 +43,7 @@ pub struct NestedReport {
     /// Coarsest first.
     pub levels: Vec<LevelReport>,
     /// Sets of the finest level.
-    pub activity: Vec<Activity>,
+    pub states: Vec<BoundState>,
 }
 
 impl NestedReport {
@@ -135,7 +135,7 @@ impl Nested {
         z: &mut [f64],
     ) -> Result<NestedReport, ComplementarityError> {
         let mut levels = Vec::new();
-        let mut activity = Vec::new();
+        let mut states = Vec::new();
         let mut coarse: Vec<f64> = Vec::new();
         for k in (0..self.problems.len()).rev() {
             let problem = &self.problems[k];
@@ -164,7 +164,7 @@ impl Nested {
                 }
                 Some(p) => {
                     p.prolong(&coarse, &mut x);
-                    let sets = prolong_activity(p, &activity);
+                    let sets = p.inherit(&states, BoundState::Interior);
                     solver.solve_from(problem, &mut x, &sets)?
                 }
             };
@@ -173,7 +173,7 @@ impl Nested {
                 report,
                 history: solver.history().to_vec(),
             });
-            activity = solver.activity().to_vec();
+            states = solver.states().to_vec();
             coarse = x;
         }
         if z.len() != coarse.len() {
@@ -184,7 +184,7 @@ impl Nested {
             });
         }
         z.copy_from_slice(&coarse);
-        Ok(NestedReport { levels, activity })
+        Ok(NestedReport { levels, states })
     }
 }
 
@@ -208,7 +208,7 @@ pub(super) fn algebraic_start(
     hierarchy: &[Arc<Prolongation>],
     products: &[Matrix],
     options: &ActiveSetOptions,
-) -> Result<Option<(Vec<f64>, Vec<Activity>)>, ComplementarityError> {
+) -> Result<Option<Start>, ComplementarityError> {
     let mut first = None;
     let mut nested: Option<Nested> = None;
     for (p, product) in hierarchy.iter().zip(products) {
@@ -231,20 +231,8 @@ pub(super) fn algebraic_start(
         .with_tolerance(options.tolerance.max(COARSE_TOLERANCE));
     let mut coarse = vec![0.0; first.num_coarse()];
     let report = nested.solve(&options, &mut coarse)?;
-    let mut x = vec![0.0; lcp.len()];
-    first.prolong(&coarse, &mut x);
-    Ok(Some((x, prolong_activity(&first, &report.activity))))
-}
-
-/// A fine component rests at a bound where all coarse ones that it depends on do.
-pub(super) fn prolong_activity(p: &Prolongation, coarse: &[Activity]) -> Vec<Activity> {
-    (0..p.num_fine())
-        .map(|i| {
-            let mut parents = p.parents(i).map(|(c, _)| coarse[c]);
-            match parents.next() {
-                Some(first) if parents.all(|a| a == first) => first,
-                _ => Activity::Inactive,
-            }
-        })
-        .collect()
+    let mut z = vec![0.0; lcp.len()];
+    first.prolong(&coarse, &mut z);
+    let states = first.inherit(&report.states, BoundState::Interior);
+    Ok(Some(Start { z, states }))
 }

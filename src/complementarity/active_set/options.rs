@@ -1,17 +1,5 @@
 use crate::complementarity::ComplementarityError;
 
-/// Where a component rests.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
-pub enum Activity {
-    /// At its lower bound.
-    Lower,
-    /// Between its bounds: its equation holds.
-    #[default]
-    Inactive,
-    /// At its upper bound.
-    Upper,
-}
-
 /// Options of [`ActiveSetSolver`](super::ActiveSetSolver). The defaults need no touching.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]

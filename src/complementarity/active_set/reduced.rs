@@ -1,10 +1,19 @@
-use super::{ActiveSetOptions, Activity, DirectReduced, MultigridReduced};
-use crate::complementarity::{ComplementarityError, Lcp};
+use super::{ActiveSetOptions, DirectReduced, MultigridReduced};
+use crate::complementarity::{BoundState, ComplementarityError, Lcp};
 use crate::linear::LinearError;
 use crate::sparse::Matrix;
 
 /// Number of unknowns from which sparse symmetric systems are solved iteratively by [`AutoReduced`].
-const ITERATIVE: usize = 20_000;
+const ITERATIVE: usize = 5000;
+
+/// A start for an active-set method.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Start {
+    /// The point.
+    pub z: Vec<f64>,
+    /// Where each component rests.
+    pub states: Vec<BoundState>,
+}
 
 /// A solver for the reduced systems M_FF d_F = r_F of an active-set method; F are the free components.
 ///
@@ -43,7 +52,7 @@ pub trait ReducedSolver {
         &mut self,
         _lcp: &Lcp,
         _options: &ActiveSetOptions,
-    ) -> Result<Option<(Vec<f64>, Vec<Activity>)>, ComplementarityError> {
+    ) -> Result<Option<Start>, ComplementarityError> {
         Ok(None)
     }
 }
@@ -140,7 +149,7 @@ impl ReducedSolver for AutoReduced {
         &mut self,
         lcp: &Lcp,
         options: &ActiveSetOptions,
-    ) -> Result<Option<(Vec<f64>, Vec<Activity>)>, ComplementarityError> {
+    ) -> Result<Option<Start>, ComplementarityError> {
         match &mut self.iterative {
             Some(iterative) => iterative.coarse_start(lcp, options),
             None => Ok(None),

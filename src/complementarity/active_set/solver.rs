@@ -1,11 +1,11 @@
 use std::ops::ControlFlow;
 
 use super::{
-    ActiveSetIteration, ActiveSetOptions, ActiveSetReport, ActiveSetStatus, Activity, AutoReduced, Exchange,
+    ActiveSetIteration, ActiveSetOptions, ActiveSetReport, ActiveSetStatus, AutoReduced, Exchange,
     ReducedSolver,
 };
 use crate::complementarity::problem::natural;
-use crate::complementarity::{ComplementarityError, Lcp};
+use crate::complementarity::{BoundState, ComplementarityError, Lcp};
 use crate::linear::LinearError;
 
 /// Relative accuracy asked of iterative solves while the sets still change much.
@@ -45,8 +45,8 @@ const ROUNDING: f64 = 8.0 * f64::EPSILON;
 pub struct ActiveSetSolver<R = AutoReduced> {
     options: ActiveSetOptions,
     reduced: R,
-    activity: Vec<Activity>,
-    next: Vec<Activity>,
+    states: Vec<BoundState>,
+    next: Vec<BoundState>,
     ranking: Vec<(f64, usize)>,
     free: Vec<bool>,
     scale: Vec<f64>,
@@ -62,7 +62,7 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
         Self {
             options,
             reduced,
-            activity: Vec::new(),
+            states: Vec::new(),
             next: Vec::new(),
             ranking: Vec::new(),
             free: Vec::new(),
@@ -76,8 +76,8 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
 
     /// The sets at the end of the last run.
     #[must_use]
-    pub fn activity(&self) -> &[Activity] {
-        &self.activity
+    pub fn states(&self) -> &[BoundState] {
+        &self.states
     }
 
     /// The iterations of the last run.
@@ -94,8 +94,8 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
         self.solve_observed(lcp, z, None, |_| ControlFlow::Continue(()))
     }
 
-    /// Solves the problem, with the sets of the first iteration given instead of read off the start in `z`; what is [`Activity::Lower`] or
-    /// [`Activity::Upper`] without such a bound counts as inactive.
+    /// Solves the problem, with the sets of the first iteration given instead of read off the start in `z`; what is [`BoundState::Lower`] or
+    /// [`BoundState::Upper`] without such a bound counts as inactive.
     ///
     /// # Errors
     /// As [`solve`](Self::solve), and sets of the wrong length.
@@ -103,7 +103,7 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
         &mut self,
         lcp: &Lcp,
         z: &mut [f64],
-        sets: &[Activity],
+        sets: &[BoundState],
     ) -> Result<ActiveSetReport, ComplementarityError> {
         self.solve_observed(lcp, z, Some(sets), |_| ControlFlow::Continue(()))
     }
@@ -116,7 +116,7 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
         &mut self,
         lcp: &Lcp,
         z: &mut [f64],
-        sets: Option<&[Activity]>,
+        sets: Option<&[BoundState]>,
         mut observe: impl FnMut(&ActiveSetIteration) -> ControlFlow<()>,
     ) -> Result<ActiveSetReport, ComplementarityError> {
         self.options.validate()?;
@@ -150,11 +150,11 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
 
     /// Starts again from coarser problems, if there are any; tells whether.
     fn coarse_start(&mut self, lcp: &Lcp, z: &mut [f64]) -> Result<bool, ComplementarityError> {
-        let Some((x, sets)) = self.reduced.coarse_start(lcp, &self.options)? else {
+        let Some(start) = self.reduced.coarse_start(lcp, &self.options)? else {
             return Ok(false);
         };
-        z.copy_from_slice(&x);
-        self.next.copy_from_slice(&sets);
+        z.copy_from_slice(&start.z);
+        self.next.copy_from_slice(&start.states);
         lcp.residual(z, &mut self.w);
         Ok(true)
     }
@@ -164,9 +164,9 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
         self.reduced.load(lcp.matrix())?;
         self.history.clear();
         self.ranking.reserve(n);
-        for sets in [&mut self.activity, &mut self.next] {
+        for sets in [&mut self.states, &mut self.next] {
             sets.clear();
-            sets.resize(n, Activity::Inactive);
+            sets.resize(n, BoundState::Interior);
         }
         self.free.resize(n, true);
         for v in [&mut self.scale, &mut self.w, &mut self.r, &mut self.step] {
@@ -197,7 +197,7 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
         &mut self,
         lcp: &Lcp,
         z: &mut [f64],
-        sets: Option<&[Activity]>,
+        sets: Option<&[BoundState]>,
         observe: &mut dyn FnMut(&ActiveSetIteration) -> ControlFlow<()>,
     ) -> Result<ActiveSetStatus, ComplementarityError> {
         let n = z.len();
@@ -207,10 +207,10 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
             Some(sets) => {
                 for i in 0..n {
                     self.next[i] = match sets[i] {
-                        Activity::Upper if upper[i].is_finite() => Activity::Upper,
-                        Activity::Lower if lower[i].is_finite() => Activity::Lower,
-                        _ if lower[i] == upper[i] => Activity::Lower,
-                        _ => Activity::Inactive,
+                        BoundState::Upper if upper[i].is_finite() => BoundState::Upper,
+                        BoundState::Lower if lower[i].is_finite() => BoundState::Lower,
+                        _ if lower[i] == upper[i] => BoundState::Lower,
+                        _ => BoundState::Interior,
                     };
                 }
             }
@@ -230,9 +230,9 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
                 return Ok(ActiveSetStatus::IterationLimit);
             }
             if changes > 0 {
-                self.activity.copy_from_slice(&self.next);
+                self.states.copy_from_slice(&self.next);
                 for i in 0..n {
-                    self.free[i] = self.activity[i] == Activity::Inactive;
+                    self.free[i] = self.states[i] == BoundState::Interior;
                 }
                 self.reduced.select(lcp.matrix(), &self.free)?;
             }
@@ -296,9 +296,9 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
                     restarted = true;
                     for i in 0..n {
                         self.next[i] = match (lower[i].is_finite(), upper[i].is_finite()) {
-                            (true, _) => Activity::Lower,
-                            (false, true) => Activity::Upper,
-                            (false, false) => Activity::Inactive,
+                            (true, _) => BoundState::Lower,
+                            (false, true) => BoundState::Upper,
+                            (false, false) => BoundState::Interior,
                         };
                     }
                     changes = n;
@@ -322,10 +322,10 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
     ) -> Result<usize, ComplementarityError> {
         let pattern = lcp.matrix().pattern();
         for j in 0..z.len() {
-            let bound = match self.activity[j] {
-                Activity::Lower => lcp.lower()[j],
-                Activity::Upper => lcp.upper()[j],
-                Activity::Inactive => continue,
+            let bound = match self.states[j] {
+                BoundState::Lower => lcp.lower()[j],
+                BoundState::Upper => lcp.upper()[j],
+                BoundState::Interior => continue,
             };
             let move_by = bound - z[j];
             if move_by != 0.0 {
@@ -355,23 +355,27 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
         let rounding = ROUNDING * size(z);
         let mut changes = 0;
         for i in 0..z.len() {
-            let now = self.activity[i];
+            let now = self.states[i];
             let reach = self.w[i] / self.scale[i];
             self.next[i] = if lower[i] == upper[i] {
-                Activity::Lower
-            } else if direct && now != Activity::Inactive && reach.abs() <= rounding {
+                BoundState::Lower
+            } else if direct && now != BoundState::Interior && reach.abs() <= rounding {
                 // Degenerate: nothing says that the component should move.
                 now
             } else {
                 // For exact solves one of the two terms is zero.
                 let position = z[i] - reach;
-                let slack = if now == Activity::Inactive { rounding } else { 0.0 };
-                if position < lower[i] - slack || (position <= lower[i] && now == Activity::Lower) {
-                    Activity::Lower
-                } else if position > upper[i] + slack || (position >= upper[i] && now == Activity::Upper) {
-                    Activity::Upper
+                let slack = if now == BoundState::Interior {
+                    rounding
                 } else {
-                    Activity::Inactive
+                    0.0
+                };
+                if position < lower[i] - slack || (position <= lower[i] && now == BoundState::Lower) {
+                    BoundState::Lower
+                } else if position > upper[i] + slack || (position >= upper[i] && now == BoundState::Upper) {
+                    BoundState::Upper
+                } else {
+                    BoundState::Interior
                 }
             };
             changes += usize::from(self.next[i] != now);
@@ -381,19 +385,19 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
 
     /// Whether a component in `next` moves to a bound.
     fn adds(&self) -> bool {
-        let moves = |(next, now): (&Activity, &Activity)| next != now && *next != Activity::Inactive;
-        self.next.iter().zip(&self.activity).any(moves)
+        let moves = |(next, now): (&BoundState, &BoundState)| next != now && *next != BoundState::Interior;
+        self.next.iter().zip(&self.states).any(moves)
     }
 
     /// Keeps only the last of the changes in `next` (Murty's rule, in the order from the end), one step between bounds at a time.
     fn keep_one(&mut self) {
         let last = (0..self.next.len())
             .rev()
-            .find(|&i| self.next[i] != self.activity[i]);
+            .find(|&i| self.next[i] != self.states[i]);
         let Some(last) = last else { return };
-        self.next[..last].copy_from_slice(&self.activity[..last]);
-        if self.activity[last] != Activity::Inactive {
-            self.next[last] = Activity::Inactive;
+        self.next[..last].copy_from_slice(&self.states[..last]);
+        if self.states[last] != BoundState::Interior {
+            self.next[last] = BoundState::Interior;
         }
     }
 
@@ -402,12 +406,12 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
     fn keep_largest(&mut self, lcp: &Lcp, z: &[f64], at_most: usize) {
         self.ranking.clear();
         for i in 0..z.len() {
-            let now = self.activity[i];
+            let now = self.states[i];
             if self.next[i] == now {
                 continue;
             }
             let violation = match now {
-                Activity::Inactive => {
+                BoundState::Interior => {
                     (lcp.lower()[i] - z[i]).max(z[i] - lcp.upper()[i]) * self.scale[i].sqrt()
                 }
                 _ => self.w[i].abs() / self.scale[i].sqrt(),
@@ -416,7 +420,7 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
         }
         (self.ranking).sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
         for &(_, i) in self.ranking.iter().skip(at_most) {
-            self.next[i] = self.activity[i];
+            self.next[i] = self.states[i];
         }
     }
 

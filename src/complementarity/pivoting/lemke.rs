@@ -23,7 +23,7 @@ const ROUNDING: f64 = 1e-10;
 const MAX_ORDER: usize = 20_000;
 
 /// Options of [`Lemke`]. The defaults need no touching.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 #[non_exhaustive]
 pub struct LemkeOptions {
     /// Largest number of exchanges; default `None`: 50 n + 1000.
@@ -31,15 +31,6 @@ pub struct LemkeOptions {
     /// The covering vector d > 0, one entry an unknown; default `None`: all ones. It chooses the path, and with several
     /// solutions the one that is found.
     pub covering: Option<Vec<f64>>,
-}
-
-impl Default for LemkeOptions {
-    fn default() -> Self {
-        Self {
-            max_pivots: None,
-            covering: None,
-        }
-    }
 }
 
 impl LemkeOptions {
@@ -353,7 +344,7 @@ impl Lemke {
         self.fresh = false;
         loop {
             let (entering, direction) = self.complement(leaving, at_upper);
-            if *pivots % CHECK_EVERY == 0 && !self.verify(lcp)? {
+            if pivots.is_multiple_of(CHECK_EVERY) && !self.verify(lcp)? {
                 return Ok(LemkeStatus::Inaccurate);
             }
             if *pivots >= limit {

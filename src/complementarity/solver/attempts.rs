@@ -146,7 +146,7 @@ impl Engine<'_> {
         }
         for k in 0..self.options.restarts {
             for path in [false, true] {
-                if path && (!paths || k >= 6) {
+                if path && (k >= 6 || self.n() > self.options.max_path_size / 3) {
                     continue;
                 }
                 self.candidate(k);
@@ -405,14 +405,31 @@ impl Engine<'_> {
         proven
     }
 
+    /// Whether the residual at `work.x` is small enough where no strategy brought it down to the tolerance.
+    fn is_acceptable(&mut self) -> bool {
+        if !(self.best <= self.options.acceptable && self.evaluate() && self.jacobian()) {
+            return false;
+        }
+        let plan = Plan {
+            scaled: false,
+            ..Plan::newton(0)
+        };
+        self.linearise(&plan, true).is_some()
+            && self.residual() <= self.options.acceptable
+            && self.is_localised(None)
+    }
+
     /// Writes the best point to `x` and completes the report.
-    pub(super) fn finish(&mut self, status: McpStatus, x: &mut [f64]) {
-        let solved = status == McpStatus::Solved;
-        if !solved {
+    pub(super) fn finish(&mut self, mut status: McpStatus, x: &mut [f64]) {
+        self.fresh = false;
+        if status != McpStatus::Solved {
             let w = &mut *self.work;
             match self.best < f64::INFINITY {
                 true => w.x.copy_from_slice(&w.best),
                 false => w.x.copy_from_slice(&w.start),
+            }
+            if status != McpStatus::Interrupted && self.is_acceptable() {
+                status = McpStatus::Solved;
             }
         }
         x.copy_from_slice(&self.work.x);

@@ -1,10 +1,13 @@
 //! The solver of mixed complementarity problems.
 
+mod affine;
 mod attempts;
 mod engine;
+mod judge;
 mod options;
 mod path;
 mod report;
+mod steps;
 mod work;
 
 use std::ops::ControlFlow;
@@ -101,8 +104,8 @@ impl McpSolver {
         self.run(problem, x, None, &mut observe)
     }
 
-    /// [`solve`](Self::solve) for which the first step uses the given active set instead of that of the start: components said to be
-    /// at a bound are moved there. The states of a [report](McpReport::states) of a similar problem serve.
+    /// [`solve`](Self::solve) from an active set: components said to be at a bound are moved there, and for affine F the first step is
+    /// that of this active set. The [states](McpReport::states) of a similar problem serve.
     ///
     /// # Errors
     /// As [`solve`](Self::solve); states of the wrong length, or at a bound that does not exist.

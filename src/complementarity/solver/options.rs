@@ -10,6 +10,9 @@ pub struct McpOptions {
     ///
     /// Where rounding forbids it a residual that is no more than the rounding error of its own terms is taken, too.
     pub tolerance: f64,
+    /// Natural residual that counts as solved where no strategy reaches the tolerance, as happens at solutions whose Jacobian is
+    /// singular; at least the tolerance to have an effect. Default 1e-8.
+    pub acceptable: f64,
     /// Largest number of iterations, over all strategies, points of paths included. Default 20 000.
     pub max_iterations: usize,
     /// Largest number of iterations of one attempt. Default 200.
@@ -32,6 +35,7 @@ impl Default for McpOptions {
     fn default() -> Self {
         Self {
             tolerance: 1e-10,
+            acceptable: 1e-8,
             max_iterations: 20_000,
             max_attempt: 200,
             max_time: None,
@@ -59,6 +63,8 @@ impl McpOptions {
     setters! {
         /// Sets the bound on the natural residual.
         with_tolerance(tolerance: f64);
+        /// Sets the natural residual that counts as solved where the tolerance is out of reach.
+        with_acceptable(acceptable: f64);
         /// Sets the largest number of iterations, over all strategies.
         with_max_iterations(max_iterations: usize);
         /// Sets the largest number of iterations of one attempt.
@@ -85,6 +91,9 @@ impl McpOptions {
         let bad = |name, value, range| Err(ComplementarityError::Option { name, value, range });
         if !(self.tolerance > 0.0 && self.tolerance.is_finite()) {
             return bad("tolerance", self.tolerance, "positive and finite");
+        }
+        if !(self.acceptable >= 0.0 && self.acceptable.is_finite()) {
+            return bad("acceptable", self.acceptable, "finite and at least 0");
         }
         if self.max_iterations == 0 {
             return bad("max_iterations", 0.0, "at least 1");

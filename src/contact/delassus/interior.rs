@@ -15,6 +15,7 @@ const FREEZE: usize = 5;
 
 /// Added to the matrix against a mean diagonal of M of 1: near the boundary W² vanishes on the kernel of M.
 const SHIFT: f64 = 1e-12;
+const LARGEST_SHIFT: f64 = 1e-5;
 
 /// Orders from here on are solved by Cholesky and GMRES where M is sparse: fill-in is a fraction of that of LU.
 const LARGE: usize = 1500;
@@ -275,7 +276,7 @@ impl<const D: usize> Interior<D> {
         self.work = work;
     }
 
-    fn assemble(&mut self, p: &Scaled<D>) {
+    fn assemble(&mut self, p: &Scaled<D>, shift: f64) {
         let m = &p.matrix;
         let mut at = 0;
         let slope = f64::from(self.frozen == 0);
@@ -326,12 +327,12 @@ impl<const D: usize> Interior<D> {
                         for a in 0..D {
                             self.values[at + a] += w[a][c];
                         }
-                        self.values[at + c] += SHIFT * s * s;
+                        self.values[at + c] += shift * s * s;
                         if self.symmetric {
                             for a in 0..D {
                                 self.near[at + a] += w[a][c];
                             }
-                            self.near[at + c] += SHIFT * s * s;
+                            self.near[at + c] += shift * s * s;
                         }
                     }
                     at += D;
@@ -349,13 +350,22 @@ impl<const D: usize> Interior<D> {
                 self.w[i] = Nt::new(&self.x[i], &self.y[i]);
             }
         }
-        self.assemble(p);
-        self.factor()?;
-        let gap = self.gap();
-        self.direction_for(p, 0.0, 1.0, false)?;
-        let affine = self.longest(p);
-        let centring = (1.0 - affine).powi(3).clamp(1e-6, 1.0);
-        self.direction_for(p, centring * gap, 1.0 - centring, true)?;
+        // Near the boundary the matrix may be singular to working precision: a larger shift makes the step inexact, no more.
+        let mut shift = SHIFT;
+        loop {
+            self.assemble(p, shift);
+            if self.predict_and_correct(p).is_some() {
+                break;
+            }
+            if self.symmetric {
+                self.symmetric = false;
+                continue;
+            }
+            shift *= 1e2;
+            if shift > LARGEST_SHIFT {
+                return None;
+            }
+        }
         let length = (FRACTION * self.longest(p)).min(1.0);
         for i in 0..nc {
             for k in 0..D {
@@ -369,6 +379,16 @@ impl<const D: usize> Interior<D> {
             self.frozen = FREEZE;
         }
         Some(length)
+    }
+
+    /// Mehrotra's direction with the matrix assembled last.
+    fn predict_and_correct(&mut self, p: &Scaled<D>) -> Option<()> {
+        self.factor()?;
+        let gap = self.gap();
+        self.direction_for(p, 0.0, 1.0, false)?;
+        let affine = self.longest(p);
+        let centring = (1.0 - affine).powi(3).clamp(1e-6, 1.0);
+        self.direction_for(p, centring * gap, 1.0 - centring, true)
     }
 
     fn factor(&mut self) -> Option<()> {
@@ -391,7 +411,7 @@ impl<const D: usize> Interior<D> {
             if factored.is_ok() {
                 return Some(());
             }
-            self.symmetric = false;
+            return None;
         }
         self.solver.analyze(pattern).ok()?;
         let values = &self.values;

@@ -4,11 +4,11 @@ use crate::linear::{Cholesky, LinearSolver};
 use crate::sparse::MatrixRef;
 
 /// Most directions; the basis is not restarted.
-const DIRECTIONS: usize = 60;
+const DIRECTIONS: usize = 80;
 
 /// Relative residual aimed at, and the worst that is handed out.
 const AIM: f64 = 1e-12;
-const ACCEPT: f64 = 1e-6;
+const ACCEPT: f64 = 1e-4;
 
 /// Workspace of right-preconditioned GMRES (Y. Saad, M. H. Schultz, SIAM J. Sci. Stat. Comput. 7 (1986)).
 #[derive(Debug, Default)]

@@ -8,8 +8,6 @@ pub struct DelassusOptions {
     pub tolerance: f64,
     /// Largest number of factorisations. Default 2000.
     pub max_factorisations: usize,
-    /// Largest number of Gauss–Seidel sweeps in all. Default 20 000.
-    pub max_sweeps: usize,
 }
 
 impl Default for DelassusOptions {
@@ -17,7 +15,6 @@ impl Default for DelassusOptions {
         Self {
             tolerance: 1e-12,
             max_factorisations: 2000,
-            max_sweeps: 20_000,
         }
     }
 }
@@ -34,13 +31,6 @@ impl DelassusOptions {
     #[must_use]
     pub fn with_max_factorisations(mut self, n: usize) -> Self {
         self.max_factorisations = n;
-        self
-    }
-
-    /// Sets the largest number of Gauss–Seidel sweeps.
-    #[must_use]
-    pub fn with_max_sweeps(mut self, n: usize) -> Self {
-        self.max_sweeps = n;
         self
     }
 

@@ -8,7 +8,7 @@ use super::DelassusState;
 pub enum DelassusStatus {
     /// The residual is at most the tolerance.
     Solved,
-    /// The limits on factorisations and sweeps were reached.
+    /// The limit on factorisations was reached.
     Limit,
     /// Neither a proximal step nor a sweep makes progress any more: the problem may have no solution.
     Stalled,
@@ -57,11 +57,12 @@ pub struct DelassusIteration {
     pub phase: DelassusPhase,
     /// Residual after it ([`DelassusProblem::residual`](super::DelassusProblem::residual)).
     pub residual: f64,
-    /// Weight of the proximal term, against a mean diagonal of 1; 0 for sweeps.
+    /// Weight of the proximal term, against a mean diagonal of 1, or complementarity r·û a contact of interior points, in scaled
+    /// variables; 0 for sweeps.
     pub alpha: f64,
     /// Sweeps or Newton iterations.
     pub work: usize,
-    /// Whether the inner problem was solved.
+    /// Whether the inner problem was solved, or the step was not short.
     pub success: bool,
 }
 
@@ -79,7 +80,7 @@ pub struct DelassusReport {
     pub states: Vec<DelassusState>,
     /// [`DelassusProblem::residual`](super::DelassusProblem::residual) at `r`.
     pub residual: f64,
-    /// Newton iterations (one factorisation each).
+    /// Newton and interior-point iterations, one factorisation each.
     pub factorisations: usize,
     /// Sweeps of Gauss–Seidel.
     pub sweeps: usize,

@@ -8,16 +8,31 @@ use super::report::{DelassusIteration, DelassusPhase, DelassusReport, DelassusSt
 use super::scaled::{Scaled, Vector};
 use super::{DelassusError, DelassusOptions, DelassusProblem, DelassusState};
 
+/// Sweeps of the cheap first attempt.
 const SWEEPS: usize = 30;
+
+/// First weight of the proximal term, far from a solution and after interior points; its changes after success and failure.
 const ALPHA: f64 = 1e-2;
 const ALPHA_NEAR: f64 = 1e-5;
+const SHRINK: f64 = 0.3;
+const GROW: f64 = 4.0;
+const LEAST_ALPHA: f64 = 1e-10;
+const LARGEST_ALPHA: f64 = 1e6;
+
+/// Newton iterations of one proximal step.
 const INNER: usize = 30;
+
+/// Factorisations without a gain of a factor 3 after which proximal steps are given up.
 const PATIENCE: usize = 100;
+const LAST_PATIENCE: usize = 500;
 
 /// Residual from which proximal steps converge, as a rule.
 const NEAR: f64 = 1e-6;
+
 /// Largest violation of the law against q and u that a solution may have.
 const VIOLATION: f64 = 1e-6;
+
+/// Interior-point steps in one go.
 const INTERIOR_STEPS: usize = 80;
 
 /// What counts as no reaction and as no slip, relative to the largest entries in scaled variables.
@@ -44,6 +59,15 @@ macro_rules! flow {
 }
 
 /// Solver of [`DelassusProblem`]s.
+///
+/// In turn, until the residual is met: nonsmooth Gauss–Seidel with exact one-contact solutions; interior points for the law with
+/// De Saxcé's term, which cross the many near-degenerate contacts of stacks and packings and do not mind a singular M; semismooth
+/// Newton (P. Alart, A. Curnier 1991) on proximal problems M + αI, q − α r_k, with α driven to 0, for the last digits; and the
+/// same from more sweeps. Runs are deterministic. A large sparse M is factored by Cholesky with GMRES for De Saxcé's term, so
+/// that memory is that of its factor; a small or mostly full one by LU.
+///
+/// Where M is singular, or friction is large, solutions need not be unique: one is found. Where there is none, the best iterate
+/// is returned; a residual that is small only because reactions grow without bound is not taken for a solution.
 #[derive(Debug, Clone, Default)]
 pub struct DelassusSolver {
     options: DelassusOptions,
@@ -212,11 +236,13 @@ impl<'a, const D: usize> Run<'a, D> {
             flow!(self.interior(true)?);
         }
         self.restart();
-        flow!(self.proximal(ALPHA_NEAR)?);
+        flow!(self.proximal(ALPHA_NEAR, PATIENCE)?);
         self.r.iter_mut().for_each(|r| *r = [0.0; D]);
         self.sweeps_of(10 * SWEEPS);
         flow!(self.record(DelassusPhase::Sweeps, 0.0, 10 * SWEEPS, true)?);
-        flow!(self.proximal(ALPHA)?);
+        flow!(self.proximal(ALPHA, PATIENCE)?);
+        self.restart();
+        flow!(self.proximal(ALPHA, LAST_PATIENCE)?);
         Ok(DelassusStatus::Stalled)
     }
 
@@ -235,7 +261,7 @@ impl<'a, const D: usize> Run<'a, D> {
     fn interior(&mut self, may_freeze: bool) -> Outcome {
         let mut interior = Interior::new(&self.scaled);
         interior.start(&self.scaled, &self.r, may_freeze);
-        let (mut best, mut since) = (f64::INFINITY, 0);
+        let (mut best, mut since, mut stuck) = (f64::INFINITY, 0, 0);
         for _ in 0..INTERIOR_STEPS {
             if self.newton.factorisations >= self.options.max_factorisations {
                 return Ok(ControlFlow::Break(DelassusStatus::Limit));
@@ -247,9 +273,13 @@ impl<'a, const D: usize> Run<'a, D> {
             interior.reactions(&self.scaled, &mut self.r);
             let gap = interior.gap();
             let residual = flow_value!(self.record(DelassusPhase::Interior, gap, 1, length > 0.1)?);
-            since = if residual < 0.7 * best { 0 } else { since + 1 };
-            best = best.min(residual);
-            if gap < 1e-13 || since > 10 {
+            if residual < 0.7 * best {
+                (best, since) = (residual, 0);
+            } else {
+                since += 1;
+            }
+            stuck = if length < 0.02 { stuck + 1 } else { 0 };
+            if gap < 1e-13 || since > 10 || stuck > 4 {
                 break;
             }
         }
@@ -257,7 +287,7 @@ impl<'a, const D: usize> Run<'a, D> {
     }
 
     /// Proximal steps from the iterate until they no longer pay.
-    fn proximal(&mut self, mut alpha: f64) -> Outcome {
+    fn proximal(&mut self, mut alpha: f64, patience: usize) -> Outcome {
         let mut centre = self.r.clone();
         let (mut mark, mut mark_at) = (f64::INFINITY, self.newton.factorisations);
         loop {
@@ -281,15 +311,15 @@ impl<'a, const D: usize> Run<'a, D> {
             let converged = inner == Inner::Converged;
             let residual = flow_value!(self.record(DelassusPhase::Proximal, alpha, work, converged)?);
             if converged {
-                alpha = (alpha * 0.3).max(1e-10);
+                alpha = (alpha * SHRINK).max(LEAST_ALPHA);
             } else {
                 self.r.copy_from_slice(&centre);
-                alpha *= 4.0;
+                alpha *= GROW;
             }
             if residual < 0.3 * mark {
                 (mark, mark_at) = (residual, self.newton.factorisations);
             }
-            if self.newton.factorisations - mark_at > PATIENCE || alpha > 1e6 {
+            if self.newton.factorisations - mark_at > patience || alpha > LARGEST_ALPHA {
                 return Ok(ControlFlow::Continue(()));
             }
         }

@@ -14,11 +14,12 @@ fn lifted(termination: Termination) -> bool {
 }
 
 impl Diagram {
-    /// Goes on with a diagram that was stopped by a limit or by its observer (and perhaps written and read since), and adds what can be
-    /// reached from `starts`, which may be empty.
+    /// Goes on with a diagram that was stopped by a limit or by its observer (and perhaps written and read since), and adds
+    /// what can be reached from `starts`, which may be empty.
     ///
     /// All arms that were not followed are pending. The edge that was under way when the diagram was stopped is followed anew from
-    /// its last vertex: a run that is too short for an edge makes no progress. Limits on edges and points count what was done already. The range of the parameter must be the same.
+    /// its last vertex: a run that is too short for an edge makes no progress. Limits on edges and points count what was done
+    /// already. The range of the parameter must be the same.
     ///
     /// # Errors
     /// As [`explore`](Self::explore); diagrams that do not fit the map.
@@ -94,8 +95,8 @@ impl Diagram {
         Ok(explorer.diagram)
     }
 
-    /// Forgets the limits that a further run may lift, with the edges that ended there, and the starts from which nothing was followed:
-    /// these are given back.
+    /// Forgets the limits that a further run may lift, with the edges that ended there, and the starts from which nothing was
+    /// followed: these are given back.
     fn reopen(&mut self) -> Vec<Vec<f64>> {
         let stopped = |v: &DiagramVertex| matches!(v.kind, VertexKind::Limit(t) if lifted(t));
         let cut: Vec<bool> = (self.edges.iter())

@@ -7,7 +7,8 @@ use crate::piecewise::PiecewiseSmooth;
 
 impl Diagram {
     /// Explores from all solutions at each of the parameters `alphas`, as [`all_solutions`] finds them: whatever crosses one of
-    /// these values is in the diagram, isolas included. For maps that are piecewise affine in y at fixed α (in α they need not be).
+    /// these values is in the diagram, isolas included. For maps that are piecewise affine in y at fixed α (in α they need not
+    /// be).
     ///
     /// [`completeness`](Self::completeness) tells of an α whose solutions could not all be found.
     ///

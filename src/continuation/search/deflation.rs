@@ -68,8 +68,9 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Steps<'a, P> {
         })
     }
 
-    /// Newton's method on M(y) H(y), M = Π (1/‖y − y_k‖² + 1) over the known solutions, lengths relative to `unit` (Farrell, Birkisson
-    /// and Funke 2015). Its step is that of H times 1/(1 − ∇log M · d) (Sherman–Morrison). `true` where H has become small.
+    /// Newton's method on M(y) H(y), M = Π (1/‖y − y_k‖² + 1) over the known solutions, lengths relative to `unit` (Farrell,
+    /// Birkisson and Funke 2015). Its step is that of H times 1/(1 − ∇log M · d) (Sherman–Morrison). `true` where H has become
+    /// small.
     pub(super) fn deflated(&mut self, known: &[&[f64]], unit: f64, x: &mut [f64]) -> bool {
         let n = self.map.num_residuals();
         let mut selection = Selection::uniform(self.layout.num_sites(), 0);

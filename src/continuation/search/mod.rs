@@ -97,8 +97,8 @@ impl fmt::Display for FoundSolutions {
 }
 
 /// Searches for solutions of H(y, α) = 0 at fixed `alpha` (of H(x) = 0 for a map without parameter; `alpha` is then ignored):
-/// from the given starts, from random points and selections, from selections next to those of known solutions, by deflation of what is known, and along the curves through
-/// it. For maps of any kind and size; where pieces are affine and sites few,
+/// from the given starts, from random points and selections, from selections next to those of known solutions, by deflation of
+/// what is known, and along the curves through it. For maps of any kind and size; where pieces are affine and sites few,
 /// [`all_solutions`](crate::enumeration::all_solutions) gives a list that is complete.
 ///
 /// Starts are points x of the map; their last entry is replaced by `alpha` for a curve. Without starts, 0 is one.

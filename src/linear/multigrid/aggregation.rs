@@ -12,7 +12,7 @@ const MIN_COARSENING: f64 = 0.7;
 pub(super) fn smoothed_aggregation(a: &Rows) -> Result<Option<Prolongation>, LinearError> {
     let n = a.nrows();
     let diagonal = diagonal(a);
-    if diagonal.iter().any(|d| !(*d > 0.0)) {
+    if diagonal.iter().any(|d| d.is_nan() || *d <= 0.0) {
         return Ok(None);
     }
     let (aggregate, count) = aggregates(a, &diagonal);

@@ -144,6 +144,23 @@ impl Prolongation {
         }
     }
 
+    /// What holds for more than half of the parents of a fine unknown, by weight; `otherwise` where nothing does: carries active sets
+    /// from a coarse problem to a finer one.
+    #[must_use]
+    pub fn inherit<T: Copy + PartialEq>(&self, coarse: &[T], otherwise: T) -> Vec<T> {
+        let most = |i: usize| {
+            let parents = || {
+                self.parents(i)
+                    .filter_map(|(c, w)| Some((*coarse.get(c)?, w.abs())))
+            };
+            let half = 0.5 * parents().map(|p| p.1).sum::<f64>();
+            let weight = |kind: T| parents().filter(|p| p.0 == kind).map(|p| p.1).sum::<f64>();
+            let found = parents().map(|p| p.0).find(|&kind| weight(kind) > half);
+            found.unwrap_or(otherwise)
+        };
+        (0..self.num_fine()).map(most).collect()
+    }
+
     /// `coarse = Pᵀ fine`. Lengths must fit.
     pub fn restrict(&self, fine: &[f64], coarse: &mut [f64]) {
         for (c, y) in coarse.iter_mut().enumerate() {

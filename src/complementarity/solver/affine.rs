@@ -1,0 +1,88 @@
+//! Full steps of the natural map for affine problems.
+
+use super::engine::{Engine, Plan};
+use super::work::Work;
+use super::{McpStatus, McpStep};
+
+impl Engine<'_> {
+    /// Full steps of the natural map for affine F, where each active set has one step: ends at a solution, or where a set comes back.
+    pub(super) fn affine_newton(&mut self, plan: &Plan) -> McpStatus {
+        let limit = (50 + self.n() / 2).min(plan.max_iterations);
+        self.work.visited.clear();
+        if !self.evaluate() {
+            return McpStatus::EvaluationFailure {
+                component: self.bad_component.unwrap_or(0),
+            };
+        }
+        if !self.jacobian() {
+            return McpStatus::EvaluationFailure {
+                component: self.bad_component.unwrap_or(0),
+            };
+        }
+        self.equilibrate(plan);
+        self.scale_jacobian(plan);
+        let mut unchanged = false;
+        for k in 0..=limit {
+            if let Some(status) = self.exhausted() {
+                return status;
+            }
+            let merit = self.merit(plan);
+            let residual = self.residual();
+            let small = residual <= self.options.tolerance;
+            if small || unchanged {
+                let Work { x, trial_x, .. } = &mut *self.work;
+                trial_x.copy_from_slice(x);
+                for i in 0..self.n() {
+                    self.work.x[i] = self.clamp(i, self.work.x[i]);
+                }
+                if !self.evaluate() {
+                    break;
+                }
+                let residual = self.residual();
+                self.note_best(residual);
+                if plan.proximal > 0.0 || residual <= self.options.tolerance || self.is_rounding() {
+                    self.record(residual, merit, McpStep::None, 0.0);
+                    return McpStatus::Solved;
+                }
+                break;
+            }
+            if (0..self.n()).all(|i| self.work.x[i] == self.clamp(i, self.work.x[i])) {
+                self.note_best(residual);
+            }
+            let given = self.given_active && k == 0;
+            unchanged = !given && self.update_active() && k > 0;
+            if unchanged {
+                continue;
+            }
+            let mark = hash(&self.work.active);
+            if k == limit || self.work.visited.contains(&mark) {
+                break;
+            }
+            self.work.visited.push(mark);
+            if !self.natural_step() {
+                break;
+            }
+            self.record(residual, merit, McpStep::Natural, 1.0);
+            self.make_trial(1.0, false);
+            for i in 0..self.n() {
+                match self.work.active[i] {
+                    -1 => self.work.trial_x[i] = self.lower[i],
+                    1 => self.work.trial_x[i] = self.upper[i],
+                    _ => {}
+                }
+            }
+            if !self.evaluate_trial() {
+                break;
+            }
+            self.accept_trial();
+        }
+        McpStatus::Stalled
+    }
+}
+
+/// FNV-1a.
+fn hash(active: &[i8]) -> u64 {
+    active.iter().fold(0xcbf2_9ce4_8422_2325, |h, a| {
+        (h ^ u64::from(a.cast_unsigned())).wrapping_mul(0x0100_0000_01b3)
+    })
+}

@@ -1,0 +1,246 @@
+//! Directions, and how far to go along them.
+
+use super::McpStep;
+use super::engine::{ARMIJO, Engine, Plan};
+use super::work::{NORMAL_EQUATIONS, Work};
+use crate::complementarity::fischer::{Gap, component_gradient};
+
+impl Engine<'_> {
+    /// The active set at `work.x`: −1 lower, +1 upper; whether it is the one it was.
+    pub(super) fn update_active(&mut self) -> bool {
+        let mut same = true;
+        for i in 0..self.n() {
+            let Gap { below, above } = self.gap(i, self.work.x[i]);
+            let f = self.work.scaled[i];
+            let now = if self.lower[i] == self.upper[i] || f > below {
+                -1
+            } else if -f > above {
+                1
+            } else {
+                0
+            };
+            same &= now == self.work.active[i];
+            self.work.active[i] = now;
+        }
+        same
+    }
+
+    /// The Newton step of the natural map for the active set at hand.
+    pub(super) fn natural_step(&mut self) -> bool {
+        self.bound_steps();
+        self.report.factorisations += 1;
+        self.work.solve_reduced()
+    }
+
+    /// The steps of the components at bounds, 0 for the others.
+    pub(super) fn bound_steps(&mut self) {
+        let w = &mut *self.work;
+        for i in 0..w.n {
+            w.d[i] = match w.active[i] {
+                -1 => (self.lower[i] - w.x[i]) / w.col[i],
+                1 => (self.upper[i] - w.x[i]) / w.col[i],
+                _ => 0.0,
+            };
+        }
+    }
+
+    /// trial_x = P(x + t C d); components that step to a bound land on it.
+    pub(super) fn make_trial(&mut self, t: f64, inside: bool) {
+        let w = &mut *self.work;
+        for i in 0..w.n {
+            let x = w.x[i] + t * w.col[i] * w.d[i];
+            w.trial_x[i] = match w.active[i] {
+                -1 if t == 1.0 && inside => self.lower[i],
+                1 if t == 1.0 && inside => self.upper[i],
+                _ if inside => x.max(self.lower[i]).min(self.upper[i]),
+                _ => x,
+            };
+        }
+    }
+
+    pub(super) fn accept_trial(&mut self) {
+        let w = &mut *self.work;
+        std::mem::swap(&mut w.x, &mut w.trial_x);
+        std::mem::swap(&mut w.f, &mut w.trial_f);
+    }
+
+    /// ‖x − trial_x‖∞.
+    pub(super) fn step_length(&self) -> f64 {
+        let w = &*self.work;
+        (0..w.n).fold(0.0, |m: f64, i| m.max((w.x[i] - w.trial_x[i]).abs()))
+    }
+
+    /// The merit at P(x + t C d), which is left in `work.trial_x`; `None` where F is not finite.
+    pub(super) fn try_along(&mut self, plan: &Plan, t: f64) -> Option<f64> {
+        self.work.active.fill(0);
+        self.make_trial(t, true);
+        if !self.evaluate_trial() {
+            return None;
+        }
+        Some(self.trial_merit(plan))
+    }
+
+    /// A full, projected step of the natural map: taken where it helps, or on credit.
+    pub(super) fn try_natural(
+        &mut self,
+        plan: &Plan,
+        reference: f64,
+        locked: bool,
+        inside: bool,
+    ) -> Option<f64> {
+        self.update_active();
+        if !self.natural_step() {
+            return None;
+        }
+        self.make_trial(1.0, inside);
+        let mut t = 1.0;
+        // Out of the domain: half way, and so on.
+        while !self.evaluate_trial() {
+            t *= 0.5;
+            if t < 1e-3 {
+                return None;
+            }
+            self.make_trial(t, inside);
+        }
+        let psi = self.trial_merit(plan);
+        if psi.is_nan() {
+            return None;
+        }
+        let wanted = if plan.credit == 0 { 0.5 } else { 1.0 - ARMIJO };
+        if psi <= wanted * reference {
+            return Some(t);
+        }
+        let w = &*self.work;
+        if plan.proximal == 0.0 && self.residual_of(&w.trial_x, &w.trial_f) <= 0.25 * self.attempt_best {
+            return Some(t);
+        }
+        (!locked && plan.credit > 0 && psi < 1e6 * (1.0 + reference)).then_some(t)
+    }
+
+    /// ∂Φ and its H in `work.system`, HᵀΦ in `work.gradient`.
+    pub(super) fn prepare_fischer(&mut self, plan: &Plan, shift: f64) {
+        let n = self.n();
+        let mut any = false;
+        for i in 0..n {
+            let Gap { below, above } = self.gap(i, self.work.x[i]);
+            let kink = self.work.scaled[i] == 0.0 && (below == 0.0 || above == 0.0);
+            self.work.scratch[i] = f64::from(u8::from(kink));
+            any |= kink;
+        }
+        self.work.rate.fill(0.0);
+        if any {
+            let Work {
+                jac, scratch, rate, ..
+            } = &mut *self.work;
+            jac.mul_vec(scratch, rate);
+        }
+        for i in 0..n {
+            let gap = self.gap(i, self.work.x[i]);
+            let (a, b) = component_gradient(gap, self.work.scaled[i], plan.lambda, self.work.rate[i]);
+            self.work.da[i] = a;
+            self.work.db[i] = b;
+        }
+        self.work.build_fischer(shift);
+        let Work {
+            system,
+            phi,
+            gradient,
+            ..
+        } = &mut *self.work;
+        system.mul_transpose_vec(phi, gradient);
+    }
+
+    /// Line searches along the Newton step of Φ, regularised steps and the negative gradient.
+    pub(super) fn try_fischer(
+        &mut self,
+        plan: &Plan,
+        psi: f64,
+        reference: f64,
+        inside: bool,
+    ) -> Option<(McpStep, f64)> {
+        let n = self.n();
+        // Steps to bounds are not special here.
+        self.work.active.fill(0);
+        self.prepare_fischer(plan, 0.0);
+        let norm = (2.0 * psi).sqrt();
+        for i in 0..n {
+            self.work.d[i] = -self.work.phi[i];
+        }
+        self.report.factorisations += 1;
+        if self.work.solve_system()
+            && let Some(t) = self.search(plan, psi, reference, 1.0, 1e-2, inside)
+        {
+            return Some((McpStep::FischerBurmeister, t));
+        }
+        if n <= NORMAL_EQUATIONS {
+            let mut mu = norm.min(1.0) * 1e-3;
+            for _ in 0..5 {
+                self.report.factorisations += 1;
+                if self.work.solve_regularised(mu)
+                    && let Some(t) = self.search(plan, psi, reference, 1.0, 0.1, inside)
+                {
+                    return Some((McpStep::Regularised, t));
+                }
+                mu *= 30.0;
+            }
+        } else {
+            let mut shift = norm.min(1.0) * 1e-3;
+            for _ in 0..4 {
+                self.work.build_fischer(shift);
+                for i in 0..n {
+                    self.work.d[i] = -self.work.phi[i];
+                }
+                self.report.factorisations += 1;
+                if self.work.solve_system()
+                    && let Some(t) = self.search(plan, psi, reference, 1.0, 0.1, inside)
+                {
+                    return Some((McpStep::Regularised, t));
+                }
+                shift *= 10.0;
+            }
+        }
+        let steepest: f64 = self.work.gradient.iter().map(|g| g * g).sum();
+        if steepest == 0.0 {
+            return None;
+        }
+        let t = (2.0 * psi / steepest).min(1e6);
+        for i in 0..n {
+            self.work.d[i] = -self.work.gradient[i];
+        }
+        self.search(plan, psi, reference, t, t * 1e-10, inside)
+            .map(|s| (McpStep::Gradient, s))
+    }
+
+    /// Armijo search along P(x + t C d) from t = `first` down to `least`.
+    pub(super) fn search(
+        &mut self,
+        plan: &Plan,
+        psi: f64,
+        reference: f64,
+        first: f64,
+        least: f64,
+        inside: bool,
+    ) -> Option<f64> {
+        let mut t = first;
+        for _ in 0..40 {
+            if !(t >= least && t > 0.0) {
+                break;
+            }
+            self.make_trial(t, inside);
+            let slope: f64 = {
+                let w = &*self.work;
+                (0..w.n)
+                    .map(|i| w.gradient[i] * (w.trial_x[i] - w.x[i]) / w.col[i])
+                    .sum()
+            };
+            if slope < 0.0 && self.evaluate_trial() {
+                let trial = self.trial_merit(plan);
+                if trial <= reference + ARMIJO * slope && (trial < psi * (1.0 - 1e-14) || reference > psi) {
+                    return Some(t);
+                }
+            }
+            t *= 0.5;
+        }
+        None
+    }
+}
