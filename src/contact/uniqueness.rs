@@ -15,7 +15,7 @@ use crate::sparse::{Matrix, Pattern};
 /// ```text
 /// c_inv² = λmax(M, Bν A₀⁻¹ Bνᵀ in densities),  A₀: v_t = 0 on Γc     ‖μ‖_L² ≤ c_inv sup_v (μ, v_ν)/‖v‖_A
 /// c_t²   = λmax(M^½ W_tt M^½)                                        ‖v_t‖_L² ≤ c_t ‖v‖_A
-/// c_∞²   = maxᵢ λmax(W_tt[i, i])                                     max |v_t| ≤ c_∞ ‖v‖_A
+/// c_∞²   = maxᵢ λmax(W_tt,ii)                                        max |v_t| ≤ c_∞ ‖v‖_A
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
