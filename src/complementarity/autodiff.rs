@@ -42,7 +42,8 @@ pub trait SmoothFunction {
 /// }
 /// let problem = Mcp::new(Autodiff::new(Prices), vec![1e-6, 0.0], vec![f64::INFINITY; 2])?;
 /// let mut x = [3.0, 3.0];
-/// let report = McpSolver::default().solve(&problem, &mut x)?;
+/// let mut solver = McpSolver::default();
+/// let report = solver.solve(&problem, &mut x)?;
 /// assert!(report.is_solved());
 /// # Ok::<(), semismooth::complementarity::ComplementarityError>(())
 /// ```

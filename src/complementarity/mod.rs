@@ -30,7 +30,8 @@
 //! );
 //! let problem = Mcp::ncp(f)?;
 //! let mut x = [0.0];
-//! let report = McpSolver::default().solve(&problem, &mut x)?;
+//! let mut solver = McpSolver::default();
+//! let report = solver.solve(&problem, &mut x)?;
 //! assert!(report.is_solved() && (x[0] - 1.0 - 1.01_f64.sqrt()).abs() < 1e-9);
 //! # Ok::<(), semismooth::complementarity::ComplementarityError>(())
 //! ```

@@ -29,8 +29,11 @@ impl SmallLu {
             let (done, rest) = self.entries.split_at_mut(j * k);
             let column = &mut rest[..k];
             let largest = column.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+            // The columns before it are in the order of all exchanges so far.
             for (i, &p) in self.exchanged.iter().enumerate() {
                 column.swap(i, p);
+            }
+            for i in 0..j {
                 let head = column[i];
                 if head != 0.0 {
                     let factors = &done[i * k + i + 1..(i + 1) * k];

@@ -91,7 +91,12 @@ pub struct Lemke {
     has_ray: bool,
     refactorisations: usize,
     fresh: bool,
+    /// How often the path was begun anew with another covering vector.
+    turn: usize,
 }
+
+/// Paths begun anew at most.
+const TURNS: usize = 4;
 
 /// What bounds the move of the entering variable.
 enum Block {
@@ -124,11 +129,22 @@ impl Lemke {
     pub fn solve(&mut self, lcp: &Lcp, z: &mut [f64]) -> Result<LemkeReport, ComplementarityError> {
         let n = lcp.len();
         self.check(lcp, z)?;
-        self.prepare(n);
-        self.start(lcp)?;
         let limit = self.options.max_pivots.unwrap_or(50 * n + 1000);
         let mut pivots = 0;
-        let status = self.follow(lcp, limit, &mut pivots)?;
+        self.turn = 0;
+        let status = loop {
+            self.prepare(n);
+            self.start(lcp)?;
+            let mut count = 0;
+            let status = self.follow(lcp, limit, &mut count)?;
+            pivots += count;
+            // Ties with opposite bounds may cycle whatever the order of rows: another covering vector meets none of them.
+            let chosen = self.options.covering.is_some() || self.options.max_pivots.is_some();
+            if status != LemkeStatus::PivotLimit || chosen || self.turn == TURNS {
+                break status;
+            }
+            self.turn += 1;
+        };
         self.point(lcp, z);
         lcp.residual(z, &mut self.work);
         let mut report = LemkeReport {
@@ -143,6 +159,15 @@ impl Lemke {
             };
         }
         Ok(report)
+    }
+
+    /// Entry k of the covering vector: the one chosen, or ones, spread by golden fractions in later turns.
+    fn covering(&self, k: usize) -> f64 {
+        const GOLDEN: f64 = 0.618_033_988_749_894_9;
+        match &self.options.covering {
+            Some(d) => d[k],
+            None => 1.0 + (self.turn as f64 * GOLDEN * (k + 1) as f64).fract(),
+        }
     }
 
     fn check(&self, lcp: &Lcp, z: &[f64]) -> Result<(), ComplementarityError> {
@@ -342,7 +367,7 @@ impl Lemke {
     fn enter_cover(&mut self) -> Option<usize> {
         let n = self.basic.len();
         for k in 0..n {
-            let d = self.options.covering.as_ref().map_or(1.0, |d| d[k]);
+            let d = self.covering(k);
             // B⁻¹ times the column of t: the basic variables grow by d an unit of t.
             self.entering[k] = match (self.basic[k], self.side[k]) {
                 (Var::Slack(_), Side::Lower) => -d,

@@ -4,7 +4,8 @@
 pub struct LemkeOptions {
     /// Largest number of exchanges; default `None`: 50 n + 1000.
     pub max_pivots: Option<usize>,
-    /// The covering vector d > 0, one entry an unknown; default `None`: all ones. It chooses the path, and with several
+    /// The covering vector d > 0, one entry an unknown; default `None`: all ones, and others where that path cycles (unless
+    /// `max_pivots` is set). It chooses the path, and with several
     /// solutions the one that is found.
     pub covering: Option<Vec<f64>>,
 }
