@@ -3,7 +3,7 @@ use std::cell::RefCell;
 use super::affine::with_diagonal;
 use super::error::check_finite;
 use super::{AffineFunction, ComplementarityError, McpFunction};
-use crate::sparse::{Matrix, Pattern};
+use crate::sparse::{Matrix, Pattern, max_abs};
 
 /// A mixed complementarity problem MCP(F, l, u).
 ///
@@ -226,14 +226,6 @@ pub(super) fn natural(x: f64, lower: f64, upper: f64, f: f64) -> f64 {
     } else {
         f
     }
-}
-
-/// The largest absolute value; NaN if there is one.
-pub(super) fn max_abs(v: &[f64]) -> f64 {
-    v.iter().fold(
-        0.0,
-        |a: f64, b| if b.abs() > a || b.is_nan() { b.abs() } else { a },
-    )
 }
 
 /// A function with its parameter fixed.

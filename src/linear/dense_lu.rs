@@ -267,7 +267,7 @@ fn solve_fixed<const N: usize>(lu: &[f64], perm: &[usize], b: &mut [f64], transp
 }
 
 /// Elimination with partial pivoting in place; `true` for an odd number of exchanges, `None` at a pivot that is zero.
-fn eliminate_small(n: usize, lu: &mut [f64], perm: &mut [usize]) -> Option<bool> {
+pub(super) fn eliminate_small(n: usize, lu: &mut [f64], perm: &mut [usize]) -> Option<bool> {
     let mut odd = false;
     for k in 0..n {
         let pivot = k + arg_max_abs(&lu[k * n + k..(k + 1) * n]);
@@ -330,7 +330,7 @@ fn eliminate_fixed<const N: usize>(_: usize, lu: &mut [f64], perm: &mut [usize])
     Some(odd)
 }
 
-fn solve_small(lu: &[f64], perm: &[usize], b: &mut [f64], transpose: bool) {
+pub(super) fn solve_small(lu: &[f64], perm: &[usize], b: &mut [f64], transpose: bool) {
     let n = b.len();
     if transpose {
         for k in 0..n {

@@ -1,3 +1,6 @@
+use super::dense_lu::{eliminate_small, solve_small};
+use crate::sparse::max_abs;
+
 /// Pivots below this share of the largest entry of their column count as zero.
 const SINGULAR: f64 = 1e-13;
 
@@ -9,6 +12,8 @@ pub(crate) struct SmallLu {
     /// Column-major.
     entries: Vec<f64>,
     exchanged: Vec<usize>,
+    /// Largest modulus in each column before elimination.
+    largest: Vec<f64>,
 }
 
 impl SmallLu {
@@ -24,73 +29,23 @@ impl SmallLu {
     pub(crate) fn factor(&mut self) -> bool {
         let k = self.order;
         self.exchanged.clear();
-        for j in 0..k {
-            // Left-looking: bring column j up to date with the columns before it.
-            let (done, rest) = self.entries.split_at_mut(j * k);
-            let column = &mut rest[..k];
-            let largest = column.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
-            // The columns before it are in the order of all exchanges so far.
-            for (i, &p) in self.exchanged.iter().enumerate() {
-                column.swap(i, p);
-            }
-            for i in 0..j {
-                let head = column[i];
-                if head != 0.0 {
-                    let factors = &done[i * k + i + 1..(i + 1) * k];
-                    for (c, l) in column[i + 1..].iter_mut().zip(factors) {
-                        *c -= head * l;
-                    }
-                }
-            }
-            let mut pivot = j;
-            for i in j + 1..k {
-                if column[i].abs() > column[pivot].abs() {
-                    pivot = i;
-                }
-            }
-            let value = column[pivot];
-            // Written so that NaN fails.
-            if !(value.abs() > SINGULAR * largest && value.is_finite()) {
-                return false;
-            }
-            column.swap(j, pivot);
-            for c in &mut column[j + 1..] {
-                *c /= value;
-            }
-            if pivot != j {
-                for i in 0..j {
-                    done.swap(i * k + j, i * k + pivot);
-                }
-            }
-            self.exchanged.push(pivot);
+        self.exchanged.resize(k, 0);
+        self.largest.clear();
+        let columns = self.entries.chunks_exact(k.max(1));
+        self.largest.extend(columns.map(max_abs));
+        if eliminate_small(k, &mut self.entries, &mut self.exchanged).is_none() {
+            return false;
         }
-        true
+        // Written so that NaN fails.
+        self.largest.iter().enumerate().all(|(j, largest)| {
+            let pivot = self.entries[j * k + j];
+            pivot.abs() > SINGULAR * largest && pivot.is_finite()
+        })
     }
 
     /// Overwrites b by A⁻¹ b.
     pub(crate) fn solve(&self, b: &mut [f64]) {
-        let k = self.order;
-        for (i, &p) in self.exchanged.iter().enumerate() {
-            b.swap(i, p);
-        }
-        for i in 0..k {
-            let head = b[i];
-            if head != 0.0 {
-                for (x, l) in b[i + 1..]
-                    .iter_mut()
-                    .zip(&self.entries[i * k + i + 1..(i + 1) * k])
-                {
-                    *x -= head * l;
-                }
-            }
-        }
-        for i in (0..k).rev() {
-            b[i] /= self.entries[i * k + i];
-            let head = b[i];
-            for (x, u) in b[..i].iter_mut().zip(&self.entries[i * k..i * k + i]) {
-                *x -= head * u;
-            }
-        }
+        solve_small(&self.entries, &self.exchanged, b, false);
     }
 }
 

@@ -1,6 +1,7 @@
 //! Central differences of test functions, for maps that do not bring derivatives.
 
 use super::{PiecewiseSmooth, TestLayout};
+use crate::sparse::max_abs;
 
 /// Cube root of the rounding unit: the step that balances truncation and rounding in central differences.
 const STEP: f64 = 6.055e-6;
@@ -43,11 +44,4 @@ pub(super) fn test_gradient<P: PiecewiseSmooth + ?Sized>(
         gradient[j] = (plus - minus) / (2.0 * h);
         y[j] = x[j];
     }
-}
-
-fn max_abs(v: &[f64]) -> f64 {
-    v.iter().fold(
-        0.0,
-        |a: f64, b| if b.abs() > a || b.is_nan() { b.abs() } else { a },
-    )
 }

@@ -16,4 +16,4 @@ pub use matrix_market::{
     parse_matrix_market, parse_vector, read_matrix_market, read_vector, write_matrix_market,
 };
 pub use pattern::{Pattern, PatternRef};
-pub(crate) use vector::{dot, norm};
+pub(crate) use vector::{dot, max_abs, norm};

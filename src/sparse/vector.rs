@@ -22,9 +22,17 @@ pub(crate) fn norm(v: &[f64]) -> f64 {
     if (1e-290..1e290).contains(&squares) || squares.is_nan() {
         return squares.sqrt();
     }
-    let max = v.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+    let max = max_abs(v);
     if max == 0.0 || max.is_infinite() {
         return max;
     }
     max * v.iter().map(|x| (x / max).powi(2)).sum::<f64>().sqrt()
+}
+
+/// max |vᵢ|, 0 for an empty vector; NaN if there is one.
+pub(crate) fn max_abs(v: &[f64]) -> f64 {
+    v.iter().fold(
+        0.0,
+        |m: f64, x| if x.abs() > m || x.is_nan() { x.abs() } else { m },
+    )
 }

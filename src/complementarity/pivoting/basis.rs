@@ -1,5 +1,5 @@
 use crate::linear::{DenseLu, LinearError, LinearSolver};
-use crate::sparse::Matrix;
+use crate::sparse::{Matrix, dot};
 
 /// Rows of the inverse with fewer entries than this part of n are updated by index.
 const SPARSE_ROW: usize = 4;
@@ -92,22 +92,4 @@ impl Basis {
         }
         self.solver.solve_transpose_in_place(&mut self.inverse)
     }
-}
-
-/// Partial sums, so that the additions need not wait for one another.
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let (ca, cb) = (a.chunks_exact(8), b.chunks_exact(8));
-    let tail: f64 = ca
-        .remainder()
-        .iter()
-        .zip(cb.remainder())
-        .map(|(x, y)| x * y)
-        .sum();
-    let mut sums = [0.0; 8];
-    for (x, y) in ca.zip(cb) {
-        for k in 0..8 {
-            sums[k] += x[k] * y[k];
-        }
-    }
-    sums.iter().sum::<f64>() + tail
 }

@@ -1,9 +1,10 @@
 //! The order of attempts, and what a solve reports in the end.
 
-use super::engine::{Engine, Plan, max_abs};
+use super::engine::{Engine, Plan};
 use super::{BoundState, Fallback, McpStatus, McpStrategy};
 use crate::complementarity::Mcp;
 use crate::enumeration::{EnumerationOptions, all_solutions};
+use crate::sparse::max_abs;
 
 /// Affine problems up to this size are searched by enumeration of active sets.
 const ENUMERABLE: usize = 24;

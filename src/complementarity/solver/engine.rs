@@ -9,6 +9,7 @@ use crate::complementarity::McpFunction;
 use crate::complementarity::fischer::{Gap, component};
 use crate::complementarity::problem::natural;
 use crate::newton::equilibrate;
+use crate::sparse::max_abs;
 
 /// Iterates beyond this size, relative to the start, count as tending to infinity.
 const FAR: f64 = 1e10;
@@ -64,13 +65,6 @@ pub(super) struct Engine<'a> {
     pub(super) fresh: bool,
     /// Where the first active set is given by the user.
     pub(super) given_active: bool,
-}
-
-pub(super) fn max_abs(v: &[f64]) -> f64 {
-    v.iter().fold(
-        0.0,
-        |m: f64, x| if x.is_nan() { f64::NAN } else { m.max(x.abs()) },
-    )
 }
 
 impl Engine<'_> {

@@ -1,8 +1,9 @@
 //! Whether a point is a solution.
 
 use super::McpStatus;
-use super::engine::{Engine, NEAR, Plan, max_abs};
+use super::engine::{Engine, NEAR, Plan};
 use crate::complementarity::problem::natural;
+use crate::sparse::max_abs;
 
 impl Engine<'_> {
     /// Whether a small residual at `work.x` belongs to a solution nearby, and not to one at infinity (as of e⁻ˣ): each free row

@@ -1,7 +1,7 @@
 //! GMRES with a Cholesky factorisation in front of it, for matrices that are symmetric but for a few rows.
 
 use crate::linear::{Cholesky, LinearSolver};
-use crate::sparse::MatrixRef;
+use crate::sparse::{MatrixRef, dot};
 
 /// Most directions; the basis is not restarted.
 const DIRECTIONS: usize = 80;
@@ -20,10 +20,6 @@ pub(super) struct Gmres {
     rotations: Vec<(f64, f64)>,
     rhs: Vec<f64>,
     z: Vec<f64>,
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
 
 impl Gmres {
