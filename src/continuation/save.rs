@@ -2,11 +2,11 @@
 
 use std::time::{Duration, Instant};
 
-use super::arms::Vanishing;
 use super::engine::{Continuation, State};
 use super::{ContinuationError, ContinuationOptions, Event, Termination};
 use crate::linear::AutoSolver;
 use crate::newton::MoorePenrose;
+use crate::piecewise::Vanishing;
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, TestLayout, check_vector};
 
 /// The state of a [`Continuation`] between two events: point, tangent, selection, step size, options, counters, events not yet
