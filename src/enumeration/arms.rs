@@ -27,6 +27,7 @@ const VERTICAL: f64 = 1e-9;
 /// An arm: a half-line of directions τ = (ẏ, α̇) with H'(x; τ) = 0.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct DirectionalArm {
     /// Unit tangent, pointing away from the point.
     pub tangent: Vec<f64>,
@@ -62,6 +63,7 @@ impl DirectionalArm {
 /// All arms at a point.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct DirectionalArms {
     /// The arms: those with growing α, with falling α, vertical ones.
     pub arms: Vec<DirectionalArm>,
