@@ -2,6 +2,7 @@ use std::collections::VecDeque;
 use std::time::Instant;
 
 use super::arms::{ArmSearch, Arms, RANK, vanishing_at};
+use super::monitor::Watch;
 use super::smooth::MAX_DENSE;
 use super::start::{Direction, choose_start, onto_curve, term_size};
 use super::{Arm, ContinuationError, ContinuationOptions, Event, Point, PointKind, Strategy, Termination};
@@ -86,6 +87,9 @@ pub struct Continuation<'a, P: ?Sized, L = AutoSolver> {
     /// Buffers.
     pub(super) rates: Vec<f64>,
     pub(super) residual: Vec<f64>,
+    /// Functions of the user, and their sides where a saved run left off.
+    pub(super) watches: Vec<Watch<'a>>,
+    pub(super) saved_sides: Vec<f64>,
 }
 
 impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
@@ -249,6 +253,8 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
             earlier: (0, 0),
             rates: Vec::new(),
             residual: Vec::new(),
+            watches: Vec::new(),
+            saved_sides: Vec::new(),
         };
         this.map.test_functions(&this.here.x, &mut this.here.theta);
         if let Some(i) = this.here.theta.iter().position(|t| !t.is_finite()) {

@@ -141,6 +141,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         self.arclength += distance(&self.here.x, &self.next.x);
         std::mem::swap(&mut self.here, &mut self.next);
         self.here.s = 0.0;
+        self.refresh_sides();
         if closed {
             let point = self.point(PointKind::Step, corrections);
             self.emit(super::Event::Point(point));
@@ -173,6 +174,10 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
             }
             Some(Monitor::Singular) => self.pass_branch_point(None),
             Some(Monitor::Coactive(k)) => self.pass_branch_point(Some(k)),
+            Some(Monitor::User(k)) => {
+                self.pass_monitor(k, corrections);
+                Ok(())
+            }
         }
     }
 
