@@ -15,6 +15,7 @@
 //! | [`fem`], [`contact`] | linear elasticity on meshes, Coulomb friction in the plane and in space |
 //! | [`output`] | tables, JSON, pictures, VTU |
 //! | [`linear`], [`sparse`] | linear solvers behind one seam, sparse matrices |
+//! | [`sweep`] | many problems at once |
 
 #![warn(missing_docs, unreachable_pub)]
 
@@ -31,6 +32,7 @@ pub mod output;
 pub mod piecewise;
 pub mod prelude;
 pub mod sparse;
+pub mod sweep;
 
 /// The example of the README, compiled with the tests.
 #[cfg(doctest)]

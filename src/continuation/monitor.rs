@@ -6,10 +6,13 @@ use super::{Event, MonitorCrossing, PointKind, Termination};
 use crate::linear::LinearSolver;
 use crate::piecewise::PiecewiseSmooth;
 
+/// A function of x = (y, α) that threads may share.
+type Function<'a> = Box<dyn Fn(&[f64]) -> f64 + Send + Sync + 'a>;
+
 /// A function of x, and the side of its zero set on which the curve runs.
 pub(super) struct Watch<'a> {
     name: String,
-    function: Box<dyn Fn(&[f64]) -> f64 + Send + Sync + 'a>,
+    function: Function<'a>,
     stops: bool,
     /// Sign of the function before its next zero; 0 as long as it has vanished exactly. Kept apart from values, which are rounding
     /// errors at a zero that has just been passed.
@@ -64,12 +67,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
         self.watch(name.into(), Box::new(function), true)
     }
 
-    fn watch(
-        mut self,
-        name: String,
-        function: Box<dyn Fn(&[f64]) -> f64 + Send + Sync + 'a>,
-        stops: bool,
-    ) -> Self {
+    fn watch(mut self, name: String, function: Function<'a>, stops: bool) -> Self {
         // A resumed run knows the side: at a zero just passed the value is rounding noise.
         let side = match self.saved_sides.get(self.watches.len()) {
             Some(side) => *side,

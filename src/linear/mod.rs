@@ -5,6 +5,13 @@ mod bordered;
 mod cholesky;
 mod condensation;
 mod condition;
+#[cfg(any(
+    feature = "convert-faer",
+    feature = "convert-nalgebra",
+    feature = "convert-nalgebra-sparse",
+    feature = "convert-sprs"
+))]
+mod convert;
 mod dense_lu;
 mod eigen;
 mod error;
