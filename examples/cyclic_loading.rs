@@ -60,7 +60,11 @@ fn run(args: &Args) -> Outcome<()> {
             count(&[ContactState::SlipPlus, ContactState::SlipMinus]),
             mean(&s.displacements),
             s.transitions,
-            if s.followed { "        " } else { " Newton " },
+            if s.arrival.is_followed() {
+                "        "
+            } else {
+                " Newton "
+            },
             s.work,
             s.stored,
             s.dissipated

@@ -10,7 +10,7 @@ use std::time::Instant;
 
 use clap::Parser;
 use common::{Outcome, exit};
-use semismooth::contact::{DelassusSolver, DelassusState, read_delassus};
+use semismooth::contact::{DelassusSolver, read_delassus};
 use serde_json::json;
 
 /// Solves frictional contact problems u = M r + q, K* ∋ û ⟂ r ∈ K to a residual of 1e-12.
@@ -77,11 +77,7 @@ fn solve(file: &Path, args: &Args) -> Outcome<()> {
     let name = file
         .file_stem()
         .map_or_else(String::new, |s| s.to_string_lossy().into_owned());
-    let (open, stick, slip) = (
-        report.count(DelassusState::Open),
-        report.count(DelassusState::Stick),
-        report.count(DelassusState::Slip),
-    );
+    let (open, stick, slip) = (report.open(), report.stick(), report.slip());
     let (contacts, iterations) = (problem.contacts(), report.iterations());
     if args.json {
         let line = json!({

@@ -1,5 +1,5 @@
 use super::error::check_length;
-use super::{ContactError, LoadPath};
+use super::{ContactError, LoadPath, NodeLaw};
 use crate::sparse::Matrix;
 
 /// A discrete elastic body with contact nodes, without a law of friction: A u = f(α) − Bνᵀ λν − Σ Btᵀ λt, u_ν = Bν u ≤ gap.
@@ -26,17 +26,6 @@ impl ContactBody {
         tangential: Vec<Matrix>,
         load: LoadPath,
     ) -> Result<Self, ContactError> {
-        let (n, p) = (a.nrows(), normal.nrows());
-        if n == 0 {
-            return Err(ContactError::Empty {
-                what: "there are no displacements",
-            });
-        }
-        if p == 0 {
-            return Err(ContactError::Empty {
-                what: "there are no contact nodes",
-            });
-        }
         if tangential.is_empty() || tangential.len() > 2 {
             return Err(ContactError::Tangents {
                 law: 1,
@@ -45,27 +34,8 @@ impl ContactBody {
         }
         let mut traces = vec![normal];
         traces.extend(tangential);
-        let names = [
-            "the normal trace",
-            "the tangential trace",
-            "the second tangential trace",
-        ];
-        for (what, matrix, rows) in std::iter::once(("the stiffness matrix A", &a, n))
-            .chain(names.into_iter().zip(&traces).map(|(what, m)| (what, m, p)))
-        {
-            if matrix.nrows() != rows || matrix.ncols() != n {
-                return Err(ContactError::Shape {
-                    what,
-                    rows,
-                    cols: n,
-                    found_rows: matrix.nrows(),
-                    found_cols: matrix.ncols(),
-                });
-            }
-            matrix
-                .check_finite()
-                .map_err(|source| ContactError::Matrix { what, source })?;
-        }
+        check_matrices(&a, &traces.iter().collect::<Vec<_>>())?;
+        let (n, p) = (a.nrows(), traces[0].nrows());
         load.0.check("the load", n)?;
         Ok(Self {
             a,
@@ -117,4 +87,48 @@ impl ContactBody {
     pub fn stiffness(&self) -> &Matrix {
         &self.a
     }
+
+    pub(super) fn check_law<L: NodeLaw>(&self, law: &L) -> Result<(), ContactError> {
+        if law.num_tangents() == self.num_tangents() {
+            return Ok(());
+        }
+        Err(ContactError::Tangents {
+            law: law.num_tangents(),
+            body: self.num_tangents(),
+        })
+    }
+}
+
+/// Checks A (n × n) and the traces (p × n; normal, tangential): shapes, and that all entries are finite.
+pub(super) fn check_matrices(a: &Matrix, traces: &[&Matrix]) -> Result<(), ContactError> {
+    const NAMES: [&str; 3] = [
+        "the normal trace",
+        "the tangential trace",
+        "the second tangential trace",
+    ];
+    let (n, p) = (a.nrows(), traces.first().map_or(0, |t| t.nrows()));
+    for (count, what) in [
+        (n, "there are no displacements"),
+        (p, "there are no contact nodes"),
+    ] {
+        if count == 0 {
+            return Err(ContactError::Empty { what });
+        }
+    }
+    let traces = NAMES.into_iter().zip(traces).map(|(what, m)| (what, *m, p));
+    for (what, matrix, rows) in std::iter::once(("the stiffness matrix A", a, n)).chain(traces) {
+        if matrix.nrows() != rows || matrix.ncols() != n {
+            return Err(ContactError::Shape {
+                what,
+                rows,
+                cols: n,
+                found_rows: matrix.nrows(),
+                found_cols: matrix.ncols(),
+            });
+        }
+        matrix
+            .check_finite()
+            .map_err(|source| ContactError::Matrix { what, source })?;
+    }
+    Ok(())
 }

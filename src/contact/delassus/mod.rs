@@ -18,6 +18,6 @@ pub use error::DelassusError;
 #[cfg(feature = "json")]
 pub use file::read_delassus;
 pub use options::DelassusOptions;
-pub use problem::{DelassusProblem, DelassusState};
+pub use problem::DelassusProblem;
 pub use report::{DelassusIteration, DelassusPhase, DelassusReport, DelassusStatus};
 pub use solver::DelassusSolver;

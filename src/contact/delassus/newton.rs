@@ -1,7 +1,6 @@
 //! Semismooth Newton on the residual of Alart and Curnier, for M + αI and q − α c: one proximal step.
 
 use super::cone::tangential_norm;
-use super::problem::DelassusState;
 use super::scaled::{Block, Scaled, Vector, add_product};
 use crate::linear::{AutoSolver, LinearSolver};
 use crate::sparse::{MatrixRef, PatternRef};
@@ -19,6 +18,13 @@ pub(super) enum Inner {
     Failed,
 }
 
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Piece {
+    Open,
+    Stick,
+    Slip,
+}
+
 /// The residual F of one contact and its derivative dF = A dr + B du.
 ///
 /// With z = r − u: F_N = r_N − (z_N)₊, F_T = r_T − P(z_T) on the disc of radius μ (z_N)₊.
@@ -26,7 +32,7 @@ pub(super) enum Inner {
 /// as the mean diagonal of M is 1.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Local<const D: usize> {
-    pub(super) state: DelassusState,
+    pub(super) piece: Piece,
     pub(super) f: [f64; D],
 }
 
@@ -34,7 +40,7 @@ pub(super) fn alart_curnier<const D: usize>(mu: f64, r: &[f64; D], u: &[f64; D])
     let z: [f64; D] = std::array::from_fn(|k| r[k] - u[k]);
     if z[0] <= 0.0 {
         return Local {
-            state: DelassusState::Open,
+            piece: Piece::Open,
             f: *r,
         };
     }
@@ -42,7 +48,7 @@ pub(super) fn alart_curnier<const D: usize>(mu: f64, r: &[f64; D], u: &[f64; D])
     let t = tangential_norm(&z);
     if t <= radius && mu > 0.0 {
         return Local {
-            state: DelassusState::Stick,
+            piece: Piece::Stick,
             f: *u,
         };
     }
@@ -50,7 +56,7 @@ pub(super) fn alart_curnier<const D: usize>(mu: f64, r: &[f64; D], u: &[f64; D])
     let mut f: [f64; D] = std::array::from_fn(|k| r[k] - scale * z[k]);
     f[0] = u[0];
     Local {
-        state: DelassusState::Slip,
+        piece: Piece::Slip,
         f,
     }
 }
@@ -103,7 +109,7 @@ impl<const D: usize> Newton<D> {
     pub(super) fn new(nc: usize) -> Self {
         let zero = [0.0; D];
         let open = Local {
-            state: DelassusState::Open,
+            piece: Piece::Open,
             f: zero,
         };
         Self {
@@ -197,16 +203,16 @@ impl<const D: usize> Newton<D> {
         self.closed.clear();
         for i in 0..r.len() {
             self.index[i] = usize::MAX;
-            match self.local[i].state {
-                DelassusState::Open => {
+            match self.local[i].piece {
+                Piece::Open => {
                     self.step[i] = r[i].map(|v| -v);
                     continue;
                 }
-                DelassusState::Stick => {
+                Piece::Stick => {
                     self.a[i] = [[0.0; D]; D];
                     self.b[i] = std::array::from_fn(|a| std::array::from_fn(|c| f64::from(a == c)));
                 }
-                DelassusState::Slip => {
+                Piece::Slip => {
                     (self.a[i], self.b[i]) = slip_derivative(p.friction[i], &r[i], &self.u[i]);
                 }
             }

@@ -6,7 +6,8 @@ use super::local::solve_contact;
 use super::newton::{Inner, Newton};
 use super::report::{DelassusIteration, DelassusPhase, DelassusReport, DelassusStatus};
 use super::scaled::{Scaled, Vector};
-use super::{DelassusError, DelassusOptions, DelassusProblem, DelassusState};
+use super::{DelassusError, DelassusOptions, DelassusProblem};
+use crate::contact::ContactState;
 
 /// Sweeps of the cheap first attempt.
 const SWEEPS: usize = 30;
@@ -347,12 +348,12 @@ impl<'a, const D: usize> Run<'a, D> {
 }
 
 /// The state of a contact of a solution in scaled variables, whose largest entry is about `size`.
-fn state<const D: usize>(r: &[f64; D], u: &[f64; D], size: f64) -> DelassusState {
+fn state<const D: usize>(r: &[f64; D], u: &[f64; D], size: f64) -> ContactState {
     if r[0] <= ZERO * size {
-        DelassusState::Open
+        ContactState::Open
     } else if tangential_norm(u) <= ZERO * size {
-        DelassusState::Stick
+        ContactState::Stick
     } else {
-        DelassusState::Slip
+        ContactState::slipping(-r[1])
     }
 }
