@@ -6,6 +6,7 @@ use super::error::check_length;
 use super::full_contact::held;
 use super::node_law::{LocalRow, LocalValues, MAX_TESTS, NodeLaw};
 use super::paths::Path;
+use super::reduced::reduced_newton;
 use super::solution::judge;
 use super::start::{first_converged, solve_with_stiffer};
 use super::{ContactBody, ContactError, ContactSolution, DelassusProblem};
@@ -186,7 +187,7 @@ impl<L: NodeLaw> CondensedContact<L> {
         &self.condensation.compliance().values()[k * q..(k + 1) * q]
     }
 
-    fn values(&self, i: usize, x: &[f64]) -> LocalValues {
+    pub(super) fn values(&self, i: usize, x: &[f64]) -> LocalValues {
         let (p, q) = (self.num_contacts(), self.order());
         let displacement = |k: usize| {
             let reaction: f64 = self.row(k).iter().zip(x).map(|(c, l)| c * l).sum();
@@ -364,6 +365,14 @@ impl<L: NodeLaw> CondensedContact<L> {
         if let Some(x) = start {
             check_length("the start", x, self.num_vars())?;
         }
+        // Quick where it works: what Newton's method in general then makes of its result is one look.
+        let mut quick = start.map_or_else(|| zero.clone(), <[f64]>::to_vec);
+        quick[self.order()] = alpha;
+        if reduced_newton(self, &mut quick)
+            && let Ok(x) = first_converged(self, alpha, std::iter::once(Ok(Some(quick))))
+        {
+            return Ok(x);
+        }
         solve_with_stiffer(self.r, self.stiffness, |r| {
             let given = start.map(<[f64]>::to_vec);
             let later = std::iter::once_with(|| Ok(Some(zero.clone())))
@@ -442,7 +451,14 @@ impl<L: NodeLaw> PiecewiseSmooth for CondensedContact<L> {
         for i in 0..p {
             let rows = self.law.rows(selection.piece(i), &self.values(i, x));
             for (block, row) in rows.iter().enumerate().take(self.body.traces.len()) {
-                self.scatter(i, row, |j, value| jac.add(block * p + i, j, value));
+                let at = block * p + i;
+                if jac.pattern().is_full() {
+                    // By strides, as a search for each entry would cost most of a step.
+                    let (n, values) = (self.order(), jac.values_mut());
+                    self.scatter(i, row, |j, value| values[j * n + at] += value);
+                } else {
+                    self.scatter(i, row, |j, value| jac.add(at, j, value));
+                }
             }
         }
     }

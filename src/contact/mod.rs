@@ -23,6 +23,7 @@ mod law;
 mod node_law;
 mod paths;
 mod problem;
+mod reduced;
 mod solution;
 mod start;
 mod uniqueness;

@@ -142,14 +142,19 @@ impl ContactSolution {
     }
 }
 
-/// State and residuals of a node under a law: those of the piece in whose cell it lies.
-pub(super) fn judge<L: NodeLaw>(law: &L, v: &LocalValues) -> (ContactState, [f64; 3]) {
+/// The piece in whose cell a node lies.
+pub(super) fn piece_of<L: NodeLaw>(law: &L, v: &LocalValues) -> usize {
     let mut tests = [0.0; MAX_TESTS];
     law.tests(v, &mut tests);
     let margin = |piece: usize| crate::piecewise::cell_margin(law.cell(piece), &tests);
-    let piece = (0..law.num_pieces())
+    (0..law.num_pieces())
         .max_by(|&a, &b| margin(a).total_cmp(&margin(b)))
-        .unwrap_or(0);
+        .unwrap_or(0)
+}
+
+/// State and residuals of a node under a law.
+pub(super) fn judge<L: NodeLaw>(law: &L, v: &LocalValues) -> (ContactState, [f64; 3]) {
+    let piece = piece_of(law, v);
     (law.state(piece, v), law.residual(piece, v))
 }
 
