@@ -10,8 +10,9 @@ use crate::sparse::{Matrix, Pattern};
 /// Most iterations; the general method takes over where they do not do.
 const ITERATIONS: usize = 40;
 
-/// Residuals against the largest force that count as rounding.
+/// A residual against the largest force that is rounding, and one that is where it no longer falls.
 const ROUNDING: f64 = 1e-14;
+const NEARLY: f64 = 1e-10;
 
 /// Smallest pivot of a node's block against its largest entry.
 const PIVOT: f64 = 1e-12;
@@ -137,6 +138,7 @@ pub(super) fn reduced_newton<L: NodeLaw>(problem: &CondensedContact<L>, x: &mut 
     let mut nodes = vec![Node::default(); p];
     let (mut s, mut image, mut column) = (vec![0.0; q], vec![0.0; q], vec![0.0; q]);
     let mut lu = DenseLu::new();
+    let mut before = f64::INFINITY;
     for _ in 0..ITERATIONS {
         let (mut order, mut worst, mut size, mut changed) = (0, 0.0f64, 0.0f64, false);
         for i in 0..p {
@@ -159,9 +161,11 @@ pub(super) fn reduced_newton<L: NodeLaw>(problem: &CondensedContact<L>, x: &mut 
         if !(worst.is_finite() && size.is_finite()) {
             return false;
         }
-        if worst <= ROUNDING * size || (!changed && law.is_affine()) {
+        let settled = worst <= NEARLY * size && worst > 0.1 * before;
+        if worst <= ROUNDING * size || settled || (!changed && law.is_affine()) {
             return true;
         }
+        before = worst;
         for (i, node) in nodes.iter().enumerate() {
             for b in 0..blocks {
                 s[b * p + i] = node.s[b];
