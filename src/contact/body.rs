@@ -1,5 +1,6 @@
 use super::error::check_length;
-use super::{ContactError, LoadPath, NodeLaw};
+use super::{ContactError, LoadPath, NodeLaw, check_multipliers};
+use crate::linear::{Cholesky, LinearSolver};
 use crate::sparse::Matrix;
 
 /// A discrete elastic body with contact nodes, without a law of friction: A u = f(α) − Bνᵀ λν − Σ Btᵀ λt, u_ν = Bν u ≤ gap.
@@ -19,7 +20,8 @@ impl ContactBody {
     /// A body with its normal trace, one or two tangential traces, and a load; gap 0.
     ///
     /// # Errors
-    /// Empty problems, wrong shapes, entries that are not finite.
+    /// Empty problems, wrong shapes, entries that are not finite; multipliers that no displacement sees
+    /// ([`ContactError::InvisibleMultiplier`]).
     pub fn new(
         a: Matrix,
         normal: Matrix,
@@ -37,6 +39,7 @@ impl ContactBody {
         check_matrices(&a, &traces.iter().collect::<Vec<_>>())?;
         let (n, p) = (a.nrows(), traces[0].nrows());
         load.0.check("the load", n)?;
+        check_visible(&traces[0])?;
         Ok(Self {
             a,
             traces,
@@ -97,6 +100,42 @@ impl ContactBody {
             body: self.num_tangents(),
         })
     }
+}
+
+/// Condition (1) for the normal trace: the rank is told only where a factorisation of the sparse Gram matrix fails.
+fn check_visible(trace: &Matrix) -> Result<(), ContactError> {
+    let transpose = trace.transpose();
+    let (pattern, values) = (transpose.pattern(), transpose.values());
+    let p = trace.nrows();
+    let mut length = vec![0.0; p];
+    for (i, _, v) in trace.triplets() {
+        length[i] += v * v;
+    }
+    if length.iter().all(|l| *l > 0.0) {
+        // Rows that share no displacement cannot depend on each other.
+        let columns = trace.pattern().col_ptr();
+        if columns.windows(2).all(|w| w[1] - w[0] <= 1) {
+            return Ok(());
+        }
+        let mut gram = Vec::new();
+        for i in 0..p {
+            for k in pattern.col_ptr()[i]..pattern.col_ptr()[i + 1] {
+                let j = pattern.row_idx()[k];
+                for e in columns[j]..columns[j + 1] {
+                    let other = trace.pattern().row_idx()[e];
+                    let product = values[k] * trace.values()[e] / (length[i] * length[other]).sqrt();
+                    gram.push((i, other, product));
+                }
+            }
+        }
+        let gram = Matrix::from_triplets(p, p, &gram)?;
+        let mut cholesky = Cholesky::new();
+        cholesky.analyze(gram.pattern().as_ref())?;
+        if cholesky.factor(gram.as_ref()).is_ok() {
+            return Ok(());
+        }
+    }
+    check_multipliers(trace)
 }
 
 /// Checks A (n × n) and the traces (p × n; normal, tangential): shapes, and that all entries are finite.
