@@ -185,6 +185,8 @@ fn multibody_families_are_solved() {
         problems.push(("discs", families::discs(6, 8, mu, 1e-2, 1)));
         problems.push(("planar arch", families::arch(2, 15, mu + 0.2, 2.0)));
         problems.push(("arch", families::arch(3, 15, mu + 0.2, 2.0)));
+        problems.push(("rods", families::rods(4, 5, mu, 1e-2, 1e-2, 3)));
+        problems.push(("turning wall", families::turning_wall(3, 4, mu, 1e-1, 1e-2, 2)));
         problems.push(("half-space", families::half_space(6, mu, 1)));
     }
     for (name, p) in problems {
@@ -385,5 +387,9 @@ fn runs_can_be_stopped() {
     let report = DelassusSolver::new(options).unwrap().solve(&p).unwrap();
     assert_eq!(report.status, DelassusStatus::Limit);
     assert!(report.factorisations <= 2);
+    let options = DelassusOptions::default().with_time_limit(std::time::Duration::ZERO);
+    let report = DelassusSolver::new(options).unwrap().solve(&p).unwrap();
+    assert_eq!((report.status, report.iterations()), (DelassusStatus::Limit, 0));
+    assert_eq!(report.r, zero);
     assert_eq!(solve(&p), solve(&p));
 }

@@ -1,6 +1,7 @@
 //! Semismooth Newton on the residual of Alart and Curnier, for M + αI and q − α c: one proximal step.
 
 use super::cone::tangential_norm;
+use super::options::Deadline;
 use super::scaled::{Block, Scaled, Vector, add_product};
 use crate::linear::{AutoSolver, LinearSolver};
 use crate::sparse::{MatrixRef, PatternRef};
@@ -9,6 +10,13 @@ use crate::sparse::{MatrixRef, PatternRef};
 const MEMORY: usize = 4;
 const HALVINGS: usize = 12;
 const ARMIJO: f64 = 1e-4;
+
+/// Weight of velocities against reactions in the residual, for a mean diagonal of M of 1. With a weight of 1 contacts of packings go to
+/// and fro between open and closed from one iteration to the next.
+const RHO: f64 = 100.0;
+
+/// A proximal problem is solved where its residual is this small against the step it makes (R. T. Rockafellar 1976, criterion B).
+const INEXACT: f64 = 0.1;
 
 /// How an inner iteration ended.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -27,7 +35,7 @@ pub(super) enum Piece {
 
 /// The residual F of one contact and its derivative dF = A dr + B du.
 ///
-/// With z = r − u: F_N = r_N − (z_N)₊, F_T = r_T − P(z_T) on the disc of radius μ (z_N)₊.
+/// With z = r − u, u weighted: F_N = r_N − (z_N)₊, F_T = r_T − P(z_T) on the disc of radius μ (z_N)₊.
 /// P. Alart, A. Curnier, Comput. Methods Appl. Mech. Engrg. 92 (1991), doi:10.1016/0045-7825(91)90022-X. All terms have one unit
 /// as the mean diagonal of M is 1.
 #[derive(Debug, Clone, Copy)]
@@ -90,6 +98,7 @@ fn slip_derivative<const D: usize>(mu: f64, r: &[f64; D], u: &[f64; D]) -> (Bloc
 pub(super) struct Newton<const D: usize> {
     solver: AutoSolver,
     pub(super) factorisations: usize,
+    pub(super) deadline: Deadline,
     local: Vec<Local<D>>,
     a: Vec<Block<D>>,
     b: Vec<Block<D>>,
@@ -105,8 +114,13 @@ pub(super) struct Newton<const D: usize> {
     rhs: Vec<f64>,
 }
 
+fn distance<const D: usize>(a: &[[f64; D]], b: &[[f64; D]]) -> f64 {
+    let pairs = a.iter().flatten().zip(b.iter().flatten());
+    pairs.map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
+}
+
 impl<const D: usize> Newton<D> {
-    pub(super) fn new(nc: usize) -> Self {
+    pub(super) fn new(nc: usize, deadline: Deadline) -> Self {
         let zero = [0.0; D];
         let open = Local {
             piece: Piece::Open,
@@ -115,6 +129,7 @@ impl<const D: usize> Newton<D> {
         Self {
             solver: AutoSolver::new(),
             factorisations: 0,
+            deadline,
             local: vec![open; nc],
             a: vec![[[0.0; D]; D]; nc],
             b: vec![[[0.0; D]; D]; nc],
@@ -136,7 +151,7 @@ impl<const D: usize> Newton<D> {
         let mut sum = 0.0;
         for i in 0..r.len() {
             for k in 0..D {
-                self.u[i][k] += alpha * (r[i][k] - centre[i][k]);
+                self.u[i][k] = RHO * (self.u[i][k] + alpha * (r[i][k] - centre[i][k]));
             }
             self.local[i] = alart_curnier(p.friction[i], &r[i], &self.u[i]);
             sum += self.local[i].f.iter().map(|v| v * v).sum::<f64>();
@@ -144,7 +159,7 @@ impl<const D: usize> Newton<D> {
         sum
     }
 
-    /// Improves `r` until ‖F‖₂ ≤ `tolerance`; `r` is the last iterate in any case.
+    /// Improves `r` until ‖F‖₂ is at most `tolerance` or small against the proximal step; `r` is the last iterate in any case.
     pub(super) fn solve(
         &mut self,
         p: &Scaled<D>,
@@ -157,10 +172,10 @@ impl<const D: usize> Newton<D> {
         let mut merit = self.evaluate(p, r, alpha, centre);
         let mut memory = [merit; MEMORY];
         for iteration in 0..max_iterations {
-            if merit.sqrt() <= tolerance {
+            if merit.sqrt() <= tolerance.max(INEXACT * alpha * distance(r, centre)) {
                 return Inner::Converged;
             }
-            if !merit.is_finite() || !self.newton_step(p, r, alpha) {
+            if self.deadline.is_over() || !merit.is_finite() || !self.newton_step(p, r, alpha) {
                 return Inner::Failed;
             }
             let limit = memory.iter().fold(0.0_f64, |a, b| a.max(*b));
@@ -190,7 +205,7 @@ impl<const D: usize> Newton<D> {
             }
             memory[iteration % MEMORY] = merit;
         }
-        if merit.sqrt() <= tolerance {
+        if merit.sqrt() <= tolerance.max(INEXACT * alpha * distance(r, centre)) {
             Inner::Converged
         } else {
             Inner::Failed
@@ -215,6 +230,9 @@ impl<const D: usize> Newton<D> {
                 Piece::Slip => {
                     (self.a[i], self.b[i]) = slip_derivative(p.friction[i], &r[i], &self.u[i]);
                 }
+            }
+            for row in &mut self.b[i] {
+                row.iter_mut().for_each(|v| *v *= RHO);
             }
             self.index[i] = self.closed.len();
             self.closed.push(i);

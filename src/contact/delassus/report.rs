@@ -10,7 +10,7 @@ use crate::sparse::dot;
 pub enum DelassusStatus {
     /// The residual is at most the tolerance.
     Solved,
-    /// The limit on factorisations was reached.
+    /// The limit on factorisations or on time was reached.
     Limit,
     /// Neither a proximal step nor a sweep makes progress any more: the problem may have no solution.
     Stalled,

@@ -4,6 +4,7 @@ use super::cone::{natural_residual, tangential_norm};
 use super::interior::Interior;
 use super::local::solve_contact;
 use super::newton::{Inner, Newton};
+use super::options::Deadline;
 use super::report::{DelassusIteration, DelassusPhase, DelassusReport, DelassusStatus};
 use super::scaled::{Scaled, Vector};
 use super::{DelassusError, DelassusOptions, DelassusProblem};
@@ -21,11 +22,13 @@ const LEAST_ALPHA: f64 = 1e-10;
 const LARGEST_ALPHA: f64 = 1e6;
 
 /// Newton iterations of one proximal step.
-const INNER: usize = 30;
+const INNER: usize = 60;
 
 /// Factorisations without a gain of a factor 3 after which proximal steps are given up.
-const PATIENCE: usize = 100;
-const LAST_PATIENCE: usize = 500;
+const PATIENCE: usize = 300;
+
+/// Sweeps before each further attempt at proximal steps.
+const MORE_SWEEPS: [usize; 4] = [300, 1000, 3000, 10_000];
 
 /// Residual from which proximal steps converge, as a rule.
 const NEAR: f64 = 1e-6;
@@ -135,7 +138,7 @@ impl<'a, const D: usize> Run<'a, D> {
     ) -> Self {
         let scaled = Scaled::new(problem);
         Self {
-            newton: Newton::new(problem.contacts()),
+            newton: Newton::new(problem.contacts(), Deadline::after(options.time_limit)),
             r: scaled.scale(start),
             u: vec![[0.0; D]; problem.contacts()],
             best: start.to_vec(),
@@ -229,21 +232,21 @@ impl<'a, const D: usize> Run<'a, D> {
         if self.best_key <= self.options.tolerance {
             return Ok(DelassusStatus::Solved);
         }
-        self.sweeps_of(SWEEPS);
-        flow!(self.record(DelassusPhase::Sweeps, 0.0, SWEEPS, true)?);
+        let done = self.sweeps_of(SWEEPS);
+        flow!(self.record(DelassusPhase::Sweeps, 0.0, done, true)?);
         flow!(self.interior(false)?);
         if self.best_key > NEAR {
             self.restart();
             flow!(self.interior(true)?);
         }
         self.restart();
-        flow!(self.proximal(ALPHA_NEAR, PATIENCE)?);
-        self.r.iter_mut().for_each(|r| *r = [0.0; D]);
-        self.sweeps_of(10 * SWEEPS);
-        flow!(self.record(DelassusPhase::Sweeps, 0.0, 10 * SWEEPS, true)?);
-        flow!(self.proximal(ALPHA, PATIENCE)?);
-        self.restart();
-        flow!(self.proximal(ALPHA, LAST_PATIENCE)?);
+        flow!(self.proximal(ALPHA_NEAR)?);
+        for sweeps in MORE_SWEEPS {
+            self.restart();
+            let done = self.sweeps_of(sweeps);
+            flow!(self.record(DelassusPhase::Sweeps, 0.0, done, true)?);
+            flow!(self.proximal(ALPHA)?);
+        }
         Ok(DelassusStatus::Stalled)
     }
 
@@ -252,10 +255,15 @@ impl<'a, const D: usize> Run<'a, D> {
         self.r = self.scaled.scale(&self.best);
     }
 
-    fn sweeps_of(&mut self, n: usize) {
+    /// At most n sweeps, fewer where time is over; how many.
+    fn sweeps_of(&mut self, n: usize) -> usize {
         for k in 0..n {
+            if self.newton.deadline.is_over() {
+                return k;
+            }
             self.sweep(k % 2 == 1);
         }
+        n
     }
 
     /// Interior points from the iterate; leaves the last iterate.
@@ -264,7 +272,8 @@ impl<'a, const D: usize> Run<'a, D> {
         interior.start(&self.scaled, &self.r, may_freeze);
         let (mut best, mut since, mut stuck) = (f64::INFINITY, 0, 0);
         for _ in 0..INTERIOR_STEPS {
-            if self.newton.factorisations >= self.options.max_factorisations {
+            let over = self.newton.deadline.is_over();
+            if over || self.newton.factorisations >= self.options.max_factorisations {
                 return Ok(ControlFlow::Break(DelassusStatus::Limit));
             }
             let Some(length) = interior.step(&self.scaled) else {
@@ -288,12 +297,14 @@ impl<'a, const D: usize> Run<'a, D> {
     }
 
     /// Proximal steps from the iterate until they no longer pay.
-    fn proximal(&mut self, mut alpha: f64, patience: usize) -> Outcome {
+    fn proximal(&mut self, mut alpha: f64) -> Outcome {
         let mut centre = self.r.clone();
         let (mut mark, mut mark_at) = (f64::INFINITY, self.newton.factorisations);
+        // The violation at the centre, once that is known.
+        let mut at_centre = f64::INFINITY;
         loop {
             let before = self.newton.factorisations;
-            if before >= self.options.max_factorisations {
+            if self.newton.deadline.is_over() || before >= self.options.max_factorisations {
                 return Ok(ControlFlow::Break(DelassusStatus::Limit));
             }
             let left = self.options.max_factorisations - before;
@@ -313,14 +324,20 @@ impl<'a, const D: usize> Run<'a, D> {
             let residual = flow_value!(self.record(DelassusPhase::Proximal, alpha, work, converged)?);
             if converged {
                 alpha = (alpha * SHRINK).max(LEAST_ALPHA);
+                at_centre = residual;
             } else {
-                self.r.copy_from_slice(&centre);
                 alpha *= GROW;
+                // What a failed iteration has gained is kept.
+                if residual < at_centre {
+                    at_centre = residual;
+                } else {
+                    self.r.copy_from_slice(&centre);
+                }
             }
             if residual < 0.3 * mark {
                 (mark, mark_at) = (residual, self.newton.factorisations);
             }
-            if self.newton.factorisations - mark_at > patience || alpha > LARGEST_ALPHA {
+            if self.newton.factorisations - mark_at > PATIENCE || alpha > LARGEST_ALPHA {
                 return Ok(ControlFlow::Continue(()));
             }
         }
