@@ -79,7 +79,7 @@ impl Parts {
         // Steps that have no divisor in common with the counts.
         let step = |n: usize| {
             (2..)
-                .find(|k| (1..=*k).all(|d| d == 1 || n % d != 0 || k % d != 0))
+                .find(|k| (1..=*k).all(|d| d == 1 || !n.is_multiple_of(d) || !k.is_multiple_of(d)))
                 .unwrap()
         };
         let (sn, sp) = (step(n), step(p));

@@ -19,6 +19,7 @@ mod mesh;
 mod multipliers;
 mod refine;
 mod rigid;
+mod tokens;
 mod trace;
 
 pub use assembly::ElasticSystem;

@@ -8,6 +8,7 @@ mod interior;
 mod krylov;
 mod local;
 mod newton;
+mod nt;
 mod options;
 mod problem;
 mod report;

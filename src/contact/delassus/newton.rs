@@ -11,10 +11,6 @@ const MEMORY: usize = 4;
 const HALVINGS: usize = 12;
 const ARMIJO: f64 = 1e-4;
 
-/// Weight of velocities against reactions in the residual, for a mean diagonal of M of 1. With a weight of 1 contacts of packings go to
-/// and fro between open and closed from one iteration to the next.
-const RHO: f64 = 100.0;
-
 /// A proximal problem is solved where its residual is this small against the step it makes (R. T. Rockafellar 1976, criterion B).
 const INEXACT: f64 = 0.1;
 
@@ -99,6 +95,8 @@ pub(super) struct Newton<const D: usize> {
     solver: AutoSolver,
     pub(super) factorisations: usize,
     pub(super) deadline: Deadline,
+    /// Weight of velocities against reactions in the residual, for a mean diagonal of M of 1.
+    pub(super) rho: f64,
     local: Vec<Local<D>>,
     a: Vec<Block<D>>,
     b: Vec<Block<D>>,
@@ -130,6 +128,7 @@ impl<const D: usize> Newton<D> {
             solver: AutoSolver::new(),
             factorisations: 0,
             deadline,
+            rho: 1.0,
             local: vec![open; nc],
             a: vec![[[0.0; D]; D]; nc],
             b: vec![[[0.0; D]; D]; nc],
@@ -151,7 +150,7 @@ impl<const D: usize> Newton<D> {
         let mut sum = 0.0;
         for i in 0..r.len() {
             for k in 0..D {
-                self.u[i][k] = RHO * (self.u[i][k] + alpha * (r[i][k] - centre[i][k]));
+                self.u[i][k] = self.rho * (self.u[i][k] + alpha * (r[i][k] - centre[i][k]));
             }
             self.local[i] = alart_curnier(p.friction[i], &r[i], &self.u[i]);
             sum += self.local[i].f.iter().map(|v| v * v).sum::<f64>();
@@ -232,7 +231,7 @@ impl<const D: usize> Newton<D> {
                 }
             }
             for row in &mut self.b[i] {
-                row.iter_mut().for_each(|v| *v *= RHO);
+                row.iter_mut().for_each(|v| *v *= self.rho);
             }
             self.index[i] = self.closed.len();
             self.closed.push(i);

@@ -26,6 +26,11 @@ const INNER: usize = 60;
 
 /// Factorisations without a gain of a factor 3 after which proximal steps are given up.
 const PATIENCE: usize = 300;
+const FIRST_PATIENCE: usize = 40;
+
+/// Weight of velocities in Newton's residual where 1 has not done: with that contacts of packings go to and fro between open and
+/// closed from one iteration to the next.
+const HEAVY: f64 = 100.0;
 
 /// Sweeps before each further attempt at proximal steps.
 const MORE_SWEEPS: [usize; 4] = [300, 1000, 3000, 10_000];
@@ -240,12 +245,15 @@ impl<'a, const D: usize> Run<'a, D> {
             flow!(self.interior(true)?);
         }
         self.restart();
-        flow!(self.proximal(ALPHA_NEAR)?);
+        flow!(self.proximal(ALPHA_NEAR, FIRST_PATIENCE)?);
+        self.newton.rho = HEAVY;
+        self.restart();
+        flow!(self.proximal(ALPHA_NEAR, PATIENCE)?);
         for sweeps in MORE_SWEEPS {
             self.restart();
             let done = self.sweeps_of(sweeps);
             flow!(self.record(DelassusPhase::Sweeps, 0.0, done, true)?);
-            flow!(self.proximal(ALPHA)?);
+            flow!(self.proximal(ALPHA, PATIENCE)?);
         }
         Ok(DelassusStatus::Stalled)
     }
@@ -297,7 +305,7 @@ impl<'a, const D: usize> Run<'a, D> {
     }
 
     /// Proximal steps from the iterate until they no longer pay.
-    fn proximal(&mut self, mut alpha: f64) -> Outcome {
+    fn proximal(&mut self, mut alpha: f64, patience: usize) -> Outcome {
         let mut centre = self.r.clone();
         let (mut mark, mut mark_at) = (f64::INFINITY, self.newton.factorisations);
         // The violation at the centre, once that is known.
@@ -337,7 +345,7 @@ impl<'a, const D: usize> Run<'a, D> {
             if residual < 0.3 * mark {
                 (mark, mark_at) = (residual, self.newton.factorisations);
             }
-            if self.newton.factorisations - mark_at > PATIENCE || alpha > LARGEST_ALPHA {
+            if self.newton.factorisations - mark_at > patience || alpha > LARGEST_ALPHA {
                 return Ok(ControlFlow::Continue(()));
             }
         }
