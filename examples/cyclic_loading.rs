@@ -12,7 +12,7 @@ use std::process::ExitCode;
 use clap::Parser;
 use common::squares::pushed_block;
 use common::{Outcome, exit, file_in};
-use semismooth::contact::{ContactState, evolve};
+use semismooth::contact::{Arrival, ContactState, evolve};
 use semismooth::output::{BranchDiagram, Colour, Curve, Panel, SegmentStyle};
 
 /// Two cycles of horizontal load on a block with Coulomb friction.
@@ -60,7 +60,7 @@ fn run(args: &Args) -> Outcome<()> {
             count(&[ContactState::SlipPlus, ContactState::SlipMinus]),
             mean(&s.displacements),
             s.transitions,
-            if s.followed { "        " } else { " Newton " },
+            arrival(&s.arrival),
             s.work,
             s.stored,
             s.dissipated
@@ -93,4 +93,15 @@ fn run(args: &Args) -> Outcome<()> {
     .write(&picture)?;
     println!("written: {}", picture.display());
     Ok(())
+}
+
+/// How a level was reached, where that was not along the branch from the level before.
+fn arrival(arrival: &Arrival) -> &'static str {
+    match arrival {
+        Arrival::Followed => "        ",
+        Arrival::Jumped => " jumped ",
+        Arrival::PassedFolds => " folds  ",
+        Arrival::Ended(_) => " ended  ",
+        _ => " Newton ",
+    }
 }

@@ -6,11 +6,11 @@ mod common;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use clap::Parser;
 use common::{Outcome, exit};
-use semismooth::contact::{DelassusSolver, DelassusState, read_delassus};
+use semismooth::contact::{DelassusOptions, DelassusSolver, read_delassus};
 use serde_json::json;
 
 /// Solves frictional contact problems u = M r + q, K* ∋ û ⟂ r ∈ K to a residual of 1e-12.
@@ -21,6 +21,9 @@ struct Args {
     /// One JSON object a file instead of a table.
     #[arg(long)]
     json: bool,
+    /// Seconds after which a problem is given up, with its best iterate.
+    #[arg(long, default_value_t = 300.0)]
+    seconds: f64,
     /// The history of each solution on standard error.
     #[arg(long)]
     history: bool,
@@ -52,7 +55,9 @@ fn run(args: &Args) -> Outcome<()> {
 fn solve(file: &Path, args: &Args) -> Outcome<()> {
     let problem = read_delassus(file)?;
     let begun = Instant::now();
-    let report = DelassusSolver::default().solve(&problem)?;
+    let limit =
+        Duration::try_from_secs_f64(args.seconds).map_err(|e| format!("--seconds {}: {e}", args.seconds))?;
+    let report = DelassusSolver::new(DelassusOptions::default().with_time_limit(limit))?.solve(&problem)?;
     let seconds = begun.elapsed().as_secs_f64();
     // Judged by a fresh evaluation, not by what the solver believes.
     let residual = problem.residual(&report.r)?;
@@ -77,11 +82,7 @@ fn solve(file: &Path, args: &Args) -> Outcome<()> {
     let name = file
         .file_stem()
         .map_or_else(String::new, |s| s.to_string_lossy().into_owned());
-    let (open, stick, slip) = (
-        report.count(DelassusState::Open),
-        report.count(DelassusState::Stick),
-        report.count(DelassusState::Slip),
-    );
+    let (open, stick, slip) = (report.open(), report.stick(), report.slip());
     let (contacts, iterations) = (problem.contacts(), report.iterations());
     if args.json {
         let line = json!({

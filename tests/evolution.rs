@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use semismooth::contact::evolve;
+use semismooth::contact::{Arrival, evolve};
 
 #[path = "../examples/common/squares.rs"]
 mod squares;
@@ -45,8 +45,15 @@ fn energy_and_loop() {
             let mean = |v: &[f64]| v[p..].iter().sum::<f64>();
             assert!((mean(a) - mean(b)).abs() < 0.05 * mean(a).abs().max(1e-3));
         }
-        // Loading and unloading differ at level 0.
-        assert!(history.iter().filter(|s| s.followed).count() * 2 > history.len());
+        // How each level was reached agrees with the folds seen on the way.
+        for s in &history {
+            match &s.arrival {
+                Arrival::Followed => assert!(s.folds.is_empty()),
+                Arrival::Jumped | Arrival::PassedFolds => assert!(!s.folds.is_empty()),
+                _ => {}
+            }
+        }
+        assert!(history.iter().filter(|s| s.arrival.is_followed()).count() * 2 > history.len());
     }
     // The rate of the defect is at least first order in the step.
     assert!(

@@ -1,5 +1,6 @@
 use super::error::check_length;
-use super::{ContactError, LoadPath};
+use super::{ContactError, LoadPath, NodeLaw, check_multipliers};
+use crate::linear::{Cholesky, LinearSolver};
 use crate::sparse::Matrix;
 
 /// A discrete elastic body with contact nodes, without a law of friction: A u = f(α) − Bνᵀ λν − Σ Btᵀ λt, u_ν = Bν u ≤ gap.
@@ -19,24 +20,14 @@ impl ContactBody {
     /// A body with its normal trace, one or two tangential traces, and a load; gap 0.
     ///
     /// # Errors
-    /// Empty problems, wrong shapes, entries that are not finite.
+    /// Empty problems, wrong shapes, entries that are not finite; multipliers that no displacement sees
+    /// ([`ContactError::InvisibleMultiplier`]).
     pub fn new(
         a: Matrix,
         normal: Matrix,
         tangential: Vec<Matrix>,
         load: LoadPath,
     ) -> Result<Self, ContactError> {
-        let (n, p) = (a.nrows(), normal.nrows());
-        if n == 0 {
-            return Err(ContactError::Empty {
-                what: "there are no displacements",
-            });
-        }
-        if p == 0 {
-            return Err(ContactError::Empty {
-                what: "there are no contact nodes",
-            });
-        }
         if tangential.is_empty() || tangential.len() > 2 {
             return Err(ContactError::Tangents {
                 law: 1,
@@ -45,28 +36,10 @@ impl ContactBody {
         }
         let mut traces = vec![normal];
         traces.extend(tangential);
-        let names = [
-            "the normal trace",
-            "the tangential trace",
-            "the second tangential trace",
-        ];
-        for (what, matrix, rows) in std::iter::once(("the stiffness matrix A", &a, n))
-            .chain(names.into_iter().zip(&traces).map(|(what, m)| (what, m, p)))
-        {
-            if matrix.nrows() != rows || matrix.ncols() != n {
-                return Err(ContactError::Shape {
-                    what,
-                    rows,
-                    cols: n,
-                    found_rows: matrix.nrows(),
-                    found_cols: matrix.ncols(),
-                });
-            }
-            matrix
-                .check_finite()
-                .map_err(|source| ContactError::Matrix { what, source })?;
-        }
+        check_matrices(&a, &traces.iter().collect::<Vec<_>>())?;
+        let (n, p) = (a.nrows(), traces[0].nrows());
         load.0.check("the load", n)?;
+        check_visible(&traces[0])?;
         Ok(Self {
             a,
             traces,
@@ -117,4 +90,84 @@ impl ContactBody {
     pub fn stiffness(&self) -> &Matrix {
         &self.a
     }
+
+    pub(super) fn check_law<L: NodeLaw>(&self, law: &L) -> Result<(), ContactError> {
+        if law.num_tangents() == self.num_tangents() {
+            return Ok(());
+        }
+        Err(ContactError::Tangents {
+            law: law.num_tangents(),
+            body: self.num_tangents(),
+        })
+    }
+}
+
+/// Condition (1) for the normal trace: the rank is told only where a factorisation of the sparse Gram matrix fails.
+fn check_visible(trace: &Matrix) -> Result<(), ContactError> {
+    let transpose = trace.transpose();
+    let (pattern, values) = (transpose.pattern(), transpose.values());
+    let p = trace.nrows();
+    let mut length = vec![0.0; p];
+    for (i, _, v) in trace.triplets() {
+        length[i] += v * v;
+    }
+    if length.iter().all(|l| *l > 0.0) {
+        // Rows that share no displacement cannot depend on each other.
+        let columns = trace.pattern().col_ptr();
+        if columns.windows(2).all(|w| w[1] - w[0] <= 1) {
+            return Ok(());
+        }
+        let mut gram = Vec::new();
+        for i in 0..p {
+            for k in pattern.col_ptr()[i]..pattern.col_ptr()[i + 1] {
+                let j = pattern.row_idx()[k];
+                for e in columns[j]..columns[j + 1] {
+                    let other = trace.pattern().row_idx()[e];
+                    let product = values[k] * trace.values()[e] / (length[i] * length[other]).sqrt();
+                    gram.push((i, other, product));
+                }
+            }
+        }
+        let gram = Matrix::from_triplets(p, p, &gram)?;
+        let mut cholesky = Cholesky::new();
+        cholesky.analyze(gram.pattern().as_ref())?;
+        if cholesky.factor(gram.as_ref()).is_ok() {
+            return Ok(());
+        }
+    }
+    check_multipliers(trace)
+}
+
+/// Checks A (n × n) and the traces (p × n; normal, tangential): shapes, and that all entries are finite.
+pub(super) fn check_matrices(a: &Matrix, traces: &[&Matrix]) -> Result<(), ContactError> {
+    const NAMES: [&str; 3] = [
+        "the normal trace",
+        "the tangential trace",
+        "the second tangential trace",
+    ];
+    let (n, p) = (a.nrows(), traces.first().map_or(0, |t| t.nrows()));
+    for (count, what) in [
+        (n, "there are no displacements"),
+        (p, "there are no contact nodes"),
+    ] {
+        if count == 0 {
+            return Err(ContactError::Empty { what });
+        }
+    }
+    let traces = NAMES.into_iter().zip(traces).map(|(what, m)| (what, *m, p));
+    for (what, matrix, rows) in std::iter::once(("the stiffness matrix A", a, n)).chain(traces) {
+        if matrix.nrows() != rows || matrix.ncols() != n {
+            return Err(ContactError::Shape {
+                what,
+                rows,
+                cols: n,
+                found_rows: matrix.nrows(),
+                found_cols: matrix.ncols(),
+            });
+        }
+        matrix
+            .check_finite()
+            .map_err(|source| ContactError::Matrix { what, source })?;
+    }
+    Ok(())
 }

@@ -1,14 +1,18 @@
 use std::borrow::Cow;
+use std::sync::Arc;
 
 use super::condensed::check_symmetric;
 use super::error::check_length;
+use super::full_contact::held;
 use super::node_law::{LocalRow, LocalValues, MAX_TESTS, NodeLaw};
 use super::paths::Path;
-use super::{ContactBody, ContactError, ContactState};
+use super::reduced::reduced_newton;
+use super::solution::judge;
+use super::start::{first_converged, solve_with_stiffer};
+use super::{ContactBody, ContactError, ContactSolution, DelassusProblem};
 use crate::linear::{AutoSolver, Condensation, LinearSolver};
-use crate::newton::{Newton, NewtonError, NewtonOptions};
 use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
-use crate::sparse::{Matrix, Pattern};
+use crate::sparse::{Matrix, Pattern, dot};
 
 /// A [`ContactBody`] under a [`NodeLaw`], condensed onto its contact nodes: x = (λν, λt₁[, λt₂], α).
 ///
@@ -16,25 +20,19 @@ use crate::sparse::{Matrix, Pattern};
 /// nodes; pieces, cells and test functions are those of the law.
 #[derive(Debug, Clone)]
 pub struct CondensedContact<L> {
-    body: ContactBody,
+    body: Arc<ContactBody>,
     law: L,
-    condensation: Condensation,
+    condensation: Arc<Condensation>,
     free: Vec<f64>,
     free_rate: Vec<f64>,
+    /// f₀ᵀ A⁻¹ f₀, f₀ᵀ A⁻¹ f₁, f₁ᵀ A⁻¹ f₁ of the load f₀ + α f₁.
+    free_energy: [f64; 3],
     /// Tangential displacements that count as no slip, by t₁, then t₂.
     reference: Vec<f64>,
     r: f64,
+    /// 1 / mean diag C.
+    stiffness: f64,
     pattern: Pattern,
-}
-
-/// A solution, node by node.
-#[derive(Debug, Clone, PartialEq)]
-#[non_exhaustive]
-pub struct ContactSolution {
-    /// Open, stick or slip.
-    pub states: Vec<ContactState>,
-    /// Quantities at the nodes: penetrations, slips, nodal forces.
-    pub nodes: Vec<LocalValues>,
 }
 
 impl<L: NodeLaw> CondensedContact<L> {
@@ -43,12 +41,7 @@ impl<L: NodeLaw> CondensedContact<L> {
     /// # Errors
     /// A law of another dimension, A that is not symmetric or not positive definite, loads that are not affine in α.
     pub fn new(body: ContactBody, law: L) -> Result<Self, ContactError> {
-        if law.num_tangents() != body.num_tangents() {
-            return Err(ContactError::Tangents {
-                law: law.num_tangents(),
-                body: body.num_tangents(),
-            });
-        }
+        body.check_law(&law)?;
         check_symmetric(&body.a)?;
         let Path::Affine { constant, slope } = &body.load.0 else {
             return Err(ContactError::LoadNotAffine);
@@ -61,24 +54,29 @@ impl<L: NodeLaw> CondensedContact<L> {
         }
         let stacked = Matrix::from_triplets(q, body.num_displacements(), &entries)?;
         let condensation = Condensation::new(&body.a, &stacked)?;
-        let free = condensation.traces_of_solution(constant)?;
-        let free_rate = if slope.iter().all(|s| *s == 0.0) {
-            vec![0.0; q]
-        } else {
-            condensation.traces_of_solution(slope)?
-        };
+        let (mut u, mut rate) = (constant.clone(), slope.clone());
+        condensation.expand(&vec![0.0; q], &mut u)?;
+        if slope.iter().any(|s| *s != 0.0) {
+            condensation.expand(&vec![0.0; q], &mut rate)?;
+        }
+        let (mut free, mut free_rate) = (vec![0.0; q], vec![0.0; q]);
+        stacked.mul_vec(&u, &mut free);
+        stacked.mul_vec(&rate, &mut free_rate);
+        let free_energy = [dot(constant, &u), dot(constant, &rate), dot(slope, &rate)];
         let trace: f64 = (0..q)
             .map(|k| condensation.compliance().values()[k * q + k])
             .sum();
         Ok(Self {
             r: q as f64 / trace,
+            stiffness: q as f64 / trace,
             reference: vec![0.0; q - p],
             pattern: Pattern::full(q, q + 1),
-            body,
+            body: Arc::new(body),
             law,
-            condensation,
+            condensation: Arc::new(condensation),
             free,
             free_rate,
+            free_energy,
         })
     }
 
@@ -87,19 +85,16 @@ impl<L: NodeLaw> CondensedContact<L> {
     /// # Errors
     /// A law of another dimension.
     pub fn with_law<M: NodeLaw>(&self, law: M) -> Result<CondensedContact<M>, ContactError> {
-        if law.num_tangents() != self.body.num_tangents() {
-            return Err(ContactError::Tangents {
-                law: law.num_tangents(),
-                body: self.body.num_tangents(),
-            });
-        }
+        self.body.check_law(&law)?;
         Ok(CondensedContact {
-            body: self.body.clone(),
+            body: Arc::clone(&self.body),
             law,
-            condensation: self.condensation.clone(),
+            condensation: Arc::clone(&self.condensation),
             free: self.free.clone(),
             free_rate: self.free_rate.clone(),
+            free_energy: self.free_energy,
             r: self.r,
+            stiffness: self.stiffness,
             reference: self.reference.clone(),
             pattern: self.pattern.clone(),
         })
@@ -192,7 +187,7 @@ impl<L: NodeLaw> CondensedContact<L> {
         &self.condensation.compliance().values()[k * q..(k + 1) * q]
     }
 
-    fn values(&self, i: usize, x: &[f64]) -> LocalValues {
+    pub(super) fn values(&self, i: usize, x: &[f64]) -> LocalValues {
         let (p, q) = (self.num_contacts(), self.order());
         let displacement = |k: usize| {
             let reaction: f64 = self.row(k).iter().zip(x).map(|(c, l)| c * l).sum();
@@ -236,26 +231,91 @@ impl<L: NodeLaw> CondensedContact<L> {
         add(q, rate);
     }
 
-    /// States and local quantities at x.
+    /// States, local quantities, energies and residuals at x.
     ///
     /// # Errors
     /// Wrong length, values that are not finite.
     pub fn solution(&self, x: &[f64]) -> Result<ContactSolution, ContactError> {
         check_length("the solution x", x, self.num_vars())?;
-        let nodes: Vec<LocalValues> = (0..self.num_contacts()).map(|i| self.values(i, x)).collect();
-        let mut tests = [0.0; MAX_TESTS];
-        let states = nodes
-            .iter()
-            .map(|v| {
-                self.law.tests(v, &mut tests);
-                let margin = |piece: usize| crate::piecewise::cell_margin(self.law.cell(piece), &tests);
-                let piece = (0..self.law.num_pieces())
-                    .max_by(|&a, &b| margin(a).total_cmp(&margin(b)))
-                    .unwrap_or(0);
-                self.law.state(piece, v)
-            })
-            .collect();
-        Ok(ContactSolution { states, nodes })
+        let q = self.order();
+        let [constant, mixed, slope] = self.free_energy;
+        let mut image = vec![0.0; q];
+        self.compliance().as_ref().mul_add(1.0, &x[..q], &mut image);
+        let free = constant + x[q] * (2.0 * mixed + x[q] * slope);
+        let (reaction, both) = (dot(&image, &x[..q]), dot(&self.free_motion(x[q]), &x[..q]));
+        Ok(ContactSolution::assemble(
+            (0..self.num_contacts()).map(|i| self.values(i, x)).collect(),
+            |v| judge(&self.law, v),
+            |i| held(&self.body.gap, &self.reference, i),
+            (0.5 * (free + reaction) - both, free - both, 0.0),
+        ))
+    }
+
+    /// The problem at α in Delassus form: r = (λν, −λt) and u = (gap − u_ν, u_t less its reference) node by node, components divided and
+    /// multiplied by F where that differs along t₁ and t₂ (then with coefficient 1). Solutions come back by
+    /// [`point_of_reactions`](Self::point_of_reactions).
+    ///
+    /// # Errors
+    /// [`ContactError::NotCoulomb`] unless the law is Coulomb's with coefficients that do not depend on the slip.
+    pub fn delassus(&self, alpha: f64) -> Result<DelassusProblem, ContactError> {
+        super::error::check_finite("the parameter", &[alpha])?;
+        let (p, q, blocks) = (self.num_contacts(), self.order(), self.body.traces.len());
+        let (friction, scale) = self.delassus_scale(alpha)?;
+        let free = self.free_motion(alpha);
+        let place = |k: usize| (k % p) * blocks + k / p;
+        let sign = |k: usize| if k < p { -scale[k] } else { scale[k] };
+        let mut matrix = Matrix::zeros(Pattern::full(q, q));
+        let mut load = vec![0.0; q];
+        for k in 0..q {
+            let column = place(k) * q;
+            for (j, c) in self.row(k).iter().enumerate() {
+                matrix.values_mut()[column + place(j)] = sign(j) * sign(k) * c;
+            }
+            let at_rest = if k < p {
+                self.body.gap[k]
+            } else {
+                self.reference[k - p]
+            };
+            load[place(k)] = sign(k) * (free[k] - at_rest);
+        }
+        Ok(DelassusProblem::new(blocks, matrix, load, friction)?)
+    }
+
+    /// The point x = (λν, λt, α) of reactions r of the Delassus form.
+    ///
+    /// # Errors
+    /// As [`delassus`](Self::delassus); wrong length, values that are not finite.
+    pub fn point_of_reactions(&self, alpha: f64, r: &[f64]) -> Result<Vec<f64>, ContactError> {
+        let (p, q, blocks) = (self.num_contacts(), self.order(), self.body.traces.len());
+        check_length("the reactions", r, q)?;
+        let (_, scale) = self.delassus_scale(alpha)?;
+        let force = |k: usize| scale[k] * r[(k % p) * blocks + k / p];
+        let forces = (0..q).map(|k| if k < p { force(k) } else { -force(k) });
+        Ok(forces.chain([alpha]).collect())
+    }
+
+    /// Coefficients of the Delassus form, and the factor of each component.
+    fn delassus_scale(&self, alpha: f64) -> Result<(Vec<f64>, Vec<f64>), ContactError> {
+        if !self.law.is_coulomb() {
+            return Err(ContactError::NotCoulomb);
+        }
+        let p = self.num_contacts();
+        let (mut friction, mut scale) = (vec![1.0; p], vec![1.0; self.order()]);
+        for i in 0..p {
+            let v = LocalValues {
+                node: i,
+                parameter: alpha,
+                ..LocalValues::default()
+            };
+            self.law.check(&v)?;
+            let f = self.law.friction(&v);
+            if self.body.num_tangents() == 1 || f[0] == f[1] {
+                friction[i] = f[0];
+            } else {
+                (scale[p + i], scale[2 * p + i]) = (f[0], f[1]);
+            }
+        }
+        Ok((friction, scale))
     }
 
     /// All displacements u at x.
@@ -287,7 +347,8 @@ impl<L: NodeLaw> CondensedContact<L> {
         Ok(x)
     }
 
-    /// A solution at fixed α by PS-Newton from `start` (α is set), or, where that fails, from zero and from stick.
+    /// A solution at fixed α by PS-Newton from `start` (α is set), or, where that fails, from zero and from stick, with the augmentation
+    /// parameter asked for and with larger ones.
     ///
     /// # Errors
     /// Coefficients of friction that are negative or not finite, [`ContactError::NoStart`] when no start converges.
@@ -301,35 +362,24 @@ impl<L: NodeLaw> CondensedContact<L> {
                 ..self.values(i, &zero)
             })?;
         }
-        let mut starts = Vec::new();
         if let Some(x) = start {
             check_length("the start", x, self.num_vars())?;
-            let mut x = x.to_vec();
-            x[self.order()] = alpha;
-            starts.push(x);
         }
-        starts.push(zero);
-        if let Ok(x) = self.stick_start(alpha) {
-            starts.push(x);
+        // Quick where it works: what Newton's method in general then makes of its result is one look.
+        let mut quick = start.map_or_else(|| zero.clone(), <[f64]>::to_vec);
+        quick[self.order()] = alpha;
+        if reduced_newton(self, &mut quick)
+            && let Ok(x) = first_converged(self, alpha, std::iter::once(Ok(Some(quick))))
+        {
+            return Ok(x);
         }
-        let mut newton = Newton::new(NewtonOptions::default());
-        let mut failure = None;
-        for mut x in starts {
-            match newton.solve(self, &mut x) {
-                Ok(_) => return Ok(x),
-                Err(NewtonError::Map(e)) => return Err(e.into()),
-                Err(e) => failure = Some(e),
-            }
-        }
-        match failure {
-            Some(source) => Err(ContactError::NoStart {
-                parameter: alpha,
-                source: Box::new(source),
-            }),
-            None => Err(ContactError::Empty {
-                what: "no start was tried",
-            }),
-        }
+        solve_with_stiffer(self.r, self.stiffness, |r| {
+            let given = start.map(<[f64]>::to_vec);
+            let later = std::iter::once_with(|| Ok(Some(zero.clone())))
+                .chain(std::iter::once_with(|| Ok(self.stick_start(alpha).ok())));
+            let map = self.with_law(&self.law)?.with_r(r)?;
+            first_converged(&map, alpha, std::iter::once(Ok(given)).chain(later))
+        })
     }
 }
 
@@ -401,7 +451,14 @@ impl<L: NodeLaw> PiecewiseSmooth for CondensedContact<L> {
         for i in 0..p {
             let rows = self.law.rows(selection.piece(i), &self.values(i, x));
             for (block, row) in rows.iter().enumerate().take(self.body.traces.len()) {
-                self.scatter(i, row, |j, value| jac.add(block * p + i, j, value));
+                let at = block * p + i;
+                if jac.pattern().is_full() {
+                    // By strides, as a search for each entry would cost most of a step.
+                    let (n, values) = (self.order(), jac.values_mut());
+                    self.scatter(i, row, |j, value| values[j * n + at] += value);
+                } else {
+                    self.scatter(i, row, |j, value| jac.add(at, j, value));
+                }
             }
         }
     }

@@ -116,6 +116,10 @@ impl NodeLaw for PlanarCoulomb {
         self.coefficient.is_constant()
     }
 
+    fn is_coulomb(&self) -> bool {
+        self.coefficient.is_constant()
+    }
+
     fn friction(&self, v: &LocalValues) -> [f64; 2] {
         [self.coefficient.value(v.node, v.slip_norm(), v.parameter)[0]; 2]
     }
@@ -317,6 +321,10 @@ impl NodeLaw for OrthotropicCoulomb {
             }
         }
         rows
+    }
+
+    fn is_coulomb(&self) -> bool {
+        self.coefficients.iter().all(FrictionCoefficient::is_constant)
     }
 
     fn friction(&self, v: &LocalValues) -> [f64; 2] {

@@ -126,6 +126,14 @@ pub enum ContactError {
         /// Rank of the pairing with the displacements.
         rank: usize,
     },
+    /// The law has no Delassus form.
+    #[error(
+        "only Coulomb's law with coefficients of friction that do not depend on the slip has a Delassus form: solve the full or the condensed form"
+    )]
+    NotCoulomb,
+    /// The Delassus form is malformed.
+    #[error(transparent)]
+    Delassus(#[from] super::DelassusError),
     /// No first point was found.
     #[error("no solution found at parameter {parameter}: {source}")]
     NoStart {

@@ -3,9 +3,9 @@
 use std::ops::ControlFlow;
 
 use super::ContactError;
-use super::condensed_contact::{CondensedContact, ContactSolution};
 use super::node_law::NodeLaw;
-use crate::continuation::{Branch, ContinuationOptions, Direction, Termination};
+use super::{CondensedContact, ContactSolution};
+use crate::continuation::{Branch, ContinuationError, ContinuationOptions, Direction, Termination};
 
 /// One step of [`evolve`].
 #[derive(Debug, Clone, PartialEq)]
@@ -23,15 +23,39 @@ pub struct EvolutionStep {
     pub folds: Vec<f64>,
     /// Number of transitions passed.
     pub transitions: usize,
-    /// Whether the branch from the step before reaches this level without a fold. If not the solution was found by Newton's method: a
-    /// jump (snap-through) to another branch, or along a branch that could not be followed.
-    pub followed: bool,
+    /// How this level was reached.
+    pub arrival: Arrival,
     /// Work of the loads in this step (trapezoidal rule).
     pub work: f64,
     /// Change of the elastic energy ½ uᵀ A u.
     pub stored: f64,
     /// Dissipation Σ λt · Δu_t ≥ 0 of the implicit step. work − stored − dissipated is of second order in the length of the step.
     pub dissipated: f64,
+}
+
+/// How a step of [`evolve`] came to its level.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum Arrival {
+    /// Along the branch from the step before, without a fold.
+    Followed,
+    /// The branch from the step before turns back at a fold: Newton's method found a solution on another branch (snap-through).
+    Jumped,
+    /// The branch passes folds and yet reaches the level: the first solution after them may be told from the one taken by Newton's method.
+    PassedFolds,
+    /// The branch ended on the way, for the reason given; Newton's method found a solution.
+    Ended(Termination),
+    /// The branch could not be followed from the step before (too many nodes at the border of their cells, say); Newton's method found a
+    /// solution.
+    NotFollowed(ContinuationError),
+}
+
+impl Arrival {
+    /// Whether the branch from the step before reaches the level without a fold.
+    #[must_use]
+    pub fn is_followed(&self) -> bool {
+        *self == Self::Followed
+    }
 }
 
 /// Follows a body through a history of load levels: in each step the static law holds for the increments of slip, u_t − u_t^(k−1), and
@@ -62,7 +86,7 @@ pub fn evolve<L: NodeLaw>(
                 x: problem.solve(level, Some(&x))?,
                 folds: Vec::new(),
                 transitions: 0,
-                followed: true,
+                arrival: Arrival::Followed,
             }
         } else {
             reach(problem, &x, level)?
@@ -76,7 +100,7 @@ pub fn evolve<L: NodeLaw>(
             solution: problem.solution(&x)?,
             folds: step.folds,
             transitions: step.transitions,
-            followed: step.followed,
+            arrival: step.arrival,
             work: next.work_from(&energy),
             stored: next.stored - energy.stored,
             dissipated: tangential.map(|(l, (u, old))| l * (u - old)).sum(),
@@ -98,7 +122,7 @@ struct Reached {
     x: Vec<f64>,
     folds: Vec<f64>,
     transitions: usize,
-    followed: bool,
+    arrival: Arrival,
 }
 
 /// From a solution of the step before to the new level.
@@ -113,24 +137,32 @@ fn reach<L: NodeLaw>(problem: &CondensedContact<L>, x: &[f64], level: f64) -> Re
         .with_parameter_range((begin.min(level), begin.max(level)))
         .with_max_points(1000);
     // Nodes that slipped start at the boundary of their cells, many at once: where that start is too degenerate Newton decides.
-    let branch = Branch::follow(problem, x, direction, options).ok();
-    let (folds, transitions) = branch
-        .as_ref()
-        .map_or((Vec::new(), 0), |b| (b.folds(), b.transitions.len()));
-    let end = branch
-        .filter(|b| b.termination == Termination::ParameterRange)
-        .and_then(|b| b.points.into_iter().next_back())
-        .filter(|p| p.parameter() == level && folds.is_empty());
-    let followed = end.is_some();
-    let x = match end {
-        Some(point) => point.x,
-        None => problem.solve(level, Some(x))?,
+    let branch = match Branch::follow(problem, x, direction, options) {
+        Ok(branch) => branch,
+        Err(error) => {
+            return Ok(Reached {
+                x: problem.solve(level, Some(x))?,
+                folds: Vec::new(),
+                transitions: 0,
+                arrival: Arrival::NotFollowed(error),
+            });
+        }
     };
+    let (folds, transitions) = (branch.folds(), branch.transitions.len());
+    let end = branch.points.into_iter().next_back();
+    let end = end.filter(|p| branch.termination == Termination::ParameterRange && p.parameter() == level);
+    let (arrival, end) = match end {
+        Some(end) if folds.is_empty() => (Arrival::Followed, Some(end.x)),
+        Some(_) => (Arrival::PassedFolds, None),
+        None if branch.termination == Termination::ParameterRange => (Arrival::Jumped, None),
+        None => (Arrival::Ended(branch.termination), None),
+    };
+    let x = end.map_or_else(|| problem.solve(level, Some(x)), Ok)?;
     Ok(Reached {
         x,
         folds,
         transitions,
-        followed,
+        arrival,
     })
 }
 

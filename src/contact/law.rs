@@ -43,6 +43,21 @@ impl ContactState {
         }
     }
 
+    /// Whether the node slips, to whichever side.
+    #[must_use]
+    pub const fn is_slip(self) -> bool {
+        matches!(self, Self::SlipPlus | Self::SlipMinus)
+    }
+
+    /// Slip under the force `traction` along t₁: in space slip− if that is negative.
+    pub(super) fn slipping(traction: f64) -> Self {
+        if traction < 0.0 {
+            Self::SlipMinus
+        } else {
+            Self::SlipPlus
+        }
+    }
+
     /// Number of the piece of this state.
     #[must_use]
     pub const fn piece(self) -> usize {

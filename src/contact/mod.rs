@@ -16,38 +16,43 @@ mod fixed_point;
 #[cfg(feature = "json")]
 mod folder;
 mod full;
+mod full_contact;
 mod given_bound;
 mod hild_renard;
 mod law;
 mod node_law;
 mod paths;
 mod problem;
+mod reduced;
+mod solution;
 mod start;
 mod uniqueness;
 
 pub use body::ContactBody;
 pub use condensed::CondensedFriction;
-pub use condensed_contact::{CondensedContact, ContactSolution};
+pub use condensed_contact::CondensedContact;
 pub use coulomb_laws::{OrthotropicCoulomb, PlanarCoulomb};
 pub use curve::{FrictionCoefficient, FrictionCurve};
 #[cfg(feature = "json")]
 pub use delassus::read_delassus;
 pub use delassus::{
     DelassusError, DelassusIteration, DelassusOptions, DelassusPhase, DelassusProblem, DelassusReport,
-    DelassusSolver, DelassusState, DelassusStatus,
+    DelassusSolver, DelassusStatus,
 };
 pub use error::ContactError;
-pub use evolution::{EvolutionStep, evolve};
+pub use evolution::{Arrival, EvolutionStep, evolve};
 pub use family::FrictionFamily;
 pub use fixed_point::{FixedPointOptions, FixedPointReport, fixed_point};
 #[cfg(feature = "json")]
 pub use folder::{DiscreteFolder, read_folder};
+pub use full_contact::FullContact;
 pub use given_bound::GivenBound;
 pub use hild_renard::{HildRenard, HildRenardBranch, HildRenardCase};
 pub use law::{ContactState, NodeValues, SlipBound};
 pub use node_law::{Frictionless, LocalRow, LocalValues, MAX_TESTS, NodeLaw};
 pub use paths::{FrictionPath, LoadPath};
 pub use problem::{FrictionMap, FrictionProblem};
+pub use solution::{ContactEnergy, ContactResiduals, ContactSolution};
 pub use start::{FrictionStart, first_point};
 pub use uniqueness::{
     UniquenessConstants, check_multipliers, critical_friction, friction_bounds, inf_sup_constant,

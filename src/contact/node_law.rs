@@ -118,6 +118,11 @@ pub trait NodeLaw {
         [0.0; 2]
     }
 
+    /// Whether the law is Coulomb's with coefficients of friction that do not depend on the slip: only such a law has a Delassus form.
+    fn is_coulomb(&self) -> bool {
+        false
+    }
+
     /// Checks coefficients at a point.
     ///
     /// # Errors
@@ -132,11 +137,36 @@ pub trait NodeLaw {
             "stick" => ContactState::Stick,
             "slip+" => ContactState::SlipPlus,
             "slip-" => ContactState::SlipMinus,
-            "slip" if v.traction[0] < 0.0 => ContactState::SlipMinus,
-            "slip" => ContactState::SlipPlus,
+            "slip" => ContactState::slipping(v.traction[0]),
             _ => ContactState::Open,
         }
     }
+}
+
+macro_rules! borrowed {
+    ($(fn $name:ident(&self $(, $arg:ident: $ty:ty)*) $(-> $out:ty)?;)*) => {
+        /// A law that is lent.
+        impl<L: NodeLaw + ?Sized> NodeLaw for &L {
+            $(fn $name(&self $(, $arg: $ty)*) $(-> $out)? { (**self).$name($($arg),*) })*
+        }
+    };
+}
+
+borrowed! {
+    fn num_tangents(&self) -> usize;
+    fn num_pieces(&self) -> usize;
+    fn num_tests(&self) -> usize;
+    fn cell(&self, piece: usize) -> &'static [Facet];
+    fn piece_name(&self, piece: usize) -> &'static str;
+    fn tests(&self, v: &LocalValues, out: &mut [f64]);
+    fn test_rows(&self, v: &LocalValues, rows: &mut [LocalRow]);
+    fn residual(&self, piece: usize, v: &LocalValues) -> [f64; 3];
+    fn rows(&self, piece: usize, v: &LocalValues) -> [LocalRow; 3];
+    fn is_affine(&self) -> bool;
+    fn friction(&self, v: &LocalValues) -> [f64; 2];
+    fn is_coulomb(&self) -> bool;
+    fn check(&self, v: &LocalValues) -> Result<(), ContactError>;
+    fn state(&self, piece: usize, v: &LocalValues) -> ContactState;
 }
 
 pub(super) const CLOSED: Facet = Facet::positive(0);
@@ -227,6 +257,10 @@ impl NodeLaw for Frictionless {
     }
 
     fn is_affine(&self) -> bool {
+        true
+    }
+
+    fn is_coulomb(&self) -> bool {
         true
     }
 }

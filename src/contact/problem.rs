@@ -1,8 +1,13 @@
+use super::body::check_matrices;
 use super::error::check_length;
+use super::full_contact::held;
 use super::law::{Law, TESTS};
-use super::{ContactError, ContactState, FrictionPath, LoadPath, NodeValues, SlipBound};
+use super::solution::imbalance;
+use super::{
+    ContactError, ContactSolution, ContactState, FrictionPath, LoadPath, LocalValues, NodeValues, SlipBound,
+};
 use crate::piecewise::{PiecewiseSmooth, Selection};
-use crate::sparse::{Matrix, Pattern};
+use crate::sparse::{Matrix, Pattern, dot};
 
 /// A discrete contact problem with Coulomb friction in the plane (Haslinger, Janovský, Ligurský):
 ///
@@ -56,35 +61,8 @@ impl FrictionProblem {
         load: LoadPath,
         friction: FrictionPath,
     ) -> Result<Self, ContactError> {
+        check_matrices(&a, &[&bnu, &bt])?;
         let (n, p) = (a.nrows(), bnu.nrows());
-        if n == 0 {
-            return Err(ContactError::Empty {
-                what: "there are no displacements",
-            });
-        }
-        if p == 0 {
-            return Err(ContactError::Empty {
-                what: "there are no contact nodes",
-            });
-        }
-        for (what, matrix, rows) in [
-            ("the stiffness matrix A", &a, n),
-            ("the normal trace Bnu", &bnu, p),
-            ("the tangential trace Bt", &bt, p),
-        ] {
-            if matrix.nrows() != rows || matrix.ncols() != n {
-                return Err(ContactError::Shape {
-                    what,
-                    rows,
-                    cols: n,
-                    found_rows: matrix.nrows(),
-                    found_cols: matrix.ncols(),
-                });
-            }
-            matrix
-                .check_finite()
-                .map_err(|source| ContactError::Matrix { what, source })?;
-        }
         load.0.check("the load", n)?;
         friction.0.check("the coefficients of friction", p)?;
         let constant_friction = friction.0.is_constant();
@@ -261,6 +239,55 @@ pub trait FrictionMap: PiecewiseSmooth {
     fn selection_of(&self, states: &[ContactState]) -> Selection {
         let p = self.problem().num_contacts();
         Selection::from_pieces((0..p).map(|i| states.get(i).map_or(0, |s| s.piece())))
+    }
+
+    /// States, local quantities, energies and residuals at a solution x.
+    ///
+    /// # Errors
+    /// Wrong length; failures of the linear solver (condensed form).
+    fn solution(&self, x: &[f64]) -> Result<ContactSolution, ContactError> {
+        check_length("the solution x", x, self.num_vars())?;
+        let problem = self.problem();
+        let (p, parameter) = (problem.num_contacts(), x[x.len() - 1]);
+        let u = self.displacements(x)?;
+        let load = problem.load_at(parameter);
+        let (mut stiff, mut reaction) = (vec![0.0; u.len()], vec![0.0; u.len()]);
+        problem.a.mul_vec(&u, &mut stiff);
+        let forces = &x[x.len() - 1 - 2 * p..];
+        problem.bnu_t.as_ref().mul_add(1.0, &forces[..p], &mut reaction);
+        problem
+            .bt_t
+            .as_ref()
+            .mul_add(1.0, &forces[p..2 * p], &mut reaction);
+        let own = self.nodes(x);
+        let nodes = own.iter().enumerate().map(|(node, v)| LocalValues {
+            node,
+            penetration: v.penetration,
+            slip: [v.slip, 0.0],
+            pressure: v.pressure,
+            traction: [v.traction, 0.0],
+            parameter,
+            r: problem.r(),
+        });
+        let law = problem.law;
+        Ok(ContactSolution::assemble(
+            nodes.collect(),
+            |v| {
+                let (v, tests) = (&own[v.node], law.tests(&own[v.node]));
+                let margin = |piece: usize| crate::piecewise::cell_margin(law.cell(piece), &tests);
+                let piece = (0..law.num_pieces())
+                    .max_by(|&a, &b| margin(a).total_cmp(&margin(b)))
+                    .unwrap_or(0);
+                let [normal, tangential] = law.residual(piece, v);
+                (law.state(piece), [normal, tangential, 0.0])
+            },
+            |i| held(&problem.gap, &[], i),
+            (
+                0.5 * dot(&u, &stiff),
+                dot(&u, &load),
+                imbalance(&stiff, &reaction, &load),
+            ),
+        ))
     }
 
     /// The printed test functions θ¹, θ², θ³ of each node.

@@ -1,6 +1,7 @@
 use super::{ContactError, ContactState, FrictionMap};
 use crate::linear::{AutoSolver, LinearSolver};
 use crate::newton::{Newton, NewtonError, NewtonOptions};
+use crate::piecewise::{PiecewiseSmooth, Selection};
 use crate::sparse::Matrix;
 
 /// Where the search for a first point begins.
@@ -57,29 +58,38 @@ pub fn first_point<M: FrictionMap + ?Sized>(
         x[m - 1] = alpha;
         x
     };
-    let mut newton = Newton::new(NewtonOptions::default());
-    let mut failure = None;
-    let wanted = match start {
+    let given = match start {
         FrictionStart::Point(x) => {
             super::error::check_length("the start", x, m)?;
-            let mut x = x.clone();
-            x[m - 1] = alpha;
-            Some(x)
+            Some(x.clone())
         }
         FrictionStart::Zero => None,
         FrictionStart::Stick => frozen(map, &vec![ContactState::Stick; p], zero())?,
         FrictionStart::States(states) => frozen(map, states, zero())?,
     };
     let uniform = |s: ContactState| frozen(map, &vec![s; p], zero());
-    let others = [
-        Some(zero()),
-        uniform(ContactState::Stick)?,
-        uniform(ContactState::Open)?,
-    ];
-    for mut x in std::iter::once(wanted).chain(others).flatten() {
+    let starts = std::iter::once(Ok(given))
+        .chain(std::iter::once_with(|| Ok(Some(zero()))))
+        .chain(std::iter::once_with(|| uniform(ContactState::Stick)))
+        .chain(std::iter::once_with(|| uniform(ContactState::Open)));
+    first_converged(map, alpha, starts)
+}
+
+/// The first solution that Newton's method finds at α from a list of starts; those that there are not are passed over.
+pub(super) fn first_converged<M: PiecewiseSmooth + ?Sized>(
+    map: &M,
+    alpha: f64,
+    starts: impl Iterator<Item = Result<Option<Vec<f64>>, ContactError>>,
+) -> Result<Vec<f64>, ContactError> {
+    let mut newton = Newton::new(NewtonOptions::default());
+    let mut failure = None;
+    for start in starts {
+        let Some(mut x) = start? else { continue };
+        if let Some(last) = x.last_mut() {
+            *last = alpha;
+        }
         match newton.solve(map, &mut x) {
             Ok(_) => return Ok(x),
-            Err(e @ NewtonError::Failed(_)) => failure = Some(e),
             Err(NewtonError::Map(e)) => return Err(e.into()),
             Err(e) => failure = Some(e),
         }
@@ -95,18 +105,45 @@ pub fn first_point<M: FrictionMap + ?Sized>(
     }
 }
 
+/// Solves with the augmentation parameter r and, where no start converges, with others.
+///
+/// Solutions do not depend on r, the way of Newton's method does: a small one lets sites go to and fro, a large one at worst needs
+/// more iterations. `stiffness` is that of a contact node.
+pub(super) fn solve_with_stiffer(
+    r: f64,
+    stiffness: f64,
+    mut solve: impl FnMut(f64) -> Result<Vec<f64>, ContactError>,
+) -> Result<Vec<f64>, ContactError> {
+    let first = solve(r);
+    if !matches!(first, Err(ContactError::NoStart { .. })) {
+        return first;
+    }
+    [10.0, 1e3]
+        .into_iter()
+        .find_map(|factor| solve(factor * stiffness).ok())
+        .map_or(first, Ok)
+}
+
 /// The solution of the linear problem with given states (F does not depend on u), `None` where that is singular.
 fn frozen<M: FrictionMap + ?Sized>(
     map: &M,
     states: &[ContactState],
+    x: Vec<f64>,
+) -> Result<Option<Vec<f64>>, ContactError> {
+    newton_step(map, &map.selection_of(states), x)
+}
+
+/// One Newton step of a selection from x, `None` where its Jacobian is singular.
+pub(super) fn newton_step<M: PiecewiseSmooth + ?Sized>(
+    map: &M,
+    selection: &Selection,
     mut x: Vec<f64>,
 ) -> Result<Option<Vec<f64>>, ContactError> {
-    let selection = map.selection_of(states);
     let n = map.num_residuals();
     let mut jac = Matrix::zeros(map.pattern());
-    map.jacobian(&selection, &x, &mut jac);
+    map.jacobian(selection, &x, &mut jac);
     let mut r = vec![0.0; n];
-    map.residual(&selection, &x, &mut r);
+    map.residual(selection, &x, &mut r);
     let mut solver = AutoSolver::default();
     solver.analyze(jac.leading_columns(n).pattern)?;
     if solver.factor(jac.leading_columns(n)).is_err() || solver.solve_in_place(&mut r).is_err() {

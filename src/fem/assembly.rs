@@ -1,9 +1,10 @@
 use std::sync::Arc;
 
 use super::elasticity::Elasticity;
-use super::element::{CellKind, MAX_NODES, facet_quadrature, map_cell};
+use super::element::{CellKind, MAX_NODES, map_cell};
+use super::facet::integrate;
 use super::material::VOIGT;
-use super::mesh::{cross, norm};
+
 use super::rigid::check_supports;
 use super::{FemError, Material, Mesh, PlaneModel};
 use crate::sparse::{Matrix, Pattern};
@@ -209,7 +210,7 @@ impl ElasticSystem {
         let mut load = vec![0.0; self.num_free()];
         for nodes in self.mesh.facet_group(facets)? {
             let mut failure = None;
-            self.integrate(nodes, |at, shape, measure| {
+            integrate(self.mesh.points(), nodes, |at, shape, measure| {
                 match self.checked("the surface traction", at, traction(at)) {
                     Ok(t) => {
                         for (&node, s) in nodes.iter().zip(shape) {
@@ -226,25 +227,9 @@ impl ElasticSystem {
         Ok(load)
     }
 
-    /// Calls `f(point, shape values, weight × measure)` at the quadrature points of a facet.
-    pub(super) fn integrate(&self, nodes: &[usize], mut f: impl FnMut([f64; 3], &[f64], f64)) {
-        let points = self.mesh.points();
-        for q in facet_quadrature(nodes.len()) {
-            let (mut at, mut tangents) = ([0.0; 3], [[0.0; 3]; 2]);
-            for (a, &node) in nodes.iter().enumerate() {
-                for d in 0..3 {
-                    at[d] += q.value[a] * points[node][d];
-                    tangents[0][d] += q.gradient[a][0] * points[node][d];
-                    tangents[1][d] += q.gradient[a][1] * points[node][d];
-                }
-            }
-            let measure = if nodes.len() == 2 {
-                norm(tangents[0])
-            } else {
-                norm(cross(tangents[0], tangents[1]))
-            };
-            f(at, &q.value[..nodes.len()], q.weight * measure);
-        }
+    /// The value of a prescribed component, 0 at free ones.
+    pub(super) fn prescribed_value(&self, node: usize, component: usize) -> f64 {
+        self.prescribed[self.mesh.dim() * node + component]
     }
 
     /// All displacements, node by node, from the free ones.

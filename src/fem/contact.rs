@@ -1,6 +1,7 @@
 use std::fmt;
 use std::sync::Arc;
 
+use super::facet::integrate;
 use super::mesh::{by_position, cross, dot, norm};
 use super::{ElasticSystem, FemError};
 use crate::sparse::Matrix;
@@ -66,7 +67,22 @@ impl Foundation {
     }
 }
 
-/// The contact nodes with their traces: multipliers are nodal forces (lumped), one normal and one or two tangential a node.
+impl Foundation {
+    pub(super) fn gap_at(&self, x: [f64; 3]) -> f64 {
+        (self.gap)(x)
+    }
+
+    pub(super) fn normal_at(&self, x: [f64; 3]) -> Option<[f64; 3]> {
+        self.normal.as_ref().map(|f| f(x))
+    }
+
+    pub(super) fn tangent_at(&self, x: [f64; 3]) -> Option<[f64; 3]> {
+        self.tangent.as_ref().map(|f| f(x))
+    }
+}
+
+/// The contact nodes with their traces: multipliers are nodal forces (lumped), one normal and one or two tangential a node. Other
+/// multipliers come from [`ElasticSystem::contact_with`].
 ///
 /// Row i of Bν is ν(xᵢ) at the displacements of node i, so (Bν u)ᵢ = u_ν(xᵢ); with λν = −(nodal contact force)·ν ≥ 0 the
 /// equilibrium is A u + Bνᵀ λν + Btᵀ λt = f.
@@ -93,6 +109,23 @@ pub struct ContactRows {
     pub tangential2: Option<Matrix>,
 }
 
+impl ContactRows {
+    pub(super) fn empty() -> Self {
+        let nothing = || Matrix::identity(0);
+        Self {
+            nodes: Vec::new(),
+            points: Vec::new(),
+            gap: Vec::new(),
+            normals: Vec::new(),
+            tangents: Vec::new(),
+            areas: Vec::new(),
+            normal: nothing(),
+            tangential: nothing(),
+            tangential2: None,
+        }
+    }
+}
+
 impl ElasticSystem {
     /// The nodes of a group of facets as contact nodes. Nodes whose displacement is prescribed altogether are left out.
     ///
@@ -106,7 +139,7 @@ impl ElasticSystem {
         let mut area = vec![0.0; mesh.num_nodes()];
         let mut normal = vec![[0.0; 3]; mesh.num_nodes()];
         for facet in group {
-            self.integrate(facet, |_, shape, measure| {
+            integrate(mesh.points(), facet, |_, shape, measure| {
                 for (&node, s) in facet.iter().zip(shape) {
                     area[node] += s * measure;
                 }
@@ -135,7 +168,7 @@ impl ElasticSystem {
         let (mut gaps, mut normals, mut tangents) = (Vec::new(), Vec::new(), Vec::new());
         for (i, &node) in nodes.iter().enumerate() {
             let at = points[node];
-            let gap = (foundation.gap)(at);
+            let gap = foundation.gap_at(at);
             if !gap.is_finite() {
                 return Err(FemError::NotFinite {
                     what: "the gap",
@@ -143,9 +176,9 @@ impl ElasticSystem {
                     value: gap,
                 });
             }
-            let nu = foundation.normal.as_ref().map_or(normal[node], |f| f(at));
+            let nu = foundation.normal_at(at).unwrap_or(normal[node]);
             let nu = unit(node, dim, nu, "its normal is zero or not finite")?;
-            let frame = frame(node, dim, nu, foundation.tangent.as_ref().map(|f| f(at)))?;
+            let frame = frame(node, dim, nu, foundation.tangent_at(at))?;
             for (row, direction) in rows.iter_mut().zip([nu, frame[0], frame[1]]) {
                 for (d, &v) in direction.iter().enumerate().take(dim) {
                     if v.abs() <= 1e-14 {
@@ -182,7 +215,12 @@ impl ElasticSystem {
     }
 }
 
-fn frame(node: usize, dim: usize, nu: [f64; 3], wish: Option<[f64; 3]>) -> Result<[[f64; 3]; 2], FemError> {
+pub(super) fn frame(
+    node: usize,
+    dim: usize,
+    nu: [f64; 3],
+    wish: Option<[f64; 3]>,
+) -> Result<[[f64; 3]; 2], FemError> {
     if dim == 2 {
         return Ok([[-nu[1], nu[0], 0.0], [0.0; 3]]);
     }
@@ -204,7 +242,7 @@ fn frame(node: usize, dim: usize, nu: [f64; 3], wish: Option<[f64; 3]>) -> Resul
     Ok([t1, cross(t1, nu)])
 }
 
-fn unit(node: usize, dim: usize, mut v: [f64; 3], what: &str) -> Result<[f64; 3], FemError> {
+pub(super) fn unit(node: usize, dim: usize, mut v: [f64; 3], what: &str) -> Result<[f64; 3], FemError> {
     if dim == 2 {
         v[2] = 0.0;
     }

@@ -182,6 +182,12 @@ pub enum FemError {
         /// "normal" or "tangential".
         direction: &'static str,
     },
+    /// Patches of multipliers of no size.
+    #[error("the size of the patches of multipliers is {size}; it must be positive and finite")]
+    PatchSize {
+        /// H.
+        size: f64,
+    },
     /// A normal or tangent that is zero, not finite, or a tangent that is not orthogonal to the normal.
     #[error("contact node {node}: {what}")]
     Frame {

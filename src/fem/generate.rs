@@ -123,9 +123,8 @@ impl Mesh {
             }
             children.push(begin..cells.len());
         }
-        let (facets, groups) = self.groups();
         let mut mesh = Self::new(self.dim(), self.points().to_vec(), cells)?;
-        let mut facets = facets.clone();
+        let mut facets = self.groups().0.clone();
         if self.dim() == 3 {
             // The triangles of the new boundary that lie inside a facet of the group.
             let boundary = mesh.boundary();
@@ -156,15 +155,7 @@ impl Mesh {
                 }
             }
         }
-        let groups = groups
-            .iter()
-            .map(|(name, list)| {
-                (
-                    name.clone(),
-                    list.iter().flat_map(|&c| children[c].clone()).collect(),
-                )
-            })
-            .collect();
+        let groups = self.refined_cell_groups(&children);
         mesh.set_groups(facets, groups);
         Ok(mesh)
     }

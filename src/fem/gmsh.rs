@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
 use super::getfem::drop_loose;
+use super::tokens::Reader;
 use super::{CellKind, FemError, Mesh};
 
 /// Reads a Gmsh mesh file (MSH 2.2 or 4.1, ASCII or binary of either byte order) of linear elements.
@@ -197,133 +198,7 @@ impl File {
     }
 }
 
-struct Reader<'a> {
-    bytes: &'a [u8],
-    at: usize,
-    path: &'a Path,
-    binary: bool,
-    swapped: bool,
-}
-
 impl Reader<'_> {
-    fn fail(&self, what: impl Into<String>) -> FemError {
-        let before = &self.bytes[..self.at.min(self.bytes.len())];
-        let line = 1 + before.iter().filter(|b| **b == b'\n').count();
-        let mut what = what.into();
-        if self.binary {
-            what += &format!(" (byte {})", self.at);
-        }
-        FemError::Parse {
-            path: self.path.into(),
-            line,
-            what,
-        }
-    }
-
-    /// Name behind the next `$` at the beginning of a line.
-    fn next_section(&mut self) -> Option<String> {
-        while self.at < self.bytes.len() {
-            let line = self.line();
-            if let Some(name) = line.trim().strip_prefix('$') {
-                return Some(name.to_owned());
-            }
-        }
-        None
-    }
-
-    fn line(&mut self) -> String {
-        let rest = &self.bytes[self.at..];
-        let end = rest.iter().position(|b| *b == b'\n').unwrap_or(rest.len());
-        self.at = (self.at + end + 1).min(self.bytes.len());
-        String::from_utf8_lossy(&rest[..end]).into_owned()
-    }
-
-    fn skip_to_end(&mut self, section: &str) -> Result<(), FemError> {
-        let mark = format!("$End{section}");
-        let rest = &self.bytes[self.at..];
-        match rest.windows(mark.len()).position(|w| w == mark.as_bytes()) {
-            Some(k) => {
-                self.at += k;
-                self.line();
-                Ok(())
-            }
-            None => Err(self.fail(format!(
-                "section ${section} is not closed by {mark}: the file is truncated"
-            ))),
-        }
-    }
-
-    fn token(&mut self) -> Result<&str, FemError> {
-        let start = self.at
-            + self.bytes[self.at..]
-                .iter()
-                .position(|b| !b.is_ascii_whitespace())
-                .unwrap_or(0);
-        let length = self.bytes[start..]
-            .iter()
-            .position(u8::is_ascii_whitespace)
-            .unwrap_or(self.bytes.len() - start);
-        if length == 0 {
-            return Err(self.fail("the file ends where a number should be"));
-        }
-        self.at = start + length;
-        std::str::from_utf8(&self.bytes[start..start + length]).map_err(|_| FemError::Parse {
-            path: self.path.into(),
-            line: 0,
-            what: "the text is not UTF-8".into(),
-        })
-    }
-
-    fn number<T: std::str::FromStr>(&mut self) -> Result<T, FemError> {
-        let token = self.token()?.to_owned();
-        token
-            .parse()
-            .map_err(|_| self.fail(format!("\"{token}\" is not the number that should be here")))
-    }
-
-    fn raw<const N: usize>(&mut self) -> Result<[u8; N], FemError> {
-        match self.bytes.get(self.at..self.at + N) {
-            Some(slice) => {
-                let mut raw = [0; N];
-                raw.copy_from_slice(slice);
-                if self.swapped {
-                    raw.reverse();
-                }
-                self.at += N;
-                Ok(raw)
-            }
-            None => Err(self.fail("the file ends within binary data")),
-        }
-    }
-
-    fn int(&mut self) -> Result<i64, FemError> {
-        if self.binary {
-            Ok(i32::from_le_bytes(self.raw()?).into())
-        } else {
-            self.number()
-        }
-    }
-
-    fn size(&mut self) -> Result<u64, FemError> {
-        if self.binary {
-            Ok(u64::from_le_bytes(self.raw()?))
-        } else {
-            self.number()
-        }
-    }
-
-    fn double(&mut self) -> Result<f64, FemError> {
-        if self.binary {
-            Ok(f64::from_le_bytes(self.raw()?))
-        } else {
-            self.number()
-        }
-    }
-
-    fn point(&mut self) -> Result<[f64; 3], FemError> {
-        Ok([self.double()?, self.double()?, self.double()?])
-    }
-
     fn format(&mut self) -> Result<Version, FemError> {
         let version: String = self.token()?.to_owned();
         let binary: i64 = self.number()?;

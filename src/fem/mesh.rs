@@ -363,6 +363,13 @@ impl Mesh {
         self.cell_groups.keys().map(String::as_str)
     }
 
+    /// The groups of cells of a finer mesh, cell c of this one having become `children[c]`.
+    pub(super) fn refined_cell_groups(&self, children: &[std::ops::Range<usize>]) -> CellGroups {
+        let groups = self.cell_groups.iter();
+        let fine = |list: &[usize]| list.iter().flat_map(|&c| children[c].clone()).collect();
+        groups.map(|(name, list)| (name.clone(), fine(list))).collect()
+    }
+
     pub(super) fn groups(&self) -> (&FacetGroups, &CellGroups) {
         (&self.facet_groups, &self.cell_groups)
     }

@@ -26,23 +26,16 @@ impl Mesh {
             }
             children.push(begin..cells.len());
         }
-        let (facets, groups) = self.groups();
-        let facets: BTreeMap<_, _> = facets
+        let facets: BTreeMap<_, _> = self
+            .groups()
+            .0
             .iter()
             .map(|(name, list)| {
                 let fine = list.iter().flat_map(|f| refiner.split_facet(f)).collect();
                 (name.clone(), fine)
             })
             .collect();
-        let groups = groups
-            .iter()
-            .map(|(name, list)| {
-                (
-                    name.clone(),
-                    list.iter().flat_map(|&c| children[c].clone()).collect(),
-                )
-            })
-            .collect();
+        let groups = self.refined_cell_groups(&children);
         let mut mesh = Self::new(self.dim(), refiner.points, cells)?;
         mesh.set_groups(facets, groups);
         Ok(mesh)

@@ -1,6 +1,7 @@
 use super::assembly::{PRESCRIBED, pattern};
-use super::element::{facet_quadrature, map_cell};
-use super::mesh::{by_position, cross, norm};
+use super::element::map_cell;
+use super::facet::{integrate, integrate_parts};
+use super::mesh::by_position;
 use super::{FemError, Mesh};
 use crate::sparse::Matrix;
 
@@ -79,59 +80,17 @@ impl<'a> TraceSpace<'a> {
         let mut entries = Vec::new();
         let mut at_point = Vec::new();
         for nodes in self.facets {
-            let rule = facet_quadrature(nodes.len());
-            // Triangles are not halved: multipliers on them may jump at edges only.
-            let parts: &[f64] = if nodes.len() == 3 { &[0.0] } else { &[-0.5, 0.5] };
-            let scale = if nodes.len() == 3 { 1.0 } else { 0.5 };
-            let second: &[f64] = if nodes.len() == 4 { parts } else { &[0.0] };
-            for &sx in parts {
-                for &sy in second {
-                    for q in &rule {
-                        let shape = match nodes.len() {
-                            3 => q.value,
-                            2 => {
-                                let s = sx + scale * (q.value[1] - q.value[0]);
-                                [0.5 * (1.0 - s), 0.5 * (1.0 + s), 0.0, 0.0]
-                            }
-                            _ => {
-                                let s = sx + scale * (q.value[1] + q.value[2] - q.value[0] - q.value[3]);
-                                let t = sy + scale * (q.value[2] + q.value[3] - q.value[0] - q.value[1]);
-                                [
-                                    (1.0 - s) * (1.0 - t),
-                                    (1.0 + s) * (1.0 - t),
-                                    (1.0 + s) * (1.0 + t),
-                                    (1.0 - s) * (1.0 + t),
-                                ]
-                                .map(|v| 0.25 * v)
-                            }
-                        };
-                        let mut x = [0.0; 3];
-                        let mut tangents = [[0.0; 3]; 2];
-                        for (a, &node) in nodes.iter().enumerate() {
-                            let p = self.mesh.points()[node];
-                            for d in 0..3 {
-                                x[d] += shape[a] * p[d];
-                                tangents[0][d] += q.gradient[a][0] * p[d];
-                                tangents[1][d] += q.gradient[a][1] * p[d];
-                            }
-                        }
-                        let measure = match nodes.len() {
-                            2 => scale * norm(tangents[0]),
-                            3 => norm(cross(tangents[0], tangents[1])),
-                            _ => scale * scale * norm(cross(tangents[0], tangents[1])),
-                        };
-                        at_point.clear();
-                        evaluate(x, &mut at_point);
-                        for &(k, mu) in &at_point {
-                            for (a, &node) in nodes.iter().enumerate() {
-                                if self.dofs[node] != PRESCRIBED {
-                                    entries.push((k, self.dofs[node], q.weight * measure * mu * shape[a]));
-                                }
-                            }
+            integrate_parts(self.mesh.points(), nodes, |_, x, shape, measure| {
+                at_point.clear();
+                evaluate(x, &mut at_point);
+                for &(k, mu) in &at_point {
+                    for (&node, s) in nodes.iter().zip(shape) {
+                        if self.dofs[node] != PRESCRIBED {
+                            entries.push((k, self.dofs[node], measure * mu * s));
                         }
                     }
                 }
-            }
+            });
         }
         Ok(Matrix::from_triplets(count, self.gram.nrows(), &entries)?)
     }
@@ -145,25 +104,13 @@ impl<'a> TraceSpace<'a> {
         let mut area = std::collections::BTreeMap::new();
         let points = self.mesh.points();
         for nodes in self.facets {
-            for q in facet_quadrature(nodes.len()) {
-                let mut tangents = [[0.0; 3]; 2];
-                for (a, &node) in nodes.iter().enumerate() {
-                    for d in 0..3 {
-                        tangents[0][d] += q.gradient[a][0] * points[node][d];
-                        tangents[1][d] += q.gradient[a][1] * points[node][d];
-                    }
-                }
-                let measure = if nodes.len() == 2 {
-                    norm(tangents[0])
-                } else {
-                    norm(cross(tangents[0], tangents[1]))
-                };
-                for (a, &node) in nodes.iter().enumerate() {
+            integrate(points, nodes, |_, shape, measure| {
+                for (&node, s) in nodes.iter().zip(shape) {
                     if self.dofs[node] != PRESCRIBED {
-                        *area.entry(node).or_insert(0.0) += q.weight * measure * q.value[a];
+                        *area.entry(node).or_insert(0.0) += measure * s;
                     }
                 }
-            }
+            });
         }
         let mut nodes: Vec<(usize, f64)> = area.into_iter().collect();
         nodes.sort_by(|a, b| by_position(points[a.0], points[b.0]));

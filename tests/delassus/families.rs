@@ -83,6 +83,19 @@ fn rows(frame: [V3; 3], arm: V3, sign: f64) -> [[f64; 6]; 3] {
 
 /// The problem of a set of bodies; `dimension` 2 drops the second tangent (which is then along z).
 pub fn assemble(dimension: usize, bodies: &[Body], touches: &[Touch], mu: f64) -> DelassusProblem {
+    assemble_turning(dimension, bodies, touches, mu, 0.0)
+}
+
+/// The same with bodies that turn by `angle` in a step: the rotational part of W is the inverse of the inertia plus a gyroscopic
+/// term, M is unsymmetric, and its rank and range are those of H.
+pub fn assemble_turning(
+    dimension: usize,
+    bodies: &[Body],
+    touches: &[Touch],
+    mu: f64,
+    angle: f64,
+) -> DelassusProblem {
+    let mut turns = Stream(17);
     let mut by_body: Vec<Vec<(usize, [[f64; 6]; 3])>> = vec![Vec::new(); bodies.len()];
     for (k, t) in touches.iter().enumerate() {
         let n = unit(t.normal);
@@ -114,12 +127,30 @@ pub fn assemble(dimension: usize, bodies: &[Body], touches: &[Touch], mu: f64) -
             }
         });
         let v: [f64; 6] = std::array::from_fn(|k| if k < 3 { body.velocity[k] } else { body.spin[k - 3] });
+        // (1 + [a]×)⁻¹ = (1 + a aᵀ − [a]×) / (1 + a·a), between the roots of the inertia.
+        let a: V3 = std::array::from_fn(|_| angle * turns.uniform(-1.0, 1.0));
+        let turn: [V3; 3] = std::array::from_fn(|i| {
+            let unit: V3 = std::array::from_fn(|k| f64::from(i == k));
+            let across = cross(a, unit);
+            std::array::from_fn(|k| (unit[k] + a[i] * a[k] + across[k]) / (1.0 + dot(a, a)))
+        });
+        let w_times = |h: &[f64; 6]| -> [f64; 6] {
+            std::array::from_fn(|k| {
+                if k < 3 {
+                    return w[k] * h[k];
+                }
+                (0..3)
+                    .map(|l| w[k].sqrt() * turn[k - 3][l] * w[3 + l].sqrt() * h[3 + l])
+                    .sum()
+            })
+        };
         for (i, hi) in list {
             for a in 0..dimension {
                 q[i * dimension + a] += (0..6).map(|k| hi[a][k] * v[k]).sum::<f64>();
                 for (j, hj) in list {
                     for c in 0..dimension {
-                        let m: f64 = (0..6).map(|k| hi[a][k] * w[k] * hj[c][k]).sum();
+                        let moved = w_times(&hj[c]);
+                        let m: f64 = (0..6).map(|k| hi[a][k] * moved[k]).sum();
                         triplets.push((i * dimension + a, j * dimension + c, m));
                     }
                 }
@@ -144,6 +175,18 @@ fn brick(centre: V3, size: V3, density: f64, velocity: V3) -> Body {
 
 /// A wall of bricks in stretcher bond: each brick touches those below at the four corners of every common face.
 pub fn wall(courses: usize, length: usize, mu: f64, push: f64, seed: u64) -> DelassusProblem {
+    turning_wall(courses, length, mu, push, 0.0, seed)
+}
+
+/// The wall with bricks that turn by `angle` in a step.
+pub fn turning_wall(
+    courses: usize,
+    length: usize,
+    mu: f64,
+    push: f64,
+    angle: f64,
+    seed: u64,
+) -> DelassusProblem {
     let mut s = Stream(seed);
     let (lx, ly, lz) = (2.0, 1.0, 0.7);
     let mut bodies: Vec<Body> = Vec::new();
@@ -201,7 +244,85 @@ pub fn wall(courses: usize, length: usize, mu: f64, push: f64, seed: u64) -> Del
         }
         below = here;
     }
-    assemble(3, &bodies, &touches, mu)
+    assemble_turning(3, &bodies, &touches, mu, angle)
+}
+
+/// Rods in a heap: layer on layer crosswise at random angles, each with two or three contacts on those below and, side by side,
+/// two redundant contacts along the common generator; thrown with spin.
+pub fn rods(layers: usize, breadth: usize, mu: f64, shake: f64, angle: f64, seed: u64) -> DelassusProblem {
+    let mut s = Stream(seed);
+    let (radius, half) = (0.5, 0.5 * breadth as f64);
+    let mut bodies: Vec<Body> = Vec::new();
+    let mut touches = Vec::new();
+    for c in 0..layers {
+        let z = radius * (2 * c + 1) as f64;
+        for k in 0..breadth {
+            let side = 2.0 * radius * (k as f64 - 0.5 * (breadth as f64 - 1.0));
+            let turned = c % 2 == 1;
+            let centre = if turned { [side, 0.0, z] } else { [0.0, side, z] };
+            let mass = s.uniform(0.3, 3.0);
+            let (long, round) = (mass * half * half / 3.0, 0.5 * mass * radius * radius);
+            bodies.push(Body {
+                centre,
+                mass,
+                inertia: if turned {
+                    [long, round, long]
+                } else {
+                    [round, long, long]
+                },
+                velocity: [shake * s.uniform(-1.0, 1.0), shake * s.uniform(-1.0, 1.0), -0.01],
+                spin: s.vector(3, shake).try_into().unwrap(),
+            });
+            let over = bodies.len() - 1;
+            let along: V3 = if turned { [0.0, 1.0, 0.0] } else { [1.0, 0.0, 0.0] };
+            let tilt = |s: &mut Stream, n: V3| {
+                unit([n[0] + s.uniform(-0.1, 0.1), n[1] + s.uniform(-0.1, 0.1), n[2]])
+            };
+            if c == 0 {
+                for end in [-half, 0.0, half] {
+                    let point = [centre[0] + end * along[0], centre[1] + end * along[1], 0.0];
+                    touches.push(Touch {
+                        over,
+                        under: None,
+                        point,
+                        normal: [0.0, 0.0, 1.0],
+                    });
+                }
+            } else {
+                for under in breadth * (c - 1)..breadth * c {
+                    if s.uniform(0.0, 1.0) < 0.3 {
+                        continue;
+                    }
+                    let other = bodies[under].centre;
+                    let point = if turned {
+                        [centre[0], other[1], z - radius]
+                    } else {
+                        [other[0], centre[1], z - radius]
+                    };
+                    let normal = tilt(&mut s, [0.0, 0.0, 1.0]);
+                    touches.push(Touch {
+                        over,
+                        under: Some(under),
+                        point,
+                        normal,
+                    });
+                }
+            }
+            if k > 0 {
+                for end in [-0.8 * half, 0.8 * half] {
+                    let across: V3 = if turned { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] };
+                    let point = std::array::from_fn(|d| centre[d] + end * along[d] - radius * across[d]);
+                    touches.push(Touch {
+                        over,
+                        under: Some(over - 1),
+                        point,
+                        normal: across,
+                    });
+                }
+            }
+        }
+    }
+    assemble_turning(3, &bodies, &touches, mu, angle)
 }
 
 /// A tower of planks laid crosswise, three a storey, with four contacts for each crossing.

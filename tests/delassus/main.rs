@@ -9,7 +9,7 @@ use std::path::Path;
 use families::Stream;
 use proptest::prelude::*;
 use semismooth::contact::{
-    DelassusError, DelassusOptions, DelassusProblem, DelassusReport, DelassusSolver, DelassusState,
+    ContactState, DelassusError, DelassusOptions, DelassusProblem, DelassusReport, DelassusSolver,
     DelassusStatus, read_delassus,
 };
 use semismooth::sparse::Matrix;
@@ -79,14 +79,11 @@ fn one_contact_in_closed_form() {
             "{:?}",
             r.r
         );
-        let expected = if push / b < mu * normal {
-            DelassusState::Stick
-        } else {
-            DelassusState::Slip
-        };
-        assert_eq!(r.states, [expected]);
+        let sticks = push / b < mu * normal;
+        assert_eq!(r.states[0] == ContactState::Stick, sticks);
+        assert_eq!(r.states[0].is_slip(), !sticks);
         let slip = b * friction - push;
-        assert!(close(&r.u, &[0.0, slip * c, slip * s], 1e-11) || expected == DelassusState::Stick);
+        assert!(close(&r.u, &[0.0, slip * c, slip * s], 1e-11) || sticks);
     }
     let open = DelassusProblem::new(3, m(), vec![0.5, 1.0, 0.0], vec![0.4]).unwrap();
     assert_eq!(solved(&open).unwrap().r, [0.0; 3]);
@@ -188,6 +185,8 @@ fn multibody_families_are_solved() {
         problems.push(("discs", families::discs(6, 8, mu, 1e-2, 1)));
         problems.push(("planar arch", families::arch(2, 15, mu + 0.2, 2.0)));
         problems.push(("arch", families::arch(3, 15, mu + 0.2, 2.0)));
+        problems.push(("rods", families::rods(4, 5, mu, 1e-2, 1e-2, 3)));
+        problems.push(("turning wall", families::turning_wall(3, 4, mu, 1e-1, 1e-2, 2)));
         problems.push(("half-space", families::half_space(6, mu, 1)));
     }
     for (name, p) in problems {
@@ -388,5 +387,9 @@ fn runs_can_be_stopped() {
     let report = DelassusSolver::new(options).unwrap().solve(&p).unwrap();
     assert_eq!(report.status, DelassusStatus::Limit);
     assert!(report.factorisations <= 2);
+    let options = DelassusOptions::default().with_time_limit(std::time::Duration::ZERO);
+    let report = DelassusSolver::new(options).unwrap().solve(&p).unwrap();
+    assert_eq!((report.status, report.iterations()), (DelassusStatus::Limit, 0));
+    assert_eq!(report.r, zero);
     assert_eq!(solve(&p), solve(&p));
 }

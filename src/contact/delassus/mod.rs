@@ -8,6 +8,7 @@ mod interior;
 mod krylov;
 mod local;
 mod newton;
+mod nt;
 mod options;
 mod problem;
 mod report;
@@ -18,6 +19,6 @@ pub use error::DelassusError;
 #[cfg(feature = "json")]
 pub use file::read_delassus;
 pub use options::DelassusOptions;
-pub use problem::{DelassusProblem, DelassusState};
+pub use problem::DelassusProblem;
 pub use report::{DelassusIteration, DelassusPhase, DelassusReport, DelassusStatus};
 pub use solver::DelassusSolver;

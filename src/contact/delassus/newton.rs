@@ -1,7 +1,7 @@
 //! Semismooth Newton on the residual of Alart and Curnier, for M + αI and q − α c: one proximal step.
 
 use super::cone::tangential_norm;
-use super::problem::DelassusState;
+use super::options::Deadline;
 use super::scaled::{Block, Scaled, Vector, add_product};
 use crate::linear::{AutoSolver, LinearSolver};
 use crate::sparse::{MatrixRef, PatternRef};
@@ -11,6 +11,9 @@ const MEMORY: usize = 4;
 const HALVINGS: usize = 12;
 const ARMIJO: f64 = 1e-4;
 
+/// A proximal problem is solved where its residual is this small against the step it makes (R. T. Rockafellar 1976, criterion B).
+const INEXACT: f64 = 0.1;
+
 /// How an inner iteration ended.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Inner {
@@ -19,14 +22,21 @@ pub(super) enum Inner {
     Failed,
 }
 
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Piece {
+    Open,
+    Stick,
+    Slip,
+}
+
 /// The residual F of one contact and its derivative dF = A dr + B du.
 ///
-/// With z = r − u: F_N = r_N − (z_N)₊, F_T = r_T − P(z_T) on the disc of radius μ (z_N)₊.
+/// With z = r − u, u weighted: F_N = r_N − (z_N)₊, F_T = r_T − P(z_T) on the disc of radius μ (z_N)₊.
 /// P. Alart, A. Curnier, Comput. Methods Appl. Mech. Engrg. 92 (1991), doi:10.1016/0045-7825(91)90022-X. All terms have one unit
 /// as the mean diagonal of M is 1.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Local<const D: usize> {
-    pub(super) state: DelassusState,
+    pub(super) piece: Piece,
     pub(super) f: [f64; D],
 }
 
@@ -34,7 +44,7 @@ pub(super) fn alart_curnier<const D: usize>(mu: f64, r: &[f64; D], u: &[f64; D])
     let z: [f64; D] = std::array::from_fn(|k| r[k] - u[k]);
     if z[0] <= 0.0 {
         return Local {
-            state: DelassusState::Open,
+            piece: Piece::Open,
             f: *r,
         };
     }
@@ -42,7 +52,7 @@ pub(super) fn alart_curnier<const D: usize>(mu: f64, r: &[f64; D], u: &[f64; D])
     let t = tangential_norm(&z);
     if t <= radius && mu > 0.0 {
         return Local {
-            state: DelassusState::Stick,
+            piece: Piece::Stick,
             f: *u,
         };
     }
@@ -50,7 +60,7 @@ pub(super) fn alart_curnier<const D: usize>(mu: f64, r: &[f64; D], u: &[f64; D])
     let mut f: [f64; D] = std::array::from_fn(|k| r[k] - scale * z[k]);
     f[0] = u[0];
     Local {
-        state: DelassusState::Slip,
+        piece: Piece::Slip,
         f,
     }
 }
@@ -84,6 +94,9 @@ fn slip_derivative<const D: usize>(mu: f64, r: &[f64; D], u: &[f64; D]) -> (Bloc
 pub(super) struct Newton<const D: usize> {
     solver: AutoSolver,
     pub(super) factorisations: usize,
+    pub(super) deadline: Deadline,
+    /// Weight of velocities against reactions in the residual, for a mean diagonal of M of 1.
+    pub(super) rho: f64,
     local: Vec<Local<D>>,
     a: Vec<Block<D>>,
     b: Vec<Block<D>>,
@@ -99,16 +112,23 @@ pub(super) struct Newton<const D: usize> {
     rhs: Vec<f64>,
 }
 
+fn distance<const D: usize>(a: &[[f64; D]], b: &[[f64; D]]) -> f64 {
+    let pairs = a.iter().flatten().zip(b.iter().flatten());
+    pairs.map(|(a, b)| (a - b) * (a - b)).sum::<f64>().sqrt()
+}
+
 impl<const D: usize> Newton<D> {
-    pub(super) fn new(nc: usize) -> Self {
+    pub(super) fn new(nc: usize, deadline: Deadline) -> Self {
         let zero = [0.0; D];
         let open = Local {
-            state: DelassusState::Open,
+            piece: Piece::Open,
             f: zero,
         };
         Self {
             solver: AutoSolver::new(),
             factorisations: 0,
+            deadline,
+            rho: 1.0,
             local: vec![open; nc],
             a: vec![[[0.0; D]; D]; nc],
             b: vec![[[0.0; D]; D]; nc],
@@ -130,7 +150,7 @@ impl<const D: usize> Newton<D> {
         let mut sum = 0.0;
         for i in 0..r.len() {
             for k in 0..D {
-                self.u[i][k] += alpha * (r[i][k] - centre[i][k]);
+                self.u[i][k] = self.rho * (self.u[i][k] + alpha * (r[i][k] - centre[i][k]));
             }
             self.local[i] = alart_curnier(p.friction[i], &r[i], &self.u[i]);
             sum += self.local[i].f.iter().map(|v| v * v).sum::<f64>();
@@ -138,7 +158,7 @@ impl<const D: usize> Newton<D> {
         sum
     }
 
-    /// Improves `r` until ‖F‖₂ ≤ `tolerance`; `r` is the last iterate in any case.
+    /// Improves `r` until ‖F‖₂ is at most `tolerance` or small against the proximal step; `r` is the last iterate in any case.
     pub(super) fn solve(
         &mut self,
         p: &Scaled<D>,
@@ -151,10 +171,10 @@ impl<const D: usize> Newton<D> {
         let mut merit = self.evaluate(p, r, alpha, centre);
         let mut memory = [merit; MEMORY];
         for iteration in 0..max_iterations {
-            if merit.sqrt() <= tolerance {
+            if merit.sqrt() <= tolerance.max(INEXACT * alpha * distance(r, centre)) {
                 return Inner::Converged;
             }
-            if !merit.is_finite() || !self.newton_step(p, r, alpha) {
+            if self.deadline.is_over() || !merit.is_finite() || !self.newton_step(p, r, alpha) {
                 return Inner::Failed;
             }
             let limit = memory.iter().fold(0.0_f64, |a, b| a.max(*b));
@@ -184,7 +204,7 @@ impl<const D: usize> Newton<D> {
             }
             memory[iteration % MEMORY] = merit;
         }
-        if merit.sqrt() <= tolerance {
+        if merit.sqrt() <= tolerance.max(INEXACT * alpha * distance(r, centre)) {
             Inner::Converged
         } else {
             Inner::Failed
@@ -197,18 +217,21 @@ impl<const D: usize> Newton<D> {
         self.closed.clear();
         for i in 0..r.len() {
             self.index[i] = usize::MAX;
-            match self.local[i].state {
-                DelassusState::Open => {
+            match self.local[i].piece {
+                Piece::Open => {
                     self.step[i] = r[i].map(|v| -v);
                     continue;
                 }
-                DelassusState::Stick => {
+                Piece::Stick => {
                     self.a[i] = [[0.0; D]; D];
                     self.b[i] = std::array::from_fn(|a| std::array::from_fn(|c| f64::from(a == c)));
                 }
-                DelassusState::Slip => {
+                Piece::Slip => {
                     (self.a[i], self.b[i]) = slip_derivative(p.friction[i], &r[i], &self.u[i]);
                 }
+            }
+            for row in &mut self.b[i] {
+                row.iter_mut().for_each(|v| *v *= self.rho);
             }
             self.index[i] = self.closed.len();
             self.closed.push(i);

@@ -1,3 +1,5 @@
+use std::time::{Duration, Instant};
+
 use super::DelassusError;
 
 /// Options of [`DelassusSolver`](super::DelassusSolver). The defaults need no touching.
@@ -13,6 +15,9 @@ pub struct DelassusOptions {
     pub tolerance: f64,
     /// Largest number of factorisations. Default 2000.
     pub max_factorisations: usize,
+    /// Time after which the best iterate is handed out with the status [`Limit`](super::DelassusStatus::Limit); a factorisation begun is
+    /// finished. Default none: with a limit runs are no longer the same on every machine.
+    pub time_limit: Option<Duration>,
 }
 
 impl Default for DelassusOptions {
@@ -20,6 +25,7 @@ impl Default for DelassusOptions {
         Self {
             tolerance: 1e-12,
             max_factorisations: 2000,
+            time_limit: None,
         }
     }
 }
@@ -39,6 +45,13 @@ impl DelassusOptions {
         self
     }
 
+    /// Sets the time limit.
+    #[must_use]
+    pub fn with_time_limit(mut self, limit: Duration) -> Self {
+        self.time_limit = Some(limit);
+        self
+    }
+
     /// Checks the ranges.
     ///
     /// # Errors
@@ -53,5 +66,19 @@ impl DelassusOptions {
                 range: "in (0, 1)",
             })
         }
+    }
+}
+
+/// When a run has to end.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Deadline(Option<Instant>);
+
+impl Deadline {
+    pub(super) fn after(limit: Option<Duration>) -> Self {
+        Self(limit.and_then(|l| Instant::now().checked_add(l)))
+    }
+
+    pub(super) fn is_over(self) -> bool {
+        self.0.is_some_and(|end| Instant::now() >= end)
     }
 }

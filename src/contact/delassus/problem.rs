@@ -2,29 +2,6 @@ use super::DelassusError;
 use super::cone::natural_residual;
 use crate::sparse::Matrix;
 
-/// State of a contact of a [`DelassusProblem`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum DelassusState {
-    /// No reaction.
-    Open,
-    /// The reaction is inside the cone, and the contact does not move.
-    Stick,
-    /// The reaction is on the boundary of the cone (for μ = 0: its axis), opposite to the slip.
-    Slip,
-}
-
-impl DelassusState {
-    /// The state in words: "open", "stick", "slip".
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Open => "open",
-            Self::Stick => "stick",
-            Self::Slip => "slip",
-        }
-    }
-}
-
 /// A frictional contact problem reduced to its contacts: find the reactions r with
 ///
 /// u = M r + q,  K* ∋ û ⟂ r ∈ K,  û = u + (μ‖u_T‖, 0, 0) contact by contact,
@@ -36,14 +13,14 @@ impl DelassusState {
 /// that of q.
 ///
 /// ```
-/// use semismooth::contact::{DelassusProblem, DelassusSolver, DelassusState};
+/// use semismooth::contact::{ContactState, DelassusProblem, DelassusSolver};
 /// use semismooth::sparse::Matrix;
 ///
 /// // A block of unit mass, pressed by 1 and pushed by 0.2, with μ = 0.3: it sticks.
 /// let problem = DelassusProblem::new(2, Matrix::identity(2), vec![-1.0, -0.2], vec![0.3])?;
 /// let report = DelassusSolver::default().solve(&problem)?;
 /// assert!(report.is_solved());
-/// assert_eq!(report.states, [DelassusState::Stick]);
+/// assert_eq!(report.states, [ContactState::Stick]);
 /// assert!((report.r[0] - 1.0).abs() < 1e-12 && (report.r[1] - 0.2).abs() < 1e-12);
 /// # Ok::<(), semismooth::contact::DelassusError>(())
 /// ```
@@ -178,6 +155,11 @@ impl DelassusProblem {
             2 => self.relative_residual::<2>(r, &u),
             _ => self.relative_residual::<3>(r, &u),
         })
+    }
+
+    pub(super) fn mean_diagonal(&self) -> f64 {
+        let n = self.q.len();
+        (0..n).map(|i| self.matrix.get(i, i)).sum::<f64>() / n as f64
     }
 
     fn relative_residual<const D: usize>(&self, r: &[f64], u: &[f64]) -> f64 {

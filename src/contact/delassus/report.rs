@@ -1,6 +1,8 @@
 use std::fmt;
 
-use super::DelassusState;
+use super::{DelassusError, DelassusProblem};
+use crate::contact::{ContactSolution, ContactState, LocalValues};
+use crate::sparse::dot;
 
 /// How a solution ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -8,7 +10,7 @@ use super::DelassusState;
 pub enum DelassusStatus {
     /// The residual is at most the tolerance.
     Solved,
-    /// The limit on factorisations was reached.
+    /// The limit on factorisations or on time was reached.
     Limit,
     /// Neither a proximal step nor a sweep makes progress any more: the problem may have no solution.
     Stalled,
@@ -76,8 +78,8 @@ pub struct DelassusReport {
     pub r: Vec<f64>,
     /// u = M r + q.
     pub u: Vec<f64>,
-    /// The state of each contact.
-    pub states: Vec<DelassusState>,
+    /// The state of each contact; in space slip+ and slip− by the sign of −r_T1.
+    pub states: Vec<ContactState>,
     /// [`DelassusProblem::residual`](super::DelassusProblem::residual) at `r`.
     pub residual: f64,
     /// Newton and interior-point iterations, one factorisation each.
@@ -101,9 +103,64 @@ impl DelassusReport {
         self.factorisations + self.sweeps
     }
 
-    /// Number of contacts in a state.
+    /// The solution as that of every other form: pressures r_N, tractions −r_T, penetrations −u_N, slips u_T.
+    ///
+    /// # Errors
+    /// A problem of another size than the one solved.
+    pub fn solution(&self, problem: &DelassusProblem) -> Result<ContactSolution, DelassusError> {
+        let (d, mean) = (problem.dimension(), problem.mean_diagonal());
+        let image = problem.velocities(&self.r)?;
+        let rate = if mean > 0.0 { mean.recip() } else { 1.0 };
+        let nodes = self.r.chunks_exact(d).zip(image.chunks_exact(d)).enumerate();
+        let nodes = nodes.map(|(node, (r, u))| {
+            let second = |v: &[f64]| v.get(2).copied().unwrap_or(0.0);
+            LocalValues {
+                node,
+                penetration: -u[0],
+                slip: [u[1], second(u)],
+                pressure: r[0],
+                traction: [-r[1], -second(r)],
+                r: rate,
+                ..LocalValues::default()
+            }
+        });
+        let load = -dot(problem.q(), &self.r);
+        let stored = 0.5 * (dot(&image, &self.r) + load);
+        Ok(ContactSolution::assemble(
+            nodes.collect(),
+            |v| {
+                let mu = problem.friction()[v.node];
+                let pressure = v.theta1().max(0.0);
+                let z = [0, 1].map(|k| v.traction[k] + v.r * v.slip[k]);
+                let size = z[0].hypot(z[1]);
+                let factor = if size > mu * pressure {
+                    mu * pressure / size
+                } else {
+                    1.0
+                };
+                let h = [0, 1].map(|k| v.traction[k] - factor * z[k]);
+                (self.states[v.node], [v.pressure - pressure, h[0], h[1]])
+            },
+            |_| [0.0; 3],
+            (stored, load, 0.0),
+        ))
+    }
+
+    /// Number of open contacts.
     #[must_use]
-    pub fn count(&self, state: DelassusState) -> usize {
-        self.states.iter().filter(|s| **s == state).count()
+    pub fn open(&self) -> usize {
+        self.states.iter().filter(|s| **s == ContactState::Open).count()
+    }
+
+    /// Number of sticking contacts.
+    #[must_use]
+    pub fn stick(&self) -> usize {
+        self.states.iter().filter(|s| **s == ContactState::Stick).count()
+    }
+
+    /// Number of slipping contacts.
+    #[must_use]
+    pub fn slip(&self) -> usize {
+        self.states.iter().filter(|s| s.is_slip()).count()
     }
 }

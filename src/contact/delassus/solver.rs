@@ -4,9 +4,11 @@ use super::cone::{natural_residual, tangential_norm};
 use super::interior::Interior;
 use super::local::solve_contact;
 use super::newton::{Inner, Newton};
+use super::options::Deadline;
 use super::report::{DelassusIteration, DelassusPhase, DelassusReport, DelassusStatus};
 use super::scaled::{Scaled, Vector};
-use super::{DelassusError, DelassusOptions, DelassusProblem, DelassusState};
+use super::{DelassusError, DelassusOptions, DelassusProblem};
+use crate::contact::ContactState;
 
 /// Sweeps of the cheap first attempt.
 const SWEEPS: usize = 30;
@@ -20,11 +22,18 @@ const LEAST_ALPHA: f64 = 1e-10;
 const LARGEST_ALPHA: f64 = 1e6;
 
 /// Newton iterations of one proximal step.
-const INNER: usize = 30;
+const INNER: usize = 60;
 
 /// Factorisations without a gain of a factor 3 after which proximal steps are given up.
-const PATIENCE: usize = 100;
-const LAST_PATIENCE: usize = 500;
+const PATIENCE: usize = 300;
+const FIRST_PATIENCE: usize = 40;
+
+/// Weight of velocities in Newton's residual where 1 has not done: with that contacts of packings go to and fro between open and
+/// closed from one iteration to the next.
+const HEAVY: f64 = 100.0;
+
+/// Sweeps before each further attempt at proximal steps.
+const MORE_SWEEPS: [usize; 4] = [300, 1000, 3000, 10_000];
 
 /// Residual from which proximal steps converge, as a rule.
 const NEAR: f64 = 1e-6;
@@ -134,7 +143,7 @@ impl<'a, const D: usize> Run<'a, D> {
     ) -> Self {
         let scaled = Scaled::new(problem);
         Self {
-            newton: Newton::new(problem.contacts()),
+            newton: Newton::new(problem.contacts(), Deadline::after(options.time_limit)),
             r: scaled.scale(start),
             u: vec![[0.0; D]; problem.contacts()],
             best: start.to_vec(),
@@ -228,21 +237,24 @@ impl<'a, const D: usize> Run<'a, D> {
         if self.best_key <= self.options.tolerance {
             return Ok(DelassusStatus::Solved);
         }
-        self.sweeps_of(SWEEPS);
-        flow!(self.record(DelassusPhase::Sweeps, 0.0, SWEEPS, true)?);
+        let done = self.sweeps_of(SWEEPS);
+        flow!(self.record(DelassusPhase::Sweeps, 0.0, done, true)?);
         flow!(self.interior(false)?);
         if self.best_key > NEAR {
             self.restart();
             flow!(self.interior(true)?);
         }
         self.restart();
-        flow!(self.proximal(ALPHA_NEAR, PATIENCE)?);
-        self.r.iter_mut().for_each(|r| *r = [0.0; D]);
-        self.sweeps_of(10 * SWEEPS);
-        flow!(self.record(DelassusPhase::Sweeps, 0.0, 10 * SWEEPS, true)?);
-        flow!(self.proximal(ALPHA, PATIENCE)?);
+        flow!(self.proximal(ALPHA_NEAR, FIRST_PATIENCE)?);
+        self.newton.rho = HEAVY;
         self.restart();
-        flow!(self.proximal(ALPHA, LAST_PATIENCE)?);
+        flow!(self.proximal(ALPHA_NEAR, PATIENCE)?);
+        for sweeps in MORE_SWEEPS {
+            self.restart();
+            let done = self.sweeps_of(sweeps);
+            flow!(self.record(DelassusPhase::Sweeps, 0.0, done, true)?);
+            flow!(self.proximal(ALPHA, PATIENCE)?);
+        }
         Ok(DelassusStatus::Stalled)
     }
 
@@ -251,10 +263,15 @@ impl<'a, const D: usize> Run<'a, D> {
         self.r = self.scaled.scale(&self.best);
     }
 
-    fn sweeps_of(&mut self, n: usize) {
+    /// At most n sweeps, fewer where time is over; how many.
+    fn sweeps_of(&mut self, n: usize) -> usize {
         for k in 0..n {
+            if self.newton.deadline.is_over() {
+                return k;
+            }
             self.sweep(k % 2 == 1);
         }
+        n
     }
 
     /// Interior points from the iterate; leaves the last iterate.
@@ -263,7 +280,8 @@ impl<'a, const D: usize> Run<'a, D> {
         interior.start(&self.scaled, &self.r, may_freeze);
         let (mut best, mut since, mut stuck) = (f64::INFINITY, 0, 0);
         for _ in 0..INTERIOR_STEPS {
-            if self.newton.factorisations >= self.options.max_factorisations {
+            let over = self.newton.deadline.is_over();
+            if over || self.newton.factorisations >= self.options.max_factorisations {
                 return Ok(ControlFlow::Break(DelassusStatus::Limit));
             }
             let Some(length) = interior.step(&self.scaled) else {
@@ -290,9 +308,11 @@ impl<'a, const D: usize> Run<'a, D> {
     fn proximal(&mut self, mut alpha: f64, patience: usize) -> Outcome {
         let mut centre = self.r.clone();
         let (mut mark, mut mark_at) = (f64::INFINITY, self.newton.factorisations);
+        // The violation at the centre, once that is known.
+        let mut at_centre = f64::INFINITY;
         loop {
             let before = self.newton.factorisations;
-            if before >= self.options.max_factorisations {
+            if self.newton.deadline.is_over() || before >= self.options.max_factorisations {
                 return Ok(ControlFlow::Break(DelassusStatus::Limit));
             }
             let left = self.options.max_factorisations - before;
@@ -312,9 +332,15 @@ impl<'a, const D: usize> Run<'a, D> {
             let residual = flow_value!(self.record(DelassusPhase::Proximal, alpha, work, converged)?);
             if converged {
                 alpha = (alpha * SHRINK).max(LEAST_ALPHA);
+                at_centre = residual;
             } else {
-                self.r.copy_from_slice(&centre);
                 alpha *= GROW;
+                // What a failed iteration has gained is kept.
+                if residual < at_centre {
+                    at_centre = residual;
+                } else {
+                    self.r.copy_from_slice(&centre);
+                }
             }
             if residual < 0.3 * mark {
                 (mark, mark_at) = (residual, self.newton.factorisations);
@@ -347,12 +373,12 @@ impl<'a, const D: usize> Run<'a, D> {
 }
 
 /// The state of a contact of a solution in scaled variables, whose largest entry is about `size`.
-fn state<const D: usize>(r: &[f64; D], u: &[f64; D], size: f64) -> DelassusState {
+fn state<const D: usize>(r: &[f64; D], u: &[f64; D], size: f64) -> ContactState {
     if r[0] <= ZERO * size {
-        DelassusState::Open
+        ContactState::Open
     } else if tangential_norm(u) <= ZERO * size {
-        DelassusState::Stick
+        ContactState::Stick
     } else {
-        DelassusState::Slip
+        ContactState::slipping(-r[1])
     }
 }

@@ -1,0 +1,396 @@
+use std::borrow::Cow;
+use std::sync::Arc;
+
+use super::error::check_length;
+use super::node_law::{LocalRow, LocalValues, MAX_TESTS, NodeLaw};
+use super::paths::Path;
+use super::solution::{imbalance, judge};
+use super::start::{first_converged, newton_step, solve_with_stiffer};
+use super::{ContactBody, ContactError, ContactSolution};
+use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
+use crate::sparse::{Matrix, Pattern, dot};
+
+/// A [`ContactBody`] under a [`NodeLaw`] in full form, sparse: x = (u, λν, λt₁[, λt₂], α).
+///
+/// ```text
+/// H(x) = ( A u + Bνᵀ λν + Σ Btᵀ λt − f(α);  H_ν;  H_t ),   H_ν, H_t from the law at each node
+/// ```
+///
+/// The same sites, pieces and solutions as [`CondensedContact`](super::CondensedContact), without its demands: A need not be symmetric
+/// nor the load affine in α. Each Newton step is one sparse factorisation.
+#[derive(Debug, Clone)]
+pub struct FullContact<L> {
+    body: Arc<ContactBody>,
+    law: L,
+    /// Transposes of the traces: column i belongs to node i.
+    traces: Arc<[Matrix]>,
+    /// Tangential displacements that count as no slip, by t₁, then t₂.
+    reference: Vec<f64>,
+    r: f64,
+    /// Mean stiffness of single contact nodes.
+    stiffness: f64,
+    pattern: Pattern,
+}
+
+impl<L: NodeLaw> FullContact<L> {
+    /// The problem with r = mean of b A bᵀ / (b bᵀ)² over the rows b of the traces, the stiffness of single contact nodes.
+    ///
+    /// # Errors
+    /// A law of another dimension, traces that vanish at a node.
+    pub fn new(body: ContactBody, law: L) -> Result<Self, ContactError> {
+        body.check_law(&law)?;
+        let traces: Vec<Matrix> = body.traces.iter().map(Matrix::transpose).collect();
+        let p = body.num_contacts();
+        let mut r = 0.0;
+        let mut b = vec![0.0; body.num_displacements()];
+        let mut image = b.clone();
+        for trace in &traces {
+            for i in 0..p {
+                b.fill(0.0);
+                for_column(trace, i, |j, v| b[j] = v);
+                body.a.mul_vec(&b, &mut image);
+                let square = dot(&b, &b);
+                r += dot(&b, &image) / (square * square) / (p * traces.len()) as f64;
+            }
+        }
+        if !(r > 0.0 && r.is_finite()) {
+            return Err(ContactError::Augmentation { r });
+        }
+        Ok(Self {
+            reference: vec![0.0; p * (traces.len() - 1)],
+            pattern: pattern(&body, &traces)?,
+            body: Arc::new(body),
+            law,
+            traces: traces.into(),
+            r,
+            stiffness: r,
+        })
+    }
+
+    /// Sets the augmentation parameter r > 0 (force per length). Solutions do not depend on it.
+    ///
+    /// # Errors
+    /// r ≤ 0 or not finite.
+    pub fn with_r(mut self, r: f64) -> Result<Self, ContactError> {
+        if !(r > 0.0 && r.is_finite()) {
+            return Err(ContactError::Augmentation { r });
+        }
+        self.r = r;
+        Ok(self)
+    }
+
+    /// Sets the tangential displacements from which slips are measured (all along t₁, then all along t₂). Zero at first.
+    ///
+    /// # Errors
+    /// Wrong length, values that are not finite.
+    pub fn set_reference_slip(&mut self, reference: &[f64]) -> Result<(), ContactError> {
+        check_length("the reference of the slip", reference, self.reference.len())?;
+        self.reference.copy_from_slice(reference);
+        Ok(())
+    }
+
+    /// The augmentation parameter.
+    #[must_use]
+    pub fn r(&self) -> f64 {
+        self.r
+    }
+
+    /// The body.
+    #[must_use]
+    pub fn body(&self) -> &ContactBody {
+        &self.body
+    }
+
+    /// The law.
+    #[must_use]
+    pub fn law(&self) -> &L {
+        &self.law
+    }
+
+    /// The point (λν, λt, α) of the condensed form.
+    ///
+    /// # Errors
+    /// Wrong length, values that are not finite.
+    pub fn restrict(&self, x: &[f64]) -> Result<Vec<f64>, ContactError> {
+        check_length("the solution x", x, self.num_vars())?;
+        Ok(x[self.body.num_displacements()..].to_vec())
+    }
+
+    /// A solution at fixed α by PS-Newton from `start` (α is set), or, where that fails, from zero and from stick, with the augmentation
+    /// parameter asked for and with larger ones.
+    ///
+    /// # Errors
+    /// Coefficients of friction that are negative or not finite, [`ContactError::NoStart`] when no start converges.
+    pub fn solve(&self, alpha: f64, start: Option<&[f64]>) -> Result<Vec<f64>, ContactError> {
+        super::error::check_finite("the parameter", &[alpha])?;
+        let m = self.num_vars();
+        let mut zero = vec![0.0; m];
+        zero[m - 1] = alpha;
+        for i in 0..self.body.num_contacts() {
+            self.law.check(&LocalValues {
+                slip: [0.0; 2],
+                ..self.values(i, &zero)
+            })?;
+        }
+        if let Some(x) = start {
+            check_length("the start", x, m)?;
+        }
+        solve_with_stiffer(self.r, self.stiffness, |r| {
+            let map = FullContact {
+                body: Arc::clone(&self.body),
+                law: &self.law,
+                traces: Arc::clone(&self.traces),
+                reference: self.reference.clone(),
+                r,
+                stiffness: self.stiffness,
+                pattern: self.pattern.clone(),
+            };
+            let given = start.map(<[f64]>::to_vec);
+            let stick = || {
+                let pieces = self.law.num_pieces();
+                let piece = (0..pieces).rev().find(|&k| self.law.piece_name(k) == "stick");
+                let selection = Selection::uniform(self.body.num_contacts(), piece.unwrap_or(pieces - 1));
+                newton_step(&map, &selection, zero.clone())
+            };
+            let later = std::iter::once_with(|| Ok(Some(zero.clone()))).chain(std::iter::once_with(stick));
+            first_converged(&map, alpha, std::iter::once(Ok(given)).chain(later))
+        })
+    }
+
+    /// States, local quantities, energies and residuals at x.
+    ///
+    /// # Errors
+    /// Wrong length, values that are not finite.
+    pub fn solution(&self, x: &[f64]) -> Result<ContactSolution, ContactError> {
+        check_length("the solution x", x, self.num_vars())?;
+        let (n, p) = (self.body.num_displacements(), self.body.num_contacts());
+        let u = &x[..n];
+        let load = self.body.load_at(x[self.num_vars() - 1]);
+        let mut stiff = vec![0.0; n];
+        self.body.a.mul_vec(u, &mut stiff);
+        let mut reaction = vec![0.0; n];
+        for (trace, force) in self.traces.iter().zip(x[n..].chunks_exact(p)) {
+            trace.as_ref().mul_add(1.0, force, &mut reaction);
+        }
+        let nodes = (0..p).map(|i| self.values(i, x)).collect();
+        Ok(ContactSolution::assemble(
+            nodes,
+            |v| judge(&self.law, v),
+            |i| held(&self.body.gap, &self.reference, i),
+            (
+                0.5 * dot(u, &stiff),
+                dot(u, &load),
+                imbalance(&stiff, &reaction, &load),
+            ),
+        ))
+    }
+
+    fn values(&self, i: usize, x: &[f64]) -> LocalValues {
+        let (n, p) = (self.body.num_displacements(), self.body.num_contacts());
+        let displacement = |block: usize| {
+            let mut sum = 0.0;
+            for_column(&self.traces[block], i, |j, v| sum += v * x[j]);
+            sum
+        };
+        let mut v = LocalValues {
+            node: i,
+            penetration: displacement(0) - self.body.gap[i],
+            pressure: x[n + i],
+            parameter: x[x.len() - 1],
+            r: self.r,
+            ..LocalValues::default()
+        };
+        for d in 0..self.body.num_tangents() {
+            v.slip[d] = displacement(d + 1) - self.reference[d * p + i];
+            v.traction[d] = x[n + (d + 1) * p + i];
+        }
+        v
+    }
+
+    /// The gradient with respect to x of a function of the values of node i.
+    fn scatter(&self, i: usize, row: &LocalRow, mut add: impl FnMut(usize, f64)) {
+        let (n, p) = (self.body.num_displacements(), self.body.num_contacts());
+        for (block, trace) in self.traces.iter().enumerate() {
+            let (displacement, force) = match block {
+                0 => (row.penetration, row.pressure),
+                d => (row.slip[d - 1], row.traction[d - 1]),
+            };
+            if displacement != 0.0 {
+                for_column(trace, i, |j, v| add(j, displacement * v));
+            }
+            if force != 0.0 {
+                add(n + block * p + i, force);
+            }
+        }
+        if row.parameter != 0.0 {
+            add(n + self.traces.len() * p, row.parameter);
+        }
+    }
+}
+
+/// u_ν, u_t less penetration and slip.
+pub(super) fn held(gap: &[f64], reference: &[f64], i: usize) -> [f64; 3] {
+    let p = gap.len();
+    let at = |d: usize| reference.get(d * p + i).copied().unwrap_or(0.0);
+    [gap[i], at(0), at(1)]
+}
+
+impl<L: NodeLaw> PiecewiseSmooth for FullContact<L> {
+    fn num_vars(&self) -> usize {
+        self.num_residuals() + 1
+    }
+
+    fn num_residuals(&self) -> usize {
+        self.body.num_displacements() + self.traces.len() * self.body.num_contacts()
+    }
+
+    fn num_sites(&self) -> usize {
+        self.body.num_contacts()
+    }
+
+    fn num_pieces(&self, _site: usize) -> usize {
+        self.law.num_pieces()
+    }
+
+    fn num_tests(&self, _site: usize) -> usize {
+        self.law.num_tests()
+    }
+
+    fn cell(&self, _site: usize, piece: usize) -> &[Facet] {
+        self.law.cell(piece)
+    }
+
+    fn piece_name(&self, _site: usize, piece: usize) -> Cow<'_, str> {
+        Cow::Borrowed(self.law.piece_name(piece))
+    }
+
+    fn site_name(&self, site: usize) -> Cow<'_, str> {
+        Cow::Owned(format!("contact node {site}"))
+    }
+
+    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
+        let (n, p) = (self.body.num_displacements(), self.body.num_contacts());
+        rows.clear();
+        rows.extend((0..self.traces.len()).map(|block| n + block * p + site));
+    }
+
+    fn pattern(&self) -> Pattern {
+        self.pattern.clone()
+    }
+
+    fn is_piecewise_affine(&self) -> bool {
+        self.law.is_affine() && self.body.load.0.is_affine()
+    }
+
+    fn test_functions(&self, x: &[f64], out: &mut [f64]) {
+        for (i, chunk) in out.chunks_exact_mut(self.law.num_tests()).enumerate() {
+            self.law.tests(&self.values(i, x), chunk);
+        }
+    }
+
+    fn residual(&self, selection: &Selection, x: &[f64], out: &mut [f64]) {
+        let (n, p) = (self.body.num_displacements(), self.body.num_contacts());
+        let (equilibrium, contact) = out.split_at_mut(n);
+        match &self.body.load.0 {
+            Path::Affine { constant, slope } => {
+                for (o, (c, s)) in equilibrium.iter_mut().zip(constant.iter().zip(slope)) {
+                    *o = -(c + x[x.len() - 1] * s);
+                }
+            }
+            path @ Path::Function(_) => {
+                path.value(x[x.len() - 1], equilibrium, &mut vec![0.0; n]);
+                equilibrium.iter_mut().for_each(|o| *o = -*o);
+            }
+        }
+        self.body.a.as_ref().mul_add(1.0, &x[..n], equilibrium);
+        for (trace, force) in self.traces.iter().zip(x[n..].chunks_exact(p)) {
+            trace.as_ref().mul_add(1.0, force, equilibrium);
+        }
+        for i in 0..p {
+            let h = self.law.residual(selection.piece(i), &self.values(i, x));
+            for (block, value) in h.iter().enumerate().take(self.traces.len()) {
+                contact[block * p + i] = *value;
+            }
+        }
+    }
+
+    fn jacobian(&self, selection: &Selection, x: &[f64], jac: &mut Matrix) {
+        let (n, p) = (self.body.num_displacements(), self.body.num_contacts());
+        jac.add_block(0, 0, 1.0, &self.body.a);
+        for (block, trace) in self.traces.iter().enumerate() {
+            jac.add_block(0, n + block * p, 1.0, trace);
+        }
+        let alpha = x.len() - 1;
+        match &self.body.load.0 {
+            Path::Affine { slope, .. } => {
+                for (i, s) in slope.iter().enumerate().filter(|s| *s.1 != 0.0) {
+                    jac.add(i, alpha, -s);
+                }
+            }
+            path @ Path::Function(_) => {
+                let mut rate = vec![0.0; n];
+                path.value(x[alpha], &mut vec![0.0; n], &mut rate);
+                for (i, s) in rate.iter().enumerate() {
+                    jac.add(i, alpha, -s);
+                }
+            }
+        }
+        for i in 0..p {
+            let rows = self.law.rows(selection.piece(i), &self.values(i, x));
+            for (block, row) in rows.iter().enumerate().take(self.traces.len()) {
+                self.scatter(i, row, |j, value| jac.add(n + block * p + i, j, value));
+            }
+        }
+    }
+
+    fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {
+        let mut rows = [LocalRow::default(); MAX_TESTS];
+        for (i, chunk) in out.chunks_exact_mut(self.law.num_tests()).enumerate() {
+            self.law.test_rows(&self.values(i, x), &mut rows);
+            for (o, row) in chunk.iter_mut().zip(&rows) {
+                *o = 0.0;
+                self.scatter(i, row, |j, value| *o += value * d[j]);
+            }
+        }
+    }
+
+    fn test_gradient(&self, site: usize, test: usize, x: &[f64], gradient: &mut [f64]) {
+        let mut rows = [LocalRow::default(); MAX_TESTS];
+        self.law.test_rows(&self.values(site, x), &mut rows);
+        gradient.fill(0.0);
+        self.scatter(site, &rows[test.min(MAX_TESTS - 1)], |j, value| {
+            gradient[j] += value
+        });
+    }
+}
+
+fn for_column(matrix: &Matrix, j: usize, mut f: impl FnMut(usize, f64)) {
+    let p = matrix.pattern();
+    for k in p.col_ptr()[j]..p.col_ptr()[j + 1] {
+        f(p.row_idx()[k], matrix.values()[k]);
+    }
+}
+
+fn pattern(body: &ContactBody, traces: &[Matrix]) -> Result<Pattern, ContactError> {
+    let (n, p, blocks) = (body.num_displacements(), body.num_contacts(), traces.len());
+    let rows = n + blocks * p;
+    let mut entries: Vec<(usize, usize)> = body.a.triplets().map(|(i, j, _)| (i, j)).collect();
+    for i in 0..p {
+        for block in 0..blocks {
+            let own = n + block * p + i;
+            for_column(&traces[block], i, |j, _| {
+                entries.push((j, own));
+                entries.extend((0..blocks).map(|b| (n + b * p + i, j)));
+            });
+            entries.extend((0..blocks).map(|b| (own, n + b * p + i)));
+            entries.push((own, rows));
+        }
+    }
+    match &body.load.0 {
+        Path::Affine { slope, .. } => {
+            entries.extend((0..n).filter(|&i| slope[i] != 0.0).map(|i| (i, rows)));
+        }
+        Path::Function(_) => entries.extend((0..n).map(|i| (i, rows))),
+    }
+    Ok(Pattern::from_entries(rows, rows + 1, entries)?)
+}

@@ -1,0 +1,224 @@
+//! Newton's method for a condensed problem with all that is known node by node eliminated first.
+
+use super::CondensedContact;
+use super::node_law::{LocalRow, NodeLaw};
+use super::solution::piece_of;
+use crate::linear::{DenseLu, LinearSolver};
+use crate::piecewise::PiecewiseSmooth;
+use crate::sparse::{Matrix, Pattern};
+
+/// Most iterations; the general method takes over where they do not do.
+const ITERATIONS: usize = 40;
+
+/// A residual against the largest force that is rounding, and one that is where it no longer falls.
+const ROUNDING: f64 = 1e-14;
+const NEARLY: f64 = 1e-10;
+
+/// Smallest pivot of a node's block against its largest entry.
+const PIVOT: f64 = 1e-12;
+
+/// The rows of one node, D δv + E δλ = b, after elimination: the first `rank` keep displacements, the others have given
+/// δλ = T μ + s with `rank` components μ.
+#[derive(Clone, Copy, Default)]
+struct Node {
+    rank: usize,
+    /// Number of the node's first μ.
+    first: usize,
+    d: [[f64; 3]; 3],
+    e: [[f64; 3]; 3],
+    b: [f64; 3],
+    t: [[f64; 3]; 3],
+    s: [f64; 3],
+}
+
+impl Node {
+    /// `None` where the forces are not determined.
+    fn new(blocks: usize, h: &[f64; 3], rows: &[LocalRow; 3]) -> Option<Self> {
+        let mut n = Self::default();
+        for a in 0..blocks {
+            n.d[a] = [rows[a].penetration, rows[a].slip[0], rows[a].slip[1]];
+            n.e[a] = [rows[a].pressure, rows[a].traction[0], rows[a].traction[1]];
+            n.b[a] = -h[a];
+        }
+        let largest = n.d.iter().flatten().fold(0.0f64, |m, v| m.max(v.abs()));
+        let mut used = [false; 3];
+        while n.rank < blocks {
+            let k = n.rank;
+            let (row, column) = pivot(&n.d, k..blocks, blocks, &used);
+            if n.d[row][column].abs() <= PIVOT * largest {
+                break;
+            }
+            n.d.swap(k, row);
+            n.e.swap(k, row);
+            n.b.swap(k, row);
+            used[column] = true;
+            for a in k + 1..blocks {
+                let c = n.d[a][column] / n.d[k][column];
+                for j in 0..3 {
+                    n.d[a][j] -= c * n.d[k][j];
+                    n.e[a][j] -= c * n.e[k][j];
+                }
+                n.b[a] -= c * n.b[k];
+            }
+            n.rank += 1;
+        }
+        n.solve_local(blocks)?;
+        Some(n)
+    }
+
+    /// T and s from the rows without displacements (Gauss–Jordan).
+    fn solve_local(&mut self, blocks: usize) -> Option<()> {
+        let mut used = [false; 3];
+        let mut column_of = [0; 3];
+        for k in self.rank..blocks {
+            let size = self.e[k..blocks]
+                .iter()
+                .flatten()
+                .fold(0.0f64, |m, v| m.max(v.abs()));
+            let (row, column) = pivot(&self.e, k..blocks, blocks, &used);
+            let p = self.e[row][column];
+            if p.abs() <= PIVOT * size || p == 0.0 {
+                return None;
+            }
+            self.e.swap(k, row);
+            self.b.swap(k, row);
+            self.e[k] = self.e[k].map(|v| v / p);
+            self.b[k] /= p;
+            used[column] = true;
+            column_of[k] = column;
+            for a in self.rank..blocks {
+                let c = self.e[a][column];
+                if a == k || c == 0.0 {
+                    continue;
+                }
+                for j in 0..3 {
+                    self.e[a][j] -= c * self.e[k][j];
+                }
+                self.b[a] -= c * self.b[k];
+            }
+        }
+        for (m, c) in (0..blocks).filter(|&c| !used[c]).enumerate() {
+            self.t[c][m] = 1.0;
+            for k in self.rank..blocks {
+                self.t[column_of[k]][m] = -self.e[k][c];
+            }
+        }
+        for k in self.rank..blocks {
+            self.s[column_of[k]] = self.b[k];
+        }
+        Some(())
+    }
+}
+
+/// Row and column of the largest entry in the given rows and in columns not used yet.
+fn pivot(m: &[[f64; 3]; 3], rows: std::ops::Range<usize>, blocks: usize, used: &[bool; 3]) -> (usize, usize) {
+    let (mut best, mut at) = (-1.0, (rows.start, 0));
+    for a in rows {
+        for c in (0..blocks).filter(|&c| !used[c]) {
+            if m[a][c].abs() > best {
+                (best, at) = (m[a][c].abs(), (a, c));
+            }
+        }
+    }
+    at
+}
+
+/// Improves x by full Newton steps until the residual is rounding, or an affine selection comes back; false where that fails.
+///
+/// Open nodes have known forces, in the plane slipping ones have λt = ±F λν, in space one of their three equations is one between
+/// forces alone: the order of the dense system is that of what is left, which is what makes large problems quick. Nothing is
+/// judged here: the result is a start for the general method.
+pub(super) fn reduced_newton<L: NodeLaw>(problem: &CondensedContact<L>, x: &mut [f64]) -> bool {
+    let p = problem.num_contacts();
+    let q = problem.num_residuals();
+    let blocks = q / p;
+    let c = problem.compliance().values();
+    let law = problem.law();
+    let mut pieces = vec![usize::MAX; p];
+    let mut nodes = vec![Node::default(); p];
+    let (mut s, mut image, mut column) = (vec![0.0; q], vec![0.0; q], vec![0.0; q]);
+    let mut lu = DenseLu::new();
+    let mut before = f64::INFINITY;
+    for _ in 0..ITERATIONS {
+        let (mut order, mut worst, mut size, mut changed) = (0, 0.0f64, 0.0f64, false);
+        for i in 0..p {
+            let v = problem.values(i, x);
+            let piece = piece_of(law, &v);
+            changed |= std::mem::replace(&mut pieces[i], piece) != piece;
+            let h = law.residual(piece, &v);
+            worst = h[..blocks].iter().fold(worst, |m, h| m.max(h.abs()));
+            size = size.max(v.pressure.abs()).max(v.r * v.penetration.abs());
+            for d in 0..blocks - 1 {
+                size = size.max(v.traction[d].abs()).max(v.r * v.slip[d].abs());
+            }
+            let Some(mut node) = Node::new(blocks, &h, &law.rows(piece, &v)) else {
+                return false;
+            };
+            node.first = order;
+            order += node.rank;
+            nodes[i] = node;
+        }
+        if !(worst.is_finite() && size.is_finite()) {
+            return false;
+        }
+        let settled = worst <= NEARLY * size && worst > 0.1 * before;
+        if worst <= ROUNDING * size || settled || (!changed && law.is_affine()) {
+            return true;
+        }
+        before = worst;
+        for (i, node) in nodes.iter().enumerate() {
+            for b in 0..blocks {
+                s[b * p + i] = node.s[b];
+            }
+        }
+        image.fill(0.0);
+        problem.compliance().as_ref().mul_add(1.0, &s, &mut image);
+        let mut rhs = vec![0.0; order];
+        let mut matrix = Matrix::zeros(Pattern::full(order, order));
+        for (i, node) in nodes.iter().enumerate() {
+            for a in 0..node.rank {
+                let known = |b: usize| node.d[a][b] * image[b * p + i] - node.e[a][b] * node.s[b];
+                rhs[node.first + a] = node.b[a] + (0..blocks).map(known).sum::<f64>();
+            }
+        }
+        for (j, node) in nodes.iter().enumerate() {
+            for m in 0..node.rank {
+                column.fill(0.0);
+                for b in 0..blocks {
+                    let t = node.t[b][m];
+                    if t != 0.0 {
+                        let own = &c[(b * p + j) * q..(b * p + j + 1) * q];
+                        column.iter_mut().zip(own).for_each(|(y, c)| *y -= t * c);
+                    }
+                }
+                let at = (node.first + m) * order;
+                let target = &mut matrix.values_mut()[at..at + order];
+                for (i, row) in nodes.iter().enumerate() {
+                    for a in 0..row.rank {
+                        let moved: f64 = (0..blocks).map(|b| row.d[a][b] * column[b * p + i]).sum();
+                        target[row.first + a] = moved;
+                    }
+                }
+                for a in 0..node.rank {
+                    target[node.first + a] += (0..blocks).map(|b| node.e[a][b] * node.t[b][m]).sum::<f64>();
+                }
+            }
+        }
+        if order > 0 {
+            let solved = lu
+                .analyze(matrix.pattern().as_ref())
+                .and_then(|()| lu.factor(matrix.as_ref()))
+                .and_then(|()| lu.solve_in_place(&mut rhs));
+            if solved.is_err() {
+                return false;
+            }
+        }
+        for (i, node) in nodes.iter().enumerate() {
+            for b in 0..blocks {
+                let moved: f64 = (0..node.rank).map(|m| node.t[b][m] * rhs[node.first + m]).sum();
+                x[b * p + i] += node.s[b] + moved;
+            }
+        }
+    }
+    false
+}

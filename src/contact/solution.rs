@@ -1,0 +1,169 @@
+//! One result for every way to a solution.
+
+use super::law::ContactState;
+use super::node_law::{LocalValues, MAX_TESTS, NodeLaw};
+
+/// A solution of a contact problem, node by node: the same from the full form, the condensed form, the fixed point and the Delassus form.
+///
+/// Gaps left are −penetration, tractions are the nodal forces of [`LocalValues`] (divide by the area of a node for a density).
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct ContactSolution {
+    /// Open, stick or slip.
+    pub states: Vec<ContactState>,
+    /// Quantities at the nodes: penetrations, slips, nodal forces.
+    pub nodes: Vec<LocalValues>,
+    /// Energies.
+    pub energy: ContactEnergy,
+    /// How well the equations hold, block by block.
+    pub residuals: ContactResiduals,
+}
+
+/// Energies of a solution, in force times length. They balance: 2 `stored` = `load` − `normal` − `friction`.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[non_exhaustive]
+pub struct ContactEnergy {
+    /// The elastic energy ½ uᵀ A u. In Delassus form, where the body is not known: ½ rᵀ M r, the energy due to the reactions.
+    pub stored: f64,
+    /// The load times the displacements, fᵀ u. In Delassus form −qᵀ r.
+    pub load: f64,
+    /// Σ λν u_ν; 0 where there is no initial gap.
+    pub normal: f64,
+    /// Σ λt · u_t.
+    pub friction: f64,
+    /// Σ λt · s ≥ 0 with the slips s, which are u_t less the reference of a history of loading.
+    pub dissipated: f64,
+}
+
+impl ContactEnergy {
+    /// 2 `stored` − `load` + `normal` + `friction`: 0 up to rounding.
+    #[must_use]
+    pub fn imbalance(&self) -> f64 {
+        2.0 * self.stored - self.load + self.normal + self.friction
+    }
+}
+
+/// Largest residuals of the three blocks of equations, each against the largest force in it: free of units.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[non_exhaustive]
+pub struct ContactResiduals {
+    /// Of A u + Bᵀ λ = f. Zero where displacements are computed from the forces (condensed and Delassus form).
+    pub equilibrium: f64,
+    /// Of λν = (λν + r (u_ν − gap))₊.
+    pub normal: f64,
+    /// Of the law of friction.
+    pub tangential: f64,
+}
+
+impl ContactResiduals {
+    /// The largest of the three.
+    #[must_use]
+    pub fn largest(&self) -> f64 {
+        self.equilibrium.max(self.normal).max(self.tangential)
+    }
+}
+
+impl ContactSolution {
+    /// The solution with these values at its nodes; `law` gives the state and the residuals (normal, t₁, t₂) of a node.
+    ///
+    /// `stored`, `load` and `equilibrium` are known elsewhere, `held` are u_ν, u_t less penetration and slip.
+    pub(super) fn assemble(
+        nodes: Vec<LocalValues>,
+        mut law: impl FnMut(&LocalValues) -> (ContactState, [f64; 3]),
+        held: impl Fn(usize) -> [f64; 3],
+        (stored, load, equilibrium): (f64, f64, f64),
+    ) -> Self {
+        let mut energy = ContactEnergy {
+            stored,
+            load,
+            ..ContactEnergy::default()
+        };
+        let (mut normal, mut tangential, mut size) = (0.0f64, 0.0f64, 0.0f64);
+        let mut states = Vec::with_capacity(nodes.len());
+        for (i, v) in nodes.iter().enumerate() {
+            let (state, h) = law(v);
+            states.push(state);
+            normal = normal.max(h[0].abs());
+            tangential = tangential.max(h[1].abs()).max(h[2].abs());
+            size = size.max(v.pressure.abs()).max(v.r * v.penetration.abs());
+            let held = held(i);
+            energy.normal += v.pressure * (v.penetration + held[0]);
+            for d in 0..2 {
+                size = size.max(v.traction[d].abs()).max(v.r * v.slip[d].abs());
+                energy.friction += v.traction[d] * (v.slip[d] + held[1 + d]);
+                energy.dissipated += v.traction[d] * v.slip[d];
+            }
+        }
+        let relative = |h: f64| if h == 0.0 { 0.0 } else { h / size };
+        Self {
+            states,
+            nodes,
+            energy,
+            residuals: ContactResiduals {
+                equilibrium,
+                normal: relative(normal),
+                tangential: relative(tangential),
+            },
+        }
+    }
+
+    /// Number of open nodes.
+    #[must_use]
+    pub fn open(&self) -> usize {
+        self.count(|s| s == ContactState::Open)
+    }
+
+    /// Number of sticking nodes.
+    #[must_use]
+    pub fn stick(&self) -> usize {
+        self.count(|s| s == ContactState::Stick)
+    }
+
+    /// Number of slipping nodes.
+    #[must_use]
+    pub fn slip(&self) -> usize {
+        self.count(ContactState::is_slip)
+    }
+
+    fn count(&self, wanted: impl Fn(ContactState) -> bool) -> usize {
+        self.states.iter().filter(|s| wanted(**s)).count()
+    }
+
+    /// The resultant of the nodal forces: normal, along t₁, along t₂ (meaningful on a flat boundary).
+    #[must_use]
+    pub fn resultant(&self) -> [f64; 3] {
+        let mut sum = [0.0; 3];
+        for v in &self.nodes {
+            sum[0] += v.pressure;
+            sum[1] += v.traction[0];
+            sum[2] += v.traction[1];
+        }
+        sum
+    }
+}
+
+/// The piece in whose cell a node lies.
+pub(super) fn piece_of<L: NodeLaw>(law: &L, v: &LocalValues) -> usize {
+    let mut tests = [0.0; MAX_TESTS];
+    law.tests(v, &mut tests);
+    let margin = |piece: usize| crate::piecewise::cell_margin(law.cell(piece), &tests);
+    (0..law.num_pieces())
+        .max_by(|&a, &b| margin(a).total_cmp(&margin(b)))
+        .unwrap_or(0)
+}
+
+/// State and residuals of a node under a law.
+pub(super) fn judge<L: NodeLaw>(law: &L, v: &LocalValues) -> (ContactState, [f64; 3]) {
+    let piece = piece_of(law, v);
+    (law.state(piece, v), law.residual(piece, v))
+}
+
+/// Largest entry of A u + Bᵀ λ − f against the largest of the three terms.
+pub(super) fn imbalance(stiff: &[f64], reaction: &[f64], load: &[f64]) -> f64 {
+    let (mut worst, mut size) = (0.0f64, 0.0f64);
+    for ((a, b), f) in stiff.iter().zip(reaction).zip(load) {
+        worst = worst.max((a + b - f).abs());
+        size = size.max(a.abs()).max(b.abs()).max(f.abs());
+    }
+    if worst == 0.0 { 0.0 } else { worst / size }
+}

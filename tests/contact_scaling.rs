@@ -1,0 +1,272 @@
+//! Units, numbering and the augmentation parameter change nothing: the same transitions, the same states.
+
+use semismooth::contact::{
+    CondensedContact, CondensedFriction, ContactBody, ContactState, FrictionCoefficient, FrictionCurve,
+    FrictionPath, FrictionProblem, FullContact, LoadPath, NodeLaw, OrthotropicCoulomb, PlanarCoulomb,
+};
+use semismooth::continuation::{Branch, ContinuationError, ContinuationOptions, Direction, Termination};
+use semismooth::fem::{Elasticity, Foundation, Material, Mesh};
+use semismooth::newton::Newton;
+use semismooth::piecewise::PiecewiseSmooth;
+use semismooth::sparse::Matrix;
+
+/// Matrices, loads at α = 0 and 1, gaps and r in given units, displacements and contact nodes renumbered.
+#[derive(Clone)]
+struct Parts {
+    a: Matrix,
+    traces: Vec<Matrix>,
+    loads: [Vec<f64>; 2],
+    gap: Vec<f64>,
+    r: f64,
+}
+
+impl Parts {
+    /// A block on the ground, held on top; sides are pushed from one side to the other while it is pressed down.
+    fn block(dim: usize) -> Self {
+        let mesh = if dim == 2 {
+            Mesh::rectangle([0.0, 0.0], [40.0, 80.0], [10, 20]).unwrap()
+        } else {
+            Mesh::block([0.0; 3], [40.0, 40.0, 80.0], [3, 3, 4]).unwrap()
+        };
+        let system = Elasticity::new(mesh, Material::lame(4000.0, 120.0).unwrap())
+            .fix("top")
+            .assemble()
+            .unwrap();
+        let mut up = [0.0; 3];
+        up[dim - 1] = 1.0;
+        let rows = system
+            .contact("bottom", &Foundation::plane([0.0; 3], up))
+            .unwrap();
+        let sides = |push: f64| -> Vec<f64> {
+            let side = |name: &str, down: f64| {
+                system
+                    .traction(name, |_| {
+                        let mut t = [push, 0.3 * push, 0.0];
+                        t[dim - 1] = down;
+                        t
+                    })
+                    .unwrap()
+            };
+            let (left, right) = (side("left", -1.0), side("right", -1.3));
+            left.iter().zip(&right).map(|(a, b)| a + b).collect()
+        };
+        let mut traces = vec![rows.normal, rows.tangential];
+        traces.extend(rows.tangential2);
+        Self {
+            a: system.stiffness().clone(),
+            traces,
+            loads: [sides(-2.0), sides(2.0)],
+            gap: rows.gap,
+            r: 10.0,
+        }
+    }
+
+    fn units(&self, force: f64, length: f64) -> Self {
+        let scaled = |v: &[f64], s: f64| v.iter().map(|x| s * x).collect::<Vec<f64>>();
+        let mut a = self.a.clone();
+        a.values_mut().iter_mut().for_each(|v| *v *= force / length);
+        Self {
+            a,
+            traces: self.traces.clone(),
+            loads: self.loads.each_ref().map(|f| scaled(f, force)),
+            gap: scaled(&self.gap, length),
+            r: self.r * force / length,
+        }
+    }
+
+    fn renumbered(&self) -> Self {
+        let (n, p) = (self.a.nrows(), self.gap.len());
+        // Steps that have no divisor in common with the counts.
+        let step = |n: usize| {
+            (2..)
+                .find(|k| (1..=*k).all(|d| d == 1 || !n.is_multiple_of(d) || !k.is_multiple_of(d)))
+                .unwrap()
+        };
+        let (sn, sp) = (step(n), step(p));
+        let (dof, node) = (|i: usize| (sn * i + 1) % n, |i: usize| (sp * i + 1) % p);
+        let moved = |m: &Matrix, rows: &dyn Fn(usize) -> usize| {
+            let entries: Vec<_> = m.triplets().map(|(i, j, v)| (rows(i), dof(j), v)).collect();
+            Matrix::from_triplets(m.nrows(), m.ncols(), &entries).unwrap()
+        };
+        let permuted = |v: &[f64], to: &dyn Fn(usize) -> usize| {
+            let mut w = vec![0.0; v.len()];
+            v.iter().enumerate().for_each(|(i, x)| w[to(i)] = *x);
+            w
+        };
+        Self {
+            a: moved(&self.a, &dof),
+            traces: self.traces.iter().map(|t| moved(t, &node)).collect(),
+            loads: self.loads.each_ref().map(|f| permuted(f, &dof)),
+            gap: permuted(&self.gap, &node),
+            r: self.r,
+        }
+    }
+
+    fn load(&self) -> LoadPath {
+        LoadPath::between(self.loads[0].clone(), &self.loads[1])
+    }
+
+    fn body(&self) -> ContactBody {
+        let traces = self.traces[1..].to_vec();
+        ContactBody::new(self.a.clone(), self.traces[0].clone(), traces, self.load())
+            .unwrap()
+            .with_gap(self.gap.clone())
+            .unwrap()
+    }
+
+    fn planar(&self, friction: f64) -> FrictionProblem {
+        let path = FrictionPath::constant(vec![friction; self.gap.len()]);
+        FrictionProblem::new(
+            self.a.clone(),
+            self.traces[0].clone(),
+            self.traces[1].clone(),
+            self.load(),
+            path,
+        )
+        .unwrap()
+        .with_gap(self.gap.clone())
+        .unwrap()
+        .with_r(self.r)
+        .unwrap()
+    }
+}
+
+/// Parameters of the transitions, and how many nodes of each piece there are after each.
+fn transitions<M: PiecewiseSmooth>(map: &M, alpha: f64) -> Found {
+    let mut x = vec![0.0; map.num_vars()];
+    *x.last_mut().unwrap() = alpha;
+    Newton::default().solve(map, &mut x).unwrap();
+    follow(map, &x)
+}
+
+type Found = Result<Vec<(f64, Vec<usize>)>, ContinuationError>;
+
+fn follow<M: PiecewiseSmooth>(map: &M, x: &[f64]) -> Found {
+    let options = ContinuationOptions::default().with_parameter_range((0.0, 1.0));
+    let branch = Branch::follow(map, x, Direction::Increasing, options)?;
+    assert_eq!(branch.termination, Termination::ParameterRange);
+    let count = |t: &semismooth::continuation::Transition| {
+        let mut changes: Vec<usize> = t.sites.iter().flat_map(|s| [s.from, s.to]).collect();
+        changes.sort_unstable();
+        changes
+    };
+    Ok(branch
+        .transitions
+        .iter()
+        .map(|t| (t.parameter(), count(t)))
+        .collect())
+}
+
+fn same(a: &Found, b: &Found, tolerance: f64, what: &str) {
+    let a = a.as_ref().unwrap();
+    let b = b.as_ref().unwrap_or_else(|e| panic!("{what}: {e}"));
+    assert_eq!(a.len(), b.len(), "{what}");
+    for (s, t) in a.iter().zip(b) {
+        assert!((s.0 - t.0).abs() <= tolerance, "{what}: {} {}", s.0, t.0);
+        assert_eq!(s.1, t.1, "{what}");
+    }
+}
+
+/// Units that differ by 1e±9 (GPa and m, N and mm), both alone and together.
+const UNITS: [(f64, f64); 6] = [
+    (1e9, 1.0),
+    (1e-9, 1.0),
+    (1.0, 1e9),
+    (1.0, 1e-9),
+    (1e9, 1e3),
+    (1e-9, 1e-3),
+];
+/// Branches are measured by arc length in (λ, α), so that their units may not lie that far apart.
+const UNITS_OF_BRANCHES: [(f64, f64); 4] = [(1e3, 1.0), (1e-3, 1.0), (1.0, 1e3), (1.0, 1e-3)];
+const LEVELS: [f64; 4] = [0.0, 0.35, 0.7, 1.0];
+const AUGMENTATIONS: [f64; 4] = [1e-3, 1e-1, 1e1, 1e3];
+
+#[test]
+fn plane_branches() {
+    let parts = Parts::block(2);
+    let first = transitions(&CondensedFriction::new(parts.planar(0.5)).unwrap(), 0.0);
+    assert!(first.as_ref().is_ok_and(|f| f.len() > 8), "{first:?}");
+    let renumbered = parts.renumbered();
+    same(
+        &first,
+        &transitions(&CondensedFriction::new(renumbered.planar(0.5)).unwrap(), 0.0),
+        1e-10,
+        "renumbered",
+    );
+    for factor in AUGMENTATIONS {
+        let other = parts.planar(0.5).with_r(10.0 * factor).unwrap();
+        same(
+            &first,
+            &transitions(&CondensedFriction::new(other).unwrap(), 0.0),
+            1e-10,
+            &format!("r = {factor}"),
+        );
+    }
+    for (force, length) in UNITS_OF_BRANCHES {
+        let other = renumbered.units(force, length).planar(0.5);
+        let what = format!("force {force}, length {length}");
+        same(
+            &first,
+            &transitions(&CondensedFriction::new(other.clone()).unwrap(), 0.0),
+            1e-10,
+            &what,
+        );
+        same(&first, &transitions(&other, 0.0), 1e-10, &format!("full, {what}"));
+    }
+}
+
+/// The laws of bodies, condensed with their own r and with others.
+fn bodies<L: NodeLaw + Clone>(dim: usize, law: &L) {
+    let parts = Parts::block(dim);
+    let condensed = |p: &Parts| CondensedContact::new(p.body(), law.clone()).unwrap();
+    let base = condensed(&parts);
+    let branch = |p: &CondensedContact<L>| follow(p, &p.solve(0.0, None).unwrap());
+    // In space slipping nodes have smooth pieces; branches there are compared point by point.
+    let first = (dim == 2).then(|| branch(&base));
+    let states = |p: &CondensedContact<L>, alpha: f64| p.solution(&p.solve(alpha, None).unwrap()).unwrap();
+    let count = |s: &[ContactState]| ContactState::ALL.map(|k| s.iter().filter(|t| **t == k).count());
+    let ends = LEVELS.map(|alpha| states(&base, alpha));
+    let mut others = vec![("renumbered".to_string(), condensed(&parts.renumbered()), 1.0)];
+    for factor in AUGMENTATIONS {
+        let own = condensed(&parts);
+        let r = own.r();
+        others.push((format!("r times {factor}"), own.with_r(factor * r).unwrap(), 1.0));
+    }
+    for (force, length) in UNITS {
+        let other = condensed(&parts.units(force, length));
+        others.push((format!("force {force}, length {length}"), other, force));
+        // The full form finds the same solution.
+        let full = FullContact::new(parts.units(force, length).body(), law.clone()).unwrap();
+        let solution = full.solution(&full.solve(0.0, None).unwrap()).unwrap();
+        assert_eq!(solution.states, ends[0].states, "{force} {length}");
+    }
+    for (what, problem, force) in &others {
+        for (alpha, end) in LEVELS.into_iter().zip(&ends) {
+            let solution = states(problem, alpha);
+            assert_eq!(count(&solution.states), count(&end.states), "{what}");
+            let (a, b) = (solution.resultant(), end.resultant());
+            let size = b.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+            assert!(
+                (0..3).all(|d| (a[d] / force - b[d]).abs() <= 1e-10 * size),
+                "{what}"
+            );
+        }
+        if let Some(first) = first.as_ref().filter(|_| *force == 1.0) {
+            same(first, &branch(problem), 1e-10, what);
+        }
+    }
+}
+
+fn constant(f: f64) -> FrictionCoefficient {
+    FrictionCoefficient::uniform(FrictionCurve::constant(f).unwrap())
+}
+
+#[test]
+fn plane_bodies() {
+    bodies(2, &PlanarCoulomb::new(constant(0.5)));
+}
+
+#[test]
+fn solid_bodies() {
+    bodies(3, &OrthotropicCoulomb::new(constant(0.3), constant(0.2)));
+}

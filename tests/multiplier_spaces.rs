@@ -1,0 +1,197 @@
+//! One contact problem with forces at nodes, on dual cells and on patches of merged facets.
+
+use semismooth::contact::{
+    CondensedContact, ContactBody, ContactError, ContactSolution, FrictionCoefficient, FrictionCurve,
+    LoadPath, NodeLaw, OrthotropicCoulomb, PlanarCoulomb, check_multipliers,
+};
+use semismooth::fem::{
+    ContactRows, ElasticSystem, Elasticity, FemError, Foundation, Material, Mesh, Multipliers,
+};
+use semismooth::sparse::Matrix;
+
+fn system(dim: usize, n: usize) -> ElasticSystem {
+    let mesh = if dim == 2 {
+        Mesh::rectangle([0.0, 0.0], [2.0, 1.0], [2 * n, n]).unwrap()
+    } else {
+        Mesh::block([0.0; 3], [1.0; 3], [n; 3]).unwrap()
+    };
+    Elasticity::new(mesh, Material::isotropic(1.0, 0.277).unwrap())
+        .fix("left")
+        .assemble()
+        .unwrap()
+}
+
+fn ground(dim: usize) -> Foundation {
+    let mut up = [0.0; 3];
+    up[dim - 1] = 1.0;
+    Foundation::plane([0.0; 3], up)
+}
+
+fn solve<L: NodeLaw>(
+    system: &ElasticSystem,
+    multipliers: Multipliers,
+    law: L,
+) -> (ContactSolution, ContactRows) {
+    let dim = system.mesh().dim();
+    let rows = system.contact_with("bottom", &ground(dim), multipliers).unwrap();
+    let mut load = system
+        .traction("top", |_| {
+            let mut t = [0.0; 3];
+            t[dim - 1] = -0.02;
+            t
+        })
+        .unwrap();
+    let pull = system.traction("right", |_| [0.01, 0.0, 0.0]).unwrap();
+    load.iter_mut().zip(&pull).for_each(|(l, p)| *l += p);
+    let mut tangential = vec![rows.tangential.clone()];
+    tangential.extend(rows.tangential2.clone());
+    let body = ContactBody::new(
+        system.stiffness().clone(),
+        rows.normal.clone(),
+        tangential,
+        LoadPath::constant(load),
+    )
+    .unwrap()
+    .with_gap(rows.gap.clone())
+    .unwrap();
+    let problem = CondensedContact::new(body, law).unwrap();
+    let x = problem.solve(0.0, None).unwrap();
+    (problem.solution(&x).unwrap(), rows)
+}
+
+fn friction() -> FrictionCoefficient {
+    FrictionCoefficient::uniform(FrictionCurve::constant(0.3).unwrap())
+}
+
+fn spaces(h: f64) -> [Multipliers; 3] {
+    [
+        Multipliers::Nodal,
+        Multipliers::DualCells,
+        Multipliers::Patches { size: 2.0 * h },
+    ]
+}
+
+/// Resultants of the three spaces approach one another under refinement.
+#[test]
+fn resultants_converge() {
+    let spread = |n: usize| {
+        let system = system(2, n);
+        let all = spaces(1.0 / n as f64).map(|m| solve(&system, m, PlanarCoulomb::new(friction())).0);
+        let resultants = all.each_ref().map(ContactSolution::resultant);
+        let mut largest = 0.0f64;
+        for r in &resultants {
+            assert!(r[0] > 0.0);
+            for d in 0..2 {
+                largest = largest.max((r[d] - resultants[0][d]).abs() / resultants[0][0]);
+            }
+        }
+        for s in &all {
+            assert!(
+                s.residuals.largest() < 1e-11 && s.energy.imbalance().abs() < 1e-12 * s.energy.load.abs()
+            );
+        }
+        let stored = all.map(|s| s.energy.stored);
+        let energies = stored.map(|e| (e / stored[0] - 1.0).abs());
+        (largest, energies[1].max(energies[2]))
+    };
+    let (coarse, fine) = (spread(4), spread(16));
+    assert!(coarse.0 < 0.3 && fine.0 < 0.35 * coarse.0, "{coarse:?} {fine:?}");
+    assert!(fine.1 < 0.35 * coarse.1, "{coarse:?} {fine:?}");
+}
+
+#[test]
+fn in_space() {
+    let system = system(3, 6);
+    let all = spaces(1.0 / 6.0).map(|m| {
+        solve(
+            &system,
+            m,
+            OrthotropicCoulomb::new(friction(), friction().times(0.6)),
+        )
+    });
+    let nodal = all[0].0.resultant();
+    assert_eq!(all.each_ref().map(|s| s.0.nodes.len()), [42, 42, 9]);
+    for (s, rows) in &all {
+        let r = s.resultant();
+        assert!(s.residuals.largest() < 1e-11);
+        assert!((r[0] - nodal[0]).abs() < 0.1 * nodal[0] && (r[1] - nodal[1]).abs() < 0.1 * nodal[0]);
+        // Lumped nodes leave out what belongs to the clamped edge.
+        let area = rows.areas.iter().sum::<f64>();
+        assert!(
+            (area - 1.0).abs() < 1e-12 || (area - 11.0 / 12.0).abs() < 1e-12,
+            "{area}"
+        );
+    }
+}
+
+/// A rigid motion moves the mean of every patch by as much; areas make up the boundary.
+#[test]
+fn means_of_rigid_motions() {
+    for dim in [2, 3] {
+        let mesh = if dim == 2 {
+            Mesh::rectangle([0.0, 0.0], [2.0, 1.0], [6, 3]).unwrap()
+        } else {
+            Mesh::block([0.0; 3], [2.0, 1.0, 1.0], [4, 2, 2]).unwrap()
+        };
+        let system = Elasticity::new(mesh, Material::isotropic(1.0, 0.3).unwrap())
+            .fix("top")
+            .assemble()
+            .unwrap();
+        for multipliers in [Multipliers::DualCells, Multipliers::Patches { size: 1.0 }] {
+            let rows = system.contact_with("bottom", &ground(dim), multipliers).unwrap();
+            assert!((rows.areas.iter().sum::<f64>() - 2.0).abs() < 1e-13);
+            let mut u = vec![0.0; system.num_free()];
+            for node in 0..system.mesh().num_nodes() {
+                let x = system.mesh().points()[node];
+                for d in 0..dim {
+                    if let Some(dof) = system.dof(node, d) {
+                        u[dof] = [0.1 + 0.3 * x[0], 0.2, 0.4 - 0.2 * x[0]][d];
+                    }
+                }
+            }
+            let mut v = vec![0.0; rows.nodes.len()];
+            rows.tangential.mul_vec(&u, &mut v);
+            for (v, (x, t)) in v.iter().zip(rows.points.iter().zip(&rows.tangents)) {
+                let along = (0..dim)
+                    .map(|d| t[0][d] * [0.1 + 0.3 * x[0], 0.2, 0.4 - 0.2 * x[0]][d])
+                    .sum::<f64>();
+                assert!((v - along).abs() < 1e-14);
+            }
+            assert!(check_multipliers(&rows.normal).is_ok());
+        }
+    }
+}
+
+/// Condition (1): more patches than displacements to see them.
+#[test]
+fn invisible_multipliers_are_refused() {
+    let system = system(2, 2);
+    let rows = system
+        .contact_with("bottom", &ground(2), Multipliers::Patches { size: 0.5 })
+        .unwrap();
+    let again: Vec<_> = rows
+        .normal
+        .triplets()
+        .chain(rows.normal.triplets().map(|(i, j, v)| (i + 4, j, v)))
+        .collect();
+    let doubled = |m: &Matrix| Matrix::from_triplets(8, m.ncols(), &again).unwrap();
+    let body = ContactBody::new(
+        system.stiffness().clone(),
+        doubled(&rows.normal),
+        vec![doubled(&rows.tangential)],
+        LoadPath::constant(vec![0.0; system.num_free()]),
+    );
+    assert_eq!(
+        body.unwrap_err(),
+        ContactError::InvisibleMultiplier { expected: 8, rank: 4 }
+    );
+    for size in [0.0, -1.0, f64::NAN] {
+        let error = system.contact_with("bottom", &ground(2), Multipliers::Patches { size });
+        assert!(matches!(error, Err(FemError::PatchSize { .. })));
+    }
+    assert!(
+        system
+            .contact_with("nowhere", &ground(2), Multipliers::DualCells)
+            .is_err()
+    );
+}
