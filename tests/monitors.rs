@@ -206,7 +206,7 @@ fn resumed_runs_know_the_side() {
 proptest! {
     /// Lines through the unit circle in any direction are met twice or not at all.
     #[test]
-    fn lines_meet_the_circle_twice(angle in 0.0..6.28f64, distance in 0.0..2.0f64) {
+    fn lines_meet_the_circle_twice(angle in 0.0..std::f64::consts::TAU, distance in 0.0..2.0f64) {
         prop_assume!((distance - 1.0).abs() > 0.05);
         let map = circle();
         let (s, c) = angle.sin_cos();
