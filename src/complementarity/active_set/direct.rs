@@ -84,25 +84,6 @@ impl DirectReduced {
         self.small.factor()
     }
 
-    /// The matrix over the pattern of the whole, rows and columns left out replaced by those of the identity.
-    fn keep(&mut self, matrix: &Matrix) {
-        let pattern = matrix.pattern();
-        let system = match &mut self.system {
-            Some(system) if system.pattern() == pattern => system,
-            other => other.insert(Matrix::zeros(pattern.clone())),
-        };
-        for j in 0..matrix.ncols() {
-            for k in pattern.col_ptr()[j]..pattern.col_ptr()[j + 1] {
-                let i = pattern.row_idx()[k];
-                system.values_mut()[k] = match (self.free[i] && self.free[j], i == j) {
-                    (true, _) => matrix.values()[k],
-                    (false, true) => 1.0,
-                    (false, false) => 0.0,
-                };
-            }
-        }
-    }
-
     /// The matrix of the free components alone.
     fn compress(&mut self, matrix: &Matrix) -> Result<(), ComplementarityError> {
         let p = matrix.pattern();
@@ -189,7 +170,7 @@ impl ReducedSolver for DirectReduced {
             return Ok(());
         }
         if keep {
-            self.keep(matrix);
+            mask(matrix, &self.free, &mut self.system);
         } else {
             self.compress(matrix)?;
         }
@@ -234,5 +215,24 @@ impl ReducedSolver for DirectReduced {
 
     fn is_direct(&self) -> bool {
         true
+    }
+}
+
+/// The matrix over the pattern of the whole, rows and columns that are not free replaced by those of the identity.
+pub(super) fn mask(matrix: &Matrix, free: &[bool], system: &mut Option<Matrix>) {
+    let pattern = matrix.pattern();
+    let system = match system {
+        Some(system) if system.pattern() == pattern => system,
+        other => other.insert(Matrix::zeros(pattern.clone())),
+    };
+    for j in 0..matrix.ncols() {
+        for k in pattern.col_ptr()[j]..pattern.col_ptr()[j + 1] {
+            let i = pattern.row_idx()[k];
+            system.values_mut()[k] = match (free[i] && free[j], i == j) {
+                (true, _) => matrix.values()[k],
+                (false, true) => 1.0,
+                (false, false) => 0.0,
+            };
+        }
     }
 }
