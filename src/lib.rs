@@ -1,4 +1,20 @@
-//! Piecewise-smooth equations: correctors, continuation through kinks, contact with friction.
+//! Piecewise-smooth equations: solve them, follow their solution curves through every kink, list all their solutions.
+//!
+//! For equations that are continuous but only piecewise smooth: contact with Coulomb friction, obstacle problems, economic and
+//! traffic equilibria, complementarity problems, circuits with diodes. The [guide] starts from nothing; the [prelude] has the names
+//! most programs need. Modules:
+//!
+//! | | |
+//! |---|---|
+//! | [`piecewise`] | the trait for maps: sites, pieces, selections, test functions |
+//! | [`newton`] | the corrector for H(x) = 0 |
+//! | [`continuation`] | solution curves, transitions, branches, diagrams, curves in two parameters |
+//! | [`enumeration`] | all solutions at a parameter, all arms at a point, with certificates |
+//! | [`complementarity`] | LCP, NCP, MCP, obstacle problems |
+//! | [`interface`] | any nonsmooth law on few traces of a definite operator |
+//! | [`fem`], [`contact`] | linear elasticity on meshes, Coulomb friction in the plane and in space |
+//! | [`output`] | tables, JSON, pictures, VTU |
+//! | [`linear`], [`sparse`] | linear solvers behind one seam, sparse matrices |
 
 #![warn(missing_docs, unreachable_pub)]
 
@@ -7,11 +23,13 @@ pub mod contact;
 pub mod continuation;
 pub mod enumeration;
 pub mod fem;
+pub mod guide;
 pub mod interface;
 pub mod linear;
 pub mod newton;
 pub mod output;
 pub mod piecewise;
+pub mod prelude;
 pub mod sparse;
 
 /// The example of the README, compiled with the tests.

@@ -38,12 +38,11 @@ impl CondensedFriction {
             return Err(ContactError::LoadNotAffine);
         };
         let condensation = Condensation::new(&problem.a, &stacked(&problem)?)?;
-        let free = condensation.traces_of_solution(constant)?;
-        let free_rate = if slope.iter().all(|s| *s == 0.0) {
-            vec![0.0; 2 * p]
-        } else {
-            condensation.traces_of_solution(slope)?
-        };
+        let rests = slope.iter().all(|s| *s == 0.0);
+        let loads = [constant.as_slice(), if rests { &[] } else { slope }].concat();
+        let mut free = condensation.traces_of_solution(&loads)?;
+        let mut free_rate = free.split_off(2 * p);
+        free_rate.resize(2 * p, 0.0);
         Ok(Self {
             pattern: Pattern::full(2 * p, 2 * p + 1),
             problem,
@@ -120,19 +119,78 @@ impl CondensedFriction {
     }
 
     fn for_nodes(&self, x: &[f64], mut f: impl FnMut(usize, NodeValues, f64)) {
+        self.for_friction(x, |i, friction, rate| f(i, self.node(i, x, friction), rate));
+    }
+
+    /// As [`for_nodes`](Self::for_nodes), for derivatives: where F does not depend on α these do not depend on displacements, which
+    /// are left out.
+    fn for_rows(&self, x: &[f64], mut f: impl FnMut(usize, NodeValues, f64)) {
+        self.for_friction(x, |i, friction, rate| {
+            f(i, self.node_for_rows(i, x, (friction, rate)), rate)
+        });
+    }
+
+    fn node_for_rows(&self, i: usize, x: &[f64], (friction, rate): (f64, f64)) -> NodeValues {
+        if rate != 0.0 {
+            return self.node(i, x, friction);
+        }
+        NodeValues {
+            penetration: 0.0,
+            slip: 0.0,
+            pressure: x[i],
+            traction: x[self.problem.num_contacts() + i],
+            friction,
+        }
+    }
+
+    /// Calls `f` with each node, its F and dF/dα.
+    fn for_friction(&self, x: &[f64], mut f: impl FnMut(usize, f64, f64)) {
         let p = self.problem.num_contacts();
         let alpha = x[2 * p];
         match &self.problem.friction.0 {
             Path::Affine { constant, slope } => {
                 for i in 0..p {
-                    f(i, self.node(i, x, constant[i] + alpha * slope[i]), slope[i]);
+                    f(i, constant[i] + alpha * slope[i], slope[i]);
                 }
             }
             path @ Path::Function(_) => {
                 let (mut value, mut derivative) = (vec![0.0; p], vec![0.0; p]);
                 path.value(alpha, &mut value, &mut derivative);
                 for i in 0..p {
-                    f(i, self.node(i, x, value[i]), derivative[i]);
+                    f(i, value[i], derivative[i]);
+                }
+            }
+        }
+    }
+
+    /// Adds the two rows of node i, which uses `piece`.
+    fn add_rows(&self, i: usize, piece: usize, v: &NodeValues, friction_rate: f64, jac: &mut Matrix) {
+        let p = self.problem.num_contacts();
+        let q = 2 * p;
+        let rows = self.problem.law.rows(piece, v);
+        let (normal, tangential) = (self.compliance_row(i), self.compliance_row(p + i));
+        for (row, index) in rows.iter().zip([i, p + i]) {
+            let closed = row.penetration != 0.0 || row.slip != 0.0;
+            if closed && jac.pattern().is_full() {
+                // The rows of a closed node are full: written by strides, as a search a entry would cost most of a step.
+                for (factor, compliance) in [(row.penetration, normal), (row.slip, tangential)] {
+                    if factor != 0.0 {
+                        for (column, c) in jac.values_mut().chunks_exact_mut(q).zip(compliance) {
+                            column[index] -= factor * c;
+                        }
+                    }
+                }
+                jac.add(index, i, row.pressure);
+                jac.add(index, p + i, row.traction);
+                jac.add(index, q, self.entry(i, row, friction_rate, q));
+            } else {
+                let columns = if closed { 0..q } else { i..i };
+                for j in columns.chain([q]) {
+                    jac.add(index, j, self.entry(i, row, friction_rate, j));
+                }
+                if !closed {
+                    jac.add(index, i, row.pressure);
+                    jac.add(index, p + i, row.traction);
                 }
             }
         }
@@ -224,37 +282,16 @@ impl PiecewiseSmooth for CondensedFriction {
     }
 
     fn jacobian(&self, selection: &Selection, x: &[f64], jac: &mut Matrix) {
-        let p = self.problem.num_contacts();
-        let q = 2 * p;
-        self.for_nodes(x, |i, v, friction_rate| {
-            let rows = self.problem.law.rows(selection.piece(i), &v);
-            let (normal, tangential) = (self.compliance_row(i), self.compliance_row(p + i));
-            for (row, index) in rows.iter().zip([i, p + i]) {
-                let closed = row.penetration != 0.0 || row.slip != 0.0;
-                if closed && jac.pattern().is_full() {
-                    // The rows of a closed node are full: written by strides, as a search a entry would cost most of a step.
-                    for (factor, compliance) in [(row.penetration, normal), (row.slip, tangential)] {
-                        if factor != 0.0 {
-                            for (column, c) in jac.values_mut().chunks_exact_mut(q).zip(compliance) {
-                                column[index] -= factor * c;
-                            }
-                        }
-                    }
-                    jac.add(index, i, row.pressure);
-                    jac.add(index, p + i, row.traction);
-                    jac.add(index, q, self.entry(i, row, friction_rate, q));
-                } else {
-                    let columns = if closed { 0..q } else { i..i };
-                    for j in columns.chain([q]) {
-                        jac.add(index, j, self.entry(i, row, friction_rate, j));
-                    }
-                    if !closed {
-                        jac.add(index, i, row.pressure);
-                        jac.add(index, p + i, row.traction);
-                    }
-                }
-            }
+        self.for_rows(x, |i, v, rate| {
+            self.add_rows(i, selection.piece(i), &v, rate, jac)
         });
+    }
+
+    fn site_jacobian(&self, site: usize, selection: &Selection, x: &[f64], jac: &mut Matrix) -> bool {
+        let (friction, rate) = self.friction(site, x[x.len() - 1]);
+        let v = self.node_for_rows(site, x, (friction, rate));
+        self.add_rows(site, selection.piece(site), &v, rate, jac);
+        true
     }
 
     fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {
@@ -266,7 +303,7 @@ impl PiecewiseSmooth for CondensedFriction {
             d[q] * self.free_rate[k] - reaction
         };
         let mut chunks = out.chunks_exact_mut(TESTS);
-        self.for_nodes(x, |i, v, friction_rate| {
+        self.for_rows(x, |i, v, friction_rate| {
             let (penetration, slip) = (moved(i), moved(p + i));
             let rows = self.problem.law.test_rows(&v);
             for (o, row) in chunks.next().into_iter().flatten().zip(&rows) {
@@ -281,7 +318,7 @@ impl PiecewiseSmooth for CondensedFriction {
 
     fn test_gradient(&self, site: usize, test: usize, x: &[f64], gradient: &mut [f64]) {
         let (friction, friction_rate) = self.friction(site, x[x.len() - 1]);
-        let v = self.node(site, x, friction);
+        let v = self.node_for_rows(site, x, (friction, friction_rate));
         let row = self.problem.law.test_rows(&v)[test.min(TESTS - 1)];
         for (j, g) in gradient.iter_mut().enumerate() {
             *g = self.entry(site, &row, friction_rate, j);

@@ -8,6 +8,11 @@ use crate::sparse::norm;
 /// Options of [`fixed_point`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(default, deny_unknown_fields)
+)]
 pub struct FixedPointOptions {
     /// ω in (0, 1]: (φ, g) ← (1 − ω)(φ, g) + ω Ψ(φ, g). Default 1.
     pub relaxation: f64,

@@ -5,7 +5,7 @@ use super::{Arm, ContinuationOptions};
 use crate::enumeration::{EnumerationError, directional_selections, local_selections};
 use crate::linear::{LinearError, LinearSolver, null_space};
 use crate::newton::MoorePenrose;
-use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout};
+use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, Vanishing};
 use crate::sparse::Matrix;
 use crate::sparse::{dot, norm};
 
@@ -19,38 +19,6 @@ pub(super) const RANK: f64 = 1e-9;
 const PLAIN: u128 = 16;
 /// Largest number of residuals for which the dense branching equation is set up.
 const MAX_BRANCHING: usize = 600;
-
-/// A vanishing test function at a point.
-#[derive(Debug, Clone, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub(super) struct Vanishing {
-    pub(super) index: usize,
-    pub(super) site: usize,
-    pub(super) test: usize,
-    pub(super) gradient: Vec<f64>,
-    pub(super) gradient_norm: f64,
-}
-
-impl Vanishing {
-    pub(super) fn new<P: PiecewiseSmooth + ?Sized>(
-        map: &P,
-        layout: &TestLayout,
-        index: usize,
-        x: &[f64],
-    ) -> Self {
-        let (site, test) = layout.locate(index);
-        let mut gradient = vec![0.0; x.len()];
-        map.test_gradient(site, test, x, &mut gradient);
-        let gradient_norm = norm(&gradient);
-        Self {
-            index,
-            site,
-            test,
-            gradient,
-            gradient_norm,
-        }
-    }
-}
 
 /// The vanishing test functions at x: those within `distance`·(1 + ‖x‖) of their facet, and those `forced`.
 pub(super) fn vanishing_at<P: PiecewiseSmooth + ?Sized>(
@@ -219,7 +187,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
         for v in self.vanishing {
             let cell = self.map.cell(v.site, selection.piece(v.site));
             for facet in cell.iter().filter(|f| f.test() == v.test) {
-                let rate = facet.sign() * dot(&v.gradient, direction);
+                let rate = facet.sign() * v.rate(direction);
                 if rate < -TANGENTIAL * v.gradient_norm {
                     return None;
                 }

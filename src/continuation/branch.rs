@@ -1,8 +1,8 @@
 use std::ops::ControlFlow;
 
 use super::{
-    Arm, BranchPoint, Continuation, ContinuationError, ContinuationOptions, Direction, Event, Point,
-    SmoothFold, Termination, Transition,
+    Arm, BranchPoint, Continuation, ContinuationError, ContinuationOptions, Direction, Event,
+    MonitorCrossing, Point, SmoothFold, Termination, Transition,
 };
 use crate::linear::LinearSolver;
 use crate::piecewise::PiecewiseSmooth;
@@ -20,6 +20,9 @@ pub struct Branch {
     pub smooth_folds: Vec<SmoothFold>,
     /// Branch points inside pieces or of grazing curves, by arclength.
     pub branch_points: Vec<BranchPoint>,
+    /// Zeros of functions of the user, by arclength.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub monitor_crossings: Vec<MonitorCrossing>,
     /// Why the branch ended.
     pub termination: Termination,
     /// Number of factorisations.
@@ -89,6 +92,7 @@ impl Branch {
             transitions: Vec::new(),
             smooth_folds: Vec::new(),
             branch_points: Vec::new(),
+            monitor_crossings: Vec::new(),
             termination: Termination::Stopped,
             factorisations: 0,
             updates: 0,
@@ -104,6 +108,7 @@ impl Branch {
                 Event::Transition(t) => branch.transitions.push(t),
                 Event::SmoothFold(f) => branch.smooth_folds.push(f),
                 Event::BranchPoint(b) => branch.branch_points.push(b),
+                Event::Monitor(m) => branch.monitor_crossings.push(m),
             }
         }
         branch.termination = curve.termination().unwrap_or(Termination::Stopped);
@@ -157,6 +162,11 @@ impl Branch {
                 self.branch_points
                     .iter()
                     .map(|b| (b.point.arclength, b.point.x.as_slice())),
+            )
+            .chain(
+                self.monitor_crossings
+                    .iter()
+                    .map(|m| (m.point.arclength, m.point.x.as_slice())),
             )
             .collect();
         all.sort_by(|a, b| a.0.total_cmp(&b.0));

@@ -1,14 +1,15 @@
 use std::collections::VecDeque;
 use std::time::Instant;
 
-use super::arms::{ArmSearch, Arms, RANK, Vanishing, vanishing_at};
+use super::arms::{ArmSearch, Arms, RANK, vanishing_at};
+use super::monitor::Watch;
 use super::smooth::MAX_DENSE;
 use super::start::{Direction, choose_start, onto_curve, term_size};
 use super::{Arm, ContinuationError, ContinuationOptions, Event, Point, PointKind, Strategy, Termination};
 use crate::linear::{AutoSolver, LinearSolver, null_space};
 use crate::newton::MoorePenrose;
 use crate::piecewise::{
-    ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, check_vector, select,
+    ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, Vanishing, check_vector, select,
 };
 use crate::sparse::norm;
 
@@ -86,6 +87,9 @@ pub struct Continuation<'a, P: ?Sized, L = AutoSolver> {
     /// Buffers.
     pub(super) rates: Vec<f64>,
     pub(super) residual: Vec<f64>,
+    /// Functions of the user, and their sides where a saved run left off.
+    pub(super) watches: Vec<Watch<'a>>,
+    pub(super) saved_sides: Vec<f64>,
 }
 
 impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
@@ -249,6 +253,8 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
             earlier: (0, 0),
             rates: Vec::new(),
             residual: Vec::new(),
+            watches: Vec::new(),
+            saved_sides: Vec::new(),
         };
         this.map.test_functions(&this.here.x, &mut this.here.theta);
         if let Some(i) = this.here.theta.iter().position(|t| !t.is_finite()) {
@@ -383,11 +389,15 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
             scale = term_size(self.corrector.jacobian(), x, self.h, t).max(scale);
             self.residual_scale = self.residual_scale.max(scale);
         }
-        let mut r = vec![0.0; self.map.num_residuals()];
-        self.map.residual(&self.selection, x, &mut r);
+        if !affine || self.points == 0 {
+            // Steps on affine pieces have measured it, and H is continuous.
+            self.residual.resize(self.map.num_residuals(), 0.0);
+            self.map
+                .residual(&self.selection, &self.here.x, &mut self.residual);
+            self.here.residual_norm = norm(&self.residual);
+        }
         self.here.orientation = orientation;
         self.here.det_sign = det_sign;
-        self.here.residual_norm = norm(&r);
         Ok(())
     }
 

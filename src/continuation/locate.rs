@@ -20,6 +20,8 @@ pub(super) enum Monitor {
     Singular,
     /// The same of a co-active selection (its number).
     Coactive(usize),
+    /// A function of the user (its number).
+    User(usize),
 }
 
 /// Largest number of points computed to locate one event.
@@ -110,6 +112,11 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         {
             offer(0.5, Monitor::Singular);
         }
+        for k in 0..self.watches.len() {
+            if let Some((g0, g1)) = self.crossing(k, &self.next.x) {
+                offer(g0 / (g0 - g1), Monitor::User(k));
+            }
+        }
         if !self.coactive.is_empty() {
             let (x, t) = (self.next.x.clone(), self.next.t.clone());
             for k in 0..self.coactive.len() {
@@ -165,6 +172,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
             Monitor::Fold => origin.sign * state.t[last],
             Monitor::Singular => self.determinant(None, state, origin)?,
             Monitor::Coactive(k) => self.determinant(Some(k), state, origin)?,
+            Monitor::User(k) => self.watches[k].side * self.watches[k].value(&state.x),
         })
     }
 
@@ -190,7 +198,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         let last = self.here.x.len() - 1;
         let mut origin = Origin { sign: 1.0, log: 0.0 };
         match monitor {
-            Monitor::Facet { .. } => {}
+            Monitor::Facet { .. } | Monitor::User(_) => {}
             Monitor::Parameter { value, .. } => origin.sign = sign_of(self.here.x[last] - value),
             Monitor::Fold => origin.sign = sign_of(self.here.t[last]),
             Monitor::Singular => self.determinant_origin(None, &mut origin)?,
@@ -382,7 +390,7 @@ fn sign_of(v: f64) -> f64 {
 }
 
 /// Anderson–Björck's factor for the value at the end of the bracket that stays.
-fn side_factor(new: f64, replaced: f64) -> f64 {
+pub(super) fn side_factor(new: f64, replaced: f64) -> f64 {
     let m = 1.0 - new / replaced;
     if m > 0.0 { m } else { 0.5 }
 }

@@ -10,6 +10,7 @@ mod error;
 mod extended;
 mod fold_set;
 mod locate;
+mod monitor;
 mod options;
 mod polygon;
 mod record;
@@ -33,8 +34,8 @@ pub use error::ContinuationError;
 pub use fold_set::FoldSet;
 pub use options::{ContinuationOptions, Strategy};
 pub use record::{
-    Arm, BranchPoint, Event, Point, PointKind, SiteChange, SmoothFold, Termination, Transition,
-    TransitionKind,
+    Arm, BranchPoint, Event, MonitorCrossing, Point, PointKind, SiteChange, SmoothFold, Termination,
+    Transition, TransitionKind,
 };
 pub use save::SavedRun;
 pub use search::{

@@ -19,7 +19,11 @@ pub enum Strategy {
 /// Options of the continuation. The defaults need no touching.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(default, deny_unknown_fields)
+)]
 pub struct ContinuationOptions {
     /// How kinks are passed. Default [`Strategy::Located`].
     pub strategy: Strategy,

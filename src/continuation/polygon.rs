@@ -52,6 +52,9 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
                 );
             }
         }
+        if let Some((ahead, crossing)) = self.first_crossing(s) {
+            (s, event) = (ahead, Some(crossing));
+        }
         for i in 0..=last {
             self.next.x[i] = self.here.x[i] + s * self.here.t[i];
         }

@@ -189,6 +189,19 @@ pub struct BranchPoint {
     pub complete: bool,
 }
 
+/// A zero of a function of the user on the curve ([`with_monitor`](super::Continuation::with_monitor)).
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct MonitorCrossing {
+    /// Number of the function, in the order in which they were added.
+    pub monitor: usize,
+    /// Its name.
+    pub name: String,
+    /// The point.
+    pub point: Point,
+}
+
 /// What one pull of the iterator gives.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
@@ -202,6 +215,8 @@ pub enum Event {
     SmoothFold(SmoothFold),
     /// A branch point inside a piece or of a grazing curve.
     BranchPoint(BranchPoint),
+    /// A zero of a function of the user.
+    Monitor(MonitorCrossing),
 }
 
 impl Event {
@@ -213,6 +228,7 @@ impl Event {
             Self::Transition(t) => &t.x,
             Self::SmoothFold(f) => &f.point.x,
             Self::BranchPoint(b) => &b.point.x,
+            Self::Monitor(m) => &m.point.x,
         }
     }
 
@@ -224,6 +240,7 @@ impl Event {
             Self::Transition(t) => t.arclength,
             Self::SmoothFold(f) => f.point.arclength,
             Self::BranchPoint(b) => b.point.arclength,
+            Self::Monitor(m) => m.point.arclength,
         }
     }
 
@@ -257,6 +274,8 @@ pub enum Termination {
     MaxTime,
     /// No step of at least the smallest length was accepted.
     StepTooSmall,
+    /// A function of the user vanished at which the curve was to end.
+    Monitor,
     /// The user stopped.
     Stopped,
 }
@@ -275,6 +294,7 @@ impl Termination {
             Self::Unbounded => "tends to infinity",
             Self::MaxTime => "limit on time",
             Self::StepTooSmall => "step too small",
+            Self::Monitor => "zero of a monitor",
             Self::Stopped => "stopped",
         }
     }

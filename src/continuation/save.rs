@@ -2,11 +2,11 @@
 
 use std::time::{Duration, Instant};
 
-use super::arms::Vanishing;
 use super::engine::{Continuation, State};
 use super::{ContinuationError, ContinuationOptions, Event, Termination};
 use crate::linear::AutoSolver;
 use crate::newton::MoorePenrose;
+use crate::piecewise::Vanishing;
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, TestLayout, check_vector};
 
 /// The state of a [`Continuation`] between two events: point, tangent, selection, step size, options, counters, events not yet
@@ -53,6 +53,9 @@ pub struct SavedRun {
     elapsed: Option<Duration>,
     factorisations: usize,
     corrections: usize,
+    /// Sides of the functions watched.
+    #[cfg_attr(feature = "serde", serde(default))]
+    sides: Vec<f64>,
 }
 
 impl SavedRun {
@@ -182,10 +185,12 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
             elapsed: self.started.map(|s| s.elapsed()),
             factorisations: self.earlier.0,
             corrections: self.earlier.1,
+            sides: self.watches.iter().map(|w| w.side).collect(),
         })
     }
 
-    /// Goes on from a saved state, bit for bit as the run that was saved. The map must be the same.
+    /// Goes on from a saved state, bit for bit as the run that was saved. The map must be the same; functions that were watched
+    /// are added again, in the same order.
     ///
     /// # Errors
     /// States that do not fit the map, options out of range.
@@ -209,6 +214,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
         this.termination = saved.termination;
         this.start.clone_from(&saved.start);
         this.earlier = (saved.factorisations, saved.corrections);
+        this.saved_sides.clone_from(&saved.sides);
         if let (Some(started), Some(elapsed)) = (this.started, saved.elapsed) {
             this.started = started.checked_sub(elapsed).or_else(|| Some(Instant::now()));
         }

@@ -1,7 +1,7 @@
 //! One step of the located strategy: predict, correct with the selection frozen, accept or shorten, stop at the first event.
 
 use super::engine::Continuation;
-use super::locate::Monitor;
+use super::locate::{Monitor, VERTICAL};
 use super::start::term_size;
 use super::{ContinuationError, PointKind, Termination};
 use crate::linear::LinearSolver;
@@ -141,6 +141,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         self.arclength += distance(&self.here.x, &self.next.x);
         std::mem::swap(&mut self.here, &mut self.next);
         self.here.s = 0.0;
+        self.refresh_sides();
         if closed {
             let point = self.point(PointKind::Step, corrections);
             self.emit(super::Event::Point(point));
@@ -173,12 +174,31 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
             }
             Some(Monitor::Singular) => self.pass_branch_point(None),
             Some(Monitor::Coactive(k)) => self.pass_branch_point(Some(k)),
+            Some(Monitor::User(k)) => {
+                self.pass_monitor(k, corrections);
+                Ok(())
+            }
         }
     }
 
     /// Puts α exactly on a requested value.
     fn hit_parameter(&mut self, value: f64) -> Result<(), ContinuationError> {
         let m = self.here.x.len();
+        let rate = self.here.t[m - 1];
+        if self.map.is_piecewise_affine() && rate.abs() > VERTICAL {
+            // The curve is straight: along it to the value.
+            let rest = (value - self.here.x[m - 1]) / rate;
+            for (x, t) in self.here.x.iter_mut().zip(&self.here.t) {
+                *x += rest * t;
+            }
+            self.here.x[m - 1] = value;
+            self.residual.resize(self.map.num_residuals(), 0.0);
+            self.map
+                .residual(&self.selection, &self.here.x, &mut self.residual);
+            self.here.residual_norm = norm(&self.residual);
+            self.map.test_functions(&self.here.x, &mut self.here.theta);
+            return Ok(());
+        }
         let mut normal = vec![0.0; m];
         normal[m - 1] = 1.0;
         let anchor = self.here.x.clone();

@@ -1,11 +1,13 @@
 //! The algorithm of Haslinger, Janovský and Ligurský: selections switch inside the corrector, steps are halved in front of a
 //! kink, vanishing test functions give the selection beyond it.
 
-use super::arms::{Arms, Vanishing};
+use super::arms::Arms;
 use super::engine::Continuation;
 use super::{ContinuationError, Event, PointKind, Termination, Transition, TransitionKind};
 use crate::linear::LinearSolver;
-use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, select_pieces};
+use crate::piecewise::{
+    ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, Vanishing, select_pieces,
+};
 use crate::sparse::{dot, norm};
 
 impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {

@@ -1,6 +1,6 @@
 //! What happens at a located transition or branch point: arms, kind, and the arm that is followed.
 
-use super::arms::{Arms, TANGENTIAL, Vanishing};
+use super::arms::{Arms, TANGENTIAL};
 use super::engine::Continuation;
 use super::locate::VERTICAL;
 use super::step::distance;
@@ -9,7 +9,7 @@ use super::{
     TransitionKind,
 };
 use crate::linear::LinearSolver;
-use crate::piecewise::{ActiveSet, PiecewiseSmooth};
+use crate::piecewise::{ActiveSet, PiecewiseSmooth, Vanishing};
 use crate::sparse::{dot, norm};
 
 /// An arm within this distance of the reversed tangent of arrival is the one the curve came along.
@@ -92,12 +92,11 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         let arrival = self.here.t.clone();
         self.search(vanishing)
             .of_selection(&beyond, Some(&arrival), &mut arms)?;
-        let mut own = Arms::default();
         if arms.list.len() != 1 || !arms.list[0].grazing.is_empty() {
             // Not transversal after all: the full list decides.
-            own = self.search(vanishing).all(active)?;
-            self.remove_incoming(&mut own);
-            return Ok(own);
+            let mut all = self.search(vanishing).all(active)?;
+            self.remove_incoming(&mut all);
+            return Ok(all);
         }
         let after = self.corrector.orientation(&arms.list[0].tangent);
         if let (Some(before), Some(after)) = (self.here.orientation, after)
@@ -108,7 +107,6 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
                 site: self.map.site_name(vanishing[0].site).into_owned(),
             });
         }
-        own.list.clear();
         Ok(arms)
     }
 
@@ -254,7 +252,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
     /// A vanishing test function of a facet of the followed cell across which the tangent leads out.
     fn facet_left_here(&self) -> Option<usize> {
         let leaves = |v: &&Vanishing| {
-            let rate = dot(&v.gradient, &self.here.t);
+            let rate = v.rate(&self.here.t);
             let cell = self.map.cell(v.site, self.selection.piece(v.site));
             !self.grazing.iter().any(|g| g.index == v.index)
                 && cell

@@ -3,13 +3,15 @@
 use std::collections::BTreeSet;
 
 use super::kernel::solutions;
-use super::local::local_selections;
+use super::local::{local_selections, vanishing_tests};
 use super::search::Search;
 use super::system::System;
 use super::table::{Form, Table};
 use super::{Completeness, EnumerationError, EnumerationOptions, system};
 use crate::linear::{AutoSolver, LinearError, LinearSolver};
-use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, check_vector};
+use crate::piecewise::{
+    ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, Vanishing, check_vector,
+};
 use crate::sparse::Matrix;
 use crate::sparse::norm;
 
@@ -25,6 +27,7 @@ const VERTICAL: f64 = 1e-9;
 /// An arm: a half-line of directions τ = (ẏ, α̇) with H'(x; τ) = 0.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct DirectionalArm {
     /// Unit tangent, pointing away from the point.
     pub tangent: Vec<f64>,
@@ -60,6 +63,7 @@ impl DirectionalArm {
 /// All arms at a point.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct DirectionalArms {
     /// The arms: those with growing α, with falling α, vertical ones.
     pub arms: Vec<DirectionalArm>,
@@ -277,8 +281,7 @@ fn vertical_roots(search: &Search<'_>, system: &System) -> Vec<Table> {
 struct Collector<'a, P: ?Sized> {
     map: &'a P,
     x: &'a [f64],
-    /// Site, number in the site, gradient of each vanishing test function.
-    vanishing: Vec<(usize, usize, Vec<f64>)>,
+    vanishing: Vec<Vanishing>,
     jac: Matrix,
     solver: AutoSolver,
     arms: Vec<DirectionalArm>,
@@ -287,18 +290,11 @@ struct Collector<'a, P: ?Sized> {
 
 impl<'a, P: PiecewiseSmooth + ?Sized> Collector<'a, P> {
     fn new(map: &'a P, x: &'a [f64], active: &ActiveSet) -> Result<Self, EnumerationError> {
-        let layout = TestLayout::new(map);
-        let gradient = |&k: &usize| {
-            let (site, test) = layout.locate(k);
-            let mut gradient = vec![0.0; x.len()];
-            map.test_gradient(site, test, x, &mut gradient);
-            (site, test, gradient)
-        };
         let jac = Matrix::zeros(map.pattern());
         let mut solver = AutoSolver::default();
         solver.analyze(jac.leading_columns(map.num_residuals()).pattern)?;
         Ok(Self {
-            vanishing: active.vanishing().iter().map(gradient).collect(),
+            vanishing: vanishing_tests(map, x, active),
             map,
             x,
             jac,
@@ -355,11 +351,11 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Collector<'a, P> {
     }
 
     fn enters(&self, selection: &Selection, direction: &[f64]) -> bool {
-        self.vanishing.iter().all(|(site, test, gradient)| {
-            let rate: f64 = gradient.iter().zip(direction).map(|(g, d)| g * d).sum();
-            let cell = self.map.cell(*site, selection.piece(*site)).iter();
-            cell.filter(|f| f.test() == *test)
-                .all(|f| f.sign() * rate >= -TANGENTIAL * norm(gradient))
+        self.vanishing.iter().all(|v| {
+            let rate = v.rate(direction);
+            let cell = self.map.cell(v.site, selection.piece(v.site)).iter();
+            cell.filter(|f| f.test() == v.test)
+                .all(|f| f.sign() * rate >= -TANGENTIAL * v.gradient_norm)
         })
     }
 

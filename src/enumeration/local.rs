@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use super::EnumerationError;
 use super::random::Random;
 use crate::linear::{AutoSolver, LinearError, LinearSolver};
-use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout};
+use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, Vanishing};
 use crate::sparse::Matrix;
 use crate::sparse::norm;
 
@@ -60,8 +60,7 @@ struct Local<'a, P: ?Sized> {
     map: &'a P,
     x: &'a [f64],
     active: &'a ActiveSet,
-    /// Site, number in the site, gradient and its norm of each vanishing test function.
-    vanishing: Vec<(usize, usize, Vec<f64>, f64)>,
+    vanishing: Vec<Vanishing>,
     jac: Matrix,
     solver: AutoSolver,
     direction: Vec<f64>,
@@ -69,21 +68,24 @@ struct Local<'a, P: ?Sized> {
     solves: usize,
 }
 
+/// The vanishing test functions of an active set, with their gradients.
+pub(super) fn vanishing_tests<P: PiecewiseSmooth + ?Sized>(
+    map: &P,
+    x: &[f64],
+    active: &ActiveSet,
+) -> Vec<Vanishing> {
+    let layout = TestLayout::new(map);
+    let indices = active.vanishing().iter();
+    indices.map(|&k| Vanishing::new(map, &layout, k, x)).collect()
+}
+
 impl<'a, P: PiecewiseSmooth + ?Sized> Local<'a, P> {
     fn new(map: &'a P, x: &'a [f64], active: &'a ActiveSet) -> Result<Self, EnumerationError> {
-        let layout = TestLayout::new(map);
-        let gradient = |&k: &usize| {
-            let (site, test) = layout.locate(k);
-            let mut gradient = vec![0.0; x.len()];
-            map.test_gradient(site, test, x, &mut gradient);
-            let size = norm(&gradient);
-            (site, test, gradient, size)
-        };
         let jac = Matrix::zeros(map.pattern());
         let mut solver = AutoSolver::default();
         solver.analyze(jac.leading_columns(map.num_residuals()).pattern)?;
         Ok(Self {
-            vanishing: active.vanishing().iter().map(gradient).collect(),
+            vanishing: vanishing_tests(map, x, active),
             map,
             x,
             active,
@@ -151,13 +153,11 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Local<'a, P> {
         let length = norm(&self.direction);
         let margin = |site: usize, piece: usize| -> f64 {
             let mut least = f64::INFINITY;
-            for (s, test, gradient, size) in &self.vanishing {
-                if *s != site {
-                    continue;
-                }
-                let rate: f64 = gradient.iter().zip(&self.direction).map(|(g, d)| g * d).sum();
-                for facet in self.map.cell(site, piece).iter().filter(|f| f.test() == *test) {
-                    least = least.min(facet.sign() * rate / (size * length).max(f64::MIN_POSITIVE));
+            for v in self.vanishing.iter().filter(|v| v.site == site) {
+                let rate = v.rate(&self.direction);
+                for facet in self.map.cell(site, piece).iter().filter(|f| f.test() == v.test) {
+                    least =
+                        least.min(facet.sign() * rate / (v.gradient_norm * length).max(f64::MIN_POSITIVE));
                 }
             }
             least

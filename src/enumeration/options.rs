@@ -1,6 +1,11 @@
 /// Options of the enumeration. The defaults need no touching.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(default, deny_unknown_fields)
+)]
 pub struct EnumerationOptions {
     /// Largest number of search nodes (partial selections tried) before the search gives up and says how far it came.
     /// Default 1 000 000.

@@ -12,6 +12,7 @@ use crate::sparse::{Matrix, norm};
 /// How far a list is known to be complete.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Completeness {
     /// Every selection was examined or ruled out.
     Complete,
@@ -40,6 +41,7 @@ impl Completeness {
 /// A solution.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Solution {
     /// The point: y, followed by α for a curve.
     pub x: Vec<f64>,
@@ -57,6 +59,7 @@ pub struct Solution {
 /// A continuum of solutions at one parameter: a vertical segment, or a larger polyhedron.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Continuum {
     /// The selections that hold it.
     pub selections: Vec<Selection>,
@@ -69,6 +72,7 @@ pub struct Continuum {
 /// All solutions of an equation, or of a curve's equation at one parameter.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SolutionSet {
     /// The solutions, ordered by their first selection.
     pub solutions: Vec<Solution>,

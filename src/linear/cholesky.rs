@@ -4,11 +4,11 @@ use std::sync::Arc;
 
 use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
 use faer::perm::PermRef;
-use faer::sparse::linalg::amd;
 use faer::sparse::linalg::cholesky::{
     CholeskySymbolicParams, LltRef, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
     factorize_symbolic_cholesky, supernodal,
 };
+use faer::sparse::linalg::{SupernodalThreshold, amd};
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Conj, MatMut, Par, Side};
 
@@ -20,6 +20,10 @@ use crate::sparse::{MatrixRef, PatternRef};
 
 /// Right-hand sides solved for at a time: scratch grows with them.
 const BLOCK_RHS: usize = 8;
+
+/// Operations for an entry of L, in units of faer, above which dense blocks are used: measured on meshes of a few hundred nodes,
+/// where they win already at a quarter of faer's own limit.
+const SUPERNODAL: SupernodalThreshold = SupernodalThreshold(0.25);
 
 /// Sparse Cholesky A = L Lᵀ for symmetric positive definite matrices.
 ///
@@ -69,7 +73,7 @@ impl Cholesky {
         };
         let q = last.len();
         let mut block = engine.trailing(q);
-        for column in block.chunks_exact_mut(q) {
+        for column in block.chunks_exact_mut(q.max(1)) {
             for (v, &i) in column.iter_mut().zip(last) {
                 *v /= self.scale[i];
             }
@@ -170,20 +174,21 @@ impl Cholesky {
             if diagonal.is_nan() || diagonal <= 0.0 {
                 return Err(LinearError::NotPositiveDefinite);
             }
-            self.scale[j] = (-0.5 * diagonal.log2()).round().exp2();
+            self.scale[j] = inverse_root(diagonal);
         }
         let sums = &mut self.work[..n];
         sums.fill(0.0);
         for j in 0..n {
-            for k in col_ptr[j]..col_ptr[j + 1] {
-                let i = row_idx[k];
-                let s = a[k] * self.scale[i] * self.scale[j];
-                self.values[k] = s;
+            let span = col_ptr[j]..col_ptr[j + 1];
+            let entries = row_idx[span.clone()].iter().zip(&a[span.clone()]);
+            for ((&i, v), scaled) in entries.zip(&mut self.values[span]) {
+                // The upper triangle is never read.
                 if i >= j {
-                    sums[i] += s.abs();
-                }
-                if i > j {
-                    sums[j] += s.abs();
+                    *scaled = v * self.scale[i] * self.scale[j];
+                    sums[i] += scaled.abs();
+                    if i > j {
+                        sums[j] += scaled.abs();
+                    }
                 }
             }
         }
@@ -205,7 +210,29 @@ impl Cholesky {
     /// Solves from behind a shared reference, with scratch of its own.
     pub(crate) fn solve_shared(&self, b: &mut [f64]) -> Result<(), LinearError> {
         let bytes = self.engine.as_ref().map_or(0, |e| e.scratch.len());
-        self.solve_with(b, &mut vec![MaybeUninit::uninit(); bytes])
+        self.solve_with(b, &mut Box::new_uninit_slice(bytes))
+    }
+
+    /// L⁻¹ f for the factor L of A, as ordered: its last entries are those of the unknowns eliminated last. Several f are taken one
+    /// after another.
+    pub(crate) fn forward(&self, f: &[f64]) -> Result<Vec<f64>, LinearError> {
+        let (Some(engine), Some(_)) = (self.engine.as_ref(), self.rcond) else {
+            return Err(LinearError::NotFactored);
+        };
+        let n = self.pattern.n();
+        count_rhs(n, f)?;
+        check_finite(f, "the right-hand side")?;
+        let mut y = f.to_vec();
+        super::scaling::scale_columns(&mut y, &self.scale);
+        if let Some(perm) = engine.symbolic.perm() {
+            for (y, f) in y.chunks_exact_mut(n).zip(f.chunks_exact(n)) {
+                for (y, &i) in y.iter_mut().zip(perm.arrays().0) {
+                    *y = f[i] * self.scale[i];
+                }
+            }
+        }
+        y.chunks_exact_mut(n.max(1)).for_each(|y| engine.forward(y));
+        Ok(y)
     }
 
     fn solve_with(&self, b: &mut [f64], scratch: &mut [MaybeUninit<u8>]) -> Result<(), LinearError> {
@@ -242,9 +269,11 @@ impl Engine {
         } else {
             SymmetricOrdering::Custom(PermRef::new_checked(&order, &position, n))
         };
-        let symbolic =
-            factorize_symbolic_cholesky(a, Side::Lower, ordering, CholeskySymbolicParams::default())
-                .map_err(give_up)?;
+        let params = CholeskySymbolicParams {
+            supernodal_flop_ratio_threshold: SUPERNODAL,
+            ..Default::default()
+        };
+        let symbolic = factorize_symbolic_cholesky(a, Side::Lower, ordering, params).map_err(give_up)?;
         let request = StackReq::or(
             symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default()),
             symbolic.solve_in_place_scratch::<f64>(BLOCK_RHS, Par::Seq),
@@ -252,7 +281,7 @@ impl Engine {
         Ok(Self {
             factor: vec![0.0; symbolic.len_val()],
             symbolic: Arc::new(symbolic),
-            scratch: vec![MaybeUninit::uninit(); request.unaligned_bytes_required()],
+            scratch: Box::new_uninit_slice(request.unaligned_bytes_required()).into_vec(),
         })
     }
 
@@ -265,6 +294,44 @@ impl Engine {
             Par::Seq,
             MemStack::new(scratch),
         );
+    }
+
+    /// Overwrites y by L⁻¹ y, in the order of elimination.
+    fn forward(&self, y: &mut [f64]) {
+        match self.symbolic.raw() {
+            SymbolicCholeskyRaw::Simplicial(s) => {
+                for j in 0..s.ncols() {
+                    let span = s.col_ptr()[j]..s.col_ptr()[j + 1];
+                    let (rows, values) = (&s.row_idx()[span.clone()], &self.factor[span]);
+                    let pivot = y[j] / values[0];
+                    y[j] = pivot;
+                    for (&i, v) in rows.iter().zip(values).skip(1) {
+                        y[i] -= pivot * v;
+                    }
+                }
+            }
+            SymbolicCholeskyRaw::Supernodal(s) => {
+                let llt = supernodal::SupernodalLltRef::new(s, &self.factor);
+                for k in 0..s.n_supernodes() {
+                    let supernode = llt.supernode(k);
+                    let (start, values) = (supernode.start(), supernode.val());
+                    let width = values.ncols();
+                    for (c, column) in values.col_iter().enumerate() {
+                        let Some(column) = column.try_as_col_major().map(|c| c.as_slice()) else {
+                            continue;
+                        };
+                        let pivot = y[start + c] / column[c];
+                        y[start + c] = pivot;
+                        for (y, v) in y[start + c + 1..start + width].iter_mut().zip(&column[c + 1..]) {
+                            *y -= pivot * v;
+                        }
+                        for (&i, v) in supernode.pattern().iter().zip(&column[width..]) {
+                            y[i] -= pivot * v;
+                        }
+                    }
+                }
+            }
+        }
     }
 
     /// The trailing q × q block of L, column-major; its upper triangle is zero.
@@ -289,6 +356,9 @@ impl Engine {
                 for k in 0..s.n_supernodes() {
                     let supernode = llt.supernode(k);
                     let (start, values) = (supernode.start(), supernode.val());
+                    if start + values.ncols() <= first {
+                        continue;
+                    }
                     for c in 0..values.ncols() {
                         for r in c..values.nrows() {
                             let row = match r.checked_sub(values.ncols()) {
@@ -333,6 +403,14 @@ impl Engine {
         self.for_diagonal(|l| smallest = smallest.min(l * l));
         smallest
     }
+}
+
+/// The power of two s with 1/2 ≤ s² d < 2, for a positive d.
+fn inverse_root(d: f64) -> f64 {
+    const MANTISSA: u32 = 52;
+    const BIAS: i64 = 1023;
+    let exponent = (d.to_bits() >> MANTISSA) as i64 - BIAS;
+    f64::from_bits(((BIAS - (exponent + 1).div_euclid(2)) as u64) << MANTISSA)
 }
 
 /// An approximate minimum degree order of the unknowns but those in `last`, which follow in the order given: (old number at each

@@ -3,7 +3,7 @@ use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::{Accum, MatMut, MatRef, Par};
 
 use super::{Cholesky, LinearError, LinearSolver};
-use crate::sparse::{Matrix, Pattern};
+use crate::sparse::{Matrix, Pattern, dot};
 
 /// Orders below this are handled by plain loops.
 const BLOCKED: usize = 48;
@@ -31,6 +31,9 @@ pub struct Condensation {
     /// Bᵀ, n × q.
     b_t: Matrix,
     compliance: Matrix,
+    /// The number k of unknowns that B touches, and Y = L⁻¹ Bᵀ at these, k × q, column-major.
+    touched: usize,
+    half: Vec<f64>,
 }
 
 impl Condensation {
@@ -60,11 +63,14 @@ impl Condensation {
         factor.analyze_with_last(a.pattern().as_ref(), &touched)?;
         factor.factor_by_pivots(a.as_ref())?;
         let l = factor.trailing_factor(&touched)?;
-        let compliance = compliance(b, &touched, &l, q)?;
+        let half = half_solution(b, &touched, &l, q);
+        let compliance = gram(&half, touched.len(), q)?;
         Ok(Self {
             factor,
             b_t: b.transpose(),
             compliance,
+            touched: touched.len(),
+            half,
         })
     }
 
@@ -80,16 +86,22 @@ impl Condensation {
         self.factor.log_det().map_or(f64::NAN, |d| d.1)
     }
 
-    /// B A⁻¹ f.
+    /// B A⁻¹ f for one load or several: f holds n values for each, the result q for each.
     ///
     /// # Errors
     /// A right-hand side of the wrong length or not finite.
     pub fn traces_of_solution(&self, f: &[f64]) -> Result<Vec<f64>, LinearError> {
-        let mut u = f.to_vec();
-        self.check(&u)?;
-        self.factor.solve_shared(&mut u)?;
-        let mut v = vec![0.0; self.b_t.ncols()];
-        self.b_t.mul_transpose_vec(&u, &mut v);
+        let (n, q) = (self.b_t.nrows(), self.b_t.ncols());
+        if n == 0 || f.is_empty() || !f.len().is_multiple_of(n) {
+            self.check(f)?;
+        }
+        // B A⁻¹ f = (L⁻¹ Bᵀ)ᵀ (L⁻¹ f), and L⁻¹ Bᵀ vanishes but in the last rows.
+        let solved = self.factor.forward(f)?;
+        let mut v = Vec::with_capacity(q * f.len() / n.max(1));
+        for y in solved.chunks_exact(n.max(1)) {
+            let last = &y[n - self.touched..];
+            v.extend((0..q).map(|i| dot(last, &self.half[i * self.touched..(i + 1) * self.touched])));
+        }
         Ok(v)
     }
 
@@ -123,8 +135,8 @@ impl Condensation {
     }
 }
 
-/// C = Yᵀ Y with Y = L⁻¹ B_Jᵀ, where L Lᵀ is the Schur complement of A on J.
-fn compliance(b: &Matrix, touched: &[usize], l: &[f64], q: usize) -> Result<Matrix, LinearError> {
+/// Y = L⁻¹ B_Jᵀ, where L Lᵀ is the Schur complement of A on the set J of touched unknowns.
+fn half_solution(b: &Matrix, touched: &[usize], l: &[f64], q: usize) -> Vec<f64> {
     let k = touched.len();
     let mut y = vec![0.0; k * q];
     for (place, &j) in touched.iter().enumerate() {
@@ -150,17 +162,22 @@ fn compliance(b: &Matrix, touched: &[usize], l: &[f64], q: usize) -> Result<Matr
             Par::Seq,
         );
     }
+    y
+}
+
+/// C = Yᵀ Y for a k × q matrix Y.
+fn gram(y: &[f64], k: usize, q: usize) -> Result<Matrix, LinearError> {
     let mut c = Matrix::zeros(Pattern::full(q, q));
     let values = c.values_mut();
     if k < BLOCKED {
         for i in 0..q {
             for j in 0..=i {
                 let (a, b) = (&y[i * k..(i + 1) * k], &y[j * k..(j + 1) * k]);
-                values[j * q + i] = a.iter().zip(b).map(|(a, b)| a * b).sum();
+                values[j * q + i] = dot(a, b);
             }
         }
     } else {
-        let y = MatRef::from_column_major_slice(&y, k, q);
+        let y = MatRef::from_column_major_slice(y, k, q);
         let target = MatMut::from_column_major_slice_mut(values, q, q);
         matmul(target, Accum::Replace, y.transpose(), y, 1.0, Par::Seq);
     }

@@ -130,6 +130,9 @@ impl RowInverse {
             *old = new;
         }
         self.sizes[i] = size;
+        if self.column.iter().all(|d| *d == 0.0) {
+            return true;
+        }
         for (k, w) in self.weights.iter_mut().enumerate() {
             let column = &self.inverse[k * m..(k + 1) * m];
             *w = dot(&self.column, column);

@@ -164,11 +164,11 @@ impl<L: LinearSolver> MoorePenrose<L> {
         if self.factored.as_ref() == Some(selection) {
             return Ok(self.tangent());
         }
-        self.assemble(map, selection, x)?;
-        if self.update_inverse(map, selection) {
+        if self.update_inverse(map, selection, x)? {
             self.inverse_at_hand = true;
             self.updates += 1;
         } else {
+            self.assemble(map, selection, x)?;
             self.bordered.factor(&self.jac, hint)?;
             self.inverse = None;
             let n = self.jac.nrows();
@@ -182,25 +182,56 @@ impl<L: LinearSolver> MoorePenrose<L> {
     }
 
     /// Turns the inverse at hand into that of `selection` where they differ at one or two sites whose rows are known to be few.
-    fn update_inverse<P: PiecewiseSmooth + ?Sized>(&mut self, map: &P, selection: &Selection) -> bool {
+    fn update_inverse<P: PiecewiseSmooth + ?Sized>(
+        &mut self,
+        map: &P,
+        selection: &Selection,
+        x: &[f64],
+    ) -> Result<bool, PiecewiseError> {
         const FEW_SITES: usize = 2;
         let Some((known, mut inverse)) = self.inverse.take() else {
-            return false;
+            return Ok(false);
         };
         self.changed_rows.clear();
         for (count, site) in known.differing_sites(selection).enumerate() {
             if count == FEW_SITES {
-                return false;
+                return Ok(false);
             }
             map.site_rows(site, &mut self.rows);
             self.changed_rows.extend_from_slice(&self.rows);
         }
-        let few = self.changed_rows.len() * 4 <= self.jac.nrows().max(8);
-        if few && inverse.replace(&self.jac, &self.changed_rows) {
-            self.inverse = Some((selection.clone(), inverse));
-            return true;
+        if self.changed_rows.len() * 4 > self.jac.nrows().max(8) {
+            return Ok(false);
         }
-        false
+        // Where the Jacobian at hand is that of the inverse, only the rows that change need be made.
+        let at_hand = self.inverse_at_hand && self.factored.as_ref() == Some(&known);
+        if !(at_hand && self.assemble_sites(map, &known, selection, x)?) {
+            self.assemble(map, selection, x)?;
+        }
+        let replaced = inverse.replace(&self.jac, &self.changed_rows);
+        if replaced {
+            self.inverse = Some((selection.clone(), inverse));
+        }
+        Ok(replaced)
+    }
+
+    /// Assembles anew the rows of the sites in which the selections differ; false if the map does not offer that.
+    fn assemble_sites<P: PiecewiseSmooth + ?Sized>(
+        &mut self,
+        map: &P,
+        known: &Selection,
+        selection: &Selection,
+        x: &[f64],
+    ) -> Result<bool, PiecewiseError> {
+        self.factored = None;
+        self.inverse_at_hand = false;
+        self.jac.clear_rows(&self.changed_rows);
+        for site in known.differing_sites(selection) {
+            if !map.site_jacobian(site, selection, x, &mut self.jac) {
+                return Ok(false);
+            }
+        }
+        self.check_stray().map(|()| true)
     }
 
     /// One correction of x, where H^(σ)(x) = `r`, with the factors at hand if they are those of `selection` (affine pieces);
@@ -233,6 +264,10 @@ impl<L: LinearSolver> MoorePenrose<L> {
         self.inverse_at_hand = false;
         self.jac.clear();
         map.jacobian(selection, x, &mut self.jac);
+        self.check_stray()
+    }
+
+    fn check_stray(&self) -> Result<(), PiecewiseError> {
         match self.jac.stray() {
             Some((row, col)) => Err(PiecewiseError::StrayEntry { row, col }),
             None => Ok(()),

@@ -3,6 +3,7 @@ use super::NewtonError;
 /// When Newton steps are shortened.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Damping {
     /// Full steps; once a selection is met again without progress, a line search on ½‖H‖² with equilibrated rows.
     #[default]
@@ -16,6 +17,11 @@ pub enum Damping {
 /// Options of the corrector. The defaults need no touching.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(default, deny_unknown_fields)
+)]
 pub struct NewtonOptions {
     /// Largest number of iterations. Default 100.
     pub max_iterations: usize,

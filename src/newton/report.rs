@@ -3,6 +3,7 @@ use std::fmt;
 /// One iteration of the corrector.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Iteration {
     /// Number of the iteration, from 0; the entry with number k describes the step from iterate k.
     pub index: usize,
@@ -23,6 +24,7 @@ pub struct Iteration {
 /// How a step was found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Step {
     /// Newton step of the selection at the iterate.
     Newton,
@@ -38,6 +40,7 @@ pub enum Step {
 /// Why an iteration ended well.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Convergence {
     /// The tolerance was met.
     Tolerance,
@@ -48,6 +51,7 @@ pub enum Convergence {
 /// Why an iteration ended without a solution.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Failure {
     /// The limit on iterations was reached.
     MaxIterations,
@@ -90,6 +94,7 @@ impl fmt::Display for Failure {
 /// The history of a run.
 #[derive(Debug, Clone, PartialEq, Default)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Report {
     /// One entry an iterate, the last one included.
     pub iterations: Vec<Iteration>,

@@ -121,6 +121,13 @@ mod json {
                     None,
                     None,
                 ),
+                Event::Monitor(m) => (
+                    &m.point.tangent,
+                    m.point.residual_norm,
+                    m.point.det_sign,
+                    None,
+                    None,
+                ),
                 Event::Point(p) => (&p.tangent, p.residual_norm, p.det_sign, None, None),
             };
             let mut object = json!({

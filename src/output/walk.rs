@@ -7,13 +7,13 @@ use crate::piecewise::Selection;
 pub(super) struct Vertex<'a> {
     pub(super) arclength: f64,
     pub(super) x: &'a [f64],
-    pub(super) event: &'static str,
+    pub(super) event: &'a str,
     pub(super) selection: &'a Selection,
     pub(super) grazing: &'a [usize],
 }
 
 impl<'a> Vertex<'a> {
-    fn regular(point: &'a Point, event: &'static str) -> Self {
+    fn regular(point: &'a Point, event: &'a str) -> Self {
         Self {
             arclength: point.arclength,
             x: &point.x,
@@ -58,6 +58,7 @@ impl<'a> From<&'a Event> for Vertex<'a> {
             Event::Transition(t) => t.into(),
             Event::SmoothFold(f) => Vertex::regular(&f.point, "smooth fold"),
             Event::BranchPoint(b) => b.into(),
+            Event::Monitor(m) => Vertex::regular(&m.point, &m.name),
         }
     }
 }
@@ -71,7 +72,10 @@ pub(super) fn vertices(branch: &Branch) -> Vec<Vertex<'_>> {
         .iter()
         .map(|f| Vertex::regular(&f.point, "smooth fold"));
     let branchings = branch.branch_points.iter().map(Vertex::from);
-    let mut all: Vec<_> = points.chain(transitions).chain(folds).chain(branchings).collect();
+    let monitors = branch.monitor_crossings.iter();
+    let monitors = monitors.map(|m| Vertex::regular(&m.point, &m.name));
+    let events = transitions.chain(folds).chain(branchings).chain(monitors);
+    let mut all: Vec<_> = points.chain(events).collect();
     all.sort_by(|a, b| a.arclength.total_cmp(&b.arclength));
     all
 }

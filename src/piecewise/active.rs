@@ -28,21 +28,20 @@ impl ActiveSet {
             let range = layout.range(site);
             let vanishes = |f: &Facet| vanishing.binary_search(&(range.start + f.test())).is_ok();
             let tests = &theta[range.clone()];
-            let active: Vec<usize> = (0..map.num_pieces(site))
-                .filter(|&piece| {
-                    let cell = map.cell(site, piece);
-                    cell.iter().all(|f| vanishes(f) || f.margin(tests) > 0.0)
-                })
-                .collect();
-            match active.as_slice() {
-                [] => {
+            let is_active = |piece: &usize| {
+                let cell = map.cell(site, *piece);
+                cell.iter().all(|f| vanishes(f) || f.margin(tests) > 0.0)
+            };
+            let mut active = (0..map.num_pieces(site)).filter(is_active);
+            match (active.next(), active.next()) {
+                (None, _) => {
                     outside.push(site);
                     base.set(site, best_piece(map, site, tests, None));
                 }
-                [one] => base.set(site, *one),
-                _ => {
-                    base.set(site, active[0]);
-                    multiple.push((site, active));
+                (Some(one), None) => base.set(site, one),
+                (Some(first), Some(second)) => {
+                    base.set(site, first);
+                    multiple.push((site, [first, second].into_iter().chain(active).collect()));
                 }
             }
         }

@@ -32,6 +32,11 @@ use session::Session;
 /// Options of [`check`]. The defaults suit maps of moderate size and scale.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(default, deny_unknown_fields)
+)]
 pub struct CheckOptions {
     /// Largest deviation of a derivative from its difference quotient, relative to its size. Default 1e-5.
     pub tolerance: f64,

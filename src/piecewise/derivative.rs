@@ -95,6 +95,7 @@ fn pointed_into<P: PiecewiseSmooth + ?Sized>(
 /// Whether H is coherently oriented at a point: det ∇_yH^(σ) has one sign for all active selections σ.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum CoherentOrientation {
     /// All active selections have determinants of this sign: H is locally a Lipschitz homeomorphism in y when pieces are affine.
     Coherent {

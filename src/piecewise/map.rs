@@ -97,6 +97,12 @@ pub trait PiecewiseSmooth {
         rows.extend(0..self.num_residuals());
     }
 
+    /// Adds the rows [`site_rows`](Self::site_rows) of ∇H^(σ)(x) alone to a matrix in which they are zero, so that a solver that knows
+    /// the rest does not have it made again. Returns whether it did so. Default: `false`, and nothing added.
+    fn site_jacobian(&self, _site: usize, _selection: &Selection, _x: &[f64], _jac: &mut Matrix) -> bool {
+        false
+    }
+
     /// Whether H^(σ) and the test functions are affine in x for every σ, so that curves are polygons.
     fn is_piecewise_affine(&self) -> bool {
         false
@@ -155,6 +161,9 @@ macro_rules! forward {
         }
         fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
             (**self).site_rows(site, rows);
+        }
+        fn site_jacobian(&self, site: usize, selection: &Selection, x: &[f64], jac: &mut Matrix) -> bool {
+            (**self).site_jacobian(site, selection, x, jac)
         }
         fn is_piecewise_affine(&self) -> bool {
             (**self).is_piecewise_affine()

@@ -20,6 +20,7 @@ mod real;
 mod selection;
 mod semismooth;
 mod uniqueness;
+mod vanishing;
 
 pub use active::{ActiveSet, active_set, select, select_pieces, value};
 #[cfg(feature = "autodiff")]
@@ -36,3 +37,4 @@ pub use real::Real;
 pub use selection::{Selection, Selections};
 pub use semismooth::Semismooth;
 pub use uniqueness::{LocalUniqueness, local_uniqueness};
+pub(crate) use vanishing::Vanishing;

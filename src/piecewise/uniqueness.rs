@@ -9,6 +9,7 @@ const SINGULAR: f64 = 1e-11;
 /// Whether a solution is locally the only one, and a Lipschitz function of the load.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum LocalUniqueness {
     /// All active selections were examined: their determinants are of one sign.
     Lipschitz {

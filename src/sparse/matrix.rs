@@ -1,4 +1,4 @@
-use super::{Pattern, PatternRef, SparseError};
+use super::{Pattern, PatternRef, SparseError, max_abs};
 
 /// Values over a [`Pattern`].
 ///
@@ -213,6 +213,21 @@ impl Matrix {
         self.stray = None;
     }
 
+    /// Sets the given rows to zero.
+    pub(crate) fn clear_rows(&mut self, rows: &[usize]) {
+        if self.pattern.is_full() {
+            for column in self.values.chunks_exact_mut(self.pattern.nrows().max(1)) {
+                rows.iter().for_each(|&i| column[i] = 0.0);
+            }
+            return;
+        }
+        for (v, i) in self.values.iter_mut().zip(self.pattern.row_idx()) {
+            if rows.contains(i) {
+                *v = 0.0;
+            }
+        }
+    }
+
     /// Adds `value` to entry `(row, col)`.
     ///
     /// Cost: constant in a full column, else logarithmic in its number of entries.
@@ -319,25 +334,41 @@ impl Matrix {
     /// entry.
     pub(crate) fn asymmetry(&self, tolerance: f64) -> Option<(usize, usize, f64)> {
         let (col_ptr, row_idx) = (self.pattern.col_ptr(), self.pattern.row_idx());
-        let largest = self.values.iter().fold(0.0f64, |m, v| m.max(v.abs()));
         let mut worst = (0, 0, 0.0);
-        // Columns are met in rising order, and so are the mirror images in each column: one pass finds them all.
+        let mut meet = |row: usize, col: usize, difference: f64| {
+            if difference.abs() > worst.2 {
+                worst = (row, col, difference.abs());
+            }
+        };
+        // Entries below the diagonal are met by rising columns, and so are their mirror images in each column: one pass finds
+        // them all. What it skips above the diagonal has no mirror image.
         let mut next = col_ptr.to_vec();
-        for (col, span) in col_ptr.windows(2).enumerate() {
-            for k in span[0]..span[1] {
-                let (row, v) = (row_idx[k], self.values[k]);
-                while next[row] < col_ptr[row + 1] && row_idx[next[row]] < col {
-                    next[row] += 1;
+        for col in 0..self.pattern.ncols() {
+            let mut first = next[col];
+            while first < col_ptr[col + 1] && row_idx[first] < col {
+                meet(row_idx[first], col, self.values[first]);
+                first += 1;
+            }
+            for k in first..col_ptr[col + 1] {
+                let row = row_idx[k];
+                if row == col {
+                    continue;
                 }
-                let mirrored = next[row] < col_ptr[row + 1] && row_idx[next[row]] == col;
-                let mirror = if mirrored { self.values[next[row]] } else { 0.0 };
-                let difference = (v - mirror).abs();
-                if difference > worst.2 {
-                    worst = (row, col, difference);
+                let (mut mirror, end) = (next[row], col_ptr[row + 1]);
+                while mirror < end && row_idx[mirror] < col {
+                    meet(row_idx[mirror], row, self.values[mirror]);
+                    mirror += 1;
                 }
+                if mirror < end && row_idx[mirror] == col {
+                    meet(row, col, self.values[k] - self.values[mirror]);
+                    mirror += 1;
+                } else {
+                    meet(row, col, self.values[k]);
+                }
+                next[row] = mirror;
             }
         }
-        (worst.2 > tolerance * largest).then_some(worst)
+        (worst.2 > 0.0 && worst.2 > tolerance * max_abs(&self.values)).then_some(worst)
     }
 
     /// Checks that every value is finite.

@@ -1,6 +1,7 @@
 //! Products and norms of plain vectors.
 
 /// Σ aᵢ bᵢ. Four partial sums let the compiler use wide registers; a single one would fix the order of additions.
+#[inline]
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     let n = a.len().min(b.len());
     let (a, b) = (&a[..n], &b[..n]);

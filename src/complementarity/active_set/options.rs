@@ -3,6 +3,11 @@ use crate::complementarity::ComplementarityError;
 /// Options of [`ActiveSetSolver`](super::ActiveSetSolver). The defaults need no touching.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(default, deny_unknown_fields)
+)]
 pub struct ActiveSetOptions {
     /// Largest number of iterations; default 1000.
     pub max_iterations: usize,

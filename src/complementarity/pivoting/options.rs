@@ -1,6 +1,11 @@
 /// Options of [`Lemke`](super::Lemke). The defaults need no touching.
 #[derive(Debug, Clone, PartialEq, Default)]
 #[non_exhaustive]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(default, deny_unknown_fields)
+)]
 pub struct LemkeOptions {
     /// Largest number of exchanges; default `None`: 50 n + 1000.
     pub max_pivots: Option<usize>,

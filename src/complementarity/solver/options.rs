@@ -5,6 +5,11 @@ use crate::complementarity::ComplementarityError;
 /// Options of [`McpSolver`](super::McpSolver). The defaults need no touching.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(default, deny_unknown_fields)
+)]
 pub struct McpOptions {
     /// Bound on the natural residual max |xᵢ − mid(lᵢ, uᵢ, xᵢ − Fᵢ)| of a solution, in the units of x and F. Default 1e-10.
     ///

@@ -3,6 +3,11 @@ use super::DelassusError;
 /// Options of [`DelassusSolver`](super::DelassusSolver). The defaults need no touching.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(default, deny_unknown_fields)
+)]
 pub struct DelassusOptions {
     /// Residual ([`DelassusProblem::residual`](super::DelassusProblem::residual)) of a solution, in (0, 1). Default 1e-12.
     pub tolerance: f64,

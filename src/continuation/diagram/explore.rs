@@ -8,7 +8,7 @@ use super::arc::{Arc, FLAT, kind_of, kind_of_slots, reversed};
 use super::{Diagram, DiagramEdge, DiagramOptions, DiagramVertex, EdgeEnd, Limit, VertexArm, VertexKind};
 use crate::continuation::arms::distance;
 use crate::continuation::{
-    Arm, Continuation, ContinuationError, Event, Point, PointKind, Strategy, Termination,
+    Arm, Continuation, ContinuationError, Event, MonitorCrossing, Point, PointKind, Strategy, Termination,
 };
 use crate::linear::AutoSolver;
 use crate::piecewise::PiecewiseSmooth;
@@ -274,8 +274,8 @@ impl<'m, P: PiecewiseSmooth + ?Sized, O: FnMut(&Progress<'_>) -> ControlFlow<()>
             }
             let next = match event {
                 Event::Point(p) if p.kind == PointKind::Start => continue,
-                Event::Point(p) => {
-                    arc.push(p);
+                Event::Point(point) | Event::Monitor(MonitorCrossing { point, .. }) => {
+                    arc.push(point);
                     continue;
                 }
                 Event::SmoothFold(f) => {

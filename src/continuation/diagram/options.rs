@@ -3,6 +3,11 @@ use crate::continuation::{ContinuationError, ContinuationOptions};
 /// Options of [`Diagram::explore`](super::Diagram::explore).
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(default, deny_unknown_fields)
+)]
 pub struct DiagramOptions {
     /// How curves are followed and in which range of the parameter. `max_time` bounds the whole diagram, all other limits each
     /// curve; the strategy is always [`Strategy::Located`](crate::continuation::Strategy::Located).

@@ -3,6 +3,11 @@ use crate::continuation::{ContinuationError, DiagramOptions};
 /// Options of [`search_solutions`](super::search_solutions).
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(default, deny_unknown_fields)
+)]
 pub struct SearchOptions {
     /// Number of random starts in each round. Default 100.
     pub starts: usize,

@@ -149,11 +149,12 @@ impl<P: PiecewiseSmooth + ?Sized> Session<'_, P> {
         }
     }
 
-    /// Rows that a site does not own must not depend on its piece.
+    /// Rows that a site does not own must not depend on its piece; those it owns are the same alone as in the whole Jacobian.
     pub(super) fn site_rows(&mut self, point: usize, here: &Selection) {
         const TOLERANCE: f64 = 1e-12;
         let (map, x) = (self.map, &self.samples[point]);
         let n = map.num_residuals();
+        let differs = |a: f64, b: f64| (a - b).abs() > TOLERANCE * a.abs().max(b.abs());
         let base = self.residual(here, x);
         let mut rows = Vec::new();
         let mut jac = Matrix::zeros(map.pattern());
@@ -163,6 +164,22 @@ impl<P: PiecewiseSmooth + ?Sized> Session<'_, P> {
             map.site_rows(site, &mut rows);
             let mut foreign = vec![true; n];
             rows.iter().for_each(|&r| foreign[r] = false);
+            other.clear();
+            if map.site_jacobian(site, here, x, &mut other) {
+                let place = Place::at(point).site(site);
+                for ((i, j, a), &b) in jac.triplets().zip(other.values()) {
+                    let expected = if foreign[i] { 0.0 } else { a };
+                    if differs(expected, b) {
+                        self.find(
+                            FindingKind::SiteRows,
+                            place.entry(i, j),
+                            expected,
+                            b,
+                            "site_jacobian",
+                        );
+                    }
+                }
+            }
             if !foreign.contains(&true) {
                 continue;
             }
@@ -171,7 +188,6 @@ impl<P: PiecewiseSmooth + ?Sized> Session<'_, P> {
                 selection.set(site, piece);
                 let place = Place::at(point).site(site).piece(piece);
                 let kind = FindingKind::SiteRows;
-                let differs = |a: f64, b: f64| (a - b).abs() > TOLERANCE * a.abs().max(b.abs());
                 let r = self.residual(&selection, x);
                 for i in (0..n).filter(|&i| foreign[i] && differs(r[i], base[i])) {
                     self.find(kind, place, base[i], r[i], &format!("residual {i}"));

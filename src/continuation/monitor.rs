@@ -1,0 +1,180 @@
+//! Functions of the user whose zeros along a curve are located and recorded.
+
+use super::engine::Continuation;
+use super::locate::{Monitor, side_factor};
+use super::{Event, MonitorCrossing, PointKind, Termination};
+use crate::linear::LinearSolver;
+use crate::piecewise::PiecewiseSmooth;
+
+/// A function of x, and the side of its zero set on which the curve runs.
+pub(super) struct Watch<'a> {
+    name: String,
+    function: Box<dyn Fn(&[f64]) -> f64 + Send + Sync + 'a>,
+    stops: bool,
+    /// Sign of the function before its next zero; 0 as long as it has vanished exactly. Kept apart from values, which are rounding
+    /// errors at a zero that has just been passed.
+    pub(super) side: f64,
+}
+
+impl Watch<'_> {
+    pub(super) fn value(&self, x: &[f64]) -> f64 {
+        (self.function)(x)
+    }
+}
+
+impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
+    /// Watches a function of x = (y, α): where its sign changes from one point of the curve to the next, the zero is located to
+    /// rounding and becomes an [`Event::Monitor`]. Two zeros within one step may be missed; smaller steps find them. Values that
+    /// are not finite are no change of sign.
+    ///
+    /// ```
+    /// use semismooth::continuation::{Continuation, ContinuationOptions, Direction, Event};
+    /// use semismooth::piecewise::MinMap;
+    /// // The circle y² + α² = 1, watched for y = α.
+    /// let circle = MinMap::curve(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+    ///     a[0] = x[0] * x[0] + x[1] * x[1] - 1.0;
+    ///     b[0] = 1e9;
+    /// });
+    /// let options = ContinuationOptions::default();
+    /// let curve = Continuation::new(&circle, &[1.0, 0.0], Direction::Increasing, options)?
+    ///     .with_monitor("diagonal", |x| x[0] - x[1]);
+    /// let met: Vec<f64> = curve
+    ///     .filter_map(|event| match event { Ok(Event::Monitor(m)) => Some(m.point.parameter()), _ => None })
+    ///     .collect();
+    /// assert_eq!(met.len(), 2);
+    /// assert!((met[0] - 0.5_f64.sqrt()).abs() < 1e-12 && (met[1] + 0.5_f64.sqrt()).abs() < 1e-12);
+    /// # Ok::<(), semismooth::continuation::ContinuationError>(())
+    /// ```
+    #[must_use]
+    pub fn with_monitor(
+        self,
+        name: impl Into<String>,
+        function: impl Fn(&[f64]) -> f64 + Send + Sync + 'a,
+    ) -> Self {
+        self.watch(name.into(), Box::new(function), false)
+    }
+
+    /// [`with_monitor`](Self::with_monitor) that ends the curve at the first zero.
+    #[must_use]
+    pub fn with_stop(
+        self,
+        name: impl Into<String>,
+        function: impl Fn(&[f64]) -> f64 + Send + Sync + 'a,
+    ) -> Self {
+        self.watch(name.into(), Box::new(function), true)
+    }
+
+    fn watch(
+        mut self,
+        name: String,
+        function: Box<dyn Fn(&[f64]) -> f64 + Send + Sync + 'a>,
+        stops: bool,
+    ) -> Self {
+        // A resumed run knows the side: at a zero just passed the value is rounding noise.
+        let side = match self.saved_sides.get(self.watches.len()) {
+            Some(side) => *side,
+            None => sign(function(&self.here.x)),
+        };
+        self.watches.push(Watch {
+            name,
+            function,
+            stops,
+            side,
+        });
+        self
+    }
+
+    /// The values of watch k at `here` and at x, seen from the side of the curve, if its sign has changed in between.
+    pub(super) fn crossing(&self, k: usize, x: &[f64]) -> Option<(f64, f64)> {
+        let watch = &self.watches[k];
+        let after = watch.side * watch.value(x);
+        (after < 0.0).then(|| ((watch.side * watch.value(&self.here.x)).max(0.0), after))
+    }
+
+    /// The first zero of a watched function on the straight way of length `s` along the tangent.
+    pub(super) fn first_crossing(&mut self, s: f64) -> Option<(f64, Monitor)> {
+        let mut first: Option<(f64, Monitor)> = None;
+        for k in 0..self.watches.len() {
+            let end = first.map_or(s, |f| f.0);
+            let x = &mut self.next.x;
+            let watch = &self.watches[k];
+            let mut at = |s: f64| {
+                for ((x, x0), t) in x.iter_mut().zip(&self.here.x).zip(&self.here.t) {
+                    *x = x0 + s * t;
+                }
+                watch.side * watch.value(x)
+            };
+            let ends = (at(0.0).max(0.0), at(end));
+            if ends.1 < 0.0 {
+                first = Some((zero(end, ends, at), Monitor::User(k)));
+            }
+        }
+        first
+    }
+
+    /// Records a zero at `here`.
+    pub(super) fn pass_monitor(&mut self, k: usize, corrections: usize) {
+        let point = self.point(PointKind::Step, corrections);
+        let watch = &mut self.watches[k];
+        watch.side = -watch.side;
+        let crossing = MonitorCrossing {
+            monitor: k,
+            name: watch.name.clone(),
+            point,
+        };
+        if watch.stops {
+            self.termination = Some(Termination::Monitor);
+        }
+        self.emit(Event::Monitor(crossing));
+    }
+
+    /// Takes note of the sides of functions that vanished exactly so far.
+    pub(super) fn refresh_sides(&mut self) {
+        for watch in self.watches.iter_mut().filter(|w| w.side == 0.0) {
+            watch.side = sign((watch.function)(&self.here.x));
+        }
+    }
+}
+
+fn sign(v: f64) -> f64 {
+    if v > 0.0 {
+        1.0
+    } else if v < 0.0 {
+        -1.0
+    } else {
+        0.0
+    }
+}
+
+/// A zero of g in [0, b] for values ga ≥ 0 > gb at the ends: bracketed secants (Anderson–Björck), halved where they creep.
+fn zero(end: f64, (mut ga, mut gb): (f64, f64), mut g: impl FnMut(f64) -> f64) -> f64 {
+    const LIMIT: usize = 200;
+    let (mut a, mut b) = (0.0, end);
+    for step in 0..LIMIT {
+        if b - a <= 2.0 * f64::EPSILON * b || ga == 0.0 {
+            break;
+        }
+        let secant = a + (b - a) * ga / (ga - gb);
+        let middle = 0.5 * (a + b);
+        let s = if step % 3 == 2 || !(secant > a && secant < b) {
+            middle
+        } else {
+            secant
+        };
+        if !(s > a && s < b) {
+            break;
+        }
+        let value = g(s);
+        if value == 0.0 {
+            return s;
+        }
+        if value > 0.0 {
+            gb *= side_factor(value, ga);
+            (a, ga) = (s, value);
+        } else {
+            ga *= side_factor(value, gb);
+            (b, gb) = (s, value);
+        }
+    }
+    if ga <= -gb { a } else { b }
+}

@@ -1,0 +1,38 @@
+//! The guide: nine pages, to be read in order or where you need them.
+//!
+//! 1. [What a piecewise-smooth map is](pieces)
+//! 2. [Solve](solve)
+//! 3. [Follow a curve and read its transitions](follow)
+//! 4. [Complementarity](complementarity)
+//! 5. [Friction from a mesh](friction)
+//! 6. [Write your own map](your_own_map)
+//! 7. [Options, reports, failures](options)
+//! 8. [Large problems and your own linear solver](large)
+//! 9. [Relation to other programs, references](other_programs)
+
+#[doc = include_str!("pieces.md")]
+pub mod pieces {}
+
+#[doc = include_str!("solve.md")]
+pub mod solve {}
+
+#[doc = include_str!("follow.md")]
+pub mod follow {}
+
+#[doc = include_str!("complementarity.md")]
+pub mod complementarity {}
+
+#[doc = include_str!("friction.md")]
+pub mod friction {}
+
+#[doc = include_str!("your_own_map.md")]
+pub mod your_own_map {}
+
+#[doc = include_str!("options.md")]
+pub mod options {}
+
+#[doc = include_str!("large.md")]
+pub mod large {}
+
+#[doc = include_str!("other_programs.md")]
+pub mod other_programs {}
