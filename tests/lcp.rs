@@ -147,9 +147,11 @@ fn lemke_stops_at_its_limit_on_exponential_families() {
 mod active_set {
     use super::*;
     use semismooth::complementarity::active_set::{
-        ActiveSetOptions, ActiveSetSolver, ActiveSetStatus, DirectReduced, MultigridReduced, Nested,
+        ActiveSetOptions, ActiveSetSolver, ActiveSetStatus, DirectReduced, GmresReduced, MultigridReduced,
+        Nested, ReducedSolver,
     };
-    use semismooth::linear::Prolongation;
+    use semismooth::linear::{LinearError, Preconditioner, Prolongation};
+    use semismooth::sparse::MatrixRef;
 
     fn solve(lcp: &Lcp) -> (ActiveSetStatus, Vec<f64>, f64, usize) {
         let mut z = vec![0.0; lcp.len()];
@@ -245,6 +247,107 @@ mod active_set {
                 .solve(&lcp, &mut [f64::NAN, 0.0])
                 .is_err()
         );
+    }
+
+    /// −Δu + b·∇u = 0.3 on the unit square, upwind differences on m × m points, between a bump below and a roof above.
+    fn membrane_in_a_stream(m: usize, [bx, by]: [f64; 2]) -> Lcp {
+        let h = 1.0 / (m + 1) as f64;
+        let (n, mut entries) = (m * m, Vec::new());
+        let (mut lower, mut upper) = (Vec::new(), Vec::new());
+        for j in 0..m {
+            for i in 0..m {
+                let k = j * m + i;
+                let to = [
+                    (i > 0, 1, false, 1.0 + bx * h),
+                    (i + 1 < m, 1, true, 1.0),
+                    (j > 0, m, false, 1.0 + by * h),
+                    (j + 1 < m, m, true, 1.0),
+                ];
+                entries.push((k, k, to.iter().map(|t| t.3).sum()));
+                for (inside, step, forward, weight) in to {
+                    if inside {
+                        entries.push((k, if forward { k + step } else { k - step }, -weight));
+                    }
+                }
+                let (x, y) = ((i + 1) as f64 * h, (j + 1) as f64 * h);
+                lower.push(0.04 - 2.0 * ((x - 0.3).powi(2) + (y - 0.4).powi(2)));
+                upper.push(0.045);
+            }
+        }
+        let matrix = Matrix::from_triplets(n, n, &entries).unwrap();
+        Lcp::boxed(matrix, vec![-0.3 * h * h; n], lower, upper).unwrap()
+    }
+
+    /// Solves with the diagonal.
+    #[derive(Default)]
+    struct Jacobi(Vec<f64>);
+
+    impl Preconditioner for Jacobi {
+        fn prepare(&mut self, a: MatrixRef<'_>) -> Result<(), LinearError> {
+            self.0.clear();
+            self.0.resize(a.pattern.ncols, 0.0);
+            for j in 0..a.pattern.ncols {
+                for k in a.pattern.col_ptr[j]..a.pattern.col_ptr[j + 1] {
+                    if a.pattern.row_idx[k] == j {
+                        self.0[j] = a.values[k];
+                    }
+                }
+            }
+            Ok(())
+        }
+
+        fn apply(&mut self, b: &mut [f64]) -> Result<(), LinearError> {
+            b.iter_mut().zip(&self.0).for_each(|(b, d)| *b /= d);
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn iterative_and_direct_routes_agree_on_unsymmetric_systems() {
+        fn run<R: ReducedSolver>(lcp: &Lcp, reduced: R) -> (Vec<f64>, Vec<BoundState>, usize) {
+            let mut solver = ActiveSetSolver::with_reduced(ActiveSetOptions::default(), reduced);
+            let mut z = vec![0.0; lcp.len()];
+            let report = solver.solve(lcp, &mut z).unwrap();
+            assert_eq!(report.status, ActiveSetStatus::Solved);
+            // 1e-11 of the size of rows and of z is what an iterative route is asked for.
+            assert!(lcp.natural_residual(&z) < 1e-11);
+            (z, solver.states().to_vec(), report.linear_iterations)
+        }
+        for stream in [[0.0, 0.0], [20.0, 5.0], [300.0, 0.0]] {
+            let lcp = membrane_in_a_stream(31, stream);
+            let (z, states, none) = run(&lcp, DirectReduced::new());
+            assert_eq!(none, 0);
+            for state in [BoundState::Lower, BoundState::Interior] {
+                assert!(states.contains(&state), "{stream:?} has no {state:?}");
+            }
+            let (by_factors, _, with_factors) = run(&lcp, GmresReduced::default());
+            let (by_diagonal, _, with_diagonal) = run(&lcp, GmresReduced::new(Jacobi::default()));
+            for other in [by_factors, by_diagonal] {
+                assert!(z.iter().zip(&other).all(|(a, b)| (a - b).abs() < 1e-9));
+            }
+            // Incomplete factors are worth their price.
+            assert!(0 < with_factors && 2 * with_factors < with_diagonal);
+        }
+    }
+
+    #[test]
+    fn a_preconditioner_that_fails_is_not_hidden() {
+        /// Turns everything into zero, so that no direction is left.
+        struct Nothing;
+        impl Preconditioner for Nothing {
+            fn prepare(&mut self, _: MatrixRef<'_>) -> Result<(), LinearError> {
+                Ok(())
+            }
+            fn apply(&mut self, b: &mut [f64]) -> Result<(), LinearError> {
+                b.fill(0.0);
+                Ok(())
+            }
+        }
+        let lcp = membrane_in_a_stream(7, [20.0, 5.0]);
+        let mut solver =
+            ActiveSetSolver::with_reduced(ActiveSetOptions::default(), GmresReduced::new(Nothing));
+        let report = solver.solve(&lcp, &mut vec![0.0; 49]).unwrap();
+        assert_eq!(report.status, ActiveSetStatus::Inaccurate);
     }
 
     /// −u″ = load on a line of n points above an obstacle.

@@ -57,25 +57,36 @@ pub(super) fn is_small(
 pub(crate) fn equilibrate(a: MatrixRef<'_>, row: &mut [f64], col: &mut [f64], max: &mut [f64]) {
     row.fill(1.0);
     col.fill(1.0);
+    // Whether the largest entry was near 1 already.
     let divide = |factor: &mut f64, max: f64| {
         if max > 0.0 && max.is_finite() {
             *factor /= max.sqrt();
         }
+        max == 0.0 || (max > 0.5 && max < 2.0)
     };
     for _ in 0..SWEEPS {
+        let mut near = true;
         max.fill(0.0);
         for j in 0..a.pattern.ncols {
             let span = a.pattern.col_ptr[j]..a.pattern.col_ptr[j + 1];
             let mut column = 0.0_f64;
+            let c = col[j];
             for (&i, v) in a.pattern.row_idx[span.clone()].iter().zip(&a.values[span]) {
-                let entry = (v * row[i] * col[j]).abs();
-                column = column.max(entry);
-                max[i] = max[i].max(entry);
+                let entry = (v * row[i] * c).abs();
+                if entry > column {
+                    column = entry;
+                }
+                if entry > max[i] {
+                    max[i] = entry;
+                }
             }
-            divide(&mut col[j], column);
+            near &= divide(&mut col[j], column);
         }
         for (r, m) in row.iter_mut().zip(&*max) {
-            divide(r, *m);
+            near &= divide(r, *m);
+        }
+        if near {
+            break;
         }
     }
 }

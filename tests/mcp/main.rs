@@ -6,6 +6,7 @@ mod expressions;
 mod corpus;
 mod defects;
 mod functions;
+mod globalisation;
 mod outcomes;
 mod parametric;
 mod properties;

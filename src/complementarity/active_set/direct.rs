@@ -1,7 +1,7 @@
 use super::ReducedSolver;
 use super::reduced::is_symmetric;
 use crate::complementarity::ComplementarityError;
-use crate::linear::{Cholesky, DenseLu, LinearError, LinearSolver, SparseLu};
+use crate::linear::{Cholesky, DenseLu, LinearError, LinearSolver, SmallLu, SparseLu};
 use crate::sparse::{Matrix, Pattern};
 
 /// Up to this order full systems keep rows for all components, so that nothing is allocated from one set to the next.
@@ -13,6 +13,8 @@ const KEEP_SPARSE: f64 = 0.6;
 
 /// Direct solves: LU for full and unsymmetric matrices, Cholesky for sparse symmetric ones.
 ///
+/// Of up to 64 unknowns only the free ones are eliminated; where that meets a pivot near zero the system is equilibrated first and
+/// its condition estimated, as larger ones are.
 /// While most components are free the others keep their rows, as equations d_i = 0: the pattern stays, and with it the symbolic
 /// analysis and all memory. A sparse symmetric matrix that is not positive definite falls back to LU.
 #[derive(Debug, Clone, Default)]
@@ -26,6 +28,9 @@ pub struct DirectReduced {
     free: Vec<bool>,
     system: Option<Matrix>,
     rhs: Vec<f64>,
+    /// Whether `small` has factors of the system of the free components.
+    is_small: bool,
+    small: SmallLu,
     dense: DenseLu,
     cholesky: Cholesky,
     sparse: SparseLu,
@@ -56,23 +61,27 @@ impl DirectReduced {
         }
     }
 
-    /// The matrix over the pattern of the whole, rows and columns left out replaced by those of the identity.
-    fn keep(&mut self, matrix: &Matrix) {
-        let pattern = matrix.pattern();
-        let system = match &mut self.system {
-            Some(system) if system.pattern() == pattern => system,
-            other => other.insert(Matrix::zeros(pattern.clone())),
-        };
-        for j in 0..matrix.ncols() {
-            for k in pattern.col_ptr()[j]..pattern.col_ptr()[j + 1] {
-                let i = pattern.row_idx()[k];
-                system.values_mut()[k] = match (self.free[i] && self.free[j], i == j) {
-                    (true, _) => matrix.values()[k],
-                    (false, true) => 1.0,
-                    (false, false) => 0.0,
-                };
+    /// Factors the matrix of the free components alone; `false` where it is singular at first sight.
+    fn factor_small(&mut self, matrix: &Matrix) -> bool {
+        self.rows.clear();
+        for (i, free) in self.free.iter().enumerate() {
+            self.place[i] = if *free { self.rows.len() } else { LEFT_OUT };
+            if *free {
+                self.rows.push(i);
             }
         }
+        let p = matrix.pattern();
+        let k = self.rows.len();
+        let entries = self.small.matrix(k);
+        for (c, &j) in self.rows.iter().enumerate() {
+            for e in p.col_ptr()[j]..p.col_ptr()[j + 1] {
+                let r = self.place[p.row_idx()[e]];
+                if r != LEFT_OUT {
+                    entries[c * k + r] = matrix.values()[e];
+                }
+            }
+        }
+        self.small.factor()
     }
 
     /// The matrix of the free components alone.
@@ -140,6 +149,10 @@ impl ReducedSolver for DirectReduced {
     fn select(&mut self, matrix: &Matrix, free: &[bool]) -> Result<(), ComplementarityError> {
         let n = free.len();
         self.free.copy_from_slice(free);
+        self.is_small = self.kind == Kind::Dense && n <= KEEP_DENSE && self.factor_small(matrix);
+        if self.is_small {
+            return Ok(());
+        }
         let count = free.iter().filter(|f| **f).count();
         let keep = match self.kind {
             Kind::Dense => n <= KEEP_DENSE,
@@ -157,7 +170,7 @@ impl ReducedSolver for DirectReduced {
             return Ok(());
         }
         if keep {
-            self.keep(matrix);
+            mask(matrix, &self.free, &mut self.system);
         } else {
             self.compress(matrix)?;
         }
@@ -185,7 +198,13 @@ impl ReducedSolver for DirectReduced {
         for (b, &i) in rhs.iter_mut().zip(&self.rows) {
             *b = if self.free[i] { r[i] } else { 0.0 };
         }
-        let result = self.solver().solve_in_place(&mut rhs[..n]);
+        let result = match self.is_small {
+            true => {
+                self.small.solve(&mut rhs[..n]);
+                Ok(())
+            }
+            false => self.solver().solve_in_place(&mut rhs[..n]),
+        };
         for (b, &i) in rhs.iter().zip(&self.rows) {
             d[i] = *b;
         }
@@ -196,5 +215,24 @@ impl ReducedSolver for DirectReduced {
 
     fn is_direct(&self) -> bool {
         true
+    }
+}
+
+/// The matrix over the pattern of the whole, rows and columns that are not free replaced by those of the identity.
+pub(super) fn mask(matrix: &Matrix, free: &[bool], system: &mut Option<Matrix>) {
+    let pattern = matrix.pattern();
+    let system = match system {
+        Some(system) if system.pattern() == pattern => system,
+        other => other.insert(Matrix::zeros(pattern.clone())),
+    };
+    for j in 0..matrix.ncols() {
+        for k in pattern.col_ptr()[j]..pattern.col_ptr()[j + 1] {
+            let i = pattern.row_idx()[k];
+            system.values_mut()[k] = match (free[i] && free[j], i == j) {
+                (true, _) => matrix.values()[k],
+                (false, true) => 1.0,
+                (false, false) => 0.0,
+            };
+        }
     }
 }

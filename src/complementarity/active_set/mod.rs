@@ -7,6 +7,7 @@
 
 mod direct;
 mod iterative;
+mod krylov;
 mod nested;
 mod options;
 mod reduced;
@@ -14,6 +15,7 @@ mod solver;
 
 pub use direct::DirectReduced;
 pub use iterative::MultigridReduced;
+pub use krylov::GmresReduced;
 pub use nested::{LevelReport, Nested, NestedReport};
 pub use options::{ActiveSetIteration, ActiveSetOptions, ActiveSetReport, ActiveSetStatus, Exchange};
 pub use reduced::{AutoReduced, ReducedSolver, Start};

@@ -1,25 +1,17 @@
+mod ratio;
+mod verify;
+
+use ratio::Block;
+
 use super::basis::Basis;
 use super::{LemkeOptions, LemkeReport, LemkeStatus};
 use crate::complementarity::{ComplementarityError, Lcp};
 use crate::linear::LinearError;
-use crate::sparse::{Matrix, Pattern};
 
-/// Entries of the entering column below this part of its largest are no pivots.
-const PIVOT: f64 = 1e-11;
-/// Ratios closer than this, relative to their size, are ties; the lexicographic rule decides among them.
-const TIE: f64 = 1e-13;
 /// Exchanges after which the values of the basic variables are compared with the equations.
 const CHECK_EVERY: usize = 32;
-/// Relative error of the basic variables above which the inverse is made anew.
-const DECAY: f64 = 1e-9;
 /// Distances to bounds below this part of the right-hand side are zero.
 const ZERO: f64 = 1e-14;
-/// Relative difference below which entries of the inverse are equal to the lexicographic rule.
-const SAME: f64 = 1e-11;
-/// Bounds may be violated by this much, relative to the basic variables, before the result is called inaccurate.
-const FEASIBLE: f64 = 1e-9;
-/// Relative rounding allowed in a certificate.
-const ROUNDING: f64 = 1e-10;
 /// Largest order, for the sake of memory: the inverse takes 8 n² bytes.
 const MAX_ORDER: usize = 20_000;
 
@@ -97,13 +89,6 @@ pub struct Lemke {
 
 /// Paths begun anew at most.
 const TURNS: usize = 4;
-
-/// What bounds the move of the entering variable.
-enum Block {
-    Slot { slot: usize, step: f64, at_upper: bool },
-    Flip { step: f64 },
-    Nothing,
-}
 
 impl Lemke {
     /// A solver with the given options.
@@ -465,233 +450,11 @@ impl Lemke {
         }
     }
 
-    /// How far `entering` can move, and what stops it.
-    fn ratio_test(&mut self, lcp: &Lcp, entering: Var, direction: f64) -> Block {
-        let largest = self.entering.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-        let smallest_pivot = PIVOT * largest;
-        let mut least = f64::INFINITY;
-        for k in 0..self.basic.len() {
-            let rate = -direction * self.entering[k];
-            // 0 marks slots that do not stop the move.
-            self.rate[k] = 0.0;
-            if rate.abs() <= smallest_pivot {
-                continue;
-            }
-            let (lower, upper) = self.bounds(lcp, self.basic[k]);
-            let room = if rate < 0.0 {
-                self.value[k] - lower
-            } else {
-                upper - self.value[k]
-            };
-            if room.is_finite() {
-                self.rate[k] = rate;
-                let room = if room <= self.zero { 0.0 } else { room };
-                let ratio = room / rate.abs();
-                self.work[k] = ratio;
-                least = least.min(ratio);
-            }
-        }
-        let (lower, upper) = self.bounds(lcp, entering);
-        let flip = match entering {
-            Var::Point(_) => upper - lower,
-            _ => f64::INFINITY,
-        };
-        if flip <= least {
-            return if flip.is_finite() {
-                Block::Flip { step: flip }
-            } else {
-                Block::Nothing
-            };
-        }
-        let limit = least * (1.0 + TIE);
-        self.tied.clear();
-        for k in 0..self.basic.len() {
-            if self.rate[k] != 0.0 && self.work[k] <= limit {
-                self.tied.push(k);
-            }
-        }
-        let cover = self.tied.iter().position(|&k| self.basic[k] == Var::Cover);
-        let mut best = self.tied[cover.unwrap_or(0)];
-        if cover.is_none() {
-            for t in 1..self.tied.len() {
-                let k = self.tied[t];
-                if self.lexicographically_less((k, -self.rate[k]), (best, -self.rate[best])) {
-                    best = k;
-                }
-            }
-        }
-        Block::Slot {
-            slot: best,
-            step: self.work[best],
-            at_upper: self.rate[best] > 0.0,
-        }
-    }
-
-    /// Whether the perturbed ratio of one slot is smaller than that of another, the unperturbed ones being equal. Slots come with
-    /// the rate at which the distance to their bound shrinks, signed: positive towards a lower, negative towards an upper bound.
-    fn lexicographically_less(&self, (k, k_rate): (usize, f64), (p, p_rate): (usize, f64)) -> bool {
-        for ((a, b), sign) in self
-            .basis
-            .row(k)
-            .iter()
-            .zip(self.basis.row(p))
-            .zip(&self.perturbation)
-        {
-            let (a, b) = (a / k_rate, b / p_rate);
-            let difference = sign * (a - b);
-            if difference.abs() > SAME * a.abs().max(b.abs()) {
-                return difference < 0.0;
-            }
-        }
-        false
-    }
-
     fn advance(&mut self, step: f64, direction: f64) {
         let length = direction * step;
         for (v, y) in self.value.iter_mut().zip(&self.entering) {
             *v -= length * y;
         }
-    }
-
-    /// The basis as a full matrix, and its inverse.
-    fn refactor(&mut self, lcp: &Lcp) -> Result<(), ComplementarityError> {
-        let n = self.basic.len();
-        let mut matrix = Matrix::zeros(Pattern::full(n, n));
-        let pattern = lcp.matrix().pattern();
-        for (column, var) in matrix.values_mut().chunks_exact_mut(n).zip(&self.basic) {
-            match *var {
-                Var::Slack(i) => column[i] = 1.0,
-                Var::Cover => column.copy_from_slice(&self.cover),
-                Var::Point(j) => {
-                    for k in pattern.col_ptr()[j]..pattern.col_ptr()[j + 1] {
-                        column[pattern.row_idx()[k]] = -lcp.matrix().values()[k];
-                    }
-                }
-            }
-        }
-        self.refactorisations += 1;
-        self.fresh = true;
-        self.basis.factor(&matrix)?;
-        Ok(())
-    }
-
-    /// Error of the basic variables in their equations, relative to the terms; the residual is left in `rhs`.
-    fn decay(&mut self, lcp: &Lcp) -> f64 {
-        self.right_hand_side(lcp);
-        let mut size = self.rhs.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-        let pattern = lcp.matrix().pattern();
-        for (var, &v) in self.basic.iter().zip(&self.value) {
-            size = size.max(v.abs());
-            match *var {
-                Var::Slack(i) => self.rhs[i] -= v,
-                Var::Cover => self
-                    .rhs
-                    .iter_mut()
-                    .zip(&self.cover)
-                    .for_each(|(r, c)| *r -= c * v),
-                Var::Point(j) => {
-                    for k in pattern.col_ptr()[j]..pattern.col_ptr()[j + 1] {
-                        self.rhs[pattern.row_idx()[k]] += lcp.matrix().values()[k] * v;
-                    }
-                }
-            }
-        }
-        let worst = self
-            .rhs
-            .iter()
-            .fold(0.0_f64, |m, v| if v.abs() <= m { m } else { v.abs() });
-        if size == 0.0 { worst } else { worst / size }
-    }
-
-    /// Whether the basic variables satisfy their equations, with a new inverse if need be.
-    fn verify(&mut self, lcp: &Lcp) -> Result<bool, ComplementarityError> {
-        if self.decay(lcp) <= DECAY {
-            return Ok(true);
-        }
-        match self.refactor(lcp) {
-            Err(ComplementarityError::Linear(
-                LinearError::Singular { .. } | LinearError::Inaccurate { .. },
-            )) => {
-                return Ok(false);
-            }
-            result => result?,
-        }
-        self.values(lcp);
-        Ok(self.decay(lcp) <= DECAY)
-    }
-
-    /// t has left: refines the basic variables and judges them.
-    fn finish(&mut self, lcp: &Lcp) -> Result<LemkeStatus, ComplementarityError> {
-        if !self.verify(lcp)? {
-            return Ok(LemkeStatus::Inaccurate);
-        }
-        for _ in 0..2 {
-            self.basis.apply(&self.rhs, &mut self.entering);
-            self.value
-                .iter_mut()
-                .zip(&self.entering)
-                .for_each(|(v, d)| *v += d);
-            self.decay(lcp);
-        }
-        let largest = self.value.iter().fold(self.zero, |m, v| m.max(v.abs()));
-        for k in 0..self.basic.len() {
-            let (lower, upper) = self.bounds(lcp, self.basic[k]);
-            if self.value[k] < lower - FEASIBLE * largest || self.value[k] > upper + FEASIBLE * largest {
-                return Ok(LemkeStatus::Inaccurate);
-            }
-        }
-        Ok(LemkeStatus::Solved)
-    }
-
-    /// z of the current basis, inside its bounds.
-    fn point(&mut self, lcp: &Lcp, z: &mut [f64]) {
-        self.resting(lcp);
-        z.copy_from_slice(&self.work);
-        for (var, v) in self.basic.iter().zip(&self.value) {
-            if let Var::Point(i) = *var {
-                z[i] = v.max(lcp.lower()[i]).min(lcp.upper()[i]);
-            }
-        }
-    }
-
-    fn record_ray(&mut self, entering: Var, direction: f64) {
-        self.ray.fill(0.0);
-        for (var, y) in self.basic.iter().zip(&self.entering) {
-            if let Var::Point(i) = *var {
-                self.ray[i] = -direction * y;
-            }
-        }
-        if let Var::Point(i) = entering {
-            self.ray[i] = direction;
-        }
-        let largest = self.ray.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-        if largest > 0.0 {
-            self.ray.iter_mut().for_each(|v| *v /= largest);
-            self.has_ray = true;
-        }
-    }
-
-    /// Whether v ≥ 0, Mᵀv ≤ 0 and qᵀv < 0 hold for the ray: for every z ≥ 0 then vᵀ(M z + q) < 0.
-    fn proves_infeasibility(&mut self, lcp: &Lcp) -> bool {
-        if !self.has_ray || !lcp.is_standard() {
-            return false;
-        }
-        let v = &mut self.ray;
-        v.iter_mut()
-            .filter(|v| v.abs() <= ROUNDING)
-            .for_each(|v| *v = 0.0);
-        if v.iter().any(|v| *v < 0.0) {
-            return false;
-        }
-        let (mut gain, mut size) = (0.0, 0.0);
-        for (q, v) in lcp.q().iter().zip(v.iter()) {
-            gain += q * v;
-            size += (q * v).abs();
-        }
-        self.work.fill(0.0);
-        lcp.matrix().as_ref().mul_transpose_add(1.0, v, &mut self.work);
-        let norm = lcp.matrix().values().iter().fold(0.0_f64, |m, a| m.max(a.abs()));
-        gain < -ROUNDING * size && self.work.iter().all(|w| *w <= ROUNDING * norm)
     }
 }
 

@@ -16,10 +16,10 @@ impl Plan {
     pub(super) fn newton(max_iterations: usize) -> Self {
         Self {
             natural: true,
-            lambda: 1.0,
+            lambda: 0.95,
             scaled: true,
             memory: 4,
-            credit: 4,
+            credit: 6,
             proximal: 0.0,
             loose: 0.0,
             max_iterations,

@@ -18,7 +18,7 @@ const FAR: f64 = 1e10;
 pub(super) const NEAR: f64 = 1e-3;
 
 /// Factor by which rows may grow or shrink before they are equilibrated anew.
-const STALE: f64 = 1e7;
+const STALE: f64 = 1e3;
 
 /// Sufficient decrease of the line search.
 pub(super) const ARMIJO: f64 = 1e-4;
@@ -320,7 +320,8 @@ impl Engine<'_> {
             if !fresh_jacobian && !self.jacobian() {
                 return failure(self);
             }
-            if !fresh_jacobian && anew < 20 && self.is_stale(plan) {
+            // Only at the best point: factors from an excursion would make light of what is wrong elsewhere.
+            if !fresh_jacobian && psi < kept_psi && anew < 20 && self.is_stale(plan) {
                 anew += 1;
                 self.equilibrate(plan);
                 psi = self.merit(plan);
@@ -382,7 +383,15 @@ impl Engine<'_> {
                 self.record(residual, psi, McpStep::None, 0.0);
                 return self.settle(plan, psi);
             }
-            if excursion > plan.credit && psi > kept_psi {
+            let step = match excursion > plan.credit {
+                true => None,
+                false => self.step(plan, psi, locked, inside),
+            };
+            let Some((kind, damping)) = step else {
+                if excursion == 0 {
+                    self.record(residual, psi, McpStep::None, 0.0);
+                    return self.settle(plan, psi);
+                }
                 // Back to the best point, and no such excursion again before there is progress.
                 let Work { kept, x, .. } = &mut *self.work;
                 x.copy_from_slice(kept);
@@ -396,21 +405,6 @@ impl Engine<'_> {
                 self.work.merits.clear();
                 kept_psi = psi * (1.0 + 1e-12);
                 continue;
-            }
-            self.work.merits.push(psi);
-            let from = self.work.merits.len().saturating_sub(plan.memory);
-            let reference = self.work.merits[from..].iter().fold(psi, |m, p| m.max(*p));
-            let natural = match plan.natural {
-                true => self.try_natural(plan, reference, locked, inside),
-                false => None,
-            };
-            let step = match natural {
-                Some(t) => Some((McpStep::Natural, t)),
-                None => self.try_fischer(plan, psi, reference, inside),
-            };
-            let Some((kind, damping)) = step else {
-                self.record(residual, psi, McpStep::None, 0.0);
-                return self.settle(plan, psi);
             };
             self.record(residual, psi, kind, damping);
             last_step = (kind == McpStep::Natural && damping == 1.0).then(|| self.step_length());
@@ -418,6 +412,19 @@ impl Engine<'_> {
             psi = self.merit(plan);
         }
         McpStatus::IterationLimit
+    }
+
+    /// A step from `work.x`, into `work.trial_x`.
+    fn step(&mut self, plan: &Plan, psi: f64, locked: bool, inside: bool) -> Option<(McpStep, f64)> {
+        self.work.merits.push(psi);
+        let from = self.work.merits.len().saturating_sub(plan.memory);
+        let reference = self.work.merits[from..].iter().fold(psi, |m, p| m.max(*p));
+        if plan.natural
+            && let Some(t) = self.try_natural(plan, reference, locked, inside)
+        {
+            return Some((McpStep::Natural, t));
+        }
+        self.try_fischer(plan, psi, reference, inside)
     }
 }
 

@@ -27,7 +27,7 @@ use work::Work;
 /// What is tried, each only if all before it failed; the report lists every attempt. All of it is deterministic.
 ///
 /// 1. The start is projected on the bounds; if F cannot be evaluated there a point nearby is sought. Rows and columns are
-///    equilibrated. *Newton*: steps of the natural map (active-set steps), full while they reduce the merit ½‖Φ‖² of the
+///    equilibrated. *Newton*: steps of the natural map (active-set steps), full while they reduce the merit ½‖Φ‖² of the penalised
 ///    Fischer–Burmeister function below the largest of its last values, and for a few steps on credit; else line searches along the
 ///    Newton step of Φ, regularised least-squares steps where H is singular, and the projected gradient (De Luca, Facchinei and
 ///    Kanzow 1996; Munson et al. 2001). For affine F full steps of the natural map come first: they need no merit, and end at a

@@ -93,6 +93,10 @@ impl Engine<'_> {
             return None;
         }
         self.make_trial(1.0, inside);
+        // At a tie the projection may undo the whole step.
+        if self.step_length() == 0.0 {
+            return None;
+        }
         let mut t = 1.0;
         // Out of the domain: half way, and so on.
         while !self.evaluate_trial() {

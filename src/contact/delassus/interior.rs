@@ -1,10 +1,15 @@
 //! Interior points for the law with De Saxcé's term: from anywhere into the neighbourhood of a solution.
 
-use super::krylov::Gmres;
 use super::nt::{Nt, jordan, jordan_divide, reach};
 use super::scaled::{Scaled, add_product};
-use crate::linear::{AutoSolver, Cholesky, LinearSolver};
+use crate::linear::{AutoSolver, Cholesky, Gmres, LinearSolver};
 use crate::sparse::{MatrixRef, PatternRef};
+
+/// Directions of GMRES, which is not restarted; the relative residual aimed at, and the worst that is handed out. Matrices are symmetric
+/// but for a few rows, and a Cholesky factorisation of the rest is in front.
+const DIRECTIONS: usize = 80;
+const AIM: f64 = 1e-12;
+const ACCEPT: f64 = 1e-4;
 
 /// How far towards the boundary of the cones a step may go.
 const FRACTION: f64 = 0.995;
@@ -83,7 +88,7 @@ impl<const D: usize> Interior<D> {
             solver: AutoSolver::new(),
             symmetric,
             cholesky: Cholesky::new(),
-            gmres: Gmres::default(),
+            gmres: Gmres::new(DIRECTIONS),
             near: vec![0.0; if symmetric { row_idx.len() } else { 0 }],
             frozen: 0,
             may_freeze: false,
@@ -330,7 +335,15 @@ impl<const D: usize> Interior<D> {
                 pattern,
                 values: &self.values,
             };
-            return self.gmres.solve(matrix, &mut self.cholesky, &mut self.rhs);
+            let cholesky = &mut self.cholesky;
+            let outcome = self.gmres.solve(
+                |x, y| matrix.mul_add(1.0, x, y),
+                |b| cholesky.solve_in_place(b),
+                &mut self.rhs,
+                AIM,
+                DIRECTIONS,
+            );
+            return outcome.ok().filter(|o| o.residual <= ACCEPT).map(|_| ());
         }
         self.solver.solve_in_place(&mut self.rhs).ok()
     }

@@ -5,7 +5,6 @@ mod error;
 #[cfg(feature = "json")]
 mod file;
 mod interior;
-mod krylov;
 mod local;
 mod newton;
 mod nt;

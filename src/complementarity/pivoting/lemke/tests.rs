@@ -1,4 +1,5 @@
 use super::*;
+use crate::sparse::Matrix;
 
 fn solve(rows: &[&[f64]], q: &[f64]) -> (LemkeReport, Vec<f64>, Option<Vec<f64>>) {
     let lcp = Lcp::new(Matrix::from_rows(rows).unwrap(), q.to_vec()).unwrap();

@@ -1,0 +1,157 @@
+//! What keeps a path honest: new inverses, checks of the basic variables, of results and of rays.
+
+use super::{Lemke, Var};
+use crate::complementarity::pivoting::LemkeStatus;
+use crate::complementarity::{ComplementarityError, Lcp};
+use crate::linear::LinearError;
+use crate::sparse::{Matrix, Pattern};
+
+/// Relative error of the basic variables above which the inverse is made anew.
+const DECAY: f64 = 1e-9;
+/// Bounds may be violated by this much, relative to the basic variables, before the result is called inaccurate.
+const FEASIBLE: f64 = 1e-9;
+/// Relative rounding allowed in a certificate.
+const ROUNDING: f64 = 1e-10;
+
+impl Lemke {
+    /// The basis as a full matrix, and its inverse.
+    pub(super) fn refactor(&mut self, lcp: &Lcp) -> Result<(), ComplementarityError> {
+        let n = self.basic.len();
+        let mut matrix = Matrix::zeros(Pattern::full(n, n));
+        let pattern = lcp.matrix().pattern();
+        for (column, var) in matrix.values_mut().chunks_exact_mut(n).zip(&self.basic) {
+            match *var {
+                Var::Slack(i) => column[i] = 1.0,
+                Var::Cover => column.copy_from_slice(&self.cover),
+                Var::Point(j) => {
+                    for k in pattern.col_ptr()[j]..pattern.col_ptr()[j + 1] {
+                        column[pattern.row_idx()[k]] = -lcp.matrix().values()[k];
+                    }
+                }
+            }
+        }
+        self.refactorisations += 1;
+        self.fresh = true;
+        self.basis.factor(&matrix)?;
+        Ok(())
+    }
+
+    /// Error of the basic variables in their equations, relative to the terms; the residual is left in `rhs`.
+    pub(super) fn decay(&mut self, lcp: &Lcp) -> f64 {
+        self.right_hand_side(lcp);
+        let mut size = self.rhs.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+        let pattern = lcp.matrix().pattern();
+        for (var, &v) in self.basic.iter().zip(&self.value) {
+            size = size.max(v.abs());
+            match *var {
+                Var::Slack(i) => self.rhs[i] -= v,
+                Var::Cover => self
+                    .rhs
+                    .iter_mut()
+                    .zip(&self.cover)
+                    .for_each(|(r, c)| *r -= c * v),
+                Var::Point(j) => {
+                    for k in pattern.col_ptr()[j]..pattern.col_ptr()[j + 1] {
+                        self.rhs[pattern.row_idx()[k]] += lcp.matrix().values()[k] * v;
+                    }
+                }
+            }
+        }
+        let worst = self
+            .rhs
+            .iter()
+            .fold(0.0_f64, |m, v| if v.abs() <= m { m } else { v.abs() });
+        if size == 0.0 { worst } else { worst / size }
+    }
+
+    /// Whether the basic variables satisfy their equations, with a new inverse if need be.
+    pub(super) fn verify(&mut self, lcp: &Lcp) -> Result<bool, ComplementarityError> {
+        if self.decay(lcp) <= DECAY {
+            return Ok(true);
+        }
+        match self.refactor(lcp) {
+            Err(ComplementarityError::Linear(
+                LinearError::Singular { .. } | LinearError::Inaccurate { .. },
+            )) => {
+                return Ok(false);
+            }
+            result => result?,
+        }
+        self.values(lcp);
+        Ok(self.decay(lcp) <= DECAY)
+    }
+
+    /// t has left: refines the basic variables and judges them.
+    pub(super) fn finish(&mut self, lcp: &Lcp) -> Result<LemkeStatus, ComplementarityError> {
+        if !self.verify(lcp)? {
+            return Ok(LemkeStatus::Inaccurate);
+        }
+        for _ in 0..2 {
+            self.basis.apply(&self.rhs, &mut self.entering);
+            self.value
+                .iter_mut()
+                .zip(&self.entering)
+                .for_each(|(v, d)| *v += d);
+            self.decay(lcp);
+        }
+        let largest = self.value.iter().fold(self.zero, |m, v| m.max(v.abs()));
+        for k in 0..self.basic.len() {
+            let (lower, upper) = self.bounds(lcp, self.basic[k]);
+            if self.value[k] < lower - FEASIBLE * largest || self.value[k] > upper + FEASIBLE * largest {
+                return Ok(LemkeStatus::Inaccurate);
+            }
+        }
+        Ok(LemkeStatus::Solved)
+    }
+
+    /// z of the current basis, inside its bounds.
+    pub(super) fn point(&mut self, lcp: &Lcp, z: &mut [f64]) {
+        self.resting(lcp);
+        z.copy_from_slice(&self.work);
+        for (var, v) in self.basic.iter().zip(&self.value) {
+            if let Var::Point(i) = *var {
+                z[i] = v.max(lcp.lower()[i]).min(lcp.upper()[i]);
+            }
+        }
+    }
+
+    pub(super) fn record_ray(&mut self, entering: Var, direction: f64) {
+        self.ray.fill(0.0);
+        for (var, y) in self.basic.iter().zip(&self.entering) {
+            if let Var::Point(i) = *var {
+                self.ray[i] = -direction * y;
+            }
+        }
+        if let Var::Point(i) = entering {
+            self.ray[i] = direction;
+        }
+        let largest = self.ray.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+        if largest > 0.0 {
+            self.ray.iter_mut().for_each(|v| *v /= largest);
+            self.has_ray = true;
+        }
+    }
+
+    /// Whether v ≥ 0, Mᵀv ≤ 0 and qᵀv < 0 hold for the ray: for every z ≥ 0 then vᵀ(M z + q) < 0.
+    pub(super) fn proves_infeasibility(&mut self, lcp: &Lcp) -> bool {
+        if !self.has_ray || !lcp.is_standard() {
+            return false;
+        }
+        let v = &mut self.ray;
+        v.iter_mut()
+            .filter(|v| v.abs() <= ROUNDING)
+            .for_each(|v| *v = 0.0);
+        if v.iter().any(|v| *v < 0.0) {
+            return false;
+        }
+        let (mut gain, mut size) = (0.0, 0.0);
+        for (q, v) in lcp.q().iter().zip(v.iter()) {
+            gain += q * v;
+            size += (q * v).abs();
+        }
+        self.work.fill(0.0);
+        lcp.matrix().as_ref().mul_transpose_add(1.0, v, &mut self.work);
+        let norm = lcp.matrix().values().iter().fold(0.0_f64, |m, a| m.max(a.abs()));
+        gain < -ROUNDING * size && self.work.iter().all(|w| *w <= ROUNDING * norm)
+    }
+}

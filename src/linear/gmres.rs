@@ -1,0 +1,201 @@
+//! GMRES with a preconditioner on the right.
+
+use super::LinearError;
+use crate::sparse::dot;
+
+/// Workspace of restarted, right-preconditioned GMRES (Y. Saad, M. H. Schultz, SIAM J. Sci. Stat. Comput. 7 (1986)).
+#[derive(Debug, Clone)]
+pub(crate) struct Gmres {
+    /// Directions between restarts.
+    directions: usize,
+    /// Orthonormal basis, column-major.
+    basis: Vec<f64>,
+    /// Upper triangular factor by columns, `directions + 1` rows each.
+    hessenberg: Vec<f64>,
+    rotations: Vec<(f64, f64)>,
+    rhs: Vec<f64>,
+    z: Vec<f64>,
+    x: Vec<f64>,
+}
+
+/// How a solve went.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct GmresOutcome {
+    pub(crate) iterations: usize,
+    /// Euclidean norm of the residual, relative to that of the right-hand side.
+    pub(crate) residual: f64,
+}
+
+impl Gmres {
+    pub(crate) fn new(directions: usize) -> Self {
+        Self {
+            directions,
+            basis: Vec::new(),
+            hessenberg: Vec::new(),
+            rotations: Vec::new(),
+            rhs: Vec::new(),
+            z: Vec::new(),
+            x: Vec::new(),
+        }
+    }
+
+    /// Overwrites `b` by an approximation to A⁻¹ b, until the residual has fallen by the factor `aim` or `limit` iterations are done.
+    /// `multiply(x, y)` adds A x to y, `near` overwrites its argument by the solution of a system near A. Without convergence the
+    /// caller judges the residual told.
+    pub(crate) fn solve(
+        &mut self,
+        mut multiply: impl FnMut(&[f64], &mut [f64]),
+        mut near: impl FnMut(&mut [f64]) -> Result<(), LinearError>,
+        b: &mut [f64],
+        aim: f64,
+        limit: usize,
+    ) -> Result<GmresOutcome, LinearError> {
+        let n = b.len();
+        let rows = self.directions + 1;
+        self.basis.resize(n * rows, 0.0);
+        self.hessenberg.resize(rows * self.directions, 0.0);
+        self.z.resize(n, 0.0);
+        self.x.clear();
+        self.x.resize(n, 0.0);
+        let size = dot(b, b).sqrt();
+        let mut outcome = GmresOutcome {
+            iterations: 0,
+            residual: if size == 0.0 { 0.0 } else { 1.0 },
+        };
+        // `b` is the residual from here on.
+        while outcome.residual > aim && outcome.iterations < limit {
+            let before = outcome.residual;
+            self.rotations.clear();
+            self.rhs.clear();
+            self.rhs.resize(rows, 0.0);
+            let norm = dot(b, b).sqrt();
+            if !norm.is_finite() {
+                return Err(LinearError::Inaccurate { residual: norm });
+            }
+            self.rhs[0] = norm;
+            for (v, b) in self.basis.iter_mut().zip(b.iter()) {
+                *v = b / norm;
+            }
+            let mut k = 0;
+            while k < self.directions && outcome.iterations < limit && self.rhs[k].abs() > aim * size {
+                self.expand(k, n, &mut multiply, &mut near)?;
+                k += 1;
+                outcome.iterations += 1;
+            }
+            self.combine(k, n);
+            near(&mut self.z)?;
+            self.x.iter_mut().zip(&self.z).for_each(|(x, z)| *x += z);
+            outcome.residual = self.rhs[k].abs() / size;
+            if outcome.residual > aim {
+                // Basis vectors are scratch between cycles.
+                let product = &mut self.basis[..n];
+                product.fill(0.0);
+                multiply(&self.z, product);
+                b.iter_mut().zip(&*product).for_each(|(b, p)| *b -= p);
+                if outcome.residual > 0.999 * before {
+                    break;
+                }
+            }
+        }
+        b.copy_from_slice(&self.x);
+        Ok(outcome)
+    }
+
+    /// One more direction, and the rotation that goes with it.
+    fn expand(
+        &mut self,
+        k: usize,
+        n: usize,
+        multiply: &mut impl FnMut(&[f64], &mut [f64]),
+        near: &mut impl FnMut(&mut [f64]) -> Result<(), LinearError>,
+    ) -> Result<(), LinearError> {
+        let rows = self.directions + 1;
+        let (old, new) = self.basis.split_at_mut(n * (k + 1));
+        let w = &mut new[..n];
+        self.z.copy_from_slice(&old[n * k..]);
+        near(&mut self.z)?;
+        w.fill(0.0);
+        multiply(&self.z, w);
+        let h = &mut self.hessenberg[rows * k..rows * (k + 1)];
+        for (i, v) in old.chunks_exact(n).enumerate() {
+            let c = dot(v, w);
+            h[i] = c;
+            w.iter_mut().zip(v).for_each(|(w, v)| *w -= c * v);
+        }
+        let norm = dot(w, w).sqrt();
+        if norm > 0.0 {
+            w.iter_mut().for_each(|w| *w /= norm);
+        }
+        for (i, &(c, s)) in self.rotations.iter().enumerate() {
+            (h[i], h[i + 1]) = (c * h[i] + s * h[i + 1], c * h[i + 1] - s * h[i]);
+        }
+        let length = h[k].hypot(norm);
+        if length == 0.0 || !length.is_finite() {
+            return Err(LinearError::Inaccurate {
+                residual: self.rhs[k].abs(),
+            });
+        }
+        let (c, s) = (h[k] / length, norm / length);
+        self.rotations.push((c, s));
+        h[k] = length;
+        (self.rhs[k], self.rhs[k + 1]) = (c * self.rhs[k], -s * self.rhs[k]);
+        Ok(())
+    }
+
+    /// The best combination of k directions, into `z`.
+    fn combine(&mut self, k: usize, n: usize) {
+        let rows = self.directions + 1;
+        for i in (0..k).rev() {
+            let tail: f64 = (i + 1..k)
+                .map(|j| self.hessenberg[rows * j + i] * self.rhs[j])
+                .sum();
+            self.rhs[i] = (self.rhs[i] - tail) / self.hessenberg[rows * i + i];
+        }
+        self.z.fill(0.0);
+        for (v, c) in self.basis.chunks_exact(n.max(1)).zip(&self.rhs[..k]) {
+            self.z.iter_mut().zip(v).for_each(|(z, v)| *z += c * v);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Gmres;
+
+    /// Bidiagonal and far from symmetric: restarts are needed.
+    fn multiply(x: &[f64], y: &mut [f64]) {
+        for i in 0..x.len() {
+            y[i] += (2.0 + (i % 5) as f64) * x[i] - if i > 0 { 1.5 * x[i - 1] } else { 0.0 };
+        }
+    }
+
+    #[test]
+    fn restarts_reach_the_solution() {
+        let x: Vec<f64> = (0..60).map(|i| (i as f64).sin()).collect();
+        let mut b = vec![0.0; 60];
+        multiply(&x, &mut b);
+        let outcome = Gmres::new(8)
+            .solve(multiply, |_| Ok(()), &mut b, 1e-12, 500)
+            .unwrap();
+        assert!(outcome.residual <= 1e-12 && outcome.iterations > 8);
+        for (b, x) in b.iter().zip(&x) {
+            assert!((b - x).abs() < 1e-10);
+        }
+    }
+
+    #[test]
+    fn gives_up_where_nothing_moves() {
+        // A cyclic shift: no progress before the last of n directions.
+        let shift = |x: &[f64], y: &mut [f64]| {
+            for i in 0..x.len() {
+                y[(i + 1) % x.len()] += x[i];
+            }
+        };
+        let mut b = vec![0.0; 20];
+        b[0] = 1.0;
+        let outcome = Gmres::new(5)
+            .solve(shift, |_| Ok(()), &mut b, 1e-10, 1000)
+            .unwrap();
+        assert!(outcome.residual > 0.5 && outcome.iterations <= 10);
+    }
+}

@@ -1,0 +1,82 @@
+//! Solvers of complementarity problems that are used again allocate nothing. One test, as the allocator is shared by all threads.
+
+use std::alloc::System;
+
+use semismooth::complementarity::active_set::{ActiveSetSolver, ActiveSetStatus};
+use semismooth::complementarity::pivoting::{Lemke, LemkeStatus};
+use semismooth::complementarity::{Lcp, Mcp, McpSolver, McpStrategy, WithJacobian};
+use semismooth::sparse::Matrix;
+use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
+
+#[global_allocator]
+static ALLOCATOR: &StatsAlloc<System> = &INSTRUMENTED_SYSTEM;
+
+/// Allocations and reallocations by `run`.
+fn allocations(run: impl FnOnce()) -> usize {
+    let region = Region::new(ALLOCATOR);
+    run();
+    let change = region.change();
+    change.allocations + change.reallocations
+}
+
+/// Strictly diagonally dominant with entries that change with `seed`, and a right-hand side of both signs.
+fn lcp(n: usize, seed: usize) -> Lcp {
+    let weyl = |k: usize| 2.0 * ((k + 31 * seed) as f64 * 0.618_033_988_749_895).fract() - 1.0;
+    let rows: Vec<Vec<f64>> = (0..n)
+        .map(|i| {
+            let entry = |j| if i == j { n as f64 } else { weyl(i * n + j) };
+            (0..n).map(entry).collect()
+        })
+        .collect();
+    let q = (0..n).map(|i| 10.0 * weyl(7 * i + 1)).collect();
+    Lcp::new(Matrix::from_rows(&rows).unwrap(), q).unwrap()
+}
+
+/// (x − 1)² − 1.01 ≥ 0 ⟂ x ≥ 0: a solution at 1 + √1.01, a local minimum of every merit at 0 (S. C. Billups, 1995).
+fn billups() -> Mcp<impl semismooth::complementarity::McpFunction> {
+    Mcp::ncp(WithJacobian::new(
+        1,
+        |x: &[f64], out: &mut [f64]| out[0] = (x[0] - 1.0).powi(2) - 1.01,
+        |x: &[f64], jac: &mut Matrix| jac.add(0, 0, 2.0 * (x[0] - 1.0)),
+    ))
+    .unwrap()
+}
+
+#[test]
+fn reused_solvers_do_not_allocate() {
+    // The counter counts.
+    assert!(allocations(|| drop(std::hint::black_box(vec![1_u8; 100]))) > 0);
+
+    for n in [1, 5, 20, 40] {
+        let problems: Vec<Lcp> = (0..10).map(|seed| lcp(n, seed)).collect();
+        let mut z = vec![0.0; n];
+        let (mut newton, mut lemke, mut sets) =
+            (McpSolver::default(), Lemke::default(), ActiveSetSolver::default());
+        let mut all = || {
+            for p in &problems {
+                z.fill(1.0);
+                assert!(newton.solve(p.mcp(), &mut z).unwrap().is_solved());
+                assert_eq!(lemke.solve(p, &mut z).unwrap().status, LemkeStatus::Solved);
+                z.fill(1.0);
+                assert_eq!(sets.solve(p, &mut z).unwrap().status, ActiveSetStatus::Solved);
+            }
+        };
+        all();
+        assert_eq!(allocations(all), 0, "n = {n}");
+    }
+
+    // Not even where other strategies are needed.
+    let problem = billups();
+    let mut solver = McpSolver::default();
+    let mut last = McpStrategy::Newton;
+    let mut run = || {
+        for start in [0.0, 0.5, 1.0, 10.0, 0.0] {
+            let report = solver.solve(&problem, &mut [start]).unwrap();
+            assert!(report.is_solved());
+            last = report.strategy;
+        }
+    };
+    run();
+    assert_eq!(allocations(run), 0);
+    assert_eq!(last, McpStrategy::Proximal);
+}
