@@ -2,18 +2,19 @@ use std::fmt;
 use std::mem::MaybeUninit;
 use std::sync::Arc;
 
-use faer::dyn_stack::{MemBuffer, MemStack, StackReq};
+use faer::dyn_stack::{MemStack, StackReq};
 use faer::perm::PermRef;
+use faer::sparse::linalg::SupernodalThreshold;
 use faer::sparse::linalg::cholesky::{
     CholeskySymbolicParams, LltRef, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
     factorize_symbolic_cholesky, supernodal,
 };
-use faer::sparse::linalg::{SupernodalThreshold, amd};
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Conj, MatMut, Par, Side};
 
 use super::condition::{judge, norm_1_estimate};
 use super::memory::{PatternMemory, check_finite, count_rhs};
+use super::ordering::{Nodes, Order};
 use super::sparse_lu::give_up;
 use super::{LinearError, LinearSolver};
 use crate::sparse::{MatrixRef, PatternRef};
@@ -24,6 +25,9 @@ const BLOCK_RHS: usize = 8;
 /// Operations for an entry of L, in units of faer, above which dense blocks are used: measured on meshes of a few hundred nodes,
 /// where they win already at a quarter of faer's own limit.
 const SUPERNODAL: SupernodalThreshold = SupernodalThreshold(0.25);
+
+/// Operations of a factorisation above which a second order is tried.
+const HEAVY: f64 = 2e10;
 
 /// Sparse Cholesky A = L Lᵀ for symmetric positive definite matrices.
 ///
@@ -259,21 +263,31 @@ impl Engine {
     fn new(pattern: &PatternMemory, last: &[usize]) -> Result<Self, LinearError> {
         let n = pattern.n();
         let a = SymbolicSparseColMatRef::new_checked(n, n, pattern.col_ptr(), None, pattern.row_idx());
-        let (order, position) = if last.is_empty() {
-            Default::default()
+        let analyse = |ordering: SymmetricOrdering<'_, usize>| {
+            let params = CholeskySymbolicParams {
+                supernodal_flop_ratio_threshold: SUPERNODAL,
+                ..Default::default()
+            };
+            factorize_symbolic_cholesky(a, Side::Lower, ordering, params).map_err(give_up)
+        };
+        let ordered = |order: Order| {
+            let (forward, backward) = (&order.unknowns, &order.places);
+            analyse(SymmetricOrdering::Custom(PermRef::new_checked(
+                forward, backward, n,
+            )))
+        };
+        let mut symbolic = if last.is_empty() {
+            analyse(SymmetricOrdering::Amd)?
         } else {
-            order_with_last(a, last)?
+            ordered(Nodes::new(a, last).minimum_degree()?)?
         };
-        let ordering = if last.is_empty() {
-            SymmetricOrdering::Amd
-        } else {
-            SymmetricOrdering::Custom(PermRef::new_checked(&order, &position, n))
-        };
-        let params = CholeskySymbolicParams {
-            supernodal_flop_ratio_threshold: SUPERNODAL,
-            ..Default::default()
-        };
-        let symbolic = factorize_symbolic_cholesky(a, Side::Lower, ordering, params).map_err(give_up)?;
+        let work = operations(&symbolic);
+        if work > HEAVY {
+            let dissected = ordered(Nodes::new(a, last).dissected()?)?;
+            if operations(&dissected) < work {
+                symbolic = dissected;
+            }
+        }
         let request = StackReq::or(
             symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default()),
             symbolic.solve_in_place_scratch::<f64>(BLOCK_RHS, Par::Seq),
@@ -405,91 +419,34 @@ impl Engine {
     }
 }
 
+/// Multiplications of a factorisation, Σ (entries of a column of L)².
+fn operations(symbolic: &SymbolicCholesky<usize>) -> f64 {
+    match symbolic.raw() {
+        SymbolicCholeskyRaw::Simplicial(s) => {
+            let lengths = s.col_ptr().windows(2).map(|w| (w[1] - w[0]) as f64);
+            lengths.map(|l| l * l).sum()
+        }
+        SymbolicCholeskyRaw::Supernodal(s) => {
+            let columns = s.supernode_begin().iter().zip(s.supernode_end());
+            let below = s.col_ptr_for_row_idx().windows(2);
+            columns
+                .zip(below)
+                .map(|((begin, end), below)| {
+                    let width = (end - begin) as f64;
+                    let height = width + (below[1] - below[0]) as f64;
+                    width * (height * (height - width) + width * width / 3.0)
+                })
+                .sum()
+        }
+    }
+}
+
 /// The power of two s with 1/2 ≤ s² d < 2, for a positive d.
 fn inverse_root(d: f64) -> f64 {
     const MANTISSA: u32 = 52;
     const BIAS: i64 = 1023;
     let exponent = (d.to_bits() >> MANTISSA) as i64 - BIAS;
     f64::from_bits(((BIAS - (exponent + 1).div_euclid(2)) as u64) << MANTISSA)
-}
-
-/// An approximate minimum degree order of the unknowns but those in `last`, which follow in the order given: (old number at each
-/// place, place of each).
-fn order_with_last(
-    a: SymbolicSparseColMatRef<'_, usize>,
-    last: &[usize],
-) -> Result<(Vec<usize>, Vec<usize>), LinearError> {
-    let n = a.ncols();
-    let mut is_last = vec![false; n];
-    last.iter().for_each(|&i| is_last[i] = true);
-    let quotient = Quotient::new(a, &is_last);
-    let k = quotient.col_ptr.len() - 1;
-    let (mut groups, mut places) = (vec![0; k], vec![0; k]);
-    let graph = SymbolicSparseColMatRef::new_checked(k, k, &quotient.col_ptr, None, &quotient.row_idx);
-    let request = amd::order_maybe_unsorted_scratch::<usize>(k, quotient.row_idx.len());
-    let mut memory = MemBuffer::try_new(request).map_err(|_| LinearError::Solver {
-        what: "out of memory while ordering the unknowns".to_owned(),
-    })?;
-    let stack = MemStack::new(&mut memory);
-    amd::order_maybe_unsorted(&mut groups, &mut places, graph, amd::Control::default(), stack)
-        .map_err(give_up)?;
-    let mut order = Vec::with_capacity(n);
-    for g in groups {
-        order.extend_from_slice(&quotient.members[quotient.first[g]..quotient.first[g + 1]]);
-    }
-    order.extend_from_slice(last);
-    let mut position = vec![0; n];
-    for (place, &i) in order.iter().enumerate() {
-        position[i] = place;
-    }
-    Ok((order, position))
-}
-
-/// The graph of a matrix with neighbouring unknowns of equal columns (those of one node of a mesh) as one: a fraction of the size,
-/// with the same good orders.
-struct Quotient {
-    col_ptr: Vec<usize>,
-    row_idx: Vec<usize>,
-    /// The unknowns of group g are `members[first[g]..first[g + 1]]`.
-    members: Vec<usize>,
-    first: Vec<usize>,
-}
-
-impl Quotient {
-    fn new(a: SymbolicSparseColMatRef<'_, usize>, left_out: &[bool]) -> Self {
-        const NONE: usize = usize::MAX;
-        let n = a.ncols();
-        let column = |j: usize| &a.row_idx()[a.col_ptr()[j]..a.col_ptr()[j + 1]];
-        let (mut members, mut first) = (Vec::with_capacity(n), Vec::new());
-        let mut group_of = vec![NONE; n];
-        let mut previous = None;
-        for j in (0..n).filter(|&j| !left_out[j]) {
-            if previous.is_none_or(|i| column(i) != column(j)) {
-                first.push(members.len());
-            }
-            group_of[j] = first.len() - 1;
-            members.push(j);
-            previous = Some(j);
-        }
-        let (mut col_ptr, mut row_idx) = (vec![0], Vec::with_capacity(a.row_idx().len() / 2));
-        for &start in &first {
-            let begun = row_idx.len();
-            for &i in column(members[start]) {
-                let g = group_of[i];
-                if g != NONE && (row_idx.len() == begun || row_idx[row_idx.len() - 1] != g) {
-                    row_idx.push(g);
-                }
-            }
-            col_ptr.push(row_idx.len());
-        }
-        first.push(members.len());
-        Self {
-            col_ptr,
-            row_idx,
-            members,
-            first,
-        }
-    }
 }
 
 impl LinearSolver for Cholesky {

@@ -1,5 +1,5 @@
-use faer::linalg::matmul::matmul;
-use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
+use faer::linalg::matmul::triangular::{self, BlockStructure};
+use faer::linalg::triangular_inverse::invert_lower_triangular;
 use faer::{Accum, MatMut, MatRef, Par};
 
 use super::{Cholesky, LinearError, LinearSolver};
@@ -63,11 +63,17 @@ impl Condensation {
         factor.analyze_with_last(a.pattern().as_ref(), &touched)?;
         factor.factor_by_pivots(a.as_ref())?;
         let l = factor.trailing_factor(&touched)?;
-        let half = half_solution(b, &touched, &l, q);
-        let compliance = gram(&half, touched.len(), q)?;
+        let b_t = b.transpose();
+        let rows = rows_at(&b_t, &touched);
+        let (half, compliance) = if touched.len() < BLOCKED {
+            small_compliance(&rows, touched.len(), &l)
+        } else {
+            compliance(&rows, touched.len(), &l)
+        };
+        let compliance = symmetric(compliance, q)?;
         Ok(Self {
             factor,
-            b_t: b.transpose(),
+            b_t,
             compliance,
             touched: touched.len(),
             half,
@@ -135,59 +141,96 @@ impl Condensation {
     }
 }
 
-/// Y = L⁻¹ B_Jᵀ, where L Lᵀ is the Schur complement of A on the set J of touched unknowns.
-fn half_solution(b: &Matrix, touched: &[usize], l: &[f64], q: usize) -> Vec<f64> {
-    let k = touched.len();
-    let mut y = vec![0.0; k * q];
-    for (place, &j) in touched.iter().enumerate() {
-        let span = b.pattern().col_ptr()[j]..b.pattern().col_ptr()[j + 1];
-        for e in span {
-            y[b.pattern().row_idx()[e] * k + place] = b.values()[e];
+/// A row of B at the touched unknowns J: (place in J, value).
+type Row = Vec<(usize, f64)>;
+
+fn rows_at(b_t: &Matrix, touched: &[usize]) -> Vec<Row> {
+    let mut rows = vec![Row::new(); b_t.ncols()];
+    for (j, row, v) in b_t.triplets() {
+        // Whatever B touches is in J.
+        if let Ok(place) = touched.binary_search(&j) {
+            rows[row].push((place, v));
         }
     }
-    if k < BLOCKED {
-        for column in y.chunks_exact_mut(k.max(1)) {
-            for j in 0..k {
-                column[j] /= l[j * k + j];
-                let pivot = column[j];
-                for (v, a) in column[j + 1..].iter_mut().zip(&l[j * k + j + 1..(j + 1) * k]) {
-                    *v -= pivot * a;
-                }
-            }
-        }
-    } else {
-        solve_lower_triangular_in_place(
-            MatRef::from_column_major_slice(l, k, k),
-            MatMut::from_column_major_slice_mut(&mut y, k, q),
-            Par::Seq,
-        );
-    }
-    y
+    rows
 }
 
-/// C = Yᵀ Y for a k × q matrix Y.
-fn gram(y: &[f64], k: usize, q: usize) -> Result<Matrix, LinearError> {
-    let mut c = Matrix::zeros(Pattern::full(q, q));
-    let values = c.values_mut();
-    if k < BLOCKED {
-        for i in 0..q {
-            for j in 0..=i {
-                let (a, b) = (&y[i * k..(i + 1) * k], &y[j * k..(j + 1) * k]);
-                values[j * q + i] = dot(a, b);
+/// Y = L⁻¹ B_Jᵀ (k × q), where L Lᵀ is the Schur complement of A on J, and the lower triangle of C = Yᵀ Y (q × q), by columns.
+fn small_compliance(rows: &[Row], k: usize, l: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    let q = rows.len();
+    let mut y = vec![0.0; k * q];
+    for (column, row) in y.chunks_exact_mut(k.max(1)).zip(rows) {
+        row.iter().for_each(|&(place, v)| column[place] = v);
+        for j in 0..k {
+            column[j] /= l[j * k + j];
+            let pivot = column[j];
+            for (v, a) in column[j + 1..].iter_mut().zip(&l[j * k + j + 1..(j + 1) * k]) {
+                *v -= pivot * a;
             }
         }
-    } else {
-        let y = MatRef::from_column_major_slice(y, k, q);
-        let target = MatMut::from_column_major_slice_mut(values, q, q);
-        matmul(target, Accum::Replace, y.transpose(), y, 1.0, Par::Seq);
     }
+    let mut c = vec![0.0; q * q];
+    for i in 0..q {
+        for j in 0..=i {
+            c[j * q + i] = dot(&y[i * k..(i + 1) * k], &y[j * k..(j + 1) * k]);
+        }
+    }
+    (y, c)
+}
+
+/// The same by L⁻¹ and S⁻¹ = L⁻ᵀ L⁻¹: a row of B has few entries, and triangles cost a third of full matrices.
+fn compliance(rows: &[Row], k: usize, l: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    let q = rows.len();
+    let mut inverse = vec![0.0; k * k];
+    invert_lower_triangular(
+        MatMut::from_column_major_slice_mut(&mut inverse, k, k),
+        MatRef::from_column_major_slice(l, k, k),
+        Par::Seq,
+    );
+    let mut y = vec![0.0; k * q];
+    for (column, row) in y.chunks_exact_mut(k).zip(rows) {
+        for &(place, v) in row {
+            let from = &inverse[place * k..(place + 1) * k];
+            column.iter_mut().zip(from).for_each(|(y, a)| *y += v * a);
+        }
+    }
+    let mut s = vec![0.0; k * k];
+    let lower = MatRef::from_column_major_slice(&inverse, k, k);
+    triangular::matmul(
+        MatMut::from_column_major_slice_mut(&mut s, k, k),
+        BlockStructure::TriangularLower,
+        Accum::Replace,
+        lower.transpose(),
+        BlockStructure::TriangularUpper,
+        lower,
+        BlockStructure::TriangularLower,
+        1.0,
+        Par::Seq,
+    );
+    drop(inverse);
+    let entry = |i: usize, j: usize| s[i.min(j) * k + i.max(j)];
+    let mut c = vec![0.0; q * q];
+    for (j, (column, right)) in c.chunks_exact_mut(q).zip(rows).enumerate() {
+        for (v, left) in column[j..].iter_mut().zip(&rows[j..]) {
+            for &(a, x) in left {
+                *v += right.iter().map(|&(b, y)| x * y * entry(a, b)).sum::<f64>();
+            }
+        }
+    }
+    (y, c)
+}
+
+/// The matrix with the given lower triangle.
+fn symmetric(mut values: Vec<f64>, q: usize) -> Result<Matrix, LinearError> {
     for i in 0..q {
         for j in 0..i {
             values[i * q + j] = values[j * q + i];
         }
     }
-    c.check_finite().map_err(|_| LinearError::NotFinite {
+    let not_finite = |_| LinearError::NotFinite {
         what: "the compliance",
-    })?;
+    };
+    let c = Matrix::from_values(Pattern::full(q, q), values).map_err(not_finite)?;
+    c.check_finite().map_err(not_finite)?;
     Ok(c)
 }

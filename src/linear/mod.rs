@@ -13,6 +13,7 @@ mod condition;
 ))]
 mod convert;
 mod dense_lu;
+mod dissection;
 mod eigen;
 mod error;
 mod gmres;
@@ -20,6 +21,7 @@ mod incomplete_lu;
 mod kernel;
 mod memory;
 mod multigrid;
+mod ordering;
 mod row_inverse;
 mod scaling;
 mod small_lu;
