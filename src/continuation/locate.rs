@@ -42,7 +42,9 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
             let Some(monitor) = self.earliest(found)? else {
                 return Ok(Ok(found));
             };
-            if !self.locate(monitor)? {
+            let located =
+                self.locate(monitor)? || (monitor == Monitor::Singular && self.jump_to_branch_point()?);
+            if !located {
                 return Ok(Err(Unresolved));
             }
             found = Some(monitor);

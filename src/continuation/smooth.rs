@@ -79,6 +79,40 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         Ok(())
     }
 
+    /// Moves `next` to a branch point of the followed selection between `here` and `next`, where the corrector converges too badly
+    /// near it for a bracket to close (at a pitchfork, say). False where there is none.
+    pub(super) fn jump_to_branch_point(&mut self) -> Result<bool, ContinuationError> {
+        let chord: Vec<f64> = self.next.x.iter().zip(&self.here.x).map(|(b, a)| b - a).collect();
+        let middle: Vec<f64> = self.here.x.iter().zip(&chord).map(|(x, c)| x + 0.5 * c).collect();
+        let Some(x) = self.branch_point_near(&middle, 0.5 * norm(&chord))? else {
+            return Ok(false);
+        };
+        let s: f64 = x
+            .iter()
+            .zip(&self.here.x)
+            .zip(&self.here.t)
+            .map(|((x, x0), t)| t * (x - x0))
+            .sum();
+        if !(s > 0.0 && s < self.next.s) {
+            return Ok(false);
+        }
+        let share = s / self.next.s;
+        for (t1, t0) in self.next.t.iter_mut().zip(&self.here.t) {
+            *t1 = (1.0 - share) * t0 + share * *t1;
+        }
+        let length = norm(&self.next.t);
+        self.next.t.iter_mut().for_each(|t| *t /= length);
+        let mut r = vec![0.0; self.map.num_residuals()];
+        self.map.residual(&self.selection, &x, &mut r);
+        self.map.test_functions(&x, &mut self.next.theta);
+        self.next.x = x;
+        self.next.s = s;
+        self.next.orientation = None;
+        self.next.det_sign = Some(0);
+        self.next.residual_norm = norm(&r);
+        Ok(true)
+    }
+
     /// The next facet, where it is met at a branch point of the frozen selection: there its corrector fails on both sides. The
     /// point is extrapolated along the tangent and found by the extended system.
     pub(super) fn event_at_branch_point(&mut self, h: f64) -> Result<Option<Monitor>, ContinuationError> {
