@@ -19,32 +19,41 @@ impl Galerkin {
         }
     }
 
-    /// The pattern of C over all rows of A, values zero.
-    pub(super) fn pattern(&mut self, a: &Rows, p: &Prolongation) -> Rows {
-        let mut start = vec![0_u32];
-        let mut col: Vec<u32> = Vec::with_capacity(a.col.len());
+    /// C over all rows of A, in one pass.
+    pub(super) fn product(&mut self, a: &Rows, p: &Prolongation) -> Rows {
+        let a = a.view();
+        let (coarse, fine) = (p.columns(), p.rows());
+        let mut start = Vec::with_capacity(p.num_coarse() + 1);
+        start.push(0_u32);
+        let mut col: Vec<u32> = Vec::with_capacity(a.col.len() / 2);
+        let mut value: Vec<f64> = Vec::with_capacity(a.col.len() / 2);
+        let mut sum = vec![0.0; p.num_coarse()];
         for c in 0..p.num_coarse() {
             let first = col.len();
-            for &i in p.columns().row(c).0 {
-                for &j in a.row(i as usize).0 {
-                    for &k in p.rows().row(j as usize).0 {
-                        if self.slot[k as usize] != c as u32 {
-                            self.slot[k as usize] = c as u32;
+            let (rows, weights) = coarse.row(c);
+            for (&i, w) in rows.iter().zip(weights) {
+                let (cols, values) = a.row(i as usize);
+                for (&j, v) in cols.iter().zip(values) {
+                    let wv = w * v;
+                    let (parents, parts) = fine.row(j as usize);
+                    for (&k, u) in parents.iter().zip(parts) {
+                        let slot = &mut self.slot[k as usize];
+                        if *slot == c as u32 {
+                            sum[k as usize] += wv * u;
+                        } else {
+                            *slot = c as u32;
+                            sum[k as usize] = wv * u;
                             col.push(k);
                         }
                     }
                 }
             }
             col[first..].sort_unstable();
+            value.extend(col[first..].iter().map(|&k| sum[k as usize]));
             start.push(col.len() as u32);
         }
         self.slot.fill(u32::MAX);
-        Rows {
-            ncols: p.num_coarse(),
-            value: vec![0.0; col.len()],
-            start,
-            col,
-        }
+        Rows::new(p.num_coarse(), start, col, value)
     }
 
     /// Sums the rows of C that depend on the given rows of A (all with `None`); tells which those are.
@@ -72,13 +81,14 @@ impl Galerkin {
             }
         }
         let is_free = |i: u32| free.is_none_or(|f| f[i as usize]);
+        let (a, coarse, interpolation) = (a.view(), p.columns(), p.rows());
+        let (start, col, value) = c.parts_mut();
         for &row in &self.affected {
-            let span = c.span(row);
-            for k in span.clone() {
-                self.slot[c.col[k] as usize] = k as u32;
-                c.value[k] = 0.0;
+            for k in start[row] as usize..start[row + 1] as usize {
+                self.slot[col[k] as usize] = k as u32;
+                value[k] = 0.0;
             }
-            let (fine, weights) = p.columns().row(row);
+            let (fine, weights) = coarse.row(row);
             for (&i, w) in fine.iter().zip(weights) {
                 if !is_free(i) {
                     continue;
@@ -89,9 +99,9 @@ impl Galerkin {
                         continue;
                     }
                     let wv = w * v;
-                    let (parents, parts) = p.rows().row(j as usize);
+                    let (parents, parts) = interpolation.row(j as usize);
                     for (&k, u) in parents.iter().zip(parts) {
-                        c.value[self.slot[k as usize] as usize] += wv * u;
+                        value[self.slot[k as usize] as usize] += wv * u;
                     }
                 }
             }
