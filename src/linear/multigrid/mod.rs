@@ -34,7 +34,7 @@ pub(crate) fn aggregation_hierarchy(
         let Some(p) = aggregation::smoothed_aggregation(a)? else {
             break;
         };
-        let coarse = Galerkin::new(p.num_coarse()).product(a, &p);
+        let coarse = Galerkin::new(&p).product(a, &p);
         matrices.push(coarse);
         levels.push(Arc::new(p));
     }
@@ -67,7 +67,7 @@ fn coarse_vector(a: &Rows, q: &mut [f64], p: &Prolongation) -> Vec<f64> {
 
 /// The coarse affine problem: Pᵀ A P and Pᵀ(A b + q). A must be symmetric.
 pub(crate) fn coarse_problem(a: &Rows, q: &[f64], p: &Prolongation) -> (Rows, Vec<f64>) {
-    let c = Galerkin::new(p.num_coarse()).product(a, p);
+    let c = Galerkin::new(p).product(a, p);
     let q = coarse_vector(a, &mut q.to_vec(), p);
     (c, q)
 }
@@ -246,7 +246,7 @@ impl TruncatedMultigrid {
                     found: p.num_fine(),
                 });
             }
-            let mut galerkin = Galerkin::new(p.num_coarse());
+            let mut galerkin = Galerkin::new(p);
             let next = match matrices.get(k + 1) {
                 Some(known) => known.clone(),
                 None => galerkin.product(fine, p),
