@@ -283,6 +283,7 @@ impl TruncatedMultigrid {
         let fine = &mut levels[0];
         // Rows of the truncated matrix change with their own unknown and with those of their neighbours.
         for i in (0..free.len()).filter(|&i| free[i] != known[i]) {
+            fine.invert_diagonal(i, free[i]);
             for &j in fine.a.view().row(i).0 {
                 if !marked[j as usize] {
                     marked[j as usize] = true;
@@ -293,7 +294,6 @@ impl TruncatedMultigrid {
         changed.iter().for_each(|&j| marked[j] = false);
         known.copy_from_slice(free);
         let anew = changed.len() > free.len() / 2;
-        (0..free.len()).for_each(|i| fine.invert_diagonal(i, free[i]));
         for k in 0..self.prolongations.len() {
             let (above, below) = levels.split_at_mut(k + 1);
             let mask = (k == 0).then_some(&**known);
@@ -329,9 +329,9 @@ impl TruncatedMultigrid {
             let (above, below) = self.levels.split_at_mut(k + 1);
             let fine = &mut above[k];
             let p = self.prolongations[k].rows();
-            for i in 0..fine.x.len() {
-                if fine.inverse_diagonal[i] != 0.0 {
-                    fine.x[i] += p.dot(i, &below[0].x);
+            for (i, (x, inverse)) in fine.x.iter_mut().zip(&fine.inverse_diagonal).enumerate() {
+                if *inverse != 0.0 {
+                    *x += p.dot(i, &below[0].x);
                 }
             }
             if k == 0 {
@@ -351,7 +351,6 @@ impl TruncatedMultigrid {
         tolerance: f64,
         limit: usize,
     ) -> Result<usize, LinearError> {
-        let n = r.len();
         let fine = &self.levels[0];
         if (self.free.iter().zip(&fine.inverse_diagonal)).any(|(free, d)| *free && *d == 0.0) {
             return Err(LinearError::NotPositiveDefinite);
@@ -382,11 +381,16 @@ impl TruncatedMultigrid {
             rho = next;
             // The cycle leaves A z = r − rest behind, so that A times the direction follows by recurrence, without another product.
             let mut curvature = 0.0;
-            for i in 0..n {
-                let image = if self.free[i] { r[i] - rest[i] } else { 0.0 };
-                self.direction[i] = z[i] + beta * self.direction[i];
-                self.product[i] = image + beta * self.product[i];
-                curvature += self.product[i] * self.direction[i];
+            for (((((p, image), z), r), rest), free) in (self.direction.iter_mut())
+                .zip(&mut self.product)
+                .zip(z)
+                .zip(&*r)
+                .zip(rest)
+                .zip(&self.free)
+            {
+                *p = z + beta * *p;
+                *image = if *free { r - rest } else { 0.0 } + beta * *image;
+                curvature += *image * *p;
             }
             if !(curvature > 0.0 && curvature.is_finite()) {
                 return Err(LinearError::NotPositiveDefinite);

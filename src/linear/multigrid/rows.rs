@@ -21,19 +21,19 @@ pub(super) struct RowsRef<'a> {
 }
 
 impl<'a> RowsRef<'a> {
-    #[inline]
+    #[inline(always)]
     pub(super) fn span(self, i: usize) -> std::ops::Range<usize> {
         self.start[i] as usize..self.start[i + 1] as usize
     }
 
-    #[inline]
+    #[inline(always)]
     pub(super) fn row(self, i: usize) -> (&'a [u32], &'a [f64]) {
         let span = self.span(i);
         (&self.col[span.clone()], &self.value[span])
     }
 
     /// Row i times x.
-    #[inline]
+    #[inline(always)]
     pub(super) fn dot(self, i: usize, x: &[f64]) -> f64 {
         let (cols, values) = self.row(i);
         cols.iter().zip(values).map(|(&j, v)| v * x[j as usize]).sum()
