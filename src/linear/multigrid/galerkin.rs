@@ -158,3 +158,79 @@ impl Galerkin {
         &self.affected
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sparse::Matrix;
+
+    /// Σ over free i, j of P[i, c] A[i, j] P[j, k], entry by entry.
+    fn dense(a: &Matrix, p: &Matrix, free: &[bool]) -> Vec<f64> {
+        let n = p.ncols();
+        let mut c = vec![0.0; n * n];
+        for (i, j, v) in a.triplets().filter(|t| free[t.0] && free[t.1]) {
+            for (row, entry) in c.iter_mut().enumerate() {
+                *entry += p.get(i, row / n) * v * p.get(j, row % n);
+            }
+        }
+        c
+    }
+
+    fn unfold(c: &Rows) -> Vec<f64> {
+        let n = c.nrows();
+        let mut full = vec![0.0; n * n];
+        for i in 0..n {
+            let (cols, values) = c.view().row(i);
+            assert!(cols.windows(2).all(|w| w[0] < w[1]));
+            cols.iter()
+                .zip(values)
+                .for_each(|(&j, v)| full[i * n + j as usize] = *v);
+        }
+        full
+    }
+
+    #[test]
+    fn products_are_those_of_the_dense_matrices_as_the_sets_change() {
+        let (n, m) = (40, 13);
+        let mut entries = Vec::new();
+        for i in 0..n {
+            entries.push((i, i, 4.0 + 0.1 * i as f64));
+            for j in [(i * 7 + 3) % n, (i + 1) % n] {
+                if i != j {
+                    entries.extend([(i, j, -0.3 - 0.01 * j as f64), (j, i, -0.3 - 0.01 * j as f64)]);
+                }
+            }
+        }
+        let a = Matrix::from_triplets(n, n, &entries).unwrap();
+        let weights: Vec<_> = (0..n)
+            .flat_map(|i| [(i, i % m, 0.7), (i, (i * 5 + 1) % m, 0.3)])
+            .collect();
+        let p = Matrix::from_triplets(n, m, &weights).unwrap();
+        let prolongation = Prolongation::new(&p).unwrap();
+        let rows = Rows::transposed(a.as_ref());
+        let mut galerkin = Galerkin::new(&prolongation);
+        let mut c = galerkin.product(&rows, &prolongation);
+        let close = |c: &Rows, free: &[bool]| {
+            let expected = dense(&a, &p, free);
+            unfold(c)
+                .iter()
+                .zip(&expected)
+                .all(|(x, y)| (x - y).abs() < 1e-13)
+        };
+        let mut free = vec![true; n];
+        assert!(close(&c, &free));
+        for flipped in [[3, 4], [17, 3], [30, 31]] {
+            let mut changed = Vec::new();
+            for i in flipped {
+                free[i] = !free[i];
+                changed.extend(rows.view().row(i).0.iter().map(|&j| j as usize));
+            }
+            galerkin.sum(&rows, Some(&free), &prolongation, Some(&changed), &mut c);
+            assert!(close(&c, &free));
+        }
+        // A clone shares its arrays until it is written.
+        let kept = c.clone();
+        galerkin.sum(&rows, None, &prolongation, None, &mut c);
+        assert!(close(&kept, &free) && close(&c, &vec![true; n]));
+    }
+}
