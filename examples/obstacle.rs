@@ -136,7 +136,12 @@ impl Problem {
                 q[(j - 1) * m + i - 1] -= self.boundary(grid.at(a), grid.at(b));
             }
         }
-        let (lower, upper) = grid.points().map(|(x, y)| self.bounds(x, y)).unzip();
+        let (mut lower, mut upper) = (Vec::with_capacity(n), Vec::with_capacity(n));
+        for (x, y) in grid.points() {
+            let (l, u) = self.bounds(x, y);
+            lower.push(l);
+            upper.push(u);
+        }
         Ok(Lcp::boxed(matrix, q, lower, upper)?)
     }
 }
@@ -201,7 +206,9 @@ impl Grid {
     /// Bilinear interpolation from the lines 2, 4, … (1 to m/2 of the coarse grid). Boundary values are the offset.
     fn prolongation(&self, boundary: impl Fn(f64, f64) -> f64) -> Outcome<Prolongation> {
         let (m, coarse) = (self.m, self.m / 2);
-        let (mut start, mut rows, mut weights) = (vec![0], Vec::new(), Vec::new());
+        let most = 9 * coarse * coarse;
+        let (mut start, mut rows, mut weights) =
+            (vec![0], Vec::with_capacity(most), Vec::with_capacity(most));
         for b in 1..=coarse {
             for a in 1..=coarse {
                 for j in 2 * b - 1..=(2 * b + 1).min(m) {

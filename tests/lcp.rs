@@ -430,6 +430,29 @@ mod active_set {
         }
     }
 
+    /// Conjugate gradients refuse what is not positive definite on its diagonal, instead of leaving the unknown out.
+    #[test]
+    fn a_free_unknown_without_positive_diagonal_is_singular() {
+        let n = 15;
+        let mut entries: Vec<_> = string(n, |_| -1.0).matrix().triplets().collect();
+        entries
+            .iter_mut()
+            .filter(|t| t.0 == 4 && t.1 == 4)
+            .for_each(|t| t.2 = -2.0);
+        let matrix = Matrix::from_triplets(n, n, &entries).unwrap();
+        let lcp = Lcp::boxed(
+            matrix,
+            vec![-1.0; n],
+            vec![f64::NEG_INFINITY; n],
+            vec![f64::INFINITY; n],
+        )
+        .unwrap();
+        let reduced = MultigridReduced::with_prolongations(vec![std::sync::Arc::new(halving(n))]);
+        let mut solver = ActiveSetSolver::with_reduced(ActiveSetOptions::default(), reduced);
+        let report = solver.solve(&lcp, &mut vec![0.0; n]).unwrap();
+        assert_eq!(report.status, ActiveSetStatus::Singular);
+    }
+
     #[test]
     fn prolongations_are_checked() {
         let lcp = string(15, |_| -1.0);

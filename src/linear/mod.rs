@@ -38,7 +38,9 @@ pub(crate) use gmres::Gmres;
 pub use incomplete_lu::{IncompleteLu, Preconditioner};
 pub use kernel::{NullSpace, null_space};
 pub use multigrid::Prolongation;
-pub(crate) use multigrid::{TruncatedMultigrid, affine_prolongation, aggregation_hierarchy, coarse_problem};
+pub(crate) use multigrid::{
+    Rows, TruncatedMultigrid, affine_prolongation, aggregation_hierarchy, coarse_problem,
+};
 pub(crate) use row_inverse::RowInverse;
 pub(crate) use small_lu::SmallLu;
 pub use sparse_lu::SparseLu;

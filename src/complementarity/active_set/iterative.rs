@@ -3,7 +3,7 @@ use std::sync::Arc;
 use super::nested::algebraic_start;
 use super::{ActiveSetOptions, ReducedSolver, Start};
 use crate::complementarity::{ComplementarityError, Lcp};
-use crate::linear::{LinearError, Prolongation, TruncatedMultigrid, aggregation_hierarchy};
+use crate::linear::{LinearError, Prolongation, Rows, TruncatedMultigrid, aggregation_hierarchy};
 use crate::sparse::Matrix;
 
 /// Iterations after which conjugate gradients are given up.
@@ -16,11 +16,11 @@ const LIMIT: usize = 200;
 #[derive(Debug, Clone)]
 pub struct MultigridReduced {
     given: Option<Vec<Arc<Prolongation>>>,
-    /// Galerkin products that belong to the given prolongations, while they are known to.
-    products: Option<Vec<Matrix>>,
+    /// The matrix to be loaded and its Galerkin products under the given prolongations, where they are known.
+    known: Option<Vec<Rows>>,
     multigrid: Option<TruncatedMultigrid>,
-    /// What was found by aggregation.
-    found: (Vec<Arc<Prolongation>>, Vec<Matrix>),
+    /// What was found by aggregation: prolongations, the matrix and its Galerkin products.
+    found: (Vec<Arc<Prolongation>>, Vec<Rows>),
 }
 
 impl MultigridReduced {
@@ -29,7 +29,7 @@ impl MultigridReduced {
     pub fn algebraic() -> Self {
         Self {
             given: None,
-            products: None,
+            known: None,
             multigrid: None,
             found: Default::default(),
         }
@@ -40,16 +40,16 @@ impl MultigridReduced {
     pub fn with_prolongations(prolongations: Vec<Arc<Prolongation>>) -> Self {
         Self {
             given: Some(prolongations),
-            products: None,
+            known: None,
             multigrid: None,
             found: Default::default(),
         }
     }
 
-    /// As [`with_prolongations`](Self::with_prolongations), for one matrix whose Galerkin products are known.
-    pub(super) fn with_products(prolongations: Vec<Arc<Prolongation>>, products: Vec<Matrix>) -> Self {
+    /// As [`with_prolongations`](Self::with_prolongations), for one matrix given by rows, with Galerkin products as far as they are known.
+    pub(super) fn with_matrices(prolongations: Vec<Arc<Prolongation>>, matrices: Vec<Rows>) -> Self {
         Self {
-            products: Some(products),
+            known: Some(matrices),
             ..Self::with_prolongations(prolongations)
         }
     }
@@ -57,22 +57,18 @@ impl MultigridReduced {
 
 impl ReducedSolver for MultigridReduced {
     fn load(&mut self, matrix: &Matrix) -> Result<(), ComplementarityError> {
-        let products = match &self.given {
-            Some(_) => self.products.as_ref(),
+        // What is known belongs to the first matrix alone.
+        let known = self.known.take();
+        self.multigrid = Some(match &self.given {
+            Some(prolongations) => {
+                let matrices = known.unwrap_or_else(|| vec![Rows::transposed(matrix.as_ref())]);
+                TruncatedMultigrid::new(&matrices, prolongations)?
+            }
             None => {
                 self.found = aggregation_hierarchy(matrix.as_ref())?;
-                Some(&self.found.1)
+                TruncatedMultigrid::new(&self.found.1, &self.found.0)?
             }
-        };
-        let prolongations = self.given.as_ref().unwrap_or(&self.found.0);
-        let products: Option<Vec<_>> = products.map(|p| p.iter().map(Matrix::as_ref).collect());
-        self.multigrid = Some(TruncatedMultigrid::new(
-            matrix.as_ref(),
-            prolongations,
-            products.as_deref(),
-        )?);
-        // They belong to this matrix alone.
-        self.products = None;
+        });
         Ok(())
     }
 

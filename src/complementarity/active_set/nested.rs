@@ -5,7 +5,7 @@ use super::{
     MultigridReduced, Start,
 };
 use crate::complementarity::{BoundState, ComplementarityError, Lcp};
-use crate::linear::{LinearError, Prolongation, affine_prolongation, coarse_problem};
+use crate::linear::{LinearError, Prolongation, Rows, affine_prolongation, coarse_problem};
 use crate::sparse::Matrix;
 
 /// Tolerance on coarser levels, whose solutions are starts only.
@@ -19,6 +19,8 @@ const COARSE_TOLERANCE: f64 = 1e-6;
 pub struct Nested {
     /// Finest first.
     problems: Vec<Lcp>,
+    /// Their matrices by rows.
+    matrices: Vec<Rows>,
     prolongations: Vec<Arc<Prolongation>>,
     /// Whether all coarser matrices are Galerkin products.
     galerkin: bool,
@@ -61,6 +63,7 @@ impl Nested {
     #[must_use]
     pub fn new(finest: Lcp) -> Self {
         Self {
+            matrices: vec![Rows::transposed(finest.matrix().as_ref())],
             problems: vec![finest],
             prolongations: Vec::new(),
             galerkin: true,
@@ -74,9 +77,9 @@ impl Nested {
     pub fn coarsen(self, prolongation: Prolongation) -> Result<Self, ComplementarityError> {
         self.check(&prolongation)?;
         let fine = &self.problems[self.problems.len() - 1];
-        let (matrix, q) = coarse_problem(fine.matrix().as_ref(), fine.q(), &prolongation)?;
-        let coarse = coarse_lcp(fine, &prolongation, matrix, q)?;
-        self.push(coarse, prolongation)
+        let (matrix, q) = coarse_problem(&self.matrices[self.matrices.len() - 1], fine.q(), &prolongation);
+        let coarse = coarse_lcp(fine, &prolongation, matrix.to_matrix()?, q)?;
+        self.push(coarse, matrix, prolongation)
     }
 
     /// Adds a coarser level with a problem of your own (another discretisation).
@@ -90,10 +93,16 @@ impl Nested {
     ) -> Result<Self, ComplementarityError> {
         self.check(&prolongation)?;
         self.galerkin = false;
-        self.push(coarse, prolongation)
+        let matrix = Rows::transposed(coarse.matrix().as_ref());
+        self.push(coarse, matrix, prolongation)
     }
 
-    fn push(mut self, coarse: Lcp, prolongation: Prolongation) -> Result<Self, ComplementarityError> {
+    fn push(
+        mut self,
+        coarse: Lcp,
+        matrix: Rows,
+        prolongation: Prolongation,
+    ) -> Result<Self, ComplementarityError> {
         if prolongation.num_coarse() != coarse.len() {
             return Err(ComplementarityError::Length {
                 what: "the coarse problem",
@@ -102,6 +111,7 @@ impl Nested {
             });
         }
         self.problems.push(coarse);
+        self.matrices.push(matrix);
         self.prolongations.push(Arc::new(prolongation));
         Ok(self)
     }
@@ -141,15 +151,12 @@ impl Nested {
             let problem = &self.problems[k];
             let mut x = vec![0.0; problem.len()];
             let below = &self.prolongations[k..];
-            let reduced = if self.galerkin {
-                let products = self.problems[k + 1..]
-                    .iter()
-                    .map(|p| p.matrix().clone())
-                    .collect();
-                MultigridReduced::with_products(below.to_vec(), products)
+            let known = if self.galerkin {
+                k..self.matrices.len()
             } else {
-                MultigridReduced::with_prolongations(below.to_vec())
+                k..k + 1
             };
+            let reduced = MultigridReduced::with_matrices(below.to_vec(), self.matrices[known].to_vec());
             let mut options = options.clone();
             if k > 0 {
                 options.tolerance = options.tolerance.max(COARSE_TOLERANCE);
@@ -202,25 +209,25 @@ fn coarse_lcp(
     Lcp::boxed(matrix, q, at(fine.lower()), at(fine.upper()))
 }
 
-/// A start for a problem from the levels that aggregation found for its matrix.
+/// A start for a problem from the levels that aggregation found for its matrix, `matrices[0]`.
 pub(super) fn algebraic_start(
     lcp: &Lcp,
     hierarchy: &[Arc<Prolongation>],
-    products: &[Matrix],
+    matrices: &[Rows],
     options: &ActiveSetOptions,
 ) -> Result<Option<Start>, ComplementarityError> {
     let mut first = None;
     let mut nested: Option<Nested> = None;
-    for (p, product) in hierarchy.iter().zip(products) {
+    for (p, pair) in hierarchy.iter().zip(matrices.windows(2)) {
         let fine = nested.as_ref().map_or(lcp, |n| &n.problems[n.problems.len() - 1]);
-        let (p, q) = affine_prolongation(fine.matrix().as_ref(), fine.q(), p)?;
-        let coarse = coarse_lcp(fine, &p, product.clone(), q)?;
+        let (p, q) = affine_prolongation(&pair[0], fine.q(), p)?;
+        let coarse = coarse_lcp(fine, &p, pair[1].to_matrix()?, q)?;
         nested = Some(match nested {
             None => {
                 first = Some(p);
                 Nested::new(coarse)
             }
-            Some(n) => n.push(coarse, p)?,
+            Some(n) => n.push(coarse, pair[1].clone(), p)?,
         });
     }
     let (Some(first), Some(nested)) = (first, nested) else {

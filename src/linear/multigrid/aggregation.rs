@@ -1,5 +1,5 @@
 use super::prolongation::Prolongation;
-use super::rows::Rows;
+use super::rows::{Rows, RowsRef};
 use crate::linear::LinearError;
 
 /// Entries below this part of the geometric mean of their diagonals are weak.
@@ -10,8 +10,8 @@ const MIN_COARSENING: f64 = 0.7;
 /// Smoothed aggregation (P. Vaněk, J. Mandel, M. Brezina, 1996): unknowns are gathered with their strong neighbours, and the
 /// constant on each aggregate is smoothed by one damped Jacobi step. `None` when the matrix does not coarsen.
 pub(super) fn smoothed_aggregation(a: &Rows) -> Result<Option<Prolongation>, LinearError> {
-    let n = a.nrows();
-    let diagonal = diagonal(a);
+    let (n, a) = (a.nrows(), a.view());
+    let diagonal = diagonal(a, n);
     if diagonal.iter().any(|d| d.is_nan() || *d <= 0.0) {
         return Ok(None);
     }
@@ -56,32 +56,30 @@ pub(super) fn smoothed_aggregation(a: &Rows) -> Result<Option<Prolongation>, Lin
         value.truncate(keep);
         start.push(keep as u32);
     }
-    let rows = Rows {
-        ncols: count,
-        start,
-        col,
-        value,
-    };
+    let rows = Rows::new(count, start, col, value);
     // Twice transposed, columns are in order.
     Prolongation::from_columns(rows.transpose()).map(Some)
 }
 
 /// The factor of the Jacobi step: the largest eigenvalue of D⁻¹A is at most its largest row sum of absolute values.
-fn damping(a: &Rows, diagonal: &[f64]) -> f64 {
+fn damping(a: RowsRef<'_>, diagonal: &[f64]) -> f64 {
     let sum = |i: usize| a.row(i).1.iter().map(|v| v.abs()).sum::<f64>();
-    let bound = (0..a.nrows()).map(|i| sum(i) / diagonal[i]).fold(0.0, f64::max);
+    let bound = (0..diagonal.len())
+        .map(|i| sum(i) / diagonal[i])
+        .fold(0.0, f64::max);
     4.0 / (3.0 * bound)
 }
 
 /// The offset of the prolongation for the affine problem A x + q = 0: what the same Jacobi step makes of 0.
 pub(super) fn offset(a: &Rows, q: &[f64]) -> Vec<f64> {
-    let diagonal = diagonal(a);
+    let a = a.view();
+    let diagonal = diagonal(a, q.len());
     let omega = damping(a, &diagonal);
     q.iter().zip(&diagonal).map(|(q, d)| -omega * q / d).collect()
 }
 
-fn diagonal(a: &Rows) -> Vec<f64> {
-    (0..a.nrows())
+fn diagonal(a: RowsRef<'_>, n: usize) -> Vec<f64> {
+    (0..n)
         .map(|i| {
             let (cols, values) = a.row(i);
             cols.binary_search(&(i as u32)).map_or(0.0, |k| values[k])
@@ -90,8 +88,8 @@ fn diagonal(a: &Rows) -> Vec<f64> {
 }
 
 /// The aggregate of each unknown (`None` for those without strong neighbours), and their number.
-fn aggregates(a: &Rows, diagonal: &[f64]) -> (Vec<Option<usize>>, usize) {
-    let n = a.nrows();
+fn aggregates(a: RowsRef<'_>, diagonal: &[f64]) -> (Vec<Option<usize>>, usize) {
+    let n = diagonal.len();
     let strong = |i: usize| {
         let (cols, values) = a.row(i);
         cols.iter().zip(values).filter_map(move |(&j, v)| {

@@ -10,7 +10,7 @@ pub use prolongation::Prolongation;
 use std::sync::Arc;
 
 use self::galerkin::Galerkin;
-use self::rows::Rows;
+pub(crate) use self::rows::Rows;
 use super::LinearError;
 use crate::sparse::{Matrix, MatrixRef, Pattern};
 
@@ -19,22 +19,23 @@ const COARSEST: usize = 60;
 /// Sweeps on the coarsest level, forth and back.
 const COARSEST_SWEEPS: usize = 6;
 
-/// Prolongations found by smoothed aggregation, from the given matrix down to a few dozen unknowns, finest first, with the
-/// Galerkin products. Empty when the matrix does not coarsen.
+/// Prolongations found by smoothed aggregation, from the given matrix down to a few dozen unknowns, finest first, with the matrix
+/// and its Galerkin products. No prolongations when the matrix does not coarsen.
 pub(crate) fn aggregation_hierarchy(
     a: MatrixRef<'_>,
-) -> Result<(Vec<Arc<Prolongation>>, Vec<Matrix>), LinearError> {
-    let (mut levels, mut matrices) = (Vec::new(), Vec::new());
-    let mut a = Rows::transposed(a);
-    while a.nrows() > COARSEST {
-        let Some(p) = aggregation::smoothed_aggregation(&a)? else {
+) -> Result<(Vec<Arc<Prolongation>>, Vec<Rows>), LinearError> {
+    let mut levels = Vec::new();
+    let mut matrices = vec![Rows::transposed(a)];
+    loop {
+        let a = &matrices[matrices.len() - 1];
+        if a.nrows() <= COARSEST {
+            break;
+        }
+        let Some(p) = aggregation::smoothed_aggregation(a)? else {
             break;
         };
-        let mut galerkin = Galerkin::new(p.num_coarse());
-        let mut coarse = galerkin.pattern(&a, &p);
-        galerkin.sum(&a, None, &p, None, &mut coarse);
-        matrices.push(into_matrix(&coarse)?);
-        a = coarse;
+        let coarse = Galerkin::new(&p).product(a, &p);
+        matrices.push(coarse);
         levels.push(Arc::new(p));
     }
     Ok((levels, matrices))
@@ -42,19 +43,19 @@ pub(crate) fn aggregation_hierarchy(
 
 /// An aggregation prolongation with the offset that fits the affine problem A x + q = 0, and the vector q of the coarse problem.
 pub(crate) fn affine_prolongation(
-    a: MatrixRef<'_>,
+    a: &Rows,
     q: &[f64],
     p: &Prolongation,
 ) -> Result<(Prolongation, Vec<f64>), LinearError> {
-    let a = Rows::transposed(a);
-    let p = p.clone().with_offset(aggregation::offset(&a, q))?;
-    let q = coarse_vector(&a, &mut q.to_vec(), &p);
+    let p = p.clone().with_offset(aggregation::offset(a, q))?;
+    let q = coarse_vector(a, &mut q.to_vec(), &p);
     Ok((p, q))
 }
 
 /// Pᵀ(A b + q), with b the offset of the prolongation.
 fn coarse_vector(a: &Rows, q: &mut [f64], p: &Prolongation) -> Vec<f64> {
     if !p.offset().is_empty() {
+        let a = a.view();
         for (i, q) in q.iter_mut().enumerate() {
             *q += a.dot(i, p.offset());
         }
@@ -65,27 +66,22 @@ fn coarse_vector(a: &Rows, q: &mut [f64], p: &Prolongation) -> Vec<f64> {
 }
 
 /// The coarse affine problem: Pᵀ A P and Pᵀ(A b + q). A must be symmetric.
-pub(crate) fn coarse_problem(
-    a: MatrixRef<'_>,
-    q: &[f64],
-    p: &Prolongation,
-) -> Result<(Matrix, Vec<f64>), LinearError> {
-    let a = Rows::transposed(a);
-    let mut galerkin = Galerkin::new(p.num_coarse());
-    let mut c = galerkin.pattern(&a, p);
-    galerkin.sum(&a, None, p, None, &mut c);
-    let q = coarse_vector(&a, &mut q.to_vec(), p);
-    Ok((into_matrix(&c)?, q))
+pub(crate) fn coarse_problem(a: &Rows, q: &[f64], p: &Prolongation) -> (Rows, Vec<f64>) {
+    let c = Galerkin::new(p).product(a, p);
+    let q = coarse_vector(a, &mut q.to_vec(), p);
+    (c, q)
 }
 
-/// A symmetric matrix by rows is one by columns.
-fn into_matrix(c: &Rows) -> Result<Matrix, LinearError> {
-    let n = c.nrows();
-    let start = c.start.iter().map(|&s| s as usize).collect();
-    let col = c.col.iter().map(|&j| j as usize).collect();
-    let refuse = |e: crate::sparse::SparseError| LinearError::Solver { what: e.to_string() };
-    let pattern = Pattern::from_csc(n, n, start, col).map_err(refuse)?;
-    Matrix::from_values(pattern, c.value.clone()).map_err(refuse)
+impl Rows {
+    /// A symmetric matrix by rows is one by columns.
+    pub(crate) fn to_matrix(&self) -> Result<Matrix, LinearError> {
+        let (n, c) = (self.nrows(), self.view());
+        let start = c.start.iter().map(|&s| s as usize).collect();
+        let col = c.col.iter().map(|&j| j as usize).collect();
+        let refuse = |e: crate::sparse::SparseError| LinearError::Solver { what: e.to_string() };
+        let pattern = Pattern::from_csc(n, n, start, col).map_err(refuse)?;
+        Matrix::from_values(pattern, c.value.to_vec()).map_err(refuse)
+    }
 }
 
 /// One level: a matrix with the workspace of a cycle.
@@ -103,10 +99,10 @@ struct Level {
 
 impl Level {
     fn new(a: Rows) -> Result<Self, LinearError> {
-        let n = a.nrows();
+        let (n, rows) = (a.nrows(), a.view());
         let place = |i: usize| {
-            let span = a.span(i);
-            let found = a.col[span.clone()].binary_search(&(i as u32));
+            let span = rows.span(i);
+            let found = rows.col[span.clone()].binary_search(&(i as u32));
             found
                 .map(|k| (span.start + k) as u32)
                 .map_err(|_| LinearError::NotPositiveDefinite)
@@ -123,7 +119,7 @@ impl Level {
     }
 
     fn invert_diagonal(&mut self, i: usize, free: bool) {
-        let d = self.a.value[self.diagonal[i] as usize];
+        let d = self.a.view().value[self.diagonal[i] as usize];
         self.inverse_diagonal[i] = if free && d > f64::MIN_POSITIVE {
             1.0 / d
         } else {
@@ -142,6 +138,7 @@ impl Level {
             b,
             r,
         } = self;
+        let a = a.view();
         for i in 0..b.len() {
             let inverse = inverse_diagonal[i];
             r[i] = 0.0;
@@ -163,11 +160,30 @@ impl Level {
         }
     }
 
-    fn relax(&mut self, i: usize) {
-        let inverse = self.inverse_diagonal[i];
-        if inverse != 0.0 {
-            let r = self.b[i] - self.a.dot(i, &self.x);
-            self.x[i] += r * inverse;
+    /// A backward Gauss–Seidel sweep, and r ← b − A x: what a row's residual is once the row is relaxed comes from the rows before it, and
+    /// by symmetry is gathered from their upper parts in the same pass. In rows left out, r is 0 or arbitrary.
+    fn smooth_backward_to_residual(&mut self) {
+        let Self {
+            a,
+            diagonal,
+            inverse_diagonal,
+            x,
+            b,
+            r,
+        } = self;
+        let a = a.view();
+        for i in (0..b.len()).rev() {
+            r[i] = 0.0;
+            let inverse = inverse_diagonal[i];
+            if inverse == 0.0 {
+                continue;
+            }
+            let step = (b[i] - a.dot(i, x)) * inverse;
+            x[i] += step;
+            let upper = diagonal[i] as usize + 1..a.start[i + 1] as usize;
+            for (&j, v) in a.col[upper.clone()].iter().zip(&a.value[upper]) {
+                r[j as usize] -= v * step;
+            }
         }
     }
 
@@ -180,11 +196,17 @@ impl Level {
     }
 
     fn smooth_backward(&mut self) {
-        (0..self.b.len()).rev().for_each(|i| self.relax(i));
+        let (a, inverse) = (self.a.view(), &self.inverse_diagonal);
+        for i in (0..self.b.len()).rev().filter(|&i| inverse[i] != 0.0) {
+            self.x[i] += (self.b[i] - a.dot(i, &self.x)) * inverse[i];
+        }
     }
 
     fn smooth_forward(&mut self) {
-        (0..self.b.len()).for_each(|i| self.relax(i));
+        let (a, inverse) = (self.a.view(), &self.inverse_diagonal);
+        for i in (0..self.b.len()).filter(|&i| inverse[i] != 0.0) {
+            self.x[i] += (self.b[i] - a.dot(i, &self.x)) * inverse[i];
+        }
     }
 }
 
@@ -199,7 +221,6 @@ pub(crate) struct TruncatedMultigrid {
     galerkin: Vec<Galerkin>,
     levels: Vec<Level>,
     free: Vec<bool>,
-    ready: bool,
     direction: Vec<f64>,
     product: Vec<f64>,
     changed: Vec<usize>,
@@ -207,15 +228,14 @@ pub(crate) struct TruncatedMultigrid {
 }
 
 impl TruncatedMultigrid {
-    /// For the symmetric matrix `a`; prolongations finest first. With `coarse` the Galerkin products over all unknowns, if they are
-    /// known; else they are summed when unknowns are first chosen.
-    pub(crate) fn new(
-        a: MatrixRef<'_>,
-        prolongations: &[Arc<Prolongation>],
-        coarse: Option<&[MatrixRef<'_>]>,
-    ) -> Result<Self, LinearError> {
-        let n = a.pattern.ncols;
-        let mut levels = vec![Level::new(Rows::transposed(a))?];
+    /// For a symmetric matrix; prolongations finest first. `matrices` are the matrix and, as far as they are known, its Galerkin products
+    /// over all unknowns; their arrays are shared until unknowns are left out.
+    pub(crate) fn new(matrices: &[Rows], prolongations: &[Arc<Prolongation>]) -> Result<Self, LinearError> {
+        let Some(a) = matrices.first() else {
+            return Err(LinearError::NotAnalyzed);
+        };
+        let n = a.nrows();
+        let mut levels = vec![Level::new(a.clone())?];
         let mut all = Vec::new();
         for (k, p) in prolongations.iter().enumerate() {
             let fine = &levels[levels.len() - 1].a;
@@ -226,19 +246,16 @@ impl TruncatedMultigrid {
                     found: p.num_fine(),
                 });
             }
-            let mut galerkin = Galerkin::new(p.num_coarse());
-            let next = match coarse.and_then(|c| c.get(k)) {
-                Some(known) => Rows::transposed(*known),
-                None => galerkin.pattern(fine, p),
+            let mut galerkin = Galerkin::new(p);
+            let next = match matrices.get(k + 1) {
+                Some(known) => known.clone(),
+                None => galerkin.product(fine, p),
             };
             levels.push(Level::new(next)?);
             all.push(galerkin);
         }
-        let ready = coarse.is_some_and(|c| c.len() >= prolongations.len());
-        if ready {
-            for level in &mut levels {
-                (0..level.b.len()).for_each(|i| level.invert_diagonal(i, true));
-            }
+        for level in &mut levels {
+            (0..level.b.len()).for_each(|i| level.invert_diagonal(i, true));
         }
         Ok(Self {
             prolongations: prolongations.to_vec(),
@@ -246,7 +263,6 @@ impl TruncatedMultigrid {
             levels,
             // As long as nothing is left out, all coarse matrices are right.
             free: vec![true; n],
-            ready,
             direction: vec![0.0; n],
             product: vec![0.0; n],
             changed: Vec::new(),
@@ -265,21 +281,19 @@ impl TruncatedMultigrid {
         } = self;
         changed.clear();
         let fine = &mut levels[0];
-        if self.ready {
-            // Rows of the truncated matrix change with their own unknown and with those of their neighbours.
-            for i in (0..free.len()).filter(|&i| free[i] != known[i]) {
-                for &j in fine.a.row(i).0 {
-                    if !marked[j as usize] {
-                        marked[j as usize] = true;
-                        changed.push(j as usize);
-                    }
+        // Rows of the truncated matrix change with their own unknown and with those of their neighbours.
+        for i in (0..free.len()).filter(|&i| free[i] != known[i]) {
+            fine.invert_diagonal(i, free[i]);
+            for &j in fine.a.view().row(i).0 {
+                if !marked[j as usize] {
+                    marked[j as usize] = true;
+                    changed.push(j as usize);
                 }
             }
-            changed.iter().for_each(|&j| marked[j] = false);
         }
+        changed.iter().for_each(|&j| marked[j] = false);
         known.copy_from_slice(free);
-        let anew = !self.ready || changed.len() > free.len() / 2;
-        (0..free.len()).for_each(|i| fine.invert_diagonal(i, free[i]));
+        let anew = changed.len() > free.len() / 2;
         for k in 0..self.prolongations.len() {
             let (above, below) = levels.split_at_mut(k + 1);
             let mask = (k == 0).then_some(&**known);
@@ -293,10 +307,9 @@ impl TruncatedMultigrid {
                 changed.extend_from_slice(affected);
             }
         }
-        self.ready = true;
     }
 
-    /// One cycle: x₀ ← approximately A⁻¹ b₀.
+    /// One cycle: x₀ ← approximately A⁻¹ b₀, r₀ ← b₀ − A x₀ over the free unknowns.
     fn cycle(&mut self) {
         let last = self.levels.len() - 1;
         for k in 0..last {
@@ -310,17 +323,22 @@ impl TruncatedMultigrid {
         coarsest.x.fill(0.0);
         let sweeps = if last == 0 { 1 } else { COARSEST_SWEEPS };
         (0..sweeps).for_each(|_| coarsest.smooth_forward());
-        (0..sweeps).for_each(|_| coarsest.smooth_backward());
+        (1..sweeps).for_each(|_| coarsest.smooth_backward());
+        coarsest.smooth_backward_to_residual();
         for k in (0..last).rev() {
             let (above, below) = self.levels.split_at_mut(k + 1);
             let fine = &mut above[k];
-            let p = &self.prolongations[k].rows();
-            for i in 0..fine.x.len() {
-                if fine.inverse_diagonal[i] != 0.0 {
-                    fine.x[i] += p.dot(i, &below[0].x);
+            let p = self.prolongations[k].rows();
+            for (i, (x, inverse)) in fine.x.iter_mut().zip(&fine.inverse_diagonal).enumerate() {
+                if *inverse != 0.0 {
+                    *x += p.dot(i, &below[0].x);
                 }
             }
-            fine.smooth_backward();
+            if k == 0 {
+                fine.smooth_backward_to_residual();
+            } else {
+                fine.smooth_backward();
+            }
         }
     }
 
@@ -333,7 +351,10 @@ impl TruncatedMultigrid {
         tolerance: f64,
         limit: usize,
     ) -> Result<usize, LinearError> {
-        let n = r.len();
+        let fine = &self.levels[0];
+        if (self.free.iter().zip(&fine.inverse_diagonal)).any(|(free, d)| *free && *d == 0.0) {
+            return Err(LinearError::NotPositiveDefinite);
+        }
         d.fill(0.0);
         for (r, free) in r.iter_mut().zip(&self.free) {
             if !free {
@@ -343,6 +364,7 @@ impl TruncatedMultigrid {
         let mut size = inner(r, r);
         let goal = size * tolerance * tolerance;
         self.direction.fill(0.0);
+        self.product.fill(0.0);
         let mut rho = 1.0;
         for iteration in 0..limit {
             if size <= goal || size == 0.0 {
@@ -350,24 +372,25 @@ impl TruncatedMultigrid {
             }
             self.levels[0].b.copy_from_slice(r);
             self.cycle();
-            let z = &self.levels[0].x;
+            let Level { x: z, r: rest, .. } = &self.levels[0];
             let next = inner(r, z);
             if !(next > 0.0 && next.is_finite()) {
                 return Err(LinearError::NotPositiveDefinite);
             }
             let beta = if iteration == 0 { 0.0 } else { next / rho };
             rho = next;
-            (self.direction.iter_mut().zip(z)).for_each(|(p, z)| *p = z + beta * *p);
-            let a = &self.levels[0].a;
+            // The cycle leaves A z = r − rest behind, so that A times the direction follows by recurrence, without another product.
             let mut curvature = 0.0;
-            for i in 0..n {
-                let product = if self.free[i] {
-                    a.dot(i, &self.direction)
-                } else {
-                    0.0
-                };
-                self.product[i] = product;
-                curvature += product * self.direction[i];
+            for (((((p, image), z), r), rest), free) in (self.direction.iter_mut())
+                .zip(&mut self.product)
+                .zip(z)
+                .zip(&*r)
+                .zip(rest)
+                .zip(&self.free)
+            {
+                *p = z + beta * *p;
+                *image = if *free { r - rest } else { 0.0 } + beta * *image;
+                curvature += *image * *p;
             }
             if !(curvature > 0.0 && curvature.is_finite()) {
                 return Err(LinearError::NotPositiveDefinite);

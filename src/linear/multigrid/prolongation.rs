@@ -1,6 +1,6 @@
 use std::sync::Arc;
 
-use super::rows::Rows;
+use super::rows::{Rows, RowsRef};
 use crate::linear::LinearError;
 use crate::sparse::Matrix;
 
@@ -56,7 +56,7 @@ impl Prolongation {
     pub(super) fn from_columns(columns: Rows) -> Result<Self, LinearError> {
         let mut representative = Vec::with_capacity(columns.nrows());
         for c in 0..columns.nrows() {
-            let (rows, weights) = columns.row(c);
+            let (rows, weights) = columns.view().row(c);
             let largest = (0..rows.len()).reduce(|a, b| if weights[b] > weights[a] { b } else { a });
             match largest {
                 Some(k) => representative.push(rows[k] as usize),
@@ -78,12 +78,12 @@ impl Prolongation {
         })
     }
 
-    pub(super) fn rows(&self) -> &Rows {
-        &self.inner.rows
+    pub(super) fn rows(&self) -> RowsRef<'_> {
+        self.inner.rows.view()
     }
 
-    pub(super) fn columns(&self) -> &Rows {
-        &self.inner.columns
+    pub(super) fn columns(&self) -> RowsRef<'_> {
+        self.inner.columns.view()
     }
 
     /// Sets b, one entry a fine unknown.
@@ -133,14 +133,15 @@ impl Prolongation {
 
     /// The coarse unknowns on which fine unknown `i` depends, with their weights.
     pub fn parents(&self, i: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
-        let (cols, weights) = self.inner.rows.row(i);
+        let (cols, weights) = self.rows().row(i);
         cols.iter().zip(weights).map(|(&j, &w)| (j as usize, w))
     }
 
     /// `fine = P coarse + b`. Lengths must fit.
     pub fn prolong(&self, coarse: &[f64], fine: &mut [f64]) {
+        let rows = self.rows();
         for (i, x) in fine.iter_mut().enumerate() {
-            *x = self.inner.rows.dot(i, coarse) + self.offset.get(i).copied().unwrap_or(0.0);
+            *x = rows.dot(i, coarse) + self.offset.get(i).copied().unwrap_or(0.0);
         }
     }
 
@@ -163,8 +164,9 @@ impl Prolongation {
 
     /// `coarse = Pᵀ fine`. Lengths must fit.
     pub fn restrict(&self, fine: &[f64], coarse: &mut [f64]) {
+        let columns = self.columns();
         for (c, y) in coarse.iter_mut().enumerate() {
-            *y = self.inner.columns.dot(c, fine);
+            *y = columns.dot(c, fine);
         }
     }
 }
