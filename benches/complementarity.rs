@@ -1,10 +1,13 @@
 //! Complementarity: obstacle problems nested over grids and from a cold start, dense LCPs, exponential families, small LCPs.
 
+#[path = "../examples/common/obstacles.rs"]
+mod obstacles;
+
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
-use semismooth::complementarity::active_set::{ActiveSetOptions, ActiveSetSolver, ActiveSetStatus, Nested};
+use obstacles::{Problem, nested};
+use semismooth::complementarity::active_set::{ActiveSetOptions, ActiveSetSolver, ActiveSetStatus};
 use semismooth::complementarity::pivoting::{Lemke, LemkeStatus};
 use semismooth::complementarity::{Lcp, McpSolver};
-use semismooth::linear::Prolongation;
 use semismooth::sparse::{Matrix, Pattern};
 
 /// Uniform in [-1, 1).
@@ -16,85 +19,42 @@ fn next(state: &mut u64) -> f64 {
     bits as f64 / (1_u64 << 52) as f64 - 1.0
 }
 
-/// MCPLIB's obstacle problem on m × m points.
-fn obstacle(m: usize) -> Lcp {
-    let (n, h) = (m * m, 1.0 / (m + 1) as f64);
-    let mut entries = Vec::with_capacity(5 * n);
-    let (mut lower, mut upper) = (Vec::new(), Vec::new());
-    for j in 0..m {
-        for i in 0..m {
-            let k = j * m + i;
-            entries.push((k, k, 4.0));
-            if i > 0 {
-                entries.push((k, k - 1, -1.0));
-                entries.push((k - 1, k, -1.0));
-            }
-            if j > 0 {
-                entries.push((k, k - m, -1.0));
-                entries.push((k - m, k, -1.0));
-            }
-            let s = (9.2 * (i + 1) as f64 * h).sin() * (9.3 * (j + 1) as f64 * h).sin();
-            lower.push(s.powi(3));
-            upper.push(s * s + 0.2);
-        }
-    }
-    let matrix = Matrix::from_triplets(n, n, &entries).unwrap();
-    Lcp::boxed(matrix, vec![-h * h; n], lower, upper).unwrap()
-}
-
-/// Bilinear interpolation from every second line.
-fn halving(m: usize) -> Prolongation {
-    let coarse = m / 2;
-    let mut entries = Vec::new();
-    let weight = |i: usize, a: usize| if i == 2 * a { 1.0 } else { 0.5 };
-    for b in 1..=coarse {
-        for a in 1..=coarse {
-            for j in 2 * b - 1..=(2 * b + 1).min(m) {
-                for i in 2 * a - 1..=(2 * a + 1).min(m) {
-                    entries.push((
-                        (j - 1) * m + i - 1,
-                        (b - 1) * coarse + a - 1,
-                        weight(i, a) * weight(j, b),
-                    ));
-                }
-            }
-        }
-    }
-    Prolongation::new(&Matrix::from_triplets(m * m, coarse * coarse, &entries).unwrap()).unwrap()
-}
-
 fn grids(c: &mut Criterion) {
     let options = ActiveSetOptions::default();
     let mut group = c.benchmark_group("obstacle");
     group.sample_size(10);
-    for m in [100, 400, 800] {
-        let mut nested = Nested::new(obstacle(m));
-        let mut size = m;
-        while size > 8 {
-            nested = nested.coarsen(halving(size)).unwrap();
-            size /= 2;
-        }
-        let mut z = vec![0.0; m * m];
-        let report = nested.solve(&options, &mut z).unwrap();
-        assert_eq!(report.status(), ActiveSetStatus::Solved);
-        let most = report.levels.iter().map(|l| l.report.iterations).max();
-        println!("m = {m}: at most {most:?} iterations a level");
-        group.bench_function(BenchmarkId::new("nested", m), |b| {
-            b.iter(|| nested.solve(&options, &mut z).unwrap())
-        });
-    }
-    for m in [100, 400] {
-        let lcp = obstacle(m);
-        let start: Vec<f64> = lcp.lower().iter().map(|l| l.max(0.0)).collect();
-        let mut solver = ActiveSetSolver::default();
-        let mut z = start.clone();
-        println!("m = {m}: {:?}", solver.solve(&lcp, &mut z).unwrap());
-        group.bench_function(BenchmarkId::new("from max(0, lower)", m), |b| {
-            b.iter(|| {
-                z.copy_from_slice(&start);
-                solver.solve(&lcp, &mut z).unwrap()
+    for problem in [Problem::Mcplib, Problem::Hemisphere, Problem::Torsion] {
+        for m in [100, 400, 800] {
+            let nested = nested(problem, m).unwrap();
+            let mut z = vec![0.0; m * m];
+            let report = nested.solve(&options, &mut z).unwrap();
+            assert_eq!(report.status(), ActiveSetStatus::Solved);
+            let most = report.levels.iter().map(|l| l.report.iterations).max();
+            println!("{}, m = {m}: at most {most:?} iterations a level", problem.name());
+            group.bench_function(BenchmarkId::new(format!("nested {}", problem.name()), m), |b| {
+                b.iter(|| nested.solve(&options, &mut z).unwrap())
             });
-        });
+        }
+        for m in [100, 400] {
+            let lcp = problem.lcp(m).unwrap();
+            let start: Vec<f64> = lcp.lower().iter().map(|l| l.max(0.0)).collect();
+            let mut solver = ActiveSetSolver::default();
+            let mut z = start.clone();
+            println!(
+                "{}, m = {m}: {:?}",
+                problem.name(),
+                solver.solve(&lcp, &mut z).unwrap()
+            );
+            group.bench_function(
+                BenchmarkId::new(format!("from max(0, lower) {}", problem.name()), m),
+                |b| {
+                    b.iter(|| {
+                        z.copy_from_slice(&start);
+                        solver.solve(&lcp, &mut z).unwrap()
+                    });
+                },
+            );
+        }
     }
     group.finish();
 }
