@@ -26,7 +26,7 @@ pub fn sweep<I: Sync, R: Send>(inputs: &[I], f: impl Fn(&I) -> R + Sync) -> Vec<
     #[cfg(feature = "rayon")]
     {
         use rayon::prelude::*;
-        inputs.par_iter().map(|input| f(input)).collect()
+        inputs.par_iter().map(&f).collect()
     }
     #[cfg(not(feature = "rayon"))]
     inputs.iter().map(f).collect()

@@ -175,7 +175,7 @@ mod active_set {
                 let dot: f64 = (0..N).map(|k| g[k * N + i] * g[k * N + j]).sum();
                 dot + if i == j { 0.05 } else { 4.0 * (s[i * N + j] - s[j * N + i]) }
             });
-            let lcp = Lcp::boxed(m, q, vec![-0.5; N], width.iter().map(|w| w - 0.5).collect()).unwrap();
+            let lcp = Lcp::boxed(m, q, vec![-0.5; N], width.iter().map(|w: &f64| w - 0.5).collect()).unwrap();
             let mut z = start;
             let report = ActiveSetSolver::default().solve(&lcp, &mut z).unwrap();
             prop_assert_eq!(report.status, ActiveSetStatus::Solved);
