@@ -365,3 +365,36 @@ fn unknown_structure() {
     };
     assert_eq!(capped.completeness, incomplete);
 }
+
+/// r = 1 is an eigenvalue of the condensed problem: with F = 1 a test function of the third node vanishes identically, gradient and
+/// all, but for rounding. Found by fuzzing: at α = 0 the only solution was dropped.
+#[test]
+fn test_functions_that_vanish_everywhere() {
+    const G: [[f64; 6]; 6] = [
+        [0.0, 0.0, 0.0625, 0.0, 5.0, 5.0],
+        [5.0, -5.0, -5.0625, -5.0625, -5.0625, -5.0625],
+        [-5.0625, -5.0625, -5.0, 5.0, 5.0, 5.0],
+        [5.0; 6],
+        [5.0; 6],
+        [5.0; 6],
+    ];
+    let entry = |i: usize, j: usize| G.iter().map(|g| g[i] * g[j]).sum::<f64>() + f64::from(u8::from(i == j));
+    let a: Vec<Vec<f64>> = (0..6).map(|i| (0..6).map(|j| entry(i, j)).collect()).collect();
+    let rows = |first: usize| {
+        let entries: Vec<_> = (0..3).map(|i| (i, 2 * i + first, 1.0)).collect();
+        semismooth::sparse::Matrix::from_triplets(3, 6, &entries).unwrap()
+    };
+    let problem = semismooth::contact::FrictionProblem::new(
+        semismooth::sparse::Matrix::from_rows(&a).unwrap(),
+        rows(0),
+        rows(1),
+        semismooth::contact::LoadPath::between(vec![5.0; 6], &[5.0, 5.0, 5.8125, 5.0, 5.0, 5.0]),
+        semismooth::contact::FrictionPath::constant(vec![2.5, 0.3125, 1.0]),
+    );
+    let map = semismooth::contact::CondensedFriction::new(problem.unwrap()).unwrap();
+    for alpha in [-1e-6, -1e-9, 0.0, 1e-9, 1e-6] {
+        let set = all_solutions(&map, alpha, &EnumerationOptions::default()).unwrap();
+        assert!(set.completeness.is_complete());
+        assert_eq!((set.solutions.len(), set.index_sum), (1, Some(1)), "α = {alpha}");
+    }
+}

@@ -7,7 +7,7 @@ use crate::linear::{AutoSolver, LinearError, LinearSolver};
 use crate::piecewise::{
     PiecewiseError, PiecewiseSmooth, Selection, Selections, TestLayout, active_set, cell_margin, check_vector,
 };
-use crate::sparse::{Matrix, norm};
+use crate::sparse::{Matrix, max_abs, norm};
 
 /// How far a list is known to be complete.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -172,6 +172,9 @@ pub fn all_solutions<P: PiecewiseSmooth + ?Sized>(
 /// Reciprocal condition below which the rank is determined by elimination with full pivoting.
 const DOUBTFUL: f64 = 1e-11;
 
+/// Rounding error of a test function, relative to the largest of its site.
+const NOISE: f64 = 64.0 * f64::EPSILON;
+
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Rank {
     Full,
@@ -280,9 +283,11 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Collector<'a, P> {
         let mut gradient = vec![0.0; x.len()];
         (0..self.layout.num_sites()).all(|site| {
             let tests = &theta[self.layout.range(site)];
+            // A test function may vanish everywhere, gradient and all, but for rounding.
+            let rounding = NOISE * max_abs(tests);
             self.map.cell(site, selection.piece(site)).iter().all(|facet| {
                 let margin = facet.margin(tests);
-                margin >= 0.0 || {
+                margin >= -rounding || {
                     self.map.test_gradient(site, facet.test(), x, &mut gradient);
                     let size = norm(&gradient) * (1.0 + norm(x));
                     margin >= -self.options.tolerance * size
