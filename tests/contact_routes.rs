@@ -152,11 +152,21 @@ fn routes<L: NodeLaw + Clone>(body: &ContactBody, law: &L) -> ContactSolution {
     assert!(report.is_solved());
     let z = condensed.point_of_reactions(0.7, &report.r).unwrap();
     let third = condensed.solution(&z).unwrap();
-    // Each iterative solver stops at its own residual, 1e-12 here and 1e-11 below.
-    agree(&first, &third, 1e-9);
+    // The solver stops at 1e-12 of the largest of q, r and u, which may be velocities; what follows is relative to forces.
+    let velocities = problem.velocities(&report.r).unwrap();
+    let norm = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let size = norm(problem.q()).max(norm(&report.r)).max(norm(&velocities));
+    let force = report.r.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+    let stop = 1e-11 * (size / force).max(1.0);
+    agree(&first, &third, (100.0 * stop).max(1e-9));
     let own = report.solution(&problem).unwrap();
+    // The work of random forces may cancel to nothing; what is stored does not.
+    let work = first.energy.load.abs() + first.energy.stored;
     assert!(
-        own.residuals.largest() < 1e-10 && own.energy.imbalance().abs() < 1e-10 * first.energy.load.abs()
+        own.residuals.largest() < stop && own.energy.imbalance().abs() < stop * work.max(own.energy.stored),
+        "{:?} {:?} {stop:e}",
+        own.energy,
+        own.residuals
     );
     assert_eq!(
         (own.open(), own.stick(), own.slip()),
