@@ -4,7 +4,6 @@ mod dense;
 
 use dense::{det_sign, distance, dot, eliminate, norm};
 use proptest::prelude::*;
-use proptest::test_runner::RngSeed;
 use semismooth::contact::{
     CondensedFriction, ContactState, FrictionMap, FrictionPath, FrictionProblem, LoadPath, SlipBound,
 };
@@ -354,8 +353,7 @@ fn check_end(branch: &Branch) -> Result<(), TestCaseError> {
 }
 
 proptest! {
-    // One sample in a few thousand ends in an orientation error (reported, never a wrong branch): the sample is fixed.
-    #![proptest_config(ProptestConfig { cases: 400, max_global_rejects: 40000, rng_seed: RngSeed::Fixed(7), ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 400, max_global_rejects: 40000, ..ProptestConfig::default() })]
 
     #[test]
     fn branches_of_random_problems(s in sample(), alpha in 0.3..3.7_f64, target in 0.1..3.9_f64) {

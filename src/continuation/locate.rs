@@ -78,7 +78,11 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
                     None => 0.0,
                 };
                 if g1 < -slack || (g1.is_nan() && !g0.is_nan()) {
-                    let fraction = if g0 > 0.0 { g0 / (g0 - g1) } else { 0.0 };
+                    let fraction = match self.return_to(index, facet) {
+                        Some(s) => s / step,
+                        None if g0 > 0.0 => g0 / (g0 - g1),
+                        None => 0.0,
+                    };
                     offer(fraction, Monitor::Facet { index, facet });
                 }
             }
@@ -160,6 +164,21 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         false
     }
 
+    /// Where the parabola through a facet's values at `here` and `next` comes back to zero, if `here` lies on the facet to rounding
+    /// and the curve leaves it inwards: then the crossing is not the start of the step, where the linear interpolant has it.
+    fn return_to(&self, index: usize, facet: Facet) -> Option<f64> {
+        let sign = facet.sign();
+        let (g0, g1, step) = (sign * self.here.theta[index], sign * self.next.theta[index], self.next.s);
+        if self.map.is_piecewise_affine() || g1.is_nan() || g1 >= 0.0 {
+            return None;
+        }
+        let mut rates = vec![0.0; self.layout.total()];
+        self.map.test_derivatives(&self.here.x, &self.here.t, &mut rates);
+        let rate = sign * rates[index];
+        let reach = self.options.vanishing_distance * (1.0 + norm(&self.here.x));
+        (rate > 0.0 && g0.abs() <= reach * rate).then(|| rate * step * step / (rate * step - g1))
+    }
+
     /// Value of a monitor at a state, > 0 before the event; `start` is its value at `here`.
     fn monitor_value(
         &mut self,
@@ -229,13 +248,25 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         let mut high = self.next.clone();
         let (mut a, mut ga) = (0.0, self.monitor_value(monitor, &here, &origin)?);
         let (mut b, mut gb) = (high.s, self.monitor_value(monitor, &high, &origin)?);
-        if ga <= 0.0 {
+        let mut state = high.clone();
+        if let Monitor::Facet { index, facet } = monitor
+            && let Some(back) = self.return_to(index, facet)
+        {
+            // The bracket begins between the facet just left and its second crossing.
+            a = 0.5 * back;
+            if !self.state_at(a, &high, &mut state)? {
+                return Ok(false);
+            }
+            ga = self.monitor_value(monitor, &state, &origin)?;
+            if ga.is_nan() || ga <= 0.0 {
+                return Ok(false);
+            }
+        } else if ga <= 0.0 {
             // A facet left at once: the event is the start of the step itself, to rounding.
             ga = 0.0;
         }
         let width = 4.0 * f64::EPSILON * (norm(&here.x) + b);
-        let slope = (ga - gb).abs() / b.max(f64::MIN_POSITIVE);
-        let mut state = high.clone();
+        let slope = (ga - gb).abs() / (b - a).max(f64::MIN_POSITIVE);
         let mut best: Option<(f64, State)> = None;
         for _ in 0..LIMIT {
             let mut s = if gb < ga {
