@@ -10,6 +10,7 @@ use super::reduced::reduced_newton;
 use super::solution::judge;
 use super::start::{first_converged, solve_with_stiffer};
 use super::{ContactBody, ContactError, ContactSolution, DelassusProblem};
+use crate::interface::fill_sizes;
 use crate::linear::{AutoSolver, Condensation, LinearSolver};
 use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, Pattern, dot};
@@ -428,6 +429,10 @@ impl<L: NodeLaw> PiecewiseSmooth for CondensedContact<L> {
 
     fn is_piecewise_affine(&self) -> bool {
         self.law.is_affine()
+    }
+
+    fn typical_sizes(&self, sizes: &mut [f64]) {
+        fill_sizes(self.body.sizes(), 0, sizes);
     }
 
     fn test_functions(&self, x: &[f64], out: &mut [f64]) {

@@ -7,6 +7,7 @@ use super::paths::Path;
 use super::solution::{imbalance, judge};
 use super::start::{first_converged, newton_step, solve_with_stiffer};
 use super::{ContactBody, ContactError, ContactSolution};
+use crate::interface::fill_sizes;
 use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, Pattern, dot};
 
@@ -280,6 +281,10 @@ impl<L: NodeLaw> PiecewiseSmooth for FullContact<L> {
 
     fn is_piecewise_affine(&self) -> bool {
         self.law.is_affine() && self.body.load.0.is_affine()
+    }
+
+    fn typical_sizes(&self, sizes: &mut [f64]) {
+        fill_sizes(self.body.sizes(), self.body.num_displacements(), sizes);
     }
 
     fn test_functions(&self, x: &[f64], out: &mut [f64]) {

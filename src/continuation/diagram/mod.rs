@@ -4,6 +4,7 @@ mod arc;
 mod chains;
 mod explore;
 mod model;
+mod natural;
 mod options;
 mod query;
 mod resume;

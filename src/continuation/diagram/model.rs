@@ -35,6 +35,9 @@ pub struct Diagram {
     pub(super) range: (f64, f64),
     pub(super) same_point: f64,
     pub(super) points: usize,
+    /// Typical sizes by which the exploration divided the variables; none for no scaling.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub(super) sizes: Vec<f64>,
 }
 
 impl Diagram {
