@@ -5,7 +5,8 @@ use super::search::Search;
 use super::{EnumerationError, EnumerationOptions, system};
 use crate::linear::{AutoSolver, LinearError, LinearSolver};
 use crate::piecewise::{
-    PiecewiseError, PiecewiseSmooth, Selection, Selections, TestLayout, active_set, cell_margin, check_vector,
+    PiecewiseError, PiecewiseSmooth, Scaled, Selection, Selections, TestLayout, active_set, cell_margin,
+    check_vector,
 };
 use crate::sparse::{Matrix, max_abs, norm};
 
@@ -117,6 +118,19 @@ pub fn all_solutions<P: PiecewiseSmooth + ?Sized>(
 ) -> Result<SolutionSet, EnumerationError> {
     options.validate()?;
     check_vector("the parameter", &[alpha], 1)?;
+    let scaled = Scaled::new(map, &[])?;
+    let mut set = of_scaled(&scaled, alpha, options)?;
+    set.solutions.iter_mut().for_each(|s| scaled.unscale(&mut s.x));
+    let ends = set.continua.iter_mut().flat_map(|c| &mut c.ends);
+    ends.for_each(|x| scaled.unscale(x));
+    Ok(set)
+}
+
+fn of_scaled<P: PiecewiseSmooth + ?Sized>(
+    map: &P,
+    alpha: f64,
+    options: &EnumerationOptions,
+) -> Result<SolutionSet, EnumerationError> {
     let (m, n) = (map.num_vars(), map.num_residuals());
     if m != n && m != n + 1 {
         return Err(PiecewiseError::Dimensions {

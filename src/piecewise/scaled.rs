@@ -4,8 +4,8 @@ use std::cell::RefCell;
 use super::{Facet, PiecewiseError, PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, Pattern, norm};
 
-/// A map in scaled variables z, x = D z, where D holds typical sizes of the variables relative to that of the last one, the
-/// parameter, which stays as it is. Distances and angles in z do not depend on the units of x.
+/// A map in scaled variables z, x = D z, where D holds typical sizes of the variables, for a curve relative to that of the last one,
+/// the parameter, which stays as it is. Distances and angles in z do not depend on the units of x.
 #[derive(Debug)]
 pub(crate) struct Scaled<'a, P: ?Sized> {
     map: &'a P,
@@ -32,7 +32,10 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Scaled<'a, P> {
             map.typical_sizes(&mut sizes);
         }
         check_sizes(&sizes, m)?;
-        let of_parameter = sizes.last().copied().unwrap_or(1.0);
+        let of_parameter = match sizes.last() {
+            Some(size) if m > map.num_residuals() => *size,
+            _ => 1.0,
+        };
         for size in &mut sizes {
             *size = (*size / of_parameter)
                 .clamp(SMALLEST, 1.0 / SMALLEST)
