@@ -1,15 +1,19 @@
 use std::borrow::Cow;
+use std::ops::ControlFlow;
 use std::sync::Arc;
 
+use super::approach::{Observer, lower};
 use super::condensed::check_symmetric;
 use super::error::check_length;
+use super::form::Form;
 use super::full_contact::held;
 use super::node_law::{LocalRow, LocalValues, MAX_TESTS, NodeLaw};
 use super::paths::Path;
 use super::reduced::reduced_newton;
 use super::solution::judge;
-use super::start::{first_converged, solve_with_stiffer};
-use super::{ContactBody, ContactError, ContactSolution, DelassusProblem};
+use super::{
+    ContactBody, ContactError, ContactProgress, ContactReport, ContactSolution, DelassusProblem, strategy,
+};
 use crate::linear::{AutoSolver, Condensation, LinearSolver};
 use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, Pattern, dot};
@@ -86,18 +90,7 @@ impl<L: NodeLaw> CondensedContact<L> {
     /// A law of another dimension.
     pub fn with_law<M: NodeLaw>(&self, law: M) -> Result<CondensedContact<M>, ContactError> {
         self.body.check_law(&law)?;
-        Ok(CondensedContact {
-            body: Arc::clone(&self.body),
-            law,
-            condensation: Arc::clone(&self.condensation),
-            free: self.free.clone(),
-            free_rate: self.free_rate.clone(),
-            free_energy: self.free_energy,
-            r: self.r,
-            stiffness: self.stiffness,
-            reference: self.reference.clone(),
-            pattern: self.pattern.clone(),
-        })
+        Ok(self.changed(law))
     }
 
     /// Sets the augmentation parameter r > 0 (force per length).
@@ -347,39 +340,93 @@ impl<L: NodeLaw> CondensedContact<L> {
         Ok(x)
     }
 
-    /// A solution at fixed α by PS-Newton from `start` (α is set), or, where that fails, from zero and from stick, with the augmentation
-    /// parameter asked for and with larger ones.
+    /// A solution at fixed α: by PS-Newton from `start` (α is set; zero if there is none) and, where that fails, by other strategies;
+    /// [`solve_reported`](Self::solve_reported) tells which.
     ///
     /// # Errors
-    /// Coefficients of friction that are negative or not finite, [`ContactError::NoStart`] when no start converges.
+    /// Coefficients of friction that are negative or not finite, [`ContactError::NoStart`] when no strategy finds a solution.
     pub fn solve(&self, alpha: f64, start: Option<&[f64]>) -> Result<Vec<f64>, ContactError> {
-        super::error::check_finite("the parameter", &[alpha])?;
-        let mut zero = vec![0.0; self.num_vars()];
-        zero[self.order()] = alpha;
-        for i in 0..self.num_contacts() {
-            self.law.check(&LocalValues {
-                slip: [0.0; 2],
-                ..self.values(i, &zero)
-            })?;
+        Ok(self.solve_reported(alpha, start)?.x)
+    }
+
+    /// [`solve`](Self::solve) with an account of all attempts.
+    ///
+    /// # Errors
+    /// As [`solve`](Self::solve).
+    pub fn solve_reported(&self, alpha: f64, start: Option<&[f64]>) -> Result<ContactReport, ContactError> {
+        self.solve_observed(alpha, start, |_| ControlFlow::Continue(()))
+    }
+
+    /// [`solve_reported`](Self::solve_reported), telling `observe` of each attempt and each point on the way; it may stop the search.
+    ///
+    /// # Errors
+    /// As [`solve`](Self::solve); a stopped search is a [`ContactError::NoStart`] with
+    /// [`Failure::Interrupted`](crate::newton::Failure::Interrupted).
+    pub fn solve_observed(
+        &self,
+        alpha: f64,
+        start: Option<&[f64]>,
+        mut observe: impl FnMut(&ContactProgress) -> ControlFlow<()>,
+    ) -> Result<ContactReport, ContactError> {
+        let mut way = |strategy, trial, see: &mut Observer<'_>| lower(self, alpha, strategy, trial, see);
+        strategy::solve(self, alpha, start, &mut way, &mut observe)
+    }
+
+    fn changed<M>(&self, law: M) -> CondensedContact<M> {
+        CondensedContact {
+            body: Arc::clone(&self.body),
+            law,
+            condensation: Arc::clone(&self.condensation),
+            free: self.free.clone(),
+            free_rate: self.free_rate.clone(),
+            free_energy: self.free_energy,
+            r: self.r,
+            stiffness: self.stiffness,
+            reference: self.reference.clone(),
+            pattern: self.pattern.clone(),
         }
-        if let Some(x) = start {
-            check_length("the start", x, self.num_vars())?;
-        }
-        // Quick where it works: what Newton's method in general then makes of its result is one look.
-        let mut quick = start.map_or_else(|| zero.clone(), <[f64]>::to_vec);
-        quick[self.order()] = alpha;
-        if reduced_newton(self, &mut quick)
-            && let Ok(x) = first_converged(self, alpha, std::iter::once(Ok(Some(quick))))
-        {
-            return Ok(x);
-        }
-        solve_with_stiffer(self.r, self.stiffness, |r| {
-            let given = start.map(<[f64]>::to_vec);
-            let later = std::iter::once_with(|| Ok(Some(zero.clone())))
-                .chain(std::iter::once_with(|| Ok(self.stick_start(alpha).ok())));
-            let map = self.with_law(&self.law)?.with_r(r)?;
-            first_converged(&map, alpha, std::iter::once(Ok(given)).chain(later))
-        })
+    }
+}
+
+impl<L: NodeLaw> Form for CondensedContact<L> {
+    type Law = L;
+    type Under<M: NodeLaw> = CondensedContact<M>;
+
+    fn law(&self) -> &L {
+        &self.law
+    }
+
+    fn augmentation(&self) -> f64 {
+        self.r
+    }
+
+    fn stiffness(&self) -> f64 {
+        self.stiffness
+    }
+
+    fn values(&self, node: usize, x: &[f64]) -> LocalValues {
+        self.values(node, x)
+    }
+
+    fn under<M: NodeLaw>(&self, law: M, r: f64) -> CondensedContact<M> {
+        let mut other = self.changed(law);
+        other.r = r;
+        other
+    }
+
+    fn at_load<M: NodeLaw>(&self, alpha: f64, law: M) -> Result<CondensedContact<M>, ContactError> {
+        let mut other = self.under(law, self.stiffness);
+        other.free = self.free_motion(alpha);
+        other.free_rate.fill(0.0);
+        Ok(other)
+    }
+
+    fn stick(&self, alpha: f64) -> Result<Option<Vec<f64>>, ContactError> {
+        Ok(self.stick_start(alpha).ok())
+    }
+
+    fn improve(&self, x: &mut [f64]) -> bool {
+        reduced_newton(self, x)
     }
 }
 

@@ -193,17 +193,84 @@ impl OrthotropicCoulomb {
         Self::new(coefficient.clone(), coefficient)
     }
 
-    fn scaled(&self, v: &LocalValues) -> Scaled {
+    /// F_k, ∂F_k/∂φ and ∂F_k/∂α at the slip φ; for φ < 0 continued with its slope, positive.
+    fn coefficients_at(&self, v: &LocalValues, phi: f64) -> [[f64; 3]; 2] {
+        [0, 1].map(|d| {
+            let [value, slope, rate] = self.coefficients[d].value(v.node, phi.max(0.0), v.parameter);
+            if phi >= 0.0 || slope == 0.0 {
+                return [value, slope, rate];
+            }
+            if slope < 0.0 {
+                return [value + slope * phi, slope, rate];
+            }
+            let shrink = 1.0 / (1.0 - slope * phi / value);
+            [value * shrink, slope * shrink * shrink, rate * shrink]
+        })
+    }
+
+    /// The slip φ at which the coefficients are taken, its derivatives, and the coefficients.
+    ///
+    /// ‖u_t‖ has a kink at u_t = 0, where nodes pass from slip to stick. φ = u_t · d/‖d‖ with d = F⁻² λt + r u_t, the direction in which
+    /// the node slips at a solution, is smooth there and negative beyond; it is ‖u_t‖ at all solutions. As F is that at φ, φ is
+    /// the root of an equation in [−‖u_t‖, ‖u_t‖].
+    fn signed_slip(&self, v: &LocalValues) -> (f64, LocalRow, [[f64; 3]; 2]) {
         let slip = v.slip_norm();
+        if self.is_coulomb() {
+            return (slip, LocalRow::default(), self.coefficients_at(v, slip));
+        }
+        let (mut low, mut high, mut phi) = (-slip, slip, slip);
+        let mut iterations = 0;
+        loop {
+            let f = self.coefficients_at(v, phi);
+            let d = [0, 1].map(|k| v.traction[k] / (f[k][0] * f[k][0]) + v.r * v.slip[k]);
+            let norm = d[0].hypot(d[1]);
+            let e = if norm > 0.0 { d.map(|d| d / norm) } else { [0.0; 2] };
+            let along = v.slip[0] * e[0] + v.slip[1] * e[1];
+            let q = if norm > 0.0 {
+                [0, 1].map(|k| (v.slip[k] - along * e[k]) / norm)
+            } else {
+                [0.0; 2]
+            };
+            // −∂d_k/∂F_k
+            let turn = [0, 1].map(|k| 2.0 * v.traction[k] / f[k][0].powi(3));
+            let slope = 1.0 + q[0] * turn[0] * f[0][1] + q[1] * turn[1] * f[1][1];
+            let error = phi - along;
+            if error > 0.0 {
+                high = phi;
+            } else {
+                low = phi;
+            }
+            iterations += 1;
+            if error.abs() <= 2.0 * f64::EPSILON * slip
+                || iterations >= 100
+                || high - low <= f64::EPSILON * slip
+            {
+                let mut row = LocalRow::default();
+                for k in 0..2 {
+                    row.slip[k] = (e[k] + v.r * q[k]) / slope;
+                    row.traction[k] = q[k] / (f[k][0] * f[k][0]) / slope;
+                    row.parameter -= q[k] * turn[k] * f[k][2] / slope;
+                }
+                return (phi, row, f);
+            }
+            let next = phi - error / slope;
+            phi = if next > low && next < high {
+                next
+            } else {
+                0.5 * (low + high)
+            };
+        }
+    }
+
+    fn scaled(&self, v: &LocalValues) -> Scaled {
+        let (_, dphi, coefficients) = self.signed_slip(v);
         let (mut f, mut df) = ([0.0; 2], [LocalRow::default(); 2]);
         let (mut z, mut dz) = ([0.0; 2], [LocalRow::default(); 2]);
         for d in 0..2 {
-            let [value, slope, rate] = self.coefficients[d].value(v.node, slip, v.parameter);
+            let [value, slope, rate] = coefficients[d];
             f[d] = value;
             df[d].parameter = rate;
-            if slip > 0.0 {
-                df[d].slip = v.slip.map(|u| slope * u / slip);
-            }
+            add_row(&mut df[d], slope, &dphi);
             z[d] = v.traction[d] / value + v.r * value * v.slip[d];
             dz[d].traction[d] = 1.0 / value;
             dz[d].slip[d] = v.r * value;

@@ -1,12 +1,18 @@
 use std::borrow::Cow;
+use std::ops::ControlFlow;
 use std::sync::Arc;
 
+use super::approach::{Observer, lower};
 use super::error::check_length;
+use super::form::Form;
 use super::node_law::{LocalRow, LocalValues, MAX_TESTS, NodeLaw};
 use super::paths::Path;
 use super::solution::{imbalance, judge};
-use super::start::{first_converged, newton_step, solve_with_stiffer};
-use super::{ContactBody, ContactError, ContactSolution};
+use super::start::newton_step;
+use super::{
+    CondensedContact, ContactBody, ContactError, ContactProgress, ContactReport, ContactSolution, LoadPath,
+    strategy,
+};
 use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, Pattern, dot};
 
@@ -116,45 +122,63 @@ impl<L: NodeLaw> FullContact<L> {
         Ok(x[self.body.num_displacements()..].to_vec())
     }
 
-    /// A solution at fixed α by PS-Newton from `start` (α is set), or, where that fails, from zero and from stick, with the augmentation
-    /// parameter asked for and with larger ones.
+    /// A solution at fixed α: by PS-Newton from `start` (α is set; zero if there is none) and, where that fails, by other strategies;
+    /// [`solve_reported`](Self::solve_reported) tells which.
     ///
     /// # Errors
-    /// Coefficients of friction that are negative or not finite, [`ContactError::NoStart`] when no start converges.
+    /// Coefficients of friction that are negative or not finite, [`ContactError::NoStart`] when no strategy finds a solution.
     pub fn solve(&self, alpha: f64, start: Option<&[f64]>) -> Result<Vec<f64>, ContactError> {
-        super::error::check_finite("the parameter", &[alpha])?;
-        let m = self.num_vars();
-        let mut zero = vec![0.0; m];
-        zero[m - 1] = alpha;
-        for i in 0..self.body.num_contacts() {
-            self.law.check(&LocalValues {
-                slip: [0.0; 2],
-                ..self.values(i, &zero)
-            })?;
-        }
-        if let Some(x) = start {
-            check_length("the start", x, m)?;
-        }
-        solve_with_stiffer(self.r, self.stiffness, |r| {
-            let map = FullContact {
-                body: Arc::clone(&self.body),
-                law: &self.law,
-                traces: Arc::clone(&self.traces),
-                reference: self.reference.clone(),
-                r,
-                stiffness: self.stiffness,
-                pattern: self.pattern.clone(),
-            };
-            let given = start.map(<[f64]>::to_vec);
-            let stick = || {
-                let pieces = self.law.num_pieces();
-                let piece = (0..pieces).rev().find(|&k| self.law.piece_name(k) == "stick");
-                let selection = Selection::uniform(self.body.num_contacts(), piece.unwrap_or(pieces - 1));
-                newton_step(&map, &selection, zero.clone())
-            };
-            let later = std::iter::once_with(|| Ok(Some(zero.clone()))).chain(std::iter::once_with(stick));
-            first_converged(&map, alpha, std::iter::once(Ok(given)).chain(later))
-        })
+        Ok(self.solve_reported(alpha, start)?.x)
+    }
+
+    /// [`solve`](Self::solve) with an account of all attempts.
+    ///
+    /// # Errors
+    /// As [`solve`](Self::solve).
+    pub fn solve_reported(&self, alpha: f64, start: Option<&[f64]>) -> Result<ContactReport, ContactError> {
+        self.solve_observed(alpha, start, |_| ControlFlow::Continue(()))
+    }
+
+    /// [`solve_reported`](Self::solve_reported), telling `observe` of each attempt and each point on the way; it may stop the search.
+    ///
+    /// # Errors
+    /// As [`solve`](Self::solve); a stopped search is a [`ContactError::NoStart`] with
+    /// [`Failure::Interrupted`](crate::newton::Failure::Interrupted).
+    pub fn solve_observed(
+        &self,
+        alpha: f64,
+        start: Option<&[f64]>,
+        mut observe: impl FnMut(&ContactProgress) -> ControlFlow<()>,
+    ) -> Result<ContactReport, ContactError> {
+        // The way down is followed on the contact nodes alone, where the body can be condensed.
+        let mut condensed = None;
+        let mut way = |strategy, trial, see: &mut Observer<'_>| match condensed
+            .get_or_insert_with(|| self.condensed(alpha).ok())
+        {
+            Some(condensed) => {
+                let mut end = lower(condensed, alpha, strategy, trial, see)?;
+                if let Some(end) = &mut end {
+                    let u = condensed.displacements(&end.x)?;
+                    end.x.splice(..0, u);
+                }
+                Ok(end)
+            }
+            None => lower(self, alpha, strategy, trial, see),
+        };
+        strategy::solve(self, alpha, start, &mut way, &mut observe)
+    }
+
+    /// The condensed form under the load at α.
+    fn condensed(&self, alpha: f64) -> Result<CondensedContact<&L>, ContactError> {
+        let mut condensed = CondensedContact::new(self.body_at(alpha), &self.law)?;
+        condensed.set_reference_slip(&self.reference)?;
+        Ok(condensed)
+    }
+
+    fn body_at(&self, alpha: f64) -> ContactBody {
+        let mut body = ContactBody::clone(&self.body);
+        body.load = LoadPath::constant(self.body.load_at(alpha));
+        body
     }
 
     /// States, local quantities, energies and residuals at x.
@@ -225,6 +249,56 @@ impl<L: NodeLaw> FullContact<L> {
         if row.parameter != 0.0 {
             add(n + self.traces.len() * p, row.parameter);
         }
+    }
+}
+
+impl<L: NodeLaw> Form for FullContact<L> {
+    type Law = L;
+    type Under<M: NodeLaw> = FullContact<M>;
+
+    fn law(&self) -> &L {
+        &self.law
+    }
+
+    fn augmentation(&self) -> f64 {
+        self.r
+    }
+
+    fn stiffness(&self) -> f64 {
+        self.stiffness
+    }
+
+    fn values(&self, node: usize, x: &[f64]) -> LocalValues {
+        self.values(node, x)
+    }
+
+    fn under<M: NodeLaw>(&self, law: M, r: f64) -> FullContact<M> {
+        FullContact {
+            body: Arc::clone(&self.body),
+            law,
+            traces: Arc::clone(&self.traces),
+            reference: self.reference.clone(),
+            r,
+            stiffness: self.stiffness,
+            pattern: self.pattern.clone(),
+        }
+    }
+
+    fn at_load<M: NodeLaw>(&self, alpha: f64, law: M) -> Result<FullContact<M>, ContactError> {
+        let body = self.body_at(alpha);
+        let mut other = self.under(law, self.stiffness);
+        other.pattern = pattern(&body, &self.traces)?;
+        other.body = Arc::new(body);
+        Ok(other)
+    }
+
+    fn stick(&self, alpha: f64) -> Result<Option<Vec<f64>>, ContactError> {
+        let pieces = self.law.num_pieces();
+        let piece = (0..pieces).rev().find(|&k| self.law.piece_name(k) == "stick");
+        let selection = Selection::uniform(self.body.num_contacts(), piece.unwrap_or(pieces - 1));
+        let mut zero = vec![0.0; self.num_vars()];
+        zero[self.num_residuals()] = alpha;
+        newton_step(self, &selection, zero)
     }
 }
 

@@ -105,25 +105,6 @@ pub(super) fn first_converged<M: PiecewiseSmooth + ?Sized>(
     }
 }
 
-/// Solves with the augmentation parameter r and, where no start converges, with others.
-///
-/// Solutions do not depend on r, the way of Newton's method does: a small one lets sites go to and fro, a large one at worst needs
-/// more iterations. `stiffness` is that of a contact node.
-pub(super) fn solve_with_stiffer(
-    r: f64,
-    stiffness: f64,
-    mut solve: impl FnMut(f64) -> Result<Vec<f64>, ContactError>,
-) -> Result<Vec<f64>, ContactError> {
-    let first = solve(r);
-    if !matches!(first, Err(ContactError::NoStart { .. })) {
-        return first;
-    }
-    [10.0, 1e3]
-        .into_iter()
-        .find_map(|factor| solve(factor * stiffness).ok())
-        .map_or(first, Ok)
-}
-
 /// The solution of the linear problem with given states (F does not depend on u), `None` where that is singular.
 fn frozen<M: FrictionMap + ?Sized>(
     map: &M,
