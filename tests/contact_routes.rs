@@ -1,7 +1,6 @@
 //! One contact problem, every way to its solution: full form, condensed form, fixed point, Delassus form.
 
 use proptest::prelude::*;
-use proptest::test_runner::RngSeed;
 use semismooth::contact::{
     CondensedContact, CondensedFriction, ContactBody, ContactError, ContactSolution, DelassusSolver,
     FixedPointOptions, FrictionCoefficient, FrictionCurve, FrictionMap, FrictionPath, FrictionProblem,
@@ -189,8 +188,7 @@ fn forces() -> impl Strategy<Value = Vec<f64>> {
 }
 
 proptest! {
-    // Newton's method fails on about one random slip-weakening body in five hundred (reported, with its history): the sample is fixed.
-    #![proptest_config(ProptestConfig { rng_seed: RngSeed::Fixed(7), ..ProptestConfig::with_cases(8) })]
+    #![proptest_config(ProptestConfig::with_cases(8))]
 
     #[test]
     fn plane(forces in forces(), f in 0.05..0.4f64) {
