@@ -160,8 +160,10 @@ pub(super) fn check_coefficient(
 ///
 /// With s = F⁻¹λt and w = F u_t the law is isotropic with coefficient 1: H_t = λt − F P(z), z = F⁻¹ λt + r F u_t, P the projection
 /// onto the disc of radius R = θ¹. Slip is parallel to F⁻² λt, not to λt, unless F₁ = F₂. Pieces "open", "stick", "slip"; test functions
-/// θ¹, θ² = ‖z‖ − R and, where F depends on α, F₁ and F₂ as walls. Only semismooth at u_t = 0 on the slip piece if F'(0) ≠ 0, and at the
-/// apex z = 0, R = 0.
+/// θ¹, θ² = ‖z‖ − R and, where F depends on α, F₁ and F₂ as walls. Only semismooth at the apex z = 0, R = 0.
+///
+/// Where F depends on the slip it is taken not at ‖u_t‖, which has a kink where a node comes to rest, but at the component of u_t along
+/// F⁻² λt + r u_t: at solutions this is ‖u_t‖.
 #[derive(Debug, Clone)]
 pub struct OrthotropicCoulomb {
     coefficients: [FrictionCoefficient; 2],
@@ -193,19 +195,9 @@ impl OrthotropicCoulomb {
         Self::new(coefficient.clone(), coefficient)
     }
 
-    /// F_k, ∂F_k/∂φ and ∂F_k/∂α at the slip φ; for φ < 0 continued with its slope, positive.
+    /// F_k, ∂F_k/∂φ and ∂F_k/∂α at the slip φ.
     fn coefficients_at(&self, v: &LocalValues, phi: f64) -> [[f64; 3]; 2] {
-        [0, 1].map(|d| {
-            let [value, slope, rate] = self.coefficients[d].value(v.node, phi.max(0.0), v.parameter);
-            if phi >= 0.0 || slope == 0.0 {
-                return [value, slope, rate];
-            }
-            if slope < 0.0 {
-                return [value + slope * phi, slope, rate];
-            }
-            let shrink = 1.0 / (1.0 - slope * phi / value);
-            [value * shrink, slope * shrink * shrink, rate * shrink]
-        })
+        [0, 1].map(|d| self.coefficients[d].value(v.node, phi, v.parameter))
     }
 
     /// The slip φ at which the coefficients are taken, its derivatives, and the coefficients.

@@ -155,6 +155,13 @@ fn where_newton_cycles() {
     }
 }
 
+/// Hardening in the plane: a slip coefficient continued below 0 beyond the sides once let a node lie in the cells of both, and pass for
+/// solved in the wrong one.
+#[test]
+fn sides_of_slip_exclude_each_other() {
+    problem(4_097_660_770_967_802_826);
+}
+
 /// A search that is stopped, and one that cannot succeed, leave the best iterate and its history.
 #[test]
 fn failures_leave_the_best_iterate() {
