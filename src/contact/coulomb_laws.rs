@@ -162,12 +162,18 @@ pub(super) fn check_coefficient(
 /// onto the disc of radius R = θ¹. Slip is parallel to F⁻² λt, not to λt, unless F₁ = F₂. Pieces "open", "stick", "slip"; test functions
 /// θ¹, θ² = ‖z‖ − R and, where F depends on α, F₁ and F₂ as walls. Only semismooth at the apex z = 0, R = 0.
 ///
-/// Where F depends on the slip it is taken not at ‖u_t‖, which has a kink where a node comes to rest, but at the component of u_t along
-/// F⁻² λt + r u_t: at solutions this is ‖u_t‖.
+/// Where F depends on the slip it is taken not at ‖u_t‖, which has a kink where a node comes to rest, but at a function of u_t and λt that
+/// is ‖u_t‖ at solutions and smooth there.
 #[derive(Debug, Clone)]
 pub struct OrthotropicCoulomb {
     coefficients: [FrictionCoefficient; 2],
 }
+
+/// ε against the length of d in the units of slip: above rounding, below all slips that matter.
+const SHORT: f64 = 1e-8;
+
+/// b²/a² from which φ is linear in a. Slip and d at solutions to wrong coefficients would have to lie at least that askew.
+const OBLIQUE: f64 = 400.0;
 
 /// Intermediate quantities of the orthotropic law.
 struct Scaled {
@@ -200,62 +206,74 @@ impl OrthotropicCoulomb {
         [0, 1].map(|d| self.coefficients[d].value(v.node, phi, v.parameter))
     }
 
-    /// The slip φ at which the coefficients are taken, its derivatives, and the coefficients.
+    /// The slip φ at which the coefficients are taken, and its derivatives.
     ///
-    /// ‖u_t‖ has a kink at u_t = 0, where nodes pass from slip to stick. φ = u_t · d/‖d‖ with d = F⁻² λt + r u_t, the direction in which
-    /// the node slips at a solution, is smooth there and negative beyond; it is ‖u_t‖ at all solutions. As F is that at φ, φ is
-    /// the root of an equation in [−‖u_t‖, ‖u_t‖].
-    fn signed_slip(&self, v: &LocalValues) -> (f64, LocalRow, [[f64; 3]; 2]) {
-        let slip = v.slip_norm();
-        if self.is_coulomb() {
-            return (slip, LocalRow::default(), self.coefficients_at(v, slip));
+    /// ‖u_t‖ has a kink at u_t = 0, where nodes pass from slip to stick. At solutions slip has the direction of d = F⁻² λt + r u_t with F at
+    /// ‖u_t‖. With a the component of u_t along d, b the other one and a short length ε, φ = a (1 + b²/(a² + ε²))^½ is smooth at
+    /// u_t = 0, negative beyond, and ‖u_t‖ at solutions; far from ε it is ±‖u_t‖, but linear in a where b is much the larger.
+    fn signed_slip(&self, v: &LocalValues) -> (f64, LocalRow) {
+        let u = v.slip;
+        let norm = v.slip_norm();
+        let f = self.coefficients_at(v, norm);
+        let d = [0, 1].map(|k| v.traction[k] / (f[k][0] * f[k][0]) + v.r * u[k]);
+        let length = d[0].hypot(d[1]);
+        let size = length.max(v.r * norm);
+        if size == 0.0 || norm == 0.0 && length == 0.0 {
+            return (0.0, LocalRow::default());
         }
-        let (mut low, mut high, mut phi) = (-slip, slip, slip);
-        let mut iterations = 0;
-        loop {
-            let f = self.coefficients_at(v, phi);
-            let d = [0, 1].map(|k| v.traction[k] / (f[k][0] * f[k][0]) + v.r * v.slip[k]);
-            let norm = d[0].hypot(d[1]);
-            let e = if norm > 0.0 { d.map(|d| d / norm) } else { [0.0; 2] };
-            let along = v.slip[0] * e[0] + v.slip[1] * e[1];
-            let q = if norm > 0.0 {
-                [0, 1].map(|k| (v.slip[k] - along * e[k]) / norm)
+        let e = if norm > 0.0 { u.map(|u| u / norm) } else { [0.0; 2] };
+        let a = (u[0] * d[0] + u[1] * d[1]) / size;
+        let b2 = if size > length {
+            (norm - a) * (norm + a)
+        } else {
+            ((u[0] * d[1] - u[1] * d[0]) / size).powi(2)
+        };
+        let epsilon2 = (SHORT * length / v.r).powi(2);
+        let width = a * a + epsilon2;
+        let (ratio, limited) = if b2 < OBLIQUE * width {
+            (b2 / width, false)
+        } else {
+            (OBLIQUE, true)
+        };
+        let root = (1.0 + ratio).sqrt();
+        // Derivatives with respect to u_t, λt, α, one at a time.
+        let derivative = |du: [f64; 2], dt: [f64; 2], rate: f64| {
+            let along = e[0] * du[0] + e[1] * du[1];
+            let dd = [0, 1].map(|k| {
+                let df = f[k][1] * along + f[k][2] * rate;
+                (dt[k] - 2.0 * v.traction[k] / f[k][0] * df) / (f[k][0] * f[k][0]) + v.r * du[k]
+            });
+            let lengthened = d[0] * dd[0] + d[1] * dd[1];
+            let grown = if size > length {
+                v.r * along
             } else {
-                [0.0; 2]
+                lengthened / size
             };
-            // −∂d_k/∂F_k
-            let turn = [0, 1].map(|k| 2.0 * v.traction[k] / f[k][0].powi(3));
-            let slope = 1.0 + q[0] * turn[0] * f[0][1] + q[1] * turn[1] * f[1][1];
-            let error = phi - along;
-            if error > 0.0 {
-                high = phi;
-            } else {
-                low = phi;
+            let da = (du[0] * d[0] + du[1] * d[1] + u[0] * dd[0] + u[1] * dd[1] - a * grown) / size;
+            if limited {
+                return root * da;
             }
-            iterations += 1;
-            if error.abs() <= 2.0 * f64::EPSILON * slip
-                || iterations >= 100
-                || high - low <= f64::EPSILON * slip
-            {
-                let mut row = LocalRow::default();
-                for k in 0..2 {
-                    row.slip[k] = (e[k] + v.r * q[k]) / slope;
-                    row.traction[k] = q[k] / (f[k][0] * f[k][0]) / slope;
-                    row.parameter -= q[k] * turn[k] * f[k][2] / slope;
-                }
-                return (phi, row, f);
-            }
-            let next = phi - error / slope;
-            phi = if next > low && next < high {
-                next
-            } else {
-                0.5 * (low + high)
-            };
+            let db2 = 2.0 * (u[0] * du[0] + u[1] * du[1] - a * da);
+            let dwidth = 2.0 * (a * da + (SHORT / v.r).powi(2) * lengthened);
+            root * da + 0.5 * a / root * (db2 - ratio * dwidth) / width
+        };
+        let mut row = LocalRow::default();
+        for k in 0..2 {
+            let unit = [0, 1].map(|j| if j == k { 1.0 } else { 0.0 });
+            row.slip[k] = derivative(unit, [0.0; 2], 0.0);
+            row.traction[k] = derivative([0.0; 2], unit, 0.0);
         }
+        row.parameter = derivative([0.0; 2], [0.0; 2], 1.0);
+        (a * root, row)
     }
 
     fn scaled(&self, v: &LocalValues) -> Scaled {
-        let (_, dphi, coefficients) = self.signed_slip(v);
+        let (phi, dphi) = if self.is_coulomb() {
+            (v.slip_norm(), LocalRow::default())
+        } else {
+            self.signed_slip(v)
+        };
+        let coefficients = self.coefficients_at(v, phi);
         let (mut f, mut df) = ([0.0; 2], [LocalRow::default(); 2]);
         let (mut z, mut dz) = ([0.0; 2], [LocalRow::default(); 2]);
         for d in 0..2 {
