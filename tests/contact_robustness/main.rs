@@ -9,8 +9,9 @@ use std::ops::ControlFlow;
 use bodies::{Body, Random, curve};
 use proptest::prelude::*;
 use semismooth::contact::{
-    CondensedContact, ContactBody, ContactError, ContactStrategy, FrictionCoefficient, FrictionCurve,
-    FullContact, GivenBound, LoadPath, NodeLaw, OrthotropicCoulomb, PlanarCoulomb,
+    CondensedContact, CondensedFriction, ContactBody, ContactError, ContactStrategy, FrictionCoefficient,
+    FrictionCurve, FrictionMap, FrictionPath, FrictionProblem, FrictionStart, Frictionless, FullContact,
+    GivenBound, LoadPath, NodeLaw, OrthotropicCoulomb, PlanarCoulomb, first_point,
 };
 use semismooth::newton::{Failure, NewtonError};
 use semismooth::sparse::Matrix;
@@ -137,6 +138,49 @@ proptest! {
     fn every_body(seed in any::<u64>()) {
         problem(seed);
     }
+
+    #[test]
+    fn every_planar_problem(seed in any::<u64>()) {
+        planar(seed);
+    }
+}
+
+/// A planar problem with the coefficients of friction as a path, with r times a factor, full and condensed.
+fn planar(seed: u64) {
+    let mut rng = Random::new(seed);
+    let b = match rng.below(2) {
+        0 => Body::elastic(&mut rng, 2),
+        _ => Body::dense(&mut rng, 2),
+    };
+    let (n, p) = (b.load.len(), b.gap.len());
+    let f = rng.between(0.0, 1.5);
+    let factor = 10f64.powf(rng.between(-3.0, 3.0));
+    let r = factor
+        * FullContact::new(b.body.clone(), Frictionless::plane())
+            .unwrap()
+            .r();
+    let problem = FrictionProblem::new(
+        b.body.stiffness().clone(),
+        b.traces[0].clone(),
+        b.traces[1].clone(),
+        LoadPath::constant(b.load.clone()),
+        FrictionPath::constant(vec![f; p]),
+    )
+    .unwrap()
+    .with_gap(b.gap.clone())
+    .unwrap()
+    .with_r(r)
+    .unwrap();
+    let x = first_point(&problem, 0.0, &FrictionStart::Zero).unwrap();
+    // Cones of friction need f > 0 to be put as below.
+    let friction = |_| [f.max(1e-12); 2];
+    let error = violation(&b, &x[..n], &x[n..n + 2 * p], &friction, None);
+    assert!(error <= 1e-8, "full form: {error:e}");
+    let condensed = CondensedFriction::new(problem).unwrap();
+    let y = first_point(&condensed, 0.0, &FrictionStart::Zero).unwrap();
+    let u = condensed.displacements(&y).unwrap();
+    let error = violation(&b, &u, &y[..2 * p], &friction, None);
+    assert!(error <= 1e-8, "condensed form: {error:e}");
 }
 
 /// Problems at which Newton's method cycles from all its starts: the strategies behind it find their solutions.
