@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::approach::{Observer, lower};
 use super::condensed::check_symmetric;
 use super::error::check_length;
-use super::form::Form;
+use super::form::{Form, methods_of_forms, sites_of_the_law};
 use super::full_contact::held;
 use super::node_law::{LocalRow, LocalValues, MAX_TESTS, NodeLaw};
 use super::paths::Path;
@@ -93,29 +93,6 @@ impl<L: NodeLaw> CondensedContact<L> {
         Ok(self.changed(law))
     }
 
-    /// Sets the augmentation parameter r > 0 (force per length).
-    ///
-    /// # Errors
-    /// r ≤ 0 or not finite.
-    pub fn with_r(mut self, r: f64) -> Result<Self, ContactError> {
-        if !(r > 0.0 && r.is_finite()) {
-            return Err(ContactError::Augmentation { r });
-        }
-        self.r = r;
-        Ok(self)
-    }
-
-    /// Sets the tangential displacements from which slips are measured (all along t₁, then all along t₂): those of the step before, in a
-    /// history of loading. Zero at first.
-    ///
-    /// # Errors
-    /// Wrong length, values that are not finite.
-    pub fn set_reference_slip(&mut self, reference: &[f64]) -> Result<(), ContactError> {
-        check_length("the reference of the slip", reference, self.reference.len())?;
-        self.reference.copy_from_slice(reference);
-        Ok(())
-    }
-
     /// Displacements u_ν (from the undeformed state), u_t₁[, u_t₂] of the contact nodes at x, in the order of
     /// [`compliance`](Self::compliance).
     ///
@@ -127,24 +104,6 @@ impl<L: NodeLaw> CondensedContact<L> {
         let mut v = self.free_motion(x[q]);
         self.compliance().as_ref().mul_add(-1.0, &x[..q], &mut v);
         Ok(v)
-    }
-
-    /// The augmentation parameter.
-    #[must_use]
-    pub fn r(&self) -> f64 {
-        self.r
-    }
-
-    /// The body.
-    #[must_use]
-    pub fn body(&self) -> &ContactBody {
-        &self.body
-    }
-
-    /// The law.
-    #[must_use]
-    pub fn law(&self) -> &L {
-        &self.law
     }
 
     /// The law, to be changed.
@@ -340,22 +299,7 @@ impl<L: NodeLaw> CondensedContact<L> {
         Ok(x)
     }
 
-    /// A solution at fixed α: by PS-Newton from `start` (α is set; zero if there is none) and, where that fails, by other strategies;
-    /// [`solve_reported`](Self::solve_reported) tells which.
-    ///
-    /// # Errors
-    /// Coefficients of friction that are negative or not finite, [`ContactError::NoStart`] when no strategy finds a solution.
-    pub fn solve(&self, alpha: f64, start: Option<&[f64]>) -> Result<Vec<f64>, ContactError> {
-        Ok(self.solve_reported(alpha, start)?.x)
-    }
-
-    /// [`solve`](Self::solve) with an account of all attempts.
-    ///
-    /// # Errors
-    /// As [`solve`](Self::solve).
-    pub fn solve_reported(&self, alpha: f64, start: Option<&[f64]>) -> Result<ContactReport, ContactError> {
-        self.solve_observed(alpha, start, |_| ControlFlow::Continue(()))
-    }
+    methods_of_forms!();
 
     /// [`solve_reported`](Self::solve_reported), telling `observe` of each attempt and each point on the way; it may stop the search.
     ///
@@ -431,6 +375,8 @@ impl<L: NodeLaw> Form for CondensedContact<L> {
 }
 
 impl<L: NodeLaw> PiecewiseSmooth for CondensedContact<L> {
+    sites_of_the_law!();
+
     fn num_vars(&self) -> usize {
         self.order() + 1
     }
@@ -439,48 +385,8 @@ impl<L: NodeLaw> PiecewiseSmooth for CondensedContact<L> {
         self.order()
     }
 
-    fn num_sites(&self) -> usize {
-        self.num_contacts()
-    }
-
-    fn num_pieces(&self, _site: usize) -> usize {
-        self.law.num_pieces()
-    }
-
-    fn num_tests(&self, _site: usize) -> usize {
-        self.law.num_tests()
-    }
-
-    fn cell(&self, _site: usize, piece: usize) -> &[Facet] {
-        self.law.cell(piece)
-    }
-
-    fn piece_name(&self, _site: usize, piece: usize) -> Cow<'_, str> {
-        Cow::Borrowed(self.law.piece_name(piece))
-    }
-
-    fn site_name(&self, site: usize) -> Cow<'_, str> {
-        Cow::Owned(format!("contact node {site}"))
-    }
-
-    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
-        let p = self.num_contacts();
-        rows.clear();
-        rows.extend((0..self.body.traces.len()).map(|block| block * p + site));
-    }
-
-    fn pattern(&self) -> Pattern {
-        self.pattern.clone()
-    }
-
     fn is_piecewise_affine(&self) -> bool {
         self.law.is_affine()
-    }
-
-    fn test_functions(&self, x: &[f64], out: &mut [f64]) {
-        for (i, chunk) in out.chunks_exact_mut(self.law.num_tests()).enumerate() {
-            self.law.tests(&self.values(i, x), chunk);
-        }
     }
 
     fn residual(&self, selection: &Selection, x: &[f64], out: &mut [f64]) {
@@ -508,25 +414,5 @@ impl<L: NodeLaw> PiecewiseSmooth for CondensedContact<L> {
                 }
             }
         }
-    }
-
-    fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {
-        let mut rows = [LocalRow::default(); MAX_TESTS];
-        for (i, chunk) in out.chunks_exact_mut(self.law.num_tests()).enumerate() {
-            self.law.test_rows(&self.values(i, x), &mut rows);
-            for (o, row) in chunk.iter_mut().zip(&rows) {
-                *o = 0.0;
-                self.scatter(i, row, |j, value| *o += value * d[j]);
-            }
-        }
-    }
-
-    fn test_gradient(&self, site: usize, test: usize, x: &[f64], gradient: &mut [f64]) {
-        let mut rows = [LocalRow::default(); MAX_TESTS];
-        self.law.test_rows(&self.values(site, x), &mut rows);
-        gradient.fill(0.0);
-        self.scatter(site, &rows[test.min(MAX_TESTS - 1)], |j, value| {
-            gradient[j] += value
-        });
     }
 }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::approach::{Observer, lower};
 use super::error::check_length;
-use super::form::Form;
+use super::form::{Form, methods_of_forms, sites_of_the_law};
 use super::node_law::{LocalRow, LocalValues, MAX_TESTS, NodeLaw};
 use super::paths::Path;
 use super::solution::{imbalance, judge};
@@ -73,46 +73,6 @@ impl<L: NodeLaw> FullContact<L> {
         })
     }
 
-    /// Sets the augmentation parameter r > 0 (force per length). Solutions do not depend on it.
-    ///
-    /// # Errors
-    /// r ≤ 0 or not finite.
-    pub fn with_r(mut self, r: f64) -> Result<Self, ContactError> {
-        if !(r > 0.0 && r.is_finite()) {
-            return Err(ContactError::Augmentation { r });
-        }
-        self.r = r;
-        Ok(self)
-    }
-
-    /// Sets the tangential displacements from which slips are measured (all along t₁, then all along t₂). Zero at first.
-    ///
-    /// # Errors
-    /// Wrong length, values that are not finite.
-    pub fn set_reference_slip(&mut self, reference: &[f64]) -> Result<(), ContactError> {
-        check_length("the reference of the slip", reference, self.reference.len())?;
-        self.reference.copy_from_slice(reference);
-        Ok(())
-    }
-
-    /// The augmentation parameter.
-    #[must_use]
-    pub fn r(&self) -> f64 {
-        self.r
-    }
-
-    /// The body.
-    #[must_use]
-    pub fn body(&self) -> &ContactBody {
-        &self.body
-    }
-
-    /// The law.
-    #[must_use]
-    pub fn law(&self) -> &L {
-        &self.law
-    }
-
     /// The point (λν, λt, α) of the condensed form.
     ///
     /// # Errors
@@ -122,22 +82,7 @@ impl<L: NodeLaw> FullContact<L> {
         Ok(x[self.body.num_displacements()..].to_vec())
     }
 
-    /// A solution at fixed α: by PS-Newton from `start` (α is set; zero if there is none) and, where that fails, by other strategies;
-    /// [`solve_reported`](Self::solve_reported) tells which.
-    ///
-    /// # Errors
-    /// Coefficients of friction that are negative or not finite, [`ContactError::NoStart`] when no strategy finds a solution.
-    pub fn solve(&self, alpha: f64, start: Option<&[f64]>) -> Result<Vec<f64>, ContactError> {
-        Ok(self.solve_reported(alpha, start)?.x)
-    }
-
-    /// [`solve`](Self::solve) with an account of all attempts.
-    ///
-    /// # Errors
-    /// As [`solve`](Self::solve).
-    pub fn solve_reported(&self, alpha: f64, start: Option<&[f64]>) -> Result<ContactReport, ContactError> {
-        self.solve_observed(alpha, start, |_| ControlFlow::Continue(()))
-    }
+    methods_of_forms!();
 
     /// [`solve_reported`](Self::solve_reported), telling `observe` of each attempt and each point on the way; it may stop the search.
     ///
@@ -310,6 +255,8 @@ pub(super) fn held(gap: &[f64], reference: &[f64], i: usize) -> [f64; 3] {
 }
 
 impl<L: NodeLaw> PiecewiseSmooth for FullContact<L> {
+    sites_of_the_law!();
+
     fn num_vars(&self) -> usize {
         self.num_residuals() + 1
     }
@@ -318,48 +265,8 @@ impl<L: NodeLaw> PiecewiseSmooth for FullContact<L> {
         self.body.num_displacements() + self.traces.len() * self.body.num_contacts()
     }
 
-    fn num_sites(&self) -> usize {
-        self.body.num_contacts()
-    }
-
-    fn num_pieces(&self, _site: usize) -> usize {
-        self.law.num_pieces()
-    }
-
-    fn num_tests(&self, _site: usize) -> usize {
-        self.law.num_tests()
-    }
-
-    fn cell(&self, _site: usize, piece: usize) -> &[Facet] {
-        self.law.cell(piece)
-    }
-
-    fn piece_name(&self, _site: usize, piece: usize) -> Cow<'_, str> {
-        Cow::Borrowed(self.law.piece_name(piece))
-    }
-
-    fn site_name(&self, site: usize) -> Cow<'_, str> {
-        Cow::Owned(format!("contact node {site}"))
-    }
-
-    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
-        let (n, p) = (self.body.num_displacements(), self.body.num_contacts());
-        rows.clear();
-        rows.extend((0..self.traces.len()).map(|block| n + block * p + site));
-    }
-
-    fn pattern(&self) -> Pattern {
-        self.pattern.clone()
-    }
-
     fn is_piecewise_affine(&self) -> bool {
         self.law.is_affine() && self.body.load.0.is_affine()
-    }
-
-    fn test_functions(&self, x: &[f64], out: &mut [f64]) {
-        for (i, chunk) in out.chunks_exact_mut(self.law.num_tests()).enumerate() {
-            self.law.tests(&self.values(i, x), chunk);
-        }
     }
 
     fn residual(&self, selection: &Selection, x: &[f64], out: &mut [f64]) {
@@ -415,26 +322,6 @@ impl<L: NodeLaw> PiecewiseSmooth for FullContact<L> {
                 self.scatter(i, row, |j, value| jac.add(n + block * p + i, j, value));
             }
         }
-    }
-
-    fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {
-        let mut rows = [LocalRow::default(); MAX_TESTS];
-        for (i, chunk) in out.chunks_exact_mut(self.law.num_tests()).enumerate() {
-            self.law.test_rows(&self.values(i, x), &mut rows);
-            for (o, row) in chunk.iter_mut().zip(&rows) {
-                *o = 0.0;
-                self.scatter(i, row, |j, value| *o += value * d[j]);
-            }
-        }
-    }
-
-    fn test_gradient(&self, site: usize, test: usize, x: &[f64], gradient: &mut [f64]) {
-        let mut rows = [LocalRow::default(); MAX_TESTS];
-        self.law.test_rows(&self.values(site, x), &mut rows);
-        gradient.fill(0.0);
-        self.scatter(site, &rows[test.min(MAX_TESTS - 1)], |j, value| {
-            gradient[j] += value
-        });
     }
 }
 

@@ -18,6 +18,7 @@ const PATHS: usize = 6;
 /// What is tried, in this order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum ContactStrategy {
     /// PS-Newton from the start given; from zero if there is none.
     Newton,
@@ -54,6 +55,7 @@ impl fmt::Display for ContactStrategy {
 /// How far a search for a solution has come.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ContactProgress {
     /// What is being tried.
     pub strategy: ContactStrategy,
@@ -66,6 +68,7 @@ pub struct ContactProgress {
 /// One attempt at a solution.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ContactAttempt {
     /// What was tried.
     pub strategy: ContactStrategy,
@@ -84,6 +87,7 @@ pub struct ContactAttempt {
 /// A solution and how it was found.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ContactReport {
     /// The solution, in the variables of the form.
     pub x: Vec<f64>,
