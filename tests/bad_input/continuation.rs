@@ -1,6 +1,7 @@
 use std::ops::ControlFlow;
 use std::time::Duration;
 
+use semismooth::contact::{FrictionFamily, FrictionPath, FrictionProblem, LoadPath};
 use semismooth::continuation::{
     Arm, Branch, Continuation, ContinuationOptions, Diagram, DiagramOptions, Direction, FoldSet,
     SearchOptions, TransitionSet, arms_at, certify, search_solutions,
@@ -51,9 +52,16 @@ fn bad_options() -> Vec<(&'static str, ContinuationOptions)> {
     all
 }
 
-/// α₁ + α₂ = y for y ≥ 0 …: a family in two parameters.
-fn family() -> impl PiecewiseSmooth + Clone {
-    MinMap::new(1, |_: &[f64], _: &mut [f64], _: &mut [f64]| {})
+/// A contact node with F = α + β under a load that grows with α.
+fn family() -> FrictionFamily {
+    let problem = FrictionProblem::new(
+        rows(&[&[2.0, -1.0], &[-1.0, 2.0]]),
+        rows(&[&[1.0, 0.0]]),
+        rows(&[&[0.0, 1.0]]),
+        LoadPath::affine(vec![1.5, 7.0], vec![1.0, 0.0]),
+        FrictionPath::affine(vec![0.0], vec![1.0]),
+    );
+    FrictionFamily::new(problem.unwrap(), vec![0.0; 2], vec![1.0]).unwrap()
 }
 
 #[test]
@@ -163,7 +171,7 @@ fn curves() {
             || search_solutions(&map, 0.5, std::slice::from_ref(&x), &SearchOptions::default()),
         );
         t.refuses("continuation::FoldSet::new", "x of another length", "x", || {
-            FoldSet::new(&map, &x).map(drop)
+            FoldSet::new(family(), &x).map(drop)
         });
     }
     for selection in [
@@ -277,18 +285,12 @@ fn curves() {
         || Diagram::explore(&square(1), &[[0.0]], &DiagramOptions::default()),
     );
     t.refuses(
-        "continuation::search_solutions",
-        "an equation",
-        "variable",
-        || search_solutions(&square(1), 0.0, &[[0.0]], &SearchOptions::default()),
-    );
-    t.refuses(
         "continuation::TransitionSet::new",
         "one parameter",
         "variables",
         || TransitionSet::new(vee(), 0, 0).map(drop),
     );
-    for (site, test) in [(1, 0), (0, 1), (usize::MAX, usize::MAX)] {
+    for (site, test) in [(1, 0), (0, 9), (usize::MAX, usize::MAX)] {
         t.refuses(
             "continuation::TransitionSet::new",
             "a test function that is not there",
@@ -430,6 +432,51 @@ fn curves() {
     t.refuses("continuation::Continuation::resume", "another map", "", || {
         Continuation::resume(&other, &saved).map(drop)
     });
+    let set = TransitionSet::new(family(), 0, 0).unwrap();
+    let m = set.num_vars();
+    for selection in [
+        Selection::default(),
+        Selection::uniform(2, 0),
+        Selection::uniform(1, 9),
+    ] {
+        t.refuses(
+            "continuation::TransitionSet::is_fold",
+            "a selection of another map",
+            "selection",
+            || set.is_fold(&selection, &vec![0.5; m]),
+        );
+        t.survives(
+            "continuation::TransitionSet::family_selection",
+            "a selection of another map",
+            || set.family_selection(&selection),
+        );
+    }
+    let own = Selection::uniform(set.num_sites(), 0);
+    for n in [0, m - 1, m + 1] {
+        t.refuses(
+            "continuation::TransitionSet::is_fold",
+            "x of another length",
+            "x",
+            || set.is_fold(&own, &vec![0.5; n]),
+        );
+    }
+    for bad in BAD {
+        t.refuses("continuation::TransitionSet::is_fold", "x", "x[0]", || {
+            set.is_fold(&own, &vec![bad; m])
+        });
+        t.refuses("continuation::FoldSet::new", "x", "x[0]", || {
+            FoldSet::new(family(), &vec![bad; m]).map(drop)
+        });
+    }
+    t.refuses("continuation::FoldSet::new", "one parameter", "variables", || {
+        FoldSet::new(&map, &ON).map(drop)
+    });
+    t.refuses(
+        "continuation::TransitionSet::character_changes",
+        "a curve of another map",
+        "",
+        || set.character_changes(&branch),
+    );
     t.exempt(
         &[
             "continuation::Diagram::explore_observed",

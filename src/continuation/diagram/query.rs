@@ -96,6 +96,7 @@ impl Diagram {
             });
         }
         let mut corrector = MoorePenrose::new(map, AutoSolver::default())?;
+        self.check(map)?;
         let near = |a: f64| (a - alpha).abs() <= 1e-10 * (1.0 + alpha.abs());
         let mut found = SolutionsAt::default();
         for (e, edge) in self.edges.iter().enumerate() {
