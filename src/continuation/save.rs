@@ -7,7 +7,9 @@ use super::{ContinuationError, ContinuationOptions, Event, Termination};
 use crate::linear::AutoSolver;
 use crate::newton::MoorePenrose;
 use crate::piecewise::Vanishing;
-use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Scaled, Selection, TestLayout, check_vector};
+use crate::piecewise::{
+    PiecewiseError, PiecewiseSmooth, Scaled, Selection, TestLayout, check_selection, check_vector,
+};
 
 /// The state of a [`Continuation`] between two events: point, tangent, selection, step size, options, counters, events not yet
 /// given out. With the `serde` feature it can be written and read in any format.
@@ -124,9 +126,6 @@ impl SavedRun {
         let m = map.num_vars();
         check_vector("the saved point", &self.here.x, m)?;
         check_vector("the saved point", &self.x, m)?;
-        if !self.sizes.is_empty() {
-            check_vector("the saved list of typical sizes", &self.sizes, m)?;
-        }
         check_vector("the saved tangent", &self.here.t, m)?;
         check_vector("the saved start", &self.start, m)?;
         check_vector("the saved test functions", &self.here.theta, layout.total())?;
@@ -137,26 +136,18 @@ impl SavedRun {
             length(
                 "the list of sites of the saved run",
                 map.num_sites(),
-                map.num_sites().max(v.site + 1),
+                map.num_sites().max(v.site.saturating_add(1)),
             )?;
             let tests = layout.total();
             length(
                 "the list of test functions of the saved run",
                 tests,
-                tests.max(v.index + 1),
+                tests.max(v.index.saturating_add(1)),
             )?;
         }
         let selections = std::iter::once(&self.selection).chain(self.coactive.iter().map(|c| &c.0));
         for selection in selections {
-            length("a saved selection", map.num_sites(), selection.len())?;
-            for (site, piece) in selection.pieces().enumerate() {
-                let pieces = map.num_pieces(site);
-                length(
-                    "the list of pieces of a site of the saved run",
-                    pieces,
-                    pieces.max(piece + 1),
-                )?;
-            }
+            check_selection("a saved selection", selection, map)?;
         }
         Ok(())
     }
@@ -209,7 +200,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
         saved.check(map)?;
         saved.options.validate()?;
         let corrector = MoorePenrose::new(map, AutoSolver::default())?;
-        let scaled = Scaled::with_divisors(map, saved.sizes.clone());
+        let scaled = Scaled::with_divisors(map, saved.sizes.clone())?;
         let mut this = Self::prepare_at(scaled, saved.here.x.clone(), saved.options.clone(), corrector)?;
         this.selection = saved.selection.clone();
         this.here = saved.here.clone();

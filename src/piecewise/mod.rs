@@ -29,7 +29,7 @@ pub use autodiff::{Kinks, NonsmoothFunction, Traced};
 pub use cell::{Facet, cell_margin};
 pub use derivative::{CoherentOrientation, b_derivative, coherent_orientation};
 pub use error::PiecewiseError;
-pub(crate) use error::check_vector;
+pub(crate) use error::{check_length, check_selection, check_vector};
 pub use essential::{Activity, essential_activity};
 pub use layout::TestLayout;
 pub use map::PiecewiseSmooth;

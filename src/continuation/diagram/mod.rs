@@ -3,6 +3,8 @@
 mod arc;
 mod chains;
 mod explore;
+#[cfg(feature = "serde")]
+mod file;
 mod model;
 mod natural;
 mod options;

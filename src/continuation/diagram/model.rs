@@ -26,7 +26,11 @@ use crate::continuation::{Arm, ContinuationError, Point, Termination};
 /// # Ok::<(), semismooth::continuation::ContinuationError>(())
 /// ```
 #[derive(Debug, Clone, PartialEq, Default)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(try_from = "super::file::Unchecked")
+)]
 pub struct Diagram {
     pub(super) vertices: Vec<DiagramVertex>,
     pub(super) edges: Vec<DiagramEdge>,
