@@ -1,7 +1,6 @@
 use std::sync::OnceLock;
 
 use super::{Mcp, McpFunction};
-use crate::interface::typical_of;
 use crate::sparse::Matrix;
 
 /// Units of x and F(x) in affine problems, found when first asked for.
@@ -74,7 +73,7 @@ impl<F: McpFunction> Mcp<F> {
         let bound = bounds
             .filter(|b| b.is_finite())
             .fold(0.0_f64, |a, b| a.max(b.abs()));
-        let size = typical_of([shift(&offset).max(bound), shift(&rates)]);
+        let size = shift(&offset).max(shift(&rates)).max(bound);
         if size.is_normal() {
             found.size = size;
         }

@@ -11,20 +11,13 @@ pub(crate) fn typical_sizes<'a>(
 ) -> Option<(f64, f64)> {
     let stiffness = largest(&mut (0..a.nrows().min(a.ncols())).map(|i| a.get(i, i)));
     let trace = largest(&mut traces.into_iter().flat_map(|b| b.values().iter().copied()));
-    let mut load = typical_of(loads);
+    let mut load = loads[0].max(loads[1]);
     if load == 0.0 {
         load = stiffness * largest(&mut gap.iter().copied()) / trace;
     }
     let sizes = (load / stiffness, load / trace);
     let usable = |s: f64| s.is_normal();
     (usable(sizes.0) && usable(sizes.1)).then_some(sizes)
-}
-
-/// The size of what starts at `first` and changes by `change` a unit of α. A change that is far larger says more about the unit of α:
-/// what is there at α = 0 must stay visible.
-pub(crate) fn typical_of([first, change]: [f64; 2]) -> f64 {
-    const ROUNDING: f64 = 1e-12;
-    if first > ROUNDING * change { first } else { change }
 }
 
 /// The largest entry that is a number, without its sign.
