@@ -185,8 +185,6 @@ const UNITS: [(f64, f64); 8] = [
     (1e-9, 1e9),
     (1e9, 1e-9),
 ];
-/// Branches are measured by arc length in (λ, α), so that their units may not lie that far apart.
-const UNITS_OF_BRANCHES: [(f64, f64); 4] = [(1e3, 1.0), (1e-3, 1.0), (1.0, 1e3), (1.0, 1e-3)];
 const LEVELS: [f64; 4] = [0.0, 0.35, 0.7, 1.0];
 const AUGMENTATIONS: [f64; 4] = [1e-3, 1e-1, 1e1, 1e3];
 
@@ -211,7 +209,7 @@ fn plane_branches() {
             &format!("r = {factor}"),
         );
     }
-    for (force, length) in UNITS_OF_BRANCHES {
+    for (force, length) in UNITS {
         let other = renumbered.units(force, length).planar(0.5);
         let what = format!("force {force}, length {length}");
         same(

@@ -122,7 +122,10 @@ impl Lcp {
         Ok(())
     }
 
-    /// w = M z + q; both slices must have length n.
+    /// w = M z + q.
+    ///
+    /// # Panics
+    /// Unless both slices have length n.
     pub fn residual(&self, z: &[f64], w: &mut [f64]) {
         w.copy_from_slice(self.q());
         self.matrix().as_ref().mul_add(1.0, z, w);

@@ -51,6 +51,7 @@ mod natural;
 pub mod pivoting;
 mod problem;
 mod solver;
+mod units;
 
 pub use affine::AffineFunction;
 #[cfg(feature = "autodiff")]

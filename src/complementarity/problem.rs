@@ -2,6 +2,7 @@ use std::cell::RefCell;
 
 use super::affine::with_diagonal;
 use super::error::check_finite;
+use super::units::Units;
 use super::{AffineFunction, ComplementarityError, McpFunction};
 use crate::sparse::{Matrix, Pattern, max_abs};
 
@@ -15,13 +16,15 @@ use crate::sparse::{Matrix, Pattern, max_abs};
 /// * interior: Fᵢ, where lᵢ < xᵢ − Fᵢ < uᵢ,
 /// * upper: xᵢ − uᵢ, where xᵢ − Fᵢ > uᵢ,
 ///
-/// without those that infinite bounds rule out; a component with equal bounds has the only piece "fixed".
+/// without those that infinite bounds rule out; a component with equal bounds has the only piece "fixed". Where F is affine and
+/// measured in units far from those of x, sᵢ Fᵢ stands for Fᵢ, with powers of two sᵢ that bring both to the same size.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mcp<F> {
     function: F,
     lower: Vec<f64>,
     upper: Vec<f64>,
     pattern: Pattern,
+    pub(super) units: Units,
 }
 
 impl<F: McpFunction> Mcp<F> {
@@ -81,6 +84,7 @@ impl<F: McpFunction> Mcp<F> {
             function,
             lower,
             upper,
+            units: Units::default(),
         })
     }
 

@@ -14,6 +14,7 @@ use super::solution::judge;
 use super::{
     ContactBody, ContactError, ContactProgress, ContactReport, ContactSolution, DelassusProblem, strategy,
 };
+use crate::interface::fill_sizes;
 use crate::linear::{AutoSolver, Condensation, LinearSolver};
 use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, Pattern, dot};
@@ -387,6 +388,10 @@ impl<L: NodeLaw> PiecewiseSmooth for CondensedContact<L> {
 
     fn is_piecewise_affine(&self) -> bool {
         self.law.is_affine()
+    }
+
+    fn typical_sizes(&self, sizes: &mut [f64]) {
+        fill_sizes(self.body.sizes(), 0, sizes);
     }
 
     fn residual(&self, selection: &Selection, x: &[f64], out: &mut [f64]) {

@@ -13,6 +13,7 @@ use super::{
     CondensedContact, ContactBody, ContactError, ContactProgress, ContactReport, ContactSolution, LoadPath,
     strategy,
 };
+use crate::interface::fill_sizes;
 use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, Pattern, dot};
 
@@ -267,6 +268,10 @@ impl<L: NodeLaw> PiecewiseSmooth for FullContact<L> {
 
     fn is_piecewise_affine(&self) -> bool {
         self.law.is_affine() && self.body.load.0.is_affine()
+    }
+
+    fn typical_sizes(&self, sizes: &mut [f64]) {
+        fill_sizes(self.body.sizes(), self.body.num_displacements(), sizes);
     }
 
     fn residual(&self, selection: &Selection, x: &[f64], out: &mut [f64]) {

@@ -145,7 +145,8 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         let (mut d0, mut d1) = (vec![0.0; total], vec![0.0; total]);
         self.map.test_derivatives(&self.here.x, &self.here.t, &mut d0);
         self.map.test_derivatives(&self.next.x, &self.next.t, &mut d1);
-        let step = self.next.s;
+        let step = self.next.s.max(f64::MIN_POSITIVE);
+        let reach = self.options.vanishing_distance * (1.0 + norm(&self.here.x));
         for site in 0..self.layout.num_sites() {
             let first = self.layout.range(site).start;
             for facet in self.map.cell(site, self.selection.piece(site)) {
@@ -155,8 +156,9 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
                 }
                 let g = [self.here.theta[k], self.next.theta[k]].map(|t| facet.sign() * t);
                 let slope = [d0[k], d1[k]].map(|d| facet.sign() * d * step);
-                if g[0] > 0.0 && g[1] > 0.0 && slope[0] < 0.0 && slope[1] > 0.0 && hermite_min(g, slope) < 0.0
-                {
+                // A step may begin on the facet, to rounding.
+                let inside = g[0] >= reach * slope[0] / step && g[1] > 0.0;
+                if inside && slope[0] < 0.0 && slope[1] > 0.0 && hermite_min(g, slope) < 0.0 {
                     return true;
                 }
             }
@@ -168,7 +170,11 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
     /// and the curve leaves it inwards: then the crossing is not the start of the step, where the linear interpolant has it.
     fn return_to(&self, index: usize, facet: Facet) -> Option<f64> {
         let sign = facet.sign();
-        let (g0, g1, step) = (sign * self.here.theta[index], sign * self.next.theta[index], self.next.s);
+        let (g0, g1, step) = (
+            sign * self.here.theta[index],
+            sign * self.next.theta[index],
+            self.next.s,
+        );
         if self.map.is_piecewise_affine() || g1.is_nan() || g1 >= 0.0 {
             return None;
         }
@@ -193,7 +199,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
             Monitor::Fold => origin.sign * state.t[last],
             Monitor::Singular => self.determinant(None, state, origin)?,
             Monitor::Coactive(k) => self.determinant(Some(k), state, origin)?,
-            Monitor::User(k) => self.watches[k].side * self.watches[k].value(&state.x),
+            Monitor::User(k) => self.watches[k].side * self.map.at(&state.x, |x| self.watches[k].value(x)),
         })
     }
 
@@ -330,7 +336,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         }
         let guess = state.x.clone();
         let corrected = self.corrector.correct_in_plane(
-            self.map,
+            &self.map,
             &self.selection,
             &self.here.x,
             &self.here.t,
@@ -364,7 +370,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
     fn complete_state(&mut self, state: &mut State) -> Result<(), ContinuationError> {
         let linearized = self
             .corrector
-            .linearize(self.map, &self.selection, &state.x, Some(&state.t));
+            .linearize(&self.map, &self.selection, &state.x, Some(&state.t));
         match linearized {
             // Next to a branch point the kernel is noise: the tangent at the start of the step is kept.
             Ok(tangent) if crate::sparse::dot(tangent, &self.here.t).abs() < self.options.min_cos => {

@@ -3,7 +3,9 @@ use std::borrow::Cow;
 use super::Branch;
 use crate::linear::{AutoSolver, LinearError, LinearSolver};
 use crate::newton::MoorePenrose;
-use crate::piecewise::{Facet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, check_vector};
+use crate::piecewise::{
+    Facet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, check_selection, check_vector,
+};
 use crate::sparse::{Matrix, Pattern, norm};
 
 /// A point of a [`TransitionSet`] where folds begin or end along it.
@@ -158,9 +160,10 @@ impl<P: PiecewiseSmooth> TransitionSet<P> {
     /// facet differ in sign. `None` where one is singular or unknown.
     ///
     /// # Errors
-    /// Wrong lengths; failures of the linear solver.
+    /// Wrong lengths, selections of other maps; failures of the linear solver.
     pub fn is_fold(&self, selection: &Selection, x: &[f64]) -> Result<Option<bool>, PiecewiseError> {
         check_vector("the point x", x, self.num_vars())?;
+        check_selection("the selection", selection, self)?;
         let here = self.family_selection(selection);
         let mut there = here.clone();
         let mut theta = vec![0.0; self.layout.total()];
@@ -335,6 +338,10 @@ impl<P: PiecewiseSmooth> PiecewiseSmooth for TransitionSet<P> {
 
     fn is_piecewise_affine(&self) -> bool {
         self.family.is_piecewise_affine()
+    }
+
+    fn typical_sizes(&self, sizes: &mut [f64]) {
+        self.family.typical_sizes(sizes);
     }
 
     fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {

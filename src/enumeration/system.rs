@@ -3,7 +3,8 @@
 use super::EnumerationError;
 use super::kernel::NOISE;
 use super::table::Form;
-use crate::piecewise::{ActiveSet, PiecewiseSmooth, Selection, TestLayout};
+use crate::linear::LinearError;
+use crate::piecewise::{ActiveSet, PiecewiseSmooth, Selection, TestLayout, check_vector};
 use crate::sparse::Matrix;
 
 /// Largest number of coefficients in the dense table.
@@ -73,12 +74,16 @@ fn rows<P: PiecewiseSmooth + ?Sized>(
     let n = map.num_residuals();
     let mut constants = vec![0.0; n];
     map.residual(selection, at[0], &mut constants);
+    check_vector("the residual", &constants, n)?;
     let mut pair = [vec![0.0; n * unknowns], vec![0.0; n * unknowns]];
     for (x, dense) in at.iter().zip(&mut pair) {
         jac.clear();
         map.jacobian(selection, x, jac);
         if let Some((row, col)) = jac.stray() {
             return Err(crate::piecewise::PiecewiseError::StrayEntry { row, col }.into());
+        }
+        if jac.values().iter().any(|v| !v.is_finite()) {
+            return Err(LinearError::NotFinite { what: "the Jacobian" }.into());
         }
         for (i, j, v) in jac.triplets().filter(|t| t.1 < unknowns) {
             dense[i * unknowns + j] += v;
@@ -125,6 +130,7 @@ fn build<P: PiecewiseSmooth + ?Sized>(
     let layout = TestLayout::new(map);
     let mut theta = vec![0.0; layout.total()];
     map.test_functions(at[0], &mut theta);
+    check_vector("the test functions", &theta, layout.total())?;
     let mut jac = Matrix::zeros(map.pattern());
     let mut system = System {
         unknowns,

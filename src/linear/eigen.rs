@@ -30,8 +30,11 @@ fn failed() -> LinearError {
 
 fn sorted(m: DMatrix<f64>) -> Result<Vec<f64>, LinearError> {
     let n = m.nrows();
+    if n == 0 {
+        return Ok(Vec::new());
+    }
     let eigen = m
-        .try_symmetric_eigen(5.0 * f64::EPSILON, SWEEPS * n.max(1))
+        .try_symmetric_eigen(5.0 * f64::EPSILON, SWEEPS * n)
         .ok_or_else(failed)?;
     let mut values = eigen.eigenvalues.as_slice().to_vec();
     values.sort_by(f64::total_cmp);

@@ -82,7 +82,7 @@ impl PatternMemory {
 /// The fields of a `PatternRef` are public, so anything may stand in them.
 fn validate(p: PatternRef<'_>) -> Result<(), LinearError> {
     let nnz = p.row_idx.len();
-    let pointers = p.col_ptr.len() == p.ncols + 1
+    let pointers = p.col_ptr.len().checked_sub(1) == Some(p.ncols)
         && p.col_ptr[0] == 0
         && p.col_ptr[p.ncols] == nnz
         && p.col_ptr.windows(2).all(|w| w[0] <= w[1]);

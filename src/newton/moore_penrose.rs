@@ -1,5 +1,5 @@
 use crate::linear::{Bordered, DENSE_LIMIT, LinearSolver, RowInverse};
-use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection};
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, check_length, check_selection};
 use crate::sparse::{Matrix, dot, norm};
 
 /// The Moore–Penrose corrector of curves H(x) = 0 (n equations, n + 1 variables), with its workspaces.
@@ -77,6 +77,24 @@ impl<L: LinearSolver> MoorePenrose<L> {
         })
     }
 
+    fn check<P: PiecewiseSmooth + ?Sized>(
+        &self,
+        map: &P,
+        selection: &Selection,
+        vectors: &[(&'static str, &[f64])],
+    ) -> Result<(), PiecewiseError> {
+        check_length("the residual of the map", map.num_residuals(), self.r.len())?;
+        check_length(
+            "the vector of variables of the map",
+            map.num_vars(),
+            self.dx.len(),
+        )?;
+        for (what, vector) in vectors {
+            check_length(what, vector.len(), self.dx.len())?;
+        }
+        check_selection("the selection", selection, map)
+    }
+
     /// Number of factorisations so far.
     #[must_use]
     pub fn factorisations(&self) -> usize {
@@ -148,7 +166,8 @@ impl<L: LinearSolver> MoorePenrose<L> {
     /// Assembles ∇H^(σ)(x) and factors it, so that its kernel is at hand.
     ///
     /// # Errors
-    /// [`LinearError::Kernel`](crate::linear::LinearError::Kernel) where the kernel is not a line; entries outside the pattern.
+    /// [`LinearError::Kernel`](crate::linear::LinearError::Kernel) where the kernel is not a line; entries outside the pattern;
+    /// vectors of other lengths, selections of other maps.
     pub fn linearize<P: PiecewiseSmooth + ?Sized>(
         &mut self,
         map: &P,
@@ -156,6 +175,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
         x: &[f64],
         hint: Option<&[f64]>,
     ) -> Result<&[f64], PiecewiseError> {
+        self.check(map, selection, &[("the point x", x)])?;
         if !map.is_piecewise_affine() {
             self.assemble(map, selection, x)?;
             self.bordered.factor(&self.jac, hint)?;
@@ -279,7 +299,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
     /// `max_iterations`.
     ///
     /// # Errors
-    /// Singular or non-finite linear systems, entries outside the pattern.
+    /// Singular or non-finite linear systems, entries outside the pattern, vectors of other lengths, selections of other maps.
     #[allow(clippy::too_many_arguments)]
     pub fn correct<P: PiecewiseSmooth + ?Sized>(
         &mut self,
@@ -291,6 +311,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
         (tol_residual, tol_step): (f64, f64),
         max_iterations: usize,
     ) -> Result<Correction, PiecewiseError> {
+        self.check(map, selection, &[("the point x", x), ("the tangent t", t)])?;
         choose(x, selection);
         map.residual(selection, x, &mut self.r);
         let mut outcome = Correction {
@@ -332,7 +353,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
     /// until steps no longer shrink: to rounding. `t` becomes the tangent there, oriented along `normal`.
     ///
     /// # Errors
-    /// Singular or non-finite linear systems.
+    /// Singular or non-finite linear systems, vectors of other lengths, selections of other maps.
     #[allow(clippy::too_many_arguments)]
     pub fn correct_in_plane<P: PiecewiseSmooth + ?Sized>(
         &mut self,
@@ -345,6 +366,13 @@ impl<L: LinearSolver> MoorePenrose<L> {
         t: &mut [f64],
     ) -> Result<Correction, PiecewiseError> {
         const LIMIT: usize = 20;
+        let vectors = [
+            ("the point x", &*x),
+            ("the tangent t", &*t),
+            ("the anchor", anchor),
+            ("the normal", normal),
+        ];
+        self.check(map, selection, &vectors)?;
         let mut outcome = Correction {
             converged: false,
             iterations: 0,

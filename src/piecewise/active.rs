@@ -27,7 +27,7 @@ impl ActiveSet {
         for site in 0..layout.num_sites() {
             let range = layout.range(site);
             let vanishes = |f: &Facet| vanishing.binary_search(&(range.start + f.test())).is_ok();
-            let tests = &theta[range.clone()];
+            let tests = theta.get(range.clone()).unwrap_or_default();
             let is_active = |piece: &usize| {
                 let cell = map.cell(site, *piece);
                 cell.iter().all(|f| vanishes(f) || f.margin(tests) > 0.0)
@@ -139,7 +139,7 @@ pub fn select_pieces<P: PiecewiseSmooth + ?Sized>(
 ) -> usize {
     let mut changes = 0;
     for site in 0..layout.num_sites() {
-        let tests = &theta[layout.range(site)];
+        let tests = theta.get(layout.range(site)).unwrap_or_default();
         let old = selection.piece(site);
         let kept = keep.then_some((old, tolerance));
         let new = best_piece(map, site, tests, kept);
@@ -158,6 +158,7 @@ fn best_piece<P: PiecewiseSmooth + ?Sized>(
     keep: Option<(usize, f64)>,
 ) -> usize {
     if let Some((old, tolerance)) = keep
+        && old < map.num_pieces(site)
         && cell_margin(map.cell(site, old), tests) >= -tolerance
     {
         return old;

@@ -1,5 +1,6 @@
 use thiserror::Error;
 
+use super::{PiecewiseSmooth, Selection};
 use crate::linear::LinearError;
 
 /// What can go wrong in analysing a piecewise-smooth map at a point.
@@ -24,6 +25,18 @@ pub enum PiecewiseError {
         /// Position, from 0.
         index: usize,
     },
+    /// A selection names a piece that its site does not have: it is of another map, or its file was changed.
+    #[error("{what} has piece {piece} at site {site}, which has {pieces} pieces, counted from 0")]
+    NoSuchPiece {
+        /// Which selection.
+        what: &'static str,
+        /// The site, from 0.
+        site: usize,
+        /// The piece it names.
+        piece: usize,
+        /// Number of pieces of the site.
+        pieces: usize,
+    },
     /// The map wrote a Jacobian entry outside its declared pattern.
     #[error("the Jacobian has an entry at ({row}, {col}) outside the declared pattern; extend `pattern()`")]
     StrayEntry {
@@ -42,20 +55,61 @@ pub enum PiecewiseError {
         /// What would fit.
         expected: &'static str,
     },
+    /// A typical size of a variable is not positive.
+    #[error("the typical size of variable {index} is {value}; it must be positive")]
+    Size {
+        /// The variable, from 0.
+        index: usize,
+        /// Its size.
+        value: f64,
+    },
     /// A linear-algebra failure.
     #[error(transparent)]
     Linear(#[from] LinearError),
 }
 
-/// Checks the length of a vector and that its entries are finite.
-pub(crate) fn check_vector(what: &'static str, v: &[f64], expected: usize) -> Result<(), PiecewiseError> {
-    if v.len() != expected {
+/// Checks that a selection is one of the map's.
+pub(crate) fn check_selection<P: PiecewiseSmooth + ?Sized>(
+    what: &'static str,
+    selection: &Selection,
+    map: &P,
+) -> Result<(), PiecewiseError> {
+    if selection.len() != map.num_sites() {
         return Err(PiecewiseError::Length {
             what,
-            expected,
-            found: v.len(),
+            expected: map.num_sites(),
+            found: selection.len(),
         });
     }
+    for (site, piece) in selection.pieces().enumerate() {
+        let pieces = map.num_pieces(site);
+        if piece >= pieces {
+            return Err(PiecewiseError::NoSuchPiece {
+                what,
+                site,
+                piece,
+                pieces,
+            });
+        }
+    }
+    Ok(())
+}
+
+/// Checks the length of a vector without a look at its entries.
+pub(crate) fn check_length(what: &'static str, found: usize, expected: usize) -> Result<(), PiecewiseError> {
+    match found == expected {
+        true => Ok(()),
+        false => Err(PiecewiseError::Length {
+            what,
+            expected,
+            found,
+        }),
+    }
+}
+
+/// Checks the length of a vector and that its entries are finite.
+pub(crate) fn check_vector(what: &'static str, v: &[f64], expected: usize) -> Result<(), PiecewiseError> {
+    check_length(what, v.len(), expected)?;
     match v.iter().position(|x| !x.is_finite()) {
         Some(index) => Err(PiecewiseError::NotFinite { what, index }),
         None => Ok(()),

@@ -1,4 +1,4 @@
-use super::error::check_vector;
+use super::error::{check_selection, check_vector};
 use super::{PiecewiseError, PiecewiseSmooth, Selection, TestLayout, active_set};
 
 /// Whether a selection is essentially active: x lies in the closure of the interior of {H = H^(σ)} (Scholtes 2012, ch. 4).
@@ -19,7 +19,7 @@ pub enum Activity {
 /// has sign·∇θ·d > 0 on all of them (Gordan's alternative).
 ///
 /// # Errors
-/// Wrong lengths or values that are not finite.
+/// Wrong lengths, values that are not finite, selections of other maps.
 pub fn essential_activity<P: PiecewiseSmooth + ?Sized>(
     map: &P,
     x: &[f64],
@@ -27,13 +27,7 @@ pub fn essential_activity<P: PiecewiseSmooth + ?Sized>(
     tolerance: f64,
 ) -> Result<Activity, PiecewiseError> {
     check_vector("the point x", x, map.num_vars())?;
-    if selection.len() != map.num_sites() {
-        return Err(PiecewiseError::Length {
-            what: "the selection",
-            expected: map.num_sites(),
-            found: selection.len(),
-        });
-    }
+    check_selection("the selection", selection, map)?;
     let active = active_set(map, x, tolerance);
     if !active.contains(selection) {
         return Ok(Activity::Inactive);

@@ -42,6 +42,9 @@ impl TestLayout {
     }
 
     /// Positions of the test functions of a site.
+    ///
+    /// # Panics
+    /// For a site beyond [`num_sites`](Self::num_sites).
     #[must_use]
     #[inline]
     pub fn range(&self, site: usize) -> Range<usize> {

@@ -1,4 +1,4 @@
-use super::error::check_vector;
+use super::error::{check_selection, check_vector};
 use super::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection};
 use crate::linear::{AutoSolver, LinearError, LinearSolver};
 use crate::sparse::Matrix;
@@ -77,7 +77,7 @@ impl LocalUniqueness {
 /// Ligurský).
 ///
 /// # Errors
-/// Wrong shapes, Jacobians that are not finite or leave their pattern, and several active selections of matrices so large that no
+/// Wrong shapes, an active set of another map, Jacobians that are not finite or leave their pattern, and several active selections of matrices so large that no
 /// determinant is available ([`LinearError::Solver`]).
 pub fn local_uniqueness<P: PiecewiseSmooth + ?Sized>(
     map: &P,
@@ -120,6 +120,7 @@ pub fn local_uniqueness<P: PiecewiseSmooth + ?Sized>(
             });
         }
         examined += 1;
+        check_selection("the active set", &selection, map)?;
         jac.clear();
         map.jacobian(&selection, x, &mut jac);
         if let Some((row, col)) = jac.stray() {

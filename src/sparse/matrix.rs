@@ -33,6 +33,9 @@ pub struct MatrixRef<'a> {
 
 impl MatrixRef<'_> {
     /// Adds `scale * A x` to `y`. Lengths beyond the matrix are ignored.
+    ///
+    /// # Panics
+    /// Where an entry lies in a row beyond the length of `y`.
     pub fn mul_add(&self, scale: f64, x: &[f64], y: &mut [f64]) {
         let p = &self.pattern;
         for (j, &xj) in x.iter().enumerate().take(p.ncols) {
@@ -47,7 +50,10 @@ impl MatrixRef<'_> {
         }
     }
 
-    /// Adds `scale * Aᵀ x` to `y`.
+    /// Adds `scale * Aᵀ x` to `y`. Lengths beyond the matrix are ignored.
+    ///
+    /// # Panics
+    /// Where an entry lies in a row beyond the length of `x`.
     pub fn mul_transpose_add(&self, scale: f64, x: &[f64], y: &mut [f64]) {
         let p = &self.pattern;
         for (j, yj) in y.iter_mut().enumerate().take(p.ncols) {
@@ -124,7 +130,7 @@ impl Matrix {
     /// A matrix from `(row, column, value)` triplets; repeated entries sum up.
     ///
     /// # Errors
-    /// [`SparseError::OutOfBounds`] names an entry outside the matrix.
+    /// As [`Pattern::from_entries`].
     pub fn from_triplets(
         nrows: usize,
         ncols: usize,
@@ -213,6 +219,14 @@ impl Matrix {
         self.stray = None;
     }
 
+    /// Multiplies column j by `factors[j]`.
+    pub(crate) fn scale_columns(&mut self, factors: &[f64]) {
+        for (j, factor) in factors.iter().enumerate() {
+            let (begin, end) = (self.pattern.col_ptr()[j], self.pattern.col_ptr()[j + 1]);
+            self.values[begin..end].iter_mut().for_each(|v| *v *= factor);
+        }
+    }
+
     /// Sets the given rows to zero.
     pub(crate) fn clear_rows(&mut self, rows: &[usize]) {
         if self.pattern.is_full() {
@@ -287,12 +301,18 @@ impl Matrix {
     }
 
     /// `y = A x`.
+    ///
+    /// # Panics
+    /// Where an entry lies in a row beyond the length of `y`.
     pub fn mul_vec(&self, x: &[f64], y: &mut [f64]) {
         y.fill(0.0);
         self.as_ref().mul_add(1.0, x, y);
     }
 
     /// `y = Aᵀ x`.
+    ///
+    /// # Panics
+    /// Where an entry lies in a row beyond the length of `x`.
     pub fn mul_transpose_vec(&self, x: &[f64], y: &mut [f64]) {
         y.fill(0.0);
         self.as_ref().mul_transpose_add(1.0, x, y);

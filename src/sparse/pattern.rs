@@ -65,7 +65,7 @@ impl Pattern {
     /// The pattern holding the given `(row, column)` entries, in any order, repetitions merged.
     ///
     /// # Errors
-    /// [`SparseError::OutOfBounds`] names an entry outside the matrix.
+    /// [`SparseError::OutOfBounds`] names an entry outside the matrix; [`SparseError::Malformed`] for more columns than memory holds.
     pub fn from_entries(
         nrows: usize,
         ncols: usize,
@@ -85,7 +85,14 @@ impl Pattern {
         }
         list.sort_unstable();
         list.dedup();
-        let mut col_ptr = vec![0; ncols + 1];
+        let mut col_ptr = Vec::new();
+        let room = ncols.checked_add(1).map(|n| col_ptr.try_reserve_exact(n));
+        if !matches!(room, Some(Ok(()))) {
+            return Err(SparseError::Malformed {
+                what: format!("{ncols} columns do not fit into memory"),
+            });
+        }
+        col_ptr.resize(ncols + 1, 0);
         for &(col, _) in &list {
             col_ptr[col + 1] += 1;
         }
@@ -107,7 +114,7 @@ impl Pattern {
         row_idx: Vec<usize>,
     ) -> Result<Self, SparseError> {
         let malformed = |what: String| Err(SparseError::Malformed { what });
-        if col_ptr.len() != ncols + 1 {
+        if col_ptr.len().checked_sub(1) != Some(ncols) {
             return malformed(format!(
                 "{} column pointers for {ncols} columns; one more than columns is needed",
                 col_ptr.len()

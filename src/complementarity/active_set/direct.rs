@@ -1,5 +1,5 @@
 use super::ReducedSolver;
-use super::reduced::is_symmetric;
+use super::reduced::{check_order, check_square, is_symmetric};
 use crate::complementarity::ComplementarityError;
 use crate::linear::{Cholesky, DenseLu, LinearError, LinearSolver, SmallLu, SparseLu};
 use crate::sparse::{Matrix, Pattern};
@@ -129,6 +129,7 @@ impl DirectReduced {
 
 impl ReducedSolver for DirectReduced {
     fn load(&mut self, matrix: &Matrix) -> Result<(), ComplementarityError> {
+        check_square(matrix)?;
         let n = matrix.nrows();
         let full = n <= DENSE || matrix.values().len() / n >= n / 4;
         self.symmetric = !full && is_symmetric(matrix);
@@ -148,6 +149,11 @@ impl ReducedSolver for DirectReduced {
 
     fn select(&mut self, matrix: &Matrix, free: &[bool]) -> Result<(), ComplementarityError> {
         let n = free.len();
+        check_order(
+            self.free.len(),
+            &[("the matrix", matrix.nrows()), ("the set of free components", n)],
+        )?;
+        check_square(matrix)?;
         self.free.copy_from_slice(free);
         self.is_small = self.kind == Kind::Dense && n <= KEEP_DENSE && self.factor_small(matrix);
         if self.is_small {
@@ -189,6 +195,7 @@ impl ReducedSolver for DirectReduced {
         d: &mut [f64],
         _tolerance: f64,
     ) -> Result<usize, ComplementarityError> {
+        check_order(self.free.len(), &[("r", r.len()), ("d", d.len())])?;
         d.fill(0.0);
         if self.rows.is_empty() {
             return Ok(0);

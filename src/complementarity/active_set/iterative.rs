@@ -1,6 +1,7 @@
 use std::sync::Arc;
 
 use super::nested::algebraic_start;
+use super::reduced::{check_order, check_square};
 use super::{ActiveSetOptions, ReducedSolver, Start};
 use crate::complementarity::{ComplementarityError, Lcp};
 use crate::linear::{LinearError, Prolongation, Rows, TruncatedMultigrid, aggregation_hierarchy};
@@ -57,6 +58,7 @@ impl MultigridReduced {
 
 impl ReducedSolver for MultigridReduced {
     fn load(&mut self, matrix: &Matrix) -> Result<(), ComplementarityError> {
+        check_square(matrix)?;
         // What is known belongs to the first matrix alone.
         let known = self.known.take();
         self.multigrid = Some(match &self.given {
@@ -74,12 +76,14 @@ impl ReducedSolver for MultigridReduced {
 
     fn select(&mut self, _matrix: &Matrix, free: &[bool]) -> Result<(), ComplementarityError> {
         let multigrid = self.multigrid.as_mut().ok_or(LinearError::NotAnalyzed)?;
+        check_order(multigrid.order(), &[("the set of free components", free.len())])?;
         multigrid.set_free(free);
         Ok(())
     }
 
     fn solve(&mut self, r: &mut [f64], d: &mut [f64], tolerance: f64) -> Result<usize, ComplementarityError> {
         let multigrid = self.multigrid.as_mut().ok_or(LinearError::NotAnalyzed)?;
+        check_order(multigrid.order(), &[("r", r.len()), ("d", d.len())])?;
         let iterations = multigrid.solve(r, d, tolerance, LIMIT)?;
         if iterations == LIMIT {
             return Err(LinearError::Inaccurate { residual: tolerance }.into());

@@ -1,5 +1,6 @@
 use super::ReducedSolver;
 use super::direct::mask;
+use super::reduced::{check_order, check_square};
 use crate::complementarity::ComplementarityError;
 use crate::linear::{Gmres, IncompleteLu, LinearError, Preconditioner};
 use crate::sparse::Matrix;
@@ -62,12 +63,21 @@ impl Default for GmresReduced {
 
 impl<P: Preconditioner> ReducedSolver for GmresReduced<P> {
     fn load(&mut self, matrix: &Matrix) -> Result<(), ComplementarityError> {
+        check_square(matrix)?;
         self.free.clear();
         self.free.resize(matrix.nrows(), true);
         Ok(())
     }
 
     fn select(&mut self, matrix: &Matrix, free: &[bool]) -> Result<(), ComplementarityError> {
+        check_order(
+            self.free.len(),
+            &[
+                ("the matrix", matrix.nrows()),
+                ("the set of free components", free.len()),
+            ],
+        )?;
+        check_square(matrix)?;
         self.free.clear();
         self.free.extend_from_slice(free);
         mask(matrix, free, &mut self.system);
@@ -85,6 +95,7 @@ impl<P: Preconditioner> ReducedSolver for GmresReduced<P> {
             system,
         } = self;
         let system = system.as_ref().ok_or(LinearError::NotAnalyzed)?;
+        check_order(free.len(), &[("r", r.len()), ("d", d.len())])?;
         for ((d, r), free) in d.iter_mut().zip(&*r).zip(&*free) {
             *d = if *free { *r } else { 0.0 };
         }

@@ -18,7 +18,7 @@ pub struct Start {
 /// A solver for the reduced systems M_FF d_F = r_F of an active-set method; F are the free components.
 ///
 /// Implement it to bring a preconditioner or a solver of your own. `load` comes first, then `select` before each `solve`
-/// with another set.
+/// with another set; lengths that do not fit the matrix loaded are errors.
 pub trait ReducedSolver {
     /// Takes note of the matrix of a problem.
     ///
@@ -54,6 +54,26 @@ pub trait ReducedSolver {
         _options: &ActiveSetOptions,
     ) -> Result<Option<Start>, ComplementarityError> {
         Ok(None)
+    }
+}
+
+pub(super) fn check_square(matrix: &Matrix) -> Result<(), ComplementarityError> {
+    let (nrows, ncols) = (matrix.nrows(), matrix.ncols());
+    match nrows == ncols {
+        true => Ok(()),
+        false => Err(LinearError::NotSquare { nrows, ncols }.into()),
+    }
+}
+
+/// Checks lengths against the order of the matrix that was loaded.
+pub(super) fn check_order(order: usize, found: &[(&'static str, usize)]) -> Result<(), ComplementarityError> {
+    match found.iter().find(|f| f.1 != order) {
+        None => Ok(()),
+        Some(&(what, found)) => Err(ComplementarityError::Length {
+            what,
+            expected: order,
+            found,
+        }),
     }
 }
 

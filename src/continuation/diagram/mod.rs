@@ -3,7 +3,10 @@
 mod arc;
 mod chains;
 mod explore;
+#[cfg(feature = "serde")]
+mod file;
 mod model;
+mod natural;
 mod options;
 mod query;
 mod resume;

@@ -26,7 +26,11 @@ use crate::continuation::{Arm, ContinuationError, Point, Termination};
 /// # Ok::<(), semismooth::continuation::ContinuationError>(())
 /// ```
 #[derive(Debug, Clone, PartialEq, Default)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(try_from = "super::file::Unchecked")
+)]
 pub struct Diagram {
     pub(super) vertices: Vec<DiagramVertex>,
     pub(super) edges: Vec<DiagramEdge>,
@@ -35,6 +39,9 @@ pub struct Diagram {
     pub(super) range: (f64, f64),
     pub(super) same_point: f64,
     pub(super) points: usize,
+    /// Typical sizes by which the exploration divided the variables; none for no scaling.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub(super) sizes: Vec<f64>,
 }
 
 impl Diagram {

@@ -3,9 +3,10 @@
 use std::ops::ControlFlow;
 
 use super::explore::{Explorer, Progress};
+use super::natural::{natural_observer, scaled_starts};
 use super::{Completeness, Diagram, DiagramOptions, DiagramVertex, EdgeEnd, Limit, VertexArm, VertexKind};
 use crate::continuation::{ContinuationError, Termination};
-use crate::piecewise::{PiecewiseError, PiecewiseSmooth, check_vector};
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Scaled, check_selection, check_vector};
 
 /// Whether a further run may go beyond this end of a curve.
 fn lifted(termination: Termination) -> bool {
@@ -80,6 +81,8 @@ impl Diagram {
                 });
             }
         }
+        let scaled = Scaled::new(map, &options.continuation.typical_sizes)?;
+        self.scale(&scaled);
         let mut again = self.reopen();
         let mut pending = Vec::new();
         for (vertex, v) in self.vertices.iter().enumerate() {
@@ -89,10 +92,12 @@ impl Diagram {
         }
         // Curves meet each other at events only; those that have none in their middle come first.
         pending.sort_by_key(|end| self.vertices[end.vertex].kind != VertexKind::Start);
-        again.extend(starts.iter().map(|s| s.as_ref().to_vec()));
-        let mut explorer = Explorer::new(map, self, options, observe);
+        again.extend(scaled_starts(&scaled, starts));
+        let mut explorer = Explorer::new(&scaled, self, options, natural_observer(&scaled, observe));
         explorer.run(pending, &again)?;
-        Ok(explorer.diagram)
+        let mut diagram = explorer.diagram;
+        diagram.unscale(&scaled);
+        Ok(diagram)
     }
 
     /// Forgets the limits that a further run may lift, with the edges that ended there, and the starts from which nothing was
@@ -174,40 +179,37 @@ impl Diagram {
     }
 
     /// Whether the diagram may be that of a map: nothing in it is out of range.
-    fn check<P: PiecewiseSmooth + ?Sized>(&self, map: &P) -> Result<(), ContinuationError> {
-        let (m, sites) = (map.num_vars(), map.num_sites());
-        let index = |what, found: usize, expected: usize| {
-            let error = PiecewiseError::Length {
-                what,
-                expected,
-                found: found + 1,
-            };
-            if found < expected { Ok(()) } else { Err(error) }
-        };
-        let selection = |s: &crate::piecewise::Selection| {
-            if s.len() != sites {
-                return Err(PiecewiseError::Length {
-                    what: "a selection of the diagram",
-                    expected: sites,
-                    found: s.len(),
-                });
-            }
-            let mut pieces = s.pieces().enumerate();
-            pieces.try_for_each(|(site, k)| {
-                index("the pieces of a site of the diagram", k, map.num_pieces(site))
-            })
-        };
+    pub(super) fn check<P: PiecewiseSmooth + ?Sized>(&self, map: &P) -> Result<(), PiecewiseError> {
+        let m = map.num_vars();
+        let what = "a selection of the diagram";
         for vertex in &self.vertices {
             check_vector("a vertex of the diagram", &vertex.x, m)?;
             for a in &vertex.arms {
                 check_vector("an arm of the diagram", &a.arm.tangent, m)?;
-                selection(&a.arm.selection)?;
-                index(
-                    "the edges of the diagram",
-                    a.edge.unwrap_or(0),
-                    self.edges.len().max(1),
-                )?;
+                check_selection(what, &a.arm.selection, map)?;
             }
+        }
+        for p in self.edges.iter().flat_map(|e| &e.points) {
+            check_vector("a point of the diagram", &p.x, m)?;
+            check_vector("a tangent of the diagram", &p.tangent, m)?;
+            check_selection(what, &p.selection, map)?;
+        }
+        self.check_structure()
+    }
+
+    /// Whether all vertices, arms and edges told of are there.
+    pub(super) fn check_structure(&self) -> Result<(), PiecewiseError> {
+        let index = |what, found: usize, expected: usize| {
+            let error = PiecewiseError::Length {
+                what,
+                expected,
+                found: found.saturating_add(1),
+            };
+            if found < expected { Ok(()) } else { Err(error) }
+        };
+        let edges = self.vertices.iter().flat_map(|v| &v.arms).filter_map(|a| a.edge);
+        for edge in edges {
+            index("the edges of the diagram", edge, self.edges.len())?;
         }
         if let Completeness::Limited(limits) = &self.completeness {
             for limit in limits {
@@ -226,11 +228,6 @@ impl Diagram {
                 )?;
             }
             index("the points of an edge of the diagram", 1, edge.points.len())?;
-            for p in &edge.points {
-                check_vector("a point of the diagram", &p.x, m)?;
-                check_vector("a tangent of the diagram", &p.tangent, m)?;
-                selection(&p.selection)?;
-            }
         }
         Ok(())
     }

@@ -270,6 +270,11 @@ impl TruncatedMultigrid {
         })
     }
 
+    /// Number of unknowns.
+    pub(crate) fn order(&self) -> usize {
+        self.free.len()
+    }
+
     /// Chooses the free unknowns.
     pub(crate) fn set_free(&mut self, free: &[bool]) {
         let Self {

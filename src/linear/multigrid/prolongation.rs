@@ -132,12 +132,18 @@ impl Prolongation {
     }
 
     /// The coarse unknowns on which fine unknown `i` depends, with their weights.
+    ///
+    /// # Panics
+    /// For `i` beyond the fine unknowns.
     pub fn parents(&self, i: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
         let (cols, weights) = self.rows().row(i);
         cols.iter().zip(weights).map(|(&j, &w)| (j as usize, w))
     }
 
-    /// `fine = P coarse + b`. Lengths must fit.
+    /// `fine = P coarse + b`.
+    ///
+    /// # Panics
+    /// Unless the lengths are those of [`num_coarse`](Self::num_coarse) and [`num_fine`](Self::num_fine).
     pub fn prolong(&self, coarse: &[f64], fine: &mut [f64]) {
         let rows = self.rows();
         for (i, x) in fine.iter_mut().enumerate() {
@@ -162,7 +168,10 @@ impl Prolongation {
         (0..self.num_fine()).map(most).collect()
     }
 
-    /// `coarse = Pᵀ fine`. Lengths must fit.
+    /// `coarse = Pᵀ fine`.
+    ///
+    /// # Panics
+    /// Unless the lengths are those of [`num_fine`](Self::num_fine) and [`num_coarse`](Self::num_coarse).
     pub fn restrict(&self, fine: &[f64], coarse: &mut [f64]) {
         let columns = self.columns();
         for (c, y) in coarse.iter_mut().enumerate() {

@@ -1,4 +1,4 @@
-//! Bad input: each is refused by its named error, and none panics.
+//! Each is refused by the variant of the error that names it.
 
 use semismooth::contact::{
     CondensedFriction, ContactError, ContactState, FrictionPath, FrictionProblem, FrictionStart, HildRenard,

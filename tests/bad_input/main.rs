@@ -1,0 +1,11 @@
+//! Bad input: each is refused by an error that names it, none panics, and no public function that can refuse is left out.
+
+mod complementarity;
+mod continuation;
+mod enumeration;
+mod linear;
+mod named;
+mod newton;
+mod piecewise;
+mod sparse;
+mod table;

@@ -1,0 +1,322 @@
+use semismooth::linear::{AutoSolver, DenseLu};
+use semismooth::newton::{Damping, Failure, MoorePenrose, Newton, NewtonError, NewtonOptions};
+use semismooth::piecewise::{MinMap, PiecewiseSmooth, Selection, Semismooth};
+use semismooth::sparse::{Matrix, Pattern};
+
+use super::piecewise::{no_numbers, square, vee};
+use super::table::{BAD, Table};
+
+/// x² + 1 = 0: no solution.
+struct NoRoot(f64);
+impl Semismooth for NoRoot {
+    fn num_vars(&self) -> usize {
+        1
+    }
+    fn residual(&self, x: &[f64], out: &mut [f64]) {
+        out[0] = self.0 * (x[0] * x[0] + 1.0);
+    }
+    fn jacobian(&self, x: &[f64], jac: &mut Matrix) {
+        jac.add(0, 0, self.0 * 2.0 * x[0]);
+    }
+}
+
+#[test]
+fn correctors() {
+    let mut t = Table::new("newton");
+    let validate = "newton::NewtonOptions::validate";
+    let mut options = vec![("max_iterations", NewtonOptions::default().with_max_iterations(0))];
+    for bad in [f64::NAN, f64::INFINITY, -1.0] {
+        options.push((
+            "absolute_tolerance",
+            NewtonOptions::default().with_tolerances(bad, 0.0),
+        ));
+        options.push((
+            "relative_tolerance",
+            NewtonOptions::default().with_tolerances(0.0, bad),
+        ));
+    }
+    for bad in [f64::NAN, f64::INFINITY, 0.0, 1.0, -1.0] {
+        let mut armijo = NewtonOptions::default();
+        armijo.armijo = bad;
+        options.push(("armijo", armijo));
+        let mut damping = NewtonOptions::default();
+        damping.min_damping = bad;
+        options.push(("min_damping", damping));
+    }
+    for (name, o) in options {
+        t.refuses(validate, name, name, || o.validate());
+        t.refuses("newton::Newton::solve", name, name, || {
+            Newton::new(o.clone()).solve(&square(1), &mut [1.0])
+        });
+        t.refuses("newton::Newton::solve_semismooth", name, name, || {
+            Newton::new(o.clone()).solve_semismooth(&NoRoot(1.0), &mut [1.0])
+        });
+    }
+    let mut newton = Newton::new(NewtonOptions::default());
+    for x in [vec![], vec![1.0; 2]] {
+        t.refuses("newton::Newton::solve", "x of another length", "x", || {
+            newton.solve(&square(1), &mut x.clone())
+        });
+        t.refuses(
+            "newton::Newton::solve_semismooth",
+            "x of another length",
+            "x",
+            || newton.solve_semismooth(&NoRoot(1.0), &mut x.clone()),
+        );
+    }
+    t.survives("newton::Newton::solve", "an empty map", || {
+        newton.solve(&square(0), &mut [])
+    });
+    for bad in BAD {
+        t.refuses("newton::Newton::solve", "x", "x[0]", || {
+            newton.solve(&square(1), &mut [bad])
+        });
+        t.refuses("newton::Newton::solve_semismooth", "x", "x[0]", || {
+            newton.solve_semismooth(&NoRoot(1.0), &mut [bad])
+        });
+        let map = MinMap::new(1, move |_: &[f64], a: &mut [f64], b: &mut [f64]| {
+            a[0] = bad;
+            b[0] = bad;
+        });
+        t.refuses(
+            "newton::Newton::solve",
+            "a residual that is no number",
+            "",
+            || newton.solve(&map, &mut [1.0]),
+        );
+        t.refuses(
+            "newton::Newton::solve_semismooth",
+            "a residual that is no number",
+            "",
+            || newton.solve_semismooth(&NoRoot(bad), &mut [1.0]),
+        );
+    }
+    // A failed solve hands back its best iterate and what it did.
+    for size in [1e-300, 1.0, 1e150, 1e300] {
+        for damping in [Damping::OnTrouble, Damping::Always, Damping::Never] {
+            t.holds(
+                "newton::Newton::solve_semismooth",
+                "a failure has its iterate and history",
+                || {
+                    let mut newton = Newton::new(NewtonOptions::default().with_damping(damping));
+                    let mut x = [3.0];
+                    match newton.solve_semismooth(&NoRoot(size), &mut x) {
+                        Err(NewtonError::Failed(unsolved)) => {
+                            unsolved.x.iter().all(|v| v.is_finite())
+                                && unsolved.x.len() == 1
+                                && (!unsolved.report.iterations.is_empty()
+                                    || matches!(unsolved.reason, Failure::NotFinite { .. }))
+                        }
+                        _ => false,
+                    }
+                },
+            );
+        }
+    }
+    for huge in [1e160, 1e300, f64::MAX] {
+        t.survives("newton::Newton::solve", "huge x", || {
+            newton.solve(&square(1), &mut [huge])
+        });
+    }
+
+    let moore = || MoorePenrose::new(&vee(), DenseLu::new()).unwrap();
+    t.refuses("newton::MoorePenrose::new", "an equation", "", || {
+        MoorePenrose::new(&square(1), AutoSolver::new())
+    });
+    t.refuses("newton::MoorePenrose::new", "an empty map", "", || {
+        MoorePenrose::new(&square(0), AutoSolver::new())
+    });
+    let choose = |_: &[f64], _: &mut Selection| {};
+    let good = Selection::uniform(1, 0);
+    for x in [vec![], vec![0.5], vec![0.5; 3]] {
+        t.refuses(
+            "newton::MoorePenrose::correct",
+            "x of another length",
+            "x",
+            || {
+                moore().correct(
+                    &vee(),
+                    &mut good.clone(),
+                    choose,
+                    &mut x.clone(),
+                    &mut [1.0, 0.0],
+                    (1e-9, 1e-9),
+                    5,
+                )
+            },
+        );
+        t.refuses(
+            "newton::MoorePenrose::correct",
+            "t of another length",
+            "t",
+            || {
+                moore().correct(
+                    &vee(),
+                    &mut good.clone(),
+                    choose,
+                    &mut [0.5; 2],
+                    &mut x.clone(),
+                    (1e-9, 1e-9),
+                    5,
+                )
+            },
+        );
+        t.refuses(
+            "newton::MoorePenrose::correct_in_plane",
+            "x of another length",
+            "x",
+            || {
+                moore().correct_in_plane(
+                    &vee(),
+                    &good,
+                    &[0.5; 2],
+                    &[1.0, 0.0],
+                    0.1,
+                    &mut x.clone(),
+                    &mut [1.0, 0.0],
+                )
+            },
+        );
+        t.refuses(
+            "newton::MoorePenrose::correct_in_plane",
+            "t of another length",
+            "t",
+            || {
+                moore().correct_in_plane(
+                    &vee(),
+                    &good,
+                    &[0.5; 2],
+                    &[1.0, 0.0],
+                    0.1,
+                    &mut [0.5; 2],
+                    &mut x.clone(),
+                )
+            },
+        );
+        t.refuses(
+            "newton::MoorePenrose::correct_in_plane",
+            "an anchor of another length",
+            "anchor",
+            || {
+                moore().correct_in_plane(
+                    &vee(),
+                    &good,
+                    &x,
+                    &[1.0, 0.0],
+                    0.1,
+                    &mut [0.5; 2],
+                    &mut [1.0, 0.0],
+                )
+            },
+        );
+        t.refuses(
+            "newton::MoorePenrose::correct_in_plane",
+            "a normal of another length",
+            "normal",
+            || moore().correct_in_plane(&vee(), &good, &[0.5; 2], &x, 0.1, &mut [0.5; 2], &mut [1.0, 0.0]),
+        );
+        t.refuses(
+            "newton::MoorePenrose::linearize",
+            "x of another length",
+            "x",
+            || moore().linearize(&vee(), &good, &x, None).map(drop),
+        );
+        t.refuses(
+            "newton::MoorePenrose::linearize",
+            "a hint of another length",
+            "hint",
+            || moore().linearize(&vee(), &good, &[0.5; 2], Some(&x)).map(drop),
+        );
+    }
+    for selection in [
+        Selection::default(),
+        Selection::uniform(2, 0),
+        Selection::uniform(1, 9),
+    ] {
+        t.refuses(
+            "newton::MoorePenrose::linearize",
+            "a selection of another map",
+            "selection",
+            || moore().linearize(&vee(), &selection, &[0.5; 2], None).map(drop),
+        );
+        t.refuses(
+            "newton::MoorePenrose::correct",
+            "a selection of another map",
+            "selection",
+            || {
+                moore().correct(
+                    &vee(),
+                    &mut selection.clone(),
+                    choose,
+                    &mut [0.5; 2],
+                    &mut [1.0, 0.0],
+                    (1e-9, 1e-9),
+                    5,
+                )
+            },
+        );
+        t.refuses(
+            "newton::MoorePenrose::correct_in_plane",
+            "a selection of another map",
+            "selection",
+            || {
+                moore().correct_in_plane(
+                    &vee(),
+                    &selection,
+                    &[0.5; 2],
+                    &[1.0, 0.0],
+                    0.1,
+                    &mut [0.5; 2],
+                    &mut [1.0, 0.0],
+                )
+            },
+        );
+    }
+    for bad in BAD {
+        t.survives("newton::MoorePenrose::correct", "x", || {
+            moore().correct(
+                &vee(),
+                &mut good.clone(),
+                choose,
+                &mut [bad, 0.5],
+                &mut [1.0, 0.0],
+                (1e-9, 1e-9),
+                5,
+            )
+        });
+        t.survives("newton::MoorePenrose::correct_in_plane", "s", || {
+            moore().correct_in_plane(
+                &vee(),
+                &good,
+                &[0.5; 2],
+                &[1.0, 0.0],
+                bad,
+                &mut [0.5; 2],
+                &mut [1.0, 0.0],
+            )
+        });
+        t.survives("newton::MoorePenrose::linearize", "no numbers", || {
+            moore()
+                .linearize(&no_numbers(bad), &good, &[bad, 0.5], None)
+                .map(drop)
+        });
+    }
+    t.refuses("newton::MoorePenrose::linearize", "another map", "", || {
+        let wide = MinMap::curve(3, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+            a.copy_from_slice(&x[..3]);
+            b.fill(1.0);
+        });
+        assert_eq!(wide.pattern(), Pattern::full(3, 4));
+        moore()
+            .linearize(&wide, &Selection::uniform(3, 0), &[0.5; 4], None)
+            .map(drop)
+    });
+    t.exempt(
+        &[
+            "newton::Newton::solve_observed",
+            "newton::Newton::solve_semismooth_observed",
+        ],
+        "what `solve` and `solve_semismooth` call",
+    );
+    t.finish();
+}

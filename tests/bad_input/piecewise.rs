@@ -1,0 +1,260 @@
+use semismooth::piecewise::check::{CheckOptions, check};
+use semismooth::piecewise::{
+    ActiveSet, Facet, MinMap, PiecewiseSmooth, Selection, Selections, TestLayout, active_set, b_derivative,
+    cell_margin, coherent_orientation, essential_activity, local_uniqueness, select, select_pieces, value,
+};
+use semismooth::sparse::{Matrix, Pattern};
+
+use super::table::{BAD, Table, rows};
+
+/// min(a, b) = 0 with a = y − α, b = y + α: α = ±y for y ≥ 0.
+pub(crate) fn vee() -> impl PiecewiseSmooth + Clone {
+    MinMap::curve(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+        a[0] = x[0] - x[1];
+        b[0] = x[0] + x[1];
+    })
+}
+
+/// As many equations as variables: min(xᵢ, 1) = 0.
+pub(crate) fn square(n: usize) -> impl PiecewiseSmooth + Clone {
+    MinMap::new(n, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+        a.copy_from_slice(x);
+        b.fill(1.0);
+    })
+}
+
+/// A map whose residual is no number, or too large for one.
+pub(crate) fn no_numbers(value: f64) -> impl PiecewiseSmooth + Clone {
+    MinMap::curve(1, move |_: &[f64], a: &mut [f64], b: &mut [f64]| {
+        a[0] = value;
+        b[0] = value;
+    })
+}
+
+#[test]
+fn piecewise_maps() {
+    let mut t = Table::new("piecewise");
+    let (curve, equation) = (vee(), square(2));
+    let at = [0.5, 0.5];
+
+    for bad in BAD {
+        for x in [[bad, 0.0], [0.0, bad]] {
+            t.refuses("piecewise::b_derivative", "x", "x[", || {
+                b_derivative(&curve, &x, &at, 1e-9, &mut [0.0])
+            });
+            t.refuses("piecewise::b_derivative", "d", "d[", || {
+                b_derivative(&curve, &at, &x, 1e-9, &mut [0.0])
+            });
+            t.refuses("piecewise::coherent_orientation", "x", "x[", || {
+                coherent_orientation(&equation, &x, 1e-9, 10)
+            });
+            t.refuses("piecewise::essential_activity", "x", "x[", || {
+                essential_activity(&curve, &x, &Selection::uniform(1, 0), 1e-9)
+            });
+            t.refuses("piecewise::local_uniqueness", "x", "x[", || {
+                local_uniqueness(&curve, &x, &active_set(&curve, &at, 1e-9), &rows(&[&[1.0]]), 10)
+            });
+            t.refuses("piecewise::check::check", "a sample", "", || {
+                check(&curve, &[x.to_vec()], &CheckOptions::default())
+            });
+            t.survives("piecewise::active_set", "x", || active_set(&curve, &x, 1e-9));
+            t.survives("piecewise::select", "x", || select(&curve, &x));
+            t.survives("piecewise::value", "x", || value(&curve, &x, &mut [0.0]));
+        }
+        t.survives("piecewise::b_derivative", "tolerance", || {
+            b_derivative(&curve, &at, &at, bad, &mut [0.0])
+        });
+        t.survives("piecewise::coherent_orientation", "tolerance", || {
+            coherent_orientation(&equation, &at, bad, 10)
+        });
+        t.survives("piecewise::active_set", "tolerance", || {
+            active_set(&curve, &at, bad)
+        });
+        for options in [
+            CheckOptions::default().with_tolerance(bad),
+            CheckOptions::default().with_continuity_tolerance(bad),
+        ] {
+            t.refuses("piecewise::check::check", "options", "tolerance", || {
+                check(&curve, &[at.to_vec()], &options)
+            });
+        }
+    }
+    for x in [vec![], vec![0.5], vec![0.5; 3]] {
+        t.refuses("piecewise::b_derivative", "x of another length", "x", || {
+            b_derivative(&curve, &x, &at, 1e-9, &mut [0.0])
+        });
+        t.refuses("piecewise::b_derivative", "d of another length", "d", || {
+            b_derivative(&curve, &at, &x, 1e-9, &mut [0.0])
+        });
+        t.refuses("piecewise::b_derivative", "out of another length", "out", || {
+            b_derivative(&curve, &at, &at, 1e-9, &mut [0.0; 2])
+        });
+        t.refuses(
+            "piecewise::coherent_orientation",
+            "x of another length",
+            "x",
+            || coherent_orientation(&equation, &x, 1e-9, 10),
+        );
+        t.refuses(
+            "piecewise::essential_activity",
+            "x of another length",
+            "x",
+            || essential_activity(&curve, &x, &Selection::uniform(1, 0), 1e-9),
+        );
+        t.refuses("piecewise::local_uniqueness", "x of another length", "x", || {
+            local_uniqueness(&curve, &x, &active_set(&curve, &at, 1e-9), &rows(&[&[1.0]]), 10)
+        });
+        t.refuses(
+            "piecewise::check::check",
+            "a sample of another length",
+            "",
+            || check(&curve, std::slice::from_ref(&x), &CheckOptions::default()),
+        );
+    }
+    t.survives("piecewise::coherent_orientation", "a cap of 0", || {
+        coherent_orientation(&equation, &[0.0, 0.0], 1e-9, 0)
+    });
+    t.survives("piecewise::coherent_orientation", "a cap of u64::MAX", || {
+        coherent_orientation(&equation, &[0.0, 0.0], 1e-9, u64::MAX)
+    });
+    t.refuses("piecewise::check::check", "no samples", "sample", || {
+        check(&curve, &[], &CheckOptions::default())
+    });
+    let foreign = [
+        Selection::default(),
+        Selection::uniform(2, 0),
+        Selection::uniform(1, 7),
+        Selection::uniform(1, 65535),
+    ];
+    for selection in &foreign {
+        t.refuses(
+            "piecewise::essential_activity",
+            "a selection of another map",
+            "selection",
+            || essential_activity(&curve, &at, selection, 1e-9),
+        );
+    }
+    let active = |map: &dyn PiecewiseSmooth, x: &[f64]| active_set(map, x, 1e-9);
+    t.refuses(
+        "piecewise::local_uniqueness",
+        "the active set of another map",
+        "active",
+        || local_uniqueness(&curve, &at, &active(&equation, &at), &rows(&[&[1.0]]), 10),
+    );
+    t.refuses(
+        "piecewise::local_uniqueness",
+        "a load of another shape",
+        "load",
+        || {
+            local_uniqueness(
+                &curve,
+                &at,
+                &active(&curve, &at),
+                &Matrix::zeros(Pattern::full(3, 1)),
+                10,
+            )
+        },
+    );
+    for bad in BAD {
+        t.refuses(
+            "piecewise::local_uniqueness",
+            "a load that is no number",
+            "",
+            || local_uniqueness(&curve, &at, &active(&curve, &at), &rows(&[&[bad]]), 10),
+        );
+        t.survives(
+            "piecewise::local_uniqueness",
+            "a residual that is no number",
+            || {
+                let map = no_numbers(bad);
+                local_uniqueness(&map, &at, &active(&map, &at), &rows(&[&[1.0]]), 10)
+            },
+        );
+        t.survives("piecewise::b_derivative", "a residual that is no number", || {
+            b_derivative(&no_numbers(bad), &at, &at, 1e-9, &mut [0.0])
+        });
+        t.refuses(
+            "piecewise::check::check",
+            "a residual that is no number",
+            "",
+            || check(&no_numbers(bad), &[at.to_vec()], &CheckOptions::default()),
+        );
+    }
+    for huge in [1e160, 1e300, f64::MAX] {
+        t.survives("piecewise::b_derivative", "huge x", || {
+            b_derivative(&curve, &[huge; 2], &[huge; 2], 1e-9, &mut [0.0])
+        });
+        t.survives("piecewise::coherent_orientation", "huge x", || {
+            coherent_orientation(&equation, &[huge; 2], 1e-9, 10)
+        });
+        t.survives("piecewise::check::check", "huge x", || {
+            check(&curve, &[vec![huge; 2]], &CheckOptions::default())
+        });
+        t.survives("piecewise::essential_activity", "huge x", || {
+            essential_activity(&curve, &[huge; 2], &Selection::uniform(1, 0), 1e-9)
+        });
+    }
+    for n in [0, usize::MAX] {
+        t.survives("piecewise::check::check", "absurd limits", || {
+            let options = CheckOptions::default()
+                .with_max_selections(n)
+                .with_max_findings(n);
+            check(&curve, &[at.to_vec()], &options)
+        });
+    }
+
+    // What reads selections never fails.
+    t.survives("piecewise::Selection::piece", "any site", || {
+        Selection::uniform(1, 0).piece(usize::MAX)
+    });
+    t.survives("piecewise::Selection::set", "any site and piece", || {
+        Selection::uniform(1, 0).set(usize::MAX, usize::MAX);
+    });
+    t.survives("piecewise::Selection::from_pieces", "any piece", || {
+        Selection::from_pieces([usize::MAX])
+    });
+    t.survives("piecewise::Selection::copy_from", "another length", || {
+        Selection::uniform(1, 0).copy_from(&Selection::uniform(3, 0));
+    });
+    for selection in &foreign {
+        t.survives(
+            "piecewise::Selection::display",
+            "a selection of another map",
+            || selection.display(&curve).to_string(),
+        );
+        t.survives(
+            "piecewise::ActiveSet::contains",
+            "a selection of another map",
+            || active(&curve, &at).contains(selection),
+        );
+        t.survives("piecewise::Selections::varying", "any site", || {
+            Selections::varying(&curve, selection, [0, 1, usize::MAX]).count()
+        });
+    }
+    t.survives("piecewise::Selections::new", "no choice", || {
+        Selections::new(Selection::uniform(1, 0), vec![(0, vec![]), (9, vec![1])]).count()
+    });
+    t.survives("piecewise::Facet::margin", "too few tests", || {
+        Facet::positive(9).margin(&[])
+    });
+    t.survives("piecewise::cell_margin", "too few tests", || {
+        cell_margin(&[Facet::negative(3)], &[1.0])
+    });
+    let layout = || TestLayout::new(&curve);
+    t.survives("piecewise::TestLayout::describes", "another map", || {
+        layout().describes(&equation)
+    });
+    for theta in [vec![], vec![f64::NAN], vec![0.0; 5]] {
+        t.survives(
+            "piecewise::select_pieces",
+            "test functions of another length",
+            || select_pieces(&curve, &layout(), &theta, true, 0.0, &mut Selection::default()),
+        );
+        t.survives(
+            "piecewise::ActiveSet::from_tests",
+            "test functions of another length",
+            || ActiveSet::from_tests(&curve, &layout(), &theta, vec![0, 9]),
+        );
+    }
+    t.finish();
+}

@@ -1,0 +1,177 @@
+use std::path::Path;
+
+use semismooth::sparse::{
+    Matrix, Pattern, parse_matrix_market, parse_vector, read_matrix_market, read_vector, write_matrix_market,
+};
+
+use super::table::{BAD, Table, rows};
+
+#[test]
+fn sparse_matrices() {
+    let mut t = Table::new("sparse");
+    let a = || rows(&[&[1.0, 2.0], &[3.0, 4.0]]);
+    const MAX: usize = usize::MAX;
+
+    let from_csc = "sparse::Pattern::from_csc";
+    t.refuses(from_csc, "no pointers", "column pointers", || {
+        Pattern::from_csc(1, 1, vec![], vec![])
+    });
+    t.refuses(from_csc, "no pointers, no columns", "column pointers", || {
+        Pattern::from_csc(0, 0, vec![], vec![])
+    });
+    t.refuses(from_csc, "usize::MAX columns", "column pointers", || {
+        Pattern::from_csc(1, MAX, vec![0], vec![])
+    });
+    t.refuses(from_csc, "a row out of range", "(1, 0)", || {
+        Pattern::from_csc(1, 1, vec![0, 1], vec![1])
+    });
+    t.refuses(from_csc, "repeated rows", "column 0", || {
+        Pattern::from_csc(2, 1, vec![0, 2], vec![1, 1])
+    });
+    t.refuses(from_csc, "falling pointers", "pointer 1", || {
+        Pattern::from_csc(2, 2, vec![0, 2, 1], vec![0])
+    });
+    t.refuses(from_csc, "a pointer out of range", "pointer 1", || {
+        Pattern::from_csc(2, 2, vec![0, MAX, 1], vec![0])
+    });
+    let from_entries = "sparse::Pattern::from_entries";
+    t.refuses(from_entries, "an entry outside", "(0, 7)", || {
+        Pattern::from_entries(1, 2, [(0, 7)])
+    });
+    t.refuses(from_entries, "usize::MAX columns", "columns", || {
+        Pattern::from_entries(1, MAX, [(0, 0)])
+    });
+    t.refuses(from_entries, "2^60 columns", "columns", || {
+        Pattern::from_entries(1, 1 << 60, [(0, 0)])
+    });
+    t.refuses(
+        "sparse::Matrix::from_triplets",
+        "an entry outside",
+        "(2, 0)",
+        || Matrix::from_triplets(2, 2, &[(2, 0, 1.0)]),
+    );
+    t.refuses("sparse::Matrix::from_triplets", "2^60 columns", "columns", || {
+        Matrix::from_triplets(1, 1 << 60, &[])
+    });
+    t.refuses(
+        "sparse::Matrix::from_values",
+        "one value for four",
+        "values",
+        || Matrix::from_values(Pattern::full(2, 2), vec![1.0]),
+    );
+    t.refuses("sparse::Matrix::from_rows", "uneven rows", "row", || {
+        Matrix::from_rows(&[vec![1.0, 2.0], vec![1.0]])
+    });
+    for bad in BAD {
+        t.refuses(
+            "sparse::Matrix::check_finite",
+            "NaN or infinity",
+            "(0, 1)",
+            || rows(&[&[1.0, bad]]).check_finite(),
+        );
+    }
+
+    // Read-outs and products of any length.
+    for n in [0, 1, 3] {
+        t.survives("sparse::Matrix::mul_vec", "x of another length", || {
+            a().mul_vec(&vec![1.0; n], &mut [0.0; 2]);
+        });
+        t.survives("sparse::Matrix::mul_transpose_vec", "y of another length", || {
+            a().mul_transpose_vec(&[1.0; 2], &mut vec![0.0; n]);
+        });
+        t.survives("sparse::Matrix::leading_columns", "any number", || {
+            a().leading_columns(n).norm_1()
+        });
+    }
+    for (row, col) in [(2, 0), (0, 2), (MAX, MAX)] {
+        t.holds("sparse::Matrix::add", "an entry outside is remembered", || {
+            let mut a = a();
+            a.add(row, col, 1.0);
+            a.stray() == Some((row, col)) && a.get(row, col) == 0.0
+        });
+        t.holds(
+            "sparse::Matrix::add_block",
+            "a block outside is remembered",
+            || {
+                let mut a = a();
+                a.add_block(row, col, 1.0, &rows(&[&[1.0, 1.0], &[1.0, 1.0]]));
+                a.stray().is_some()
+            },
+        );
+        t.survives("sparse::Pattern::slot", "an entry outside", || {
+            a().pattern().slot(row, col)
+        });
+    }
+
+    let hostile = [
+        ("nothing", ""),
+        ("another file", "hello"),
+        (
+            "a header alone",
+            "%%MatrixMarket matrix coordinate real general\n",
+        ),
+        (
+            "10^18 entries",
+            "%%MatrixMarket matrix coordinate real general\n2 2 1000000000000000000\n1 1 1\n",
+        ),
+        (
+            "10^18 rows",
+            "%%MatrixMarket matrix coordinate real general\n2 1000000000000000000 1\n1 1 1\n",
+        ),
+        (
+            "a full matrix of 10^18 entries",
+            "%%MatrixMarket matrix array real general\n1000000000 1000000000\n1\n",
+        ),
+        (
+            "more than usize",
+            "%%MatrixMarket matrix coordinate real general\n99999999999999999999 1 1\n1 1 1\n",
+        ),
+        (
+            "an overflowing product",
+            "%%MatrixMarket matrix array real general\n18446744073709551615 18446744073709551615\n1\n",
+        ),
+        (
+            "index 0",
+            "%%MatrixMarket matrix coordinate real general\n1 1 1\n0 1 1\n",
+        ),
+        (
+            "index out of range",
+            "%%MatrixMarket matrix coordinate real general\n1 1 1\n2 1 1\n",
+        ),
+        (
+            "too few entries",
+            "%%MatrixMarket matrix coordinate real general\n1 1 2\n1 1 1\n",
+        ),
+        (
+            "NaN",
+            "%%MatrixMarket matrix coordinate real general\n1 1 1\n1 1 nan\n",
+        ),
+        (
+            "complex",
+            "%%MatrixMarket matrix coordinate complex general\n1 1 1\n1 1 1 1\n",
+        ),
+    ];
+    for (input, text) in hostile {
+        t.refuses("sparse::parse_matrix_market", input, "line", || {
+            parse_matrix_market(text)
+        });
+    }
+    for (input, text) in [
+        ("a word", "1\nx\n"),
+        ("NaN", "1\nnan\n"),
+        ("infinity", "1\ninf\n"),
+    ] {
+        t.refuses("sparse::parse_vector", input, "line 2", || parse_vector(text));
+    }
+    let missing = Path::new("no/such/file");
+    t.refuses("sparse::read_matrix_market", "no file", "no/such/file", || {
+        read_matrix_market(missing)
+    });
+    t.refuses("sparse::read_vector", "no file", "no/such/file", || {
+        read_vector(missing)
+    });
+    t.refuses("sparse::write_matrix_market", "no folder", "no/such/file", || {
+        write_matrix_market(missing, &a())
+    });
+    t.finish();
+}
