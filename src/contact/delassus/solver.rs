@@ -80,7 +80,7 @@ macro_rules! flow {
 ///
 /// M is taken to be semidefinite up to rounding. Errors that make its symmetric part indefinite by ε (entries known to a few digits
 /// only, say) may leave a problem without a solution: runs then stall at a residual of about ε against M. Heaps of some hundred bodies
-/// with many redundant contacts may stall too, at 1e-7, although rounding would allow fewer digits to be lost.
+/// with many redundant contacts may stall too, at 1e-7, far above rounding.
 #[derive(Debug, Clone, Default)]
 pub struct DelassusSolver {
     options: DelassusOptions,
