@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::approach::{Observer, lower};
 use super::condensed::check_symmetric;
 use super::error::check_length;
-use super::form::{Form, methods_of_forms, sites_of_the_law};
+use super::form::{Form, sites_of_the_law};
 use super::full_contact::held;
 use super::node_law::{LocalRow, LocalValues, MAX_TESTS, NodeLaw};
 use super::paths::Path;
@@ -25,16 +25,16 @@ use crate::sparse::{Matrix, Pattern, dot};
 /// nodes; pieces, cells and test functions are those of the law.
 #[derive(Debug, Clone)]
 pub struct CondensedContact<L> {
-    body: Arc<ContactBody>,
-    law: L,
+    pub(super) body: Arc<ContactBody>,
+    pub(super) law: L,
     condensation: Arc<Condensation>,
     free: Vec<f64>,
     free_rate: Vec<f64>,
     /// f₀ᵀ A⁻¹ f₀, f₀ᵀ A⁻¹ f₁, f₁ᵀ A⁻¹ f₁ of the load f₀ + α f₁.
     free_energy: [f64; 3],
     /// Tangential displacements that count as no slip, by t₁, then t₂.
-    reference: Vec<f64>,
-    r: f64,
+    pub(super) reference: Vec<f64>,
+    pub(super) r: f64,
     /// 1 / mean diag C.
     stiffness: f64,
     pattern: Pattern,
@@ -299,8 +299,6 @@ impl<L: NodeLaw> CondensedContact<L> {
         x.push(alpha);
         Ok(x)
     }
-
-    methods_of_forms!();
 
     /// [`solve_reported`](Self::solve_reported), telling `observe` of each attempt and each point on the way; it may stop the search.
     ///

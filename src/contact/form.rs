@@ -1,7 +1,10 @@
 //! What the full and the condensed form have in common.
 
-use super::ContactError;
+use std::ops::ControlFlow;
+
+use super::error::check_length;
 use super::node_law::{LocalValues, NodeLaw};
+use super::{CondensedContact, ContactBody, ContactError, ContactReport, FullContact};
 use crate::piecewise::PiecewiseSmooth;
 
 /// A contact problem in one of its forms: x ends with the multipliers, all normal ones first, and α.
@@ -102,73 +105,78 @@ macro_rules! sites_of_the_law {
 
 /// Methods that both forms have, documented alike.
 macro_rules! methods_of_forms {
-    () => {
-        /// Sets the augmentation parameter r > 0 (force per length). Solutions do not depend on it.
-        ///
-        /// # Errors
-        /// r ≤ 0 or not finite.
-        pub fn with_r(mut self, r: f64) -> Result<Self, ContactError> {
-            if !(r > 0.0 && r.is_finite()) {
-                return Err(ContactError::Augmentation { r });
+    ($form:ident) => {
+        impl<L: NodeLaw> $form<L> {
+            /// Sets the augmentation parameter r > 0 (force per length). Solutions do not depend on it.
+            ///
+            /// # Errors
+            /// r ≤ 0 or not finite.
+            pub fn with_r(mut self, r: f64) -> Result<Self, ContactError> {
+                if !(r > 0.0 && r.is_finite()) {
+                    return Err(ContactError::Augmentation { r });
+                }
+                self.r = r;
+                Ok(self)
             }
-            self.r = r;
-            Ok(self)
-        }
 
-        /// Sets the tangential displacements from which slips are measured (all along t₁, then all along t₂): those of the step before,
-        /// in a history of loading. Zero at first.
-        ///
-        /// # Errors
-        /// Wrong length, values that are not finite.
-        pub fn set_reference_slip(&mut self, reference: &[f64]) -> Result<(), ContactError> {
-            check_length("the reference of the slip", reference, self.reference.len())?;
-            self.reference.copy_from_slice(reference);
-            Ok(())
-        }
+            /// Sets the tangential displacements from which slips are measured (all along t₁, then all along t₂): those of the step before,
+            /// in a history of loading. Zero at first.
+            ///
+            /// # Errors
+            /// Wrong length, values that are not finite.
+            pub fn set_reference_slip(&mut self, reference: &[f64]) -> Result<(), ContactError> {
+                check_length("the reference of the slip", reference, self.reference.len())?;
+                self.reference.copy_from_slice(reference);
+                Ok(())
+            }
 
-        /// The augmentation parameter.
-        #[must_use]
-        pub fn r(&self) -> f64 {
-            self.r
-        }
+            /// The augmentation parameter.
+            #[must_use]
+            pub fn r(&self) -> f64 {
+                self.r
+            }
 
-        /// The body.
-        #[must_use]
-        pub fn body(&self) -> &ContactBody {
-            &self.body
-        }
+            /// The body.
+            #[must_use]
+            pub fn body(&self) -> &ContactBody {
+                &self.body
+            }
 
-        /// The law.
-        #[must_use]
-        pub fn law(&self) -> &L {
-            &self.law
-        }
+            /// The law.
+            #[must_use]
+            pub fn law(&self) -> &L {
+                &self.law
+            }
 
-        /// A solution at fixed α: by PS-Newton from `start` (α is set; zero if there is none) and, where that fails, by the other
-        /// strategies of [`ContactStrategy`](super::ContactStrategy).
-        ///
-        /// A body that stands without contact has a solution under every law of this crate whose coefficients are continuous and
-        /// bounded; it need not be unique.
-        ///
-        /// # Errors
-        /// Coefficients of friction that are negative or not finite; [`ContactError::NoStart`], with the best iterate and its
-        /// history, when no strategy finds a solution.
-        pub fn solve(&self, alpha: f64, start: Option<&[f64]>) -> Result<Vec<f64>, ContactError> {
-            Ok(self.solve_reported(alpha, start)?.x)
-        }
+            /// A solution at fixed α: by PS-Newton from `start` (α is set; zero if there is none) and, where that fails, by the other
+            /// strategies of [`ContactStrategy`](super::ContactStrategy).
+            ///
+            /// A body that stands without contact has a solution under every law of this crate whose coefficients are continuous and
+            /// bounded; it need not be unique.
+            ///
+            /// # Errors
+            /// Coefficients of friction that are negative or not finite; [`ContactError::NoStart`], with the best iterate and its
+            /// history, when no strategy finds a solution.
+            pub fn solve(&self, alpha: f64, start: Option<&[f64]>) -> Result<Vec<f64>, ContactError> {
+                Ok(self.solve_reported(alpha, start)?.x)
+            }
 
-        /// [`solve`](Self::solve) with an account of all attempts.
-        ///
-        /// # Errors
-        /// As [`solve`](Self::solve).
-        pub fn solve_reported(
-            &self,
-            alpha: f64,
-            start: Option<&[f64]>,
-        ) -> Result<ContactReport, ContactError> {
-            self.solve_observed(alpha, start, |_| ControlFlow::Continue(()))
+            /// [`solve`](Self::solve) with an account of all attempts.
+            ///
+            /// # Errors
+            /// As [`solve`](Self::solve).
+            pub fn solve_reported(
+                &self,
+                alpha: f64,
+                start: Option<&[f64]>,
+            ) -> Result<ContactReport, ContactError> {
+                self.solve_observed(alpha, start, |_| ControlFlow::Continue(()))
+            }
         }
     };
 }
 
-pub(super) use {methods_of_forms, sites_of_the_law};
+methods_of_forms!(FullContact);
+methods_of_forms!(CondensedContact);
+
+pub(super) use sites_of_the_law;

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::approach::{Observer, lower};
 use super::error::check_length;
-use super::form::{Form, methods_of_forms, sites_of_the_law};
+use super::form::{Form, sites_of_the_law};
 use super::node_law::{LocalRow, LocalValues, MAX_TESTS, NodeLaw};
 use super::paths::Path;
 use super::solution::{imbalance, judge};
@@ -27,13 +27,13 @@ use crate::sparse::{Matrix, Pattern, dot};
 /// nor the load affine in α. Each Newton step is one sparse factorisation.
 #[derive(Debug, Clone)]
 pub struct FullContact<L> {
-    body: Arc<ContactBody>,
-    law: L,
+    pub(super) body: Arc<ContactBody>,
+    pub(super) law: L,
     /// Transposes of the traces: column i belongs to node i.
     traces: Arc<[Matrix]>,
     /// Tangential displacements that count as no slip, by t₁, then t₂.
-    reference: Vec<f64>,
-    r: f64,
+    pub(super) reference: Vec<f64>,
+    pub(super) r: f64,
     /// Mean stiffness of single contact nodes.
     stiffness: f64,
     pattern: Pattern,
@@ -82,8 +82,6 @@ impl<L: NodeLaw> FullContact<L> {
         check_length("the solution x", x, self.num_vars())?;
         Ok(x[self.body.num_displacements()..].to_vec())
     }
-
-    methods_of_forms!();
 
     /// [`solve_reported`](Self::solve_reported), telling `observe` of each attempt and each point on the way; it may stop the search.
     ///

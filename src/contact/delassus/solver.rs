@@ -77,6 +77,10 @@ macro_rules! flow {
 ///
 /// Where M is singular, or friction is large, solutions need not be unique: one is found. Where there is none, the best iterate
 /// is returned; a residual that is small only because reactions grow without bound is not taken for a solution.
+///
+/// M is taken to be semidefinite up to rounding. Errors that make its symmetric part indefinite by ε (entries known to a few digits
+/// only, say) may leave a problem without a solution: runs then stall at a residual of about ε against M. Heaps of some hundred bodies
+/// with many redundant contacts may stall too, at 1e-7, far above rounding.
 #[derive(Debug, Clone, Default)]
 pub struct DelassusSolver {
     options: DelassusOptions,
