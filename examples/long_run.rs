@@ -95,7 +95,7 @@ fn run(args: &Args) -> Outcome<()> {
         }
     }
     drop(progress);
-    let alpha = curve.position().0.last().copied().unwrap_or(f64::NAN);
+    let alpha = curve.point().parameter();
     println!("{} lines in {}, at γ = {alpha}", written, table.display());
     match curve.termination() {
         Some(Termination::ParameterRange) => println!("the load path is complete"),

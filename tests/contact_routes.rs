@@ -1,7 +1,6 @@
 //! One contact problem, every way to its solution: full form, condensed form, fixed point, Delassus form.
 
 use proptest::prelude::*;
-use proptest::test_runner::RngSeed;
 use semismooth::contact::{
     CondensedContact, CondensedFriction, ContactBody, ContactError, ContactSolution, DelassusSolver,
     FixedPointOptions, FrictionCoefficient, FrictionCurve, FrictionMap, FrictionPath, FrictionProblem,
@@ -189,8 +188,7 @@ fn forces() -> impl Strategy<Value = Vec<f64>> {
 }
 
 proptest! {
-    // Newton's method fails on about one random slip-weakening body in five hundred (reported, with its history): the sample is fixed.
-    #![proptest_config(ProptestConfig { rng_seed: RngSeed::Fixed(7), ..ProptestConfig::with_cases(8) })]
+    #![proptest_config(ProptestConfig::with_cases(8))]
 
     #[test]
     fn plane(forces in forces(), f in 0.05..0.4f64) {
@@ -216,27 +214,37 @@ proptest! {
         routes(&body, &Frictionless::space());
     }
 
-    /// Laws without a Delassus form: full = condensed.
+    /// Laws without a Delassus form: full = condensed. Under slip weakening solutions need not be unique: then the two forms may find
+    /// different ones, but what is a solution of one is one of the other.
     #[test]
     fn other_laws(forces in forces(), f in 0.05..0.3f64) {
-        fn both<L: NodeLaw + Clone>(body: &ContactBody, law: &L) {
+        fn both<L: NodeLaw + Clone>(body: &ContactBody, law: &L, unique: bool) {
             let full = FullContact::new(body.clone(), law.clone()).unwrap();
             let condensed = CondensedContact::new(body.clone(), law.clone()).unwrap();
-            let x = full.solution(&full.solve(0.7, None).unwrap()).unwrap();
-            let y = condensed.solution(&condensed.solve(0.7, None).unwrap()).unwrap();
-            agree(&x, &y, 1e-10);
-            same_states(&x, &y);
+            let x = full.solve(0.7, None).unwrap();
+            let y = condensed.solve(0.7, None).unwrap();
+            let expanded = [condensed.displacements(&y).unwrap(), y.clone()].concat();
+            for (x, y) in [(&x, &full.restrict(&x).unwrap()), (&expanded, &y)] {
+                let (x, y) = (full.solution(x).unwrap(), condensed.solution(y).unwrap());
+                agree(&x, &y, 1e-10);
+                same_states(&x, &y);
+            }
+            if unique {
+                let (x, y) = (full.solution(&x).unwrap(), condensed.solution(&y).unwrap());
+                agree(&x, &y, 1e-10);
+                same_states(&x, &y);
+            }
         }
         let weakening = FrictionCoefficient::uniform(FrictionCurve::exponential(f, 0.5 * f, 0.05).unwrap());
         for dim in [2, 3] {
             let (body, rows, _) = random_body(dim, &forces);
             let p = rows.nodes.len();
             let bounds = (0..p).map(|i| 1e-2 * forces[i % forces.len()].abs()).collect();
-            both(&body, &GivenBound::new(dim - 1, bounds, vec![[f, 0.7 * f]; p]).unwrap());
+            both(&body, &GivenBound::new(dim - 1, bounds, vec![[f, 0.7 * f]; p]).unwrap(), true);
             if dim == 2 {
-                both(&body, &PlanarCoulomb::new(weakening.clone()));
+                both(&body, &PlanarCoulomb::new(weakening.clone()), false);
             } else {
-                both(&body, &OrthotropicCoulomb::new(weakening.clone(), weakening.times(0.8)));
+                both(&body, &OrthotropicCoulomb::new(weakening.clone(), weakening.times(0.8)), false);
             }
         }
     }

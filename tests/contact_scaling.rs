@@ -1,8 +1,9 @@
 //! Units, numbering and the augmentation parameter change nothing: the same transitions, the same states.
 
 use semismooth::contact::{
-    CondensedContact, CondensedFriction, ContactBody, ContactState, FrictionCoefficient, FrictionCurve,
-    FrictionPath, FrictionProblem, FullContact, LoadPath, NodeLaw, OrthotropicCoulomb, PlanarCoulomb,
+    CondensedContact, CondensedFriction, ContactBody, ContactSolution, ContactState, FrictionCoefficient,
+    FrictionCurve, FrictionPath, FrictionProblem, Frictionless, FullContact, GivenBound, LoadPath, NodeLaw,
+    OrthotropicCoulomb, PlanarCoulomb,
 };
 use semismooth::continuation::{Branch, ContinuationError, ContinuationOptions, Direction, Termination};
 use semismooth::fem::{Elasticity, Foundation, Material, Mesh};
@@ -18,6 +19,14 @@ struct Parts {
     loads: [Vec<f64>; 2],
     gap: Vec<f64>,
     r: f64,
+}
+
+/// A permutation of 0..n.
+fn shuffled(n: usize) -> Vec<usize> {
+    // A step that has no divisor in common with n.
+    let coprime = |k: &usize| (1..=*k).all(|d| d == 1 || !n.is_multiple_of(d) || !k.is_multiple_of(d));
+    let step = (2..).find(coprime).unwrap();
+    (0..n).map(|i| (step * i + 1) % n).collect()
 }
 
 impl Parts {
@@ -74,16 +83,14 @@ impl Parts {
         }
     }
 
+    /// Where the contact nodes go when they are renumbered.
+    fn places(&self) -> Vec<usize> {
+        shuffled(self.gap.len())
+    }
+
     fn renumbered(&self) -> Self {
-        let (n, p) = (self.a.nrows(), self.gap.len());
-        // Steps that have no divisor in common with the counts.
-        let step = |n: usize| {
-            (2..)
-                .find(|k| (1..=*k).all(|d| d == 1 || !n.is_multiple_of(d) || !k.is_multiple_of(d)))
-                .unwrap()
-        };
-        let (sn, sp) = (step(n), step(p));
-        let (dof, node) = (|i: usize| (sn * i + 1) % n, |i: usize| (sp * i + 1) % p);
+        let (dofs, nodes) = (shuffled(self.a.nrows()), self.places());
+        let (dof, node) = (|i: usize| dofs[i], |i: usize| nodes[i]);
         let moved = |m: &Matrix, rows: &dyn Fn(usize) -> usize| {
             let entries: Vec<_> = m.triplets().map(|(i, j, v)| (rows(i), dof(j), v)).collect();
             Matrix::from_triplets(m.nrows(), m.ncols(), &entries).unwrap()
@@ -167,17 +174,17 @@ fn same(a: &Found, b: &Found, tolerance: f64, what: &str) {
     }
 }
 
-/// Units that differ by 1e±9 (GPa and m, N and mm), both alone and together.
-const UNITS: [(f64, f64); 6] = [
+/// Units of force and length that differ by 1e±9 (GPa and m, N and mm), both alone and together; stiffness scales by up to 1e±18.
+const UNITS: [(f64, f64); 8] = [
     (1e9, 1.0),
     (1e-9, 1.0),
     (1.0, 1e9),
     (1.0, 1e-9),
     (1e9, 1e3),
     (1e-9, 1e-3),
+    (1e-9, 1e9),
+    (1e9, 1e-9),
 ];
-/// Branches are measured by arc length in (λ, α), so that their units may not lie that far apart.
-const UNITS_OF_BRANCHES: [(f64, f64); 4] = [(1e3, 1.0), (1e-3, 1.0), (1.0, 1e3), (1.0, 1e-3)];
 const LEVELS: [f64; 4] = [0.0, 0.35, 0.7, 1.0];
 const AUGMENTATIONS: [f64; 4] = [1e-3, 1e-1, 1e1, 1e3];
 
@@ -202,7 +209,7 @@ fn plane_branches() {
             &format!("r = {factor}"),
         );
     }
-    for (force, length) in UNITS_OF_BRANCHES {
+    for (force, length) in UNITS {
         let other = renumbered.units(force, length).planar(0.5);
         let what = format!("force {force}, length {length}");
         same(
@@ -215,45 +222,71 @@ fn plane_branches() {
     }
 }
 
-/// The laws of bodies, condensed with their own r and with others.
-fn bodies<L: NodeLaw + Clone>(dim: usize, law: &L) {
+/// What a law needs to know of the way in which a problem is put: units of force and length, and the place of each node.
+struct Terms {
+    force: f64,
+    length: f64,
+    place: Vec<usize>,
+}
+
+/// A law, condensed and full, with its own r and with others, renumbered and in other units.
+fn bodies<L: NodeLaw + Clone>(dim: usize, law: &dyn Fn(&Terms) -> L) {
     let parts = Parts::block(dim);
-    let condensed = |p: &Parts| CondensedContact::new(p.body(), law.clone()).unwrap();
-    let base = condensed(&parts);
+    let p = parts.gap.len();
+    let terms = |force, length, place| Terms { force, length, place };
+    let same_place: Vec<usize> = (0..p).collect();
+    let own = law(&terms(1.0, 1.0, same_place.clone()));
+    let condensed = |p: &Parts, law: &L| CondensedContact::new(p.body(), law.clone()).unwrap();
+    let base = condensed(&parts, &own);
     let branch = |p: &CondensedContact<L>| follow(p, &p.solve(0.0, None).unwrap());
     // In space slipping nodes have smooth pieces; branches there are compared point by point.
-    let first = (dim == 2).then(|| branch(&base));
+    let first = (dim == 2 && own.is_affine()).then(|| branch(&base));
     let states = |p: &CondensedContact<L>, alpha: f64| p.solution(&p.solve(alpha, None).unwrap()).unwrap();
     let count = |s: &[ContactState]| ContactState::ALL.map(|k| s.iter().filter(|t| **t == k).count());
     let ends = LEVELS.map(|alpha| states(&base, alpha));
-    let mut others = vec![("renumbered".to_string(), condensed(&parts.renumbered()), 1.0)];
+    let compare = |solution: &ContactSolution, end: &ContactSolution, force: f64, what: &str| {
+        assert_eq!(count(&solution.states), count(&end.states), "{what}");
+        let (a, b) = (solution.resultant(), end.resultant());
+        let size = b.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+        assert!(
+            (0..3).all(|d| (a[d] / force - b[d]).abs() <= 1e-10 * size),
+            "{what}: {a:?} {b:?}"
+        );
+    };
+    let renumbered = parts.renumbered();
+    let moved = law(&terms(1.0, 1.0, parts.places()));
+    let mut others = vec![("renumbered".to_string(), condensed(&renumbered, &moved), 1.0)];
+    let full = |parts: &Parts, law: &L| FullContact::new(parts.body(), law.clone()).unwrap();
+    let mut fulls = vec![("full, renumbered".to_string(), full(&renumbered, &moved), 1.0)];
     for factor in AUGMENTATIONS {
-        let own = condensed(&parts);
-        let r = own.r();
-        others.push((format!("r times {factor}"), own.with_r(factor * r).unwrap(), 1.0));
+        let other = condensed(&parts, &own);
+        let r = other.r();
+        let what = format!("r times {factor}");
+        others.push((what.clone(), other.with_r(factor * r).unwrap(), 1.0));
+        let other = full(&parts, &own);
+        let r = other.r();
+        fulls.push((format!("full, {what}"), other.with_r(factor * r).unwrap(), 1.0));
     }
     for (force, length) in UNITS {
-        let other = condensed(&parts.units(force, length));
-        others.push((format!("force {force}, length {length}"), other, force));
-        // The full form finds the same solution.
-        let full = FullContact::new(parts.units(force, length).body(), law.clone()).unwrap();
-        let solution = full.solution(&full.solve(0.0, None).unwrap()).unwrap();
-        assert_eq!(solution.states, ends[0].states, "{force} {length}");
+        let what = format!("force {force}, length {length}");
+        let (parts, law) = (
+            parts.units(force, length),
+            law(&terms(force, length, same_place.clone())),
+        );
+        others.push((what.clone(), condensed(&parts, &law), force));
+        fulls.push((format!("full, {what}"), full(&parts, &law), force));
     }
     for (what, problem, force) in &others {
         for (alpha, end) in LEVELS.into_iter().zip(&ends) {
-            let solution = states(problem, alpha);
-            assert_eq!(count(&solution.states), count(&end.states), "{what}");
-            let (a, b) = (solution.resultant(), end.resultant());
-            let size = b.iter().fold(0.0f64, |m, v| m.max(v.abs()));
-            assert!(
-                (0..3).all(|d| (a[d] / force - b[d]).abs() <= 1e-10 * size),
-                "{what}"
-            );
+            compare(&states(problem, alpha), end, *force, what);
         }
         if let Some(first) = first.as_ref().filter(|_| *force == 1.0) {
             same(first, &branch(problem), 1e-10, what);
         }
+    }
+    for (what, problem, force) in &fulls {
+        let x = problem.solve(LEVELS[1], None).unwrap();
+        compare(&problem.solution(&x).unwrap(), &ends[1], *force, what);
     }
 }
 
@@ -261,12 +294,46 @@ fn constant(f: f64) -> FrictionCoefficient {
     FrictionCoefficient::uniform(FrictionCurve::constant(f).unwrap())
 }
 
+/// A coefficient that falls from `first` to `last` over slips of about the size of the block, so that solutions stay unique.
+fn weakening(terms: &Terms, first: f64, last: f64) -> FrictionCoefficient {
+    FrictionCoefficient::uniform(FrictionCurve::exponential(first, last, 20.0 * terms.length).unwrap())
+}
+
+fn given(terms: &Terms, tangents: usize) -> GivenBound {
+    let p = terms.place.len();
+    let mut bounds = vec![0.0; p];
+    for (i, &to) in terms.place.iter().enumerate() {
+        bounds[to] = 30.0 * terms.force * (1.0 + (i as f64).sin());
+    }
+    GivenBound::new(tangents, bounds, vec![[0.3, 0.2]; p]).unwrap()
+}
+
 #[test]
 fn plane_bodies() {
-    bodies(2, &PlanarCoulomb::new(constant(0.5)));
+    bodies(2, &|_| PlanarCoulomb::new(constant(0.5)));
+}
+
+#[test]
+fn plane_bodies_under_other_laws() {
+    bodies(2, &|_| Frictionless::plane());
+    bodies(2, &|terms| given(terms, 1));
+    bodies(2, &|terms| PlanarCoulomb::new(weakening(terms, 0.5, 0.3)));
 }
 
 #[test]
 fn solid_bodies() {
-    bodies(3, &OrthotropicCoulomb::new(constant(0.3), constant(0.2)));
+    bodies(3, &|_| OrthotropicCoulomb::new(constant(0.3), constant(0.2)));
+    bodies(3, &|_| OrthotropicCoulomb::isotropic(constant(0.3)));
+}
+
+#[test]
+fn solid_bodies_under_other_laws() {
+    bodies(3, &|_| Frictionless::space());
+    bodies(3, &|terms| given(terms, 2));
+    bodies(3, &|terms| {
+        OrthotropicCoulomb::isotropic(weakening(terms, 0.3, 0.2))
+    });
+    bodies(3, &|terms| {
+        OrthotropicCoulomb::new(weakening(terms, 0.3, 0.2), weakening(terms, 0.2, 0.25))
+    });
 }

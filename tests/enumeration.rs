@@ -366,11 +366,29 @@ fn unknown_structure() {
     assert_eq!(capped.completeness, incomplete);
 }
 
+/// A = I + GᵀG, contact of dofs (2i, 2i + 1), condensed: the shape of the problems that are fuzzed.
+fn fuzzed(g: [[f64; 6]; 6], load: [[f64; 6]; 2], friction: [f64; 3]) -> CondensedFriction {
+    let entry = |i: usize, j: usize| g.iter().map(|g| g[i] * g[j]).sum::<f64>() + f64::from(u8::from(i == j));
+    let a: Vec<Vec<f64>> = (0..6).map(|i| (0..6).map(|j| entry(i, j)).collect()).collect();
+    let rows = |first: usize| {
+        let entries: Vec<_> = (0..3).map(|i| (i, 2 * i + first, 1.0)).collect();
+        Matrix::from_triplets(3, 6, &entries).unwrap()
+    };
+    let problem = FrictionProblem::new(
+        Matrix::from_rows(&a).unwrap(),
+        rows(0),
+        rows(1),
+        LoadPath::between(load[0].to_vec(), &load[1]),
+        FrictionPath::constant(friction.to_vec()),
+    );
+    CondensedFriction::new(problem.unwrap()).unwrap()
+}
+
 /// r = 1 is an eigenvalue of the condensed problem: with F = 1 a test function of the third node vanishes identically, gradient and
 /// all, but for rounding. Found by fuzzing: at α = 0 the only solution was dropped.
 #[test]
 fn test_functions_that_vanish_everywhere() {
-    const G: [[f64; 6]; 6] = [
+    let g = [
         [0.0, 0.0, 0.0625, 0.0, 5.0, 5.0],
         [5.0, -5.0, -5.0625, -5.0625, -5.0625, -5.0625],
         [-5.0625, -5.0625, -5.0, 5.0, 5.0, 5.0],
@@ -378,23 +396,35 @@ fn test_functions_that_vanish_everywhere() {
         [5.0; 6],
         [5.0; 6],
     ];
-    let entry = |i: usize, j: usize| G.iter().map(|g| g[i] * g[j]).sum::<f64>() + f64::from(u8::from(i == j));
-    let a: Vec<Vec<f64>> = (0..6).map(|i| (0..6).map(|j| entry(i, j)).collect()).collect();
-    let rows = |first: usize| {
-        let entries: Vec<_> = (0..3).map(|i| (i, 2 * i + first, 1.0)).collect();
-        semismooth::sparse::Matrix::from_triplets(3, 6, &entries).unwrap()
-    };
-    let problem = semismooth::contact::FrictionProblem::new(
-        semismooth::sparse::Matrix::from_rows(&a).unwrap(),
-        rows(0),
-        rows(1),
-        semismooth::contact::LoadPath::between(vec![5.0; 6], &[5.0, 5.0, 5.8125, 5.0, 5.0, 5.0]),
-        semismooth::contact::FrictionPath::constant(vec![2.5, 0.3125, 1.0]),
+    let map = fuzzed(
+        g,
+        [[5.0; 6], [5.0, 5.0, 5.8125, 5.0, 5.0, 5.0]],
+        [2.5, 0.3125, 1.0],
     );
-    let map = semismooth::contact::CondensedFriction::new(problem.unwrap()).unwrap();
     for alpha in [-1e-6, -1e-9, 0.0, 1e-9, 1e-6] {
         let set = all_solutions(&map, alpha, &EnumerationOptions::default()).unwrap();
         assert!(set.completeness.is_complete());
         assert_eq!((set.solutions.len(), set.index_sum), (1, Some(1)), "α = {alpha}");
     }
+}
+
+/// A direction 10⁹ times stiffer than the others: a gap of 1e-10 decides over a force of 10⁶. Found by fuzzing: the list held a
+/// solution that is one by the tolerance alone, and was called complete.
+#[test]
+fn a_solution_by_tolerance_alone_is_no_certainty() {
+    let s = -0.0625;
+    let mut g = [[s; 6]; 6];
+    g[0][0] = 7.3125;
+    g[1] = [-7.8125, 3.125, 2.9375, -4.9375, 1e9, s];
+    let map = fuzzed(g, [[s, s, s, s, 1.3125, 1.3125], [1.3125; 6]], [0.0; 3]);
+    let set = all_solutions(&map, 0.0, &EnumerationOptions::default()).unwrap();
+    assert!(
+        set.index_sum == Some(1) || !set.completeness.is_complete(),
+        "{set:?}"
+    );
+    assert!(
+        set.solutions
+            .iter()
+            .any(|s| s.margin > 1e-3 && s.index == Some(1))
+    );
 }

@@ -4,7 +4,6 @@ mod dense;
 
 use dense::{det_sign, distance, dot, eliminate, norm};
 use proptest::prelude::*;
-use proptest::test_runner::RngSeed;
 use semismooth::contact::{
     CondensedFriction, ContactState, FrictionMap, FrictionPath, FrictionProblem, LoadPath, SlipBound,
 };
@@ -109,6 +108,18 @@ impl Sample {
         .with_r(self.r)
         .unwrap()
         .with_bound(bound)
+    }
+
+    /// The same problem in other units.
+    fn in_units(&self, force: f64, length: f64) -> Self {
+        let scaled = |v: &[f64], s: f64| v.iter().map(|x| s * x).collect::<Vec<f64>>();
+        Self {
+            a: self.a.iter().map(|row| scaled(row, force / length)).collect(),
+            gap: scaled(&self.gap, length),
+            load: self.load.each_ref().map(|f| scaled(f, force)),
+            r: self.r * force / length,
+            ..self.clone()
+        }
     }
 
     /// Relative to the load, what rounding leaves where all terms vanish.
@@ -354,8 +365,7 @@ fn check_end(branch: &Branch) -> Result<(), TestCaseError> {
 }
 
 proptest! {
-    // One sample in a few thousand ends in an orientation error (reported, never a wrong branch): the sample is fixed.
-    #![proptest_config(ProptestConfig { cases: 400, max_global_rejects: 40000, rng_seed: RngSeed::Fixed(7), ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 400, max_global_rejects: 40000, ..ProptestConfig::default() })]
 
     #[test]
     fn branches_of_random_problems(s in sample(), alpha in 0.3..3.7_f64, target in 0.1..3.9_f64) {
@@ -392,6 +402,53 @@ proptest! {
                     prop_assert!(close(a.0, b.0, 1e-10) && (&a.1, &a.2) == (&b.1, &b.2), "{a:?} {b:?}");
                 }
                 there_and_back(&full, &branch, x, alpha)?;
+            }
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 60, max_global_rejects: 40000, ..ProptestConfig::default() })]
+
+    #[test]
+    fn units_change_no_branch(
+        s in sample(), alpha in 0.3..3.7_f64,
+        units in prop::sample::select(vec![(1e9, 1.0), (1e-9, 1.0), (1.0, 1e9), (1.0, 1e-9), (1e9, 1e3), (1e-6, 1e6)])
+    ) {
+        let Some(starts) = s.solutions(alpha) else {
+            return Err(TestCaseError::reject("degenerate"));
+        };
+        let (n, p) = (s.n(), s.p());
+        let (force, length) = units;
+        let other = s.in_units(force, length);
+        for (x, ..) in &starts {
+            let mut y = x.clone();
+            y[..n].iter_mut().for_each(|u| *u *= length);
+            y[n..n + 2 * p].iter_mut().for_each(|l| *l *= force);
+            for bound in [SlipBound::Augmented, SlipBound::Multiplier] {
+                let (first, full) = (s.problem(bound), other.problem(bound));
+                let condensed = CondensedFriction::new(full.clone()).unwrap();
+                let z = condensed.restrict(&y).unwrap();
+                for direction in [Direction::Increasing, Direction::Decreasing] {
+                    let known = follow(&first, x, direction.clone(), &[]);
+                    // The limit on the growth of ‖x‖ cuts curves at different points.
+                    if known.termination == Termination::Unbounded {
+                        continue;
+                    }
+                    let known = changes(&first, &known.transitions);
+                    let generous = options(&[]).with_max_growth(1e6);
+                    let full_branch = Branch::follow(&full, &y, direction.clone(), generous.clone()).unwrap();
+                    let condensed_branch = Branch::follow(&condensed, &z, direction, generous).unwrap();
+                    for found in [
+                        changes(&full, &full_branch.transitions),
+                        changes(&condensed, &condensed_branch.transitions),
+                    ] {
+                        prop_assert_eq!(found.len(), known.len(), "{:?} {:?}", found, known);
+                        for (a, b) in found.iter().zip(&known) {
+                            prop_assert!(close(a.0, b.0, 1e-9) && (&a.1, &a.2) == (&b.1, &b.2), "{a:?} {b:?}");
+                        }
+                    }
+                }
             }
         }
     }
@@ -440,7 +497,9 @@ fn there_and_back(
         return Ok(());
     }
     let back: Vec<f64> = end.tangent.iter().map(|t| -t).collect();
-    let returned = follow(map, &end.x, Direction::Along(back), &[alpha]);
+    // The limit on the growth of ‖x‖ counts from the end, where x may be small.
+    let options = options(&[alpha]).with_max_growth(1e5);
+    let returned = Branch::follow(map, &end.x, Direction::Along(back), options).unwrap();
     let expected = branch.transitions.iter().rev();
     prop_assert!(returned.transitions.len() >= branch.transitions.len());
     for (a, b) in expected.zip(&returned.transitions) {

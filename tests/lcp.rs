@@ -1,6 +1,7 @@
 //! Linear complementarity problems: pivoting against complete enumeration.
 
 use proptest::prelude::*;
+use semismooth::complementarity::active_set::{ActiveSetSolver, ActiveSetStatus};
 use semismooth::complementarity::pivoting::{Lemke, LemkeOptions, LemkeStatus};
 use semismooth::complementarity::{BoundState, Lcp};
 use semismooth::enumeration::{EnumerationOptions, SolutionSet, all_solutions};
@@ -68,6 +69,33 @@ proptest! {
         prop_assert_eq!(status, LemkeStatus::Solved);
         prop_assert!(residual < 1e-12);
         prop_assert!(listed(&set, &z));
+    }
+
+    /// Units of z and of M z + q change nothing. (The tolerance of `McpSolver` is absolute.)
+    #[test]
+    fn in_other_units(
+        g in reals(N * N), s in reals(N * N), q in reals(N),
+        unit in prop::sample::select(vec![1e-9, 1.0, 1e9]), force in prop::sample::select(vec![1e-9, 1.0, 1e9])
+    ) {
+        let entry = |i: usize, j: usize| {
+            let dot: f64 = (0..N).map(|k| g[k * N + i] * g[k * N + j]).sum();
+            dot + if i == j { 0.1 } else { s[i * N + j] - s[j * N + i] }
+        };
+        let (status, known, _) = lemke(&Lcp::new(matrix(N, entry), q.clone()).unwrap());
+        prop_assert_eq!(status, LemkeStatus::Solved);
+        let other = q.iter().map(|q| force * q).collect();
+        let lcp = Lcp::new(matrix(N, |i, j| force / unit * entry(i, j)), other).unwrap();
+        let largest = known.iter().fold(0.0_f64, |a, z| a.max(z.abs()));
+        let same = |z: &[f64]| z.iter().zip(&known).all(|(z, k)| (z / unit - k).abs() <= 1e-9 * largest);
+        let (status, z, _) = lemke(&lcp);
+        prop_assert_eq!(status, LemkeStatus::Solved);
+        prop_assert!(same(&z), "Lemke {:?} {:?}", z, known);
+        let mut z = vec![0.0; N];
+        let report = ActiveSetSolver::default().solve(&lcp, &mut z).unwrap();
+        prop_assert_eq!(report.status, ActiveSetStatus::Solved);
+        prop_assert!(same(&z), "active sets {:?} {:?}", z, known);
+        let set = enumerate(&lcp);
+        prop_assert!(set.solutions.len() == 1 && same(&set.solutions[0].x), "{:?} {:?}", set, known);
     }
 
     /// Positive semidefinite: solvable exactly if feasible, and Lemke's method tells, with a certificate.

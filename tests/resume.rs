@@ -34,7 +34,7 @@ fn check<P: PiecewiseSmooth>(
         let mut run = start();
         let before: Events = run.by_ref().take(k).collect();
         let saved = run.save().unwrap();
-        assert_eq!(saved.x(), run.position().0);
+        assert_eq!(saved.x(), run.point().x);
         let mut resumed = Continuation::resume(map, &through_json(&saved)).unwrap();
         let mut counts = Vec::new();
         let after: Events = resumed.by_ref().collect();

@@ -52,6 +52,7 @@ pub mod pivoting;
 mod problem;
 mod scratch;
 mod solver;
+mod units;
 
 pub use affine::AffineFunction;
 #[cfg(feature = "autodiff")]

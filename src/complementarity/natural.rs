@@ -93,17 +93,23 @@ impl<F: McpFunction> PiecewiseSmooth for Mcp<F> {
         }
     }
 
+    /// One size for all unknowns of an affine problem; others do not tell.
+    fn typical_sizes(&self, sizes: &mut [f64]) {
+        let n = self.len();
+        sizes[..n].fill(self.size());
+    }
+
     fn test_functions(&self, x: &[f64], out: &mut [f64]) {
         let mut f = vec![0.0; self.len()];
         self.function().value(x, &mut f);
-        self.each_test(|k, i, bound| out[k] = (x[i] - bound) - f[i]);
+        self.each_test(|k, i, bound| out[k] = (x[i] - bound) - self.factor(i) * f[i]);
     }
 
     fn residual(&self, selection: &Selection, x: &[f64], out: &mut [f64]) {
         self.function().value(x, out);
         for i in 0..self.len() {
             match self.piece(selection, i) {
-                Piece::Interior => {}
+                Piece::Interior => out[i] *= self.factor(i),
                 Piece::Lower | Piece::Fixed => out[i] = x[i] - self.lower()[i],
                 Piece::Upper => out[i] = x[i] - self.upper()[i],
             }
@@ -117,8 +123,11 @@ impl<F: McpFunction> PiecewiseSmooth for Mcp<F> {
         for j in 0..pattern.ncols() {
             for k in pattern.col_ptr()[j]..pattern.col_ptr()[j + 1] {
                 let i = pattern.row_idx()[k];
+                let value = &mut jac.values_mut()[k];
                 if at_bound(i) {
-                    jac.values_mut()[k] = f64::from(u8::from(i == j));
+                    *value = f64::from(u8::from(i == j));
+                } else {
+                    *value *= self.factor(i);
                 }
             }
         }
@@ -154,13 +163,13 @@ impl<F: McpFunction> PiecewiseSmooth for Mcp<F> {
     fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {
         let mut jd = vec![0.0; self.len()];
         self.jacobian_at(x).mul_vec(d, &mut jd);
-        self.each_test(|k, i, _| out[k] = d[i] - jd[i]);
+        self.each_test(|k, i, _| out[k] = d[i] - self.factor(i) * jd[i]);
     }
 
     fn test_gradient(&self, site: usize, _test: usize, x: &[f64], gradient: &mut [f64]) {
         let jac = self.jacobian_at(x);
         for j in 0..gradient.len() {
-            gradient[j] = f64::from(u8::from(j == site)) - jac.get(site, j);
+            gradient[j] = f64::from(u8::from(j == site)) - self.factor(site) * jac.get(site, j);
         }
     }
 }

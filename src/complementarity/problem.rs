@@ -1,6 +1,7 @@
 use super::affine::with_diagonal;
 use super::error::check_finite;
 use super::scratch::Scratch;
+use super::units::Units;
 use super::{AffineFunction, ComplementarityError, McpFunction};
 use crate::sparse::{Matrix, Pattern, max_abs};
 
@@ -14,13 +15,15 @@ use crate::sparse::{Matrix, Pattern, max_abs};
 /// * interior: Fᵢ, where lᵢ < xᵢ − Fᵢ < uᵢ,
 /// * upper: xᵢ − uᵢ, where xᵢ − Fᵢ > uᵢ,
 ///
-/// without those that infinite bounds rule out; a component with equal bounds has the only piece "fixed".
+/// without those that infinite bounds rule out; a component with equal bounds has the only piece "fixed". Where F is affine and
+/// measured in units far from those of x, sᵢ Fᵢ stands for Fᵢ, with powers of two sᵢ that bring both to the same size.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mcp<F> {
     function: F,
     lower: Vec<f64>,
     upper: Vec<f64>,
     pattern: Pattern,
+    pub(super) units: Units,
 }
 
 impl<F: McpFunction> Mcp<F> {
@@ -80,6 +83,7 @@ impl<F: McpFunction> Mcp<F> {
             function,
             lower,
             upper,
+            units: Units::default(),
         })
     }
 

@@ -1,5 +1,6 @@
 use super::error::check_length;
 use super::{ContactError, LoadPath, NodeLaw, check_multipliers};
+use crate::interface::typical_sizes;
 use crate::linear::{Cholesky, LinearSolver};
 use crate::sparse::Matrix;
 
@@ -65,6 +66,12 @@ impl ContactBody {
         let (mut f, mut rate) = (vec![0.0; n], vec![0.0; n]);
         self.load.0.value(alpha, &mut f, &mut rate);
         f
+    }
+
+    /// Typical sizes of u and λ.
+    pub(super) fn sizes(&self) -> Option<(f64, f64)> {
+        let loads = self.load.0.samples(self.num_displacements());
+        typical_sizes(&self.a, &self.traces, loads, &self.gap)
     }
 
     /// Number n of displacements.

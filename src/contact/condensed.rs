@@ -4,6 +4,7 @@ use super::error::check_length;
 use super::law::{Row, TESTS};
 use super::paths::Path;
 use super::{ContactError, FrictionMap, FrictionProblem, NodeValues};
+use crate::interface::fill_sizes;
 use crate::linear::Condensation;
 use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, Pattern, dot};
@@ -260,6 +261,10 @@ impl PiecewiseSmooth for CondensedFriction {
 
     fn is_piecewise_affine(&self) -> bool {
         self.problem.is_piecewise_affine()
+    }
+
+    fn typical_sizes(&self, sizes: &mut [f64]) {
+        fill_sizes(self.problem.sizes(), 0, sizes);
     }
 
     fn test_functions(&self, x: &[f64], out: &mut [f64]) {

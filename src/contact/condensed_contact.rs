@@ -1,15 +1,20 @@
 use std::borrow::Cow;
+use std::ops::ControlFlow;
 use std::sync::Arc;
 
+use super::approach::{Observer, lower};
 use super::condensed::check_symmetric;
 use super::error::{check_finite, check_length};
+use super::form::{Form, methods_of_forms, sites_of_the_law};
 use super::full_contact::held;
 use super::node_law::{LocalRow, LocalValues, MAX_TESTS, NodeLaw};
 use super::paths::Path;
 use super::reduced::reduced_newton;
 use super::solution::judge;
-use super::start::{first_converged, solve_with_stiffer};
-use super::{ContactBody, ContactError, ContactSolution, DelassusProblem};
+use super::{
+    ContactBody, ContactError, ContactProgress, ContactReport, ContactSolution, DelassusProblem, strategy,
+};
+use crate::interface::fill_sizes;
 use crate::linear::{AutoSolver, Condensation, LinearSolver};
 use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, Pattern, dot};
@@ -86,41 +91,7 @@ impl<L: NodeLaw> CondensedContact<L> {
     /// A law of another dimension.
     pub fn with_law<M: NodeLaw>(&self, law: M) -> Result<CondensedContact<M>, ContactError> {
         self.body.check_law(&law)?;
-        Ok(CondensedContact {
-            body: Arc::clone(&self.body),
-            law,
-            condensation: Arc::clone(&self.condensation),
-            free: self.free.clone(),
-            free_rate: self.free_rate.clone(),
-            free_energy: self.free_energy,
-            r: self.r,
-            stiffness: self.stiffness,
-            reference: self.reference.clone(),
-            pattern: self.pattern.clone(),
-        })
-    }
-
-    /// Sets the augmentation parameter r > 0 (force per length).
-    ///
-    /// # Errors
-    /// r ≤ 0 or not finite.
-    pub fn with_r(mut self, r: f64) -> Result<Self, ContactError> {
-        if !(r > 0.0 && r.is_finite()) {
-            return Err(ContactError::Augmentation { r });
-        }
-        self.r = r;
-        Ok(self)
-    }
-
-    /// Sets the tangential displacements from which slips are measured (all along t₁, then all along t₂): those of the step before, in a
-    /// history of loading. Zero at first.
-    ///
-    /// # Errors
-    /// Wrong length, values that are not finite.
-    pub fn set_reference_slip(&mut self, reference: &[f64]) -> Result<(), ContactError> {
-        check_length("the reference of the slip", reference, self.reference.len())?;
-        self.reference.copy_from_slice(reference);
-        Ok(())
+        Ok(self.changed(law))
     }
 
     /// Displacements u_ν (from the undeformed state), u_t₁[, u_t₂] of the contact nodes at x, in the order of
@@ -134,24 +105,6 @@ impl<L: NodeLaw> CondensedContact<L> {
         let mut v = self.free_motion(x[q]);
         self.compliance().as_ref().mul_add(-1.0, &x[..q], &mut v);
         Ok(v)
-    }
-
-    /// The augmentation parameter.
-    #[must_use]
-    pub fn r(&self) -> f64 {
-        self.r
-    }
-
-    /// The body.
-    #[must_use]
-    pub fn body(&self) -> &ContactBody {
-        &self.body
-    }
-
-    /// The law.
-    #[must_use]
-    pub fn law(&self) -> &L {
-        &self.law
     }
 
     /// The law, to be changed.
@@ -348,43 +301,84 @@ impl<L: NodeLaw> CondensedContact<L> {
         Ok(x)
     }
 
-    /// A solution at fixed α by PS-Newton from `start` (α is set), or, where that fails, from zero and from stick, with the augmentation
-    /// parameter asked for and with larger ones.
+    methods_of_forms!();
+
+    /// [`solve_reported`](Self::solve_reported), telling `observe` of each attempt and each point on the way; it may stop the search.
     ///
     /// # Errors
-    /// Coefficients of friction that are negative or not finite, [`ContactError::NoStart`] when no start converges.
-    pub fn solve(&self, alpha: f64, start: Option<&[f64]>) -> Result<Vec<f64>, ContactError> {
-        super::error::check_finite("the parameter", &[alpha])?;
-        let mut zero = vec![0.0; self.num_vars()];
-        zero[self.order()] = alpha;
-        for i in 0..self.num_contacts() {
-            self.law.check(&LocalValues {
-                slip: [0.0; 2],
-                ..self.values(i, &zero)
-            })?;
+    /// As [`solve`](Self::solve); a stopped search is a [`ContactError::NoStart`] with
+    /// [`Failure::Interrupted`](crate::newton::Failure::Interrupted).
+    pub fn solve_observed(
+        &self,
+        alpha: f64,
+        start: Option<&[f64]>,
+        mut observe: impl FnMut(&ContactProgress) -> ControlFlow<()>,
+    ) -> Result<ContactReport, ContactError> {
+        let mut way = |strategy, trial, see: &mut Observer<'_>| lower(self, alpha, strategy, trial, see);
+        strategy::solve(self, alpha, start, &mut way, &mut observe)
+    }
+
+    fn changed<M>(&self, law: M) -> CondensedContact<M> {
+        CondensedContact {
+            body: Arc::clone(&self.body),
+            law,
+            condensation: Arc::clone(&self.condensation),
+            free: self.free.clone(),
+            free_rate: self.free_rate.clone(),
+            free_energy: self.free_energy,
+            r: self.r,
+            stiffness: self.stiffness,
+            reference: self.reference.clone(),
+            pattern: self.pattern.clone(),
         }
-        if let Some(x) = start {
-            check_length("the start", x, self.num_vars())?;
-        }
-        // Quick where it works: what Newton's method in general then makes of its result is one look.
-        let mut quick = start.map_or_else(|| zero.clone(), <[f64]>::to_vec);
-        quick[self.order()] = alpha;
-        if reduced_newton(self, &mut quick)
-            && let Ok(x) = first_converged(self, alpha, std::iter::once(Ok(Some(quick))))
-        {
-            return Ok(x);
-        }
-        solve_with_stiffer(self.r, self.stiffness, |r| {
-            let given = start.map(<[f64]>::to_vec);
-            let later = std::iter::once_with(|| Ok(Some(zero.clone())))
-                .chain(std::iter::once_with(|| Ok(self.stick_start(alpha).ok())));
-            let map = self.with_law(&self.law)?.with_r(r)?;
-            first_converged(&map, alpha, std::iter::once(Ok(given)).chain(later))
-        })
+    }
+}
+
+impl<L: NodeLaw> Form for CondensedContact<L> {
+    type Law = L;
+    type Under<M: NodeLaw> = CondensedContact<M>;
+
+    fn law(&self) -> &L {
+        &self.law
+    }
+
+    fn augmentation(&self) -> f64 {
+        self.r
+    }
+
+    fn stiffness(&self) -> f64 {
+        self.stiffness
+    }
+
+    fn values(&self, node: usize, x: &[f64]) -> LocalValues {
+        self.values(node, x)
+    }
+
+    fn under<M: NodeLaw>(&self, law: M, r: f64) -> CondensedContact<M> {
+        let mut other = self.changed(law);
+        other.r = r;
+        other
+    }
+
+    fn at_load<M: NodeLaw>(&self, alpha: f64, law: M) -> Result<CondensedContact<M>, ContactError> {
+        let mut other = self.under(law, self.stiffness);
+        other.free = self.free_motion(alpha);
+        other.free_rate.fill(0.0);
+        Ok(other)
+    }
+
+    fn stick(&self, alpha: f64) -> Result<Option<Vec<f64>>, ContactError> {
+        Ok(self.stick_start(alpha).ok())
+    }
+
+    fn improve(&self, x: &mut [f64]) -> bool {
+        reduced_newton(self, x)
     }
 }
 
 impl<L: NodeLaw> PiecewiseSmooth for CondensedContact<L> {
+    sites_of_the_law!();
+
     fn num_vars(&self) -> usize {
         self.order() + 1
     }
@@ -393,48 +387,12 @@ impl<L: NodeLaw> PiecewiseSmooth for CondensedContact<L> {
         self.order()
     }
 
-    fn num_sites(&self) -> usize {
-        self.num_contacts()
-    }
-
-    fn num_pieces(&self, _site: usize) -> usize {
-        self.law.num_pieces()
-    }
-
-    fn num_tests(&self, _site: usize) -> usize {
-        self.law.num_tests()
-    }
-
-    fn cell(&self, _site: usize, piece: usize) -> &[Facet] {
-        self.law.cell(piece)
-    }
-
-    fn piece_name(&self, _site: usize, piece: usize) -> Cow<'_, str> {
-        Cow::Borrowed(self.law.piece_name(piece))
-    }
-
-    fn site_name(&self, site: usize) -> Cow<'_, str> {
-        Cow::Owned(format!("contact node {site}"))
-    }
-
-    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
-        let p = self.num_contacts();
-        rows.clear();
-        rows.extend((0..self.body.traces.len()).map(|block| block * p + site));
-    }
-
-    fn pattern(&self) -> Pattern {
-        self.pattern.clone()
-    }
-
     fn is_piecewise_affine(&self) -> bool {
         self.law.is_affine()
     }
 
-    fn test_functions(&self, x: &[f64], out: &mut [f64]) {
-        for (i, chunk) in out.chunks_exact_mut(self.law.num_tests()).enumerate() {
-            self.law.tests(&self.values(i, x), chunk);
-        }
+    fn typical_sizes(&self, sizes: &mut [f64]) {
+        fill_sizes(self.body.sizes(), 0, sizes);
     }
 
     fn residual(&self, selection: &Selection, x: &[f64], out: &mut [f64]) {
@@ -462,25 +420,5 @@ impl<L: NodeLaw> PiecewiseSmooth for CondensedContact<L> {
                 }
             }
         }
-    }
-
-    fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {
-        let mut rows = [LocalRow::default(); MAX_TESTS];
-        for (i, chunk) in out.chunks_exact_mut(self.law.num_tests()).enumerate() {
-            self.law.test_rows(&self.values(i, x), &mut rows);
-            for (o, row) in chunk.iter_mut().zip(&rows) {
-                *o = 0.0;
-                self.scatter(i, row, |j, value| *o += value * d[j]);
-            }
-        }
-    }
-
-    fn test_gradient(&self, site: usize, test: usize, x: &[f64], gradient: &mut [f64]) {
-        let mut rows = [LocalRow::default(); MAX_TESTS];
-        self.law.test_rows(&self.values(site, x), &mut rows);
-        gradient.fill(0.0);
-        self.scatter(site, &rows[test.min(MAX_TESTS - 1)], |j, value| {
-            gradient[j] += value
-        });
     }
 }

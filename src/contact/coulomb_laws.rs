@@ -160,12 +160,20 @@ pub(super) fn check_coefficient(
 ///
 /// With s = F⁻¹λt and w = F u_t the law is isotropic with coefficient 1: H_t = λt − F P(z), z = F⁻¹ λt + r F u_t, P the projection
 /// onto the disc of radius R = θ¹. Slip is parallel to F⁻² λt, not to λt, unless F₁ = F₂. Pieces "open", "stick", "slip"; test functions
-/// θ¹, θ² = ‖z‖ − R and, where F depends on α, F₁ and F₂ as walls. Only semismooth at u_t = 0 on the slip piece if F'(0) ≠ 0, and at the
-/// apex z = 0, R = 0.
+/// θ¹, θ² = ‖z‖ − R and, where F depends on α, F₁ and F₂ as walls. Only semismooth at the apex z = 0, R = 0.
+///
+/// Where F depends on the slip it is taken not at ‖u_t‖, which has a kink where a node comes to rest, but at a function of u_t and λt that
+/// is ‖u_t‖ at solutions and smooth there.
 #[derive(Debug, Clone)]
 pub struct OrthotropicCoulomb {
     coefficients: [FrictionCoefficient; 2],
 }
+
+/// ε against the length of d in the units of slip: above rounding, below all slips that matter.
+const SHORT: f64 = 1e-8;
+
+/// b²/a² from which φ is linear in a. Slip and d at solutions to wrong coefficients would have to lie at least that askew.
+const OBLIQUE: f64 = 400.0;
 
 /// Intermediate quantities of the orthotropic law.
 struct Scaled {
@@ -193,17 +201,86 @@ impl OrthotropicCoulomb {
         Self::new(coefficient.clone(), coefficient)
     }
 
+    /// F_k, ∂F_k/∂φ and ∂F_k/∂α at the slip φ.
+    fn coefficients_at(&self, v: &LocalValues, phi: f64) -> [[f64; 3]; 2] {
+        [0, 1].map(|d| self.coefficients[d].value(v.node, phi, v.parameter))
+    }
+
+    /// The slip φ at which the coefficients are taken, and its derivatives.
+    ///
+    /// ‖u_t‖ has a kink at u_t = 0, where nodes pass from slip to stick. At solutions slip has the direction of d = F⁻² λt + r u_t with F at
+    /// ‖u_t‖. With a the component of u_t along d, b the other one and a short length ε, φ = a (1 + b²/(a² + ε²))^½ is smooth at
+    /// u_t = 0, negative beyond, and ‖u_t‖ at solutions; far from ε it is ±‖u_t‖, but linear in a where b is much the larger.
+    fn signed_slip(&self, v: &LocalValues) -> (f64, LocalRow) {
+        let u = v.slip;
+        let norm = v.slip_norm();
+        let f = self.coefficients_at(v, norm);
+        let d = [0, 1].map(|k| v.traction[k] / (f[k][0] * f[k][0]) + v.r * u[k]);
+        let length = d[0].hypot(d[1]);
+        let size = length.max(v.r * norm);
+        if size == 0.0 || norm == 0.0 && length == 0.0 {
+            return (0.0, LocalRow::default());
+        }
+        let e = if norm > 0.0 { u.map(|u| u / norm) } else { [0.0; 2] };
+        let a = (u[0] * d[0] + u[1] * d[1]) / size;
+        let b2 = if size > length {
+            (norm - a) * (norm + a)
+        } else {
+            ((u[0] * d[1] - u[1] * d[0]) / size).powi(2)
+        };
+        let epsilon2 = (SHORT * length / v.r).powi(2);
+        let width = a * a + epsilon2;
+        let (ratio, limited) = if b2 < OBLIQUE * width {
+            (b2 / width, false)
+        } else {
+            (OBLIQUE, true)
+        };
+        let root = (1.0 + ratio).sqrt();
+        // Derivatives with respect to u_t, λt, α, one at a time.
+        let derivative = |du: [f64; 2], dt: [f64; 2], rate: f64| {
+            let along = e[0] * du[0] + e[1] * du[1];
+            let dd = [0, 1].map(|k| {
+                let df = f[k][1] * along + f[k][2] * rate;
+                (dt[k] - 2.0 * v.traction[k] / f[k][0] * df) / (f[k][0] * f[k][0]) + v.r * du[k]
+            });
+            let lengthened = d[0] * dd[0] + d[1] * dd[1];
+            let grown = if size > length {
+                v.r * along
+            } else {
+                lengthened / size
+            };
+            let da = (du[0] * d[0] + du[1] * d[1] + u[0] * dd[0] + u[1] * dd[1] - a * grown) / size;
+            if limited {
+                return root * da;
+            }
+            let db2 = 2.0 * (u[0] * du[0] + u[1] * du[1] - a * da);
+            let dwidth = 2.0 * (a * da + (SHORT / v.r).powi(2) * lengthened);
+            root * da + 0.5 * a / root * (db2 - ratio * dwidth) / width
+        };
+        let mut row = LocalRow::default();
+        for k in 0..2 {
+            let unit = [0, 1].map(|j| if j == k { 1.0 } else { 0.0 });
+            row.slip[k] = derivative(unit, [0.0; 2], 0.0);
+            row.traction[k] = derivative([0.0; 2], unit, 0.0);
+        }
+        row.parameter = derivative([0.0; 2], [0.0; 2], 1.0);
+        (a * root, row)
+    }
+
     fn scaled(&self, v: &LocalValues) -> Scaled {
-        let slip = v.slip_norm();
+        let (phi, dphi) = if self.is_coulomb() {
+            (v.slip_norm(), LocalRow::default())
+        } else {
+            self.signed_slip(v)
+        };
+        let coefficients = self.coefficients_at(v, phi);
         let (mut f, mut df) = ([0.0; 2], [LocalRow::default(); 2]);
         let (mut z, mut dz) = ([0.0; 2], [LocalRow::default(); 2]);
         for d in 0..2 {
-            let [value, slope, rate] = self.coefficients[d].value(v.node, slip, v.parameter);
+            let [value, slope, rate] = coefficients[d];
             f[d] = value;
             df[d].parameter = rate;
-            if slip > 0.0 {
-                df[d].slip = v.slip.map(|u| slope * u / slip);
-            }
+            add_row(&mut df[d], slope, &dphi);
             z[d] = v.traction[d] / value + v.r * value * v.slip[d];
             dz[d].traction[d] = 1.0 / value;
             dz[d].slip[d] = v.r * value;

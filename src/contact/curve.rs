@@ -55,7 +55,7 @@ impl FrictionCurve {
         Ok(Self(Curve::Constant(value)))
     }
 
-    /// F(ξ) = last + (first − last) exp(−ξ/length): semismooth, not piecewise smooth, in space, as F'(0) ≠ 0.
+    /// F(ξ) = last + (first − last) exp(−ξ/length).
     ///
     /// # Errors
     /// Values below 0 or not finite, a length that is not positive.
@@ -114,12 +114,14 @@ impl FrictionCurve {
         Self(Curve::Function(Arc::new(function)))
     }
 
-    /// F(ξ) and F'(ξ). For ξ < 0, where selections are evaluated beyond their cells, the tangent at 0.
+    /// F(ξ) and F'(ξ). For ξ < 0, where selections are evaluated beyond their cells, a smooth continuation that stays positive: the tangent
+    /// at 0 where F' ≤ 0, a hyperbola otherwise.
     #[must_use]
     pub fn value(&self, slip: f64) -> (f64, f64) {
         if slip < 0.0 {
             let (value, slope) = self.value(0.0);
-            return (value + slope * slip, slope);
+            let (f, by_slip, _) = continued(value, slope, slip);
+            return (f, by_slip);
         }
         match &self.0 {
             Curve::Constant(c) => (*c, 0.0),
@@ -169,6 +171,20 @@ impl FrictionCurve {
     fn is_constant(&self) -> bool {
         matches!(self.0, Curve::Constant(_))
     }
+}
+
+/// F at a slip below 0 from F(0) and F'(0), its derivative, and that with respect to F(0).
+///
+/// Were F negative there, a node could lie in the cells of slip to both sides.
+fn continued(value: f64, slope: f64, slip: f64) -> (f64, f64, f64) {
+    if slope <= 0.0 {
+        return (value + slope * slip, slope, 1.0);
+    }
+    if value <= 0.0 {
+        return (0.0, 0.0, 0.0);
+    }
+    let shrink = 1.0 / (1.0 - slope * slip / value);
+    (value * shrink, slope * shrink * shrink, shrink * (2.0 - shrink))
 }
 
 fn check(value: f64, slip: f64) -> Result<(), ContactError> {
@@ -247,7 +263,7 @@ impl FrictionCoefficient {
     }
 
     /// Any coefficient: `function(node, ξ, α)` gives F, ∂F/∂ξ, ∂F/∂α. It must be continuously differentiable for ξ ≥ 0 and is
-    /// continued by its tangent to ξ < 0.
+    /// continued to ξ < 0 as a [`FrictionCurve`] is.
     #[must_use]
     pub fn function(function: impl Fn(usize, f64, f64) -> [f64; 3] + Send + Sync + 'static) -> Self {
         Self {
@@ -256,7 +272,8 @@ impl FrictionCoefficient {
             function: Arc::new(move |node, slip, alpha| {
                 if slip < 0.0 {
                     let [value, slope, rate] = function(node, 0.0, alpha);
-                    [value + slope * slip, slope, rate]
+                    let (f, by_slip, by_value) = continued(value, slope, slip);
+                    [f, by_slip, by_value * rate]
                 } else {
                     function(node, slip, alpha)
                 }

@@ -110,6 +110,12 @@ impl PiecewiseSmooth for FrictionFamily {
         self.problem.is_piecewise_affine()
     }
 
+    /// β is measured as α is.
+    fn typical_sizes(&self, sizes: &mut [f64]) {
+        let own = sizes.len() - 1;
+        self.problem.typical_sizes(&mut sizes[..own]);
+    }
+
     fn test_functions(&self, x: &[f64], out: &mut [f64]) {
         self.for_nodes(x, |i, v, _| {
             out[TESTS * i..TESTS * (i + 1)].copy_from_slice(&self.problem.law.tests(&v));

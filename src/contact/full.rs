@@ -3,6 +3,7 @@ use std::borrow::Cow;
 use super::law::{Row, TESTS};
 use super::problem::write_tests;
 use super::{ContactError, FrictionMap, FrictionProblem, NodeValues};
+use crate::interface::fill_sizes;
 use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, Pattern};
 
@@ -132,6 +133,10 @@ impl PiecewiseSmooth for FrictionProblem {
     /// Affine pieces need a constant F and an affine load.
     fn is_piecewise_affine(&self) -> bool {
         self.law.constant_friction && self.load.0.is_affine()
+    }
+
+    fn typical_sizes(&self, sizes: &mut [f64]) {
+        fill_sizes(self.sizes(), self.num_displacements(), sizes);
     }
 
     fn test_functions(&self, x: &[f64], out: &mut [f64]) {

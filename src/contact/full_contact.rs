@@ -1,12 +1,19 @@
 use std::borrow::Cow;
+use std::ops::ControlFlow;
 use std::sync::Arc;
 
+use super::approach::{Observer, lower};
 use super::error::check_length;
+use super::form::{Form, methods_of_forms, sites_of_the_law};
 use super::node_law::{LocalRow, LocalValues, MAX_TESTS, NodeLaw};
 use super::paths::Path;
 use super::solution::{imbalance, judge};
-use super::start::{first_converged, newton_step, solve_with_stiffer};
-use super::{ContactBody, ContactError, ContactSolution};
+use super::start::newton_step;
+use super::{
+    CondensedContact, ContactBody, ContactError, ContactProgress, ContactReport, ContactSolution, LoadPath,
+    strategy,
+};
+use crate::interface::fill_sizes;
 use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, Pattern, dot};
 
@@ -67,46 +74,6 @@ impl<L: NodeLaw> FullContact<L> {
         })
     }
 
-    /// Sets the augmentation parameter r > 0 (force per length). Solutions do not depend on it.
-    ///
-    /// # Errors
-    /// r ≤ 0 or not finite.
-    pub fn with_r(mut self, r: f64) -> Result<Self, ContactError> {
-        if !(r > 0.0 && r.is_finite()) {
-            return Err(ContactError::Augmentation { r });
-        }
-        self.r = r;
-        Ok(self)
-    }
-
-    /// Sets the tangential displacements from which slips are measured (all along t₁, then all along t₂). Zero at first.
-    ///
-    /// # Errors
-    /// Wrong length, values that are not finite.
-    pub fn set_reference_slip(&mut self, reference: &[f64]) -> Result<(), ContactError> {
-        check_length("the reference of the slip", reference, self.reference.len())?;
-        self.reference.copy_from_slice(reference);
-        Ok(())
-    }
-
-    /// The augmentation parameter.
-    #[must_use]
-    pub fn r(&self) -> f64 {
-        self.r
-    }
-
-    /// The body.
-    #[must_use]
-    pub fn body(&self) -> &ContactBody {
-        &self.body
-    }
-
-    /// The law.
-    #[must_use]
-    pub fn law(&self) -> &L {
-        &self.law
-    }
-
     /// The point (λν, λt, α) of the condensed form.
     ///
     /// # Errors
@@ -116,45 +83,48 @@ impl<L: NodeLaw> FullContact<L> {
         Ok(x[self.body.num_displacements()..].to_vec())
     }
 
-    /// A solution at fixed α by PS-Newton from `start` (α is set), or, where that fails, from zero and from stick, with the augmentation
-    /// parameter asked for and with larger ones.
+    methods_of_forms!();
+
+    /// [`solve_reported`](Self::solve_reported), telling `observe` of each attempt and each point on the way; it may stop the search.
     ///
     /// # Errors
-    /// Coefficients of friction that are negative or not finite, [`ContactError::NoStart`] when no start converges.
-    pub fn solve(&self, alpha: f64, start: Option<&[f64]>) -> Result<Vec<f64>, ContactError> {
-        super::error::check_finite("the parameter", &[alpha])?;
-        let m = self.num_vars();
-        let mut zero = vec![0.0; m];
-        zero[m - 1] = alpha;
-        for i in 0..self.body.num_contacts() {
-            self.law.check(&LocalValues {
-                slip: [0.0; 2],
-                ..self.values(i, &zero)
-            })?;
-        }
-        if let Some(x) = start {
-            check_length("the start", x, m)?;
-        }
-        solve_with_stiffer(self.r, self.stiffness, |r| {
-            let map = FullContact {
-                body: Arc::clone(&self.body),
-                law: &self.law,
-                traces: Arc::clone(&self.traces),
-                reference: self.reference.clone(),
-                r,
-                stiffness: self.stiffness,
-                pattern: self.pattern.clone(),
-            };
-            let given = start.map(<[f64]>::to_vec);
-            let stick = || {
-                let pieces = self.law.num_pieces();
-                let piece = (0..pieces).rev().find(|&k| self.law.piece_name(k) == "stick");
-                let selection = Selection::uniform(self.body.num_contacts(), piece.unwrap_or(pieces - 1));
-                newton_step(&map, &selection, zero.clone())
-            };
-            let later = std::iter::once_with(|| Ok(Some(zero.clone()))).chain(std::iter::once_with(stick));
-            first_converged(&map, alpha, std::iter::once(Ok(given)).chain(later))
-        })
+    /// As [`solve`](Self::solve); a stopped search is a [`ContactError::NoStart`] with
+    /// [`Failure::Interrupted`](crate::newton::Failure::Interrupted).
+    pub fn solve_observed(
+        &self,
+        alpha: f64,
+        start: Option<&[f64]>,
+        mut observe: impl FnMut(&ContactProgress) -> ControlFlow<()>,
+    ) -> Result<ContactReport, ContactError> {
+        // The way down is followed on the contact nodes alone, where the body can be condensed.
+        let mut condensed = None;
+        let mut way = |strategy, trial, see: &mut Observer<'_>| match condensed
+            .get_or_insert_with(|| self.condensed(alpha).ok())
+        {
+            Some(condensed) => {
+                let mut end = lower(condensed, alpha, strategy, trial, see)?;
+                if let Some(end) = &mut end {
+                    let u = condensed.displacements(&end.x)?;
+                    end.x.splice(..0, u);
+                }
+                Ok(end)
+            }
+            None => lower(self, alpha, strategy, trial, see),
+        };
+        strategy::solve(self, alpha, start, &mut way, &mut observe)
+    }
+
+    /// The condensed form under the load at α.
+    fn condensed(&self, alpha: f64) -> Result<CondensedContact<&L>, ContactError> {
+        let mut condensed = CondensedContact::new(self.body_at(alpha), &self.law)?;
+        condensed.set_reference_slip(&self.reference)?;
+        Ok(condensed)
+    }
+
+    fn body_at(&self, alpha: f64) -> ContactBody {
+        let mut body = ContactBody::clone(&self.body);
+        body.load = LoadPath::constant(self.body.load_at(alpha));
+        body
     }
 
     /// States, local quantities, energies and residuals at x.
@@ -228,6 +198,56 @@ impl<L: NodeLaw> FullContact<L> {
     }
 }
 
+impl<L: NodeLaw> Form for FullContact<L> {
+    type Law = L;
+    type Under<M: NodeLaw> = FullContact<M>;
+
+    fn law(&self) -> &L {
+        &self.law
+    }
+
+    fn augmentation(&self) -> f64 {
+        self.r
+    }
+
+    fn stiffness(&self) -> f64 {
+        self.stiffness
+    }
+
+    fn values(&self, node: usize, x: &[f64]) -> LocalValues {
+        self.values(node, x)
+    }
+
+    fn under<M: NodeLaw>(&self, law: M, r: f64) -> FullContact<M> {
+        FullContact {
+            body: Arc::clone(&self.body),
+            law,
+            traces: Arc::clone(&self.traces),
+            reference: self.reference.clone(),
+            r,
+            stiffness: self.stiffness,
+            pattern: self.pattern.clone(),
+        }
+    }
+
+    fn at_load<M: NodeLaw>(&self, alpha: f64, law: M) -> Result<FullContact<M>, ContactError> {
+        let body = self.body_at(alpha);
+        let mut other = self.under(law, self.stiffness);
+        other.pattern = pattern(&body, &self.traces)?;
+        other.body = Arc::new(body);
+        Ok(other)
+    }
+
+    fn stick(&self, alpha: f64) -> Result<Option<Vec<f64>>, ContactError> {
+        let pieces = self.law.num_pieces();
+        let piece = (0..pieces).rev().find(|&k| self.law.piece_name(k) == "stick");
+        let selection = Selection::uniform(self.body.num_contacts(), piece.unwrap_or(pieces - 1));
+        let mut zero = vec![0.0; self.num_vars()];
+        zero[self.num_residuals()] = alpha;
+        newton_step(self, &selection, zero)
+    }
+}
+
 /// u_ν, u_t less penetration and slip.
 pub(super) fn held(gap: &[f64], reference: &[f64], i: usize) -> [f64; 3] {
     let p = gap.len();
@@ -236,6 +256,8 @@ pub(super) fn held(gap: &[f64], reference: &[f64], i: usize) -> [f64; 3] {
 }
 
 impl<L: NodeLaw> PiecewiseSmooth for FullContact<L> {
+    sites_of_the_law!();
+
     fn num_vars(&self) -> usize {
         self.num_residuals() + 1
     }
@@ -244,48 +266,12 @@ impl<L: NodeLaw> PiecewiseSmooth for FullContact<L> {
         self.body.num_displacements() + self.traces.len() * self.body.num_contacts()
     }
 
-    fn num_sites(&self) -> usize {
-        self.body.num_contacts()
-    }
-
-    fn num_pieces(&self, _site: usize) -> usize {
-        self.law.num_pieces()
-    }
-
-    fn num_tests(&self, _site: usize) -> usize {
-        self.law.num_tests()
-    }
-
-    fn cell(&self, _site: usize, piece: usize) -> &[Facet] {
-        self.law.cell(piece)
-    }
-
-    fn piece_name(&self, _site: usize, piece: usize) -> Cow<'_, str> {
-        Cow::Borrowed(self.law.piece_name(piece))
-    }
-
-    fn site_name(&self, site: usize) -> Cow<'_, str> {
-        Cow::Owned(format!("contact node {site}"))
-    }
-
-    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
-        let (n, p) = (self.body.num_displacements(), self.body.num_contacts());
-        rows.clear();
-        rows.extend((0..self.traces.len()).map(|block| n + block * p + site));
-    }
-
-    fn pattern(&self) -> Pattern {
-        self.pattern.clone()
-    }
-
     fn is_piecewise_affine(&self) -> bool {
         self.law.is_affine() && self.body.load.0.is_affine()
     }
 
-    fn test_functions(&self, x: &[f64], out: &mut [f64]) {
-        for (i, chunk) in out.chunks_exact_mut(self.law.num_tests()).enumerate() {
-            self.law.tests(&self.values(i, x), chunk);
-        }
+    fn typical_sizes(&self, sizes: &mut [f64]) {
+        fill_sizes(self.body.sizes(), self.body.num_displacements(), sizes);
     }
 
     fn residual(&self, selection: &Selection, x: &[f64], out: &mut [f64]) {
@@ -341,26 +327,6 @@ impl<L: NodeLaw> PiecewiseSmooth for FullContact<L> {
                 self.scatter(i, row, |j, value| jac.add(n + block * p + i, j, value));
             }
         }
-    }
-
-    fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {
-        let mut rows = [LocalRow::default(); MAX_TESTS];
-        for (i, chunk) in out.chunks_exact_mut(self.law.num_tests()).enumerate() {
-            self.law.test_rows(&self.values(i, x), &mut rows);
-            for (o, row) in chunk.iter_mut().zip(&rows) {
-                *o = 0.0;
-                self.scatter(i, row, |j, value| *o += value * d[j]);
-            }
-        }
-    }
-
-    fn test_gradient(&self, site: usize, test: usize, x: &[f64], gradient: &mut [f64]) {
-        let mut rows = [LocalRow::default(); MAX_TESTS];
-        self.law.test_rows(&self.values(site, x), &mut rows);
-        gradient.fill(0.0);
-        self.scatter(site, &rows[test.min(MAX_TESTS - 1)], |j, value| {
-            gradient[j] += value
-        });
     }
 }
 

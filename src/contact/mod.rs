@@ -3,6 +3,7 @@
 //! Signs: u_ν ≤ gap is the admissible side, λ_ν ≥ 0 the pressure, λ_t has the sign of the slip u_t. A node is *open* (λ = 0),
 //! *sticking* (u_ν = gap, u_t = 0) or *slipping* (u_ν = gap, λ_t = ±F λ_ν with ±u_t ≥ 0).
 
+mod approach;
 mod body;
 mod condensed;
 mod condensed_contact;
@@ -15,6 +16,7 @@ mod family;
 mod fixed_point;
 #[cfg(feature = "json")]
 mod folder;
+mod form;
 mod full;
 mod full_contact;
 mod given_bound;
@@ -24,8 +26,10 @@ mod node_law;
 mod paths;
 mod problem;
 mod reduced;
+mod scaled;
 mod solution;
 mod start;
+mod strategy;
 mod uniqueness;
 
 pub use body::ContactBody;
@@ -54,6 +58,7 @@ pub use paths::{FrictionPath, LoadPath};
 pub use problem::{FrictionMap, FrictionProblem};
 pub use solution::{ContactEnergy, ContactResiduals, ContactSolution};
 pub use start::{FrictionStart, first_point};
+pub use strategy::{ContactAttempt, ContactProgress, ContactReport, ContactStrategy};
 pub use uniqueness::{
     UniquenessConstants, check_multipliers, critical_friction, friction_bounds, inf_sup_constant,
 };

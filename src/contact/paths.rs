@@ -25,6 +25,21 @@ impl Path {
         }
     }
 
+    /// Forces of a load on the way from α = 0 to 1.
+    pub(super) fn samples(&self, n: usize) -> Vec<f64> {
+        match self {
+            Self::Affine { constant, slope } => constant.iter().chain(slope).copied().collect(),
+            Self::Function(f) => {
+                let mut values = vec![0.0; 2 * n];
+                let (first, last) = values.split_at_mut(n);
+                let mut rate = vec![0.0; n];
+                f(0.0, first, &mut rate);
+                f(1.0, last, &mut rate);
+                values
+            }
+        }
+    }
+
     pub(super) fn is_affine(&self) -> bool {
         matches!(self, Self::Affine { .. })
     }

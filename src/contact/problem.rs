@@ -6,6 +6,7 @@ use super::solution::imbalance;
 use super::{
     ContactError, ContactSolution, ContactState, FrictionPath, LoadPath, LocalValues, NodeValues, SlipBound,
 };
+use crate::interface::typical_sizes;
 use crate::piecewise::{PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, Pattern, dot};
 
@@ -96,6 +97,12 @@ impl FrictionProblem {
         check_length("the gap", &gap, self.num_contacts())?;
         self.gap = gap;
         Ok(self)
+    }
+
+    /// Typical sizes of u and λ.
+    pub(super) fn sizes(&self) -> Option<(f64, f64)> {
+        let loads = self.load.0.samples(self.num_displacements());
+        typical_sizes(&self.a, [&self.bnu_t, &self.bt_t], loads, &self.gap)
     }
 
     /// Replaces the load.

@@ -1,4 +1,7 @@
-use super::{ContactError, ContactState, FrictionMap};
+use super::{
+    ContactBody, ContactError, ContactState, FrictionCoefficient, FrictionCurve, FrictionMap,
+    FrictionProblem, FullContact, LoadPath, PlanarCoulomb,
+};
 use crate::linear::{AutoSolver, LinearSolver};
 use crate::newton::{Newton, NewtonError, NewtonOptions};
 use crate::piecewise::{PiecewiseSmooth, Selection};
@@ -19,7 +22,8 @@ pub enum FrictionStart {
     Point(Vec<f64>),
 }
 
-/// A solution at fixed α, by PS-Newton from the start asked for; where that fails, from the other built-in starts.
+/// A solution at fixed α, by PS-Newton from the start asked for; where that fails, from the other built-in starts and (unless states
+/// are given) by the strategies of [`FullContact::solve`].
 ///
 /// # Errors
 /// [`ContactError::NegativeFriction`] where F(α) < 0 (unless states are given in which those nodes are open),
@@ -72,7 +76,31 @@ pub fn first_point<M: FrictionMap + ?Sized>(
         .chain(std::iter::once_with(|| Ok(Some(zero()))))
         .chain(std::iter::once_with(|| uniform(ContactState::Stick)))
         .chain(std::iter::once_with(|| uniform(ContactState::Open)));
-    first_converged(map, alpha, starts)
+    let found = first_converged(map, alpha, starts);
+    match found {
+        Err(ContactError::NoStart { .. }) if !matches!(start, FrictionStart::States(_)) => {
+            let other = as_body(problem, alpha).map(|x| x[x.len() - m..].to_vec());
+            let again = first_converged(map, alpha, std::iter::once(Ok(other)));
+            again.or(found)
+        }
+        found => found,
+    }
+}
+
+/// The solution at α by the strategies for bodies.
+fn as_body(problem: &FrictionProblem, alpha: f64) -> Option<Vec<f64>> {
+    let curves = problem.friction_at(alpha).into_iter();
+    let curves = curves
+        .map(FrictionCurve::constant)
+        .collect::<Result<_, _>>()
+        .ok()?;
+    let load = LoadPath::constant(problem.load_at(alpha));
+    let traces = [&problem.bnu_t, &problem.bt_t].map(Matrix::transpose);
+    let [normal, tangential] = traces;
+    let body = ContactBody::new(problem.a.clone(), normal, vec![tangential], load).ok()?;
+    let body = body.with_gap(problem.gap.clone()).ok()?;
+    let law = PlanarCoulomb::new(FrictionCoefficient::per_node(curves).ok()?);
+    FullContact::new(body, law).ok()?.solve(alpha, None).ok()
 }
 
 /// The first solution that Newton's method finds at α from a list of starts; those that there are not are passed over.
@@ -103,25 +131,6 @@ pub(super) fn first_converged<M: PiecewiseSmooth + ?Sized>(
             what: "no start was tried",
         }),
     }
-}
-
-/// Solves with the augmentation parameter r and, where no start converges, with others.
-///
-/// Solutions do not depend on r, the way of Newton's method does: a small one lets sites go to and fro, a large one at worst needs
-/// more iterations. `stiffness` is that of a contact node.
-pub(super) fn solve_with_stiffer(
-    r: f64,
-    stiffness: f64,
-    mut solve: impl FnMut(f64) -> Result<Vec<f64>, ContactError>,
-) -> Result<Vec<f64>, ContactError> {
-    let first = solve(r);
-    if !matches!(first, Err(ContactError::NoStart { .. })) {
-        return first;
-    }
-    [10.0, 1e3]
-        .into_iter()
-        .find_map(|factor| solve(factor * stiffness).ok())
-        .map_or(first, Ok)
 }
 
 /// The solution of the linear problem with given states (F does not depend on u), `None` where that is singular.

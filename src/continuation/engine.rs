@@ -4,12 +4,12 @@ use std::time::Instant;
 use super::arms::{ArmSearch, Arms, RANK, vanishing_at};
 use super::monitor::Watch;
 use super::smooth::MAX_DENSE;
-use super::start::{Direction, choose_start, onto_curve, term_size};
+use super::start::term_size;
 use super::{Arm, ContinuationError, ContinuationOptions, Event, Point, PointKind, Strategy, Termination};
 use crate::linear::{AutoSolver, LinearSolver, null_space};
 use crate::newton::MoorePenrose;
 use crate::piecewise::{
-    ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, Vanishing, check_vector, select,
+    ActiveSet, PiecewiseError, PiecewiseSmooth, Scaled, Selection, TestLayout, Vanishing,
 };
 use crate::sparse::norm;
 
@@ -60,7 +60,8 @@ pub(super) struct State {
 /// # Ok::<(), semismooth::continuation::ContinuationError>(())
 /// ```
 pub struct Continuation<'a, P: ?Sized, L = AutoSolver> {
-    pub(super) map: &'a P,
+    /// The map in scaled variables, in which everything here is computed; events are given in its own.
+    pub(super) map: Scaled<'a, P>,
     pub(super) options: ContinuationOptions,
     pub(super) layout: TestLayout,
     pub(super) corrector: MoorePenrose<L>,
@@ -92,185 +93,11 @@ pub struct Continuation<'a, P: ?Sized, L = AutoSolver> {
     pub(super) saved_sides: Vec<f64>,
 }
 
-impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
-    /// Starts at `x` = (y, α), which is corrected onto the curve at its α if need be, in the given direction.
-    ///
-    /// # Errors
-    /// Options out of range, maps that are no curves, starts of the wrong length or not finite, outside the domain, or from which
-    /// Newton's method finds no solution; [`ContinuationError::NoArm`] when no arm leaves in the direction.
-    pub fn new(
-        map: &'a P,
-        x: &[f64],
-        direction: Direction,
-        options: ContinuationOptions,
-    ) -> Result<Self, ContinuationError> {
-        Self::with_solver(map, x, direction, options, AutoSolver::default())
-    }
-
-    /// Starts at `x` along a given arm (of a transition or branch point, or from [`arms_at`]).
-    ///
-    /// # Errors
-    /// As [`new`](Self::new).
-    pub fn along_arm(
-        map: &'a P,
-        x: &[f64],
-        arm: &Arm,
-        options: ContinuationOptions,
-    ) -> Result<Self, ContinuationError> {
-        Self::prepare(map, x, options, AutoSolver::default())?.leave_along(arm)
-    }
-
-    /// [`along_arm`](Self::along_arm) from a point known to lie on the curve. It is not corrected: at a fold or branch point
-    /// Newton's method at fixed α may end on another branch. At a `singular` point signs of determinants are rounding noise.
-    pub(super) fn along_arm_from(
-        map: &'a P,
-        x: &[f64],
-        arm: &Arm,
-        singular: bool,
-        options: ContinuationOptions,
-    ) -> Result<Self, ContinuationError> {
-        options.validate()?;
-        let corrector = MoorePenrose::new(map, AutoSolver::default())?;
-        let mut this = Self::prepare_at(map, x.to_vec(), options, corrector)?.leave_along(arm)?;
-        if singular {
-            this.here.orientation = None;
-            this.here.det_sign = None;
-        }
-        Ok(this)
-    }
-
-    fn leave_along(mut self, arm: &Arm) -> Result<Self, ContinuationError> {
-        let map = self.map;
-        check_vector("the tangent of the arm", &arm.tangent, map.num_vars())?;
-        if arm.selection.len() != map.num_sites() {
-            return Err(PiecewiseError::Length {
-                what: "the selection of the arm",
-                expected: map.num_sites(),
-                found: arm.selection.len(),
-            }
-            .into());
-        }
-        let vanishing = self.vanishing_here(&[]);
-        self.adopt(arm, &vanishing)?;
-        self.doubt_orientation()?;
-        self.emit_start();
-        Ok(self)
-    }
-}
-
-/// All arms of the solution set at a solution x, and whether the list is complete to first order.
-///
-/// # Errors
-/// As [`Continuation::new`].
-pub fn arms_at<P: PiecewiseSmooth + ?Sized>(
-    map: &P,
-    x: &[f64],
-    options: &ContinuationOptions,
-) -> Result<(Vec<Arm>, bool), ContinuationError> {
-    let mut this = Continuation::prepare(map, x, options.clone(), AutoSolver::default())?;
-    let vanishing = this.vanishing_here(&[]);
-    let arms = this.all_arms(&vanishing)?;
-    Ok((arms.list, arms.complete))
-}
-
 impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
-    /// [`new`](Continuation::new) with a linear solver of your own.
-    ///
-    /// # Errors
-    /// As [`new`](Continuation::new).
-    pub fn with_solver(
-        map: &'a P,
-        x: &[f64],
-        direction: Direction,
-        options: ContinuationOptions,
-        solver: L,
-    ) -> Result<Self, ContinuationError> {
-        let mut this = Self::prepare(map, x, options, solver)?;
-        if let Direction::Along(v) = &direction {
-            check_vector("the direction", v, map.num_vars())?;
-        }
-        let vanishing = this.vanishing_here(&[]);
-        let arms = this.all_arms(&vanishing)?;
-        let arm = choose_start(&arms, &direction)?;
-        this.adopt(arm, &vanishing)?;
-        this.doubt_orientation()?;
-        this.emit_start();
-        Ok(this)
-    }
-
-    pub(super) fn prepare(
-        map: &'a P,
-        x: &[f64],
-        options: ContinuationOptions,
-        solver: L,
-    ) -> Result<Self, ContinuationError> {
-        options.validate()?;
-        let corrector = MoorePenrose::new(map, solver)?;
-        check_vector("the start x", x, map.num_vars())?;
-        let x = onto_curve(map, x, &options)?;
-        Self::prepare_at(map, x, options, corrector)
-    }
-
-    pub(super) fn prepare_at(
-        map: &'a P,
-        x: Vec<f64>,
-        options: ContinuationOptions,
-        corrector: MoorePenrose<L>,
-    ) -> Result<Self, ContinuationError> {
-        let layout = TestLayout::new(map);
-        let m = x.len();
-        let state = State {
-            t: vec![0.0; m],
-            theta: vec![0.0; layout.total()],
-            orientation: None,
-            det_sign: None,
-            residual_norm: 0.0,
-            s: 0.0,
-            x,
-        };
-        let selection = select(map, &state.x);
-        let size = 1.0 + norm(&state.x);
-        let mut this = Self {
-            map,
-            h: options.step.min(options.max_step),
-            started: options.max_time.map(|_| Instant::now()),
-            options,
-            layout,
-            corrector,
-            selection,
-            next: state.clone(),
-            start: state.x.clone(),
-            here: state,
-            grazing: Vec::new(),
-            coactive: Vec::new(),
-            arclength: 0.0,
-            size,
-            residual_scale: 0.0,
-            points: 0,
-            creeping: 0,
-            queue: VecDeque::new(),
-            termination: None,
-            earlier: (0, 0),
-            rates: Vec::new(),
-            residual: Vec::new(),
-            watches: Vec::new(),
-            saved_sides: Vec::new(),
-        };
-        this.map.test_functions(&this.here.x, &mut this.here.theta);
-        if let Some(i) = this.here.theta.iter().position(|t| !t.is_finite()) {
-            return Err(PiecewiseError::NotFinite {
-                what: "the vector of test functions at the start",
-                index: i,
-            }
-            .into());
-        }
-        Ok(this)
-    }
-
     /// The map being followed.
     #[must_use]
     pub fn map(&self) -> &P {
-        self.map
+        self.map.map()
     }
 
     /// Why the curve ended, once it has.
@@ -279,10 +106,12 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
         self.termination
     }
 
-    /// The current point, as (x, tangent, selection).
+    /// The current point.
     #[must_use]
-    pub fn position(&self) -> (&[f64], &[f64], &Selection) {
-        (&self.here.x, &self.here.t, &self.selection)
+    pub fn point(&self) -> Point {
+        let mut point = self.point_here(PointKind::Step, 0);
+        self.map.unscale_point(&mut point);
+        point
     }
 
     /// Number of factorisations so far.
@@ -310,7 +139,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
 
     pub(super) fn vanishing_here(&self, forced: &[usize]) -> Vec<Vanishing> {
         vanishing_at(
-            self.map,
+            &self.map,
             &self.layout,
             &self.here.x,
             &self.here.theta,
@@ -322,7 +151,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
     pub(super) fn active_here(&self, vanishing: &[Vanishing]) -> Result<ActiveSet, ContinuationError> {
         let indices = vanishing.iter().map(|v| v.index).collect();
         Ok(ActiveSet::from_tests(
-            self.map,
+            &self.map,
             &self.layout,
             &self.here.theta,
             indices,
@@ -339,9 +168,9 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
         Ok(self.search(vanishing).all(&active)?)
     }
 
-    pub(super) fn search<'s>(&'s mut self, vanishing: &'s [Vanishing]) -> ArmSearch<'s, P, L> {
+    pub(super) fn search<'s>(&'s mut self, vanishing: &'s [Vanishing]) -> ArmSearch<'s, Scaled<'a, P>, L> {
         ArmSearch {
-            map: self.map,
+            map: &self.map,
             corrector: &mut self.corrector,
             options: &self.options,
             x: &self.here.x,
@@ -375,10 +204,10 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
         if !affine {
             // At a branch point ∇H may vanish altogether: the size of the terms of H is also that a step ahead.
             let ahead: Vec<f64> = x.iter().zip(t).map(|(x, t)| x + self.h * t).collect();
-            self.corrector.assemble(self.map, &self.selection, &ahead)?;
+            self.corrector.assemble(&self.map, &self.selection, &ahead)?;
             scale = term_size(self.corrector.jacobian(), x, self.h, t);
         }
-        let linearized = self.corrector.linearize(self.map, &self.selection, x, Some(t));
+        let linearized = self.corrector.linearize(&self.map, &self.selection, x, Some(t));
         let (orientation, det_sign) = match linearized {
             Ok(_) => (self.corrector.orientation(t), self.corrector.det_sign()),
             Err(PiecewiseError::Linear(_)) => (None, None),
@@ -411,10 +240,10 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
         // The Jacobian may vanish altogether here: singular is what is small against a step ahead, too.
         let State { x, t, .. } = &self.here;
         let ahead: Vec<f64> = x.iter().zip(t).map(|(x, t)| x + self.h * t).collect();
-        self.corrector.assemble(self.map, selection, &ahead)?;
+        self.corrector.assemble(&self.map, selection, &ahead)?;
         let entries = self.corrector.jacobian().values().iter();
         let size = entries.fold(0.0f64, |a, v| a.max(v.abs()));
-        self.corrector.assemble(self.map, selection, x)?;
+        self.corrector.assemble(&self.map, selection, x)?;
         let values = null_space(self.corrector.jacobian(), RANK)
             .map_err(PiecewiseError::from)?
             .singular_values;
@@ -439,7 +268,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
             return Ok(());
         }
         let indices = self.grazing.iter().map(|v| v.index).collect();
-        let active = ActiveSet::from_tests(self.map, &self.layout, &self.here.theta, indices);
+        let active = ActiveSet::from_tests(&self.map, &self.layout, &self.here.theta, indices);
         for selection in active.selections().take(CAP) {
             if selection == self.selection {
                 continue;
@@ -459,24 +288,25 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
         x: &[f64],
         t: &[f64],
     ) -> Result<Option<i8>, ContinuationError> {
-        match self.corrector.linearize(self.map, selection, x, Some(t)) {
+        match self.corrector.linearize(&self.map, selection, x, Some(t)) {
             Ok(_) => Ok(self.corrector.orientation(t)),
             Err(PiecewiseError::Linear(_)) => Ok(None),
             Err(e) => Err(e.into()),
         }
     }
 
-    fn emit_start(&mut self) {
-        let point = self.point(PointKind::Start, 0);
+    pub(super) fn emit_start(&mut self) {
+        let point = self.point_here(PointKind::Start, 0);
         self.emit(Event::Point(point));
     }
 
-    pub(super) fn emit(&mut self, event: Event) {
+    pub(super) fn emit(&mut self, mut event: Event) {
         self.points += 1;
+        self.map.unscale_event(&mut event);
         self.queue.push_back(event);
     }
 
-    pub(super) fn point(&self, kind: PointKind, corrections: usize) -> Point {
+    pub(super) fn point_here(&self, kind: PointKind, corrections: usize) -> Point {
         let mut grazing: Vec<usize> = self.grazing.iter().map(|v| v.site).collect();
         grazing.sort_unstable();
         grazing.dedup();

@@ -78,7 +78,11 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
                     None => 0.0,
                 };
                 if g1 < -slack || (g1.is_nan() && !g0.is_nan()) {
-                    let fraction = if g0 > 0.0 { g0 / (g0 - g1) } else { 0.0 };
+                    let fraction = match self.return_to(index, facet) {
+                        Some(s) => s / step,
+                        None if g0 > 0.0 => g0 / (g0 - g1),
+                        None => 0.0,
+                    };
                     offer(fraction, Monitor::Facet { index, facet });
                 }
             }
@@ -141,7 +145,8 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         let (mut d0, mut d1) = (vec![0.0; total], vec![0.0; total]);
         self.map.test_derivatives(&self.here.x, &self.here.t, &mut d0);
         self.map.test_derivatives(&self.next.x, &self.next.t, &mut d1);
-        let step = self.next.s;
+        let step = self.next.s.max(f64::MIN_POSITIVE);
+        let reach = self.options.vanishing_distance * (1.0 + norm(&self.here.x));
         for site in 0..self.layout.num_sites() {
             let first = self.layout.range(site).start;
             for facet in self.map.cell(site, self.selection.piece(site)) {
@@ -151,13 +156,33 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
                 }
                 let g = [self.here.theta[k], self.next.theta[k]].map(|t| facet.sign() * t);
                 let slope = [d0[k], d1[k]].map(|d| facet.sign() * d * step);
-                if g[0] > 0.0 && g[1] > 0.0 && slope[0] < 0.0 && slope[1] > 0.0 && hermite_min(g, slope) < 0.0
-                {
+                // A step may begin on the facet, to rounding.
+                let inside = g[0] >= reach * slope[0] / step && g[1] > 0.0;
+                if inside && slope[0] < 0.0 && slope[1] > 0.0 && hermite_min(g, slope) < 0.0 {
                     return true;
                 }
             }
         }
         false
+    }
+
+    /// Where the parabola through a facet's values at `here` and `next` comes back to zero, if `here` lies on the facet to rounding
+    /// and the curve leaves it inwards: then the crossing is not the start of the step, where the linear interpolant has it.
+    fn return_to(&self, index: usize, facet: Facet) -> Option<f64> {
+        let sign = facet.sign();
+        let (g0, g1, step) = (
+            sign * self.here.theta[index],
+            sign * self.next.theta[index],
+            self.next.s,
+        );
+        if self.map.is_piecewise_affine() || g1.is_nan() || g1 >= 0.0 {
+            return None;
+        }
+        let mut rates = vec![0.0; self.layout.total()];
+        self.map.test_derivatives(&self.here.x, &self.here.t, &mut rates);
+        let rate = sign * rates[index];
+        let reach = self.options.vanishing_distance * (1.0 + norm(&self.here.x));
+        (rate > 0.0 && g0.abs() <= reach * rate).then(|| rate * step * step / (rate * step - g1))
     }
 
     /// Value of a monitor at a state, > 0 before the event; `start` is its value at `here`.
@@ -174,7 +199,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
             Monitor::Fold => origin.sign * state.t[last],
             Monitor::Singular => self.determinant(None, state, origin)?,
             Monitor::Coactive(k) => self.determinant(Some(k), state, origin)?,
-            Monitor::User(k) => self.watches[k].side * self.watches[k].value(&state.x),
+            Monitor::User(k) => self.watches[k].side * self.map.at(&state.x, |x| self.watches[k].value(x)),
         })
     }
 
@@ -229,13 +254,25 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         let mut high = self.next.clone();
         let (mut a, mut ga) = (0.0, self.monitor_value(monitor, &here, &origin)?);
         let (mut b, mut gb) = (high.s, self.monitor_value(monitor, &high, &origin)?);
-        if ga <= 0.0 {
+        let mut state = high.clone();
+        if let Monitor::Facet { index, facet } = monitor
+            && let Some(back) = self.return_to(index, facet)
+        {
+            // The bracket begins between the facet just left and its second crossing.
+            a = 0.5 * back;
+            if !self.state_at(a, &high, &mut state)? {
+                return Ok(false);
+            }
+            ga = self.monitor_value(monitor, &state, &origin)?;
+            if ga.is_nan() || ga <= 0.0 {
+                return Ok(false);
+            }
+        } else if ga <= 0.0 {
             // A facet left at once: the event is the start of the step itself, to rounding.
             ga = 0.0;
         }
         let width = 4.0 * f64::EPSILON * (norm(&here.x) + b);
-        let slope = (ga - gb).abs() / b.max(f64::MIN_POSITIVE);
-        let mut state = high.clone();
+        let slope = (ga - gb).abs() / (b - a).max(f64::MIN_POSITIVE);
         let mut best: Option<(f64, State)> = None;
         for _ in 0..LIMIT {
             let mut s = if gb < ga {
@@ -299,7 +336,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         }
         let guess = state.x.clone();
         let corrected = self.corrector.correct_in_plane(
-            self.map,
+            &self.map,
             &self.selection,
             &self.here.x,
             &self.here.t,
@@ -333,7 +370,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
     fn complete_state(&mut self, state: &mut State) -> Result<(), ContinuationError> {
         let linearized = self
             .corrector
-            .linearize(self.map, &self.selection, &state.x, Some(&state.t));
+            .linearize(&self.map, &self.selection, &state.x, Some(&state.t));
         match linearized {
             // Next to a branch point the kernel is noise: the tangent at the start of the step is kept.
             Ok(tangent) if crate::sparse::dot(tangent, &self.here.t).abs() < self.options.min_cos => {

@@ -11,6 +11,7 @@ pub(crate) mod extended;
 mod fold_set;
 mod locate;
 mod monitor;
+mod natural;
 mod options;
 mod polygon;
 mod record;
@@ -29,7 +30,7 @@ pub use diagram::{
     Completeness, Diagram, DiagramBranch, DiagramEdge, DiagramFold, DiagramOptions, DiagramVertex, EdgeEnd,
     Limit, Progress, Solution, SolutionsAt, VertexArm, VertexKind,
 };
-pub use engine::{Continuation, arms_at};
+pub use engine::Continuation;
 pub use error::ContinuationError;
 pub use fold_set::FoldSet;
 pub use options::{ContinuationOptions, Strategy};
@@ -41,5 +42,5 @@ pub use save::SavedRun;
 pub use search::{
     FoundBy, FoundSolution, FoundSolutions, SearchOptions, search_solutions, search_solutions_observed,
 };
-pub use start::Direction;
+pub use start::{Direction, arms_at};
 pub use transition_set::{CharacterChange, TransitionSet};

@@ -71,7 +71,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
         // A resumed run knows the side: at a zero just passed the value is rounding noise.
         let side = match self.saved_sides.get(self.watches.len()) {
             Some(side) => *side,
-            None => sign(function(&self.here.x)),
+            None => sign(self.map.at(&self.here.x, &function)),
         };
         self.watches.push(Watch {
             name,
@@ -85,8 +85,9 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
     /// The values of watch k at `here` and at x, seen from the side of the curve, if its sign has changed in between.
     pub(super) fn crossing(&self, k: usize, x: &[f64]) -> Option<(f64, f64)> {
         let watch = &self.watches[k];
-        let after = watch.side * watch.value(x);
-        (after < 0.0).then(|| ((watch.side * watch.value(&self.here.x)).max(0.0), after))
+        let at = |x| watch.side * self.map.at(x, |x| watch.value(x));
+        let after = at(x);
+        (after < 0.0).then(|| (at(&self.here.x).max(0.0), after))
     }
 
     /// The first zero of a watched function on the straight way of length `s` along the tangent.
@@ -100,7 +101,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
                 for ((x, x0), t) in x.iter_mut().zip(&self.here.x).zip(&self.here.t) {
                     *x = x0 + s * t;
                 }
-                watch.side * watch.value(x)
+                watch.side * self.map.at(x, |x| watch.value(x))
             };
             let ends = (at(0.0).max(0.0), at(end));
             if ends.1 < 0.0 {
@@ -112,7 +113,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
 
     /// Records a zero at `here`.
     pub(super) fn pass_monitor(&mut self, k: usize, corrections: usize) {
-        let point = self.point(PointKind::Step, corrections);
+        let point = self.point_here(PointKind::Step, corrections);
         let watch = &mut self.watches[k];
         watch.side = -watch.side;
         let crossing = MonitorCrossing {
@@ -129,7 +130,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
     /// Takes note of the sides of functions that vanished exactly so far.
     pub(super) fn refresh_sides(&mut self) {
         for watch in self.watches.iter_mut().filter(|w| w.side == 0.0) {
-            watch.side = sign((watch.function)(&self.here.x));
+            watch.side = sign(self.map.at(&self.here.x, &watch.function));
         }
     }
 }

@@ -64,6 +64,10 @@ pub struct ContinuationOptions {
     pub max_time: Option<Duration>,
     /// Distance in x, relative to 1 + ‖x‖₂, within which a test function counts as vanishing at a transition. Default 1e-9.
     pub vanishing_distance: f64,
+    /// Typical sizes of all variables (y, α), in their units: distances, angles and arclength are measured in the variables divided by
+    /// them, those of y relative to that of α. Default empty: what the map knows of itself
+    /// ([`PiecewiseSmooth::typical_sizes`](crate::piecewise::PiecewiseSmooth::typical_sizes)) where that is further than 10³ from 1.
+    pub typical_sizes: Vec<f64>,
     /// Largest number of active selections examined at one point where all are tried in turn. Default 4096.
     pub max_selections: u64,
     /// Largest number of partial selections tried at one point where the search for arms is pruned. Default 1 000 000.
@@ -90,6 +94,7 @@ impl Default for ContinuationOptions {
             max_growth: 1e6,
             max_time: None,
             vanishing_distance: 1e-9,
+            typical_sizes: Vec::new(),
             max_selections: 4096,
             max_nodes: 1_000_000,
         }
@@ -136,6 +141,8 @@ impl ContinuationOptions {
         with_parameter_range(parameter_range: (f64, f64));
         /// Sets the parameter values to be hit exactly.
         with_targets(targets: Vec<f64>);
+        /// Sets the typical sizes of the variables.
+        with_typical_sizes(typical_sizes: Vec<f64>);
         /// Sets the largest number of points.
         with_max_points(max_points: usize);
         /// Sets the largest arclength.

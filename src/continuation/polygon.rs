@@ -110,7 +110,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
             let anchor = self.next.x.clone();
             let normal = self.next.t.clone();
             let corrected = self.corrector.correct_in_plane(
-                self.map,
+                &self.map,
                 &self.selection,
                 &anchor,
                 &normal,

@@ -8,7 +8,7 @@ use crate::linear::AutoSolver;
 use crate::newton::MoorePenrose;
 use crate::piecewise::Vanishing;
 use crate::piecewise::{
-    PiecewiseError, PiecewiseSmooth, Selection, TestLayout, check_selection, check_vector,
+    PiecewiseError, PiecewiseSmooth, Scaled, Selection, TestLayout, check_selection, check_vector,
 };
 
 /// The state of a [`Continuation`] between two events: point, tangent, selection, step size, options, counters, events not yet
@@ -58,13 +58,18 @@ pub struct SavedRun {
     /// Sides of the functions watched.
     #[cfg_attr(feature = "serde", serde(default))]
     sides: Vec<f64>,
+    /// Typical sizes by which points and tangents are divided; none for no scaling.
+    #[cfg_attr(feature = "serde", serde(default))]
+    sizes: Vec<f64>,
+    /// The point as it is.
+    x: Vec<f64>,
 }
 
 impl SavedRun {
     /// The point x = (y, α).
     #[must_use]
     pub fn x(&self) -> &[f64] {
-        &self.here.x
+        &self.x
     }
 
     /// The parameter α.
@@ -120,6 +125,10 @@ impl SavedRun {
         length("the list of sites of the saved run", map.num_sites(), self.sites)?;
         let m = map.num_vars();
         check_vector("the saved point", &self.here.x, m)?;
+        check_vector("the saved point", &self.x, m)?;
+        if !self.sizes.is_empty() {
+            check_vector("the saved list of typical sizes", &self.sizes, m)?;
+        }
         check_vector("the saved tangent", &self.here.t, m)?;
         check_vector("the saved start", &self.start, m)?;
         check_vector("the saved test functions", &self.here.theta, layout.total())?;
@@ -157,7 +166,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
     /// Those of the linear solver.
     pub fn save(&mut self) -> Result<SavedRun, ContinuationError> {
         self.earlier = (self.factorisations(), self.corrections());
-        self.corrector = MoorePenrose::new(self.map, AutoSolver::default())?;
+        self.corrector = MoorePenrose::new(&self.map, AutoSolver::default())?;
         self.renew_factors()?;
         Ok(SavedRun {
             residuals: self.map.num_residuals(),
@@ -180,6 +189,8 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
             factorisations: self.earlier.0,
             corrections: self.earlier.1,
             sides: self.watches.iter().map(|w| w.side).collect(),
+            sizes: self.map.divisors().to_vec(),
+            x: self.point().x,
         })
     }
 
@@ -192,7 +203,8 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
         saved.check(map)?;
         saved.options.validate()?;
         let corrector = MoorePenrose::new(map, AutoSolver::default())?;
-        let mut this = Self::prepare_at(map, saved.here.x.clone(), saved.options.clone(), corrector)?;
+        let scaled = Scaled::with_divisors(map, saved.sizes.clone());
+        let mut this = Self::prepare_at(scaled, saved.here.x.clone(), saved.options.clone(), corrector)?;
         this.selection = saved.selection.clone();
         this.here = saved.here.clone();
         this.next = saved.here.clone();
@@ -222,7 +234,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
             return Ok(());
         }
         let State { x, t, .. } = &self.here;
-        match self.corrector.linearize(self.map, &self.selection, x, Some(t)) {
+        match self.corrector.linearize(&self.map, &self.selection, x, Some(t)) {
             Ok(_) | Err(PiecewiseError::Linear(_)) => Ok(()),
             Err(e) => Err(e.into()),
         }

@@ -38,7 +38,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         if n > MAX_DENSE {
             return Ok(None);
         }
-        self.corrector.assemble(self.map, &self.selection, guess)?;
+        self.corrector.assemble(&self.map, &self.selection, guess)?;
         let mut jac = self.corrector.jacobian().clone();
         let kernels = null_space(&jac, 1.0).map_err(PiecewiseError::from)?;
         let Some(mut w) = kernels.left.last().cloned() else {

@@ -1,9 +1,14 @@
 //! From what the user gives to a first point and a first direction.
 
+use std::collections::VecDeque;
+use std::time::Instant;
+
 use super::arms::{Arms, distance};
+use super::engine::{Continuation, State};
 use super::{Arm, ContinuationError, ContinuationOptions, Strategy};
-use crate::newton::{Newton, NewtonOptions};
-use crate::piecewise::{PiecewiseError, PiecewiseSmooth, select};
+use crate::linear::{AutoSolver, LinearSolver};
+use crate::newton::{MoorePenrose, Newton, NewtonOptions};
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Scaled, TestLayout, check_vector, select};
 use crate::sparse::Matrix;
 use crate::sparse::{dot, norm};
 
@@ -21,7 +26,7 @@ pub enum Direction {
 }
 
 /// Solves at fixed α unless x is a solution already.
-pub(super) fn onto_curve<P: PiecewiseSmooth + ?Sized>(
+fn onto_curve<P: PiecewiseSmooth + ?Sized>(
     map: &P,
     x: &[f64],
     options: &ContinuationOptions,
@@ -62,7 +67,7 @@ pub(super) fn term_size(jac: &Matrix, x: &[f64], h: f64, t: &[f64]) -> f64 {
     norm(&sums)
 }
 
-pub(super) fn choose_start<'b>(arms: &'b Arms, direction: &Direction) -> Result<&'b Arm, ContinuationError> {
+fn choose_start<'b>(arms: &'b Arms, direction: &Direction) -> Result<&'b Arm, ContinuationError> {
     const FLAT: f64 = 1e-10;
     let rate = |a: &Arm| a.tangent.last().copied().unwrap_or(0.0);
     let (found, wanted) = match direction {
@@ -83,4 +88,191 @@ pub(super) fn choose_start<'b>(arms: &'b Arms, direction: &Direction) -> Result<
         wanted,
         found: arms.list.len(),
     })
+}
+
+impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
+    /// Starts at `x` = (y, α), which is corrected onto the curve at its α if need be, in the given direction.
+    ///
+    /// # Errors
+    /// Options out of range, maps that are no curves, starts of the wrong length or not finite, outside the domain, or from which
+    /// Newton's method finds no solution; [`ContinuationError::NoArm`] when no arm leaves in the direction.
+    pub fn new(
+        map: &'a P,
+        x: &[f64],
+        direction: Direction,
+        options: ContinuationOptions,
+    ) -> Result<Self, ContinuationError> {
+        Self::with_solver(map, x, direction, options, AutoSolver::default())
+    }
+
+    /// Starts at `x` along a given arm (of a transition or branch point, or from [`arms_at`]).
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn along_arm(
+        map: &'a P,
+        x: &[f64],
+        arm: &Arm,
+        options: ContinuationOptions,
+    ) -> Result<Self, ContinuationError> {
+        Self::prepare(map, x, options, AutoSolver::default())?.leave_along(arm)
+    }
+
+    /// [`along_arm`](Self::along_arm) from a point known to lie on the curve. It is not corrected: at a fold or branch point
+    /// Newton's method at fixed α may end on another branch. At a `singular` point signs of determinants are rounding noise.
+    pub(super) fn along_arm_from(
+        map: &'a P,
+        x: &[f64],
+        arm: &Arm,
+        singular: bool,
+        options: ContinuationOptions,
+    ) -> Result<Self, ContinuationError> {
+        options.validate()?;
+        let scaled = Scaled::new(map, &options.typical_sizes)?;
+        let corrector = MoorePenrose::new(map, AutoSolver::default())?;
+        let mut z = x.to_vec();
+        scaled.scale(&mut z);
+        let mut this = Self::prepare_at(scaled, z, options, corrector)?.leave_along(arm)?;
+        if singular {
+            this.here.orientation = None;
+            this.here.det_sign = None;
+        }
+        Ok(this)
+    }
+
+    fn leave_along(mut self, arm: &Arm) -> Result<Self, ContinuationError> {
+        let map = self.map.map();
+        check_vector("the tangent of the arm", &arm.tangent, map.num_vars())?;
+        if arm.selection.len() != map.num_sites() {
+            return Err(PiecewiseError::Length {
+                what: "the selection of the arm",
+                expected: map.num_sites(),
+                found: arm.selection.len(),
+            }
+            .into());
+        }
+        let mut arm = arm.clone();
+        self.map.scale_direction(&mut arm.tangent);
+        let vanishing = self.vanishing_here(&[]);
+        self.adopt(&arm, &vanishing)?;
+        self.doubt_orientation()?;
+        self.emit_start();
+        Ok(self)
+    }
+}
+
+/// All arms of the solution set at a solution x, and whether the list is complete to first order.
+///
+/// # Errors
+/// As [`Continuation::new`].
+pub fn arms_at<P: PiecewiseSmooth + ?Sized>(
+    map: &P,
+    x: &[f64],
+    options: &ContinuationOptions,
+) -> Result<(Vec<Arm>, bool), ContinuationError> {
+    let mut this = Continuation::prepare(map, x, options.clone(), AutoSolver::default())?;
+    let vanishing = this.vanishing_here(&[]);
+    let mut arms = this.all_arms(&vanishing)?;
+    this.map.unscale_arms(&mut arms.list);
+    Ok((arms.list, arms.complete))
+}
+
+impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
+    /// [`new`](Continuation::new) with a linear solver of your own.
+    ///
+    /// # Errors
+    /// As [`new`](Continuation::new).
+    pub fn with_solver(
+        map: &'a P,
+        x: &[f64],
+        direction: Direction,
+        options: ContinuationOptions,
+        solver: L,
+    ) -> Result<Self, ContinuationError> {
+        let mut this = Self::prepare(map, x, options, solver)?;
+        let mut direction = direction;
+        if let Direction::Along(v) = &mut direction {
+            check_vector("the direction", v, map.num_vars())?;
+            this.map.scale_direction(v);
+        }
+        let vanishing = this.vanishing_here(&[]);
+        let arms = this.all_arms(&vanishing)?;
+        let arm = choose_start(&arms, &direction)?;
+        this.adopt(arm, &vanishing)?;
+        this.doubt_orientation()?;
+        this.emit_start();
+        Ok(this)
+    }
+
+    pub(super) fn prepare(
+        map: &'a P,
+        x: &[f64],
+        options: ContinuationOptions,
+        solver: L,
+    ) -> Result<Self, ContinuationError> {
+        options.validate()?;
+        let scaled = Scaled::new(map, &options.typical_sizes)?;
+        let corrector = MoorePenrose::new(map, solver)?;
+        check_vector("the start x", x, map.num_vars())?;
+        let mut z = onto_curve(map, x, &options)?;
+        scaled.scale(&mut z);
+        Self::prepare_at(scaled, z, options, corrector)
+    }
+
+    /// At a point z in scaled variables.
+    pub(super) fn prepare_at(
+        map: Scaled<'a, P>,
+        x: Vec<f64>,
+        options: ContinuationOptions,
+        corrector: MoorePenrose<L>,
+    ) -> Result<Self, ContinuationError> {
+        let layout = TestLayout::new(&map);
+        let m = x.len();
+        let state = State {
+            t: vec![0.0; m],
+            theta: vec![0.0; layout.total()],
+            orientation: None,
+            det_sign: None,
+            residual_norm: 0.0,
+            s: 0.0,
+            x,
+        };
+        let selection = select(&map, &state.x);
+        let size = 1.0 + norm(&state.x);
+        let mut this = Self {
+            map,
+            h: options.step.min(options.max_step),
+            started: options.max_time.map(|_| Instant::now()),
+            options,
+            layout,
+            corrector,
+            selection,
+            next: state.clone(),
+            start: state.x.clone(),
+            here: state,
+            grazing: Vec::new(),
+            coactive: Vec::new(),
+            arclength: 0.0,
+            size,
+            residual_scale: 0.0,
+            points: 0,
+            creeping: 0,
+            queue: VecDeque::new(),
+            termination: None,
+            earlier: (0, 0),
+            rates: Vec::new(),
+            residual: Vec::new(),
+            watches: Vec::new(),
+            saved_sides: Vec::new(),
+        };
+        this.map.test_functions(&this.here.x, &mut this.here.theta);
+        if let Some(i) = this.here.theta.iter().position(|t| !t.is_finite()) {
+            return Err(PiecewiseError::NotFinite {
+                what: "the vector of test functions at the start",
+                index: i,
+            }
+            .into());
+        }
+        Ok(this)
+    }
 }

@@ -68,7 +68,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
             o.step_tolerance * (norm(&self.here.x) + h),
         );
         let corrected = self.corrector.correct(
-            self.map,
+            &self.map,
             &mut self.selection,
             |_, _| {},
             &mut self.next.x,
@@ -143,7 +143,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         self.here.s = 0.0;
         self.refresh_sides();
         if closed {
-            let point = self.point(PointKind::Step, corrections);
+            let point = self.point_here(PointKind::Step, corrections);
             self.emit(super::Event::Point(point));
             self.termination = Some(Termination::Closed);
             return Ok(());
@@ -153,14 +153,14 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         }
         match event {
             None => {
-                let point = self.point(PointKind::Step, corrections);
+                let point = self.point_here(PointKind::Step, corrections);
                 self.emit(super::Event::Point(point));
                 Ok(())
             }
             Some(Monitor::Facet { index, .. }) => self.pass_transition(index),
             Some(Monitor::Parameter { value, last }) => {
                 self.hit_parameter(value)?;
-                let point = self.point(PointKind::Target, corrections);
+                let point = self.point_here(PointKind::Target, corrections);
                 self.emit(super::Event::Point(point));
                 if last {
                     self.termination = Some(Termination::ParameterRange);
@@ -168,7 +168,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
                 Ok(())
             }
             Some(Monitor::Fold) => {
-                let point = self.point(PointKind::Step, corrections);
+                let point = self.point_here(PointKind::Step, corrections);
                 self.emit(super::Event::SmoothFold(super::SmoothFold { point }));
                 Ok(())
             }
@@ -206,7 +206,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         let mut t = self.here.t.clone();
         let offset = value - anchor[m - 1];
         let corrected = self.corrector.correct_in_plane(
-            self.map,
+            &self.map,
             &self.selection,
             &anchor,
             &normal,
@@ -245,7 +245,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         let mut x = self.start.clone();
         let mut t = self.here.t.clone();
         let corrected = self.corrector.correct_in_plane(
-            self.map,
+            &self.map,
             &self.selection,
             &self.here.x,
             &self.here.t,

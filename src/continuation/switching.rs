@@ -39,14 +39,14 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         }
         self.next.t.copy_from_slice(&self.here.t);
         let mut selection = self.selection.clone();
-        let (map, layout) = (self.map, &self.layout);
+        let (map, layout) = (&self.map, &self.layout);
         let theta = &mut self.next.theta;
         let choose = |x: &[f64], selection: &mut Selection| {
             natural(map, layout, x, theta, selection);
         };
         let tolerances = (self.options.residual_tolerance, self.options.step_tolerance);
         let corrected = self.corrector.correct(
-            self.map,
+            &self.map,
             &mut selection,
             choose,
             &mut self.next.x,
@@ -75,7 +75,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         if alpha < lower || alpha > upper {
             self.termination = Some(Termination::ParameterRange);
         }
-        let point = self.point(PointKind::Step, corrections);
+        let point = self.point_here(PointKind::Step, corrections);
         self.emit(Event::Point(point));
         Ok(())
     }
@@ -89,10 +89,10 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         let reach = REACH * self.options.min_step;
         let vanishing: Vec<Vanishing> = (0..rates.len())
             .filter(|&k| self.here.theta[k].abs() <= reach * rates[k].abs())
-            .map(|k| Vanishing::new(self.map, &self.layout, k, &self.here.x))
+            .map(|k| Vanishing::new(&self.map, &self.layout, k, &self.here.x))
             .collect();
         let indices = vanishing.iter().map(|v| v.index).collect();
-        let active = ActiveSet::from_tests(self.map, &self.layout, &self.here.theta, indices);
+        let active = ActiveSet::from_tests(&self.map, &self.layout, &self.here.theta, indices);
         let before = self.selection.clone();
         let (arrival, oriented) = (self.here.t.clone(), self.here.orientation);
         for selection in active.selections().take(self.options.max_selections as usize) {
@@ -100,7 +100,10 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
                 continue;
             }
             let x = self.here.x.clone();
-            let Ok(tangent) = self.corrector.linearize(self.map, &selection, &x, Some(&arrival)) else {
+            let Ok(tangent) = self
+                .corrector
+                .linearize(&self.map, &selection, &x, Some(&arrival))
+            else {
                 continue;
             };
             let mut tangent = tangent.to_vec();
@@ -136,7 +139,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         let mut x = self.here.x.clone();
         let mut t = self.here.t.clone();
         let corrected = self.corrector.correct(
-            self.map,
+            &self.map,
             &mut frozen,
             |_, _| {},
             &mut x,

@@ -214,7 +214,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         let straight = Arm {
             selection: self.selection.clone(),
             tangent: self.here.t.clone(),
-            grazing: self.point(PointKind::Step, 0).grazing,
+            grazing: self.point_here(PointKind::Step, 0).grazing,
         };
         let near = |a: &Arm| distance(&a.tangent, &straight.tangent) < 1e-3;
         let k = match arms.list.iter().position(near) {
@@ -229,7 +229,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
             }
         };
         let event = BranchPoint {
-            point: self.point(PointKind::Step, 0),
+            point: self.point_here(PointKind::Step, 0),
             singular,
             arms: arms.list.clone(),
             followed: Some(k),

@@ -341,6 +341,10 @@ impl<P: PiecewiseSmooth> PiecewiseSmooth for TransitionSet<P> {
         self.family.is_piecewise_affine()
     }
 
+    fn typical_sizes(&self, sizes: &mut [f64]) {
+        self.family.typical_sizes(sizes);
+    }
+
     fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {
         self.family.test_derivatives(x, d, out);
         out[self.layout.range(self.site).start + self.test] = 0.0;

@@ -5,7 +5,8 @@ use super::search::Search;
 use super::{EnumerationError, EnumerationOptions, system};
 use crate::linear::{AutoSolver, LinearError, LinearSolver};
 use crate::piecewise::{
-    PiecewiseError, PiecewiseSmooth, Selection, Selections, TestLayout, active_set, cell_margin, check_vector,
+    PiecewiseError, PiecewiseSmooth, Scaled, Selection, Selections, TestLayout, active_set, cell_margin,
+    check_vector,
 };
 use crate::sparse::{Matrix, max_abs, norm};
 
@@ -117,6 +118,19 @@ pub fn all_solutions<P: PiecewiseSmooth + ?Sized>(
 ) -> Result<SolutionSet, EnumerationError> {
     options.validate()?;
     check_vector("the parameter", &[alpha], 1)?;
+    let scaled = Scaled::new(map, &[])?;
+    let mut set = of_scaled(&scaled, alpha, options)?;
+    set.solutions.iter_mut().for_each(|s| scaled.unscale(&mut s.x));
+    let ends = set.continua.iter_mut().flat_map(|c| &mut c.ends);
+    ends.for_each(|x| scaled.unscale(x));
+    Ok(set)
+}
+
+fn of_scaled<P: PiecewiseSmooth + ?Sized>(
+    map: &P,
+    alpha: f64,
+    options: &EnumerationOptions,
+) -> Result<SolutionSet, EnumerationError> {
     let (m, n) = (map.num_vars(), map.num_residuals());
     if m != n && m != n + 1 {
         return Err(PiecewiseError::Dimensions {
@@ -160,7 +174,9 @@ pub fn all_solutions<P: PiecewiseSmooth + ?Sized>(
         examined = set.nodes as f64;
         stopped = examined < total;
     }
-    set.completeness = match collector.undecided {
+    // On a facet the selections of both sides give the same point, one of them up to rounding.
+    let by_tolerance = collector.clean.iter().filter(|clean| !**clean).count() as u64;
+    set.completeness = match collector.undecided + by_tolerance {
         _ if stopped => Completeness::Incomplete { examined, total },
         0 => Completeness::Complete,
         selections => Completeness::Undecided { selections },
@@ -191,6 +207,8 @@ struct Collector<'a, P: ?Sized> {
     jac: Matrix,
     solver: AutoSolver,
     solutions: Vec<Solution>,
+    /// Whether one of the selections of a solution holds it up to rounding, and not by tolerance alone.
+    clean: Vec<bool>,
     continua: Vec<Continuum>,
     undecided: u64,
 }
@@ -209,6 +227,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Collector<'a, P> {
             jac,
             solver,
             solutions: Vec::new(),
+            clean: Vec::new(),
             continua: Vec::new(),
             undecided: 0,
         })
@@ -247,8 +266,8 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Collector<'a, P> {
             }
         }
         self.check_affine(selection, &x)?;
-        if self.lies_in_cell(selection, &x) {
-            self.add(selection, x, sign);
+        if let Some(clean) = self.lies_in_cell(selection, &x) {
+            self.add(selection, x, sign, clean);
         }
         Ok(())
     }
@@ -276,24 +295,27 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Collector<'a, P> {
         Ok(())
     }
 
-    /// Whether all facets of the selection hold at x, within the tolerance as a distance.
-    fn lies_in_cell(&self, selection: &Selection, x: &[f64]) -> bool {
+    /// Whether all facets of the selection hold at x, within the tolerance as a distance; if so, whether they hold up to rounding.
+    fn lies_in_cell(&self, selection: &Selection, x: &[f64]) -> Option<bool> {
         let mut theta = vec![0.0; self.layout.total()];
         self.map.test_functions(x, &mut theta);
         let mut gradient = vec![0.0; x.len()];
-        (0..self.layout.num_sites()).all(|site| {
+        let mut clean = true;
+        let inside = (0..self.layout.num_sites()).all(|site| {
             let tests = &theta[self.layout.range(site)];
             // A test function may vanish everywhere, gradient and all, but for rounding.
             let rounding = NOISE * max_abs(tests);
             self.map.cell(site, selection.piece(site)).iter().all(|facet| {
                 let margin = facet.margin(tests);
                 margin >= -rounding || {
+                    clean = false;
                     self.map.test_gradient(site, facet.test(), x, &mut gradient);
                     let size = norm(&gradient) * (1.0 + norm(x));
                     margin >= -self.options.tolerance * size
                 }
             })
-        })
+        });
+        inside.then_some(clean)
     }
 
     fn margin(&self, selection: &Selection, x: &[f64]) -> f64 {
@@ -311,7 +333,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Collector<'a, P> {
         norm(&apart) <= self.options.merge_distance * (1.0 + norm(a))
     }
 
-    fn add(&mut self, selection: &Selection, x: Vec<f64>, sign: Option<i8>) {
+    fn add(&mut self, selection: &Selection, x: Vec<f64>, sign: Option<i8>, clean: bool) {
         let margin = self.margin(selection, &x);
         let known = (0..self.solutions.len()).find(|&k| self.same(&self.solutions[k].x, &x));
         match known {
@@ -320,14 +342,18 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Collector<'a, P> {
                 s.selections.push(selection.clone());
                 s.det_signs.push(sign);
                 s.margin = s.margin.min(margin);
+                self.clean[k] |= clean;
             }
-            None => self.solutions.push(Solution {
-                x,
-                selections: vec![selection.clone()],
-                det_signs: vec![sign],
-                margin,
-                index: None,
-            }),
+            None => {
+                self.clean.push(clean);
+                self.solutions.push(Solution {
+                    x,
+                    selections: vec![selection.clone()],
+                    det_signs: vec![sign],
+                    margin,
+                    index: None,
+                });
+            }
         }
     }
 
@@ -401,7 +427,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Collector<'a, P> {
         }
         if high - low <= rounding {
             let x = at(0.5 * (low + high));
-            return self.add(selection, x, Some(0));
+            return self.add(selection, x, Some(0), true);
         }
         let ends: Vec<Vec<f64>> = [low, high]
             .into_iter()

@@ -2,7 +2,7 @@ use std::borrow::Cow;
 
 use super::error::check_vector;
 use super::full::sites_of_law;
-use super::{InterfaceError, InterfaceLoad, InterfaceProblem};
+use super::{InterfaceError, InterfaceLoad, InterfaceProblem, fill_sizes};
 use crate::linear::{Condensation, LinearError};
 use crate::piecewise::{Facet, PiecewiseSmooth, Selection, check_selection};
 use crate::sparse::{Matrix, Pattern, dot};
@@ -171,6 +171,10 @@ impl<G: PiecewiseSmooth> PiecewiseSmooth for CondensedInterface<G> {
 
     fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
         self.problem.law.site_rows(site, rows);
+    }
+
+    fn typical_sizes(&self, sizes: &mut [f64]) {
+        fill_sizes(self.problem.sizes(), 0, sizes);
     }
 
     fn test_functions(&self, x: &[f64], out: &mut [f64]) {

@@ -2,7 +2,7 @@ use std::borrow::Cow;
 use std::sync::Mutex;
 
 use super::error::check_size;
-use super::{InterfaceError, InterfaceLoad};
+use super::{InterfaceError, InterfaceLoad, fill_sizes, typical_sizes};
 use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, Pattern};
 
@@ -155,6 +155,11 @@ impl<G: PiecewiseSmooth> InterfaceProblem<G> {
         })
     }
 
+    /// Typical sizes of u and λ.
+    pub(super) fn sizes(&self) -> Option<(f64, f64)> {
+        typical_sizes(&self.a, [&self.b], self.load.samples(), &[])
+    }
+
     /// Runs `f` with the scratch of this problem, or with one of its own when another thread uses that.
     pub(super) fn with_scratch<R>(&self, f: impl FnOnce(&mut Scratch) -> R) -> R {
         match self.scratch.try_lock() {
@@ -244,6 +249,10 @@ impl<G: PiecewiseSmooth> PiecewiseSmooth for InterfaceProblem<G> {
     fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
         self.law.site_rows(site, rows);
         rows.iter_mut().for_each(|i| *i += self.num_displacements());
+    }
+
+    fn typical_sizes(&self, sizes: &mut [f64]) {
+        fill_sizes(self.sizes(), self.num_displacements(), sizes);
     }
 
     fn test_functions(&self, x: &[f64], out: &mut [f64]) {

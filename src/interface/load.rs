@@ -53,6 +53,11 @@ impl InterfaceLoad {
         }
     }
 
+    /// The forces of all cases.
+    pub(super) fn samples(&self) -> impl Iterator<Item = f64> {
+        self.constant.iter().chain(self.cases.iter().flatten()).copied()
+    }
+
     pub(super) fn is_affine(&self) -> bool {
         self.amplitudes.is_none() || self.cases.is_empty()
     }

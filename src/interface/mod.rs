@@ -14,8 +14,10 @@ mod condensed;
 mod error;
 mod full;
 mod load;
+mod sizes;
 
 pub use condensed::CondensedInterface;
 pub use error::InterfaceError;
 pub use full::InterfaceProblem;
 pub use load::InterfaceLoad;
+pub(crate) use sizes::{fill_sizes, typical_sizes};

@@ -12,6 +12,9 @@ use crate::sparse::norm as norm2;
 /// Line-search iterations after which the residual must have halved, or pieces are changed one at a time.
 const PATIENCE: usize = 12;
 
+/// Share of its terms beyond which a residual that changes with the last digits of x is a jump of H, not rounding.
+const JUMP: f64 = 1e-6;
+
 /// How far the globalisation has been driven.
 #[derive(PartialEq, PartialOrd, Clone, Copy)]
 pub(super) enum Mode {
@@ -288,6 +291,10 @@ impl<L: LinearSolver> Run<'_, L> {
             return false;
         }
         let work = &mut *self.work;
+        row_sizes(jac.as_ref(), x, &mut work.size);
+        if norm2(&work.r) > JUMP * norm2(&work.size) {
+            return false;
+        }
         work.size.fill(0.0);
         for pattern in PATTERNS {
             work.trial.copy_from_slice(x);

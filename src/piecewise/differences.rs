@@ -12,7 +12,13 @@ pub(super) fn test_derivatives<P: PiecewiseSmooth + ?Sized>(map: &P, x: &[f64], 
         out.fill(if norm_d == 0.0 { 0.0 } else { f64::NAN });
         return;
     }
-    let h = STEP * (1.0 + max_abs(x)) / norm_d;
+    let sizes = sizes(map, x.len());
+    let relative = |v: &[f64]| {
+        v.iter()
+            .zip(&sizes)
+            .fold(0.0_f64, |a, (v, s)| a.max((v / s).abs()))
+    };
+    let h = STEP * (1.0 + relative(x)) / relative(d);
     let shifted = |s: f64| -> Vec<f64> { x.iter().zip(d).map(|(x, d)| x + s * d).collect() };
     let mut minus = vec![0.0; out.len()];
     map.test_functions(&shifted(h), out);
@@ -33,8 +39,9 @@ pub(super) fn test_gradient<P: PiecewiseSmooth + ?Sized>(
     let index = layout.range(site).start + test;
     let mut y = x.to_vec();
     let mut theta = vec![0.0; layout.total()];
+    let sizes = sizes(map, x.len());
     for j in 0..x.len() {
-        let h = STEP * (1.0 + x[j].abs());
+        let h = STEP * (sizes[j] + x[j].abs());
         let mut at = |v: f64| {
             y[j] = v;
             map.test_functions(&y, &mut theta);
@@ -44,4 +51,11 @@ pub(super) fn test_gradient<P: PiecewiseSmooth + ?Sized>(
         gradient[j] = (plus - minus) / (2.0 * h);
         y[j] = x[j];
     }
+}
+
+/// Typical sizes of the variables, to which steps are relative.
+fn sizes<P: PiecewiseSmooth + ?Sized>(map: &P, m: usize) -> Vec<f64> {
+    let mut sizes = vec![1.0; m];
+    map.typical_sizes(&mut sizes);
+    sizes
 }

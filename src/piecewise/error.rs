@@ -55,6 +55,14 @@ pub enum PiecewiseError {
         /// What would fit.
         expected: &'static str,
     },
+    /// A typical size of a variable is not positive.
+    #[error("the typical size of variable {index} is {value}; it must be positive")]
+    Size {
+        /// The variable, from 0.
+        index: usize,
+        /// Its size.
+        value: f64,
+    },
     /// A linear-algebra failure.
     #[error(transparent)]
     Linear(#[from] LinearError),

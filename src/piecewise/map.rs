@@ -108,6 +108,11 @@ pub trait PiecewiseSmooth {
         false
     }
 
+    /// Replaces `sizes` (length m, filled with 1) by typical sizes of the variables in their units: positive numbers, the same up to a
+    /// common factor whatever the units. Distances and angles in x are measured relative to them where a curve is followed, and so
+    /// are the steps of central differences. Default: left as they are.
+    fn typical_sizes(&self, _sizes: &mut [f64]) {}
+
     /// Directional derivatives ∇θ(x)·d of all test functions, in the order of [`test_functions`](Self::test_functions).
     /// Default: central differences along d (two evaluations).
     fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {
@@ -167,6 +172,9 @@ macro_rules! forward {
         }
         fn is_piecewise_affine(&self) -> bool {
             (**self).is_piecewise_affine()
+        }
+        fn typical_sizes(&self, sizes: &mut [f64]) {
+            (**self).typical_sizes(sizes);
         }
         fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {
             (**self).test_derivatives(x, d, out);

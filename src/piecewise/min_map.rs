@@ -1,6 +1,7 @@
 use std::borrow::Cow;
 
-use super::{Facet, PiecewiseSmooth, Selection};
+use super::scaled::check_sizes;
+use super::{Facet, PiecewiseError, PiecewiseSmooth, Selection};
 use crate::sparse::Matrix;
 
 /// The map H(x) = min(a(x), b(x)), component by component, of two smooth functions given by one closure.
@@ -26,6 +27,8 @@ pub struct MinMap<F> {
     vars: usize,
     residuals: usize,
     function: F,
+    /// Typical sizes of the variables; empty for 1.
+    sizes: Vec<f64>,
 }
 
 impl<F: Fn(&[f64], &mut [f64], &mut [f64])> MinMap<F> {
@@ -35,6 +38,7 @@ impl<F: Fn(&[f64], &mut [f64], &mut [f64])> MinMap<F> {
             vars: n,
             residuals: n,
             function,
+            sizes: Vec::new(),
         }
     }
 
@@ -44,7 +48,18 @@ impl<F: Fn(&[f64], &mut [f64], &mut [f64])> MinMap<F> {
             vars: n + 1,
             residuals: n,
             function,
+            sizes: Vec::new(),
         }
+    }
+
+    /// Sets typical sizes of the variables, to which the steps of differences are relative. Default: 1.
+    ///
+    /// # Errors
+    /// Another number of sizes than of variables; sizes that are not positive and finite.
+    pub fn with_typical_sizes(mut self, sizes: Vec<f64>) -> Result<Self, PiecewiseError> {
+        check_sizes(&sizes, self.vars)?;
+        self.sizes = sizes;
+        Ok(self)
     }
 
     fn both(&self, x: &[f64]) -> (Vec<f64>, Vec<f64>) {
@@ -94,6 +109,12 @@ impl<F: Fn(&[f64], &mut [f64], &mut [f64])> PiecewiseSmooth for MinMap<F> {
         rows.push(site);
     }
 
+    fn typical_sizes(&self, sizes: &mut [f64]) {
+        if !self.sizes.is_empty() {
+            sizes.copy_from_slice(&self.sizes);
+        }
+    }
+
     fn test_functions(&self, x: &[f64], out: &mut [f64]) {
         let (a, b) = self.both(x);
         for i in 0..self.residuals {
@@ -113,7 +134,7 @@ impl<F: Fn(&[f64], &mut [f64], &mut [f64])> PiecewiseSmooth for MinMap<F> {
         let mut plus = vec![0.0; self.residuals];
         let mut minus = vec![0.0; self.residuals];
         for j in 0..self.vars {
-            let h = 6.055e-6 * (1.0 + x[j].abs());
+            let h = 6.055e-6 * (self.sizes.get(j).unwrap_or(&1.0) + x[j].abs());
             y[j] = x[j] + h;
             self.residual(selection, &y, &mut plus);
             y[j] = x[j] - h;

@@ -219,6 +219,14 @@ impl Matrix {
         self.stray = None;
     }
 
+    /// Multiplies column j by `factors[j]`.
+    pub(crate) fn scale_columns(&mut self, factors: &[f64]) {
+        for (j, factor) in factors.iter().enumerate() {
+            let (begin, end) = (self.pattern.col_ptr()[j], self.pattern.col_ptr()[j + 1]);
+            self.values[begin..end].iter_mut().for_each(|v| *v *= factor);
+        }
+    }
+
     /// Sets the given rows to zero.
     pub(crate) fn clear_rows(&mut self, rows: &[usize]) {
         if self.pattern.is_full() {

@@ -80,10 +80,10 @@ fn the_iterator_can_be_looked_into() {
     let mut arclength = -1.0;
     for _ in 0..5 {
         let event = curve.next().unwrap().unwrap();
-        let (x, t, selection) = curve.position();
-        assert_eq!(x, event.x());
-        assert!((t[0].hypot(t[1]) - 1.0).abs() < 1e-12);
-        assert_eq!((selection.len(), curve.termination()), (1, None));
+        let point = curve.point();
+        assert_eq!(point.x, event.x());
+        assert!((point.tangent[0].hypot(point.tangent[1]) - 1.0).abs() < 1e-12);
+        assert_eq!((point.selection.len(), curve.termination()), (1, None));
         assert!(event.arclength() > arclength);
         arclength = event.arclength();
     }

@@ -4,3 +4,4 @@ mod control;
 mod kinks;
 mod maps;
 mod smooth;
+mod units;

@@ -76,6 +76,8 @@ pub struct Lemke {
     work: Vec<f64>,
     /// Sides into which the right-hand side is perturbed; 0 for equations without inequality.
     perturbation: Vec<f64>,
+    /// Factor by which M and q are multiplied, so that slacks and unknowns are of one size whatever their units; a power of two.
+    unit: f64,
     /// Distances to bounds up to this one are rounding.
     zero: f64,
     tied: Vec<usize>,
@@ -87,6 +89,8 @@ pub struct Lemke {
     turn: usize,
 }
 
+/// Largest entries of M that need no other unit.
+const ORDINARY: std::ops::RangeInclusive<f64> = 1e-3..=1e3;
 /// Paths begun anew at most.
 const TURNS: usize = 4;
 
@@ -114,6 +118,12 @@ impl Lemke {
     pub fn solve(&mut self, lcp: &Lcp, z: &mut [f64]) -> Result<LemkeReport, ComplementarityError> {
         let n = lcp.len();
         self.check(lcp, z)?;
+        let largest = lcp.matrix().values().iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+        self.unit = if largest.is_normal() && !ORDINARY.contains(&largest) {
+            largest.log2().round().exp2().recip()
+        } else {
+            1.0
+        };
         let limit = self.options.max_pivots.unwrap_or(50 * n + 1000);
         let mut pivots = 0;
         self.turn = 0;
@@ -262,6 +272,7 @@ impl Lemke {
         self.rhs.copy_from_slice(lcp.q());
         self.resting(lcp);
         lcp.matrix().as_ref().mul_add(1.0, &self.work, &mut self.rhs);
+        self.rhs.iter_mut().for_each(|v| *v *= self.unit);
     }
 
     /// Writes z with zeros at the basic places into `work`.
@@ -428,10 +439,11 @@ impl Lemke {
                 let values = &lcp.matrix().values()[span.clone()];
                 if values.len() == self.rhs.len() {
                     self.basis.apply(values, &mut self.entering);
-                    self.entering.iter_mut().for_each(|v| *v = -*v);
+                    self.entering.iter_mut().for_each(|v| *v *= -self.unit);
                 } else {
                     let rows = &pattern.row_idx()[span];
-                    self.basis.apply_sparse(rows, values, -1.0, &mut self.entering);
+                    self.basis
+                        .apply_sparse(rows, values, -self.unit, &mut self.entering);
                 }
             }
             Var::Cover => self.basis.apply(&self.cover, &mut self.entering),

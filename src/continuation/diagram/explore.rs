@@ -5,13 +5,14 @@ use std::ops::ControlFlow;
 use std::time::Instant;
 
 use super::arc::{Arc, FLAT, kind_of, kind_of_slots, reversed};
+use super::natural::{natural_observer, scaled_starts};
 use super::{Diagram, DiagramEdge, DiagramOptions, DiagramVertex, EdgeEnd, Limit, VertexArm, VertexKind};
 use crate::continuation::arms::distance;
 use crate::continuation::{
     Arm, Continuation, ContinuationError, Event, MonitorCrossing, Point, PointKind, Strategy, Termination,
 };
 use crate::linear::AutoSolver;
-use crate::piecewise::PiecewiseSmooth;
+use crate::piecewise::{PiecewiseSmooth, Scaled};
 use crate::sparse::norm;
 
 /// Arms of one vertex closer than this are one; at singular points tangents carry only half of the digits.
@@ -65,14 +66,17 @@ impl Diagram {
         S: AsRef<[f64]>,
     {
         options.validate()?;
+        let scaled = Scaled::new(map, &options.continuation.typical_sizes)?;
         let diagram = Self {
             range: options.continuation.parameter_range,
             same_point: options.same_point,
             ..Self::default()
         };
-        let mut explorer = Explorer::new(map, diagram, options, observe);
-        explorer.run(Vec::new(), starts)?;
-        Ok(explorer.diagram)
+        let mut explorer = Explorer::new(&scaled, diagram, options, natural_observer(&scaled, observe));
+        explorer.run(Vec::new(), &scaled_starts(&scaled, starts))?;
+        let mut diagram = explorer.diagram;
+        diagram.unscale(&scaled);
+        Ok(diagram)
     }
 }
 
@@ -100,6 +104,8 @@ impl<'m, P: PiecewiseSmooth + ?Sized, O: FnMut(&Progress<'_>) -> ControlFlow<()>
     pub(super) fn new(map: &'m P, diagram: Diagram, options: &DiagramOptions, observe: O) -> Self {
         let mut options = options.clone();
         options.continuation.strategy = Strategy::Located;
+        // The map given is scaled already.
+        options.continuation.typical_sizes.clear();
         Self {
             map,
             diagram,
@@ -250,7 +256,7 @@ impl<'m, P: PiecewiseSmooth + ?Sized, O: FnMut(&Progress<'_>) -> ControlFlow<()>
                 return self.diagram.completeness.add(Limit::Failed { vertex, error });
             }
         };
-        let mut arc = Arc::new(end, curve.point(PointKind::Start, 0));
+        let mut arc = Arc::new(end, curve.point_here(PointKind::Start, 0));
         let mut failure = None;
         while let Some(event) = curve.next() {
             let event = match event {
@@ -314,7 +320,7 @@ impl<'m, P: PiecewiseSmooth + ?Sized, O: FnMut(&Progress<'_>) -> ControlFlow<()>
                 }
             };
             match next {
-                Some(end) if !self.halted => arc = Arc::new(end, curve.point(PointKind::Start, 0)),
+                Some(end) if !self.halted => arc = Arc::new(end, curve.point_here(PointKind::Start, 0)),
                 _ => return,
             }
         }

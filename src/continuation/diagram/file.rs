@@ -14,6 +14,8 @@ pub(super) struct Unchecked {
     range: (f64, f64),
     same_point: f64,
     points: usize,
+    #[serde(default)]
+    sizes: Vec<f64>,
 }
 
 impl TryFrom<Unchecked> for Diagram {
@@ -27,6 +29,7 @@ impl TryFrom<Unchecked> for Diagram {
             range: read.range,
             same_point: read.same_point,
             points: read.points,
+            sizes: read.sizes,
         };
         diagram.check_structure()?;
         Ok(diagram)

@@ -6,6 +6,7 @@ mod explore;
 #[cfg(feature = "serde")]
 mod file;
 mod model;
+mod natural;
 mod options;
 mod query;
 mod resume;

@@ -39,6 +39,8 @@ pub struct Diagram {
     pub(super) range: (f64, f64),
     pub(super) same_point: f64,
     pub(super) points: usize,
+    /// Typical sizes by which the exploration divided the variables; none for no scaling.
+    pub(super) sizes: Vec<f64>,
 }
 
 impl Diagram {

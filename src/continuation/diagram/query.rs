@@ -6,7 +6,7 @@ use crate::continuation::arms::distance;
 use crate::continuation::{ContinuationError, Point};
 use crate::linear::AutoSolver;
 use crate::newton::MoorePenrose;
-use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection};
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Scaled, Selection, check_vector};
 use crate::sparse::norm;
 
 /// A solution at a given α.
@@ -98,6 +98,27 @@ impl Diagram {
                 range: "inside the explored range of the parameter",
             });
         }
+        if self.sizes.is_empty() {
+            return self.sections(map, alpha);
+        }
+        check_vector(
+            "the list of typical sizes of the diagram",
+            &self.sizes,
+            map.num_vars(),
+        )?;
+        let scaled = Scaled::with_divisors(map, self.sizes.clone());
+        let mut diagram = self.clone();
+        diagram.scale(&scaled);
+        let mut found = diagram.sections(&scaled, alpha)?;
+        found.unscale(&scaled);
+        Ok(found)
+    }
+
+    fn sections<P: PiecewiseSmooth + ?Sized>(
+        &self,
+        map: &P,
+        alpha: f64,
+    ) -> Result<SolutionsAt, ContinuationError> {
         let mut corrector = MoorePenrose::new(map, AutoSolver::default())?;
         self.check(map)?;
         let near = |a: f64| (a - alpha).abs() <= 1e-10 * (1.0 + alpha.abs());

@@ -3,9 +3,10 @@
 use std::ops::ControlFlow;
 
 use super::explore::{Explorer, Progress};
+use super::natural::{natural_observer, scaled_starts};
 use super::{Completeness, Diagram, DiagramOptions, DiagramVertex, EdgeEnd, Limit, VertexArm, VertexKind};
 use crate::continuation::{ContinuationError, Termination};
-use crate::piecewise::{PiecewiseError, PiecewiseSmooth, check_selection, check_vector};
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Scaled, check_selection, check_vector};
 
 /// Whether a further run may go beyond this end of a curve.
 fn lifted(termination: Termination) -> bool {
@@ -80,6 +81,8 @@ impl Diagram {
                 });
             }
         }
+        let scaled = Scaled::new(map, &options.continuation.typical_sizes)?;
+        self.scale(&scaled);
         let mut again = self.reopen();
         let mut pending = Vec::new();
         for (vertex, v) in self.vertices.iter().enumerate() {
@@ -89,10 +92,12 @@ impl Diagram {
         }
         // Curves meet each other at events only; those that have none in their middle come first.
         pending.sort_by_key(|end| self.vertices[end.vertex].kind != VertexKind::Start);
-        again.extend(starts.iter().map(|s| s.as_ref().to_vec()));
-        let mut explorer = Explorer::new(map, self, options, observe);
+        again.extend(scaled_starts(&scaled, starts));
+        let mut explorer = Explorer::new(&scaled, self, options, natural_observer(&scaled, observe));
         explorer.run(pending, &again)?;
-        Ok(explorer.diagram)
+        let mut diagram = explorer.diagram;
+        diagram.unscale(&scaled);
+        Ok(diagram)
     }
 
     /// Forgets the limits that a further run may lift, with the edges that ended there, and the starts from which nothing was
@@ -188,6 +193,9 @@ impl Diagram {
             check_vector("a point of the diagram", &p.x, m)?;
             check_vector("a tangent of the diagram", &p.tangent, m)?;
             check_selection(what, &p.selection, map)?;
+        }
+        if !self.sizes.is_empty() {
+            check_vector("the typical sizes of the diagram", &self.sizes, m)?;
         }
         self.check_structure()
     }

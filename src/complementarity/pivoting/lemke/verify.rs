@@ -25,7 +25,7 @@ impl Lemke {
                 Var::Cover => column.copy_from_slice(&self.cover),
                 Var::Point(j) => {
                     for k in pattern.col_ptr()[j]..pattern.col_ptr()[j + 1] {
-                        column[pattern.row_idx()[k]] = -lcp.matrix().values()[k];
+                        column[pattern.row_idx()[k]] = -self.unit * lcp.matrix().values()[k];
                     }
                 }
             }
@@ -52,7 +52,7 @@ impl Lemke {
                     .for_each(|(r, c)| *r -= c * v),
                 Var::Point(j) => {
                     for k in pattern.col_ptr()[j]..pattern.col_ptr()[j + 1] {
-                        self.rhs[pattern.row_idx()[k]] += lcp.matrix().values()[k] * v;
+                        self.rhs[pattern.row_idx()[k]] += self.unit * lcp.matrix().values()[k] * v;
                     }
                 }
             }

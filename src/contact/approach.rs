@@ -1,0 +1,241 @@
+//! Ways to a solution from a problem solved easily: the body is lowered onto the foundation.
+
+use std::ops::ControlFlow;
+
+use super::form::Form;
+use super::node_law::{LocalRow, LocalValues, NodeLaw};
+use super::scaled::Scaled;
+use super::start::newton_step;
+use super::{ContactError, ContactProgress, ContactStrategy};
+use crate::continuation::{Arm, Continuation, ContinuationOptions, Direction, Event, Termination};
+use crate::newton::Newton;
+use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
+use crate::sparse::norm;
+
+/// Most and fewest points of one path, and the work (points times unknowns³) that decides between them.
+const POINTS: f64 = 4000.0;
+const FEWEST: f64 = 300.0;
+const WORK: f64 = 4e12;
+
+/// Most branchings of one path at which an arm is chosen.
+const BRANCHINGS: usize = 16;
+
+/// Largest and smallest part of the way made in one increment.
+const LARGEST: f64 = 0.25;
+const SMALLEST: f64 = 1.0 / 512.0;
+
+pub(super) type Observer<'a> = dyn FnMut(&ContactProgress) -> ControlFlow<()> + 'a;
+
+/// What became of an attempt: the last point, in the variables of the form, and how many points were found on the way.
+pub(super) struct Arrival {
+    pub(super) x: Vec<f64>,
+    pub(super) points: usize,
+    pub(super) interrupted: bool,
+}
+
+/// A law at fixed α whose parameter t lowers the body: the gap is wider by (1 − t) times the distance of the node.
+pub(super) struct Lowered<L> {
+    law: L,
+    alpha: f64,
+    distances: Vec<f64>,
+}
+
+impl<L: NodeLaw> Lowered<L> {
+    fn inner(&self, v: &LocalValues) -> LocalValues {
+        LocalValues {
+            penetration: v.penetration - (1.0 - v.parameter) * self.distances[v.node],
+            parameter: self.alpha,
+            ..*v
+        }
+    }
+
+    fn lower(&self, v: &LocalValues, row: &mut LocalRow) {
+        row.parameter = row.penetration * self.distances[v.node];
+    }
+}
+
+impl<L: NodeLaw> NodeLaw for Lowered<L> {
+    fn num_tangents(&self) -> usize {
+        self.law.num_tangents()
+    }
+
+    fn num_pieces(&self) -> usize {
+        self.law.num_pieces()
+    }
+
+    fn num_tests(&self) -> usize {
+        self.law.num_tests()
+    }
+
+    fn cell(&self, piece: usize) -> &'static [Facet] {
+        self.law.cell(piece)
+    }
+
+    fn piece_name(&self, piece: usize) -> &'static str {
+        self.law.piece_name(piece)
+    }
+
+    fn tests(&self, v: &LocalValues, out: &mut [f64]) {
+        self.law.tests(&self.inner(v), out);
+    }
+
+    fn test_rows(&self, v: &LocalValues, rows: &mut [LocalRow]) {
+        self.law.test_rows(&self.inner(v), rows);
+        rows.iter_mut().for_each(|row| self.lower(v, row));
+    }
+
+    fn residual(&self, piece: usize, v: &LocalValues) -> [f64; 3] {
+        self.law.residual(piece, &self.inner(v))
+    }
+
+    fn rows(&self, piece: usize, v: &LocalValues) -> [LocalRow; 3] {
+        let mut rows = self.law.rows(piece, &self.inner(v));
+        rows.iter_mut().for_each(|row| self.lower(v, row));
+        rows
+    }
+
+    fn is_affine(&self) -> bool {
+        self.law.is_affine()
+    }
+}
+
+/// Lowers the body onto the foundation from where no node touches it: in increments, or along the curve of solutions through kinks and
+/// folds. `None` where the body does not stand without contact or the path cannot be begun. `trial` varies the order in which
+/// nodes touch.
+///
+/// Far above the foundation the only solution is that without contact forces, and all solutions on the way are bounded: the energy of
+/// the contact forces is at most the work of the load. As the law is continuous, the solutions on the way therefore include a
+/// continuum from the first problem to the last, which is a curve for almost all distances of the nodes.
+pub(super) fn lower<F: Form>(
+    form: &F,
+    alpha: f64,
+    strategy: ContactStrategy,
+    trial: usize,
+    observe: &mut Observer<'_>,
+) -> Result<Option<Arrival>, ContactError> {
+    let (m, p) = (form.num_vars(), form.num_sites());
+    let displacements = m - 1 - (1 + form.law().num_tangents()) * p;
+    let mut zero = vec![0.0; m];
+    zero[m - 1] = alpha;
+    let Some(mut x) = newton_step(form, &Selection::uniform(p, 0), zero)? else {
+        return Ok(None);
+    };
+    x[displacements..m - 1].fill(0.0);
+    // Above this height λνᵀ (u_ν − gap) + λtᵀ u_t < 0 for all forces of friction with F ≤ 2, so that there are none.
+    let values = |i: usize| form.values(i, &x);
+    let height = (0..p)
+        .map(values)
+        .fold(0.0f64, |h, v| h.max(v.penetration.abs()).max(v.slip_norm()));
+    if !(height > 0.0 && height.is_finite()) {
+        return Ok(None);
+    }
+    let golden = |k: usize| (k as f64 * 0.618_033_988_749_895).fract();
+    let distance = |i: usize| height * (3.0 + golden((trial + 1) * (i + 1) + 7 * trial));
+    let law = Lowered {
+        law: form.law(),
+        alpha,
+        distances: (0..p).map(distance).collect(),
+    };
+    let map = form.at_load(alpha, law)?;
+    x[m - 1] = 0.0;
+    let mut progress = ContactProgress {
+        strategy,
+        points: 0,
+        level: 0.0,
+    };
+    let mut see = |level: f64| {
+        progress.points += 1;
+        progress.level = level;
+        observe(&progress).is_break()
+    };
+    let arrival = if strategy == ContactStrategy::Increments {
+        Some(increments(&map, x, &mut see))
+    } else {
+        let mut units = vec![height * form.stiffness(); m];
+        let length = norm(&x[..displacements]) / (displacements.max(1) as f64).sqrt();
+        units[..displacements].fill(length.max(height));
+        units[m - 1] = 1.0;
+        let map = Scaled { map: &map, units };
+        let points = (WORK / (m as f64).powi(3)).clamp(FEWEST, POINTS);
+        follow(&map, &map.y(&x), points as usize, &mut see).map(|mut end| {
+            end.x = map.x(&end.x);
+            end
+        })
+    };
+    Ok(arrival.map(|mut end| {
+        end.x[m - 1] = alpha;
+        end
+    }))
+}
+
+/// Newton's method in increments of the parameter from 0 to 1; each begins at the solution before.
+fn increments<M: PiecewiseSmooth>(map: &M, x: Vec<f64>, see: &mut dyn FnMut(f64) -> bool) -> Arrival {
+    let last = x.len() - 1;
+    let mut newton = Newton::default();
+    let mut end = Arrival {
+        x,
+        points: 0,
+        interrupted: false,
+    };
+    let mut step = LARGEST;
+    while end.x[last] < 1.0 && step >= SMALLEST && !end.interrupted {
+        let mut next = end.x.clone();
+        next[last] = (next[last] + step).min(1.0);
+        if newton.solve(map, &mut next).is_ok() {
+            end.x = next;
+            step = (2.0 * step).min(LARGEST);
+        } else {
+            step *= 0.5;
+        }
+        end.points += 1;
+        end.interrupted = see(end.x[last]);
+    }
+    end
+}
+
+/// The end of the curve from y, or its point with the largest parameter; at a branching along the arm on which the parameter grows
+/// fastest.
+fn follow<M: PiecewiseSmooth>(
+    map: &M,
+    y: &[f64],
+    points: usize,
+    see: &mut dyn FnMut(f64) -> bool,
+) -> Option<Arrival> {
+    let last = y.len() - 1;
+    let options = ContinuationOptions::default()
+        .with_parameter_range((-0.2, 1.0))
+        .with_step(0.1)
+        .with_max_step(1.0 + (y.len() as f64).sqrt())
+        .with_max_points(points)
+        .with_max_nodes(20_000)
+        .with_max_growth(1e8);
+    let mut curve = Continuation::new(map, y, Direction::Increasing, options.clone()).ok()?;
+    let mut best = Arrival {
+        x: y.to_vec(),
+        points: 0,
+        interrupted: false,
+    };
+    for _ in 0..BRANCHINGS {
+        let mut end = None;
+        while let Some(Ok(event)) = curve.next() {
+            best.points += 1;
+            if event.x()[last] > best.x[last] {
+                best.x.copy_from_slice(event.x());
+            }
+            if see(event.x()[last]) {
+                best.interrupted = true;
+                return Some(best);
+            }
+            end = Some(event);
+        }
+        match (curve.termination(), end) {
+            (Some(Termination::Branching), Some(Event::Transition(t))) if best.points < points => {
+                let rate = |a: &Arm| a.tangent[last];
+                let arm = t.arms.iter().max_by(|a, b| rate(a).total_cmp(&rate(b)))?;
+                curve = Continuation::along_arm(map, &t.x, arm, options.clone()).ok()?;
+            }
+            _ => break,
+        }
+    }
+    Some(best)
+}

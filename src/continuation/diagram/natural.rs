@@ -1,0 +1,70 @@
+//! Diagrams in the variables of the map, explored in scaled ones.
+
+use super::{Diagram, Progress, SolutionsAt};
+use crate::continuation::Point;
+use crate::piecewise::{PiecewiseSmooth, Scaled};
+use std::ops::ControlFlow;
+
+impl Diagram {
+    pub(super) fn scale<P: PiecewiseSmooth + ?Sized>(&mut self, map: &Scaled<'_, P>) {
+        self.convert(|x| map.scale(x), |t| map.scale_direction(t));
+    }
+
+    pub(super) fn unscale<P: PiecewiseSmooth + ?Sized>(&mut self, map: &Scaled<'_, P>) {
+        self.convert(|x| map.unscale(x), |t| map.unscale_direction(t));
+        self.sizes = map.divisors().to_vec();
+    }
+
+    fn convert(&mut self, position: impl Fn(&mut [f64]), direction: impl Fn(&mut [f64])) {
+        let convert = |p: &mut Point| {
+            position(&mut p.x);
+            direction(&mut p.tangent);
+        };
+        self.edges
+            .iter_mut()
+            .flat_map(|e| &mut e.points)
+            .for_each(convert);
+        for vertex in &mut self.vertices {
+            position(&mut vertex.x);
+            vertex.arms.iter_mut().for_each(|a| direction(&mut a.arm.tangent));
+        }
+    }
+}
+
+impl SolutionsAt {
+    pub(super) fn unscale<P: PiecewiseSmooth + ?Sized>(&mut self, map: &Scaled<'_, P>) {
+        self.points.iter_mut().for_each(|s| map.unscale(&mut s.x));
+        self.isolated.iter_mut().for_each(|x| map.unscale(x));
+    }
+}
+
+/// Starts in scaled variables.
+pub(super) fn scaled_starts<P: PiecewiseSmooth + ?Sized, S: AsRef<[f64]>>(
+    map: &Scaled<'_, P>,
+    starts: &[S],
+) -> Vec<Vec<f64>> {
+    let scaled = |s: &S| {
+        let mut z = s.as_ref().to_vec();
+        map.scale(&mut z);
+        z
+    };
+    starts.iter().map(scaled).collect()
+}
+
+/// An observer that sees events in the variables of the map.
+pub(super) fn natural_observer<'s, P: PiecewiseSmooth + ?Sized>(
+    map: &'s Scaled<'_, P>,
+    mut observe: impl FnMut(&Progress<'_>) -> ControlFlow<()> + 's,
+) -> impl FnMut(&Progress<'_>) -> ControlFlow<()> + 's {
+    move |progress| {
+        if map.divisors().is_empty() {
+            return observe(progress);
+        }
+        let mut event = progress.event.clone();
+        map.unscale_event(&mut event);
+        observe(&Progress {
+            event: &event,
+            ..*progress
+        })
+    }
+}

@@ -1,0 +1,199 @@
+use std::borrow::Cow;
+use std::cell::RefCell;
+
+use super::{Facet, PiecewiseError, PiecewiseSmooth, Selection};
+use crate::sparse::{Matrix, Pattern, norm};
+
+/// A map in scaled variables z, x = D z, where D holds typical sizes of the variables, for a curve relative to that of the last one,
+/// the parameter, which stays as it is. Distances and angles in z do not depend on the units of x.
+#[derive(Debug)]
+pub(crate) struct Scaled<'a, P: ?Sized> {
+    map: &'a P,
+    /// D, rounded to powers of two so that scaling is exact; empty for the identity.
+    sizes: Vec<f64>,
+    buffers: RefCell<(Vec<f64>, Vec<f64>)>,
+}
+
+/// Sizes of a map within this factor of 1 are left alone.
+const ORDINARY: f64 = 1e3;
+/// Smallest ratio of sizes; beyond, squares overflow.
+const SMALLEST: f64 = 1e-100;
+
+impl<'a, P: PiecewiseSmooth + ?Sized> Scaled<'a, P> {
+    /// Scaled by the sizes given or, where there are none, by those of the map if they are far from 1.
+    ///
+    /// # Errors
+    /// Sizes of another number than the variables, or not positive and finite.
+    pub(crate) fn new(map: &'a P, given: &[f64]) -> Result<Self, PiecewiseError> {
+        let m = map.num_vars();
+        let mut sizes = given.to_vec();
+        if given.is_empty() {
+            sizes.resize(m, 1.0);
+            map.typical_sizes(&mut sizes);
+        }
+        check_sizes(&sizes, m)?;
+        let of_parameter = match sizes.last() {
+            Some(size) if m > map.num_residuals() => *size,
+            _ => 1.0,
+        };
+        for size in &mut sizes {
+            *size = (*size / of_parameter)
+                .clamp(SMALLEST, 1.0 / SMALLEST)
+                .log2()
+                .round()
+                .exp2();
+        }
+        let ordinary = |s: &f64| (1.0 / ORDINARY..=ORDINARY).contains(s);
+        if sizes.iter().all(|s| *s == 1.0) || (given.is_empty() && sizes.iter().all(ordinary)) {
+            sizes.clear();
+        }
+        Ok(Self::with_divisors(map, sizes))
+    }
+
+    /// With D as returned by [`divisors`](Self::divisors).
+    pub(crate) fn with_divisors(map: &'a P, sizes: Vec<f64>) -> Self {
+        let buffer = vec![0.0; sizes.len()];
+        Self {
+            map,
+            sizes,
+            buffers: RefCell::new((buffer.clone(), buffer)),
+        }
+    }
+
+    /// The map in its own variables.
+    pub(crate) fn map(&self) -> &'a P {
+        self.map
+    }
+
+    /// D; empty for the identity.
+    pub(crate) fn divisors(&self) -> &[f64] {
+        &self.sizes
+    }
+
+    /// x ↦ z.
+    pub(crate) fn scale(&self, x: &mut [f64]) {
+        x.iter_mut().zip(&self.sizes).for_each(|(x, d)| *x /= d);
+    }
+
+    /// z ↦ x.
+    pub(crate) fn unscale(&self, z: &mut [f64]) {
+        z.iter_mut().zip(&self.sizes).for_each(|(z, d)| *z *= d);
+    }
+
+    /// The direction in z of a direction in x; unit vectors stay unit vectors.
+    pub(crate) fn scale_direction(&self, t: &mut [f64]) {
+        if !self.sizes.is_empty() {
+            self.scale(t);
+            normalise(t);
+        }
+    }
+
+    /// The direction in x of a direction in z.
+    pub(crate) fn unscale_direction(&self, t: &mut [f64]) {
+        if !self.sizes.is_empty() {
+            self.unscale(t);
+            normalise(t);
+        }
+    }
+
+    /// Evaluates a function of x at z.
+    pub(crate) fn at<R>(&self, z: &[f64], evaluate: impl FnOnce(&[f64]) -> R) -> R {
+        if self.sizes.is_empty() {
+            return evaluate(z);
+        }
+        let mut x = std::mem::take(&mut self.buffers.borrow_mut().0);
+        x.clear();
+        x.extend(z.iter().zip(&self.sizes).map(|(z, d)| z * d));
+        let value = evaluate(&x);
+        self.buffers.borrow_mut().0 = x;
+        value
+    }
+}
+
+/// Checks that there are `expected` sizes, all positive and finite.
+pub(super) fn check_sizes(sizes: &[f64], expected: usize) -> Result<(), PiecewiseError> {
+    super::check_vector("the list of typical sizes", sizes, expected)?;
+    match sizes.iter().position(|s| *s <= 0.0) {
+        Some(index) => Err(PiecewiseError::Size {
+            index,
+            value: sizes[index],
+        }),
+        None => Ok(()),
+    }
+}
+
+fn normalise(t: &mut [f64]) {
+    // Divided twice, as squares of sizes far from 1 may overflow.
+    let largest = t.iter().fold(0.0_f64, |a, v| a.max(v.abs()));
+    if largest > 0.0 && largest.is_finite() {
+        t.iter_mut().for_each(|v| *v /= largest);
+        let length = norm(t);
+        t.iter_mut().for_each(|v| *v /= length);
+    }
+}
+
+impl<P: PiecewiseSmooth + ?Sized> PiecewiseSmooth for Scaled<'_, P> {
+    fn num_vars(&self) -> usize {
+        self.map.num_vars()
+    }
+    fn num_residuals(&self) -> usize {
+        self.map.num_residuals()
+    }
+    fn num_sites(&self) -> usize {
+        self.map.num_sites()
+    }
+    fn num_pieces(&self, site: usize) -> usize {
+        self.map.num_pieces(site)
+    }
+    fn num_tests(&self, site: usize) -> usize {
+        self.map.num_tests(site)
+    }
+    fn cell(&self, site: usize, piece: usize) -> &[Facet] {
+        self.map.cell(site, piece)
+    }
+    fn test_functions(&self, z: &[f64], out: &mut [f64]) {
+        self.at(z, |x| self.map.test_functions(x, out));
+    }
+    fn residual(&self, selection: &Selection, z: &[f64], out: &mut [f64]) {
+        self.at(z, |x| self.map.residual(selection, x, out));
+    }
+    fn jacobian(&self, selection: &Selection, z: &[f64], jac: &mut Matrix) {
+        self.at(z, |x| self.map.jacobian(selection, x, jac));
+        if !self.sizes.is_empty() {
+            jac.scale_columns(&self.sizes);
+        }
+    }
+    fn pattern(&self) -> Pattern {
+        self.map.pattern()
+    }
+    fn piece_name(&self, site: usize, piece: usize) -> Cow<'_, str> {
+        self.map.piece_name(site, piece)
+    }
+    fn site_name(&self, site: usize) -> Cow<'_, str> {
+        self.map.site_name(site)
+    }
+    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
+        self.map.site_rows(site, rows);
+    }
+    fn site_jacobian(&self, site: usize, selection: &Selection, z: &[f64], jac: &mut Matrix) -> bool {
+        // The other rows of `jac` are scaled already.
+        self.sizes.is_empty() && self.map.site_jacobian(site, selection, z, jac)
+    }
+    fn is_piecewise_affine(&self) -> bool {
+        self.map.is_piecewise_affine()
+    }
+    fn test_derivatives(&self, z: &[f64], d: &[f64], out: &mut [f64]) {
+        if self.sizes.is_empty() {
+            return self.map.test_derivatives(z, d, out);
+        }
+        let mut direction = std::mem::take(&mut self.buffers.borrow_mut().1);
+        direction.clear();
+        direction.extend(d.iter().zip(&self.sizes).map(|(d, s)| d * s));
+        self.at(z, |x| self.map.test_derivatives(x, &direction, out));
+        self.buffers.borrow_mut().1 = direction;
+    }
+    fn test_gradient(&self, site: usize, test: usize, z: &[f64], gradient: &mut [f64]) {
+        self.at(z, |x| self.map.test_gradient(site, test, x, gradient));
+        self.unscale(gradient);
+    }
+}

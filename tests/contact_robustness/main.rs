@@ -1,0 +1,244 @@
+//! Every contact problem with a definite matrix and a continuous law has a solution: it is to be found, whatever the body, the law and
+//! the augmentation parameter. What is found is checked against the conditions themselves, without the crate's residuals.
+
+mod bodies;
+
+use std::collections::BTreeSet;
+use std::ops::ControlFlow;
+
+use bodies::{Body, Random, curve};
+use proptest::prelude::*;
+use semismooth::contact::{
+    CondensedContact, CondensedFriction, ContactBody, ContactError, ContactStrategy, FrictionCoefficient,
+    FrictionCurve, FrictionMap, FrictionPath, FrictionProblem, FrictionStart, Frictionless, FullContact,
+    GivenBound, LoadPath, NodeLaw, OrthotropicCoulomb, PlanarCoulomb, first_point,
+};
+use semismooth::newton::{Failure, NewtonError};
+use semismooth::sparse::Matrix;
+
+/// Largest violation of equilibrium, Signorini's conditions, the cone of friction and maximal dissipation, against the largest force
+/// and displacement. `bounds` are those of given friction.
+fn violation(
+    b: &Body,
+    u: &[f64],
+    forces: &[f64],
+    friction: &dyn Fn(f64) -> [f64; 2],
+    bounds: Option<&[f64]>,
+) -> f64 {
+    let p = b.gap.len();
+    let largest = |v: &[f64]| v.iter().fold(0.0f64, |m, x| m.max(x.abs()));
+    let mut residual: Vec<f64> = b.load.iter().map(|f| -f).collect();
+    let mut force = largest(&b.load).max(largest(forces));
+    for (i, j, a) in b.body.stiffness().triplets() {
+        residual[i] += a * u[j];
+        force = force.max((a * u[j]).abs());
+    }
+    let mut moved = vec![[0.0; 3]; p];
+    for (d, trace) in b.traces.iter().enumerate() {
+        for (i, j, t) in trace.triplets() {
+            residual[j] += t * forces[d * p + i];
+            moved[i][d] += t * u[j];
+        }
+    }
+    let compliance = 1.0 / largest(b.body.stiffness().values());
+    let length = largest(u).max(largest(&b.gap)).max(force * compliance);
+    let mut worst = largest(&residual) / force;
+    for (i, [normal, ut @ ..]) in moved.into_iter().enumerate() {
+        let (open, pressure) = ((b.gap[i] - normal) / length, forces[i] / force);
+        worst = worst.max(-open).max(-pressure).max(open.min(pressure));
+        let traction = [1, 2].map(|d| forces.get(d * p + i).copied().unwrap_or(0.0) / force);
+        let f = friction(ut[0].hypot(ut[1]));
+        let bound = bounds.map_or(pressure, |g| g[i] / force);
+        let s = [0, 1].map(|d| traction[d] / f[d]);
+        let w = [0, 1].map(|d| f[d] * ut[d] / length);
+        let excess = f[0].min(f[1]) * (s[0].hypot(s[1]) - bound);
+        let lost = bound * w[0].hypot(w[1]) - s[0] * w[0] - s[1] * w[1];
+        worst = worst.max(excess).max(lost.abs());
+    }
+    worst
+}
+
+/// Solves both forms with r times `factor`; which strategies did it.
+fn both<L: NodeLaw + Clone>(
+    b: &Body,
+    law: &L,
+    factor: f64,
+    friction: &dyn Fn(f64) -> [f64; 2],
+    bounds: Option<&[f64]>,
+) -> [ContactStrategy; 2] {
+    let q = b.gap.len() * b.traces.len();
+    let full = FullContact::new(b.body.clone(), law.clone()).unwrap();
+    let r = factor * full.r();
+    let full = full.with_r(r).unwrap();
+    let found = full.solve_reported(0.0, None).unwrap();
+    let (u, forces) = found.x.split_at(b.load.len());
+    let error = violation(b, u, &forces[..q], friction, bounds);
+    assert!(error <= 1e-8, "full form: {error:e}");
+
+    let condensed = CondensedContact::new(b.body.clone(), law.clone()).unwrap();
+    let r = factor * condensed.r();
+    let condensed = condensed.with_r(r).unwrap();
+    let other = condensed.solve_reported(0.0, None).unwrap();
+    let u = condensed.displacements(&other.x).unwrap();
+    let error = violation(b, &u, &other.x[..q], friction, bounds);
+    assert!(error <= 1e-8, "condensed form: {error:e}");
+    for report in [&found, &other] {
+        let (last, before) = report.attempts.split_last().unwrap();
+        assert!(last.failure.is_none() && before.iter().all(|a| a.failure.is_some()));
+    }
+    [found.strategy(), other.strategy()]
+}
+
+/// The problem with a number.
+fn problem(seed: u64) -> [ContactStrategy; 2] {
+    let mut rng = Random::new(seed);
+    let dim = 2 + rng.below(2);
+    let b = match rng.below(5) < 3 {
+        true => Body::elastic(&mut rng, dim),
+        false => Body::dense(&mut rng, dim),
+    };
+    let p = b.gap.len();
+    let factor = match rng.below(3) {
+        0 => 10f64.powf(rng.between(-3.0, 3.0)),
+        _ => 1.0,
+    };
+    let largest = [0.3, 0.6, 1.2][rng.below(3)];
+    let first = curve(&mut rng, b.length, largest);
+    let uniform = FrictionCoefficient::uniform;
+    if rng.below(8) == 0 {
+        let bounds: Vec<f64> = (0..p).map(|_| b.length * rng.unit()).collect();
+        let mut f = [0, 1].map(|_| rng.between(0.05, 1.0));
+        if dim == 2 {
+            f[1] = f[0];
+        }
+        let law = GivenBound::new(dim - 1, bounds.clone(), vec![f; p]).unwrap();
+        return both(&b, &law, factor, &|_| f, Some(&bounds));
+    }
+    if dim == 2 {
+        let law = PlanarCoulomb::new(uniform(first.clone()));
+        return both(&b, &law, factor, &|slip| [first.value(slip).0; 2], None);
+    }
+    if rng.below(2) == 0 {
+        let law = OrthotropicCoulomb::isotropic(uniform(first.clone()));
+        return both(&b, &law, factor, &|slip| [first.value(slip).0; 2], None);
+    }
+    let second = match rng.below(2) {
+        0 => first.times(rng.between(0.2, 1.0)),
+        _ => curve(&mut rng, b.length, largest),
+    };
+    let law = OrthotropicCoulomb::new(uniform(first.clone()), uniform(second.clone()));
+    let friction = |slip: f64| [first.value(slip).0, second.value(slip).0];
+    both(&b, &law, factor, &friction, None)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(40))]
+
+    #[test]
+    fn every_body(seed in any::<u64>()) {
+        problem(seed);
+    }
+
+    #[test]
+    fn every_planar_problem(seed in any::<u64>()) {
+        planar(seed);
+    }
+}
+
+/// A planar problem with the coefficients of friction as a path, with r times a factor, full and condensed.
+fn planar(seed: u64) {
+    let mut rng = Random::new(seed);
+    let b = match rng.below(2) {
+        0 => Body::elastic(&mut rng, 2),
+        _ => Body::dense(&mut rng, 2),
+    };
+    let (n, p) = (b.load.len(), b.gap.len());
+    let f = rng.between(0.0, 1.5);
+    let factor = 10f64.powf(rng.between(-3.0, 3.0));
+    let r = factor
+        * FullContact::new(b.body.clone(), Frictionless::plane())
+            .unwrap()
+            .r();
+    let problem = FrictionProblem::new(
+        b.body.stiffness().clone(),
+        b.traces[0].clone(),
+        b.traces[1].clone(),
+        LoadPath::constant(b.load.clone()),
+        FrictionPath::constant(vec![f; p]),
+    )
+    .unwrap()
+    .with_gap(b.gap.clone())
+    .unwrap()
+    .with_r(r)
+    .unwrap();
+    let x = first_point(&problem, 0.0, &FrictionStart::Zero).unwrap();
+    // Cones of friction need f > 0 to be put as below.
+    let friction = |_| [f.max(1e-12); 2];
+    let error = violation(&b, &x[..n], &x[n..n + 2 * p], &friction, None);
+    assert!(error <= 1e-8, "full form: {error:e}");
+    let condensed = CondensedFriction::new(problem).unwrap();
+    let y = first_point(&condensed, 0.0, &FrictionStart::Zero).unwrap();
+    let u = condensed.displacements(&y).unwrap();
+    let error = violation(&b, &u, &y[..2 * p], &friction, None);
+    assert!(error <= 1e-8, "condensed form: {error:e}");
+}
+
+/// Problems at which Newton's method cycles from all its starts: the strategies behind it find their solutions.
+#[test]
+fn where_newton_cycles() {
+    const SEEDS: [u64; 24] = [
+        50, 99, 163, 189, 262, 310, 392, 471, 605, 684, 779, 821, 850, 931, 1247, 1351, 1364, 1511, 1556,
+        1563, 1565, 1591, 1770, 2231,
+    ];
+    let found: BTreeSet<ContactStrategy> = SEEDS.into_iter().flat_map(problem).collect();
+    for strategy in [
+        ContactStrategy::Stiffer,
+        ContactStrategy::Increments,
+        ContactStrategy::Path,
+    ] {
+        assert!(found.contains(&strategy), "{strategy}");
+    }
+}
+
+/// Hardening in the plane: a slip coefficient continued below 0 beyond the sides once let a node lie in the cells of both, and pass for
+/// solved in the wrong one.
+#[test]
+fn sides_of_slip_exclude_each_other() {
+    problem(4_097_660_770_967_802_826);
+}
+
+/// The slip at which coefficients that fall at different rates along t₁ and t₂ are taken was once found by an equation with several
+/// roots; Newton's method took the jump from one to another for rounding.
+#[test]
+fn oblique_slip_is_no_jump() {
+    problem(12_484_323_139_738_361_259);
+}
+
+/// A search that is stopped, and one that cannot succeed, leave the best iterate and its history.
+#[test]
+fn failures_leave_the_best_iterate() {
+    // Pulled off the ground, and held by nothing.
+    let a = Matrix::from_rows(&[[0.0, 0.0], [0.0, 1.0]]).unwrap();
+    let unit = |k: usize| Matrix::from_triplets(1, 2, &[(0, k, 1.0)]).unwrap();
+    let loose = ContactBody::new(a, unit(0), vec![unit(1)], LoadPath::constant(vec![-1.0, 0.5])).unwrap();
+    let curve = FrictionCurve::constant(0.3).unwrap();
+    let law = PlanarCoulomb::new(FrictionCoefficient::uniform(curve));
+    let problem = FullContact::new(loose, law).unwrap();
+    let failed = |error: ContactError| match error {
+        ContactError::NoStart { source, .. } => match *source {
+            NewtonError::Failed(unsolved) => *unsolved,
+            other => panic!("{other}"),
+        },
+        other => panic!("{other}"),
+    };
+    let unsolved = failed(problem.solve(0.0, None).unwrap_err());
+    assert_eq!(unsolved.x.len(), 5);
+    assert!(!unsolved.report.iterations.is_empty() && unsolved.residual_norm > 0.0);
+    let mut seen = 0;
+    let stopped = problem.solve_observed(0.0, None, |_| {
+        seen += 1;
+        ControlFlow::Break(())
+    });
+    assert_eq!(failed(stopped.unwrap_err()).reason, Failure::Interrupted);
+    assert_eq!(seen, 1);
+}

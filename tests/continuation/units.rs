@@ -1,0 +1,257 @@
+//! Units of the unknowns change nothing: with sizes given, the same points to the last bit.
+
+use std::ops::ControlFlow;
+
+use super::maps::{PlaneMap, lens, parabola_and_line, two_arcs, within};
+use semismooth::continuation::{
+    Branch, Continuation, ContinuationError, Diagram, DiagramOptions, Direction, Event, TransitionKind,
+};
+use semismooth::piecewise::{Facet, MinMap, PiecewiseError, PiecewiseSmooth, Selection};
+use semismooth::sparse::Matrix;
+
+/// A plane map whose y is measured in another unit.
+struct InUnits {
+    map: PlaneMap,
+    unit: f64,
+    /// Whether the map itself knows.
+    tells: bool,
+}
+
+impl InUnits {
+    fn natural(&self, x: &[f64]) -> [f64; 2] {
+        [x[0] / self.unit, x[1]]
+    }
+}
+
+impl PiecewiseSmooth for InUnits {
+    fn num_vars(&self) -> usize {
+        2
+    }
+    fn num_residuals(&self) -> usize {
+        1
+    }
+    fn num_sites(&self) -> usize {
+        1
+    }
+    fn num_pieces(&self, site: usize) -> usize {
+        self.map.num_pieces(site)
+    }
+    fn num_tests(&self, site: usize) -> usize {
+        self.map.num_tests(site)
+    }
+    fn cell(&self, site: usize, piece: usize) -> &[Facet] {
+        self.map.cell(site, piece)
+    }
+    fn test_functions(&self, x: &[f64], out: &mut [f64]) {
+        self.map.test_functions(&self.natural(x), out);
+    }
+    fn residual(&self, s: &Selection, x: &[f64], out: &mut [f64]) {
+        self.map.residual(s, &self.natural(x), out);
+    }
+    fn jacobian(&self, s: &Selection, x: &[f64], jac: &mut Matrix) {
+        let mut own = Matrix::zeros(jac.pattern().clone());
+        self.map.jacobian(s, &self.natural(x), &mut own);
+        jac.add(0, 0, own.get(0, 0) / self.unit);
+        jac.add(0, 1, own.get(0, 1));
+    }
+    fn typical_sizes(&self, sizes: &mut [f64]) {
+        if self.tells {
+            sizes[0] = self.unit;
+        }
+    }
+    fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {
+        self.map.test_derivatives(&self.natural(x), &self.natural(d), out);
+    }
+    fn test_gradient(&self, site: usize, test: usize, x: &[f64], gradient: &mut [f64]) {
+        self.map.test_gradient(site, test, &self.natural(x), gradient);
+        gradient[0] /= self.unit;
+    }
+}
+
+/// About 1e-9 and 1e9.
+const UNITS: [f64; 2] = [1.0 / (1 << 30) as f64, (1 << 30) as f64];
+
+type Curve = (fn() -> PlaneMap, [f64; 2]);
+
+const CURVES: [Curve; 3] = [
+    (parabola_and_line, [2.5, 5.25]),
+    (lens, [0.75, 0.5]),
+    (two_arcs, [0.6, 0.8]),
+];
+
+#[test]
+fn the_same_branch_in_every_bit() {
+    for (make, start) in CURVES {
+        let range = within((-2.0, 6.0));
+        let first = Branch::follow(&make(), &start, Direction::Decreasing, range.clone()).unwrap();
+        for unit in UNITS {
+            for tells in [false, true] {
+                let map = InUnits {
+                    map: make(),
+                    unit,
+                    tells,
+                };
+                let options = if tells {
+                    range.clone()
+                } else {
+                    range.clone().with_typical_sizes(vec![unit, 1.0])
+                };
+                let x = [unit * start[0], start[1]];
+                let branch = Branch::follow(&map, &x, Direction::Decreasing, options).unwrap();
+                assert_eq!(branch.termination, first.termination);
+                assert_eq!(branch.points.len(), first.points.len());
+                for (p, q) in branch.points.iter().zip(&first.points) {
+                    assert_eq!(map.natural(&p.x), q.x[..]);
+                    assert_eq!((p.arclength, p.det_sign), (q.arclength, q.det_sign));
+                    let length = p.tangent[0].hypot(p.tangent[1]);
+                    assert!((length - 1.0).abs() < 1e-12);
+                    // The same direction: p' = D q'.
+                    let cross = p.tangent[0] * q.tangent[1] - unit * q.tangent[0] * p.tangent[1];
+                    assert!(cross.abs() <= 1e-12 * p.tangent[0].abs());
+                }
+                assert_eq!(branch.transitions.len(), first.transitions.len());
+                for (s, t) in branch.transitions.iter().zip(&first.transitions) {
+                    assert_eq!(map.natural(&s.x), t.x[..]);
+                    assert_eq!(
+                        (s.kind, &s.before, &s.after, &s.test_functions),
+                        (t.kind, &t.before, &t.after, &t.test_functions)
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn saved_monitored_and_along_an_arm() {
+    let unit = UNITS[0];
+    let map = InUnits {
+        map: lens(),
+        unit,
+        tells: true,
+    };
+    let start = || {
+        Continuation::new(
+            &map,
+            &[0.75 * unit, 0.5],
+            Direction::Decreasing,
+            within((-2.0, 2.0)),
+        )
+        .unwrap()
+        .with_monitor("y = 0.19", |x| x[0] - 0.19 * unit)
+    };
+    let mut run = start();
+    let before: Vec<Event> = run.by_ref().take(4).map(Result::unwrap).collect();
+    let saved = run.save().unwrap();
+    assert_eq!(saved.x(), run.point().x);
+    assert_eq!(before[3].x(), saved.x());
+    let resumed: Vec<Event> = Continuation::resume(&map, &saved)
+        .unwrap()
+        .with_monitor("y = 0.19", |x| x[0] - 0.19 * unit)
+        .map(Result::unwrap)
+        .collect();
+    let rest: Vec<Event> = run.map(Result::unwrap).collect();
+    assert_eq!(resumed, rest);
+    let met: Vec<f64> = before
+        .iter()
+        .chain(&rest)
+        .filter_map(|e| match e {
+            Event::Monitor(m) => Some(m.point.parameter()),
+            _ => None,
+        })
+        .collect();
+    assert_eq!(met.len(), 2);
+    assert!((met[0] + 0.9).abs() < 1e-12 && (met[1] - 0.9).abs() < 1e-12);
+    // The arm of a transition leads on as the curve itself does.
+    let branch = Branch::collect(start(), |_| ControlFlow::Continue(())).unwrap();
+    let fold = &branch.transitions[0];
+    assert_eq!((fold.kind, fold.parameter()), (TransitionKind::Fold, -1.0));
+    let arm = &fold.arms[fold.followed.unwrap()];
+    let on = Branch::follow_arm(&map, &fold.x, arm, within((-2.0, 2.0))).unwrap();
+    assert!((on.transitions[0].parameter() - 1.0).abs() < 1e-12);
+}
+
+#[test]
+fn diagrams_of_the_pitchfork() {
+    for unit in UNITS {
+        // z³ = αz for y = z·unit.
+        let map = MinMap::curve(1, move |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+            let z = x[0] / unit;
+            a[0] = z * z * z - x[1] * z;
+            b[0] = 1e9;
+        })
+        .with_typical_sizes(vec![unit, 1.0])
+        .unwrap();
+        let options = DiagramOptions::default().with_parameter_range((-1.0, 1.0));
+        let mut seen = Vec::new();
+        let diagram = Diagram::explore_observed(&map, &[[0.0, -0.5]], &options, |progress| {
+            seen.push(progress.event.x()[0].abs());
+            ControlFlow::Continue(())
+        })
+        .unwrap();
+        assert!(diagram.completeness().is_complete());
+        let largest = seen.iter().fold(0.0_f64, |a, y| a.max(*y));
+        assert!((largest / unit - 1.0).abs() < 1e-9, "{largest}");
+        let three = diagram.solutions_at(&map, 0.25).unwrap();
+        let mut y: Vec<f64> = three.points.iter().map(|s| s.x[0] / unit).collect();
+        y.sort_by(f64::total_cmp);
+        assert_eq!(y.len(), 3);
+        assert!((y[0] + 0.5).abs() < 1e-12 && y[1].abs() < 1e-12 && (y[2] - 0.5).abs() < 1e-12);
+        assert_eq!(three.index_sum(), Some(1));
+        // Half of it, and then the rest, is the whole.
+        let half = Diagram::explore(&map, &[[0.0, -0.5]], &options.clone().with_max_points(12)).unwrap();
+        assert!(!half.completeness().is_complete());
+        let none: [[f64; 2]; 0] = [];
+        let whole = half.resume(&map, &none, &options).unwrap();
+        assert!(whole.completeness().is_complete());
+        assert_eq!(whole.solutions_at(&map, 0.25).unwrap().count(), Some(3));
+    }
+}
+
+#[test]
+fn sizes_that_make_no_sense() {
+    let map = lens();
+    let follow = |sizes: Vec<f64>| {
+        let options = within((-2.0, 2.0)).with_typical_sizes(sizes);
+        Branch::follow(&map, &[0.75, 0.5], Direction::Decreasing, options).unwrap_err()
+    };
+    assert!(matches!(
+        follow(vec![1.0]),
+        ContinuationError::Map(PiecewiseError::Length {
+            expected: 2,
+            found: 1,
+            ..
+        })
+    ));
+    assert!(matches!(
+        follow(vec![1.0, 0.0]),
+        ContinuationError::Map(PiecewiseError::Size { index: 1, value: 0.0 })
+    ));
+    assert!(matches!(
+        follow(vec![f64::NAN, 1.0]),
+        ContinuationError::Map(PiecewiseError::NotFinite { index: 0, .. })
+    ));
+}
+
+/// y = max(0, c α (0.3 − α)): flat bumps, the whole of which fits into one step.
+#[test]
+fn a_facet_crossed_twice_in_one_step() {
+    for c in [1e-1, 1e-3, 1e-5] {
+        let map = MinMap::curve(1, move |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+            a[0] = x[0];
+            b[0] = x[0] - c * x[1] * (0.3 - x[1]);
+        });
+        for (start, direction, order) in [
+            (-0.5, Direction::Increasing, [0.0, 0.3]),
+            (0.8, Direction::Decreasing, [0.3, 0.0]),
+        ] {
+            let options = within((-1.0, 1.0)).with_step(1.0);
+            let branch = Branch::follow(&map, &[0.0, start], direction, options).unwrap();
+            assert_eq!(branch.transitions.len(), 2, "c = {c}, from {start}");
+            for (t, alpha) in branch.transitions.iter().zip(order) {
+                assert_eq!(t.kind, TransitionKind::PassThrough);
+                assert!((t.parameter() - alpha).abs() < 1e-12 / c.min(1e-2), "{t:?}");
+            }
+        }
+    }
+}
