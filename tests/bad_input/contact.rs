@@ -67,6 +67,15 @@ fn friction() {
     measures(&mut t);
     delassus(&mut t);
     t.exempt(&["contact::NodeLaw::check"], "asked by `solution` and `solve`");
+    t.exempt(
+        &[
+            "contact::CondensedContact::solve_reported",
+            "contact::CondensedContact::solve_observed",
+            "contact::FullContact::solve_reported",
+            "contact::FullContact::solve_observed",
+        ],
+        "called by `solve`",
+    );
     t.finish();
 }
 
