@@ -126,9 +126,6 @@ impl SavedRun {
         let m = map.num_vars();
         check_vector("the saved point", &self.here.x, m)?;
         check_vector("the saved point", &self.x, m)?;
-        if !self.sizes.is_empty() {
-            check_vector("the saved list of typical sizes", &self.sizes, m)?;
-        }
         check_vector("the saved tangent", &self.here.t, m)?;
         check_vector("the saved start", &self.start, m)?;
         check_vector("the saved test functions", &self.here.theta, layout.total())?;
@@ -203,7 +200,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
         saved.check(map)?;
         saved.options.validate()?;
         let corrector = MoorePenrose::new(map, AutoSolver::default())?;
-        let scaled = Scaled::with_divisors(map, saved.sizes.clone());
+        let scaled = Scaled::with_divisors(map, saved.sizes.clone())?;
         let mut this = Self::prepare_at(scaled, saved.here.x.clone(), saved.options.clone(), corrector)?;
         this.selection = saved.selection.clone();
         this.here = saved.here.clone();

@@ -47,17 +47,23 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Scaled<'a, P> {
         if sizes.iter().all(|s| *s == 1.0) || (given.is_empty() && sizes.iter().all(ordinary)) {
             sizes.clear();
         }
-        Ok(Self::with_divisors(map, sizes))
+        Self::with_divisors(map, sizes)
     }
 
     /// With D as returned by [`divisors`](Self::divisors).
-    pub(crate) fn with_divisors(map: &'a P, sizes: Vec<f64>) -> Self {
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub(crate) fn with_divisors(map: &'a P, sizes: Vec<f64>) -> Result<Self, PiecewiseError> {
+        if !sizes.is_empty() {
+            check_sizes(&sizes, map.num_vars())?;
+        }
         let buffer = vec![0.0; sizes.len()];
-        Self {
+        Ok(Self {
             map,
             sizes,
             buffers: RefCell::new((buffer.clone(), buffer)),
-        }
+        })
     }
 
     /// The map in its own variables.

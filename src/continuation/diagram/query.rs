@@ -6,7 +6,7 @@ use crate::continuation::arms::distance;
 use crate::continuation::{ContinuationError, Point};
 use crate::linear::AutoSolver;
 use crate::newton::MoorePenrose;
-use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Scaled, Selection, check_vector};
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Scaled, Selection};
 use crate::sparse::norm;
 
 /// A solution at a given α.
@@ -101,12 +101,7 @@ impl Diagram {
         if self.sizes.is_empty() {
             return self.sections(map, alpha);
         }
-        check_vector(
-            "the list of typical sizes of the diagram",
-            &self.sizes,
-            map.num_vars(),
-        )?;
-        let scaled = Scaled::with_divisors(map, self.sizes.clone());
+        let scaled = Scaled::with_divisors(map, self.sizes.clone())?;
         let mut diagram = self.clone();
         diagram.scale(&scaled);
         let mut found = diagram.sections(&scaled, alpha)?;
