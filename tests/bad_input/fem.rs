@@ -157,14 +157,7 @@ fn meshes(t: &mut Table) {
     t.refuses("fem::Mesh::facet_group", "an unknown name", "\"x\"", || {
         square().facet_group("x").map(drop)
     });
-    for facet in [
-        vec![],
-        vec![0],
-        vec![0, 99],
-        vec![0, 0],
-        vec![0, 1, 2, 3, 4],
-        vec![0, 8],
-    ] {
+    for facet in [vec![], vec![0], vec![0, 99], vec![0, 0], vec![0, 1, 2, 3, 4]] {
         t.refuses("fem::Mesh::add_facet_group", "a facet", "", || {
             square().add_facet_group("g", vec![facet.clone()])
         });
