@@ -10,12 +10,12 @@ use proptest::prelude::*;
 use semismooth::contact::{
     CondensedFriction, ContactState, FrictionMap, FrictionPath, FrictionProblem, LoadPath,
 };
-use semismooth::continuation::{ContinuationOptions, arms_at};
+use semismooth::continuation::{Branch, ContinuationOptions, Direction, Termination, arms_at};
 use semismooth::enumeration::{
     Completeness, EnumerationError, EnumerationOptions, SolutionSet, all_arms, all_solutions,
 };
 use semismooth::linear::{DenseLu, LinearSolver};
-use semismooth::piecewise::{MinMap, PiecewiseSmooth, Selections};
+use semismooth::piecewise::{MinMap, PiecewiseSmooth, Selections, value};
 use semismooth::sparse::Matrix;
 use support::Rng;
 
@@ -427,4 +427,43 @@ fn a_solution_by_tolerance_alone_is_no_certainty() {
             .iter()
             .any(|s| s.margin > 1e-3 && s.index == Some(1))
     );
+}
+
+/// The load grows by 10⁹ in one node while it is of order 1 at the start: what happens there must not be lost in the size of what
+/// comes. Found by fuzzing.
+#[test]
+fn a_load_that_grows_very_fast() {
+    let g = [
+        [-1.25; 6],
+        [-1.25; 6],
+        [-1.25; 6],
+        [-1.25; 6],
+        [-1.25; 6],
+        [-1.25, -1.25, -1.25, 6.8125, 6.8125, 6.8125],
+    ];
+    let first = [6.8125, 6.8125, 6.8125, 6.8125, 6.8125, 2.9375];
+    let last = [-6.5, 1e9, -7.8125, 6.8125, 6.8125, 6.8125];
+    let map = fuzzed(g, [first, last], [3.40625; 3]);
+    let start = all_solutions(&map, 0.0, &EnumerationOptions::default()).unwrap();
+    assert_eq!((start.solutions.len(), start.index_sum), (1, Some(1)));
+    for direction in [Direction::Increasing, Direction::Decreasing] {
+        let options = ContinuationOptions::default().with_parameter_range((-1e-3, 1e-3));
+        let branch = Branch::follow(&map, &start.solutions[0].x, direction, options).unwrap();
+        assert_eq!(branch.termination, Termination::ParameterRange);
+        let mut r = [0.0; 6];
+        for (_, x) in branch.polyline() {
+            value(&map, x, &mut r);
+            let size = x.iter().fold(1.0_f64, |a, v| a.max(v.abs()));
+            assert!(r.iter().all(|r| r.abs() < 1e-10 * size), "{r:?} at {x:?}");
+        }
+        // The solutions of the complete list at the end.
+        let end = &branch.points.last().unwrap().x;
+        let set = all_solutions(&map, end[6], &EnumerationOptions::default()).unwrap();
+        let near = |x: &[f64]| {
+            x.iter()
+                .zip(end)
+                .all(|(a, b)| (a - b).abs() <= 1e-9 * b.abs().max(1.0))
+        };
+        assert!(set.solutions.iter().any(|s| near(&s.x)));
+    }
 }

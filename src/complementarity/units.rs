@@ -1,7 +1,8 @@
 use std::sync::OnceLock;
 
 use super::{Mcp, McpFunction};
-use crate::sparse::{Matrix, max_abs};
+use crate::interface::typical_of;
+use crate::sparse::Matrix;
 
 /// Units of x and F(x) in affine problems, found when first asked for.
 #[derive(Debug, Clone, Default)]
@@ -63,14 +64,17 @@ impl<F: McpFunction> Mcp<F> {
             .iter()
             .map(|row| if row.is_normal() { row.recip() } else { 1.0 })
             .collect();
-        let shifts: Vec<f64> = (0..n)
-            .map(|i| factors[i] * offset[i].abs().max(rates[i]))
-            .collect();
+        let shift = |v: &[f64]| {
+            factors
+                .iter()
+                .zip(v)
+                .fold(0.0_f64, |a, (f, v)| a.max(f * v.abs()))
+        };
         let bounds = self.lower().iter().chain(self.upper());
         let bound = bounds
             .filter(|b| b.is_finite())
             .fold(0.0_f64, |a, b| a.max(b.abs()));
-        let size = max_abs(&shifts).max(bound);
+        let size = typical_of([shift(&offset).max(bound), shift(&rates)]);
         if size.is_normal() {
             found.size = size;
         }

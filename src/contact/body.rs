@@ -70,7 +70,7 @@ impl ContactBody {
 
     /// Typical sizes of u and λ.
     pub(super) fn sizes(&self) -> Option<(f64, f64)> {
-        let loads = self.load.0.samples(self.num_displacements());
+        let loads = self.load.0.sizes(self.num_displacements());
         typical_sizes(&self.a, &self.traces, loads, &self.gap)
     }
 

@@ -3,6 +3,7 @@ use std::sync::Arc;
 
 use super::ContactError;
 use super::error::check_length;
+use crate::interface::largest;
 
 type PathFunction = Arc<dyn Fn(f64, &mut [f64], &mut [f64]) + Send + Sync>;
 
@@ -25,17 +26,16 @@ impl Path {
         }
     }
 
-    /// Forces of a load on the way from α = 0 to 1.
-    pub(super) fn samples(&self, n: usize) -> Vec<f64> {
+    /// Sizes of the value at α = 0 and of the change to α = 1, of n entries.
+    pub(super) fn sizes(&self, n: usize) -> [f64; 2] {
         match self {
-            Self::Affine { constant, slope } => constant.iter().chain(slope).copied().collect(),
+            Self::Affine { constant, slope } => [constant, slope].map(|v| largest(&mut v.iter().copied())),
             Self::Function(f) => {
-                let mut values = vec![0.0; 2 * n];
-                let (first, last) = values.split_at_mut(n);
-                let mut rate = vec![0.0; n];
-                f(0.0, first, &mut rate);
-                f(1.0, last, &mut rate);
-                values
+                let (mut first, mut last, mut rate) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
+                f(0.0, &mut first, &mut rate);
+                f(1.0, &mut last, &mut rate);
+                let mut change = last.iter().zip(&first).map(|(b, a)| b - a);
+                [largest(&mut first.iter().copied()), largest(&mut change)]
             }
         }
     }

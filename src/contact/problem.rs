@@ -101,7 +101,7 @@ impl FrictionProblem {
 
     /// Typical sizes of u and λ.
     pub(super) fn sizes(&self) -> Option<(f64, f64)> {
-        let loads = self.load.0.samples(self.num_displacements());
+        let loads = self.load.0.sizes(self.num_displacements());
         typical_sizes(&self.a, [&self.bnu_t, &self.bt_t], loads, &self.gap)
     }
 

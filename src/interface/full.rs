@@ -157,7 +157,7 @@ impl<G: PiecewiseSmooth> InterfaceProblem<G> {
 
     /// Typical sizes of u and λ.
     pub(super) fn sizes(&self) -> Option<(f64, f64)> {
-        typical_sizes(&self.a, [&self.b], self.load.samples(), &[])
+        typical_sizes(&self.a, [&self.b], self.load.sizes(), &[])
     }
 
     /// Runs `f` with the scratch of this problem, or with one of its own when another thread uses that.

@@ -3,6 +3,7 @@ use std::sync::Arc;
 
 use super::InterfaceError;
 use super::error::{check_size, check_vector};
+use super::sizes::largest;
 
 type Amplitudes = Arc<dyn Fn(f64, &mut [f64], &mut [f64]) + Send + Sync>;
 
@@ -53,9 +54,10 @@ impl InterfaceLoad {
         }
     }
 
-    /// The forces of all cases.
-    pub(super) fn samples(&self) -> impl Iterator<Item = f64> {
-        self.constant.iter().chain(self.cases.iter().flatten()).copied()
+    /// Sizes of the constant part and of the cases.
+    pub(super) fn sizes(&self) -> [f64; 2] {
+        let cases = &mut self.cases.iter().flatten().copied();
+        [largest(&mut self.constant.iter().copied()), largest(cases)]
     }
 
     pub(super) fn is_affine(&self) -> bool {

@@ -20,4 +20,4 @@ pub use condensed::CondensedInterface;
 pub use error::InterfaceError;
 pub use full::InterfaceProblem;
 pub use load::InterfaceLoad;
-pub(crate) use sizes::{fill_sizes, typical_sizes};
+pub(crate) use sizes::{fill_sizes, largest, typical_of, typical_sizes};
