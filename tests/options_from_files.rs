@@ -2,15 +2,23 @@
 #![cfg(feature = "serde")]
 
 use std::fmt::Debug;
+use std::ops::ControlFlow;
 
-use semismooth::complementarity::McpOptions;
-use semismooth::complementarity::active_set::ActiveSetOptions;
-use semismooth::complementarity::pivoting::LemkeOptions;
-use semismooth::contact::{DelassusOptions, FixedPointOptions};
-use semismooth::continuation::{ContinuationOptions, DiagramOptions, SearchOptions, Strategy};
+use semismooth::complementarity::active_set::{ActiveSetOptions, ActiveSetSolver};
+use semismooth::complementarity::pivoting::{Lemke, LemkeOptions};
+use semismooth::complementarity::{Lcp, McpOptions, McpSolver};
+use semismooth::contact::{
+    CondensedContact, ContactBody, DelassusOptions, DelassusSolver, FixedPointOptions, FrictionCoefficient,
+    FrictionCurve, LoadPath, PlanarCoulomb, evolve, fixed_point,
+};
+use semismooth::continuation::{
+    ContinuationOptions, Diagram, DiagramOptions, SearchOptions, Strategy, search_solutions,
+};
 use semismooth::enumeration::EnumerationOptions;
 use semismooth::newton::{Damping, NewtonOptions};
+use semismooth::piecewise::MinMap;
 use semismooth::piecewise::check::CheckOptions;
+use semismooth::sparse::Matrix;
 use serde_json::json;
 
 /// Defaults survive JSON, an empty file gives them, and names that do not exist are errors which name them.
@@ -64,4 +72,93 @@ fn infinities_are_words() {
     assert_eq!(same, options);
     let wrong = serde_json::from_str::<ContinuationOptions>(r#"{ "max_arclength": "far" }"#).unwrap_err();
     assert!(wrong.to_string().contains("far"), "{wrong}");
+}
+
+/// What is written and read again is the same, to the last bit.
+fn same<T: PartialEq + Debug + serde::Serialize + serde::de::DeserializeOwned>(value: &T) {
+    let text = serde_json::to_string(value).unwrap();
+    assert_eq!(&serde_json::from_str::<T>(&text).unwrap(), value, "{text}");
+}
+
+#[test]
+fn reports_of_complementarity_survive_files() {
+    let matrix = Matrix::from_rows(&[[2.0, -1.0], [-1.0, 2.0]]).unwrap();
+    let lcp = Lcp::new(matrix, vec![-1.0, 0.3]).unwrap();
+    let mut z = [0.0; 2];
+    let mut solver = McpSolver::new(McpOptions::default());
+    same(solver.solve(lcp.mcp(), &mut z).unwrap());
+    same(
+        &ActiveSetSolver::new(ActiveSetOptions::default())
+            .solve(&lcp, &mut [0.0; 2])
+            .unwrap(),
+    );
+    same(
+        &Lemke::new(LemkeOptions::default())
+            .solve(&lcp, &mut [0.0; 2])
+            .unwrap(),
+    );
+}
+
+#[test]
+fn states_of_contact_survive_files() {
+    let rows = |row: [f64; 2]| Matrix::from_rows(&[row]).unwrap();
+    let stiffness = Matrix::from_rows(&[[2.0, -1.0], [-1.0, 2.0]]).unwrap();
+    let load = LoadPath::affine(vec![1.5, 7.0], vec![1.0, 0.0]);
+    let body = ContactBody::new(stiffness, rows([1.0, 0.0]), vec![rows([0.0, 1.0])], load).unwrap();
+    let friction = FrictionCoefficient::uniform(FrictionCurve::constant(0.3).unwrap());
+    let mut contact = CondensedContact::new(body, PlanarCoulomb::new(friction)).unwrap();
+    let x = contact.solve(0.0, None).unwrap();
+    same(&contact.solution(&x).unwrap());
+    same(&fixed_point(&contact, &x, &FixedPointOptions::default()).unwrap());
+    let problem = contact.delassus(0.0).unwrap();
+    same(
+        &DelassusSolver::new(DelassusOptions::default())
+            .unwrap()
+            .solve(&problem)
+            .unwrap(),
+    );
+    let steps = evolve(&mut contact, &x, &[0.2, 0.1], |_| ControlFlow::Continue(())).unwrap();
+    assert_eq!(steps.len(), 2);
+    same(&steps);
+}
+
+#[test]
+fn lists_of_solutions_survive_files() {
+    let map = MinMap::curve(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+        a[0] = x[0] - x[1];
+        b[0] = x[0] + x[1];
+    });
+    let range = ContinuationOptions::default().with_parameter_range((-1.0, 1.0));
+    let options = DiagramOptions::default().with_continuation(range);
+    let diagram = Diagram::explore(&map, &[[0.5, 0.5]], &options).unwrap();
+    same(&diagram);
+    same(&diagram.branches());
+    same(&diagram.folds());
+    same(&diagram.solutions_at(&map, 0.25).unwrap());
+    same(
+        &search_solutions(
+            &map,
+            0.25,
+            &[[0.5, 0.25]],
+            &SearchOptions::default().with_diagram(options),
+        )
+        .unwrap(),
+    );
+    // A file whose parts do not fit together is refused as it is read.
+    let mut file = serde_json::to_value(&diagram).unwrap();
+    for (pointer, wrong) in [
+        ("/edges/0/from/vertex", 99),
+        ("/edges/0/to/arm", 99),
+        ("/vertices/0/arms/0/edge", u64::MAX),
+    ] {
+        let mut spoilt = file.clone();
+        *spoilt.pointer_mut(pointer).unwrap() = json!(wrong);
+        let error = serde_json::from_value::<Diagram>(spoilt).unwrap_err();
+        assert!(error.to_string().contains("of the diagram"), "{error}");
+    }
+    // One that fits, but not the map, is refused as it is used.
+    *file.pointer_mut("/edges/0/points/0/selection/pieces/0").unwrap() = json!(7);
+    let foreign: Diagram = serde_json::from_value(file).unwrap();
+    let error = foreign.solutions_at(&map, 0.25).unwrap_err();
+    assert!(error.to_string().contains("piece 7 at site 0"), "{error}");
 }

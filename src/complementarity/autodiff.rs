@@ -1,10 +1,10 @@
-use std::cell::RefCell;
 use std::fmt;
 
 use num_dual::Dual64;
 
 use super::McpFunction;
 use super::coloring::Coloring;
+use super::scratch::Scratch;
 use crate::piecewise::Real;
 use crate::sparse::{Matrix, Pattern};
 
@@ -51,7 +51,7 @@ pub struct Autodiff<S> {
     function: S,
     pattern: Pattern,
     coloring: Coloring,
-    work: RefCell<(Vec<Dual64>, Vec<Dual64>)>,
+    work: Scratch<(Vec<Dual64>, Vec<Dual64>)>,
 }
 
 impl<S: SmoothFunction> Autodiff<S> {
@@ -60,7 +60,7 @@ impl<S: SmoothFunction> Autodiff<S> {
         let pattern = function.pattern();
         Self {
             coloring: Coloring::new(&pattern),
-            work: RefCell::new((
+            work: Scratch::new((
                 vec![Dual64::from(0.0); function.num_vars()],
                 vec![Dual64::from(0.0); function.num_values()],
             )),
@@ -97,7 +97,7 @@ impl<S: SmoothFunction> McpFunction for Autodiff<S> {
     }
 
     fn jacobian(&self, x: &[f64], jac: &mut Matrix) {
-        let (seeded, out) = &mut *self.work.borrow_mut();
+        let (seeded, out) = &mut *self.work.lock();
         for (s, v) in seeded.iter_mut().zip(x) {
             *s = Dual64::from(*v);
         }

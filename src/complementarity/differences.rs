@@ -1,6 +1,5 @@
-use std::cell::RefCell;
-
 use super::coloring::Coloring;
+use super::scratch::Scratch;
 use super::{ComplementarityError, McpFunction};
 use crate::sparse::{Matrix, Pattern};
 
@@ -31,7 +30,7 @@ pub struct Differenced<V> {
     pattern: Pattern,
     coloring: Coloring,
     bounds: Option<(Vec<f64>, Vec<f64>)>,
-    work: RefCell<[Vec<f64>; 5]>,
+    work: Scratch<[Vec<f64>; 5]>,
 }
 
 impl<V: Fn(&[f64], &mut [f64])> Differenced<V> {
@@ -51,7 +50,7 @@ impl<V: Fn(&[f64], &mut [f64])> Differenced<V> {
             value,
             coloring: Coloring::new(&pattern),
             bounds: None,
-            work: RefCell::new([
+            work: Scratch::new([
                 vec![0.0; m],
                 vec![0.0; n],
                 vec![0.0; n],
@@ -117,7 +116,7 @@ impl<V: Fn(&[f64], &mut [f64])> McpFunction for Differenced<V> {
     }
 
     fn jacobian(&self, x: &[f64], jac: &mut Matrix) {
-        let [y, here, plus, minus, steps] = &mut *self.work.borrow_mut();
+        let [y, here, plus, minus, steps] = &mut *self.work.lock();
         y.copy_from_slice(x);
         (self.value)(x, here);
         for (s, x) in steps.iter_mut().zip(x) {

@@ -1,5 +1,4 @@
-use std::cell::RefCell;
-
+use super::scratch::Scratch;
 use super::{ComplementarityError, Mcp, McpFunction};
 use crate::sparse::{Matrix, Pattern};
 
@@ -51,7 +50,7 @@ pub enum ConstraintKind {
 pub struct Kkt<P> {
     program: P,
     pattern: Pattern,
-    work: RefCell<(Matrix, Matrix)>,
+    work: Scratch<(Matrix, Matrix)>,
 }
 
 /// The first-order conditions of a program as an MCP in the variables (x, y), y the multipliers.
@@ -132,7 +131,7 @@ pub fn kkt<P: Program>(
     let function = Kkt {
         program,
         pattern,
-        work: RefCell::new(work),
+        work: Scratch::new(work),
     };
     Mcp::new(function, lower, upper)
 }
@@ -146,7 +145,7 @@ impl<P: Program> McpFunction for Kkt<P> {
         let n = self.program.num_vars();
         let (x, y) = x.split_at(n);
         let (gradient, constraints) = out.split_at_mut(n);
-        let jac = &mut self.work.borrow_mut().1;
+        let jac = &mut self.work.lock().1;
         self.program.gradient(x, gradient);
         self.program.constraints(x, constraints);
         jac.clear();
@@ -159,7 +158,7 @@ impl<P: Program> McpFunction for Kkt<P> {
     fn jacobian(&self, x: &[f64], out: &mut Matrix) {
         let n = self.program.num_vars();
         let (x, y) = x.split_at(n);
-        let (hessian, jac) = &mut *self.work.borrow_mut();
+        let (hessian, jac) = &mut *self.work.lock();
         hessian.clear();
         jac.clear();
         self.program.hessian(x, y, hessian);

@@ -50,6 +50,7 @@ mod lcp;
 mod natural;
 pub mod pivoting;
 mod problem;
+mod scratch;
 mod solver;
 mod units;
 

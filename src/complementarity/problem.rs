@@ -1,7 +1,6 @@
-use std::cell::RefCell;
-
 use super::affine::with_diagonal;
 use super::error::check_finite;
+use super::scratch::Scratch;
 use super::units::Units;
 use super::{AffineFunction, ComplementarityError, McpFunction};
 use crate::sparse::{Matrix, Pattern, max_abs};
@@ -236,7 +235,7 @@ pub(super) fn natural(x: f64, lower: f64, upper: f64, f: f64) -> f64 {
 #[derive(Debug, Clone)]
 pub struct AtParameter<F> {
     function: F,
-    work: RefCell<(Vec<f64>, Matrix)>,
+    work: Scratch<(Vec<f64>, Matrix)>,
     pattern: Pattern,
 }
 
@@ -249,7 +248,7 @@ impl<F: McpFunction> AtParameter<F> {
         x.push(parameter);
         Ok(Self {
             function,
-            work: RefCell::new((x, Matrix::zeros(pattern))),
+            work: Scratch::new((x, Matrix::zeros(pattern))),
             pattern: own,
         })
     }
@@ -261,13 +260,13 @@ impl<F: McpFunction> McpFunction for AtParameter<F> {
     }
 
     fn value(&self, x: &[f64], out: &mut [f64]) {
-        let (all, _) = &mut *self.work.borrow_mut();
+        let (all, _) = &mut *self.work.lock();
         all[..x.len()].copy_from_slice(x);
         self.function.value(all, out);
     }
 
     fn jacobian(&self, x: &[f64], jac: &mut Matrix) {
-        let (all, full) = &mut *self.work.borrow_mut();
+        let (all, full) = &mut *self.work.lock();
         all[..x.len()].copy_from_slice(x);
         full.clear();
         self.function.jacobian(all, full);

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::approach::{Observer, lower};
 use super::condensed::check_symmetric;
-use super::error::check_length;
+use super::error::{check_finite, check_length};
 use super::form::{Form, sites_of_the_law};
 use super::full_contact::held;
 use super::node_law::{LocalRow, LocalValues, MAX_TESTS, NodeLaw};
@@ -241,6 +241,7 @@ impl<L: NodeLaw> CondensedContact<L> {
     pub fn point_of_reactions(&self, alpha: f64, r: &[f64]) -> Result<Vec<f64>, ContactError> {
         let (p, q, blocks) = (self.num_contacts(), self.order(), self.body.traces.len());
         check_length("the reactions", r, q)?;
+        check_finite("alpha", &[alpha])?;
         let (_, scale) = self.delassus_scale(alpha)?;
         let force = |k: usize| scale[k] * r[(k % p) * blocks + k / p];
         let forces = (0..q).map(|k| if k < p { force(k) } else { -force(k) });

@@ -137,6 +137,9 @@ impl FrictionCurve {
                 if slip >= end[0] {
                     return (end[1], 0.0);
                 }
+                if slip.is_nan() {
+                    return (f64::NAN, f64::NAN);
+                }
                 let k = points.partition_point(|p| p[0] <= slip);
                 let ([x0, y0, s0], [x1, y1, s1]) = (points[k - 1], points[k]);
                 let h = x1 - x0;

@@ -10,6 +10,7 @@ use crate::continuation::{Branch, ContinuationError, ContinuationOptions, Direct
 /// One step of [`evolve`].
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct EvolutionStep {
     /// The load level α at the end of the step.
     pub level: f64,
@@ -36,6 +37,7 @@ pub struct EvolutionStep {
 /// How a step of [`evolve`] came to its level.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Arrival {
     /// Along the branch from the step before, without a fold.
     Followed,
@@ -47,7 +49,10 @@ pub enum Arrival {
     Ended(Termination),
     /// The branch could not be followed from the step before (too many nodes at the border of their cells, say); Newton's method found a
     /// solution.
-    NotFollowed(ContinuationError),
+    NotFollowed(
+        #[cfg_attr(feature = "serde", serde(with = "crate::continuation::extended::error"))]
+        ContinuationError,
+    ),
 }
 
 impl Arrival {

@@ -58,6 +58,7 @@ impl FixedPointOptions {
 /// What [`fixed_point`] found.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct FixedPointReport {
     /// The last iterate (λν, λt, α).
     pub x: Vec<f64>,
@@ -87,7 +88,7 @@ impl FixedPointReport {
 /// F(φ) and given bound g. Each inner problem (Tresca friction) is solved by PS-Newton. The iteration starts with φ and g of `start`.
 ///
 /// # Errors
-/// Wrong lengths, a relaxation outside (0, 1], inner problems that cannot be solved. Not to converge is no error.
+/// Wrong lengths, a relaxation outside (0, 1], a tolerance that is negative or not finite, inner problems that cannot be solved. Not to converge is no error.
 pub fn fixed_point<L: NodeLaw>(
     problem: &CondensedContact<L>,
     start: &[f64],
@@ -97,6 +98,14 @@ pub fn fixed_point<L: NodeLaw>(
     if !(omega > 0.0 && omega <= 1.0) {
         return Err(ContactError::Curve {
             what: format!("the relaxation of the fixed-point iteration is {omega}; it must lie in (0, 1]"),
+        });
+    }
+    if !(options.tolerance >= 0.0 && options.tolerance.is_finite()) {
+        return Err(ContactError::Curve {
+            what: format!(
+                "the tolerance of the fixed-point iteration is {}; it must be finite and not negative",
+                options.tolerance
+            ),
         });
     }
     let q = problem.num_residuals();

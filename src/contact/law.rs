@@ -6,6 +6,7 @@ use crate::piecewise::Facet;
 
 /// State of a contact node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum ContactState {
     /// λ_ν = λ_t = 0.
     Open,

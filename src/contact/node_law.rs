@@ -6,6 +6,7 @@ use crate::piecewise::Facet;
 /// Quantities at one contact node, and the augmentation parameter.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct LocalValues {
     /// The contact node, from 0.
     pub node: usize,

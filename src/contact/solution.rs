@@ -8,6 +8,7 @@ use super::node_law::{LocalValues, MAX_TESTS, NodeLaw};
 /// Gaps left are −penetration, tractions are the nodal forces of [`LocalValues`] (divide by the area of a node for a density).
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ContactSolution {
     /// Open, stick or slip.
     pub states: Vec<ContactState>,
@@ -22,6 +23,7 @@ pub struct ContactSolution {
 /// Energies of a solution, in force times length. They balance: 2 `stored` = `load` − `normal` − `friction`.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ContactEnergy {
     /// The elastic energy ½ uᵀ A u. In Delassus form, where the body is not known: ½ rᵀ M r, the energy due to the reactions.
     pub stored: f64,
@@ -46,6 +48,7 @@ impl ContactEnergy {
 /// Largest residuals of the three blocks of equations, each against the largest force in it: free of units.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ContactResiduals {
     /// Of A u + Bᵀ λ = f. Zero where displacements are computed from the forces (condensed and Delassus form).
     pub equilibrium: f64,

@@ -19,6 +19,7 @@ use crate::sparse::{Matrix, Pattern};
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct UniquenessConstants {
     /// Constant of the inverse inequality for the multipliers, (force/length)^½ per area^½ in the caller's units.
     pub c_inv: f64,

@@ -69,36 +69,29 @@ pub(super) fn deserialize<'de, D: Deserializer<'de>>(d: D) -> Result<f64, D::Err
 }
 
 /// The same for an interval.
-pub(in crate::continuation) mod pair {
+pub(crate) mod pair {
     use super::{Deserialize, Deserializer, Extended, Serialize, Serializer};
 
-    pub(in crate::continuation) fn serialize<S: Serializer>(v: &(f64, f64), s: S) -> Result<S::Ok, S::Error> {
+    pub(crate) fn serialize<S: Serializer>(v: &(f64, f64), s: S) -> Result<S::Ok, S::Error> {
         (Extended(v.0), Extended(v.1)).serialize(s)
     }
 
-    pub(in crate::continuation) fn deserialize<'de, D: Deserializer<'de>>(
-        d: D,
-    ) -> Result<(f64, f64), D::Error> {
+    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(d: D) -> Result<(f64, f64), D::Error> {
         <(Extended, Extended)>::deserialize(d).map(|(a, b)| (a.0, b.0))
     }
 }
 
 /// An error comes back as its message.
-pub(in crate::continuation) mod error {
+pub(crate) mod error {
     use serde::{Deserialize, Deserializer, Serializer};
 
     use crate::continuation::ContinuationError;
 
-    pub(in crate::continuation) fn serialize<S: Serializer>(
-        e: &ContinuationError,
-        s: S,
-    ) -> Result<S::Ok, S::Error> {
+    pub(crate) fn serialize<S: Serializer>(e: &ContinuationError, s: S) -> Result<S::Ok, S::Error> {
         s.collect_str(e)
     }
 
-    pub(in crate::continuation) fn deserialize<'de, D: Deserializer<'de>>(
-        d: D,
-    ) -> Result<ContinuationError, D::Error> {
+    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(d: D) -> Result<ContinuationError, D::Error> {
         String::deserialize(d).map(|message| ContinuationError::Recorded { message })
     }
 }

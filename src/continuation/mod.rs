@@ -7,7 +7,7 @@ mod diagram;
 mod engine;
 mod error;
 #[cfg(feature = "serde")]
-mod extended;
+pub(crate) mod extended;
 mod fold_set;
 mod locate;
 mod monitor;

@@ -15,6 +15,7 @@ use crate::sparse::{dot, norm};
 /// Which way to leave the start.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Direction {
     /// With growing α.
     Increasing,

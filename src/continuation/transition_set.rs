@@ -11,6 +11,7 @@ use crate::sparse::{Matrix, Pattern, norm};
 /// A point of a [`TransitionSet`] where folds begin or end along it.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct CharacterChange {
     /// The point (y, α, β).
     pub x: Vec<f64>,

@@ -8,6 +8,12 @@ use crate::sparse::SparseError;
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum FemError {
+    /// A structured mesh would have more nodes than indices and memory allow for.
+    #[error("a grid of {cells:?} cells has too many nodes; refine where it matters instead")]
+    TooLarge {
+        /// Numbers of cells along the axes.
+        cells: Vec<usize>,
+    },
     /// A mesh without cells, or a generator asked for none.
     #[error("the mesh is empty: {what}")]
     Empty {

@@ -2,13 +2,17 @@
 
 use super::{CellKind, FemError, Mesh};
 
+/// Largest number of nodes of a structured mesh.
+const MAX_NODES: usize = 1 << 31;
+
 impl Mesh {
     /// A rectangle of `n[0]` × `n[1]` equal quadrilaterals, with the groups of facets "left", "right", "bottom", "top". Nodes are
     /// numbered along x first.
     ///
     /// # Errors
-    /// No cells, corners that are not in order.
+    /// No cells, more than 2³¹ nodes, corners that are not in order.
     pub fn rectangle(lower: [f64; 2], upper: [f64; 2], n: [usize; 2]) -> Result<Self, FemError> {
+        check_numbers(&n)?;
         let lines = |d: usize| divide(lower[d], upper[d], n[d]);
         Self::rectangle_graded(&lines(0), &lines(1))
     }
@@ -42,8 +46,9 @@ impl Mesh {
     /// A box of `n[0]` × `n[1]` × `n[2]` equal hexahedra, with the groups "left", "right" (x), "front", "back" (y), "bottom", "top" (z).
     ///
     /// # Errors
-    /// No cells, corners that are not in order.
+    /// No cells, more than 2³¹ nodes, corners that are not in order.
     pub fn block(lower: [f64; 3], upper: [f64; 3], n: [usize; 3]) -> Result<Self, FemError> {
+        check_numbers(&n)?;
         let lines = |d: usize| divide(lower[d], upper[d], n[d]);
         Self::block_graded(&lines(0), &lines(1), &lines(2))
     }
@@ -183,6 +188,17 @@ impl Mesh {
 }
 
 /// n + 1 equally spaced lines.
+/// Numbers of cells whose nodes could not be held are refused before anything is allocated.
+fn check_numbers(n: &[usize]) -> Result<(), FemError> {
+    let nodes = n
+        .iter()
+        .try_fold(1_usize, |all, n| all.checked_mul(n.checked_add(1)?));
+    match nodes {
+        Some(nodes) if nodes <= MAX_NODES => Ok(()),
+        _ => Err(FemError::TooLarge { cells: n.to_vec() }),
+    }
+}
+
 fn divide(lower: f64, upper: f64, n: usize) -> Vec<f64> {
     (0..=n)
         .map(|i| {

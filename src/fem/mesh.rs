@@ -302,7 +302,7 @@ impl Mesh {
     /// Names facets given by their nodes.
     ///
     /// # Errors
-    /// Facets with too few or too many nodes, nodes that do not exist.
+    /// Facets with too few or too many nodes or one node twice, nodes that do not exist.
     pub fn add_facet_group(
         &mut self,
         name: impl Into<String>,
@@ -322,6 +322,15 @@ impl Mesh {
                 });
             }
             check_nodes("facet", index, nodes, self.points.len())?;
+            let distinct: std::collections::BTreeSet<_> = nodes.iter().collect();
+            if distinct.len() < nodes.len() {
+                return Err(FemError::CellNodes {
+                    what: "facet",
+                    index,
+                    expected: nodes.len(),
+                    found: distinct.len(),
+                });
+            }
         }
         self.facet_groups.entry(name.into()).or_default().extend(facets);
         Ok(())

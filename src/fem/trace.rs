@@ -71,7 +71,7 @@ impl<'a> TraceSpace<'a> {
     /// (k, μ_k(x)) for the multipliers that do not vanish at x; they may jump at nodes and in the middle of facets.
     ///
     /// # Errors
-    /// Multipliers numbered beyond `count`.
+    /// Multipliers numbered beyond `count`, values that are not finite.
     pub fn pairing(
         &self,
         count: usize,
@@ -92,7 +92,9 @@ impl<'a> TraceSpace<'a> {
                 }
             });
         }
-        Ok(Matrix::from_triplets(count, self.gram.nrows(), &entries)?)
+        let pairing = Matrix::from_triplets(count, self.gram.nrows(), &entries)?;
+        pairing.check_finite()?;
+        Ok(pairing)
     }
 
     /// The lumped pairing of nodal multipliers: row k is the area of free node k of the facets at that node. Nodes are ordered as in

@@ -4,7 +4,7 @@ use super::error::check_vector;
 use super::full::sites_of_law;
 use super::{InterfaceError, InterfaceLoad, InterfaceProblem, fill_sizes};
 use crate::linear::{Condensation, LinearError};
-use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
+use crate::piecewise::{Facet, PiecewiseSmooth, Selection, check_selection};
 use crate::sparse::{Matrix, Pattern, dot};
 
 /// An [`InterfaceProblem`] condensed onto its multipliers: x = (λ, α), q + 1 variables.
@@ -96,8 +96,9 @@ impl<G: PiecewiseSmooth> CondensedInterface<G> {
     /// The residual of the full form at the point that belongs to x, in the given selection: n rows of equilibrium, q of the law.
     ///
     /// # Errors
-    /// As [`expand`](Self::expand).
+    /// As [`expand`](Self::expand); selections of other maps.
     pub fn full_residual(&self, selection: &Selection, x: &[f64]) -> Result<Vec<f64>, InterfaceError> {
+        check_selection("the selection", selection, &self.problem)?;
         let full = self.expand(x)?;
         let mut out = vec![0.0; self.problem.num_residuals()];
         self.problem.residual(selection, &full, &mut out);

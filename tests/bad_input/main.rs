@@ -1,11 +1,15 @@
 //! Bad input: each is refused by an error that names it, none panics, and no public function that can refuse is left out.
 
 mod complementarity;
+mod contact;
 mod continuation;
 mod enumeration;
+mod fem;
+mod interface;
 mod linear;
 mod named;
 mod newton;
+mod output;
 mod piecewise;
 mod sparse;
 mod table;

@@ -5,7 +5,7 @@ use semismooth::piecewise::{
 };
 use semismooth::sparse::{Matrix, Pattern};
 
-use super::table::{BAD, Table, rows};
+use super::table::{BAD, NOT_POSITIVE, Table, rows};
 
 /// min(a, b) = 0 with a = y − α, b = y + α: α = ±y for y ≥ 0.
 pub(crate) fn vee() -> impl PiecewiseSmooth + Clone {
@@ -200,6 +200,25 @@ fn piecewise_maps() {
                 .with_max_selections(n)
                 .with_max_findings(n);
             check(&curve, &[at.to_vec()], &options)
+        });
+    }
+
+    let sized = |sizes: Vec<f64>| {
+        MinMap::curve(1, |_: &[f64], _: &mut [f64], _: &mut [f64]| {})
+            .with_typical_sizes(sizes)
+            .map(drop)
+    };
+    for n in [1, 3] {
+        t.refuses(
+            "piecewise::MinMap::with_typical_sizes",
+            "another length",
+            "size",
+            || sized(vec![1.0; n]),
+        );
+    }
+    for bad in BAD.into_iter().chain(NOT_POSITIVE) {
+        t.refuses("piecewise::MinMap::with_typical_sizes", "a size", "size", || {
+            sized(vec![1.0, bad])
         });
     }
 

@@ -36,13 +36,17 @@ pub(crate) struct Module {
 
 pub(crate) struct Crate {
     pub(crate) modules: BTreeMap<ModulePath, Module>,
+    /// Macros of all modules, for those that another module imports.
+    macros: BTreeMap<String, ItemMacro>,
 }
 
 impl Crate {
     pub(crate) fn read(src: &Path) -> Self {
         let mut new = Self {
             modules: BTreeMap::new(),
+            macros: BTreeMap::new(),
         };
+        collect_macros(src, &mut new.macros);
         let root = parse(&src.join("lib.rs"));
         new.add(
             Vec::new(),
@@ -59,6 +63,7 @@ impl Crate {
     pub(crate) fn parse(source: &str) -> Self {
         let mut new = Self {
             modules: BTreeMap::new(),
+            macros: BTreeMap::new(),
         };
         let items = syn::parse_file(source).unwrap().items;
         new.add(
@@ -121,7 +126,7 @@ impl Crate {
                         macros.insert(name.to_string(), item);
                     }
                     None => {
-                        let expanded = expand_call(&macros, &item.mac);
+                        let expanded = self.expand_call(&macros, &item.mac);
                         module
                             .items
                             .extend(syn::parse2::<syn::File>(expanded).unwrap().items);
@@ -134,7 +139,7 @@ impl Crate {
                         for inner in std::mem::take(&mut item.items) {
                             match inner {
                                 syn::ImplItem::Macro(call) => {
-                                    let body = expand_call(&macros, &call.mac);
+                                    let body = self.expand_call(&macros, &call.mac);
                                     let block = quote::quote!(impl T { #body });
                                     items.extend(syn::parse2::<syn::ItemImpl>(block).unwrap().items);
                                 }
@@ -149,6 +154,17 @@ impl Crate {
             }
         }
         self.modules.insert(path, module);
+    }
+
+    fn expand_call(
+        &self,
+        macros: &BTreeMap<String, ItemMacro>,
+        call: &syn::Macro,
+    ) -> proc_macro2::TokenStream {
+        let name = text(&call.path);
+        let found = macros.get(&name).or_else(|| self.macros.get(&name));
+        let rules = found.unwrap_or_else(|| panic!("{name}!: no such macro"));
+        expand(rules.mac.tokens.clone(), call.tokens.clone()).unwrap_or_else(|e| panic!("{name}!: {e}"))
     }
 
     /// What `name` stands for in a module: an item or a module (as a definition in its parent).
@@ -209,12 +225,21 @@ fn parse(file: &Path) -> Vec<Item> {
         .items
 }
 
-fn expand_call(macros: &BTreeMap<String, ItemMacro>, call: &syn::Macro) -> proc_macro2::TokenStream {
-    let name = text(&call.path);
-    let rules = macros
-        .get(&name)
-        .unwrap_or_else(|| panic!("{name}!: a macro that writes items must be of its module"));
-    expand(rules.mac.tokens.clone(), call.tokens.clone()).unwrap_or_else(|e| panic!("{name}!: {e}"))
+fn collect_macros(folder: &Path, macros: &mut BTreeMap<String, ItemMacro>) {
+    for entry in std::fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            collect_macros(&path, macros);
+        } else if path.extension().is_some_and(|e| e == "rs") {
+            for item in parse(&path) {
+                if let Item::Macro(item) = item
+                    && let Some(name) = &item.ident
+                {
+                    macros.insert(name.to_string(), item);
+                }
+            }
+        }
+    }
 }
 
 fn flatten(tree: &UseTree, path: &mut Vec<String>, found: &mut impl FnMut(Vec<String>, String)) {

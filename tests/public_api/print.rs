@@ -76,7 +76,7 @@ fn spaced(before: &str, word: &str, earlier: Option<&str>) -> bool {
     );
     match (before, word) {
         (_, "," | ";" | ":" | "." | "?" | ")" | "]" | ">" | "::") => {
-            before == "->" || (word == "?" && before == "+")
+            before == "->" || (word == "?" && (before == "+" || before == ":"))
         }
         ("(" | "[" | "&" | "::" | "<" | "." | "#" | "!" | "?", _) => false,
         ("*", _) => false,

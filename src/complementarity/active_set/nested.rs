@@ -29,6 +29,7 @@ pub struct Nested {
 /// Report on one level.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct LevelReport {
     /// Number of unknowns.
     pub unknowns: usize,
@@ -41,6 +42,7 @@ pub struct LevelReport {
 /// Report on all levels.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct NestedReport {
     /// Coarsest first.
     pub levels: Vec<LevelReport>,

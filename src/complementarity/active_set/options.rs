@@ -76,6 +76,7 @@ impl ActiveSetOptions {
 /// How a run ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum ActiveSetStatus {
     /// At a solution.
     Solved,
@@ -92,6 +93,7 @@ pub enum ActiveSetStatus {
 /// One iteration.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ActiveSetIteration {
     /// Natural residual maxᵢ |zᵢ − mid(lᵢ, uᵢ, zᵢ − wᵢ)| after it.
     pub residual: f64,
@@ -107,6 +109,7 @@ pub struct ActiveSetIteration {
 
 /// Which components are exchanged between two iterations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Exchange {
     /// All whose signs are wrong.
     #[default]
@@ -120,6 +123,7 @@ pub enum Exchange {
 /// Report on a run.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ActiveSetReport {
     /// How it ended.
     pub status: ActiveSetStatus,

@@ -34,6 +34,7 @@ impl LemkeOptions {
 /// How a path of Lemke's method ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum LemkeStatus {
     /// At a solution.
     Solved,
@@ -52,6 +53,7 @@ pub enum LemkeStatus {
 /// Report on one path.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct LemkeReport {
     /// How it ended.
     pub status: LemkeStatus,

@@ -4,6 +4,7 @@ use std::time::Duration;
 /// How a solve ended.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum McpStatus {
     /// x satisfies the bounds exactly and the natural residual is within the tolerance, as checked at the point returned.
     Solved,
@@ -71,6 +72,7 @@ impl fmt::Display for McpStatus {
 /// What is tried, in this order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum McpStrategy {
     /// Active-set Newton steps of the natural map, globalised by the Fischer–Burmeister merit function.
     Newton,
@@ -113,6 +115,7 @@ impl fmt::Display for McpStrategy {
 /// An attempt that failed, so that another one followed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Fallback {
     /// What was tried.
     pub strategy: McpStrategy,
@@ -127,6 +130,7 @@ pub struct Fallback {
 /// How a step was found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum McpStep {
     /// Newton step of the natural map with the active set at the iterate.
     Natural,
@@ -147,6 +151,7 @@ pub enum McpStep {
 /// One iterate, and the step from it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct McpIteration {
     /// Number of the iteration, from 0, over all attempts.
     pub index: usize,
@@ -165,6 +170,7 @@ pub struct McpIteration {
 /// Where a component is in a solution.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum BoundState {
     /// At its lower bound, F ≥ 0.
     Lower,
@@ -177,6 +183,7 @@ pub enum BoundState {
 /// How a solve went. The solver keeps it, so that it is not allocated anew.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct McpReport {
     /// How it ended.
     pub status: McpStatus,

@@ -7,6 +7,7 @@ use crate::sparse::dot;
 /// How a solution ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum DelassusStatus {
     /// The residual is at most the tolerance.
     Solved,
@@ -40,6 +41,7 @@ impl fmt::Display for DelassusStatus {
 /// What an entry of the history did.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum DelassusPhase {
     /// Sweeps of nonsmooth Gauss–Seidel.
     Sweeps,
@@ -52,6 +54,7 @@ pub enum DelassusPhase {
 /// One entry of the history.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct DelassusIteration {
     /// Number of the entry, from 0.
     pub index: usize,
@@ -71,6 +74,7 @@ pub struct DelassusIteration {
 /// Result of [`DelassusSolver::solve`](super::DelassusSolver::solve): the solution or, failing that, the best iterate.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct DelassusReport {
     /// How it ended.
     pub status: DelassusStatus,

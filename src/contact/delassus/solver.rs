@@ -27,6 +27,8 @@ const INNER: usize = 60;
 /// Factorisations without a gain of a factor 3 after which proximal steps are given up.
 const PATIENCE: usize = 300;
 const FIRST_PATIENCE: usize = 40;
+/// Most proximal steps in a row without a factorisation: α is then at its least and nothing moves.
+const MAX_IDLE: usize = 60;
 
 /// Weight of velocities in Newton's residual where 1 has not done: with that contacts of packings go to and fro between open and
 /// closed from one iteration to the next.
@@ -314,6 +316,8 @@ impl<'a, const D: usize> Run<'a, D> {
         let (mut mark, mut mark_at) = (f64::INFINITY, self.newton.factorisations);
         // The violation at the centre, once that is known.
         let mut at_centre = f64::INFINITY;
+        // Steps in a row that needed no factorisation, which no other limit counts.
+        let mut idle = 0;
         loop {
             let before = self.newton.factorisations;
             if self.newton.deadline.is_over() || before >= self.options.max_factorisations {
@@ -333,6 +337,10 @@ impl<'a, const D: usize> Run<'a, D> {
             );
             let work = self.newton.factorisations - before;
             let converged = inner == Inner::Converged;
+            idle = if work == 0 { idle + 1 } else { 0 };
+            if idle > MAX_IDLE {
+                return Ok(ControlFlow::Continue(()));
+            }
             let residual = flow_value!(self.record(DelassusPhase::Proximal, alpha, work, converged)?);
             if converged {
                 alpha = (alpha * SHRINK).max(LEAST_ALPHA);

@@ -9,6 +9,7 @@ const STRAIGHT: f64 = 1e-4;
 /// A maximal chain of edges: through vertices of two arms, and straight on where several meet.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct DiagramBranch {
     /// Its edges in order, each with whether it is walked against its direction.
     pub edges: Vec<(usize, bool)>,

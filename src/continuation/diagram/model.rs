@@ -40,7 +40,6 @@ pub struct Diagram {
     pub(super) same_point: f64,
     pub(super) points: usize,
     /// Typical sizes by which the exploration divided the variables; none for no scaling.
-    #[cfg_attr(feature = "serde", serde(default))]
     pub(super) sizes: Vec<f64>,
 }
 

@@ -12,6 +12,7 @@ use crate::sparse::norm;
 /// A solution at a given α.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Solution {
     /// x = (y, α).
     pub x: Vec<f64>,
@@ -29,6 +30,7 @@ pub struct Solution {
 /// The solutions of a diagram at one α.
 #[derive(Debug, Clone, PartialEq, Default)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SolutionsAt {
     /// Solutions that are no part of a continuum.
     pub points: Vec<Solution>,
@@ -60,6 +62,7 @@ impl SolutionsAt {
 /// A point where α turns.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct DiagramFold {
     /// x = (y, α).
     pub x: Vec<f64>,

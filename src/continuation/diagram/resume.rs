@@ -194,6 +194,9 @@ impl Diagram {
             check_vector("a tangent of the diagram", &p.tangent, m)?;
             check_selection(what, &p.selection, map)?;
         }
+        if !self.sizes.is_empty() {
+            check_vector("the typical sizes of the diagram", &self.sizes, m)?;
+        }
         self.check_structure()
     }
 

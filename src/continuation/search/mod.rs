@@ -18,6 +18,7 @@ use crate::sparse::norm;
 /// What led to a solution.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum FoundBy {
     /// A start that was given.
     Start,
@@ -54,6 +55,7 @@ impl fmt::Display for FoundBy {
 /// A solution that was found.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct FoundSolution {
     /// The point: y, followed by α for a curve.
     pub x: Vec<f64>,
@@ -70,6 +72,7 @@ pub struct FoundSolution {
 /// The solutions that a search has found. Nothing says that they are all: a search never certifies completeness.
 #[derive(Debug, Clone, PartialEq, Default)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct FoundSolutions {
     /// The solutions, in the order in which they were found.
     pub solutions: Vec<FoundSolution>,

@@ -1,0 +1,371 @@
+//! Public types go from thread to thread: all are `Send + Sync`, but for the few named with their reasons. The tables are complete.
+
+use std::collections::BTreeSet;
+
+use semismooth::complementarity::{AffineFunction as F, Program};
+use semismooth::contact::{ContactError, DelassusError, OrthotropicCoulomb, PlanarCoulomb};
+use semismooth::continuation::ContinuationError;
+use semismooth::linear::AutoSolver;
+use semismooth::piecewise::MinMap;
+use semismooth::sparse::Matrix;
+
+type Map = MinMap<fn(&[f64], &mut [f64], &mut [f64])>;
+
+struct Quadratic;
+impl Program for Quadratic {
+    fn num_vars(&self) -> usize {
+        0
+    }
+    fn num_constraints(&self) -> usize {
+        0
+    }
+    fn gradient(&self, _: &[f64], _: &mut [f64]) {}
+    fn constraints(&self, _: &[f64], _: &mut [f64]) {}
+    fn constraint_jacobian(&self, _: &[f64], _: &mut Matrix) {}
+    fn hessian(&self, _: &[f64], _: &[f64], _: &mut Matrix) {}
+}
+
+#[cfg(feature = "autodiff")]
+mod traced {
+    use semismooth::complementarity::SmoothFunction;
+    use semismooth::piecewise::{Kinks, NonsmoothFunction, Real};
+
+    pub(super) struct Smooth;
+    impl SmoothFunction for Smooth {
+        fn num_vars(&self) -> usize {
+            0
+        }
+        fn eval<T: Real>(&self, _: &[T], _: &mut [T]) {}
+    }
+
+    pub(super) struct Kinked;
+    impl NonsmoothFunction for Kinked {
+        fn num_vars(&self) -> usize {
+            0
+        }
+        fn num_residuals(&self) -> usize {
+            0
+        }
+        fn eval<T: Real>(&self, _: &[T], _: &mut Kinks<'_, T>, _: &mut [T]) {}
+    }
+}
+#[cfg(feature = "autodiff")]
+use traced::{Kinked, Smooth};
+
+fn shared<T: Send + Sync>() {}
+fn sent<T: Send>() {}
+fn error<T: std::error::Error + Clone + PartialEq + Send + Sync + 'static>() {}
+
+/// Names of the types, each of which is checked as it is compiled.
+macro_rules! all_shared {
+    ($($name:literal: $type:ty,)*) => {
+        vec![$({
+            shared::<$type>();
+            $name
+        }),*]
+    };
+}
+
+fn of_every_build() -> Vec<&'static str> {
+    use semismooth::*;
+    all_shared! {
+        "complementarity::AffineFunction": complementarity::AffineFunction,
+        "complementarity::AtParameter": complementarity::AtParameter<F>,
+        "complementarity::BoundState": complementarity::BoundState,
+        "complementarity::ComplementarityError": complementarity::ComplementarityError,
+        "complementarity::ConstraintKind": complementarity::ConstraintKind,
+        "complementarity::Differenced": complementarity::Differenced<fn(&[f64], &mut [f64])>,
+        "complementarity::Fallback": complementarity::Fallback,
+        "complementarity::FischerBurmeister": complementarity::FischerBurmeister<'static, F>,
+        "complementarity::JacobianCheck": complementarity::JacobianCheck,
+        "complementarity::Kkt": complementarity::Kkt<Quadratic>,
+        "complementarity::Lcp": complementarity::Lcp,
+        "complementarity::Mcp": complementarity::Mcp<F>,
+        "complementarity::McpIteration": complementarity::McpIteration,
+        "complementarity::McpOptions": complementarity::McpOptions,
+        "complementarity::McpReport": complementarity::McpReport,
+        "complementarity::McpSolver": complementarity::McpSolver,
+        "complementarity::McpStatus": complementarity::McpStatus,
+        "complementarity::McpStep": complementarity::McpStep,
+        "complementarity::McpStrategy": complementarity::McpStrategy,
+        "complementarity::WithJacobian": complementarity::WithJacobian<fn(&[f64], &mut [f64]), fn(&[f64], &mut Matrix)>,
+        "complementarity::active_set::ActiveSetIteration": complementarity::active_set::ActiveSetIteration,
+        "complementarity::active_set::ActiveSetOptions": complementarity::active_set::ActiveSetOptions,
+        "complementarity::active_set::ActiveSetReport": complementarity::active_set::ActiveSetReport,
+        "complementarity::active_set::ActiveSetSolver": complementarity::active_set::ActiveSetSolver,
+        "complementarity::active_set::ActiveSetStatus": complementarity::active_set::ActiveSetStatus,
+        "complementarity::active_set::AutoReduced": complementarity::active_set::AutoReduced,
+        "complementarity::active_set::DirectReduced": complementarity::active_set::DirectReduced,
+        "complementarity::active_set::Exchange": complementarity::active_set::Exchange,
+        "complementarity::active_set::GmresReduced": complementarity::active_set::GmresReduced,
+        "complementarity::active_set::LevelReport": complementarity::active_set::LevelReport,
+        "complementarity::active_set::MultigridReduced": complementarity::active_set::MultigridReduced,
+        "complementarity::active_set::Nested": complementarity::active_set::Nested,
+        "complementarity::active_set::NestedReport": complementarity::active_set::NestedReport,
+        "complementarity::active_set::Start": complementarity::active_set::Start,
+        "complementarity::pivoting::Lemke": complementarity::pivoting::Lemke,
+        "complementarity::pivoting::LemkeOptions": complementarity::pivoting::LemkeOptions,
+        "complementarity::pivoting::LemkeReport": complementarity::pivoting::LemkeReport,
+        "complementarity::pivoting::LemkeStatus": complementarity::pivoting::LemkeStatus,
+        "contact::Arrival": contact::Arrival,
+        "contact::CondensedContact": contact::CondensedContact<PlanarCoulomb>,
+        "contact::CondensedFriction": contact::CondensedFriction,
+        "contact::ContactAttempt": contact::ContactAttempt,
+        "contact::ContactBody": contact::ContactBody,
+        "contact::ContactProgress": contact::ContactProgress,
+        "contact::ContactReport": contact::ContactReport,
+        "contact::ContactStrategy": contact::ContactStrategy,
+        "contact::ContactEnergy": contact::ContactEnergy,
+        "contact::ContactError": contact::ContactError,
+        "contact::ContactResiduals": contact::ContactResiduals,
+        "contact::ContactSolution": contact::ContactSolution,
+        "contact::ContactState": contact::ContactState,
+        "contact::DelassusError": contact::DelassusError,
+        "contact::DelassusIteration": contact::DelassusIteration,
+        "contact::DelassusOptions": contact::DelassusOptions,
+        "contact::DelassusPhase": contact::DelassusPhase,
+        "contact::DelassusProblem": contact::DelassusProblem,
+        "contact::DelassusReport": contact::DelassusReport,
+        "contact::DelassusSolver": contact::DelassusSolver,
+        "contact::DelassusStatus": contact::DelassusStatus,
+        "contact::EvolutionStep": contact::EvolutionStep,
+        "contact::FixedPointOptions": contact::FixedPointOptions,
+        "contact::FixedPointReport": contact::FixedPointReport,
+        "contact::FrictionCoefficient": contact::FrictionCoefficient,
+        "contact::FrictionCurve": contact::FrictionCurve,
+        "contact::FrictionFamily": contact::FrictionFamily,
+        "contact::FrictionPath": contact::FrictionPath,
+        "contact::FrictionProblem": contact::FrictionProblem,
+        "contact::FrictionStart": contact::FrictionStart,
+        "contact::Frictionless": contact::Frictionless,
+        "contact::FullContact": contact::FullContact<OrthotropicCoulomb>,
+        "contact::GivenBound": contact::GivenBound,
+        "contact::HildRenard": contact::HildRenard,
+        "contact::HildRenardBranch": contact::HildRenardBranch,
+        "contact::HildRenardCase": contact::HildRenardCase,
+        "contact::LoadPath": contact::LoadPath,
+        "contact::LocalRow": contact::LocalRow,
+        "contact::LocalValues": contact::LocalValues,
+        "contact::NodeValues": contact::NodeValues,
+        "contact::OrthotropicCoulomb": contact::OrthotropicCoulomb,
+        "contact::PlanarCoulomb": contact::PlanarCoulomb,
+        "contact::SlipBound": contact::SlipBound,
+        "contact::UniquenessConstants": contact::UniquenessConstants,
+        "continuation::Arm": continuation::Arm,
+        "continuation::Branch": continuation::Branch,
+        "continuation::BranchPoint": continuation::BranchPoint,
+        "continuation::CharacterChange": continuation::CharacterChange,
+        "continuation::Completeness": continuation::Completeness,
+        "continuation::ContinuationError": continuation::ContinuationError,
+        "continuation::ContinuationOptions": continuation::ContinuationOptions,
+        "continuation::Diagram": continuation::Diagram,
+        "continuation::DiagramBranch": continuation::DiagramBranch,
+        "continuation::DiagramEdge": continuation::DiagramEdge,
+        "continuation::DiagramFold": continuation::DiagramFold,
+        "continuation::DiagramOptions": continuation::DiagramOptions,
+        "continuation::DiagramVertex": continuation::DiagramVertex,
+        "continuation::Direction": continuation::Direction,
+        "continuation::EdgeEnd": continuation::EdgeEnd,
+        "continuation::Event": continuation::Event,
+        "continuation::FoldSet": continuation::FoldSet<Map>,
+        "continuation::FoundBy": continuation::FoundBy,
+        "continuation::FoundSolution": continuation::FoundSolution,
+        "continuation::FoundSolutions": continuation::FoundSolutions,
+        "continuation::Limit": continuation::Limit,
+        "continuation::MonitorCrossing": continuation::MonitorCrossing,
+        "continuation::Point": continuation::Point,
+        "continuation::PointKind": continuation::PointKind,
+        "continuation::Progress": continuation::Progress<'static>,
+        "continuation::SavedRun": continuation::SavedRun,
+        "continuation::SearchOptions": continuation::SearchOptions,
+        "continuation::SiteChange": continuation::SiteChange,
+        "continuation::SmoothFold": continuation::SmoothFold,
+        "continuation::Solution": continuation::Solution,
+        "continuation::SolutionsAt": continuation::SolutionsAt,
+        "continuation::Strategy": continuation::Strategy,
+        "continuation::Termination": continuation::Termination,
+        "continuation::Transition": continuation::Transition,
+        "continuation::TransitionKind": continuation::TransitionKind,
+        "continuation::TransitionSet": continuation::TransitionSet<Map>,
+        "continuation::VertexArm": continuation::VertexArm,
+        "continuation::VertexKind": continuation::VertexKind,
+        "enumeration::Completeness": enumeration::Completeness,
+        "enumeration::Continuum": enumeration::Continuum,
+        "enumeration::DirectionalArm": enumeration::DirectionalArm,
+        "enumeration::DirectionalArms": enumeration::DirectionalArms,
+        "enumeration::EnumerationError": enumeration::EnumerationError,
+        "enumeration::EnumerationOptions": enumeration::EnumerationOptions,
+        "enumeration::Solution": enumeration::Solution,
+        "enumeration::SolutionSet": enumeration::SolutionSet,
+        "fem::BoundaryFacet": fem::BoundaryFacet,
+        "fem::CellKind": fem::CellKind,
+        "fem::ContactRows": fem::ContactRows,
+        "fem::ElasticSystem": fem::ElasticSystem,
+        "fem::Elasticity": fem::Elasticity,
+        "fem::FemError": fem::FemError,
+        "fem::Foundation": fem::Foundation,
+        "fem::Material": fem::Material,
+        "fem::Mesh": fem::Mesh,
+        "fem::Multipliers": fem::Multipliers,
+        "fem::PlaneModel": fem::PlaneModel,
+        "fem::TraceSpace": fem::TraceSpace<'static>,
+        "interface::CondensedInterface": interface::CondensedInterface<Map>,
+        "interface::InterfaceError": interface::InterfaceError,
+        "interface::InterfaceLoad": interface::InterfaceLoad,
+        "interface::InterfaceProblem": interface::InterfaceProblem<Map>,
+        "linear::AutoSolver": linear::AutoSolver,
+        "linear::Bordered": linear::Bordered,
+        "linear::Cholesky": linear::Cholesky,
+        "linear::Condensation": linear::Condensation,
+        "linear::DenseLu": linear::DenseLu,
+        "linear::IncompleteLu": linear::IncompleteLu,
+        "linear::LinearError": linear::LinearError,
+        "linear::NullSpace": linear::NullSpace,
+        "linear::Prolongation": linear::Prolongation,
+        "linear::SparseLu": linear::SparseLu,
+        "newton::Convergence": newton::Convergence,
+        "newton::Correction": newton::Correction,
+        "newton::Damping": newton::Damping,
+        "newton::Failure": newton::Failure,
+        "newton::Iteration": newton::Iteration,
+        "newton::MoorePenrose": newton::MoorePenrose<AutoSolver>,
+        "newton::Newton": newton::Newton,
+        "newton::NewtonError": newton::NewtonError,
+        "newton::NewtonOptions": newton::NewtonOptions,
+        "newton::Report": newton::Report,
+        "newton::Step": newton::Step,
+        "newton::Unsolved": newton::Unsolved,
+        "output::OutputError": output::OutputError,
+        "piecewise::ActiveSet": piecewise::ActiveSet,
+        "piecewise::Activity": piecewise::Activity,
+        "piecewise::CoherentOrientation": piecewise::CoherentOrientation,
+        "piecewise::Facet": piecewise::Facet,
+        "piecewise::LocalUniqueness": piecewise::LocalUniqueness,
+        "piecewise::MinMap": piecewise::MinMap<fn(&[f64], &mut [f64], &mut [f64])>,
+        "piecewise::PiecewiseError": piecewise::PiecewiseError,
+        "piecewise::Selection": piecewise::Selection,
+        "piecewise::Selections": piecewise::Selections,
+        "piecewise::TestLayout": piecewise::TestLayout,
+        "piecewise::check::CheckError": piecewise::check::CheckError,
+        "piecewise::check::CheckOptions": piecewise::check::CheckOptions,
+        "piecewise::check::CheckReport": piecewise::check::CheckReport,
+        "piecewise::check::Finding": piecewise::check::Finding,
+        "piecewise::check::FindingKind": piecewise::check::FindingKind,
+        "sparse::Matrix": sparse::Matrix,
+        "sparse::MatrixRef": sparse::MatrixRef<'static>,
+        "sparse::Pattern": sparse::Pattern,
+        "sparse::PatternRef": sparse::PatternRef<'static>,
+        "sparse::SparseError": sparse::SparseError,
+    }
+}
+
+#[cfg(feature = "autodiff")]
+fn of_autodiff() -> Vec<&'static str> {
+    use semismooth::*;
+    all_shared! {
+        "complementarity::Autodiff": complementarity::Autodiff<Smooth>,
+        "piecewise::Traced": piecewise::Traced<Kinked>,
+    }
+}
+
+#[cfg(feature = "json")]
+fn of_json() -> Vec<&'static str> {
+    use semismooth::*;
+    all_shared! {
+        "contact::DiscreteFolder": contact::DiscreteFolder,
+    }
+}
+
+#[cfg(feature = "svg")]
+fn of_svg() -> Vec<&'static str> {
+    use semismooth::*;
+    all_shared! {
+        "output::BranchDiagram": output::BranchDiagram,
+        "output::Colour": output::Colour,
+        "output::Curve": output::Curve,
+        "output::Panel": output::Panel,
+        "output::SegmentStyle": output::SegmentStyle,
+    }
+}
+
+#[cfg(feature = "vtk")]
+fn of_vtk() -> Vec<&'static str> {
+    use semismooth::*;
+    all_shared! {
+        "output::Field": output::Field,
+    }
+}
+
+/// Those that are not shared, and why.
+const NOT_SHARED: [&str; 5] = [
+    // Sent, not shared: it steps through `&mut self` alone, and carries the caller's monitors.
+    "continuation::Continuation",
+    // A closure of the caller's, which may borrow from the thread; the writers hold such columns and a writer of the caller's.
+    "output::Column",
+    "output::CsvWriter",
+    "output::JsonLinesWriter",
+    // The record of one evaluation, lent to the function that is being traced.
+    "piecewise::Kinks",
+];
+
+#[test]
+fn all_types_are_in_the_tables() {
+    sent::<semismooth::continuation::Continuation<'static, Map>>();
+    let mut known: BTreeSet<&str> = NOT_SHARED.into_iter().collect();
+    known.extend(of_every_build());
+    #[cfg(feature = "autodiff")]
+    known.extend(of_autodiff());
+    #[cfg(feature = "json")]
+    known.extend(of_json());
+    #[cfg(feature = "svg")]
+    known.extend(of_svg());
+    #[cfg(feature = "vtk")]
+    known.extend(of_vtk());
+    let list = include_str!("data/public_api.txt");
+    let is_type = |line: &str| {
+        let bare = line
+            .split_whitespace()
+            .find(|w| matches!(*w, "struct" | "enum" | "fn" | "impl" | "trait"));
+        matches!(bare, Some("struct" | "enum"))
+    };
+    let off = |line: &str| {
+        [
+            ("autodiff", cfg!(feature = "autodiff")),
+            ("json", cfg!(feature = "json")),
+            ("svg", cfg!(feature = "svg")),
+            ("vtk", cfg!(feature = "vtk")),
+        ]
+        .iter()
+        .any(|(name, on)| !on && line.contains(&format!("feature = \"{name}\"")))
+    };
+    let public: BTreeSet<&str> = list
+        .lines()
+        .filter_map(|line| line.split_once(": "))
+        .filter(|(_, line)| is_type(line) && !off(line))
+        .map(|(path, _)| path)
+        .collect();
+    let missing: Vec<_> = public.difference(&known).collect();
+    assert!(missing.is_empty(), "not in the tables: {missing:?}");
+    assert!(
+        public.len() > 150,
+        "the list of the public interface was not understood"
+    );
+}
+
+/// Errors go through `Box<dyn Error + Send + Sync>` and are compared in tests.
+#[test]
+fn errors_are_data() {
+    error::<semismooth::complementarity::ComplementarityError>();
+    error::<ContactError>();
+    error::<DelassusError>();
+    error::<ContinuationError>();
+    error::<semismooth::enumeration::EnumerationError>();
+    error::<semismooth::fem::FemError>();
+    error::<semismooth::interface::InterfaceError>();
+    error::<semismooth::linear::LinearError>();
+    error::<semismooth::newton::NewtonError>();
+    error::<semismooth::output::OutputError>();
+    error::<semismooth::piecewise::PiecewiseError>();
+    error::<semismooth::piecewise::check::CheckError>();
+    error::<semismooth::sparse::SparseError>();
+}

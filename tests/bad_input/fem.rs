@@ -1,0 +1,436 @@
+use std::path::Path;
+
+use semismooth::fem::{
+    CellKind, Elasticity, Foundation, Material, Mesh, Multipliers, TraceSpace, parse_getfem, parse_gmsh,
+    read_getfem, read_gmsh,
+};
+
+use super::table::{BAD, NOT_POSITIVE, Table};
+
+fn square() -> Mesh {
+    let mut mesh = Mesh::rectangle([0.0; 2], [1.0; 2], [2, 2]).unwrap();
+    mesh.mark_boundary("bottom", |f| f.centre[1] == 0.0);
+    mesh.mark_boundary("top", |f| f.centre[1] == 1.0);
+    mesh.mark_boundary("none", |_| false);
+    mesh
+}
+
+fn body() -> Elasticity {
+    Elasticity::new(square(), Material::isotropic(1.0, 0.3).unwrap()).fix("top")
+}
+
+#[test]
+fn finite_elements() {
+    let mut t = Table::new("fem");
+    meshes(&mut t);
+    materials(&mut t);
+    bodies(&mut t);
+    readers(&mut t);
+    t.finish();
+}
+
+fn meshes(t: &mut Table) {
+    let points = || vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    for (name, new) in [
+        (
+            "fem::Mesh::new",
+            Mesh::new as fn(usize, Vec<[f64; 3]>, Vec<(CellKind, Vec<usize>)>) -> _,
+        ),
+        ("fem::Mesh::oriented", Mesh::oriented),
+    ] {
+        let triangle = |nodes: Vec<usize>| vec![(CellKind::Triangle, nodes)];
+        for dim in [0, 1, 4, usize::MAX] {
+            t.refuses(name, "dimension", "dimension", || {
+                new(dim, points(), triangle(vec![0, 1, 2]))
+            });
+        }
+        t.refuses(name, "nothing", "empty", || new(2, vec![], vec![]));
+        t.refuses(name, "no cells", "", || new(2, points(), vec![]));
+        t.refuses(name, "too few nodes", "cell 0", || {
+            new(2, points(), triangle(vec![0, 1]))
+        });
+        t.refuses(name, "a node that is not there", "node 7", || {
+            new(2, points(), triangle(vec![0, 1, 7]))
+        });
+        t.refuses(name, "usize::MAX", "node", || {
+            new(2, points(), triangle(vec![0, 1, usize::MAX]))
+        });
+        t.refuses(name, "a node twice", "", || {
+            new(2, points(), triangle(vec![0, 1, 1]))
+        });
+        t.refuses(name, "a cell of another dimension", "cell 0", || {
+            new(3, points(), triangle(vec![0, 1, 2]))
+        });
+        t.refuses(name, "a solid in the plane", "cell 0", || {
+            new(
+                2,
+                vec![[0.0; 3]; 4],
+                vec![(CellKind::Tetrahedron, vec![0, 1, 2, 3])],
+            )
+        });
+        t.refuses(name, "a loose node", "node 3", || {
+            new(2, [points(), vec![[5.0; 3]]].concat(), triangle(vec![0, 1, 2]))
+        });
+        t.refuses(name, "a flat cell", "cell 0", || {
+            new(
+                2,
+                vec![[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]],
+                triangle(vec![0, 1, 2]),
+            )
+        });
+        for bad in BAD {
+            t.refuses(name, "a coordinate", "node 1", || {
+                new(
+                    2,
+                    vec![[0.0; 3], [bad, 0.0, 0.0], [0.0, 1.0, 0.0]],
+                    triangle(vec![0, 1, 2]),
+                )
+            });
+        }
+        for size in [1e-320, 1e-160, 1e160, 1e300, f64::MAX] {
+            t.survives(name, "sizes", || {
+                new(
+                    2,
+                    vec![[0.0; 3], [size, 0.0, 0.0], [0.0, size, 0.0]],
+                    triangle(vec![0, 1, 2]),
+                )
+                .and_then(|mut m| {
+                    m.mark_boundary("all", |_| true);
+                    let material = Material::isotropic(1.0, 0.3)?;
+                    m.refined()?;
+                    Elasticity::new(m, material).fix_component("all", 0).assemble()
+                })
+            });
+        }
+    }
+    t.refuses("fem::Mesh::new", "a cell turned round", "cell 0", || {
+        Mesh::new(2, points(), vec![(CellKind::Triangle, vec![0, 2, 1])])
+    });
+    for bad in BAD {
+        t.refuses("fem::Mesh::rectangle", "a corner", "", || {
+            Mesh::rectangle([0.0, bad], [1.0; 2], [1, 1])
+        });
+        t.refuses("fem::Mesh::block", "a corner", "", || {
+            Mesh::block([0.0; 3], [1.0, bad, 1.0], [1; 3])
+        });
+        t.refuses("fem::Mesh::rectangle_graded", "a line", "line 1", || {
+            Mesh::rectangle_graded(&[0.0, bad], &[0.0, 1.0])
+        });
+        t.refuses("fem::Mesh::block_graded", "a line", "line 1", || {
+            Mesh::block_graded(&[0.0, 1.0], &[0.0, 1.0], &[0.0, bad])
+        });
+    }
+    for n in [0, usize::MAX, 1 << 40] {
+        t.refuses("fem::Mesh::rectangle", "numbers of cells", "", || {
+            Mesh::rectangle([0.0; 2], [1.0; 2], [n, 1])
+        });
+        t.refuses("fem::Mesh::rectangle", "numbers of cells", "", || {
+            Mesh::rectangle([0.0; 2], [1.0; 2], [1, n])
+        });
+        t.refuses("fem::Mesh::block", "numbers of cells", "", || {
+            Mesh::block([0.0; 3], [1.0; 3], [1, n, 1])
+        });
+    }
+    t.refuses(
+        "fem::Mesh::block",
+        "numbers of cells whose product overflows",
+        "",
+        || Mesh::block([0.0; 3], [1.0; 3], [1 << 25; 3]),
+    );
+    t.refuses("fem::Mesh::rectangle", "corners turned round", "", || {
+        Mesh::rectangle([1.0; 2], [0.0; 2], [1, 1])
+    });
+    t.refuses("fem::Mesh::block", "corners turned round", "", || {
+        Mesh::block([1.0; 3], [0.0; 3], [1; 3])
+    });
+    for lines in [vec![], vec![0.0], vec![0.0, 0.0], vec![1.0, 0.0]] {
+        t.refuses("fem::Mesh::rectangle_graded", "lines", "", || {
+            Mesh::rectangle_graded(&lines, &[0.0, 1.0])
+        });
+        t.refuses("fem::Mesh::block_graded", "lines", "", || {
+            Mesh::block_graded(&[0.0, 1.0], &lines, &[0.0, 1.0])
+        });
+    }
+    t.refuses("fem::Mesh::cell_group", "an unknown name", "\"x\"", || {
+        square().cell_group("x").map(drop)
+    });
+    t.refuses("fem::Mesh::facet_group", "an unknown name", "\"x\"", || {
+        square().facet_group("x").map(drop)
+    });
+    for facet in [vec![], vec![0], vec![0, 99], vec![0, 0], vec![0, 1, 2, 3, 4]] {
+        t.refuses("fem::Mesh::add_facet_group", "a facet", "", || {
+            square().add_facet_group("g", vec![facet.clone()])
+        });
+    }
+    t.survives("fem::Mesh::add_facet_group", "a facet of no cell", || {
+        let mut mesh = square();
+        mesh.add_facet_group("g", vec![vec![0, 8]])?;
+        let system = Elasticity::new(mesh, Material::isotropic(1.0, 0.3)?)
+            .fix("top")
+            .assemble()?;
+        system.contact("g", &Foundation::gap(|_| 0.0))
+    });
+    t.survives("fem::Mesh::add_facet_group", "no facets", || {
+        square().add_facet_group("g", vec![])
+    });
+    t.survives("fem::Mesh::refined", "any mesh", || square().refined());
+    t.survives("fem::Mesh::simplices", "any mesh", || square().simplices());
+}
+
+fn materials(t: &mut Table) {
+    for bad in BAD.into_iter().chain(NOT_POSITIVE) {
+        t.refuses("fem::Material::isotropic", "E", "E", || {
+            Material::isotropic(bad, 0.3)
+        });
+        t.refuses("fem::Material::lame", "mu", "mu", || Material::lame(1.0, bad));
+    }
+    for bad in BAD.into_iter().chain([0.5, -1.0, 2.0]) {
+        t.refuses("fem::Material::isotropic", "nu", "Poisson", || {
+            Material::isotropic(1.0, bad)
+        });
+    }
+    for bad in BAD.into_iter().chain([-1.0]) {
+        t.refuses("fem::Material::lame", "lambda", "lambda", || {
+            Material::lame(bad, 1.0)
+        });
+        t.refuses("fem::Material::tensor", "an entry", "tensor", || {
+            let mut c = Material::isotropic(1.0, 0.3).unwrap().components();
+            c[0][0][0][0] = bad;
+            Material::tensor(&c)
+        });
+    }
+    t.refuses("fem::Material::tensor", "no symmetry", "symmetric", || {
+        let mut c = Material::isotropic(1.0, 0.3).unwrap().components();
+        c[0][1][0][0] = 0.5;
+        Material::tensor(&c)
+    });
+    t.refuses("fem::Material::tensor", "nothing", "positive definite", || {
+        Material::tensor(&[[[[0.0; 3]; 3]; 3]; 3])
+    });
+    for size in [1e-320, 1e-300, 1e300, f64::MAX] {
+        t.survives("fem::Material::isotropic", "sizes", || {
+            let material = Material::isotropic(size, 0.3)?;
+            Elasticity::new(square(), material).fix("top").assemble()
+        });
+    }
+}
+
+fn bodies(t: &mut Table) {
+    let assemble = "fem::Elasticity::assemble";
+    let material = || Material::isotropic(1.0, 0.3).unwrap();
+    t.refuses(assemble, "an unknown group", "\"x\"", || {
+        body().fix("x").assemble()
+    });
+    t.survives(assemble, "an empty group", || body().fix("none").assemble());
+    t.refuses(assemble, "an unknown group of cells", "\"x\"", || {
+        body().with_material("x", material()).assemble()
+    });
+    for component in [2, usize::MAX] {
+        t.refuses(assemble, "a component that is not there", "component", || {
+            body().fix_component("top", component).assemble()
+        });
+        t.refuses(assemble, "a component that is not there", "component", || {
+            body().prescribe("top", component, |_| 0.0).assemble()
+        });
+    }
+    t.refuses(assemble, "nothing free", "prescribed", || {
+        let mut mesh = square();
+        mesh.mark_boundary("all", |_| true);
+        let mut one = Mesh::rectangle([0.0; 2], [1.0; 2], [1, 1])?;
+        one.mark_boundary("all", |_| true);
+        Elasticity::new(one, material()).fix("all").assemble()
+    });
+    let system = body().assemble().unwrap();
+    let n = system.num_free();
+    for bad in BAD {
+        t.refuses(assemble, "a value", "", || {
+            body().prescribe("bottom", 0, move |_| bad).assemble()
+        });
+        t.refuses("fem::ElasticSystem::body_force", "a force", "", || {
+            system.body_force(|_| [0.0, bad, 0.0])
+        });
+        t.refuses("fem::ElasticSystem::traction", "a traction", "", || {
+            system.traction("bottom", |_| [bad, 0.0, 0.0])
+        });
+        t.survives("fem::ElasticSystem::displacements", "no numbers", || {
+            system.displacements(&vec![bad; n])
+        });
+        t.survives("fem::ElasticSystem::stresses", "no numbers", || {
+            system.stresses(&vec![bad; n])
+        });
+        t.refuses("fem::ElasticSystem::contact", "a gap", "", || {
+            system.contact("bottom", &Foundation::gap(move |_| bad))
+        });
+        t.refuses("fem::ElasticSystem::contact", "a normal", "", || {
+            system.contact(
+                "bottom",
+                &Foundation::gap(|_| 0.0).with_normal(move |_| [0.0, bad, 0.0]),
+            )
+        });
+        t.refuses("fem::ElasticSystem::contact", "a plane", "", || {
+            system.contact("bottom", &Foundation::plane([0.0, bad, 0.0], [0.0, 1.0, 0.0]))
+        });
+        t.survives("fem::ElasticSystem::contact", "a tangent", || {
+            system.contact(
+                "bottom",
+                &Foundation::gap(|_| 0.0).with_tangent(move |_| [bad, 0.0, 0.0]),
+            )
+        });
+    }
+    for size in [0.0, 1e-320, 1e300, f64::MAX] {
+        t.survives("fem::ElasticSystem::contact", "normals of any length", || {
+            system.contact(
+                "bottom",
+                &Foundation::gap(|_| 0.0).with_normal(move |_| [0.0, -size, 0.0]),
+            )
+        });
+        t.survives("fem::ElasticSystem::contact", "tangents of any length", || {
+            system.contact(
+                "bottom",
+                &Foundation::gap(|_| 0.0).with_tangent(move |_| [size, 0.0, 0.0]),
+            )
+        });
+        t.survives(
+            "fem::ElasticSystem::contact",
+            "planes with normals of any length",
+            || system.contact("bottom", &Foundation::plane([0.0; 3], [0.0, size, 0.0])),
+        );
+        t.survives("fem::ElasticSystem::traction", "sizes", || {
+            system.traction("bottom", |_| [size, size, size])
+        });
+    }
+    for len in [0, 1, n + 1] {
+        t.refuses("fem::ElasticSystem::displacements", "another length", "", || {
+            system.displacements(&vec![0.0; len])
+        });
+        t.refuses("fem::ElasticSystem::stresses", "another length", "", || {
+            system.stresses(&vec![0.0; len])
+        });
+    }
+    for group in ["x", "none"] {
+        t.refuses("fem::ElasticSystem::contact", group, group, || {
+            system.contact(group, &Foundation::gap(|_| 0.0))
+        });
+        t.refuses("fem::ElasticSystem::contact_with", group, group, || {
+            system.contact_with(group, &Foundation::gap(|_| 0.0), Multipliers::DualCells)
+        });
+        t.refuses("fem::TraceSpace::new", group, group, || {
+            TraceSpace::new(system.mesh(), group, None).map(drop)
+        });
+    }
+    t.refuses(
+        "fem::ElasticSystem::traction",
+        "an unknown group",
+        "\"x\"",
+        || system.traction("x", |_| [0.0; 3]),
+    );
+    t.refuses("fem::ElasticSystem::contact", "a fixed boundary", "", || {
+        system.contact("top", &Foundation::gap(|_| 0.0))
+    });
+    for bad in BAD.into_iter().chain(NOT_POSITIVE) {
+        t.refuses(
+            "fem::ElasticSystem::contact_with",
+            "the size of patches",
+            "size",
+            || {
+                system.contact_with(
+                    "bottom",
+                    &Foundation::gap(|_| 0.0),
+                    Multipliers::Patches { size: bad },
+                )
+            },
+        );
+    }
+    for size in [1e-320, f64::MAX] {
+        t.survives("fem::ElasticSystem::contact_with", "patches", || {
+            system.contact_with("bottom", &Foundation::gap(|_| 0.0), Multipliers::Patches { size })
+        });
+    }
+    t.survives("fem::ElasticSystem::dof", "any node", || {
+        system.dof(usize::MAX, usize::MAX)
+    });
+    t.refuses(
+        "fem::TraceSpace::new",
+        "an unknown group that is fixed",
+        "\"x\"",
+        || TraceSpace::new(system.mesh(), "bottom", Some("x")).map(drop),
+    );
+    let space = || TraceSpace::new(system.mesh(), "bottom", None).unwrap();
+    t.survives("fem::TraceSpace::lumped_pairing", "any space", || {
+        space().lumped_pairing()
+    });
+    t.survives("fem::TraceSpace::pairing", "no functions", || {
+        space().pairing(0, |_, _| {})
+    });
+    t.refuses(
+        "fem::TraceSpace::pairing",
+        "a function that is not there",
+        "",
+        || space().pairing(1, |_, out| out.push((5, 1.0))),
+    );
+    for bad in BAD {
+        t.refuses("fem::TraceSpace::pairing", "a value", "", || {
+            space().pairing(1, |_, out| out.push((0, bad)))
+        });
+    }
+}
+
+fn readers(t: &mut Table) {
+    let path = Path::new("given.msh");
+    // Where sections are missing, no line can be named.
+    let file = |input: &str| match input {
+        "nothing" | "no text" | "no nodes" => "the file",
+        _ => "given.msh",
+    };
+    let node_lines = "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n";
+    let hostile: Vec<(&str, Vec<u8>)> = vec![
+        ("nothing", vec![]),
+        ("no text", vec![0xff; 64]),
+        ("another format", b"$MeshFormat\n9.9 0 8\n$EndMeshFormat\n".to_vec()),
+        ("no nodes", node_lines.as_bytes().to_vec()),
+        ("10^15 blocks of nodes", format!("{node_lines}$Nodes\n1000000000000000 1000000000000000 1 1000000000000000\n").into()),
+        ("10^15 nodes in a block", format!("{node_lines}$Nodes\n1 1000000000000000 1 1000000000000000\n2 1 0 1000000000000000\n1\n").into()),
+        ("more than usize", format!("{node_lines}$Nodes\n99999999999999999999 1 1 1\n").into()),
+        ("usize::MAX nodes", format!("{node_lines}$Nodes\n1 18446744073709551615 1 1\n2 1 0 18446744073709551615\n1\n0 0 0\n$EndNodes\n").into()),
+        ("10^15 nodes, format 2", b"$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n1000000000000000\n1 0 0 0\n".to_vec()),
+        ("10^15 elements, format 2", b"$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n1\n1 0 0 0\n$EndNodes\n$Elements\n1000000000000000\n1 2 0 1 1 1\n".to_vec()),
+        ("10^9 tags", b"$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n1\n1 0 0 0\n$EndNodes\n$Elements\n1\n1 2 1000000000 1 1 1\n$EndElements\n".to_vec()),
+        ("10^15 names", b"$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n1000000000000000\n1 1 \"a\"\n".to_vec()),
+        ("binary with 10^15 blocks", [b"$MeshFormat\n4.1 1 8\n\x01\x00\x00\x00\n$EndMeshFormat\n$Nodes\n".to_vec(), 1_000_000_000_000_000u64.to_le_bytes().repeat(4)].concat()),
+        ("binary with usize::MAX nodes", [b"$MeshFormat\n4.1 1 8\n\x01\x00\x00\x00\n$EndMeshFormat\n$Nodes\n".to_vec(), 1u64.to_le_bytes().to_vec(), u64::MAX.to_le_bytes().to_vec(), 1u64.to_le_bytes().to_vec(), u64::MAX.to_le_bytes().to_vec(), vec![2, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0], u64::MAX.to_le_bytes().to_vec()].concat()),
+        ("coordinates that are no numbers", b"$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n1\n1 nan inf 0\n$EndNodes\n".to_vec()),
+    ];
+    for (input, bytes) in &hostile {
+        t.refuses("fem::parse_gmsh", input, file(input), || parse_gmsh(bytes, path));
+    }
+    for (input, text) in [
+        ("nothing", ""),
+        ("another file", "hello"),
+        ("no end", "BEGIN POINTS LIST\n POINT 0 0 0\n"),
+        (
+            "a point of 10^15",
+            "BEGIN POINTS LIST\n POINT COUNT 1000000000000000\n POINT 0 0 0\nEND POINTS LIST\n",
+        ),
+        (
+            "point number 10^15",
+            "BEGIN POINTS LIST\n POINT 1000000000000000 0 0\nEND POINTS LIST\n",
+        ),
+        (
+            "point usize::MAX",
+            "BEGIN POINTS LIST\n POINT 18446744073709551615 0 0\nEND POINTS LIST\n",
+        ),
+        (
+            "no numbers",
+            "BEGIN POINTS LIST\n POINT 0 nan inf\nEND POINTS LIST\n",
+        ),
+    ] {
+        t.refuses("fem::parse_getfem", input, "the file", || {
+            parse_getfem(text, path)
+        });
+    }
+    let missing = Path::new("no/such/file");
+    t.refuses("fem::read_gmsh", "no file", "no/such/file", || read_gmsh(missing));
+    t.refuses("fem::read_getfem", "no file", "no/such/file", || {
+        read_getfem(missing)
+    });
+}

@@ -1,0 +1,191 @@
+use std::io::{self, Write};
+use std::ops::ControlFlow;
+use std::path::Path;
+
+use semismooth::continuation::{
+    Branch, Continuation, ContinuationOptions, Diagram, DiagramOptions, Direction,
+};
+use semismooth::output::{Column, CsvWriter, write_csv, write_diagram_csv};
+use semismooth::piecewise::MinMap;
+
+use super::piecewise::vee;
+use super::table::{BAD, Table};
+
+/// A disc that is full.
+struct Full;
+impl Write for Full {
+    fn write(&mut self, _: &[u8]) -> io::Result<usize> {
+        Err(io::Error::other("no space left"))
+    }
+    fn flush(&mut self) -> io::Result<()> {
+        Err(io::Error::other("no space left"))
+    }
+}
+
+#[test]
+fn outputs() {
+    let mut t = Table::new("output");
+    let map = vee();
+    let o = || ContinuationOptions::default().with_parameter_range((-1.0, 1.0));
+    let branch = Branch::follow(&map, &[0.5, 0.5], Direction::Decreasing, o()).unwrap();
+    let diagram = Diagram::explore(
+        &map,
+        &[[0.5, 0.5]],
+        &DiagramOptions::default().with_continuation(o()),
+    )
+    .unwrap();
+    let mut events = Vec::new();
+    let curve = Continuation::new(&map, &[0.5, 0.5], Direction::Decreasing, o()).unwrap();
+    Branch::collect(curve, |e| {
+        events.push(e.clone());
+        ControlFlow::Continue(())
+    })
+    .unwrap();
+    let other = MinMap::curve(3, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+        a.copy_from_slice(&x[..3]);
+        b.fill(1.0);
+    });
+    let columns = || {
+        [
+            Column::entry("x", usize::MAX),
+            Column::new("nan", |_| f64::NAN),
+            Column::new("a,\"b\n", |_| 1.0),
+        ]
+    };
+
+    t.refuses("output::write_csv", "a full disc", "no space left", || {
+        write_csv(&mut Full, &map, &branch, &columns())
+    });
+    t.survives("output::write_csv", "another map", || {
+        write_csv(&mut Vec::new(), &other, &branch, &columns())
+    });
+    t.refuses(
+        "output::write_diagram_csv",
+        "a full disc",
+        "no space left",
+        || write_diagram_csv(&mut Full, &map, &diagram, &columns()),
+    );
+    t.survives("output::write_diagram_csv", "another map", || {
+        write_diagram_csv(&mut Vec::new(), &other, &diagram, &columns())
+    });
+    t.refuses("output::CsvWriter::new", "a full disc", "no space left", || {
+        CsvWriter::new(Full, &map, columns().into()).map(drop)
+    });
+    t.refuses("output::CsvWriter::write", "a full disc", "no space left", || {
+        CsvWriter::appending(Full, &map, columns().into()).write(&events[0])
+    });
+    t.survives("output::CsvWriter::write", "another map", || {
+        let mut writer = CsvWriter::new(Vec::new(), &other, columns().into()).unwrap();
+        events.iter().for_each(|e| drop(writer.write(e)));
+    });
+    for column in columns() {
+        t.survives("output::Column::value", "any x", || {
+            (column.value(&[]), column.value(&[f64::NAN]))
+        });
+    }
+    #[cfg(feature = "json")]
+    {
+        use semismooth::output::{JsonLinesWriter, write_diagram_json};
+        t.refuses(
+            "output::write_diagram_json",
+            "a full disc",
+            "no space left",
+            || write_diagram_json(&mut Full, &map, &diagram, &columns()),
+        );
+        t.survives("output::write_diagram_json", "another map", || {
+            write_diagram_json(&mut Vec::new(), &other, &diagram, &columns())
+        });
+        t.refuses(
+            "output::JsonLinesWriter::write",
+            "a full disc",
+            "no space left",
+            || JsonLinesWriter::new(Full, &map).write(&events[0]),
+        );
+        t.survives("output::JsonLinesWriter::write", "another map", || {
+            let mut writer = JsonLinesWriter::new(Vec::new(), &other);
+            events.iter().for_each(|e| drop(writer.write(e)));
+        });
+    }
+    #[cfg(feature = "svg")]
+    pictures(&mut t, &branch);
+    #[cfg(feature = "vtk")]
+    {
+        use semismooth::fem::Mesh;
+        use semismooth::output::{Field, write_vtu};
+        let mesh = Mesh::rectangle([0.0; 2], [1.0; 2], [1, 1]).unwrap();
+        let missing = Path::new("no/such/file.vtu");
+        t.refuses("output::write_vtu", "no folder", "no/such/file.vtu", || {
+            write_vtu(missing, &mesh, &[], &[])
+        });
+        for (components, n) in [(0, 0), (3, 1), (usize::MAX, 1), (1, 3)] {
+            t.refuses("output::write_vtu", "a field of another length", "f", || {
+                write_vtu(missing, &mesh, &[Field::new("f", components, vec![1.0; n])], &[])
+            });
+        }
+    }
+    t.finish();
+}
+
+#[cfg(feature = "svg")]
+fn pictures(t: &mut Table, branch: &Branch) {
+    use semismooth::output::{BranchDiagram, Colour, Curve, Panel, SegmentStyle};
+    let svg = "output::BranchDiagram::to_svg";
+    let style = || SegmentStyle::new("s", Colour::RED);
+    let line = |points: Vec<(f64, f64)>| Panel::new("x", "y").with_curve(Curve::line(points, style()));
+    let good = || line(vec![(0.0, 0.0), (1.0, 1.0)]);
+    let draw = |panel: Panel| BranchDiagram::new(panel).to_svg();
+    t.refuses(svg, "nothing", "nothing to draw", || draw(Panel::new("x", "y")));
+    t.survives(svg, "a curve without points", || draw(line(vec![])));
+    t.survives(svg, "a point", || draw(line(vec![(1.0, 1.0)])));
+    t.survives(svg, "one level", || draw(line(vec![(0.0, 1.0), (1.0, 1.0)])));
+    t.refuses(svg, "styles of another number", "styles", || {
+        draw(Panel::new("x", "y").with_curve(Curve::segments(vec![(0.0, 0.0), (1.0, 1.0)], vec![style(); 5])))
+    });
+    for bad in BAD {
+        t.refuses(svg, "a vertex", "vertex 1", || {
+            draw(line(vec![(0.0, 0.0), (bad, 1.0)]))
+        });
+        t.refuses(svg, "a vertex", "vertex 0", || {
+            draw(line(vec![(0.0, bad), (1.0, 1.0)]))
+        });
+        t.refuses(svg, "a range", "range", || draw(good().with_x_range(bad, 1.0)));
+        t.refuses(svg, "a range", "range", || draw(good().with_y_range(0.0, bad)));
+        t.survives(svg, "a mark", || {
+            let curve = Curve::line(vec![(0.0, 0.0), (1.0, 1.0)], style());
+            draw(
+                Panel::new("x", "y").with_curve(
+                    curve
+                        .with_transitions(vec![(bad, 0.0)])
+                        .with_branchings(vec![(0.0, bad)]),
+                ),
+            )
+        });
+        t.survives(svg, "an ordinate", || {
+            draw(Panel::new("x", "y").with_curve(Curve::of_branch(branch, |_| bad, |_, _| style())))
+        });
+    }
+    t.refuses(svg, "an empty range", "range", || {
+        draw(good().with_x_range(1.0, 1.0))
+    });
+    t.refuses(svg, "a range turned round", "range", || {
+        draw(good().with_y_range(1.0, 0.0))
+    });
+    for size in [1e-320, 1e-300, 1e300, f64::MAX] {
+        t.survives(svg, "sizes", || draw(line(vec![(-size, size), (size, -size)])));
+        t.survives(svg, "sizes", || {
+            draw(line(vec![(1.0, size), (1.0 + f64::EPSILON, 2.0 * size)]))
+        });
+        t.survives(svg, "a range", || draw(good().with_x_range(-size, size)));
+    }
+    for (width, height) in [(0, 0), (1, 1), (u32::MAX, u32::MAX), (800, 0)] {
+        t.survives(svg, "a size", || {
+            BranchDiagram::new(good()).with_size(width, height).to_svg()
+        });
+    }
+    t.refuses(
+        "output::BranchDiagram::write",
+        "no folder",
+        "no/such/file.svg",
+        || BranchDiagram::new(good()).write(Path::new("no/such/file.svg")),
+    );
+}
