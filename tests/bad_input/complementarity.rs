@@ -598,7 +598,8 @@ fn solvers(t: &mut Table) {
         || MultigridReduced::with_prolongations(vec![Arc::new(other())]).load(&definite()),
     );
     // Reduced solvers are public: called out of order, with parts that do not fit.
-    let reduced: [(&str, fn() -> Box<dyn ReducedSolver>); 4] = [
+    type Make = fn() -> Box<dyn ReducedSolver>;
+    let reduced: [(&str, Make); 4] = [
         ("AutoReduced", || Box::new(AutoReduced::new())),
         ("DirectReduced", || Box::new(DirectReduced::new())),
         ("GmresReduced", || {

@@ -105,7 +105,7 @@ fn correctors() {
                             unsolved.x.iter().all(|v| v.is_finite())
                                 && unsolved.x.len() == 1
                                 && (!unsolved.report.iterations.is_empty()
-                                    || matches!(unsolved.reason, Failure::NotFinite { .. }))
+                                    || matches!(unsolved.reason, Failure::NotFinite))
                         }
                         _ => false,
                     }

@@ -133,7 +133,7 @@ fn matches(patterns: &[Pattern], input: ParseStream<'_>, bindings: &mut Bindings
                 once,
             } => {
                 let mut found = Vec::new();
-                while !input.is_empty() && !(*once && found.len() == 1) {
+                while !(input.is_empty() || *once && found.len() == 1) {
                     let fork = input.fork();
                     if let (Some(separator), false) = (separator, found.is_empty()) {
                         let between: TokenTree = fork.parse()?;

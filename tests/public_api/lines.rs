@@ -379,10 +379,10 @@ fn generics(g: &Generics) -> String {
 fn signature(signature: &Signature) -> String {
     let mut signature = signature.clone();
     for input in &mut signature.inputs {
-        if let syn::FnArg::Typed(typed) = input {
-            if let syn::Pat::Ident(name) = &mut *typed.pat {
-                (name.mutability, name.by_ref) = (None, None);
-            }
+        if let syn::FnArg::Typed(typed) = input
+            && let syn::Pat::Ident(name) = &mut *typed.pat
+        {
+            (name.mutability, name.by_ref) = (None, None);
         }
     }
     text(&signature)
