@@ -4,7 +4,6 @@ use std::ops::ControlFlow;
 
 use super::form::Form;
 use super::node_law::{LocalRow, LocalValues, NodeLaw};
-use super::scaled::Scaled;
 use super::start::newton_step;
 use super::{ContactError, ContactProgress, ContactStrategy};
 use crate::continuation::{Arm, Continuation, ContinuationOptions, Direction, Event, Termination};
@@ -155,12 +154,8 @@ pub(super) fn lower<F: Form>(
         let length = norm(&x[..displacements]) / (displacements.max(1) as f64).sqrt();
         units[..displacements].fill(length.max(height));
         units[m - 1] = 1.0;
-        let map = Scaled { map: &map, units };
         let points = (WORK / (m as f64).powi(3)).clamp(FEWEST, POINTS);
-        follow(&map, &map.y(&x), points as usize, &mut see).map(|mut end| {
-            end.x = map.x(&end.x);
-            end
-        })
+        follow(&map, &x, units, points as usize, &mut see)
     };
     Ok(arrival.map(|mut end| {
         end.x[m - 1] = alpha;
@@ -193,25 +188,27 @@ fn increments<M: PiecewiseSmooth>(map: &M, x: Vec<f64>, see: &mut dyn FnMut(f64)
     end
 }
 
-/// The end of the curve from y, or its point with the largest parameter; at a branching along the arm on which the parameter grows
+/// The end of the curve from x, measured in the given units, or its point with the largest parameter; at a branching along the arm on which the parameter grows
 /// fastest.
 fn follow<M: PiecewiseSmooth>(
     map: &M,
-    y: &[f64],
+    x: &[f64],
+    units: Vec<f64>,
     points: usize,
     see: &mut dyn FnMut(f64) -> bool,
 ) -> Option<Arrival> {
-    let last = y.len() - 1;
+    let last = x.len() - 1;
     let options = ContinuationOptions::default()
         .with_parameter_range((-0.2, 1.0))
         .with_step(0.1)
-        .with_max_step(1.0 + (y.len() as f64).sqrt())
+        .with_max_step(1.0 + (x.len() as f64).sqrt())
         .with_max_points(points)
         .with_max_nodes(20_000)
-        .with_max_growth(1e8);
-    let mut curve = Continuation::new(map, y, Direction::Increasing, options.clone()).ok()?;
+        .with_max_growth(1e8)
+        .with_typical_sizes(units.clone());
+    let mut curve = Continuation::new(map, x, Direction::Increasing, options.clone()).ok()?;
     let mut best = Arrival {
-        x: y.to_vec(),
+        x: x.to_vec(),
         points: 0,
         interrupted: false,
     };
@@ -230,7 +227,14 @@ fn follow<M: PiecewiseSmooth>(
         }
         match (curve.termination(), end) {
             (Some(Termination::Branching), Some(Event::Transition(t))) if best.points < points => {
-                let rate = |a: &Arm| a.tangent[last];
+                let length = |t: &[f64]| {
+                    t.iter()
+                        .zip(&units)
+                        .map(|(t, d)| (t / d).powi(2))
+                        .sum::<f64>()
+                        .sqrt()
+                };
+                let rate = |a: &Arm| a.tangent[last] / length(&a.tangent);
                 let arm = t.arms.iter().max_by(|a, b| rate(a).total_cmp(&rate(b)))?;
                 curve = Continuation::along_arm(map, &t.x, arm, options.clone()).ok()?;
             }

@@ -26,7 +26,6 @@ mod node_law;
 mod paths;
 mod problem;
 mod reduced;
-mod scaled;
 mod solution;
 mod start;
 mod strategy;

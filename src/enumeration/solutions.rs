@@ -188,6 +188,9 @@ fn of_scaled<P: PiecewiseSmooth + ?Sized>(
 /// Reciprocal condition below which the rank is determined by elimination with full pivoting.
 const DOUBTFUL: f64 = 1e-11;
 
+/// Part of the tolerance up to which a violated facet is taken for rounding in the solution.
+const CLEAR: f64 = 1e-2;
+
 /// Rounding error of a test function, relative to the largest of its site.
 const NOISE: f64 = 64.0 * f64::EPSILON;
 
@@ -308,9 +311,9 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Collector<'a, P> {
             self.map.cell(site, selection.piece(site)).iter().all(|facet| {
                 let margin = facet.margin(tests);
                 margin >= -rounding || {
-                    clean = false;
                     self.map.test_gradient(site, facet.test(), x, &mut gradient);
                     let size = norm(&gradient) * (1.0 + norm(x));
+                    clean &= margin >= -CLEAR * self.options.tolerance * size;
                     margin >= -self.options.tolerance * size
                 }
             })
