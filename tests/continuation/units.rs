@@ -190,6 +190,8 @@ fn diagrams_of_the_pitchfork() {
         })
         .unwrap();
         assert!(diagram.completeness().is_complete());
+        // Tangents in x are flat where y is of the order 1e9, and yet α moves.
+        assert!(diagram.edges().iter().all(|e| !e.is_vertical()));
         let largest = seen.iter().fold(0.0_f64, |a, y| a.max(*y));
         assert!((largest / unit - 1.0).abs() < 1e-9, "{largest}");
         let three = diagram.solutions_at(&map, 0.25).unwrap();

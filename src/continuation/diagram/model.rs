@@ -212,9 +212,12 @@ impl DiagramEdge {
     #[must_use]
     pub fn is_vertical(&self) -> bool {
         const FLAT: f64 = 1e-7;
+        let first = self.points.first().map_or(f64::NAN, Point::parameter);
+        // Tangents alone are flat wherever unknowns are large.
+        let constant = |p: &Point| (p.parameter() - first).abs() <= 1e-9 * (1.0 + first.abs());
         self.points
             .iter()
-            .all(|p| p.tangent.last().is_some_and(|t| t.abs() <= FLAT))
+            .all(|p| p.tangent.last().is_some_and(|t| t.abs() <= FLAT) && constant(p))
     }
 
     /// Signs of det ∇_yH^(σ) along the edge, each change once: one sign but where smooth folds are passed. Empty where the linear
