@@ -17,7 +17,7 @@ fn one_node(c: &mut Criterion) {
     let mut newton = Newton::default();
     let mut x = start;
     newton.solve(&problem, &mut x).unwrap();
-    let steps = newton.report().iterations.len() as u64 - 1;
+    let steps = newton.report().history.len() as u64 - 1;
     let mut group = c.benchmark_group("corrector, one contact node");
     group.throughput(Throughput::Elements(steps));
     group.bench_function(format!("{steps} iterations"), |b| {

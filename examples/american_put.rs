@@ -164,7 +164,7 @@ fn price(a: &Arguments) -> Outcome<Put> {
         let report = if step == 0 {
             solver.solve(lcp, &mut v)?
         } else {
-            solver.solve_from(lcp, &mut v, &sets)?
+            solver.solve_from_states(lcp, &mut v, &sets)?
         };
         if report.status != ActiveSetStatus::Solved {
             return Err(format!("step {step} ended as {:?}", report.status).into());

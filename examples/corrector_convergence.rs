@@ -61,13 +61,13 @@ fn history<P: PiecewiseSmooth>(title: &str, map: &P, parameter: f64) -> Outcome<
         map.num_sites()
     );
     println!("    k    residual        step     damping  sites changed");
-    for i in &report.iterations {
+    for i in &report.history {
         println!(
             "  {:>3}  {:10.3e}  {:10.3e}  {:10.3e}  {:>13}",
             i.index, i.residual_norm, i.step_norm, i.damping, i.sites_changed
         );
     }
-    let floor = 1e-13 * report.iterations.first().map_or(1.0, |i| i.residual_norm);
+    let floor = 1e-13 * report.history.first().map_or(1.0, |i| i.residual_norm);
     match report.observed_order(floor) {
         Some(order) if !map.is_piecewise_affine() => {
             println!("  observed order {order:.2} ({convergence:?})")

@@ -57,7 +57,8 @@ fn solve(file: &Path, args: &Args) -> Outcome<()> {
     let begun = Instant::now();
     let limit =
         Duration::try_from_secs_f64(args.seconds).map_err(|e| format!("--seconds {}: {e}", args.seconds))?;
-    let report = DelassusSolver::new(DelassusOptions::default().with_time_limit(limit))?.solve(&problem)?;
+    let report =
+        DelassusSolver::new(DelassusOptions::default().with_max_time(Some(limit))).solve(&problem)?;
     let seconds = begun.elapsed().as_secs_f64();
     // Judged by a fresh evaluation, not by what the solver believes.
     let residual = problem.residual(&report.r)?;

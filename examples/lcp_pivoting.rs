@@ -94,7 +94,7 @@ fn readme_of_path() -> Outcome<()> {
 }
 
 fn show(method: &str, lcp: &Lcp, z: &[f64], effort: &str) -> Outcome<()> {
-    let residual = lcp.natural_residual(z);
+    let residual = lcp.natural_residual(z, &mut vec![0.0; z.len()])?;
     let digits: Vec<String> = z.iter().map(|z| format!("{z:.6}")).collect();
     println!(
         "  {method:12} z = ({}), natural residual {residual:.1e}, {effort}",

@@ -113,7 +113,6 @@ fn states_of_contact_survive_files() {
     let problem = contact.delassus(0.0).unwrap();
     same(
         &DelassusSolver::new(DelassusOptions::default())
-            .unwrap()
             .solve(&problem)
             .unwrap(),
     );

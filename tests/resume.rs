@@ -211,8 +211,7 @@ fn states_of_other_maps_are_refused() {
         *place = value;
         let state: SavedRun = serde_json::from_value(json).unwrap();
         Continuation::resume(&case.problem, &state)
-            .err()
-            .expect("an error")
+            .expect_err("an error")
             .to_string()
     };
     for (path, value) in [

@@ -47,6 +47,7 @@ pub trait SmoothFunction {
 /// assert!(report.is_solved());
 /// # Ok::<(), semismooth::complementarity::ComplementarityError>(())
 /// ```
+#[derive(Clone)]
 pub struct Autodiff<S> {
     function: S,
     pattern: Pattern,
@@ -70,7 +71,8 @@ impl<S: SmoothFunction> Autodiff<S> {
     }
 
     /// The function.
-    pub fn inner(&self) -> &S {
+    #[must_use]
+    pub fn function(&self) -> &S {
         &self.function
     }
 }

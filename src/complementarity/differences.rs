@@ -164,6 +164,7 @@ impl<V: Fn(&[f64], &mut [f64])> McpFunction for Differenced<V> {
 /// What [`check_jacobian`] has seen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct JacobianCheck {
     /// Largest difference between an entry and its difference quotient, relative to 1 + its size.
     pub largest_error: f64,

@@ -38,6 +38,7 @@ pub trait Program {
 /// What a constraint of a [`Program`] says.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum ConstraintKind {
     /// cᵢ(x) ≥ 0, with a multiplier yᵢ ≥ 0.
     Nonnegative,

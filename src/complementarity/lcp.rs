@@ -18,7 +18,7 @@ use crate::sparse::Matrix;
 /// let lcp = Lcp::new(Matrix::from_rows(&[[-1.0]])?, vec![1.0])?;
 /// let set = all_solutions(lcp.mcp(), 0.0, &EnumerationOptions::default())?;
 /// assert_eq!(set.solutions.len(), 2);
-/// assert_eq!(lcp.natural_residual(&[1.0]), 0.0);
+/// assert_eq!(lcp.natural_residual(&[1.0], &mut [0.0])?, 0.0);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug, Clone, PartialEq)]
@@ -126,16 +126,17 @@ impl Lcp {
     ///
     /// # Panics
     /// Unless both slices have length n.
-    pub fn residual(&self, z: &[f64], w: &mut [f64]) {
+    pub fn value(&self, z: &[f64], w: &mut [f64]) {
         w.copy_from_slice(self.q());
         self.matrix().as_ref().mul_add(1.0, z, w);
     }
 
-    /// The natural residual maxᵢ |zᵢ − mid(lᵢ, uᵢ, zᵢ − wᵢ)|, zero exactly at solutions; NaN if `z` holds one or has not length n.
-    #[must_use]
-    pub fn natural_residual(&self, z: &[f64]) -> f64 {
-        let mut r = vec![0.0; self.len()];
-        self.mcp.natural_residual(z, &mut r).unwrap_or(f64::NAN)
+    /// The natural residual zᵢ − mid(lᵢ, uᵢ, zᵢ − wᵢ), zero exactly at solutions, into `out` (length n); returns its largest entry.
+    ///
+    /// # Errors
+    /// As [`Mcp::natural_residual`].
+    pub fn natural_residual(&self, z: &[f64], out: &mut [f64]) -> Result<f64, ComplementarityError> {
+        self.mcp.natural_residual(z, out)
     }
 
     /// The natural residual for w = M z + q at hand.

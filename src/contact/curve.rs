@@ -63,7 +63,7 @@ impl FrictionCurve {
         check(first, 0.0)?;
         check(last, f64::INFINITY)?;
         if !(length > 0.0 && length.is_finite()) {
-            return Err(ContactError::Curve {
+            return Err(ContactError::Invalid {
                 what: format!("the length of decay is {length}; it must be positive and finite"),
             });
         }
@@ -84,7 +84,7 @@ impl FrictionCurve {
         for (k, &(slip, value)) in points.iter().enumerate() {
             check(value, slip)?;
             if !(slip >= 0.0 && slip.is_finite() && (k == 0 || slip > points[k - 1].0)) {
-                return Err(ContactError::Curve {
+                return Err(ContactError::Invalid {
                     what: format!("slips of a table must increase from 0: point {k} is at {slip}"),
                 });
             }
@@ -191,7 +191,7 @@ fn check(value: f64, slip: f64) -> Result<(), ContactError> {
     if value >= 0.0 && value.is_finite() {
         Ok(())
     } else {
-        Err(ContactError::Curve {
+        Err(ContactError::Invalid {
             what: format!(
                 "the coefficient of friction at slip {slip} is {value}; it must be finite and not negative"
             ),

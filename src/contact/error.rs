@@ -100,9 +100,19 @@ pub enum ContactError {
         "only affine loads can be condensed: a general load path needs a solve at every parameter; use the full form"
     )]
     LoadNotAffine,
-    /// A curve of the coefficient of friction is malformed.
+    /// An option is out of its range.
+    #[error("option {name} = {value} is out of range; it must be {range}")]
+    Option {
+        /// Name of the field.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+        /// The range.
+        range: &'static str,
+    },
+    /// A curve of the coefficient of friction, a given bound, an area or a range of slips is malformed.
     #[error("{what}")]
-    Curve {
+    Invalid {
         /// What is wrong, and where.
         what: String,
     },

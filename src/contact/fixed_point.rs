@@ -53,6 +53,21 @@ impl FixedPointOptions {
         self.max_iterations = max_iterations;
         self
     }
+
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    /// [`ContactError::Option`] names the option out of range.
+    pub fn validate(&self) -> Result<(), ContactError> {
+        let bad = |name, value, range| Err(ContactError::Option { name, value, range });
+        if !(self.relaxation > 0.0 && self.relaxation <= 1.0) {
+            return bad("relaxation", self.relaxation, "in (0, 1]");
+        }
+        if !(self.tolerance >= 0.0 && self.tolerance.is_finite()) {
+            return bad("tolerance", self.tolerance, "finite and at least 0");
+        }
+        Ok(())
+    }
 }
 
 /// What [`fixed_point`] found.
@@ -88,26 +103,14 @@ impl FixedPointReport {
 /// F(φ) and given bound g. Each inner problem (Tresca friction) is solved by PS-Newton. The iteration starts with φ and g of `start`.
 ///
 /// # Errors
-/// Wrong lengths, a relaxation outside (0, 1], a tolerance that is negative or not finite, inner problems that cannot be solved. Not to converge is no error.
+/// Wrong lengths, options out of range, inner problems that cannot be solved. Not to converge is no error.
 pub fn fixed_point<L: NodeLaw>(
     problem: &CondensedContact<L>,
     start: &[f64],
     options: &FixedPointOptions,
 ) -> Result<FixedPointReport, ContactError> {
+    options.validate()?;
     let omega = options.relaxation;
-    if !(omega > 0.0 && omega <= 1.0) {
-        return Err(ContactError::Curve {
-            what: format!("the relaxation of the fixed-point iteration is {omega}; it must lie in (0, 1]"),
-        });
-    }
-    if !(options.tolerance >= 0.0 && options.tolerance.is_finite()) {
-        return Err(ContactError::Curve {
-            what: format!(
-                "the tolerance of the fixed-point iteration is {}; it must be finite and not negative",
-                options.tolerance
-            ),
-        });
-    }
     let q = problem.num_residuals();
     let begin = problem.solution(start)?.nodes;
     let alpha = start[q];

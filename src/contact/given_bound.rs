@@ -29,7 +29,7 @@ impl GivenBound {
         for (node, (g, f)) in bounds.iter().zip(&coefficients).enumerate() {
             for value in [*g, f[0], f[1]] {
                 if !(value >= 0.0 && value.is_finite()) {
-                    return Err(ContactError::Curve {
+                    return Err(ContactError::Invalid {
                         what: format!(
                             "the bound of friction at contact node {node} is made of {value}; it must be finite and not negative"
                         ),

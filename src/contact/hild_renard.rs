@@ -21,6 +21,7 @@ pub struct HildRenard {
 /// How many solution branches there are in α = F ≥ 0.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum HildRenardCase {
     /// One branch: (λ+3μ) f_ν + (λ+μ) f_t > 0, or ≤ 0 with f_ν ≤ 0.
     One,
@@ -33,6 +34,7 @@ pub enum HildRenardCase {
 /// A piece of a branch: a state, the interval of α on which it solves the problem, and its solution there.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct HildRenardBranch {
     /// State of the node.
     pub state: ContactState,

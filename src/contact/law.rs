@@ -75,6 +75,7 @@ impl fmt::Display for ContactState {
 /// The bound g of the friction interval [−g, g].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum SlipBound {
     /// g = F (θ¹)₊ with θ¹ = λ_ν + r (u_ν − gap): continuous everywhere, with exactly four pieces a node.
     #[default]
@@ -88,6 +89,7 @@ pub enum SlipBound {
 /// What happens at one contact node.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct NodeValues {
     /// u_ν − gap, ≤ 0 where admissible.
     pub penetration: f64,

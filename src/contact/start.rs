@@ -10,6 +10,7 @@ use crate::sparse::Matrix;
 /// Where the search for a first point begins.
 #[derive(Debug, Clone, PartialEq, Default)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum FrictionStart {
     /// x = 0.
     #[default]

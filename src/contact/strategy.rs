@@ -255,7 +255,7 @@ impl<F: Form> Search<'_, F> {
             strategy,
             r,
             path_points,
-            iterations: report.iterations.len(),
+            iterations: report.history.len(),
             residual_norm: report.residual_norm(),
             failure: None,
         };

@@ -38,7 +38,7 @@ impl UniquenessConstants {
         let p = problem.num_contacts();
         check_length("the areas of the contact nodes", areas, p)?;
         if let Some(node) = areas.iter().position(|a| *a <= 0.0) {
-            return Err(ContactError::Curve {
+            return Err(ContactError::Invalid {
                 what: format!(
                     "the area of contact node {node} is {}; it must be positive",
                     areas[node]
@@ -120,7 +120,7 @@ pub fn friction_bounds<L: NodeLaw>(
     samples: usize,
 ) -> Result<(f64, f64), ContactError> {
     if samples < 2 || !(largest_slip > 0.0 && largest_slip.is_finite()) {
-        return Err(ContactError::Curve {
+        return Err(ContactError::Invalid {
             what: format!(
                 "{samples} samples up to slip {largest_slip}: at least two, up to a positive slip, are needed"
             ),

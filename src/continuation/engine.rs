@@ -1,4 +1,5 @@
 use std::collections::VecDeque;
+use std::fmt;
 use std::time::Instant;
 
 use super::arms::{ArmSearch, Arms, RANK, vanishing_at};
@@ -346,6 +347,21 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
             return;
         };
         self.termination = Some(reason);
+    }
+}
+
+impl<P: PiecewiseSmooth + ?Sized, L> fmt::Debug for Continuation<'_, P, L> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut x = self.here.x.clone();
+        self.map.unscale(&mut x);
+        f.debug_struct("Continuation")
+            .field("x", &x)
+            .field("selection", &self.selection)
+            .field("arclength", &self.arclength)
+            .field("points", &self.points)
+            .field("termination", &self.termination)
+            .field("options", &self.options)
+            .finish_non_exhaustive()
     }
 }
 

@@ -135,18 +135,32 @@ impl ContinuationOptions {
         with_min_step(min_step: f64);
         /// Sets the largest step length.
         with_max_step(max_step: f64);
+        /// Sets the factor by which an easy step grows.
+        with_growth(growth: f64);
+        /// Sets the factor by which a rejected step shrinks.
+        with_shrink(shrink: f64);
+        /// Sets the bound on ‖H‖₂ of a corrected point.
+        with_residual_tolerance(residual_tolerance: f64);
+        /// Sets the bound on the last correction.
+        with_step_tolerance(step_tolerance: f64);
+        /// Sets the largest number of corrections.
+        with_max_corrections(max_corrections: usize);
         /// Sets the smallest cosine between neighbouring tangents.
         with_min_cos(min_cos: f64);
         /// Sets the interval of the parameter.
         with_parameter_range(parameter_range: (f64, f64));
         /// Sets the parameter values to be hit exactly.
         with_targets(targets: Vec<f64>);
+        /// Sets the distance within which a test function counts as vanishing.
+        with_vanishing_distance(vanishing_distance: f64);
         /// Sets the typical sizes of the variables.
         with_typical_sizes(typical_sizes: Vec<f64>);
         /// Sets the largest number of points.
         with_max_points(max_points: usize);
         /// Sets the largest arclength.
         with_max_arclength(max_arclength: f64);
+        /// Sets the largest number of active selections examined at one point where all are tried in turn.
+        with_max_selections(max_selections: u64);
         /// Sets the largest number of partial selections tried at one point.
         with_max_nodes(max_nodes: u64);
         /// Sets the largest growth of ‖x‖.

@@ -5,6 +5,7 @@
 /// Nodes are numbered as in Gmsh and VTK: counter-clockwise in the plane; a tetrahedron with its fourth node on the side to which the
 /// normal of the first three points; a hexahedron as bottom face counter-clockwise seen from above, then top face.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum CellKind {
     /// Three nodes (P1).
     Triangle,

@@ -5,6 +5,7 @@ pub(super) const VOIGT: [[usize; 2]; 6] = [[0, 0], [1, 1], [2, 2], [0, 1], [1, 2
 
 /// How a plane problem stands for a body in space.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum PlaneModel {
     /// ε₁₃ = ε₂₃ = ε₃₃ = 0: a long body, one unit of its length.
     #[default]

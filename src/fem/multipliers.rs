@@ -13,6 +13,7 @@ use crate::sparse::Matrix;
 /// stable space. [`check_multipliers`](crate::contact::check_multipliers) tells for any.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Multipliers {
     /// A force at each node (lumped).
     #[default]

@@ -25,13 +25,14 @@ pub enum NewtonError {
     #[error(transparent)]
     Linear(#[from] LinearError),
     /// No solution was found. The best iterate and the history are kept.
-    #[error("no solution found after {} iterations: {}; best residual {:e}", .0.report.iterations.len(), .0.reason, .0.residual_norm)]
+    #[error("no solution found after {} iterations: {}; best residual {:e}", .0.report.history.len(), .0.reason, .0.residual_norm)]
     Failed(Box<Unsolved>),
 }
 
 /// What a failed run leaves.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Unsolved {
     /// Why it ended.
     pub reason: Failure,

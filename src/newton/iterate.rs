@@ -30,7 +30,7 @@ pub(super) fn iterate<L: LinearSolver>(
     x: &mut [f64],
     observe: &mut dyn FnMut(&Iteration) -> ControlFlow<()>,
 ) -> Result<Convergence, NewtonError> {
-    work.report.iterations.clear();
+    work.report.history.clear();
     work.report.factorisations = 0;
     work.report.evaluations = 0;
     work.visited.clear();
@@ -376,7 +376,7 @@ impl<L: LinearSolver> Run<'_, L> {
             rcond: (step != Step::None).then(|| self.work.solver.rcond()).flatten(),
             step,
         };
-        self.work.report.iterations.push(entry);
+        self.work.report.history.push(entry);
         (self.observe)(&entry)
     }
 }

@@ -29,6 +29,7 @@ const MAX_INVERSE: usize = 1000;
 /// How a correction ended.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Correction {
     /// Whether both tolerances were met.
     pub converged: bool,

@@ -66,6 +66,20 @@ impl NewtonOptions {
         self
     }
 
+    /// Sets the sufficient decrease of the line search.
+    #[must_use]
+    pub fn with_armijo(mut self, armijo: f64) -> Self {
+        self.armijo = armijo;
+        self
+    }
+
+    /// Sets the smallest step length of the line search.
+    #[must_use]
+    pub fn with_min_damping(mut self, min_damping: f64) -> Self {
+        self.min_damping = min_damping;
+        self
+    }
+
     /// Sets when steps are shortened.
     #[must_use]
     pub fn with_damping(mut self, damping: Damping) -> Self {

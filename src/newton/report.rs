@@ -97,7 +97,7 @@ impl fmt::Display for Failure {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Report {
     /// One entry an iterate, the last one included.
-    pub iterations: Vec<Iteration>,
+    pub history: Vec<Iteration>,
     /// Number of factorisations.
     pub factorisations: usize,
     /// Number of residual evaluations.
@@ -108,7 +108,7 @@ impl Report {
     /// ‖H‖₂ at the last iterate; NaN for an empty history.
     #[must_use]
     pub fn residual_norm(&self) -> f64 {
-        self.iterations.last().map_or(f64::NAN, |i| i.residual_norm)
+        self.history.last().map_or(f64::NAN, |i| i.residual_norm)
     }
 
     /// The observed order of convergence, log(r₃/r₂) / log(r₂/r₁), from the last three residual norms that still fell and lie
@@ -116,7 +116,7 @@ impl Report {
     #[must_use]
     pub fn observed_order(&self, floor: f64) -> Option<f64> {
         let norms: Vec<f64> = self
-            .iterations
+            .history
             .iter()
             .map(|i| i.residual_norm)
             .filter(|r| *r > floor)

@@ -29,7 +29,7 @@ use crate::sparse::Pattern;
 /// let mut x = [10.0];
 /// newton.solve(&map, &mut x)?;
 /// assert!((x[0] - 1.5).abs() < 1e-9);
-/// assert!(newton.report().iterations.len() <= 4);
+/// assert!(newton.report().history.len() <= 4);
 /// # Ok::<(), semismooth::newton::NewtonError>(())
 /// ```
 #[derive(Debug, Clone)]

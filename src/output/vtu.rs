@@ -29,10 +29,11 @@ impl Field {
     }
 
     fn array(&self, expected: usize) -> Result<Attribute, OutputError> {
-        if self.components == 0 || self.values.len() != self.components * expected {
+        let wanted = self.components.max(1).saturating_mul(expected);
+        if self.components == 0 || self.values.len() != wanted {
             return Err(OutputError::Field {
                 name: self.name.clone(),
-                expected: self.components.max(1) * expected,
+                expected: wanted,
                 found: self.values.len(),
             });
         }

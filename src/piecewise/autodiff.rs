@@ -71,6 +71,7 @@ impl Kind {
     }
 }
 
+#[derive(Debug)]
 enum Mode<'a> {
     Record(&'a mut Vec<Kind>),
     Frozen(&'a Selection),
@@ -78,6 +79,7 @@ enum Mode<'a> {
 }
 
 /// The kinks of a [`NonsmoothFunction`], in the order in which they are called.
+#[derive(Debug)]
 pub struct Kinks<'a, T> {
     mode: Mode<'a>,
     site: usize,

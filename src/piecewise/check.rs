@@ -100,7 +100,11 @@ impl CheckOptions {
         self
     }
 
-    fn validate(&self) -> Result<(), CheckError> {
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    /// [`CheckError::Option`] names the option out of range.
+    pub fn validate(&self) -> Result<(), CheckError> {
         for (name, value) in [
             ("tolerance", self.tolerance),
             ("continuity_tolerance", self.continuity_tolerance),
@@ -117,6 +121,7 @@ impl CheckOptions {
 /// How much a [`check`] has seen: a pass means little where these numbers are small.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct CheckReport {
     /// Samples inside the domain.
     pub points: usize,
@@ -131,6 +136,7 @@ pub struct CheckReport {
 /// What kind of error was found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum FindingKind {
     /// A number or an index that cannot be.
     Structure,
@@ -177,6 +183,7 @@ impl fmt::Display for FindingKind {
 /// One error of an implementation.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Finding {
     /// What kind of error.
     pub kind: FindingKind,

@@ -4,6 +4,7 @@ use super::{PiecewiseError, PiecewiseSmooth, Selection, TestLayout, active_set};
 /// Whether a selection is essentially active: x lies in the closure of the interior of {H = H^(σ)} (Scholtes 2012, ch. 4).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Activity {
     /// Its cell has points arbitrarily near x.
     Essential,

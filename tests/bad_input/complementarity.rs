@@ -209,7 +209,7 @@ fn problems() {
             lcp().set_values(&[bad, 0.0, 0.0, 0.0])
         });
         t.survives("complementarity::Lcp::natural_residual", "z", || {
-            lcp().natural_residual(&[bad, bad])
+            lcp().natural_residual(&[bad, bad], &mut [0.0; 2])
         });
     }
     for n in [0, 1, 3] {
@@ -245,7 +245,7 @@ fn problems() {
             fixed().project(&mut x.clone())
         });
         t.survives("complementarity::Lcp::natural_residual", "another length", || {
-            lcp().natural_residual(&x)
+            lcp().natural_residual(&x, &mut x.clone())
         });
     }
     t.refuses(
@@ -468,10 +468,16 @@ fn solvers(t: &mut Table) {
             || ActiveSetSolver::new(o()).solve(&lcp(), &mut vec![0.0; n]),
         );
         t.refuses(
-            "complementarity::active_set::ActiveSetSolver::solve_from",
+            "complementarity::active_set::ActiveSetSolver::solve_from_states",
             "sets of another length",
             "set",
-            || ActiveSetSolver::new(o()).solve_from(&lcp(), &mut [0.0; 2], &vec![BoundState::Lower; n]),
+            || {
+                ActiveSetSolver::new(o()).solve_from_states(
+                    &lcp(),
+                    &mut [0.0; 2],
+                    &vec![BoundState::Lower; n],
+                )
+            },
         );
         t.refuses(
             "complementarity::active_set::Nested::solve",

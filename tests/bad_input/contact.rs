@@ -713,6 +713,12 @@ fn contacts(t: &mut Table) {
         t.refuses("contact::fixed_point", "relaxation", "relaxation", || {
             fixed_point(&c, &start, &o().with_relaxation(bad))
         });
+        t.refuses(
+            "contact::FixedPointOptions::validate",
+            "relaxation",
+            "relaxation",
+            || o().with_relaxation(bad).validate(),
+        );
     }
     for bad in [f64::NAN, f64::INFINITY, -1.0] {
         t.refuses("contact::fixed_point", "tolerance", "tolerance", || {
@@ -865,9 +871,15 @@ fn delassus(t: &mut Table) {
         t.refuses("contact::DelassusProblem::velocities", "r", "[0]", || {
             problem().velocities(&[bad, 0.0])
         });
-        t.refuses("contact::DelassusSolver::solve_from", "the start", "[0]", || {
-            DelassusSolver::new(o())?.solve_from(&problem(), &[bad, 0.0], |_| ControlFlow::Continue(()))
-        });
+        t.refuses(
+            "contact::DelassusSolver::solve_observed",
+            "the start",
+            "[0]",
+            || {
+                DelassusSolver::new(o())
+                    .solve_observed(&problem(), Some(&[bad, 0.0]), |_| ControlFlow::Continue(()))
+            },
+        );
     }
     for n in [0, 1, 3] {
         let r = vec![0.5; n];
@@ -881,10 +893,10 @@ fn delassus(t: &mut Table) {
             || problem().velocities(&r),
         );
         t.refuses(
-            "contact::DelassusSolver::solve_from",
+            "contact::DelassusSolver::solve_observed",
             "a start of another length",
             "",
-            || DelassusSolver::new(o())?.solve_from(&problem(), &r, |_| ControlFlow::Continue(())),
+            || DelassusSolver::new(o()).solve_observed(&problem(), Some(&r), |_| ControlFlow::Continue(())),
         );
     }
     for bad in [f64::NAN, f64::INFINITY, 0.0, -1.0] {
@@ -894,18 +906,18 @@ fn delassus(t: &mut Table) {
             "tolerance",
             || o().with_tolerance(bad).validate(),
         );
-        t.refuses("contact::DelassusSolver::new", "tolerance", "tolerance", || {
-            DelassusSolver::new(o().with_tolerance(bad))
+        t.refuses("contact::DelassusSolver::solve", "tolerance", "tolerance", || {
+            DelassusSolver::new(o().with_tolerance(bad)).solve(&problem())
         });
     }
     for limit in [0, usize::MAX] {
         t.survives("contact::DelassusSolver::solve", "absurd limits", || {
-            DelassusSolver::new(o().with_max_factorisations(limit)).and_then(|s| s.solve(&problem()))
+            DelassusSolver::new(o().with_max_factorisations(limit)).solve(&problem())
         });
     }
     for time in [Duration::ZERO, Duration::MAX] {
         t.survives("contact::DelassusSolver::solve", "absurd time", || {
-            DelassusSolver::new(o().with_time_limit(time)).and_then(|s| s.solve(&problem()))
+            DelassusSolver::new(o().with_max_time(Some(time))).solve(&problem())
         });
     }
     // An answer in bounded time; one that claims to be solved has a residual to show.
@@ -927,7 +939,7 @@ fn delassus(t: &mut Table) {
                     let Ok(problem) = make(2, m.clone(), vec![q, 0.5 * q], vec![mu]) else {
                         return true;
                     };
-                    match DelassusSolver::new(o()).and_then(|s| s.solve(&problem)) {
+                    match DelassusSolver::new(o()).solve(&problem) {
                         Ok(report) if report.is_solved() => {
                             problem.residual(&report.r).is_ok_and(|r| r <= 1e-6)
                         }
@@ -939,7 +951,7 @@ fn delassus(t: &mut Table) {
         }
     }
     t.refuses("contact::DelassusReport::solution", "another problem", "", || {
-        let report = DelassusSolver::new(o())?.solve(&problem())?;
+        let report = DelassusSolver::new(o()).solve(&problem())?;
         let other = make(3, Matrix::identity(3), vec![0.0; 3], vec![0.3])?;
         report.solution(&other)
     });

@@ -370,10 +370,17 @@ fn curves() {
     for bad in [f64::NAN, f64::INFINITY].into_iter().chain(NOT_POSITIVE) {
         searches.push(("spread", s().with_spread(bad)));
         searches.push(("reach", s().with_reach(Some(bad))));
-        let mut options = s();
-        options.merge_distance = bad;
-        searches.push(("merge_distance", options));
+        searches.push(("merge_distance", s().with_merge_distance(bad)));
+        let diagram = DiagramOptions::default().with_same_point(bad);
+        t.refuses(
+            "continuation::DiagramOptions::validate",
+            "same_point",
+            "same_point",
+            || diagram.validate(),
+        );
+        searches.push(("same_point", s().with_diagram(diagram)));
     }
+    searches.push(("max_solutions", s().with_max_solutions(0)));
     for (name, options) in searches {
         t.refuses("continuation::SearchOptions::validate", name, name, || {
             options.validate()

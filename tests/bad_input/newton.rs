@@ -104,7 +104,7 @@ fn correctors() {
                         Err(NewtonError::Failed(unsolved)) => {
                             unsolved.x.iter().all(|v| v.is_finite())
                                 && unsolved.x.len() == 1
-                                && (!unsolved.report.iterations.is_empty()
+                                && (!unsolved.report.history.is_empty()
                                     || matches!(unsolved.reason, Failure::NotFinite))
                         }
                         _ => false,

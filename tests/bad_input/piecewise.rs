@@ -77,6 +77,12 @@ fn piecewise_maps() {
             t.refuses("piecewise::check::check", "options", "tolerance", || {
                 check(&curve, &[at.to_vec()], &options)
             });
+            t.refuses(
+                "piecewise::check::CheckOptions::validate",
+                "options",
+                "tolerance",
+                || options.validate(),
+            );
         }
     }
     for x in [vec![], vec![0.5], vec![0.5; 3]] {

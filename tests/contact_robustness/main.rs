@@ -233,7 +233,7 @@ fn failures_leave_the_best_iterate() {
     };
     let unsolved = failed(problem.solve(0.0, None).unwrap_err());
     assert_eq!(unsolved.x.len(), 5);
-    assert!(!unsolved.report.iterations.is_empty() && unsolved.residual_norm > 0.0);
+    assert!(!unsolved.report.history.is_empty() && unsolved.residual_norm > 0.0);
     let mut seen = 0;
     let stopped = problem.solve_observed(0.0, None, |_| {
         seen += 1;

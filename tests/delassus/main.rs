@@ -57,7 +57,7 @@ fn files_are_solved() {
         assert_eq!(report.states.len(), p.contacts());
         // The velocities of a solution where M is symmetric and semidefinite do not depend on the solver's way.
         let again = DelassusSolver::default()
-            .solve_from(&p, &report.r, |_| ControlFlow::Continue(()))
+            .solve_observed(&p, Some(&report.r), |_| ControlFlow::Continue(()))
             .unwrap();
         assert_eq!(again.iterations(), 0, "{}", path.display());
     }
@@ -280,7 +280,9 @@ fn bad_input_is_refused() {
     ));
 
     let p = DelassusProblem::new(3, eye(), q(), vec![0.1; 2]).unwrap();
-    let go = |start: &[f64]| DelassusSolver::default().solve_from(&p, start, |_| ControlFlow::Continue(()));
+    let go = |start: &[f64]| {
+        DelassusSolver::default().solve_observed(&p, Some(start), |_| ControlFlow::Continue(()))
+    };
     assert!(matches!(
         go(&[0.0; 5]),
         Err(DelassusError::Length {
@@ -296,7 +298,7 @@ fn bad_input_is_refused() {
     for tolerance in [0.0, -1.0, 1.0, f64::NAN] {
         let options = DelassusOptions::default().with_tolerance(tolerance);
         assert!(matches!(
-            DelassusSolver::new(options),
+            DelassusSolver::new(options).solve(&p),
             Err(DelassusError::Option {
                 name: "tolerance",
                 ..
@@ -369,7 +371,7 @@ fn runs_can_be_stopped() {
     let zero = vec![0.0; p.q().len()];
     let mut seen = Vec::new();
     let report = DelassusSolver::default()
-        .solve_from(&p, &zero, |entry| {
+        .solve_observed(&p, None, |entry| {
             seen.push(*entry);
             if seen.len() == 3 {
                 ControlFlow::Break(())
@@ -384,11 +386,11 @@ fn runs_can_be_stopped() {
     assert_eq!(report.residual, least);
 
     let options = DelassusOptions::default().with_max_factorisations(2);
-    let report = DelassusSolver::new(options).unwrap().solve(&p).unwrap();
+    let report = DelassusSolver::new(options).solve(&p).unwrap();
     assert_eq!(report.status, DelassusStatus::Limit);
     assert!(report.factorisations <= 2);
-    let options = DelassusOptions::default().with_time_limit(std::time::Duration::ZERO);
-    let report = DelassusSolver::new(options).unwrap().solve(&p).unwrap();
+    let options = DelassusOptions::default().with_max_time(Some(std::time::Duration::ZERO));
+    let report = DelassusSolver::new(options).solve(&p).unwrap();
     assert_eq!((report.status, report.iterations()), (DelassusStatus::Limit, 0));
     assert_eq!(report.r, zero);
     assert_eq!(solve(&p), solve(&p));

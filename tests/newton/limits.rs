@@ -237,8 +237,8 @@ fn an_unsolvable_problem_keeps_its_best_iterate_and_history() {
     };
     assert_eq!(failed.x, x);
     assert!(failed.residual_norm <= 1.0 + 1e-6, "{failed:?}");
-    assert!(failed.report.iterations.len() > 2);
-    assert_eq!(failed.report.iterations[0].residual_norm, 10.0);
+    assert!(failed.report.history.len() > 2);
+    assert_eq!(failed.report.history[0].residual_norm, 10.0);
     // max(x, 0) + 1 = 0 has slope 0 on one side.
     let flat = MinMap::new(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
         a[0] = -x[0] - 1.0;
@@ -261,7 +261,7 @@ fn iterations_are_limited() {
     match Newton::new(options).solve(&map, &mut [100.0]) {
         Err(NewtonError::Failed(u)) => {
             assert_eq!(u.reason, Failure::MaxIterations);
-            assert_eq!(u.report.iterations.len(), 6);
+            assert_eq!(u.report.history.len(), 6);
         }
         other => panic!("{other:?}"),
     }
@@ -269,6 +269,6 @@ fn iterations_are_limited() {
         let options = NewtonOptions::default().with_max_iterations(k);
         let mut newton = Newton::new(options);
         let _ = newton.solve(&cycling(), &mut [2.0, 0.0, 0.0]);
-        assert!(newton.report().iterations.len() <= k + 1);
+        assert!(newton.report().history.len() <= k + 1);
     }
 }

@@ -92,7 +92,7 @@ proptest! {
                 prop_assert_eq!(&u.x, &x);
                 prop_assert!((norm(&x) - u.residual_norm).abs() <= 1e-12 * (1.0 + norm(&x)));
                 prop_assert!(u.residual_norm <= before);
-                prop_assert!(!u.report.iterations.is_empty());
+                prop_assert!(!u.report.history.is_empty());
             }
             Err(e) => prop_assert!(false, "{e}"),
         }
@@ -106,7 +106,7 @@ fn an_affine_problem_ends_after_one_step_in_the_right_cell() {
     let mut x = [3.0, 0.0];
     newton.solve(&lcp, &mut x).unwrap();
     assert!(close(&x, &[2.5, 0.0], 1e-14));
-    assert_eq!(newton.report().iterations.len(), 2);
+    assert_eq!(newton.report().history.len(), 2);
     assert_eq!(newton.report().factorisations, 1);
 }
 
@@ -128,7 +128,7 @@ fn a_cycle_of_full_steps_is_left() {
         if let Err(NewtonError::Failed(failed)) = plain {
             assert_eq!(failed.reason, Failure::MaxIterations);
             cycles += 1;
-            let out = newton.report().iterations.iter();
+            let out = newton.report().history.iter();
             let ways = out.filter(|i| {
                 i.step != Step::Newton && i.step != Step::None || (0.0 < i.damping && i.damping < 1.0)
             });
@@ -165,7 +165,7 @@ fn a_singular_start_is_left() {
         Err(NewtonError::Failed(u)) => assert!((u.x[0] - u.x[1]).abs() < 1e-12),
         Err(e) => panic!("{e}"),
     }
-    assert_eq!(newton.report().iterations[0].step, Step::Gradient);
+    assert_eq!(newton.report().history[0].step, Step::Gradient);
     // A singular start with a way out.
     let map = Smooth {
         n: 2,
@@ -182,7 +182,7 @@ fn a_singular_start_is_left() {
     };
     let mut x = [0.0, 0.0];
     newton.solve(&map, &mut x).unwrap();
-    assert_eq!(newton.report().iterations[0].step, Step::Gradient);
+    assert_eq!(newton.report().history[0].step, Step::Gradient);
     let mut r = [0.0; 2];
     map.residual(&Selection::default(), &x, &mut r);
     assert!(r.iter().all(|r| r.abs() < 1e-12), "{x:?}");
@@ -214,7 +214,7 @@ fn an_observer_sees_every_iteration_and_may_stop() {
         ControlFlow::Continue(())
     });
     assert!(end.is_ok());
-    assert_eq!(newton.report().iterations.len(), seen.get());
+    assert_eq!(newton.report().history.len(), seen.get());
     let mut x = [100.0];
     let stop = |i: &semismooth::newton::Iteration| match i.index {
         2 => ControlFlow::Break(()),
@@ -223,7 +223,7 @@ fn an_observer_sees_every_iteration_and_may_stop() {
     match newton.solve_observed(&map, &mut x, stop) {
         Err(NewtonError::Failed(u)) => {
             assert_eq!(u.reason, Failure::Interrupted);
-            assert_eq!(u.report.iterations.len(), 3);
+            assert_eq!(u.report.history.len(), 3);
             assert!(u.residual_norm < 1e4 && u.x == x);
         }
         other => panic!("{other:?}"),

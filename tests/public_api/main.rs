@@ -38,6 +38,40 @@ fn public_api_is_the_one_on_file() {
     );
 }
 
+/// Options can be written as one chain: each field of each `…Options` has its builder, each of them a check of ranges.
+#[test]
+fn every_option_has_a_builder() {
+    let filed = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join(LIST)).unwrap();
+    let names: BTreeSet<&str> = filed
+        .lines()
+        .filter_map(|line| line.split_once(": "))
+        .map(|(name, _)| name)
+        .collect();
+    // Two fields with one builder.
+    let together = [
+        "newton::NewtonOptions.absolute_tolerance",
+        "newton::NewtonOptions.relative_tolerance",
+    ];
+    assert!(names.contains("newton::NewtonOptions::with_tolerances"));
+    // Nothing to be wrong but what depends on the problem.
+    let unchecked = ["complementarity::pivoting::LemkeOptions"];
+    let mut missing = Vec::new();
+    for (options, field) in names.iter().filter_map(|name| name.split_once('.')) {
+        if !options.ends_with("Options") {
+            continue;
+        }
+        let builder = format!("{options}::with_{field}");
+        if !names.contains(&builder[..]) && !together.contains(&&format!("{options}.{field}")[..]) {
+            missing.push(builder);
+        }
+        let check = format!("{options}::validate");
+        if !names.contains(&check[..]) && !unchecked.contains(&options) {
+            missing.push(check);
+        }
+    }
+    assert!(missing.is_empty(), "{missing:#?}");
+}
+
 /// The walk sees what it must: each way in which an item becomes public, and none of the private ones.
 #[test]
 fn the_list_follows_modules_uses_and_macros() {

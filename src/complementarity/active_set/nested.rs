@@ -174,7 +174,7 @@ impl Nested {
                 Some(p) => {
                     p.prolong(&coarse, &mut x);
                     let sets = p.inherit(&states, BoundState::Interior);
-                    solver.solve_from(problem, &mut x, &sets)?
+                    solver.solve_from_states(problem, &mut x, &sets)?
                 }
             };
             levels.push(LevelReport {

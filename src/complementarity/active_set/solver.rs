@@ -99,7 +99,7 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
     ///
     /// # Errors
     /// As [`solve`](Self::solve), and sets of the wrong length.
-    pub fn solve_from(
+    pub fn solve_from_states(
         &mut self,
         lcp: &Lcp,
         z: &mut [f64],
@@ -108,10 +108,10 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
         self.solve_observed(lcp, z, Some(sets), |_| ControlFlow::Continue(()))
     }
 
-    /// As [`solve`](Self::solve) or [`solve_from`](Self::solve_from), told of each iteration and able to stop.
+    /// As [`solve`](Self::solve) or [`solve_from_states`](Self::solve_from_states), told of each iteration and able to stop.
     ///
     /// # Errors
-    /// As [`solve_from`](Self::solve_from).
+    /// As [`solve_from_states`](Self::solve_from_states).
     pub fn solve_observed(
         &mut self,
         lcp: &Lcp,
@@ -139,7 +139,7 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
             Err(ComplementarityError::Linear(LinearError::Inaccurate { .. })) => ActiveSetStatus::Inaccurate,
             Err(e) => return Err(e),
         };
-        lcp.residual(z, &mut self.w);
+        lcp.value(z, &mut self.w);
         Ok(ActiveSetReport {
             status,
             residual: lcp.natural_residual_of(z, &self.w),
@@ -155,7 +155,7 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
         };
         z.copy_from_slice(&start.z);
         self.next.copy_from_slice(&start.states);
-        lcp.residual(z, &mut self.w);
+        lcp.value(z, &mut self.w);
         Ok(true)
     }
 
@@ -202,7 +202,7 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
     ) -> Result<ActiveSetStatus, ComplementarityError> {
         let n = z.len();
         let (lower, upper) = (lcp.lower(), lcp.upper());
-        lcp.residual(z, &mut self.w);
+        lcp.value(z, &mut self.w);
         match sets {
             Some(sets) => {
                 for i in 0..n {
@@ -237,7 +237,7 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
                 self.reduced.select(lcp.matrix(), &self.free)?;
             }
             let linear = self.newton_step(lcp, z, changes, residual, progress)?;
-            lcp.residual(z, &mut self.w);
+            lcp.value(z, &mut self.w);
             let earlier = residual;
             residual = self.scaled_residual(lcp, z);
             progress = if earlier.is_finite() {

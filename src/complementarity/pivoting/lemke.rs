@@ -141,7 +141,7 @@ impl Lemke {
             self.turn += 1;
         };
         self.point(lcp, z);
-        lcp.residual(z, &mut self.work);
+        lcp.value(z, &mut self.work);
         let mut report = LemkeReport {
             status,
             pivots,

@@ -15,9 +15,9 @@ pub struct DelassusOptions {
     pub tolerance: f64,
     /// Largest number of factorisations. Default 2000.
     pub max_factorisations: usize,
-    /// Time after which the best iterate is handed out with the status [`Limit`](super::DelassusStatus::Limit); a factorisation begun is
+    /// Wall-clock time after which the best iterate is handed out with the status [`Limit`](super::DelassusStatus::Limit); a factorisation begun is
     /// finished. Default none: with a limit runs are no longer the same on every machine.
-    pub time_limit: Option<Duration>,
+    pub max_time: Option<Duration>,
 }
 
 impl Default for DelassusOptions {
@@ -25,7 +25,7 @@ impl Default for DelassusOptions {
         Self {
             tolerance: 1e-12,
             max_factorisations: 2000,
-            time_limit: None,
+            max_time: None,
         }
     }
 }
@@ -45,10 +45,10 @@ impl DelassusOptions {
         self
     }
 
-    /// Sets the time limit.
+    /// Sets the largest wall-clock time.
     #[must_use]
-    pub fn with_time_limit(mut self, limit: Duration) -> Self {
-        self.time_limit = Some(limit);
+    pub fn with_max_time(mut self, max_time: Option<Duration>) -> Self {
+        self.max_time = max_time;
         self
     }
 

@@ -89,34 +89,33 @@ pub struct DelassusSolver {
 }
 
 impl DelassusSolver {
-    /// A solver with the given options.
-    ///
-    /// # Errors
-    /// [`DelassusError::Option`] names an option out of range.
-    pub fn new(options: DelassusOptions) -> Result<Self, DelassusError> {
-        options.validate()?;
-        Ok(Self { options })
+    /// A solver with the given options, which are checked when it solves.
+    #[must_use]
+    pub fn new(options: DelassusOptions) -> Self {
+        Self { options }
     }
 
     /// Solves from r = 0.
     ///
     /// # Errors
-    /// None at present for a valid problem; a failed run is told by the status of the report.
+    /// [`DelassusError::Option`] names an option out of range. A failed run is told by the status of the report.
     pub fn solve(&self, problem: &DelassusProblem) -> Result<DelassusReport, DelassusError> {
-        let zero = vec![0.0; problem.q().len()];
-        self.solve_from(problem, &zero, |_| ControlFlow::Continue(()))
+        self.solve_observed(problem, None, |_| ControlFlow::Continue(()))
     }
 
-    /// Solves from the reactions `start`; `observe` sees every entry of the history and may stop the run.
+    /// Solves from the reactions `start` (from 0 without them); `observe` sees every entry of the history and may stop the run.
     ///
     /// # Errors
-    /// [`DelassusError::Length`] and [`DelassusError::NotFinite`] for the start.
-    pub fn solve_from(
+    /// As [`solve`](Self::solve), and [`DelassusError::Length`] and [`DelassusError::NotFinite`] for the start.
+    pub fn solve_observed(
         &self,
         problem: &DelassusProblem,
-        start: &[f64],
+        start: Option<&[f64]>,
         mut observe: impl FnMut(&DelassusIteration) -> ControlFlow<()>,
     ) -> Result<DelassusReport, DelassusError> {
+        self.options.validate()?;
+        let zero = vec![0.0; problem.q().len()];
+        let start = start.unwrap_or(&zero);
         problem.velocities(start)?;
         match problem.dimension() {
             2 => Run::<2>::new(problem, &self.options, start, &mut observe).report(),
@@ -149,7 +148,7 @@ impl<'a, const D: usize> Run<'a, D> {
     ) -> Self {
         let scaled = Scaled::new(problem);
         Self {
-            newton: Newton::new(problem.contacts(), Deadline::after(options.time_limit)),
+            newton: Newton::new(problem.contacts(), Deadline::after(options.max_time)),
             r: scaled.scale(start),
             u: vec![[0.0; D]; problem.contacts()],
             best: start.to_vec(),

@@ -67,7 +67,11 @@ impl DiagramOptions {
         self
     }
 
-    pub(super) fn validate(&self) -> Result<(), ContinuationError> {
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    /// [`ContinuationError::Option`] names the option out of range.
+    pub fn validate(&self) -> Result<(), ContinuationError> {
         self.continuation.validate()?;
         let fine = self.same_point > 0.0 && self.same_point < 1e-2;
         if fine {

@@ -103,6 +103,20 @@ impl SearchOptions {
         self
     }
 
+    /// Sets the number of solutions at which the search ends.
+    #[must_use]
+    pub fn with_max_solutions(mut self, max_solutions: usize) -> Self {
+        self.max_solutions = max_solutions;
+        self
+    }
+
+    /// Sets the distance within which two points are one.
+    #[must_use]
+    pub fn with_merge_distance(mut self, merge_distance: f64) -> Self {
+        self.merge_distance = merge_distance;
+        self
+    }
+
     /// Sets where the sequence of random numbers begins.
     #[must_use]
     pub fn with_seed(mut self, seed: u64) -> Self {
@@ -115,7 +129,7 @@ impl SearchOptions {
     /// # Errors
     /// [`ContinuationError::Option`] names the option out of range.
     pub fn validate(&self) -> Result<(), ContinuationError> {
-        self.diagram.continuation.validate()?;
+        self.diagram.validate()?;
         let positive = |v: f64| v > 0.0 && v.is_finite();
         let reach = self.reach.unwrap_or(1.0);
         let checks = [
