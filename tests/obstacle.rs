@@ -15,10 +15,9 @@ fn laplacian(m: usize, shift: f64) -> Matrix {
     let mut t = Vec::new();
     for k in 0..m * m {
         t.push((k, k, 4.0 - shift));
-        for other in [(k % m + 1 < m).then_some(k + 1), (k + m < m * m).then_some(k + m)] {
-            if let Some(other) = other {
-                t.extend([(k, other, -1.0), (other, k, -1.0)]);
-            }
+        let links = [(k % m + 1 < m).then_some(k + 1), (k + m < m * m).then_some(k + m)];
+        for other in links.into_iter().flatten() {
+            t.extend([(k, other, -1.0), (other, k, -1.0)]);
         }
     }
     Matrix::from_triplets(m * m, m * m, &t).unwrap()
