@@ -63,6 +63,8 @@ fn each_deliberate_error_is_found_and_named() {
         (Fault::Nan, FindingKind::NotFinite),
         (Fault::Facet, FindingKind::Structure),
         (Fault::PatternShape, FindingKind::Structure),
+        (Fault::SiteJacobian, FindingKind::SiteRows),
+        (Fault::SiteExtra, FindingKind::SiteRows),
     ];
     for (fault, kind) in cases {
         let found = findings(fault);
@@ -83,6 +85,25 @@ fn findings_tell_where() {
     for word in ["wrong Jacobian", "block 1", "left", "(3, 4)"] {
         assert!(text.contains(word), "{text}");
     }
+    // The wrong sign of the left piece alone, and an entry of a row that no site owns.
+    let found = findings(Fault::SiteJacobian);
+    assert!(
+        found
+            .iter()
+            .all(|f| f.kind == FindingKind::SiteRows && f.expected == 1.0 && f.found == -1.0)
+    );
+    assert!(
+        found.iter().all(|f| matches!(f.entry, Some((2 | 3, 4)))),
+        "{found:?}"
+    );
+    let found = findings(Fault::SiteExtra);
+    assert!(
+        found
+            .iter()
+            .all(|f| f.entry == Some((0, 0)) && f.expected == 0.0 && f.found >= 2.0),
+        "{found:?}"
+    );
+    assert!(found[0].to_string().contains("site_jacobian"), "{}", found[0]);
     let jump = &findings(Fault::Jump)[0];
     assert_eq!(jump.site.as_ref().map(|s| s.0), Some(1));
     assert!((jump.found - jump.expected - 0.1).abs() < 1e-9, "{jump}");
@@ -361,6 +382,73 @@ fn opposite_facets_with_others_are_inessential() {
     }
     let found = essential_activity(&Squeezed, &[0.0, 0.0], &Selection::uniform(1, 0), 0.0);
     assert_eq!(found, Ok(Activity::Inessential));
+}
+
+/// 0 ≤ y ⟂ M y + q ≥ 0 at its degenerate solution y = 0, q = 0: all 2ⁿ selections are active, and the constant is the largest norm of
+/// the inverses of the matrices whose rows are those of M or of the identity.
+#[test]
+fn lipschitz_constants_of_complementarity_problems() {
+    use semismooth::complementarity::Lcp;
+    use semismooth::piecewise::{LocalUniqueness, local_uniqueness};
+    let at_zero = |m: [[f64; 2]; 2], cap: u64| {
+        let lcp = Lcp::new(Matrix::from_rows(&m).unwrap(), vec![0.0; 2]).unwrap();
+        let active = active_set(lcp.mcp(), &[0.0; 2], 1e-12);
+        assert_eq!(active.total(), Some(4));
+        local_uniqueness(lcp.mcp(), &[0.0; 2], &active, &Matrix::identity(2), cap).unwrap()
+    };
+    for [[a, b], [c, d]] in [
+        [[2.0, 1.0], [-3.0, 1.0]],
+        [[1.0, 0.0], [0.25, 4.0]],
+        [[0.1, -0.2], [0.3, 5.0]],
+    ] {
+        let norm = |m: [[f64; 2]; 2]| {
+            let [[a, b], [c, d]] = m;
+            ((d.abs() + b.abs()).max(a.abs() + c.abs())) / (a * d - b * c).abs()
+        };
+        let (e1, e2) = ([1.0, 0.0], [0.0, 1.0]);
+        let all = [[[a, b], [c, d]], [e1, [c, d]], [[a, b], e2], [e1, e2]].map(norm);
+        let largest = all.iter().fold(0.0_f64, |m, v| m.max(*v));
+        let found = at_zero([[a, b], [c, d]], 10);
+        assert!(found.is_certified() && !found.fails());
+        assert!(
+            (found.constant().unwrap() - largest).abs() < 1e-12 * largest,
+            "{found:?} {all:?}"
+        );
+        // A list that is cut short bounds the constant from below and decides nothing.
+        let cut = at_zero([[a, b], [c, d]], 2);
+        assert!(!cut.is_certified() && !cut.fails() && cut.constant().is_none());
+        match cut {
+            LocalUniqueness::Undecided {
+                examined,
+                total,
+                at_least,
+            } => {
+                assert_eq!((examined, total), (2, Some(4)));
+                assert!(all.iter().any(|v| (v - at_least).abs() < 1e-12 * largest));
+            }
+            other => panic!("{other:?}"),
+        }
+    }
+    // A principal minor that is negative, and one that is zero: no P-matrix, no local uniqueness.
+    for (m, signs) in [
+        ([[1.0, 2.0], [2.0, 1.0]], [-1, 1]),
+        ([[0.0, 1.0], [-1.0, 1.0]], [0, 0]),
+    ] {
+        let found = at_zero(m, 10);
+        assert!(found.fails() && !found.is_certified() && found.constant().is_none());
+        match found {
+            LocalUniqueness::Fails { first, second } => {
+                let mut found = [first.1, second.1];
+                found.sort_unstable();
+                if signs[1] == 0 {
+                    assert_eq!(found[0], 0);
+                } else {
+                    assert_eq!(found, signs);
+                }
+            }
+            other => panic!("{other:?}"),
+        }
+    }
 }
 
 #[test]
