@@ -451,6 +451,101 @@ fn lipschitz_constants_of_complementarity_problems() {
     }
 }
 
+/// What a map says of itself at a point, all of it.
+fn told<P: PiecewiseSmooth + ?Sized>(map: &P, x: &[f64]) -> (Vec<String>, Vec<f64>) {
+    let (m, n) = (map.num_vars(), map.num_residuals());
+    let layout = TestLayout::new(map);
+    let s = select(map, x);
+    let mut words = vec![format!(
+        "{m} {n} {} {s:?} {}",
+        map.num_sites(),
+        map.is_piecewise_affine()
+    )];
+    let mut numbers = vec![0.0; n];
+    map.residual(&s, x, &mut numbers);
+    let mut jac = Matrix::zeros(map.pattern());
+    map.jacobian(&s, x, &mut jac);
+    numbers.extend(jac.values());
+    let mut theta = vec![0.0; layout.total()];
+    map.test_functions(x, &mut theta);
+    numbers.extend(&theta);
+    map.test_derivatives(x, &vec![0.5; m], &mut theta);
+    numbers.extend(&theta);
+    let mut sizes = vec![1.0; m];
+    map.typical_sizes(&mut sizes);
+    numbers.extend(&sizes);
+    for site in 0..map.num_sites() {
+        let mut rows = vec![99];
+        map.site_rows(site, &mut rows);
+        words.push(format!("{} {rows:?}", map.site_name(site)));
+        for piece in 0..map.num_pieces(site) {
+            words.push(format!(
+                "{} {:?}",
+                map.piece_name(site, piece),
+                map.cell(site, piece)
+            ));
+        }
+        for test in 0..map.num_tests(site) {
+            let mut gradient = vec![0.0; m];
+            map.test_gradient(site, test, x, &mut gradient);
+            numbers.extend(gradient);
+        }
+        jac.clear();
+        words.push(map.site_jacobian(site, &s, x, &mut jac).to_string());
+        numbers.extend(jac.values());
+    }
+    (words, numbers)
+}
+
+/// References and boxes are the map itself, in what has defaults too.
+#[test]
+fn maps_behind_pointers() {
+    /// Overrides what `Rubber` leaves to defaults.
+    struct Sized(Rubber);
+    macro_rules! hand_on {
+        ($(fn $name:ident(&self $(, $arg:ident: $type:ty)*) $(-> $out:ty)?;)*) => {
+            $(fn $name(&self $(, $arg: $type)*) $(-> $out)? { self.0.$name($($arg),*) })*
+        };
+    }
+    impl PiecewiseSmooth for Sized {
+        hand_on! {
+            fn num_vars(&self) -> usize;
+            fn num_residuals(&self) -> usize;
+            fn num_sites(&self) -> usize;
+            fn num_pieces(&self, site: usize) -> usize;
+            fn num_tests(&self, site: usize) -> usize;
+            fn cell(&self, site: usize, piece: usize) -> &[Facet];
+            fn test_functions(&self, x: &[f64], out: &mut [f64]);
+            fn residual(&self, s: &Selection, x: &[f64], out: &mut [f64]);
+            fn jacobian(&self, s: &Selection, x: &[f64], jac: &mut Matrix);
+            fn pattern(&self) -> semismooth::sparse::Pattern;
+            fn piece_name(&self, site: usize, piece: usize) -> std::borrow::Cow<'_, str>;
+            fn site_name(&self, site: usize) -> std::borrow::Cow<'_, str>;
+            fn site_rows(&self, site: usize, rows: &mut Vec<usize>);
+            fn site_jacobian(&self, site: usize, s: &Selection, x: &[f64], jac: &mut Matrix) -> bool;
+        }
+        fn is_piecewise_affine(&self) -> bool {
+            true
+        }
+        fn typical_sizes(&self, sizes: &mut [f64]) {
+            sizes.copy_from_slice(&[1e-3, 2e-3, 1e4, 2e4, 5.0]);
+        }
+        fn test_derivatives(&self, _: &[f64], d: &[f64], out: &mut [f64]) {
+            out.fill(d[0] + 17.0);
+        }
+        fn test_gradient(&self, site: usize, test: usize, _: &[f64], gradient: &mut [f64]) {
+            gradient.fill((10 * site + test) as f64);
+        }
+    }
+    for x in samples() {
+        let own = told(&Sized(Rubber(Fault::None)), &x);
+        let boxed: Box<dyn PiecewiseSmooth> = Box::new(Sized(Rubber(Fault::None)));
+        assert_eq!(told(&boxed, &x), own);
+        assert_eq!(told(&&boxed, &x), own);
+        assert_eq!(told(&&Sized(Rubber(Fault::None)), &x), own);
+    }
+}
+
 #[test]
 fn a_wrong_pattern_is_an_error() {
     let map = Rubber(Fault::PatternShape);
