@@ -19,6 +19,7 @@
 
 #![warn(missing_docs, unreachable_pub)]
 
+mod clock;
 pub mod complementarity;
 pub mod contact;
 pub mod continuation;

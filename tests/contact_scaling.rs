@@ -337,3 +337,66 @@ fn solid_bodies_under_other_laws() {
         OrthotropicCoulomb::new(weakening(terms, 0.3, 0.2), weakening(terms, 0.2, 0.25))
     });
 }
+
+/// The parameter in units 1e±9: a load that grows to 1e9 times its start within α = 1, or hardly at all. The same transitions at
+/// the same loads, condensed and full, with steps that know nothing of the unit where pieces are affine.
+#[test]
+fn the_parameter_in_other_units() {
+    let parts = Parts::block(2);
+    let friction = |terms: &Terms| PlanarCoulomb::new(weakening(terms, 0.5, 0.3));
+    let terms = Terms {
+        force: 1.0,
+        length: 1.0,
+        place: Vec::new(),
+    };
+    let [start, end] = parts.loads.clone();
+    let found = |unit: f64| {
+        let slope = end.iter().zip(&start).map(|(b, a)| (b - a) / unit).collect();
+        let load = LoadPath::affine(start.clone(), slope);
+        let planar = parts.planar(0.5).with_load(load.clone()).unwrap();
+        let body = ContactBody::new(
+            parts.a.clone(),
+            parts.traces[0].clone(),
+            parts.traces[1..].to_vec(),
+            load,
+        );
+        let body = body.unwrap().with_gap(parts.gap.clone()).unwrap();
+        let curved = CondensedContact::new(body, friction(&terms)).unwrap();
+        let at_zero = |m: usize| vec![0.0; m];
+        let list = |map: &dyn PiecewiseSmooth, x: Vec<f64>, step: f64| {
+            let options = ContinuationOptions::default()
+                .with_parameter_range((0.0, unit))
+                .with_min_step(1e-8 * step.min(1.0))
+                .with_step(0.05 * step)
+                .with_max_step(step);
+            let branch = Branch::follow(map, &x, Direction::Increasing, options).unwrap();
+            assert_eq!(branch.termination, Termination::ParameterRange, "{unit}");
+            let transitions = branch.transitions.iter();
+            let list: Vec<(f64, Vec<usize>)> = transitions
+                .map(|t| (t.parameter() / unit, t.sites.iter().map(|s| s.site).collect()))
+                .collect();
+            Ok(list)
+        };
+        let condensed = CondensedFriction::new(planar.clone()).unwrap();
+        let solved = |map: &dyn PiecewiseSmooth| {
+            let mut x = at_zero(map.num_vars());
+            Newton::default().solve(map, &mut x).unwrap();
+            x
+        };
+        [
+            list(&condensed, solved(&condensed), 1.0),
+            list(&planar, solved(&planar), 1.0),
+            list(&curved, curved.solve(0.0, None).unwrap(), unit),
+        ]
+    };
+    let first = found(1.0);
+    for unit in [1e-9, 1e-6, 1e-3, 1e3, 1e6, 1e9] {
+        for (kind, (a, b)) in ["condensed", "full", "curved"]
+            .iter()
+            .zip(first.iter().zip(&found(unit)))
+        {
+            assert!(a.as_ref().is_ok_and(|a: &Vec<_>| a.len() > 8));
+            same(a, b, 1e-9, &format!("{kind}, α in units of {unit}"));
+        }
+    }
+}

@@ -409,3 +409,101 @@ fn unstable_edges_are_dashed() {
     };
     assert!(line(true) > line(false) + 5);
 }
+
+/// What is asked to stop stops before the next run.
+#[test]
+fn searches_end_when_asked() {
+    use semismooth::continuation::search_solutions_observed;
+    use std::ops::ControlFlow;
+    use std::time::Duration;
+    let map = MinMap::curve(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+        a[0] = x[0] * x[0] * x[0] - x[0] - x[1];
+        b[0] = 3.0 + x[0];
+    });
+    let starts = [[0.5, 0.0], [-0.5, 0.0], [2.0, 0.0]];
+    let options = SearchOptions::default();
+    let found = search_solutions_observed(&map, 0.0, &starts, &options, |_| ControlFlow::Break(())).unwrap();
+    assert_eq!((found.runs, found.rounds), (1, 1));
+    let late = options.clone().with_max_time(Some(Duration::ZERO));
+    assert_eq!(search_solutions(&map, 0.0, &starts, &late).unwrap().runs, 0);
+    let capped = options.with_max_solutions(1);
+    assert_eq!(search_solutions(&map, 0.0, &starts, &capped).unwrap().runs, 1);
+}
+
+#[test]
+fn limits_hold_where_nothing_can_be_evaluated() {
+    use semismooth::complementarity::{Differenced, McpStatus};
+    use std::time::Duration;
+    let f = |x: &[f64], out: &mut [f64]| out[0] = if x[0] == 1.0 { 2.0 } else { f64::NAN };
+    let problem = Mcp::new(
+        Differenced::new(1, f),
+        vec![f64::NEG_INFINITY],
+        vec![f64::INFINITY],
+    )
+    .unwrap();
+    let options = McpOptions::default()
+        .with_restarts(usize::MAX)
+        .with_max_time(Some(Duration::from_millis(1)));
+    let mut solver = McpSolver::new(options);
+    let report = solver.solve(&problem, &mut [1.0]).unwrap();
+    assert_eq!(report.status, McpStatus::TimeLimit);
+    let shrink = ContinuationOptions::default()
+        .with_shrink(1.0 - f64::EPSILON)
+        .validate();
+    assert!(shrink.unwrap_err().to_string().contains("shrink"));
+}
+
+/// A file is replaced in one move: an attempt that fails leaves it as it was, one that succeeds leaves nothing beside it.
+#[test]
+fn files_are_replaced_whole() {
+    use semismooth::sparse::{read_matrix_market, write_matrix_market};
+    let folder = std::env::temp_dir().join(format!("semismooth-replaced-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).unwrap();
+    let path = folder.join("a.mtx");
+    for n in [3, 2] {
+        write_matrix_market(&path, &Matrix::identity(n)).unwrap();
+        assert_eq!(read_matrix_market(&path).unwrap(), Matrix::identity(n));
+        assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 1);
+    }
+    // The place of the part is taken: nothing can be written.
+    std::fs::create_dir(folder.join("a.part.mtx")).unwrap();
+    write_matrix_market(&path, &Matrix::identity(5)).unwrap_err();
+    assert_eq!(read_matrix_market(&path).unwrap(), Matrix::identity(2));
+    #[cfg(feature = "svg")]
+    {
+        use semismooth::output::{BranchDiagram, Colour, Curve, Panel, SegmentStyle};
+        let picture = folder.join("a.svg");
+        let line = Curve::line(vec![(0.0, 0.0), (1.0, 1.0)], SegmentStyle::new("y", Colour::BLUE));
+        let diagram = BranchDiagram::new(Panel::new("α", "y").with_curve(line));
+        diagram.write(&picture).unwrap();
+        let text = std::fs::read_to_string(&picture).unwrap();
+        assert!(text.trim_end().ends_with("</svg>"));
+        BranchDiagram::new(Panel::new("α", "y"))
+            .write(&picture)
+            .unwrap_err();
+        assert_eq!(std::fs::read_to_string(&picture).unwrap(), text);
+    }
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+/// Long runs of sweeps are told of in parts, and cut.
+#[test]
+fn sweeps_are_told_and_limited() {
+    use semismooth::contact::{DelassusOptions, DelassusPhase, DelassusProblem, DelassusSolver};
+    // No solution: a contact pushed apart by nothing and pulled by −1 on a zero matrix.
+    let m = Matrix::from_rows(&[[0.0, 0.0], [0.0, 0.0]]).unwrap();
+    let problem = DelassusProblem::new(2, m, vec![-1.0, 0.0], vec![0.3]).unwrap();
+    let report = DelassusSolver::default().solve(&problem).unwrap();
+    assert!(!report.is_solved());
+    let sweeps = |report: &semismooth::contact::DelassusReport| {
+        let parts = report.history.iter().filter(|h| h.phase == DelassusPhase::Sweeps);
+        let parts: Vec<usize> = parts.map(|h| h.work).collect();
+        assert!(parts.iter().all(|work| *work <= 100));
+        assert_eq!(parts.iter().sum::<usize>(), report.sweeps);
+        report.sweeps
+    };
+    let all = sweeps(&report);
+    let options = DelassusOptions::default().with_max_sweeps(7);
+    let fewer = sweeps(&DelassusSolver::new(options).solve(&problem).unwrap());
+    assert!(all > 300 && fewer <= 5 * 7, "{all} {fewer}");
+}

@@ -1,6 +1,7 @@
 use std::sync::OnceLock;
 
 use super::{Mcp, McpFunction};
+use crate::piecewise::is_ordinary;
 use crate::sparse::Matrix;
 
 /// Units of x and F(x) in affine problems, found when first asked for.
@@ -21,9 +22,6 @@ impl PartialEq for Units {
         true
     }
 }
-
-/// Factors within this factor of 1 are left alone.
-const ORDINARY: f64 = 1e3;
 
 impl<F: McpFunction> Mcp<F> {
     fn units(&self) -> &Found {
@@ -77,8 +75,7 @@ impl<F: McpFunction> Mcp<F> {
         if size.is_normal() {
             found.size = size;
         }
-        let ordinary = |f: &f64| (1.0 / ORDINARY..=ORDINARY).contains(f);
-        if !factors.iter().all(ordinary) {
+        if !factors.iter().all(|f| is_ordinary(*f)) {
             found.factors = factors.iter().map(|f| f.log2().round().exp2()).collect();
         }
         found

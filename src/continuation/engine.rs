@@ -1,12 +1,12 @@
 use std::collections::VecDeque;
 use std::fmt;
-use std::time::Instant;
 
 use super::arms::{ArmSearch, Arms, RANK, vanishing_at};
 use super::monitor::Watch;
 use super::smooth::MAX_DENSE;
 use super::start::term_size;
 use super::{Arm, ContinuationError, ContinuationOptions, Event, Point, PointKind, Strategy, Termination};
+use crate::clock::Clock;
 use crate::linear::{AutoSolver, LinearSolver, null_space};
 use crate::newton::MoorePenrose;
 use crate::piecewise::{
@@ -83,7 +83,8 @@ pub struct Continuation<'a, P: ?Sized, L = AutoSolver> {
     pub(super) queue: VecDeque<Event>,
     pub(super) termination: Option<Termination>,
     pub(super) start: Vec<f64>,
-    pub(super) started: Option<Instant>,
+    /// Runs where time is limited.
+    pub(super) clock: Option<Clock>,
     /// Factorisations and corrections before the state was last saved.
     pub(super) earlier: (usize, usize),
     /// Buffers.
@@ -330,16 +331,27 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
         self.here.det_sign.map(|s| if vertical { 0 } else { s })
     }
 
-    fn limits(&mut self) {
-        let late = match (self.started, self.options.max_time) {
-            (Some(start), Some(limit)) => start.elapsed() >= limit,
+    /// Largest ‖x‖; a wide range of α is no growth.
+    pub(super) fn growth_limit(&self) -> f64 {
+        let (lower, upper) = self.options.parameter_range;
+        let bounds = [lower.abs(), upper.abs()].into_iter().filter(|b| b.is_finite());
+        self.options.max_growth * bounds.fold(self.size, f64::max)
+    }
+
+    pub(super) fn is_late(&self) -> bool {
+        match (self.clock, self.options.max_time) {
+            (Some(clock), Some(limit)) => clock.elapsed() >= limit,
             _ => false,
-        };
+        }
+    }
+
+    fn limits(&mut self) {
+        let late = self.is_late();
         let reason = if self.points >= self.options.max_points {
             Termination::MaxPoints
         } else if self.arclength >= self.options.max_arclength {
             Termination::MaxArclength
-        } else if norm(&self.here.x) > self.options.max_growth * self.size {
+        } else if norm(&self.here.x) > self.growth_limit() {
             Termination::Unbounded
         } else if late {
             Termination::MaxTime

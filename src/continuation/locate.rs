@@ -114,7 +114,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
             offer(t0 / (t0 - t1), Monitor::Fold);
         }
         if let (Some(o0), Some(o1)) = (self.here.orientation, self.next.orientation)
-            && o0 * o1 < 0
+            && o0.signum() * o1.signum() < 0
         {
             offer(0.5, Monitor::Singular);
         }

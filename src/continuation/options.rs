@@ -35,7 +35,7 @@ pub struct ContinuationOptions {
     pub max_step: f64,
     /// Factor by which an easy step grows, at least 1. Default 1.3.
     pub growth: f64,
-    /// Factor by which a rejected step shrinks, in (0, 1). Default 0.5.
+    /// Factor by which a rejected step shrinks, in (0, 0.95]. Default 0.5.
     pub shrink: f64,
     /// ε: bound on ‖H‖₂ of a corrected point; absolute under [`Strategy::Switching`], relative to the size of the terms that
     /// cancel in H under [`Strategy::Located`]. Default 1e-11.
@@ -57,7 +57,8 @@ pub struct ContinuationOptions {
     /// Largest arclength. Default ∞.
     #[cfg_attr(feature = "serde", serde(with = "super::extended"))]
     pub max_arclength: f64,
-    /// Largest ‖x‖₂ relative to 1 + ‖x⁰‖₂ (curves may tend to infinity at a pole). Default 1e6.
+    /// Largest ‖x‖₂ relative to 1 + ‖x⁰‖₂, or to the bounds of the parameter where these are larger (curves may tend to infinity at a
+    /// pole). Default 1e6.
     #[cfg_attr(feature = "serde", serde(with = "super::extended"))]
     pub max_growth: f64,
     /// Largest wall-clock time. Default none.
@@ -202,7 +203,12 @@ impl ContinuationOptions {
                 self.growth >= 1.0 && self.growth.is_finite(),
                 "at least 1",
             ),
-            ("shrink", self.shrink, open_unit(self.shrink), "in (0, 1)"),
+            (
+                "shrink",
+                self.shrink,
+                open_unit(self.shrink) && self.shrink <= 0.95,
+                "in (0, 0.95]",
+            ),
             (
                 "residual_tolerance",
                 self.residual_tolerance,

@@ -1,9 +1,10 @@
 //! The state of a run as data.
 
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use super::engine::{Continuation, State};
 use super::{ContinuationError, ContinuationOptions, Event, Termination};
+use crate::clock::Clock;
 use crate::linear::AutoSolver;
 use crate::newton::MoorePenrose;
 use crate::piecewise::Vanishing;
@@ -184,7 +185,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
             queue: self.queue.iter().cloned().collect(),
             termination: self.termination,
             start: self.start.clone(),
-            elapsed: self.started.map(|s| s.elapsed()),
+            elapsed: self.clock.map(|c| c.elapsed()),
             factorisations: self.earlier.0,
             corrections: self.earlier.1,
             sides: self.watches.iter().map(|w| w.side).collect(),
@@ -220,8 +221,8 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
         this.start.clone_from(&saved.start);
         this.earlier = (saved.factorisations, saved.corrections);
         this.saved_sides.clone_from(&saved.sides);
-        if let (Some(started), Some(elapsed)) = (this.started, saved.elapsed) {
-            this.started = started.checked_sub(elapsed).or_else(|| Some(Instant::now()));
+        if let (Some(clock), Some(elapsed)) = (&mut this.clock, saved.elapsed) {
+            *clock = Clock::resumed(elapsed);
         }
         this.renew_factors()?;
         Ok(this)

@@ -1,11 +1,11 @@
 //! From what the user gives to a first point and a first direction.
 
 use std::collections::VecDeque;
-use std::time::Instant;
 
 use super::arms::{Arms, distance};
 use super::engine::{Continuation, State};
 use super::{Arm, ContinuationError, ContinuationOptions, Strategy};
+use crate::clock::Clock;
 use crate::linear::{AutoSolver, LinearSolver};
 use crate::newton::{MoorePenrose, Newton, NewtonOptions};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Scaled, TestLayout, check_vector, select};
@@ -128,7 +128,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
         options: ContinuationOptions,
     ) -> Result<Self, ContinuationError> {
         options.validate()?;
-        let scaled = Scaled::new(map, &options.typical_sizes)?;
+        let scaled = Scaled::new(map, &options.typical_sizes, options.parameter_range)?;
         let corrector = MoorePenrose::new(map, AutoSolver::default())?;
         let mut z = x.to_vec();
         scaled.scale(&mut z);
@@ -211,7 +211,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
         solver: L,
     ) -> Result<Self, ContinuationError> {
         options.validate()?;
-        let scaled = Scaled::new(map, &options.typical_sizes)?;
+        let scaled = Scaled::new(map, &options.typical_sizes, options.parameter_range)?;
         let corrector = MoorePenrose::new(map, solver)?;
         check_vector("the start x", x, map.num_vars())?;
         let mut z = onto_curve(map, x, &options)?;
@@ -243,7 +243,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
         let mut this = Self {
             map,
             h: options.step.min(options.max_step),
-            started: options.max_time.map(|_| Instant::now()),
+            clock: options.max_time.map(|_| Clock::start()),
             options,
             layout,
             corrector,

@@ -53,6 +53,10 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
             }
             h *= self.options.shrink;
             rejected += 1;
+            if self.is_late() {
+                self.termination = Some(Termination::MaxTime);
+                return Ok(());
+            }
         }
     }
 

@@ -30,6 +30,10 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
             }
             h = (h * self.options.shrink).max(self.options.min_step);
             halved = true;
+            if self.is_late() {
+                self.termination = Some(Termination::MaxTime);
+                return Ok(());
+            }
         }
     }
 

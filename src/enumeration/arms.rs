@@ -121,7 +121,7 @@ pub fn all_arms<P: PiecewiseSmooth + ?Sized>(
         .into());
     }
     check_vector("the point x", x, m)?;
-    let scaled = Scaled::new(map, &[])?;
+    let scaled = Scaled::new(map, &[], (x[n], x[n]))?;
     let mut z = x.to_vec();
     scaled.scale(&mut z);
     let mut found = of_scaled(&scaled, &z, options)?;

@@ -118,7 +118,7 @@ pub fn all_solutions<P: PiecewiseSmooth + ?Sized>(
 ) -> Result<SolutionSet, EnumerationError> {
     options.validate()?;
     check_vector("the parameter", &[alpha], 1)?;
-    let scaled = Scaled::new(map, &[])?;
+    let scaled = Scaled::new(map, &[], (alpha, alpha))?;
     let mut set = of_scaled(&scaled, alpha / scaled.parameter_size(), options)?;
     set.solutions.iter_mut().for_each(|s| scaled.unscale(&mut s.x));
     let ends = set.continua.iter_mut().flat_map(|c| &mut c.ends);

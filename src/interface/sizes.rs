@@ -1,8 +1,9 @@
+use crate::piecewise::is_ordinary;
 use crate::sparse::Matrix;
 
 /// Typical sizes of displacements u, multipliers λ and the parameter α in A u + Bᵀ λ = f: those of forces, stiffnesses and entries of
-/// B, so that they change with the units as u and λ do. `loads` are the sizes of the load at α = 0 and of its change; α is small where
-/// a load grows to many times what it begins with. `None` where nothing is given: no load and no gap.
+/// B, so that they change with the units as u and λ do. `loads` are the sizes of the load at α = 0 and of its change; that of α is what
+/// makes one as large as the other. `None` where nothing is given: no load and no gap.
 pub(crate) fn typical_sizes<'a>(
     a: &Matrix,
     traces: impl IntoIterator<Item = &'a Matrix>,
@@ -16,14 +17,14 @@ pub(crate) fn typical_sizes<'a>(
     if load == 0.0 {
         load = closing;
     }
-    let begins = loads[0].max(closing);
-    let parameter = if begins > 0.0 && begins < loads[1] {
-        (begins / loads[1]).max(f64::EPSILON)
+    let ratio = loads[0].max(closing) / loads[1];
+    let parameter = if ratio > 0.0 && ratio.is_finite() && !is_ordinary(ratio) {
+        ratio.clamp(f64::EPSILON, f64::EPSILON.recip())
     } else {
         1.0
     };
-    // With the load at the typical α.
-    let sizes = [load / stiffness * parameter, load / trace * parameter, parameter];
+    load *= parameter.min(1.0);
+    let sizes = [load / stiffness, load / trace, parameter];
     sizes.iter().all(|s| s.is_normal()).then_some(sizes)
 }
 

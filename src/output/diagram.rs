@@ -7,6 +7,7 @@ use super::walk::vertices;
 use crate::contact::ContactState;
 use crate::continuation::{Branch, Diagram, DiagramEdge, TransitionKind, VertexKind};
 use crate::piecewise::Selection;
+use crate::sparse::replace_file;
 
 /// An sRGB colour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -318,13 +319,14 @@ impl BranchDiagram {
         super::draw::draw(self)
     }
 
-    /// Writes the picture to a file.
+    /// Writes the picture to a file, which it replaces in one move.
     ///
     /// # Errors
     /// As [`to_svg`](Self::to_svg); [`OutputError::Io`].
     pub fn write(&self, path: impl AsRef<Path>) -> Result<(), OutputError> {
         let path = path.as_ref();
-        std::fs::write(path, self.to_svg()?).map_err(|e| OutputError::Io {
+        let svg = self.to_svg()?;
+        replace_file(path, |part| std::fs::write(part, &svg)).map_err(|e| OutputError::Io {
             path: Some(path.to_path_buf()),
             what: e.to_string(),
         })

@@ -8,6 +8,7 @@ use vtkio::model::{
 
 use super::OutputError;
 use crate::fem::{CellKind, Mesh};
+use crate::sparse::replace_file;
 
 /// Values at the nodes or in the cells of a mesh, for [`write_vtu`].
 #[derive(Debug, Clone, PartialEq)]
@@ -121,7 +122,8 @@ pub fn write_vtu(
         file_path: None,
         data: DataSet::inline(piece),
     };
-    file.export(path).map_err(|e| OutputError::Io {
+    let write = |part: &Path| file.export(part).map_err(std::io::Error::other);
+    replace_file(path, write).map_err(|e| OutputError::Io {
         path: Some(path.into()),
         what: e.to_string(),
     })

@@ -35,7 +35,7 @@ pub use layout::TestLayout;
 pub use map::PiecewiseSmooth;
 pub use min_map::MinMap;
 pub use real::Real;
-pub(crate) use scaled::Scaled;
+pub(crate) use scaled::{Scaled, is_ordinary};
 pub use selection::{Selection, Selections};
 pub use semismooth::Semismooth;
 pub use uniqueness::{LocalUniqueness, local_uniqueness};

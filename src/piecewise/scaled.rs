@@ -14,17 +14,21 @@ pub(crate) struct Scaled<'a, P: ?Sized> {
     buffers: RefCell<(Vec<f64>, Vec<f64>)>,
 }
 
-/// Sizes of a map within this factor of 1 are left alone.
-const ORDINARY: f64 = 1e3;
+/// Whether a size is near enough to 1 to be left alone.
+pub(crate) fn is_ordinary(size: f64) -> bool {
+    (1e-3..=1e3).contains(&size)
+}
+
 /// Smallest ratio of sizes; beyond, squares overflow.
 const SMALLEST: f64 = 1e-100;
 
 impl<'a, P: PiecewiseSmooth + ?Sized> Scaled<'a, P> {
-    /// Scaled by the sizes given or, where there are none, by those of the map if they are far from 1.
+    /// Scaled by the sizes given or, where there are none, by those of the map if they are far from 1. That of a parameter is taken
+    /// to be at most the largest of 1 and the bounds of `range`: it may matter how little it changes.
     ///
     /// # Errors
     /// Sizes of another number than the variables, or not positive and finite.
-    pub(crate) fn new(map: &'a P, given: &[f64]) -> Result<Self, PiecewiseError> {
+    pub(crate) fn new(map: &'a P, given: &[f64], range: (f64, f64)) -> Result<Self, PiecewiseError> {
         let m = map.num_vars();
         let mut sizes = given.to_vec();
         if given.is_empty() {
@@ -36,18 +40,23 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Scaled<'a, P> {
             Some(size) if m > map.num_residuals() => *size,
             _ => 1.0,
         };
-        let ordinary = |s: &f64| (1.0 / ORDINARY..=ORDINARY).contains(s);
-        let power = |s: f64| s.clamp(SMALLEST, 1.0 / SMALLEST).log2().round().exp2();
-        let parameter = if given.is_empty() && ordinary(&own) {
-            1.0
-        } else {
-            power(own)
-        };
-        // Relative to each other first: what is ordinary does not depend on the unit of the parameter.
-        sizes.iter_mut().for_each(|s| *s = power(*s / own));
-        let plain = given.is_empty() && parameter == 1.0 && sizes.iter().all(ordinary);
-        sizes.iter_mut().for_each(|s| *s *= parameter);
-        if plain || sizes.iter().all(|s| *s == 1.0) {
+        if given.is_empty() {
+            if is_ordinary(own) {
+                sizes.iter_mut().for_each(|s| *s /= own);
+            } else if let Some(parameter) = sizes.last_mut() {
+                let bounds = [range.0.abs(), range.1.abs()]
+                    .into_iter()
+                    .filter(|b| b.is_finite());
+                *parameter = own.min(bounds.fold(1.0, f64::max));
+            }
+            if sizes.iter().all(|s| is_ordinary(*s)) {
+                sizes.clear();
+            }
+        }
+        for size in &mut sizes {
+            *size = size.clamp(SMALLEST, 1.0 / SMALLEST).log2().round().exp2();
+        }
+        if sizes.iter().all(|s| *s == 1.0) {
             sizes.clear();
         }
         Self::with_divisors(map, sizes)

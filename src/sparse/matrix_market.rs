@@ -53,7 +53,35 @@ pub fn write_matrix_market(path: impl AsRef<Path>, matrix: &Matrix) -> Result<()
     for (i, j, v) in matrix.triplets() {
         let _ = writeln!(text, "{} {} {v:.16e}", i + 1, j + 1);
     }
-    fs::write(path, text).map_err(|e| io_error(path, &e))
+    replace_file(path, |part| fs::write(part, &text)).map_err(|e| io_error(path, &e))
+}
+
+/// Writes a file next to `path` and moves it there, so that a run that is killed leaves the old file or the new one, and no part.
+pub(crate) fn replace_file(
+    path: &Path,
+    write: impl FnOnce(&Path) -> std::io::Result<()>,
+) -> std::io::Result<()> {
+    // Pipes and devices are no files to be replaced.
+    if fs::metadata(path).is_ok_and(|m| !m.is_file()) {
+        return write(path);
+    }
+    let Some(stem) = path.file_stem() else {
+        return write(path);
+    };
+    // The ending stays: it may tell the format.
+    let mut name = stem.to_os_string();
+    name.push(".part");
+    if let Some(ending) = path.extension() {
+        name.push(".");
+        name.push(ending);
+    }
+    let part = path.with_file_name(name);
+    write(&part)
+        .and_then(|()| fs::rename(&part, path))
+        .inspect_err(|_| {
+            // What is left of it is of no use; whether it can be removed changes nothing.
+            let _ = fs::remove_file(&part);
+        })
 }
 
 /// Reads a vector: one number a line (several on a line are taken in order), blank lines and `#` or `%` comments skipped.

@@ -12,6 +12,8 @@ mod vector;
 
 pub use error::SparseError;
 pub use matrix::{Matrix, MatrixRef};
+#[cfg(any(feature = "svg", feature = "vtk"))]
+pub(crate) use matrix_market::replace_file;
 pub use matrix_market::{
     parse_matrix_market, parse_vector, read_matrix_market, read_vector, write_matrix_market,
 };

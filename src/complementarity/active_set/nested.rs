@@ -146,6 +146,13 @@ impl Nested {
         options: &ActiveSetOptions,
         z: &mut [f64],
     ) -> Result<NestedReport, ComplementarityError> {
+        if z.len() != self.problems[0].len() {
+            return Err(ComplementarityError::Length {
+                what: "the point",
+                expected: self.problems[0].len(),
+                found: z.len(),
+            });
+        }
         let mut levels = Vec::new();
         let mut states = Vec::new();
         let mut coarse: Vec<f64> = Vec::new();
@@ -184,13 +191,6 @@ impl Nested {
             });
             states = solver.states().to_vec();
             coarse = x;
-        }
-        if z.len() != coarse.len() {
-            return Err(ComplementarityError::Length {
-                what: "the point",
-                expected: coarse.len(),
-                found: z.len(),
-            });
         }
         z.copy_from_slice(&coarse);
         Ok(NestedReport { levels, states })

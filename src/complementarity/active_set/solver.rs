@@ -223,7 +223,7 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
         let mut exchange = Exchange::Block;
         let (mut residual, mut progress) = (f64::INFINITY, 1.0);
         let mut restarted = false;
-        let mut at_most = 1;
+        let mut at_most: usize = 1;
         let mut may_restart = sets.is_none();
         loop {
             if self.history.len() == self.options.max_iterations {
@@ -310,7 +310,11 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
                     changes = n;
                 }
                 Exchange::Largest => {
-                    at_most = if changes < before { 2 * at_most } else { 1 };
+                    at_most = if changes < before {
+                        at_most.saturating_mul(2)
+                    } else {
+                        1
+                    };
                     self.keep_largest(lcp, z, at_most);
                 }
                 Exchange::Single => self.keep_one(),

@@ -7,12 +7,13 @@ use super::basis::Basis;
 use super::{LemkeOptions, LemkeReport, LemkeStatus};
 use crate::complementarity::{ComplementarityError, Lcp};
 use crate::linear::LinearError;
+use crate::piecewise::is_ordinary;
 
 /// Exchanges after which the values of the basic variables are compared with the equations.
 const CHECK_EVERY: usize = 32;
 /// Distances to bounds below this part of the right-hand side are zero.
 const ZERO: f64 = 1e-14;
-/// Largest order, for the sake of memory: the inverse takes 8 n² bytes.
+/// Largest order, for the sake of memory: the inverse takes 8 n² bytes, and five times that while it is made anew.
 const MAX_ORDER: usize = 20_000;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -89,8 +90,6 @@ pub struct Lemke {
     turn: usize,
 }
 
-/// Largest entries of M that need no other unit.
-const ORDINARY: std::ops::RangeInclusive<f64> = 1e-3..=1e3;
 /// Paths begun anew at most.
 const TURNS: usize = 4;
 
@@ -119,7 +118,7 @@ impl Lemke {
         let n = lcp.len();
         self.check(lcp, z)?;
         let largest = lcp.matrix().values().iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-        self.unit = if largest.is_normal() && !ORDINARY.contains(&largest) {
+        self.unit = if largest.is_normal() && !is_ordinary(largest) {
             largest.log2().round().exp2().recip()
         } else {
             1.0

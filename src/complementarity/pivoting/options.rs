@@ -7,7 +7,7 @@
     serde(default, deny_unknown_fields)
 )]
 pub struct LemkeOptions {
-    /// Largest number of exchanges; default `None`: 50 n + 1000.
+    /// Largest number of exchanges on a path; default `None`: 50 n + 1000, on up to five paths.
     pub max_pivots: Option<usize>,
     /// The covering vector d > 0, one entry an unknown; default `None`: all ones, and others where that path cycles (unless
     /// `max_pivots` is set). It chooses the path, and with several

@@ -147,6 +147,9 @@ impl Engine<'_> {
         }
         for k in 0..self.options.restarts {
             for path in [false, true] {
+                if let Some(status) = self.exhausted() {
+                    return status;
+                }
                 if path && (k >= 6 || self.n() > self.options.max_path_size / 3) {
                     continue;
                 }

@@ -1,10 +1,10 @@
 //! One attempt: a globalised Newton iteration from one start.
 
 use std::ops::ControlFlow;
-use std::time::Instant;
 
 use super::work::Work;
 use super::{McpIteration, McpOptions, McpReport, McpStatus, McpStep, McpStrategy};
+use crate::clock::Clock;
 use crate::complementarity::McpFunction;
 use crate::complementarity::fischer::{Gap, component};
 use crate::complementarity::problem::natural;
@@ -50,7 +50,7 @@ pub(super) struct Engine<'a> {
     pub(super) work: &'a mut Work,
     pub(super) report: &'a mut McpReport,
     pub(super) observe: &'a mut dyn FnMut(&McpIteration) -> ControlFlow<()>,
-    pub(super) started: Instant,
+    pub(super) clock: Clock,
     pub(super) strategy: McpStrategy,
     pub(super) affine: bool,
     /// Smallest natural residual so far, at `work.best`; and that of the current attempt.
@@ -264,7 +264,7 @@ impl Engine<'_> {
             Some(McpStatus::Interrupted)
         } else if self.report.iterations >= self.options.max_iterations {
             Some(McpStatus::IterationLimit)
-        } else if self.options.max_time.is_some_and(|t| self.started.elapsed() >= t) {
+        } else if self.options.max_time.is_some_and(|t| self.clock.elapsed() >= t) {
             Some(McpStatus::TimeLimit)
         } else {
             None

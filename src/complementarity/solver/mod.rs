@@ -11,13 +11,13 @@ mod steps;
 mod work;
 
 use std::ops::ControlFlow;
-use std::time::Instant;
 
 pub use options::McpOptions;
 pub use report::{BoundState, Fallback, McpIteration, McpReport, McpStatus, McpStep, McpStrategy};
 
 use super::error::check_finite;
 use super::{ComplementarityError, Mcp, McpFunction};
+use crate::clock::Clock;
 use engine::{Engine, far};
 use work::Work;
 
@@ -147,7 +147,7 @@ impl McpSolver {
         states: Option<&[BoundState]>,
         observe: &mut dyn FnMut(&McpIteration) -> ControlFlow<()>,
     ) -> Result<&McpReport, ComplementarityError> {
-        let started = Instant::now();
+        let clock = Clock::start();
         self.options.validate()?;
         if problem.is_parametric() {
             return Err(ComplementarityError::Dimensions {
@@ -174,7 +174,7 @@ impl McpSolver {
             work: &mut work,
             report: &mut self.report,
             observe,
-            started,
+            clock,
             strategy: McpStrategy::Newton,
             affine: problem.function().is_affine(),
             best: f64::INFINITY,
@@ -188,7 +188,7 @@ impl McpSolver {
         let status = engine.solve(states);
         let stray = engine.work.jac.stray();
         engine.finish(status, x);
-        self.report.time = started.elapsed();
+        self.report.time = clock.elapsed();
         self.work = Some(work);
         match stray {
             Some((row, col)) => Err(crate::piecewise::PiecewiseError::StrayEntry { row, col }.into()),

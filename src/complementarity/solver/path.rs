@@ -23,7 +23,7 @@ impl Engine<'_> {
         let left = self
             .options
             .max_time
-            .map(|t| t.saturating_sub(self.started.elapsed()));
+            .map(|t| t.saturating_sub(self.clock.elapsed()));
         ContinuationOptions::default()
             .with_parameter_range((least, 1.0))
             .with_max_points(POINTS)

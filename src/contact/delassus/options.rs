@@ -1,6 +1,7 @@
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use super::DelassusError;
+use crate::clock::Clock;
 
 /// Options of [`DelassusSolver`](super::DelassusSolver). The defaults need no touching.
 #[derive(Debug, Clone, PartialEq)]
@@ -15,6 +16,8 @@ pub struct DelassusOptions {
     pub tolerance: f64,
     /// Largest number of factorisations. Default 2000.
     pub max_factorisations: usize,
+    /// Largest number of sweeps in a row; runs of sweeps that are longer by themselves are cut. Default 10 000.
+    pub max_sweeps: usize,
     /// Wall-clock time after which the best iterate is handed out with the status [`Limit`](super::DelassusStatus::Limit); a factorisation begun is
     /// finished. Default none: with a limit runs are no longer the same on every machine.
     pub max_time: Option<Duration>,
@@ -25,6 +28,7 @@ impl Default for DelassusOptions {
         Self {
             tolerance: 1e-12,
             max_factorisations: 2000,
+            max_sweeps: 10_000,
             max_time: None,
         }
     }
@@ -42,6 +46,13 @@ impl DelassusOptions {
     #[must_use]
     pub fn with_max_factorisations(mut self, n: usize) -> Self {
         self.max_factorisations = n;
+        self
+    }
+
+    /// Sets the largest number of sweeps in a row.
+    #[must_use]
+    pub fn with_max_sweeps(mut self, n: usize) -> Self {
+        self.max_sweeps = n;
         self
     }
 
@@ -71,14 +82,20 @@ impl DelassusOptions {
 
 /// When a run has to end.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Deadline(Option<Instant>);
+pub(super) struct Deadline {
+    clock: Clock,
+    limit: Option<Duration>,
+}
 
 impl Deadline {
     pub(super) fn after(limit: Option<Duration>) -> Self {
-        Self(limit.and_then(|l| Instant::now().checked_add(l)))
+        Self {
+            clock: Clock::start(),
+            limit,
+        }
     }
 
     pub(super) fn is_over(self) -> bool {
-        self.0.is_some_and(|end| Instant::now() >= end)
+        self.limit.is_some_and(|limit| self.clock.elapsed() >= limit)
     }
 }

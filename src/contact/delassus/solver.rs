@@ -35,6 +35,8 @@ const MAX_IDLE: usize = 60;
 const HEAVY: f64 = 100.0;
 
 /// Sweeps before each further attempt at proximal steps.
+/// Sweeps after which the history is told.
+const REPORTED: usize = 100;
 const MORE_SWEEPS: [usize; 4] = [300, 1000, 3000, 10_000];
 
 /// Residual from which proximal steps converge, as a rule.
@@ -242,8 +244,7 @@ impl<'a, const D: usize> Run<'a, D> {
         if self.best_key <= self.options.tolerance {
             return Ok(DelassusStatus::Solved);
         }
-        let done = self.sweeps_of(SWEEPS);
-        flow!(self.record(DelassusPhase::Sweeps, 0.0, done, true)?);
+        flow!(self.sweeps_of(SWEEPS)?);
         flow!(self.interior(false)?);
         if self.best_key > NEAR {
             self.restart();
@@ -256,8 +257,7 @@ impl<'a, const D: usize> Run<'a, D> {
         flow!(self.proximal(ALPHA_NEAR, PATIENCE)?);
         for sweeps in MORE_SWEEPS {
             self.restart();
-            let done = self.sweeps_of(sweeps);
-            flow!(self.record(DelassusPhase::Sweeps, 0.0, done, true)?);
+            flow!(self.sweeps_of(sweeps)?);
             flow!(self.proximal(ALPHA, PATIENCE)?);
         }
         Ok(DelassusStatus::Stalled)
@@ -268,15 +268,25 @@ impl<'a, const D: usize> Run<'a, D> {
         self.r = self.scaled.scale(&self.best);
     }
 
-    /// At most n sweeps, fewer where time is over; how many.
-    fn sweeps_of(&mut self, n: usize) -> usize {
-        for k in 0..n {
-            if self.newton.deadline.is_over() {
-                return k;
+    /// At most n sweeps, fewer where time is over.
+    fn sweeps_of(&mut self, n: usize) -> Outcome {
+        let n = n.min(self.options.max_sweeps);
+        let mut done = 0;
+        while done < n {
+            let end = n.min(done + REPORTED);
+            let begun = done;
+            while done < end && !self.newton.deadline.is_over() {
+                self.sweep(done % 2 == 1);
+                done += 1;
             }
-            self.sweep(k % 2 == 1);
+            if let ControlFlow::Break(status) = self.record(DelassusPhase::Sweeps, 0.0, done - begun, true)? {
+                return Ok(ControlFlow::Break(status));
+            }
+            if done < end {
+                break;
+            }
         }
-        n
+        Ok(ControlFlow::Continue(()))
     }
 
     /// Interior points from the iterate; leaves the last iterate.

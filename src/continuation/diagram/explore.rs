@@ -2,11 +2,11 @@
 
 use std::collections::VecDeque;
 use std::ops::ControlFlow;
-use std::time::Instant;
 
 use super::arc::{Arc, FLAT, kind_of, kind_of_slots, reversed};
 use super::natural::{natural_observer, scaled_options, scaled_starts};
 use super::{Diagram, DiagramEdge, DiagramOptions, DiagramVertex, EdgeEnd, Limit, VertexArm, VertexKind};
+use crate::clock::Clock;
 use crate::continuation::arms::distance;
 use crate::continuation::{
     Arm, Continuation, ContinuationError, Event, MonitorCrossing, Point, PointKind, Strategy, Termination,
@@ -66,7 +66,8 @@ impl Diagram {
         S: AsRef<[f64]>,
     {
         options.validate()?;
-        let scaled = Scaled::new(map, &options.continuation.typical_sizes)?;
+        let inner = &options.continuation;
+        let scaled = Scaled::new(map, &inner.typical_sizes, inner.parameter_range)?;
         let inner = scaled_options(&scaled, options);
         let diagram = Self {
             range: inner.continuation.parameter_range,
@@ -86,7 +87,7 @@ pub(super) struct Explorer<'m, P: ?Sized, O> {
     pub(super) diagram: Diagram,
     options: DiagramOptions,
     pending: VecDeque<EdgeEnd>,
-    started: Instant,
+    clock: Clock,
     halted: bool,
     observe: O,
 }
@@ -109,7 +110,7 @@ impl<'m, P: PiecewiseSmooth + ?Sized, O: FnMut(&Progress<'_>) -> ControlFlow<()>
             diagram,
             options,
             pending: VecDeque::new(),
-            started: Instant::now(),
+            clock: Clock::start(),
             halted: false,
             observe,
         }
@@ -205,7 +206,7 @@ impl<'m, P: PiecewiseSmooth + ?Sized, O: FnMut(&Progress<'_>) -> ControlFlow<()>
                 .options
                 .continuation
                 .max_time
-                .is_some_and(|t| self.started.elapsed() >= t);
+                .is_some_and(|t| self.clock.elapsed() >= t);
             let limit = if self.diagram.edges.len() >= self.options.max_edges {
                 Limit::MaxEdges
             } else if used >= self.options.max_points {
@@ -244,7 +245,7 @@ impl<'m, P: PiecewiseSmooth + ?Sized, O: FnMut(&Progress<'_>) -> ControlFlow<()>
             .max_points
             .min(self.options.max_points - self.diagram.points)
             .max(1);
-        options.max_time = options.max_time.map(|t| t.saturating_sub(self.started.elapsed()));
+        options.max_time = options.max_time.map(|t| t.saturating_sub(self.clock.elapsed()));
         let arm = vertex.arms[end.arm].arm.clone();
         let singular = vertex.kind == VertexKind::BranchPoint;
         let mut curve = match Continuation::along_arm_from(self.map, &vertex.x, &arm, singular, options) {

@@ -166,7 +166,7 @@ impl Diagram {
         if let Some(known) = found.points.iter_mut().find(|s| distance(&s.x, &x) <= reach) {
             let vertex = self.vertex_near(&x).map(|v| self.vertices[v].arms.len());
             known.index = match (known.index, sign) {
-                (Some(a), Some(b)) if vertex == Some(2) => Some((a + b) / 2),
+                (Some(a), Some(b)) if vertex == Some(2) => Some((a.signum() + b.signum()) / 2),
                 _ => None,
             };
             return;

@@ -81,7 +81,8 @@ impl Diagram {
                 });
             }
         }
-        let scaled = Scaled::new(map, &options.continuation.typical_sizes)?;
+        let inner = &options.continuation;
+        let scaled = Scaled::new(map, &inner.typical_sizes, inner.parameter_range)?;
         self.scale(&scaled);
         let mut again = self.reopen();
         let mut pending = Vec::new();

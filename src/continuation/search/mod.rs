@@ -10,6 +10,7 @@ use self::deflation::Steps;
 pub use self::options::SearchOptions;
 use super::arms::distance;
 use super::{ContinuationError, Diagram};
+use crate::clock::Clock;
 use crate::enumeration::Random;
 use crate::newton::{Newton, NewtonError, NewtonOptions};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, active_set, check_vector};
@@ -171,6 +172,7 @@ pub fn search_solutions_observed<P: PiecewiseSmooth + ?Sized, S: AsRef<[f64]>>(
         neighbour: (0, 0, 0),
         observe,
         ended: false,
+        clock: Clock::start(),
     };
     let zero = vec![0.0; m];
     let given: Vec<&[f64]> = match starts {
@@ -178,6 +180,9 @@ pub fn search_solutions_observed<P: PiecewiseSmooth + ?Sized, S: AsRef<[f64]>>(
         starts => starts.iter().map(AsRef::as_ref).collect(),
     };
     for start in &given {
+        if search.is_over() {
+            break;
+        }
         search.run(start.to_vec(), FoundBy::Start)?;
     }
     for _ in 0..options.rounds {
@@ -205,11 +210,15 @@ struct Search<'a, P: ?Sized, O> {
     neighbour: (usize, usize, usize),
     observe: O,
     ended: bool,
+    clock: Clock,
 }
 
 impl<P: PiecewiseSmooth + ?Sized, O: FnMut(&FoundSolutions) -> ControlFlow<()>> Search<'_, P, O> {
     fn round(&mut self, given: &[&[f64]]) -> Result<(), ContinuationError> {
         for k in 0..self.options.starts {
+            if self.is_over() {
+                return Ok(());
+            }
             // Every other start comes from a selection: with many sites few selections hold a random point.
             let start = if k % 2 == 0 && self.map.num_sites() > 0 {
                 self.random_selection_start()
@@ -221,6 +230,9 @@ impl<P: PiecewiseSmooth + ?Sized, O: FnMut(&FoundSolutions) -> ControlFlow<()>> 
             }
         }
         for _ in 0..self.options.neighbours {
+            if self.is_over() {
+                return Ok(());
+            }
             let Some((mut x, selection)) = self.next_neighbour() else {
                 break;
             };
@@ -229,6 +241,9 @@ impl<P: PiecewiseSmooth + ?Sized, O: FnMut(&FoundSolutions) -> ControlFlow<()>> 
             }
         }
         for k in 0..self.options.deflations {
+            if self.is_over() {
+                return Ok(());
+            }
             let x = match given.get(k) {
                 Some(start) => start.to_vec(),
                 None => self.between_known(),
@@ -236,6 +251,11 @@ impl<P: PiecewiseSmooth + ?Sized, O: FnMut(&FoundSolutions) -> ControlFlow<()>> 
             self.deflate(x)?;
         }
         self.follow()
+    }
+
+    fn is_over(&mut self) -> bool {
+        self.ended |= self.options.max_time.is_some_and(|t| self.clock.elapsed() >= t);
+        self.ended
     }
 
     /// Size of what is known.
@@ -364,35 +384,49 @@ impl<P: PiecewiseSmooth + ?Sized, O: FnMut(&FoundSolutions) -> ControlFlow<()>> 
     /// Follows the curves through the solutions that are new since last time, and takes what they meet at α.
     fn follow(&mut self) -> Result<(), ContinuationError> {
         let curve = self.map.num_vars() > self.map.num_residuals();
-        let (Some(reach), true, false) = (self.options.reach, curve, self.ended) else {
+        let (Some(reach), true, false) = (self.options.reach, curve, self.is_over()) else {
             return Ok(());
         };
         let starts: Vec<Vec<f64>> = (self.found.solutions[self.followed..].iter())
             .map(|s| s.x.clone())
             .collect();
         let width = reach * (1.0 + self.alpha.abs());
-        let options = self
+        let mut options = self
             .options
             .diagram
             .clone()
             .with_parameter_range((self.alpha - width, self.alpha + width));
-        // One by one where a start is refused: a solution at an end of the domain, or too singular to be recognised.
-        let diagrams = match Diagram::explore(self.map, &starts, &options) {
-            Ok(diagram) => vec![diagram],
-            Err(_) => starts
-                .iter()
-                .filter_map(|s| Diagram::explore(self.map, std::slice::from_ref(s), &options).ok())
-                .collect(),
-        };
-        for diagram in diagrams {
-            let at = diagram.solutions_at(self.map, self.alpha)?;
-            self.found.continua += at.continua.len();
-            for s in at.points {
-                self.add(s.x, s.selection, FoundBy::Continuation);
+        if let Some(left) = self.options.max_time {
+            let left = left.saturating_sub(self.clock.elapsed());
+            let own = options.continuation.max_time.unwrap_or(left);
+            options.continuation.max_time = Some(own.min(left));
+        }
+        if let Ok(diagram) = Diagram::explore(self.map, &starts, &options) {
+            self.gather(&diagram)?;
+        } else {
+            // One by one where a start is refused: a solution at an end of the domain, or too singular to be recognised.
+            for start in &starts {
+                if self.is_over() || options.max_edges == 0 || options.max_points == 0 {
+                    break;
+                }
+                if let Ok(diagram) = Diagram::explore(self.map, std::slice::from_ref(start), &options) {
+                    options.max_edges = options.max_edges.saturating_sub(diagram.edges().len());
+                    options.max_points = options.max_points.saturating_sub(diagram.points_computed());
+                    self.gather(&diagram)?;
+                }
             }
         }
         self.followed = self.found.solutions.len();
         self.report();
+        Ok(())
+    }
+
+    fn gather(&mut self, diagram: &Diagram) -> Result<(), ContinuationError> {
+        let at = diagram.solutions_at(self.map, self.alpha)?;
+        self.found.continua += at.continua.len();
+        for s in at.points {
+            self.add(s.x, s.selection, FoundBy::Continuation);
+        }
         Ok(())
     }
 

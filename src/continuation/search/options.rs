@@ -1,3 +1,5 @@
+use std::time::Duration;
+
 use crate::continuation::{ContinuationError, DiagramOptions};
 
 /// Options of [`search_solutions`](super::search_solutions).
@@ -32,6 +34,8 @@ pub struct SearchOptions {
     pub merge_distance: f64,
     /// Where the sequence of random numbers begins. Default 1.
     pub seed: u64,
+    /// Wall-clock time after which the search ends, between two runs or curves. Default none.
+    pub max_time: Option<Duration>,
 }
 
 impl Default for SearchOptions {
@@ -49,6 +53,7 @@ impl Default for SearchOptions {
             max_solutions: 10_000,
             merge_distance: 1e-7,
             seed: 1,
+            max_time: None,
         }
     }
 }
@@ -121,6 +126,13 @@ impl SearchOptions {
     #[must_use]
     pub fn with_seed(mut self, seed: u64) -> Self {
         self.seed = seed;
+        self
+    }
+
+    /// Sets the largest wall-clock time.
+    #[must_use]
+    pub fn with_max_time(mut self, max_time: Option<Duration>) -> Self {
+        self.max_time = max_time;
         self
     }
 
