@@ -2,7 +2,9 @@
 
 use semismooth::continuation::{Continuation, ContinuationOptions, Direction, arms_at};
 use semismooth::enumeration::{EnumerationError, EnumerationOptions, all_arms, all_solutions};
-use semismooth::piecewise::{Facet, PiecewiseSmooth, Selection};
+use semismooth::piecewise::{
+    Facet, LocalUniqueness, PiecewiseSmooth, Selection, active_set, local_uniqueness,
+};
 use semismooth::sparse::{Matrix, Pattern};
 
 const LARGE: usize = 60_000;
@@ -106,4 +108,21 @@ fn arms_at_a_few_kinks_of_a_large_map() {
     assert_eq!((arms.len(), complete), (2, true));
     let curve = Continuation::new(&map, &origin, Direction::Increasing, options);
     assert!(curve.is_ok());
+}
+
+#[test]
+fn constants_of_local_uniqueness_for_many_loads() {
+    // ∇_yH is the identity, so that ‖∂y/∂f‖∞ is the largest row sum of the load, whose columns are handled some at a time.
+    let n = 150;
+    let map = Kinks { n, kinks: 0 };
+    let x = vec![0.0; n + 1];
+    let entries: Vec<_> = (0..2 * n)
+        .map(|j| (j % n, j, if j == 130 { -3.0 } else { 1.0 }))
+        .collect();
+    let load = Matrix::from_triplets(n, 2 * n, &entries).unwrap();
+    let found = local_uniqueness(&map, &x, &active_set(&map, &x, 1e-9), &load, 10).unwrap();
+    assert!(
+        matches!(found, LocalUniqueness::Lipschitz { constant, .. } if (constant - 4.0).abs() < 1e-12),
+        "{found:?}"
+    );
 }
