@@ -378,3 +378,112 @@ fn negative_determinants_are_dashed() {
     let panel = Panel::new("α", "y").with_diagram(&line, |x| x[0], style);
     assert!(!BranchDiagram::new(panel).to_svg().unwrap().contains("det &lt; 0"));
 }
+
+/// α = |y| between −1 and 1: two edges from the bound to the kink, of opposite determinants.
+#[test]
+fn tables_in_words() {
+    let map = MinMap::curve(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+        a[0] = x[1] - x[0];
+        b[0] = x[1] + x[0];
+    });
+    let options = DiagramOptions::default().with_parameter_range((-1.0, 0.75));
+    let diagram = Diagram::explore(&map, &[[0.5, 0.5]], &options).unwrap();
+    let text = diagram.to_string();
+    let lines: Vec<&str> = text.lines().collect();
+    let (edges, vertices) = (diagram.edges(), diagram.vertices());
+    assert_eq!(lines.len(), 1 + 1 + vertices.len() + 1 + edges.len());
+    assert_eq!(
+        lines[0],
+        format!(
+            "1 component, 1 branch, {} edges, {} vertices, complete within the bounds",
+            edges.len(),
+            vertices.len()
+        )
+    );
+    assert_eq!(
+        lines[1],
+        "vertex             parameter  kind                      edges"
+    );
+    assert_eq!(lines[2 + vertices.len()], "  edge    from      to    points  det");
+    let kinds: Vec<(String, f64)> = vertices
+        .iter()
+        .map(|v| (v.kind.to_string(), v.parameter()))
+        .collect();
+    let count = |kind: &str, alpha: f64| {
+        kinds
+            .iter()
+            .filter(|k| k.0 == kind && (k.1 - alpha).abs() < 1e-12)
+            .count()
+    };
+    assert_eq!(
+        (count("start", 0.5), count("fold", 0.0), count("bound", 0.75)),
+        (1, 1, 2),
+        "{text}"
+    );
+    for (v, vertex) in vertices.iter().enumerate() {
+        let words: Vec<&str> = lines[2 + v].split_whitespace().collect();
+        let met: Vec<String> = vertex
+            .arms
+            .iter()
+            .filter_map(|a| a.edge)
+            .map(|e| e.to_string())
+            .collect();
+        let number = |alpha: &str| (alpha.to_owned(), vertex.kind.to_string());
+        let (alpha, kind) = match vertex.kind {
+            VertexKind::Start => number("0.500000000000"),
+            VertexKind::Fold => number("0.000000000000"),
+            _ => number("0.750000000000"),
+        };
+        assert_eq!(words[..3], [v.to_string(), alpha, kind], "{text}");
+        assert_eq!(words[3..], met, "{text}");
+    }
+    // y < 0 on one side of the fold, y > 0 on the other.
+    for (e, edge) in edges.iter().enumerate() {
+        let y = edge.points[edge.points.len() / 2].x[0];
+        // The map is max(−(α − y), −(α + y)) or the like: its sign tells which.
+        let words: Vec<&str> = lines[3 + vertices.len() + e].split_whitespace().collect();
+        let expected = [e, edge.from.vertex, edge.to.vertex, edge.points.len()].map(|k| k.to_string());
+        assert_eq!(words[..4], expected, "{text}");
+        assert_eq!(words[4..], [if y < 0.0 { "+" } else { "-" }], "{text}");
+    }
+}
+
+/// What a diagram that was cut short says of itself.
+#[test]
+fn limits_in_words() {
+    use semismooth::continuation::Termination;
+    let curve = Limit::Curve {
+        vertex: 3,
+        termination: Termination::Unbounded,
+    };
+    for (limit, text) in [
+        (Limit::MaxEdges, "limit on edges"),
+        (Limit::MaxPoints, "limit on points"),
+        (Limit::MaxTime, "limit on time"),
+        (Limit::Stopped, "stopped"),
+        (curve.clone(), "tends to infinity at vertex 3"),
+        (
+            Limit::Solutions { parameter: -0.5 },
+            "solutions at parameter -0.5 not all known",
+        ),
+        (Limit::Arms { vertex: 7 }, "arms of vertex 7 undecided"),
+        (
+            Limit::Contradiction { vertex: 1 },
+            "a curve arrived at vertex 1 along the arm of another edge",
+        ),
+    ] {
+        assert_eq!(limit.to_string(), text);
+    }
+    let list = Completeness::Limited(vec![Limit::MaxEdges, curve]);
+    assert_eq!(
+        list.to_string(),
+        "incomplete: limit on edges; tends to infinity at vertex 3"
+    );
+    // A run that meets its limits says the same.
+    let (map, _) = circle();
+    let few = DiagramOptions::default().with_max_points(5);
+    let cut = Diagram::explore(&map, &[[0.8, 0.6]], &few).unwrap();
+    let first = cut.to_string().lines().next().unwrap().to_owned();
+    assert!(first.contains("incomplete: "), "{first}");
+    assert!(first.contains("limit on points"), "{first}");
+}

@@ -15,7 +15,7 @@ use semismooth::enumeration::{
     Completeness, EnumerationError, EnumerationOptions, SolutionSet, all_arms, all_solutions,
 };
 use semismooth::linear::{DenseLu, LinearSolver};
-use semismooth::piecewise::{MinMap, PiecewiseSmooth, Selections};
+use semismooth::piecewise::{Facet, MinMap, PiecewiseSmooth, Selection, Selections};
 use semismooth::sparse::Matrix;
 use support::Rng;
 
@@ -427,4 +427,121 @@ fn a_solution_by_tolerance_alone_is_no_certainty() {
             .iter()
             .any(|s| s.margin > 1e-3 && s.index == Some(1))
     );
+}
+
+/// y₂ = 0 (or y₁ = 2 y₂) and |y₁| + |y₂| = α: one residual depends on both sites.
+struct TwoRoofs {
+    tilted: bool,
+}
+
+impl PiecewiseSmooth for TwoRoofs {
+    fn num_vars(&self) -> usize {
+        3
+    }
+    fn num_residuals(&self) -> usize {
+        2
+    }
+    fn num_sites(&self) -> usize {
+        2
+    }
+    fn num_pieces(&self, _: usize) -> usize {
+        2
+    }
+    fn num_tests(&self, _: usize) -> usize {
+        1
+    }
+    fn cell(&self, _: usize, piece: usize) -> &[Facet] {
+        const CELLS: [[Facet; 1]; 2] = [[Facet::negative(0)], [Facet::positive(0)]];
+        &CELLS[piece]
+    }
+    fn test_functions(&self, x: &[f64], out: &mut [f64]) {
+        out.copy_from_slice(&x[..2]);
+    }
+    fn residual(&self, s: &Selection, x: &[f64], out: &mut [f64]) {
+        let sign = |i| [-1.0, 1.0][s.piece(i)];
+        out[0] = sign(0) * x[0] + sign(1) * x[1] - x[2];
+        out[1] = if self.tilted { x[0] - 2.0 * x[1] } else { x[1] };
+    }
+    fn jacobian(&self, s: &Selection, _: &[f64], jac: &mut Matrix) {
+        let sign = |i| [-1.0, 1.0][s.piece(i)];
+        let second = if self.tilted { [1.0, -2.0] } else { [0.0, 1.0] };
+        for j in 0..2 {
+            jac.add(0, j, sign(j));
+            jac.add(1, j, second[j]);
+        }
+        jac.add(0, 2, -1.0);
+    }
+    fn is_piecewise_affine(&self) -> bool {
+        true
+    }
+}
+
+/// Where a residual depends on two degenerate sites nothing is ruled out early: all selections are tried, as many as may be.
+#[test]
+fn arms_where_residuals_share_sites() {
+    let arms = |map: &TwoRoofs, cap: u64| {
+        let options = EnumerationOptions::default()
+            .with_max_nodes(cap)
+            .with_local_starts(0);
+        all_arms(map, &[0.0; 3], &options).unwrap()
+    };
+    for tilted in [true, false] {
+        let map = TwoRoofs { tilted };
+        let found = arms(&map, 4);
+        assert_eq!((found.completeness, found.nodes), (Completeness::Complete, 4));
+        let expected = if tilted { [2.0, 1.0, 3.0] } else { [1.0, 0.0, 1.0] };
+        let length = expected.iter().map(|v| v * v).sum::<f64>().sqrt();
+        assert_eq!(found.arms.len(), 2);
+        for side in [1.0, -1.0] {
+            let unit = [
+                side * expected[0] / length,
+                side * expected[1] / length,
+                expected[2] / length,
+            ];
+            let near = |t: &[f64]| t.iter().zip(&unit).all(|(a, b)| (a - b).abs() < 1e-12);
+            let arm = found.arms.iter().find(|a| near(&a.tangent)).unwrap();
+            // det ∇_yH is the sign of y₁ where y₂ = 0, in both cells of the second site; −(2 s₁ + s₂) on the tilted line.
+            let (signs, cells) = match tilted {
+                true => (vec![Some(-side as i8)], 1),
+                false => (vec![Some(side as i8); 2], 2),
+            };
+            assert_eq!((&arm.det_signs, arm.selections.len()), (&signs, cells));
+        }
+        // Both arms have growing α; their indices cancel, as there is none with falling α.
+        assert_eq!(found.orientation, Some((0, 0)));
+        let capped = arms(&map, 2);
+        let few = Completeness::Incomplete {
+            examined: 2.0,
+            total: 4.0,
+        };
+        assert_eq!((capped.completeness, capped.nodes), (few, 2));
+        assert_eq!(capped.arms.len(), 1, "one of the two is in the cells tried");
+    }
+}
+
+/// Solutions that fill a square, an edge of it, or that would lie on a line outside the cell of their selection.
+#[test]
+fn continua_in_a_box() {
+    use semismooth::complementarity::Lcp;
+    let solve = |m: [[f64; 2]; 2], q: [f64; 2]| {
+        let matrix = Matrix::from_rows(&m).unwrap();
+        let lcp = Lcp::boxed(matrix, q.to_vec(), vec![0.0; 2], vec![1.0; 2]).unwrap();
+        all_solutions(lcp.mcp(), 0.0, &EnumerationOptions::default()).unwrap()
+    };
+    let square = solve([[0.0; 2]; 2], [0.0; 2]);
+    assert_eq!(square.index_sum, None);
+    let largest = square.continua.iter().map(|c| c.dimension).max();
+    assert_eq!(largest, Some(2), "{:?}", square.continua);
+    // The second component wants to be 5 and rests at its bound; the first is free.
+    let edge = solve([[0.0, 0.0], [0.0, 1.0]], [0.0, -5.0]);
+    assert_eq!(
+        (edge.continua.len(), edge.index_sum),
+        (1, None),
+        "{:?}",
+        edge.continua
+    );
+    assert_eq!(edge.continua[0].dimension, 1);
+    let mut ends = edge.continua[0].ends.clone();
+    ends.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    assert_eq!(ends, [[0.0, 1.0], [1.0, 1.0]]);
 }

@@ -448,4 +448,34 @@ fn bad_input() {
         parse("POINT 0 0 0\nCONVEX 0 'GT_PK(2,2)' 0 0 0"),
         Err(FemError::Parse { .. })
     ));
+    let corners = "POINT 0 0 0\nPOINT 1 1 0\nPOINT 2 0 1\nPOINT 3 1 1\n";
+    for (text, number, word) in [
+        ("POINT 0 1 2 3 4", 1, "4 coordinates"),
+        ("% first\nPOINT 0", 2, "0 coordinates"),
+        ("POINT 0 0 0\n\nPOINT 0 1 0", 3, "point 0 is there twice"),
+        (&format!("{corners}CONVEX 0 GT_PK(2,1) 0 1 2"), 5, "in quotes"),
+        (
+            &format!("{corners}CONVEX 0 'GT_PK(2,1)' 0 1 2 3"),
+            5,
+            "a triangle with 4 points, expected 3",
+        ),
+        (
+            &format!("{corners}CONVEX 0 'GT_QK(2,1)' 0 1 2"),
+            5,
+            "a quadrilateral with 3 points, expected 4",
+        ),
+        (
+            &format!("{corners}CONVEX 0 'GT_PK(2,1)' 0 1 2\nCONVEX 1 'GT_PK(3,1)' 0 1 2 3"),
+            6,
+            "plane and solid",
+        ),
+    ] {
+        match parse(text) {
+            Err(FemError::Parse { line, ref what, .. }) => {
+                assert_eq!(line, number, "{text}");
+                assert!(what.contains(word), "{word}: {what}");
+            }
+            other => panic!("{text}: {other:?}"),
+        }
+    }
 }

@@ -6,12 +6,13 @@ mod common;
 use std::path::Path;
 
 use semismooth::contact::{
-    ContactState, FrictionMap, FrictionPath, FrictionProblem, FrictionStart, HildRenard, LoadPath,
-    first_point, read_folder,
+    CondensedFriction, ContactState, FrictionMap, FrictionPath, FrictionProblem, FrictionStart, HildRenard,
+    LoadPath, first_point, read_folder,
 };
 use semismooth::continuation::{
     Branch, ContinuationOptions, Direction, Termination, TransitionKind, certify,
 };
+use semismooth::piecewise::{PiecewiseSmooth, select};
 use semismooth::sparse::Matrix;
 
 use ContactState::{Open, SlipMinus, Stick};
@@ -199,5 +200,89 @@ fn friction_that_differs_between_nodes() {
             .map(|(a, b)| (a - b).abs())
             .fold(0.0, f64::max);
         assert!(distance < 1e-9, "{distance:e} at {}", point.parameter());
+    }
+}
+
+/// A path of friction given by a function is the affine path with the same values: residuals, Jacobians, test functions and curves of
+/// the condensed problem, the last against the full one too.
+#[test]
+fn condensed_problems_with_friction_by_a_function() {
+    let body = || {
+        [
+            Matrix::from_rows(&[
+                [2.0, -1.0, -0.3, 0.0],
+                [-1.0, 2.0, 0.0, 0.1],
+                [-0.3, 0.0, 3.0, -1.0],
+                [0.0, 0.1, -1.0, 2.5],
+            ])
+            .unwrap(),
+            Matrix::from_triplets(2, 4, &[(0, 0, 1.0), (1, 2, 1.0)]).unwrap(),
+            Matrix::from_triplets(2, 4, &[(0, 1, 1.0), (1, 3, 1.0)]).unwrap(),
+        ]
+    };
+    let with = |friction: FrictionPath| {
+        let [a, bnu, bt] = body();
+        let load = LoadPath::affine(vec![1.5, -2.0, 1.0, 0.5], vec![0.1, 1.0, 0.0, -0.4]);
+        FrictionProblem::new(a, bnu, bt, load, friction).unwrap()
+    };
+    let (constant, slope) = ([0.8, 1.2], [0.3, -0.2]);
+    let affine = with(FrictionPath::affine(constant.to_vec(), slope.to_vec()));
+    let function = with(FrictionPath::function(move |s, f, df| {
+        for i in 0..2 {
+            (f[i], df[i]) = (constant[i] + s * slope[i], slope[i]);
+        }
+    }));
+    let start = first_point(&affine, 0.0, &FrictionStart::Stick).unwrap();
+    let n = start.len();
+    let follow = |map: &dyn PiecewiseSmooth, x: &[f64]| {
+        let options = ContinuationOptions::default()
+            .with_parameter_range((-3.0, 3.0))
+            .with_max_step(0.2);
+        Branch::follow(map, x, Direction::Increasing, options).unwrap()
+    };
+    let full = follow(&affine, &start);
+    assert!(!full.transitions.is_empty());
+    let (affine, function) = (
+        CondensedFriction::new(affine).unwrap(),
+        CondensedFriction::new(function).unwrap(),
+    );
+    for k in 0..40 {
+        let x: Vec<f64> = (0..5)
+            .map(|j| (f64::from(7 * k + 3 * j) * 0.61).sin() * 2.0)
+            .collect();
+        let selection = select(&affine, &x);
+        assert_eq!(selection, select(&function, &x));
+        let image = |map: &CondensedFriction| {
+            let (mut r, mut theta) = (vec![0.0; 4], vec![0.0; 2 * map.num_tests(0)]);
+            map.residual(&selection, &x, &mut r);
+            map.test_functions(&x, &mut theta);
+            let mut jac = Matrix::zeros(map.pattern());
+            map.jacobian(&selection, &x, &mut jac);
+            [
+                r,
+                theta,
+                (0..4)
+                    .flat_map(|i| (0..5).map(move |j| (i, j)))
+                    .map(|(i, j)| jac.get(i, j))
+                    .collect(),
+            ]
+        };
+        for (a, b) in image(&affine)
+            .iter()
+            .flatten()
+            .zip(image(&function).iter().flatten())
+        {
+            assert!((a - b).abs() < 1e-14 * (1.0 + a.abs()), "{a} {b}");
+        }
+    }
+    let alphas = |b: &Branch| b.transitions.iter().map(|t| t.parameter()).collect::<Vec<_>>();
+    for map in [&affine, &function] {
+        let curve = follow(map, &start[n - 5..]);
+        let (found, expected) = (alphas(&curve), alphas(&full));
+        assert_eq!(found.len(), expected.len(), "{found:?} {expected:?}");
+        assert!(
+            found.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-9),
+            "{found:?} {expected:?}"
+        );
     }
 }

@@ -199,6 +199,7 @@ fn bad_files() {
         ("2.0 1.5 0.5", "2.0 1.5 0.7", "plane"),
         ("2.0 1.5 0.5", "1.2 -1.0 0.5", "element 4"),
         ("\"the foot\"", "the foot", "physical name"),
+        ("2 1.0 0.0 0.5", "1 1.0 0.0 0.5", "node 1 is there twice"),
     ] {
         assert!(text.contains(from), "{from}");
         let error = parse(&text.replacen(from, to, 1)).unwrap_err();
@@ -209,4 +210,93 @@ fn bad_files() {
         Err(FemError::Parse { .. })
     ));
     assert!(matches!(parse(""), Err(FemError::Empty { .. })));
+}
+
+/// Six times the volume of the tetrahedron (a, b, c, d).
+fn volume([a, b, c, d]: [[f64; 3]; 4]) -> f64 {
+    let [u, v, w] = [b, c, d].map(|p| [p[0] - a[0], p[1] - a[1], p[2] - a[2]]);
+    u[0] * (v[1] * w[2] - v[2] * w[1]) - u[1] * (v[0] * w[2] - v[2] * w[0])
+        + u[2] * (v[0] * w[1] - v[1] * w[0])
+}
+
+/// Elements that the file gives inside out are turned: the same nodes, a positive Jacobian at the first one.
+#[test]
+fn elements_inside_out_are_turned() {
+    let points = "1 0 0 0\n2 1 0 0\n3 1 1 0\n4 0 1 0\n5 0 0 1\n6 1 0 1\n7 1 1 1\n8 0 1 1";
+    let file = |elements: &str| {
+        format!(
+            "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$Nodes\n8\n{points}\n$EndNodes\n$Elements\n1\n{elements}\n$EndElements\n"
+        )
+    };
+    for (elements, kind, right) in [
+        ("1 4 0 1 2 4 5", CellKind::Tetrahedron, true),
+        ("1 4 0 1 4 2 5", CellKind::Tetrahedron, false),
+        ("1 5 0 1 2 3 4 5 6 7 8", CellKind::Hexahedron, true),
+        ("1 5 0 1 4 3 2 5 8 7 6", CellKind::Hexahedron, false),
+    ] {
+        let mesh = parse_gmsh(file(elements).as_bytes(), "solid.msh".as_ref()).unwrap();
+        assert_eq!((mesh.dim(), mesh.num_cells(), mesh.kind(0)), (3, 1, kind));
+        let nodes = mesh.cell(0);
+        let at = |k: usize| mesh.points()[nodes[k]];
+        // The edges that leave the first node.
+        let edges = if kind == CellKind::Tetrahedron {
+            [1, 2, 3]
+        } else {
+            [1, 3, 4]
+        };
+        let own = volume([at(0), at(edges[0]), at(edges[1]), at(edges[2])]);
+        assert!((own - 1.0).abs() < 1e-15, "{elements}: {own}");
+        // Every face of the boundary is one of the solid: four triangles or six squares with all nodes in a plane.
+        let faces = mesh.boundary();
+        assert_eq!(faces.len(), if kind == CellKind::Tetrahedron { 4 } else { 6 });
+        if kind == CellKind::Hexahedron {
+            for face in &faces {
+                let flat = (0..3).any(|k| {
+                    let first = mesh.points()[face.nodes[0]][k];
+                    face.nodes.iter().all(|&n| mesh.points()[n][k] == first)
+                });
+                assert!(flat, "{elements}: {:?}", face.nodes);
+            }
+        }
+        let told: Vec<usize> = elements
+            .split(' ')
+            .skip(3)
+            .map(|w| w.parse::<usize>().unwrap() - 1)
+            .collect();
+        let positions: Vec<[f64; 3]> = (0..nodes.len()).map(at).collect();
+        if right {
+            let given = |n: usize| {
+                [
+                    [0., 0., 0.],
+                    [1., 0., 0.],
+                    [1., 1., 0.],
+                    [0., 1., 0.],
+                    [0., 0., 1.],
+                    [1., 0., 1.],
+                    [1., 1., 1.],
+                    [0., 1., 1.],
+                ][n]
+            };
+            let expected: Vec<[f64; 3]> = told.iter().map(|&n| given(n)).collect();
+            assert_eq!(positions, expected);
+        }
+    }
+}
+
+#[test]
+fn a_wrong_mark_of_the_byte_order() {
+    let mut file = version_2(true, false);
+    let mark = b"2.2 1 8\n";
+    let at = file.windows(mark.len()).position(|w| w == mark).unwrap() + mark.len();
+    file[at] = 7;
+    let error = parse_gmsh(&file, "bad.msh".as_ref()).unwrap_err().to_string();
+    assert!(
+        error.contains("bad.msh") && error.contains("byte order"),
+        "{error}"
+    );
+    let mut text = version_2(false, false);
+    let at = text.windows(6).position(|w| w == b"$Nodes").unwrap() + 9;
+    text[at] = 0xff;
+    let error = parse_gmsh(&text, "bad.msh".as_ref()).unwrap_err().to_string();
+    assert!(error.contains("bad.msh"), "{error}");
 }

@@ -358,3 +358,40 @@ fn bad_parts_are_named() {
     let e = CondensedInterface::new(floating).unwrap_err();
     assert!(e.to_string().contains("positive definite"), "{e}");
 }
+
+/// Clones and threads: the workspace that evaluations share is never seen.
+#[test]
+fn many_threads_on_one_problem() {
+    let problem = parts(9, 3, 5).interface();
+    let condensed = CondensedInterface::new(problem.clone()).unwrap();
+    fn image<P: PiecewiseSmooth>(map: &P, seed: u64) -> (Vec<f64>, Vec<f64>, Vec<f64>) {
+        let x = Rng(seed).vec(map.num_vars());
+        let selection = select(map, &x);
+        let mut r = vec![0.0; map.num_residuals()];
+        map.residual(&selection, &x, &mut r);
+        let mut jac = Matrix::zeros(map.pattern());
+        map.jacobian(&selection, &x, &mut jac);
+        let tests = (0..map.num_sites()).map(|s| map.num_tests(s)).sum();
+        let mut theta = vec![0.0; tests];
+        map.test_functions(&x, &mut theta);
+        (r, jac.values().to_vec(), theta)
+    }
+    let seeds = 1..200_u64;
+    let alone: Vec<_> = seeds
+        .clone()
+        .map(|s| (image(&problem, s), image(&condensed, s)))
+        .collect();
+    let copies = (problem.clone(), condensed.clone());
+    std::thread::scope(|scope| {
+        for _ in 0..4 {
+            scope.spawn(|| {
+                for (seed, known) in seeds.clone().zip(&alone) {
+                    assert_eq!((image(&problem, seed), image(&condensed, seed)), *known);
+                }
+            });
+        }
+    });
+    for (seed, known) in seeds.zip(&alone) {
+        assert_eq!((image(&copies.0, seed), image(&copies.1, seed)), *known);
+    }
+}

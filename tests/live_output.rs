@@ -9,6 +9,8 @@ use std::rc::Rc;
 use semismooth::contact::{FrictionProblem, FrictionStart, first_point};
 use semismooth::continuation::{Branch, Continuation, ContinuationOptions, Direction, Event};
 use semismooth::output::{Column, CsvWriter, OutputError, write_csv};
+use semismooth::piecewise::{Facet, PiecewiseSmooth, Selection};
+use semismooth::sparse::Matrix;
 
 /// A file as another process sees it: what has been flushed. Fails from a given size on.
 #[derive(Clone)]
@@ -132,6 +134,142 @@ fn a_file_that_is_cut_off_loses_its_last_line() {
             _ => {}
         }
     }
+}
+
+/// (α − y³ + 3 y + 8 max(y − 3/2, 0)) (y + 3/2) = 0. On its first factor: a branch point at y = −3/2, smooth folds at y = −1, 1 and
+/// √(11/3), a fold at the kink y = 3/2.
+struct Crossing;
+
+impl PiecewiseSmooth for Crossing {
+    fn num_vars(&self) -> usize {
+        2
+    }
+    fn num_residuals(&self) -> usize {
+        1
+    }
+    fn num_sites(&self) -> usize {
+        1
+    }
+    fn num_pieces(&self, _: usize) -> usize {
+        2
+    }
+    fn num_tests(&self, _: usize) -> usize {
+        1
+    }
+    fn cell(&self, _: usize, piece: usize) -> &[Facet] {
+        const CELLS: [[Facet; 1]; 2] = [[Facet::negative(0)], [Facet::positive(0)]];
+        &CELLS[piece]
+    }
+    fn test_functions(&self, x: &[f64], out: &mut [f64]) {
+        out[0] = x[0] - 1.5;
+    }
+    fn residual(&self, s: &Selection, x: &[f64], out: &mut [f64]) {
+        out[0] = (x[1] - alpha(s.piece(0), x[0])) * (x[0] + 1.5);
+    }
+    fn jacobian(&self, s: &Selection, x: &[f64], jac: &mut Matrix) {
+        let slope = 3.0 * x[0] * x[0] - 3.0 - [0.0, 8.0][s.piece(0)];
+        jac.add(0, 0, x[1] - alpha(s.piece(0), x[0]) - slope * (x[0] + 1.5));
+        jac.add(0, 1, x[0] + 1.5);
+    }
+    fn piece_name(&self, _: usize, piece: usize) -> std::borrow::Cow<'_, str> {
+        ["below, \"smooth\"", "above"][piece].into()
+    }
+}
+
+/// The parameter on the first factor.
+fn alpha(piece: usize, y: f64) -> f64 {
+    y * y * y - 3.0 * y - [0.0, 8.0 * (y - 1.5)][piece]
+}
+
+/// Every kind of event, in JSON Lines and in a table, where it is known to be.
+#[cfg(feature = "json")]
+#[test]
+fn every_kind_of_event_is_written() {
+    use semismooth::output::JsonLinesWriter;
+    let options = || ContinuationOptions::default().with_parameter_range((-20.0, 20.0));
+    let start = [-3.0, alpha(0, -3.0)];
+    let curve = Continuation::new(&Crossing, &start, Direction::Increasing, options()).unwrap();
+    let events: Vec<Event> = curve
+        .with_monitor("middle, here", |x| x[0])
+        .map(Result::unwrap)
+        .collect();
+    let (mut lines, mut table) = (Vec::new(), Vec::new());
+    let mut json = JsonLinesWriter::new(&mut lines, &Crossing);
+    let mut csv = CsvWriter::new(&mut table, &Crossing, vec![Column::entry("y", 0)]).unwrap();
+    for event in &events {
+        json.write(event).unwrap();
+        csv.write(event).unwrap();
+    }
+    drop((json, csv));
+    let lines = String::from_utf8(lines).unwrap();
+    let table = String::from_utf8(table).unwrap();
+    assert!(table.starts_with("arclength,parameter,event,y,site 0\r\n"));
+    let rows = table.split_terminator("\r\n").skip(1);
+    assert_eq!(
+        (lines.lines().count(), rows.clone().count()),
+        (events.len(), events.len())
+    );
+    let mut special = Vec::new();
+    for ((line, row), event) in lines.lines().zip(rows).zip(&events) {
+        let value: serde_json::Value = serde_json::from_str(line).unwrap();
+        let numbers = |key: &str| -> Vec<f64> { common::numbers(&value[key]) };
+        assert_eq!(numbers("x"), event.x());
+        assert_eq!(value["parameter"].as_f64(), Some(event.x()[1]));
+        assert_eq!(value["arclength"].as_f64(), Some(event.arclength()));
+        let name = value["event"].as_str().unwrap();
+        // A unit tangent of α = α(y), y increasing, and the sign of ∂H/∂y where that is not zero.
+        let y = event.x()[0];
+        let above = usize::from(value["pieces"][0] == "above");
+        let slope = 3.0 * y * y - 3.0 - [0.0, 8.0][above];
+        let size = slope.hypot(1.0);
+        let t = numbers("tangent");
+        let off = (t[0] - 1.0 / size).hypot(t[1] - slope / size);
+        assert!(off < 1e-6, "{name} at {y}: {t:?}");
+        if name == "point" {
+            let det = -slope * (y + 1.5);
+            assert_eq!(value["det"].as_i64(), Some(det.signum() as i64), "at {y}");
+        }
+        assert!(value["residual"].as_f64().unwrap() < 1e-8);
+        assert_eq!(value["grazing"], serde_json::json!([]));
+        let fields = [
+            format!("{:?}", event.arclength()),
+            format!("{:?}", event.x()[1]),
+            if name.contains(',') {
+                format!("\"{name}\"")
+            } else {
+                name.to_owned()
+            },
+            format!("{y:?}"),
+            ["\"below, \"\"smooth\"\"\"", "above"][above].to_owned(),
+        ];
+        assert_eq!(row, fields.join(","));
+        let arms = value.get("arms").map(|a| a.as_u64().unwrap());
+        assert_eq!(arms.is_some(), value.get("complete").is_some());
+        if name != "point" {
+            special.push((name.to_owned(), y, arms));
+        }
+    }
+    let last = (11.0_f64 / 3.0).sqrt();
+    let expected = [
+        ("branch point", -1.5, Some(3)),
+        ("smooth fold", -1.0, None),
+        ("middle, here", 0.0, None),
+        ("smooth fold", 1.0, None),
+        ("fold", 1.5, Some(1)),
+        ("smooth fold", last, None),
+    ];
+    assert_eq!(special.len(), expected.len(), "{special:?}");
+    for ((name, y, arms), (known, at, leaving)) in special.iter().zip(expected) {
+        assert_eq!((name.as_str(), *arms), (known, leaving));
+        assert!((y - at).abs() < 1e-6, "{name}: {y}");
+    }
+    // The table of the branch as a whole has the same rows.
+    let curve = Continuation::new(&Crossing, &start, Direction::Increasing, options()).unwrap();
+    let curve = curve.with_monitor("middle, here", |x| x[0]);
+    let branch = Branch::collect(curve, |_| std::ops::ControlFlow::Continue(())).unwrap();
+    let mut whole = Vec::new();
+    write_csv(&mut whole, &Crossing, &branch, &[Column::entry("y", 0)]).unwrap();
+    assert_eq!(String::from_utf8(whole).unwrap(), table);
 }
 
 /// Killed, read back, resumed: the table is that of the run that was never killed.

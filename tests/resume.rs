@@ -168,6 +168,13 @@ fn limits_can_be_raised() {
     assert_eq!(run.termination(), Some(Termination::MaxPoints));
     let saved = run.save().unwrap();
     assert_eq!(Continuation::resume(&circle, &saved).unwrap().count(), 0);
+    // What the state tells is that of the last event.
+    let last = events.last().unwrap().as_ref().unwrap();
+    assert_eq!(
+        (saved.x(), saved.parameter(), saved.arclength()),
+        (last.x(), last.x()[1], last.arclength())
+    );
+    assert_eq!(saved.points(), 7);
     let mut more = saved.reopened();
     more.options_mut().max_points = 10_000;
     let mut resumed = Continuation::resume(&circle, &more).unwrap();

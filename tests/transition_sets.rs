@@ -209,3 +209,33 @@ fn a_regular_point_is_no_fold_to_start_from() {
     let e = FoldSet::new(Softening, &[0.5, 0.4, 1.0]).unwrap_err();
     assert!(e.to_string().contains("kernel"), "{e}");
 }
+
+/// A set speaks of the sites and pieces of its family.
+#[test]
+fn names_are_those_of_the_family() {
+    for (family, test) in [(load_plane(1.5), 0), (load_plane(3.0), 2), (friction_plane(), 1)] {
+        let set = TransitionSet::new(family, 0, test).unwrap();
+        let family = set.family();
+        assert_eq!(set.num_sites(), family.num_sites());
+        assert_eq!(set.site_name(0), family.site_name(0));
+        let names: Vec<String> = (0..family.num_pieces(0))
+            .map(|k| family.piece_name(0, k).into_owned())
+            .collect();
+        assert!(set.num_pieces(0) < names.len() || test == 0);
+        for piece in 0..set.num_pieces(0) {
+            let own = set.family_selection(&Selection::uniform(1, piece));
+            assert_eq!(set.piece_name(0, piece), names[own.piece(0)]);
+        }
+    }
+    for (mut x, piece) in [([1.0_f64, 0.0, 1.0], 0), ([2.5, 0.0, 1.6], 1)] {
+        // Smooth folds of a piece: 1 − β y² + 9 k = 0, with α from the equation.
+        x[1] = x[0] - x[2] * x[0].powi(3) / 3.0 + 9.0 * piece as f64 * (x[0] - 2.0);
+        let (set, start) = FoldSet::new(Softening, &x).unwrap();
+        assert_eq!(set.selection().piece(0), piece);
+        assert_eq!(set.family_point(&start), x);
+        assert_eq!((set.num_sites(), set.num_pieces(0)), (1, 1));
+        assert_eq!(set.site_name(0), Softening.site_name(0));
+        assert_eq!(set.piece_name(0, 0), Softening.piece_name(0, piece));
+        assert_eq!(set.family().num_vars(), 3);
+    }
+}

@@ -114,6 +114,7 @@ impl PiecewiseSmooth for FrictionFamily {
     fn typical_sizes(&self, sizes: &mut [f64]) {
         let own = sizes.len() - 1;
         self.problem.typical_sizes(&mut sizes[..own]);
+        sizes[own] = sizes[own - 1];
     }
 
     fn test_functions(&self, x: &[f64], out: &mut [f64]) {

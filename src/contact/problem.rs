@@ -99,8 +99,8 @@ impl FrictionProblem {
         Ok(self)
     }
 
-    /// Typical sizes of u and λ.
-    pub(super) fn sizes(&self) -> Option<(f64, f64)> {
+    /// Typical sizes of u, λ and α.
+    pub(super) fn sizes(&self) -> Option<[f64; 3]> {
         let loads = self.load.0.sizes(self.num_displacements());
         typical_sizes(&self.a, [&self.bnu_t, &self.bt_t], loads, &self.gap)
     }

@@ -200,6 +200,29 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
         Some(grazing)
     }
 
+    /// Whether ∇H^(σ), assembled last, is nothing but rounding next to its changes over the distance 1 + ‖x‖. So it is at every branch point
+    /// of a curve in the plane, where no other singular value tells what is small.
+    fn is_noise(&self, selection: &Selection) -> bool {
+        let jac = self.corrector.jacobian();
+        if jac.ncols() != 2 {
+            return false;
+        }
+        let unit = 1.0 + norm(self.x);
+        let (mut ahead, mut behind) = (jac.clone(), jac.clone());
+        let mut change = 0.0_f64;
+        for k in 0..2 {
+            for (shifted, s) in [(&mut ahead, 1e-4), (&mut behind, -1e-4)] {
+                let mut y = self.x.to_vec();
+                y[k] += s * unit;
+                shifted.clear();
+                self.map.jacobian(selection, &y, shifted);
+            }
+            let pairs = ahead.values().iter().zip(behind.values());
+            change = pairs.fold(change, |c, (a, b)| c.max((a - b).abs() / 2e-4));
+        }
+        jac.values().iter().all(|v| v.abs() <= RANK * change)
+    }
+
     /// The directions of the curves through a point where ∇H^(σ) has a two-dimensional kernel: with the kernel spanned by
     /// n₁, n₂ and the left kernel by ψ, the roots of Σ ψᵀH''(nᵢ, nⱼ) aᵢ aⱼ = 0 (Keller 1977). `None` when this does not decide.
     fn branching_directions(
@@ -210,7 +233,8 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
             return Ok(None);
         }
         self.corrector.assemble(self.map, selection, self.x)?;
-        let kernel = null_space(self.corrector.jacobian(), RANK)?;
+        let rank = if self.is_noise(selection) { 1.0 } else { RANK };
+        let kernel = null_space(self.corrector.jacobian(), rank)?;
         let ([n1, n2], [psi]) = (kernel.right.as_slice(), kernel.left.as_slice()) else {
             return Ok(None);
         };

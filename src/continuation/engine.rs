@@ -357,7 +357,7 @@ impl<P: PiecewiseSmooth + ?Sized, L> fmt::Debug for Continuation<'_, P, L> {
         f.debug_struct("Continuation")
             .field("x", &x)
             .field("selection", &self.selection)
-            .field("arclength", &self.arclength)
+            .field("arclength", &(self.arclength * self.map.parameter_size()))
             .field("points", &self.points)
             .field("termination", &self.termination)
             .field("options", &self.options)

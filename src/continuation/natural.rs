@@ -1,9 +1,25 @@
-//! Events in the variables of the map, from the scaled ones in which curves are computed.
+//! Events in the variables of the map, from the scaled ones in which curves are computed, and options the other way.
 
-use super::{Arm, Event, Point};
+use super::{Arm, ContinuationOptions, Event, Point};
 use crate::piecewise::{PiecewiseSmooth, Scaled};
 
 impl<P: PiecewiseSmooth + ?Sized> Scaled<'_, P> {
+    /// Values of α and lengths in z. Steps may be as short, and curves grow as long, as the size of α asks for.
+    pub(super) fn scale_options(&self, options: &mut ContinuationOptions) {
+        let size = self.parameter_size();
+        options.min_step /= size.max(1.0);
+        options.max_growth *= size.recip().max(1.0);
+        convert_lengths(options, |v| v / size);
+    }
+
+    /// Takes [`scale_options`](Self::scale_options) back; exact, as sizes are powers of two.
+    pub(super) fn unscale_options(&self, options: &mut ContinuationOptions) {
+        let size = self.parameter_size();
+        options.min_step *= size.max(1.0);
+        options.max_growth /= size.recip().max(1.0);
+        convert_lengths(options, |v| v * size);
+    }
+
     pub(super) fn unscale_event(&self, event: &mut Event) {
         match event {
             Event::Point(p) => self.unscale_point(p),
@@ -18,6 +34,7 @@ impl<P: PiecewiseSmooth + ?Sized> Scaled<'_, P> {
                 self.unscale_direction(&mut t.tangent_before);
                 self.unscale_direction(&mut t.tangent_after);
                 self.unscale_arms(&mut t.arms);
+                t.arclength *= self.parameter_size();
             }
         }
     }
@@ -25,11 +42,28 @@ impl<P: PiecewiseSmooth + ?Sized> Scaled<'_, P> {
     pub(super) fn unscale_point(&self, point: &mut Point) {
         self.unscale(&mut point.x);
         self.unscale_direction(&mut point.tangent);
+        point.arclength *= self.parameter_size();
     }
 
     pub(super) fn unscale_arms(&self, arms: &mut [Arm]) {
         for arm in arms {
             self.unscale_direction(&mut arm.tangent);
         }
+    }
+}
+
+fn convert_lengths(options: &mut ContinuationOptions, convert: impl Fn(f64) -> f64) {
+    let (lower, upper) = &mut options.parameter_range;
+    let lengths = [
+        &mut options.step,
+        &mut options.max_step,
+        &mut options.max_arclength,
+    ];
+    for v in lengths
+        .into_iter()
+        .chain([lower, upper])
+        .chain(&mut options.targets)
+    {
+        *v = convert(*v);
     }
 }

@@ -58,7 +58,7 @@ pub struct SavedRun {
     /// Sides of the functions watched.
     #[cfg_attr(feature = "serde", serde(default))]
     sides: Vec<f64>,
-    /// Typical sizes by which points and tangents are divided; none for no scaling.
+    /// Typical sizes by which points, tangents and lengths are divided; none for no scaling.
     #[cfg_attr(feature = "serde", serde(default))]
     sizes: Vec<f64>,
     /// The point as it is.
@@ -75,13 +75,13 @@ impl SavedRun {
     /// The parameter α.
     #[must_use]
     pub fn parameter(&self) -> f64 {
-        self.here.x.last().copied().unwrap_or(f64::NAN)
+        self.x.last().copied().unwrap_or(f64::NAN)
     }
 
     /// Arclength from the start.
     #[must_use]
     pub fn arclength(&self) -> f64 {
-        self.arclength
+        self.arclength * self.sizes.last().copied().unwrap_or(1.0)
     }
 
     /// Number of points computed so far.
@@ -165,10 +165,12 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
         self.earlier = (self.factorisations(), self.corrections());
         self.corrector = MoorePenrose::new(&self.map, AutoSolver::default())?;
         self.renew_factors()?;
+        let mut options = self.options.clone();
+        self.map.unscale_options(&mut options);
         Ok(SavedRun {
             residuals: self.map.num_residuals(),
             sites: self.map.num_sites(),
-            options: self.options.clone(),
+            options,
             selection: self.selection.clone(),
             here: self.here.clone(),
             grazing: self.grazing.clone(),

@@ -219,13 +219,14 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
         Self::prepare_at(scaled, z, options, corrector)
     }
 
-    /// At a point z in scaled variables.
+    /// At a point z in scaled variables; options are in those of the map.
     pub(super) fn prepare_at(
         map: Scaled<'a, P>,
         x: Vec<f64>,
-        options: ContinuationOptions,
+        mut options: ContinuationOptions,
         corrector: MoorePenrose<L>,
     ) -> Result<Self, ContinuationError> {
+        map.scale_options(&mut options);
         let layout = TestLayout::new(&map);
         let m = x.len();
         let state = State {

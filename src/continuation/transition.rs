@@ -128,12 +128,29 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         }
     }
 
-    /// The tangent of arrival belongs to the point next to the branch point from which that was found: the arm that it means is
-    /// exact.
+    /// The tangent of arrival belongs to the point next to the branch point from which that was found, perhaps on the other curve
+    /// through it: the arm meant is the one that goes with the last point and its tangent.
     fn snap_tangent(&mut self, arms: &Arms) {
         const NEAR: f64 = 0.05;
-        let back: Vec<f64> = self.here.t.iter().map(|t| -t).collect();
-        let far = |a: &Arm| distance(&a.tangent, &back);
+        let before = &self.next;
+        let chord: Vec<f64> = self.here.x.iter().zip(&before.x).map(|(b, a)| b - a).collect();
+        let square = dot(&chord, &chord);
+        let arrival: Vec<f64> = if square.sqrt() <= self.options.vanishing_distance * (1.0 + norm(&before.x))
+        {
+            before.t.clone()
+        } else {
+            // On an arc of a circle the tangents at both ends mirror each other in the chord.
+            let along = 2.0 * dot(&chord, &before.t) / square;
+            chord.iter().zip(&before.t).map(|(c, t)| along * c - t).collect()
+        };
+        let far = |a: &Arm| {
+            (a.tangent
+                .iter()
+                .zip(&arrival)
+                .map(|(a, b)| (a + b).powi(2))
+                .sum::<f64>())
+            .sqrt()
+        };
         let nearest = arms.list.iter().min_by(|a, b| far(a).total_cmp(&far(b)));
         if let Some(arm) = nearest.filter(|a| far(a) < NEAR) {
             self.here.t = arm.tangent.iter().map(|t| -t).collect();

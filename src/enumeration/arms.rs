@@ -10,7 +10,7 @@ use super::table::{Form, Table};
 use super::{Completeness, EnumerationError, EnumerationOptions, system};
 use crate::linear::{AutoSolver, LinearError, LinearSolver};
 use crate::piecewise::{
-    ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, Vanishing, check_vector,
+    ActiveSet, PiecewiseError, PiecewiseSmooth, Scaled, Selection, TestLayout, Vanishing, check_vector,
 };
 use crate::sparse::Matrix;
 use crate::sparse::norm;
@@ -25,7 +25,7 @@ const SOLVES: usize = 100;
 const LARGE: u64 = 4096;
 /// Pieces in a list of selections to be examined one by one.
 const LISTED: usize = 1 << 27;
-/// |α̇| up to which an arm counts as vertical.
+/// |α̇|, in scaled variables, up to which an arm counts as vertical.
 const VERTICAL: f64 = 1e-9;
 
 /// An arm: a half-line of directions τ = (ẏ, α̇) with H'(x; τ) = 0.
@@ -33,7 +33,7 @@ const VERTICAL: f64 = 1e-9;
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct DirectionalArm {
-    /// Unit tangent, pointing away from the point.
+    /// Unit tangent, pointing away from the point. Its last entry is 0 where that is rounding.
     pub tangent: Vec<f64>,
     /// All selections into whose closed cells it points, in lexicographic order; more than one when it runs in a facet.
     pub selections: Vec<Selection>,
@@ -51,7 +51,7 @@ impl DirectionalArm {
     /// Whether the arm stays at one α (to first order).
     #[must_use]
     pub fn is_vertical(&self) -> bool {
-        self.rate().abs() <= VERTICAL
+        self.rate() == 0.0
     }
 
     /// The local index of the arm: the sign of the determinant, or the mean of two where it runs in one facet.
@@ -125,6 +125,25 @@ pub fn all_arms<P: PiecewiseSmooth + ?Sized>(
         .into());
     }
     check_vector("the point x", x, m)?;
+    let scaled = Scaled::new(map, &[])?;
+    let mut z = x.to_vec();
+    scaled.scale(&mut z);
+    let mut found = of_scaled(&scaled, &z, options)?;
+    for arm in &mut found.arms {
+        if let Some(rate) = arm.tangent.last_mut().filter(|r| r.abs() <= VERTICAL) {
+            *rate = 0.0;
+        }
+        scaled.unscale_direction(&mut arm.tangent);
+    }
+    Ok(found)
+}
+
+fn of_scaled<P: PiecewiseSmooth + ?Sized>(
+    map: &P,
+    x: &[f64],
+    options: &EnumerationOptions,
+) -> Result<DirectionalArms, EnumerationError> {
+    let m = map.num_vars();
     let layout = TestLayout::new(map);
     let mut theta = vec![0.0; layout.total()];
     map.test_functions(x, &mut theta);

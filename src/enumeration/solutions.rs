@@ -119,7 +119,7 @@ pub fn all_solutions<P: PiecewiseSmooth + ?Sized>(
     options.validate()?;
     check_vector("the parameter", &[alpha], 1)?;
     let scaled = Scaled::new(map, &[])?;
-    let mut set = of_scaled(&scaled, alpha, options)?;
+    let mut set = of_scaled(&scaled, alpha / scaled.parameter_size(), options)?;
     set.solutions.iter_mut().for_each(|s| scaled.unscale(&mut s.x));
     let ends = set.continua.iter_mut().flat_map(|c| &mut c.ends);
     ends.for_each(|x| scaled.unscale(x));
@@ -175,8 +175,11 @@ fn of_scaled<P: PiecewiseSmooth + ?Sized>(
         stopped = examined < total;
     }
     // On a facet the selections of both sides give the same point, one of them up to rounding.
-    let by_tolerance = collector.clean.iter().filter(|clean| !**clean).count() as u64;
-    set.completeness = match collector.undecided + by_tolerance {
+    let mut doubtful = 0;
+    for k in 0..collector.solutions.len() {
+        doubtful += u64::from(!collector.clean[k] || collector.is_torn(k));
+    }
+    set.completeness = match collector.undecided + doubtful {
         _ if stopped => Completeness::Incomplete { examined, total },
         0 => Completeness::Complete,
         selections => Completeness::Undecided { selections },
@@ -321,6 +324,45 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Collector<'a, P> {
         inside.then_some(clean)
     }
 
+    /// Whether the point lies on a facet, up to rounding, and a regular selection from across has its solution elsewhere, which
+    /// continuity forbids: the directions of the problem are so different in stiffness that rounding decides.
+    fn is_torn(&mut self, k: usize) -> bool {
+        let solution = &self.solutions[k];
+        if solution.margin > 0.0 {
+            return false;
+        }
+        let mut theta = vec![0.0; self.layout.total()];
+        self.map.test_functions(&solution.x, &mut theta);
+        let first = solution.selections[0].clone();
+        let mut across = Vec::new();
+        for site in 0..self.layout.num_sites() {
+            let tests = &theta[self.layout.range(site)];
+            let margin = |piece: usize| cell_margin(self.map.cell(site, piece), tests);
+            let own = margin(first.piece(site));
+            let known = |piece: usize| solution.selections.iter().any(|s| s.piece(site) == piece);
+            let met = |piece: &usize| own <= 0.0 && margin(*piece) >= -own.abs() && !known(*piece);
+            across.extend(
+                (0..self.map.num_pieces(site))
+                    .filter(met)
+                    .map(|piece| (site, piece)),
+            );
+        }
+        let x = solution.x.clone();
+        let mut d = vec![0.0; self.map.num_residuals()];
+        across.into_iter().any(|(site, piece)| {
+            let mut other = first.clone();
+            other.set(site, piece);
+            self.jac.clear();
+            self.map.jacobian(&other, &self.origin, &mut self.jac);
+            let factored = self.solver.factor(self.jac.leading_columns(d.len()));
+            if factored.is_err() || self.solver.rcond().is_some_and(|rcond| rcond < DOUBTFUL) {
+                return false;
+            }
+            self.map.residual(&other, &x, &mut d);
+            self.solver.solve_in_place(&mut d).is_err() || norm(&d) > self.reach(&x)
+        })
+    }
+
     fn margin(&self, selection: &Selection, x: &[f64]) -> f64 {
         let mut theta = vec![0.0; self.layout.total()];
         self.map.test_functions(x, &mut theta);
@@ -333,7 +375,12 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Collector<'a, P> {
 
     fn same(&self, a: &[f64], b: &[f64]) -> bool {
         let apart: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
-        norm(&apart) <= self.options.merge_distance * (1.0 + norm(a))
+        norm(&apart) <= self.reach(a)
+    }
+
+    /// Distance within which points are one.
+    fn reach(&self, x: &[f64]) -> f64 {
+        self.options.merge_distance * (1.0 + norm(x))
     }
 
     fn add(&mut self, selection: &Selection, x: Vec<f64>, sign: Option<i8>, clean: bool) {
@@ -428,7 +475,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Collector<'a, P> {
                 }
             }
         }
-        let rounding = self.options.merge_distance * (1.0 + norm(&set.point)) / norm(direction);
+        let rounding = self.reach(&set.point) / norm(direction);
         if low > high + rounding {
             return;
         }

@@ -155,8 +155,8 @@ impl<G: PiecewiseSmooth> InterfaceProblem<G> {
         })
     }
 
-    /// Typical sizes of u and λ.
-    pub(super) fn sizes(&self) -> Option<(f64, f64)> {
+    /// Typical sizes of u, λ and α.
+    pub(super) fn sizes(&self) -> Option<[f64; 3]> {
         typical_sizes(&self.a, [&self.b], self.load.sizes(), &[])
     }
 

@@ -4,8 +4,8 @@ use std::cell::RefCell;
 use super::{Facet, PiecewiseError, PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, Pattern, norm};
 
-/// A map in scaled variables z, x = D z, where D holds typical sizes of the variables, for a curve relative to that of the last one,
-/// the parameter, which stays as it is. Distances and angles in z do not depend on the units of x.
+/// A map in scaled variables z, x = D z, where D holds typical sizes of the variables. Distances and angles in z do not depend on the
+/// units of x. Lengths that are given or told along a curve are those in the unit of the parameter: in z times its size.
 #[derive(Debug)]
 pub(crate) struct Scaled<'a, P: ?Sized> {
     map: &'a P,
@@ -32,19 +32,22 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Scaled<'a, P> {
             map.typical_sizes(&mut sizes);
         }
         check_sizes(&sizes, m)?;
-        let of_parameter = match sizes.last() {
+        let own = match sizes.last() {
             Some(size) if m > map.num_residuals() => *size,
             _ => 1.0,
         };
-        for size in &mut sizes {
-            *size = (*size / of_parameter)
-                .clamp(SMALLEST, 1.0 / SMALLEST)
-                .log2()
-                .round()
-                .exp2();
-        }
         let ordinary = |s: &f64| (1.0 / ORDINARY..=ORDINARY).contains(s);
-        if sizes.iter().all(|s| *s == 1.0) || (given.is_empty() && sizes.iter().all(ordinary)) {
+        let power = |s: f64| s.clamp(SMALLEST, 1.0 / SMALLEST).log2().round().exp2();
+        let parameter = if given.is_empty() && ordinary(&own) {
+            1.0
+        } else {
+            power(own)
+        };
+        // Relative to each other first: what is ordinary does not depend on the unit of the parameter.
+        sizes.iter_mut().for_each(|s| *s = power(*s / own));
+        let plain = given.is_empty() && parameter == 1.0 && sizes.iter().all(ordinary);
+        sizes.iter_mut().for_each(|s| *s *= parameter);
+        if plain || sizes.iter().all(|s| *s == 1.0) {
             sizes.clear();
         }
         Self::with_divisors(map, sizes)
@@ -74,6 +77,14 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Scaled<'a, P> {
     /// D; empty for the identity.
     pub(crate) fn divisors(&self) -> &[f64] {
         &self.sizes
+    }
+
+    /// The size of the parameter of a curve, by which lengths along it are divided; 1 for an equation.
+    pub(crate) fn parameter_size(&self) -> f64 {
+        match self.sizes.last() {
+            Some(size) if self.sizes.len() > self.map.num_residuals() => *size,
+            _ => 1.0,
+        }
     }
 
     /// x ↦ z.

@@ -145,3 +145,55 @@ fn near_misses() {
         assert_eq!(branch.termination, Termination::ParameterRange);
     }
 }
+
+/// (α − y³ + 3 y)(y + 3/2 − k (α − 9/8)), k in tenths.
+fn crossing<const K: i32>(y: f64, a: f64) -> [f64; 3] {
+    let slope = f64::from(K) / 10.0;
+    let (cubic, line) = (a - y * y * y + 3.0 * y, y + 1.5 - slope * (a - 1.125));
+    [
+        cubic * line,
+        (3.0 - 3.0 * y * y) * line + cubic,
+        line - slope * cubic,
+    ]
+}
+
+/// A line crosses the cubic at y = −3/2 under any angle. The curve goes on along the cubic, whatever the step with which it arrives.
+#[test]
+fn straight_on_where_curves_cross_under_small_angles() {
+    let lines = [
+        crossing::<-10>,
+        crossing::<-3>,
+        crossing::<-1>,
+        crossing::<0>,
+        crossing::<1>,
+        crossing::<5>,
+        crossing::<10>,
+    ];
+    let mut wrong = Vec::new();
+    for (k, line) in lines.into_iter().enumerate() {
+        let map = PlaneMap::smooth(line);
+        // Under 9 degrees a long step ends nearer to the line than to the cubic.
+        let longest = if k == 4 { 0.1 } else { 1.0 };
+        for h in [0.03, 0.1, 0.3, 0.5, 0.7, 1.0]
+            .into_iter()
+            .filter(|h| *h <= longest)
+        {
+            for y in [-2.1, -1.9, -1.8] {
+                let o = within((-20.0, 1.6)).with_step(h).with_max_step(h);
+                let branch = follow(&map, [y, y * y * y - 3.0 * y], Direction::Increasing, o);
+                // dα/dy = 3 y² − 3 at y = −3/2.
+                let length = 1f64.hypot(3.75);
+                let straight = branch.branch_points.len() == 1 && {
+                    let met = &branch.branch_points[0].point;
+                    near(&met.x, [-1.5, 1.125], 1e-10)
+                        && near(&met.tangent, [1.0 / length, 3.75 / length], 1e-6)
+                };
+                let off = |y: f64, a: f64| (y * y * y - 3.0 * y - a).abs();
+                if !(straight && branch.points.iter().all(|p| off(p.x[0], p.x[1]) < 1e-8)) {
+                    wrong.push((k, h, y));
+                }
+            }
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:?}");
+}

@@ -1,6 +1,7 @@
 //! Problems in Delassus form u = M r + q against enumeration, constructed solutions, closed forms and invariances.
 
 mod families;
+mod large;
 mod oracle;
 
 use std::ops::ControlFlow;
@@ -348,6 +349,35 @@ fn files_with_errors_are_refused() {
         (
             r#"{"dimension": 2, "mu": [0.1], "q": [0, 0], "M": {"format": "csc", "indptr": [0, 3, 2], "indices": [0, 1], "data": [1, 1]}}"#,
             "indptr",
+        ),
+        ("{\n  \"dimension\": 2,\n  \"mu\": [0.1,]\n}", "line 3"),
+        (
+            r#"{"dimension": 2, "mu": 0.1, "q": [0, 0], "M": [[1, 0], [0, 1]]}"#,
+            "`mu` must be a list",
+        ),
+        (
+            r#"{"dimension": 2, "mu": [0.1], "q": [0, 0], "M": "diagonal"}"#,
+            "`M` must be an object or a list",
+        ),
+        (
+            r#"{"dimension": 2, "mu": [0.1], "q": [0, 0], "M": [[1, 0], 1]}"#,
+            "row 1 of `M` must be a list of numbers",
+        ),
+        (
+            r#"{"dimension": 2, "mu": [0.1], "q": [0, 0], "M": {"data": [1, 1]}}"#,
+            "`M.format` is missing",
+        ),
+        (
+            r#"{"dimension": 2, "mu": [0.1], "q": [0, 0], "M": {"format": "csc", "indptr": [0, 1], "indices": [0, 1], "data": [1, 1]}}"#,
+            "`M.indptr` has 2 entries, but `q` has 2",
+        ),
+        (
+            r#"{"dimension": 2, "mu": [0.1], "q": [0, 0], "M": {"format": "csc", "indptr": [0, 1, 2], "indices": [0, 1], "data": [1]}}"#,
+            "`M.indices` has 2 entries and `M.data` 1",
+        ),
+        (
+            r#"{"dimension": 2, "mu": [0.1], "q": [0, 0], "M": {"format": "csc", "indptr": [0, 1, 2], "indices": [0, -1], "data": [1, 1]}}"#,
+            "entry 1 of `M.indices` is -1",
         ),
     ] {
         std::fs::write(&path, text).unwrap();

@@ -268,3 +268,85 @@ proptest! {
         prop_assert!(check::check(&problem, &points, &options).is_ok());
     }
 }
+
+/// The problem seen in a mirror: z = −x, G(z) = −F(−z), bounds −u, −l.
+struct Mirrored<F>(F);
+
+impl<F: McpFunction> McpFunction for Mirrored<F> {
+    fn num_vars(&self) -> usize {
+        self.0.num_vars()
+    }
+    fn value(&self, x: &[f64], out: &mut [f64]) {
+        let y: Vec<f64> = x.iter().map(|v| -v).collect();
+        self.0.value(&y, out);
+        out.iter_mut().for_each(|v| *v = -*v);
+    }
+    fn jacobian(&self, x: &[f64], jac: &mut Matrix) {
+        let y: Vec<f64> = x.iter().map(|v| -v).collect();
+        self.0.jacobian(&y, jac);
+    }
+}
+
+fn mirrored<F: McpFunction>(function: F, problem: &Mcp<impl McpFunction>) -> Mcp<Mirrored<F>> {
+    let turn = |v: &[f64]| v.iter().map(|v| -v).collect::<Vec<_>>();
+    Mcp::new(Mirrored(function), turn(problem.upper()), turn(problem.lower())).unwrap()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    /// Monotone problems with every kind of bound, small and so large that systems are solved sparsely or in blocks: bounds above
+    /// only are bounds below only in a mirror.
+    #[test]
+    fn mirrored_problems_have_mirrored_solutions(seed in 1_u64.., n in prop::sample::select(vec![3_usize, 7, 45, 130]), far in -30.0..30.0) {
+        let (problem, expected) = known(seed, n);
+        let (again, _) = known(seed, n);
+        let other = mirrored(again.function(), &problem);
+        let (x, report) = solve(&problem, &vec![far; n]);
+        let (z, turned) = solve(&other, &vec![-far; n]);
+        prop_assert!(report.is_solved() && turned.is_solved(), "{:?} {:?}", report.status, turned.status);
+        for i in 0..n {
+            prop_assert!((x[i] - expected[i]).abs() < 1e-6, "{} {}", x[i], expected[i]);
+            prop_assert!((z[i] + expected[i]).abs() < 1e-6, "{} {}", z[i], expected[i]);
+        }
+    }
+}
+
+/// Problems that Newton's method alone does not solve, with bounds above only and in a mirror.
+#[test]
+fn hard_problems_bounded_above() {
+    // 0 ≤ x ⟂ F ≥ 0 with F from logarithms that start near the edge of their domain, and a cubic whose derivative changes sign.
+    let logarithm = || crate::support::scalar(|x| (3.0 + x).ln() - 1.0, |x| 1.0 / (3.0 + x));
+    let cubic = || {
+        WithJacobian::new(
+            2,
+            |x: &[f64], out: &mut [f64]| {
+                out[0] = x[0] * x[0] * x[0] - 3.0 * x[0] + x[1] - 1.0;
+                out[1] = x[1] - 0.5 * x[0] + 0.25;
+            },
+            |x: &[f64], jac: &mut Matrix| {
+                jac.add(0, 0, 3.0 * x[0] * x[0] - 3.0);
+                jac.add(0, 1, 1.0);
+                jac.add(1, 0, -0.5);
+                jac.add(1, 1, 1.0);
+            },
+        )
+    };
+    for start in [-2.9, 0.0, 50.0] {
+        let below = Mcp::new(logarithm(), vec![-2.999], vec![INF]).unwrap();
+        let above = mirrored(logarithm(), &below);
+        let e = std::f64::consts::E;
+        let (x, report) = solve(&below, &[start]);
+        let (z, turned) = solve(&above, &[-start]);
+        assert!(report.is_solved() && turned.is_solved());
+        assert!((x[0] - (e - 3.0)).abs() < 1e-8 && (z[0] + (e - 3.0)).abs() < 1e-8);
+    }
+    for start in [[0.0, 0.0], [1.0, 1.0], [-1.0, 4.0], [0.9, -8.0]] {
+        let below = Mcp::new(cubic(), vec![0.0; 2], vec![INF; 2]).unwrap();
+        let above = mirrored(cubic(), &below);
+        let (_, report) = solve(&below, &start);
+        let (_, turned) = solve(&above, &start.map(|v| -v));
+        assert!(report.is_solved(), "{start:?} {:?}", report.status);
+        assert!(turned.is_solved(), "{start:?} {:?}", turned.status);
+    }
+}

@@ -63,6 +63,8 @@ fn each_deliberate_error_is_found_and_named() {
         (Fault::Nan, FindingKind::NotFinite),
         (Fault::Facet, FindingKind::Structure),
         (Fault::PatternShape, FindingKind::Structure),
+        (Fault::SiteJacobian, FindingKind::SiteRows),
+        (Fault::SiteExtra, FindingKind::SiteRows),
     ];
     for (fault, kind) in cases {
         let found = findings(fault);
@@ -83,6 +85,25 @@ fn findings_tell_where() {
     for word in ["wrong Jacobian", "block 1", "left", "(3, 4)"] {
         assert!(text.contains(word), "{text}");
     }
+    // The wrong sign of the left piece alone, and an entry of a row that no site owns.
+    let found = findings(Fault::SiteJacobian);
+    assert!(
+        found
+            .iter()
+            .all(|f| f.kind == FindingKind::SiteRows && f.expected == 1.0 && f.found == -1.0)
+    );
+    assert!(
+        found.iter().all(|f| matches!(f.entry, Some((2 | 3, 4)))),
+        "{found:?}"
+    );
+    let found = findings(Fault::SiteExtra);
+    assert!(
+        found
+            .iter()
+            .all(|f| f.entry == Some((0, 0)) && f.expected == 0.0 && f.found >= 2.0),
+        "{found:?}"
+    );
+    assert!(found[0].to_string().contains("site_jacobian"), "{}", found[0]);
     let jump = &findings(Fault::Jump)[0];
     assert_eq!(jump.site.as_ref().map(|s| s.0), Some(1));
     assert!((jump.found - jump.expected - 0.1).abs() < 1e-9, "{jump}");
@@ -361,6 +382,168 @@ fn opposite_facets_with_others_are_inessential() {
     }
     let found = essential_activity(&Squeezed, &[0.0, 0.0], &Selection::uniform(1, 0), 0.0);
     assert_eq!(found, Ok(Activity::Inessential));
+}
+
+/// 0 ≤ y ⟂ M y + q ≥ 0 at its degenerate solution y = 0, q = 0: all 2ⁿ selections are active, and the constant is the largest norm of
+/// the inverses of the matrices whose rows are those of M or of the identity.
+#[test]
+fn lipschitz_constants_of_complementarity_problems() {
+    use semismooth::complementarity::Lcp;
+    use semismooth::piecewise::{LocalUniqueness, local_uniqueness};
+    let at_zero = |m: [[f64; 2]; 2], cap: u64| {
+        let lcp = Lcp::new(Matrix::from_rows(&m).unwrap(), vec![0.0; 2]).unwrap();
+        let active = active_set(lcp.mcp(), &[0.0; 2], 1e-12);
+        assert_eq!(active.total(), Some(4));
+        local_uniqueness(lcp.mcp(), &[0.0; 2], &active, &Matrix::identity(2), cap).unwrap()
+    };
+    for [[a, b], [c, d]] in [
+        [[2.0, 1.0], [-3.0, 1.0]],
+        [[1.0, 0.0], [0.25, 4.0]],
+        [[0.1, -0.2], [0.3, 5.0]],
+    ] {
+        let norm = |m: [[f64; 2]; 2]| {
+            let [[a, b], [c, d]] = m;
+            ((d.abs() + b.abs()).max(a.abs() + c.abs())) / (a * d - b * c).abs()
+        };
+        let (e1, e2) = ([1.0, 0.0], [0.0, 1.0]);
+        let all = [[[a, b], [c, d]], [e1, [c, d]], [[a, b], e2], [e1, e2]].map(norm);
+        let largest = all.iter().fold(0.0_f64, |m, v| m.max(*v));
+        let found = at_zero([[a, b], [c, d]], 10);
+        assert!(found.is_certified() && !found.fails());
+        assert!(
+            (found.constant().unwrap() - largest).abs() < 1e-12 * largest,
+            "{found:?} {all:?}"
+        );
+        // A list that is cut short bounds the constant from below and decides nothing.
+        let cut = at_zero([[a, b], [c, d]], 2);
+        assert!(!cut.is_certified() && !cut.fails() && cut.constant().is_none());
+        match cut {
+            LocalUniqueness::Undecided {
+                examined,
+                total,
+                at_least,
+            } => {
+                assert_eq!((examined, total), (2, Some(4)));
+                assert!(all.iter().any(|v| (v - at_least).abs() < 1e-12 * largest));
+            }
+            other => panic!("{other:?}"),
+        }
+    }
+    // A principal minor that is negative, and one that is zero: no P-matrix, no local uniqueness.
+    for (m, signs) in [
+        ([[1.0, 2.0], [2.0, 1.0]], [-1, 1]),
+        ([[0.0, 1.0], [-1.0, 1.0]], [0, 0]),
+    ] {
+        let found = at_zero(m, 10);
+        assert!(found.fails() && !found.is_certified() && found.constant().is_none());
+        match found {
+            LocalUniqueness::Fails { first, second } => {
+                let mut found = [first.1, second.1];
+                found.sort_unstable();
+                if signs[1] == 0 {
+                    assert_eq!(found[0], 0);
+                } else {
+                    assert_eq!(found, signs);
+                }
+            }
+            other => panic!("{other:?}"),
+        }
+    }
+}
+
+/// What a map says of itself at a point, all of it.
+fn told<P: PiecewiseSmooth + ?Sized>(map: &P, x: &[f64]) -> (Vec<String>, Vec<f64>) {
+    let (m, n) = (map.num_vars(), map.num_residuals());
+    let layout = TestLayout::new(map);
+    let s = select(map, x);
+    let mut words = vec![format!(
+        "{m} {n} {} {s:?} {}",
+        map.num_sites(),
+        map.is_piecewise_affine()
+    )];
+    let mut numbers = vec![0.0; n];
+    map.residual(&s, x, &mut numbers);
+    let mut jac = Matrix::zeros(map.pattern());
+    map.jacobian(&s, x, &mut jac);
+    numbers.extend(jac.values());
+    let mut theta = vec![0.0; layout.total()];
+    map.test_functions(x, &mut theta);
+    numbers.extend(&theta);
+    map.test_derivatives(x, &vec![0.5; m], &mut theta);
+    numbers.extend(&theta);
+    let mut sizes = vec![1.0; m];
+    map.typical_sizes(&mut sizes);
+    numbers.extend(&sizes);
+    for site in 0..map.num_sites() {
+        let mut rows = vec![99];
+        map.site_rows(site, &mut rows);
+        words.push(format!("{} {rows:?}", map.site_name(site)));
+        for piece in 0..map.num_pieces(site) {
+            words.push(format!(
+                "{} {:?}",
+                map.piece_name(site, piece),
+                map.cell(site, piece)
+            ));
+        }
+        for test in 0..map.num_tests(site) {
+            let mut gradient = vec![0.0; m];
+            map.test_gradient(site, test, x, &mut gradient);
+            numbers.extend(gradient);
+        }
+        jac.clear();
+        words.push(map.site_jacobian(site, &s, x, &mut jac).to_string());
+        numbers.extend(jac.values());
+    }
+    (words, numbers)
+}
+
+/// References and boxes are the map itself, in what has defaults too.
+#[test]
+fn maps_behind_pointers() {
+    /// Overrides what `Rubber` leaves to defaults.
+    struct Sized(Rubber);
+    macro_rules! hand_on {
+        ($(fn $name:ident(&self $(, $arg:ident: $type:ty)*) $(-> $out:ty)?;)*) => {
+            $(fn $name(&self $(, $arg: $type)*) $(-> $out)? { self.0.$name($($arg),*) })*
+        };
+    }
+    impl PiecewiseSmooth for Sized {
+        hand_on! {
+            fn num_vars(&self) -> usize;
+            fn num_residuals(&self) -> usize;
+            fn num_sites(&self) -> usize;
+            fn num_pieces(&self, site: usize) -> usize;
+            fn num_tests(&self, site: usize) -> usize;
+            fn cell(&self, site: usize, piece: usize) -> &[Facet];
+            fn test_functions(&self, x: &[f64], out: &mut [f64]);
+            fn residual(&self, s: &Selection, x: &[f64], out: &mut [f64]);
+            fn jacobian(&self, s: &Selection, x: &[f64], jac: &mut Matrix);
+            fn pattern(&self) -> semismooth::sparse::Pattern;
+            fn piece_name(&self, site: usize, piece: usize) -> std::borrow::Cow<'_, str>;
+            fn site_name(&self, site: usize) -> std::borrow::Cow<'_, str>;
+            fn site_rows(&self, site: usize, rows: &mut Vec<usize>);
+            fn site_jacobian(&self, site: usize, s: &Selection, x: &[f64], jac: &mut Matrix) -> bool;
+        }
+        fn is_piecewise_affine(&self) -> bool {
+            true
+        }
+        fn typical_sizes(&self, sizes: &mut [f64]) {
+            sizes.copy_from_slice(&[1e-3, 2e-3, 1e4, 2e4, 5.0]);
+        }
+        fn test_derivatives(&self, _: &[f64], d: &[f64], out: &mut [f64]) {
+            out.fill(d[0] + 17.0);
+        }
+        fn test_gradient(&self, site: usize, test: usize, _: &[f64], gradient: &mut [f64]) {
+            gradient.fill((10 * site + test) as f64);
+        }
+    }
+    for x in samples() {
+        let own = told(&Sized(Rubber(Fault::None)), &x);
+        let boxed: Box<dyn PiecewiseSmooth> = Box::new(Sized(Rubber(Fault::None)));
+        assert_eq!(told(&boxed, &x), own);
+        assert_eq!(told(&&boxed, &x), own);
+        assert_eq!(told(&&Sized(Rubber(Fault::None)), &x), own);
+    }
 }
 
 #[test]

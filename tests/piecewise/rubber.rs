@@ -21,6 +21,8 @@ pub(crate) enum Fault {
     Nan,
     Facet,
     PatternShape,
+    SiteJacobian,
+    SiteExtra,
 }
 
 /// Two rubber blocks on a table, λᵢ = P_[−g, g](λᵢ + r uᵢ) with the bound g = α: sliding left, sticking, sliding right; without
@@ -71,6 +73,27 @@ impl PiecewiseSmooth for Rubber {
     fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
         rows.clear();
         rows.push(if self.0 == Fault::Rows { site } else { 2 + site });
+    }
+    fn site_jacobian(&self, site: usize, s: &Selection, x: &[f64], jac: &mut Matrix) -> bool {
+        if !matches!(self.0, Fault::None | Fault::SiteJacobian | Fault::SiteExtra) {
+            return false;
+        }
+        let row = 2 + site;
+        match s.piece(site) {
+            0 => {
+                jac.add(row, row, 1.0);
+                jac.add(row, 4, if self.0 == Fault::SiteJacobian { -1.0 } else { 1.0 });
+            }
+            1 => jac.add(row, site, -R),
+            _ => {
+                jac.add(row, row, 1.0);
+                jac.add(row, 4, -1.0);
+            }
+        }
+        if self.0 == Fault::SiteExtra {
+            jac.add(0, 0, 2.0 + 0.9 * x[0] * x[0]);
+        }
+        true
     }
     fn is_piecewise_affine(&self) -> bool {
         self.0 == Fault::Affine

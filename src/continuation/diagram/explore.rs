@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use std::time::Instant;
 
 use super::arc::{Arc, FLAT, kind_of, kind_of_slots, reversed};
-use super::natural::{natural_observer, scaled_starts};
+use super::natural::{natural_observer, scaled_options, scaled_starts};
 use super::{Diagram, DiagramEdge, DiagramOptions, DiagramVertex, EdgeEnd, Limit, VertexArm, VertexKind};
 use crate::continuation::arms::distance;
 use crate::continuation::{
@@ -67,12 +67,13 @@ impl Diagram {
     {
         options.validate()?;
         let scaled = Scaled::new(map, &options.continuation.typical_sizes)?;
+        let inner = scaled_options(&scaled, options);
         let diagram = Self {
-            range: options.continuation.parameter_range,
+            range: inner.continuation.parameter_range,
             same_point: options.same_point,
             ..Self::default()
         };
-        let mut explorer = Explorer::new(&scaled, diagram, options, natural_observer(&scaled, observe));
+        let mut explorer = Explorer::new(&scaled, diagram, inner, natural_observer(&scaled, observe));
         explorer.run(Vec::new(), &scaled_starts(&scaled, starts))?;
         let mut diagram = explorer.diagram;
         diagram.unscale(&scaled);
@@ -101,11 +102,8 @@ struct Meeting<'e> {
 }
 
 impl<'m, P: PiecewiseSmooth + ?Sized, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, P, O> {
-    pub(super) fn new(map: &'m P, diagram: Diagram, options: &DiagramOptions, observe: O) -> Self {
-        let mut options = options.clone();
+    pub(super) fn new(map: &'m P, diagram: Diagram, mut options: DiagramOptions, observe: O) -> Self {
         options.continuation.strategy = Strategy::Located;
-        // The map given is scaled already.
-        options.continuation.typical_sizes.clear();
         Self {
             map,
             diagram,

@@ -1,24 +1,35 @@
 //! Diagrams in the variables of the map, explored in scaled ones.
 
-use super::{Diagram, Progress, SolutionsAt};
+use super::{Diagram, DiagramOptions, Progress, SolutionsAt};
 use crate::continuation::Point;
 use crate::piecewise::{PiecewiseSmooth, Scaled};
 use std::ops::ControlFlow;
 
 impl Diagram {
     pub(super) fn scale<P: PiecewiseSmooth + ?Sized>(&mut self, map: &Scaled<'_, P>) {
-        self.convert(|x| map.scale(x), |t| map.scale_direction(t));
+        self.convert(
+            |x| map.scale(x),
+            |t| map.scale_direction(t),
+            map.parameter_size().recip(),
+        );
     }
 
     pub(super) fn unscale<P: PiecewiseSmooth + ?Sized>(&mut self, map: &Scaled<'_, P>) {
-        self.convert(|x| map.unscale(x), |t| map.unscale_direction(t));
+        self.convert(
+            |x| map.unscale(x),
+            |t| map.unscale_direction(t),
+            map.parameter_size(),
+        );
         self.sizes = map.divisors().to_vec();
     }
 
-    fn convert(&mut self, position: impl Fn(&mut [f64]), direction: impl Fn(&mut [f64])) {
+    fn convert(&mut self, position: impl Fn(&mut [f64]), direction: impl Fn(&mut [f64]), length: f64) {
+        self.range.0 *= length;
+        self.range.1 *= length;
         let convert = |p: &mut Point| {
             position(&mut p.x);
             direction(&mut p.tangent);
+            p.arclength *= length;
         };
         self.edges
             .iter_mut()
@@ -49,6 +60,17 @@ pub(super) fn scaled_starts<P: PiecewiseSmooth + ?Sized, S: AsRef<[f64]>>(
         z
     };
     starts.iter().map(scaled).collect()
+}
+
+/// Options in scaled variables, for a map that is scaled already.
+pub(super) fn scaled_options<P: PiecewiseSmooth + ?Sized>(
+    map: &Scaled<'_, P>,
+    options: &DiagramOptions,
+) -> DiagramOptions {
+    let mut options = options.clone();
+    map.scale_options(&mut options.continuation);
+    options.continuation.typical_sizes.clear();
+    options
 }
 
 /// An observer that sees events in the variables of the map.

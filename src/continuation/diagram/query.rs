@@ -104,7 +104,7 @@ impl Diagram {
         let scaled = Scaled::with_divisors(map, self.sizes.clone())?;
         let mut diagram = self.clone();
         diagram.scale(&scaled);
-        let mut found = diagram.sections(&scaled, alpha)?;
+        let mut found = diagram.sections(&scaled, alpha / scaled.parameter_size())?;
         found.unscale(&scaled);
         Ok(found)
     }

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use super::explore::{Explorer, Progress};
-use super::natural::{natural_observer, scaled_starts};
+use super::natural::{natural_observer, scaled_options, scaled_starts};
 use super::{Completeness, Diagram, DiagramOptions, DiagramVertex, EdgeEnd, Limit, VertexArm, VertexKind};
 use crate::continuation::{ContinuationError, Termination};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Scaled, check_selection, check_vector};
@@ -93,7 +93,8 @@ impl Diagram {
         // Curves meet each other at events only; those that have none in their middle come first.
         pending.sort_by_key(|end| self.vertices[end.vertex].kind != VertexKind::Start);
         again.extend(scaled_starts(&scaled, starts));
-        let mut explorer = Explorer::new(&scaled, self, options, natural_observer(&scaled, observe));
+        let inner = scaled_options(&scaled, options);
+        let mut explorer = Explorer::new(&scaled, self, inner, natural_observer(&scaled, observe));
         explorer.run(pending, &again)?;
         let mut diagram = explorer.diagram;
         diagram.unscale(&scaled);

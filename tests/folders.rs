@@ -1,0 +1,94 @@
+//! Folders of discrete problems with a broken description: the error names the file, and the line where there is one.
+#![cfg(feature = "json")]
+
+use std::path::{Path, PathBuf};
+
+use semismooth::contact::read_folder;
+use semismooth::piecewise::PiecewiseSmooth;
+
+/// A copy of a folder that is right, removed at the end.
+struct Copy(PathBuf);
+
+impl Copy {
+    fn new(name: &str) -> Self {
+        let from = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/block_symmetric");
+        let to = std::env::temp_dir().join(format!("semismooth_{name}_{}", std::process::id()));
+        std::fs::create_dir_all(&to).unwrap();
+        for file in std::fs::read_dir(from).unwrap() {
+            let file = file.unwrap();
+            std::fs::copy(file.path(), to.join(file.file_name())).unwrap();
+        }
+        Self(to)
+    }
+}
+
+impl Drop for Copy {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+#[test]
+fn broken_descriptions_are_named() {
+    let copy = Copy::new("meta");
+    let whole = read_folder(&copy.0).unwrap();
+    let p = whole.problem.num_contacts();
+    let read = |text: &str| {
+        std::fs::write(copy.0.join("meta.json"), text).unwrap();
+        read_folder(&copy.0)
+    };
+    for (text, words) in [
+        (
+            "{\n  \"friction\": 0.3,\n  \"r\" 1\n}",
+            ["meta.json, line 3", "expected `:`"],
+        ),
+        ("{\n", ["meta.json, line 2", "EOF"]),
+        (
+            "{\"r\": 1}",
+            ["meta.json", "`friction` must be a number or a list of numbers"],
+        ),
+        ("{\"friction\": \"low\"}", ["meta.json", "`friction` must be"]),
+        ("{\"friction\": [0.1, null]}", ["meta.json", "`friction` must be"]),
+        (
+            "{\"friction\": 0.3, \"r\": \"one\"}",
+            ["meta.json", "`r` must be a number"],
+        ),
+    ] {
+        let error = read(text).unwrap_err().to_string();
+        assert!(words.iter().all(|w| error.contains(w)), "{text}: {error}");
+    }
+    // One number stands for a list of equal ones; r is 1 unless told.
+    let one = read("{\"friction\": 0.25}").unwrap().problem;
+    let list = read(&format!("{{\"friction\": {:?}, \"r\": 1}}", vec![0.25; p]))
+        .unwrap()
+        .problem;
+    assert_eq!(one.friction_at(0.5), vec![0.25; p]);
+    assert_eq!(one.friction_at(0.5), list.friction_at(0.5));
+    assert_eq!((one.r(), list.r()), (1.0, 1.0));
+    let wrong = read(&format!("{{\"friction\": {:?}}}", vec![0.25; p + 1]));
+    assert!(wrong.is_err());
+    // A vector that is too short or no number.
+    std::fs::write(copy.0.join("meta.json"), "{\"friction\": 0.25}").unwrap();
+    let f1 = std::fs::read_to_string(copy.0.join("f1.txt")).unwrap();
+    let mut lines: Vec<&str> = f1.lines().collect();
+    lines[1] = "zwei";
+    std::fs::write(copy.0.join("f1.txt"), lines.join("\n")).unwrap();
+    let error = read_folder(&copy.0).unwrap_err().to_string();
+    assert!(error.contains("f1.txt") && error.contains("line 2"), "{error}");
+    std::fs::write(copy.0.join("f1.txt"), "1.0\n2.0\n").unwrap();
+    let error = read_folder(&copy.0).unwrap_err().to_string();
+    assert!(error.contains("the load f1"), "{error}");
+    std::fs::write(copy.0.join("f1.txt"), &f1).unwrap();
+    // θ¹ = λν + r (u_ν − gap) at 0; without a file of gaps there are none.
+    let first_tests = || {
+        let problem = read_folder(&copy.0).unwrap().problem;
+        let tests = problem.num_tests(0);
+        let mut theta = vec![f64::NAN; tests * p];
+        problem.test_functions(&vec![0.0; problem.num_vars()], &mut theta);
+        theta.into_iter().step_by(tests).collect::<Vec<_>>()
+    };
+    std::fs::write(copy.0.join("gap.txt"), "0.5\n".repeat(p)).unwrap();
+    assert_eq!(first_tests(), vec![-0.5; p]);
+    std::fs::remove_file(copy.0.join("gap.txt")).unwrap();
+    assert_eq!(first_tests(), vec![0.0; p]);
+}
