@@ -27,28 +27,32 @@ const CENTRAL: f64 = 6.055e-6;
 #[derive(Debug, Clone)]
 pub struct Differenced<V> {
     value: V,
-    pattern: Pattern,
-    coloring: Coloring,
+    num_values: usize,
+    num_vars: usize,
+    /// Where the Jacobian has entries, unless everywhere.
+    sparse: Option<(Pattern, Coloring)>,
     bounds: Option<(Vec<f64>, Vec<f64>)>,
     work: Scratch<[Vec<f64>; 5]>,
 }
 
 impl<V: Fn(&[f64], &mut [f64])> Differenced<V> {
-    /// A function of `n` variables with `n` values; `value(x, out)` overwrites `out`.
+    /// A function of `n` variables with `n` values; `value(x, out)` overwrites `out`. Unless a pattern is given, the Jacobian is full:
+    /// 16 n² bytes when a solver makes it.
     pub fn new(n: usize, value: V) -> Self {
-        Self::over(Pattern::full(n, n), value)
+        Self::over(n, n, None, value)
     }
 
-    /// A function of `n` variables and a parameter, which comes last.
+    /// A function of `n` variables and a parameter, which comes last; the Jacobian is full unless a pattern is given.
     pub fn parametric(n: usize, value: V) -> Self {
-        Self::over(Pattern::full(n, n + 1), value)
+        Self::over(n, n.saturating_add(1), None, value)
     }
 
-    fn over(pattern: Pattern, value: V) -> Self {
-        let (n, m) = (pattern.nrows(), pattern.ncols());
+    fn over(n: usize, m: usize, sparse: Option<(Pattern, Coloring)>, value: V) -> Self {
         Self {
             value,
-            coloring: Coloring::new(&pattern),
+            num_values: n,
+            num_vars: m,
+            sparse,
             bounds: None,
             work: Scratch::new([
                 vec![0.0; m],
@@ -57,16 +61,21 @@ impl<V: Fn(&[f64], &mut [f64])> Differenced<V> {
                 vec![0.0; n],
                 vec![0.0; m],
             ]),
-            pattern,
         }
     }
 
     /// Says where the Jacobian has entries. The pattern also settles the numbers of values and variables.
     #[must_use]
     pub fn with_pattern(self, pattern: Pattern) -> Self {
+        let coloring = Coloring::new(&pattern);
         Self {
             bounds: self.bounds,
-            ..Self::over(pattern, self.value)
+            ..Self::over(
+                pattern.nrows(),
+                pattern.ncols(),
+                Some((pattern, coloring)),
+                self.value,
+            )
         }
     }
 
@@ -76,10 +85,10 @@ impl<V: Fn(&[f64], &mut [f64])> Differenced<V> {
     /// Wrong lengths.
     pub fn with_bounds(mut self, lower: Vec<f64>, upper: Vec<f64>) -> Result<Self, ComplementarityError> {
         for (what, found) in [("lower", lower.len()), ("upper", upper.len())] {
-            if found != self.pattern.nrows() {
+            if found != self.num_values {
                 return Err(ComplementarityError::Length {
                     what,
-                    expected: self.pattern.nrows(),
+                    expected: self.num_values,
                     found,
                 });
             }
@@ -91,7 +100,9 @@ impl<V: Fn(&[f64], &mut [f64])> Differenced<V> {
     /// Number of colours: evaluations of a one-sided Jacobian.
     #[must_use]
     pub fn num_colors(&self) -> usize {
-        self.coloring.groups().len()
+        self.sparse
+            .as_ref()
+            .map_or(self.num_vars, |(_, coloring)| coloring.groups().len())
     }
 
     fn range(&self, j: usize) -> (f64, f64) {
@@ -104,11 +115,11 @@ impl<V: Fn(&[f64], &mut [f64])> Differenced<V> {
 
 impl<V: Fn(&[f64], &mut [f64])> McpFunction for Differenced<V> {
     fn num_vars(&self) -> usize {
-        self.pattern.ncols()
+        self.num_vars
     }
 
     fn num_values(&self) -> usize {
-        self.pattern.nrows()
+        self.num_values
     }
 
     fn value(&self, x: &[f64], out: &mut [f64]) {
@@ -123,7 +134,12 @@ impl<V: Fn(&[f64], &mut [f64])> McpFunction for Differenced<V> {
             // A power of two near the ideal step, so that x + h − x is h where x is not much larger.
             *s = (CENTRAL * (1.0 + x.abs())).log2().round().exp2();
         }
-        for group in self.coloring.groups() {
+        for colour in 0..self.num_colors() {
+            let own = [colour];
+            let group: &[usize] = match &self.sparse {
+                Some((_, coloring)) => &coloring.groups()[colour],
+                None => &own,
+            };
             let shift = |sign: f64, out: &mut [f64], y: &mut [f64]| {
                 for &j in group {
                     let (l, u) = self.range(j);
@@ -138,8 +154,15 @@ impl<V: Fn(&[f64], &mut [f64])> McpFunction for Differenced<V> {
                 let ahead = (x[j] + steps[j]).max(l).min(u) - x[j];
                 let back = x[j] - (x[j] - steps[j]).max(l).min(u);
                 y[j] = x[j];
-                for k in self.pattern.col_ptr()[j]..self.pattern.col_ptr()[j + 1] {
-                    let i = self.pattern.row_idx()[k];
+                let entries = match &self.sparse {
+                    Some((pattern, _)) => pattern.col_ptr()[j]..pattern.col_ptr()[j + 1],
+                    None => 0..self.num_values,
+                };
+                for k in entries {
+                    let i = self
+                        .sparse
+                        .as_ref()
+                        .map_or(k, |(pattern, _)| pattern.row_idx()[k]);
                     let quotient = match (
                         plus[i].is_finite() && ahead > 0.0,
                         minus[i].is_finite() && back > 0.0,
@@ -157,7 +180,10 @@ impl<V: Fn(&[f64], &mut [f64])> McpFunction for Differenced<V> {
     }
 
     fn pattern(&self) -> Pattern {
-        self.pattern.clone()
+        match &self.sparse {
+            Some((pattern, _)) => pattern.clone(),
+            None => Pattern::full(self.num_values, self.num_vars),
+        }
     }
 }
 

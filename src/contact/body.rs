@@ -109,25 +109,43 @@ impl ContactBody {
     }
 }
 
+/// Products in the sparse Gram matrix of the normal trace, 24 bytes each, beyond which displacements that many nodes share are left
+/// out.
+const MAX_PRODUCTS: f64 = (1 << 25) as f64;
+/// How many nodes may share a displacement then.
+const MAX_SHARED: usize = 64;
+
 /// Condition (1) for the normal trace: the rank is told only where a factorisation of the sparse Gram matrix fails.
 fn check_visible(trace: &Matrix) -> Result<(), ContactError> {
     let transpose = trace.transpose();
     let (pattern, values) = (transpose.pattern(), transpose.values());
     let p = trace.nrows();
+    let columns = trace.pattern().col_ptr();
+    // Rows that are independent in some of the columns are independent: a column that many of them share would fill the matrix.
+    let counts = || columns.windows(2).map(|w| w[1] - w[0]);
+    let products = counts().map(|c| c as f64 * c as f64).sum::<f64>();
+    let most = if products > MAX_PRODUCTS {
+        MAX_SHARED
+    } else {
+        usize::MAX
+    };
+    let shared = |j: usize| columns[j + 1] - columns[j] > most;
     let mut length = vec![0.0; p];
-    for (i, _, v) in trace.triplets() {
+    for (i, _, v) in trace.triplets().filter(|t| !shared(t.1)) {
         length[i] += v * v;
     }
     if length.iter().all(|l| *l > 0.0) {
         // Rows that share no displacement cannot depend on each other.
-        let columns = trace.pattern().col_ptr();
-        if columns.windows(2).all(|w| w[1] - w[0] <= 1) {
+        if counts().all(|c| c <= 1) {
             return Ok(());
         }
         let mut gram = Vec::new();
         for i in 0..p {
             for k in pattern.col_ptr()[i]..pattern.col_ptr()[i + 1] {
                 let j = pattern.row_idx()[k];
+                if shared(j) {
+                    continue;
+                }
                 for e in columns[j]..columns[j + 1] {
                     let other = trace.pattern().row_idx()[e];
                     let product = values[k] * trace.values()[e] / (length[i] * length[other]).sqrt();

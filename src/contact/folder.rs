@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use super::body::check_matrices;
 use super::{ContactError, FrictionPath, FrictionProblem, LoadPath};
 use crate::sparse::{SparseError, read_matrix_market, read_vector};
 
@@ -22,7 +23,11 @@ pub struct DiscreteFolder {
 /// Files that are missing or malformed (file and line are named), and everything [`FrictionProblem::new`] checks.
 pub fn read_folder(path: impl AsRef<Path>) -> Result<DiscreteFolder, ContactError> {
     let folder = path.as_ref();
+    let a = read_matrix_market(folder.join("A.mtx"))?;
     let bnu = read_matrix_market(folder.join("Bnu.mtx"))?;
+    let bt = read_matrix_market(folder.join("Bt.mtx"))?;
+    // No vector is made for the rows of a matrix that does not fit.
+    check_matrices(&a, &[&bnu, &bt])?;
     let p = bnu.nrows();
     let meta_path = folder.join("meta.json");
     let text = std::fs::read_to_string(&meta_path).map_err(|e| SparseError::Io {
@@ -70,9 +75,9 @@ pub fn read_folder(path: impl AsRef<Path>) -> Result<DiscreteFolder, ContactErro
         vec![0.0; p]
     };
     let problem = FrictionProblem::new(
-        read_matrix_market(folder.join("A.mtx"))?,
+        a,
         bnu,
-        read_matrix_market(folder.join("Bt.mtx"))?,
+        bt,
         LoadPath::between(f0, &f1),
         FrictionPath::constant(friction),
     )?

@@ -17,6 +17,9 @@ use crate::interface::fill_sizes;
 use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, Pattern, dot};
 
+/// Pressures and tractions up to which the way down is followed in condensed form, whose matrices are dense.
+const CONDENSED: usize = 10_000;
+
 /// A [`ContactBody`] under a [`NodeLaw`] in full form, sparse: x = (u, λν, λt₁[, λt₂], α).
 ///
 /// ```text
@@ -50,14 +53,17 @@ impl<L: NodeLaw> FullContact<L> {
         let p = body.num_contacts();
         let mut r = 0.0;
         let mut b = vec![0.0; body.num_displacements()];
-        let mut image = b.clone();
         for trace in &traces {
             for i in 0..p {
-                b.fill(0.0);
                 for_column(trace, i, |j, v| b[j] = v);
-                body.a.mul_vec(&b, &mut image);
-                let square = dot(&b, &b);
-                r += dot(&b, &image) / (square * square) / (p * traces.len()) as f64;
+                // Only the columns of A that the row touches.
+                let (mut square, mut energy) = (0.0, 0.0);
+                for_column(trace, i, |j, v| {
+                    square += v * v;
+                    for_column(&body.a, j, |k, a| energy += b[k] * a * v);
+                });
+                for_column(trace, i, |j, _| b[j] = 0.0);
+                r += energy / (square * square) / (p * traces.len()) as f64;
             }
         }
         if !(r > 0.0 && r.is_finite()) {
@@ -96,9 +102,11 @@ impl<L: NodeLaw> FullContact<L> {
     ) -> Result<ContactReport, ContactError> {
         // The way down is followed on the contact nodes alone, where the body can be condensed.
         let mut condensed = None;
-        let mut way = |strategy, trial, see: &mut Observer<'_>| match condensed
-            .get_or_insert_with(|| self.condensed(alpha).ok())
-        {
+        let mut way = |strategy, trial, see: &mut Observer<'_>| match condensed.get_or_insert_with(|| {
+            (self.law_rows() <= CONDENSED)
+                .then(|| self.condensed(alpha).ok())
+                .flatten()
+        }) {
             Some(condensed) => {
                 let mut end = lower(condensed, alpha, strategy, trial, see)?;
                 if let Some(end) = &mut end {
@@ -117,6 +125,11 @@ impl<L: NodeLaw> FullContact<L> {
         let mut condensed = CondensedContact::new(self.body_at(alpha), &self.law)?;
         condensed.set_reference_slip(&self.reference)?;
         Ok(condensed)
+    }
+
+    /// Number of pressures and tractions.
+    fn law_rows(&self) -> usize {
+        self.traces.len() * self.body.num_contacts()
     }
 
     fn body_at(&self, alpha: f64) -> ContactBody {

@@ -5,7 +5,7 @@ use super::condensed_contact::CondensedContact;
 use super::error::check_length;
 use super::node_law::NodeLaw;
 use crate::linear::{
-    AutoSolver, Condensation, LinearError, LinearSolver, eigenvalues, generalized_eigenvalues,
+    AutoSolver, Condensation, LinearError, LinearSolver, dense_zeros, eigenvalues, generalized_eigenvalues,
     symmetric_eigenvalues,
 };
 use crate::sparse::{Matrix, Pattern};
@@ -195,32 +195,44 @@ pub fn critical_friction<L: NodeLaw>(problem: &CondensedContact<L>) -> Result<Op
 /// Checks that no non-zero multiplier is invisible: that the pairing (multipliers × displacements) has full row rank.
 ///
 /// # Errors
-/// [`ContactError::InvisibleMultiplier`] tells the rank; entries that are not finite.
+/// [`ContactError::InvisibleMultiplier`] tells the rank; entries that are not finite; more than 50 000 rows and columns that are not
+/// zero ([`LinearError::TooLarge`]).
 pub fn check_multipliers(pairing: &Matrix) -> Result<(), ContactError> {
-    let q = pairing.nrows();
+    pairing.check_finite()?;
+    let (q, n) = (pairing.nrows(), pairing.ncols());
     let mut squares = vec![0.0; q];
     for (k, _, v) in pairing.triplets() {
         squares[k] += v * v;
     }
-    // Rows of norm 1, so that small faces count like large ones.
-    let scale: Vec<f64> = squares
+    // Rows of norm 1, so that small faces count like large ones; those that are zero add nothing to the rank.
+    let mut seen = 0;
+    let rows: Vec<(usize, f64)> = squares
         .iter()
-        .map(|s| if *s > 0.0 { s.sqrt().recip() } else { 0.0 })
+        .map(|s| {
+            let place = seen;
+            seen += usize::from(*s > 0.0);
+            (place, s.sqrt().recip())
+        })
         .collect();
-    let transpose = pairing.transpose();
-    let mut gram = Matrix::zeros(Pattern::full(q, q));
-    let (mut row, mut product) = (vec![0.0; pairing.ncols()], vec![0.0; q]);
-    for k in 0..q {
-        row.fill(0.0);
-        let span = transpose.pattern().col_ptr()[k]..transpose.pattern().col_ptr()[k + 1];
-        for e in span {
-            row[transpose.pattern().row_idx()[e]] = transpose.values()[e] * scale[k];
-        }
-        pairing.mul_vec(&row, &mut product);
-        for i in 0..q {
-            gram.values_mut()[k * q + i] = product[i] * scale[i];
-        }
+    let entries: Vec<(usize, usize, f64)> = (pairing.triplets())
+        .filter(|(k, _, _)| squares[*k] > 0.0)
+        .map(|(k, j, v)| (rows[k].0, j, v * rows[k].1))
+        .collect();
+    let mut factor = Matrix::from_triplets(seen, n, &entries)?;
+    // B Bᵀ and Bᵀ B have one rank: the smaller one is formed.
+    if seen <= n {
+        factor = factor.transpose();
     }
+    let order = factor.ncols();
+    let (mut column, mut gram) = (vec![0.0; factor.nrows()], dense_zeros(order, order)?);
+    for (k, product) in gram.chunks_exact_mut(order.max(1)).enumerate() {
+        column.fill(0.0);
+        for e in factor.pattern().col_ptr()[k]..factor.pattern().col_ptr()[k + 1] {
+            column[factor.pattern().row_idx()[e]] = factor.values()[e];
+        }
+        factor.mul_transpose_vec(&column, product);
+    }
+    let gram = Matrix::from_values(Pattern::full(order, order), gram)?;
     let values = symmetric_eigenvalues(&gram)?;
     let largest = values.last().copied().unwrap_or(0.0);
     let rank = values

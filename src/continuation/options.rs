@@ -52,7 +52,8 @@ pub struct ContinuationOptions {
     pub parameter_range: (f64, f64),
     /// Parameter values at which a point is wanted exactly, in any order. Default none.
     pub targets: Vec<f64>,
-    /// Largest number of points (of all kinds). Default 10 000.
+    /// Largest number of points (of all kinds). Default 10 000. A [`Branch`](super::Branch) holds about 16 bytes a variable for each
+    /// point; the iterator itself keeps none.
     pub max_points: usize,
     /// Largest arclength. Default ∞.
     #[cfg_attr(feature = "serde", serde(with = "super::extended"))]

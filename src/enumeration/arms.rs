@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use super::kernel::solutions;
+use super::kernel::{MAX_KERNEL, solutions};
 use super::local::{local_selections, vanishing_tests};
 use super::search::Search;
 use super::system::System;
@@ -21,6 +21,10 @@ const SAME: f64 = 1e-7;
 const TANGENTIAL: f64 = 1e-9;
 /// Linear systems that the local search may solve, for each start.
 const SOLVES: usize = 100;
+/// Selections examined one by one where the table of the search would not fit.
+const LARGE: u64 = 4096;
+/// Pieces in a list of selections to be examined one by one.
+const LISTED: usize = 1 << 27;
 /// |α̇|, in scaled variables, up to which an arm counts as vertical.
 const VERTICAL: f64 = 1e-9;
 
@@ -67,8 +71,8 @@ impl DirectionalArm {
 pub struct DirectionalArms {
     /// The arms: those with growing α, with falling α, vertical ones.
     pub arms: Vec<DirectionalArm>,
-    /// Selections whose Jacobian has a kernel of dimension two or more with directions into their cell: their arms are not
-    /// decided to first order.
+    /// Selections whose Jacobian has a kernel of dimension two or more, or is singular with more than 4000 rows: their arms are
+    /// not decided to first order.
     pub unresolved: Vec<Selection>,
     /// Σ sign det ∇_yH^(σ) over the arms with α̇ > 0 and over those with α̇ < 0. The two are equal: ẏ ↦ H'(x; (ẏ, s)) has no zeros
     /// for s = 0 but ẏ = 0, hence the same degree for s = 1 and s = −1. In an incomplete list, sums that differ prove that arms are
@@ -84,12 +88,12 @@ pub struct DirectionalArms {
 /// All arms of the solution curves of H(y, α) = 0 at the solution `x` = (y, α). Test functions within `options.tolerance` of their
 /// zero set, as a distance relative to 1 + ‖x‖₂, count as vanishing there. The pieces need not be affine.
 ///
-/// Where the cap on nodes is reached, a local search goes on: Newton's method on the directional problem for α̇ = ±1 from random
+/// Where the cap on nodes is reached, or the number of rows times unknowns exceeds 2²⁶ and there are more than 4096 active
+/// selections, a local search goes on: Newton's method on the directional problem for α̇ = ±1 from random
 /// selections and from neighbours of what was found. The list then stays incomplete, whatever it holds.
 ///
 /// # Errors
-/// Options out of range, maps that are no curves, wrong length, values that are not finite, [`EnumerationError::Outside`],
-/// [`EnumerationError::TooLarge`].
+/// Options out of range, maps that are no curves, wrong length, values that are not finite, [`EnumerationError::Outside`].
 ///
 /// ```
 /// use semismooth::enumeration::{EnumerationOptions, all_arms};
@@ -163,7 +167,7 @@ fn of_scaled<P: PiecewiseSmooth + ?Sized>(
             x,
             &active,
             options.local_starts,
-            SOLVES * options.local_starts,
+            SOLVES.saturating_mul(options.local_starts),
         )?;
         found.selections.extend(local);
         found.selections.sort_unstable();
@@ -217,8 +221,12 @@ pub(crate) fn directional_selections<P: PiecewiseSmooth + ?Sized>(
             Err(_) => search.examined += search.total,
         }
     }
-    for root in vertical_roots(&search, &system) {
-        runs += 1.0;
+    let roots = VerticalRoots::new(&search, &system);
+    runs += roots.total() as f64;
+    for root in roots {
+        if search.stopped {
+            break;
+        }
         search.run(root, &mut leaf)?;
     }
     Ok(Some(Candidates {
@@ -236,12 +244,16 @@ fn selections<P: PiecewiseSmooth + ?Sized>(
     active: &ActiveSet,
     max_nodes: u64,
 ) -> Result<Candidates, EnumerationError> {
-    if let Some(found) = directional_selections(map, x, active, max_nodes)? {
-        return Ok(found);
-    }
+    let limit = match directional_selections(map, x, active, max_nodes) {
+        Ok(Some(found)) => return Ok(found),
+        Ok(None) => max_nodes,
+        Err(EnumerationError::TooLarge { .. }) => max_nodes.min(LARGE),
+        Err(e) => return Err(e),
+    };
     let sizes = active.degenerate_sites().iter().map(|s| s.1.len() as f64);
     let total = sizes.product();
-    let limit = usize::try_from(max_nodes).unwrap_or(usize::MAX);
+    let limit = usize::try_from(limit).unwrap_or(usize::MAX);
+    let limit = limit.min(LISTED / map.num_sites().max(1)).max(1);
     let selections: Vec<Selection> = active.selections().take(limit).collect();
     let examined = selections.len() as f64;
     Ok(Candidates {
@@ -266,34 +278,60 @@ fn rate(system: &System, constant: f64) -> Form {
     }
 }
 
-/// Roots that together hold all rays with α̇ = 0, each normalised by an affine condition. The forms that have one sign in all
-/// pieces of their site sum up to something ≥ 0, and to 0 only where all of them vanish: so either the sum is 1, or they all
-/// vanish and one of the directions left over is ±1, those before it being 0.
-fn vertical_roots(search: &Search<'_>, system: &System) -> Vec<Table> {
-    let Ok(flat) = search.root(&[rate(system, 0.0)]) else {
-        return Vec::new();
-    };
-    let mut roots = Vec::new();
-    let implied = search.implied(&flat);
-    let mut normalised = flat.clone();
-    if normalised.fix_form(&flat.combination(&implied, -1.0)).is_ok() {
-        roots.push(normalised);
-    }
-    let mut rest = flat;
-    for (var, _) in implied {
-        if rest.fix(var).is_err() {
+/// Roots that together hold all rays with α̇ = 0, each normalised by an affine condition, made one at a time. The forms that have
+/// one sign in all pieces of their site sum up to something ≥ 0, and to 0 only where all of them vanish: so either the sum is 1,
+/// or they all vanish and one of the directions left over is ±1, those before it being 0.
+struct VerticalRoots {
+    normalised: Option<Table>,
+    rest: Option<Table>,
+    /// The value that the first direction left over takes next.
+    value: f64,
+}
+
+impl VerticalRoots {
+    fn new(search: &Search<'_>, system: &System) -> Self {
+        let mut roots = Self {
+            normalised: None,
+            rest: None,
+            value: 1.0,
+        };
+        let Ok(flat) = search.root(&[rate(system, 0.0)]) else {
             return roots;
+        };
+        let implied = search.implied(&flat);
+        let mut normalised = flat.clone();
+        if normalised.fix_form(&flat.combination(&implied, -1.0)).is_ok() {
+            roots.normalised = Some(normalised);
         }
-    }
-    while rest.dimension() > 0 {
-        for value in [1.0, -1.0] {
-            let mut root = rest.clone();
-            root.set_column(0, value);
-            roots.push(root);
+        let mut rest = flat;
+        if implied.iter().all(|(var, _)| rest.fix(*var).is_ok()) {
+            roots.rest = Some(rest);
         }
-        rest.set_column(0, 0.0);
+        roots
     }
-    roots
+
+    /// How many they are at the outset.
+    fn total(&self) -> usize {
+        usize::from(self.normalised.is_some()) + 2 * self.rest.as_ref().map_or(0, Table::dimension)
+    }
+}
+
+impl Iterator for VerticalRoots {
+    type Item = Table;
+
+    fn next(&mut self) -> Option<Table> {
+        if let Some(normalised) = self.normalised.take() {
+            return Some(normalised);
+        }
+        let rest = self.rest.as_mut().filter(|rest| rest.dimension() > 0)?;
+        let mut root = rest.clone();
+        root.set_column(0, self.value);
+        if self.value < 0.0 {
+            rest.set_column(0, 0.0);
+        }
+        self.value = -self.value;
+        Some(root)
+    }
 }
 
 /// Computes and gathers the arms of single selections.
@@ -342,6 +380,10 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Collector<'a, P> {
                 self.solver.log_det().map(|d| d.0)
             }
             Err(LinearError::Singular { .. } | LinearError::Inaccurate { .. }) => {
+                if n > MAX_KERNEL {
+                    self.unresolved.push(selection.clone());
+                    return Ok(());
+                }
                 let mut rows = vec![vec![0.0; n + 2]; n];
                 for (i, j, v) in self.jac.triplets() {
                     rows[i][j] += v;

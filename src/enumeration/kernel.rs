@@ -3,6 +3,8 @@
 /// Pivots below this, relative to the largest entry of the scaled matrix, count as zero.
 const RANK: f64 = 1e-10;
 
+/// Unknowns up to which the kernel of a singular matrix is computed: elimination is dense.
+pub(super) const MAX_KERNEL: usize = 4000;
 /// Columns whose entries are all below this, in rows of size one, are rounding noise.
 pub(super) const NOISE: f64 = 1e-14;
 /// Equations that miss each other by less than this, as a distance relative to 1 + the largest, agree.

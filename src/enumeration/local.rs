@@ -27,29 +27,16 @@ pub(crate) fn local_selections<P: PiecewiseSmooth + ?Sized>(
     let mut local = Local::new(map, x, active)?;
     let mut random = Random::new(1);
     let sites = active.degenerate_sites();
-    let mut queue: Vec<(Selection, f64)> = Vec::new();
     for k in 0..starts {
-        let mut selection = active.first().clone();
+        let mut start = active.first().clone();
         for (site, pieces) in sites {
             // The first start takes the first piece everywhere.
             let piece = if k == 0 { 0 } else { random.below(pieces.len()) };
-            selection.set(*site, pieces[piece]);
+            start.set(*site, pieces[piece]);
         }
-        queue.extend([1.0, -1.0].map(|sign| (selection.clone(), sign)));
-    }
-    queue.reverse();
-    while let Some((start, sign)) = queue.pop() {
-        if local.solves >= max_solves {
-            break;
-        }
-        let Some(found) = local.solve(start, sign)? else {
-            continue;
-        };
-        for (site, pieces) in sites {
-            for &piece in pieces.iter().filter(|p| **p != found.piece(*site)) {
-                let mut near = found.clone();
-                near.set(*site, piece);
-                queue.push((near, sign));
+        for sign in [1.0, -1.0] {
+            if !local.explore(start.clone(), sign, max_solves)? {
+                return Ok(local.found.into_iter().collect());
             }
         }
     }
@@ -95,6 +82,41 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Local<'a, P> {
             found: BTreeSet::new(),
             solves: 0,
         })
+    }
+
+    /// Solves from a selection and from all that differ from a find at one site, the last find first; `false` at the cap on solves.
+    fn explore(&mut self, start: Selection, rate: f64, max_solves: usize) -> Result<bool, EnumerationError> {
+        let sites = self.active.degenerate_sites();
+        // A find, and how many sites and pieces of the next site are left.
+        let mut finds: Vec<(Selection, usize, usize)> = Vec::new();
+        let mut next = Some(start);
+        loop {
+            if let Some(selection) = next.take() {
+                if self.solves >= max_solves {
+                    return Ok(false);
+                }
+                if let Some(found) = self.solve(selection, rate)? {
+                    finds.push((found, sites.len(), 0));
+                }
+            }
+            let Some((found, below, left)) = finds.last_mut() else {
+                return Ok(true);
+            };
+            if *left == 0 {
+                let Some(site) = below.checked_sub(1) else {
+                    finds.pop();
+                    continue;
+                };
+                (*below, *left) = (site, sites[site].1.len());
+            }
+            let (site, pieces) = &sites[*below];
+            *left -= 1;
+            if pieces[*left] != found.piece(*site) {
+                let mut near = found.clone();
+                near.set(*site, pieces[*left]);
+                next = Some(near);
+            }
+        }
     }
 
     /// The direction of a selection with the given α̇; `false` where ∇_yH^(σ) is singular.

@@ -6,6 +6,30 @@ use super::table::{Contradiction, Place, Sign, Table};
 
 /// Sites compared before branching. Comparing all gives the smallest trees and, by measurement, not the shortest times.
 const PROBES: usize = 3;
+/// Numbers in the tables of nodes not yet entered, beyond which such tables are made anew when their turn comes: 512 MB.
+const KEPT: usize = 1 << 26;
+/// Numbers in all tables and lists of the path from the root, beyond which the search stops: 2 GB.
+const HELD: usize = 1 << 28;
+
+/// A piece of a site and the table behind that decision, if it was kept.
+type Child = (usize, Option<Table>);
+
+/// A site branched on, on the path from the root.
+#[derive(Debug)]
+struct Level {
+    site: usize,
+    /// Where the site stood in the list of undecided ones.
+    position: usize,
+    /// Selections below each child.
+    share: f64,
+    /// What is ruled out here is ruled out in the whole subtree.
+    alive: Vec<Vec<usize>>,
+    /// The node's own table, where not all children have theirs.
+    parent: Option<Table>,
+    children: std::vec::IntoIter<Child>,
+    /// Numbers held for the lists and the parent.
+    held: usize,
+}
 
 /// What the search may do and what it has done.
 #[derive(Debug, Clone)]
@@ -20,6 +44,10 @@ pub(super) struct Search<'a> {
     pub(super) examined: f64,
     pub(super) total: f64,
     pub(super) stopped: bool,
+    /// Numbers held by levels and tables.
+    held: usize,
+    kept: usize,
+    limit: usize,
 }
 
 impl<'a> Search<'a> {
@@ -39,6 +67,9 @@ impl<'a> Search<'a> {
             examined: 0.0,
             total: system.sites.iter().map(|s| s.pieces.len() as f64).product(),
             stopped: false,
+            held: 0,
+            kept: KEPT,
+            limit: HELD,
         }
     }
 
@@ -78,57 +109,93 @@ impl<'a> Search<'a> {
     /// Searches from a root; `leaf` receives each choice of pieces (by number in the map) that was not ruled out.
     pub(super) fn run<E>(
         &mut self,
-        mut table: Table,
+        mut root: Table,
         leaf: &mut impl FnMut(&[usize]) -> Result<(), E>,
     ) -> Result<(), E> {
-        let total = self.total;
-        if table.repair().is_err() {
-            self.examined += total;
+        if root.repair().is_err() {
+            self.examined += self.total;
             return Ok(());
         }
         let mut undecided: Vec<usize> = (0..self.system.sites.len()).collect();
         let mut chosen = vec![0; undecided.len()];
-        let alive: Vec<Vec<usize>> = (self.system.sites.iter())
+        let all: Vec<Vec<usize>> = (self.system.sites.iter())
             .map(|s| (0..s.pieces.len()).collect())
             .collect();
-        self.descend(&table, &mut undecided, &alive, &mut chosen, total, leaf)
-    }
-
-    fn descend<E>(
-        &mut self,
-        table: &Table,
-        undecided: &mut Vec<usize>,
-        alive: &[Vec<usize>],
-        chosen: &mut [usize],
-        weight: f64,
-        leaf: &mut impl FnMut(&[usize]) -> Result<(), E>,
-    ) -> Result<(), E> {
-        if undecided.is_empty() {
-            self.examined += 1.0;
-            return leaf(chosen);
-        }
-        // What is ruled out here is ruled out in the whole subtree.
-        let mut alive = alive.to_vec();
-        let candidates = self.branching_sites(table, undecided, &mut alive);
-        let Some((position, children)) = self.probe(table, undecided, candidates, &mut alive) else {
-            self.stopped = true;
-            return Ok(());
-        };
-        let site = undecided.swap_remove(position);
-        let pieces = &self.system.sites[site].pieces;
-        let share = weight / pieces.len() as f64;
-        self.examined += share * (pieces.len() - children.len()) as f64;
-        for (k, child) in children {
-            chosen[site] = pieces[k].piece;
-            self.descend(&child, undecided, &alive, chosen, share, leaf)?;
-            if self.stopped {
-                break;
+        self.held = root.size();
+        let mut path: Vec<Level> = Vec::new();
+        let mut node = Some(root);
+        loop {
+            if let Some(table) = node.take() {
+                if undecided.is_empty() {
+                    self.held -= table.size();
+                    self.examined += 1.0;
+                    leaf(&chosen)?;
+                } else {
+                    let (alive, weight) = path.last().map_or((&all, self.total), |l| (&l.alive, l.share));
+                    let Some(level) = self.branch(table, &mut undecided, alive.clone(), weight) else {
+                        self.stopped = true;
+                        return Ok(());
+                    };
+                    path.push(level);
+                }
+            }
+            let Some(level) = path.last_mut() else {
+                return Ok(());
+            };
+            if let Some((k, table)) = level.children.next() {
+                chosen[level.site] = self.system.sites[level.site].pieces[k].piece;
+                node = match (table, &level.parent) {
+                    (None, Some(parent)) => self
+                        .child(parent, level.site, k)
+                        .inspect(|t| self.held += t.size()),
+                    (table, _) => table,
+                };
+            } else {
+                self.held -= level.held;
+                undecided.push(level.site);
+                let end = undecided.len() - 1;
+                undecided.swap(level.position, end);
+                path.pop();
             }
         }
-        undecided.push(site);
-        let end = undecided.len() - 1;
-        undecided.swap(position, end);
-        Ok(())
+    }
+
+    /// Chooses the site to branch on at a node; `None` at the cap on nodes or on memory.
+    fn branch(
+        &mut self,
+        table: Table,
+        undecided: &mut Vec<usize>,
+        mut alive: Vec<Vec<usize>>,
+        weight: f64,
+    ) -> Option<Level> {
+        let candidates = self.branching_sites(&table, undecided, &mut alive);
+        let (position, children) = self.probe(&table, undecided, candidates, &mut alive)?;
+        let site = undecided.swap_remove(position);
+        let share = weight / self.system.sites[site].pieces.len() as f64;
+        self.examined += share * (self.system.sites[site].pieces.len() - children.len()) as f64;
+        let lists = alive.iter().map(|pieces| 3 + pieces.len()).sum::<usize>();
+        let own = table.size();
+        let parent = children.iter().any(|c| c.1.is_none()).then_some(table);
+        let held = lists + if parent.is_some() { own } else { 0 };
+        self.held += children.iter().flat_map(|c| &c.1).map(Table::size).sum::<usize>() + held;
+        self.held -= own;
+        (self.held <= self.limit).then(|| Level {
+            site,
+            position,
+            share,
+            alive,
+            parent,
+            children: children.into_iter(),
+            held,
+        })
+    }
+
+    /// The table with a site decided; `None` where that is infeasible.
+    fn child(&mut self, table: &Table, site: usize, k: usize) -> Option<Table> {
+        let mut child = table.compact();
+        let decided = self.decide(&mut child, site, k).and_then(|()| child.repair());
+        self.pivots += child.pivots;
+        decided.is_ok().then_some(child)
     }
 
     /// Of some candidate sites the one with the fewest pieces that are feasible, and the tables behind them; `None` at the cap.
@@ -138,8 +205,8 @@ impl<'a> Search<'a> {
         undecided: &[usize],
         candidates: Vec<usize>,
         alive: &mut [Vec<usize>],
-    ) -> Option<(usize, Vec<(usize, Table)>)> {
-        let mut best: Option<(usize, Vec<(usize, Table)>)> = None;
+    ) -> Option<(usize, Vec<Child>)> {
+        let mut best: Option<(usize, Vec<Child>)> = None;
         for position in candidates {
             let site = undecided[position];
             let mut children = Vec::with_capacity(alive[site].len());
@@ -148,11 +215,10 @@ impl<'a> Search<'a> {
                     return None;
                 }
                 self.nodes += 1;
-                let mut child = table.compact();
-                let decided = self.decide(&mut child, site, k).and_then(|()| child.repair());
-                self.pivots += child.pivots;
-                if decided.is_ok() {
-                    children.push((k, child));
+                if let Some(child) = self.child(table, site, k) {
+                    let size = child.size();
+                    let keep = self.held + size * (children.len() + 1) <= self.kept;
+                    children.push((k, keep.then_some(child)));
                 }
             }
             alive[site].retain(|k| children.iter().any(|c| c.0 == *k));
@@ -220,5 +286,54 @@ impl<'a> Search<'a> {
             }
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::system;
+    use super::*;
+    use crate::piecewise::MinMap;
+
+    /// All leaves of a search with the given limits, its nodes, and whether it was stopped.
+    fn search(kept: usize, limit: usize) -> (Vec<Vec<usize>>, u64, bool) {
+        // xᵢ = 0 or 1 for each i: min(x, 1 − x) = 0, coupled weakly.
+        let map = MinMap::new(6, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+            for i in 0..6 {
+                a[i] = x[i];
+                b[i] = 1.0 - x[i] + 0.1 * x[(i + 1) % 6];
+            }
+        });
+        let owner = system::owners(&map, 0..6).unwrap();
+        let system = system::at_parameter(&map, &owner, &[0.0; 6]).unwrap();
+        let mut search = Search::new(&system, 1000);
+        (search.kept, search.limit) = (kept, limit);
+        let mut leaves = Vec::new();
+        let root = search.root(&[]).unwrap();
+        let all = search.run(root, &mut |pieces: &[usize]| {
+            leaves.push(pieces.to_vec());
+            Ok::<(), ()>(())
+        });
+        assert_eq!(all, Ok(()));
+        assert!(
+            search.stopped || search.held == 0,
+            "{} numbers are left",
+            search.held
+        );
+        (leaves, search.nodes, search.stopped)
+    }
+
+    #[test]
+    fn tables_made_anew_give_the_same_leaves() {
+        let kept = search(KEPT, HELD);
+        assert_eq!((kept.0.len(), kept.2), (64, false));
+        assert_eq!(search(0, HELD), kept);
+        assert_eq!(search(400, HELD), kept);
+    }
+
+    #[test]
+    fn memory_stops_the_search() {
+        let (leaves, _, stopped) = search(KEPT, 300);
+        assert!(stopped && leaves.len() < 64, "{} leaves", leaves.len());
     }
 }

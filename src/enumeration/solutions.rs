@@ -1,6 +1,6 @@
 //! All solutions at a fixed parameter.
 
-use super::kernel::{AffineSet, solutions};
+use super::kernel::{AffineSet, MAX_KERNEL, solutions};
 use super::search::Search;
 use super::{EnumerationError, EnumerationOptions, system};
 use crate::linear::{AutoSolver, LinearError, LinearSolver};
@@ -410,6 +410,10 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Collector<'a, P> {
     /// A selection with a singular Jacobian: no solution, a segment, or more.
     fn singular(&mut self, selection: &Selection) -> Rank {
         let n = self.map.num_residuals();
+        if n > MAX_KERNEL {
+            self.undecided += 1;
+            return Rank::Deficient;
+        }
         let mut r = vec![0.0; n];
         self.map.residual(selection, &self.origin, &mut r);
         let mut rows: Vec<Vec<f64>> = r

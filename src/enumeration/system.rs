@@ -58,25 +58,22 @@ pub(super) fn owners<P: PiecewiseSmooth + ?Sized>(
     Some(owner)
 }
 
-/// Rows of derivatives at a point and, for the noise in them, at a second one.
-struct Rows {
-    forms: Vec<Form>,
-}
-
-/// Derivatives of H^(σ) with respect to the first `unknowns` variables, with their noise between `x` and `probe`.
+/// The rows of H^(σ) at `at[0]` as forms of the first `unknowns` variables; what their derivatives differ by at `at[1]` is noise.
 fn rows<P: PiecewiseSmooth + ?Sized>(
     map: &P,
     selection: &Selection,
     at: [&[f64]; 2],
     unknowns: usize,
     jac: &mut Matrix,
-) -> Result<Rows, EnumerationError> {
+) -> Result<Vec<Form>, EnumerationError> {
     let n = map.num_residuals();
     let mut constants = vec![0.0; n];
     map.residual(selection, at[0], &mut constants);
     check_vector("the residual", &constants, n)?;
-    let mut pair = [vec![0.0; n * unknowns], vec![0.0; n * unknowns]];
-    for (x, dense) in at.iter().zip(&mut pair) {
+    let mut first = Vec::with_capacity(jac.values().len());
+    for x in at {
+        first.clear();
+        first.extend_from_slice(jac.values());
         jac.clear();
         map.jacobian(selection, x, jac);
         if let Some((row, col)) = jac.stray() {
@@ -85,17 +82,30 @@ fn rows<P: PiecewiseSmooth + ?Sized>(
         if jac.values().iter().any(|v| !v.is_finite()) {
             return Err(LinearError::NotFinite { what: "the Jacobian" }.into());
         }
-        for (i, j, v) in jac.triplets().filter(|t| t.1 < unknowns) {
-            dense[i * unknowns + j] += v;
-        }
     }
-    let forms = (0..n)
-        .map(|i| {
-            let range = i * unknowns..(i + 1) * unknowns;
-            form(&pair[0][range.clone()], &pair[1][range], constants[i])
+    let entries = || jac.triplets().zip(&first).filter(|e| e.0.1 < unknowns);
+    let mut noise = vec![0.0f64; n];
+    for ((i, _, b), a) in entries() {
+        noise[i] = noise[i].max((a - b).abs());
+    }
+    let mut forms: Vec<Form> = constants
+        .into_iter()
+        .zip(&noise)
+        .map(|(constant, noise)| Form {
+            coefficients: vec![0.0; unknowns],
+            constant,
+            error: 4.0 * noise,
         })
         .collect();
-    Ok(Rows { forms })
+    for ((i, j, _), a) in entries() {
+        forms[i].coefficients[j] = clean(*a, noise[i]);
+    }
+    Ok(forms)
+}
+
+/// A coefficient, or zero within the noise: it would be scaled up to a wrong one.
+fn clean(a: f64, noise: f64) -> f64 {
+    if a.abs() <= 4.0 * noise { 0.0 } else { a }
 }
 
 /// The form with the first coefficients; the difference to the second ones is its error.
@@ -104,10 +114,8 @@ fn form(first: &[f64], second: &[f64], constant: f64) -> Form {
         .iter()
         .zip(second)
         .fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
-    // A coefficient within the noise would be scaled up to a wrong one.
-    let clean = |a: &f64| if a.abs() <= 4.0 * noise { 0.0 } else { *a };
     Form {
-        coefficients: first.iter().map(clean).collect(),
+        coefficients: first.iter().map(|a| clean(*a, noise)).collect(),
         constant,
         error: 4.0 * noise,
     }
@@ -127,6 +135,8 @@ fn build<P: PiecewiseSmooth + ?Sized>(
     unknowns: usize,
     tests: impl Fn(usize, usize) -> bool,
 ) -> Result<System, EnumerationError> {
+    // Each row of the map is a form at least: what cannot fit is refused before anything dense is made.
+    check_table(map.num_residuals(), unknowns)?;
     let layout = TestLayout::new(map);
     let mut theta = vec![0.0; layout.total()];
     map.test_functions(at[0], &mut theta);
@@ -138,7 +148,7 @@ fn build<P: PiecewiseSmooth + ?Sized>(
         sites: Vec::new(),
     };
     let mut gradients = [vec![0.0; map.num_vars()], vec![0.0; map.num_vars()]];
-    let mut test_of = Vec::with_capacity(choices.len());
+    let mut count = owner.iter().filter(|o| o.is_none()).count();
     for (site, pieces) in choices {
         let mut forms = Vec::new();
         let mut index = vec![usize::MAX; map.num_tests(*site)];
@@ -152,6 +162,8 @@ fn build<P: PiecewiseSmooth + ?Sized>(
             for (x, gradient) in at.iter().zip(&mut gradients) {
                 map.test_gradient(*site, test, x, gradient);
             }
+            count += 1;
+            check_table(count, unknowns)?;
             index[test] = forms.len();
             let value = theta[layout.range(*site).start + test];
             forms.push(form(&gradients[0][..unknowns], &gradients[1][..unknowns], value));
@@ -174,7 +186,6 @@ fn build<P: PiecewiseSmooth + ?Sized>(
                 .collect(),
             forms,
         });
-        test_of.push(index);
     }
     // Rows depend on the piece of their own site alone: one Jacobian gives the k-th pieces of all sites.
     let rounds = choices.iter().map(|c| c.1.len()).max().unwrap_or(1).max(1);
@@ -183,14 +194,10 @@ fn build<P: PiecewiseSmooth + ?Sized>(
         for (site, pieces) in choices {
             selection.set(*site, pieces[round.min(pieces.len() - 1)]);
         }
-        let found = rows(map, &selection, at, unknowns, &mut jac)?;
-        if round == 0 {
-            let common = found.forms.iter().zip(owner).filter(|f| f.1.is_none());
-            system.common = common.map(|f| f.0.clone()).collect();
-        }
+        let mut found = rows(map, &selection, at, unknowns, &mut jac)?;
         for s in system.sites.iter_mut().filter(|s| round < s.pieces.len()) {
             for (row, _) in owner.iter().enumerate().filter(|o| *o.1 == Some(s.site)) {
-                let new = &found.forms[row];
+                let new = &found[row];
                 // Pieces share rows (three of Coulomb's four say uν = 0): one form does for all.
                 let same = |f: &Form| f.constant == new.constant && f.coefficients == new.coefficients;
                 let k = s.forms.iter().position(same).unwrap_or_else(|| {
@@ -199,6 +206,12 @@ fn build<P: PiecewiseSmooth + ?Sized>(
                 });
                 s.pieces[round].equalities.push(k);
             }
+        }
+        system.check()?;
+        if round == 0 {
+            let mut own = owner.iter();
+            found.retain(|_| own.next().is_some_and(Option::is_none));
+            system.common = found;
         }
     }
     system.check()?;
@@ -228,6 +241,13 @@ pub(super) fn at_parameter<P: PiecewiseSmooth + ?Sized>(
     }
     system.scale();
     Ok(system)
+}
+
+fn check_table(rows: usize, unknowns: usize) -> Result<(), EnumerationError> {
+    match rows.checked_mul(unknowns.saturating_add(1)) {
+        Some(total) if total <= MAX_TABLE => Ok(()),
+        _ => Err(EnumerationError::TooLarge { rows, unknowns }),
+    }
 }
 
 /// A point off the origin, of no particular position: derivatives that are the same there are taken to be constant.
@@ -279,13 +299,7 @@ impl System {
 
     fn check(&self) -> Result<(), EnumerationError> {
         let rows = self.common.len() + self.sites.iter().map(|s| s.forms.len()).sum::<usize>();
-        match rows.checked_mul(self.unknowns + 1) {
-            Some(total) if total <= MAX_TABLE => Ok(()),
-            _ => Err(EnumerationError::TooLarge {
-                rows,
-                unknowns: self.unknowns,
-            }),
-        }
+        check_table(rows, self.unknowns)
     }
 
     /// Scales unknowns and forms by powers of two so that coefficients are of size one, and the constants by one more.

@@ -132,6 +132,11 @@ impl Table {
         &self.data[r * self.stride..r * self.stride + self.width()]
     }
 
+    /// Numbers held.
+    pub(super) fn size(&self) -> usize {
+        self.data.capacity() + self.error.len() + 2 * self.place.len() + self.sign.len()
+    }
+
     /// Number of columns: the dimension that is left.
     pub(super) fn dimension(&self) -> usize {
         self.columns.len()

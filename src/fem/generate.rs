@@ -4,13 +4,15 @@ use super::{CellKind, FemError, Mesh};
 
 /// Largest number of nodes of a structured mesh.
 const MAX_NODES: usize = 1 << 31;
+/// Memory that the making of a mesh takes at its peak for each node, in bytes: measured for hexahedra.
+const PEAK: usize = 420;
 
 impl Mesh {
     /// A rectangle of `n[0]` × `n[1]` equal quadrilaterals, with the groups of facets "left", "right", "bottom", "top". Nodes are
     /// numbered along x first.
     ///
     /// # Errors
-    /// No cells, more than 2³¹ nodes, corners that are not in order.
+    /// No cells, more than 2³¹ nodes or than memory holds (420 bytes a node at the peak), corners that are not in order.
     pub fn rectangle(lower: [f64; 2], upper: [f64; 2], n: [usize; 2]) -> Result<Self, FemError> {
         check_numbers(&n)?;
         let lines = |d: usize| divide(lower[d], upper[d], n[d]);
@@ -20,10 +22,11 @@ impl Mesh {
     /// A rectangle with the given increasing grid lines; groups as [`rectangle`](Self::rectangle).
     ///
     /// # Errors
-    /// Fewer than two lines, lines that do not increase.
+    /// Fewer than two lines, lines that do not increase, as many nodes as [`rectangle`](Self::rectangle) refuses.
     pub fn rectangle_graded(x: &[f64], y: &[f64]) -> Result<Self, FemError> {
         check_lines("x", x)?;
         check_lines("y", y)?;
+        check_numbers(&[x.len() - 1, y.len() - 1])?;
         let columns = x.len();
         let mut points = Vec::with_capacity(columns * y.len());
         for &yj in y {
@@ -46,7 +49,7 @@ impl Mesh {
     /// A box of `n[0]` × `n[1]` × `n[2]` equal hexahedra, with the groups "left", "right" (x), "front", "back" (y), "bottom", "top" (z).
     ///
     /// # Errors
-    /// No cells, more than 2³¹ nodes, corners that are not in order.
+    /// No cells, more than 2³¹ nodes or than memory holds (420 bytes a node at the peak), corners that are not in order.
     pub fn block(lower: [f64; 3], upper: [f64; 3], n: [usize; 3]) -> Result<Self, FemError> {
         check_numbers(&n)?;
         let lines = |d: usize| divide(lower[d], upper[d], n[d]);
@@ -56,11 +59,12 @@ impl Mesh {
     /// A box with the given increasing grid planes; groups as [`block`](Self::block).
     ///
     /// # Errors
-    /// Fewer than two planes, planes that do not increase.
+    /// Fewer than two planes, planes that do not increase, as many nodes as [`block`](Self::block) refuses.
     pub fn block_graded(x: &[f64], y: &[f64], z: &[f64]) -> Result<Self, FemError> {
         check_lines("x", x)?;
         check_lines("y", y)?;
         check_lines("z", z)?;
+        check_numbers(&[x.len() - 1, y.len() - 1, z.len() - 1])?;
         let (nx, layer) = (x.len(), x.len() * y.len());
         let mut points = Vec::with_capacity(layer * z.len());
         for &zk in z {
@@ -187,18 +191,28 @@ impl Mesh {
     }
 }
 
-/// n + 1 equally spaced lines.
 /// Numbers of cells whose nodes could not be held are refused before anything is allocated.
 fn check_numbers(n: &[usize]) -> Result<(), FemError> {
+    if n.contains(&0) {
+        return Err(FemError::Empty {
+            what: "a grid needs at least one cell along each axis",
+        });
+    }
     let nodes = n
         .iter()
         .try_fold(1_usize, |all, n| all.checked_mul(n.checked_add(1)?));
     match nodes {
-        Some(nodes) if nodes <= MAX_NODES => Ok(()),
+        Some(nodes) if nodes <= MAX_NODES && fits(nodes) => Ok(()),
         _ => Err(FemError::TooLarge { cells: n.to_vec() }),
     }
 }
 
+fn fits(nodes: usize) -> bool {
+    let bytes = nodes.checked_mul(PEAK);
+    bytes.is_some_and(|bytes| Vec::<u8>::new().try_reserve_exact(bytes).is_ok())
+}
+
+/// n + 1 equally spaced lines.
 fn divide(lower: f64, upper: f64, n: usize) -> Vec<f64> {
     (0..=n)
         .map(|i| {

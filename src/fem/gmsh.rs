@@ -14,7 +14,8 @@ use super::{CellKind, FemError, Mesh};
 /// in either sense. A plane mesh must lie in a plane z = constant.
 ///
 /// # Errors
-/// Files that cannot be read, other versions, elements of higher order (names the element), node numbers that do not exist, truncated
+/// Files that cannot be read, other versions, elements of higher order (names the element), more than 16 physical groups for each
+/// element beyond 2²⁰ in all, node numbers that do not exist, truncated
 /// files, folded cells.
 pub fn read_gmsh(path: impl AsRef<Path>) -> Result<Mesh, FemError> {
     let path = path.as_ref();
@@ -68,6 +69,10 @@ pub fn parse_gmsh(bytes: &[u8], path: &Path) -> Result<Mesh, FemError> {
     file.mesh(&reader)
 }
 
+/// Memberships of elements in physical groups that any file may have, and how many more for each element.
+const MEMBERSHIPS: usize = 1 << 20;
+const PER_ELEMENT: usize = 16;
+
 #[derive(Clone, Copy)]
 enum Version {
     Two,
@@ -82,6 +87,8 @@ struct File {
     points: Vec<[f64; 3]>,
     place: HashMap<u64, usize>,
     elements: Vec<Element>,
+    /// Memberships of elements in groups.
+    memberships: usize,
 }
 
 struct Element {
@@ -113,6 +120,15 @@ impl File {
         groups: Vec<i64>,
         nodes: &[u64],
     ) -> Result<(), FemError> {
+        // In version 4 an element belongs to all groups of its entity, so that a short file may ask for very many memberships.
+        self.memberships += groups.len();
+        if self.memberships > MEMBERSHIPS + PER_ELEMENT * self.elements.len() {
+            return Err(reader.fail(format!(
+                "element {tag} is in {} physical groups and brings the memberships to {}; {PER_ELEMENT} an element (and {MEMBERSHIPS} more) are supported",
+                groups.len(),
+                self.memberships
+            )));
+        }
         let nodes = nodes
             .iter()
             .map(|n| {
@@ -258,7 +274,11 @@ impl Reader<'_> {
                 for _ in 0..if dim == 0 { 3 } else { 6 } {
                     self.double()?;
                 }
-                let physical = (0..self.size()?).map(|_| self.int()).collect::<Result<_, _>>()?;
+                let mut physical = (0..self.size()?)
+                    .map(|_| self.int())
+                    .collect::<Result<Vec<_>, _>>()?;
+                physical.sort_unstable();
+                physical.dedup();
                 file.physical.insert((dim as i64, tag), physical);
                 if dim > 0 {
                     for _ in 0..self.size()? {

@@ -13,7 +13,7 @@ use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Conj, MatMut, Par, Side};
 
 use super::condition::{judge, norm_1_estimate};
-use super::memory::{PatternMemory, check_finite, count_rhs};
+use super::memory::{PatternMemory, check_finite, count_rhs, dense_zeros};
 use super::ordering::{Nodes, Order};
 use super::sparse_lu::give_up;
 use super::{LinearError, LinearSolver};
@@ -76,7 +76,7 @@ impl Cholesky {
             return Err(LinearError::NotFactored);
         };
         let q = last.len();
-        let mut block = engine.trailing(q);
+        let mut block = engine.trailing(q)?;
         for column in block.chunks_exact_mut(q.max(1)) {
             for (v, &i) in column.iter_mut().zip(last) {
                 *v /= self.scale[i];
@@ -292,10 +292,19 @@ impl Engine {
             symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default()),
             symbolic.solve_in_place_scratch::<f64>(BLOCK_RHS, Par::Seq),
         );
+        let (entries, bytes) = (symbolic.len_val(), request.unaligned_bytes_required());
+        let (mut factor, mut scratch) = (Vec::new(), Vec::new());
+        if factor.try_reserve_exact(entries).is_err() || scratch.try_reserve_exact(bytes).is_err() {
+            return Err(LinearError::Solver {
+                what: format!("a Cholesky factor of {entries} entries does not fit into memory"),
+            });
+        }
+        factor.resize(entries, 0.0);
+        scratch.resize(bytes, MaybeUninit::uninit());
         Ok(Self {
-            factor: vec![0.0; symbolic.len_val()],
+            factor,
             symbolic: Arc::new(symbolic),
-            scratch: Box::new_uninit_slice(request.unaligned_bytes_required()).into_vec(),
+            scratch,
         })
     }
 
@@ -349,9 +358,9 @@ impl Engine {
     }
 
     /// The trailing q × q block of L, column-major; its upper triangle is zero.
-    fn trailing(&self, q: usize) -> Vec<f64> {
+    fn trailing(&self, q: usize) -> Result<Vec<f64>, LinearError> {
         let first = self.symbolic.nrows() - q;
-        let mut block = vec![0.0; q * q];
+        let mut block = dense_zeros(q, q)?;
         let mut put = |i: usize, j: usize, v: f64| {
             if i >= j && j >= first {
                 block[(j - first) * q + (i - first)] = v;
@@ -385,7 +394,7 @@ impl Engine {
                 }
             }
         }
-        block
+        Ok(block)
     }
 
     /// Calls `f` with every diagonal entry of L.

@@ -2,7 +2,7 @@ use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::linalg::triangular_inverse::invert_lower_triangular;
 use faer::{Accum, MatMut, MatRef, Par};
 
-use super::{Cholesky, LinearError, LinearSolver};
+use super::{Cholesky, LinearError, LinearSolver, dense_zeros};
 use crate::sparse::{Matrix, Pattern, dot};
 
 /// Orders below this are handled by plain loops.
@@ -40,7 +40,8 @@ impl Condensation {
     /// Factors A and forms C.
     ///
     /// # Errors
-    /// Shapes that do not fit ([`LinearError::Shape`], [`LinearError::NotSquare`]), A not positive definite.
+    /// Shapes that do not fit ([`LinearError::Shape`], [`LinearError::NotSquare`]), A not positive definite; more than 50 000 rows of
+    /// B, or unknowns that it touches ([`LinearError::TooLarge`]).
     pub fn new(a: &Matrix, b: &Matrix) -> Result<Self, LinearError> {
         let (n, q) = (a.nrows(), b.nrows());
         if a.ncols() != n {
@@ -66,9 +67,9 @@ impl Condensation {
         let b_t = b.transpose();
         let rows = rows_at(&b_t, &touched);
         let (half, compliance) = if touched.len() < BLOCKED {
-            small_compliance(&rows, touched.len(), &l)
+            small_compliance(&rows, touched.len(), &l)?
         } else {
-            compliance(&rows, touched.len(), &l)
+            compliance(&rows, touched.len(), l)?
         };
         let compliance = symmetric(compliance, q)?;
         Ok(Self {
@@ -144,6 +145,9 @@ impl Condensation {
 /// A row of B at the touched unknowns J: (place in J, value).
 type Row = Vec<(usize, f64)>;
 
+/// Y and the lower triangle of C.
+type Compliance = (Vec<f64>, Vec<f64>);
+
 fn rows_at(b_t: &Matrix, touched: &[usize]) -> Vec<Row> {
     let mut rows = vec![Row::new(); b_t.ncols()];
     for (j, row, v) in b_t.triplets() {
@@ -156,9 +160,9 @@ fn rows_at(b_t: &Matrix, touched: &[usize]) -> Vec<Row> {
 }
 
 /// Y = L⁻¹ B_Jᵀ (k × q), where L Lᵀ is the Schur complement of A on J, and the lower triangle of C = Yᵀ Y (q × q), by columns.
-fn small_compliance(rows: &[Row], k: usize, l: &[f64]) -> (Vec<f64>, Vec<f64>) {
+fn small_compliance(rows: &[Row], k: usize, l: &[f64]) -> Result<Compliance, LinearError> {
     let q = rows.len();
-    let mut y = vec![0.0; k * q];
+    let mut y = dense_zeros(k, q)?;
     for (column, row) in y.chunks_exact_mut(k.max(1)).zip(rows) {
         row.iter().for_each(|&(place, v)| column[place] = v);
         for j in 0..k {
@@ -169,32 +173,33 @@ fn small_compliance(rows: &[Row], k: usize, l: &[f64]) -> (Vec<f64>, Vec<f64>) {
             }
         }
     }
-    let mut c = vec![0.0; q * q];
+    let mut c = dense_zeros(q, q)?;
     for i in 0..q {
         for j in 0..=i {
             c[j * q + i] = dot(&y[i * k..(i + 1) * k], &y[j * k..(j + 1) * k]);
         }
     }
-    (y, c)
+    Ok((y, c))
 }
 
 /// The same by L⁻¹ and S⁻¹ = L⁻ᵀ L⁻¹: a row of B has few entries, and triangles cost a third of full matrices.
-fn compliance(rows: &[Row], k: usize, l: &[f64]) -> (Vec<f64>, Vec<f64>) {
+fn compliance(rows: &[Row], k: usize, l: Vec<f64>) -> Result<Compliance, LinearError> {
     let q = rows.len();
-    let mut inverse = vec![0.0; k * k];
+    let mut inverse = dense_zeros(k, k)?;
     invert_lower_triangular(
         MatMut::from_column_major_slice_mut(&mut inverse, k, k),
-        MatRef::from_column_major_slice(l, k, k),
+        MatRef::from_column_major_slice(&l, k, k),
         Par::Seq,
     );
-    let mut y = vec![0.0; k * q];
+    drop(l);
+    let mut y = dense_zeros(k, q)?;
     for (column, row) in y.chunks_exact_mut(k).zip(rows) {
         for &(place, v) in row {
             let from = &inverse[place * k..(place + 1) * k];
             column.iter_mut().zip(from).for_each(|(y, a)| *y += v * a);
         }
     }
-    let mut s = vec![0.0; k * k];
+    let mut s = dense_zeros(k, k)?;
     let lower = MatRef::from_column_major_slice(&inverse, k, k);
     triangular::matmul(
         MatMut::from_column_major_slice_mut(&mut s, k, k),
@@ -209,7 +214,7 @@ fn compliance(rows: &[Row], k: usize, l: &[f64]) -> (Vec<f64>, Vec<f64>) {
     );
     drop(inverse);
     let entry = |i: usize, j: usize| s[i.min(j) * k + i.max(j)];
-    let mut c = vec![0.0; q * q];
+    let mut c = dense_zeros(q, q)?;
     for (j, (column, right)) in c.chunks_exact_mut(q).zip(rows).enumerate() {
         for (v, left) in column[j..].iter_mut().zip(&rows[j..]) {
             for &(a, x) in left {
@@ -217,7 +222,7 @@ fn compliance(rows: &[Row], k: usize, l: &[f64]) -> (Vec<f64>, Vec<f64>) {
             }
         }
     }
-    (y, c)
+    Ok((y, c))
 }
 
 /// The matrix with the given lower triangle.

@@ -7,7 +7,7 @@ use faer::perm::PermRef;
 use faer::{Conj, MatMut, MatRef, Par};
 
 use super::condition::{arg_max_abs, judge, norm_1_estimate};
-use super::memory::{PatternMemory, check_finite, count_rhs};
+use super::memory::{PatternMemory, check_finite, count_rhs, dense_zeros};
 use super::scaling::{Scaling, scale_columns};
 use super::{LinearError, LinearSolver};
 use crate::sparse::{MatrixRef, PatternRef};
@@ -33,7 +33,8 @@ const MAX_GROWTH: f64 = 1e8;
 /// The matrix is first equilibrated by powers of two, S = R A C, so that neither pivots nor the verdict *singular* depend on
 /// the units of equations and unknowns; [`rcond`](LinearSolver::rcond) is that of S (up to
 /// order 4 the ratio of the smallest pivot to the norm, while that is large). [`LinearError::Singular`] is returned below
-/// 1e-14. Nothing is allocated after [`analyze`](LinearSolver::analyze).
+/// 1e-14. Nothing is allocated after [`analyze`](LinearSolver::analyze), which refuses orders above 50 000
+/// ([`LinearError::TooLarge`]).
 ///
 /// Cost: 2n³/3 operations a factorisation, 2n² a solve.
 #[derive(Clone, Default)]
@@ -372,8 +373,8 @@ impl LinearSolver for DenseLu {
         self.rcond = None;
         let n = pattern.ncols;
         self.scaling.resize(n);
-        self.lu.clear();
-        self.lu.resize(n * n, 0.0);
+        self.lu = Vec::new();
+        self.lu = dense_zeros(n, n).inspect_err(|_| self.pattern.forget())?;
         self.perm.clear();
         self.perm.resize(n, 0);
         self.work.resize(n, 0.0);

@@ -1,7 +1,7 @@
 use nalgebra::{Cholesky, DMatrix};
 
 use super::LinearError;
-use super::memory::check_finite;
+use super::memory::{check_finite, dense_zeros};
 use crate::sparse::Matrix;
 
 /// Most sweeps of the eigenvalue iterations for each row of the matrix.
@@ -15,7 +15,8 @@ fn dense(a: &Matrix) -> Result<DMatrix<f64>, LinearError> {
             ncols: a.ncols(),
         });
     }
-    let mut m = DMatrix::zeros(a.nrows(), a.ncols());
+    let zeros = dense_zeros(a.nrows(), a.ncols())?;
+    let mut m = DMatrix::from_vec(a.nrows(), a.ncols(), zeros);
     for (i, j, v) in a.triplets() {
         m[(i, j)] = v;
     }
@@ -44,7 +45,7 @@ fn sorted(m: DMatrix<f64>) -> Result<Vec<f64>, LinearError> {
 /// The eigenvalues of a symmetric matrix (its lower triangle is read), increasing. Dense: O(n³).
 ///
 /// # Errors
-/// Matrices that are not square or not finite; [`LinearError::Solver`] should the iteration not converge.
+/// Matrices that are not square or not finite; [`LinearError::TooLarge`]; [`LinearError::Solver`] should the iteration not converge.
 ///
 /// ```
 /// use semismooth::{linear::symmetric_eigenvalues, sparse::Matrix};

@@ -57,6 +57,16 @@ pub enum LinearError {
         /// Dimension found (a lower bound for sparse matrices).
         found: usize,
     },
+    /// A dense array that does not fit into memory, or has more entries than a square one of order 50 000 (20 GB).
+    #[error(
+        "a dense {nrows} x {ncols} matrix is too large (more than 50 000² entries, or than memory holds); use a sparse method"
+    )]
+    TooLarge {
+        /// Number of rows.
+        nrows: usize,
+        /// Number of columns.
+        ncols: usize,
+    },
     /// Memory or index limits of the solver.
     #[error("the solver gave up: {what}")]
     Solver {

@@ -1,7 +1,7 @@
 use nalgebra::DMatrix;
 
 use super::LinearError;
-use super::memory::check_finite;
+use super::memory::{check_finite, dense_zeros};
 use crate::sparse::Matrix;
 
 /// Most sweeps of the singular value iteration for each row of the matrix; convergence takes a handful.
@@ -21,15 +21,11 @@ pub struct NullSpace {
 /// Kernels of `a` by singular values, those at most `rtol` times the largest counting as zero. Dense: O(n³).
 ///
 /// # Errors
-/// [`LinearError::NotFinite`]; [`LinearError::Solver`] should the iteration not converge.
+/// [`LinearError::NotFinite`]; [`LinearError::TooLarge`]; [`LinearError::Solver`] should the iteration not converge.
 pub fn null_space(a: &Matrix, rtol: f64) -> Result<NullSpace, LinearError> {
     check_finite(a.values(), "the matrix")?;
-    let mut dense = DMatrix::zeros(a.nrows(), a.ncols());
-    for (i, j, v) in a.triplets() {
-        dense[(i, j)] = v;
-    }
-    let (left, _) = right_kernel(dense.transpose(), rtol)?;
-    let (right, singular_values) = right_kernel(dense, rtol)?;
+    let (left, _) = right_kernel(&a.transpose(), rtol)?;
+    let (right, singular_values) = right_kernel(a, rtol)?;
     Ok(NullSpace {
         right,
         left,
@@ -38,15 +34,20 @@ pub fn null_space(a: &Matrix, rtol: f64) -> Result<NullSpace, LinearError> {
 }
 
 /// Basis of {v : A v = 0} and the singular values.
-fn right_kernel(a: DMatrix<f64>, rtol: f64) -> Result<(Vec<Vec<f64>>, Vec<f64>), LinearError> {
-    let (m, n) = a.shape();
+fn right_kernel(a: &Matrix, rtol: f64) -> Result<(Vec<Vec<f64>>, Vec<f64>), LinearError> {
+    let (m, n) = (a.nrows(), a.ncols());
     let short = m.min(n);
+    let rows = m.max(n);
+    let zeros = dense_zeros(rows, n)?;
     if short == 0 {
         let unit = |k| (0..n).map(|i| f64::from(i == k)).collect();
         return Ok(((0..n).map(unit).collect(), Vec::new()));
     }
     // Thin factors of a wide matrix leave out part of its kernel: zero rows complete them.
-    let padded = a.resize_vertically(m.max(n), 0.0);
+    let mut padded = DMatrix::from_vec(rows, n, zeros);
+    for (i, j, v) in a.triplets() {
+        padded[(i, j)] = v;
+    }
     let failed = || LinearError::Solver {
         what: "the singular value iteration did not converge".to_owned(),
     };

@@ -1,6 +1,21 @@
 use super::LinearError;
 use crate::sparse::{MatrixRef, PatternRef};
 
+/// Order of the largest square array of numbers, 20 GB: elimination of it takes a day.
+const MAX_DENSE: usize = 50_000;
+
+/// A dense array of zeros, if it fits.
+pub(crate) fn dense_zeros(nrows: usize, ncols: usize) -> Result<Vec<f64>, LinearError> {
+    let mut values = Vec::new();
+    match nrows.checked_mul(ncols) {
+        Some(size) if size <= MAX_DENSE * MAX_DENSE && values.try_reserve_exact(size).is_ok() => {
+            values.resize(size, 0.0);
+            Ok(values)
+        }
+        _ => Err(LinearError::TooLarge { nrows, ncols }),
+    }
+}
+
 /// The pattern a solver has analysed, by its contents.
 #[derive(Clone, Default)]
 pub(super) struct PatternMemory {
@@ -54,7 +69,7 @@ impl PatternMemory {
             && p.row_idx.len() == self.row_idx.len()
             && p.col_ptr == self.col_ptr
             // A full pattern of this size is unique.
-            && (self.row_idx.len() == self.n * self.n || p.row_idx == self.row_idx)
+            && (self.is_full() || p.row_idx == self.row_idx)
     }
 
     pub(super) fn n(&self) -> usize {
@@ -62,7 +77,7 @@ impl PatternMemory {
     }
 
     pub(super) fn is_full(&self) -> bool {
-        self.row_idx.len() == self.n * self.n
+        self.n.checked_mul(self.n) == Some(self.row_idx.len())
     }
 
     pub(super) fn col_ptr(&self) -> &[usize] {

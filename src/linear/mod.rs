@@ -37,6 +37,7 @@ pub use error::LinearError;
 pub(crate) use gmres::Gmres;
 pub use incomplete_lu::{IncompleteLu, Preconditioner};
 pub use kernel::{NullSpace, null_space};
+pub(crate) use memory::dense_zeros;
 pub use multigrid::Prolongation;
 pub(crate) use multigrid::{
     Rows, TruncatedMultigrid, affine_prolongation, aggregation_hierarchy, coarse_problem,

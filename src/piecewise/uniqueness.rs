@@ -3,6 +3,8 @@ use super::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection};
 use crate::linear::{AutoSolver, LinearError, LinearSolver};
 use crate::sparse::Matrix;
 
+/// Columns of the load solved for at a time.
+const BLOCK: usize = 64;
 /// Reciprocal condition below which ∇_yH^(σ) counts as singular: smooth folds are located no better.
 const SINGULAR: f64 = 1e-11;
 
@@ -105,7 +107,7 @@ pub fn local_uniqueness<P: PiecewiseSmooth + ?Sized>(
     if let Some(&site) = active.outside().first() {
         return Ok(LocalUniqueness::Outside { site });
     }
-    let mut columns = vec![0.0; n * load.ncols()];
+    let (mut block, mut sums) = (vec![0.0; n * BLOCK.min(load.ncols())], vec![0.0; n]);
     let mut jac = Matrix::zeros(map.pattern());
     let mut solver = AutoSolver::default();
     solver.analyze(jac.leading_columns(n).pattern)?;
@@ -159,12 +161,8 @@ pub fn local_uniqueness<P: PiecewiseSmooth + ?Sized>(
                 });
             }
         }
-        columns.fill(0.0);
-        for (i, j, v) in load.triplets() {
-            columns[j * n + i] += v;
-        }
-        match solver.solve_in_place(&mut columns) {
-            Ok(()) => constant = constant.max(row_sum_norm(&columns, n)),
+        match row_sums(&mut solver, load, &mut block, &mut sums) {
+            Ok(()) => constant = sums.iter().fold(constant, |c, s| c.max(*s)),
             // Close to singular: regular by its determinant, but no norm can be vouched for.
             Err(LinearError::Inaccurate { .. }) => constant = f64::INFINITY,
             Err(e) => return Err(e.into()),
@@ -177,10 +175,28 @@ pub fn local_uniqueness<P: PiecewiseSmooth + ?Sized>(
     })
 }
 
-fn row_sum_norm(columns: &[f64], n: usize) -> f64 {
-    let mut sums = vec![0.0; n];
-    for column in columns.chunks_exact(n.max(1)) {
-        sums.iter_mut().zip(column).for_each(|(s, v)| *s += v.abs());
+/// Σⱼ |A⁻¹ load|ᵢⱼ for each row i, from a few columns at a time.
+fn row_sums(
+    solver: &mut impl LinearSolver,
+    load: &Matrix,
+    block: &mut [f64],
+    sums: &mut [f64],
+) -> Result<(), LinearError> {
+    let n = sums.len();
+    sums.fill(0.0);
+    for first in (0..load.ncols()).step_by(BLOCK) {
+        let columns = &load.pattern().col_ptr()[first..=load.ncols().min(first + BLOCK)];
+        let block = &mut block[..n * (columns.len() - 1)];
+        block.fill(0.0);
+        for (column, span) in block.chunks_exact_mut(n.max(1)).zip(columns.windows(2)) {
+            for k in span[0]..span[1] {
+                column[load.pattern().row_idx()[k]] = load.values()[k];
+            }
+        }
+        solver.solve_in_place(block)?;
+        for column in block.chunks_exact(n.max(1)) {
+            sums.iter_mut().zip(column).for_each(|(s, v)| *s += v.abs());
+        }
     }
-    sums.into_iter().fold(0.0, f64::max)
+    Ok(())
 }

@@ -151,16 +151,17 @@ impl Matrix {
     pub fn from_rows<R: AsRef<[f64]>>(rows: &[R]) -> Result<Self, SparseError> {
         let nrows = rows.len();
         let ncols = rows.first().map_or(0, |r| r.as_ref().len());
+        // All lengths first: the array may be as large as they say, and no larger.
+        if let Some(row) = rows.iter().find(|row| row.as_ref().len() != ncols) {
+            return Err(SparseError::Length {
+                what: "a row of the matrix",
+                expected: ncols,
+                found: row.as_ref().len(),
+            });
+        }
         let mut matrix = Self::zeros(Pattern::full(nrows, ncols));
         for (i, row) in rows.iter().enumerate() {
             let row = row.as_ref();
-            if row.len() != ncols {
-                return Err(SparseError::Length {
-                    what: "a row of the matrix",
-                    expected: ncols,
-                    found: row.len(),
-                });
-            }
             for (j, &v) in row.iter().enumerate() {
                 matrix.add(i, j, v);
             }

@@ -12,9 +12,9 @@ const NO_FILE: &str = "<text>";
 
 /// Reads a real matrix in MatrixMarket form (`coordinate` or `array`; `general`, `symmetric` or `skew-symmetric`).
 ///
-/// Values may be `real` or `integer`; repeated coordinates sum up. A dimension above 2³¹, a declared number of columns above the
-/// length of the file plus 2²⁰, and every value that is not finite are refused, so that no file takes more memory than is in
-/// proportion to its length.
+/// Values may be `real` or `integer`; repeated coordinates sum up. Refused are: a dimension above 2³¹; more columns than the length of
+/// the file in bytes plus 2²⁰, and more rows than 64 times that length plus 2²⁴, so that neither the matrix nor its transpose takes more
+/// memory than is in proportion to the file (but for 128 MB); and every value that is not finite.
 ///
 /// # Errors
 /// [`SparseError::Io`] or [`SparseError::Parse`] with the line.
@@ -259,6 +259,10 @@ fn parse_sizes(line: &str, count: usize) -> Result<Vec<usize>, String> {
 fn check_sizes(m: usize, n: usize, symmetry: Symmetry, length: usize) -> Result<(), String> {
     if m > MAX_DIMENSION || n > MAX_DIMENSION {
         return Err(format!("{m} x {n} is larger than {MAX_DIMENSION} in a direction"));
+    }
+    // Rows cost nothing here, but a transpose or a vector of them does.
+    if m > length.saturating_mul(64).saturating_add(1 << 24) {
+        return Err(format!("{m} rows cannot be meant in a file of {length} bytes"));
     }
     // Column pointers are the one array that grows with the header alone.
     if n > length.saturating_add(1 << 20) {

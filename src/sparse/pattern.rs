@@ -49,12 +49,15 @@ impl PatternRef<'_> {
     /// Whether every entry is stored, so that values are a column-major dense array.
     #[must_use]
     pub fn is_full(&self) -> bool {
-        self.nnz() == self.nrows * self.ncols
+        self.nrows.checked_mul(self.ncols) == Some(self.nnz())
     }
 }
 
 impl Pattern {
-    /// The pattern with every entry.
+    /// The pattern with every entry: 8 bytes each, 16 with the values of a matrix over it.
+    ///
+    /// # Panics
+    /// Where `nrows` × `ncols` numbers do not fit into memory.
     #[must_use]
     pub fn full(nrows: usize, ncols: usize) -> Self {
         let row_idx = (0..ncols).flat_map(|_| 0..nrows).collect();

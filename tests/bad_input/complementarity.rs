@@ -55,6 +55,16 @@ impl McpFunction for Shape {
     }
 }
 
+/// The default pattern, 640 GB here, is not made where another one is given.
+#[test]
+fn patterns_of_differences_are_made_when_asked_for() {
+    let n = 200_000;
+    let f = Differenced::new(n, |x: &[f64], out: &mut [f64]| out.copy_from_slice(x));
+    assert_eq!(f.num_colors(), n);
+    let f = f.with_pattern(Matrix::identity(n).pattern().clone());
+    assert_eq!((f.num_colors(), f.pattern().nnz()), (1, n));
+}
+
 /// min c x² / 2 subject to x ≥ 1.
 struct Square(f64);
 impl Program for Square {

@@ -541,6 +541,32 @@ fn planar_problems(t: &mut Table) {
         t.refuses("contact::read_folder", "no folder", "no/such/folder", || {
             semismooth::contact::read_folder(missing)
         });
+        // 16 GB of friction coefficients, for a trace that does not fit the body.
+        let folder = std::env::temp_dir().join(format!("semismooth-rows-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let head = "%%MatrixMarket matrix coordinate real general\n";
+        for (name, text) in [
+            ("A.mtx", format!("{head}2 2 2\n1 1 1\n2 2 1\n")),
+            ("Bnu.mtx", format!("{head}2147483648 1 0\n")),
+            ("Bt.mtx", format!("{head}1 2 1\n1 2 1\n")),
+            ("meta.json", "{\"friction\": 0.5}".to_owned()),
+        ] {
+            std::fs::write(folder.join(name), text).unwrap();
+        }
+        t.refuses(
+            "contact::read_folder",
+            "very many rows",
+            "2147483648 rows",
+            || semismooth::contact::read_folder(&folder),
+        );
+        std::fs::write(folder.join("Bnu.mtx"), format!("{head}10000000 1 0\n")).unwrap();
+        t.refuses(
+            "contact::read_folder",
+            "a trace of another shape",
+            "10000000 x 1",
+            || semismooth::contact::read_folder(&folder),
+        );
+        std::fs::remove_dir_all(&folder).unwrap();
         t.refuses("contact::read_delassus", "no file", "no/such/folder", || {
             semismooth::contact::read_delassus(missing)
         });
@@ -796,6 +822,35 @@ fn measures(t: &mut Table) {
         "a multiplier that is not seen",
         "",
         || check_multipliers(&rows(&[&[0.0, 0.0]])),
+    );
+    const LARGE: usize = 100_000;
+    let one_entry = Matrix::from_triplets(LARGE, 3, &[(5, 1, 2.0)]).unwrap();
+    t.refuses(
+        "contact::check_multipliers",
+        "many multipliers that are not seen",
+        "100000 multipliers, but the displacements tell only 1 of",
+        || check_multipliers(&one_entry),
+    );
+    let large = Matrix::identity(LARGE);
+    t.refuses(
+        "contact::check_multipliers",
+        "too many",
+        "100000 x 100000",
+        || check_multipliers(&large),
+    );
+    // A displacement that all nodes share makes the Gram matrix full, and tells nothing of their independence.
+    let shared: Vec<_> = (0..30_000)
+        .flat_map(|i| [(i, i, 1.0), (i, 30_000, 1.0)])
+        .collect();
+    let shared = Matrix::from_triplets(30_000, 30_001, &shared).unwrap();
+    t.survives(
+        "contact::ContactBody::new",
+        "a displacement that all nodes share",
+        || {
+            let load = LoadPath::constant(vec![0.0; 30_001]);
+            let (a, bt) = (Matrix::identity(30_001), shared.clone());
+            ContactBody::new(a, shared.clone(), vec![bt], load).unwrap()
+        },
     );
     t.survives("contact::check_multipliers", "nothing", || {
         check_multipliers(&Matrix::zeros(Pattern::full(0, 0)))

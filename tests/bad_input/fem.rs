@@ -137,6 +137,26 @@ fn meshes(t: &mut Table) {
         "",
         || Mesh::block([0.0; 3], [1.0; 3], [1 << 25; 3]),
     );
+    // Each of these would take some hundred GB.
+    t.refuses("fem::Mesh::rectangle", "too many cells", "[40000, 40000]", || {
+        Mesh::rectangle([0.0; 2], [1.0; 2], [40_000, 40_000])
+    });
+    t.refuses("fem::Mesh::rectangle", "many lines, no cells", "empty", || {
+        Mesh::rectangle([0.0; 2], [1.0; 2], [2_000_000_000, 0])
+    });
+    let many: Vec<f64> = (0..=40_000).map(f64::from).collect();
+    t.refuses(
+        "fem::Mesh::rectangle_graded",
+        "too many lines",
+        "[40000, 40000]",
+        || Mesh::rectangle_graded(&many, &many),
+    );
+    t.refuses(
+        "fem::Mesh::block_graded",
+        "too many planes",
+        "[40000, 40000, 1]",
+        || Mesh::block_graded(&many, &many, &[0.0, 1.0]),
+    );
     t.refuses("fem::Mesh::rectangle", "corners turned round", "", || {
         Mesh::rectangle([1.0; 2], [0.0; 2], [1, 1])
     });
@@ -375,7 +395,29 @@ fn bodies(t: &mut Table) {
     }
 }
 
+/// Triangles of one entity, in MSH 4.1, that is in many physical groups.
+fn in_groups(groups: usize, elements: usize) -> String {
+    let tags: String = (1..=groups).map(|k| format!(" {k}")).collect();
+    let triangles: String = (1..=elements).map(|k| format!("{k} 1 2 3\n")).collect();
+    format!(
+        "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n\
+         $Entities\n0 0 1 0\n1 0 0 0 1 1 0 {groups}{tags} 0\n$EndEntities\n\
+         $Nodes\n1 3 1 3\n2 1 0 3\n1\n2\n3\n0 0 0\n1 0 0\n0 1 0\n$EndNodes\n\
+         $Elements\n1 {elements} 1 {elements}\n2 1 2 {elements}\n{triangles}$EndElements\n"
+    )
+}
+
 fn readers(t: &mut Table) {
+    t.refuses(
+        "fem::parse_gmsh",
+        "all elements in many groups",
+        "physical groups",
+        || parse_gmsh(in_groups(2000, 2000).as_bytes(), Path::new("x.msh")),
+    );
+    t.holds("fem::parse_gmsh", "a cell may be in many groups", || {
+        let mesh = parse_gmsh(in_groups(2000, 1).as_bytes(), Path::new("x.msh"));
+        mesh.is_ok_and(|m| m.cell_group("physical 2000").is_ok_and(|cells| cells == [0]))
+    });
     let path = Path::new("given.msh");
     // Where sections are missing, no line can be named.
     let file = |input: &str| match input {

@@ -278,6 +278,51 @@ fn linear_algebra() {
             null_space(&b(), bad)
         });
     }
+    // 28.8 GB each.
+    const LARGE: usize = 60_000;
+    let sparse = Matrix::from_triplets(LARGE, LARGE, &[(7, 7, 1.0)]).unwrap();
+    let row = Matrix::from_triplets(1, LARGE, &[(0, 7, 1.0)]).unwrap();
+    let identity = Matrix::identity(LARGE);
+    let large = "60000 x 60000";
+    for a in [&sparse, &row, &row.transpose()] {
+        t.refuses("linear::null_space", "a large sparse matrix", large, || {
+            null_space(a, 1e-12)
+        });
+    }
+    t.refuses(
+        "linear::symmetric_eigenvalues",
+        "a large sparse matrix",
+        large,
+        || symmetric_eigenvalues(&sparse),
+    );
+    t.refuses("linear::eigenvalues", "a large sparse matrix", large, || {
+        eigenvalues(&sparse)
+    });
+    t.refuses(
+        "linear::generalized_eigenvalues",
+        "large sparse matrices",
+        large,
+        || generalized_eigenvalues(&sparse, &identity),
+    );
+    t.refuses(
+        "linear::LinearSolver::analyze",
+        "a large sparse matrix",
+        large,
+        || DenseLu::new().analyze(sparse.pattern().as_ref()),
+    );
+    t.refuses(
+        "linear::LinearSolver::factor",
+        "a pattern that was refused",
+        "analyze",
+        || {
+            let mut solver = DenseLu::new();
+            let _ = solver.analyze(identity.pattern().as_ref());
+            solver.factor(identity.as_ref())
+        },
+    );
+    t.refuses("linear::Condensation::new", "many rows", large, || {
+        Condensation::new(&identity, &identity)
+    });
     t.survives("linear::null_space", "an empty matrix", || {
         null_space(&Matrix::zeros(Pattern::full(0, 0)), 1e-12)
     });

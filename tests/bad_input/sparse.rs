@@ -34,6 +34,38 @@ fn sparse_matrices() {
     t.refuses(from_csc, "a pointer out of range", "pointer 1", || {
         Pattern::from_csc(2, 2, vec![0, MAX, 1], vec![0])
     });
+    t.holds(
+        "sparse::Pattern::from_entries",
+        "usize::MAX rows are not full",
+        || Pattern::from_entries(MAX, 2, []).is_ok_and(|p| !p.is_full()),
+    );
+    // The first row alone promises 80 GB.
+    let mut ragged = vec![vec![]; 100_000];
+    ragged[0] = vec![0.0; 100_000];
+    t.refuses("sparse::Matrix::from_rows", "rows of two lengths", "row", || {
+        Matrix::from_rows(&ragged)
+    });
+    for rows in [1_usize << 31, 1 << 26] {
+        t.refuses(
+            "sparse::parse_matrix_market",
+            "rows without entries",
+            "rows",
+            || {
+                parse_matrix_market(&format!(
+                    "%%MatrixMarket matrix coordinate real general\n{rows} 1 0\n"
+                ))
+            },
+        );
+    }
+    t.holds(
+        "sparse::parse_matrix_market",
+        "ten million empty rows may be meant",
+        || {
+            let a =
+                parse_matrix_market("%%MatrixMarket matrix coordinate real general\n10000000 1 1\n7 1 1\n");
+            a.is_ok_and(|a| a.nrows() == 10_000_000 && a.get(6, 0) == 1.0)
+        },
+    );
     let from_entries = "sparse::Pattern::from_entries";
     t.refuses(from_entries, "an entry outside", "(0, 7)", || {
         Pattern::from_entries(1, 2, [(0, 7)])
