@@ -29,7 +29,7 @@ pub struct ContinuationOptions {
     pub strategy: Strategy,
     /// First step length h, in arclength. Default 0.05.
     pub step: f64,
-    /// Smallest step length h_min. Default 1e-8.
+    /// Smallest step length h_min, shortened with the size of α where that is below 1. Default 1e-8.
     pub min_step: f64,
     /// Largest step length h_max. Default 1.
     pub max_step: f64,
@@ -66,9 +66,10 @@ pub struct ContinuationOptions {
     pub max_time: Option<Duration>,
     /// Distance in x, relative to 1 + ‖x‖₂, within which a test function counts as vanishing at a transition. Default 1e-9.
     pub vanishing_distance: f64,
-    /// Typical sizes of all variables (y, α), in their units: distances, angles and arclength are measured in the variables divided by
-    /// them, those of y relative to that of α. Default empty: what the map knows of itself
-    /// ([`PiecewiseSmooth::typical_sizes`](crate::piecewise::PiecewiseSmooth::typical_sizes)) where that is further than 10³ from 1.
+    /// Typical sizes of all variables (y, α), in their units: distances and angles are measured in the variables divided by them,
+    /// arclength in that measure times the size of α, so that steps are changes of α where nothing else changes much. Default empty:
+    /// what the map knows of itself ([`PiecewiseSmooth::typical_sizes`](crate::piecewise::PiecewiseSmooth::typical_sizes)) where that
+    /// is further than 10³ from 1.
     pub typical_sizes: Vec<f64>,
     /// Largest number of active selections examined at one point where all are tried in turn. Default 4096.
     pub max_selections: u64,

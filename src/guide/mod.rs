@@ -1,4 +1,4 @@
-//! The guide: nine pages, to be read in order or where you need them.
+//! The guide: ten pages, to be read in order or where you need them.
 //!
 //! 1. [What a piecewise-smooth map is](pieces)
 //! 2. [Solve](solve)
@@ -8,7 +8,8 @@
 //! 6. [Write your own map](your_own_map)
 //! 7. [Options, reports, failures](options)
 //! 8. [Large problems and your own linear solver](large)
-//! 9. [Relation to other programs, references](other_programs)
+//! 9. [Limits of time and memory](limits)
+//! 10. [Relation to other programs, references](other_programs)
 
 #[doc = include_str!("pieces.md")]
 pub mod pieces {}
@@ -33,6 +34,9 @@ pub mod options {}
 
 #[doc = include_str!("large.md")]
 pub mod large {}
+
+#[doc = include_str!("limits.md")]
+pub mod limits {}
 
 #[doc = include_str!("other_programs.md")]
 pub mod other_programs {}

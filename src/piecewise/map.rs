@@ -109,9 +109,9 @@ pub trait PiecewiseSmooth {
         false
     }
 
-    /// Replaces `sizes` (length m, filled with 1) by typical sizes of the variables in their units: positive numbers, the same up to a
-    /// common factor whatever the units. Distances and angles in x are measured relative to them where a curve is followed, and so
-    /// are the steps of central differences. Default: left as they are.
+    /// Replaces `sizes` (length m, filled with 1) by typical sizes of the variables in their units: positive numbers, that of a
+    /// parameter the change by which something happens. Distances and angles in x are measured relative to them where a curve is
+    /// followed, and so are the steps of central differences. Default: left as they are.
     fn typical_sizes(&self, _sizes: &mut [f64]) {}
 
     /// Directional derivatives ∇θ(x)·d of all test functions, in the order of [`test_functions`](Self::test_functions).
