@@ -400,3 +400,27 @@ fn the_parameter_in_other_units() {
         }
     }
 }
+
+/// A node that slips by next to nothing, as it is stiff: the facet of sticking is within the distance at which facets count as met,
+/// but the curve beyond is far away.
+#[test]
+fn a_start_next_to_a_stiff_facet() {
+    for stiffness in [1e6, 2e8] {
+        let a = Matrix::from_rows(&[[1.0, 0.0], [0.0, stiffness]]).unwrap();
+        let row = |j: usize| Matrix::from_triplets(1, 2, &[(0, j, 1.0)]).unwrap();
+        // Pressed by 1 − α, pushed by 1/2: slips under F (1 − α) < 1/2 until it opens at α = 1.
+        let load = LoadPath::between(vec![1.0, 0.5], &[0.0, 0.5]);
+        let path = FrictionPath::constant(vec![0.25]);
+        let problem = FrictionProblem::new(a, row(0), row(1), load, path).unwrap();
+        let map = CondensedFriction::new(problem).unwrap();
+        let mut x = [1.0, 0.25, 0.0];
+        Newton::default().solve(&map, &mut x).unwrap();
+        assert!((x[0] - 1.0).abs() < 1e-9 && (x[1] - 0.25).abs() < 1e-9, "{x:?}");
+        let options = ContinuationOptions::default().with_parameter_range((0.0, 2.0));
+        let branch = Branch::follow(&map, &x, Direction::Increasing, options).unwrap();
+        assert_eq!(branch.termination, Termination::ParameterRange);
+        let found: Vec<f64> = branch.transitions.iter().map(|t| t.parameter()).collect();
+        assert_eq!(found.len(), 1, "{stiffness} {found:?}");
+        assert!((found[0] - 1.0).abs() < 1e-9, "{stiffness} {found:?}");
+    }
+}

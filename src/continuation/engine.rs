@@ -331,13 +331,6 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
         self.here.det_sign.map(|s| if vertical { 0 } else { s })
     }
 
-    /// Largest ‖x‖; a wide range of α is no growth.
-    pub(super) fn growth_limit(&self) -> f64 {
-        let (lower, upper) = self.options.parameter_range;
-        let bounds = [lower.abs(), upper.abs()].into_iter().filter(|b| b.is_finite());
-        self.options.max_growth * bounds.fold(self.size, f64::max)
-    }
-
     pub(super) fn is_late(&self) -> bool {
         match (self.clock, self.options.max_time) {
             (Some(clock), Some(limit)) => clock.elapsed() >= limit,
@@ -351,7 +344,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
             Termination::MaxPoints
         } else if self.arclength >= self.options.max_arclength {
             Termination::MaxArclength
-        } else if norm(&self.here.x) > self.growth_limit() {
+        } else if norm(&self.here.x) > self.options.max_growth * self.size {
             Termination::Unbounded
         } else if late {
             Termination::MaxTime

@@ -58,8 +58,7 @@ pub struct ContinuationOptions {
     /// Largest arclength. Default ∞.
     #[cfg_attr(feature = "serde", serde(with = "super::extended"))]
     pub max_arclength: f64,
-    /// Largest ‖x‖₂ relative to 1 + ‖x⁰‖₂, or to the bounds of the parameter where these are larger (curves may tend to infinity at a
-    /// pole). Default 1e6.
+    /// Largest ‖x‖₂ relative to 1 + ‖x⁰‖₂ (curves may tend to infinity at a pole). Default 1e6.
     #[cfg_attr(feature = "serde", serde(with = "super::extended"))]
     pub max_growth: f64,
     /// Largest wall-clock time. Default none.

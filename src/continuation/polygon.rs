@@ -88,7 +88,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
     /// How far the tangent may be followed at most: to the limit on arclength, or where ‖x‖ exceeds its bound.
     fn farthest(&self) -> f64 {
         let room = self.options.max_arclength - self.arclength;
-        let bound = self.growth_limit() + norm(&self.here.x);
+        let bound = self.options.max_growth * self.size + norm(&self.here.x);
         room.min(bound).max(0.0)
     }
 

@@ -8,9 +8,14 @@ use super::{Arm, ContinuationError, ContinuationOptions, Strategy};
 use crate::clock::Clock;
 use crate::linear::{AutoSolver, LinearSolver};
 use crate::newton::{MoorePenrose, Newton, NewtonOptions};
-use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Scaled, TestLayout, check_vector, select};
+use crate::piecewise::{
+    ActiveSet, PiecewiseError, PiecewiseSmooth, Scaled, TestLayout, Vanishing, check_vector, select,
+};
 use crate::sparse::Matrix;
 use crate::sparse::{dot, norm};
+
+/// Distance from a facet, relative to 1 + ‖x‖, within which a start is on it.
+const EXACT: f64 = 1e-14;
 
 /// Which way to leave the start.
 #[derive(Debug, Clone, PartialEq)]
@@ -171,7 +176,7 @@ pub fn arms_at<P: PiecewiseSmooth + ?Sized>(
     options: &ContinuationOptions,
 ) -> Result<(Vec<Arm>, bool), ContinuationError> {
     let mut this = Continuation::prepare(map, x, options.clone(), AutoSolver::default())?;
-    let vanishing = this.vanishing_here(&[]);
+    let vanishing = this.met_here()?;
     let mut arms = this.all_arms(&vanishing)?;
     this.map.unscale_arms(&mut arms.list);
     Ok((arms.list, arms.complete))
@@ -195,7 +200,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
             check_vector("the direction", v, map.num_vars())?;
             this.map.scale_direction(v);
         }
-        let vanishing = this.vanishing_here(&[]);
+        let vanishing = this.met_here()?;
         let arms = this.all_arms(&vanishing)?;
         let arm = choose_start(&arms, &direction)?;
         this.adopt(arm, &vanishing)?;
@@ -217,6 +222,44 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
         let mut z = onto_curve(map, x, &options)?;
         scaled.scale(&mut z);
         Self::prepare_at(scaled, z, options, corrector)
+    }
+
+    /// The vanishing test functions at a start. One that does not vanish to rounding counts only if a curve across its facet passes as
+    /// near: with directions of very different stiffness it may be far away.
+    fn met_here(&mut self) -> Result<Vec<Vanishing>, ContinuationError> {
+        let found = self.vanishing_here(&[]);
+        let mut met = Vec::with_capacity(found.len());
+        for v in found {
+            let rounding = EXACT * v.gradient_norm * (1.0 + norm(&self.here.x));
+            if self.here.theta[v.index].abs() <= rounding || self.passes_across(&v)? {
+                met.push(v);
+            }
+        }
+        Ok(met)
+    }
+
+    fn passes_across(&mut self, v: &Vanishing) -> Result<bool, ContinuationError> {
+        const NEAR: f64 = 10.0;
+        let x = self.here.x.clone();
+        let reach = NEAR * self.options.vanishing_distance * (1.0 + norm(&x));
+        let active = ActiveSet::from_tests(&self.map, &self.layout, &self.here.theta, vec![v.index]);
+        for selection in active.selections().filter(|s| *s != self.selection) {
+            let tangent = match self.corrector.linearize(&self.map, &selection, &x, None) {
+                Ok(tangent) => tangent.to_vec(),
+                Err(PiecewiseError::Linear(_)) => return Ok(true),
+                Err(e) => return Err(e.into()),
+            };
+            let (mut y, mut t) = (x.clone(), tangent.clone());
+            let corrected = self
+                .corrector
+                .correct_in_plane(&self.map, &selection, &x, &tangent, 0.0, &mut y, &mut t);
+            match corrected {
+                Ok(c) if c.converged && distance(&x, &y) > reach => {}
+                Ok(_) | Err(PiecewiseError::Linear(_)) => return Ok(true),
+                Err(e) => return Err(e.into()),
+            }
+        }
+        Ok(false)
     }
 
     /// At a point z in scaled variables; options are in those of the map.

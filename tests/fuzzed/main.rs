@@ -1,4 +1,4 @@
-//! The invariants of the fuzz targets under random bytes, and under the bytes that once broke them.
+//! The invariants of the fuzz targets under random bytes. What fuzzing has found stands as tests of its own next to what it concerns.
 
 mod oracles;
 
@@ -8,11 +8,6 @@ use proptest::prelude::*;
 /// Bytes of which few are huge or impossible numbers, so that most problems are ordinary.
 fn bytes(longest: usize) -> impl Strategy<Value = Vec<u8>> {
     vec(prop_oneof![9 => any::<u8>(), 1 => Just(127_u8)], 0..longest)
-}
-
-fn hex(text: &str) -> Vec<u8> {
-    let digits: Vec<u32> = text.chars().filter_map(|c| c.to_digit(16)).collect();
-    digits.chunks_exact(2).map(|d| (16 * d[0] + d[1]) as u8).collect()
 }
 
 proptest! {
@@ -42,11 +37,11 @@ proptest! {
     }
 }
 
-/// A load that grows to 1e9 times its start within α = 1: near the start points were far off the curve.
+/// A start 1e-9 from a facet, with directions of different stiffness: the curve across, which passes far away, was followed.
 #[test]
-fn a_load_that_grows_at_once() {
-    oracles::friction(&hex(
-        "83ececececececececececececececececececececececececececececececececec\
-         6d6d6d6d6d6d6d6d2f987fd0836d6d6d6d6d6d6d6d2f987fd0b300afb300afff",
-    ));
+fn a_start_next_to_a_facet() {
+    oracles::friction(&[
+        128, 0, 0, 143, 0, 0, 42, 0, 63, 0, 0, 227, 128, 127, 51, 0, 0, 128, 82, 0, 0, 0, 0, 127, 127, 0, 0,
+        0, 0, 128, 0, 183, 0, 0, 0, 0, 127, 16, 0, 8, 0, 0, 0, 0, 127, 241, 0, 0, 0, 0, 0, 0, 1, 1, 10,
+    ]);
 }

@@ -156,7 +156,10 @@ pub fn mcp(data: &[u8]) {
         return;
     };
     assert!(!report.status.name().is_empty());
-    if report.is_solved() {
+    // Beyond, terms and their rounding overflow.
+    let numbers = [&terms.constant, &terms.linear, &terms.factor, &lower, &upper];
+    let extreme = |v: &f64| v.is_finite() && v.abs() > 1e100;
+    if report.is_solved() && !numbers.into_iter().flatten().any(extreme) {
         let mut value = vec![0.0; n];
         terms.value(&x, &mut value);
         let mut slopes = Matrix::zeros(Pattern::full(n, n));
@@ -188,6 +191,7 @@ pub fn friction(data: &[u8]) {
     let p = 1 + bytes.below(3);
     let n = 2 * p;
     // Conditions up to some 1e6: a direction 1e9 times stiffer than r has its facets within the distance at which they count as met.
+    // Loads that differ by 1e9 are told apart as far as that distance allows, which says nothing about the small ones.
     let bounded = |v: f64| if v.is_nan() { v } else { v.clamp(-1e3, 1e3) };
     let g: Vec<f64> = bytes.numbers(n * n).into_iter().map(bounded).collect();
     let mut a = Matrix::zeros(Pattern::full(n, n));
@@ -204,8 +208,9 @@ pub fn friction(data: &[u8]) {
     let (Ok(normal), Ok(tangential)) = (rows(0), rows(1)) else {
         return;
     };
-    let (first, last) = (bytes.numbers(n), bytes.numbers(n));
-    let load = LoadPath::between(first.clone(), &last);
+    let mut loads = || -> Vec<f64> { bytes.numbers(n).into_iter().map(bounded).collect() };
+    let (first, last) = (loads(), loads());
+    let load = LoadPath::between(first, &last);
     let friction = FrictionPath::constant((0..p).map(|_| f64::from(bytes.byte()) / 32.0).collect());
     let Ok(problem) = FrictionProblem::new(a, normal, tangential, load, friction) else {
         return;
@@ -236,14 +241,7 @@ pub fn friction(data: &[u8]) {
                 map.residual(&selection, x, &mut r);
                 let size = 1.0 + x.iter().fold(0.0f64, |m, v| m.max(v.abs()));
                 let worst = r.iter().fold(0.0f64, |m, v| m.max(v.abs()));
-                // Directions are told apart up to 1e-9 of the load.
-                let alpha = x[x.len() - 1];
-                let loads = first.iter().zip(&last).map(|(a, b)| (a + alpha * (b - a)).abs());
-                let load = loads.fold(0.0f64, f64::max);
-                assert!(
-                    worst <= 1e-6 * size * size + 1e-8 * load,
-                    "residual {worst} at {x:?}"
-                );
+                assert!(worst <= 1e-6 * size * size, "residual {worst} at {x:?}");
                 assert_eq!(map.nodes(x).len(), p);
             }
         }
