@@ -6,9 +6,10 @@ use semismooth::contact::{
     OrthotropicCoulomb, PlanarCoulomb,
 };
 use semismooth::continuation::{Branch, ContinuationError, ContinuationOptions, Direction, Termination};
+use semismooth::enumeration::{EnumerationOptions, all_solutions};
 use semismooth::fem::{Elasticity, Foundation, Material, Mesh};
 use semismooth::newton::Newton;
-use semismooth::piecewise::PiecewiseSmooth;
+use semismooth::piecewise::{PiecewiseSmooth, select};
 use semismooth::sparse::Matrix;
 
 /// Matrices, loads at α = 0 and 1, gaps and r in given units, displacements and contact nodes renumbered.
@@ -422,5 +423,43 @@ fn a_start_next_to_a_stiff_facet() {
         let found: Vec<f64> = branch.transitions.iter().map(|t| t.parameter()).collect();
         assert_eq!(found.len(), 1, "{stiffness} {found:?}");
         assert!((found[0] - 1.0).abs() < 1e-9, "{stiffness} {found:?}");
+    }
+}
+
+/// A start 1e-9 from a facet, with directions of different stiffness. Found by fuzzing: the curve across was followed, which passes
+/// far away.
+#[test]
+fn a_start_near_the_facet_of_a_far_curve() {
+    let a = Matrix::from_rows(&[
+        [1000001.0, 0.0, 0.0, -8000.0, 5125.0, 0.0],
+        [0.0, 16.50390625, 0.0, 0.0, -7.13671875, -31.5],
+        [0.0, 0.0, 114.87890625, 0.0, 36.5, -18.5390625],
+        [-8000.0, 0.0, 0.0, 1000065.0, -41.0, 500.0],
+        [5125.0, -7.13671875, 36.5, -41.0, 51.3671875, 14.5],
+        [0.0, -31.5, -18.5390625, 500.0, 14.5, 72.140625],
+    ])
+    .unwrap();
+    let pick = |first: usize| {
+        let entries: Vec<_> = (0..3).map(|i| (i, 2 * i + first, 1.0)).collect();
+        Matrix::from_triplets(3, 6, &entries).unwrap()
+    };
+    let load = LoadPath::between(
+        vec![0.0, 0.0, 0.0, 0.0, -1000.0, 0.0],
+        &[0.0, 0.0, 0.0, 0.0, 0.0, 0.0625],
+    );
+    let friction = FrictionPath::constant(vec![0.03125, 0.3125, 0.0]);
+    let problem = FrictionProblem::new(a, pick(0), pick(1), load, friction).unwrap();
+    let map = CondensedFriction::new(problem).unwrap();
+    let set = all_solutions(&map, 0.0, &EnumerationOptions::default()).unwrap();
+    assert_eq!((set.solutions.len(), set.completeness.is_complete()), (1, true));
+    let options = ContinuationOptions::default().with_parameter_range((-2.0, 2.0));
+    let branch = Branch::follow(&map, &set.solutions[0].x, Direction::Increasing, options).unwrap();
+    assert_eq!(branch.termination, Termination::ParameterRange);
+    assert_eq!(branch.transitions.len(), 3);
+    let mut r = vec![0.0; 6];
+    for (_, x) in branch.polyline() {
+        map.residual(&select(&map, x), x, &mut r);
+        let size = x.iter().fold(1.0f64, |m, v| m.max(v.abs()));
+        assert!(r.iter().all(|r| r.abs() <= 1e-9 * size), "{x:?}: {r:?}");
     }
 }

@@ -3,6 +3,7 @@
 mod complementarity;
 mod contact;
 mod continuation;
+mod delassus;
 mod enumeration;
 mod fem;
 mod interface;

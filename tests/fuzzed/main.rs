@@ -36,12 +36,3 @@ proptest! {
         oracles::readers(words.concat().as_bytes());
     }
 }
-
-/// A start 1e-9 from a facet, with directions of different stiffness: the curve across, which passes far away, was followed.
-#[test]
-fn a_start_next_to_a_facet() {
-    oracles::friction(&[
-        128, 0, 0, 143, 0, 0, 42, 0, 63, 0, 0, 227, 128, 127, 51, 0, 0, 128, 82, 0, 0, 0, 0, 127, 127, 0, 0,
-        0, 0, 128, 0, 183, 0, 0, 0, 0, 127, 16, 0, 8, 0, 0, 0, 0, 127, 241, 0, 0, 0, 0, 0, 0, 1, 1, 10,
-    ]);
-}

@@ -156,7 +156,13 @@ pub fn mcp(data: &[u8]) {
         return;
     };
     assert!(!report.status.name().is_empty());
-    // Beyond, terms and their rounding overflow.
+    if report.is_solved() {
+        for i in 0..n {
+            let inside = x[i] >= lower[i] && x[i] <= upper[i];
+            assert!(inside, "{i} outside its bounds: {x:?}");
+        }
+    }
+    // Beyond, terms and their rounding overflow: what F is there cannot be told.
     let numbers = [&terms.constant, &terms.linear, &terms.factor, &lower, &upper];
     let extreme = |v: &f64| v.is_finite() && v.abs() > 1e100;
     if report.is_solved() && !numbers.into_iter().flatten().any(extreme) {
@@ -170,11 +176,6 @@ pub fn mcp(data: &[u8]) {
                 .map(|j| (slopes.get(i, j) * x[j]).abs())
                 .filter(|t| t.is_finite())
                 .sum();
-            assert!(
-                x[i] >= lower[i] && x[i] <= upper[i],
-                "{} outside its bounds: {x:?}",
-                i
-            );
             let natural = x[i] - (x[i] - value[i]).clamp(lower[i], upper[i]);
             let size = 1.0 + x[i].abs().max(terms.constant[i].abs());
             assert!(
@@ -190,10 +191,7 @@ pub fn friction(data: &[u8]) {
     let mut bytes = Bytes(data);
     let p = 1 + bytes.below(3);
     let n = 2 * p;
-    // Conditions up to some 1e6: a direction 1e9 times stiffer than r has its facets within the distance at which they count as met.
-    // Loads that differ by 1e9 are told apart as far as that distance allows, which says nothing about the small ones.
-    let bounded = |v: f64| if v.is_nan() { v } else { v.clamp(-1e3, 1e3) };
-    let g: Vec<f64> = bytes.numbers(n * n).into_iter().map(bounded).collect();
+    let g = bytes.numbers(n * n);
     let mut a = Matrix::zeros(Pattern::full(n, n));
     for i in 0..n {
         for j in 0..n {
@@ -208,8 +206,10 @@ pub fn friction(data: &[u8]) {
     let (Ok(normal), Ok(tangential)) = (rows(0), rows(1)) else {
         return;
     };
-    let mut loads = || -> Vec<f64> { bytes.numbers(n).into_iter().map(bounded).collect() };
-    let (first, last) = (loads(), loads());
+    let (first, last) = (bytes.numbers(n), bytes.numbers(n));
+    // A direction 1e9 times stiffer than r has its facets within the distance at which they count as met, and loads that differ by
+    // 1e9 are told apart as far as that distance allows: such problems must end, and need not be solved.
+    let ordinary = [&g, &first, &last].into_iter().flatten().all(|v| v.abs() <= 1e3);
     let load = LoadPath::between(first, &last);
     let friction = FrictionPath::constant((0..p).map(|_| f64::from(bytes.byte()) / 32.0).collect());
     let Ok(problem) = FrictionProblem::new(a, normal, tangential, load, friction) else {
@@ -221,7 +221,8 @@ pub fn friction(data: &[u8]) {
     let Ok(set) = all_solutions(&map, 0.0, &EnumerationOptions::default()) else {
         return;
     };
-    if set.completeness.is_complete()
+    if ordinary
+        && set.completeness.is_complete()
         && let Some(sum) = set.index_sum
     {
         assert_eq!(sum, 1, "index sum of {} solutions", set.solutions.len());
@@ -241,7 +242,10 @@ pub fn friction(data: &[u8]) {
                 map.residual(&selection, x, &mut r);
                 let size = 1.0 + x.iter().fold(0.0f64, |m, v| m.max(v.abs()));
                 let worst = r.iter().fold(0.0f64, |m, v| m.max(v.abs()));
-                assert!(worst <= 1e-6 * size * size, "residual {worst} at {x:?}");
+                assert!(
+                    !ordinary || worst <= 1e-6 * size * size,
+                    "residual {worst} at {x:?}"
+                );
                 assert_eq!(map.nodes(x).len(), p);
             }
         }
