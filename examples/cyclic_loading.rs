@@ -12,7 +12,7 @@ use std::process::ExitCode;
 use clap::Parser;
 use common::squares::pushed_block;
 use common::{Outcome, exit, file_in};
-use semismooth::contact::{Arrival, ContactState, evolve};
+use semismooth::contact::{Arrival, ContactState, EvolutionOptions, evolve};
 use semismooth::output::{BranchDiagram, Colour, Curve, Panel, SegmentStyle};
 
 /// Two cycles of horizontal load on a block with Coulomb friction.
@@ -50,7 +50,7 @@ fn run(args: &Args) -> Outcome<()> {
     let mean = |v: &[f64]| v[p..].iter().sum::<f64>() / p as f64;
     let mut path = vec![(mean(&problem.contact_displacements(&start)?), 0.0)];
     println!("   load   open stick slip   mean u_t     transitions      work      stored  dissipated");
-    let steps = evolve(&mut problem, &start, &levels, |s| {
+    let steps = evolve(&mut problem, &start, &levels, &EvolutionOptions::default(), |s| {
         let count = |wanted: &[ContactState]| s.solution.states.iter().filter(|x| wanted.contains(x)).count();
         println!(
             "  {:>6.3}  {:>4} {:>5} {:>4}  {:>10.3e}  {:>6}{}  {:>10.3e} {:>10.3e} {:>10.3e}",

@@ -1,3 +1,4 @@
+use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 /// Time since a run began. It stands still on `wasm32-unknown-unknown`, which has no clock.
@@ -24,5 +25,37 @@ impl Clock {
     pub(crate) fn elapsed(&self) -> Duration {
         let since = self.begun.map_or(Duration::ZERO, |begun| begun.elapsed());
         self.before.saturating_add(since)
+    }
+}
+
+/// When a run has to end.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Deadline {
+    clock: Clock,
+    limit: Option<Duration>,
+}
+
+impl Deadline {
+    pub(crate) fn after(limit: Option<Duration>) -> Self {
+        Self {
+            clock: Clock::start(),
+            limit,
+        }
+    }
+
+    pub(crate) fn is_over(self) -> bool {
+        self.limit.is_some_and(|limit| self.clock.elapsed() >= limit)
+    }
+
+    pub(crate) fn flow(self) -> ControlFlow<()> {
+        match self.is_over() {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        }
+    }
+
+    /// What is left of the limit.
+    pub(crate) fn left(self) -> Option<Duration> {
+        self.limit.map(|limit| limit.saturating_sub(self.clock.elapsed()))
     }
 }

@@ -29,6 +29,7 @@ pub mod guide;
 pub mod interface;
 pub mod linear;
 pub mod newton;
+mod options;
 pub mod output;
 pub mod piecewise;
 pub mod prelude;

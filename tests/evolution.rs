@@ -1,8 +1,11 @@
 //! Histories of loading: energy balance, shakedown to a loop, agreement of followed and solved steps.
 
 use std::ops::ControlFlow;
+use std::time::Duration;
 
-use semismooth::contact::{Arrival, evolve};
+use semismooth::contact::{Arrival, ContactOptions, EvolutionOptions, evolve};
+use semismooth::continuation::{ContinuationOptions, Termination};
+use semismooth::newton::NewtonOptions;
 
 #[path = "../examples/common/squares.rs"]
 mod squares;
@@ -29,6 +32,7 @@ fn energy_and_loop() {
             &mut problem,
             &start,
             &levels(steps),
+            &EvolutionOptions::default(),
             |_| ControlFlow::Continue(()),
         )
         .unwrap();
@@ -62,14 +66,50 @@ fn energy_and_loop() {
     );
 }
 
+/// With a branch of two points a step ends at Newton's method, whose runs are limited, too; neither changes where a step without folds ends.
+#[test]
+fn limits_of_a_step() {
+    let mut problem = squares::pushed_block(4, 0.4).unwrap();
+    let start = problem.solve(0.0, None).unwrap();
+    let mut follow = |options: &EvolutionOptions| {
+        problem
+            .set_reference_slip(&vec![0.0; problem.num_contacts()])
+            .unwrap();
+        evolve(&mut problem, &start, &[0.3, 0.6], options, |_| {
+            ControlFlow::Continue(())
+        })
+    };
+    let whole = follow(&EvolutionOptions::default()).unwrap();
+    assert!(whole.iter().all(|s| s.arrival == Arrival::Followed));
+    let short = ContinuationOptions::default().with_max_points(2).with_step(1e-3);
+    let options = EvolutionOptions::default().with_continuation(short);
+    let cut = follow(&options).unwrap();
+    assert!(
+        cut.iter()
+            .all(|s| s.arrival == Arrival::Ended(Termination::MaxPoints))
+    );
+    for (a, b) in whole.iter().zip(&cut) {
+        let apart = a.x.iter().zip(&b.x).map(|(a, b)| (a - b).abs());
+        assert!(apart.fold(0.0, f64::max) < 1e-10);
+    }
+    let none = ContactOptions::default().with_max_time(Some(Duration::ZERO));
+    let stopped =
+        follow(&options.with_contact(none.with_newton(NewtonOptions::default().with_max_iterations(1))));
+    assert!(stopped.unwrap_err().is_interrupted());
+}
+
 /// Without friction there is nothing to dissipate or to remember: levels alone decide.
 #[test]
 fn no_friction_no_memory() {
     let mut problem = squares::pushed_block(4, 0.0).unwrap();
     let start = problem.solve(0.0, None).unwrap();
-    let history = evolve(&mut problem, &start, &[0.5, 1.0, 0.5, 0.0], |_| {
-        ControlFlow::Continue(())
-    })
+    let history = evolve(
+        &mut problem,
+        &start,
+        &[0.5, 1.0, 0.5, 0.0],
+        &EvolutionOptions::default(),
+        |_| ControlFlow::Continue(()),
+    )
     .unwrap();
     assert!(history.iter().all(|s| s.dissipated.abs() < 1e-15));
     let same = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12);

@@ -1,5 +1,7 @@
 //! Linear complementarity problems: pivoting against complete enumeration.
 
+use std::ops::ControlFlow;
+
 use proptest::prelude::*;
 use semismooth::complementarity::active_set::{ActiveSetSolver, ActiveSetStatus};
 use semismooth::complementarity::pivoting::{Lemke, LemkeOptions, LemkeStatus};
@@ -163,6 +165,22 @@ fn lemke_stops_at_its_limit_on_exponential_families() {
     let options = LemkeOptions::default().with_max_pivots(5000);
     let report = Lemke::new(options).solve(&lcp, &mut z).unwrap();
     assert_eq!((report.status, report.pivots), (LemkeStatus::PivotLimit, 5000));
+    let mut covers = Vec::new();
+    let stopped = Lemke::default().solve_observed(&lcp, &mut z, |pivot| {
+        covers.push(pivot.cover);
+        assert_eq!((pivot.index, pivot.path), (covers.len(), 0));
+        match covers.len() {
+            100 => ControlFlow::Break(()),
+            _ => ControlFlow::Continue(()),
+        }
+    });
+    let stopped = stopped.unwrap();
+    assert_eq!((stopped.status, stopped.pivots), (LemkeStatus::Interrupted, 100));
+    // The problem of a P matrix has one solution for each t, so that t never grows along the path.
+    assert!(
+        covers.windows(2).all(|t| t[1] <= t[0] && t[1] > 0.0),
+        "{covers:?}"
+    );
     // The covering vector chooses the path: this one is short.
     let covering = (0..40).map(|i| f64::from(i + 1)).collect();
     let report = Lemke::new(LemkeOptions::default().with_covering(covering))
@@ -376,6 +394,34 @@ mod active_set {
             ActiveSetSolver::with_reduced(ActiveSetOptions::default(), GmresReduced::new(Nothing));
         let report = solver.solve(&lcp, &mut vec![0.0; 49]).unwrap();
         assert_eq!(report.status, ActiveSetStatus::Inaccurate);
+    }
+
+    /// Limits on iterations end the run, and no point that was not solved for passes for a solution.
+    #[test]
+    fn iterative_solves_are_given_up_when_told() {
+        let lcp = membrane_in_a_stream(15, [0.0, 0.0]);
+        let status = |limit: usize, gmres: bool| {
+            let mut z = vec![0.0; lcp.len()];
+            let o = ActiveSetOptions::default();
+            let report = if gmres {
+                let reduced = GmresReduced::default().with_max_iterations(limit);
+                ActiveSetSolver::with_reduced(o, reduced).solve(&lcp, &mut z)
+            } else {
+                let reduced = MultigridReduced::algebraic().with_max_iterations(limit);
+                ActiveSetSolver::with_reduced(o, reduced).solve(&lcp, &mut z)
+            };
+            report.unwrap().status
+        };
+        for gmres in [false, true] {
+            for limit in [0, 1] {
+                assert_eq!(
+                    status(limit, gmres),
+                    ActiveSetStatus::Inaccurate,
+                    "{limit} {gmres}"
+                );
+            }
+            assert_eq!(status(100, gmres), ActiveSetStatus::Solved);
+        }
     }
 
     /// −u″ = load on a line of n points above an obstacle.

@@ -81,6 +81,11 @@ fn no_local_starts_no_arms() {
         .with_local_starts(0);
     let found = all_arms(&map, &[0.0; 13], &none).unwrap();
     assert!(found.arms.is_empty() && !found.completeness.is_complete());
+    let none = ContinuationOptions::default()
+        .with_max_nodes(1)
+        .with_local_starts(0);
+    let (arms, complete) = arms_at(&map, &[0.0; 13], &none).unwrap();
+    assert_eq!((arms.len(), complete), (0, false));
 }
 
 #[test]

@@ -8,8 +8,8 @@ use semismooth::complementarity::active_set::{ActiveSetOptions, ActiveSetSolver}
 use semismooth::complementarity::pivoting::{Lemke, LemkeOptions};
 use semismooth::complementarity::{Lcp, McpOptions, McpSolver};
 use semismooth::contact::{
-    CondensedContact, ContactBody, DelassusOptions, DelassusSolver, FixedPointOptions, FrictionCoefficient,
-    FrictionCurve, LoadPath, PlanarCoulomb, evolve, fixed_point,
+    CondensedContact, ContactBody, ContactOptions, DelassusOptions, DelassusSolver, EvolutionOptions,
+    FixedPointOptions, FrictionCoefficient, FrictionCurve, LoadPath, PlanarCoulomb, evolve, fixed_point,
 };
 use semismooth::continuation::{
     ContinuationOptions, Diagram, DiagramOptions, SearchOptions, Strategy, search_solutions,
@@ -45,6 +45,8 @@ fn all_options_have_files() {
     check::<LemkeOptions>();
     check::<DelassusOptions>();
     check::<FixedPointOptions>();
+    check::<ContactOptions>();
+    check::<EvolutionOptions>();
 }
 
 #[test]
@@ -116,7 +118,14 @@ fn states_of_contact_survive_files() {
             .solve(&problem)
             .unwrap(),
     );
-    let steps = evolve(&mut contact, &x, &[0.2, 0.1], |_| ControlFlow::Continue(())).unwrap();
+    let steps = evolve(
+        &mut contact,
+        &x,
+        &[0.2, 0.1],
+        &EvolutionOptions::default(),
+        |_| ControlFlow::Continue(()),
+    )
+    .unwrap();
     assert_eq!(steps.len(), 2);
     same(&steps);
 }

@@ -9,8 +9,8 @@ use common::cases;
 use semismooth::complementarity::pivoting::Lemke;
 use semismooth::complementarity::{AffineFunction, Lcp, Mcp, McpSolver};
 use semismooth::contact::{
-    CondensedFriction, ContactState, DelassusProblem, DelassusSolver, FrictionCoefficient, FrictionCurve,
-    FrictionStart, OrthotropicCoulomb, evolve, first_point,
+    CondensedFriction, ContactState, DelassusProblem, DelassusSolver, EvolutionOptions, FrictionCoefficient,
+    FrictionCurve, FrictionStart, OrthotropicCoulomb, evolve, first_point,
 };
 use semismooth::continuation::{Diagram, DiagramOptions, SearchOptions, search_solutions};
 use semismooth::enumeration::{EnumerationOptions, all_solutions};
@@ -98,9 +98,13 @@ fn contact_in_the_plane_and_in_space() {
         .unwrap();
         let mut pushed = squares::pushed_block(4, 0.4).unwrap();
         let start = pushed.solve(0.0, None).unwrap();
-        let history = evolve(&mut pushed, &start, &[0.3, 1.0, -1.0, 1.0], |_| {
-            ControlFlow::Continue(())
-        })
+        let history = evolve(
+            &mut pushed,
+            &start,
+            &[0.3, 1.0, -1.0, 1.0],
+            &EvolutionOptions::default(),
+            |_| ControlFlow::Continue(()),
+        )
         .unwrap();
         digits(&(
             problem.solution(&solved).unwrap(),

@@ -1,8 +1,11 @@
 //! Constants of the fixed-point map and of the multipliers, against independent digits.
 
+use std::ops::ControlFlow;
+
 use semismooth::contact::{
     ContactError, FixedPointOptions, FrictionCoefficient, FrictionCurve, Frictionless, PlanarCoulomb,
-    UniquenessConstants, check_multipliers, critical_friction, fixed_point, friction_bounds,
+    UniquenessConstants, check_multipliers, critical_friction, fixed_point, fixed_point_observed,
+    friction_bounds,
 };
 use semismooth::sparse::Matrix;
 
@@ -59,6 +62,18 @@ fn contraction_within_the_bound() {
         let start = problem.stick_start(0.0).unwrap();
         let report = fixed_point(&problem, &start, &FixedPointOptions::default()).unwrap();
         assert!(report.converged);
+        let mut seen = Vec::new();
+        let options = FixedPointOptions::default();
+        let stopped = fixed_point_observed(&problem, &start, &options, |so_far| {
+            seen.push(so_far.changes.clone());
+            match seen.len() {
+                3 => ControlFlow::Break(()),
+                _ => ControlFlow::Continue(()),
+            }
+        });
+        let stopped = stopped.unwrap();
+        assert!(!stopped.converged && stopped.changes == report.changes[..3]);
+        assert!((1..=3).all(|k| seen[k - 1] == report.changes[..k]));
         let rate = report.contraction().unwrap();
         assert!(rate <= f * constants.c1(), "{rate} {}", f * constants.c1());
         // The same solution as by Newton on the whole law.

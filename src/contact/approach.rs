@@ -5,25 +5,28 @@ use std::ops::ControlFlow;
 use super::form::Form;
 use super::node_law::{LocalRow, LocalValues, NodeLaw};
 use super::start::newton_step;
-use super::{ContactError, ContactProgress, ContactStrategy};
+use super::{ContactError, ContactOptions, ContactProgress, ContactStrategy};
 use crate::continuation::{Arm, Continuation, ContinuationOptions, Direction, Event, Termination};
 use crate::newton::Newton;
 use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
 use crate::sparse::norm;
 
-/// Most and fewest points of one path, and the work (points times unknowns³) that decides between them.
-const POINTS: f64 = 4000.0;
-const FEWEST: f64 = 300.0;
+/// Points times unknowns³ of one path beyond which it is given fewer points, and the fewest.
 const WORK: f64 = 4e12;
-
-/// Most branchings of one path at which an arm is chosen.
-const BRANCHINGS: usize = 16;
+const FEWEST: f64 = 300.0;
 
 /// Largest and smallest part of the way made in one increment.
 const LARGEST: f64 = 0.25;
 const SMALLEST: f64 = 1.0 / 512.0;
 
 pub(super) type Observer<'a> = dyn FnMut(&ContactProgress) -> ControlFlow<()> + 'a;
+
+/// A way down: its strategy, and which order of touching nodes it takes.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Way {
+    pub(super) strategy: ContactStrategy,
+    pub(super) trial: usize,
+}
 
 /// What became of an attempt: the last point, in the variables of the form, and how many points were found on the way.
 pub(super) struct Arrival {
@@ -99,8 +102,7 @@ impl<L: NodeLaw> NodeLaw for Lowered<L> {
 }
 
 /// Lowers the body onto the foundation from where no node touches it: in increments, or along the curve of solutions through kinks and
-/// folds. `None` where the body does not stand without contact or the path cannot be begun. `trial` varies the order in which
-/// nodes touch.
+/// folds. `None` where the body does not stand without contact or the path cannot be begun.
 ///
 /// Far above the foundation the only solution is that without contact forces, and all solutions on the way are bounded: the energy of
 /// the contact forces is at most the work of the load. As the law is continuous, the solutions on the way therefore include a
@@ -108,8 +110,8 @@ impl<L: NodeLaw> NodeLaw for Lowered<L> {
 pub(super) fn lower<F: Form>(
     form: &F,
     alpha: f64,
-    strategy: ContactStrategy,
-    trial: usize,
+    way: Way,
+    options: &ContactOptions,
     observe: &mut Observer<'_>,
 ) -> Result<Option<Arrival>, ContactError> {
     let (m, p) = (form.num_vars(), form.num_sites());
@@ -129,7 +131,7 @@ pub(super) fn lower<F: Form>(
         return Ok(None);
     }
     let golden = |k: usize| (k as f64 * 0.618_033_988_749_895).fract();
-    let distance = |i: usize| height * (3.0 + golden((trial + 1) * (i + 1) + 7 * trial));
+    let distance = |i: usize| height * (3.0 + golden((way.trial + 1) * (i + 1) + 7 * way.trial));
     let law = Lowered {
         law: form.law(),
         alpha,
@@ -138,7 +140,7 @@ pub(super) fn lower<F: Form>(
     let map = form.at_load(alpha, law)?;
     x[m - 1] = 0.0;
     let mut progress = ContactProgress {
-        strategy,
+        strategy: way.strategy,
         points: 0,
         level: 0.0,
     };
@@ -147,15 +149,19 @@ pub(super) fn lower<F: Form>(
         progress.level = level;
         observe(&progress).is_break()
     };
-    let arrival = if strategy == ContactStrategy::Increments {
-        Some(increments(&map, x, &mut see))
+    let arrival = if way.strategy == ContactStrategy::Increments {
+        Some(increments(&map, x, options, &mut see))
     } else {
         let mut units = vec![height * form.stiffness(); m];
         let length = norm(&x[..displacements]) / (displacements.max(1) as f64).sqrt();
         units[..displacements].fill(length.max(height));
         units[m - 1] = 1.0;
-        let points = (WORK / (m as f64).powi(3)).clamp(FEWEST, POINTS);
-        follow(&map, &x, units, points as usize, &mut see)
+        let affordable = (WORK / (m as f64).powi(3)).max(FEWEST) as usize;
+        let options = ContactOptions {
+            max_points: options.max_points.min(affordable),
+            ..options.clone()
+        };
+        follow(&map, &x, units, &options, &mut see)
     };
     Ok(arrival.map(|mut end| {
         end.x[m - 1] = alpha;
@@ -164,16 +170,21 @@ pub(super) fn lower<F: Form>(
 }
 
 /// Newton's method in increments of the parameter from 0 to 1; each begins at the solution before.
-fn increments<M: PiecewiseSmooth>(map: &M, x: Vec<f64>, see: &mut dyn FnMut(f64) -> bool) -> Arrival {
+fn increments<M: PiecewiseSmooth>(
+    map: &M,
+    x: Vec<f64>,
+    options: &ContactOptions,
+    see: &mut dyn FnMut(f64) -> bool,
+) -> Arrival {
     let last = x.len() - 1;
-    let mut newton = Newton::default();
+    let mut newton = Newton::new(options.newton.clone());
     let mut end = Arrival {
         x,
         points: 0,
         interrupted: false,
     };
     let mut step = LARGEST;
-    while end.x[last] < 1.0 && step >= SMALLEST && !end.interrupted {
+    while end.x[last] < 1.0 && step >= SMALLEST && end.points < options.max_increments && !end.interrupted {
         let mut next = end.x.clone();
         next[last] = (next[last] + step).min(1.0);
         if newton.solve(map, &mut next).is_ok() {
@@ -188,13 +199,13 @@ fn increments<M: PiecewiseSmooth>(map: &M, x: Vec<f64>, see: &mut dyn FnMut(f64)
     end
 }
 
-/// The end of the curve from x, measured in the given units, or its point with the largest parameter; at a branching along the arm on which the parameter grows
-/// fastest.
+/// The end of the curve from x, measured in the given units, or its point with the largest parameter; at a branching along the arm on
+/// which the parameter grows fastest.
 fn follow<M: PiecewiseSmooth>(
     map: &M,
     x: &[f64],
     units: Vec<f64>,
-    points: usize,
+    limits: &ContactOptions,
     see: &mut dyn FnMut(f64) -> bool,
 ) -> Option<Arrival> {
     let last = x.len() - 1;
@@ -202,8 +213,8 @@ fn follow<M: PiecewiseSmooth>(
         .with_parameter_range((-0.2, 1.0))
         .with_step(0.1)
         .with_max_step(1.0 + (x.len() as f64).sqrt())
-        .with_max_points(points)
-        .with_max_nodes(20_000)
+        .with_max_points(limits.max_points)
+        .with_max_nodes(limits.max_nodes)
         .with_max_growth(1e8)
         .with_typical_sizes(units.clone());
     let mut curve = Continuation::new(map, x, Direction::Increasing, options.clone()).ok()?;
@@ -212,7 +223,7 @@ fn follow<M: PiecewiseSmooth>(
         points: 0,
         interrupted: false,
     };
-    for _ in 0..BRANCHINGS {
+    for branching in 0.. {
         let mut end = None;
         while let Some(Ok(event)) = curve.next() {
             best.points += 1;
@@ -226,7 +237,9 @@ fn follow<M: PiecewiseSmooth>(
             end = Some(event);
         }
         match (curve.termination(), end) {
-            (Some(Termination::Branching), Some(Event::Transition(t))) if best.points < points => {
+            (Some(Termination::Branching), Some(Event::Transition(t)))
+                if best.points < limits.max_points && branching < limits.max_branchings =>
+            {
                 let length = |t: &[f64]| {
                     t.iter()
                         .zip(&units)
@@ -236,7 +249,8 @@ fn follow<M: PiecewiseSmooth>(
                 };
                 let rate = |a: &Arm| a.tangent[last] / length(&a.tangent);
                 let arm = t.arms.iter().max_by(|a, b| rate(a).total_cmp(&rate(b)))?;
-                curve = Continuation::along_arm(map, &t.x, arm, options.clone()).ok()?;
+                let left = options.clone().with_max_points(limits.max_points - best.points);
+                curve = Continuation::along_arm(map, &t.x, arm, left).ok()?;
             }
             _ => break,
         }

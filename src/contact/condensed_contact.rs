@@ -12,7 +12,8 @@ use super::paths::Path;
 use super::reduced::reduced_newton;
 use super::solution::judge;
 use super::{
-    ContactBody, ContactError, ContactProgress, ContactReport, ContactSolution, DelassusProblem, strategy,
+    ContactBody, ContactError, ContactOptions, ContactProgress, ContactReport, ContactSolution,
+    DelassusProblem, strategy,
 };
 use crate::interface::fill_sizes;
 use crate::linear::{AutoSolver, Condensation, LinearSolver};
@@ -301,19 +302,21 @@ impl<L: NodeLaw> CondensedContact<L> {
         Ok(x)
     }
 
-    /// [`solve_reported`](Self::solve_reported), telling `observe` of each attempt and each point on the way; it may stop the search.
+    /// [`solve_reported`](Self::solve_reported) with options, telling `observe` of each attempt and each point on the way; it may stop
+    /// the search.
     ///
     /// # Errors
-    /// As [`solve`](Self::solve); a stopped search is a [`ContactError::NoStart`] with
-    /// [`Failure::Interrupted`](crate::newton::Failure::Interrupted).
+    /// As [`solve`](Self::solve), and options out of range; a search stopped by `observe` or by `max_time` is a
+    /// [`ContactError::NoStart`] with [`Failure::Interrupted`](crate::newton::Failure::Interrupted).
     pub fn solve_observed(
         &self,
         alpha: f64,
         start: Option<&[f64]>,
+        options: &ContactOptions,
         mut observe: impl FnMut(&ContactProgress) -> ControlFlow<()>,
     ) -> Result<ContactReport, ContactError> {
-        let mut way = |strategy, trial, see: &mut Observer<'_>| lower(self, alpha, strategy, trial, see);
-        strategy::solve(self, alpha, start, &mut way, &mut observe)
+        let mut descend = |way, see: &mut Observer<'_>| lower(self, alpha, way, options, see);
+        strategy::solve(self, alpha, start, options, &mut descend, &mut observe)
     }
 
     fn changed<M>(&self, law: M) -> CondensedContact<M> {
@@ -369,8 +372,8 @@ impl<L: NodeLaw> Form for CondensedContact<L> {
         Ok(self.stick_start(alpha).ok())
     }
 
-    fn improve(&self, x: &mut [f64]) -> bool {
-        reduced_newton(self, x)
+    fn improve(&self, x: &mut [f64], max_iterations: usize) -> bool {
+        reduced_newton(self, x, max_iterations)
     }
 }
 

@@ -1,7 +1,7 @@
 use thiserror::Error;
 
 use crate::linear::LinearError;
-use crate::newton::NewtonError;
+use crate::newton::{Failure, NewtonError};
 use crate::piecewise::PiecewiseError;
 use crate::sparse::SparseError;
 
@@ -161,6 +161,17 @@ pub enum ContactError {
     /// A file could not be read.
     #[error(transparent)]
     File(#[from] SparseError),
+}
+
+impl ContactError {
+    /// Whether a search was stopped, by its observer or for want of time.
+    #[must_use]
+    pub fn is_interrupted(&self) -> bool {
+        let Self::NoStart { source, .. } = self else {
+            return false;
+        };
+        matches!(&**source, NewtonError::Failed(unsolved) if unsolved.reason == Failure::Interrupted)
+    }
 }
 
 pub(super) fn check_finite(what: &'static str, v: &[f64]) -> Result<(), ContactError> {

@@ -2,10 +2,57 @@
 
 use std::ops::ControlFlow;
 
-use super::ContactError;
 use super::node_law::NodeLaw;
-use super::{CondensedContact, ContactSolution};
+use super::{CondensedContact, ContactError, ContactOptions, ContactSolution};
 use crate::continuation::{Branch, ContinuationError, ContinuationOptions, Direction, Termination};
+use crate::options::setters;
+
+/// Options of [`evolve`]. The defaults need no touching.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(default, deny_unknown_fields)
+)]
+pub struct EvolutionOptions {
+    /// How the branch of a step is followed; its `parameter_range` is set to the step. Default: that of [`ContinuationOptions`] with
+    /// `max_points` = 1000.
+    pub continuation: ContinuationOptions,
+    /// How a solution is searched at a level which the branch does not reach.
+    pub contact: ContactOptions,
+}
+
+impl Default for EvolutionOptions {
+    fn default() -> Self {
+        Self {
+            continuation: ContinuationOptions::default().with_max_points(1000),
+            contact: ContactOptions::default(),
+        }
+    }
+}
+
+impl EvolutionOptions {
+    setters! {
+        /// Sets how the branch of a step is followed.
+        with_continuation(continuation: ContinuationOptions);
+        /// Sets how a solution is searched where the branch does not arrive.
+        with_contact(contact: ContactOptions);
+    }
+
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    /// [`ContactError::Option`] names the option out of range.
+    pub fn validate(&self) -> Result<(), ContactError> {
+        match self.continuation.validate() {
+            Err(ContinuationError::Option { name, value, range }) => {
+                Err(ContactError::Option { name, value, range })
+            }
+            _ => self.contact.validate(),
+        }
+    }
+}
 
 /// One step of [`evolve`].
 #[derive(Debug, Clone, PartialEq)]
@@ -67,16 +114,19 @@ impl Arrival {
 /// the branch of solutions is followed from the old level to the new one, so that folds are seen and not jumped.
 ///
 /// `start` is the solution at the first level (from [`CondensedContact::solve`]); `levels` are those that come after. `observe` sees each
-/// step and may stop. The problem keeps the last reference of its slips.
+/// step and may stop. The problem keeps the last reference of its slips. Limits of time in the options are those of one step.
 ///
 /// # Errors
-/// Wrong lengths, levels that are not finite, levels at which no solution is found.
+/// Wrong lengths, levels that are not finite, options out of range, levels at which no solution is found: `observe` has seen the steps
+/// before.
 pub fn evolve<L: NodeLaw>(
     problem: &mut CondensedContact<L>,
     start: &[f64],
     levels: &[f64],
+    options: &EvolutionOptions,
     mut observe: impl FnMut(&EvolutionStep) -> ControlFlow<()>,
 ) -> Result<Vec<EvolutionStep>, ContactError> {
+    options.validate()?;
     super::error::check_finite("the list of load levels", levels)?;
     let p = problem.num_contacts();
     let mut x = start.to_vec();
@@ -88,13 +138,13 @@ pub fn evolve<L: NodeLaw>(
         let begin = x[x.len() - 1];
         let mut step = if level == begin {
             Reached {
-                x: problem.solve(level, Some(&x))?,
+                x: search(problem, &x, level, options)?,
                 folds: Vec::new(),
                 transitions: 0,
                 arrival: Arrival::Followed,
             }
         } else {
-            reach(problem, &x, level)?
+            reach(problem, &x, level, options)?
         };
         x = std::mem::take(&mut step.x);
         let now = problem.contact_displacements(&x)?;
@@ -130,23 +180,40 @@ struct Reached {
     arrival: Arrival,
 }
 
+/// A solution at the level, Newton's method beginning at x.
+fn search<L: NodeLaw>(
+    problem: &CondensedContact<L>,
+    x: &[f64],
+    level: f64,
+    options: &EvolutionOptions,
+) -> Result<Vec<f64>, ContactError> {
+    let found = problem.solve_observed(level, Some(x), &options.contact, |_| ControlFlow::Continue(()));
+    found.map(|report| report.x)
+}
+
 /// From a solution of the step before to the new level.
-fn reach<L: NodeLaw>(problem: &CondensedContact<L>, x: &[f64], level: f64) -> Result<Reached, ContactError> {
+fn reach<L: NodeLaw>(
+    problem: &CondensedContact<L>,
+    x: &[f64],
+    level: f64,
+    options: &EvolutionOptions,
+) -> Result<Reached, ContactError> {
     let begin = x[x.len() - 1];
     let direction = if level > begin {
         Direction::Increasing
     } else {
         Direction::Decreasing
     };
-    let options = ContinuationOptions::default()
-        .with_parameter_range((begin.min(level), begin.max(level)))
-        .with_max_points(1000);
+    let continuation = options
+        .continuation
+        .clone()
+        .with_parameter_range((begin.min(level), begin.max(level)));
     // Nodes that slipped start at the boundary of their cells, many at once: where that start is too degenerate Newton decides.
-    let branch = match Branch::follow(problem, x, direction, options) {
+    let branch = match Branch::follow(problem, x, direction, continuation) {
         Ok(branch) => branch,
         Err(error) => {
             return Ok(Reached {
-                x: problem.solve(level, Some(x))?,
+                x: search(problem, x, level, options)?,
                 folds: Vec::new(),
                 transitions: 0,
                 arrival: Arrival::NotFollowed(error),
@@ -162,7 +229,7 @@ fn reach<L: NodeLaw>(problem: &CondensedContact<L>, x: &[f64], level: f64) -> Re
         None if branch.termination == Termination::ParameterRange => (Arrival::Jumped, None),
         None => (Arrival::Ended(branch.termination), None),
     };
-    let x = end.map_or_else(|| problem.solve(level, Some(x)), Ok)?;
+    let x = end.map_or_else(|| search(problem, x, level, options), Ok)?;
     Ok(Reached {
         x,
         folds,

@@ -1,12 +1,15 @@
-use super::ContactError;
+use std::ops::ControlFlow;
+
 use super::condensed_contact::CondensedContact;
 use super::given_bound::GivenBound;
 use super::node_law::NodeLaw;
+use super::{ContactError, ContactOptions};
+use crate::options::setters;
 use crate::piecewise::PiecewiseSmooth;
 use crate::sparse::norm;
 
-/// Options of [`fixed_point`].
-#[derive(Debug, Clone, Copy, PartialEq)]
+/// Options of [`fixed_point`]. The defaults need no touching.
+#[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 #[cfg_attr(
     feature = "serde",
@@ -20,6 +23,8 @@ pub struct FixedPointOptions {
     pub tolerance: f64,
     /// Largest number of iterations. Default 10 000.
     pub max_iterations: usize,
+    /// How the inner problems are solved.
+    pub contact: ContactOptions,
 }
 
 impl Default for FixedPointOptions {
@@ -28,30 +33,21 @@ impl Default for FixedPointOptions {
             relaxation: 1.0,
             tolerance: 1e-11,
             max_iterations: 10_000,
+            contact: ContactOptions::default(),
         }
     }
 }
 
 impl FixedPointOptions {
-    /// Sets the relaxation ω.
-    #[must_use]
-    pub fn with_relaxation(mut self, relaxation: f64) -> Self {
-        self.relaxation = relaxation;
-        self
-    }
-
-    /// Sets the tolerance.
-    #[must_use]
-    pub fn with_tolerance(mut self, tolerance: f64) -> Self {
-        self.tolerance = tolerance;
-        self
-    }
-
-    /// Sets the largest number of iterations.
-    #[must_use]
-    pub fn with_max_iterations(mut self, max_iterations: usize) -> Self {
-        self.max_iterations = max_iterations;
-        self
+    setters! {
+        /// Sets the relaxation ω.
+        with_relaxation(relaxation: f64);
+        /// Sets the tolerance.
+        with_tolerance(tolerance: f64);
+        /// Sets the largest number of iterations.
+        with_max_iterations(max_iterations: usize);
+        /// Sets how the inner problems are solved.
+        with_contact(contact: ContactOptions);
     }
 
     /// Checks the ranges.
@@ -66,7 +62,7 @@ impl FixedPointOptions {
         if !(self.tolerance >= 0.0 && self.tolerance.is_finite()) {
             return bad("tolerance", self.tolerance, "finite and at least 0");
         }
-        Ok(())
+        self.contact.validate()
     }
 }
 
@@ -109,6 +105,19 @@ pub fn fixed_point<L: NodeLaw>(
     start: &[f64],
     options: &FixedPointOptions,
 ) -> Result<FixedPointReport, ContactError> {
+    fixed_point_observed(problem, start, options, |_| ControlFlow::Continue(()))
+}
+
+/// [`fixed_point`], telling `observe` of each iteration; it may stop the iteration.
+///
+/// # Errors
+/// As [`fixed_point`]. To be stopped is no error either.
+pub fn fixed_point_observed<L: NodeLaw>(
+    problem: &CondensedContact<L>,
+    start: &[f64],
+    options: &FixedPointOptions,
+    mut observe: impl FnMut(&FixedPointReport) -> ControlFlow<()>,
+) -> Result<FixedPointReport, ContactError> {
     options.validate()?;
     let omega = options.relaxation;
     let q = problem.num_residuals();
@@ -141,13 +150,19 @@ pub fn fixed_point<L: NodeLaw>(
             })
             .collect::<Result<Vec<_>, ContactError>>()?;
         *inner.law_mut() = GivenBound::new(problem.law().num_tangents(), pressures.clone(), coefficients)?;
-        let x = inner.solve(alpha, Some(&report.x))?;
+        let go_on = |_: &_| ControlFlow::Continue(());
+        let x = inner
+            .solve_observed(alpha, Some(&report.x), &options.contact, go_on)?
+            .x;
         let change: Vec<f64> = x.iter().zip(&report.x).map(|(a, b)| a - b).collect();
         report
             .changes
             .push(norm(&change) / norm(&x[..q]).max(f64::MIN_POSITIVE));
         report.converged = report.changes.last().is_some_and(|c| *c <= options.tolerance);
         report.x = x;
+        if observe(&report).is_break() {
+            break;
+        }
         nodes = problem.solution(&report.x)?.nodes;
         for (i, v) in nodes.iter().enumerate() {
             slips[i] += omega * (v.slip_norm() - slips[i]);

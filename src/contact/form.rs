@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use super::error::check_length;
 use super::node_law::{LocalValues, NodeLaw};
-use super::{CondensedContact, ContactBody, ContactError, ContactReport, FullContact};
+use super::{CondensedContact, ContactBody, ContactError, ContactOptions, ContactReport, FullContact};
 use crate::piecewise::PiecewiseSmooth;
 
 /// A contact problem in one of its forms: x ends with the multipliers, all normal ones first, and α.
@@ -32,7 +32,7 @@ pub(super) trait Form: PiecewiseSmooth {
     fn stick(&self, alpha: f64) -> Result<Option<Vec<f64>>, ContactError>;
 
     /// Improves a start by a quick method of the form, if there is one; whether that converged.
-    fn improve(&self, _x: &mut [f64]) -> bool {
+    fn improve(&self, _x: &mut [f64], _max_iterations: usize) -> bool {
         false
     }
 }
@@ -170,7 +170,9 @@ macro_rules! methods_of_forms {
                 alpha: f64,
                 start: Option<&[f64]>,
             ) -> Result<ContactReport, ContactError> {
-                self.solve_observed(alpha, start, |_| ControlFlow::Continue(()))
+                self.solve_observed(alpha, start, &ContactOptions::default(), |_| {
+                    ControlFlow::Continue(())
+                })
             }
         }
     };

@@ -10,8 +10,8 @@ use super::paths::Path;
 use super::solution::{imbalance, judge};
 use super::start::newton_step;
 use super::{
-    CondensedContact, ContactBody, ContactError, ContactProgress, ContactReport, ContactSolution, LoadPath,
-    strategy,
+    CondensedContact, ContactBody, ContactError, ContactOptions, ContactProgress, ContactReport,
+    ContactSolution, LoadPath, strategy,
 };
 use crate::interface::fill_sizes;
 use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
@@ -89,35 +89,37 @@ impl<L: NodeLaw> FullContact<L> {
         Ok(x[self.body.num_displacements()..].to_vec())
     }
 
-    /// [`solve_reported`](Self::solve_reported), telling `observe` of each attempt and each point on the way; it may stop the search.
+    /// [`solve_reported`](Self::solve_reported) with options, telling `observe` of each attempt and each point on the way; it may stop
+    /// the search.
     ///
     /// # Errors
-    /// As [`solve`](Self::solve); a stopped search is a [`ContactError::NoStart`] with
-    /// [`Failure::Interrupted`](crate::newton::Failure::Interrupted).
+    /// As [`solve`](Self::solve), and options out of range; a search stopped by `observe` or by `max_time` is a
+    /// [`ContactError::NoStart`] with [`Failure::Interrupted`](crate::newton::Failure::Interrupted).
     pub fn solve_observed(
         &self,
         alpha: f64,
         start: Option<&[f64]>,
+        options: &ContactOptions,
         mut observe: impl FnMut(&ContactProgress) -> ControlFlow<()>,
     ) -> Result<ContactReport, ContactError> {
         // The way down is followed on the contact nodes alone, where the body can be condensed.
         let mut condensed = None;
-        let mut way = |strategy, trial, see: &mut Observer<'_>| match condensed.get_or_insert_with(|| {
+        let mut descend = |way, see: &mut Observer<'_>| match condensed.get_or_insert_with(|| {
             (self.law_rows() <= CONDENSED)
                 .then(|| self.condensed(alpha).ok())
                 .flatten()
         }) {
             Some(condensed) => {
-                let mut end = lower(condensed, alpha, strategy, trial, see)?;
+                let mut end = lower(condensed, alpha, way, options, see)?;
                 if let Some(end) = &mut end {
                     let u = condensed.displacements(&end.x)?;
                     end.x.splice(..0, u);
                 }
                 Ok(end)
             }
-            None => lower(self, alpha, strategy, trial, see),
+            None => lower(self, alpha, way, options, see),
         };
-        strategy::solve(self, alpha, start, &mut way, &mut observe)
+        strategy::solve(self, alpha, start, options, &mut descend, &mut observe)
     }
 
     /// The condensed form under the load at α.

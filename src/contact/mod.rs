@@ -23,12 +23,14 @@ mod given_bound;
 mod hild_renard;
 mod law;
 mod node_law;
+mod options;
 mod paths;
 mod problem;
 mod reduced;
 mod solution;
 mod start;
 mod strategy;
+mod tries;
 mod uniqueness;
 
 pub use body::ContactBody;
@@ -43,9 +45,9 @@ pub use delassus::{
     DelassusSolver, DelassusStatus,
 };
 pub use error::ContactError;
-pub use evolution::{Arrival, EvolutionStep, evolve};
+pub use evolution::{Arrival, EvolutionOptions, EvolutionStep, evolve};
 pub use family::FrictionFamily;
-pub use fixed_point::{FixedPointOptions, FixedPointReport, fixed_point};
+pub use fixed_point::{FixedPointOptions, FixedPointReport, fixed_point, fixed_point_observed};
 #[cfg(feature = "json")]
 pub use folder::{DiscreteFolder, read_folder};
 pub use full_contact::FullContact;
@@ -53,10 +55,11 @@ pub use given_bound::GivenBound;
 pub use hild_renard::{HildRenard, HildRenardBranch, HildRenardCase};
 pub use law::{ContactState, NodeValues, SlipBound};
 pub use node_law::{Frictionless, LocalRow, LocalValues, MAX_TESTS, NodeLaw};
+pub use options::ContactOptions;
 pub use paths::{FrictionPath, LoadPath};
 pub use problem::{FrictionMap, FrictionProblem};
 pub use solution::{ContactEnergy, ContactResiduals, ContactSolution};
-pub use start::{FrictionStart, first_point};
+pub use start::{FrictionStart, first_point, first_point_observed};
 pub use strategy::{ContactAttempt, ContactProgress, ContactReport, ContactStrategy};
 pub use uniqueness::{
     UniquenessConstants, check_multipliers, critical_friction, friction_bounds, inf_sup_constant,

@@ -128,7 +128,11 @@ fn pivot(m: &[[f64; 3]; 3], rows: std::ops::Range<usize>, blocks: usize, used: &
 /// Open nodes have known forces, in the plane slipping ones have λt = ±F λν, in space one of their three equations is one between
 /// forces alone: the order of the dense system is that of what is left, which is what makes large problems quick. Nothing is
 /// judged here: the result is a start for the general method.
-pub(super) fn reduced_newton<L: NodeLaw>(problem: &CondensedContact<L>, x: &mut [f64]) -> bool {
+pub(super) fn reduced_newton<L: NodeLaw>(
+    problem: &CondensedContact<L>,
+    x: &mut [f64],
+    max_iterations: usize,
+) -> bool {
     let p = problem.num_contacts();
     let q = problem.num_residuals();
     let blocks = q / p;
@@ -139,7 +143,7 @@ pub(super) fn reduced_newton<L: NodeLaw>(problem: &CondensedContact<L>, x: &mut 
     let (mut s, mut image, mut column) = (vec![0.0; q], vec![0.0; q], vec![0.0; q]);
     let mut lu = DenseLu::new();
     let mut before = f64::INFINITY;
-    for _ in 0..ITERATIONS {
+    for _ in 0..max_iterations.min(ITERATIONS) {
         let (mut order, mut worst, mut size, mut changed) = (0, 0.0f64, 0.0f64, false);
         for i in 0..p {
             let v = problem.values(i, x);

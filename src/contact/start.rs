@@ -1,9 +1,13 @@
+use std::ops::ControlFlow;
+
+use super::approach::Observer;
+use super::tries::{Tries, timed};
 use super::{
-    ContactBody, ContactError, ContactState, FrictionCoefficient, FrictionCurve, FrictionMap,
-    FrictionProblem, FullContact, LoadPath, PlanarCoulomb,
+    ContactBody, ContactError, ContactOptions, ContactProgress, ContactReport, ContactState, ContactStrategy,
+    FrictionCoefficient, FrictionCurve, FrictionMap, FrictionProblem, FullContact, LoadPath, PlanarCoulomb,
 };
+use crate::clock::Deadline;
 use crate::linear::{AutoSolver, LinearSolver};
-use crate::newton::{Newton, NewtonError, NewtonOptions};
 use crate::piecewise::{PiecewiseSmooth, Selection};
 use crate::sparse::Matrix;
 
@@ -34,6 +38,24 @@ pub fn first_point<M: FrictionMap + ?Sized>(
     alpha: f64,
     start: &FrictionStart,
 ) -> Result<Vec<f64>, ContactError> {
+    first_point_observed(map, alpha, start, &ContactOptions::default(), |_| {
+        ControlFlow::Continue(())
+    })
+}
+
+/// [`first_point`] with options, telling `observe` of each attempt and each point on the way; it may stop the search.
+///
+/// # Errors
+/// As [`first_point`], and options out of range; a search stopped by `observe` or by `max_time` is a [`ContactError::NoStart`] with
+/// [`Failure::Interrupted`](crate::newton::Failure::Interrupted).
+pub fn first_point_observed<M: FrictionMap + ?Sized>(
+    map: &M,
+    alpha: f64,
+    start: &FrictionStart,
+    options: &ContactOptions,
+    mut observe: impl FnMut(&ContactProgress) -> ControlFlow<()>,
+) -> Result<Vec<f64>, ContactError> {
+    options.validate()?;
     super::error::check_finite("the parameter", &[alpha])?;
     let problem = map.problem();
     let p = problem.num_contacts();
@@ -72,66 +94,59 @@ pub fn first_point<M: FrictionMap + ?Sized>(
         FrictionStart::Stick => frozen(map, &vec![ContactState::Stick; p], zero())?,
         FrictionStart::States(states) => frozen(map, states, zero())?,
     };
+    let deadline = Deadline::after(options.max_time);
+    let mut observe = timed(deadline, &mut observe);
+    let mut tries = Tries::new(options, deadline, &mut observe);
     let uniform = |s: ContactState| frozen(map, &vec![s; p], zero());
     let starts = std::iter::once(Ok(given))
         .chain(std::iter::once_with(|| Ok(Some(zero()))))
         .chain(std::iter::once_with(|| uniform(ContactState::Stick)))
         .chain(std::iter::once_with(|| uniform(ContactState::Open)));
-    let found = first_converged(map, alpha, starts);
-    match found {
-        Err(ContactError::NoStart { .. }) if !matches!(start, FrictionStart::States(_)) => {
-            let other = as_body(problem, alpha).map(|x| x[x.len() - m..].to_vec());
-            let again = first_converged(map, alpha, std::iter::once(Ok(other)));
-            again.or(found)
+    for (k, start) in starts.enumerate() {
+        let Some(mut x) = start? else { continue };
+        x[m - 1] = alpha;
+        let strategy = match k {
+            0 => ContactStrategy::Newton,
+            _ => ContactStrategy::Restart,
+        };
+        if tries.run(map, &mut x, strategy)?.solved {
+            return Ok(x);
         }
-        found => found,
+        if tries.interrupted {
+            return Err(tries.no_start(alpha));
+        }
     }
+    if !matches!(start, FrictionStart::States(_)) {
+        let options = options.clone().with_max_time(deadline.left());
+        match as_body(problem, alpha, &options, tries.observer()) {
+            Ok(found) => {
+                let mut x = found.x[found.x.len() - m..].to_vec();
+                if tries.run(map, &mut x, found.strategy())?.solved {
+                    return Ok(x);
+                }
+            }
+            Err(e) => tries.interrupted = e.is_interrupted(),
+        }
+    }
+    Err(tries.no_start(alpha))
 }
 
 /// The solution at α by the strategies for bodies.
-fn as_body(problem: &FrictionProblem, alpha: f64) -> Option<Vec<f64>> {
+fn as_body(
+    problem: &FrictionProblem,
+    alpha: f64,
+    options: &ContactOptions,
+    observe: &mut Observer<'_>,
+) -> Result<ContactReport, ContactError> {
     let curves = problem.friction_at(alpha).into_iter();
-    let curves = curves
-        .map(FrictionCurve::constant)
-        .collect::<Result<_, _>>()
-        .ok()?;
+    let curves = curves.map(FrictionCurve::constant).collect::<Result<_, _>>()?;
     let load = LoadPath::constant(problem.load_at(alpha));
     let traces = [&problem.bnu_t, &problem.bt_t].map(Matrix::transpose);
     let [normal, tangential] = traces;
-    let body = ContactBody::new(problem.a.clone(), normal, vec![tangential], load).ok()?;
-    let body = body.with_gap(problem.gap.clone()).ok()?;
-    let law = PlanarCoulomb::new(FrictionCoefficient::per_node(curves).ok()?);
-    FullContact::new(body, law).ok()?.solve(alpha, None).ok()
-}
-
-/// The first solution that Newton's method finds at α from a list of starts; those that there are not are passed over.
-pub(super) fn first_converged<M: PiecewiseSmooth + ?Sized>(
-    map: &M,
-    alpha: f64,
-    starts: impl Iterator<Item = Result<Option<Vec<f64>>, ContactError>>,
-) -> Result<Vec<f64>, ContactError> {
-    let mut newton = Newton::new(NewtonOptions::default());
-    let mut failure = None;
-    for start in starts {
-        let Some(mut x) = start? else { continue };
-        if let Some(last) = x.last_mut() {
-            *last = alpha;
-        }
-        match newton.solve(map, &mut x) {
-            Ok(_) => return Ok(x),
-            Err(NewtonError::Map(e)) => return Err(e.into()),
-            Err(e) => failure = Some(e),
-        }
-    }
-    match failure {
-        Some(source) => Err(ContactError::NoStart {
-            parameter: alpha,
-            source: Box::new(source),
-        }),
-        None => Err(ContactError::Empty {
-            what: "no start was tried",
-        }),
-    }
+    let body = ContactBody::new(problem.a.clone(), normal, vec![tangential], load)?;
+    let body = body.with_gap(problem.gap.clone())?;
+    let law = PlanarCoulomb::new(FrictionCoefficient::per_node(curves)?);
+    FullContact::new(body, law)?.solve_observed(alpha, None, options, observe)
 }
 
 /// The solution of the linear problem with given states (F does not depend on u), `None` where that is singular.

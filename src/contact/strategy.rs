@@ -2,18 +2,17 @@
 
 use std::fmt;
 
-use super::ContactError;
-use super::approach::{Arrival, Observer};
+use super::approach::{Arrival, Observer, Way};
 use super::error::{check_finite, check_length};
 use super::form::Form;
 use super::node_law::{LocalValues, NodeLaw};
-use crate::newton::{Failure, Newton, NewtonError, NewtonOptions};
+use super::tries::{Tries, timed};
+use super::{ContactError, ContactOptions};
+use crate::clock::Deadline;
+use crate::newton::Failure;
 
 /// Augmentation parameters tried after the one asked for, in units of the stiffness of a contact node.
 const STIFFER: [f64; 3] = [1.0, 10.0, 1e3];
-
-/// Number of paths tried, the nodes touching in another order each time.
-const PATHS: usize = 6;
 
 /// What is tried, in this order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -110,9 +109,11 @@ pub(super) fn solve<F: Form>(
     form: &F,
     alpha: f64,
     start: Option<&[f64]>,
+    options: &ContactOptions,
     lower: &mut Lower<'_>,
     observe: &mut Observer<'_>,
 ) -> Result<ContactReport, ContactError> {
+    options.validate()?;
     check_finite("the parameter", &[alpha])?;
     let m = form.num_vars();
     let mut zero = vec![0.0; m];
@@ -129,56 +130,39 @@ pub(super) fn solve<F: Form>(
         first.copy_from_slice(x);
         first[m - 1] = alpha;
     }
+    let deadline = Deadline::after(options.max_time);
+    let mut observe = timed(deadline, observe);
     let mut search = Search {
         form,
-        observe,
-        newton: Newton::new(NewtonOptions::default()),
+        options,
+        tries: Tries::new(options, deadline, &mut observe),
         attempts: Vec::new(),
-        best: None,
-        interrupted: false,
     };
     let found = search.newton_starts(alpha, &first, &zero)?;
     let found = match found {
-        None if !search.interrupted => search.lowered(lower)?,
+        None if !search.tries.interrupted => search.lowered(lower)?,
         found => found,
     };
-    if let Some(x) = found {
-        return Ok(ContactReport {
+    match found {
+        Some(x) => Ok(ContactReport {
             x,
             attempts: search.attempts,
-        });
+        }),
+        None => Err(search.tries.no_start(alpha)),
     }
-    let Some((_, mut source)) = search.best else {
-        return Err(ContactError::Empty {
-            what: "no start was tried",
-        });
-    };
-    if let NewtonError::Failed(unsolved) = &mut source
-        && search.interrupted
-    {
-        unsolved.reason = Failure::Interrupted;
-    }
-    Err(ContactError::NoStart {
-        parameter: alpha,
-        source: Box::new(source),
-    })
 }
 
-/// The way down by a strategy, in the n-th order of the nodes.
-pub(super) type Lower<'a> =
-    dyn FnMut(ContactStrategy, usize, &mut Observer<'_>) -> Result<Option<Arrival>, ContactError> + 'a;
+/// Takes a way down.
+pub(super) type Lower<'a> = dyn FnMut(Way, &mut Observer<'_>) -> Result<Option<Arrival>, ContactError> + 'a;
 
-struct Search<'a, F> {
+struct Search<'a, 'o, F> {
     form: &'a F,
-    observe: &'a mut Observer<'a>,
-    newton: Newton,
+    options: &'a ContactOptions,
+    tries: Tries<'a, 'o>,
     attempts: Vec<ContactAttempt>,
-    /// The failure with the smallest residual.
-    best: Option<(f64, NewtonError)>,
-    interrupted: bool,
 }
 
-impl<F: Form> Search<'_, F> {
+impl<F: Form> Search<'_, '_, F> {
     /// Newton's method from `first`, zero and stick, with several augmentation parameters.
     fn newton_starts(
         &mut self,
@@ -189,9 +173,9 @@ impl<F: Form> Search<'_, F> {
         let own = self.form.augmentation();
         // Quick where it works: what Newton's method in general then makes of its result is one look.
         let mut quick = first.to_vec();
-        if self.form.improve(&mut quick) {
+        if self.form.improve(&mut quick, self.options.newton.max_iterations) {
             let found = self.attempt(ContactStrategy::Newton, own, &quick, 0)?;
-            if found.is_some() || self.interrupted {
+            if found.is_some() || self.tries.interrupted {
                 return Ok(found);
             }
         }
@@ -209,7 +193,7 @@ impl<F: Form> Search<'_, F> {
                     continue;
                 };
                 let found = self.attempt(strategy, r, start, 0)?;
-                if found.is_some() || self.interrupted {
+                if found.is_some() || self.tries.interrupted {
                     return Ok(found);
                 }
             }
@@ -219,16 +203,23 @@ impl<F: Form> Search<'_, F> {
 
     /// Newton's method from where the ways down end.
     fn lowered(&mut self, lower: &mut Lower<'_>) -> Result<Option<Vec<f64>>, ContactError> {
-        let paths = (0..PATHS).map(|trial| (ContactStrategy::Path, trial));
-        for (strategy, trial) in std::iter::once((ContactStrategy::Increments, 0)).chain(paths) {
-            let Some(end) = lower(strategy, trial, self.observe)? else {
+        let increments = (self.options.max_increments > 0).then_some(Way {
+            strategy: ContactStrategy::Increments,
+            trial: 0,
+        });
+        let paths = (0..self.options.max_paths).map(|trial| Way {
+            strategy: ContactStrategy::Path,
+            trial,
+        });
+        for way in increments.into_iter().chain(paths) {
+            let Some(end) = lower(way, self.tries.observer())? else {
                 continue;
             };
-            self.interrupted = end.interrupted;
+            self.tries.interrupted = end.interrupted;
             for factor in STIFFER {
                 let r = factor * self.form.stiffness();
-                let found = self.attempt(strategy, r, &end.x, end.points)?;
-                if found.is_some() || self.interrupted {
+                let found = self.attempt(way.strategy, r, &end.x, end.points)?;
+                if found.is_some() || self.tries.interrupted {
                     return Ok(found);
                 }
             }
@@ -245,43 +236,20 @@ impl<F: Form> Search<'_, F> {
         path_points: usize,
     ) -> Result<Option<Vec<f64>>, ContactError> {
         let mut x = start.to_vec();
-        let solved = if r == self.form.augmentation() {
-            self.newton.solve(self.form, &mut x)
+        let outcome = if r == self.form.augmentation() {
+            self.tries.run(self.form, &mut x, strategy)?
         } else {
-            self.newton.solve(&self.form.under(self.form.law(), r), &mut x)
+            let other = self.form.under(self.form.law(), r);
+            self.tries.run(&other, &mut x, strategy)?
         };
-        let report = self.newton.report();
-        let mut attempt = ContactAttempt {
+        self.attempts.push(ContactAttempt {
             strategy,
             r,
             path_points,
-            iterations: report.history.len(),
-            residual_norm: report.residual_norm(),
-            failure: None,
-        };
-        let error = match solved {
-            Ok(_) => {
-                self.attempts.push(attempt);
-                return Ok(Some(x));
-            }
-            Err(NewtonError::Map(e)) => return Err(e.into()),
-            Err(error) => error,
-        };
-        if let NewtonError::Failed(unsolved) = &error {
-            attempt.failure = Some(unsolved.reason);
-            attempt.residual_norm = unsolved.residual_norm;
-        }
-        self.attempts.push(attempt);
-        let norm = attempt.residual_norm;
-        if self.best.as_ref().is_none_or(|(best, _)| norm < *best) {
-            self.best = Some((norm, error));
-        }
-        let progress = ContactProgress {
-            strategy,
-            points: self.attempts.len(),
-            level: 1.0,
-        };
-        self.interrupted |= (self.observe)(&progress).is_break();
-        Ok(None)
+            iterations: outcome.iterations,
+            residual_norm: outcome.residual_norm,
+            failure: outcome.failure,
+        });
+        Ok(outcome.solved.then_some(x))
     }
 }

@@ -103,14 +103,14 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
 
     /// Where not all selections can be examined: those that a local search finds.
     fn locally(&mut self, active: &ActiveSet, arms: &mut Arms) -> Result<(), PiecewiseError> {
-        const STARTS: usize = 50;
+        let starts = self.options.local_starts;
         // A search takes no longer than a few hundred steps of the curve.
-        let solves = if self.map.num_residuals() > MAX_BRANCHING {
-            200
+        let each = if self.map.num_residuals() > MAX_BRANCHING {
+            4
         } else {
-            4000
+            80
         };
-        match local_selections(self.map, self.x, active, STARTS, solves) {
+        match local_selections(self.map, self.x, active, starts, each * starts) {
             Ok(selections) => {
                 for selection in &selections {
                     self.of_selection(selection, None, arms)?;

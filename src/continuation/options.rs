@@ -1,6 +1,7 @@
 use std::time::Duration;
 
 use super::ContinuationError;
+use crate::options::setters;
 
 /// How a curve is followed through kinks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -74,6 +75,9 @@ pub struct ContinuationOptions {
     pub max_selections: u64,
     /// Largest number of partial selections tried at one point where the search for arms is pruned. Default 1 000 000.
     pub max_nodes: u64,
+    /// Where the search for arms gives up, a local search goes on from this number of random selections for either sign of α̇, with 80
+    /// linear solves for each (4 where there are more than 600 unknowns); it may find arms and never completes the list. Default 50.
+    pub local_starts: usize,
 }
 
 impl Default for ContinuationOptions {
@@ -99,19 +103,9 @@ impl Default for ContinuationOptions {
             typical_sizes: Vec::new(),
             max_selections: 4096,
             max_nodes: 1_000_000,
+            local_starts: 50,
         }
     }
-}
-
-macro_rules! setters {
-    ($($(#[$doc:meta])* $name:ident($field:ident: $type:ty);)*) => {$(
-        $(#[$doc])*
-        #[must_use]
-        pub fn $name(mut self, $field: $type) -> Self {
-            self.$field = $field;
-            self
-        }
-    )*};
 }
 
 impl ContinuationOptions {
@@ -165,6 +159,8 @@ impl ContinuationOptions {
         with_max_selections(max_selections: u64);
         /// Sets the largest number of partial selections tried at one point.
         with_max_nodes(max_nodes: u64);
+        /// Sets the number of starts of the local search for arms.
+        with_local_starts(local_starts: usize);
         /// Sets the largest growth of ‖x‖.
         with_max_growth(max_growth: f64);
         /// Sets the largest wall-clock time.

@@ -12,12 +12,13 @@ pub enum Activity {
     Inessential,
     /// Not active at all.
     Inactive,
-    /// Not decided within the iteration limit.
+    /// Not decided within the limit on steps, or by rounding.
     Undecided,
 }
 
 /// Decides whether `selection` is essentially active at x by the gradients of its vanishing facets: it is when some direction d
-/// has sign·∇θ·d > 0 on all of them (Gordan's alternative).
+/// has sign·∇θ·d > 0 on all of them (Gordan's alternative). At most `max_steps` steps are made; a few hundred decide most cases, 20 000
+/// nearly all.
 ///
 /// # Errors
 /// Wrong lengths, values that are not finite, selections of other maps.
@@ -26,6 +27,7 @@ pub fn essential_activity<P: PiecewiseSmooth + ?Sized>(
     x: &[f64],
     selection: &Selection,
     tolerance: f64,
+    max_steps: usize,
 ) -> Result<Activity, PiecewiseError> {
     check_vector("the point x", x, map.num_vars())?;
     check_selection("the selection", selection, map)?;
@@ -51,14 +53,13 @@ pub fn essential_activity<P: PiecewiseSmooth + ?Sized>(
             normals.push(g);
         }
     }
-    Ok(open_cone(&normals))
+    Ok(open_cone(&normals, max_steps))
 }
 
 /// Is there a d with g·d > 0 for all unit vectors g? The point w of their convex hull nearest to 0 tells: either w itself serves
 /// as d, or it is 0. Pairwise steps of Frank and Wolfe move weight from the g that helps least to the one that helps most; they
 /// converge linearly, faces with 0 in them included (Lacoste-Julien and Jaggi 2015).
-fn open_cone(normals: &[Vec<f64>]) -> Activity {
-    const LIMIT: usize = 20_000;
+fn open_cone(normals: &[Vec<f64>], max_steps: usize) -> Activity {
     const ZERO: f64 = 1e-7;
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let Some(first) = normals.first() else {
@@ -67,7 +68,7 @@ fn open_cone(normals: &[Vec<f64>]) -> Activity {
     let mut w = first.clone();
     let mut weights = vec![0.0; normals.len()];
     weights[0] = 1.0;
-    for _ in 0..LIMIT {
+    for _ in 0..max_steps {
         let (mut toward, mut away) = (0, 0);
         let (mut lowest, mut highest) = (f64::INFINITY, f64::NEG_INFINITY);
         for (k, g) in normals.iter().enumerate() {

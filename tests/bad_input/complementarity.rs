@@ -1,3 +1,4 @@
+use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -500,6 +501,12 @@ fn solvers(t: &mut Table) {
             "z of another length",
             "the point",
             || Lemke::new(LemkeOptions::default()).solve(&lcp(), &mut vec![0.0; n]),
+        );
+        t.refuses(
+            "complementarity::pivoting::Lemke::solve_observed",
+            "z of another length",
+            "the point",
+            || Lemke::default().solve_observed(&lcp(), &mut vec![0.0; n], |_| ControlFlow::Continue(())),
         );
     }
     let matrices = [

@@ -2,11 +2,11 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 use semismooth::contact::{
-    CondensedContact, CondensedFriction, ContactBody, ContactState, FixedPointOptions, FrictionCoefficient,
-    FrictionCurve, FrictionFamily, FrictionMap, FrictionPath, FrictionProblem, FrictionStart, FullContact,
-    GivenBound, HildRenard, LoadPath, OrthotropicCoulomb, PlanarCoulomb, UniquenessConstants,
-    check_multipliers, critical_friction, evolve, first_point, fixed_point, friction_bounds,
-    inf_sup_constant,
+    CondensedContact, CondensedFriction, ContactBody, ContactState, EvolutionOptions, FixedPointOptions,
+    FrictionCoefficient, FrictionCurve, FrictionFamily, FrictionMap, FrictionPath, FrictionProblem,
+    FrictionStart, FullContact, GivenBound, HildRenard, LoadPath, OrthotropicCoulomb, PlanarCoulomb,
+    UniquenessConstants, check_multipliers, critical_friction, evolve, first_point, fixed_point,
+    friction_bounds, inf_sup_constant,
 };
 use semismooth::piecewise::{PiecewiseSmooth, Selection};
 use semismooth::sparse::{Matrix, Pattern};
@@ -29,7 +29,7 @@ fn load() -> LoadPath {
     LoadPath::affine(vec![1.5, 7.0], vec![1.0, 0.0])
 }
 
-fn problem() -> FrictionProblem {
+pub(crate) fn problem() -> FrictionProblem {
     FrictionProblem::new(
         stiffness(),
         normal(),
@@ -48,11 +48,11 @@ fn law(f: f64) -> PlanarCoulomb {
     PlanarCoulomb::new(FrictionCoefficient::uniform(FrictionCurve::constant(f).unwrap()))
 }
 
-fn condensed() -> CondensedContact<PlanarCoulomb> {
+pub(crate) fn condensed() -> CondensedContact<PlanarCoulomb> {
     CondensedContact::new(body(), law(0.3)).unwrap()
 }
 
-fn full() -> FullContact<PlanarCoulomb> {
+pub(crate) fn full() -> FullContact<PlanarCoulomb> {
     FullContact::new(body(), law(0.3)).unwrap()
 }
 
@@ -64,14 +64,13 @@ fn friction() {
     planar_problems(&mut t);
     contacts(&mut t);
     measures(&mut t);
+    super::searches::searches(&mut t);
     super::delassus::delassus(&mut t);
     t.exempt(&["contact::NodeLaw::check"], "asked by `solution` and `solve`");
     t.exempt(
         &[
             "contact::CondensedContact::solve_reported",
-            "contact::CondensedContact::solve_observed",
             "contact::FullContact::solve_reported",
-            "contact::FullContact::solve_observed",
         ],
         "called by `solve`",
     );
@@ -640,7 +639,11 @@ fn contacts(t: &mut Table) {
             "contact::evolve",
             "a start of another length",
             "solution x",
-            || evolve(&mut condensed(), &x, &[0.1], |_| ControlFlow::Continue(())),
+            || {
+                evolve(&mut condensed(), &x, &[0.1], &EvolutionOptions::default(), |_| {
+                    ControlFlow::Continue(())
+                })
+            },
         );
     }
     for len in [0, 2, 5] {
@@ -722,16 +725,28 @@ fn contacts(t: &mut Table) {
             fixed_point(&c, &x, &FixedPointOptions::default())
         });
         t.refuses("contact::evolve", "the start", "[0]", || {
-            evolve(&mut condensed(), &x, &[0.1], |_| ControlFlow::Continue(()))
-        });
-        t.refuses("contact::evolve", "a level", "[1]", || {
-            evolve(&mut condensed(), &start, &[0.1, bad], |_| {
+            evolve(&mut condensed(), &x, &[0.1], &EvolutionOptions::default(), |_| {
                 ControlFlow::Continue(())
             })
         });
+        t.refuses("contact::evolve", "a level", "[1]", || {
+            evolve(
+                &mut condensed(),
+                &start,
+                &[0.1, bad],
+                &EvolutionOptions::default(),
+                |_| ControlFlow::Continue(()),
+            )
+        });
     }
     t.survives("contact::evolve", "no levels", || {
-        evolve(&mut condensed(), &start, &[], |_| ControlFlow::Continue(()))
+        evolve(
+            &mut condensed(),
+            &start,
+            &[],
+            &EvolutionOptions::default(),
+            |_| ControlFlow::Continue(()),
+        )
     });
     let o = FixedPointOptions::default;
     for bad in BAD.into_iter().chain(NOT_POSITIVE) {
@@ -778,7 +793,13 @@ fn contacts(t: &mut Table) {
             f.solution(&vec![size; n])
         });
         t.survives("contact::evolve", "huge levels", || {
-            evolve(&mut condensed(), &start, &[size], |_| ControlFlow::Continue(()))
+            evolve(
+                &mut condensed(),
+                &start,
+                &[size],
+                &EvolutionOptions::default(),
+                |_| ControlFlow::Continue(()),
+            )
         });
     }
 }

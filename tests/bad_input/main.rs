@@ -12,5 +12,6 @@ mod named;
 mod newton;
 mod output;
 mod piecewise;
+mod searches;
 mod sparse;
 mod table;

@@ -49,7 +49,7 @@ fn piecewise_maps() {
                 coherent_orientation(&equation, &x, 1e-9, 10)
             });
             t.refuses("piecewise::essential_activity", "x", "x[", || {
-                essential_activity(&curve, &x, &Selection::uniform(1, 0), 1e-9)
+                essential_activity(&curve, &x, &Selection::uniform(1, 0), 1e-9, 20_000)
             });
             t.refuses("piecewise::local_uniqueness", "x", "x[", || {
                 local_uniqueness(&curve, &x, &active_set(&curve, &at, 1e-9), &rows(&[&[1.0]]), 10)
@@ -105,7 +105,7 @@ fn piecewise_maps() {
             "piecewise::essential_activity",
             "x of another length",
             "x",
-            || essential_activity(&curve, &x, &Selection::uniform(1, 0), 1e-9),
+            || essential_activity(&curve, &x, &Selection::uniform(1, 0), 1e-9, 20_000),
         );
         t.refuses("piecewise::local_uniqueness", "x of another length", "x", || {
             local_uniqueness(&curve, &x, &active_set(&curve, &at, 1e-9), &rows(&[&[1.0]]), 10)
@@ -137,7 +137,7 @@ fn piecewise_maps() {
             "piecewise::essential_activity",
             "a selection of another map",
             "selection",
-            || essential_activity(&curve, &at, selection, 1e-9),
+            || essential_activity(&curve, &at, selection, 1e-9, 20_000),
         );
     }
     let active = |map: &dyn PiecewiseSmooth, x: &[f64]| active_set(map, x, 1e-9);
@@ -197,7 +197,7 @@ fn piecewise_maps() {
             check(&curve, &[vec![huge; 2]], &CheckOptions::default())
         });
         t.survives("piecewise::essential_activity", "huge x", || {
-            essential_activity(&curve, &[huge; 2], &Selection::uniform(1, 0), 1e-9)
+            essential_activity(&curve, &[huge; 2], &Selection::uniform(1, 0), 1e-9, 20_000)
         });
     }
     for n in [0, usize::MAX] {

@@ -5,15 +5,17 @@ mod bodies;
 
 use std::collections::BTreeSet;
 use std::ops::ControlFlow;
+use std::time::Duration;
 
 use bodies::{Body, Random, curve};
 use proptest::prelude::*;
 use semismooth::contact::{
-    CondensedContact, CondensedFriction, ContactBody, ContactError, ContactStrategy, FrictionCoefficient,
-    FrictionCurve, FrictionMap, FrictionPath, FrictionProblem, FrictionStart, Frictionless, FullContact,
-    GivenBound, LoadPath, NodeLaw, OrthotropicCoulomb, PlanarCoulomb, first_point,
+    CondensedContact, CondensedFriction, ContactBody, ContactError, ContactOptions, ContactProgress,
+    ContactReport, ContactStrategy, FrictionCoefficient, FrictionCurve, FrictionMap, FrictionPath,
+    FrictionProblem, FrictionStart, Frictionless, FullContact, GivenBound, LoadPath, NodeLaw,
+    OrthotropicCoulomb, PlanarCoulomb, first_point, first_point_observed,
 };
-use semismooth::newton::{Failure, NewtonError};
+use semismooth::newton::{Failure, NewtonError, NewtonOptions};
 use semismooth::sparse::Matrix;
 
 /// Largest violation of equilibrium, Signorini's conditions, the cone of friction and maximal dissipation, against the largest force
@@ -86,7 +88,73 @@ fn both<L: NodeLaw + Clone>(
         let (last, before) = report.attempts.split_last().unwrap();
         assert!(last.failure.is_none() && before.iter().all(|a| a.failure.is_some()));
     }
+    keeps_limits(found.strategy(), &mut |options, observe| {
+        full.solve_observed(0.0, None, options, observe)
+    });
+    keeps_limits(other.strategy(), &mut |options, observe| {
+        condensed.solve_observed(0.0, None, options, observe)
+    });
     [found.strategy(), other.strategy()]
+}
+
+type Observe<'a> = dyn FnMut(&ContactProgress) -> ControlFlow<()> + 'a;
+
+/// Repeats a search that had to lower the body, with limits on what it may do: no strategy does more, and none that is left out is tried.
+fn keeps_limits(
+    strategy: ContactStrategy,
+    search: &mut dyn FnMut(&ContactOptions, &mut Observe<'_>) -> Result<ContactReport, ContactError>,
+) {
+    if strategy < ContactStrategy::Increments {
+        return;
+    }
+    for (increments, paths, points) in [(0, 0, 1), (3, 0, 1), (0, 2, 5)] {
+        let mut counts = [0; 2];
+        let mut lengths: Vec<usize> = Vec::new();
+        let options = ContactOptions::default()
+            .with_max_increments(increments)
+            .with_max_paths(paths)
+            .with_max_points(points);
+        let result = search(&options, &mut |p| {
+            match p.strategy {
+                ContactStrategy::Increments if p.level < 1.0 => counts[0] += 1,
+                ContactStrategy::Path if p.level < 1.0 => {
+                    counts[1] += 1;
+                    // Attempts of Newton's method are told with level 1.
+                    match lengths.last_mut() {
+                        Some(last) if p.points > 1 => *last = p.points,
+                        _ => lengths.push(p.points),
+                    }
+                }
+                _ => {}
+            }
+            ControlFlow::Continue(())
+        });
+        assert!(
+            counts[0] <= increments && (counts[0] > 0) == (increments > 0),
+            "{counts:?}"
+        );
+        assert!(counts[1] == 0 || paths > 0);
+        assert!(counts[1] > 0 || paths == 0 || strategy < ContactStrategy::Path);
+        assert!(
+            lengths.len() <= paths && lengths.iter().all(|l| *l <= points),
+            "{lengths:?}"
+        );
+        if increments + paths == 0 {
+            assert!(!result.unwrap_err().is_interrupted());
+        }
+    }
+    let two = NewtonOptions::default().with_max_iterations(2);
+    let options = ContactOptions::default()
+        .with_newton(two)
+        .with_max_increments(0)
+        .with_max_paths(0);
+    assert!(search(&options, &mut |_| ControlFlow::Continue(())).is_err());
+    let none = ContactOptions::default().with_max_time(Some(Duration::ZERO));
+    assert!(
+        search(&none, &mut |_| ControlFlow::Continue(()))
+            .unwrap_err()
+            .is_interrupted()
+    );
 }
 
 /// The problem with a number.
@@ -235,10 +303,43 @@ fn failures_leave_the_best_iterate() {
     assert_eq!(unsolved.x.len(), 5);
     assert!(!unsolved.report.history.is_empty() && unsolved.residual_norm > 0.0);
     let mut seen = 0;
-    let stopped = problem.solve_observed(0.0, None, |_| {
+    let stopped = problem.solve_observed(0.0, None, &ContactOptions::default(), |_| {
         seen += 1;
         ControlFlow::Break(())
     });
     assert_eq!(failed(stopped.unwrap_err()).reason, Failure::Interrupted);
     assert_eq!(seen, 1);
+}
+
+/// Of the starts of a search for a first point that fail the best is kept, each is told, and the search may be stopped at each.
+#[test]
+fn first_points_are_searched_as_long_as_allowed() {
+    let a = Matrix::from_rows(&[[0.0, 0.0], [0.0, 1.0]]).unwrap();
+    let unit = |k: usize| Matrix::from_triplets(1, 2, &[(0, k, 1.0)]).unwrap();
+    let load = LoadPath::constant(vec![-1.0, 0.5]);
+    let problem = FrictionProblem::new(a, unit(0), unit(1), load, FrictionPath::constant(vec![0.3])).unwrap();
+    let search = |options: &ContactOptions, limit: usize| {
+        let mut seen = 0;
+        let found = first_point_observed(&problem, 0.0, &FrictionStart::Zero, options, |_| {
+            seen += 1;
+            match seen < limit {
+                true => ControlFlow::Continue(()),
+                false => ControlFlow::Break(()),
+            }
+        });
+        (found.unwrap_err(), seen)
+    };
+    let (failed, all) = search(&ContactOptions::default(), usize::MAX);
+    assert!(!failed.is_interrupted() && all > 3, "{all}");
+    assert_eq!(
+        first_point(&problem, 0.0, &FrictionStart::Zero).unwrap_err(),
+        failed
+    );
+    for limit in 1..=all {
+        let (stopped, seen) = search(&ContactOptions::default(), limit);
+        assert!(stopped.is_interrupted() && seen == limit, "{limit}: {stopped}");
+    }
+    let none = ContactOptions::default().with_max_time(Some(Duration::ZERO));
+    let (stopped, seen) = search(&none, usize::MAX);
+    assert!(stopped.is_interrupted() && seen == 1);
 }

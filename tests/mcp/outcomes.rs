@@ -41,6 +41,32 @@ fn limits_and_observers_end_a_solve_with_its_best_iterate() {
     );
 }
 
+/// A problem without a solution, for which everything is tried: what paths and the enumeration may spend is up to the options, and the
+/// proof is lost with the nodes it takes.
+#[test]
+fn paths_and_enumeration_keep_their_limits() {
+    let m = Matrix::from_rows(&[[4.0, 2.0, -2.0], [3.0, -2.0, 3.0], [0.0, 3.0, 2.0]]).unwrap();
+    let problem = Mcp::ncp(AffineFunction::new(m, vec![0.0, -4.0, 1.0]).unwrap()).unwrap();
+    let spent = |options: McpOptions| {
+        let mut solver = McpSolver::new(options);
+        let report = solver.solve(&problem, &mut [0.5, 2.0, 1.0]).unwrap();
+        let tried = report.fallbacks.iter();
+        let paths = tried.filter(|f| f.strategy == McpStrategy::Homotopy);
+        (report.status, paths.map(|f| f.iterations).sum::<usize>())
+    };
+    let options = McpOptions::default();
+    let (status, whole) = spent(options.clone());
+    assert_eq!(status, McpStatus::Infeasible);
+    let (_, short) = spent(options.clone().with_max_path_points(2));
+    let (_, none) = spent(options.clone().with_max_path_points(0));
+    assert!(none < short && short < whole, "{none} {short} {whole}");
+    let (status, _) = spent(options.with_max_nodes(1));
+    assert!(
+        !matches!(status, McpStatus::Infeasible | McpStatus::Solved),
+        "{status:?}"
+    );
+}
+
 #[test]
 fn fallbacks_are_reported_in_order_and_can_be_switched_off() {
     let problem = parabola();

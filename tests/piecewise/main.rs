@@ -336,15 +336,16 @@ impl PiecewiseSmooth for Apex {
 #[test]
 fn a_piece_without_interior_is_inessential() {
     let origin = [0.0, 0.0];
-    let activity =
-        |piece, x: &[f64]| essential_activity(&Apex, x, &Selection::uniform(1, piece), 1e-12).unwrap();
+    let activity = |piece, x: &[f64]| {
+        essential_activity(&Apex, x, &Selection::uniform(1, piece), 1e-12, 20_000).unwrap()
+    };
     for piece in 0..3 {
         assert_eq!(activity(piece, &origin), Activity::Essential);
     }
     assert_eq!(activity(3, &origin), Activity::Inessential);
     assert_eq!(activity(0, &[1.0, -1.0]), Activity::Inactive);
     assert_eq!(activity(1, &[1.0, -1.0]), Activity::Essential);
-    assert!(essential_activity(&Apex, &origin, &Selection::uniform(2, 0), 0.0).is_err());
+    assert!(essential_activity(&Apex, &origin, &Selection::uniform(2, 0), 0.0, 20_000).is_err());
     assert_eq!(select(&Apex, &[1.0, -1.0]).piece(0), 1);
 }
 
@@ -380,7 +381,7 @@ fn opposite_facets_with_others_are_inessential() {
         }
         fn jacobian(&self, _: &Selection, _: &[f64], _: &mut Matrix) {}
     }
-    let found = essential_activity(&Squeezed, &[0.0, 0.0], &Selection::uniform(1, 0), 0.0);
+    let found = essential_activity(&Squeezed, &[0.0, 0.0], &Selection::uniform(1, 0), 0.0, 20_000);
     assert_eq!(found, Ok(Activity::Inessential));
 }
 

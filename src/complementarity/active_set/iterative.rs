@@ -7,9 +7,6 @@ use crate::complementarity::{ComplementarityError, Lcp};
 use crate::linear::{LinearError, Prolongation, Rows, TruncatedMultigrid, aggregation_hierarchy};
 use crate::sparse::Matrix;
 
-/// Iterations after which conjugate gradients are given up.
-const LIMIT: usize = 200;
-
 /// Conjugate gradients with a multigrid cycle, for symmetric positive definite matrices.
 ///
 /// Coarse levels come from given [`Prolongation`]s (nested grids) or by smoothed aggregation from the matrix alone. They are truncated
@@ -20,6 +17,7 @@ pub struct MultigridReduced {
     /// The matrix to be loaded and its Galerkin products under the given prolongations, where they are known.
     known: Option<Vec<Rows>>,
     multigrid: Option<TruncatedMultigrid>,
+    max_iterations: usize,
     /// What was found by aggregation: prolongations, the matrix and its Galerkin products.
     found: (Vec<Arc<Prolongation>>, Vec<Rows>),
 }
@@ -32,8 +30,16 @@ impl MultigridReduced {
             given: None,
             known: None,
             multigrid: None,
+            max_iterations: 200,
             found: Default::default(),
         }
+    }
+
+    /// Sets the number of iterations after which a solve is given up. 200 unless set.
+    #[must_use]
+    pub fn with_max_iterations(mut self, max_iterations: usize) -> Self {
+        self.max_iterations = max_iterations;
+        self
     }
 
     /// Coarse levels by the given prolongations, finest first.
@@ -43,6 +49,7 @@ impl MultigridReduced {
             given: Some(prolongations),
             known: None,
             multigrid: None,
+            max_iterations: 200,
             found: Default::default(),
         }
     }
@@ -84,8 +91,8 @@ impl ReducedSolver for MultigridReduced {
     fn solve(&mut self, r: &mut [f64], d: &mut [f64], tolerance: f64) -> Result<usize, ComplementarityError> {
         let multigrid = self.multigrid.as_mut().ok_or(LinearError::NotAnalyzed)?;
         check_order(multigrid.order(), &[("r", r.len()), ("d", d.len())])?;
-        let iterations = multigrid.solve(r, d, tolerance, LIMIT)?;
-        if iterations == LIMIT {
+        let iterations = multigrid.solve(r, d, tolerance, self.max_iterations)?;
+        if iterations >= self.max_iterations {
             return Err(LinearError::Inaccurate { residual: tolerance }.into());
         }
         Ok(iterations)

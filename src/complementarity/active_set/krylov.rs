@@ -8,9 +8,6 @@ use crate::sparse::Matrix;
 /// Directions between restarts.
 const DIRECTIONS: usize = 40;
 
-/// Iterations after which a solve is given up.
-const LIMIT: usize = 1000;
-
 /// Restarted GMRES for sparse unsymmetric systems too large to factor, with a [`Preconditioner`]: incomplete LU factors of the reduced
 /// matrix unless another one is given.
 ///
@@ -39,6 +36,7 @@ const LIMIT: usize = 1000;
 pub struct GmresReduced<P = IncompleteLu> {
     preconditioner: P,
     gmres: Gmres,
+    max_iterations: usize,
     free: Vec<bool>,
     system: Option<Matrix>,
 }
@@ -49,9 +47,17 @@ impl<P: Preconditioner> GmresReduced<P> {
         Self {
             preconditioner,
             gmres: Gmres::new(DIRECTIONS),
+            max_iterations: 1000,
             free: Vec::new(),
             system: None,
         }
+    }
+
+    /// Sets the number of iterations after which a solve is given up. 1000 unless set.
+    #[must_use]
+    pub fn with_max_iterations(mut self, max_iterations: usize) -> Self {
+        self.max_iterations = max_iterations;
+        self
     }
 }
 
@@ -91,6 +97,7 @@ impl<P: Preconditioner> ReducedSolver for GmresReduced<P> {
         let Self {
             preconditioner,
             gmres,
+            max_iterations,
             free,
             system,
         } = self;
@@ -104,7 +111,7 @@ impl<P: Preconditioner> ReducedSolver for GmresReduced<P> {
             |b| preconditioner.apply(b),
             d,
             tolerance,
-            LIMIT,
+            *max_iterations,
         )?;
         if outcome.residual > tolerance {
             return Err(LinearError::Inaccurate {

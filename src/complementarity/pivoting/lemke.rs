@@ -1,10 +1,12 @@
 mod ratio;
 mod verify;
 
+use std::ops::ControlFlow;
+
 use ratio::Block;
 
 use super::basis::Basis;
-use super::{LemkeOptions, LemkeReport, LemkeStatus};
+use super::{LemkeOptions, LemkePivot, LemkeReport, LemkeStatus};
 use crate::complementarity::{ComplementarityError, Lcp};
 use crate::linear::LinearError;
 use crate::piecewise::is_ordinary;
@@ -115,6 +117,20 @@ impl Lemke {
     /// [`ComplementarityError::Length`] for `z` or the covering vector, [`ComplementarityError::Option`] for a covering vector that is not positive,
     /// [`ComplementarityError::Unsuitable`] for more than 20 000 unknowns or unknowns without bounds whose block of M is singular.
     pub fn solve(&mut self, lcp: &Lcp, z: &mut [f64]) -> Result<LemkeReport, ComplementarityError> {
+        self.solve_observed(lcp, z, |_| ControlFlow::Continue(()))
+    }
+
+    /// [`solve`](Self::solve), telling `observe` of each exchange; it may stop the run, which then ends as
+    /// [`LemkeStatus::Interrupted`].
+    ///
+    /// # Errors
+    /// As [`solve`](Self::solve).
+    pub fn solve_observed(
+        &mut self,
+        lcp: &Lcp,
+        z: &mut [f64],
+        mut observe: impl FnMut(&LemkePivot) -> ControlFlow<()>,
+    ) -> Result<LemkeReport, ComplementarityError> {
         let n = lcp.len();
         self.check(lcp, z)?;
         let largest = lcp.matrix().values().iter().fold(0.0_f64, |m, v| m.max(v.abs()));
@@ -130,7 +146,7 @@ impl Lemke {
             self.prepare(n);
             self.start(lcp)?;
             let mut count = 0;
-            let status = self.follow(lcp, limit, &mut count)?;
+            let status = self.follow(lcp, limit, &mut count, &mut observe)?;
             pivots += count;
             // Ties with opposite bounds may cycle whatever the order of rows: another covering vector meets none of them.
             let chosen = self.options.covering.is_some() || self.options.max_pivots.is_some();
@@ -295,6 +311,7 @@ impl Lemke {
         lcp: &Lcp,
         limit: usize,
         pivots: &mut usize,
+        observe: &mut dyn FnMut(&LemkePivot) -> ControlFlow<()>,
     ) -> Result<LemkeStatus, ComplementarityError> {
         let Some(mut slot) = self.enter_cover() else {
             return Ok(LemkeStatus::Solved);
@@ -311,6 +328,15 @@ impl Lemke {
             }
             if *pivots >= limit {
                 return Ok(LemkeStatus::PivotLimit);
+            }
+            let cover = self.basic.iter().position(|v| *v == Var::Cover);
+            let pivot = LemkePivot {
+                index: *pivots,
+                path: self.turn,
+                cover: cover.map_or(0.0, |slot| self.value[slot]) / self.unit,
+            };
+            if observe(&pivot).is_break() {
+                return Ok(LemkeStatus::Interrupted);
             }
             self.column(lcp, entering);
             *pivots += 1;

@@ -46,8 +46,23 @@ pub enum LemkeStatus {
     },
     /// At the limit on exchanges.
     PivotLimit,
+    /// Stopped by the observer.
+    Interrupted,
     /// Rounding destroyed the basis: no exchange with an acceptable pivot, or a solution that does not satisfy the equations.
     Inaccurate,
+}
+
+/// One exchange.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct LemkePivot {
+    /// Number of the exchange on its path, from 1.
+    pub index: usize,
+    /// Number of the path, from 0: a path that cycles is begun anew with another covering vector.
+    pub path: usize,
+    /// The covering variable t before it: 0 at a solution. It need not fall from one exchange to the next.
+    pub cover: f64,
 }
 
 /// Report on one path.

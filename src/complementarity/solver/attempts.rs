@@ -9,9 +9,6 @@ use crate::sparse::max_abs;
 /// Affine problems up to this size are searched by enumeration of active sets.
 const ENUMERABLE: usize = 24;
 
-/// Largest number of nodes of that search.
-const NODES: u64 = 50_000;
-
 impl Plan {
     pub(super) fn newton(max_iterations: usize) -> Self {
         Self {
@@ -336,7 +333,7 @@ impl Engine<'_> {
             self.lower.to_vec(),
             self.upper.to_vec(),
         );
-        let options = EnumerationOptions::default().with_max_nodes(NODES);
+        let options = EnumerationOptions::default().with_max_nodes(self.options.max_nodes);
         let set = match problem.map(|p| all_solutions(&p, 0.0, &options)) {
             Ok(Ok(set)) => set,
             _ => return McpStatus::Stalled,

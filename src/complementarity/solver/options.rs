@@ -1,6 +1,7 @@
 use std::time::Duration;
 
 use crate::complementarity::ComplementarityError;
+use crate::options::setters;
 
 /// Options of [`McpSolver`](super::McpSolver). The defaults need no touching.
 #[derive(Debug, Clone, PartialEq)]
@@ -32,6 +33,10 @@ pub struct McpOptions {
     pub fallbacks: bool,
     /// Largest number of components for which paths are followed as a last resort. Default 300.
     pub max_path_size: usize,
+    /// Largest number of points of one path, which count as iterations; 0 for no paths. Default 1500.
+    pub max_path_points: usize,
+    /// Largest number of partial selections tried where the linearised problem is solved by enumeration. Default 50 000.
+    pub max_nodes: u64,
     /// Number of perturbed starts tried in the end. Default 12.
     pub restarts: usize,
 }
@@ -48,20 +53,11 @@ impl Default for McpOptions {
             equilibrate: true,
             fallbacks: true,
             max_path_size: 300,
+            max_path_points: 1500,
+            max_nodes: 50_000,
             restarts: 12,
         }
     }
-}
-
-macro_rules! setters {
-    ($($(#[$doc:meta])* $name:ident($field:ident: $type:ty);)*) => {$(
-        $(#[$doc])*
-        #[must_use]
-        pub fn $name(mut self, $field: $type) -> Self {
-            self.$field = $field;
-            self
-        }
-    )*};
 }
 
 impl McpOptions {
@@ -84,6 +80,10 @@ impl McpOptions {
         with_fallbacks(fallbacks: bool);
         /// Sets the largest number of components for which paths are followed.
         with_max_path_size(max_path_size: usize);
+        /// Sets the largest number of points of one path.
+        with_max_path_points(max_path_points: usize);
+        /// Sets the largest number of partial selections tried by enumeration.
+        with_max_nodes(max_nodes: u64);
         /// Sets the number of perturbed starts.
         with_restarts(restarts: usize);
     }

@@ -9,9 +9,6 @@ use crate::continuation::{Continuation, ContinuationOptions, Direction, Event, T
 use crate::piecewise::PiecewiseSmooth;
 use crate::sparse::{Matrix, Pattern};
 
-/// Largest number of points of one path.
-const POINTS: usize = 1500;
-
 /// The last point of a path.
 struct End {
     x: Vec<f64>,
@@ -26,9 +23,9 @@ impl Engine<'_> {
             .map(|t| t.saturating_sub(self.clock.elapsed()));
         ContinuationOptions::default()
             .with_parameter_range((least, 1.0))
-            .with_max_points(POINTS)
+            .with_max_points(self.options.max_path_points)
             .with_max_step(10.0 * (1.0 + size))
-            .with_max_nodes(20_000)
+            .with_max_nodes(self.options.max_nodes.min(20_000))
             .with_max_growth(1e8)
             .with_max_time(left)
     }

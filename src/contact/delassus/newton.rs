@@ -1,8 +1,8 @@
 //! Semismooth Newton on the residual of Alart and Curnier, for M + αI and q − α c: one proximal step.
 
 use super::cone::tangential_norm;
-use super::options::Deadline;
 use super::scaled::{Block, Scaled, Vector, add_product};
+use crate::clock::Deadline;
 use crate::linear::{AutoSolver, LinearSolver};
 use crate::sparse::{MatrixRef, PatternRef};
 

@@ -1,7 +1,6 @@
 use std::time::Duration;
 
 use super::DelassusError;
-use crate::clock::Clock;
 
 /// Options of [`DelassusSolver`](super::DelassusSolver). The defaults need no touching.
 #[derive(Debug, Clone, PartialEq)]
@@ -77,25 +76,5 @@ impl DelassusOptions {
                 range: "in (0, 1)",
             })
         }
-    }
-}
-
-/// When a run has to end.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Deadline {
-    clock: Clock,
-    limit: Option<Duration>,
-}
-
-impl Deadline {
-    pub(super) fn after(limit: Option<Duration>) -> Self {
-        Self {
-            clock: Clock::start(),
-            limit,
-        }
-    }
-
-    pub(super) fn is_over(self) -> bool {
-        self.limit.is_some_and(|limit| self.clock.elapsed() >= limit)
     }
 }

@@ -4,10 +4,10 @@ use super::cone::{natural_residual, tangential_norm};
 use super::interior::Interior;
 use super::local::solve_contact;
 use super::newton::{Inner, Newton};
-use super::options::Deadline;
 use super::report::{DelassusIteration, DelassusPhase, DelassusReport, DelassusStatus};
 use super::scaled::{Scaled, Vector};
 use super::{DelassusError, DelassusOptions, DelassusProblem};
+use crate::clock::Deadline;
 use crate::contact::ContactState;
 
 /// Sweeps of the cheap first attempt.

@@ -1,0 +1,118 @@
+//! Newton's method from one start after another.
+
+use std::ops::ControlFlow;
+
+use super::approach::Observer;
+use super::{ContactError, ContactOptions, ContactProgress, ContactStrategy};
+use crate::clock::Deadline;
+use crate::newton::{Failure, Iteration, Newton, NewtonError};
+use crate::piecewise::PiecewiseSmooth;
+
+/// Runs of Newton's method; of those that fail the best one is kept.
+pub(super) struct Tries<'a, 'o> {
+    newton: Newton,
+    deadline: Deadline,
+    observe: &'a mut Observer<'o>,
+    count: usize,
+    /// The failure with the smallest residual.
+    best: Option<(f64, NewtonError)>,
+    /// Stopped by the observer, or out of time.
+    pub(super) interrupted: bool,
+}
+
+/// What became of a run.
+pub(super) struct Outcome {
+    pub(super) solved: bool,
+    pub(super) iterations: usize,
+    pub(super) residual_norm: f64,
+    /// `None` for a solution, and for a linear solver that refused.
+    pub(super) failure: Option<Failure>,
+}
+
+impl<'a, 'o> Tries<'a, 'o> {
+    /// `observe` is to look at the deadline itself.
+    pub(super) fn new(options: &ContactOptions, deadline: Deadline, observe: &'a mut Observer<'o>) -> Self {
+        Self {
+            newton: Newton::new(options.newton.clone()),
+            deadline,
+            observe,
+            count: 0,
+            best: None,
+            interrupted: false,
+        }
+    }
+
+    pub(super) fn observer(&mut self) -> &mut Observer<'o> {
+        self.observe
+    }
+
+    /// Newton's method from x.
+    pub(super) fn run<M: PiecewiseSmooth + ?Sized>(
+        &mut self,
+        map: &M,
+        x: &mut [f64],
+        strategy: ContactStrategy,
+    ) -> Result<Outcome, ContactError> {
+        self.count += 1;
+        let deadline = self.deadline;
+        let solved = self
+            .newton
+            .solve_observed(map, x, |_: &Iteration| deadline.flow());
+        let report = self.newton.report();
+        let mut outcome = Outcome {
+            solved: solved.is_ok(),
+            iterations: report.history.len(),
+            residual_norm: report.residual_norm(),
+            failure: None,
+        };
+        let error = match solved {
+            Ok(_) => return Ok(outcome),
+            Err(NewtonError::Map(e)) => return Err(e.into()),
+            Err(error) => error,
+        };
+        if let NewtonError::Failed(unsolved) = &error {
+            outcome.failure = Some(unsolved.reason);
+            outcome.residual_norm = unsolved.residual_norm;
+        }
+        let norm = outcome.residual_norm;
+        if self.best.as_ref().is_none_or(|(best, _)| norm < *best) {
+            self.best = Some((norm, error));
+        }
+        let progress = ContactProgress {
+            strategy,
+            points: self.count,
+            level: 1.0,
+        };
+        self.interrupted |= (self.observe)(&progress).is_break();
+        Ok(outcome)
+    }
+
+    /// The error when all has failed.
+    pub(super) fn no_start(self, parameter: f64) -> ContactError {
+        let Some((_, mut source)) = self.best else {
+            return ContactError::Empty {
+                what: "no start was tried",
+            };
+        };
+        if let NewtonError::Failed(unsolved) = &mut source
+            && self.interrupted
+        {
+            unsolved.reason = Failure::Interrupted;
+        }
+        ContactError::NoStart {
+            parameter,
+            source: Box::new(source),
+        }
+    }
+}
+
+/// The observer, which also stops when time is over.
+pub(super) fn timed<'a>(
+    deadline: Deadline,
+    observe: &'a mut Observer<'_>,
+) -> impl FnMut(&ContactProgress) -> ControlFlow<()> + 'a {
+    move |progress| match observe(progress) {
+        ControlFlow::Continue(()) => deadline.flow(),
+        stop => stop,
+    }
+}
