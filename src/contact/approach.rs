@@ -1,10 +1,8 @@
 //! Ways to a solution from a problem solved easily: the body is lowered onto the foundation.
 
-use std::ops::ControlFlow;
-
 use super::form::Form;
 use super::node_law::{LocalRow, LocalValues, NodeLaw};
-use super::start::newton_step;
+use super::tries::{Observer, newton_step};
 use super::{ContactError, ContactOptions, ContactProgress, ContactStrategy};
 use crate::continuation::{Arm, Continuation, ContinuationOptions, Direction, Event, Termination};
 use crate::newton::Newton;
@@ -18,8 +16,6 @@ const FEWEST: f64 = 300.0;
 /// Largest and smallest part of the way made in one increment.
 const LARGEST: f64 = 0.25;
 const SMALLEST: f64 = 1.0 / 512.0;
-
-pub(super) type Observer<'a> = dyn FnMut(&ContactProgress) -> ControlFlow<()> + 'a;
 
 /// A way down: its strategy, and which order of touching nodes it takes.
 #[derive(Debug, Clone, Copy)]

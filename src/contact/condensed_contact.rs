@@ -2,7 +2,7 @@ use std::borrow::Cow;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use super::approach::{Observer, lower};
+use super::approach::lower;
 use super::condensed::check_symmetric;
 use super::error::{check_finite, check_length};
 use super::form::{Form, sites_of_the_law};
@@ -11,6 +11,7 @@ use super::node_law::{LocalRow, LocalValues, MAX_TESTS, NodeLaw};
 use super::paths::Path;
 use super::reduced::reduced_newton;
 use super::solution::judge;
+use super::tries::Observer;
 use super::{
     ContactBody, ContactError, ContactOptions, ContactProgress, ContactReport, ContactSolution,
     DelassusProblem, strategy,

@@ -2,13 +2,13 @@ use std::borrow::Cow;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use super::approach::{Observer, lower};
+use super::approach::lower;
 use super::error::check_length;
 use super::form::{Form, sites_of_the_law};
 use super::node_law::{LocalRow, LocalValues, MAX_TESTS, NodeLaw};
 use super::paths::Path;
 use super::solution::{imbalance, judge};
-use super::start::newton_step;
+use super::tries::{Observer, newton_step};
 use super::{
     CondensedContact, ContactBody, ContactError, ContactOptions, ContactProgress, ContactReport,
     ContactSolution, LoadPath, strategy,

@@ -1,14 +1,11 @@
 use std::ops::ControlFlow;
 
-use super::approach::Observer;
-use super::tries::{Tries, timed};
+use super::tries::{Observer, Tries, newton_step, timed};
 use super::{
     ContactBody, ContactError, ContactOptions, ContactProgress, ContactReport, ContactState, ContactStrategy,
     FrictionCoefficient, FrictionCurve, FrictionMap, FrictionProblem, FullContact, LoadPath, PlanarCoulomb,
 };
 use crate::clock::Deadline;
-use crate::linear::{AutoSolver, LinearSolver};
-use crate::piecewise::{PiecewiseSmooth, Selection};
 use crate::sparse::Matrix;
 
 /// Where the search for a first point begins.
@@ -156,26 +153,4 @@ fn frozen<M: FrictionMap + ?Sized>(
     x: Vec<f64>,
 ) -> Result<Option<Vec<f64>>, ContactError> {
     newton_step(map, &map.selection_of(states), x)
-}
-
-/// One Newton step of a selection from x, `None` where its Jacobian is singular.
-pub(super) fn newton_step<M: PiecewiseSmooth + ?Sized>(
-    map: &M,
-    selection: &Selection,
-    mut x: Vec<f64>,
-) -> Result<Option<Vec<f64>>, ContactError> {
-    let n = map.num_residuals();
-    let mut jac = Matrix::zeros(map.pattern());
-    map.jacobian(selection, &x, &mut jac);
-    let mut r = vec![0.0; n];
-    map.residual(selection, &x, &mut r);
-    let mut solver = AutoSolver::default();
-    solver.analyze(jac.leading_columns(n).pattern)?;
-    if solver.factor(jac.leading_columns(n)).is_err() || solver.solve_in_place(&mut r).is_err() {
-        return Ok(None);
-    }
-    for (x, d) in x.iter_mut().zip(&r) {
-        *x -= d;
-    }
-    Ok(Some(x))
 }

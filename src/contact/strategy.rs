@@ -2,11 +2,11 @@
 
 use std::fmt;
 
-use super::approach::{Arrival, Observer, Way};
+use super::approach::{Arrival, Way};
 use super::error::{check_finite, check_length};
 use super::form::Form;
 use super::node_law::{LocalValues, NodeLaw};
-use super::tries::{Tries, timed};
+use super::tries::{Observer, Tries, timed};
 use super::{ContactError, ContactOptions};
 use crate::clock::Deadline;
 use crate::newton::Failure;
@@ -215,7 +215,10 @@ impl<F: Form> Search<'_, '_, F> {
             let Some(end) = lower(way, self.tries.observer())? else {
                 continue;
             };
-            self.tries.interrupted = end.interrupted;
+            if end.interrupted {
+                self.tries.interrupted = true;
+                return Ok(None);
+            }
             for factor in STIFFER {
                 let r = factor * self.form.stiffness();
                 let found = self.attempt(way.strategy, r, &end.x, end.points)?;

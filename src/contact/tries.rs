@@ -2,11 +2,14 @@
 
 use std::ops::ControlFlow;
 
-use super::approach::Observer;
 use super::{ContactError, ContactOptions, ContactProgress, ContactStrategy};
 use crate::clock::Deadline;
+use crate::linear::{AutoSolver, LinearSolver};
 use crate::newton::{Failure, Iteration, Newton, NewtonError};
-use crate::piecewise::PiecewiseSmooth;
+use crate::piecewise::{PiecewiseSmooth, Selection};
+use crate::sparse::Matrix;
+
+pub(super) type Observer<'a> = dyn FnMut(&ContactProgress) -> ControlFlow<()> + 'a;
 
 /// Runs of Newton's method; of those that fail the best one is kept.
 pub(super) struct Tries<'a, 'o> {
@@ -75,7 +78,11 @@ impl<'a, 'o> Tries<'a, 'o> {
             outcome.residual_norm = unsolved.residual_norm;
         }
         let norm = outcome.residual_norm;
-        if self.best.as_ref().is_none_or(|(best, _)| norm < *best) {
+        if self
+            .best
+            .as_ref()
+            .is_none_or(|(best, _)| norm.total_cmp(best).is_lt())
+        {
             self.best = Some((norm, error));
         }
         let progress = ContactProgress {
@@ -115,4 +122,26 @@ pub(super) fn timed<'a>(
         ControlFlow::Continue(()) => deadline.flow(),
         stop => stop,
     }
+}
+
+/// One Newton step of a selection from x, `None` where its Jacobian is singular.
+pub(super) fn newton_step<M: PiecewiseSmooth + ?Sized>(
+    map: &M,
+    selection: &Selection,
+    mut x: Vec<f64>,
+) -> Result<Option<Vec<f64>>, ContactError> {
+    let n = map.num_residuals();
+    let mut jac = Matrix::zeros(map.pattern());
+    map.jacobian(selection, &x, &mut jac);
+    let mut r = vec![0.0; n];
+    map.residual(selection, &x, &mut r);
+    let mut solver = AutoSolver::default();
+    solver.analyze(jac.leading_columns(n).pattern)?;
+    if solver.factor(jac.leading_columns(n)).is_err() || solver.solve_in_place(&mut r).is_err() {
+        return Ok(None);
+    }
+    for (x, d) in x.iter_mut().zip(&r) {
+        *x -= d;
+    }
+    Ok(Some(x))
 }

@@ -6,7 +6,7 @@ use crate::enumeration::{EnumerationError, directional_selections, local_selecti
 use crate::linear::{LinearError, LinearSolver, null_space};
 use crate::newton::MoorePenrose;
 use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, Vanishing};
-use crate::sparse::Matrix;
+use crate::sparse::{Matrix, distance};
 use crate::sparse::{dot, norm};
 
 /// Two unit tangents closer than this are one arm.
@@ -284,12 +284,4 @@ fn second_derivative<P: PiecewiseSmooth + ?Sized>(
         dot(psi, &image)
     };
     (at(h) - at(-h)) / (2.0 * h)
-}
-
-pub(super) fn distance(a: &[f64], b: &[f64]) -> f64 {
-    a.iter()
-        .zip(b)
-        .map(|(a, b)| (a - b) * (a - b))
-        .sum::<f64>()
-        .sqrt()
 }

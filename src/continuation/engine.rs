@@ -2,9 +2,7 @@ use std::collections::VecDeque;
 use std::fmt;
 
 use super::arms::{ArmSearch, Arms, RANK, vanishing_at};
-use super::monitor::Watch;
-use super::smooth::MAX_DENSE;
-use super::start::term_size;
+use super::watch::Watch;
 use super::{Arm, ContinuationError, ContinuationOptions, Event, Point, PointKind, Strategy, Termination};
 use crate::clock::Clock;
 use crate::linear::{AutoSolver, LinearSolver, null_space};
@@ -12,10 +10,13 @@ use crate::newton::MoorePenrose;
 use crate::piecewise::{
     ActiveSet, PiecewiseError, PiecewiseSmooth, Scaled, Selection, TestLayout, Vanishing,
 };
-use crate::sparse::norm;
+use crate::sparse::{Matrix, norm};
 
 /// |α̇| up to which ∇_yH counts as singular in the reported sign of its determinant.
 const SINGULAR: f64 = 1e-7;
+
+/// Largest number of residuals for which the dense extended system is solved.
+pub(super) const MAX_DENSE: usize = 120;
 
 /// A place on the curve, with all that is known there.
 #[derive(Debug, Clone, PartialEq)]
@@ -396,3 +397,15 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Iterator for Continuation<'_,
         }
     }
 }
+
+/// ‖ |J| (|x| + h |t|) ‖₂: the size of the terms that cancel in H.
+pub(super) fn term_size(jac: &Matrix, x: &[f64], h: f64, t: &[f64]) -> f64 {
+    let mut sums = vec![0.0; jac.nrows()];
+    for (i, j, v) in jac.triplets() {
+        sums[i] += v.abs() * (x[j].abs() + h * t[j].abs());
+    }
+    norm(&sums)
+}
+
+/// An event is known to lie inside the step but could not be located on it.
+pub(super) struct Unresolved;

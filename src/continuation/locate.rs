@@ -1,11 +1,10 @@
 //! Events inside a step and where exactly they are.
 
-use super::engine::{Continuation, State};
-use super::step::Unresolved;
+use super::engine::{Continuation, State, Unresolved};
 use super::{ContinuationError, Termination};
 use crate::linear::LinearSolver;
 use crate::piecewise::{Facet, PiecewiseError, PiecewiseSmooth};
-use crate::sparse::norm;
+use crate::sparse::{distance, norm};
 
 /// A scalar function along the curve whose sign must not change unnoticed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -346,7 +345,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         );
         match corrected {
             Ok(c) if c.converged => {
-                let strayed = super::arms::distance(&state.x, &guess);
+                let strayed = distance(&state.x, &guess);
                 if strayed > STRAY * high.s + 1e-9 * (1.0 + norm(&guess)) {
                     return Ok(false);
                 }

@@ -23,6 +23,7 @@ mod step;
 mod switching;
 mod transition;
 mod transition_set;
+mod watch;
 
 pub use branch::Branch;
 pub use certificate::certify;

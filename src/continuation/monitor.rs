@@ -2,28 +2,10 @@
 
 use super::engine::Continuation;
 use super::locate::{Monitor, side_factor};
+use super::watch::{Function, Watch};
 use super::{Event, MonitorCrossing, PointKind, Termination};
 use crate::linear::LinearSolver;
 use crate::piecewise::PiecewiseSmooth;
-
-/// A function of x = (y, α) that threads may share.
-type Function<'a> = Box<dyn Fn(&[f64]) -> f64 + Send + Sync + 'a>;
-
-/// A function of x, and the side of its zero set on which the curve runs.
-pub(super) struct Watch<'a> {
-    name: String,
-    function: Function<'a>,
-    stops: bool,
-    /// Sign of the function before its next zero; 0 as long as it has vanished exactly. Kept apart from values, which are rounding
-    /// errors at a zero that has just been passed.
-    pub(super) side: f64,
-}
-
-impl Watch<'_> {
-    pub(super) fn value(&self, x: &[f64]) -> f64 {
-        (self.function)(x)
-    }
-}
 
 impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
     /// Watches a function of x = (y, α): where its sign changes from one point of the curve to the next, the zero is located to

@@ -1,16 +1,13 @@
 //! Smooth branch points to full accuracy.
 
 use super::ContinuationError;
-use super::engine::Continuation;
+use super::engine::{Continuation, MAX_DENSE};
 use super::locate::Monitor;
-use super::step::distance;
 use crate::linear::{DenseLu, LinearSolver, null_space};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth};
-use crate::sparse::norm;
 use crate::sparse::{Matrix, Pattern};
+use crate::sparse::{distance, norm};
 
-/// Largest number of residuals for which the dense extended system is solved.
-pub(super) const MAX_DENSE: usize = 120;
 /// Distance to a facet, relative to 1 + ‖x‖, up to which a curve that is stuck is taken to have crept up to it.
 const CREEP: f64 = 1e-6;
 

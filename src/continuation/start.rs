@@ -2,8 +2,8 @@
 
 use std::collections::VecDeque;
 
-use super::arms::{Arms, distance};
-use super::engine::{Continuation, State};
+use super::arms::Arms;
+use super::engine::{Continuation, State, term_size};
 use super::{Arm, ContinuationError, ContinuationOptions, Strategy};
 use crate::clock::Clock;
 use crate::linear::{AutoSolver, LinearSolver};
@@ -11,7 +11,7 @@ use crate::newton::{MoorePenrose, Newton, NewtonOptions};
 use crate::piecewise::{
     ActiveSet, PiecewiseError, PiecewiseSmooth, Scaled, TestLayout, Vanishing, check_vector, select,
 };
-use crate::sparse::Matrix;
+use crate::sparse::{Matrix, distance};
 use crate::sparse::{dot, norm};
 
 /// Distance from a facet, relative to 1 + ‖x‖, within which a start is on it.
@@ -61,15 +61,6 @@ fn onto_curve<P: PiecewiseSmooth + ?Sized>(
         Err(_) if norm(&r) <= options.residual_tolerance * size => Ok(given),
         Err(e) => Err(e.into()),
     }
-}
-
-/// ‖ |J| (|x| + h |t|) ‖₂: the size of the terms that cancel in H.
-pub(super) fn term_size(jac: &Matrix, x: &[f64], h: f64, t: &[f64]) -> f64 {
-    let mut sums = vec![0.0; jac.nrows()];
-    for (i, j, v) in jac.triplets() {
-        sums[i] += v.abs() * (x[j].abs() + h * t[j].abs());
-    }
-    norm(&sums)
 }
 
 fn choose_start<'b>(arms: &'b Arms, direction: &Direction) -> Result<&'b Arm, ContinuationError> {

@@ -1,12 +1,11 @@
 //! One step of the located strategy: predict, correct with the selection frozen, accept or shorten, stop at the first event.
 
-use super::engine::Continuation;
+use super::engine::{Continuation, term_size};
 use super::locate::{Monitor, VERTICAL};
-use super::start::term_size;
 use super::{ContinuationError, PointKind, Termination};
 use crate::linear::LinearSolver;
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth};
-use crate::sparse::{dot, norm};
+use crate::sparse::{distance, dot, norm};
 
 /// Angle (as a distance of unit vectors) allowed between the chord of a step and the mean of the tangents at its ends.
 const CHORD: f64 = 0.05;
@@ -267,11 +266,4 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
             Err(e) => Err(e.into()),
         }
     }
-}
-
-/// An event is known to lie inside the step but could not be located on it.
-pub(super) struct Unresolved;
-
-pub(super) fn distance(a: &[f64], b: &[f64]) -> f64 {
-    super::arms::distance(a, b)
 }

@@ -8,7 +8,7 @@ use crate::linear::LinearSolver;
 use crate::piecewise::{
     ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, Vanishing, select_pieces,
 };
-use crate::sparse::{dot, norm};
+use crate::sparse::{distance, dot, norm};
 
 impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
     /// Steps 2 to 7: predict, correct with the selection of the active set at each iterate, halve on failure; a new selection
@@ -70,7 +70,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
     }
 
     fn arrive_switching(&mut self, corrections: usize) -> Result<(), ContinuationError> {
-        self.arclength += super::step::distance(&self.here.x, &self.next.x);
+        self.arclength += distance(&self.here.x, &self.next.x);
         std::mem::swap(&mut self.here, &mut self.next);
         self.here.orientation = self.corrector.orientation(&self.here.t);
         self.here.det_sign = self.corrector.det_sign();

@@ -3,14 +3,13 @@
 use super::arms::{Arms, TANGENTIAL};
 use super::engine::Continuation;
 use super::locate::VERTICAL;
-use super::step::distance;
 use super::{
     Arm, BranchPoint, ContinuationError, Event, PointKind, SiteChange, Termination, Transition,
     TransitionKind,
 };
 use crate::linear::LinearSolver;
 use crate::piecewise::{ActiveSet, PiecewiseSmooth, Vanishing};
-use crate::sparse::{dot, norm};
+use crate::sparse::{distance, dot, norm};
 
 /// An arm within this distance of the reversed tangent of arrival is the one the curve came along.
 const INCOMING: f64 = 1e-5;

@@ -1,3 +1,5 @@
+use crate::options::setters;
+
 /// Options of the enumeration. The defaults need no touching.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
@@ -31,32 +33,15 @@ impl Default for EnumerationOptions {
 }
 
 impl EnumerationOptions {
-    /// Sets the largest number of search nodes.
-    #[must_use]
-    pub fn with_max_nodes(mut self, max_nodes: u64) -> Self {
-        self.max_nodes = max_nodes;
-        self
-    }
-
-    /// Sets the number of starts of the local search for arms.
-    #[must_use]
-    pub fn with_local_starts(mut self, local_starts: usize) -> Self {
-        self.local_starts = local_starts;
-        self
-    }
-
-    /// Sets the distance up to which a point belongs to a cell.
-    #[must_use]
-    pub fn with_tolerance(mut self, tolerance: f64) -> Self {
-        self.tolerance = tolerance;
-        self
-    }
-
-    /// Sets the distance up to which points are one.
-    #[must_use]
-    pub fn with_merge_distance(mut self, merge_distance: f64) -> Self {
-        self.merge_distance = merge_distance;
-        self
+    setters! {
+        /// Sets the largest number of search nodes.
+        with_max_nodes(max_nodes: u64);
+        /// Sets the number of starts of the local search for arms.
+        with_local_starts(local_starts: usize);
+        /// Sets the distance up to which a point belongs to a cell.
+        with_tolerance(tolerance: f64);
+        /// Sets the distance up to which points are one.
+        with_merge_distance(merge_distance: f64);
     }
 
     /// Checks the ranges.

@@ -31,8 +31,19 @@ pub struct ElasticSystem {
     material_of: Vec<usize>,
 }
 
+impl Elasticity {
+    /// Assembles the stiffness matrix of the free displacements.
+    ///
+    /// # Errors
+    /// Groups that do not exist or are empty, components beyond the dimension, prescribed values that are not finite, nothing free,
+    /// supports that leave rigid motions ([`FemError::Floating`] names them).
+    pub fn assemble(&self) -> Result<ElasticSystem, FemError> {
+        ElasticSystem::new(self)
+    }
+}
+
 impl ElasticSystem {
-    pub(super) fn new(body: &Elasticity) -> Result<Self, FemError> {
+    fn new(body: &Elasticity) -> Result<Self, FemError> {
         let mesh = &body.mesh;
         let dim = mesh.dim();
         let mut fixed = vec![false; dim * mesh.num_nodes()];

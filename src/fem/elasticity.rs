@@ -1,8 +1,7 @@
 use std::fmt;
 use std::sync::Arc;
 
-use super::assembly::ElasticSystem;
-use super::{FemError, Material, Mesh, PlaneModel};
+use super::{Material, Mesh, PlaneModel};
 
 type Field = Arc<dyn Fn([f64; 3]) -> f64 + Send + Sync>;
 
@@ -116,14 +115,5 @@ impl Elasticity {
     #[must_use]
     pub fn mesh(&self) -> &Mesh {
         &self.mesh
-    }
-
-    /// Assembles the stiffness matrix of the free displacements.
-    ///
-    /// # Errors
-    /// Groups that do not exist or are empty, components beyond the dimension, prescribed values that are not finite, nothing free,
-    /// supports that leave rigid motions ([`FemError::Floating`] names them).
-    pub fn assemble(&self) -> Result<ElasticSystem, FemError> {
-        ElasticSystem::new(self)
     }
 }

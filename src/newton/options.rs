@@ -1,4 +1,5 @@
 use super::NewtonError;
+use crate::options::setters;
 
 /// When Newton steps are shortened.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -51,11 +52,15 @@ impl Default for NewtonOptions {
 }
 
 impl NewtonOptions {
-    /// Sets the largest number of iterations.
-    #[must_use]
-    pub fn with_max_iterations(mut self, n: usize) -> Self {
-        self.max_iterations = n;
-        self
+    setters! {
+        /// Sets the largest number of iterations.
+        with_max_iterations(max_iterations: usize);
+        /// Sets the sufficient decrease of the line search.
+        with_armijo(armijo: f64);
+        /// Sets the smallest step length of the line search.
+        with_min_damping(min_damping: f64);
+        /// Sets when steps are shortened.
+        with_damping(damping: Damping);
     }
 
     /// Sets the absolute and the relative tolerance.
@@ -63,27 +68,6 @@ impl NewtonOptions {
     pub fn with_tolerances(mut self, absolute: f64, relative: f64) -> Self {
         self.absolute_tolerance = absolute;
         self.relative_tolerance = relative;
-        self
-    }
-
-    /// Sets the sufficient decrease of the line search.
-    #[must_use]
-    pub fn with_armijo(mut self, armijo: f64) -> Self {
-        self.armijo = armijo;
-        self
-    }
-
-    /// Sets the smallest step length of the line search.
-    #[must_use]
-    pub fn with_min_damping(mut self, min_damping: f64) -> Self {
-        self.min_damping = min_damping;
-        self
-    }
-
-    /// Sets when steps are shortened.
-    #[must_use]
-    pub fn with_damping(mut self, damping: Damping) -> Self {
-        self.damping = damping;
         self
     }
 

@@ -1,13 +1,10 @@
 use std::borrow::Cow;
-use std::path::Path;
 
-use super::OutputError;
 use super::plane::{Point, Range};
 use super::walk::vertices;
 use crate::contact::ContactState;
 use crate::continuation::{Branch, Diagram, DiagramEdge, TransitionKind, VertexKind};
 use crate::piecewise::Selection;
-use crate::sparse::replace_file;
 
 /// An sRGB colour.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -308,27 +305,5 @@ impl BranchDiagram {
     pub fn with_size(mut self, width: u32, height: u32) -> Self {
         self.size = (width, height);
         self
-    }
-
-    /// The picture as SVG; the same diagram gives the same text.
-    ///
-    /// # Errors
-    /// Diagrams without a vertex, coordinates that are NaN, infinite or beyond 1e100, ranges that are no intervals, sizes out of
-    /// range.
-    pub fn to_svg(&self) -> Result<String, OutputError> {
-        super::draw::draw(self)
-    }
-
-    /// Writes the picture to a file, which it replaces in one move.
-    ///
-    /// # Errors
-    /// As [`to_svg`](Self::to_svg); [`OutputError::Io`].
-    pub fn write(&self, path: impl AsRef<Path>) -> Result<(), OutputError> {
-        let path = path.as_ref();
-        let svg = self.to_svg()?;
-        replace_file(path, |part| std::fs::write(part, &svg)).map_err(|e| OutputError::Io {
-            path: Some(path.to_path_buf()),
-            what: e.to_string(),
-        })
     }
 }

@@ -1,5 +1,7 @@
 //! Drawing of diagrams. The only place that knows plotters.
 
+use std::path::Path;
+
 use plotters::coord::Shift;
 use plotters::coord::types::RangedCoordf64;
 use plotters::element::DashedPathElement;
@@ -9,6 +11,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use super::OutputError;
 use super::diagram::{BranchDiagram, Colour, Curve, Panel, SegmentStyle};
 use super::plane::{Point, Range, clip, drawable, inside, padded_range, tick_label};
+use crate::sparse::replace_file;
 
 /// plotters rounds to whole pixels: everything is drawn this much larger and shown smaller.
 const SCALE: i32 = 4;
@@ -33,7 +36,31 @@ fn failed(e: impl std::fmt::Display) -> OutputError {
     OutputError::Drawing { what: e.to_string() }
 }
 
-pub(super) fn draw(diagram: &BranchDiagram) -> Result<String, OutputError> {
+impl BranchDiagram {
+    /// The picture as SVG; the same diagram gives the same text.
+    ///
+    /// # Errors
+    /// Diagrams without a vertex, coordinates that are NaN, infinite or beyond 1e100, ranges that are no intervals, sizes out of
+    /// range.
+    pub fn to_svg(&self) -> Result<String, OutputError> {
+        draw(self)
+    }
+
+    /// Writes the picture to a file, which it replaces in one move.
+    ///
+    /// # Errors
+    /// As [`to_svg`](Self::to_svg); [`OutputError::Io`].
+    pub fn write(&self, path: impl AsRef<Path>) -> Result<(), OutputError> {
+        let path = path.as_ref();
+        let svg = self.to_svg()?;
+        replace_file(path, |part| std::fs::write(part, &svg)).map_err(|e| OutputError::Io {
+            path: Some(path.to_path_buf()),
+            what: e.to_string(),
+        })
+    }
+}
+
+fn draw(diagram: &BranchDiagram) -> Result<String, OutputError> {
     let ranges = check(diagram)?;
     let (width, height) = diagram.size;
     let scale = SCALE as u32;

@@ -27,6 +27,7 @@ mod cells;
 mod derivatives;
 mod session;
 
+use crate::options::setters;
 use session::Session;
 
 /// Options of [`check`]. The defaults suit maps of moderate size and scale.
@@ -65,39 +66,17 @@ impl Default for CheckOptions {
 }
 
 impl CheckOptions {
-    /// Sets the tolerance for derivatives.
-    #[must_use]
-    pub fn with_tolerance(mut self, tolerance: f64) -> Self {
-        self.tolerance = tolerance;
-        self
-    }
-
-    /// Sets the tolerance for jumps.
-    #[must_use]
-    pub fn with_continuity_tolerance(mut self, tolerance: f64) -> Self {
-        self.continuity_tolerance = tolerance;
-        self
-    }
-
-    /// Sets the most selections examined at a point.
-    #[must_use]
-    pub fn with_max_selections(mut self, n: usize) -> Self {
-        self.max_selections = n;
-        self
-    }
-
-    /// Sets the number of findings at which the check ends.
-    #[must_use]
-    pub fn with_max_findings(mut self, n: usize) -> Self {
-        self.max_findings = n;
-        self
-    }
-
-    /// Sets whether selections are examined outside their cells.
-    #[must_use]
-    pub fn with_beyond_cells(mut self, yes: bool) -> Self {
-        self.beyond_cells = yes;
-        self
+    setters! {
+        /// Sets the tolerance for derivatives.
+        with_tolerance(tolerance: f64);
+        /// Sets the tolerance for jumps.
+        with_continuity_tolerance(continuity_tolerance: f64);
+        /// Sets the most selections examined at a point.
+        with_max_selections(max_selections: usize);
+        /// Sets the number of findings at which the check ends.
+        with_max_findings(max_findings: usize);
+        /// Sets whether selections are examined outside their cells.
+        with_beyond_cells(beyond_cells: bool);
     }
 
     /// Checks the ranges.

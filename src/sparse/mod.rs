@@ -18,4 +18,4 @@ pub use matrix_market::{
     parse_matrix_market, parse_vector, read_matrix_market, read_vector, write_matrix_market,
 };
 pub use pattern::{Pattern, PatternRef};
-pub(crate) use vector::{dot, max_abs, norm};
+pub(crate) use vector::{distance, dot, max_abs, norm};

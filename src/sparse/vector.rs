@@ -30,6 +30,15 @@ pub(crate) fn norm(v: &[f64]) -> f64 {
     max * v.iter().map(|x| (x / max).powi(2)).sum::<f64>().sqrt()
 }
 
+/// ‖a − b‖₂.
+pub(crate) fn distance(a: &[f64], b: &[f64]) -> f64 {
+    a.iter()
+        .zip(b)
+        .map(|(a, b)| (a - b) * (a - b))
+        .sum::<f64>()
+        .sqrt()
+}
+
 /// max |vᵢ|, 0 for an empty vector; NaN if there is one.
 pub(crate) fn max_abs(v: &[f64]) -> f64 {
     v.iter().fold(

@@ -3,7 +3,6 @@
 mod complementarity;
 mod contact;
 mod continuation;
-mod delassus;
 mod enumeration;
 mod fem;
 mod interface;
@@ -12,6 +11,5 @@ mod named;
 mod newton;
 mod output;
 mod piecewise;
-mod searches;
 mod sparse;
 mod table;

@@ -1,4 +1,5 @@
 use crate::complementarity::ComplementarityError;
+use crate::options::setters;
 
 /// Options of [`ActiveSetSolver`](super::ActiveSetSolver). The defaults need no touching.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,25 +30,13 @@ impl Default for ActiveSetOptions {
 }
 
 impl ActiveSetOptions {
-    /// Sets the largest number of iterations.
-    #[must_use]
-    pub fn with_max_iterations(mut self, max_iterations: usize) -> Self {
-        self.max_iterations = max_iterations;
-        self
-    }
-
-    /// Sets the tolerance.
-    #[must_use]
-    pub fn with_tolerance(mut self, tolerance: f64) -> Self {
-        self.tolerance = tolerance;
-        self
-    }
-
-    /// Sets the patience with block exchanges.
-    #[must_use]
-    pub fn with_patience(mut self, patience: usize) -> Self {
-        self.patience = patience;
-        self
+    setters! {
+        /// Sets the largest number of iterations.
+        with_max_iterations(max_iterations: usize);
+        /// Sets the tolerance.
+        with_tolerance(tolerance: f64);
+        /// Sets the patience with block exchanges.
+        with_patience(patience: usize);
     }
 
     /// Checks the ranges.

@@ -1,6 +1,7 @@
 use std::time::Duration;
 
 use super::DelassusError;
+use crate::options::setters;
 
 /// Options of [`DelassusSolver`](super::DelassusSolver). The defaults need no touching.
 #[derive(Debug, Clone, PartialEq)]
@@ -34,32 +35,15 @@ impl Default for DelassusOptions {
 }
 
 impl DelassusOptions {
-    /// Sets the residual of a solution.
-    #[must_use]
-    pub fn with_tolerance(mut self, tolerance: f64) -> Self {
-        self.tolerance = tolerance;
-        self
-    }
-
-    /// Sets the largest number of factorisations.
-    #[must_use]
-    pub fn with_max_factorisations(mut self, n: usize) -> Self {
-        self.max_factorisations = n;
-        self
-    }
-
-    /// Sets the largest number of sweeps in a row.
-    #[must_use]
-    pub fn with_max_sweeps(mut self, n: usize) -> Self {
-        self.max_sweeps = n;
-        self
-    }
-
-    /// Sets the largest wall-clock time.
-    #[must_use]
-    pub fn with_max_time(mut self, max_time: Option<Duration>) -> Self {
-        self.max_time = max_time;
-        self
+    setters! {
+        /// Sets the residual of a solution.
+        with_tolerance(tolerance: f64);
+        /// Sets the largest number of factorisations.
+        with_max_factorisations(max_factorisations: usize);
+        /// Sets the largest number of sweeps in a row.
+        with_max_sweeps(max_sweeps: usize);
+        /// Sets the largest wall-clock time.
+        with_max_time(max_time: Option<Duration>);
     }
 
     /// Checks the ranges.

@@ -1,7 +1,7 @@
 //! Edges joined to branches, branches to components.
 
 use super::{Diagram, EdgeEnd};
-use crate::continuation::arms::distance;
+use crate::sparse::distance;
 
 /// Two arms this far from opposite go straight through a vertex.
 const STRAIGHT: f64 = 1e-4;

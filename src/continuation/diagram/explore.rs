@@ -7,13 +7,12 @@ use super::arc::{Arc, FLAT, kind_of, kind_of_slots, reversed};
 use super::natural::{natural_observer, scaled_options, scaled_starts};
 use super::{Diagram, DiagramEdge, DiagramOptions, DiagramVertex, EdgeEnd, Limit, VertexArm, VertexKind};
 use crate::clock::Clock;
-use crate::continuation::arms::distance;
 use crate::continuation::{
     Arm, Continuation, ContinuationError, Event, MonitorCrossing, Point, PointKind, Strategy, Termination,
 };
 use crate::linear::AutoSolver;
 use crate::piecewise::{PiecewiseSmooth, Scaled};
-use crate::sparse::norm;
+use crate::sparse::{distance, norm};
 
 /// Arms of one vertex closer than this are one; at singular points tangents carry only half of the digits.
 const SAME_ARM: f64 = 1e-4;

@@ -1,4 +1,5 @@
 use crate::continuation::{ContinuationError, ContinuationOptions};
+use crate::options::setters;
 
 /// Options of [`Diagram::explore`](super::Diagram::explore).
 #[derive(Debug, Clone, PartialEq)]
@@ -32,38 +33,21 @@ impl Default for DiagramOptions {
 }
 
 impl DiagramOptions {
-    /// Sets how curves are followed.
-    #[must_use]
-    pub fn with_continuation(mut self, continuation: ContinuationOptions) -> Self {
-        self.continuation = continuation;
-        self
+    setters! {
+        /// Sets how curves are followed.
+        with_continuation(continuation: ContinuationOptions);
+        /// Sets the largest number of edges.
+        with_max_edges(max_edges: usize);
+        /// Sets the largest number of points on all curves together.
+        with_max_points(max_points: usize);
+        /// Sets the distance within which points are one vertex.
+        with_same_point(same_point: f64);
     }
 
     /// Sets the interval of the parameter.
     #[must_use]
     pub fn with_parameter_range(mut self, range: (f64, f64)) -> Self {
         self.continuation.parameter_range = range;
-        self
-    }
-
-    /// Sets the largest number of edges.
-    #[must_use]
-    pub fn with_max_edges(mut self, max_edges: usize) -> Self {
-        self.max_edges = max_edges;
-        self
-    }
-
-    /// Sets the largest number of points on all curves together.
-    #[must_use]
-    pub fn with_max_points(mut self, max_points: usize) -> Self {
-        self.max_points = max_points;
-        self
-    }
-
-    /// Sets the distance within which points are one vertex.
-    #[must_use]
-    pub fn with_same_point(mut self, same_point: f64) -> Self {
-        self.same_point = same_point;
         self
     }
 

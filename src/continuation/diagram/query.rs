@@ -2,12 +2,11 @@
 
 use super::split::Stretch;
 use super::{Diagram, VertexKind};
-use crate::continuation::arms::distance;
 use crate::continuation::{ContinuationError, Point};
 use crate::linear::AutoSolver;
 use crate::newton::MoorePenrose;
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Scaled, Selection};
-use crate::sparse::norm;
+use crate::sparse::{distance, norm};
 
 /// A solution at a given α.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,12 +1,11 @@
 //! Points inside known edges.
 
 use super::{Diagram, DiagramEdge, DiagramVertex, EdgeEnd, VertexArm, VertexKind};
-use crate::continuation::arms::distance;
 use crate::continuation::{ContinuationError, Point, PointKind};
 use crate::linear::AutoSolver;
 use crate::newton::MoorePenrose;
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth};
-use crate::sparse::{dot, norm};
+use crate::sparse::{distance, dot, norm};
 
 /// A point of a curve and its tangent there.
 type Placed = (Vec<f64>, Vec<f64>);

@@ -8,13 +8,12 @@ use std::ops::ControlFlow;
 
 use self::deflation::Steps;
 pub use self::options::SearchOptions;
-use super::arms::distance;
 use super::{ContinuationError, Diagram};
 use crate::clock::Clock;
 use crate::enumeration::Random;
 use crate::newton::{Newton, NewtonError, NewtonOptions};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, active_set, check_vector};
-use crate::sparse::norm;
+use crate::sparse::{distance, norm};
 
 /// What led to a solution.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

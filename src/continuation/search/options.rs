@@ -1,6 +1,7 @@
 use std::time::Duration;
 
 use crate::continuation::{ContinuationError, DiagramOptions};
+use crate::options::setters;
 
 /// Options of [`search_solutions`](super::search_solutions).
 #[derive(Debug, Clone, PartialEq)]
@@ -59,81 +60,29 @@ impl Default for SearchOptions {
 }
 
 impl SearchOptions {
-    /// Sets the number of random starts in each round.
-    #[must_use]
-    pub fn with_starts(mut self, starts: usize) -> Self {
-        self.starts = starts;
-        self
-    }
-
-    /// Sets the largest number of starts from neighbouring selections in each round.
-    #[must_use]
-    pub fn with_neighbours(mut self, neighbours: usize) -> Self {
-        self.neighbours = neighbours;
-        self
-    }
-
-    /// Sets the half-width of the box of random points.
-    #[must_use]
-    pub fn with_spread(mut self, spread: f64) -> Self {
-        self.spread = spread;
-        self
-    }
-
-    /// Sets the number of deflated runs in each round.
-    #[must_use]
-    pub fn with_deflations(mut self, deflations: usize) -> Self {
-        self.deflations = deflations;
-        self
-    }
-
-    /// Sets the largest number of rounds.
-    #[must_use]
-    pub fn with_rounds(mut self, rounds: usize) -> Self {
-        self.rounds = rounds;
-        self
-    }
-
-    /// Sets how far curves are followed.
-    #[must_use]
-    pub fn with_reach(mut self, reach: Option<f64>) -> Self {
-        self.reach = reach;
-        self
-    }
-
-    /// Sets how curves are followed.
-    #[must_use]
-    pub fn with_diagram(mut self, diagram: DiagramOptions) -> Self {
-        self.diagram = diagram;
-        self
-    }
-
-    /// Sets the number of solutions at which the search ends.
-    #[must_use]
-    pub fn with_max_solutions(mut self, max_solutions: usize) -> Self {
-        self.max_solutions = max_solutions;
-        self
-    }
-
-    /// Sets the distance within which two points are one.
-    #[must_use]
-    pub fn with_merge_distance(mut self, merge_distance: f64) -> Self {
-        self.merge_distance = merge_distance;
-        self
-    }
-
-    /// Sets where the sequence of random numbers begins.
-    #[must_use]
-    pub fn with_seed(mut self, seed: u64) -> Self {
-        self.seed = seed;
-        self
-    }
-
-    /// Sets the largest wall-clock time.
-    #[must_use]
-    pub fn with_max_time(mut self, max_time: Option<Duration>) -> Self {
-        self.max_time = max_time;
-        self
+    setters! {
+        /// Sets the number of random starts in each round.
+        with_starts(starts: usize);
+        /// Sets the largest number of starts from neighbouring selections in each round.
+        with_neighbours(neighbours: usize);
+        /// Sets the half-width of the box of random points.
+        with_spread(spread: f64);
+        /// Sets the number of deflated runs in each round.
+        with_deflations(deflations: usize);
+        /// Sets the largest number of rounds.
+        with_rounds(rounds: usize);
+        /// Sets how far curves are followed.
+        with_reach(reach: Option<f64>);
+        /// Sets how curves are followed.
+        with_diagram(diagram: DiagramOptions);
+        /// Sets the number of solutions at which the search ends.
+        with_max_solutions(max_solutions: usize);
+        /// Sets the distance within which two points are one.
+        with_merge_distance(merge_distance: f64);
+        /// Sets where the sequence of random numbers begins.
+        with_seed(seed: u64);
+        /// Sets the largest wall-clock time.
+        with_max_time(max_time: Option<Duration>);
     }
 
     /// Checks the ranges.

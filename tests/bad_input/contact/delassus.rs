@@ -4,10 +4,10 @@ use std::time::Duration;
 use semismooth::contact::{DelassusOptions, DelassusProblem, DelassusSolver};
 use semismooth::sparse::{Matrix, Pattern};
 
-use super::contact::stiffness;
-use super::table::{BAD, Table, rows};
+use super::stiffness;
+use crate::table::{BAD, Table, rows};
 
-pub(crate) fn delassus(t: &mut Table) {
+pub(super) fn delassus(t: &mut Table) {
     let new = "contact::DelassusProblem::new";
     let make =
         |dimension, matrix: Matrix, q: Vec<f64>, mu: Vec<f64>| DelassusProblem::new(dimension, matrix, q, mu);

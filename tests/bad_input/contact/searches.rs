@@ -8,11 +8,11 @@ use semismooth::contact::{
 use semismooth::continuation::ContinuationOptions;
 use semismooth::newton::NewtonOptions;
 
-use super::contact::{condensed, full, problem};
-use super::table::Table;
+use super::{condensed, full, problem};
+use crate::table::Table;
 
 /// Options of searches at fixed α.
-pub(crate) fn searches(t: &mut Table) {
+pub(super) fn searches(t: &mut Table) {
     let o = ContactOptions::default;
     let no_newton = o().with_newton(NewtonOptions::default().with_max_iterations(0));
     let wrong = [

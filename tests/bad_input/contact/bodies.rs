@@ -1,0 +1,198 @@
+use semismooth::contact::{
+    CondensedContact, CondensedFriction, ContactBody, FrictionPath, FrictionProblem, FullContact, GivenBound,
+    LoadPath, UniquenessConstants, check_multipliers, critical_friction, friction_bounds, inf_sup_constant,
+};
+use semismooth::sparse::{Matrix, Pattern};
+
+use super::{body, condensed, law, load, normal, stiffness, tangential};
+use crate::table::{BAD, NOT_POSITIVE, Table, rows};
+
+pub(super) fn bodies(t: &mut Table) {
+    let new = "contact::ContactBody::new";
+    let with = |a: Matrix, n: Matrix, b: Vec<Matrix>| ContactBody::new(a, n, b, load());
+    let none = |m, n| Matrix::zeros(Pattern::full(m, n));
+    t.refuses(new, "no displacements", "empty", || {
+        with(none(0, 0), none(0, 0), vec![none(0, 0)])
+    });
+    t.refuses(new, "no contacts", "", || {
+        with(stiffness(), none(0, 2), vec![none(0, 2)])
+    });
+    t.refuses(new, "an oblong A", "A", || {
+        with(normal(), normal(), vec![tangential()])
+    });
+    t.refuses(new, "normal rows of another width", "", || {
+        with(stiffness(), rows(&[&[1.0]]), vec![tangential()])
+    });
+    t.refuses(new, "tangential rows of another width", "", || {
+        with(stiffness(), normal(), vec![rows(&[&[1.0]])])
+    });
+    t.refuses(new, "too many tangents", "", || {
+        with(stiffness(), normal(), vec![tangential(); 3])
+    });
+    t.refuses(new, "no tangents", "", || with(stiffness(), normal(), vec![]));
+    for bad in BAD {
+        t.refuses(new, "A", "(0, 0)", || {
+            with(rows(&[&[bad, 0.0], &[0.0, 1.0]]), normal(), vec![tangential()])
+        });
+        t.refuses(new, "normal rows", "(0, 0)", || {
+            with(stiffness(), rows(&[&[bad, 0.0]]), vec![tangential()])
+        });
+        t.refuses(new, "tangential rows", "(0, 1)", || {
+            with(stiffness(), normal(), vec![rows(&[&[0.0, bad]])])
+        });
+        t.refuses(new, "the load", "load", || {
+            ContactBody::new(
+                stiffness(),
+                normal(),
+                vec![tangential()],
+                LoadPath::constant(vec![bad, 0.0]),
+            )
+        });
+        t.refuses("contact::ContactBody::with_gap", "the gap", "gap[0]", || {
+            body().with_gap(vec![bad])
+        });
+        t.survives("contact::ContactBody::load_at", "alpha", || body().load_at(bad));
+    }
+    for n in [0, 1, 3] {
+        t.refuses(new, "a load of another length", "load", || {
+            ContactBody::new(
+                stiffness(),
+                normal(),
+                vec![tangential()],
+                LoadPath::constant(vec![1.0; n]),
+            )
+        });
+    }
+    t.refuses("contact::ContactBody::with_gap", "another length", "gap", || {
+        body().with_gap(vec![])
+    });
+    // A, B and loads of any size.
+    for size in [1e-320, 1e-300, 1e160, 1e300, f64::MAX] {
+        t.survives("contact::CondensedContact::new", "sizes", || {
+            let a = rows(&[&[size, 0.0], &[0.0, size]]);
+            let body =
+                ContactBody::new(a, normal(), vec![tangential()], LoadPath::constant(vec![size; 2])).unwrap();
+            let full = FullContact::new(body.clone(), law(0.3)).and_then(|c| c.solve(0.0, None));
+            let condensed = CondensedContact::new(body, law(0.3)).and_then(|c| c.solve(0.0, None));
+            (full, condensed)
+        });
+    }
+    for (input, a) in [
+        ("singular", rows(&[&[1.0, -1.0], &[-1.0, 1.0]])),
+        ("indefinite", rows(&[&[1.0, 2.0], &[2.0, 1.0]])),
+        ("zero", rows(&[&[0.0, 0.0], &[0.0, 0.0]])),
+    ] {
+        let body = ContactBody::new(a.clone(), normal(), vec![tangential()], load()).unwrap();
+        t.refuses("contact::CondensedContact::new", input, "", || {
+            CondensedContact::new(body.clone(), law(0.3)).map(drop)
+        });
+        t.survives("contact::FullContact::solve", input, || {
+            FullContact::new(body, law(0.3)).and_then(|c| c.solve(0.0, None))
+        });
+        let p = FrictionProblem::new(
+            a,
+            normal(),
+            tangential(),
+            load(),
+            FrictionPath::constant(vec![0.3]),
+        )
+        .unwrap();
+        t.refuses("contact::CondensedFriction::new", input, "", || {
+            CondensedFriction::new(p).map(drop)
+        });
+    }
+}
+
+pub(super) fn measures(t: &mut Table) {
+    let c = condensed();
+    for bad in BAD.into_iter().chain(NOT_POSITIVE) {
+        t.refuses("contact::friction_bounds", "the largest slip", "slip", || {
+            friction_bounds(&c, 0.0, bad, 10)
+        });
+        t.refuses("contact::UniquenessConstants::new", "an area", "", || {
+            UniquenessConstants::new(&c, &[bad])
+        });
+    }
+    for bad in BAD {
+        t.survives("contact::friction_bounds", "alpha", || {
+            friction_bounds(&c, bad, 1.0, 10)
+        });
+    }
+    for samples in [0, 1] {
+        t.refuses("contact::friction_bounds", "too few samples", "samples", || {
+            friction_bounds(&c, 0.0, 1.0, samples)
+        });
+    }
+    for n in [0, 2] {
+        t.refuses(
+            "contact::UniquenessConstants::new",
+            "areas of another length",
+            "area",
+            || UniquenessConstants::new(&c, &vec![1.0; n]),
+        );
+    }
+    t.survives("contact::critical_friction", "another law", || {
+        let given = condensed().with_law(GivenBound::new(1, vec![0.1], vec![[0.3; 2]]).unwrap())?;
+        critical_friction(&given)
+    });
+    let q = rows(&[&[1.0, 0.0]]);
+    t.refuses(
+        "contact::check_multipliers",
+        "a multiplier that is not seen",
+        "",
+        || check_multipliers(&rows(&[&[0.0, 0.0]])),
+    );
+    const LARGE: usize = 100_000;
+    let one_entry = Matrix::from_triplets(LARGE, 3, &[(5, 1, 2.0)]).unwrap();
+    t.refuses(
+        "contact::check_multipliers",
+        "many multipliers that are not seen",
+        "100000 multipliers, but the displacements tell only 1 of",
+        || check_multipliers(&one_entry),
+    );
+    let large = Matrix::identity(LARGE);
+    t.refuses(
+        "contact::check_multipliers",
+        "too many",
+        "100000 x 100000",
+        || check_multipliers(&large),
+    );
+    // A displacement that all nodes share makes the Gram matrix full, and tells nothing of their independence.
+    let shared: Vec<_> = (0..30_000)
+        .flat_map(|i| [(i, i, 1.0), (i, 30_000, 1.0)])
+        .collect();
+    let shared = Matrix::from_triplets(30_000, 30_001, &shared).unwrap();
+    t.survives(
+        "contact::ContactBody::new",
+        "a displacement that all nodes share",
+        || {
+            let load = LoadPath::constant(vec![0.0; 30_001]);
+            let (a, bt) = (Matrix::identity(30_001), shared.clone());
+            ContactBody::new(a, shared.clone(), vec![bt], load).unwrap()
+        },
+    );
+    t.survives("contact::check_multipliers", "nothing", || {
+        check_multipliers(&Matrix::zeros(Pattern::full(0, 0)))
+    });
+    let (k, one) = (stiffness(), rows(&[&[1.0]]));
+    t.refuses("contact::inf_sup_constant", "another shape", "", || {
+        inf_sup_constant((&k, &one), (&k, &q))
+    });
+    t.refuses(
+        "contact::inf_sup_constant",
+        "another number of multipliers",
+        "",
+        || inf_sup_constant((&k, &q), (&k, &k)),
+    );
+    t.refuses("contact::inf_sup_constant", "an indefinite metric", "", || {
+        inf_sup_constant((&rows(&[&[1.0, 2.0], &[2.0, 1.0]]), &q), (&k, &q))
+    });
+    for bad in BAD {
+        t.refuses("contact::check_multipliers", "no numbers", "", || {
+            check_multipliers(&rows(&[&[bad, 0.0]]))
+        });
+        t.refuses("contact::inf_sup_constant", "no numbers", "", || {
+            inf_sup_constant((&rows(&[&[bad, 0.0], &[0.0, 1.0]]), &q), (&k, &q))
+        });
+    }
+}

@@ -1,0 +1,235 @@
+use std::ops::ControlFlow;
+
+use semismooth::contact::{EvolutionOptions, FixedPointOptions, evolve, fixed_point};
+use semismooth::piecewise::PiecewiseSmooth;
+
+use super::{condensed, full};
+use crate::table::{BAD, NOT_POSITIVE, Table};
+
+pub(super) fn contacts(t: &mut Table) {
+    let (c, f) = (condensed(), full());
+    let (m, n) = (c.num_vars(), f.num_vars());
+    for len in [0, 1, n + 3] {
+        let x = vec![0.5; len];
+        t.refuses(
+            "contact::CondensedContact::contact_displacements",
+            "x of another length",
+            "",
+            || c.contact_displacements(&x),
+        );
+        t.refuses(
+            "contact::CondensedContact::displacements",
+            "x of another length",
+            "",
+            || c.displacements(&x),
+        );
+        t.refuses(
+            "contact::CondensedContact::solution",
+            "x of another length",
+            "",
+            || c.solution(&x),
+        );
+        t.refuses(
+            "contact::CondensedContact::solve",
+            "a start of another length",
+            "start",
+            || c.solve(0.0, Some(&x)),
+        );
+        t.refuses(
+            "contact::CondensedContact::point_of_reactions",
+            "reactions of another length",
+            "",
+            || c.point_of_reactions(0.0, &x),
+        );
+        t.refuses(
+            "contact::FullContact::restrict",
+            "x of another length",
+            "",
+            || f.restrict(&x),
+        );
+        t.refuses(
+            "contact::FullContact::solution",
+            "x of another length",
+            "",
+            || f.solution(&x),
+        );
+        t.refuses(
+            "contact::FullContact::solve",
+            "a start of another length",
+            "start",
+            || f.solve(0.0, Some(&x)),
+        );
+        t.refuses(
+            "contact::fixed_point",
+            "a start of another length",
+            "solution x",
+            || fixed_point(&c, &x, &FixedPointOptions::default()),
+        );
+        t.refuses(
+            "contact::evolve",
+            "a start of another length",
+            "solution x",
+            || {
+                evolve(&mut condensed(), &x, &[0.1], &EvolutionOptions::default(), |_| {
+                    ControlFlow::Continue(())
+                })
+            },
+        );
+    }
+    for len in [0, 2, 5] {
+        t.refuses(
+            "contact::CondensedContact::set_reference_slip",
+            "another length",
+            "slip",
+            || condensed().set_reference_slip(&vec![0.0; len]),
+        );
+        t.refuses(
+            "contact::FullContact::set_reference_slip",
+            "another length",
+            "slip",
+            || full().set_reference_slip(&vec![0.0; len]),
+        );
+    }
+    let start = c.solve(0.0, None).unwrap();
+    for bad in BAD {
+        let x = vec![bad; m];
+        t.refuses(
+            "contact::CondensedContact::contact_displacements",
+            "x",
+            "[0]",
+            || c.contact_displacements(&x),
+        );
+        t.refuses("contact::CondensedContact::displacements", "x", "[0]", || {
+            c.displacements(&x)
+        });
+        t.refuses("contact::CondensedContact::solution", "x", "[0]", || {
+            c.solution(&x)
+        });
+        t.refuses("contact::CondensedContact::solve", "the start", "[0]", || {
+            c.solve(0.0, Some(&x))
+        });
+        t.refuses("contact::CondensedContact::solve", "alpha", "", || {
+            c.solve(bad, None)
+        });
+        t.refuses("contact::CondensedContact::stick_start", "alpha", "", || {
+            c.stick_start(bad)
+        });
+        t.refuses("contact::CondensedContact::delassus", "alpha", "", || {
+            c.delassus(bad)
+        });
+        t.refuses(
+            "contact::CondensedContact::point_of_reactions",
+            "alpha",
+            "",
+            || c.point_of_reactions(bad, &[0.0; 2]),
+        );
+        t.refuses(
+            "contact::CondensedContact::point_of_reactions",
+            "reactions",
+            "[0]",
+            || c.point_of_reactions(0.0, &[bad; 2]),
+        );
+        t.survives("contact::CondensedContact::free_motion", "alpha", || {
+            c.free_motion(bad)
+        });
+        t.refuses(
+            "contact::CondensedContact::set_reference_slip",
+            "slip",
+            "slip",
+            || condensed().set_reference_slip(&[bad]),
+        );
+        t.refuses("contact::FullContact::set_reference_slip", "slip", "slip", || {
+            full().set_reference_slip(&[bad])
+        });
+        t.refuses("contact::FullContact::restrict", "x", "[0]", || {
+            f.restrict(&vec![bad; n])
+        });
+        t.refuses("contact::FullContact::solution", "x", "[0]", || {
+            f.solution(&vec![bad; n])
+        });
+        t.refuses("contact::FullContact::solve", "the start", "[0]", || {
+            f.solve(0.0, Some(&vec![bad; n]))
+        });
+        t.refuses("contact::FullContact::solve", "alpha", "", || f.solve(bad, None));
+        t.refuses("contact::fixed_point", "the start", "[0]", || {
+            fixed_point(&c, &x, &FixedPointOptions::default())
+        });
+        t.refuses("contact::evolve", "the start", "[0]", || {
+            evolve(&mut condensed(), &x, &[0.1], &EvolutionOptions::default(), |_| {
+                ControlFlow::Continue(())
+            })
+        });
+        t.refuses("contact::evolve", "a level", "[1]", || {
+            evolve(
+                &mut condensed(),
+                &start,
+                &[0.1, bad],
+                &EvolutionOptions::default(),
+                |_| ControlFlow::Continue(()),
+            )
+        });
+    }
+    t.survives("contact::evolve", "no levels", || {
+        evolve(
+            &mut condensed(),
+            &start,
+            &[],
+            &EvolutionOptions::default(),
+            |_| ControlFlow::Continue(()),
+        )
+    });
+    let o = FixedPointOptions::default;
+    for bad in BAD.into_iter().chain(NOT_POSITIVE) {
+        t.refuses("contact::fixed_point", "relaxation", "relaxation", || {
+            fixed_point(&c, &start, &o().with_relaxation(bad))
+        });
+        t.refuses(
+            "contact::FixedPointOptions::validate",
+            "relaxation",
+            "relaxation",
+            || o().with_relaxation(bad).validate(),
+        );
+    }
+    for bad in [f64::NAN, f64::INFINITY, -1.0] {
+        t.refuses("contact::fixed_point", "tolerance", "tolerance", || {
+            fixed_point(&c, &start, &o().with_tolerance(bad))
+        });
+    }
+    t.refuses(
+        "contact::fixed_point",
+        "a relaxation above 1",
+        "relaxation",
+        || fixed_point(&c, &start, &o().with_relaxation(1.5)),
+    );
+    for limit in [0, usize::MAX] {
+        t.survives("contact::fixed_point", "absurd limits", || {
+            fixed_point(&c, &start, &o().with_max_iterations(limit))
+        });
+    }
+    for size in [1e160, 1e300, f64::MAX] {
+        t.survives("contact::CondensedContact::solve", "huge alpha", || {
+            c.solve(size, None)
+        });
+        t.survives("contact::FullContact::solve", "huge alpha", || {
+            f.solve(-size, None)
+        });
+        t.survives("contact::CondensedContact::solution", "huge x", || {
+            c.solution(&vec![size; m])
+        });
+        t.survives("contact::CondensedContact::displacements", "huge x", || {
+            c.displacements(&vec![-size; m])
+        });
+        t.survives("contact::FullContact::solution", "huge x", || {
+            f.solution(&vec![size; n])
+        });
+        t.survives("contact::evolve", "huge levels", || {
+            evolve(
+                &mut condensed(),
+                &start,
+                &[size],
+                &EvolutionOptions::default(),
+                |_| ControlFlow::Continue(()),
+            )
+        });
+    }
+}
