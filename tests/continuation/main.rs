@@ -1,7 +1,31 @@
-//! Curves with known transitions, folds and branch points.
+//! Curves with known transitions, folds and branch points; diagrams, lists, saved runs.
+
+#[path = "../common/mod.rs"]
+mod common;
+#[path = "../../examples/common/squares.rs"]
+mod squares;
+#[allow(dead_code)]
+#[path = "../support/mod.rs"]
+mod support;
 
 mod control;
+mod diagram;
+mod diagram_output;
+mod diagram_resume;
+mod enumeration;
+mod friction_parameter;
 mod kinks;
+mod live_output;
+mod load_paths;
+mod local_arms;
 mod maps;
+mod monitors;
+mod reproducibility;
+mod resume;
+mod search;
+mod seed_reference;
+mod seed_strategy;
 mod smooth;
+mod transition_sets;
+mod uniqueness;
 mod units;

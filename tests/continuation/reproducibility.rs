@@ -1,11 +1,10 @@
 //! The same input gives the same bits: run after run, alone or beside other threads.
 
-mod common;
-
+use crate::squares;
 use std::fmt::Debug;
 use std::ops::ControlFlow;
 
-use common::cases;
+use crate::common::cases;
 use semismooth::complementarity::pivoting::Lemke;
 use semismooth::complementarity::{AffineFunction, Lcp, Mcp, McpSolver};
 use semismooth::contact::{
@@ -16,9 +15,6 @@ use semismooth::continuation::{Diagram, DiagramOptions, SearchOptions, search_so
 use semismooth::enumeration::{EnumerationOptions, all_solutions};
 use semismooth::piecewise::PiecewiseSmooth;
 use semismooth::sparse::Matrix;
-
-#[path = "../examples/common/squares.rs"]
-mod squares;
 
 /// What a computation gives, with all digits of all numbers.
 fn digits(value: &impl Debug) -> String {

@@ -1,7 +1,6 @@
 //! Tables of runs that are killed: all but the step under way is there.
 
-mod common;
-
+use crate::common;
 use std::cell::RefCell;
 use std::io::Write;
 use std::rc::Rc;

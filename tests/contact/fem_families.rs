@@ -7,7 +7,7 @@ use semismooth::contact::{CondensedFriction, FrictionProblem, FrictionStart, fir
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, Termination};
 use serde_json::Value;
 
-#[path = "../examples/common/families.rs"]
+#[path = "../../examples/common/families.rs"]
 mod families;
 
 fn data(name: &str) -> PathBuf {

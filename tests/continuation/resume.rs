@@ -1,8 +1,7 @@
 //! Runs interrupted after any event go on as if nothing had happened.
 #![cfg(feature = "serde")]
 
-mod common;
-
+use crate::common;
 use semismooth::contact::{CondensedFriction, FrictionStart, first_point};
 use semismooth::continuation::{
     Continuation, ContinuationError, ContinuationOptions, Direction, Event, SavedRun, Termination,

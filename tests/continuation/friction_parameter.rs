@@ -1,8 +1,7 @@
 //! The coefficient of friction as the parameter: curved pieces, folds, and paths of load and friction together.
 #![cfg(feature = "json")]
 
-mod common;
-
+use crate::common;
 use std::path::Path;
 
 use semismooth::contact::{

@@ -1,12 +1,10 @@
 //! The contract of the solver seam: determinants, reuse, misuse; Cholesky and kernels.
 
-mod support;
-
+use crate::support::{Rng, check_solves, dense, factored, general_solvers, laplacian, sparse};
 use semismooth::linear::{
     AutoSolver, Cholesky, DENSE_LIMIT, DenseLu, LinearError, LinearSolver, SparseLu, null_space,
 };
 use semismooth::sparse::{Matrix, MatrixRef, Pattern, PatternRef};
-use support::{Rng, check_solves, dense, factored, general_solvers, laplacian, sparse};
 
 /// Determinant by expansion along the first row.
 fn cofactor_det(a: &[Vec<f64>]) -> f64 {

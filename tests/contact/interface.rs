@@ -1,9 +1,6 @@
 //! Operators with a law on few of their quantities: full form, condensed form and the contact module's own forms are one problem.
 
-#[allow(dead_code)]
-#[path = "support/mod.rs"]
-mod support;
-
+use crate::support::{Rng, laplacian};
 use semismooth::contact::{
     CondensedFriction, FrictionPath, FrictionProblem, FrictionStart, LoadPath, first_point,
 };
@@ -15,7 +12,6 @@ use semismooth::newton::Newton;
 use semismooth::piecewise::check::{CheckOptions, check};
 use semismooth::piecewise::{Facet, PiecewiseSmooth, Selection, select};
 use semismooth::sparse::Matrix;
-use support::{Rng, laplacian};
 
 /// Coulomb friction in the plane, written anew: v = (u_ν, u_t), λ = (λ_ν, λ_t), nodes in blocks; r = 1.
 #[derive(Debug, Clone)]

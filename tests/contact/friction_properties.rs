@@ -1,8 +1,6 @@
 //! Random frictional problems: every branch, followed from every solution, against conditions and determinants of the tests' own.
 
-mod dense;
-
-use dense::{det_sign, distance, dot, eliminate, norm};
+use crate::dense::{det_sign, distance, dot, eliminate, norm};
 use proptest::prelude::*;
 use semismooth::contact::{
     CondensedFriction, ContactState, FrictionMap, FrictionPath, FrictionProblem, LoadPath, SlipBound,

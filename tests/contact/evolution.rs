@@ -1,14 +1,12 @@
 //! Histories of loading: energy balance, shakedown to a loop, agreement of followed and solved steps.
 
+use crate::squares;
 use std::ops::ControlFlow;
 use std::time::Duration;
 
 use semismooth::contact::{Arrival, ContactOptions, EvolutionOptions, evolve};
 use semismooth::continuation::{ContinuationOptions, Termination};
 use semismooth::newton::NewtonOptions;
-
-#[path = "../examples/common/squares.rs"]
-mod squares;
 
 fn levels(steps: usize) -> Vec<f64> {
     let corners = [0.0, 1.0, -1.0, 1.0, -1.0];

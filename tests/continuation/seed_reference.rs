@@ -1,8 +1,7 @@
 //! The seed's examples against exact rational arithmetic: every branch, from both ends, for step bounds over four decades.
 
-mod common;
-
-use common::{Case, Link, Vertex, cases};
+use crate::common;
+use crate::common::{Case, Link, Vertex, cases};
 use semismooth::contact::{CondensedFriction, FrictionMap, FrictionStart, first_point};
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, Termination, TransitionKind};
 

@@ -1,11 +1,9 @@
 //! General solvers: every answer is checked by reconstruction, every dead end by its error.
 
-mod support;
-
+use crate::support::{Rng, check_solves, dense, factored, general_solvers, laplacian, residual, sparse};
 use proptest::prelude::*;
 use semismooth::linear::{Cholesky, DenseLu, LinearError, LinearSolver, SparseLu};
 use semismooth::sparse::{Matrix, Pattern};
-use support::{Rng, check_solves, dense, factored, general_solvers, laplacian, residual, sparse};
 
 #[test]
 fn all_solvers_reconstruct_random_right_hand_sides() {

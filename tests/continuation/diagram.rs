@@ -1,10 +1,9 @@
 //! Diagrams: the complete solution sets of the seed's examples, branchings, closed curves, starts that meet.
 
-mod common;
-
+use crate::common;
 use std::ops::ControlFlow;
 
-use common::{Case, cases};
+use crate::common::{Case, cases};
 use semismooth::contact::{FrictionMap, FrictionStart, first_point};
 use semismooth::continuation::{Completeness, Diagram, DiagramOptions, Limit, VertexKind};
 use semismooth::piecewise::{MinMap, PiecewiseSmooth};

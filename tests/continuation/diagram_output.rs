@@ -1,7 +1,6 @@
 //! Diagrams from all solutions at chosen parameters, against brute force over all selections; and what is written of them.
 
-mod common;
-
+use crate::common;
 use semismooth::contact::{CondensedFriction, FrictionPath, FrictionProblem, LoadPath};
 use semismooth::continuation::{Completeness, Diagram, DiagramOptions, Limit, VertexKind, certify};
 use semismooth::enumeration::{EnumerationOptions, all_solutions};

@@ -1,11 +1,8 @@
 //! Searches for solutions where no complete enumeration is asked for: what they find is compared with complete lists.
 
-#[path = "support/mod.rs"]
-#[allow(dead_code)]
-mod support;
-
 use std::ops::ControlFlow;
 
+use crate::support::Rng;
 use semismooth::contact::{CondensedFriction, FrictionPath, FrictionProblem, LoadPath};
 use semismooth::continuation::{
     ContinuationError, FoundBy, FoundSolutions, SearchOptions, search_solutions, search_solutions_observed,
@@ -13,7 +10,6 @@ use semismooth::continuation::{
 use semismooth::enumeration::{Completeness, EnumerationOptions, all_solutions};
 use semismooth::piecewise::{MinMap, PiecewiseSmooth};
 use semismooth::sparse::Matrix;
-use support::Rng;
 
 const NONE: [[f64; 1]; 0] = [];
 

@@ -3,7 +3,7 @@
 use semismooth::contact::{CondensedContact, FixedPointOptions, NodeLaw, fixed_point};
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, PointKind, Termination};
 
-#[path = "../examples/common/bars.rs"]
+#[path = "../../examples/common/bars.rs"]
 mod bars;
 
 /// Follows ζ from 3.2 on the sticking side down, through both folds.
@@ -76,7 +76,7 @@ fn plane_bar() {
 /// Displacements and nodal forces of all contact nodes at ζ = 1.4, all three solutions on both meshes.
 #[test]
 fn all_nodes_of_the_plane_bar() {
-    let json: serde_json::Value = serde_json::from_str(include_str!("data/bar2d.json")).unwrap();
+    let json: serde_json::Value = serde_json::from_str(include_str!("../data/bar2d.json")).unwrap();
     for (nx, name) in [(20, "20x2"), (40, "40x4")] {
         let bar = bars::bar2d(nx).unwrap();
         let branch = follow(&bar.problem);

@@ -1,7 +1,6 @@
 //! Certificates of local uniqueness: they fail exactly at folds and branchings.
 
-mod common;
-
+use crate::common;
 use proptest::prelude::*;
 use semismooth::contact::{FrictionPath, FrictionProblem, FrictionStart, LoadPath, first_point};
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, TransitionKind};

@@ -1,5 +1,6 @@
 //! Constants of the fixed-point map and of the multipliers, against independent digits.
 
+use crate::squares;
 use std::ops::ControlFlow;
 
 use semismooth::contact::{
@@ -9,9 +10,7 @@ use semismooth::contact::{
 };
 use semismooth::sparse::Matrix;
 
-#[path = "../examples/common/squares.rs"]
-mod squares;
-use squares::Multipliers;
+use crate::squares::Multipliers;
 
 fn close(found: f64, expected: f64, absolute: f64) {
     assert!((found - expected).abs() <= absolute, "{found} {expected}");

@@ -192,7 +192,7 @@ fn one_node(w: f64, b: [f64; 2], pressure: f64) -> ContactBody {
 
 #[test]
 fn one_node_in_space() {
-    let text = include_str!("data/unit3d.json");
+    let text = include_str!("../data/unit3d.json");
     let json: Value = serde_json::from_str(text).unwrap();
     let number = |v: &Value| v.as_f64().unwrap();
     let pair = |v: &Value| [number(&v[0]), number(&v[1])];
@@ -227,7 +227,7 @@ fn one_node_in_space() {
 /// Slip-weakening at one node: all roots, found from starts near and far.
 #[test]
 fn scalar_slip_weakening() {
-    let json: Value = serde_json::from_str(include_str!("data/unit3d.json")).unwrap();
+    let json: Value = serde_json::from_str(include_str!("../data/unit3d.json")).unwrap();
     let mut seen = 0;
     for case in json
         .as_array()

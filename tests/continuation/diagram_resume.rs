@@ -1,7 +1,6 @@
 //! Explorations that are stopped anywhere and resumed give the diagram of an undisturbed one.
 
-mod common;
-
+use crate::common;
 use std::ops::ControlFlow;
 
 use semismooth::contact::{CondensedFriction, FrictionStart, first_point};

@@ -1,11 +1,8 @@
 //! Complete lists of solutions and arms, against exact arithmetic and brute force.
 
-mod common;
-#[path = "support/mod.rs"]
-#[allow(dead_code)]
-mod support;
-
-use common::{cases, numbers};
+use crate::common;
+use crate::common::{cases, numbers};
+use crate::support::Rng;
 use proptest::prelude::*;
 use semismooth::contact::{
     CondensedFriction, ContactState, FrictionMap, FrictionPath, FrictionProblem, LoadPath,
@@ -17,7 +14,6 @@ use semismooth::enumeration::{
 use semismooth::linear::{DenseLu, LinearSolver};
 use semismooth::piecewise::{Facet, MinMap, PiecewiseSmooth, Selection, Selections};
 use semismooth::sparse::Matrix;
-use support::Rng;
 
 fn letters<M: FrictionMap>(map: &M, set: &SolutionSet) -> Vec<Vec<String>> {
     let name = |s: &_| map.states(s).iter().map(|c: &ContactState| c.letter()).collect();

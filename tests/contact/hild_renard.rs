@@ -1,8 +1,7 @@
 //! The model with one contact node: closed forms against the conditions written out by hand, and continuation against both.
 
-mod dense;
-
-use dense::distance;
+use crate::dense;
+use crate::dense::distance;
 use proptest::prelude::*;
 use semismooth::contact::{
     ContactState, FrictionProblem, FrictionStart, HildRenard, HildRenardBranch, HildRenardCase, first_point,

@@ -1,0 +1,23 @@
+//! Contact with friction: bodies, laws, meshes, interfaces; every route to a solution.
+
+#[path = "../dense/mod.rs"]
+mod dense;
+#[path = "../../examples/common/squares.rs"]
+mod squares;
+#[allow(dead_code)]
+#[path = "../support/mod.rs"]
+mod support;
+
+mod bars;
+mod evolution;
+mod fem_families;
+mod folders;
+mod friction_laws;
+mod friction_properties;
+mod hild_renard;
+mod interface;
+mod multiplier_spaces;
+mod robustness;
+mod routes;
+mod scaling;
+mod uniqueness_constants;

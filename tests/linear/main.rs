@@ -1,0 +1,11 @@
+//! Linear algebra: solvers, their contract, bordered systems, sparse matrices and their files.
+
+#[allow(dead_code)]
+#[path = "../support/mod.rs"]
+mod support;
+
+mod bordered;
+mod contract;
+mod large_sparse;
+mod solvers;
+mod sparse;
