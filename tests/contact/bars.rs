@@ -4,7 +4,7 @@ use semismooth::contact::{CondensedContact, FixedPointOptions, NodeLaw, fixed_po
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, PointKind, Termination};
 
 #[path = "../../examples/common/bars.rs"]
-mod bars;
+mod problems;
 
 /// Follows ζ from 3.2 on the sticking side down, through both folds.
 fn follow<L: NodeLaw>(problem: &CondensedContact<L>) -> Branch {
@@ -48,7 +48,7 @@ fn plane_bar() {
         (20, [1.398827735096, 2.724786266795]),
         (40, [1.375501835970, 2.725414553670]),
     ] {
-        let bar = bars::bar2d(nx).unwrap();
+        let bar = problems::bar2d(nx).unwrap();
         let branch = follow(&bar.problem);
         let found = branch.folds();
         assert_eq!(found.len(), 2);
@@ -78,7 +78,7 @@ fn plane_bar() {
 fn all_nodes_of_the_plane_bar() {
     let json: serde_json::Value = serde_json::from_str(include_str!("../data/bar2d.json")).unwrap();
     for (nx, name) in [(20, "20x2"), (40, "40x4")] {
-        let bar = bars::bar2d(nx).unwrap();
+        let bar = problems::bar2d(nx).unwrap();
         let branch = follow(&bar.problem);
         let targets = branch
             .points
@@ -118,7 +118,7 @@ fn all_nodes_of_the_plane_bar() {
 
 #[test]
 fn solid_bar() {
-    let bar = bars::bar3d(20, false).unwrap();
+    let bar = problems::bar3d(20, false).unwrap();
     let branch = follow(&bar.problem);
     let folds = branch.folds();
     assert_eq!(folds.len(), 2);
@@ -132,7 +132,7 @@ fn solid_bar() {
 /// The fixed point from stick finds the sticking solution above the lower fold and the slipping one below.
 #[test]
 fn fixed_point_jumps_at_the_fold() {
-    let bar = bars::bar2d(40).unwrap();
+    let bar = problems::bar2d(40).unwrap();
     let end = |zeta: f64| {
         let start = bar.problem.stick_start(zeta).unwrap();
         let report = fixed_point(&bar.problem, &start, &FixedPointOptions::default()).unwrap();
