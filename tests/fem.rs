@@ -1,6 +1,8 @@
 //! Finite elements: patch tests, observed orders, rigid motions, refinement, bad input.
 
-use semismooth::fem::{CellKind, Elasticity, FemError, Foundation, Material, Mesh, PlaneModel, parse_getfem};
+use semismooth::fem::{
+    CellKind, Elasticity, FemError, Foundation, Material, Mesh, Multipliers, PlaneModel, parse_getfem,
+};
 use semismooth::linear::{Cholesky, LinearSolver};
 
 fn solve(system: &semismooth::fem::ElasticSystem, load: &[f64]) -> Vec<f64> {
@@ -419,8 +421,14 @@ fn bad_input() {
     ));
     assert!(matches!(
         system.contact("bottom", &Foundation::plane([0.0; 3], [0.0; 3])),
-        Err(FemError::NotFinite { .. } | FemError::Frame { .. })
+        Err(FemError::Frame { .. })
     ));
+    // The normal of the ground points up, to the body.
+    for multipliers in [Multipliers::Nodal, Multipliers::Constant(1)] {
+        let turned = Foundation::plane([0.0; 3], [0.0, -1.0, 0.0]);
+        let error = system.contact_with("bottom", &turned, multipliers).unwrap_err();
+        assert!(error.to_string().contains("points into the body"), "{error}");
+    }
     let sliding = Elasticity::new(square(), steel())
         .fix("top")
         .fix_component("left", 0)

@@ -17,7 +17,7 @@ pub struct DiscreteFolder {
 }
 
 /// Reads a folder with `A.mtx`, `Bnu.mtx`, `Bt.mtx` (MatrixMarket), `f0.txt`, `f1.txt`, `gap.txt` (one number a line) and
-/// `meta.json` with the numbers `friction` (one for all nodes, or a list) and `r`.
+/// `meta.json` with the numbers `friction` (one for all nodes, or a list) and, if it is to be set, `r`.
 ///
 /// # Errors
 /// Files that are missing or malformed (file and line are named), and everything [`FrictionProblem::new`] checks.
@@ -54,10 +54,11 @@ pub fn read_folder(path: impl AsRef<Path>) -> Result<DiscreteFolder, ContactErro
     let friction =
         friction.ok_or_else(|| malformed(1, "`friction` must be a number or a list of numbers".into()))?;
     let r = match meta.get("r") {
-        None => 1.0,
-        Some(v) => v
-            .as_f64()
-            .ok_or_else(|| malformed(1, "`r` must be a number".into()))?,
+        None => None,
+        Some(v) => Some(
+            v.as_f64()
+                .ok_or_else(|| malformed(1, "`r` must be a number".into()))?,
+        ),
     };
     let f0 = read_vector(folder.join("f0.txt"))?;
     let f1 = read_vector(folder.join("f1.txt"))?;
@@ -81,8 +82,11 @@ pub fn read_folder(path: impl AsRef<Path>) -> Result<DiscreteFolder, ContactErro
         LoadPath::between(f0, &f1),
         FrictionPath::constant(friction),
     )?
-    .with_gap(gap)?
-    .with_r(r)?;
+    .with_gap(gap)?;
+    let problem = match r {
+        Some(r) => problem.with_r(r)?,
+        None => problem,
+    };
     Ok(DiscreteFolder {
         path: folder.to_path_buf(),
         problem,

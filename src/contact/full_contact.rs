@@ -51,21 +51,7 @@ impl<L: NodeLaw> FullContact<L> {
         body.check_law(&law)?;
         let traces: Vec<Matrix> = body.traces.iter().map(Matrix::transpose).collect();
         let p = body.num_contacts();
-        let mut r = 0.0;
-        let mut b = vec![0.0; body.num_displacements()];
-        for trace in &traces {
-            for i in 0..p {
-                for_column(trace, i, |j, v| b[j] = v);
-                // Only the columns of A that the row touches.
-                let (mut square, mut energy) = (0.0, 0.0);
-                for_column(trace, i, |j, v| {
-                    square += v * v;
-                    for_column(&body.a, j, |k, a| energy += b[k] * a * v);
-                });
-                for_column(trace, i, |j, _| b[j] = 0.0);
-                r += energy / (square * square) / (p * traces.len()) as f64;
-            }
-        }
+        let r = node_stiffness(&body.a, &traces.iter().collect::<Vec<_>>());
         if !(r > 0.0 && r.is_finite()) {
             return Err(ContactError::Augmentation { r });
         }
@@ -341,6 +327,26 @@ impl<L: NodeLaw> PiecewiseSmooth for FullContact<L> {
             }
         }
     }
+}
+
+/// Mean stiffness of single contact nodes, b A bᵀ / (b bᵀ)² over the columns b of the transposed traces.
+pub(super) fn node_stiffness(a: &Matrix, traces: &[&Matrix]) -> f64 {
+    let mut mean = 0.0;
+    let mut b = vec![0.0; a.nrows()];
+    for trace in traces {
+        for i in 0..trace.ncols() {
+            for_column(trace, i, |j, v| b[j] = v);
+            // Only the columns of A that the row touches.
+            let (mut square, mut energy) = (0.0, 0.0);
+            for_column(trace, i, |j, v| {
+                square += v * v;
+                for_column(a, j, |k, a| energy += b[k] * a * v);
+            });
+            for_column(trace, i, |j, _| b[j] = 0.0);
+            mean += energy / (square * square) / (trace.ncols() * traces.len()) as f64;
+        }
+    }
+    mean
 }
 
 fn for_column(matrix: &Matrix, j: usize, mut f: impl FnMut(usize, f64)) {

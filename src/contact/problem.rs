@@ -1,6 +1,6 @@
 use super::body::check_matrices;
 use super::error::check_length;
-use super::full_contact::held;
+use super::full_contact::{held, node_stiffness};
 use super::law::{Law, TESTS};
 use super::solution::imbalance;
 use super::{
@@ -51,7 +51,8 @@ pub struct FrictionProblem {
 }
 
 impl FrictionProblem {
-    /// The problem with gap 0, r = 1 and g = F (θ¹)₊. `a` is n × n, `bnu` and `bt` are p × n.
+    /// The problem with gap 0, g = F (θ¹)₊ and r = the mean stiffness b A bᵀ / (b bᵀ)² of single contact nodes, over the rows b of Bν
+    /// and Bt (1 where that is not positive). `a` is n × n, `bnu` and `bt` are p × n.
     ///
     /// # Errors
     /// Empty problems, wrong shapes, entries that are not finite, a constant coefficient of friction below 0.
@@ -69,10 +70,15 @@ impl FrictionProblem {
         let constant_friction = friction.0.is_constant();
         let (bnu_t, bt_t) = (bnu.transpose(), bt.transpose());
         let pattern = full_pattern(&a, &bnu, &bt)?;
+        let stiffness = node_stiffness(&a, &[&bnu_t, &bt_t]);
         let problem = Self {
             gap: vec![0.0; p],
             law: Law {
-                r: 1.0,
+                r: if stiffness > 0.0 && stiffness.is_finite() {
+                    stiffness
+                } else {
+                    1.0
+                },
                 bound: SlipBound::default(),
                 constant_friction,
             },
@@ -131,7 +137,8 @@ impl FrictionProblem {
         Ok(self)
     }
 
-    /// Sets the augmentation parameter r > 0 (force per length). Solutions do not depend on it.
+    /// Sets the augmentation parameter r > 0 (force per length). Solutions do not depend on it, but what counts as near a change of
+    /// state does: values more than 10⁵ away from the stiffness of the contact nodes make rounding errors count.
     ///
     /// # Errors
     /// r ≤ 0 or not finite.

@@ -39,6 +39,17 @@ pub enum ContinuationError {
         /// Name of the site.
         site: String,
     },
+    /// A diagram was asked about another map than its own.
+    #[error(
+        "the diagram is not that of this map: at its point with parameter {parameter} the residual is {residual:e}; use the map it was \
+         explored with"
+    )]
+    OtherMap {
+        /// α at the point.
+        parameter: f64,
+        /// ‖H‖₂ there.
+        residual: f64,
+    },
     /// No arm of the curve leaves the start in the direction asked for.
     #[error("no arm leaves the start with {wanted}; {found} arms leave it in other directions")]
     NoArm {

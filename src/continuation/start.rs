@@ -30,6 +30,23 @@ pub enum Direction {
     Along(Vec<f64>),
 }
 
+/// A curve that starts beyond a bound of its parameter would take the way back to it for one along the curve.
+fn check_inside(x: &[f64], (lower, upper): (f64, f64)) -> Result<(), ContinuationError> {
+    const ROUNDING: f64 = 1e-10;
+    let Some(&alpha) = x.last() else {
+        return Ok(());
+    };
+    let margin = ROUNDING * (1.0 + alpha.abs());
+    if alpha >= lower - margin && alpha <= upper + margin {
+        return Ok(());
+    }
+    Err(ContinuationError::Option {
+        name: "start",
+        value: alpha,
+        range: "inside the range of the parameter",
+    })
+}
+
 /// Solves at fixed α unless x is a solution already.
 fn onto_curve<P: PiecewiseSmooth + ?Sized>(
     map: &P,
@@ -210,6 +227,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
         let scaled = Scaled::new(map, &options.typical_sizes, options.parameter_range)?;
         let corrector = MoorePenrose::new(map, solver)?;
         check_vector("the start x", x, map.num_vars())?;
+        check_inside(x, options.parameter_range)?;
         let mut z = onto_curve(map, x, &options)?;
         scaled.scale(&mut z);
         Self::prepare_at(scaled, z, options, corrector)

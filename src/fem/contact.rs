@@ -6,6 +6,10 @@ use super::mesh::{by_position, cross, dot, norm};
 use super::{ElasticSystem, FemError};
 use crate::sparse::Matrix;
 
+/// What is wrong with normals that point into the body at all nodes.
+pub(super) const INWARD: &str = "its ν, like that of all others, points into the body: the normal of a plane foundation points to the \
+                                 body, that of `with_normal` out of it";
+
 type GapFunction = Arc<dyn Fn([f64; 3]) -> f64 + Send + Sync>;
 type Direction = Arc<dyn Fn([f64; 3]) -> [f64; 3] + Send + Sync>;
 
@@ -166,8 +170,11 @@ impl ElasticSystem {
         let p = nodes.len();
         let mut rows = [Vec::new(), Vec::new(), Vec::new()];
         let (mut gaps, mut normals, mut tangents) = (Vec::new(), Vec::new(), Vec::new());
+        let mut outward = false;
         for (i, &node) in nodes.iter().enumerate() {
             let at = points[node];
+            let nu = foundation.normal_at(at).unwrap_or(normal[node]);
+            let nu = unit(node, dim, nu, "its normal is zero or not finite")?;
             let gap = foundation.gap_at(at);
             if !gap.is_finite() {
                 return Err(FemError::NotFinite {
@@ -176,8 +183,7 @@ impl ElasticSystem {
                     value: gap,
                 });
             }
-            let nu = foundation.normal_at(at).unwrap_or(normal[node]);
-            let nu = unit(node, dim, nu, "its normal is zero or not finite")?;
+            outward |= dot(nu, normal[node]) >= 0.0;
             let frame = frame(node, dim, nu, foundation.tangent_at(at))?;
             for (row, direction) in rows.iter_mut().zip([nu, frame[0], frame[1]]) {
                 for (d, &v) in direction.iter().enumerate().take(dim) {
@@ -199,6 +205,12 @@ impl ElasticSystem {
             gaps.push(gap);
             normals.push(nu);
             tangents.push(frame);
+        }
+        if !outward {
+            return Err(FemError::Frame {
+                node: nodes[0],
+                what: INWARD.into(),
+            });
         }
         let matrix = |row: &[(usize, usize, f64)]| Matrix::from_triplets(p, self.num_free(), row);
         Ok(ContactRows {

@@ -1,8 +1,8 @@
 use std::collections::BTreeMap;
 
-use super::contact::{frame, unit};
+use super::contact::{INWARD, frame, unit};
 use super::facet::integrate_parts;
-use super::mesh::by_position;
+use super::mesh::{by_position, dot};
 use super::{ContactRows, ElasticSystem, FemError, Foundation};
 use crate::sparse::Matrix;
 
@@ -70,6 +70,7 @@ impl ElasticSystem {
         let p = patches.len();
         let mut entries = [Vec::new(), Vec::new(), Vec::new()];
         let mut rows = ContactRows::empty();
+        let mut outward = false;
         for (i, patch) in patches.iter().enumerate() {
             let centre = patch.centre.map(|x| x / patch.area);
             let distance = |n: usize| -> f64 { (0..3).map(|d| (points[n][d] - centre[d]).powi(2)).sum() };
@@ -79,6 +80,7 @@ impl ElasticSystem {
                 .unwrap_or(0);
             let nu = foundation.normal_at(centre).unwrap_or(patch.normal);
             let nu = unit(node, dim, nu, "its normal is zero or not finite")?;
+            outward |= dot(nu, patch.normal) >= 0.0;
             let tangents = frame(node, dim, nu, foundation.tangent_at(centre))?;
             for (list, direction) in entries.iter_mut().zip([nu, tangents[0], tangents[1]]) {
                 for (&node, integral) in &patch.nodes {
@@ -103,6 +105,12 @@ impl ElasticSystem {
             rows.normals.push(nu);
             rows.tangents.push(tangents);
             rows.areas.push(patch.area);
+        }
+        if !outward {
+            return Err(FemError::Frame {
+                node: rows.nodes[0],
+                what: INWARD.into(),
+            });
         }
         let matrix = |list: &[(usize, usize, f64)]| Matrix::from_triplets(p, self.num_free(), list);
         rows.normal = matrix(&entries[0])?;

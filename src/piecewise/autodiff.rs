@@ -45,7 +45,8 @@ pub trait NonsmoothFunction {
     fn num_residuals(&self) -> usize;
 
     /// Computes H(x) into `out` (length n). Each call on `kinks` is a site; the same calls must be made in the same order at
-    /// every x, and the arguments of one kink should not depend on another for test functions to be smooth.
+    /// every x (where their number differs, [`Traced`] gives NaN), and the arguments of one kink should not depend on another for test
+    /// functions to be smooth.
     fn eval<T: Real>(&self, x: &[T], kinks: &mut Kinks<'_, T>, out: &mut [T]);
 
     /// Where Jacobians have entries. Default: everywhere.
@@ -250,13 +251,19 @@ impl<F: NonsmoothFunction> PiecewiseSmooth for Traced<F> {
 
     fn test_functions(&self, x: &[f64], out: &mut [f64]) {
         let mut residual = vec![0.0; self.num_residuals()];
-        self.function
-            .eval(x, &mut Kinks::new(Mode::Natural(out)), &mut residual);
+        let mut kinks = Kinks::new(Mode::Natural(out));
+        self.function.eval(x, &mut kinks, &mut residual);
+        if kinks.site != self.kinds.len() {
+            out.fill(f64::NAN);
+        }
     }
 
     fn residual(&self, selection: &Selection, x: &[f64], out: &mut [f64]) {
-        self.function
-            .eval(x, &mut Kinks::new(Mode::Frozen(selection)), out);
+        let mut kinks = Kinks::new(Mode::Frozen(selection));
+        self.function.eval(x, &mut kinks, out);
+        if kinks.site != self.kinds.len() {
+            out.fill(f64::NAN);
+        }
     }
 
     fn jacobian(&self, selection: &Selection, x: &[f64], jac: &mut Matrix) {

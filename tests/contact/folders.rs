@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use semismooth::contact::read_folder;
 use semismooth::piecewise::PiecewiseSmooth;
+use semismooth::sparse::read_matrix_market;
 
 /// A copy of a folder that is right, removed at the end.
 struct Copy(PathBuf);
@@ -57,14 +58,25 @@ fn broken_descriptions_are_named() {
         let error = read(text).unwrap_err().to_string();
         assert!(words.iter().all(|w| error.contains(w)), "{text}: {error}");
     }
-    // One number stands for a list of equal ones; r is 1 unless told.
+    // One number stands for a list of equal ones; r is what the problem chooses unless told.
     let one = read("{\"friction\": 0.25}").unwrap().problem;
     let list = read(&format!("{{\"friction\": {:?}, \"r\": 1}}", vec![0.25; p]))
         .unwrap()
         .problem;
     assert_eq!(one.friction_at(0.5), vec![0.25; p]);
     assert_eq!(one.friction_at(0.5), list.friction_at(0.5));
-    assert_eq!((one.r(), list.r()), (1.0, 1.0));
+    // Traces pick single displacements here, whose stiffness is an entry of the diagonal.
+    let picked = ["Bnu.mtx", "Bt.mtx"].map(|name| read_matrix_market(copy.0.join(name)).unwrap());
+    let columns = picked.iter().flat_map(|b| b.triplets().map(|(_, j, _)| j));
+    let diagonal = columns.map(|j| {
+        one.stiffness()
+            .triplets()
+            .find(|t| (t.0, t.1) == (j, j))
+            .unwrap()
+            .2
+    });
+    let mean = diagonal.sum::<f64>() / (2 * p) as f64;
+    assert!((one.r() - mean).abs() < 1e-9 * mean && list.r() == 1.0);
     let wrong = read(&format!("{{\"friction\": {:?}}}", vec![0.25; p + 1]));
     assert!(wrong.is_err());
     // A vector that is too short or no number.
@@ -81,7 +93,7 @@ fn broken_descriptions_are_named() {
     std::fs::write(copy.0.join("f1.txt"), &f1).unwrap();
     // θ¹ = λν + r (u_ν − gap) at 0; without a file of gaps there are none.
     let first_tests = || {
-        let problem = read_folder(&copy.0).unwrap().problem;
+        let problem = read_folder(&copy.0).unwrap().problem.with_r(1.0).unwrap();
         let tests = problem.num_tests(0);
         let mut theta = vec![f64::NAN; tests * p];
         problem.test_functions(&vec![0.0; problem.num_vars()], &mut theta);

@@ -2,10 +2,12 @@
 
 use semismooth::contact::{
     CondensedContact, CondensedFriction, ContactBody, ContactSolution, ContactState, FrictionCoefficient,
-    FrictionCurve, FrictionPath, FrictionProblem, Frictionless, FullContact, GivenBound, LoadPath, NodeLaw,
-    OrthotropicCoulomb, PlanarCoulomb,
+    FrictionCurve, FrictionPath, FrictionProblem, FrictionStart, Frictionless, FullContact, GivenBound,
+    LoadPath, NodeLaw, OrthotropicCoulomb, PlanarCoulomb, first_point,
 };
-use semismooth::continuation::{Branch, ContinuationError, ContinuationOptions, Direction, Termination};
+use semismooth::continuation::{
+    Branch, ContinuationError, ContinuationOptions, Diagram, DiagramOptions, Direction, Termination,
+};
 use semismooth::enumeration::{EnumerationOptions, all_solutions};
 use semismooth::fem::{Elasticity, Foundation, Material, Mesh};
 use semismooth::newton::Newton;
@@ -449,7 +451,7 @@ fn a_start_near_the_facet_of_a_far_curve() {
     );
     let friction = FrictionPath::constant(vec![0.03125, 0.3125, 0.0]);
     let problem = FrictionProblem::new(a, pick(0), pick(1), load, friction).unwrap();
-    let map = CondensedFriction::new(problem).unwrap();
+    let map = CondensedFriction::new(problem.with_r(1.0).unwrap()).unwrap();
     let set = all_solutions(&map, 0.0, &EnumerationOptions::default()).unwrap();
     assert_eq!((set.solutions.len(), set.completeness.is_complete()), (1, true));
     let options = ContinuationOptions::default().with_parameter_range((-2.0, 2.0));
@@ -461,5 +463,63 @@ fn a_start_near_the_facet_of_a_far_curve() {
         map.residual(&select(&map, x), x, &mut r);
         let size = x.iter().fold(1.0f64, |m, v| m.max(v.abs()));
         assert!(r.iter().all(|r| r.abs() <= 1e-9 * size), "{x:?}: {r:?}");
+    }
+}
+
+/// Page 5 of the guide in other units of force and length, without a word about r: the same transitions of the same nodes, and on a
+/// coarse mesh as many solutions and edges of the diagram.
+#[test]
+fn planar_problems_choose_their_own_r() {
+    let problem = |cells: [usize; 2], force: f64, length: f64| {
+        let stress = force / (length * length);
+        let mesh = Mesh::rectangle([0.0, 0.0], [2.0 * length, length], cells).unwrap();
+        let material = Material::isotropic(stress, 0.3).unwrap();
+        let system = Elasticity::new(mesh, material).fix("left").assemble().unwrap();
+        let press = system.traction("top", |_| [0.0, -0.02 * stress, 0.0]).unwrap();
+        let push = system.traction("right", |_| [0.05 * stress, 0.0, 0.0]).unwrap();
+        let end: Vec<f64> = press.iter().zip(&push).map(|(a, b)| a + b).collect();
+        let plane = Foundation::plane([0.0; 3], [0.0, 1.0, 0.0]);
+        let contact = system.contact("bottom", &plane).unwrap();
+        let friction = FrictionPath::constant(vec![0.5; contact.nodes.len()]);
+        let load = LoadPath::between(press, &end);
+        let a = system.stiffness().clone();
+        FrictionProblem::new(a, contact.normal, contact.tangential, load, friction).unwrap()
+    };
+    let transitions = |force: f64, length: f64| {
+        let map = CondensedFriction::new(problem([8, 4], force, length)).unwrap();
+        let start = first_point(&map, 0.0, &FrictionStart::Zero).unwrap();
+        let options = ContinuationOptions::default().with_parameter_range((0.0, 1.0));
+        let branch = Branch::follow(&map, &start, Direction::Increasing, options).unwrap();
+        assert_eq!(branch.termination, Termination::ParameterRange);
+        let seen = branch.transitions.iter();
+        seen.map(|t| (t.parameter(), t.sites[0].site, t.sites[0].to))
+            .collect::<Vec<_>>()
+    };
+    let counts = |force: f64, length: f64| {
+        let map = CondensedFriction::new(problem([3, 2], force, length)).unwrap();
+        let list = all_solutions(&map, 0.5, &EnumerationOptions::default()).unwrap();
+        assert!(list.completeness.is_complete());
+        let start = list.solutions[0].x.clone();
+        let options = DiagramOptions::default().with_parameter_range((0.0, 1.0));
+        let diagram = Diagram::explore(&map, &[start], &options).unwrap();
+        assert!(diagram.completeness().is_complete());
+        (
+            list.solutions.len(),
+            diagram.edges().len(),
+            diagram.vertices().len(),
+        )
+    };
+    let (path, numbers) = (transitions(1.0, 1.0), counts(1.0, 1.0));
+    assert_eq!(path.len(), 9);
+    for (force, length) in [(2.1e11, 1.0), (1e-9, 1.0), (1e9, 1e-3), (1e3, 1e3), (1e6, 1e6)] {
+        let other = transitions(force, length);
+        assert_eq!(other.len(), path.len(), "{force:e} {length:e}");
+        for (a, b) in path.iter().zip(&other) {
+            assert!(
+                (a.0 - b.0).abs() < 1e-9 && (a.1, a.2) == (b.1, b.2),
+                "{a:?} {b:?}"
+            );
+        }
+        assert_eq!(counts(force, length), numbers, "{force:e} {length:e}");
     }
 }

@@ -3,7 +3,9 @@
 use std::ops::ControlFlow;
 
 use super::maps::{follow, lens, near, parabola_and_line, two_arcs, within};
-use semismooth::continuation::{Branch, Continuation, Direction, Event, PointKind, Termination};
+use semismooth::continuation::{
+    Branch, Continuation, ContinuationError, Direction, Event, PointKind, Termination, arms_at,
+};
 
 #[test]
 fn targets_and_bounds_are_hit_exactly() {
@@ -143,4 +145,31 @@ fn two_runs_agree_in_every_bit() {
         };
         assert_eq!(run(), run());
     }
+}
+
+/// A start beyond a bound has no way back to it that is a curve: it is refused by all that follow one.
+#[test]
+fn starts_outside_the_range_are_refused() {
+    let map = parabola_and_line();
+    let x = [2.4, 4.76];
+    for range in [(-2.0, 4.0), (4.77, 9.0)] {
+        for direction in [Direction::Increasing, Direction::Decreasing] {
+            let error = Branch::follow(&map, &x, direction, within(range)).unwrap_err();
+            assert!(
+                matches!(
+                    error,
+                    ContinuationError::Option {
+                        name: "start",
+                        value: 4.76,
+                        ..
+                    }
+                ),
+                "{error}"
+            );
+        }
+        assert!(arms_at(&map, &x, &within(range)).is_err());
+    }
+    // On the bound is inside.
+    let branch = follow(&map, x, Direction::Decreasing, within((-2.0, 4.76)));
+    assert!(branch.points.len() > 2 && branch.points.iter().all(|p| map.value(&p.x).abs() < 1e-14));
 }

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 
 use crate::common::{Case, cases};
 use semismooth::contact::{FrictionMap, FrictionStart, first_point};
-use semismooth::continuation::{Completeness, Diagram, DiagramOptions, Limit, VertexKind};
+use semismooth::continuation::{Completeness, ContinuationError, Diagram, DiagramOptions, Limit, VertexKind};
 use semismooth::piecewise::{MinMap, PiecewiseSmooth};
 
 const WINDOW: (f64, f64) = (-12.0, 25.0);
@@ -177,4 +177,17 @@ fn limits_are_told() {
     }
     let outside = DiagramOptions::default().with_parameter_range((2.0, 3.0));
     assert!(Diagram::explore(&circle, &[[0.8, 0.6]], &outside).is_err());
+}
+
+/// The diagram of one circle is asked with another one, of the same shape.
+#[test]
+fn a_diagram_of_another_map_is_refused() {
+    let circle = smooth(|y, a| y * y + a * a - 1.0);
+    let larger = smooth(|y, a| y * y + a * a - 1.1);
+    let diagram = Diagram::explore(&circle, &[[0.8, 0.6]], &DiagramOptions::default()).unwrap();
+    assert_eq!(diagram.solutions_at(&circle, 0.3).unwrap().points.len(), 2);
+    match diagram.solutions_at(&larger, 0.3) {
+        Err(ContinuationError::OtherMap { residual, .. }) => assert!((residual - 0.1).abs() < 1e-9),
+        other => panic!("{other:?}"),
+    }
 }

@@ -12,6 +12,8 @@ fn truncated(v: f64) -> f64 {
 #[test]
 fn printed_run_of_example_1() {
     let problem = HildRenard::new(1.5, 7.0, 1.0, 1.0).unwrap().problem().unwrap();
+    // The run was printed with r = 1.
+    let problem = problem.with_r(1.0).unwrap();
     let start = first_point(&problem, 10.0, &FrictionStart::States(vec![ContactState::Stick])).unwrap();
     let options = ContinuationOptions::seed().with_parameter_range((0.5, 12.0));
     let curve = Continuation::new(&problem, &start, Direction::Decreasing, options).unwrap();

@@ -167,3 +167,42 @@ proptest! {
         }
     }
 }
+
+/// A kink on one side of an `if` only: the other side is out of the domain, whichever side x = 0 is on.
+#[test]
+fn kinks_that_come_and_go_are_noticed() {
+    struct Sometimes(f64);
+    impl NonsmoothFunction for Sometimes {
+        fn num_vars(&self) -> usize {
+            2
+        }
+        fn num_residuals(&self) -> usize {
+            1
+        }
+        fn eval<T: Real>(&self, x: &[T], kinks: &mut Kinks<'_, T>, out: &mut [T]) {
+            let first = kinks.abs(x[1]);
+            let second = if x[0].value() > self.0 {
+                kinks.abs(x[0] - 1.0)
+            } else {
+                x[0]
+            };
+            out[0] = first + second;
+        }
+    }
+    for side in [0.5, -0.5] {
+        let map = Traced::new(Sometimes(side));
+        let sites = if side > 0.0 { 1 } else { 2 };
+        assert_eq!(map.num_sites(), sites);
+        let mut out = [0.0];
+        for x in [-2.0, 0.0, 2.0] {
+            value(&map, &[x, 1.0], &mut out);
+            assert_eq!(out[0].is_nan(), (x > side) != (0.0 > side), "{side} {x}");
+        }
+        let found = check(
+            &map,
+            &[vec![-2.0, 1.0], vec![0.0, 1.0], vec![2.0, 1.0]],
+            &CheckOptions::default(),
+        );
+        assert!(found.is_err());
+    }
+}

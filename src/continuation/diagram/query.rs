@@ -2,11 +2,12 @@
 
 use super::split::Stretch;
 use super::{Diagram, VertexKind};
+use crate::continuation::engine::term_size;
 use crate::continuation::{ContinuationError, Point};
 use crate::linear::AutoSolver;
 use crate::newton::MoorePenrose;
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Scaled, Selection};
-use crate::sparse::{distance, norm};
+use crate::sparse::{Matrix, distance, norm};
 
 /// A solution at a given α.
 #[derive(Debug, Clone, PartialEq)]
@@ -126,6 +127,7 @@ impl Diagram {
             }
             for (k, a) in edge.points.iter().enumerate() {
                 if near(a.parameter()) {
+                    belongs(map, a)?;
                     self.offer(&mut found, a.x.clone(), a, e);
                     continue;
                 }
@@ -136,6 +138,8 @@ impl Diagram {
                 if !between || near(b.parameter()) {
                     continue;
                 }
+                belongs(map, a)?;
+                belongs(map, b)?;
                 if let Some(x) = onto_parameter(map, &mut corrector, a, b, alpha)? {
                     self.offer(&mut found, x, a, e);
                 }
@@ -208,6 +212,24 @@ impl Diagram {
 }
 
 /// The point at `alpha` between two neighbouring points, by bisected secants along the chord, then exactly onto α.
+/// A point of the diagram solves the equation of the map.
+fn belongs<P: PiecewiseSmooth + ?Sized>(map: &P, point: &Point) -> Result<(), ContinuationError> {
+    const FAR: f64 = 1e-5;
+    let mut h = vec![0.0; map.num_residuals()];
+    map.residual(&point.selection, &point.x, &mut h);
+    let mut jac = Matrix::zeros(map.pattern());
+    map.jacobian(&point.selection, &point.x, &mut jac);
+    let residual = norm(&h);
+    let ones = vec![1.0; point.x.len()];
+    if residual <= FAR * term_size(&jac, &point.x, 1.0 + norm(&point.x), &ones) {
+        return Ok(());
+    }
+    Err(ContinuationError::OtherMap {
+        parameter: point.parameter(),
+        residual,
+    })
+}
+
 fn onto_parameter<P: PiecewiseSmooth + ?Sized>(
     map: &P,
     corrector: &mut MoorePenrose<AutoSolver>,
