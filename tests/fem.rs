@@ -424,7 +424,7 @@ fn bad_input() {
         Err(FemError::Frame { .. })
     ));
     // The normal of the ground points up, to the body.
-    for multipliers in [Multipliers::Nodal, Multipliers::Constant(1)] {
+    for multipliers in [Multipliers::Nodal, Multipliers::DualCells] {
         let turned = Foundation::plane([0.0; 3], [0.0, -1.0, 0.0]);
         let error = system.contact_with("bottom", &turned, multipliers).unwrap_err();
         assert!(error.to_string().contains("points into the body"), "{error}");
