@@ -1,14 +1,20 @@
 //! The algorithm of Haslinger, Janovský and Ligurský: selections switch inside the corrector, steps are halved in front of a
 //! kink, vanishing test functions give the selection beyond it.
 
-use super::arms::Arms;
 use super::engine::Continuation;
-use super::{ContinuationError, Event, PointKind, Termination, Transition, TransitionKind};
+use super::transition::kind;
+use super::{ContinuationError, Event, PointKind, Termination, Transition};
 use crate::linear::LinearSolver;
 use crate::piecewise::{
     ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, Vanishing, select_pieces,
 };
 use crate::sparse::{distance, dot, norm};
+
+/// Number of smallest steps within which a test function counts as vanishing.
+const REACH: f64 = 10.0;
+
+/// Largest length of an accepted step ‖X − xʲ‖, relative to the step h along the tangent.
+const FARTHEST: f64 = 3.0;
 
 impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
     /// Steps 2 to 7: predict, correct with the selection of the active set at each iterate, halve on failure; a new selection
@@ -59,14 +65,28 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
             self.options.max_corrections,
         );
         match corrected {
-            Ok(c) if c.converged && dot(&self.here.t, &self.next.t) >= self.options.min_cos => {
+            Ok(c) if c.converged && self.accepts(&selection, h) => {
                 self.next.residual_norm = c.residual_norm;
-                self.selection.copy_from(&selection);
                 Ok(Some(c.iterations))
             }
             Ok(_) | Err(PiecewiseError::Linear(_)) => Ok(None),
             Err(e) => Err(e.into()),
         }
+    }
+
+    /// Whether `next`, corrected with `selection` in the end, goes on from `here` without a kink in between: what lies far from `here`
+    /// is beyond a fold or on another branch, and a selection that is no longer active was left at a kink.
+    fn accepts(&mut self, selection: &Selection, h: f64) -> bool {
+        let (here, next) = (&self.here, &self.next);
+        if dot(&here.t, &next.t) < self.options.min_cos || distance(&here.x, &next.x) > FARTHEST * h {
+            return false;
+        }
+        if *selection == self.selection {
+            return true;
+        }
+        self.residual.resize(self.map.num_residuals(), 0.0);
+        self.map.residual(&self.selection, &next.x, &mut self.residual);
+        norm(&self.residual) < self.options.residual_tolerance
     }
 
     fn arrive_switching(&mut self, corrections: usize) -> Result<(), ContinuationError> {
@@ -87,7 +107,6 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
     /// Step 6: the test functions that vanish within a few smallest steps along τ give the candidate selections; the tangent
     /// preserves the orientation det [∇H; τᵀ]; a step of length zero corrects the point for the new selection.
     fn new_selection(&mut self) -> Result<(), ContinuationError> {
-        const REACH: f64 = 10.0;
         let mut rates = vec![0.0; self.layout.total()];
         self.map.test_derivatives(&self.here.x, &self.here.t, &mut rates);
         let reach = REACH * self.options.min_step;
@@ -173,12 +192,6 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
         after: &Selection,
         tangent: &[f64],
     ) {
-        let last = tangent.len() - 1;
-        let kind = if self.here.t[last] * tangent[last] < 0.0 {
-            TransitionKind::Fold
-        } else {
-            TransitionKind::PassThrough
-        };
         let mut r = vec![0.0; self.map.num_residuals()];
         self.map.residual(before, &self.here.x, &mut r);
         let sites = before
@@ -194,10 +207,8 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
             tangent: tangent.to_vec(),
             grazing: Vec::new(),
         };
-        let arms = Arms {
-            list: vec![arm],
-            complete: false,
-        };
+        // The point is known to a few smallest steps only, and so is the tangent.
+        let kind = kind(&self.here.t, Some(&arm), 1, REACH * self.options.min_step);
         let record = Transition {
             x: self.here.x.clone(),
             tangent_before: self.here.t.clone(),
@@ -208,9 +219,9 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
             test_functions: self.here.theta.clone(),
             vanishing: vanishing.iter().map(|v| v.index).collect(),
             kind,
-            arms: arms.list,
+            arms: vec![arm],
             followed: Some(0),
-            complete: arms.complete,
+            complete: false,
             residual_norm: norm(&r),
             arclength: self.arclength,
         };

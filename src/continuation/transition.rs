@@ -194,7 +194,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
             sites: changes,
             test_functions: self.here.theta.clone(),
             vanishing: vanishing.iter().map(|v| v.index).collect(),
-            kind: kind(&self.here.t, arm, arms.list.len()),
+            kind: kind(&self.here.t, arm, arms.list.len(), VERTICAL),
             arms: arms.list.clone(),
             followed,
             complete: arms.complete,
@@ -279,10 +279,11 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
     }
 }
 
-fn kind(arrival: &[f64], arm: Option<&Arm>, outgoing: usize) -> TransitionKind {
+/// The kind of a transition; a rate of α no larger than `vertical` counts as 0.
+pub(super) fn kind(arrival: &[f64], arm: Option<&Arm>, outgoing: usize, vertical: f64) -> TransitionKind {
     let rate = |t: &[f64]| {
         let last = t.last().copied().unwrap_or(0.0);
-        if last.abs() <= VERTICAL {
+        if last.abs() <= vertical {
             0.0
         } else {
             last.signum()

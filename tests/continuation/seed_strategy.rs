@@ -1,7 +1,14 @@
-//! The seed's own algorithm with the seed's settings reproduces the seed's printed run of p = 1, Example 1.
+//! The seed's own algorithm with the seed's settings reproduces the seed's printed runs and meets every transition of its examples.
 
-use semismooth::contact::{ContactState, FrictionMap, FrictionStart, HildRenard, first_point};
-use semismooth::continuation::{Continuation, ContinuationOptions, Direction, Event};
+use TransitionKind::{Fold, PassThrough, VerticalBegin, VerticalEnd};
+use semismooth::contact::{
+    ContactState, FrictionMap, FrictionPath, FrictionProblem, FrictionStart, HildRenard, LoadPath,
+    first_point,
+};
+use semismooth::continuation::{
+    Branch, Continuation, ContinuationOptions, Direction, Event, Termination, TransitionKind,
+};
+use semismooth::sparse::Matrix;
 
 /// Printed digits are truncated, not rounded.
 fn truncated(v: f64) -> f64 {
@@ -43,6 +50,122 @@ fn printed_run_of_example_1() {
     for (theta, expected) in printed {
         for (t, e) in theta.iter().zip(expected) {
             assert!((truncated(*t) - e).abs() < 1e-9, "{theta:?} {expected:?}");
+        }
+    }
+}
+
+/// The two-node model of the seed with λ = μ = 1, loads (f_ν1, f_t1, f_ν2, f_t2) and r = 1.
+fn two_nodes(loads: [[f64; 4]; 2], friction: [f64; 2]) -> FrictionProblem {
+    let a = [
+        [0.5, 0.0, -0.5, -0.5],
+        [0.0, 1.5, -0.5, -1.5],
+        [-0.5, -0.5, 4.0, 0.0],
+        [-0.5, -1.5, 0.0, 4.0],
+    ];
+    let pick = |k: usize| Matrix::from_rows(&[0, 2].map(|i| [0, 1, 2, 3].map(|j| f64::from(j == i + k))));
+    FrictionProblem::new(
+        Matrix::from_rows(&a).unwrap(),
+        pick(0).unwrap(),
+        pick(1).unwrap(),
+        LoadPath::affine(loads[0].to_vec(), loads[1].to_vec()),
+        FrictionPath::affine(vec![friction[0]; 2], vec![friction[1]; 2]),
+    )
+    .unwrap()
+    .with_r(1.0)
+    .unwrap()
+}
+
+/// Follows the branch of `states` from 100 values of α from `first` on; each run must meet the transitions of exact arithmetic, no
+/// other ones, and end at the bound of the window.
+fn follow_from_everywhere(
+    problem: &FrictionProblem,
+    states: &[ContactState],
+    first: f64,
+    window: (f64, f64),
+    expected: &[(f64, TransitionKind)],
+) {
+    let options = ContinuationOptions::seed().with_parameter_range(window);
+    for k in 0..100 {
+        let alpha = first + 0.1 * f64::from(k);
+        let start = first_point(problem, alpha, &FrictionStart::States(states.to_vec())).unwrap();
+        let branch = Branch::follow(problem, &start, Direction::Decreasing, options.clone()).unwrap();
+        let met: Vec<_> = branch
+            .transitions
+            .iter()
+            .map(|t| (t.parameter(), t.kind))
+            .collect();
+        assert_eq!(met.len(), expected.len(), "from {alpha}: {met:?}");
+        for ((at, kind), (exact, right)) in met.iter().zip(expected) {
+            // The kink is met within the smallest step, 1e-5.
+            assert!(
+                (at - exact).abs() < 5e-5 && kind == right,
+                "from {alpha}: {met:?}"
+            );
+        }
+        assert_eq!(branch.termination, Termination::ParameterRange);
+    }
+}
+
+#[test]
+fn one_node_branches_are_followed_from_any_start() {
+    use ContactState::{Open, Stick};
+    let follow = |f: (f64, f64), state, expected: &[(f64, TransitionKind)]| {
+        let problem = HildRenard::new(f.0, f.1, 1.0, 1.0).unwrap().problem().unwrap();
+        let first = expected.first().map_or(2.0, |e| e.0) + 0.5;
+        follow_from_everywhere(
+            &problem.with_r(1.0).unwrap(),
+            &[state],
+            first,
+            (0.2, 20.0),
+            expected,
+        );
+    };
+    follow((1.5, 7.0), Stick, &[(14.0 / 3.0, PassThrough)]);
+    follow((1.5, -4.0), Stick, &[(8.0 / 3.0, Fold)]);
+    follow((1.5, -4.0), Open, &[]);
+    follow((1.0, -2.0), Stick, &[(2.0, VerticalBegin), (2.0, VerticalEnd)]);
+    follow((1.0, -2.0), Open, &[]);
+    follow((1.0 - 0.08, -2.0), Stick, &[(2.0 / 0.92, Fold)]);
+    follow((1.0 - 0.08, -2.0), Open, &[]);
+}
+
+#[test]
+fn two_node_branches_are_followed_from_any_start() {
+    use ContactState::{Open, Stick};
+    let first = two_nodes([[0.4, -2.1417, 1.3717, -2.1417], [0.0; 4]], [0.0, 1.0]);
+    let expected = [
+        (5.35425, PassThrough),
+        (2.951_386, Fold),
+        (8.857_254, PassThrough),
+    ];
+    follow_from_everywhere(&first, &[Stick; 2], 5.45, (0.2, 20.0), &expected);
+    follow_from_everywhere(&first, &[Open; 2], 5.45, (0.2, 20.0), &[]);
+    let second = two_nodes([[0.4, 0.2, 1.8, -0.1], [-0.1, 1.1, 0.2, 0.8]], [4.0, 0.0]);
+    let expected = [
+        (4.0, PassThrough),
+        (14.0 / 15.0, PassThrough),
+        (-18.0 / 7.0, PassThrough),
+        (-3.494_845, Fold),
+        (-1.959_016, PassThrough),
+        (-1.841_463, Fold),
+    ];
+    follow_from_everywhere(&second, &[Open, Stick], 4.5, (-6.0, 20.0), &expected);
+}
+
+/// The vertical segment of p = 1, Example 3: the talk prints its indices 9 and 14, one more than the steps since the kink.
+#[test]
+fn printed_run_of_example_3() {
+    let problem = HildRenard::new(1.0, -2.0, 1.0, 1.0).unwrap().problem().unwrap();
+    let problem = problem.with_r(1.0).unwrap();
+    let start = first_point(&problem, 10.0, &FrictionStart::States(vec![ContactState::Stick])).unwrap();
+    let options = ContinuationOptions::seed().with_parameter_range((0.5, 12.0));
+    let branch = Branch::follow(&problem, &start, Direction::Decreasing, options).unwrap();
+    let kink = branch.transitions[0].arclength;
+    let after: Vec<_> = branch.points.iter().filter(|p| p.arclength > kink).collect();
+    for (steps, expected) in [(8, [0.3669, -2.1007, -0.6331]), (13, [0.0001, -1.0004, -0.9999])] {
+        let theta = problem.theta(&after[steps - 1].x)[0];
+        for (t, e) in theta.iter().zip(expected) {
+            assert!((truncated(*t) - e).abs() < 2e-4, "{theta:?} {expected:?}");
         }
     }
 }
