@@ -1,5 +1,6 @@
 use std::ops::ControlFlow;
 
+use super::engine::Curve;
 use super::{
     Arm, BranchPoint, Continuation, ContinuationError, ContinuationOptions, Direction, Event,
     MonitorCrossing, Point, SmoothFold, Termination, Transition,
@@ -87,6 +88,13 @@ impl Branch {
         mut curve: Continuation<'_, P, L>,
         mut observe: impl FnMut(&Event) -> ControlFlow<()>,
     ) -> Result<Self, ContinuationError> {
+        Self::gathered(curve.curve.erased_mut(), &mut observe)
+    }
+
+    fn gathered(
+        curve: &mut Curve<'_>,
+        observe: &mut dyn FnMut(&Event) -> ControlFlow<()>,
+    ) -> Result<Self, ContinuationError> {
         let mut branch = Self {
             points: Vec::new(),
             transitions: Vec::new(),
@@ -98,7 +106,7 @@ impl Branch {
             updates: 0,
             corrections: 0,
         };
-        while let Some(event) = curve.next() {
+        while let Some(event) = curve.next_event() {
             let event = event?;
             if observe(&event).is_break() {
                 curve.stop();

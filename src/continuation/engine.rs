@@ -5,7 +5,7 @@ use super::arms::{ArmSearch, Arms, RANK, vanishing_at};
 use super::watch::Watch;
 use super::{Arm, ContinuationError, ContinuationOptions, Event, Point, PointKind, Strategy, Termination};
 use crate::clock::Clock;
-use crate::linear::{AutoSolver, LinearSolver, null_space};
+use crate::linear::{LinearSolver, null_space};
 use crate::newton::MoorePenrose;
 use crate::piecewise::{
     ActiveSet, PiecewiseError, PiecewiseSmooth, Scaled, Selection, TestLayout, Vanishing,
@@ -33,40 +33,15 @@ pub(super) struct State {
     pub(super) s: f64,
 }
 
-/// Follows a solution curve of H(x) = 0, x = (y, α), through its kinks: an iterator of [events](Event).
-///
-/// Between transitions the selection σ is frozen and the Moore–Penrose corrector of H^(σ) converges as for a smooth curve. The
-/// first facet crossed is located to rounding on the curve of σ. There the active selections are listed, each with its kernel
-/// turned into its own cell: the arms. A curve goes on along the only arm, or straight on where several leave; it stops where
-/// several leave and none is straight.
-///
-/// A step is rejected when its corrected point is not where it was predicted, when the tangent turns too far, or when the
-/// orientation sign det [∇H; τᵀ] flips without an event to account for it.
-///
-/// ```
-/// use semismooth::continuation::{Continuation, ContinuationOptions, Direction, Event, TransitionKind};
-/// use semismooth::piecewise::MinMap;
-/// // α = |y|: a non-smooth fold at 0.
-/// let map = MinMap::curve(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
-///     a[0] = x[1] - x[0];
-///     b[0] = x[1] + x[0];
-/// });
-/// let options = ContinuationOptions::default().with_parameter_range((-1.0, 1.0));
-/// let curve = Continuation::new(&map, &[0.5, 0.5], Direction::Decreasing, options)?;
-/// let folds: Vec<_> = curve
-///     .filter_map(|event| match event { Ok(Event::Transition(t)) => Some(t), _ => None })
-///     .collect();
-/// assert_eq!(folds.len(), 1);
-/// assert_eq!(folds[0].kind, TransitionKind::Fold);
-/// assert!(folds[0].parameter().abs() < 1e-12);
-/// # Ok::<(), semismooth::continuation::ContinuationError>(())
-/// ```
-pub struct Continuation<'a, P: ?Sized, L = AutoSolver> {
-    /// The map in scaled variables, in which everything here is computed; events are given in its own.
-    pub(super) map: Scaled<'a, P>,
+/// The solver of the corrector, whichever it is.
+pub(super) type Solver<'a> = Box<dyn LinearSolver + Send + 'a>;
+
+/// A curve that is being followed. It is compiled once: all that computes is written for a map of any type, `Curve<'_>`. Kept is the
+/// map as it was given, so that a curve can be sent to another thread if its map can be shared; see [`erased`](Curve::erased).
+pub(super) struct Curve<'a, M: ?Sized = dyn PiecewiseSmooth + 'a> {
     pub(super) options: ContinuationOptions,
     pub(super) layout: TestLayout,
-    pub(super) corrector: MoorePenrose<L>,
+    pub(super) corrector: MoorePenrose<Solver<'a>>,
     pub(super) selection: Selection,
     pub(super) here: State,
     pub(super) next: State,
@@ -94,49 +69,52 @@ pub struct Continuation<'a, P: ?Sized, L = AutoSolver> {
     /// Functions of the user, and their sides where a saved run left off.
     pub(super) watches: Vec<Watch<'a>>,
     pub(super) saved_sides: Vec<f64>,
+    /// The map in scaled variables, in which everything here is computed; events are given in its own.
+    pub(super) map: Scaled<M>,
 }
 
-impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
-    /// The map being followed.
-    #[must_use]
-    pub fn map(&self) -> &P {
-        self.map.map()
+impl<'a, P: PiecewiseSmooth + ?Sized> Curve<'a, &'a P> {
+    /// The same curve, the type of its map forgotten.
+    pub(super) fn erased(&self) -> &Curve<'a> {
+        self
     }
 
+    /// The same curve, the type of its map forgotten.
+    pub(super) fn erased_mut(&mut self) -> &mut Curve<'a> {
+        self
+    }
+}
+
+impl<'a> Curve<'a> {
     /// Why the curve ended, once it has.
-    #[must_use]
-    pub fn termination(&self) -> Option<Termination> {
+    pub(super) fn termination(&self) -> Option<Termination> {
         self.termination
     }
 
     /// The current point.
-    #[must_use]
-    pub fn point(&self) -> Point {
+    pub(super) fn point(&self) -> Point {
         let mut point = self.point_here(PointKind::Step, 0);
         self.map.unscale_point(&mut point);
         point
     }
 
     /// Number of factorisations so far.
-    #[must_use]
-    pub fn factorisations(&self) -> usize {
+    pub(super) fn factorisations(&self) -> usize {
         self.earlier.0 + self.corrector.factorisations()
     }
 
     /// Number of factorisations saved so far by updates, where all pieces are affine.
-    #[must_use]
-    pub fn updates(&self) -> usize {
+    pub(super) fn updates(&self) -> usize {
         self.corrector.updates()
     }
 
     /// Number of correction steps so far.
-    #[must_use]
-    pub fn corrections(&self) -> usize {
+    pub(super) fn corrections(&self) -> usize {
         self.earlier.1 + self.corrector.iterations()
     }
 
     /// Ends the curve; the iterator gives what is still in the queue and then nothing.
-    pub fn stop(&mut self) {
+    pub(super) fn stop(&mut self) {
         self.termination.get_or_insert(Termination::Stopped);
     }
 
@@ -171,7 +149,10 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
         Ok(self.search(vanishing).all(&active)?)
     }
 
-    pub(super) fn search<'s>(&'s mut self, vanishing: &'s [Vanishing]) -> ArmSearch<'s, Scaled<'a, P>, L> {
+    pub(super) fn search<'s>(
+        &'s mut self,
+        vanishing: &'s [Vanishing],
+    ) -> ArmSearch<'s, Scaled<dyn PiecewiseSmooth + 'a>, Solver<'a>> {
         ArmSearch {
             map: &self.map,
             corrector: &mut self.corrector,
@@ -356,7 +337,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
     }
 }
 
-impl<P: PiecewiseSmooth + ?Sized, L> fmt::Debug for Continuation<'_, P, L> {
+impl fmt::Debug for Curve<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut x = self.here.x.clone();
         self.map.unscale(&mut x);
@@ -371,10 +352,8 @@ impl<P: PiecewiseSmooth + ?Sized, L> fmt::Debug for Continuation<'_, P, L> {
     }
 }
 
-impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Iterator for Continuation<'_, P, L> {
-    type Item = Result<Event, ContinuationError>;
-
-    fn next(&mut self) -> Option<Self::Item> {
+impl Curve<'_> {
+    pub(super) fn next_event(&mut self) -> Option<Result<Event, ContinuationError>> {
         loop {
             if let Some(event) = self.queue.pop_front() {
                 return Some(Ok(event));

@@ -1,8 +1,7 @@
 //! Events inside a step and where exactly they are.
 
-use super::engine::{Continuation, State, Unresolved};
+use super::engine::{Curve, State, Unresolved};
 use super::{ContinuationError, Termination};
-use crate::linear::LinearSolver;
 use crate::piecewise::{Facet, PiecewiseError, PiecewiseSmooth};
 use crate::sparse::{distance, norm};
 
@@ -30,7 +29,7 @@ const STRAY: f64 = 0.02;
 /// α̇ below this counts as zero: the curve is vertical.
 pub(super) const VERTICAL: f64 = 1e-9;
 
-impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
+impl Curve<'_> {
     /// Finds the first event between `here` and `next` and moves `next` there. `Ok(None)`: no event.
     pub(super) fn first_event(&mut self) -> Result<Result<Option<Monitor>, Unresolved>, ContinuationError> {
         if self.dips_unseen() {

@@ -3,6 +3,7 @@
 mod arms;
 mod branch;
 mod certificate;
+mod curve;
 mod diagram;
 mod engine;
 mod error;
@@ -27,11 +28,11 @@ mod watch;
 
 pub use branch::Branch;
 pub use certificate::certify;
+pub use curve::Continuation;
 pub use diagram::{
     Completeness, Diagram, DiagramBranch, DiagramEdge, DiagramFold, DiagramOptions, DiagramVertex, EdgeEnd,
     Limit, Progress, Solution, SolutionsAt, VertexArm, VertexKind,
 };
-pub use engine::Continuation;
 pub use error::ContinuationError;
 pub use fold_set::FoldSet;
 pub use options::{ContinuationOptions, Strategy};

@@ -1,13 +1,12 @@
 //! Functions of the user whose zeros along a curve are located and recorded.
 
-use super::engine::Continuation;
+use super::engine::Curve;
 use super::locate::{Monitor, side_factor};
 use super::watch::{Function, Watch};
-use super::{Event, MonitorCrossing, PointKind, Termination};
-use crate::linear::LinearSolver;
+use super::{Continuation, Event, MonitorCrossing, PointKind, Termination};
 use crate::piecewise::PiecewiseSmooth;
 
-impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
+impl<'a, P: PiecewiseSmooth + ?Sized, L> Continuation<'a, P, L> {
     /// Watches a function of x = (y, α): where its sign changes from one point of the curve to the next, the zero is located to
     /// rounding and becomes an [`Event::Monitor`]. Two zeros within one step may be missed; smaller steps find them. Values that
     /// are not finite are no change of sign.
@@ -32,24 +31,32 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
     /// ```
     #[must_use]
     pub fn with_monitor(
-        self,
+        mut self,
         name: impl Into<String>,
         function: impl Fn(&[f64]) -> f64 + Send + Sync + 'a,
     ) -> Self {
-        self.watch(name.into(), Box::new(function), false)
+        self.curve
+            .erased_mut()
+            .watch(name.into(), Box::new(function), false);
+        self
     }
 
     /// [`with_monitor`](Self::with_monitor) that ends the curve at the first zero.
     #[must_use]
     pub fn with_stop(
-        self,
+        mut self,
         name: impl Into<String>,
         function: impl Fn(&[f64]) -> f64 + Send + Sync + 'a,
     ) -> Self {
-        self.watch(name.into(), Box::new(function), true)
+        self.curve
+            .erased_mut()
+            .watch(name.into(), Box::new(function), true);
+        self
     }
+}
 
-    fn watch(mut self, name: String, function: Function<'a>, stops: bool) -> Self {
+impl<'a> Curve<'a> {
+    fn watch(&mut self, name: String, function: Function<'a>, stops: bool) {
         // A resumed run knows the side: at a zero just passed the value is rounding noise.
         let side = match self.saved_sides.get(self.watches.len()) {
             Some(side) => *side,
@@ -61,7 +68,6 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
             stops,
             side,
         });
-        self
     }
 
     /// The values of watch k at `here` and at x, seen from the side of the curve, if its sign has changed in between.

@@ -3,7 +3,7 @@
 use super::{Arm, ContinuationOptions, Event, Point};
 use crate::piecewise::{PiecewiseSmooth, Scaled};
 
-impl<P: PiecewiseSmooth + ?Sized> Scaled<'_, P> {
+impl<M: PiecewiseSmooth + ?Sized> Scaled<M> {
     /// Values of α and lengths in z. Steps may be as short, and curves grow as long, as the size of α asks for.
     pub(super) fn scale_options(&self, options: &mut ContinuationOptions) {
         let size = self.parameter_size();

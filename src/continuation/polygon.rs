@@ -1,9 +1,8 @@
 //! Piecewise-affine curves: from kink to kink by a ratio test, without step control or corrector.
 
-use super::engine::Continuation;
+use super::engine::Curve;
 use super::locate::Monitor;
 use super::{ContinuationError, Termination};
-use crate::linear::LinearSolver;
 use crate::piecewise::PiecewiseSmooth;
 use crate::sparse::norm;
 
@@ -12,7 +11,7 @@ const ROUNDING: f64 = 1.0;
 /// The same, above which the point reached is corrected.
 const DRIFT: f64 = 64.0;
 
-impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
+impl Curve<'_> {
     /// Goes along the tangent to the first facet, parameter value or limit. Both curve and test functions are affine, so the
     /// ratio of value and rate is exact.
     pub(super) fn step_affine(&mut self) -> Result<(), ContinuationError> {

@@ -2,11 +2,10 @@
 
 use std::time::Duration;
 
-use super::engine::{Continuation, State};
-use super::{ContinuationError, ContinuationOptions, Event, Termination};
+use super::engine::{Curve, State};
+use super::start::auto_corrector;
+use super::{Continuation, ContinuationError, ContinuationOptions, Event, Termination};
 use crate::clock::Clock;
-use crate::linear::AutoSolver;
-use crate::newton::MoorePenrose;
 use crate::piecewise::Vanishing;
 use crate::piecewise::{
     PiecewiseError, PiecewiseSmooth, Scaled, Selection, TestLayout, check_selection, check_vector,
@@ -108,7 +107,7 @@ impl SavedRun {
     }
 
     /// Whether the state fits a map, so that nothing can go wrong in its use.
-    fn check<P: PiecewiseSmooth + ?Sized>(&self, map: &P) -> Result<(), ContinuationError> {
+    fn check(&self, map: &dyn PiecewiseSmooth) -> Result<(), ContinuationError> {
         let layout = TestLayout::new(map);
         let length = |what, expected: usize, found: usize| {
             let error = PiecewiseError::Length {
@@ -163,8 +162,29 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
     /// # Errors
     /// Those of the linear solver.
     pub fn save(&mut self) -> Result<SavedRun, ContinuationError> {
+        self.curve.erased_mut().save()
+    }
+
+    /// Goes on from a saved state, bit for bit as the run that was saved. The map must be the same; functions that were watched
+    /// are added again, in the same order.
+    ///
+    /// # Errors
+    /// States that do not fit the map, options out of range.
+    pub fn resume(map: &'a P, saved: &SavedRun) -> Result<Self, ContinuationError> {
+        saved.check(&map)?;
+        saved.options.validate()?;
+        let corrector = auto_corrector(&map)?;
+        let scaled = Scaled::with_divisors(map, saved.sizes.clone())?;
+        let mut curve = Curve::prepare_at(scaled, saved.here.x.clone(), saved.options.clone(), corrector)?;
+        curve.erased_mut().restore(saved)?;
+        Ok(Self::of(curve))
+    }
+}
+
+impl Curve<'_> {
+    fn save(&mut self) -> Result<SavedRun, ContinuationError> {
         self.earlier = (self.factorisations(), self.corrections());
-        self.corrector = MoorePenrose::new(&self.map, AutoSolver::default())?;
+        self.corrector = auto_corrector(&&self.map)?;
         self.renew_factors()?;
         let mut options = self.options.clone();
         self.map.unscale_options(&mut options);
@@ -194,38 +214,27 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
         })
     }
 
-    /// Goes on from a saved state, bit for bit as the run that was saved. The map must be the same; functions that were watched
-    /// are added again, in the same order.
-    ///
-    /// # Errors
-    /// States that do not fit the map, options out of range.
-    pub fn resume(map: &'a P, saved: &SavedRun) -> Result<Self, ContinuationError> {
-        saved.check(map)?;
-        saved.options.validate()?;
-        let corrector = MoorePenrose::new(map, AutoSolver::default())?;
-        let scaled = Scaled::with_divisors(map, saved.sizes.clone())?;
-        let mut this = Self::prepare_at(scaled, saved.here.x.clone(), saved.options.clone(), corrector)?;
-        this.selection = saved.selection.clone();
-        this.here = saved.here.clone();
-        this.next = saved.here.clone();
-        this.grazing.clone_from(&saved.grazing);
-        this.coactive.clone_from(&saved.coactive);
-        this.arclength = saved.arclength;
-        this.h = saved.step;
-        this.size = saved.size;
-        this.residual_scale = saved.residual_scale;
-        this.points = saved.points;
-        this.creeping = saved.creeping;
-        this.queue = saved.queue.iter().cloned().collect();
-        this.termination = saved.termination;
-        this.start.clone_from(&saved.start);
-        this.earlier = (saved.factorisations, saved.corrections);
-        this.saved_sides.clone_from(&saved.sides);
-        if let (Some(clock), Some(elapsed)) = (&mut this.clock, saved.elapsed) {
+    fn restore(&mut self, saved: &SavedRun) -> Result<(), ContinuationError> {
+        self.selection = saved.selection.clone();
+        self.here = saved.here.clone();
+        self.next = saved.here.clone();
+        self.grazing.clone_from(&saved.grazing);
+        self.coactive.clone_from(&saved.coactive);
+        self.arclength = saved.arclength;
+        self.h = saved.step;
+        self.size = saved.size;
+        self.residual_scale = saved.residual_scale;
+        self.points = saved.points;
+        self.creeping = saved.creeping;
+        self.queue = saved.queue.iter().cloned().collect();
+        self.termination = saved.termination;
+        self.start.clone_from(&saved.start);
+        self.earlier = (saved.factorisations, saved.corrections);
+        self.saved_sides.clone_from(&saved.sides);
+        if let (Some(clock), Some(elapsed)) = (&mut self.clock, saved.elapsed) {
             *clock = Clock::resumed(elapsed);
         }
-        this.renew_factors()?;
-        Ok(this)
+        self.renew_factors()
     }
 
     /// Affine pieces are followed with the factors at hand; those of curved ones are made in every step.

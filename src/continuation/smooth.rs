@@ -1,7 +1,7 @@
 //! Smooth branch points to full accuracy.
 
 use super::ContinuationError;
-use super::engine::{Continuation, MAX_DENSE};
+use super::engine::{Curve, MAX_DENSE};
 use super::locate::Monitor;
 use crate::linear::{DenseLu, LinearSolver, null_space};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth};
@@ -11,7 +11,7 @@ use crate::sparse::{distance, norm};
 /// Distance to a facet, relative to 1 + ‖x‖, up to which a curve that is stuck is taken to have crept up to it.
 const CREEP: f64 = 1e-6;
 
-impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
+impl Curve<'_> {
     /// Moves `here` onto the branch point near it, where that can be found to full accuracy.
     pub(super) fn polish_branch_point(&mut self) -> Result<(), ContinuationError> {
         let guess = self.here.x.clone();

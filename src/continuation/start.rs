@@ -3,13 +3,14 @@
 use std::collections::VecDeque;
 
 use super::arms::Arms;
-use super::engine::{Continuation, State, term_size};
-use super::{Arm, ContinuationError, ContinuationOptions, Strategy};
+use super::engine::{Curve, Solver, State, term_size};
+use super::{Arm, Continuation, ContinuationError, ContinuationOptions, Strategy};
 use crate::clock::Clock;
 use crate::linear::{AutoSolver, LinearSolver};
 use crate::newton::{MoorePenrose, Newton, NewtonOptions};
 use crate::piecewise::{
-    ActiveSet, PiecewiseError, PiecewiseSmooth, Scaled, TestLayout, Vanishing, check_vector, select,
+    ActiveSet, PiecewiseError, PiecewiseSmooth, Scaled, Selection, TestLayout, Vanishing, check_vector,
+    select,
 };
 use crate::sparse::{Matrix, distance};
 use crate::sparse::{dot, norm};
@@ -48,8 +49,8 @@ fn check_inside(x: &[f64], (lower, upper): (f64, f64)) -> Result<(), Continuatio
 }
 
 /// Solves at fixed α unless x is a solution already.
-fn onto_curve<P: PiecewiseSmooth + ?Sized>(
-    map: &P,
+fn onto_curve(
+    map: &dyn PiecewiseSmooth,
     x: &[f64],
     options: &ContinuationOptions,
 ) -> Result<Vec<f64>, ContinuationError> {
@@ -128,49 +129,27 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
         arm: &Arm,
         options: ContinuationOptions,
     ) -> Result<Self, ContinuationError> {
-        Self::prepare(map, x, options, AutoSolver::default())?.leave_along(arm)
+        let mut curve = Curve::prepare(map, x, options, auto_solver())?;
+        curve.erased_mut().leave_along(arm)?;
+        Ok(Self::of(curve))
     }
+}
 
-    /// [`along_arm`](Self::along_arm) from a point known to lie on the curve. It is not corrected: at a fold or branch point
-    /// Newton's method at fixed α may end on another branch. At a `singular` point signs of determinants are rounding noise.
-    pub(super) fn along_arm_from(
+impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver + Send + 'a> Continuation<'a, P, L> {
+    /// [`new`](Continuation::new) with a linear solver of your own.
+    ///
+    /// # Errors
+    /// As [`new`](Continuation::new).
+    pub fn with_solver(
         map: &'a P,
         x: &[f64],
-        arm: &Arm,
-        singular: bool,
+        direction: Direction,
         options: ContinuationOptions,
+        solver: L,
     ) -> Result<Self, ContinuationError> {
-        options.validate()?;
-        let scaled = Scaled::new(map, &options.typical_sizes, options.parameter_range)?;
-        let corrector = MoorePenrose::new(map, AutoSolver::default())?;
-        let mut z = x.to_vec();
-        scaled.scale(&mut z);
-        let mut this = Self::prepare_at(scaled, z, options, corrector)?.leave_along(arm)?;
-        if singular {
-            this.here.orientation = None;
-            this.here.det_sign = None;
-        }
-        Ok(this)
-    }
-
-    fn leave_along(mut self, arm: &Arm) -> Result<Self, ContinuationError> {
-        let map = self.map.map();
-        check_vector("the tangent of the arm", &arm.tangent, map.num_vars())?;
-        if arm.selection.len() != map.num_sites() {
-            return Err(PiecewiseError::Length {
-                what: "the selection of the arm",
-                expected: map.num_sites(),
-                found: arm.selection.len(),
-            }
-            .into());
-        }
-        let mut arm = arm.clone();
-        self.map.scale_direction(&mut arm.tangent);
-        let vanishing = self.vanishing_here(&[]);
-        self.adopt(&arm, &vanishing)?;
-        self.doubt_orientation()?;
-        self.emit_start();
-        Ok(self)
+        let mut curve = Curve::prepare(map, x, options, Box::new(solver))?;
+        curve.erased_mut().leave_towards(direction)?;
+        Ok(Self::of(curve))
     }
 }
 
@@ -183,54 +162,60 @@ pub fn arms_at<P: PiecewiseSmooth + ?Sized>(
     x: &[f64],
     options: &ContinuationOptions,
 ) -> Result<(Vec<Arm>, bool), ContinuationError> {
-    let mut this = Continuation::prepare(map, x, options.clone(), AutoSolver::default())?;
-    let vanishing = this.met_here()?;
-    let mut arms = this.all_arms(&vanishing)?;
-    this.map.unscale_arms(&mut arms.list);
+    let mut curve = Curve::prepare(map, x, options.clone(), auto_solver())?;
+    let arms = curve.erased_mut().arms_here()?;
     Ok((arms.list, arms.complete))
 }
 
-impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
-    /// [`new`](Continuation::new) with a linear solver of your own.
-    ///
-    /// # Errors
-    /// As [`new`](Continuation::new).
-    pub fn with_solver(
-        map: &'a P,
-        x: &[f64],
-        direction: Direction,
-        options: ContinuationOptions,
-        solver: L,
-    ) -> Result<Self, ContinuationError> {
-        let mut this = Self::prepare(map, x, options, solver)?;
-        let mut direction = direction;
+/// Starts as slices, of whatever type they are given.
+pub(super) fn slices<S: AsRef<[f64]>>(starts: &[S]) -> Vec<&[f64]> {
+    starts.iter().map(AsRef::as_ref).collect()
+}
+
+/// The crate's own solver, for a curve.
+pub(super) fn auto_solver<'a>() -> Solver<'a> {
+    Box::new(AutoSolver::default())
+}
+
+impl<'a> Curve<'a> {
+    fn leave_towards(&mut self, mut direction: Direction) -> Result<(), ContinuationError> {
         if let Direction::Along(v) = &mut direction {
-            check_vector("the direction", v, map.num_vars())?;
-            this.map.scale_direction(v);
+            check_vector("the direction", v, self.map.num_vars())?;
+            self.map.scale_direction(v);
         }
-        let vanishing = this.met_here()?;
-        let arms = this.all_arms(&vanishing)?;
+        let vanishing = self.met_here()?;
+        let arms = self.all_arms(&vanishing)?;
         let arm = choose_start(&arms, &direction)?;
-        this.adopt(arm, &vanishing)?;
-        this.doubt_orientation()?;
-        this.emit_start();
-        Ok(this)
+        self.adopt(arm, &vanishing)?;
+        self.doubt_orientation()?;
+        self.emit_start();
+        Ok(())
     }
 
-    pub(super) fn prepare(
-        map: &'a P,
-        x: &[f64],
-        options: ContinuationOptions,
-        solver: L,
-    ) -> Result<Self, ContinuationError> {
-        options.validate()?;
-        let scaled = Scaled::new(map, &options.typical_sizes, options.parameter_range)?;
-        let corrector = MoorePenrose::new(map, solver)?;
-        check_vector("the start x", x, map.num_vars())?;
-        check_inside(x, options.parameter_range)?;
-        let mut z = onto_curve(map, x, &options)?;
-        scaled.scale(&mut z);
-        Self::prepare_at(scaled, z, options, corrector)
+    fn leave_along(&mut self, arm: &Arm) -> Result<(), ContinuationError> {
+        check_vector("the tangent of the arm", &arm.tangent, self.map.num_vars())?;
+        if arm.selection.len() != self.map.num_sites() {
+            return Err(PiecewiseError::Length {
+                what: "the selection of the arm",
+                expected: self.map.num_sites(),
+                found: arm.selection.len(),
+            }
+            .into());
+        }
+        let mut arm = arm.clone();
+        self.map.scale_direction(&mut arm.tangent);
+        let vanishing = self.vanishing_here(&[]);
+        self.adopt(&arm, &vanishing)?;
+        self.doubt_orientation()?;
+        self.emit_start();
+        Ok(())
+    }
+
+    fn arms_here(&mut self) -> Result<Arms, ContinuationError> {
+        let vanishing = self.met_here()?;
+        let mut arms = self.all_arms(&vanishing)?;
+        self.map.unscale_arms(&mut arms.list);
+        Ok(arms)
     }
 
     /// The vanishing test functions at a start. One that does not vanish to rounding counts only if a curve across its facet passes as
@@ -270,29 +255,117 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
         }
         Ok(false)
     }
+}
 
-    /// At a point z in scaled variables; options are in those of the map.
-    pub(super) fn prepare_at(
-        map: Scaled<'a, P>,
-        x: Vec<f64>,
-        mut options: ContinuationOptions,
-        corrector: MoorePenrose<L>,
-    ) -> Result<Self, ContinuationError> {
-        map.scale_options(&mut options);
-        let layout = TestLayout::new(&map);
-        let m = x.len();
+/// What is known of a curve at the point from which it sets out.
+struct Start {
+    layout: TestLayout,
+    state: State,
+    selection: Selection,
+}
+
+impl Start {
+    /// At z in scaled variables.
+    fn at(map: &Scaled<dyn PiecewiseSmooth + '_>, x: Vec<f64>) -> Result<Self, ContinuationError> {
+        let layout = TestLayout::new(map);
+        let mut theta = vec![0.0; layout.total()];
+        map.test_functions(&x, &mut theta);
+        if let Some(i) = theta.iter().position(|t| !t.is_finite()) {
+            return Err(PiecewiseError::NotFinite {
+                what: "the vector of test functions at the start",
+                index: i,
+            }
+            .into());
+        }
         let state = State {
-            t: vec![0.0; m],
-            theta: vec![0.0; layout.total()],
+            t: vec![0.0; x.len()],
+            theta,
             orientation: None,
             det_sign: None,
             residual_norm: 0.0,
             s: 0.0,
             x,
         };
-        let selection = select(&map, &state.x);
-        let size = 1.0 + norm(&state.x);
-        let mut this = Self {
+        Ok(Self {
+            selection: select(map, &state.x),
+            layout,
+            state,
+        })
+    }
+}
+
+/// A corrector with the crate's own solver.
+pub(super) fn auto_corrector<'a>(
+    map: &dyn PiecewiseSmooth,
+) -> Result<MoorePenrose<Solver<'a>>, PiecewiseError> {
+    MoorePenrose::new(map, auto_solver())
+}
+
+/// A corrector, and the point of the curve at the α of the start.
+fn corrected_start<'a>(
+    map: &dyn PiecewiseSmooth,
+    x: &[f64],
+    options: &ContinuationOptions,
+    solver: Solver<'a>,
+) -> Result<(MoorePenrose<Solver<'a>>, Vec<f64>), ContinuationError> {
+    let corrector = MoorePenrose::new(map, solver)?;
+    check_vector("the start x", x, map.num_vars())?;
+    check_inside(x, options.parameter_range)?;
+    let z = onto_curve(map, x, options)?;
+    Ok((corrector, z))
+}
+
+impl<'a, P: PiecewiseSmooth + ?Sized> Curve<'a, &'a P> {
+    pub(super) fn prepare(
+        map: &'a P,
+        x: &[f64],
+        options: ContinuationOptions,
+        solver: Solver<'a>,
+    ) -> Result<Self, ContinuationError> {
+        options.validate()?;
+        let scaled = Scaled::new(map, &options.typical_sizes, options.parameter_range)?;
+        let (corrector, mut z) = corrected_start(&map, x, &options, solver)?;
+        scaled.scale(&mut z);
+        Self::prepare_at(scaled, z, options, corrector)
+    }
+
+    /// [`along_arm`](Continuation::along_arm) from a point known to lie on the curve. It is not corrected: at a fold or branch point
+    /// Newton's method at fixed α may end on another branch. At a `singular` point signs of determinants are rounding noise.
+    pub(super) fn along_arm_from(
+        map: &'a P,
+        x: &[f64],
+        arm: &Arm,
+        singular: bool,
+        options: ContinuationOptions,
+    ) -> Result<Self, ContinuationError> {
+        options.validate()?;
+        let scaled = Scaled::new(map, &options.typical_sizes, options.parameter_range)?;
+        let corrector = auto_corrector(&map)?;
+        let mut z = x.to_vec();
+        scaled.scale(&mut z);
+        let mut this = Self::prepare_at(scaled, z, options, corrector)?;
+        this.erased_mut().leave_along(arm)?;
+        if singular {
+            this.here.orientation = None;
+            this.here.det_sign = None;
+        }
+        Ok(this)
+    }
+
+    /// At a point z in scaled variables; options are in those of the map.
+    pub(super) fn prepare_at(
+        map: Scaled<&'a P>,
+        x: Vec<f64>,
+        mut options: ContinuationOptions,
+        corrector: MoorePenrose<Solver<'a>>,
+    ) -> Result<Self, ContinuationError> {
+        map.scale_options(&mut options);
+        let Start {
+            layout,
+            state,
+            selection,
+        } = Start::at(&map, x)?;
+        Ok(Self {
             map,
             h: options.step.min(options.max_step),
             clock: options.max_time.map(|_| Clock::start()),
@@ -300,13 +373,13 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
             layout,
             corrector,
             selection,
+            size: 1.0 + norm(&state.x),
             next: state.clone(),
             start: state.x.clone(),
             here: state,
             grazing: Vec::new(),
             coactive: Vec::new(),
             arclength: 0.0,
-            size,
             residual_scale: 0.0,
             points: 0,
             creeping: 0,
@@ -317,15 +390,6 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'a, P, L> {
             residual: Vec::new(),
             watches: Vec::new(),
             saved_sides: Vec::new(),
-        };
-        this.map.test_functions(&this.here.x, &mut this.here.theta);
-        if let Some(i) = this.here.theta.iter().position(|t| !t.is_finite()) {
-            return Err(PiecewiseError::NotFinite {
-                what: "the vector of test functions at the start",
-                index: i,
-            }
-            .into());
-        }
-        Ok(this)
+        })
     }
 }

@@ -1,9 +1,8 @@
 //! One step of the located strategy: predict, correct with the selection frozen, accept or shorten, stop at the first event.
 
-use super::engine::{Continuation, term_size};
+use super::engine::{Curve, term_size};
 use super::locate::{Monitor, VERTICAL};
 use super::{ContinuationError, PointKind, Termination};
-use crate::linear::LinearSolver;
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth};
 use crate::sparse::{distance, dot, norm};
 
@@ -14,7 +13,7 @@ const EASY: usize = 3;
 /// Rejections, or steps in a row with rejections, after which a curve may be stuck at a singular point.
 const REJECTED: usize = 3;
 
-impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
+impl Curve<'_> {
     pub(super) fn step(&mut self) -> Result<(), ContinuationError> {
         let mut h = self.h.min(self.options.max_step);
         let room = self.options.max_arclength - self.arclength;

@@ -1,10 +1,9 @@
 //! The algorithm of Haslinger, Janovský and Ligurský: selections switch inside the corrector, steps are halved in front of a
 //! kink, vanishing test functions give the selection beyond it.
 
-use super::engine::Continuation;
+use super::engine::Curve;
 use super::transition::kind;
 use super::{ContinuationError, Event, PointKind, Termination, Transition};
-use crate::linear::LinearSolver;
 use crate::piecewise::{
     ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, Vanishing, select_pieces,
 };
@@ -16,7 +15,7 @@ const REACH: f64 = 10.0;
 /// Largest length of an accepted step ‖X − xʲ‖, relative to the step h along the tangent.
 const FARTHEST: f64 = 3.0;
 
-impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
+impl Curve<'_> {
     /// Steps 2 to 7: predict, correct with the selection of the active set at each iterate, halve on failure; a new selection
     /// once the smallest step fails.
     pub(super) fn switching_step(&mut self) -> Result<(), ContinuationError> {

@@ -1,13 +1,12 @@
 //! What happens at a located transition or branch point: arms, kind, and the arm that is followed.
 
 use super::arms::{Arms, TANGENTIAL};
-use super::engine::Continuation;
+use super::engine::Curve;
 use super::locate::VERTICAL;
 use super::{
     Arm, BranchPoint, ContinuationError, Event, PointKind, SiteChange, Termination, Transition,
     TransitionKind,
 };
-use crate::linear::LinearSolver;
 use crate::piecewise::{ActiveSet, PiecewiseSmooth, Vanishing};
 use crate::sparse::{distance, dot, norm};
 
@@ -19,7 +18,7 @@ const STRAIGHT: f64 = 1e-5;
 /// Rate of a test function, relative to its gradient, below which rounding decides where it vanishes.
 const ALONG: f64 = 1e-3;
 
-impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> Continuation<'_, P, L> {
+impl Curve<'_> {
     /// Passes the transition at `here`, where test function `index` vanishes.
     pub(super) fn pass_transition(&mut self, index: usize) -> Result<(), ContinuationError> {
         let vanishing = self.reached_here(index);

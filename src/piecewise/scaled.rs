@@ -7,11 +7,12 @@ use crate::sparse::{Matrix, Pattern, norm};
 /// A map in scaled variables z, x = D z, where D holds typical sizes of the variables. Distances and angles in z do not depend on the
 /// units of x. Lengths that are given or told along a curve are those in the unit of the parameter: in z times its size.
 #[derive(Debug)]
-pub(crate) struct Scaled<'a, P: ?Sized> {
-    map: &'a P,
+pub(crate) struct Scaled<M: ?Sized> {
     /// D, rounded to powers of two so that scaling is exact; empty for the identity.
     sizes: Vec<f64>,
     buffers: RefCell<(Vec<f64>, Vec<f64>)>,
+    /// Last, so that a reference to this can forget the type of the map.
+    map: M,
 }
 
 /// Whether a size is near enough to 1 to be left alone.
@@ -22,43 +23,14 @@ pub(crate) fn is_ordinary(size: f64) -> bool {
 /// Smallest ratio of sizes; beyond, squares overflow.
 const SMALLEST: f64 = 1e-100;
 
-impl<'a, P: PiecewiseSmooth + ?Sized> Scaled<'a, P> {
+impl<M: PiecewiseSmooth> Scaled<M> {
     /// Scaled by the sizes given or, where there are none, by those of the map if they are far from 1. That of a parameter is taken
     /// to be at most the largest of 1 and the bounds of `range`: it may matter how little it changes.
     ///
     /// # Errors
     /// Sizes of another number than the variables, or not positive and finite.
-    pub(crate) fn new(map: &'a P, given: &[f64], range: (f64, f64)) -> Result<Self, PiecewiseError> {
-        let m = map.num_vars();
-        let mut sizes = given.to_vec();
-        if given.is_empty() {
-            sizes.resize(m, 1.0);
-            map.typical_sizes(&mut sizes);
-        }
-        check_sizes(&sizes, m)?;
-        let own = match sizes.last() {
-            Some(size) if m > map.num_residuals() => *size,
-            _ => 1.0,
-        };
-        if given.is_empty() {
-            if is_ordinary(own) {
-                sizes.iter_mut().for_each(|s| *s /= own);
-            } else if let Some(parameter) = sizes.last_mut() {
-                let bounds = [range.0.abs(), range.1.abs()]
-                    .into_iter()
-                    .filter(|b| b.is_finite());
-                *parameter = own.min(bounds.fold(1.0, f64::max));
-            }
-            if sizes.iter().all(|s| is_ordinary(*s)) {
-                sizes.clear();
-            }
-        }
-        for size in &mut sizes {
-            *size = size.clamp(SMALLEST, 1.0 / SMALLEST).log2().round().exp2();
-        }
-        if sizes.iter().all(|s| *s == 1.0) {
-            sizes.clear();
-        }
+    pub(crate) fn new(map: M, given: &[f64], range: (f64, f64)) -> Result<Self, PiecewiseError> {
+        let sizes = sizes_of(&map, given, range)?;
         Self::with_divisors(map, sizes)
     }
 
@@ -66,21 +38,23 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Scaled<'a, P> {
     ///
     /// # Errors
     /// As [`new`](Self::new).
-    pub(crate) fn with_divisors(map: &'a P, sizes: Vec<f64>) -> Result<Self, PiecewiseError> {
+    pub(crate) fn with_divisors(map: M, sizes: Vec<f64>) -> Result<Self, PiecewiseError> {
         if !sizes.is_empty() {
             check_sizes(&sizes, map.num_vars())?;
         }
         let buffer = vec![0.0; sizes.len()];
         Ok(Self {
-            map,
             sizes,
             buffers: RefCell::new((buffer.clone(), buffer)),
+            map,
         })
     }
+}
 
+impl<M: PiecewiseSmooth + ?Sized> Scaled<M> {
     /// The map in its own variables.
-    pub(crate) fn map(&self) -> &'a P {
-        self.map
+    pub(crate) fn map(&self) -> &M {
+        &self.map
     }
 
     /// D; empty for the identity.
@@ -136,6 +110,41 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Scaled<'a, P> {
     }
 }
 
+/// D by the rules of [`Scaled::new`].
+fn sizes_of(map: &dyn PiecewiseSmooth, given: &[f64], range: (f64, f64)) -> Result<Vec<f64>, PiecewiseError> {
+    let m = map.num_vars();
+    let mut sizes = given.to_vec();
+    if given.is_empty() {
+        sizes.resize(m, 1.0);
+        map.typical_sizes(&mut sizes);
+    }
+    check_sizes(&sizes, m)?;
+    let own = match sizes.last() {
+        Some(size) if m > map.num_residuals() => *size,
+        _ => 1.0,
+    };
+    if given.is_empty() {
+        if is_ordinary(own) {
+            sizes.iter_mut().for_each(|s| *s /= own);
+        } else if let Some(parameter) = sizes.last_mut() {
+            let bounds = [range.0.abs(), range.1.abs()]
+                .into_iter()
+                .filter(|b| b.is_finite());
+            *parameter = own.min(bounds.fold(1.0, f64::max));
+        }
+        if sizes.iter().all(|s| is_ordinary(*s)) {
+            sizes.clear();
+        }
+    }
+    for size in &mut sizes {
+        *size = size.clamp(SMALLEST, 1.0 / SMALLEST).log2().round().exp2();
+    }
+    if sizes.iter().all(|s| *s == 1.0) {
+        sizes.clear();
+    }
+    Ok(sizes)
+}
+
 /// Checks that there are `expected` sizes, all positive and finite.
 pub(super) fn check_sizes(sizes: &[f64], expected: usize) -> Result<(), PiecewiseError> {
     super::check_vector("the list of typical sizes", sizes, expected)?;
@@ -158,7 +167,7 @@ fn normalise(t: &mut [f64]) {
     }
 }
 
-impl<P: PiecewiseSmooth + ?Sized> PiecewiseSmooth for Scaled<'_, P> {
+impl<M: PiecewiseSmooth + ?Sized> PiecewiseSmooth for Scaled<M> {
     fn num_vars(&self) -> usize {
         self.map.num_vars()
     }

@@ -7,10 +7,11 @@ use super::arc::{Arc, FLAT, kind_of, kind_of_slots, reversed};
 use super::natural::{natural_observer, scaled_options, scaled_starts};
 use super::{Diagram, DiagramEdge, DiagramOptions, DiagramVertex, EdgeEnd, Limit, VertexArm, VertexKind};
 use crate::clock::Clock;
+use crate::continuation::engine::Curve;
+use crate::continuation::start::{auto_solver, slices};
 use crate::continuation::{
-    Arm, Continuation, ContinuationError, Event, MonitorCrossing, Point, PointKind, Strategy, Termination,
+    Arm, ContinuationError, Event, MonitorCrossing, Point, PointKind, Strategy, Termination,
 };
-use crate::linear::AutoSolver;
 use crate::piecewise::{PiecewiseSmooth, Scaled};
 use crate::sparse::{distance, norm};
 
@@ -47,7 +48,7 @@ impl Diagram {
         P: PiecewiseSmooth + ?Sized,
         S: AsRef<[f64]>,
     {
-        Self::explore_observed(map, starts, options, |_| ControlFlow::Continue(()))
+        Self::explore_from(&map, &slices(starts), options, &mut |_| ControlFlow::Continue(()))
     }
 
     /// [`explore`](Self::explore), reporting every event to `observe`, which may stop.
@@ -58,12 +59,21 @@ impl Diagram {
         map: &P,
         starts: &[S],
         options: &DiagramOptions,
-        observe: impl FnMut(&Progress<'_>) -> ControlFlow<()>,
+        mut observe: impl FnMut(&Progress<'_>) -> ControlFlow<()>,
     ) -> Result<Self, ContinuationError>
     where
         P: PiecewiseSmooth + ?Sized,
         S: AsRef<[f64]>,
     {
+        Self::explore_from(&map, &slices(starts), options, &mut observe)
+    }
+
+    fn explore_from(
+        map: &dyn PiecewiseSmooth,
+        starts: &[&[f64]],
+        options: &DiagramOptions,
+        observe: Observer<'_>,
+    ) -> Result<Self, ContinuationError> {
         options.validate()?;
         let inner = &options.continuation;
         let scaled = Scaled::new(map, &inner.typical_sizes, inner.parameter_range)?;
@@ -81,8 +91,11 @@ impl Diagram {
     }
 }
 
-pub(super) struct Explorer<'m, P: ?Sized, O> {
-    map: &'m P,
+/// Sees every event of an exploration, and may stop it.
+pub(super) type Observer<'o> = &'o mut dyn FnMut(&Progress<'_>) -> ControlFlow<()>;
+
+pub(super) struct Explorer<'m, O> {
+    map: &'m dyn PiecewiseSmooth,
     pub(super) diagram: Diagram,
     options: DiagramOptions,
     pending: VecDeque<EdgeEnd>,
@@ -101,8 +114,13 @@ struct Meeting<'e> {
     complete: bool,
 }
 
-impl<'m, P: PiecewiseSmooth + ?Sized, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, P, O> {
-    pub(super) fn new(map: &'m P, diagram: Diagram, mut options: DiagramOptions, observe: O) -> Self {
+impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
+    pub(super) fn new(
+        map: &'m dyn PiecewiseSmooth,
+        diagram: Diagram,
+        mut options: DiagramOptions,
+        observe: O,
+    ) -> Self {
         options.continuation.strategy = Strategy::Located;
         Self {
             map,
@@ -132,7 +150,8 @@ impl<'m, P: PiecewiseSmooth + ?Sized, O: FnMut(&Progress<'_>) -> ControlFlow<()>
 
     fn start(&mut self, x: &[f64]) -> Result<(), ContinuationError> {
         let options = self.options.continuation.clone();
-        let mut curve = Continuation::prepare(self.map, x, options, AutoSolver::default())?;
+        let mut curve = Curve::prepare(self.map, x, options, auto_solver())?;
+        let curve = curve.erased_mut();
         let x = curve.here.x.clone();
         let alpha = x.last().copied().unwrap_or(f64::NAN);
         let (lower, upper) = self.diagram.range;
@@ -247,16 +266,17 @@ impl<'m, P: PiecewiseSmooth + ?Sized, O: FnMut(&Progress<'_>) -> ControlFlow<()>
         options.max_time = options.max_time.map(|t| t.saturating_sub(self.clock.elapsed()));
         let arm = vertex.arms[end.arm].arm.clone();
         let singular = vertex.kind == VertexKind::BranchPoint;
-        let mut curve = match Continuation::along_arm_from(self.map, &vertex.x, &arm, singular, options) {
+        let mut curve = match Curve::along_arm_from(self.map, &vertex.x, &arm, singular, options) {
             Ok(curve) => curve,
             Err(error) => {
                 let vertex = end.vertex;
                 return self.diagram.completeness.add(Limit::Failed { vertex, error });
             }
         };
+        let curve = curve.erased_mut();
         let mut arc = Arc::new(end, curve.point_here(PointKind::Start, 0));
         let mut failure = None;
-        while let Some(event) = curve.next() {
+        while let Some(event) = curve.next_event() {
             let event = match event {
                 Ok(event) => event,
                 Err(error) => {

@@ -6,7 +6,7 @@ use crate::piecewise::{PiecewiseSmooth, Scaled};
 use std::ops::ControlFlow;
 
 impl Diagram {
-    pub(super) fn scale<P: PiecewiseSmooth + ?Sized>(&mut self, map: &Scaled<'_, P>) {
+    pub(super) fn scale<P: PiecewiseSmooth + ?Sized>(&mut self, map: &Scaled<P>) {
         self.convert(
             |x| map.scale(x),
             |t| map.scale_direction(t),
@@ -14,7 +14,7 @@ impl Diagram {
         );
     }
 
-    pub(super) fn unscale<P: PiecewiseSmooth + ?Sized>(&mut self, map: &Scaled<'_, P>) {
+    pub(super) fn unscale<P: PiecewiseSmooth + ?Sized>(&mut self, map: &Scaled<P>) {
         self.convert(
             |x| map.unscale(x),
             |t| map.unscale_direction(t),
@@ -43,7 +43,7 @@ impl Diagram {
 }
 
 impl SolutionsAt {
-    pub(super) fn unscale<P: PiecewiseSmooth + ?Sized>(&mut self, map: &Scaled<'_, P>) {
+    pub(super) fn unscale<P: PiecewiseSmooth + ?Sized>(&mut self, map: &Scaled<P>) {
         self.points.iter_mut().for_each(|s| map.unscale(&mut s.x));
         self.isolated.iter_mut().for_each(|x| map.unscale(x));
     }
@@ -51,7 +51,7 @@ impl SolutionsAt {
 
 /// Starts in scaled variables.
 pub(super) fn scaled_starts<P: PiecewiseSmooth + ?Sized, S: AsRef<[f64]>>(
-    map: &Scaled<'_, P>,
+    map: &Scaled<P>,
     starts: &[S],
 ) -> Vec<Vec<f64>> {
     let scaled = |s: &S| {
@@ -64,7 +64,7 @@ pub(super) fn scaled_starts<P: PiecewiseSmooth + ?Sized, S: AsRef<[f64]>>(
 
 /// Options in scaled variables, for a map that is scaled already.
 pub(super) fn scaled_options<P: PiecewiseSmooth + ?Sized>(
-    map: &Scaled<'_, P>,
+    map: &Scaled<P>,
     options: &DiagramOptions,
 ) -> DiagramOptions {
     let mut options = options.clone();
@@ -75,7 +75,7 @@ pub(super) fn scaled_options<P: PiecewiseSmooth + ?Sized>(
 
 /// An observer that sees events in the variables of the map.
 pub(super) fn natural_observer<'s, P: PiecewiseSmooth + ?Sized>(
-    map: &'s Scaled<'_, P>,
+    map: &'s Scaled<P>,
     mut observe: impl FnMut(&Progress<'_>) -> ControlFlow<()> + 's,
 ) -> impl FnMut(&Progress<'_>) -> ControlFlow<()> + 's {
     move |progress| {

@@ -90,6 +90,10 @@ impl Diagram {
         map: &P,
         alpha: f64,
     ) -> Result<SolutionsAt, ContinuationError> {
+        self.section_of(&map, alpha)
+    }
+
+    fn section_of(&self, map: &dyn PiecewiseSmooth, alpha: f64) -> Result<SolutionsAt, ContinuationError> {
         let (lower, upper) = self.range;
         if !(alpha >= lower && alpha <= upper) {
             return Err(ContinuationError::Option {
@@ -109,11 +113,7 @@ impl Diagram {
         Ok(found)
     }
 
-    fn sections<P: PiecewiseSmooth + ?Sized>(
-        &self,
-        map: &P,
-        alpha: f64,
-    ) -> Result<SolutionsAt, ContinuationError> {
+    fn sections(&self, map: &dyn PiecewiseSmooth, alpha: f64) -> Result<SolutionsAt, ContinuationError> {
         let mut corrector = MoorePenrose::new(map, AutoSolver::default())?;
         self.check(map)?;
         let near = |a: f64| (a - alpha).abs() <= 1e-10 * (1.0 + alpha.abs());
@@ -213,7 +213,7 @@ impl Diagram {
 
 /// The point at `alpha` between two neighbouring points, by bisected secants along the chord, then exactly onto α.
 /// A point of the diagram solves the equation of the map.
-fn belongs<P: PiecewiseSmooth + ?Sized>(map: &P, point: &Point) -> Result<(), ContinuationError> {
+fn belongs(map: &dyn PiecewiseSmooth, point: &Point) -> Result<(), ContinuationError> {
     const FAR: f64 = 1e-5;
     let mut h = vec![0.0; map.num_residuals()];
     map.residual(&point.selection, &point.x, &mut h);
@@ -230,8 +230,8 @@ fn belongs<P: PiecewiseSmooth + ?Sized>(map: &P, point: &Point) -> Result<(), Co
     })
 }
 
-fn onto_parameter<P: PiecewiseSmooth + ?Sized>(
-    map: &P,
+fn onto_parameter(
+    map: &dyn PiecewiseSmooth,
     corrector: &mut MoorePenrose<AutoSolver>,
     a: &Point,
     b: &Point,

@@ -2,9 +2,10 @@
 
 use std::ops::ControlFlow;
 
-use super::explore::{Explorer, Progress};
+use super::explore::{Explorer, Observer, Progress};
 use super::natural::{natural_observer, scaled_options, scaled_starts};
 use super::{Completeness, Diagram, DiagramOptions, DiagramVertex, EdgeEnd, Limit, VertexArm, VertexKind};
+use crate::continuation::start::slices;
 use crate::continuation::{ContinuationError, Termination};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Scaled, check_selection, check_vector};
 
@@ -51,7 +52,7 @@ impl Diagram {
         P: PiecewiseSmooth + ?Sized,
         S: AsRef<[f64]>,
     {
-        self.resume_observed(map, starts, options, |_| ControlFlow::Continue(()))
+        self.resume_from(&map, &slices(starts), options, &mut |_| ControlFlow::Continue(()))
     }
 
     /// [`resume`](Self::resume), reporting every event to `observe`, which may stop.
@@ -59,16 +60,26 @@ impl Diagram {
     /// # Errors
     /// As [`resume`](Self::resume).
     pub fn resume_observed<P, S>(
-        mut self,
+        self,
         map: &P,
         starts: &[S],
         options: &DiagramOptions,
-        observe: impl FnMut(&Progress<'_>) -> ControlFlow<()>,
+        mut observe: impl FnMut(&Progress<'_>) -> ControlFlow<()>,
     ) -> Result<Self, ContinuationError>
     where
         P: PiecewiseSmooth + ?Sized,
         S: AsRef<[f64]>,
     {
+        self.resume_from(&map, &slices(starts), options, &mut observe)
+    }
+
+    fn resume_from(
+        mut self,
+        map: &dyn PiecewiseSmooth,
+        starts: &[&[f64]],
+        options: &DiagramOptions,
+        observe: Observer<'_>,
+    ) -> Result<Self, ContinuationError> {
         options.validate()?;
         self.check(map)?;
         let (lower, upper) = options.continuation.parameter_range;
@@ -181,7 +192,7 @@ impl Diagram {
     }
 
     /// Whether the diagram may be that of a map: nothing in it is out of range.
-    pub(super) fn check<P: PiecewiseSmooth + ?Sized>(&self, map: &P) -> Result<(), PiecewiseError> {
+    pub(super) fn check(&self, map: &dyn PiecewiseSmooth) -> Result<(), PiecewiseError> {
         let m = map.num_vars();
         let what = "a selection of the diagram";
         for vertex in &self.vertices {

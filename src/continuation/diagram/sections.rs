@@ -35,6 +35,15 @@ impl Diagram {
         options: &DiagramOptions,
         enumeration: &EnumerationOptions,
     ) -> Result<Self, ContinuationError> {
+        Self::explore_sections_of(&map, alphas, options, enumeration)
+    }
+
+    fn explore_sections_of(
+        map: &dyn PiecewiseSmooth,
+        alphas: &[f64],
+        options: &DiagramOptions,
+        enumeration: &EnumerationOptions,
+    ) -> Result<Self, ContinuationError> {
         let mut starts = Vec::new();
         let mut unknown = Vec::new();
         for &alpha in alphas {

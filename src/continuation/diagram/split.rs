@@ -45,9 +45,9 @@ impl<'e> Stretch<'e> {
     }
 
     /// The point of the curve over the chord at fraction u, with its tangent: corrected to rounding from the cubic through both ends.
-    pub(super) fn at<P: PiecewiseSmooth + ?Sized>(
+    pub(super) fn at(
         &self,
-        map: &P,
+        map: &dyn PiecewiseSmooth,
         corrector: &mut MoorePenrose<AutoSolver>,
         u: f64,
     ) -> Result<Option<Placed>, PiecewiseError> {
@@ -75,9 +75,9 @@ impl<'e> Stretch<'e> {
 
 impl Diagram {
     /// Cuts the edge through x in two by a vertex there; `false` if no edge passes x.
-    pub(super) fn split_at<P: PiecewiseSmooth + ?Sized>(
+    pub(super) fn split_at(
         &mut self,
-        map: &P,
+        map: &dyn PiecewiseSmooth,
         x: &[f64],
     ) -> Result<bool, ContinuationError> {
         let mut corrector = MoorePenrose::new(map, AutoSolver::default())?;

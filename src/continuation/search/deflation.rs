@@ -11,8 +11,8 @@ const STEPS: usize = 60;
 const CLOSE: f64 = 1e-6;
 
 /// Workspace of a map for steps at fixed parameter.
-pub(super) struct Steps<'a, P: ?Sized> {
-    map: &'a P,
+pub(super) struct Steps<'a> {
+    map: &'a dyn PiecewiseSmooth,
     layout: TestLayout,
     theta: Vec<f64>,
     jac: Matrix,
@@ -20,8 +20,8 @@ pub(super) struct Steps<'a, P: ?Sized> {
     step: Vec<f64>,
 }
 
-impl<'a, P: PiecewiseSmooth + ?Sized> Steps<'a, P> {
-    pub(super) fn new(map: &'a P) -> Result<Self, PiecewiseError> {
+impl<'a> Steps<'a> {
+    pub(super) fn new(map: &'a dyn PiecewiseSmooth) -> Result<Self, PiecewiseError> {
         let n = map.num_residuals();
         let layout = TestLayout::new(map);
         let jac = Matrix::zeros(map.pattern());

@@ -8,6 +8,7 @@ use std::ops::ControlFlow;
 
 use self::deflation::Steps;
 pub use self::options::SearchOptions;
+use super::start::slices;
 use super::{ContinuationError, Diagram};
 use crate::clock::Clock;
 use crate::enumeration::Random;
@@ -131,7 +132,9 @@ pub fn search_solutions<P: PiecewiseSmooth + ?Sized, S: AsRef<[f64]>>(
     starts: &[S],
     options: &SearchOptions,
 ) -> Result<FoundSolutions, ContinuationError> {
-    search_solutions_observed(map, alpha, starts, options, |_| ControlFlow::Continue(()))
+    search(&map, alpha, &slices(starts), options, &mut |_| {
+        ControlFlow::Continue(())
+    })
 }
 
 /// [`search_solutions`], reporting to `observe` after every run and every followed diagram; it may end the search.
@@ -143,7 +146,17 @@ pub fn search_solutions_observed<P: PiecewiseSmooth + ?Sized, S: AsRef<[f64]>>(
     alpha: f64,
     starts: &[S],
     options: &SearchOptions,
-    observe: impl FnMut(&FoundSolutions) -> ControlFlow<()>,
+    mut observe: impl FnMut(&FoundSolutions) -> ControlFlow<()>,
+) -> Result<FoundSolutions, ContinuationError> {
+    search(&map, alpha, &slices(starts), options, &mut observe)
+}
+
+fn search(
+    map: &dyn PiecewiseSmooth,
+    alpha: f64,
+    starts: &[&[f64]],
+    options: &SearchOptions,
+    observe: &mut dyn FnMut(&FoundSolutions) -> ControlFlow<()>,
 ) -> Result<FoundSolutions, ContinuationError> {
     options.validate()?;
     check_vector("the parameter", &[alpha], 1)?;
@@ -195,24 +208,24 @@ pub fn search_solutions_observed<P: PiecewiseSmooth + ?Sized, S: AsRef<[f64]>>(
     Ok(search.finish())
 }
 
-struct Search<'a, P: ?Sized, O> {
-    map: &'a P,
+struct Search<'a> {
+    map: &'a dyn PiecewiseSmooth,
     alpha: f64,
     options: &'a SearchOptions,
     newton: Newton,
-    steps: Steps<'a, P>,
+    steps: Steps<'a>,
     random: Random,
     found: FoundSolutions,
     /// Solutions from which curves have been followed.
     followed: usize,
     /// The next neighbouring selection to try: solution, site, piece.
     neighbour: (usize, usize, usize),
-    observe: O,
+    observe: &'a mut dyn FnMut(&FoundSolutions) -> ControlFlow<()>,
     ended: bool,
     clock: Clock,
 }
 
-impl<P: PiecewiseSmooth + ?Sized, O: FnMut(&FoundSolutions) -> ControlFlow<()>> Search<'_, P, O> {
+impl Search<'_> {
     fn round(&mut self, given: &[&[f64]]) -> Result<(), ContinuationError> {
         for k in 0..self.options.starts {
             if self.is_over() {
