@@ -72,7 +72,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
             complete: true,
         };
         if active.total().is_none_or(|total| total > PLAIN) {
-            let found = directional_selections(self.map, self.x, active, self.options.max_nodes);
+            let found = directional_selections(&self.map, self.x, active, self.options.max_nodes);
             match found {
                 Ok(Some(found)) => {
                     arms.complete = found.complete;
@@ -110,7 +110,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
         } else {
             80
         };
-        match local_selections(self.map, self.x, active, starts, each * starts) {
+        match local_selections(&self.map, self.x, active, starts, each * starts) {
             Ok(selections) => {
                 for selection in &selections {
                     self.of_selection(selection, None, arms)?;

@@ -114,6 +114,14 @@ pub fn all_arms<P: PiecewiseSmooth + ?Sized>(
     x: &[f64],
     options: &EnumerationOptions,
 ) -> Result<DirectionalArms, EnumerationError> {
+    arms_of(&map, x, options)
+}
+
+fn arms_of(
+    map: &dyn PiecewiseSmooth,
+    x: &[f64],
+    options: &EnumerationOptions,
+) -> Result<DirectionalArms, EnumerationError> {
     options.validate()?;
     let (m, n) = (map.num_vars(), map.num_residuals());
     if m != n + 1 {
@@ -138,8 +146,8 @@ pub fn all_arms<P: PiecewiseSmooth + ?Sized>(
     Ok(found)
 }
 
-fn of_scaled<P: PiecewiseSmooth + ?Sized>(
-    map: &P,
+fn of_scaled(
+    map: &dyn PiecewiseSmooth,
     x: &[f64],
     options: &EnumerationOptions,
 ) -> Result<DirectionalArms, EnumerationError> {
@@ -192,8 +200,8 @@ pub(crate) struct Candidates {
 
 /// The active selections that the directional problem does not rule out; `None` where a residual depends on the pieces of two
 /// degenerate sites, so that nothing can be ruled out early.
-pub(crate) fn directional_selections<P: PiecewiseSmooth + ?Sized>(
-    map: &P,
+pub(crate) fn directional_selections(
+    map: &dyn PiecewiseSmooth,
     x: &[f64],
     active: &ActiveSet,
     max_nodes: u64,
@@ -238,8 +246,8 @@ pub(crate) fn directional_selections<P: PiecewiseSmooth + ?Sized>(
     }))
 }
 
-fn selections<P: PiecewiseSmooth + ?Sized>(
-    map: &P,
+fn selections(
+    map: &dyn PiecewiseSmooth,
     x: &[f64],
     active: &ActiveSet,
     max_nodes: u64,
@@ -335,8 +343,8 @@ impl Iterator for VerticalRoots {
 }
 
 /// Computes and gathers the arms of single selections.
-struct Collector<'a, P: ?Sized> {
-    map: &'a P,
+struct Collector<'a> {
+    map: &'a dyn PiecewiseSmooth,
     x: &'a [f64],
     vanishing: Vec<Vanishing>,
     jac: Matrix,
@@ -345,8 +353,8 @@ struct Collector<'a, P: ?Sized> {
     unresolved: Vec<Selection>,
 }
 
-impl<'a, P: PiecewiseSmooth + ?Sized> Collector<'a, P> {
-    fn new(map: &'a P, x: &'a [f64], active: &ActiveSet) -> Result<Self, EnumerationError> {
+impl<'a> Collector<'a> {
+    fn new(map: &'a dyn PiecewiseSmooth, x: &'a [f64], active: &ActiveSet) -> Result<Self, EnumerationError> {
         let jac = Matrix::zeros(map.pattern());
         let mut solver = AutoSolver::default();
         solver.analyze(jac.leading_columns(map.num_residuals()).pattern)?;

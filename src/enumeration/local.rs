@@ -17,8 +17,8 @@ const TANGENTIAL: f64 = 1e-9;
 /// Selections that may have arms at a point with too many degenerate sites for a complete search: those at which Newton's method on
 /// the directional problem stops, and singular ones met on the way. From `starts` random selections for either sign of α̇, and
 /// from all that differ from a find at one site, as often as `starts` times the number of sites.
-pub(crate) fn local_selections<P: PiecewiseSmooth + ?Sized>(
-    map: &P,
+pub(crate) fn local_selections(
+    map: &dyn PiecewiseSmooth,
     x: &[f64],
     active: &ActiveSet,
     starts: usize,
@@ -43,8 +43,8 @@ pub(crate) fn local_selections<P: PiecewiseSmooth + ?Sized>(
     Ok(local.found.into_iter().collect())
 }
 
-struct Local<'a, P: ?Sized> {
-    map: &'a P,
+struct Local<'a> {
+    map: &'a dyn PiecewiseSmooth,
     x: &'a [f64],
     active: &'a ActiveSet,
     vanishing: Vec<Vanishing>,
@@ -56,18 +56,18 @@ struct Local<'a, P: ?Sized> {
 }
 
 /// The vanishing test functions of an active set, with their gradients.
-pub(super) fn vanishing_tests<P: PiecewiseSmooth + ?Sized>(
-    map: &P,
-    x: &[f64],
-    active: &ActiveSet,
-) -> Vec<Vanishing> {
+pub(super) fn vanishing_tests(map: &dyn PiecewiseSmooth, x: &[f64], active: &ActiveSet) -> Vec<Vanishing> {
     let layout = TestLayout::new(map);
     let indices = active.vanishing().iter();
     indices.map(|&k| Vanishing::new(map, &layout, k, x)).collect()
 }
 
-impl<'a, P: PiecewiseSmooth + ?Sized> Local<'a, P> {
-    fn new(map: &'a P, x: &'a [f64], active: &'a ActiveSet) -> Result<Self, EnumerationError> {
+impl<'a> Local<'a> {
+    fn new(
+        map: &'a dyn PiecewiseSmooth,
+        x: &'a [f64],
+        active: &'a ActiveSet,
+    ) -> Result<Self, EnumerationError> {
         let jac = Matrix::zeros(map.pattern());
         let mut solver = AutoSolver::default();
         solver.analyze(jac.leading_columns(map.num_residuals()).pattern)?;

@@ -116,6 +116,14 @@ pub fn all_solutions<P: PiecewiseSmooth + ?Sized>(
     alpha: f64,
     options: &EnumerationOptions,
 ) -> Result<SolutionSet, EnumerationError> {
+    solutions_of(&map, alpha, options)
+}
+
+fn solutions_of(
+    map: &dyn PiecewiseSmooth,
+    alpha: f64,
+    options: &EnumerationOptions,
+) -> Result<SolutionSet, EnumerationError> {
     options.validate()?;
     check_vector("the parameter", &[alpha], 1)?;
     let scaled = Scaled::new(map, &[], (alpha, alpha))?;
@@ -126,8 +134,8 @@ pub fn all_solutions<P: PiecewiseSmooth + ?Sized>(
     Ok(set)
 }
 
-fn of_scaled<P: PiecewiseSmooth + ?Sized>(
-    map: &P,
+fn of_scaled(
+    map: &dyn PiecewiseSmooth,
     alpha: f64,
     options: &EnumerationOptions,
 ) -> Result<SolutionSet, EnumerationError> {
@@ -204,8 +212,8 @@ enum Rank {
 }
 
 /// Solves for single selections, verifies and gathers what they give.
-struct Collector<'a, P: ?Sized> {
-    map: &'a P,
+struct Collector<'a> {
+    map: &'a dyn PiecewiseSmooth,
     options: &'a EnumerationOptions,
     layout: TestLayout,
     origin: Vec<f64>,
@@ -219,8 +227,12 @@ struct Collector<'a, P: ?Sized> {
     undecided: u64,
 }
 
-impl<'a, P: PiecewiseSmooth + ?Sized> Collector<'a, P> {
-    fn new(map: &'a P, origin: Vec<f64>, options: &'a EnumerationOptions) -> Result<Self, EnumerationError> {
+impl<'a> Collector<'a> {
+    fn new(
+        map: &'a dyn PiecewiseSmooth,
+        origin: Vec<f64>,
+        options: &'a EnumerationOptions,
+    ) -> Result<Self, EnumerationError> {
         let jac = Matrix::zeros(map.pattern());
         let mut solver = AutoSolver::default();
         solver.analyze(jac.leading_columns(map.num_residuals()).pattern)?;

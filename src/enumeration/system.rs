@@ -39,8 +39,8 @@ pub(super) struct Piece {
 }
 
 /// Which residuals belong to which of the given sites; `None` where one depends on the pieces of two sites.
-pub(super) fn owners<P: PiecewiseSmooth + ?Sized>(
-    map: &P,
+pub(super) fn owners(
+    map: &dyn PiecewiseSmooth,
     sites: impl Iterator<Item = usize>,
 ) -> Option<Vec<Option<usize>>> {
     let mut owner = vec![None; map.num_residuals()];
@@ -59,8 +59,8 @@ pub(super) fn owners<P: PiecewiseSmooth + ?Sized>(
 }
 
 /// The rows of H^(σ) at `at[0]` as forms of the first `unknowns` variables; what their derivatives differ by at `at[1]` is noise.
-fn rows<P: PiecewiseSmooth + ?Sized>(
-    map: &P,
+fn rows(
+    map: &dyn PiecewiseSmooth,
     selection: &Selection,
     at: [&[f64]; 2],
     unknowns: usize,
@@ -126,8 +126,8 @@ fn size(form: &Form) -> f64 {
 }
 
 /// All forms of the given sites and pieces, the derivatives taken at `at[0]`. `tests` says which test functions count.
-fn build<P: PiecewiseSmooth + ?Sized>(
-    map: &P,
+fn build(
+    map: &dyn PiecewiseSmooth,
     owner: &[Option<usize>],
     base: &Selection,
     choices: &[(usize, Vec<usize>)],
@@ -219,8 +219,8 @@ fn build<P: PiecewiseSmooth + ?Sized>(
 }
 
 /// The system of all solutions y at fixed parameter; x = (0, α) is its origin.
-pub(super) fn at_parameter<P: PiecewiseSmooth + ?Sized>(
-    map: &P,
+pub(super) fn at_parameter(
+    map: &dyn PiecewiseSmooth,
     owner: &[Option<usize>],
     origin: &[f64],
 ) -> Result<System, EnumerationError> {
@@ -268,8 +268,8 @@ fn constant_form(form: &Form, what: impl Fn() -> String) -> Result<(), Enumerati
 }
 
 /// The system of all directions (ẏ, α̇) at x: H'(x; τ) = 0, homogeneous.
-pub(super) fn directional<P: PiecewiseSmooth + ?Sized>(
-    map: &P,
+pub(super) fn directional(
+    map: &dyn PiecewiseSmooth,
     owner: &[Option<usize>],
     x: &[f64],
     active: &ActiveSet,

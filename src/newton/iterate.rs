@@ -23,8 +23,9 @@ pub(super) enum Mode {
     LeastIndex,
 }
 
-pub(super) fn iterate<L: LinearSolver>(
-    work: &mut Workspace<L>,
+pub(super) fn iterate(
+    work: &mut Workspace,
+    solver: &mut dyn LinearSolver,
     options: &NewtonOptions,
     system: &mut dyn System,
     x: &mut [f64],
@@ -41,6 +42,7 @@ pub(super) fn iterate<L: LinearSolver>(
     let mut run = Run {
         n: work.n,
         work,
+        solver,
         options,
         system,
         observe,
@@ -70,8 +72,9 @@ pub(super) fn iterate<L: LinearSolver>(
     }
 }
 
-pub(super) struct Run<'a, L> {
-    pub(super) work: &'a mut Workspace<L>,
+pub(super) struct Run<'a> {
+    pub(super) work: &'a mut Workspace,
+    pub(super) solver: &'a mut dyn LinearSolver,
     pub(super) options: &'a NewtonOptions,
     pub(super) system: &'a mut dyn System,
     observe: &'a mut dyn FnMut(&Iteration) -> ControlFlow<()>,
@@ -83,7 +86,7 @@ pub(super) struct Run<'a, L> {
     pub(super) n: usize,
 }
 
-impl<L: LinearSolver> Run<'_, L> {
+impl Run<'_> {
     /// The outer result is for misuse, the inner one for the outcome of the iteration.
     fn go(&mut self, jac: &mut Matrix, x: &mut [f64]) -> Result<Result<Convergence, Failure>, NewtonError> {
         let mut evaluation = self.enter(x);
@@ -373,7 +376,7 @@ impl<L: LinearSolver> Run<'_, L> {
             step_norm,
             damping,
             sites_changed,
-            rcond: (step != Step::None).then(|| self.work.solver.rcond()).flatten(),
+            rcond: (step != Step::None).then(|| self.solver.rcond()).flatten(),
             step,
         };
         self.work.report.history.push(entry);

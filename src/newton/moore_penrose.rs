@@ -78,9 +78,9 @@ impl<L: LinearSolver> MoorePenrose<L> {
         })
     }
 
-    fn check<P: PiecewiseSmooth + ?Sized>(
+    fn check(
         &self,
-        map: &P,
+        map: &dyn PiecewiseSmooth,
         selection: &Selection,
         vectors: &[(&'static str, &[f64])],
     ) -> Result<(), PiecewiseError> {
@@ -176,6 +176,16 @@ impl<L: LinearSolver> MoorePenrose<L> {
         x: &[f64],
         hint: Option<&[f64]>,
     ) -> Result<&[f64], PiecewiseError> {
+        self.linearize_on(&map, selection, x, hint)
+    }
+
+    fn linearize_on(
+        &mut self,
+        map: &dyn PiecewiseSmooth,
+        selection: &Selection,
+        x: &[f64],
+        hint: Option<&[f64]>,
+    ) -> Result<&[f64], PiecewiseError> {
         self.check(map, selection, &[("the point x", x)])?;
         if !map.is_piecewise_affine() {
             self.assemble(map, selection, x)?;
@@ -203,9 +213,9 @@ impl<L: LinearSolver> MoorePenrose<L> {
     }
 
     /// Turns the inverse at hand into that of `selection` where they differ at one or two sites whose rows are known to be few.
-    fn update_inverse<P: PiecewiseSmooth + ?Sized>(
+    fn update_inverse(
         &mut self,
-        map: &P,
+        map: &dyn PiecewiseSmooth,
         selection: &Selection,
         x: &[f64],
     ) -> Result<bool, PiecewiseError> {
@@ -237,9 +247,9 @@ impl<L: LinearSolver> MoorePenrose<L> {
     }
 
     /// Assembles anew the rows of the sites in which the selections differ; false if the map does not offer that.
-    fn assemble_sites<P: PiecewiseSmooth + ?Sized>(
+    fn assemble_sites(
         &mut self,
-        map: &P,
+        map: &dyn PiecewiseSmooth,
         known: &Selection,
         selection: &Selection,
         x: &[f64],
@@ -309,6 +319,20 @@ impl<L: LinearSolver> MoorePenrose<L> {
         mut choose: impl FnMut(&[f64], &mut Selection),
         x: &mut [f64],
         t: &mut [f64],
+        tolerances: (f64, f64),
+        max_iterations: usize,
+    ) -> Result<Correction, PiecewiseError> {
+        self.correct_on(&map, selection, &mut choose, x, t, tolerances, max_iterations)
+    }
+
+    #[allow(clippy::too_many_arguments)]
+    fn correct_on(
+        &mut self,
+        map: &dyn PiecewiseSmooth,
+        selection: &mut Selection,
+        choose: &mut dyn FnMut(&[f64], &mut Selection),
+        x: &mut [f64],
+        t: &mut [f64],
         (tol_residual, tol_step): (f64, f64),
         max_iterations: usize,
     ) -> Result<Correction, PiecewiseError> {
@@ -359,6 +383,20 @@ impl<L: LinearSolver> MoorePenrose<L> {
     pub fn correct_in_plane<P: PiecewiseSmooth + ?Sized>(
         &mut self,
         map: &P,
+        selection: &Selection,
+        anchor: &[f64],
+        normal: &[f64],
+        s: f64,
+        x: &mut [f64],
+        t: &mut [f64],
+    ) -> Result<Correction, PiecewiseError> {
+        self.correct_in_plane_on(&map, selection, anchor, normal, s, x, t)
+    }
+
+    #[allow(clippy::too_many_arguments)]
+    fn correct_in_plane_on(
+        &mut self,
+        map: &dyn PiecewiseSmooth,
         selection: &Selection,
         anchor: &[f64],
         normal: &[f64],

@@ -35,7 +35,8 @@ use crate::sparse::Pattern;
 #[derive(Debug, Clone)]
 pub struct Newton<L = AutoSolver> {
     options: NewtonOptions,
-    work: Workspace<L>,
+    solver: L,
+    work: Workspace,
     pieces: PsBuffers,
 }
 
@@ -60,7 +61,8 @@ impl<L: LinearSolver> Newton<L> {
     pub fn with_solver(options: NewtonOptions, solver: L) -> Self {
         Self {
             options,
-            work: Workspace::new(solver),
+            solver,
+            work: Workspace::default(),
             pieces: PsBuffers::default(),
         }
     }
@@ -94,7 +96,7 @@ impl<L: LinearSolver> Newton<L> {
         map: &P,
         x: &mut [f64],
     ) -> Result<Convergence, NewtonError> {
-        self.solve_observed(map, x, |_| ControlFlow::Continue(()))
+        solve_pieces(self.parts(), &map, x, &mut |_| ControlFlow::Continue(()))
     }
 
     /// [`solve`](Self::solve), reporting every iteration to `observe`, which may stop the run.
@@ -107,47 +109,18 @@ impl<L: LinearSolver> Newton<L> {
         x: &mut [f64],
         mut observe: impl FnMut(&Iteration) -> ControlFlow<()>,
     ) -> Result<Convergence, NewtonError> {
-        let (m, n) = (map.num_vars(), map.num_residuals());
-        if n == 0 || (m != n && m != n + 1) {
-            return Err(PiecewiseError::Dimensions {
-                vars: m,
-                residuals: n,
-                expected: "an equation has as many variables as residuals, a curve one more, both at least 1 residual",
-            }
-            .into());
+        solve_pieces(self.parts(), &map, x, &mut observe)
+    }
+
+    fn parts(&mut self) -> Parts<'_> {
+        Parts {
+            work: Work {
+                options: &self.options,
+                solver: &mut self.solver,
+                work: &mut self.work,
+            },
+            pieces: &mut self.pieces,
         }
-        let sites = map.num_sites();
-        let known = self.pieces.layout.as_ref().is_some_and(|l| l.describes(map));
-        let layout = match self.pieces.layout.take() {
-            Some(layout) if known => layout,
-            _ => TestLayout::new(map),
-        };
-        self.pieces.theta.resize(layout.total(), 0.0);
-        if self.pieces.selection.len() != sites {
-            self.pieces.selection = Selection::uniform(sites, 0);
-            self.pieces.trial = Selection::uniform(sites, 0);
-        }
-        let mut system = PsSystem {
-            map,
-            layout: &layout,
-            theta: &mut self.pieces.theta,
-            selection: &mut self.pieces.selection,
-            trial: &mut self.pieces.trial,
-            least_index: false,
-            fresh: true,
-        };
-        let pattern = || map.pattern();
-        let result = run(
-            &mut self.work,
-            &self.options,
-            &mut system,
-            x,
-            (m, n),
-            &pattern,
-            &mut observe,
-        );
-        self.pieces.layout = Some(layout);
-        result
     }
 
     /// Solves H(x) = 0 for a semismooth map.
@@ -183,22 +156,71 @@ impl<L: LinearSolver> Newton<L> {
         }
         let mut system = SemismoothSystem(map);
         let pattern = || map.pattern();
-        run(
-            &mut self.work,
-            &self.options,
-            &mut system,
-            x,
-            (n, n),
-            &pattern,
-            &mut observe,
-        )
+        run(self.parts().work, &mut system, x, (n, n), &pattern, &mut observe)
     }
 }
 
+/// A corrector whose solver may be any.
+struct Work<'n> {
+    options: &'n NewtonOptions,
+    solver: &'n mut dyn LinearSolver,
+    work: &'n mut Workspace,
+}
+
+struct Parts<'n> {
+    work: Work<'n>,
+    pieces: &'n mut PsBuffers,
+}
+
+/// [`Newton::solve_observed`], compiled once.
+fn solve_pieces(
+    Parts { work, pieces }: Parts<'_>,
+    map: &dyn PiecewiseSmooth,
+    x: &mut [f64],
+    observe: &mut dyn FnMut(&Iteration) -> ControlFlow<()>,
+) -> Result<Convergence, NewtonError> {
+    let (m, n) = (map.num_vars(), map.num_residuals());
+    if n == 0 || (m != n && m != n + 1) {
+        return Err(PiecewiseError::Dimensions {
+            vars: m,
+            residuals: n,
+            expected: "an equation has as many variables as residuals, a curve one more, both at least 1 residual",
+        }
+        .into());
+    }
+    let sites = map.num_sites();
+    let known = pieces.layout.as_ref().is_some_and(|l| l.describes(map));
+    let layout = match pieces.layout.take() {
+        Some(layout) if known => layout,
+        _ => TestLayout::new(map),
+    };
+    pieces.theta.resize(layout.total(), 0.0);
+    if pieces.selection.len() != sites {
+        pieces.selection = Selection::uniform(sites, 0);
+        pieces.trial = Selection::uniform(sites, 0);
+    }
+    let mut system = PsSystem {
+        map,
+        layout: &layout,
+        theta: &mut pieces.theta,
+        selection: &mut pieces.selection,
+        trial: &mut pieces.trial,
+        least_index: false,
+        fresh: true,
+    };
+    let pattern = || map.pattern();
+    let result = run(work, &mut system, x, (m, n), &pattern, observe);
+    pieces.layout = Some(layout);
+    result
+}
+
 /// Runs the loop; a Jacobian that does not fit the pattern kept from an earlier map of the same size makes a new workspace.
-fn run<L: LinearSolver>(
-    work: &mut Workspace<L>,
-    options: &NewtonOptions,
+fn run(
+    Work {
+        options,
+        solver,
+        work,
+    }: Work<'_>,
     system: &mut dyn super::system::System,
     x: &mut [f64],
     (m, n): (usize, usize),
@@ -208,12 +230,12 @@ fn run<L: LinearSolver>(
     options.validate()?;
     crate::piecewise::check_vector("the start x", x, m)?;
     if !work.fits(m, n) {
-        work.prepare(pattern(), m, n)?;
+        work.prepare(solver, pattern(), m, n)?;
     }
-    match iterate(work, options, system, x, observe) {
+    match iterate(work, solver, options, system, x, observe) {
         Err(NewtonError::Map(PiecewiseError::StrayEntry { .. })) => {
-            work.prepare(pattern(), m, n)?;
-            iterate(work, options, system, x, observe)
+            work.prepare(solver, pattern(), m, n)?;
+            iterate(work, solver, options, system, x, observe)
         }
         result => result,
     }

@@ -4,7 +4,7 @@ use super::convergence::equilibrate;
 use super::iterate::{Mode, Run};
 use super::system::Evaluation;
 use super::{Damping, Failure, Step};
-use crate::linear::{LinearError, LinearSolver};
+use crate::linear::LinearError;
 use crate::sparse::Matrix;
 use crate::sparse::norm as norm2;
 
@@ -18,16 +18,16 @@ pub(super) struct Advance {
     pub(super) norm: f64,
 }
 
-impl<L: LinearSolver> Run<'_, L> {
+impl Run<'_> {
     /// Puts the Newton direction into `d`; tells where there is none because the Jacobian is singular.
     pub(super) fn newton_direction(&mut self, jac: &Matrix) -> Result<Step, LinearError> {
         let leading = jac.leading_columns(self.n);
         self.work.report.factorisations += 1;
-        let solved = self.work.solver.factor(leading).and_then(|()| {
+        let solved = self.solver.factor(leading).and_then(|()| {
             for (d, r) in self.work.d.iter_mut().zip(&self.work.r) {
                 *d = -r;
             }
-            self.work.solver.solve_in_place(&mut self.work.d)
+            self.solver.solve_in_place(&mut self.work.d)
         });
         match solved {
             Ok(()) if self.mode == Mode::LeastIndex => Ok(Step::LeastIndex),

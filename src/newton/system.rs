@@ -34,8 +34,8 @@ pub(super) struct PsBuffers {
     pub(super) trial: Selection,
 }
 
-pub(super) struct PsSystem<'a, P: ?Sized> {
-    pub(super) map: &'a P,
+pub(super) struct PsSystem<'a> {
+    pub(super) map: &'a dyn PiecewiseSmooth,
     pub(super) layout: &'a TestLayout,
     pub(super) theta: &'a mut [f64],
     /// Of the iterate.
@@ -46,7 +46,7 @@ pub(super) struct PsSystem<'a, P: ?Sized> {
     pub(super) fresh: bool,
 }
 
-impl<P: PiecewiseSmooth + ?Sized> PsSystem<'_, P> {
+impl PsSystem<'_> {
     fn choose(&mut self, x: &[f64]) -> usize {
         self.map.test_functions(x, self.theta);
         self.trial.copy_from(self.selection);
@@ -56,7 +56,7 @@ impl<P: PiecewiseSmooth + ?Sized> PsSystem<'_, P> {
     }
 }
 
-impl<P: PiecewiseSmooth + ?Sized> System for PsSystem<'_, P> {
+impl System for PsSystem<'_> {
     fn evaluate(&mut self, x: &[f64], out: &mut [f64]) -> Evaluation {
         let mut changed = self.choose(x);
         let settled = !self.least_index || changed <= 1;

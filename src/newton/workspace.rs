@@ -5,8 +5,7 @@ use crate::sparse::{Matrix, Pattern};
 
 /// Everything a run needs room for.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Workspace<L> {
-    pub(super) solver: L,
+pub(super) struct Workspace {
     pub(super) jac: Option<Matrix>,
     pub(super) n: usize,
     pub(super) r: Vec<f64>,
@@ -23,31 +22,18 @@ pub(super) struct Workspace<L> {
     pub(super) report: Report,
 }
 
-impl<L: LinearSolver> Workspace<L> {
-    pub(super) fn new(solver: L) -> Self {
-        Self {
-            solver,
-            jac: None,
-            n: 0,
-            r: Vec::new(),
-            trial_r: Vec::new(),
-            d: Vec::new(),
-            trial: Vec::new(),
-            best: Vec::new(),
-            size: Vec::new(),
-            gradient: Vec::new(),
-            conjugate: Vec::new(),
-            weight: Vec::new(),
-            visited: Vec::new(),
-            report: Report::default(),
-        }
-    }
-
+impl Workspace {
     pub(super) fn fits(&self, m: usize, n: usize) -> bool {
         self.n == n && self.jac.as_ref().is_some_and(|j| j.ncols() == m)
     }
 
-    pub(super) fn prepare(&mut self, pattern: Pattern, m: usize, n: usize) -> Result<(), NewtonError> {
+    pub(super) fn prepare(
+        &mut self,
+        solver: &mut dyn LinearSolver,
+        pattern: Pattern,
+        m: usize,
+        n: usize,
+    ) -> Result<(), NewtonError> {
         let sides = [
             ("the rows of the declared pattern", n, pattern.nrows()),
             ("the columns of the declared pattern", m, pattern.ncols()),
@@ -63,7 +49,7 @@ impl<L: LinearSolver> Workspace<L> {
             }
         }
         self.jac = None;
-        self.solver.analyze(pattern.leading_columns(n))?;
+        solver.analyze(pattern.leading_columns(n))?;
         self.jac = Some(Matrix::zeros(pattern));
         self.n = n;
         for v in [

@@ -257,6 +257,14 @@ pub fn check<P: PiecewiseSmooth + ?Sized>(
     samples: &[Vec<f64>],
     options: &CheckOptions,
 ) -> Result<CheckReport, CheckError> {
+    check_map(&map, samples, options)
+}
+
+fn check_map(
+    map: &dyn PiecewiseSmooth,
+    samples: &[Vec<f64>],
+    options: &CheckOptions,
+) -> Result<CheckReport, CheckError> {
     options.validate()?;
     for (point, x) in samples.iter().enumerate() {
         check_vector("the point", x, map.num_vars())

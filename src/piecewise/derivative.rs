@@ -26,6 +26,16 @@ pub fn b_derivative<P: PiecewiseSmooth + ?Sized>(
     tolerance: f64,
     out: &mut [f64],
 ) -> Result<Selection, PiecewiseError> {
+    b_derivative_of(&map, x, d, tolerance, out)
+}
+
+fn b_derivative_of(
+    map: &dyn PiecewiseSmooth,
+    x: &[f64],
+    d: &[f64],
+    tolerance: f64,
+    out: &mut [f64],
+) -> Result<Selection, PiecewiseError> {
     let (m, n) = (map.num_vars(), map.num_residuals());
     check_vector("the point x", x, m)?;
     check_vector("the direction d", d, m)?;
@@ -60,8 +70,8 @@ pub fn b_derivative<P: PiecewiseSmooth + ?Sized>(
 
 /// Of the active pieces of each degenerate site, the one into whose cell a direction with the given rates of the test functions
 /// points most.
-fn pointed_into<P: PiecewiseSmooth + ?Sized>(
-    map: &P,
+fn pointed_into(
+    map: &dyn PiecewiseSmooth,
     layout: &TestLayout,
     active: &ActiveSet,
     rates: &[f64],
@@ -125,6 +135,15 @@ pub enum CoherentOrientation {
 /// is available ([`LinearError::Solver`]).
 pub fn coherent_orientation<P: PiecewiseSmooth + ?Sized>(
     map: &P,
+    x: &[f64],
+    tolerance: f64,
+    cap: u64,
+) -> Result<CoherentOrientation, PiecewiseError> {
+    coherent_orientation_of(&map, x, tolerance, cap)
+}
+
+fn coherent_orientation_of(
+    map: &dyn PiecewiseSmooth,
     x: &[f64],
     tolerance: f64,
     cap: u64,

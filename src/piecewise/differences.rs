@@ -6,7 +6,7 @@ use crate::sparse::max_abs;
 /// Cube root of the rounding unit: the step that balances truncation and rounding in central differences.
 const STEP: f64 = 6.055e-6;
 
-pub(super) fn test_derivatives<P: PiecewiseSmooth + ?Sized>(map: &P, x: &[f64], d: &[f64], out: &mut [f64]) {
+pub(super) fn test_derivatives(map: &dyn PiecewiseSmooth, x: &[f64], d: &[f64], out: &mut [f64]) {
     let norm_d = max_abs(d);
     if norm_d == 0.0 || !norm_d.is_finite() {
         out.fill(if norm_d == 0.0 { 0.0 } else { f64::NAN });
@@ -28,8 +28,8 @@ pub(super) fn test_derivatives<P: PiecewiseSmooth + ?Sized>(map: &P, x: &[f64], 
     }
 }
 
-pub(super) fn test_gradient<P: PiecewiseSmooth + ?Sized>(
-    map: &P,
+pub(super) fn test_gradient(
+    map: &dyn PiecewiseSmooth,
     site: usize,
     test: usize,
     x: &[f64],
@@ -54,7 +54,7 @@ pub(super) fn test_gradient<P: PiecewiseSmooth + ?Sized>(
 }
 
 /// Typical sizes of the variables, to which steps are relative.
-fn sizes<P: PiecewiseSmooth + ?Sized>(map: &P, m: usize) -> Vec<f64> {
+fn sizes(map: &dyn PiecewiseSmooth, m: usize) -> Vec<f64> {
     let mut sizes = vec![1.0; m];
     map.typical_sizes(&mut sizes);
     sizes

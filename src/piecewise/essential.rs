@@ -29,6 +29,16 @@ pub fn essential_activity<P: PiecewiseSmooth + ?Sized>(
     tolerance: f64,
     max_steps: usize,
 ) -> Result<Activity, PiecewiseError> {
+    essential_activity_of(&map, x, selection, tolerance, max_steps)
+}
+
+fn essential_activity_of(
+    map: &dyn PiecewiseSmooth,
+    x: &[f64],
+    selection: &Selection,
+    tolerance: f64,
+    max_steps: usize,
+) -> Result<Activity, PiecewiseError> {
     check_vector("the point x", x, map.num_vars())?;
     check_selection("the selection", selection, map)?;
     let active = active_set(map, x, tolerance);

@@ -117,13 +117,13 @@ pub trait PiecewiseSmooth {
     /// Directional derivatives ∇θ(x)·d of all test functions, in the order of [`test_functions`](Self::test_functions).
     /// Default: central differences along d (two evaluations).
     fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {
-        super::differences::test_derivatives(self, x, d, out);
+        super::differences::test_derivatives(&self, x, d, out);
     }
 
     /// The gradient ∇θ_test(x) (length m) of one test function of a site. Default: central differences (2 m evaluations of all
     /// test functions; override for large problems).
     fn test_gradient(&self, site: usize, test: usize, x: &[f64], gradient: &mut [f64]) {
-        super::differences::test_gradient(self, site, test, x, gradient);
+        super::differences::test_gradient(&self, site, test, x, gradient);
     }
 }
 

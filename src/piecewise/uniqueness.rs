@@ -88,6 +88,16 @@ pub fn local_uniqueness<P: PiecewiseSmooth + ?Sized>(
     load: &Matrix,
     cap: u64,
 ) -> Result<LocalUniqueness, PiecewiseError> {
+    local_uniqueness_of(&map, x, active, load, cap)
+}
+
+fn local_uniqueness_of(
+    map: &dyn PiecewiseSmooth,
+    x: &[f64],
+    active: &ActiveSet,
+    load: &Matrix,
+    cap: u64,
+) -> Result<LocalUniqueness, PiecewiseError> {
     let (m, n) = (map.num_vars(), map.num_residuals());
     check_vector("the point x", x, m)?;
     if m < n {

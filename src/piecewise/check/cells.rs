@@ -2,13 +2,13 @@
 
 use super::FindingKind;
 use super::session::{Place, Session};
-use crate::piecewise::{ActiveSet, PiecewiseSmooth, Selection, cell_margin};
+use crate::piecewise::{ActiveSet, Selection, cell_margin};
 use crate::sparse::Matrix;
 
 /// Each sample is joined to this many samples after it in the search for boundaries.
 const NEIGHBOURS: usize = 6;
 
-impl<P: PiecewiseSmooth + ?Sized> Session<'_, P> {
+impl Session<'_> {
     /// Whether the cells tile at a sample; the selection there, unless it lies outside the domain or no selection is known.
     pub(super) fn cells(&mut self, point: usize) -> Option<Selection> {
         let theta = self.theta(&self.samples[point]);

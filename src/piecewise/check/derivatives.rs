@@ -2,7 +2,7 @@
 
 use super::FindingKind;
 use super::session::{Place, Session};
-use crate::piecewise::{PiecewiseSmooth, Selection};
+use crate::piecewise::Selection;
 use crate::sparse::Matrix;
 
 /// Difference quotients of a vector function with a bound of their error, column by column.
@@ -50,7 +50,7 @@ impl Quotients {
     }
 }
 
-impl<P: PiecewiseSmooth + ?Sized> Session<'_, P> {
+impl Session<'_> {
     fn quotients(&self, rows: usize, x: &[f64], f: impl Fn(&[f64]) -> Vec<f64>) -> Quotients {
         let mut q = Quotients::new(rows, x, &self.steps, f);
         for i in 0..rows {

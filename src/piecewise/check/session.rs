@@ -2,8 +2,8 @@ use super::{CheckOptions, CheckReport, Finding, FindingKind};
 use crate::piecewise::{PiecewiseSmooth, Selection, Selections, TestLayout};
 
 /// A check under way.
-pub(super) struct Session<'a, P: ?Sized> {
-    pub(super) map: &'a P,
+pub(super) struct Session<'a> {
+    pub(super) map: &'a dyn PiecewiseSmooth,
     pub(super) samples: &'a [Vec<f64>],
     pub(super) options: &'a CheckOptions,
     pub(super) layout: TestLayout,
@@ -52,8 +52,12 @@ impl Place {
     }
 }
 
-impl<'a, P: PiecewiseSmooth + ?Sized> Session<'a, P> {
-    pub(super) fn new(map: &'a P, samples: &'a [Vec<f64>], options: &'a CheckOptions) -> Self {
+impl<'a> Session<'a> {
+    pub(super) fn new(
+        map: &'a dyn PiecewiseSmooth,
+        samples: &'a [Vec<f64>],
+        options: &'a CheckOptions,
+    ) -> Self {
         // The size of a variable is that of its samples, so that steps suit its units.
         let steps = (0..map.num_vars())
             .map(|j| {
