@@ -306,7 +306,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
     }
 
     /// Corrects X = `x` towards the curve of the selection that `choose` puts in place at each iterate (leave it alone to
-    /// freeze it), and turns `t` into the tangent there. Ends when ‖H‖ < `tol_residual` and ‖ΔX‖ < `tol_step`, or after
+    /// freeze it), and turns `t` into the tangent there. Ends when ‖H‖ and ‖ΔX‖ are less than the two `tolerances`, or after
     /// `max_iterations`.
     ///
     /// # Errors
