@@ -3,7 +3,7 @@
 use super::form::Form;
 use super::node_law::{LocalRow, LocalValues, NodeLaw};
 use super::tries::{Observer, newton_step};
-use super::{ContactError, ContactOptions, ContactProgress, ContactStrategy};
+use super::{ContactError, ContactOptions, ContactProgress, ContactState, ContactStrategy};
 use crate::continuation::{Arm, Continuation, ContinuationOptions, Direction, Event, Termination};
 use crate::newton::Newton;
 use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
@@ -71,6 +71,10 @@ impl<L: NodeLaw> NodeLaw for Lowered<L> {
 
     fn piece_name(&self, piece: usize) -> &'static str {
         self.law.piece_name(piece)
+    }
+
+    fn state(&self, piece: usize, v: &LocalValues) -> ContactState {
+        self.law.state(piece, &self.inner(v))
     }
 
     fn tests(&self, v: &LocalValues, out: &mut [f64]) {

@@ -1,7 +1,7 @@
 //! Coulomb friction in the plane and in space with coefficients that depend on node, slip and parameter.
 
 use super::node_law::{CLOSED, LocalRow, LocalValues, NodeLaw, OPEN, add_row, free, normal, theta1_row};
-use super::{ContactError, FrictionCoefficient};
+use super::{ContactError, ContactState, FrictionCoefficient};
 use crate::piecewise::Facet;
 
 /// Planar Coulomb friction |λt| ≤ F λν with F = F(x, |u_t|, α). Pieces "open", "stick", "slip+", "slip-"; test functions θ¹, θ², θ³
@@ -60,6 +60,10 @@ impl NodeLaw for PlanarCoulomb {
         ["open", "stick", "slip+", "slip-"][piece.min(3)]
     }
 
+    fn state(&self, piece: usize, _v: &LocalValues) -> ContactState {
+        ContactState::ALL[piece.min(3)]
+    }
+
     fn tests(&self, v: &LocalValues, out: &mut [f64]) {
         let z = v.traction[0] + v.r * v.slip[0];
         out[0] = v.theta1();
@@ -114,6 +118,10 @@ impl NodeLaw for PlanarCoulomb {
 
     fn is_affine(&self) -> bool {
         self.coefficient.is_constant()
+    }
+
+    fn depends_on_slip(&self) -> bool {
+        self.coefficient.depends_on_slip()
     }
 
     fn is_coulomb(&self) -> bool {
@@ -329,6 +337,14 @@ impl NodeLaw for OrthotropicCoulomb {
         ["open", "stick", "slip"][piece.min(2)]
     }
 
+    fn state(&self, piece: usize, v: &LocalValues) -> ContactState {
+        match piece {
+            0 => ContactState::Open,
+            1 => ContactState::Stick,
+            _ => ContactState::slipping(v.traction[0]),
+        }
+    }
+
     fn tests(&self, v: &LocalValues, out: &mut [f64]) {
         let s = self.scaled(v);
         out[0] = v.theta1();
@@ -398,6 +414,10 @@ impl NodeLaw for OrthotropicCoulomb {
             }
         }
         rows
+    }
+
+    fn depends_on_slip(&self) -> bool {
+        self.coefficients.iter().any(FrictionCoefficient::depends_on_slip)
     }
 
     fn is_coulomb(&self) -> bool {

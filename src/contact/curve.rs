@@ -10,6 +10,10 @@ type NodeFunction = Arc<dyn Fn(usize, f64, f64) -> [f64; 3] + Send + Sync>;
 
 /// A coefficient of friction F(ξ) against the slip ξ = ‖u_t‖ ≥ 0.
 ///
+/// In the static problem u_t is the whole tangential displacement. In a history of loading slips are measured anew in each level, so
+/// that F would depend on the number of levels: [`evolve`](super::evolve) refuses such a law unless told otherwise
+/// ([`EvolutionOptions::slip_increments`](super::EvolutionOptions::slip_increments)).
+///
 /// ```
 /// use semismooth::contact::FrictionCurve;
 /// let f = FrictionCurve::exponential(0.4, 0.1, 0.005)?; // 0.1 + 0.3 exp(−ξ/0.005)
@@ -204,6 +208,7 @@ fn check(value: f64, slip: f64) -> Result<(), ContactError> {
 pub struct FrictionCoefficient {
     function: NodeFunction,
     depends_on_parameter: bool,
+    depends_on_slip: bool,
     constant: bool,
 }
 
@@ -222,6 +227,7 @@ impl FrictionCoefficient {
         Self {
             constant: curve.is_constant(),
             depends_on_parameter: false,
+            depends_on_slip: !curve.is_constant(),
             function: Arc::new(move |_, slip, _| {
                 let (value, slope) = curve.value(slip);
                 [value, slope, 0.0]
@@ -235,6 +241,7 @@ impl FrictionCoefficient {
         Self {
             constant: false,
             depends_on_parameter: true,
+            depends_on_slip: !curve.is_constant(),
             function: Arc::new(move |_, slip, alpha| {
                 let (value, slope) = curve.value(slip);
                 [alpha * value, alpha * slope, value]
@@ -255,6 +262,7 @@ impl FrictionCoefficient {
         Ok(Self {
             constant: curves.iter().all(FrictionCurve::is_constant),
             depends_on_parameter: false,
+            depends_on_slip: !curves.iter().all(FrictionCurve::is_constant),
             function: Arc::new(move |node, slip, _| {
                 let (value, slope) = curves[node.min(curves.len() - 1)].value(slip);
                 [value, slope, 0.0]
@@ -263,12 +271,13 @@ impl FrictionCoefficient {
     }
 
     /// Any coefficient: `function(node, ξ, α)` gives F, ∂F/∂ξ, ∂F/∂α. It must be continuously differentiable for ξ ≥ 0 and is
-    /// continued to ξ < 0 as a [`FrictionCurve`] is.
+    /// continued to ξ < 0 as a [`FrictionCurve`] is. It counts as one that depends on ξ.
     #[must_use]
     pub fn function(function: impl Fn(usize, f64, f64) -> [f64; 3] + Send + Sync + 'static) -> Self {
         Self {
             constant: false,
             depends_on_parameter: true,
+            depends_on_slip: true,
             function: Arc::new(move |node, slip, alpha| {
                 if slip < 0.0 {
                     let [value, slope, rate] = function(node, 0.0, alpha);
@@ -287,6 +296,7 @@ impl FrictionCoefficient {
         let own = self.clone();
         Self {
             depends_on_parameter: self.depends_on_parameter,
+            depends_on_slip: self.depends_on_slip,
             constant: self.constant,
             function: Arc::new(move |node, slip, alpha| own.value(node, slip, alpha).map(|v| factor * v)),
         }
@@ -301,6 +311,11 @@ impl FrictionCoefficient {
     /// Whether F depends on α, and may become negative.
     pub(super) fn depends_on_parameter(&self) -> bool {
         self.depends_on_parameter
+    }
+
+    /// Whether F may depend on the slip.
+    pub(super) fn depends_on_slip(&self) -> bool {
+        self.depends_on_slip
     }
 
     /// Whether F depends on nothing but the node.

@@ -141,6 +141,11 @@ pub enum ContactError {
         "only Coulomb's law with coefficients of friction that do not depend on the slip has a Delassus form: solve the full or the condensed form"
     )]
     NotCoulomb,
+    /// A law whose coefficients of friction depend on the slip, in a history that measures slips level by level.
+    #[error(
+        "the coefficients of friction depend on the slip, which is measured anew in each level: they would depend on the number of levels; take coefficients that do not depend on the slip, or choose increments of slip (`with_slip_increments`)"
+    )]
+    SlipOfLevels,
     /// The Delassus form is malformed.
     #[error(transparent)]
     Delassus(#[from] super::DelassusError),

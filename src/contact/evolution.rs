@@ -21,6 +21,9 @@ pub struct EvolutionOptions {
     pub continuation: ContinuationOptions,
     /// How a solution is searched at a level which the branch does not reach.
     pub contact: ContactOptions,
+    /// Whether coefficients of friction that depend on the slip are taken at the increment of slip of each level alone, so that they
+    /// depend on the number of levels. Default `false`: such a law is refused ([`ContactError::SlipOfLevels`]).
+    pub slip_increments: bool,
 }
 
 impl Default for EvolutionOptions {
@@ -28,6 +31,7 @@ impl Default for EvolutionOptions {
         Self {
             continuation: ContinuationOptions::default().with_max_points(1000),
             contact: ContactOptions::default(),
+            slip_increments: false,
         }
     }
 }
@@ -38,6 +42,8 @@ impl EvolutionOptions {
         with_continuation(continuation: ContinuationOptions);
         /// Sets how a solution is searched where the branch does not arrive.
         with_contact(contact: ContactOptions);
+        /// Sets whether coefficients of friction are taken at the increments of slip.
+        with_slip_increments(slip_increments: bool);
     }
 
     /// Checks the ranges.
@@ -117,7 +123,8 @@ impl Arrival {
 /// step and may stop. The problem keeps the last reference of its slips. Limits of time in the options are those of one step.
 ///
 /// # Errors
-/// Wrong lengths, levels that are not finite, options out of range, levels at which no solution is found: `observe` has seen the steps
+/// A law whose coefficients depend on the slip, unless [`EvolutionOptions::slip_increments`] is set
+/// ([`ContactError::SlipOfLevels`]). Wrong lengths, levels that are not finite, options out of range, levels at which no solution is found: `observe` has seen the steps
 /// before.
 pub fn evolve<L: NodeLaw>(
     problem: &mut CondensedContact<L>,
@@ -127,6 +134,9 @@ pub fn evolve<L: NodeLaw>(
     mut observe: impl FnMut(&EvolutionStep) -> ControlFlow<()>,
 ) -> Result<Vec<EvolutionStep>, ContactError> {
     options.validate()?;
+    if problem.law().depends_on_slip() && !options.slip_increments {
+        return Err(ContactError::SlipOfLevels);
+    }
     super::error::check_finite("the list of load levels", levels)?;
     let p = problem.num_contacts();
     let mut x = start.to_vec();

@@ -11,7 +11,7 @@ use super::solution::{imbalance, judge};
 use super::tries::{Observer, newton_step};
 use super::{
     CondensedContact, ContactBody, ContactError, ContactOptions, ContactProgress, ContactReport,
-    ContactSolution, LoadPath, strategy,
+    ContactSolution, ContactState, LoadPath, strategy,
 };
 use crate::interface::fill_sizes;
 use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
@@ -239,7 +239,8 @@ impl<L: NodeLaw> Form for FullContact<L> {
 
     fn stick(&self, alpha: f64) -> Result<Option<Vec<f64>>, ContactError> {
         let pieces = self.law.num_pieces();
-        let piece = (0..pieces).rev().find(|&k| self.law.piece_name(k) == "stick");
+        let at_rest = |&k: &usize| self.law.state(k, &LocalValues::default()) == ContactState::Stick;
+        let piece = (0..pieces).rev().find(at_rest);
         let selection = Selection::uniform(self.body.num_contacts(), piece.unwrap_or(pieces - 1));
         let mut zero = vec![0.0; self.num_vars()];
         zero[self.num_residuals()] = alpha;

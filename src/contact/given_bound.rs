@@ -1,5 +1,5 @@
-use super::ContactError;
 use super::node_law::{CLOSED, LocalRow, LocalValues, NodeLaw, OPEN, add_row, free, normal, theta1_row};
+use super::{ContactError, ContactState};
 use crate::piecewise::Facet;
 
 /// Friction with a given bound (Tresca): ‖F⁻¹ λt‖ ≤ g with g ≥ 0 and F = diag(F₁, F₂) given at each node, whatever the pressure.
@@ -89,6 +89,14 @@ impl NodeLaw for GivenBound {
 
     fn piece_name(&self, piece: usize) -> &'static str {
         ["open, stick", "open, slip", "stick", "slip"][piece.min(3)]
+    }
+
+    fn state(&self, piece: usize, v: &LocalValues) -> ContactState {
+        match piece {
+            2 => ContactState::Stick,
+            3 => ContactState::slipping(v.traction[0]),
+            _ => ContactState::Open,
+        }
     }
 
     fn tests(&self, v: &LocalValues, out: &mut [f64]) {

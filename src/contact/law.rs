@@ -50,8 +50,9 @@ impl ContactState {
         matches!(self, Self::SlipPlus | Self::SlipMinus)
     }
 
-    /// Slip under the force `traction` along t₁: in space slip− if that is negative.
-    pub(super) fn slipping(traction: f64) -> Self {
+    /// Slip under the force `traction` along t₁: slip− if that is negative, slip+ otherwise.
+    #[must_use]
+    pub fn slipping(traction: f64) -> Self {
         if traction < 0.0 {
             Self::SlipMinus
         } else {

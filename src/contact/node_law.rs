@@ -97,6 +97,10 @@ pub trait NodeLaw {
     /// Name of a piece.
     fn piece_name(&self, piece: usize) -> &'static str;
 
+    /// The state of a node in a piece. Where slip of either direction is one piece,
+    /// [`ContactState::slipping`] tells the side.
+    fn state(&self, piece: usize, v: &LocalValues) -> ContactState;
+
     /// Test functions.
     fn tests(&self, v: &LocalValues, out: &mut [f64]);
 
@@ -119,6 +123,12 @@ pub trait NodeLaw {
         [0.0; 2]
     }
 
+    /// Whether the coefficients of friction depend on the slip u_t. A history of loading measures slips level by level
+    /// ([`evolve`](super::evolve)).
+    fn depends_on_slip(&self) -> bool {
+        false
+    }
+
     /// Whether the law is Coulomb's with coefficients of friction that do not depend on the slip: only such a law has a Delassus form.
     fn is_coulomb(&self) -> bool {
         false
@@ -130,17 +140,6 @@ pub trait NodeLaw {
     /// Coefficients of friction that are negative (or zero, where the law divides by them) or not finite.
     fn check(&self, _v: &LocalValues) -> Result<(), ContactError> {
         Ok(())
-    }
-
-    /// The state of a node in a piece, by the name of the piece; "slip" is slip+ or slip− by the sign of λt along t₁.
-    fn state(&self, piece: usize, v: &LocalValues) -> ContactState {
-        match self.piece_name(piece) {
-            "stick" => ContactState::Stick,
-            "slip+" => ContactState::SlipPlus,
-            "slip-" => ContactState::SlipMinus,
-            "slip" => ContactState::slipping(v.traction[0]),
-            _ => ContactState::Open,
-        }
     }
 }
 
@@ -165,6 +164,7 @@ borrowed! {
     fn rows(&self, piece: usize, v: &LocalValues) -> [LocalRow; 3];
     fn is_affine(&self) -> bool;
     fn friction(&self, v: &LocalValues) -> [f64; 2];
+    fn depends_on_slip(&self) -> bool;
     fn is_coulomb(&self) -> bool;
     fn check(&self, v: &LocalValues) -> Result<(), ContactError>;
     fn state(&self, piece: usize, v: &LocalValues) -> ContactState;
@@ -239,6 +239,13 @@ impl NodeLaw for Frictionless {
 
     fn piece_name(&self, piece: usize) -> &'static str {
         if piece == 0 { "open" } else { "slip" }
+    }
+
+    fn state(&self, piece: usize, v: &LocalValues) -> ContactState {
+        match piece {
+            0 => ContactState::Open,
+            _ => ContactState::slipping(v.traction[0]),
+        }
     }
 
     fn tests(&self, v: &LocalValues, out: &mut [f64]) {

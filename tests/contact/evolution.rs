@@ -4,9 +4,13 @@ use crate::squares;
 use std::ops::ControlFlow;
 use std::time::Duration;
 
-use semismooth::contact::{Arrival, ContactOptions, EvolutionOptions, evolve};
+use semismooth::contact::{
+    Arrival, CondensedContact, ContactBody, ContactError, ContactOptions, EvolutionOptions,
+    FrictionCoefficient, FrictionCurve, LoadPath, PlanarCoulomb, evolve,
+};
 use semismooth::continuation::{ContinuationOptions, Termination};
 use semismooth::newton::NewtonOptions;
+use semismooth::sparse::Matrix;
 
 fn levels(steps: usize) -> Vec<f64> {
     let corners = [0.0, 1.0, -1.0, 1.0, -1.0];
@@ -113,4 +117,36 @@ fn no_friction_no_memory() {
     let same = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12);
     assert!(same(&history[0].displacements, &history[2].displacements));
     assert!(same(&history[3].x, &start));
+}
+
+/// A node on a spring, pulled over a plane: F falls with the slip.
+fn weakening_node() -> CondensedContact<PlanarCoulomb> {
+    let pick = |row| Matrix::from_rows(&[row]).unwrap();
+    let load = LoadPath::affine(vec![1.0, 0.0], vec![0.0, 2.0]);
+    let (normal, tangential) = (pick([1.0, 0.0]), pick([0.0, 1.0]));
+    let body = ContactBody::new(Matrix::identity(2), normal, vec![tangential], load).unwrap();
+    let curve = FrictionCurve::exponential(0.5, 0.3, 0.1).unwrap();
+    CondensedContact::new(body, PlanarCoulomb::new(FrictionCoefficient::uniform(curve))).unwrap()
+}
+
+/// Increments of slip depend on the levels, so that nobody is to get them unasked.
+#[test]
+fn slip_dependent_friction_is_refused() {
+    let mut problem = weakening_node();
+    let start = problem.solve(0.0, None).unwrap();
+    let mut force = |levels: usize, options: &EvolutionOptions| {
+        problem.set_reference_slip(&[0.0]).unwrap();
+        let levels: Vec<f64> = (1..=levels).map(|k| k as f64 / levels as f64).collect();
+        evolve(&mut problem, &start, &levels, options, |_| {
+            ControlFlow::Continue(())
+        })
+        .map(|history| history.last().unwrap().solution.nodes[0].traction[0])
+    };
+    for levels in [1, 10] {
+        let refused = force(levels, &EvolutionOptions::default());
+        assert_eq!(refused, Err(ContactError::SlipOfLevels));
+    }
+    let increments = EvolutionOptions::default().with_slip_increments(true);
+    let forces = [1, 10].map(|levels| force(levels, &increments).unwrap());
+    assert!(forces[1] > forces[0] + 0.02, "{forces:?}");
 }

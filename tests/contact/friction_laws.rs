@@ -3,8 +3,10 @@
 use proptest::prelude::*;
 use semismooth::contact::{
     CondensedContact, ContactBody, ContactState, FrictionCoefficient, FrictionCurve, Frictionless,
-    GivenBound, LoadPath, LocalRow, LocalValues, MAX_TESTS, NodeLaw, OrthotropicCoulomb, PlanarCoulomb,
+    FullContact, GivenBound, LoadPath, LocalRow, LocalValues, MAX_TESTS, NodeLaw, OrthotropicCoulomb,
+    PlanarCoulomb,
 };
+use semismooth::piecewise::Facet;
 use semismooth::sparse::Matrix;
 use serde_json::Value;
 
@@ -284,5 +286,75 @@ fn curves() {
             OrthotropicCoulomb::isotropic(FrictionCoefficient::function(move |_, _, _| [bad, 0.0, 0.0]));
         let problem = CondensedContact::new(one_node(1.0, [1.0, 0.0], 1.0), law).unwrap();
         assert!(problem.solve(0.0, None).is_err());
+    }
+}
+
+/// Coulomb's law whose pieces bear other names.
+#[derive(Clone)]
+struct Translated(PlanarCoulomb);
+
+impl NodeLaw for Translated {
+    fn num_tangents(&self) -> usize {
+        self.0.num_tangents()
+    }
+    fn num_pieces(&self) -> usize {
+        self.0.num_pieces()
+    }
+    fn num_tests(&self) -> usize {
+        self.0.num_tests()
+    }
+    fn cell(&self, piece: usize) -> &'static [Facet] {
+        self.0.cell(piece)
+    }
+    fn piece_name(&self, piece: usize) -> &'static str {
+        ["offen", "haftend", "gleitend nach rechts", "gleitend nach links"][piece]
+    }
+    fn state(&self, piece: usize, v: &LocalValues) -> ContactState {
+        self.0.state(piece, v)
+    }
+    fn tests(&self, v: &LocalValues, out: &mut [f64]) {
+        self.0.tests(v, out);
+    }
+    fn test_rows(&self, v: &LocalValues, rows: &mut [LocalRow]) {
+        self.0.test_rows(v, rows);
+    }
+    fn residual(&self, piece: usize, v: &LocalValues) -> [f64; 3] {
+        self.0.residual(piece, v)
+    }
+    fn rows(&self, piece: usize, v: &LocalValues) -> [LocalRow; 3] {
+        self.0.rows(piece, v)
+    }
+}
+
+/// What a node does is told by the law, not by the names of its pieces; and the search for a solution takes the same steps.
+#[test]
+fn states_do_not_depend_on_names() {
+    let identity = |rows: [usize; 2]| {
+        let entries: Vec<_> = rows.iter().enumerate().map(|(i, &j)| (i, j, 1.0)).collect();
+        Matrix::from_triplets(2, 4, &entries).unwrap()
+    };
+    let mut a = Matrix::identity(4);
+    a.values_mut().fill(3.0);
+    for load in [
+        [1.0, 0.2, 1.0, 2.0],
+        [1.0, -2.0, -1.0, 0.0],
+        [1.0, 0.1, 2.0, -0.3],
+    ] {
+        let (normal, tangential) = (identity([0, 2]), vec![identity([1, 3])]);
+        let body =
+            ContactBody::new(a.clone(), normal, tangential, LoadPath::constant(load.to_vec())).unwrap();
+        let law = PlanarCoulomb::new(FrictionCoefficient::uniform(
+            FrictionCurve::constant(0.4).unwrap(),
+        ));
+        let own = FullContact::new(body.clone(), law.clone()).unwrap();
+        let other = FullContact::new(body, Translated(law)).unwrap();
+        let (x, y) = (
+            own.solve_reported(0.0, None).unwrap(),
+            other.solve_reported(0.0, None).unwrap(),
+        );
+        assert_eq!(x, y);
+        let states = own.solution(&x.x).unwrap().states;
+        assert_eq!(states, other.solution(&y.x).unwrap().states);
+        assert_ne!(states, [ContactState::Open; 2]);
     }
 }
