@@ -1,8 +1,11 @@
 //! Every solution branch of six small Coulomb friction problems with one or two contact nodes (Haslinger, Janovský, Ligurský).
-//! You will see each transition point exact and classified, its distance from exact arithmetic, and a picture of each problem.
+//! You will see each transition point exact and classified, its distance from exact arithmetic, the tables that the talk prints
+//! beside the values found here, and a picture of each problem.
 //! Run: cargo run --release --example transition_points [-- --out DIR]
 
 mod common;
+#[path = "common/printed.rs"]
+mod printed;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -10,6 +13,7 @@ use std::time::Instant;
 
 use clap::Parser;
 use common::{Outcome, exit, file_in};
+use printed::{Printed, compare, word};
 use semismooth::contact::{
     ContactState, FrictionMap, FrictionPath, FrictionProblem, FrictionStart, LoadPath, first_point,
 };
@@ -33,6 +37,8 @@ struct Example {
     title: &'static str,
     window: (f64, f64),
     starts: &'static [&'static str],
+    /// What the talk prints of each branch.
+    printed: &'static [&'static [Printed]],
 }
 
 /// Coefficients of friction F = α must not be negative in contact: windows reach a little below 0 to show where branches end.
@@ -42,40 +48,50 @@ const EXAMPLES: [Example; 6] = [
         title: "p = 1, Example 1: f = (1.5, 7), F = α",
         window: (-0.5, 10.0),
         starts: &["K"],
+        printed: &[printed::P1_EXAMPLE_1],
     },
     Example {
         key: "p1_ex2",
         title: "p = 1, Example 2: f = (1.5, −4), F = α",
         window: (-0.5, 10.0),
         starts: &["O", "K"],
+        printed: &[],
     },
     Example {
         key: "p1_ex3",
         title: "p = 1, Example 3: f = (1, −2), F = α",
         window: (-0.5, 10.0),
         starts: &["O", "K"],
+        printed: &[printed::P1_EXAMPLE_3_BRANCH_1, printed::P1_EXAMPLE_3_BRANCH_2],
     },
     Example {
         key: "p1_ex4",
         title: "p = 1, Example 4: f = (1 − 0.08, −2), F = α",
         window: (-0.5, 10.0),
         starts: &["O", "K"],
+        printed: &[],
     },
     Example {
         key: "p2_ex1",
         title: "p = 2, Example 1: F = (α, α)",
         window: (-0.5, 10.0),
         starts: &["OO", "KK"],
+        printed: &[&[], printed::P2_EXAMPLE_1],
     },
     Example {
         key: "p2_ex2",
         title: "p = 2, Example 2: f = f⁰ + α f¹, F = (4, 4)",
         window: (-6.0, 10.0),
         starts: &["OK"],
+        printed: &[],
     },
 ];
 
 const START: f64 = 10.0;
+/// The augmentation parameter of the talk. Solutions do not depend on it; the values of the test functions do.
+const R: f64 = 1.0;
+/// Steps between which a branch is straight to four decimals.
+const SHORT: f64 = 0.02;
 const TOLERANCE: f64 = 1e-9;
 
 fn main() -> ExitCode {
@@ -110,8 +126,8 @@ fn run(args: &Args) -> Outcome<()> {
 
 /// Follows all branches of one example; returns the largest deviation from the reference.
 fn show(example: &Example, case: &Value, args: &Args) -> Outcome<f64> {
-    println!("\n{}", example.title);
-    let map = problem(case)?;
+    println!("\n{}  (r = {R})", example.title);
+    let map = problem(case)?.with_r(R)?;
     let p = map.num_contacts();
     let options = ContinuationOptions::default()
         .with_parameter_range(example.window)
@@ -128,13 +144,13 @@ fn show(example: &Example, case: &Value, args: &Args) -> Outcome<f64> {
         println!(
             "  branch {}: {} at α = {START}, {} points, to α = {:.4} ({})",
             k + 1,
-            names(&states),
+            words_of(&states),
             branch.points.len(),
             positive_zero(last),
             branch.termination,
         );
-        for (x, before, after, kind) in events(&map, &branch) {
-            let deviation = match nearest(case, &x) {
+        for (n, met) in events(&map, &branch).iter().enumerate() {
+            let deviation = match nearest(case, &met.x) {
                 Some((v, deviation)) => {
                     found[v] = true;
                     deviation
@@ -142,7 +158,16 @@ fn show(example: &Example, case: &Value, args: &Args) -> Outcome<f64> {
                 None => f64::INFINITY,
             };
             worst = worst.max(deviation);
-            print_transition(&map, &x, (&before, &after), &kind, deviation);
+            print_event(&map, n + 1, met, deviation);
+        }
+        if let Some(&table) = example.printed.get(k).filter(|table| !table.is_empty()) {
+            let fine = Branch::follow(
+                &map,
+                &x,
+                Direction::Decreasing,
+                options.clone().with_max_step(SHORT),
+            )?;
+            compare(&map, &fine, table)?;
         }
         branches.push(branch);
     }
@@ -159,56 +184,74 @@ fn file_name(example: &Example) -> String {
     example.key.replace("ex", "example")
 }
 
-/// Transitions and branch points of a branch: x, selections before and after, kind.
-fn events(map: &FrictionProblem, branch: &Branch) -> Vec<(Vec<f64>, Selection, Selection, String)> {
-    let mut all: Vec<_> = branch
-        .transitions
-        .iter()
-        .map(|t| {
-            let kind = match t.kind {
-                TransitionKind::Branching => format!("branching, {} arms go on", t.arms.len()),
-                kind => kind.to_string(),
-            };
-            (t.arclength, t.x.clone(), t.before.clone(), t.after.clone(), kind)
-        })
-        .collect();
+/// A transition or branch point that a branch meets, with the states of all nodes before and behind it.
+struct Met {
+    x: Vec<f64>,
+    before: Vec<&'static str>,
+    after: Vec<&'static str>,
+    kind: String,
+}
+
+/// Transitions and branch points of a branch, by arclength.
+fn events(map: &FrictionProblem, branch: &Branch) -> Vec<Met> {
+    let mut all = Vec::new();
+    for t in &branch.transitions {
+        let before = words(map, &t.before, &[]);
+        let behind = match t.followed.or((!t.arms.is_empty()).then_some(0)) {
+            Some(k) => words(map, &t.arms[k].selection, &t.arms[k].grazing),
+            None => before.clone(),
+        };
+        let kind = match t.kind {
+            TransitionKind::Branching => format!("branching, {} arms go on", t.arms.len()),
+            kind => kind.to_string(),
+        };
+        all.push((
+            t.arclength,
+            Met {
+                x: t.x.clone(),
+                before,
+                after: behind,
+                kind,
+            },
+        ));
+    }
     for b in &branch.branch_points {
-        let others: Vec<_> = b
-            .arms
-            .iter()
-            .enumerate()
-            .filter(|(k, _)| Some(*k) != b.followed)
-            .map(|(_, arm)| names(&map.states(&arm.selection)))
+        let others = b.arms.iter().enumerate().filter(|(k, _)| Some(*k) != b.followed);
+        let others: Vec<_> = others
+            .map(|(_, arm)| words(map, &arm.selection, &arm.grazing).join(", "))
             .collect();
-        let kind = format!("branching, leaves along: {}", others.join("; "));
-        let s = b.point.selection.clone();
-        all.push((b.point.arclength, b.point.x.clone(), s.clone(), s, kind));
+        let here = words(map, &b.point.selection, &b.point.grazing);
+        let met = Met {
+            x: b.point.x.clone(),
+            before: here.clone(),
+            after: here,
+            kind: format!("branching, leaves along: {}", others.join("; ")),
+        };
+        all.push((b.point.arclength, met));
     }
     all.sort_by(|a, b| a.0.total_cmp(&b.0));
-    all.into_iter()
-        .map(|(_, x, a, b, kind)| (x, a, b, kind))
+    all.into_iter().map(|(_, met)| met).collect()
+}
+
+fn words(map: &FrictionProblem, selection: &Selection, grazing: &[usize]) -> Vec<&'static str> {
+    let states = map.states(selection).into_iter().enumerate();
+    states
+        .map(|(node, state)| word(state, grazing.contains(&node)))
         .collect()
 }
 
-fn print_transition(
-    map: &FrictionProblem,
-    x: &[f64],
-    (before, after): (&Selection, &Selection),
-    kind: &str,
-    deviation: f64,
-) {
-    let alpha = x.last().copied().unwrap_or(f64::NAN);
+fn print_event(map: &FrictionProblem, number: usize, met: &Met, deviation: f64) {
     println!(
-        "    α = {:.12}  {kind}  (deviation {deviation:.1e})",
-        positive_zero(alpha)
+        "    T{number}  {} at α = {:.12}  (deviation from exact arithmetic {deviation:.1e})",
+        met.kind,
+        positive_zero(met.x.last().copied().unwrap_or(f64::NAN))
     );
-    let (before, after) = (map.states(before), map.states(after));
-    for (i, theta) in map.theta(x).iter().enumerate() {
+    for (i, theta) in map.theta(&met.x).iter().enumerate() {
         println!(
-            "      node {}: {:>5} → {:<5}  θ¹ = {:9.4}  θ² = {:9.4}  θ³ = {:9.4}",
+            "      node {}: {:>15} → {:<15}  θ¹ = {:7.4}  θ² = {:8.4}  θ³ = {:8.4}",
             i + 1,
-            before[i].name(),
-            after[i].name(),
+            met.before[i],
+            met.after[i],
             positive_zero(theta[0]),
             positive_zero(theta[1]),
             positive_zero(theta[2])
@@ -230,13 +273,23 @@ fn picture(example: &Example, map: &FrictionProblem, branches: &[Branch], p: usi
             format!("tangential displacement, node {}", node + 1)
         };
         branches.iter().fold(Panel::new("α", label), |panel, branch| {
-            panel.with_curve(Curve::of_branch(
+            let panel = panel.with_curve(Curve::of_branch(
                 branch,
                 |x| x[2 * node + 1],
                 |selection, grazing| {
-                    SegmentStyle::contact(map.states(selection)[node], grazing.contains(&node))
+                    let (state, grazing) = (map.states(selection)[node], grazing.contains(&node));
+                    let mut style = SegmentStyle::contact(state, grazing);
+                    style.name = word(state, grazing).into();
+                    style
                 },
-            ))
+            ));
+            events(map, branch)
+                .iter()
+                .enumerate()
+                .fold(panel, |panel, (n, met)| {
+                    let at = (met.x[met.x.len() - 1], met.x[2 * node + 1]);
+                    panel.with_note(at, format!("T{}", n + 1))
+                })
         })
     };
     let diagram = (1..p).fold(BranchDiagram::new(panel(0)), |d, node| d.with_panel(panel(node)));
@@ -304,6 +357,7 @@ fn states(letters: &str) -> Vec<ContactState> {
         .collect()
 }
 
-fn names(states: &[ContactState]) -> String {
-    states.iter().map(|s| s.name()).collect::<Vec<_>>().join(", ")
+fn words_of(states: &[ContactState]) -> String {
+    let words: Vec<_> = states.iter().map(|s| word(*s, false)).collect();
+    words.join(", ")
 }

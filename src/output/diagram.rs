@@ -189,6 +189,7 @@ pub struct Panel {
     pub(super) labels: (String, String),
     pub(super) caption: String,
     pub(super) curves: Vec<Curve>,
+    pub(super) notes: Vec<(Point, String)>,
     pub(super) ranges: (Option<Range>, Option<Range>),
 }
 
@@ -212,6 +213,13 @@ impl Panel {
     #[must_use]
     pub fn with_curve(mut self, curve: Curve) -> Self {
         self.curves.push(curve);
+        self
+    }
+
+    /// Writes a short text beside a point, for example the name of a transition.
+    #[must_use]
+    pub fn with_note(mut self, at: (f64, f64), text: impl Into<String>) -> Self {
+        self.notes.push((at, text.into()));
         self
     }
 

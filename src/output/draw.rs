@@ -137,6 +137,9 @@ fn panel_ranges(k: usize, panel: &Panel) -> Result<(Range, Range), OutputError> 
             });
         }
     }
+    if let Some((note, &((x, y), _))) = panel.notes.iter().enumerate().find(|(_, n)| !drawable(n.0)) {
+        return Err(OutputError::Note { panel: k, note, x, y });
+    }
     let vertices = || panel.curves.iter().flat_map(|c| &c.vertices);
     let axis = |name, given: Option<Range>, found: Option<Range>| match given {
         Some((lower, upper)) if !(lower < upper && drawable((lower, upper))) => Err(OutputError::Range {
@@ -232,6 +235,28 @@ fn draw_panel(
             Some(&p) if curve.starts && inside(p, x, y) => draw_star(root, pixel(p))?,
             _ => {}
         }
+    }
+    draw_notes(root, panel, (x, y), &pixel)
+}
+
+/// Notes stand above and right of their points, or left of them where the picture ends.
+fn draw_notes(
+    root: &Area<'_>,
+    panel: &Panel,
+    (x, y): (Range, Range),
+    pixel: &dyn Fn(Point) -> Pixel,
+) -> Result<(), OutputError> {
+    for (at, note) in panel.notes.iter().filter(|n| inside(n.0, x, y)) {
+        let near_the_end = at.0 > x.0 + 0.93 * (x.1 - x.0);
+        let (side, shift) = if near_the_end {
+            (HPos::Right, -2 * RADIUS)
+        } else {
+            (HPos::Left, 2 * RADIUS)
+        };
+        let place = pixel(*at);
+        let style = text(root, TEXT - SCALE, side);
+        root.draw_text(&printable(note), &style, (place.0 + shift, place.1 - 2 * RADIUS))
+            .map_err(failed)?;
     }
     Ok(())
 }

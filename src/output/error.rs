@@ -26,6 +26,18 @@ pub enum OutputError {
         /// Ordinate.
         y: f64,
     },
+    /// A note stands where nothing can be drawn.
+    #[error("panel {panel}: note {note} at ({x}, {y}) cannot be drawn")]
+    Note {
+        /// Panel, from 0.
+        panel: usize,
+        /// Note of the panel, from 0.
+        note: usize,
+        /// Abscissa.
+        x: f64,
+        /// Ordinate.
+        y: f64,
+    },
     /// The number of segment styles does not fit the number of vertices.
     #[error("a curve of {vertices} vertices has {styles} segment styles, expected one fewer than vertices")]
     Segments {
