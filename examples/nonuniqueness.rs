@@ -1,9 +1,12 @@
 //! Bars on the ground whose coefficient of friction falls with the slip: several solutions for one load (Haslinger, Kučera, Vlach 2008).
 //! You will see the branch over the scale ζ of friction with its two folds, all its solutions at ζ = 1.4, how the fixed-point iteration
-//! jumps from one to another (plane problem), and pictures: the S-curve, stresses and slips along the ground.
+//! jumps from one to another (plane problem), and pictures: the S-curve; displacements, stresses, friction and slips along the ground,
+//! in space on the whole contact surface.
 //! Run: cargo run --release --example nonuniqueness [-- --problem bar2d|bar3d|bar3d-orthotropic] [--nx 40] [--json] [--out DIR]
 
 mod common;
+#[path = "common/ground.rs"]
+mod ground;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -12,6 +15,7 @@ use std::time::Instant;
 use clap::{Parser, ValueEnum};
 use common::bars::{Bar, bar2d, bar3d};
 use common::{Outcome, exit, file_in};
+use ground::{QUANTITIES, along_the_ground, surface};
 use semismooth::contact::{ContactSolution, FixedPointOptions, LocalValues, NodeLaw, fixed_point};
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, PointKind};
 use semismooth::output::{BranchDiagram, Colour, Curve, Panel, SegmentStyle};
@@ -180,8 +184,6 @@ fn end_slip(solution: &ContactSolution, end: usize) -> f64 {
     }
 }
 
-const COLOURS: [Colour; 3] = [Colour::GREEN, Colour::ORANGE, Colour::BLUE];
-
 fn draw<L: NodeLaw>(bar: &Bar<L>, name: &str, branch: &Branch, found: &Found, args: &Args) -> Outcome<()> {
     let problem = &bar.problem;
     let end = end_node(bar);
@@ -195,57 +197,24 @@ fn draw<L: NodeLaw>(bar: &Bar<L>, name: &str, branch: &Branch, found: &Found, ar
     .with_size(720, 480)
     .write(&s_curve)?;
 
-    // In space along the line of nodes nearest to the middle.
-    let distance = |p: &[f64; 3]| {
-        if problem.law().num_tangents() == 2 {
-            (p[1] - 0.5).abs()
-        } else {
-            0.0
-        }
-    };
-    let nearest = bar.rows.points.iter().map(distance).fold(f64::INFINITY, f64::min);
-    let line: Vec<usize> = (0..bar.rows.points.len())
-        .filter(|&i| distance(&bar.rows.points[i]) <= nearest + 1e-9)
-        .collect();
-    let mut panels = [
-        Panel::new("x [m]", "normal stress [GPa]"),
-        Panel::new("x [m]", "slip bound ζ F λν [GPa]"),
-        Panel::new("x [m]", "slip ‖u_t‖ [mm]"),
-    ];
-    for (k, (x, _)) in found.solutions.iter().enumerate() {
-        let nodes = problem.solution(x)?.nodes;
-        let along = |f: &dyn Fn(usize, &LocalValues) -> f64| {
-            let vertices = line
-                .iter()
-                .map(|&i| (bar.rows.points[i][0], f(i, &nodes[i])))
-                .collect();
-            Curve::line(
-                vertices,
-                SegmentStyle::new(format!("solution {}", k + 1), COLOURS[k % 3]),
-            )
-        };
-        let areas = &bar.rows.areas;
-        let bound = |i: usize, v: &LocalValues| problem.law().friction(v)[0] * v.pressure / areas[i];
-        let curves = [
-            along(&|i, v| -v.pressure / areas[i]),
-            along(&bound),
-            along(&|_, v| 1e3 * v.slip_norm()),
-        ];
-        for (panel, curve) in panels.iter_mut().zip(curves) {
-            *panel = panel.clone().with_curve(curve);
+    let mut written = vec![s_curve];
+    let solutions = found.solutions.iter().map(|(x, _)| problem.solution(x));
+    let nodes: Vec<Vec<LocalValues>> = solutions.map(|s| s.map(|s| s.nodes)).collect::<Result<_, _>>()?;
+    let title = format!("{name}: solutions at ζ = {WANTED}");
+    written.extend(along_the_ground(bar, &nodes, &title, &|part| {
+        file_in(&args.out, &format!("{name}_{part}.svg"))
+    })?);
+    if problem.law().num_tangents() == 2 {
+        for (part, quantity) in QUANTITIES.iter().enumerate() {
+            let path = file_in(&args.out, &format!("{name}_surface_{}.svg", part + 1))?;
+            surface(bar, &nodes, quantity, &title).write(&path)?;
+            written.push(path);
         }
     }
-    let [stress, bound, slip] = panels;
-    let ground = file_in(&args.out, &format!("{name}_ground.svg"))?;
-    BranchDiagram::new(stress)
-        .with_panel(bound)
-        .with_panel(slip)
-        .with_title(format!("{name}: solutions at ζ = {WANTED} along the ground"))
-        .with_size(1200, 420)
-        .write(&ground)?;
     fields(bar, name, found, args)?;
     if !args.json {
-        println!("\nwritten: {}, {}", s_curve.display(), ground.display());
+        println!("\npictures:");
+        written.iter().for_each(|path| println!("  {}", path.display()));
     }
     Ok(())
 }

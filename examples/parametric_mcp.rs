@@ -17,7 +17,7 @@ use clap::Parser;
 use common::{Outcome, exit, file_in};
 use semismooth::complementarity::{Autodiff, Mcp, McpFunction, McpSolver, SmoothFunction};
 use semismooth::continuation::{ContinuationOptions, Diagram, DiagramOptions};
-use semismooth::output::{BranchDiagram, Colour, Curve, Panel, SegmentStyle};
+use semismooth::output::{BranchDiagram, Colour, Panel, SegmentStyle};
 use semismooth::piecewise::{PiecewiseSmooth, Real};
 
 #[derive(Parser)]
@@ -97,10 +97,11 @@ fn kehoe(arguments: &Arguments) -> Outcome<()> {
     for s in &at.points {
         let numbers: Vec<String> = s.x[..6].iter().map(|v| format!("{v:.4}")).collect();
         println!(
-            "  at 400: y = ({}), p = ({}), index {:?}",
+            "  at 400: y = ({}), p = ({}), index {}",
             numbers[..2].join(", "),
             numbers[2..].join(", "),
             s.det_sign
+                .map_or("unknown".to_owned(), |sign| format!("{sign:+}"))
         );
     }
     println!("  {} equilibria at 400", at.points.len());
@@ -109,8 +110,8 @@ fn kehoe(arguments: &Arguments) -> Outcome<()> {
         arguments,
         "kehoe",
         &diagram,
-        "endowment with good 2",
-        "price of good 3",
+        "Kehoe's economy: equilibria",
+        ["endowment with good 2", "price of good 3"],
         5,
     )?;
     if at.points.len() != 3 {
@@ -177,8 +178,8 @@ fn kojima_shindo(arguments: &Arguments) -> Outcome<()> {
         arguments,
         "kojima_shindo",
         &diagram,
-        "constant of the third row",
-        "x₂",
+        "Kojima and Shindo's problem: solutions",
+        ["constant of the third row", "x₂"],
         2,
     )
 }
@@ -206,18 +207,19 @@ fn report<P: PiecewiseSmooth>(map: &P, diagram: &Diagram) {
     );
 }
 
-fn draw(arguments: &Arguments, name: &str, diagram: &Diagram, x: &str, y: &str, entry: usize) -> Outcome<()> {
-    let mut panel = Panel::new(x, y);
-    for edge in diagram.edges() {
-        let vertices = edge.points.iter().map(|p| (p.parameter(), p.x[entry])).collect();
-        let style = match edge.points.first().and_then(|p| p.det_sign) {
-            Some(s) if s < 0 => SegmentStyle::new("index −1", Colour::RED),
-            _ => SegmentStyle::new("index +1", Colour::BLUE),
-        };
-        panel = panel.with_curve(Curve::line(vertices, style));
-    }
+/// One entry of x over the parameter; dashed where the index is −1.
+fn draw(
+    arguments: &Arguments,
+    name: &str,
+    diagram: &Diagram,
+    title: &str,
+    axes: [&str; 2],
+    entry: usize,
+) -> Outcome<()> {
+    let style = |_: &_, _: &[usize]| SegmentStyle::new("solutions", Colour::BLUE);
+    let panel = Panel::new(axes[0], axes[1]).with_diagram(diagram, |x| x[entry], style);
     let path = file_in(&arguments.out, &format!("{name}.svg"))?;
-    BranchDiagram::new(panel).write(&path)?;
+    BranchDiagram::new(panel).with_title(title).write(&path)?;
     println!("  written: {}", path.display());
     Ok(())
 }

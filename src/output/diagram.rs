@@ -85,6 +85,7 @@ pub struct Curve {
     pub(super) styles: Vec<SegmentStyle>,
     pub(super) transitions: Vec<Point>,
     pub(super) branchings: Vec<Point>,
+    pub(super) smooth_folds: Vec<Point>,
     pub(super) starts: bool,
     /// Without arrows: the curve has no direction of travel.
     pub(super) undirected: bool,
@@ -109,7 +110,7 @@ impl Curve {
     }
 
     /// A branch over its parameter: `ordinate` is the scalar of x = (y, α) that is drawn, `style` the class of a segment from its
-    /// selection and the sites that graze on it. Marks the start, the transitions and the branching points.
+    /// selection and the sites that graze on it. Marks the start, the transitions, the smooth folds and the branching points.
     pub fn of_branch(
         branch: &Branch,
         ordinate: impl Fn(&[f64]) -> f64,
@@ -134,6 +135,7 @@ impl Curve {
                 .collect(),
             transitions: other.iter().map(|t| place(&t.x)).collect(),
             branchings: branchings.collect(),
+            smooth_folds: branch.smooth_folds.iter().map(|f| place(&f.point.x)).collect(),
             starts: true,
             undirected: false,
         }
@@ -175,6 +177,20 @@ impl Curve {
         self
     }
 
+    /// Marks smooth folds by squares.
+    #[must_use]
+    pub fn with_smooth_folds(mut self, points: Vec<(f64, f64)>) -> Self {
+        self.smooth_folds = points;
+        self
+    }
+
+    /// Whether arrows show the direction of travel.
+    #[must_use]
+    pub fn with_arrows(mut self, drawn: bool) -> Self {
+        self.undirected = !drawn;
+        self
+    }
+
     /// Whether the first vertex is marked by a star.
     #[must_use]
     pub fn with_start(mut self, marked: bool) -> Self {
@@ -189,6 +205,8 @@ pub struct Panel {
     pub(super) labels: (String, String),
     pub(super) caption: String,
     pub(super) curves: Vec<Curve>,
+    pub(super) classes: Vec<SegmentStyle>,
+    pub(super) regions: Vec<(Vec<Point>, Colour)>,
     pub(super) notes: Vec<(Point, String)>,
     pub(super) ranges: (Option<Range>, Option<Range>),
 }
@@ -216,6 +234,20 @@ impl Panel {
         self
     }
 
+    /// Fills a convex polygon, under all curves; neighbours of one colour join without a seam.
+    #[must_use]
+    pub fn with_region(mut self, corners: Vec<(f64, f64)>, colour: Colour) -> Self {
+        self.regions.push((corners, colour));
+        self
+    }
+
+    /// Adds a class of segments or regions to the legend that no curve has.
+    #[must_use]
+    pub fn with_class(mut self, style: SegmentStyle) -> Self {
+        self.classes.push(style);
+        self
+    }
+
     /// Writes a short text beside a point, for example the name of a transition.
     #[must_use]
     pub fn with_note(mut self, at: (f64, f64), text: impl Into<String>) -> Self {
@@ -223,8 +255,8 @@ impl Panel {
         self
     }
 
-    /// Adds an explored diagram over its parameter: every edge, ○ at vertices with two arms or fewer, ◆ where more meet, ✱ at
-    /// starts. Bounds and limits are not marked.
+    /// Adds an explored diagram over its parameter: every edge, ○ at vertices with two arms or fewer, ◆ where more meet, □ at
+    /// smooth folds, ✱ at starts. Bounds and limits are not marked.
     #[must_use]
     pub fn with_diagram(
         mut self,
@@ -248,6 +280,8 @@ impl Panel {
                 self.curves.push(start.with_start(true));
             }
         }
+        let smooth = diagram.folds().into_iter().filter(|f| f.vertex.is_none());
+        marks.smooth_folds = smooth.map(|f| (f.parameter(), ordinate(&f.x))).collect();
         self.with_curve(marks)
     }
 
@@ -266,7 +300,7 @@ impl Panel {
     }
 }
 
-/// A branch diagram: solution curves over the parameter, coloured by state, ○ at transitions, ◆ at branching points, ✱ at starts,
+/// A branch diagram: solution curves over the parameter, coloured by state, ○ at transitions, □ at smooth folds, ◆ at branching points, ✱ at starts,
 /// arrows in the direction of travel, dashes where det ∇_yH < 0 (diagrams), axes, legend. One panel, or several side by side.
 ///
 /// ```

@@ -10,7 +10,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 
 use super::OutputError;
 use super::diagram::{BranchDiagram, Colour, Curve, Panel, SegmentStyle};
-use super::plane::{Point, Range, clip, drawable, inside, padded_range, tick_label};
+use super::plane::{Point, Range, clip, clip_region, drawable, inside, padded_range, tick_label};
 use crate::sparse::replace_file;
 
 /// plotters rounds to whole pixels: everything is drawn this much larger and shown smaller.
@@ -116,6 +116,7 @@ fn check(diagram: &BranchDiagram) -> Result<Vec<(Range, Range)>, OutputError> {
 fn panel_ranges(k: usize, panel: &Panel) -> Result<(Range, Range), OutputError> {
     for (c, curve) in panel.curves.iter().enumerate() {
         let marks = curve.transitions.iter().chain(&curve.branchings);
+        let marks = marks.chain(&curve.smooth_folds);
         for points in [
             &mut curve.vertices.iter() as &mut dyn Iterator<Item = _>,
             &mut marks.into_iter(),
@@ -140,7 +141,25 @@ fn panel_ranges(k: usize, panel: &Panel) -> Result<(Range, Range), OutputError> 
     if let Some((note, &((x, y), _))) = panel.notes.iter().enumerate().find(|(_, n)| !drawable(n.0)) {
         return Err(OutputError::Note { panel: k, note, x, y });
     }
-    let vertices = || panel.curves.iter().flat_map(|c| &c.vertices);
+    let corners = || {
+        panel
+            .regions
+            .iter()
+            .enumerate()
+            .flat_map(|(k, r)| r.0.iter().map(move |p| (k, p)))
+    };
+    if let Some((region, &(x, y))) = corners().find(|(_, p)| !drawable(**p)) {
+        return Err(OutputError::Region {
+            panel: k,
+            region,
+            x,
+            y,
+        });
+    }
+    let vertices = || {
+        let corners = panel.regions.iter().flat_map(|r| &r.0);
+        panel.curves.iter().flat_map(|c| &c.vertices).chain(corners)
+    };
     let axis = |name, given: Option<Range>, found: Option<Range>| match given {
         Some((lower, upper)) if !(lower < upper && drawable((lower, upper))) => Err(OutputError::Range {
             axis: name,
@@ -153,7 +172,7 @@ fn panel_ranges(k: usize, panel: &Panel) -> Result<(Range, Range), OutputError> 
         }
         Some(range) => Ok(range),
         None => found.ok_or(OutputError::Empty {
-            what: "no curve has a vertex",
+            what: "no curve has a vertex and no region a corner",
         }),
     };
     Ok((
@@ -215,6 +234,18 @@ fn draw_panel(
         .map_err(failed)?;
     let plane: &DrawingArea<SVGBackend<'_>, Plane> = chart.plotting_area();
     let pixel = |p: Point| plane.map_coordinate(&p);
+    for (corners, colour) in &panel.regions {
+        let corners: Vec<Pixel> = clip_region(corners, x, y).into_iter().map(pixel).collect();
+        if corners.len() > 2 {
+            // The outline closes the seam between neighbours.
+            let outline = corners.iter().copied().chain([corners[0]]).collect::<Vec<_>>();
+            let colour = rgb(*colour);
+            root.draw(&Polygon::new(corners, colour.filled()))
+                .map_err(failed)?;
+            root.draw(&PathElement::new(outline, colour.stroke_width(SCALE as u32 / 2)))
+                .map_err(failed)?;
+        }
+    }
     for curve in &panel.curves {
         draw_lines(root, curve, (x, y), &pixel)?;
     }
@@ -227,6 +258,9 @@ fn draw_panel(
         };
         for &p in curve.transitions.iter().filter(|p| inside(**p, x, y)) {
             root.draw(&Circle::new(pixel(p), radius, black)).map_err(failed)?;
+        }
+        for &p in curve.smooth_folds.iter().filter(|p| inside(**p, x, y)) {
+            draw_square(root, pixel(p))?;
         }
         for &p in curve.branchings.iter().filter(|p| inside(**p, x, y)) {
             draw_diamond(root, pixel(p))?;
@@ -365,6 +399,19 @@ fn draw_diamond(root: &Area<'_>, (x, y): Pixel) -> Result<(), OutputError> {
     root.draw(&Polygon::new(corners, BLACK.filled())).map_err(failed)
 }
 
+fn draw_square(root: &Area<'_>, (x, y): Pixel) -> Result<(), OutputError> {
+    let r = RADIUS * 9 / 10;
+    let corners = vec![
+        (x - r, y - r),
+        (x + r, y - r),
+        (x + r, y + r),
+        (x - r, y + r),
+        (x - r, y - r),
+    ];
+    let line = BLACK.stroke_width(SCALE as u32 * 5 / 4);
+    root.draw(&PathElement::new(corners, line)).map_err(failed)
+}
+
 fn draw_star(root: &Area<'_>, (x, y): Pixel) -> Result<(), OutputError> {
     let r = RADIUS * 13 / 10;
     let (c, s) = (r * 866 / 1000, r / 2);
@@ -383,6 +430,7 @@ enum Entry<'a> {
     Class(&'a SegmentStyle),
     Negative,
     Transition,
+    SmoothFold,
     Branching,
     Start,
 }
@@ -393,6 +441,7 @@ impl Entry<'_> {
             Self::Class(style) => printable(&style.name),
             Self::Negative => "det < 0".into(),
             Self::Transition => "transition".into(),
+            Self::SmoothFold => "smooth fold".into(),
             Self::Branching => "branching".into(),
             Self::Start => "start".into(),
         }
@@ -408,7 +457,8 @@ impl Entry<'_> {
 fn legend_rows(diagram: &BranchDiagram) -> Vec<Vec<Entry<'_>>> {
     let curves = || diagram.panels.iter().flat_map(|p| &p.curves);
     let mut classes: Vec<&SegmentStyle> = Vec::new();
-    for style in curves().flat_map(|c| &c.styles) {
+    let named = diagram.panels.iter().flat_map(|p| &p.classes);
+    for style in curves().flat_map(|c| &c.styles).chain(named) {
         if !classes.iter().any(|c| c.name == style.name) {
             classes.push(style);
         }
@@ -419,6 +469,9 @@ fn legend_rows(diagram: &BranchDiagram) -> Vec<Vec<Entry<'_>>> {
     }
     if curves().any(|c| !c.transitions.is_empty()) {
         entries.push(Entry::Transition);
+    }
+    if curves().any(|c| !c.smooth_folds.is_empty()) {
+        entries.push(Entry::SmoothFold);
     }
     if curves().any(|c| !c.branchings.is_empty()) {
         entries.push(Entry::Branching);
@@ -464,6 +517,7 @@ fn draw_legend(area: &Area<'_>, rows: &[Vec<Entry<'_>>]) -> Result<(), OutputErr
                 Entry::Transition => area
                     .draw(&Circle::new(centre, RADIUS, BLACK.stroke_width(SCALE as u32)))
                     .map_err(failed)?,
+                Entry::SmoothFold => draw_square(area, centre)?,
                 Entry::Branching => draw_diamond(area, centre)?,
                 Entry::Start => draw_star(area, centre)?,
             }

@@ -26,6 +26,18 @@ pub enum OutputError {
         /// Ordinate.
         y: f64,
     },
+    /// A corner of a region is NaN, infinite or too large to be drawn.
+    #[error("panel {panel}: region {region} has a corner at ({x}, {y}), which cannot be drawn")]
+    Region {
+        /// Panel, from 0.
+        panel: usize,
+        /// Region of the panel, from 0.
+        region: usize,
+        /// Abscissa.
+        x: f64,
+        /// Ordinate.
+        y: f64,
+    },
     /// A note stands where nothing can be drawn.
     #[error("panel {panel}: note {note} at ({x}, {y}) cannot be drawn")]
     Note {

@@ -59,6 +59,35 @@ pub(super) fn clip(a: Point, b: Point, x: Range, y: Range) -> Option<(Point, Poi
     })
 }
 
+/// The part of a convex polygon inside the box (Sutherland–Hodgman); empty where there is none.
+pub(super) fn clip_region(corners: &[Point], x: Range, y: Range) -> Vec<Point> {
+    // (coordinate, sign, bound): what is kept has sign · coordinate ≤ sign · bound.
+    type Side = (fn(Point) -> f64, f64, f64);
+    let sides: [Side; 4] = [
+        (|p| p.0, -1.0, x.0),
+        (|p| p.0, 1.0, x.1),
+        (|p| p.1, -1.0, y.0),
+        (|p| p.1, 1.0, y.1),
+    ];
+    let mut kept = corners.to_vec();
+    for (coordinate, sign, bound) in sides {
+        let room = |p: Point| sign * (bound - coordinate(p));
+        let corners = std::mem::take(&mut kept);
+        for (k, &b) in corners.iter().enumerate() {
+            let a = corners[(k + corners.len() - 1) % corners.len()];
+            let (ra, rb) = (room(a), room(b));
+            if (ra < 0.0) != (rb < 0.0) {
+                let t = ra / (ra - rb);
+                kept.push((a.0 + t * (b.0 - a.0), a.1 + t * (b.1 - a.1)));
+            }
+            if rb >= 0.0 {
+                kept.push(b);
+            }
+        }
+    }
+    kept
+}
+
 pub(super) fn inside(p: Point, x: Range, y: Range) -> bool {
     (x.0..=x.1).contains(&p.0) && (y.0..=y.1).contains(&p.1)
 }
@@ -109,6 +138,24 @@ mod tests {
             clip((0.5, 0.5), (0.5, 0.5), unit, unit),
             Some(((0.5, 0.5), (0.5, 0.5)))
         );
+    }
+
+    #[test]
+    fn regions_are_cut_at_the_box() {
+        let area = |p: &[Point]| -> f64 {
+            let next = |k: usize| p[(k + 1) % p.len()];
+            (0..p.len())
+                .map(|k| p[k].0 * next(k).1 - next(k).0 * p[k].1)
+                .sum::<f64>()
+                / 2.0
+        };
+        let unit = (0.0, 1.0);
+        let diamond = [(1.0, 0.0), (2.0, 1.0), (1.0, 2.0), (0.0, 1.0)];
+        assert_eq!(clip_region(&diamond, (-1.0, 3.0), (-1.0, 3.0)), diamond);
+        let corner = clip_region(&diamond, unit, unit);
+        assert!((area(&corner) - 0.5).abs() < 1e-15, "{corner:?}");
+        assert!(clip_region(&diamond, (5.0, 6.0), unit).is_empty());
+        assert!(clip_region(&[], unit, unit).is_empty());
     }
 
     #[test]

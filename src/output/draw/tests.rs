@@ -74,6 +74,46 @@ fn bad_data_give_their_error() {
 }
 
 #[test]
+fn regions_notes_and_folds_are_drawn() {
+    let square = vec![(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)];
+    let shade = Colour::new(1, 2, 3);
+    let panel = || Panel::new("x", "y").with_region(square.clone(), shade);
+    let plain = BranchDiagram::new(panel().with_class(SegmentStyle::new("all of it", shade)));
+    let svg = plain.to_svg().unwrap();
+    assert_well_formed(&svg);
+    // The region, and its class in the legend.
+    assert!(svg.contains("<polygon") && svg.contains("all of it"));
+    let outside = BranchDiagram::new(panel().with_x_range(2.0, 3.0))
+        .to_svg()
+        .unwrap();
+    assert!(!outside.contains("<polygon"));
+    let noted = BranchDiagram::new(
+        panel()
+            .with_note((0.5, 0.5), "T1 & T2")
+            .with_note((5.0, 5.0), "far"),
+    );
+    let svg = noted.to_svg().unwrap();
+    assert_well_formed(&svg);
+    assert!(svg.contains("T1 &amp; T2") && !svg.contains("far"));
+    let curve = Curve::line(vec![(0.0, 0.0), (1.0, 1.0)], blue()).with_arrows(false);
+    let marked =
+        BranchDiagram::new(Panel::new("x", "y").with_curve(curve.with_smooth_folds(vec![(0.5, 0.5)])));
+    assert!(marked.to_svg().unwrap().contains("smooth fold"));
+    for bad in [f64::NAN, f64::INFINITY, 1e101] {
+        let region = Panel::new("x", "y").with_region(vec![(0.0, bad)], shade);
+        assert!(matches!(
+            BranchDiagram::new(region).to_svg(),
+            Err(OutputError::Region { region: 0, .. })
+        ));
+        let note = panel().with_note((bad, 0.0), "n");
+        assert!(matches!(
+            BranchDiagram::new(note).to_svg(),
+            Err(OutputError::Note { note: 0, .. })
+        ));
+    }
+}
+
+#[test]
 fn degenerate_data_can_be_drawn() {
     let tiny = f64::MIN_POSITIVE;
     for vertices in [
