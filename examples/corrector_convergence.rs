@@ -10,12 +10,12 @@ mod your_own_problem;
 use std::process::ExitCode;
 
 use clap::Parser;
-use common::{Outcome, exit, shipped_folder};
+use common::{Outcome, ensure, exit, shipped_folder};
 use semismooth::contact::{
     CondensedFriction, FrictionPath, FrictionProblem, HildRenard, LoadPath, read_folder,
 };
 use semismooth::newton::{Newton, NewtonOptions};
-use semismooth::piecewise::{PiecewiseSmooth, Traced};
+use semismooth::piecewise::{PiecewiseSmooth, Traced, value};
 use semismooth::sparse::Matrix;
 use your_own_problem::TunnelDiode;
 
@@ -74,7 +74,14 @@ fn history<P: PiecewiseSmooth>(title: &str, map: &P, parameter: f64) -> Outcome<
         }
         _ => println!("  finite termination: the last step solves the right piece exactly ({convergence:?})"),
     }
-    Ok(())
+    let mut residual = vec![0.0; map.num_residuals()];
+    value(map, &x, &mut residual);
+    let worst = residual.iter().fold(0.0_f64, |a, r| a.max(r.abs()));
+    let first = report.history.first().map_or(1.0, |i| i.residual_norm);
+    ensure(
+        worst <= 1e-9 * first.max(1.0),
+        "the residual at the solution vanishes",
+    )
 }
 
 /// The model with two contact nodes of Haslinger, Janovský and Ligurský, λ = μ = 1.

@@ -12,9 +12,9 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::Parser;
-use common::{Outcome, exit, file_in, five_branches};
+use common::{Outcome, ensure, exit, file_in, five_branches};
 use semismooth::contact::{CondensedFriction, ContactState, FrictionMap, HildRenard, read_folder};
-use semismooth::continuation::{Diagram, DiagramOptions, SolutionsAt};
+use semismooth::continuation::{Diagram, DiagramOptions, DiagramVertex, SolutionsAt, VertexKind};
 use semismooth::enumeration::EnumerationOptions;
 use semismooth::output::{
     BranchDiagram, Colour, Column, Panel, SegmentStyle, write_diagram_csv, write_diagram_json,
@@ -50,6 +50,14 @@ fn run(args: &Args) -> Outcome<()> {
         (0.0, 5.0),
         &args.out,
     )?;
+    let bifurcates = |v: &DiagramVertex| {
+        matches!(v.kind, VertexKind::Branching | VertexKind::BranchPoint)
+            && (v.parameter() - 2.0).abs() < 1e-9
+    };
+    ensure(
+        diagram.vertices().iter().any(bifurcates),
+        "a branch bifurcates at F = 2",
+    )?;
 
     // Three nodes: all solutions at α = 0 give starts on all branches, isolas included.
     let map = CondensedFriction::new(five_branches()?)?;
@@ -78,6 +86,14 @@ fn run(args: &Args) -> Outcome<()> {
         (-0.3, 0.3),
         &args.out,
     )?;
+    ensure(
+        diagram.isolas().len() == 4,
+        "four of the five branches are isolas",
+    )?;
+    ensure(
+        diagram.solutions_at(&map, 0.0)?.count() == Some(17),
+        "there are 17 solutions at 0",
+    )?;
 
     // A symmetric block under the load (1 − γ) f0 + γ f1 with f0 = −f1: at γ = 0.5 it is unloaded and all nodes graze.
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/block_symmetric");
@@ -100,7 +116,9 @@ fn run(args: &Args) -> Outcome<()> {
         &panels,
         (0.0, 1.0),
         &args.out,
-    )
+    )?;
+    let most = diagram.vertices().iter().map(|v| v.arms.len()).max();
+    ensure(most == Some(6), "six branches meet where the block is unloaded")
 }
 
 /// What is drawn: a label and a scalar of x.
@@ -117,10 +135,13 @@ fn report(
 ) -> Outcome<()> {
     println!("{name}: {diagram}");
     for &alpha in alphas {
-        println!(
-            "at {alpha}: {}",
-            solutions(map, &diagram.solutions_at(map, alpha)?)
-        );
+        let at = diagram.solutions_at(map, alpha)?;
+        println!("at {alpha}: {}", solutions(map, &at));
+        // The degree of the map of a friction problem is 1.
+        ensure(
+            at.index_sum().is_none_or(|sum| sum == 1),
+            "the indices of all solutions add up to 1",
+        )?;
     }
     let folds: Vec<String> = diagram
         .folds()

@@ -11,7 +11,7 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use clap::Parser;
-use common::{Outcome, exit, file_in, shipped_folder};
+use common::{Outcome, ensure, exit, file_in, shipped_folder};
 use semismooth::contact::{
     CondensedFriction, ContactState, FrictionMap, FrictionStart, first_point, read_folder,
 };
@@ -80,7 +80,14 @@ fn run(args: &Args) -> Outcome<()> {
             seconds * 1e3,
         );
     }
-    write_results(&map, &branch, &folder, args)
+    write_results(&map, &branch, &folder, args)?;
+    if args.folder.is_none() {
+        ensure(
+            transitions == 36,
+            "the shipped problem has the 36 transitions of the exact list",
+        )?;
+    }
+    Ok(())
 }
 
 /// One line a site that changes its piece (or, where the curve stops, a site at its boundary); returns their number.

@@ -14,7 +14,7 @@ use std::time::Instant;
 
 use clap::{Parser, ValueEnum};
 use common::bars::{Bar, bar2d, bar3d};
-use common::{Outcome, exit, file_in};
+use common::{Outcome, ensure, exit, file_in};
 use ground::{QUANTITIES, along_the_ground, surface};
 use semismooth::contact::{ContactSolution, FixedPointOptions, LocalValues, NodeLaw, fixed_point};
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, PointKind};
@@ -166,6 +166,12 @@ fn study<L: NodeLaw>(bar: &Bar<L>, name: &str, begun: Instant, args: &Args) -> O
         solutions: solutions.into_iter().map(|s| (s.1, s.2)).collect(),
     };
     draw(bar, name, &branch, &found, args)?;
+    let indices: Option<Vec<i8>> = found.solutions.iter().map(|s| s.1).collect();
+    let sum: Option<i32> = indices.map(|all| all.iter().map(|s| i32::from(*s)).sum());
+    ensure(
+        sum.is_none_or(|s| s == 1),
+        "the indices of all solutions at ζ = 1.4 add up to 1",
+    )?;
     Ok(found)
 }
 

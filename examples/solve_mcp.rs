@@ -74,6 +74,9 @@ fn run(arguments: &Arguments) -> Outcome<()> {
     if !arguments.json {
         println!("{solved} of {all} starts solved");
     }
+    if arguments.files.is_empty() {
+        common::ensure(solved == all, "every shipped problem is solved from every start")?;
+    }
     Ok(())
 }
 

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Parser;
-use common::{Outcome, exit, file_in};
+use common::{Outcome, ensure, exit, file_in};
 use semismooth::contact::{FrictionFamily, FrictionPath, HildRenard, HildRenardCase, LoadPath};
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, TransitionSet};
 use semismooth::output::{BranchDiagram, Colour, Curve, Panel, SegmentStyle};
@@ -122,34 +122,52 @@ const ONE: Colour = Colour::new(0xe4, 0xe9, 0xf2);
 const TWO: Colour = Colour::new(0xf6, 0xdc, 0xb8);
 const THREE: Colour = Colour::new(0xf1, 0xc4, 0xc4);
 
-/// Hatches regions of the plane with upright dashes, classified in small steps. Each dash is a curve: too short for an arrow.
+/// Fills regions of the plane by their class, told in small steps.
 fn regions(
     mut panel: Panel,
     x: (f64, f64),
     y: (f64, f64),
     class: impl Fn(f64, f64) -> Outcome<(&'static str, Colour)>,
 ) -> Outcome<Panel> {
-    const LINES: usize = 90;
-    const STEPS: usize = 160;
-    const DASH: usize = 12;
-    let at = |range: (f64, f64), t: f64| range.0 + (range.1 - range.0) * t;
-    for i in 0..LINES {
-        let abscissa = at(x, (i as f64 + 0.5) / LINES as f64);
-        let step = |j: usize| at(y, j as f64 / STEPS as f64);
+    const COLUMNS: usize = 240;
+    const ROWS: usize = 320;
+    let at = |range: (f64, f64), k: usize, n: usize| range.0 + (range.1 - range.0) * k as f64 / n as f64;
+    let mut classes: Vec<(&'static str, Colour)> = Vec::new();
+    for i in 0..COLUMNS {
+        let (left, right) = (at(x, i, COLUMNS), at(x, i + 1, COLUMNS));
+        let here = |j: usize| class(0.5 * (left + right), 0.5 * (at(y, j, ROWS) + at(y, j + 1, ROWS)));
         let mut from = 0;
-        while from < STEPS {
-            let here = |j: usize| class(abscissa, 0.5 * (step(j) + step(j + 1)));
-            let (name, colour) = here(from)?;
+        while from < ROWS {
+            let found = here(from)?;
             let mut to = from + 1;
-            while to < STEPS.min(from + DASH) && here(to)?.1 == colour {
+            while to < ROWS && here(to)? == found {
                 to += 1;
             }
-            let dash = vec![(abscissa, step(from)), (abscissa, step(to))];
-            panel = panel.with_curve(Curve::line(dash, SegmentStyle::new(name, colour)));
+            let (low, high) = (at(y, from, ROWS), at(y, to, ROWS));
+            let corners = vec![(left, low), (right, low), (right, high), (left, high)];
+            panel = panel.with_region(corners, found.1);
+            if !classes.contains(&found) {
+                classes.push(found);
+            }
             from = to;
         }
     }
-    Ok(panel)
+    let named = |panel: Panel, (name, colour)| panel.with_class(SegmentStyle::new(name, colour));
+    Ok(classes.into_iter().fold(panel, named))
+}
+
+/// Whether x lies on a line known in closed form (λ = μ = 1): the free body touches the ground where f_t = −2 f_ν and does not slide
+/// where f_ν = −2 f_t; in contact it begins to slide where |f_t| = F f_ν.
+fn is_known(test: usize, x: &[f64], friction_second: bool) -> bool {
+    let (normal, tangential, friction) = match friction_second {
+        true => (1.5, x[5], x[4]),
+        false => (x[4], x[5], 3.0),
+    };
+    let distances = match test {
+        CONTACT => [tangential + 2.0 * normal; 2],
+        _ => [tangential.abs() - friction * normal, normal + 2.0 * tangential],
+    };
+    distances.iter().any(|d| d.abs() < 1e-8)
 }
 
 /// A transition line in the plane of the parameters, coloured by what happens to the solution when it is crossed.
@@ -189,6 +207,8 @@ fn line(
         styles.push(style);
     }
     vertices.extend(walk.iter().map(|(_, x)| place(x)));
+    let known = walk.iter().all(|(_, x)| is_known(test, x, swapped));
+    ensure(known, "the transition lines are those of Hild and Renard")?;
     for t in &branch.transitions {
         let (a, b) = place(&t.x);
         println!("  two test functions vanish at ({a:.6}, {b:.6}): {}", t.kind);

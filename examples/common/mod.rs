@@ -23,6 +23,14 @@ pub(crate) fn exit(outcome: Outcome<()>) -> ExitCode {
     }
 }
 
+/// An example ends with an error where what it shows does not hold.
+pub(crate) fn ensure(holds: bool, claim: &str) -> Outcome<()> {
+    match holds {
+        true => Ok(()),
+        false => Err(format!("this does not hold: {claim}").into()),
+    }
+}
+
 /// A file in a folder, which is made if need be.
 pub(crate) fn file_in(folder: &Path, name: &str) -> Outcome<PathBuf> {
     std::fs::create_dir_all(folder)
