@@ -1,4 +1,4 @@
-//! The guide: ten pages, to be read in order or where you need them.
+//! The guide: eleven pages, to be read in order or where you need them.
 //!
 //! 1. [What a piecewise-smooth map is](pieces)
 //! 2. [Solve](solve)
@@ -10,6 +10,7 @@
 //! 8. [Large problems and your own linear solver](large)
 //! 9. [Limits of time and memory](limits)
 //! 10. [Relation to other programs, references](other_programs)
+//! 11. [Words: ours beside those of the literature](words)
 
 #[doc = include_str!("pieces.md")]
 pub mod pieces {}
@@ -40,3 +41,6 @@ pub mod limits {}
 
 #[doc = include_str!("other_programs.md")]
 pub mod other_programs {}
+
+#[doc = include_str!("words.md")]
+pub mod words {}
