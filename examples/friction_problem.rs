@@ -13,17 +13,20 @@ use common::{Outcome, exit};
 use semismooth::contact::{DelassusOptions, DelassusSolver, read_delassus};
 use serde_json::json;
 
-/// Solves frictional contact problems u = M r + q, K* ∋ û ⟂ r ∈ K to a residual of 1e-12.
+/// Solves frictional contact problems u = M r + q, K* ∋ û ⟂ r ∈ K to a residual of 1e-12 at every contact.
 #[derive(Parser)]
 struct Args {
     /// JSON files with `dimension`, `mu`, `q` and `M` (csc); default: the one in examples/data.
     files: Vec<PathBuf>,
-    /// One JSON object a file instead of a table.
+    /// One JSON object a file instead of a table, with r and u contact by contact (N, T1[, T2]).
     #[arg(long)]
     json: bool,
     /// Seconds after which a problem is given up, with its best iterate.
     #[arg(long, default_value_t = 300.0)]
     seconds: f64,
+    /// Factorisations after which a problem is given up, with its best iterate.
+    #[arg(long, default_value_t = 2000)]
+    factorisations: usize,
     /// The history of each solution on standard error.
     #[arg(long)]
     history: bool,
@@ -57,15 +60,17 @@ fn solve(file: &Path, args: &Args) -> Outcome<()> {
     let begun = Instant::now();
     let limit =
         Duration::try_from_secs_f64(args.seconds).map_err(|e| format!("--seconds {}: {e}", args.seconds))?;
-    let report =
-        DelassusSolver::new(DelassusOptions::default().with_max_time(Some(limit))).solve(&problem)?;
+    let options = DelassusOptions::default()
+        .with_max_time(Some(limit))
+        .with_max_factorisations(args.factorisations);
+    let report = DelassusSolver::new(options).solve(&problem)?;
     let seconds = begun.elapsed().as_secs_f64();
     // Judged by a fresh evaluation, not by what the solver believes.
     let residual = problem.residual(&report.r)?;
     let status = match (residual <= 1e-12, report.is_solved()) {
-        (true, _) => "solved",
+        (true, true) => "solved",
         (false, true) => "inaccurate",
-        (false, false) => report.status.name(),
+        (_, false) => report.status.name(),
     };
     if args.history {
         for h in &report.history {
@@ -96,6 +101,9 @@ fn solve(file: &Path, args: &Args) -> Outcome<()> {
             "open": open,
             "stick": stick,
             "slip": slip,
+            "factorisations": report.factorisations,
+            "r": report.r,
+            "u": report.u,
         });
         println!("{line}");
     } else {

@@ -3,11 +3,12 @@
 /// Euclidean projection onto K_μ = { z : ‖z_T‖ ≤ μ z_N }.
 pub(super) fn project<const D: usize>(mu: f64, z: [f64; D]) -> [f64; D] {
     let t = tangential_norm(&z);
-    if t <= mu * z[0] {
-        return z;
-    }
+    // The apex first: for μ = 0 and z_T = 0 the other test holds on both halves of the normal.
     if mu * t <= -z[0] {
         return [0.0; D];
+    }
+    if t <= mu * z[0] {
+        return z;
     }
     // t > 0 here: t = 0 falls into one of the two cases above, up to z_N = NaN.
     let normal = (z[0] + mu * t) / (1.0 + mu * mu);
@@ -68,6 +69,9 @@ mod tests {
     fn frictionless_cone_is_a_half_line() {
         assert_eq!(project(0.0, [2.0, 1.0, -1.0]), [2.0, 0.0, 0.0]);
         assert_eq!(project(0.0, [-2.0, 1.0]), [0.0, 0.0]);
+        assert_eq!(project(0.0, [-2.0, 0.0]), [0.0, 0.0]);
+        assert_eq!(project(0.0, [-2.0, 0.0, 0.0]), [0.0; 3]);
+        assert_eq!(project(0.0, [2.0, 0.0]), [2.0, 0.0]);
         assert_eq!(project(0.0, [0.0, 0.0]), [0.0, 0.0]);
     }
 }

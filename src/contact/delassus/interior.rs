@@ -16,7 +16,7 @@ const FRACTION: f64 = 0.995;
 
 /// A shorter step is one that De Saxcé's term has spoilt; the next few leave its derivative out. The iteration then is that of a
 /// convex problem, slower but of longer steps.
-const SHORT: f64 = 0.1;
+pub(super) const SHORT: f64 = 0.1;
 const FREEZE: usize = 5;
 
 /// Added to the matrix against a mean diagonal of M of 1: near the boundary W² vanishes on the kernel of M.
@@ -105,6 +105,11 @@ impl<const D: usize> Interior<D> {
             col_ptr,
             row_idx,
         }
+    }
+
+    /// Whether a sparse symmetric part is factored by Cholesky, for its order.
+    pub(super) fn is_large(&self) -> bool {
+        self.symmetric
     }
 
     /// Puts x and y well inside of the cones near the reactions `r`.

@@ -1,5 +1,5 @@
 use super::DelassusError;
-use super::cone::natural_residual;
+use super::scaled::Scaled;
 use crate::sparse::Matrix;
 
 /// A frictional contact problem reduced to its contacts: find the reactions r with
@@ -9,8 +9,8 @@ use crate::sparse::Matrix;
 /// K = { r : ‖r_T‖ ≤ μ r_N } the Coulomb cone and K* its dual: Signorini's conditions 0 ≤ u_N ⟂ r_N ≥ 0 and Coulomb's law in one
 /// (G. De Saxcé, Z.-Q. Feng, *The bipotential method*, Math. Comput. Modelling 28 (1998)). M = H W Hᵀ is the Delassus matrix:
 /// positive semidefinite, often singular, and symmetric up to what wrote it. The components of a contact follow one another,
-/// N, T1 in the plane (dimension 2) and N, T1, T2 in space (3). Units are free: [`residual`](Self::residual) does not depend on
-/// that of q.
+/// N, T1 in the plane (dimension 2) and N, T1, T2 in space (3). Units are free: [`residual`](Self::residual) and the solver do not
+/// depend on those of M and q.
 ///
 /// ```
 /// use semismooth::contact::{ContactState, DelassusProblem, DelassusSolver};
@@ -144,16 +144,20 @@ impl DelassusProblem {
         Ok(u)
     }
 
-    /// ‖r − P_K(r − û)‖₂ / max(‖q‖₂, ‖r‖₂, ‖u‖₂) with u = M r + q, and 0 where all three vanish: 0 exactly at solutions, the same
-    /// for (s q, s r).
+    /// The largest violation of the law at a contact, max over i of ‖rᵢ − P_K(rᵢ − ûᵢ)‖ / sizeᵢ with u = M r + q: 0 exactly at
+    /// solutions.
+    ///
+    /// It is taken in scaled variables, S⁻¹ r and S u with one factor a contact by which the mean diagonal entry of its block of S M S is
+    /// 1, and sizeᵢ = max(‖rᵢ‖, ‖uᵢ‖, ‖qᵢ‖, ‖Mᵢⱼ rⱼ‖ over all j) is that of the terms that cancel there (at least 1e-12 of the largest
+    /// one), so that it depends neither on the units of M and q nor on how the forces at other contacts compare.
     ///
     /// # Errors
     /// As [`velocities`](Self::velocities).
     pub fn residual(&self, r: &[f64]) -> Result<f64, DelassusError> {
-        let u = self.velocities(r)?;
+        self.velocities(r)?;
         Ok(match self.dimension {
-            2 => self.relative_residual::<2>(r, &u),
-            _ => self.relative_residual::<3>(r, &u),
+            2 => self.block_residual::<2>(r),
+            _ => self.block_residual::<3>(r),
         })
     }
 
@@ -162,22 +166,10 @@ impl DelassusProblem {
         (0..n).map(|i| self.matrix.get(i, i)).sum::<f64>() / n as f64
     }
 
-    fn relative_residual<const D: usize>(&self, r: &[f64], u: &[f64]) -> f64 {
-        let largest = |v: &[f64]| v.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
-        let unit = largest(r).max(largest(u)).max(largest(&self.q));
-        if unit == 0.0 {
-            return 0.0;
-        }
-        // Squares of very small and very large numbers leave the range of floats.
-        let norm = |v: &[f64]| v.iter().map(|x| (x / unit) * (x / unit)).sum::<f64>().sqrt();
-        let size = norm(r).max(norm(u)).max(norm(&self.q));
-        let sum: f64 = (0..self.contacts())
-            .map(|i| {
-                let at = |v: &[f64]| std::array::from_fn::<f64, D, _>(|k| v[i * D + k] / unit);
-                natural_residual(self.friction[i], 1.0, &at(r), &at(u))
-            })
-            .sum();
-        sum.sqrt() / size
+    fn block_residual<const D: usize>(&self, r: &[f64]) -> f64 {
+        let scaled = Scaled::<D>::new(self);
+        let (mut u, mut sizes) = (vec![[0.0; D]; self.contacts()], vec![0.0; self.contacts()]);
+        scaled.law(&scaled.scale(r), &mut u, &mut sizes).residual
     }
 }
 

@@ -82,7 +82,8 @@ pub struct DelassusReport {
     pub r: Vec<f64>,
     /// u = M r + q.
     pub u: Vec<f64>,
-    /// The state of each contact; in space slip+ and slip− by the sign of −r_T1.
+    /// The state of each contact; in space slip+ and slip− by the sign of −r_T1, of u_T1 where that
+    /// vanishes.
     pub states: Vec<ContactState>,
     /// [`DelassusProblem::residual`](super::DelassusProblem::residual) at `r`.
     pub residual: f64,

@@ -1,4 +1,5 @@
 use super::DelassusProblem;
+use super::cone::natural_residual;
 
 /// A vector of blocks, one a contact.
 pub(super) type Vector<const D: usize> = Vec<[f64; D]>;
@@ -103,6 +104,20 @@ impl<const D: usize> BlockMatrix<D> {
         self.row_ptr == self.col_ptr && self.row == self.col
     }
 
+    /// Row `i` of M r, added to `u`; the largest norm of the products that make it up.
+    fn add_row_sized(&self, i: usize, r: &[[f64; D]], u: &mut [f64; D]) -> f64 {
+        let mut largest = 0.0_f64;
+        for k in self.row_ptr[i]..self.row_ptr[i + 1] {
+            let mut product = [0.0; D];
+            add_product(&self.blocks[k], &r[self.col[k]], &mut product);
+            largest = largest.max(squared(&product));
+            for a in 0..D {
+                u[a] += product[a];
+            }
+        }
+        largest.sqrt()
+    }
+
     /// Adds row `i` of M r to `u`.
     #[inline]
     pub(super) fn add_row(&self, i: usize, r: &[[f64; D]], u: &mut [f64; D]) {
@@ -111,6 +126,24 @@ impl<const D: usize> BlockMatrix<D> {
         }
     }
 }
+
+fn squared<const D: usize>(z: &[f64; D]) -> f64 {
+    z.iter().map(|v| v * v).sum()
+}
+
+/// How well the law holds, in scaled variables.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Law {
+    /// max ‖r − P_K(r − û)‖ / size over the contacts, the size of a contact being that of the terms that cancel there.
+    pub(super) residual: f64,
+    /// The same in the norm of all contacts: what tells far from a solution whether an iteration gains.
+    pub(super) overall: f64,
+    /// In the norm of all contacts, against ‖q‖ and ‖u‖ alone.
+    pub(super) violation: f64,
+}
+
+/// A contact whose terms are a smaller share of the largest ones carries nothing that rounding there would leave.
+const NEGLIGIBLE: f64 = 1e-12;
 
 /// u += b r.
 #[inline]
@@ -162,6 +195,31 @@ impl<const D: usize> Scaled<D> {
         }
     }
 
+    /// u = M r + q, and how well the law holds. `sizes` is room for one number a contact.
+    pub(super) fn law(&self, r: &[[f64; D]], u: &mut [[f64; D]], sizes: &mut [f64]) -> Law {
+        let (mut errors, mut terms, mut data) = (0.0, 0.0, [0.0_f64; 2]);
+        for i in 0..r.len() {
+            u[i] = self.q[i];
+            let product = self.matrix.add_row_sized(i, r, &mut u[i]);
+            let parts = [squared(&r[i]), squared(&u[i]), squared(&self.q[i])];
+            sizes[i] = parts.iter().fold(product, |m, v| m.max(v.sqrt()));
+            errors += natural_residual(self.friction[i], 1.0, &r[i], &u[i]);
+            terms += sizes[i] * sizes[i];
+            data = [data[0] + parts[1], data[1] + parts[2]];
+        }
+        let share = |error: f64, size: f64| if error == 0.0 { 0.0 } else { error.sqrt() / size };
+        let least = NEGLIGIBLE * sizes.iter().fold(0.0_f64, |m, s| m.max(*s));
+        let blocks = (0..r.len()).map(|i| {
+            let error = natural_residual(self.friction[i], 1.0, &r[i], &u[i]);
+            share(error, sizes[i].max(least))
+        });
+        Law {
+            residual: blocks.fold(0.0, |m, e| if e.is_nan() { f64::INFINITY } else { f64::max(m, e) }),
+            overall: share(errors, f64::sqrt(terms)),
+            violation: share(errors, f64::sqrt(data[0].max(data[1])).max(f64::MIN_POSITIVE)),
+        }
+    }
+
     /// The reactions in the units of the problem; without friction exactly normal.
     pub(super) fn unscale(&self, r: &[[f64; D]], out: &mut [f64]) {
         for (i, r) in r.iter().enumerate() {
@@ -178,8 +236,14 @@ impl<const D: usize> Scaled<D> {
 
     /// Reactions given in the units of the problem.
     pub(super) fn scale(&self, r: &[f64]) -> Vector<D> {
-        (0..self.contacts())
-            .map(|i| std::array::from_fn(|k| r[i * D + k] / (self.sigma * self.scale[i])))
-            .collect()
+        let mut out = vec![[0.0; D]; self.contacts()];
+        self.scale_into(r, &mut out);
+        out
+    }
+
+    pub(super) fn scale_into(&self, r: &[f64], out: &mut [[f64; D]]) {
+        for (i, out) in out.iter_mut().enumerate() {
+            *out = std::array::from_fn(|k| r[i * D + k] / (self.sigma * self.scale[i]));
+        }
     }
 }

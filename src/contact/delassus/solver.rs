@@ -1,7 +1,7 @@
 use std::ops::ControlFlow;
 
-use super::cone::{natural_residual, tangential_norm};
-use super::interior::Interior;
+use super::cone::tangential_norm;
+use super::interior::{Interior, SHORT};
 use super::local::solve_contact;
 use super::newton::{Inner, Newton};
 use super::report::{DelassusIteration, DelassusPhase, DelassusReport, DelassusStatus};
@@ -21,12 +21,19 @@ const GROW: f64 = 4.0;
 const LEAST_ALPHA: f64 = 1e-10;
 const LARGEST_ALPHA: f64 = 1e6;
 
+/// Residual of a proximal problem against the largest reaction, first and last.
+const PRECISION: f64 = 1e-14;
+const LEAST_PRECISION: f64 = 1e-24;
+
 /// Newton iterations of one proximal step.
 const INNER: usize = 60;
 
 /// Factorisations without a gain of a factor 3 after which proximal steps are given up.
 const PATIENCE: usize = 300;
 const FIRST_PATIENCE: usize = 40;
+/// The same before interior points are tried, and Newton iterations of one proximal step there.
+const QUICK_PATIENCE: usize = 2;
+const QUICK: usize = 6;
 /// Most proximal steps in a row without a factorisation: α is then at its least and nothing moves.
 const MAX_IDLE: usize = 60;
 
@@ -34,9 +41,9 @@ const MAX_IDLE: usize = 60;
 /// closed from one iteration to the next.
 const HEAVY: f64 = 100.0;
 
-/// Sweeps before each further attempt at proximal steps.
 /// Sweeps after which the history is told.
 const REPORTED: usize = 100;
+/// Sweeps before each further attempt at proximal steps.
 const MORE_SWEEPS: [usize; 4] = [300, 1000, 3000, 10_000];
 
 /// Residual from which proximal steps converge, as a rule.
@@ -48,27 +55,17 @@ const VIOLATION: f64 = 1e-6;
 /// Interior-point steps in one go.
 const INTERIOR_STEPS: usize = 80;
 
-/// What counts as no reaction and as no slip, relative to the largest entries in scaled variables.
+/// What counts as no reaction and as no slip, against the terms that cancel at the contact in scaled variables.
 const ZERO: f64 = 1e-9;
 
 /// Break with a status ends the run.
-type Outcome = Result<ControlFlow<DelassusStatus>, DelassusError>;
+type Outcome = ControlFlow<DelassusStatus>;
 
-macro_rules! flow_value {
-    ($flow:expr) => {
-        match $flow {
-            ControlFlow::Break(status) => return Ok(ControlFlow::Break(status)),
-            ControlFlow::Continue(value) => value,
-        }
-    };
-}
-
-macro_rules! flow {
-    ($flow:expr) => {
-        if let ControlFlow::Break(status) = $flow {
-            return Ok(status);
-        }
-    };
+/// The law at an iterate.
+struct Measure {
+    residual: f64,
+    /// What falls on the way to a solution.
+    progress: f64,
 }
 
 /// Solver of [`DelassusProblem`]s.
@@ -134,9 +131,17 @@ struct Run<'a, const D: usize> {
     newton: Newton<D>,
     r: Vector<D>,
     u: Vector<D>,
+    sizes: Vec<f64>,
     best: Vec<f64>,
-    best_key: f64,
+    best_progress: f64,
+    /// Whether the best iterate is a solution.
+    solved: bool,
+    /// What further attempts start from: the best iterate but for those of an attempt that led astray.
+    near: Vector<D>,
+    near_progress: f64,
     plain: Vec<f64>,
+    /// `plain` in scaled variables.
+    at: Vector<D>,
     sweeps: usize,
     history: Vec<DelassusIteration>,
 }
@@ -153,9 +158,14 @@ impl<'a, const D: usize> Run<'a, D> {
             newton: Newton::new(problem.contacts(), Deadline::after(options.max_time)),
             r: scaled.scale(start),
             u: vec![[0.0; D]; problem.contacts()],
+            sizes: vec![0.0; problem.contacts()],
             best: start.to_vec(),
-            best_key: f64::INFINITY,
+            best_progress: f64::INFINITY,
+            solved: false,
+            near: scaled.scale(start),
+            near_progress: f64::INFINITY,
             plain: start.to_vec(),
+            at: vec![[0.0; D]; problem.contacts()],
             sweeps: 0,
             history: Vec::new(),
             problem,
@@ -165,36 +175,37 @@ impl<'a, const D: usize> Run<'a, D> {
         }
     }
 
-    /// The residual of the current iterate; the best one is kept.
+    /// How well the law holds at the current iterate, as it would be handed out; the best one is kept.
     ///
     /// Where a problem has no solution, reactions that grow without bound make the law's violation small against themselves. An
     /// iterate counts only if the violation is small against q and u too.
-    fn measure(&mut self) -> Result<f64, DelassusError> {
+    fn measure(&mut self) -> Measure {
+        let tolerance = self.options.tolerance;
         self.scaled.unscale(&self.r, &mut self.plain);
-        let residual = self.problem.residual(&self.plain)?;
-        let violation = self.violation();
-        let key = if violation <= VIOLATION {
-            residual
-        } else {
-            violation
+        self.scaled.scale_into(&self.plain, &mut self.at);
+        let law = self.scaled.law(&self.at, &mut self.u, &mut self.sizes);
+        let small = law.violation <= VIOLATION;
+        // Far from a solution the worst contact tells little: all of them together come first.
+        let progress = match small {
+            false => law.violation,
+            true if law.overall > tolerance => law.overall,
+            true => tolerance * law.residual.min(1.0),
         };
+        let solved = small && law.overall <= tolerance && law.residual <= tolerance;
         // A gain within rounding is no reason to move on.
-        if key < 0.99 * self.best_key || (key < self.best_key && key <= self.options.tolerance) {
-            self.best_key = key;
+        if progress < 0.99 * self.best_progress || (progress < self.best_progress && solved) {
+            self.best_progress = progress;
+            self.solved = solved;
             self.best.copy_from_slice(&self.plain);
         }
-        Ok(residual)
-    }
-
-    /// ‖r − P_K(r − û)‖ against ‖q‖ and ‖u‖, in scaled variables.
-    fn violation(&mut self) -> f64 {
-        let p = &self.scaled;
-        p.velocities(&self.r, &mut self.u);
-        let norm = |v: &[[f64; D]]| v.iter().flatten().map(|x| x * x).sum::<f64>().sqrt();
-        let sum: f64 = (0..self.r.len())
-            .map(|i| natural_residual(p.friction[i], 1.0, &self.r[i], &self.u[i]))
-            .sum();
-        sum.sqrt() / norm(&p.q).max(norm(&self.u)).max(f64::MIN_POSITIVE)
+        if progress < 0.99 * self.near_progress {
+            self.near_progress = progress;
+            self.near.copy_from_slice(&self.at);
+        }
+        Measure {
+            residual: law.residual,
+            progress,
+        }
     }
 
     fn record(
@@ -203,8 +214,8 @@ impl<'a, const D: usize> Run<'a, D> {
         alpha: f64,
         work: usize,
         success: bool,
-    ) -> Result<ControlFlow<DelassusStatus, f64>, DelassusError> {
-        let residual = self.measure()?;
+    ) -> ControlFlow<DelassusStatus, f64> {
+        let Measure { residual, progress } = self.measure();
         let entry = DelassusIteration {
             index: self.history.len(),
             phase,
@@ -214,13 +225,13 @@ impl<'a, const D: usize> Run<'a, D> {
             success,
         };
         self.history.push(entry);
-        if self.best_key <= self.options.tolerance {
-            return Ok(ControlFlow::Break(DelassusStatus::Solved));
+        if self.solved {
+            return ControlFlow::Break(DelassusStatus::Solved);
         }
         if (self.observe)(&entry).is_break() {
-            return Ok(ControlFlow::Break(DelassusStatus::Interrupted));
+            return ControlFlow::Break(DelassusStatus::Interrupted);
         }
-        Ok(ControlFlow::Continue(residual))
+        ControlFlow::Continue(progress)
     }
 
     /// One sweep of nonsmooth Gauss–Seidel.
@@ -239,33 +250,51 @@ impl<'a, const D: usize> Run<'a, D> {
         self.sweeps += 1;
     }
 
-    fn run(&mut self) -> Result<DelassusStatus, DelassusError> {
-        self.measure()?;
-        if self.best_key <= self.options.tolerance {
-            return Ok(DelassusStatus::Solved);
+    fn run(&mut self) -> DelassusStatus {
+        match self.phases() {
+            ControlFlow::Break(status) => status,
+            ControlFlow::Continue(()) => DelassusStatus::Stalled,
         }
-        flow!(self.sweeps_of(SWEEPS)?);
-        flow!(self.interior(false)?);
-        if self.best_key > NEAR {
-            self.restart();
-            flow!(self.interior(true)?);
-        }
-        self.restart();
-        flow!(self.proximal(ALPHA_NEAR, FIRST_PATIENCE)?);
-        self.newton.rho = HEAVY;
-        self.restart();
-        flow!(self.proximal(ALPHA_NEAR, PATIENCE)?);
-        for sweeps in MORE_SWEEPS {
-            self.restart();
-            flow!(self.sweeps_of(sweeps)?);
-            flow!(self.proximal(ALPHA, PATIENCE)?);
-        }
-        Ok(DelassusStatus::Stalled)
     }
 
-    /// Goes back to the best iterate.
+    fn phases(&mut self) -> Outcome {
+        self.measure();
+        if self.solved {
+            return ControlFlow::Break(DelassusStatus::Solved);
+        }
+        self.sweeps_of(SWEEPS)?;
+        let mut interior = Interior::new(&self.scaled);
+        if !interior.is_large() {
+            // Where sweeps have found most of the states, a few factorisations of the closed contacts end it.
+            let swept = self.r.clone();
+            self.proximal(ALPHA_NEAR, QUICK_PATIENCE, QUICK)?;
+            self.r = swept;
+            self.near_progress = f64::INFINITY;
+            self.measure();
+        }
+        let shortened = self.interior(&mut interior, false)?;
+        // Without a short step nothing would be frozen: the same steps again.
+        if shortened && self.near_progress > NEAR {
+            self.restart();
+            self.interior(&mut interior, true)?;
+        }
+        drop(interior);
+        self.restart();
+        self.proximal(ALPHA_NEAR, FIRST_PATIENCE, INNER)?;
+        self.newton.rho = HEAVY;
+        self.restart();
+        self.proximal(ALPHA_NEAR, PATIENCE, INNER)?;
+        for sweeps in MORE_SWEEPS {
+            self.restart();
+            self.sweeps_of(sweeps)?;
+            self.proximal(ALPHA, PATIENCE, INNER)?;
+        }
+        ControlFlow::Continue(())
+    }
+
+    /// Goes back to the iterate that further attempts start from.
     fn restart(&mut self) {
-        self.r = self.scaled.scale(&self.best);
+        self.r.copy_from_slice(&self.near);
     }
 
     /// At most n sweeps, fewer where time is over.
@@ -279,25 +308,26 @@ impl<'a, const D: usize> Run<'a, D> {
                 self.sweep(done % 2 == 1);
                 done += 1;
             }
-            if let ControlFlow::Break(status) = self.record(DelassusPhase::Sweeps, 0.0, done - begun, true)? {
-                return Ok(ControlFlow::Break(status));
-            }
+            self.record(DelassusPhase::Sweeps, 0.0, done - begun, true)?;
             if done < end {
                 break;
             }
         }
-        Ok(ControlFlow::Continue(()))
+        ControlFlow::Continue(())
     }
 
-    /// Interior points from the iterate; leaves the last iterate.
-    fn interior(&mut self, may_freeze: bool) -> Outcome {
-        let mut interior = Interior::new(&self.scaled);
+    /// Interior points from the iterate; leaves the last iterate. Tells whether a step was short.
+    fn interior(
+        &mut self,
+        interior: &mut Interior<D>,
+        may_freeze: bool,
+    ) -> ControlFlow<DelassusStatus, bool> {
         interior.start(&self.scaled, &self.r, may_freeze);
-        let (mut best, mut since, mut stuck) = (f64::INFINITY, 0, 0);
+        let (mut best, mut since, mut stuck, mut shortened) = (f64::INFINITY, 0, 0, false);
         for _ in 0..INTERIOR_STEPS {
             let over = self.newton.deadline.is_over();
             if over || self.newton.factorisations >= self.options.max_factorisations {
-                return Ok(ControlFlow::Break(DelassusStatus::Limit));
+                return ControlFlow::Break(DelassusStatus::Limit);
             }
             let Some(length) = interior.step(&self.scaled) else {
                 break;
@@ -305,9 +335,10 @@ impl<'a, const D: usize> Run<'a, D> {
             self.newton.factorisations += 1;
             interior.reactions(&self.scaled, &mut self.r);
             let gap = interior.gap();
-            let residual = flow_value!(self.record(DelassusPhase::Interior, gap, 1, length > 0.1)?);
-            if residual < 0.7 * best {
-                (best, since) = (residual, 0);
+            shortened |= length < SHORT;
+            let progress = self.record(DelassusPhase::Interior, gap, 1, length > SHORT)?;
+            if progress < 0.7 * best {
+                (best, since) = (progress, 0);
             } else {
                 since += 1;
             }
@@ -316,75 +347,78 @@ impl<'a, const D: usize> Run<'a, D> {
                 break;
             }
         }
-        Ok(ControlFlow::Continue(()))
+        ControlFlow::Continue(shortened)
     }
 
     /// Proximal steps from the iterate until they no longer pay.
-    fn proximal(&mut self, mut alpha: f64, patience: usize) -> Outcome {
+    fn proximal(&mut self, mut alpha: f64, patience: usize, inner: usize) -> Outcome {
         let mut centre = self.r.clone();
         let (mut mark, mut mark_at) = (f64::INFINITY, self.newton.factorisations);
         // The violation at the centre, once that is known.
         let mut at_centre = f64::INFINITY;
+        // Of the proximal problems: more where all contacts together are solved, and one that bears little is not.
+        let mut precision = PRECISION;
         // Steps in a row that needed no factorisation, which no other limit counts.
         let mut idle = 0;
         loop {
             let before = self.newton.factorisations;
             if self.newton.deadline.is_over() || before >= self.options.max_factorisations {
-                return Ok(ControlFlow::Break(DelassusStatus::Limit));
+                return ControlFlow::Break(DelassusStatus::Limit);
             }
             let left = self.options.max_factorisations - before;
             centre.copy_from_slice(&self.r);
             let scale = self.r.iter().flatten().fold(1.0_f64, |a, b| a.max(b.abs()));
-            let tolerance = 1e-14 * scale;
-            let inner = self.newton.solve(
+            let tolerance = precision * scale;
+            let outcome = self.newton.solve(
                 &self.scaled,
                 &mut self.r,
                 alpha,
                 &centre,
                 tolerance,
-                left.min(INNER),
+                left.min(inner),
             );
             let work = self.newton.factorisations - before;
-            let converged = inner == Inner::Converged;
+            let converged = outcome == Inner::Converged;
             idle = if work == 0 { idle + 1 } else { 0 };
             if idle > MAX_IDLE {
-                return Ok(ControlFlow::Continue(()));
+                return ControlFlow::Continue(());
             }
-            let residual = flow_value!(self.record(DelassusPhase::Proximal, alpha, work, converged)?);
+            if converged && work == 0 {
+                precision = (1e-2 * precision).max(LEAST_PRECISION);
+            }
+            let progress = self.record(DelassusPhase::Proximal, alpha, work, converged)?;
             if converged {
                 alpha = (alpha * SHRINK).max(LEAST_ALPHA);
-                at_centre = residual;
+                at_centre = progress;
             } else {
                 alpha *= GROW;
                 // What a failed iteration has gained is kept.
-                if residual < at_centre {
-                    at_centre = residual;
+                if progress < at_centre {
+                    at_centre = progress;
                 } else {
                     self.r.copy_from_slice(&centre);
                 }
             }
-            if residual < 0.3 * mark {
-                (mark, mark_at) = (residual, self.newton.factorisations);
+            if progress < 0.3 * mark {
+                (mark, mark_at) = (progress, self.newton.factorisations);
             }
             if self.newton.factorisations - mark_at > patience || alpha > LARGEST_ALPHA {
-                return Ok(ControlFlow::Continue(()));
+                return ControlFlow::Continue(());
             }
         }
     }
 
     fn report(mut self) -> Result<DelassusReport, DelassusError> {
-        let status = self.run()?;
-        let u = self.problem.velocities(&self.best)?;
-        let r = self.scaled.scale(&self.best);
-        let mut v = vec![[0.0; D]; r.len()];
-        self.scaled.velocities(&r, &mut v);
-        let size = r.iter().flatten().fold(1.0_f64, |a, b| a.max(b.abs()));
-        let states = (0..r.len()).map(|i| state(&r[i], &v[i], size)).collect();
+        let status = self.run();
+        self.scaled.scale_into(&self.best, &mut self.at);
+        let law = self.scaled.law(&self.at, &mut self.u, &mut self.sizes);
+        let contacts = self.at.iter().zip(&self.u).zip(&self.sizes);
+        let states = contacts.map(|((r, u), size)| state(r, u, *size)).collect();
         Ok(DelassusReport {
             status,
-            residual: self.problem.residual(&self.best)?,
+            residual: law.residual,
+            u: self.problem.velocities(&self.best)?,
             r: self.best,
-            u,
             states,
             factorisations: self.newton.factorisations,
             sweeps: self.sweeps,
@@ -393,13 +427,16 @@ impl<'a, const D: usize> Run<'a, D> {
     }
 }
 
-/// The state of a contact of a solution in scaled variables, whose largest entry is about `size`.
+/// The state of a contact of a solution in scaled variables, whose largest term is `size`.
 fn state<const D: usize>(r: &[f64; D], u: &[f64; D], size: f64) -> ContactState {
     if r[0] <= ZERO * size {
         ContactState::Open
     } else if tangential_norm(u) <= ZERO * size {
         ContactState::Stick
-    } else {
+    } else if r[1] != 0.0 {
         ContactState::slipping(-r[1])
+    } else {
+        // Without friction (or across T1) only the motion tells the direction.
+        ContactState::slipping(u[1])
     }
 }
