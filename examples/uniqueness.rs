@@ -1,7 +1,7 @@
 //! How the constants that guarantee a unique solution of the friction problem depend on the mesh (Haslinger, Kučera, Vlach 2008).
 //! You will see the two parts of the Lipschitz constant of the fixed-point map grow as the mesh is refined (in the plane and in space),
-//! the guaranteed and the first critical coefficient of friction, the inf-sup constants of three spaces of multipliers, the contraction
-//! rates observed beside their bounds, and a picture of the growth.
+//! the guaranteed and the first critical coefficient of friction, the inf-sup constants of three spaces of multipliers, C = max{C1, C2} and
+//! the critical slope of a law that weakens with the slip, the contraction rates observed beside their bounds, and a picture of the growth.
 //! Run: cargo run --release --example uniqueness [-- --finest 32] [--cube 8] [--out DIR]
 
 mod common;
@@ -10,11 +10,12 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Parser;
+use common::bars::bar2d;
 use common::squares::{Multipliers, cube, inf_sup, plane, plane_mesh, traces};
 use common::{Outcome, exit, file_in};
 use semismooth::contact::{
     FixedPointOptions, FrictionCoefficient, FrictionCurve, Frictionless, PlanarCoulomb, UniquenessConstants,
-    critical_friction, fixed_point,
+    critical_friction, fixed_point, friction_bounds, pressure_norm,
 };
 use semismooth::output::{BranchDiagram, Colour, Curve, Panel, SegmentStyle};
 
@@ -83,19 +84,60 @@ fn run(args: &Args) -> Outcome<()> {
         .map(|k| 1usize << k)
         .take_while(|n| *n <= args.finest.min(32))
     {
-        println!(
-            "  {n:>4} {:>7.3} {:>11.3} {:>12.3}",
-            inf_sup(n, Multipliers::Nodal, &reference)?,
-            inf_sup(n, Multipliers::Constant(1), &reference)?,
-            inf_sup(n, Multipliers::Constant(2), &reference)?
-        );
+        let kinds = [
+            Multipliers::Nodal,
+            Multipliers::Constant(1),
+            Multipliers::Constant(2),
+        ];
+        let [nodal, faces, merged] = [
+            inf_sup(n, kinds[0], &reference)?,
+            inf_sup(n, kinds[1], &reference)?,
+            inf_sup(n, kinds[2], &reference)?,
+        ];
+        println!("  {n:>4} {nodal:>7.3} {faces:>11.3} {merged:>12.3}");
     }
+    weakening()?;
     contraction(args.finest)?;
     draw(&growth, &solid, args)
 }
 
 fn order(last: Option<f64>, now: f64) -> String {
     last.map_or("      ".into(), |l| format!("{:>6.2}", (now / l).log2()))
+}
+
+/// C = max{C1, C2} of the bar whose friction weakens with the slip, at ζ = 1.4 and in the ball of its sticking solution, and the slope
+/// and coefficient below which the parts are less than 1.
+fn weakening() -> Outcome<()> {
+    let zeta = 1.4;
+    println!(
+        "\nbar with weakening friction (example nonuniqueness) at ζ = {zeta}: Lipschitz constant of Ψ in the ball of one solution"
+    );
+    println!(
+        "   mesh    ‖g‖      C1   C2 (φ → λν)   C2 (with φ → φ′)       C   F_crit     L_crit   L of the law"
+    );
+    for nx in [20, 40] {
+        let bar = bar2d(nx)?;
+        let constants = UniquenessConstants::new(&bar.problem, &bar.rows.areas)?;
+        let x = bar.problem.solve(zeta, Some(&bar.problem.stick_start(zeta)?))?;
+        let pressure = pressure_norm(&bar.rows.areas, &x[..bar.rows.areas.len()])?;
+        let (kappa, slope) = friction_bounds(&bar.problem, zeta, 0.05, 10_001)?;
+        let largest = zeta * common::bars::weakening().value(0.0).0;
+        let bound = constants.lipschitz(largest, slope, kappa, pressure);
+        let slip_free = slope * kappa * pressure * constants.c2();
+        if !(bound.c2 > slip_free && bound.c() == bound.c1.max(bound.c2)) {
+            return Err(format!("the parts of C do not fit: {bound:?}").into());
+        }
+        println!(
+            "  {nx:>2} × {:<2} {pressure:>6.4} {:>7.2} {slip_free:>13.1} {:>18.1} {:>7.1} {:>8.4} {:>10.4} {slope:>14.2}",
+            nx / 10,
+            bound.c1,
+            bound.c2,
+            bound.c(),
+            1.0 / (constants.c_t * (constants.c_inv + constants.c_t)),
+            constants.critical_slope(kappa, pressure),
+        );
+    }
+    Ok(())
 }
 
 /// Observed rates of the fixed-point iteration beside F C1.

@@ -45,7 +45,7 @@ fn condense<L: NodeLaw>(mesh: Mesh, law: L) -> Result<(CondensedContact<L>, Cont
 /// Multipliers on the ground of the plane body.
 #[derive(Clone, Copy, PartialEq)]
 pub(crate) enum Multipliers {
-    /// One a free node, lumped on the mesh itself; continuous and piecewise linear for the reference.
+    /// One a free node, continuous and piecewise linear.
     Nodal,
     /// Piecewise constant on k merged faces, H = k h.
     Constant(usize),
@@ -85,10 +85,7 @@ pub(crate) fn inf_sup(n: usize, multipliers: Multipliers, reference: &TraceSpace
     };
     let coarse = plane_mesh(n)?;
     let own = traces(&coarse)?;
-    let q = match multipliers {
-        Multipliers::Nodal => own.lumped_pairing()?,
-        Multipliers::Constant(_) => own.pairing(count, evaluate)?,
-    };
+    let q = own.pairing(count, evaluate)?;
     let q_ref = reference.pairing(count, evaluate)?;
     Ok(semismooth::contact::inf_sup_constant(
         (own.gram(), &q),

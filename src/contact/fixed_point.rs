@@ -5,7 +5,7 @@ use super::given_bound::GivenBound;
 use super::node_law::NodeLaw;
 use super::{ContactError, ContactOptions};
 use crate::options::setters;
-use crate::piecewise::PiecewiseSmooth;
+use crate::piecewise::{PiecewiseSmooth, Selection, select};
 use crate::sparse::norm;
 
 /// Options of [`fixed_point`]. The defaults need no touching.
@@ -77,7 +77,17 @@ pub struct FixedPointReport {
     pub converged: bool,
     /// Relative changes ‖Δλ‖/‖λ‖, one an iteration.
     pub changes: Vec<f64>,
+    /// Number of contact nodes whose piece changed, one an iteration.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub nodes_changed: Vec<usize>,
 }
+
+/// A smallest change above this is no noise: that of inner problems solved to rounding is far below.
+const NOISE: f64 = 1e-9;
+/// How far above the smallest change noise reaches, where it is noise.
+const ABOVE_NOISE: f64 = 100.0;
+/// Ratios of changes that a rate is taken from: at least, at most.
+const RATIOS: [usize; 2] = [3, 10];
 
 impl FixedPointReport {
     /// Number of iterations.
@@ -86,12 +96,28 @@ impl FixedPointReport {
         self.changes.len()
     }
 
-    /// The observed contraction rate: geometric mean of the ratios of the last changes above rounding (at most ten).
+    /// The observed contraction rate: geometric mean of the last ratios of changes (3 to 10) since a node changed its piece.
+    ///
+    /// Changes within a factor of 100 of the smallest one are left out as noise once that is below 1e-9. `None` with fewer than three
+    /// ratios.
     #[must_use]
     pub fn contraction(&self) -> Option<f64> {
-        let end = self.changes.iter().rposition(|c| *c > 1e-13)?;
-        let begin = end.saturating_sub(10);
-        (end > begin).then(|| (self.changes[end] / self.changes[begin]).powf(1.0 / (end - begin) as f64))
+        let begin = (self.nodes_changed.iter())
+            .rposition(|n| *n > 0)
+            .map_or(0, |k| k + 1);
+        let tail = self.changes.get(begin..)?;
+        let smallest = tail.iter().copied().fold(f64::INFINITY, f64::min);
+        let floor = if smallest < NOISE {
+            ABOVE_NOISE * smallest.max(f64::EPSILON)
+        } else {
+            0.0
+        };
+        let above = &tail[..tail.iter().take_while(|c| **c > floor).count()];
+        let ratios = above.len().saturating_sub(1).min(RATIOS[1]);
+        (ratios >= RATIOS[0]).then(|| {
+            let last = above.len() - 1;
+            (above[last] / above[last - ratios]).powf(1.0 / ratios as f64)
+        })
     }
 }
 
@@ -135,7 +161,9 @@ pub fn fixed_point_observed<L: NodeLaw>(
         x: start.to_vec(),
         converged: false,
         changes: Vec::new(),
+        nodes_changed: Vec::new(),
     };
+    let mut pieces: Option<Selection> = None;
     while report.changes.len() < options.max_iterations && !report.converged {
         let coefficients = nodes
             .iter()
@@ -150,6 +178,7 @@ pub fn fixed_point_observed<L: NodeLaw>(
             })
             .collect::<Result<Vec<_>, ContactError>>()?;
         *inner.law_mut() = GivenBound::new(problem.law().num_tangents(), pressures.clone(), coefficients)?;
+        let before = pieces.take().unwrap_or_else(|| select(&inner, &report.x));
         let go_on = |_: &_| ControlFlow::Continue(());
         let x = inner
             .solve_observed(alpha, Some(&report.x), &options.contact, go_on)?
@@ -159,6 +188,9 @@ pub fn fixed_point_observed<L: NodeLaw>(
             .changes
             .push(norm(&change) / norm(&x[..q]).max(f64::MIN_POSITIVE));
         report.converged = report.changes.last().is_some_and(|c| *c <= options.tolerance);
+        let now = select(&inner, &x);
+        report.nodes_changed.push(before.differing_sites(&now).count());
+        pieces = Some(now);
         report.x = x;
         if observe(&report).is_break() {
             break;
@@ -170,4 +202,38 @@ pub fn fixed_point_observed<L: NodeLaw>(
         }
     }
     Ok(report)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn report(changes: Vec<f64>, nodes_changed: Vec<usize>) -> FixedPointReport {
+        FixedPointReport {
+            x: Vec::new(),
+            converged: false,
+            changes,
+            nodes_changed,
+        }
+    }
+
+    /// A rate of ½ that ends in noise at 1e-11, with other ratios while nodes change.
+    #[test]
+    fn rates_are_those_between_the_last_switch_and_noise() {
+        let mut changes = vec![1.0, 0.9, 0.3, 0.2];
+        changes.extend((0..33).map(|k| 0.1 * 0.5_f64.powi(k)));
+        changes.extend([1.1e-11, 1.0e-11, 0.9e-11, 0.95e-11, 0.8e-11]);
+        let mut switches = vec![0; changes.len()];
+        switches[3] = 2;
+        let rate = report(changes.clone(), switches.clone()).contraction().unwrap();
+        assert!((rate - 0.5).abs() < 1e-12, "{rate}");
+        // Stopped long before noise, all ratios since the last switch count.
+        let rate = |n: usize| report(changes[..n].to_vec(), switches[..n].to_vec()).contraction();
+        assert!((rate(8).unwrap() - 0.5).abs() < 1e-12);
+        assert_eq!(rate(7), None);
+        let mut late = switches;
+        late[36] = 1;
+        assert_eq!(report(changes, late).contraction(), None);
+        assert_eq!(report(Vec::new(), Vec::new()).contraction(), None);
+    }
 }

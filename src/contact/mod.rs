@@ -62,5 +62,6 @@ pub use solution::{ContactEnergy, ContactResiduals, ContactSolution};
 pub use start::{FrictionStart, first_point, first_point_observed};
 pub use strategy::{ContactAttempt, ContactProgress, ContactReport, ContactStrategy};
 pub use uniqueness::{
-    UniquenessConstants, check_multipliers, critical_friction, friction_bounds, inf_sup_constant,
+    FixedPointBound, UniquenessConstants, check_multipliers, critical_friction, friction_bounds,
+    friction_derivative, inf_sup_constant, pressure_norm,
 };

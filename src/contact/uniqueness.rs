@@ -8,6 +8,7 @@ use crate::linear::{
     AutoSolver, Condensation, LinearError, LinearSolver, dense_zeros, eigenvalues, generalized_eigenvalues,
     symmetric_eigenvalues,
 };
+use crate::piecewise::Selection;
 use crate::sparse::{Matrix, Pattern};
 
 /// Constants of a discretised body with lumped multipliers. With mᵢ the area of node i, W = C the compliance and M the areas:
@@ -37,14 +38,7 @@ impl UniquenessConstants {
     pub fn new<L: NodeLaw>(problem: &CondensedContact<L>, areas: &[f64]) -> Result<Self, ContactError> {
         let p = problem.num_contacts();
         check_length("the areas of the contact nodes", areas, p)?;
-        if let Some(node) = areas.iter().position(|a| *a <= 0.0) {
-            return Err(ContactError::Invalid {
-                what: format!(
-                    "the area of contact node {node} is {}; it must be positive",
-                    areas[node]
-                ),
-            });
-        }
+        check_areas(areas)?;
         let c = problem.compliance();
         let q = c.nrows();
         // (W⁻¹)_νν is the inverse of the compliance under v_t = 0.
@@ -89,16 +83,22 @@ impl UniquenessConstants {
         })
     }
 
-    /// C₁ / F_max = c_t c_inv: the part of the Lipschitz constant of Ψ that stems from the size of F. ∼ H^(−1/2).
+    /// C₁ / F_max = c_t c_inv: what a change of g moves λν, the part that stems from the size of F. ∼ H^(−1/2).
     #[must_use]
     pub fn c1(&self) -> f64 {
         self.c_t * self.c_inv
     }
 
-    /// C₂ / (L κ ‖g‖) = c_∞ c_inv: the part that stems from the slope L of F. ∼ (H h)^(−1/2).
+    /// C₂ / (L κ ‖g‖) = c_∞ c_inv: what a change of φ moves λν, the part that stems from the slope L of F. ∼ (H h)^(−1/2).
     #[must_use]
     pub fn c2(&self) -> f64 {
         self.c_inf * self.c_inv
+    }
+
+    /// C₂ / (L κ ‖g‖) with what a change of φ moves φ′ = ‖u_t‖ in addition: c_∞ (c_inv + c_t), as ‖φ′ − φ̄′‖ ≤ c_t ‖u − ū‖_A.
+    #[must_use]
+    pub fn c2_with_slip(&self) -> f64 {
+        self.c_inf * (self.c_inv + self.c_t)
     }
 
     /// Below this coefficient (independent of the slip) the solution is unique and Ψ contracts.
@@ -106,6 +106,116 @@ impl UniquenessConstants {
     pub fn guaranteed_friction(&self) -> f64 {
         1.0 / self.c1()
     }
+
+    /// The Lipschitz constant of Ψ for a law with F ≤ `friction`, slope |F′| ≤ `slope` and anisotropy `kappa`, in the ball ‖g‖_L² ≤
+    /// `pressure` ([`pressure_norm`]).
+    #[must_use]
+    pub fn lipschitz(&self, friction: f64, slope: f64, kappa: f64, pressure: f64) -> FixedPointBound {
+        let (a, b) = (slope * kappa * pressure * self.c_inf, friction * self.c_t);
+        // Where F does not depend on φ, nothing feeds back what g does to φ′.
+        let moved = self.c_inv + if a > 0.0 { self.c_t } else { 0.0 };
+        FixedPointBound {
+            c1: b * moved,
+            c2: a * (self.c_inv + self.c_t),
+            rate: a * self.c_t + b * self.c_inv,
+        }
+    }
+
+    /// L_crit = 1/(κ ‖g‖ c_∞ (c_inv + c_t)): C₂ < 1 for laws of a smaller slope, in the ball ‖g‖_L² ≤ `pressure`. Infinite
+    /// without pressure.
+    #[must_use]
+    pub fn critical_slope(&self, kappa: f64, pressure: f64) -> f64 {
+        1.0 / (kappa * pressure * self.c2_with_slip())
+    }
+}
+
+/// Bounds of ‖Ψ(φ, g) − Ψ(φ̄, ḡ)‖ ≤ C ‖(φ, g) − (φ̄, ḡ)‖ in the norm ‖φ‖_L² + ‖g‖_L².
+///
+/// With a = L κ ‖g‖ c_∞ and b = F_max c_t: ‖u − ū‖_A ≤ a ‖φ − φ̄‖ + b ‖g − ḡ‖, and this moves λν by c_inv times as much and φ′ by c_t times
+/// as much. The sum of the two norms has the units of neither; [`rate`](Self::rate) is free of them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct FixedPointBound {
+    /// C₁ = b (c_inv + c_t); b c_inv where L = 0.
+    pub c1: f64,
+    /// C₂ = a (c_inv + c_t).
+    pub c2: f64,
+    /// a c_t + b c_inv, the spectral radius of the 2 × 2 matrix of the four parts: the least Lipschitz constant over all weights of the two
+    /// norms. Below 1, Ψ contracts in the ball.
+    pub rate: f64,
+}
+
+impl FixedPointBound {
+    /// C = max{C₁, C₂}.
+    #[must_use]
+    pub fn c(&self) -> f64 {
+        self.c1.max(self.c2)
+    }
+}
+
+/// ‖g‖_L² of nodal forces (those of λν in a solution, say) on lumped areas m: √(Σ gᵢ²/mᵢ).
+///
+/// # Errors
+/// Lengths that differ, values that are not finite, areas that are not positive.
+pub fn pressure_norm(areas: &[f64], forces: &[f64]) -> Result<f64, ContactError> {
+    check_length("the nodal forces", forces, areas.len())?;
+    check_areas(areas)?;
+    let pairs = areas.iter().zip(forces);
+    Ok(pairs.map(|(m, g)| g * g / m).sum::<f64>().sqrt())
+}
+
+fn check_areas(areas: &[f64]) -> Result<(), ContactError> {
+    check_length("the areas of the contact nodes", areas, areas.len())?;
+    let Some(node) = areas.iter().position(|a| *a <= 0.0) else {
+        return Ok(());
+    };
+    Err(ContactError::Invalid {
+        what: format!(
+            "the area of contact node {node} is {}; it must be positive",
+            areas[node]
+        ),
+    })
+}
+
+/// ∂H^(σ)/∂𝓕 at a solution x, one column a contact node: the derivative with respect to the coefficients of friction of all nodes, F(‖u_t‖)
+/// being lifted by a constant at each. Slipping nodes have −λt/F in their tangential rows, all others nothing.
+///
+/// With it a [certificate](crate::continuation::certify_with) gives the constant of the solution as a function of 𝓕. By a theorem of
+/// Haslinger, Janovský and Ligurský a solution that is locally a Lipschitz function of the load is one of 𝓕, too, where 𝓕 > 0: the
+/// matrices to be inverted are the same.
+///
+/// # Errors
+/// Wrong lengths; laws that are not Coulomb's; coefficients that are not positive or differ in the two directions.
+pub fn friction_derivative<L: NodeLaw>(
+    problem: &CondensedContact<L>,
+    selection: &Selection,
+    x: &[f64],
+) -> Result<Matrix, ContactError> {
+    if !problem.law().is_coulomb() {
+        return Err(ContactError::NotCoulomb);
+    }
+    let p = problem.num_contacts();
+    let tangents = problem.body().num_tangents();
+    if selection.len() != p {
+        return Err(ContactError::Invalid {
+            what: format!("a selection of {} sites; the problem has {p}", selection.len()),
+        });
+    }
+    let mut entries = Vec::new();
+    for (i, v) in problem.solution(x)?.nodes.iter().enumerate() {
+        problem.law().check(v)?;
+        let f = problem.law().friction(v);
+        if f[0] <= 0.0 || (tangents == 2 && f[0] != f[1]) {
+            return Err(ContactError::Invalid {
+                what: format!("F = {f:?} at node {i}; it must be positive and the same in all directions"),
+            });
+        }
+        if problem.law().state(selection.piece(i), v).is_slip() {
+            entries.extend((0..tangents).map(|d| ((d + 1) * p + i, i, -v.traction[d] / f[0])));
+        }
+    }
+    Ok(Matrix::from_triplets((tangents + 1) * p, p, &entries)?)
 }
 
 /// κ(F) = sup max(F₁, F₂)/min(F₁, F₂) and L = max |∂F_k/∂ξ| of the law over slips in [0, `largest_slip`] at all nodes, by sampling
@@ -245,11 +355,18 @@ pub fn check_multipliers(pairing: &Matrix) -> Result<(), ContactError> {
     Ok(())
 }
 
+/// How far above 1 rounding may lift a generalised eigenvalue.
+const ROUNDING: f64 = 1e-8;
+
 /// The discrete inf-sup constant β of a space of multipliers: β² = λmin(S, S_ref), where S = Q K⁻¹ Qᵀ with the pairing Q and the metric K
 /// of the displacements, and S_ref the same on a mesh fine enough to stand for all displacements. Each argument is (K, Q).
 ///
+/// Qᵀ must pair the same multipliers in the same way with displacements of the space and of one that contains it (the integral
+/// itself, not a lumped rule of either mesh). Then μᵀ S μ = sup (μ, v)²/‖v‖² does not exceed μᵀ S_ref μ, and β ≤ 1.
+///
 /// # Errors
-/// Shapes that do not fit, metrics that are not positive definite, multipliers that are invisible.
+/// Shapes that do not fit, metrics that are not positive definite, multipliers that are invisible; pairings that do not belong
+/// together, shown by a generalised eigenvalue above 1 ([`ContactError::Invalid`]).
 pub fn inf_sup_constant(
     coarse: (&Matrix, &Matrix),
     reference: (&Matrix, &Matrix),
@@ -258,5 +375,15 @@ pub fn inf_sup_constant(
     let s = Condensation::new(coarse.0, coarse.1)?;
     let s_ref = Condensation::new(reference.0, reference.1)?;
     let values = generalized_eigenvalues(s.compliance(), s_ref.compliance())?;
-    Ok(values.first().copied().unwrap_or(0.0).max(0.0).sqrt())
+    let largest = values.last().copied().unwrap_or(0.0);
+    if largest > 1.0 + ROUNDING {
+        return Err(ContactError::Invalid {
+            what: format!(
+                "the pairings or spaces do not belong together: a multiplier is seen {:.6} times better by the space than by its \
+                 reference; pair both exactly (TraceSpace::pairing) and refine the mesh for the reference",
+                largest.sqrt()
+            ),
+        });
+    }
+    Ok(values.first().copied().unwrap_or(0.0).clamp(0.0, 1.0).sqrt())
 }

@@ -3,7 +3,8 @@
 use super::arms::vanishing_at;
 use super::{Branch, ContinuationError, ContinuationOptions, Transition};
 use crate::piecewise::{
-    ActiveSet, LocalUniqueness, PiecewiseSmooth, TestLayout, check_vector, local_uniqueness,
+    ActiveSet, LocalUniqueness, PiecewiseSmooth, Selection, TestLayout, check_vector, local_uniqueness,
+    local_uniqueness_with,
 };
 use crate::sparse::Matrix;
 
@@ -34,6 +35,36 @@ pub fn certify<P: PiecewiseSmooth + ?Sized>(
     load: &Matrix,
     options: &ContinuationOptions,
 ) -> Result<LocalUniqueness, ContinuationError> {
+    let active = active_at(&map, x, options)?;
+    Ok(local_uniqueness(map, x, &active, load, options.max_selections)?)
+}
+
+/// [`certify`] for parameters p that the pieces themselves depend on, `derivative` giving ∂_pH^(σ) (n × k) of a selection: the coefficients
+/// of friction, for one, with [`friction_derivative`](crate::contact::friction_derivative).
+///
+/// # Errors
+/// As [`local_uniqueness_with`].
+pub fn certify_with<P: PiecewiseSmooth + ?Sized>(
+    map: &P,
+    x: &[f64],
+    derivative: impl Fn(&Selection) -> Matrix,
+    options: &ContinuationOptions,
+) -> Result<LocalUniqueness, ContinuationError> {
+    let active = active_at(&map, x, options)?;
+    Ok(local_uniqueness_with(
+        map,
+        x,
+        &active,
+        derivative,
+        options.max_selections,
+    )?)
+}
+
+fn active_at(
+    map: &dyn PiecewiseSmooth,
+    x: &[f64],
+    options: &ContinuationOptions,
+) -> Result<ActiveSet, ContinuationError> {
     options.validate()?;
     check_vector("the point x", x, map.num_vars())?;
     let layout = TestLayout::new(map);
@@ -41,8 +72,7 @@ pub fn certify<P: PiecewiseSmooth + ?Sized>(
     map.test_functions(x, &mut theta);
     let vanishing = vanishing_at(map, &layout, x, &theta, options.vanishing_distance, &[]);
     let indices = vanishing.iter().map(|v| v.index).collect();
-    let active = ActiveSet::from_tests(map, &layout, &theta, indices);
-    Ok(local_uniqueness(map, x, &active, load, options.max_selections)?)
+    Ok(ActiveSet::from_tests(map, &layout, &theta, indices))
 }
 
 impl Transition {

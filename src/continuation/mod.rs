@@ -27,7 +27,7 @@ mod transition_set;
 mod watch;
 
 pub use branch::Branch;
-pub use certificate::certify;
+pub use certificate::{certify, certify_with};
 pub use curve::Continuation;
 pub use diagram::{
     Completeness, Diagram, DiagramBranch, DiagramEdge, DiagramFold, DiagramOptions, DiagramVertex, EdgeEnd,

@@ -111,20 +111,76 @@ impl Report {
         self.history.last().map_or(f64::NAN, |i| i.residual_norm)
     }
 
-    /// The observed order of convergence, log(r₃/r₂) / log(r₂/r₁), from the last three residual norms that still fell and lie
-    /// above `floor` (rounding); `None` with fewer than three, or where a last step solved an affine piece exactly.
+    /// The observed order of convergence, log(r₃/r₂) / log(r₂/r₁), from the last three residual norms that lie above `floor` (rounding)
+    /// and fell by full Newton steps on one selection.
+    ///
+    /// `None` with fewer than three since the last site changed its piece: what residuals do while pieces change is no order, nor is it
+    /// where the last step solved an affine piece exactly.
     #[must_use]
     pub fn observed_order(&self, floor: f64) -> Option<f64> {
-        let norms: Vec<f64> = self
-            .history
-            .iter()
-            .map(|i| i.residual_norm)
-            .filter(|r| *r > floor)
-            .collect();
-        let [.., a, b, c] = norms.as_slice() else {
+        let switched = self.history.iter().rposition(|i| i.sites_changed > 0);
+        let tail = &self.history[switched.unwrap_or(0)..];
+        let above = tail.iter().take_while(|i| i.residual_norm > floor).count();
+        let [.., a, b, c] = &tail[..above] else {
             return None;
         };
+        let full = |i: &Iteration| i.step == Step::Newton && i.damping == 1.0;
+        if !full(a) || !full(b) {
+            return None;
+        }
+        let (a, b, c) = (a.residual_norm, b.residual_norm, c.residual_norm);
         let order = (c / b).ln() / (b / a).ln();
         (b < a && c < b && order.is_finite()).then_some(order)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn history(list: &[(f64, usize, f64)]) -> Report {
+        let entry =
+            |(index, &(residual_norm, sites_changed, damping)): (usize, &(f64, usize, f64))| Iteration {
+                index,
+                residual_norm,
+                step_norm: 1.0,
+                damping,
+                sites_changed,
+                rcond: None,
+                step: Step::Newton,
+            };
+        Report {
+            history: list.iter().enumerate().map(entry).collect(),
+            ..Report::default()
+        }
+    }
+
+    #[test]
+    fn orders_are_those_of_one_selection() {
+        let order = |list: &[(f64, usize, f64)]| history(list).observed_order(1e-13);
+        let quadratic = [
+            (1e-1, 1, 1.0),
+            (1e-2, 0, 1.0),
+            (1e-4, 0, 1.0),
+            (1e-8, 0, 1.0),
+            (1e-15, 0, 0.0),
+        ];
+        assert!((order(&quadratic).unwrap() - 2.0).abs() < 1e-12);
+        // A site that changes on arriving at the second last residual leaves two.
+        let mut late = quadratic;
+        late[2].1 = 1;
+        assert_eq!(order(&late), None);
+        late[2].1 = 0;
+        late[1].1 = 1;
+        assert!((order(&late).unwrap() - 2.0).abs() < 1e-12);
+        // A shortened step is no Newton step.
+        let mut short = quadratic;
+        short[2].2 = 0.5;
+        assert_eq!(order(&short), None);
+        short[2].2 = 1.0;
+        short[1].2 = 0.5;
+        assert_eq!(order(&short), None);
+        assert_eq!(order(&quadratic[..2]), None);
+        assert_eq!(order(&[(1e-1, 0, 1.0), (1e-2, 0, 1.0), (2e-2, 0, 1.0)]), None);
     }
 }

@@ -1,6 +1,7 @@
 use super::error::check_vector;
+use super::orientation::{Cones, Signs, examine};
 use super::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, active_set, cell_margin};
-use crate::linear::{AutoSolver, LinearError, LinearSolver};
+use crate::linear::LinearError;
 use crate::sparse::Matrix;
 
 /// The B-derivative H'(x; d): the directional derivative of H at x along d, written to `out` (length n). Returns a selection
@@ -70,7 +71,7 @@ fn b_derivative_of(
 
 /// Of the active pieces of each degenerate site, the one into whose cell a direction with the given rates of the test functions
 /// points most.
-fn pointed_into(
+pub(super) fn pointed_into(
     map: &dyn PiecewiseSmooth,
     layout: &TestLayout,
     active: &ActiveSet,
@@ -102,17 +103,19 @@ fn pointed_into(
     selection
 }
 
-/// Whether H is coherently oriented at a point: det ∇_yH^(σ) has one sign for all active selections σ.
+/// Whether H is coherently oriented at a point: det ∇_yH^(σ) has one sign for all essentially active selections σ, those whose cell has
+/// interior points arbitrarily near x while y moves.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum CoherentOrientation {
-    /// All active selections have determinants of this sign: H is locally a Lipschitz homeomorphism in y when pieces are affine.
+    /// All have determinants of this sign. Necessary for H to be a Lipschitz homeomorphism of y near x, and sufficient where no more
+    /// than four cells meet; [`local_uniqueness`](super::local_uniqueness) decides in general.
     Coherent {
         /// The sign, −1 or +1.
         sign: i8,
     },
-    /// Two active selections differ in sign, or one is singular.
+    /// Two essentially active selections differ in sign, or one is singular.
     Incoherent {
         /// A selection and the sign of its determinant.
         first: (Selection, i8),
@@ -126,13 +129,18 @@ pub enum CoherentOrientation {
         /// Selections active, if the number does not overflow.
         total: Option<u128>,
     },
+    /// Not decided: a selection whose sign differs is not known to have, or to lack, points near x.
+    Doubtful {
+        /// That selection.
+        selection: Selection,
+    },
 }
 
 /// Examines up to `cap` active selections at x for coherent orientation of ∇_yH (the first n columns of ∇H).
 ///
 /// # Errors
 /// Wrong lengths, maps with neither m = n nor m = n + 1, Jacobians that are not finite, and matrices so large that no determinant
-/// is available ([`LinearError::Solver`]).
+/// is available ([`LinearError::Solver`](crate::linear::LinearError::Solver)).
 pub fn coherent_orientation<P: PiecewiseSmooth + ?Sized>(
     map: &P,
     x: &[f64],
@@ -158,57 +166,21 @@ fn coherent_orientation_of(
     }
     check_vector("the point x", x, m)?;
     let active = active_set(map, x, tolerance);
-    let mut jac = Matrix::zeros(map.pattern());
-    let mut solver = AutoSolver::default();
-    solver.analyze(jac.leading_columns(n).pattern)?;
-    let mut first: Option<(Selection, i8)> = None;
-    for (selection, examined) in active.selections().zip(0..) {
-        if examined == cap {
-            return Ok(CoherentOrientation::Undecided {
-                examined,
-                total: active.total(),
-            });
-        }
-        jac.clear();
-        map.jacobian(&selection, x, &mut jac);
-        if let Some((row, col)) = jac.stray() {
-            return Err(PiecewiseError::StrayEntry { row, col });
-        }
-        let sign = det_sign(&mut solver, &jac, n)?;
-        match &first {
-            _ if sign == 0 => {
-                let other = first.take().unwrap_or((selection.clone(), 0));
-                return Ok(CoherentOrientation::Incoherent {
-                    first: other,
-                    second: (selection, 0),
-                });
-            }
-            None => first = Some((selection, sign)),
-            Some((_, s)) if *s == sign => {}
-            Some(f) => {
-                return Ok(CoherentOrientation::Incoherent {
-                    first: f.clone(),
-                    second: (selection, sign),
-                });
-            }
-        }
-    }
-    Ok(CoherentOrientation::Coherent {
-        sign: first.map_or(1, |f| f.1),
-    })
-}
-
-/// Sign of det of the leading n columns; 0 when singular.
-fn det_sign<L: LinearSolver>(solver: &mut L, jac: &Matrix, n: usize) -> Result<i8, PiecewiseError> {
-    match solver.factor(jac.leading_columns(n)) {
-        Ok(()) => match solver.log_det() {
-            Some((sign, _)) => Ok(sign),
-            None => Err(LinearError::Solver {
+    let cones = Cones::new(map, x, &active);
+    let signs = examine(&cones, &active, cap, 0.0, &mut |_| Ok(()))?;
+    Ok(match signs {
+        Signs::Coherent { sign: Some(sign), .. } => CoherentOrientation::Coherent { sign },
+        Signs::Coherent { sign: None, .. } => {
+            return Err(LinearError::Solver {
                 what: "no determinant is available for a sparse matrix of this size".into(),
             }
-            .into()),
+            .into());
+        }
+        Signs::Incoherent { first, second } => CoherentOrientation::Incoherent { first, second },
+        Signs::Capped { examined } => CoherentOrientation::Undecided {
+            examined,
+            total: active.total(),
         },
-        Err(LinearError::Singular { .. }) => Ok(0),
-        Err(e) => Err(e.into()),
-    }
+        Signs::Doubtful { selection } => CoherentOrientation::Doubtful { selection },
+    })
 }

@@ -1,33 +1,47 @@
-use super::error::{check_selection, check_vector};
+use std::borrow::Cow;
+
+use super::error::check_vector;
+use super::orientation::{CLEAR, Cones, Examined, Signs, examine};
 use super::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection};
-use crate::linear::{AutoSolver, LinearError, LinearSolver};
+use crate::linear::{LinearError, LinearSolver};
 use crate::sparse::Matrix;
 
 /// Columns of the load solved for at a time.
 const BLOCK: usize = 64;
 /// Reciprocal condition below which ∇_yH^(σ) counts as singular: smooth folds are located no better.
 const SINGULAR: f64 = 1e-11;
+/// So few cells cannot wind round x twice.
+const FEW: u64 = 4;
+/// Points whose preimages are counted, until none lies near a boundary of cells.
+const TRIES: u64 = 6;
 
 /// Whether a solution is locally the only one, and a Lipschitz function of the load.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum LocalUniqueness {
-    /// All active selections were examined: their determinants are of one sign.
+    /// It is: the B-derivative in y is a homeomorphism.
     Lipschitz {
         /// The common sign of det ∇_yH^(σ); `None` where a single selection is active and no determinant is known.
         sign: Option<i8>,
-        /// max over active σ of ‖(∇_yH^(σ))⁻¹ ∂_fH‖∞ (largest row sum of absolute values).
+        /// max over active σ of ‖(∇_yH^(σ))⁻¹ ∂_fH^(σ)‖∞ (largest row sum of absolute values).
         constant: f64,
-        /// Number of active selections.
+        /// Number of active selections whose cells are not known to be empty near x.
         selections: u64,
     },
-    /// Two active selections differ in the sign of their determinants, or one is singular: folds and branchings.
+    /// Two essentially active selections differ in the sign of their determinants, or one is singular: folds and branchings.
     Fails {
         /// An active selection and the sign of its determinant.
         first: (Selection, i8),
         /// One whose sign differs (0: singular).
         second: (Selection, i8),
+    },
+    /// The signs agree, but the B-derivative takes one value in two directions: it winds round x more than once.
+    Winds {
+        /// A selection and a direction of y that points into its cell.
+        first: (Selection, Vec<f64>),
+        /// Another one with the same image.
+        second: (Selection, Vec<f64>),
     },
     /// The point is not in the cell of any piece at this site.
     Outside {
@@ -43,6 +57,24 @@ pub enum LocalUniqueness {
         /// Their largest norm: a lower bound of the Lipschitz constant, should there be one.
         at_least: f64,
     },
+    /// Not decided, by rounding or for want of more than first derivatives.
+    Doubtful {
+        /// What is not known.
+        doubt: Doubt,
+        /// The selection it is about.
+        selection: Selection,
+    },
+}
+
+/// What a certificate could not decide.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum Doubt {
+    /// Whether the cell of a selection whose sign differs has points near x.
+    Activity,
+    /// How many directions the B-derivative takes to one value: all values tried have one on a boundary of cells.
+    Preimages,
 }
 
 impl LocalUniqueness {
@@ -52,10 +84,10 @@ impl LocalUniqueness {
         matches!(self, Self::Lipschitz { .. })
     }
 
-    /// Whether uniqueness is known to fail.
+    /// Whether a unique Lipschitz function is known not to exist.
     #[must_use]
     pub fn fails(&self) -> bool {
-        matches!(self, Self::Fails { .. })
+        matches!(self, Self::Fails { .. } | Self::Winds { .. })
     }
 
     /// The Lipschitz constant, where certified.
@@ -71,12 +103,22 @@ impl LocalUniqueness {
 /// Whether the solution y at x is an isolated Lipschitz function of the load f, everything else kept fixed. `load` is ∂_fH (n × k); the
 /// identity asks for arbitrary perturbations of the residual. At most `cap` active selections are examined.
 ///
-/// y is such a function if the B-derivative in y is a homeomorphism (Robinson 1991; Scholtes 2012). Where at most four cells meet
-/// around any face of codimension two, as for friction and complementarity, this is coherent orientation (Kuhn and Löwen 1987): one
-/// sign of det ∇_yH^(σ) over all active σ. The constant holds in the limit of small neighbourhoods, in the maximum norm.
+/// y is such a function for arbitrary perturbations exactly if the B-derivative of H in y is a homeomorphism and no essentially active
+/// selection is singular (J.-S. Pang, D. Ralph, Math. Oper. Res. 21 (1996), Theorems 4, 5; S. Scholtes, *Introduction to Piecewise
+/// Differentiable Equations* (2012), ch. 4). What is examined of it:
+///
+/// * *Essentially active* is a selection whose cell has interior points arbitrarily near x, α fixed: some d has sign·∇_yθ·d > 0 on its
+///   vanishing facets. Others (a kink that cancels) say nothing and are left out, where the tests are affine or two of them are one
+///   function; else they are a [`Doubt`] if their sign differs.
+/// * *Coherent orientation*: det ∇_yH^(σ) has one sign over all essentially active σ. If not, uniqueness [fails](LocalUniqueness::fails).
+/// * *One preimage*: a coherently oriented piecewise linear map takes every value without preimages on boundaries of cells equally
+///   often, and is a homeomorphism exactly if that is once. At most four cells cannot wind twice (D. Kuhn, R. Löwen, Linear Algebra
+///   Appl. 96 (1987), Theorem 5.3: at most four round each face of codimension two); of more, the preimages of one value are counted.
+///
+/// The constant holds in the limit of small neighbourhoods, in the maximum norm.
 ///
 /// For discrete Coulomb friction with F > 0, a Lipschitz function of the load is locally one of F too (Haslinger, Janovský and
-/// Ligurský).
+/// Ligurský); [`local_uniqueness_with`] with [`friction_derivative`](crate::contact::friction_derivative) gives its constant.
 ///
 /// # Errors
 /// Wrong shapes, an active set of another map, Jacobians that are not finite or leave their pattern, and several active selections of matrices so large that no
@@ -88,14 +130,45 @@ pub fn local_uniqueness<P: PiecewiseSmooth + ?Sized>(
     load: &Matrix,
     cap: u64,
 ) -> Result<LocalUniqueness, PiecewiseError> {
-    local_uniqueness_of(&map, x, active, load, cap)
+    local_uniqueness_of(&map, x, active, &|_| Cow::Borrowed(load), cap)
 }
+
+/// [`local_uniqueness`] for parameters p that the pieces themselves depend on: `derivative` gives ∂_pH^(σ) (n × k) of a selection.
+///
+/// # Errors
+/// As [`local_uniqueness`].
+///
+/// ```
+/// use semismooth::piecewise::{MinMap, active_set, local_uniqueness_with};
+/// use semismooth::sparse::Matrix;
+/// // min(y, p y − 1) = 0 at p = 1, y = 1: only the second piece is active, and dy/dp = −1.
+/// let map = MinMap::new(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| { a[0] = x[0]; b[0] = x[0] - 1.0; });
+/// let active = active_set(&map, &[1.0], 1e-12);
+/// let derivative = |s: &semismooth::piecewise::Selection| {
+///     Matrix::from_rows(&[[if s.piece(0) == 1 { 1.0 } else { 0.0 }]]).expect("one row")
+/// };
+/// let found = local_uniqueness_with(&map, &[1.0], &active, derivative, 10)?;
+/// assert!((found.constant().unwrap() - 1.0).abs() < 1e-12);
+/// # Ok::<(), semismooth::piecewise::PiecewiseError>(())
+/// ```
+pub fn local_uniqueness_with<P: PiecewiseSmooth + ?Sized>(
+    map: &P,
+    x: &[f64],
+    active: &ActiveSet,
+    derivative: impl Fn(&Selection) -> Matrix,
+    cap: u64,
+) -> Result<LocalUniqueness, PiecewiseError> {
+    local_uniqueness_of(&map, x, active, &|s| Cow::Owned(derivative(s)), cap)
+}
+
+/// ∂_pH of a selection.
+type Derivative<'a> = dyn Fn(&Selection) -> Cow<'a, Matrix> + 'a;
 
 fn local_uniqueness_of(
     map: &dyn PiecewiseSmooth,
     x: &[f64],
     active: &ActiveSet,
-    load: &Matrix,
+    load: &Derivative<'_>,
     cap: u64,
 ) -> Result<LocalUniqueness, PiecewiseError> {
     let (m, n) = (map.num_vars(), map.num_residuals());
@@ -107,82 +180,101 @@ fn local_uniqueness_of(
             expected: "at least as many variables as residuals",
         });
     }
-    if load.nrows() != n {
-        return Err(PiecewiseError::Length {
-            what: "a column of the derivative with respect to the load",
-            expected: n,
-            found: load.nrows(),
-        });
-    }
+    check_rows(&load(active.first()), n)?;
     if let Some(&site) = active.outside().first() {
         return Ok(LocalUniqueness::Outside { site });
     }
-    let (mut block, mut sums) = (vec![0.0; n * BLOCK.min(load.ncols())], vec![0.0; n]);
-    let mut jac = Matrix::zeros(map.pattern());
-    let mut solver = AutoSolver::default();
-    solver.analyze(jac.leading_columns(n).pattern)?;
-    let (mut first, mut common): (Option<(Selection, i8)>, Option<i8>) = (None, None);
-    let (mut constant, mut examined) = (0.0_f64, 0);
-    for selection in active.selections() {
-        if examined == cap {
-            return Ok(LocalUniqueness::Undecided {
-                examined,
-                total: active.total(),
-                at_least: constant,
-            });
-        }
-        examined += 1;
-        check_selection("the active set", &selection, map)?;
-        jac.clear();
-        map.jacobian(&selection, x, &mut jac);
-        if let Some((row, col)) = jac.stray() {
-            return Err(PiecewiseError::StrayEntry { row, col });
-        }
-        let sign = match solver.factor(jac.leading_columns(n)) {
-            Ok(()) if solver.rcond().is_some_and(|r| r < SINGULAR) => Some(0),
-            Ok(()) => solver.log_det().map(|d| d.0),
-            Err(LinearError::Singular { .. }) => Some(0),
-            Err(e) => return Err(e.into()),
-        };
-        if sign == Some(0) {
-            return Ok(LocalUniqueness::Fails {
-                first: first.unwrap_or((selection.clone(), 0)),
-                second: (selection, 0),
-            });
-        }
-        match (&first, sign) {
-            // A single regular selection needs no determinant.
-            (_, None) if active.is_singleton() => {}
-            (_, None) => {
-                return Err(LinearError::Solver {
-                    what: "no determinant is available for a sparse matrix of this size".into(),
-                }
-                .into());
-            }
-            (None, Some(s)) => {
-                common = sign;
-                first = Some((selection, s));
-            }
-            (Some((_, known)), Some(s)) if *known == s => {}
-            (Some(known), Some(s)) => {
-                return Ok(LocalUniqueness::Fails {
-                    first: known.clone(),
-                    second: (selection, s),
-                });
-            }
-        }
-        match row_sums(&mut solver, load, &mut block, &mut sums) {
+    let cones = Cones::new(map, x, active);
+    let (mut block, mut sums) = (Vec::new(), vec![0.0; n]);
+    let mut constant = 0.0_f64;
+    let signs = examine(&cones, active, cap, SINGULAR, &mut |found| {
+        let load = load(found.selection);
+        check_rows(&load, n)?;
+        block.resize(n * BLOCK.min(load.ncols()), 0.0);
+        match row_sums(found.solver, &load, &mut block, &mut sums) {
             Ok(()) => constant = sums.iter().fold(constant, |c, s| c.max(*s)),
             // Close to singular: regular by its determinant, but no norm can be vouched for.
             Err(LinearError::Inaccurate { .. }) => constant = f64::INFINITY,
             Err(e) => return Err(e.into()),
         }
+        Ok(())
+    })?;
+    match signs {
+        Signs::Coherent { sign, selections } => {
+            if selections > FEW
+                && let Some(other) = winding(&cones, active)?
+            {
+                return Ok(other);
+            }
+            Ok(LocalUniqueness::Lipschitz {
+                sign,
+                constant,
+                selections,
+            })
+        }
+        Signs::Incoherent { first, second } => Ok(LocalUniqueness::Fails { first, second }),
+        Signs::Capped { examined } => Ok(LocalUniqueness::Undecided {
+            examined,
+            total: active.total(),
+            at_least: constant,
+        }),
+        Signs::Doubtful { selection } => Ok(LocalUniqueness::Doubtful {
+            doubt: Doubt::Activity,
+            selection,
+        }),
     }
-    Ok(LocalUniqueness::Lipschitz {
-        sign: common,
-        constant,
-        selections: examined,
+}
+
+fn check_rows(load: &Matrix, n: usize) -> Result<(), PiecewiseError> {
+    if load.nrows() == n {
+        return Ok(());
+    }
+    Err(PiecewiseError::Length {
+        what: "a column of the derivative with respect to the load",
+        expected: n,
+        found: load.nrows(),
     })
+}
+
+/// What speaks against one preimage of a coherently oriented B-derivative; `None` if one was counted.
+fn winding(cones: &Cones<'_>, active: &ActiveSet) -> Result<Option<LocalUniqueness>, PiecewiseError> {
+    for number in 0..TRIES {
+        let Some(target) = cones.target(active, number) else {
+            continue;
+        };
+        let (mut inside, mut clear) = (Vec::new(), true);
+        let mut preimage = |found: Examined<'_>| {
+            let mut d = target.clone();
+            match found.solver.solve_in_place(&mut d) {
+                Ok(()) => {}
+                Err(LinearError::Inaccurate { .. }) => {
+                    clear = false;
+                    return Ok(());
+                }
+                Err(e) => return Err(e.into()),
+            }
+            let margin = cones.margin(found.selection, &d);
+            if margin > CLEAR {
+                inside.push((found.selection.clone(), d));
+            } else if !(margin < -CLEAR) {
+                clear = false;
+            }
+            Ok(())
+        };
+        examine(cones, active, u64::MAX, SINGULAR, &mut preimage)?;
+        if inside.len() > 1 {
+            let mut list = inside.into_iter();
+            if let (Some(first), Some(second)) = (list.next(), list.next()) {
+                return Ok(Some(LocalUniqueness::Winds { first, second }));
+            }
+        } else if clear && inside.len() == 1 {
+            return Ok(None);
+        }
+    }
+    Ok(Some(LocalUniqueness::Doubtful {
+        doubt: Doubt::Preimages,
+        selection: active.first().clone(),
+    }))
 }
 
 /// Σⱼ |A⁻¹ load|ᵢⱼ for each row i, from a few columns at a time.

@@ -4,7 +4,7 @@ use std::time::Duration;
 use semismooth::contact::{FrictionFamily, FrictionPath, FrictionProblem, LoadPath};
 use semismooth::continuation::{
     Arm, Branch, Continuation, ContinuationOptions, Diagram, DiagramOptions, Direction, FoldSet,
-    SearchOptions, TransitionSet, arms_at, certify, search_solutions,
+    SearchOptions, TransitionSet, arms_at, certify, certify_with, search_solutions,
 };
 use semismooth::enumeration::EnumerationOptions;
 use semismooth::linear::AutoSolver;
@@ -106,6 +106,9 @@ fn curves() {
         t.refuses("continuation::certify", name, name, || {
             certify(&map, &ON, &rows(&[&[1.0]]), &options)
         });
+        t.refuses("continuation::certify_with", name, name, || {
+            certify_with(&map, &ON, |_| rows(&[&[1.0]]), &options)
+        });
         let diagram = DiagramOptions::default().with_continuation(options.clone());
         t.refuses("continuation::Diagram::explore", name, name, || {
             Diagram::explore(&map, &[ON], &diagram)
@@ -157,6 +160,9 @@ fn curves() {
         });
         t.refuses("continuation::certify", "x of another length", "x", || {
             certify(&map, &x, &rows(&[&[1.0]]), &o())
+        });
+        t.refuses("continuation::certify_with", "x of another length", "x", || {
+            certify_with(&map, &x, |_| rows(&[&[1.0]]), &o())
         });
         t.refuses(
             "continuation::Diagram::explore",

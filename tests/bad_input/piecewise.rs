@@ -1,7 +1,8 @@
 use semismooth::piecewise::check::{CheckOptions, check};
 use semismooth::piecewise::{
     ActiveSet, Facet, MinMap, PiecewiseSmooth, Selection, Selections, TestLayout, active_set, b_derivative,
-    cell_margin, coherent_orientation, essential_activity, local_uniqueness, select, select_pieces, value,
+    cell_margin, coherent_orientation, essential_activity, local_uniqueness, local_uniqueness_with, select,
+    select_pieces, value,
 };
 use semismooth::sparse::{Matrix, Pattern};
 
@@ -54,6 +55,19 @@ fn piecewise_maps() {
             t.refuses("piecewise::local_uniqueness", "x", "x[", || {
                 local_uniqueness(&curve, &x, &active_set(&curve, &at, 1e-9), &rows(&[&[1.0]]), 10)
             });
+            t.refuses("piecewise::local_uniqueness_with", "x", "x[", || {
+                let active = active_set(&curve, &at, 1e-9);
+                local_uniqueness_with(&curve, &x, &active, |_| rows(&[&[1.0]]), 10)
+            });
+            t.refuses(
+                "piecewise::local_uniqueness_with",
+                "a derivative of other rows",
+                "derivative",
+                || {
+                    let active = active_set(&curve, &at, 1e-9);
+                    local_uniqueness_with(&curve, &at, &active, |_| rows(&[&[1.0], &[1.0]]), 10)
+                },
+            );
             t.refuses("piecewise::check::check", "a sample", "", || {
                 check(&curve, &[x.to_vec()], &CheckOptions::default())
             });

@@ -4,7 +4,7 @@ use semismooth::contact::{CondensedContact, FixedPointOptions, NodeLaw, fixed_po
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, PointKind, Termination};
 
 #[path = "../../examples/common/bars.rs"]
-mod problems;
+pub(crate) mod problems;
 
 /// Follows ζ from 3.2 on the sticking side down, through both folds.
 fn follow<L: NodeLaw>(problem: &CondensedContact<L>) -> Branch {

@@ -2,48 +2,89 @@
 
 use semismooth::contact::DelassusProblem;
 
-/// ‖r − P_K(r − û)‖ / max(‖q‖, ‖r‖, ‖u‖), dense and by the book: P_K from the Moreau decomposition along the generator.
-pub fn residual(p: &DelassusProblem, r: &[f64]) -> f64 {
-    let (d, n) = (p.dimension(), r.len());
+fn norm(v: &[f64]) -> f64 {
+    v.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
+
+fn velocities(p: &DelassusProblem, r: &[f64]) -> Vec<f64> {
     let mut u = p.q().to_vec();
     for (i, j, v) in p.matrix().triplets() {
         u[i] += v * r[j];
     }
-    let norm = |v: &[f64]| v.iter().map(|x| x * x).sum::<f64>().sqrt();
-    let mut sum = 0.0;
-    for i in 0..n / d {
-        let mu = p.friction()[i];
-        let (r, u) = (&r[d * i..d * (i + 1)], &u[d * i..d * (i + 1)]);
-        let z: Vec<f64> = (0..d)
-            .map(|k| r[k] - u[k] - if k == 0 { mu * norm(&u[1..]) } else { 0.0 })
+    u
+}
+
+/// ‖r − P_K(r − û)‖ of one contact, by the book: P_K from the Moreau decomposition along the generator.
+fn violation(mu: f64, r: &[f64], u: &[f64]) -> f64 {
+    let d = r.len();
+    let z: Vec<f64> = (0..d)
+        .map(|k| r[k] - u[k] - if k == 0 { mu * norm(&u[1..]) } else { 0.0 })
+        .collect();
+    let t = norm(&z[1..]);
+    let nearest = if t <= mu * z[0] && z[0] >= 0.0 {
+        z.clone()
+    } else {
+        // The nearest point of the ray spanned by g = (1, μ z_T/‖z_T‖), or the apex.
+        let g: Vec<f64> = (0..d)
+            .map(|k| {
+                if k == 0 {
+                    1.0
+                } else if t > 0.0 {
+                    mu * z[k] / t
+                } else {
+                    0.0
+                }
+            })
             .collect();
-        let t = norm(&z[1..]);
-        let nearest = if t <= mu * z[0] {
-            z.clone()
-        } else {
-            // The nearest point of the ray spanned by g = (1, μ z_T/‖z_T‖), or the apex.
-            let g: Vec<f64> = (0..d)
-                .map(|k| {
-                    if k == 0 {
-                        1.0
-                    } else if t > 0.0 {
-                        mu * z[k] / t
-                    } else {
-                        0.0
-                    }
-                })
-                .collect();
-            let along: f64 = z.iter().zip(&g).map(|(a, b)| a * b).sum::<f64>() / (1.0 + mu * mu);
-            g.iter().map(|v| along.max(0.0) * v).collect()
-        };
-        sum += r
-            .iter()
-            .zip(&nearest)
-            .map(|(a, b)| (a - b) * (a - b))
-            .sum::<f64>();
-    }
+        let along: f64 = z.iter().zip(&g).map(|(a, b)| a * b).sum::<f64>() / (1.0 + mu * mu);
+        g.iter().map(|v| along.max(0.0) * v).collect()
+    };
+    norm(&r.iter().zip(&nearest).map(|(a, b)| a - b).collect::<Vec<_>>())
+}
+
+/// ‖r − P_K(r − û)‖ / max(‖q‖, ‖r‖, ‖u‖) in the units of the problem.
+pub fn residual(p: &DelassusProblem, r: &[f64]) -> f64 {
+    let d = p.dimension();
+    let u = velocities(p, r);
+    let all: Vec<f64> = (p.friction().iter().enumerate())
+        .map(|(i, &mu)| violation(mu, &r[d * i..d * (i + 1)], &u[d * i..d * (i + 1)]))
+        .collect();
     let size = norm(p.q()).max(norm(r)).max(norm(&u));
-    if size == 0.0 { 0.0 } else { sum.sqrt() / size }
+    if size == 0.0 { 0.0 } else { norm(&all) / size }
+}
+
+/// The same contact by contact with unit mean diagonals, against the largest of r, u, q and the products M_ij r_j there; the largest.
+pub fn worst(p: &DelassusProblem, r: &[f64]) -> f64 {
+    let (d, nc) = (p.dimension(), p.contacts());
+    let u = velocities(p, r);
+    let mut products = vec![vec![[0.0; 3]; nc]; nc];
+    let mut mean = vec![0.0; nc];
+    for (i, j, v) in p.matrix().triplets() {
+        products[i / d][j / d][i % d] += v * r[j];
+        if i == j {
+            mean[i / d] += v / d as f64;
+        }
+    }
+    let at = |v: &[f64], i: usize, factor: f64| -> Vec<f64> {
+        v[d * i..d * (i + 1)].iter().map(|x| factor * x).collect()
+    };
+    // Contacts that cannot move take the scale of those that can.
+    let largest = mean.iter().fold(0.0_f64, |m, v| m.max(*v));
+    for v in mean.iter_mut().filter(|v| **v <= 1e-13 * largest) {
+        *v = if largest > 0.0 { largest } else { 1.0 };
+    }
+    let mut worst = 0.0_f64;
+    for (i, &mu) in p.friction().iter().enumerate() {
+        let s = mean[i].sqrt();
+        // (s r, u / s) have one unit.
+        let (rs, us, qs) = (at(r, i, s), at(&u, i, 1.0 / s), at(p.q(), i, 1.0 / s));
+        let size = products[i].iter().map(|m| norm(m) / s).fold(norm(&rs), f64::max);
+        let error = violation(mu, &rs, &us);
+        if error > 0.0 {
+            worst = worst.max(error / size.max(norm(&us)).max(norm(&qs)));
+        }
+    }
+    worst
 }
 
 /// Gaussian elimination with partial pivoting; `None` for a pivot that vanishes.

@@ -1,5 +1,6 @@
 //! Piecewise-smooth maps: the checker, selections, active sets, derivatives, orientation and traced functions.
 
+mod certificates;
 mod rubber;
 #[cfg(feature = "autodiff")]
 mod traced;

@@ -214,7 +214,10 @@ impl<const D: usize> Scaled<D> {
             share(error, sizes[i].max(least))
         });
         Law {
-            residual: blocks.fold(0.0, |m, e| if e.is_nan() { f64::INFINITY } else { f64::max(m, e) }),
+            residual: blocks.fold(
+                0.0,
+                |m, e| if e.is_nan() { f64::INFINITY } else { f64::max(m, e) },
+            ),
             overall: share(errors, f64::sqrt(terms)),
             violation: share(errors, f64::sqrt(data[0].max(data[1])).max(f64::MIN_POSITIVE)),
         }

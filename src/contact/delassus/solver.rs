@@ -70,10 +70,10 @@ struct Measure {
 
 /// Solver of [`DelassusProblem`]s.
 ///
-/// In turn, until the residual is met: nonsmooth Gauss–Seidel with exact one-contact solutions; interior points for the law with
-/// De Saxcé's term, which cross the many near-degenerate contacts of stacks and packings and do not mind a singular M; semismooth
-/// Newton (P. Alart, A. Curnier 1991) on proximal problems M + αI, q − α r_k, with α driven to 0, for the last digits; and the
-/// same from more sweeps. Runs are deterministic. A large sparse M is factored by Cholesky with GMRES for De Saxcé's term, so
+/// In turn, until the residual of every contact is met: nonsmooth Gauss–Seidel with exact one-contact solutions; a few iterations of
+/// semismooth Newton (P. Alart, A. Curnier 1991) on proximal problems M + αI, q − α r_k, which end most runs; interior points for the
+/// law with De Saxcé's term, which cross the many near-degenerate contacts of stacks and packings and do not mind a singular M;
+/// Newton again, with α driven to 0, for the last digits; and the same from more sweeps. Runs are deterministic. A large sparse M is factored by Cholesky with GMRES for De Saxcé's term, so
 /// that memory is that of its factor; a small or mostly full one by LU.
 ///
 /// Where M is singular, or friction is large, solutions need not be unique: one is found. Where there is none, the best iterate

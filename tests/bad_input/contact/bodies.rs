@@ -1,7 +1,9 @@
 use semismooth::contact::{
     CondensedContact, CondensedFriction, ContactBody, FrictionPath, FrictionProblem, FullContact, GivenBound,
-    LoadPath, UniquenessConstants, check_multipliers, critical_friction, friction_bounds, inf_sup_constant,
+    LoadPath, UniquenessConstants, check_multipliers, critical_friction, friction_bounds,
+    friction_derivative, inf_sup_constant, pressure_norm,
 };
+use semismooth::piecewise::Selection;
 use semismooth::sparse::{Matrix, Pattern};
 
 use super::{body, condensed, law, load, normal, stiffness, tangential};
@@ -118,6 +120,26 @@ pub(super) fn measures(t: &mut Table) {
             friction_bounds(&c, bad, 1.0, 10)
         });
     }
+    for bad in BAD {
+        t.refuses("contact::pressure_norm", "a force", "force", || {
+            pressure_norm(&[1.0], &[bad])
+        });
+        t.refuses("contact::pressure_norm", "an area", "area", || {
+            pressure_norm(&[bad], &[1.0])
+        });
+        t.refuses("contact::friction_derivative", "x", "x", || {
+            friction_derivative(&c, &Selection::uniform(1, 0), &[bad; 3])
+        });
+    }
+    t.refuses("contact::pressure_norm", "areas of another length", "", || {
+        pressure_norm(&[1.0, 1.0], &[1.0])
+    });
+    t.refuses(
+        "contact::friction_derivative",
+        "another selection",
+        "selection",
+        || friction_derivative(&c, &Selection::uniform(2, 0), &[0.0; 3]),
+    );
     for samples in [0, 1] {
         t.refuses("contact::friction_bounds", "too few samples", "samples", || {
             friction_bounds(&c, 0.0, 1.0, samples)

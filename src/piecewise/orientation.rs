@@ -1,0 +1,360 @@
+//! The selections active at a point one by one: which of them have points nearby, and the signs of their determinants.
+
+use super::derivative::pointed_into;
+use super::error::check_selection;
+use super::essential::open_cone;
+use super::{ActiveSet, Activity, PiecewiseError, PiecewiseSmooth, Selection, TestLayout};
+use crate::linear::{AutoSolver, LinearError, LinearSolver};
+use crate::sparse::Matrix;
+
+/// Steps after which the interior of a cell is undecided.
+const STEPS: usize = 20_000;
+/// Distance from the span of the others above which a unit gradient counts as independent of them.
+const INDEPENDENT: f64 = 1e-8;
+/// Distances at which test functions are compared that may be one and the same, in units of the variables.
+const AROUND: [f64; 4] = [0.3, 0.1, 1e-2, 1e-3];
+
+/// Margin of a unit direction beyond which it lies inside or outside of a cell for sure.
+pub(super) const CLEAR: f64 = 1e-7;
+
+/// The cell of a selection near x, y alone moving.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Cell {
+    /// It has interior points arbitrarily near x.
+    Open,
+    /// It has none.
+    Empty,
+    /// Its linearisation has none, but the map is not affine; or nothing is known.
+    Unknown,
+}
+
+/// The cone of directions of y that point into the cell of each active selection.
+pub(super) struct Cones<'a> {
+    map: &'a dyn PiecewiseSmooth,
+    x: &'a [f64],
+    layout: TestLayout,
+    vanishing: &'a [usize],
+    /// Sizes of y, in which directions are measured.
+    sizes: Vec<f64>,
+    /// Unit gradients of the vanishing test functions; `None` where one does not depend on y to first order.
+    gradients: Vec<Option<Vec<f64>>>,
+    /// Whether they are linearly independent, so that all signs occur.
+    independent: bool,
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+impl<'a> Cones<'a> {
+    pub(super) fn new(map: &'a dyn PiecewiseSmooth, x: &'a [f64], active: &'a ActiveSet) -> Self {
+        let (m, n) = (map.num_vars(), map.num_residuals());
+        let layout = TestLayout::new(map);
+        let mut sizes = vec![1.0; m];
+        map.typical_sizes(&mut sizes);
+        sizes.truncate(n);
+        for s in &mut sizes {
+            if !(*s > 0.0 && s.is_finite()) {
+                *s = 1.0;
+            }
+        }
+        // A single selection needs no cone.
+        let vanishing = if active.is_singleton() {
+            &[]
+        } else {
+            active.vanishing()
+        };
+        let mut gradients = Vec::new();
+        let mut full = vec![0.0; m];
+        for site in 0..layout.num_sites() {
+            let range = layout.range(site);
+            for index in vanishing.iter().filter(|k| range.contains(k)) {
+                full.fill(0.0);
+                map.test_gradient(site, index - range.start, x, &mut full);
+                let mut g: Vec<f64> = full.iter().zip(&sizes).map(|(g, s)| g * s).collect();
+                let norm = dot(&g, &g).sqrt();
+                g.iter_mut().for_each(|v| *v /= norm);
+                gradients.push((norm > 0.0 && norm.is_finite()).then_some(g));
+            }
+        }
+        Self {
+            independent: are_independent(&gradients),
+            map,
+            x,
+            layout,
+            vanishing,
+            sizes,
+            gradients,
+        }
+    }
+
+    /// The vanishing facets of a selection: position among the vanishing tests, and sign.
+    fn facets(&self, selection: &Selection) -> Vec<(usize, f64)> {
+        let mut list = Vec::new();
+        for site in 0..self.layout.num_sites() {
+            for facet in self.map.cell(site, selection.piece(site)) {
+                let index = self.layout.range(site).start + facet.test();
+                if let Ok(k) = self.vanishing.binary_search(&index) {
+                    list.push((k, facet.sign()));
+                }
+            }
+        }
+        list
+    }
+
+    pub(super) fn cell(&self, selection: &Selection) -> Cell {
+        let facets = self.facets(selection);
+        let opposite = |a: &(usize, f64), b: &(usize, f64)| a.0 == b.0 && a.1 * b.1 < 0.0;
+        if (facets.iter().enumerate()).any(|(i, a)| facets[..i].iter().any(|b| opposite(a, b))) {
+            return Cell::Empty;
+        }
+        if self.independent {
+            return Cell::Open;
+        }
+        let affine = self.map.is_piecewise_affine();
+        let mut normals = Vec::new();
+        for (k, sign) in &facets {
+            match &self.gradients[*k] {
+                Some(g) => normals.push(g.iter().map(|v| sign * v).collect()),
+                // Constant in y: the same on all of the cells that it bounds.
+                None if affine => {}
+                None => return Cell::Unknown,
+            }
+        }
+        match open_cone(&normals, STEPS) {
+            Activity::Essential => Cell::Open,
+            Activity::Inessential if affine || self.contradicts(&facets) => Cell::Empty,
+            _ => Cell::Unknown,
+        }
+    }
+
+    /// Whether a cell asks for both signs of one function that serves as two tests.
+    fn contradicts(&self, facets: &[(usize, f64)]) -> bool {
+        let gradient = |f: &(usize, f64)| self.gradients[f.0].as_ref();
+        facets.iter().enumerate().any(|(i, a)| {
+            facets[..i].iter().any(|b| {
+                let along = gradient(a).zip(gradient(b)).map(|(g, h)| dot(g, h));
+                let same = along.is_some_and(|c| (c.abs() - 1.0).abs() < 1e-6 && c * a.1 * b.1 < 0.0);
+                same && self.coincide(self.vanishing[a.0], self.vanishing[b.0])
+            })
+        })
+    }
+
+    /// Whether two test functions are one but for a factor, at points on all sides of x.
+    fn coincide(&self, first: usize, second: usize) -> bool {
+        let mut theta = vec![0.0; self.layout.total()];
+        let mut spread = Spread::new(1);
+        let mut factor: Option<f64> = None;
+        let mut seen = 0;
+        for step in AROUND {
+            for _ in 0..3 {
+                let mut at = self.x.to_vec();
+                for (v, s) in at.iter_mut().zip(&self.sizes) {
+                    *v += step * s.max(v.abs()) * spread.next();
+                }
+                self.map.test_functions(&at, &mut theta);
+                let (a, b) = (theta[first], theta[second]);
+                let known = *factor.get_or_insert(b / a);
+                if !((b - known * a).abs() <= 1e-12 * b.abs()) {
+                    return false;
+                }
+                seen += usize::from(b != 0.0);
+            }
+        }
+        seen > 0
+    }
+
+    /// How far d points into the cell of a selection, against its length: negative outside, infinite for a cell without facets here.
+    pub(super) fn margin(&self, selection: &Selection, d: &[f64]) -> f64 {
+        let d: Vec<f64> = d.iter().zip(&self.sizes).map(|(d, s)| d / s).collect();
+        let length = dot(&d, &d).sqrt();
+        let mut margin = f64::INFINITY;
+        for (k, sign) in self.facets(selection) {
+            match &self.gradients[k] {
+                Some(g) => margin = margin.min(sign * dot(g, &d) / length),
+                None if self.map.is_piecewise_affine() => {}
+                None => return f64::NAN,
+            }
+        }
+        margin
+    }
+
+    /// The image of a direction of y without preference under the B-derivative, another one for every `number`; `None` where that
+    /// direction runs too near to a boundary of cells.
+    pub(super) fn target(&self, active: &ActiveSet, number: u64) -> Option<Vec<f64>> {
+        let (m, n) = (self.map.num_vars(), self.map.num_residuals());
+        let mut spread = Spread::new(number);
+        let mut d: Vec<f64> = self.sizes.iter().map(|s| s * spread.next()).collect();
+        d.resize(m, 0.0);
+        let mut rates = vec![0.0; self.layout.total()];
+        self.map.test_derivatives(self.x, &d, &mut rates);
+        let selection = pointed_into(self.map, &self.layout, active, &rates);
+        if !(self.margin(&selection, &d[..n]) > CLEAR) {
+            return None;
+        }
+        let mut jac = Matrix::zeros(self.map.pattern());
+        self.map.jacobian(&selection, self.x, &mut jac);
+        let mut image = vec![0.0; n];
+        jac.mul_vec(&d, &mut image);
+        Some(image)
+    }
+}
+
+fn are_independent(gradients: &[Option<Vec<f64>>]) -> bool {
+    let mut basis: Vec<Vec<f64>> = Vec::new();
+    for g in gradients {
+        let Some(mut g) = g.clone() else {
+            return false;
+        };
+        // Twice is enough (Kahan, Parlett).
+        for _ in 0..2 {
+            for b in &basis {
+                let along = dot(b, &g);
+                g.iter_mut().zip(b).for_each(|(g, b)| *g -= along * b);
+            }
+        }
+        let norm = dot(&g, &g).sqrt();
+        if norm.is_nan() || norm < INDEPENDENT {
+            return false;
+        }
+        g.iter_mut().for_each(|v| *v /= norm);
+        basis.push(g);
+    }
+    true
+}
+
+/// Numbers in (−1, 1), the same on every machine (xorshift).
+struct Spread(u64);
+
+impl Spread {
+    fn new(number: u64) -> Self {
+        Self(0x9e37_79b9_7f4a_7c15_u64.wrapping_mul(2 * number + 1))
+    }
+
+    fn next(&mut self) -> f64 {
+        self.0 ^= self.0 >> 12;
+        self.0 ^= self.0 << 25;
+        self.0 ^= self.0 >> 27;
+        let bits = self.0.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 11;
+        2.0 * bits as f64 / (1_u64 << 53) as f64 - 1.0
+    }
+}
+
+/// What the signs of det ∇_yH^(σ) over the essentially active selections σ say.
+pub(super) enum Signs {
+    /// One sign, `None` where a single selection is active and no determinant is known.
+    Coherent { sign: Option<i8>, selections: u64 },
+    /// Two differ, or one vanishes.
+    Incoherent {
+        first: (Selection, i8),
+        second: (Selection, i8),
+    },
+    /// The first ones of a longer list have one sign.
+    Capped { examined: u64 },
+    /// One whose cell is not known to have points near x has another sign than the rest.
+    Doubtful { selection: Selection },
+}
+
+/// A selection examined: its matrix is factored in `solver`.
+pub(super) struct Examined<'a> {
+    pub(super) solver: &'a mut AutoSolver,
+    pub(super) selection: &'a Selection,
+}
+
+/// Goes through at most `cap` active selections whose cells are not empty; `visit` sees each of them that is regular. A reciprocal
+/// condition below `singular` counts as singular.
+pub(super) fn examine(
+    cones: &Cones<'_>,
+    active: &ActiveSet,
+    cap: u64,
+    singular: f64,
+    visit: &mut dyn FnMut(Examined<'_>) -> Result<(), PiecewiseError>,
+) -> Result<Signs, PiecewiseError> {
+    let (map, n) = (cones.map, cones.map.num_residuals());
+    let mut jac = Matrix::zeros(map.pattern());
+    let mut solver = AutoSolver::default();
+    solver.analyze(jac.leading_columns(n).pattern)?;
+    let mut first: Option<(Selection, i8)> = None;
+    let mut unknown: Vec<(Selection, i8)> = Vec::new();
+    let mut selections = 0;
+    for (selection, examined) in active.selections().zip(0..) {
+        if examined == cap {
+            return Ok(Signs::Capped { examined });
+        }
+        check_selection("the active set", &selection, map)?;
+        let cell = cones.cell(&selection);
+        if cell == Cell::Empty {
+            continue;
+        }
+        jac.clear();
+        map.jacobian(&selection, cones.x, &mut jac);
+        if let Some((row, col)) = jac.stray() {
+            return Err(PiecewiseError::StrayEntry { row, col });
+        }
+        let sign = match sign_of(&mut solver, &jac, n, singular)? {
+            Some(sign) => sign,
+            // A single regular selection needs no determinant.
+            None if active.is_singleton() => {
+                visit(Examined {
+                    solver: &mut solver,
+                    selection: &selection,
+                })?;
+                return Ok(Signs::Coherent {
+                    sign: None,
+                    selections: 1,
+                });
+            }
+            None => {
+                return Err(LinearError::Solver {
+                    what: "no determinant is available for a sparse matrix of this size".into(),
+                }
+                .into());
+            }
+        };
+        selections += 1;
+        if sign != 0 {
+            visit(Examined {
+                solver: &mut solver,
+                selection: &selection,
+            })?;
+        }
+        match &first {
+            _ if cell == Cell::Unknown => unknown.push((selection, sign)),
+            Some((_, known)) if *known == sign => {}
+            None if sign != 0 => first = Some((selection, sign)),
+            _ => {
+                let first = first.unwrap_or_else(|| (selection.clone(), sign));
+                return Ok(Signs::Incoherent {
+                    first,
+                    second: (selection, sign),
+                });
+            }
+        }
+    }
+    // Where nothing is known to have interior, signs that agree decide all the same.
+    let common = first.map(|f| f.1).or_else(|| unknown.first().map(|u| u.1));
+    Ok(
+        match unknown.into_iter().find(|u| Some(u.1) != common || u.1 == 0) {
+            Some((selection, _)) => Signs::Doubtful { selection },
+            None => Signs::Coherent {
+                sign: common,
+                selections,
+            },
+        },
+    )
+}
+
+/// Sign of det of the leading n columns, 0 when singular; `None` where the solver has no determinant.
+fn sign_of(
+    solver: &mut AutoSolver,
+    jac: &Matrix,
+    n: usize,
+    singular: f64,
+) -> Result<Option<i8>, PiecewiseError> {
+    match solver.factor(jac.leading_columns(n)) {
+        Ok(()) if solver.rcond().is_some_and(|r| r < singular) => Ok(Some(0)),
+        Ok(()) => Ok(solver.log_det().map(|d| d.0)),
+        Err(LinearError::Singular { .. }) => Ok(Some(0)),
+        Err(e) => Err(e.into()),
+    }
+}

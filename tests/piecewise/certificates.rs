@@ -1,0 +1,274 @@
+//! Certificates of local uniqueness, condition by condition.
+
+use semismooth::complementarity::Lcp;
+use semismooth::piecewise::{
+    CoherentOrientation, Facet, LocalUniqueness, PiecewiseSmooth, Selection, active_set,
+    coherent_orientation, local_uniqueness, value,
+};
+use semismooth::sparse::Matrix;
+
+/// The plane in eight sectors of 45°. The unit vectors at their boundaries go to those of `images`, and the map is linear between them.
+struct Sectors {
+    images: [[f64; 2]; 8],
+}
+
+const CELLS: [[Facet; 2]; 8] = [
+    [Facet::positive(0), Facet::positive(1)],
+    [Facet::negative(1), Facet::positive(2)],
+    [Facet::negative(2), Facet::positive(3)],
+    [Facet::negative(3), Facet::positive(0)],
+    [Facet::negative(0), Facet::negative(1)],
+    [Facet::positive(1), Facet::negative(2)],
+    [Facet::positive(2), Facet::negative(3)],
+    [Facet::positive(3), Facet::negative(0)],
+];
+
+impl Sectors {
+    /// Every angle times `turns`.
+    fn winding(turns: f64) -> Self {
+        let images = std::array::from_fn(|k| {
+            let (sin, cos) = (turns * k as f64 * std::f64::consts::FRAC_PI_4).sin_cos();
+            [cos, sin]
+        });
+        Self { images }
+    }
+
+    fn matrix(&self, k: usize) -> [[f64; 2]; 2] {
+        let boundary = |k: usize| (k as f64 * std::f64::consts::FRAC_PI_4).sin_cos();
+        let ((b, a), (d, c)) = (boundary(k), boundary(k + 1));
+        let det = a * d - b * c;
+        let (p, q) = (self.images[k], self.images[(k + 1) % 8]);
+        std::array::from_fn(|i| [(p[i] * d - q[i] * b) / det, (q[i] * a - p[i] * c) / det])
+    }
+}
+
+impl PiecewiseSmooth for Sectors {
+    fn num_vars(&self) -> usize {
+        2
+    }
+    fn num_residuals(&self) -> usize {
+        2
+    }
+    fn num_sites(&self) -> usize {
+        1
+    }
+    fn num_pieces(&self, _: usize) -> usize {
+        8
+    }
+    fn num_tests(&self, _: usize) -> usize {
+        4
+    }
+    fn cell(&self, _: usize, piece: usize) -> &[Facet] {
+        &CELLS[piece]
+    }
+    fn test_functions(&self, x: &[f64], out: &mut [f64]) {
+        out.copy_from_slice(&[x[1], x[0] - x[1], x[0], x[0] + x[1]]);
+    }
+    fn residual(&self, s: &Selection, x: &[f64], out: &mut [f64]) {
+        let m = self.matrix(s.piece(0));
+        (0..2).for_each(|i| out[i] = m[i][0] * x[0] + m[i][1] * x[1]);
+    }
+    fn jacobian(&self, s: &Selection, _: &[f64], jac: &mut Matrix) {
+        let m = self.matrix(s.piece(0));
+        (0..4).for_each(|k| jac.add(k / 2, k % 2, m[k / 2][k % 2]));
+    }
+    fn is_piecewise_affine(&self) -> bool {
+        true
+    }
+}
+
+fn at_zero(map: &impl PiecewiseSmooth, cap: u64) -> LocalUniqueness {
+    let n = map.num_residuals();
+    let x = vec![0.0; map.num_vars()];
+    local_uniqueness(map, &x, &active_set(map, &x, 1e-9), &Matrix::identity(n), cap).unwrap()
+}
+
+/// H(x) = H(−x): coherently oriented, and no homeomorphism.
+#[test]
+fn maps_that_wind_twice_are_not_certified() {
+    let map = Sectors::winding(2.0);
+    assert_eq!(
+        coherent_orientation(&map, &[0.0; 2], 1e-9, 100).unwrap(),
+        CoherentOrientation::Coherent { sign: 1 }
+    );
+    let found = at_zero(&map, 100);
+    let LocalUniqueness::Winds { first, second } = &found else {
+        panic!("{found:?}");
+    };
+    assert!(found.fails() && !found.is_certified() && found.constant().is_none());
+    // The witness: two directions, each in the cell of its selection, with one image.
+    let mut images = [[0.0; 2]; 2];
+    for ((s, d), image) in [first, second].into_iter().zip(&mut images) {
+        assert_eq!(*s, semismooth::piecewise::select(&map, d));
+        value(&map, d, image);
+    }
+    assert_ne!(first.0, second.0);
+    assert!((0..2).all(|k| (images[0][k] - images[1][k]).abs() < 1e-12));
+    // Three times round, backwards twice.
+    assert!(matches!(
+        at_zero(&Sectors::winding(3.0), 100),
+        LocalUniqueness::Winds { .. }
+    ));
+    assert!(matches!(
+        at_zero(&Sectors::winding(-2.0), 100),
+        LocalUniqueness::Winds { .. }
+    ));
+    // A list cut short decides nothing.
+    assert!(matches!(
+        at_zero(&map, 7),
+        LocalUniqueness::Undecided { examined: 7, .. }
+    ));
+}
+
+/// As many cells, but once round: unequal sectors' images, and mirrored.
+#[test]
+fn maps_that_wind_once_are_certified() {
+    let plain = at_zero(&Sectors::winding(1.0), 100);
+    assert!((plain.constant().unwrap() - 1.0).abs() < 1e-12, "{plain:?}");
+    let stretched = Sectors {
+        images: [
+            [2.0, 0.0],
+            [1.0, 0.3],
+            [0.5, 2.0],
+            [-1.0, 1.0],
+            [-3.0, 0.5],
+            [-1.0, -1.0],
+            [0.0, -0.2],
+            [1.0, -0.5],
+        ],
+    };
+    let found = at_zero(&stretched, 100);
+    assert!(
+        matches!(
+            found,
+            LocalUniqueness::Lipschitz {
+                sign: Some(1),
+                selections: 8,
+                ..
+            }
+        ),
+        "{found:?}"
+    );
+    let mirrored = at_zero(&Sectors::winding(-1.0), 100);
+    assert!(matches!(
+        mirrored,
+        LocalUniqueness::Lipschitz { sign: Some(-1), .. }
+    ));
+    // Folded: there and back.
+    let mut folded = Sectors::winding(1.0);
+    folded.images[1] = [1.0, -0.3];
+    assert!(matches!(at_zero(&folded, 100), LocalUniqueness::Fails { .. }));
+}
+
+/// 0 ≤ y ⟂ M y ≥ 0 at 0: a homeomorphism exactly if M is a P-matrix (Samelson, Thrall, Wesler 1958), 2ⁿ cells.
+#[test]
+fn complementarity_is_certified_for_p_matrices() {
+    let certificate = |rows: &[[f64; 3]]| {
+        let lcp = Lcp::new(Matrix::from_rows(rows).unwrap(), vec![0.0; 3]).unwrap();
+        at_zero(lcp.mcp(), 100)
+    };
+    // Cyclic, far from symmetric.
+    let p = certificate(&[[1.0, 0.0, 5.0], [5.0, 1.0, 0.0], [0.0, 5.0, 1.0]]);
+    assert!(
+        matches!(
+            p,
+            LocalUniqueness::Lipschitz {
+                sign: Some(_),
+                selections: 8,
+                ..
+            }
+        ),
+        "{p:?}"
+    );
+    let other = certificate(&[[1.0, 2.0, 0.0], [2.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
+    assert!(other.fails(), "{other:?}");
+}
+
+#[cfg(feature = "autodiff")]
+mod traced {
+    use super::*;
+    use semismooth::continuation::{Branch, ContinuationOptions, Direction, TransitionKind, certify};
+    use semismooth::piecewise::{Doubt, Kinks, NonsmoothFunction, Real, Traced};
+
+    /// 2 y + 4 y₊ − 4 y₊ = α: two sites with one test function.
+    struct Cancelling;
+    impl NonsmoothFunction for Cancelling {
+        fn num_vars(&self) -> usize {
+            2
+        }
+        fn num_residuals(&self) -> usize {
+            1
+        }
+        fn eval<T: Real>(&self, x: &[T], k: &mut Kinks<'_, T>, out: &mut [T]) {
+            let (a, b) = (k.positive_part(x[0]), k.positive_part(x[0]));
+            out[0] = x[0] * 2.0 + a * 4.0 - b * 4.0 - x[1];
+        }
+    }
+
+    #[test]
+    fn kinks_that_cancel_are_none() {
+        let map = Traced::new(Cancelling);
+        let active = active_set(&map, &[0.0; 2], 1e-9);
+        assert_eq!(active.total(), Some(4));
+        assert_eq!(
+            coherent_orientation(&map, &[0.0; 2], 1e-9, 10).unwrap(),
+            CoherentOrientation::Coherent { sign: 1 }
+        );
+        let found = at_zero(&map, 10);
+        let LocalUniqueness::Lipschitz {
+            sign: Some(1),
+            constant,
+            selections: 2,
+        } = found
+        else {
+            panic!("{found:?}");
+        };
+        assert!((constant - 0.5).abs() < 1e-12);
+        let options = ContinuationOptions::default().with_parameter_range((-3.0, 3.0));
+        let load = Matrix::identity(1);
+        assert!(certify(&map, &[0.0; 2], &load, &options).unwrap().is_certified());
+        let branch = Branch::follow(&map, &[-1.0, -2.0], Direction::Increasing, options.clone()).unwrap();
+        for t in branch
+            .transitions
+            .iter()
+            .filter(|t| t.kind == TransitionKind::PassThrough)
+        {
+            assert!(t.certify(&map, &load, &options).unwrap().is_certified());
+        }
+    }
+
+    /// The same but that the second kink lies at y + y³ = 0: no point is between them, which first derivatives cannot tell.
+    struct Tangent;
+    impl NonsmoothFunction for Tangent {
+        fn num_vars(&self) -> usize {
+            2
+        }
+        fn num_residuals(&self) -> usize {
+            1
+        }
+        fn eval<T: Real>(&self, x: &[T], k: &mut Kinks<'_, T>, out: &mut [T]) {
+            let y = x[0];
+            let (a, b) = (k.positive_part(y), k.positive_part(y + y * y * y));
+            out[0] = y * 2.0 + a * 4.0 - b * 4.0 - x[1];
+        }
+    }
+
+    #[test]
+    fn what_first_derivatives_cannot_tell_is_a_doubt() {
+        let map = Traced::new(Tangent);
+        let found = at_zero(&map, 10);
+        assert!(
+            matches!(
+                found,
+                LocalUniqueness::Doubtful {
+                    doubt: Doubt::Activity,
+                    ..
+                }
+            ),
+            "{found:?}"
+        );
+        assert!(!found.is_certified() && !found.fails());
+        let orientation = coherent_orientation(&map, &[0.0; 2], 1e-9, 10).unwrap();
+        assert!(matches!(orientation, CoherentOrientation::Doubtful { .. }));
+    }
+}
