@@ -107,9 +107,9 @@ impl<const D: usize> Interior<D> {
         }
     }
 
-    /// Whether a sparse symmetric part is factored by Cholesky, for its order.
+    /// Whether the order is one at which a factorisation that may be of no use is too dear.
     pub(super) fn is_large(&self) -> bool {
-        self.symmetric
+        self.rhs.len() >= LARGE
     }
 
     /// Puts x and y well inside of the cones near the reactions `r`.
