@@ -80,16 +80,16 @@ pub fn write_csv<P: PiecewiseSmooth + ?Sized>(
     branch: &Branch,
     columns: &[Column<'_>],
 ) -> Result<(), OutputError> {
-    write_header(out, map, columns)?;
+    write_header(out, &map, columns)?;
     for v in vertices(branch) {
-        write_row(out, map, &v, columns)?;
+        write_row(out, &map, &v, columns)?;
     }
     Ok(out.flush()?)
 }
 
-pub(super) fn write_header<P: PiecewiseSmooth + ?Sized>(
-    out: &mut impl Write,
-    map: &P,
+pub(super) fn write_header(
+    out: &mut dyn Write,
+    map: &dyn PiecewiseSmooth,
     columns: &[Column<'_>],
 ) -> std::io::Result<()> {
     write!(out, "arclength,parameter,event")?;
@@ -102,9 +102,9 @@ pub(super) fn write_header<P: PiecewiseSmooth + ?Sized>(
     write!(out, "\r\n")
 }
 
-pub(super) fn write_row<P: PiecewiseSmooth + ?Sized>(
-    out: &mut impl Write,
-    map: &P,
+pub(super) fn write_row(
+    out: &mut dyn Write,
+    map: &dyn PiecewiseSmooth,
     v: &Vertex<'_>,
     columns: &[Column<'_>],
 ) -> std::io::Result<()> {

@@ -53,6 +53,15 @@ pub fn write_diagram_csv<P: PiecewiseSmooth + ?Sized>(
     diagram: &Diagram,
     columns: &[Column<'_>],
 ) -> Result<(), OutputError> {
+    write_table(out, &map, diagram, columns)
+}
+
+fn write_table(
+    out: &mut dyn Write,
+    map: &dyn PiecewiseSmooth,
+    diagram: &Diagram,
+    columns: &[Column<'_>],
+) -> Result<(), OutputError> {
     write!(out, "edge,arclength,parameter,event,det")?;
     for column in columns {
         write!(out, ",{}", quoted(column.name()))?;
@@ -113,6 +122,15 @@ mod json {
         diagram: &Diagram,
         columns: &[Column<'_>],
     ) -> Result<(), OutputError> {
+        write_object(out, &map, diagram, columns)
+    }
+
+    fn write_object(
+        out: &mut dyn Write,
+        map: &dyn PiecewiseSmooth,
+        diagram: &Diagram,
+        columns: &[Column<'_>],
+    ) -> Result<(), OutputError> {
         let list = |branches: Vec<crate::continuation::DiagramBranch>| -> Vec<Value> {
             let edges = branches.into_iter();
             edges
@@ -151,14 +169,14 @@ mod json {
         Value::Object(pairs.collect::<Map<_, _>>())
     }
 
-    fn pieces<P: PiecewiseSmooth + ?Sized>(map: &P, selection: &Selection) -> Vec<String> {
+    fn pieces(map: &dyn PiecewiseSmooth, selection: &Selection) -> Vec<String> {
         let names = selection.pieces().enumerate();
         names
             .map(|(site, k)| map.piece_name(site, k).into_owned())
             .collect()
     }
 
-    fn vertex<P: PiecewiseSmooth + ?Sized>(map: &P, vertex: &DiagramVertex, columns: &[Column<'_>]) -> Value {
+    fn vertex(map: &dyn PiecewiseSmooth, vertex: &DiagramVertex, columns: &[Column<'_>]) -> Value {
         let arm = |a: &crate::continuation::VertexArm| {
             json!({
                 "tangent": a.arm.tangent,
@@ -179,8 +197,8 @@ mod json {
         })
     }
 
-    fn edge<P: PiecewiseSmooth + ?Sized>(
-        map: &P,
+    fn edge(
+        map: &dyn PiecewiseSmooth,
         diagram: &Diagram,
         edge: &DiagramEdge,
         columns: &[Column<'_>],

@@ -43,7 +43,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized, W: Write> CsvWriter<'a, P, W> {
     /// [`OutputError::Io`].
     pub fn new(out: W, map: &'a P, columns: Vec<Column<'a>>) -> Result<Self, OutputError> {
         let mut this = Self::appending(out, map, columns);
-        write_header(&mut this.out, map, &this.columns)?;
+        write_header(&mut this.out, &map, &this.columns)?;
         this.out.flush()?;
         Ok(this)
     }
@@ -62,7 +62,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized, W: Write> CsvWriter<'a, P, W> {
     /// # Errors
     /// [`OutputError::Io`].
     pub fn write(&mut self, event: &Event) -> Result<(), OutputError> {
-        write_row(&mut self.out, self.map, &Vertex::from(event), &self.columns)?;
+        write_row(&mut self.out, &self.map, &Vertex::from(event), &self.columns)?;
         Ok(self.out.flush()?)
     }
 }
@@ -96,62 +96,66 @@ mod json {
         /// # Errors
         /// [`OutputError::Io`].
         pub fn write(&mut self, event: &Event) -> Result<(), OutputError> {
-            let vertex = Vertex::from(event);
-            let names = vertex.selection.pieces().enumerate();
-            let pieces: Vec<_> = names.map(|(site, k)| self.map.piece_name(site, k)).collect();
-            let (tangent, residual, det, arms, complete) = match event {
-                Event::Transition(t) => (
-                    &t.tangent_after,
-                    t.residual_norm,
-                    None,
-                    Some(t.arms.len()),
-                    Some(t.complete),
-                ),
-                Event::BranchPoint(b) => (
-                    &b.point.tangent,
-                    b.point.residual_norm,
-                    b.point.det_sign,
-                    Some(b.arms.len()),
-                    Some(b.complete),
-                ),
-                Event::SmoothFold(f) => (
-                    &f.point.tangent,
-                    f.point.residual_norm,
-                    f.point.det_sign,
-                    None,
-                    None,
-                ),
-                Event::Monitor(m) => (
-                    &m.point.tangent,
-                    m.point.residual_norm,
-                    m.point.det_sign,
-                    None,
-                    None,
-                ),
-                Event::Point(p) => (&p.tangent, p.residual_norm, p.det_sign, None, None),
-            };
-            let mut object = json!({
-                "event": vertex.event,
-                "arclength": vertex.arclength,
-                "parameter": event.parameter(),
-                "x": vertex.x,
-                "tangent": tangent,
-                "pieces": pieces,
-                "grazing": vertex.grazing,
-                "det": det,
-                "residual": residual,
-            });
-            if let (Some(arms), Some(complete)) = (arms, complete) {
-                object["arms"] = arms.into();
-                object["complete"] = complete.into();
-            }
-            let failed = |e: serde_json::Error| OutputError::Io {
-                path: None,
-                what: e.to_string(),
-            };
-            serde_json::to_writer(&mut self.out, &object).map_err(failed)?;
-            self.out.write_all(b"\n")?;
-            Ok(self.out.flush()?)
+            write_line(&mut self.out, &self.map, event)
         }
+    }
+
+    fn write_line(out: &mut dyn Write, map: &dyn PiecewiseSmooth, event: &Event) -> Result<(), OutputError> {
+        let vertex = Vertex::from(event);
+        let names = vertex.selection.pieces().enumerate();
+        let pieces: Vec<_> = names.map(|(site, k)| map.piece_name(site, k)).collect();
+        let (tangent, residual, det, arms, complete) = match event {
+            Event::Transition(t) => (
+                &t.tangent_after,
+                t.residual_norm,
+                None,
+                Some(t.arms.len()),
+                Some(t.complete),
+            ),
+            Event::BranchPoint(b) => (
+                &b.point.tangent,
+                b.point.residual_norm,
+                b.point.det_sign,
+                Some(b.arms.len()),
+                Some(b.complete),
+            ),
+            Event::SmoothFold(f) => (
+                &f.point.tangent,
+                f.point.residual_norm,
+                f.point.det_sign,
+                None,
+                None,
+            ),
+            Event::Monitor(m) => (
+                &m.point.tangent,
+                m.point.residual_norm,
+                m.point.det_sign,
+                None,
+                None,
+            ),
+            Event::Point(p) => (&p.tangent, p.residual_norm, p.det_sign, None, None),
+        };
+        let mut object = json!({
+            "event": vertex.event,
+            "arclength": vertex.arclength,
+            "parameter": event.parameter(),
+            "x": vertex.x,
+            "tangent": tangent,
+            "pieces": pieces,
+            "grazing": vertex.grazing,
+            "det": det,
+            "residual": residual,
+        });
+        if let (Some(arms), Some(complete)) = (arms, complete) {
+            object["arms"] = arms.into();
+            object["complete"] = complete.into();
+        }
+        let failed = |e: serde_json::Error| OutputError::Io {
+            path: None,
+            what: e.to_string(),
+        };
+        serde_json::to_writer(&mut *out, &object).map_err(failed)?;
+        out.write_all(b"\n")?;
+        Ok(out.flush()?)
     }
 }
