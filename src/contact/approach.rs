@@ -170,8 +170,8 @@ pub(super) fn lower<F: Form>(
 }
 
 /// Newton's method in increments of the parameter from 0 to 1; each begins at the solution before.
-fn increments<M: PiecewiseSmooth>(
-    map: &M,
+fn increments(
+    map: &dyn PiecewiseSmooth,
     x: Vec<f64>,
     options: &ContactOptions,
     see: &mut dyn FnMut(f64) -> bool,
@@ -201,8 +201,8 @@ fn increments<M: PiecewiseSmooth>(
 
 /// The end of the curve from x, measured in the given units, or its point with the largest parameter; at a branching along the arm on
 /// which the parameter grows fastest.
-fn follow<M: PiecewiseSmooth>(
-    map: &M,
+fn follow(
+    map: &dyn PiecewiseSmooth,
     x: &[f64],
     units: Vec<f64>,
     limits: &ContactOptions,

@@ -106,7 +106,7 @@ pub fn first_point_observed<M: FrictionMap + ?Sized>(
             0 => ContactStrategy::Newton,
             _ => ContactStrategy::Restart,
         };
-        if tries.run(map, &mut x, strategy)?.solved {
+        if tries.run(&map, &mut x, strategy)?.solved {
             return Ok(x);
         }
         if tries.interrupted {
@@ -118,7 +118,7 @@ pub fn first_point_observed<M: FrictionMap + ?Sized>(
         match as_body(problem, alpha, &options, tries.observer()) {
             Ok(found) => {
                 let mut x = found.x[found.x.len() - m..].to_vec();
-                if tries.run(map, &mut x, found.strategy())?.solved {
+                if tries.run(&map, &mut x, found.strategy())?.solved {
                     return Ok(x);
                 }
             }
@@ -152,5 +152,5 @@ fn frozen<M: FrictionMap + ?Sized>(
     states: &[ContactState],
     x: Vec<f64>,
 ) -> Result<Option<Vec<f64>>, ContactError> {
-    newton_step(map, &map.selection_of(states), x)
+    newton_step(&map, &map.selection_of(states), x)
 }

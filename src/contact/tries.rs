@@ -50,9 +50,9 @@ impl<'a, 'o> Tries<'a, 'o> {
     }
 
     /// Newton's method from x.
-    pub(super) fn run<M: PiecewiseSmooth + ?Sized>(
+    pub(super) fn run(
         &mut self,
-        map: &M,
+        map: &dyn PiecewiseSmooth,
         x: &mut [f64],
         strategy: ContactStrategy,
     ) -> Result<Outcome, ContactError> {
@@ -125,8 +125,8 @@ pub(super) fn timed<'a>(
 }
 
 /// One Newton step of a selection from x, `None` where its Jacobian is singular.
-pub(super) fn newton_step<M: PiecewiseSmooth + ?Sized>(
-    map: &M,
+pub(super) fn newton_step(
+    map: &dyn PiecewiseSmooth,
     selection: &Selection,
     mut x: Vec<f64>,
 ) -> Result<Option<Vec<f64>>, ContactError> {
