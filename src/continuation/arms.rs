@@ -17,6 +17,8 @@ pub(super) const TANGENTIAL: f64 = 1e-9;
 pub(super) const RANK: f64 = 1e-9;
 /// Up to so many active selections all are tried; beyond, the pruned search rules out most of them first.
 const PLAIN: u128 = 16;
+/// How much smaller than ‖∇θ‖ the largest of two directional derivatives may be.
+const SPREAD: f64 = 1e5;
 /// Largest number of residuals for which the dense branching equation is set up.
 const MAX_BRANCHING: usize = 600;
 
@@ -30,12 +32,11 @@ pub(super) fn vanishing_at<P: PiecewiseSmooth + ?Sized>(
     forced: &[usize],
 ) -> Vec<Vanishing> {
     let reach = distance * (1.0 + norm(x));
-    let largest = theta.iter().fold(0.0f64, |a, t| a.max(t.abs()));
+    let sizes = gradient_sizes(map, x, theta.len());
     let mut list = Vec::new();
     for (index, value) in theta.iter().enumerate() {
         let is_forced = forced.contains(&index);
-        // Gradients are dear; values of ordinary size cannot vanish within the distance.
-        if !is_forced && value.abs() > 1e-4 * (largest + reach) {
+        if !is_forced && value.abs() > SPREAD * reach * sizes[index] {
             continue;
         }
         let candidate = Vanishing::new(map, layout, index, x);
@@ -44,6 +45,23 @@ pub(super) fn vanishing_at<P: PiecewiseSmooth + ?Sized>(
         }
     }
     list
+}
+
+/// Sizes of the gradients of all test functions, by two directional derivatives: gradients are dear. They are hardly ever too small by
+/// more than [`SPREAD`].
+fn gradient_sizes<P: PiecewiseSmooth + ?Sized>(map: &P, x: &[f64], tests: usize) -> Vec<f64> {
+    let mut sizes = vec![0.0f64; tests];
+    let (mut rates, mut direction) = (vec![0.0; tests], vec![0.0; x.len()]);
+    for step in [0.618_033_988_749_894_9, 0.414_213_562_373_095_1] {
+        for (j, d) in direction.iter_mut().enumerate() {
+            *d = (step * (j + 1) as f64).fract() - 0.5;
+        }
+        map.test_derivatives(x, &direction, &mut rates);
+        for (size, rate) in sizes.iter_mut().zip(&rates) {
+            *size = size.max(rate.abs());
+        }
+    }
+    sizes
 }
 
 /// The arms found at a point.

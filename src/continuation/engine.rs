@@ -1,7 +1,7 @@
 use std::collections::VecDeque;
 use std::fmt;
 
-use super::arms::{ArmSearch, Arms, RANK, vanishing_at};
+use super::arms::{ArmSearch, Arms, RANK, TANGENTIAL, vanishing_at};
 use super::watch::Watch;
 use super::{Arm, ContinuationError, ContinuationOptions, Event, Point, PointKind, Strategy, Termination};
 use crate::clock::Clock;
@@ -172,6 +172,7 @@ impl<'a> Curve<'a> {
             vanishing
                 .iter()
                 .filter(|v| arm.grazing.contains(&v.site))
+                .filter(|v| v.rate(&arm.tangent).abs() <= TANGENTIAL * v.gradient_norm)
                 .cloned(),
         );
         self.here.s = 0.0;

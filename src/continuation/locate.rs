@@ -26,6 +26,8 @@ pub(super) enum Monitor {
 const LIMIT: usize = 60;
 /// Distance from the interpolated guess, relative to the step, beyond which a corrected point lies on another curve.
 const STRAY: f64 = 0.02;
+/// What rounding may move a located point along the curve, relative to 1 + ‖x‖.
+const ROUNDING: f64 = 16.0 * f64::EPSILON;
 /// α̇ below this counts as zero: the curve is vertical.
 pub(super) const VERTICAL: f64 = 1e-9;
 
@@ -35,31 +37,33 @@ impl Curve<'_> {
         if self.dips_unseen() {
             return Ok(Err(Unresolved));
         }
-        let mut found = None;
+        let mut found = Vec::new();
         for _ in 0..LIMIT {
-            let Some(monitor) = self.earliest(found)? else {
-                return Ok(Ok(found));
+            let Some(monitor) = self.earliest(&found)? else {
+                return Ok(Ok(found.pop()));
             };
             let located =
                 self.locate(monitor)? || (monitor == Monitor::Singular && self.jump_to_branch_point()?);
             if !located {
                 return Ok(Err(Unresolved));
             }
-            found = Some(monitor);
+            found.push(monitor);
         }
         Ok(Err(Unresolved))
     }
 
-    /// The monitor violated at `next` whose linear interpolant vanishes first, besides the one already located there.
-    fn earliest(&mut self, located: Option<Monitor>) -> Result<Option<Monitor>, ContinuationError> {
+    /// The monitor violated at `next` whose linear interpolant vanishes first, besides the last of those `located` so far, which is
+    /// located there.
+    fn earliest(&mut self, located: &[Monitor]) -> Result<Option<Monitor>, ContinuationError> {
         let mut best: Option<(f64, Monitor)> = None;
         let mut offer = |fraction: f64, monitor: Monitor| {
-            let clear = Some(monitor) != located && best.is_none_or(|b| fraction < b.0);
+            let clear = Some(&monitor) != located.last() && best.is_none_or(|b| fraction < b.0);
             if clear {
                 best = Some((fraction, monitor));
             }
         };
-        let reach = self.options.vanishing_distance * (1.0 + norm(&self.here.x));
+        let size = 1.0 + norm(&self.here.x);
+        let reach = self.options.vanishing_distance * size;
         let step = self.next.s.max(f64::MIN_POSITIVE);
         for site in 0..self.layout.num_sites() {
             let first = self.layout.range(site).start;
@@ -71,11 +75,16 @@ impl Curve<'_> {
                 );
                 let slack = match self.grazing.iter().find(|v| v.index == index) {
                     Some(v) => 100.0 * reach * v.gradient_norm,
-                    // At a located event, facets reached within the vanishing distance belong to it.
-                    None if located.is_some() => reach * (g0 - g1).abs() / step,
-                    None => 0.0,
+                    None if located.is_empty() => 0.0,
+                    // Two facets met together must not take turns for ever.
+                    None if located.contains(&Monitor::Facet { index, facet }) => {
+                        reach * (g0 - g1).abs() / step
+                    }
+                    None => ROUNDING * size * (g0 - g1).abs() / step,
                 };
-                if g1 < -slack || (g1.is_nan() && !g0.is_nan()) {
+                // A facet just left may be violated by rounding for a while.
+                let leaves = g1 < -slack && !(g0 <= 0.0 && g1 >= g0);
+                if leaves || (g1.is_nan() && !g0.is_nan()) {
                     let fraction = match self.return_to(index, facet) {
                         Some(s) => s / step,
                         None if g0 > 0.0 => g0 / (g0 - g1),

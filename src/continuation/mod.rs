@@ -3,6 +3,7 @@
 mod arms;
 mod branch;
 mod certificate;
+mod coincidence;
 mod curve;
 mod diagram;
 mod engine;

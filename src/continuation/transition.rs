@@ -15,13 +15,11 @@ const INCOMING: f64 = 1e-5;
 const INCOMING_SINGULAR: f64 = 1e-2;
 /// An arm within this distance of the tangent of arrival goes straight on.
 const STRAIGHT: f64 = 1e-5;
-/// Rate of a test function, relative to its gradient, below which rounding decides where it vanishes.
-const ALONG: f64 = 1e-3;
 
 impl Curve<'_> {
     /// Passes the transition at `here`, where test function `index` vanishes.
     pub(super) fn pass_transition(&mut self, index: usize) -> Result<(), ContinuationError> {
-        let vanishing = self.reached_here(index);
+        let vanishing = self.met_together(index)?;
         let active = self.active_here(&vanishing)?;
         let simple =
             vanishing.len() == 1 && matches!(active.degenerate_sites(), [(_, pieces)] if pieces.len() == 2);
@@ -55,19 +53,6 @@ impl Curve<'_> {
             None => self.termination = stop,
         }
         Ok(())
-    }
-
-    /// The test functions that vanish at a transition located on `index`: besides it those that the curve reaches within the vanishing
-    /// distance. A facet that is near but runs almost along the curve is met much later, in a transition of its own.
-    fn reached_here(&self, index: usize) -> Vec<Vanishing> {
-        let reach = self.options.vanishing_distance * (1.0 + norm(&self.here.x));
-        let mut vanishing = self.vanishing_here(&[index]);
-        vanishing.retain(|v| {
-            let rate = dot(&v.gradient, &self.here.t).abs();
-            let floor = ALONG * v.gradient_norm;
-            v.index == index || self.here.theta[v.index].abs() <= reach * rate.max(floor)
-        });
-        vanishing
     }
 
     /// The arms where a single facet between two pieces is crossed: the kernel of the selection beyond it. Its sign is fixed by the

@@ -1,0 +1,124 @@
+//! Which test functions vanish together with the one on which a transition was located: those whose zero the curve meets at the same
+//! distance along itself, as far as rounding can tell.
+
+use super::ContinuationError;
+use super::arms::TANGENTIAL;
+use super::engine::Curve;
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Vanishing};
+use crate::sparse::norm;
+
+/// Distance along the curve, relative to 1 + ‖x‖, beyond which nothing is taken to coincide.
+const WIDE: f64 = 1e-6;
+/// What rounding may do, in multiples of its estimate.
+const SAFETY: f64 = 16.0;
+
+impl Curve<'_> {
+    /// The test functions that vanish at a transition located on `index`, by position.
+    ///
+    /// A facet of the followed cell counts if its crossing lies as far along the curve as the located one, to rounding. One that the
+    /// curve moves away from was left before and is behind it, however near: seen from there the arm that was come along would be one
+    /// that leaves. The other test functions of the sites concerned count if rounding hides their sign.
+    pub(super) fn met_together(&mut self, index: usize) -> Result<Vec<Vanishing>, ContinuationError> {
+        let mut rates = std::mem::take(&mut self.rates);
+        rates.resize(self.layout.total(), 0.0);
+        self.map.test_derivatives(&self.here.x, &self.here.t, &mut rates);
+        let mut facets = self.facets_near(index, &rates);
+        let mut others = self.other_tests_near(&facets);
+        if facets.len() + others.len() > 1 {
+            let bounds = self.rounding_bounds()?;
+            let error =
+                |v: &Vanishing| -> f64 { v.gradient.iter().zip(&bounds).map(|(g, b)| g.abs() * b).sum() };
+            // How far along the curve rounding may have moved the located crossing.
+            let reach = self.options.vanishing_distance * (1.0 + norm(&self.here.x));
+            let located = facets.iter().find(|(v, _)| v.index == index);
+            let shift = located.map_or(0.0, |(v, _)| (error(v) / rates[index].abs()).min(reach));
+            let meets =
+                |v: &Vanishing| self.here.theta[v.index].abs() <= error(v) + shift * rates[v.index].abs();
+            facets.retain(|(v, certain)| *certain || meets(v));
+            others.retain(|v| facets.iter().any(|(f, _)| f.site == v.site) && meets(v));
+        }
+        self.rates = rates;
+        let mut list: Vec<Vanishing> = facets.into_iter().map(|(v, _)| v).chain(others).collect();
+        list.sort_by_key(|v| v.index);
+        self.keep_inside(&list);
+        Ok(list)
+    }
+
+    /// Facets of the followed cell whose crossings may coincide with that of `index`, and whether they do for certain.
+    fn facets_near(&self, index: usize, rates: &[f64]) -> Vec<(Vanishing, bool)> {
+        let wide = WIDE * (1.0 + norm(&self.here.x));
+        let mut near = Vec::new();
+        for site in 0..self.layout.num_sites() {
+            let first = self.layout.range(site).start;
+            for facet in self.map.cell(site, self.selection.piece(site)) {
+                let k = first + facet.test();
+                let certain = k == index || self.grazing.iter().any(|v| v.index == k);
+                if !certain && (self.here.theta[k].abs() > wide * rates[k].abs() || rates[k].is_nan()) {
+                    continue;
+                }
+                let v = Vanishing::new(&self.map, &self.layout, k, &self.here.x);
+                if certain || facet.sign() * rates[k] <= TANGENTIAL * v.gradient_norm {
+                    near.push((v, certain));
+                }
+            }
+        }
+        near
+    }
+
+    /// Test functions at the sites of these facets which are no facets of the followed cell and may vanish, too.
+    fn other_tests_near(&self, facets: &[(Vanishing, bool)]) -> Vec<Vanishing> {
+        let wide = WIDE * (1.0 + norm(&self.here.x));
+        let mut near = Vec::new();
+        let mut last = None;
+        for (v, _) in facets
+            .iter()
+            .filter(|(v, _)| last.replace(v.site) != Some(v.site))
+        {
+            let cell = self.map.cell(v.site, self.selection.piece(v.site));
+            let range = self.layout.range(v.site);
+            for k in range.clone() {
+                if cell.iter().any(|f| range.start + f.test() == k) {
+                    continue;
+                }
+                let other = Vanishing::new(&self.map, &self.layout, k, &self.here.x);
+                if self.here.theta[k].abs() <= wide * other.gradient_norm {
+                    near.push(other);
+                }
+            }
+        }
+        near
+    }
+
+    /// Bounds of the error of each component of the located point, where this matters for more than its place along the curve.
+    fn rounding_bounds(&mut self) -> Result<Vec<f64>, ContinuationError> {
+        let (x, t) = (&self.here.x, &self.here.t);
+        let noise = self.corrector.noise(&self.map, &self.selection, x, t);
+        let mut bounds = match noise {
+            Ok(noise) => noise,
+            // The selection is singular here: the point is good to the distance at which test functions count as vanishing.
+            Err(PiecewiseError::Linear(_)) => {
+                let reach = self.options.vanishing_distance * (1.0 + norm(x));
+                return Ok(vec![reach; x.len()]);
+            }
+            Err(e) => return Err(e.into()),
+        };
+        for (b, x) in bounds.iter_mut().zip(x) {
+            *b = SAFETY * (*b + f64::EPSILON * x.abs());
+        }
+        Ok(bounds)
+    }
+
+    /// Facets of the followed cell which do not vanish hold here: what says otherwise is rounding.
+    fn keep_inside(&mut self, vanishing: &[Vanishing]) {
+        for site in 0..self.layout.num_sites() {
+            let first = self.layout.range(site).start;
+            for facet in self.map.cell(site, self.selection.piece(site)) {
+                let k = first + facet.test();
+                let vanishes = vanishing.iter().any(|v| v.index == k);
+                if !vanishes && facet.sign() * self.here.theta[k] <= 0.0 {
+                    self.here.theta[k] = facet.sign() * f64::MIN_POSITIVE;
+                }
+            }
+        }
+    }
+}
