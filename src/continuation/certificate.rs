@@ -1,6 +1,7 @@
 //! Certificates of local uniqueness at points of a curve.
 
 use super::arms::vanishing_at;
+use super::coincidence::keep_inside;
 use super::{Branch, ContinuationError, ContinuationOptions, Transition};
 use crate::piecewise::{
     ActiveSet, LocalUniqueness, PiecewiseSmooth, Selection, TestLayout, check_vector, local_uniqueness,
@@ -92,7 +93,11 @@ impl Transition {
             &self.test_functions,
             layout.total(),
         )?;
-        let active = ActiveSet::from_tests(map, &layout, &self.test_functions, self.vanishing.clone());
+        // Those told may be in a scale of the user's, in which rounding decides signs.
+        let mut theta = vec![0.0; layout.total()];
+        map.test_functions(&self.x, &mut theta);
+        keep_inside(&map, &layout, &self.before, &self.vanishing, &mut theta);
+        let active = ActiveSet::from_tests(map, &layout, &theta, self.vanishing.clone());
         Ok(local_uniqueness(
             map,
             &self.x,

@@ -4,7 +4,7 @@
 use super::ContinuationError;
 use super::arms::TANGENTIAL;
 use super::engine::Curve;
-use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Vanishing};
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, TestLayout, Vanishing};
 use crate::sparse::norm;
 
 /// Distance along the curve, relative to 1 + ‖x‖, beyond which nothing is taken to coincide.
@@ -25,9 +25,8 @@ impl Curve<'_> {
         let mut facets = self.facets_near(index, &rates);
         let mut others = self.other_tests_near(&facets);
         if facets.len() + others.len() > 1 {
-            let bounds = self.rounding_bounds()?;
-            let error =
-                |v: &Vanishing| -> f64 { v.gradient.iter().zip(&bounds).map(|(g, b)| g.abs() * b).sum() };
+            let rounding = self.rounding_here()?;
+            let error = |v: &Vanishing| rounding.of(v);
             // How far along the curve rounding may have moved the located crossing.
             let reach = self.options.vanishing_distance * (1.0 + norm(&self.here.x));
             let located = facets.iter().find(|(v, _)| v.index == index);
@@ -40,7 +39,9 @@ impl Curve<'_> {
         self.rates = rates;
         let mut list: Vec<Vanishing> = facets.into_iter().map(|(v, _)| v).chain(others).collect();
         list.sort_by_key(|v| v.index);
-        self.keep_inside(&list);
+        let indices: Vec<usize> = list.iter().map(|v| v.index).collect();
+        let theta = &mut self.here.theta;
+        keep_inside(&&self.map, &self.layout, &self.selection, &indices, theta);
         Ok(list)
     }
 
@@ -89,35 +90,56 @@ impl Curve<'_> {
         near
     }
 
-    /// Bounds of the error of each component of the located point, where this matters for more than its place along the curve.
-    fn rounding_bounds(&mut self) -> Result<Vec<f64>, ContinuationError> {
+    fn rounding_here(&mut self) -> Result<Rounding, ContinuationError> {
+        // The point was computed from the one before, and has its rounding errors where it is itself near zero.
+        let pairs = self.here.x.iter().zip(&self.next.x);
+        let sizes: Vec<f64> = pairs.map(|(a, b)| a.abs().max(b.abs())).collect();
         let (x, t) = (&self.here.x, &self.here.t);
-        let noise = self.corrector.noise(&self.map, &self.selection, x, t);
-        let mut bounds = match noise {
-            Ok(noise) => noise,
+        let noise = self.corrector.noise(&self.map, &self.selection, (x, &sizes), t);
+        match noise {
+            Ok(moves) => Ok(Rounding::Measured { moves, sizes }),
             // The selection is singular here: the point is good to the distance at which test functions count as vanishing.
-            Err(PiecewiseError::Linear(_)) => {
-                let reach = self.options.vanishing_distance * (1.0 + norm(x));
-                return Ok(vec![reach; x.len()]);
-            }
-            Err(e) => return Err(e.into()),
-        };
-        for (b, x) in bounds.iter_mut().zip(x) {
-            *b = SAFETY * (*b + f64::EPSILON * x.abs());
+            Err(PiecewiseError::Linear(_)) => Ok(Rounding::Distance(
+                self.options.vanishing_distance * (1.0 + norm(x)),
+            )),
+            Err(e) => Err(e.into()),
         }
-        Ok(bounds)
     }
+}
 
-    /// Facets of the followed cell which do not vanish hold here: what says otherwise is rounding.
-    fn keep_inside(&mut self, vanishing: &[Vanishing]) {
-        for site in 0..self.layout.num_sites() {
-            let first = self.layout.range(site).start;
-            for facet in self.map.cell(site, self.selection.piece(site)) {
-                let k = first + facet.test();
-                let vanishes = vanishing.iter().any(|v| v.index == k);
-                if !vanishes && facet.sign() * self.here.theta[k] <= 0.0 {
-                    self.here.theta[k] = facet.sign() * f64::MIN_POSITIVE;
-                }
+/// What rounding may do to test functions at a located point.
+enum Rounding {
+    Measured { moves: [Vec<f64>; 2], sizes: Vec<f64> },
+    Distance(f64),
+}
+
+impl Rounding {
+    fn of(&self, v: &Vanishing) -> f64 {
+        match self {
+            Self::Distance(distance) => distance * v.gradient_norm,
+            Self::Measured { moves, sizes } => {
+                let moved = moves.iter().map(|m| v.rate(m).abs()).fold(0.0, f64::max);
+                let terms: f64 = v.gradient.iter().zip(sizes).map(|(g, s)| g.abs() * s).sum();
+                SAFETY * (moved + f64::EPSILON * terms)
+            }
+        }
+    }
+}
+
+/// Facets of the cell of a selection which do not vanish hold on its curve: where θ says otherwise, that is rounding.
+pub(super) fn keep_inside(
+    map: &dyn PiecewiseSmooth,
+    layout: &TestLayout,
+    selection: &Selection,
+    vanishing: &[usize],
+    theta: &mut [f64],
+) {
+    for site in 0..layout.num_sites() {
+        let first = layout.range(site).start;
+        for facet in map.cell(site, selection.piece(site)) {
+            let k = first + facet.test();
+            if facet.sign() * theta[k] <= 0.0 && vanishing.binary_search(&k).is_err() {
+                theta[k] = facet.sign() * f64::MIN_POSITIVE;
             }
         }
     }

@@ -30,6 +30,7 @@ impl<M: PiecewiseSmooth + ?Sized> Scaled<M> {
                 self.unscale_arms(&mut b.arms);
             }
             Event::Transition(t) => {
+                self.reported_tests(&t.x, &mut t.test_functions);
                 self.unscale(&mut t.x);
                 self.unscale_direction(&mut t.tangent_before);
                 self.unscale_direction(&mut t.tangent_after);

@@ -10,6 +10,8 @@ use crate::sparse::norm;
 const ROUNDING: f64 = 1.0;
 /// The same, above which the point reached is corrected.
 const DRIFT: f64 = 64.0;
+/// Largest number of facets tried for the one that is crossed first.
+const REORDERED: usize = 8;
 
 impl Curve<'_> {
     /// Goes along the tangent to the first facet, parameter value or limit. Both curve and test functions are affine, so the
@@ -18,13 +20,14 @@ impl Curve<'_> {
         let mut rates = std::mem::take(&mut self.rates);
         rates.resize(self.layout.total(), 0.0);
         self.map.test_derivatives(&self.here.x, &self.here.t, &mut rates);
-        let (mut s, mut event) = (self.farthest(), None);
+        let (mut s, ends_by_length) = self.farthest();
+        let mut event = None;
         for site in 0..self.layout.num_sites() {
             let first = self.layout.range(site).start;
             for &facet in self.map.cell(site, self.selection.piece(site)) {
                 let index = first + facet.test();
                 let rate = facet.sign() * rates[index];
-                if rate < 0.0 && !self.grazing.iter().any(|v| v.index == index) {
+                if rate < 0.0 && !self.is_grazing(index) {
                     let ratio = (facet.sign() * self.here.theta[index]).max(0.0) / -rate;
                     if ratio < s {
                         (s, event) = (ratio, Some(Monitor::Facet { index, facet }));
@@ -54,15 +57,15 @@ impl Curve<'_> {
         if let Some((ahead, crossing)) = self.first_crossing(s) {
             (s, event) = (ahead, Some(crossing));
         }
-        for i in 0..=last {
-            self.next.x[i] = self.here.x[i] + s * self.here.t[i];
+        self.go(s)?;
+        // Rates may be differences, too coarse to tell the order of facets that are close together: values at both ends are not.
+        for _ in 0..REORDERED {
+            let Some((sooner, crossing)) = self.crossed_before(s, event) else {
+                break;
+            };
+            (s, event) = (sooner, Some(crossing));
+            self.go(s)?;
         }
-        self.next.t.copy_from_slice(&self.here.t);
-        self.next.s = s;
-        self.next.orientation = self.here.orientation;
-        self.next.det_sign = self.here.det_sign;
-        self.settle()?;
-        self.map.test_functions(&self.next.x, &mut self.next.theta);
         if let Some(Monitor::Facet { index, .. }) = event {
             // What settling has moved along the curve.
             let rest = self.next.theta[index] / self.rates[index];
@@ -75,7 +78,7 @@ impl Curve<'_> {
         }
         self.arrive(event, 0)?;
         if event.is_none() && self.termination.is_none() {
-            self.termination = Some(if self.arclength >= self.options.max_arclength {
+            self.termination = Some(if ends_by_length {
                 Termination::MaxArclength
             } else {
                 Termination::Unbounded
@@ -84,11 +87,55 @@ impl Curve<'_> {
         Ok(())
     }
 
-    /// How far the tangent may be followed at most: to the limit on arclength, or where ‖x‖ exceeds its bound.
-    fn farthest(&self) -> f64 {
-        let room = self.options.max_arclength - self.arclength;
+    /// Moves `next` to the distance s along the tangent.
+    fn go(&mut self, s: f64) -> Result<(), ContinuationError> {
+        for i in 0..self.here.x.len() {
+            self.next.x[i] = self.here.x[i] + s * self.here.t[i];
+        }
+        self.next.t.copy_from_slice(&self.here.t);
+        self.next.s = s;
+        self.next.orientation = self.here.orientation;
+        self.next.det_sign = self.here.det_sign;
+        self.settle()?;
+        self.map.test_functions(&self.next.x, &mut self.next.theta);
+        Ok(())
+    }
+
+    /// The facet crossed first before the distance s, beyond rounding, and where.
+    fn crossed_before(&self, s: f64, event: Option<Monitor>) -> Option<(f64, Monitor)> {
+        let rounding = 16.0 * f64::EPSILON * (norm(&self.here.x) + s);
+        let mut first: Option<(f64, Monitor)> = None;
+        for site in 0..self.layout.num_sites() {
+            let start = self.layout.range(site).start;
+            for &facet in self.map.cell(site, self.selection.piece(site)) {
+                let index = start + facet.test();
+                let crossing = Monitor::Facet { index, facet };
+                let (g0, g1) = (
+                    (facet.sign() * self.here.theta[index]).max(0.0),
+                    facet.sign() * self.next.theta[index],
+                );
+                let outward = facet.sign() * self.rates[index] < 0.0;
+                if g1 >= 0.0 || !outward || Some(crossing) == event || self.is_grazing(index) {
+                    continue;
+                }
+                let at = s * (g0 / (g0 - g1));
+                if at < first.map_or(s - rounding, |f| f.0) {
+                    first = Some((at, crossing));
+                }
+            }
+        }
+        first
+    }
+
+    fn is_grazing(&self, index: usize) -> bool {
+        self.grazing.iter().any(|v| v.index == index)
+    }
+
+    /// How far the tangent may be followed at most: to the limit on arclength, or where ‖x‖ exceeds its bound; whether it is the former.
+    fn farthest(&self) -> (f64, bool) {
+        let room = (self.options.max_arclength - self.arclength).max(0.0);
         let bound = self.options.max_growth * self.size + norm(&self.here.x);
-        room.min(bound).max(0.0)
+        (room.min(bound), room <= bound)
     }
 
     /// Removes what rounding has added up along the curve.

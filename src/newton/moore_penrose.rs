@@ -284,8 +284,9 @@ impl<L: LinearSolver> MoorePenrose<L> {
         true
     }
 
-    /// How far rounding may have moved a point x of the curve of a selection off it: the corrections that errors of one rounding of the
-    /// terms of each residual (and the residual itself) would call for, the largest moduli for two patterns of signs. Zero along `t`.
+    /// Two ways in which rounding may have moved a point x off the curve of a selection: the corrections that errors of one rounding of
+    /// the terms of each residual (and the residual itself) call for, with two patterns of signs. The variables have had the given
+    /// sizes. Orthogonal to `t`.
     ///
     /// # Errors
     /// As [`linearize`](Self::linearize).
@@ -293,31 +294,30 @@ impl<L: LinearSolver> MoorePenrose<L> {
         &mut self,
         map: &P,
         selection: &Selection,
-        x: &[f64],
+        (x, sizes): (&[f64], &[f64]),
         t: &[f64],
-    ) -> Result<Vec<f64>, PiecewiseError> {
+    ) -> Result<[Vec<f64>; 2], PiecewiseError> {
         self.linearize(map, selection, x, Some(t))?;
         map.residual(selection, x, &mut self.r);
         let mut errors: Vec<f64> = self.r.iter().map(|r| r.abs()).collect();
         for (i, j, v) in self.jac.triplets() {
-            errors[i] += f64::EPSILON * (v * x[j]).abs();
+            errors[i] += f64::EPSILON * (v * sizes[j]).abs();
         }
-        let mut noise = vec![0.0f64; x.len()];
+        let mut moves = [vec![0.0; x.len()], vec![0.0; x.len()]];
         // Multiples of an irrational number spread evenly: no row is favoured.
-        for step in [0.618_033_988_749_894_9, 0.414_213_562_373_095_1] {
+        for (step, moved) in [0.618_033_988_749_894_9, 0.414_213_562_373_095_1]
+            .into_iter()
+            .zip(&mut moves)
+        {
             for (i, (r, e)) in self.r.iter_mut().zip(&errors).enumerate() {
                 *r = e.copysign((step * (i + 1) as f64).fract() - 0.5);
             }
-            self.dx.fill(0.0);
             match &self.inverse {
-                Some((_, inverse)) if self.inverse_at_hand => inverse.correct(&self.r, &mut self.dx),
-                _ => self.bordered.solve(&self.r, t, 0.0, &mut self.dx)?,
-            }
-            for (n, d) in noise.iter_mut().zip(&self.dx) {
-                *n = n.max(d.abs());
+                Some((_, inverse)) if self.inverse_at_hand => inverse.correct(&self.r, moved),
+                _ => self.bordered.solve(&self.r, t, 0.0, moved)?,
             }
         }
-        Ok(noise)
+        Ok(moves)
     }
 
     /// Assembles ∇H^(σ)(x) without factoring it.

@@ -114,6 +114,13 @@ pub trait PiecewiseSmooth {
     /// followed, and so are the steps of central differences. Default: left as they are.
     fn typical_sizes(&self, _sizes: &mut [f64]) {}
 
+    /// Replaces `out` by the test functions in the form in which transitions tell them, where that is another than the one in which
+    /// curves are followed, and returns whether it is: users may prescribe a scale (the augmentation parameter of a contact
+    /// problem) on which nothing else is to depend. At solutions both forms have the same signs. Default: `false`.
+    fn reported_tests(&self, _x: &[f64], _out: &mut [f64]) -> bool {
+        false
+    }
+
     /// Directional derivatives ∇θ(x)·d of all test functions, in the order of [`test_functions`](Self::test_functions).
     /// Default: central differences along d (two evaluations).
     fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {
@@ -176,6 +183,9 @@ macro_rules! forward {
         }
         fn typical_sizes(&self, sizes: &mut [f64]) {
             (**self).typical_sizes(sizes);
+        }
+        fn reported_tests(&self, x: &[f64], out: &mut [f64]) -> bool {
+            (**self).reported_tests(x, out)
         }
         fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {
             (**self).test_derivatives(x, d, out);

@@ -189,6 +189,9 @@ impl<M: PiecewiseSmooth + ?Sized> PiecewiseSmooth for Scaled<M> {
     fn test_functions(&self, z: &[f64], out: &mut [f64]) {
         self.at(z, |x| self.map.test_functions(x, out));
     }
+    fn reported_tests(&self, z: &[f64], out: &mut [f64]) -> bool {
+        self.at(z, |x| self.map.reported_tests(x, out))
+    }
     fn residual(&self, selection: &Selection, z: &[f64], out: &mut [f64]) {
         self.at(z, |x| self.map.residual(selection, x, out));
     }
