@@ -57,24 +57,14 @@ impl Curve<'_> {
         if let Some((ahead, crossing)) = self.first_crossing(s) {
             (s, event) = (ahead, Some(crossing));
         }
-        self.go(s)?;
+        self.go(s, event)?;
         // Rates may be differences, too coarse to tell the order of facets that are close together: values at both ends are not.
         for _ in 0..REORDERED {
-            let Some((sooner, crossing)) = self.crossed_before(s, event) else {
+            let Some((sooner, crossing)) = self.crossed_before(event) else {
                 break;
             };
-            (s, event) = (sooner, Some(crossing));
-            self.go(s)?;
-        }
-        if let Some(Monitor::Facet { index, .. }) = event {
-            // What settling has moved along the curve.
-            let rest = self.next.theta[index] / self.rates[index];
-            for (x, t) in self.next.x.iter_mut().zip(&self.next.t) {
-                *x -= rest * t;
-            }
-            for (theta, rate) in self.next.theta.iter_mut().zip(&self.rates) {
-                *theta -= rest * rate;
-            }
+            event = Some(crossing);
+            self.go(sooner, event)?;
         }
         self.arrive(event, 0)?;
         if event.is_none() && self.termination.is_none() {
@@ -87,8 +77,8 @@ impl Curve<'_> {
         Ok(())
     }
 
-    /// Moves `next` to the distance s along the tangent.
-    fn go(&mut self, s: f64) -> Result<(), ContinuationError> {
+    /// Moves `next` to the distance s along the tangent, and from there onto the facet of the event.
+    fn go(&mut self, s: f64, event: Option<Monitor>) -> Result<(), ContinuationError> {
         for i in 0..self.here.x.len() {
             self.next.x[i] = self.here.x[i] + s * self.here.t[i];
         }
@@ -98,11 +88,22 @@ impl Curve<'_> {
         self.next.det_sign = self.here.det_sign;
         self.settle()?;
         self.map.test_functions(&self.next.x, &mut self.next.theta);
+        if let Some(Monitor::Facet { index, .. }) = event {
+            let rest = self.next.theta[index] / self.rates[index];
+            self.next.s -= rest;
+            for (x, t) in self.next.x.iter_mut().zip(&self.next.t) {
+                *x -= rest * t;
+            }
+            for (theta, rate) in self.next.theta.iter_mut().zip(&self.rates) {
+                *theta -= rest * rate;
+            }
+        }
         Ok(())
     }
 
-    /// The facet crossed first before the distance s, beyond rounding, and where.
-    fn crossed_before(&self, s: f64, event: Option<Monitor>) -> Option<(f64, Monitor)> {
+    /// The facet crossed first before `next`, beyond rounding, and where.
+    fn crossed_before(&self, event: Option<Monitor>) -> Option<(f64, Monitor)> {
+        let s = self.next.s;
         let rounding = 16.0 * f64::EPSILON * (norm(&self.here.x) + s);
         let mut first: Option<(f64, Monitor)> = None;
         for site in 0..self.layout.num_sites() {
