@@ -20,8 +20,11 @@ impl Curve<'_> {
     /// that leaves. The other test functions of the sites concerned count if rounding hides their sign.
     pub(super) fn met_together(&mut self, index: usize) -> Result<Vec<Vanishing>, ContinuationError> {
         let mut rates = std::mem::take(&mut self.rates);
-        rates.resize(self.layout.total(), 0.0);
-        self.map.test_derivatives(&self.here.x, &self.here.t, &mut rates);
+        // On affine pieces they are those of the step just made.
+        if !self.map.is_piecewise_affine() || rates.len() != self.layout.total() {
+            rates.resize(self.layout.total(), 0.0);
+            self.map.test_derivatives(&self.here.x, &self.here.t, &mut rates);
+        }
         let mut facets = self.facets_near(index, &rates);
         let mut others = self.other_tests_near(&facets);
         if facets.len() + others.len() > 1 {

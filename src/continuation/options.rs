@@ -64,7 +64,8 @@ pub struct ContinuationOptions {
     pub max_growth: f64,
     /// Largest wall-clock time. Default none.
     pub max_time: Option<Duration>,
-    /// Distance in x, relative to 1 + ‖x‖₂, within which a test function counts as vanishing at a transition. Default 1e-9.
+    /// Distance in x, relative to 1 + ‖x‖₂, within which a test function counts as vanishing at a start, at a branch point and where the
+    /// selection is singular. At transitions met along a curve that is decided along it, to rounding. Default 1e-9.
     pub vanishing_distance: f64,
     /// Typical sizes of all variables (y, α), in their units: distances and angles are measured in the variables divided by them,
     /// arclength in that measure times the size of α, so that steps are changes of α where nothing else changes much. Default empty:
