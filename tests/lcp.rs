@@ -73,7 +73,7 @@ proptest! {
         prop_assert!(listed(&set, &z));
     }
 
-    /// Units of z and of M z + q change nothing. (The tolerance of `McpSolver` is absolute.)
+    /// Units of z and of M z + q change nothing.
     #[test]
     fn in_other_units(
         g in reals(N * N), s in reals(N * N), q in reals(N),

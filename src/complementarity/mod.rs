@@ -19,6 +19,21 @@
 //! * [`FischerBurmeister`] is the semismooth reformulation with a smooth merit function.
 //! * [`McpSolver`] solves an MCP from any start; see there for the strategy.
 //!
+//! # Accuracy
+//! One rule says when a point x within its bounds is a solution to a tolerance τ, whatever the units of F and of x. With f = F(x) and
+//! J = ∇F(x) the *terms* of row i are Sᵢ = Σⱼ |Jᵢⱼ xⱼ| + |fᵢ − Σⱼ Jᵢⱼ xⱼ|, for F = M x + q the sum of all |Mᵢⱼ xⱼ| and |qᵢ|. Component i
+//! is solved where
+//!
+//! * xᵢ is at a bound, exactly, and fᵢ has the sign that belongs to it (or both bounds are equal), or
+//! * |fᵢ| ≤ τ Sᵢ.
+//!
+//! The largest error in this sense is [`McpReport::error`]. It does not change with the units of rows and unknowns, and no start enters
+//! it. Two provisos: far out, where the constants fᵢ − Σⱼ Jᵢⱼ xⱼ (over the xⱼ between bounds) of all rows are less than 1e-6 of their
+//! terms, errors are compared with the constants instead, as along a direction that rows hardly see every residual is small relative to
+//! its terms; and beyond |xⱼ| = 2⁵² nothing is solved. What is only the rounding of huge terms is [`McpStatus::AtRounding`]. All solvers
+//! of this module go by the rule: McpSolver, [`ActiveSetSolver`](active_set::ActiveSetSolver), [`Nested`](active_set::Nested) and
+//! [`Lemke`](pivoting::Lemke).
+//!
 //! ```
 //! use semismooth::complementarity::{Mcp, McpSolver, WithJacobian};
 //!
@@ -36,6 +51,7 @@
 //! # Ok::<(), semismooth::complementarity::ComplementarityError>(())
 //! ```
 
+mod accuracy;
 pub mod active_set;
 mod affine;
 #[cfg(feature = "autodiff")]

@@ -104,6 +104,10 @@ impl Cholesky {
         self.pattern.check(&a)?;
         check_finite(a.values, "the matrix")?;
         let norm = self.scale(a.values)?;
+        // Next to a unit diagonal larger entries are indefinite, and infinite ones none of the factorisation's business.
+        if !norm.is_finite() {
+            return Err(LinearError::NotPositiveDefinite);
+        }
         let Some(engine) = self.engine.as_mut() else {
             return Err(LinearError::NotAnalyzed);
         };

@@ -1,45 +1,22 @@
-use nalgebra::{Cholesky, DMatrix};
+use nalgebra::Cholesky;
 
-use super::LinearError;
-use super::memory::{check_finite, dense_zeros};
+use super::spectral::{self, Scaled};
+use super::{LinearError, memory::check_finite};
 use crate::sparse::Matrix;
 
-/// Most sweeps of the eigenvalue iterations for each row of the matrix.
-const SWEEPS: usize = 100;
-
-fn dense(a: &Matrix) -> Result<DMatrix<f64>, LinearError> {
-    check_finite(a.values(), "the matrix")?;
+fn dense(a: &Matrix) -> Result<Scaled, LinearError> {
     if a.nrows() != a.ncols() {
         return Err(LinearError::NotSquare {
             nrows: a.nrows(),
             ncols: a.ncols(),
         });
     }
-    let zeros = dense_zeros(a.nrows(), a.ncols())?;
-    let mut m = DMatrix::from_vec(a.nrows(), a.ncols(), zeros);
-    for (i, j, v) in a.triplets() {
-        m[(i, j)] = v;
-    }
-    Ok(m)
+    spectral::scaled(a, a.nrows())
 }
 
-fn failed() -> LinearError {
-    LinearError::Solver {
-        what: "the eigenvalue iteration did not converge".to_owned(),
-    }
-}
-
-fn sorted(m: DMatrix<f64>) -> Result<Vec<f64>, LinearError> {
-    let n = m.nrows();
-    if n == 0 {
-        return Ok(Vec::new());
-    }
-    let eigen = m
-        .try_symmetric_eigen(5.0 * f64::EPSILON, SWEEPS * n)
-        .ok_or_else(failed)?;
-    let mut values = eigen.eigenvalues.as_slice().to_vec();
+fn sorted(mut values: Vec<f64>) -> Vec<f64> {
     values.sort_by(f64::total_cmp);
-    Ok(values)
+    values
 }
 
 /// The eigenvalues of a symmetric matrix (its lower triangle is read), increasing. Dense: O(n³).
@@ -54,7 +31,10 @@ fn sorted(m: DMatrix<f64>) -> Result<Vec<f64>, LinearError> {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn symmetric_eigenvalues(a: &Matrix) -> Result<Vec<f64>, LinearError> {
-    sorted(dense(a)?)
+    let m = dense(a)?;
+    let unit = m.unit;
+    let values = spectral::symmetric(m.entries)?;
+    Ok(sorted(values.iter().map(|v| v * unit * unit).collect()))
 }
 
 /// The eigenvalues λ of A v = λ B v, A symmetric, B symmetric positive definite, increasing. Dense: O(n³).
@@ -63,23 +43,27 @@ pub fn symmetric_eigenvalues(a: &Matrix) -> Result<Vec<f64>, LinearError> {
 /// As [`symmetric_eigenvalues`]; different orders; B not positive definite.
 pub fn generalized_eigenvalues(a: &Matrix, b: &Matrix) -> Result<Vec<f64>, LinearError> {
     let (a, b) = (dense(a)?, dense(b)?);
-    if a.nrows() != b.nrows() {
+    if a.entries.nrows() != b.entries.nrows() {
         return Err(LinearError::Shape {
             what: "the second matrix",
-            expected: a.nrows(),
-            found: b.nrows(),
+            expected: a.entries.nrows(),
+            found: b.entries.nrows(),
         });
     }
-    let factor = Cholesky::new(b).ok_or(LinearError::NotPositiveDefinite)?;
+    let unit = a.unit / b.unit;
+    let factor = Cholesky::new(b.entries).ok_or(LinearError::NotPositiveDefinite)?;
     let l = factor.l();
     let half = l
-        .solve_lower_triangular(&a)
+        .solve_lower_triangular(&a.entries)
         .ok_or(LinearError::NotPositiveDefinite)?;
     let mut m = l
         .solve_lower_triangular(&half.transpose())
         .ok_or(LinearError::NotPositiveDefinite)?;
     m = (&m + m.transpose()) * 0.5;
-    sorted(m)
+    // Where B is all but singular its factors overflow.
+    check_finite(m.as_slice(), "the reduced matrix").map_err(|_| LinearError::NotPositiveDefinite)?;
+    let values = spectral::symmetric(m)?;
+    Ok(sorted(values.iter().map(|v| v * unit * unit).collect()))
 }
 
 /// The eigenvalues (real part, imaginary part) of any square matrix. Dense: O(n³).
@@ -88,10 +72,10 @@ pub fn generalized_eigenvalues(a: &Matrix, b: &Matrix) -> Result<Vec<f64>, Linea
 /// As [`symmetric_eigenvalues`].
 pub fn eigenvalues(a: &Matrix) -> Result<Vec<(f64, f64)>, LinearError> {
     let m = dense(a)?;
-    let n = m.nrows();
-    if n == 0 {
-        return Ok(Vec::new());
-    }
-    let schur = m.try_schur(5.0 * f64::EPSILON, SWEEPS * n).ok_or_else(failed)?;
-    Ok(schur.complex_eigenvalues().iter().map(|z| (z.re, z.im)).collect())
+    let unit = m.unit;
+    let values = spectral::any(m.entries)?;
+    Ok(values
+        .iter()
+        .map(|z| (z.0 * unit * unit, z.1 * unit * unit))
+        .collect())
 }

@@ -1,11 +1,5 @@
-use nalgebra::DMatrix;
-
-use super::LinearError;
-use super::memory::{check_finite, dense_zeros};
+use super::{LinearError, spectral};
 use crate::sparse::Matrix;
-
-/// Most sweeps of the singular value iteration for each row of the matrix; convergence takes a handful.
-const SWEEPS: usize = 100;
 
 /// Orthonormal bases of the kernels of a matrix and of its transpose.
 #[derive(Debug, Clone, PartialEq)]
@@ -23,7 +17,6 @@ pub struct NullSpace {
 /// # Errors
 /// [`LinearError::NotFinite`]; [`LinearError::TooLarge`]; [`LinearError::Solver`] should the iteration not converge.
 pub fn null_space(a: &Matrix, rtol: f64) -> Result<NullSpace, LinearError> {
-    check_finite(a.values(), "the matrix")?;
     let (left, _) = right_kernel(&a.transpose(), rtol)?;
     let (right, singular_values) = right_kernel(a, rtol)?;
     Ok(NullSpace {
@@ -38,24 +31,14 @@ fn right_kernel(a: &Matrix, rtol: f64) -> Result<(Vec<Vec<f64>>, Vec<f64>), Line
     let (m, n) = (a.nrows(), a.ncols());
     let short = m.min(n);
     let rows = m.max(n);
-    let zeros = dense_zeros(rows, n)?;
     if short == 0 {
         let unit = |k| (0..n).map(|i| f64::from(i == k)).collect();
         return Ok(((0..n).map(unit).collect(), Vec::new()));
     }
     // Thin factors of a wide matrix leave out part of its kernel: zero rows complete them.
-    let mut padded = DMatrix::from_vec(rows, n, zeros);
-    for (i, j, v) in a.triplets() {
-        padded[(i, j)] = v;
-    }
-    let failed = || LinearError::Solver {
-        what: "the singular value iteration did not converge".to_owned(),
-    };
-    let svd = padded
-        .try_svd(false, true, 5.0 * f64::EPSILON, SWEEPS * n)
-        .ok_or_else(failed)?;
-    let v_t = svd.v_t.ok_or_else(failed)?;
-    let sigma = svd.singular_values;
+    let padded = spectral::scaled(a, rows)?;
+    let unit = padded.unit;
+    let (sigma, v_t) = spectral::singular_values(padded.entries)?;
     let mut order: Vec<usize> = (0..n).collect();
     order.sort_by(|&p, &q| sigma[q].total_cmp(&sigma[p]));
     let limit = rtol * sigma[order[0]];
@@ -64,5 +47,8 @@ fn right_kernel(a: &Matrix, rtol: f64) -> Result<(Vec<Vec<f64>>, Vec<f64>), Line
         .filter(|&(position, &k)| position >= short || sigma[k] <= limit)
         .map(|(_, &k)| v_t.row(k).iter().copied().collect())
         .collect();
-    Ok((kernel, order[..short].iter().map(|&k| sigma[k]).collect()))
+    Ok((
+        kernel,
+        order[..short].iter().map(|&k| sigma[k] * unit * unit).collect(),
+    ))
 }

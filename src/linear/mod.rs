@@ -26,6 +26,7 @@ mod row_inverse;
 mod scaling;
 mod small_lu;
 mod sparse_lu;
+mod spectral;
 
 pub use auto::{AutoSolver, DENSE_LIMIT};
 pub use bordered::Bordered;

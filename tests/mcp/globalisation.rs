@@ -49,7 +49,7 @@ fn a_step_undone_by_the_projection_is_none() {
 }
 
 /// KKT system of Hock and Schittkowski (1981), problem 71.
-struct Hs71;
+pub(crate) struct Hs71;
 
 impl SmoothFunction for Hs71 {
     fn num_vars(&self) -> usize {

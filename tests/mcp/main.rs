@@ -3,10 +3,12 @@
 #[path = "../../examples/common/expressions.rs"]
 mod expressions;
 
+mod accuracy;
 mod corpus;
 mod defects;
 mod functions;
 mod globalisation;
+mod linear;
 mod outcomes;
 mod parametric;
 mod properties;

@@ -60,7 +60,7 @@ fn lcp(rows: &[Vec<f64>], q: &[f64]) -> Mcp<AffineFunction> {
 }
 
 /// A cubic perturbation of an affine map whose solution is known, with every kind of bound.
-struct Known {
+pub(crate) struct Known {
     rows: Vec<Vec<f64>>,
     shift: Vec<f64>,
     cubic: Vec<f64>,
@@ -87,7 +87,7 @@ impl McpFunction for Known {
 }
 
 /// A monotone problem with the solution it was made for.
-fn known(seed: u64, n: usize) -> (Mcp<Known>, Vec<f64>) {
+pub(crate) fn known(seed: u64, n: usize) -> (Mcp<Known>, Vec<f64>) {
     let mut rng = Rng(seed);
     let b = rng.square(n);
     let s = rng.square(n);

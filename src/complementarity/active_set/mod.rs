@@ -5,6 +5,7 @@
 //! ends after finitely many iterations, and needs few. [`ReducedSolver`] is the seam behind which reduced systems are solved;
 //! [`Nested`] starts from coarser problems.
 
+mod blocks;
 mod direct;
 mod iterative;
 mod krylov;

@@ -12,8 +12,9 @@ use crate::options::setters;
 pub struct ActiveSetOptions {
     /// Largest number of iterations; default 1000.
     pub max_iterations: usize,
-    /// Tolerance on the scaled natural residual maxᵢ |zᵢ − mid(lᵢ, uᵢ, zᵢ − wᵢ/mᵢ)| (mᵢ the size of row i of M) relative to
-    /// the largest |zᵢ|. Solved exactly, a problem ends at rounding whatever this says; it ends iterative solves. Default 1e-11.
+    /// Tolerance on the error of each component relative to the terms of its row ([accuracy](crate::complementarity#accuracy)). Where
+    /// reduced systems are solved iteratively the terms count with the largest |z| of all unknowns that rows connect with each other,
+    /// as the error of such solves knows no smaller size. Default 1e-11.
     pub tolerance: f64,
     /// Block exchanges without fewer wrong signs after which other exchanges are tried. Default 10.
     pub patience: usize,
@@ -67,7 +68,7 @@ impl ActiveSetOptions {
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum ActiveSetStatus {
-    /// At a solution.
+    /// At a solution, to the tolerance at the point handed back.
     Solved,
     /// At the limit on iterations.
     IterationLimit,

@@ -1,9 +1,11 @@
 use std::ops::ControlFlow;
 
+use super::blocks::Blocks;
 use super::{
     ActiveSetIteration, ActiveSetOptions, ActiveSetReport, ActiveSetStatus, AutoReduced, Exchange,
     ReducedSolver,
 };
+use crate::complementarity::accuracy::{Accuracy, Point};
 use crate::complementarity::problem::natural;
 use crate::complementarity::{BoundState, ComplementarityError, Lcp};
 use crate::linear::LinearError;
@@ -14,6 +16,8 @@ const COARSE: f64 = 5e-2;
 const FAR: f64 = 0.02;
 /// Block exchanges before single ones; triangular matrices need as many as unknowns, with slow or no decrease of their number.
 const MORE_BLOCKS: usize = 100;
+/// Further solves with sets that no longer change, where rounding left too much of the residual (a start far out).
+const REFINEMENTS: usize = 5;
 /// Rounding of w, relative to its terms, below which its sign says nothing.
 const ROUNDING: f64 = 8.0 * f64::EPSILON;
 
@@ -50,6 +54,10 @@ pub struct ActiveSetSolver<R = AutoReduced> {
     ranking: Vec<(f64, usize)>,
     free: Vec<bool>,
     scale: Vec<f64>,
+    blocks: Blocks,
+    /// Largest |z| in the block of each unknown.
+    size: Vec<f64>,
+    accuracy: Accuracy,
     w: Vec<f64>,
     r: Vec<f64>,
     step: Vec<f64>,
@@ -67,6 +75,9 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
             ranking: Vec::new(),
             free: Vec::new(),
             scale: Vec::new(),
+            blocks: Blocks::default(),
+            size: Vec::new(),
+            accuracy: Accuracy::default(),
             w: Vec::new(),
             r: Vec::new(),
             step: Vec::new(),
@@ -169,12 +180,19 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
             sets.resize(n, BoundState::Interior);
         }
         self.free.resize(n, true);
-        for v in [&mut self.scale, &mut self.w, &mut self.r, &mut self.step] {
+        for v in [
+            &mut self.scale,
+            &mut self.size,
+            &mut self.w,
+            &mut self.r,
+            &mut self.step,
+        ] {
             v.clear();
             v.resize(n, 0.0);
         }
         // Positive diagonals are the natural size of a row; largest entries stand in for others.
         let matrix = lcp.matrix();
+        self.blocks.find(matrix);
         for (i, j, v) in matrix.triplets() {
             if i == j && v > 0.0 {
                 self.scale[i] = v;
@@ -223,6 +241,7 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
         let mut exchange = Exchange::Block;
         let (mut residual, mut progress) = (f64::INFINITY, 1.0);
         let mut restarted = false;
+        let mut refinements = 0;
         let mut at_most: usize = 1;
         let mut may_restart = sets.is_none();
         loop {
@@ -261,12 +280,20 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
             }
             let before = changes;
             changes = self.guess(lcp, z);
-            if changes == 0 && self.reduced.is_direct() {
-                return Ok(ActiveSetStatus::Solved);
-            }
-            if residual <= self.options.tolerance * size(z) {
+            let settled = changes == 0 && self.reduced.is_direct();
+            if settled || residual <= self.options.tolerance * size(z) {
                 self.clamp(lcp, z);
-                return Ok(ActiveSetStatus::Solved);
+                lcp.value(z, &mut self.w);
+                if self.is_solution(lcp, z) {
+                    return Ok(ActiveSetStatus::Solved);
+                }
+                refinements += 1;
+                if refinements > REFINEMENTS {
+                    return Ok(ActiveSetStatus::Inaccurate);
+                }
+                if settled {
+                    continue;
+                }
             }
             let part = changes as f64 / n as f64;
             // A layer of a set in the plane has about √n components; to peel off one by one is slow.
@@ -367,9 +394,10 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
     fn guess(&mut self, lcp: &Lcp, z: &[f64]) -> usize {
         let (lower, upper) = (lcp.lower(), lcp.upper());
         let direct = self.reduced.is_direct();
-        let rounding = ROUNDING * size(z);
+        self.blocks.sizes(z, &mut self.size);
         let mut changes = 0;
         for i in 0..z.len() {
+            let rounding = ROUNDING * self.size[i];
             let now = self.states[i];
             let reach = self.w[i] / self.scale[i];
             self.next[i] = if lower[i] == upper[i] {
@@ -449,6 +477,22 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
             }
         }
         worst
+    }
+
+    /// Whether z, with w at hand, is a solution; see [`ActiveSetOptions::tolerance`].
+    fn is_solution(&mut self, lcp: &Lcp, z: &[f64]) -> bool {
+        let mut point = Point::of(lcp, z, &self.w);
+        let tolerance = self.options.tolerance;
+        if self.accuracy.measure(&point).is_solved(tolerance) {
+            return true;
+        }
+        self.blocks.sizes(z, &mut self.size);
+        point.sizes = Some(&self.size);
+        let measure = self.accuracy.measure(&point);
+        match self.reduced.is_direct() {
+            true => measure.is_rounding(),
+            false => measure.is_solved(tolerance),
+        }
     }
 
     fn clamp(&self, lcp: &Lcp, z: &mut [f64]) {

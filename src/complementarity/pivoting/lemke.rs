@@ -7,6 +7,7 @@ use ratio::Block;
 
 use super::basis::Basis;
 use super::{LemkeOptions, LemkePivot, LemkeReport, LemkeStatus};
+use crate::complementarity::accuracy::Accuracy;
 use crate::complementarity::{ComplementarityError, Lcp};
 use crate::linear::LinearError;
 use crate::piecewise::is_ordinary;
@@ -79,8 +80,12 @@ pub struct Lemke {
     work: Vec<f64>,
     /// Sides into which the right-hand side is perturbed; 0 for equations without inequality.
     perturbation: Vec<f64>,
-    /// Factor by which M and q are multiplied, so that slacks and unknowns are of one size whatever their units; a power of two.
-    unit: f64,
+    /// Factors by which the rows of M and q are multiplied, so that slacks and unknowns are of one size whatever their units; powers of
+    /// two. It makes no difference to the problem, only to which covering vector is all ones.
+    units: Vec<f64>,
+    /// Values of M, its rows multiplied by `units`.
+    scaled: Vec<f64>,
+    accuracy: Accuracy,
     /// Distances to bounds up to this one are rounding.
     zero: f64,
     tied: Vec<usize>,
@@ -133,12 +138,7 @@ impl Lemke {
     ) -> Result<LemkeReport, ComplementarityError> {
         let n = lcp.len();
         self.check(lcp, z)?;
-        let largest = lcp.matrix().values().iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-        self.unit = if largest.is_normal() && !is_ordinary(largest) {
-            largest.log2().round().exp2().recip()
-        } else {
-            1.0
-        };
+        self.scale(lcp);
         let limit = self.options.max_pivots.unwrap_or(50 * n + 1000);
         let mut pivots = 0;
         self.turn = 0;
@@ -157,8 +157,9 @@ impl Lemke {
         };
         self.point(lcp, z);
         lcp.value(z, &mut self.work);
+        let wrong = status == LemkeStatus::Solved && !self.is_solution(lcp, z);
         let mut report = LemkeReport {
-            status,
+            status: if wrong { LemkeStatus::Inaccurate } else { status },
             pivots,
             refactorisations: self.refactorisations,
             residual: lcp.natural_residual_of(z, &self.work),
@@ -171,11 +172,35 @@ impl Lemke {
         Ok(report)
     }
 
+    /// The units of rows; 1 where all are ordinary.
+    fn scale(&mut self, lcp: &Lcp) {
+        self.units.clear();
+        self.units.resize(lcp.len(), 0.0);
+        for (i, _, v) in lcp.matrix().triplets() {
+            self.units[i] = self.units[i].max(v.abs());
+        }
+        for (unit, q) in self.units.iter_mut().zip(lcp.q()) {
+            let size = if *unit == 0.0 { q.abs() } else { *unit };
+            *unit = if size.is_normal() { size } else { 1.0 };
+        }
+        match self.units.iter().all(|u| is_ordinary(*u)) {
+            true => self.units.fill(1.0),
+            false => self
+                .units
+                .iter_mut()
+                .for_each(|u| *u = u.log2().round().exp2().recip()),
+        }
+        let rows = lcp.matrix().pattern().row_idx();
+        let values = lcp.matrix().values().iter().zip(rows);
+        self.scaled.clear();
+        self.scaled.extend(values.map(|(v, &i)| v * self.units[i]));
+    }
+
     /// Entry k of the covering vector: the one chosen, or ones, spread by golden fractions in later turns.
     fn covering(&self, k: usize) -> f64 {
         const GOLDEN: f64 = 0.618_033_988_749_894_9;
         match &self.options.covering {
-            Some(d) => d[k],
+            Some(d) => d[k] * self.units[k],
             None => 1.0 + (self.turn as f64 * GOLDEN * (k + 1) as f64).fract(),
         }
     }
@@ -287,7 +312,7 @@ impl Lemke {
         self.rhs.copy_from_slice(lcp.q());
         self.resting(lcp);
         lcp.matrix().as_ref().mul_add(1.0, &self.work, &mut self.rhs);
-        self.rhs.iter_mut().for_each(|v| *v *= self.unit);
+        self.rhs.iter_mut().zip(&self.units).for_each(|(v, u)| *v *= u);
     }
 
     /// Writes z with zeros at the basic places into `work`.
@@ -318,6 +343,10 @@ impl Lemke {
         };
         let mut leaving = self.basic[slot];
         let mut at_upper = false;
+        let unit = match self.options.covering {
+            Some(_) => 1.0,
+            None => self.units.iter().fold(0.0_f64, |m, u| m.max(*u)),
+        };
         self.exchange(slot, Var::Cover);
         *pivots = 1;
         self.fresh = false;
@@ -333,7 +362,7 @@ impl Lemke {
             let pivot = LemkePivot {
                 index: *pivots,
                 path: self.turn,
-                cover: cover.map_or(0.0, |slot| self.value[slot]) / self.unit,
+                cover: cover.map_or(0.0, |slot| self.value[slot]) / unit,
             };
             if observe(&pivot).is_break() {
                 return Ok(LemkeStatus::Interrupted);
@@ -461,14 +490,13 @@ impl Lemke {
             Var::Point(i) => {
                 let pattern = lcp.matrix().pattern();
                 let span = pattern.col_ptr()[i]..pattern.col_ptr()[i + 1];
-                let values = &lcp.matrix().values()[span.clone()];
+                let values = &self.scaled[span.clone()];
                 if values.len() == self.rhs.len() {
                     self.basis.apply(values, &mut self.entering);
-                    self.entering.iter_mut().for_each(|v| *v *= -self.unit);
+                    self.entering.iter_mut().for_each(|v| *v = -*v);
                 } else {
                     let rows = &pattern.row_idx()[span];
-                    self.basis
-                        .apply_sparse(rows, values, -self.unit, &mut self.entering);
+                    self.basis.apply_sparse(rows, values, -1.0, &mut self.entering);
                 }
             }
             Var::Cover => self.basis.apply(&self.cover, &mut self.entering),

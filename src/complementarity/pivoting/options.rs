@@ -36,7 +36,8 @@ impl LemkeOptions {
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum LemkeStatus {
-    /// At a solution.
+    /// At a solution: each component to 1e-10 relative to the terms of its row, as checked at the point handed back
+    /// ([accuracy](crate::complementarity#accuracy)).
     Solved,
     /// On a secondary ray, whose direction is [`Lemke::ray`](super::Lemke::ray). With `infeasible` that direction v was verified to be a certificate
     /// that no z ≥ 0 has M z + q ≥ 0, hence that there is no solution: v ≥ 0, Mᵀv ≤ 0, qᵀv < 0. Without it, there may be one.

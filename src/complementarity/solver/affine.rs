@@ -1,7 +1,6 @@
 //! Full steps of the natural map for affine problems.
 
 use super::engine::{Engine, Plan};
-use super::work::Work;
 use super::{McpStatus, McpStep};
 
 impl Engine<'_> {
@@ -9,18 +8,13 @@ impl Engine<'_> {
     pub(super) fn affine_newton(&mut self, plan: &Plan) -> McpStatus {
         let limit = (50 + self.n() / 2).min(plan.max_iterations);
         self.work.visited.clear();
-        if !self.evaluate() {
-            return McpStatus::EvaluationFailure {
-                component: self.bad_component.unwrap_or(0),
-            };
-        }
-        if !self.jacobian() {
+        if !self.evaluate() || !self.jacobian() {
             return McpStatus::EvaluationFailure {
                 component: self.bad_component.unwrap_or(0),
             };
         }
         self.equilibrate(plan);
-        self.scale_jacobian(plan);
+        self.work.lin.rescale(plan.proximal);
         let mut unchanged = false;
         for k in 0..=limit {
             if let Some(status) = self.exhausted() {
@@ -28,19 +22,15 @@ impl Engine<'_> {
             }
             let merit = self.merit(plan);
             let residual = self.residual();
-            let small = residual <= self.options.tolerance;
-            if small || unchanged {
-                let Work { x, trial_x, .. } = &mut *self.work;
-                trial_x.copy_from_slice(x);
-                for i in 0..self.n() {
-                    self.work.x[i] = self.clamp(i, self.work.x[i]);
-                }
-                if !self.evaluate() {
+            if unchanged || self.is_solution(residual) {
+                if !self.clamp_all() {
                     break;
                 }
                 let residual = self.residual();
+                let measure = self.measure();
+                self.note_nearest(measure);
                 self.note_best(residual);
-                if plan.proximal > 0.0 || residual <= self.options.tolerance || self.is_rounding() {
+                if plan.proximal > 0.0 || measure.is_solved(self.options.tolerance) {
                     self.record(residual, merit, McpStep::None, 0.0);
                     return McpStatus::Solved;
                 }

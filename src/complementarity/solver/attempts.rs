@@ -255,7 +255,7 @@ impl Engine<'_> {
         if !self.evaluate() || !self.jacobian() {
             return McpStatus::Stalled;
         }
-        let size = max_abs(self.work.jac.values()).clamp(1e-6, 1e6);
+        let size = max_abs(self.work.lin.jac().values()).clamp(1e-6, 1e6);
         let mut epsilon = size;
         let mut outcome = McpStatus::Stalled;
         let mut last = f64::INFINITY;
@@ -328,7 +328,7 @@ impl Engine<'_> {
         self.function.value(&w.trial_x, &mut w.trial_f);
         self.report.evaluations += 1;
         let problem = Mcp::affine(
-            w.jac.clone(),
+            w.lin.jac().clone(),
             w.trial_f.clone(),
             self.lower.to_vec(),
             self.upper.to_vec(),
@@ -386,38 +386,50 @@ impl Engine<'_> {
         w.trial_x.fill(0.0);
         self.function.value(&w.trial_x, &mut w.trial_f);
         self.report.evaluations += 1;
-        w.jac.mul_transpose_vec(&v, &mut w.scratch);
+        let jac = w.lin.jac();
         let mut sum: f64 = w.trial_f.iter().zip(&v).map(|(q, v)| q * v).sum();
-        let scale = max_abs(&w.trial_f).max(1e-300);
-        let largest = max_abs(w.jac.values());
-        for i in 0..n {
-            let s = w.scratch[i];
-            let bound = if s > 0.0 { self.upper[i] } else { self.lower[i] };
+        let mut size: f64 = w.trial_f.iter().zip(&v).map(|(q, v)| (q * v).abs()).sum();
+        let pattern = jac.pattern();
+        for j in 0..n {
+            let span = pattern.col_ptr()[j]..pattern.col_ptr()[j + 1];
+            let terms = pattern.row_idx()[span.clone()].iter().zip(&jac.values()[span]);
+            let (s, terms) = terms.fold((0.0, 0.0), |(s, t), (&i, a)| (s + a * v[i], t + (a * v[i]).abs()));
+            let bound = if s > 0.0 { self.upper[j] } else { self.lower[j] };
             if bound.is_finite() {
                 sum += s * bound;
-            } else if s.abs() > 1e-10 * largest {
+                size += terms * bound.abs();
+            } else if s.abs() > 1e-10 * terms {
                 return false;
             }
         }
-        let proven = sum < -1e-7 * scale;
+        let proven = sum < -1e-7 * size;
         if proven {
             self.report.certificate = v;
         }
         proven
     }
 
-    /// Whether the residual at `work.x` is small enough where no strategy brought it down to the tolerance.
-    fn is_acceptable(&mut self) -> bool {
-        if !(self.best <= self.options.acceptable && self.evaluate() && self.jacobian()) {
-            return false;
+    /// What is said in the end of the point nearest to a solution, where no strategy reached the tolerance.
+    fn last_word(&mut self, status: McpStatus) -> McpStatus {
+        let proven = matches!(status, McpStatus::Infeasible | McpStatus::Interrupted);
+        if proven || self.least_error == f64::INFINITY {
+            return status;
         }
-        let plan = Plan {
-            scaled: false,
-            ..Plan::newton(0)
-        };
-        self.linearise(&plan, true).is_some()
-            && self.residual() <= self.options.acceptable
-            && self.is_localised(None)
+        let w = &mut *self.work;
+        w.trial_x.copy_from_slice(&w.x);
+        w.x.copy_from_slice(&w.nearest);
+        if self.evaluate() && self.jacobian() {
+            let measure = self.measure();
+            if self.accepts(measure, self.options.acceptable.max(self.options.tolerance)) {
+                return McpStatus::Solved;
+            }
+            if measure.is_rounding() {
+                return McpStatus::AtRounding;
+            }
+        }
+        let w = &mut *self.work;
+        w.x.copy_from_slice(&w.trial_x);
+        status
     }
 
     /// Writes the best point to `x` and completes the report.
@@ -429,13 +441,17 @@ impl Engine<'_> {
                 true => w.x.copy_from_slice(&w.best),
                 false => w.x.copy_from_slice(&w.start),
             }
-            if status != McpStatus::Interrupted && self.is_acceptable() {
-                status = McpStatus::Solved;
-            }
+            status = self.last_word(status);
         }
         x.copy_from_slice(&self.work.x);
         // Evaluated at what is returned, whatever was known before.
         let finite = self.evaluate();
+        if status != McpStatus::Solved {
+            self.report.error = f64::NAN;
+            if finite && self.jacobian() {
+                self.measure();
+            }
+        }
         self.report.status = status;
         self.report.residual = self.residual();
         self.report.strategy = self.strategy;

@@ -6,19 +6,13 @@ use super::work::Work;
 use super::{McpIteration, McpOptions, McpReport, McpStatus, McpStep, McpStrategy};
 use crate::clock::Clock;
 use crate::complementarity::McpFunction;
+use crate::complementarity::accuracy::Measure;
 use crate::complementarity::fischer::{Gap, component};
 use crate::complementarity::problem::natural;
-use crate::newton::equilibrate;
 use crate::sparse::max_abs;
 
 /// Iterates beyond this size, relative to the start, count as tending to infinity.
 const FAR: f64 = 1e10;
-
-/// Distance, relative to 1 + ‖x‖, within which a point with a small residual must have a solution by linearisation.
-pub(super) const NEAR: f64 = 1e-3;
-
-/// Factor by which rows may grow or shrink before they are equilibrated anew.
-const STALE: f64 = 1e3;
 
 /// Sufficient decrease of the line search.
 pub(super) const ARMIJO: f64 = 1e-4;
@@ -56,10 +50,14 @@ pub(super) struct Engine<'a> {
     /// Smallest natural residual so far, at `work.best`; and that of the current attempt.
     pub(super) best: f64,
     pub(super) attempt_best: f64,
+    /// Smallest error relative to the terms of rows, at `work.nearest`.
+    pub(super) least_error: f64,
     pub(super) far: f64,
     pub(super) interrupted: bool,
-    /// A point far out had a small residual.
+    /// The merit vanished on the way to infinity.
     pub(super) asymptotic: bool,
+    /// Whether at the iterate some residual is no small part of its terms.
+    pub(super) open: bool,
     pub(super) bad_component: Option<usize>,
     /// Whether `work.f` is F at `work.x` already.
     pub(super) fresh: bool,
@@ -124,7 +122,7 @@ impl Engine<'_> {
     }
 
     pub(super) fn gap(&self, i: usize, x: f64) -> Gap {
-        let c = self.work.col[i];
+        let c = self.work.lin.col()[i];
         Gap {
             below: (x - self.lower[i]) / c,
             above: (self.upper[i] - x) / c,
@@ -133,9 +131,9 @@ impl Engine<'_> {
 
     pub(super) fn scaled_value(&self, plan: &Plan, i: usize, x: f64, f: f64) -> f64 {
         let w = &*self.work;
-        let mut v = w.row[i] * f;
+        let mut v = w.lin.row()[i] * f;
         if plan.proximal > 0.0 {
-            v += plan.proximal * (x - w.centre[i]) / w.col[i];
+            v += plan.proximal * (x - w.centre[i]) / w.lin.col()[i];
         }
         v
     }
@@ -171,9 +169,8 @@ impl Engine<'_> {
         for _ in 0..6 {
             self.report.jacobians += 1;
             let w = &mut *self.work;
-            w.jac.clear();
-            if shift == 0.0 {
-                self.function.jacobian(&w.x, &mut w.jac);
+            let finite = if shift == 0.0 {
+                w.lin.evaluate(self.function, &w.x)
             } else {
                 for i in 0..w.n {
                     let (l, u, x) = (self.lower[i], self.upper[i], w.x[i]);
@@ -181,63 +178,30 @@ impl Engine<'_> {
                     let inner = if x + h <= u { x + h } else { x - h };
                     w.scratch[i] = if inner >= l { inner } else { 0.5 * (l + u) };
                 }
-                self.function.jacobian(&w.scratch, &mut w.jac);
-            }
-            if w.jac.values().iter().all(|v| v.is_finite()) {
+                w.lin.evaluate(self.function, &w.scratch)
+            };
+            if finite {
                 return true;
             }
             shift = if shift == 0.0 { 1e-10 } else { shift * 100.0 };
         }
-        let bad = self.work.jac.triplets().find(|t| !t.2.is_finite());
+        let bad = self.work.lin.jac().triplets().find(|t| !t.2.is_finite());
         self.bad_component = bad.map(|t| t.0);
         false
     }
 
-    /// Row and column factors that equilibrate `work.jac`, powers of two within bounds.
+    /// Equilibrates anew, where the plan asks for it.
     pub(super) fn equilibrate(&mut self, plan: &Plan) {
         let w = &mut *self.work;
-        if !(plan.scaled && self.options.equilibrate) {
-            w.row.fill(1.0);
-            w.col.fill(1.0);
-            return;
+        match plan.scaled && self.options.equilibrate {
+            true => w.lin.equilibrate(&w.f),
+            false => w.lin.reset(),
         }
-        equilibrate(w.jac.as_ref(), &mut w.row, &mut w.col, &mut w.scratch);
-        let power = |v: f64| v.clamp(1e-150, 1e150).log2().round().exp2();
-        // Rows all of whose entries are huge or tiny follow their value; a Jacobian that happens to vanish does not make a row huge.
-        for (r, f) in w.row.iter_mut().zip(&w.f) {
-            let size = if *f == 0.0 { 1.0 } else { f.abs() };
-            *r = power(r.clamp(1e-8_f64.min(1.0 / size), 1e8_f64.max(1.0 / size)));
-        }
-        w.col.iter_mut().for_each(|c| *c = power(c.clamp(1e-8, 1e8)));
     }
 
-    /// Whether rows have left the range in which the factors equilibrate `work.jac` (not yet scaled).
-    pub(super) fn is_stale(&mut self, plan: &Plan) -> bool {
-        if !(plan.scaled && self.options.equilibrate) {
-            return false;
-        }
+    fn is_stale(&mut self, plan: &Plan) -> bool {
         let w = &mut *self.work;
-        w.scratch.fill(0.0);
-        for (i, j, v) in w.jac.triplets() {
-            w.scratch[i] = w.scratch[i].max((v * w.row[i] * w.col[j]).abs());
-        }
-        (w.scratch.iter().zip(&w.f).zip(&w.row))
-            .any(|((s, f), r)| *s > STALE || (*s < 1.0 / STALE && *s > 0.0 && (r * f).abs() < 1.0 / STALE))
-    }
-
-    pub(super) fn scale_jacobian(&mut self, plan: &Plan) {
-        let w = &mut *self.work;
-        let pattern = w.jac.pattern().clone();
-        for j in 0..w.n {
-            for e in pattern.col_ptr()[j]..pattern.col_ptr()[j + 1] {
-                let i = pattern.row_idx()[e];
-                let v = &mut w.jac.values_mut()[e];
-                *v *= w.row[i] * w.col[j];
-                if i == j {
-                    *v += plan.proximal;
-                }
-            }
-        }
+        plan.scaled && self.options.equilibrate && w.lin.is_stale(&w.f)
     }
 
     pub(super) fn record(&mut self, residual: f64, merit: f64, step: McpStep, damping: f64) {
@@ -280,12 +244,20 @@ impl Engine<'_> {
         }
     }
 
+    pub(super) fn note_nearest(&mut self, measure: Measure) {
+        if measure.error < self.least_error && !measure.flat && self.is_inside() {
+            self.least_error = measure.error;
+            let Work { nearest, x, .. } = &mut *self.work;
+            nearest.copy_from_slice(x);
+        }
+    }
+
     /// Scaled values, Jacobian and merit at `work.x`, where F and its Jacobian have just been evaluated; scaling anew if asked.
     pub(super) fn linearise(&mut self, plan: &Plan, anew: bool) -> Option<f64> {
         if anew {
             self.equilibrate(plan);
         }
-        self.scale_jacobian(plan);
+        self.work.lin.rescale(plan.proximal);
         let psi = self.merit(plan);
         psi.is_finite().then_some(psi)
     }
@@ -308,9 +280,9 @@ impl Engine<'_> {
         let mut kept_psi = f64::INFINITY;
         let mut excursion = 0;
         let mut locked = false;
-        let mut last_step = None;
         let mut slow = 0;
         let mut anew = 0;
+        let mut watch = Watch::new(psi, max_abs(&self.work.x));
         self.work.merits.clear();
         for k in 0.. {
             let residual = self.residual();
@@ -329,30 +301,17 @@ impl Engine<'_> {
                 self.work.merits.clear();
             }
             fresh_jacobian = false;
-            self.scale_jacobian(plan);
+            self.work.lin.rescale(plan.proximal);
             if plan.proximal > 0.0 {
-                if residual <= self.options.tolerance || self.proximal_residual() <= plan.loose {
+                if self.is_solution(residual) || self.proximal_residual() <= plan.loose {
                     self.record(residual, psi, McpStep::None, 0.0);
                     return McpStatus::Solved;
                 }
-            } else if residual <= self.options.tolerance {
-                if !inside && !self.is_inside() {
-                    for i in 0..self.n() {
-                        self.work.x[i] = self.clamp(i, self.work.x[i]);
-                    }
-                    if !self.evaluate() {
-                        return failure(self);
-                    }
-                }
+            } else if self.arrives(residual, inside) || self.is_next_to_solution(psi, &mut watch) {
                 let residual = self.residual();
-                if residual <= self.options.tolerance {
-                    if self.is_localised(last_step) {
-                        self.note_best(residual);
-                        self.record(residual, psi, McpStep::None, 0.0);
-                        return McpStatus::Solved;
-                    }
-                    self.asymptotic = true;
-                }
+                self.note_best(residual);
+                self.record(residual, psi, McpStep::None, 0.0);
+                return McpStatus::Solved;
             }
             if let Some(status) = self.exhausted() {
                 self.record(residual, psi, McpStep::None, 0.0);
@@ -407,11 +366,35 @@ impl Engine<'_> {
                 continue;
             };
             self.record(residual, psi, kind, damping);
-            last_step = (kind == McpStep::Natural && damping == 1.0).then(|| self.step_length());
             self.accept_trial();
             psi = self.merit(plan);
         }
         McpStatus::IterationLimit
+    }
+
+    /// Whether `work.x` is a solution, once it is inside the bounds.
+    fn arrives(&mut self, residual: f64, inside: bool) -> bool {
+        if !self.is_solution(residual) {
+            return false;
+        }
+        if inside || self.is_inside() {
+            return true;
+        }
+        self.clamp_all() && {
+            let residual = self.residual();
+            self.is_solution(residual)
+        }
+    }
+
+    /// Whether there is a solution next to `work.x`, where the merit has fallen far. Notes where it falls on the way to infinity.
+    fn is_next_to_solution(&mut self, psi: f64, watch: &mut Watch) -> bool {
+        let fallen = psi <= Watch::FALLEN * watch.first;
+        self.asymptotic |= fallen && self.open && max_abs(&self.work.x) > Watch::AWAY * watch.size;
+        if psi > watch.next || psi.is_nan() {
+            return false;
+        }
+        watch.next = psi * Watch::AGAIN;
+        self.round_off()
     }
 
     /// A step from `work.x`, into `work.trial_x`.
@@ -425,6 +408,30 @@ impl Engine<'_> {
             return Some((McpStep::Natural, t));
         }
         self.try_fischer(plan, psi, reference, inside)
+    }
+}
+
+/// When to look whether a falling merit leads to a solution.
+struct Watch {
+    first: f64,
+    size: f64,
+    next: f64,
+}
+
+impl Watch {
+    /// Part of its first value to which the merit must fall.
+    const FALLEN: f64 = 1e-16;
+    /// The same from one look to the next.
+    const AGAIN: f64 = 1e-8;
+    /// Growth of the iterates on the way to infinity.
+    const AWAY: f64 = 1.2;
+
+    fn new(first: f64, size: f64) -> Self {
+        Self {
+            first,
+            size,
+            next: Self::FALLEN * first.max(1.0),
+        }
     }
 }
 

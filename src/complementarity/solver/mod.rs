@@ -4,6 +4,7 @@ mod affine;
 mod attempts;
 mod engine;
 mod judge;
+mod linearisation;
 mod options;
 mod path;
 mod report;
@@ -41,8 +42,7 @@ use work::Work;
 /// 7. *Restart*: 1, 2 and 5 from perturbed starts.
 ///
 /// Iterates stay within the bounds (unless F is affine), and F is evaluated nowhere else ([`McpOptions::stay_inside`]); where it is not
-/// finite the step is shortened. Success is claimed only after the natural residual was evaluated at the point returned, with
-/// the bounds satisfied exactly, and only if the residual vanishes near that point (not, as that of e⁻ˣ, at infinity).
+/// finite the step is shortened. Success is claimed only by the rule told under [accuracy](super#accuracy), for the point returned.
 ///
 /// # Cost
 /// A step factors the system of the components away from their bounds. Up to 48 components nothing is allocated once a solver
@@ -179,14 +179,16 @@ impl McpSolver {
             affine: problem.function().is_affine(),
             best: f64::INFINITY,
             attempt_best: f64::INFINITY,
+            least_error: f64::INFINITY,
             interrupted: false,
             asymptotic: false,
+            open: true,
             bad_component: None,
             fresh: false,
             given_active: states.is_some(),
         };
         let status = engine.solve(states);
-        let stray = engine.work.jac.stray();
+        let stray = engine.work.lin.jac().stray();
         engine.finish(status, x);
         self.report.time = clock.elapsed();
         self.work = Some(work);

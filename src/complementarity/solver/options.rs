@@ -12,12 +12,13 @@ use crate::options::setters;
     serde(default, deny_unknown_fields)
 )]
 pub struct McpOptions {
-    /// Bound on the natural residual max |xᵢ − mid(lᵢ, uᵢ, xᵢ − Fᵢ)| of a solution, in the units of x and F. Default 1e-10.
+    /// Bound on the error of a solution relative to the terms of its rows ([accuracy](crate::complementarity#accuracy)). Default 1e-10.
     ///
-    /// Where rounding forbids it a residual that is no more than the rounding error of its own terms is taken, too.
+    /// While the natural residual max |xᵢ − mid(lᵢ, uᵢ, xᵢ − Fᵢ)|, in the units of x and F, is larger than this, too, iterations go on as
+    /// far as they get.
     pub tolerance: f64,
-    /// Natural residual that counts as solved where no strategy reaches the tolerance, as happens at solutions whose Jacobian is
-    /// singular; at least the tolerance to have an effect. Default 1e-8.
+    /// Error that counts as solved where no strategy reaches the tolerance, as happens at solutions whose Jacobian is singular; at
+    /// least the tolerance to have an effect. Default 1e-8.
     pub acceptable: f64,
     /// Largest number of iterations, over all strategies, points of paths included. Default 20 000.
     pub max_iterations: usize,
@@ -62,9 +63,9 @@ impl Default for McpOptions {
 
 impl McpOptions {
     setters! {
-        /// Sets the bound on the natural residual.
+        /// Sets the bound on the error of a solution.
         with_tolerance(tolerance: f64);
-        /// Sets the natural residual that counts as solved where the tolerance is out of reach.
+        /// Sets the error that counts as solved where the tolerance is out of reach.
         with_acceptable(acceptable: f64);
         /// Sets the largest number of iterations, over all strategies.
         with_max_iterations(max_iterations: usize);

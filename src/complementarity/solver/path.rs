@@ -84,7 +84,7 @@ impl Engine<'_> {
         match self.linearised_solution() {
             Some((y, true)) => {
                 for i in 0..self.n() {
-                    self.work.x[i] = self.clamp(i, y[i] * self.work.col[i]);
+                    self.work.x[i] = self.clamp(i, y[i] * self.work.lin.col()[i]);
                 }
                 self.evaluate()
             }
@@ -121,7 +121,7 @@ impl Engine<'_> {
             };
             self.record(self.residual(), psi, McpStep::Linearised, 1.0);
             for i in 0..n {
-                self.work.d[i] = target[i] - from[i] / self.work.col[i];
+                self.work.d[i] = target[i] - from[i] / self.work.lin.col()[i];
             }
             let mut t = 1.0;
             let accepted = loop {
@@ -154,9 +154,9 @@ impl Engine<'_> {
     fn linearised_solution(&mut self) -> Option<(Vec<f64>, bool)> {
         let n = self.n();
         let w = &*self.work;
-        let y: Vec<f64> = (0..n).map(|i| w.x[i] / w.col[i]).collect();
-        let lower: Vec<f64> = (0..n).map(|i| self.lower[i] / w.col[i]).collect();
-        let upper: Vec<f64> = (0..n).map(|i| self.upper[i] / w.col[i]).collect();
+        let y: Vec<f64> = (0..n).map(|i| w.x[i] / w.lin.col()[i]).collect();
+        let lower: Vec<f64> = (0..n).map(|i| self.lower[i] / w.lin.col()[i]).collect();
+        let upper: Vec<f64> = (0..n).map(|i| self.upper[i] / w.lin.col()[i]).collect();
         // F − (1 − t) p vanishes at t = 0 in the interior, and has the right sign by a margin at bounds, so that no component starts
         // on a kink.
         let covering: Vec<f64> = (0..n)
@@ -175,8 +175,8 @@ impl Engine<'_> {
         for shift in [0.0, 1e-6, 1e-3] {
             let w = &*self.work;
             let mut jy = vec![0.0; n];
-            w.jac.mul_vec(&y, &mut jy);
-            let mut triplets: Vec<(usize, usize, f64)> = w.jac.triplets().collect();
+            w.lin.scaled().mul_vec(&y, &mut jy);
+            let mut triplets: Vec<(usize, usize, f64)> = w.lin.scaled().triplets().collect();
             triplets.extend((0..n).map(|i| (i, i, shift)));
             triplets.extend((0..n).map(|i| (i, n, covering[i])));
             let q = (0..n)
@@ -208,9 +208,9 @@ impl Engine<'_> {
             return McpStatus::Stalled;
         }
         let w = &*self.work;
-        let lower: Vec<f64> = (0..n).map(|i| self.lower[i] / w.col[i]).collect();
-        let upper: Vec<f64> = (0..n).map(|i| self.upper[i] / w.col[i]).collect();
-        let start: Vec<f64> = (0..n).map(|i| w.x[i] / w.col[i]).collect();
+        let lower: Vec<f64> = (0..n).map(|i| self.lower[i] / w.lin.col()[i]).collect();
+        let upper: Vec<f64> = (0..n).map(|i| self.upper[i] / w.lin.col()[i]).collect();
+        let start: Vec<f64> = (0..n).map(|i| w.x[i] / w.lin.col()[i]).collect();
         // The anchor lies beyond a bound that F holds x at, and inside one it does not, so that no component starts on a kink.
         let anchor: Vec<f64> = (0..n)
             .map(|i| {
@@ -237,8 +237,8 @@ impl Engine<'_> {
             .collect();
         let y: Vec<f64> = (0..n).map(|i| anchor[i].max(lower[i]).min(upper[i])).collect();
         let pattern = {
-            let p = w.jac.pattern();
-            let all = w.jac.triplets().map(|t| (t.0, t.1));
+            let p = w.lin.scaled().pattern();
+            let all = w.lin.scaled().triplets().map(|t| (t.0, t.1));
             Pattern::from_entries(p.nrows(), n + 1, all.chain((0..n).map(|i| (i, n)))).ok()
         };
         let Some(pattern) = pattern else {
@@ -248,15 +248,15 @@ impl Engine<'_> {
             function: self.function,
             lower: self.lower,
             upper: self.upper,
-            row: w.row.clone(),
-            col: w.col.clone(),
+            row: w.lin.row().to_vec(),
+            col: w.lin.col().to_vec(),
             anchor,
             pattern,
             buffer: RefCell::new(Buffer {
                 x: vec![0.0; n],
                 beyond: vec![0.0; n],
                 f: vec![0.0; n],
-                jac: Matrix::zeros(w.jac.pattern().clone()),
+                jac: Matrix::zeros(w.lin.scaled().pattern().clone()),
                 evaluations: 0,
                 jacobians: 0,
             }),
@@ -275,7 +275,7 @@ impl Engine<'_> {
             return McpStatus::Stalled;
         };
         for i in 0..n {
-            self.work.x[i] = self.clamp(i, end.x[i] * self.work.col[i]);
+            self.work.x[i] = self.clamp(i, end.x[i] * self.work.lin.col()[i]);
         }
         if !self.evaluate() {
             return McpStatus::Stalled;

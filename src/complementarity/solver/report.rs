@@ -6,8 +6,12 @@ use std::time::Duration;
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum McpStatus {
-    /// x satisfies the bounds exactly and the natural residual is within the tolerance, as checked at the point returned.
+    /// x satisfies the bounds exactly, and each component to the tolerance relative to the terms of its row, as checked at the point
+    /// returned ([accuracy](crate::complementarity#accuracy)).
     Solved,
+    /// Nothing is left of the residual but the rounding of its terms, which are so large (or x so far out) that this tells little: x may
+    /// be the best point there is.
+    AtRounding,
     /// A stationary point of the merit function ½‖Φ‖² that is no solution.
     Stationary {
         /// Largest component of the projected gradient of the (scaled) merit function.
@@ -39,6 +43,7 @@ impl McpStatus {
     pub const fn name(self) -> &'static str {
         match self {
             Self::Solved => "solved",
+            Self::AtRounding => "at rounding",
             Self::Stationary { .. } => "stationary",
             Self::Unbounded => "unbounded",
             Self::Infeasible => "infeasible",
@@ -58,6 +63,9 @@ impl fmt::Display for McpStatus {
                 f,
                 "stationary point of the merit function (gradient {gradient_norm:.1e}) that is no solution"
             ),
+            Self::AtRounding => {
+                f.write_str("the residual is the rounding of terms too large for the tolerance")
+            }
             Self::Unbounded => f.write_str("the iterates tend to infinity"),
             Self::Infeasible => f.write_str("there is no solution"),
             Self::Stalled => f.write_str("no strategy makes progress any more"),
@@ -189,6 +197,9 @@ pub struct McpReport {
     pub status: McpStatus,
     /// Natural residual max |xᵢ − mid(lᵢ, uᵢ, xᵢ − Fᵢ)| at the x returned; NaN where F could not be evaluated at all.
     pub residual: f64,
+    /// Largest error of a component at the x returned relative to the terms of its row ([accuracy](crate::complementarity#accuracy)); NaN
+    /// where F or its Jacobian could not be evaluated.
+    pub error: f64,
     /// Largest violation of a bound by x; 0 unless x could not be evaluated.
     pub feasibility: f64,
     /// Complementarity max min(|xᵢ − bound|, |Fᵢ|) over the bounds that the sign of Fᵢ asks to be active.
@@ -221,6 +232,7 @@ impl Default for McpReport {
         Self {
             status: McpStatus::Stalled,
             residual: f64::NAN,
+            error: f64::NAN,
             feasibility: 0.0,
             complementarity: f64::NAN,
             iterations: 0,

@@ -37,8 +37,8 @@ impl Engine<'_> {
         let w = &mut *self.work;
         for i in 0..w.n {
             w.d[i] = match w.active[i] {
-                -1 => (self.lower[i] - w.x[i]) / w.col[i],
-                1 => (self.upper[i] - w.x[i]) / w.col[i],
+                -1 => (self.lower[i] - w.x[i]) / w.lin.col()[i],
+                1 => (self.upper[i] - w.x[i]) / w.lin.col()[i],
                 _ => 0.0,
             };
         }
@@ -48,7 +48,7 @@ impl Engine<'_> {
     pub(super) fn make_trial(&mut self, t: f64, inside: bool) {
         let w = &mut *self.work;
         for i in 0..w.n {
-            let x = w.x[i] + t * w.col[i] * w.d[i];
+            let x = w.x[i] + t * w.lin.col()[i] * w.d[i];
             w.trial_x[i] = match w.active[i] {
                 -1 if t == 1.0 && inside => self.lower[i],
                 1 if t == 1.0 && inside => self.upper[i],
@@ -134,9 +134,9 @@ impl Engine<'_> {
         self.work.rate.fill(0.0);
         if any {
             let Work {
-                jac, scratch, rate, ..
+                lin, scratch, rate, ..
             } = &mut *self.work;
-            jac.mul_vec(scratch, rate);
+            lin.scaled().mul_vec(scratch, rate);
         }
         for i in 0..n {
             let gap = self.gap(i, self.work.x[i]);
@@ -234,7 +234,7 @@ impl Engine<'_> {
             let slope: f64 = {
                 let w = &*self.work;
                 (0..w.n)
-                    .map(|i| w.gradient[i] * (w.trial_x[i] - w.x[i]) / w.col[i])
+                    .map(|i| w.gradient[i] * (w.trial_x[i] - w.x[i]) / w.lin.col()[i])
                     .sum()
             };
             if slope < 0.0 && self.evaluate_trial() {

@@ -1,4 +1,6 @@
+use super::linearisation::Linearisation;
 use crate::complementarity::ComplementarityError;
+use crate::complementarity::accuracy::Accuracy;
 use crate::complementarity::affine::with_diagonal;
 use crate::linear::{AutoSolver, LinearSolver, SmallLu};
 use crate::sparse::{Matrix, Pattern};
@@ -13,8 +15,8 @@ pub(super) const NORMAL_EQUATIONS: usize = 200;
 #[derive(Debug, Clone)]
 pub(super) struct Work {
     pub(super) n: usize,
-    /// ∇F, scaled: R ∇F C, with ε added on the diagonal for proximal problems.
-    pub(super) jac: Matrix,
+    pub(super) lin: Linearisation,
+    pub(super) accuracy: Accuracy,
     /// Matrix of the system at hand.
     pub(super) system: Matrix,
     pub(super) solver: AutoSolver,
@@ -38,14 +40,14 @@ pub(super) struct Work {
     pub(super) d: Vec<f64>,
     pub(super) gradient: Vec<f64>,
     pub(super) rate: Vec<f64>,
-    pub(super) row: Vec<f64>,
-    pub(super) col: Vec<f64>,
     pub(super) scratch: Vec<f64>,
     pub(super) centre: Vec<f64>,
     /// Start of a solve, as given and projected.
     pub(super) start: Vec<f64>,
     /// Point with the smallest natural residual.
     pub(super) best: Vec<f64>,
+    /// Point with the smallest error relative to the terms of rows.
+    pub(super) nearest: Vec<f64>,
     /// Point with the smallest merit in an attempt.
     pub(super) kept: Vec<f64>,
     /// −1, 0, +1: lower, interior, upper.
@@ -63,7 +65,8 @@ impl Work {
         let zeros = || vec![0.0; n];
         Ok(Self {
             n,
-            jac: Matrix::zeros(pattern.clone()),
+            lin: Linearisation::new(pattern.clone()),
+            accuracy: Accuracy::default(),
             system: Matrix::zeros(pattern),
             solver: AutoSolver::new(),
             analyzed: false,
@@ -82,12 +85,11 @@ impl Work {
             d: zeros(),
             gradient: zeros(),
             rate: zeros(),
-            row: vec![1.0; n],
-            col: vec![1.0; n],
             scratch: zeros(),
             centre: zeros(),
             start: zeros(),
             best: zeros(),
+            nearest: zeros(),
             kept: zeros(),
             active: vec![0; n],
             visited: Vec::new(),
@@ -97,7 +99,7 @@ impl Work {
     }
 
     pub(super) fn fits(&self, pattern: &Pattern) -> bool {
-        self.jac.pattern() == pattern
+        self.lin.jac().pattern() == pattern
     }
 
     /// Solves `system` d = d in place; `false` where it is singular.
@@ -137,7 +139,7 @@ impl Work {
         if k == 0 {
             return true;
         }
-        let pattern = self.jac.pattern().clone();
+        let pattern = self.lin.scaled().pattern().clone();
         let (col_ptr, row_idx) = (pattern.col_ptr(), pattern.row_idx());
         let sparse = n > SMALL && !(pattern.is_full() || k <= SMALL);
         if sparse {
@@ -149,12 +151,13 @@ impl Work {
         }
         let Self {
             small,
-            jac,
+            lin,
             free,
             active,
             position,
             ..
         } = self;
+        let jac = lin.scaled();
         let fill = |m: &mut [f64]| {
             for (q, &j) in free.iter().enumerate() {
                 for e in col_ptr[j]..col_ptr[j + 1] {
@@ -200,7 +203,8 @@ impl Work {
         }
         self.reduced.clear();
         self.reduced.extend(self.free.iter().map(|&i| -self.scaled[i]));
-        let pattern = self.jac.pattern();
+        let jac = self.lin.scaled();
+        let pattern = jac.pattern();
         for j in 0..n {
             if self.active[j] == 0 || self.d[j] == 0.0 {
                 continue;
@@ -208,37 +212,21 @@ impl Work {
             for e in pattern.col_ptr()[j]..pattern.col_ptr()[j + 1] {
                 let i = pattern.row_idx()[e];
                 if self.active[i] == 0 {
-                    self.reduced[self.position[i]] -= self.jac.values()[e] * self.d[j];
+                    self.reduced[self.position[i]] -= jac.values()[e] * self.d[j];
                 }
             }
         }
     }
 
-    /// As [`solve_reduced`](Self::solve_reduced), by an equilibrated factorisation; `false` below the given reciprocal condition.
-    pub(super) fn solve_carefully(&mut self, rcond: f64) -> bool {
-        self.reduce();
-        self.build_natural();
-        for (k, &i) in self.free.iter().enumerate() {
-            self.d[i] = self.reduced[k];
-        }
-        if !self.analyzed && self.solver.analyze(self.system.pattern().as_ref()).is_err() {
-            return false;
-        }
-        self.analyzed = true;
-        self.solver.factor(self.system.as_ref()).is_ok()
-            && self.solver.rcond().is_none_or(|r| r > rcond)
-            && self.solver.solve_in_place(&mut self.d).is_ok()
-    }
-
     /// The system of the free components, with the identity for the others, into `system`.
     pub(super) fn build_natural(&mut self) {
-        let pattern = self.jac.pattern().clone();
+        let pattern = self.lin.scaled().pattern().clone();
         for j in 0..self.n {
             for e in pattern.col_ptr()[j]..pattern.col_ptr()[j + 1] {
                 let i = pattern.row_idx()[e];
                 let both = self.active[i] == 0 && self.active[j] == 0;
                 self.system.values_mut()[e] = match both {
-                    true => self.jac.values()[e],
+                    true => self.lin.scaled().values()[e],
                     false => f64::from(u8::from(i == j)),
                 };
             }
@@ -247,11 +235,11 @@ impl Work {
 
     /// H = diag(∂Φ/∂x) + diag(∂Φ/∂F) J, into `system`, with `shift` added to J on its diagonal.
     pub(super) fn build_fischer(&mut self, shift: f64) {
-        let pattern = self.jac.pattern().clone();
+        let pattern = self.lin.scaled().pattern().clone();
         for j in 0..self.n {
             for e in pattern.col_ptr()[j]..pattern.col_ptr()[j + 1] {
                 let i = pattern.row_idx()[e];
-                let mut v = self.db[i] * self.jac.values()[e];
+                let mut v = self.db[i] * self.lin.scaled().values()[e];
                 if i == j {
                     v += self.da[i] + self.db[i] * shift;
                 }

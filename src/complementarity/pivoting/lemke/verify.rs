@@ -1,6 +1,7 @@
 //! What keeps a path honest: new inverses, checks of the basic variables, of results and of rays.
 
 use super::{Lemke, Var};
+use crate::complementarity::accuracy::Point;
 use crate::complementarity::pivoting::LemkeStatus;
 use crate::complementarity::{ComplementarityError, Lcp};
 use crate::linear::LinearError;
@@ -12,6 +13,8 @@ const DECAY: f64 = 1e-9;
 const FEASIBLE: f64 = 1e-9;
 /// Relative rounding allowed in a certificate.
 const ROUNDING: f64 = 1e-10;
+/// Error of a component of a solution relative to the terms of its row.
+const TOLERANCE: f64 = 1e-10;
 
 impl Lemke {
     /// The basis as a full matrix, and its inverse.
@@ -25,7 +28,7 @@ impl Lemke {
                 Var::Cover => column.copy_from_slice(&self.cover),
                 Var::Point(j) => {
                     for k in pattern.col_ptr()[j]..pattern.col_ptr()[j + 1] {
-                        column[pattern.row_idx()[k]] = -self.unit * lcp.matrix().values()[k];
+                        column[pattern.row_idx()[k]] = -self.scaled[k];
                     }
                 }
             }
@@ -52,7 +55,7 @@ impl Lemke {
                     .for_each(|(r, c)| *r -= c * v),
                 Var::Point(j) => {
                     for k in pattern.col_ptr()[j]..pattern.col_ptr()[j + 1] {
-                        self.rhs[pattern.row_idx()[k]] += self.unit * lcp.matrix().values()[k] * v;
+                        self.rhs[pattern.row_idx()[k]] += self.scaled[k] * v;
                     }
                 }
             }
@@ -104,13 +107,24 @@ impl Lemke {
         Ok(LemkeStatus::Solved)
     }
 
+    /// Whether z, with w = M z + q in `work`, is a solution.
+    pub(super) fn is_solution(&mut self, lcp: &Lcp, z: &[f64]) -> bool {
+        let point = Point::of(lcp, z, &self.work);
+        self.accuracy.measure(&point).is_solved(TOLERANCE)
+    }
+
     /// z of the current basis, inside its bounds.
     pub(super) fn point(&mut self, lcp: &Lcp, z: &mut [f64]) {
         self.resting(lcp);
         z.copy_from_slice(&self.work);
         for (var, v) in self.basic.iter().zip(&self.value) {
             if let Var::Point(i) = *var {
-                z[i] = v.max(lcp.lower()[i]).min(lcp.upper()[i]);
+                let (l, u) = (lcp.lower()[i], lcp.upper()[i]);
+                z[i] = match () {
+                    () if *v <= l + self.zero => l,
+                    () if *v >= u - self.zero => u,
+                    () => *v,
+                };
             }
         }
     }
@@ -149,9 +163,17 @@ impl Lemke {
             gain += q * v;
             size += (q * v).abs();
         }
-        self.work.fill(0.0);
-        lcp.matrix().as_ref().mul_transpose_add(1.0, v, &mut self.work);
-        let norm = lcp.matrix().values().iter().fold(0.0_f64, |m, a| m.max(a.abs()));
-        gain < -ROUNDING * size && self.work.iter().all(|w| *w <= ROUNDING * norm)
+        // (Mᵀv)ⱼ ≤ 0 relative to its own terms: rows in small units count as much as others.
+        let pattern = lcp.matrix().pattern();
+        gain < -ROUNDING * size
+            && (0..lcp.len()).all(|j| {
+                let span = pattern.col_ptr()[j]..pattern.col_ptr()[j + 1];
+                let terms = pattern.row_idx()[span.clone()]
+                    .iter()
+                    .zip(&lcp.matrix().values()[span]);
+                let (sum, terms) =
+                    terms.fold((0.0, 0.0), |(s, t), (&i, a)| (s + a * v[i], t + (a * v[i]).abs()));
+                sum <= ROUNDING * terms
+            })
     }
 }

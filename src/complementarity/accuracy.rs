@@ -1,0 +1,176 @@
+//! When a point counts as a solution: the one rule of all solvers of this module, told in its documentation.
+
+use super::Lcp;
+use crate::sparse::MatrixRef;
+
+/// Part of its terms below which the residual of a row is rounding.
+const ROUNDING: f64 = 64.0 * f64::EPSILON;
+
+/// Unknowns beyond 2⁵² have a last digit larger than 1: no residual tells where they are.
+const LARGEST: f64 = 4_503_599_627_370_496.0;
+
+/// Where the constants of all rows are a smaller part of their terms, the residual is compared with the constants: far out along
+/// directions that rows hardly see, everything is small relative to its terms.
+const FAR: f64 = 1e-6;
+
+/// Part of its terms from which on a residual has not begun to cancel.
+const OPEN: f64 = 1e-3;
+
+/// Terms of rows, and room for what is found about them.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Accuracy {
+    terms: Vec<f64>,
+    sum: Vec<f64>,
+    free: Vec<f64>,
+}
+
+/// How near a point is to a solution.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Measure {
+    /// Largest residual of a component relative to the terms of its row.
+    pub(super) error: f64,
+    /// Relative error that the evaluation of F may hide.
+    hidden: f64,
+    /// The same as `error` but for what is far out.
+    plain: f64,
+    /// Whether a row vanishes with all its terms although its unknowns do not: flat, or its numbers underflow.
+    pub(super) flat: bool,
+}
+
+impl Measure {
+    pub(super) fn is_solved(self, tolerance: f64) -> bool {
+        self.error.max(self.hidden) <= tolerance
+    }
+
+    /// Whether some residual is no small part of its terms at all.
+    pub(super) fn is_open(self) -> bool {
+        self.plain >= OPEN
+    }
+
+    /// Whether the terms are so large that what is left of them is their rounding.
+    pub(super) fn is_rounding(self) -> bool {
+        self.plain <= ROUNDING
+    }
+}
+
+/// A point with what F is there; outside the bounds it may be by little, as moving back counts as an error.
+pub(super) struct Point<'a> {
+    pub(super) x: &'a [f64],
+    /// Sizes of the unknowns, where they are not |x|.
+    pub(super) sizes: Option<&'a [f64]>,
+    pub(super) f: &'a [f64],
+    pub(super) jac: MatrixRef<'a>,
+    pub(super) lower: &'a [f64],
+    pub(super) upper: &'a [f64],
+}
+
+impl<'a> Point<'a> {
+    /// A point z of an LCP and w = M z + q.
+    pub(super) fn of(lcp: &'a Lcp, z: &'a [f64], w: &'a [f64]) -> Self {
+        Self {
+            x: z,
+            sizes: None,
+            f: w,
+            jac: lcp.matrix().as_ref(),
+            lower: lcp.lower(),
+            upper: lcp.upper(),
+        }
+    }
+
+    /// Whether the sign of F holds the component at the bound where it is.
+    fn rests(&self, i: usize) -> bool {
+        let (x, f) = (self.x[i], self.f[i]);
+        (x == self.lower[i] && f >= 0.0) || (x == self.upper[i] && f <= 0.0) || self.lower[i] == self.upper[i]
+    }
+}
+
+impl Accuracy {
+    /// Terms Sᵢ = Σⱼ |Jᵢⱼ xⱼ| + |fᵢ − Σⱼ Jᵢⱼ xⱼ|, and the residuals relative to them.
+    pub(super) fn measure(&mut self, p: &Point<'_>) -> Measure {
+        let n = p.x.len();
+        for v in [&mut self.terms, &mut self.sum, &mut self.free] {
+            v.clear();
+            v.resize(n, 0.0);
+        }
+        let pattern = &p.jac.pattern;
+        for j in 0..n {
+            let x = p.x[j];
+            let size = p.sizes.map_or(x, |s| s[j]);
+            let moves = x != p.lower[j] && x != p.upper[j];
+            for k in pattern.col_ptr[j]..pattern.col_ptr[j + 1] {
+                let (i, term) = (pattern.row_idx[k], p.jac.values[k] * x);
+                self.terms[i] += (p.jac.values[k] * size).abs();
+                self.sum[i] += term;
+                if moves {
+                    self.free[i] += term;
+                }
+            }
+        }
+        let mut constants = 0.0_f64;
+        for i in 0..n {
+            self.terms[i] += (p.f[i] - self.sum[i]).abs();
+            if self.terms[i] > 0.0 && !p.rests(i) {
+                constants = constants.max((p.f[i] - self.free[i]).abs() / self.terms[i]);
+            }
+        }
+        let mut worst = 0.0_f64;
+        for i in 0..n {
+            let error = self.error(p, i);
+            if error > worst || error.is_nan() {
+                worst = error;
+            }
+        }
+        let far = match p.sizes.is_none() && constants > 0.0 && constants < FAR {
+            true => constants / FAR,
+            false => 1.0,
+        };
+        let empty = |i: usize| self.terms[i] == 0.0 && !(p.x[i] == p.lower[i] || p.x[i] == p.upper[i]);
+        let flat = (0..n).any(empty)
+            && (0..n).any(|j| {
+                let rows = &pattern.row_idx[pattern.col_ptr[j]..pattern.col_ptr[j + 1]];
+                p.x[j] != 0.0 && rows.iter().any(|&i| empty(i))
+            });
+        let beyond = p.x.iter().any(|x| x.abs() > LARGEST);
+        Measure {
+            error: worst / far,
+            plain: worst,
+            flat,
+            hidden: if beyond {
+                f64::INFINITY
+            } else if far < 1.0 {
+                f64::EPSILON / far
+            } else {
+                0.0
+            },
+        }
+    }
+
+    /// The residual of one component relative to the terms of its row; NaN where F is.
+    fn error(&self, p: &Point<'_>, i: usize) -> f64 {
+        let (f, x) = (p.f[i], p.x[i]);
+        let outside = (p.lower[i] - x).max(x - p.upper[i]);
+        if outside > 0.0 {
+            return self.shift(p, i, outside);
+        }
+        if f == 0.0 || p.rests(i) {
+            return 0.0;
+        }
+        f.abs() / self.terms[i]
+    }
+
+    /// What moving x_i by `length` changes in a row, relative to its terms, at most.
+    fn shift(&self, p: &Point<'_>, i: usize, length: f64) -> f64 {
+        let mut worst = None;
+        let pattern = &p.jac.pattern;
+        for k in pattern.col_ptr[i]..pattern.col_ptr[i + 1] {
+            let change = (p.jac.values[k] * length).abs();
+            if change > 0.0 {
+                worst = Some(f64::max(
+                    worst.unwrap_or(0.0),
+                    change / self.terms[pattern.row_idx[k]],
+                ));
+            }
+        }
+        worst.unwrap_or(length / p.x[i].abs())
+    }
+}

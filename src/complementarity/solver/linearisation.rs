@@ -1,0 +1,110 @@
+//! ∇F at a point, in the units of the problem and equilibrated.
+
+use crate::complementarity::McpFunction;
+use crate::newton::equilibrate;
+use crate::sparse::{Matrix, Pattern};
+
+/// Factors of rows and columns lie between this and its reciprocal, but for rows whose value asks for more.
+const LEAST_FACTOR: f64 = 1e-8;
+
+/// Factor by which rows may grow or shrink before they are equilibrated anew.
+const STALE: f64 = 1e3;
+
+/// ∇F as evaluated, and R ∇F C + ε I with powers of two on the diagonals of R and C, each in its own matrix.
+#[derive(Debug, Clone)]
+pub(super) struct Linearisation {
+    jac: Matrix,
+    scaled: Matrix,
+    row: Vec<f64>,
+    col: Vec<f64>,
+    max: Vec<f64>,
+}
+
+impl Linearisation {
+    pub(super) fn new(pattern: Pattern) -> Self {
+        let n = pattern.nrows();
+        Self {
+            jac: Matrix::zeros(pattern.clone()),
+            scaled: Matrix::zeros(pattern),
+            row: vec![1.0; n],
+            col: vec![1.0; n],
+            max: vec![0.0; n],
+        }
+    }
+
+    /// Evaluates ∇F at x; the scaled matrix follows by [`rescale`](Self::rescale). `false` where entries are not finite.
+    pub(super) fn evaluate(&mut self, function: &dyn McpFunction, x: &[f64]) -> bool {
+        self.jac.clear();
+        function.jacobian(x, &mut self.jac);
+        self.jac.values().iter().all(|v| v.is_finite())
+    }
+
+    /// ∇F.
+    pub(super) fn jac(&self) -> &Matrix {
+        &self.jac
+    }
+
+    /// R ∇F C + ε I.
+    pub(super) fn scaled(&self) -> &Matrix {
+        &self.scaled
+    }
+
+    /// The diagonal of R.
+    pub(super) fn row(&self) -> &[f64] {
+        &self.row
+    }
+
+    /// The diagonal of C.
+    pub(super) fn col(&self) -> &[f64] {
+        &self.col
+    }
+
+    /// Makes the scaled matrix anew with ε = `proximal`.
+    pub(super) fn rescale(&mut self, proximal: f64) {
+        let Self {
+            jac,
+            scaled,
+            row,
+            col,
+            ..
+        } = self;
+        let pattern = jac.pattern();
+        let (values, to) = (jac.values(), scaled.values_mut());
+        for j in 0..pattern.ncols() {
+            for e in pattern.col_ptr()[j]..pattern.col_ptr()[j + 1] {
+                let i = pattern.row_idx()[e];
+                to[e] = values[e] * (row[i] * col[j]) + if i == j { proximal } else { 0.0 };
+            }
+        }
+    }
+
+    /// No scaling.
+    pub(super) fn reset(&mut self) {
+        self.row.fill(1.0);
+        self.col.fill(1.0);
+    }
+
+    /// Factors that equilibrate ∇F, within bounds. `f` is F at the same point.
+    pub(super) fn equilibrate(&mut self, f: &[f64]) {
+        equilibrate(self.jac.as_ref(), &mut self.row, &mut self.col, &mut self.max);
+        let power = |v: f64| v.clamp(1e-150, 1e150).log2().round().exp2();
+        // Rows all of whose entries are huge or tiny follow their value; a Jacobian that happens to vanish does not make a row huge.
+        for (r, f) in self.row.iter_mut().zip(f) {
+            let size = if *f == 0.0 { 1.0 } else { f.abs() };
+            *r = power(r.clamp(LEAST_FACTOR.min(1.0 / size), LEAST_FACTOR.recip().max(1.0 / size)));
+        }
+        for c in &mut self.col {
+            *c = power(c.clamp(LEAST_FACTOR, LEAST_FACTOR.recip()));
+        }
+    }
+
+    /// Whether rows have left the range in which the factors equilibrate ∇F.
+    pub(super) fn is_stale(&mut self, f: &[f64]) -> bool {
+        self.max.fill(0.0);
+        for (i, j, v) in self.jac.triplets() {
+            self.max[i] = self.max[i].max((v * self.row[i] * self.col[j]).abs());
+        }
+        (self.max.iter().zip(f).zip(&self.row))
+            .any(|((s, f), r)| *s > STALE || (*s < 1.0 / STALE && *s > 0.0 && (r * f).abs() < 1.0 / STALE))
+    }
+}

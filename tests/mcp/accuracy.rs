@@ -1,0 +1,236 @@
+//! "Solved" is a residual measured at the point returned, relative to the terms of its rows, in all units.
+
+use std::path::Path;
+
+use proptest::prelude::*;
+use semismooth::complementarity::{
+    Autodiff, Mcp, McpFunction, McpReport, McpSolver, McpStatus, WithJacobian,
+};
+use semismooth::sparse::{Matrix, Pattern};
+
+use crate::expressions::read;
+use crate::globalisation::Hs71;
+use crate::properties::known;
+use crate::support::{INF, Rng, matrix, scalar};
+
+/// G(y) = R F(C y).
+struct Scaled<F> {
+    inner: F,
+    row: Vec<f64>,
+    col: Vec<f64>,
+}
+
+impl<F: McpFunction> Scaled<F> {
+    fn point(&self, y: &[f64]) -> Vec<f64> {
+        y.iter().zip(&self.col).map(|(y, c)| y * c).collect()
+    }
+}
+
+impl<F: McpFunction> McpFunction for Scaled<F> {
+    fn num_vars(&self) -> usize {
+        self.inner.num_vars()
+    }
+    fn value(&self, y: &[f64], out: &mut [f64]) {
+        self.inner.value(&self.point(y), out);
+        out.iter_mut().zip(&self.row).for_each(|(f, r)| *f *= r);
+    }
+    fn jacobian(&self, y: &[f64], jac: &mut Matrix) {
+        let mut own = Matrix::zeros(jac.pattern().clone());
+        self.inner.jacobian(&self.point(y), &mut own);
+        for (i, j, v) in own.triplets().filter(|t| t.2 != 0.0) {
+            jac.add(i, j, self.row[i] * v * self.col[j]);
+        }
+    }
+    fn pattern(&self) -> Pattern {
+        self.inner.pattern()
+    }
+    fn is_affine(&self) -> bool {
+        self.inner.is_affine()
+    }
+}
+
+fn scaled<'a, F: McpFunction>(problem: &'a Mcp<F>, row: &[f64], col: &[f64]) -> Mcp<Scaled<&'a F>> {
+    let bounds = |b: &[f64]| b.iter().zip(col).map(|(b, c)| b / c).collect::<Vec<_>>();
+    let function = Scaled {
+        inner: problem.function(),
+        row: row.to_vec(),
+        col: col.to_vec(),
+    };
+    Mcp::new(function, bounds(problem.lower()), bounds(problem.upper())).unwrap()
+}
+
+/// The largest error relative to the terms of rows, by its definition; far out along no direction.
+fn error<F: McpFunction>(problem: &Mcp<F>, x: &[f64]) -> f64 {
+    let n = x.len();
+    let (mut f, mut jac) = (vec![0.0; n], Matrix::zeros(problem.jacobian_pattern().clone()));
+    problem.function().value(x, &mut f);
+    problem.function().jacobian(x, &mut jac);
+    let terms: Vec<f64> = (0..n)
+        .map(|i| {
+            let products = (0..n).map(|j| jac.get(i, j) * x[j]);
+            let (sum, size) = products.fold((0.0, 0.0), |(s, t), p| (s + p, t + p.abs()));
+            size + (f[i] - sum).abs()
+        })
+        .collect();
+    let part = |a: f64, b: f64| if a == 0.0 { 0.0 } else { a / b };
+    let errors = (0..n).map(|i| {
+        let (l, u) = (problem.lower()[i], problem.upper()[i]);
+        assert!(l <= x[i] && x[i] <= u);
+        if l == u || (x[i] == l && f[i] >= 0.0) || (x[i] == u && f[i] <= 0.0) {
+            return 0.0;
+        }
+        part(f[i].abs(), terms[i])
+    });
+    errors.fold(0.0, f64::max)
+}
+
+fn run<F: McpFunction>(problem: &Mcp<F>, start: &[f64]) -> (Vec<f64>, McpReport) {
+    let mut x = start.to_vec();
+    let report = McpSolver::default().solve(problem, &mut x).unwrap().clone();
+    if report.is_solved() {
+        let e = error(problem, &x);
+        // 1e-8 is what counts where no strategy reaches 1e-10.
+        assert!(e <= 1e-8, "claimed with error {e:e} at {x:?}");
+        assert!((report.error - e).abs() <= 1e-12, "{:e} {e:e}", report.error);
+    }
+    (x, report)
+}
+
+#[test]
+fn an_infeasible_row_is_infeasible_in_all_units() {
+    // c (1 + x) ≥ 0 with c < 0 and x ≥ 0: affine, a black box, and next to a row with huge terms.
+    for c in [-1.0, -1e-8, -1e-12, -1e-30, -1e12] {
+        let affine = Mcp::affine(matrix(&[vec![c]]), vec![c], vec![0.0], vec![INF]).unwrap();
+        assert_eq!(run(&affine, &[1.0]).1.status, McpStatus::Infeasible, "{c:e}");
+        let box_ = Mcp::ncp(scalar(move |x| c * (1.0 + x), move |_| c)).unwrap();
+        for start in [0.0, 1.0, 1e6] {
+            let (x, report) = run(&box_, &[start]);
+            assert!(!report.is_solved() && report.error >= 0.5, "{c:e} at {x:?}");
+        }
+        let rows = [vec![1.0, 0.0], vec![0.0, c]];
+        let two = Mcp::affine(matrix(&rows), vec![-1e14, c], vec![0.0; 2], vec![INF; 2]).unwrap();
+        assert!(!run(&two, &[0.0; 2]).1.is_solved(), "{c:e}");
+    }
+}
+
+#[test]
+fn the_rounding_of_huge_terms_is_no_solution() {
+    // A bound of 2⁶⁴ on a multiplier: the terms are 1e19, and a residual of the size of 1 or 1000 is their rounding.
+    let lower = vec![1.0, 1.0, 1.0, 1.0, 2.0_f64.powi(64), -INF];
+    let upper = vec![5.0, 5.0, 5.0, 5.0, INF, INF];
+    let problem = Mcp::new(Autodiff::new(Hs71), lower, upper).unwrap();
+    for start in [[0.0; 6], [1.0; 6], [10.0; 6], [5.0; 6]] {
+        let (_, report) = run(&problem, &start);
+        assert!(!report.is_solved(), "{start:?} {:e}", report.residual);
+    }
+    let (_, report) = run(&problem, &[5.0; 6]);
+    assert_eq!(report.status, McpStatus::AtRounding);
+    assert_eq!(report.status.name(), "at rounding");
+}
+
+#[test]
+fn residuals_along_a_direction_that_rows_do_not_see_are_none_of_rounding() {
+    // x − y + 1 = 0 and y − x = 0: the residual 1 is any part of the terms, far out.
+    let f = WithJacobian::new(
+        2,
+        |x: &[f64], out: &mut [f64]| {
+            out[0] = x[0] - x[1] + 1.0;
+            out[1] = x[1] - x[0];
+        },
+        |_: &[f64], jac: &mut Matrix| {
+            for (i, j, v) in [(0, 0, 1.0), (0, 1, -1.0), (1, 0, -1.0), (1, 1, 1.0)] {
+                jac.add(i, j, v);
+            }
+        },
+    );
+    let problem = Mcp::equations(f).unwrap();
+    for far in [0.0, 1e9, 1e11, 1e13, 1e15, 1e17, 1e20] {
+        let (x, report) = run(&problem, &[far, far]);
+        assert!(!report.is_solved(), "{far:e}: {x:?}");
+    }
+}
+
+/// The kernel of a Jacobian with entries of 1e19 and 1 was sought by an iteration that ended in NaN.
+#[test]
+fn jacobians_of_all_sizes_do_not_panic() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/mcp_extreme/thun5lo.json");
+    let problem = read(&path).unwrap();
+    let start = &problem.starts[0].1;
+    let options = McpOptions::default().with_restarts(0);
+    let status = McpSolver::new(options)
+        .solve(&problem.mcp, &mut start.clone())
+        .map(|r| r.status);
+    assert_ne!(status, Ok(McpStatus::Solved));
+}
+
+/// Random affine problems of which many have no solution, by trying all active sets.
+fn arbitrary(seed: u64, n: usize) -> Mcp<impl McpFunction> {
+    let mut rng = Rng(seed);
+    let rows = rng.square(n);
+    let q = (0..n).map(|_| rng.next()).collect();
+    Mcp::affine(matrix(&rows), q, vec![0.0; n], vec![INF; n]).unwrap()
+}
+
+/// Powers of ten, up to ±12 for rows and ±3 for unknowns.
+fn units(seed: u64, n: usize) -> (Vec<f64>, Vec<f64>) {
+    let mut rng = Rng(seed ^ 0x5555);
+    let mut power = |most: f64| 10_f64.powi((most * rng.next()).round() as i32);
+    (0..n).map(|_| (power(12.0), power(3.0))).unzip()
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(48))]
+
+    #[test]
+    fn units_do_not_decide_what_is_solved(seed in 1_u64.., n in 1_usize..6) {
+        let (row, col) = units(seed, n);
+        let problem = arbitrary(seed, n);
+        let start = vec![1.0; n];
+        let scaled_start: Vec<f64> = col.iter().map(|c| 1.0 / c).collect();
+        let (_, plain) = run(&problem, &start);
+        for (row, col, start) in [
+            (vec![1e12; n], vec![1.0; n], start.clone()),
+            (vec![1e-12; n], vec![1.0; n], start.clone()),
+            (row.clone(), vec![1.0; n], start.clone()),
+            (row, col, scaled_start),
+        ] {
+            let (_, other) = run(&scaled(&problem, &row, &col), &start);
+            prop_assert_eq!(plain.is_solved(), other.is_solved(), "{:?} {:?} in {:?} {:?}", plain.status, other.status, row, col);
+        }
+    }
+
+    #[test]
+    fn nonlinear_problems_are_solved_in_all_units(seed in 1_u64.., n in 1_usize..12, off in -3.0..3.0) {
+        let (problem, exact) = known(seed, n);
+        let (row, col) = units(seed, n);
+        let other = scaled(&problem, &row, &col);
+        let start: Vec<f64> = exact.iter().zip(&col).map(|(x, c)| (x + off) / c).collect();
+        let (y, report) = run(&other, &start);
+        prop_assert!(report.is_solved(), "{:?}", report.status);
+        for ((y, c), x) in y.iter().zip(&col).zip(&exact) {
+            prop_assert!((y * c - x).abs() < 1e-6, "{} {x}", y * c);
+        }
+    }
+}
+
+#[test]
+fn the_corpus_is_solved_in_all_units() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/complementarity");
+    for file in std::fs::read_dir(folder).unwrap() {
+        let problem = read(&file.unwrap().path()).unwrap();
+        let n = problem.mcp.len();
+        let ones = vec![1.0; n];
+        let (row, _) = units(n as u64, n);
+        for (label, start) in &problem.starts {
+            for row in [&vec![1e12; n], &vec![1e-12; n], &row] {
+                let (_, report) = run(&scaled(&problem.mcp, row, &ones), start);
+                assert!(
+                    report.is_solved(),
+                    "{} {label}: {:?}",
+                    problem.name,
+                    report.status
+                );
+            }
+        }
+    }
+}

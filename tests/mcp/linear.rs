@@ -1,0 +1,115 @@
+//! What Lemke's and the active-set method call solved, in all units and from all starts.
+
+use proptest::prelude::*;
+use semismooth::complementarity::Lcp;
+use semismooth::complementarity::active_set::{
+    ActiveSetOptions, ActiveSetSolver, ActiveSetStatus, DirectReduced, GmresReduced,
+};
+use semismooth::complementarity::pivoting::{Lemke, LemkeStatus};
+
+use crate::support::{INF, Rng, matrix};
+
+/// The largest error relative to the terms of rows.
+fn error(lcp: &Lcp, z: &[f64]) -> f64 {
+    let n = z.len();
+    let errors = (0..n).map(|i| {
+        let terms = (0..n).map(|j| lcp.matrix().get(i, j) * z[j]).chain([lcp.q()[i]]);
+        let (w, size) = terms.fold((0.0, 0.0), |(s, t), p: f64| (s + p, t + p.abs()));
+        let (l, u) = (lcp.lower()[i], lcp.upper()[i]);
+        assert!(l <= z[i] && z[i] <= u);
+        match (z[i] == l && w >= 0.0) || (z[i] == u && w <= 0.0) || w == 0.0 {
+            true => 0.0,
+            false => w.abs() / size,
+        }
+    });
+    errors.fold(0.0, f64::max)
+}
+
+#[test]
+fn a_start_far_out_leaves_no_rounding_in_the_solution() {
+    // 3 z = 1; from 1e15 one step leads to 0.375.
+    for lower in [0.0, -INF] {
+        for start in [1e15, -1e15, 1e30, 1e200] {
+            let lcp = Lcp::boxed(matrix(&[vec![3.0]]), vec![-1.0], vec![lower], vec![INF]).unwrap();
+            let mut z = [start];
+            let report = ActiveSetSolver::default().solve(&lcp, &mut z).unwrap();
+            assert_eq!(report.status, ActiveSetStatus::Solved);
+            assert!((3.0 * z[0] - 1.0).abs() <= 1e-15, "{start:e}: {z:?}");
+        }
+    }
+    // A large unknown next to a small one that nothing connects with it: its rounding is no excuse.
+    let m = matrix(&[vec![3.0, 0.0], vec![0.0, 3.0]]);
+    let lcp = Lcp::boxed(m, vec![-1e15, -1.0], vec![-INF; 2], vec![INF; 2]).unwrap();
+    for gmres in [false, true] {
+        let mut z = [0.0, 1e10];
+        let options = ActiveSetOptions::default();
+        let report = match gmres {
+            true => ActiveSetSolver::with_reduced(options, GmresReduced::default()).solve(&lcp, &mut z),
+            false => ActiveSetSolver::with_reduced(options, DirectReduced::new()).solve(&lcp, &mut z),
+        };
+        let solved = report.unwrap().status == ActiveSetStatus::Solved;
+        assert!(!solved || (3.0 * z[1] - 1.0).abs() < 1e-10, "{z:?}");
+        assert!(solved || gmres);
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(100))]
+
+    /// Rows times 1e−12 … 1e12, unknowns times 1e−3 … 1e3: P matrices are solved, to the tolerance in the units of each row.
+    #[test]
+    fn rows_in_all_units_are_solved_to_the_tolerance(seed in 1_u64.., n in 1_usize..10, far in -1e3..1e3) {
+        let mut rng = Rng(seed);
+        let (g, s) = (rng.square(n), rng.square(n));
+        let row: Vec<f64> = (0..n).map(|_| 10_f64.powi((12.0 * rng.next()) as i32)).collect();
+        let col: Vec<f64> = (0..n).map(|_| 10_f64.powi((3.0 * rng.next()) as i32)).collect();
+        let rows: Vec<Vec<f64>> = (0..n).map(|i| (0..n).map(|j| {
+            let dot: f64 = (0..n).map(|k| g[k][i] * g[k][j]).sum();
+            row[i] * col[j] * (dot + if i == j { 0.1 } else { s[i][j] - s[j][i] })
+        }).collect()).collect();
+        let q = row.iter().map(|r| r * rng.next()).collect();
+        let lcp = Lcp::new(matrix(&rows), q).unwrap();
+        let mut z = vec![0.0; n];
+        prop_assert_eq!(Lemke::default().solve(&lcp, &mut z).unwrap().status, LemkeStatus::Solved);
+        prop_assert!(error(&lcp, &z) <= 1e-10, "{:e}", error(&lcp, &z));
+        let mut y = vec![far; n];
+        prop_assert_eq!(ActiveSetSolver::default().solve(&lcp, &mut y).unwrap().status, ActiveSetStatus::Solved);
+        prop_assert!(error(&lcp, &y) <= 1e-11, "{:e}", error(&lcp, &y));
+        for (a, b) in z.iter().zip(&y) {
+            prop_assert!((a - b).abs() <= 1e-8 * a.abs().max(1e-3), "{a} {b}");
+        }
+    }
+
+    /// Infeasible for all z ≥ 0, in all units of rows: never solved, and a certificate is one in the units of each row.
+    #[test]
+    fn infeasible_rows_stay_infeasible(seed in 1_u64.., n in 2_usize..7) {
+        let mut rng = Rng(seed);
+        let b = rng.square(n);
+        let row: Vec<f64> = (0..n).map(|_| 10_f64.powi((12.0 * rng.next()) as i32)).collect();
+        // Row k asks for −Σ |m_kj| z_j ≥ |q_k| > 0.
+        let k = seed as usize % n;
+        let rows: Vec<Vec<f64>> = (0..n).map(|i| (0..n).map(|j| row[i] * if i == k { -b[i][j].abs() } else { b[i][j] }).collect()).collect();
+        let q = (0..n).map(|i| row[i] * if i == k { -0.1 - rng.next().abs() } else { rng.next() }).collect();
+        let lcp = Lcp::new(matrix(&rows), q).unwrap();
+        let mut z = vec![0.0; n];
+        prop_assert_ne!(Lemke::default().solve(&lcp, &mut z).unwrap().status, LemkeStatus::Solved);
+        let mut y = vec![1.0; n];
+        let options = ActiveSetOptions::default().with_max_iterations(100);
+        prop_assert_ne!(ActiveSetSolver::new(options).solve(&lcp, &mut y).unwrap().status, ActiveSetStatus::Solved);
+    }
+
+    /// A ray proves infeasibility only where there is no solution, whatever the units of rows.
+    #[test]
+    fn certificates_of_rays_are_not_forged_by_units(seed in 1_u64.., n in 1_usize..6) {
+        let mut rng = Rng(seed);
+        let m = rng.square(n);
+        let row: Vec<f64> = (0..n).map(|_| 10_f64.powi((12.0 * rng.next()) as i32)).collect();
+        // z = 1 is feasible: w = M z + q = s ≥ 0.
+        let rows: Vec<Vec<f64>> = (0..n).map(|i| m[i].iter().map(|v| row[i] * v).collect()).collect();
+        let q = (0..n).map(|i| row[i] * (rng.next().abs() - m[i].iter().sum::<f64>())).collect();
+        let lcp = Lcp::new(matrix(&rows), q).unwrap();
+        let mut z = vec![0.0; n];
+        let status = Lemke::default().solve(&lcp, &mut z).unwrap().status;
+        prop_assert_ne!(status, LemkeStatus::Ray { infeasible: true });
+    }
+}
