@@ -6,12 +6,14 @@ use crate::sparse::MatrixRef;
 /// Part of its terms below which the residual of a row is rounding.
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
 
-/// Unknowns beyond 2⁵² have a last digit larger than 1: no residual tells where they are.
-const LARGEST: f64 = 4_503_599_627_370_496.0;
+/// Unknowns beyond 2⁴⁸ have hardly a digit left after the point: no residual tells where they are.
+const LARGEST: f64 = 281_474_976_710_656.0;
 
 /// Where the constants of all rows are a smaller part of their terms, the residual is compared with the constants: far out along
 /// directions that rows hardly see, everything is small relative to its terms.
 const FAR: f64 = 1e-6;
+/// Smaller constants are the rounding of none.
+const NO_CONSTANT: f64 = 8.0 * f64::EPSILON;
 
 /// Part of its terms from which on a residual has not begun to cancel.
 const OPEN: f64 = 1e-3;
@@ -21,7 +23,8 @@ const OPEN: f64 = 1e-3;
 pub(super) struct Accuracy {
     terms: Vec<f64>,
     sum: Vec<f64>,
-    free: Vec<f64>,
+    /// Constants of rows: terms of unknowns at bounds, and what is left without the others.
+    constants: Vec<f64>,
 }
 
 /// How near a point is to a solution.
@@ -88,7 +91,7 @@ impl Accuracy {
     /// Terms Sᵢ = Σⱼ |Jᵢⱼ xⱼ| + |fᵢ − Σⱼ Jᵢⱼ xⱼ|, and the residuals relative to them.
     pub(super) fn measure(&mut self, p: &Point<'_>) -> Measure {
         let n = p.x.len();
-        for v in [&mut self.terms, &mut self.sum, &mut self.free] {
+        for v in [&mut self.terms, &mut self.sum, &mut self.constants] {
             v.clear();
             v.resize(n, 0.0);
         }
@@ -101,16 +104,17 @@ impl Accuracy {
                 let (i, term) = (pattern.row_idx[k], p.jac.values[k] * x);
                 self.terms[i] += (p.jac.values[k] * size).abs();
                 self.sum[i] += term;
-                if moves {
-                    self.free[i] += term;
+                if !moves {
+                    self.constants[i] += term.abs();
                 }
             }
         }
         let mut constants = 0.0_f64;
         for i in 0..n {
-            self.terms[i] += (p.f[i] - self.sum[i]).abs();
+            let rest = (p.f[i] - self.sum[i]).abs();
+            self.terms[i] += rest;
             if self.terms[i] > 0.0 && !p.rests(i) {
-                constants = constants.max((p.f[i] - self.free[i]).abs() / self.terms[i]);
+                constants = constants.max((self.constants[i] + rest) / self.terms[i]);
             }
         }
         let mut worst = 0.0_f64;
@@ -120,7 +124,7 @@ impl Accuracy {
                 worst = error;
             }
         }
-        let far = match p.sizes.is_none() && constants > 0.0 && constants < FAR {
+        let far = match p.sizes.is_none() && (NO_CONSTANT..FAR).contains(&constants) {
             true => constants / FAR,
             false => 1.0,
         };
