@@ -4,7 +4,7 @@ use std::path::Path;
 
 use proptest::prelude::*;
 use semismooth::complementarity::{
-    Autodiff, Mcp, McpFunction, McpReport, McpSolver, McpStatus, WithJacobian,
+    Autodiff, Mcp, McpFunction, McpOptions, McpReport, McpSolver, McpStatus, WithJacobian,
 };
 use semismooth::sparse::{Matrix, Pattern};
 
