@@ -43,6 +43,11 @@ impl Deadline {
         }
     }
 
+    /// That of a run whose clock began earlier.
+    pub(crate) fn of(clock: Clock, limit: Option<Duration>) -> Self {
+        Self { clock, limit }
+    }
+
     pub(crate) fn is_over(self) -> bool {
         self.limit.is_some_and(|limit| self.clock.elapsed() >= limit)
     }
@@ -51,6 +56,14 @@ impl Deadline {
         match self.is_over() {
             true => ControlFlow::Break(()),
             false => ControlFlow::Continue(()),
+        }
+    }
+
+    /// When half of what is left has passed.
+    pub(crate) fn half(self) -> Self {
+        Self {
+            clock: Clock::start(),
+            limit: self.left().map(|left| left / 2),
         }
     }
 

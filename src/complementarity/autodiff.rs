@@ -3,10 +3,10 @@ use std::fmt;
 use num_dual::Dual64;
 
 use super::McpFunction;
-use super::coloring::Coloring;
 use super::scratch::Scratch;
 use crate::piecewise::Real;
-use crate::sparse::{Matrix, Pattern};
+use crate::piecewise::trace::{lacking, ordinary_point, structure};
+use crate::sparse::{Coloring, Matrix, Pattern};
 
 /// A smooth function written once over [`Real`]; [`Autodiff`] turns it into an [`McpFunction`] with exact Jacobians.
 pub trait SmoothFunction {
@@ -21,9 +21,17 @@ pub trait SmoothFunction {
     /// Writes F(x) to `out`.
     fn eval<T: Real>(&self, x: &[T], out: &mut [T]);
 
-    /// Where the Jacobian has entries. Default: everywhere.
+    /// Where the Jacobian has entries. Default: found by tracing [`eval`](Self::eval) at two points, the zero vector and one in (½, ¾)ᵐ, with
+    /// one evaluation for 256 variables. A pattern of your own saves these evaluations; one that lacks an entry is refused
+    /// ([`PiecewiseError::StrayEntry`](crate::piecewise::PiecewiseError::StrayEntry)) where the first Jacobian is evaluated.
     fn pattern(&self) -> Pattern {
-        Pattern::full(self.num_values(), self.num_vars())
+        let (n, m) = (self.num_values(), self.num_vars());
+        let mut entries = Vec::new();
+        for x in [vec![0.0; m], ordinary_point(m)] {
+            entries.extend(structure(n, m, &x, &mut |x, _, out| self.eval(x, out)));
+        }
+        // All of them lie inside.
+        Pattern::from_entries(n, m, entries).unwrap_or_else(|_| Pattern::full(n, m))
     }
 }
 
@@ -52,7 +60,15 @@ pub struct Autodiff<S> {
     function: S,
     pattern: Pattern,
     coloring: Coloring,
-    work: Scratch<(Vec<Dual64>, Vec<Dual64>)>,
+    work: Scratch<Work>,
+}
+
+#[derive(Clone)]
+struct Work {
+    seeded: Vec<Dual64>,
+    out: Vec<Dual64>,
+    /// Whether the pattern was compared with the function at a point.
+    checked: bool,
 }
 
 impl<S: SmoothFunction> Autodiff<S> {
@@ -61,10 +77,11 @@ impl<S: SmoothFunction> Autodiff<S> {
         let pattern = function.pattern();
         Self {
             coloring: Coloring::new(&pattern),
-            work: Scratch::new((
-                vec![Dual64::from(0.0); function.num_vars()],
-                vec![Dual64::from(0.0); function.num_values()],
-            )),
+            work: Scratch::new(Work {
+                seeded: vec![Dual64::from(0.0); function.num_vars()],
+                out: vec![Dual64::from(0.0); function.num_values()],
+                checked: false,
+            }),
             pattern,
             function,
         }
@@ -99,7 +116,15 @@ impl<S: SmoothFunction> McpFunction for Autodiff<S> {
     }
 
     fn jacobian(&self, x: &[f64], jac: &mut Matrix) {
-        let (seeded, out) = &mut *self.work.lock();
+        let Work { seeded, out, checked } = &mut *self.work.lock();
+        if !*checked {
+            // Columns of one colour would hide an entry that the pattern lacks in another.
+            if let Some((i, j)) = lacking(&self.pattern, x, &mut |x, _, out| self.function.eval(x, out)) {
+                jac.add(i, j, 0.0);
+                return;
+            }
+            *checked = true;
+        }
         for (s, v) in seeded.iter_mut().zip(x) {
             *s = Dual64::from(*v);
         }

@@ -1,7 +1,6 @@
-use super::coloring::Coloring;
 use super::scratch::Scratch;
 use super::{ComplementarityError, McpFunction};
-use crate::sparse::{Matrix, Pattern};
+use crate::sparse::{Coloring, Matrix, Pattern};
 
 /// Relative step of central differences, the cube root of the rounding unit.
 const CENTRAL: f64 = 6.055e-6;

@@ -56,7 +56,6 @@ pub mod active_set;
 mod affine;
 #[cfg(feature = "autodiff")]
 mod autodiff;
-mod coloring;
 mod differences;
 mod error;
 mod fischer;

@@ -2,6 +2,7 @@
 //! selection's cell.
 
 use super::{Arm, ContinuationOptions};
+use crate::clock::Deadline;
 use crate::enumeration::{EnumerationError, directional_selections, local_selections};
 use crate::linear::{LinearError, LinearSolver, null_space};
 use crate::newton::MoorePenrose;
@@ -70,6 +71,16 @@ pub(super) struct Arms {
     pub(super) list: Vec<Arm>,
     /// Whether every active selection was examined and its kernel understood.
     pub(super) complete: bool,
+    /// The first selection whose kernel was not, if there is one.
+    pub(super) undecided: Option<UndecidedKernel>,
+}
+
+/// A kernel of ∇H^(σ) of two dimensions or more, in which the first derivatives do not tell the arms.
+#[derive(Debug, Clone)]
+pub(super) struct UndecidedKernel {
+    pub(super) dimension: usize,
+    /// The variables that take part in it, those that do most first.
+    pub(super) variables: Vec<usize>,
 }
 
 pub(super) struct ArmSearch<'a, P: ?Sized, L> {
@@ -80,23 +91,23 @@ pub(super) struct ArmSearch<'a, P: ?Sized, L> {
     pub(super) vanishing: &'a [Vanishing],
     /// A selection known to be singular at (or within rounding of) x, where its kernel is a chance mixture.
     pub(super) singular: Option<Selection>,
+    pub(super) deadline: Deadline,
 }
 
 impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
     /// All arms of the active selections at x.
     pub(super) fn all(&mut self, active: &ActiveSet) -> Result<Arms, PiecewiseError> {
         let mut arms = Arms {
-            list: Vec::new(),
             complete: true,
+            ..Arms::default()
         };
         if active.total().is_none_or(|total| total > PLAIN) {
-            let found = directional_selections(&self.map, self.x, active, self.options.max_nodes);
+            let limit = self.options.max_nodes;
+            let found = directional_selections(&self.map, self.x, active, limit, self.deadline);
             match found {
                 Ok(Some(found)) => {
                     arms.complete = found.complete;
-                    for selection in &found.selections {
-                        self.of_selection(selection, None, &mut arms)?;
-                    }
+                    self.of_selections(found.selections.iter(), &mut arms)?;
                     if !found.complete {
                         self.locally(active, &mut arms)?;
                     }
@@ -109,7 +120,8 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
             }
         }
         for (examined, selection) in active.selections().enumerate() {
-            if examined as u64 == self.options.max_selections {
+            let late = examined as u128 >= PLAIN && self.deadline.is_over();
+            if examined as u64 == self.options.max_selections || late {
                 arms.complete = false;
                 self.locally(active, &mut arms)?;
                 break;
@@ -128,16 +140,28 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
         } else {
             80
         };
-        match local_selections(&self.map, self.x, active, starts, each * starts) {
-            Ok(selections) => {
-                for selection in &selections {
-                    self.of_selection(selection, None, arms)?;
-                }
-                Ok(())
-            }
+        let found = local_selections(&self.map, self.x, active, starts, each * starts, self.deadline);
+        match found {
+            Ok(selections) => self.of_selections(selections.iter(), arms),
             Err(EnumerationError::Map(e)) => Err(e),
             Err(_) => Ok(()),
         }
+    }
+
+    /// The arms of a list of selections, as far as time allows.
+    fn of_selections<'s>(
+        &mut self,
+        selections: impl Iterator<Item = &'s Selection>,
+        arms: &mut Arms,
+    ) -> Result<(), PiecewiseError> {
+        for (examined, selection) in selections.enumerate() {
+            if examined as u128 >= PLAIN && self.deadline.is_over() {
+                arms.complete = false;
+                break;
+            }
+            self.of_selection(selection, None, arms)?;
+        }
+        Ok(())
     }
 
     /// The arms of one selection, appended to `arms`.
@@ -168,7 +192,12 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
                             self.both_ways(selection, d, arms);
                         }
                     }
-                    None => arms.complete = false,
+                    None => {
+                        arms.complete = false;
+                        if arms.undecided.is_none() {
+                            arms.undecided = self.undecided_kernel(selection)?;
+                        }
+                    }
                 }
                 Ok(())
             }
@@ -239,6 +268,24 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
             change = pairs.fold(change, |c, (a, b)| c.max((a - b).abs() / 2e-4));
         }
         jac.values().iter().all(|v| v.abs() <= RANK * change)
+    }
+
+    /// The kernel of ∇H^(σ), assembled anew; `None` in problems too large for it.
+    fn undecided_kernel(&mut self, selection: &Selection) -> Result<Option<UndecidedKernel>, PiecewiseError> {
+        const NAMED: f64 = 1e-6;
+        if self.map.num_residuals() > MAX_BRANCHING {
+            return Ok(None);
+        }
+        self.corrector.assemble(self.map, selection, self.x)?;
+        let kernel = null_space(self.corrector.jacobian(), RANK)?.right;
+        let part = |j: usize| norm(&kernel.iter().map(|v| v[j]).collect::<Vec<_>>());
+        let parts: Vec<f64> = (0..self.x.len()).map(part).collect();
+        let mut variables: Vec<usize> = (0..parts.len()).filter(|&j| parts[j] > NAMED).collect();
+        variables.sort_by(|&a, &b| parts[b].total_cmp(&parts[a]));
+        Ok((kernel.len() > 1).then_some(UndecidedKernel {
+            dimension: kernel.len(),
+            variables,
+        }))
     }
 
     /// The directions of the curves through a point where ∇H^(σ) has a two-dimensional kernel: with the kernel spanned by

@@ -4,7 +4,7 @@ use std::fmt;
 use super::arms::{ArmSearch, Arms, RANK, TANGENTIAL, vanishing_at};
 use super::watch::Watch;
 use super::{Arm, ContinuationError, ContinuationOptions, Event, Point, PointKind, Strategy, Termination};
-use crate::clock::Clock;
+use crate::clock::{Clock, Deadline};
 use crate::linear::{LinearSolver, null_space};
 use crate::newton::MoorePenrose;
 use crate::piecewise::{
@@ -160,6 +160,9 @@ impl<'a> Curve<'a> {
             x: &self.here.x,
             vanishing,
             singular: None,
+            deadline: self.clock.map_or(Deadline::after(None), |clock| {
+                Deadline::of(clock, self.options.max_time)
+            }),
         }
     }
 

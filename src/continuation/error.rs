@@ -58,6 +58,22 @@ pub enum ContinuationError {
         /// Number of arms in all.
         found: usize,
     },
+    /// No arm was found in the direction asked for, and the search was not complete: more arms may leave the start.
+    #[error(
+        "undecided whether an arm leaves the start with {wanted}: {reason}; {found} arms were found in other directions"
+    )]
+    UndecidedArms {
+        /// The direction asked for.
+        wanted: &'static str,
+        /// Number of arms found.
+        found: usize,
+        /// Dimension of the kernel of ∇H that left the search undecided; 0 where a limit ended it.
+        kernel: usize,
+        /// The variables that take part in that kernel, the one that does most first, counted from 0.
+        variables: Vec<usize>,
+        /// What left it undecided, and what to do.
+        reason: String,
+    },
     /// The two independent rules of orientation disagree at a transition.
     #[error(
         "at parameter {parameter}, {site}: the determinant and the test functions disagree on the orientation of the curve; \

@@ -65,6 +65,8 @@ pub enum TransitionKind {
     Branching,
     /// No arm leaves the point but the one the curve came along.
     End,
+    /// No other arm was found, and the search was not complete.
+    Undecided,
 }
 
 impl TransitionKind {
@@ -78,6 +80,7 @@ impl TransitionKind {
             Self::VerticalEnd => "vertical segment ends",
             Self::Branching => "branching",
             Self::End => "end",
+            Self::Undecided => "undecided",
         }
     }
 }
@@ -260,6 +263,8 @@ pub enum Termination {
     ParameterRange,
     /// The last transition has no arm to go on.
     End,
+    /// At the last transition no arm to go on was found, and the search was not complete.
+    Undecided,
     /// Several arms leave the last point and none goes straight on; start again along one of them.
     Branching,
     /// The curve closed: the start was met again.
@@ -287,6 +292,7 @@ impl Termination {
         match self {
             Self::ParameterRange => "bound of the parameter",
             Self::End => "end of the branch",
+            Self::Undecided => "arms undecided",
             Self::Branching => "branching",
             Self::Closed => "closed curve",
             Self::MaxPoints => "limit on points",

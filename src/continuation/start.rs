@@ -98,10 +98,44 @@ fn choose_start<'b>(arms: &'b Arms, direction: &Direction) -> Result<&'b Arm, Co
             (ahead, "a positive component along the vector given")
         }
     };
-    found.ok_or(ContinuationError::NoArm {
+    found.ok_or_else(|| no_arm(arms, wanted))
+}
+
+fn no_arm(arms: &Arms, wanted: &'static str) -> ContinuationError {
+    const NAMED: usize = 8;
+    let found = arms.list.len();
+    if arms.complete {
+        return ContinuationError::NoArm { wanted, found };
+    }
+    let Some(undecided) = &arms.undecided else {
+        return ContinuationError::UndecidedArms {
+            wanted,
+            found,
+            kernel: 0,
+            variables: Vec::new(),
+            reason: "a limit ended the search (max_time, max_nodes, max_selections, or a kernel of more than 600 rows): raise it, or start \
+                     elsewhere"
+                .to_owned(),
+        };
+    };
+    let variables = undecided.variables.clone();
+    let names: Vec<String> = variables.iter().take(NAMED).map(|j| format!("x[{j}]")).collect();
+    let more = match variables.len().saturating_sub(NAMED) {
+        0 => String::new(),
+        more => format!(" and {more} more"),
+    };
+    ContinuationError::UndecidedArms {
         wanted,
-        found: arms.list.len(),
-    })
+        found,
+        kernel: undecided.dimension,
+        reason: format!(
+            "kernel of dimension {} along {}{more}. There the solutions at this parameter are not unique, or rows of H depend on each other: \
+             choose among them by a small term (ε x_j added to the rows of these variables), or drop what does not matter",
+            undecided.dimension,
+            names.join(", ")
+        ),
+        variables,
+    }
 }
 
 impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
@@ -109,7 +143,8 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
     ///
     /// # Errors
     /// Options out of range, maps that are no curves, starts of the wrong length or not finite, outside the domain, or from which
-    /// Newton's method finds no solution; [`ContinuationError::NoArm`] when no arm leaves in the direction.
+    /// Newton's method finds no solution; [`ContinuationError::NoArm`] when no arm leaves in the direction,
+    /// [`ContinuationError::UndecidedArms`] when none was found and the search was not complete.
     pub fn new(
         map: &'a P,
         x: &[f64],

@@ -206,8 +206,18 @@ impl Curve<'_> {
             tangent: tangent.to_vec(),
             grazing: Vec::new(),
         };
+        let arms = super::arms::Arms {
+            list: vec![arm],
+            complete: false,
+            ..Default::default()
+        };
         // The point is known to a few smallest steps only, and so is the tangent.
-        let kind = kind(&self.here.t, Some(&arm), 1, REACH * self.options.min_step);
+        let kind = kind(
+            &self.here.t,
+            arms.list.first(),
+            &arms,
+            REACH * self.options.min_step,
+        );
         let record = Transition {
             x: self.here.x.clone(),
             tangent_before: self.here.t.clone(),
@@ -218,7 +228,7 @@ impl Curve<'_> {
             test_functions: self.here.theta.clone(),
             vanishing: vanishing.iter().map(|v| v.index).collect(),
             kind,
-            arms: vec![arm],
+            arms: arms.list,
             followed: Some(0),
             complete: false,
             residual_norm: norm(&r),

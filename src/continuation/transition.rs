@@ -38,7 +38,9 @@ impl Curve<'_> {
         let record = self.transition(&vanishing, &arms, followed);
         let stop = match (followed, arms.list.len()) {
             (Some(_), _) => None,
-            (None, 0) => Some(Termination::End),
+            (None, 0) if arms.complete => Some(Termination::End),
+            (None, 0) if self.is_late() => Some(Termination::MaxTime),
+            (None, 0) => Some(Termination::Undecided),
             (None, _) => Some(Termination::Branching),
         };
         self.emit(Event::Transition(record));
@@ -69,8 +71,8 @@ impl Curve<'_> {
             }
         }
         let mut arms = Arms {
-            list: Vec::new(),
             complete: true,
+            ..Arms::default()
         };
         let arrival = self.here.t.clone();
         self.search(vanishing)
@@ -178,7 +180,7 @@ impl Curve<'_> {
             sites: changes,
             test_functions: self.here.theta.clone(),
             vanishing: vanishing.iter().map(|v| v.index).collect(),
-            kind: kind(&self.here.t, arm, arms.list.len(), VERTICAL),
+            kind: kind(&self.here.t, arm, arms, VERTICAL),
             arms: arms.list.clone(),
             followed,
             complete: arms.complete,
@@ -264,7 +266,7 @@ impl Curve<'_> {
 }
 
 /// The kind of a transition; a rate of α no larger than `vertical` counts as 0.
-pub(super) fn kind(arrival: &[f64], arm: Option<&Arm>, outgoing: usize, vertical: f64) -> TransitionKind {
+pub(super) fn kind(arrival: &[f64], arm: Option<&Arm>, arms: &Arms, vertical: f64) -> TransitionKind {
     let rate = |t: &[f64]| {
         let last = t.last().copied().unwrap_or(0.0);
         if last.abs() <= vertical {
@@ -273,8 +275,9 @@ pub(super) fn kind(arrival: &[f64], arm: Option<&Arm>, outgoing: usize, vertical
             last.signum()
         }
     };
-    match (outgoing, arm) {
-        (0, _) => TransitionKind::End,
+    match (arms.list.len(), arm) {
+        (0, _) if arms.complete => TransitionKind::End,
+        (0, _) => TransitionKind::Undecided,
         (1, Some(arm)) => match (rate(arrival), rate(&arm.tangent)) {
             (a, b) if a == b => TransitionKind::PassThrough,
             (_, 0.0) => TransitionKind::VerticalBegin,

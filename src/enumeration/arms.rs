@@ -8,6 +8,7 @@ use super::search::Search;
 use super::system::System;
 use super::table::{Form, Table};
 use super::{Completeness, EnumerationError, EnumerationOptions, system};
+use crate::clock::Deadline;
 use crate::linear::{AutoSolver, LinearError, LinearSolver};
 use crate::piecewise::{
     ActiveSet, PiecewiseError, PiecewiseSmooth, Scaled, Selection, TestLayout, Vanishing, check_vector,
@@ -25,6 +26,8 @@ const SOLVES: usize = 100;
 const LARGE: u64 = 4096;
 /// Pieces in a list of selections to be examined one by one.
 const LISTED: usize = 1 << 27;
+/// Selections listed between two looks at the clock.
+const LOOKS: usize = 1000;
 /// |α̇|, in scaled variables, up to which an arm counts as vertical.
 const VERTICAL: f64 = 1e-9;
 
@@ -88,7 +91,7 @@ pub struct DirectionalArms {
 /// All arms of the solution curves of H(y, α) = 0 at the solution `x` = (y, α). Test functions within `options.tolerance` of their
 /// zero set, as a distance relative to 1 + ‖x‖₂, count as vanishing there. The pieces need not be affine.
 ///
-/// Where the cap on nodes is reached, or the number of rows times unknowns exceeds 2²⁶ and there are more than 4096 active
+/// Where the cap on nodes or the limit of time is reached, or the number of rows times unknowns exceeds 2²⁶ and there are more than 4096 active
 /// selections, a local search goes on: Newton's method on the directional problem for α̇ = ±1 from random
 /// selections and from neighbours of what was found. The list then stays incomplete, whatever it holds.
 ///
@@ -109,8 +112,8 @@ pub struct DirectionalArms {
 /// assert_eq!(found.orientation, Some((0, 0)));
 /// # Ok::<(), semismooth::enumeration::EnumerationError>(())
 /// ```
-pub fn all_arms<P: PiecewiseSmooth + ?Sized>(
-    map: &P,
+pub fn all_arms(
+    map: &dyn PiecewiseSmooth,
     x: &[f64],
     options: &EnumerationOptions,
 ) -> Result<DirectionalArms, EnumerationError> {
@@ -168,7 +171,8 @@ fn of_scaled(
             site: map.site_name(site).into_owned(),
         });
     }
-    let mut found = selections(map, x, &active, options.max_nodes)?;
+    let deadline = Deadline::after(options.max_time);
+    let mut found = selections(map, x, &active, options.max_nodes, deadline)?;
     if !found.complete {
         let local = local_selections(
             map,
@@ -176,6 +180,7 @@ fn of_scaled(
             &active,
             options.local_starts,
             SOLVES.saturating_mul(options.local_starts),
+            deadline,
         )?;
         found.selections.extend(local);
         found.selections.sort_unstable();
@@ -183,6 +188,10 @@ fn of_scaled(
     }
     let mut collector = Collector::new(map, x, &active)?;
     for selection in &found.selections {
+        if deadline.is_over() {
+            found.complete = false;
+            break;
+        }
         collector.examine(selection)?;
     }
     Ok(collector.finish(&found))
@@ -198,38 +207,66 @@ pub(crate) struct Candidates {
     nodes: u64,
 }
 
-/// The active selections that the directional problem does not rule out; `None` where a residual depends on the pieces of two
-/// degenerate sites, so that nothing can be ruled out early.
+/// The active selections that the directional problem does not rule out; `None` where residuals depend on the pieces of so many
+/// degenerate sites that nothing can be ruled out early.
 pub(crate) fn directional_selections(
     map: &dyn PiecewiseSmooth,
     x: &[f64],
     active: &ActiveSet,
     max_nodes: u64,
+    deadline: Deadline,
 ) -> Result<Option<Candidates>, EnumerationError> {
-    let sites = active.degenerate_sites().iter().map(|s| s.0);
-    let Some(owner) = system::owners(map, sites) else {
+    directional(map, x, active, &[1.0, -1.0], max_nodes, deadline)
+}
+
+/// [`directional_selections`] for the directions with α̇ = 0 alone.
+pub(super) fn level_selections(
+    map: &dyn PiecewiseSmooth,
+    x: &[f64],
+    active: &ActiveSet,
+    max_nodes: u64,
+    deadline: Deadline,
+) -> Result<Option<Candidates>, EnumerationError> {
+    directional(map, x, active, &[], max_nodes, deadline)
+}
+
+/// The selections with directions of the given α̇, and of α̇ = 0.
+fn directional(
+    map: &dyn PiecewiseSmooth,
+    x: &[f64],
+    active: &ActiveSet,
+    rates: &[f64],
+    max_nodes: u64,
+    deadline: Deadline,
+) -> Result<Option<Candidates>, EnumerationError> {
+    let Some(owners) = system::owners(map, active.degenerate_sites()) else {
         return Ok(None);
     };
-    let system = system::directional(map, &owner, x, active)?;
-    let mut search = Search::new(&system, max_nodes);
+    let system = system::directional(map, &owners, x, active)?;
+    // What is found has to be examined, too.
+    let mut search = Search::new(&system, max_nodes, deadline.half());
     let mut found = BTreeSet::new();
-    let mut leaf = |pieces: &[usize]| -> Result<(), EnumerationError> {
+    let mut leaf = |pieces: &[usize]| -> Result<Option<Vec<Vec<usize>>>, EnumerationError> {
         let mut selection = active.first().clone();
         for ((site, _), piece) in active.degenerate_sites().iter().zip(pieces) {
             selection.set(*site, *piece);
         }
         found.insert(selection);
-        Ok(())
+        Ok(None)
     };
     let mut runs = 0.0;
-    for sign in [1.0, -1.0] {
+    for &sign in rates {
         runs += 1.0;
         match search.root(&[rate(&system, -sign)]) {
             Ok(root) => search.run(root, &mut leaf)?,
             Err(_) => search.examined += search.total,
         }
     }
-    let roots = VerticalRoots::new(&search, &system);
+    let level: Vec<Form> = (map.num_vars() > map.num_residuals())
+        .then(|| rate(&system, 0.0))
+        .into_iter()
+        .collect();
+    let roots = VerticalRoots::new(&search, &level);
     runs += roots.total() as f64;
     for root in roots {
         if search.stopped {
@@ -251,8 +288,9 @@ fn selections(
     x: &[f64],
     active: &ActiveSet,
     max_nodes: u64,
+    deadline: Deadline,
 ) -> Result<Candidates, EnumerationError> {
-    let limit = match directional_selections(map, x, active, max_nodes) {
+    let limit = match directional_selections(map, x, active, max_nodes, deadline) {
         Ok(Some(found)) => return Ok(found),
         Ok(None) => max_nodes,
         Err(EnumerationError::TooLarge { .. }) => max_nodes.min(LARGE),
@@ -262,7 +300,10 @@ fn selections(
     let total = sizes.product();
     let limit = usize::try_from(limit).unwrap_or(usize::MAX);
     let limit = limit.min(LISTED / map.num_sites().max(1)).max(1);
-    let selections: Vec<Selection> = active.selections().take(limit).collect();
+    let deadline = deadline.half();
+    let intime = |s: &(usize, Selection)| !s.0.is_multiple_of(LOOKS) || !deadline.is_over();
+    let listed = active.selections().take(limit).enumerate();
+    let selections: Vec<Selection> = listed.take_while(intime).map(|s| s.1).collect();
     let examined = selections.len() as f64;
     Ok(Candidates {
         complete: examined >= total,
@@ -297,13 +338,14 @@ struct VerticalRoots {
 }
 
 impl VerticalRoots {
-    fn new(search: &Search<'_>, system: &System) -> Self {
+    /// The directions for which the forms of `level` vanish.
+    fn new(search: &Search<'_>, level: &[Form]) -> Self {
         let mut roots = Self {
             normalised: None,
             rest: None,
             value: 1.0,
         };
-        let Ok(flat) = search.root(&[rate(system, 0.0)]) else {
+        let Ok(flat) = search.root(level) else {
             return roots;
         };
         let implied = search.implied(&flat);

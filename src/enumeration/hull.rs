@@ -4,16 +4,20 @@
 use super::system::{Piece, Site};
 use super::table::{Form, Place, Sign, Table};
 
-/// The forms of a site (by number in the site) that have one sign in all its pieces.
-pub(super) fn implied(site: &Site, offset: usize, table: &Table) -> Vec<(usize, Sign)> {
-    let forms: Option<Vec<Form>> = (0..site.forms.len()).map(|f| table.form(offset + f)).collect();
-    let Some(forms) = forms else {
-        return Vec::new();
-    };
+/// The forms of a site over the columns of a table in which all of them are rows.
+pub(super) fn forms(site: &Site, offset: usize, table: &Table) -> Option<Vec<Form>> {
+    (0..site.forms.len()).map(|f| table.form(offset + f)).collect()
+}
+
+/// The forms of a site (by number in the site) that have one sign in all of the pieces given, or both: then they vanish.
+pub(super) fn implied<'p>(
+    forms: &[Form],
+    pieces: impl Iterator<Item = &'p Piece> + Clone,
+) -> Vec<(usize, Sign)> {
     let mut found = Vec::new();
     for f in 0..forms.len() {
         for sign in [Sign::Positive, Sign::Negative] {
-            if site.pieces.iter().all(|piece| holds(&forms, piece, f, sign)) {
+            if pieces.clone().all(|piece| holds(forms, piece, f, sign)) {
                 found.push((f, sign));
             }
         }

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use super::EnumerationError;
 use super::random::Random;
+use crate::clock::Deadline;
 use crate::linear::{AutoSolver, LinearError, LinearSolver};
 use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, Vanishing};
 use crate::sparse::Matrix;
@@ -23,8 +24,9 @@ pub(crate) fn local_selections(
     active: &ActiveSet,
     starts: usize,
     max_solves: usize,
+    deadline: Deadline,
 ) -> Result<Vec<Selection>, EnumerationError> {
-    let mut local = Local::new(map, x, active)?;
+    let mut local = Local::new(map, x, active, deadline)?;
     let mut random = Random::new(1);
     let sites = active.degenerate_sites();
     for k in 0..starts {
@@ -53,6 +55,7 @@ struct Local<'a> {
     direction: Vec<f64>,
     found: BTreeSet<Selection>,
     solves: usize,
+    deadline: Deadline,
 }
 
 /// The vanishing test functions of an active set, with their gradients.
@@ -67,6 +70,7 @@ impl<'a> Local<'a> {
         map: &'a dyn PiecewiseSmooth,
         x: &'a [f64],
         active: &'a ActiveSet,
+        deadline: Deadline,
     ) -> Result<Self, EnumerationError> {
         let jac = Matrix::zeros(map.pattern());
         let mut solver = AutoSolver::default();
@@ -81,10 +85,11 @@ impl<'a> Local<'a> {
             direction: Vec::new(),
             found: BTreeSet::new(),
             solves: 0,
+            deadline,
         })
     }
 
-    /// Solves from a selection and from all that differ from a find at one site, the last find first; `false` at the cap on solves.
+    /// Solves from a selection and from all that differ from a find at one site, the last find first; `false` at the cap on solves or time.
     fn explore(&mut self, start: Selection, rate: f64, max_solves: usize) -> Result<bool, EnumerationError> {
         let sites = self.active.degenerate_sites();
         // A find, and how many sites and pieces of the next site are left.
@@ -92,7 +97,7 @@ impl<'a> Local<'a> {
         let mut next = Some(start);
         loop {
             if let Some(selection) = next.take() {
-                if self.solves >= max_solves {
+                if self.solves >= max_solves || self.deadline.is_over() {
                     return Ok(false);
                 }
                 if let Some(found) = self.solve(selection, rate)? {
@@ -151,6 +156,9 @@ impl<'a> Local<'a> {
         let mut seen = BTreeSet::new();
         let mut one_at_a_time = false;
         for _ in 0..SOLVES {
+            if self.deadline.is_over() {
+                return Ok(None);
+            }
             if !seen.insert(selection.clone()) {
                 if one_at_a_time {
                     return Ok(None);

@@ -1,3 +1,5 @@
+use std::time::Duration;
+
 use crate::options::setters;
 
 /// Options of the enumeration. The defaults need no touching.
@@ -12,6 +14,9 @@ pub struct EnumerationOptions {
     /// Largest number of search nodes (partial selections tried) before the search gives up and says how far it came; it also does
     /// where the tables on the way to a node take more than 2 GB. Default 1 000 000.
     pub max_nodes: u64,
+    /// Time after which the search gives up and says how far it came; looked at before each linear program and each system
+    /// solved. Default: none.
+    pub max_time: Option<Duration>,
     /// Where the search for arms gives up, a local search goes on from this number of random selections for either sign of α̇; it
     /// may find arms and never completes the list. Default 100.
     pub local_starts: usize,
@@ -25,6 +30,7 @@ impl Default for EnumerationOptions {
     fn default() -> Self {
         Self {
             max_nodes: 1_000_000,
+            max_time: None,
             local_starts: 100,
             tolerance: 1e-9,
             merge_distance: 1e-8,
@@ -36,6 +42,8 @@ impl EnumerationOptions {
     setters! {
         /// Sets the largest number of search nodes.
         with_max_nodes(max_nodes: u64);
+        /// Sets the time after which the search gives up.
+        with_max_time(max_time: Option<Duration>);
         /// Sets the number of starts of the local search for arms.
         with_local_starts(local_starts: usize);
         /// Sets the distance up to which a point belongs to a cell.

@@ -1,8 +1,12 @@
 //! Depth-first search over the pieces of the sites, pruned by infeasibility of what has been decided.
+//!
+//! Where that takes many nodes each is tightened first: all pieces of all undecided sites are tried, and a sign that a form has in every
+//! piece left is required.
 
 use super::hull;
 use super::system::System;
 use super::table::{Contradiction, Place, Sign, Table};
+use crate::clock::Deadline;
 
 /// Sites compared before branching. Comparing all gives the smallest trees and, by measurement, not the shortest times.
 const PROBES: usize = 3;
@@ -11,8 +15,16 @@ const KEPT: usize = 1 << 26;
 /// Numbers in all tables and lists of the path from the root, beyond which the search stops: 2 GB.
 const HELD: usize = 1 << 28;
 
+/// Nodes after which every node is tightened before branching: what little trees do not repay.
+const HARD: u64 = 1000;
+/// Rounds of tightening at one node.
+const ROUNDS: usize = 3;
+
 /// A piece of a site and the table behind that decision, if it was kept.
 type Child = (usize, Option<Table>);
+
+/// For each site whether its pieces are among those of a box of selections.
+type Within = Vec<Vec<bool>>;
 
 /// A site branched on, on the path from the root.
 #[derive(Debug)]
@@ -31,6 +43,20 @@ struct Level {
     held: usize,
 }
 
+/// Why a node has no children.
+enum Leave {
+    /// Nothing is left to be found below it.
+    Done,
+    /// A limit was reached.
+    Stop,
+}
+
+impl From<Contradiction> for Leave {
+    fn from(_: Contradiction) -> Self {
+        Self::Done
+    }
+}
+
 /// What the search may do and what it has done.
 #[derive(Debug, Clone)]
 pub(super) struct Search<'a> {
@@ -38,12 +64,17 @@ pub(super) struct Search<'a> {
     /// Variable of the first form of each site.
     offsets: Vec<usize>,
     max_nodes: u64,
+    deadline: Deadline,
     pub(super) nodes: u64,
     pub(super) pivots: u64,
     /// Selections examined or ruled out, and all there are.
     pub(super) examined: f64,
     pub(super) total: f64,
     pub(super) stopped: bool,
+    /// The pieces chosen on the path from the root.
+    decided: Vec<Option<usize>>,
+    /// Boxes of selections about which nothing is left to be found.
+    settled: Vec<Within>,
     /// Numbers held by levels and tables.
     held: usize,
     kept: usize,
@@ -51,7 +82,7 @@ pub(super) struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    pub(super) fn new(system: &'a System, max_nodes: u64) -> Self {
+    pub(super) fn new(system: &'a System, max_nodes: u64, deadline: Deadline) -> Self {
         let mut offsets = Vec::with_capacity(system.sites.len());
         let mut next = system.common.len();
         for site in &system.sites {
@@ -62,11 +93,14 @@ impl<'a> Search<'a> {
             system,
             offsets,
             max_nodes,
+            deadline,
             nodes: 0,
             pivots: 0,
             examined: 0.0,
             total: system.sites.iter().map(|s| s.pieces.len() as f64).product(),
             stopped: false,
+            decided: vec![None; system.sites.len()],
+            settled: Vec::new(),
             held: 0,
             kept: KEPT,
             limit: HELD,
@@ -86,7 +120,8 @@ impl<'a> Search<'a> {
         let mut table = table.compact();
         let mut implied = Vec::new();
         for (site, &offset) in self.system.sites.iter().zip(&self.offsets) {
-            for (form, sign) in hull::implied(site, offset, &table) {
+            let forms = hull::forms(site, offset, &table).unwrap_or_default();
+            for (form, sign) in hull::implied(&forms, site.pieces.iter()) {
                 implied.push((offset + form, sign));
             }
         }
@@ -106,44 +141,58 @@ impl<'a> Search<'a> {
             .collect()
     }
 
-    /// Searches from a root; `leaf` receives each choice of pieces (by number in the map) that was not ruled out.
+    /// Searches from a root; `leaf` receives each choice of pieces (by number in the map) that was not ruled out. It may give back a box of
+    /// pieces of each site that has a choice: nothing is left to be found in it, and the search passes it over.
     pub(super) fn run<E>(
         &mut self,
         mut root: Table,
-        leaf: &mut impl FnMut(&[usize]) -> Result<(), E>,
+        leaf: &mut impl FnMut(&[usize]) -> Result<Option<Vec<Vec<usize>>>, E>,
     ) -> Result<(), E> {
         if root.repair().is_err() {
             self.examined += self.total;
             return Ok(());
         }
         let mut undecided: Vec<usize> = (0..self.system.sites.len()).collect();
-        let mut chosen = vec![0; undecided.len()];
+        let mut chosen = vec![0; self.system.sites.iter().map(|s| s.slots.len()).sum()];
         let all: Vec<Vec<usize>> = (self.system.sites.iter())
             .map(|s| (0..s.pieces.len()).collect())
             .collect();
+        self.decided.fill(None);
         self.held = root.size();
         let mut path: Vec<Level> = Vec::new();
         let mut node = Some(root);
         loop {
             if let Some(table) = node.take() {
+                let (alive, weight) = path.last().map_or((&all, self.total), |l| (&l.alive, l.share));
                 if undecided.is_empty() {
                     self.held -= table.size();
                     self.examined += 1.0;
-                    leaf(&chosen)?;
+                    if self.outside(&undecided, alive).is_none_or(|o| !o.is_empty()) {
+                        let settled = leaf(&chosen)?;
+                        self.settled.extend(settled.map(|pieces| self.within(&pieces)));
+                    }
                 } else {
-                    let (alive, weight) = path.last().map_or((&all, self.total), |l| (&l.alive, l.share));
-                    let Some(level) = self.branch(table, &mut undecided, alive.clone(), weight) else {
-                        self.stopped = true;
-                        return Ok(());
-                    };
-                    path.push(level);
+                    let own = table.size();
+                    match self.branch(table, &mut undecided, alive.clone(), weight) {
+                        Ok(level) => path.push(level),
+                        Err(Leave::Done) => self.examined += weight,
+                        Err(Leave::Stop) => {
+                            self.stopped = true;
+                            return Ok(());
+                        }
+                    }
+                    self.held -= own;
                 }
             }
             let Some(level) = path.last_mut() else {
                 return Ok(());
             };
+            let site = &self.system.sites[level.site];
             if let Some((k, table)) = level.children.next() {
-                chosen[level.site] = self.system.sites[level.site].pieces[k].piece;
+                self.decided[level.site] = Some(k);
+                for (slot, piece) in site.slots.iter().zip(&site.pieces[k].pieces) {
+                    chosen[*slot] = *piece;
+                }
                 node = match (table, &level.parent) {
                     (None, Some(parent)) => self
                         .child(parent, level.site, k)
@@ -152,6 +201,7 @@ impl<'a> Search<'a> {
                 };
             } else {
                 self.held -= level.held;
+                self.decided[level.site] = None;
                 undecided.push(level.site);
                 let end = undecided.len() - 1;
                 undecided.swap(level.position, end);
@@ -160,26 +210,79 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Chooses the site to branch on at a node; `None` at the cap on nodes or on memory.
+    /// Whether a limit is reached.
+    fn is_over(&self) -> bool {
+        self.nodes >= self.max_nodes || self.deadline.is_over()
+    }
+
+    fn within(&self, pieces: &[Vec<usize>]) -> Within {
+        let sites = self.system.sites.iter();
+        sites
+            .map(|site| {
+                let inside = |own: &[usize]| {
+                    let mut slots = site.slots.iter().zip(own);
+                    slots.all(|(slot, piece)| pieces[*slot].contains(piece))
+                };
+                site.pieces.iter().map(|p| inside(&p.pieces)).collect()
+            })
+            .collect()
+    }
+
+    /// Where the node lies in a settled box as far as it is decided: the undecided sites, by position, that may still leave it, with the
+    /// pieces by which they would.
+    fn outside(&self, undecided: &[usize], alive: &[Vec<usize>]) -> Option<Vec<(usize, Vec<usize>)>> {
+        let decided = |within: &&Within| {
+            let mut sites = self.decided.iter().zip(*within);
+            sites.all(|(k, within)| k.is_none_or(|k| within[k]))
+        };
+        let within = self.settled.iter().find(decided)?;
+        let leaving = |(position, &s): (usize, &usize)| {
+            let pieces: Vec<usize> = alive[s].iter().copied().filter(|&k| !within[s][k]).collect();
+            (!pieces.is_empty()).then_some((position, pieces))
+        };
+        Some(undecided.iter().enumerate().filter_map(leaving).collect())
+    }
+
+    /// Chooses the site to branch on at a node.
     fn branch(
         &mut self,
-        table: Table,
+        mut table: Table,
         undecided: &mut Vec<usize>,
         mut alive: Vec<Vec<usize>>,
         weight: f64,
-    ) -> Option<Level> {
-        let candidates = self.branching_sites(&table, undecided, &mut alive);
+    ) -> Result<Level, Leave> {
+        let mut candidates = self.branching_sites(&table, undecided, &mut alive);
+        let mut leaves = None;
+        if let Some(leaving) = self.outside(undecided, &alive) {
+            for (position, pieces) in leaving {
+                let s = undecided[position];
+                for k in pieces {
+                    match self.tried(&table, s, k)? {
+                        Some(_) => leaves = leaves.or(Some(position)),
+                        None => alive[s].retain(|&p| p != k),
+                    }
+                }
+            }
+            candidates = vec![leaves.ok_or(Leave::Done)?];
+        }
+        if self.nodes >= HARD {
+            self.tighten(&mut table, undecided, &mut alive)?;
+            let ranked = self.branching_sites(&table, undecided, &mut alive);
+            candidates = leaves.map_or(ranked, |position| vec![position]);
+        }
         let (position, children) = self.probe(&table, undecided, candidates, &mut alive)?;
-        let site = undecided.swap_remove(position);
+        let site = undecided[position];
         let share = weight / self.system.sites[site].pieces.len() as f64;
-        self.examined += share * (self.system.sites[site].pieces.len() - children.len()) as f64;
         let lists = alive.iter().map(|pieces| 3 + pieces.len()).sum::<usize>();
-        let own = table.size();
         let parent = children.iter().any(|c| c.1.is_none()).then_some(table);
-        let held = lists + if parent.is_some() { own } else { 0 };
+        let held = lists + parent.as_ref().map_or(0, Table::size);
         self.held += children.iter().flat_map(|c| &c.1).map(Table::size).sum::<usize>() + held;
-        self.held -= own;
-        (self.held <= self.limit).then(|| Level {
+        if self.held > self.limit {
+            return Err(Leave::Stop);
+        }
+        self.examined += share * (self.system.sites[site].pieces.len() - children.len()) as f64;
+        undecided.swap_remove(position);
+        Ok(Level {
             site,
             position,
             share,
@@ -190,29 +293,96 @@ impl<'a> Search<'a> {
         })
     }
 
+    /// Rules out pieces of all undecided sites, and requires of the table the signs that forms have in all pieces left.
+    fn tighten(
+        &mut self,
+        table: &mut Table,
+        undecided: &[usize],
+        alive: &mut [Vec<usize>],
+    ) -> Result<(), Leave> {
+        for _ in 0..ROUNDS {
+            let mut changed = false;
+            for &s in undecided {
+                let mut signs = self.open_signs(table, s);
+                let mut left = Vec::with_capacity(alive[s].len());
+                for &k in &alive[s] {
+                    let Some(mut child) = self.tried(table, s, k)? else {
+                        continue;
+                    };
+                    let vanishing = &self.system.sites[s].pieces[k].equalities;
+                    let offset = self.offsets[s];
+                    signs.retain(|&(form, sign)| {
+                        vanishing.contains(&form) || child.is_bounded(offset + form, sign)
+                    });
+                    self.pivots += std::mem::take(&mut child.pivots);
+                    left.push(k);
+                }
+                if left.is_empty() {
+                    return Err(Leave::Done);
+                }
+                changed |= left.len() < alive[s].len() || !signs.is_empty();
+                alive[s] = left;
+                for (form, sign) in signs {
+                    table.constrain(self.offsets[s] + form, sign)?;
+                }
+            }
+            table.repair()?;
+            if !changed {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// Signs of the forms of a site that are not required yet.
+    fn open_signs(&self, table: &Table, site: usize) -> Vec<(usize, Sign)> {
+        let forms = 0..self.system.sites[site].forms.len();
+        let both = forms.flat_map(|f| [(f, Sign::Positive), (f, Sign::Negative)]);
+        both.filter(|&(f, sign)| {
+            let var = self.offsets[site] + f;
+            table.place(var) != Place::Gone && table.sign(var) != sign
+        })
+        .collect()
+    }
+
+    /// The table of a piece that is tried, with all forms of its site; `None` where it is infeasible.
+    fn tried(&mut self, table: &Table, site: usize, k: usize) -> Result<Option<Table>, Leave> {
+        if self.is_over() {
+            return Err(Leave::Stop);
+        }
+        self.nodes += 1;
+        let mut child = table.compact();
+        let decided = self.decide(&mut child, site, k).and_then(|()| child.repair());
+        self.pivots += child.pivots;
+        Ok(decided.is_ok().then_some(child))
+    }
+
     /// The table with a site decided; `None` where that is infeasible.
     fn child(&mut self, table: &Table, site: usize, k: usize) -> Option<Table> {
         let mut child = table.compact();
-        let decided = self.decide(&mut child, site, k).and_then(|()| child.repair());
+        let decided = self.decide(&mut child, site, k).and_then(|()| {
+            self.forget(&mut child, site, k);
+            child.repair()
+        });
         self.pivots += child.pivots;
         decided.is_ok().then_some(child)
     }
 
-    /// Of some candidate sites the one with the fewest pieces that are feasible, and the tables behind them; `None` at the cap.
+    /// Of some candidate sites the one with the fewest pieces that are feasible, and the tables behind them.
     fn probe(
         &mut self,
         table: &Table,
         undecided: &[usize],
         candidates: Vec<usize>,
         alive: &mut [Vec<usize>],
-    ) -> Option<(usize, Vec<Child>)> {
+    ) -> Result<(usize, Vec<Child>), Leave> {
         let mut best: Option<(usize, Vec<Child>)> = None;
         for position in candidates {
             let site = undecided[position];
             let mut children = Vec::with_capacity(alive[site].len());
             for &k in &alive[site] {
-                if self.nodes >= self.max_nodes {
-                    return None;
+                if self.is_over() {
+                    return Err(Leave::Stop);
                 }
                 self.nodes += 1;
                 if let Some(child) = self.child(table, site, k) {
@@ -229,7 +399,7 @@ impl<'a> Search<'a> {
                 break;
             }
         }
-        best
+        best.ok_or(Leave::Done)
     }
 
     /// The undecided sites worth branching on, by position: those with the fewest pieces that are not ruled out at sight first,
@@ -280,12 +450,17 @@ impl<'a> Search<'a> {
         for &form in &piece.equalities {
             table.fix(offset + form)?;
         }
+        Ok(())
+    }
+
+    /// Drops the forms of a decided site that say no more.
+    fn forget(&self, table: &mut Table, site: usize, k: usize) {
+        let description = &self.system.sites[site];
         for form in 0..description.forms.len() {
-            if !piece.facets.iter().any(|f| f.0 == form) {
-                table.forget(offset + form);
+            if !description.pieces[k].facets.iter().any(|f| f.0 == form) {
+                table.forget(self.offsets[site] + form);
             }
         }
-        Ok(())
     }
 }
 
@@ -304,15 +479,16 @@ mod tests {
                 b[i] = 1.0 - x[i] + 0.1 * x[(i + 1) % 6];
             }
         });
-        let owner = system::owners(&map, 0..6).unwrap();
-        let system = system::at_parameter(&map, &owner, &[0.0; 6]).unwrap();
-        let mut search = Search::new(&system, 1000);
+        let choices = system::all_choices(&map);
+        let owners = system::owners(&map, &choices).unwrap();
+        let system = system::at_parameter(&map, &owners, &choices, &[0.0; 6]).unwrap();
+        let mut search = Search::new(&system, 1000, Deadline::after(None));
         (search.kept, search.limit) = (kept, limit);
         let mut leaves = Vec::new();
         let root = search.root(&[]).unwrap();
         let all = search.run(root, &mut |pieces: &[usize]| {
             leaves.push(pieces.to_vec());
-            Ok::<(), ()>(())
+            Ok::<_, ()>(None)
         });
         assert_eq!(all, Ok(()));
         assert!(

@@ -1,12 +1,14 @@
 //! All solutions at a fixed parameter.
 
+use super::arms::level_selections;
 use super::kernel::{AffineSet, MAX_KERNEL, solutions};
 use super::search::Search;
 use super::{EnumerationError, EnumerationOptions, system};
+use crate::clock::Deadline;
 use crate::linear::{AutoSolver, LinearError, LinearSolver};
 use crate::piecewise::{
-    PiecewiseError, PiecewiseSmooth, Scaled, Selection, Selections, TestLayout, active_set, cell_margin,
-    check_vector,
+    ActiveSet, PiecewiseError, PiecewiseSmooth, Scaled, Selection, Selections, TestLayout, active_set,
+    cell_margin, check_vector,
 };
 use crate::sparse::{Matrix, max_abs, norm};
 
@@ -46,8 +48,10 @@ impl Completeness {
 pub struct Solution {
     /// The point: y, followed by α for a curve.
     pub x: Vec<f64>,
-    /// All selections that give this point, in lexicographic order.
+    /// Selections that give this point, in lexicographic order: all of them, or some where more than 256 do.
     pub selections: Vec<Selection>,
+    /// How many there are: those in whose closed cells the point lies.
+    pub num_selections: f64,
     /// For each of them the sign of det ∇_yH^(σ): 0 when singular, `None` when the linear solver knows no determinants.
     pub det_signs: Vec<Option<i8>>,
     /// Distance to the nearest kink: the smallest signed test function of its cells; 0 at a transition.
@@ -162,12 +166,16 @@ fn of_scaled(
         pivots: 0,
     };
     let (examined, total, stopped);
-    if let Some(owner) = system::owners(map, 0..map.num_sites()) {
-        let system = system::at_parameter(map, &owner, &origin)?;
-        let mut search = Search::new(&system, options.max_nodes);
+    let deadline = Deadline::after(options.max_time);
+    let choices = system::all_choices(map);
+    if let Some(owners) = system::owners(map, &choices) {
+        let system = system::at_parameter(map, &owners, &choices, &origin)?;
+        let mut search = Search::new(&system, options.max_nodes, deadline);
         match search.root(&[]) {
             Ok(root) => search.run(root, &mut |pieces| {
-                collector.examine(&Selection::from_pieces(pieces.iter().copied()))
+                let selection = Selection::from_pieces(pieces.iter().copied());
+                collector.examine(&selection)?;
+                collector.settle(&selection, deadline)
             })?,
             Err(_) => search.examined = search.total,
         }
@@ -176,6 +184,9 @@ fn of_scaled(
     } else {
         total = (0..map.num_sites()).map(|s| map.num_pieces(s) as f64).product();
         for selection in Selections::all(map).take(usize::try_from(options.max_nodes).unwrap_or(usize::MAX)) {
+            if deadline.is_over() {
+                break;
+            }
             collector.examine(&selection)?;
             set.nodes += 1;
         }
@@ -204,6 +215,11 @@ const CLEAR: f64 = 1e-2;
 
 /// Rounding error of a test function, relative to the largest of its site.
 const NOISE: f64 = 64.0 * f64::EPSILON;
+
+/// Selections of one solution up to which each is examined.
+const LISTED: f64 = 256.0;
+/// How many of more are named.
+const NAMED: usize = 64;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Rank {
@@ -336,6 +352,69 @@ impl<'a> Collector<'a> {
         inside.then_some(clean)
     }
 
+    /// Where the solution that a selection gives lies in so many cells that the search would list them one by one: if it is the only one of
+    /// all their selections, or the others are added, the pieces of all of these.
+    fn settle(
+        &mut self,
+        selection: &Selection,
+        deadline: Deadline,
+    ) -> Result<Option<Vec<Vec<usize>>>, EnumerationError> {
+        let of = |s: &Solution| s.selections.last() == Some(selection);
+        let Some(k) = self.solutions.iter().rposition(of) else {
+            return Ok(None);
+        };
+        let x = self.solutions[k].x.clone();
+        let active = self.active(&x);
+        let count = active.degenerate_sites().iter().map(|s| s.1.len() as f64);
+        let count: f64 = count.product();
+        if count <= LISTED || !active.contains(selection) || !active.outside().is_empty() {
+            return Ok(None);
+        }
+        let level = level_selections(self.map, &x, &active, self.options.max_nodes, deadline);
+        let Ok(Some(level)) = level else {
+            return Ok(None);
+        };
+        if !level.complete {
+            return Ok(None);
+        }
+        // Selections with a direction along which they remain solutions, and some of the others.
+        for other in level
+            .selections
+            .iter()
+            .cloned()
+            .chain(active.selections().take(NAMED))
+        {
+            if other != *selection && !self.solutions[k].selections.contains(&other) {
+                self.examine(&other)?;
+            }
+        }
+        let s = &mut self.solutions[k];
+        s.num_selections = s.num_selections.max(count);
+        let pieces = (0..self.layout.num_sites()).map(|site| vec![active.first().piece(site)]);
+        let mut pieces: Vec<Vec<usize>> = pieces.collect();
+        for (site, several) in active.degenerate_sites() {
+            pieces[*site].clone_from(several);
+        }
+        Ok(Some(pieces))
+    }
+
+    /// The selections in whose closed cells a point lies, by the measure of [`lies_in_cell`](Self::lies_in_cell).
+    fn active(&self, x: &[f64]) -> ActiveSet {
+        let mut theta = vec![0.0; self.layout.total()];
+        self.map.test_functions(x, &mut theta);
+        let mut gradient = vec![0.0; x.len()];
+        let vanishes = |k: &usize| {
+            let (site, test) = self.layout.locate(*k);
+            let rounding = NOISE * max_abs(&theta[self.layout.range(site)]);
+            theta[*k].abs() <= rounding || {
+                self.map.test_gradient(site, test, x, &mut gradient);
+                theta[*k].abs() <= self.options.tolerance * norm(&gradient) * (1.0 + norm(x))
+            }
+        };
+        let vanishing = (0..theta.len()).filter(vanishes).collect();
+        ActiveSet::from_tests(self.map, &self.layout, &theta, vanishing)
+    }
+
     /// Whether the point lies on a facet, up to rounding, and a regular selection from across has its solution elsewhere, which
     /// continuity forbids: the directions of the problem are so different in stiffness that rounding decides.
     fn is_torn(&mut self, k: usize) -> bool {
@@ -403,6 +482,7 @@ impl<'a> Collector<'a> {
                 let s = &mut self.solutions[k];
                 s.selections.push(selection.clone());
                 s.det_signs.push(sign);
+                s.num_selections = s.num_selections.max(s.selections.len() as f64);
                 s.margin = s.margin.min(margin);
                 self.clean[k] |= clean;
             }
@@ -411,6 +491,7 @@ impl<'a> Collector<'a> {
                 self.solutions.push(Solution {
                     x,
                     selections: vec![selection.clone()],
+                    num_selections: 1.0,
                     det_signs: vec![sign],
                     margin,
                     index: None,

@@ -20,42 +20,89 @@ pub(super) struct System {
     pub(super) sites: Vec<Site>,
 }
 
+/// A site, or several whose pieces meet in a row, with all combinations of their pieces.
 #[derive(Debug, Clone)]
 pub(super) struct Site {
-    /// Its number in the map.
-    pub(super) site: usize,
+    /// Numbers in the map.
+    pub(super) sites: Vec<usize>,
+    /// Positions among the sites that have a choice.
+    pub(super) slots: Vec<usize>,
     pub(super) forms: Vec<Form>,
     pub(super) pieces: Vec<Piece>,
 }
 
 #[derive(Debug, Clone)]
 pub(super) struct Piece {
-    /// Its number in the map.
-    pub(super) piece: usize,
+    /// For each of the sites its number in the map.
+    pub(super) pieces: Vec<usize>,
     /// Forms of the site that vanish.
     pub(super) equalities: Vec<usize>,
     /// Forms of the site that have the given sign.
     pub(super) facets: Vec<(usize, f64)>,
 }
 
-/// Which residuals belong to which of the given sites; `None` where one depends on the pieces of two sites.
-pub(super) fn owners(
-    map: &dyn PiecewiseSmooth,
-    sites: impl Iterator<Item = usize>,
-) -> Option<Vec<Option<usize>>> {
-    let mut owner = vec![None; map.num_residuals()];
+/// Most combinations of pieces of sites that share rows.
+const MAX_COMBINATIONS: usize = 64;
+
+/// Which residuals belong to which choices of pieces.
+pub(super) struct Owners {
+    /// For each residual the group, if its pieces matter to it.
+    rows: Vec<Option<usize>>,
+    /// Positions of the choices in each group: sites that meet in a row belong together.
+    groups: Vec<Vec<usize>>,
+}
+
+/// The owners of all residuals; `None` where sites that share rows have too many combinations of pieces to be taken as one.
+pub(super) fn owners(map: &dyn PiecewiseSmooth, choices: &[(usize, Vec<usize>)]) -> Option<Owners> {
+    let mut first = vec![None; map.num_residuals()];
+    // Each choice points to an earlier one of its group, or to itself.
+    let mut parent: Vec<usize> = (0..choices.len()).collect();
+    let root = |parent: &[usize], mut k: usize| {
+        while parent[k] != k {
+            k = parent[k];
+        }
+        k
+    };
     let mut rows = Vec::new();
-    for site in sites {
-        map.site_rows(site, &mut rows);
+    for (k, (site, _)) in choices.iter().enumerate() {
+        map.site_rows(*site, &mut rows);
         for &row in &rows {
-            match owner.get_mut(row) {
-                Some(free @ None) => *free = Some(site),
-                Some(Some(other)) if *other == site => {}
-                _ => return None,
-            }
+            let other = *first.get_mut(row)?.get_or_insert(k);
+            let (a, b) = (root(&parent, other), root(&parent, k));
+            parent[a.max(b)] = a.min(b);
         }
     }
-    Some(owner)
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    let mut number = vec![0; choices.len()];
+    for k in 0..choices.len() {
+        let r = root(&parent, k);
+        if r == k {
+            number[k] = groups.len();
+            groups.push(Vec::new());
+        }
+        number[k] = number[r];
+        groups[number[r]].push(k);
+    }
+    let combinations = |group: &Vec<usize>| {
+        let sizes = group.iter().map(|&k| choices[k].1.len());
+        sizes.fold(1usize, usize::saturating_mul)
+    };
+    let small = |g: &Vec<usize>| g.len() == 1 || combinations(g) <= MAX_COMBINATIONS;
+    groups.iter().all(small).then(|| Owners {
+        rows: first.iter().map(|o| o.map(|k| number[k])).collect(),
+        groups,
+    })
+}
+
+/// All combinations of pieces of the given choices, the last one running fastest.
+fn combinations(group: &[usize], choices: &[(usize, Vec<usize>)]) -> Vec<Vec<usize>> {
+    group.iter().fold(vec![Vec::new()], |all, &k| {
+        let longer = |c: &Vec<usize>| -> Vec<Vec<usize>> {
+            let with = |p: &usize| c.iter().copied().chain([*p]).collect();
+            choices[k].1.iter().map(with).collect()
+        };
+        all.iter().flat_map(longer).collect()
+    })
 }
 
 /// The rows of H^(σ) at `at[0]` as forms of the first `unknowns` variables; what their derivatives differ by at `at[1]` is noise.
@@ -128,7 +175,7 @@ fn size(form: &Form) -> f64 {
 /// All forms of the given sites and pieces, the derivatives taken at `at[0]`. `tests` says which test functions count.
 fn build(
     map: &dyn PiecewiseSmooth,
-    owner: &[Option<usize>],
+    owners: &Owners,
     base: &Selection,
     choices: &[(usize, Vec<usize>)],
     at: [&[f64]; 2],
@@ -137,66 +184,30 @@ fn build(
 ) -> Result<System, EnumerationError> {
     // Each row of the map is a form at least: what cannot fit is refused before anything dense is made.
     check_table(map.num_residuals(), unknowns)?;
-    let layout = TestLayout::new(map);
-    let mut theta = vec![0.0; layout.total()];
-    map.test_functions(at[0], &mut theta);
-    check_vector("the test functions", &theta, layout.total())?;
-    let mut jac = Matrix::zeros(map.pattern());
     let mut system = System {
         unknowns,
         common: Vec::new(),
         sites: Vec::new(),
     };
-    let mut gradients = [vec![0.0; map.num_vars()], vec![0.0; map.num_vars()]];
-    let mut count = owner.iter().filter(|o| o.is_none()).count();
-    for (site, pieces) in choices {
-        let mut forms = Vec::new();
-        let mut index = vec![usize::MAX; map.num_tests(*site)];
-        for test in 0..map.num_tests(*site) {
-            let used = pieces
-                .iter()
-                .any(|&k| map.cell(*site, k).iter().any(|f| f.test() == test));
-            if !used || !tests(*site, test) {
-                continue;
-            }
-            for (x, gradient) in at.iter().zip(&mut gradients) {
-                map.test_gradient(*site, test, x, gradient);
-            }
-            count += 1;
-            check_table(count, unknowns)?;
-            index[test] = forms.len();
-            let value = theta[layout.range(*site).start + test];
-            forms.push(form(&gradients[0][..unknowns], &gradients[1][..unknowns], value));
-        }
-        let facets = |k: usize| {
-            let cell = map.cell(*site, k).iter();
-            cell.filter(|f| index[f.test()] != usize::MAX)
-                .map(|f| (index[f.test()], f.sign()))
-                .collect()
-        };
-        system.sites.push(Site {
-            site: *site,
-            pieces: pieces
-                .iter()
-                .map(|&piece| Piece {
-                    piece,
-                    equalities: Vec::new(),
-                    facets: facets(piece),
-                })
-                .collect(),
-            forms,
-        });
-    }
-    // Rows depend on the piece of their own site alone: one Jacobian gives the k-th pieces of all sites.
-    let rounds = choices.iter().map(|c| c.1.len()).max().unwrap_or(1).max(1);
+    let common = owners.rows.iter().filter(|o| o.is_none()).count();
+    add_cells(map, &mut system, common, &owners.groups, choices, at, tests)?;
+    let mut jac = Matrix::zeros(map.pattern());
+    // Rows depend on the pieces of their own group alone: one Jacobian gives the k-th combinations of all groups.
+    let rounds = system.sites.iter().map(|s| s.pieces.len()).max();
     let mut selection = base.clone();
-    for round in 0..rounds {
-        for (site, pieces) in choices {
-            selection.set(*site, pieces[round.min(pieces.len() - 1)]);
+    for round in 0..rounds.unwrap_or(1).max(1) {
+        for s in &system.sites {
+            let combination = &s.pieces[round.min(s.pieces.len() - 1)].pieces;
+            for (site, piece) in s.sites.iter().zip(combination) {
+                selection.set(*site, *piece);
+            }
         }
         let mut found = rows(map, &selection, at, unknowns, &mut jac)?;
-        for s in system.sites.iter_mut().filter(|s| round < s.pieces.len()) {
-            for (row, _) in owner.iter().enumerate().filter(|o| *o.1 == Some(s.site)) {
+        for (g, s) in system.sites.iter_mut().enumerate() {
+            if round >= s.pieces.len() {
+                continue;
+            }
+            for (row, _) in owners.rows.iter().enumerate().filter(|o| *o.1 == Some(g)) {
                 let new = &found[row];
                 // Pieces share rows (three of Coulomb's four say uν = 0): one form does for all.
                 let same = |f: &Form| f.constant == new.constant && f.coefficients == new.coefficients;
@@ -209,7 +220,7 @@ fn build(
         }
         system.check()?;
         if round == 0 {
-            let mut own = owner.iter();
+            let mut own = owners.rows.iter();
             found.retain(|_| own.next().is_some_and(Option::is_none));
             system.common = found;
         }
@@ -218,25 +229,93 @@ fn build(
     Ok(system)
 }
 
+/// Adds the sites with the facets of their pieces; `count` forms are there or will be.
+fn add_cells(
+    map: &dyn PiecewiseSmooth,
+    system: &mut System,
+    mut count: usize,
+    groups: &[Vec<usize>],
+    choices: &[(usize, Vec<usize>)],
+    at: [&[f64]; 2],
+    tests: impl Fn(usize, usize) -> bool,
+) -> Result<(), EnumerationError> {
+    let unknowns = system.unknowns;
+    let layout = TestLayout::new(map);
+    let mut theta = vec![0.0; layout.total()];
+    map.test_functions(at[0], &mut theta);
+    check_vector("the test functions", &theta, layout.total())?;
+    let mut gradients = [vec![0.0; map.num_vars()], vec![0.0; map.num_vars()]];
+    for group in groups {
+        let mut forms = Vec::new();
+        let mut indices = Vec::with_capacity(group.len());
+        for (site, pieces) in group.iter().map(|&k| &choices[k]) {
+            let mut index = vec![usize::MAX; map.num_tests(*site)];
+            for test in 0..map.num_tests(*site) {
+                let of = |&k: &usize| map.cell(*site, k).iter().any(|f| f.test() == test);
+                if !tests(*site, test) || !pieces.iter().any(of) {
+                    continue;
+                }
+                for (x, gradient) in at.iter().zip(&mut gradients) {
+                    map.test_gradient(*site, test, x, gradient);
+                }
+                count += 1;
+                check_table(count, unknowns)?;
+                index[test] = forms.len();
+                let value = theta[layout.range(*site).start + test];
+                forms.push(form(&gradients[0][..unknowns], &gradients[1][..unknowns], value));
+            }
+            indices.push(index);
+        }
+        let piece = |pieces: Vec<usize>| {
+            let facets = group.iter().zip(&pieces).zip(&indices);
+            let facets = facets.flat_map(|((&k, &piece), index)| {
+                let cell = map.cell(choices[k].0, piece).iter();
+                cell.filter(|f| index[f.test()] != usize::MAX)
+                    .map(|f| (index[f.test()], f.sign()))
+            });
+            Piece {
+                facets: facets.collect(),
+                pieces,
+                equalities: Vec::new(),
+            }
+        };
+        let all = combinations(group, choices);
+        system.sites.push(Site {
+            sites: group.iter().map(|&k| choices[k].0).collect(),
+            slots: group.clone(),
+            pieces: all.into_iter().map(piece).collect(),
+            forms,
+        });
+    }
+    Ok(())
+}
+
+/// All pieces of all sites.
+pub(super) fn all_choices(map: &dyn PiecewiseSmooth) -> Vec<(usize, Vec<usize>)> {
+    let pieces = |s: usize| (s, (0..map.num_pieces(s)).collect());
+    (0..map.num_sites()).map(pieces).collect()
+}
+
 /// The system of all solutions y at fixed parameter; x = (0, α) is its origin.
 pub(super) fn at_parameter(
     map: &dyn PiecewiseSmooth,
-    owner: &[Option<usize>],
+    owners: &Owners,
+    choices: &[(usize, Vec<usize>)],
     origin: &[f64],
 ) -> Result<System, EnumerationError> {
     let n = map.num_residuals();
     let probe = probe(origin, n);
-    let choices: Vec<(usize, Vec<usize>)> = (0..map.num_sites())
-        .map(|s| (s, (0..map.num_pieces(s)).collect()))
-        .collect();
     let base = Selection::uniform(map.num_sites(), 0);
-    let mut system = build(map, owner, &base, &choices, [origin, &probe], n, |_, _| true)?;
+    let mut system = build(map, owners, &base, choices, [origin, &probe], n, |_, _| true)?;
     for form in system.common.iter() {
         constant_form(form, || "a row common to all pieces".into())?;
     }
     for s in &system.sites {
         for form in &s.forms {
-            constant_form(form, || map.site_name(s.site).into_owned())?;
+            constant_form(form, || {
+                let names: Vec<_> = s.sites.iter().map(|&site| map.site_name(site)).collect();
+                names.join(" and ")
+            })?;
         }
     }
     system.scale();
@@ -270,7 +349,7 @@ fn constant_form(form: &Form, what: impl Fn() -> String) -> Result<(), Enumerati
 /// The system of all directions (ẏ, α̇) at x: H'(x; τ) = 0, homogeneous.
 pub(super) fn directional(
     map: &dyn PiecewiseSmooth,
-    owner: &[Option<usize>],
+    owners: &Owners,
     x: &[f64],
     active: &ActiveSet,
 ) -> Result<System, EnumerationError> {
@@ -285,7 +364,7 @@ pub(super) fn directional(
             .is_ok()
     };
     let choices = active.degenerate_sites();
-    let mut system = build(map, owner, active.first(), choices, [x, &near], m, vanishes)?;
+    let mut system = build(map, owners, active.first(), choices, [x, &near], m, vanishes)?;
     system.all_forms().for_each(|f| f.constant = 0.0);
     system.scale();
     Ok(system)

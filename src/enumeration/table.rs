@@ -289,6 +289,71 @@ impl Table {
         (up, down)
     }
 
+    /// Whether a variable has the given sign wherever all constraints hold: the simplex method from the present vertex, which must
+    /// satisfy them, towards the other sign, by Bland's rule.
+    pub(super) fn is_bounded(&mut self, var: usize, sign: Sign) -> bool {
+        // The variable must not grow beyond zero on this side.
+        let side = -sign.factor();
+        for _ in 0..4 * (self.rows.len() + self.columns.len()) + 20 {
+            let r = match self.place[var] {
+                Place::Gone => return true,
+                // A column that is free, or signed the other way, takes any value of that side unless a row bounds it.
+                Place::Column(c) => {
+                    if self.sign[var].factor() == sign.factor() {
+                        return true;
+                    }
+                    match self.leaving(c, side, usize::MAX) {
+                        Some(r) => {
+                            self.exchange(r, c);
+                            continue;
+                        }
+                        None => return false,
+                    }
+                }
+                Place::Row(r) => r,
+            };
+            if side * self.row(r)[0] > self.threshold(r) {
+                return false;
+            }
+            let Some((c, way)) = self.ascending(r, side) else {
+                return true;
+            };
+            match self.leaving(c, way, r) {
+                Some(leaving) => self.exchange(leaving, c),
+                None => return false,
+            }
+        }
+        false
+    }
+
+    /// The first column by which `side` times a row can grow, and which way it has to go.
+    fn ascending(&self, r: usize, side: f64) -> Option<(usize, f64)> {
+        let tiny = SAFETY * self.error[r];
+        let entries = self.row(r)[1..].iter().zip(&self.columns).enumerate();
+        let up = entries.filter_map(|(c, (a, &column))| {
+            let way = (side * a).signum();
+            let free = self.sign[column] == Sign::Free || self.sign[column].factor() == way;
+            (a.abs() > tiny && free).then_some((column, c, way))
+        });
+        up.min_by_key(|u| u.0).map(|u| (u.1, u.2))
+    }
+
+    /// The row that bounds a column going one way, the first variable among equals; `except` is of no concern.
+    fn leaving(&self, c: usize, way: f64, except: usize) -> Option<usize> {
+        let mut best: Option<(f64, usize, usize)> = None;
+        for (r, &var) in self.rows.iter().enumerate() {
+            let rate = self.sign[var].factor() * way * self.row(r)[1 + c];
+            if r == except || rate >= -SAFETY * self.error[r] {
+                continue;
+            }
+            let room = (self.sign[var].factor() * self.row(r)[0]).max(0.0) / -rate;
+            if best.is_none_or(|b| (room, var) < (b.0, b.1)) {
+                best = Some((room, var, r));
+            }
+        }
+        best.map(|b| b.2)
+    }
+
     /// The value of a variable at the present vertex (all columns zero).
     pub(super) fn value(&self, var: usize) -> f64 {
         match self.place[var] {

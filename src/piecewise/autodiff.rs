@@ -1,9 +1,12 @@
 use std::borrow::Cow;
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use num_dual::{Dual64, DualNum};
 
+use super::trace::{LABELS, Labels, contains, lacking, ordinary_point, structure};
 use super::{Facet, PiecewiseSmooth, Real, Selection};
-use crate::sparse::{Matrix, Pattern};
+use crate::sparse::{Coloring, Matrix, Pattern};
 
 impl Real for Dual64 {
     fn value(&self) -> f64 {
@@ -33,6 +36,9 @@ impl Real for Dual64 {
     fn powf(self, p: f64) -> Self {
         DualNum::powf(&self, p)
     }
+    fn slope(&self) -> f64 {
+        self.eps
+    }
 }
 
 /// A nonsmooth function written once over [`Real`], its kinks said through [`Kinks`]. [`Traced`] turns it into a
@@ -49,9 +55,19 @@ pub trait NonsmoothFunction {
     /// functions to be smooth.
     fn eval<T: Real>(&self, x: &[T], kinks: &mut Kinks<'_, T>, out: &mut [T]);
 
-    /// Where Jacobians have entries. Default: everywhere.
+    /// Where Jacobians have entries, over all pieces. Default: found by tracing [`eval`](Self::eval) at two points, the zero vector and one
+    /// in (½, ¾)ᵐ, every kink counting as dependent on all of its arguments. A pattern of your own that lacks an entry is
+    /// refused ([`PiecewiseError::StrayEntry`](super::PiecewiseError::StrayEntry)) where the first Jacobian is evaluated.
     fn pattern(&self) -> Pattern {
-        Pattern::full(self.num_residuals(), self.num_vars())
+        let (n, m) = (self.num_residuals(), self.num_vars());
+        let mut entries = Vec::new();
+        for x in [vec![0.0; m], ordinary_point(m)] {
+            entries.extend(structure(n, m, &x, &mut |x, _, out| {
+                self.eval(x, &mut Kinks::new(Mode::Joined), out);
+            }));
+        }
+        // All of them lie inside.
+        Pattern::from_entries(n, m, entries).unwrap_or_else(|_| Pattern::full(n, m))
     }
 }
 
@@ -77,6 +93,17 @@ enum Mode<'a> {
     Record(&'a mut Vec<Kind>),
     Frozen(&'a Selection),
     Natural(&'a mut [f64]),
+    /// The derivatives of the test functions.
+    Slopes(&'a mut [f64]),
+    /// All pieces at once.
+    Joined,
+    /// All pieces at once, each site with the index behind those of the variables, of which the labels begin at `first`; the labels of the
+    /// test functions go to the list.
+    Labelled {
+        behind: usize,
+        first: usize,
+        tests: &'a mut Vec<Labels>,
+    },
 }
 
 /// The kinks of a [`NonsmoothFunction`], in the order in which they are called.
@@ -98,47 +125,64 @@ impl<'a, T: Real> Kinks<'a, T> {
         }
     }
 
-    fn kink(&mut self, kind: Kind, theta: [f64; 2], natural: usize) -> usize {
+    /// The value of a kink with the given pieces; `tests` are its test functions and `natural` the piece that they choose.
+    fn kink<const N: usize>(&mut self, kind: Kind, pieces: [T; N], tests: [T; 2], natural: usize) -> T {
+        let (site, test) = (self.site, self.test);
+        self.site += 1;
+        self.test += kind.tests();
+        let tests = &tests[..kind.tests()];
+        let write = |out: &mut [f64], value: fn(&T) -> f64| {
+            for (o, t) in out.iter_mut().skip(test).zip(tests) {
+                *o = value(t);
+            }
+        };
         let piece = match &mut self.mode {
             Mode::Record(kinds) => {
                 kinds.push(kind);
                 natural
             }
-            Mode::Frozen(selection) => selection.piece(self.site),
+            Mode::Frozen(selection) => selection.piece(site),
             Mode::Natural(out) => {
-                for (o, t) in out.iter_mut().skip(self.test).zip(&theta[..kind.tests()]) {
-                    *o = *t;
-                }
+                write(out, T::value);
                 natural
             }
+            Mode::Slopes(out) => {
+                write(out, T::slope);
+                natural
+            }
+            Mode::Joined => return pieces[0].joined(&pieces, None),
+            Mode::Labelled {
+                behind,
+                first,
+                tests: list,
+            } => {
+                list.extend(tests.iter().map(T::labels));
+                // Sites are counted behind the variables; those before the window have no label.
+                let label = (*behind + site).checked_sub(*first);
+                return pieces[0].joined(&pieces, label.filter(|l| *l < LABELS));
+            }
         };
-        self.site += 1;
-        self.test += kind.tests();
-        piece
+        pieces[piece.min(N - 1)]
     }
 
     /// max(a, b); pieces "first", "second"; test function a − b.
     pub fn max(&mut self, a: T, b: T) -> T {
-        let theta = a.value() - b.value();
-        [a, b][self
-            .kink(Kind::Max, [theta, 0.0], usize::from(theta < 0.0))
-            .min(1)]
+        let theta = a - b;
+        let natural = usize::from(theta.value() < 0.0);
+        self.kink(Kind::Max, [a, b], [theta, theta], natural)
     }
 
     /// min(a, b); pieces "first", "second"; test function b − a.
     pub fn min(&mut self, a: T, b: T) -> T {
-        let theta = b.value() - a.value();
-        [a, b][self
-            .kink(Kind::Min, [theta, 0.0], usize::from(theta < 0.0))
-            .min(1)]
+        let theta = b - a;
+        let natural = usize::from(theta.value() < 0.0);
+        self.kink(Kind::Min, [a, b], [theta, theta], natural)
     }
 
     /// |a|; pieces "positive", "negative"; test function a.
     pub fn abs(&mut self, a: T) -> T {
-        let theta = a.value();
-        [a, -a][self
-            .kink(Kind::Abs, [theta, 0.0], usize::from(theta < 0.0))
-            .min(1)]
+        let natural = usize::from(a.value() < 0.0);
+        self.kink(Kind::Abs, [a, -a], [a, a], natural)
     }
 
     /// max(a, 0).
@@ -149,13 +193,13 @@ impl<'a, T: Real> Kinks<'a, T> {
     /// The projection of z on [lower, upper] (lower ≤ upper); pieces "lower", "interior", "upper"; test functions z − lower and
     /// z − upper.
     pub fn project(&mut self, lower: T, z: T, upper: T) -> T {
-        let theta = [z.value() - lower.value(), z.value() - upper.value()];
-        let natural = if theta[0] < 0.0 {
+        let tests = [z - lower, z - upper];
+        let natural = if tests[0].value() < 0.0 {
             0
         } else {
-            1 + usize::from(theta[1] > 0.0)
+            1 + usize::from(tests[1].value() > 0.0)
         };
-        [lower, z, upper][self.kink(Kind::Mid, theta, natural).min(2)]
+        self.kink(Kind::Mid, [lower, z, upper], tests, natural)
     }
 }
 
@@ -181,20 +225,118 @@ impl<'a, T: Real> Kinks<'a, T> {
 /// assert_eq!(x, [2.0, 2.0]);
 /// # Ok::<(), semismooth::newton::NewtonError>(())
 /// ```
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Traced<F> {
     function: F,
     kinds: Vec<Kind>,
+    pattern: Pattern,
+    coloring: Coloring,
+    /// Residuals that depend on the piece of each site.
+    rows: Vec<Vec<usize>>,
+    /// Variables of each test function.
+    variables: Vec<Vec<usize>>,
+    /// Whether the pattern was compared with the function at a point.
+    checked: AtomicBool,
+}
+
+impl<F: Clone> Clone for Traced<F> {
+    fn clone(&self) -> Self {
+        Self {
+            function: self.function.clone(),
+            kinds: self.kinds.clone(),
+            pattern: self.pattern.clone(),
+            coloring: self.coloring.clone(),
+            rows: self.rows.clone(),
+            variables: self.variables.clone(),
+            checked: AtomicBool::new(self.checked.load(Ordering::Relaxed)),
+        }
+    }
 }
 
 impl<F: NonsmoothFunction> Traced<F> {
-    /// Finds the kinks of `function` by one evaluation at x = 0.
+    /// Finds the kinks of `function`, which residuals depend on which of them, and where Jacobians have entries, by evaluations at x = 0
+    /// (and at a second point for the pattern).
     pub fn new(function: F) -> Self {
+        let (n, m) = (function.num_residuals(), function.num_vars());
         let mut kinds = Vec::new();
-        let x = vec![0.0; function.num_vars()];
-        let mut out = vec![0.0; function.num_residuals()];
+        let x = vec![0.0; m];
+        let mut out = vec![0.0; n];
         function.eval(&x, &mut Kinks::new(Mode::Record(&mut kinds)), &mut out);
-        Self { function, kinds }
+        let pattern = function.pattern();
+        let num_tests = kinds.iter().map(|k| k.tests()).sum();
+        let mut rows = vec![Vec::new(); kinds.len()];
+        let mut variables = vec![Vec::new(); num_tests];
+        let found = structure(n, m + kinds.len(), &x, &mut |x, first, out| {
+            let mut tests = Vec::with_capacity(num_tests);
+            let mode = Mode::Labelled {
+                behind: m,
+                first,
+                tests: &mut tests,
+            };
+            function.eval(x, &mut Kinks::new(mode), out);
+            for (own, labels) in variables.iter_mut().zip(&tests) {
+                let last = m.saturating_sub(first).min(LABELS);
+                own.extend((0..last).filter(|&l| contains(labels, l)).map(|l| first + l));
+            }
+        });
+        for (row, index) in found {
+            if let Some(rows) = index.checked_sub(m).and_then(|site| rows.get_mut(site)) {
+                rows.push(row);
+            }
+        }
+        Self {
+            coloring: Coloring::new(&pattern),
+            function,
+            kinds,
+            pattern,
+            rows,
+            variables,
+            checked: AtomicBool::new(false),
+        }
+    }
+
+    /// Adds the entries of ∇H^(σ)(x) in the rows that `wanted` names, one evaluation for all columns of a colour.
+    fn derivatives(&self, selection: &Selection, x: &[f64], wanted: Option<&[usize]>, jac: &mut Matrix) {
+        if !self.checked.load(Ordering::Relaxed) {
+            // Columns of one colour would hide an entry that the pattern lacks in another.
+            let stray = lacking(&self.pattern, x, &mut |x, _, out| {
+                self.function.eval(x, &mut Kinks::new(Mode::Joined), out);
+            });
+            if let Some((i, j)) = stray {
+                jac.add(i, j, 0.0);
+                return;
+            }
+            self.checked.store(true, Ordering::Relaxed);
+        }
+        let mut seeded: Vec<Dual64> = x.iter().map(|&v| Dual64::from(v)).collect();
+        let mut out = vec![Dual64::from(0.0); self.num_residuals()];
+        let entries = |j: usize| {
+            let column = &self.pattern.row_idx()[self.pattern.col_ptr()[j]..self.pattern.col_ptr()[j + 1]];
+            let asked = |i: &&usize| wanted.is_none_or(|rows| rows.binary_search(i).is_ok());
+            column.iter().filter(asked).copied()
+        };
+        for group in self.coloring.groups() {
+            if group.iter().all(|&j| entries(j).next().is_none()) {
+                continue;
+            }
+            group.iter().for_each(|&j| seeded[j].eps = 1.0);
+            let mut kinks = Kinks::new(Mode::Frozen(selection));
+            self.function.eval(&seeded, &mut kinks, &mut out);
+            for &j in group {
+                seeded[j].eps = 0.0;
+                entries(j).for_each(|i| jac.add(i, j, out[i].eps));
+            }
+        }
+    }
+
+    /// Derivatives of all test functions along a direction.
+    fn test_slopes(&self, seeded: &[Dual64], out: &mut [f64]) {
+        let mut residual = vec![Dual64::from(0.0); self.num_residuals()];
+        let mut kinks = Kinks::new(Mode::Slopes(out));
+        self.function.eval(seeded, &mut kinks, &mut residual);
+        if kinks.site != self.kinds.len() {
+            out.fill(f64::NAN);
+        }
     }
 
     /// The function.
@@ -246,7 +388,7 @@ impl<F: NonsmoothFunction> PiecewiseSmooth for Traced<F> {
     }
 
     fn pattern(&self) -> Pattern {
-        self.function.pattern()
+        self.pattern.clone()
     }
 
     fn test_functions(&self, x: &[f64], out: &mut [f64]) {
@@ -267,19 +409,34 @@ impl<F: NonsmoothFunction> PiecewiseSmooth for Traced<F> {
     }
 
     fn jacobian(&self, selection: &Selection, x: &[f64], jac: &mut Matrix) {
-        let (m, n) = (self.num_vars(), self.num_residuals());
+        self.derivatives(selection, x, None, jac);
+    }
+
+    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
+        rows.clone_from(&self.rows[site]);
+    }
+
+    fn site_jacobian(&self, site: usize, selection: &Selection, x: &[f64], jac: &mut Matrix) -> bool {
+        self.derivatives(selection, x, Some(&self.rows[site]), jac);
+        true
+    }
+
+    fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {
+        let pairs = x.iter().zip(d);
+        let seeded: Vec<Dual64> = pairs.map(|(&re, &eps)| Dual64::new(re, eps)).collect();
+        self.test_slopes(&seeded, out);
+    }
+
+    fn test_gradient(&self, site: usize, test: usize, x: &[f64], gradient: &mut [f64]) {
+        let first: usize = self.kinds[..site].iter().map(|k| k.tests()).sum();
         let mut seeded: Vec<Dual64> = x.iter().map(|&v| Dual64::from(v)).collect();
-        let mut out = vec![Dual64::from(0.0); n];
-        for j in 0..m {
+        let mut slopes = vec![0.0; self.variables.len()];
+        gradient.fill(0.0);
+        for &j in &self.variables[first + test] {
             seeded[j].eps = 1.0;
-            self.function
-                .eval(&seeded, &mut Kinks::new(Mode::Frozen(selection)), &mut out);
+            self.test_slopes(&seeded, &mut slopes);
             seeded[j].eps = 0.0;
-            for (i, value) in out.iter().enumerate() {
-                if value.eps != 0.0 {
-                    jac.add(i, j, value.eps);
-                }
-            }
+            gradient[j] = slopes[first + test];
         }
     }
 }

@@ -21,6 +21,8 @@ mod real;
 mod scaled;
 mod selection;
 mod semismooth;
+#[cfg(feature = "autodiff")]
+pub(crate) mod trace;
 mod uniqueness;
 mod vanishing;
 

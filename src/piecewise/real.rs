@@ -35,6 +35,23 @@ pub trait Real:
     /// x^p
     #[must_use]
     fn powf(self, p: f64) -> Self;
+
+    /// This value, said to depend on `others` and on a label, too: for scalars that trace what depends on what.
+    #[doc(hidden)]
+    #[must_use]
+    fn joined(self, _others: &[Self], _label: Option<usize>) -> Self {
+        self
+    }
+    /// The labels of a scalar that traces what depends on what.
+    #[doc(hidden)]
+    fn labels(&self) -> [u64; 4] {
+        [0; 4]
+    }
+    /// The derivative carried along.
+    #[doc(hidden)]
+    fn slope(&self) -> f64 {
+        0.0
+    }
 }
 
 impl Real for f64 {

@@ -4,12 +4,14 @@
 //! (CSC, zero-based, row indices strictly increasing inside a column). A *full* pattern holds every entry, so the values of a
 //! matrix over it are the usual column-major dense array: small dense and large sparse problems use one type.
 
+mod coloring;
 mod error;
 mod matrix;
 mod matrix_market;
 mod pattern;
 mod vector;
 
+pub(crate) use coloring::Coloring;
 pub use error::SparseError;
 pub use matrix::{Matrix, MatrixRef};
 #[cfg(any(feature = "svg", feature = "vtk"))]

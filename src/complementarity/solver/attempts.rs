@@ -333,7 +333,11 @@ impl Engine<'_> {
             self.lower.to_vec(),
             self.upper.to_vec(),
         );
-        let options = EnumerationOptions::default().with_max_nodes(self.options.max_nodes);
+        let left = self.options.max_time;
+        let left = left.map(|t| t.saturating_sub(self.clock.elapsed()));
+        let options = EnumerationOptions::default()
+            .with_max_nodes(self.options.max_nodes)
+            .with_max_time(left);
         let set = match problem.map(|p| all_solutions(&p, 0.0, &options)) {
             Ok(Ok(set)) => set,
             _ => return McpStatus::Stalled,

@@ -1,14 +1,14 @@
-use crate::sparse::Pattern;
+use super::Pattern;
 
 /// Groups of columns no two of which have an entry in the same row, so that one difference quotient or dual number serves a group
 /// (Curtis, Powell and Reid 1974); greedy in the order of the columns.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Coloring {
+pub(crate) struct Coloring {
     groups: Vec<Vec<usize>>,
 }
 
 impl Coloring {
-    pub(super) fn new(pattern: &Pattern) -> Self {
+    pub(crate) fn new(pattern: &Pattern) -> Self {
         let (rows, cols) = (pattern.nrows(), pattern.ncols());
         let full = pattern.is_full();
         let mut by_row = vec![Vec::new(); rows];
@@ -44,7 +44,7 @@ impl Coloring {
         Self { groups }
     }
 
-    pub(super) fn groups(&self) -> &[Vec<usize>] {
+    pub(crate) fn groups(&self) -> &[Vec<usize>] {
         &self.groups
     }
 }
