@@ -2,6 +2,9 @@
 //! You see for each case and α the number of solutions, their states, the signs of det ∇_yH and whether the list is certified complete.
 //! Run: cargo run --release --example all_solutions -- [FILE] [--json]   (FILE: cases with A, Bnu, Bt, f0, f1, F0, F1, r, alphas)
 
+#[macro_use]
+mod common;
+
 use std::error::Error;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -27,13 +30,7 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    match run(&Arguments::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(e) => {
-            eprintln!("error: {e}");
-            ExitCode::FAILURE
-        }
-    }
+    common::exit(run(&Arguments::parse()))
 }
 
 fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {

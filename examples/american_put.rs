@@ -7,6 +7,7 @@
 //! cargo run --release --example american_put -- --spot 36 --strike 40 --volatility 0.2 --rate 0.06
 //! ```
 
+#[macro_use]
 mod common;
 
 use std::path::PathBuf;

@@ -3,6 +3,7 @@
 //! further solve at another load), Newton's work done in them, and the peak memory, row by row as the mesh is refined.
 //! Run: cargo run --release --example contact_size [-- --plane 999x500] [--solid 40x38x20]
 
+#[macro_use]
 mod common;
 
 use std::process::ExitCode;

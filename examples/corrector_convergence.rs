@@ -2,6 +2,7 @@
 //! You will see residuals, steps, how many sites change their piece in each iteration, and the observed order of convergence.
 //! Run: cargo run --release --example corrector_convergence
 
+#[macro_use]
 mod common;
 #[allow(dead_code)]
 #[path = "your_own_problem.rs"]

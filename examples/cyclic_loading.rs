@@ -3,6 +3,7 @@
 //! balance (work = stored + dissipated), and a picture of the hysteresis loop.
 //! Run: cargo run --release --example cyclic_loading [-- --steps 20] [--cells 8] [--out DIR]
 
+#[macro_use]
 mod common;
 
 use std::ops::ControlFlow;

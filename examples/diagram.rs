@@ -4,6 +4,7 @@
 //! dashes mean det ∇_yH < 0.
 //! Run: cargo run --release --example diagram [-- --out DIR]
 
+#[macro_use]
 mod common;
 
 use std::fs::File;

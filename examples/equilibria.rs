@@ -7,6 +7,7 @@
 //! utilities x₁₁ − x₂₁⁻⁸/8 and x₂₂ − x₁₂⁻⁸/8, endowments (2, r) and (r, 2). With the first price 1 and the second p, consumption and
 //! λ of each consumer, and p, are the unknowns; nobody consumes less than nothing.
 
+#[macro_use]
 mod common;
 
 use std::path::PathBuf;

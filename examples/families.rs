@@ -2,6 +2,7 @@
 //! You will see, for each, the number of transitions, what was factored and updated for them, and the time of each phase.
 //! Run: cargo run --release --example families [-- --small] [--json]
 
+#[macro_use]
 mod common;
 #[path = "common/families.rs"]
 mod problems;

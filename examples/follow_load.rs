@@ -2,6 +2,7 @@
 //! You will see every change of state of every contact node as γ goes from 0 to 1, a CSV table and a picture of the path.
 //! Run: cargo run --release --example follow_load [-- DIR] [--json] [--out DIR]
 
+#[macro_use]
 mod common;
 
 use std::fs::File;

@@ -2,6 +2,7 @@
 //! You will see for each file how many contacts are open, stick and slip, the residual, and what it cost.
 //! Run: cargo run --release --example friction_problem [-- FILE...] [--json]
 
+#[macro_use]
 mod common;
 
 use std::path::{Path, PathBuf};

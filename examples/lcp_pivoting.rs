@@ -8,6 +8,7 @@
 //! cargo run --release --example lcp_pivoting -- --n 200
 //! ```
 
+#[macro_use]
 mod common;
 
 use std::process::ExitCode;

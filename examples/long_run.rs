@@ -3,16 +3,20 @@
 //! Ctrl-C, by kill or with --stop-after, and call it again with --resume.
 //! Run: cargo run --release --features serde --example long_run [-- DIR] [--stop-after N] [--resume] [--out DIR]
 
+#[macro_use]
 mod common;
 #[path = "common/progress.rs"]
 mod progress;
 
+use std::cell::Cell;
 use std::fs::{File, OpenOptions};
+use std::io::{ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::rc::Rc;
 
 use clap::Parser;
-use common::{Outcome, exit, file_in, shipped_folder};
+use common::{Interrupted, Outcome, exit, file_in, shipped_folder};
 use progress::Progress;
 use semismooth::contact::{CondensedFriction, FrictionStart, first_point, read_folder};
 use semismooth::continuation::{Continuation, ContinuationOptions, Direction, Event, SavedRun, Termination};
@@ -54,18 +58,24 @@ fn run(args: &Args) -> Outcome<()> {
         Column::new("normal force", move |x: &[f64]| x[..p].iter().sum()),
         Column::new("tangential force", move |x: &[f64]| x[p..2 * p].iter().sum()),
     ];
-    let (mut curve, mut writer, mut written) = if args.resume {
-        let text = std::fs::read_to_string(&state).map_err(|e| format!("{}: {e}", state.display()))?;
-        let Checkpoint { lines, run } =
-            serde_json::from_str(&text).map_err(|e| format!("{}: {e}", state.display()))?;
+    let tally = Rc::new(Cell::new(Tally::default()));
+    let saved = if args.resume {
+        Checkpoint::read(&state)?
+    } else {
+        None
+    };
+    let (mut curve, mut writer, mut written) = if let Some(Checkpoint { table: own, run }) = saved {
         // What was written after the state was saved comes again.
-        let file = truncated(&table, lines)?;
+        let file = Counted::appending(&table, &own, &tally)?;
         (
             Continuation::resume(&map, &run)?,
             CsvWriter::appending(file, &map, columns),
-            lines,
+            own.tally.lines,
         )
     } else {
+        if args.resume {
+            eprintln!("no state in {}: the run begins", args.out.display());
+        }
         let x = first_point(&map, 0.0, &FrictionStart::Zero)?;
         let targets = (1..=args.points)
             .map(|k| f64::from(k) / f64::from(args.points + 1))
@@ -74,8 +84,10 @@ fn run(args: &Args) -> Outcome<()> {
             .with_parameter_range((0.0, 1.0))
             .with_targets(targets)
             .with_max_points(usize::MAX);
-        let file = File::create(&table).map_err(|e| format!("cannot write {}: {e}", table.display()))?;
         let curve = Continuation::new(&map, &x, Direction::Increasing, options)?;
+        // A state of an earlier run must not outlive its table.
+        remove(&state)?;
+        let file = Counted::new(&table, &tally)?;
         (curve, CsvWriter::new(file, &map, columns)?, 1)
     };
     let progress = Progress::new(1000)?;
@@ -86,7 +98,8 @@ fn run(args: &Args) -> Outcome<()> {
         writer.write(&event)?;
         written += 1;
         transitions += usize::from(matches!(event, Event::Transition(_)));
-        save(&mut curve, written, &state)?;
+        let own = TableState::new(&table, tally.get());
+        save(&mut curve, own, &state)?;
         let position = (1000.0 * event.parameter()).round() as u64;
         let message = format!("{written} lines, {transitions} transitions");
         let full = args.stop_after.is_some_and(|n| written - first >= n);
@@ -94,6 +107,7 @@ fn run(args: &Args) -> Outcome<()> {
             break;
         }
     }
+    let interrupted = progress.cancelled();
     drop(progress);
     let alpha = curve.point().parameter();
     println!("{} lines in {}, at γ = {alpha}", written, table.display());
@@ -102,32 +116,156 @@ fn run(args: &Args) -> Outcome<()> {
         Some(reason) => println!("the run ended: {reason}"),
         None => println!("stopped; --resume goes on from {}", state.display()),
     }
+    if interrupted && curve.termination().is_none() {
+        return Err(Interrupted(format!("at γ = {alpha}, {written} lines")).into());
+    }
     Ok(())
 }
 
-/// The state of the run and how many lines of the table belong to it.
+/// The state of the run, and which part of which table belongs to it.
 #[derive(serde::Serialize, serde::Deserialize)]
 struct Checkpoint {
-    lines: usize,
+    table: TableState,
     run: SavedRun,
 }
 
+impl Checkpoint {
+    /// What is in a file; `None` where there is none.
+    fn read(path: &Path) -> Outcome<Option<Self>> {
+        match std::fs::read_to_string(path) {
+            Err(e) if e.kind() == ErrorKind::NotFound => Ok(None),
+            Err(e) => Err(format!("{}: {e}", path.display()).into()),
+            Ok(text) => match serde_json::from_str(&text) {
+                Ok(found) => Ok(Some(found)),
+                Err(e) => Err(format!("{}: {e}", path.display()).into()),
+            },
+        }
+    }
+}
+
+/// The name of a table, and what was written to it.
+#[derive(serde::Serialize, serde::Deserialize)]
+struct TableState {
+    file: String,
+    tally: Tally,
+}
+
+impl TableState {
+    fn new(path: &Path, tally: Tally) -> Self {
+        let file = path
+            .file_name()
+            .map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+        Self { file, tally }
+    }
+}
+
+/// Lines and bytes written, with a checksum of them (FNV-1a).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+struct Tally {
+    lines: usize,
+    bytes: u64,
+    checksum: u64,
+}
+
+impl Default for Tally {
+    fn default() -> Self {
+        Self {
+            lines: 0,
+            bytes: 0,
+            checksum: 0xcbf2_9ce4_8422_2325,
+        }
+    }
+}
+
+impl Tally {
+    fn add(&mut self, bytes: &[u8]) {
+        self.bytes += bytes.len() as u64;
+        for byte in bytes {
+            self.lines += usize::from(*byte == b'\n');
+            self.checksum = (self.checksum ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3);
+        }
+    }
+}
+
+/// A table whose tally is kept.
+struct Counted {
+    file: File,
+    tally: Rc<Cell<Tally>>,
+}
+
+impl Counted {
+    fn new(path: &Path, tally: &Rc<Cell<Tally>>) -> Outcome<Self> {
+        let file = File::create(path).map_err(|e| format!("cannot write {}: {e}", path.display()))?;
+        Ok(Self {
+            file,
+            tally: Rc::clone(tally),
+        })
+    }
+
+    /// A table that begins as the state tells, cut there, open at its end.
+    fn appending(path: &Path, state: &TableState, tally: &Rc<Cell<Tally>>) -> Outcome<Self> {
+        let failed = |e: std::io::Error| format!("{}: {e}", path.display());
+        let own = TableState::new(path, state.tally);
+        if own.file != state.file {
+            return Err(format!(
+                "the state belongs to the table {}, not to {}",
+                state.file, own.file
+            )
+            .into());
+        }
+        let mut begin = Vec::new();
+        let file = File::open(path).map_err(failed)?;
+        file.take(state.tally.bytes)
+            .read_to_end(&mut begin)
+            .map_err(failed)?;
+        let mut found = Tally::default();
+        found.add(&begin);
+        if found != state.tally {
+            return Err(format!(
+                "{} is not the table of the state, which tells of {} lines ({} bytes) with another content; run without --resume",
+                path.display(),
+                state.tally.lines,
+                state.tally.bytes
+            )
+            .into());
+        }
+        let file = OpenOptions::new().append(true).open(path).map_err(failed)?;
+        file.set_len(found.bytes).map_err(failed)?;
+        tally.set(found);
+        Ok(Self {
+            file,
+            tally: Rc::clone(tally),
+        })
+    }
+}
+
+impl Write for Counted {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        let count = self.file.write(bytes)?;
+        let mut tally = self.tally.get();
+        tally.add(&bytes[..count]);
+        self.tally.set(tally);
+        Ok(count)
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        self.file.flush()
+    }
+}
+
+fn remove(path: &Path) -> Outcome<()> {
+    match std::fs::remove_file(path) {
+        Err(e) if e.kind() != ErrorKind::NotFound => Err(format!("{}: {e}", path.display()).into()),
+        _ => Ok(()),
+    }
+}
+
 /// A new file replaces the old one in one move: there is always a whole state.
-fn save(curve: &mut Continuation<'_, CondensedFriction>, lines: usize, path: &Path) -> Outcome<()> {
+fn save(curve: &mut Continuation<'_, CondensedFriction>, table: TableState, path: &Path) -> Outcome<()> {
     let run = curve.save()?;
     let part = path.with_extension("part");
     let failed = |e: std::io::Error| format!("cannot write {}: {e}", path.display());
-    std::fs::write(&part, serde_json::to_vec(&Checkpoint { lines, run })?).map_err(failed)?;
+    std::fs::write(&part, serde_json::to_vec(&Checkpoint { table, run })?).map_err(failed)?;
     std::fs::rename(&part, path).map_err(failed)?;
     Ok(())
-}
-
-/// The table with its first lines only, open at its end.
-fn truncated(path: &Path, lines: usize) -> Outcome<File> {
-    let failed = |e: std::io::Error| format!("{}: {e}", path.display());
-    let text = std::fs::read_to_string(path).map_err(failed)?;
-    let kept: usize = text.split_inclusive('\n').take(lines).map(str::len).sum();
-    let file = OpenOptions::new().append(true).open(path).map_err(failed)?;
-    file.set_len(kept as u64).map_err(failed)?;
-    Ok(file)
 }

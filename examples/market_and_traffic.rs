@@ -8,6 +8,7 @@
 //! cargo run --release --example market_and_traffic
 //! ```
 
+#[macro_use]
 mod common;
 
 use std::process::ExitCode;

@@ -4,6 +4,7 @@
 //! in space on the whole contact surface.
 //! Run: cargo run --release --example nonuniqueness [-- --problem bar2d|bar3d|bar3d-orthotropic] [--nx 40] [--json] [--out DIR]
 
+#[macro_use]
 mod common;
 #[path = "common/ground.rs"]
 mod ground;

@@ -8,6 +8,7 @@
 //! cargo run --release --example obstacle -- --m 400 --problem hemisphere --nested
 //! ```
 
+#[macro_use]
 mod common;
 #[path = "common/obstacles.rs"]
 mod obstacles;

@@ -8,6 +8,7 @@
 //! cargo run --release --example parametric_mcp
 //! ```
 
+#[macro_use]
 mod common;
 
 use std::path::PathBuf;

@@ -4,6 +4,7 @@
 //! Ctrl-C ends it early and prints what was found so far.
 //! Run: cargo run --release --example sample_branches [-- --samples N --seed S]
 
+#[macro_use]
 mod common;
 #[path = "common/progress.rs"]
 mod progress;
@@ -12,7 +13,7 @@ use std::collections::BTreeMap;
 use std::process::ExitCode;
 
 use clap::Parser;
-use common::{Outcome, Random, exit};
+use common::{Interrupted, Outcome, Random, exit};
 use progress::Progress;
 use semismooth::contact::{CondensedFriction, FrictionPath, FrictionProblem, LoadPath};
 use semismooth::continuation::{Diagram, DiagramOptions};
@@ -173,7 +174,14 @@ fn run(args: &Args) -> Outcome<()> {
             near.extend((0..args.neighbours).map(|_| neighbour(&sample, &mut random)));
         }
     }
+    let interrupted = progress.cancelled();
     drop(progress);
+    if interrupted {
+        println!(
+            "interrupted after {drawn} of {} problems; up to there:",
+            args.samples
+        );
+    }
     println!(
         "{} problems drawn, {} near them, {} values of α each, seed {}",
         drawn,
@@ -208,5 +216,9 @@ fn run(args: &Args) -> Outcome<()> {
     println!(
         "not certified complete (a degenerate point among the samples, or a limit): {uncertified} problems"
     );
+    if interrupted {
+        let what = format!("{drawn} of {} problems were drawn", args.samples);
+        return Err(Interrupted(what).into());
+    }
     Ok(())
 }

@@ -4,6 +4,7 @@
 //!
 //! The format is told at the head of `examples/common/expressions.rs`; `tests/data/complementarity` holds examples.
 
+#[macro_use]
 mod common;
 #[path = "common/expressions.rs"]
 mod expressions;

@@ -3,6 +3,7 @@
 //! beside the values found here, and a picture of each problem.
 //! Run: cargo run --release --example transition_points [-- --out DIR]
 
+#[macro_use]
 mod common;
 #[path = "common/printed.rs"]
 mod printed;

@@ -2,6 +2,7 @@
 //! You will see the followed transition lines, folds in orange, over the regions with one, two and three solutions, as two pictures.
 //! Run: cargo run --release --example transition_sets [-- --out DIR]
 
+#[macro_use]
 mod common;
 
 use std::path::PathBuf;

@@ -4,6 +4,7 @@
 //! the critical slope of a law that weakens with the slip, the contraction rates observed beside their bounds, and a picture of the growth.
 //! Run: cargo run --release --example uniqueness [-- --finest 32] [--cube 8] [--out DIR]
 
+#[macro_use]
 mod common;
 
 use std::path::PathBuf;

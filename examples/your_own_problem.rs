@@ -1,6 +1,9 @@
-//! Your own nonsmooth problem: a rectifier and a tunnel diode in series with a resistor; struct and trait take 24 lines (16–39).
+//! Your own nonsmooth problem: a rectifier and a tunnel diode in series with a resistor; struct and trait take 24 lines (19–42).
 //! You will see the operating point of the circuit, its hysteresis over the source voltage with every kink and fold, and a picture.
 //! Run: cargo run --release --example your_own_problem [-- --out DIR]
+
+#[macro_use]
+mod common;
 
 use std::error::Error;
 use std::path::PathBuf;
@@ -47,13 +50,7 @@ struct Args {
 }
 
 fn main() -> ExitCode {
-    match run(&Args::parse()) {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(e) => {
-            eprintln!("error: {e}");
-            ExitCode::FAILURE
-        }
-    }
+    common::exit(run(&Args::parse()))
 }
 
 fn run(args: &Args) -> Result<(), Box<dyn Error>> {

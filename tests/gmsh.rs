@@ -300,3 +300,25 @@ fn a_wrong_mark_of_the_byte_order() {
     let error = parse_gmsh(&text, "bad.msh".as_ref()).unwrap_err().to_string();
     assert!(error.contains("bad.msh"), "{error}");
 }
+
+#[test]
+fn messages_are_short_whatever_the_file_holds() {
+    let long = "x".repeat(200_000);
+    let head = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n";
+    let files = [
+        format!("$MeshFormat\n{long} 0 8\n$EndMeshFormat\n"),
+        format!("{head}$PhysicalNames\n1\n{long}\n$EndPhysicalNames\n"),
+        format!("{head}$Nodes\n{long}\n$EndNodes\n"),
+        format!("{head}${long}\n1\n"),
+    ];
+    for file in files {
+        let error = parse_gmsh(file.as_bytes(), "long.msh".as_ref()).unwrap_err();
+        assert!(error.to_string().len() < 300, "{}", error.to_string().len());
+    }
+    let mesh = format!(
+        "{head}$PhysicalNames\n1\n1 7 \"{long}\"\n$EndPhysicalNames\n$Nodes\n3\n1 0 0 0\n2 1 0 0\n3 0 1 0\n$EndNodes\n\
+         $Elements\n2\n1 1 2 7 1 1 2\n2 2 2 9 1 1 2 3\n$EndElements\n"
+    );
+    let mesh = parse_gmsh(mesh.as_bytes(), "long.msh".as_ref()).unwrap();
+    assert!(mesh.facet_group("foot").unwrap_err().to_string().len() < 300);
+}

@@ -147,11 +147,21 @@ pub(crate) fn parse(text: &str, name: &str) -> Result<Problem, Failure> {
     })
 }
 
+/// The head of a value that may be of any length.
+fn shown(value: &Value) -> String {
+    const SHOWN: usize = 60;
+    let text = value.to_string();
+    match text.char_indices().nth(SHOWN) {
+        Some((end, _)) => format!("{} …", &text[..end]),
+        None => text,
+    }
+}
+
 fn number(value: &Value) -> Result<f64, Failure> {
     value
         .as_f64()
         .filter(|v| v.is_finite())
-        .ok_or_else(|| format!("{value} is no finite number"))
+        .ok_or_else(|| format!("{} is no finite number", shown(value)))
 }
 
 fn vector(value: &Value, n: usize) -> Result<Vec<f64>, Failure> {
@@ -201,7 +211,13 @@ impl Builder {
             .as_u64()
             .map(|j| j as usize)
             .filter(|j| *j < self.n)
-            .ok_or_else(|| format!("{value} is no variable; they count from 0 to {}", self.n - 1))
+            .ok_or_else(|| {
+                format!(
+                    "{} is no variable; they count from 0 to {}",
+                    shown(value),
+                    self.n - 1
+                )
+            })
     }
 
     fn node(&mut self, value: &Value) -> Result<usize, Failure> {
@@ -211,18 +227,18 @@ impl Builder {
         }
         let list = value
             .as_array()
-            .ok_or_else(|| format!("{value} is neither a number nor [operator, arguments]"))?;
+            .ok_or_else(|| format!("{} is neither a number nor [operator, arguments]", shown(value)))?;
         let operator = list
             .first()
             .and_then(Value::as_str)
-            .ok_or_else(|| format!("{value} does not begin with an operator"))?;
+            .ok_or_else(|| format!("{} does not begin with an operator", shown(value)))?;
         let arguments = &list[1..];
         let wanted = match operator {
             "v" | "d" | "neg" | "exp" | "log" | "sqrt" | "sin" | "cos" => 1..=1,
             "/" | "^" | "pow" => 2..=2,
             "lin" => 3..=3,
             "+" | "*" => 1..=usize::MAX,
-            _ => return Err(format!("operator `{operator}` is unknown")),
+            _ => return Err(format!("operator {} is unknown", shown(&list[0]))),
         };
         if !wanted.contains(&arguments.len()) {
             return Err(format!(
@@ -238,7 +254,7 @@ impl Builder {
                 let tree = k.and_then(|k| self.defs.get(k)).ok_or_else(|| {
                     format!(
                         "[\"d\", {}] refers to no earlier entry of `defs` ({known} known)",
-                        arguments[0]
+                        shown(&arguments[0])
                     )
                 })?;
                 Node::Shared(tree.root)
@@ -313,7 +329,8 @@ impl Builder {
             defs: self.defs,
             rows,
         };
-        tape.affine = tape.rows.iter().all(|t| tape.degree(t.root) <= 1);
+        let degrees = tape.degrees();
+        tape.affine = tape.rows.iter().all(|t| degrees[t.root] <= 1);
         let mut entries: Vec<(usize, usize)> = (0..tape.n).map(|i| (i, i)).collect();
         for (i, row) in tape.rows.iter().enumerate() {
             tape.variables(*row, &mut |j| entries.push((i, j)));
@@ -324,28 +341,30 @@ impl Builder {
 }
 
 impl Tape {
-    /// 0: constant, 1: affine, 2: anything else.
-    fn degree(&self, node: usize) -> u8 {
-        match self.nodes[node] {
-            Node::Constant(_) => 0,
-            Node::Variable(_) => 1,
-            Node::Linear(_, first, last) => u8::from(last > first),
-            Node::Shared(a) | Node::Negative(a) => self.degree(a),
-            Node::Sum(first, last) => (first..last)
-                .map(|c| self.degree(self.children[c]))
-                .max()
-                .unwrap_or(0),
-            Node::Product(first, last) => (first..last)
-                .map(|c| self.degree(self.children[c]))
-                .sum::<u8>()
-                .min(2),
-            Node::Quotient(a, b) if self.degree(b) == 0 => self.degree(a),
-            Node::Power(a, 1.0) => self.degree(a),
-            Node::Quotient(a, b) | Node::GeneralPower(a, b) => 2 * self.degree(a).max(self.degree(b)).min(1),
-            Node::Power(a, _) | Node::Exp(a) | Node::Log(a) | Node::Sqrt(a) | Node::Sin(a) | Node::Cos(a) => {
-                2 * self.degree(a).min(1)
-            }
+    /// For each node 0: constant, 1: affine, 2: anything else. Each is looked at once, however often it is shared.
+    fn degrees(&self) -> Vec<u8> {
+        let mut degrees: Vec<u8> = Vec::with_capacity(self.nodes.len());
+        for node in &self.nodes {
+            let of = |range: std::ops::Range<usize>| range.map(|c| degrees[self.children[c]]);
+            let bent = |a: usize| 2 * degrees[a].min(1);
+            degrees.push(match *node {
+                Node::Constant(_) => 0,
+                Node::Variable(_) => 1,
+                Node::Linear(_, first, last) => u8::from(last > first),
+                Node::Shared(a) | Node::Negative(a) | Node::Power(a, 1.0) => degrees[a],
+                Node::Sum(first, last) => of(first..last).max().unwrap_or(0),
+                Node::Product(first, last) => of(first..last).fold(0, |sum, d| (sum + d).min(2)),
+                Node::Quotient(a, b) if degrees[b] == 0 => degrees[a],
+                Node::Quotient(a, b) | Node::GeneralPower(a, b) => bent(a).max(bent(b)),
+                Node::Power(a, _)
+                | Node::Exp(a)
+                | Node::Log(a)
+                | Node::Sqrt(a)
+                | Node::Sin(a)
+                | Node::Cos(a) => bent(a),
+            });
         }
+        degrees
     }
 
     fn variables(&self, tree: Tree, found: &mut dyn FnMut(usize)) {

@@ -2,23 +2,81 @@
 #![allow(dead_code)]
 
 use std::error::Error;
+use std::fmt;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use semismooth::contact::{FrictionPath, FrictionProblem, LoadPath};
 use semismooth::sparse::Matrix;
+
+/// As the standard one, but an output that was closed or is full ends the program instead of a panic.
+macro_rules! println {
+    ($($arguments:tt)*) => {
+        $crate::common::print_line(format_args!($($arguments)*))
+    };
+}
+
+/// As the standard one, but an output that was closed or is full ends the program instead of a panic.
+macro_rules! print {
+    ($($arguments:tt)*) => {
+        $crate::common::print_text(format_args!($($arguments)*))
+    };
+}
+
 pub(crate) mod bars;
 pub(crate) mod squares;
 
 pub(crate) type Outcome<T> = Result<T, Box<dyn Error>>;
 
+/// Exit status of a program that Ctrl-C ended.
+pub(crate) const INTERRUPTED: u8 = 130;
+
+/// Ctrl-C ended the program before its work was done; the text says what there is.
+#[derive(Debug)]
+pub(crate) struct Interrupted(pub(crate) String);
+
+impl fmt::Display for Interrupted {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "interrupted: {}", self.0)
+    }
+}
+
+impl Error for Interrupted {}
+
 /// Errors go to standard error, and the exit status tells.
 pub(crate) fn exit(outcome: Outcome<()>) -> ExitCode {
-    match outcome {
+    let code = match outcome {
         Ok(()) => ExitCode::SUCCESS,
+        Err(e) if e.is::<Interrupted>() => {
+            eprintln!("{e}");
+            ExitCode::from(INTERRUPTED)
+        }
         Err(e) => {
             eprintln!("error: {e}");
             ExitCode::FAILURE
+        }
+    };
+    written(std::io::stdout().flush());
+    code
+}
+
+pub(crate) fn print_line(text: fmt::Arguments<'_>) {
+    written(writeln!(std::io::stdout(), "{text}"));
+}
+
+pub(crate) fn print_text(text: fmt::Arguments<'_>) {
+    written(write!(std::io::stdout(), "{text}"));
+}
+
+/// A reader that has seen enough (`| head`) is no failure; a full disk is.
+fn written(outcome: std::io::Result<()>) {
+    match outcome {
+        Ok(()) => {}
+        Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => std::process::exit(0),
+        Err(e) => {
+            eprintln!("error: cannot write the output: {e}");
+            std::process::exit(1);
         }
     }
 }

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-use super::common::Outcome;
+use super::common::{INTERRUPTED, Outcome};
 
 /// A bar on standard error (none where that is no terminal), and whether Ctrl-C was pressed.
 pub(crate) struct Progress {
@@ -21,7 +21,12 @@ impl Progress {
         let bar = ProgressBar::new(length).with_style(ProgressStyle::with_template(template)?);
         let cancelled = Arc::new(AtomicBool::new(false));
         let flag = Arc::clone(&cancelled);
-        ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed))?;
+        ctrlc::set_handler(move || {
+            // Who asks twice does not want to wait.
+            if flag.swap(true, Ordering::Relaxed) {
+                std::process::exit(i32::from(INTERRUPTED));
+            }
+        })?;
         Ok(Self { bar, cancelled })
     }
 

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::body::check_matrices;
 use super::{ContactError, FrictionPath, FrictionProblem, LoadPath};
-use crate::sparse::{SparseError, read_matrix_market, read_vector};
+use crate::sparse::{Announced, Matrix, SparseError, read_matrix_if, read_vector};
 
 /// A discrete problem read from a folder, with the load f(γ) = (1 − γ) f₀ + γ f₁.
 #[derive(Debug, Clone)]
@@ -20,12 +20,13 @@ pub struct DiscreteFolder {
 /// `meta.json` with the numbers `friction` (one for all nodes, or a list) and, if it is to be set, `r`.
 ///
 /// # Errors
-/// Files that are missing or malformed (file and line are named), and everything [`FrictionProblem::new`] checks.
+/// Files that are missing or malformed (file and line are named), matrices with fewer entries than rows, and everything
+/// [`FrictionProblem::new`] checks. What is allocated stays in proportion to the bytes read.
 pub fn read_folder(path: impl AsRef<Path>) -> Result<DiscreteFolder, ContactError> {
     let folder = path.as_ref();
-    let a = read_matrix_market(folder.join("A.mtx"))?;
-    let bnu = read_matrix_market(folder.join("Bnu.mtx"))?;
-    let bt = read_matrix_market(folder.join("Bt.mtx"))?;
+    let a = read(&folder.join("A.mtx"), None, 0)?;
+    let bnu = read(&folder.join("Bnu.mtx"), None, a.nrows())?;
+    let bt = read(&folder.join("Bt.mtx"), Some(bnu.nrows()), a.nrows())?;
     // No vector is made for the rows of a matrix that does not fit.
     check_matrices(&a, &[&bnu, &bt])?;
     let p = bnu.nrows();
@@ -91,4 +92,26 @@ pub fn read_folder(path: impl AsRef<Path>) -> Result<DiscreteFolder, ContactErro
         path: folder.to_path_buf(),
         problem,
     })
+}
+
+/// Reads a matrix that has no more rows than entries, but for the number given, and no more columns, but for as many as A: so that what is
+/// made of it is in proportion to what was read.
+fn read(path: &Path, rows: Option<usize>, displacements: usize) -> Result<Matrix, ContactError> {
+    let accept = |found: Announced| {
+        let most = found.entries.max(rows.unwrap_or(0));
+        if found.rows > most {
+            return Err(format!(
+                "{} rows with {} entries: a row without an entry says nothing",
+                found.rows, found.entries
+            ));
+        }
+        if found.cols > found.entries.max(displacements) {
+            return Err(format!(
+                "{} columns for {displacements} displacements, with {} entries",
+                found.cols, found.entries
+            ));
+        }
+        Ok(())
+    };
+    Ok(read_matrix_if(path, accept)?)
 }

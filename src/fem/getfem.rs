@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::tokens::shorten;
 use super::{CellKind, FemError, Mesh};
 
 /// Reads a GetFEM mesh file (`GETFEM MESH FILE`): linear triangles, quadrilaterals, tetrahedra, hexahedra. Regions are not read: name
@@ -57,7 +58,7 @@ pub fn parse_getfem(text: &str, path: &Path) -> Result<Mesh, FemError> {
                 for (x, word) in point.iter_mut().zip(coordinates) {
                     *x = word
                         .parse()
-                        .map_err(|_| fail(format!("\"{word}\" is no coordinate")))?;
+                        .map_err(|_| fail(format!("\"{}\" is no coordinate", shorten(word))))?;
                 }
                 if ids.insert(id.to_string(), points.len()).is_some() {
                     return Err(fail(format!("point {id} is there twice")));
@@ -85,7 +86,8 @@ pub fn parse_getfem(text: &str, path: &Path) -> Result<Mesh, FemError> {
                     "GT_QK(3,1)" | "QK(3,1)" => (CellKind::Hexahedron, &[0, 1, 3, 2, 4, 5, 7, 6]),
                     _ => {
                         return Err(fail(format!(
-                            "convexes '{name}' are not supported; linear triangles, quadrilaterals, tetrahedra and hexahedra are"
+                            "convexes '{}' are not supported; linear triangles, quadrilaterals, tetrahedra and hexahedra are",
+                            shorten(&name)
                         )));
                     }
                 };
@@ -97,7 +99,7 @@ pub fn parse_getfem(text: &str, path: &Path) -> Result<Mesh, FemError> {
                     .map(|word| {
                         ids.get(word)
                             .copied()
-                            .ok_or_else(|| fail(format!("there is no point \"{word}\"")))
+                            .ok_or_else(|| fail(format!("there is no point \"{}\"", shorten(word))))
                     })
                     .collect::<Result<Vec<usize>, _>>()?;
                 if nodes.len() != kind.num_nodes() {

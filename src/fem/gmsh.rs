@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 
 use super::getfem::drop_loose;
-use super::tokens::Reader;
+use super::tokens::{Reader, shorten};
 use super::{CellKind, FemError, Mesh};
 
 /// Reads a Gmsh mesh file (MSH 2.2 or 4.1, ASCII or binary of either byte order) of linear elements.
@@ -224,7 +224,8 @@ impl Reader<'_> {
             "4.1" => Version::Four,
             _ => {
                 return Err(self.fail(format!(
-                    "MSH version {version} is not supported; save as 2.2 or 4.1 (gmsh -format msh41)"
+                    "MSH version {} is not supported; save as 2.2 or 4.1 (gmsh -format msh41)",
+                    shorten(&version)
                 )));
             }
         };
@@ -258,7 +259,8 @@ impl Reader<'_> {
             })();
             let Some((key, name)) = parsed else {
                 return Err(self.fail(format!(
-                    "\"{line}\" is no physical name (dimension, number, \"name\")"
+                    "\"{}\" is no physical name (dimension, number, \"name\")",
+                    shorten(&line)
                 )));
             };
             file.names.insert(key, name);

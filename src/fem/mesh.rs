@@ -2,6 +2,7 @@ use std::collections::{BTreeMap, HashMap};
 
 use super::FemError;
 use super::element::{CellKind, MAX_NODES, map_cell};
+use super::tokens::shorten;
 
 /// Facets by name of their group, each as its nodes.
 pub(super) type FacetGroups = BTreeMap<String, Vec<Vec<usize>>>;
@@ -401,15 +402,18 @@ fn lookup<'a, T>(
         }),
         Some(list) => Ok(list),
         None => {
-            let names: Vec<_> = groups.keys().map(|k| format!("\"{k}\"")).collect();
+            const NAMED: usize = 20;
+            let names = groups.keys().take(NAMED);
+            let names: Vec<_> = names.map(|k| format!("\"{}\"", shorten(k))).collect();
+            let known = match groups.len().saturating_sub(NAMED) {
+                0 if names.is_empty() => "none".into(),
+                0 => names.join(", "),
+                more => format!("{} and {more} more", names.join(", ")),
+            };
             Err(FemError::NoSuchGroup {
                 what,
                 name: name.into(),
-                known: if names.is_empty() {
-                    "none".into()
-                } else {
-                    names.join(", ")
-                },
+                known,
             })
         }
     }

@@ -4,6 +4,15 @@ use std::path::Path;
 
 use super::FemError;
 
+/// The head of a text that may be of any length, for messages.
+pub(super) fn shorten(text: &str) -> String {
+    const SHOWN: usize = 60;
+    match text.char_indices().nth(SHOWN) {
+        Some((end, _)) => format!("{} …", &text[..end]),
+        None => text.to_owned(),
+    }
+}
+
 /// A place in a file.
 pub(super) struct Reader<'a> {
     pub(super) bytes: &'a [u8],
@@ -56,7 +65,8 @@ impl Reader<'_> {
                 Ok(())
             }
             None => Err(self.fail(format!(
-                "section ${section} is not closed by {mark}: the file is truncated"
+                "section ${0} is not closed by $End{0}: the file is truncated",
+                shorten(section)
             ))),
         }
     }
@@ -84,9 +94,10 @@ impl Reader<'_> {
 
     pub(super) fn number<T: std::str::FromStr>(&mut self) -> Result<T, FemError> {
         let token = self.token()?.to_owned();
-        token
-            .parse()
-            .map_err(|_| self.fail(format!("\"{token}\" is not the number that should be here")))
+        token.parse().map_err(|_| {
+            let found = shorten(&token);
+            self.fail(format!("\"{found}\" is not the number that should be here"))
+        })
     }
 
     pub(super) fn raw<const N: usize>(&mut self) -> Result<[u8; N], FemError> {

@@ -20,7 +20,27 @@ const NO_FILE: &str = "<text>";
 /// [`SparseError::Io`] or [`SparseError::Parse`] with the line.
 pub fn read_matrix_market(path: impl AsRef<Path>) -> Result<Matrix, SparseError> {
     let path = path.as_ref();
-    parse_matrix(&read(path)?, path)
+    parse_matrix(&read(path)?, path, |_| Ok(()))
+}
+
+/// What a file announces.
+#[cfg(feature = "json")]
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Announced {
+    pub(crate) rows: usize,
+    pub(crate) cols: usize,
+    pub(crate) entries: usize,
+}
+
+/// [`read_matrix_market`], refused by `accept` before anything is made of what the file announces.
+#[cfg(feature = "json")]
+pub(crate) fn read_matrix_if(
+    path: &Path,
+    accept: impl FnOnce(Announced) -> Result<(), String>,
+) -> Result<Matrix, SparseError> {
+    parse_matrix(&read(path)?, path, |[rows, cols, entries]| {
+        accept(Announced { rows, cols, entries })
+    })
 }
 
 /// As [`read_matrix_market`], from text; errors give the path as `<text>`.
@@ -36,7 +56,7 @@ pub fn read_matrix_market(path: impl AsRef<Path>) -> Result<Matrix, SparseError>
 /// # Errors
 /// [`SparseError::Parse`] with the line.
 pub fn parse_matrix_market(text: &str) -> Result<Matrix, SparseError> {
-    parse_matrix(text, Path::new(NO_FILE))
+    parse_matrix(text, Path::new(NO_FILE), |_| Ok(()))
 }
 
 /// Writes a matrix as `coordinate real general` with 17 significant digits, so that reading it back gives the same values.
@@ -135,8 +155,8 @@ fn parse_error(path: &Path, line: usize, what: String) -> SparseError {
 fn number(word: &str) -> Result<f64, String> {
     match word.parse::<f64>() {
         Ok(v) if v.is_finite() => Ok(v),
-        Ok(_) => Err(format!("`{word}` is not a finite number")),
-        Err(_) => Err(format!("`{word}` is not a number")),
+        Ok(_) => Err(format!("`{}` is not a finite number", shorten(word))),
+        Err(_) => Err(format!("`{}` is not a number", shorten(word))),
     }
 }
 
@@ -158,16 +178,22 @@ fn parse_banner(line: &str) -> Result<(bool, Symmetry), String> {
         ));
     };
     if *object != "matrix" {
-        return Err(format!("`{object}` is not supported, only `matrix`"));
+        return Err(format!("`{}` is not supported, only `matrix`", shorten(object)));
     }
     let coordinate = match *format {
         "coordinate" => true,
         "array" => false,
-        other => return Err(format!("format `{other}` is not `coordinate` or `array`")),
+        other => {
+            return Err(format!(
+                "format `{}` is not `coordinate` or `array`",
+                shorten(other)
+            ));
+        }
     };
     if !matches!(*field, "real" | "integer" | "double") {
         return Err(format!(
-            "field `{field}` is not supported, only `real` and `integer`"
+            "field `{}` is not supported, only `real` and `integer`",
+            shorten(field)
         ));
     }
     let symmetry = match *symmetry {
@@ -176,7 +202,8 @@ fn parse_banner(line: &str) -> Result<(bool, Symmetry), String> {
         "skew-symmetric" => Symmetry::Skew,
         other => {
             return Err(format!(
-                "symmetry `{other}` is not supported, only `general`, `symmetric` and `skew-symmetric`"
+                "symmetry `{}` is not supported, only `general`, `symmetric` and `skew-symmetric`",
+                shorten(other)
             ));
         }
     };
@@ -188,7 +215,12 @@ fn shorten(line: &str) -> String {
     line.chars().take(60).collect()
 }
 
-fn parse_matrix(text: &str, path: &Path) -> Result<Matrix, SparseError> {
+/// `accept` sees the numbers of rows, columns and entries announced.
+fn parse_matrix(
+    text: &str,
+    path: &Path,
+    accept: impl FnOnce([usize; 3]) -> Result<(), String>,
+) -> Result<Matrix, SparseError> {
     let mut lines = text.lines().enumerate().map(|(k, line)| (k + 1, line));
     let fail = |line: usize, what: String| parse_error(path, line, what);
     let (_, banner) = lines
@@ -209,6 +241,7 @@ fn parse_matrix(text: &str, path: &Path) -> Result<Matrix, SparseError> {
         (false, Symmetry::Symmetric) => n.saturating_mul(n + 1) / 2,
         (false, Symmetry::Skew) => n.saturating_mul(n.saturating_sub(1)) / 2,
     };
+    accept([m, n, expected]).map_err(|what| fail(at, what))?;
     // An entry takes two bytes at least, whatever the header says.
     let mut entries: Vec<(usize, usize, f64)> = Vec::with_capacity(expected.min(text.len() / 2));
     let mut cursor = (usize::from(symmetry == Symmetry::Skew), 0);
@@ -282,7 +315,7 @@ fn parse_entry(line: &str, m: usize, n: usize, symmetry: Symmetry) -> Result<(us
     let index = |word: &str, size: usize, what: &str| match word.parse::<usize>() {
         Ok(k) if (1..=size).contains(&k) => Ok(k - 1),
         Ok(k) => Err(format!("{what} {k} is outside 1..={size}")),
-        Err(_) => Err(format!("`{word}` is not a {what}")),
+        Err(_) => Err(format!("`{}` is not a {what}", shorten(word))),
     };
     let (i, j, v) = (index(i, m, "row")?, index(j, n, "column")?, number(v)?);
     match symmetry {

@@ -16,6 +16,8 @@ pub use error::SparseError;
 pub use matrix::{Matrix, MatrixRef};
 #[cfg(any(feature = "svg", feature = "vtk"))]
 pub(crate) use matrix_market::replace_file;
+#[cfg(feature = "json")]
+pub(crate) use matrix_market::{Announced, read_matrix_if};
 pub use matrix_market::{
     parse_matrix_market, parse_vector, read_matrix_market, read_vector, write_matrix_market,
 };

@@ -104,3 +104,25 @@ fn broken_descriptions_are_named() {
     std::fs::remove_file(copy.0.join("gap.txt")).unwrap();
     assert_eq!(first_tests(), vec![0.0; p]);
 }
+
+#[test]
+fn sizes_that_the_entries_do_not_bear_are_refused_before_anything_is_made() {
+    let copy = Copy::new("sizes");
+    let whole = read_folder(&copy.0).unwrap();
+    let n = whole.problem.num_displacements();
+    for (file, text) in [
+        ("Bnu.mtx", format!("16777000 {n} 0\n")),
+        ("Bnu.mtx", format!("70000000 {n} 1\n1 1 1\n")),
+        ("Bt.mtx", format!("16777000 {n} 1\n1 1 1\n")),
+        ("A.mtx", "1000000 1000000 1\n1 1 1\n".to_owned()),
+    ] {
+        let path = copy.0.join(file);
+        let own = std::fs::read_to_string(&path).unwrap();
+        let head = "%%MatrixMarket matrix coordinate real general\n";
+        std::fs::write(&path, format!("{head}{text}")).unwrap();
+        let error = read_folder(&copy.0).unwrap_err().to_string();
+        assert!(error.contains(file) && error.contains("entries"), "{error}");
+        std::fs::write(&path, own).unwrap();
+    }
+    assert!(read_folder(&copy.0).is_ok());
+}

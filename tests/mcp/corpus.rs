@@ -141,3 +141,31 @@ fn malformed_files_are_refused_by_name() {
         assert!(error.contains(word), "{text}: {error}");
     }
 }
+
+#[test]
+fn shared_expressions_are_read_once_each() {
+    // A chain of sums that doubles 60 times: 2⁶⁰ x if it were written out.
+    let defs: Vec<String> = (0..60).map(|k| format!(r#"["+",["d",{k}],["d",{k}]]"#)).collect();
+    let text = format!(
+        r#"{{"n":1,"lower":[0.0],"upper":[null],"defs":[["v",0],{}],"rows":[["d",60]],"starts":{{"a":[1.0]}}}}"#,
+        defs.join(",")
+    );
+    let problem = parse(&text, "chain").unwrap();
+    let function = problem.mcp.function();
+    assert!(function.is_affine());
+    let mut f = [0.0];
+    function.value(&[3.0], &mut f);
+    assert_eq!(f[0], 3.0 * 60f64.exp2());
+    // A product of very many constants and one variable is affine, of two it is not.
+    for (factors, affine) in [(r#"["v",0]"#, true), (r#"["v",0],["v",0]"#, false)] {
+        let text = format!(
+            r#"{{"n":1,"lower":[0.0],"upper":[null],"rows":[["*",{}{factors}]],"starts":{{"a":[1.0]}}}}"#,
+            "1.0,".repeat(300)
+        );
+        assert_eq!(parse(&text, "").unwrap().mcp.function().is_affine(), affine);
+    }
+    // Whatever is wrong, its text is not repeated at length.
+    let long = format!(r#"["{}"]"#, "x".repeat(200_000));
+    let text = format!(r#"{{"n":1,"lower":[0.0],"upper":[null],"rows":[{long}],"starts":{{"a":[1.0]}}}}"#);
+    assert!(parse(&text, "").err().unwrap().len() < 300);
+}

@@ -269,3 +269,63 @@ fn cycles_of_the_min_map_are_left() {
         }
     }
 }
+
+#[cfg(feature = "autodiff")]
+mod patterns {
+    use semismooth::complementarity::{
+        Autodiff, ComplementarityError, Mcp, McpFunction, McpSolver, SmoothFunction, check_jacobian,
+    };
+    use semismooth::piecewise::{PiecewiseError, Real};
+    use semismooth::sparse::Pattern;
+
+    /// A chain, and one entry far off it whose derivative vanishes at 0.
+    struct Net;
+
+    impl SmoothFunction for Net {
+        fn num_vars(&self) -> usize {
+            5
+        }
+        fn eval<T: Real>(&self, x: &[T], out: &mut [T]) {
+            for i in 0..5 {
+                out[i] = x[i] * 3.0 - 2.0 + x[i] * x[i] * x[i];
+                if i > 0 {
+                    out[i] += x[i - 1] * 1.5;
+                }
+            }
+            out[0] += x[3] * x[3] * 4.0;
+        }
+    }
+
+    /// The same with a pattern that lacks the entry (0, 3).
+    struct Lacking;
+
+    impl SmoothFunction for Lacking {
+        fn num_vars(&self) -> usize {
+            5
+        }
+        fn eval<T: Real>(&self, x: &[T], out: &mut [T]) {
+            Net.eval(x, out);
+        }
+        fn pattern(&self) -> Pattern {
+            let chain = (0..5usize).flat_map(|i| [(i, i), (i, i.saturating_sub(1))]);
+            Pattern::from_entries(5, 5, chain).unwrap()
+        }
+    }
+
+    #[test]
+    fn patterns_are_found_by_tracing() {
+        let function = Autodiff::new(Net);
+        let chain = (0..5usize).flat_map(|i| [(i, i), (i, i.saturating_sub(1))]);
+        let wanted = Pattern::from_entries(5, 5, chain.chain([(0, 3)])).unwrap();
+        assert_eq!(function.pattern(), wanted);
+        check_jacobian(&function, &[0.5, 0.6, 0.7, 0.8, 0.9], 1e-6).unwrap();
+    }
+
+    #[test]
+    fn a_pattern_that_lacks_an_entry_is_an_error() {
+        let problem = Mcp::new(Autodiff::new(Lacking), vec![0.0; 5], vec![f64::INFINITY; 5]).unwrap();
+        let error = McpSolver::default().solve(&problem, &mut [0.0; 5]).unwrap_err();
+        let stray = PiecewiseError::StrayEntry { row: 0, col: 3 };
+        assert!(matches!(error, ComplementarityError::Map(e) if e == stray));
+    }
+}

@@ -206,3 +206,224 @@ fn kinks_that_come_and_go_are_noticed() {
         assert!(found.is_err());
     }
 }
+
+/// Two contact nodes with friction, coupled by springs; the bound of friction is a kink inside another one where `nested`.
+/// x = (u_ν1, u_t1, u_ν2, u_t2, λ_ν1, λ_t1, λ_ν2, λ_t2, α).
+struct Nodes {
+    nested: bool,
+}
+
+impl NonsmoothFunction for Nodes {
+    fn num_vars(&self) -> usize {
+        9
+    }
+    fn num_residuals(&self) -> usize {
+        8
+    }
+    fn eval<T: Real>(&self, x: &[T], kinks: &mut Kinks<'_, T>, out: &mut [T]) {
+        let load = [0.4, 0.9, 0.8, 1.1];
+        for i in 0..4 {
+            let spring = x[i] * 2.0 - (x[(i + 1) % 4] + x[(i + 3) % 4]) * 0.5;
+            out[i] = spring + x[4 + i] - x[8] * load[i];
+        }
+        for node in 0..2 {
+            let (u, l) = (2 * node, 4 + 2 * node);
+            let pressure = x[l] + x[u] - 0.1;
+            out[l] = x[l] - kinks.positive_part(pressure);
+            let bound = if self.nested {
+                kinks.positive_part(pressure) * 0.3
+            } else {
+                x[l] * 0.3
+            };
+            out[l + 1] = x[l + 1] - kinks.project(-bound, x[l + 1] + x[u + 1], bound);
+        }
+    }
+}
+
+/// Entries that the Jacobians of all selections have at some points, by central differences.
+fn seen<P: PiecewiseSmooth>(map: &P, points: &[Vec<f64>]) -> Vec<(usize, usize)> {
+    let (n, m) = (map.num_residuals(), map.num_vars());
+    let mut found = std::collections::BTreeSet::new();
+    for x in points {
+        for selection in semismooth::piecewise::Selections::all(map) {
+            for j in 0..m {
+                let at = |h: f64| {
+                    let mut y = x.clone();
+                    y[j] += h;
+                    let mut r = vec![0.0; n];
+                    map.residual(&selection, &y, &mut r);
+                    r
+                };
+                let (plus, minus) = (at(1e-3), at(-1e-3));
+                found.extend((0..n).filter(|&i| plus[i] != minus[i]).map(|i| (i, j)));
+            }
+        }
+    }
+    found.into_iter().collect()
+}
+
+#[test]
+fn patterns_and_rows_of_sites_are_traced_over_all_pieces() {
+    let points: Vec<Vec<f64>> = (0..3)
+        .map(|k| (0..9).map(|i| ((i * 7 + k * 5) as f64).sin()).collect())
+        .collect();
+    for nested in [false, true] {
+        let map = Traced::new(Nodes { nested });
+        let pattern = map.pattern();
+        let mut entries: Vec<(usize, usize)> = (0..9)
+            .flat_map(|j| {
+                let rows = &pattern.row_idx()[pattern.col_ptr()[j]..pattern.col_ptr()[j + 1]];
+                rows.iter().map(move |&i| (i, j)).collect::<Vec<_>>()
+            })
+            .collect();
+        entries.sort_unstable();
+        // The bound acts in the pieces "lower" and "upper", the multiplier itself in none of them: all of these count.
+        assert_eq!(entries, seen(&map, &points), "nested: {nested}");
+        let mut rows = Vec::new();
+        for site in 0..map.num_sites() {
+            map.site_rows(site, &mut rows);
+            for x in &points {
+                let of = |piece: usize| {
+                    let mut selection = select(&map, x);
+                    selection.set(site, piece);
+                    let (mut r, mut jac) = (vec![0.0; 8], Matrix::zeros(map.pattern()));
+                    map.residual(&selection, x, &mut r);
+                    map.jacobian(&selection, x, &mut jac);
+                    let mut part = Matrix::zeros(map.pattern());
+                    assert!(map.site_jacobian(site, &selection, x, &mut part));
+                    for (i, j, v) in jac.triplets() {
+                        let wanted = if rows.contains(&i) { v } else { 0.0 };
+                        assert_eq!(part.get(i, j), wanted, "site {site}, entry ({i}, {j})");
+                    }
+                    (r, jac)
+                };
+                let first = of(0);
+                for piece in 1..map.num_pieces(site) {
+                    let other = of(piece);
+                    for i in (0..8).filter(|i| !rows.contains(i)) {
+                        assert_eq!(first.0[i], other.0[i], "site {site} changes residual {i}");
+                    }
+                }
+            }
+            let friction = map.num_pieces(site) == 3;
+            assert_eq!(rows.len(), 1, "site {site} (friction: {friction})");
+        }
+        check(&map, &points, &CheckOptions::default().with_max_findings(1)).map_or_else(
+            // Without nesting the bound is negative off solutions, and the cells overlap.
+            |e| assert!(!nested, "{e}"),
+            |_| (),
+        );
+    }
+}
+
+#[test]
+fn derivatives_of_traced_test_functions_are_exact() {
+    let map = Traced::new(Zoo);
+    let x: Vec<f64> = (0..N).map(|i| 0.3 + (i as f64 * 1.7).sin()).collect();
+    let d: Vec<f64> = (0..N).map(|i| (i as f64 * 0.9).cos()).collect();
+    let total: usize = (0..map.num_sites()).map(|s| map.num_tests(s)).sum();
+    let (mut along, mut k) = (vec![0.0; total], 0);
+    map.test_derivatives(&x, &d, &mut along);
+    let at = |h: f64| {
+        let y: Vec<f64> = x.iter().zip(&d).map(|(x, d)| x + h * d).collect();
+        let mut theta = vec![0.0; total];
+        map.test_functions(&y, &mut theta);
+        theta
+    };
+    let (plus, minus) = (at(1e-6), at(-1e-6));
+    for site in 0..map.num_sites() {
+        for test in 0..map.num_tests(site) {
+            let mut gradient = vec![0.0; N];
+            map.test_gradient(site, test, &x, &mut gradient);
+            let product: f64 = gradient.iter().zip(&d).map(|(g, d)| g * d).sum();
+            assert!(
+                (product - along[k]).abs() < 1e-13 * (1.0 + along[k].abs()),
+                "{site}, {test}"
+            );
+            let quotient = (plus[k] - minus[k]) / 2e-6;
+            assert!(
+                (quotient - along[k]).abs() < 1e-7 * (1.0 + along[k].abs()),
+                "{site}, {test}"
+            );
+            k += 1;
+        }
+    }
+}
+
+/// A pattern that lacks the entry (1, 3), whose column shares a colour with another one.
+struct Lacking;
+
+impl NonsmoothFunction for Lacking {
+    fn num_vars(&self) -> usize {
+        5
+    }
+    fn num_residuals(&self) -> usize {
+        4
+    }
+    fn eval<T: Real>(&self, x: &[T], kinks: &mut Kinks<'_, T>, out: &mut [T]) {
+        for i in 0..4 {
+            out[i] = kinks.min(x[i], x[i] * 3.0 - 1.0 - x[4]);
+        }
+        // Vanishes with its derivative at 0.
+        out[1] += x[3] * x[3];
+    }
+    fn pattern(&self) -> semismooth::sparse::Pattern {
+        let entries = (0..4).flat_map(|i| [(i, i), (i, 4)]);
+        semismooth::sparse::Pattern::from_entries(4, 5, entries).unwrap()
+    }
+}
+
+#[test]
+fn a_pattern_that_lacks_an_entry_is_refused_at_the_first_jacobian() {
+    use semismooth::continuation::{Branch, ContinuationError, ContinuationOptions, Direction};
+    use semismooth::newton::{Newton, NewtonError};
+    use semismooth::piecewise::PiecewiseError;
+    let map = Traced::new(Lacking);
+    let mut jac = Matrix::zeros(map.pattern());
+    map.jacobian(&select(&map, &[0.0; 5]), &[0.0; 5], &mut jac);
+    assert_eq!(jac.stray(), Some((1, 3)));
+    let mut x = [0.5, 0.5, 0.5, 0.5, 0.0];
+    let stray = PiecewiseError::StrayEntry { row: 1, col: 3 };
+    let error = Newton::default().solve(&map, &mut x).unwrap_err();
+    assert!(matches!(error, NewtonError::Map(e) if e == stray));
+    let options = ContinuationOptions::default().with_parameter_range((0.0, 1.0));
+    let error = Branch::follow(&map, &[0.0; 5], Direction::Increasing, options).unwrap_err();
+    assert_eq!(error, ContinuationError::Map(stray));
+}
+
+#[test]
+fn entries_are_told_apart_beyond_one_window_of_labels() {
+    /// Residual i couples x_i with x_{m − 1 − i}.
+    struct Wide(usize, bool);
+    impl NonsmoothFunction for Wide {
+        fn num_vars(&self) -> usize {
+            self.0
+        }
+        fn num_residuals(&self) -> usize {
+            self.0
+        }
+        fn eval<T: Real>(&self, x: &[T], kinks: &mut Kinks<'_, T>, out: &mut [T]) {
+            for i in 0..self.0 {
+                out[i] = x[i] + kinks.abs(x[self.0 - 1 - i]);
+            }
+        }
+        fn pattern(&self) -> semismooth::sparse::Pattern {
+            let m = self.0;
+            let lacks = |i: usize| self.1 && i == m - 3;
+            let entries = (0..m).flat_map(|i| [(i, i), (i, if lacks(i) { i } else { m - 1 - i })]);
+            semismooth::sparse::Pattern::from_entries(m, m, entries).unwrap()
+        }
+    }
+    // 700: three windows; 20 000: shared labels find the row, windows the column.
+    for m in [700, 20_000] {
+        for lacks in [false, true] {
+            let map = Traced::new(Wide(m, lacks));
+            let mut jac = Matrix::zeros(map.pattern());
+            map.jacobian(&Selection::uniform(m, 0), &vec![0.1; m], &mut jac);
+            assert_eq!(jac.stray(), lacks.then_some((m - 3, 2)), "{m}");
+            let mut rows = Vec::new();
+            map.site_rows(m - 5, &mut rows);
+            assert_eq!(rows, [m - 5]);
+        }
+    }
+}
