@@ -144,6 +144,7 @@ fn malformed_files_are_refused_by_name() {
 
 #[test]
 fn shared_expressions_are_read_once_each() {
+    use semismooth::complementarity::McpFunction;
     // A chain of sums that doubles 60 times: 2⁶⁰ x if it were written out.
     let defs: Vec<String> = (0..60).map(|k| format!(r#"["+",["d",{k}],["d",{k}]]"#)).collect();
     let text = format!(
