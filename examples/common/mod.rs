@@ -17,13 +17,6 @@ macro_rules! println {
     };
 }
 
-/// As the standard one, but an output that was closed or is full ends the program instead of a panic.
-macro_rules! print {
-    ($($arguments:tt)*) => {
-        $crate::common::print_text(format_args!($($arguments)*))
-    };
-}
-
 pub(crate) mod bars;
 pub(crate) mod squares;
 
@@ -63,10 +56,6 @@ pub(crate) fn exit(outcome: Outcome<()>) -> ExitCode {
 
 pub(crate) fn print_line(text: fmt::Arguments<'_>) {
     written(writeln!(std::io::stdout(), "{text}"));
-}
-
-pub(crate) fn print_text(text: fmt::Arguments<'_>) {
-    written(write!(std::io::stdout(), "{text}"));
 }
 
 /// A reader that has seen enough (`| head`) is no failure; a full disk is.

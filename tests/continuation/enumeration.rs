@@ -504,9 +504,14 @@ fn arms_where_residuals_share_sites() {
         // Both arms have growing α; their indices cancel, as there is none with falling α.
         assert_eq!(found.orientation, Some((0, 0)));
         let capped = arms(&map, 2);
-        assert!(matches!(capped.completeness, Completeness::Incomplete { examined, total } if examined < total));
+        assert!(
+            matches!(capped.completeness, Completeness::Incomplete { examined, total } if examined < total)
+        );
         assert_eq!(capped.nodes, 2);
-        assert!(capped.arms.len() < 2, "the cells tried hold one of the two at most");
+        assert!(
+            capped.arms.len() < 2,
+            "the cells tried hold one of the two at most"
+        );
     }
 }
 
