@@ -32,7 +32,7 @@ const INNER: usize = 60;
 const PATIENCE: usize = 300;
 const FIRST_PATIENCE: usize = 40;
 /// The same before interior points are tried, and Newton iterations of one proximal step there.
-const QUICK_PATIENCE: usize = 2;
+const QUICK_PATIENCE: usize = 1;
 const QUICK: usize = 6;
 /// Most proximal steps in a row without a factorisation: α is then at its least and nothing moves.
 const MAX_IDLE: usize = 60;
