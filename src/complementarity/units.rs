@@ -4,7 +4,7 @@ use super::{Mcp, McpFunction};
 use crate::piecewise::is_ordinary;
 use crate::sparse::Matrix;
 
-/// Units of x and F(x) in affine problems, found when first asked for.
+/// Units of x and F(x), found when first asked for.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Units(OnceLock<Found>);
 
@@ -12,7 +12,7 @@ pub(super) struct Units(OnceLock<Found>);
 struct Found {
     /// Factors by which values of F are brought to the size of x; empty for 1.
     factors: Vec<f64>,
-    /// Typical size of x; 1 where nothing tells.
+    /// Typical size of x; 1 where nothing tells, as in problems that are not affine.
     size: f64,
 }
 
@@ -44,6 +44,7 @@ impl<F: McpFunction> Mcp<F> {
             size: 1.0,
         };
         if !self.function().is_affine() {
+            found.factors = far_from_one(&self.slopes());
             return found;
         }
         let m = self.function().num_vars();
@@ -75,9 +76,37 @@ impl<F: McpFunction> Mcp<F> {
         if size.is_normal() {
             found.size = size;
         }
-        if !factors.iter().all(|f| is_ordinary(*f)) {
-            found.factors = factors.iter().map(|f| f.log2().round().exp2()).collect();
-        }
+        found.factors = far_from_one(&factors);
         found
     }
+
+    /// For each component of a nonlinear F, the reciprocal of its largest slope in the points of the bounds next to 0 and 1; 1 where F has
+    /// no finite derivatives there.
+    fn slopes(&self) -> Vec<f64> {
+        let (n, m) = (self.len(), self.function().num_vars());
+        let mut rows = vec![0.0_f64; n];
+        let mut jac = Matrix::zeros(self.jacobian_pattern().clone());
+        for reference in [0.0_f64, 1.0] {
+            let mut x = vec![reference; m];
+            for (x, (lower, upper)) in x.iter_mut().zip(self.lower().iter().zip(self.upper())) {
+                *x = x.max(*lower).min(*upper);
+            }
+            jac.clear();
+            self.function().jacobian(&x, &mut jac);
+            for (i, _, v) in jac.triplets().filter(|(_, j, v)| *j < n && v.is_finite()) {
+                rows[i] = rows[i].max(v.abs());
+            }
+        }
+        rows.iter()
+            .map(|row| if row.is_normal() { row.recip() } else { 1.0 })
+            .collect()
+    }
+}
+
+/// The factors as powers of two; none where all are near 1.
+fn far_from_one(factors: &[f64]) -> Vec<f64> {
+    if factors.iter().all(|f| is_ordinary(*f)) {
+        return Vec::new();
+    }
+    factors.iter().map(|f| f.log2().round().exp2()).collect()
 }

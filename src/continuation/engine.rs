@@ -52,7 +52,11 @@ pub(super) struct Curve<'a, M: ?Sized = dyn PiecewiseSmooth + 'a> {
     pub(super) arclength: f64,
     pub(super) h: f64,
     pub(super) size: f64,
+    /// Size of the terms of H for affine pieces; for curved ones that of each row.
     pub(super) residual_scale: f64,
+    pub(super) row_sizes: Vec<f64>,
+    /// That of the last steps: turn of the tangent over length, fading where the curve straightens.
+    pub(super) curvature: f64,
     pub(super) points: usize,
     /// Number of steps in a row that had to be shortened.
     pub(super) creeping: usize,
@@ -65,6 +69,7 @@ pub(super) struct Curve<'a, M: ?Sized = dyn PiecewiseSmooth + 'a> {
     pub(super) earlier: (usize, usize),
     /// Buffers.
     pub(super) rates: Vec<f64>,
+    pub(super) next_sizes: Vec<f64>,
     pub(super) residual: Vec<f64>,
     /// Functions of the user, and their sides where a saved run left off.
     pub(super) watches: Vec<Watch<'a>>,
@@ -100,7 +105,7 @@ impl<'a> Curve<'a> {
 
     /// Number of factorisations so far.
     pub(super) fn factorisations(&self) -> usize {
-        self.earlier.0 + self.corrector.factorisations()
+        (self.earlier.0).saturating_add(self.corrector.factorisations())
     }
 
     /// Number of factorisations saved so far by updates, where all pieces are affine.
@@ -110,7 +115,7 @@ impl<'a> Curve<'a> {
 
     /// Number of correction steps so far.
     pub(super) fn corrections(&self) -> usize {
-        self.earlier.1 + self.corrector.iterations()
+        (self.earlier.1).saturating_add(self.corrector.iterations())
     }
 
     /// Ends the curve; the iterator gives what is still in the queue and then nothing.
@@ -188,12 +193,18 @@ impl<'a> Curve<'a> {
     fn linearize_here(&mut self) -> Result<(), ContinuationError> {
         let State { x, t, .. } = &self.here;
         let affine = self.map.is_piecewise_affine();
-        let mut scale = 0.0;
+        let tolerance = self.options.residual_tolerance;
         if !affine {
             // At a branch point ∇H may vanish altogether: the size of the terms of H is also that a step ahead.
             let ahead: Vec<f64> = x.iter().zip(t).map(|(x, t)| x + self.h * t).collect();
             self.corrector.assemble(&self.map, &self.selection, &ahead)?;
-            scale = term_size(self.corrector.jacobian(), x, self.h, t);
+            row_sizes(
+                self.corrector.jacobian(),
+                x,
+                (self.h, t),
+                tolerance,
+                &mut self.row_sizes,
+            );
         }
         let linearized = self.corrector.linearize(&self.map, &self.selection, x, Some(t));
         let (orientation, det_sign) = match linearized {
@@ -201,10 +212,17 @@ impl<'a> Curve<'a> {
             Err(PiecewiseError::Linear(_)) => (None, None),
             Err(e) => return Err(e.into()),
         };
-        // For affine pieces the terms grow with ‖x‖ alone; summing them at every kink would cost more than the step.
-        if self.residual_scale == 0.0 || !affine {
-            scale = term_size(self.corrector.jacobian(), x, self.h, t).max(scale);
-            self.residual_scale = self.residual_scale.max(scale);
+        if !affine {
+            row_sizes(
+                self.corrector.jacobian(),
+                x,
+                (self.h, t),
+                tolerance,
+                &mut self.row_sizes,
+            );
+        } else if self.residual_scale == 0.0 {
+            // For affine pieces the terms grow with ‖x‖ alone; summing them at every kink would cost more than the step.
+            self.residual_scale = term_size(self.corrector.jacobian(), x, self.h, t);
         }
         if !affine || self.points == 0 {
             // Steps on affine pieces have measured it, and H is continuous.
@@ -220,23 +238,35 @@ impl<'a> Curve<'a> {
 
     /// Whether ∇H^(σ) is singular at (or within rounding of) `here`, so that the sign of its determinant is chance. Equilibration
     /// hides this from the condition estimate of the solver; large problems are taken to be regular.
-    fn is_singular_here(&mut self, selection: &Selection) -> Result<bool, ContinuationError> {
+    pub(super) fn is_singular_here(&mut self, selection: &Selection) -> Result<bool, ContinuationError> {
         // Where the Jacobian is the same everywhere, its factorisation has told already.
         if self.map.num_residuals() > MAX_DENSE || self.map.is_piecewise_affine() {
             return Ok(false);
         }
-        // The Jacobian may vanish altogether here: singular is what is small against a step ahead, too.
+        // The Jacobian may vanish altogether here: singular is what is small against a step ahead, too, row by row.
         let State { x, t, .. } = &self.here;
         let ahead: Vec<f64> = x.iter().zip(t).map(|(x, t)| x + self.h * t).collect();
         self.corrector.assemble(&self.map, selection, &ahead)?;
-        let entries = self.corrector.jacobian().values().iter();
-        let size = entries.fold(0.0f64, |a, v| a.max(v.abs()));
+        let mut sizes = vec![0.0f64; self.map.num_residuals()];
+        for (i, _, v) in self.corrector.jacobian().triplets() {
+            sizes[i] = sizes[i].max(v.abs());
+        }
         self.corrector.assemble(&self.map, selection, x)?;
-        let values = null_space(self.corrector.jacobian(), RANK)
+        let mut jac = self.corrector.jacobian().clone();
+        let rows: Vec<f64> = jac.triplets().map(|(i, ..)| sizes[i]).collect();
+        for (v, size) in jac
+            .values_mut()
+            .iter_mut()
+            .zip(rows)
+            .filter(|(_, size)| *size > 0.0)
+        {
+            *v /= size;
+        }
+        let values = null_space(&jac, RANK)
             .map_err(PiecewiseError::from)?
             .singular_values;
         let (first, last) = (values.first().copied(), values.last().copied());
-        Ok(last.unwrap_or(0.0) <= RANK * first.unwrap_or(0.0).max(size))
+        Ok(last.unwrap_or(0.0) <= RANK * first.unwrap_or(0.0).max(1.0))
     }
 
     /// Forgets the orientation where a curve sets out from a branch point.
@@ -289,7 +319,7 @@ impl<'a> Curve<'a> {
     }
 
     pub(super) fn emit(&mut self, mut event: Event) {
-        self.points += 1;
+        self.points = self.points.saturating_add(1);
         self.map.unscale_event(&mut event);
         self.queue.push_back(event);
     }
@@ -390,5 +420,31 @@ pub(super) fn term_size(jac: &Matrix, x: &[f64], h: f64, t: &[f64]) -> f64 {
     norm(&sums)
 }
 
-/// An event is known to lie inside the step but could not be located on it.
-pub(super) struct Unresolved;
+/// Raises `sizes` (filled up with zeros) to those of the terms that cancel in each row of H: the sum of |J_ij| (|x_j| + h |t_j|), and at
+/// least what makes `tolerance` times it a rounding error of x.
+pub(super) fn row_sizes(
+    jac: &Matrix,
+    x: &[f64],
+    (h, t): (f64, &[f64]),
+    tolerance: f64,
+    sizes: &mut Vec<f64>,
+) {
+    const ROUNDING: f64 = 64.0 * f64::EPSILON;
+    let least = ROUNDING / tolerance * (norm(x) + h);
+    sizes.resize(jac.nrows(), 0.0);
+    let mut sums = vec![0.0; jac.nrows()];
+    for (i, j, v) in jac.triplets() {
+        sums[i] += v.abs() * (x[j].abs() + h * t[j].abs()).max(least);
+    }
+    for (size, terms) in sizes.iter_mut().zip(sums) {
+        *size = size.max(terms);
+    }
+}
+
+/// The largest |r_i| relative to the size of its row.
+pub(super) fn relative_residual(r: &[f64], sizes: &[f64]) -> f64 {
+    (r.iter().zip(sizes)).fold(0.0, |a, (r, size)| {
+        let share = r.abs() / (size + f64::MIN_POSITIVE);
+        if share > a || share.is_nan() { share } else { a }
+    })
+}

@@ -74,6 +74,17 @@ pub enum ContinuationError {
         /// What left it undecided, and what to do.
         reason: String,
     },
+    /// A saved run contradicts the map.
+    #[error(
+        "the saved run is not one of this map, or it was altered: {what} is off by {deviation:e}; resume with the map of the saved run, or \
+         start anew from its point"
+    )]
+    Saved {
+        /// What contradicts the map.
+        what: &'static str,
+        /// By how much; infinite where nothing is near.
+        deviation: f64,
+    },
     /// The two independent rules of orientation disagree at a transition.
     #[error(
         "at parameter {parameter}, {site}: the determinant and the test functions disagree on the orientation of the curve; \

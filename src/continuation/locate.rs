@@ -1,9 +1,10 @@
 //! Events inside a step and where exactly they are.
 
-use super::engine::{Curve, State, Unresolved};
+use super::engine::{Curve, State};
+use super::smooth::ZERO_DETERMINANT;
 use super::{ContinuationError, Termination};
 use crate::piecewise::{Facet, PiecewiseError, PiecewiseSmooth};
-use crate::sparse::{distance, norm};
+use crate::sparse::{distance, dot, norm};
 
 /// A scalar function along the curve whose sign must not change unnoticed.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -22,6 +23,15 @@ pub(super) enum Monitor {
     User(usize),
 }
 
+/// Why a step is too long: something is known to lie inside it that could not be located on it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Unresolved {
+    /// An event.
+    Event,
+    /// A change of orientation that no branch point explains: another curve passes nearby.
+    Crossing,
+}
+
 /// Largest number of points computed to locate one event.
 const LIMIT: usize = 60;
 /// Distance from the interpolated guess, relative to the step, beyond which a corrected point lies on another curve.
@@ -35,21 +45,30 @@ impl Curve<'_> {
     /// Finds the first event between `here` and `next` and moves `next` there. `Ok(None)`: no event.
     pub(super) fn first_event(&mut self) -> Result<Result<Option<Monitor>, Unresolved>, ContinuationError> {
         if self.dips_unseen() {
-            return Ok(Err(Unresolved));
+            return Ok(Err(Unresolved::Event));
         }
         let mut found = Vec::new();
         for _ in 0..LIMIT {
             let Some(monitor) = self.earliest(&found)? else {
                 return Ok(Ok(found.pop()));
             };
-            let located =
-                self.locate(monitor)? || (monitor == Monitor::Singular && self.jump_to_branch_point()?);
-            if !located {
-                return Ok(Err(Unresolved));
+            match monitor {
+                Monitor::Singular => {
+                    if let Err(unresolved) = self.resolve_flip()? {
+                        return Ok(Err(unresolved));
+                    }
+                }
+                _ => {
+                    let value = self.locate(monitor)?;
+                    let zero = |v: f64| !matches!(monitor, Monitor::Coactive(_)) || v <= ZERO_DETERMINANT;
+                    if !value.is_some_and(zero) {
+                        return Ok(Err(Unresolved::Event));
+                    }
+                }
             }
             found.push(monitor);
         }
-        Ok(Err(Unresolved))
+        Ok(Err(Unresolved::Event))
     }
 
     /// The monitor violated at `next` whose linear interpolant vanishes first, besides the last of those `located` so far, which is
@@ -254,8 +273,9 @@ impl Curve<'_> {
     }
 
     /// Moves `next` to the zero of `monitor` between `here` and `next`, by bracketed secants (Anderson–Björck) along the curve of
-    /// the frozen selection, each point corrected to rounding in a hyperplane normal to the tangent at `here`.
-    fn locate(&mut self, monitor: Monitor) -> Result<bool, ContinuationError> {
+    /// the frozen selection, each point corrected to rounding in a hyperplane normal to the tangent at `here`. Gives the absolute value
+    /// left there; `None` where points of the curve could not be found.
+    pub(super) fn locate(&mut self, monitor: Monitor) -> Result<Option<f64>, ContinuationError> {
         let origin = self.origin(monitor)?;
         let here = self.here.clone();
         let mut high = self.next.clone();
@@ -268,11 +288,11 @@ impl Curve<'_> {
             // The bracket begins between the facet just left and its second crossing.
             a = 0.5 * back;
             if !self.state_at(a, &high, &mut state)? {
-                return Ok(false);
+                return Ok(None);
             }
             ga = self.monitor_value(monitor, &state, &origin)?;
             if ga.is_nan() || ga <= 0.0 {
-                return Ok(false);
+                return Ok(None);
             }
         } else if ga <= 0.0 {
             // A facet left at once: the event is the start of the step itself, to rounding.
@@ -291,11 +311,11 @@ impl Curve<'_> {
                 s = if ga == 0.0 && a == 0.0 { 0.0 } else { 0.5 * (a + b) };
             }
             if !self.state_at(s, &high, &mut state)? {
-                return Ok(false);
+                return Ok(None);
             }
             let g = self.monitor_value(monitor, &state, &origin)?;
             if g.is_nan() {
-                return Ok(false);
+                return Ok(None);
             }
             if best.as_ref().is_none_or(|b| g.abs() < b.0) {
                 best = Some((g.abs(), state.clone()));
@@ -312,35 +332,38 @@ impl Curve<'_> {
                 high = state.clone();
             }
         }
-        let Some((_, mut state)) = best else {
-            return Ok(false);
+        let Some((value, mut state)) = best else {
+            return Ok(None);
         };
         self.complete_state(&mut state)?;
         self.next = state;
         if matches!(monitor, Monitor::Facet { .. }) && self.ill_conditioned() {
             self.sharpen_at_branch_point()?;
         }
-        Ok(true)
+        Ok(Some(value))
     }
 
-    /// The point of the curve at distance `s` along the tangent at `here`; the guess interpolates between `here` and `high`.
-    fn state_at(&mut self, s: f64, high: &State, state: &mut State) -> Result<bool, ContinuationError> {
+    /// Cubic interpolation between `here` and `high` at distance `s` along the tangent at `here`.
+    pub(super) fn interpolate(&self, s: f64, high: &State, state: &mut State) {
         let u = s / high.s;
         let (h00, h10) = ((1.0 + 2.0 * u) * (1.0 - u) * (1.0 - u), u * (1.0 - u) * (1.0 - u));
         let (h01, h11) = (u * u * (3.0 - 2.0 * u), u * u * (u - 1.0));
-        let stretch = self
-            .here
-            .t
-            .iter()
-            .zip(&high.t)
-            .map(|(a, b)| a * b)
-            .sum::<f64>()
-            .max(0.1);
+        let stretch = dot(&self.here.t, &high.t).max(0.1);
         for i in 0..state.x.len() {
             let (t0, t1) = (self.here.t[i] * high.s, high.t[i] * high.s / stretch);
             state.x[i] = h00 * self.here.x[i] + h10 * t0 + h01 * high.x[i] + h11 * t1;
             state.t[i] = (1.0 - u) * self.here.t[i] + u * high.t[i];
         }
+    }
+
+    /// The point of the curve at distance `s` along the tangent at `here`; the guess interpolates between `here` and `high`.
+    pub(super) fn state_at(
+        &mut self,
+        s: f64,
+        high: &State,
+        state: &mut State,
+    ) -> Result<bool, ContinuationError> {
+        self.interpolate(s, high, state);
         let guess = state.x.clone();
         let corrected = self.corrector.correct_in_plane(
             &self.map,
@@ -360,11 +383,29 @@ impl Curve<'_> {
                 state.residual_norm = c.residual_norm;
                 state.s = s;
                 self.map.test_functions(&state.x, &mut state.theta);
+                self.refine_tests(state);
                 Ok(true)
             }
             Ok(_) | Err(PiecewiseError::Linear(_)) => Ok(false),
             Err(e) => Err(e.into()),
         }
+    }
+
+    /// Test functions that contain terms of H take over its rounding errors, in whatever units H may be: they are moved to where H
+    /// vanishes, below the last bits of x.
+    fn refine_tests(&mut self, state: &mut State) {
+        let rest = (self.corrector).remainder(&self.map, &self.selection, &state.x, &self.here.t);
+        let Some(rest) = rest.filter(|rest| norm(rest) <= 1e-9 * (1.0 + norm(&state.x))) else {
+            return;
+        };
+        let mut rates = std::mem::take(&mut self.rates);
+        rates.resize(self.layout.total(), 0.0);
+        self.map.test_derivatives(&state.x, rest, &mut rates);
+        let finite = rates.iter().all(|r| r.is_finite());
+        if finite {
+            state.theta.iter_mut().zip(&rates).for_each(|(t, r)| *t -= r);
+        }
+        self.rates = rates;
     }
 
     /// Whether the last linearisation was singular or nearly so, which costs the located point its last digits.
@@ -380,13 +421,13 @@ impl Curve<'_> {
             .linearize(&self.map, &self.selection, &state.x, Some(&state.t));
         match linearized {
             // Next to a branch point the kernel is noise: the tangent at the start of the step is kept.
-            Ok(tangent) if crate::sparse::dot(tangent, &self.here.t).abs() < self.options.min_cos => {
+            Ok(tangent) if dot(tangent, &self.here.t).abs() < self.options.min_cos => {
                 state.t.copy_from_slice(&self.here.t);
                 state.orientation = None;
                 state.det_sign = None;
             }
             Ok(tangent) => {
-                let sign = sign_of(crate::sparse::dot(tangent, &state.t));
+                let sign = sign_of(dot(tangent, &state.t));
                 for (t, v) in state.t.iter_mut().zip(tangent) {
                     *t = sign * v;
                 }
@@ -395,7 +436,7 @@ impl Curve<'_> {
             }
             Err(PiecewiseError::Linear(_)) => {
                 // So may be what the corrector left.
-                if crate::sparse::dot(&state.t, &self.here.t) < self.options.min_cos {
+                if dot(&state.t, &self.here.t) < self.options.min_cos {
                     state.t.copy_from_slice(&self.here.t);
                 }
                 state.orientation = None;

@@ -2,6 +2,7 @@
 
 mod arms;
 mod branch;
+mod branch_point;
 mod certificate;
 mod coincidence;
 mod curve;
@@ -17,6 +18,7 @@ mod natural;
 mod options;
 mod polygon;
 mod record;
+mod restored;
 mod save;
 mod search;
 mod smooth;

@@ -279,6 +279,9 @@ pub enum Termination {
     MaxTime,
     /// No step of at least the smallest length was accepted.
     StepTooSmall,
+    /// The orientation changes within the smallest step, and no branch point to rounding explains it: two curves cross or pass each
+    /// other there, which of the two is not decided. Not a branch point, not the end of the curve.
+    UnresolvedCrossing,
     /// A function of the user vanished at which the curve was to end.
     Monitor,
     /// The user stopped.
@@ -300,6 +303,7 @@ impl Termination {
             Self::Unbounded => "tends to infinity",
             Self::MaxTime => "limit on time",
             Self::StepTooSmall => "step too small",
+            Self::UnresolvedCrossing => "crossing not resolved",
             Self::Monitor => "zero of a monitor",
             Self::Stopped => "stopped",
         }

@@ -41,28 +41,30 @@ pub struct SavedRun {
     options: ContinuationOptions,
     selection: Selection,
     here: State,
-    grazing: Vec<Vanishing>,
+    pub(super) grazing: Vec<Vanishing>,
     coactive: Vec<(Selection, Option<i8>)>,
-    arclength: f64,
-    step: f64,
-    size: f64,
-    residual_scale: f64,
+    pub(super) arclength: f64,
+    pub(super) step: f64,
+    pub(super) size: f64,
+    pub(super) residual_scale: f64,
+    pub(super) row_sizes: Vec<f64>,
+    pub(super) curvature: f64,
     points: usize,
     creeping: usize,
     queue: Vec<Event>,
     termination: Option<Termination>,
-    start: Vec<f64>,
+    pub(super) start: Vec<f64>,
     elapsed: Option<Duration>,
     factorisations: usize,
     corrections: usize,
     /// Sides of the functions watched.
     #[cfg_attr(feature = "serde", serde(default))]
-    sides: Vec<f64>,
+    pub(super) sides: Vec<f64>,
     /// Typical sizes by which points, tangents and lengths are divided; none for no scaling.
     #[cfg_attr(feature = "serde", serde(default))]
-    sizes: Vec<f64>,
+    pub(super) sizes: Vec<f64>,
     /// The point as it is.
-    x: Vec<f64>,
+    pub(super) x: Vec<f64>,
 }
 
 impl SavedRun {
@@ -149,7 +151,7 @@ impl SavedRun {
         for selection in selections {
             check_selection("a saved selection", selection, map)?;
         }
-        Ok(())
+        self.check_scalars(map)
     }
 }
 
@@ -169,7 +171,8 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
     /// are added again, in the same order.
     ///
     /// # Errors
-    /// States that do not fit the map, options out of range.
+    /// States that do not fit the map, options out of range; [`ContinuationError::Saved`] for a point that is not on the curve of the map,
+    /// and for a tangent, test functions, a selection or an orientation that are not those of the map there.
     pub fn resume(map: &'a P, saved: &SavedRun) -> Result<Self, ContinuationError> {
         saved.check(&map)?;
         saved.options.validate()?;
@@ -200,6 +203,8 @@ impl Curve<'_> {
             step: self.h,
             size: self.size,
             residual_scale: self.residual_scale,
+            row_sizes: self.row_sizes.clone(),
+            curvature: self.curvature,
             points: self.points,
             creeping: self.creeping,
             queue: self.queue.iter().cloned().collect(),
@@ -224,6 +229,8 @@ impl Curve<'_> {
         self.h = saved.step;
         self.size = saved.size;
         self.residual_scale = saved.residual_scale;
+        self.row_sizes.clone_from(&saved.row_sizes);
+        self.curvature = saved.curvature;
         self.points = saved.points;
         self.creeping = saved.creeping;
         self.queue = saved.queue.iter().cloned().collect();
@@ -234,6 +241,8 @@ impl Curve<'_> {
         if let (Some(clock), Some(elapsed)) = (&mut self.clock, saved.elapsed) {
             *clock = Clock::resumed(elapsed);
         }
+        self.check_restored(saved)?;
+        self.corrector = auto_corrector(&&self.map)?;
         self.renew_factors()
     }
 

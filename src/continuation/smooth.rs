@@ -1,69 +1,129 @@
-//! Smooth branch points to full accuracy.
+//! Smooth branch points to full accuracy, told apart from curves that pass each other.
 
 use super::ContinuationError;
-use super::engine::{Curve, MAX_DENSE};
-use super::locate::Monitor;
-use crate::linear::{DenseLu, LinearSolver, null_space};
-use crate::piecewise::{PiecewiseError, PiecewiseSmooth};
-use crate::sparse::{Matrix, Pattern};
-use crate::sparse::{distance, norm};
+use super::branch_point::{BranchSystem, Singular};
+use super::engine::{Curve, MAX_DENSE, State};
+use super::locate::{Monitor, Unresolved};
+use crate::piecewise::PiecewiseSmooth;
+use crate::sparse::{distance, dot, norm};
 
 /// Distance to a facet, relative to 1 + ‖x‖, up to which a curve that is stuck is taken to have crept up to it.
 const CREEP: f64 = 1e-6;
+/// Largest determinant, relative to that at the start of the step, of a bracketed point that counts as singular.
+pub(super) const ZERO_DETERMINANT: f64 = 1e-6;
 
 impl Curve<'_> {
-    /// Moves `here` onto the branch point near it, where that can be found to full accuracy.
-    pub(super) fn polish_branch_point(&mut self) -> Result<(), ContinuationError> {
-        let guess = self.here.x.clone();
-        let reach = 1e-2 * (self.h + self.options.min_step);
-        if let Some(x) = self.branch_point_near(&guess, reach)? {
-            self.here.x = x;
-            self.map.test_functions(&self.here.x, &mut self.here.theta);
+    /// The solution next to `guess` of the extended system of a branch point of the followed selection, where that is regular;
+    /// `None` for large problems.
+    fn singular_near(&self, guess: &[f64]) -> Result<Option<Singular>, ContinuationError> {
+        if self.map.num_residuals() > MAX_DENSE {
+            return Ok(None);
         }
-        Ok(())
+        BranchSystem::new(&self.map, &self.selection, &self.here.x, guess).solve(guess)
     }
 
-    /// The branch point of the followed selection within `reach` of `guess`, by Newton's method on the extended system of a
-    /// simple branch point (Griewank–Reddien 1984): H(x) + β w = 0, ∇H(x)ᵀ w = 0, wᵀw = 1, which is regular there. Anything
-    /// that solves with ∇H stops at the square root of the rounding unit. Dense: `None` for large problems.
-    fn branch_point_near(
-        &mut self,
-        guess: &[f64],
-        reach: f64,
-    ) -> Result<Option<Vec<f64>>, ContinuationError> {
-        let (n, m) = (self.map.num_residuals(), self.map.num_vars());
-        if n > MAX_DENSE {
-            return Ok(None);
+    /// The branch point of the followed selection within `reach` of `guess`.
+    fn branch_point_near(&self, guess: &[f64], reach: f64) -> Result<Option<Vec<f64>>, ContinuationError> {
+        let found = self.singular_near(guess)?;
+        Ok(found
+            .filter(|s| s.on_curve && distance(&s.x, guess) <= reach)
+            .map(|s| s.x))
+    }
+
+    /// Moves `next`, whose orientation differs from that of `here`, to the branch point in between. There is one only if the extended
+    /// system has a regular solution on the curve of `here`; otherwise the step has gone over to a curve that passes nearby.
+    pub(super) fn resolve_flip(&mut self) -> Result<Result<(), Unresolved>, ContinuationError> {
+        let beyond = self.next.clone();
+        let mut guess = beyond.clone();
+        self.interpolate(0.5 * beyond.s, &beyond, &mut guess);
+        if let Some(found) = self.singular_near(&guess.x)?
+            && self.is_between(&found.x, &beyond)
+        {
+            return self.arrive_at(&found, beyond.s);
         }
-        self.corrector.assemble(&self.map, &self.selection, guess)?;
-        let mut jac = self.corrector.jacobian().clone();
-        let kernels = null_space(&jac, 1.0).map_err(PiecewiseError::from)?;
-        let Some(mut w) = kernels.left.last().cloned() else {
-            return Ok(None);
+        // The determinant as a guide to where.
+        let value = self.locate(Monitor::Singular)?;
+        let Some(value) = value else {
+            return Ok(Err(Unresolved::Crossing));
         };
-        let mut x = guess.to_vec();
-        let mut beta = 0.0;
-        let order = n + m + 1;
-        let mut system = Matrix::zeros(Pattern::full(order, order));
-        let mut solver = DenseLu::default();
-        solver
-            .analyze(system.pattern().as_ref())
-            .map_err(PiecewiseError::from)?;
-        let mut rhs = vec![0.0; order];
-        for _ in 0..12 {
-            self.assemble_extended(&x, beta, &w, &mut jac, &mut system, &mut rhs);
-            if solver.factor(system.as_ref()).is_err() || solver.solve_in_place(&mut rhs).is_err() {
-                return Ok(None);
-            }
-            x.iter_mut().zip(&rhs).for_each(|(x, d)| *x -= d);
-            beta -= rhs[m];
-            w.iter_mut().zip(&rhs[m + 1..]).for_each(|(w, d)| *w -= d);
-            if norm(&rhs) <= 1e-14 * (1.0 + norm(&x)) {
-                break;
-            }
+        if self.map.num_residuals() > MAX_DENSE {
+            let zero = value <= ZERO_DETERMINANT;
+            return Ok(if zero { Ok(()) } else { Err(Unresolved::Crossing) });
         }
-        let settled = norm(&rhs) <= 1e-9 * (1.0 + norm(&x)) && beta.abs() <= 1e-9;
-        Ok((settled && distance(&x, guess) <= reach).then_some(x))
+        match self.singular_near(&self.next.x)? {
+            Some(found) if self.is_between(&found.x, &beyond) => self.arrive_at(&found, beyond.s),
+            _ => Ok(Err(Unresolved::Crossing)),
+        }
+    }
+
+    /// Whether x lies near the stretch from `here` to `beyond`; not if it is `here`, a branch point just left.
+    fn is_between(&self, x: &[f64], beyond: &State) -> bool {
+        const NEAR: f64 = 0.1;
+        const LEFT: f64 = 1e-6;
+        let s = self.progress_to(x);
+        let mut guess = beyond.clone();
+        self.interpolate(s, beyond, &mut guess);
+        let rounding = 1e-12 * (1.0 + norm(x));
+        s > LEFT * beyond.s + rounding && s < beyond.s && distance(x, &guess.x) <= NEAR * beyond.s
+    }
+
+    /// Moves `next` to a branch point if the curve leads there: corrected points ever nearer, with the orientation of `here` and
+    /// tangents that turn little.
+    fn arrive_at(
+        &mut self,
+        found: &Singular,
+        step: f64,
+    ) -> Result<Result<(), Unresolved>, ContinuationError> {
+        const SHARES: [f64; 4] = [0.5, 0.9, 0.99, 0.999];
+        const RATIO: f64 = 2.0;
+        if !found.on_curve {
+            return Ok(Err(Unresolved::Crossing));
+        }
+        let mut target = self.next.clone();
+        target.x.copy_from_slice(&found.x);
+        target.s = self.progress_to(&found.x);
+        target.t = mirrored_tangent(&self.here, &found.x);
+        let rounding = 1e-12 * (1.0 + norm(&found.x));
+        let (mut state, mut before) = (target.clone(), (0.0, self.here.t.clone()));
+        for share in SHARES {
+            if !self.state_at(share * target.s, &target, &mut state)? {
+                return Ok(Err(Unresolved::Crossing));
+            }
+            let left = (1.0 - share) * target.s;
+            let near = distance(&state.x, &found.x) <= RATIO * left + rounding;
+            let turned = self.corrector.orientation(&state.t) != self.here.orientation;
+            if !near || turned || dot(&state.t, &before.1) < self.options.min_cos {
+                return Ok(Err(Unresolved::Crossing));
+            }
+            // The tangent at the branch point, extrapolated.
+            let ahead = (1.0 - share) / (share - before.0);
+            for (t, (new, old)) in target.t.iter_mut().zip(state.t.iter().zip(&before.1)) {
+                *t = new + ahead * (new - old);
+            }
+            let length = norm(&target.t);
+            target.t.iter_mut().for_each(|t| *t /= length);
+            before = (share, state.t.clone());
+        }
+        debug_assert!(target.s <= step);
+        self.settle_at(target);
+        Ok(Ok(()))
+    }
+
+    /// Makes `target`, a singular point, the end of the step.
+    fn settle_at(&mut self, mut target: State) {
+        let mut r = vec![0.0; self.map.num_residuals()];
+        self.map.residual(&self.selection, &target.x, &mut r);
+        self.map.test_functions(&target.x, &mut target.theta);
+        target.orientation = None;
+        target.det_sign = Some(0);
+        target.residual_norm = norm(&r);
+        self.next = target;
+    }
+
+    /// Distance of x from `here` along the tangent there.
+    pub(super) fn progress_to(&self, x: &[f64]) -> f64 {
+        let chord = x.iter().zip(&self.here.x).map(|(x, x0)| x - x0);
+        self.here.t.iter().zip(chord).map(|(t, c)| t * c).sum()
     }
 
     /// Replaces `next`, an event found next to a branch point of the frozen selection, by that branch point.
@@ -74,40 +134,6 @@ impl Curve<'_> {
             self.map.test_functions(&self.next.x, &mut self.next.theta);
         }
         Ok(())
-    }
-
-    /// Moves `next` to a branch point of the followed selection between `here` and `next`, where the corrector converges too badly
-    /// near it for a bracket to close (at a pitchfork, say). False where there is none.
-    pub(super) fn jump_to_branch_point(&mut self) -> Result<bool, ContinuationError> {
-        let chord: Vec<f64> = self.next.x.iter().zip(&self.here.x).map(|(b, a)| b - a).collect();
-        let middle: Vec<f64> = self.here.x.iter().zip(&chord).map(|(x, c)| x + 0.5 * c).collect();
-        let Some(x) = self.branch_point_near(&middle, 0.5 * norm(&chord))? else {
-            return Ok(false);
-        };
-        let s: f64 = x
-            .iter()
-            .zip(&self.here.x)
-            .zip(&self.here.t)
-            .map(|((x, x0), t)| t * (x - x0))
-            .sum();
-        if !(s > 0.0 && s < self.next.s) {
-            return Ok(false);
-        }
-        let share = s / self.next.s;
-        for (t1, t0) in self.next.t.iter_mut().zip(&self.here.t) {
-            *t1 = (1.0 - share) * t0 + share * *t1;
-        }
-        let length = norm(&self.next.t);
-        self.next.t.iter_mut().for_each(|t| *t /= length);
-        let mut r = vec![0.0; self.map.num_residuals()];
-        self.map.residual(&self.selection, &x, &mut r);
-        self.map.test_functions(&x, &mut self.next.theta);
-        self.next.x = x;
-        self.next.s = s;
-        self.next.orientation = None;
-        self.next.det_sign = Some(0);
-        self.next.residual_norm = norm(&r);
-        Ok(true)
     }
 
     /// The next facet, where it is met at a branch point of the frozen selection: there its corrector fails on both sides. The
@@ -152,70 +178,22 @@ impl Curve<'_> {
         if theta[index].abs() > tiny * rates[index].abs() {
             return Ok(None);
         }
-        let chord: Vec<f64> = x.iter().zip(&self.here.x).map(|(a, b)| a - b).collect();
-        let length = norm(&chord);
+        let length = distance(&x, &self.here.x);
         if length == 0.0 {
             return Ok(None);
         }
-        // On an arc of a circle the tangents at both ends mirror each other in the chord.
-        let along = chord.iter().zip(&self.here.t).map(|(c, t)| c * t).sum::<f64>() / (length * length);
-        for (i, t) in self.next.t.iter_mut().enumerate() {
-            *t = 2.0 * along * chord[i] - self.here.t[i];
-        }
-        let mut r = vec![0.0; self.map.num_residuals()];
-        self.map.residual(&self.selection, &x, &mut r);
-        self.next.x = x;
-        self.next.theta = theta;
-        self.next.s = length;
-        self.next.orientation = None;
-        self.next.det_sign = Some(0);
-        self.next.residual_norm = norm(&r);
+        let mut target = self.next.clone();
+        target.t = mirrored_tangent(&self.here, &x);
+        target.x = x;
+        target.s = length;
+        self.settle_at(target);
         Ok(Some(monitor))
     }
+}
 
-    fn assemble_extended(
-        &self,
-        x: &[f64],
-        beta: f64,
-        w: &[f64],
-        jac: &mut Matrix,
-        system: &mut Matrix,
-        rhs: &mut [f64],
-    ) {
-        let (n, m) = (w.len(), x.len());
-        system.clear();
-        // d(∇Hᵀw)/dx by differences: it only drives Newton's method, the residual below is exact.
-        let mut y = x.to_vec();
-        let mut products = [vec![0.0; m], vec![0.0; m]];
-        for j in 0..m {
-            let h = 6e-6 * (1.0 + x[j].abs());
-            for (product, shift) in products.iter_mut().zip([h, -h]) {
-                y[j] = x[j] + shift;
-                jac.clear();
-                self.map.jacobian(&self.selection, &y, jac);
-                jac.mul_transpose_vec(w, product);
-            }
-            y[j] = x[j];
-            for i in 0..m {
-                system.add(n + i, j, (products[0][i] - products[1][i]) / (2.0 * h));
-            }
-        }
-        jac.clear();
-        self.map.jacobian(&self.selection, x, jac);
-        for (i, j, v) in jac.triplets() {
-            system.add(i, j, v);
-            system.add(n + j, m + 1 + i, v);
-        }
-        for i in 0..n {
-            system.add(i, m, w[i]);
-            system.add(i, m + 1 + i, beta);
-            system.add(n + m, m + 1 + i, 2.0 * w[i]);
-        }
-        self.map.residual(&self.selection, x, &mut rhs[..n]);
-        for i in 0..n {
-            rhs[i] += beta * w[i];
-        }
-        jac.mul_transpose_vec(w, &mut rhs[n..n + m]);
-        rhs[n + m] = w.iter().map(|v| v * v).sum::<f64>() - 1.0;
-    }
+/// The tangent at x of the arc of a circle from `start`: there the tangents at both ends mirror each other in the chord.
+pub(super) fn mirrored_tangent(start: &State, x: &[f64]) -> Vec<f64> {
+    let chord: Vec<f64> = x.iter().zip(&start.x).map(|(a, b)| a - b).collect();
+    let along = 2.0 * dot(&chord, &start.t) / dot(&chord, &chord);
+    chord.iter().zip(&start.t).map(|(c, t)| along * c - t).collect()
 }

@@ -48,6 +48,41 @@ fn check_inside(x: &[f64], (lower, upper): (f64, f64)) -> Result<(), Continuatio
     })
 }
 
+/// Whether every row of H = `r` is small against its own terms: the norm sees only those in the largest units.
+fn rows_vanish(jac: &Matrix, x: &[f64], r: &[f64]) -> bool {
+    const SMALL: f64 = 1e-9;
+    const ROUNDING: f64 = 1e-12;
+    let mut terms = vec![0.0; r.len()];
+    let length = norm(x);
+    for (i, j, v) in jac.triplets() {
+        terms[i] += v.abs() * (SMALL * x[j].abs()).max(ROUNDING * length);
+    }
+    r.iter().zip(terms).all(|(r, terms)| r.abs() <= terms)
+}
+
+/// Whether rows of the Jacobian `jac` at x vanish against those a `step` away and H = `r` does, too: at a branch point there is nothing
+/// else to measure H by, and Newton's method would move x along or off the curve.
+fn is_branch_point(
+    map: &dyn PiecewiseSmooth,
+    selection: &Selection,
+    (jac, x, r): (&Matrix, &[f64], &[f64]),
+    step: f64,
+) -> bool {
+    const SMALL: f64 = 1e-8;
+    const ROUNDING: f64 = 1e-13;
+    let away: Vec<f64> = x.iter().map(|v| v + step).collect();
+    let mut there = Matrix::zeros(map.pattern());
+    map.jacobian(selection, &away, &mut there);
+    let mut sums = vec![(0.0, 0.0, 0.0); r.len()];
+    for ((i, j, near), (_, _, far)) in jac.triplets().zip(there.triplets()) {
+        sums[i].0 += near.abs();
+        sums[i].1 += far.abs();
+        sums[i].2 += near.abs().max(far.abs()) * away[j].abs().max(step);
+    }
+    let singular = sums.iter().any(|s| s.0 <= SMALL * s.1);
+    singular && r.iter().zip(&sums).all(|(r, s)| r.abs() <= ROUNDING * s.2)
+}
+
 /// Solves at fixed α unless x is a solution already.
 fn onto_curve(
     map: &dyn PiecewiseSmooth,
@@ -68,7 +103,11 @@ fn onto_curve(
         Strategy::Located => 1e-13 * size,
         Strategy::Switching => options.residual_tolerance,
     };
-    if norm(&r) <= tolerance {
+    if norm(&r) <= tolerance && rows_vanish(&jac, &x, &r) {
+        return Ok(x);
+    }
+    if options.strategy == Strategy::Located && is_branch_point(map, &selection, (&jac, &x, &r), options.step)
+    {
         return Ok(x);
     }
     let given = x.clone();
@@ -416,6 +455,9 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Curve<'a, &'a P> {
             coactive: Vec::new(),
             arclength: 0.0,
             residual_scale: 0.0,
+            row_sizes: Vec::new(),
+            next_sizes: Vec::new(),
+            curvature: 0.0,
             points: 0,
             creeping: 0,
             queue: VecDeque::new(),

@@ -1,7 +1,7 @@
 //! One step of the located strategy: predict, correct with the selection frozen, accept or shorten, stop at the first event.
 
-use super::engine::{Curve, term_size};
-use super::locate::{Monitor, VERTICAL};
+use super::engine::{Curve, relative_residual, row_sizes};
+use super::locate::{Monitor, Unresolved, VERTICAL};
 use super::{ContinuationError, PointKind, Termination};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth};
 use crate::sparse::{distance, dot, norm};
@@ -10,8 +10,24 @@ use crate::sparse::{distance, dot, norm};
 const CHORD: f64 = 0.05;
 /// Corrections up to which a step counts as easy.
 const EASY: usize = 3;
+/// Share of the curvature of the last step that is remembered through inflections.
+const FADING: f64 = 0.5;
 /// Rejections, or steps in a row with rejections, after which a curve may be stuck at a singular point.
 const REJECTED: usize = 3;
+
+/// An acceptable step.
+struct Accepted {
+    corrections: usize,
+    curvature: f64,
+}
+
+/// How a step bends.
+struct Shape {
+    /// Distance of the unit tangents at its ends.
+    turn: f64,
+    /// Distance of its direction from their mean.
+    deviation: f64,
+}
 
 impl Curve<'_> {
     pub(super) fn step(&mut self) -> Result<(), ContinuationError> {
@@ -21,26 +37,41 @@ impl Curve<'_> {
             h = h.min(room.max(self.options.min_step));
         }
         let longest = h;
-        let mut rejected = 0;
+        let (mut rejected, mut crossing) = (0, false);
         loop {
             if h < self.options.min_step {
                 if let Some(event) = self.event_at_branch_point(longest)? {
                     return self.arrive(Some(event), 0);
                 }
-                self.termination = Some(Termination::StepTooSmall);
+                self.termination = Some(if crossing {
+                    Termination::UnresolvedCrossing
+                } else {
+                    Termination::StepTooSmall
+                });
                 return Ok(());
             }
-            if let Some(corrections) = self.try_step(h)? {
-                let event = self.first_event()?;
-                // An event that cannot be located inside the step asks for a shorter one.
-                if let Ok(first) = event {
-                    self.h = if rejected > 0 || corrections > EASY {
-                        h
-                    } else {
-                        (h * self.options.growth).min(self.options.max_step)
-                    };
-                    self.creeping = if rejected > 0 { self.creeping + 1 } else { 0 };
-                    return self.arrive(first, corrections);
+            if let Some(Accepted {
+                corrections,
+                curvature,
+            }) = self.try_step(h)?
+            {
+                match self.first_event()? {
+                    Ok(first) => {
+                        self.h = if rejected > 0 || corrections > EASY {
+                            h
+                        } else {
+                            (h * self.options.growth).min(self.options.max_step)
+                        };
+                        self.curvature = curvature;
+                        self.creeping = if rejected > 0 {
+                            self.creeping.saturating_add(1)
+                        } else {
+                            0
+                        };
+                        return self.arrive(first, corrections);
+                    }
+                    // An event that cannot be located inside the step asks for a shorter one.
+                    Err(unresolved) => crossing = unresolved == Unresolved::Crossing,
                 }
             }
             if (rejected >= REJECTED || self.creeping >= REJECTED)
@@ -58,70 +89,80 @@ impl Curve<'_> {
         }
     }
 
-    /// Predicts and corrects; fills `next` and returns the number of corrections if the corrected point is acceptable.
-    fn try_step(&mut self, h: f64) -> Result<Option<usize>, ContinuationError> {
+    /// Predicts and corrects; fills `next` if the corrected point is acceptable.
+    fn try_step(&mut self, h: f64) -> Result<Option<Accepted>, ContinuationError> {
         for i in 0..self.here.x.len() {
             self.next.x[i] = self.here.x[i] + h * self.here.t[i];
         }
         self.next.t.copy_from_slice(&self.here.t);
         let o = &self.options;
-        let tolerances = (
-            o.residual_tolerance * (self.residual_scale + f64::MIN_POSITIVE),
-            o.step_tolerance * (norm(&self.here.x) + h),
-        );
-        let corrected = self.corrector.correct(
+        let tolerances = (o.residual_tolerance, o.step_tolerance * (norm(&self.here.x) + h));
+        let sizes = std::mem::take(&mut self.row_sizes);
+        let corrected = self.corrector.correct_measured(
             &self.map,
             &mut self.selection,
-            |_, _| {},
+            &|r| relative_residual(r, &sizes),
             &mut self.next.x,
             &mut self.next.t,
             tolerances,
             o.max_corrections,
         );
+        self.row_sizes = sizes;
         let correction = match corrected {
             Ok(c) => c,
             Err(PiecewiseError::Linear(_)) => return Ok(None),
             Err(e) => return Err(e.into()),
         };
         // The terms that cancel may have been smaller so far: none at all on leaving a branch point at the origin.
-        let scale = term_size(self.corrector.jacobian(), &self.next.x, h, &self.next.t);
-        let fine = correction.residual_norm <= self.options.residual_tolerance * scale
+        let mut sizes = std::mem::take(&mut self.next_sizes);
+        sizes.clear();
+        let Self { next, options, .. } = self;
+        let jac = self.corrector.jacobian();
+        row_sizes(jac, &next.x, (h, &next.t), options.residual_tolerance, &mut sizes);
+        let fine = relative_residual(self.corrector.residual(), &sizes) <= self.options.residual_tolerance
             && correction.step_norm <= tolerances.1;
+        self.next_sizes = sizes;
         if !(correction.converged || fine) {
             return Ok(None);
         }
         self.next.orientation = self.corrector.orientation(&self.next.t);
         self.next.det_sign = self.corrector.det_sign();
         self.next.residual_norm = correction.residual_norm;
-        if !self.acceptable(h) {
+        self.next.s = self.progress_to(&self.next.x);
+        let Some(mut shape) = self.shape(h) else {
             return Ok(None);
+        };
+        let flips = self.next.orientation != self.here.orientation;
+        if !flips && self.is_doubtful(&shape, h, correction.iterations) && !self.holds_halfway(&shape)? {
+            // Perhaps for tangents that are those of the iterates before.
+            shape.turn = self.sharpen_tangents()?;
+            let doubtful = self.is_doubtful(&shape, h, correction.iterations);
+            if doubtful && !self.holds_halfway(&shape)? {
+                return Ok(None);
+            }
         }
-        self.residual_scale = self.residual_scale.max(scale);
-        self.next.s = self.progress();
+        for (size, next) in self.row_sizes.iter_mut().zip(&self.next_sizes) {
+            *size = size.max(*next);
+        }
         self.map.test_functions(&self.next.x, &mut self.next.theta);
-        Ok(Some(correction.iterations))
+        Ok(Some(Accepted {
+            corrections: correction.iterations,
+            curvature: (shape.turn / h).max(FADING * self.curvature),
+        }))
     }
 
-    /// Distance of `next` from `here` along the tangent at `here`.
-    fn progress(&self) -> f64 {
-        let (a, b) = (&self.here, &self.next);
-        a.t.iter()
-            .zip(b.x.iter().zip(&a.x))
-            .map(|(t, (x, x0))| t * (x - x0))
-            .sum()
-    }
-
-    /// Whether `next` is where the prediction pointed: tangents agree, the chord is their mean, the length is that of the step.
-    fn acceptable(&self, h: f64) -> bool {
+    /// The shape of a step whose `next` is where the prediction pointed: tangents agree, the chord is their mean, the length is that of
+    /// the step. `None` for others.
+    fn shape(&self, h: f64) -> Option<Shape> {
         let (a, b) = (&self.here, &self.next);
         let cos = dot(&a.t, &b.t);
         if cos.is_nan() || cos < self.options.min_cos {
-            return false;
+            return None;
         }
         let chord: Vec<f64> = b.x.iter().zip(&a.x).map(|(x, x0)| x - x0).collect();
         let length = norm(&chord);
         if !(length >= 0.5 * h && length <= 2.0 * h) {
-            return false;
+            return None;
         }
         let mean_length = (2.0 + 2.0 * cos).sqrt();
         let deviation = chord
@@ -130,7 +171,79 @@ impl Curve<'_> {
             .map(|(c, (t0, t1))| (c / length - (t0 + t1) / mean_length).powi(2))
             .sum::<f64>()
             .sqrt();
-        deviation <= CHORD
+        (deviation <= CHORD).then(|| Shape {
+            turn: distance(&a.t, &b.t),
+            deviation,
+        })
+    }
+
+    /// Angle below which tangents cannot be told apart.
+    fn tangent_noise(&self) -> f64 {
+        let rcond = self.corrector.rcond().unwrap_or(1.0);
+        1e-9 + 100.0 * f64::EPSILON / rcond.max(f64::EPSILON)
+    }
+
+    /// Whether the step may have gone over to another curve: it turns much more than the last one, its chord is not that of an arc, or the
+    /// corrector converged slowly.
+    fn is_doubtful(&self, shape: &Shape, h: f64, corrections: usize) -> bool {
+        const MORE: f64 = 2.0;
+        const SKEW: f64 = 0.1;
+        const SLOW: usize = 5;
+        let noise = self.tangent_noise();
+        shape.turn > (MORE * self.curvature * h).max(noise)
+            || shape.deviation > (SKEW * shape.turn.max(self.curvature * h)).max(noise)
+            || corrections > SLOW
+    }
+
+    /// Makes the tangents at both ends, which are those of the iterates before, anew and gives their distance.
+    fn sharpen_tangents(&mut self) -> Result<f64, ContinuationError> {
+        for state in [&mut self.here, &mut self.next] {
+            match (self.corrector).linearize(&self.map, &self.selection, &state.x, Some(&state.t)) {
+                Ok(tangent) => {
+                    let sign = dot(tangent, &state.t).signum();
+                    state.t.iter_mut().zip(tangent).for_each(|(t, v)| *t = sign * v);
+                }
+                // Next to a singular point the tangent at hand serves.
+                Err(PiecewiseError::Linear(_)) => {}
+                Err(e) => return Err(e.into()),
+            }
+        }
+        Ok(distance(&self.here.t, &self.next.t))
+    }
+
+    /// Whether the curve between `here` and `next` is the smooth one that its ends suggest, by one correction halfway. It is not where the
+    /// step has gone over to another curve, across a crossing or beside it.
+    fn holds_halfway(&mut self, shape: &Shape) -> Result<bool, ContinuationError> {
+        const STRAY: f64 = 0.02;
+        const TILT: f64 = 0.2;
+        let high = self.next.clone();
+        let mut middle = high.clone();
+        self.interpolate(0.5 * high.s, &high, &mut middle);
+        let length = norm(&middle.t);
+        middle.t.iter_mut().for_each(|t| *t /= length);
+        let mean = middle.t.clone();
+        let free = (f64::INFINITY, f64::INFINITY);
+        let corrected = self.corrector.correct(
+            &self.map,
+            &mut self.selection,
+            |_, _| {},
+            &mut middle.x,
+            &mut middle.t,
+            free,
+            1,
+        );
+        let stray = match corrected {
+            Ok(c) => c.step_norm,
+            Err(PiecewiseError::Linear(_)) => return Ok(false),
+            Err(e) => return Err(e.into()),
+        };
+        let turns = match (self.corrector.orientation(&middle.t), self.here.orientation) {
+            (Some(middle), Some(here)) => middle != here,
+            _ => false,
+        };
+        let near = stray <= STRAY * shape.turn * high.s + 1e-12 * (1.0 + norm(&high.x));
+        let tilt = distance(&middle.t, &mean);
+        Ok(!turns && near && tilt <= TILT * shape.turn + self.tangent_noise())
     }
 
     /// Moves to `next`, where the step ends regularly or at an event.

@@ -1,14 +1,15 @@
 //! What happens at a located transition or branch point: arms, kind, and the arm that is followed.
 
 use super::arms::{Arms, TANGENTIAL};
-use super::engine::Curve;
+use super::engine::{Curve, MAX_DENSE};
 use super::locate::VERTICAL;
+use super::smooth::mirrored_tangent;
 use super::{
     Arm, BranchPoint, ContinuationError, Event, PointKind, SiteChange, Termination, Transition,
     TransitionKind,
 };
 use crate::piecewise::{ActiveSet, PiecewiseSmooth, Vanishing};
-use crate::sparse::{distance, dot, norm};
+use crate::sparse::{distance, norm};
 
 /// An arm within this distance of the reversed tangent of arrival is the one the curve came along.
 const INCOMING: f64 = 1e-5;
@@ -118,15 +119,14 @@ impl Curve<'_> {
     fn snap_tangent(&mut self, arms: &Arms) {
         const NEAR: f64 = 0.05;
         let before = &self.next;
-        let chord: Vec<f64> = self.here.x.iter().zip(&before.x).map(|(b, a)| b - a).collect();
-        let square = dot(&chord, &chord);
-        let arrival: Vec<f64> = if square.sqrt() <= self.options.vanishing_distance * (1.0 + norm(&before.x))
-        {
+        let length = distance(&self.here.x, &before.x);
+        let arrival = if self.map.num_residuals() <= MAX_DENSE {
+            // Extrapolated along the curve.
+            self.here.t.clone()
+        } else if length <= self.options.vanishing_distance * (1.0 + norm(&before.x)) {
             before.t.clone()
         } else {
-            // On an arc of a circle the tangents at both ends mirror each other in the chord.
-            let along = 2.0 * dot(&chord, &before.t) / square;
-            chord.iter().zip(&before.t).map(|(c, t)| along * c - t).collect()
+            mirrored_tangent(before, &self.here.x)
         };
         let far = |a: &Arm| {
             (a.tangent
@@ -192,7 +192,6 @@ impl Curve<'_> {
     /// Passes a point where the Jacobian of the followed selection (or of a co-active one) is singular.
     pub(super) fn pass_branch_point(&mut self, coactive: Option<usize>) -> Result<(), ContinuationError> {
         if coactive.is_none() {
-            self.polish_branch_point()?;
             // On a facet there is no going straight on: what leaves the cell here is a transition.
             if let Some(index) = self.facet_left_here() {
                 self.here.orientation = None;

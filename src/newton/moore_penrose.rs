@@ -153,6 +153,25 @@ impl<L: LinearSolver> MoorePenrose<L> {
         }
     }
 
+    /// H at the last iterate of a correction.
+    pub(crate) fn residual(&self) -> &[f64] {
+        &self.r
+    }
+
+    /// The correction of x within the hyperplane across `normal` that is still due, below the last bits of x: from H(x) and the last
+    /// factors, which must be those of a point next to x.
+    pub(crate) fn remainder<P: PiecewiseSmooth + ?Sized>(
+        &mut self,
+        map: &P,
+        selection: &Selection,
+        x: &[f64],
+        normal: &[f64],
+    ) -> Option<&[f64]> {
+        map.residual(selection, x, &mut self.r);
+        let solved = self.bordered.solve(&self.r, normal, 0.0, &mut self.dx);
+        solved.is_ok().then_some(self.dx.as_slice())
+    }
+
     /// Reciprocal condition estimate of the last factorisation.
     pub(crate) fn rcond(&self) -> Option<f64> {
         self.bordered.solver().rcond()
@@ -358,7 +377,40 @@ impl<L: LinearSolver> MoorePenrose<L> {
         tolerances: (f64, f64),
         max_iterations: usize,
     ) -> Result<Correction, PiecewiseError> {
-        self.correct_on(&map, selection, &mut choose, x, t, tolerances, max_iterations)
+        self.correct_on(
+            &map,
+            selection,
+            &mut choose,
+            &norm,
+            x,
+            t,
+            tolerances,
+            max_iterations,
+        )
+    }
+
+    /// [`correct`](Self::correct) of a frozen selection with another measure of H than its norm for the first tolerance.
+    #[allow(clippy::too_many_arguments)]
+    pub(crate) fn correct_measured<P: PiecewiseSmooth + ?Sized>(
+        &mut self,
+        map: &P,
+        selection: &mut Selection,
+        measure: &dyn Fn(&[f64]) -> f64,
+        x: &mut [f64],
+        t: &mut [f64],
+        tolerances: (f64, f64),
+        max_iterations: usize,
+    ) -> Result<Correction, PiecewiseError> {
+        self.correct_on(
+            &map,
+            selection,
+            &mut |_, _| {},
+            measure,
+            x,
+            t,
+            tolerances,
+            max_iterations,
+        )
     }
 
     #[allow(clippy::too_many_arguments)]
@@ -367,6 +419,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
         map: &dyn PiecewiseSmooth,
         selection: &mut Selection,
         choose: &mut dyn FnMut(&[f64], &mut Selection),
+        measure: &dyn Fn(&[f64]) -> f64,
         x: &mut [f64],
         t: &mut [f64],
         (tol_residual, tol_step): (f64, f64),
@@ -402,7 +455,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
             if !(outcome.residual_norm.is_finite() && outcome.step_norm.is_finite()) {
                 return Ok(outcome);
             }
-            if outcome.residual_norm < tol_residual && outcome.step_norm < tol_step {
+            if measure(&self.r) < tol_residual && outcome.step_norm < tol_step {
                 outcome.converged = true;
                 return Ok(outcome);
             }
