@@ -11,7 +11,7 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use semismooth::contact::{CondensedFriction, FrictionMap, FrictionPath, FrictionProblem, LoadPath};
-use semismooth::enumeration::{Completeness, EnumerationOptions, SolutionSet, all_solutions};
+use semismooth::enumeration::{Completeness, Doubt, EnumerationOptions, SolutionSet, all_solutions};
 use semismooth::piecewise::Selection;
 use semismooth::sparse::Matrix;
 use serde_json::{Value, json};
@@ -63,7 +63,7 @@ fn letters(map: &CondensedFriction, selection: &Selection) -> String {
     map.states(selection).iter().map(|s| s.letter()).collect()
 }
 
-/// Complete, and in agreement with the degree of the problem where that applies.
+/// Proven to be complete. For F ≥ 0 the degree of the problem is one more witness, wherever all local indices are known.
 fn certified(map: &CondensedFriction, alpha: f64, set: &SolutionSet) -> bool {
     let regular = map.problem().friction_at(alpha).iter().all(|f| *f >= 0.0);
     set.completeness.is_complete() && (!regular || set.index_sum.is_none_or(|sum| sum == 1))
@@ -111,7 +111,7 @@ fn print(map: &CondensedFriction, name: &str, alpha: f64, set: &SolutionSet) {
         Completeness::Incomplete { examined, total } => {
             format!("incomplete: {examined:.0} of {total:.0} selections examined")
         }
-        Completeness::Undecided { selections } => format!("{selections} selections undecided"),
+        Completeness::Undecided { selections, doubt } => undecided(selections, doubt),
         _ => "completeness unknown".to_owned(),
     };
     if let Some(sum) = set.index_sum {
@@ -125,6 +125,16 @@ fn print(map: &CondensedFriction, name: &str, alpha: f64, set: &SolutionSet) {
         "{name:16} α = {alpha:<10.6} {count:2} solutions: {}   [{notes}]",
         solutions.join("  ")
     );
+}
+
+fn undecided(selections: u64, doubt: Doubt) -> String {
+    let why = match doubt {
+        Doubt::NoCoefficients => "the coefficients are not known exactly",
+        Doubt::Discontinuous => "the pieces do not agree where they meet",
+        Doubt::Limit => "the search in exact arithmetic reached its cap",
+        _ => "rounding decides",
+    };
+    format!("not proven: {why}, {selections} selections undecided")
 }
 
 fn numbers(case: &Value, key: &str) -> Result<Vec<f64>, Box<dyn Error>> {

@@ -24,6 +24,7 @@ pub mod complementarity;
 pub mod contact;
 pub mod continuation;
 pub mod enumeration;
+mod exact;
 pub mod fem;
 pub mod guide;
 pub mod interface;

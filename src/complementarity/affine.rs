@@ -94,6 +94,10 @@ impl McpFunction for AffineFunction {
     fn is_affine(&self) -> bool {
         true
     }
+
+    fn coefficients(&self) -> Option<(&AffineFunction, Option<f64>)> {
+        Some((self, None))
+    }
 }
 
 /// The union of a pattern and the diagonal.

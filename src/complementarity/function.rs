@@ -1,3 +1,4 @@
+use super::AffineFunction;
 use crate::sparse::{Matrix, Pattern};
 
 /// The function F: ℝᵐ → ℝⁿ of a complementarity problem, with its Jacobian.
@@ -34,6 +35,11 @@ pub trait McpFunction {
     fn is_affine(&self) -> bool {
         false
     }
+
+    /// M and q of F(x) = M x + q as stored, with the value of a parameter that is held fixed, the last variable of F. Default: `None`.
+    fn coefficients(&self) -> Option<(&AffineFunction, Option<f64>)> {
+        None
+    }
 }
 
 macro_rules! forward {
@@ -55,6 +61,9 @@ macro_rules! forward {
         }
         fn is_affine(&self) -> bool {
             (**self).is_affine()
+        }
+        fn coefficients(&self) -> Option<(&AffineFunction, Option<f64>)> {
+            (**self).coefficients()
         }
     };
 }

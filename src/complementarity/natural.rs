@@ -3,7 +3,10 @@
 use std::borrow::Cow;
 
 use super::{Mcp, McpFunction};
-use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
+use crate::exact::passive_bounds;
+use crate::piecewise::{
+    Exact, ExactConditions, ExactForm, ExactPiece, ExactPieces, ExactSite, Facet, PiecewiseSmooth, Selection,
+};
 use crate::sparse::{Matrix, Pattern};
 
 /// What holds at a component.
@@ -91,6 +94,10 @@ impl<F: McpFunction> PiecewiseSmooth for Mcp<F> {
             (Piece::Upper, _) => &ABOVE_BOTH,
             _ => &BETWEEN,
         }
+    }
+
+    fn exact(&self) -> Option<&dyn ExactPieces> {
+        self.function().coefficients().is_some().then_some(self)
     }
 
     /// One size for all unknowns of an affine problem; others do not tell.
@@ -214,5 +221,97 @@ mod tests {
             }
         }
         check(&mcp, &points, &CheckOptions::default()).unwrap();
+    }
+}
+
+impl<F: McpFunction> Mcp<F> {
+    /// F(x) at a parameter, row by row.
+    fn exact_values(&self, alpha: f64) -> Option<Vec<ExactForm>> {
+        let (function, held) = self.function().coefficients()?;
+        let (n, alpha) = (self.len(), Exact::new(held.unwrap_or(alpha))?);
+        let mut values = vec![ExactForm::zero(n); n];
+        for (value, q) in values.iter_mut().zip(function.q()) {
+            value.constant = Exact::new(*q)?;
+        }
+        for (i, j, v) in function.matrix().triplets() {
+            let v = Exact::new(v)?;
+            if j < n {
+                values[i].coefficients[j] = &values[i].coefficients[j] + &v;
+            } else {
+                values[i].constant = &values[i].constant + &(&alpha * &v);
+            }
+        }
+        Some(values)
+    }
+
+    /// Bounds of solutions: those of the box, or for LCPs with a positive definite matrix those that xᵀF(x) = 0 gives.
+    fn exact_bounds(&self, values: &[ExactForm]) -> Vec<Option<Exact>> {
+        let boxed = |(l, u): (&f64, &f64)| Exact::new(l.abs().max(u.abs()));
+        let bounds: Vec<Option<Exact>> = self.lower().iter().zip(self.upper()).map(boxed).collect();
+        let standard = self.lower().iter().all(|l| *l == 0.0);
+        if bounds.iter().all(Option::is_some) || !standard {
+            return bounds;
+        }
+        if self.upper().iter().any(|u| u.is_finite()) {
+            return bounds;
+        }
+        let rows = values.iter().map(|f| (&f.constant, f.coefficients.as_slice()));
+        passive_bounds(rows).map_or(bounds, |b| b.into_iter().map(Some).collect())
+    }
+}
+
+/// x between its bounds, F(x) with the sign that belongs to the bound reached.
+impl<F: McpFunction> ExactPieces for Mcp<F> {
+    fn conditions(&self, alpha: f64) -> Option<ExactConditions> {
+        const VALUE: usize = 0;
+        const OVER_LOWER: usize = 1;
+        const OVER_UPPER: usize = 2;
+        let n = self.len();
+        let values = self.exact_values(alpha)?;
+        let over = |i: usize, bound: f64| {
+            let bound = Exact::new(bound).unwrap_or_default();
+            ExactForm::unknown(n, i, -&bound)
+        };
+        let site = |i: usize| {
+            let (l, u) = (self.lower()[i], self.upper()[i]);
+            let (below, above) = (l.is_finite(), u.is_finite());
+            let mut inside = Vec::new();
+            if below {
+                inside.push((OVER_LOWER, 1));
+            }
+            if above {
+                inside.push((OVER_UPPER, -1));
+            }
+            let conditions = |piece: &Piece| match piece {
+                Piece::Lower => (OVER_LOWER, vec![(VALUE, 1)]),
+                Piece::Interior => (VALUE, inside.clone()),
+                Piece::Upper => (OVER_UPPER, vec![(VALUE, -1)]),
+                Piece::Fixed => (OVER_LOWER, Vec::new()),
+            };
+            let pieces = self.pieces_of(i).iter().enumerate();
+            let pieces = pieces.map(|(piece, kind)| {
+                let (form, facets) = conditions(kind);
+                ExactPiece {
+                    piece,
+                    equalities: vec![(i, form)],
+                    facets,
+                }
+            });
+            let mut implied = inside.clone();
+            if below != above {
+                implied.push((VALUE, if below { 1 } else { -1 }));
+            }
+            ExactSite {
+                forms: vec![values[i].clone(), over(i, l), over(i, u)],
+                pieces: pieces.collect(),
+                implied,
+            }
+        };
+        Some(ExactConditions {
+            unknowns: n,
+            common: Vec::new(),
+            bounds: self.exact_bounds(&values),
+            sites: (0..n).map(site).collect(),
+        })
     }
 }

@@ -287,4 +287,11 @@ impl<F: McpFunction> McpFunction for AtParameter<F> {
     fn is_affine(&self) -> bool {
         self.function.is_affine()
     }
+
+    fn coefficients(&self) -> Option<(&AffineFunction, Option<f64>)> {
+        match self.function.coefficients()? {
+            (function, None) => Some((function, self.work.lock().0.last().copied())),
+            _ => None,
+        }
+    }
 }

@@ -18,6 +18,14 @@ pub struct ContactBody {
 }
 
 impl ContactBody {
+    /// Bνᵀ and Btᵀ of a body in the plane.
+    pub(super) fn planar_transposes(&self) -> Option<[Matrix; 2]> {
+        match self.traces.as_slice() {
+            [normal, tangential] => Some([normal.transpose(), tangential.transpose()]),
+            _ => None,
+        }
+    }
+
     /// A body with its normal trace, one or two tangential traces, and a load; gap 0.
     ///
     /// # Errors

@@ -1,12 +1,14 @@
 use std::borrow::Cow;
+use std::sync::OnceLock;
 
 use super::error::check_length;
+use super::exact::ExactTraces;
 use super::law::{Row, TESTS};
 use super::paths::Path;
 use super::{ContactError, FrictionMap, FrictionProblem, NodeValues};
 use crate::interface::fill_sizes;
 use crate::linear::Condensation;
-use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
+use crate::piecewise::{ExactConditions, ExactPieces, Facet, PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, Pattern, dot};
 
 /// A [`FrictionProblem`] condensed onto its contact nodes: x = (λν, λt, α).
@@ -24,6 +26,8 @@ pub struct CondensedFriction {
     free: Vec<f64>,
     free_rate: Vec<f64>,
     pattern: Pattern,
+    /// Made when first asked for.
+    traces: OnceLock<Option<ExactTraces>>,
 }
 
 impl CondensedFriction {
@@ -50,7 +54,18 @@ impl CondensedFriction {
             condensation,
             free,
             free_rate,
+            traces: OnceLock::new(),
         })
+    }
+
+    /// Displacements of the contact nodes without rounding: of A itself where that is small, else of C and w as stored.
+    fn exact_traces(&self) -> Option<&ExactTraces> {
+        let make = || {
+            self.problem
+                .exact_traces()
+                .or_else(|| ExactTraces::stored(|k| self.compliance_row(k), &self.free, &self.free_rate))
+        };
+        self.traces.get_or_init(make).as_ref()
     }
 
     /// The compliance C = B A⁻¹ Bᵀ, 2p × 2p: normal quantities first, then tangential.
@@ -263,6 +278,10 @@ impl PiecewiseSmooth for CondensedFriction {
         self.problem.is_piecewise_affine()
     }
 
+    fn exact(&self) -> Option<&dyn ExactPieces> {
+        self.problem.states_coefficients().then_some(self)
+    }
+
     fn typical_sizes(&self, sizes: &mut [f64]) {
         fill_sizes(self.problem.sizes(), 0, sizes);
     }
@@ -328,6 +347,14 @@ impl PiecewiseSmooth for CondensedFriction {
         for (j, g) in gradient.iter_mut().enumerate() {
             *g = self.entry(site, &row, friction_rate, j);
         }
+    }
+}
+
+impl ExactPieces for CondensedFriction {
+    fn conditions(&self, alpha: f64) -> Option<ExactConditions> {
+        let friction = self.problem.exact_friction(alpha)?;
+        self.exact_traces()?
+            .conditions(alpha, |k| self.problem.held(k), &friction)
     }
 }
 

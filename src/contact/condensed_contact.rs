@@ -5,6 +5,7 @@ use std::sync::Arc;
 use super::approach::lower;
 use super::condensed::check_symmetric;
 use super::error::{check_finite, check_length};
+use super::exact::{ExactTraces, exact_friction, held_at, states_coefficients};
 use super::form::{Form, sites_of_the_law};
 use super::full_contact::held;
 use super::node_law::{LocalRow, LocalValues, MAX_TESTS, NodeLaw};
@@ -18,7 +19,7 @@ use super::{
 };
 use crate::interface::fill_sizes;
 use crate::linear::{AutoSolver, Condensation, LinearSolver};
-use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
+use crate::piecewise::{ExactConditions, ExactPieces, Facet, PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, Pattern, dot};
 
 /// A [`ContactBody`] under a [`NodeLaw`], condensed onto its contact nodes: x = (λν, λt₁[, λt₂], α).
@@ -393,6 +394,10 @@ impl<L: NodeLaw> PiecewiseSmooth for CondensedContact<L> {
         self.law.is_affine()
     }
 
+    fn exact(&self) -> Option<&dyn ExactPieces> {
+        states_coefficients(&self.body, &self.law).then_some(self)
+    }
+
     fn typical_sizes(&self, sizes: &mut [f64]) {
         fill_sizes(self.body.sizes(), 0, sizes);
     }
@@ -422,5 +427,24 @@ impl<L: NodeLaw> PiecewiseSmooth for CondensedContact<L> {
                 }
             }
         }
+    }
+}
+
+impl<L: NodeLaw> ExactPieces for CondensedContact<L> {
+    fn conditions(&self, alpha: f64) -> Option<ExactConditions> {
+        let friction = exact_friction(&self.body, &self.law)?;
+        let transposes = self.body.planar_transposes()?;
+        let Path::Affine { constant, slope } = &self.body.load.0 else {
+            return None;
+        };
+        // Under a frozen load the free motion is no longer that of the body.
+        let own = self.free_rate.iter().any(|r| *r != 0.0) || slope.iter().all(|s| *s == 0.0);
+        let of_body = || {
+            let load: [&[f64]; 2] = [constant, slope];
+            ExactTraces::of_stiffness(&self.body.a, [&transposes[0], &transposes[1]], load)
+        };
+        let traces = own.then(of_body).flatten();
+        let traces = traces.or_else(|| ExactTraces::stored(|k| self.row(k), &self.free, &self.free_rate))?;
+        traces.conditions(alpha, |k| held_at(&self.body, &self.reference, k), &friction)
     }
 }

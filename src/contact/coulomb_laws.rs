@@ -128,6 +128,11 @@ impl NodeLaw for PlanarCoulomb {
         self.coefficient.is_constant()
     }
 
+    fn constant_friction(&self, node: usize) -> Option<f64> {
+        let constant = self.coefficient.is_constant();
+        constant.then(|| self.coefficient.value(node, 0.0, 0.0)[0])
+    }
+
     fn friction(&self, v: &LocalValues) -> [f64; 2] {
         [self.coefficient.value(v.node, v.slip_norm(), v.parameter)[0]; 2]
     }

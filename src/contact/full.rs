@@ -1,10 +1,12 @@
 use std::borrow::Cow;
 
+use super::exact::{ExactTraces, full_conditions};
 use super::law::{Row, TESTS};
+use super::paths::Path;
 use super::problem::write_tests;
-use super::{ContactError, FrictionMap, FrictionProblem, NodeValues};
+use super::{ContactError, FrictionMap, FrictionProblem, NodeValues, SlipBound};
 use crate::interface::fill_sizes;
-use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
+use crate::piecewise::{Exact, ExactConditions, ExactPieces, Facet, PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, Pattern};
 
 impl FrictionProblem {
@@ -135,6 +137,10 @@ impl PiecewiseSmooth for FrictionProblem {
         self.law.constant_friction && self.load.0.is_affine()
     }
 
+    fn exact(&self) -> Option<&dyn ExactPieces> {
+        self.states_coefficients().then_some(self)
+    }
+
     fn typical_sizes(&self, sizes: &mut [f64]) {
         fill_sizes(self.sizes(), self.num_displacements(), sizes);
     }
@@ -203,6 +209,50 @@ impl PiecewiseSmooth for FrictionProblem {
                 self.scatter(i, &row, friction_rate, |j, value| gradient[j] += value);
             }
         });
+    }
+}
+
+impl FrictionProblem {
+    /// Whether load and friction are affine in α, so that all coefficients are at hand.
+    pub(super) fn states_coefficients(&self) -> bool {
+        self.law.bound == SlipBound::Augmented && self.load.0.is_affine() && self.friction.0.is_affine()
+    }
+
+    /// The gap of a normal quantity, 0 for a tangential one.
+    pub(super) fn held(&self, k: usize) -> f64 {
+        self.gap.get(k).copied().unwrap_or(0.0)
+    }
+
+    pub(super) fn exact_friction(&self, alpha: f64) -> Option<Vec<Exact>> {
+        let Path::Affine { constant, slope } = &self.friction.0 else {
+            return None;
+        };
+        let alpha = Exact::new(alpha)?;
+        let value = |(c, s): (&f64, &f64)| Some(&Exact::new(*c)? + &(&alpha * &Exact::new(*s)?));
+        constant.iter().zip(slope).map(value).collect()
+    }
+
+    pub(super) fn exact_traces(&self) -> Option<ExactTraces> {
+        let Path::Affine { constant, slope } = &self.load.0 else {
+            return None;
+        };
+        ExactTraces::of_stiffness(&self.a, [&self.bnu_t, &self.bt_t], [constant, slope])
+    }
+}
+
+impl ExactPieces for FrictionProblem {
+    fn conditions(&self, alpha: f64) -> Option<ExactConditions> {
+        let Path::Affine { constant, slope } = &self.load.0 else {
+            return None;
+        };
+        full_conditions(
+            &self.a,
+            [&self.bnu_t, &self.bt_t],
+            [constant, slope],
+            alpha,
+            |k| self.held(k),
+            &self.exact_friction(alpha)?,
+        )
     }
 }
 

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::approach::lower;
 use super::error::check_length;
+use super::exact::{exact_friction, full_conditions, held_at, states_coefficients};
 use super::form::{Form, sites_of_the_law};
 use super::node_law::{LocalRow, LocalValues, MAX_TESTS, NodeLaw};
 use super::paths::Path;
@@ -14,7 +15,7 @@ use super::{
     ContactSolution, ContactState, LoadPath, strategy,
 };
 use crate::interface::fill_sizes;
-use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
+use crate::piecewise::{ExactConditions, ExactPieces, Facet, PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, Pattern, dot};
 
 /// Pressures and tractions up to which the way down is followed in condensed form, whose matrices are dense.
@@ -270,6 +271,10 @@ impl<L: NodeLaw> PiecewiseSmooth for FullContact<L> {
         self.law.is_affine() && self.body.load.0.is_affine()
     }
 
+    fn exact(&self) -> Option<&dyn ExactPieces> {
+        states_coefficients(&self.body, &self.law).then_some(self)
+    }
+
     fn typical_sizes(&self, sizes: &mut [f64]) {
         fill_sizes(self.body.sizes(), self.body.num_displacements(), sizes);
     }
@@ -379,4 +384,20 @@ fn pattern(body: &ContactBody, traces: &[Matrix]) -> Result<Pattern, ContactErro
         Path::Function(_) => entries.extend((0..n).map(|i| (i, rows))),
     }
     Ok(Pattern::from_entries(rows, rows + 1, entries)?)
+}
+
+impl<L: NodeLaw> ExactPieces for FullContact<L> {
+    fn conditions(&self, alpha: f64) -> Option<ExactConditions> {
+        let Path::Affine { constant, slope } = &self.body.load.0 else {
+            return None;
+        };
+        full_conditions(
+            &self.body.a,
+            [self.traces.first()?, self.traces.get(1)?],
+            [constant, slope],
+            alpha,
+            |k| held_at(&self.body, &self.reference, k),
+            &exact_friction(&self.body, &self.law)?,
+        )
+    }
 }

@@ -12,6 +12,7 @@ mod curve;
 mod delassus;
 mod error;
 mod evolution;
+mod exact;
 mod family;
 mod fixed_point;
 #[cfg(feature = "json")]

@@ -134,6 +134,12 @@ pub trait NodeLaw {
         false
     }
 
+    /// The coefficient of friction of a node, where the law is planar Coulomb friction with the pieces open, stick, slip+ and slip− and
+    /// this coefficient depends on nothing: contact is then [stated exactly](crate::piecewise::PiecewiseSmooth::exact).
+    fn constant_friction(&self, _node: usize) -> Option<f64> {
+        None
+    }
+
     /// Checks coefficients at a point.
     ///
     /// # Errors
@@ -166,6 +172,7 @@ borrowed! {
     fn friction(&self, v: &LocalValues) -> [f64; 2];
     fn depends_on_slip(&self) -> bool;
     fn is_coulomb(&self) -> bool;
+    fn constant_friction(&self, node: usize) -> Option<f64>;
     fn check(&self, v: &LocalValues) -> Result<(), ContactError>;
     fn state(&self, piece: usize, v: &LocalValues) -> ContactState;
 }

@@ -7,7 +7,7 @@ use super::local::{local_selections, vanishing_tests};
 use super::search::Search;
 use super::system::System;
 use super::table::{Form, Table};
-use super::{Completeness, EnumerationError, EnumerationOptions, system};
+use super::{Completeness, Doubt, EnumerationError, EnumerationOptions, system};
 use crate::clock::Deadline;
 use crate::linear::{AutoSolver, LinearError, LinearSolver};
 use crate::piecewise::{
@@ -511,6 +511,7 @@ impl<'a> Collector<'a> {
         } else {
             Completeness::Undecided {
                 selections: self.unresolved.len() as u64,
+                doubt: Doubt::Rounding,
             }
         };
         DirectionalArms {

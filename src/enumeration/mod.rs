@@ -5,18 +5,26 @@
 //! drops a partial choice as soon as a linear program shows that no point satisfies what has been decided and what all pieces of
 //! the open sites have in common. Kᵖ selections are never stored; each pruned partial choice counts the selections it rules out.
 //!
+//! Lists of solutions are proven where the map states its coefficients exactly: see [`all_solutions`].
+//!
 //! [`all_solutions`] and [`all_arms`] work for any map whose residuals belong each to one site or to none
 //! ([`site_rows`](crate::piecewise::PiecewiseSmooth::site_rows)); for other maps solutions are enumerated one by one, up to the cap.
 
 mod arms;
+mod certificate;
+mod enclosure;
 mod error;
+mod exhaustive;
 mod hull;
 mod kernel;
 mod local;
 mod options;
+mod proof;
+mod proven_search;
 mod random;
 mod search;
 mod solutions;
+mod stated;
 mod system;
 mod table;
 
@@ -26,4 +34,4 @@ pub use error::EnumerationError;
 pub(crate) use local::local_selections;
 pub use options::EnumerationOptions;
 pub(crate) use random::Random;
-pub use solutions::{Completeness, Continuum, Solution, SolutionSet, all_solutions};
+pub use solutions::{Completeness, Continuum, Doubt, Solution, SolutionSet, all_solutions};

@@ -20,9 +20,10 @@ pub struct EnumerationOptions {
     /// Where the search for arms gives up, a local search goes on from this number of random selections for either sign of α̇; it
     /// may find arms and never completes the list. Default 100.
     pub local_starts: usize,
-    /// A point counts as lying in a closed cell when it is no farther from it than this, relative to 1 + ‖x‖₂. Default 1e-9.
+    /// A point counts as lying in a closed cell when it is no farther from it than this, relative to 1 + ‖x‖₂; solutions of maps that
+    /// state their coefficients exactly are decided without. Default 1e-9.
     pub tolerance: f64,
-    /// Two points closer than this, relative to 1 + ‖x‖₂, are one. Default 1e-8.
+    /// Two points closer than this, relative to 1 + ‖x‖₂, are one; as for `tolerance`. Default 1e-8.
     pub merge_distance: f64,
 }
 

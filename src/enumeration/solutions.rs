@@ -2,13 +2,14 @@
 
 use super::arms::level_selections;
 use super::kernel::{AffineSet, MAX_KERNEL, solutions};
+use super::proof::MAX_COEFFICIENTS;
 use super::search::Search;
 use super::{EnumerationError, EnumerationOptions, system};
 use crate::clock::Deadline;
 use crate::linear::{AutoSolver, LinearError, LinearSolver};
 use crate::piecewise::{
-    ActiveSet, PiecewiseError, PiecewiseSmooth, Scaled, Selection, Selections, TestLayout, active_set,
-    cell_margin, check_vector,
+    ActiveSet, ExactConditions, ExactForm, PiecewiseError, PiecewiseSmooth, Scaled, Selection, Selections,
+    TestLayout, active_set, cell_margin, check_vector,
 };
 use crate::sparse::{Matrix, max_abs, norm};
 
@@ -17,7 +18,8 @@ use crate::sparse::{Matrix, max_abs, norm};
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Completeness {
-    /// Every selection was examined or ruled out.
+    /// Every selection was examined or ruled out. For solutions this is proven, for the problem as its floating-point numbers state it: each
+    /// decision is taken by error bounds or in exact arithmetic.
     Complete,
     /// The cap was reached.
     Incomplete {
@@ -26,18 +28,41 @@ pub enum Completeness {
         /// Selections in all.
         total: f64,
     },
-    /// All selections were examined, but for some rounding left open whether they hold a solution.
+    /// All selections were examined, in floating-point numbers that prove nothing.
     Undecided {
-        /// How many.
+        /// How many (partial) selections, or sites, rounding left open; 0 where nothing looked close.
         selections: u64,
+        /// Why there is no proof.
+        doubt: Doubt,
     },
 }
 
+/// Why a list is not proven.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum Doubt {
+    /// The map does not state its coefficients exactly ([`PiecewiseSmooth::exact`]), or has more than 2²¹ of them.
+    NoCoefficients,
+    /// Kernels of dimension two or more, or decisions within rounding.
+    Rounding,
+    /// The pieces stated do not agree on a facet between them, so that points near it may lie in none or in two.
+    Discontinuous,
+    /// The search in exact arithmetic reached its cap.
+    Limit,
+}
+
 impl Completeness {
-    /// Whether the list is complete.
+    /// Whether the list is [complete](Self::Complete).
     #[must_use]
     pub fn is_complete(&self) -> bool {
         *self == Self::Complete
+    }
+
+    /// Whether selections were left out or left open: `false` for complete lists, and for those that lack nothing but a proof.
+    #[must_use]
+    pub fn has_gaps(&self) -> bool {
+        !matches!(self, Self::Complete | Self::Undecided { selections: 0, .. })
     }
 }
 
@@ -59,6 +84,18 @@ pub struct Solution {
     /// The local index (degree) of the solution: the sign of the determinant where one selection is active, the mean of the two
     /// signs where two are (0: the point is a fold); `None` where that does not decide.
     pub index: Option<i8>,
+}
+
+impl Solution {
+    /// The local index, where the list of selections holds all that are active.
+    pub(super) fn find_index(&mut self) {
+        self.index = match self.det_signs.as_slice() {
+            [Some(sign)] if *sign != 0 => Some(*sign),
+            // Two selections share a facet with nothing else active: the sum of two half-space maps.
+            [Some(a), Some(b)] if *a != 0 && *b != 0 => Some((a + b) / 2),
+            _ => None,
+        };
+    }
 }
 
 /// A continuum of solutions at one parameter: a vertical segment, or a larger polyhedron.
@@ -83,7 +120,7 @@ pub struct SolutionSet {
     pub solutions: Vec<Solution>,
     /// Continua of solutions; empty at regular parameters.
     pub continua: Vec<Continuum>,
-    /// Σ of the local indices, where all are known and there are no continua. By degree theory it does not depend on the data
+    /// Σ of the local indices, where the list is complete, all are known and there are no continua. By degree theory it does not depend on the data
     /// of a class of problems: +1 for friction with F ≥ 0 and for LCPs whose matrix is strictly copositive (or P).
     pub index_sum: Option<i64>,
     /// Whether the lists are complete.
@@ -97,23 +134,30 @@ pub struct SolutionSet {
 /// All solutions y of H(y, α) = 0 for a map whose pieces are affine in y. For an equation (as many variables as residuals) `alpha`
 /// is ignored.
 ///
-/// Affinity is tested on every row by derivatives at two points, and every solution by its residual and its cell. Maps whose
-/// residuals depend each on the piece of one site at most are searched with pruning; others selection by selection.
+/// For maps that [state their coefficients](PiecewiseSmooth::exact), friction problems and affine complementarity problems among them, a
+/// complete list is proven for the problem that the floating-point numbers state. The search works in floating-point numbers; what it
+/// rules out, the regularity of selections, the signs of facets and which solutions are one are decided by error bounds, and in exact
+/// rational arithmetic where these do not suffice. `tolerance` and `merge_distance` play no part.
+///
+/// Of other maps affinity is tested on every row by derivatives at two points, and every solution by its residual and its cell, within
+/// tolerances: such a list is never complete, but at best [`Undecided`](Completeness::Undecided). If residuals depend each on the piece of
+/// one site at most, they are searched with pruning; else selection by selection.
 ///
 /// # Errors
 /// Options out of range, maps that are neither equation nor curve, α not finite, [`EnumerationError::NotAffine`] with the row or
 /// site, [`EnumerationError::TooLarge`], Jacobians that are not finite or have entries outside their pattern.
 ///
 /// ```
+/// use semismooth::complementarity::Lcp;
 /// use semismooth::enumeration::{EnumerationOptions, all_solutions};
-/// use semismooth::piecewise::MinMap;
-/// // 0 ≤ x ⟂ −x + 1 ≥ 0 has the solutions 0 and 1.
-/// let lcp = MinMap::new(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| { a[0] = x[0]; b[0] = 1.0 - x[0]; });
-/// let set = all_solutions(&lcp, 0.0, &EnumerationOptions::default())?;
+/// use semismooth::sparse::Matrix;
+/// // 0 ≤ x ⟂ −x + q ≥ 0 has the solutions 0 and q > 0, however small q is.
+/// let lcp = Lcp::new(Matrix::from_rows(&[[-1.0]])?, vec![1e-300])?;
+/// let set = all_solutions(lcp.mcp(), 0.0, &EnumerationOptions::default())?;
 /// assert_eq!(set.solutions.len(), 2);
 /// assert_eq!(set.index_sum, Some(0));
 /// assert!(set.completeness.is_complete());
-/// # Ok::<(), semismooth::enumeration::EnumerationError>(())
+/// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn all_solutions<P: PiecewiseSmooth + ?Sized>(
     map: &P,
@@ -130,6 +174,10 @@ fn solutions_of(
 ) -> Result<SolutionSet, EnumerationError> {
     options.validate()?;
     check_vector("the parameter", &[alpha], 1)?;
+    check_shape(map)?;
+    if let Some(conditions) = stated_conditions(map, alpha) {
+        return super::proof::proven_solutions(map, alpha, &conditions, options);
+    }
     let scaled = Scaled::new(map, &[], (alpha, alpha))?;
     let mut set = of_scaled(&scaled, alpha / scaled.parameter_size(), options)?;
     set.solutions.iter_mut().for_each(|s| scaled.unscale(&mut s.x));
@@ -138,20 +186,50 @@ fn solutions_of(
     Ok(set)
 }
 
+fn check_shape(map: &dyn PiecewiseSmooth) -> Result<(), EnumerationError> {
+    let (m, n) = (map.num_vars(), map.num_residuals());
+    if m == n || m == n + 1 {
+        return Ok(());
+    }
+    Err(PiecewiseError::Dimensions {
+        vars: m,
+        residuals: n,
+        expected: "as many variables as residuals, or one more (the parameter)",
+    }
+    .into())
+}
+
+/// What a map states of its pieces, where that is not too much.
+fn stated_conditions(map: &dyn PiecewiseSmooth, alpha: f64) -> Option<ExactConditions> {
+    let (n, rows) = (
+        map.num_residuals(),
+        map.num_residuals() + TestLayout::new(map).total(),
+    );
+    if n.saturating_mul(rows) > MAX_COEFFICIENTS {
+        return None;
+    }
+    let conditions = map.exact()?.conditions(alpha)?;
+    let fits = |f: &ExactForm| f.coefficients.len() == n;
+    let sites = conditions.sites.len() == map.num_sites()
+        && conditions.sites.iter().enumerate().all(|(site, s)| {
+            let known = |form: usize| form < s.forms.len();
+            let pieces = s.pieces.iter().all(|p| {
+                p.piece < map.num_pieces(site)
+                    && p.equalities.iter().all(|e| e.0 < n && known(e.1))
+                    && p.facets.iter().all(|f| known(f.0) && f.1.abs() == 1)
+            });
+            pieces && s.implied.iter().all(|f| known(f.0)) && s.forms.iter().all(fits)
+        });
+    let fit = conditions.unknowns == n && conditions.common.iter().all(fits) && sites;
+    fit.then_some(conditions)
+}
+
 fn of_scaled(
     map: &dyn PiecewiseSmooth,
     alpha: f64,
     options: &EnumerationOptions,
 ) -> Result<SolutionSet, EnumerationError> {
     let (m, n) = (map.num_vars(), map.num_residuals());
-    if m != n && m != n + 1 {
-        return Err(PiecewiseError::Dimensions {
-            vars: m,
-            residuals: n,
-            expected: "as many variables as residuals, or one more (the parameter)",
-        }
-        .into());
-    }
     let mut origin = vec![0.0; m];
     if m > n {
         origin[n] = alpha;
@@ -200,8 +278,10 @@ fn of_scaled(
     }
     set.completeness = match collector.undecided + doubtful {
         _ if stopped => Completeness::Incomplete { examined, total },
-        0 => Completeness::Complete,
-        selections => Completeness::Undecided { selections },
+        selections => Completeness::Undecided {
+            selections,
+            doubt: Doubt::NoCoefficients,
+        },
     };
     collector.finish(&mut set);
     Ok(set)
@@ -602,21 +682,14 @@ impl<'a> Collector<'a> {
             order.sort_by(|&a, &b| s.selections[a].cmp(&s.selections[b]));
             s.selections = order.iter().map(|&k| s.selections[k].clone()).collect();
             s.det_signs = order.iter().map(|&k| s.det_signs[k]).collect();
-            s.index = match s.det_signs.as_slice() {
-                [Some(sign)] if *sign != 0 => Some(*sign),
-                // Two selections share a facet with nothing else active: the sum of two half-space maps.
-                [Some(a), Some(b)] if *a != 0 && *b != 0 => {
-                    let tolerance =
-                        self.options.merge_distance * s.x.iter().fold(1.0f64, |m, v| m.max(v.abs()));
-                    let two = active_set(self.map, &s.x, tolerance).total() == Some(2);
-                    two.then_some((a + b) / 2)
-                }
-                _ => None,
-            };
+            s.find_index();
+            if s.selections.len() == 2 {
+                let tolerance = self.options.merge_distance * s.x.iter().fold(1.0f64, |m, v| m.max(v.abs()));
+                let two = active_set(self.map, &s.x, tolerance).total() == Some(2);
+                s.index = s.index.filter(|_| two);
+            }
         }
         self.solutions.sort_by(|a, b| a.selections.cmp(&b.selections));
-        let indices: Option<i64> = self.solutions.iter().map(|s| s.index.map(i64::from)).sum();
-        set.index_sum = indices.filter(|_| self.continua.is_empty());
         set.solutions = self.solutions;
         set.continua = self.continua;
     }

@@ -52,9 +52,11 @@ pub(super) struct Form {
     pub(super) error: f64,
 }
 
-/// The system cannot be satisfied: proved within rounding.
+/// The system cannot be satisfied, within rounding: a variable that the constant of its row keeps from what is required of it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Contradiction;
+pub(super) struct Contradiction {
+    pub(super) var: usize,
+}
 
 /// The dictionary. Variables are the forms, numbered as given, followed by the unknowns, which are free.
 ///
@@ -67,7 +69,10 @@ pub(super) struct Table {
     stride: usize,
     /// Variable of each row and of each column.
     rows: Vec<usize>,
+    /// The active columns, followed by those fixed at zero where these are kept.
     columns: Vec<usize>,
+    active: usize,
+    keep: bool,
     /// Rows of `stride` numbers: the constant, then the coefficients.
     data: Vec<f64>,
     error: Vec<f64>,
@@ -94,6 +99,8 @@ impl Table {
             stride,
             rows: (0..count).collect(),
             columns: (count..count + unknowns).collect(),
+            active: unknowns,
+            keep: false,
             data,
             error,
             sign: vec![Sign::Free; place.len()],
@@ -101,6 +108,20 @@ impl Table {
             scratch: Vec::new(),
             pivots: 0,
         }
+    }
+
+    /// Keeps the coefficients of columns that are fixed at zero, so that each row stays an identity between forms of the unknowns.
+    pub(super) fn keep_fixed(&mut self) {
+        self.keep = true;
+    }
+
+    /// The row of a variable: its constant, and its columns, fixed ones last, with their coefficients.
+    pub(super) fn identity(&self, var: usize) -> Option<(f64, &[usize], usize, &[f64])> {
+        let Place::Row(r) = self.place[var] else {
+            return None;
+        };
+        let row = self.row(r);
+        Some((row[0], &self.columns, self.active, &row[1..]))
     }
 
     /// A copy without room for what has been dropped.
@@ -115,6 +136,8 @@ impl Table {
             stride: width,
             rows: self.rows.clone(),
             columns: self.columns.clone(),
+            active: self.active,
+            keep: self.keep,
             data,
             error: self.error.clone(),
             place: self.place.clone(),
@@ -139,7 +162,11 @@ impl Table {
 
     /// Number of columns: the dimension that is left.
     pub(super) fn dimension(&self) -> usize {
-        self.columns.len()
+        self.active
+    }
+
+    fn active_columns(&self) -> &[usize] {
+        &self.columns[..self.active]
     }
 
     pub(super) fn place(&self, var: usize) -> Place {
@@ -158,7 +185,7 @@ impl Table {
         let row = self.row(r);
         Some(Form {
             constant: row[0],
-            coefficients: row[1..].to_vec(),
+            coefficients: row[1..=self.active].to_vec(),
             error: self.error[r],
         })
     }
@@ -166,7 +193,7 @@ impl Table {
     /// Adds the variables' sum, with factors, as a new row; returns its variable. Only before any search: numbers of forms shift.
     pub(super) fn combination(&self, terms: &[(usize, f64)], constant: f64) -> Form {
         let mut sum = Form {
-            coefficients: vec![0.0; self.columns.len()],
+            coefficients: vec![0.0; self.active],
             constant,
             error: 0.0,
         };
@@ -213,7 +240,7 @@ impl Table {
                         self.drop_column(c);
                     }
                 }
-                None if self.row(r)[0].abs() > self.threshold(r) => return Err(Contradiction),
+                None if self.row(r)[0].abs() > self.threshold(r) => return Err(Contradiction { var }),
                 None => self.drop_row(r),
             },
         }
@@ -264,7 +291,7 @@ impl Table {
             };
             match self.entering(r, bland) {
                 Some(c) => self.exchange(r, c),
-                None => return Err(Contradiction),
+                None => return Err(Contradiction { var: self.rows[r] }),
             }
         }
         Ok(())
@@ -278,7 +305,7 @@ impl Table {
         let (threshold, tiny) = (self.threshold(r), SAFETY * self.error[r]);
         let row = self.row(r);
         let (mut up, mut down) = (row[0] >= -threshold, row[0] <= threshold);
-        for (a, &column) in row[1..].iter().zip(&self.columns) {
+        for (a, &column) in row[1..].iter().zip(self.active_columns()) {
             if a.abs() <= tiny {
                 continue;
             }
@@ -363,14 +390,16 @@ impl Table {
     }
 
     fn threshold(&self, r: usize) -> f64 {
-        CLEAR + SAFETY * RADIUS * self.error[r]
+        // What is proven afterwards, from the forms themselves, may be claimed more readily.
+        let doubt = if self.keep { 0.0 } else { RADIUS * self.error[r] };
+        CLEAR + SAFETY * doubt
     }
 
     /// The column with the largest coefficient in a row, free ones first.
     fn largest(&self, r: usize) -> Option<usize> {
         let tiny = SAFETY * self.error[r];
         let mut best: Option<(bool, f64, usize)> = None;
-        for (c, (a, &column)) in self.row(r)[1..].iter().zip(&self.columns).enumerate() {
+        for (c, (a, &column)) in self.row(r)[1..].iter().zip(self.active_columns()).enumerate() {
             let candidate = (self.sign[column] == Sign::Free, a.abs(), c);
             let better = best.is_none_or(|b| (candidate.0, candidate.1) > (b.0, b.1));
             if candidate.1 > tiny && better {
@@ -401,7 +430,7 @@ impl Table {
         let tiny = SAFETY * self.error[r];
         let wanted = self.sign[self.rows[r]].factor();
         let mut best: Option<(f64, usize)> = None;
-        for (c, (a, &column)) in self.row(r)[1..].iter().zip(&self.columns).enumerate() {
+        for (c, (a, &column)) in self.row(r)[1..].iter().zip(self.active_columns()).enumerate() {
             let key = match self.sign[column] {
                 _ if a.abs() <= tiny => continue,
                 // A free column leaves for good: never a loss.
@@ -430,7 +459,9 @@ impl Table {
         let inverse = 1.0 / pivot_row[1 + c];
         pivot_row.iter_mut().for_each(|v| *v *= -inverse);
         pivot_row[1 + c] = inverse;
-        let size = pivot_row.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+        let size = pivot_row[..=self.active]
+            .iter()
+            .fold(0.0f64, |m, v| m.max(v.abs()));
         let error = self.error[r] * inverse.abs() + EPS * size;
         self.error[r] = error;
         let mut scratch = std::mem::take(&mut self.scratch);
@@ -464,16 +495,20 @@ impl Table {
     }
 
     fn drop_column(&mut self, c: usize) {
-        let last = self.columns.len() - 1;
+        let last = self.active - 1;
         self.place[self.columns[c]] = Place::Gone;
         if c != last {
             for r in 0..self.rows.len() {
                 let start = r * self.stride + 1;
-                self.data[start + c] = self.data[start + last];
+                self.data.swap(start + c, start + last);
             }
             self.place[self.columns[last]] = Place::Column(c);
+            self.columns.swap(c, last);
         }
-        self.columns.swap_remove(c);
+        self.active = last;
+        if !self.keep {
+            self.columns.truncate(last);
+        }
     }
 
     fn drop_row(&mut self, r: usize) {

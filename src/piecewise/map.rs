@@ -1,6 +1,6 @@
 use std::borrow::Cow;
 
-use super::{Facet, Selection};
+use super::{ExactPieces, Facet, Selection};
 use crate::sparse::{Matrix, Pattern};
 
 /// A piecewise-smooth (PC¹) map H: ℝᵐ → ℝⁿ, given by its selection functions.
@@ -109,6 +109,12 @@ pub trait PiecewiseSmooth {
         false
     }
 
+    /// The conditions of the pieces with coefficients that are exact, from which lists of solutions are proven to be complete.
+    /// Default: `None`; such lists are then at best [undecided](crate::enumeration::Completeness::Undecided).
+    fn exact(&self) -> Option<&dyn ExactPieces> {
+        None
+    }
+
     /// Replaces `sizes` (length m, filled with 1) by typical sizes of the variables in their units: positive numbers, that of a
     /// parameter the change by which something happens. Distances and angles in x are measured relative to them where a curve is
     /// followed, and so are the steps of central differences. Default: left as they are.
@@ -180,6 +186,9 @@ macro_rules! forward {
         }
         fn is_piecewise_affine(&self) -> bool {
             (**self).is_piecewise_affine()
+        }
+        fn exact(&self) -> Option<&dyn ExactPieces> {
+            (**self).exact()
         }
         fn typical_sizes(&self, sizes: &mut [f64]) {
             (**self).typical_sizes(sizes);

@@ -155,8 +155,7 @@ impl<'a> Cones<'a> {
                 self.map.test_functions(&at, &mut theta);
                 let (a, b) = (theta[first], theta[second]);
                 let known = *factor.get_or_insert(b / a);
-                let agrees = (b - known * a).abs() <= 1e-12 * b.abs();
-                if !agrees {
+                if !((b - known * a).abs() <= 1e-12 * b.abs()) {
                     return false;
                 }
                 seen += usize::from(b != 0.0);
@@ -190,8 +189,7 @@ impl<'a> Cones<'a> {
         let mut rates = vec![0.0; self.layout.total()];
         self.map.test_derivatives(self.x, &d, &mut rates);
         let selection = pointed_into(self.map, &self.layout, active, &rates);
-        let inside = self.margin(&selection, &d[..n]) > CLEAR;
-        if !inside {
+        if !(self.margin(&selection, &d[..n]) > CLEAR) {
             return None;
         }
         let mut jac = Matrix::zeros(self.map.pattern());

@@ -254,10 +254,9 @@ fn winding(cones: &Cones<'_>, active: &ActiveSet) -> Result<Option<LocalUniquene
                 Err(e) => return Err(e.into()),
             }
             let margin = cones.margin(found.selection, &d);
-            let outside = margin < -CLEAR;
             if margin > CLEAR {
                 inside.push((found.selection.clone(), d));
-            } else if !outside {
+            } else if !(margin < -CLEAR) {
                 clear = false;
             }
             Ok(())

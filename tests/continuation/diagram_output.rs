@@ -237,7 +237,7 @@ fn certificates_fail_exactly_at_folds() {
 #[test]
 fn a_section_that_is_not_complete_is_told() {
     let options = DiagramOptions::default().with_parameter_range(RANGE);
-    let few = EnumerationOptions::default().with_max_nodes(20);
+    let few = EnumerationOptions::default().with_max_nodes(3);
     let diagram = Diagram::explore_sections(&three_nodes(), &[0.0], &options, &few).unwrap();
     match diagram.completeness() {
         Completeness::Limited(list) => assert!(list.contains(&Limit::Solutions { parameter: 0.0 })),

@@ -4,12 +4,13 @@ use crate::common;
 use crate::common::{cases, numbers};
 use crate::support::Rng;
 use proptest::prelude::*;
+use semismooth::complementarity::Lcp;
 use semismooth::contact::{
     CondensedFriction, ContactState, FrictionMap, FrictionPath, FrictionProblem, LoadPath,
 };
 use semismooth::continuation::{ContinuationOptions, arms_at};
 use semismooth::enumeration::{
-    Completeness, EnumerationError, EnumerationOptions, SolutionSet, all_arms, all_solutions,
+    Completeness, Doubt, EnumerationError, EnumerationOptions, SolutionSet, all_arms, all_solutions,
 };
 use semismooth::linear::{DenseLu, LinearSolver};
 use semismooth::piecewise::{Facet, MinMap, PiecewiseSmooth, Selection, Selections};
@@ -25,11 +26,29 @@ fn letters<M: FrictionMap>(map: &M, set: &SolutionSet) -> Vec<Vec<String>> {
 
 fn compare<M: FrictionMap>(map: &M, case: &common::Case) {
     let alphas = numbers(&case.json["alphas"]);
-    for (&alpha, list) in alphas.iter().zip(case.json["solutions"].as_array().unwrap()) {
+    let exact = case.json["alphas_exact"].as_array().unwrap();
+    for ((&alpha, exact), list) in alphas
+        .iter()
+        .zip(exact)
+        .zip(case.json["solutions"].as_array().unwrap())
+    {
+        let denominator = exact.as_str().unwrap().split('/').nth(1);
+        let representable = denominator.is_none_or(|d| d.parse::<u64>().is_ok_and(u64::is_power_of_two));
         let set = all_solutions(map, alpha, &EnumerationOptions::default()).unwrap();
         let list = list.as_array().unwrap();
         let context = format!("{} at {alpha}: {:?}", case.name, letters(map, &set));
         assert_eq!(set.completeness, Completeness::Complete, "{context}");
+        if !representable {
+            // A transition at 14/3 lies a hair beside the number next to it: fewer selections meet there, and a fold has two solutions or
+            // none.
+            let stored = |s: &String| {
+                list.iter()
+                    .any(|l| l["all_states"].as_array().unwrap().iter().any(|w| w == s))
+            };
+            assert!(letters(map, &set).iter().flatten().all(stored), "{context}");
+            assert_eq!(set.index_sum, Some(1), "{context}");
+            continue;
+        }
         assert_eq!(set.solutions.len(), list.len(), "{context}");
         assert!(set.continua.is_empty(), "{context}");
         let friction = case.problem.friction_at(alpha);
@@ -138,7 +157,7 @@ fn brute_force<P: PiecewiseSmooth>(map: &P) -> Vec<Vec<f64>> {
 }
 
 fn same_lists(set: &SolutionSet, brute: &[Vec<f64>], tolerance: f64) -> Result<(), TestCaseError> {
-    prop_assert_eq!(set.completeness, Completeness::Complete);
+    prop_assert!(!set.completeness.has_gaps());
     prop_assert_eq!(set.solutions.len(), brute.len());
     for x in brute {
         let near = |y: &[f64]| {
@@ -162,24 +181,33 @@ proptest! {
         let options = EnumerationOptions::default();
         let set = all_solutions(&condensed, 0.0, &options).unwrap();
         same_lists(&set, &brute, 1e-10)?;
-        prop_assert_eq!(set.index_sum, Some(1));
+        prop_assert_eq!((set.completeness, set.index_sum), (Completeness::Complete, Some(1)));
         let full = all_solutions(&problem, 0.0, &options).unwrap();
         prop_assert_eq!(full.solutions.len(), brute.len());
-        prop_assert_eq!(full.index_sum, Some(1));
+        prop_assert_eq!((full.completeness, full.index_sum), (Completeness::Complete, Some(1)));
     }
 
     #[test]
     fn complementarity_against_brute_force(n in 1usize..=7, seed in 1u64..u64::MAX) {
         let mut rng = Rng(seed);
         let (m, q) = (rng.vec(n * n), rng.vec(n));
-        let lcp = MinMap::new(n, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+        let map = MinMap::new(n, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
             a.copy_from_slice(x);
             for i in 0..n {
                 b[i] = q[i] + (0..n).map(|j| m[i * n + j] * x[j]).sum::<f64>();
             }
         });
-        let set = all_solutions(&lcp, 0.0, &EnumerationOptions::default()).unwrap();
-        same_lists(&set, &brute_force(&lcp), 1e-7)?;
+        let brute = brute_force(&map);
+        let options = EnumerationOptions::default();
+        let rows: Vec<&[f64]> = m.chunks(n).collect();
+        let lcp = Lcp::new(Matrix::from_rows(&rows).unwrap(), q.clone()).unwrap();
+        let set = all_solutions(lcp.mcp(), 0.0, &options).unwrap();
+        prop_assert_eq!(set.completeness, Completeness::Complete);
+        same_lists(&set, &brute, 1e-7)?;
+        // The same map without its coefficients: the same list, not proven.
+        let unproven = all_solutions(&map, 0.0, &options).unwrap();
+        prop_assert!(!unproven.completeness.is_complete() && unproven.index_sum.is_none());
+        same_lists(&unproven, &brute, 1e-7)?;
     }
 }
 
@@ -316,7 +344,11 @@ fn branching_with_a_vertical_segment() {
     // At the branching: open on both sides, and the segment. The Jacobian of the slipping selection has a kernel of dimension two
     // there, so that directions alone do not decide; its curvature does.
     let arms = all_arms(&map, &point, &EnumerationOptions::default()).unwrap();
-    assert_eq!(arms.completeness, Completeness::Undecided { selections: 1 });
+    let undecided = Completeness::Undecided {
+        selections: 1,
+        doubt: Doubt::Rounding,
+    };
+    assert_eq!(arms.completeness, undecided);
     assert_eq!(arms.orientation, None);
     let mut full = numbers(&branching["u"]);
     full.extend(point);
@@ -351,7 +383,11 @@ fn unknown_structure() {
     }
     let map = Traced::new(Example);
     let set = all_solutions(&map, 0.0, &EnumerationOptions::default()).unwrap();
-    assert_eq!(set.completeness, Completeness::Complete);
+    let unproven = Completeness::Undecided {
+        selections: 0,
+        doubt: Doubt::NoCoefficients,
+    };
+    assert_eq!(set.completeness, unproven);
     let points: Vec<&[f64]> = set.solutions.iter().map(|s| s.x.as_slice()).collect();
     assert_eq!(points, [&[2.0, 2.0][..], &[-6.0, 1.0][..]]);
     let capped = all_solutions(&map, 0.0, &EnumerationOptions::default().with_max_nodes(1)).unwrap();
@@ -403,24 +439,34 @@ fn test_functions_that_vanish_everywhere() {
 }
 
 /// A direction 10⁹ times stiffer than the others: a gap of 1e-10 decides over a force of 10⁶. Found by fuzzing: the list held a
-/// solution that is one by the tolerance alone, and was called complete.
+/// solution that is one by tolerance alone. In rational arithmetic there is one, with slip−, open, slip+.
 #[test]
-fn a_solution_by_tolerance_alone_is_no_certainty() {
+fn a_direction_a_billion_times_stiffer() {
     let s = -0.0625;
     let mut g = [[s; 6]; 6];
     g[0][0] = 7.3125;
     g[1] = [-7.8125, 3.125, 2.9375, -4.9375, 1e9, s];
     let map = fuzzed(g, [[s, s, s, s, 1.3125, 1.3125], [1.3125; 6]], [0.0; 3]);
     let set = all_solutions(&map, 0.0, &EnumerationOptions::default()).unwrap();
-    assert!(
-        set.index_sum == Some(1) || !set.completeness.is_complete(),
-        "{set:?}"
+    assert_eq!(
+        (set.completeness, set.index_sum),
+        (Completeness::Complete, Some(1))
     );
-    assert!(
-        set.solutions
-            .iter()
-            .any(|s| s.margin > 1e-3 && s.index == Some(1))
-    );
+    let [solution] = set.solutions.as_slice() else {
+        panic!("{set:?}");
+    };
+    assert_eq!(solution.selections, [Selection::from_pieces([3, 0, 2])]);
+    let exact = [
+        0.368_761_456_124_116_04,
+        0.0,
+        3_976_471.096_392_560_3,
+        0.0,
+        0.0,
+        0.0,
+    ];
+    for (a, b) in solution.x.iter().zip(exact) {
+        assert!((a - b).abs() <= 4.0 * f64::EPSILON * b.abs(), "{:?}", solution.x);
+    }
 }
 
 /// y₂ = 0 (or y₁ = 2 y₂) and |y₁| + |y₂| = α: one residual depends on both sites.
@@ -518,7 +564,6 @@ fn arms_where_residuals_share_sites() {
 /// Solutions that fill a square, an edge of it, or that would lie on a line outside the cell of their selection.
 #[test]
 fn continua_in_a_box() {
-    use semismooth::complementarity::Lcp;
     let solve = |m: [[f64; 2]; 2], q: [f64; 2]| {
         let matrix = Matrix::from_rows(&m).unwrap();
         let lcp = Lcp::boxed(matrix, q.to_vec(), vec![0.0; 2], vec![1.0; 2]).unwrap();

@@ -49,7 +49,7 @@ impl Diagram {
         for &alpha in alphas {
             let set = all_solutions(map, alpha, enumeration)?;
             let open = set.continua.iter().any(|c| c.ends.is_empty());
-            if open || !set.completeness.is_complete() {
+            if open || set.completeness.has_gaps() {
                 unknown.push(Limit::Solutions { parameter: alpha });
             }
             starts.extend(set.solutions.into_iter().map(|s| s.x));

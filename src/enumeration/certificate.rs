@@ -1,0 +1,142 @@
+//! Proofs that what a table of rounded numbers rules out is impossible.
+
+use super::enclosure::solve;
+use super::stated::System;
+use super::table::{Form, Table};
+
+/// Relative error of each number of a form, and of each operation on them.
+const EPS: f64 = f64::EPSILON;
+/// Far below all numbers of size one: makes up for underflow.
+const UNDERFLOW: f64 = 1e-290;
+
+/// The forms of the unknowns that variables of a table stand for, and how far the unknowns reach.
+///
+/// A row of a table, v = c + Σ aⱼ vⱼ, is an identity between forms up to rounding. What it misses by is found by inserting the forms; where the
+/// unknowns are bounded, that has a bound, too, and so have the terms whose signs are not known.
+#[derive(Debug, Clone)]
+pub(super) struct Certificates {
+    forms: Vec<Form>,
+    /// Bounds of the unknowns.
+    radii: Vec<f64>,
+    /// Bounds of the forms.
+    reach: Vec<f64>,
+    floor: f64,
+}
+
+impl Certificates {
+    pub(super) fn new(system: &System, radii: Vec<f64>) -> Self {
+        let sites = system.sites.iter().flat_map(|s| &s.forms);
+        let forms: Vec<Form> = system.common.iter().chain(sites).cloned().collect();
+        let reach = forms.iter().map(|f| {
+            let terms = f.coefficients.iter().zip(&radii);
+            let sum: f64 = terms.filter(|t| *t.0 != 0.0).map(|(a, r)| a.abs() * r).sum();
+            1.0001 * (sum + f.constant.abs())
+        });
+        Self {
+            reach: reach.collect(),
+            floor: UNDERFLOW * (1.0 + radii.iter().filter(|r| r.is_finite()).sum::<f64>()),
+            forms,
+            radii,
+        }
+    }
+
+    /// Whether a variable has the sign of its row's constant, and is not 0, wherever what the table has decided holds.
+    pub(super) fn proves(&self, table: &Table, var: usize) -> bool {
+        let (Some((constant, columns, active, coefficients)), Some(own)) =
+            (table.identity(var), self.forms.get(var))
+        else {
+            return false;
+        };
+        let row = Identity {
+            table,
+            own,
+            constant,
+            columns,
+            active,
+            coefficients,
+        };
+        if self.holds(&row) {
+            return true;
+        }
+        // Rounding errors of all exchanges on the way to this table are in its rows: without them, the same row may do.
+        self.anew(own, columns).is_some_and(|(fresh, coefficients)| {
+            let row = Identity {
+                constant: fresh,
+                coefficients: &coefficients,
+                ..row
+            };
+            fresh * constant > 0.0 && self.holds(&row)
+        })
+    }
+
+    /// A form as a constant and coefficients over the given variables, from the forms alone.
+    fn anew(&self, own: &Form, columns: &[usize]) -> Option<(f64, Vec<f64>)> {
+        let m = own.coefficients.len();
+        if columns.len() != m {
+            return None;
+        }
+        let mut matrix = vec![0.0; m * m];
+        for (j, &v) in columns.iter().enumerate() {
+            match self.forms.get(v) {
+                Some(form) => (0..m).for_each(|k| matrix[k * m + j] = form.coefficients[k]),
+                None => matrix[(v - self.forms.len()) * m + j] = 1.0,
+            }
+        }
+        let coefficients = solve(&matrix, &own.coefficients)?;
+        let constants = columns.iter().zip(&coefficients);
+        let rest: f64 = constants
+            .filter_map(|(v, a)| Some(a * self.forms.get(*v)?.constant))
+            .sum();
+        Some((own.constant - rest, coefficients))
+    }
+
+    fn holds(&self, row: &Identity<'_>) -> bool {
+        // What the terms may add to a value of the other sign.
+        let mut slack = self.floor;
+        let (own, constant) = (row.own, row.constant);
+        let (mut missing, mut size) = (own.constant - constant, own.constant.abs() + constant.abs());
+        let mut rest: Vec<(f64, f64)> = own.coefficients.iter().map(|a| (*a, a.abs())).collect();
+        for (j, (&v, &a)) in row.columns.iter().zip(row.coefficients).enumerate() {
+            if a == 0.0 {
+                continue;
+            }
+            let reach = if let Some(form) = self.forms.get(v) {
+                missing -= a * form.constant;
+                size += (a * form.constant).abs();
+                for ((r, s), b) in rest.iter_mut().zip(&form.coefficients) {
+                    *r -= a * b;
+                    *s += (a * b).abs();
+                }
+                self.reach[v]
+            } else {
+                let (r, s) = &mut rest[v - self.forms.len()];
+                *r -= a;
+                *s += a.abs();
+                self.radii[v - self.forms.len()]
+            };
+            let sign = row.table.sign(v).factor();
+            let recedes = sign != 0.0 && a * sign * constant >= 0.0;
+            if j < row.active && !recedes {
+                slack += a.abs() * reach;
+            }
+        }
+        let rounding = (row.columns.len() as f64 + 8.0) * EPS;
+        slack += missing.abs() + rounding * size;
+        for ((r, s), radius) in rest.iter().zip(&self.radii) {
+            if *s != 0.0 {
+                slack += (r.abs() + rounding * s) * radius;
+            }
+        }
+        constant.abs() > 1.001 * slack
+    }
+}
+
+/// A form as a constant and a combination of columns, the active ones first.
+struct Identity<'a> {
+    table: &'a Table,
+    own: &'a Form,
+    constant: f64,
+    columns: &'a [usize],
+    active: usize,
+    coefficients: &'a [f64],
+}

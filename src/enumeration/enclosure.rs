@@ -1,0 +1,235 @@
+//! The solution of a square linear system between proven bounds.
+
+/// Relative error of each number given, and of each operation on them.
+const EPS: f64 = f64::EPSILON;
+/// Norm of I − B G up to which B counts as an approximate inverse.
+const NEAR: f64 = 0.25;
+
+/// A point and how far in each component the solution of G z + c = 0 may be from it, the numbers of G and c being right to one unit in the
+/// last place.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Enclosure {
+    pub(super) point: Vec<f64>,
+    pub(super) radius: Vec<f64>,
+    /// Sign of det G.
+    pub(super) sign: i8,
+}
+
+impl Enclosure {
+    /// `None` where G, given by rows, is not proven to be regular.
+    pub(super) fn of(matrix: &[f64], constants: &[f64]) -> Option<Self> {
+        let n = constants.len();
+        let factors = Factors::of(matrix, n)?;
+        let inverse = factors.inverse();
+        let rounding = (n as f64 + 8.0) * EPS;
+        let dot = |row: &[f64], column: &dyn Fn(usize) -> f64| {
+            row.iter().enumerate().fold((0.0, 0.0), |(sum, size), (k, a)| {
+                let term = a * column(k);
+                (sum + term, size + term.abs())
+            })
+        };
+        let (mut defect, mut largest) = (0.0f64, 0.0f64);
+        for i in 0..n {
+            let row = &inverse[i * n..(i + 1) * n];
+            let mut sum = 0.0;
+            for j in 0..n {
+                let (product, size) = dot(row, &|k| matrix[k * n + j]);
+                sum += (product - if i == j { 1.0 } else { 0.0 }).abs() + rounding * (size + 1.0);
+            }
+            defect = defect.max(sum);
+            largest = largest.max(row.iter().map(|v| v.abs()).sum());
+        }
+        // Between G and the product of its factors all matrices are regular: their determinants agree in sign.
+        let sure = 1.01 * (defect + largest * factors.defect()) <= NEAR;
+        if !sure {
+            return None;
+        }
+        let mut point = vec![0.0; n];
+        let mut miss = vec![(0.0, 0.0); n];
+        for _ in 0..3 {
+            for i in 0..n {
+                let (value, size) = dot(&matrix[i * n..(i + 1) * n], &|k| point[k]);
+                let c = constants[i];
+                miss[i] = (value + c, (value + c).abs() + rounding * (size + c.abs()));
+            }
+            // The last round measures what is left.
+            let correction: Vec<f64> = (0..n)
+                .map(|i| dot(&inverse[i * n..(i + 1) * n], &|k| miss[k].0).0)
+                .collect();
+            let bound: Vec<f64> = (0..n)
+                .map(|i| dot(&inverse[i * n..(i + 1) * n], &|k| miss[k].1).1)
+                .collect();
+            let worst = bound.iter().fold(0.0f64, |m, b| m.max(*b));
+            if worst == 0.0 || correction.iter().zip(&bound).all(|(c, b)| c.abs() < 0.5 * b) {
+                break;
+            }
+            point.iter_mut().zip(&correction).for_each(|(p, c)| *p -= c);
+        }
+        let mut radius = Vec::with_capacity(n);
+        for i in 0..n {
+            let (value, size) = dot(&matrix[i * n..(i + 1) * n], &|k| point[k]);
+            let c = constants[i];
+            miss[i].1 = (value + c).abs() + rounding * (size + c.abs());
+        }
+        for i in 0..n {
+            radius.push(dot(&inverse[i * n..(i + 1) * n], &|k| miss[k].1).1);
+        }
+        let worst = radius.iter().fold(0.0f64, |m, b| m.max(*b));
+        let spread = defect / (1.0 - defect) * worst;
+        radius
+            .iter_mut()
+            .for_each(|r| *r = 1.01 * (*r + spread) + f64::MIN_POSITIVE);
+        let finite = point.iter().chain(&radius).all(|v| v.is_finite());
+        finite.then_some(Self {
+            point,
+            radius,
+            sign: factors.sign,
+        })
+    }
+
+    /// The sign of a form in the whole enclosure; `None` where it is not one.
+    pub(super) fn sign_of(&self, coefficients: &[f64], constant: f64) -> Option<i8> {
+        let (mut value, mut size, mut reach) = (constant, constant.abs(), 0.0);
+        for ((a, p), r) in coefficients.iter().zip(&self.point).zip(&self.radius) {
+            value += a * p;
+            size += (a * p).abs();
+            reach += a.abs() * r;
+        }
+        let rounding = (coefficients.len() as f64 + 8.0) * EPS;
+        let error = 1.01 * (reach + rounding * size) + f64::MIN_POSITIVE;
+        (value.abs() > error).then_some(if value > 0.0 { 1 } else { -1 })
+    }
+}
+
+/// The solution of G z = b, improved once; nothing is proven of it.
+pub(super) fn solve(matrix: &[f64], b: &[f64]) -> Option<Vec<f64>> {
+    let n = b.len();
+    let factors = Factors::of(matrix, n)?;
+    let mut z = vec![0.0; n];
+    for _ in 0..2 {
+        let mut d: Vec<f64> = (0..n)
+            .map(|i| {
+                let row = matrix[i * n..(i + 1) * n].iter();
+                b[i] - row.zip(&z).map(|(a, z)| a * z).sum::<f64>()
+            })
+            .collect();
+        factors.solve(&mut d);
+        z.iter_mut().zip(&d).for_each(|(z, d)| *z += d);
+    }
+    Some(z)
+}
+
+/// P G = L U with partial pivoting; L below the diagonal.
+struct Factors {
+    n: usize,
+    lu: Vec<f64>,
+    order: Vec<usize>,
+    sign: i8,
+}
+
+impl Factors {
+    fn of(matrix: &[f64], n: usize) -> Option<Self> {
+        let mut lu = matrix.to_vec();
+        let mut order: Vec<usize> = (0..n).collect();
+        let mut sign = 1;
+        for k in 0..n {
+            let size = |i: &usize| lu[i * n + k].abs();
+            let pivot = (k..n).max_by(|a, b| size(a).total_cmp(&size(b)))?;
+            if pivot != k {
+                for j in 0..n {
+                    lu.swap(k * n + j, pivot * n + j);
+                }
+                order.swap(k, pivot);
+                sign = -sign;
+            }
+            let diagonal = lu[k * n + k];
+            if diagonal == 0.0 || !diagonal.is_finite() {
+                return None;
+            }
+            if diagonal < 0.0 {
+                sign = -sign;
+            }
+            for i in k + 1..n {
+                let factor = lu[i * n + k] / diagonal;
+                lu[i * n + k] = factor;
+                if factor != 0.0 {
+                    for j in k + 1..n {
+                        lu[i * n + j] -= factor * lu[k * n + j];
+                    }
+                }
+            }
+        }
+        Some(Self { n, lu, order, sign })
+    }
+
+    fn inverse(&self) -> Vec<f64> {
+        let n = self.n;
+        let mut inverse = vec![0.0; n * n];
+        let mut column = vec![0.0; n];
+        for c in 0..n {
+            column.fill(0.0);
+            column[c] = 1.0;
+            self.solve(&mut column);
+            for i in 0..n {
+                inverse[i * n + c] = column[i];
+            }
+        }
+        inverse
+    }
+
+    /// Overwrites b by the solution.
+    fn solve(&self, b: &mut [f64]) {
+        let n = self.n;
+        let mut z: Vec<f64> = self.order.iter().map(|&i| b[i]).collect();
+        for i in 0..n {
+            let sum: f64 = (0..i).map(|k| self.lu[i * n + k] * z[k]).sum();
+            z[i] -= sum;
+        }
+        for i in (0..n).rev() {
+            let sum: f64 = (i + 1..n).map(|k| self.lu[i * n + k] * z[k]).sum();
+            z[i] = (z[i] - sum) / self.lu[i * n + i];
+        }
+        b.copy_from_slice(&z);
+    }
+
+    /// A bound of the norm of P G − L U.
+    fn defect(&self) -> f64 {
+        let n = self.n;
+        let mut largest = 0.0f64;
+        for i in 0..n {
+            let mut sum = 0.0;
+            for j in 0..n {
+                for k in 0..=i.min(j) {
+                    let l = if k == i { 1.0 } else { self.lu[i * n + k].abs() };
+                    sum += l * self.lu[k * n + j].abs();
+                }
+            }
+            largest = largest.max(sum);
+        }
+        (n as f64 + 4.0) * EPS * largest
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Enclosure;
+
+    #[test]
+    fn holds_the_solution() {
+        // x + y = 3, x − y = 1, rows exchanged: det = 2.
+        let found = Enclosure::of(&[1.0, -1.0, 1.0, 1.0], &[-1.0, -3.0]).unwrap();
+        assert!((found.point[0] - 2.0).abs() <= found.radius[0]);
+        assert!((found.point[1] - 1.0).abs() <= found.radius[1]);
+        assert!(found.radius.iter().all(|r| *r < 1e-13));
+        assert_eq!(found.sign, 1);
+        assert_eq!(found.sign_of(&[1.0, -2.0], 0.0), None);
+        assert_eq!(found.sign_of(&[1.0, -2.0], 1e-10), Some(1));
+        assert_eq!(found.sign_of(&[1.0, -2.0], -1e-10), Some(-1));
+    }
+
+    #[test]
+    fn says_nothing_of_singular_matrices() {
+        assert_eq!(Enclosure::of(&[1.0, 2.0, 2.0, 4.0], &[1.0, 1.0]), None);
+        assert_eq!(Enclosure::of(&[0.1, 0.3, 0.3, 0.9], &[1.0, 1.0]), None);
+    }
+}

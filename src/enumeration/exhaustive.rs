@@ -1,0 +1,471 @@
+//! The search in exact arithmetic, for what rounding leaves open.
+
+use num_bigint::BigInt;
+use num_traits::{Signed, Zero};
+
+use crate::exact::{Dictionary, Exact, Infeasible, quotient};
+use crate::piecewise::{ExactConditions, ExactForm, ExactPiece, ExactSite};
+
+/// A point as exact fractions over one denominator.
+#[derive(Debug, Clone)]
+pub(super) struct ExactPoint {
+    numerators: Vec<BigInt>,
+    /// Positive.
+    denominator: BigInt,
+}
+
+impl PartialEq for ExactPoint {
+    fn eq(&self, other: &Self) -> bool {
+        let mut both = self.numerators.iter().zip(&other.numerators);
+        both.all(|(a, b)| a * &other.denominator == b * &self.denominator)
+    }
+}
+
+impl ExactPoint {
+    fn sign_of(&self, form: &ExactForm) -> i8 {
+        let mut sum = &form.constant * &Exact::of(self.denominator.clone(), 0);
+        for (a, n) in form.coefficients.iter().zip(&self.numerators) {
+            if !a.is_zero() && !n.is_zero() {
+                sum = &sum + &(a * &Exact::of(n.clone(), 0));
+            }
+        }
+        sum.sign()
+    }
+
+    pub(super) fn to_f64(&self) -> Vec<f64> {
+        let value = |n| quotient(n, &self.denominator, 0);
+        self.numerators.iter().map(value).collect()
+    }
+}
+
+/// What a selection holds.
+#[derive(Debug, Clone)]
+pub(super) enum Held {
+    Nothing,
+    /// A point, the sign of the determinant, and the sites at which a facet vanishes.
+    Point {
+        point: ExactPoint,
+        sign: i8,
+        touched: Vec<usize>,
+    },
+    /// A polyhedron of this dimension, with its ends where that is one.
+    Continuum {
+        dimension: usize,
+        ends: Vec<ExactPoint>,
+    },
+}
+
+/// The forms of some sites in a dictionary.
+struct Tableau<'a> {
+    conditions: &'a ExactConditions,
+    dictionary: Dictionary,
+    /// Variable of the first form of each site.
+    offsets: Vec<usize>,
+    /// Variable of the first unknown.
+    unknowns: usize,
+}
+
+impl Clone for Tableau<'_> {
+    fn clone(&self) -> Self {
+        Self {
+            conditions: self.conditions,
+            dictionary: self.dictionary.clone(),
+            offsets: self.offsets.clone(),
+            unknowns: self.unknowns,
+        }
+    }
+}
+
+fn parts(form: &ExactForm) -> (&Exact, &[Exact]) {
+    (&form.constant, &form.coefficients)
+}
+
+impl<'a> Tableau<'a> {
+    fn new(conditions: &'a ExactConditions) -> Self {
+        let mut offsets = Vec::with_capacity(conditions.sites.len());
+        let mut next = conditions.common.len();
+        for site in &conditions.sites {
+            offsets.push(next);
+            next += site.forms.len();
+        }
+        let sites = conditions.sites.iter().flat_map(|s| &s.forms);
+        let forms = conditions.common.iter().chain(sites).map(parts);
+        Self {
+            conditions,
+            dictionary: Dictionary::new(conditions.unknowns, forms),
+            offsets,
+            unknowns: next,
+        }
+    }
+
+    /// With the common rows eliminated and what is known of all pieces required.
+    fn root(conditions: &'a ExactConditions) -> Result<Self, Infeasible> {
+        let mut root = Self::new(conditions);
+        for var in 0..conditions.common.len() {
+            root.dictionary.fix(var)?;
+        }
+        for (site, &offset) in conditions.sites.iter().zip(&root.offsets) {
+            for &(form, sign) in &site.implied {
+                root.dictionary.constrain(offset + form, sign)?;
+            }
+        }
+        Ok(root)
+    }
+
+    /// Requires what a piece says; the signs of rows are restored by a repair.
+    fn decide(&mut self, site: usize, piece: &ExactPiece) -> Result<(), Infeasible> {
+        let offset = self.offsets[site];
+        for &(form, sign) in &piece.facets {
+            self.dictionary.constrain(offset + form, sign)?;
+        }
+        for &(_, form) in &piece.equalities {
+            self.dictionary.fix(offset + form)?;
+        }
+        for form in 0..self.conditions.sites[site].forms.len() {
+            if piece.facets.iter().all(|f| f.0 != form) {
+                self.dictionary.forget(offset + form);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// All choices of pieces (by number in the map) that agree with a partial one and are not infeasible; `false` at the cap on work.
+pub(super) fn search(
+    conditions: &ExactConditions,
+    partial: &[Option<usize>],
+    budget: &mut u64,
+    leaf: &mut impl FnMut(Vec<usize>),
+) -> bool {
+    let started = || -> Result<Tableau<'_>, Infeasible> {
+        let mut root = Tableau::root(conditions)?;
+        for (site, piece) in partial.iter().enumerate() {
+            if let Some(piece) = piece {
+                root.decide(site, piece_of(conditions, site, *piece).ok_or(Infeasible)?)?;
+            }
+        }
+        root.dictionary.repair()?;
+        Ok(root)
+    };
+    let Ok(root) = started() else {
+        return true;
+    };
+    let order: Vec<usize> = (0..partial.len()).filter(|&s| partial[s].is_none()).collect();
+    let mut open = vec![(Vec::new(), root)];
+    while let Some((chosen, table)) = open.pop() {
+        let Some(&site) = order.get(chosen.len()) else {
+            let mut pieces: Vec<usize> = partial.iter().map(|p| p.unwrap_or(0)).collect();
+            for (&site, &piece) in order.iter().zip(&chosen) {
+                pieces[site] = piece;
+            }
+            leaf(pieces);
+            continue;
+        };
+        for piece in &conditions.sites[site].pieces {
+            if *budget == 0 {
+                return false;
+            }
+            let mut child = table.clone();
+            let decided = child.decide(site, piece);
+            let feasible = decided.and_then(|()| child.dictionary.repair()).is_ok();
+            *budget = budget.saturating_sub(child.dictionary.take_work());
+            if feasible {
+                let mut longer = chosen.clone();
+                longer.push(piece.piece);
+                open.push((longer, child));
+            }
+        }
+    }
+    true
+}
+
+/// The piece of a site by its number in the map.
+pub(super) fn piece_of(conditions: &ExactConditions, site: usize, piece: usize) -> Option<&ExactPiece> {
+    conditions
+        .sites
+        .get(site)?
+        .pieces
+        .iter()
+        .find(|p| p.piece == piece)
+}
+
+/// Whether a point meets all conditions of a selection.
+pub(super) fn contains(conditions: &ExactConditions, pieces: &[usize], point: &ExactPoint) -> bool {
+    let common = conditions.common.iter().map(|f| (f, 0));
+    let sites = pieces.iter().enumerate().flat_map(|(site, &piece)| {
+        let forms = &conditions.sites[site].forms;
+        let piece = piece_of(conditions, site, piece).into_iter();
+        piece.flat_map(move |p| {
+            let zero = p.equalities.iter().map(|e| (&forms[e.1], 0));
+            zero.chain(p.facets.iter().map(|f| (&forms[f.0], f.1)))
+        })
+    });
+    common.chain(sites).all(|(form, wanted)| {
+        let sign = point.sign_of(form);
+        sign == 0 || sign == wanted
+    })
+}
+
+/// What a selection (by number in the map) holds; `None` at the cap on work.
+pub(super) fn decide(conditions: &ExactConditions, pieces: &[usize], budget: &mut u64) -> Option<Held> {
+    if *budget == 0 {
+        return None;
+    }
+    let mut table = Tableau::new(conditions);
+    let held = held(&mut table, conditions, pieces);
+    *budget = budget.saturating_sub(table.dictionary.take_work());
+    Some(held.unwrap_or(Held::Nothing))
+}
+
+fn held(table: &mut Tableau<'_>, conditions: &ExactConditions, pieces: &[usize]) -> Result<Held, Infeasible> {
+    let (sign, facets) = eliminate(table, conditions, pieces)?;
+    let dictionary = &mut table.dictionary;
+    if dictionary.columns().is_empty() {
+        let mut touched = Vec::new();
+        for &(site, var, wanted) in &facets {
+            let value = &dictionary.entries(var)[0];
+            if value.is_zero() {
+                touched.push(site);
+            } else if value.is_positive() != (wanted > 0) {
+                return Err(Infeasible);
+            }
+        }
+        touched.dedup();
+        let point = table.point(&[]);
+        return Ok(Held::Point { point, sign, touched });
+    }
+    if dictionary.columns().len() > 1 {
+        let flat = flat_facets(dictionary, &facets)?;
+        for var in flat {
+            dictionary.fix(var)?;
+        }
+    }
+    match dictionary.columns().len() {
+        0 | 1 => segment(table, &facets),
+        dimension => Ok(Held::Continuum {
+            dimension,
+            ends: Vec::new(),
+        }),
+    }
+}
+
+/// Fixes all equalities of a selection. Gives the sign of the determinant of their rows and the facets as (site, variable, sign).
+fn eliminate(
+    table: &mut Tableau<'_>,
+    conditions: &ExactConditions,
+    pieces: &[usize],
+) -> Result<(i8, Vec<(usize, usize, i8)>), Infeasible> {
+    let mut equalities = Vec::new();
+    let mut facets = Vec::new();
+    for (site, &piece) in pieces.iter().enumerate() {
+        let piece = piece_of(conditions, site, piece).ok_or(Infeasible)?;
+        let offset = table.offsets[site];
+        for form in 0..conditions.sites[site].forms.len() {
+            let used = |e: &(usize, usize)| e.1 == form;
+            if !piece.equalities.iter().any(used) && piece.facets.iter().all(|f| f.0 != form) {
+                table.dictionary.forget(offset + form);
+            }
+        }
+        equalities.extend(piece.equalities.iter().map(|&(row, form)| (row, offset + form)));
+        facets.extend(
+            piece
+                .facets
+                .iter()
+                .map(|&(form, sign)| (site, offset + form, sign)),
+        );
+    }
+    let square = equalities.len() + conditions.common.len() == conditions.unknowns;
+    let mut rows = vec![None; conditions.unknowns];
+    for &(row, var) in equalities.iter().filter(|_| square) {
+        if let Some(place) = rows.get_mut(row) {
+            *place = Some(var);
+        }
+    }
+    let mut common = 0..conditions.common.len();
+    rows.iter_mut()
+        .filter(|r| r.is_none())
+        .for_each(|r| *r = common.next());
+    let all = (0..conditions.common.len()).chain(equalities.iter().map(|e| e.1));
+    let (mut sign, mut columns) = (1, Vec::new());
+    for var in all {
+        if let Some((column, pivot)) = table.dictionary.fix(var)? {
+            sign *= pivot;
+            columns.push((var, column - table.unknowns));
+        }
+    }
+    let placed = |var: &Option<usize>| columns.iter().find(|c| Some(c.0) == *var).map(|c| c.1);
+    let order: Option<Vec<usize>> = rows.iter().map(placed).collect();
+    let sign = match order {
+        Some(order) if columns.len() == conditions.unknowns => sign * parity(order),
+        _ => 0,
+    };
+    Ok((sign, facets))
+}
+
+fn parity(mut order: Vec<usize>) -> i8 {
+    let mut sign = 1;
+    for k in 0..order.len() {
+        while order[k] != k {
+            let other = order[k];
+            order.swap(k, other);
+            sign = -sign;
+        }
+    }
+    sign
+}
+
+/// The facets that vanish at all points of the polyhedron that they bound.
+fn flat_facets(dictionary: &Dictionary, facets: &[(usize, usize, i8)]) -> Result<Vec<usize>, Infeasible> {
+    let mut feasible = dictionary.clone();
+    for &(_, var, sign) in facets {
+        feasible.constrain(var, sign)?;
+    }
+    feasible.repair()?;
+    // Homogeneous: t is the last unknown. A facet is positive somewhere if it can be 1 (at t > 0, or along a ray).
+    let rows: Vec<Vec<BigInt>> = facets.iter().map(|f| dictionary.entries(f.1)).collect();
+    let exact = |v: &BigInt| Exact::of(v.clone(), 0);
+    let forms: Vec<Vec<Exact>> = rows
+        .iter()
+        .map(|r| r[1..].iter().chain(&r[..1]).map(exact).collect())
+        .collect();
+    let unknowns = dictionary.columns().len() + 1;
+    let (zero, one) = (Exact::default(), Exact::one());
+    let mut flat = Vec::new();
+    for (k, &(_, var, sign)) in facets.iter().enumerate() {
+        let target = -&Exact::of(dictionary.denominator() * BigInt::from(sign), 0);
+        let mut time = vec![zero.clone(); unknowns];
+        time[unknowns - 1] = one.clone();
+        let all = forms.iter().map(|f| (&zero, f.as_slice()));
+        let extra = [(&zero, time.as_slice()), (&target, forms[k].as_slice())];
+        let mut rays = Dictionary::new(unknowns, all.chain(extra));
+        let mut reached = || -> Result<(), Infeasible> {
+            for (other, facet) in facets.iter().enumerate() {
+                rays.constrain(other, facet.2)?;
+            }
+            rays.constrain(facets.len(), 1)?;
+            rays.fix(facets.len() + 1)?;
+            rays.repair()
+        };
+        if reached().is_err() {
+            flat.push(var);
+        }
+    }
+    Ok(flat)
+}
+
+/// The part of a line that lies in the cell: a fraction as numerator and positive denominator at either end.
+fn segment(table: &Tableau<'_>, facets: &[(usize, usize, i8)]) -> Result<Held, Infeasible> {
+    let (mut low, mut high): (Option<(BigInt, BigInt)>, Option<(BigInt, BigInt)>) = (None, None);
+    for &(_, var, sign) in facets {
+        let mut entries = table.dictionary.entries(var);
+        if sign < 0 {
+            entries.iter_mut().for_each(|e| *e = -std::mem::take(e));
+        }
+        let rate = entries.get(1).cloned().unwrap_or_default();
+        let (value, positive) = (std::mem::take(&mut entries[0]), rate.is_positive());
+        if rate.is_zero() {
+            if value.is_negative() {
+                return Err(Infeasible);
+            }
+            continue;
+        }
+        // t = −value/rate.
+        let at = if positive { (-value, rate) } else { (value, -rate) };
+        let later = |a: &(BigInt, BigInt), b: &(BigInt, BigInt)| &a.0 * &b.1 > &b.0 * &a.1;
+        if positive {
+            if low.as_ref().is_none_or(|l| later(&at, l)) {
+                low = Some(at);
+            }
+        } else if high.as_ref().is_none_or(|h| later(h, &at)) {
+            high = Some(at);
+        }
+    }
+    if table.dictionary.columns().is_empty() {
+        return Ok(single(table.point(&[])));
+    }
+    if let (Some(l), Some(h)) = (&low, &high) {
+        let (a, b) = (&l.0 * &h.1, &h.0 * &l.1);
+        if a > b {
+            return Err(Infeasible);
+        }
+        if a == b {
+            return Ok(single(table.point(&[l.clone()])));
+        }
+    }
+    Ok(Held::Continuum {
+        dimension: 1,
+        ends: [low, high]
+            .into_iter()
+            .flatten()
+            .map(|t| table.point(&[t]))
+            .collect(),
+    })
+}
+
+/// A point that is all that a singular selection holds.
+fn single(point: ExactPoint) -> Held {
+    Held::Point {
+        point,
+        sign: 0,
+        touched: Vec::new(),
+    }
+}
+
+impl Tableau<'_> {
+    /// The unknowns where the columns left have the given values.
+    fn point(&self, values: &[(BigInt, BigInt)]) -> ExactPoint {
+        let scale: BigInt = values.iter().map(|v| &v.1).product();
+        let numerator = |k: usize| {
+            let entries = self.dictionary.entries(self.unknowns + k);
+            let mut sum = &entries[0] * &scale;
+            for (a, (n, d)) in entries[1..].iter().zip(values) {
+                sum += a * n * (&scale / d);
+            }
+            sum
+        };
+        ExactPoint {
+            numerators: (0..self.conditions.unknowns).map(numerator).collect(),
+            denominator: self.dictionary.denominator() * scale,
+        }
+    }
+}
+
+/// Whether pieces of a site agree on each facet between them.
+///
+/// A form that vanishes in another piece is the same on both sides, as with complementarity. Where it does not, the rows of the map have to
+/// meet: J_σ − J_σ′ = a bᵀ with the normal b of the facet, constants included, for a piece σ′ behind it.
+pub(super) fn is_continuous(conditions: &ExactConditions, site: usize) -> bool {
+    let ExactSite { forms, pieces, .. } = &conditions.sites[site];
+    let across = |piece: &ExactPiece, (facet, sign): (usize, i8)| {
+        let vanishes = |other: &ExactPiece| other.equalities.iter().any(|e| e.1 == facet);
+        pieces.iter().any(|other| {
+            let meets = other.facets.contains(&(facet, -sign)) && {
+                let mut own = piece.equalities.iter();
+                own.all(|&(row, form)| {
+                    let there = other.equalities.iter().find(|e| e.0 == row);
+                    there.is_some_and(|e| {
+                        let difference = forms[form].plus(&-&Exact::one(), &forms[e.1]);
+                        is_multiple(&difference, &forms[facet])
+                    })
+                })
+            };
+            other.piece != piece.piece && (vanishes(other) || meets)
+        })
+    };
+    pieces.len() == 1 || pieces.iter().all(|p| p.facets.iter().all(|f| across(p, *f)))
+}
+
+/// Whether a form is another one times a number.
+fn is_multiple(form: &ExactForm, other: &ExactForm) -> bool {
+    let numbers = |f: &'_ ExactForm| -> Vec<Exact> {
+        std::iter::once(&f.constant)
+            .chain(&f.coefficients)
+            .cloned()
+            .collect()
+    };
+    let (a, b) = (numbers(form), numbers(other));
+    let Some(k) = b.iter().position(|v| !v.is_zero()) else {
+        return a.iter().all(Exact::is_zero);
+    };
+    a.iter().zip(&b).all(|(a_j, b_j)| a_j * &b[k] == b_j * &a[k])
+}

@@ -1,0 +1,64 @@
+use super::Exact;
+
+/// Bounds of |y_k| for all y with Σ y_k (L y + l)_k ≤ 0, where the symmetric part of L is positive definite; `None` where floating-point
+/// numbers do not prove that it is. Rows are given as the constant l_k and the coefficients.
+///
+/// With units that make the diagonal one, μ = D⁻¹y, λ_min ‖μ‖² ≤ μᵀ(D L D)μ ≤ ‖D l‖ ‖μ‖. That λ_min > s − rounding is shown by a Cholesky
+/// factorisation of the matrix less s that runs to its end (Rump, BIT 46, 2006).
+pub(crate) fn passive_bounds<'f>(rows: impl Iterator<Item = (&'f Exact, &'f [Exact])>) -> Option<Vec<Exact>> {
+    let rows: Vec<_> = rows.collect();
+    let q = rows.len();
+    let halved = |k: usize| -> Option<i64> {
+        let diagonal = &rows[k].1[k];
+        let magnitude = diagonal.magnitude().filter(|_| diagonal.sign() > 0)?;
+        Some(-magnitude.div_euclid(2))
+    };
+    let units: Vec<i64> = (0..q).map(halved).collect::<Option<_>>()?;
+    let entry = |i: usize, j: usize| rows[i].1[j].scaled(units[i] + units[j]);
+    let mut symmetric = vec![0.0; q * q];
+    let mut trace = 0.0;
+    for i in 0..q {
+        for j in 0..=i {
+            symmetric[i * q + j] = 0.5 * (entry(i, j) + entry(j, i));
+        }
+        trace += symmetric[i * q + i];
+    }
+    let n = q as f64;
+    let rounding = 2.0 * (n + 4.0) * f64::EPSILON * (trace + n * max_abs(&symmetric));
+    let shift = (1..40).map(|k| f64::powi(2.0, -k)).find(|s| {
+        let mut factor = symmetric.clone();
+        s * 0.25 > rounding && cholesky(&mut factor, q, *s)
+    })?;
+    let loads = || rows.iter().zip(&units);
+    let largest = loads().filter_map(|(r, d)| r.0.magnitude().map(|m| m + d)).max();
+    let Some(largest) = largest else {
+        return Some(vec![Exact::default(); q]);
+    };
+    let load: f64 = loads().map(|(r, d)| r.0.scaled(d - largest).powi(2)).sum();
+    let bound = Exact::new(1.001 * load.sqrt() / (0.5 * shift))?;
+    Some(units.iter().map(|d| bound.clone().shifted(d + largest)).collect())
+}
+
+fn max_abs(v: &[f64]) -> f64 {
+    v.iter().fold(0.0, |m, v| m.max(v.abs()))
+}
+
+/// Whether the Cholesky factorisation of the lower triangle less `shift` runs to its end.
+fn cholesky(a: &mut [f64], n: usize, shift: f64) -> bool {
+    for j in 0..n {
+        for i in j..n {
+            let mut sum = a[i * n + j] - if i == j { shift } else { 0.0 };
+            for k in 0..j {
+                sum -= a[i * n + k] * a[j * n + k];
+            }
+            if i > j {
+                a[i * n + j] = sum / a[j * n + j];
+            } else if sum > 0.0 && sum.is_finite() {
+                a[j * n + j] = sum.sqrt();
+            } else {
+                return false;
+            }
+        }
+    }
+    true
+}

@@ -1,0 +1,305 @@
+//! A dictionary of affine forms with integer coefficients over one denominator: elimination without fractions (Edmonds, Bareiss).
+
+use num_bigint::BigInt;
+use num_traits::{One, Signed, Zero};
+
+use super::Exact;
+
+/// The conditions contradict each other.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) struct Infeasible;
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Place {
+    Row(usize),
+    Column(usize),
+    /// Zero.
+    Gone,
+}
+
+#[derive(Debug, Clone)]
+struct Row {
+    var: usize,
+    /// The constant, then the coefficients, as numerators.
+    entries: Vec<BigInt>,
+}
+
+/// Every form as a constant plus a combination of the columns. Variables are the forms, numbered as given, followed by the unknowns.
+#[derive(Debug, Clone)]
+pub(crate) struct Dictionary {
+    rows: Vec<Row>,
+    columns: Vec<usize>,
+    /// Positive.
+    denominator: BigInt,
+    place: Vec<Place>,
+    sign: Vec<i8>,
+    /// Numbers written, large ones counted as many.
+    work: u64,
+}
+
+impl Dictionary {
+    /// Forms as rows of a constant and one coefficient for each unknown; each is multiplied by a power of two that makes it integer.
+    pub(crate) fn new<'f>(unknowns: usize, forms: impl Iterator<Item = (&'f Exact, &'f [Exact])>) -> Self {
+        let mut rows = Vec::new();
+        for (var, (constant, coefficients)) in forms.enumerate() {
+            let all = || std::iter::once(constant).chain(coefficients);
+            let shift = -all().filter_map(Exact::granularity).min().unwrap_or(0);
+            rows.push(Row {
+                var,
+                entries: all().map(|e| e.integer(shift)).collect(),
+            });
+        }
+        let count = rows.len();
+        let mut place: Vec<Place> = (0..count).map(Place::Row).collect();
+        place.extend((0..unknowns).map(Place::Column));
+        Self {
+            columns: (count..count + unknowns).collect(),
+            sign: vec![0; place.len()],
+            place,
+            rows,
+            denominator: BigInt::one(),
+            work: 0,
+        }
+    }
+
+    /// The work done since it was last asked for, in numbers of some hundred bits.
+    pub(crate) fn take_work(&mut self) -> u64 {
+        std::mem::take(&mut self.work)
+    }
+
+    pub(crate) fn place(&self, var: usize) -> Place {
+        self.place[var]
+    }
+
+    /// The variables of the columns: the dimension left.
+    pub(crate) fn columns(&self) -> &[usize] {
+        &self.columns
+    }
+
+    pub(crate) fn denominator(&self) -> &BigInt {
+        &self.denominator
+    }
+
+    /// Numerators of the constant and of the coefficients of a variable over the present columns.
+    pub(crate) fn entries(&self, var: usize) -> Vec<BigInt> {
+        match self.place[var] {
+            Place::Row(r) => self.rows[r].entries.clone(),
+            place => {
+                let mut entries = vec![BigInt::zero(); self.columns.len() + 1];
+                if let Place::Column(c) = place {
+                    entries[1 + c].clone_from(&self.denominator);
+                }
+                entries
+            }
+        }
+    }
+
+    /// Sets a variable to zero; gives the column it was exchanged with and the sign of the pivot, if there was one.
+    pub(crate) fn fix(&mut self, var: usize) -> Result<Option<(usize, i8)>, Infeasible> {
+        self.fix_among(var, |_| true)
+    }
+
+    /// As [`fix`](Self::fix), exchanging with columns of the given variables only; where there is none the form stays.
+    pub(crate) fn fix_among(
+        &mut self,
+        var: usize,
+        allowed: impl Fn(usize) -> bool,
+    ) -> Result<Option<(usize, i8)>, Infeasible> {
+        match self.place[var] {
+            Place::Gone => Ok(None),
+            Place::Column(c) => {
+                self.drop_column(c);
+                Ok(None)
+            }
+            Place::Row(r) => {
+                let entries = &self.rows[r].entries;
+                let candidates = self.columns.iter().enumerate();
+                let best = candidates
+                    .filter(|(c, v)| !entries[1 + c].is_zero() && allowed(**v))
+                    // Free columns first: a constrained one would have to be kept nonnegative as a row.
+                    .min_by_key(|(c, v)| (self.sign[**v] != 0, entries[1 + c].bits()));
+                let Some((c, &column)) = best else {
+                    if !entries[0].is_zero() {
+                        return Err(Infeasible);
+                    }
+                    self.drop_row(r);
+                    return Ok(None);
+                };
+                let sign = if entries[1 + c].is_negative() { -1 } else { 1 };
+                self.exchange(r, c);
+                self.drop_column(c);
+                Ok(Some((column, sign)))
+            }
+        }
+    }
+
+    /// Constrains the sign of a variable; opposite constraints make it zero.
+    pub(crate) fn constrain(&mut self, var: usize, sign: i8) -> Result<(), Infeasible> {
+        match self.sign[var] {
+            _ if self.place[var] == Place::Gone => Ok(()),
+            0 => {
+                self.sign[var] = sign;
+                Ok(())
+            }
+            old if old == sign => Ok(()),
+            _ => self.fix(var).map(|_| ()),
+        }
+    }
+
+    /// Forgets a row that is of no further interest.
+    pub(crate) fn forget(&mut self, var: usize) {
+        if let Place::Row(r) = self.place[var] {
+            self.drop_row(r);
+        }
+    }
+
+    /// Restores the sign constraints of all rows by Bland's rule.
+    pub(crate) fn repair(&mut self) -> Result<(), Infeasible> {
+        loop {
+            let violated = |row: &&Row| {
+                let s = self.sign[row.var];
+                (s > 0 && row.entries[0].is_negative()) || (s < 0 && row.entries[0].is_positive())
+            };
+            let Some(row) = self.rows.iter().filter(violated).min_by_key(|row| row.var) else {
+                return Ok(());
+            };
+            let wanted = self.sign[row.var];
+            let helps = |c: usize, v: usize| {
+                let a = &row.entries[1 + c];
+                let way = if a.is_negative() { -wanted } else { wanted };
+                !a.is_zero() && (self.sign[v] == 0 || self.sign[v] == way)
+            };
+            let columns = self.columns.iter().enumerate();
+            let entering = columns
+                .filter(|(c, v)| helps(*c, **v))
+                .min_by_key(|(_, v)| (self.sign[**v] != 0, **v));
+            let (Some((c, _)), Place::Row(r)) = (entering, self.place[row.var]) else {
+                return Err(Infeasible);
+            };
+            self.exchange(r, c);
+        }
+    }
+
+    fn exchange(&mut self, r: usize, c: usize) {
+        let numbers = (self.rows.len() * (self.columns.len() + 1)) as u64;
+        self.work += numbers * (1 + self.denominator.bits() / 512);
+        let pivot = std::mem::take(&mut self.rows[r].entries);
+        let a = pivot[1 + c].clone();
+        let old = std::mem::replace(&mut self.denominator, a.clone());
+        for (i, row) in self.rows.iter_mut().enumerate() {
+            if i == r {
+                continue;
+            }
+            let m = std::mem::take(&mut row.entries[1 + c]);
+            for (j, (e, p)) in row.entries.iter_mut().zip(&pivot).enumerate() {
+                if j == 1 + c || (e.is_zero() && (m.is_zero() || p.is_zero())) {
+                    continue;
+                }
+                *e *= &a;
+                if !m.is_zero() && !p.is_zero() {
+                    *e -= &m * p;
+                }
+                *e /= &old;
+            }
+            row.entries[1 + c] = m;
+        }
+        let mut entries: Vec<BigInt> = pivot.into_iter().map(|p| -p).collect();
+        entries[1 + c] = old;
+        let (leaving, entering) = (self.rows[r].var, self.columns[c]);
+        self.rows[r] = Row {
+            var: entering,
+            entries,
+        };
+        self.columns[c] = leaving;
+        self.place[entering] = Place::Row(r);
+        self.place[leaving] = Place::Column(c);
+        if self.denominator.is_negative() {
+            self.denominator = -std::mem::take(&mut self.denominator);
+            for e in self.rows.iter_mut().flat_map(|row| &mut row.entries) {
+                *e = -std::mem::take(e);
+            }
+        }
+    }
+
+    fn drop_column(&mut self, c: usize) {
+        self.place[self.columns[c]] = Place::Gone;
+        self.columns.swap_remove(c);
+        for row in &mut self.rows {
+            row.entries.swap_remove(1 + c);
+        }
+        if let Some(&moved) = self.columns.get(c) {
+            self.place[moved] = Place::Column(c);
+        }
+    }
+
+    fn drop_row(&mut self, r: usize) {
+        self.place[self.rows[r].var] = Place::Gone;
+        self.rows.swap_remove(r);
+        if let Some(row) = self.rows.get(r) {
+            self.place[row.var] = Place::Row(r);
+        }
+    }
+}
+
+/// numerator / denominator as a floating-point number within one unit in the last place, times 2^shift.
+pub(crate) fn quotient(numerator: &BigInt, denominator: &BigInt, shift: i64) -> f64 {
+    if numerator.is_zero() {
+        return 0.0;
+    }
+    let up = (denominator.bits() as i64 - numerator.bits() as i64 + 66).max(0);
+    let q = (numerator << up as u64) / denominator;
+    Exact::of(q, 0).scaled(shift - up)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Dictionary, quotient};
+    use crate::exact::Exact;
+
+    fn dictionary(unknowns: usize, forms: &[&[f64]]) -> Dictionary {
+        let exact: Vec<Vec<Exact>> = forms
+            .iter()
+            .map(|f| f.iter().map(|v| Exact::new(*v).unwrap()).collect())
+            .collect();
+        Dictionary::new(unknowns, exact.iter().map(|f| (&f[0], &f[1..])))
+    }
+
+    /// 2x + y = 3.5, x − 3y = 0.7 has the solution (1.6, 0.3), up to what 0.7 is as a floating-point number.
+    #[test]
+    fn solves_and_finds_contradictions() {
+        let mut d = dictionary(2, &[&[-3.5, 2.0, 1.0], &[-0.7, 1.0, -3.0], &[1.0, -4.0, -2.0]]);
+        assert!(d.fix(0).is_ok() && d.fix(1).is_ok() && d.columns().is_empty());
+        let at = |var: usize| quotient(&d.entries(var)[0], d.denominator(), 0);
+        assert!((at(3) - 1.6).abs() < 1e-15 && (at(4) - 0.3).abs() < 1e-15);
+        assert_eq!(at(2), -6.0);
+        let mut d = dictionary(2, &[&[1.0, 1.0, 1.0], &[2.0, 2.0, 2.0], &[0.1, 0.3, 0.3]]);
+        assert!(d.fix(0).is_ok() && d.fix(1).is_ok() && d.columns().len() == 1);
+        // 0.1 + 0.3 (x + y) at x + y = −1 is not 0.
+        assert!(d.fix(2).is_err());
+    }
+
+    /// x ≥ 0, y ≥ 0, x + y ≤ 1, x + y ≥ s is feasible up to s = 1.
+    #[test]
+    fn feasibility_is_decided_by_the_last_bit() {
+        for (s, feasible) in [
+            (0.5, true),
+            (1.0, true),
+            (1.0 + f64::EPSILON, false),
+            (2.0, false),
+        ] {
+            let mut d = dictionary(
+                2,
+                &[
+                    &[0.0, 1.0, 0.0],
+                    &[0.0, 0.0, 1.0],
+                    &[1.0, -1.0, -1.0],
+                    &[-s, 1.0, 1.0],
+                ],
+            );
+            for var in 0..4 {
+                d.constrain(var, 1).unwrap();
+            }
+            assert_eq!(d.repair().is_ok(), feasible, "{s}");
+        }
+    }
+}

@@ -1,0 +1,9 @@
+//! Exact arithmetic for decisions that rounding must not make: floating-point data are exact rational numbers.
+
+mod bounds;
+mod dictionary;
+mod number;
+
+pub(crate) use bounds::passive_bounds;
+pub(crate) use dictionary::{Dictionary, Infeasible, Place, quotient};
+pub use number::Exact;
