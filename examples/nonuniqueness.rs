@@ -227,7 +227,6 @@ fn draw<L: NodeLaw>(bar: &Bar<L>, name: &str, branch: &Branch, found: &Found, ar
 }
 
 /// The solutions as fields on the mesh, for ParaView.
-#[cfg(feature = "vtk")]
 fn fields<L: NodeLaw>(bar: &Bar<L>, name: &str, found: &Found, args: &Args) -> Outcome<()> {
     use semismooth::output::{Field, write_vtu};
     let (system, rows) = (&bar.system, &bar.rows);
@@ -262,11 +261,6 @@ fn fields<L: NodeLaw>(bar: &Bar<L>, name: &str, found: &Found, args: &Args) -> O
         ];
         write_vtu(path, mesh, &at_nodes, &[Field::new("stress", 6, stress)])?;
     }
-    Ok(())
-}
-
-#[cfg(not(feature = "vtk"))]
-fn fields<L: NodeLaw>(_bar: &Bar<L>, _name: &str, _found: &Found, _args: &Args) -> Outcome<()> {
     Ok(())
 }
 

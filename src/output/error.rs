@@ -96,6 +96,14 @@ pub enum OutputError {
         /// Values given.
         found: usize,
     },
+    /// The time of a step of a series is NaN or infinite.
+    #[error("step {index} of the series has the time {time}, which must be finite")]
+    Time {
+        /// Step, from 0.
+        index: usize,
+        /// Its time.
+        time: f64,
+    },
     /// Writing failed.
     #[error("cannot write{}: {what}", path.as_ref().map(|p| format!(" {}", p.display())).unwrap_or_default())]
     Io {

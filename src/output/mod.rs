@@ -1,4 +1,5 @@
-//! What people take away: branches and explored diagrams as CSV tables, with the `json` feature as JSON, with `svg` as pictures.
+//! What people take away: branches and explored diagrams as CSV tables, fields on meshes for ParaView, with the `json` feature diagrams as
+//! JSON, with `svg` as pictures.
 
 mod csv;
 #[cfg(feature = "svg")]
@@ -10,7 +11,6 @@ mod graph;
 mod live;
 #[cfg(feature = "svg")]
 mod plane;
-#[cfg(feature = "vtk")]
 mod vtu;
 mod walk;
 
@@ -24,5 +24,4 @@ pub use graph::write_diagram_json;
 pub use live::CsvWriter;
 #[cfg(feature = "json")]
 pub use live::JsonLinesWriter;
-#[cfg(feature = "vtk")]
-pub use vtu::{Field, write_vtu};
+pub use vtu::{Field, write_pvd, write_vtu};

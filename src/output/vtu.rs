@@ -1,10 +1,8 @@
-use std::path::Path;
+//! Fields on meshes as VTU files, and series of them in time as PVD files, for ParaView.
 
-use vtkio::IOBuffer;
-use vtkio::model::{
-    Attribute, Attributes, ByteOrder, CellType, Cells, DataArray, DataSet, ElementType,
-    UnstructuredGridPiece, Version, VertexNumbers, Vtk,
-};
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::Path;
 
 use super::OutputError;
 use crate::fem::{CellKind, Mesh};
@@ -29,7 +27,7 @@ impl Field {
         }
     }
 
-    fn array(&self, expected: usize) -> Result<Attribute, OutputError> {
+    fn check(&self, expected: usize) -> Result<(), OutputError> {
         let wanted = self.components.max(1).saturating_mul(expected);
         if self.components == 0 || self.values.len() != wanted {
             return Err(OutputError::Field {
@@ -38,33 +36,27 @@ impl Field {
                 found: self.values.len(),
             });
         }
-        let (elem, values) = match self.components {
-            1 => (
-                ElementType::Scalars {
-                    num_comp: 1,
-                    lookup_table: None,
-                },
-                self.values.clone(),
-            ),
-            2 => (
-                ElementType::Vectors,
-                self.values
-                    .chunks_exact(2)
-                    .flat_map(|v| [v[0], v[1], 0.0])
-                    .collect(),
-            ),
-            3 => (ElementType::Vectors, self.values.clone()),
-            n => (ElementType::Generic(n as u32), self.values.clone()),
-        };
-        Ok(Attribute::DataArray(DataArray {
-            name: self.name.clone(),
-            elem,
-            data: IOBuffer::F64(values),
-        }))
+        Ok(())
+    }
+
+    /// Numbers a node or cell in the file.
+    fn width(&self) -> usize {
+        match self.components {
+            2 => 3,
+            n => n,
+        }
+    }
+
+    /// The numbers as they stand in the file, vectors of the plane with a third component 0.
+    fn numbers(&self) -> impl Iterator<Item = f64> + '_ {
+        let padding = self.width() - self.components;
+        let parts = self.values.chunks_exact(self.components);
+        parts.flat_map(move |part| part.iter().copied().chain(std::iter::repeat_n(0.0, padding)))
     }
 }
 
-/// Writes a mesh with fields at its nodes and in its cells: VTU (XML) if the path ends in `.vtu`, legacy VTK if in `.vtk`.
+/// Writes a mesh with fields at its nodes and in its cells: VTU (XML, numbers in base64) if the path ends in `.vtu`, legacy VTK (text) if
+/// in `.vtk`. Any f64 is written, NaN included.
 ///
 /// # Errors
 /// Fields of the wrong length, paths that cannot be written or have another ending.
@@ -83,48 +75,239 @@ pub fn write_vtu(
     in_cells: &[Field],
 ) -> Result<(), OutputError> {
     let path = path.as_ref();
-    let mut connectivity = Vec::new();
-    let (mut offsets, mut types) = (Vec::new(), Vec::new());
-    for cell in 0..mesh.num_cells() {
-        connectivity.extend(mesh.cell(cell).iter().map(|&n| n as u64));
-        offsets.push(connectivity.len() as u64);
-        types.push(match mesh.kind(cell) {
-            CellKind::Triangle => CellType::Triangle,
-            CellKind::Quadrilateral => CellType::Quad,
-            CellKind::Tetrahedron => CellType::Tetra,
-            CellKind::Hexahedron => CellType::Hexahedron,
-        });
+    at_nodes.iter().try_for_each(|f| f.check(mesh.num_nodes()))?;
+    in_cells.iter().try_for_each(|f| f.check(mesh.num_cells()))?;
+    let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
+    let grid: fn(&mut dyn Write, &Mesh, &[Field], &[Field]) -> io::Result<()> = match ending {
+        "vtu" => xml_grid,
+        "vtk" => legacy_grid,
+        _ => {
+            return Err(OutputError::Io {
+                path: Some(path.into()),
+                what: "the name of a file with fields ends in .vtu or .vtk".into(),
+            });
+        }
+    };
+    write_file(path, |out| grid(out, mesh, at_nodes, in_cells))
+}
+
+/// Writes a series in time of files written by [`write_vtu`]: ParaView opens the `.pvd` file as an animation. `files` are pairs of time
+/// (or load parameter, growing) and path; paths that are not absolute are relative to the folder of the series.
+///
+/// # Errors
+/// Times that are NaN or infinite, names of files that are not UTF-8, paths that cannot be written.
+///
+/// ```no_run
+/// use semismooth::{fem::Mesh, output::{write_pvd, write_vtu}};
+/// let mesh = Mesh::rectangle([0.0, 0.0], [1.0, 1.0], [2, 2])?;
+/// let mut series = Vec::new();
+/// for step in 0..3 {
+///     let name = format!("step_{step}.vtu");
+///     write_vtu(&name, &mesh, &[], &[])?;
+///     series.push((f64::from(step), name));
+/// }
+/// write_pvd("history.pvd", &series)?;
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn write_pvd<P: AsRef<Path>>(path: impl AsRef<Path>, files: &[(f64, P)]) -> Result<(), OutputError> {
+    let mut entries = Vec::with_capacity(files.len());
+    for (index, (time, file)) in files.iter().enumerate() {
+        if !time.is_finite() {
+            return Err(OutputError::Time { index, time: *time });
+        }
+        let Some(name) = file.as_ref().to_str() else {
+            return Err(OutputError::Io {
+                path: Some(file.as_ref().into()),
+                what: "names of files in a series must be UTF-8".into(),
+            });
+        };
+        entries.push((*time, escaped(name)));
     }
-    let arrays = |fields: &[Field], expected: usize| {
-        fields
-            .iter()
-            .map(|f| f.array(expected))
-            .collect::<Result<Vec<_>, _>>()
+    write_file(path.as_ref(), |out| {
+        begin_file(out, "Collection")?;
+        writeln!(out, "  <Collection>")?;
+        for (time, file) in &entries {
+            writeln!(
+                out,
+                "    <DataSet timestep=\"{time}\" group=\"\" part=\"0\" file=\"{file}\"/>"
+            )?;
+        }
+        writeln!(out, "  </Collection>\n</VTKFile>")
+    })
+}
+
+fn write_file(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), OutputError> {
+    let whole = |part: &Path| {
+        let mut out = BufWriter::new(File::create(part)?);
+        write(&mut out)?;
+        out.flush()
     };
-    let piece = UnstructuredGridPiece {
-        points: IOBuffer::F64(mesh.points().iter().flatten().copied().collect()),
-        cells: Cells {
-            cell_verts: VertexNumbers::XML {
-                connectivity,
-                offsets,
-            },
-            types,
-        },
-        data: Attributes {
-            point: arrays(at_nodes, mesh.num_nodes())?,
-            cell: arrays(in_cells, mesh.num_cells())?,
-        },
-    };
-    let file = Vtk {
-        version: Version::new((1, 0)),
-        title: "semismooth".into(),
-        byte_order: ByteOrder::LittleEndian,
-        file_path: None,
-        data: DataSet::inline(piece),
-    };
-    let write = |part: &Path| file.export(part).map_err(std::io::Error::other);
-    replace_file(path, write).map_err(|e| OutputError::Io {
+    replace_file(path, whole).map_err(|e| OutputError::Io {
         path: Some(path.into()),
         what: e.to_string(),
     })
+}
+
+fn begin_file(out: &mut dyn Write, kind: &str) -> io::Result<()> {
+    writeln!(out, "<?xml version=\"1.0\"?>")?;
+    writeln!(
+        out,
+        "<VTKFile type=\"{kind}\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\">"
+    )
+}
+
+/// Text as the value of an attribute. XML has no characters below a space but tab and ends of lines.
+fn escaped(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '&' => out.push_str("&amp;"),
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            '"' => out.push_str("&quot;"),
+            '\t' | '\n' | '\r' => out.push_str(&format!("&#{};", u32::from(c))),
+            c if c < ' ' => out.push('\u{fffd}'),
+            c => out.push(c),
+        }
+    }
+    out
+}
+
+/// The number by which VTK knows a kind of cell.
+fn number_of(kind: CellKind) -> u8 {
+    match kind {
+        CellKind::Triangle => 5,
+        CellKind::Quadrilateral => 9,
+        CellKind::Tetrahedron => 10,
+        CellKind::Hexahedron => 12,
+    }
+}
+
+fn ends_of_cells(mesh: &Mesh) -> impl Iterator<Item = usize> + '_ {
+    (0..mesh.num_cells()).scan(0, |end, cell| {
+        *end += mesh.cell(cell).len();
+        Some(*end)
+    })
+}
+
+fn xml_grid(out: &mut dyn Write, mesh: &Mesh, at_nodes: &[Field], in_cells: &[Field]) -> io::Result<()> {
+    let cells = 0..mesh.num_cells();
+    begin_file(out, "UnstructuredGrid")?;
+    writeln!(
+        out,
+        "  <UnstructuredGrid>\n    <Piece NumberOfPoints=\"{}\" NumberOfCells=\"{}\">",
+        mesh.num_nodes(),
+        mesh.num_cells()
+    )?;
+    for (section, fields) in [("PointData", at_nodes), ("CellData", in_cells)] {
+        writeln!(out, "      <{section}>")?;
+        for field in fields {
+            doubles(out, &field.name, field.width(), field.numbers())?;
+        }
+        writeln!(out, "      </{section}>")?;
+    }
+    writeln!(out, "      <Points>")?;
+    doubles(out, "Points", 3, mesh.points().iter().flatten().copied())?;
+    writeln!(out, "      </Points>\n      <Cells>")?;
+    let nodes = cells.clone().flat_map(|cell| mesh.cell(cell).iter().copied());
+    integers(out, "connectivity", nodes)?;
+    integers(out, "offsets", ends_of_cells(mesh))?;
+    let kinds = cells.map(|cell| number_of(mesh.kind(cell))).collect();
+    array(out, "UInt8", "types", 1, kinds)?;
+    writeln!(
+        out,
+        "      </Cells>\n    </Piece>\n  </UnstructuredGrid>\n</VTKFile>"
+    )
+}
+
+fn doubles(
+    out: &mut dyn Write,
+    name: &str,
+    width: usize,
+    values: impl Iterator<Item = f64>,
+) -> io::Result<()> {
+    let bytes = values.flat_map(f64::to_le_bytes).collect();
+    array(out, "Float64", name, width, bytes)
+}
+
+fn integers(out: &mut dyn Write, name: &str, values: impl Iterator<Item = usize>) -> io::Result<()> {
+    let bytes = values.flat_map(|v| (v as i64).to_le_bytes()).collect();
+    array(out, "Int64", name, 1, bytes)
+}
+
+/// An array as base64 of the number of its bytes (eight bytes) and the bytes.
+fn array(out: &mut dyn Write, kind: &str, name: &str, width: usize, bytes: Vec<u8>) -> io::Result<()> {
+    let name = escaped(name);
+    writeln!(
+        out,
+        "        <DataArray type=\"{kind}\" Name=\"{name}\" NumberOfComponents=\"{width}\" format=\"binary\">"
+    )?;
+    let length = (bytes.len() as u64).to_le_bytes();
+    base64(out, length.into_iter().chain(bytes))?;
+    writeln!(out, "\n        </DataArray>")
+}
+
+/// RFC 4648, section 4.
+fn base64(out: &mut dyn Write, bytes: impl IntoIterator<Item = u8>) -> io::Result<()> {
+    const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let digit = |word: u32, place: u32| DIGITS[(word >> (6 * place) & 63) as usize];
+    let mut bytes = bytes.into_iter();
+    while let Some(first) = bytes.next() {
+        let (second, third) = (bytes.next(), bytes.next());
+        let word = u32::from_be_bytes([0, first, second.unwrap_or(0), third.unwrap_or(0)]);
+        out.write_all(&[
+            digit(word, 3),
+            digit(word, 2),
+            if second.is_some() { digit(word, 1) } else { b'=' },
+            if third.is_some() { digit(word, 0) } else { b'=' },
+        ])?;
+    }
+    Ok(())
+}
+
+fn legacy_grid(out: &mut dyn Write, mesh: &Mesh, at_nodes: &[Field], in_cells: &[Field]) -> io::Result<()> {
+    let cells = 0..mesh.num_cells();
+    let total: usize = cells.clone().map(|cell| 1 + mesh.cell(cell).len()).sum();
+    writeln!(
+        out,
+        "# vtk DataFile Version 3.0\nsemismooth\nASCII\nDATASET UNSTRUCTURED_GRID"
+    )?;
+    writeln!(out, "POINTS {} double", mesh.num_nodes())?;
+    for [x, y, z] in mesh.points() {
+        writeln!(out, "{x:?} {y:?} {z:?}")?;
+    }
+    writeln!(out, "CELLS {} {total}", mesh.num_cells())?;
+    for cell in cells.clone() {
+        write!(out, "{}", mesh.cell(cell).len())?;
+        for node in mesh.cell(cell) {
+            write!(out, " {node}")?;
+        }
+        writeln!(out)?;
+    }
+    writeln!(out, "CELL_TYPES {}", mesh.num_cells())?;
+    for cell in cells {
+        writeln!(out, "{}", number_of(mesh.kind(cell)))?;
+    }
+    for (section, count, fields) in [
+        ("POINT_DATA", mesh.num_nodes(), at_nodes),
+        ("CELL_DATA", mesh.num_cells(), in_cells),
+    ] {
+        if fields.is_empty() {
+            continue;
+        }
+        writeln!(out, "{section} {count}\nFIELD FieldData {}", fields.len())?;
+        for field in fields {
+            // Names end at the first space there.
+            let name: String = field
+                .name
+                .chars()
+                .map(|c| if c.is_whitespace() { '_' } else { c })
+                .collect();
+            writeln!(out, "{name} {} {count} double", field.width())?;
+            for value in field.numbers() {
+                writeln!(out, "{value:?}")?;
+            }
+        }
+    }
+    Ok(())
 }

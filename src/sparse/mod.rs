@@ -14,7 +14,6 @@ mod vector;
 pub(crate) use coloring::Coloring;
 pub use error::SparseError;
 pub use matrix::{Matrix, MatrixRef};
-#[cfg(any(feature = "svg", feature = "vtk"))]
 pub(crate) use matrix_market::replace_file;
 #[cfg(feature = "json")]
 pub(crate) use matrix_market::{Announced, read_matrix_if};

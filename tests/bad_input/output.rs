@@ -108,10 +108,9 @@ fn outputs() {
     }
     #[cfg(feature = "svg")]
     pictures(&mut t, &branch);
-    #[cfg(feature = "vtk")]
     {
         use semismooth::fem::Mesh;
-        use semismooth::output::{Field, write_vtu};
+        use semismooth::output::{Field, write_pvd, write_vtu};
         let mesh = Mesh::rectangle([0.0; 2], [1.0; 2], [1, 1]).unwrap();
         let missing = Path::new("no/such/file.vtu");
         t.refuses("output::write_vtu", "no folder", "no/such/file.vtu", || {
@@ -120,6 +119,18 @@ fn outputs() {
         for (components, n) in [(0, 0), (3, 1), (usize::MAX, 1), (1, 3)] {
             t.refuses("output::write_vtu", "a field of another length", "f", || {
                 write_vtu(missing, &mesh, &[Field::new("f", components, vec![1.0; n])], &[])
+            });
+        }
+        t.refuses("output::write_vtu", "another ending", ".vtu or .vtk", || {
+            write_vtu("field.xyz", &mesh, &[], &[])
+        });
+        let series = Path::new("no/such/file.pvd");
+        t.refuses("output::write_pvd", "no folder", "no/such/file.pvd", || {
+            write_pvd(series, &[(0.0, "a.vtu")])
+        });
+        for bad in BAD {
+            t.refuses("output::write_pvd", "a time", "step 1", || {
+                write_pvd(series, &[(0.0, "a.vtu"), (bad, "b.vtu")])
             });
         }
     }
