@@ -1,12 +1,14 @@
 //! Frictional contact in Delassus form: the small files that come with the tests.
 
+mod timing;
+
 use std::hint::black_box;
 use std::path::Path;
 
-use criterion::{Criterion, criterion_group, criterion_main};
 use semismooth::contact::{DelassusSolver, read_delassus};
+use timing::Bench;
 
-fn delassus(c: &mut Criterion) {
+fn delassus(bench: &mut Bench) {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/friction");
     let solver = DelassusSolver::default();
     for name in [
@@ -16,11 +18,10 @@ fn delassus(c: &mut Criterion) {
         "fc2d_granularflowonwall_00667_00000",
     ] {
         let problem = read_delassus(folder.join(format!("{name}.json"))).expect(name);
-        c.bench_function(name, |bench| {
-            bench.iter(|| solver.solve(black_box(&problem)).expect(name));
-        });
+        bench.time(name, || solver.solve(black_box(&problem)).expect(name));
     }
 }
 
-criterion_group!(benches, delassus);
-criterion_main!(benches);
+fn main() {
+    timing::run("delassus", &[delassus]);
+}
