@@ -29,7 +29,8 @@ const VANISHING: f64 = 1e-3;
 /// Whether |r| ≤ tolerance · size: in the norm and row by row.
 ///
 /// The norm alone would let a row in small units pass unsolved. Row by row alone is too much to ask of a row such as
-/// H_i = x_i at x_i ≈ 0, whose terms vanish with it; such a row is compared with the largest one after equilibration.
+/// H_i = x_i at x_i ≈ 0, whose terms vanish with it; such a row is compared with the largest one that shares an unknown with it, after
+/// equilibration: that one's rounding is in the unknown.
 pub(super) fn is_small(
     r: &[f64],
     size: &[f64],
@@ -46,10 +47,25 @@ pub(super) fn is_small(
     }
     let Scratch { row, col, max } = work;
     equilibrate(jac, row, col, max);
-    let largest = size.iter().zip(&*row).fold(0.0, |m: f64, (s, w)| m.max(s * w));
+    let entries = |j: usize| {
+        let span = jac.pattern.col_ptr[j]..jac.pattern.col_ptr[j + 1];
+        jac.pattern.row_idx[span.clone()].iter().zip(&jac.values[span])
+    };
+    // The largest row of each unknown.
+    for (j, largest) in max.iter_mut().enumerate() {
+        let rows = entries(j).filter(|e| *e.1 != 0.0);
+        *largest = rows.fold(0.0, |m: f64, (&i, _)| m.max(size[i] * row[i]));
+    }
+    for (j, largest) in max.iter().enumerate() {
+        for (&i, v) in entries(j) {
+            if *v != 0.0 && r[i].abs() * row[i] <= tolerance * largest {
+                row[i] = 0.0;
+            }
+        }
+    }
     r.iter().zip(size).zip(&*row).all(|((r, s), w)| {
         let r = r.abs();
-        r <= tolerance * s || (r >= VANISHING * s && r * w <= tolerance * largest)
+        r <= tolerance * s || (r >= VANISHING * s && *w == 0.0)
     })
 }
 

@@ -140,7 +140,7 @@ impl Run<'_> {
                 }
                 Err(e) => return Err(e.into()),
             };
-            if self.step_is_rounding(x, norm, previous_norm, step, evaluation) {
+            if self.step_is_rounding(x, norm, previous_norm, step, evaluation) && self.terms_cancel(jac, x) {
                 self.best_norm = norm;
                 self.record_last(index, norm, evaluation);
                 return Ok(Ok(Convergence::Rounding));
@@ -281,6 +281,19 @@ impl Run<'_> {
             && step != Step::Gradient
             && norm >= 0.5 * previous
             && norm2(&self.work.d) <= 16.0 * f64::EPSILON * norm2(&x[..self.n])
+    }
+
+    /// Whether each residual is a small part of its terms, whatever the precision of the map.
+    fn terms_cancel(&mut self, jac: &Matrix, x: &[f64]) -> bool {
+        let n = self.n;
+        let work = &mut *self.work;
+        row_sizes(jac.as_ref(), x, &mut work.size);
+        let scratch = Scratch {
+            row: &mut work.trial[..n],
+            col: &mut work.trial_r[..n],
+            max: &mut work.gradient,
+        };
+        is_small(&work.r, &work.size, JUMP, jac.leading_columns(n), scratch)
     }
 
     /// Whether the residual at the best iterate is the noise of its own evaluation: no larger than the change made by moving

@@ -272,3 +272,25 @@ fn iterations_are_limited() {
         assert!(newton.report().history.len() <= k + 1);
     }
 }
+
+/// x₁ = 1e14 next to −1e-8 (1 + x₂) ≥ 0 and x₂ ≥ 0, which has no solution: a large row that shares no unknown with a small one is no
+/// measure for it, nor is its rounding.
+#[test]
+fn a_large_row_does_not_excuse_a_small_one() {
+    for (size, c) in [(1e8, -1e-8), (1e14, -1e-8), (1e18, -1e-4), (1e18, -1.0)] {
+        let map = MinMap::new(2, move |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+            a[0] = x[0] - size;
+            b[0] = x[0] - size;
+            a[1] = x[1];
+            b[1] = c * (1.0 + x[1]);
+        });
+        for start in [[0.0, 0.0], [size, 1.0], [0.5 * size, 0.0]] {
+            let mut x = start;
+            let outcome = Newton::default().solve(&map, &mut x);
+            assert!(
+                outcome.is_err(),
+                "{size:e} {c:e} from {start:?}: {outcome:?} at {x:?}"
+            );
+        }
+    }
+}
