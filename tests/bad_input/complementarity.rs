@@ -323,6 +323,7 @@ fn solvers(t: &mut Table) {
     let mut options = vec![
         ("max_iterations", McpOptions::default().with_max_iterations(0)),
         ("max_attempt", McpOptions::default().with_max_attempt(0)),
+        ("strategies", McpOptions::default().with_strategies(Vec::new())),
     ];
     for bad in [f64::NAN, INF, -1.0] {
         options.push(("tolerance", McpOptions::default().with_tolerance(bad)));

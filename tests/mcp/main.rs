@@ -12,4 +12,5 @@ mod linear;
 mod outcomes;
 mod parametric;
 mod properties;
+mod strategies;
 mod support;

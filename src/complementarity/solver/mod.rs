@@ -1,14 +1,13 @@
 //! The solver of mixed complementarity problems.
 
-mod affine;
-mod attempts;
 mod engine;
 mod judge;
 mod linearisation;
 mod options;
-mod path;
+mod outcome;
 mod report;
 mod steps;
+mod strategies;
 mod work;
 
 use std::ops::ControlFlow;
@@ -39,14 +38,17 @@ use work::Work;
 ///    1995) by the crate's continuation.
 /// 5. *Homotopy*: t F(x) + (1 − t)(x − x⁰) from t = 0 to 1, by arclength continuation through kinks and folds.
 /// 6. *Enumeration*: for affine problems of up to 24 components a pruned search of all active sets.
-/// 7. *Restart*: 1, 2 and 5 from perturbed starts.
+/// 7. *Smoothing*: Newton's method for a + b − √((a − b)² + 4μ²) in place of 2 min(a, b), μ → 0 (Chen and Harker 1993; Kanzow 1996).
+/// 8. *Restart*: 1, 2 and 5 from perturbed starts.
+///
+/// [`McpOptions::strategies`] chooses among them, and their order.
 ///
 /// Iterates stay within the bounds (unless F is affine), and F is evaluated nowhere else ([`McpOptions::stay_inside`]); where it is not
 /// finite the step is shortened. Success is claimed only by the rule told under [accuracy](super#accuracy), for the point returned.
 ///
 /// # Cost
 /// A step factors the system of the components away from their bounds. Up to 48 components nothing is allocated once a solver
-/// has seen a problem with the same pattern, unless it comes to strategies 4 to 7.
+/// has seen a problem with the same pattern, unless it comes to strategies 4 to 6 or 8.
 #[derive(Debug, Clone, Default)]
 pub struct McpSolver {
     options: McpOptions,
@@ -175,7 +177,7 @@ impl McpSolver {
             report: &mut self.report,
             observe,
             clock,
-            strategy: McpStrategy::Newton,
+            strategy: self.options.strategies[0],
             affine: problem.function().is_affine(),
             best: f64::INFINITY,
             attempt_best: f64::INFINITY,

@@ -1,5 +1,6 @@
 use std::time::Duration;
 
+use super::{McpStrategy, strategies};
 use crate::complementarity::ComplementarityError;
 use crate::options::setters;
 
@@ -30,6 +31,22 @@ pub struct McpOptions {
     pub stay_inside: bool,
     /// Whether rows and columns are equilibrated, by powers of two and the Jacobian at the start. Default true.
     pub equilibrate: bool,
+    /// What is tried, in this order, each only if all before it failed. Default: all of [`McpStrategy`], in the order of its variants.
+    ///
+    /// ```
+    /// use semismooth::complementarity::{Mcp, McpOptions, McpSolver, McpStrategy};
+    /// use semismooth::sparse::Matrix;
+    /// let strategies = vec![McpStrategy::Smoothing, McpStrategy::Enumeration];
+    /// let mut solver = McpSolver::new(McpOptions::default().with_strategies(strategies));
+    /// let m = Matrix::from_rows(&[[2.0, 1.0], [1.0, 2.0]])?;
+    /// let problem = Mcp::affine(m, vec![-5.0, -1.0], vec![0.0; 2], vec![f64::INFINITY; 2])?;
+    /// let mut x = [1.0, 1.0];
+    /// let report = solver.solve(&problem, &mut x)?;
+    /// assert!(report.is_solved() && report.strategy == McpStrategy::Smoothing);
+    /// assert!((x[0] - 2.5).abs() < 1e-12 && x[1] == 0.0);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub strategies: Vec<McpStrategy>,
     /// Whether other strategies follow where the first one fails. Default true.
     pub fallbacks: bool,
     /// Largest number of components for which paths are followed as a last resort. Default 300.
@@ -52,6 +69,7 @@ impl Default for McpOptions {
             max_time: None,
             stay_inside: true,
             equilibrate: true,
+            strategies: strategies::all(),
             fallbacks: true,
             max_path_size: 300,
             max_path_points: 1500,
@@ -77,6 +95,8 @@ impl McpOptions {
         with_stay_inside(stay_inside: bool);
         /// Sets whether rows and columns are equilibrated.
         with_equilibrate(equilibrate: bool);
+        /// Sets what is tried, and in which order.
+        with_strategies(strategies: Vec<McpStrategy>);
         /// Sets whether other strategies follow where the first one fails.
         with_fallbacks(fallbacks: bool);
         /// Sets the largest number of components for which paths are followed.
@@ -100,6 +120,9 @@ impl McpOptions {
         }
         if !(self.acceptable >= 0.0 && self.acceptable.is_finite()) {
             return bad("acceptable", self.acceptable, "finite and at least 0");
+        }
+        if self.strategies.is_empty() {
+            return bad("strategies", 0.0, "a list of at least one strategy");
         }
         if self.max_iterations == 0 {
             return bad("max_iterations", 0.0, "at least 1");

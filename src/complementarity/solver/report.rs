@@ -77,7 +77,7 @@ impl fmt::Display for McpStatus {
     }
 }
 
-/// What is tried, in this order.
+/// What is tried, in this order unless [`McpOptions::strategies`](super::McpOptions::strategies) says otherwise.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -94,23 +94,17 @@ pub enum McpStrategy {
     Homotopy,
     /// Small affine problems: a pruned search of all active sets.
     Enumeration,
-    /// The first strategy and paths from perturbed starts.
+    /// Newton's method for smoothed equations (Chen and Harker 1993; Kanzow 1996; Smale 1987).
+    Smoothing,
+    /// The first two and paths from perturbed starts.
     Restart,
 }
 
 impl McpStrategy {
     /// The strategy in words.
     #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Newton => "Newton",
-            Self::FischerBurmeister => "Fischer-Burmeister",
-            Self::Proximal => "proximal",
-            Self::JosephyNewton => "Josephy-Newton",
-            Self::Homotopy => "homotopy",
-            Self::Enumeration => "enumeration",
-            Self::Restart => "restart",
-        }
+    pub fn name(self) -> &'static str {
+        super::strategies::name(self)
     }
 }
 
@@ -148,6 +142,8 @@ pub enum McpStep {
     Regularised,
     /// Projected steepest descent.
     Gradient,
+    /// Newton step of smoothed equations.
+    Smoothed,
     /// Solution of the linearised complementarity problem.
     Linearised,
     /// The end of a path.

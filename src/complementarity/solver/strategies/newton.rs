@@ -1,9 +1,21 @@
-//! Full steps of the natural map for affine problems.
+//! Steps of the natural map, globalised; for affine problems full steps from active set to active set first.
 
-use super::engine::{Engine, Plan};
-use super::{McpStatus, McpStep};
+use crate::complementarity::solver::engine::{Engine, Plan};
+use crate::complementarity::solver::{McpStatus, McpStep};
 
 impl Engine<'_> {
+    pub(super) fn newton(&mut self) -> McpStatus {
+        let plan = Plan::newton(self.options.max_attempt);
+        if self.affine {
+            let status = self.affine_newton(&plan);
+            if status != McpStatus::Stalled {
+                return status;
+            }
+            self.restart_at_start();
+        }
+        self.descend(&plan)
+    }
+
     /// Full steps of the natural map for affine F, where each active set has one step: ends at a solution, or where a set comes back.
     pub(super) fn affine_newton(&mut self, plan: &Plan) -> McpStatus {
         let limit = (50 + self.n() / 2).min(plan.max_iterations);

@@ -1,0 +1,85 @@
+//! What a solve reports in the end.
+
+use super::engine::Engine;
+use super::{BoundState, McpStatus};
+
+impl Engine<'_> {
+    /// The reason of the attempt that came nearest.
+    pub(super) fn verdict(&self) -> McpStatus {
+        if self.asymptotic {
+            return McpStatus::Unbounded;
+        }
+        let nearest = self
+            .report
+            .fallbacks
+            .iter()
+            .min_by(|a, b| a.residual.total_cmp(&b.residual));
+        match nearest.map(|f| f.outcome) {
+            Some(McpStatus::IterationLimit) | None => McpStatus::Stalled,
+            Some(outcome) => outcome,
+        }
+    }
+
+    /// What is said in the end of the point nearest to a solution, where no strategy reached the tolerance.
+    fn last_word(&mut self, status: McpStatus) -> McpStatus {
+        let proven = matches!(status, McpStatus::Infeasible | McpStatus::Interrupted);
+        if proven || self.least_error == f64::INFINITY {
+            return status;
+        }
+        let w = &mut *self.work;
+        w.trial_x.copy_from_slice(&w.x);
+        w.x.copy_from_slice(&w.nearest);
+        if self.evaluate() && self.jacobian() {
+            let measure = self.measure();
+            if self.accepts(measure, self.options.acceptable.max(self.options.tolerance)) {
+                return McpStatus::Solved;
+            }
+            if measure.is_rounding() {
+                return McpStatus::AtRounding;
+            }
+        }
+        let w = &mut *self.work;
+        w.x.copy_from_slice(&w.trial_x);
+        status
+    }
+
+    /// Writes the best point to `x` and completes the report.
+    pub(super) fn finish(&mut self, mut status: McpStatus, x: &mut [f64]) {
+        self.fresh = false;
+        if status != McpStatus::Solved {
+            let w = &mut *self.work;
+            match self.best < f64::INFINITY {
+                true => w.x.copy_from_slice(&w.best),
+                false => w.x.copy_from_slice(&w.start),
+            }
+            status = self.last_word(status);
+        }
+        x.copy_from_slice(&self.work.x);
+        // Evaluated at what is returned, whatever was known before.
+        let finite = self.evaluate();
+        if status != McpStatus::Solved {
+            self.report.error = f64::NAN;
+            if finite && self.jacobian() {
+                self.measure();
+            }
+        }
+        self.report.status = status;
+        self.report.residual = self.residual();
+        self.report.strategy = self.strategy;
+        let mut complementarity = 0.0_f64;
+        let mut feasibility = 0.0_f64;
+        for i in 0..x.len() {
+            let (l, u, f) = (self.lower[i], self.upper[i], self.work.f[i]);
+            feasibility = feasibility.max(l - x[i]).max(x[i] - u);
+            let gap = if f > 0.0 { x[i] - l } else { u - x[i] };
+            complementarity = complementarity.max(gap.abs().min(f.abs()));
+            self.report.states.push(match (x[i] == l, x[i] == u) {
+                (true, _) if f >= 0.0 || l == u => BoundState::Lower,
+                (_, true) if f <= 0.0 => BoundState::Upper,
+                _ => BoundState::Interior,
+            });
+        }
+        self.report.feasibility = feasibility;
+        self.report.complementarity = if finite { complementarity } else { f64::NAN };
+    }
+}

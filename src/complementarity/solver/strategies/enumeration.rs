@@ -1,0 +1,54 @@
+//! Small affine problems: a pruned search of all active sets.
+
+use super::weights::{ENUMERABLE, POLISH};
+use crate::complementarity::Mcp;
+use crate::complementarity::solver::McpStatus;
+use crate::complementarity::solver::engine::{Engine, Plan};
+use crate::enumeration::{EnumerationOptions, all_solutions};
+
+impl Engine<'_> {
+    pub(super) fn is_enumerable(&self) -> bool {
+        self.affine && self.n() <= ENUMERABLE
+    }
+
+    /// Pruned search of all active sets of a small affine problem.
+    pub(super) fn enumerate(&mut self) -> McpStatus {
+        if !self.jacobian() {
+            return McpStatus::Stalled;
+        }
+        self.fresh = false;
+        let n = self.n();
+        let w = &mut *self.work;
+        w.trial_x.fill(0.0);
+        self.function.value(&w.trial_x, &mut w.trial_f);
+        self.report.evaluations += 1;
+        let problem = Mcp::affine(
+            w.lin.jac().clone(),
+            w.trial_f.clone(),
+            self.lower.to_vec(),
+            self.upper.to_vec(),
+        );
+        let left = self.options.max_time;
+        let left = left.map(|t| t.saturating_sub(self.clock.elapsed()));
+        let options = EnumerationOptions::default()
+            .with_max_nodes(self.options.max_nodes)
+            .with_max_time(left);
+        let set = match problem.map(|p| all_solutions(&p, 0.0, &options)) {
+            Ok(Ok(set)) => set,
+            _ => return McpStatus::Stalled,
+        };
+        self.report.iterations += set.nodes as usize / n.max(1);
+        let ends = set.continua.iter().flat_map(|c| &c.ends);
+        for y in set.solutions.iter().map(|s| &s.x).chain(ends) {
+            self.work.x.copy_from_slice(&y[..n]);
+            if self.descend(&Plan::newton(POLISH)) == McpStatus::Solved {
+                return McpStatus::Solved;
+            }
+        }
+        let none = set.solutions.is_empty() && set.continua.is_empty();
+        match none && set.completeness.is_complete() {
+            true => McpStatus::Infeasible,
+            false => McpStatus::Stalled,
+        }
+    }
+}

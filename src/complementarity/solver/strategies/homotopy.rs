@@ -1,0 +1,186 @@
+//! A path from the start to a solution, through folds.
+
+use std::cell::RefCell;
+
+use super::weights::{HOMOTOPY, spread};
+use crate::complementarity::solver::engine::{Engine, Plan};
+use crate::complementarity::solver::{McpStatus, McpStep};
+use crate::complementarity::{Mcp, McpFunction};
+use crate::sparse::{Matrix, Pattern};
+
+impl Engine<'_> {
+    /// Follows t F(x) + (1 − t)(x − x⁰) from x⁰ = `work.x`.
+    pub(super) fn homotopy(&mut self) -> McpStatus {
+        let n = self.n();
+        if !self.evaluate() || !self.jacobian() {
+            return McpStatus::Stalled;
+        }
+        let plan = Plan::newton(HOMOTOPY.newton);
+        if self.linearise(&plan, true).is_none() {
+            return McpStatus::Stalled;
+        }
+        let w = &*self.work;
+        let lower: Vec<f64> = (0..n).map(|i| self.lower[i] / w.lin.col()[i]).collect();
+        let upper: Vec<f64> = (0..n).map(|i| self.upper[i] / w.lin.col()[i]).collect();
+        let start: Vec<f64> = (0..n).map(|i| w.x[i] / w.lin.col()[i]).collect();
+        // The anchor lies beyond a bound that F holds x at, and inside one it does not, so that no component starts on a kink.
+        let anchor: Vec<f64> = (0..n)
+            .map(|i| {
+                let margin = HOMOTOPY.margin.0 + HOMOTOPY.margin.1 * spread(i);
+                let width = upper[i] - lower[i];
+                let inner = margin.min(HOMOTOPY.inner * width);
+                let f = w.scaled[i];
+                if start[i] - lower[i] < HOMOTOPY.at_bound * (1.0 + start[i].abs()) {
+                    if f > 0.0 {
+                        lower[i] - margin
+                    } else {
+                        lower[i] + inner
+                    }
+                } else if upper[i] - start[i] < HOMOTOPY.at_bound * (1.0 + start[i].abs()) {
+                    if f < 0.0 {
+                        upper[i] + margin
+                    } else {
+                        upper[i] - inner
+                    }
+                } else {
+                    start[i]
+                }
+            })
+            .collect();
+        let y: Vec<f64> = (0..n).map(|i| anchor[i].max(lower[i]).min(upper[i])).collect();
+        let pattern = {
+            let p = w.lin.scaled().pattern();
+            let all = w.lin.scaled().triplets().map(|t| (t.0, t.1));
+            Pattern::from_entries(p.nrows(), n + 1, all.chain((0..n).map(|i| (i, n)))).ok()
+        };
+        let Some(pattern) = pattern else {
+            return McpStatus::Stalled;
+        };
+        let function = Homotopy {
+            function: self.function,
+            lower: self.lower,
+            upper: self.upper,
+            row: w.lin.row().to_vec(),
+            col: w.lin.col().to_vec(),
+            anchor,
+            pattern,
+            buffer: RefCell::new(Buffer {
+                x: vec![0.0; n],
+                beyond: vec![0.0; n],
+                f: vec![0.0; n],
+                jac: Matrix::zeros(w.lin.scaled().pattern().clone()),
+                evaluations: 0,
+                jacobians: 0,
+            }),
+        };
+        let Ok(problem) = Mcp::new(function, lower, upper) else {
+            return McpStatus::Stalled;
+        };
+        let end = self.follow(&problem, &y, -HOMOTOPY.back);
+        let (evaluations, jacobians) = {
+            let b = problem.function().buffer.borrow();
+            (b.evaluations, b.jacobians)
+        };
+        self.report.evaluations += evaluations;
+        self.report.jacobians += jacobians;
+        let Some(end) = end else {
+            return McpStatus::Stalled;
+        };
+        for i in 0..n {
+            self.work.x[i] = self.clamp(i, end.x[i] * self.work.lin.col()[i]);
+        }
+        if !self.evaluate() {
+            return McpStatus::Stalled;
+        }
+        self.record(self.residual(), f64::NAN, McpStep::Path, 1.0);
+        match self.descend(&plan) {
+            McpStatus::Stalled if !end.reached => McpStatus::Unbounded,
+            status => status,
+        }
+    }
+}
+
+/// t R F(C y) + (1 − t)(y − y⁰), in scaled variables y; the last variable is t.
+struct Homotopy<'a> {
+    function: &'a dyn McpFunction,
+    lower: &'a [f64],
+    upper: &'a [f64],
+    row: Vec<f64>,
+    col: Vec<f64>,
+    anchor: Vec<f64>,
+    pattern: Pattern,
+    buffer: RefCell<Buffer>,
+}
+
+struct Buffer {
+    x: Vec<f64>,
+    beyond: Vec<f64>,
+    f: Vec<f64>,
+    jac: Matrix,
+    evaluations: usize,
+    jacobians: usize,
+}
+
+impl Homotopy<'_> {
+    /// F at the point within the bounds next to x, continued by its linearisation: correctors look a little beyond bounds, F may not.
+    fn evaluate(&self, y: &[f64], b: &mut Buffer) {
+        let mut outside = false;
+        for i in 0..y.len() {
+            let x = self.col[i] * y[i];
+            b.x[i] = x.max(self.lower[i]).min(self.upper[i]);
+            b.beyond[i] = x - b.x[i];
+            outside |= b.beyond[i] != 0.0;
+        }
+        self.function.value(&b.x, &mut b.f);
+        b.evaluations += 1;
+        if outside {
+            self.linearise(b);
+            b.jac.as_ref().mul_add(1.0, &b.beyond, &mut b.f);
+        }
+    }
+
+    fn linearise(&self, b: &mut Buffer) {
+        b.jac.clear();
+        self.function.jacobian(&b.x, &mut b.jac);
+        b.jacobians += 1;
+    }
+}
+
+impl McpFunction for Homotopy<'_> {
+    fn num_vars(&self) -> usize {
+        self.row.len() + 1
+    }
+
+    fn num_values(&self) -> usize {
+        self.row.len()
+    }
+
+    fn value(&self, x: &[f64], out: &mut [f64]) {
+        let b = &mut *self.buffer.borrow_mut();
+        let n = out.len();
+        let t = x[n];
+        self.evaluate(&x[..n], b);
+        for i in 0..n {
+            out[i] = t * self.row[i] * b.f[i] + (1.0 - t) * (x[i] - self.anchor[i]);
+        }
+    }
+
+    fn jacobian(&self, x: &[f64], jac: &mut Matrix) {
+        let b = &mut *self.buffer.borrow_mut();
+        let n = self.row.len();
+        let t = x[n];
+        self.evaluate(&x[..n], b);
+        self.linearise(b);
+        for (i, j, v) in b.jac.triplets() {
+            jac.add(i, j, t * self.row[i] * v * self.col[j]);
+        }
+        for i in 0..n {
+            jac.add(i, i, 1.0 - t);
+            jac.add(i, n, self.row[i] * b.f[i] - (x[i] - self.anchor[i]));
+        }
+    }
+
+    fn pattern(&self) -> Pattern {
+        self.pattern.clone()
+    }
+}

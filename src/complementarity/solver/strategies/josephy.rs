@@ -1,0 +1,133 @@
+//! Newton's method with linearised complementarity problems, each solved along its piecewise linear path.
+
+use super::weights::{JOSEPHY, spread};
+use crate::complementarity::Mcp;
+use crate::complementarity::solver::engine::{ARMIJO, Engine, Plan};
+use crate::complementarity::solver::{McpStatus, McpStep};
+use crate::sparse::Matrix;
+
+impl Engine<'_> {
+    /// Moves `work.x` to the solution of an affine (proximal) problem along its path; `false` where the path does not arrive.
+    pub(super) fn affine_path(&mut self, plan: &Plan) -> bool {
+        if self.n() > self.options.max_path_size || !self.evaluate() || !self.jacobian() {
+            return false;
+        }
+        if self.linearise(plan, true).is_none() {
+            return false;
+        }
+        match self.linearised_solution() {
+            Some((y, true)) => {
+                for i in 0..self.n() {
+                    self.work.x[i] = self.clamp(i, y[i] * self.work.lin.col()[i]);
+                }
+                self.evaluate()
+            }
+            _ => false,
+        }
+    }
+
+    /// Newton's method with linearised complementarity problems.
+    pub(super) fn josephy(&mut self) -> McpStatus {
+        let n = self.n();
+        let plan = Plan::newton(JOSEPHY.newton);
+        for i in 0..n {
+            self.work.x[i] = self.clamp(i, self.work.x[i]);
+        }
+        let mut reference = f64::INFINITY;
+        for k in 0..JOSEPHY.rounds {
+            if let Some(status) = self.exhausted() {
+                return status;
+            }
+            let from = self.work.x.clone();
+            if !self.evaluate() || !self.jacobian() {
+                return McpStatus::Stalled;
+            }
+            let Some(psi) = self.linearise(&plan, k == 0) else {
+                return McpStatus::Stalled;
+            };
+            reference = if k == 0 {
+                psi
+            } else {
+                reference.min(psi * JOSEPHY.growth).max(psi)
+            };
+            let Some((target, _)) = self.linearised_solution() else {
+                return McpStatus::Stalled;
+            };
+            self.record(self.residual(), psi, McpStep::Linearised, 1.0);
+            for i in 0..n {
+                self.work.d[i] = target[i] - from[i] / self.work.lin.col()[i];
+            }
+            let mut t = 1.0;
+            let accepted = loop {
+                if self
+                    .try_along(&plan, t)
+                    .is_some_and(|p| p <= (1.0 - ARMIJO * t) * reference)
+                {
+                    break true;
+                }
+                t *= 0.5;
+                if t < JOSEPHY.shortest {
+                    break false;
+                }
+            };
+            if !accepted {
+                return McpStatus::Stalled;
+            }
+            self.accept_trial();
+            let here = self.work.x.clone();
+            // From here Newton's method may do; otherwise the sequence of linearised problems goes on.
+            if self.descend(&plan) == McpStatus::Solved {
+                return McpStatus::Solved;
+            }
+            self.work.x.copy_from_slice(&here);
+        }
+        McpStatus::IterationLimit
+    }
+
+    /// The point where the path of the problem linearised at `work.x` ends, in scaled variables, and whether it is a solution.
+    fn linearised_solution(&mut self) -> Option<(Vec<f64>, bool)> {
+        let n = self.n();
+        let w = &*self.work;
+        let y: Vec<f64> = (0..n).map(|i| w.x[i] / w.lin.col()[i]).collect();
+        let lower: Vec<f64> = (0..n).map(|i| self.lower[i] / w.lin.col()[i]).collect();
+        let upper: Vec<f64> = (0..n).map(|i| self.upper[i] / w.lin.col()[i]).collect();
+        // F − (1 − t) p vanishes at t = 0 in the interior, and has the right sign by a margin at bounds, so that no component starts
+        // on a kink.
+        let covering: Vec<f64> = (0..n)
+            .map(|i| {
+                let f = w.scaled[i];
+                let margin = JOSEPHY.margin * (1.0 + spread(i));
+                if y[i] == lower[i] {
+                    (f - margin).min(0.0)
+                } else if y[i] == upper[i] {
+                    (f + margin).max(0.0)
+                } else {
+                    f
+                }
+            })
+            .collect();
+        for shift in JOSEPHY.shifts {
+            let w = &*self.work;
+            let mut jy = vec![0.0; n];
+            w.lin.scaled().mul_vec(&y, &mut jy);
+            let mut triplets: Vec<(usize, usize, f64)> = w.lin.scaled().triplets().collect();
+            triplets.extend((0..n).map(|i| (i, i, shift)));
+            triplets.extend((0..n).map(|i| (i, n, covering[i])));
+            let q = (0..n)
+                .map(|i| w.scaled[i] - jy[i] - shift * y[i] - covering[i])
+                .collect();
+            let matrix = Matrix::from_triplets(n, n + 1, &triplets).ok()?;
+            let Ok(problem) = Mcp::affine(matrix, q, lower.clone(), upper.clone()) else {
+                return None;
+            };
+            if let Some(end) = self.follow(&problem, &y, f64::NEG_INFINITY)
+                && end.x[n] > 0.0
+            {
+                let mut x = end.x;
+                x.truncate(n);
+                return Some((x, end.reached));
+            }
+        }
+        None
+    }
+}

@@ -1,0 +1,155 @@
+//! What is tried. A strategy is a variant of [`McpStrategy`], a file here, and a line of the table.
+
+mod enumeration;
+mod fischer;
+mod homotopy;
+mod josephy;
+mod newton;
+mod path;
+mod proximal;
+mod restart;
+mod smoothing;
+mod weights;
+
+use super::engine::Engine;
+use super::{BoundState, Fallback, McpStatus, McpStrategy};
+
+/// A line of the table.
+struct Strategy {
+    is: McpStrategy,
+    name: &'static str,
+    /// Whether it is any use for the problem.
+    suits: fn(&Engine<'_>) -> bool,
+    run: Run,
+}
+
+enum Run {
+    /// One attempt, from the start in `work.x`.
+    Attempt(fn(&mut Engine<'_>) -> McpStatus),
+    /// Several, which book themselves.
+    Attempts(fn(&mut Engine<'_>) -> Option<McpStatus>),
+}
+
+impl Strategy {
+    const fn attempt(is: McpStrategy, name: &'static str, run: fn(&mut Engine<'_>) -> McpStatus) -> Self {
+        Self {
+            is,
+            name,
+            suits: |_| true,
+            run: Run::Attempt(run),
+        }
+    }
+
+    const fn only_if(self, suits: fn(&Engine<'_>) -> bool) -> Self {
+        Self { suits, ..self }
+    }
+}
+
+/// All strategies, in the order in which they are tried unless the options say otherwise.
+static TABLE: [Strategy; 8] = [
+    Strategy::attempt(McpStrategy::Newton, "Newton", |e| e.newton()),
+    Strategy::attempt(McpStrategy::FischerBurmeister, "Fischer-Burmeister", |e| {
+        e.fischer()
+    }),
+    Strategy::attempt(McpStrategy::Proximal, "proximal", |e| e.proximal_points()),
+    Strategy::attempt(McpStrategy::JosephyNewton, "Josephy-Newton", |e| e.josephy())
+        .only_if(|e| e.has_paths()),
+    Strategy::attempt(McpStrategy::Homotopy, "homotopy", |e| e.homotopy()).only_if(|e| e.has_paths()),
+    Strategy::attempt(McpStrategy::Enumeration, "enumeration", |e| e.enumerate())
+        .only_if(|e| e.is_enumerable()),
+    Strategy::attempt(McpStrategy::Smoothing, "smoothing", |e| e.smoothing()),
+    Strategy {
+        is: McpStrategy::Restart,
+        name: "restart",
+        suits: |_| true,
+        run: Run::Attempts(|e| e.restarts()),
+    },
+];
+
+/// The strategies in the order of the table.
+pub(super) fn all() -> Vec<McpStrategy> {
+    TABLE.iter().map(|s| s.is).collect()
+}
+
+pub(super) fn name(strategy: McpStrategy) -> &'static str {
+    TABLE.iter().find(|s| s.is == strategy).map_or("", |s| s.name)
+}
+
+impl Engine<'_> {
+    /// Tries one strategy after the other.
+    pub(super) fn solve(&mut self, states: Option<&[BoundState]>) -> McpStatus {
+        self.restart_at_start();
+        self.take_states(states.unwrap_or_default());
+        if !self.evaluate() && !self.find_domain() {
+            return McpStatus::EvaluationFailure {
+                component: self.bad_component.unwrap_or(0),
+            };
+        }
+        // The first attempt begins here.
+        self.fresh = true;
+        let most = if self.options.fallbacks { usize::MAX } else { 1 };
+        for (k, wanted) in self.options.strategies.iter().take(most).enumerate() {
+            let Some(strategy) = TABLE.iter().find(|s| s.is == *wanted && (s.suits)(self)) else {
+                continue;
+            };
+            if k > 0 {
+                self.restart_at_start();
+            }
+            let ended = match strategy.run {
+                Run::Attempt(run) => self.attempt(strategy.is, run),
+                Run::Attempts(run) => run(self),
+            };
+            if let Some(status) = ended {
+                return status;
+            }
+        }
+        self.verdict()
+    }
+
+    fn take_states(&mut self, states: &[BoundState]) {
+        for (i, s) in states.iter().enumerate() {
+            let (active, x) = match s {
+                BoundState::Lower => (-1, self.lower[i]),
+                BoundState::Upper => (1, self.upper[i]),
+                BoundState::Interior => (0, self.work.x[i]),
+            };
+            self.work.active[i] = active;
+            self.work.x[i] = x;
+        }
+    }
+
+    /// Whether paths are followed at this size.
+    fn has_paths(&self) -> bool {
+        self.n() <= self.options.max_path_size
+    }
+
+    /// Runs one attempt from `work.x` and books it; `Some` ends the solve.
+    fn attempt(
+        &mut self,
+        strategy: McpStrategy,
+        run: impl FnOnce(&mut Self) -> McpStatus,
+    ) -> Option<McpStatus> {
+        self.strategy = strategy;
+        self.attempt_best = f64::INFINITY;
+        let before = self.report.iterations;
+        let outcome = run(self);
+        if outcome == McpStatus::Solved {
+            return Some(outcome);
+        }
+        self.report.fallbacks.push(Fallback {
+            strategy,
+            outcome,
+            residual: self.attempt_best,
+            iterations: self.report.iterations - before,
+        });
+        match outcome {
+            McpStatus::Infeasible => Some(outcome),
+            _ => self.exhausted(),
+        }
+    }
+
+    fn restart_at_start(&mut self) {
+        let w = &mut *self.work;
+        w.x.copy_from_slice(&w.start);
+    }
+}

@@ -1,0 +1,99 @@
+//! Perturbed starts.
+
+use super::weights::{DOMAIN_STEPS, RESTART_PATHS, RESTART_WIDTHS, spread, spread_runs};
+use crate::complementarity::solver::engine::{Engine, Plan};
+use crate::complementarity::solver::{McpStatus, McpStrategy};
+
+impl Engine<'_> {
+    /// Newton's method from perturbed starts, and paths from the first of them.
+    pub(super) fn restarts(&mut self) -> Option<McpStatus> {
+        let limit = self.options.max_attempt / 2;
+        for k in 0..self.options.restarts {
+            for path in [false, true] {
+                if let Some(status) = self.exhausted() {
+                    return Some(status);
+                }
+                if path && (k >= RESTART_PATHS || self.n() > self.options.max_path_size / 3) {
+                    continue;
+                }
+                self.candidate(k);
+                if !self.evaluate() {
+                    continue;
+                }
+                let ended = self.attempt(McpStrategy::Restart, |e| {
+                    if path {
+                        return e.homotopy();
+                    }
+                    let status = e.descend(&Plan::newton(limit));
+                    if status == McpStatus::Solved {
+                        return status;
+                    }
+                    e.candidate(k);
+                    e.descend(&Plan::fischer(limit))
+                });
+                if ended.is_some() {
+                    return ended;
+                }
+            }
+        }
+        None
+    }
+
+    /// Moves `work.x` to a point near the start at which F is finite, and makes it the start.
+    pub(super) fn find_domain(&mut self) -> bool {
+        let found = (0..40).any(|k| {
+            if k < 10 {
+                let w = &mut *self.work;
+                for i in 0..w.n {
+                    let h = DOMAIN_STEPS[k % 5];
+                    let (l, u, x) = (self.lower[i], self.upper[i], w.start[i]);
+                    // Away from a bound, or towards positive numbers: domains of logarithms and powers.
+                    let y = match (x - h < l, x + h > u) {
+                        (true, true) => 0.5 * (l + u),
+                        (true, false) => x + h,
+                        (false, true) => x - h,
+                        (false, false) if k >= 5 && x <= 0.0 => -x + h,
+                        (false, false) => x,
+                    };
+                    w.x[i] = y.max(l).min(u);
+                }
+            } else {
+                self.candidate(k - 10);
+            }
+            self.evaluate()
+        });
+        if found {
+            let w = &mut *self.work;
+            w.start.copy_from_slice(&w.x);
+        }
+        found
+    }
+
+    /// The k-th of the perturbed starts, into `work.x`.
+    fn candidate(&mut self, k: usize) {
+        self.fresh = false;
+        let w = &mut *self.work;
+        for i in 0..w.n {
+            let (l, u, x) = (self.lower[i], self.upper[i], w.start[i]);
+            let r = (spread(i) + spread_runs(k)).fract();
+            let width = RESTART_WIDTHS[k % 12];
+            let moved = match k {
+                0 => 1.0,
+                // About the start, or out from the bounds.
+                _ if k % 2 == 1 => x + width * (2.0 * r - 1.0),
+                _ => match (l.is_finite(), u.is_finite()) {
+                    (true, _) => l + width * (0.1 + r),
+                    (false, true) => u - width * (0.1 + r),
+                    (false, false) => width * (2.0 * r - 1.0),
+                },
+            };
+            let inner = match (l.is_finite(), u.is_finite()) {
+                (true, true) if moved <= l || moved >= u => l + (u - l) * r,
+                (true, false) if moved <= l => l + (l - moved).max(1e-3 * r),
+                (false, true) if moved >= u => u - (moved - u).max(1e-3 * r),
+                _ => moved,
+            };
+            w.x[i] = inner.max(l).min(u);
+        }
+    }
+}

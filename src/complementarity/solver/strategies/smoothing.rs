@@ -1,0 +1,162 @@
+//! Newton's method for smoothed equations: φ_μ(a, b) = a + b − √((a − b)² + 4μ²) in place of 2 min(a, b), μ → 0 (Chen and Harker 1993,
+//! Kanzow 1996, Smale 1987), along the curve of their solutions.
+
+use super::weights::SMOOTHING;
+use crate::complementarity::fischer::Gap;
+use crate::complementarity::solver::engine::{ARMIJO, Engine, Plan};
+use crate::complementarity::solver::{McpStatus, McpStep};
+use crate::sparse::{max_abs, norm};
+
+/// φ_μ and its derivatives, without cancellation where a and b are positive.
+fn smoothed(a: f64, b: f64, mu: f64) -> (f64, f64, f64) {
+    let root = (a - b).hypot(2.0 * mu);
+    if root == 0.0 {
+        return (a + b, 1.0, 1.0);
+    }
+    let value = match a > 0.0 && b > 0.0 {
+        true => 4.0 * (a.min(b) * (a.max(b) / (a + b + root)) - mu * (mu / (a + b + root))),
+        false => a + b - root,
+    };
+    let slope = (a - b) / root;
+    (value, 1.0 - slope, 1.0 + slope)
+}
+
+/// Φ_μ of one component and its derivatives with respect to x and to f, by the bounds there are, as Billups (1995) nests them.
+fn component(gap: Gap, f: f64, mu: f64) -> (f64, f64, f64) {
+    let (inner, by_x, by_f) = match gap.above < f64::INFINITY {
+        true => {
+            let (v, by_gap, by_f) = smoothed(gap.above, -f, mu);
+            (-0.5 * v, 0.5 * by_gap, 0.5 * by_f)
+        }
+        false => (f, 0.0, 1.0),
+    };
+    match gap.below < f64::INFINITY {
+        true => {
+            let (v, by_gap, by_inner) = smoothed(gap.below, inner, mu);
+            (0.5 * v, 0.5 * (by_gap + by_inner * by_x), 0.5 * by_inner * by_f)
+        }
+        false => (inner, by_x, by_f),
+    }
+}
+
+impl Engine<'_> {
+    pub(super) fn smoothing(&mut self) -> McpStatus {
+        let plan = Plan::newton(SMOOTHING.newton);
+        if !self.clamp_all() {
+            return McpStatus::Stalled;
+        }
+        self.equilibrate(&plan);
+        self.merit(&plan);
+        let mut mu = SMOOTHING.first.min(max_abs(&self.work.phi)).max(SMOOTHING.least);
+        for k in 0..self.options.max_attempt {
+            let residual = self.residual();
+            self.note_best(residual);
+            if let Some(status) = self.exhausted() {
+                return status;
+            }
+            if (k > 0 && !self.jacobian()) || mu < SMOOTHING.least || self.is_solution(residual) {
+                break;
+            }
+            self.work.lin.rescale(0.0);
+            self.merit(&plan);
+            let size = self.linearise_smoothed(mu);
+            if size <= SMOOTHING.centred * mu {
+                mu *= SMOOTHING.shrink;
+                continue;
+            }
+            self.report.factorisations += 1;
+            if !self.work.solve_system() {
+                break;
+            }
+            let Some(t) = self.shorten(&plan, mu, size) else {
+                // Nothing more to be had at this μ.
+                mu *= SMOOTHING.shrink;
+                continue;
+            };
+            self.record(residual, 0.5 * size * size, McpStep::Smoothed, t);
+            self.accept_trial();
+        }
+        self.descend(&plan)
+    }
+
+    /// Φ_μ at `work.x` and its Jacobian in `work.system`, the right-hand side in `work.d`; returns ‖Φ_μ‖.
+    fn linearise_smoothed(&mut self, mu: f64) -> f64 {
+        for i in 0..self.n() {
+            let gap = self.gap(i, self.work.x[i]);
+            let (phi, by_x, by_f) = component(gap, self.work.scaled[i], mu);
+            let w = &mut *self.work;
+            (w.phi[i], w.da[i], w.db[i], w.d[i]) = (phi, by_x, by_f, -phi);
+        }
+        self.work.build_fischer(0.0);
+        norm(&self.work.phi)
+    }
+
+    /// The longest of the steps 1, ½, … along `work.d` with sufficient decrease of ‖Φ_μ‖, left in `work.trial_x`.
+    fn shorten(&mut self, plan: &Plan, mu: f64, size: f64) -> Option<f64> {
+        let mut t = 1.0;
+        self.work.active.fill(0);
+        while t >= SMOOTHING.shortest {
+            self.make_trial(t, true);
+            if self.step_length() > 0.0 && self.evaluate_trial() {
+                let square = (0..self.n()).map(|i| {
+                    let x = self.work.trial_x[i];
+                    let f = self.scaled_value(plan, i, x, self.work.trial_f[i]);
+                    component(self.gap(i, x), f, mu).0.powi(2)
+                });
+                if square.sum::<f64>().sqrt() <= (1.0 - ARMIJO * t) * size {
+                    return Some(t);
+                }
+            }
+            t *= 0.5;
+        }
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn smoothed_functions_have_their_derivatives_and_tend_to_the_minimum() {
+        for (a, b) in [
+            (1.0, 2.0),
+            (0.3, 0.3),
+            (-1.0, 4.0),
+            (2.0, -3.0),
+            (1e8, 1e-8),
+            (-2.0, -1.0),
+        ] {
+            for mu in [1.0, 1e-2] {
+                let h = 1e-6;
+                let (_, by_a, by_b) = smoothed(a, b, mu);
+                let da = (smoothed(a + h, b, mu).0 - smoothed(a - h, b, mu).0) / (2.0 * h);
+                let db = (smoothed(a, b + h, mu).0 - smoothed(a, b - h, mu).0) / (2.0 * h);
+                assert!(
+                    (by_a - da).abs() < 1e-4 && (by_b - db).abs() < 1e-4,
+                    "{a} {b} {mu}"
+                );
+            }
+            // |2 min − φ_μ| ≤ 2μ.
+            for mu in [1e-3, 1e-9] {
+                assert!((smoothed(a, b, mu).0 - 2.0 * a.min(b)).abs() <= 2.0 * mu * (1.0 + 1e-9));
+            }
+        }
+    }
+
+    #[test]
+    fn components_tend_to_the_natural_map() {
+        for (below, above, f) in [
+            (1.0, 2.0, 0.5),
+            (1.0, 2.0, 3.0),
+            (1.0, 2.0, -5.0),
+            (1.0, f64::INFINITY, 2.0),
+            (f64::INFINITY, 1.0, -2.0),
+        ] {
+            let (phi, _, _) = component(Gap { below, above }, f, 1e-12);
+            // x − mid(l, u, x − f).
+            let exact = f.min(below).max(-above);
+            assert!((phi - exact).abs() < 1e-11, "{below} {above} {f}: {phi} {exact}");
+        }
+    }
+}

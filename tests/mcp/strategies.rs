@@ -1,0 +1,120 @@
+//! Which strategies are tried, and in which order, is up to the options.
+
+use semismooth::complementarity::{ComplementarityError, Mcp, McpOptions, McpSolver, McpStatus, McpStrategy};
+
+use crate::properties::known;
+use crate::support::{INF, matrix, residual, scalar};
+
+use McpStrategy::{
+    Enumeration, FischerBurmeister, Homotopy, JosephyNewton, Newton, Proximal, Restart, Smoothing,
+};
+
+const ALL: [McpStrategy; 8] = [
+    Newton,
+    FischerBurmeister,
+    Proximal,
+    JosephyNewton,
+    Homotopy,
+    Enumeration,
+    Smoothing,
+    Restart,
+];
+
+fn only(strategies: &[McpStrategy]) -> McpSolver {
+    McpSolver::new(McpOptions::default().with_strategies(strategies.to_vec()))
+}
+
+#[test]
+fn the_default_is_all_of_them_in_the_order_of_the_variants() {
+    assert_eq!(McpOptions::default().strategies, ALL);
+    assert!(ALL.windows(2).all(|w| w[0] < w[1]));
+    let names: Vec<&str> = ALL.iter().map(|s| s.name()).collect();
+    assert!(names.iter().all(|n| !n.is_empty()));
+    assert_eq!(names[0], "Newton");
+}
+
+#[test]
+fn each_strategy_solves_a_monotone_problem_alone() {
+    let rows = [
+        vec![3.0, 1.0, 0.0, -1.0],
+        vec![0.0, 2.0, 1.0, 0.5],
+        vec![1.0, -1.0, 4.0, 0.0],
+        vec![1.0, 0.0, 0.0, 1.0],
+    ];
+    let (lower, upper) = (vec![0.0, -INF, -1.0, -2.0], vec![INF, INF, 0.25, INF]);
+    let affine = Mcp::affine(matrix(&rows), vec![-4.0, 1.0, -3.0, 2.0], lower, upper).unwrap();
+    for strategy in ALL {
+        let mut solver = only(&[strategy]);
+        let mut x = [5.0, -3.0, 0.1, 7.0];
+        let report = solver.solve(&affine, &mut x).unwrap();
+        assert!(report.is_solved(), "{strategy}: {:?}", report.status);
+        assert_eq!((report.strategy, report.fallbacks.len()), (strategy, 0));
+        assert!(residual(&affine, &x) <= 1e-9, "{strategy}");
+        if strategy == Enumeration {
+            continue;
+        }
+        for seed in 1..12 {
+            let (problem, exact) = known(seed, 7);
+            let mut x: Vec<f64> = exact.iter().map(|x| x + 2.0).collect();
+            let report = solver.solve(&problem, &mut x).unwrap();
+            assert!(report.is_solved(), "{strategy}, seed {seed}: {:?}", report.status);
+            assert!(
+                x.iter().zip(&exact).all(|(a, b)| (a - b).abs() < 1e-7),
+                "{strategy}"
+            );
+        }
+    }
+}
+
+#[test]
+fn strategies_are_tried_in_the_order_given() {
+    let parabola = Mcp::equations(scalar(|x| x * x + 1.0, |x| 2.0 * x)).unwrap();
+    for order in [
+        vec![Homotopy, Smoothing, Newton],
+        vec![Smoothing, FischerBurmeister],
+        vec![Restart, Proximal],
+    ] {
+        let mut solver = only(&order);
+        let report = solver.solve(&parabola, &mut [3.0]).unwrap();
+        assert!(!report.is_solved());
+        let mut tried: Vec<McpStrategy> = report.fallbacks.iter().map(|f| f.strategy).collect();
+        tried.dedup();
+        assert_eq!(tried, order);
+        assert!(report.fallbacks.iter().all(|f| f.residual >= 1.0));
+    }
+    // Without fallbacks the first of them alone; what does not suit the problem is passed over.
+    let options = McpOptions::default()
+        .with_strategies(vec![Smoothing, Newton])
+        .with_fallbacks(false);
+    let mut solver = McpSolver::new(options);
+    let report = solver.solve(&parabola, &mut [3.0]).unwrap();
+    assert_eq!(report.fallbacks.len(), 1);
+    assert_eq!(report.fallbacks[0].strategy, Smoothing);
+    assert!(
+        only(&[Enumeration])
+            .solve(&parabola, &mut [3.0])
+            .unwrap()
+            .fallbacks
+            .is_empty()
+    );
+}
+
+#[test]
+fn enumeration_alone_rules_a_small_problem_out() {
+    let problem = Mcp::affine(matrix(&[vec![-1.0]]), vec![-1.0], vec![0.0], vec![INF]).unwrap();
+    let mut solver = only(&[Enumeration]);
+    assert_eq!(
+        solver.solve(&problem, &mut [1.0]).unwrap().status,
+        McpStatus::Infeasible
+    );
+}
+
+#[test]
+fn no_strategy_is_no_choice() {
+    let problem = Mcp::equations(scalar(|x| x, |_| 1.0)).unwrap();
+    let refused = only(&[]).solve(&problem, &mut [1.0]).map(|r| r.status);
+    match refused {
+        Err(ComplementarityError::Option { name, .. }) => assert_eq!(name, "strategies"),
+        other => panic!("{other:?}"),
+    }
+}
