@@ -2,14 +2,13 @@
 
 #[path = "../examples/common/obstacles.rs"]
 mod obstacles;
-mod timing;
 
+use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use obstacles::{Problem, nested};
 use semismooth::complementarity::active_set::{ActiveSetOptions, ActiveSetSolver, ActiveSetStatus};
 use semismooth::complementarity::pivoting::{Lemke, LemkeStatus};
 use semismooth::complementarity::{Lcp, McpSolver};
 use semismooth::sparse::{Matrix, Pattern};
-use timing::Bench;
 
 /// Uniform in [-1, 1).
 fn next(state: &mut u64) -> f64 {
@@ -20,8 +19,10 @@ fn next(state: &mut u64) -> f64 {
     bits as f64 / (1_u64 << 52) as f64 - 1.0
 }
 
-fn grids(bench: &mut Bench) {
+fn grids(c: &mut Criterion) {
     let options = ActiveSetOptions::default();
+    let mut group = c.benchmark_group("obstacle");
+    group.sample_size(10);
     for problem in [Problem::Mcplib, Problem::Hemisphere, Problem::Torsion] {
         for m in [100, 400, 800] {
             let nested = nested(problem, m).unwrap();
@@ -30,8 +31,9 @@ fn grids(bench: &mut Bench) {
             assert_eq!(report.status(), ActiveSetStatus::Solved);
             let most = report.levels.iter().map(|l| l.report.iterations).max();
             println!("{}, m = {m}: at most {most:?} iterations a level", problem.name());
-            let name = format!("obstacle/nested {}/{m}", problem.name());
-            bench.time(&name, || nested.solve(&options, &mut z).unwrap());
+            group.bench_function(BenchmarkId::new(format!("nested {}", problem.name()), m), |b| {
+                b.iter(|| nested.solve(&options, &mut z).unwrap())
+            });
         }
         for m in [100, 400] {
             let lcp = problem.lcp(m).unwrap();
@@ -43,13 +45,18 @@ fn grids(bench: &mut Bench) {
                 problem.name(),
                 solver.solve(&lcp, &mut z).unwrap()
             );
-            let name = format!("obstacle/from the lower bounds {}/{m}", problem.name());
-            bench.time(&name, || {
-                z.copy_from_slice(&start);
-                solver.solve(&lcp, &mut z).unwrap()
-            });
+            group.bench_function(
+                BenchmarkId::new(format!("from max(0, lower) {}", problem.name()), m),
+                |b| {
+                    b.iter(|| {
+                        z.copy_from_slice(&start);
+                        solver.solve(&lcp, &mut z).unwrap()
+                    });
+                },
+            );
         }
     }
+    group.finish();
 }
 
 /// AᵀA + B + D with A, B in [-5, 5], B skew, D in [0, 0.3], q in [-500, 500] (P. T. Harker, J.-S. Pang, 1990).
@@ -79,7 +86,9 @@ fn family(n: usize, entry: impl Fn(usize, usize) -> f64) -> Lcp {
     Lcp::new(Matrix::from_rows(&rows).unwrap(), vec![-1.0; n]).unwrap()
 }
 
-fn dense(bench: &mut Bench) {
+fn dense(c: &mut Criterion) {
+    let mut group = c.benchmark_group("dense");
+    group.sample_size(10);
     let fathi = |i: usize, j: usize| 4.0 * i.min(j) as f64 + if i == j { 1.0 } else { 2.0 };
     let murty = |i: usize, j: usize| [0.0, 1.0, 2.0][usize::from(i >= j) + usize::from(i > j)];
     for (name, lcp) in [
@@ -92,41 +101,49 @@ fn dense(bench: &mut Bench) {
         let report = solver.solve(&lcp, &mut z).unwrap();
         assert_eq!(report.status, ActiveSetStatus::Solved);
         println!("{name}: {report:?}");
-        bench.time(&format!("dense/active sets/{name}"), || {
-            z.fill(0.0);
-            solver.solve(&lcp, &mut z).unwrap()
+        group.bench_function(BenchmarkId::new("active sets", name), |b| {
+            b.iter(|| {
+                z.fill(0.0);
+                solver.solve(&lcp, &mut z).unwrap()
+            });
         });
     }
     let lcp = harker_pang(1000);
     let mut z = vec![0.0; 1000];
     let mut lemke = Lemke::default();
-    bench.time("dense/Lemke/Harker-Pang 1000", || {
-        lemke.solve(&lcp, &mut z).unwrap()
+    group.bench_function("Lemke/Harker-Pang 1000", |b| {
+        b.iter(|| lemke.solve(&lcp, &mut z).unwrap())
     });
+    group.finish();
 }
 
-fn small(bench: &mut Bench) {
+fn small(c: &mut Criterion) {
+    let mut group = c.benchmark_group("small, solver reused");
     for n in [5, 10, 20] {
         let lcp = harker_pang(n);
         let mut z = vec![0.0; n];
         let mut lemke = Lemke::default();
         assert_eq!(lemke.solve(&lcp, &mut z).unwrap().status, LemkeStatus::Solved);
-        bench.time(&format!("small with a reused solver/Lemke/{n}"), || {
-            lemke.solve(&lcp, &mut z).unwrap().status
+        group.bench_function(BenchmarkId::new("Lemke", n), |b| {
+            b.iter(|| lemke.solve(&lcp, &mut z).unwrap())
         });
         let mut sets = ActiveSetSolver::default();
-        bench.time(&format!("small with a reused solver/active sets/{n}"), || {
-            z.fill(0.0);
-            sets.solve(&lcp, &mut z).unwrap()
+        group.bench_function(BenchmarkId::new("active sets", n), |b| {
+            b.iter(|| {
+                z.fill(0.0);
+                sets.solve(&lcp, &mut z).unwrap()
+            });
         });
         let mut newton = McpSolver::default();
-        bench.time(&format!("small with a reused solver/McpSolver/{n}"), || {
-            z.fill(0.0);
-            newton.solve(lcp.mcp(), &mut z).unwrap().is_solved()
+        group.bench_function(BenchmarkId::new("McpSolver", n), |b| {
+            b.iter(|| {
+                z.fill(0.0);
+                newton.solve(lcp.mcp(), &mut z).unwrap().is_solved()
+            });
         });
     }
+    group.finish();
 }
 
-fn main() {
-    timing::run("complementarity", &[small, dense, grids]);
-}
+criterion_group!(benches, small, dense, grids);
+criterion_main!(benches);

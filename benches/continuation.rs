@@ -1,14 +1,12 @@
 //! Continuation: steps, located transitions, and whole load paths.
 
-mod timing;
-
 use std::path::Path;
 
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use semismooth::contact::{CondensedFriction, FrictionStart, HildRenard, first_point, read_folder};
 use semismooth::continuation::{Branch, ContinuationOptions, Direction};
-use timing::Bench;
 
-fn steps(bench: &mut Bench) {
+fn steps(c: &mut Criterion) {
     let problem = HildRenard::new(1.5, 7.0, 1.0, 1.0).unwrap().problem().unwrap();
     let start = first_point(&problem, 10.0, &FrictionStart::Stick).unwrap();
     let run = |h: f64, lower: f64| {
@@ -18,29 +16,32 @@ fn steps(bench: &mut Bench) {
             .with_max_step(h);
         Branch::follow(&problem, &start, Direction::Decreasing, options).unwrap()
     };
+    let mut group = c.benchmark_group("one contact node");
     let count = run(0.01, 5.0).points.len() as u64;
-    bench.time_each("one contact node/step inside a piece", count, || run(0.01, 5.0));
-    bench.time("one contact node/to a transition and 0.1 beyond", || {
-        run(6.0, 4.56)
-    });
+    group.throughput(Throughput::Elements(count));
+    group.bench_function("steps inside a piece", |b| b.iter(|| run(0.01, 5.0)));
+    group.throughput(Throughput::Elements(1));
+    group.bench_function("to a transition and 0.1 beyond", |b| b.iter(|| run(6.0, 4.56)));
+    group.finish();
 }
 
-fn load_path(bench: &mut Bench) {
+fn load_path(c: &mut Criterion) {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     for name in ["tests/data/vee", "examples/data/block"] {
         let Ok(folder) = read_folder(root.join(name)) else {
             println!("{name}: not there, skipped");
             continue;
         };
-        bench.time(&format!("load path of {name} with condensation"), || {
-            let map = CondensedFriction::new(folder.problem.clone()).unwrap();
-            let start = first_point(&map, 0.0, &FrictionStart::Zero).unwrap();
-            let options = ContinuationOptions::default().with_parameter_range((0.0, 1.0));
-            Branch::follow(&map, &start, Direction::Increasing, options).unwrap()
+        c.bench_function(&format!("load path of {name}, condensation included"), |b| {
+            b.iter(|| {
+                let map = CondensedFriction::new(folder.problem.clone()).unwrap();
+                let start = first_point(&map, 0.0, &FrictionStart::Zero).unwrap();
+                let options = ContinuationOptions::default().with_parameter_range((0.0, 1.0));
+                Branch::follow(&map, &start, Direction::Increasing, options).unwrap()
+            });
         });
     }
 }
 
-fn main() {
-    timing::run("continuation", &[steps, load_path]);
-}
+criterion_group!(benches, steps, load_path);
+criterion_main!(benches);

@@ -1,30 +1,33 @@
 //! Corrector: iterations on the one-node friction model, and the cost of an iteration on large sparse problems in
 //! factorisations of the same matrix.
 
-mod timing;
-
 use std::borrow::Cow;
 use std::hint::black_box;
 
+use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use semismooth::contact::HildRenard;
 use semismooth::linear::{LinearSolver, SparseLu};
 use semismooth::newton::Newton;
 use semismooth::piecewise::{Facet, PiecewiseSmooth, Selection, select};
 use semismooth::sparse::{Matrix, Pattern};
-use timing::Bench;
 
-fn one_node(bench: &mut Bench) {
+fn one_node(c: &mut Criterion) {
     let problem = HildRenard::new(1.5, -4.0, 1.0, 1.0).unwrap().problem().unwrap();
     let start = [0.3, 0.2, 0.1, 4.0, 3.0];
     let mut newton = Newton::default();
     let mut x = start;
     newton.solve(&problem, &mut x).unwrap();
     let steps = newton.report().history.len() as u64 - 1;
-    bench.time_each("one contact node/one iteration", steps, || {
-        let mut x = black_box(start);
-        newton.solve(&problem, &mut x).unwrap();
-        x
+    let mut group = c.benchmark_group("corrector, one contact node");
+    group.throughput(Throughput::Elements(steps));
+    group.bench_function(format!("{steps} iterations"), |b| {
+        b.iter(|| {
+            let mut x = black_box(start);
+            newton.solve(&problem, &mut x).unwrap();
+            x
+        });
     });
+    group.finish();
 }
 
 /// Membrane over an obstacle: min(−Δv − c, v − ψ) = 0 on m × m points.
@@ -143,7 +146,7 @@ impl PiecewiseSmooth for Obstacle {
     }
 }
 
-fn sparse(bench: &mut Bench) {
+fn sparse(c: &mut Criterion) {
     for m in [100, 316] {
         let map = Obstacle::new(m);
         let n = m * m;
@@ -155,22 +158,26 @@ fn sparse(bench: &mut Bench) {
         map.jacobian(&selection, &x, &mut jac);
         let mut lu = SparseLu::default();
         lu.analyze(jac.pattern().as_ref()).unwrap();
-        bench.time(&format!("sparse {n}/one factorisation"), || {
-            lu.factor(jac.as_ref()).unwrap()
+        let mut group = c.benchmark_group(format!("sparse, {n} unknowns"));
+        group.sample_size(10);
+        group.bench_function("one factorisation", |b| {
+            b.iter(|| lu.factor(jac.as_ref()).unwrap())
         });
         let solved = x.clone();
         let mut rounds = 0;
         // One iteration: from a point off the solution, all pieces right.
-        bench.time(&format!("sparse {n}/one corrector iteration"), || {
-            let mut x = solved.clone();
-            x.iter_mut().for_each(|v| *v += 1e-9);
-            newton.solve(&map, &mut x).unwrap();
-            rounds = newton.report().factorisations;
+        group.bench_function("one corrector iteration", |b| {
+            b.iter(|| {
+                let mut x = solved.clone();
+                x.iter_mut().for_each(|v| *v += 1e-9);
+                newton.solve(&map, &mut x).unwrap();
+                rounds = newton.report().factorisations;
+            });
         });
         println!("factorisations a solve: {rounds}");
+        group.finish();
     }
 }
 
-fn main() {
-    timing::run("corrector", &[one_node, sparse]);
-}
+criterion_group!(benches, one_node, sparse);
+criterion_main!(benches);

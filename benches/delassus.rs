@@ -1,14 +1,12 @@
 //! Frictional contact in Delassus form: the small files that come with the tests.
 
-mod timing;
-
 use std::hint::black_box;
 use std::path::Path;
 
+use criterion::{Criterion, criterion_group, criterion_main};
 use semismooth::contact::{DelassusSolver, read_delassus};
-use timing::Bench;
 
-fn delassus(bench: &mut Bench) {
+fn delassus(c: &mut Criterion) {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/friction");
     let solver = DelassusSolver::default();
     for name in [
@@ -18,10 +16,11 @@ fn delassus(bench: &mut Bench) {
         "fc2d_granularflowonwall_00667_00000",
     ] {
         let problem = read_delassus(folder.join(format!("{name}.json"))).expect(name);
-        bench.time(name, || solver.solve(black_box(&problem)).expect(name));
+        c.bench_function(name, |bench| {
+            bench.iter(|| solver.solve(black_box(&problem)).expect(name));
+        });
     }
 }
 
-fn main() {
-    timing::run("delassus", &[delassus]);
-}
+criterion_group!(benches, delassus);
+criterion_main!(benches);

@@ -1,14 +1,12 @@
 //! Enumeration: all solutions of random planar friction problems, all arms at a degenerate point.
 
-mod timing;
-
 use std::path::Path;
 
+use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use semismooth::contact::{CondensedFriction, FrictionPath, FrictionProblem, LoadPath, read_folder};
 use semismooth::enumeration::{EnumerationOptions, all_arms, all_solutions};
 use semismooth::piecewise::PiecewiseSmooth;
 use semismooth::sparse::Matrix;
-use timing::Bench;
 
 /// Uniform in [-1, 1).
 fn next(state: &mut u64) -> f64 {
@@ -45,8 +43,10 @@ fn friction(p: usize, seed: u64) -> CondensedFriction {
     CondensedFriction::new(problem.unwrap()).unwrap()
 }
 
-fn all(bench: &mut Bench) {
+fn all(c: &mut Criterion) {
     let options = EnumerationOptions::default();
+    let mut group = c.benchmark_group("all solutions, planar friction");
+    group.sample_size(10);
     for p in [4, 8, 12] {
         let map = friction(p, 7);
         let set = all_solutions(&map, 0.0, &options).unwrap();
@@ -57,13 +57,14 @@ fn all(bench: &mut Bench) {
             set.pivots,
             set.completeness
         );
-        bench.time(&format!("all solutions of planar friction/{p}"), || {
-            all_solutions(&map, 0.0, &options).unwrap()
+        group.bench_function(BenchmarkId::from_parameter(p), |b| {
+            b.iter(|| all_solutions(&map, 0.0, &options).unwrap());
         });
     }
+    group.finish();
 }
 
-fn arms(bench: &mut Bench) {
+fn arms(c: &mut Criterion) {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/block_symmetric");
     let map = CondensedFriction::new(read_folder(folder).unwrap().problem).unwrap();
     let mut x = vec![0.0; map.num_vars()];
@@ -75,11 +76,13 @@ fn arms(bench: &mut Bench) {
         found.arms.len(),
         found.nodes
     );
-    bench.time("all arms/11 grazing nodes", || {
-        all_arms(&map, &x, &options).unwrap()
+    let mut group = c.benchmark_group("all arms");
+    group.sample_size(10);
+    group.bench_function("11 grazing nodes", |b| {
+        b.iter(|| all_arms(&map, &x, &options).unwrap())
     });
+    group.finish();
 }
 
-fn main() {
-    timing::run("enumeration", &[all, arms]);
-}
+criterion_group!(benches, all, arms);
+criterion_main!(benches);

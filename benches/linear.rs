@@ -1,12 +1,10 @@
 //! Factorisations and solves.
 
-mod timing;
-
 use std::hint::black_box;
 
+use criterion::{BatchSize, Criterion, criterion_group, criterion_main};
 use semismooth::linear::{Bordered, Cholesky, DenseLu, LinearSolver, SparseLu};
 use semismooth::sparse::{Matrix, Pattern};
-use timing::Bench;
 
 fn dense(m: usize, n: usize) -> Matrix {
     let values = (0..m * n)
@@ -36,53 +34,64 @@ fn laplacian(m: usize) -> Matrix {
     }
 }
 
-fn run<S: LinearSolver>(bench: &mut Bench, name: &str, a: &Matrix, mut solver: S) {
+fn run<S: LinearSolver>(c: &mut Criterion, name: &str, a: &Matrix, mut solver: S) {
     let n = a.nrows();
     solver.analyze(a.pattern().as_ref()).expect(name);
     let b: Vec<f64> = (0..n).map(|i| (i as f64).cos()).collect();
     let mut x = b.clone();
-    bench.time(&format!("{name}/factor and solve"), || {
-        solver.factor(black_box(a.as_ref())).expect(name);
-        x.copy_from_slice(&b);
-        solver.solve_in_place(black_box(&mut x)).expect(name);
+    let mut group = c.benchmark_group(name);
+    if n > 1000 {
+        group.sample_size(10);
+    }
+    group.bench_function("factor + solve", |bench| {
+        bench.iter(|| {
+            solver.factor(black_box(a.as_ref())).expect(name);
+            x.copy_from_slice(&b);
+            solver.solve_in_place(black_box(&mut x)).expect(name);
+        });
     });
-    bench.time(&format!("{name}/solve"), || {
-        x.copy_from_slice(&b);
-        solver.solve_in_place(black_box(&mut x)).expect(name);
+    group.bench_function("solve", |bench| {
+        bench.iter(|| {
+            x.copy_from_slice(&b);
+            solver.solve_in_place(black_box(&mut x)).expect(name);
+        });
     });
-    let block: Vec<f64> = b.repeat(32);
-    let mut columns = block.clone();
-    bench.time(&format!("{name}/solve 32"), || {
-        columns.copy_from_slice(&block);
-        solver.solve_in_place(black_box(&mut columns)).expect(name);
+    group.bench_function("solve 32", |bench| {
+        let block: Vec<f64> = b.repeat(32);
+        bench.iter_batched(
+            || block.clone(),
+            |mut x| solver.solve_in_place(black_box(&mut x)).expect(name),
+            BatchSize::LargeInput,
+        );
     });
 }
 
-fn linear(bench: &mut Bench) {
+fn linear(c: &mut Criterion) {
     for n in [4, 20, 100, 200] {
-        run(bench, &format!("dense LU {n}"), &dense(n, n), DenseLu::new());
+        run(c, &format!("dense LU {n}"), &dense(n, n), DenseLu::new());
     }
     let h = dense(4, 5);
     let mut bordered = Bordered::new(h.pattern(), DenseLu::new()).expect("bordered");
-    let (t, mut x) = ([0.1, 0.2, 0.3, 0.4, 0.5], [0.0; 5]);
-    bench.time("bordered 4", || {
-        bordered.factor(black_box(&h), Some(&t)).expect("bordered");
-        bordered.solve(&[1.0; 4], &t, 0.0, &mut x).expect("bordered");
+    c.bench_function("bordered 4", |bench| {
+        let (t, mut x) = ([0.1, 0.2, 0.3, 0.4, 0.5], [0.0; 5]);
+        bench.iter(|| {
+            bordered.factor(black_box(&h), Some(&t)).expect("bordered");
+            bordered.solve(&[1.0; 4], &t, 0.0, &mut x).expect("bordered");
+        });
     });
     for m in [14, 100, 316] {
         let a = laplacian(m);
         let n = m * m;
-        run(bench, &format!("sparse LU {n}"), &a, SparseLu::new());
+        run(c, &format!("sparse LU {n}"), &a, SparseLu::new());
         if m < 300 {
             let columns = SparseLu::with_determinants();
-            run(bench, &format!("sparse LU with determinants {n}"), &a, columns);
+            run(c, &format!("sparse LU with determinants {n}"), &a, columns);
         }
-        run(bench, &format!("Cholesky {n}"), &a, Cholesky::new());
+        run(c, &format!("Cholesky {n}"), &a, Cholesky::new());
     }
     let a = laplacian(14);
-    run(bench, "dense LU of the Laplacian 196", &a, DenseLu::new());
+    run(c, "dense LU of the Laplacian 196", &a, DenseLu::new());
 }
 
-fn main() {
-    timing::run("linear", &[linear]);
-}
+criterion_group!(benches, linear);
+criterion_main!(benches);
