@@ -19,14 +19,14 @@ pub(super) struct Work {
     pub(super) accuracy: Accuracy,
     /// Matrix of the system at hand.
     pub(super) system: Matrix,
-    pub(super) solver: AutoSolver,
+    solver: AutoSolver,
     /// Whether `solver` knows the pattern of `system`.
-    pub(super) analyzed: bool,
-    pub(super) small: SmallLu,
+    analyzed: bool,
+    small: SmallLu,
     /// Position in the reduced system of each free component, and the components of the reduced system.
-    pub(super) position: Vec<usize>,
-    pub(super) free: Vec<usize>,
-    pub(super) reduced: Vec<f64>,
+    position: Vec<usize>,
+    free: Vec<usize>,
+    reduced: Vec<f64>,
     pub(super) x: Vec<f64>,
     pub(super) f: Vec<f64>,
     pub(super) trial_x: Vec<f64>,
@@ -55,7 +55,7 @@ pub(super) struct Work {
     pub(super) visited: Vec<u64>,
     pub(super) merits: Vec<f64>,
     /// H as a full matrix, for normal equations.
-    pub(super) dense: Vec<f64>,
+    dense: Vec<f64>,
 }
 
 impl Work {
