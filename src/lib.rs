@@ -35,6 +35,7 @@ pub mod output;
 pub mod piecewise;
 pub mod prelude;
 pub mod sparse;
+mod spread;
 pub mod sweep;
 
 /// The example of the README, compiled with the tests.

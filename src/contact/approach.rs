@@ -8,6 +8,7 @@ use crate::continuation::{Arm, Continuation, ContinuationOptions, Direction, Eve
 use crate::newton::Newton;
 use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
 use crate::sparse::norm;
+use crate::spread::golden;
 
 /// Points times unknowns³ of one path beyond which it is given fewer points, and the fewest.
 const WORK: f64 = 4e12;
@@ -130,7 +131,6 @@ pub(super) fn lower<F: Form>(
     if !(height > 0.0 && height.is_finite()) {
         return Ok(None);
     }
-    let golden = |k: usize| (k as f64 * 0.618_033_988_749_895).fract();
     let distance = |i: usize| height * (3.0 + golden((way.trial + 1) * (i + 1) + 7 * way.trial));
     let law = Lowered {
         law: form.law(),

@@ -3,12 +3,12 @@
 use std::collections::BTreeSet;
 
 use super::EnumerationError;
-use super::random::Random;
 use crate::clock::Deadline;
 use crate::linear::{AutoSolver, LinearError, LinearSolver};
 use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, Vanishing};
 use crate::sparse::Matrix;
 use crate::sparse::norm;
+use crate::spread::Random;
 
 /// Largest number of linear solves for one start.
 const SOLVES: usize = 100;

@@ -6,6 +6,7 @@ use super::essential::open_cone;
 use super::{ActiveSet, Activity, PiecewiseError, PiecewiseSmooth, Selection, TestLayout};
 use crate::linear::{AutoSolver, LinearError, LinearSolver};
 use crate::sparse::Matrix;
+use crate::spread::Random;
 
 /// Steps after which the interior of a cell is undecided.
 const STEPS: usize = 20_000;
@@ -143,14 +144,14 @@ impl<'a> Cones<'a> {
     /// Whether two test functions are one but for a factor, at points on all sides of x.
     fn coincide(&self, first: usize, second: usize) -> bool {
         let mut theta = vec![0.0; self.layout.total()];
-        let mut spread = Spread::new(1);
+        let mut spread = Random::new(3);
         let mut factor: Option<f64> = None;
         let mut seen = 0;
         for step in AROUND {
             for _ in 0..3 {
                 let mut at = self.x.to_vec();
                 for (v, s) in at.iter_mut().zip(&self.sizes) {
-                    *v += step * s.max(v.abs()) * spread.next();
+                    *v += step * s.max(v.abs()) * spread.symmetric();
                 }
                 self.map.test_functions(&at, &mut theta);
                 let (a, b) = (theta[first], theta[second]);
@@ -183,8 +184,8 @@ impl<'a> Cones<'a> {
     /// direction runs too near to a boundary of cells.
     pub(super) fn target(&self, active: &ActiveSet, number: u64) -> Option<Vec<f64>> {
         let (m, n) = (self.map.num_vars(), self.map.num_residuals());
-        let mut spread = Spread::new(number);
-        let mut d: Vec<f64> = self.sizes.iter().map(|s| s * spread.next()).collect();
+        let mut spread = Random::new(2 * number + 1);
+        let mut d: Vec<f64> = self.sizes.iter().map(|s| s * spread.symmetric()).collect();
         d.resize(m, 0.0);
         let mut rates = vec![0.0; self.layout.total()];
         self.map.test_derivatives(self.x, &d, &mut rates);
@@ -221,23 +222,6 @@ fn are_independent(gradients: &[Option<Vec<f64>>]) -> bool {
         basis.push(g);
     }
     true
-}
-
-/// Numbers in (−1, 1), the same on every machine (xorshift).
-struct Spread(u64);
-
-impl Spread {
-    fn new(number: u64) -> Self {
-        Self(0x9e37_79b9_7f4a_7c15_u64.wrapping_mul(2 * number + 1))
-    }
-
-    fn next(&mut self) -> f64 {
-        self.0 ^= self.0 >> 12;
-        self.0 ^= self.0 << 25;
-        self.0 ^= self.0 >> 27;
-        let bits = self.0.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 11;
-        2.0 * bits as f64 / (1_u64 << 53) as f64 - 1.0
-    }
 }
 
 /// What the signs of det ∇_yH^(σ) over the essentially active selections σ say.

@@ -279,6 +279,6 @@ fn stray_row(
 /// A point of no particular position near the middle of (0, 1), where roots and logarithms exist.
 pub(crate) fn ordinary_point(m: usize) -> Vec<f64> {
     (0..m)
-        .map(|j| 0.5 + 0.25 * ((j + 1) as f64 * 0.618_033_988_749_895).fract())
+        .map(|j| 0.5 + 0.25 * crate::spread::golden(j + 1))
         .collect()
 }

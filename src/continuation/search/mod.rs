@@ -11,10 +11,10 @@ pub use self::options::SearchOptions;
 use super::start::slices;
 use super::{ContinuationError, Diagram};
 use crate::clock::Clock;
-use crate::enumeration::Random;
 use crate::newton::{Newton, NewtonError, NewtonOptions};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, active_set, check_vector};
 use crate::sparse::{distance, norm};
+use crate::spread::Random;
 
 /// What led to a solution.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

@@ -1,3 +1,10 @@
+//! Numbers of no particular position, the same on every machine.
+
+/// The fractional parts of k/φ, k = 1, 2, …, which fill (0, 1) evenly (φ the golden ratio).
+pub(crate) fn golden(k: usize) -> f64 {
+    (k as f64 * 0.618_033_988_749_895).fract()
+}
+
 /// A sequence of random numbers that is the same every time: xorshift64* (Vigna 2016).
 pub(crate) struct Random(u64);
 
