@@ -181,8 +181,7 @@ pub(super) const DOMAIN_STEPS: [f64; 5] = [1e-6, 1e-4, 1e-2, 0.1, 1.0];
 
 /// Numbers in [0, 1), different for each component and spread evenly (a Weyl sequence).
 pub(super) fn spread(i: usize) -> f64 {
-    const GOLDEN: f64 = 0.618_033_988_749_895;
-    ((i + 1) as f64 * GOLDEN).fract()
+    crate::spread::golden(i + 1)
 }
 
 /// The same for each perturbed start, with another irrational number.
