@@ -3,12 +3,14 @@
 use std::path::Path;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use semismooth::contact::{CondensedFriction, FrictionStart, HildRenard, first_point, read_folder};
+use semismooth::contact::{HildRenard, read_folder};
 use semismooth::continuation::{Branch, ContinuationOptions, Direction};
 
 fn steps(c: &mut Criterion) {
     let problem = HildRenard::new(1.5, 7.0, 1.0, 1.0).unwrap().problem().unwrap();
-    let start = first_point(&problem, 10.0, &FrictionStart::Stick).unwrap();
+    let start = problem
+        .solve(10.0, Some(&problem.stick_start(10.0).unwrap()))
+        .unwrap();
     let run = |h: f64, lower: f64| {
         let options = ContinuationOptions::default()
             .with_parameter_range((lower, 11.0))
@@ -34,8 +36,8 @@ fn load_path(c: &mut Criterion) {
         };
         c.bench_function(&format!("load path of {name}, condensation included"), |b| {
             b.iter(|| {
-                let map = CondensedFriction::new(folder.problem.clone()).unwrap();
-                let start = first_point(&map, 0.0, &FrictionStart::Zero).unwrap();
+                let map = folder.problem.condensed().unwrap();
+                let start = map.solve(0.0, None).unwrap();
                 let options = ContinuationOptions::default().with_parameter_range((0.0, 1.0));
                 Branch::follow(&map, &start, Direction::Increasing, options).unwrap()
             });

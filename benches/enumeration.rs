@@ -3,7 +3,9 @@
 use std::path::Path;
 
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
-use semismooth::contact::{CondensedFriction, FrictionPath, FrictionProblem, LoadPath, read_folder};
+use semismooth::contact::{
+    CondensedContact, FrictionCoefficient, FullContact, LoadPath, PlanarCoulomb, read_folder,
+};
 use semismooth::enumeration::{EnumerationOptions, all_arms, all_solutions};
 use semismooth::piecewise::PiecewiseSmooth;
 use semismooth::sparse::Matrix;
@@ -18,7 +20,7 @@ fn next(state: &mut u64) -> f64 {
 }
 
 /// p contact nodes with two displacements each, a random positive definite stiffness, F = 1.
-fn friction(p: usize, seed: u64) -> CondensedFriction {
+fn friction(p: usize, seed: u64) -> CondensedContact<PlanarCoulomb> {
     let (n, mut s) = (2 * p, seed);
     let g: Vec<f64> = (0..n * n).map(|_| next(&mut s)).collect();
     let entry = |i: usize, j: usize| {
@@ -32,15 +34,15 @@ fn friction(p: usize, seed: u64) -> CondensedFriction {
             .collect();
         Matrix::from_rows(&rows).unwrap()
     };
-    let load = (0..n).map(|_| 3.0 * next(&mut s)).collect();
-    let problem = FrictionProblem::new(
+    let load: Vec<f64> = (0..n).map(|_| 3.0 * next(&mut s)).collect();
+    let problem = FullContact::planar(
         Matrix::from_rows(&rows).unwrap(),
         pick(0),
         pick(1),
         LoadPath::constant(load),
-        FrictionPath::constant(vec![1.0; p]),
+        FrictionCoefficient::nodal(vec![1.0; p]).unwrap(),
     );
-    CondensedFriction::new(problem.unwrap()).unwrap()
+    problem.unwrap().condensed().unwrap()
 }
 
 fn all(c: &mut Criterion) {
@@ -66,7 +68,7 @@ fn all(c: &mut Criterion) {
 
 fn arms(c: &mut Criterion) {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/block_symmetric");
-    let map = CondensedFriction::new(read_folder(folder).unwrap().problem).unwrap();
+    let map = read_folder(folder).unwrap().problem.condensed().unwrap();
     let mut x = vec![0.0; map.num_vars()];
     x[map.num_vars() - 1] = 0.5;
     let options = EnumerationOptions::default();

@@ -10,7 +10,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Parser;
-use semismooth::contact::{CondensedFriction, FrictionMap, FrictionPath, FrictionProblem, LoadPath};
+use semismooth::contact::{CondensedContact, FrictionCoefficient, FullContact, LoadPath, PlanarCoulomb};
 use semismooth::enumeration::{Completeness, Doubt, EnumerationOptions, SolutionSet, all_solutions};
 use semismooth::piecewise::Selection;
 use semismooth::sparse::Matrix;
@@ -46,7 +46,10 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
             .as_str()
             .map_or_else(|| format!("case {k}"), str::to_owned);
         let in_case = |e: Box<dyn Error>| format!("{}, {name}: {e}", path.display());
-        let map = CondensedFriction::new(problem(case).map_err(in_case)?).map_err(|e| in_case(e.into()))?;
+        let map = problem(case)
+            .map_err(in_case)?
+            .condensed()
+            .map_err(|e| in_case(e.into()))?;
         for alpha in numbers(case, "alphas").map_err(in_case)? {
             let set = all_solutions(&map, alpha, &options).map_err(|e| in_case(e.into()))?;
             if arguments.json {
@@ -59,17 +62,17 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-fn letters(map: &CondensedFriction, selection: &Selection) -> String {
+fn letters(map: &CondensedContact<PlanarCoulomb>, selection: &Selection) -> String {
     map.states(selection).iter().map(|s| s.letter()).collect()
 }
 
 /// Proven to be complete. For F ≥ 0 the degree of the problem is one more witness, wherever all local indices are known.
-fn certified(map: &CondensedFriction, alpha: f64, set: &SolutionSet) -> bool {
-    let regular = map.problem().friction_at(alpha).iter().all(|f| *f >= 0.0);
+fn certified(map: &CondensedContact<PlanarCoulomb>, alpha: f64, set: &SolutionSet) -> bool {
+    let regular = map.friction_at(alpha).iter().all(|f| *f >= 0.0);
     set.completeness.is_complete() && (!regular || set.index_sum.is_none_or(|sum| sum == 1))
 }
 
-fn record(map: &CondensedFriction, name: &str, alpha: f64, set: &SolutionSet) -> Value {
+fn record(map: &CondensedContact<PlanarCoulomb>, name: &str, alpha: f64, set: &SolutionSet) -> Value {
     let names = |list: &[Selection]| -> Vec<String> { list.iter().map(|s| letters(map, s)).collect() };
     let continua: Vec<Value> = set
         .continua
@@ -90,7 +93,7 @@ fn record(map: &CondensedFriction, name: &str, alpha: f64, set: &SolutionSet) ->
     })
 }
 
-fn print(map: &CondensedFriction, name: &str, alpha: f64, set: &SolutionSet) {
+fn print(map: &CondensedContact<PlanarCoulomb>, name: &str, alpha: f64, set: &SolutionSet) {
     let solutions: Vec<String> = set
         .solutions
         .iter()
@@ -166,10 +169,10 @@ fn matrix(case: &Value, key: &str) -> Result<Matrix, Box<dyn Error>> {
     Ok(Matrix::from_rows(&rows)?)
 }
 
-fn problem(case: &Value) -> Result<FrictionProblem, Box<dyn Error>> {
+fn problem(case: &Value) -> Result<FullContact<PlanarCoulomb>, Box<dyn Error>> {
     let load = LoadPath::affine(numbers(case, "f0")?, numbers(case, "f1")?);
-    let friction = FrictionPath::affine(numbers(case, "F0")?, numbers(case, "F1")?);
+    let friction = FrictionCoefficient::affine(numbers(case, "F0")?, numbers(case, "F1")?)?;
     let (a, bnu, bt) = (matrix(case, "A")?, matrix(case, "Bnu")?, matrix(case, "Bt")?);
     let r = case["r"].as_f64().unwrap_or(1.0);
-    Ok(FrictionProblem::new(a, bnu, bt, load, friction)?.with_r(r)?)
+    Ok(FullContact::planar(a, bnu, bt, load, friction)?.with_r(r)?)
 }

@@ -13,7 +13,7 @@ use std::process::ExitCode;
 use clap::Parser;
 use common::{Outcome, ensure, exit, shipped_folder};
 use semismooth::contact::{
-    CondensedFriction, FrictionPath, FrictionProblem, HildRenard, LoadPath, read_folder,
+    FrictionCoefficient, FullContact, HildRenard, LoadPath, PlanarCoulomb, read_folder,
 };
 use semismooth::newton::{Newton, NewtonOptions};
 use semismooth::piecewise::{PiecewiseSmooth, Traced, value};
@@ -35,7 +35,7 @@ fn run() -> Outcome<()> {
     history("two contact nodes, F = 4", &two_nodes()?, 4.0)?;
     let block = read_folder(shipped_folder())?.problem;
     history("elastic block, 11 contact nodes, full form, γ = 0.5", &block, 0.5)?;
-    let condensed = CondensedFriction::new(block)?;
+    let condensed = block.condensed()?;
     history(
         "elastic block, 11 contact nodes, condensed, γ = 0.5",
         &condensed,
@@ -86,18 +86,18 @@ fn history<P: PiecewiseSmooth>(title: &str, map: &P, parameter: f64) -> Outcome<
 }
 
 /// The model with two contact nodes of Haslinger, Janovský and Ligurský, λ = μ = 1.
-fn two_nodes() -> Outcome<FrictionProblem> {
+fn two_nodes() -> Outcome<FullContact<PlanarCoulomb>> {
     let stiffness = [
         [0.5, 0.0, -0.5, -0.5],
         [0.0, 1.5, -0.5, -1.5],
         [-0.5, -0.5, 4.0, 0.0],
         [-0.5, -1.5, 0.0, 4.0],
     ];
-    Ok(FrictionProblem::new(
+    Ok(FullContact::planar(
         Matrix::from_rows(&stiffness)?,
         Matrix::from_rows(&[[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])?,
         Matrix::from_rows(&[[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])?,
         LoadPath::constant(vec![0.4, -2.1417, 1.3717, -2.1417]),
-        FrictionPath::affine(vec![0.0; 2], vec![1.0; 2]),
+        FrictionCoefficient::affine(vec![0.0; 2], vec![1.0; 2])?,
     )?)
 }

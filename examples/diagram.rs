@@ -14,7 +14,7 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use common::{Outcome, ensure, exit, file_in, five_branches};
-use semismooth::contact::{CondensedFriction, ContactState, FrictionMap, HildRenard, read_folder};
+use semismooth::contact::{CondensedContact, ContactState, HildRenard, PlanarCoulomb, read_folder};
 use semismooth::continuation::{Diagram, DiagramOptions, DiagramVertex, SolutionsAt, VertexKind};
 use semismooth::enumeration::EnumerationOptions;
 use semismooth::output::{
@@ -39,7 +39,7 @@ fn run(args: &Args) -> Outcome<()> {
     let window = |lower, upper| DiagramOptions::default().with_parameter_range((lower, upper));
 
     // Example 3 of the talk: at F = 2 a branch bifurcates from a vertical segment.
-    let map = CondensedFriction::new(HildRenard::new(1.0, -2.0, 1.0, 1.0)?.problem()?)?;
+    let map = HildRenard::new(1.0, -2.0, 1.0, 1.0)?.problem()?.condensed()?;
     let diagram = Diagram::explore_sections(&map, &[1.0, 3.0], &window(0.0, 5.0), &sections)?;
     let panels: [Ordinate; 2] = [("λν", &|x| x[0]), ("λt", &|x| x[1])];
     report(
@@ -61,7 +61,7 @@ fn run(args: &Args) -> Outcome<()> {
     )?;
 
     // Three nodes: all solutions at α = 0 give starts on all branches, isolas included.
-    let map = CondensedFriction::new(five_branches()?)?;
+    let map = five_branches()?.condensed()?;
     let diagram = Diagram::explore_sections(&map, &[0.0], &window(-4.0, 4.0), &sections)?;
     let force = |x: &[f64]| {
         x[..3]
@@ -74,7 +74,7 @@ fn run(args: &Args) -> Outcome<()> {
         map.nodes(x)
             .iter()
             .zip([1.0, 0.6, 0.3])
-            .map(|(v, w)| v.slip * w)
+            .map(|(v, w)| v.slip[0] * w)
             .sum::<f64>()
     };
     let panels: [Ordinate; 2] = [("λν, weighted sum", &force), ("ut, weighted sum", &slip)];
@@ -98,7 +98,7 @@ fn run(args: &Args) -> Outcome<()> {
 
     // A symmetric block under the load (1 − γ) f0 + γ f1 with f0 = −f1: at γ = 0.5 it is unloaded and all nodes graze.
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/block_symmetric");
-    let map = CondensedFriction::new(read_folder(folder)?.problem)?;
+    let map = read_folder(folder)?.problem.condensed()?;
     let p = map.num_sites();
     let mut unloaded = vec![0.0; map.num_vars()];
     unloaded[2 * p] = 0.5;
@@ -127,7 +127,7 @@ type Ordinate<'a> = (&'a str, &'a dyn Fn(&[f64]) -> f64);
 
 fn report(
     name: &str,
-    map: &CondensedFriction,
+    map: &CondensedContact<PlanarCoulomb>,
     diagram: &Diagram,
     alphas: &[f64],
     panels: &[Ordinate; 2],
@@ -189,7 +189,7 @@ fn report(
     Ok(())
 }
 
-fn solutions(map: &CondensedFriction, at: &SolutionsAt) -> String {
+fn solutions(map: &CondensedContact<PlanarCoulomb>, at: &SolutionsAt) -> String {
     let names: Vec<String> = at
         .points
         .iter()

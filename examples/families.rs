@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 
 use clap::Parser;
 use common::{Outcome, exit};
-use semismooth::contact::{CondensedFriction, FrictionProblem, FrictionStart, first_point};
+use semismooth::contact::{FullContact, PlanarCoulomb};
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, Termination, Transition};
 use serde_json::json;
 
@@ -139,12 +139,12 @@ fn changes(t: &Transition) -> usize {
     t.sites.iter().filter(|c| c.from != c.to).count().max(1)
 }
 
-fn follow(problem: FrictionProblem) -> Outcome<Cost> {
+fn follow(problem: FullContact<PlanarCoulomb>) -> Outcome<Cost> {
     let begun = Instant::now();
-    let map = CondensedFriction::new(problem)?;
+    let map = problem.condensed()?;
     let condensation = begun.elapsed().as_secs_f64();
     let begun = Instant::now();
-    let x = first_point(&map, 0.0, &FrictionStart::Zero)?;
+    let x = map.solve(0.0, None)?;
     let start = begun.elapsed().as_secs_f64();
     let begun = Instant::now();
     let options = ContinuationOptions::default().with_parameter_range((0.0, 1.0));

@@ -13,9 +13,7 @@ use std::time::Instant;
 
 use clap::Parser;
 use common::{Outcome, ensure, exit, file_in, shipped_folder};
-use semismooth::contact::{
-    CondensedFriction, ContactState, FrictionMap, FrictionStart, first_point, read_folder,
-};
+use semismooth::contact::{CondensedContact, ContactState, PlanarCoulomb, read_folder};
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, Transition};
 use semismooth::output::{BranchDiagram, Colour, Column, Curve, Panel, SegmentStyle, write_csv};
 use semismooth::piecewise::PiecewiseSmooth;
@@ -42,8 +40,8 @@ fn run(args: &Args) -> Outcome<()> {
     let folder = args.folder.clone().unwrap_or_else(shipped_folder);
     let problem = read_folder(&folder)?.problem;
     let begun = Instant::now();
-    let map = CondensedFriction::new(problem)?;
-    let start = first_point(&map, 0.0, &FrictionStart::Zero)?;
+    let map = problem.condensed()?;
+    let start = map.solve(0.0, None)?;
     let options = ContinuationOptions::default().with_parameter_range((0.0, 1.0));
     let branch = Branch::follow(&map, &start, Direction::Increasing, options)?;
     let seconds = begun.elapsed().as_secs_f64();
@@ -92,7 +90,7 @@ fn run(args: &Args) -> Outcome<()> {
 }
 
 /// One line a site that changes its piece (or, where the curve stops, a site at its boundary); returns their number.
-fn print_transition(map: &CondensedFriction, t: &Transition, json: bool) -> usize {
+fn print_transition(map: &CondensedContact<PlanarCoulomb>, t: &Transition, json: bool) -> usize {
     let changed = t.sites.iter().filter(|c| c.from != c.to).count();
     let lines = if changed > 0 { changed } else { t.sites.len() };
     for change in &t.sites[..lines] {
@@ -119,7 +117,7 @@ fn print_transition(map: &CondensedFriction, t: &Transition, json: bool) -> usiz
 
 /// The sums of the normal and of the tangential forces over γ, as a table and as a picture.
 fn write_results(
-    map: &CondensedFriction,
+    map: &CondensedContact<PlanarCoulomb>,
     branch: &Branch,
     folder: &std::path::Path,
     args: &Args,

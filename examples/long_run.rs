@@ -18,7 +18,7 @@ use std::rc::Rc;
 use clap::Parser;
 use common::{Interrupted, Outcome, exit, file_in, shipped_folder};
 use progress::Progress;
-use semismooth::contact::{CondensedFriction, FrictionStart, first_point, read_folder};
+use semismooth::contact::{CondensedContact, PlanarCoulomb, read_folder};
 use semismooth::continuation::{Continuation, ContinuationOptions, Direction, Event, SavedRun, Termination};
 use semismooth::output::{Column, CsvWriter};
 use semismooth::piecewise::PiecewiseSmooth;
@@ -48,7 +48,7 @@ fn main() -> ExitCode {
 
 fn run(args: &Args) -> Outcome<()> {
     let folder = args.folder.clone().unwrap_or_else(shipped_folder);
-    let map = CondensedFriction::new(read_folder(&folder)?.problem)?;
+    let map = read_folder(&folder)?.problem.condensed()?;
     let (table, state) = (
         file_in(&args.out, "long_run.csv")?,
         file_in(&args.out, "long_run.json")?,
@@ -76,7 +76,7 @@ fn run(args: &Args) -> Outcome<()> {
         if args.resume {
             eprintln!("no state in {}: the run begins", args.out.display());
         }
-        let x = first_point(&map, 0.0, &FrictionStart::Zero)?;
+        let x = map.solve(0.0, None)?;
         let targets = (1..=args.points)
             .map(|k| f64::from(k) / f64::from(args.points + 1))
             .collect();
@@ -261,7 +261,11 @@ fn remove(path: &Path) -> Outcome<()> {
 }
 
 /// A new file replaces the old one in one move: there is always a whole state.
-fn save(curve: &mut Continuation<'_, CondensedFriction>, table: TableState, path: &Path) -> Outcome<()> {
+fn save(
+    curve: &mut Continuation<'_, CondensedContact<PlanarCoulomb>>,
+    table: TableState,
+    path: &Path,
+) -> Outcome<()> {
     let run = curve.save()?;
     let part = path.with_extension("part");
     let failed = |e: std::io::Error| format!("cannot write {}: {e}", path.display());

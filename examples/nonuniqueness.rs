@@ -118,7 +118,7 @@ fn study<L: NodeLaw>(bar: &Bar<L>, name: &str, begun: Instant, args: &Args) -> O
         .iter()
         .map(|(ut, x, sign)| {
             let values = problem.solution(x).map(|s| s.nodes[end].slip);
-            let components = values.map(|s| s[..problem.law().num_tangents()].to_vec());
+            let components = values.map(|s| s[..problem.node_law().num_tangents()].to_vec());
             json!({"ut_end": ut, "ut_end_components": components.unwrap_or_default(), "det_sign": sign})
         })
         .collect();
@@ -211,7 +211,7 @@ fn draw<L: NodeLaw>(bar: &Bar<L>, name: &str, branch: &Branch, found: &Found, ar
     written.extend(along_the_ground(bar, &nodes, &title, &|part| {
         file_in(&args.out, &format!("{name}_{part}.svg"))
     })?);
-    if problem.law().num_tangents() == 2 {
+    if problem.node_law().num_tangents() == 2 {
         for (part, quantity) in QUANTITIES.iter().enumerate() {
             let path = file_in(&args.out, &format!("{name}_surface_{}.svg", part + 1))?;
             surface(bar, &nodes, quantity, &title).write(&path)?;
@@ -250,10 +250,10 @@ fn fields<L: NodeLaw>(bar: &Bar<L>, name: &str, found: &Found, args: &Args) -> O
                 traction[3 * node + d] -= pressure[node] * rows.normals[i][d];
             }
         }
-        let stress = system.stresses(&free)?.into_iter().flatten().collect();
+        let stress = system.stresses(&free, &[])?.into_iter().flatten().collect();
         let path = file_in(&args.out, &format!("{name}_solution_{}.vtu", k + 1))?;
         let at_nodes = [
-            Field::new("displacement", dim, system.displacements(&free)?),
+            Field::new("displacement", dim, system.displacements(&free, &[])?),
             Field::new("contact state", 1, state),
             Field::new("pressure", 1, pressure),
             Field::new("traction", 3, traction),

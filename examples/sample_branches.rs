@@ -15,7 +15,7 @@ use std::process::ExitCode;
 use clap::Parser;
 use common::{Interrupted, Outcome, Random, exit};
 use progress::Progress;
-use semismooth::contact::{CondensedFriction, FrictionPath, FrictionProblem, LoadPath};
+use semismooth::contact::{CondensedContact, FrictionCoefficient, FullContact, LoadPath, PlanarCoulomb};
 use semismooth::continuation::{Diagram, DiagramOptions};
 use semismooth::enumeration::{EnumerationOptions, all_solutions};
 use semismooth::sparse::Matrix;
@@ -75,14 +75,14 @@ fn stiffness(lambda: f64, mu: f64) -> Outcome<Matrix> {
     Ok(Matrix::from_rows(&rows)?)
 }
 
-fn problem(sample: &Sample) -> Outcome<CondensedFriction> {
+fn problem(sample: &Sample) -> Outcome<CondensedContact<PlanarCoulomb>> {
     let normal = Matrix::from_rows(&[[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])?;
     let tangential = Matrix::from_rows(&[[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])?;
     let load = LoadPath::constant(sample.load.to_vec());
-    let friction = FrictionPath::affine(vec![0.0; 2], vec![1.0; 2]);
+    let friction = FrictionCoefficient::affine(vec![0.0; 2], vec![1.0; 2])?;
     let stiffness = stiffness(sample.lambda, 1.0)?;
-    let problem = FrictionProblem::new(stiffness, normal, tangential, load, friction)?;
-    Ok(CondensedFriction::new(problem)?)
+    let problem = FullContact::planar(stiffness, normal, tangential, load, friction)?;
+    Ok(problem.condensed()?)
 }
 
 fn draw(random: &mut Random) -> Sample {

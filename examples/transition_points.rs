@@ -15,9 +15,7 @@ use std::time::Instant;
 use clap::Parser;
 use common::{Outcome, exit, file_in};
 use printed::{Printed, compare, word};
-use semismooth::contact::{
-    ContactState, FrictionMap, FrictionPath, FrictionProblem, FrictionStart, LoadPath, first_point,
-};
+use semismooth::contact::{ContactState, FrictionCoefficient, FullContact, LoadPath, PlanarCoulomb};
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, TransitionKind};
 use semismooth::output::{BranchDiagram, Curve, Panel, SegmentStyle};
 use semismooth::piecewise::Selection;
@@ -138,7 +136,7 @@ fn show(example: &Example, case: &Value, args: &Args) -> Outcome<f64> {
     let mut worst = 0.0_f64;
     for (k, start) in example.starts.iter().enumerate() {
         let states = states(start);
-        let x = first_point(&map, START, &FrictionStart::States(states.clone()))?;
+        let x = map.solve_from_states(START, &states)?;
         // The start lies on the bound of the window: the other direction leaves it at once.
         let branch = Branch::follow(&map, &x, Direction::Decreasing, options.clone())?;
         let last = branch.polyline().last().map_or(START, |(_, x)| x[x.len() - 1]);
@@ -194,7 +192,7 @@ struct Met {
 }
 
 /// Transitions and branch points of a branch, by arclength.
-fn events(map: &FrictionProblem, branch: &Branch) -> Vec<Met> {
+fn events(map: &FullContact<PlanarCoulomb>, branch: &Branch) -> Vec<Met> {
     let mut all = Vec::new();
     for t in &branch.transitions {
         let before = words(map, &t.before, &[]);
@@ -234,14 +232,14 @@ fn events(map: &FrictionProblem, branch: &Branch) -> Vec<Met> {
     all.into_iter().map(|(_, met)| met).collect()
 }
 
-fn words(map: &FrictionProblem, selection: &Selection, grazing: &[usize]) -> Vec<&'static str> {
+fn words(map: &FullContact<PlanarCoulomb>, selection: &Selection, grazing: &[usize]) -> Vec<&'static str> {
     let states = map.states(selection).into_iter().enumerate();
     states
         .map(|(node, state)| word(state, grazing.contains(&node)))
         .collect()
 }
 
-fn print_event(map: &FrictionProblem, number: usize, met: &Met, deviation: f64) {
+fn print_event(map: &FullContact<PlanarCoulomb>, number: usize, met: &Met, deviation: f64) {
     println!(
         "    T{number}  {} at α = {:.12}  (deviation from exact arithmetic {deviation:.1e})",
         met.kind,
@@ -266,7 +264,12 @@ fn positive_zero(v: f64) -> f64 {
 }
 
 /// One panel a contact node: its tangential displacement over α, coloured by its state.
-fn picture(example: &Example, map: &FrictionProblem, branches: &[Branch], p: usize) -> BranchDiagram {
+fn picture(
+    example: &Example,
+    map: &FullContact<PlanarCoulomb>,
+    branches: &[Branch],
+    p: usize,
+) -> BranchDiagram {
     let panel = |node: usize| {
         let label = if p == 1 {
             "tangential displacement".to_owned()
@@ -313,13 +316,13 @@ fn matrix(v: &Value) -> Outcome<Matrix> {
     Ok(Matrix::from_rows(&rows)?)
 }
 
-fn problem(case: &Value) -> Outcome<FrictionProblem> {
-    Ok(FrictionProblem::new(
+fn problem(case: &Value) -> Outcome<FullContact<PlanarCoulomb>> {
+    Ok(FullContact::planar(
         matrix(&case["A"])?,
         matrix(&case["Bnu"])?,
         matrix(&case["Bt"])?,
         LoadPath::affine(numbers(&case["f0"]), numbers(&case["f1"])),
-        FrictionPath::affine(numbers(&case["F0"]), numbers(&case["F1"])),
+        FrictionCoefficient::affine(numbers(&case["F0"]), numbers(&case["F1"]))?,
     )?)
 }
 

@@ -10,7 +10,9 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use common::{Outcome, ensure, exit, file_in};
-use semismooth::contact::{FrictionFamily, FrictionPath, HildRenard, HildRenardCase, LoadPath};
+use semismooth::contact::{
+    FrictionCoefficient, FullContact, HildRenard, HildRenardCase, LoadPath, PlanarCoulomb,
+};
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, TransitionSet};
 use semismooth::output::{BranchDiagram, Colour, Curve, Panel, SegmentStyle};
 
@@ -47,8 +49,8 @@ fn load_plane() -> Outcome<BranchDiagram> {
     let problem = HildRenard::new(0.0, 0.0, 1.0, 1.0)?.problem()?;
     let problem = problem
         .with_load(LoadPath::affine(vec![0.0, 0.0], vec![1.0, 0.0]))?
-        .with_friction(FrictionPath::constant(vec![F]))?;
-    let family = FrictionFamily::new(problem, vec![0.0, 1.0], vec![0.0])?;
+        .with_law(PlanarCoulomb::new(FrictionCoefficient::nodal(vec![F])?))?;
+    let family = problem.with_second_parameter(vec![0.0, 1.0], problem.node_law().clone())?;
     let mut panel = regions(
         Panel::new("f_ν", "f_t"),
         (-2.0, 4.0),
@@ -82,7 +84,7 @@ fn load_plane() -> Outcome<BranchDiagram> {
 fn friction_plane() -> Outcome<BranchDiagram> {
     println!("(f_t, F) at f_ν = 1.5");
     let problem = HildRenard::new(1.5, 0.0, 1.0, 1.0)?.problem()?;
-    let family = FrictionFamily::new(problem, vec![0.0, 1.0], vec![0.0])?;
+    let family = problem.with_second_parameter(vec![0.0, 1.0], problem.node_law().clone())?;
     let mut panel = regions(
         Panel::new("f_t", "F"),
         (-8.0, 8.0),
@@ -173,7 +175,7 @@ fn is_known(test: usize, x: &[f64], friction_second: bool) -> bool {
 
 /// A transition line in the plane of the parameters, coloured by what happens to the solution when it is crossed.
 fn line(
-    family: &FrictionFamily,
+    family: &FullContact<PlanarCoulomb>,
     test: usize,
     x: &[f64],
     direction: Direction,

@@ -11,11 +11,13 @@ fn solve(system: &semismooth::fem::ElasticSystem, load: &[f64]) -> Vec<f64> {
     solver.factor(system.stiffness().as_ref()).unwrap();
     let mut u: Vec<f64> = load
         .iter()
-        .zip(system.support_load())
+        .zip(system.supports().forces())
         .map(|(f, l)| f + l)
         .collect();
     solver.solve_in_place(&mut u).unwrap();
-    system.displacements(&u).unwrap()
+    system
+        .displacements(&u, system.supports().displacements())
+        .unwrap()
 }
 
 /// A distorted mesh of each kind.
@@ -106,7 +108,7 @@ fn rigid_motions() {
             body = body.prescribe("all", d, move |x| motion(x)[d]);
         }
         let system = body.assemble().unwrap();
-        let mut residual: Vec<f64> = system.support_load().iter().map(|l| -l).collect();
+        let mut residual: Vec<f64> = system.supports().forces().iter().map(|l| -l).collect();
         let mut r = vec![0.0; system.num_free()];
         for (node, x) in mesh.points().iter().enumerate() {
             for d in 0..dim {

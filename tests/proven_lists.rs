@@ -3,8 +3,7 @@
 
 use semismooth::complementarity::Lcp;
 use semismooth::contact::{
-    CondensedContact, CondensedFriction, ContactBody, FrictionCoefficient, FrictionCurve, FrictionPath,
-    FrictionProblem, FullContact, LoadPath, PlanarCoulomb,
+    CondensedContact, ContactBody, FrictionCoefficient, FrictionCurve, FullContact, LoadPath, PlanarCoulomb,
 };
 use semismooth::enumeration::{Completeness, Doubt, EnumerationOptions, SolutionSet, all_solutions};
 use semismooth::piecewise::{
@@ -37,15 +36,15 @@ fn pick(p: usize, offset: usize) -> Matrix {
     Matrix::from_rows(&(0..p).map(row).collect::<Vec<_>>()).unwrap()
 }
 
-fn friction(a: Matrix, f: Vec<f64>, coefficient: Vec<f64>) -> FrictionProblem {
+fn friction(a: Matrix, f: Vec<f64>, coefficient: Vec<f64>) -> FullContact<PlanarCoulomb> {
     let p = coefficient.len();
     let load = LoadPath::constant(f);
-    FrictionProblem::new(
+    FullContact::planar(
         a,
         pick(p, 0),
         pick(p, 1),
         load,
-        FrictionPath::constant(coefficient),
+        FrictionCoefficient::nodal(coefficient).unwrap(),
     )
     .unwrap()
 }
@@ -125,7 +124,7 @@ fn near_degenerate_friction() {
             .unwrap()
             .with_r(case["r"].as_f64().unwrap())
             .unwrap();
-        let condensed = CondensedFriction::new(problem.clone()).unwrap();
+        let condensed = problem.condensed().unwrap();
         for (form, map) in [
             ("condensed", &condensed as &dyn PiecewiseSmooth),
             ("full", &problem),
@@ -171,13 +170,17 @@ fn near_degenerate_complementarity() {
 fn solutions_that_are_close_are_two() {
     for k in [10, 20, 24, 28, 40, 50] {
         let gap = f64::powi(2.0, -k);
-        let map = CondensedFriction::new(friction(blocks(1), vec![1.0, -2.0], vec![2.0 + gap])).unwrap();
+        let map = friction(blocks(1), vec![1.0, -2.0], vec![2.0 + gap])
+            .condensed()
+            .unwrap();
         let set = list(&map, 0.0);
         assert_eq!(set.completeness, Completeness::Complete);
         assert_eq!((set.solutions.len(), set.continua.len()), (2, 0), "2^-{k}");
         assert_eq!(set.index_sum, Some(1), "2^-{k}");
     }
-    let map = CondensedFriction::new(friction(blocks(1), vec![1.0, -2.0], vec![2.0])).unwrap();
+    let map = friction(blocks(1), vec![1.0, -2.0], vec![2.0])
+        .condensed()
+        .unwrap();
     let set = list(&map, 0.0);
     assert_eq!(
         (set.completeness, set.continua.len(), set.index_sum),
@@ -192,7 +195,7 @@ fn small_loads_count_like_large_ones() {
     for k in [0, 20, 24, 30, 34, 45, 300] {
         let s = f64::powi(2.0, -k);
         let problem = friction(blocks(2), vec![1.0, -2.25, s, -2.25 * s], vec![3.0; 2]);
-        let set = list(&CondensedFriction::new(problem).unwrap(), 0.0);
+        let set = list(&problem.condensed().unwrap(), 0.0);
         assert_eq!(
             (set.completeness, set.solutions.len(), set.index_sum),
             (Completeness::Complete, 9, Some(1)),
@@ -207,7 +210,9 @@ fn all_forms_of_a_body_agree() {
     let f = vec![1.0, -2.25, 1.0, -2.0];
     let coefficient = 2.0 + f64::powi(2.0, -30);
     let reference = list(
-        &CondensedFriction::new(friction(blocks(2), f.clone(), vec![coefficient; 2])).unwrap(),
+        &friction(blocks(2), f.clone(), vec![coefficient; 2])
+            .condensed()
+            .unwrap(),
         0.0,
     );
     let body = || {
@@ -236,12 +241,12 @@ fn all_forms_of_a_body_agree() {
 fn dependent_contacts_hold_continua() {
     let double = Matrix::from_rows(&[[1.0, 0.0], [1.0, 0.0]]).unwrap();
     let tangential = Matrix::from_rows(&[[0.0, 1.0], [0.0, 1.0]]).unwrap();
-    let problem = FrictionProblem::new(
+    let problem = FullContact::planar(
         blocks(1),
         double,
         tangential,
         LoadPath::constant(vec![1.0, 0.0]),
-        FrictionPath::constant(vec![0.5; 2]),
+        FrictionCoefficient::nodal(vec![0.5; 2]).unwrap(),
     );
     let set = list(&problem.unwrap(), 0.0);
     assert_eq!(set.completeness, Completeness::Complete);
@@ -298,7 +303,7 @@ fn maps_without_coefficients_are_not_proven() {
 #[test]
 fn limits_leave_lists_undecided() {
     let problem = friction(blocks(3), vec![0.0; 6], vec![1.0; 3]);
-    let map = CondensedFriction::new(problem).unwrap();
+    let map = problem.condensed().unwrap();
     let whole = list(&map, 0.0);
     assert_eq!(
         (whole.completeness, whole.solutions.len()),

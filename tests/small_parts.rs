@@ -8,15 +8,16 @@ use semismooth::complementarity::{
     AffineFunction, ConstraintKind, Lcp, Mcp, McpOptions, McpSolver, Program, kkt,
 };
 use semismooth::contact::{
-    CondensedContact, ContactBody, FrictionCoefficient, FrictionCurve, Frictionless, GivenBound, LoadPath,
-    NodeLaw, OrthotropicCoulomb, PlanarCoulomb,
+    CondensedContact, ContactBody, DelassusOptions, DelassusPhase, DelassusProblem, DelassusSolver,
+    FrictionCoefficient, FrictionCurve, Frictionless, GivenBound, LoadPath, NodeLaw, OrthotropicCoulomb,
+    PlanarCoulomb,
 };
 use semismooth::continuation::{
     Branch, Continuation, ContinuationOptions, Direction, SearchOptions, Strategy, search_solutions,
 };
 use semismooth::enumeration::{EnumerationOptions, all_arms};
 use semismooth::fem::Mesh;
-use semismooth::interface::{InterfaceLoad, InterfaceProblem};
+use semismooth::interface::InterfaceProblem;
 use semismooth::linear::IncompleteLu;
 use semismooth::piecewise::{Facet, MinMap};
 use semismooth::sparse::{Matrix, Pattern};
@@ -210,7 +211,7 @@ fn a_law_replaced_in_place() {
     let mut contact = CondensedContact::new(body(), weak.clone()).unwrap();
     let slips = |c: &CondensedContact<PlanarCoulomb>| c.solve(1.0, None).unwrap();
     let before = slips(&contact);
-    *contact.law_mut() = strong.clone();
+    *contact.node_law_mut() = strong.clone();
     let after = slips(&contact);
     assert_ne!(before, after);
     assert_eq!(after, slips(&CondensedContact::new(body(), strong).unwrap()));
@@ -283,12 +284,12 @@ fn searches_with_other_seeds() {
 fn sizes_of_an_interface() {
     let b = Matrix::from_rows(&[[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]).unwrap();
     let law = MinMap::curve(4, |_: &[f64], _: &mut [f64], _: &mut [f64]| {});
-    let load = InterfaceLoad::constant(vec![1.0; 3]);
-    let make = |law| InterfaceProblem::new(Matrix::identity(3), b.clone(), load.clone(), law);
+    let load = LoadPath::constant(vec![1.0; 3]);
+    let make = |law| InterfaceProblem::from_parts(Matrix::identity(3), &b.clone(), load.clone(), law);
     // A law of four residuals is none for two traces.
     assert!(make(law).is_err());
     let fitting = Law;
-    let problem = InterfaceProblem::new(Matrix::identity(3), b, load, fitting).unwrap();
+    let problem = InterfaceProblem::from_parts(Matrix::identity(3), &b, load, fitting).unwrap();
     assert_eq!((problem.num_displacements(), problem.num_traces()), (3, 2));
 }
 
@@ -489,7 +490,6 @@ fn files_are_replaced_whole() {
 /// Long runs of sweeps are told of in parts, and cut.
 #[test]
 fn sweeps_are_told_and_limited() {
-    use semismooth::contact::{DelassusOptions, DelassusPhase, DelassusProblem, DelassusSolver};
     // No solution: a contact pushed apart by nothing and pulled by −1 on a zero matrix.
     let m = Matrix::from_rows(&[[0.0, 0.0], [0.0, 0.0]]).unwrap();
     let problem = DelassusProblem::new(2, m, vec![-1.0, 0.0], vec![0.3]).unwrap();

@@ -4,12 +4,12 @@
 use std::error::Error;
 use std::path::Path;
 
-use semismooth::contact::{FrictionPath, FrictionProblem, LoadPath};
+use semismooth::contact::{FrictionCoefficient, FullContact, LoadPath, PlanarCoulomb};
 use semismooth::fem::{ElasticSystem, Elasticity, Foundation, Material, Mesh, read_getfem};
 
 /// The vee-shaped body on the ground: P1 triangles, λ = 100, μ = 82 GPa, F = 1.8; held at the ends of its arms. The volume force
 /// turns from (−5, 1) to (−5, −8) GN/m³ while γ runs from 0 to 1. `refinements` times each triangle is cut in four.
-pub(crate) fn vee(refinements: usize) -> Result<FrictionProblem, Box<dyn Error>> {
+pub(crate) fn vee(refinements: usize) -> Result<FullContact<PlanarCoulomb>, Box<dyn Error>> {
     let mut mesh = read_getfem(Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/data/vee_h_0.03.mesh"))?;
     for _ in 0..refinements {
         mesh = mesh.refined()?;
@@ -30,7 +30,7 @@ pub(crate) fn vee(refinements: usize) -> Result<FrictionProblem, Box<dyn Error>>
 
 /// The block of 40 mm × 80 mm on the ground: Q1 on n[0] × n[1] cells, λ = 4000, μ = 120 N/mm², held on top, F = 0.5. The tractions
 /// on both sides turn from −2 to 2 N/mm² horizontally; the vertical ones stay at −1 on the left and −1.3 on the right.
-pub(crate) fn block(n: [usize; 2]) -> Result<FrictionProblem, Box<dyn Error>> {
+pub(crate) fn block(n: [usize; 2]) -> Result<FullContact<PlanarCoulomb>, Box<dyn Error>> {
     let mesh = Mesh::rectangle([0.0, 0.0], [40.0, 80.0], n)?;
     let system = Elasticity::new(mesh, Material::lame(4000.0, 120.0)?)
         .fix("top")
@@ -49,10 +49,10 @@ fn problem(
     ground: &str,
     load: LoadPath,
     friction: f64,
-) -> Result<FrictionProblem, Box<dyn Error>> {
+) -> Result<FullContact<PlanarCoulomb>, Box<dyn Error>> {
     let contact = system.contact(ground, &Foundation::plane([0.0; 3], [0.0, 1.0, 0.0]))?;
-    let friction = FrictionPath::constant(vec![friction; contact.nodes.len()]);
-    Ok(FrictionProblem::new(
+    let friction = FrictionCoefficient::nodal(vec![friction; contact.nodes.len()])?;
+    Ok(FullContact::planar(
         system.stiffness().clone(),
         contact.normal,
         contact.tangential,

@@ -43,7 +43,7 @@ const COLOURS: [Colour; 3] = [Colour::GREEN, Colour::ORANGE, Colour::BLUE];
 const SHADES: usize = 8;
 
 fn values<L: NodeLaw>(bar: &Bar<L>, nodes: &[LocalValues], quantity: &Quantity) -> Vec<f64> {
-    let law = bar.problem.law();
+    let law = bar.problem.node_law();
     let each = nodes.iter().zip(&bar.rows.areas);
     each.map(|(v, area)| (quantity.value)(law.friction(v)[0], *area, v))
         .collect()
@@ -59,7 +59,7 @@ pub(crate) fn along_the_ground<L: NodeLaw>(
     title: &str,
     file: &dyn Fn(&str) -> Outcome<PathBuf>,
 ) -> Outcome<Vec<PathBuf>> {
-    let solid = bar.problem.law().num_tangents() == 2;
+    let solid = bar.problem.node_law().num_tangents() == 2;
     let off = |p: &[f64; 3]| if solid { (p[1] - 0.5).abs() } else { 0.0 };
     let points = &bar.rows.points;
     let nearest = points.iter().map(off).fold(f64::INFINITY, f64::min);

@@ -7,7 +7,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use semismooth::contact::{FrictionPath, FrictionProblem, LoadPath};
+use semismooth::contact::{FrictionCoefficient, FullContact, LoadPath, PlanarCoulomb};
 use semismooth::sparse::Matrix;
 
 /// As the standard one, but an output that was closed or is full ends the program instead of a panic.
@@ -110,7 +110,7 @@ impl Random {
 }
 
 /// Three contact nodes, weakly coupled, under the load f(α) = f0 + α f1: 17 solutions at α = 0, five branches, four of them closed.
-pub(crate) fn five_branches() -> Outcome<FrictionProblem> {
+pub(crate) fn five_branches() -> Outcome<FullContact<PlanarCoulomb>> {
     let stiffness = Matrix::from_rows(&[
         [2.0, -1.3, -0.2, 0.0, 0.0, -0.3],
         [-1.3, 2.1, -0.3, 0.1, -0.2, 0.2],
@@ -127,8 +127,8 @@ pub(crate) fn five_branches() -> Outcome<FrictionProblem> {
         vec![1.6, -2.3, 0.7, -1.9, 1.5, -3.1],
         vec![-0.2, -0.6, -0.9, 0.4, 0.9, -0.2],
     );
-    let friction = FrictionPath::constant(vec![5.5, 7.75, 8.75]);
-    Ok(FrictionProblem::new(
+    let friction = FrictionCoefficient::nodal(vec![5.5, 7.75, 8.75])?;
+    Ok(FullContact::planar(
         stiffness,
         pick(0)?,
         pick(1)?,

@@ -1,6 +1,6 @@
 //! The values of the test functions that the talk of Haslinger, Janovský and Ligurský prints, and their comparison with a branch.
 
-use semismooth::contact::{ContactState, FrictionMap, FrictionProblem};
+use semismooth::contact::{ContactState, FullContact, PlanarCoulomb};
 use semismooth::continuation::{Branch, Transition};
 
 use crate::common::Outcome;
@@ -109,7 +109,7 @@ pub(crate) fn word(state: ContactState, grazing: bool) -> &'static str {
 ///
 /// # Errors
 /// A value that is not the printed one.
-pub(crate) fn compare(map: &FrictionProblem, branch: &Branch, table: &[Printed]) -> Outcome<()> {
+pub(crate) fn compare(map: &FullContact<PlanarCoulomb>, branch: &Branch, table: &[Printed]) -> Outcome<()> {
     println!("    beside the values printed in the talk (4 decimals, truncated):");
     println!(
         "      index            node   {:>17}   {:>17}   {:>17}",
@@ -152,7 +152,11 @@ fn deviation(found: &[[f64; 3]], printed: &[[f64; 3]]) -> f64 {
 
 /// The name of the place and the test functions there: at a transition its own, elsewhere those of the nearest point of that piece
 /// of the branch.
-fn locate(map: &FrictionProblem, branch: &Branch, point: &Printed) -> Outcome<(String, Vec<[f64; 3]>)> {
+fn locate(
+    map: &FullContact<PlanarCoulomb>,
+    branch: &Branch,
+    point: &Printed,
+) -> Outcome<(String, Vec<[f64; 3]>)> {
     let transition = |k: usize| -> Outcome<&Transition> {
         let missing = || format!("transition T{} was not met", k + 1);
         Ok(branch.transitions.get(k).ok_or_else(missing)?)

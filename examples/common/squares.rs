@@ -4,9 +4,9 @@
 use std::error::Error;
 
 use semismooth::contact::{
-    CondensedContact, ContactBody, FrictionCoefficient, FrictionCurve, LoadPath, NodeLaw, PlanarCoulomb,
+    CondensedContact, ContactBody, FrictionCoefficient, LoadPath, NodeLaw, PlanarCoulomb,
 };
-use semismooth::fem::{ContactRows, Elasticity, Foundation, Material, Mesh, TraceSpace};
+use semismooth::fem::{ContactRows, ElasticSystem, Elasticity, Foundation, Material, Mesh, TraceSpace};
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
@@ -96,19 +96,33 @@ pub(crate) fn inf_sup(n: usize, multipliers: Multipliers, reference: &TraceSpace
 /// A block (0, 2) × (0, 1) held at its top, pressed down by moving it 0.02 into the ground, with the horizontal traction 0.03 α on its
 /// right side; E = 1, ν = 0.277, plane strain.
 pub(crate) fn pushed_block(n: usize, friction: f64) -> Result<CondensedContact<PlanarCoulomb>> {
-    let system = Elasticity::new(plane_mesh(n)?, Material::isotropic(1.0, 0.277)?)
+    let system = pressed(n)?;
+    let push = system.traction("right", |_| [0.03, 0.0, 0.0])?;
+    on_the_ground(&system, LoadPath::affine(system.supports(), push), friction)
+}
+
+/// The same block without the traction, its top moved to the right by 0.02 α.
+pub(crate) fn moved_block(n: usize, friction: f64) -> Result<CondensedContact<PlanarCoulomb>> {
+    let system = pressed(n)?;
+    let shear = system.motion("top", 0, |_| 0.02)?;
+    on_the_ground(&system, LoadPath::affine(system.supports(), shear), friction)
+}
+
+fn pressed(n: usize) -> Result<ElasticSystem> {
+    Ok(Elasticity::new(plane_mesh(n)?, Material::isotropic(1.0, 0.277)?)
         .prescribe("top", 0, |_| 0.0)
         .prescribe("top", 1, |_| -0.02)
-        .assemble()?;
+        .assemble()?)
+}
+
+fn on_the_ground(
+    system: &ElasticSystem,
+    load: LoadPath,
+    friction: f64,
+) -> Result<CondensedContact<PlanarCoulomb>> {
     let rows = system.contact("bottom", &Foundation::plane([0.0; 3], [0.0, 1.0, 0.0]))?;
-    let push = system.traction("right", |_| [0.03, 0.0, 0.0])?;
-    let load = LoadPath::affine(system.support_load().to_vec(), push);
-    let body = ContactBody::new(
-        system.stiffness().clone(),
-        rows.normal.clone(),
-        vec![rows.tangential.clone()],
-        load,
-    )?;
-    let law = PlanarCoulomb::new(FrictionCoefficient::uniform(FrictionCurve::constant(friction)?));
+    let a = system.stiffness().clone();
+    let body = ContactBody::new(a, rows.normal, vec![rows.tangential], load)?.with_gap(rows.gap)?;
+    let law = PlanarCoulomb::new(FrictionCoefficient::constant(friction)?);
     Ok(CondensedContact::new(body, law)?)
 }

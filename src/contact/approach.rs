@@ -1,10 +1,10 @@
 //! Ways to a solution from a problem solved easily: the body is lowered onto the foundation.
 
-use super::form::Form;
 use super::node_law::{LocalRow, LocalValues, NodeLaw};
 use super::tries::{Observer, newton_step};
-use super::{ContactError, ContactOptions, ContactProgress, ContactState, ContactStrategy};
+use super::{Contact, ContactError, ContactOptions, ContactProgress, ContactState, ContactStrategy};
 use crate::continuation::{Arm, Continuation, ContinuationOptions, Direction, Event, Termination};
+use crate::interface::View;
 use crate::newton::Newton;
 use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
 use crate::sparse::norm;
@@ -100,6 +100,10 @@ impl<L: NodeLaw> NodeLaw for Lowered<L> {
     fn is_affine(&self) -> bool {
         self.law.is_affine()
     }
+
+    fn num_history(&self) -> usize {
+        self.law.num_history()
+    }
 }
 
 /// Lowers the body onto the foundation from where no node touches it: in increments, or along the curve of solutions through kinks and
@@ -108,32 +112,31 @@ impl<L: NodeLaw> NodeLaw for Lowered<L> {
 /// Far above the foundation the only solution is that without contact forces, and all solutions on the way are bounded: the energy of
 /// the contact forces is at most the work of the load. As the law is continuous, the solutions on the way therefore include a
 /// continuum from the first problem to the last, which is a curve for almost all distances of the nodes.
-pub(super) fn lower<F: Form>(
-    form: &F,
+pub(super) fn lower<V: View>(
+    form: &Contact<V, &dyn NodeLaw>,
     alpha: f64,
     way: Way,
     options: &ContactOptions,
     observe: &mut Observer<'_>,
 ) -> Result<Option<Arrival>, ContactError> {
     let (m, p) = (form.num_vars(), form.num_sites());
-    let displacements = m - 1 - (1 + form.law().num_tangents()) * p;
-    let mut zero = vec![0.0; m];
-    zero[m - 1] = alpha;
-    let Some(mut x) = newton_step(form, &Selection::uniform(p, 0), zero)? else {
+    let displacements = form.leading();
+    let open = Selection::uniform(p, 0);
+    let Some(mut x) = newton_step(form, &open, form.zero(alpha))? else {
         return Ok(None);
     };
     x[displacements..m - 1].fill(0.0);
     // Above this height λνᵀ (u_ν − gap) + λtᵀ u_t < 0 for all forces of friction with F ≤ 2, so that there are none.
-    let values = |i: usize| form.values(i, &x);
-    let height = (0..p)
-        .map(values)
+    let height = form
+        .nodes(&x)
+        .iter()
         .fold(0.0f64, |h, v| h.max(v.penetration.abs()).max(v.slip_norm()));
     if !(height > 0.0 && height.is_finite()) {
         return Ok(None);
     }
     let distance = |i: usize| height * (3.0 + golden((way.trial + 1) * (i + 1) + 7 * way.trial));
     let law = Lowered {
-        law: form.law(),
+        law: *form.node_law(),
         alpha,
         distances: (0..p).map(distance).collect(),
     };
@@ -152,7 +155,7 @@ pub(super) fn lower<F: Form>(
     let arrival = if way.strategy == ContactStrategy::Increments {
         Some(increments(&map, x, options, &mut see))
     } else {
-        let mut units = vec![height * form.stiffness(); m];
+        let mut units = vec![height * form.law().stiffness; m];
         let length = norm(&x[..displacements]) / (displacements.max(1) as f64).sqrt();
         units[..displacements].fill(length.max(height));
         units[m - 1] = 1.0;

@@ -1,32 +1,24 @@
+use std::sync::Arc;
+
 use super::error::check_length;
-use super::{ContactError, LoadPath, NodeLaw, check_multipliers};
-use crate::interface::typical_sizes;
+use super::{ContactError, NodeLaw, check_multipliers};
+use crate::interface::{LoadPath, Operator};
 use crate::linear::{Cholesky, LinearSolver};
 use crate::sparse::Matrix;
 
 /// A discrete elastic body with contact nodes, without a law of friction: A u = f(α) − Bνᵀ λν − Σ Btᵀ λt, u_ν = Bν u ≤ gap.
 ///
-/// One tangential trace in the plane, two in space. Matrices as in [`FrictionProblem`](super::FrictionProblem), for instance from
-/// [`fem`](crate::fem).
+/// One tangential trace in the plane, two in space; n displacements u, p contact nodes, forces λ in the units of f. Matrices for instance
+/// from [`fem`](crate::fem).
 #[derive(Debug, Clone)]
 pub struct ContactBody {
-    pub(super) a: Matrix,
-    /// Bν, Bt₁ and, in space, Bt₂: p × n each.
-    pub(super) traces: Vec<Matrix>,
+    /// A, B = (Bν; Bt₁; Bt₂) and the load.
+    pub(super) operator: Arc<Operator>,
     pub(super) gap: Vec<f64>,
-    pub(super) load: LoadPath,
 }
 
 impl ContactBody {
-    /// Bνᵀ and Btᵀ of a body in the plane.
-    pub(super) fn planar_transposes(&self) -> Option<[Matrix; 2]> {
-        match self.traces.as_slice() {
-            [normal, tangential] => Some([normal.transpose(), tangential.transpose()]),
-            _ => None,
-        }
-    }
-
-    /// A body with its normal trace, one or two tangential traces, and a load; gap 0.
+    /// A body with its normal trace, one or two tangential traces (p × n each), and a load; gap 0.
     ///
     /// # Errors
     /// Empty problems, wrong shapes, entries that are not finite; multipliers that no displacement sees
@@ -46,14 +38,16 @@ impl ContactBody {
         let mut traces = vec![normal];
         traces.extend(tangential);
         check_matrices(&a, &traces.iter().collect::<Vec<_>>())?;
-        let (n, p) = (a.nrows(), traces[0].nrows());
-        load.0.check("the load", n)?;
         check_visible(&traces[0])?;
+        let (n, p) = (a.nrows(), traces[0].nrows());
+        let mut entries = Vec::new();
+        for (block, trace) in traces.iter().enumerate() {
+            entries.extend(trace.triplets().map(|(i, j, v)| (block * p + i, j, v)));
+        }
+        let stacked = Matrix::from_triplets(p * traces.len(), n, &entries)?;
         Ok(Self {
-            a,
-            traces,
+            operator: Arc::new(Operator::new(a, &stacked, load)?),
             gap: vec![0.0; p],
-            load,
         })
     }
 
@@ -63,29 +57,49 @@ impl ContactBody {
     /// Wrong length, values that are not finite.
     pub fn with_gap(mut self, gap: Vec<f64>) -> Result<Self, ContactError> {
         check_length("the gap", &gap, self.num_contacts())?;
+        Arc::make_mut(&mut self.operator).set_sizes(&gap);
         self.gap = gap;
         Ok(self)
     }
 
-    /// The load f(α).
-    #[must_use]
-    pub fn load_at(&self, alpha: f64) -> Vec<f64> {
-        let n = self.num_displacements();
-        let (mut f, mut rate) = (vec![0.0; n], vec![0.0; n]);
-        self.load.0.value(alpha, &mut f, &mut rate);
-        f
+    /// Replaces the load.
+    ///
+    /// # Errors
+    /// Wrong length, values that are not finite.
+    pub fn with_load(mut self, load: LoadPath) -> Result<Self, ContactError> {
+        let mut operator = self.operator.with_load(load)?;
+        operator.set_sizes(&self.gap);
+        self.operator = Arc::new(operator);
+        Ok(self)
     }
 
-    /// Typical sizes of u, λ and α.
-    pub(super) fn sizes(&self) -> Option<[f64; 3]> {
-        let loads = self.load.0.sizes(self.num_displacements());
-        typical_sizes(&self.a, &self.traces, loads, &self.gap)
+    /// The load.
+    #[must_use]
+    pub fn load(&self) -> &LoadPath {
+        &self.operator.load
+    }
+
+    /// The forces f(α) on the displacements, those that stem from supports included.
+    #[must_use]
+    pub fn load_at(&self, alpha: f64) -> Vec<f64> {
+        self.operator.load_at(&[alpha])
+    }
+
+    /// The displacements of the supports at α, as numbered in the [load cases](super::LoadCase::of_supports); empty where no case
+    /// has any.
+    #[must_use]
+    pub fn support_displacements(&self, alpha: f64) -> Vec<f64> {
+        self.operator
+            .load
+            .support_state(&[alpha])
+            .displacements()
+            .to_vec()
     }
 
     /// Number n of displacements.
     #[must_use]
     pub fn num_displacements(&self) -> usize {
-        self.a.nrows()
+        self.operator.num_displacements()
     }
 
     /// Number p of contact nodes.
@@ -97,23 +111,70 @@ impl ContactBody {
     /// 1 in the plane, 2 in space.
     #[must_use]
     pub fn num_tangents(&self) -> usize {
-        self.traces.len() - 1
+        self.operator.num_traces() / self.num_contacts() - 1
+    }
+
+    /// The initial gaps.
+    #[must_use]
+    pub fn gap(&self) -> &[f64] {
+        &self.gap
     }
 
     /// The stiffness matrix A.
     #[must_use]
     pub fn stiffness(&self) -> &Matrix {
-        &self.a
+        &self.operator.a
+    }
+
+    /// The same body under another load, whatever that makes of the sizes.
+    pub(super) fn under(&self, load: LoadPath) -> Result<Self, ContactError> {
+        Ok(Self {
+            operator: Arc::new(self.operator.with_load(load)?),
+            gap: self.gap.clone(),
+        })
+    }
+
+    /// Mean stiffness b A bᵀ / (b bᵀ)² of single contact nodes, over the rows b of the traces; 1 where that is not positive.
+    pub(super) fn node_stiffness(&self) -> f64 {
+        let (a, b_t) = (&self.operator.a, &self.operator.b_t);
+        let mut mean = 0.0;
+        let mut b = vec![0.0; a.nrows()];
+        for i in 0..b_t.ncols() {
+            for_column(b_t, i, |j, v| b[j] = v);
+            // Only the columns of A that the row touches.
+            let (mut square, mut energy) = (0.0, 0.0);
+            for_column(b_t, i, |j, v| {
+                square += v * v;
+                for_column(a, j, |k, a| energy += b[k] * a * v);
+            });
+            for_column(b_t, i, |j, _| b[j] = 0.0);
+            mean += energy / (square * square) / b_t.ncols() as f64;
+        }
+        if mean > 0.0 && mean.is_finite() { mean } else { 1.0 }
     }
 
     pub(super) fn check_law<L: NodeLaw>(&self, law: &L) -> Result<(), ContactError> {
-        if law.num_tangents() == self.num_tangents() {
-            return Ok(());
+        if law.num_tangents() != self.num_tangents() {
+            return Err(ContactError::Tangents {
+                law: law.num_tangents(),
+                body: self.num_tangents(),
+            });
         }
-        Err(ContactError::Tangents {
-            law: law.num_tangents(),
-            body: self.num_tangents(),
-        })
+        match law.num_nodes() {
+            Some(found) if found != self.num_contacts() => Err(ContactError::Length {
+                what: "the list of coefficients of friction",
+                expected: self.num_contacts(),
+                found,
+            }),
+            _ => Ok(()),
+        }
+    }
+}
+
+fn for_column(matrix: &Matrix, j: usize, mut f: impl FnMut(usize, f64)) {
+    let p = matrix.pattern();
+    for k in p.col_ptr()[j]..p.col_ptr()[j + 1] {
+        f(p.row_idx()[k], matrix.values()[k]);
     }
 }
 

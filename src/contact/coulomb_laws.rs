@@ -20,10 +20,11 @@ impl PlanarCoulomb {
 
     /// g = F(σ u_t) θ¹ on the side σ, and its derivatives.
     fn bound(&self, side: f64, v: &LocalValues) -> (f64, LocalRow) {
-        let [f, slope, rate] = self.coefficient.value(v.node, side * v.slip[0], v.parameter);
+        let [f, slope, rate, second] = self.coefficient.at(v, side * v.slip[0]);
         let pressure = v.theta1();
         let mut row = LocalRow {
             parameter: rate * pressure,
+            second: second * pressure,
             ..LocalRow::default()
         };
         row.slip[0] = side * slope * pressure;
@@ -35,6 +36,10 @@ impl PlanarCoulomb {
 impl NodeLaw for PlanarCoulomb {
     fn num_tangents(&self) -> usize {
         1
+    }
+
+    fn num_nodes(&self) -> Option<usize> {
+        self.coefficient.num_nodes()
     }
 
     fn num_pieces(&self) -> usize {
@@ -70,7 +75,7 @@ impl NodeLaw for PlanarCoulomb {
         out[1] = z - self.bound(1.0, v).0;
         out[2] = z + self.bound(-1.0, v).0;
         out[3] = if self.coefficient.depends_on_parameter() {
-            self.coefficient.value(v.node, v.slip[0].abs(), v.parameter)[0]
+            self.coefficient.at(v, v.slip[0].abs())[0]
         } else {
             1.0
         };
@@ -86,9 +91,10 @@ impl NodeLaw for PlanarCoulomb {
         }
         rows[3] = LocalRow::default();
         if self.coefficient.depends_on_parameter() {
-            let [_, slope, rate] = self.coefficient.value(v.node, v.slip[0].abs(), v.parameter);
+            let [_, slope, rate, second] = self.coefficient.at(v, v.slip[0].abs());
             rows[3].slip[0] = slope * v.slip[0].signum();
             rows[3].parameter = rate;
+            rows[3].second = second;
         }
     }
 
@@ -120,21 +126,24 @@ impl NodeLaw for PlanarCoulomb {
         self.coefficient.is_constant()
     }
 
-    fn depends_on_slip(&self) -> bool {
-        self.coefficient.depends_on_slip()
+    fn num_history(&self) -> usize {
+        usize::from(self.coefficient.depends_on_slip())
+    }
+
+    fn update(&self, v: &LocalValues, history: &mut [f64]) {
+        history.iter_mut().for_each(|h| *h += v.slip_norm());
     }
 
     fn is_coulomb(&self) -> bool {
         self.coefficient.is_constant()
     }
 
-    fn constant_friction(&self, node: usize) -> Option<f64> {
-        let constant = self.coefficient.is_constant();
-        constant.then(|| self.coefficient.value(node, 0.0, 0.0)[0])
+    fn affine_friction(&self, node: usize) -> Option<[f64; 2]> {
+        self.coefficient.affine_at(node)
     }
 
     fn friction(&self, v: &LocalValues) -> [f64; 2] {
-        [self.coefficient.value(v.node, v.slip_norm(), v.parameter)[0]; 2]
+        [self.coefficient.at(v, v.slip_norm())[0]; 2]
     }
 
     fn check(&self, v: &LocalValues) -> Result<(), ContactError> {
@@ -147,7 +156,7 @@ pub(super) fn check_coefficient(
     v: &LocalValues,
     positive: bool,
 ) -> Result<(), ContactError> {
-    let values = coefficient.value(v.node, v.slip_norm(), v.parameter);
+    let values = coefficient.at(v, v.slip_norm());
     if values.iter().any(|f| !f.is_finite()) {
         return Err(ContactError::NotFinite {
             what: "the coefficient of friction or a derivative of it, at node",
@@ -214,9 +223,9 @@ impl OrthotropicCoulomb {
         Self::new(coefficient.clone(), coefficient)
     }
 
-    /// F_k, ∂F_k/∂φ and ∂F_k/∂α at the slip φ.
-    fn coefficients_at(&self, v: &LocalValues, phi: f64) -> [[f64; 3]; 2] {
-        [0, 1].map(|d| self.coefficients[d].value(v.node, phi, v.parameter))
+    /// F_k, ∂F_k/∂φ, ∂F_k/∂α and ∂F_k/∂β at the slip φ.
+    fn coefficients_at(&self, v: &LocalValues, phi: f64) -> [[f64; 4]; 2] {
+        [0, 1].map(|d| self.coefficients[d].at(v, phi))
     }
 
     /// The slip φ at which the coefficients are taken, and its derivatives.
@@ -249,11 +258,11 @@ impl OrthotropicCoulomb {
             (OBLIQUE, true)
         };
         let root = (1.0 + ratio).sqrt();
-        // Derivatives with respect to u_t, λt, α, one at a time.
-        let derivative = |du: [f64; 2], dt: [f64; 2], rate: f64| {
+        // Derivatives with respect to u_t, λt, α, β, one at a time.
+        let derivative = |du: [f64; 2], dt: [f64; 2], rates: [f64; 2]| {
             let along = e[0] * du[0] + e[1] * du[1];
             let dd = [0, 1].map(|k| {
-                let df = f[k][1] * along + f[k][2] * rate;
+                let df = f[k][1] * along + f[k][2] * rates[0] + f[k][3] * rates[1];
                 (dt[k] - 2.0 * v.traction[k] / f[k][0] * df) / (f[k][0] * f[k][0]) + v.r * du[k]
             });
             let lengthened = d[0] * dd[0] + d[1] * dd[1];
@@ -273,10 +282,11 @@ impl OrthotropicCoulomb {
         let mut row = LocalRow::default();
         for k in 0..2 {
             let unit = [0, 1].map(|j| if j == k { 1.0 } else { 0.0 });
-            row.slip[k] = derivative(unit, [0.0; 2], 0.0);
-            row.traction[k] = derivative([0.0; 2], unit, 0.0);
+            row.slip[k] = derivative(unit, [0.0; 2], [0.0; 2]);
+            row.traction[k] = derivative([0.0; 2], unit, [0.0; 2]);
         }
-        row.parameter = derivative([0.0; 2], [0.0; 2], 1.0);
+        row.parameter = derivative([0.0; 2], [0.0; 2], [1.0, 0.0]);
+        row.second = derivative([0.0; 2], [0.0; 2], [0.0, 1.0]);
         (a * root, row)
     }
 
@@ -290,9 +300,10 @@ impl OrthotropicCoulomb {
         let (mut f, mut df) = ([0.0; 2], [LocalRow::default(); 2]);
         let (mut z, mut dz) = ([0.0; 2], [LocalRow::default(); 2]);
         for d in 0..2 {
-            let [value, slope, rate] = coefficients[d];
+            let [value, slope, rate, second] = coefficients[d];
             f[d] = value;
             df[d].parameter = rate;
+            df[d].second = second;
             add_row(&mut df[d], slope, &dphi);
             z[d] = v.traction[d] / value + v.r * value * v.slip[d];
             dz[d].traction[d] = 1.0 / value;
@@ -318,6 +329,12 @@ impl OrthotropicCoulomb {
 impl NodeLaw for OrthotropicCoulomb {
     fn num_tangents(&self) -> usize {
         2
+    }
+
+    fn num_nodes(&self) -> Option<usize> {
+        self.coefficients[0]
+            .num_nodes()
+            .or(self.coefficients[1].num_nodes())
     }
 
     fn num_pieces(&self) -> usize {
@@ -421,8 +438,13 @@ impl NodeLaw for OrthotropicCoulomb {
         rows
     }
 
-    fn depends_on_slip(&self) -> bool {
-        self.coefficients.iter().any(FrictionCoefficient::depends_on_slip)
+    fn num_history(&self) -> usize {
+        let depends = self.coefficients.iter().any(FrictionCoefficient::depends_on_slip);
+        usize::from(depends)
+    }
+
+    fn update(&self, v: &LocalValues, history: &mut [f64]) {
+        history.iter_mut().for_each(|h| *h += v.slip_norm());
     }
 
     fn is_coulomb(&self) -> bool {
@@ -430,7 +452,7 @@ impl NodeLaw for OrthotropicCoulomb {
     }
 
     fn friction(&self, v: &LocalValues) -> [f64; 2] {
-        [0, 1].map(|d| self.coefficients[d].value(v.node, v.slip_norm(), v.parameter)[0])
+        [0, 1].map(|d| self.coefficients[d].at(v, v.slip_norm())[0])
     }
 
     fn check(&self, v: &LocalValues) -> Result<(), ContactError> {

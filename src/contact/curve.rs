@@ -3,16 +3,15 @@
 use std::fmt;
 use std::sync::Arc;
 
-use super::ContactError;
+use super::{ContactError, LocalValues};
 
 type CurveFunction = Arc<dyn Fn(f64) -> (f64, f64) + Send + Sync>;
 type NodeFunction = Arc<dyn Fn(usize, f64, f64) -> [f64; 3] + Send + Sync>;
 
 /// A coefficient of friction F(ξ) against the slip ξ = ‖u_t‖ ≥ 0.
 ///
-/// In the static problem u_t is the whole tangential displacement. In a history of loading slips are measured anew in each level, so
-/// that F would depend on the number of levels: [`evolve`](super::evolve) refuses such a law unless told otherwise
-/// ([`EvolutionOptions::slip_increments`](super::EvolutionOptions::slip_increments)).
+/// In the static problem u_t is the whole tangential displacement. In a history of loading ([`evolve`](super::evolve)) slips are measured
+/// anew in each level, and ξ is the slip of the level and of all levels before it together: Σ ‖Δu_t‖.
 ///
 /// ```
 /// use semismooth::contact::FrictionCurve;
@@ -210,6 +209,12 @@ pub struct FrictionCoefficient {
     depends_on_parameter: bool,
     depends_on_slip: bool,
     constant: bool,
+    /// What a second parameter β adds to F at each node: β times this.
+    second: Option<Arc<[f64]>>,
+    /// How many nodes it is for; `None`: any.
+    nodes: Option<usize>,
+    /// Constants and slopes of F = c + α s, an entry a node, where it was given so.
+    line: Option<Arc<[[f64; 2]]>>,
 }
 
 impl fmt::Debug for FrictionCoefficient {
@@ -226,6 +231,9 @@ impl FrictionCoefficient {
     pub fn uniform(curve: FrictionCurve) -> Self {
         Self {
             constant: curve.is_constant(),
+            second: None,
+            nodes: None,
+            line: None,
             depends_on_parameter: false,
             depends_on_slip: !curve.is_constant(),
             function: Arc::new(move |_, slip, _| {
@@ -235,11 +243,107 @@ impl FrictionCoefficient {
         }
     }
 
+    /// The same constant F at all nodes.
+    ///
+    /// # Errors
+    /// Values below 0 or not finite.
+    pub fn constant(value: f64) -> Result<Self, ContactError> {
+        Ok(Self::uniform(FrictionCurve::constant(value)?))
+    }
+
+    /// A constant for each node.
+    ///
+    /// # Errors
+    /// No values, values below 0 or not finite.
+    pub fn nodal(values: Vec<f64>) -> Result<Self, ContactError> {
+        super::error::check_finite("the list of coefficients of friction", &values)?;
+        if let Some(node) = values.iter().position(|v| *v < 0.0) {
+            return Err(ContactError::NegativeFriction {
+                node,
+                parameter: 0.0,
+                value: values[node],
+            });
+        }
+        let nodes = Some(values.len());
+        let curves = values.into_iter().map(FrictionCurve::constant);
+        Ok(Self {
+            nodes,
+            ..Self::per_node(curves.collect::<Result<_, _>>()?)?
+        })
+    }
+
+    /// `constant` + α `slope`, an entry a node. Where all slopes are 0 this is [`nodal`](Self::nodal); where F falls below 0, nodes have
+    /// no solution in contact.
+    ///
+    /// # Errors
+    /// No values, lists of different lengths, values that are not finite; constants below 0 where all slopes are 0.
+    pub fn affine(constant: Vec<f64>, slope: Vec<f64>) -> Result<Self, ContactError> {
+        super::error::check_length(
+            "the slopes of the coefficient of friction",
+            &slope,
+            constant.len(),
+        )?;
+        super::error::check_finite("the coefficient of friction", &constant)?;
+        if constant.is_empty() || slope.iter().all(|s| *s == 0.0) {
+            return Self::nodal(constant);
+        }
+        let line = constant.iter().zip(&slope).map(|(c, s)| [*c, *s]).collect();
+        Ok(Self {
+            nodes: Some(constant.len()),
+            line: Some(line),
+            ..Self::of_parameter(move |node, alpha| {
+                let i = node.min(constant.len() - 1);
+                [constant[i] + alpha * slope[i], slope[i]]
+            })
+        })
+    }
+
+    /// Any coefficient that depends on node and parameter alone: `function(node, α)` gives F and ∂F/∂α, finite and continuous.
+    #[must_use]
+    pub fn of_parameter(function: impl Fn(usize, f64) -> [f64; 2] + Send + Sync + 'static) -> Self {
+        Self {
+            constant: false,
+            second: None,
+            nodes: None,
+            line: None,
+            depends_on_parameter: true,
+            depends_on_slip: false,
+            function: Arc::new(move |node, _, alpha| {
+                let [value, rate] = function(node, alpha);
+                [value, 0.0, rate]
+            }),
+        }
+    }
+
+    /// Adds β F₂, with a second parameter β and an entry of F₂ for each node.
+    ///
+    /// # Errors
+    /// No values, values that are not finite.
+    pub fn with_second(mut self, slope: Vec<f64>) -> Result<Self, ContactError> {
+        super::error::check_finite("the friction of the second parameter", &slope)?;
+        if slope.is_empty() {
+            return Err(ContactError::Empty {
+                what: "there is no friction of the second parameter",
+            });
+        }
+        self.nodes = self.nodes.or(Some(slope.len()));
+        if slope.iter().any(|s| *s != 0.0) {
+            self.constant = false;
+            self.depends_on_parameter = true;
+            self.line = None;
+            self.second = Some(slope.into());
+        }
+        Ok(self)
+    }
+
     /// α F(ξ): the scale of friction as the parameter (ζ of Haslinger, Kučera, Vlach 2008).
     #[must_use]
     pub fn scaled(curve: FrictionCurve) -> Self {
         Self {
             constant: false,
+            second: None,
+            nodes: None,
+            line: None,
             depends_on_parameter: true,
             depends_on_slip: !curve.is_constant(),
             function: Arc::new(move |_, slip, alpha| {
@@ -261,6 +365,9 @@ impl FrictionCoefficient {
         }
         Ok(Self {
             constant: curves.iter().all(FrictionCurve::is_constant),
+            second: None,
+            nodes: None,
+            line: None,
             depends_on_parameter: false,
             depends_on_slip: !curves.iter().all(FrictionCurve::is_constant),
             function: Arc::new(move |node, slip, _| {
@@ -276,6 +383,9 @@ impl FrictionCoefficient {
     pub fn function(function: impl Fn(usize, f64, f64) -> [f64; 3] + Send + Sync + 'static) -> Self {
         Self {
             constant: false,
+            second: None,
+            nodes: None,
+            line: None,
             depends_on_parameter: true,
             depends_on_slip: true,
             function: Arc::new(move |node, slip, alpha| {
@@ -298,19 +408,51 @@ impl FrictionCoefficient {
             depends_on_parameter: self.depends_on_parameter,
             depends_on_slip: self.depends_on_slip,
             constant: self.constant,
+            nodes: self.nodes,
+            line: None,
+            second: self
+                .second
+                .as_ref()
+                .map(|s| s.iter().map(|v| factor * v).collect()),
             function: Arc::new(move |node, slip, alpha| own.value(node, slip, alpha).map(|v| factor * v)),
         }
     }
 
-    /// F, ∂F/∂ξ and ∂F/∂α of a node.
+    /// F, ∂F/∂ξ and ∂F/∂α of a node (at β = 0).
     #[must_use]
     pub fn value(&self, node: usize, slip: f64, alpha: f64) -> [f64; 3] {
         (self.function)(node, slip, alpha)
     }
 
+    /// F, ∂F/∂ξ, ∂F/∂α and ∂F/∂β at the slip of a level, to which that of the levels before is added.
+    pub(super) fn at(&self, v: &LocalValues, slip: f64) -> [f64; 4] {
+        let past = if self.depends_on_slip { v.history[0] } else { 0.0 };
+        let [value, slope, rate] = self.value(v.node, past + slip, v.parameter);
+        match &self.second {
+            Some(second) => {
+                let change = second[v.node.min(second.len() - 1)];
+                [value + v.second * change, slope, rate, change]
+            }
+            None => [value, slope, rate, 0.0],
+        }
+    }
+
     /// Whether F depends on α, and may become negative.
     pub(super) fn depends_on_parameter(&self) -> bool {
         self.depends_on_parameter
+    }
+
+    /// How many nodes it is for; `None`: any.
+    pub(super) fn num_nodes(&self) -> Option<usize> {
+        self.nodes
+    }
+
+    /// [c, s] where F = c + α s at a node, and nothing else.
+    pub(super) fn affine_at(&self, node: usize) -> Option<[f64; 2]> {
+        if self.constant {
+            return Some([self.value(node, 0.0, 0.0)[0], 0.0]);
+        }
+        self.line.as_ref()?.get(node).copied()
     }
 
     /// Whether F may depend on the slip.

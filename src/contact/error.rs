@@ -1,5 +1,6 @@
 use thiserror::Error;
 
+use crate::interface::{InterfaceError, LENGTH};
 use crate::linear::LinearError;
 use crate::newton::{Failure, NewtonError};
 use crate::piecewise::PiecewiseError;
@@ -95,11 +96,6 @@ pub enum ContactError {
         /// Its value.
         value: f64,
     },
-    /// The load path cannot be condensed.
-    #[error(
-        "only affine loads can be condensed: a general load path needs a solve at every parameter; use the full form"
-    )]
-    LoadNotAffine,
     /// An option is out of its range.
     #[error("option {name} = {value} is out of range; it must be {range}")]
     Option {
@@ -143,7 +139,7 @@ pub enum ContactError {
     NotCoulomb,
     /// A law whose coefficients of friction depend on the slip, in a history that measures slips level by level.
     #[error(
-        "the coefficients of friction depend on the slip, which is measured anew in each level: they would depend on the number of levels; take coefficients that do not depend on the slip, or choose increments of slip (`with_slip_increments`)"
+        "the coefficients of friction depend on the slip, which is measured anew in each level, and the law has no history: they would depend on the number of levels; give the law a history, or choose increments of slip (`with_slip_increments`)"
     )]
     SlipOfLevels,
     /// The Delassus form is malformed.
@@ -157,6 +153,14 @@ pub enum ContactError {
         /// Why the last attempt failed.
         source: Box<NewtonError>,
     },
+    /// The linear problem with given states of all nodes is singular.
+    #[error(
+        "the linear problem with the given states is singular at parameter {parameter}: give another start"
+    )]
+    SingularStart {
+        /// The parameter α.
+        parameter: f64,
+    },
     /// A failure in the map.
     #[error(transparent)]
     Map(#[from] PiecewiseError),
@@ -166,6 +170,29 @@ pub enum ContactError {
     /// A file could not be read.
     #[error(transparent)]
     File(#[from] SparseError),
+}
+
+impl From<InterfaceError> for ContactError {
+    fn from(error: InterfaceError) -> Self {
+        match error {
+            InterfaceError::Size {
+                what,
+                expected,
+                found,
+            } => Self::Length {
+                what: what.strip_prefix(LENGTH).unwrap_or(what),
+                expected,
+                found,
+            },
+            InterfaceError::NotFinite { what, index, value } => Self::NotFinite { what, index, value },
+            InterfaceError::NotSymmetric { row, col, difference } => {
+                Self::NotSymmetric { row, col, difference }
+            }
+            InterfaceError::Map(e) => Self::Map(e),
+            InterfaceError::Linear(e) => Self::Linear(e),
+            InterfaceError::Matrix(e) => Self::File(e),
+        }
+    }
 }
 
 impl ContactError {

@@ -2,10 +2,15 @@
 
 use std::ops::ControlFlow;
 
+use super::body_state::BodyState;
 use super::node_law::NodeLaw;
-use super::{CondensedContact, ContactError, ContactOptions, ContactSolution};
-use crate::continuation::{Branch, ContinuationError, ContinuationOptions, Direction, Termination};
+use super::{Contact, ContactError, ContactOptions, ContactSolution};
+use crate::continuation::{
+    Branch, Continuation, ContinuationError, ContinuationOptions, Direction, Event, Termination,
+};
+use crate::interface::View;
 use crate::options::setters;
+use crate::piecewise::PiecewiseSmooth;
 
 /// Options of [`evolve`]. The defaults need no touching.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,8 +26,8 @@ pub struct EvolutionOptions {
     pub continuation: ContinuationOptions,
     /// How a solution is searched at a level which the branch does not reach.
     pub contact: ContactOptions,
-    /// Whether coefficients of friction that depend on the slip are taken at the increment of slip of each level alone, so that they
-    /// depend on the number of levels. Default `false`: such a law is refused ([`ContactError::SlipOfLevels`]).
+    /// Whether coefficients of friction that depend on the slip are taken at the increment of slip of each level alone: laws forget their
+    /// history, and what comes out depends on the number of levels. Default `false`.
     pub slip_increments: bool,
 }
 
@@ -67,11 +72,14 @@ impl EvolutionOptions {
 pub struct EvolutionStep {
     /// The load level α at the end of the step.
     pub level: f64,
-    /// The solution there (λν, λt, α).
+    /// The solution there, in the variables of the form.
     pub x: Vec<f64>,
+    /// The history variables of the law at the end of the step, node by node. With them and the displacements a history goes on:
+    /// [`set_history`](crate::contact::Contact::set_history), [`set_reference_slip`](crate::contact::Contact::set_reference_slip).
+    pub history: Vec<f64>,
     /// States and local quantities; slips are increments of this step.
     pub solution: ContactSolution,
-    /// Displacements of the contact nodes, in the order of [`CondensedContact::compliance`].
+    /// Displacements u_ν, u_t₁[, u_t₂] of the contact nodes: all normal ones first.
     pub displacements: Vec<f64>,
     /// α at the folds which the branch of this step meets: where there are any, solutions are not unique near them.
     pub folds: Vec<f64>,
@@ -79,11 +87,14 @@ pub struct EvolutionStep {
     pub transitions: usize,
     /// How this level was reached.
     pub arrival: Arrival,
-    /// Work of the loads in this step (trapezoidal rule).
+    /// Work of the loads in this step, and of the reactions at supports that move: summed over the points of the branch by the
+    /// trapezoidal rule.
     pub work: f64,
-    /// Change of the elastic energy ½ uᵀ A u.
+    /// Change of the elastic energy of the whole body.
     pub stored: f64,
-    /// Dissipation Σ λt · Δu_t ≥ 0 of the implicit step. work − stored − dissipated is of second order in the length of the step.
+    /// Dissipation: where the branch was followed ([`Arrival::is_followed`]) ∫ λt · du_t, summed as the work is, so that
+    /// work = stored + dissipated up to rounding and the tolerance of the points. Where it was not, Σ λt · Δu_t ≥ 0 of one implicit step: the
+    /// balance is then off by what is of second order in the length of the step, and by what a jump sets free.
     pub dissipated: f64,
 }
 
@@ -117,65 +128,49 @@ impl Arrival {
 }
 
 /// Follows a body through a history of load levels: in each step the static law holds for the increments of slip, u_t − u_t^(k−1), and
-/// the branch of solutions is followed from the old level to the new one, so that folds are seen and not jumped.
+/// the branch of solutions is followed from the old level to the new one, so that folds are seen and not jumped. At the end of a
+/// level laws with a history update it: friction that depends on the slip depends on all the slip since the beginning.
 ///
-/// `start` is the solution at the first level (from [`CondensedContact::solve`]); `levels` are those that come after. `observe` sees each
-/// step and may stop. The problem keeps the last reference of its slips. Limits of time in the options are those of one step.
+/// `start` is the solution at the first level (from [`Contact::solve`]); `levels` are those that come after. `observe` sees each
+/// step and may stop. The problem keeps the last reference of its slips and its history. Limits of time in the options are those of one
+/// step.
 ///
 /// # Errors
-/// A law whose coefficients depend on the slip, unless [`EvolutionOptions::slip_increments`] is set
-/// ([`ContactError::SlipOfLevels`]). Wrong lengths, levels that are not finite, options out of range, levels at which no solution is found: `observe` has seen the steps
-/// before.
-pub fn evolve<L: NodeLaw>(
-    problem: &mut CondensedContact<L>,
+/// A law whose coefficients depend on the slip but has no history, unless [`EvolutionOptions::slip_increments`] is set
+/// ([`ContactError::SlipOfLevels`]). Wrong lengths, levels that are not finite, options out of range, levels at which no solution is
+/// found: `observe` has seen the steps before.
+pub fn evolve<V: View, L: NodeLaw>(
+    problem: &mut Contact<V, L>,
     start: &[f64],
     levels: &[f64],
     options: &EvolutionOptions,
     mut observe: impl FnMut(&EvolutionStep) -> ControlFlow<()>,
 ) -> Result<Vec<EvolutionStep>, ContactError> {
     options.validate()?;
-    if problem.law().depends_on_slip() && !options.slip_increments {
+    if problem.node_law().depends_on_slip() && !options.slip_increments {
         return Err(ContactError::SlipOfLevels);
     }
     super::error::check_finite("the list of load levels", levels)?;
+    super::error::check_length("the solution x", start, problem.num_vars())?;
     let p = problem.num_contacts();
     let mut x = start.to_vec();
-    let mut held = problem.contact_displacements(&x)?;
-    let mut energy = Energy::at(problem, &x)?;
+    let reference = problem.traces(&x)?;
+    problem.set_reference_slip(&reference[p..])?;
     let mut steps = Vec::new();
     for &level in levels {
-        problem.set_reference_slip(&held[p..])?;
-        let begin = x[x.len() - 1];
-        let mut step = if level == begin {
-            Reached {
-                x: search(problem, &x, level, options)?,
-                folds: Vec::new(),
-                transitions: 0,
-                arrival: Arrival::Followed,
-            }
+        let step = one_level(problem, &x, level, options)?;
+        if options.slip_increments {
+            problem.set_reference_slip(&step.displacements[p..])?;
         } else {
-            reach(problem, &x, level, options)?
+            problem.end_level(&step.x)?;
+        }
+        x.clone_from(&step.x);
+        let step = EvolutionStep {
+            history: problem.history().to_vec(),
+            ..step
         };
-        x = std::mem::take(&mut step.x);
-        let now = problem.contact_displacements(&x)?;
-        let next = Energy::at(problem, &x)?;
-        let tangential = x[p..x.len() - 1].iter().zip(now[p..].iter().zip(&held[p..]));
-        let done = EvolutionStep {
-            level,
-            solution: problem.solution(&x)?,
-            folds: step.folds,
-            transitions: step.transitions,
-            arrival: step.arrival,
-            work: next.work_from(&energy),
-            stored: next.stored - energy.stored,
-            dissipated: tangential.map(|(l, (u, old))| l * (u - old)).sum(),
-            displacements: now.clone(),
-            x: x.clone(),
-        };
-        held = now;
-        energy = next;
-        let flow = observe(&done);
-        steps.push(done);
+        let flow = observe(&step);
+        steps.push(step);
         if flow.is_break() {
             break;
         }
@@ -183,16 +178,81 @@ pub fn evolve<L: NodeLaw>(
     Ok(steps)
 }
 
+/// The step from x to a level; its history is not yet updated.
+fn one_level<V: View, L: NodeLaw>(
+    problem: &Contact<V, L>,
+    x: &[f64],
+    level: f64,
+    options: &EvolutionOptions,
+) -> Result<EvolutionStep, ContactError> {
+    let reached = if level == x[x.len() - 1] {
+        Reached {
+            way: vec![x.to_vec(), search(problem, x, level, options)?],
+            folds: Vec::new(),
+            transitions: 0,
+            arrival: Arrival::Followed,
+        }
+    } else {
+        reach(problem, x, level, options)?
+    };
+    let implicit = !reached.arrival.is_followed();
+    let mut way = reached.way.iter();
+    let first = way.next().map_or(x, Vec::as_slice);
+    let (begin, mut last) = (BodyState::at(problem, first)?, ContactForces::at(problem, first)?);
+    let (mut state, mut work, mut dissipated) = (BodyState::at(problem, first)?, 0.0, 0.0);
+    let mut end = first;
+    for x in way {
+        let (next, forces) = (BodyState::at(problem, x)?, ContactForces::at(problem, x)?);
+        work += next.work_from(&state);
+        dissipated += forces.dissipated_from(&last, implicit);
+        (state, last, end) = (next, forces, x);
+    }
+    Ok(EvolutionStep {
+        level,
+        solution: problem.solution(end)?,
+        displacements: problem.traces(end)?,
+        folds: reached.folds,
+        transitions: reached.transitions,
+        arrival: reached.arrival,
+        work,
+        stored: state.stored() - begin.stored(),
+        dissipated,
+        history: Vec::new(),
+        x: end.to_vec(),
+    })
+}
+
+/// Tangential forces and slips.
+struct ContactForces(Vec<([f64; 2], [f64; 2])>);
+
+impl ContactForces {
+    fn at<V: View, L: NodeLaw>(problem: &Contact<V, L>, x: &[f64]) -> Result<Self, ContactError> {
+        super::error::check_length("the solution x", x, problem.num_vars())?;
+        let nodes = problem.nodes(x).into_iter();
+        Ok(Self(nodes.map(|v| (v.traction, v.slip)).collect()))
+    }
+
+    /// Σ λt · Δu_t with the forces at the end of an implicit step, or the mean of those at both ends.
+    fn dissipated_from(&self, before: &Self, implicit: bool) -> f64 {
+        let of_node = |((now, slip), (old, past)): (&([f64; 2], [f64; 2]), &([f64; 2], [f64; 2]))| -> f64 {
+            let force = |d: usize| if implicit { now[d] } else { 0.5 * (now[d] + old[d]) };
+            (0..2).map(|d| force(d) * (slip[d] - past[d])).sum()
+        };
+        self.0.iter().zip(&before.0).map(of_node).sum()
+    }
+}
+
 struct Reached {
-    x: Vec<f64>,
+    /// Points from the old level to the new one.
+    way: Vec<Vec<f64>>,
     folds: Vec<f64>,
     transitions: usize,
     arrival: Arrival,
 }
 
 /// A solution at the level, Newton's method beginning at x.
-fn search<L: NodeLaw>(
-    problem: &CondensedContact<L>,
+fn search<V: View, L: NodeLaw>(
+    problem: &Contact<V, L>,
     x: &[f64],
     level: f64,
     options: &EvolutionOptions,
@@ -202,8 +262,8 @@ fn search<L: NodeLaw>(
 }
 
 /// From a solution of the step before to the new level.
-fn reach<L: NodeLaw>(
-    problem: &CondensedContact<L>,
+fn reach<V: View, L: NodeLaw>(
+    problem: &Contact<V, L>,
     x: &[f64],
     level: f64,
     options: &EvolutionOptions,
@@ -218,12 +278,22 @@ fn reach<L: NodeLaw>(
         .continuation
         .clone()
         .with_parameter_range((begin.min(level), begin.max(level)));
+    let jump = || search(problem, x, level, options).map(|end| vec![x.to_vec(), end]);
+    let mut way: Vec<(f64, Vec<f64>)> = Vec::new();
+    let branch = Continuation::new(problem, x, direction, continuation).and_then(|curve| {
+        Branch::collect(curve, |event| {
+            if let Event::Point(_) | Event::Transition(_) = event {
+                way.push((event.arclength(), event.x().to_vec()));
+            }
+            ControlFlow::Continue(())
+        })
+    });
     // Nodes that slipped start at the boundary of their cells, many at once: where that start is too degenerate Newton decides.
-    let branch = match Branch::follow(problem, x, direction, continuation) {
+    let branch = match branch {
         Ok(branch) => branch,
         Err(error) => {
             return Ok(Reached {
-                x: search(problem, x, level, options)?,
+                way: jump()?,
                 folds: Vec::new(),
                 transitions: 0,
                 arrival: Arrival::NotFollowed(error),
@@ -231,45 +301,23 @@ fn reach<L: NodeLaw>(
         }
     };
     let (folds, transitions) = (branch.folds(), branch.transitions.len());
-    let end = branch.points.into_iter().next_back();
-    let end = end.filter(|p| branch.termination == Termination::ParameterRange && p.parameter() == level);
-    let (arrival, end) = match end {
-        Some(end) if folds.is_empty() => (Arrival::Followed, Some(end.x)),
-        Some(_) => (Arrival::PassedFolds, None),
-        None if branch.termination == Termination::ParameterRange => (Arrival::Jumped, None),
-        None => (Arrival::Ended(branch.termination), None),
+    let arrives = branch.points.last().is_some_and(|p| p.parameter() == level);
+    let arrival = match branch.termination {
+        Termination::ParameterRange if arrives && folds.is_empty() => Arrival::Followed,
+        Termination::ParameterRange if arrives => Arrival::PassedFolds,
+        Termination::ParameterRange => Arrival::Jumped,
+        other => Arrival::Ended(other),
     };
-    let x = end.map_or_else(|| search(problem, x, level, options), Ok)?;
+    let way = if arrival.is_followed() {
+        way.sort_by(|a, b| a.0.total_cmp(&b.0));
+        way.into_iter().map(|(_, x)| x).collect()
+    } else {
+        jump()?
+    };
     Ok(Reached {
-        x,
+        way,
         folds,
         transitions,
         arrival,
     })
-}
-
-/// Loads, displacements and elastic energy at a solution.
-struct Energy {
-    u: Vec<f64>,
-    load: Vec<f64>,
-    stored: f64,
-}
-
-impl Energy {
-    fn at<L: NodeLaw>(problem: &CondensedContact<L>, x: &[f64]) -> Result<Self, ContactError> {
-        let u = problem.displacements(x)?;
-        let body = problem.body();
-        let load = body.load_at(x[x.len() - 1]);
-        let mut force = vec![0.0; u.len()];
-        body.stiffness().mul_vec(&u, &mut force);
-        let stored = 0.5 * force.iter().zip(&u).map(|(f, u)| f * u).sum::<f64>();
-        Ok(Self { u, load, stored })
-    }
-
-    fn work_from(&self, before: &Self) -> f64 {
-        let mean = self.load.iter().zip(&before.load).map(|(a, b)| 0.5 * (a + b));
-        mean.zip(self.u.iter().zip(&before.u))
-            .map(|(f, (a, b))| f * (a - b))
-            .sum()
-    }
 }

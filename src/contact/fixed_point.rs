@@ -1,6 +1,6 @@
 use std::ops::ControlFlow;
 
-use super::condensed_contact::CondensedContact;
+use super::CondensedContact;
 use super::given_bound::GivenBound;
 use super::node_law::NodeLaw;
 use super::{ContactError, ContactOptions};
@@ -147,13 +147,14 @@ pub fn fixed_point_observed<L: NodeLaw>(
     options.validate()?;
     let omega = options.relaxation;
     let q = problem.num_residuals();
-    let begin = problem.solution(start)?.nodes;
+    super::error::check_length("the solution x", start, problem.num_vars())?;
+    let begin = problem.nodes(start);
     let alpha = start[q];
     let mut slips: Vec<f64> = begin.iter().map(super::LocalValues::slip_norm).collect();
     let mut pressures: Vec<f64> = begin.iter().map(|v| v.pressure.max(0.0)).collect();
     let mut nodes = begin;
     let mut inner = problem.with_law(GivenBound::new(
-        problem.law().num_tangents(),
+        problem.node_law().num_tangents(),
         vec![0.0; slips.len()],
         vec![[0.0; 2]; slips.len()],
     )?)?;
@@ -173,11 +174,12 @@ pub fn fixed_point_observed<L: NodeLaw>(
                     slip: [phi, 0.0],
                     ..*v
                 };
-                problem.law().check(&at)?;
-                Ok(problem.law().friction(&at))
+                problem.node_law().check(&at)?;
+                Ok(problem.node_law().friction(&at))
             })
             .collect::<Result<Vec<_>, ContactError>>()?;
-        *inner.law_mut() = GivenBound::new(problem.law().num_tangents(), pressures.clone(), coefficients)?;
+        *inner.node_law_mut() =
+            GivenBound::new(problem.node_law().num_tangents(), pressures.clone(), coefficients)?;
         let before = pieces.take().unwrap_or_else(|| select(&inner, &report.x));
         let go_on = |_: &_| ControlFlow::Continue(());
         let x = inner
@@ -195,7 +197,7 @@ pub fn fixed_point_observed<L: NodeLaw>(
         if observe(&report).is_break() {
             break;
         }
-        nodes = problem.solution(&report.x)?.nodes;
+        nodes = problem.nodes(&report.x);
         for (i, v) in nodes.iter().enumerate() {
             slips[i] += omega * (v.slip_norm() - slips[i]);
             pressures[i] += omega * (v.pressure.max(0.0) - pressures[i]);

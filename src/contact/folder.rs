@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::body::check_matrices;
-use super::{ContactError, FrictionPath, FrictionProblem, LoadPath};
+use super::{ContactBody, ContactError, FrictionCoefficient, FullContact, LoadPath, PlanarCoulomb};
 use crate::sparse::{Announced, Matrix, SparseError, read_matrix_if, read_vector};
 
 /// A discrete problem read from a folder, with the load f(γ) = (1 − γ) f₀ + γ f₁.
@@ -13,7 +13,7 @@ pub struct DiscreteFolder {
     /// The folder.
     pub path: PathBuf,
     /// The problem.
-    pub problem: FrictionProblem,
+    pub problem: FullContact<PlanarCoulomb>,
 }
 
 /// Reads a folder with `A.mtx`, `Bnu.mtx`, `Bt.mtx` (MatrixMarket), `f0.txt`, `f1.txt`, `gap.txt` (one number a line) and
@@ -21,7 +21,7 @@ pub struct DiscreteFolder {
 ///
 /// # Errors
 /// Files that are missing or malformed (file and line are named), matrices with fewer entries than rows, and everything
-/// [`FrictionProblem::new`] checks. What is allocated stays in proportion to the bytes read.
+/// [`ContactBody::new`] checks. What is allocated stays in proportion to the bytes read.
 pub fn read_folder(path: impl AsRef<Path>) -> Result<DiscreteFolder, ContactError> {
     let folder = path.as_ref();
     let a = read(&folder.join("A.mtx"), None, 0)?;
@@ -76,14 +76,15 @@ pub fn read_folder(path: impl AsRef<Path>) -> Result<DiscreteFolder, ContactErro
     } else {
         vec![0.0; p]
     };
-    let problem = FrictionProblem::new(
-        a,
-        bnu,
-        bt,
-        LoadPath::between(f0, &f1),
-        FrictionPath::constant(friction),
-    )?
-    .with_gap(gap)?;
+    let body = ContactBody::new(a, bnu, vec![bt], LoadPath::between(f0, f1))?.with_gap(gap)?;
+    if friction.len() != p {
+        return Err(ContactError::Length {
+            what: "the list of coefficients of friction",
+            expected: p,
+            found: friction.len(),
+        });
+    }
+    let problem = FullContact::new(body, PlanarCoulomb::new(FrictionCoefficient::nodal(friction)?))?;
     let problem = match r {
         Some(r) => problem.with_r(r)?,
         None => problem,

@@ -1,4 +1,6 @@
-use super::{ContactError, ContactState, FrictionPath, FrictionProblem, LoadPath};
+use super::{
+    ContactBody, ContactError, ContactState, FrictionCoefficient, FullContact, LoadPath, PlanarCoulomb,
+};
 use crate::sparse::Matrix;
 
 /// The model with one contact node of Hild and Renard (2005): A = ½ [[λ+3μ, −(λ+μ)], [−(λ+μ), λ+3μ]], load (f_ν, f_t), F = α, and
@@ -69,15 +71,16 @@ impl HildRenard {
     ///
     /// # Errors
     /// None in practice; the constructor of the problem checks everything again.
-    pub fn problem(&self) -> Result<FrictionProblem, ContactError> {
+    pub fn problem(&self) -> Result<FullContact<PlanarCoulomb>, ContactError> {
         let (d, o) = (self.diagonal(), -self.off());
-        FrictionProblem::new(
+        let body = ContactBody::new(
             Matrix::from_rows(&[[d, o], [o, d]])?,
             Matrix::from_rows(&[[1.0, 0.0]])?,
-            Matrix::from_rows(&[[0.0, 1.0]])?,
+            vec![Matrix::from_rows(&[[0.0, 1.0]])?],
             LoadPath::constant(vec![self.f_nu, self.f_t]),
-            FrictionPath::affine(vec![0.0], vec![1.0]),
-        )
+        )?;
+        let friction = FrictionCoefficient::affine(vec![0.0], vec![1.0])?;
+        FullContact::new(body, PlanarCoulomb::new(friction))
     }
 
     fn diagonal(&self) -> f64 {

@@ -5,38 +5,33 @@
 
 mod approach;
 mod body;
-mod condensed;
-mod condensed_contact;
+mod body_state;
+mod conversion;
 mod coulomb_laws;
 mod curve;
 mod delassus;
 mod error;
 mod evolution;
 mod exact;
-mod family;
 mod fixed_point;
 #[cfg(feature = "json")]
 mod folder;
-mod form;
-mod full;
-mod full_contact;
 mod given_bound;
 mod hild_renard;
-mod law;
+mod multiplier_coulomb;
 mod node_law;
 mod options;
-mod paths;
+mod per_node;
 mod problem;
 mod reduced;
 mod solution;
-mod start;
+mod state;
 mod strategy;
 mod tries;
 mod uniqueness;
 
+pub use crate::interface::{LoadCase, LoadPath};
 pub use body::ContactBody;
-pub use condensed::CondensedFriction;
-pub use condensed_contact::CondensedContact;
 pub use coulomb_laws::{OrthotropicCoulomb, PlanarCoulomb};
 pub use curve::{FrictionCoefficient, FrictionCurve};
 #[cfg(feature = "json")]
@@ -47,20 +42,18 @@ pub use delassus::{
 };
 pub use error::ContactError;
 pub use evolution::{Arrival, EvolutionOptions, EvolutionStep, evolve};
-pub use family::FrictionFamily;
 pub use fixed_point::{FixedPointOptions, FixedPointReport, fixed_point, fixed_point_observed};
 #[cfg(feature = "json")]
 pub use folder::{DiscreteFolder, read_folder};
-pub use full_contact::FullContact;
 pub use given_bound::GivenBound;
 pub use hild_renard::{HildRenard, HildRenardBranch, HildRenardCase};
-pub use law::{ContactState, NodeValues, SlipBound};
-pub use node_law::{Frictionless, LocalRow, LocalValues, MAX_TESTS, NodeLaw};
+pub use multiplier_coulomb::MultiplierCoulomb;
+pub use node_law::{Frictionless, LocalRow, LocalValues, MAX_HISTORY, MAX_TESTS, NodeLaw};
 pub use options::ContactOptions;
-pub use paths::{FrictionPath, LoadPath};
-pub use problem::{FrictionMap, FrictionProblem};
+pub use per_node::PerNode;
+pub use problem::{CondensedContact, Contact, FullContact};
 pub use solution::{ContactEnergy, ContactResiduals, ContactSolution};
-pub use start::{FrictionStart, first_point, first_point_observed};
+pub use state::ContactState;
 pub use strategy::{ContactAttempt, ContactProgress, ContactReport, ContactStrategy};
 pub use uniqueness::{
     FixedPointBound, UniquenessConstants, check_multipliers, critical_friction, friction_bounds,

@@ -20,6 +20,10 @@ pub struct LocalValues {
     pub traction: [f64; 2],
     /// α.
     pub parameter: f64,
+    /// β, the second parameter of a family; 0 where there is none.
+    pub second: f64,
+    /// History variables; those that the law does not have are 0.
+    pub history: [f64; MAX_HISTORY],
     /// r > 0.
     pub r: f64,
 }
@@ -52,6 +56,8 @@ pub struct LocalRow {
     pub traction: [f64; 2],
     /// With respect to α.
     pub parameter: f64,
+    /// With respect to β.
+    pub second: f64,
 }
 
 impl LocalRow {
@@ -67,6 +73,7 @@ impl LocalRow {
         self.penetration += scale * other.penetration;
         self.pressure += scale * other.pressure;
         self.parameter += scale * other.parameter;
+        self.second += scale * other.second;
         for d in 0..2 {
             self.slip[d] += scale * other.slip[d];
             self.traction[d] += scale * other.traction[d];
@@ -77,6 +84,9 @@ impl LocalRow {
 /// Most test functions a law may have.
 pub const MAX_TESTS: usize = 4;
 
+/// Most history variables a law may have at a node.
+pub const MAX_HISTORY: usize = 4;
+
 /// A law of contact at one node: a finite list of smooth pieces, each with its cell.
 ///
 /// Residuals have one normal component (order: normal, t₁, t₂; in the plane the last is not used). Pieces and test functions obey the
@@ -84,6 +94,11 @@ pub const MAX_TESTS: usize = 4;
 pub trait NodeLaw {
     /// 1 in the plane, 2 in space.
     fn num_tangents(&self) -> usize;
+
+    /// How many contact nodes the law is for; `None`: any.
+    fn num_nodes(&self) -> Option<usize> {
+        None
+    }
 
     /// Number of pieces; piece 0 is the open node.
     fn num_pieces(&self) -> usize;
@@ -123,7 +138,16 @@ pub trait NodeLaw {
         [0.0; 2]
     }
 
-    /// Whether the coefficients of friction depend on the slip u_t. A history of loading measures slips level by level
+    /// Number of history variables at each node, at most [`MAX_HISTORY`]; all begin with 0.
+    fn num_history(&self) -> usize {
+        0
+    }
+
+    /// Updates the history variables of a node at the end of a load level, from the values there: slips are those of the level. The law
+    /// must be independent of rates: levels are no times.
+    fn update(&self, _v: &LocalValues, _history: &mut [f64]) {}
+
+    /// Whether the coefficients of friction depend on the slip u_t of a level alone, and not on a history. A history of loading measures slips level by level
     /// ([`evolve`](super::evolve)).
     fn depends_on_slip(&self) -> bool {
         false
@@ -134,9 +158,10 @@ pub trait NodeLaw {
         false
     }
 
-    /// The coefficient of friction of a node, where the law is planar Coulomb friction with the pieces open, stick, slip+ and slip− and
-    /// this coefficient depends on nothing: contact is then [stated exactly](crate::piecewise::PiecewiseSmooth::exact).
-    fn constant_friction(&self, _node: usize) -> Option<f64> {
+    /// [c, s] of the coefficient of friction F = c + α s of a node, where the law is planar Coulomb friction with the pieces open, stick,
+    /// slip+ and slip− and F depends on nothing else: contact is then
+    /// [stated exactly](crate::piecewise::PiecewiseSmooth::exact).
+    fn affine_friction(&self, _node: usize) -> Option<[f64; 2]> {
         None
     }
 
@@ -151,7 +176,7 @@ pub trait NodeLaw {
 
 macro_rules! borrowed {
     ($(fn $name:ident(&self $(, $arg:ident: $ty:ty)*) $(-> $out:ty)?;)*) => {
-        /// A law that is lent.
+        /// A law behind a reference.
         impl<L: NodeLaw + ?Sized> NodeLaw for &L {
             $(fn $name(&self $(, $arg: $ty)*) $(-> $out)? { (**self).$name($($arg),*) })*
         }
@@ -160,6 +185,7 @@ macro_rules! borrowed {
 
 borrowed! {
     fn num_tangents(&self) -> usize;
+    fn num_nodes(&self) -> Option<usize>;
     fn num_pieces(&self) -> usize;
     fn num_tests(&self) -> usize;
     fn cell(&self, piece: usize) -> &'static [Facet];
@@ -170,9 +196,11 @@ borrowed! {
     fn rows(&self, piece: usize, v: &LocalValues) -> [LocalRow; 3];
     fn is_affine(&self) -> bool;
     fn friction(&self, v: &LocalValues) -> [f64; 2];
+    fn num_history(&self) -> usize;
+    fn update(&self, v: &LocalValues, history: &mut [f64]);
     fn depends_on_slip(&self) -> bool;
     fn is_coulomb(&self) -> bool;
-    fn constant_friction(&self, node: usize) -> Option<f64>;
+    fn affine_friction(&self, node: usize) -> Option<[f64; 2]>;
     fn check(&self, v: &LocalValues) -> Result<(), ContactError>;
     fn state(&self, piece: usize, v: &LocalValues) -> ContactState;
 }

@@ -1,144 +1,160 @@
-use super::body::check_matrices;
-use super::error::check_length;
-use super::full_contact::{held, node_stiffness};
-use super::law::{Law, TESTS};
-use super::solution::imbalance;
-use super::{
-    ContactError, ContactSolution, ContactState, FrictionPath, LoadPath, LocalValues, NodeValues, SlipBound,
-};
-use crate::interface::typical_sizes;
-use crate::piecewise::{PiecewiseSmooth, Selection};
-use crate::sparse::{Matrix, Pattern, dot};
+use std::ops::ControlFlow;
+use std::sync::Arc;
 
-/// A discrete contact problem with Coulomb friction in the plane (Haslinger, Janovský, Ligurský):
+use super::approach::lower;
+use super::error::{check_finite, check_length};
+use super::node_law::{LocalValues, NodeLaw};
+use super::per_node::PerNode;
+use super::tries::{Observer, newton_step};
+use super::{
+    ContactBody, ContactError, ContactOptions, ContactProgress, ContactReport, ContactState,
+    FrictionCoefficient, LoadPath, PlanarCoulomb, strategy,
+};
+use crate::interface::{CondensedView, FullView, Interface, LoadCase, View};
+use crate::newton::Newton;
+use crate::piecewise::{PiecewiseSmooth, Selection};
+use crate::sparse::{Matrix, Pattern};
+
+/// Pressures and tractions up to which the way down is followed in condensed form, whose matrices are dense.
+const CONDENSED: usize = 10_000;
+
+/// A [`ContactBody`] under a [`NodeLaw`], in one of two views:
 ///
 /// ```text
-/// H(x) = ( A u + Bνᵀ λν + Btᵀ λt − f(α);  λν − (θ¹)₊;  λt − P_[−g, g](λt + r Bt u) ),   x = (u, λν, λt, α)
-/// θ¹ = λν + r (Bν u − gap),   g = F(α) (θ¹)₊  or  F(α) λν
+/// H(x) = ( A u + Bνᵀ λν + Σ Btᵀ λt − f(α);  H_ν;  H_t ),   H_ν, H_t from the law at each node
 /// ```
 ///
-/// n displacements u, p contact nodes; forces λ in the units of f. As a [`PiecewiseSmooth`] map its sites are the contact nodes, with the
-/// pieces "open", "stick", "slip+", "slip-" and the test functions θ¹, θ², θ³ and F (a wall: where F becomes negative a node in
-/// contact has no solution). [`CondensedFriction`](super::CondensedFriction) is the same problem on the contact nodes alone.
+/// An interface problem whose sites are the contact nodes, with the pieces, cells and test functions of the law.
+pub type Contact<V, L> = Interface<V, PerNode<L>>;
+
+/// Contact in full form, sparse: x = (u, λν, λt₁[, λt₂], α). A need not be symmetric; each Newton step is one sparse factorisation.
 ///
 /// ```
-/// use semismooth::contact::{FrictionPath, FrictionProblem, FrictionStart, LoadPath, first_point};
+/// use semismooth::contact::{ContactBody, FrictionCoefficient, FullContact, LoadPath, PlanarCoulomb};
 /// use semismooth::sparse::Matrix;
 /// // One contact node (Hild–Renard), λ = μ = 1, F = α.
 /// let a = Matrix::from_rows(&[[2.0, -1.0], [-1.0, 2.0]])?;
-/// let problem = FrictionProblem::new(
-///     a,
-///     Matrix::from_rows(&[[1.0, 0.0]])?,
-///     Matrix::from_rows(&[[0.0, 1.0]])?,
-///     LoadPath::constant(vec![1.5, 7.0]),
-///     FrictionPath::affine(vec![0.0], vec![1.0]),
-/// )?;
-/// let x = first_point(&problem, 10.0, &FrictionStart::Zero)?;
+/// let (normal, tangential) = (Matrix::from_rows(&[[1.0, 0.0]])?, Matrix::from_rows(&[[0.0, 1.0]])?);
+/// let body = ContactBody::new(a, normal, vec![tangential], LoadPath::constant(vec![1.5, 7.0]))?;
+/// let friction = FrictionCoefficient::affine(vec![0.0], vec![1.0])?;
+/// let problem = FullContact::new(body, PlanarCoulomb::new(friction))?;
+/// let x = problem.solve(10.0, None)?;
 /// assert!((x[2] - 1.5).abs() < 1e-12 && (x[3] - 7.0).abs() < 1e-12); // sticks: λ = f
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
-#[derive(Debug, Clone)]
-pub struct FrictionProblem {
-    pub(super) a: Matrix,
-    /// Transposes: column i is row i of Bν, Bt.
-    pub(super) bnu_t: Matrix,
-    pub(super) bt_t: Matrix,
-    pub(super) gap: Vec<f64>,
-    pub(super) load: LoadPath,
-    pub(super) friction: FrictionPath,
-    pub(super) law: Law,
-    pub(super) pattern: Pattern,
-}
+pub type FullContact<L> = Contact<FullView, L>;
 
-impl FrictionProblem {
-    /// The problem with gap 0, g = F (θ¹)₊ and r = the mean stiffness b A bᵀ / (b bᵀ)² of single contact nodes, over the rows b of Bν
-    /// and Bt (1 where that is not positive). `a` is n × n, `bnu` and `bt` are p × n.
+/// Contact condensed onto its nodes, dense: x = (λν, λt₁[, λt₂], α). With C = B A⁻¹ Bᵀ and the free motion w(α) = B A⁻¹ f(α) the
+/// displacements of the contact nodes are w(α) − C λ. One Cholesky factorisation at construction; afterwards every step costs as much as a
+/// dense problem of 2p (in space 3p) unknowns.
+pub type CondensedContact<L> = Contact<CondensedView, L>;
+
+impl<L: NodeLaw> FullContact<L> {
+    /// The problem in full form. The augmentation parameter r is a quarter of the mean stiffness b A bᵀ / (b bᵀ)² of single contact
+    /// nodes, over the rows b of the traces, about what a node meets on a mesh; solutions do not depend
+    /// on it.
     ///
     /// # Errors
-    /// Empty problems, wrong shapes, entries that are not finite, a constant coefficient of friction below 0.
-    pub fn new(
-        a: Matrix,
-        bnu: Matrix,
-        bt: Matrix,
-        load: LoadPath,
-        friction: FrictionPath,
-    ) -> Result<Self, ContactError> {
-        check_matrices(&a, &[&bnu, &bt])?;
-        let (n, p) = (a.nrows(), bnu.nrows());
-        load.0.check("the load", n)?;
-        friction.0.check("the coefficients of friction", p)?;
-        let constant_friction = friction.0.is_constant();
-        let (bnu_t, bt_t) = (bnu.transpose(), bt.transpose());
-        let pattern = full_pattern(&a, &bnu, &bt)?;
-        let stiffness = node_stiffness(&a, &[&bnu_t, &bt_t]);
-        let problem = Self {
-            gap: vec![0.0; p],
-            law: Law {
-                r: if stiffness > 0.0 && stiffness.is_finite() {
-                    stiffness
-                } else {
-                    1.0
-                },
-                bound: SlipBound::default(),
-                constant_friction,
-            },
-            a,
-            bnu_t,
-            bt_t,
-            load,
-            friction,
-            pattern,
-        };
-        if constant_friction {
-            problem.check_friction(0.0)?;
-        }
-        Ok(problem)
+    /// A law of another dimension.
+    pub fn new(body: ContactBody, law: L) -> Result<Self, ContactError> {
+        Self::of(body, law, |_| Ok(FullView))
     }
 
     /// Sets the initial gap of each contact node: u_ν ≤ gap.
     ///
     /// # Errors
     /// Wrong length, values that are not finite.
-    pub fn with_gap(mut self, gap: Vec<f64>) -> Result<Self, ContactError> {
-        check_length("the gap", &gap, self.num_contacts())?;
-        self.gap = gap;
-        Ok(self)
-    }
-
-    /// Typical sizes of u, λ and α.
-    pub(super) fn sizes(&self) -> Option<[f64; 3]> {
-        let loads = self.load.0.sizes(self.num_displacements());
-        typical_sizes(&self.a, [&self.bnu_t, &self.bt_t], loads, &self.gap)
+    pub fn with_gap(self, gap: Vec<f64>) -> Result<Self, ContactError> {
+        let body = ContactBody::clone(&self.law.body).with_gap(gap)?;
+        self.rebuilt(body)
     }
 
     /// Replaces the load.
     ///
     /// # Errors
     /// Wrong length, values that are not finite.
-    pub fn with_load(mut self, load: LoadPath) -> Result<Self, ContactError> {
-        load.0.check("the load", self.num_displacements())?;
-        self.load = load;
-        Ok(self)
+    pub fn with_load(self, load: LoadPath) -> Result<Self, ContactError> {
+        let body = ContactBody::clone(&self.law.body).with_load(load)?;
+        self.rebuilt(body)
     }
 
-    /// Replaces the coefficients of friction.
+    fn rebuilt(self, body: ContactBody) -> Result<Self, ContactError> {
+        let mut nodes = self.law;
+        nodes.body = Arc::new(body);
+        let operator = Arc::clone(&nodes.body.operator);
+        Ok(Interface::with_view(operator, FullView, nodes)?)
+    }
+}
+
+impl FullContact<PlanarCoulomb> {
+    /// A body in the plane under Coulomb's law: A (n × n), Bν and Bt (p × n), gap 0.
     ///
     /// # Errors
-    /// Wrong length, values that are not finite, a constant coefficient below 0.
-    pub fn with_friction(mut self, friction: FrictionPath) -> Result<Self, ContactError> {
-        friction
-            .0
-            .check("the coefficients of friction", self.num_contacts())?;
-        self.law.constant_friction = friction.0.is_constant();
-        self.friction = friction;
-        if self.law.constant_friction {
-            self.check_friction(0.0)?;
+    /// As [`ContactBody::new`].
+    pub fn planar(
+        a: Matrix,
+        normal: Matrix,
+        tangential: Matrix,
+        load: LoadPath,
+        friction: FrictionCoefficient,
+    ) -> Result<Self, ContactError> {
+        let body = ContactBody::new(a, normal, vec![tangential], load)?;
+        Self::new(body, PlanarCoulomb::new(friction))
+    }
+}
+
+impl<L: NodeLaw> CondensedContact<L> {
+    /// Condenses a body. r as in full form.
+    ///
+    /// # Errors
+    /// A law of another dimension, A that is not symmetric or not positive definite.
+    pub fn new(body: ContactBody, law: L) -> Result<Self, ContactError> {
+        if let Some((row, col, difference)) = body.stiffness().asymmetry(1e-10) {
+            return Err(ContactError::NotSymmetric { row, col, difference });
         }
-        Ok(self)
+        Self::of(body, law, |body| Ok(CondensedView::new(&body.operator)?))
     }
 
-    /// Sets the augmentation parameter r > 0 (force per length). Solutions do not depend on it, but what counts as near a change of
-    /// state does: values more than 10⁵ away from the stiffness of the contact nodes make rounding errors count.
+    /// The displacements of the contact nodes without contact forces, w(α), in the order of [`compliance`](Self::compliance).
+    ///
+    /// # Errors
+    /// A parameter that is not finite.
+    pub fn free_motion(&self, alpha: f64) -> Result<Vec<f64>, ContactError> {
+        check_finite("the parameter", &[alpha])?;
+        let mut parameters = vec![0.0; self.num_parameters()];
+        parameters[0] = alpha;
+        Ok(self.free_traces(&parameters)?)
+    }
+}
+
+impl<'a, V: View> Contact<V, &'a dyn NodeLaw> {
+    /// The condensed form under the load at α.
+    fn condensed_at(&self, alpha: f64) -> Result<CondensedContact<&'a dyn NodeLaw>, ContactError> {
+        let load = self.operator.load.frozen(&[alpha], self.num_displacements());
+        let mut condensed = CondensedContact::new(self.body().under(load)?, self.law.law)?;
+        condensed.law.reference.clone_from(&self.law.reference);
+        condensed.law.history.clone_from(&self.law.history);
+        Ok(condensed)
+    }
+}
+
+impl<V: View, L: NodeLaw> Contact<V, L> {
+    fn of(
+        body: ContactBody,
+        law: L,
+        view: impl FnOnce(&ContactBody) -> Result<V, ContactError>,
+    ) -> Result<Self, ContactError> {
+        body.check_law(&law)?;
+        let view = view(&body)?;
+        let operator = Arc::clone(&body.operator);
+        let mut nodes = PerNode::new(Arc::new(body), law);
+        if let Some(reduced) = view.reduced() {
+            nodes.stiffness = reduced.stiffness();
+        }
+        Ok(Interface::with_view(operator, view, nodes)?)
+    }
+
+    /// Sets the augmentation parameter r > 0 (force per length). Solutions do not depend on it.
     ///
     /// # Errors
     /// r ≤ 0 or not finite.
@@ -150,193 +166,347 @@ impl FrictionProblem {
         Ok(self)
     }
 
-    /// Sets the form of the friction bound.
-    #[must_use]
-    pub fn with_bound(mut self, bound: SlipBound) -> Self {
-        self.law.bound = bound;
-        self
+    /// The same body under another law: nothing is factored anew.
+    ///
+    /// # Errors
+    /// A law of another dimension.
+    pub fn with_law<M: NodeLaw>(&self, law: M) -> Result<Contact<V, M>, ContactError> {
+        self.law.body.check_law(&law)?;
+        Ok(self.under(law, self.law.r))
     }
 
-    /// Number n of displacements.
-    #[must_use]
-    pub fn num_displacements(&self) -> usize {
-        self.a.nrows()
+    /// Sets the tangential displacements from which slips are measured (all along t₁, then all along t₂): those of the step before,
+    /// in a history of loading. Zero at first.
+    ///
+    /// # Errors
+    /// Wrong length, values that are not finite.
+    pub fn set_reference_slip(&mut self, reference: &[f64]) -> Result<(), ContactError> {
+        check_length("the reference of the slip", reference, self.law.reference.len())?;
+        self.law.reference.copy_from_slice(reference);
+        Ok(())
     }
 
-    /// Number p of contact nodes.
-    #[must_use]
-    pub fn num_contacts(&self) -> usize {
-        self.bnu_t.ncols()
+    /// Sets the history variables, node by node: those at the end of the level before, in a history of loading. Zero at first.
+    ///
+    /// # Errors
+    /// Wrong length, values that are not finite.
+    pub fn set_history(&mut self, history: &[f64]) -> Result<(), ContactError> {
+        check_length("the list of history variables", history, self.law.history.len())?;
+        self.law.history.copy_from_slice(history);
+        Ok(())
     }
 
-    /// The augmentation parameter r.
+    /// The history variables, node by node.
+    #[must_use]
+    pub fn history(&self) -> &[f64] {
+        &self.law.history
+    }
+
+    /// Ends a load level at x: history variables and the reference of the slip are updated.
+    ///
+    /// # Errors
+    /// Wrong length, values that are not finite.
+    pub fn end_level(&mut self, x: &[f64]) -> Result<(), ContactError> {
+        check_length("the solution x", x, self.num_vars())?;
+        let (p, h) = (self.num_contacts(), self.law.law.num_history());
+        for v in self.nodes(x) {
+            let own = &mut self.law.history[v.node * h..(v.node + 1) * h];
+            self.law.law.update(&v, own);
+        }
+        let traces = self.traces(x)?;
+        self.law.reference.copy_from_slice(&traces[p..]);
+        Ok(())
+    }
+
+    /// The augmentation parameter.
     #[must_use]
     pub fn r(&self) -> f64 {
         self.law.r
     }
 
-    /// The stiffness matrix A.
+    /// The body.
     #[must_use]
-    pub fn stiffness(&self) -> &Matrix {
-        &self.a
+    pub fn body(&self) -> &ContactBody {
+        &self.law.body
     }
 
-    /// The load f(α).
+    /// The law of the nodes.
     #[must_use]
-    pub fn load_at(&self, alpha: f64) -> Vec<f64> {
-        let n = self.num_displacements();
-        let (mut f, mut df) = (vec![0.0; n], vec![0.0; n]);
-        self.load.0.value(alpha, &mut f, &mut df);
-        f
+    pub fn node_law(&self) -> &L {
+        &self.law.law
     }
 
-    /// ∂_fH in the full form, the derivative of the residuals with respect to the load: −I above zeros.
+    /// The law of the nodes, to be changed.
+    pub fn node_law_mut(&mut self) -> &mut L {
+        &mut self.law.law
+    }
+
+    /// Number p of contact nodes.
+    #[must_use]
+    pub fn num_contacts(&self) -> usize {
+        self.law.body.num_contacts()
+    }
+
+    /// The derivative of the residuals of the full form with respect to the load: −I above zeros.
     ///
     /// # Errors
     /// None in practice; the pattern is checked again.
     pub fn load_derivative(&self) -> Result<Matrix, ContactError> {
         let n = self.num_displacements();
-        let rows = n + 2 * self.num_contacts();
+        let rows = n + self.num_traces();
         let mut matrix = Matrix::zeros(Pattern::from_entries(rows, n, (0..n).map(|i| (i, i)))?);
         matrix.values_mut().fill(-1.0);
         Ok(matrix)
     }
 
-    /// The coefficients of friction F(α).
+    /// The family with a second parameter β: the load f(α) + β f₂, and a law that may depend on β
+    /// ([`LocalValues::second`]). x = (u, λ, α, β) or (λ, α, β); its [transition sets](crate::continuation::TransitionSet) are curves in
+    /// the (α, β) plane.
+    ///
+    /// # Errors
+    /// Wrong length, values that are not finite; failures of the solves.
+    pub fn with_second_parameter<M: NodeLaw>(
+        &self,
+        load: impl Into<LoadCase>,
+        law: M,
+    ) -> Result<Contact<V, M>, ContactError> {
+        self.law.body.check_law(&law)?;
+        let load = self.operator.load.first().with_second(load);
+        let body = Arc::new(self.law.body.under(load)?);
+        let mut nodes = self.law.under(law, self.law.r);
+        nodes.body = Arc::clone(&body);
+        nodes.parameters = 2;
+        let view = self.view.under(&body.operator.load)?;
+        Ok(Interface::with_view(Arc::clone(&body.operator), view, nodes)?)
+    }
+
+    /// What happens at each contact node at x; nothing where x has another length.
+    #[must_use]
+    pub fn nodes(&self, x: &[f64]) -> Vec<LocalValues> {
+        let (first, q) = (self.leading(), self.num_traces());
+        let Ok(v) = self.traces(x) else {
+            return Vec::new();
+        };
+        let node = |i| self.law.values(i, |k| v[k], |k| x[first + k], &x[first + q..]);
+        (0..self.num_contacts()).map(node).collect()
+    }
+
+    /// The printed test functions θ¹ = λν + r (u_ν − gap), θ²,³ = λt + r u_t ∓ F (θ¹)₊ of each node in the plane.
+    #[must_use]
+    pub fn theta(&self, x: &[f64]) -> Vec<[f64; 3]> {
+        let theta = |v: &LocalValues| {
+            let (normal, z) = (v.theta1(), v.traction[0] + v.r * v.slip[0]);
+            let g = self.law.law.friction(v)[0] * normal.max(0.0);
+            [normal, z - g, z + g]
+        };
+        self.nodes(x).iter().map(theta).collect()
+    }
+
+    /// The coefficient of friction of each node without slip, at α (along t₁).
     #[must_use]
     pub fn friction_at(&self, alpha: f64) -> Vec<f64> {
-        let p = self.num_contacts();
-        let (mut f, mut df) = (vec![0.0; p], vec![0.0; p]);
-        self.friction.0.value(alpha, &mut f, &mut df);
-        f
-    }
-
-    /// Checks that F(α) ≥ 0 and finite at every node.
-    ///
-    /// # Errors
-    /// [`ContactError::NegativeFriction`] or [`ContactError::NotFinite`] names the node.
-    pub fn check_friction(&self, alpha: f64) -> Result<(), ContactError> {
-        let f = self.friction_at(alpha);
-        super::error::check_finite("the coefficient of friction", &f)?;
-        match f.iter().position(|v| *v < 0.0) {
-            Some(node) => Err(ContactError::NegativeFriction {
+        let at = |node| {
+            let v = LocalValues {
                 node,
                 parameter: alpha,
-                value: f[node],
-            }),
-            None => Ok(()),
+                ..LocalValues::default()
+            };
+            self.law.law.friction(&v)[0]
+        };
+        (0..self.num_contacts()).map(at).collect()
+    }
+
+    /// The state of each contact node in a selection. In space slip has no side here: slip+.
+    #[must_use]
+    pub fn states(&self, selection: &Selection) -> Vec<ContactState> {
+        let v = LocalValues::default();
+        selection.pieces().map(|p| self.law.law.state(p, &v)).collect()
+    }
+
+    /// The selection with the given states (those beyond the number of nodes are ignored, missing ones are open; the first piece where
+    /// the law has none of that state).
+    #[must_use]
+    pub fn selection_of(&self, states: &[ContactState]) -> Selection {
+        let v = LocalValues::default();
+        let piece = |state: ContactState| {
+            (0..self.law.law.num_pieces()).find(|&k| self.law.law.state(k, &v) == state)
+        };
+        let all = ContactState::ALL.map(piece);
+        Selection::from_pieces((0..self.num_contacts()).map(|i| {
+            let state = states.get(i).copied().unwrap_or(ContactState::Open);
+            all[state.piece()].unwrap_or(0)
+        }))
+    }
+
+    /// One Newton step from zero with the given states: the solution of the linear problem, where the law is affine in these states.
+    ///
+    /// # Errors
+    /// A singular problem.
+    pub fn start_with(&self, alpha: f64, states: &[ContactState]) -> Result<Vec<f64>, ContactError> {
+        check_finite("the parameter", &[alpha])?;
+        if states.len() != self.num_contacts() {
+            return Err(ContactError::Length {
+                what: "the list of states",
+                expected: self.num_contacts(),
+                found: states.len(),
+            });
+        }
+        let step = newton_step(self, &self.selection_of(states), self.zero(alpha))?;
+        step.ok_or(ContactError::SingularStart { parameter: alpha })
+    }
+
+    /// The start with all contact nodes sticking: the forces that keep them at u_ν = gap without slip.
+    ///
+    /// # Errors
+    /// As [`start_with`](Self::start_with).
+    pub fn stick_start(&self, alpha: f64) -> Result<Vec<f64>, ContactError> {
+        self.start_with(alpha, &vec![ContactState::Stick; self.num_contacts()])
+    }
+
+    /// A solution at fixed α by PS-Newton from the linear problem with the given states (open nodes may have any coefficient of friction);
+    /// where that fails as [`solve`](Self::solve) without a start.
+    ///
+    /// # Errors
+    /// [`ContactError::NegativeFriction`] where F(α) < 0 at a node that is not to be open; those of [`solve`](Self::solve); another number
+    /// of states than of nodes.
+    pub fn solve_from_states(&self, alpha: f64, states: &[ContactState]) -> Result<Vec<f64>, ContactError> {
+        let start = match self.start_with(alpha, states) {
+            Err(ContactError::SingularStart { .. }) => return self.solve(alpha, None),
+            start => start?,
+        };
+        let closed = |v: &LocalValues| states[v.node] != ContactState::Open;
+        for v in self.nodes(&self.zero(alpha)).iter().filter(|v| closed(v)) {
+            self.law.law.check(v)?;
+        }
+        let mut x = start;
+        match Newton::default().solve(self, &mut x) {
+            Ok(_) => Ok(x),
+            Err(_) => self.solve(alpha, None),
         }
     }
-}
 
-/// What full and condensed friction maps have in common: contact nodes as sites, and values at them.
-pub trait FrictionMap: PiecewiseSmooth {
-    /// The problem behind the map.
-    fn problem(&self) -> &FrictionProblem;
-
-    /// What happens at each contact node at x.
-    fn nodes(&self, x: &[f64]) -> Vec<NodeValues>;
-
-    /// The displacements u at a solution x.
-    ///
-    /// # Errors
-    /// Failures of the linear solver (condensed form).
-    fn displacements(&self, x: &[f64]) -> Result<Vec<f64>, ContactError>;
-
-    /// The state of each contact node in a selection.
-    fn states(&self, selection: &Selection) -> Vec<ContactState> {
-        let law = self.problem().law;
-        selection.pieces().map(|p| law.state(p)).collect()
+    /// x = 0 at α.
+    pub(super) fn zero(&self, alpha: f64) -> Vec<f64> {
+        let mut x = vec![0.0; self.num_vars()];
+        x[self.num_residuals()] = alpha;
+        x
     }
 
-    /// The selection with the given states (those beyond the number of nodes are ignored, missing ones are open).
-    fn selection_of(&self, states: &[ContactState]) -> Selection {
-        let p = self.problem().num_contacts();
-        Selection::from_pieces((0..p).map(|i| states.get(i).map_or(0, |s| s.piece())))
-    }
-
-    /// States, local quantities, energies and residuals at a solution x.
+    /// A solution at fixed α: by PS-Newton from `start` (α is set; zero if there is none) and, where that fails, by the other
+    /// strategies of [`ContactStrategy`](super::ContactStrategy).
+    ///
+    /// A body that stands without contact has a solution under every law of this crate whose coefficients are continuous and
+    /// bounded; it need not be unique.
     ///
     /// # Errors
-    /// Wrong length; failures of the linear solver (condensed form).
-    fn solution(&self, x: &[f64]) -> Result<ContactSolution, ContactError> {
+    /// Coefficients of friction that are negative or not finite; [`ContactError::NoStart`], with the best iterate and its
+    /// history, when no strategy finds a solution.
+    pub fn solve(&self, alpha: f64, start: Option<&[f64]>) -> Result<Vec<f64>, ContactError> {
+        Ok(self.solve_reported(alpha, start)?.x)
+    }
+
+    /// [`solve`](Self::solve) with an account of all attempts.
+    ///
+    /// # Errors
+    /// As [`solve`](Self::solve).
+    pub fn solve_reported(&self, alpha: f64, start: Option<&[f64]>) -> Result<ContactReport, ContactError> {
+        self.solve_observed(alpha, start, &ContactOptions::default(), |_| {
+            ControlFlow::Continue(())
+        })
+    }
+
+    /// [`solve_reported`](Self::solve_reported) with options, telling `observe` of each attempt and each point on the way; it may stop
+    /// the search.
+    ///
+    /// # Errors
+    /// As [`solve`](Self::solve), and options out of range; a search stopped by `observe` or by `max_time` is a
+    /// [`ContactError::NoStart`] with [`Failure::Interrupted`](crate::newton::Failure::Interrupted).
+    pub fn solve_observed(
+        &self,
+        alpha: f64,
+        start: Option<&[f64]>,
+        options: &ContactOptions,
+        mut observe: impl FnMut(&ContactProgress) -> ControlFlow<()>,
+    ) -> Result<ContactReport, ContactError> {
+        // The search is compiled once for all laws.
+        let own: Contact<V, &dyn NodeLaw> = self.borrowed();
+        let mut condensed = None;
+        let mut descend = |way, see: &mut Observer<'_>| {
+            // The way down is followed on the contact nodes alone, where the body can be condensed.
+            if own.view.reduced().is_none() && own.num_traces() <= CONDENSED {
+                let condensed = condensed.get_or_insert_with(|| own.condensed_at(alpha).ok());
+                if let Some(condensed) = &*condensed {
+                    let mut end = lower(condensed, alpha, way, options, see)?;
+                    if let Some(end) = &mut end {
+                        end.x = condensed.expand(&end.x)?;
+                    }
+                    return Ok(end);
+                }
+            }
+            lower(&own, alpha, way, options, see)
+        };
+        strategy::solve(&own, alpha, start, options, &mut descend, &mut observe)
+    }
+
+    /// The same problem with its law borrowed.
+    fn borrowed(&self) -> Contact<V, &dyn NodeLaw> {
+        let law: &dyn NodeLaw = &self.law.law;
+        let mut own = self.under(law, self.law.r);
+        own.law.history.clone_from(&self.law.history);
+        own
+    }
+
+    /// The same body under another law, with another augmentation parameter.
+    pub(super) fn under<M: NodeLaw>(&self, law: M, r: f64) -> Contact<V, M> {
+        let (operator, view) = (Arc::clone(&self.operator), self.view.clone());
+        self.exchanged(operator, view, self.law.under(law, r))
+    }
+
+    /// The same problem with another augmentation parameter.
+    pub(super) fn at_r(&self, r: f64) -> Self
+    where
+        L: Clone,
+    {
+        let mut other = self.clone();
+        other.law.r = r;
+        other
+    }
+
+    /// The same body under another law, with the load that it has at α.
+    pub(super) fn at_load<M: NodeLaw>(&self, alpha: f64, law: M) -> Result<Contact<V, M>, ContactError> {
+        let load = self.operator.load.frozen(&[alpha], self.num_displacements());
+        let view = self.view.under(&load)?;
+        let operator = Arc::new(self.operator.with_load(load)?);
+        let mut nodes = self.law.under(law, self.law.stiffness);
+        if nodes.history.len() == self.law.history.len() {
+            nodes.history.clone_from(&self.law.history);
+        }
+        Ok(self.exchanged(operator, view, nodes))
+    }
+
+    /// The free displacements u at x: one solve in condensed form.
+    ///
+    /// # Errors
+    /// Wrong length, values that are not finite.
+    pub fn displacements(&self, x: &[f64]) -> Result<Vec<f64>, ContactError> {
         check_length("the solution x", x, self.num_vars())?;
-        let problem = self.problem();
-        let (p, parameter) = (problem.num_contacts(), x[x.len() - 1]);
-        let u = self.displacements(x)?;
-        let load = problem.load_at(parameter);
-        let (mut stiff, mut reaction) = (vec![0.0; u.len()], vec![0.0; u.len()]);
-        problem.a.mul_vec(&u, &mut stiff);
-        let forces = &x[x.len() - 1 - 2 * p..];
-        problem.bnu_t.as_ref().mul_add(1.0, &forces[..p], &mut reaction);
-        problem
-            .bt_t
-            .as_ref()
-            .mul_add(1.0, &forces[p..2 * p], &mut reaction);
-        let own = self.nodes(x);
-        let nodes = own.iter().enumerate().map(|(node, v)| LocalValues {
-            node,
-            penetration: v.penetration,
-            slip: [v.slip, 0.0],
-            pressure: v.pressure,
-            traction: [v.traction, 0.0],
-            parameter,
-            r: problem.r(),
-        });
-        let law = problem.law;
-        Ok(ContactSolution::assemble(
-            nodes.collect(),
-            |v| {
-                let (v, tests) = (&own[v.node], law.tests(&own[v.node]));
-                let margin = |piece: usize| crate::piecewise::cell_margin(law.cell(piece), &tests);
-                let piece = (0..law.num_pieces())
-                    .max_by(|&a, &b| margin(a).total_cmp(&margin(b)))
-                    .unwrap_or(0);
-                let [normal, tangential] = law.residual(piece, v);
-                (law.state(piece), [normal, tangential, 0.0])
-            },
-            |i| held(&problem.gap, &[], i),
-            (
-                0.5 * dot(&u, &stiff),
-                dot(&u, &load),
-                imbalance(&stiff, &reaction, &load),
-            ),
-        ))
+        let mut u = self.expand(x)?;
+        u.truncate(self.num_displacements());
+        Ok(u)
     }
 
-    /// The printed test functions θ¹, θ², θ³ of each node.
-    fn theta(&self, x: &[f64]) -> Vec<[f64; 3]> {
-        let r = self.problem().r();
-        self.nodes(x).iter().map(|v| v.theta(r)).collect()
-    }
-}
-
-fn full_pattern(a: &Matrix, bnu: &Matrix, bt: &Matrix) -> Result<Pattern, ContactError> {
-    let (n, p) = (a.nrows(), bnu.nrows());
-    let mut entries: Vec<(usize, usize)> = a.triplets().map(|(i, j, _)| (i, j)).collect();
-    for (b, offset) in [(bnu, n), (bt, n + p)] {
-        for (i, j, _) in b.triplets() {
-            entries.push((j, offset + i));
-            for row in [n + i, n + p + i] {
-                entries.push((row, j));
-            }
-        }
-    }
-    let alpha = n + 2 * p;
-    for i in 0..p {
-        for row in [n + i, n + p + i] {
-            for col in [n + i, n + p + i, alpha] {
-                entries.push((row, col));
-            }
-        }
-    }
-    entries.extend((0..n).map(|i| (i, alpha)));
-    Ok(Pattern::from_entries(n + 2 * p, alpha + 1, entries)?)
-}
-
-/// Writes the test functions of all nodes.
-pub(super) fn write_tests(law: &Law, nodes: impl Iterator<Item = NodeValues>, out: &mut [f64]) {
-    for (chunk, v) in out.chunks_exact_mut(TESTS).zip(nodes) {
-        chunk.copy_from_slice(&law.tests(&v));
+    /// The displacements of the supports at x, as numbered in the [load cases](LoadCase::of_supports); empty where no case has any.
+    ///
+    /// # Errors
+    /// Wrong length, values that are not finite.
+    pub fn support_displacements(&self, x: &[f64]) -> Result<Vec<f64>, ContactError> {
+        check_length("the solution x", x, self.num_vars())?;
+        let parameters = &x[self.num_residuals()..];
+        Ok(self
+            .operator
+            .load
+            .support_state(parameters)
+            .displacements()
+            .to_vec())
     }
 }

@@ -1,8 +1,9 @@
 //! Newton's method for a condensed problem with all that is known node by node eliminated first.
 
-use super::CondensedContact;
+use super::Contact;
 use super::node_law::{LocalRow, NodeLaw};
 use super::solution::piece_of;
+use crate::interface::View;
 use crate::linear::{DenseLu, LinearSolver};
 use crate::piecewise::PiecewiseSmooth;
 use crate::sparse::{Matrix, Pattern};
@@ -123,21 +124,25 @@ fn pivot(m: &[[f64; 3]; 3], rows: std::ops::Range<usize>, blocks: usize, used: &
     at
 }
 
-/// Improves x by full Newton steps until the residual is rounding, or an affine selection comes back; false where that fails.
+/// Improves x by full Newton steps until the residual is rounding, or an affine selection comes back; false where that fails, and in
+/// full form.
 ///
 /// Open nodes have known forces, in the plane slipping ones have λt = ±F λν, in space one of their three equations is one between
 /// forces alone: the order of the dense system is that of what is left, which is what makes large problems quick. Nothing is
 /// judged here: the result is a start for the general method.
-pub(super) fn reduced_newton<L: NodeLaw>(
-    problem: &CondensedContact<L>,
+pub(super) fn reduced_newton<V: View>(
+    problem: &Contact<V, &dyn NodeLaw>,
     x: &mut [f64],
     max_iterations: usize,
 ) -> bool {
+    let Some(reduced) = problem.view.reduced() else {
+        return false;
+    };
     let p = problem.num_contacts();
     let q = problem.num_residuals();
     let blocks = q / p;
-    let c = problem.compliance().values();
-    let law = problem.law();
+    let c = reduced.compliance().values();
+    let law = *problem.node_law();
     let mut pieces = vec![usize::MAX; p];
     let mut nodes = vec![Node::default(); p];
     let (mut s, mut image, mut column) = (vec![0.0; q], vec![0.0; q], vec![0.0; q]);
@@ -145,8 +150,11 @@ pub(super) fn reduced_newton<L: NodeLaw>(
     let mut before = f64::INFINITY;
     for _ in 0..max_iterations.min(ITERATIONS) {
         let (mut order, mut worst, mut size, mut changed) = (0, 0.0f64, 0.0f64, false);
-        for i in 0..p {
-            let v = problem.values(i, x);
+        let values = problem.nodes(x);
+        if values.len() != p {
+            return false;
+        }
+        for (i, v) in values.into_iter().enumerate() {
             let piece = piece_of(law, &v);
             changed |= std::mem::replace(&mut pieces[i], piece) != piece;
             let h = law.residual(piece, &v);
@@ -176,7 +184,7 @@ pub(super) fn reduced_newton<L: NodeLaw>(
             }
         }
         image.fill(0.0);
-        problem.compliance().as_ref().mul_add(1.0, &s, &mut image);
+        reduced.compliance().as_ref().mul_add(1.0, &s, &mut image);
         let mut rhs = vec![0.0; order];
         let mut matrix = Matrix::zeros(Pattern::full(order, order));
         for (i, node) in nodes.iter().enumerate() {

@@ -1,6 +1,6 @@
 //! One result for every way to a solution.
 
-use super::law::ContactState;
+use super::ContactState;
 use super::node_law::{LocalValues, MAX_TESTS, NodeLaw};
 
 /// A solution of a contact problem, node by node: the same from the full form, the condensed form, the fixed point and the Delassus form.
@@ -25,9 +25,9 @@ pub struct ContactSolution {
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ContactEnergy {
-    /// The elastic energy ½ uᵀ A u. In Delassus form, where the body is not known: ½ rᵀ M r, the energy due to the reactions.
+    /// The elastic energy of the whole body: ½ uᵀ A u, and what supports add that are moved. In Delassus form, where the body is not known: ½ rᵀ M r, the energy due to the reactions.
     pub stored: f64,
-    /// The load times the displacements, fᵀ u. In Delassus form −qᵀ r.
+    /// The load times the displacements, fᵀ u, and the reactions times the displacements of supports. In Delassus form −qᵀ r.
     pub load: f64,
     /// Σ λν u_ν; 0 where there is no initial gap.
     pub normal: f64,
@@ -146,7 +146,7 @@ impl ContactSolution {
 }
 
 /// The piece in whose cell a node lies.
-pub(super) fn piece_of<L: NodeLaw>(law: &L, v: &LocalValues) -> usize {
+pub(super) fn piece_of<L: NodeLaw + ?Sized>(law: &L, v: &LocalValues) -> usize {
     let mut tests = [0.0; MAX_TESTS];
     law.tests(v, &mut tests);
     let margin = |piece: usize| crate::piecewise::cell_margin(law.cell(piece), &tests);
@@ -156,7 +156,7 @@ pub(super) fn piece_of<L: NodeLaw>(law: &L, v: &LocalValues) -> usize {
 }
 
 /// State and residuals of a node under a law.
-pub(super) fn judge<L: NodeLaw>(law: &L, v: &LocalValues) -> (ContactState, [f64; 3]) {
+pub(super) fn judge<L: NodeLaw + ?Sized>(law: &L, v: &LocalValues) -> (ContactState, [f64; 3]) {
     let piece = piece_of(law, v);
     (law.state(piece, v), law.residual(piece, v))
 }

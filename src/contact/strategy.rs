@@ -4,12 +4,14 @@ use std::fmt;
 
 use super::approach::{Arrival, Way};
 use super::error::{check_finite, check_length};
-use super::form::Form;
 use super::node_law::{LocalValues, NodeLaw};
+use super::reduced::reduced_newton;
 use super::tries::{Observer, Tries, timed};
-use super::{ContactError, ContactOptions};
+use super::{Contact, ContactError, ContactOptions};
 use crate::clock::Deadline;
+use crate::interface::View;
 use crate::newton::Failure;
+use crate::piecewise::PiecewiseSmooth;
 
 /// Augmentation parameters tried after the one asked for, in units of the stiffness of a contact node.
 const STIFFER: [f64; 3] = [1.0, 10.0, 1e3];
@@ -105,8 +107,8 @@ impl ContactReport {
 }
 
 /// Runs the strategies from `start` (α is set); `lower` makes the way down.
-pub(super) fn solve<F: Form>(
-    form: &F,
+pub(super) fn solve<V: View>(
+    form: &Contact<V, &dyn NodeLaw>,
     alpha: f64,
     start: Option<&[f64]>,
     options: &ContactOptions,
@@ -115,20 +117,15 @@ pub(super) fn solve<F: Form>(
 ) -> Result<ContactReport, ContactError> {
     options.validate()?;
     check_finite("the parameter", &[alpha])?;
-    let m = form.num_vars();
-    let mut zero = vec![0.0; m];
-    zero[m - 1] = alpha;
-    for i in 0..form.num_sites() {
-        form.law().check(&LocalValues {
-            slip: [0.0; 2],
-            ..form.values(i, &zero)
-        })?;
+    let zero = form.zero(alpha);
+    for v in form.nodes(&zero) {
+        form.node_law().check(&LocalValues { slip: [0.0; 2], ..v })?;
     }
     let mut first = zero.clone();
     if let Some(x) = start {
-        check_length("the start", x, m)?;
+        check_length("the start", x, zero.len())?;
         first.copy_from_slice(x);
-        first[m - 1] = alpha;
+        first[form.num_residuals()] = alpha;
     }
     let deadline = Deadline::after(options.max_time);
     let mut observe = timed(deadline, observe);
@@ -155,14 +152,14 @@ pub(super) fn solve<F: Form>(
 /// Takes a way down.
 pub(super) type Lower<'a> = dyn FnMut(Way, &mut Observer<'_>) -> Result<Option<Arrival>, ContactError> + 'a;
 
-struct Search<'a, 'o, F> {
-    form: &'a F,
+struct Search<'a, 'o, V> {
+    form: &'a Contact<V, &'a dyn NodeLaw>,
     options: &'a ContactOptions,
     tries: Tries<'a, 'o>,
     attempts: Vec<ContactAttempt>,
 }
 
-impl<F: Form> Search<'_, '_, F> {
+impl<V: View> Search<'_, '_, V> {
     /// Newton's method from `first`, zero and stick, with several augmentation parameters.
     fn newton_starts(
         &mut self,
@@ -170,17 +167,17 @@ impl<F: Form> Search<'_, '_, F> {
         first: &[f64],
         zero: &[f64],
     ) -> Result<Option<Vec<f64>>, ContactError> {
-        let own = self.form.augmentation();
+        let own = self.form.r();
         // Quick where it works: what Newton's method in general then makes of its result is one look.
         let mut quick = first.to_vec();
-        if self.form.improve(&mut quick, self.options.newton.max_iterations) {
+        if reduced_newton(self.form, &mut quick, self.options.newton.max_iterations) {
             let found = self.attempt(ContactStrategy::Newton, own, &quick, 0)?;
             if found.is_some() || self.tries.interrupted {
                 return Ok(found);
             }
         }
-        let stick = self.form.stick(alpha)?;
-        let others = STIFFER.map(|f| f * self.form.stiffness());
+        let stick = self.form.stick_start(alpha).ok();
+        let others = STIFFER.map(|f| f * self.form.law().stiffness);
         for r in std::iter::once(own).chain(others.into_iter().filter(|r| *r != own)) {
             let starts = [Some(first), Some(zero), stick.as_deref()];
             for (k, start) in starts.into_iter().enumerate() {
@@ -220,7 +217,7 @@ impl<F: Form> Search<'_, '_, F> {
                 return Ok(None);
             }
             for factor in STIFFER {
-                let r = factor * self.form.stiffness();
+                let r = factor * self.form.law().stiffness;
                 let found = self.attempt(way.strategy, r, &end.x, end.points)?;
                 if found.is_some() || self.tries.interrupted {
                     return Ok(found);
@@ -239,10 +236,10 @@ impl<F: Form> Search<'_, '_, F> {
         path_points: usize,
     ) -> Result<Option<Vec<f64>>, ContactError> {
         let mut x = start.to_vec();
-        let outcome = if r == self.form.augmentation() {
+        let outcome = if r == self.form.r() {
             self.tries.run(self.form, &mut x, strategy)?
         } else {
-            let other = self.form.under(self.form.law(), r);
+            let other = self.form.at_r(r);
             self.tries.run(&other, &mut x, strategy)?
         };
         self.attempts.push(ContactAttempt {

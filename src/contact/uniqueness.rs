@@ -1,7 +1,7 @@
 //! Constants that bound the fixed-point map Ψ of the friction problem, and what follows for uniqueness (Haslinger, Kučera, Vlach 2008).
 
+use super::CondensedContact;
 use super::ContactError;
-use super::condensed_contact::CondensedContact;
 use super::error::check_length;
 use super::node_law::NodeLaw;
 use crate::linear::{
@@ -192,7 +192,7 @@ pub fn friction_derivative<L: NodeLaw>(
     selection: &Selection,
     x: &[f64],
 ) -> Result<Matrix, ContactError> {
-    if !problem.law().is_coulomb() {
+    if !problem.node_law().is_coulomb() {
         return Err(ContactError::NotCoulomb);
     }
     let p = problem.num_contacts();
@@ -204,14 +204,14 @@ pub fn friction_derivative<L: NodeLaw>(
     }
     let mut entries = Vec::new();
     for (i, v) in problem.solution(x)?.nodes.iter().enumerate() {
-        problem.law().check(v)?;
-        let f = problem.law().friction(v);
+        problem.node_law().check(v)?;
+        let f = problem.node_law().friction(v);
         if f[0] <= 0.0 || (tangents == 2 && f[0] != f[1]) {
             return Err(ContactError::Invalid {
                 what: format!("F = {f:?} at node {i}; it must be positive and the same in all directions"),
             });
         }
-        if problem.law().state(selection.piece(i), v).is_slip() {
+        if problem.node_law().state(selection.piece(i), v).is_slip() {
             entries.extend((0..tangents).map(|d| ((d + 1) * p + i, i, -v.traction[d] / f[0])));
         }
     }
@@ -247,8 +247,8 @@ pub fn friction_bounds<L: NodeLaw>(
                 parameter: alpha,
                 ..super::LocalValues::default()
             };
-            problem.law().check(&v)?;
-            let f = problem.law().friction(&v);
+            problem.node_law().check(&v)?;
+            let f = problem.node_law().friction(&v);
             kappa = kappa.max(f[0].max(f[1]) / f[0].min(f[1]));
             if let Some(before) = last {
                 for d in 0..2 {

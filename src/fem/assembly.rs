@@ -7,6 +7,7 @@ use super::material::VOIGT;
 
 use super::rigid::check_supports;
 use super::{FemError, Material, Mesh, PlaneModel};
+use crate::interface::LoadCase;
 use crate::sparse::{Matrix, Pattern};
 
 /// No free displacement.
@@ -21,10 +22,8 @@ pub struct ElasticSystem {
     stiffness: Matrix,
     /// Free displacement of each component of each node, or [`PRESCRIBED`].
     dofs: Vec<usize>,
-    /// Values of the prescribed components, 0 at free ones.
-    prescribed: Vec<f64>,
-    /// Forces that the prescribed displacements put on the free ones.
-    lift: Vec<f64>,
+    /// The prescribed displacements, 0 at free components, and the forces that go with them.
+    supports: LoadCase,
     plane: PlaneModel,
     /// Materials, and which of them each cell has.
     materials: Vec<Material>,
@@ -95,19 +94,11 @@ impl ElasticSystem {
             }
         }
         let mut stiffness = Matrix::zeros(pattern(mesh, dim, &dofs, free)?);
-        let mut lift = vec![0.0; free];
-        let tensors: Vec<Tensor> = std::iter::once(&body.material)
+        let all: Vec<Material> = std::iter::once(&body.material)
             .chain(body.by_group.iter().map(|g| &g.1))
-            .map(|m| match dim {
-                2 => {
-                    let c = m.plane(body.plane);
-                    Tensor(std::array::from_fn(|i| {
-                        std::array::from_fn(|j| if i < 3 && j < 3 { c[i][j] } else { 0.0 })
-                    }))
-                }
-                _ => Tensor(m.solid()),
-            })
+            .cloned()
             .collect();
+        let tensors = tensors(&all, dim, body.plane);
         let mut element = ElementMatrix::default();
         for cell in 0..mesh.num_cells() {
             element.compute(mesh.kind(cell), &mesh.corners(cell), &tensors[materials[cell]]);
@@ -115,40 +106,64 @@ impl ElasticSystem {
             for (b, &nb) in nodes.iter().enumerate() {
                 for e in 0..dim {
                     let column = dofs[dim * nb + e];
-                    let value = prescribed[dim * nb + e];
-                    if column == PRESCRIBED && value == 0.0 {
+                    if column == PRESCRIBED {
                         continue;
                     }
                     for (a, &na) in nodes.iter().enumerate() {
                         for d in 0..dim {
                             let row = dofs[dim * na + d];
-                            if row == PRESCRIBED {
-                                continue;
-                            }
-                            let k = element.get(dim * a + d, dim * b + e);
-                            if column == PRESCRIBED {
-                                lift[row] -= k * value;
-                            } else {
-                                stiffness.add(row, column, k);
+                            if row != PRESCRIBED {
+                                stiffness.add(row, column, element.get(dim * a + d, dim * b + e));
                             }
                         }
                     }
                 }
             }
         }
-        Ok(Self {
+        let mut system = Self {
             mesh: Arc::clone(mesh),
             stiffness,
             dofs,
-            prescribed,
-            lift,
+            supports: LoadCase::default(),
             plane: body.plane,
-            materials: std::iter::once(&body.material)
-                .chain(body.by_group.iter().map(|g| &g.1))
-                .cloned()
-                .collect(),
+            materials: all,
             material_of: materials,
-        })
+        };
+        system.supports = system.case_of(prescribed)?;
+        Ok(system)
+    }
+
+    /// The load case of displacements of the supports, one entry a component of a node, 0 at free ones.
+    fn case_of(&self, prescribed: Vec<f64>) -> Result<LoadCase, FemError> {
+        let mut forces = vec![0.0; self.num_free()];
+        let mut reactions = vec![0.0; prescribed.len()];
+        self.for_elements(&prescribed, |row, force| match self.dofs[row] {
+            PRESCRIBED => reactions[row] += force,
+            free => forces[free] -= force,
+        });
+        Ok(LoadCase::of_supports(prescribed, forces, reactions)?)
+    }
+
+    /// Calls `add` with each component of each node of the cells that displacements move, and the force that they make there.
+    fn for_elements(&self, displacements: &[f64], mut add: impl FnMut(usize, f64)) {
+        let dim = self.mesh.dim();
+        let tensors = tensors(&self.materials, dim, self.plane);
+        let mut element = ElementMatrix::default();
+        for cell in 0..self.mesh.num_cells() {
+            let components = || {
+                let nodes = self.mesh.cell(cell).iter();
+                nodes.flat_map(|n| (0..dim).map(move |d| dim * n + d))
+            };
+            if components().all(|k| displacements[k] == 0.0) {
+                continue;
+            }
+            let tensor = &tensors[self.material_of[cell]];
+            element.compute(self.mesh.kind(cell), &self.mesh.corners(cell), tensor);
+            for (i, row) in components().enumerate() {
+                let force = |(j, k): (usize, usize)| element.get(i, j) * displacements[k];
+                add(row, components().enumerate().map(force).sum());
+            }
+        }
     }
 
     /// A: symmetric positive definite, one row a free displacement.
@@ -182,10 +197,44 @@ impl ElasticSystem {
             .filter(|&d| d != PRESCRIBED)
     }
 
-    /// Forces on the free displacements that stem from prescribed ones: part of any right-hand side (zero if all supports are fixed).
+    /// The load case of the supports as prescribed: part of any load (its [forces](LoadCase::forces) are 0 if all supports are fixed).
     #[must_use]
-    pub fn support_load(&self) -> &[f64] {
-        &self.lift
+    pub fn supports(&self) -> &LoadCase {
+        &self.supports
+    }
+
+    /// The load case of supports that move: `value(x)` is u_component on a group of facets where that component is prescribed, all other
+    /// supports rest. With an amplitude in a [`LoadPath`](crate::interface::LoadPath) this is displacement control.
+    ///
+    /// # Errors
+    /// Groups that do not exist or are empty, components beyond the dimension or not prescribed on the group
+    /// ([`FemError::NotPrescribed`]), values that are not finite.
+    pub fn motion(
+        &self,
+        facets: &str,
+        component: usize,
+        value: impl Fn([f64; 3]) -> f64,
+    ) -> Result<LoadCase, FemError> {
+        let dim = self.mesh.dim();
+        if component >= dim {
+            return Err(FemError::Component { component, dim });
+        }
+        let mut moved = vec![0.0; self.dofs.len()];
+        for &node in self.mesh.facet_group(facets)?.iter().flatten() {
+            let (at, k) = (self.mesh.points()[node], dim * node + component);
+            if self.dofs[k] != PRESCRIBED {
+                return Err(FemError::NotPrescribed { node, at, component });
+            }
+            moved[k] = value(at);
+            if !moved[k].is_finite() {
+                return Err(FemError::NotFinite {
+                    what: "the motion of the support",
+                    at,
+                    value: moved[k],
+                });
+            }
+        }
+        self.case_of(moved)
     }
 
     /// Nodal forces of a volume force (force per volume, or per area of the plane; third component ignored in the plane).
@@ -240,35 +289,62 @@ impl ElasticSystem {
 
     /// The value of a prescribed component, 0 at free ones.
     pub(super) fn prescribed_value(&self, node: usize, component: usize) -> f64 {
-        self.prescribed[self.mesh.dim() * node + component]
+        self.supports.displacements()[self.mesh.dim() * node + component]
     }
 
-    /// All displacements, node by node, from the free ones.
+    /// All displacements, node by node, from the free ones and those of the supports (node by node, too:
+    /// [`LoadCase::displacements`], or [`support_displacements`](crate::contact::Contact::support_displacements) of a contact problem).
+    /// None are needed (`&[]`) where all supports are fixed.
     ///
     /// # Errors
-    /// Wrong length.
-    pub fn displacements(&self, free: &[f64]) -> Result<Vec<f64>, FemError> {
+    /// Wrong lengths.
+    pub fn displacements(&self, free: &[f64], supports: &[f64]) -> Result<Vec<f64>, FemError> {
+        let wrong = |what, expected, found| {
+            Err(FemError::Length {
+                what,
+                expected,
+                found,
+            })
+        };
         if free.len() != self.num_free() {
-            return Err(FemError::Length {
-                what: "the vector of free displacements",
-                expected: self.num_free(),
-                found: free.len(),
-            });
+            return wrong("the vector of free displacements", self.num_free(), free.len());
         }
-        Ok(self
-            .dofs
-            .iter()
-            .zip(&self.prescribed)
-            .map(|(&dof, &value)| if dof == PRESCRIBED { value } else { free[dof] })
-            .collect())
+        let fixed = || self.supports.displacements().iter().all(|v| *v == 0.0);
+        if supports.len() != self.dofs.len() && !(supports.is_empty() && fixed()) {
+            return wrong(
+                "the vector of displacements of the supports",
+                self.dofs.len(),
+                supports.len(),
+            );
+        }
+        let value = |(k, &dof): (usize, &usize)| match dof {
+            PRESCRIBED => supports.get(k).copied().unwrap_or(0.0),
+            dof => free[dof],
+        };
+        Ok(self.dofs.iter().enumerate().map(value).collect())
     }
 
-    /// Stresses (11, 22, 33, 12, 23, 13) at the centre of each cell, from the free displacements.
+    /// The forces that hold the supports, node by node, 0 at free components; loads that act on the supports themselves come on top.
     ///
     /// # Errors
-    /// Wrong length.
-    pub fn stresses(&self, free: &[f64]) -> Result<Vec<[f64; 6]>, FemError> {
-        let u = self.displacements(free)?;
+    /// As [`displacements`](Self::displacements).
+    pub fn reactions(&self, free: &[f64], supports: &[f64]) -> Result<Vec<f64>, FemError> {
+        let u = self.displacements(free, supports)?;
+        let mut forces = vec![0.0; u.len()];
+        self.for_elements(&u, |row, force| {
+            if self.dofs[row] == PRESCRIBED {
+                forces[row] += force;
+            }
+        });
+        Ok(forces)
+    }
+
+    /// Stresses (11, 22, 33, 12, 23, 13) at the centre of each cell, from the displacements.
+    ///
+    /// # Errors
+    /// As [`displacements`](Self::displacements).
+    pub fn stresses(&self, free: &[f64], supports: &[f64]) -> Result<Vec<[f64; 6]>, FemError> {
+        let u = self.displacements(free, supports)?;
         let dim = self.mesh.dim();
         let stress = |cell: usize| {
             let kind = self.mesh.kind(cell);
@@ -335,6 +411,19 @@ fn interpolate(corners: &[[f64; 3]], shape: &[f64]) -> [f64; 3] {
 
 /// Stress from strain; in the plane the leading 3 × 3 block, for (11, 22, 12).
 pub(super) struct Tensor(pub(super) [[f64; 6]; 6]);
+
+fn tensors(materials: &[Material], dim: usize, plane: PlaneModel) -> Vec<Tensor> {
+    let tensor = |m: &Material| match dim {
+        2 => {
+            let c = m.plane(plane);
+            Tensor(std::array::from_fn(|i| {
+                std::array::from_fn(|j| if i < 3 && j < 3 { c[i][j] } else { 0.0 })
+            }))
+        }
+        _ => Tensor(m.solid()),
+    };
+    materials.iter().map(tensor).collect()
+}
 
 /// Stiffness of one cell, column-major.
 #[derive(Default)]

@@ -154,6 +154,19 @@ pub enum FemError {
         /// Dimension of the mesh.
         dim: usize,
     },
+    /// A support is to move that is none.
+    #[error(
+        "component {component} of node {node} at ({}, {}, {}) is not prescribed: prescribe it (0, say), so that it may move",
+        .at[0], .at[1], .at[2]
+    )]
+    NotPrescribed {
+        /// The node of the mesh.
+        node: usize,
+        /// Where it is.
+        at: [f64; 3],
+        /// The component, from 0.
+        component: usize,
+    },
     /// A user's function gave NaN or infinity.
     #[error("{what} at ({}, {}, {}) is {value}; it must be finite", .at[0], .at[1], .at[2])]
     NotFinite {
@@ -233,4 +246,7 @@ pub enum FemError {
     /// A matrix could not be built.
     #[error(transparent)]
     Sparse(#[from] SparseError),
+    /// What is wrong with the load case of the supports.
+    #[error(transparent)]
+    Supports(#[from] crate::interface::InterfaceError),
 }

@@ -51,6 +51,9 @@ pub enum InterfaceError {
     Matrix(#[from] SparseError),
 }
 
+/// How lengths of vectors are named, the vectors being named by what follows.
+pub(crate) const LENGTH: &str = "the length of ";
+
 pub(super) fn check_size(what: &'static str, expected: usize, found: usize) -> Result<(), InterfaceError> {
     if expected == found {
         Ok(())
@@ -67,7 +70,7 @@ pub(super) fn check_vector(what: &'static str, expected: usize, v: &[f64]) -> Re
     check_size(what, expected, v.len())?;
     match v.iter().position(|x| !x.is_finite()) {
         Some(index) => Err(InterfaceError::NotFinite {
-            what,
+            what: what.strip_prefix(LENGTH).unwrap_or(what),
             index,
             value: v[index],
         }),

@@ -88,4 +88,10 @@ pub struct ExactConditions {
 pub trait ExactPieces {
     /// The conditions at a parameter α (ignored by equations); `None` where coefficients are not known exactly.
     fn conditions(&self, alpha: f64) -> Option<ExactConditions>;
+
+    /// Of the law of an [`Interface`](crate::interface::Interface), in its variables (v, λ): forms g with λᵀ g ≤ 0 at all solutions, from
+    /// which bounds of λ follow. Default: `None`.
+    fn passive(&self, _alpha: f64) -> Option<Vec<ExactForm>> {
+        None
+    }
 }

@@ -1,7 +1,7 @@
 use std::ops::ControlFlow;
 use std::time::Duration;
 
-use semismooth::contact::{FrictionFamily, FrictionPath, FrictionProblem, LoadPath};
+use semismooth::contact::{FrictionCoefficient, FullContact, LoadPath, PlanarCoulomb};
 use semismooth::continuation::{
     Arm, Branch, Continuation, ContinuationOptions, Diagram, DiagramOptions, Direction, FoldSet,
     SearchOptions, TransitionSet, arms_at, certify, certify_with, search_solutions,
@@ -53,15 +53,18 @@ fn bad_options() -> Vec<(&'static str, ContinuationOptions)> {
 }
 
 /// A contact node with F = α + β under a load that grows with α.
-fn family() -> FrictionFamily {
-    let problem = FrictionProblem::new(
+fn family() -> FullContact<PlanarCoulomb> {
+    let problem = FullContact::planar(
         rows(&[&[2.0, -1.0], &[-1.0, 2.0]]),
         rows(&[&[1.0, 0.0]]),
         rows(&[&[0.0, 1.0]]),
         LoadPath::affine(vec![1.5, 7.0], vec![1.0, 0.0]),
-        FrictionPath::affine(vec![0.0], vec![1.0]),
+        FrictionCoefficient::affine(vec![0.0], vec![1.0]).unwrap(),
     );
-    FrictionFamily::new(problem.unwrap(), vec![0.0; 2], vec![1.0]).unwrap()
+    let problem = problem.unwrap();
+    let friction = FrictionCoefficient::affine(vec![0.0], vec![1.0]).unwrap();
+    let law = PlanarCoulomb::new(friction.with_second(vec![1.0]).unwrap());
+    problem.with_second_parameter(vec![0.0; 2], law).unwrap()
 }
 
 #[test]

@@ -273,10 +273,16 @@ fn bodies(t: &mut Table) {
             system.traction("bottom", |_| [bad, 0.0, 0.0])
         });
         t.survives("fem::ElasticSystem::displacements", "no numbers", || {
-            system.displacements(&vec![bad; n])
+            system.displacements(&vec![bad; n], &[])
+        });
+        t.refuses("fem::ElasticSystem::motion", "no numbers", "", || {
+            system.motion("left", 0, |_| bad)
+        });
+        t.survives("fem::ElasticSystem::reactions", "no numbers", || {
+            system.reactions(&vec![bad; n], &[])
         });
         t.survives("fem::ElasticSystem::stresses", "no numbers", || {
-            system.stresses(&vec![bad; n])
+            system.stresses(&vec![bad; n], &[])
         });
         t.refuses("fem::ElasticSystem::contact", "a gap", "", || {
             system.contact("bottom", &Foundation::gap(move |_| bad))
@@ -321,10 +327,10 @@ fn bodies(t: &mut Table) {
     }
     for len in [0, 1, n + 1] {
         t.refuses("fem::ElasticSystem::displacements", "another length", "", || {
-            system.displacements(&vec![0.0; len])
+            system.displacements(&vec![0.0; len], &[])
         });
         t.refuses("fem::ElasticSystem::stresses", "another length", "", || {
-            system.stresses(&vec![0.0; len])
+            system.stresses(&vec![0.0; len], &[])
         });
     }
     for group in ["x", "none"] {

@@ -1,4 +1,4 @@
-use semismooth::interface::{CondensedInterface, InterfaceLoad, InterfaceProblem};
+use semismooth::interface::{InterfaceProblem, LoadPath};
 use semismooth::piecewise::{MinMap, PiecewiseSmooth, Selection};
 use semismooth::sparse::{Matrix, Pattern};
 
@@ -64,15 +64,16 @@ fn interfaces() {
     let mut t = Table::new("interface");
     let a = || rows(&[&[2.0, -1.0], &[-1.0, 2.0]]);
     let b = || rows(&[&[1.0, 0.0]]);
-    let load = || InterfaceLoad::constant(vec![1.0, 0.0]);
-    let new = "interface::InterfaceProblem::new";
-    let with = |a: Matrix, b: Matrix, load: InterfaceLoad| InterfaceProblem::new(a, b, load, Unilateral(1));
+    let load = || LoadPath::constant(vec![1.0, 0.0]);
+    let new = "interface::InterfaceProblem::from_parts";
+    let with =
+        |a: Matrix, b: Matrix, load: LoadPath| InterfaceProblem::from_parts(a, &b, load, Unilateral(1));
     t.refuses(new, "an oblong operator", "", || with(b(), b(), load()).map(drop));
     t.refuses(new, "an empty operator", "", || {
         with(
             Matrix::zeros(Pattern::full(0, 0)),
             Matrix::zeros(Pattern::full(0, 0)),
-            InterfaceLoad::constant(vec![]),
+            LoadPath::constant(vec![]),
         )
         .map(drop)
     });
@@ -80,26 +81,26 @@ fn interfaces() {
         with(a(), rows(&[&[1.0]]), load()).map(drop)
     });
     t.refuses(new, "a law of other traces", "law", || {
-        InterfaceProblem::new(a(), b(), load(), Unilateral(2)).map(drop)
+        InterfaceProblem::from_parts(a(), &b(), load(), Unilateral(2)).map(drop)
     });
     t.refuses(new, "a law that is a curve in one trace", "law", || {
-        InterfaceProblem::new(a(), b(), load(), vee()).map(drop)
+        InterfaceProblem::from_parts(a(), &b(), load(), vee()).map(drop)
     });
     t.refuses(new, "a law without the parameter", "law", || {
-        InterfaceProblem::new(a(), b(), load(), law(1)).map(drop)
+        InterfaceProblem::from_parts(a(), &b(), load(), law(1)).map(drop)
     });
     for n in [0, 1, 3] {
         t.refuses(new, "a load of another length", "load", || {
-            with(a(), b(), InterfaceLoad::constant(vec![1.0; n])).map(drop)
+            with(a(), b(), LoadPath::constant(vec![1.0; n])).map(drop)
         });
         t.refuses(new, "a slope of another length", "", || {
-            with(a(), b(), InterfaceLoad::affine(vec![1.0; 2], vec![1.0; n])).map(drop)
+            with(a(), b(), LoadPath::affine(vec![1.0; 2], vec![1.0; n])).map(drop)
         });
         t.refuses(new, "a case of another length", "", || {
             with(
                 a(),
                 b(),
-                InterfaceLoad::cases(vec![1.0; 2], vec![vec![1.0; n]], |_, _, _| {}),
+                LoadPath::cases(vec![1.0; 2], vec![vec![1.0; n]], |_, _, _| {}),
             )
             .map(drop)
         });
@@ -112,36 +113,37 @@ fn interfaces() {
             with(a(), rows(&[&[bad, 0.0]]), load()).map(drop)
         });
         t.refuses(new, "the load", "load", || {
-            with(a(), b(), InterfaceLoad::constant(vec![bad, 0.0])).map(drop)
+            with(a(), b(), LoadPath::constant(vec![bad, 0.0])).map(drop)
         });
     }
-    let condense = "interface::CondensedInterface::new";
+    let condense = "interface::InterfaceProblem::condensed";
     t.refuses(condense, "a singular operator", "positive definite", || {
-        CondensedInterface::new(with(rows(&[&[1.0, 1.0], &[1.0, 1.0]]), b(), load())?).map(drop)
+        with(rows(&[&[1.0, 1.0], &[1.0, 1.0]]), b(), load())?
+            .condensed()
+            .map(drop)
     });
     t.refuses(condense, "an indefinite operator", "positive definite", || {
-        CondensedInterface::new(with(rows(&[&[1.0, 2.0], &[2.0, 1.0]]), b(), load())?).map(drop)
+        with(rows(&[&[1.0, 2.0], &[2.0, 1.0]]), b(), load())?
+            .condensed()
+            .map(drop)
     });
     for size in [1e-320, 1e300, f64::MAX] {
         t.survives(condense, "sizes", || {
             let problem = with(rows(&[&[size, 0.0], &[0.0, size]]), rows(&[&[size, 0.0]]), load()).unwrap();
-            CondensedInterface::new(problem).map(drop)
+            problem.condensed().map(drop)
         });
     }
-    let c = CondensedInterface::new(with(a(), b(), load()).unwrap()).unwrap();
+    let c = with(a(), b(), load()).unwrap().condensed().unwrap();
     let m = c.num_vars();
     let full = m + 2;
     let selection = Selection::uniform(1, 0);
     for n in [0, m - 1, m + 7] {
         let x = vec![0.5; n];
+        t.refuses("interface::Interface::expand", "x of another length", "", || {
+            c.expand(&x)
+        });
         t.refuses(
-            "interface::CondensedInterface::expand",
-            "x of another length",
-            "",
-            || c.expand(&x),
-        );
-        t.refuses(
-            "interface::CondensedInterface::restrict",
+            "interface::Interface::restrict",
             "x of another length",
             "",
             || c.restrict(&x),
@@ -179,8 +181,8 @@ fn interfaces() {
     }
     for bad in BAD {
         let x = vec![bad; m];
-        t.refuses("interface::CondensedInterface::expand", "x", "", || c.expand(&x));
-        t.refuses("interface::CondensedInterface::restrict", "x", "", || {
+        t.refuses("interface::Interface::expand", "x", "", || c.expand(&x));
+        t.refuses("interface::Interface::restrict", "x", "", || {
             c.restrict(&vec![bad; full])
         });
         t.refuses("interface::CondensedInterface::full_residual", "x", "", || {
@@ -192,9 +194,18 @@ fn interfaces() {
         t.refuses("interface::CondensedInterface::expand_tangent", "t", "", || {
             c.expand_tangent(&vec![0.5; m], &x)
         });
-        t.survives("interface::InterfaceProblem::load_at", "alpha", || {
-            with(a(), b(), load()).unwrap().load_at(bad)
+        t.refuses("interface::Interface::load_at", "alpha", "entry 0", || {
+            c.load_at(&[bad])
         });
+        t.refuses(
+            "interface::CondensedInterface::free_traces",
+            "alpha",
+            "entry 0",
+            || c.free_traces(&[bad]),
+        );
+        t.refuses("interface::Interface::traces", "x", "entry 0", || c.traces(&x));
     }
+    t.survives("interface::CondensedInterface::full", "any problem", || c.full());
+    t.exempt(&["interface::View::under"], "called by problems of contact");
     t.finish();
 }

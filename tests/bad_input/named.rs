@@ -1,12 +1,12 @@
 //! Each is refused by the variant of the error that names it.
 
 use semismooth::contact::{
-    CondensedFriction, ContactError, ContactState, FrictionPath, FrictionProblem, FrictionStart, HildRenard,
-    LoadPath, first_point,
+    ContactError, ContactState, FrictionCoefficient, FullContact, HildRenard, LoadPath, PlanarCoulomb,
 };
 use semismooth::continuation::{
     Arm, Branch, Continuation, ContinuationError, ContinuationOptions, Direction, arms_at,
 };
+use semismooth::interface::InterfaceError;
 use semismooth::linear::{AutoSolver, Cholesky, DenseLu, LinearError, LinearSolver, SparseLu};
 use semismooth::newton::{Newton, NewtonError, NewtonOptions};
 use semismooth::piecewise::{MinMap, PiecewiseError, PiecewiseSmooth, Selection};
@@ -29,13 +29,16 @@ fn stiffness() -> Matrix {
     rows(&[&[2.0, -1.0], &[-1.0, 2.0]])
 }
 
-fn with_matrices(a: Matrix, bnu: Matrix, bt: Matrix) -> Result<FrictionProblem, ContactError> {
+fn with_matrices(a: Matrix, bnu: Matrix, bt: Matrix) -> Result<FullContact<PlanarCoulomb>, ContactError> {
     let load = LoadPath::constant(vec![1.5, 7.0]);
-    FrictionProblem::new(a, bnu, bt, load, FrictionPath::constant(vec![0.5]))
+    FullContact::planar(a, bnu, bt, load, FrictionCoefficient::nodal(vec![0.5]).unwrap())
 }
 
-fn with_paths(load: LoadPath, friction: FrictionPath) -> Result<FrictionProblem, ContactError> {
-    FrictionProblem::new(
+fn with_paths(
+    load: LoadPath,
+    friction: FrictionCoefficient,
+) -> Result<FullContact<PlanarCoulomb>, ContactError> {
+    FullContact::planar(
         stiffness(),
         rows(&[&[1.0, 0.0]]),
         rows(&[&[0.0, 1.0]]),
@@ -49,8 +52,8 @@ fn load() -> LoadPath {
 }
 
 /// F = α.
-fn problem() -> FrictionProblem {
-    with_paths(load(), FrictionPath::affine(vec![0.0], vec![1.0])).unwrap()
+fn problem() -> FullContact<PlanarCoulomb> {
+    with_paths(load(), FrictionCoefficient::affine(vec![0.0], vec![1.0]).unwrap()).unwrap()
 }
 
 #[test]
@@ -64,11 +67,12 @@ fn friction_problems() {
         with_matrices(stiffness(), rows(&[&[1.0]]), t()) => ContactError::Shape { .. },
         with_matrices(stiffness(), nu(), rows(&[&[1.0]])) => ContactError::Shape { .. },
         with_matrices(stiffness(), nu(), empty(2, 2)) => ContactError::Shape { .. },
-        with_paths(LoadPath::constant(vec![1.0]), FrictionPath::constant(vec![0.5])) => ContactError::Length { .. },
-        with_paths(LoadPath::affine(vec![1.0; 2], vec![1.0]), FrictionPath::constant(vec![0.5])) => ContactError::Length { .. },
-        with_paths(LoadPath::between(vec![1.0; 2], &[1.0]), FrictionPath::constant(vec![0.5])) => ContactError::Length { .. },
-        with_paths(load(), FrictionPath::constant(vec![])) => ContactError::Length { .. },
-        with_paths(load(), FrictionPath::constant(vec![-0.1])) => ContactError::NegativeFriction { node: 0, .. },
+        with_paths(LoadPath::constant(vec![1.0]), FrictionCoefficient::nodal(vec![0.5]).unwrap()) => ContactError::Length { .. },
+        with_paths(LoadPath::affine(vec![1.0; 2], vec![1.0]), FrictionCoefficient::nodal(vec![0.5]).unwrap()) => ContactError::Length { .. },
+        with_paths(LoadPath::between(vec![1.0; 2], &[1.0]), FrictionCoefficient::nodal(vec![0.5]).unwrap()) => ContactError::Length { .. },
+        FrictionCoefficient::nodal(vec![]) => ContactError::Empty { .. },
+        with_paths(load(), FrictionCoefficient::nodal(vec![0.5; 2]).unwrap()) => ContactError::Length { .. },
+        FrictionCoefficient::nodal(vec![-0.1]) => ContactError::NegativeFriction { node: 0, .. },
         problem().with_gap(vec![]) => ContactError::Length { .. },
         problem().with_r(0.0) => ContactError::Augmentation { .. },
         problem().with_r(-1.0) => ContactError::Augmentation { .. },
@@ -84,8 +88,8 @@ fn friction_problems() {
             with_matrices(a.clone(), nu(), t()) => ContactError::Matrix { .. },
             with_matrices(stiffness(), b.clone(), t()) => ContactError::Matrix { .. },
             with_matrices(stiffness(), nu(), b.clone()) => ContactError::Matrix { .. },
-            with_paths(LoadPath::constant(vec![0.0, bad]), FrictionPath::constant(vec![0.5])) => ContactError::NotFinite { index: 1, .. },
-            with_paths(load(), FrictionPath::affine(vec![0.5], vec![bad])) => ContactError::NotFinite { index: 0, .. },
+            with_paths(LoadPath::constant(vec![0.0, bad]), FrictionCoefficient::nodal(vec![0.5]).unwrap()) => ContactError::NotFinite { index: 1, .. },
+            FrictionCoefficient::affine(vec![0.5], vec![bad]) => ContactError::NotFinite { index: 0, .. },
             problem().with_gap(vec![bad]) => ContactError::NotFinite { .. },
             problem().with_r(bad) => ContactError::Augmentation { .. },
             HildRenard::new(1.0, bad, 1.0, 1.0) => ContactError::NotFinite { index: 1, .. },
@@ -100,22 +104,16 @@ fn condensation() {
     let unsymmetric = with_matrices(rows(&[&[2.0, -1.0], &[0.0, 2.0]]), nu(), t()).unwrap();
     let indefinite = with_matrices(rows(&[&[1.0, 2.0], &[2.0, 1.0]]), nu(), t()).unwrap();
     let singular = with_matrices(rows(&[&[1.0, -1.0], &[-1.0, 1.0]]), nu(), t()).unwrap();
-    let curved = LoadPath::function(|a, f, df| {
-        f.fill(a * a);
-        df.fill(2.0 * a);
-    });
-    let general = with_paths(curved, FrictionPath::constant(vec![0.5])).unwrap();
     refused! {
-        CondensedFriction::new(unsymmetric) => ContactError::NotSymmetric { .. },
-        CondensedFriction::new(indefinite) => ContactError::Linear(LinearError::NotPositiveDefinite),
-        CondensedFriction::new(singular) => ContactError::Linear(_),
-        CondensedFriction::new(general) => ContactError::LoadNotAffine,
+        unsymmetric.condensed() => InterfaceError::NotSymmetric { .. },
+        indefinite.condensed() => InterfaceError::Linear(LinearError::NotPositiveDefinite),
+        singular.condensed() => InterfaceError::Linear(_),
     }
-    let condensed = CondensedFriction::new(problem()).unwrap();
+    let condensed = problem().condensed().unwrap();
     refused! {
-        condensed.expand(&[0.0]) => ContactError::Length { .. },
-        condensed.expand(&[0.0, f64::NAN, 1.0]) => ContactError::NotFinite { .. },
-        condensed.restrict(&[0.0]) => ContactError::Length { .. },
+        condensed.expand(&[0.0]) => InterfaceError::Size { .. },
+        condensed.expand(&[0.0, f64::NAN, 1.0]) => InterfaceError::NotFinite { .. },
+        condensed.restrict(&[0.0]) => InterfaceError::Size { .. },
     }
 }
 
@@ -124,26 +122,26 @@ fn first_points() {
     let p = problem();
     use ContactState::{Open, Stick};
     refused! {
-        first_point(&p, -1.0, &FrictionStart::Zero) => ContactError::NegativeFriction { .. },
-        first_point(&p, -1.0, &FrictionStart::States(vec![Stick])) => ContactError::NegativeFriction { .. },
-        first_point(&p, 1.0, &FrictionStart::States(vec![])) => ContactError::Length { .. },
-        first_point(&p, 1.0, &FrictionStart::States(vec![Open, Open])) => ContactError::Length { .. },
-        first_point(&p, 1.0, &FrictionStart::Point(vec![0.0])) => ContactError::Length { .. },
-        first_point(&p, 1.0, &FrictionStart::Point(vec![f64::NAN; 5])) => ContactError::NotFinite { .. },
+        p.solve(-1.0, None) => ContactError::NegativeFriction { .. },
+        p.solve_from_states(-1.0, &[Stick]) => ContactError::NegativeFriction { .. },
+        p.solve_from_states(1.0, &[]) => ContactError::Length { .. },
+        p.solve_from_states(1.0, &[Open, Open]) => ContactError::Length { .. },
+        p.solve(1.0, Some(&vec![0.0])) => ContactError::Length { .. },
+        p.solve(1.0, Some(&vec![f64::NAN; 5])) => ContactError::NotFinite { .. },
     }
     for bad in BAD {
-        refused!(first_point(&p, bad, &FrictionStart::Zero) => ContactError::NotFinite { .. });
+        refused!(p.solve(bad, None) => ContactError::NotFinite { .. });
     }
     // A body that can move freely under a load that pulls it off has no equilibrium.
-    let free = FrictionProblem::new(
+    let free = FullContact::planar(
         rows(&[&[0.0, 0.0], &[0.0, 0.0]]),
         rows(&[&[1.0, 0.0]]),
         rows(&[&[0.0, 1.0]]),
         LoadPath::constant(vec![-1.0, 0.0]),
-        FrictionPath::constant(vec![0.5]),
+        FrictionCoefficient::nodal(vec![0.5]).unwrap(),
     )
     .unwrap();
-    refused!(first_point(&free, 0.0, &FrictionStart::Zero) => ContactError::NoStart { .. });
+    refused!(free.solve(0.0, None) => ContactError::NoStart { .. });
 }
 
 /// α = |y|.

@@ -1,13 +1,13 @@
 //! Reference problems from exact rational arithmetic (`tests/data/seed_examples.json`).
 #![allow(dead_code)]
 
-use semismooth::contact::{ContactState, FrictionPath, FrictionProblem, LoadPath};
+use semismooth::contact::{ContactState, FrictionCoefficient, FullContact, LoadPath, PlanarCoulomb};
 use semismooth::sparse::Matrix;
 use serde_json::Value;
 
 pub struct Case {
     pub name: String,
-    pub problem: FrictionProblem,
+    pub problem: FullContact<PlanarCoulomb>,
     pub json: Value,
 }
 
@@ -51,12 +51,12 @@ fn matrix(v: &Value) -> Matrix {
 }
 
 fn case(json: &Value) -> Case {
-    let problem = FrictionProblem::new(
+    let problem = FullContact::planar(
         matrix(&json["A"]),
         matrix(&json["Bnu"]),
         matrix(&json["Bt"]),
         LoadPath::affine(numbers(&json["f0"]), numbers(&json["f1"])),
-        FrictionPath::affine(numbers(&json["F0"]), numbers(&json["F1"])),
+        FrictionCoefficient::affine(numbers(&json["F0"]), numbers(&json["F1"])).unwrap(),
     )
     .unwrap()
     .with_r(json["r"].as_f64().unwrap())

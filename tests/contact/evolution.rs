@@ -5,12 +5,12 @@ use std::ops::ControlFlow;
 use std::time::Duration;
 
 use semismooth::contact::{
-    Arrival, CondensedContact, ContactBody, ContactError, ContactOptions, EvolutionOptions,
-    FrictionCoefficient, FrictionCurve, LoadPath, PlanarCoulomb, evolve,
+    Arrival, ContactError, ContactOptions, ContactState, EvolutionOptions, Frictionless, LocalRow,
+    LocalValues, NodeLaw, evolve,
 };
 use semismooth::continuation::{ContinuationOptions, Termination};
 use semismooth::newton::NewtonOptions;
-use semismooth::sparse::Matrix;
+use semismooth::piecewise::Facet;
 
 fn levels(steps: usize) -> Vec<f64> {
     let corners = [0.0, 1.0, -1.0, 1.0, -1.0];
@@ -59,13 +59,10 @@ fn energy_and_loop() {
                 _ => {}
             }
         }
-        assert!(history.iter().filter(|s| s.arrival.is_followed()).count() * 2 > history.len());
+        assert!(history.iter().all(|s| s.arrival.is_followed()));
     }
-    // The rate of the defect is at least first order in the step.
-    assert!(
-        defects[2] < 0.6 * defects[1] && defects[1] < 0.6 * defects[0],
-        "{defects:?}"
-    );
+    // Every level was reached along the curve, so that work = stored + dissipated, however long the steps.
+    assert!(defects.iter().all(|d| *d < 1e-11), "{defects:?}");
 }
 
 /// With a branch of two points a step ends at Newton's method, whose runs are limited, too; neither changes where a step without folds ends.
@@ -119,34 +116,60 @@ fn no_friction_no_memory() {
     assert!(same(&history[3].x, &start));
 }
 
-/// A node on a spring, pulled over a plane: F falls with the slip.
-fn weakening_node() -> CondensedContact<PlanarCoulomb> {
-    let pick = |row| Matrix::from_rows(&[row]).unwrap();
-    let load = LoadPath::affine(vec![1.0, 0.0], vec![0.0, 2.0]);
-    let (normal, tangential) = (pick([1.0, 0.0]), pick([0.0, 1.0]));
-    let body = ContactBody::new(Matrix::identity(2), normal, vec![tangential], load).unwrap();
-    let curve = FrictionCurve::exponential(0.5, 0.3, 0.1).unwrap();
-    CondensedContact::new(body, PlanarCoulomb::new(FrictionCoefficient::uniform(curve))).unwrap()
+/// Frictionless, but said to depend on the slip, without a history.
+#[derive(Clone)]
+struct Forgetful(Frictionless);
+
+impl NodeLaw for Forgetful {
+    fn num_tangents(&self) -> usize {
+        self.0.num_tangents()
+    }
+    fn num_pieces(&self) -> usize {
+        self.0.num_pieces()
+    }
+    fn num_tests(&self) -> usize {
+        self.0.num_tests()
+    }
+    fn cell(&self, piece: usize) -> &'static [Facet] {
+        self.0.cell(piece)
+    }
+    fn piece_name(&self, piece: usize) -> &'static str {
+        self.0.piece_name(piece)
+    }
+    fn state(&self, piece: usize, v: &LocalValues) -> ContactState {
+        self.0.state(piece, v)
+    }
+    fn tests(&self, v: &LocalValues, out: &mut [f64]) {
+        self.0.tests(v, out);
+    }
+    fn test_rows(&self, v: &LocalValues, rows: &mut [LocalRow]) {
+        self.0.test_rows(v, rows);
+    }
+    fn residual(&self, piece: usize, v: &LocalValues) -> [f64; 3] {
+        self.0.residual(piece, v)
+    }
+    fn rows(&self, piece: usize, v: &LocalValues) -> [LocalRow; 3] {
+        self.0.rows(piece, v)
+    }
+    fn depends_on_slip(&self) -> bool {
+        true
+    }
 }
 
 /// Increments of slip depend on the levels, so that nobody is to get them unasked.
 #[test]
-fn slip_dependent_friction_is_refused() {
-    let mut problem = weakening_node();
+fn slip_of_levels_is_refused() {
+    let problem = squares::pushed_block(2, 0.4).unwrap();
+    let mut problem = problem.with_law(Forgetful(Frictionless::plane())).unwrap();
     let start = problem.solve(0.0, None).unwrap();
-    let mut force = |levels: usize, options: &EvolutionOptions| {
-        problem.set_reference_slip(&[0.0]).unwrap();
-        let levels: Vec<f64> = (1..=levels).map(|k| k as f64 / levels as f64).collect();
-        evolve(&mut problem, &start, &levels, options, |_| {
+    let mut run = |options: &EvolutionOptions| {
+        evolve(&mut problem, &start, &[0.5, 1.0], options, |_| {
             ControlFlow::Continue(())
         })
-        .map(|history| history.last().unwrap().solution.nodes[0].traction[0])
     };
-    for levels in [1, 10] {
-        let refused = force(levels, &EvolutionOptions::default());
-        assert_eq!(refused, Err(ContactError::SlipOfLevels));
-    }
-    let increments = EvolutionOptions::default().with_slip_increments(true);
-    let forces = [1, 10].map(|levels| force(levels, &increments).unwrap());
-    assert!(forces[1] > forces[0] + 0.02, "{forces:?}");
+    assert_eq!(
+        run(&EvolutionOptions::default()).unwrap_err(),
+        ContactError::SlipOfLevels
+    );
+    assert!(run(&EvolutionOptions::default().with_slip_increments(true)).is_ok());
 }

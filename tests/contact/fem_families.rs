@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use semismooth::contact::{CondensedFriction, FrictionProblem, FrictionStart, first_point, read_folder};
+use semismooth::contact::{FullContact, PlanarCoulomb, read_folder};
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, Termination};
 use serde_json::Value;
 
@@ -14,9 +14,9 @@ fn data(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(name)
 }
 
-fn follow(problem: FrictionProblem) -> Branch {
-    let map = CondensedFriction::new(problem).unwrap();
-    let start = first_point(&map, 0.0, &FrictionStart::Zero).unwrap();
+fn follow(problem: FullContact<PlanarCoulomb>) -> Branch {
+    let map = problem.condensed().unwrap();
+    let start = map.solve(0.0, None).unwrap();
     let options = ContinuationOptions::default().with_parameter_range((0.0, 1.0));
     let branch = Branch::follow(&map, &start, Direction::Increasing, options).unwrap();
     assert_eq!(branch.termination, Termination::ParameterRange);
@@ -24,7 +24,7 @@ fn follow(problem: FrictionProblem) -> Branch {
 }
 
 /// Sorted diagonal of A, sorted loads and gaps do not depend on the numbering; nor do the transitions of the load path.
-fn agrees(ours: FrictionProblem, folder: &str) {
+fn agrees(ours: FullContact<PlanarCoulomb>, folder: &str) {
     let theirs = read_folder(data(folder)).unwrap().problem;
     assert_eq!(ours.num_displacements(), theirs.num_displacements());
     assert_eq!(ours.num_contacts(), theirs.num_contacts());
@@ -38,14 +38,14 @@ fn agrees(ours: FrictionProblem, folder: &str) {
             assert!((x - y).abs() <= 1e-12 * scale, "{x} {y}");
         }
     };
-    let diagonal = |p: &FrictionProblem| -> Vec<f64> {
+    let diagonal = |p: &FullContact<PlanarCoulomb>| -> Vec<f64> {
         (0..p.num_displacements())
-            .map(|i| p.stiffness().get(i, i))
+            .map(|i| p.operator().get(i, i))
             .collect()
     };
     close(diagonal(&ours), diagonal(&theirs));
     for gamma in [0.0, 1.0] {
-        close(ours.load_at(gamma), theirs.load_at(gamma));
+        close(ours.body().load_at(gamma), theirs.body().load_at(gamma));
     }
     let text = std::fs::read_to_string(data(folder).join("breakpoints_exact.json")).unwrap();
     let json: Value = serde_json::from_str(&text).unwrap();

@@ -220,7 +220,7 @@ fn one_node_in_space() {
             case["state"] == "stick"
         );
         let mut tests = [0.0; MAX_TESTS];
-        problem.law().tests(&v, &mut tests);
+        problem.node_law().tests(&v, &mut tests);
         assert!((tests[1] - number(&case["theta2_r1p7"])).abs() < 1e-11);
     }
     assert_eq!(seen, 4);

@@ -3,11 +3,13 @@
 use crate::dense::{det_sign, distance, dot, eliminate, norm};
 use proptest::prelude::*;
 use semismooth::contact::{
-    CondensedFriction, ContactState, FrictionMap, FrictionPath, FrictionProblem, LoadPath, SlipBound,
+    CondensedContact, Contact, ContactState, FrictionCoefficient, FullContact, LoadPath, MultiplierCoulomb,
+    NodeLaw, PlanarCoulomb,
 };
 use semismooth::continuation::{
     Branch, ContinuationOptions, Direction, PointKind, Termination, Transition, TransitionKind,
 };
+use semismooth::interface::View;
 use semismooth::sparse::Matrix;
 
 /// The window of the parameter.
@@ -89,23 +91,29 @@ impl Sample {
         self.bnu.len()
     }
 
-    fn problem(&self, bound: SlipBound) -> FrictionProblem {
+    fn problem(&self) -> FullContact<PlanarCoulomb> {
         let rows = |m: &[Vec<f64>]| Matrix::from_rows(m).unwrap();
         let [f0, f1] = self.load.clone();
         let [c0, c1] = self.friction.clone();
-        FrictionProblem::new(
+        FullContact::planar(
             rows(&self.a),
             rows(&self.bnu),
             rows(&self.bt),
             LoadPath::affine(f0, f1),
-            FrictionPath::affine(c0, c1),
+            FrictionCoefficient::affine(c0, c1).unwrap(),
         )
         .unwrap()
         .with_gap(self.gap.clone())
         .unwrap()
         .with_r(self.r)
         .unwrap()
-        .with_bound(bound)
+    }
+
+    /// The same with the bound F λν.
+    fn by_multiplier(&self) -> FullContact<MultiplierCoulomb> {
+        let [c0, c1] = self.friction.clone();
+        let law = MultiplierCoulomb::new(FrictionCoefficient::affine(c0, c1).unwrap()).unwrap();
+        self.problem().with_law(law).unwrap()
     }
 
     /// The same problem in other units.
@@ -265,8 +273,8 @@ fn options(targets: &[f64]) -> ContinuationOptions {
 }
 
 /// What a branch visits, in order: its transitions of states (α, before, after).
-fn changes<M: FrictionMap>(
-    map: &M,
+fn changes<V: View, L: NodeLaw>(
+    map: &Contact<V, L>,
     transitions: &[Transition],
 ) -> Vec<(f64, Vec<ContactState>, Vec<ContactState>)> {
     transitions
@@ -281,7 +289,11 @@ fn close(a: f64, b: f64, tolerance: f64) -> bool {
 }
 
 /// Residuals, transitions and orientation along one branch.
-fn check_branch(s: &Sample, problem: &FrictionProblem, branch: &Branch) -> Result<(), TestCaseError> {
+fn check_branch(
+    s: &Sample,
+    problem: &FullContact<PlanarCoulomb>,
+    branch: &Branch,
+) -> Result<(), TestCaseError> {
     let m = s.n() + 2 * s.p();
     let mut orientation = None;
     let mut oriented = |states: &[ContactState], x: &[f64], t: &[f64]| -> Result<(), TestCaseError> {
@@ -348,7 +360,12 @@ fn frozen_violation(s: &Sample, states: &[ContactState], x: &[f64]) -> f64 {
     worst
 }
 
-fn follow<M: FrictionMap>(map: &M, x: &[f64], direction: Direction, targets: &[f64]) -> Branch {
+fn follow<V: View, L: NodeLaw>(
+    map: &Contact<V, L>,
+    x: &[f64],
+    direction: Direction,
+    targets: &[f64],
+) -> Branch {
     Branch::follow(map, x, direction, options(targets)).unwrap()
 }
 
@@ -374,9 +391,9 @@ proptest! {
         for list in [&starts, &others] {
             prop_assert_eq!(list.iter().map(|x| x.2).sum::<i32>(), 1);
         }
-        let full = s.problem(SlipBound::Augmented);
-        let condensed = CondensedFriction::new(full.clone()).unwrap();
-        let multiplier = s.problem(SlipBound::Multiplier);
+        let full = s.problem();
+        let condensed = full.condensed().unwrap();
+        let multiplier = s.by_multiplier();
         for (x, states, _) in &starts {
             prop_assert!(s.violation(x) <= 1e-12);
             for direction in [Direction::Increasing, Direction::Decreasing] {
@@ -423,37 +440,48 @@ proptest! {
             let mut y = x.clone();
             y[..n].iter_mut().for_each(|u| *u *= length);
             y[n..n + 2 * p].iter_mut().for_each(|l| *l *= force);
-            for bound in [SlipBound::Augmented, SlipBound::Multiplier] {
-                let (first, full) = (s.problem(bound), other.problem(bound));
-                let condensed = CondensedFriction::new(full.clone()).unwrap();
-                let z = condensed.restrict(&y).unwrap();
-                for direction in [Direction::Increasing, Direction::Decreasing] {
-                    let known = follow(&first, x, direction.clone(), &[]);
-                    // The limit on the growth of ‖x‖ cuts curves at different points.
-                    if known.termination == Termination::Unbounded {
-                        continue;
-                    }
-                    let known = changes(&first, &known.transitions);
-                    let generous = options(&[]).with_max_growth(1e6);
-                    let full_branch = Branch::follow(&full, &y, direction.clone(), generous.clone()).unwrap();
-                    let condensed_branch = Branch::follow(&condensed, &z, direction, generous).unwrap();
-                    for found in [
-                        changes(&full, &full_branch.transitions),
-                        changes(&condensed, &condensed_branch.transitions),
-                    ] {
-                        prop_assert_eq!(found.len(), known.len(), "{:?} {:?}", found, known);
-                        for (a, b) in found.iter().zip(&known) {
-                            prop_assert!(close(a.0, b.0, 1e-9) && (&a.1, &a.2) == (&b.1, &b.2), "{a:?} {b:?}");
-                        }
-                    }
-                }
-            }
+            same_in_other_units(&s.problem(), &other.problem(), (x, &y))?;
+            same_in_other_units(&s.by_multiplier(), &other.by_multiplier(), (x, &y))?;
         }
     }
 }
 
+/// Curves from one start in both units, in full and condensed form.
+fn same_in_other_units<L: NodeLaw + Clone>(
+    first: &FullContact<L>,
+    full: &FullContact<L>,
+    (x, y): (&[f64], &[f64]),
+) -> Result<(), TestCaseError> {
+    let condensed = full.condensed().unwrap();
+    let z = condensed.restrict(y).unwrap();
+    for direction in [Direction::Increasing, Direction::Decreasing] {
+        let known = follow(first, x, direction.clone(), &[]);
+        // The limit on the growth of ‖x‖ cuts curves at different points.
+        if known.termination == Termination::Unbounded {
+            continue;
+        }
+        let known = changes(first, &known.transitions);
+        let generous = options(&[]).with_max_growth(1e6);
+        let full_branch = Branch::follow(full, y, direction.clone(), generous.clone()).unwrap();
+        let condensed_branch = Branch::follow(&condensed, &z, direction, generous).unwrap();
+        for found in [
+            changes(full, &full_branch.transitions),
+            changes(&condensed, &condensed_branch.transitions),
+        ] {
+            prop_assert_eq!(found.len(), known.len(), "{:?} {:?}", found, known);
+            for (a, b) in found.iter().zip(&known) {
+                prop_assert!(
+                    close(a.0, b.0, 1e-9) && (&a.1, &a.2) == (&b.1, &b.2),
+                    "{a:?} {b:?}"
+                );
+            }
+        }
+    }
+    Ok(())
+}
+
 fn same_in_condensed_form(
-    condensed: &CondensedFriction,
+    condensed: &CondensedContact<PlanarCoulomb>,
     branch: &Branch,
     x: &[f64],
     direction: Direction,
@@ -484,7 +512,7 @@ fn same_in_condensed_form(
 
 /// From the end of a branch back to its start: the same transitions in reverse order, their sides exchanged.
 fn there_and_back(
-    map: &FrictionProblem,
+    map: &FullContact<PlanarCoulomb>,
     branch: &Branch,
     x: &[f64],
     alpha: f64,

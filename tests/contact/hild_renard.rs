@@ -4,7 +4,7 @@ use crate::dense;
 use crate::dense::distance;
 use proptest::prelude::*;
 use semismooth::contact::{
-    ContactState, FrictionProblem, FrictionStart, HildRenard, HildRenardBranch, HildRenardCase, first_point,
+    ContactState, FullContact, HildRenard, HildRenardBranch, HildRenardCase, PlanarCoulomb,
 };
 use semismooth::continuation::{Arm, Branch, Continuation, ContinuationOptions, Direction, Termination};
 
@@ -154,10 +154,10 @@ fn cases_by_the_analysis() {
 }
 
 /// The distinct solutions that first points from all four states lead to.
-fn solutions(problem: &FrictionProblem, alpha: f64) -> Vec<Vec<f64>> {
+fn solutions(problem: &FullContact<PlanarCoulomb>, alpha: f64) -> Vec<Vec<f64>> {
     let mut list: Vec<Vec<f64>> = Vec::new();
     for state in ContactState::ALL {
-        let Ok(x) = first_point(problem, alpha, &FrictionStart::States(vec![state])) else {
+        let Ok(x) = problem.solve_from_states(alpha, &[state]) else {
             continue;
         };
         if list.iter().all(|y| distance(y, &x) > 1e-8) {
@@ -173,7 +173,7 @@ struct Component {
     transitions: Vec<Vec<f64>>,
 }
 
-fn explore(problem: &FrictionProblem, start: &[f64], options: &ContinuationOptions) -> Component {
+fn explore(problem: &FullContact<PlanarCoulomb>, start: &[f64], options: &ContinuationOptions) -> Component {
     let mut found = Component {
         points: vec![],
         transitions: vec![],

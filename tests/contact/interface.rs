@@ -1,12 +1,10 @@
 //! Operators with a law on few of their quantities: full form, condensed form and the contact module's own forms are one problem.
 
 use crate::support::{Rng, laplacian};
-use semismooth::contact::{
-    CondensedFriction, FrictionPath, FrictionProblem, FrictionStart, LoadPath, first_point,
-};
+use semismooth::contact::{CondensedContact, FrictionCoefficient, FullContact, PlanarCoulomb};
 use semismooth::continuation::{Branch, ContinuationOptions, Direction};
 use semismooth::enumeration::{EnumerationOptions, all_solutions};
-use semismooth::interface::{CondensedInterface, InterfaceError, InterfaceLoad, InterfaceProblem};
+use semismooth::interface::{InterfaceError, InterfaceProblem, LoadPath};
 use semismooth::linear::{AutoSolver, LinearSolver};
 use semismooth::newton::Newton;
 use semismooth::piecewise::check::{CheckOptions, check};
@@ -138,19 +136,19 @@ fn parts(m: usize, p: usize, seed: u64) -> Parts {
 impl Parts {
     fn interface(&self) -> InterfaceProblem<Coulomb> {
         let [f0, f1] = self.load.clone();
-        self.with_load(InterfaceLoad::affine(f0, f1))
+        self.with_load(LoadPath::affine(f0, f1))
     }
 
-    fn with_load(&self, load: InterfaceLoad) -> InterfaceProblem<Coulomb> {
+    fn with_load(&self, load: LoadPath) -> InterfaceProblem<Coulomb> {
         let law = Coulomb {
             friction: self.friction.clone(),
         };
-        InterfaceProblem::new(self.a.clone(), self.b.clone(), load, law).unwrap()
+        InterfaceProblem::from_parts(self.a.clone(), &self.b.clone(), load, law).unwrap()
     }
 
-    fn contact(&self, load: LoadPath) -> FrictionProblem {
-        let friction = FrictionPath::constant(self.friction.clone());
-        FrictionProblem::new(self.a.clone(), self.bnu.clone(), self.bt.clone(), load, friction).unwrap()
+    fn contact(&self, load: LoadPath) -> FullContact<PlanarCoulomb> {
+        let friction = FrictionCoefficient::nodal(self.friction.clone()).unwrap();
+        FullContact::planar(self.a.clone(), self.bnu.clone(), self.bt.clone(), load, friction).unwrap()
     }
 }
 
@@ -167,8 +165,8 @@ fn options() -> ContinuationOptions {
 }
 
 /// The first solution that complete enumeration finds at α = 0, in condensed form.
-fn start(map: &CondensedFriction) -> Vec<f64> {
-    first_point(map, 0.0, &FrictionStart::Zero).unwrap()
+fn start(map: &CondensedContact<PlanarCoulomb>) -> Vec<f64> {
+    map.solve(0.0, None).unwrap()
 }
 
 #[test]
@@ -177,9 +175,9 @@ fn full_condensed_and_contact_agree_along_affine_paths() {
     for seed in 1..=12 {
         let parts = parts(6, 1 + seed as usize % 4, seed);
         let full = parts.interface();
-        let condensed = CondensedInterface::new(parts.interface()).unwrap();
+        let condensed = parts.interface().condensed().unwrap();
         let [f0, f1] = parts.load.clone();
-        let contact = CondensedFriction::new(parts.contact(LoadPath::affine(f0, f1))).unwrap();
+        let contact = parts.contact(LoadPath::affine(f0, f1)).condensed().unwrap();
         let x = start(&contact);
         let follow = |map: &dyn PiecewiseSmooth, x: &[f64]| {
             Branch::follow(map, x, Direction::Increasing, options()).unwrap()
@@ -216,7 +214,7 @@ fn full_condensed_and_contact_agree_along_affine_paths() {
 fn determinants_of_both_forms_differ_by_that_of_the_operator() {
     let parts = parts(5, 3, 77);
     let full = parts.interface();
-    let condensed = CondensedInterface::new(parts.interface()).unwrap();
+    let condensed = parts.interface().condensed().unwrap();
     let det = |map: &dyn PiecewiseSmooth, selection: &Selection, x: &[f64]| {
         let mut jac = Matrix::zeros(map.pattern());
         map.jacobian(selection, x, &mut jac);
@@ -253,9 +251,9 @@ fn loads_with_curved_amplitudes_agree_with_the_full_form() {
         value.copy_from_slice(&[alpha.sin(), 0.1 * alpha * alpha]);
         rate.copy_from_slice(&[alpha.cos(), 0.2 * alpha]);
     };
-    let load = || InterfaceLoad::cases(f0.clone(), vec![f1.clone(), vec![1.0; 25]], bent);
+    let load = || LoadPath::cases(f0.clone(), vec![f1.clone(), vec![1.0; 25]], bent);
     let full = parts.with_load(load());
-    let condensed = CondensedInterface::new(parts.with_load(load())).unwrap();
+    let condensed = parts.with_load(load()).condensed().unwrap();
     assert!(!condensed.is_piecewise_affine());
     let (c0, c1) = (f0.clone(), f1.clone());
     let same = LoadPath::function(move |alpha, value, rate| {
@@ -265,11 +263,24 @@ fn loads_with_curved_amplitudes_agree_with_the_full_form() {
         }
     });
     let contact = parts.contact(same);
-    let x = first_point(&contact, 0.0, &FrictionStart::Zero).unwrap();
+    let x = contact.solve(0.0, None).unwrap();
     let reference = Branch::follow(&contact, &x, Direction::Increasing, options()).unwrap();
     let whole = Branch::follow(&full, &x, Direction::Increasing, options()).unwrap();
     let start = condensed.restrict(&x).unwrap();
     let ours = Branch::follow(&condensed, &start, Direction::Increasing, options()).unwrap();
+    // A general path is condensed, too: by a solve at each α.
+    let general = contact.condensed().unwrap();
+    let solved = Branch::follow(&general, &start, Direction::Increasing, options()).unwrap();
+    assert_eq!(solved.transitions.len(), reference.transitions.len());
+    for (t, r) in solved.transitions.iter().zip(&reference.transitions) {
+        close(&general.expand(&t.x).unwrap(), &r.x, 1e-10);
+    }
+    let along: Vec<f64> = (0..start.len()).map(|k| (k as f64).cos()).collect();
+    close(
+        &general.expand_tangent(&start, &along).unwrap(),
+        &condensed.expand_tangent(&start, &along).unwrap(),
+        1e-10,
+    );
     assert!(
         reference.transitions.len() >= 2,
         "{}",
@@ -291,12 +302,12 @@ fn loads_with_curved_amplitudes_agree_with_the_full_form() {
 #[test]
 fn newton_and_enumeration_work_on_the_condensed_form() {
     let parts = parts(5, 3, 9);
-    let condensed = CondensedInterface::new(parts.interface()).unwrap();
+    let condensed = parts.interface().condensed().unwrap();
     let mut x = vec![0.0; 7];
     x[6] = 1.0;
     let set = all_solutions(&condensed, 1.0, &EnumerationOptions::default()).unwrap();
     let [f0, f1] = parts.load.clone();
-    let contact = CondensedFriction::new(parts.contact(LoadPath::affine(f0, f1))).unwrap();
+    let contact = parts.contact(LoadPath::affine(f0, f1)).condensed().unwrap();
     let reference = all_solutions(&contact, 1.0, &EnumerationOptions::default()).unwrap();
     assert_eq!(set.solutions.len(), reference.solutions.len());
     Newton::default().solve(&condensed, &mut x).unwrap();
@@ -311,7 +322,7 @@ fn newton_and_enumeration_work_on_the_condensed_form() {
 fn maps_keep_the_contract() {
     let parts = parts(3, 2, 3);
     let full = parts.interface();
-    let condensed = CondensedInterface::new(parts.interface()).unwrap();
+    let condensed = parts.interface().condensed().unwrap();
     let mut rng = Rng(4);
     let points: Vec<Vec<f64>> = (0..12)
         .map(|_| rng.vec(5).iter().map(|v| 2.0 * v).collect())
@@ -330,28 +341,28 @@ fn maps_keep_the_contract() {
 fn bad_parts_are_named() {
     let good = parts(3, 1, 1);
     let law = Coulomb { friction: vec![0.5] };
-    let load = || InterfaceLoad::constant(vec![1.0; 9]);
+    let load = || LoadPath::constant(vec![1.0; 9]);
     let narrow = Matrix::from_rows(&[[1.0, 0.0]]).unwrap();
-    let e = InterfaceProblem::new(good.a.clone(), narrow, load(), law.clone()).unwrap_err();
+    let e = InterfaceProblem::from_parts(good.a.clone(), &narrow, load(), law.clone()).unwrap_err();
     assert!(e.to_string().contains("columns of B"), "{e}");
-    let e = InterfaceProblem::new(good.a.clone(), good.bnu.clone(), load(), law.clone()).unwrap_err();
+    let e = InterfaceProblem::from_parts(good.a.clone(), &good.bnu.clone(), load(), law.clone()).unwrap_err();
     assert!(
         e.to_string().contains("variables of the law must be 3, found 5"),
         "{e}"
     );
-    let short = InterfaceLoad::constant(vec![1.0; 8]);
-    let e = InterfaceProblem::new(good.a.clone(), good.b.clone(), short, law.clone()).unwrap_err();
+    let short = LoadPath::constant(vec![1.0; 8]);
+    let e = InterfaceProblem::from_parts(good.a.clone(), &good.b.clone(), short, law.clone()).unwrap_err();
     assert!(e.to_string().contains("load"), "{e}");
-    let wild = InterfaceLoad::affine(vec![0.0; 9], vec![f64::NAN; 9]);
-    let e = InterfaceProblem::new(good.a.clone(), good.b.clone(), wild, law.clone()).unwrap_err();
+    let wild = LoadPath::affine(vec![0.0; 9], vec![f64::NAN; 9]);
+    let e = InterfaceProblem::from_parts(good.a.clone(), &good.b.clone(), wild, law.clone()).unwrap_err();
     assert!(matches!(e, InterfaceError::NotFinite { index: 0, .. }), "{e}");
     let mut skew = good.a.clone();
     skew.add(0, 1, 0.5);
-    let problem = InterfaceProblem::new(skew, good.b.clone(), load(), law.clone()).unwrap();
-    let e = CondensedInterface::new(problem).unwrap_err();
+    let problem = InterfaceProblem::from_parts(skew, &good.b.clone(), load(), law.clone()).unwrap();
+    let e = problem.condensed().unwrap_err();
     assert!(matches!(e, InterfaceError::NotSymmetric { .. }), "{e}");
-    let floating = InterfaceProblem::new(laplacian(3, true), good.b.clone(), load(), law).unwrap();
-    let e = CondensedInterface::new(floating).unwrap_err();
+    let floating = InterfaceProblem::from_parts(laplacian(3, true), &good.b.clone(), load(), law).unwrap();
+    let e = floating.condensed().unwrap_err();
     assert!(e.to_string().contains("positive definite"), "{e}");
 }
 
@@ -359,7 +370,7 @@ fn bad_parts_are_named() {
 #[test]
 fn many_threads_on_one_problem() {
     let problem = parts(9, 3, 5).interface();
-    let condensed = CondensedInterface::new(problem.clone()).unwrap();
+    let condensed = problem.condensed().unwrap();
     fn image<P: PiecewiseSmooth>(map: &P, seed: u64) -> (Vec<f64>, Vec<f64>, Vec<f64>) {
         let x = Rng(seed).vec(map.num_vars());
         let selection = select(map, &x);

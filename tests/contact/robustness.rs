@@ -10,10 +10,9 @@ use std::time::Duration;
 use bodies::{Body, Random, curve};
 use proptest::prelude::*;
 use semismooth::contact::{
-    CondensedContact, CondensedFriction, ContactBody, ContactError, ContactOptions, ContactProgress,
-    ContactReport, ContactStrategy, FrictionCoefficient, FrictionCurve, FrictionMap, FrictionPath,
-    FrictionProblem, FrictionStart, Frictionless, FullContact, GivenBound, LoadPath, NodeLaw,
-    OrthotropicCoulomb, PlanarCoulomb, first_point, first_point_observed,
+    CondensedContact, ContactBody, ContactError, ContactOptions, ContactProgress, ContactReport,
+    ContactStrategy, FrictionCoefficient, FrictionCurve, Frictionless, FullContact, GivenBound, LoadPath,
+    NodeLaw, OrthotropicCoulomb, PlanarCoulomb,
 };
 use semismooth::newton::{Failure, NewtonError, NewtonOptions};
 use semismooth::sparse::Matrix;
@@ -227,25 +226,25 @@ fn planar(seed: u64) {
         * FullContact::new(b.body.clone(), Frictionless::plane())
             .unwrap()
             .r();
-    let problem = FrictionProblem::new(
+    let problem = FullContact::planar(
         b.body.stiffness().clone(),
         b.traces[0].clone(),
         b.traces[1].clone(),
         LoadPath::constant(b.load.clone()),
-        FrictionPath::constant(vec![f; p]),
+        FrictionCoefficient::nodal(vec![f; p]).unwrap(),
     )
     .unwrap()
     .with_gap(b.gap.clone())
     .unwrap()
     .with_r(r)
     .unwrap();
-    let x = first_point(&problem, 0.0, &FrictionStart::Zero).unwrap();
+    let x = problem.solve(0.0, None).unwrap();
     // Cones of friction need f > 0 to be put as below.
     let friction = |_| [f.max(1e-12); 2];
     let error = violation(&b, &x[..n], &x[n..n + 2 * p], &friction, None);
     assert!(error <= 1e-8, "full form: {error:e}");
-    let condensed = CondensedFriction::new(problem).unwrap();
-    let y = first_point(&condensed, 0.0, &FrictionStart::Zero).unwrap();
+    let condensed = problem.condensed().unwrap();
+    let y = condensed.solve(0.0, None).unwrap();
     let u = condensed.displacements(&y).unwrap();
     let error = violation(&b, &u, &y[..2 * p], &friction, None);
     assert!(error <= 1e-8, "condensed form: {error:e}");
@@ -317,10 +316,17 @@ fn first_points_are_searched_as_long_as_allowed() {
     let a = Matrix::from_rows(&[[0.0, 0.0], [0.0, 1.0]]).unwrap();
     let unit = |k: usize| Matrix::from_triplets(1, 2, &[(0, k, 1.0)]).unwrap();
     let load = LoadPath::constant(vec![-1.0, 0.5]);
-    let problem = FrictionProblem::new(a, unit(0), unit(1), load, FrictionPath::constant(vec![0.3])).unwrap();
+    let problem = FullContact::planar(
+        a,
+        unit(0),
+        unit(1),
+        load,
+        FrictionCoefficient::nodal(vec![0.3]).unwrap(),
+    )
+    .unwrap();
     let search = |options: &ContactOptions, limit: usize| {
         let mut seen = 0;
-        let found = first_point_observed(&problem, 0.0, &FrictionStart::Zero, options, |_| {
+        let found = problem.solve_observed(0.0, None, options, |_| {
             seen += 1;
             match seen < limit {
                 true => ControlFlow::Continue(()),
@@ -331,10 +337,7 @@ fn first_points_are_searched_as_long_as_allowed() {
     };
     let (failed, all) = search(&ContactOptions::default(), usize::MAX);
     assert!(!failed.is_interrupted() && all > 3, "{all}");
-    assert_eq!(
-        first_point(&problem, 0.0, &FrictionStart::Zero).unwrap_err(),
-        failed
-    );
+    assert_eq!(problem.solve(0.0, None).unwrap_err(), failed);
     for limit in 1..=all {
         let (stopped, seen) = search(&ContactOptions::default(), limit);
         assert!(stopped.is_interrupted() && seen == limit, "{limit}: {stopped}");

@@ -2,10 +2,9 @@
 
 use proptest::prelude::*;
 use semismooth::contact::{
-    CondensedContact, CondensedFriction, ContactBody, ContactError, ContactSolution, DelassusSolver,
-    FixedPointOptions, FrictionCoefficient, FrictionCurve, FrictionMap, FrictionPath, FrictionProblem,
-    FrictionStart, Frictionless, FullContact, GivenBound, LoadPath, NodeLaw, OrthotropicCoulomb,
-    PlanarCoulomb, first_point, fixed_point,
+    CondensedContact, ContactBody, ContactError, ContactSolution, DelassusSolver, FixedPointOptions,
+    FrictionCoefficient, FrictionCurve, Frictionless, FullContact, GivenBound, LoadPath, NodeLaw,
+    OrthotropicCoulomb, PlanarCoulomb, fixed_point,
 };
 use semismooth::fem::{ContactRows, ElasticSystem, Elasticity, Foundation, Material, Mesh};
 use semismooth::newton::Newton;
@@ -37,7 +36,7 @@ fn random_body(dim: usize, forces: &[f64]) -> (ContactBody, ContactRows, LoadPat
             load[dof] -= 0.01;
         }
     }
-    let rate = (0..n)
+    let rate: Vec<f64> = (0..n)
         .map(|i| 3e-3 * forces[(7 * i + 1) % forces.len()])
         .collect();
     let gap = (0..rows.nodes.len())
@@ -195,13 +194,13 @@ proptest! {
         let (body, rows, load) = random_body(2, &forces);
         let solution = routes(&body, &PlanarCoulomb::new(constant(f)));
         // The planar problem with F by the parameter, both forms.
-        let problem = FrictionProblem::new(
-            body.stiffness().clone(), rows.normal, rows.tangential, load, FrictionPath::constant(vec![f; solution.nodes.len()]),
+        let problem = FullContact::planar(
+            body.stiffness().clone(), rows.normal, rows.tangential, load, FrictionCoefficient::nodal(vec![f; solution.nodes.len()]).unwrap(),
         ).unwrap().with_gap(solution.nodes.iter().enumerate().map(|(i, _)| 2e-3 * forces[i % forces.len()].abs()).collect()).unwrap();
-        let x = first_point(&problem, 0.7, &FrictionStart::Zero).unwrap();
+        let x = problem.solve(0.7, None).unwrap();
         agree(&solution, &problem.solution(&x).unwrap(), 1e-10);
-        let condensed = CondensedFriction::new(problem).unwrap();
-        let y = first_point(&condensed, 0.7, &FrictionStart::Stick).unwrap();
+        let condensed = problem.condensed().unwrap();
+        let y = condensed.solve(0.7, Some(&condensed.stick_start(0.7).unwrap())).unwrap();
         agree(&solution, &condensed.solution(&y).unwrap(), 1e-10);
         routes(&body, &Frictionless::plane());
     }

@@ -1,9 +1,8 @@
 //! Units, numbering and the augmentation parameter change nothing: the same transitions, the same states.
 
 use semismooth::contact::{
-    CondensedContact, CondensedFriction, ContactBody, ContactSolution, ContactState, FrictionCoefficient,
-    FrictionCurve, FrictionPath, FrictionProblem, FrictionStart, Frictionless, FullContact, GivenBound,
-    LoadPath, NodeLaw, OrthotropicCoulomb, PlanarCoulomb, first_point,
+    CondensedContact, ContactBody, ContactSolution, ContactState, FrictionCoefficient, FrictionCurve,
+    Frictionless, FullContact, GivenBound, LoadPath, NodeLaw, OrthotropicCoulomb, PlanarCoulomb,
 };
 use semismooth::continuation::{
     Branch, ContinuationError, ContinuationOptions, Diagram, DiagramOptions, Direction, Termination,
@@ -124,9 +123,9 @@ impl Parts {
             .unwrap()
     }
 
-    fn planar(&self, friction: f64) -> FrictionProblem {
-        let path = FrictionPath::constant(vec![friction; self.gap.len()]);
-        FrictionProblem::new(
+    fn planar(&self, friction: f64) -> FullContact<PlanarCoulomb> {
+        let path = FrictionCoefficient::nodal(vec![friction; self.gap.len()]).unwrap();
+        FullContact::planar(
             self.a.clone(),
             self.traces[0].clone(),
             self.traces[1].clone(),
@@ -194,12 +193,12 @@ const AUGMENTATIONS: [f64; 4] = [1e-3, 1e-1, 1e1, 1e3];
 #[test]
 fn plane_branches() {
     let parts = Parts::block(2);
-    let first = transitions(&CondensedFriction::new(parts.planar(0.5)).unwrap(), 0.0);
+    let first = transitions(&parts.planar(0.5).condensed().unwrap(), 0.0);
     assert!(first.as_ref().is_ok_and(|f| f.len() > 8), "{first:?}");
     let renumbered = parts.renumbered();
     same(
         &first,
-        &transitions(&CondensedFriction::new(renumbered.planar(0.5)).unwrap(), 0.0),
+        &transitions(&renumbered.planar(0.5).condensed().unwrap(), 0.0),
         1e-10,
         "renumbered",
     );
@@ -207,7 +206,7 @@ fn plane_branches() {
         let other = parts.planar(0.5).with_r(10.0 * factor).unwrap();
         same(
             &first,
-            &transitions(&CondensedFriction::new(other).unwrap(), 0.0),
+            &transitions(&other.condensed().unwrap(), 0.0),
             1e-10,
             &format!("r = {factor}"),
         );
@@ -217,7 +216,7 @@ fn plane_branches() {
         let what = format!("force {force}, length {length}");
         same(
             &first,
-            &transitions(&CondensedFriction::new(other.clone()).unwrap(), 0.0),
+            &transitions(&other.condensed().unwrap(), 0.0),
             1e-10,
             &what,
         );
@@ -354,7 +353,7 @@ fn the_parameter_in_other_units() {
     };
     let [start, end] = parts.loads.clone();
     let found = |unit: f64| {
-        let slope = end.iter().zip(&start).map(|(b, a)| (b - a) / unit).collect();
+        let slope: Vec<f64> = end.iter().zip(&start).map(|(b, a)| (b - a) / unit).collect();
         let load = LoadPath::affine(start.clone(), slope);
         let planar = parts.planar(0.5).with_load(load.clone()).unwrap();
         let body = ContactBody::new(
@@ -380,7 +379,7 @@ fn the_parameter_in_other_units() {
                 .collect();
             Ok(list)
         };
-        let condensed = CondensedFriction::new(planar.clone()).unwrap();
+        let condensed = planar.condensed().unwrap();
         let solved = |map: &dyn PiecewiseSmooth| {
             let mut x = at_zero(map.num_vars());
             Newton::default().solve(map, &mut x).unwrap();
@@ -413,9 +412,9 @@ fn a_start_next_to_a_stiff_facet() {
         let row = |j: usize| Matrix::from_triplets(1, 2, &[(0, j, 1.0)]).unwrap();
         // Pressed by 1 − α, pushed by 1/2: slips under F (1 − α) < 1/2 until it opens at α = 1.
         let load = LoadPath::between(vec![1.0, 0.5], &[0.0, 0.5]);
-        let path = FrictionPath::constant(vec![0.25]);
-        let problem = FrictionProblem::new(a, row(0), row(1), load, path).unwrap();
-        let map = CondensedFriction::new(problem).unwrap();
+        let path = FrictionCoefficient::nodal(vec![0.25]).unwrap();
+        let problem = FullContact::planar(a, row(0), row(1), load, path).unwrap();
+        let map = problem.condensed().unwrap();
         let mut x = [1.0, 0.25, 0.0];
         Newton::default().solve(&map, &mut x).unwrap();
         assert!((x[0] - 1.0).abs() < 1e-9 && (x[1] - 0.25).abs() < 1e-9, "{x:?}");
@@ -449,9 +448,9 @@ fn a_start_near_the_facet_of_a_far_curve() {
         vec![0.0, 0.0, 0.0, 0.0, -1000.0, 0.0],
         &[0.0, 0.0, 0.0, 0.0, 0.0, 0.0625],
     );
-    let friction = FrictionPath::constant(vec![0.03125, 0.3125, 0.0]);
-    let problem = FrictionProblem::new(a, pick(0), pick(1), load, friction).unwrap();
-    let map = CondensedFriction::new(problem.with_r(1.0).unwrap()).unwrap();
+    let friction = FrictionCoefficient::nodal(vec![0.03125, 0.3125, 0.0]).unwrap();
+    let problem = FullContact::planar(a, pick(0), pick(1), load, friction).unwrap();
+    let map = problem.with_r(1.0).unwrap().condensed().unwrap();
     let set = all_solutions(&map, 0.0, &EnumerationOptions::default()).unwrap();
     assert_eq!((set.solutions.len(), set.completeness.is_complete()), (1, true));
     let options = ContinuationOptions::default().with_parameter_range((-2.0, 2.0));
@@ -480,14 +479,14 @@ fn planar_problems_choose_their_own_r() {
         let end: Vec<f64> = press.iter().zip(&push).map(|(a, b)| a + b).collect();
         let plane = Foundation::plane([0.0; 3], [0.0, 1.0, 0.0]);
         let contact = system.contact("bottom", &plane).unwrap();
-        let friction = FrictionPath::constant(vec![0.5; contact.nodes.len()]);
+        let friction = FrictionCoefficient::nodal(vec![0.5; contact.nodes.len()]).unwrap();
         let load = LoadPath::between(press, &end);
         let a = system.stiffness().clone();
-        FrictionProblem::new(a, contact.normal, contact.tangential, load, friction).unwrap()
+        FullContact::planar(a, contact.normal, contact.tangential, load, friction).unwrap()
     };
     let transitions = |force: f64, length: f64| {
-        let map = CondensedFriction::new(problem([8, 4], force, length)).unwrap();
-        let start = first_point(&map, 0.0, &FrictionStart::Zero).unwrap();
+        let map = problem([8, 4], force, length).condensed().unwrap();
+        let start = map.solve(0.0, None).unwrap();
         let options = ContinuationOptions::default().with_parameter_range((0.0, 1.0));
         let branch = Branch::follow(&map, &start, Direction::Increasing, options).unwrap();
         assert_eq!(branch.termination, Termination::ParameterRange);
@@ -496,7 +495,7 @@ fn planar_problems_choose_their_own_r() {
             .collect::<Vec<_>>()
     };
     let counts = |force: f64, length: f64| {
-        let map = CondensedFriction::new(problem([3, 2], force, length)).unwrap();
+        let map = problem([3, 2], force, length).condensed().unwrap();
         let list = all_solutions(&map, 0.5, &EnumerationOptions::default()).unwrap();
         assert!(list.completeness.is_complete());
         let start = list.solutions[0].x.clone();

@@ -4,7 +4,6 @@ use crate::common;
 use std::ops::ControlFlow;
 
 use crate::common::{Case, cases};
-use semismooth::contact::{FrictionMap, FrictionStart, first_point};
 use semismooth::continuation::{Completeness, ContinuationError, Diagram, DiagramOptions, Limit, VertexKind};
 use semismooth::piecewise::{MinMap, PiecewiseSmooth};
 
@@ -19,8 +18,9 @@ fn window() -> DiagramOptions {
 fn starts(case: &Case, at: &[(&str, f64)]) -> Vec<Vec<f64>> {
     at.iter()
         .map(|(s, alpha)| {
-            let states = FrictionStart::States(common::states(s));
-            first_point(&case.problem, *alpha, &states).unwrap()
+            case.problem
+                .solve_from_states(*alpha, &common::states(s))
+                .unwrap()
         })
         .collect()
 }

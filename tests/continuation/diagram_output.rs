@@ -1,7 +1,7 @@
 //! Diagrams from all solutions at chosen parameters, against brute force over all selections; and what is written of them.
 
 use crate::common;
-use semismooth::contact::{CondensedFriction, FrictionPath, FrictionProblem, LoadPath};
+use semismooth::contact::{CondensedContact, FrictionCoefficient, FullContact, LoadPath, PlanarCoulomb};
 use semismooth::continuation::{Completeness, Diagram, DiagramOptions, Limit, VertexKind, certify};
 use semismooth::enumeration::{EnumerationOptions, all_solutions};
 use semismooth::linear::{DenseLu, LinearSolver};
@@ -12,7 +12,7 @@ use semismooth::sparse::Matrix;
 const RANGE: (f64, f64) = (-4.0, 4.0);
 
 /// Three contact nodes, p = 3, found by a random search: 17 solutions at α = 0, five branches.
-fn three_nodes() -> CondensedFriction {
+fn three_nodes() -> CondensedContact<PlanarCoulomb> {
     let stiffness = Matrix::from_rows(&[
         [2.0, -1.3, -0.2, 0.0, 0.0, -0.3],
         [-1.3, 2.1, -0.3, 0.1, -0.2, 0.2],
@@ -29,11 +29,11 @@ fn three_nodes() -> CondensedFriction {
         vec![1.6, -2.3, 0.7, -1.9, 1.5, -3.1],
         vec![-0.2, -0.6, -0.9, 0.4, 0.9, -0.2],
     );
-    let friction = FrictionPath::constant(vec![5.5, 7.75, 8.75]);
-    CondensedFriction::new(
-        FrictionProblem::new(stiffness.unwrap(), pick(0), pick(1), load, friction).unwrap(),
-    )
-    .unwrap()
+    let friction = FrictionCoefficient::nodal(vec![5.5, 7.75, 8.75]).unwrap();
+    FullContact::planar(stiffness.unwrap(), pick(0), pick(1), load, friction)
+        .unwrap()
+        .condensed()
+        .unwrap()
 }
 
 /// A piece of curve: the segment of one selection between two points.
@@ -44,7 +44,7 @@ struct Segment {
 
 /// The solution set in `RANGE` by trying all selections: each has one solution y(α), affine in α, that is one where it lies in
 /// its cell.
-fn segments(map: &CondensedFriction) -> Vec<Segment> {
+fn segments(map: &CondensedContact<PlanarCoulomb>) -> Vec<Segment> {
     let n = map.num_residuals();
     let mut list = Vec::new();
     for selection in Selections::all(map) {
@@ -248,7 +248,7 @@ fn a_section_that_is_not_complete_is_told() {
 #[test]
 fn grazing_solutions_have_no_index() {
     let case = common::cases().into_iter().find(|c| c.name == "p1_ex3").unwrap();
-    let map = CondensedFriction::new(case.problem).unwrap();
+    let map = case.problem.condensed().unwrap();
     let options = DiagramOptions::default().with_parameter_range((0.0, 5.0));
     let diagram =
         Diagram::explore_sections(&map, &[1.0, 3.0], &options, &EnumerationOptions::default()).unwrap();

@@ -3,7 +3,6 @@
 use crate::common;
 use std::ops::ControlFlow;
 
-use semismooth::contact::{CondensedFriction, FrictionStart, first_point};
 use semismooth::continuation::{ContinuationError, Diagram, DiagramOptions, Termination, VertexKind};
 use semismooth::enumeration::EnumerationOptions;
 use semismooth::piecewise::{MinMap, PiecewiseSmooth};
@@ -114,7 +113,7 @@ fn the_examples_of_the_seed() {
         let case = common::cases().into_iter().find(|c| c.name == name).unwrap();
         let starts: Vec<Vec<f64>> = states
             .iter()
-            .map(|s| first_point(&case.problem, 8.0, &FrictionStart::States(common::states(s))).unwrap())
+            .map(|s| case.problem.solve_from_states(8.0, &common::states(s)).unwrap())
             .collect();
         let mut options = DiagramOptions::default().with_parameter_range((-12.0, 25.0));
         options.continuation.max_growth = 1e3;
@@ -125,7 +124,7 @@ fn the_examples_of_the_seed() {
 #[test]
 fn affine_pieces() {
     let case = common::cases().into_iter().find(|c| c.name == "p2_ex2").unwrap();
-    let map = CondensedFriction::new(case.problem).unwrap();
+    let map = case.problem.condensed().unwrap();
     let options = DiagramOptions::default().with_parameter_range((-12.0, 25.0));
     let sections = EnumerationOptions::default();
     let all = Diagram::explore_sections(&map, &[0.0, 3.0], &options, &sections).unwrap();

@@ -6,17 +6,19 @@ use crate::support::Rng;
 use proptest::prelude::*;
 use semismooth::complementarity::Lcp;
 use semismooth::contact::{
-    CondensedFriction, ContactState, FrictionMap, FrictionPath, FrictionProblem, LoadPath,
+    CondensedContact, Contact, ContactState, FrictionCoefficient, FullContact, LoadPath, PlanarCoulomb,
+    read_folder,
 };
 use semismooth::continuation::{ContinuationOptions, arms_at};
 use semismooth::enumeration::{
     Completeness, Doubt, EnumerationError, EnumerationOptions, SolutionSet, all_arms, all_solutions,
 };
+use semismooth::interface::View;
 use semismooth::linear::{DenseLu, LinearSolver};
 use semismooth::piecewise::{Facet, MinMap, PiecewiseSmooth, Selection, Selections};
 use semismooth::sparse::Matrix;
 
-fn letters<M: FrictionMap>(map: &M, set: &SolutionSet) -> Vec<Vec<String>> {
+fn letters<V: View>(map: &Contact<V, PlanarCoulomb>, set: &SolutionSet) -> Vec<Vec<String>> {
     let name = |s: &_| map.states(s).iter().map(|c: &ContactState| c.letter()).collect();
     set.solutions
         .iter()
@@ -24,7 +26,7 @@ fn letters<M: FrictionMap>(map: &M, set: &SolutionSet) -> Vec<Vec<String>> {
         .collect()
 }
 
-fn compare<M: FrictionMap>(map: &M, case: &common::Case) {
+fn compare<V: View>(map: &Contact<V, PlanarCoulomb>, case: &common::Case) {
     let alphas = numbers(&case.json["alphas"]);
     let exact = case.json["alphas_exact"].as_array().unwrap();
     for ((&alpha, exact), list) in alphas
@@ -90,11 +92,11 @@ fn compare<M: FrictionMap>(map: &M, case: &common::Case) {
 fn lists_of_the_seed_are_complete() {
     for case in cases() {
         compare(&case.problem, &case);
-        compare(&CondensedFriction::new(case.problem.clone()).unwrap(), &case);
+        compare(&case.problem.condensed().unwrap(), &case);
     }
 }
 
-fn friction(p: usize, extra: usize, rng: &mut Rng) -> FrictionProblem {
+fn friction(p: usize, extra: usize, rng: &mut Rng) -> FullContact<PlanarCoulomb> {
     let n = 2 * p + extra;
     let g = rng.vec(n * n);
     let mut a = vec![vec![0.0; n]; n];
@@ -108,14 +110,14 @@ fn friction(p: usize, extra: usize, rng: &mut Rng) -> FrictionProblem {
         let row = |i: usize| -> Vec<f64> { (0..n).map(|j| f64::from(j == 2 * i + offset)).collect() };
         Matrix::from_rows(&(0..p).map(row).collect::<Vec<_>>()).unwrap()
     };
-    let load = rng.vec(n).into_iter().map(|v| 3.0 * v).collect();
+    let load: Vec<f64> = rng.vec(n).into_iter().map(|v| 3.0 * v).collect();
     let friction = rng.vec(p).into_iter().map(|v| 1.5 * (1.0 + v)).collect();
-    FrictionProblem::new(
+    FullContact::planar(
         Matrix::from_rows(&a).unwrap(),
         pick(0),
         pick(1),
         LoadPath::constant(load),
-        FrictionPath::constant(friction),
+        FrictionCoefficient::nodal(friction).unwrap(),
     )
     .unwrap()
 }
@@ -176,7 +178,7 @@ proptest! {
     #[test]
     fn friction_against_brute_force(p in 1usize..=4, extra in 0usize..3, seed in 1u64..u64::MAX) {
         let problem = friction(p, extra, &mut Rng(seed));
-        let condensed = CondensedFriction::new(problem.clone()).unwrap();
+        let condensed = problem.condensed().unwrap();
         let brute = brute_force(&condensed);
         let options = EnumerationOptions::default();
         let set = all_solutions(&condensed, 0.0, &options).unwrap();
@@ -236,10 +238,10 @@ fn five_solutions_with_two_nodes() {
         0.025_673_130_455_481_75,
         0.322_120_408_332_781_05,
     ]);
-    let friction = FrictionPath::constant(vec![6.431_985; 2]);
+    let friction = FrictionCoefficient::nodal(vec![6.431_985; 2]).unwrap();
     let (stiffness, normal, tangential) = (stiffness.unwrap(), normal.unwrap(), tangential.unwrap());
-    let problem = FrictionProblem::new(stiffness, normal, tangential, load, friction).unwrap();
-    let map = CondensedFriction::new(problem).unwrap();
+    let problem = FullContact::planar(stiffness, normal, tangential, load, friction).unwrap();
+    let map = problem.condensed().unwrap();
     let set = all_solutions(&map, 0.0, &EnumerationOptions::default()).unwrap();
     assert_eq!(set.completeness, Completeness::Complete);
     assert_eq!((set.solutions.len(), set.index_sum), (5, Some(1)));
@@ -250,7 +252,7 @@ fn five_solutions_with_two_nodes() {
 fn many_nodes() {
     let options = EnumerationOptions::default();
     for seed in [3, 11, 19] {
-        let map = CondensedFriction::new(friction(8, 2, &mut Rng(seed))).unwrap();
+        let map = friction(8, 2, &mut Rng(seed)).condensed().unwrap();
         let set = all_solutions(&map, 0.0, &options).unwrap();
         assert_eq!(set.completeness, Completeness::Complete);
         assert_eq!(set.index_sum, Some(1));
@@ -261,7 +263,7 @@ fn many_nodes() {
             set.pivots
         );
     }
-    let map = CondensedFriction::new(friction(12, 0, &mut Rng(5))).unwrap();
+    let map = friction(12, 0, &mut Rng(5)).condensed().unwrap();
     let set = all_solutions(&map, 0.0, &options).unwrap();
     println!(
         "p = 12: {} solutions, {} nodes, {:?}",
@@ -274,7 +276,7 @@ fn many_nodes() {
 
 #[test]
 fn a_cap_is_said() {
-    let map = CondensedFriction::new(friction(8, 0, &mut Rng(3))).unwrap();
+    let map = friction(8, 0, &mut Rng(3)).condensed().unwrap();
     let set = all_solutions(&map, 0.0, &EnumerationOptions::default().with_max_nodes(6)).unwrap();
     let Completeness::Incomplete { examined, total } = set.completeness else {
         panic!("{:?}", set.completeness);
@@ -300,9 +302,8 @@ fn curved_pieces_are_refused() {
 #[cfg(feature = "json")]
 #[test]
 fn six_arms_where_eleven_nodes_graze() {
-    use semismooth::contact::read_folder;
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/block_symmetric");
-    let map = CondensedFriction::new(read_folder(folder).unwrap().problem).unwrap();
+    let map = read_folder(folder).unwrap().problem.condensed().unwrap();
     let mut x = vec![0.0; map.num_vars()];
     x[map.num_vars() - 1] = 0.5;
     let found = all_arms(&map, &x, &EnumerationOptions::default()).unwrap();
@@ -321,7 +322,7 @@ fn six_arms_where_eleven_nodes_graze() {
 #[test]
 fn branching_with_a_vertical_segment() {
     let case = cases().into_iter().find(|c| c.name == "p1_ex3").unwrap();
-    let map = CondensedFriction::new(case.problem).unwrap();
+    let map = case.problem.condensed().unwrap();
     let set = all_solutions(&map, 2.0, &EnumerationOptions::default()).unwrap();
     assert_eq!(set.completeness, Completeness::Complete);
     assert_eq!(set.continua.len(), 1);
@@ -352,7 +353,7 @@ fn branching_with_a_vertical_segment() {
     assert_eq!(arms.orientation, None);
     let mut full = numbers(&branching["u"]);
     full.extend(point);
-    let (arms, complete) = arms_at(map.problem(), &full, &ContinuationOptions::default()).unwrap();
+    let (arms, complete) = arms_at(&map.full().unwrap(), &full, &ContinuationOptions::default()).unwrap();
     assert!(complete);
     let mut rates: Vec<f64> = arms.iter().map(|a| a.tangent[4]).collect();
     rates.sort_by(f64::total_cmp);
@@ -397,21 +398,21 @@ fn unknown_structure() {
 }
 
 /// A = I + GᵀG, contact of dofs (2i, 2i + 1), condensed: the shape of the problems that are fuzzed.
-fn fuzzed(g: [[f64; 6]; 6], load: [[f64; 6]; 2], friction: [f64; 3]) -> CondensedFriction {
+fn fuzzed(g: [[f64; 6]; 6], load: [[f64; 6]; 2], friction: [f64; 3]) -> CondensedContact<PlanarCoulomb> {
     let entry = |i: usize, j: usize| g.iter().map(|g| g[i] * g[j]).sum::<f64>() + f64::from(u8::from(i == j));
     let a: Vec<Vec<f64>> = (0..6).map(|i| (0..6).map(|j| entry(i, j)).collect()).collect();
     let rows = |first: usize| {
         let entries: Vec<_> = (0..3).map(|i| (i, 2 * i + first, 1.0)).collect();
         Matrix::from_triplets(3, 6, &entries).unwrap()
     };
-    let problem = FrictionProblem::new(
+    let problem = FullContact::planar(
         Matrix::from_rows(&a).unwrap(),
         rows(0),
         rows(1),
         LoadPath::between(load[0].to_vec(), &load[1]),
-        FrictionPath::constant(friction.to_vec()),
+        FrictionCoefficient::nodal(friction.to_vec()).unwrap(),
     );
-    CondensedFriction::new(problem.unwrap()).unwrap()
+    problem.unwrap().condensed().unwrap()
 }
 
 /// r = 1 is an eigenvalue of the condensed problem: with F = 1 a test function of the third node vanishes identically, gradient and

@@ -5,8 +5,8 @@ use crate::common;
 use std::path::Path;
 
 use semismooth::contact::{
-    CondensedFriction, ContactState, FrictionMap, FrictionPath, FrictionProblem, FrictionStart, HildRenard,
-    LoadPath, first_point, read_folder,
+    CondensedContact, ContactState, FrictionCoefficient, FullContact, HildRenard, LoadPath, PlanarCoulomb,
+    read_folder,
 };
 use semismooth::continuation::{
     Branch, ContinuationOptions, Direction, Termination, TransitionKind, certify,
@@ -20,15 +20,17 @@ const FOLD: f64 = 1.667_252_305_251_824_4;
 const NODE: usize = 0;
 
 /// The vee at γ = 0.38, with one coefficient of friction F = α for all nodes.
-fn vee() -> FrictionProblem {
+fn vee() -> FullContact<PlanarCoulomb> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/vee");
     let problem = read_folder(folder).unwrap().problem;
     let p = problem.num_contacts();
-    let load = problem.load_at(0.38);
+    let load = problem.body().load_at(0.38);
     problem
         .with_load(LoadPath::constant(load))
         .unwrap()
-        .with_friction(FrictionPath::affine(vec![0.0; p], vec![1.0; p]))
+        .with_law(PlanarCoulomb::new(
+            FrictionCoefficient::affine(vec![0.0; p], vec![1.0; p]).unwrap(),
+        ))
         .unwrap()
 }
 
@@ -51,9 +53,9 @@ fn three_solutions_and_a_nonsmooth_fold_in_friction() {
     let mut starts = Vec::new();
     for (state, pressure, traction) in stored {
         let wanted = states(p, state);
-        let x = first_point(&map, 1.8, &FrictionStart::States(wanted.clone())).unwrap();
+        let x = map.solve_from_states(1.8, &wanted).unwrap();
         let node = map.nodes(&x)[NODE];
-        assert!((node.pressure - pressure).abs() < 1e-9 && (node.traction - traction).abs() < 1e-9);
+        assert!((node.pressure - pressure).abs() < 1e-9 && (node.traction[0] - traction).abs() < 1e-9);
         assert_eq!(map.states(&semismooth::piecewise::select(&map, &x)), wanted);
         starts.push(x);
     }
@@ -81,7 +83,7 @@ fn three_solutions_and_a_nonsmooth_fold_in_friction() {
         let alpha = point.parameter();
         assert!((FOLD - 1e-9..=1.8).contains(&alpha), "{alpha}");
         let own = map.states(&point.selection);
-        let x = first_point(&map, alpha, &FrictionStart::States(own.clone())).unwrap();
+        let x = map.solve_from_states(alpha, &own).unwrap();
         let distance = point
             .x
             .iter()
@@ -110,7 +112,7 @@ fn three_solutions_and_a_nonsmooth_fold_in_friction() {
 fn load_and_friction_together_along_a_smooth_path() {
     let data = |s: f64| (1.5 + 0.5 * s.sin(), -4.0 + s * s, 3.0 + (0.7 * s).cos());
     let rates = |s: f64| (0.5 * s.cos(), 2.0 * s, -0.7 * (0.7 * s).sin());
-    let map = FrictionProblem::new(
+    let map = FullContact::planar(
         Matrix::from_rows(&[[2.0, -1.0], [-1.0, 2.0]]).unwrap(),
         Matrix::from_rows(&[[1.0, 0.0]]).unwrap(),
         Matrix::from_rows(&[[0.0, 1.0]]).unwrap(),
@@ -118,10 +120,7 @@ fn load_and_friction_together_along_a_smooth_path() {
             (f[0], f[1]) = (data(s).0, data(s).1);
             (df[0], df[1]) = (rates(s).0, rates(s).1);
         }),
-        FrictionPath::function(move |s, f, df| {
-            f[0] = data(s).2;
-            df[0] = rates(s).2;
-        }),
+        FrictionCoefficient::of_parameter(move |_, s| [data(s).2, rates(s).2]),
     )
     .unwrap();
     // |f_t| = F f_ν at the changes between stick and slip, by bisection.
@@ -141,7 +140,7 @@ fn load_and_friction_together_along_a_smooth_path() {
         a
     };
     let exit = root(2.0, 4.0);
-    let x = first_point(&map, 0.0, &FrictionStart::States(vec![Stick])).unwrap();
+    let x = map.solve_from_states(0.0, &[Stick]).unwrap();
     let options = ContinuationOptions::default().with_parameter_range((0.0, 4.0));
     let branch = Branch::follow(&map, &x, Direction::Increasing, options).unwrap();
     assert_eq!(branch.termination, Termination::ParameterRange);
@@ -168,30 +167,30 @@ fn load_and_friction_together_along_a_smooth_path() {
 fn friction_that_differs_between_nodes() {
     let case = common::cases().into_iter().find(|c| c.name == "p2_ex1").unwrap();
     let problem = &case.problem;
-    let map = FrictionProblem::new(
-        problem.stiffness().clone(),
+    let map = FullContact::planar(
+        problem.operator().clone(),
         Matrix::from_rows(&[[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]).unwrap(),
         Matrix::from_rows(&[[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]).unwrap(),
-        LoadPath::constant(problem.load_at(0.0)),
-        FrictionPath::function(|s, f, df| {
-            (f[0], f[1]) = (s, 0.5 * s + 0.05 * s * s);
-            (df[0], df[1]) = (1.0, 0.5 + 0.1 * s);
+        LoadPath::constant(problem.body().load_at(0.0)),
+        FrictionCoefficient::of_parameter(|node, s| match node {
+            0 => [s, 1.0],
+            _ => [0.5 * s + 0.05 * s * s, 0.5 + 0.1 * s],
         }),
     )
     .unwrap();
-    let x = first_point(&map, 10.0, &FrictionStart::States(vec![Stick, Stick])).unwrap();
+    let x = map.solve_from_states(10.0, &[Stick, Stick]).unwrap();
     let options = ContinuationOptions::default().with_parameter_range((0.5, 10.0));
     let branch = Branch::follow(&map, &x, Direction::Decreasing, options).unwrap();
     assert_eq!(branch.termination, Termination::ParameterRange);
     // Stick ends where |λt| = F λν with λ = f: the first change by hand.
-    let f = problem.load_at(0.0);
+    let f = problem.body().load_at(0.0);
     let first = f[1].abs() / f[0];
     let second = (-0.5 + (0.25 + 0.2 * f[3].abs() / f[2]).sqrt()) / 0.1;
     let change = branch.transitions.first().unwrap();
     assert!((change.parameter() - first.max(second)).abs() < 1e-11);
     for point in &branch.points {
         let own = map.states(&point.selection);
-        let x = first_point(&map, point.parameter(), &FrictionStart::States(own)).unwrap();
+        let x = map.solve_from_states(point.parameter(), &own).unwrap();
         let distance = point
             .x
             .iter()
@@ -219,19 +218,19 @@ fn condensed_problems_with_friction_by_a_function() {
             Matrix::from_triplets(2, 4, &[(0, 1, 1.0), (1, 3, 1.0)]).unwrap(),
         ]
     };
-    let with = |friction: FrictionPath| {
+    let with = |friction: FrictionCoefficient| {
         let [a, bnu, bt] = body();
         let load = LoadPath::affine(vec![1.5, -2.0, 1.0, 0.5], vec![0.1, 1.0, 0.0, -0.4]);
-        FrictionProblem::new(a, bnu, bt, load, friction).unwrap()
+        FullContact::planar(a, bnu, bt, load, friction).unwrap()
     };
     let (constant, slope) = ([0.8, 1.2], [0.3, -0.2]);
-    let affine = with(FrictionPath::affine(constant.to_vec(), slope.to_vec()));
-    let function = with(FrictionPath::function(move |s, f, df| {
-        for i in 0..2 {
-            (f[i], df[i]) = (constant[i] + s * slope[i], slope[i]);
-        }
+    let affine = with(FrictionCoefficient::affine(constant.to_vec(), slope.to_vec()).unwrap());
+    let function = with(FrictionCoefficient::of_parameter(move |i, s| {
+        [constant[i] + s * slope[i], slope[i]]
     }));
-    let start = first_point(&affine, 0.0, &FrictionStart::Stick).unwrap();
+    let start = affine
+        .solve(0.0, Some(&affine.stick_start(0.0).unwrap()))
+        .unwrap();
     let n = start.len();
     let follow = |map: &dyn PiecewiseSmooth, x: &[f64]| {
         let options = ContinuationOptions::default()
@@ -241,17 +240,14 @@ fn condensed_problems_with_friction_by_a_function() {
     };
     let full = follow(&affine, &start);
     assert!(!full.transitions.is_empty());
-    let (affine, function) = (
-        CondensedFriction::new(affine).unwrap(),
-        CondensedFriction::new(function).unwrap(),
-    );
+    let (affine, function) = (affine.condensed().unwrap(), function.condensed().unwrap());
     for k in 0..40 {
         let x: Vec<f64> = (0..5)
             .map(|j| (f64::from(7 * k + 3 * j) * 0.61).sin() * 2.0)
             .collect();
         let selection = select(&affine, &x);
         assert_eq!(selection, select(&function, &x));
-        let image = |map: &CondensedFriction| {
+        let image = |map: &CondensedContact<PlanarCoulomb>| {
             let (mut r, mut theta) = (vec![0.0; 4], vec![0.0; 2 * map.num_tests(0)]);
             map.residual(&selection, &x, &mut r);
             map.test_functions(&x, &mut theta);

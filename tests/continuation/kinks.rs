@@ -1,9 +1,7 @@
 //! Transitions of every kind.
 
 use super::maps::{PlaneMap, StringOnPoints, follow, lens, near, parabola_and_line, two_arcs, within};
-use semismooth::contact::{
-    ContactState, FrictionMap, FrictionPath, FrictionProblem, FrictionStart, LoadPath, first_point,
-};
+use semismooth::contact::{ContactState, FrictionCoefficient, FullContact, LoadPath};
 use semismooth::continuation::{
     Branch, ContinuationOptions, Direction, Termination, TransitionKind, arms_at,
 };
@@ -171,15 +169,15 @@ fn the_apex_of_the_law() {
         (3.0, ContactState::SlipPlus),
         (-3.0, ContactState::SlipMinus),
     ] {
-        let problem = FrictionProblem::new(
+        let problem = FullContact::planar(
             Matrix::from_rows(&[[4.0, -1.0], [-1.0, 4.0]]).unwrap(),
             Matrix::from_rows(&[[1.0, 0.0]]).unwrap(),
             Matrix::from_rows(&[[0.0, 1.0]]).unwrap(),
             LoadPath::affine(vec![0.0, 0.0], vec![2.0, f_t]),
-            FrictionPath::constant(vec![1.0]),
+            FrictionCoefficient::nodal(vec![1.0]).unwrap(),
         )
         .unwrap();
-        let start = first_point(&problem, 1.0, &FrictionStart::Zero).unwrap();
+        let start = problem.solve(1.0, None).unwrap();
         let branch = Branch::follow(&problem, &start, Direction::Decreasing, within((-1.0, 1.0))).unwrap();
         assert_eq!(branch.transitions.len(), 1, "f_t = {f_t}");
         let t = &branch.transitions[0];

@@ -5,7 +5,7 @@ use std::cell::RefCell;
 use std::io::Write;
 use std::rc::Rc;
 
-use semismooth::contact::{FrictionProblem, FrictionStart, first_point};
+use semismooth::contact::{FullContact, PlanarCoulomb};
 use semismooth::continuation::{Branch, Continuation, ContinuationOptions, Direction, Event};
 use semismooth::output::{Column, CsvWriter, OutputError, write_csv};
 use semismooth::piecewise::{Facet, PiecewiseSmooth, Selection};
@@ -43,13 +43,16 @@ impl Write for Disk {
     }
 }
 
-fn problem() -> (FrictionProblem, Vec<f64>) {
+fn problem() -> (FullContact<PlanarCoulomb>, Vec<f64>) {
     let case = common::cases().into_iter().find(|c| c.name == "p2_ex1").unwrap();
-    let x = first_point(&case.problem, 8.0, &FrictionStart::Stick).unwrap();
+    let x = case
+        .problem
+        .solve(8.0, Some(&case.problem.stick_start(8.0).unwrap()))
+        .unwrap();
     (case.problem, x)
 }
 
-fn run<'a>(map: &'a FrictionProblem, x: &[f64]) -> Continuation<'a, FrictionProblem> {
+fn run<'a>(map: &'a FullContact<PlanarCoulomb>, x: &[f64]) -> Continuation<'a, FullContact<PlanarCoulomb>> {
     let options = ContinuationOptions::default().with_parameter_range((0.0, 12.0));
     Continuation::new(map, x, Direction::Decreasing, options).unwrap()
 }

@@ -3,16 +3,17 @@
 
 use std::path::{Path, PathBuf};
 
-use semismooth::contact::{CondensedFriction, FrictionMap, FrictionStart, first_point, read_folder};
+use semismooth::contact::{Contact, PlanarCoulomb, read_folder};
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, Termination};
+use semismooth::interface::View;
 use serde_json::Value;
 
 fn data(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(name)
 }
 
-fn check<M: FrictionMap>(map: &M, events: &[Value]) {
-    let start = first_point(map, 0.0, &FrictionStart::Zero).unwrap();
+fn check<V: View>(map: &Contact<V, PlanarCoulomb>, events: &[Value]) {
+    let start = map.solve(0.0, None).unwrap();
     let options = ContinuationOptions::default().with_parameter_range((0.0, 1.0));
     let branch = Branch::follow(map, &start, Direction::Increasing, options).unwrap();
     assert_eq!(branch.termination, Termination::ParameterRange);
@@ -43,7 +44,7 @@ fn check_folder(name: &str, transitions: usize) {
     let json: Value = serde_json::from_str(&text).unwrap();
     let events = json["events"].as_array().unwrap();
     assert_eq!(events.len(), transitions);
-    check(&CondensedFriction::new(folder.problem.clone()).unwrap(), events);
+    check(&folder.problem.condensed().unwrap(), events);
     check(&folder.problem, events);
 }
 
@@ -55,8 +56,8 @@ fn vee() {
 #[test]
 fn vee_folds() {
     let folder = read_folder(data("tests/data/vee")).unwrap();
-    let map = CondensedFriction::new(folder.problem).unwrap();
-    let start = first_point(&map, 0.0, &FrictionStart::Zero).unwrap();
+    let map = folder.problem.condensed().unwrap();
+    let start = map.solve(0.0, None).unwrap();
     let options = ContinuationOptions::default().with_parameter_range((0.0, 1.0));
     let branch = Branch::follow(&map, &start, Direction::Increasing, options).unwrap();
     let folds = branch.folds();

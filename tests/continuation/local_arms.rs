@@ -1,6 +1,8 @@
 //! Arms at points with more degenerate sites than a complete search may take: found locally, never called complete.
 
-use semismooth::contact::{CondensedFriction, FrictionPath, FrictionProblem, LoadPath};
+use semismooth::contact::{
+    CondensedContact, FrictionCoefficient, FullContact, LoadPath, PlanarCoulomb, read_folder,
+};
 use semismooth::continuation::{ContinuationOptions, Diagram, DiagramOptions, arms_at};
 use semismooth::enumeration::{Completeness, DirectionalArms, EnumerationOptions, all_arms};
 use semismooth::piecewise::{PiecewiseSmooth, b_derivative};
@@ -8,7 +10,7 @@ use semismooth::sparse::Matrix;
 
 /// p nodes of the model of Hild and Renard (λ = μ = 1, F = 4) without coupling, under α times the load (1.5, −4) at the first ones
 /// and (2, 1) at the others: at α = 0 nothing is loaded and all nodes graze.
-fn unloaded(p: usize, multiple: usize) -> CondensedFriction {
+fn unloaded(p: usize, multiple: usize) -> CondensedContact<PlanarCoulomb> {
     let n = 2 * p;
     let mut entries: Vec<(usize, usize, f64)> = (0..n).map(|i| (i, i, 2.0)).collect();
     for i in 0..p {
@@ -19,15 +21,17 @@ fn unloaded(p: usize, multiple: usize) -> CondensedFriction {
         Matrix::from_triplets(p, n, &entries).unwrap()
     };
     let load = (0..p).flat_map(|i| if i < multiple { [1.5, -4.0] } else { [2.0, 1.0] });
-    let load = LoadPath::affine(vec![0.0; n], load.collect());
-    let friction = FrictionPath::constant(vec![4.0; p]);
+    let load = LoadPath::affine(vec![0.0; n], load.collect::<Vec<_>>());
+    let friction = FrictionCoefficient::nodal(vec![4.0; p]).unwrap();
     let stiffness = Matrix::from_triplets(n, n, &entries).unwrap();
-    CondensedFriction::new(FrictionProblem::new(stiffness, pick(0), pick(1), load, friction).unwrap())
+    FullContact::planar(stiffness, pick(0), pick(1), load, friction)
+        .unwrap()
+        .condensed()
         .unwrap()
 }
 
 /// H'(x; τ) = 0, by the B-derivative.
-fn check(map: &CondensedFriction, x: &[f64], found: &DirectionalArms) {
+fn check(map: &CondensedContact<PlanarCoulomb>, x: &[f64], found: &DirectionalArms) {
     let mut image = vec![0.0; map.num_residuals()];
     for (k, arm) in found.arms.iter().enumerate() {
         b_derivative(map, x, &arm.tangent, 1e-10, &mut image).unwrap();
@@ -102,9 +106,8 @@ fn a_diagram_says_that_arms_may_miss() {
 #[cfg(feature = "json")]
 #[test]
 fn the_symmetric_block() {
-    use semismooth::contact::read_folder;
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/block_symmetric");
-    let map = CondensedFriction::new(read_folder(folder).unwrap().problem).unwrap();
+    let map = read_folder(folder).unwrap().problem.condensed().unwrap();
     let mut x = vec![0.0; map.num_vars()];
     x[map.num_vars() - 1] = 0.5;
     let capped = EnumerationOptions::default().with_max_nodes(5);

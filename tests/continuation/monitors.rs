@@ -123,7 +123,7 @@ fn another_thread_may_cancel() {
 
 #[cfg(feature = "json")]
 mod polygons {
-    use semismooth::contact::{CondensedFriction, FrictionStart, first_point, read_folder};
+    use semismooth::contact::read_folder;
 
     use super::*;
 
@@ -131,8 +131,8 @@ mod polygons {
     #[test]
     fn zeros_between_the_kinks_of_a_load_path() {
         let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/vee");
-        let map = CondensedFriction::new(read_folder(folder).unwrap().problem).unwrap();
-        let x = first_point(&map, 0.0, &FrictionStart::Zero).unwrap();
+        let map = read_folder(folder).unwrap().problem.condensed().unwrap();
+        let x = map.solve(0.0, None).unwrap();
         let options = || ContinuationOptions::default().with_parameter_range((0.0, 1.0));
         let start = || Continuation::new(&map, &x, Direction::Increasing, options()).unwrap();
         let without = plain(start());

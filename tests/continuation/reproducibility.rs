@@ -8,8 +8,8 @@ use crate::common::cases;
 use semismooth::complementarity::pivoting::Lemke;
 use semismooth::complementarity::{AffineFunction, Lcp, Mcp, McpSolver};
 use semismooth::contact::{
-    CondensedFriction, ContactState, DelassusProblem, DelassusSolver, EvolutionOptions, FrictionCoefficient,
-    FrictionCurve, FrictionStart, OrthotropicCoulomb, evolve, first_point,
+    ContactState, DelassusProblem, DelassusSolver, EvolutionOptions, FrictionCoefficient, FrictionCurve,
+    OrthotropicCoulomb, evolve,
 };
 use semismooth::continuation::{Diagram, DiagramOptions, SearchOptions, search_solutions};
 use semismooth::enumeration::{EnumerationOptions, all_solutions};
@@ -38,9 +38,9 @@ fn repeated(compute: impl Fn() -> String + Sync) {
 fn solutions_and_diagrams_of_planar_friction() {
     for case in cases().iter().filter(|c| c.name != "p1_ex1") {
         repeated(|| {
-            let map = CondensedFriction::new(case.problem.clone()).unwrap();
+            let map = case.problem.condensed().unwrap();
             let states = vec![ContactState::Open; map.num_sites()];
-            let x = first_point(&map, 8.0, &FrictionStart::States(states)).ok();
+            let x = map.solve_from_states(8.0, &states).ok();
             let x: Vec<Vec<f64>> = x.into_iter().collect();
             let options = DiagramOptions::default().with_parameter_range((-12.0, 25.0));
             let diagram = Diagram::explore(&map, &x, &options).unwrap();

@@ -2,7 +2,7 @@
 #![cfg(feature = "serde")]
 
 use crate::common;
-use semismooth::contact::{CondensedFriction, FrictionStart, first_point};
+use semismooth::contact::read_folder;
 use semismooth::continuation::{
     Continuation, ContinuationError, ContinuationOptions, Direction, Event, SavedRun, Termination,
 };
@@ -88,15 +88,15 @@ fn the_examples_of_the_seed() {
             .with_targets(vec![1.0, 5.0])
             .with_max_growth(1e3);
         let full = &case.problem;
-        for start in [FrictionStart::Stick, FrictionStart::Zero] {
-            let Ok(x) = first_point(full, 8.0, &start) else {
+        for start in [full.stick_start(8.0).ok(), None] {
+            let Ok(x) = full.solve(8.0, start.as_deref()) else {
                 continue;
             };
             let events = check(full, &x, Direction::Decreasing, &options);
             transitions += usize::from(has(&events, |e| matches!(e, Event::Transition(_))));
         }
-        let map = CondensedFriction::new(case.problem.clone()).unwrap();
-        let x = first_point(&map, 8.0, &FrictionStart::Stick).unwrap();
+        let map = case.problem.condensed().unwrap();
+        let x = map.solve(8.0, Some(&map.stick_start(8.0).unwrap())).unwrap();
         check(&map, &x, Direction::Decreasing, &options);
     }
     assert!(transitions >= 7, "{transitions}");
@@ -106,10 +106,9 @@ fn the_examples_of_the_seed() {
 #[cfg(feature = "json")]
 #[test]
 fn a_load_path() {
-    use semismooth::contact::read_folder;
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/vee");
-    let map = CondensedFriction::new(read_folder(folder).unwrap().problem).unwrap();
-    let x = first_point(&map, 0.0, &FrictionStart::Zero).unwrap();
+    let map = read_folder(folder).unwrap().problem.condensed().unwrap();
+    let x = map.solve(0.0, None).unwrap();
     let options = ContinuationOptions::default().with_parameter_range((0.0, 1.0));
     let events = check(&map, &x, Direction::Increasing, &options);
     assert!(events.len() > 40);
@@ -150,7 +149,10 @@ fn curved_pieces_folds_and_branch_points() {
 #[test]
 fn the_algorithm_of_the_seed() {
     let case = common::cases().into_iter().find(|c| c.name == "p1_ex1").unwrap();
-    let x = first_point(&case.problem, 10.0, &FrictionStart::Stick).unwrap();
+    let x = case
+        .problem
+        .solve(10.0, Some(&case.problem.stick_start(10.0).unwrap()))
+        .unwrap();
     let options = ContinuationOptions::seed().with_parameter_range((0.1, 10.0));
     check(&case.problem, &x, Direction::Decreasing, &options);
 }
@@ -191,7 +193,10 @@ fn limits_can_be_raised() {
 #[test]
 fn states_of_other_maps_are_refused() {
     let case = common::cases().into_iter().find(|c| c.name == "p1_ex1").unwrap();
-    let x = first_point(&case.problem, 10.0, &FrictionStart::Stick).unwrap();
+    let x = case
+        .problem
+        .solve(10.0, Some(&case.problem.stick_start(10.0).unwrap()))
+        .unwrap();
     let mut run = Continuation::new(
         &case.problem,
         &x,

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use crate::support::Rng;
-use semismooth::contact::{CondensedFriction, FrictionPath, FrictionProblem, LoadPath};
+use semismooth::contact::{CondensedContact, FrictionCoefficient, FullContact, LoadPath, PlanarCoulomb};
 use semismooth::continuation::{
     ContinuationError, FoundBy, FoundSolutions, SearchOptions, search_solutions, search_solutions_observed,
 };
@@ -15,7 +15,7 @@ const NONE: [[f64; 1]; 0] = [];
 
 /// p nodes of the model of Hild and Renard (λ = μ = 1), coupled a little, F = 4; `multiple` of them have the load of two branches
 /// (three solutions each where there is no coupling), the others one that sticks.
-fn nodes(p: usize, multiple: usize, coupling: f64, seed: u64) -> CondensedFriction {
+fn nodes(p: usize, multiple: usize, coupling: f64, seed: u64) -> CondensedContact<PlanarCoulomb> {
     let n = 2 * p;
     let mut rng = Rng(seed);
     let mut rows = vec![vec![0.0; n]; n];
@@ -32,16 +32,17 @@ fn nodes(p: usize, multiple: usize, coupling: f64, seed: u64) -> CondensedFricti
         Matrix::from_triplets(p, n, &entries).unwrap()
     };
     let load = (0..p).flat_map(|i| if i < multiple { [1.5, -4.0] } else { [2.0, 1.0] });
-    let load = LoadPath::affine(load.collect(), rng.vec(n).iter().map(|v| 0.3 * v).collect());
-    let friction = FrictionPath::constant(vec![4.0; p]);
-    let problem = FrictionProblem::new(
+    let slope: Vec<f64> = rng.vec(n).iter().map(|v| 0.3 * v).collect();
+    let load = LoadPath::affine(load.collect::<Vec<_>>(), slope);
+    let friction = FrictionCoefficient::nodal(vec![4.0; p]).unwrap();
+    let problem = FullContact::planar(
         Matrix::from_rows(&rows).unwrap(),
         pick(0),
         pick(1),
         load,
         friction,
     );
-    CondensedFriction::new(problem.unwrap()).unwrap()
+    problem.unwrap().condensed().unwrap()
 }
 
 fn is_solution<P: PiecewiseSmooth>(map: &P, x: &[f64]) -> bool {

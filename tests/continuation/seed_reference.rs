@@ -2,8 +2,9 @@
 
 use crate::common;
 use crate::common::{Case, Link, Vertex, cases};
-use semismooth::contact::{CondensedFriction, FrictionMap, FrictionStart, first_point};
+use semismooth::contact::{Contact, PlanarCoulomb};
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, Termination, TransitionKind};
+use semismooth::interface::View;
 
 const WINDOW: (f64, f64) = (-12.0, 25.0);
 
@@ -29,13 +30,14 @@ fn start_of(chain: &[Link], vertices: &[Vertex]) -> (f64, Direction) {
     (inside, direction)
 }
 
-fn check_chain<M: FrictionMap>(map: &M, case: &Case, chain: &[Link], h_max: f64) {
+fn check_chain<V: View>(map: &Contact<V, PlanarCoulomb>, case: &Case, chain: &[Link], h_max: f64) {
     let vertices = case.vertices();
     if chain[0].vertical {
         return;
     }
     let (alpha, direction) = start_of(chain, &vertices);
-    let start = first_point(map, alpha, &FrictionStart::States(chain[0].states.clone()))
+    let start = map
+        .solve_from_states(alpha, &chain[0].states)
         .unwrap_or_else(|e| panic!("{}: {e}", case.name));
     let options = ContinuationOptions::default()
         .with_parameter_range(WINDOW)
@@ -118,7 +120,7 @@ fn every_branch_from_both_ends_for_all_step_bounds() {
                     }
                     check_chain(&case.problem, &case, &chain, h_max);
                 }
-                let condensed = CondensedFriction::new(case.problem.clone()).unwrap();
+                let condensed = case.problem.condensed().unwrap();
                 check_chain(&condensed, &case, &chain, 0.5);
             }
         }
@@ -130,7 +132,7 @@ fn every_branch_from_both_ends_for_all_step_bounds() {
 fn printed_classification_of_the_transition_points() {
     let case = cases().into_iter().find(|c| c.name == "p2_ex1").unwrap();
     let stick = common::states("KK");
-    let start = first_point(&case.problem, 8.0, &FrictionStart::States(stick)).unwrap();
+    let start = case.problem.solve_from_states(8.0, &stick).unwrap();
     let options = ContinuationOptions::default().with_parameter_range((0.0, 12.0));
     let branch = Branch::follow(&case.problem, &start, Direction::Decreasing, options).unwrap();
     let printed = [

@@ -2,8 +2,7 @@
 
 use TransitionKind::{Fold, PassThrough, VerticalBegin, VerticalEnd};
 use semismooth::contact::{
-    ContactState, FrictionMap, FrictionPath, FrictionProblem, FrictionStart, HildRenard, LoadPath,
-    first_point,
+    ContactState, FrictionCoefficient, FullContact, HildRenard, LoadPath, PlanarCoulomb,
 };
 use semismooth::continuation::{
     Branch, Continuation, ContinuationOptions, Direction, Event, Termination, TransitionKind,
@@ -21,7 +20,7 @@ fn printed_run_of_example_1() {
     let problem = HildRenard::new(1.5, 7.0, 1.0, 1.0).unwrap().problem().unwrap();
     // The run was printed with r = 1.
     let problem = problem.with_r(1.0).unwrap();
-    let start = first_point(&problem, 10.0, &FrictionStart::States(vec![ContactState::Stick])).unwrap();
+    let start = problem.solve_from_states(10.0, &[ContactState::Stick]).unwrap();
     let options = ContinuationOptions::seed().with_parameter_range((0.5, 12.0));
     let curve = Continuation::new(&problem, &start, Direction::Decreasing, options).unwrap();
     let (mut before, mut after) = (Vec::new(), Vec::new());
@@ -55,7 +54,7 @@ fn printed_run_of_example_1() {
 }
 
 /// The two-node model of the seed with λ = μ = 1, loads (f_ν1, f_t1, f_ν2, f_t2) and r = 1.
-fn two_nodes(loads: [[f64; 4]; 2], friction: [f64; 2]) -> FrictionProblem {
+fn two_nodes(loads: [[f64; 4]; 2], friction: [f64; 2]) -> FullContact<PlanarCoulomb> {
     let a = [
         [0.5, 0.0, -0.5, -0.5],
         [0.0, 1.5, -0.5, -1.5],
@@ -63,12 +62,12 @@ fn two_nodes(loads: [[f64; 4]; 2], friction: [f64; 2]) -> FrictionProblem {
         [-0.5, -1.5, 0.0, 4.0],
     ];
     let pick = |k: usize| Matrix::from_rows(&[0, 2].map(|i| [0, 1, 2, 3].map(|j| f64::from(j == i + k))));
-    FrictionProblem::new(
+    FullContact::planar(
         Matrix::from_rows(&a).unwrap(),
         pick(0).unwrap(),
         pick(1).unwrap(),
         LoadPath::affine(loads[0].to_vec(), loads[1].to_vec()),
-        FrictionPath::affine(vec![friction[0]; 2], vec![friction[1]; 2]),
+        FrictionCoefficient::affine(vec![friction[0]; 2], vec![friction[1]; 2]).unwrap(),
     )
     .unwrap()
     .with_r(1.0)
@@ -78,7 +77,7 @@ fn two_nodes(loads: [[f64; 4]; 2], friction: [f64; 2]) -> FrictionProblem {
 /// Follows the branch of `states` from 100 values of α from `first` on; each run must meet the transitions of exact arithmetic, no
 /// other ones, and end at the bound of the window.
 fn follow_from_everywhere(
-    problem: &FrictionProblem,
+    problem: &FullContact<PlanarCoulomb>,
     states: &[ContactState],
     first: f64,
     window: (f64, f64),
@@ -87,7 +86,7 @@ fn follow_from_everywhere(
     let options = ContinuationOptions::seed().with_parameter_range(window);
     for k in 0..100 {
         let alpha = first + 0.1 * f64::from(k);
-        let start = first_point(problem, alpha, &FrictionStart::States(states.to_vec())).unwrap();
+        let start = problem.solve_from_states(alpha, &states).unwrap();
         let branch = Branch::follow(problem, &start, Direction::Decreasing, options.clone()).unwrap();
         let met: Vec<_> = branch
             .transitions
@@ -157,7 +156,7 @@ fn two_node_branches_are_followed_from_any_start() {
 fn printed_run_of_example_3() {
     let problem = HildRenard::new(1.0, -2.0, 1.0, 1.0).unwrap().problem().unwrap();
     let problem = problem.with_r(1.0).unwrap();
-    let start = first_point(&problem, 10.0, &FrictionStart::States(vec![ContactState::Stick])).unwrap();
+    let start = problem.solve_from_states(10.0, &[ContactState::Stick]).unwrap();
     let options = ContinuationOptions::seed().with_parameter_range((0.5, 12.0));
     let branch = Branch::follow(&problem, &start, Direction::Decreasing, options).unwrap();
     let kink = branch.transitions[0].arclength;

@@ -3,7 +3,6 @@
 
 use super::maps::PlaneMap;
 use crate::common;
-use semismooth::contact::{FrictionStart, first_point};
 use semismooth::continuation::{Continuation, ContinuationError, ContinuationOptions, Direction, SavedRun};
 use semismooth::piecewise::{Facet, MinMap, PiecewiseSmooth, value};
 use serde_json::{Value, json};
@@ -136,7 +135,10 @@ fn altered_states_are_refused_or_harmless() {
     let common_cases = common::cases();
     for name in ["p1_ex1", "p2_ex1"] {
         let case = common_cases.iter().find(|c| c.name == name).unwrap();
-        let x = first_point(&case.problem, 10.0, &FrictionStart::Stick).unwrap();
+        let x = case
+            .problem
+            .solve(10.0, Some(&case.problem.stick_start(10.0).unwrap()))
+            .unwrap();
         add(alter(&case.problem, &x, Direction::Decreasing, 2000));
     }
     let pitchfork = PlaneMap::smooth(|y, a| [y * y * y - a * y, 3.0 * y * y - a, -y]);
@@ -193,7 +195,10 @@ fn counters_that_are_full() {
 #[test]
 fn a_tangent_that_is_too_long() {
     let case = common::cases().into_iter().find(|c| c.name == "p1_ex1").unwrap();
-    let x = first_point(&case.problem, 10.0, &FrictionStart::Stick).unwrap();
+    let x = case
+        .problem
+        .solve(10.0, Some(&case.problem.stick_start(10.0).unwrap()))
+        .unwrap();
     let options = ContinuationOptions::default();
     let mut run = Continuation::new(&case.problem, &x, Direction::Decreasing, options).unwrap();
     let saved = serde_json::to_value(run.save().unwrap()).unwrap();

@@ -1,13 +1,16 @@
 //! Transition sets of the model with one contact node (Hild and Renard 2005), against the analytic lines.
 
-use semismooth::contact::{FrictionFamily, FrictionPath, FrictionProblem, LoadPath};
+use semismooth::contact::{
+    CondensedContact, ContactBody, FrictionCoefficient, FrictionCurve, FullContact, LoadPath,
+    OrthotropicCoulomb, PlanarCoulomb,
+};
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, FoldSet, Termination, TransitionSet};
 use semismooth::piecewise::check::CheckOptions;
 use semismooth::piecewise::{Facet, PiecewiseSmooth, Selection};
 use semismooth::sparse::Matrix;
 
-fn node(load: LoadPath, friction: FrictionPath) -> FrictionProblem {
-    FrictionProblem::new(
+fn node(load: LoadPath, friction: FrictionCoefficient) -> FullContact<PlanarCoulomb> {
+    FullContact::planar(
         Matrix::from_rows(&[[2.0, -1.0], [-1.0, 2.0]]).unwrap(),
         Matrix::from_rows(&[[1.0, 0.0]]).unwrap(),
         Matrix::from_rows(&[[0.0, 1.0]]).unwrap(),
@@ -18,19 +21,23 @@ fn node(load: LoadPath, friction: FrictionPath) -> FrictionProblem {
 }
 
 /// x = (u_ν, u_t, λ_ν, λ_t, f_ν, f_t) at constant F.
-fn load_plane(friction: f64) -> FrictionFamily {
+fn load_plane(friction: f64) -> FullContact<PlanarCoulomb> {
     let load = LoadPath::affine(vec![0.0, 0.0], vec![1.0, 0.0]);
-    let problem = node(load, FrictionPath::constant(vec![friction]));
-    FrictionFamily::new(problem, vec![0.0, 1.0], vec![0.0]).unwrap()
+    let problem = node(load, FrictionCoefficient::nodal(vec![friction]).unwrap());
+    problem
+        .with_second_parameter(vec![0.0, 1.0], problem.node_law().clone())
+        .unwrap()
 }
 
 /// x = (u_ν, u_t, λ_ν, λ_t, F, f_t) at f_ν = 1.5.
-fn friction_plane() -> FrictionFamily {
+fn friction_plane() -> FullContact<PlanarCoulomb> {
     let problem = node(
         LoadPath::constant(vec![1.5, 0.0]),
-        FrictionPath::affine(vec![0.0], vec![1.0]),
+        FrictionCoefficient::affine(vec![0.0], vec![1.0]).unwrap(),
     );
-    FrictionFamily::new(problem, vec![0.0, 1.0], vec![0.0]).unwrap()
+    problem
+        .with_second_parameter(vec![0.0, 1.0], problem.node_law().clone())
+        .unwrap()
 }
 
 fn follow<P: PiecewiseSmooth>(set: &TransitionSet<P>, x: &[f64], range: (f64, f64)) -> Branch {
@@ -237,5 +244,90 @@ fn names_are_those_of_the_family() {
         assert_eq!(set.site_name(0), Softening.site_name(0));
         assert_eq!(set.piece_name(0, 0), Softening.piece_name(0, piece));
         assert_eq!(set.family().num_vars(), 3);
+    }
+}
+
+/// The sets of the condensed problem are those of the full one.
+#[test]
+fn sets_of_condensed_problems() {
+    let full = load_plane(3.0);
+    let condensed = full.condensed().unwrap();
+    let samples: Vec<Vec<f64>> = (0..40)
+        .map(|k| {
+            (0..4)
+                .map(|j| (f64::from(k * 7 + j * 13) * 0.37).sin() * 2.0)
+                .collect()
+        })
+        .collect();
+    semismooth::piecewise::check::check(&condensed, &samples, &CheckOptions::default()).unwrap();
+    let set = TransitionSet::new(&condensed, 0, 2).unwrap();
+    // It ends at the apex, as that of the full problem does.
+    let branch = follow(&set, &[2.0, -6.0, 2.0, -6.0], (-8.0, 8.0));
+    assert_eq!(branch.termination, Termination::End);
+    assert!(branch.transitions[0].x.iter().all(|v| v.abs() < 1e-12));
+    for p in &branch.points {
+        // Stick ends where f_t = −3 f_ν.
+        let [_, _, normal, tangential] = p.x[..] else {
+            panic!("four variables");
+        };
+        assert!((tangential + 3.0 * normal).abs() < 1e-9, "{:?}", p.x);
+    }
+}
+
+/// In space a node sticks while (f₁/F₁)² + (f₂/F₂)² < f_ν²: the plane of both tangential forces.
+#[test]
+fn stick_ends_on_an_ellipse_in_space() {
+    let row = |k: usize| Matrix::from_triplets(1, 3, &[(0, k, 1.0)]).unwrap();
+    let load = LoadPath::affine(vec![1.0, 0.0, 0.0], vec![0.0, 1.0, 0.0]);
+    let mut a = Matrix::identity(3);
+    a.values_mut().fill(2.0);
+    let body = ContactBody::new(a, row(0), vec![row(1), row(2)], load).unwrap();
+    let [first, second] = [0.5, 0.3].map(|f| FrictionCoefficient::constant(f).unwrap());
+    let law = OrthotropicCoulomb::new(first, second);
+    let problem = CondensedContact::new(body, law.clone()).unwrap();
+    let family = problem.with_second_parameter(vec![0.0, 0.0, 1.0], law).unwrap();
+    let set = TransitionSet::new(&family, 0, 1).unwrap();
+    let options = ContinuationOptions::default()
+        .with_parameter_range((-1.0, 1.0))
+        .with_max_step(0.05);
+    let start = [1.0, 0.5, 0.0, 0.5, 0.0];
+    let branch = Branch::follow(&set, &start, Direction::Increasing, options).unwrap();
+    assert_eq!(branch.termination, Termination::Closed);
+    for p in &branch.points {
+        let ellipse = (p.x[3] / 0.5).powi(2) + (p.x[4] / 0.3).powi(2);
+        assert!((ellipse - 1.0).abs() < 1e-9, "{:?}", p.x);
+    }
+}
+
+/// Friction that falls with the slip on a node pressed by 1 + β and pulled by α: u + (1 + β) F(u) = α turns where 1 + (1 + β) F'(u) = 0.
+#[test]
+fn folds_of_a_condensed_problem() {
+    let row = |k: usize| Matrix::from_triplets(1, 2, &[(0, k, 1.0)]).unwrap();
+    let load = LoadPath::affine(vec![1.0, 0.0], vec![0.0, 1.0]);
+    let body = ContactBody::new(Matrix::identity(2), row(0), vec![row(1)], load).unwrap();
+    let curve = FrictionCurve::exponential(0.8, 0.2, 0.1).unwrap();
+    let law = PlanarCoulomb::new(FrictionCoefficient::uniform(curve));
+    let problem = CondensedContact::new(body, law.clone()).unwrap();
+    let family = problem.with_second_parameter(vec![1.0, 0.0], law).unwrap();
+    let friction = |u: f64| 0.2 + 0.6 * (-10.0 * u).exp();
+    let u = 6f64.ln() / 10.0;
+    let start = [1.0, friction(u), u + friction(u), 0.0];
+    let (set, x) = FoldSet::new(&family, &start).unwrap();
+    let options = ContinuationOptions::default()
+        .with_parameter_range((-0.5, 2.0))
+        .with_max_step(0.1);
+    let branch = Branch::follow(&set, &x, Direction::Increasing, options).unwrap();
+    assert_eq!(branch.termination, Termination::ParameterRange);
+    for p in &branch.points {
+        let [pressure, traction, alpha, beta] = set.family_point(&p.x)[..] else {
+            panic!("four variables");
+        };
+        let u = (6.0 * (1.0 + beta)).ln() / 10.0;
+        assert!((pressure - 1.0 - beta).abs() < 1e-9);
+        assert!(
+            (traction - pressure * friction(u)).abs() < 1e-7,
+            "{traction} at {beta}"
+        );
+        assert!((alpha - u - traction).abs() < 1e-7);
     }
 }

@@ -2,12 +2,12 @@
 
 use crate::common;
 use proptest::prelude::*;
-use semismooth::contact::{FrictionPath, FrictionProblem, FrictionStart, LoadPath, first_point};
+use semismooth::contact::{FrictionCoefficient, FullContact, LoadPath, PlanarCoulomb};
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, TransitionKind};
 use semismooth::piecewise::{LocalUniqueness, MinMap};
 use semismooth::sparse::Matrix;
 
-fn check(map: &FrictionProblem, branch: &Branch, options: &ContinuationOptions) {
+fn check(map: &FullContact<PlanarCoulomb>, branch: &Branch, options: &ContinuationOptions) {
     let load = map.load_derivative().unwrap();
     for t in &branch.transitions {
         let found = t.certify(map, &load, options).unwrap();
@@ -40,7 +40,7 @@ fn seed_examples_lose_uniqueness_at_folds_and_branchings_only() {
             if states.len() != case.problem.num_contacts() {
                 continue;
             }
-            let Ok(x) = first_point(&case.problem, 10.0, &FrictionStart::States(states)) else {
+            let Ok(x) = case.problem.solve_from_states(10.0, &states) else {
                 continue;
             };
             let branch = Branch::follow(&case.problem, &x, Direction::Decreasing, options.clone()).unwrap();
@@ -53,18 +53,18 @@ fn seed_examples_lose_uniqueness_at_folds_and_branchings_only() {
 #[test]
 fn the_constant_bounds_the_motion() {
     let problem = |f: [f64; 2]| {
-        FrictionProblem::new(
+        FullContact::planar(
             Matrix::from_rows(&[[2.0, -1.0], [-1.0, 2.0]]).unwrap(),
             Matrix::from_rows(&[[1.0, 0.0]]).unwrap(),
             Matrix::from_rows(&[[0.0, 1.0]]).unwrap(),
             LoadPath::constant(f.to_vec()),
-            FrictionPath::constant(vec![2.0]),
+            FrictionCoefficient::nodal(vec![2.0]).unwrap(),
         )
         .unwrap()
     };
     // On the line |f_t| = F f_ν stick and slip+ are both active.
     let (map, options) = (problem([1.0, 2.0]), ContinuationOptions::default());
-    let x = first_point(&map, 0.0, &FrictionStart::Zero).unwrap();
+    let x = map.solve(0.0, None).unwrap();
     let load = map.load_derivative().unwrap();
     let found = semismooth::continuation::certify(&map, &x, &load, &options).unwrap();
     let LocalUniqueness::Lipschitz {
@@ -85,7 +85,7 @@ fn the_constant_bounds_the_motion() {
         (1.0, 0.0),
     ] {
         let moved = problem([1.0 + 1e-3 * a, 2.0 + 1e-3 * b]);
-        let y = first_point(&moved, 0.0, &FrictionStart::Zero).unwrap();
+        let y = moved.solve(0.0, None).unwrap();
         let motion = x.iter().zip(&y).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         assert!(motion <= 1e-3 * constant * (1.0 + 1e-9));
         largest = largest.max(motion);
@@ -123,15 +123,15 @@ proptest! {
                     .collect()
             })
             .collect();
-        let map = FrictionProblem::new(
+        let map = FullContact::planar(
             Matrix::from_rows(&rows).unwrap(),
             Matrix::from_rows(&[[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]]).unwrap(),
             Matrix::from_rows(&[[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]]).unwrap(),
             LoadPath::affine(f0, f1),
-            FrictionPath::constant(friction),
+            FrictionCoefficient::nodal(friction).unwrap(),
         ).unwrap();
         let options = ContinuationOptions::default().with_parameter_range((-3.0, 3.0));
-        if let Ok(x) = first_point(&map, -3.0, &FrictionStart::Zero)
+        if let Ok(x) = map.solve(-3.0, None)
             && let Ok(branch) = Branch::follow(&map, &x, Direction::Increasing, options.clone())
         {
             check(&map, &branch, &options);

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use semismooth::complementarity::{Mcp, McpOptions, McpSolver, WithJacobian};
-use semismooth::contact::{CondensedFriction, FrictionMap, FrictionPath, FrictionProblem, LoadPath};
+use semismooth::contact::{FrictionCoefficient, FullContact, LoadPath};
 use semismooth::continuation::{Branch, ContinuationOptions, Direction};
 use semismooth::enumeration::{EnumerationOptions, all_solutions};
 use semismooth::fem::{parse_getfem, parse_gmsh};
@@ -211,11 +211,12 @@ pub fn friction(data: &[u8]) {
     // 1e9 are told apart as far as that distance allows: such problems must end, and need not be solved.
     let ordinary = [&g, &first, &last].into_iter().flatten().all(|v| v.abs() <= 1e3);
     let load = LoadPath::between(first, &last);
-    let friction = FrictionPath::constant((0..p).map(|_| f64::from(bytes.byte()) / 32.0).collect());
-    let Ok(problem) = FrictionProblem::new(a, normal, tangential, load, friction) else {
+    let friction =
+        FrictionCoefficient::nodal((0..p).map(|_| f64::from(bytes.byte()) / 32.0).collect()).unwrap();
+    let Ok(problem) = FullContact::planar(a, normal, tangential, load, friction) else {
         return;
     };
-    let Ok(map) = CondensedFriction::new(problem) else {
+    let Ok(map) = problem.condensed() else {
         return;
     };
     let Ok(set) = all_solutions(&map, 0.0, &EnumerationOptions::default()) else {

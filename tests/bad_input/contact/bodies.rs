@@ -1,7 +1,7 @@
 use semismooth::contact::{
-    CondensedContact, CondensedFriction, ContactBody, FrictionPath, FrictionProblem, FullContact, GivenBound,
-    LoadPath, UniquenessConstants, check_multipliers, critical_friction, friction_bounds,
-    friction_derivative, inf_sup_constant, pressure_norm,
+    CondensedContact, ContactBody, FrictionCoefficient, FullContact, GivenBound, LoadPath,
+    UniquenessConstants, check_multipliers, critical_friction, friction_bounds, friction_derivative,
+    inf_sup_constant, pressure_norm,
 };
 use semismooth::piecewise::Selection;
 use semismooth::sparse::{Matrix, Pattern};
@@ -53,6 +53,9 @@ pub(super) fn bodies(t: &mut Table) {
         t.refuses("contact::ContactBody::with_gap", "the gap", "gap[0]", || {
             body().with_gap(vec![bad])
         });
+        t.refuses("contact::ContactBody::with_load", "the load", "[0]", || {
+            body().with_load(LoadPath::constant(vec![bad, 0.0]))
+        });
         t.survives("contact::ContactBody::load_at", "alpha", || body().load_at(bad));
     }
     for n in [0, 1, 3] {
@@ -88,19 +91,19 @@ pub(super) fn bodies(t: &mut Table) {
         t.refuses("contact::CondensedContact::new", input, "", || {
             CondensedContact::new(body.clone(), law(0.3)).map(drop)
         });
-        t.survives("contact::FullContact::solve", input, || {
+        t.survives("contact::Contact::solve", input, || {
             FullContact::new(body, law(0.3)).and_then(|c| c.solve(0.0, None))
         });
-        let p = FrictionProblem::new(
+        let p = FullContact::planar(
             a,
             normal(),
             tangential(),
             load(),
-            FrictionPath::constant(vec![0.3]),
+            FrictionCoefficient::nodal(vec![0.3]).unwrap(),
         )
         .unwrap();
-        t.refuses("contact::CondensedFriction::new", input, "", || {
-            CondensedFriction::new(p).map(drop)
+        t.refuses("contact::CondensedContact<PlanarCoulomb>::new", input, "", || {
+            p.condensed().map(drop)
         });
     }
 }

@@ -11,26 +11,20 @@ pub(super) fn contacts(t: &mut Table) {
     let (m, n) = (c.num_vars(), f.num_vars());
     for len in [0, 1, n + 3] {
         let x = vec![0.5; len];
+        t.refuses("interface::Interface::traces", "x of another length", "", || {
+            c.traces(&x)
+        });
         t.refuses(
-            "contact::CondensedContact::contact_displacements",
-            "x of another length",
-            "",
-            || c.contact_displacements(&x),
-        );
-        t.refuses(
-            "contact::CondensedContact::displacements",
+            "contact::Contact::displacements",
             "x of another length",
             "",
             || c.displacements(&x),
         );
+        t.refuses("contact::Contact::solution", "x of another length", "", || {
+            c.solution(&x)
+        });
         t.refuses(
-            "contact::CondensedContact::solution",
-            "x of another length",
-            "",
-            || c.solution(&x),
-        );
-        t.refuses(
-            "contact::CondensedContact::solve",
+            "contact::Contact::solve",
             "a start of another length",
             "start",
             || c.solve(0.0, Some(&x)),
@@ -42,19 +36,16 @@ pub(super) fn contacts(t: &mut Table) {
             || c.point_of_reactions(0.0, &x),
         );
         t.refuses(
-            "contact::FullContact::restrict",
+            "interface::Interface::restrict",
             "x of another length",
             "",
             || f.restrict(&x),
         );
+        t.refuses("contact::Contact::solution", "x of another length", "", || {
+            f.solution(&x)
+        });
         t.refuses(
-            "contact::FullContact::solution",
-            "x of another length",
-            "",
-            || f.solution(&x),
-        );
-        t.refuses(
-            "contact::FullContact::solve",
+            "contact::Contact::solve",
             "a start of another length",
             "start",
             || f.solve(0.0, Some(&x)),
@@ -78,40 +69,51 @@ pub(super) fn contacts(t: &mut Table) {
     }
     for len in [0, 2, 5] {
         t.refuses(
-            "contact::CondensedContact::set_reference_slip",
+            "contact::Contact::set_reference_slip",
             "another length",
             "slip",
             || condensed().set_reference_slip(&vec![0.0; len]),
         );
         t.refuses(
-            "contact::FullContact::set_reference_slip",
+            "contact::Contact::set_reference_slip",
             "another length",
             "slip",
             || full().set_reference_slip(&vec![0.0; len]),
         );
     }
+    for len in [1, 2, 5] {
+        t.refuses(
+            "contact::Contact::set_history",
+            "another length",
+            "history",
+            || condensed().set_history(&vec![0.0; len]),
+        );
+    }
+    for len in [0, 1, n + 3] {
+        let x = vec![0.5; len];
+        t.refuses("contact::Contact::end_level", "x of another length", "x", || {
+            condensed().end_level(&x)
+        });
+        t.refuses(
+            "contact::Contact::support_displacements",
+            "x of another length",
+            "x",
+            || c.support_displacements(&x),
+        );
+    }
     let start = c.solve(0.0, None).unwrap();
     for bad in BAD {
         let x = vec![bad; m];
-        t.refuses(
-            "contact::CondensedContact::contact_displacements",
-            "x",
-            "[0]",
-            || c.contact_displacements(&x),
-        );
-        t.refuses("contact::CondensedContact::displacements", "x", "[0]", || {
+        t.refuses("interface::Interface::traces", "x", "entry 0", || c.traces(&x));
+        t.refuses("contact::Contact::displacements", "x", "[0]", || {
             c.displacements(&x)
         });
-        t.refuses("contact::CondensedContact::solution", "x", "[0]", || {
-            c.solution(&x)
-        });
-        t.refuses("contact::CondensedContact::solve", "the start", "[0]", || {
+        t.refuses("contact::Contact::solution", "x", "[0]", || c.solution(&x));
+        t.refuses("contact::Contact::solve", "the start", "[0]", || {
             c.solve(0.0, Some(&x))
         });
-        t.refuses("contact::CondensedContact::solve", "alpha", "", || {
-            c.solve(bad, None)
-        });
-        t.refuses("contact::CondensedContact::stick_start", "alpha", "", || {
+        t.refuses("contact::Contact::solve", "alpha", "", || c.solve(bad, None));
+        t.refuses("contact::Contact::stick_start", "alpha", "", || {
             c.stick_start(bad)
         });
         t.refuses("contact::CondensedContact::delassus", "alpha", "", || {
@@ -129,28 +131,25 @@ pub(super) fn contacts(t: &mut Table) {
             "[0]",
             || c.point_of_reactions(0.0, &[bad; 2]),
         );
-        t.survives("contact::CondensedContact::free_motion", "alpha", || {
+        t.refuses("contact::CondensedContact::free_motion", "alpha", "[0]", || {
             c.free_motion(bad)
         });
-        t.refuses(
-            "contact::CondensedContact::set_reference_slip",
-            "slip",
-            "slip",
-            || condensed().set_reference_slip(&[bad]),
-        );
-        t.refuses("contact::FullContact::set_reference_slip", "slip", "slip", || {
+        t.refuses("contact::Contact::set_reference_slip", "slip", "slip", || {
+            condensed().set_reference_slip(&[bad])
+        });
+        t.refuses("contact::Contact::set_reference_slip", "slip", "slip", || {
             full().set_reference_slip(&[bad])
         });
-        t.refuses("contact::FullContact::restrict", "x", "[0]", || {
+        t.refuses("interface::Interface::restrict", "x", "entry 0", || {
             f.restrict(&vec![bad; n])
         });
-        t.refuses("contact::FullContact::solution", "x", "[0]", || {
+        t.refuses("contact::Contact::solution", "x", "[0]", || {
             f.solution(&vec![bad; n])
         });
-        t.refuses("contact::FullContact::solve", "the start", "[0]", || {
+        t.refuses("contact::Contact::solve", "the start", "[0]", || {
             f.solve(0.0, Some(&vec![bad; n]))
         });
-        t.refuses("contact::FullContact::solve", "alpha", "", || f.solve(bad, None));
+        t.refuses("contact::Contact::solve", "alpha", "", || f.solve(bad, None));
         t.refuses("contact::fixed_point", "the start", "[0]", || {
             fixed_point(&c, &x, &FixedPointOptions::default())
         });
@@ -207,19 +206,15 @@ pub(super) fn contacts(t: &mut Table) {
         });
     }
     for size in [1e160, 1e300, f64::MAX] {
-        t.survives("contact::CondensedContact::solve", "huge alpha", || {
-            c.solve(size, None)
-        });
-        t.survives("contact::FullContact::solve", "huge alpha", || {
-            f.solve(-size, None)
-        });
-        t.survives("contact::CondensedContact::solution", "huge x", || {
+        t.survives("contact::Contact::solve", "huge alpha", || c.solve(size, None));
+        t.survives("contact::Contact::solve", "huge alpha", || f.solve(-size, None));
+        t.survives("contact::Contact::solution", "huge x", || {
             c.solution(&vec![size; m])
         });
-        t.survives("contact::CondensedContact::displacements", "huge x", || {
+        t.survives("contact::Contact::displacements", "huge x", || {
             c.displacements(&vec![-size; m])
         });
-        t.survives("contact::FullContact::solution", "huge x", || {
+        t.survives("contact::Contact::solution", "huge x", || {
             f.solution(&vec![size; n])
         });
         t.survives("contact::evolve", "huge levels", || {

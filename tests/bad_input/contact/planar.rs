@@ -1,37 +1,37 @@
 use std::path::Path;
 
 use semismooth::contact::{
-    CondensedFriction, ContactState, FrictionFamily, FrictionMap, FrictionPath, FrictionProblem,
-    FrictionStart, HildRenard, LoadPath, first_point,
+    CondensedContact, ContactState, FrictionCoefficient, FrictionCurve, FullContact, HildRenard, LoadCase,
+    LoadPath, MultiplierCoulomb, PlanarCoulomb,
 };
 use semismooth::piecewise::Selection;
 
-use super::{condensed, full, load, normal, problem, stiffness, tangential};
+use super::{condensed, full, law, load, normal, problem, stiffness, tangential};
 use crate::table::{BAD, NOT_POSITIVE, Table, rows};
 
-fn reduced() -> CondensedFriction {
-    CondensedFriction::new(problem()).unwrap()
+fn reduced() -> CondensedContact<PlanarCoulomb> {
+    problem().condensed().unwrap()
 }
 
 pub(super) fn planar_problems(t: &mut Table) {
-    let new = "contact::FrictionProblem::new";
-    let p = || FrictionPath::constant(vec![0.3]);
+    let new = "contact::FullContact::planar";
+    let p = || FrictionCoefficient::nodal(vec![0.3]).unwrap();
     t.refuses(new, "an oblong A", "A", || {
-        FrictionProblem::new(normal(), normal(), tangential(), load(), p())
+        FullContact::planar(normal(), normal(), tangential(), load(), p())
     });
     t.refuses(new, "Bnu", "", || {
-        FrictionProblem::new(stiffness(), rows(&[&[1.0]]), tangential(), load(), p())
+        FullContact::planar(stiffness(), rows(&[&[1.0]]), tangential(), load(), p())
     });
     t.refuses(new, "Bt", "", || {
-        FrictionProblem::new(stiffness(), normal(), rows(&[&[1.0]]), load(), p())
+        FullContact::planar(stiffness(), normal(), rows(&[&[1.0]]), load(), p())
     });
-    let with_r = "contact::FrictionProblem::with_r";
+    let with_r = "contact::Contact::with_r";
     for bad in BAD.into_iter().chain(NOT_POSITIVE) {
         t.refuses(with_r, "r", "r = ", || problem().with_r(bad));
-        t.refuses("contact::CondensedContact::with_r", "r", "r = ", || {
+        t.refuses("contact::Contact::with_r", "r", "r = ", || {
             condensed().with_r(bad).map(drop)
         });
-        t.refuses("contact::FullContact::with_r", "r", "r = ", || {
+        t.refuses("contact::Contact::with_r", "r", "r = ", || {
             full().with_r(bad).map(drop)
         });
         t.refuses("contact::HildRenard::new", "mu", "mu", || {
@@ -43,7 +43,7 @@ pub(super) fn planar_problems(t: &mut Table) {
     }
     for bad in BAD {
         t.refuses(new, "A", "(0, 0)", || {
-            FrictionProblem::new(
+            FullContact::planar(
                 rows(&[&[bad, 0.0], &[0.0, 1.0]]),
                 normal(),
                 tangential(),
@@ -54,176 +54,182 @@ pub(super) fn planar_problems(t: &mut Table) {
         t.refuses("contact::HildRenard::new", "a force", "not finite", || {
             HildRenard::new(bad, 1.0, 1.0, 1.0)
         });
-        t.refuses("contact::FrictionProblem::with_gap", "the gap", "gap[0]", || {
+        t.refuses("contact::FullContact::with_gap", "the gap", "gap[0]", || {
             problem().with_gap(vec![bad])
         });
+        t.refuses("contact::FrictionCoefficient::nodal", "friction", "[0]", || {
+            FrictionCoefficient::nodal(vec![bad])
+        });
+        t.refuses("contact::FrictionCoefficient::affine", "friction", "[0]", || {
+            FrictionCoefficient::affine(vec![0.0], vec![bad])
+        });
         t.refuses(
-            "contact::FrictionProblem::with_friction",
+            "contact::FrictionCoefficient::with_second",
             "friction",
             "[0]",
-            || problem().with_friction(FrictionPath::constant(vec![bad])),
+            || p().with_second(vec![bad]),
         );
-        t.refuses("contact::FrictionProblem::with_load", "the load", "load", || {
+        t.refuses("contact::FrictionCoefficient::constant", "friction", "", || {
+            FrictionCoefficient::constant(bad)
+        });
+        t.refuses("contact::FullContact::with_load", "the load", "load", || {
             problem().with_load(LoadPath::constant(vec![bad, 0.0]))
         });
-        t.refuses("contact::FrictionProblem::check_friction", "alpha", "", || {
-            problem().check_friction(bad)
+
+        t.refuses("contact::Contact::solve", "alpha", "", || {
+            problem().solve(bad, None)
         });
-        t.refuses("contact::first_point", "alpha", "", || {
-            first_point(&problem(), bad, &FrictionStart::Zero)
+        t.refuses("contact::Contact::solve", "the start", "", || {
+            problem().solve(0.0, Some(&vec![bad; 5]))
         });
-        t.refuses("contact::first_point", "the start", "", || {
-            first_point(&problem(), 0.0, &FrictionStart::Point(vec![bad; 5]))
-        });
-        t.refuses("contact::FrictionFamily::new", "the load", "load", || {
-            FrictionFamily::new(problem(), vec![bad, 0.0], vec![0.0])
-        });
-        t.refuses("contact::FrictionFamily::new", "the friction", "friction", || {
-            FrictionFamily::new(problem(), vec![0.0; 2], vec![bad])
-        });
-        t.refuses("contact::CondensedFriction::expand", "x", "[0]", || {
+        t.refuses(
+            "contact::Contact::with_second_parameter",
+            "the load",
+            "load",
+            || problem().with_second_parameter(vec![bad, 0.0], law(0.3)),
+        );
+
+        t.refuses("interface::Interface::expand", "x", "entry 0", || {
             reduced().expand(&[bad, 0.0, 0.0])
         });
-        t.refuses("contact::CondensedFriction::restrict", "x", "[0]", || {
+        t.refuses("interface::Interface::restrict", "x", "entry 0", || {
             reduced().restrict(&[bad, 0.0, 0.0, 0.0, 0.0])
         });
-        t.survives("contact::FrictionMap::solution", "x", || {
+        t.survives("contact::Contact::solution", "x", || {
             (problem().solution(&[bad; 5]), reduced().solution(&[bad; 3]))
         });
-        t.survives("contact::FrictionMap::displacements", "x", || {
+        t.survives("contact::Contact::displacements", "x", || {
             (
                 problem().displacements(&[bad; 5]),
                 reduced().displacements(&[bad; 3]),
             )
         });
-        t.survives("contact::FrictionProblem::friction_at", "alpha", || {
+        t.survives("contact::FullContact::friction_at", "alpha", || {
             problem().friction_at(bad)
         });
-        t.survives("contact::FrictionProblem::load_at", "alpha", || {
-            problem().load_at(bad)
+        t.refuses("interface::Interface::load_at", "alpha", "entry 0", || {
+            problem().load_at(&[bad])
         });
     }
+    t.refuses("contact::FullContact::with_gap", "another length", "gap", || {
+        problem().with_gap(vec![])
+    });
+    t.refuses("contact::Contact::with_law", "another length", "friction", || {
+        problem().with_law(PlanarCoulomb::new(
+            FrictionCoefficient::nodal(vec![0.3; 2]).unwrap(),
+        ))
+    });
     t.refuses(
-        "contact::FrictionProblem::with_gap",
-        "another length",
-        "gap",
-        || problem().with_gap(vec![]),
-    );
-    t.refuses(
-        "contact::FrictionProblem::with_friction",
-        "another length",
-        "friction",
-        || problem().with_friction(FrictionPath::constant(vec![0.3; 2])),
-    );
-    t.refuses(
-        "contact::FrictionProblem::with_load",
+        "contact::FullContact::with_load",
         "another length",
         "load",
         || problem().with_load(LoadPath::constant(vec![])),
     );
-    t.refuses(
-        "contact::FrictionProblem::load_derivative",
-        "nothing but affine loads",
-        "",
-        || {
-            let curved = LoadPath::function(|a, f, df| {
-                f.fill(a * a);
-                df.fill(2.0 * a);
-            });
-            CondensedFriction::new(problem().with_load(curved)?).map(drop)
-        },
-    );
-    t.survives("contact::FrictionProblem::load_derivative", "any problem", || {
+
+    t.survives("contact::Contact::load_derivative", "any problem", || {
         problem().load_derivative()
     });
+    t.refuses("contact::Contact::solve", "negative friction", "friction", || {
+        let friction = FrictionCoefficient::affine(vec![0.0], vec![1.0]).unwrap();
+        problem()
+            .with_law(PlanarCoulomb::new(friction))?
+            .solve(-1.0, None)
+    });
     t.refuses(
-        "contact::FrictionProblem::check_friction",
-        "negative friction",
-        "friction",
+        "contact::MultiplierCoulomb::new",
+        "friction that depends on the slip",
+        "slip",
         || {
-            problem()
-                .with_friction(FrictionPath::affine(vec![0.0], vec![1.0]))?
-                .check_friction(-1.0)
+            let curve = FrictionCurve::exponential(0.5, 0.3, 0.1).unwrap();
+            MultiplierCoulomb::new(FrictionCoefficient::uniform(curve))
         },
     );
-    t.refuses("contact::first_point", "states of another length", "", || {
-        first_point(
-            &problem(),
-            0.0,
-            &FrictionStart::States(vec![ContactState::Open; 3]),
-        )
+    t.refuses("contact::Contact::solve", "states of another length", "", || {
+        problem().solve_from_states(0.0, &[ContactState::Open; 3])
     });
     for n in [0, 1, 4, 9] {
         let x = vec![0.5; n];
-        t.refuses("contact::first_point", "a start of another length", "", || {
-            first_point(&problem(), 0.0, &FrictionStart::Point(x.clone()))
+        t.refuses("contact::Contact::solve", "a start of another length", "", || {
+            problem().solve(0.0, Some(&x.clone()))
         });
         t.refuses(
-            "contact::FrictionFamily::new",
+            "contact::Contact::with_second_parameter",
             "a load of another length",
             "load",
-            || FrictionFamily::new(problem(), x.clone(), vec![0.0]),
+            || problem().with_second_parameter(x.clone(), law(0.3)),
         );
+        t.refuses("interface::Interface::expand", "x of another length", "", || {
+            reduced().expand(&x)
+        });
         t.refuses(
-            "contact::CondensedFriction::expand",
-            "x of another length",
-            "",
-            || reduced().expand(&x),
-        );
-        t.refuses(
-            "contact::CondensedFriction::restrict",
+            "interface::Interface::restrict",
             "x of another length",
             "",
             || reduced().restrict(&x),
         );
         t.refuses(
-            "contact::FrictionMap::displacements",
+            "contact::Contact::displacements",
             "x of another length",
             "",
             || problem().displacements(&x),
         );
         t.refuses(
-            "contact::FrictionMap::displacements",
+            "contact::Contact::displacements",
             "x of another length",
             "",
             || reduced().displacements(&x),
         );
-        t.refuses(
-            "contact::FrictionMap::solution",
-            "x of another length",
-            "",
-            || problem().solution(&x),
-        );
-        t.refuses(
-            "contact::FrictionMap::solution",
-            "x of another length",
-            "",
-            || reduced().solution(&x),
-        );
+        t.refuses("contact::Contact::solution", "x of another length", "", || {
+            problem().solution(&x)
+        });
+        t.refuses("contact::Contact::solution", "x of another length", "", || {
+            reduced().solution(&x)
+        });
     }
-    t.survives(
-        "contact::FrictionMap::states",
-        "a selection of another map",
-        || {
-            [
-                Selection::default(),
-                Selection::uniform(3, 0),
-                Selection::uniform(1, 9),
-            ]
-            .map(|s| problem().states(&s))
-        },
+    t.refuses(
+        "contact::Contact::start_with",
+        "states of another length",
+        "states",
+        || problem().start_with(0.0, &[]),
     );
+    t.refuses(
+        "contact::Contact::solve_from_states",
+        "states of another length",
+        "states",
+        || problem().solve_from_states(0.0, &[ContactState::Stick; 2]),
+    );
+    let case = || LoadCase::from(vec![0.0; 2]);
+    t.refuses(
+        "contact::LoadCase::plus",
+        "a case of another length",
+        "load",
+        || case().plus(vec![0.0; 3]),
+    );
+    t.refuses(
+        "contact::LoadCase::of_supports",
+        "reactions of another length",
+        "reactions",
+        || LoadCase::of_supports(vec![0.0; 2], vec![0.0; 2], vec![0.0; 3]),
+    );
+    t.survives("contact::Contact::states", "a selection of another map", || {
+        [
+            Selection::default(),
+            Selection::uniform(3, 0),
+            Selection::uniform(1, 9),
+        ]
+        .map(|s| problem().states(&s))
+    });
     t.survives(
-        "contact::FrictionMap::selection_of",
+        "contact::Contact::selection_of",
         "states of another length",
         || problem().selection_of(&[ContactState::Stick; 4]),
     );
     for size in [1e160, 1e300, f64::MAX] {
-        t.survives("contact::first_point", "huge parameters", || {
-            first_point(&problem(), size, &FrictionStart::Zero)
+        t.survives("contact::Contact::solve", "huge parameters", || {
+            problem().solve(size, None)
         });
-        t.survives("contact::first_point", "huge starts", || {
-            first_point(&problem(), 0.0, &FrictionStart::Point(vec![size; 5]))
+        t.survives("contact::Contact::solve", "huge starts", || {
+            problem().solve(0.0, Some(&vec![size; 5]))
         });
         t.survives("contact::HildRenard::problem", "huge moduli", || {
             HildRenard::new(size, size, size, size).and_then(|h| h.problem())

@@ -2,13 +2,12 @@ use std::ops::ControlFlow;
 use std::time::Duration;
 
 use semismooth::contact::{
-    ContactOptions, EvolutionOptions, FixedPointOptions, FrictionStart, evolve, first_point_observed,
-    fixed_point_observed,
+    ContactOptions, EvolutionOptions, FixedPointOptions, evolve, fixed_point_observed,
 };
 use semismooth::continuation::ContinuationOptions;
 use semismooth::newton::NewtonOptions;
 
-use super::{condensed, full, problem};
+use super::{condensed, full};
 use crate::table::Table;
 
 /// Options of searches at fixed α.
@@ -26,16 +25,11 @@ pub(super) fn searches(t: &mut Table) {
         t.refuses("contact::ContactOptions::validate", case, name, || {
             bad().validate()
         });
-        t.refuses("contact::CondensedContact::solve_observed", case, name, || {
+        t.refuses("contact::Contact::solve_observed", case, name, || {
             condensed().solve_observed(0.0, None, &bad(), |_| ControlFlow::Continue(()))
         });
-        t.refuses("contact::FullContact::solve_observed", case, name, || {
+        t.refuses("contact::Contact::solve_observed", case, name, || {
             full().solve_observed(0.0, None, &bad(), |_| ControlFlow::Continue(()))
-        });
-        t.refuses("contact::first_point_observed", case, name, || {
-            first_point_observed(&problem(), 0.0, &FrictionStart::Zero, &bad(), |_| {
-                ControlFlow::Continue(())
-            })
         });
         let evolution = || EvolutionOptions::default().with_contact(bad());
         t.refuses("contact::EvolutionOptions::validate", case, name, || {
@@ -73,12 +67,10 @@ pub(super) fn searches(t: &mut Table) {
         .with_max_branchings(0)
         .with_max_time(Some(Duration::ZERO));
     for options in [most, none] {
-        t.survives(
-            "contact::CondensedContact::solve_observed",
-            "absurd limits",
-            || condensed().solve_observed(0.0, None, &options, |_| ControlFlow::Continue(())),
-        );
-        t.survives("contact::FullContact::solve_observed", "absurd limits", || {
+        t.survives("contact::Contact::solve_observed", "absurd limits", || {
+            condensed().solve_observed(0.0, None, &options, |_| ControlFlow::Continue(()))
+        });
+        t.survives("contact::Contact::solve_observed", "absurd limits", || {
             full().solve_observed(0.0, None, &options, |_| ControlFlow::Continue(()))
         });
     }

@@ -1,0 +1,241 @@
+use std::borrow::Cow;
+use std::sync::Arc;
+
+use super::ContactBody;
+use super::node_law::{LocalRow, LocalValues, MAX_HISTORY, MAX_TESTS, NodeLaw};
+use crate::piecewise::{ExactPieces, Facet, PiecewiseSmooth, Selection};
+use crate::sparse::{Matrix, Pattern};
+
+/// The augmentation parameter against the stiffness of single contact nodes, all others held: on meshes a node gives way about four times
+/// as much, as its neighbours move along.
+const GIVING_WAY: f64 = 0.25;
+
+/// A [`NodeLaw`] at each contact node of a body, as the law of an [`Interface`](crate::interface::Interface): a map of z = (v, λ, α) with
+/// v and λ ordered by direction (all normal ones first), then by node. Its sites are the contact nodes.
+#[derive(Debug, Clone)]
+pub struct PerNode<L> {
+    pub(super) body: Arc<ContactBody>,
+    pub(super) law: L,
+    /// Tangential displacements that count as no slip, by t₁, then t₂.
+    pub(super) reference: Vec<f64>,
+    /// History variables, node by node.
+    pub(super) history: Vec<f64>,
+    pub(super) r: f64,
+    /// Stiffness that contact nodes meet: what the search for solutions tries multiples of as r.
+    pub(super) stiffness: f64,
+    /// Number of parameters, 1 or 2.
+    pub(super) parameters: usize,
+}
+
+impl<L: NodeLaw> PerNode<L> {
+    pub(super) fn new(body: Arc<ContactBody>, law: L) -> Self {
+        let p = body.num_contacts();
+        let stiffness = body.node_stiffness();
+        Self {
+            reference: vec![0.0; p * body.num_tangents()],
+            history: initial_history(&law, p),
+            body,
+            law,
+            r: GIVING_WAY * stiffness,
+            stiffness,
+            parameters: 1,
+        }
+    }
+
+    /// The same nodes under another law, with the slips that count as none; history begins anew.
+    pub(super) fn under<M: NodeLaw>(&self, law: M, r: f64) -> PerNode<M> {
+        PerNode {
+            body: Arc::clone(&self.body),
+            reference: self.reference.clone(),
+            history: initial_history(&law, self.body.num_contacts()),
+            law,
+            r,
+            stiffness: self.stiffness,
+            parameters: self.parameters,
+        }
+    }
+
+    /// 2 in the plane, 3 in space: a normal and one or two tangential quantities.
+    pub(super) fn directions(&self) -> usize {
+        1 + self.body.num_tangents()
+    }
+
+    fn num_traces(&self) -> usize {
+        self.directions() * self.body.num_contacts()
+    }
+
+    /// Values of node i, with the displacement, the force of each direction and the parameters taken from functions.
+    pub(super) fn values(
+        &self,
+        i: usize,
+        displacement: impl Fn(usize) -> f64,
+        force: impl Fn(usize) -> f64,
+        parameters: &[f64],
+    ) -> LocalValues {
+        let p = self.body.num_contacts();
+        let mut v = LocalValues {
+            node: i,
+            penetration: displacement(i) - self.body.gap[i],
+            pressure: force(i),
+            parameter: parameters[0],
+            second: parameters.get(1).copied().unwrap_or(0.0),
+            r: self.r,
+            ..LocalValues::default()
+        };
+        for d in 0..self.body.num_tangents() {
+            let k = (d + 1) * p + i;
+            v.slip[d] = displacement(k) - self.reference[k - p];
+            v.traction[d] = force(k);
+        }
+        let h = self.law.num_history();
+        v.history[..h].copy_from_slice(&self.history[i * h..(i + 1) * h]);
+        v
+    }
+
+    fn at(&self, i: usize, z: &[f64]) -> LocalValues {
+        let q = self.num_traces();
+        self.values(i, |k| z[k], |k| z[q + k], &z[2 * q..])
+    }
+
+    /// The gradient with respect to z of a function of the values of node i.
+    fn scatter(&self, i: usize, row: &LocalRow, mut add: impl FnMut(usize, f64)) {
+        let (p, q) = (self.body.num_contacts(), self.num_traces());
+        add(i, row.penetration);
+        add(q + i, row.pressure);
+        for d in 0..self.body.num_tangents() {
+            let k = (d + 1) * p + i;
+            add(k, row.slip[d]);
+            add(q + k, row.traction[d]);
+        }
+        add(2 * q, row.parameter);
+        if self.parameters == 2 {
+            add(2 * q + 1, row.second);
+        }
+    }
+
+    fn add_rows(&self, i: usize, piece: usize, z: &[f64], jac: &mut Matrix) {
+        let p = self.body.num_contacts();
+        let rows = self.law.rows(piece, &self.at(i, z));
+        for (block, row) in rows.iter().enumerate().take(self.directions()) {
+            self.scatter(i, row, |k, value| {
+                if value != 0.0 {
+                    jac.add(block * p + i, k, value);
+                }
+            });
+        }
+    }
+}
+
+/// History variables of p nodes before any loading.
+fn initial_history<L: NodeLaw>(law: &L, p: usize) -> Vec<f64> {
+    debug_assert!(law.num_history() <= MAX_HISTORY);
+    vec![0.0; law.num_history() * p]
+}
+
+impl<L: NodeLaw> PiecewiseSmooth for PerNode<L> {
+    fn num_vars(&self) -> usize {
+        2 * self.num_traces() + self.parameters
+    }
+
+    fn num_residuals(&self) -> usize {
+        self.num_traces()
+    }
+
+    fn num_sites(&self) -> usize {
+        self.body.num_contacts()
+    }
+
+    fn num_pieces(&self, _site: usize) -> usize {
+        self.law.num_pieces()
+    }
+
+    fn num_tests(&self, _site: usize) -> usize {
+        self.law.num_tests()
+    }
+
+    fn cell(&self, _site: usize, piece: usize) -> &[Facet] {
+        self.law.cell(piece)
+    }
+
+    fn piece_name(&self, _site: usize, piece: usize) -> Cow<'_, str> {
+        Cow::Borrowed(self.law.piece_name(piece))
+    }
+
+    fn site_name(&self, site: usize) -> Cow<'_, str> {
+        Cow::Owned(format!("contact node {site}"))
+    }
+
+    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
+        let p = self.body.num_contacts();
+        rows.clear();
+        rows.extend((0..self.directions()).map(|block| block * p + site));
+    }
+
+    fn pattern(&self) -> Pattern {
+        let (p, q, blocks) = (self.body.num_contacts(), self.num_traces(), self.directions());
+        let mut columns: Vec<Vec<usize>> = Vec::with_capacity(2 * q + self.parameters);
+        for k in 0..2 * q {
+            columns.push((0..blocks).map(|block| block * p + k % p).collect());
+        }
+        columns.extend((0..self.parameters).map(|_| (0..q).collect()));
+        let entries = columns.into_iter().enumerate();
+        let entries = entries.flat_map(|(k, rows)| rows.into_iter().map(move |i| (i, k)));
+        Pattern::from_entries(q, 2 * q + self.parameters, entries)
+            .unwrap_or_else(|_| Pattern::full(q, 2 * q + self.parameters))
+    }
+
+    fn is_piecewise_affine(&self) -> bool {
+        self.law.is_affine()
+    }
+
+    fn exact(&self) -> Option<&dyn ExactPieces> {
+        self.states_coefficients().then_some(self)
+    }
+
+    fn test_functions(&self, z: &[f64], out: &mut [f64]) {
+        for (i, chunk) in out.chunks_exact_mut(self.law.num_tests()).enumerate() {
+            self.law.tests(&self.at(i, z), chunk);
+        }
+    }
+
+    fn residual(&self, selection: &Selection, z: &[f64], out: &mut [f64]) {
+        let p = self.body.num_contacts();
+        for i in 0..p {
+            let h = self.law.residual(selection.piece(i), &self.at(i, z));
+            for (block, value) in h.iter().enumerate().take(self.directions()) {
+                out[block * p + i] = *value;
+            }
+        }
+    }
+
+    fn jacobian(&self, selection: &Selection, z: &[f64], jac: &mut Matrix) {
+        for i in 0..self.body.num_contacts() {
+            self.add_rows(i, selection.piece(i), z, jac);
+        }
+    }
+
+    fn site_jacobian(&self, site: usize, selection: &Selection, z: &[f64], jac: &mut Matrix) -> bool {
+        self.add_rows(site, selection.piece(site), z, jac);
+        true
+    }
+
+    fn test_derivatives(&self, z: &[f64], d: &[f64], out: &mut [f64]) {
+        let mut rows = [LocalRow::default(); MAX_TESTS];
+        for (i, chunk) in out.chunks_exact_mut(self.law.num_tests()).enumerate() {
+            self.law.test_rows(&self.at(i, z), &mut rows);
+            for (o, row) in chunk.iter_mut().zip(&rows) {
+                *o = 0.0;
+                self.scatter(i, row, |k, value| *o += value * d[k]);
+            }
+        }
+    }
+
+    fn test_gradient(&self, site: usize, test: usize, z: &[f64], gradient: &mut [f64]) {
+        let mut rows = [LocalRow::default(); MAX_TESTS];
+        self.law.test_rows(&self.at(site, z), &mut rows);
+        gradient.fill(0.0);
+        self.scatter(site, &rows[test.min(MAX_TESTS - 1)], |k, value| {
+            gradient[k] += value
+        });
+    }
+}

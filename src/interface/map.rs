@@ -1,0 +1,536 @@
+use std::borrow::Cow;
+use std::sync::{Arc, Mutex};
+
+use super::error::{check_size, check_vector};
+use super::load::add;
+use super::operator::Operator;
+use super::view::{CondensedView, Free, FullView, View};
+use super::{InterfaceError, fill_sizes};
+use crate::piecewise::{ExactPieces, Facet, PiecewiseSmooth, Selection};
+use crate::sparse::{Matrix, Pattern, dot};
+
+/// A u + Bᵀ λ = f(α), G(B u, λ, α) = 0, in one of its [views](View): x = (u, λ, α) or x = (λ, α).
+///
+/// A is n × n, B is q × n. The law G is itself a piecewise-smooth map, of z = (v, λ, α) with v = B u: q residuals, 2q + 1 variables.
+/// Residuals are those of equilibrium (n, in full form alone), then those of the law; sites, pieces and test functions are the
+/// law's. A law of 2q + 2 variables has a second parameter β, and so has the map: x = (u, λ, α, β).
+///
+/// In full form A need be neither symmetric nor definite, and Newton steps are sparse. The condensed form has
+/// v(λ, α) = B A⁻¹ f(α) − C λ with C = B A⁻¹ Bᵀ from one Cholesky factorisation; evaluations cost O(q²). Solutions and transitions are the
+/// same, and with J, j the Jacobians det ∇_yJ = det A · det ∇_λj, so that signs agree.
+///
+/// ```
+/// use semismooth::interface::{InterfaceProblem, LoadPath};
+/// use semismooth::newton::Newton;
+/// use semismooth::sparse::Matrix;
+/// // Two springs in series; the middle may not pass 1: 0 ≤ λ ⟂ 1 − v ≥ 0, the load α pushes.
+/// let a = Matrix::from_rows(&[[2.0, -1.0], [-1.0, 1.0]])?;
+/// let b = Matrix::from_rows(&[[1.0, 0.0]])?;
+/// // A law of one quantity is a curve in (v, λ, α).
+/// struct Stop;
+/// # use semismooth::piecewise::{Facet, PiecewiseSmooth, Selection};
+/// impl PiecewiseSmooth for Stop {
+///     fn num_vars(&self) -> usize { 3 }
+///     fn num_residuals(&self) -> usize { 1 }
+///     fn num_sites(&self) -> usize { 1 }
+///     fn num_pieces(&self, _site: usize) -> usize { 2 }
+///     fn num_tests(&self, _site: usize) -> usize { 1 }
+///     fn cell(&self, _site: usize, piece: usize) -> &[Facet] {
+///         const CELLS: [[Facet; 1]; 2] = [[Facet::negative(0)], [Facet::positive(0)]];
+///         &CELLS[piece]
+///     }
+///     fn test_functions(&self, z: &[f64], out: &mut [f64]) { out[0] = z[1] + z[0] - 1.0; }
+///     fn residual(&self, s: &Selection, z: &[f64], out: &mut [f64]) { out[0] = [z[1], 1.0 - z[0]][s.piece(0)]; }
+///     fn jacobian(&self, s: &Selection, _z: &[f64], jac: &mut Matrix) {
+///         if s.piece(0) == 0 { jac.add(0, 1, 1.0) } else { jac.add(0, 0, -1.0) }
+///     }
+///     fn is_piecewise_affine(&self) -> bool { true }
+/// }
+/// let load = LoadPath::affine(vec![0.0; 2], vec![0.0, 1.0]);
+/// let condensed = InterfaceProblem::from_parts(a, &b, load, Stop)?.condensed()?;
+/// let mut x = [0.0, 3.0]; // λ and α
+/// Newton::default().solve(&condensed, &mut x)?;
+/// assert!((x[0] - 2.0).abs() < 1e-12); // 1 of the 3 is taken by the first spring
+/// assert_eq!(condensed.expand(&x)?.len(), 4);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug)]
+pub struct Interface<V, G> {
+    pub(crate) operator: Arc<Operator>,
+    pub(crate) view: V,
+    pub(crate) law: G,
+    law_pattern: Pattern,
+    pattern: Pattern,
+    scratch: Mutex<Scratch>,
+}
+
+/// An interface problem in full form, x = (u, λ, α).
+pub type InterfaceProblem<G> = Interface<FullView, G>;
+
+/// An interface problem condensed onto its multipliers, x = (λ, α).
+pub type CondensedInterface<G> = Interface<CondensedView, G>;
+
+/// What an evaluation needs besides its arguments.
+#[derive(Debug, Clone)]
+pub(super) struct Scratch {
+    /// The point z = (v, λ, α) of the law, and a direction there.
+    pub(super) z: Vec<f64>,
+    dz: Vec<f64>,
+    pub(super) free: Free,
+    jac: Matrix,
+}
+
+impl Scratch {
+    fn new(operator: &Operator, law: &Pattern, condensed: bool) -> Self {
+        Self {
+            z: vec![0.0; law.ncols()],
+            dz: vec![0.0; law.ncols()],
+            free: Free::new(operator, condensed),
+            jac: Matrix::zeros(law.clone()),
+        }
+    }
+}
+
+impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
+    pub(crate) fn with_view(operator: Arc<Operator>, view: V, law: G) -> Result<Self, InterfaceError> {
+        let q = operator.num_traces();
+        let law_pattern = law.pattern();
+        let expected = 2 * q + if law.num_vars() == 2 * q + 2 { 2 } else { 1 };
+        check_size("the number of variables of the law", expected, law.num_vars())?;
+        check_size("the number of residuals of the law", q, law.num_residuals())?;
+        check_size(
+            "the number of rows in the pattern of the law",
+            q,
+            law_pattern.nrows(),
+        )?;
+        check_size(
+            "the number of columns in the pattern of the law",
+            expected,
+            law_pattern.ncols(),
+        )?;
+        let pattern = if view.reduced().is_some() {
+            Pattern::full(q, expected - q)
+        } else {
+            full_pattern(&operator, &law_pattern)?
+        };
+        Ok(Self {
+            scratch: Mutex::new(Scratch::new(&operator, &law_pattern, view.reduced().is_some())),
+            operator,
+            view,
+            law,
+            law_pattern,
+            pattern,
+        })
+    }
+
+    /// The same shape with another load and law, in the pattern of this one.
+    pub(crate) fn exchanged<H: PiecewiseSmooth>(
+        &self,
+        operator: Arc<Operator>,
+        view: V,
+        law: H,
+    ) -> Interface<V, H> {
+        Interface {
+            scratch: Mutex::new(Scratch::new(
+                &operator,
+                &self.law_pattern,
+                view.reduced().is_some(),
+            )),
+            operator,
+            view,
+            law,
+            law_pattern: self.law_pattern.clone(),
+            pattern: self.pattern.clone(),
+        }
+    }
+
+    /// The law G.
+    #[must_use]
+    pub fn law(&self) -> &G {
+        &self.law
+    }
+
+    /// The operator A.
+    #[must_use]
+    pub fn operator(&self) -> &Matrix {
+        &self.operator.a
+    }
+
+    /// Number n of displacements u.
+    #[must_use]
+    pub fn num_displacements(&self) -> usize {
+        self.operator.num_displacements()
+    }
+
+    /// Number q of traces v = B u, and of multipliers λ.
+    #[must_use]
+    pub fn num_traces(&self) -> usize {
+        self.operator.num_traces()
+    }
+
+    /// 1, or 2 where the law has a second parameter.
+    #[must_use]
+    pub fn num_parameters(&self) -> usize {
+        self.law_pattern.ncols() - 2 * self.num_traces()
+    }
+
+    /// The load f at the parameters α[, β].
+    ///
+    /// # Errors
+    /// Another number of parameters, values that are not finite.
+    pub fn load_at(&self, parameters: &[f64]) -> Result<Vec<f64>, InterfaceError> {
+        check_vector(
+            "the length of the list of parameters",
+            self.num_parameters(),
+            parameters,
+        )?;
+        Ok(self.operator.load_at(parameters))
+    }
+
+    /// The point (u, λ, α) of the full form: one solve in condensed form.
+    ///
+    /// # Errors
+    /// Wrong length, values that are not finite.
+    pub fn expand(&self, x: &[f64]) -> Result<Vec<f64>, InterfaceError> {
+        check_vector("the length of x", self.num_vars(), x)?;
+        let Some(reduced) = self.view.reduced() else {
+            return Ok(x.to_vec());
+        };
+        let q = self.num_traces();
+        let mut u = self.operator.load_at(&x[q..]);
+        reduced.expand(&x[..q], &mut u)?;
+        u.extend_from_slice(x);
+        Ok(u)
+    }
+
+    /// The point (λ, α) of the condensed form that belongs to a point (u, λ, α).
+    ///
+    /// # Errors
+    /// Wrong length, values that are not finite.
+    pub fn restrict(&self, full: &[f64]) -> Result<Vec<f64>, InterfaceError> {
+        let n = self.num_displacements();
+        let expected = n + self.num_traces() + self.num_parameters();
+        check_vector("the length of the full point", expected, full)?;
+        Ok(full[n..].to_vec())
+    }
+
+    /// The traces v = B u at x.
+    ///
+    /// # Errors
+    /// Wrong length, values that are not finite.
+    pub fn traces(&self, x: &[f64]) -> Result<Vec<f64>, InterfaceError> {
+        check_vector("the length of x", self.num_vars(), x)?;
+        Ok(self.with_scratch(|s| {
+            self.law_point(x, s);
+            s.z[..self.num_traces()].to_vec()
+        }))
+    }
+
+    /// Number of variables before the multipliers.
+    pub(crate) fn leading(&self) -> usize {
+        if self.view.reduced().is_some() {
+            0
+        } else {
+            self.num_displacements()
+        }
+    }
+
+    /// Runs `f` with the scratch of this problem, or with one of its own when another thread uses that.
+    pub(super) fn with_scratch<R>(&self, f: impl FnOnce(&mut Scratch) -> R) -> R {
+        match self.scratch.try_lock() {
+            Ok(mut scratch) => f(&mut scratch),
+            Err(std::sync::TryLockError::Poisoned(p)) => f(&mut p.into_inner()),
+            Err(std::sync::TryLockError::WouldBlock) => f(&mut self.new_scratch()),
+        }
+    }
+
+    fn new_scratch(&self) -> Scratch {
+        Scratch::new(&self.operator, &self.law_pattern, self.view.reduced().is_some())
+    }
+
+    /// z = (v, λ, α).
+    pub(super) fn law_point(&self, x: &[f64], s: &mut Scratch) {
+        let (first, q) = (self.leading(), self.num_traces());
+        match self.view.reduced() {
+            None => {
+                for k in 0..q {
+                    s.z[k] = self.operator.trace(k).map(|(j, b)| b * x[j]).sum();
+                }
+            }
+            Some(reduced) => {
+                let load = &self.operator.load;
+                s.free.factors.set(load, &x[q..]);
+                reduced.motion(load, &mut s.free, &x[q..], &mut s.z[..q]);
+                for (k, v) in s.z[..q].iter_mut().enumerate() {
+                    *v -= dot(reduced.row(k), &x[..q]);
+                }
+            }
+        }
+        s.z[q..].copy_from_slice(&x[first..]);
+    }
+
+    /// As [`law_point`](Self::law_point), for derivatives: those of affine laws do not depend on v, which is left out.
+    fn point_of_derivatives(&self, x: &[f64], s: &mut Scratch) {
+        let (first, q) = (self.leading(), self.num_traces());
+        if self.law.is_piecewise_affine() && self.operator.load.base().is_some() {
+            s.free.factors.set(&self.operator.load, &x[first + q..]);
+            s.z[q..].copy_from_slice(&x[first..]);
+        } else {
+            self.law_point(x, s);
+        }
+    }
+
+    /// A u + Bᵀ λ − f of a point (u, λ, α).
+    pub(super) fn equilibrium(&self, x: &[f64], s: &mut Scratch, out: &mut [f64]) {
+        let (n, q) = (self.num_displacements(), self.num_traces());
+        let load = &self.operator.load;
+        s.free.factors.set(load, &x[n + q..]);
+        let half = s.free.load.len() / 2;
+        load.general(x[n + q], out, &mut s.free.load[half..]);
+        for (case, c) in load.parts().zip(&s.free.factors.value) {
+            add(*c, case.forces(), out);
+        }
+        out.iter_mut().for_each(|f| *f = -*f);
+        Matrix::as_ref(&self.operator.a).mul_add(1.0, &x[..n], out);
+        Matrix::as_ref(&self.operator.b_t).mul_add(1.0, &x[n..n + q], out);
+    }
+
+    /// Derivatives of the equilibrium of the full form.
+    fn equilibrium_jacobian(&self, x: &[f64], s: &mut Scratch, jac: &mut Matrix) {
+        let (n, q) = (self.num_displacements(), self.num_traces());
+        let load = &self.operator.load;
+        jac.add_block(0, 0, 1.0, &self.operator.a);
+        jac.add_block(0, n, 1.0, &self.operator.b_t);
+        s.free.factors.set(load, &x[n + q..]);
+        if load.base().is_none() {
+            let (f, rate) = s.free.load.split_at_mut(n);
+            load.general(x[n + q], f, rate);
+            for (i, r) in rate.iter().enumerate() {
+                jac.add(i, n + q, -r);
+            }
+        }
+        for (k, case) in load.parts().enumerate() {
+            let (rate, column) = (s.free.factors.rate[k], n + q + load.slot(k));
+            for (i, f) in case.forces().iter().enumerate().filter(|c| *c.1 != 0.0) {
+                jac.add(i, column, -rate * f);
+            }
+        }
+    }
+
+    /// Adds c times the gradient of variable k of the law to row `i` of a Jacobian.
+    fn add_gradient(&self, s: &Free, (i, k, c): (usize, usize, f64), jac: &mut Matrix) {
+        let (first, q) = (self.leading(), self.num_traces());
+        if k >= q {
+            jac.add(first + i, first + k - q, c);
+        } else if let Some(reduced) = self.view.reduced() {
+            let row = reduced.row(k);
+            if jac.pattern().is_full() {
+                // By strides, as a search for each entry would cost most of a step.
+                let order = jac.nrows();
+                for (column, v) in jac.values_mut().chunks_exact_mut(order).zip(row) {
+                    column[i] -= c * v;
+                }
+            } else {
+                for (j, v) in row.iter().enumerate() {
+                    jac.add(i, j, -c * v);
+                }
+            }
+            for slot in 0..self.num_parameters() {
+                let drift = reduced.drift(&self.operator.load, s, k, slot);
+                jac.add(i, q + slot, c * drift);
+            }
+        } else {
+            for (j, b) in self.operator.trace(k) {
+                jac.add(first + i, j, c * b);
+            }
+        }
+    }
+}
+
+impl<V: Clone, G: Clone> Clone for Interface<V, G> {
+    fn clone(&self) -> Self {
+        let scratch = match self.scratch.lock() {
+            Ok(scratch) => scratch.clone(),
+            Err(poisoned) => poisoned.into_inner().clone(),
+        };
+        Self {
+            operator: Arc::clone(&self.operator),
+            view: self.view.clone(),
+            law: self.law.clone(),
+            law_pattern: self.law_pattern.clone(),
+            pattern: self.pattern.clone(),
+            scratch: Mutex::new(scratch),
+        }
+    }
+}
+
+impl<V: View, G: PiecewiseSmooth> PiecewiseSmooth for Interface<V, G> {
+    fn num_vars(&self) -> usize {
+        self.pattern.ncols()
+    }
+
+    fn num_residuals(&self) -> usize {
+        self.pattern.nrows()
+    }
+
+    fn num_sites(&self) -> usize {
+        self.law.num_sites()
+    }
+
+    fn num_pieces(&self, site: usize) -> usize {
+        self.law.num_pieces(site)
+    }
+
+    fn num_tests(&self, site: usize) -> usize {
+        self.law.num_tests(site)
+    }
+
+    fn cell(&self, site: usize, piece: usize) -> &[Facet] {
+        self.law.cell(site, piece)
+    }
+
+    fn piece_name(&self, site: usize, piece: usize) -> Cow<'_, str> {
+        self.law.piece_name(site, piece)
+    }
+
+    fn site_name(&self, site: usize) -> Cow<'_, str> {
+        self.law.site_name(site)
+    }
+
+    fn pattern(&self) -> Pattern {
+        self.pattern.clone()
+    }
+
+    fn is_piecewise_affine(&self) -> bool {
+        self.law.is_piecewise_affine() && self.operator.load.is_affine()
+    }
+
+    fn exact(&self) -> Option<&dyn ExactPieces> {
+        self.states_coefficients().then_some(self)
+    }
+
+    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
+        self.law.site_rows(site, rows);
+        let first = self.leading();
+        rows.iter_mut().for_each(|i| *i += first);
+    }
+
+    /// β is measured as α is.
+    fn typical_sizes(&self, sizes: &mut [f64]) {
+        let last = sizes.len() - (self.num_parameters() - 1);
+        fill_sizes(self.operator.sizes, self.leading(), &mut sizes[..last]);
+        let alpha = sizes[last - 1];
+        sizes[last..].fill(alpha);
+    }
+
+    fn test_functions(&self, x: &[f64], out: &mut [f64]) {
+        self.with_scratch(|s| {
+            self.law_point(x, s);
+            self.law.test_functions(&s.z, out);
+        });
+    }
+
+    fn residual(&self, selection: &Selection, x: &[f64], out: &mut [f64]) {
+        let (equilibrium, rows) = out.split_at_mut(self.leading());
+        self.with_scratch(|s| {
+            if !equilibrium.is_empty() {
+                self.equilibrium(x, s, equilibrium);
+            }
+            self.law_point(x, s);
+            self.law.residual(selection, &s.z, rows);
+        });
+    }
+
+    fn jacobian(&self, selection: &Selection, x: &[f64], jac: &mut Matrix) {
+        self.with_scratch(|s| {
+            if self.view.reduced().is_none() {
+                self.equilibrium_jacobian(x, s, jac);
+            }
+            self.point_of_derivatives(x, s);
+            s.jac.clear();
+            self.law.jacobian(selection, &s.z, &mut s.jac);
+            for entry in s.jac.triplets().filter(|e| e.2 != 0.0) {
+                self.add_gradient(&s.free, entry, jac);
+            }
+        });
+    }
+
+    fn site_jacobian(&self, site: usize, selection: &Selection, x: &[f64], jac: &mut Matrix) -> bool {
+        self.with_scratch(|s| {
+            self.point_of_derivatives(x, s);
+            s.jac.clear();
+            let done = self.law.site_jacobian(site, selection, &s.z, &mut s.jac);
+            if done {
+                for entry in s.jac.triplets().filter(|e| e.2 != 0.0) {
+                    self.add_gradient(&s.free, entry, jac);
+                }
+            }
+            done
+        })
+    }
+
+    fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {
+        let (first, q) = (self.leading(), self.num_traces());
+        self.with_scratch(|s| {
+            self.point_of_derivatives(x, s);
+            for k in 0..q {
+                s.dz[k] = match self.view.reduced() {
+                    None => self.operator.trace(k).map(|(j, b)| b * d[j]).sum(),
+                    Some(reduced) => {
+                        let drift =
+                            |slot: usize| d[q + slot] * reduced.drift(&self.operator.load, &s.free, k, slot);
+                        (0..self.num_parameters()).map(drift).sum::<f64>() - dot(reduced.row(k), &d[..q])
+                    }
+                };
+            }
+            s.dz[q..].copy_from_slice(&d[first..]);
+            self.law.test_derivatives(&s.z, &s.dz, out);
+        });
+    }
+
+    fn test_gradient(&self, site: usize, test: usize, x: &[f64], gradient: &mut [f64]) {
+        let (first, q) = (self.leading(), self.num_traces());
+        self.with_scratch(|s| {
+            self.point_of_derivatives(x, s);
+            self.law.test_gradient(site, test, &s.z, &mut s.dz);
+            gradient[..first].fill(0.0);
+            gradient[first..].copy_from_slice(&s.dz[q..]);
+            for (k, &g) in s.dz[..q].iter().enumerate().filter(|g| *g.1 != 0.0) {
+                match self.view.reduced() {
+                    None => self.operator.trace(k).for_each(|(j, b)| gradient[j] += g * b),
+                    Some(reduced) => {
+                        add(-g, reduced.row(k), &mut gradient[..q]);
+                        for slot in 0..self.num_parameters() {
+                            gradient[q + slot] += g * reduced.drift(&self.operator.load, &s.free, k, slot);
+                        }
+                    }
+                }
+            }
+        });
+    }
+}
+
+fn full_pattern(operator: &Operator, law: &Pattern) -> Result<Pattern, InterfaceError> {
+    let (n, q) = (operator.num_displacements(), operator.num_traces());
+    let load = &operator.load;
+    let mut entries: Vec<(usize, usize)> = operator.a.triplets().map(|(i, j, _)| (i, j)).collect();
+    entries.extend(operator.b_t.triplets().map(|(i, j, _)| (i, n + j)));
+    if load.base().is_none() {
+        entries.extend((0..n).map(|i| (i, n + q)));
+    }
+    for (k, case) in load.parts().enumerate() {
+        let loaded = case.forces().iter().enumerate().filter(|c| *c.1 != 0.0);
+        entries.extend(loaded.map(|(i, _)| (i, n + q + load.slot(k))));
+    }
+    for k in 0..law.ncols() {
+        for &i in &law.row_idx()[law.col_ptr()[k]..law.col_ptr()[k + 1]] {
+            if k < q {
+                entries.extend(operator.trace(k).map(|(j, _)| (n + i, j)));
+            } else {
+                entries.push((n + i, n + k - q));
+            }
+        }
+    }
+    let variables = n + law.ncols() - q;
+    Ok(Pattern::from_entries(n + q, variables, entries)?)
+}

@@ -1,0 +1,75 @@
+use std::sync::Arc;
+
+use super::error::check_size;
+use super::{InterfaceError, LoadPath, typical_sizes};
+use crate::sparse::Matrix;
+
+/// A, B and the load of A u + Bᵀ λ = f. Clones share the matrices.
+#[derive(Debug, Clone)]
+pub(crate) struct Operator {
+    pub(crate) a: Arc<Matrix>,
+    /// Bᵀ: column k belongs to the trace v_k.
+    pub(crate) b_t: Arc<Matrix>,
+    pub(crate) load: LoadPath,
+    /// Typical sizes of u, λ and α.
+    pub(super) sizes: Option<[f64; 3]>,
+}
+
+impl Operator {
+    /// The operator with the traces B, q × n.
+    pub(crate) fn new(a: Matrix, b: &Matrix, mut load: LoadPath) -> Result<Self, InterfaceError> {
+        let n = a.nrows();
+        check_size("the number of columns of A", n, a.ncols())?;
+        check_size("the number of columns of B", n, b.ncols())?;
+        load.check(n)?;
+        a.check_finite()?;
+        b.check_finite()?;
+        let mut operator = Self {
+            a: Arc::new(a),
+            b_t: Arc::new(b.transpose()),
+            load,
+            sizes: None,
+        };
+        operator.set_sizes(&[]);
+        Ok(operator)
+    }
+
+    /// Finds typical sizes; initial gaps are lengths that matter.
+    pub(crate) fn set_sizes(&mut self, gap: &[f64]) {
+        let loads = self.load.sizes(self.num_displacements());
+        self.sizes = typical_sizes(&self.a, [&*self.b_t], loads, gap);
+    }
+
+    pub(crate) fn with_load(&self, mut load: LoadPath) -> Result<Self, InterfaceError> {
+        load.check(self.num_displacements())?;
+        Ok(Self { load, ..self.clone() })
+    }
+
+    pub(crate) fn num_displacements(&self) -> usize {
+        self.a.nrows()
+    }
+
+    pub(crate) fn num_traces(&self) -> usize {
+        self.b_t.ncols()
+    }
+
+    /// f at these parameters.
+    pub(crate) fn load_at(&self, parameters: &[f64]) -> Vec<f64> {
+        let n = self.num_displacements();
+        let (mut f, mut rate) = (vec![0.0; n], vec![0.0; n]);
+        self.load.general(parameters[0], &mut f, &mut rate);
+        let mut factors = super::load::Factors::new(&self.load);
+        factors.set(&self.load, parameters);
+        for (case, c) in self.load.parts().zip(&factors.value) {
+            super::load::add(*c, case.forces(), &mut f);
+        }
+        f
+    }
+
+    /// The entries of column k of Bᵀ.
+    pub(super) fn trace(&self, k: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
+        let span = self.b_t.pattern().col_ptr()[k]..self.b_t.pattern().col_ptr()[k + 1];
+        let rows = self.b_t.pattern().row_idx()[span.clone()].iter().copied();
+        rows.zip(self.b_t.values()[span].iter().copied())
+    }
+}

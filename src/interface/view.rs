@@ -1,0 +1,202 @@
+use std::sync::Arc;
+
+use super::load::{Factors, LoadPath, add};
+use super::operator::Operator;
+use crate::linear::{Condensation, LinearError};
+
+mod sealed {
+    pub trait Sealed {}
+}
+
+/// How an [`Interface`](super::Interface) looks at A u + Bᵀ λ = f: [in full](FullView), or [on the multipliers alone](CondensedView).
+pub trait View: sealed::Sealed + Clone {
+    /// What is known of the condensed operator; `None` in full form.
+    #[doc(hidden)]
+    fn reduced(&self) -> Option<&Reduced>;
+
+    /// The view of the same operator under another load.
+    #[doc(hidden)]
+    fn under(&self, load: &LoadPath) -> Result<Self, LinearError>;
+}
+
+/// x = (u, λ, α): sparse, equilibrium is part of the equations.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct FullView;
+
+/// x = (λ, α): dense, of the order of the multipliers; u has been eliminated.
+#[derive(Debug, Clone)]
+pub struct CondensedView(Arc<Reduced>);
+
+impl sealed::Sealed for FullView {}
+impl sealed::Sealed for CondensedView {}
+
+impl View for FullView {
+    fn reduced(&self) -> Option<&Reduced> {
+        None
+    }
+
+    fn under(&self, _load: &LoadPath) -> Result<Self, LinearError> {
+        Ok(Self)
+    }
+}
+
+impl View for CondensedView {
+    fn reduced(&self) -> Option<&Reduced> {
+        Some(&self.0)
+    }
+
+    fn under(&self, load: &LoadPath) -> Result<Self, LinearError> {
+        Self::with(Arc::clone(&self.0.condensation), load)
+    }
+}
+
+impl CondensedView {
+    /// One factorisation, and a solve for each load case.
+    pub(crate) fn new(operator: &Operator) -> Result<Self, LinearError> {
+        let condensation = Condensation::new(&operator.a, &operator.b_t.transpose())?;
+        Self::with(Arc::new(condensation), &operator.load)
+    }
+
+    fn with(condensation: Arc<Condensation>, load: &LoadPath) -> Result<Self, LinearError> {
+        let free = load
+            .base()
+            .map(|f| condensation.traces_of_solution(f))
+            .transpose()?;
+        let cases = load
+            .parts()
+            .map(|case| condensation.traces_of_solution(case.forces()))
+            .collect::<Result<_, _>>()?;
+        Ok(Self(Arc::new(Reduced {
+            condensation,
+            free,
+            cases,
+        })))
+    }
+
+    pub(crate) fn condensation(&self) -> &Condensation {
+        &self.0.condensation
+    }
+}
+
+/// The compliance C = B A⁻¹ Bᵀ and the free motions B A⁻¹ f of the load cases.
+#[derive(Debug)]
+pub struct Reduced {
+    condensation: Arc<Condensation>,
+    /// That of the constant case; `None` for general paths of the load.
+    free: Option<Vec<f64>>,
+    cases: Vec<Vec<f64>>,
+}
+
+impl Reduced {
+    /// Row k of C, which is its column k.
+    pub(crate) fn row(&self, k: usize) -> &[f64] {
+        let q = self.condensation.compliance().nrows();
+        &self.condensation.compliance().values()[k * q..(k + 1) * q]
+    }
+
+    /// Free motion under a load f₀ + α f₁, and its rate.
+    pub(super) fn line(&self) -> Option<(&[f64], Vec<f64>)> {
+        let free = self.free.as_ref()?;
+        let rate = self.cases.first().cloned();
+        Some((free, rate.unwrap_or_else(|| vec![0.0; free.len()])))
+    }
+
+    /// 1 / mean diag C.
+    pub(crate) fn stiffness(&self) -> f64 {
+        let q = self.compliance().nrows();
+        let trace: f64 = (0..q).map(|k| self.row(k)[k]).sum();
+        q as f64 / trace
+    }
+
+    pub(crate) fn compliance(&self) -> &crate::sparse::Matrix {
+        self.condensation.compliance()
+    }
+
+    /// Overwrites f by u = A⁻¹ (f − Bᵀ λ).
+    pub(super) fn expand(&self, lambda: &[f64], f: &mut [f64]) -> Result<(), LinearError> {
+        self.condensation.expand(lambda, f)
+    }
+
+    /// w = B A⁻¹ f at these parameters.
+    pub(super) fn motion(&self, load: &LoadPath, free: &mut Free, parameters: &[f64], w: &mut [f64]) {
+        match &self.free {
+            Some(constant) => w.copy_from_slice(constant),
+            None => {
+                self.solve(load, free, parameters[0]);
+                w.copy_from_slice(&free.motion);
+            }
+        }
+        for (case, c) in self.cases.iter().zip(&free.factors.value) {
+            add(*c, case, w);
+        }
+    }
+
+    /// ∂w_k/∂α or ∂w_k/∂β.
+    pub(super) fn drift(&self, load: &LoadPath, free: &Free, k: usize, slot: usize) -> f64 {
+        let mut sum = if self.free.is_none() && slot == 0 {
+            free.rate[k]
+        } else {
+            0.0
+        };
+        for (c, case) in self.cases.iter().enumerate() {
+            if load.slot(c) == slot {
+                sum += free.factors.rate[c] * case[k];
+            }
+        }
+        sum
+    }
+
+    /// Free motion and its rate under a general path of the load: NaN where the solve fails.
+    fn solve(&self, load: &LoadPath, free: &mut Free, alpha: f64) {
+        if free.alpha == alpha {
+            return;
+        }
+        let n = free.load.len() / 2;
+        let (f, rate) = free.load.split_at_mut(n);
+        load.general(alpha, f, rate);
+        let q = free.motion.len();
+        match self.condensation.traces_of_solution(&free.load) {
+            Ok(both) => {
+                free.motion.copy_from_slice(&both[..q]);
+                free.rate.copy_from_slice(&both[q..]);
+                free.alpha = alpha;
+            }
+            Err(_) => {
+                free.motion.fill(f64::NAN);
+                free.rate.fill(f64::NAN);
+                free.alpha = f64::NAN;
+            }
+        }
+    }
+}
+
+/// Factors of the load cases; free motion and its rate where the load follows a general path.
+#[derive(Debug, Clone)]
+pub(super) struct Free {
+    pub(super) factors: Factors,
+    /// α to which `motion` and `rate` belong.
+    alpha: f64,
+    motion: Vec<f64>,
+    rate: Vec<f64>,
+    /// f, then its derivative.
+    pub(super) load: Vec<f64>,
+}
+
+impl Free {
+    pub(super) fn new(operator: &Operator, condensed: bool) -> Self {
+        let general = operator.load.base().is_none();
+        let q = if general && condensed {
+            operator.num_traces()
+        } else {
+            0
+        };
+        let n = if general { operator.num_displacements() } else { 0 };
+        Self {
+            factors: Factors::new(&operator.load),
+            alpha: f64::NAN,
+            motion: vec![0.0; q],
+            rate: vec![0.0; q],
+            load: vec![0.0; 2 * n],
+        }
+    }
+}
