@@ -19,8 +19,8 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
         let mut reaction = vec![0.0; state.u.len()];
         let forces = &x[self.leading()..self.num_residuals()];
         Matrix::as_ref(&self.operator.b_t).mul_add(1.0, forces, &mut reaction);
-        Ok(ContactSolution::assemble(
-            self.nodes(x),
+        let mut solution = ContactSolution::assemble(
+            self.nodes_in_own_scale(x),
             |v| judge(&self.law.law, v),
             |i| at_rest(&self.law.body.gap, &self.law.reference, i),
             (
@@ -28,7 +28,9 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
                 state.load_energy(),
                 imbalance(&state.stiff, &reaction, &state.load),
             ),
-        ))
+        );
+        solution.nodes.iter_mut().for_each(|v| v.r = self.law.r);
+        Ok(solution)
     }
 }
 

@@ -58,11 +58,17 @@ pub enum ContactError {
         /// The entry.
         source: SparseError,
     },
-    /// The augmentation parameter r is not positive.
-    #[error("the augmentation parameter r = {r} must be positive and finite")]
+    /// The augmentation parameter r is too far from the one chosen from the stiffness of the contact nodes, or not positive.
+    #[error(
+        "the augmentation parameter r = {r:e} must be between {lowest:e} and {highest:e}: 10^±12 times the one chosen from the stiffness of the contact nodes"
+    )]
     Augmentation {
         /// Its value.
         r: f64,
+        /// The least that serves.
+        lowest: f64,
+        /// The largest that serves.
+        highest: f64,
     },
     /// A coefficient of friction is negative where a node may be in contact.
     #[error(

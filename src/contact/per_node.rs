@@ -20,7 +20,10 @@ pub struct PerNode<L> {
     pub(super) reference: Vec<f64>,
     /// History variables, node by node.
     pub(super) history: Vec<f64>,
+    /// The augmentation parameter of Newton's method and of the test functions that are told.
     pub(super) r: f64,
+    /// The augmentation parameter in which the map is evaluated: what is followed, classified and listed must not depend on `r`.
+    pub(super) scale: f64,
     /// Stiffness that contact nodes meet: what the search for solutions tries multiples of as r.
     pub(super) stiffness: f64,
     /// Number of parameters, 1 or 2.
@@ -37,19 +40,21 @@ impl<L: NodeLaw> PerNode<L> {
             body,
             law,
             r: GIVING_WAY * stiffness,
+            scale: GIVING_WAY * stiffness,
             stiffness,
             parameters: 1,
         }
     }
 
     /// The same nodes under another law, with the slips that count as none; history begins anew.
-    pub(super) fn under<M: NodeLaw>(&self, law: M, r: f64) -> PerNode<M> {
+    pub(super) fn under<M: NodeLaw>(&self, law: M) -> PerNode<M> {
         PerNode {
             body: Arc::clone(&self.body),
             reference: self.reference.clone(),
             history: initial_history(&law, self.body.num_contacts()),
             law,
-            r,
+            r: self.r,
+            scale: self.scale,
             stiffness: self.stiffness,
             parameters: self.parameters,
         }
@@ -79,7 +84,7 @@ impl<L: NodeLaw> PerNode<L> {
             pressure: force(i),
             parameter: parameters[0],
             second: parameters.get(1).copied().unwrap_or(0.0),
-            r: self.r,
+            r: self.scale,
             ..LocalValues::default()
         };
         for d in 0..self.body.num_tangents() {
@@ -196,6 +201,30 @@ impl<L: NodeLaw> PiecewiseSmooth for PerNode<L> {
         for (i, chunk) in out.chunks_exact_mut(self.law.num_tests()).enumerate() {
             self.law.tests(&self.at(i, z), chunk);
         }
+    }
+
+    fn reported_tests(&self, z: &[f64], out: &mut [f64]) -> bool {
+        if self.r == self.scale {
+            return false;
+        }
+        for (i, chunk) in out.chunks_exact_mut(self.law.num_tests()).enumerate() {
+            let v = LocalValues {
+                r: self.r,
+                ..self.at(i, z)
+            };
+            self.law.tests(&v, chunk);
+        }
+        true
+    }
+
+    fn in_prescribed_scale(&self) -> Option<Box<dyn PiecewiseSmooth + '_>> {
+        if self.r == self.scale {
+            return None;
+        }
+        let mut other = self.under(&self.law as &dyn NodeLaw);
+        other.history.clone_from(&self.history);
+        other.scale = self.r;
+        Some(Box::new(other))
     }
 
     fn residual(&self, selection: &Selection, z: &[f64], out: &mut [f64]) {

@@ -154,13 +154,19 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
         Ok(Interface::with_view(operator, view, nodes)?)
     }
 
-    /// Sets the augmentation parameter r > 0 (force per length). Solutions do not depend on it.
+    /// Sets the augmentation parameter r > 0 (force per length), at first chosen from the stiffness of the contact nodes. Newton's method
+    /// takes its iterates at r, and the test functions that are told are at r ([`theta`](Self::theta), [`nodes`](Self::nodes),
+    /// transitions). Nothing else depends on it: the map is evaluated in a scale of its own, that of the r chosen at first, in which
+    /// curves, lists and certificates are made. At solutions {θ ≥ 0} is the same for every r.
     ///
     /// # Errors
-    /// r ≤ 0 or not finite.
+    /// [`ContactError::Augmentation`] where r is further than a factor of 10¹² from the one chosen at first.
     pub fn with_r(mut self, r: f64) -> Result<Self, ContactError> {
-        if !(r > 0.0 && r.is_finite()) {
-            return Err(ContactError::Augmentation { r });
+        const DECADES: f64 = 1e12;
+        let scale = self.law.scale;
+        let (lowest, highest) = (scale / DECADES, scale * DECADES);
+        if !(r >= lowest && r <= highest) {
+            return Err(ContactError::Augmentation { r, lowest, highest });
         }
         self.law.r = r;
         Ok(self)
@@ -172,7 +178,7 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
     /// A law of another dimension.
     pub fn with_law<M: NodeLaw>(&self, law: M) -> Result<Contact<V, M>, ContactError> {
         self.law.body.check_law(&law)?;
-        Ok(self.under(law, self.law.r))
+        Ok(self.under(law))
     }
 
     /// Sets the tangential displacements from which slips are measured (all along t₁, then all along t₂): those of the step before,
@@ -273,16 +279,23 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
         self.law.body.check_law(&law)?;
         let load = self.operator.load.first().with_second(load);
         let body = Arc::new(self.law.body.under(load)?);
-        let mut nodes = self.law.under(law, self.law.r);
+        let mut nodes = self.law.under(law);
         nodes.body = Arc::clone(&body);
         nodes.parameters = 2;
         let view = self.view.under(&body.operator.load)?;
         Ok(Interface::with_view(Arc::clone(&body.operator), view, nodes)?)
     }
 
-    /// What happens at each contact node at x; nothing where x has another length.
+    /// What happens at each contact node at x, with the [augmentation parameter](Self::r) asked for; nothing where x has another length.
     #[must_use]
     pub fn nodes(&self, x: &[f64]) -> Vec<LocalValues> {
+        let mut nodes = self.nodes_in_own_scale(x);
+        nodes.iter_mut().for_each(|v| v.r = self.law.r);
+        nodes
+    }
+
+    /// The same with the augmentation parameter in which the map is evaluated: for what may not depend on a prescribed one.
+    pub(super) fn nodes_in_own_scale(&self, x: &[f64]) -> Vec<LocalValues> {
         let (first, q) = (self.leading(), self.num_traces());
         let Ok(v) = self.traces(x) else {
             return Vec::new();
@@ -451,18 +464,18 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
     /// The same problem with its law borrowed.
     fn borrowed(&self) -> Contact<V, &dyn NodeLaw> {
         let law: &dyn NodeLaw = &self.law.law;
-        let mut own = self.under(law, self.law.r);
+        let mut own = self.under(law);
         own.law.history.clone_from(&self.law.history);
         own
     }
 
-    /// The same body under another law, with another augmentation parameter.
-    pub(super) fn under<M: NodeLaw>(&self, law: M, r: f64) -> Contact<V, M> {
+    /// The same body under another law.
+    pub(super) fn under<M: NodeLaw>(&self, law: M) -> Contact<V, M> {
         let (operator, view) = (Arc::clone(&self.operator), self.view.clone());
-        self.exchanged(operator, view, self.law.under(law, r))
+        self.exchanged(operator, view, self.law.under(law))
     }
 
-    /// The same problem with another augmentation parameter.
+    /// The same problem with another augmentation parameter of Newton's method.
     pub(super) fn at_r(&self, r: f64) -> Self
     where
         L: Clone,
@@ -477,7 +490,8 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
         let load = self.operator.load.frozen(&[alpha], self.num_displacements());
         let view = self.view.under(&load)?;
         let operator = Arc::new(self.operator.with_load(load)?);
-        let mut nodes = self.law.under(law, self.law.stiffness);
+        let mut nodes = self.law.under(law);
+        (nodes.r, nodes.scale) = (nodes.stiffness, nodes.stiffness);
         if nodes.history.len() == self.law.history.len() {
             nodes.history.clone_from(&self.law.history);
         }

@@ -111,7 +111,8 @@ fn onto_curve(
         return Ok(x);
     }
     let given = x.clone();
-    let solved = Newton::new(NewtonOptions::default()).solve(map, &mut x);
+    let mut newton = Newton::new(NewtonOptions::default()).in_own_scale();
+    let solved = newton.solve(map, &mut x);
     match solved {
         Ok(_) => Ok(x),
         // At folds and on vertical segments ∇_yH is singular: a start that is good to the tolerance is taken as it is.

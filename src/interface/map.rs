@@ -430,6 +430,22 @@ impl<V: View, G: PiecewiseSmooth> PiecewiseSmooth for Interface<V, G> {
         });
     }
 
+    fn reported_tests(&self, x: &[f64], out: &mut [f64]) -> bool {
+        self.with_scratch(|s| {
+            // Whether there are any is the same at every point: traces are computed only for those.
+            self.law.reported_tests(&s.z, out) && {
+                self.law_point(x, s);
+                self.law.reported_tests(&s.z, out)
+            }
+        })
+    }
+
+    fn in_prescribed_scale(&self) -> Option<Box<dyn PiecewiseSmooth + '_>> {
+        let law = self.law.in_prescribed_scale()?;
+        let operator = Arc::clone(&self.operator);
+        Some(Box::new(self.exchanged(operator, self.view.clone(), law)))
+    }
+
     fn residual(&self, selection: &Selection, x: &[f64], out: &mut [f64]) {
         let (equilibrium, rows) = out.split_at_mut(self.leading());
         self.with_scratch(|s| {

@@ -67,6 +67,12 @@ impl<L: LinearSolver> Newton<L> {
         }
     }
 
+    /// The same for maps as they are: results do not depend on a [prescribed scale](PiecewiseSmooth::in_prescribed_scale).
+    pub(crate) fn in_own_scale(mut self) -> Self {
+        self.pieces.own_scale = true;
+        self
+    }
+
     /// The options.
     #[must_use]
     pub fn options(&self) -> &NewtonOptions {
@@ -87,7 +93,8 @@ impl<L: LinearSolver> Newton<L> {
 
     /// Solves H(x) = 0 from the start `x`, which is overwritten by the solution (on failure by the best iterate).
     ///
-    /// A map with one variable more than residuals is solved for the others, the last (the parameter) staying as it is.
+    /// A map with one variable more than residuals is solved for the others, the last (the parameter) staying as it is. Where users
+    /// prescribed a scale, the equation is solved [in that scale](PiecewiseSmooth::in_prescribed_scale).
     ///
     /// # Errors
     /// [`NewtonError::Failed`] with the best iterate and the history; errors of options, map, start and linear solver.
@@ -179,6 +186,12 @@ fn solve_pieces(
     x: &mut [f64],
     observe: &mut dyn FnMut(&Iteration) -> ControlFlow<()>,
 ) -> Result<Convergence, NewtonError> {
+    let prescribed = if pieces.own_scale {
+        None
+    } else {
+        map.in_prescribed_scale()
+    };
+    let map = prescribed.as_deref().unwrap_or(map);
     let (m, n) = (map.num_vars(), map.num_residuals());
     if n == 0 || (m != n && m != n + 1) {
         return Err(PiecewiseError::Dimensions {

@@ -32,6 +32,8 @@ pub(super) struct PsBuffers {
     pub(super) theta: Vec<f64>,
     pub(super) selection: Selection,
     pub(super) trial: Selection,
+    /// Whether the map is taken as it is, whatever scale users prescribed.
+    pub(super) own_scale: bool,
 }
 
 pub(super) struct PsSystem<'a> {

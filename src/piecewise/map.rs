@@ -122,9 +122,15 @@ pub trait PiecewiseSmooth {
 
     /// Replaces `out` by the test functions in the form in which transitions tell them, where that is another than the one in which
     /// curves are followed, and returns whether it is: users may prescribe a scale (the augmentation parameter of a contact
-    /// problem) on which nothing else is to depend. At solutions both forms have the same signs. Default: `false`.
+    /// problem) on which nothing else is to depend, the iterates of Newton's method apart. Whether it is so is the same at every x. At solutions both forms have the same signs. Default: `false`.
     fn reported_tests(&self, _x: &[f64], _out: &mut [f64]) -> bool {
         false
+    }
+
+    /// The same equation in the scale that users prescribed, where that is another: [Newton's method](crate::newton) takes its iterates
+    /// there, as they depend on it. Solutions are the same. Default: `None`.
+    fn in_prescribed_scale(&self) -> Option<Box<dyn PiecewiseSmooth + '_>> {
+        None
     }
 
     /// Directional derivatives ∇θ(x)·d of all test functions, in the order of [`test_functions`](Self::test_functions).
@@ -195,6 +201,9 @@ macro_rules! forward {
         }
         fn reported_tests(&self, x: &[f64], out: &mut [f64]) -> bool {
             (**self).reported_tests(x, out)
+        }
+        fn in_prescribed_scale(&self) -> Option<Box<dyn PiecewiseSmooth + '_>> {
+            (**self).in_prescribed_scale()
         }
         fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {
             (**self).test_derivatives(x, d, out);

@@ -20,6 +20,7 @@ mod interface;
 mod multiplier_spaces;
 mod robustness;
 mod routes;
+mod scale_of_r;
 mod scaling;
 mod supports;
 mod uniqueness_constants;

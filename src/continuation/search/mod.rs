@@ -176,7 +176,7 @@ fn search(
         map,
         alpha,
         options,
-        newton: Newton::new(NewtonOptions::default()),
+        newton: Newton::new(NewtonOptions::default()).in_own_scale(),
         steps: Steps::new(map)?,
         random: Random::new(options.seed),
         found: FoundSolutions::default(),
