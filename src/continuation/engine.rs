@@ -421,7 +421,7 @@ pub(super) fn term_size(jac: &Matrix, x: &[f64], h: f64, t: &[f64]) -> f64 {
 }
 
 /// Raises `sizes` (filled up with zeros) to those of the terms that cancel in each row of H: the sum of |J_ij| (|x_j| + h |t_j|), and at
-/// least what makes `tolerance` times it a rounding error of x.
+/// least what makes `tolerance` times it a rounding error of x as large as other rows measure x.
 pub(super) fn row_sizes(
     jac: &Matrix,
     x: &[f64],
@@ -430,14 +430,16 @@ pub(super) fn row_sizes(
     sizes: &mut Vec<f64>,
 ) {
     const ROUNDING: f64 = 64.0 * f64::EPSILON;
-    let least = ROUNDING / tolerance * (norm(x) + h);
     sizes.resize(jac.nrows(), 0.0);
-    let mut sums = vec![0.0; jac.nrows()];
+    let mut rows = vec![(0.0, 0.0f64); jac.nrows()];
     for (i, j, v) in jac.triplets() {
-        sums[i] += v.abs() * (x[j].abs() + h * t[j].abs()).max(least);
+        rows[i].0 += v.abs() * (x[j].abs() + h * t[j].abs());
+        rows[i].1 = rows[i].1.max(v.abs());
     }
-    for (size, terms) in sizes.iter_mut().zip(sums) {
-        *size = size.max(terms);
+    let lengths = rows.iter().filter(|r| r.1 > 0.0).map(|r| r.0 / r.1);
+    let least = ROUNDING / tolerance * lengths.fold(0.0, f64::max);
+    for (size, (terms, largest)) in sizes.iter_mut().zip(rows) {
+        *size = size.max(terms).max(least * largest);
     }
 }
 

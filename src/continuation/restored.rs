@@ -105,13 +105,17 @@ impl Curve<'_> {
         selection: &Selection,
     ) -> Result<(), ContinuationError> {
         const MARGIN: f64 = 1e3;
+        const LEAST: f64 = 1e-4;
         let mut sizes = Vec::new();
         let t = self.here.t.clone();
         let ahead: Vec<f64> = x.iter().zip(&t).map(|(x, t)| x + self.h * t).collect();
+        // Rows of variables that are zero have no terms but rounding errors.
+        let least = LEAST * (1.0 + norm(x));
+        let reach: Vec<f64> = x.iter().map(|x| x.abs() + least).collect();
         for at in [&ahead[..], x] {
             self.corrector.assemble(&self.map, selection, at)?;
             let tolerance = self.options.residual_tolerance;
-            row_sizes(self.corrector.jacobian(), x, (self.h, &t), tolerance, &mut sizes);
+            row_sizes(self.corrector.jacobian(), &reach, (self.h, &t), tolerance, &mut sizes);
         }
         let mut r = vec![0.0; self.map.num_residuals()];
         self.map.residual(selection, x, &mut r);

@@ -365,11 +365,11 @@ fn curves_cross() {
     }
 }
 
-/// Where no unit of y is told, curves 1e-6 of its size apart in angle may end in a doubt, never on the other curve.
+/// Where no unit of y is told, curves 1e-6 of its size apart in angle may end in a doubt, never on the other curve, nor off their own.
 #[test]
 fn units_that_are_not_told() {
     for k in 0..600 {
-        let unit = if k % 2 == 0 { 1e-6 } else { 1e-4 };
+        let unit = [1e-6, 1e-4, 1e6][k as usize % 3];
         let setting = Setting { unit, ..PLANE };
         let random = &mut Random::new(k);
         let map = crossing(setting, Pair::Lines, 10f64.powi(-4 - (k % 7) as i32), random);
@@ -378,6 +378,13 @@ fn units_that_are_not_told() {
         let branch = Branch::follow(&map, &x, Direction::Decreasing, options).unwrap();
         assert!(branch.branch_points.is_empty(), "{k}");
         let side = map.side(&x);
-        assert!(branch.points.iter().all(|p| map.side(&p.x) == side), "{k}");
+        for p in &branch.points {
+            let u = map.unknowns(&p.x);
+            assert!(map.side(&p.x) == side, "{k}");
+            assert!(
+                map.pair(u[0], u[1])[0].abs() < 1e-10 * (1.0 + u[0] * u[0] + u[1] * u[1]),
+                "{k}: off"
+            );
+        }
     }
 }
