@@ -115,7 +115,13 @@ impl Curve<'_> {
         for at in [&ahead[..], x] {
             self.corrector.assemble(&self.map, selection, at)?;
             let tolerance = self.options.residual_tolerance;
-            row_sizes(self.corrector.jacobian(), &reach, (self.h, &t), tolerance, &mut sizes);
+            row_sizes(
+                self.corrector.jacobian(),
+                &reach,
+                (self.h, &t),
+                tolerance,
+                &mut sizes,
+            );
         }
         let mut r = vec![0.0; self.map.num_residuals()];
         self.map.residual(selection, x, &mut r);
