@@ -699,7 +699,12 @@ fn a_stiffening_chain_has_one_solution_everywhere() {
         for (e, force) in [(0.5, 0.5), (0.75, 0.75), (1.0, 1.0), (1.5, 2.5), (1.7, 3.1)] {
             let alpha = if held { 40.0 * e } else { force };
             let set = all_solutions(&map, alpha, &options).unwrap();
-            assert_eq!(set.completeness, Completeness::Complete, "e = {e}, held: {held}");
+            // All selections are examined, but the map does not state its coefficients.
+            assert!(
+                !set.completeness.has_gaps(),
+                "e = {e}, held: {held}: {:?}",
+                set.completeness
+            );
             assert!(set.continua.is_empty());
             let [one] = set.solutions.as_slice() else {
                 panic!("{} solutions at e = {e}", set.solutions.len());
@@ -817,9 +822,14 @@ mod diodes {
         let options = EnumerationOptions::default().with_max_nodes(100_000);
         for source in [2.03, 6.07, 9.31] {
             let set = all_solutions(&map, source, &options).unwrap();
-            assert_eq!(set.completeness, Completeness::Complete, "E = {source}");
+            assert!(
+                !set.completeness.has_gaps(),
+                "E = {source}: {:?}",
+                set.completeness
+            );
             assert_eq!(set.solutions.len(), by_branches(10, source), "E = {source}");
-            assert_eq!(set.index_sum, Some(1));
+            let indices: Option<i64> = set.solutions.iter().map(|s| s.index.map(i64::from)).sum();
+            assert_eq!((indices, set.index_sum), (Some(1), None));
         }
     }
 }
