@@ -226,7 +226,8 @@ mod active_set {
             let report = ActiveSetSolver::default().solve(&lcp, &mut z).unwrap();
             prop_assert_eq!(report.status, ActiveSetStatus::Solved);
             prop_assert!(report.residual < 1e-12);
-            prop_assert!(listed(&enumerate(&lcp), &z));
+            let set = enumerate(&lcp);
+            prop_assert!(listed(&set, &z), "{z:?} {:?} {lcp:?} {set:?}", lcp.q());
             let (status, by_lemke, _) = lemke(&lcp);
             prop_assert_eq!(status, LemkeStatus::Solved);
             for (a, b) in z.iter().zip(&by_lemke) {

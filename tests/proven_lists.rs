@@ -404,7 +404,7 @@ fn pieces_that_disagree_leave_points_near_their_facet_undecided() {
     );
 }
 
-/// A P matrix with the solution inside of the box. Found by random tests: the list was empty.
+/// A P matrix with the solution inside of the box. Found by random tests: the point given was 0.
 #[test]
 fn a_solution_inside_of_the_box() {
     let matrix = Matrix::from_rows(&[
@@ -465,4 +465,14 @@ fn a_solution_inside_of_the_box() {
         (Completeness::Complete, 1, Some(1)),
         "{set:?}"
     );
+    let exact = [
+        -0.126_134_594_370_624_6,
+        0.102_433_800_036_310_2,
+        -0.053_152_792_018_877_57,
+        -0.026_242_134_584_566_29,
+        -0.069_074_998_197_502_68,
+    ];
+    for (a, b) in set.solutions[0].x.iter().zip(exact) {
+        assert!((a - b).abs() < 1e-14, "{:?}", set.solutions[0].x);
+    }
 }

@@ -46,31 +46,22 @@ impl Enclosure {
         }
         let mut point = vec![0.0; n];
         let mut miss = vec![(0.0, 0.0); n];
-        for _ in 0..3 {
+        let measure = |point: &[f64], miss: &mut [(f64, f64)]| {
             for i in 0..n {
                 let (value, size) = dot(&matrix[i * n..(i + 1) * n], &|k| point[k]);
                 let c = constants[i];
                 miss[i] = (value + c, (value + c).abs() + rounding * (size + c.abs()));
             }
-            // The last round measures what is left.
-            let correction: Vec<f64> = (0..n)
-                .map(|i| dot(&inverse[i * n..(i + 1) * n], &|k| miss[k].0).0)
-                .collect();
-            let bound: Vec<f64> = (0..n)
-                .map(|i| dot(&inverse[i * n..(i + 1) * n], &|k| miss[k].1).1)
-                .collect();
-            let worst = bound.iter().fold(0.0f64, |m, b| m.max(*b));
-            if worst == 0.0 || correction.iter().zip(&bound).all(|(c, b)| c.abs() < 0.5 * b) {
-                break;
+        };
+        // The second round removes the rounding of the first.
+        for _ in 0..2 {
+            measure(&point, &mut miss);
+            for (i, p) in point.iter_mut().enumerate() {
+                *p -= dot(&inverse[i * n..(i + 1) * n], &|k| miss[k].0).0;
             }
-            point.iter_mut().zip(&correction).for_each(|(p, c)| *p -= c);
         }
+        measure(&point, &mut miss);
         let mut radius = Vec::with_capacity(n);
-        for i in 0..n {
-            let (value, size) = dot(&matrix[i * n..(i + 1) * n], &|k| point[k]);
-            let c = constants[i];
-            miss[i].1 = (value + c).abs() + rounding * (size + c.abs());
-        }
         for i in 0..n {
             radius.push(dot(&inverse[i * n..(i + 1) * n], &|k| miss[k].1).1);
         }
@@ -225,6 +216,18 @@ mod tests {
         assert_eq!(found.sign_of(&[1.0, -2.0], 0.0), None);
         assert_eq!(found.sign_of(&[1.0, -2.0], 1e-10), Some(1));
         assert_eq!(found.sign_of(&[1.0, -2.0], -1e-10), Some(-1));
+    }
+
+    /// (G⁻¹ c)₁ = 1.1 − 1.0 cancels: the solution is not 0.
+    #[test]
+    fn small_solutions_of_large_terms_are_found() {
+        let found = Enclosure::of(&[1.0, 1.0, 0.0, 1.0], &[-1.1, -1.0]).unwrap();
+        assert!(
+            (found.point[0] - 0.1).abs() < 1e-15 && found.radius[0] < 1e-14,
+            "{found:?}"
+        );
+        let found = Enclosure::of(&[2.0, 1.0, 1.0, 2.0], &[-1.5, -1.4]).unwrap();
+        assert!((found.point[0] - 1.6 / 3.0).abs() < 1e-15, "{found:?}");
     }
 
     #[test]
