@@ -124,6 +124,19 @@ fn open_contacts_without_friction_are_solved() {
     }
 }
 
+/// Packings in which the first proximal steps from interior points all fail: a step that takes all of its iterations must not end the
+/// attempt before a larger weight was tried.
+#[test]
+fn packings_survive_failed_proximal_steps() {
+    for seed in [2, 3] {
+        let p = families::packing([5, 5, 4], 0.4, 3e-2, 1.0, seed);
+        let options = DelassusOptions::default().with_max_factorisations(400);
+        let report = DelassusSolver::new(options).solve(&p).unwrap();
+        assert!(report.is_solved(), "seed {seed}: {}", report.status);
+        assert!(oracle::worst(&p, &report.r) <= 1.01 * TOLERANCE);
+    }
+}
+
 /// A pebble beside a heavy heap: in the norm of all contacts its motion is rounding, and yet it must be right.
 #[test]
 fn contacts_that_bear_little_are_solved_too() {

@@ -28,11 +28,11 @@ const LEAST_PRECISION: f64 = 1e-24;
 /// Newton iterations of one proximal step.
 const INNER: usize = 60;
 
-/// Factorisations without a gain of a factor 3 after which proximal steps are given up.
+/// Factorisations without a gain of a factor 3 after which proximal steps are given up: more than one step may take, so that none of
+/// them ends the attempt before a larger α was tried.
 const PATIENCE: usize = 300;
-const FIRST_PATIENCE: usize = 40;
-/// The same before interior points are tried, and Newton iterations of one proximal step there.
-const QUICK_PATIENCE: usize = 1;
+const FIRST_PATIENCE: usize = INNER + INNER / 2;
+/// Newton iterations of one proximal step before interior points are tried.
 const QUICK: usize = 6;
 /// Most proximal steps in a row without a factorisation: α is then at its least and nothing moves.
 const MAX_IDLE: usize = 60;
@@ -81,7 +81,8 @@ struct Measure {
 ///
 /// M is taken to be semidefinite up to rounding. Errors that make its symmetric part indefinite by ε (entries known to a few digits
 /// only, say) may leave a problem without a solution: runs then stall at a residual of about ε against M. Heaps of some hundred bodies
-/// with many redundant contacts may stall too, at 1e-7, far above rounding.
+/// with many redundant contacts may stall too, at 1e-7, far above rounding: the central path of interior points turns back many times
+/// there, and proximal steps go in circles. That is no evidence against a solution.
 #[derive(Debug, Clone, Default)]
 pub struct DelassusSolver {
     options: DelassusOptions,
@@ -267,7 +268,7 @@ impl<'a, const D: usize> Run<'a, D> {
         if !interior.is_large() {
             // Where sweeps have found most of the states, a few factorisations of the closed contacts end it.
             let swept = self.r.clone();
-            self.proximal(ALPHA_NEAR, QUICK_PATIENCE, QUICK)?;
+            self.proximal(ALPHA_NEAR, 0, QUICK)?;
             self.r = swept;
             self.near_progress = f64::INFINITY;
             self.measure();
@@ -350,7 +351,8 @@ impl<'a, const D: usize> Run<'a, D> {
         ControlFlow::Continue(shortened)
     }
 
-    /// Proximal steps from the iterate until they no longer pay.
+    /// Proximal steps from the iterate until they no longer pay: `patience` factorisations without a gain of a factor 3, for 0 the
+    /// first step that fails.
     fn proximal(&mut self, mut alpha: f64, patience: usize, inner: usize) -> Outcome {
         let mut centre = self.r.clone();
         let (mut mark, mut mark_at) = (f64::INFINITY, self.newton.factorisations);
@@ -402,7 +404,9 @@ impl<'a, const D: usize> Run<'a, D> {
             if progress < 0.3 * mark {
                 (mark, mark_at) = (progress, self.newton.factorisations);
             }
-            if self.newton.factorisations - mark_at > patience || alpha > LARGEST_ALPHA {
+            let idled = self.newton.factorisations - mark_at > patience;
+            let given_up = if patience == 0 { !converged } else { idled };
+            if given_up || alpha > LARGEST_ALPHA {
                 return ControlFlow::Continue(());
             }
         }
