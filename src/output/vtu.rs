@@ -55,6 +55,9 @@ impl Field {
     }
 }
 
+/// Writes a mesh with its fields in one format.
+type Grid = fn(&mut dyn Write, &Mesh, &[Field], &[Field]) -> io::Result<()>;
+
 /// Writes a mesh with fields at its nodes and in its cells: VTU (XML, numbers in base64) if the path ends in `.vtu`, legacy VTK (text) if
 /// in `.vtk`. Any f64 is written, NaN included.
 ///
@@ -78,8 +81,8 @@ pub fn write_vtu(
     at_nodes.iter().try_for_each(|f| f.check(mesh.num_nodes()))?;
     in_cells.iter().try_for_each(|f| f.check(mesh.num_cells()))?;
     let ending = path.extension().and_then(|e| e.to_str()).unwrap_or_default();
-    let grid: fn(&mut dyn Write, &Mesh, &[Field], &[Field]) -> io::Result<()> = match ending {
-        "vtu" => xml_grid,
+    let grid = match ending {
+        "vtu" => xml_grid as Grid,
         "vtk" => legacy_grid,
         _ => {
             return Err(OutputError::Io {

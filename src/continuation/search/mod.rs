@@ -170,7 +170,7 @@ fn search(
         .into());
     }
     for start in starts {
-        check_vector("a start", start.as_ref(), m)?;
+        check_vector("a start", start, m)?;
     }
     let mut search = Search {
         map,
