@@ -81,7 +81,7 @@ struct Measure {
 ///
 /// M is taken to be semidefinite up to rounding. Errors that make its symmetric part indefinite by ε (entries known to a few digits
 /// only, say) may leave a problem without a solution: runs then stall at a residual of about ε against M. Heaps of some hundred bodies
-/// with many redundant contacts may stall too, at 1e-7, far above rounding: the central path of interior points turns back many times
+/// with many redundant contacts may stall too, at 1e-7, far above rounding: the central path of interior points may turn back
 /// there, and proximal steps go in circles. That is no evidence against a solution.
 #[derive(Debug, Clone, Default)]
 pub struct DelassusSolver {
