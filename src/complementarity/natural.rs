@@ -181,49 +181,6 @@ impl<F: McpFunction> PiecewiseSmooth for Mcp<F> {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::super::{AffineFunction, problem::natural};
-    use super::*;
-    use crate::piecewise::check::{CheckOptions, check};
-    use crate::piecewise::value;
-
-    #[test]
-    fn keeps_the_contract_for_all_kinds_of_bounds() {
-        let inf = f64::INFINITY;
-        let rows: Vec<Vec<f64>> = (0..5)
-            .map(|i| {
-                (0..5)
-                    .map(|j| ((i * 7 + j * 3) % 5) as f64 - 1.5 + 4.0 * f64::from(u8::from(i == j)))
-                    .collect()
-            })
-            .collect();
-        let f =
-            AffineFunction::new(Matrix::from_rows(&rows).unwrap(), vec![1.0, -2.0, 0.5, 3.0, -1.0]).unwrap();
-        let lower = vec![0.0, -inf, -1.0, -inf, 2.0];
-        let upper = vec![inf, 1.0, 1.0, inf, 2.0];
-        let mcp = Mcp::new(f, lower.clone(), upper.clone()).unwrap();
-        let points: Vec<Vec<f64>> = (0..20)
-            .map(|k| {
-                (0..5)
-                    .map(|i| ((k * 13 + i * 5) % 11) as f64 * 0.4 - 2.0)
-                    .collect()
-            })
-            .collect();
-        for x in &points {
-            let (mut a, mut f) = (vec![0.0; 5], vec![0.0; 5]);
-            value(&mcp, x, &mut a);
-            mcp.function().value(x, &mut f);
-            for i in 0..5 {
-                let mid = (x[i] - f[i]).max(lower[i]).min(upper[i]);
-                assert!((a[i] - (x[i] - mid)).abs() < 1e-12);
-                assert!((natural(x[i], lower[i], upper[i], f[i]) - a[i]).abs() < 1e-12);
-            }
-        }
-        check(&mcp, &points, &CheckOptions::default()).unwrap();
-    }
-}
-
 impl<F: McpFunction> Mcp<F> {
     /// F(x) at a parameter, row by row.
     fn exact_values(&self, alpha: f64) -> Option<Vec<ExactForm>> {
@@ -313,5 +270,48 @@ impl<F: McpFunction> ExactPieces for Mcp<F> {
             bounds: self.exact_bounds(&values),
             sites: (0..n).map(site).collect(),
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{AffineFunction, problem::natural};
+    use super::*;
+    use crate::piecewise::check::{CheckOptions, check};
+    use crate::piecewise::value;
+
+    #[test]
+    fn keeps_the_contract_for_all_kinds_of_bounds() {
+        let inf = f64::INFINITY;
+        let rows: Vec<Vec<f64>> = (0..5)
+            .map(|i| {
+                (0..5)
+                    .map(|j| ((i * 7 + j * 3) % 5) as f64 - 1.5 + 4.0 * f64::from(u8::from(i == j)))
+                    .collect()
+            })
+            .collect();
+        let f =
+            AffineFunction::new(Matrix::from_rows(&rows).unwrap(), vec![1.0, -2.0, 0.5, 3.0, -1.0]).unwrap();
+        let lower = vec![0.0, -inf, -1.0, -inf, 2.0];
+        let upper = vec![inf, 1.0, 1.0, inf, 2.0];
+        let mcp = Mcp::new(f, lower.clone(), upper.clone()).unwrap();
+        let points: Vec<Vec<f64>> = (0..20)
+            .map(|k| {
+                (0..5)
+                    .map(|i| ((k * 13 + i * 5) % 11) as f64 * 0.4 - 2.0)
+                    .collect()
+            })
+            .collect();
+        for x in &points {
+            let (mut a, mut f) = (vec![0.0; 5], vec![0.0; 5]);
+            value(&mcp, x, &mut a);
+            mcp.function().value(x, &mut f);
+            for i in 0..5 {
+                let mid = (x[i] - f[i]).max(lower[i]).min(upper[i]);
+                assert!((a[i] - (x[i] - mid)).abs() < 1e-12);
+                assert!((natural(x[i], lower[i], upper[i], f[i]) - a[i]).abs() < 1e-12);
+            }
+        }
+        check(&mcp, &points, &CheckOptions::default()).unwrap();
     }
 }

@@ -223,7 +223,10 @@ fn one_level<V: View, L: NodeLaw>(
 }
 
 /// Tangential forces and slips.
-struct ContactForces(Vec<([f64; 2], [f64; 2])>);
+struct ContactForces(Vec<Tangential>);
+
+/// Traction and slip of a node.
+type Tangential = ([f64; 2], [f64; 2]);
 
 impl ContactForces {
     fn at<V: View, L: NodeLaw>(problem: &Contact<V, L>, x: &[f64]) -> Result<Self, ContactError> {
@@ -234,7 +237,8 @@ impl ContactForces {
 
     /// Σ λt · Δu_t with the forces at the end of an implicit step, or the mean of those at both ends.
     fn dissipated_from(&self, before: &Self, implicit: bool) -> f64 {
-        let of_node = |((now, slip), (old, past)): (&([f64; 2], [f64; 2]), &([f64; 2], [f64; 2]))| -> f64 {
+        let of_node = |(after, past): (&Tangential, &Tangential)| -> f64 {
+            let ((now, slip), (old, past)) = (after, past);
             let force = |d: usize| if implicit { now[d] } else { 0.5 * (now[d] + old[d]) };
             (0..2).map(|d| force(d) * (slip[d] - past[d])).sum()
         };

@@ -249,12 +249,18 @@ fn held(table: &mut Tableau<'_>, conditions: &ExactConditions, pieces: &[usize])
     }
 }
 
+/// A facet as (site, variable, sign).
+type SignedFacet = (usize, usize, i8);
+
+/// A fraction as numerator and positive denominator.
+type Fraction = (BigInt, BigInt);
+
 /// Fixes all equalities of a selection. Gives the sign of the determinant of their rows and the facets as (site, variable, sign).
 fn eliminate(
     table: &mut Tableau<'_>,
     conditions: &ExactConditions,
     pieces: &[usize],
-) -> Result<(i8, Vec<(usize, usize, i8)>), Infeasible> {
+) -> Result<(i8, Vec<SignedFacet>), Infeasible> {
     let mut equalities = Vec::new();
     let mut facets = Vec::new();
     for (site, &piece) in pieces.iter().enumerate() {
@@ -315,7 +321,7 @@ fn parity(mut order: Vec<usize>) -> i8 {
 }
 
 /// The facets that vanish at all points of the polyhedron that they bound.
-fn flat_facets(dictionary: &Dictionary, facets: &[(usize, usize, i8)]) -> Result<Vec<usize>, Infeasible> {
+fn flat_facets(dictionary: &Dictionary, facets: &[SignedFacet]) -> Result<Vec<usize>, Infeasible> {
     let mut feasible = dictionary.clone();
     for &(_, var, sign) in facets {
         feasible.constrain(var, sign)?;
@@ -354,8 +360,8 @@ fn flat_facets(dictionary: &Dictionary, facets: &[(usize, usize, i8)]) -> Result
 }
 
 /// The part of a line that lies in the cell: a fraction as numerator and positive denominator at either end.
-fn segment(table: &Tableau<'_>, facets: &[(usize, usize, i8)]) -> Result<Held, Infeasible> {
-    let (mut low, mut high): (Option<(BigInt, BigInt)>, Option<(BigInt, BigInt)>) = (None, None);
+fn segment(table: &Tableau<'_>, facets: &[SignedFacet]) -> Result<Held, Infeasible> {
+    let (mut low, mut high): (Option<Fraction>, Option<Fraction>) = (None, None);
     for &(_, var, sign) in facets {
         let mut entries = table.dictionary.entries(var);
         if sign < 0 {
@@ -371,7 +377,7 @@ fn segment(table: &Tableau<'_>, facets: &[(usize, usize, i8)]) -> Result<Held, I
         }
         // t = −value/rate.
         let at = if positive { (-value, rate) } else { (value, -rate) };
-        let later = |a: &(BigInt, BigInt), b: &(BigInt, BigInt)| &a.0 * &b.1 > &b.0 * &a.1;
+        let later = |a: &Fraction, b: &Fraction| &a.0 * &b.1 > &b.0 * &a.1;
         if positive {
             if low.as_ref().is_none_or(|l| later(&at, l)) {
                 low = Some(at);
@@ -389,7 +395,7 @@ fn segment(table: &Tableau<'_>, facets: &[(usize, usize, i8)]) -> Result<Held, I
             return Err(Infeasible);
         }
         if a == b {
-            return Ok(single(table.point(&[l.clone()])));
+            return Ok(single(table.point(std::slice::from_ref(l))));
         }
     }
     Ok(Held::Continuum {

@@ -177,9 +177,12 @@ fn bounding(system: &System, unknown: usize) -> Option<(&Form, f64)> {
     })
 }
 
+/// A system with the radii of its unknowns.
+type Bounded = (System, Vec<f64>);
+
 /// Where each unbounded unknown has a form of its own that is nonnegative, their sum S is what the search has to bound. The radii of the
 /// unknowns for S ≤ FAR; and the system of y / S, with the unknown t = 1/S ≤ 1/FAR, and the radii of its unknowns.
-fn far(system: &System, known: &[Option<f64>]) -> Option<(Vec<f64>, (System, Vec<f64>))> {
+fn far(system: &System, known: &[Option<f64>]) -> Option<(Vec<f64>, Bounded)> {
     let m = system.unknowns;
     let mut sum = Form {
         coefficients: vec![0.0; m + 1],

@@ -156,7 +156,9 @@ impl<'a> Cones<'a> {
                 self.map.test_functions(&at, &mut theta);
                 let (a, b) = (theta[first], theta[second]);
                 let known = *factor.get_or_insert(b / a);
-                if !((b - known * a).abs() <= 1e-12 * b.abs()) {
+                // NaN is no agreement.
+                let same = (b - known * a).abs() <= 1e-12 * b.abs();
+                if !same {
                     return false;
                 }
                 seen += usize::from(b != 0.0);
@@ -190,7 +192,8 @@ impl<'a> Cones<'a> {
         let mut rates = vec![0.0; self.layout.total()];
         self.map.test_derivatives(self.x, &d, &mut rates);
         let selection = pointed_into(self.map, &self.layout, active, &rates);
-        if !(self.margin(&selection, &d[..n]) > CLEAR) {
+        let clear = self.margin(&selection, &d[..n]) > CLEAR;
+        if !clear {
             return None;
         }
         let mut jac = Matrix::zeros(self.map.pattern());

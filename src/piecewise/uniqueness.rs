@@ -256,8 +256,8 @@ fn winding(cones: &Cones<'_>, active: &ActiveSet) -> Result<Option<LocalUniquene
             let margin = cones.margin(found.selection, &d);
             if margin > CLEAR {
                 inside.push((found.selection.clone(), d));
-            } else if !(margin < -CLEAR) {
-                clear = false;
+            } else {
+                clear &= margin < -CLEAR;
             }
             Ok(())
         };

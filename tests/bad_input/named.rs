@@ -126,8 +126,8 @@ fn first_points() {
         p.solve_from_states(-1.0, &[Stick]) => ContactError::NegativeFriction { .. },
         p.solve_from_states(1.0, &[]) => ContactError::Length { .. },
         p.solve_from_states(1.0, &[Open, Open]) => ContactError::Length { .. },
-        p.solve(1.0, Some(&vec![0.0])) => ContactError::Length { .. },
-        p.solve(1.0, Some(&vec![f64::NAN; 5])) => ContactError::NotFinite { .. },
+        p.solve(1.0, Some(&[0.0])) => ContactError::Length { .. },
+        p.solve(1.0, Some(&[f64::NAN; 5])) => ContactError::NotFinite { .. },
     }
     for bad in BAD {
         refused!(p.solve(bad, None) => ContactError::NotFinite { .. });

@@ -27,10 +27,10 @@ impl SmoothFunction for Bratu {
         for i in 0..N {
             let mut second = x[i] * 2.0;
             if i > 0 {
-                second = second - x[i - 1];
+                second -= x[i - 1];
             }
             if i + 1 < N {
-                second = second - x[i + 1];
+                second -= x[i + 1];
             }
             out[i] = (second * inverse - x[N] * x[i].exp()) * self.units[i];
         }

@@ -86,7 +86,7 @@ fn follow_from_everywhere(
     let options = ContinuationOptions::seed().with_parameter_range(window);
     for k in 0..100 {
         let alpha = first + 0.1 * f64::from(k);
-        let start = problem.solve_from_states(alpha, &states).unwrap();
+        let start = problem.solve_from_states(alpha, states).unwrap();
         let branch = Branch::follow(problem, &start, Direction::Decreasing, options.clone()).unwrap();
         let met: Vec<_> = branch
             .transitions

@@ -80,7 +80,7 @@ pub(super) fn planar_problems(t: &mut Table) {
             problem().solve(bad, None)
         });
         t.refuses("contact::Contact::solve", "the start", "", || {
-            problem().solve(0.0, Some(&vec![bad; 5]))
+            problem().solve(0.0, Some(&[bad; 5]))
         });
         t.refuses(
             "contact::Contact::with_second_parameter",
@@ -229,7 +229,7 @@ pub(super) fn planar_problems(t: &mut Table) {
             problem().solve(size, None)
         });
         t.survives("contact::Contact::solve", "huge starts", || {
-            problem().solve(0.0, Some(&vec![size; 5]))
+            problem().solve(0.0, Some(&[size; 5]))
         });
         t.survives("contact::HildRenard::problem", "huge moduli", || {
             HildRenard::new(size, size, size, size).and_then(|h| h.problem())
