@@ -450,6 +450,7 @@ fn a_start_near_the_facet_of_a_far_curve() {
     );
     let friction = FrictionCoefficient::nodal(vec![0.03125, 0.3125, 0.0]).unwrap();
     let problem = FullContact::planar(a, pick(0), pick(1), load, friction).unwrap();
+    let own = problem.r();
     let map = problem.with_r(1.0).unwrap().condensed().unwrap();
     let set = all_solutions(&map, 0.0, &EnumerationOptions::default()).unwrap();
     assert_eq!((set.solutions.len(), set.completeness.is_complete()), (1, true));
@@ -458,12 +459,17 @@ fn a_start_near_the_facet_of_a_far_curve() {
     assert_eq!(branch.termination, Termination::ParameterRange);
     assert_eq!(branch.transitions.len(), 3);
     let mut r = vec![0.0; 6];
-    // In forces, r being 1.
-    let forces = map.in_prescribed_scale().unwrap();
     for (_, x) in branch.polyline() {
-        forces.residual(&select(&forces, x), x, &mut r);
-        let size = x.iter().fold(1.0f64, |m, v| m.max(v.abs()));
-        assert!(r.iter().all(|r| r.abs() <= 1e-9 * size), "{x:?}: {r:?}");
+        map.residual(&select(&map, x), x, &mut r);
+        // Displacements are w − C λ; their terms count with the map's own r, 10⁴ times the stiffness of the softest node.
+        let (free, compliance) = (map.free_motion(x[6]).unwrap(), map.compliance());
+        let terms = |i: usize| {
+            let forces = (0..6).map(|j| (compliance.get(i, j) * x[j]).abs());
+            free[i].abs() + forces.sum::<f64>()
+        };
+        let largest = (0..6).map(terms).fold(0.0, f64::max);
+        let size = x[..6].iter().fold(own * largest, |m, v| m.max(v.abs()));
+        assert!(r.iter().all(|r| r.abs() <= 1e-12 * size), "{x:?}: {r:?}");
     }
 }
 
