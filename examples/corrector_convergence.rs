@@ -2,6 +2,9 @@
 //! You will see residuals, steps, how many sites change their piece in each iteration, and the observed order of convergence.
 //! Run: cargo run --release --example corrector_convergence
 
+// The circuit comes from another example, with what examples share.
+#![allow(clippy::duplicate_mod)]
+
 #[macro_use]
 mod common;
 #[allow(dead_code)]
