@@ -109,14 +109,12 @@ impl Curve<'_> {
         let mut rates = vec![0.0; self.layout.total()];
         self.map.test_derivatives(&self.here.x, &self.here.t, &mut rates);
         let reach = REACH * self.options.min_step;
-        let mut theta = vec![0.0; rates.len()];
-        self.map.test_functions(&self.here.x, &mut theta);
         let vanishing: Vec<Vanishing> = (0..rates.len())
-            .filter(|&k| theta[k].abs() <= reach * rates[k].abs())
+            .filter(|&k| self.here.theta[k].abs() <= reach * rates[k].abs())
             .map(|k| Vanishing::new(&self.map, &self.layout, k, &self.here.x))
             .collect();
         let indices = vanishing.iter().map(|v| v.index).collect();
-        let active = ActiveSet::from_tests(&self.map, &self.layout, &theta, indices);
+        let active = ActiveSet::from_tests(&self.map, &self.layout, &self.here.theta, indices);
         let before = self.selection.clone();
         let (arrival, oriented) = (self.here.t.clone(), self.here.orientation);
         for selection in active.selections().take(self.options.max_selections as usize) {
@@ -178,7 +176,7 @@ impl Curve<'_> {
                 self.here.residual_norm = c.residual_norm;
                 self.here.orientation = self.corrector.orientation(&self.here.t);
                 self.here.det_sign = self.corrector.det_sign();
-                prescribed_tests(&self.map, &self.here.x, &mut self.here.theta);
+                self.map.test_functions(&self.here.x, &mut self.here.theta);
                 Ok(())
             }
             Ok(_) | Err(PiecewiseError::Linear(_)) => Ok(()),
@@ -247,13 +245,13 @@ fn natural<P: PiecewiseSmooth + ?Sized>(
     theta: &mut [f64],
     selection: &mut Selection,
 ) {
-    prescribed_tests(map, x, theta);
+    // The iterates of published runs depend on the scale that users prescribed.
+    let prescribed = map.reported_tests(x, theta);
+    if !prescribed {
+        map.test_functions(x, theta);
+    }
     select_pieces(map, layout, theta, true, 0.0, selection);
-}
-
-/// The test functions with what the user prescribed: the iterates of published runs depend on it.
-fn prescribed_tests<P: PiecewiseSmooth + ?Sized>(map: &P, x: &[f64], theta: &mut [f64]) {
-    if !map.reported_tests(x, theta) {
+    if prescribed {
         map.test_functions(x, theta);
     }
 }
