@@ -503,7 +503,7 @@ fn sweeps_are_told_and_limited() {
         report.sweeps
     };
     let all = sweeps(&report);
-    let options = DelassusOptions::default().with_max_sweeps(7);
+    let options = DelassusOptions::default().with_max_sweeps(3);
     let fewer = sweeps(&DelassusSolver::new(options).solve(&problem).unwrap());
-    assert!(all > 300 && fewer <= 5 * 7, "{all} {fewer}");
+    assert!(all > fewer && fewer <= 5 * 3, "{all} {fewer}");
 }

@@ -27,6 +27,7 @@ use crate::sparse::{Matrix, Pattern, dot};
 /// let a = Matrix::from_rows(&[[2.0, -1.0], [-1.0, 1.0]])?;
 /// let b = Matrix::from_rows(&[[1.0, 0.0]])?;
 /// // A law of one quantity is a curve in (v, λ, α).
+/// #[derive(Clone)]
 /// struct Stop;
 /// # use semismooth::piecewise::{Facet, PiecewiseSmooth, Selection};
 /// impl PiecewiseSmooth for Stop {
