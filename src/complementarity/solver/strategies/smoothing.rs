@@ -128,7 +128,7 @@ mod tests {
             (-2.0, -1.0),
         ] {
             for mu in [1.0, 1e-2] {
-                let h = 1e-6;
+                let h = 1e-6 * f64::max(1.0, a.abs().max(b.abs()));
                 let (_, by_a, by_b) = smoothed(a, b, mu);
                 let da = (smoothed(a + h, b, mu).0 - smoothed(a - h, b, mu).0) / (2.0 * h);
                 let db = (smoothed(a, b + h, mu).0 - smoothed(a, b - h, mu).0) / (2.0 * h);
