@@ -120,7 +120,7 @@ mod tests {
     #[test]
     fn smoothed_functions_have_their_derivatives_and_tend_to_the_minimum() {
         for (a, b) in [
-            (1.0, 2.0),
+            (1.0_f64, 2.0_f64),
             (0.3, 0.3),
             (-1.0, 4.0),
             (2.0, -3.0),
