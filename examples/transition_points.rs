@@ -131,24 +131,35 @@ fn show(example: &Example, case: &Value, args: &Args) -> Outcome<f64> {
     let options = ContinuationOptions::default()
         .with_parameter_range(example.window)
         .with_max_step(0.2);
-    let mut branches = Vec::new();
-    let mut found = vec![false; vertices(case).len()];
-    let mut worst = 0.0_f64;
-    for (k, start) in example.starts.iter().enumerate() {
+    let mut all = Vec::new();
+    for start in example.starts {
         let states = states(start);
         let x = map.solve_from_states(START, &states)?;
         // The start lies on the bound of the window: the other direction leaves it at once.
         let branch = Branch::follow(&map, &x, Direction::Decreasing, options.clone())?;
+        let events = events(&map, &branch);
+        all.push(Followed {
+            states,
+            x,
+            branch,
+            events,
+        });
+    }
+    number(&mut all);
+    let mut found = vec![false; vertices(case).len()];
+    let mut worst = 0.0_f64;
+    for (k, followed) in all.iter().enumerate() {
+        let branch = &followed.branch;
         let last = branch.polyline().last().map_or(START, |(_, x)| x[x.len() - 1]);
         println!(
             "  branch {}: {} at α = {START}, {} points, to α = {:.4} ({})",
             k + 1,
-            words_of(&states),
+            words_of(&followed.states),
             branch.points.len(),
             positive_zero(last),
             branch.termination,
         );
-        for (n, met) in events(&map, &branch).iter().enumerate() {
+        for met in &followed.events {
             let deviation = match nearest(case, &met.x) {
                 Some((v, deviation)) => {
                     found[v] = true;
@@ -157,25 +168,23 @@ fn show(example: &Example, case: &Value, args: &Args) -> Outcome<f64> {
                 None => f64::INFINITY,
             };
             worst = worst.max(deviation);
-            print_event(&map, n + 1, met, deviation);
+            print_event(&map, met, deviation);
         }
         if let Some(&table) = example.printed.get(k).filter(|table| !table.is_empty()) {
             let fine = Branch::follow(
                 &map,
-                &x,
+                &followed.x,
                 Direction::Decreasing,
                 options.clone().with_max_step(SHORT),
             )?;
             compare(&map, &fine, table)?;
         }
-        branches.push(branch);
     }
     let missing = found.iter().filter(|f| !**f).count();
     if missing > 0 {
         return Err(format!("{}: {missing} transition points were not met", example.key).into());
     }
-    picture(example, &map, &branches, p)
-        .write(file_in(&args.out, &format!("{}.svg", file_name(example)))?)?;
+    picture(example, &map, &all, p).write(file_in(&args.out, &format!("{}.svg", file_name(example)))?)?;
     Ok(worst)
 }
 
@@ -183,8 +192,18 @@ fn file_name(example: &Example) -> String {
     example.key.replace("ex", "example")
 }
 
+/// A branch with the state it starts from and what it meets.
+struct Followed {
+    states: Vec<ContactState>,
+    x: Vec<f64>,
+    branch: Branch,
+    events: Vec<Met>,
+}
+
 /// A transition or branch point that a branch meets, with the states of all nodes before and behind it.
 struct Met {
+    /// T1, T2, … of an example.
+    number: usize,
     x: Vec<f64>,
     before: Vec<&'static str>,
     after: Vec<&'static str>,
@@ -207,6 +226,7 @@ fn events(map: &FullContact<PlanarCoulomb>, branch: &Branch) -> Vec<Met> {
         all.push((
             t.arclength,
             Met {
+                number: 0,
                 x: t.x.clone(),
                 before,
                 after: behind,
@@ -221,6 +241,7 @@ fn events(map: &FullContact<PlanarCoulomb>, branch: &Branch) -> Vec<Met> {
             .collect();
         let here = words(map, &b.point.selection, &b.point.grazing);
         let met = Met {
+            number: 0,
             x: b.point.x.clone(),
             before: here.clone(),
             after: here,
@@ -232,6 +253,19 @@ fn events(map: &FullContact<PlanarCoulomb>, branch: &Branch) -> Vec<Met> {
     all.into_iter().map(|(_, met)| met).collect()
 }
 
+/// Numbers what is met, from the last branch on as the talk does; a point that two branches meet has one number.
+fn number(all: &mut [Followed]) {
+    let mut known: Vec<Vec<f64>> = Vec::new();
+    for met in all.iter_mut().rev().flat_map(|followed| &mut followed.events) {
+        let same = |x: &Vec<f64>| x.iter().zip(&met.x).all(|(a, b)| (a - b).abs() <= TOLERANCE);
+        let place = known.iter().position(same).unwrap_or_else(|| {
+            known.push(met.x.clone());
+            known.len() - 1
+        });
+        met.number = place + 1;
+    }
+}
+
 fn words(map: &FullContact<PlanarCoulomb>, selection: &Selection, grazing: &[usize]) -> Vec<&'static str> {
     let states = map.states(selection).into_iter().enumerate();
     states
@@ -239,9 +273,10 @@ fn words(map: &FullContact<PlanarCoulomb>, selection: &Selection, grazing: &[usi
         .collect()
 }
 
-fn print_event(map: &FullContact<PlanarCoulomb>, number: usize, met: &Met, deviation: f64) {
+fn print_event(map: &FullContact<PlanarCoulomb>, met: &Met, deviation: f64) {
     println!(
-        "    T{number}  {} at α = {:.12}  (deviation from exact arithmetic {deviation:.1e})",
+        "    T{}  {} at α = {:.12}  (deviation from exact arithmetic {deviation:.1e})",
+        met.number,
         met.kind,
         positive_zero(met.x.last().copied().unwrap_or(f64::NAN))
     );
@@ -264,21 +299,16 @@ fn positive_zero(v: f64) -> f64 {
 }
 
 /// One panel a contact node: its tangential displacement over α, coloured by its state.
-fn picture(
-    example: &Example,
-    map: &FullContact<PlanarCoulomb>,
-    branches: &[Branch],
-    p: usize,
-) -> BranchDiagram {
+fn picture(example: &Example, map: &FullContact<PlanarCoulomb>, all: &[Followed], p: usize) -> BranchDiagram {
     let panel = |node: usize| {
         let label = if p == 1 {
             "tangential displacement".to_owned()
         } else {
             format!("tangential displacement, node {}", node + 1)
         };
-        branches.iter().fold(Panel::new("α", label), |panel, branch| {
-            let panel = panel.with_curve(Curve::of_branch(
-                branch,
+        let panel = all.iter().fold(Panel::new("α", label), |panel, followed| {
+            panel.with_curve(Curve::of_branch(
+                &followed.branch,
                 |x| x[2 * node + 1],
                 |selection, grazing| {
                     let (state, grazing) = (map.states(selection)[node], grazing.contains(&node));
@@ -286,14 +316,14 @@ fn picture(
                     style.name = word(state, grazing).into();
                     style
                 },
-            ));
-            events(map, branch)
-                .iter()
-                .enumerate()
-                .fold(panel, |panel, (n, met)| {
-                    let at = (met.x[met.x.len() - 1], met.x[2 * node + 1]);
-                    panel.with_note(at, format!("T{}", n + 1))
-                })
+            ))
+        });
+        let mut met: Vec<&Met> = all.iter().flat_map(|followed| &followed.events).collect();
+        met.sort_by_key(|met| met.number);
+        met.dedup_by_key(|met| met.number);
+        met.into_iter().fold(panel, |panel, met| {
+            let at = (met.x[met.x.len() - 1], met.x[2 * node + 1]);
+            panel.with_note(at, format!("T{}", met.number))
         })
     };
     let diagram = (1..p).fold(BranchDiagram::new(panel(0)), |d, node| d.with_panel(panel(node)));

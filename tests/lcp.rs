@@ -158,6 +158,29 @@ proptest! {
     }
 }
 
+/// At the solution all terms of some rows are rounding of the largest component: neither their sign nor their relative size says anything.
+#[test]
+fn rows_of_rounding_are_rows_of_zeros() {
+    let m = [
+        [0.0, 0.0, 1.0, 1.0, 0.0],
+        [-1.0, -1.0, 0.0, -2.0, 1.0],
+        [-1.0, -2.0, -1.0, -2.0, 0.0],
+        [0.0, 0.0, 0.0, 0.0, 0.0],
+        [1.0, 1.0, -1.0, 0.0, 1.0],
+    ];
+    let (lower, upper) = (vec![-1.0; 5], vec![1.0, 1.0, 1.0, 0.0, 1.0]);
+    let lcp = Lcp::boxed(
+        matrix(5, |i, j| m[i][j]),
+        vec![0.0, -1.0, -2.0, -2.0, 0.0],
+        lower,
+        upper,
+    )
+    .unwrap();
+    let (status, z, residual) = lemke(&lcp);
+    assert_eq!(status, LemkeStatus::Solved);
+    assert!(residual <= 1e-14 && listed(&enumerate(&lcp), &z), "{z:?}");
+}
+
 #[test]
 fn lemke_stops_at_its_limit_on_exponential_families() {
     let lcp = murty(40);

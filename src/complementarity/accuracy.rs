@@ -18,6 +18,20 @@ const NO_CONSTANT: f64 = 8.0 * f64::EPSILON;
 /// Part of its terms from which on a residual has not begun to cancel.
 const OPEN: f64 = 1e-3;
 
+/// Sets to zero what is rounding of the largest component, where the bounds allow it; tells whether there was any. In a row whose terms
+/// are all such rounding, no sign and no relative size says anything.
+pub(super) fn drop_rounding(lcp: &Lcp, z: &mut [f64]) -> bool {
+    let rounding = ROUNDING * z.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+    let mut any = false;
+    for ((z, l), u) in z.iter_mut().zip(lcp.lower()).zip(lcp.upper()) {
+        if *z != 0.0 && z.abs() <= rounding && *l <= 0.0 && *u >= 0.0 {
+            *z = 0.0;
+            any = true;
+        }
+    }
+    any
+}
+
 /// Terms of rows, and room for what is found about them.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Accuracy {

@@ -273,24 +273,39 @@ fn draw_panel(
     draw_notes(root, panel, (x, y), &pixel)
 }
 
-/// Notes stand above and right of their points, or left of them where the picture ends.
+/// A note takes the first corner around its point where it is inside the axes and free of earlier notes.
 fn draw_notes(
     root: &Area<'_>,
     panel: &Panel,
     (x, y): (Range, Range),
     pixel: &dyn Fn(Point) -> Pixel,
 ) -> Result<(), OutputError> {
+    let (low, high) = (pixel((x.0, y.0)), pixel((x.1, y.1)));
+    let mut taken: Vec<(Pixel, Pixel)> = Vec::new();
     for (at, note) in panel.notes.iter().filter(|n| inside(n.0, x, y)) {
-        let near_the_end = at.0 > x.0 + 0.93 * (x.1 - x.0);
-        let (side, shift) = if near_the_end {
-            (HPos::Right, -2 * RADIUS)
-        } else {
-            (HPos::Left, 2 * RADIUS)
-        };
         let place = pixel(*at);
-        let style = text(root, TEXT - SCALE, side);
-        root.draw_text(&printable(note), &style, (place.0 + shift, place.1 - 2 * RADIUS))
-            .map_err(failed)?;
+        let note = printable(note);
+        let style = text(root, TEXT - SCALE, HPos::Left);
+        let (width, height) = root.estimate_text_size(&note, &style).map_err(failed)?;
+        let (width, height) = (width as i32, height as i32);
+        let corners = [(1, -1), (-1, -1), (1, 1), (-1, 1)].map(|(right, down)| {
+            let left = place.0
+                + if right > 0 {
+                    2 * RADIUS
+                } else {
+                    -2 * RADIUS - width
+                };
+            let middle = place.1 + 2 * RADIUS * down;
+            let top = middle - height / 2;
+            ((left, middle), ((left, top), (left + width, top + height)))
+        });
+        let fits = |(a, b): (Pixel, Pixel)| {
+            let apart = |(c, d): &(Pixel, Pixel)| a.0 > d.0 || c.0 > b.0 || a.1 > d.1 || c.1 > b.1;
+            a.0 >= low.0 && b.0 <= high.0 && a.1 >= high.1 && b.1 <= low.1 && taken.iter().all(apart)
+        };
+        let (start, room) = (corners.iter().find(|c| fits(c.1)).copied()).unwrap_or(corners[0]);
+        taken.push(room);
+        root.draw_text(&note, &style, start).map_err(failed)?;
     }
     Ok(())
 }

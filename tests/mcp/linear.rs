@@ -39,9 +39,9 @@ fn a_start_far_out_leaves_no_rounding_in_the_solution() {
     }
     // A large unknown next to a small one that nothing connects with it: its rounding is no excuse.
     let m = matrix(&[vec![3.0, 0.0], vec![0.0, 3.0]]);
-    let lcp = Lcp::boxed(m, vec![-1e15, -1.0], vec![-INF; 2], vec![INF; 2]).unwrap();
+    let lcp = Lcp::boxed(m, vec![-1e14, -1.0], vec![-INF; 2], vec![INF; 2]).unwrap();
     for gmres in [false, true] {
-        let mut z = [0.0, 1e10];
+        let mut z = [0.0, 1e9];
         let options = ActiveSetOptions::default();
         let report = match gmres {
             true => ActiveSetSolver::with_reduced(options, GmresReduced::default()).solve(&lcp, &mut z),
@@ -74,8 +74,7 @@ proptest! {
         prop_assert!(error(&lcp, &z) <= 1e-10, "{:e}", error(&lcp, &z));
         let mut y = vec![far; n];
         prop_assert_eq!(ActiveSetSolver::default().solve(&lcp, &mut y).unwrap().status, ActiveSetStatus::Solved);
-        // The solver measures terms with the largest |z| of the unknowns that rows connect, this test row by row.
-        prop_assert!(error(&lcp, &y) <= 1e-10, "{:e}", error(&lcp, &y));
+        prop_assert!(error(&lcp, &y) <= 1e-11, "{:e}", error(&lcp, &y));
         for (a, b) in z.iter().zip(&y) {
             prop_assert!((a - b).abs() <= 1e-8 * a.abs().max(1e-3), "{a} {b}");
         }

@@ -5,7 +5,7 @@ use super::{
     ActiveSetIteration, ActiveSetOptions, ActiveSetReport, ActiveSetStatus, AutoReduced, Exchange,
     ReducedSolver,
 };
-use crate::complementarity::accuracy::{Accuracy, Point};
+use crate::complementarity::accuracy::{Accuracy, Point, drop_rounding};
 use crate::complementarity::problem::natural;
 use crate::complementarity::{BoundState, ComplementarityError, Lcp};
 use crate::linear::LinearError;
@@ -289,7 +289,10 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
                 }
                 refinements += 1;
                 if refinements > REFINEMENTS {
-                    return Ok(ActiveSetStatus::Inaccurate);
+                    return Ok(match self.is_solution_without_rounding(lcp, z) {
+                        true => ActiveSetStatus::Solved,
+                        false => ActiveSetStatus::Inaccurate,
+                    });
                 }
                 if settled {
                     continue;
@@ -486,13 +489,26 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
         if self.accuracy.measure(&point).is_solved(tolerance) {
             return true;
         }
+        // Direct solves can do better, iterative ones see a block as a whole.
+        if self.reduced.is_direct() {
+            return false;
+        }
         self.blocks.sizes(z, &mut self.size);
         point.sizes = Some(&self.size);
-        let measure = self.accuracy.measure(&point);
-        match self.reduced.is_direct() {
-            true => measure.is_rounding(),
-            false => measure.is_solved(tolerance),
+        self.accuracy.measure(&point).is_solved(tolerance)
+    }
+
+    /// Whether z without its rounding is a solution; otherwise z stays as it is.
+    fn is_solution_without_rounding(&mut self, lcp: &Lcp, z: &mut [f64]) -> bool {
+        self.step.copy_from_slice(z);
+        if drop_rounding(lcp, z) {
+            lcp.value(z, &mut self.w);
+            if self.is_solution(lcp, z) {
+                return true;
+            }
+            z.copy_from_slice(&self.step);
         }
+        false
     }
 
     fn clamp(&self, lcp: &Lcp, z: &mut [f64]) {

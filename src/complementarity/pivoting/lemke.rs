@@ -157,7 +157,9 @@ impl Lemke {
         };
         self.point(lcp, z);
         lcp.value(z, &mut self.work);
-        let wrong = status == LemkeStatus::Solved && !self.is_solution(lcp, z);
+        let wrong = status == LemkeStatus::Solved
+            && !self.is_solution(lcp, z)
+            && !self.is_solution_without_rounding(lcp, z);
         let mut report = LemkeReport {
             status: if wrong { LemkeStatus::Inaccurate } else { status },
             pivots,

@@ -1,7 +1,7 @@
 //! What keeps a path honest: new inverses, checks of the basic variables, of results and of rays.
 
 use super::{Lemke, Var};
-use crate::complementarity::accuracy::Point;
+use crate::complementarity::accuracy::{Point, drop_rounding};
 use crate::complementarity::pivoting::LemkeStatus;
 use crate::complementarity::{ComplementarityError, Lcp};
 use crate::linear::LinearError;
@@ -111,6 +111,20 @@ impl Lemke {
     pub(super) fn is_solution(&mut self, lcp: &Lcp, z: &[f64]) -> bool {
         let point = Point::of(lcp, z, &self.work);
         self.accuracy.measure(&point).is_solved(TOLERANCE)
+    }
+
+    /// Whether z without its rounding is a solution; otherwise z and `work` stay as they are.
+    pub(super) fn is_solution_without_rounding(&mut self, lcp: &Lcp, z: &mut [f64]) -> bool {
+        self.entering.copy_from_slice(z);
+        if drop_rounding(lcp, z) {
+            lcp.value(z, &mut self.work);
+            if self.is_solution(lcp, z) {
+                return true;
+            }
+            z.copy_from_slice(&self.entering);
+            lcp.value(z, &mut self.work);
+        }
+        false
     }
 
     /// z of the current basis, inside its bounds.
