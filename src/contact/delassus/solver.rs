@@ -32,8 +32,10 @@ const INNER: usize = 60;
 /// them ends the attempt before a larger α was tried.
 const PATIENCE: usize = 300;
 const FIRST_PATIENCE: usize = INNER + INNER / 2;
-/// Newton iterations of one proximal step before interior points are tried.
+/// Newton iterations of one proximal step before interior points are tried. The attempt ends with the first step that fails; where
+/// there is no solution, all may converge while reactions grow without bound, and patience ends it.
 const QUICK: usize = 6;
+const QUICK_PATIENCE: usize = 30;
 /// Most proximal steps in a row without a factorisation: α is then at its least and nothing moves.
 const MAX_IDLE: usize = 60;
 
@@ -268,7 +270,7 @@ impl<'a, const D: usize> Run<'a, D> {
         if !interior.is_large() {
             // Where sweeps have found most of the states, a few factorisations of the closed contacts end it.
             let swept = self.r.clone();
-            self.proximal(ALPHA_NEAR, 0, QUICK)?;
+            self.proximal(ALPHA_NEAR, QUICK_PATIENCE, QUICK)?;
             self.r = swept;
             self.near_progress = f64::INFINITY;
             self.measure();
@@ -351,8 +353,8 @@ impl<'a, const D: usize> Run<'a, D> {
         ControlFlow::Continue(shortened)
     }
 
-    /// Proximal steps from the iterate until they no longer pay: `patience` factorisations without a gain of a factor 3, for 0 the
-    /// first step that fails.
+    /// Proximal steps from the iterate until they no longer pay: `patience` factorisations without a gain of a factor 3, or, in
+    /// the quick attempt, the first step that fails.
     fn proximal(&mut self, mut alpha: f64, patience: usize, inner: usize) -> Outcome {
         let mut centre = self.r.clone();
         let (mut mark, mut mark_at) = (f64::INFINITY, self.newton.factorisations);
@@ -405,8 +407,8 @@ impl<'a, const D: usize> Run<'a, D> {
                 (mark, mark_at) = (progress, self.newton.factorisations);
             }
             let idled = self.newton.factorisations - mark_at > patience;
-            let given_up = if patience == 0 { !converged } else { idled };
-            if given_up || alpha > LARGEST_ALPHA {
+            let failed = inner == QUICK && !converged;
+            if failed || idled || alpha > LARGEST_ALPHA {
                 return ControlFlow::Continue(());
             }
         }
