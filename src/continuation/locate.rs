@@ -415,7 +415,7 @@ impl Curve<'_> {
     }
 
     /// Tangent, orientation, determinant and residual at the very point.
-    fn complete_state(&mut self, state: &mut State) -> Result<(), ContinuationError> {
+    pub(super) fn complete_state(&mut self, state: &mut State) -> Result<(), ContinuationError> {
         let linearized = self
             .corrector
             .linearize(&self.map, &self.selection, &state.x, Some(&state.t));

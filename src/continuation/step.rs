@@ -340,42 +340,37 @@ impl Curve<'_> {
         Ok(())
     }
 
-    /// Whether the start lies on the stretch of curve between `here` and `next`.
+    /// Whether the stretch of curve from `here` to `next` leads through the start, where `next` is put then. It does if the point of this
+    /// very stretch abreast of the start is the start: another stretch that passes nearby leads elsewhere, though the start solves
+    /// H^(σ)(x) = 0 for its selection, too.
     fn closes(&mut self) -> Result<bool, ContinuationError> {
         let length = distance(&self.here.x, &self.next.x);
         let reach = 1e-8 * (1.0 + norm(&self.start));
         if self.arclength <= reach || distance(&self.here.x, &self.start) > 1.5 * length {
             return Ok(false);
         }
-        let offset: f64 = self
-            .here
-            .t
-            .iter()
-            .zip(self.start.iter().zip(&self.here.x))
-            .map(|(t, (x, x0))| t * (x - x0))
-            .sum();
-        if offset <= -reach || offset > self.next.s + reach {
+        let high = self.next.clone();
+        let mut abreast = high.clone();
+        if distance(&high.x, &self.start) > reach {
+            let offset = self.progress_to(&self.start);
+            let inside = offset > -reach && offset <= high.s + reach;
+            if !inside
+                || !self.state_at(offset, &high, &mut abreast)?
+                || distance(&abreast.x, &self.start) > reach
+            {
+                return Ok(false);
+            }
+            self.complete_state(&mut abreast)?;
+        }
+        // Where the curve runs back beside itself, closer than that, it runs the other way.
+        let (selection, start) = (self.selection.clone(), self.start.clone());
+        let at_start = self.orientation_of(&selection, &start, &abreast.t)?;
+        if let (Some(here), Some(there)) = (abreast.orientation, at_start)
+            && here != there
+        {
             return Ok(false);
         }
-        let mut x = self.start.clone();
-        let mut t = self.here.t.clone();
-        let corrected = self.corrector.correct_in_plane(
-            &self.map,
-            &self.selection,
-            &self.here.x,
-            &self.here.t,
-            offset,
-            &mut x,
-            &mut t,
-        );
-        match corrected {
-            Ok(c) if c.converged && distance(&x, &self.start) <= reach => {
-                self.next.x = x;
-                self.next.t = t;
-                Ok(true)
-            }
-            Ok(_) | Err(PiecewiseError::Linear(_)) => Ok(false),
-            Err(e) => Err(e.into()),
-        }
+        self.next = abreast;
+        Ok(true)
     }
 }

@@ -1,6 +1,6 @@
 //! Folds and branch points inside a piece.
 
-use super::maps::{PlaneMap, follow, near, within};
+use super::maps::{Plane, PlaneMap, follow, near, within};
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, Termination};
 
 #[test]
@@ -18,6 +18,32 @@ fn a_quadratic_fold() {
         // α turns exactly where det ∇_yH changes its sign.
         for p in &branch.points {
             assert_eq!(p.det_sign, Some(if p.x[0] > 0.0 { 1 } else { -1 }));
+        }
+    }
+}
+
+/// α = −c y², beside itself on the way back: the long steps there reach past the start, which lies on the other side.
+#[test]
+fn a_curve_that_runs_back_beside_its_start_is_not_closed() {
+    let curves: [(f64, Plane); 3] = [
+        (30.0, |y, a| [30.0 * y * y + a, 60.0 * y, 1.0]),
+        (100.0, |y, a| [100.0 * y * y + a, 200.0 * y, 1.0]),
+        (1000.0, |y, a| [1000.0 * y * y + a, 2000.0 * y, 1.0]),
+    ];
+    for (c, curve) in curves {
+        let map = PlaneMap::smooth(curve);
+        for (k, h) in (0..200).map(|k| (k, 1.0 + 0.01 * f64::from(k % 20))) {
+            let y = -0.3 - 0.001 * f64::from(k);
+            let o = within((-f64::INFINITY, 1.0))
+                .with_max_step(h)
+                .with_max_arclength(8.0 * c * y * y);
+            let branch = Branch::follow(&map, &[y, -c * y * y], Direction::Increasing, o).unwrap();
+            assert_eq!(
+                branch.termination,
+                Termination::MaxArclength,
+                "c {c}, start at {y}"
+            );
+            assert_eq!(branch.smooth_folds.len(), 1);
         }
     }
 }
