@@ -1,8 +1,8 @@
 use std::collections::VecDeque;
 use std::fmt;
 
-use super::arms::{ArmSearch, Arms, RANK, TANGENTIAL, vanishing_at};
-use super::watch::Watch;
+use super::event::arms::{ArmSearch, Arms, RANK, TANGENTIAL, vanishing_at};
+use super::event::watch::Watch;
 use super::{Arm, ContinuationError, ContinuationOptions, Event, Point, PointKind, Strategy, Termination};
 use crate::clock::{Clock, Deadline};
 use crate::linear::{LinearSolver, null_space};

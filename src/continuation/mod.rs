@@ -1,33 +1,23 @@
 //! Piecewise-smooth Moore–Penrose continuation: solution curves of H(y, α) = 0 followed through their kinks.
 
-mod arms;
 mod branch;
-mod branch_point;
 mod certificate;
-mod coincidence;
 mod curve;
 mod diagram;
 mod engine;
 mod error;
+mod event;
 #[cfg(feature = "serde")]
 pub(crate) mod extended;
-mod fold_set;
-mod locate;
-mod monitor;
 mod natural;
 mod options;
-mod polygon;
 mod record;
 mod restored;
 mod save;
 mod search;
-mod smooth;
 mod start;
 mod step;
-mod switching;
-mod transition;
-mod transition_set;
-mod watch;
+mod two_parameters;
 
 pub use branch::Branch;
 pub use certificate::{certify, certify_with};
@@ -37,7 +27,6 @@ pub use diagram::{
     Limit, Progress, Solution, SolutionsAt, VertexArm, VertexKind,
 };
 pub use error::ContinuationError;
-pub use fold_set::FoldSet;
 pub use options::{ContinuationOptions, Strategy};
 pub use record::{
     Arm, BranchPoint, Event, MonitorCrossing, Point, PointKind, SiteChange, SmoothFold, Termination,
@@ -48,4 +37,4 @@ pub use search::{
     FoundBy, FoundSolution, FoundSolutions, SearchOptions, search_solutions, search_solutions_observed,
 };
 pub use start::{Direction, arms_at};
-pub use transition_set::{CharacterChange, TransitionSet};
+pub use two_parameters::{CharacterChange, FoldSet, TransitionSet};

@@ -2,8 +2,8 @@
 
 use std::collections::VecDeque;
 
-use super::arms::Arms;
 use super::engine::{Curve, Solver, State, term_size};
+use super::event::arms::Arms;
 use super::{Arm, Continuation, ContinuationError, ContinuationOptions, Strategy};
 use crate::clock::Clock;
 use crate::linear::{AutoSolver, LinearSolver};

@@ -1,10 +1,10 @@
 //! What happens at a located transition or branch point: arms, kind, and the arm that is followed.
 
 use super::arms::{Arms, TANGENTIAL};
-use super::engine::{Curve, MAX_DENSE};
 use super::locate::VERTICAL;
-use super::smooth::mirrored_tangent;
-use super::{
+use super::singular::mirrored_tangent;
+use crate::continuation::engine::{Curve, MAX_DENSE};
+use crate::continuation::{
     Arm, BranchPoint, ContinuationError, Event, PointKind, SiteChange, Termination, Transition,
     TransitionKind,
 };
@@ -19,7 +19,7 @@ const STRAIGHT: f64 = 1e-5;
 
 impl Curve<'_> {
     /// Passes the transition at `here`, where test function `index` vanishes.
-    pub(super) fn pass_transition(&mut self, index: usize) -> Result<(), ContinuationError> {
+    pub(in crate::continuation) fn pass_transition(&mut self, index: usize) -> Result<(), ContinuationError> {
         let vanishing = self.met_together(index)?;
         let active = self.active_here(&vanishing)?;
         let simple =
@@ -190,7 +190,10 @@ impl Curve<'_> {
     }
 
     /// Passes a point where the Jacobian of the followed selection (or of a co-active one) is singular.
-    pub(super) fn pass_branch_point(&mut self, coactive: Option<usize>) -> Result<(), ContinuationError> {
+    pub(in crate::continuation) fn pass_branch_point(
+        &mut self,
+        coactive: Option<usize>,
+    ) -> Result<(), ContinuationError> {
         if coactive.is_none() {
             // On a facet there is no going straight on: what leaves the cell here is a transition.
             if let Some(index) = self.facet_left_here() {
@@ -265,7 +268,12 @@ impl Curve<'_> {
 }
 
 /// The kind of a transition; a rate of α no larger than `vertical` counts as 0.
-pub(super) fn kind(arrival: &[f64], arm: Option<&Arm>, arms: &Arms, vertical: f64) -> TransitionKind {
+pub(in crate::continuation) fn kind(
+    arrival: &[f64],
+    arm: Option<&Arm>,
+    arms: &Arms,
+    vertical: f64,
+) -> TransitionKind {
     let rate = |t: &[f64]| {
         let last = t.last().copied().unwrap_or(0.0);
         if last.abs() <= vertical {

@@ -1,6 +1,6 @@
 //! The extended system of a simple branch point, and whether its solution is one.
 
-use super::ContinuationError;
+use crate::continuation::ContinuationError;
 use crate::linear::{DenseLu, LinearSolver, null_space};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, Pattern, dot};
@@ -13,10 +13,10 @@ const SMALLEST: f64 = 1e-4;
 const DIFFERENCE: f64 = 6e-6;
 
 /// A solution (x, β, w) of H(x) + β w = 0, ∇H(x)ᵀ w = 0, wᵀw = 1.
-pub(super) struct Singular {
-    pub(super) x: Vec<f64>,
+pub(in crate::continuation) struct Singular {
+    pub(in crate::continuation) x: Vec<f64>,
     /// Whether β vanishes to rounding. Else x is a singular point of H = −β w, next to which two curves of H = 0 pass each other.
-    pub(super) on_curve: bool,
+    pub(in crate::continuation) on_curve: bool,
 }
 
 /// The extended system of a simple branch point (A. Griewank and G. W. Reddien 1984, doi:10.1137/0721043): H(x) + β w = 0,
@@ -24,7 +24,7 @@ pub(super) struct Singular {
 ///
 /// Rows and variables are scaled by their sizes between `from`, a point of the curve, and the guess, so that nothing depends on
 /// units. Dense.
-pub(super) struct BranchSystem<'m, P: ?Sized> {
+pub(in crate::continuation) struct BranchSystem<'m, P: ?Sized> {
     map: &'m P,
     selection: &'m Selection,
     /// Factors of the rows, units of the variables.
@@ -36,7 +36,12 @@ pub(super) struct BranchSystem<'m, P: ?Sized> {
 }
 
 impl<'m, P: PiecewiseSmooth + ?Sized> BranchSystem<'m, P> {
-    pub(super) fn new(map: &'m P, selection: &'m Selection, from: &[f64], guess: &[f64]) -> Self {
+    pub(in crate::continuation) fn new(
+        map: &'m P,
+        selection: &'m Selection,
+        from: &[f64],
+        guess: &[f64],
+    ) -> Self {
         let (n, m) = (map.num_residuals(), map.num_vars());
         let mut units: Vec<f64> = guess
             .iter()
@@ -66,7 +71,10 @@ impl<'m, P: PiecewiseSmooth + ?Sized> BranchSystem<'m, P> {
     }
 
     /// The solution next to `guess` by Newton's method, if that converges quickly: where the solution is regular.
-    pub(super) fn solve(&mut self, guess: &[f64]) -> Result<Option<Singular>, ContinuationError> {
+    pub(in crate::continuation) fn solve(
+        &mut self,
+        guess: &[f64],
+    ) -> Result<Option<Singular>, ContinuationError> {
         const LIMIT: usize = 15;
         const SETTLED: f64 = 1e-9;
         let (n, m) = (self.rows.len(), self.units.len());

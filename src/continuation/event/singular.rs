@@ -1,16 +1,16 @@
 //! Smooth branch points to full accuracy, told apart from curves that pass each other.
 
-use super::ContinuationError;
 use super::branch_point::{BranchSystem, Singular};
-use super::engine::{Curve, MAX_DENSE, State};
 use super::locate::{Monitor, Unresolved};
+use crate::continuation::ContinuationError;
+use crate::continuation::engine::{Curve, MAX_DENSE, State};
 use crate::piecewise::PiecewiseSmooth;
 use crate::sparse::{distance, dot, norm};
 
 /// Distance to a facet, relative to 1 + ‖x‖, up to which a curve that is stuck is taken to have crept up to it.
 const CREEP: f64 = 1e-6;
 /// Largest determinant, relative to that at the start of the step, of a bracketed point that counts as singular.
-pub(super) const ZERO_DETERMINANT: f64 = 1e-6;
+pub(in crate::continuation) const ZERO_DETERMINANT: f64 = 1e-6;
 
 impl Curve<'_> {
     /// The solution next to `guess` of the extended system of a branch point of the followed selection, where that is regular;
@@ -32,7 +32,9 @@ impl Curve<'_> {
 
     /// Moves `next`, whose orientation differs from that of `here`, to the branch point in between. There is one only if the extended
     /// system has a regular solution on the curve of `here`; otherwise the step has gone over to a curve that passes nearby.
-    pub(super) fn resolve_flip(&mut self) -> Result<Result<(), Unresolved>, ContinuationError> {
+    pub(in crate::continuation) fn resolve_flip(
+        &mut self,
+    ) -> Result<Result<(), Unresolved>, ContinuationError> {
         let beyond = self.next.clone();
         let mut guess = beyond.clone();
         self.interpolate(0.5 * beyond.s, &beyond, &mut guess);
@@ -121,13 +123,13 @@ impl Curve<'_> {
     }
 
     /// Distance of x from `here` along the tangent there.
-    pub(super) fn progress_to(&self, x: &[f64]) -> f64 {
+    pub(in crate::continuation) fn progress_to(&self, x: &[f64]) -> f64 {
         let chord = x.iter().zip(&self.here.x).map(|(x, x0)| x - x0);
         self.here.t.iter().zip(chord).map(|(t, c)| t * c).sum()
     }
 
     /// Replaces `next`, an event found next to a branch point of the frozen selection, by that branch point.
-    pub(super) fn sharpen_at_branch_point(&mut self) -> Result<(), ContinuationError> {
+    pub(in crate::continuation) fn sharpen_at_branch_point(&mut self) -> Result<(), ContinuationError> {
         let guess = self.next.x.clone();
         if let Some(x) = self.branch_point_near(&guess, 1e-6 * (1.0 + norm(&guess)))? {
             self.next.x = x;
@@ -138,7 +140,10 @@ impl Curve<'_> {
 
     /// The next facet, where it is met at a branch point of the frozen selection: there its corrector fails on both sides. The
     /// point is extrapolated along the tangent and found by the extended system.
-    pub(super) fn event_at_branch_point(&mut self, h: f64) -> Result<Option<Monitor>, ContinuationError> {
+    pub(in crate::continuation) fn event_at_branch_point(
+        &mut self,
+        h: f64,
+    ) -> Result<Option<Monitor>, ContinuationError> {
         let mut rates = vec![0.0; self.layout.total()];
         self.map.test_derivatives(&self.here.x, &self.here.t, &mut rates);
         let mut nearest: Option<(f64, Monitor)> = None;
@@ -192,7 +197,7 @@ impl Curve<'_> {
 }
 
 /// The tangent at x of the arc of a circle from `start`: there the tangents at both ends mirror each other in the chord.
-pub(super) fn mirrored_tangent(start: &State, x: &[f64]) -> Vec<f64> {
+pub(in crate::continuation) fn mirrored_tangent(start: &State, x: &[f64]) -> Vec<f64> {
     let chord: Vec<f64> = x.iter().zip(&start.x).map(|(a, b)| a - b).collect();
     let along = 2.0 * dot(&chord, &start.t) / dot(&chord, &chord);
     chord.iter().zip(&start.t).map(|(c, t)| along * c - t).collect()

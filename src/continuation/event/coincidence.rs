@@ -1,9 +1,9 @@
 //! Which test functions vanish together with the one on which a transition was located: those whose zero the curve meets at the same
 //! distance along itself, as far as rounding can tell.
 
-use super::ContinuationError;
 use super::arms::TANGENTIAL;
-use super::engine::Curve;
+use crate::continuation::ContinuationError;
+use crate::continuation::engine::Curve;
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, TestLayout, Vanishing};
 use crate::sparse::norm;
 
@@ -18,7 +18,10 @@ impl Curve<'_> {
     /// A facet of the followed cell counts if its crossing lies as far along the curve as the located one, to rounding. One that the
     /// curve moves away from was left before and is behind it, however near: seen from there the arm that was come along would be one
     /// that leaves. The other test functions of the sites concerned count if rounding hides their sign.
-    pub(super) fn met_together(&mut self, index: usize) -> Result<Vec<Vanishing>, ContinuationError> {
+    pub(in crate::continuation) fn met_together(
+        &mut self,
+        index: usize,
+    ) -> Result<Vec<Vanishing>, ContinuationError> {
         let mut rates = std::mem::take(&mut self.rates);
         // On affine pieces they are those of the step just made.
         if !self.map.is_piecewise_affine() || rates.len() != self.layout.total() {
@@ -130,7 +133,7 @@ impl Rounding {
 }
 
 /// Facets of the cell of a selection which do not vanish hold on its curve: where θ says otherwise, that is rounding.
-pub(super) fn keep_inside(
+pub(in crate::continuation) fn keep_inside(
     map: &dyn PiecewiseSmooth,
     layout: &TestLayout,
     selection: &Selection,

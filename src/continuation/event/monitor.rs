@@ -1,9 +1,9 @@
 //! Functions of the user whose zeros along a curve are located and recorded.
 
-use super::engine::Curve;
 use super::locate::{Monitor, side_factor};
 use super::watch::{Function, Watch};
-use super::{Continuation, Event, MonitorCrossing, PointKind, Termination};
+use crate::continuation::engine::Curve;
+use crate::continuation::{Continuation, Event, MonitorCrossing, PointKind, Termination};
 use crate::piecewise::PiecewiseSmooth;
 
 impl<'a, P: PiecewiseSmooth + ?Sized, L> Continuation<'a, P, L> {
@@ -71,7 +71,7 @@ impl<'a> Curve<'a> {
     }
 
     /// The values of watch k at `here` and at x, seen from the side of the curve, if its sign has changed in between.
-    pub(super) fn crossing(&self, k: usize, x: &[f64]) -> Option<(f64, f64)> {
+    pub(in crate::continuation) fn crossing(&self, k: usize, x: &[f64]) -> Option<(f64, f64)> {
         let watch = &self.watches[k];
         let at = |x| watch.side * self.map.at(x, |x| watch.value(x));
         let after = at(x);
@@ -79,7 +79,7 @@ impl<'a> Curve<'a> {
     }
 
     /// The first zero of a watched function on the straight way of length `s` along the tangent.
-    pub(super) fn first_crossing(&mut self, s: f64) -> Option<(f64, Monitor)> {
+    pub(in crate::continuation) fn first_crossing(&mut self, s: f64) -> Option<(f64, Monitor)> {
         let mut first: Option<(f64, Monitor)> = None;
         for k in 0..self.watches.len() {
             let end = first.map_or(s, |f| f.0);
@@ -100,7 +100,7 @@ impl<'a> Curve<'a> {
     }
 
     /// Records a zero at `here`.
-    pub(super) fn pass_monitor(&mut self, k: usize, corrections: usize) {
+    pub(in crate::continuation) fn pass_monitor(&mut self, k: usize, corrections: usize) {
         let point = self.point_here(PointKind::Step, corrections);
         let watch = &mut self.watches[k];
         watch.side = -watch.side;
@@ -116,7 +116,7 @@ impl<'a> Curve<'a> {
     }
 
     /// Takes note of the sides of functions that vanished exactly so far.
-    pub(super) fn refresh_sides(&mut self) {
+    pub(in crate::continuation) fn refresh_sides(&mut self) {
         for watch in self.watches.iter_mut().filter(|w| w.side == 0.0) {
             watch.side = sign(self.map.at(&self.here.x, &watch.function));
         }

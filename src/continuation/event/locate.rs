@@ -1,14 +1,14 @@
 //! Events inside a step and where exactly they are.
 
-use super::engine::{Curve, State};
-use super::smooth::ZERO_DETERMINANT;
-use super::{ContinuationError, Termination};
+use super::singular::ZERO_DETERMINANT;
+use crate::continuation::engine::{Curve, State};
+use crate::continuation::{ContinuationError, Termination};
 use crate::piecewise::{Facet, PiecewiseError, PiecewiseSmooth};
 use crate::sparse::{distance, dot, norm};
 
 /// A scalar function along the curve whose sign must not change unnoticed.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) enum Monitor {
+pub(in crate::continuation) enum Monitor {
     /// A facet of the current cell of a site: its test function (position among all).
     Facet { index: usize, facet: Facet },
     /// α passes a value; `last` for a bound of its range.
@@ -25,7 +25,7 @@ pub(super) enum Monitor {
 
 /// Why a step is too long: something is known to lie inside it that could not be located on it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Unresolved {
+pub(in crate::continuation) enum Unresolved {
     /// An event.
     Event,
     /// A change of orientation that no branch point explains: another curve passes nearby.
@@ -39,11 +39,13 @@ const STRAY: f64 = 0.02;
 /// What rounding may move a located point along the curve, relative to 1 + ‖x‖.
 const ROUNDING: f64 = 16.0 * f64::EPSILON;
 /// α̇ below this counts as zero: the curve is vertical.
-pub(super) const VERTICAL: f64 = 1e-9;
+pub(in crate::continuation) const VERTICAL: f64 = 1e-9;
 
 impl Curve<'_> {
     /// Finds the first event between `here` and `next` and moves `next` there. `Ok(None)`: no event.
-    pub(super) fn first_event(&mut self) -> Result<Result<Option<Monitor>, Unresolved>, ContinuationError> {
+    pub(in crate::continuation) fn first_event(
+        &mut self,
+    ) -> Result<Result<Option<Monitor>, Unresolved>, ContinuationError> {
         if self.dips_unseen() {
             return Ok(Err(Unresolved::Event));
         }
@@ -275,7 +277,10 @@ impl Curve<'_> {
     /// Moves `next` to the zero of `monitor` between `here` and `next`, by bracketed secants (Anderson–Björck) along the curve of
     /// the frozen selection, each point corrected to rounding in a hyperplane normal to the tangent at `here`. Gives the absolute value
     /// left there; `None` where points of the curve could not be found.
-    pub(super) fn locate(&mut self, monitor: Monitor) -> Result<Option<f64>, ContinuationError> {
+    pub(in crate::continuation) fn locate(
+        &mut self,
+        monitor: Monitor,
+    ) -> Result<Option<f64>, ContinuationError> {
         let origin = self.origin(monitor)?;
         let here = self.here.clone();
         let mut high = self.next.clone();
@@ -344,7 +349,7 @@ impl Curve<'_> {
     }
 
     /// Cubic interpolation between `here` and `high` at distance `s` along the tangent at `here`.
-    pub(super) fn interpolate(&self, s: f64, high: &State, state: &mut State) {
+    pub(in crate::continuation) fn interpolate(&self, s: f64, high: &State, state: &mut State) {
         let u = s / high.s;
         let (h00, h10) = ((1.0 + 2.0 * u) * (1.0 - u) * (1.0 - u), u * (1.0 - u) * (1.0 - u));
         let (h01, h11) = (u * u * (3.0 - 2.0 * u), u * u * (u - 1.0));
@@ -357,7 +362,7 @@ impl Curve<'_> {
     }
 
     /// The point of the curve at distance `s` along the tangent at `here`; the guess interpolates between `here` and `high`.
-    pub(super) fn state_at(
+    pub(in crate::continuation) fn state_at(
         &mut self,
         s: f64,
         high: &State,
@@ -415,7 +420,10 @@ impl Curve<'_> {
     }
 
     /// Tangent, orientation, determinant and residual at the very point.
-    pub(super) fn complete_state(&mut self, state: &mut State) -> Result<(), ContinuationError> {
+    pub(in crate::continuation) fn complete_state(
+        &mut self,
+        state: &mut State,
+    ) -> Result<(), ContinuationError> {
         let linearized = self
             .corrector
             .linearize(&self.map, &self.selection, &state.x, Some(&state.t));
@@ -451,7 +459,7 @@ impl Curve<'_> {
     }
 
     /// Orientations of the co-active selections at `here`.
-    pub(super) fn refresh_coactive(&mut self) -> Result<(), ContinuationError> {
+    pub(in crate::continuation) fn refresh_coactive(&mut self) -> Result<(), ContinuationError> {
         if self.coactive.is_empty() || self.termination == Some(Termination::Stopped) {
             return Ok(());
         }
@@ -477,7 +485,7 @@ fn sign_of(v: f64) -> f64 {
 }
 
 /// Anderson–Björck's factor for the value at the end of the bracket that stays.
-pub(super) fn side_factor(new: f64, replaced: f64) -> f64 {
+pub(in crate::continuation) fn side_factor(new: f64, replaced: f64) -> f64 {
     let m = 1.0 - new / replaced;
     if m > 0.0 { m } else { 0.5 }
 }

@@ -1,8 +1,11 @@
 //! One step of the located strategy: predict, correct with the selection frozen, accept or shorten, stop at the first event.
 
-use super::engine::{Curve, relative_residual, row_sizes};
-use super::locate::{Monitor, Unresolved, VERTICAL};
-use super::{ContinuationError, PointKind, Termination};
+mod affine;
+mod switching;
+
+use crate::continuation::engine::{Curve, relative_residual, row_sizes};
+use crate::continuation::event::locate::{Monitor, Unresolved, VERTICAL};
+use crate::continuation::{ContinuationError, PointKind, Termination};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth};
 use crate::sparse::{distance, dot, norm};
 
@@ -30,7 +33,7 @@ struct Shape {
 }
 
 impl Curve<'_> {
-    pub(super) fn step(&mut self) -> Result<(), ContinuationError> {
+    pub(in crate::continuation) fn step(&mut self) -> Result<(), ContinuationError> {
         let mut h = self.h.min(self.options.max_step);
         let room = self.options.max_arclength - self.arclength;
         if room > 0.0 {
@@ -247,7 +250,7 @@ impl Curve<'_> {
     }
 
     /// Moves to `next`, where the step ends regularly or at an event.
-    pub(super) fn arrive(
+    pub(in crate::continuation) fn arrive(
         &mut self,
         event: Option<Monitor>,
         corrections: usize,
@@ -259,7 +262,7 @@ impl Curve<'_> {
         self.refresh_sides();
         if closed {
             let point = self.point_here(PointKind::Step, corrections);
-            self.emit(super::Event::Point(point));
+            self.emit(crate::continuation::Event::Point(point));
             self.termination = Some(Termination::Closed);
             return Ok(());
         }
@@ -269,14 +272,14 @@ impl Curve<'_> {
         match event {
             None => {
                 let point = self.point_here(PointKind::Step, corrections);
-                self.emit(super::Event::Point(point));
+                self.emit(crate::continuation::Event::Point(point));
                 Ok(())
             }
             Some(Monitor::Facet { index, .. }) => self.pass_transition(index),
             Some(Monitor::Parameter { value, last }) => {
                 self.hit_parameter(value)?;
                 let point = self.point_here(PointKind::Target, corrections);
-                self.emit(super::Event::Point(point));
+                self.emit(crate::continuation::Event::Point(point));
                 if last {
                     self.termination = Some(Termination::ParameterRange);
                 }
@@ -284,7 +287,9 @@ impl Curve<'_> {
             }
             Some(Monitor::Fold) => {
                 let point = self.point_here(PointKind::Step, corrections);
-                self.emit(super::Event::SmoothFold(super::SmoothFold { point }));
+                self.emit(crate::continuation::Event::SmoothFold(
+                    crate::continuation::SmoothFold { point },
+                ));
                 Ok(())
             }
             Some(Monitor::Singular) => self.pass_branch_point(None),

@@ -1,8 +1,8 @@
 //! The arms of the solution set at a point: for each active selection the kernel of its Jacobian, kept where it points into the
 //! selection's cell.
 
-use super::{Arm, ContinuationOptions};
 use crate::clock::Deadline;
+use crate::continuation::{Arm, ContinuationOptions};
 use crate::enumeration::{EnumerationError, directional_selections, local_selections};
 use crate::linear::{LinearError, LinearSolver, null_space};
 use crate::newton::MoorePenrose;
@@ -13,9 +13,9 @@ use crate::sparse::{dot, norm};
 /// Two unit tangents closer than this are one arm.
 const SAME_ARM: f64 = 1e-7;
 /// Rate of a test function, relative to its gradient, below which an arm runs inside the facet.
-pub(super) const TANGENTIAL: f64 = 1e-9;
+pub(in crate::continuation) const TANGENTIAL: f64 = 1e-9;
 /// Singular values below this, relative to the largest, count as zero in the branching equation.
-pub(super) const RANK: f64 = 1e-9;
+pub(in crate::continuation) const RANK: f64 = 1e-9;
 /// Up to so many active selections all are tried; beyond, the pruned search rules out most of them first.
 const PLAIN: u128 = 16;
 /// How much smaller than ‖∇θ‖ the largest of two directional derivatives may be.
@@ -24,7 +24,7 @@ const SPREAD: f64 = 1e5;
 const MAX_BRANCHING: usize = 600;
 
 /// The vanishing test functions at x: those within `distance`·(1 + ‖x‖) of their facet, and those `forced`.
-pub(super) fn vanishing_at<P: PiecewiseSmooth + ?Sized>(
+pub(in crate::continuation) fn vanishing_at<P: PiecewiseSmooth + ?Sized>(
     map: &P,
     layout: &TestLayout,
     x: &[f64],
@@ -67,36 +67,36 @@ fn gradient_sizes<P: PiecewiseSmooth + ?Sized>(map: &P, x: &[f64], tests: usize)
 
 /// The arms found at a point.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Arms {
-    pub(super) list: Vec<Arm>,
+pub(in crate::continuation) struct Arms {
+    pub(in crate::continuation) list: Vec<Arm>,
     /// Whether every active selection was examined and its kernel understood.
-    pub(super) complete: bool,
+    pub(in crate::continuation) complete: bool,
     /// The first selection whose kernel was not, if there is one.
-    pub(super) undecided: Option<UndecidedKernel>,
+    pub(in crate::continuation) undecided: Option<UndecidedKernel>,
 }
 
 /// A kernel of ∇H^(σ) of two dimensions or more, in which the first derivatives do not tell the arms.
 #[derive(Debug, Clone)]
-pub(super) struct UndecidedKernel {
-    pub(super) dimension: usize,
+pub(in crate::continuation) struct UndecidedKernel {
+    pub(in crate::continuation) dimension: usize,
     /// The variables that take part in it, those that do most first.
-    pub(super) variables: Vec<usize>,
+    pub(in crate::continuation) variables: Vec<usize>,
 }
 
-pub(super) struct ArmSearch<'a, P: ?Sized, L> {
-    pub(super) map: &'a P,
-    pub(super) corrector: &'a mut MoorePenrose<L>,
-    pub(super) options: &'a ContinuationOptions,
-    pub(super) x: &'a [f64],
-    pub(super) vanishing: &'a [Vanishing],
+pub(in crate::continuation) struct ArmSearch<'a, P: ?Sized, L> {
+    pub(in crate::continuation) map: &'a P,
+    pub(in crate::continuation) corrector: &'a mut MoorePenrose<L>,
+    pub(in crate::continuation) options: &'a ContinuationOptions,
+    pub(in crate::continuation) x: &'a [f64],
+    pub(in crate::continuation) vanishing: &'a [Vanishing],
     /// A selection known to be singular at (or within rounding of) x, where its kernel is a chance mixture.
-    pub(super) singular: Option<Selection>,
-    pub(super) deadline: Deadline,
+    pub(in crate::continuation) singular: Option<Selection>,
+    pub(in crate::continuation) deadline: Deadline,
 }
 
 impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
     /// All arms of the active selections at x.
-    pub(super) fn all(&mut self, active: &ActiveSet) -> Result<Arms, PiecewiseError> {
+    pub(in crate::continuation) fn all(&mut self, active: &ActiveSet) -> Result<Arms, PiecewiseError> {
         let mut arms = Arms {
             complete: true,
             ..Arms::default()
@@ -165,7 +165,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
     }
 
     /// The arms of one selection, appended to `arms`.
-    pub(super) fn of_selection(
+    pub(in crate::continuation) fn of_selection(
         &mut self,
         selection: &Selection,
         hint: Option<&[f64]>,

@@ -1,6 +1,6 @@
 use std::borrow::Cow;
 
-use super::Branch;
+use crate::continuation::Branch;
 use crate::linear::{AutoSolver, LinearError, LinearSolver};
 use crate::newton::MoorePenrose;
 use crate::piecewise::{
@@ -21,7 +21,7 @@ pub struct CharacterChange {
     pub folds_before: bool,
 }
 
-/// The points (y, α, β) of a two-parameter family at which one test function vanishes: a curve to [follow](super::Continuation) in
+/// The points (y, α, β) of a two-parameter family at which one test function vanishes: a curve to [follow](crate::continuation::Continuation) in
 /// the last parameter β.
 ///
 /// The family is a map of n residuals in n + 2 variables, the parameters α and β last; the equation θ_k(y, α, β) = 0 is appended. At
@@ -188,7 +188,7 @@ impl<P: PiecewiseSmooth> TransitionSet<P> {
     }
 
     /// The points of a followed curve where its character changes: where α folds on one side and does not on the other, as the
-    /// determinant of a piece beside the facet passes zero. Curves of [smooth folds](super::FoldSet) end there. Points of codimension
+    /// determinant of a piece beside the facet passes zero. Curves of [smooth folds](crate::continuation::FoldSet) end there. Points of codimension
     /// two where a second test function vanishes are transitions of the curve, and not repeated.
     ///
     /// # Errors

@@ -1,8 +1,8 @@
 //! Piecewise-affine curves: from kink to kink by a ratio test, without step control or corrector.
 
-use super::engine::Curve;
-use super::locate::Monitor;
-use super::{ContinuationError, Termination};
+use crate::continuation::engine::Curve;
+use crate::continuation::event::locate::Monitor;
+use crate::continuation::{ContinuationError, Termination};
 use crate::piecewise::PiecewiseSmooth;
 use crate::sparse::norm;
 
@@ -16,7 +16,7 @@ const REORDERED: usize = 8;
 impl Curve<'_> {
     /// Goes along the tangent to the first facet, parameter value or limit. Both curve and test functions are affine, so the
     /// ratio of value and rate is exact.
-    pub(super) fn step_affine(&mut self) -> Result<(), ContinuationError> {
+    pub(in crate::continuation) fn step_affine(&mut self) -> Result<(), ContinuationError> {
         let mut rates = std::mem::take(&mut self.rates);
         rates.resize(self.layout.total(), 0.0);
         self.map.test_derivatives(&self.here.x, &self.here.t, &mut rates);

@@ -1,9 +1,9 @@
 //! The algorithm of Haslinger, Janovský and Ligurský: selections switch inside the corrector, steps are halved in front of a
 //! kink, vanishing test functions give the selection beyond it.
 
-use super::engine::Curve;
-use super::transition::kind;
-use super::{ContinuationError, Event, PointKind, Termination, Transition};
+use crate::continuation::engine::Curve;
+use crate::continuation::event::transition::kind;
+use crate::continuation::{ContinuationError, Event, PointKind, Termination, Transition};
 use crate::piecewise::{
     ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, Vanishing, select_pieces,
 };
@@ -18,7 +18,7 @@ const FARTHEST: f64 = 3.0;
 impl Curve<'_> {
     /// Steps 2 to 7: predict, correct with the selection of the active set at each iterate, halve on failure; a new selection
     /// once the smallest step fails.
-    pub(super) fn switching_step(&mut self) -> Result<(), ContinuationError> {
+    pub(in crate::continuation) fn switching_step(&mut self) -> Result<(), ContinuationError> {
         let mut h = self.h.min(self.options.max_step);
         let mut halved = false;
         loop {
@@ -195,18 +195,18 @@ impl Curve<'_> {
         self.map.residual(before, &self.here.x, &mut r);
         let sites = before
             .differing_sites(after)
-            .map(|site| super::SiteChange {
+            .map(|site| crate::continuation::SiteChange {
                 site,
                 from: before.piece(site),
                 to: after.piece(site),
             })
             .collect();
-        let arm = super::Arm {
+        let arm = crate::continuation::Arm {
             selection: after.clone(),
             tangent: tangent.to_vec(),
             grazing: Vec::new(),
         };
-        let arms = super::arms::Arms {
+        let arms = crate::continuation::event::arms::Arms {
             list: vec![arm],
             complete: false,
             ..Default::default()

@@ -4,7 +4,7 @@ use crate::linear::{LinearError, null_space};
 use crate::piecewise::{Facet, PiecewiseError, PiecewiseSmooth, Selection, check_vector, select};
 use crate::sparse::{Matrix, Pattern, norm};
 
-/// The smooth folds of a two-parameter family: a curve to [follow](super::Continuation) in the last parameter β.
+/// The smooth folds of a two-parameter family: a curve to [follow](crate::continuation::Continuation) in the last parameter β.
 ///
 /// The family is a map of n residuals in x = (y, α, β). A fold in α has a kernel v of ∇_yH, so that
 ///
@@ -14,8 +14,8 @@ use crate::sparse::{Matrix, Pattern, norm};
 ///
 /// are 2n + 1 equations in the 2n + 2 variables (y, v, α, β) (Seydel 1979; Allgower and Georg 1990, ch. 8). c is the unit kernel at
 /// the fold started from. The set belongs to one selection: where the curve leaves its cell the fold stops being smooth, and the
-/// curve [ends](super::TransitionKind::End) in a point of codimension two, where a [`TransitionSet`](super::TransitionSet) takes over
-/// (its kink folds). [Smooth folds](super::SmoothFold) of this curve are its turning points in β: cusps, and births of isolas.
+/// curve [ends](crate::continuation::TransitionKind::End) in a point of codimension two, where a [`TransitionSet`](crate::continuation::TransitionSet) takes over
+/// (its kink folds). [Smooth folds](crate::continuation::SmoothFold) of this curve are its turning points in β: cusps, and births of isolas.
 ///
 /// Second derivatives are central differences of Jacobians: 2n + 4 of them an assembly, so this is for families of moderate size
 /// (condense first).
