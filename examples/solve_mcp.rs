@@ -9,7 +9,7 @@ mod common;
 #[path = "common/expressions.rs"]
 mod expressions;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
 
@@ -53,7 +53,7 @@ fn run(arguments: &Arguments) -> Outcome<()> {
     options.validate()?;
     // All files are read before anything is solved, so that a bad one is told at once.
     let files = match arguments.files.as_slice() {
-        [] => shipped()?,
+        [] => common::shipped("complementarity")?,
         files => files.to_vec(),
     };
     let problems = files.iter().map(|f| read(f)).collect::<Result<Vec<_>, _>>()?;
@@ -118,19 +118,4 @@ fn print(as_json: bool, problem: &Problem, label: &str, report: &McpReport, seco
     if !report.is_solved() {
         println!("    {}", report.status);
     }
-}
-
-/// The problems that come with the repository.
-fn shipped() -> Outcome<Vec<PathBuf>> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/complementarity");
-    let entries = std::fs::read_dir(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
-    let mut files = Vec::new();
-    for entry in entries {
-        let path = entry?.path();
-        if path.extension().is_some_and(|e| e == "json") {
-            files.push(path);
-        }
-    }
-    files.sort();
-    Ok(files)
 }

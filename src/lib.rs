@@ -11,6 +11,7 @@
 //! | [`continuation`] | solution curves, transitions, branches, diagrams, curves in two parameters |
 //! | [`enumeration`] | all solutions at a parameter, all arms at a point, with certificates |
 //! | [`complementarity`] | LCP, NCP, MCP, obstacle problems |
+//! | [`variational`] | variational inequalities over polyhedra |
 //! | [`interface`] | any nonsmooth law on few traces of a definite operator |
 //! | [`fem`], [`contact`] | linear elasticity on meshes, Coulomb friction in the plane and in space |
 //! | [`output`] | tables, JSON, pictures, VTU |
@@ -37,6 +38,7 @@ pub mod prelude;
 pub mod sparse;
 mod spread;
 pub mod sweep;
+pub mod variational;
 
 /// The example of the README, compiled with the tests.
 #[cfg(doctest)]

@@ -74,7 +74,7 @@ struct Work {
     pending: Vec<bool>,
 }
 
-type Failure = String;
+pub(crate) type Failure = String;
 
 /// Reads a problem; the error tells what is wrong, and where.
 pub(crate) fn read(path: &Path) -> Result<Problem, Failure> {
@@ -97,6 +97,21 @@ pub(crate) fn parse(text: &str, name: &str) -> Result<Problem, Failure> {
         .ok_or("`n` is missing or no positive whole number")? as usize;
     let lower = bounds(&file, "lower", n, f64::NEG_INFINITY)?;
     let upper = bounds(&file, "upper", n, f64::INFINITY)?;
+    let tape = tape(&file, n)?;
+    let starts = starts(&file, n)?;
+    let empty = Vec::new();
+    let known = file["solutions"].as_array().unwrap_or(&empty);
+    Ok(Problem {
+        name: file["name"].as_str().unwrap_or(name).to_owned(),
+        solvable: file["expect"].as_str() != Some("none"),
+        mcp: Mcp::new(tape, lower, upper).map_err(|e| e.to_string())?,
+        starts,
+        solutions: known.iter().filter_map(|s| vector(&s["x"], n).ok()).collect(),
+    })
+}
+
+/// F from `defs` and `rows`.
+pub(crate) fn tape(file: &Value, n: usize) -> Result<Tape, Failure> {
     let mut builder = Builder {
         n,
         nodes: Vec::new(),
@@ -123,7 +138,11 @@ pub(crate) fn parse(text: &str, name: &str) -> Result<Problem, Failure> {
     for (i, row) in list.iter().enumerate() {
         rows.push(builder.tree(row).map_err(|e| format!("rows[{i}]: {e}"))?);
     }
-    let tape = builder.finish(rows)?;
+    builder.finish(rows)
+}
+
+/// Labels and points of `starts`.
+pub(crate) fn starts(file: &Value, n: usize) -> Result<Vec<(String, Vec<f64>)>, Failure> {
     let starts = file["starts"]
         .as_object()
         .ok_or("`starts` is missing or no object of label: list")?;
@@ -137,18 +156,11 @@ pub(crate) fn parse(text: &str, name: &str) -> Result<Problem, Failure> {
             vector(x, n).map_err(|e| format!("starts.{label}: {e}"))?,
         ));
     }
-    let known = file["solutions"].as_array().unwrap_or(&empty);
-    Ok(Problem {
-        name: file["name"].as_str().unwrap_or(name).to_owned(),
-        solvable: file["expect"].as_str() != Some("none"),
-        mcp: Mcp::new(tape, lower, upper).map_err(|e| e.to_string())?,
-        starts: all,
-        solutions: known.iter().filter_map(|s| vector(&s["x"], n).ok()).collect(),
-    })
+    Ok(all)
 }
 
 /// The head of a value that may be of any length.
-fn shown(value: &Value) -> String {
+pub(crate) fn shown(value: &Value) -> String {
     const SHOWN: usize = 60;
     let text = value.to_string();
     match text.char_indices().nth(SHOWN) {
@@ -157,14 +169,14 @@ fn shown(value: &Value) -> String {
     }
 }
 
-fn number(value: &Value) -> Result<f64, Failure> {
+pub(crate) fn number(value: &Value) -> Result<f64, Failure> {
     value
         .as_f64()
         .filter(|v| v.is_finite())
         .ok_or_else(|| format!("{} is no finite number", shown(value)))
 }
 
-fn vector(value: &Value, n: usize) -> Result<Vec<f64>, Failure> {
+pub(crate) fn vector(value: &Value, n: usize) -> Result<Vec<f64>, Failure> {
     let list = value.as_array().ok_or("not a list of numbers")?;
     if list.len() != n {
         return Err(format!("{} numbers for n = {n}", list.len()));
@@ -172,7 +184,7 @@ fn vector(value: &Value, n: usize) -> Result<Vec<f64>, Failure> {
     list.iter().map(number).collect()
 }
 
-fn bounds(file: &Value, key: &str, n: usize, none: f64) -> Result<Vec<f64>, Failure> {
+pub(crate) fn bounds(file: &Value, key: &str, n: usize, none: f64) -> Result<Vec<f64>, Failure> {
     let list = file[key]
         .as_array()
         .ok_or_else(|| format!("`{key}` is missing or no list"))?;

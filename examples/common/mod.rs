@@ -90,6 +90,39 @@ pub(crate) fn shipped_folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/data/block_linear_10x20_F0.5")
 }
 
+/// The problems in a folder of `tests/data`.
+pub(crate) fn shipped(folder: &str) -> Outcome<Vec<PathBuf>> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("tests/data")
+        .join(folder);
+    let entries = std::fs::read_dir(&folder).map_err(|e| format!("{}: {e}", folder.display()))?;
+    let mut files = Vec::new();
+    for entry in entries {
+        let path = entry?.path();
+        if path.extension().is_some_and(|e| e == "json") {
+            files.push(path);
+        }
+    }
+    files.sort();
+    Ok(files)
+}
+
+/// The largest difference of two points; infinite where their lengths differ.
+pub(crate) fn distance(a: &[f64], b: &[f64]) -> f64 {
+    match a.len() == b.len() {
+        true => a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max),
+        false => f64::INFINITY,
+    }
+}
+
+/// The head of a list of numbers.
+pub(crate) fn short_list(x: &[f64]) -> String {
+    const SHOWN: usize = 5;
+    let head: Vec<_> = x.iter().take(SHOWN).map(|v| format!("{:.6}", v + 0.0)).collect();
+    let more = if x.len() > SHOWN { ", …" } else { "" };
+    format!("({}{more})", head.join(", "))
+}
+
 /// A small generator of reproducible random numbers (xorshift64*, Vigna 2016).
 pub(crate) struct Random(u64);
 

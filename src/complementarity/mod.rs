@@ -63,6 +63,7 @@ mod function;
 mod kkt;
 mod lcp;
 mod natural;
+mod normal;
 pub mod pivoting;
 mod problem;
 mod scratch;
@@ -78,6 +79,7 @@ pub use fischer::FischerBurmeister;
 pub use function::{McpFunction, WithJacobian};
 pub use kkt::{ConstraintKind, Kkt, Program, kkt};
 pub use lcp::Lcp;
+pub use normal::NormalMap;
 pub use problem::{AtParameter, Mcp};
 pub use solver::{
     BoundState, Fallback, McpIteration, McpOptions, McpReport, McpSolver, McpStatus, McpStep, McpStrategy,

@@ -37,7 +37,7 @@ impl<F: McpFunction> Mcp<F> {
     }
 
     /// Calls `with(position, i, bound)` for each test function xᵢ − Fᵢ − bound.
-    fn each_test(&self, mut with: impl FnMut(usize, usize, f64)) {
+    pub(super) fn each_test(&self, mut with: impl FnMut(usize, usize, f64)) {
         let mut k = 0;
         for i in 0..self.len() {
             let (l, u) = (self.lower()[i], self.upper()[i]);

@@ -1,0 +1,178 @@
+//! Variational inequalities over polyhedra from files: every one is solved from each of its starts.
+//! You see one line a start: status, ‖x − P(x − F(x))‖_∞, iterations, time, x; with --all complete lists of the affine ones.
+//! Run: cargo run --release --example solve_vi -- [FILE…] [--all] [--json]
+//!
+//! The format is told at the head of `examples/common/inequalities.rs`; `tests/data/vi` holds examples.
+
+#[macro_use]
+mod common;
+#[path = "common/expressions.rs"]
+mod expressions;
+#[path = "common/inequalities.rs"]
+mod inequalities;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::{Duration, Instant};
+
+use clap::Parser;
+use common::{Outcome, distance, ensure};
+use inequalities::{Problem, read_vi};
+use semismooth::complementarity::McpOptions;
+use semismooth::enumeration::{Completeness, EnumerationOptions};
+use semismooth::variational::{ViReport, ViSolutions, ViSolver, ViStatus};
+use serde_json::json;
+
+/// Solves variational inequalities over polyhedra from all their starts.
+#[derive(Parser)]
+struct Arguments {
+    /// JSON files, one problem each; the shipped ones when left out
+    files: Vec<PathBuf>,
+    /// Print one JSON object a start
+    #[arg(long)]
+    json: bool,
+    /// List all solutions of affine problems, too
+    #[arg(long)]
+    all: bool,
+    /// Largest time a start, in seconds
+    #[arg(long)]
+    max_time: Option<f64>,
+}
+
+fn main() -> ExitCode {
+    common::exit(run(&Arguments::parse()))
+}
+
+fn run(arguments: &Arguments) -> Outcome<()> {
+    let mut options = McpOptions::default();
+    if let Some(seconds) = arguments.max_time {
+        let limit = Duration::try_from_secs_f64(seconds).map_err(|e| format!("--max-time {seconds}: {e}"))?;
+        options = options.with_max_time(Some(limit));
+    }
+    // All files are read before anything is solved, so that a bad one is told at once.
+    let files = match arguments.files.as_slice() {
+        [] => common::shipped("vi")?,
+        files => files.to_vec(),
+    };
+    let problems = files.iter().map(|f| read_vi(f)).collect::<Result<Vec<_>, _>>()?;
+    let mut solver = ViSolver::new(options);
+    let (mut right, mut all) = (0, 0);
+    for (problem, vi) in &problems {
+        for (label, start) in &problem.starts {
+            let begun = Instant::now();
+            let mut x = start.clone();
+            let report = solver
+                .solve(vi, &mut x)
+                .map_err(|e| format!("{}, start {label}: {e}", problem.name))?;
+            all += 1;
+            right += usize::from(match report.status {
+                ViStatus::Solved => problem.solvable,
+                ViStatus::EmptySet | ViStatus::NoSolution => !problem.solvable,
+                _ => false,
+            });
+            print(arguments.json, problem, label, &report, begun.elapsed(), &x);
+        }
+        if arguments.all {
+            let begun = Instant::now();
+            match vi.all_solutions(&EnumerationOptions::default()) {
+                Ok(list) => {
+                    print_all(arguments.json, problem, &list, begun.elapsed());
+                    if arguments.files.is_empty() && problem.all {
+                        compare(problem, &list)?;
+                    }
+                }
+                Err(e) => println!("{}: no list: {e}", problem.name),
+            }
+        }
+    }
+    if !arguments.json {
+        println!("{right} of {all} starts solved, or told that there is no solution");
+    }
+    if arguments.files.is_empty() {
+        ensure(
+            right == all,
+            "every shipped problem ends as its file says, from every start",
+        )?;
+    }
+    Ok(())
+}
+
+fn print(as_json: bool, problem: &Problem, label: &str, report: &ViReport, time: Duration, x: &[f64]) {
+    let (status, iterations, seconds) = (
+        report.status.to_string(),
+        report.mcp.iterations,
+        time.as_secs_f64(),
+    );
+    if as_json {
+        let ray = report
+            .ray
+            .as_ref()
+            .map(|r| json!({"v": r.direction, "value": r.value}));
+        let farkas = report.infeasibility.as_ref().map(|c| {
+            let m = &c.multipliers;
+            json!({"A": m.inequalities, "E": m.equations, "lower": m.lower, "upper": m.upper, "value": c.value})
+        });
+        let m = &report.multipliers;
+        let record = json!({
+            "name": problem.name,
+            "start": label,
+            "status": status,
+            "residual": report.residual,
+            "x": x,
+            "multipliers": {"A": m.inequalities, "E": m.equations},
+            "iterations": iterations,
+            "seconds": seconds,
+            "ray": ray,
+            "farkas": farkas,
+        });
+        println!("{record}");
+        return;
+    }
+    println!(
+        "{}, {label}, {status}, {:.1e}, {}, {iterations}, {seconds:.4}",
+        problem.name,
+        report.residual,
+        common::short_list(x)
+    );
+}
+
+fn print_all(as_json: bool, problem: &Problem, list: &ViSolutions, time: Duration) {
+    let complete = list.completeness == Completeness::Complete;
+    if as_json {
+        let record = json!({
+            "name": problem.name,
+            "all": list.solutions,
+            "continua": list.continua.len(),
+            "complete": complete,
+            "seconds": time.as_secs_f64(),
+        });
+        println!("{record}");
+        return;
+    }
+    let certainty = match list.completeness {
+        Completeness::Complete => "complete",
+        Completeness::Undecided { .. } => "complete but for rounding",
+        _ => "not complete",
+    };
+    println!(
+        "{}: solutions: {}, continua: {}, {certainty}, {:.4} s",
+        problem.name,
+        list.solutions.len(),
+        list.continua.len(),
+        time.as_secs_f64()
+    );
+    for x in &list.solutions {
+        println!("    {}", common::short_list(x));
+    }
+}
+
+/// The list found against the one in the file.
+fn compare(problem: &Problem, list: &ViSolutions) -> Outcome<()> {
+    let near = |x: &Vec<f64>| problem.solutions.iter().any(|y| distance(x, y) < 1e-9);
+    ensure(
+        list.continua.is_empty()
+            && list.solutions.len() == problem.solutions.len()
+            && list.solutions.iter().all(near),
+        &format!("{}: all solutions are those of its file", problem.name),
+    )
+}

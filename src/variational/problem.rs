@@ -1,0 +1,208 @@
+use super::error::check_length;
+use super::{Polyhedron, VariationalError};
+use crate::complementarity::{AffineFunction, Mcp, McpFunction};
+use crate::sparse::{Matrix, Pattern};
+
+/// The variational inequality VI(F, C) over a polyhedron: find x ∈ C with F(x)ᵀ(y − x) ≥ 0 for all y ∈ C.
+///
+/// F has n variables, or n + 1 where the last one is a parameter.
+///
+/// ```
+/// use semismooth::complementarity::AffineFunction;
+/// use semismooth::sparse::Matrix;
+/// use semismooth::variational::{Polyhedron, Vi, ViSolver};
+/// // Minimise ½‖x − (2, 2)‖² over x₁ + x₂ ≤ 1, x ≥ 0: F is the gradient.
+/// let f = AffineFunction::new(Matrix::identity(2), vec![-2.0, -2.0])?;
+/// let set = Polyhedron::boxed(vec![0.0; 2], vec![f64::INFINITY; 2])?
+///     .with_inequalities(Matrix::from_rows(&[[1.0, 1.0]])?, vec![1.0])?;
+/// let vi = Vi::new(f, set)?;
+/// let mut x = [9.0, -7.0];
+/// let report = ViSolver::default().solve(&vi, &mut x)?;
+/// assert!(report.is_solved() && (x[0] - 0.5).abs() < 1e-12);
+/// assert!((report.multipliers.inequalities[0] - 1.5).abs() < 1e-12);
+/// # Ok::<(), semismooth::variational::VariationalError>(())
+/// ```
+#[derive(Debug, Clone, PartialEq)]
+pub struct Vi<F> {
+    function: F,
+    set: Polyhedron,
+}
+
+impl<F: McpFunction> Vi<F> {
+    /// The problem of F and C.
+    ///
+    /// # Errors
+    /// F with another number of values or variables than C has.
+    pub fn new(function: F, set: Polyhedron) -> Result<Self, VariationalError> {
+        let n = set.dimension();
+        check_length("F", function.num_values(), n)?;
+        let vars = function.num_vars();
+        if vars != n + 1 {
+            check_length("the argument of F", vars, n)?;
+        }
+        Ok(Self { function, set })
+    }
+
+    /// F.
+    #[must_use]
+    pub fn function(&self) -> &F {
+        &self.function
+    }
+
+    /// C.
+    #[must_use]
+    pub fn set(&self) -> &Polyhedron {
+        &self.set
+    }
+
+    /// The Karush–Kuhn–Tucker conditions as a mixed complementarity problem in (x, λ, μ), of lengths n, m, k (then the parameter, if
+    /// there is one):
+    ///
+    /// * l ≤ x ≤ u ⟂ F(x) + Aᵀλ + Eᵀμ,
+    /// * 0 ≤ λ ⟂ b − A x ≥ 0,
+    /// * d − E x = 0, μ free.
+    ///
+    /// x solves VI(F, C) if and only if some (λ, μ) belongs to it (F. Facchinei, J.-S. Pang, 2003, Proposition 1.2.1). Its natural map
+    /// and its [normal map](crate::complementarity::NormalMap) have a site for each bounded component and each row of A, so that solution
+    /// curves of parametric problems are followed and all solutions of affine ones listed like those of any other map.
+    ///
+    /// # Errors
+    /// Bounds with lᵢ > uᵢ; as [`Mcp::new`].
+    pub fn kkt(&self) -> Result<Mcp<ViConditions<&F>>, VariationalError> {
+        let (m, k) = (self.set.a.len(), self.set.e.len());
+        let (mut lower, mut upper) = (self.set.lower.clone(), self.set.upper.clone());
+        lower.resize(lower.len() + m, 0.0);
+        lower.resize(lower.len() + k, f64::NEG_INFINITY);
+        upper.resize(lower.len(), f64::INFINITY);
+        Ok(Mcp::new(
+            ViConditions::new(&self.function, &self.set)?,
+            lower,
+            upper,
+        )?)
+    }
+}
+
+/// The function (F(x) + Aᵀλ + Eᵀμ, b − A x, d − E x) of [`Vi::kkt`].
+#[derive(Debug, Clone)]
+pub struct ViConditions<F> {
+    function: F,
+    /// The constant part of the Jacobian, over the whole pattern, and the constants b, d.
+    coupling: Matrix,
+    constants: Vec<f64>,
+    n: usize,
+    /// The whole, where F states M and q.
+    affine: Option<AffineFunction>,
+}
+
+impl<F: McpFunction> ViConditions<F> {
+    fn new(function: F, set: &Polyhedron) -> Result<Self, VariationalError> {
+        let n = set.dimension();
+        let (m, k) = (set.a.len(), set.e.len());
+        let total = n + m + k;
+        let parametric = function.num_vars() > n;
+        let place = |j: usize| if j < n { j } else { total };
+        let own = function.pattern();
+        let own = (0..own.ncols()).flat_map(|j| {
+            let span = own.col_ptr()[j]..own.col_ptr()[j + 1];
+            let rows = own.row_idx()[span].to_vec();
+            rows.into_iter().map(move |i| (i, place(j)))
+        });
+        let mut triplets = Vec::new();
+        for (first, rows) in [(n, &set.a), (n + m, &set.e)] {
+            for (j, i, v) in rows.transposed.triplets() {
+                triplets.push((j, first + i, v));
+                triplets.push((first + i, j, -v));
+            }
+        }
+        let entries = triplets.iter().map(|t| (t.0, t.1)).chain(own);
+        let diagonal = (0..total).map(|i| (i, i));
+        let pattern = Pattern::from_entries(total, total + usize::from(parametric), entries.chain(diagonal))?;
+        let mut coupling = Matrix::zeros(pattern);
+        for (i, j, v) in triplets {
+            coupling.add(i, j, v);
+        }
+        let constants: Vec<f64> = set.a.right.iter().chain(&set.e.right).copied().collect();
+        let affine = match function.coefficients() {
+            Some((f, None)) => {
+                let mut all = coupling.clone();
+                for (i, j, v) in f.matrix().triplets() {
+                    all.add(i, place(j), v);
+                }
+                let q = f.q().iter().chain(&constants).copied().collect();
+                Some(AffineFunction::new(all, q)?)
+            }
+            _ => None,
+        };
+        Ok(Self {
+            function,
+            coupling,
+            constants,
+            n,
+            affine,
+        })
+    }
+
+    /// x and the parameter, for F.
+    fn arguments<'a>(&self, x: &'a [f64], room: &'a mut Vec<f64>) -> &'a [f64] {
+        if self.function.num_vars() == self.n {
+            return &x[..self.n];
+        }
+        room.extend_from_slice(&x[..self.n]);
+        room.extend(x.last());
+        room
+    }
+}
+
+impl<F: McpFunction> McpFunction for ViConditions<F> {
+    fn num_vars(&self) -> usize {
+        self.coupling.ncols()
+    }
+
+    fn num_values(&self) -> usize {
+        self.coupling.nrows()
+    }
+
+    fn value(&self, x: &[f64], out: &mut [f64]) {
+        let mut room = Vec::new();
+        let (first, rest) = out.split_at_mut(self.n);
+        self.function.value(self.arguments(x, &mut room), first);
+        rest.copy_from_slice(&self.constants);
+        self.coupling.as_ref().mul_add(1.0, x, out);
+    }
+
+    fn jacobian(&self, x: &[f64], jac: &mut Matrix) {
+        if let Some(affine) = &self.affine {
+            affine.jacobian(x, jac);
+            return;
+        }
+        let mut room = Vec::new();
+        let mut own = Matrix::zeros(self.function.pattern());
+        self.function.jacobian(self.arguments(x, &mut room), &mut own);
+        if let Some((row, _)) = own.stray() {
+            // An entry outside the pattern of F is passed on as one outside the pattern of the whole.
+            jac.add(row, usize::MAX, f64::NAN);
+        }
+        let last = self.coupling.nrows();
+        for (i, j, v) in own.triplets() {
+            jac.add(i, if j < self.n { j } else { last }, v);
+        }
+        if jac.pattern() == self.coupling.pattern() {
+            let values = jac.values_mut().iter_mut().zip(self.coupling.values());
+            values.for_each(|(a, c)| *a += c);
+        } else {
+            jac.add_block(0, 0, 1.0, &self.coupling);
+        }
+    }
+
+    fn pattern(&self) -> Pattern {
+        self.coupling.pattern().clone()
+    }
+
+    fn is_affine(&self) -> bool {
+        self.function.is_affine()
+    }
+
+    fn coefficients(&self) -> Option<(&AffineFunction, Option<f64>)> {
+        self.affine.as_ref().map(|f| (f, None))
+    }
+}

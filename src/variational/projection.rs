@@ -1,0 +1,441 @@
+//! Projection onto a polyhedron by the dual active-set method of D. Goldfarb and A. Idnani (1983) for the Hessian 1.
+
+use super::{Polyhedron, VariationalError};
+use crate::sparse::{dot, max_abs, norm};
+
+/// Part of its terms below which the violation of a row is rounding.
+const ROUNDING: f64 = 32.0 * f64::EPSILON;
+/// A normal of length 1 whose part outside the span of the active ones is shorter than this, times their coefficients, lies in it.
+const DEPENDENT: f64 = 1e-13;
+
+/// What a projection finds.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum Projection {
+    /// The nearest point.
+    Nearest(Nearest),
+    /// The polyhedron is empty.
+    Empty(Infeasibility),
+}
+
+/// The point y of C nearest to x: y − x + Aᵀλ + Eᵀμ − ρₗ + ρᵤ = 0, multipliers complementary to their constraints.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Nearest {
+    /// The point, length n; bounds that are active hold exactly.
+    pub x: Vec<f64>,
+    /// Multipliers; those of constraints that are not active are 0.
+    pub multipliers: Multipliers,
+}
+
+/// Multipliers of the constraints of a [`Polyhedron`].
+#[derive(Debug, Clone, PartialEq, Default)]
+#[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Multipliers {
+    /// Of A x ≤ b: length m, ≥ 0.
+    pub inequalities: Vec<f64>,
+    /// Of E x = d: length k, of any sign.
+    pub equations: Vec<f64>,
+    /// Of x ≥ l: length n, ≥ 0.
+    pub lower: Vec<f64>,
+    /// Of x ≤ u: length n, ≥ 0.
+    pub upper: Vec<f64>,
+}
+
+/// A certificate after J. Farkas (1902): y, ρₗ, ρᵤ ≥ 0 with Aᵀy + Eᵀw − ρₗ + ρᵤ = 0 and bᵀy + dᵀw − lᵀρₗ + uᵀρᵤ < 0.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Infeasibility {
+    /// y, w, ρₗ and ρᵤ, the largest coefficient of a row of length 1 being 1.
+    pub multipliers: Multipliers,
+    /// bᵀy + dᵀw − lᵀρₗ + uᵀρᵤ, negative.
+    pub value: f64,
+    /// The first condition holds but for rounding; for points x with ‖x‖_∞ below this radius the certificate is a proof all the same.
+    pub radius: f64,
+}
+
+impl Infeasibility {
+    /// The certificate with multipliers of a polyhedron, if they are one.
+    pub(super) fn of(set: &Polyhedron, multipliers: Multipliers) -> Option<Self> {
+        let m = &multipliers;
+        let mut rest: Vec<f64> = m.upper.iter().zip(&m.lower).map(|(u, l)| u - l).collect();
+        for (rows, factors) in [(&set.a, &m.inequalities), (&set.e, &m.equations)] {
+            rows.transposed.as_ref().mul_add(1.0, factors, &mut rest);
+        }
+        let bound = |bounds: &[f64], factors: &[f64]| -> f64 {
+            let pairs = bounds.iter().zip(factors);
+            pairs.filter(|(_, f)| **f != 0.0).map(|(b, f)| b * f).sum()
+        };
+        let value = dot(&set.a.right, &m.inequalities) + dot(&set.e.right, &m.equations)
+            - bound(&set.lower, &m.lower)
+            + bound(&set.upper, &m.upper);
+        let signs = [&m.inequalities, &m.lower, &m.upper];
+        let valid = value < 0.0 && signs.iter().all(|v| v.iter().all(|v| *v >= 0.0));
+        let size: f64 = rest.iter().map(|r| r.abs()).sum();
+        valid.then(|| Self {
+            radius: if size == 0.0 { f64::INFINITY } else { -value / size },
+            value,
+            multipliers,
+        })
+    }
+}
+
+/// A row as nᵀx ≥ β with ‖n‖ = 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Kind {
+    Equation(usize),
+    Inequality(usize),
+    Lower(usize),
+    Upper(usize),
+    /// Equal bounds.
+    Fixed(usize),
+}
+
+struct Solver<'a> {
+    set: &'a Polyhedron,
+    kinds: Vec<Kind>,
+    /// Norms of rows; 0 for empty ones.
+    norms: Vec<f64>,
+    /// −1 for equations that are approached from above.
+    signs: Vec<f64>,
+    y: Vec<f64>,
+    /// Orthonormal basis of the active normals, one vector each, and the triangle R with N = Q R, column by column.
+    q: Vec<Vec<f64>>,
+    r: Vec<Vec<f64>>,
+    active: Vec<usize>,
+    u: Vec<f64>,
+    is_active: Vec<bool>,
+    /// Rows that depend on the active ones and are satisfied but for rounding.
+    skipped: Vec<bool>,
+}
+
+enum Added {
+    Yes,
+    Redundant,
+    Empty(Multipliers),
+}
+
+pub(super) fn project(set: &Polyhedron, x: &[f64]) -> Result<Projection, VariationalError> {
+    let mut solver = Solver::new(set, x);
+    if let Some(empty) = solver.empty_rows() {
+        return Ok(Projection::Empty(empty));
+    }
+    let limit = 100 * (solver.kinds.len() + x.len()) + 1000;
+    let mut steps = 0;
+    let equations = (0..solver.kinds.len()).filter(|&p| solver.is_equation(p));
+    let mut waiting: Vec<usize> = equations.rev().collect();
+    loop {
+        let p = match waiting.pop() {
+            Some(p) => p,
+            None => match solver.most_violated() {
+                Some(p) => p,
+                None => break,
+            },
+        };
+        match solver.add(p, &mut steps, limit)? {
+            Added::Yes | Added::Redundant => {}
+            Added::Empty(multipliers) => {
+                return match Infeasibility::of(set, multipliers) {
+                    Some(certificate) if certificate.radius > max_abs(&solver.y) => {
+                        Ok(Projection::Empty(certificate))
+                    }
+                    _ => Err(VariationalError::Unresolved { steps, row: p }),
+                };
+            }
+        }
+    }
+    Ok(Projection::Nearest(solver.finish(x)))
+}
+
+impl<'a> Solver<'a> {
+    fn new(set: &'a Polyhedron, x: &[f64]) -> Self {
+        let mut kinds: Vec<Kind> = (0..set.e.len()).map(Kind::Equation).collect();
+        let fixed = |j: &usize| set.lower[*j] == set.upper[*j];
+        kinds.extend((0..x.len()).filter(fixed).map(Kind::Fixed));
+        kinds.extend((0..set.a.len()).map(Kind::Inequality));
+        let bounded = |bounds: &'a [f64]| (0..x.len()).filter(move |&j| bounds[j].is_finite() && !fixed(&j));
+        kinds.extend(bounded(&set.lower).map(Kind::Lower));
+        kinds.extend(bounded(&set.upper).map(Kind::Upper));
+        let length = |rows: &super::polyhedron::Rows, i: usize| {
+            let row: Vec<f64> = rows.row(i).map(|e| e.1).collect();
+            norm(&row)
+        };
+        let norms = kinds.iter().map(|kind| match *kind {
+            Kind::Equation(i) => length(&set.e, i),
+            Kind::Inequality(i) => length(&set.a, i),
+            _ => 1.0,
+        });
+        Self {
+            norms: norms.collect(),
+            signs: vec![1.0; kinds.len()],
+            is_active: vec![false; kinds.len()],
+            skipped: vec![false; kinds.len()],
+            set,
+            kinds,
+            y: x.to_vec(),
+            q: Vec::new(),
+            r: Vec::new(),
+            active: Vec::new(),
+            u: Vec::new(),
+        }
+    }
+
+    fn is_equation(&self, p: usize) -> bool {
+        matches!(self.kinds[p], Kind::Equation(_) | Kind::Fixed(_))
+    }
+
+    /// Calls `with` for each entry of the normal of row p.
+    fn each_entry(&self, p: usize, mut with: impl FnMut(usize, f64)) {
+        match self.kinds[p] {
+            Kind::Equation(i) => {
+                let factor = self.signs[p] / self.norms[p];
+                self.set.e.row(i).for_each(|(j, v)| with(j, factor * v));
+            }
+            Kind::Inequality(i) => self.set.a.row(i).for_each(|(j, v)| with(j, -v / self.norms[p])),
+            Kind::Lower(j) => with(j, 1.0),
+            Kind::Upper(j) => with(j, -1.0),
+            Kind::Fixed(j) => with(j, self.signs[p]),
+        }
+    }
+
+    fn right(&self, p: usize) -> f64 {
+        match self.kinds[p] {
+            Kind::Equation(i) => self.signs[p] * self.set.e.right[i] / self.norms[p],
+            Kind::Inequality(i) => -self.set.a.right[i] / self.norms[p],
+            Kind::Lower(j) => self.set.lower[j],
+            Kind::Upper(j) => -self.set.upper[j],
+            Kind::Fixed(j) => self.signs[p] * self.set.lower[j],
+        }
+    }
+
+    /// nᵀy − β, and the size of its terms.
+    fn slack(&self, p: usize) -> (f64, f64) {
+        let right = self.right(p);
+        let (mut sum, mut size) = (-right, right.abs());
+        self.each_entry(p, |j, v| {
+            sum += v * self.y[j];
+            size += (v * self.y[j]).abs();
+        });
+        (sum, size)
+    }
+
+    /// A row 0 x ≤ b < 0, 0 x = d ≠ 0 or l > u proves that there is no point.
+    fn empty_rows(&self) -> Option<Infeasibility> {
+        let set = self.set;
+        let mut certificate = self.no_multipliers();
+        for j in 0..self.y.len() {
+            if set.lower[j] > set.upper[j] {
+                certificate.lower[j] = 1.0;
+                certificate.upper[j] = 1.0;
+                return Infeasibility::of(set, certificate);
+            }
+        }
+        let impossible = (0..self.kinds.len()).find(|&p| {
+            self.norms[p] == 0.0
+                && match self.kinds[p] {
+                    Kind::Equation(i) => set.e.right[i] != 0.0,
+                    Kind::Inequality(i) => set.a.right[i] < 0.0,
+                    _ => false,
+                }
+        })?;
+        match self.kinds[impossible] {
+            Kind::Equation(i) => certificate.equations[i] = -set.e.right[i].signum(),
+            Kind::Inequality(i) => certificate.inequalities[i] = 1.0,
+            _ => {}
+        }
+        Infeasibility::of(set, certificate)
+    }
+
+    fn no_multipliers(&self) -> Multipliers {
+        let n = self.y.len();
+        Multipliers {
+            inequalities: vec![0.0; self.set.a.len()],
+            equations: vec![0.0; self.set.e.len()],
+            lower: vec![0.0; n],
+            upper: vec![0.0; n],
+        }
+    }
+
+    /// Coefficients of normals as multipliers of the rows as stated.
+    fn multipliers(&self, coefficients: impl Iterator<Item = (usize, f64)>) -> Multipliers {
+        let mut all = self.no_multipliers();
+        for (p, c) in coefficients {
+            match self.kinds[p] {
+                Kind::Equation(i) => all.equations[i] = -self.signs[p] * c / self.norms[p],
+                Kind::Inequality(i) => all.inequalities[i] = c.max(0.0) / self.norms[p],
+                Kind::Lower(j) => all.lower[j] = c.max(0.0),
+                Kind::Upper(j) => all.upper[j] = c.max(0.0),
+                Kind::Fixed(j) => {
+                    all.lower[j] = (self.signs[p] * c).max(0.0);
+                    all.upper[j] = (-self.signs[p] * c).max(0.0);
+                }
+            }
+        }
+        all
+    }
+
+    fn most_violated(&self) -> Option<usize> {
+        let mut worst = None;
+        for p in 0..self.kinds.len() {
+            if self.is_active[p] || self.skipped[p] || self.is_equation(p) || self.norms[p] == 0.0 {
+                continue;
+            }
+            let (slack, size) = self.slack(p);
+            if slack < -ROUNDING * size && worst.is_none_or(|(_, s)| slack < s) {
+                worst = Some((p, slack));
+            }
+        }
+        worst.map(|w| w.0)
+    }
+
+    /// Makes row p active; other rows leave the active set where their multipliers would turn negative.
+    fn add(&mut self, p: usize, steps: &mut usize, limit: usize) -> Result<Added, VariationalError> {
+        if self.norms[p] == 0.0 {
+            return Ok(Added::Redundant);
+        }
+        if self.is_equation(p) && self.slack(p).0 > 0.0 {
+            self.signs[p] = -1.0;
+        }
+        let mut multiplier = 0.0;
+        loop {
+            *steps += 1;
+            if *steps > limit {
+                return Err(VariationalError::Unresolved { steps: limit, row: p });
+            }
+            let mut z = vec![0.0; self.y.len()];
+            self.each_entry(p, |j, v| z[j] += v);
+            let mut d = vec![0.0; self.q.len()];
+            // Twice is enough for orthogonality to rounding.
+            for _ in 0..2 {
+                for (d, q) in d.iter_mut().zip(&self.q) {
+                    let part = dot(q, &z);
+                    *d += part;
+                    z.iter_mut().zip(q).for_each(|(z, q)| *z -= part * q);
+                }
+            }
+            let r = self.back_substitute(&d);
+            let length = norm(&z);
+            let spread = 1.0 + r.iter().map(|r| r.abs()).sum::<f64>();
+            let dependent = length <= DEPENDENT * spread;
+            let (slack, size) = self.slack(p);
+            // Combined from active rows, whose own rounding comes in.
+            let rounding = slack.abs() <= 8.0 * ROUNDING * spread * size;
+            if dependent && rounding {
+                self.skipped[p] = true;
+                return Ok(Added::Redundant);
+            }
+            let mut leaves: Option<(usize, f64)> = None;
+            for (k, &row) in self.active.iter().enumerate() {
+                if !self.is_equation(row) && r[k] > 0.0 {
+                    let t = self.u[k] / r[k];
+                    if leaves.is_none_or(|(_, s)| t < s) {
+                        leaves = Some((k, t));
+                    }
+                }
+            }
+            let full = match dependent {
+                true => f64::INFINITY,
+                false => (-slack / (length * length)).max(0.0),
+            };
+            if leaves.is_none() && dependent {
+                let others = self.active.iter().zip(&r).map(|(row, r)| (*row, -r));
+                return Ok(Added::Empty(self.multipliers(others.chain([(p, 1.0)]))));
+            }
+            let t = leaves.map_or(full, |(_, t)| t.min(full));
+            if !dependent {
+                self.y.iter_mut().zip(&z).for_each(|(y, z)| *y += t * z);
+            }
+            self.u.iter_mut().zip(&r).for_each(|(u, r)| *u -= t * r);
+            multiplier += t;
+            match leaves {
+                Some((k, s)) if s < full => self.remove(k),
+                _ => {
+                    z.iter_mut().for_each(|z| *z /= length);
+                    self.q.push(z);
+                    d.push(length);
+                    self.r.push(d);
+                    self.active.push(p);
+                    self.u.push(multiplier);
+                    self.is_active[p] = true;
+                    self.skipped.fill(false);
+                    return Ok(Added::Yes);
+                }
+            }
+        }
+    }
+
+    /// R⁻¹ d.
+    fn back_substitute(&self, d: &[f64]) -> Vec<f64> {
+        let mut x = d.to_vec();
+        for k in (0..x.len()).rev() {
+            x[k] /= self.r[k][k];
+            for i in 0..k {
+                x[i] -= self.r[k][i] * x[k];
+            }
+        }
+        x
+    }
+
+    /// Takes the k-th active row out; rotations make R a triangle again.
+    fn remove(&mut self, k: usize) {
+        self.is_active[self.active[k]] = false;
+        self.active.remove(k);
+        self.u.remove(k);
+        self.r.remove(k);
+        for i in k..self.r.len() {
+            let (a, b) = (self.r[i][i], self.r[i][i + 1]);
+            let h = a.hypot(b);
+            let (c, s) = if h == 0.0 { (1.0, 0.0) } else { (a / h, b / h) };
+            for column in &mut self.r[i..] {
+                let (a, b) = (column[i], column[i + 1]);
+                (column[i], column[i + 1]) = (c * a + s * b, c * b - s * a);
+            }
+            self.r[i].truncate(i + 1);
+            let (first, second) = self.q.split_at_mut(i + 1);
+            for (a, b) in first[i].iter_mut().zip(&mut second[0]) {
+                (*a, *b) = (c * *a + s * *b, c * *b - s * *a);
+            }
+        }
+        self.q.pop();
+    }
+
+    /// The point on the active rows, and multipliers, free of what the way there left.
+    fn finish(mut self, x: &[f64]) -> Nearest {
+        for _ in 0..2 {
+            // Least change of y that meets the active rows: Rᵀ v = −slack, y + Q v.
+            let mut v: Vec<f64> = Vec::with_capacity(self.active.len());
+            for (k, &p) in self.active.iter().enumerate() {
+                let known: f64 = (0..k).map(|i| self.r[k][i] * v[i]).sum();
+                v.push((-self.slack(p).0 - known) / self.r[k][k]);
+            }
+            for (v, q) in v.iter().zip(&self.q) {
+                self.y.iter_mut().zip(q).for_each(|(y, q)| *y += v * q);
+            }
+        }
+        for &p in &self.active {
+            match self.kinds[p] {
+                Kind::Lower(j) | Kind::Fixed(j) => self.y[j] = self.set.lower[j],
+                Kind::Upper(j) => self.y[j] = self.set.upper[j],
+                _ => {}
+            }
+        }
+        for j in 0..self.y.len() {
+            self.y[j] = self.y[j].max(self.set.lower[j]).min(self.set.upper[j]);
+        }
+        let moved: Vec<f64> = self.y.iter().zip(x).map(|(y, x)| y - x).collect();
+        let d: Vec<f64> = self.q.iter().map(|q| dot(q, &moved)).collect();
+        // Multipliers that rounding makes negative are those of rows that need not be active.
+        let small = ROUNDING * max_abs(&moved);
+        let u = self.back_substitute(&d);
+        let coefficients = self.active.iter().zip(&u).map(|(p, u)| match u.abs() <= small {
+            true => (*p, 0.0),
+            false => (*p, *u),
+        });
+        Nearest {
+            multipliers: self.multipliers(coefficients),
+            x: self.y,
+        }
+    }
+}

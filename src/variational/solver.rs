@@ -1,0 +1,255 @@
+use std::ops::ControlFlow;
+
+use super::projection::{Infeasibility, Multipliers, Projection};
+use super::{Polyhedron, VariationalError, Vi};
+use crate::complementarity::{McpFunction, McpIteration, McpOptions, McpReport, McpSolver, McpStatus};
+use crate::sparse::{Matrix, max_abs};
+
+/// How a solve ended.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum ViStatus {
+    /// The Karush–Kuhn–Tucker conditions hold at the point returned, by the rule of [`complementarity`](crate::complementarity#accuracy).
+    Solved,
+    /// C is empty: [`ViReport::infeasibility`] proves it.
+    EmptySet,
+    /// No x in C is a solution: [`ViReport::ray`] proves it, or (no ray) all active sets of a small affine problem were ruled out.
+    NoSolution,
+    /// The solver ended otherwise, in words of [`McpStatus`].
+    Unsolved(McpStatus),
+}
+
+impl std::fmt::Display for ViStatus {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Solved => "solved",
+            Self::EmptySet => "empty set",
+            Self::NoSolution => "no solution",
+            Self::Unsolved(status) => status.name(),
+        })
+    }
+}
+
+/// Proof that an affine variational inequality has no solution: a direction v of recession of C (A v ≤ 0, E v = 0, vⱼ ≥ 0 below no upper and
+/// vⱼ ≤ 0 above no lower bound) with F(x)ᵀv ≤ value < 0 for all x in C, as Mᵀv = Aᵀy + Eᵀw − ρₗ + ρᵤ with y, ρₗ, ρᵤ ≥ 0 and
+/// value = qᵀv + bᵀy + dᵀw − lᵀρₗ + uᵀρᵤ. At a solution x the point x + v of C would contradict F(x)ᵀ(y − x) ≥ 0.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct Ray {
+    /// v, length n.
+    pub direction: Vec<f64>,
+    /// y, w, ρₗ and ρᵤ.
+    pub multipliers: Multipliers,
+    /// The bound of F(x)ᵀv, negative.
+    pub value: f64,
+    /// As [`Infeasibility::radius`], for (x, multipliers).
+    pub radius: f64,
+}
+
+/// How a solve went, and what belongs to the point returned.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct ViReport {
+    /// How it ended.
+    pub status: ViStatus,
+    /// ‖x − P(x − F(x))‖_∞ with the projection P on C, measured at the point returned; NaN where F is.
+    pub residual: f64,
+    /// λ, μ and, from F(x) + Aᵀλ + Eᵀμ = ρₗ − ρᵤ, the multipliers of the bounds.
+    pub multipliers: Multipliers,
+    /// The proof that C is empty.
+    pub infeasibility: Option<Infeasibility>,
+    /// The proof that there is no solution.
+    pub ray: Option<Ray>,
+    /// The run on the Karush–Kuhn–Tucker conditions, with strategies and history.
+    pub mcp: McpReport,
+}
+
+impl ViReport {
+    /// Whether the problem is solved.
+    #[must_use]
+    pub fn is_solved(&self) -> bool {
+        self.status == ViStatus::Solved
+    }
+}
+
+/// Solves variational inequalities over polyhedra.
+///
+/// The start is projected on C. Then [`McpSolver`] solves the conditions of [`Vi::kkt`]: semismooth Newton first, then among others
+/// Josephy–Newton with linearised problems solved along piecewise linear paths (N. H. Josephy 1979; D. Ralph 1994), and a piecewise
+/// smooth homotopy; [`McpOptions::strategies`] chooses. For affine F a certificate is sought where nothing solves.
+#[derive(Debug, Clone, Default)]
+pub struct ViSolver {
+    mcp: McpSolver,
+}
+
+impl ViSolver {
+    /// A solver with the given options.
+    #[must_use]
+    pub fn new(options: McpOptions) -> Self {
+        Self {
+            mcp: McpSolver::new(options),
+        }
+    }
+
+    /// Solves from the start `x`, which is overwritten by the solution or the best point; the start may lie outside of C.
+    ///
+    /// # Errors
+    /// Misuse: a parametric problem, a start of the wrong length or not finite, options out of range; a projection that rounding does
+    /// not let end ([`VariationalError::Unresolved`]).
+    pub fn solve<F: McpFunction>(
+        &mut self,
+        problem: &Vi<F>,
+        x: &mut [f64],
+    ) -> Result<ViReport, VariationalError> {
+        self.solve_observed(problem, x, |_| ControlFlow::Continue(()))
+    }
+
+    /// [`solve`](Self::solve), reporting every iteration to `observe`, which may stop the run.
+    ///
+    /// # Errors
+    /// As [`solve`](Self::solve).
+    pub fn solve_observed<F: McpFunction>(
+        &mut self,
+        problem: &Vi<F>,
+        x: &mut [f64],
+        observe: impl FnMut(&McpIteration) -> ControlFlow<()>,
+    ) -> Result<ViReport, VariationalError> {
+        let set = problem.set();
+        let mut report = ViReport {
+            status: ViStatus::EmptySet,
+            residual: f64::NAN,
+            multipliers: Multipliers::default(),
+            infeasibility: None,
+            ray: None,
+            mcp: McpReport::default(),
+        };
+        match set.project(x)? {
+            Projection::Nearest(nearest) => x.copy_from_slice(&nearest.x),
+            Projection::Empty(certificate) => {
+                report.infeasibility = Some(certificate);
+                return Ok(report);
+            }
+        }
+        let conditions = problem.kkt()?;
+        let n = x.len();
+        let mut z = x.to_vec();
+        z.resize(conditions.len(), 0.0);
+        report.mcp = self.mcp.solve_observed(&conditions, &mut z, observe)?.clone();
+        x.copy_from_slice(&z[..n]);
+        report.status = match report.mcp.status {
+            McpStatus::Solved => ViStatus::Solved,
+            McpStatus::Infeasible => ViStatus::NoSolution,
+            status => ViStatus::Unsolved(status),
+        };
+        let mut f = vec![0.0; conditions.len()];
+        conditions.function().value(&z, &mut f);
+        let m = set.num_inequalities();
+        report.multipliers = Multipliers {
+            inequalities: z[n..n + m].to_vec(),
+            equations: z[n + m..].to_vec(),
+            lower: (0..n)
+                .map(|i| if x[i] == set.lower[i] { f[i].max(0.0) } else { 0.0 })
+                .collect(),
+            upper: (0..n)
+                .map(|i| {
+                    if x[i] == set.upper[i] {
+                        (-f[i]).max(0.0)
+                    } else {
+                        0.0
+                    }
+                })
+                .collect(),
+        };
+        report.residual = natural_residual(problem, x)?;
+        let ended = matches!(
+            report.status,
+            ViStatus::Solved | ViStatus::Unsolved(McpStatus::Interrupted | McpStatus::TimeLimit)
+        );
+        if !ended && problem.function().is_affine() {
+            let mut matrix = Matrix::zeros(problem.function().pattern());
+            problem.function().jacobian(x, &mut matrix);
+            let mut q = vec![0.0; n];
+            problem.function().value(&vec![0.0; n], &mut q);
+            report.ray = ray(set, &matrix, &q)?;
+            if report.ray.is_some() {
+                report.status = ViStatus::NoSolution;
+            }
+        }
+        Ok(report)
+    }
+}
+
+/// ‖x − P(x − F(x))‖_∞.
+fn natural_residual<F: McpFunction>(problem: &Vi<F>, x: &[f64]) -> Result<f64, VariationalError> {
+    let mut moved = vec![0.0; x.len()];
+    problem.function().value(x, &mut moved);
+    moved.iter_mut().zip(x).for_each(|(f, x)| *f = x - *f);
+    if moved.iter().any(|v| !v.is_finite()) {
+        return Ok(f64::NAN);
+    }
+    match problem.set().project(&moved)? {
+        Projection::Nearest(nearest) => {
+            let apart: Vec<f64> = nearest.x.iter().zip(x).map(|(p, x)| p - x).collect();
+            Ok(max_abs(&apart))
+        }
+        Projection::Empty(_) => Ok(f64::NAN),
+    }
+}
+
+/// A ray, if x ∈ C and M x + q + Aᵀλ + Eᵀμ − ρₗ + ρᵤ = 0 with λ, ρ ≥ 0 have no common solution: what every solution satisfies.
+fn ray(set: &Polyhedron, matrix: &Matrix, q: &[f64]) -> Result<Option<Ray>, VariationalError> {
+    let n = set.dimension();
+    let (m, k) = (set.a.len(), set.e.len());
+    let bounded = |bounds: &[f64]| (0..n).filter(|&j| bounds[j].is_finite()).collect::<Vec<_>>();
+    let (below, above) = (bounded(&set.lower), bounded(&set.upper));
+    let total = n + m + k + below.len() + above.len();
+    let mut inequalities = Vec::new();
+    for (j, i, v) in set.a.transposed.triplets() {
+        inequalities.push((i, j, v));
+    }
+    let mut equations: Vec<_> = set
+        .e
+        .transposed
+        .triplets()
+        .map(|(j, i, v)| (n + i, j, v))
+        .collect();
+    equations.extend(matrix.triplets());
+    equations.extend(set.a.transposed.triplets().map(|(j, i, v)| (j, n + i, v)));
+    equations.extend(set.e.transposed.triplets().map(|(j, i, v)| (j, n + m + i, v)));
+    let first = n + m + k;
+    equations.extend(below.iter().enumerate().map(|(c, &j)| (j, first + c, -1.0)));
+    let second = first + below.len();
+    equations.extend(above.iter().enumerate().map(|(c, &j)| (j, second + c, 1.0)));
+    let right: Vec<f64> = q.iter().map(|q| -q).chain(set.e.right.iter().copied()).collect();
+    let mut lower = set.lower.clone();
+    lower.resize(n + m, 0.0);
+    lower.resize(n + m + k, f64::NEG_INFINITY);
+    lower.resize(total, 0.0);
+    let mut upper = set.upper.clone();
+    upper.resize(total, f64::INFINITY);
+    let conditions = Polyhedron::boxed(lower, upper)?
+        .with_inequalities(
+            Matrix::from_triplets(m, total, &inequalities)?,
+            set.a.right.clone(),
+        )?
+        .with_equations(Matrix::from_triplets(n + k, total, &equations)?, right)?;
+    let certificate = match conditions.project(&vec![0.0; total]) {
+        Ok(Projection::Empty(certificate)) => certificate,
+        Ok(Projection::Nearest(_)) | Err(VariationalError::Unresolved { .. }) => return Ok(None),
+        Err(e) => return Err(e),
+    };
+    let found = certificate.multipliers;
+    Ok(Some(Ray {
+        direction: found.equations[..n].iter().map(|v| -v).collect(),
+        multipliers: Multipliers {
+            inequalities: found.inequalities,
+            equations: found.equations[n..].to_vec(),
+            lower: found.lower[..n].to_vec(),
+            upper: found.upper[..n].to_vec(),
+        },
+        value: certificate.value,
+        radius: certificate.radius,
+    }))
+}

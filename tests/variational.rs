@@ -1,0 +1,377 @@
+//! Variational inequalities over polyhedra: projections, certificates, solutions against their definitions.
+
+use proptest::prelude::*;
+use semismooth::complementarity::{AffineFunction, Mcp, McpFunction, McpSolver, NormalMap, WithJacobian};
+use semismooth::continuation::{Branch, ContinuationOptions, Direction};
+use semismooth::enumeration::{Completeness, EnumerationOptions};
+use semismooth::newton::Newton;
+use semismooth::piecewise::check::{CheckOptions, check};
+use semismooth::sparse::Matrix;
+use semismooth::variational::{
+    Infeasibility, Multipliers, Polyhedron, Projection, VariationalError, Vi, ViSolver, ViStatus,
+};
+
+const INF: f64 = f64::INFINITY;
+
+fn matrix(rows: &[Vec<f64>], n: usize) -> Matrix {
+    match rows.is_empty() {
+        true => Matrix::from_triplets(0, n, &[]).unwrap(),
+        false => Matrix::from_rows(rows).unwrap(),
+    }
+}
+
+/// Data of a polyhedron, kept beside it to check what it says.
+#[derive(Debug, Clone)]
+struct Data {
+    a: Vec<Vec<f64>>,
+    b: Vec<f64>,
+    e: Vec<Vec<f64>>,
+    d: Vec<f64>,
+    lower: Vec<f64>,
+    upper: Vec<f64>,
+}
+
+impl Data {
+    fn set(&self) -> Polyhedron {
+        let n = self.lower.len();
+        Polyhedron::boxed(self.lower.clone(), self.upper.clone())
+            .unwrap()
+            .with_inequalities(matrix(&self.a, n), self.b.clone())
+            .unwrap()
+            .with_equations(matrix(&self.e, n), self.d.clone())
+            .unwrap()
+    }
+
+    /// Aᵀy + Eᵀw − ρₗ + ρᵤ.
+    fn combination(&self, m: &Multipliers) -> Vec<f64> {
+        let n = self.lower.len();
+        let part =
+            |rows: &[Vec<f64>], y: &[f64], j: usize| rows.iter().zip(y).map(|(r, y)| r[j] * y).sum::<f64>();
+        (0..n)
+            .map(|j| {
+                part(&self.a, &m.inequalities, j) + part(&self.e, &m.equations, j) - m.lower[j] + m.upper[j]
+            })
+            .collect()
+    }
+
+    fn proves_empty(&self, c: &Infeasibility) -> bool {
+        let m = &c.multipliers;
+        let product = |b: &[f64], y: &[f64]| {
+            b.iter()
+                .zip(y)
+                .filter(|p| *p.1 != 0.0)
+                .map(|(b, y)| b * y)
+                .sum::<f64>()
+        };
+        let value = product(&self.b, &m.inequalities) + product(&self.d, &m.equations)
+            - product(&self.lower, &m.lower)
+            + product(&self.upper, &m.upper);
+        let signs = [&m.inequalities, &m.lower, &m.upper];
+        value < 0.0
+            && signs.iter().all(|v| v.iter().all(|v| *v >= 0.0))
+            && self
+                .combination(m)
+                .iter()
+                .all(|r| r.abs() <= 1e-10 * (1.0 - value))
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// Small whole numbers, so that constraints often depend on each other and vertices are degenerate.
+fn polyhedra(n: usize) -> impl Strategy<Value = Data> {
+    let entry = || (-2..=2_i8).prop_map(f64::from);
+    let rows = move |most: usize| prop::collection::vec(prop::collection::vec(entry(), n), 0..=most);
+    let bound = || prop_oneof![3 => Just(None), 1 => (-2..=2_i8).prop_map(|v| Some(f64::from(v)))];
+    (rows(5), rows(2), prop::collection::vec((bound(), bound()), n)).prop_flat_map(move |(a, e, bounds)| {
+        let right = |len: usize| prop::collection::vec((-2..=3_i8).prop_map(f64::from), len);
+        let (m, k) = (a.len(), e.len());
+        (Just((a, e, bounds)), right(m), right(k)).prop_map(|((a, e, bounds), b, d)| Data {
+            a,
+            b,
+            e,
+            d,
+            lower: bounds.iter().map(|p| p.0.unwrap_or(-INF)).collect(),
+            upper: bounds.iter().map(|p| p.1.unwrap_or(INF)).collect(),
+        })
+    })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(500))]
+
+    /// The nearest point is feasible and satisfies the optimality conditions; emptiness is proven by Farkas' lemma.
+    #[test]
+    fn projections_are_nearest_points_or_proofs(data in polyhedra(4), x in prop::collection::vec(-5.0..5.0, 4)) {
+        let set = data.set();
+        match set.project(&x).unwrap() {
+            Projection::Nearest(nearest) => {
+                let y = &nearest.x;
+                prop_assert!(set.violation(y).unwrap() <= 1e-12);
+                let m = &nearest.multipliers;
+                for (r, (y, x)) in data.combination(m).iter().zip(y.iter().zip(&x)) {
+                    prop_assert!((y - x + r).abs() <= 1e-11);
+                }
+                for (row, (b, l)) in data.a.iter().zip(data.b.iter().zip(&m.inequalities)) {
+                    prop_assert!(*l >= 0.0 && (l * (dot(row, y) - b)).abs() <= 1e-11);
+                }
+                for j in 0..4 {
+                    prop_assert!(m.lower[j] >= 0.0 && (m.lower[j] == 0.0 || y[j] == data.lower[j]));
+                    prop_assert!(m.upper[j] >= 0.0 && (m.upper[j] == 0.0 || y[j] == data.upper[j]));
+                }
+            }
+            Projection::Empty(certificate) => prop_assert!(data.proves_empty(&certificate)),
+            other => prop_assert!(false, "{other:?}"),
+        }
+    }
+
+    /// Strongly monotone problems over nonempty sets have one solution, found from any start and listed alone; x − F(x) projects on it.
+    #[test]
+    fn monotone_problems_have_one_solution(
+        data in polyhedra(3),
+        g in prop::collection::vec(-1.0..1.0, 18),
+        x in prop::collection::vec(-9.0..9.0, 3),
+    ) {
+        let entry = |i: usize, j: usize| {
+            let gram: f64 = (0..3).map(|k| g[3 * k + i] * g[3 * k + j]).sum();
+            gram + g[9 + i] * f64::from(u8::from(j > i)) - g[9 + j] * f64::from(u8::from(i > j)) + f64::from(u8::from(i == j))
+        };
+        let rows: Vec<Vec<f64>> = (0..3).map(|i| (0..3).map(|j| entry(i, j)).collect()).collect();
+        let f = AffineFunction::new(matrix(&rows, 3), g[12..15].to_vec()).unwrap();
+        let vi = Vi::new(&f, data.set()).unwrap();
+        let mut x = x;
+        let report = ViSolver::default().solve(&vi, &mut x).unwrap();
+        if report.status == ViStatus::EmptySet {
+            prop_assert!(data.proves_empty(&report.infeasibility.unwrap()));
+            return Ok(());
+        }
+        prop_assert!(report.is_solved(), "{:?}", report.status);
+        let mut value = vec![0.0; 3];
+        f.value(&x, &mut value);
+        let moved: Vec<f64> = x.iter().zip(&value).map(|(x, f)| x - f).collect();
+        let Projection::Nearest(nearest) = data.set().project(&moved).unwrap() else { panic!("not empty") };
+        for (p, x) in nearest.x.iter().zip(&x) {
+            prop_assert!((p - x).abs() <= 1e-9);
+        }
+        prop_assert!(report.residual <= 1e-9);
+        for (r, f) in data.combination(&report.multipliers).iter().zip(&value) {
+            prop_assert!((f + r).abs() <= 1e-8);
+        }
+        let list = vi.all_solutions(&EnumerationOptions::default()).unwrap();
+        if list.completeness == Completeness::Complete {
+            prop_assert_eq!(list.solutions.len() + list.continua.len(), 1);
+            for (a, b) in list.solutions.iter().flatten().zip(&x) {
+                prop_assert!((a - b).abs() <= 1e-7);
+            }
+        }
+    }
+}
+
+/// Minimise cᵀx over a set that is unbounded in the direction of −c: a ray proves that nothing solves.
+#[test]
+fn unbounded_programs_are_refuted_by_a_ray() {
+    let f = AffineFunction::new(
+        Matrix::zeros(Matrix::identity(2).pattern().clone()),
+        vec![-1.0, -2.0],
+    )
+    .unwrap();
+    let rows = vec![vec![1.0, -1.0], vec![-1.0, 0.0]];
+    let set = Polyhedron::space(2)
+        .unwrap()
+        .with_inequalities(matrix(&rows, 2), vec![1.0, 0.0])
+        .unwrap();
+    let vi = Vi::new(f, set).unwrap();
+    let mut x = [3.0, -4.0];
+    let report = ViSolver::default().solve(&vi, &mut x).unwrap();
+    assert_eq!(report.status, ViStatus::NoSolution);
+    let ray = report.ray.unwrap();
+    let v = &ray.direction;
+    assert!(rows.iter().all(|row| dot(row, v) <= 1e-12));
+    assert!(-v[0] - 2.0 * v[1] < 0.0 && ray.value < 0.0 && ray.radius > 1e10);
+}
+
+#[test]
+fn empty_sets_are_proven_empty() {
+    let rows = vec![vec![1.0, 1.0], vec![-1.0, -1.0]];
+    let data = Data {
+        a: rows,
+        b: vec![1.0, -2.0],
+        e: vec![],
+        d: vec![],
+        lower: vec![-INF; 2],
+        upper: vec![INF; 2],
+    };
+    let Projection::Empty(certificate) = data.set().project(&[0.0, 0.0]).unwrap() else {
+        panic!()
+    };
+    assert!(data.proves_empty(&certificate));
+    // Within rounding of each other: x ≤ 1 and x ≥ 1 + 2⁻⁵¹ have no common point, x ≤ 1 and x ≥ 1 have one.
+    for (gap, empty) in [(0.0, false), (1e-9, true)] {
+        let near = Polyhedron::boxed(vec![1.0 + gap], vec![1.0]).unwrap();
+        assert_eq!(
+            matches!(near.project(&[7.0]).unwrap(), Projection::Empty(_)),
+            empty
+        );
+        let rows = matrix(&[vec![3.0], vec![-3.0]], 1);
+        let near = Polyhedron::space(1)
+            .unwrap()
+            .with_inequalities(rows, vec![3.0, -3.0 - gap])
+            .unwrap();
+        assert_eq!(
+            matches!(near.project(&[7.0]).unwrap(), Projection::Empty(_)),
+            empty
+        );
+    }
+    // 0 x = 1, 0 x ≤ −1.
+    let zero = Polyhedron::space(1)
+        .unwrap()
+        .with_equations(matrix(&[vec![0.0]], 1), vec![1.0])
+        .unwrap();
+    assert!(matches!(zero.project(&[0.0]).unwrap(), Projection::Empty(_)));
+    let zero = Polyhedron::space(1)
+        .unwrap()
+        .with_inequalities(matrix(&[vec![0.0]], 1), vec![-1.0])
+        .unwrap();
+    assert!(matches!(zero.project(&[0.0]).unwrap(), Projection::Empty(_)));
+}
+
+/// Battle of the sexes: two pure equilibria and (3/5, 2/5; 2/5, 3/5), each with its multipliers of the two simplices.
+#[test]
+fn all_equilibria_of_a_bimatrix_game() {
+    let (a, b) = ([[3.0, 0.0], [0.0, 2.0]], [[2.0, 0.0], [0.0, 3.0]]);
+    let rows: Vec<Vec<f64>> = vec![
+        vec![0.0, 0.0, -a[0][0], -a[0][1]],
+        vec![0.0, 0.0, -a[1][0], -a[1][1]],
+        vec![-b[0][0], -b[1][0], 0.0, 0.0],
+        vec![-b[0][1], -b[1][1], 0.0, 0.0],
+    ];
+    let f = AffineFunction::new(matrix(&rows, 4), vec![0.0; 4]).unwrap();
+    let sums = matrix(&[vec![1.0, 1.0, 0.0, 0.0], vec![0.0, 0.0, 1.0, 1.0]], 4);
+    let set = Polyhedron::boxed(vec![0.0; 4], vec![INF; 4])
+        .unwrap()
+        .with_equations(sums, vec![1.0; 2])
+        .unwrap();
+    let list = Vi::new(f, set)
+        .unwrap()
+        .all_solutions(&EnumerationOptions::default())
+        .unwrap();
+    assert_eq!(list.completeness, Completeness::Complete);
+    assert!(list.continua.is_empty());
+    let mut found = list.solutions;
+    found.sort_by(|x, y| x[0].total_cmp(&y[0]));
+    let expected = [[0.0, 1.0, 0.0, 1.0], [0.6, 0.4, 0.4, 0.6], [1.0, 0.0, 1.0, 0.0]];
+    assert_eq!(found.len(), 3);
+    for (x, y) in found.iter().zip(&expected) {
+        assert!(x.iter().zip(y).all(|(a, b)| (a - b).abs() < 1e-14), "{x:?}");
+    }
+}
+
+/// The projection of (α, 1/4) on the triangle x ≥ 0, x₁ + x₂ ≤ 1 as a curve: faces change at α = 0, 3/4 and 5/4.
+#[test]
+fn parametric_problems_are_followed_through_every_face() {
+    let f = WithJacobian::parametric(
+        2,
+        |x: &[f64], out: &mut [f64]| {
+            out[0] = x[0] - x[2];
+            out[1] = x[1] - 0.25;
+        },
+        |_: &[f64], jac: &mut Matrix| {
+            jac.add(0, 0, 1.0);
+            jac.add(0, 2, -1.0);
+            jac.add(1, 1, 1.0);
+        },
+    );
+    let set = Polyhedron::boxed(vec![0.0; 2], vec![INF; 2])
+        .unwrap()
+        .with_inequalities(matrix(&[vec![1.0, 1.0]], 2), vec![1.0])
+        .unwrap();
+    let vi = Vi::new(f, set.clone()).unwrap();
+    let conditions = vi.kkt().unwrap();
+    let options = ContinuationOptions::default().with_parameter_range((-1.0, 3.0));
+    let branch = Branch::follow(
+        &conditions,
+        &[0.0, 0.25, 0.0, -1.0],
+        Direction::Increasing,
+        options,
+    )
+    .unwrap();
+    let at: Vec<f64> = branch.transitions.iter().map(|t| t.x[3]).collect();
+    assert_eq!(at.len(), 3, "{at:?}");
+    for (a, b) in at.iter().zip([0.0, 0.75, 1.25]) {
+        assert!((a - b).abs() < 1e-12);
+    }
+    for point in &branch.points {
+        let Projection::Nearest(nearest) = set.project(&[point.x[3], 0.25]).unwrap() else {
+            panic!()
+        };
+        assert!(nearest.x.iter().zip(&point.x).all(|(a, b)| (a - b).abs() < 1e-9));
+    }
+}
+
+/// A zero of the normal map is a solution of the MCP, and the contract of maps holds on both sides of each facet.
+#[test]
+fn zeros_of_the_normal_map_solve_the_problem() {
+    let rows: Vec<Vec<f64>> = (0..4_usize)
+        .map(|i| {
+            (0..4_usize)
+                .map(|j| ((i * 5 + j * 3) % 4) as f64 - 1.5 + 4.0 * f64::from(u8::from(i == j)))
+                .collect()
+        })
+        .collect();
+    let lower = vec![0.0, -INF, -1.0, 2.0];
+    let upper = vec![INF, 1.0, 1.0, 2.0];
+    let mcp = Mcp::affine(matrix(&rows, 4), vec![1.0, -8.0, 0.5, -1.0], lower, upper).unwrap();
+    let map = NormalMap::new(&mcp);
+    let points: Vec<Vec<f64>> = (0..30_usize)
+        .map(|k| {
+            (0..4_usize)
+                .map(|i| ((k * 13 + i * 5) % 11) as f64 * 0.5 - 2.5)
+                .collect()
+        })
+        .collect();
+    check(&map, &points, &CheckOptions::default()).unwrap();
+    let mut z = vec![0.5; 4];
+    Newton::default().solve(&map, &mut z).unwrap();
+    let x = map.point(&z);
+    let mut residual = vec![0.0; 4];
+    assert!(mcp.natural_residual(&x, &mut residual).unwrap() < 1e-13);
+    let mut y = vec![0.0; 4];
+    assert!(McpSolver::default().solve(&mcp, &mut y).unwrap().is_solved());
+    assert!(x.iter().zip(&y).all(|(a, b)| (a - b).abs() < 1e-12));
+}
+
+#[test]
+fn bad_data_is_refused_by_name() {
+    let length = |e: VariationalError| matches!(e, VariationalError::Length { .. });
+    assert!(Polyhedron::space(0).is_err());
+    assert!(length(Polyhedron::boxed(vec![0.0], vec![0.0, 1.0]).unwrap_err()));
+    assert!(Polyhedron::boxed(vec![f64::NAN], vec![1.0]).is_err());
+    assert!(Polyhedron::boxed(vec![INF], vec![INF]).is_err());
+    let plane = Polyhedron::space(2).unwrap();
+    assert!(length(
+        plane
+            .clone()
+            .with_inequalities(Matrix::identity(3), vec![0.0; 3])
+            .unwrap_err()
+    ));
+    assert!(length(
+        plane
+            .clone()
+            .with_inequalities(Matrix::identity(2), vec![0.0])
+            .unwrap_err()
+    ));
+    let nan = plane
+        .clone()
+        .with_equations(Matrix::identity(2), vec![0.0, f64::NAN])
+        .unwrap_err();
+    assert_eq!(nan.to_string(), "d[1] = NaN is not finite");
+    assert!(matches!(
+        plane.project(&[0.0, INF]),
+        Err(VariationalError::NotFinite { index: 1, .. })
+    ));
+    assert!(length(plane.project(&[0.0]).unwrap_err()));
+    let f = AffineFunction::new(Matrix::identity(3), vec![0.0; 3]).unwrap();
+    assert!(length(Vi::new(f, plane).unwrap_err()));
+}
