@@ -161,7 +161,7 @@ proptest! {
         }
         let list = vi.all_solutions(&EnumerationOptions::default()).unwrap();
         if list.completeness == Completeness::Complete {
-            prop_assert_eq!(list.solutions.len() + list.continua.len(), 1);
+            prop_assert_eq!(list.solutions.len() + list.continua.len(), 1, "{:?}", list);
             for (a, b) in list.solutions.iter().flatten().zip(&x) {
                 prop_assert!((a - b).abs() <= 1e-7);
             }
@@ -374,4 +374,29 @@ fn bad_data_is_refused_by_name() {
     assert!(length(plane.project(&[0.0]).unwrap_err()));
     let f = AffineFunction::new(Matrix::identity(3), vec![0.0; 3]).unwrap();
     assert!(length(Vi::new(f, plane).unwrap_err()));
+}
+/// −x₂ = 0 among rows that are stored in full: at x₂ = 0 all terms of the row vanish, which is no sign of an F that has become flat.
+#[test]
+fn an_equation_of_one_unknown_is_solved() {
+    let rows = [
+        vec![4.0, 0.4, 0.8, 0.0, 0.0],
+        vec![-1.0, 3.0, -0.4, 2.0, 1.0],
+        vec![1.0, 0.5, 2.0, -1.0, 0.0],
+        vec![0.0, -2.0, 1.0, 0.0, 0.0],
+        vec![0.0, -1.0, 0.0, 0.0, 0.0],
+    ];
+    let q = vec![0.7, -0.5, -0.4, 3.0, 0.0];
+    let upper = vec![INF, INF, -1.0, INF, INF];
+    let mcp = Mcp::affine(matrix(&rows, 5), q, vec![-INF; 5], upper).unwrap();
+    for k in 0..40_u32 {
+        let mut x = vec![f64::from(k) / 7.0, -0.04, -3.0, f64::from(k % 5) / 3.0, 0.1];
+        let mut solver = McpSolver::default();
+        let report = solver.solve(&mcp, &mut x).unwrap();
+        assert!(
+            report.is_solved() && report.iterations < 50,
+            "{k}: {:?}",
+            report.status
+        );
+        assert!(x[1].abs() < 1e-15 && (x[2] + 3.0).abs() < 1e-15);
+    }
 }

@@ -101,6 +101,8 @@ struct Solver<'a> {
     /// −1 for equations that are approached from above.
     signs: Vec<f64>,
     y: Vec<f64>,
+    /// Largest component of the point that is projected.
+    far: f64,
     /// Orthonormal basis of the active normals, one vector each, and the triangle R with N = Q R, column by column.
     q: Vec<Vec<f64>>,
     r: Vec<Vec<f64>>,
@@ -175,6 +177,7 @@ impl<'a> Solver<'a> {
             set,
             kinds,
             y: x.to_vec(),
+            far: max_abs(x),
             q: Vec::new(),
             r: Vec::new(),
             active: Vec::new(),
@@ -320,7 +323,8 @@ impl<'a> Solver<'a> {
             let spread = 1.0 + r.iter().map(|r| r.abs()).sum::<f64>();
             let dependent = length <= DEPENDENT * spread;
             let (slack, size) = self.slack(p);
-            // Combined from active rows, whose own rounding comes in.
+            // Combined from active rows, whose own rounding comes in, as does that of y on its way from x.
+            let size = size + self.far.max(max_abs(&self.y));
             let rounding = slack.abs() <= 8.0 * ROUNDING * spread * size;
             if dependent && rounding {
                 self.skipped[p] = true;

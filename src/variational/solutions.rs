@@ -6,7 +6,7 @@ use crate::linear::null_space;
 use crate::piecewise::{PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, max_abs};
 
-/// Part of the largest entry of a kernel vector below which another one counts as zero, and of x below which two points are one.
+/// Part of the largest entry of a kernel vector below which another one counts as zero, and of (x, λ, μ) below which two x are one.
 const SAME: f64 = 1e-9;
 
 /// All solutions of an affine variational inequality.
@@ -40,7 +40,7 @@ impl<F: McpFunction> Vi<F> {
             completeness: found.completeness,
         };
         for solution in &found.solutions {
-            all.insert(&solution.x[..n]);
+            all.insert(&solution.x[..n], max_abs(&solution.x));
         }
         let affine = conditions.function().coefficients();
         for continuum in found.continua {
@@ -49,14 +49,14 @@ impl<F: McpFunction> Vi<F> {
                 None => None,
             };
             match point {
-                Some(x) => all.insert(&x),
+                Some(point) => all.insert(&point[..n], max_abs(&point)),
                 None => all.continua.push(continuum),
             }
         }
         Ok(all)
     }
 
-    /// The x of a continuum along which only multipliers change.
+    /// A point (x, λ, μ) of a continuum along which only multipliers change.
     fn only_multipliers(
         &self,
         conditions: &impl PiecewiseSmooth,
@@ -64,7 +64,7 @@ impl<F: McpFunction> Vi<F> {
         continuum: &Continuum,
     ) -> Result<Option<Vec<f64>>, VariationalError> {
         let n = self.set().dimension();
-        let mut x = None;
+        let mut point = None;
         for selection in &continuum.selections {
             let mut jac = Matrix::zeros(conditions.pattern());
             conditions.jacobian(selection, &vec![0.0; conditions.num_vars()], &mut jac);
@@ -77,11 +77,11 @@ impl<F: McpFunction> Vi<F> {
             }
             let cell = self.cell(selection, f)?;
             match cell.project(&vec![0.0; conditions.num_vars()]) {
-                Ok(Projection::Nearest(nearest)) => x = Some(nearest.x[..n].to_vec()),
+                Ok(Projection::Nearest(nearest)) => point = Some(nearest.x),
                 _ => return Ok(None),
             }
         }
-        Ok(x)
+        Ok(point)
     }
 
     /// The polyhedron of the points (x, λ, μ) that solve the conditions in a selection.
@@ -125,10 +125,11 @@ impl<F: McpFunction> Vi<F> {
 }
 
 impl ViSolutions {
-    fn insert(&mut self, x: &[f64]) {
+    /// Keeps x, found with multipliers of a size, unless it is known.
+    fn insert(&mut self, x: &[f64], size: f64) {
         let same = |y: &Vec<f64>| {
             let apart: Vec<f64> = y.iter().zip(x).map(|(a, b)| a - b).collect();
-            max_abs(&apart) <= SAME * (max_abs(x) + max_abs(y))
+            max_abs(&apart) <= SAME * size
         };
         if !self.solutions.iter().any(same) {
             self.solutions.push(x.to_vec());

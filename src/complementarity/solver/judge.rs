@@ -25,9 +25,9 @@ impl Engine<'_> {
         measure
     }
 
-    /// Whether what was measured is a solution. Where iterates went to infinity, flat is what has underflowed.
+    /// Whether what was measured is a solution. Where iterates of a curved F went to infinity, flat is what has underflowed.
     pub(super) fn accepts(&self, measure: Measure, tolerance: f64) -> bool {
-        measure.is_solved(tolerance) && !(measure.flat && self.asymptotic)
+        measure.is_solved(tolerance) && (self.affine || !(measure.flat && self.asymptotic))
     }
 
     /// Whether `work.x` is a solution, and as good a one as can be asked for: where the natural residual is still above the tolerance
