@@ -1,7 +1,8 @@
-//! How large a contact problem may be: an elastic block on the ground, meshed ever finer, condensed onto its contact nodes and solved.
-//! You will see displacements, contact nodes, the time of each phase (mesh, assembly, factorisation with condensation, first solve, a
-//! further solve at another load), Newton's work done in them, and the peak memory, row by row as the mesh is refined.
-//! Run: cargo run --release --example contact_size [-- --plane 999x500] [--solid 40x38x20]
+//! How large a contact problem may be: an elastic block on the ground, meshed ever finer and solved, either condensed onto its contact
+//! nodes (one Cholesky factorisation) or in its displacements with multigrid, whichever is quicker at that size.
+//! You will see displacements, contact nodes, the route, the time of each phase (mesh, assembly, factorisation or multigrid, first solve,
+//! a further solve at another load), Newton steps and Krylov iterations, the states of the nodes, and the peak memory, row by row.
+//! Run: cargo run --release --example contact_size [-- --plane 999x500] [--solid 40x38x20] [--route displacements]
 
 #[macro_use]
 mod common;
@@ -12,10 +13,15 @@ use std::time::Instant;
 use clap::Parser;
 use common::{Outcome, exit};
 use semismooth::contact::{
-    CondensedContact, ContactBody, ContactState, FrictionCoefficient, FrictionCurve, LoadPath, NodeLaw,
-    OrthotropicCoulomb, PlanarCoulomb,
+    CondensedContact, ContactBody, ContactSolution, FrictionCoefficient, FrictionCurve, LoadPath, NodeLaw,
+    OrthotropicCoulomb, PlanarCoulomb, ReducedBody, ReducedContact, ReducedOptions,
 };
 use semismooth::fem::{ElasticSystem, Elasticity, Foundation, Material, Mesh};
+
+/// Displacements of a solid beyond which multigrid is quicker than one factorisation, on the machine of the README.
+const SOLID: usize = 6_000;
+/// The same in the plane, where factors stay sparse: what 16 GB hold.
+const PLANE: usize = 3_000_000;
 
 /// Times the phases of contact problems on finer and finer meshes.
 #[derive(Parser)]
@@ -26,6 +32,9 @@ struct Args {
     /// Cells of a solid block, as NXxNYxNZ; may be given several times. Default: 6x6x3, 10x10x5.
     #[arg(long)]
     solid: Vec<String>,
+    /// "condensed", "displacements", or "auto": by size.
+    #[arg(long, default_value = "auto")]
+    route: String,
 }
 
 fn main() -> ExitCode {
@@ -39,21 +48,21 @@ fn run(args: &Args) -> Outcome<()> {
         solid = ["6x6x3", "10x10x5"].map(String::from).to_vec();
     }
     println!(
-        "             cells       free  contacts    mesh  assembly  condense   solve  further  open stick slip   peak memory"
+        "             cells       free  contacts          route    mesh  assembly   setup   solve  further  Newton  Krylov  open stick  slip   peak memory"
     );
     for cells in &plane {
         let n = parse::<2>(cells)?;
         let law = PlanarCoulomb::new(FrictionCoefficient::uniform(FrictionCurve::constant(0.3)?));
         let begun = Instant::now();
         let mesh = Mesh::rectangle([0.0, 0.0], [2.0, 1.0], n)?;
-        measure(cells, mesh, begun, law)?;
+        measure(cells, mesh, begun, law, &args.route)?;
     }
     for cells in &solid {
         let n = parse::<3>(cells)?;
         let law = OrthotropicCoulomb::isotropic(FrictionCoefficient::uniform(FrictionCurve::constant(0.3)?));
         let begun = Instant::now();
         let mesh = Mesh::block([0.0; 3], [2.0, 2.0, 1.0], n)?;
-        measure(cells, mesh, begun, law)?;
+        measure(cells, mesh, begun, law, &args.route)?;
     }
     Ok(())
 }
@@ -69,7 +78,7 @@ fn parse<const N: usize>(text: &str) -> Outcome<[usize; N]> {
         })
 }
 
-fn measure<L: NodeLaw>(cells: &str, mesh: Mesh, mut begun: Instant, law: L) -> Outcome<()> {
+fn measure<L: NodeLaw>(cells: &str, mesh: Mesh, mut begun: Instant, law: L, route: &str) -> Outcome<()> {
     let mut lap = || {
         let seconds = begun.elapsed().as_secs_f64();
         begun = Instant::now();
@@ -79,7 +88,7 @@ fn measure<L: NodeLaw>(cells: &str, mesh: Mesh, mut begun: Instant, law: L) -> O
     let meshed = lap();
     let system = Elasticity::new(mesh, Material::isotropic(1.0, 0.277)?)
         .fix("left")
-        .assemble()?;
+        .discretize()?;
     let load = loads(&system)?;
     let mut up = [0.0; 3];
     up[dim - 1] = 1.0;
@@ -87,27 +96,79 @@ fn measure<L: NodeLaw>(cells: &str, mesh: Mesh, mut begun: Instant, law: L) -> O
     let mut tangential = vec![rows.tangential];
     tangential.extend(rows.tangential2);
     let free = system.num_free();
-    let body =
-        ContactBody::new(system.stiffness().clone(), rows.normal, tangential, load)?.with_gap(rows.gap)?;
-    drop(system);
-    let assembled = lap();
-    let problem = CondensedContact::new(body, law)?;
-    let condensed = lap();
-    let x = problem.solve(1.0, None)?;
-    let solved = lap();
-    let y = problem.solve(1.05, Some(&x))?;
-    let further = lap();
-    let states = problem.solution(&y)?.states;
-    let count = |wanted: &[ContactState]| states.iter().filter(|s| wanted.contains(s)).count();
-    println!(
-        "{cells:>18} {free:>10} {:>9} {meshed:>7.2} {assembled:>9.2} {condensed:>9.2} {solved:>7.2} {further:>8.2}  {:>4} {:>5} {:>4}  {:>12}",
-        problem.num_contacts(),
-        count(&[ContactState::Open]),
-        count(&[ContactState::Stick]),
-        count(&[ContactState::SlipPlus, ContactState::SlipMinus]),
-        peak_memory()
-    );
+    let condensed = match route {
+        "condensed" => true,
+        "displacements" => false,
+        "auto" => free <= if dim == 2 { PLANE } else { SOLID },
+        other => {
+            return Err(format!("there is no route \"{other}\": auto, condensed or displacements").into());
+        }
+    };
+    let row;
+    if condensed {
+        let a = system.stiffness().clone();
+        drop(system);
+        let body = ContactBody::new(a, rows.normal, tangential, load)?.with_gap(rows.gap)?;
+        let assembled = lap();
+        let problem = CondensedContact::new(body, law)?;
+        let setup = lap();
+        let x = problem.solve(1.0, None)?;
+        let solved = lap();
+        let y = problem.solve(1.05, Some(&x))?;
+        let times = [meshed, assembled, setup, solved, lap()];
+        row = Row {
+            route: "condensed",
+            times,
+            iterations: ["-".into(), "-".into()],
+            solution: problem.solution(&y)?,
+        };
+    } else {
+        let stiffness = system.nodal_stiffness()?;
+        drop(system);
+        let body = ReducedBody::new(stiffness, &rows.normal, &tangential, load)?.with_gap(rows.gap)?;
+        let assembled = lap();
+        let mut problem = ReducedContact::new(body, law, ReducedOptions::default())?;
+        let setup = lap();
+        let first = problem.solve(1.0, None)?;
+        let solved = lap();
+        let second = problem.solve(1.05, Some(&first.displacements))?;
+        let times = [meshed, assembled, setup, solved, lap()];
+        row = Row {
+            route: "displacements",
+            times,
+            iterations: [
+                format!("{}+{}", first.newton(), second.newton()),
+                format!("{}+{}", first.krylov(), second.krylov()),
+            ],
+            solution: problem.solution(1.05, &second.displacements)?,
+        };
+    }
+    row.print(cells, free);
     Ok(())
+}
+
+/// What is told of a body.
+struct Row {
+    route: &'static str,
+    times: [f64; 5],
+    iterations: [String; 2],
+    solution: ContactSolution,
+}
+
+impl Row {
+    fn print(&self, cells: &str, free: usize) {
+        let [meshed, assembled, setup, solved, further] = self.times;
+        let ([newton, krylov], s) = (&self.iterations, &self.solution);
+        println!(
+            "{cells:>18} {free:>10} {:>9} {:>14} {meshed:>7.2} {assembled:>9.2} {setup:>7.2} {solved:>7.2} {further:>8.2} {newton:>7} {krylov:>7}  {:>4} {:>5} {:>5}  {:>12}",
+            s.nodes.len(),
+            self.route,
+            s.open(),
+            s.stick(),
+            s.slip(),
+            peak_memory()
+        );
+    }
 }
 
 /// Pressure on top, a pull on the right that grows with α.

@@ -9,7 +9,8 @@ use semismooth::complementarity::pivoting::{Lemke, LemkeOptions};
 use semismooth::complementarity::{Lcp, McpOptions, McpSolver};
 use semismooth::contact::{
     CondensedContact, ContactBody, ContactOptions, DelassusOptions, DelassusSolver, EvolutionOptions,
-    FixedPointOptions, FrictionCoefficient, FrictionCurve, LoadPath, PlanarCoulomb, evolve, fixed_point,
+    FixedPointOptions, FrictionCoefficient, FrictionCurve, LoadPath, PlanarCoulomb, ReducedOptions, evolve,
+    fixed_point,
 };
 use semismooth::continuation::{
     ContinuationOptions, Diagram, DiagramOptions, SearchOptions, Strategy, search_solutions,
@@ -47,6 +48,7 @@ fn all_options_have_files() {
     check::<FixedPointOptions>();
     check::<ContactOptions>();
     check::<EvolutionOptions>();
+    check::<ReducedOptions>();
 }
 
 #[test]

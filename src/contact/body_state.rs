@@ -56,12 +56,23 @@ impl BodyState {
         let parameters = &x[problem.num_residuals()..];
         let mut stiff = vec![0.0; u.len()];
         problem.operator.a.mul_vec(&u, &mut stiff);
-        Ok(Self {
+        let load = problem.operator.load_at(parameters);
+        Ok(Self::of(
             u,
             stiff,
-            load: problem.operator.load_at(parameters),
-            supports: problem.operator.load.support_state(parameters),
-        })
+            load,
+            problem.operator.load.support_state(parameters),
+        ))
+    }
+
+    /// From displacements u, A u, all forces on u, and what the supports do.
+    pub(super) fn of(u: Vec<f64>, stiff: Vec<f64>, load: Vec<f64>, supports: SupportState) -> Self {
+        Self {
+            u,
+            stiff,
+            load,
+            supports,
+        }
     }
 
     /// The elastic energy of the whole body, supports included.
@@ -71,7 +82,7 @@ impl BodyState {
     }
 
     /// Applied forces times displacements, and reactions times those of the supports.
-    fn load_energy(&self) -> f64 {
+    pub(super) fn load_energy(&self) -> f64 {
         self.work_on(self)
     }
 

@@ -138,6 +138,43 @@ pub enum ContactError {
         /// Rank of the pairing with the displacements.
         rank: usize,
     },
+    /// Traces that are not those of single nodes along orthonormal directions, which contact in the displacements alone asks for.
+    #[error(
+        "the traces of contact node {node} are {what}; contact in the displacements alone needs orthonormal traces of one node each: use the condensed form"
+    )]
+    NotNodal {
+        /// The contact node, from 0.
+        node: usize,
+        /// What was found.
+        what: &'static str,
+    },
+    /// A law whose equations at a node do not determine its forces from its displacements.
+    #[error(
+        "the law does not determine the forces of node {node} in the piece \"{piece}\": use the condensed form"
+    )]
+    NotReducible {
+        /// The contact node, from 0.
+        node: usize,
+        /// The piece of the law.
+        piece: String,
+    },
+    /// More memory would be needed than is allowed.
+    #[error("about {needed} bytes would be needed, {limit} are allowed")]
+    Memory {
+        /// Estimate, in bytes.
+        needed: u64,
+        /// What the options allow.
+        limit: u64,
+    },
+    /// Contact in the displacements alone found no solution.
+    #[error(
+        "no solution found in {} steps: relative residuals of equilibrium {:e}, of the normal law {:e}, of friction {:e} at the best iterate",
+        .best.iterations.len(), .best.residuals.equilibrium, .best.residuals.normal, .best.residuals.tangential
+    )]
+    NotConverged {
+        /// The best iterate, with its history.
+        best: Box<super::ReducedReport>,
+    },
     /// The law has no Delassus form.
     #[error(
         "only Coulomb's law with coefficients of friction that do not depend on the slip has a Delassus form: solve the full or the condensed form"

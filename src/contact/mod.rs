@@ -10,6 +10,7 @@ mod conversion;
 mod coulomb_laws;
 mod curve;
 mod delassus;
+mod displacements;
 mod error;
 mod evolution;
 mod exact;
@@ -39,6 +40,10 @@ pub use delassus::read_delassus;
 pub use delassus::{
     DelassusError, DelassusIteration, DelassusOptions, DelassusPhase, DelassusProblem, DelassusReport,
     DelassusSolver, DelassusStatus,
+};
+pub use displacements::{
+    KrylovOutcome, ReducedBody, ReducedContact, ReducedError, ReducedIteration, ReducedNodes, ReducedOptions,
+    ReducedReport, ReducedStep, ReducedStrategy, ReducedSystem, ReducedTimes, solve_reduced,
 };
 pub use error::ContactError;
 pub use evolution::{Arrival, EvolutionOptions, EvolutionStep, evolve};

@@ -1,4 +1,4 @@
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use super::elasticity::Elasticity;
 use super::element::{CellKind, MAX_NODES, map_cell};
@@ -8,7 +8,7 @@ use super::material::VOIGT;
 use super::rigid::check_supports;
 use super::{FemError, Material, Mesh, PlaneModel};
 use crate::interface::LoadCase;
-use crate::sparse::{Matrix, Pattern};
+use crate::sparse::{Blocks, Matrix, NodalBlocks, NodalMatrix, Pattern};
 
 /// No free displacement.
 pub(super) const PRESCRIBED: usize = usize::MAX;
@@ -19,7 +19,9 @@ pub(super) const PRESCRIBED: usize = usize::MAX;
 #[derive(Debug, Clone)]
 pub struct ElasticSystem {
     mesh: Arc<Mesh>,
-    stiffness: Matrix,
+    /// Number of free displacements.
+    free: usize,
+    stiffness: OnceLock<Matrix>,
     /// Free displacement of each component of each node, or [`PRESCRIBED`].
     dofs: Vec<usize>,
     /// The prescribed displacements, 0 at free components, and the forces that go with them.
@@ -37,6 +39,17 @@ impl Elasticity {
     /// Groups that do not exist or are empty, components beyond the dimension, prescribed values that are not finite, nothing free,
     /// supports that leave rigid motions ([`FemError::Floating`] names them).
     pub fn assemble(&self) -> Result<ElasticSystem, FemError> {
+        let system = self.discretize()?;
+        system.stiffness.get_or_init(|| system.single_entries());
+        Ok(system)
+    }
+
+    /// As [`assemble`](Self::assemble), but the stiffness matrix is left for when it is asked for: large bodies take it
+    /// [in blocks](ElasticSystem::nodal_stiffness).
+    ///
+    /// # Errors
+    /// As [`assemble`](Self::assemble).
+    pub fn discretize(&self) -> Result<ElasticSystem, FemError> {
         ElasticSystem::new(self)
     }
 }
@@ -93,36 +106,14 @@ impl ElasticSystem {
                 materials[cell] = number + 1;
             }
         }
-        let mut stiffness = Matrix::zeros(pattern(mesh, dim, &dofs, free)?);
         let all: Vec<Material> = std::iter::once(&body.material)
             .chain(body.by_group.iter().map(|g| &g.1))
             .cloned()
             .collect();
-        let tensors = tensors(&all, dim, body.plane);
-        let mut element = ElementMatrix::default();
-        for cell in 0..mesh.num_cells() {
-            element.compute(mesh.kind(cell), &mesh.corners(cell), &tensors[materials[cell]]);
-            let nodes = mesh.cell(cell);
-            for (b, &nb) in nodes.iter().enumerate() {
-                for e in 0..dim {
-                    let column = dofs[dim * nb + e];
-                    if column == PRESCRIBED {
-                        continue;
-                    }
-                    for (a, &na) in nodes.iter().enumerate() {
-                        for d in 0..dim {
-                            let row = dofs[dim * na + d];
-                            if row != PRESCRIBED {
-                                stiffness.add(row, column, element.get(dim * a + d, dim * b + e));
-                            }
-                        }
-                    }
-                }
-            }
-        }
         let mut system = Self {
             mesh: Arc::clone(mesh),
-            stiffness,
+            free,
+            stiffness: OnceLock::new(),
             dofs,
             supports: LoadCase::default(),
             plane: body.plane,
@@ -131,6 +122,122 @@ impl ElasticSystem {
         };
         system.supports = system.case_of(prescribed)?;
         Ok(system)
+    }
+
+    /// Calls `add` with the nodes and the stiffness of each cell.
+    fn for_cells(&self, mut add: impl FnMut(&[usize], &ElementMatrix)) {
+        let tensors = tensors(&self.materials, self.mesh.dim(), self.plane);
+        let mut element = ElementMatrix::default();
+        for cell in 0..self.mesh.num_cells() {
+            let tensor = &tensors[self.material_of[cell]];
+            element.compute(self.mesh.kind(cell), &self.mesh.corners(cell), tensor);
+            add(self.mesh.cell(cell), &element);
+        }
+    }
+
+    fn single_entries(&self) -> Matrix {
+        let dim = self.mesh.dim();
+        let pattern = match pattern(&self.mesh, dim, &self.dofs, self.free) {
+            Ok(pattern) => pattern,
+            Err(_) => unreachable!("rows of free displacements increase"),
+        };
+        let mut stiffness = Matrix::zeros(pattern);
+        self.for_cells(|nodes, element| {
+            for (b, &nb) in nodes.iter().enumerate() {
+                for e in 0..dim {
+                    let column = self.dofs[dim * nb + e];
+                    if column == PRESCRIBED {
+                        continue;
+                    }
+                    for (a, &na) in nodes.iter().enumerate() {
+                        for d in 0..dim {
+                            let row = self.dofs[dim * na + d];
+                            if row != PRESCRIBED {
+                                stiffness.add(row, column, element.get(dim * a + d, dim * b + e));
+                            }
+                        }
+                    }
+                }
+            }
+        });
+        stiffness
+    }
+
+    /// A in blocks of nodes, with their positions: half the memory of single entries, for
+    /// [`ReducedContact`](crate::contact::ReducedContact). Assembled at each call.
+    ///
+    /// # Errors
+    /// [`FemError::TooLarge`] where the blocks do not fit into memory.
+    ///
+    /// ```
+    /// use semismooth::fem::{Elasticity, Material, Mesh};
+    /// let mesh = Mesh::block([0.0; 3], [1.0; 3], [3, 3, 3])?;
+    /// let system = Elasticity::new(mesh, Material::isotropic(1.0, 0.3)?).fix("left").discretize()?;
+    /// let nodal = system.nodal_stiffness()?;
+    /// assert_eq!((nodal.num_nodes(), nodal.num_unknowns()), (48, 144));
+    /// assert_eq!(nodal.to_matrix()?, *system.stiffness());
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn nodal_stiffness(&self) -> Result<NodalMatrix, FemError> {
+        let dim = self.mesh.dim();
+        let free = |n: usize| (0..dim).any(|d| self.dofs[dim * n + d] != PRESCRIBED);
+        let mut number = vec![u32::MAX; self.mesh.num_nodes()];
+        let mut points = Vec::new();
+        for n in (0..number.len()).filter(|&n| free(n)) {
+            number[n] = points.len() as u32;
+            points.push(self.mesh.points()[n]);
+        }
+        let mut places = Vec::with_capacity(self.free);
+        for (k, _) in self.dofs.iter().enumerate().filter(|d| *d.1 != PRESCRIBED) {
+            places.push(dim as u32 * number[k / dim] + (k % dim) as u32);
+        }
+        let blocks = match dim {
+            2 => NodalBlocks::Plane(self.in_blocks(&number, points.len())?),
+            _ => NodalBlocks::Space(self.in_blocks(&number, points.len())?),
+        };
+        Ok(NodalMatrix::from_parts(blocks, points, places))
+    }
+
+    fn in_blocks<const B: usize>(&self, number: &[u32], nodes: usize) -> Result<Blocks<B, B>, FemError> {
+        let mut blocks = Blocks::<B, B>::new(nodes);
+        blocks.start.reserve_exact(nodes);
+        for_neighbours(&self.mesh, |n, neighbours| {
+            if number[n] != u32::MAX {
+                let known = neighbours.iter().map(|&m| number[m]);
+                blocks.col.extend(known.filter(|m| *m != u32::MAX));
+                blocks.start.push(blocks.col.len());
+            }
+        });
+        let count = blocks.col.len();
+        if nodes >= u32::MAX as usize / 6 || blocks.value.try_reserve_exact(count).is_err() {
+            return Err(FemError::TooLarge {
+                cells: vec![self.mesh.num_cells()],
+            });
+        }
+        blocks.value.resize(count, [[0.0; B]; B]);
+        let fixed: Vec<u8> = (0..number.len())
+            .map(|n| {
+                (0..B)
+                    .filter(|d| self.dofs[B * n + d] == PRESCRIBED)
+                    .fold(0, |m, d| m | 1 << d)
+            })
+            .collect();
+        self.for_cells(|cell, element| {
+            for (a, &na) in cell.iter().enumerate().filter(|n| number[*n.1] != u32::MAX) {
+                for (b, &nb) in cell.iter().enumerate().filter(|n| number[*n.1] != u32::MAX) {
+                    let Some(slot) = blocks.slot(number[na] as usize, number[nb] as usize) else {
+                        continue;
+                    };
+                    let block = &mut blocks.value[slot];
+                    for d in (0..B).filter(|d| fixed[na] >> d & 1 == 0) {
+                        for e in (0..B).filter(|e| fixed[nb] >> e & 1 == 0) {
+                            block[d][e] += element.get(B * a + d, B * b + e);
+                        }
+                    }
+                }
+            }
+        });
+        Ok(blocks)
     }
 
     /// The load case of displacements of the supports, one entry a component of a node, 0 at free ones.
@@ -169,7 +276,7 @@ impl ElasticSystem {
     /// A: symmetric positive definite, one row a free displacement.
     #[must_use]
     pub fn stiffness(&self) -> &Matrix {
-        &self.stiffness
+        self.stiffness.get_or_init(|| self.single_entries())
     }
 
     /// The mesh.
@@ -181,7 +288,7 @@ impl ElasticSystem {
     /// Number of free displacements.
     #[must_use]
     pub fn num_free(&self) -> usize {
-        self.stiffness.nrows()
+        self.free
     }
 
     /// Number of a component of a node's displacement among the free ones; none where it is prescribed.
@@ -495,6 +602,25 @@ impl ElementMatrix {
 
 /// The pattern of the free unknowns, `dim` a node: nodes that share a cell.
 pub(super) fn pattern(mesh: &Mesh, dim: usize, dofs: &[usize], free: usize) -> Result<Pattern, FemError> {
+    let mut col_ptr = Vec::with_capacity(free + 1);
+    col_ptr.push(0);
+    let mut row_idx = Vec::new();
+    for_neighbours(mesh, |n, neighbours| {
+        for e in 0..dim {
+            if dofs[dim * n + e] == PRESCRIBED {
+                continue;
+            }
+            for &m in neighbours {
+                row_idx.extend(dofs[dim * m..dim * (m + 1)].iter().filter(|&&d| d != PRESCRIBED));
+            }
+            col_ptr.push(row_idx.len());
+        }
+    });
+    Ok(Pattern::from_csc(free, free, col_ptr, row_idx)?)
+}
+
+/// Calls `see` with each node and, in order, all nodes that share a cell with it, itself among them.
+fn for_neighbours(mesh: &Mesh, mut see: impl FnMut(usize, &[usize])) {
     let nodes = mesh.num_nodes();
     let mut first = vec![0usize; nodes + 1];
     for cell in 0..mesh.num_cells() {
@@ -513,9 +639,6 @@ pub(super) fn pattern(mesh: &Mesh, dim: usize, dofs: &[usize], free: usize) -> R
             next[n] += 1;
         }
     }
-    let mut col_ptr = Vec::with_capacity(free + 1);
-    col_ptr.push(0);
-    let mut row_idx = Vec::new();
     let mut neighbours: Vec<usize> = Vec::new();
     for n in 0..nodes {
         neighbours.clear();
@@ -524,15 +647,6 @@ pub(super) fn pattern(mesh: &Mesh, dim: usize, dofs: &[usize], free: usize) -> R
         }
         neighbours.sort_unstable();
         neighbours.dedup();
-        for e in 0..dim {
-            if dofs[dim * n + e] == PRESCRIBED {
-                continue;
-            }
-            for &m in &neighbours {
-                row_idx.extend(dofs[dim * m..dim * (m + 1)].iter().filter(|&&d| d != PRESCRIBED));
-            }
-            col_ptr.push(row_idx.len());
-        }
+        see(n, &neighbours);
     }
-    Ok(Pattern::from_csc(free, free, col_ptr, row_idx)?)
 }

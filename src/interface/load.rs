@@ -308,6 +308,18 @@ impl LoadPath {
         sum
     }
 
+    /// f at these parameters, on n displacements.
+    pub(crate) fn at(&self, parameters: &[f64], n: usize) -> Vec<f64> {
+        let (mut f, mut rate) = (vec![0.0; n], vec![0.0; n]);
+        self.general(parameters[0], &mut f, &mut rate);
+        let mut factors = Factors::new(self);
+        factors.set(self, parameters);
+        for (case, c) in self.parts().zip(&factors.value) {
+            add(*c, case.forces(), &mut f);
+        }
+        f
+    }
+
     /// What the supports do at these parameters.
     pub(crate) fn support_state(&self, parameters: &[f64]) -> SupportState {
         SupportState(self.supports(parameters))

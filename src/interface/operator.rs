@@ -55,15 +55,7 @@ impl Operator {
 
     /// f at these parameters.
     pub(crate) fn load_at(&self, parameters: &[f64]) -> Vec<f64> {
-        let n = self.num_displacements();
-        let (mut f, mut rate) = (vec![0.0; n], vec![0.0; n]);
-        self.load.general(parameters[0], &mut f, &mut rate);
-        let mut factors = super::load::Factors::new(&self.load);
-        factors.set(&self.load, parameters);
-        for (case, c) in self.load.parts().zip(&factors.value) {
-            super::load::add(*c, case.forces(), &mut f);
-        }
-        f
+        self.load.at(parameters, self.num_displacements())
     }
 
     /// The entries of column k of Bᵀ.

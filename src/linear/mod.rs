@@ -1,5 +1,6 @@
 //! Linear solvers behind one seam. This room alone knows the linear-algebra crates; their types stay inside it.
 
+mod aggregation;
 mod auto;
 mod bordered;
 mod cholesky;
@@ -28,6 +29,7 @@ mod small_lu;
 mod sparse_lu;
 mod spectral;
 
+pub(crate) use aggregation::Aggregation;
 pub use auto::{AutoSolver, DENSE_LIMIT};
 pub use bordered::Bordered;
 pub use cholesky::Cholesky;

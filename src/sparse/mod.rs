@@ -4,13 +4,16 @@
 //! (CSC, zero-based, row indices strictly increasing inside a column). A *full* pattern holds every entry, so the values of a
 //! matrix over it are the usual column-major dense array: small dense and large sparse problems use one type.
 
+mod blocks;
 mod coloring;
 mod error;
 mod matrix;
 mod matrix_market;
+mod nodal;
 mod pattern;
 mod vector;
 
+pub(crate) use blocks::{Blocks, add_product, subtract_transposed};
 pub(crate) use coloring::Coloring;
 pub use error::SparseError;
 pub use matrix::{Matrix, MatrixRef};
@@ -20,5 +23,7 @@ pub(crate) use matrix_market::{Announced, read_matrix_if};
 pub use matrix_market::{
     parse_matrix_market, parse_vector, read_matrix_market, read_vector, write_matrix_market,
 };
+pub(crate) use nodal::NodalBlocks;
+pub use nodal::NodalMatrix;
 pub use pattern::{Pattern, PatternRef};
 pub(crate) use vector::{distance, dot, max_abs, norm};

@@ -260,6 +260,18 @@ fn bodies(t: &mut Table) {
         one.mark_boundary("all", |_| true);
         Elasticity::new(one, material()).fix("all").assemble()
     });
+    t.refuses("fem::Elasticity::discretize", "a floating body", "floats", || {
+        Elasticity::new(square(), Material::isotropic(1.0, 0.3).unwrap()).discretize()
+    });
+    t.holds(
+        "fem::ElasticSystem::nodal_stiffness",
+        "it is the stiffness",
+        || {
+            let system = body().discretize().unwrap();
+            let nodal = system.nodal_stiffness().unwrap().to_matrix().unwrap();
+            nodal == *system.stiffness() && system.num_free() == nodal.nrows()
+        },
+    );
     let system = body().assemble().unwrap();
     let n = system.num_free();
     for bad in BAD {

@@ -1,7 +1,8 @@
 use std::path::Path;
 
 use semismooth::sparse::{
-    Matrix, Pattern, parse_matrix_market, parse_vector, read_matrix_market, read_vector, write_matrix_market,
+    Matrix, NodalMatrix, Pattern, parse_matrix_market, parse_vector, read_matrix_market, read_vector,
+    write_matrix_market,
 };
 
 use super::table::{BAD, Table, rows};
@@ -102,6 +103,45 @@ fn sparse_matrices() {
             || rows(&[&[1.0, bad]]).check_finite(),
         );
     }
+
+    let nodal = "sparse::NodalMatrix::new";
+    let with = |a: &Matrix, unknowns: &[[usize; 2]], dim| NodalMatrix::new(a, vec![[0.0; 3]], unknowns, dim);
+    for dim in [0, 1, 4, MAX] {
+        t.refuses(nodal, "dimension", "dimension", || {
+            with(&a(), &[[0, 0], [0, 1]], dim)
+        });
+    }
+    t.refuses(nodal, "a matrix that is not symmetric", "symmetric", || {
+        with(&a(), &[[0, 0], [0, 1]], 2)
+    });
+    let unit = Matrix::identity(2);
+    t.refuses(nodal, "too few unknowns", "1 unknowns", || {
+        with(&unit, &[[0, 0]], 2)
+    });
+    t.refuses(nodal, "one unknown twice", "two unknowns", || {
+        with(&unit, &[[0, 0], [0, 0]], 2)
+    });
+    t.refuses(nodal, "a node that does not exist", "node 1", || {
+        with(&unit, &[[0, 0], [1, 0]], 2)
+    });
+    t.refuses(nodal, "a component that does not exist", "component 2", || {
+        with(&unit, &[[0, 0], [0, 2]], 2)
+    });
+    t.refuses(nodal, "a node without unknowns", "node 1", || {
+        NodalMatrix::new(&unit, vec![[0.0; 3]; 2], &[[0, 0], [0, 1]], 2)
+    });
+    for bad in BAD {
+        t.refuses(nodal, "a position", "position", || {
+            NodalMatrix::new(&unit, vec![[0.0, bad, 0.0]], &[[0, 0], [0, 1]], 2)
+        });
+        t.refuses(nodal, "an entry", "(0, 0)", || {
+            with(&rows(&[&[bad, 0.0], &[0.0, 1.0]]), &[[0, 0], [0, 1]], 2)
+        });
+    }
+    t.holds("sparse::NodalMatrix::to_matrix", "the way back", || {
+        let a = with(&unit, &[[0, 1], [0, 0]], 2).and_then(|n| n.to_matrix());
+        a.is_ok_and(|a| a.get(0, 0) == 1.0 && a.get(1, 0) == 0.0)
+    });
 
     // Read-outs and products of any length.
     for n in [0, 1, 3] {

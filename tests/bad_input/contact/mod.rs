@@ -1,5 +1,6 @@
 mod bodies;
 mod delassus;
+mod displacements;
 mod forms;
 mod laws;
 mod planar;
@@ -65,6 +66,7 @@ fn friction() {
     bodies::measures(&mut t);
     searches::searches(&mut t);
     delassus::delassus(&mut t);
+    displacements::displacements(&mut t);
     t.exempt(&["contact::NodeLaw::check"], "asked by `solution` and `solve`");
     t.exempt(&["contact::Contact::solve_reported"], "called by `solve`");
     t.finish();

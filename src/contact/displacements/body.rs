@@ -1,0 +1,301 @@
+use super::super::error::check_length;
+use crate::contact::{ContactBody, ContactError, LoadPath};
+use crate::sparse::{Matrix, NodalBlocks, NodalMatrix};
+
+/// How far the traces of a node may be from orthonormal.
+const ORTHONORMAL: f64 = 1e-10;
+
+/// An elastic body with contact nodes, large: what a [`ContactBody`](crate::contact::ContactBody) is for one factorisation this one is for
+/// [`ReducedContact`](super::ReducedContact), with its stiffness matrix in blocks of nodes.
+///
+/// The traces must be nodal: those of a contact node are its own displacement along an orthonormal frame ν, t₁[, t₂], as
+/// [`ElasticSystem::contact`](crate::fem::ElasticSystem::contact) has them.
+#[derive(Debug, Clone)]
+pub struct ReducedBody {
+    /// A, with the components of contact nodes along their frames.
+    pub(super) stiffness: NodalMatrix,
+    /// The node of each contact node, and its frame: rows ν, t₁, t₂.
+    pub(super) contacts: Vec<usize>,
+    frames: Vec<[[f64; 3]; 3]>,
+    pub(super) load: LoadPath,
+    pub(super) gap: Vec<f64>,
+}
+
+impl ReducedBody {
+    /// A body with its normal trace, one tangential trace in the plane or two in space (p × n each), and a load; gap 0.
+    ///
+    /// # Errors
+    /// Wrong shapes, entries that are not finite, no contact nodes; traces that are not nodal and orthonormal
+    /// ([`ContactError::NotNodal`]).
+    pub fn new(
+        mut stiffness: NodalMatrix,
+        normal: &Matrix,
+        tangential: &[Matrix],
+        mut load: LoadPath,
+    ) -> Result<Self, ContactError> {
+        let (dim, n, p) = (stiffness.dim(), stiffness.num_unknowns(), normal.nrows());
+        if tangential.len() + 1 != dim {
+            return Err(ContactError::Tangents {
+                law: dim - 1,
+                body: tangential.len(),
+            });
+        }
+        if p == 0 {
+            return Err(ContactError::Empty {
+                what: "there are no contact nodes",
+            });
+        }
+        let mut frames = vec![[[0.0; 3]; 3]; p];
+        let mut contacts = vec![usize::MAX; p];
+        for (d, trace) in std::iter::once(normal).chain(tangential).enumerate() {
+            check_shape(trace, d, p, n)?;
+            for (i, k, v) in trace.triplets().filter(|t| t.2 != 0.0) {
+                let place = stiffness.places()[k] as usize;
+                if contacts[i] != usize::MAX && contacts[i] != place / dim {
+                    return Err(ContactError::NotNodal {
+                        node: i,
+                        what: "the displacements of several nodes",
+                    });
+                }
+                contacts[i] = place / dim;
+                frames[i][d][place % dim] += v;
+            }
+        }
+        let mut taken = vec![false; stiffness.num_nodes()];
+        for (i, (node, frame)) in contacts.iter().zip(&frames).enumerate() {
+            if !is_orthonormal(frame, dim) {
+                return Err(ContactError::NotNodal {
+                    node: i,
+                    what: "vectors that are not orthonormal, or of which components are prescribed",
+                });
+            }
+            if std::mem::replace(&mut taken[*node], true) {
+                return Err(ContactError::NotNodal {
+                    node: i,
+                    what: "the displacements of another contact node",
+                });
+            }
+        }
+        load.check(n)?;
+        match &mut stiffness.blocks {
+            NodalBlocks::Plane(a) => turn(a, &contacts, &frames),
+            NodalBlocks::Space(a) => turn(a, &contacts, &frames),
+        }
+        Ok(Self {
+            stiffness,
+            contacts,
+            frames,
+            load,
+            gap: vec![0.0; p],
+        })
+    }
+
+    /// Sets the initial gap of each contact node: u_ν ≤ gap.
+    ///
+    /// # Errors
+    /// Wrong length, values that are not finite.
+    pub fn with_gap(mut self, gap: Vec<f64>) -> Result<Self, ContactError> {
+        check_length("the gap", &gap, self.num_contacts())?;
+        self.gap = gap;
+        Ok(self)
+    }
+
+    /// Number n of displacements.
+    #[must_use]
+    pub fn num_displacements(&self) -> usize {
+        self.stiffness.num_unknowns()
+    }
+
+    /// Number p of contact nodes.
+    #[must_use]
+    pub fn num_contacts(&self) -> usize {
+        self.contacts.len()
+    }
+
+    /// 2 or 3.
+    #[must_use]
+    pub fn dim(&self) -> usize {
+        self.stiffness.dim()
+    }
+
+    /// The load.
+    #[must_use]
+    pub fn load(&self) -> &LoadPath {
+        &self.load
+    }
+
+    /// The initial gaps.
+    #[must_use]
+    pub fn gap(&self) -> &[f64] {
+        &self.gap
+    }
+
+    /// Components of all nodes.
+    pub(super) fn len(&self) -> usize {
+        self.dim() * self.stiffness.num_nodes()
+    }
+
+    /// The components of nodes that are no displacements, a bit each.
+    pub(super) fn fixed(&self) -> Vec<u8> {
+        let dim = self.dim();
+        let mut fixed = vec![(1u8 << dim) - 1; self.stiffness.num_nodes()];
+        for place in self.stiffness.places() {
+            fixed[*place as usize / dim] &= !(1 << (*place as usize % dim));
+        }
+        fixed
+    }
+
+    /// Mean stiffness of single contact nodes, over all directions.
+    pub(super) fn node_stiffness(&self) -> f64 {
+        let diagonal = |node: usize, d: usize| match &self.stiffness.blocks {
+            NodalBlocks::Plane(a) => a.slot(node, node).map_or(0.0, |k| a.value[k][d][d]),
+            NodalBlocks::Space(a) => a.slot(node, node).map_or(0.0, |k| a.value[k][d][d]),
+        };
+        let all = self
+            .contacts
+            .iter()
+            .flat_map(|&c| (0..self.dim()).map(move |d| (c, d)));
+        let sum: f64 = all.map(|(c, d)| diagonal(c, d)).sum();
+        let mean = sum / (self.dim() * self.num_contacts()) as f64;
+        if mean > 0.0 && mean.is_finite() { mean } else { 1.0 }
+    }
+
+    /// From free displacements (or forces) to all components, those of contact nodes along their frames.
+    pub(super) fn turned(&self, free: &[f64]) -> Vec<f64> {
+        let dim = self.dim();
+        let mut all = vec![0.0; self.len()];
+        for (place, v) in self.stiffness.places().iter().zip(free) {
+            all[*place as usize] = *v;
+        }
+        for (node, frame) in self.contacts.iter().zip(&self.frames) {
+            let own = &mut all[dim * node..dim * (node + 1)];
+            let old: [f64; 3] = std::array::from_fn(|d| own.get(d).copied().unwrap_or(0.0));
+            for (v, row) in own.iter_mut().zip(frame) {
+                *v = (0..dim).map(|d| row[d] * old[d]).sum();
+            }
+        }
+        all
+    }
+
+    /// The way back.
+    pub(super) fn free(&self, all: &[f64]) -> Vec<f64> {
+        let dim = self.dim();
+        let mut turned = all.to_vec();
+        for (node, frame) in self.contacts.iter().zip(&self.frames) {
+            let own = &mut turned[dim * node..dim * (node + 1)];
+            let old: [f64; 3] = std::array::from_fn(|d| own.get(d).copied().unwrap_or(0.0));
+            for (d, v) in own.iter_mut().enumerate() {
+                *v = (0..dim).map(|k| frame[k][d] * old[k]).sum();
+            }
+        }
+        let places = self.stiffness.places().iter();
+        places.map(|p| turned[*p as usize]).collect()
+    }
+
+    /// Rigid motions at the nodes, from those at positions about the centre in units of the size of the body.
+    pub(super) fn rigid_modes<const F: usize, const K: usize>(
+        &self,
+        at: impl Fn([f64; 3]) -> [[f64; K]; F],
+    ) -> Vec<[[f64; K]; F]> {
+        let points = self.stiffness.points();
+        let count = points.len().max(1) as f64;
+        let centre: [f64; 3] = std::array::from_fn(|d| points.iter().map(|p| p[d]).sum::<f64>() / count);
+        let relative = |p: &[f64; 3]| -> [f64; 3] { std::array::from_fn(|d| p[d] - centre[d]) };
+        let size = points
+            .iter()
+            .flat_map(relative)
+            .fold(0.0f64, |m, x| m.max(x.abs()));
+        let size = if size > 0.0 { size } else { 1.0 };
+        let mut modes: Vec<_> = points.iter().map(|p| at(relative(p).map(|x| x / size))).collect();
+        for (node, frame) in self.contacts.iter().zip(&self.frames) {
+            let old = modes[*node];
+            for (row, direction) in modes[*node].iter_mut().zip(frame) {
+                *row = std::array::from_fn(|k| (0..F).map(|d| direction[d] * old[d][k]).sum());
+            }
+        }
+        modes
+    }
+
+    /// The same body for one factorisation.
+    ///
+    /// # Errors
+    /// As [`ContactBody::new`].
+    pub fn to_contact_body(&self) -> Result<ContactBody, ContactError> {
+        let (dim, n, p) = (self.dim(), self.num_displacements(), self.num_contacts());
+        let mut original = self.stiffness.clone();
+        let back: Vec<_> = self.frames.iter().map(transposed).collect();
+        match &mut original.blocks {
+            NodalBlocks::Plane(a) => turn(a, &self.contacts, &back),
+            NodalBlocks::Space(a) => turn(a, &self.contacts, &back),
+        }
+        let mut unknown = vec![usize::MAX; self.len()];
+        for (k, place) in self.stiffness.places().iter().enumerate() {
+            unknown[*place as usize] = k;
+        }
+        let trace = |d: usize| {
+            let mut entries = Vec::new();
+            for (i, (node, frame)) in self.contacts.iter().zip(&self.frames).enumerate() {
+                for k in (0..dim).filter(|&k| frame[d][k] != 0.0) {
+                    entries.push((i, unknown[dim * node + k], frame[d][k]));
+                }
+            }
+            Matrix::from_triplets(p, n, &entries)
+        };
+        let tangential = (1..dim).map(trace).collect::<Result<_, _>>()?;
+        ContactBody::new(original.to_matrix()?, trace(0)?, tangential, self.load.clone())?
+            .with_gap(self.gap.clone())
+    }
+}
+
+/// The shape and the entries of a trace: normal, tangential, second tangential.
+fn check_shape(trace: &Matrix, which: usize, rows: usize, cols: usize) -> Result<(), ContactError> {
+    const NAMES: [&str; 3] = [
+        "the normal trace",
+        "the tangential trace",
+        "the second tangential trace",
+    ];
+    let what = NAMES[which.min(2)];
+    if trace.nrows() != rows || trace.ncols() != cols {
+        return Err(ContactError::Shape {
+            what,
+            rows,
+            cols,
+            found_rows: trace.nrows(),
+            found_cols: trace.ncols(),
+        });
+    }
+    trace
+        .check_finite()
+        .map_err(|source| ContactError::Matrix { what, source })
+}
+
+fn transposed(m: &[[f64; 3]; 3]) -> [[f64; 3]; 3] {
+    std::array::from_fn(|i| std::array::from_fn(|j| m[j][i]))
+}
+
+fn is_orthonormal(frame: &[[f64; 3]; 3], dim: usize) -> bool {
+    (0..dim * dim).all(|e| {
+        let (i, j) = (e / dim, e % dim);
+        let product: f64 = (0..dim).map(|d| frame[i][d] * frame[j][d]).sum();
+        (product - f64::from(u8::from(i == j))).abs() <= ORTHONORMAL
+    })
+}
+
+/// A ← Q A Qᵀ with Q the frames at the given nodes.
+fn turn<const B: usize>(a: &mut crate::sparse::Blocks<B, B>, nodes: &[usize], frames: &[[[f64; 3]; 3]]) {
+    for (&node, frame) in nodes.iter().zip(frames) {
+        for k in a.start[node]..a.start[node + 1] {
+            let block = a.value[k];
+            a.value[k] = std::array::from_fn(|r| {
+                std::array::from_fn(|c| (0..B).map(|d| frame[r][d] * block[d][c]).sum())
+            });
+            let other = a.col[k] as usize;
+            if let Some(mirror) = a.slot(other, node) {
+                let block = a.value[mirror];
+                a.value[mirror] = std::array::from_fn(|r| {
+                    std::array::from_fn(|c| (0..B).map(|d| block[r][d] * frame[c][d]).sum())
+                });
+            }
+        }
+    }
+}

@@ -1,0 +1,342 @@
+//! Contact in the displacements alone, for bodies too large for one factorisation.
+
+mod body;
+mod newton;
+mod node;
+mod options;
+mod report;
+mod system;
+
+use std::sync::Arc;
+
+use super::body_state::BodyState;
+use super::error::{check_finite, check_length};
+use super::solution::judge;
+use super::{CondensedContact, ContactError, ContactOptions, ContactSolution, NodeLaw};
+use crate::clock::Clock;
+
+pub use body::ReducedBody;
+pub use newton::{ReducedError, ReducedNodes, solve_reduced};
+pub use options::ReducedOptions;
+pub use report::{ReducedIteration, ReducedReport, ReducedStrategy, ReducedTimes};
+use system::SerialSystem;
+pub use system::{KrylovOutcome, ReducedStep, ReducedSystem};
+
+/// The augmentation parameter against the stiffness of single contact nodes, as in the other forms.
+const GIVING_WAY: f64 = 0.25;
+/// Pressures and tractions up to which the condensed form, whose matrices are dense, is tried.
+const MAX_DENSE: usize = 10_000;
+
+/// A large [`ReducedBody`] under a [`NodeLaw`], solved by semismooth Newton in the displacements alone: what the law says at each node
+/// is eliminated there, what is left is the stiffness matrix with few rows changed, solved by GMRES with
+/// [multigrid](crate::guide::large). λ comes back as f − A u.
+///
+/// The stiffness matrix is stored once, in blocks; nothing is factored but a matrix of a few hundred unknowns. Where
+/// [`CondensedContact`] can do a body, it has the same solutions; paths, enumeration and certificates are
+/// its domain.
+///
+/// ```
+/// use semismooth::contact::{
+///     FrictionCoefficient, LoadPath, OrthotropicCoulomb, ReducedBody, ReducedContact, ReducedOptions,
+/// };
+/// use semismooth::fem::{Elasticity, Foundation, Material, Mesh};
+/// // A block on the ground, held at the left, pressed and pulled.
+/// let mesh = Mesh::block([0.0; 3], [2.0, 2.0, 1.0], [6, 6, 3])?;
+/// let system = Elasticity::new(mesh, Material::isotropic(1.0, 0.277)?).fix("left").discretize()?;
+/// let press = system.traction("top", |_| [0.0, 0.0, -0.01])?;
+/// let pull = system.traction("right", |_| [0.01, 0.0, 0.002])?;
+/// let rows = system.contact("bottom", &Foundation::plane([0.0; 3], [0.0, 0.0, 1.0]))?;
+/// let tangential: Vec<_> = std::iter::once(rows.tangential).chain(rows.tangential2).collect();
+/// let load = LoadPath::affine(press, pull);
+/// let body = ReducedBody::new(system.nodal_stiffness()?, &rows.normal, &tangential, load)?.with_gap(rows.gap)?;
+/// let law = OrthotropicCoulomb::isotropic(FrictionCoefficient::constant(0.3)?);
+/// let mut problem = ReducedContact::new(body, law, ReducedOptions::default())?;
+/// let found = problem.solve(1.0, None)?;
+/// assert!(found.residuals.largest() <= 1e-10);
+/// let further = problem.solve(1.05, Some(&found.displacements))?;
+/// assert!(problem.solution(1.05, &further.displacements)?.slip() > 0);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug)]
+pub struct ReducedContact<L> {
+    body: Arc<ReducedBody>,
+    law: L,
+    options: ReducedOptions,
+    system: SerialSystem,
+    /// The component along ν of each contact node.
+    components: Vec<usize>,
+    r: f64,
+    reference: Vec<f64>,
+    history: Vec<f64>,
+}
+
+impl<L: NodeLaw> ReducedContact<L> {
+    /// The problem, with its multigrid hierarchy.
+    ///
+    /// # Errors
+    /// Options out of range, a law of another dimension, [`ContactError::Memory`] where more memory would be needed than the options
+    /// allow; a stiffness matrix that is not positive definite, as that of a body which the supports leave free to move.
+    pub fn new(body: ReducedBody, law: L, options: ReducedOptions) -> Result<Self, ContactError> {
+        options.validate()?;
+        let tangents = body.dim() - 1;
+        if law.num_tangents() != tangents {
+            return Err(ContactError::Tangents {
+                law: law.num_tangents(),
+                body: tangents,
+            });
+        }
+        let p = body.num_contacts();
+        if let Some(found) = law.num_nodes().filter(|k| *k != p) {
+            return Err(ContactError::Length {
+                what: "the list of coefficients of friction",
+                expected: p,
+                found,
+            });
+        }
+        let needed = memory(&body, &options);
+        if let Some(limit) = options.max_memory.filter(|limit| needed > *limit) {
+            return Err(ContactError::Memory { needed, limit });
+        }
+        let body = Arc::new(body);
+        let system = SerialSystem::new(Arc::clone(&body), options.directions, options.max_krylov)?;
+        Ok(Self {
+            components: body.contacts.iter().map(|c| body.dim() * c).collect(),
+            r: GIVING_WAY * body.node_stiffness(),
+            reference: vec![0.0; p * tangents],
+            history: vec![0.0; p * law.num_history()],
+            body,
+            law,
+            options,
+            system,
+        })
+    }
+
+    /// The body.
+    #[must_use]
+    pub fn body(&self) -> &ReducedBody {
+        &self.body
+    }
+
+    /// The law of the nodes.
+    #[must_use]
+    pub fn node_law(&self) -> &L {
+        &self.law
+    }
+
+    /// The augmentation parameter, chosen as in the other forms.
+    #[must_use]
+    pub fn r(&self) -> f64 {
+        self.r
+    }
+
+    /// Nodes and stored blocks of the levels of multigrid, finest first.
+    #[must_use]
+    pub fn levels(&self) -> Vec<(usize, usize)> {
+        self.system.levels()
+    }
+
+    /// A solution at α: by Newton's method from the displacements `start` (zero if there is none), then by load steps, then, where the
+    /// options and the size of the body allow, by the strategies of [`CondensedContact::solve`].
+    ///
+    /// # Errors
+    /// Wrong lengths, values that are not finite, coefficients of friction that the law refuses; [`ContactError::NotConverged`] with
+    /// the best iterate and its history.
+    pub fn solve(&mut self, alpha: f64, start: Option<&[f64]>) -> Result<ReducedReport, ContactError> {
+        check_finite("the parameter", &[alpha])?;
+        let n = self.body.num_displacements();
+        let free = match start {
+            Some(u) => {
+                check_length("the start", u, n)?;
+                u.to_vec()
+            }
+            None => vec![0.0; n],
+        };
+        let nodes = ReducedNodes {
+            components: &self.components,
+            first: 0,
+            gap: &self.body.gap,
+            reference: &self.reference,
+            history: &self.history,
+            r: self.r,
+            parameter: alpha,
+        };
+        for i in 0..self.components.len() {
+            let h = self.law.num_history();
+            let mut v = super::LocalValues {
+                node: i,
+                parameter: alpha,
+                r: self.r,
+                ..super::LocalValues::default()
+            };
+            v.history[..h].copy_from_slice(&self.history[i * h..(i + 1) * h]);
+            self.law.check(&v)?;
+        }
+        let load = self.body.load.at(&[alpha], n);
+        check_finite("the load", &load)?;
+        let load = self.body.turned(&load);
+        let u = self.body.turned(&free);
+        let solved = solve_reduced(&mut self.system, &nodes, &self.law, &load, u, &self.options);
+        match solved {
+            Ok(report) => Ok(self.in_free(report)),
+            Err(ReducedError::System(e)) => Err(e.into()),
+            Err(ReducedError::Contact(ContactError::NotConverged { best })) => {
+                let best = self.in_free(*best);
+                self.condensed(alpha, &load, best)
+            }
+            Err(ReducedError::Contact(e)) => Err(e),
+        }
+    }
+
+    fn in_free(&self, mut report: ReducedReport) -> ReducedReport {
+        report.displacements = self.body.free(&report.displacements);
+        report
+    }
+
+    /// The strategies of the condensed form, polished here.
+    fn condensed(
+        &mut self,
+        alpha: f64,
+        load: &[f64],
+        best: ReducedReport,
+    ) -> Result<ReducedReport, ContactError> {
+        let (n, q) = (self.body.num_displacements(), best.forces.len());
+        let late = self
+            .options
+            .max_time
+            .is_some_and(|limit| best.times.total() >= limit);
+        if n > self.options.max_condensed || q > MAX_DENSE || late {
+            return Err(ContactError::NotConverged { best: Box::new(best) });
+        }
+        let clock = Clock::start();
+        let law: &dyn NodeLaw = &self.law;
+        let mut problem = CondensedContact::new(self.body.to_contact_body()?, law)?;
+        problem.set_reference_slip(&self.reference)?;
+        problem.set_history(&self.history)?;
+        let left = self
+            .options
+            .max_time
+            .map(|limit| limit.saturating_sub(best.times.total()));
+        let options = ContactOptions::default().with_max_time(left);
+        let Ok(found) =
+            problem.solve_observed(alpha, None, &options, |_| std::ops::ControlFlow::Continue(()))
+        else {
+            return Err(ContactError::NotConverged { best: Box::new(best) });
+        };
+        let u = self.body.turned(&problem.displacements(&found.x)?);
+        drop(problem);
+        let elapsed = clock.elapsed();
+        let nodes = ReducedNodes {
+            components: &self.components,
+            first: 0,
+            gap: &self.body.gap,
+            reference: &self.reference,
+            history: &self.history,
+            r: self.r,
+            parameter: alpha,
+        };
+        let options = self.options.clone().with_max_load_steps(0);
+        let join = |mut report: ReducedReport| {
+            let mut iterations = best.iterations.clone();
+            iterations.append(&mut report.iterations);
+            report.iterations = iterations;
+            report.strategy = ReducedStrategy::Condensed;
+            report.times.select += best.times.select;
+            report.times.krylov += best.times.krylov;
+            report.times.rest += best.times.rest + elapsed;
+            report
+        };
+        match solve_reduced(&mut self.system, &nodes, &self.law, load, u, &options) {
+            Ok(report) => Ok(join(self.in_free(report))),
+            Err(ReducedError::System(e)) => Err(e.into()),
+            Err(ReducedError::Contact(ContactError::NotConverged { best })) => {
+                let best = Box::new(join(self.in_free(*best)));
+                Err(ContactError::NotConverged { best })
+            }
+            Err(ReducedError::Contact(e)) => Err(e),
+        }
+    }
+
+    /// States, local quantities, energies and residuals at displacements.
+    ///
+    /// # Errors
+    /// Wrong length, values that are not finite.
+    pub fn solution(&self, alpha: f64, displacements: &[f64]) -> Result<ContactSolution, ContactError> {
+        let n = self.body.num_displacements();
+        check_length("the displacements", displacements, n)?;
+        let load = self.body.load.at(&[alpha], n);
+        let u = self.body.turned(displacements);
+        let f = self.body.turned(&load);
+        let mut image = vec![0.0; u.len()];
+        self.body.stiffness.mul(&u, &mut image);
+        let (p, tangents) = (self.components.len(), self.body.dim() - 1);
+        let mut is_contact = vec![false; u.len()];
+        let mut values = Vec::with_capacity(p);
+        for (i, &at) in self.components.iter().enumerate() {
+            let mut v = super::LocalValues {
+                node: i,
+                penetration: u[at] - self.body.gap[i],
+                pressure: f[at] - image[at],
+                parameter: alpha,
+                r: self.r,
+                ..super::LocalValues::default()
+            };
+            is_contact[at] = true;
+            for d in 0..tangents {
+                v.slip[d] = u[at + 1 + d] - self.reference[d * p + i];
+                v.traction[d] = f[at + 1 + d] - image[at + 1 + d];
+                is_contact[at + 1 + d] = true;
+            }
+            let h = self.law.num_history();
+            v.history[..h].copy_from_slice(&self.history[i * h..(i + 1) * h]);
+            values.push(v);
+        }
+        let (mut worst, mut size) = (0.0f64, 0.0f64);
+        for ((a, f), contact) in image.iter().zip(&f).zip(&is_contact) {
+            size = size.max(a.abs()).max(f.abs());
+            let rest = (a - f).abs();
+            if *contact {
+                size = size.max(rest);
+            } else {
+                worst = worst.max(rest);
+            }
+        }
+        let equilibrium = if worst == 0.0 { 0.0 } else { worst / size };
+        let stiff = self.body.free(&image);
+        let supports = self.body.load.support_state(&[alpha]);
+        let state = BodyState::of(displacements.to_vec(), stiff, load, supports);
+        Ok(ContactSolution::assemble(
+            values,
+            |v| judge(&self.law, v),
+            |i| {
+                let at = |d: usize| self.reference.get(d * p + i).copied().unwrap_or(0.0);
+                [self.body.gap[i], at(0), at(1)]
+            },
+            (state.stored(), state.load_energy(), equilibrium),
+        ))
+    }
+
+    /// Ends a load level at displacements: history variables and the slips that count as none are updated.
+    ///
+    /// # Errors
+    /// As [`solution`](Self::solution).
+    pub fn end_level(&mut self, alpha: f64, displacements: &[f64]) -> Result<(), ContactError> {
+        let solution = self.solution(alpha, displacements)?;
+        let (p, h) = (self.components.len(), self.law.num_history());
+        for v in &solution.nodes {
+            self.law
+                .update(v, &mut self.history[v.node * h..(v.node + 1) * h]);
+            for d in 0..self.body.dim() - 1 {
+                self.reference[d * p + v.node] += v.slip[d];
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Bytes that multigrid and GMRES take beside the body: measured against hexahedra and tetrahedra, where they take less.
+fn memory(body: &ReducedBody, options: &ReducedOptions) -> u64 {
+    let (len, dim) = (body.len() as u64, body.dim() as u64);
+    let matrix = body.stiffness.num_blocks() as u64 * (8 * dim * dim + 4);
+    let vectors = 8 * len * (options.directions as u64 + 16);
+    matrix + vectors
+}

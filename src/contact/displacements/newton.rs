@@ -1,0 +1,522 @@
+//! Semismooth Newton in the displacements, the laws of the nodes eliminated one by one.
+
+use std::time::Duration;
+
+use thiserror::Error;
+
+use super::node::Node;
+use super::system::{KrylovOutcome, ReducedStep, ReducedSystem};
+use super::{ReducedIteration, ReducedOptions, ReducedReport, ReducedStrategy, ReducedTimes};
+use crate::clock::{Clock, Deadline};
+use crate::contact::node_law::{LocalValues, NodeLaw};
+use crate::contact::{ContactError, ContactResiduals, ContactState};
+
+/// Full steps without a residual half as large as the best one, after which steps are damped.
+const PATIENCE: usize = 8;
+/// Smallest part of a step.
+const SHORTEST: f64 = 1.0 / 128.0;
+/// Fall of the residual asked of a damped step, against its length.
+const DESCENT: f64 = 1e-4;
+/// Smallest relative residual of a linear system, and its part in what is left to do.
+const EXACT: f64 = 1e-4;
+const SHARE: f64 = 0.1;
+/// Of Eisenstat and Walker's second choice: η = γ (‖r‖ / ‖r of the step before‖)².
+const GAMMA: f64 = 0.5;
+/// A linear solve that leaves more than this of its residual has failed.
+const USELESS: f64 = 0.5;
+/// Load steps: the first one, the smallest, the tolerance on the way, Newton steps of each.
+const FIRST_STEP: f64 = 0.125;
+const SMALLEST_STEP: f64 = 1e-4;
+const ON_THE_WAY: f64 = 1e-6;
+const STEPS_ON_THE_WAY: usize = 25;
+
+/// What can go wrong in [`solve_reduced`].
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum ReducedError<E> {
+    /// In the problem, or no solution was found.
+    #[error(transparent)]
+    Contact(#[from] ContactError),
+    /// In the linear system.
+    #[error("the linear system of a Newton step failed")]
+    System(#[source] E),
+}
+
+/// The contact nodes of this process.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ReducedNodes<'a> {
+    /// The component along ν of each contact node; those along t₁[, t₂] follow it.
+    pub components: &'a [usize],
+    /// Number of the first node among those of all processes, as the law sees it.
+    pub first: usize,
+    /// Initial gaps.
+    pub gap: &'a [f64],
+    /// Tangential displacements that count as no slip, by t₁, then t₂; none: zeros.
+    pub reference: &'a [f64],
+    /// History variables, node by node.
+    pub history: &'a [f64],
+    /// The augmentation parameter.
+    pub r: f64,
+    /// α.
+    pub parameter: f64,
+}
+
+/// Solves A u + Bᵀ λ = f with a law at each contact node by Newton's method in u alone, from the u given, and by load steps where that
+/// fails; `load` and `u` hold all components of this process.
+///
+/// Each step solves the law at each node for its forces or prescribes its displacements; what is left is A with few rows changed,
+/// solved to a tolerance after Eisenstat and Walker (SIAM J. Sci. Comput. 17 (1996), choice 2). Full steps are taken as long as the
+/// residual falls; where it does not, steps are damped. Forces of the report are those of this process, and so are its displacements:
+/// all components.
+///
+/// # Errors
+/// Those of the system; laws that cannot be eliminated; [`ContactError::NotConverged`] with the best iterate.
+pub fn solve_reduced<S: ReducedSystem>(
+    system: &mut S,
+    nodes: &ReducedNodes<'_>,
+    law: &dyn NodeLaw,
+    load: &[f64],
+    u: Vec<f64>,
+    options: &ReducedOptions,
+) -> Result<ReducedReport, ReducedError<S::Error>> {
+    options.validate()?;
+    let len = system.len();
+    for (what, found, expected) in [
+        ("the load", load.len(), len),
+        ("the start", u.len(), len),
+        ("the gap", nodes.gap.len(), nodes.components.len()),
+        (
+            "the list of history variables",
+            nodes.history.len(),
+            law.num_history() * nodes.components.len(),
+        ),
+    ] {
+        if found != expected {
+            return Err(ContactError::Length {
+                what,
+                expected,
+                found,
+            }
+            .into());
+        }
+    }
+    let mut is_contact = vec![false; len];
+    for c in nodes.components {
+        let Some(own) = is_contact.get_mut(*c..c.saturating_add(1 + law.num_tangents())) else {
+            return Err(ContactError::Length {
+                what: "the list of components",
+                expected: c.saturating_add(1 + law.num_tangents()),
+                found: len,
+            }
+            .into());
+        };
+        own.fill(true);
+    }
+    let mut search = Search {
+        system,
+        nodes,
+        law,
+        full: load,
+        load: load.to_vec(),
+        is_contact,
+        options,
+        deadline: Deadline::after(options.max_time),
+        iterations: Vec::new(),
+        times: ReducedTimes::default(),
+        image: vec![0.0; len],
+        other: vec![0.0; len],
+        direction: vec![0.0; len],
+        local: Vec::with_capacity(nodes.components.len()),
+        lists: Lists::default(),
+    };
+    let clock = Clock::start();
+    let (found, mut u) = search.run(1.0, u, options.tolerance, options.max_iterations)?;
+    let mut ended = (found, ReducedStrategy::Newton);
+    if found == Ended::Stuck && options.max_load_steps > 0 {
+        let (found, other) = search.load_steps()?;
+        if found != Ended::Stuck {
+            (ended, u) = ((found, ReducedStrategy::LoadSteps), other);
+        }
+    }
+    search.set_load(1.0);
+    let state = search.evaluate(&u)?;
+    let p = nodes.components.len();
+    let mut forces = vec![0.0; p * (1 + law.num_tangents())];
+    for (i, node) in search.local.iter().enumerate() {
+        for d in 0..=law.num_tangents() {
+            forces[d * p + i] = node.force[d];
+        }
+    }
+    search.times.rest = clock
+        .elapsed()
+        .saturating_sub(search.times.select + search.times.krylov);
+    let report = ReducedReport {
+        displacements: u,
+        forces,
+        residuals: state.residuals,
+        strategy: ended.1,
+        iterations: search.iterations,
+        times: search.times,
+    };
+    if state.residuals.largest() <= options.tolerance {
+        return Ok(report);
+    }
+    Err(ContactError::NotConverged {
+        best: Box::new(report),
+    }
+    .into())
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Ended {
+    Solved,
+    Stuck,
+    Interrupted,
+}
+
+/// Residuals at an iterate.
+#[derive(Debug, Clone, Copy)]
+struct State {
+    residuals: ContactResiduals,
+    /// ‖·‖₂ of equilibrium and of the laws.
+    merit: f64,
+    states: [usize; 3],
+}
+
+#[derive(Debug, Default)]
+struct Lists {
+    held: Vec<usize>,
+    added: Vec<(usize, usize, f64)>,
+    beside: Vec<(usize, usize, f64)>,
+    combined: Vec<(usize, usize, f64)>,
+}
+
+struct Search<'a, S> {
+    system: &'a mut S,
+    nodes: &'a ReducedNodes<'a>,
+    law: &'a dyn NodeLaw,
+    full: &'a [f64],
+    /// The share of the load that is on.
+    load: Vec<f64>,
+    is_contact: Vec<bool>,
+    options: &'a ReducedOptions,
+    deadline: Deadline,
+    iterations: Vec<ReducedIteration>,
+    times: ReducedTimes,
+    /// A u.
+    image: Vec<f64>,
+    other: Vec<f64>,
+    direction: Vec<f64>,
+    local: Vec<Node>,
+    lists: Lists,
+}
+
+type Outcome<T, E> = Result<T, ReducedError<E>>;
+
+impl<S: ReducedSystem> Search<'_, S> {
+    fn set_load(&mut self, share: f64) {
+        for (own, full) in self.load.iter_mut().zip(self.full) {
+            *own = share * full;
+        }
+    }
+
+    /// Newton's method from u under a share of the load; the last iterate if it arrived, else the best.
+    fn run(
+        &mut self,
+        share: f64,
+        mut u: Vec<f64>,
+        tolerance: f64,
+        limit: usize,
+    ) -> Outcome<(Ended, Vec<f64>), S::Error> {
+        self.set_load(share);
+        let (mut best, mut since) = ((f64::INFINITY, Vec::new()), 0);
+        let (mut before, mut damped) = (f64::INFINITY, false);
+        for _ in 0..=limit {
+            let state = self.evaluate(&u)?;
+            let error = state.residuals.largest();
+            if error <= tolerance {
+                return Ok((Ended::Solved, u));
+            }
+            if !state.merit.is_finite() {
+                break;
+            }
+            since += 1;
+            if state.merit < 0.5 * best.0 || damped && state.merit < best.0 {
+                if state.merit < 0.5 * best.0 {
+                    since = 0;
+                }
+                best.0 = state.merit;
+                best.1.clone_from(&u);
+            }
+            if self.deadline.is_over() {
+                return Ok((Ended::Interrupted, best.1));
+            }
+            if since >= PATIENCE {
+                if damped {
+                    break;
+                }
+                (damped, since) = (true, 0);
+                u.clone_from(&best.1);
+                before = f64::INFINITY;
+                continue;
+            }
+            let ratio = error / before;
+            let forcing = (GAMMA * ratio * ratio)
+                .clamp(EXACT.min(self.options.forcing), self.options.forcing)
+                .max((SHARE * tolerance / error).min(self.options.forcing));
+            before = error;
+            self.iterations.push(ReducedIteration {
+                load: share,
+                residuals: state.residuals,
+                states: state.states,
+                forcing,
+                krylov: 0,
+                step: 0.0,
+            });
+            let old = damped.then(|| (u.clone(), self.image.clone()));
+            let outcome = self.step(&mut u, forcing)?;
+            let mut taken = if outcome.residual <= USELESS { 1.0 } else { 0.0 };
+            if let Some((from, image)) = old
+                && taken > 0.0
+            {
+                taken = self.damp(&from, image, &mut u, state.merit)?;
+            }
+            if let Some(last) = self.iterations.last_mut() {
+                (last.krylov, last.step) = (outcome.iterations, taken);
+            }
+            if taken == 0.0 {
+                break;
+            }
+        }
+        let u = if best.1.is_empty() { u } else { best.1 };
+        Ok((Ended::Stuck, u))
+    }
+
+    /// The load in steps, from none.
+    fn load_steps(&mut self) -> Outcome<(Ended, Vec<f64>), S::Error> {
+        let mut u = vec![0.0; self.full.len()];
+        let (mut share, mut step) = (0.0f64, FIRST_STEP);
+        for _ in 0..self.options.max_load_steps {
+            let next = (share + step).min(1.0);
+            let (tolerance, limit) = if next < 1.0 {
+                (self.options.tolerance.max(ON_THE_WAY), STEPS_ON_THE_WAY)
+            } else {
+                (self.options.tolerance, self.options.max_iterations)
+            };
+            // Along the secant from the unloaded body, which is where it was before.
+            let start = if share > 0.0 {
+                u.iter().map(|v| v * next / share).collect()
+            } else {
+                u.clone()
+            };
+            match self.run(next, start, tolerance, limit)? {
+                (Ended::Solved, found) => {
+                    (u, share) = (found, next);
+                    step *= 2.0;
+                    if share == 1.0 {
+                        return Ok((Ended::Solved, u));
+                    }
+                }
+                (Ended::Interrupted, found) => return Ok((Ended::Interrupted, found)),
+                (Ended::Stuck, _) => {
+                    step *= 0.25;
+                    if step < SMALLEST_STEP {
+                        break;
+                    }
+                }
+            }
+        }
+        Ok((Ended::Stuck, u))
+    }
+
+    fn values(&self, i: usize, u: &[f64], force: impl Fn(usize) -> f64) -> LocalValues {
+        let (at, p) = (self.nodes.components[i], self.nodes.components.len());
+        let mut v = LocalValues {
+            node: self.nodes.first + i,
+            penetration: u[at] - self.nodes.gap[i],
+            pressure: force(at),
+            parameter: self.nodes.parameter,
+            r: self.nodes.r,
+            ..LocalValues::default()
+        };
+        for d in 0..self.law.num_tangents() {
+            let held = self.nodes.reference.get(d * p + i).copied().unwrap_or(0.0);
+            v.slip[d] = u[at + 1 + d] - held;
+            v.traction[d] = force(at + 1 + d);
+        }
+        let h = self.law.num_history();
+        v.history[..h].copy_from_slice(&self.nodes.history[i * h..(i + 1) * h]);
+        v
+    }
+
+    /// A u into `image`, the laws at u into `local`.
+    fn evaluate(&mut self, u: &[f64]) -> Outcome<State, S::Error> {
+        let mut image = std::mem::take(&mut self.image);
+        let product = self.system.mul(u, &mut image).map_err(ReducedError::System);
+        let mut local = std::mem::take(&mut self.local);
+        local.clear();
+        let state = self.judge(u, &image, Some(&mut local));
+        (self.image, self.local) = (image, local);
+        product?;
+        state
+    }
+
+    /// Residuals at u with the image A u.
+    fn judge(&self, u: &[f64], image: &[f64], mut keep: Option<&mut Vec<Node>>) -> Outcome<State, S::Error> {
+        let mut squares = 0.0;
+        let (mut balance, mut weight) = (0.0f64, 0.0f64);
+        for ((f, a), contact) in self.load.iter().zip(image).zip(&self.is_contact) {
+            let rest = f - a;
+            weight = weight.max(f.abs()).max(a.abs());
+            if *contact {
+                weight = weight.max(rest.abs());
+            } else {
+                squares += rest * rest;
+                balance = balance.max(rest.abs());
+            }
+        }
+        let (mut normal, mut tangential, mut size) = (0.0f64, 0.0f64, 0.0f64);
+        let mut counts = [0.0; 3];
+        for i in 0..self.nodes.components.len() {
+            let v = self.values(i, u, |k| self.load[k] - image[k]);
+            let node = Node::new(self.law, &v)?;
+            let h = &node.h;
+            squares += h
+                .iter()
+                .take(1 + self.law.num_tangents())
+                .map(|h| h * h)
+                .sum::<f64>();
+            normal = normal.max(h[0].abs());
+            tangential = tangential.max(h[1].abs()).max(h[2].abs());
+            size = size.max(v.pressure.abs()).max(v.r * v.penetration.abs());
+            for d in 0..2 {
+                size = size.max(v.traction[d].abs()).max(v.r * v.slip[d].abs());
+            }
+            counts[match self.law.state(node.piece, &v) {
+                ContactState::Open => 0,
+                ContactState::Stick => 1,
+                _ => 2,
+            }] += 1.0;
+            if let Some(list) = keep.as_deref_mut() {
+                list.push(node);
+            }
+        }
+        let mut sums = [squares, counts[0], counts[1], counts[2]];
+        let mut largest = [balance, weight, normal, tangential, size];
+        self.system.sum(&mut sums).map_err(ReducedError::System)?;
+        self.system.max(&mut largest).map_err(ReducedError::System)?;
+        let [balance, weight, normal, tangential, size] = largest;
+        let relative = |h: f64, size: f64| if h == 0.0 { 0.0 } else { h / size };
+        Ok(State {
+            residuals: ContactResiduals {
+                equilibrium: relative(balance, weight),
+                normal: relative(normal, size),
+                tangential: relative(tangential, size),
+            },
+            merit: sums[0].sqrt(),
+            states: [sums[1], sums[2], sums[3]].map(|c| c as usize),
+        })
+    }
+
+    /// A full Newton step from the u at which the laws were evaluated.
+    fn step(&mut self, u: &mut [f64], forcing: f64) -> Outcome<KrylovOutcome, S::Error> {
+        let clock = Clock::start();
+        self.linearise(u);
+        let lists = &self.lists;
+        let step = ReducedStep {
+            held: &lists.held,
+            added: &lists.added,
+            beside: &lists.beside,
+            combined: &lists.combined,
+        };
+        self.system.select(&step).map_err(ReducedError::System)?;
+        self.times.select += clock.elapsed();
+        // What is prescribed is in u already: the rest of the equations at this u.
+        self.system
+            .mul(u, &mut self.other)
+            .map_err(ReducedError::System)?;
+        for (k, v) in self.other.iter_mut().enumerate() {
+            *v = self.load[k] - *v;
+        }
+        for (node, &at) in self.local.iter().zip(self.nodes.components) {
+            let pressure_change = self.other[at] - node.force[0];
+            for d in 0..=self.law.num_tangents() {
+                self.other[at + d] = if node.prescribed[d].is_some() {
+                    0.0
+                } else {
+                    self.other[at + d] - node.force[d] - node.constant[d] - node.coupling[d] * pressure_change
+                };
+            }
+        }
+        let clock = Clock::start();
+        let solved = self.system.solve(&self.other, &mut self.direction, forcing);
+        self.times.krylov += clock.elapsed();
+        let outcome = solved.map_err(ReducedError::System)?;
+        u.iter_mut().zip(&self.direction).for_each(|(u, d)| *u += d);
+        Ok(outcome)
+    }
+
+    /// The matrix of the step; prescribed changes go into u.
+    fn linearise(&mut self, u: &mut [f64]) {
+        let lists = &mut self.lists;
+        lists.held.clear();
+        lists.added.clear();
+        lists.beside.clear();
+        lists.combined.clear();
+        for (node, &at) in self.local.iter().zip(self.nodes.components) {
+            let free = |d: usize| node.prescribed[d].is_none();
+            let definite = node.definite();
+            for d in 0..=self.law.num_tangents() {
+                if let Some(change) = node.prescribed[d] {
+                    u[at + d] += change;
+                    lists.held.push(at + d);
+                    continue;
+                }
+                for e in (0..=self.law.num_tangents()).filter(|&e| free(e)) {
+                    if definite[d][e] != 0.0 {
+                        lists.added.push((at + d, at + e, definite[d][e]));
+                    }
+                    let rest = node.stiffness[d][e] - definite[d][e];
+                    if rest != 0.0 {
+                        lists.beside.push((at + d, at + e, rest));
+                    }
+                }
+                if node.coupling[d] != 0.0 {
+                    lists.combined.push((at + d, at, -node.coupling[d]));
+                }
+            }
+        }
+    }
+
+    /// The longest part of the step from `from` to u for which the residual falls, which u then is; 0 if there is none.
+    fn damp(&mut self, from: &[f64], image: Vec<f64>, u: &mut [f64], merit: f64) -> Outcome<f64, S::Error> {
+        self.system
+            .mul(u, &mut self.other)
+            .map_err(ReducedError::System)?;
+        let step: Vec<f64> = u.iter().zip(from).map(|(u, v)| u - v).collect();
+        let change: Vec<f64> = self.other.iter().zip(&image).map(|(b, a)| b - a).collect();
+        let mut part = 1.0;
+        let mut trial = image.clone();
+        while part >= SHORTEST {
+            for k in 0..u.len() {
+                u[k] = from[k] + part * step[k];
+                trial[k] = image[k] + part * change[k];
+            }
+            if self.judge(u, &trial, None)?.merit <= (1.0 - DESCENT * part) * merit {
+                return Ok(part);
+            }
+            part *= 0.5;
+        }
+        u.copy_from_slice(from);
+        Ok(0.0)
+    }
+}
+
+/// Seconds, for tables.
+impl ReducedTimes {
+    /// All of it.
+    #[must_use]
+    pub fn total(&self) -> Duration {
+        self.select + self.krylov + self.rest
+    }
+}

@@ -1,0 +1,105 @@
+use std::time::Duration;
+
+use crate::contact::ContactError;
+use crate::options::setters;
+
+/// Options of [`ReducedContact`](super::ReducedContact). The defaults need no touching.
+///
+/// ```
+/// use semismooth::contact::ReducedOptions;
+/// let options = ReducedOptions::default().with_tolerance(1e-8).with_max_memory(Some(2 << 30));
+/// assert!(options.validate().is_ok());
+/// ```
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(default, deny_unknown_fields)
+)]
+pub struct ReducedOptions {
+    /// Largest residual of a solution in each block of equations (equilibrium, normal law, friction) against the largest force in it:
+    /// those of [`ContactResiduals`](crate::contact::ContactResiduals). Default 1e-10.
+    pub tolerance: f64,
+    /// Largest number of Newton steps of each run. Default 60.
+    pub max_iterations: usize,
+    /// Largest number of GMRES iterations of each step. Default 400.
+    pub max_krylov: usize,
+    /// Directions that GMRES keeps, a vector of displacements each. Default 30.
+    pub directions: usize,
+    /// Largest relative residual to which the linear system of a step is solved, the first one in particular
+    /// (η_max of Eisenstat and Walker). Default 1e-2.
+    pub forcing: f64,
+    /// Largest number of load steps tried when Newton's method does not arrive from the start; 0 leaves them out. Default 100.
+    pub max_load_steps: usize,
+    /// Most displacements with which the condensed form is tried when load steps fail as well: it factors the stiffness matrix. 0 leaves
+    /// it out. Default 100 000.
+    pub max_condensed: usize,
+    /// Wall-clock time after which a solve ends; looked at between Newton steps. Default none: with a limit results depend on the
+    /// machine.
+    pub max_time: Option<Duration>,
+    /// Memory in bytes that multigrid and GMRES may take beside the body, by an estimate made before they are allocated. Default none.
+    pub max_memory: Option<u64>,
+}
+
+impl Default for ReducedOptions {
+    fn default() -> Self {
+        Self {
+            tolerance: 1e-10,
+            max_iterations: 60,
+            max_krylov: 400,
+            directions: 30,
+            forcing: 1e-2,
+            max_load_steps: 100,
+            max_condensed: 100_000,
+            max_time: None,
+            max_memory: None,
+        }
+    }
+}
+
+impl ReducedOptions {
+    setters! {
+        /// Sets the largest residual of a solution.
+        with_tolerance(tolerance: f64);
+        /// Sets the largest number of Newton steps.
+        with_max_iterations(max_iterations: usize);
+        /// Sets the largest number of GMRES iterations of a step.
+        with_max_krylov(max_krylov: usize);
+        /// Sets the number of directions that GMRES keeps.
+        with_directions(directions: usize);
+        /// Sets the largest relative residual of a linear system.
+        with_forcing(forcing: f64);
+        /// Sets the largest number of load steps.
+        with_max_load_steps(max_load_steps: usize);
+        /// Sets the number of displacements up to which the condensed form is tried.
+        with_max_condensed(max_condensed: usize);
+        /// Sets the largest wall-clock time.
+        with_max_time(max_time: Option<Duration>);
+        /// Sets the largest memory of multigrid and GMRES.
+        with_max_memory(max_memory: Option<u64>);
+    }
+
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    /// [`ContactError::Option`] names the option out of range.
+    pub fn validate(&self) -> Result<(), ContactError> {
+        let refuse = |name, value, range| Err(ContactError::Option { name, value, range });
+        if !(self.tolerance >= 1e-14 && self.tolerance < 1.0) {
+            return refuse("tolerance", self.tolerance, "at least 1e-14 and below 1");
+        }
+        if !(self.forcing > 0.0 && self.forcing < 1.0) {
+            return refuse("forcing", self.forcing, "above 0 and below 1");
+        }
+        let positive = [
+            ("max_iterations", self.max_iterations),
+            ("max_krylov", self.max_krylov),
+            ("directions", self.directions),
+        ];
+        match positive.into_iter().find(|(_, value)| *value == 0) {
+            Some((name, _)) => refuse(name, 0.0, "at least 1"),
+            None => Ok(()),
+        }
+    }
+}

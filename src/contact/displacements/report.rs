@@ -1,0 +1,82 @@
+use std::time::Duration;
+
+use crate::contact::ContactResiduals;
+
+/// How a solution was found, or an attempt failed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum ReducedStrategy {
+    /// Semismooth Newton steps from the start.
+    Newton,
+    /// The load was put on step by step.
+    LoadSteps,
+    /// The strategies of the condensed form.
+    Condensed,
+}
+
+/// One Newton step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct ReducedIteration {
+    /// Share of the load, 1 but for load steps.
+    pub load: f64,
+    /// Residuals before the step.
+    pub residuals: ContactResiduals,
+    /// Numbers of open, sticking and slipping nodes before the step.
+    pub states: [usize; 3],
+    /// The relative residual asked of the linear system.
+    pub forcing: f64,
+    /// GMRES iterations.
+    pub krylov: usize,
+    /// The part of the step that was taken.
+    pub step: f64,
+}
+
+/// Where the time went.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct ReducedTimes {
+    /// Changes of the multigrid hierarchy as nodes change state.
+    pub select: Duration,
+    /// GMRES with its cycles.
+    pub krylov: Duration,
+    /// Products, laws of the nodes, and all else.
+    pub rest: Duration,
+}
+
+/// A solution in the displacements, or the best iterate of a search that failed.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct ReducedReport {
+    /// The free displacements u, as numbered in the stiffness matrix.
+    pub displacements: Vec<f64>,
+    /// Contact forces λν of all nodes, then λt₁, in space then λt₂: f − A u at the contact nodes. With α appended they are the x of the
+    /// condensed form.
+    pub forces: Vec<f64>,
+    /// Residuals of the full problem, computed at these displacements.
+    pub residuals: ContactResiduals,
+    /// What led here.
+    pub strategy: ReducedStrategy,
+    /// All Newton steps, of failed attempts too.
+    pub iterations: Vec<ReducedIteration>,
+    /// Where the time went.
+    pub times: ReducedTimes,
+}
+
+impl ReducedReport {
+    /// Number of Newton steps.
+    #[must_use]
+    pub fn newton(&self) -> usize {
+        self.iterations.len()
+    }
+
+    /// Number of GMRES iterations.
+    #[must_use]
+    pub fn krylov(&self) -> usize {
+        self.iterations.iter().map(|i| i.krylov).sum()
+    }
+}

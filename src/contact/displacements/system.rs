@@ -1,0 +1,273 @@
+//! The linear systems of Newton's method in the displacements, and who solves them.
+
+use std::cell::RefCell;
+use std::sync::Arc;
+
+use super::ReducedBody;
+use crate::linear::{Aggregation, Gmres, LinearError};
+use crate::sparse::{Blocks, NodalBlocks, add_product};
+
+/// What Newton's method in the displacements needs of a body: products with its stiffness matrix A and solves with matrices that differ
+/// from A in few rows.
+///
+/// Vectors hold all components of all nodes; components of contact nodes are those along ν, t₁[, t₂]. Where a body is spread over
+/// several processes, slices are the part of each, numbers are local, and all methods are collective: the loop itself makes the same
+/// decisions everywhere, as it sees nothing but [`sum`](Self::sum) and [`max`](Self::max). [`ReducedContact`](super::ReducedContact)
+/// brings an implementation for one process.
+pub trait ReducedSystem {
+    /// What can go wrong.
+    type Error;
+
+    /// Number of components in this process.
+    fn len(&self) -> usize;
+
+    /// Whether there are none.
+    fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// `out` ← A u.
+    ///
+    /// # Errors
+    /// Those of the implementation.
+    fn mul(&mut self, u: &[f64], out: &mut [f64]) -> Result<(), Self::Error>;
+
+    /// Chooses the matrix of the [solves](Self::solve) to come.
+    ///
+    /// # Errors
+    /// Those of the implementation; a matrix that is singular.
+    fn select(&mut self, step: &ReducedStep<'_>) -> Result<(), Self::Error>;
+
+    /// `d` ← an approximate solution for the right-hand side `r` (which is 0 where components are held, as d is), with a residual below
+    /// `tolerance` ‖r‖₂ if that is reached within the limits of the implementation.
+    ///
+    /// # Errors
+    /// Those of the implementation.
+    fn solve(&mut self, r: &[f64], d: &mut [f64], tolerance: f64) -> Result<KrylovOutcome, Self::Error>;
+
+    /// Sums over all processes, entry by entry.
+    ///
+    /// # Errors
+    /// Those of the implementation.
+    fn sum(&self, values: &mut [f64]) -> Result<(), Self::Error>;
+
+    /// Maxima over all processes, entry by entry.
+    ///
+    /// # Errors
+    /// Those of the implementation.
+    fn max(&self, values: &mut [f64]) -> Result<(), Self::Error>;
+}
+
+/// A matrix in terms of the stiffness matrix A: rows and columns that are held become those of the identity, the rest is A + `added` +
+/// `beside` + `combined`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct ReducedStep<'a> {
+    /// Components whose values are prescribed.
+    pub held: &'a [usize],
+    /// (row, column, value) in diagonal blocks of contact nodes: symmetric, positive semidefinite, to be preconditioned with A.
+    pub added: &'a [(usize, usize, f64)],
+    /// (row, column, value) beside what is preconditioned.
+    pub beside: &'a [(usize, usize, f64)],
+    /// (i, j, c): row i += c · row j of A, beside what is preconditioned; i and j belong to one node.
+    pub combined: &'a [(usize, usize, f64)],
+}
+
+/// How an iterative solve went.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[non_exhaustive]
+pub struct KrylovOutcome {
+    /// Number of iterations.
+    pub iterations: usize,
+    /// ‖r − J d‖₂ / ‖r‖₂, as the recurrence has it.
+    pub residual: f64,
+}
+
+impl KrylovOutcome {
+    /// For other implementations.
+    #[must_use]
+    pub const fn new(iterations: usize, residual: f64) -> Self {
+        Self { iterations, residual }
+    }
+}
+
+/// Reduction of the residual by one iteration above which the cycle smooths more.
+const SLOW: f64 = 0.54;
+/// Iterations of a solve from which its reduction tells something.
+const TELLING: usize = 6;
+
+/// One process: GMRES, preconditioned by smoothed aggregation.
+#[derive(Debug)]
+pub(super) struct SerialSystem {
+    body: Arc<ReducedBody>,
+    hierarchy: Hierarchy,
+    gmres: Gmres,
+    max_iterations: usize,
+    held: Vec<usize>,
+    beside: Vec<(usize, usize, f64)>,
+    combined: Vec<(usize, usize, f64)>,
+}
+
+#[derive(Debug)]
+enum Hierarchy {
+    Plane(Box<Aggregation<2, 3>>),
+    Space(Box<Aggregation<3, 6>>),
+}
+
+impl SerialSystem {
+    pub(super) fn new(
+        body: Arc<ReducedBody>,
+        directions: usize,
+        max_iterations: usize,
+    ) -> Result<Self, LinearError> {
+        let fixed = body.fixed();
+        let hierarchy = match &body.stiffness.blocks {
+            NodalBlocks::Plane(a) => {
+                let modes = body.rigid_modes(|x| [[1.0, 0.0, -x[1]], [0.0, 1.0, x[0]]]);
+                Hierarchy::Plane(Box::new(Aggregation::new(a, modes, fixed)?))
+            }
+            NodalBlocks::Space(a) => {
+                let modes = body.rigid_modes(|x| {
+                    [
+                        [1.0, 0.0, 0.0, 0.0, x[2], -x[1]],
+                        [0.0, 1.0, 0.0, -x[2], 0.0, x[0]],
+                        [0.0, 0.0, 1.0, x[1], -x[0], 0.0],
+                    ]
+                });
+                Hierarchy::Space(Box::new(Aggregation::new(a, modes, fixed)?))
+            }
+        };
+        Ok(Self {
+            body,
+            hierarchy,
+            gmres: Gmres::new(directions),
+            max_iterations,
+            held: Vec::new(),
+            beside: Vec::new(),
+            combined: Vec::new(),
+        })
+    }
+
+    /// Nodes and blocks of each level.
+    pub(super) fn levels(&self) -> Vec<(usize, usize)> {
+        match (&self.hierarchy, &self.body.stiffness.blocks) {
+            (Hierarchy::Plane(h), NodalBlocks::Plane(a)) => h.sizes(a),
+            (Hierarchy::Space(h), NodalBlocks::Space(a)) => h.sizes(a),
+            _ => Vec::new(),
+        }
+    }
+}
+
+impl ReducedSystem for SerialSystem {
+    type Error = LinearError;
+
+    fn len(&self) -> usize {
+        self.body.len()
+    }
+
+    fn mul(&mut self, u: &[f64], out: &mut [f64]) -> Result<(), LinearError> {
+        self.body.stiffness.mul(u, out);
+        Ok(())
+    }
+
+    fn select(&mut self, step: &ReducedStep<'_>) -> Result<(), LinearError> {
+        self.held.clear();
+        self.held.extend_from_slice(step.held);
+        self.beside.clear();
+        self.beside.extend_from_slice(step.beside);
+        self.combined.clear();
+        self.combined.extend_from_slice(step.combined);
+        match (&mut self.hierarchy, &self.body.stiffness.blocks) {
+            (Hierarchy::Plane(h), NodalBlocks::Plane(a)) => h.constrain(a, step.held, step.added),
+            (Hierarchy::Space(h), NodalBlocks::Space(a)) => h.constrain(a, step.held, step.added),
+            _ => Err(LinearError::NotAnalyzed),
+        }
+    }
+
+    fn solve(&mut self, r: &[f64], d: &mut [f64], tolerance: f64) -> Result<KrylovOutcome, LinearError> {
+        d.copy_from_slice(r);
+        let rows = Rows {
+            held: &self.held,
+            beside: &self.beside,
+            combined: &self.combined,
+        };
+        let outcome = match (&mut self.hierarchy, &self.body.stiffness.blocks) {
+            (Hierarchy::Plane(h), NodalBlocks::Plane(a)) => {
+                rows.solve(a, h, &mut self.gmres, d, tolerance, self.max_iterations)?
+            }
+            (Hierarchy::Space(h), NodalBlocks::Space(a)) => {
+                rows.solve(a, h, &mut self.gmres, d, tolerance, self.max_iterations)?
+            }
+            _ => return Err(LinearError::NotAnalyzed),
+        };
+        let rate = outcome.residual.powf(1.0 / outcome.iterations.max(1) as f64);
+        if outcome.iterations >= TELLING && rate > SLOW {
+            match &mut self.hierarchy {
+                Hierarchy::Plane(h) => h.smooth_more(),
+                Hierarchy::Space(h) => h.smooth_more(),
+            }
+        }
+        Ok(outcome)
+    }
+
+    fn sum(&self, _values: &mut [f64]) -> Result<(), LinearError> {
+        Ok(())
+    }
+
+    fn max(&self, _values: &mut [f64]) -> Result<(), LinearError> {
+        Ok(())
+    }
+}
+
+/// What differs from A in the matrix at hand, but for what the hierarchy knows.
+struct Rows<'a> {
+    held: &'a [usize],
+    beside: &'a [(usize, usize, f64)],
+    combined: &'a [(usize, usize, f64)],
+}
+
+impl Rows<'_> {
+    fn solve<const F: usize, const K: usize>(
+        &self,
+        a: &Blocks<F, F>,
+        hierarchy: &mut Aggregation<F, K>,
+        gmres: &mut Gmres,
+        d: &mut [f64],
+        tolerance: f64,
+        limit: usize,
+    ) -> Result<KrylovOutcome, LinearError> {
+        let hierarchy = RefCell::new(hierarchy);
+        // GMRES multiplies what the cycle has just made, and the cycle knows A times that.
+        let outcome = gmres.solve(
+            |x, y| {
+                hierarchy.borrow().add_image(a, x, y);
+                for &(i, j, v) in self.beside {
+                    y[i] += v * x[j];
+                }
+                for &(i, j, c) in self.combined {
+                    y[i] += c * row_product(a, j, x);
+                }
+                self.held.iter().for_each(|&k| y[k] = 0.0);
+            },
+            |z| hierarchy.borrow_mut().apply(a, z),
+            d,
+            tolerance,
+            limit,
+        )?;
+        Ok(KrylovOutcome {
+            iterations: outcome.iterations,
+            residual: outcome.residual,
+        })
+    }
+}
+
+/// Entry k of A x.
+fn row_product<const F: usize>(a: &Blocks<F, F>, k: usize, x: &[f64]) -> f64 {
+    let x = x.as_chunks::<F>().0;
+    let (cols, values) = a.row(k / F);
+    let mut sum = [0.0; F];
+    for (&j, block) in cols.iter().zip(values) {
+        add_product(block, &x[j as usize], &mut sum);
+    }
+    sum[k % F]
+}

@@ -1,0 +1,116 @@
+//! Which nodes are gathered.
+
+use crate::sparse::Blocks;
+
+/// Fewest nodes of an aggregate that is left alone: fewer do not tell rigid motions apart.
+const FEW: usize = 3;
+
+/// The aggregate of each node, and their number.
+#[derive(Debug, Clone)]
+pub(super) struct Aggregates {
+    pub(super) of: Vec<u32>,
+    pub(super) count: usize,
+}
+
+const NONE: u32 = u32::MAX;
+
+/// Gathers nodes with their strong neighbours (P. Vaněk, J. Mandel, M. Brezina, 1996): nodes i, j with
+/// ‖A_ij‖² > θ² ‖A_ii‖ ‖A_jj‖, in Frobenius norms.
+pub(super) fn aggregates<const B: usize>(a: &Blocks<B, B>, theta: f64) -> Aggregates {
+    let n = a.nrows();
+    let norms: Vec<f64> = (0..n)
+        .map(|i| a.slot(i, i).map_or(0.0, |k| square(&a.value[k]).sqrt()))
+        .collect();
+    // Squares of the strengths, 0 for weak neighbours: a short number each, as comparisons are all that they serve.
+    let mut strength = vec![0.0f32; a.col.len()];
+    for i in 0..n {
+        for k in a.start[i]..a.start[i + 1] {
+            let j = a.col[k] as usize;
+            let relative = square(&a.value[k]) / (norms[i] * norms[j]);
+            if j != i && relative > theta * theta {
+                strength[k] = relative as f32;
+            }
+        }
+    }
+    let strong = |i: usize| {
+        let span = a.start[i]..a.start[i + 1];
+        let pairs = a.col[span.clone()].iter().zip(&strength[span]);
+        pairs.filter(|p| *p.1 > 0.0).map(|(j, s)| (*j as usize, *s))
+    };
+    let mut of = vec![NONE; n];
+    let mut count = 0u32;
+    for i in 0..n {
+        if of[i] != NONE || strong(i).next().is_none() || strong(i).any(|(j, _)| of[j] != NONE) {
+            continue;
+        }
+        of[i] = count;
+        strong(i).for_each(|(j, _)| of[j] = count);
+        count += 1;
+    }
+    let roots = of.clone();
+    for i in (0..n).filter(|&i| roots[i] == NONE) {
+        of[i] = strongest(strong(i).filter(|(j, _)| roots[*j] != NONE)).map_or(NONE, |j| roots[j]);
+    }
+    for i in 0..n {
+        if of[i] != NONE {
+            continue;
+        }
+        of[i] = count;
+        for (j, _) in strong(i) {
+            if of[j] == NONE {
+                of[j] = count;
+            }
+        }
+        count += 1;
+    }
+    merge_small(a, &mut of, count as usize)
+}
+
+/// Small aggregates join that of the neighbour they are most strongly coupled to.
+fn merge_small<const B: usize>(a: &Blocks<B, B>, of: &mut [u32], count: usize) -> Aggregates {
+    let mut size = vec![0u32; count];
+    of.iter().for_each(|k| size[*k as usize] += 1);
+    for i in 0..of.len() {
+        let own = of[i];
+        if size[own as usize] as usize >= FEW {
+            continue;
+        }
+        let (cols, values) = a.row(i);
+        let others = cols
+            .iter()
+            .zip(values)
+            .map(|(j, v)| (*j as usize, square(v) as f32));
+        if let Some(j) = strongest(others.filter(|(j, s)| of[*j] != own && *s > 0.0)) {
+            size[own as usize] -= 1;
+            of[i] = of[j];
+            size[of[i] as usize] += 1;
+        }
+    }
+    let mut next = 0;
+    let number: Vec<u32> = size
+        .iter()
+        .map(|s| {
+            next += u32::from(*s > 0);
+            next.saturating_sub(1)
+        })
+        .collect();
+    of.iter_mut().for_each(|k| *k = number[*k as usize]);
+    Aggregates {
+        of: of.to_vec(),
+        count: next as usize,
+    }
+}
+
+fn strongest(neighbours: impl Iterator<Item = (usize, f32)>) -> Option<usize> {
+    let mut best = (None, 0.0);
+    for (j, s) in neighbours {
+        if s > best.1 {
+            best = (Some(j), s);
+        }
+    }
+    best.0
+}
+
+fn square<const B: usize>(m: &[[f64; B]; B]) -> f64 {
+    m.iter().flatten().map(|v| v * v).sum()
+}

@@ -1,0 +1,363 @@
+//! Multigrid by smoothed aggregation for matrices of bodies, a block a pair of nodes, as a preconditioner.
+//!
+//! Nodes are gathered into aggregates; on each the rigid motions are interpolated, smoothed by one damped Jacobi step
+//! (P. Vaněk, J. Mandel, M. Brezina, Computing 56 (1996); P. Vaněk, M. Brezina, J. Mandel, Numer. Math. 88 (2001)). Components may be
+//! held at zero and diagonal blocks added to: the aggregates stay then, and what of the prolongation and of the coarse matrices
+//! depends on the nodes that changed is found anew.
+
+mod aggregates;
+mod dense;
+mod smoother;
+mod transfer;
+
+#[cfg(test)]
+mod tests;
+
+use std::collections::BTreeMap;
+
+use self::aggregates::aggregates;
+use self::smoother::{Direct, Smoother};
+use self::transfer::{Constraints, Modes, Transfer};
+use super::LinearError;
+use crate::sparse::{Blocks, dot};
+
+/// Coarsening stops at this many nodes.
+const COARSEST: usize = 120;
+/// Levels stop when coarsening gains less than this factor.
+const MIN_COARSENING: f64 = 0.6;
+/// Couplings below this part of the diagonal blocks are weak, on the finest level; on each further one half as much.
+const STRONG: f64 = 0.05;
+/// Most sweeps of a smoothing.
+const MOST_SWEEPS: usize = 4;
+/// Steps of the power method for the largest eigenvalue of D⁻¹A, and what is added to its result, which is a lower bound.
+const POWER_STEPS: usize = 8;
+const MARGIN: f64 = 1.05;
+/// Damping of the Jacobi step of prolongators against the largest eigenvalue.
+const DAMPING: f64 = 4.0 / 3.0;
+
+/// Constraints of the finest level.
+#[derive(Debug, Clone)]
+struct Fine<const F: usize> {
+    /// Components that are held, a bit each; those that never were free, and those.
+    fixed: Vec<u8>,
+    held: Vec<u8>,
+    added: BTreeMap<u32, [[f64; F]; F]>,
+    smoother: Smoother<F>,
+}
+
+impl<const F: usize> Constraints<F> for Fine<F> {
+    fn held(&self, node: usize) -> u8 {
+        self.held[node]
+    }
+
+    fn added(&self, node: usize) -> Option<&[[f64; F]; F]> {
+        self.added.get(&(node as u32))
+    }
+
+    fn inverse(&self, node: usize) -> &[[f64; F]; F] {
+        &self.smoother.inverse[node]
+    }
+}
+
+/// A coarse level.
+#[derive(Debug, Clone)]
+struct Level<const K: usize> {
+    a: Blocks<K, K>,
+    smoother: Smoother<K>,
+}
+
+impl<const K: usize> Constraints<K> for Smoother<K> {
+    fn held(&self, _node: usize) -> u8 {
+        0
+    }
+
+    fn added(&self, _node: usize) -> Option<&[[f64; K]; K]> {
+        None
+    }
+
+    fn inverse(&self, node: usize) -> &[[f64; K]; K] {
+        &self.inverse[node]
+    }
+}
+
+/// A V-cycle for symmetric positive definite matrices of F × F blocks with K near-kernel vectors: F = 2, K = 3 in the plane, F = 3,
+/// K = 6 in space.
+#[derive(Debug, Clone)]
+pub(crate) struct Aggregation<const F: usize, const K: usize> {
+    modes: Modes<F, K>,
+    fine: Fine<F>,
+    first: Option<Transfer<F, K>>,
+    transfers: Vec<Transfer<K, K>>,
+    levels: Vec<Level<K>>,
+    direct: Direct,
+    /// Sweeps of each smoothing.
+    sweeps: usize,
+}
+
+impl<const F: usize, const K: usize> Aggregation<F, K> {
+    /// The hierarchy of a positive definite matrix of which some components, a bit each, are not free and have zero rows and columns. `modes` are the
+    /// near-kernel vectors.
+    pub(crate) fn new(
+        a: &Blocks<F, F>,
+        modes: Vec<[[f64; K]; F]>,
+        fixed: Vec<u8>,
+    ) -> Result<Self, LinearError> {
+        let mut modes = modes;
+        for (m, held) in modes.iter_mut().zip(&fixed) {
+            dense::mask_rows(m, *held);
+        }
+        let fine = Fine {
+            held: fixed.clone(),
+            added: BTreeMap::new(),
+            smoother: Smoother::new(a, |i| fixed[i]),
+            fixed,
+        };
+        let dead =
+            |i: usize| (0..F).any(|k| fine.held[i] >> k & 1 == 0 && fine.smoother.inverse[i][k][k] <= 0.0);
+        if (0..a.nrows()).any(dead) {
+            return Err(LinearError::NotPositiveDefinite);
+        }
+        let mut first = None;
+        let (mut levels, mut transfers): (Vec<Level<K>>, Vec<Transfer<K, K>>) = (Vec::new(), Vec::new());
+        let mut coarse_modes = Vec::new();
+        if let Some((mut transfer, next)) = coarsen(a, &modes, STRONG, &fine, &fine.smoother) {
+            let coarse = transfer.galerkin(a, &fine);
+            let smoother = Smoother::new(&coarse, |_| 0);
+            levels.push(Level { a: coarse, smoother });
+            coarse_modes = next;
+            first = Some(transfer);
+        }
+        let mut strong = STRONG;
+        while let Some(level) = levels.last() {
+            strong *= 0.5;
+            let made = coarsen(&level.a, &coarse_modes, strong, &level.smoother, &level.smoother);
+            let Some((mut transfer, next)) = made else {
+                break;
+            };
+            let coarse = transfer.galerkin(&level.a, &level.smoother);
+            let smoother = Smoother::new(&coarse, |_| 0);
+            levels.push(Level { a: coarse, smoother });
+            coarse_modes = next;
+            transfers.push(transfer);
+        }
+        let mut direct = match levels.last() {
+            Some(level) => Direct::new(&level.a)?,
+            None => Direct::new(a)?,
+        };
+        match levels.last() {
+            Some(level) => direct.factor(&level.a, &level.smoother)?,
+            None => direct.factor(a, &fine)?,
+        }
+        Ok(Self {
+            modes,
+            fine,
+            first,
+            transfers,
+            levels,
+            direct,
+            sweeps: 1,
+        })
+    }
+
+    /// Nodes and stored blocks of each level.
+    pub(crate) fn sizes(&self, a: &Blocks<F, F>) -> Vec<(usize, usize)> {
+        let coarse = self.levels.iter().map(|l| (l.a.nrows(), l.a.col.len()));
+        std::iter::once((a.nrows(), a.col.len())).chain(coarse).collect()
+    }
+
+    /// Holds components (unknown by unknown) and adds to diagonal blocks (row, column, value; in the same node), in place of what was
+    /// held and added before. What is added must be symmetric and positive semidefinite.
+    pub(crate) fn constrain(
+        &mut self,
+        a: &Blocks<F, F>,
+        held: &[usize],
+        added: &[(usize, usize, f64)],
+    ) -> Result<(), LinearError> {
+        let mut now: BTreeMap<u32, u8> = BTreeMap::new();
+        for &k in held {
+            *now.entry((k / F) as u32).or_default() |= 1 << (k % F);
+        }
+        let mut sums: BTreeMap<u32, [[f64; F]; F]> = BTreeMap::new();
+        for &(i, j, v) in added {
+            sums.entry((i / F) as u32).or_insert([[0.0; F]; F])[i % F][j % F] += v;
+        }
+        let fine = &mut self.fine;
+        let mut changed = Vec::new();
+        for i in 0..fine.held.len() {
+            let wanted = fine.fixed[i] | now.get(&(i as u32)).copied().unwrap_or(0);
+            let (before, after) = (fine.added.get(&(i as u32)), sums.get(&(i as u32)));
+            if wanted != fine.held[i] || before != after {
+                fine.held[i] = wanted;
+                fine.smoother.invert(a, i, wanted, after);
+                changed.push(i as u32);
+            }
+        }
+        fine.added = sums;
+        if changed.is_empty() {
+            return Ok(());
+        }
+        let Some(first) = &mut self.first else {
+            return self.direct.factor_nearly(a, &self.fine);
+        };
+        let smoothed = with_neighbours(a, &changed);
+        first.resmooth(a, &self.modes, &self.fine, &smoothed);
+        let mut affected = columns_of(&first.p, &with_neighbours(a, &smoothed));
+        first.resum(a, &self.fine, &affected, &mut self.levels[0].a);
+        for k in 0..self.levels.len() {
+            let (above, below) = self.levels.split_at_mut(k + 1);
+            let level = &mut above[k];
+            // Columns of rows not affected have changed, their diagonal blocks have not.
+            for &i in &affected {
+                level.smoother.invert(&level.a, i as usize, 0, None);
+            }
+            if let Some(next) = below.first_mut() {
+                affected = columns_of(&self.transfers[k].p, &with_neighbours(&level.a, &affected));
+                self.transfers[k].resum(&level.a, &level.smoother, &affected, &mut next.a);
+            } else {
+                self.direct.factor_nearly(&level.a, &level.smoother)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Overwrites b by the cycle's approximation to A⁻¹ b, zero where components are held.
+    pub(crate) fn apply(&mut self, a: &Blocks<F, F>, b: &mut [f64]) -> Result<(), LinearError> {
+        let Some(first) = &self.first else {
+            for (node, held) in self.fine.held.iter().enumerate() {
+                (0..F)
+                    .filter(|k| held >> k & 1 == 1)
+                    .for_each(|k| b[F * node + k] = 0.0);
+            }
+            return self.direct.solve(b);
+        };
+        let fine = &mut self.fine.smoother;
+        fine.b.copy_from_slice(b);
+        fine.smooth_before(a, self.sweeps);
+        first.restrict(&fine.r, &mut self.levels[0].smoother.b);
+        let last = self.levels.len() - 1;
+        for k in 0..last {
+            let (above, below) = self.levels.split_at_mut(k + 1);
+            let level = &mut above[k];
+            level.smoother.smooth_before(&level.a, self.sweeps);
+            self.transfers[k].restrict(&level.smoother.r, &mut below[0].smoother.b);
+        }
+        let bottom = &mut self.levels[last].smoother;
+        bottom.x.copy_from_slice(&bottom.b);
+        self.direct.solve(&mut bottom.x)?;
+        for k in (0..last).rev() {
+            let (above, below) = self.levels.split_at_mut(k + 1);
+            let level = &mut above[k];
+            self.transfers[k].prolong(&below[0].smoother.x, &mut level.smoother.x);
+            level.smoother.smooth_after(&level.a, self.sweeps);
+        }
+        first.prolong(&self.levels[0].smoother.x, &mut fine.x);
+        fine.smooth_after(a, self.sweeps);
+        b.copy_from_slice(&fine.x);
+        Ok(())
+    }
+
+    /// One more sweep in each smoothing, up to a few: for matrices on which the cycle converges slowly.
+    pub(crate) fn smooth_more(&mut self) {
+        self.sweeps = (self.sweeps + 1).min(MOST_SWEEPS);
+    }
+
+    /// y += A x for the x that the last [`apply`](Self::apply) made, with what is added to A, without a product where the cycle has left
+    /// its residual behind. Components that are held are arbitrary.
+    pub(crate) fn add_image(&self, a: &Blocks<F, F>, x: &[f64], y: &mut [f64]) {
+        let smoother = &self.fine.smoother;
+        if self.first.is_some() {
+            for (y, (b, r)) in y.iter_mut().zip(smoother.b.iter().zip(&smoother.r)) {
+                *y += b - r;
+            }
+            return;
+        }
+        let x = x.as_chunks::<F>().0;
+        for (i, y) in y.as_chunks_mut::<F>().0.iter_mut().enumerate() {
+            let (cols, values) = a.row(i);
+            for (&j, block) in cols.iter().zip(values) {
+                crate::sparse::add_product(block, &x[j as usize], y);
+            }
+            if let Some(added) = self.fine.added(i) {
+                crate::sparse::add_product(added, &x[i], y);
+            }
+        }
+    }
+}
+
+/// Aggregates, if they are few enough, with the prolongation and the near-kernel of the coarse level.
+fn coarsen<const R: usize, const K: usize>(
+    a: &Blocks<R, R>,
+    modes: &Modes<R, K>,
+    strong: f64,
+    constraints: &impl Constraints<R>,
+    smoother: &Smoother<R>,
+) -> Option<(Transfer<R, K>, Modes<K, K>)> {
+    let n = a.nrows();
+    if n <= COARSEST {
+        return None;
+    }
+    let found = aggregates(a, strong);
+    if found.count as f64 * K as f64 > MIN_COARSENING * n as f64 * R as f64 {
+        return None;
+    }
+    let omega = DAMPING / largest_eigenvalue(a, smoother);
+    Some(Transfer::new(a, modes, found, omega, constraints))
+}
+
+/// The largest eigenvalue of D⁻¹A by the power method, from a start without a pattern.
+fn largest_eigenvalue<const B: usize>(a: &Blocks<B, B>, smoother: &Smoother<B>) -> f64 {
+    let mut seed = 0x9e37_79b9_7f4a_7c15_u64;
+    let mut v: Vec<f64> = (0..B * a.nrows())
+        .map(|_| {
+            seed = seed
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            (seed >> 33) as f64 / f64::from(1_u32 << 31) - 0.5
+        })
+        .collect();
+    let mut w = vec![0.0; v.len()];
+    let mut value: f64 = 1.0;
+    for _ in 0..POWER_STEPS {
+        let size = dot(&v, &v).sqrt();
+        a.mul(&v, &mut w);
+        for ((v, w), inverse) in v
+            .as_chunks_mut::<B>()
+            .0
+            .iter_mut()
+            .zip(w.as_chunks::<B>().0)
+            .zip(&smoother.inverse)
+        {
+            *v = [0.0; B];
+            crate::sparse::add_product(inverse, w, v);
+        }
+        value = dot(&v, &v).sqrt() / size;
+        v.iter_mut().for_each(|v| *v /= value * size);
+    }
+    if value.is_finite() && value > 0.0 {
+        MARGIN * value
+    } else {
+        2.0
+    }
+}
+
+/// The nodes and all they are coupled to.
+fn with_neighbours<const B: usize>(a: &Blocks<B, B>, nodes: &[u32]) -> Vec<u32> {
+    collect(
+        nodes
+            .iter()
+            .flat_map(|&i| a.row(i as usize).0.iter().copied())
+            .chain(nodes.iter().copied()),
+    )
+}
+
+/// Columns with a block in one of the rows.
+fn columns_of<const R: usize, const C: usize>(p: &Blocks<R, C>, rows: &[u32]) -> Vec<u32> {
+    collect(rows.iter().flat_map(|&i| p.row(i as usize).0.iter().copied()))
+}
+
+fn collect(numbers: impl Iterator<Item = u32>) -> Vec<u32> {
+    let mut all: Vec<u32> = numbers.collect();
+    all.sort_unstable();
+    all.dedup();
+    all
+}

@@ -1,0 +1,245 @@
+use std::time::Duration;
+
+use semismooth::contact::{
+    ContactError, FrictionCoefficient, LoadPath, OrthotropicCoulomb, PlanarCoulomb, ReducedBody,
+    ReducedContact, ReducedError, ReducedNodes, ReducedOptions, ReducedStep, ReducedSystem, solve_reduced,
+};
+use semismooth::sparse::{Matrix, NodalMatrix, SparseError};
+
+use super::{law, load, normal, stiffness, tangential};
+use crate::table::{BAD, Table, rows};
+
+fn nodal(a: &Matrix) -> Result<NodalMatrix, SparseError> {
+    NodalMatrix::new(a, vec![[0.0; 3]], &[[0, 0], [0, 1]], 2)
+}
+
+fn body() -> ReducedBody {
+    ReducedBody::new(nodal(&stiffness()).unwrap(), &normal(), &[tangential()], load()).unwrap()
+}
+
+fn problem(options: ReducedOptions) -> Result<ReducedContact<PlanarCoulomb>, ContactError> {
+    ReducedContact::new(body(), law(0.3), options)
+}
+
+/// A system whose matrix is the identity.
+struct Unit(usize);
+
+impl ReducedSystem for Unit {
+    type Error = SparseError;
+
+    fn len(&self) -> usize {
+        self.0
+    }
+
+    fn mul(&mut self, u: &[f64], out: &mut [f64]) -> Result<(), SparseError> {
+        out.copy_from_slice(u);
+        Ok(())
+    }
+
+    fn select(&mut self, _: &ReducedStep<'_>) -> Result<(), SparseError> {
+        Err(SparseError::Malformed { what: "lost".into() })
+    }
+
+    fn solve(
+        &mut self,
+        _: &[f64],
+        _: &mut [f64],
+        _: f64,
+    ) -> Result<semismooth::contact::KrylovOutcome, SparseError> {
+        Err(SparseError::Malformed { what: "lost".into() })
+    }
+
+    fn sum(&self, _: &mut [f64]) -> Result<(), SparseError> {
+        Ok(())
+    }
+
+    fn max(&self, _: &mut [f64]) -> Result<(), SparseError> {
+        Ok(())
+    }
+}
+
+pub(super) fn displacements(t: &mut Table) {
+    bodies(t);
+    problems(t);
+    let at = |load: &[f64], components: &[usize], gap: &[f64], u: Vec<f64>| {
+        let nodes = ReducedNodes {
+            components,
+            first: 0,
+            gap,
+            reference: &[],
+            history: &[],
+            r: 1.0,
+            parameter: 0.0,
+        };
+        solve_reduced(
+            &mut Unit(2),
+            &nodes,
+            &law(0.3),
+            load,
+            u,
+            &ReducedOptions::default(),
+        )
+    };
+    let solve = "contact::solve_reduced";
+    t.refuses(solve, "a system that fails", "linear system", || {
+        at(&[1.0; 2], &[0], &[0.0], vec![0.0; 2])
+    });
+    t.refuses(solve, "a short load", "load", || {
+        at(&[1.0], &[0], &[0.0], vec![0.0; 2])
+    });
+    t.refuses(solve, "a short start", "start", || {
+        at(&[1.0; 2], &[0], &[0.0], vec![])
+    });
+    t.refuses(solve, "no gap", "gap", || at(&[1.0; 2], &[0], &[], vec![0.0; 2]));
+    t.refuses(solve, "components that do not exist", "components", || {
+        at(&[1.0; 2], &[1], &[0.0], vec![0.0; 2])
+    });
+    t.holds(solve, "the failure of a system is its source", || {
+        let error = at(&[1.0; 2], &[0], &[0.0], vec![0.0; 2]).unwrap_err();
+        matches!(error, ReducedError::System(SparseError::Malformed { .. }))
+    });
+    t.exempt(
+        &[
+            "contact::ReducedSystem::mul",
+            "contact::ReducedSystem::select",
+            "contact::ReducedSystem::solve",
+            "contact::ReducedSystem::sum",
+            "contact::ReducedSystem::max",
+        ],
+        "implemented elsewhere, called by `solve_reduced`",
+    );
+}
+
+fn bodies(t: &mut Table) {
+    let new = "contact::ReducedBody::new";
+    let with = |n: Matrix, b: Vec<Matrix>| ReducedBody::new(nodal(&stiffness()).unwrap(), &n, &b, load());
+    t.refuses(new, "no tangents", "tangential", || with(normal(), vec![]));
+    t.refuses(new, "normal rows of another width", "normal", || {
+        with(rows(&[&[1.0]]), vec![tangential()])
+    });
+    t.refuses(new, "a tangent that is no unit vector", "orthonormal", || {
+        with(normal(), vec![rows(&[&[0.0, 2.0]])])
+    });
+    t.refuses(new, "a normal that is zero", "orthonormal", || {
+        with(rows(&[&[0.0, 0.0]]), vec![tangential()])
+    });
+    t.refuses(new, "one node twice", "another contact node", || {
+        with(
+            rows(&[&[1.0, 0.0], &[1.0, 0.0]]),
+            vec![rows(&[&[0.0, 1.0], &[0.0, 1.0]])],
+        )
+    });
+    t.refuses(new, "a trace of two nodes", "several nodes", || {
+        let a = NodalMatrix::new(
+            &Matrix::identity(4),
+            vec![[0.0; 3], [1.0, 0.0, 0.0]],
+            &[[0, 0], [0, 1], [1, 0], [1, 1]],
+            2,
+        );
+        let half = rows(&[&[0.5, 0.0, 0.5, 0.0]]);
+        ReducedBody::new(
+            a.unwrap(),
+            &half,
+            &[half.clone()],
+            LoadPath::constant(vec![0.0; 4]),
+        )
+    });
+    for bad in BAD {
+        t.refuses(new, "normal rows", "(0, 0)", || {
+            with(rows(&[&[bad, 0.0]]), vec![tangential()])
+        });
+        t.refuses(new, "the load", "load", || {
+            let load = LoadPath::constant(vec![bad, 0.0]);
+            ReducedBody::new(nodal(&stiffness()).unwrap(), &normal(), &[tangential()], load)
+        });
+        t.refuses("contact::ReducedBody::with_gap", "the gap", "gap[0]", || {
+            body().with_gap(vec![bad])
+        });
+    }
+    t.refuses("contact::ReducedBody::with_gap", "another length", "gap", || {
+        body().with_gap(vec![])
+    });
+    t.holds(
+        "contact::ReducedBody::to_contact_body",
+        "it is the same body",
+        || {
+            body()
+                .to_contact_body()
+                .is_ok_and(|b| *b.stiffness() == stiffness())
+        },
+    );
+}
+
+fn problems(t: &mut Table) {
+    let o = ReducedOptions::default;
+    for (name, options) in [
+        ("tolerance", o().with_tolerance(0.0)),
+        ("tolerance", o().with_tolerance(f64::NAN)),
+        ("forcing", o().with_forcing(1.0)),
+        ("max_iterations", o().with_max_iterations(0)),
+        ("max_krylov", o().with_max_krylov(0)),
+        ("directions", o().with_directions(0)),
+    ] {
+        t.refuses("contact::ReducedOptions::validate", name, name, || {
+            options.validate()
+        });
+        t.refuses("contact::ReducedContact::new", name, name, || problem(options));
+    }
+    let new = "contact::ReducedContact::new";
+    t.refuses(new, "little memory", "bytes", || {
+        problem(o().with_max_memory(Some(64)))
+    });
+    t.refuses(new, "a law in space", "tangential", || {
+        let law = OrthotropicCoulomb::isotropic(FrictionCoefficient::constant(0.3).unwrap());
+        ReducedContact::new(body(), law, o())
+    });
+    t.refuses(new, "coefficients for three nodes", "coefficients", || {
+        let law = PlanarCoulomb::new(FrictionCoefficient::nodal(vec![0.3; 3]).unwrap());
+        ReducedContact::new(body(), law, o())
+    });
+    for a in [
+        [1.0, -1.0, 1.0],
+        [-1.0, 0.0, 1.0],
+        [1.0, 2.0, 1.0],
+        [0.0, 0.0, 1.0],
+    ] {
+        t.refuses(new, "a floating or unstable body", "positive definite", || {
+            let a = nodal(&rows(&[&[a[0], a[1]], &[a[1], a[2]]])).unwrap();
+            let body = ReducedBody::new(a, &normal(), &[tangential()], load()).unwrap();
+            ReducedContact::new(body, law(0.3), o())
+        });
+    }
+    let mut solver = problem(o()).unwrap();
+    for bad in BAD {
+        t.refuses("contact::ReducedContact::solve", "alpha", "parameter", || {
+            solver.solve(bad, None)
+        });
+        t.refuses("contact::ReducedContact::solve", "the start", "[1]", || {
+            solver.solve(0.0, Some(&[0.0, bad]))
+        });
+        t.refuses("contact::ReducedContact::solution", "u", "[0]", || {
+            solver.solution(0.0, &[bad, 0.0])
+        });
+        t.refuses("contact::ReducedContact::end_level", "u", "[0]", || {
+            solver.end_level(0.0, &[bad, 0.0])
+        });
+    }
+    t.refuses("contact::ReducedContact::solve", "a short start", "start", || {
+        solver.solve(0.0, Some(&[0.0]))
+    });
+    t.refuses("contact::ReducedContact::solve", "F below 0", "friction", || {
+        let law = PlanarCoulomb::new(FrictionCoefficient::affine(vec![0.3], vec![1.0]).unwrap());
+        ReducedContact::new(body(), law, o()).unwrap().solve(-1.0, None)
+    });
+    t.holds(
+        "contact::ReducedContact::solve",
+        "out of time, the best iterate comes back",
+        || {
+            let mut solver = problem(o().with_max_time(Some(Duration::ZERO))).unwrap();
+            match solver.solve(10.0, None) {
+                Err(ContactError::NotConverged { best }) => best.displacements == [0.0, 0.0],
+                _ => false,
+            }
+        },
+    );
+}

@@ -1,0 +1,162 @@
+//! Contact in the displacements alone: multigrid and the elimination of laws, against the condensed form.
+
+use semismooth::contact::{
+    CondensedContact, ContactState, FrictionCoefficient, FrictionCurve, Frictionless, LoadPath, NodeLaw,
+    OrthotropicCoulomb, PlanarCoulomb, ReducedBody, ReducedContact, ReducedOptions, ReducedReport,
+};
+use semismooth::fem::{ElasticSystem, Elasticity, Foundation, Material, Mesh};
+
+fn block(cells: [usize; 3], material: Material) -> ElasticSystem {
+    let mesh = Mesh::block([0.0; 3], [2.0, 2.0, 1.0], cells).unwrap();
+    Elasticity::new(mesh, material).fix("left").assemble().unwrap()
+}
+
+fn rectangle(cells: [usize; 2]) -> ElasticSystem {
+    let mesh = Mesh::rectangle([0.0; 2], [2.0, 1.0], cells).unwrap();
+    let material = Material::isotropic(1.0, 0.277).unwrap();
+    Elasticity::new(mesh, material).fix("left").assemble().unwrap()
+}
+
+fn ground(dim: usize) -> Foundation {
+    let mut up = [0.0; 3];
+    up[dim - 1] = 1.0;
+    Foundation::plane([0.0; 3], up)
+}
+
+/// Pressure on top and a pull on the right that grows with α.
+fn loads(system: &ElasticSystem) -> LoadPath {
+    let dim = system.mesh().dim();
+    let press = system.traction("top", |_| {
+        if dim == 2 {
+            [0.0, -0.01, 0.0]
+        } else {
+            [0.0, 0.0, -0.01]
+        }
+    });
+    let pull = system.traction("right", |_| [0.01, if dim == 2 { 0.002 } else { 0.003 }, 0.002]);
+    LoadPath::affine(press.unwrap(), pull.unwrap())
+}
+
+fn reduced_body(system: &ElasticSystem, foundation: &Foundation) -> ReducedBody {
+    let rows = system.contact("bottom", foundation).unwrap();
+    let tangential: Vec<_> = std::iter::once(rows.tangential).chain(rows.tangential2).collect();
+    ReducedBody::new(
+        system.nodal_stiffness().unwrap(),
+        &rows.normal,
+        &tangential,
+        loads(system),
+    )
+    .unwrap()
+    .with_gap(rows.gap)
+    .unwrap()
+}
+
+/// Solves in both forms at two loads, the second from the first; forces must agree to 1e-8 of the largest.
+fn compare<L: NodeLaw + Clone>(body: ReducedBody, law: L, alphas: [f64; 2]) -> ReducedReport {
+    let condensed = CondensedContact::new(body.to_contact_body().unwrap(), law.clone()).unwrap();
+    let mut problem = ReducedContact::new(body, law, ReducedOptions::default()).unwrap();
+    let mut before: Option<(Vec<f64>, ReducedReport)> = None;
+    for alpha in alphas {
+        let x = condensed
+            .solve(alpha, before.as_ref().map(|b| b.0.as_slice()))
+            .unwrap();
+        let start = before.as_ref().map(|b| b.1.displacements.as_slice());
+        let found = problem.solve(alpha, start).unwrap();
+        assert!(found.residuals.largest() <= 1e-10);
+        let largest = x.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+        let worst = found
+            .forces
+            .iter()
+            .zip(&x)
+            .fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
+        println!(
+            "alpha {alpha}: {} newton, {} krylov, forces differ by {:.1e}, {:?} states {:?}",
+            found.newton(),
+            found.krylov(),
+            worst / largest,
+            found.strategy,
+            found.iterations.last().map(|i| i.states)
+        );
+        assert!(worst <= 1e-8 * largest, "{:e}", worst / largest);
+        let u = condensed.displacements(&x).unwrap();
+        let size = u.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+        let off = u
+            .iter()
+            .zip(&found.displacements)
+            .fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
+        assert!(off <= 1e-8 * size, "{:e}", off / size);
+        let ours = problem.solution(alpha, &found.displacements).unwrap();
+        let theirs = condensed.solution(&x).unwrap();
+        // The side to which frictionless nodes slip is rounding.
+        let kinds = |s: &[ContactState]| {
+            s.iter()
+                .map(|s| (*s == ContactState::Open, s.is_slip()))
+                .collect::<Vec<_>>()
+        };
+        assert_eq!(kinds(&ours.states), kinds(&theirs.states));
+        assert!(ours.residuals.largest() <= 1e-10);
+        assert!((ours.energy.stored - theirs.energy.stored).abs() <= 1e-8 * theirs.energy.stored);
+        assert!(ours.energy.imbalance().abs() <= 1e-8 * ours.energy.stored);
+        before = Some((x, found));
+    }
+    before.unwrap().1
+}
+
+fn constant(f: f64) -> FrictionCoefficient {
+    FrictionCoefficient::constant(f).unwrap()
+}
+
+fn weakening(first: f64) -> FrictionCoefficient {
+    FrictionCoefficient::uniform(FrictionCurve::exponential(first, 0.5 * first, 0.02).unwrap())
+}
+
+/// Multigrid of two levels at least, nodes that stick, slip and lift off.
+#[test]
+fn forces_of_a_block_in_space_are_those_of_the_condensed_form() {
+    let system = block([10, 10, 5], Material::isotropic(1.0, 0.277).unwrap());
+    let found = compare(
+        reduced_body(&system, &ground(3)),
+        OrthotropicCoulomb::isotropic(constant(0.3)),
+        [1.0, 1.05],
+    );
+    let states = found.iterations.last().unwrap().states;
+    assert!(states.iter().all(|s| *s > 0), "{states:?}");
+}
+
+#[test]
+fn laws_in_space_agree_with_the_condensed_form() {
+    let system = block([6, 6, 3], Material::isotropic(1.0, 0.277).unwrap());
+    let body = || reduced_body(&system, &ground(3));
+    compare(body(), Frictionless::space(), [1.0, 2.0]);
+    compare(body(), OrthotropicCoulomb::isotropic(constant(0.8)), [0.5, 1.0]);
+    compare(
+        body(),
+        OrthotropicCoulomb::new(constant(0.2), constant(0.6)),
+        [1.0, 1.5],
+    );
+    compare(
+        body(),
+        OrthotropicCoulomb::new(weakening(0.3), weakening(0.5)),
+        [0.8, 1.0],
+    );
+}
+
+#[test]
+fn laws_in_the_plane_agree_with_the_condensed_form() {
+    let system = rectangle([48, 24]);
+    let body = || reduced_body(&system, &ground(2));
+    compare(body(), Frictionless::plane(), [1.0, 2.0]);
+    compare(body(), PlanarCoulomb::new(constant(0.3)), [0.5, 1.0]);
+    compare(body(), PlanarCoulomb::new(weakening(0.4)), [0.5, 1.0]);
+}
+
+/// A curved foundation turns the frames of the nodes, an anisotropic material couples all directions.
+#[test]
+fn curved_foundations_and_gaps_agree_with_the_condensed_form() {
+    let system = block([8, 6, 4], Material::isotropic(1.0, 0.3).unwrap());
+    let bowl = Foundation::gap(|x| 0.004 * ((x[0] - 1.0).powi(2) + (x[1] - 1.0).powi(2)))
+        .with_normal(|x| [0.2 * (x[0] - 1.0), 0.3 * (x[1] - 1.0), -1.0]);
+    let law = OrthotropicCoulomb::new(constant(0.3), constant(0.5));
+    let found = compare(reduced_body(&system, &bowl), law, [0.5, 1.0]);
+    assert!(found.iterations.last().unwrap().states[0] > 0);
+}
