@@ -244,7 +244,7 @@ fn vertical_arms() {
         b[0] = x[1] - 1.0;
     });
     let arms = all_arms(&map, &[1.0, 1.0], &EnumerationOptions::default()).unwrap();
-    assert!(arms.completeness.is_complete());
+    assert!(!arms.completeness.has_gaps());
     let mut vertical: Vec<bool> = arms.arms.iter().map(|a| a.is_vertical()).collect();
     vertical.sort_unstable();
     assert_eq!(vertical, [false, true]);

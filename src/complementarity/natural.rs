@@ -219,6 +219,10 @@ impl<F: McpFunction> Mcp<F> {
 
 /// x between its bounds, F(x) with the sign that belongs to the bound reached.
 impl<F: McpFunction> ExactPieces for Mcp<F> {
+    fn is_affine_in_parameter(&self) -> bool {
+        true
+    }
+
     fn conditions(&self, alpha: f64) -> Option<ExactConditions> {
         const VALUE: usize = 0;
         const OVER_LOWER: usize = 1;

@@ -35,6 +35,10 @@ impl<L: NodeLaw> PerNode<L> {
 
 /// The law at its nodes, in (v, λ).
 impl<L: NodeLaw> ExactPieces for PerNode<L> {
+    fn is_affine_in_parameter(&self) -> bool {
+        true
+    }
+
     fn conditions(&self, alpha: f64) -> Option<ExactConditions> {
         let friction = self.exact_friction(alpha)?;
         let opposite = self.opposite()?;

@@ -144,7 +144,8 @@ pub struct Transition {
     pub arms: Vec<Arm>,
     /// Index in `arms` of the arm that is followed, if any.
     pub followed: Option<usize>,
-    /// Whether all active selections were examined, so that `arms` is complete to first order.
+    /// Whether all active selections were examined and none left open, within tolerances: no limit was reached.
+    /// [`all_arms`](crate::enumeration::all_arms) proves such a list, or says why it cannot.
     pub complete: bool,
     /// ‖H(x)‖₂.
     pub residual_norm: f64,
@@ -188,7 +189,7 @@ pub struct BranchPoint {
     pub arms: Vec<Arm>,
     /// Index in `arms` of the arm that is followed, if any.
     pub followed: Option<usize>,
-    /// Whether `arms` is complete to first order: all active selections were examined and their branching equations decided.
+    /// Whether all active selections were examined and their branching equations decided, within tolerances.
     pub complete: bool,
 }
 

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use super::kernel::{MAX_KERNEL, solutions};
 use super::local::{local_selections, vanishing_tests};
+use super::proven_arms::proven_arms;
 use super::search::Search;
 use super::system::System;
 use super::table::{Form, Table};
@@ -74,22 +75,64 @@ impl DirectionalArm {
 pub struct DirectionalArms {
     /// The arms: those with growing α, with falling α, vertical ones.
     pub arms: Vec<DirectionalArm>,
-    /// Selections whose Jacobian has a kernel of dimension two or more, or is singular with more than 4000 rows: their arms are
-    /// not decided to first order.
+    /// Selections with directions in more than one dimension, or (in lists that are not proven) whose Jacobian has a kernel of dimension
+    /// two or more, or is singular with more than 4000 rows: their arms are not decided to first order.
     pub unresolved: Vec<Selection>,
     /// Σ sign det ∇_yH^(σ) over the arms with α̇ > 0 and over those with α̇ < 0. The two are equal: ẏ ↦ H'(x; (ẏ, s)) has no zeros
     /// for s = 0 but ẏ = 0, hence the same degree for s = 1 and s = −1. In an incomplete list, sums that differ prove that arms are
     /// missing; equal ones are evidence. `None` where there are vertical arms, undecided selections, or an arm whose index is
     /// unknown.
     pub orientation: Option<(i64, i64)>,
-    /// Whether the list is complete to first order. Selections count once for each of the runs α̇ > 0, α̇ < 0, α̇ = 0.
+    /// Whether the list is complete to first order: proven, or else undecided. See [`all_arms`]. Selections count once for each of the runs
+    /// α̇ > 0, α̇ < 0, α̇ = 0.
     pub completeness: Completeness,
     /// Nodes of the search: partial selections tried.
     pub nodes: u64,
 }
 
+impl DirectionalArms {
+    /// What follows from the arms of all selections.
+    pub(super) fn new(mut arms: Vec<DirectionalArm>, unresolved: Vec<Selection>, nodes: u64) -> Self {
+        let group = |a: &DirectionalArm| match a.rate() {
+            _ if a.is_vertical() => 2,
+            rate if rate > 0.0 => 0,
+            _ => 1,
+        };
+        arms.sort_by_key(group);
+        let sum = |which: i32| -> Option<i64> {
+            let arms = arms.iter().filter(|a| group(a) == which);
+            arms.map(DirectionalArm::index).sum()
+        };
+        let applies = unresolved.is_empty() && arms.iter().all(|a| group(a) != 2);
+        let orientation = if applies { sum(0).zip(sum(1)) } else { None };
+        let completeness = match unresolved.len() as u64 {
+            0 => Completeness::Complete,
+            selections => Completeness::Undecided {
+                selections,
+                doubt: Doubt::Rounding,
+            },
+        };
+        Self {
+            arms,
+            unresolved,
+            orientation,
+            completeness,
+            nodes,
+        }
+    }
+}
+
 /// All arms of the solution curves of H(y, α) = 0 at the solution `x` = (y, α). Test functions within `options.tolerance` of their
 /// zero set, as a distance relative to 1 + ‖x‖₂, count as vanishing there. The pieces need not be affine.
+///
+/// For maps that [state their coefficients](PiecewiseSmooth::exact), as functions of α
+/// ([`is_affine_in_parameter`](crate::piecewise::ExactPieces::is_affine_in_parameter)), a complete list is proven, for the problem that the
+/// floating-point numbers state, at the exact point x* behind `x`: there all equalities of all pieces hold that the tolerance makes active at
+/// `x`; unknowns that they leave free, α if it may be one, are as in `x`. It is proven that x* exists and is unique, that it lies within
+/// `tolerance` of `x`, which pieces are active there, and what arms each selection of these has; by error bounds where these suffice, in
+/// rational arithmetic where not. Where conditions are affine in (y, α) together the arms are the solution set itself near x*; where
+/// coefficients vary with α they are its directions. The list is [undecided](Completeness::Undecided) where kinks within the tolerance of `x`
+/// do not meet in one exact point ([`Doubt::Coincidence`]), at walls and for all other maps ([`Doubt::NoCoefficients`]).
 ///
 /// Where the cap on nodes or the limit of time is reached, or the number of rows times unknowns exceeds 2²⁶ and there are more than 4096 active
 /// selections, a local search goes on: Newton's method on the directional problem for α̇ = ±1 from random
@@ -99,18 +142,16 @@ pub struct DirectionalArms {
 /// Options out of range, maps that are no curves, wrong length, values that are not finite, [`EnumerationError::Outside`].
 ///
 /// ```
+/// use semismooth::complementarity::{AffineFunction, Mcp};
 /// use semismooth::enumeration::{EnumerationOptions, all_arms};
-/// use semismooth::piecewise::MinMap;
-/// // α = |y|: two arms leave the kink at 0, both with growing α.
-/// let map = MinMap::curve(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
-///     a[0] = x[1] - x[0];
-///     b[0] = x[1] + x[0];
-/// });
-/// let found = all_arms(&map, &[0.0, 0.0], &EnumerationOptions::default())?;
-/// assert_eq!(found.arms.len(), 2);
-/// assert!(found.completeness.is_complete() && found.arms.iter().all(|a| a.rate() > 0.0));
-/// assert_eq!(found.orientation, Some((0, 0)));
-/// # Ok::<(), semismooth::enumeration::EnumerationError>(())
+/// use semismooth::sparse::Matrix;
+/// // 0 ≤ y ⟂ 3 y − 7 α + 1 ≥ 0: y = 0 as long as α ≤ 1/7, which is no floating-point number.
+/// let f = AffineFunction::new(Matrix::from_rows(&[[3.0, -7.0]])?, vec![1.0])?;
+/// let map = Mcp::new(f, vec![0.0], vec![f64::INFINITY])?;
+/// let found = all_arms(&map, &[0.0, 1.0 / 7.0], &EnumerationOptions::default())?;
+/// assert!(found.completeness.is_complete());
+/// assert_eq!((found.arms.len(), found.orientation), (2, Some((1, 1))));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn all_arms(
     map: &dyn PiecewiseSmooth,
@@ -139,7 +180,21 @@ fn arms_of(
     let scaled = Scaled::new(map, &[], (x[n], x[n]))?;
     let mut z = x.to_vec();
     scaled.scale(&mut z);
-    let mut found = of_scaled(&scaled, &z, options)?;
+    let active = active_at(&scaled, &z, options.tolerance)?;
+    let deadline = Deadline::after(options.max_time);
+    let near = |d: &[f64]| {
+        let mut d = d.to_vec();
+        scaled.scale(&mut d);
+        norm(&d) <= options.tolerance * (1.0 + norm(&z))
+    };
+    let doubt = match proven_arms(map, x, &active, &near, options, deadline.half()) {
+        Ok(proven) => return Ok(proven),
+        Err(doubt) => doubt,
+    };
+    let mut found = searched_arms(&scaled, &z, &active, options, deadline)?;
+    if found.completeness.is_complete() {
+        found.completeness = Completeness::Undecided { selections: 0, doubt };
+    }
     for arm in &mut found.arms {
         if let Some(rate) = arm.tangent.last_mut().filter(|r| r.abs() <= VERTICAL) {
             *rate = 0.0;
@@ -149,35 +204,41 @@ fn arms_of(
     Ok(found)
 }
 
-fn of_scaled(
-    map: &dyn PiecewiseSmooth,
-    x: &[f64],
-    options: &EnumerationOptions,
-) -> Result<DirectionalArms, EnumerationError> {
-    let m = map.num_vars();
+/// What is active at a point, within the tolerance.
+fn active_at(map: &dyn PiecewiseSmooth, x: &[f64], tolerance: f64) -> Result<ActiveSet, EnumerationError> {
     let layout = TestLayout::new(map);
     let mut theta = vec![0.0; layout.total()];
     map.test_functions(x, &mut theta);
-    let mut gradient = vec![0.0; m];
+    let mut gradient = vec![0.0; map.num_vars()];
     let mut vanishes = |k: usize| {
         let (site, test) = layout.locate(k);
         map.test_gradient(site, test, x, &mut gradient);
-        theta[k].abs() <= options.tolerance * (1.0 + norm(x)) * norm(&gradient)
+        theta[k].abs() <= tolerance * (1.0 + norm(x)) * norm(&gradient)
     };
     let vanishing = (0..theta.len()).filter(|&k| vanishes(k)).collect();
     let active = ActiveSet::from_tests(map, &layout, &theta, vanishing);
-    if let Some(&site) = active.outside().first() {
-        return Err(EnumerationError::Outside {
+    match active.outside().first() {
+        Some(&site) => Err(EnumerationError::Outside {
             site: map.site_name(site).into_owned(),
-        });
+        }),
+        None => Ok(active),
     }
-    let deadline = Deadline::after(options.max_time);
-    let mut found = selections(map, x, &active, options.max_nodes, deadline)?;
+}
+
+/// The arms by a search in floating-point numbers.
+fn searched_arms(
+    map: &dyn PiecewiseSmooth,
+    x: &[f64],
+    active: &ActiveSet,
+    options: &EnumerationOptions,
+    deadline: Deadline,
+) -> Result<DirectionalArms, EnumerationError> {
+    let mut found = selections(map, x, active, options.max_nodes, deadline)?;
     if !found.complete {
         let local = local_selections(
             map,
             x,
-            &active,
+            active,
             options.local_starts,
             SOLVES.saturating_mul(options.local_starts),
             deadline,
@@ -186,7 +247,7 @@ fn of_scaled(
         found.selections.sort_unstable();
         found.selections.dedup();
     }
-    let mut collector = Collector::new(map, x, &active)?;
+    let mut collector = Collector::new(map, x, active)?;
     for selection in &found.selections {
         if deadline.is_over() {
             found.complete = false;
@@ -244,7 +305,7 @@ fn directional(
     };
     let system = system::directional(map, &owners, x, active)?;
     // What is found has to be examined, too.
-    let mut search = Search::new(&system, max_nodes, deadline.half());
+    let mut search = Search::new(&system, None, max_nodes, deadline.half());
     let mut found = BTreeSet::new();
     let mut leaf = |pieces: &[usize]| -> Result<Option<Vec<Vec<usize>>>, EnumerationError> {
         let mut selection = active.first().clone();
@@ -487,39 +548,14 @@ impl<'a> Collector<'a> {
         }
     }
 
-    fn finish(mut self, found: &Candidates) -> DirectionalArms {
-        let group = |a: &DirectionalArm| match a.rate() {
-            _ if a.is_vertical() => 2,
-            rate if rate > 0.0 => 0,
-            _ => 1,
-        };
-        self.arms.sort_by_key(group);
-        let sum = |which: i32| -> Option<i64> {
-            let arms = self.arms.iter().filter(|a| group(a) == which);
-            arms.map(DirectionalArm::index).sum()
-        };
-        let decided = found.complete && self.unresolved.is_empty();
-        let applies = self.unresolved.is_empty() && self.arms.iter().all(|a| group(a) != 2);
-        let orientation = if applies { sum(0).zip(sum(1)) } else { None };
-        let completeness = if !found.complete {
-            Completeness::Incomplete {
+    fn finish(self, found: &Candidates) -> DirectionalArms {
+        let mut arms = DirectionalArms::new(self.arms, self.unresolved, found.nodes);
+        if !found.complete {
+            arms.completeness = Completeness::Incomplete {
                 examined: found.examined,
                 total: found.total,
-            }
-        } else if decided {
-            Completeness::Complete
-        } else {
-            Completeness::Undecided {
-                selections: self.unresolved.len() as u64,
-                doubt: Doubt::Rounding,
-            }
-        };
-        DirectionalArms {
-            arms: self.arms,
-            unresolved: self.unresolved,
-            orientation,
-            completeness,
-            nodes: found.nodes,
+            };
         }
+        arms
     }
 }

@@ -1,7 +1,7 @@
 //! Proofs that what a table of rounded numbers rules out is impossible.
 
 use super::enclosure::solve;
-use super::stated::System;
+use super::system::System;
 use super::table::{Form, Table};
 
 /// Relative error of each number of a form, and of each operation on them.
@@ -25,8 +25,7 @@ pub(super) struct Certificates {
 
 impl Certificates {
     pub(super) fn new(system: &System, radii: Vec<f64>) -> Self {
-        let sites = system.sites.iter().flat_map(|s| &s.forms);
-        let forms: Vec<Form> = system.common.iter().chain(sites).cloned().collect();
+        let forms: Vec<Form> = system.forms().cloned().collect();
         let reach = forms.iter().map(|f| {
             let terms = f.coefficients.iter().zip(&radii);
             let sum: f64 = terms.filter(|t| *t.0 != 0.0).map(|(a, r)| a.abs() * r).sum();

@@ -5,6 +5,13 @@ const EPS: f64 = f64::EPSILON;
 /// Norm of I − B G up to which B counts as an approximate inverse.
 const NEAR: f64 = 0.25;
 
+/// Bounds of what the coefficients of a form, and its constant, are off.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub(super) struct Error {
+    pub(super) coefficients: f64,
+    pub(super) constant: f64,
+}
+
 /// A point and how far in each component the solution of G z + c = 0 may be from it, the numbers of G and c being right to one unit in the
 /// last place.
 #[derive(Debug, Clone, PartialEq)]
@@ -16,9 +23,11 @@ pub(super) struct Enclosure {
 }
 
 impl Enclosure {
-    /// `None` where G, given by rows, is not proven to be regular.
-    pub(super) fn of(matrix: &[f64], constants: &[f64]) -> Option<Self> {
+    /// `None` where G, given by rows, is not proven to be regular. `errors` bound, row by row, what the coefficients and the constant may be
+    /// off beyond their last place; where there are none it is empty.
+    pub(super) fn of(matrix: &[f64], constants: &[f64], errors: &[Error]) -> Option<Self> {
         let n = constants.len();
+        let error = |i: usize| errors.get(i).copied().unwrap_or_default();
         let factors = Factors::of(matrix, n)?;
         let inverse = factors.inverse();
         let rounding = (n as f64 + 8.0) * EPS;
@@ -36,6 +45,7 @@ impl Enclosure {
                 let (product, size) = dot(row, &|k| matrix[k * n + j]);
                 sum += (product - if i == j { 1.0 } else { 0.0 }).abs() + rounding * (size + 1.0);
             }
+            sum += n as f64 * dot(row, &|k| error(k).coefficients).1;
             defect = defect.max(sum);
             largest = largest.max(row.iter().map(|v| v.abs()).sum());
         }
@@ -49,8 +59,10 @@ impl Enclosure {
         let measure = |point: &[f64], miss: &mut [(f64, f64)]| {
             for i in 0..n {
                 let (value, size) = dot(&matrix[i * n..(i + 1) * n], &|k| point[k]);
-                let c = constants[i];
-                miss[i] = (value + c, (value + c).abs() + rounding * (size + c.abs()));
+                let (c, error) = (constants[i], error(i));
+                let reach: f64 = point.iter().map(|p| p.abs()).sum();
+                let off = error.coefficients * reach + error.constant;
+                miss[i] = (value + c, (value + c).abs() + rounding * (size + c.abs()) + off);
             }
         };
         // The second round removes the rounding of the first.
@@ -78,13 +90,26 @@ impl Enclosure {
         })
     }
 
+    /// Bounds of the components of the solution.
+    pub(super) fn reach(&self) -> Vec<f64> {
+        let both = self.point.iter().zip(&self.radius);
+        both.map(|(p, r)| p.abs() + r).collect()
+    }
+
+    /// That of the system with the opposite constants.
+    pub(super) fn mirrored(&self) -> Self {
+        let mut mirrored = self.clone();
+        mirrored.point.iter_mut().for_each(|p| *p = -*p);
+        mirrored
+    }
+
     /// The sign of a form in the whole enclosure; `None` where it is not one.
-    pub(super) fn sign_of(&self, coefficients: &[f64], constant: f64) -> Option<i8> {
-        let (mut value, mut size, mut reach) = (constant, constant.abs(), 0.0);
+    pub(super) fn sign_of(&self, coefficients: &[f64], constant: f64, error: Error) -> Option<i8> {
+        let (mut value, mut size, mut reach) = (constant, constant.abs(), error.constant);
         for ((a, p), r) in coefficients.iter().zip(&self.point).zip(&self.radius) {
             value += a * p;
             size += (a * p).abs();
-            reach += a.abs() * r;
+            reach += a.abs() * r + error.coefficients * (p.abs() + r);
         }
         let rounding = (coefficients.len() as f64 + 8.0) * EPS;
         let error = 1.01 * (reach + rounding * size) + f64::MIN_POSITIVE;
@@ -203,36 +228,56 @@ impl Factors {
 
 #[cfg(test)]
 mod tests {
-    use super::Enclosure;
+    use super::{Enclosure, Error};
 
     #[test]
     fn holds_the_solution() {
         // x + y = 3, x − y = 1, rows exchanged: det = 2.
-        let found = Enclosure::of(&[1.0, -1.0, 1.0, 1.0], &[-1.0, -3.0]).unwrap();
+        let found = Enclosure::of(&[1.0, -1.0, 1.0, 1.0], &[-1.0, -3.0], &[]).unwrap();
         assert!((found.point[0] - 2.0).abs() <= found.radius[0]);
         assert!((found.point[1] - 1.0).abs() <= found.radius[1]);
         assert!(found.radius.iter().all(|r| *r < 1e-13));
         assert_eq!(found.sign, 1);
-        assert_eq!(found.sign_of(&[1.0, -2.0], 0.0), None);
-        assert_eq!(found.sign_of(&[1.0, -2.0], 1e-10), Some(1));
-        assert_eq!(found.sign_of(&[1.0, -2.0], -1e-10), Some(-1));
+        assert_eq!(found.sign_of(&[1.0, -2.0], 0.0, Error::default()), None);
+        assert_eq!(found.sign_of(&[1.0, -2.0], 1e-10, Error::default()), Some(1));
+        assert_eq!(found.sign_of(&[1.0, -2.0], -1e-10, Error::default()), Some(-1));
     }
 
     /// (G⁻¹ c)₁ = 1.1 − 1.0 cancels: the solution is not 0.
     #[test]
     fn small_solutions_of_large_terms_are_found() {
-        let found = Enclosure::of(&[1.0, 1.0, 0.0, 1.0], &[-1.1, -1.0]).unwrap();
+        let found = Enclosure::of(&[1.0, 1.0, 0.0, 1.0], &[-1.1, -1.0], &[]).unwrap();
         assert!(
             (found.point[0] - 0.1).abs() < 1e-15 && found.radius[0] < 1e-14,
             "{found:?}"
         );
-        let found = Enclosure::of(&[2.0, 1.0, 1.0, 2.0], &[-1.5, -1.4]).unwrap();
+        let found = Enclosure::of(&[2.0, 1.0, 1.0, 2.0], &[-1.5, -1.4], &[]).unwrap();
         assert!((found.point[0] - 1.6 / 3.0).abs() < 1e-15, "{found:?}");
+    }
+
+    /// x = c/g for g within 2 ± 0.1 and c within 1 ± 0.05.
+    #[test]
+    fn errors_of_the_data_widen_it() {
+        let off = Error {
+            coefficients: 0.1,
+            constant: 0.05,
+        };
+        let found = Enclosure::of(&[2.0], &[-1.0], &[off]).unwrap();
+        let (least, most) = (0.95 / 2.1, 1.05 / 1.9);
+        assert!(found.point[0] - found.radius[0] <= least && found.point[0] + found.radius[0] >= most);
+        assert!(found.radius[0] < 0.06, "{found:?}");
+        assert_eq!(found.sign_of(&[1.0], -0.4, Error::default()), Some(1));
+        assert_eq!(found.sign_of(&[1.0], -0.4, off), None);
+        let singular = Error {
+            coefficients: 2.0,
+            constant: 0.0,
+        };
+        assert_eq!(Enclosure::of(&[2.0], &[-1.0], &[singular]), None);
     }
 
     #[test]
     fn says_nothing_of_singular_matrices() {
-        assert_eq!(Enclosure::of(&[1.0, 2.0, 2.0, 4.0], &[1.0, 1.0]), None);
-        assert_eq!(Enclosure::of(&[0.1, 0.3, 0.3, 0.9], &[1.0, 1.0]), None);
+        assert_eq!(Enclosure::of(&[1.0, 2.0, 2.0, 4.0], &[1.0, 1.0], &[]), None);
+        assert_eq!(Enclosure::of(&[0.1, 0.3, 0.3, 0.9], &[1.0, 1.0], &[]), None);
     }
 }

@@ -1,8 +1,9 @@
 //! The search in exact arithmetic, for what rounding leaves open.
 
 use num_bigint::BigInt;
-use num_traits::{Signed, Zero};
+use num_traits::{One, Signed, Zero};
 
+use super::proof::MAX_WORK;
 use crate::exact::{Dictionary, Exact, Infeasible, quotient};
 use crate::piecewise::{ExactConditions, ExactForm, ExactPiece, ExactSite};
 
@@ -22,7 +23,7 @@ impl PartialEq for ExactPoint {
 }
 
 impl ExactPoint {
-    fn sign_of(&self, form: &ExactForm) -> i8 {
+    pub(super) fn sign_of(&self, form: &ExactForm) -> i8 {
         let mut sum = &form.constant * &Exact::of(self.denominator.clone(), 0);
         for (a, n) in form.coefficients.iter().zip(&self.numerators) {
             if !a.is_zero() && !n.is_zero() {
@@ -30,6 +31,17 @@ impl ExactPoint {
             }
         }
         sum.sign()
+    }
+
+    pub(super) fn coordinate(&self, k: usize) -> (Exact, Exact) {
+        let exact = |v: &BigInt| Exact::of(v.clone(), 0);
+        (exact(&self.numerators[k]), exact(&self.denominator))
+    }
+
+    /// The opposite point.
+    pub(super) fn opposite(mut self) -> Self {
+        self.numerators.iter_mut().for_each(|n| *n = -std::mem::take(n));
+        self
     }
 
     pub(super) fn to_f64(&self) -> Vec<f64> {
@@ -48,10 +60,11 @@ pub(super) enum Held {
         sign: i8,
         touched: Vec<usize>,
     },
-    /// A polyhedron of this dimension, with its ends where that is one.
+    /// A polyhedron of this dimension, with its ends, and one of its directions, where that is one.
     Continuum {
         dimension: usize,
         ends: Vec<ExactPoint>,
+        direction: Option<ExactPoint>,
     },
 }
 
@@ -130,6 +143,16 @@ impl<'a> Tableau<'a> {
     }
 }
 
+/// Numbers written where the unknowns are eliminated, large ones counted as many.
+pub(super) fn elimination(conditions: &ExactConditions) -> u64 {
+    let sites = conditions.sites.iter().map(|s| s.forms.len()).sum::<usize>();
+    let (n, forms) = (conditions.unknowns as u64, (conditions.common.len() + sites) as u64);
+    n.saturating_mul(n)
+        .saturating_mul(forms)
+        .saturating_mul(1 + n / 20)
+        / 2
+}
+
 /// All choices of pieces (by number in the map) that agree with a partial one and are not infeasible; `false` at the cap on work.
 pub(super) fn search(
     conditions: &ExactConditions,
@@ -137,6 +160,9 @@ pub(super) fn search(
     budget: &mut u64,
     leaf: &mut impl FnMut(Vec<usize>),
 ) -> bool {
+    if elimination(conditions) > MAX_WORK {
+        return false;
+    }
     let started = || -> Result<Tableau<'_>, Infeasible> {
         let mut root = Tableau::root(conditions)?;
         for (site, piece) in partial.iter().enumerate() {
@@ -189,6 +215,19 @@ pub(super) fn piece_of(conditions: &ExactConditions, site: usize, piece: usize) 
         .find(|p| p.piece == piece)
 }
 
+/// The point at which all common forms vanish, the unknowns that they leave free being 0: the last of them, if it may.
+pub(super) fn common_point(conditions: &ExactConditions) -> Option<ExactPoint> {
+    let mut table = Tableau::new(conditions);
+    let last = (table.unknowns + conditions.unknowns).checked_sub(1)?;
+    for var in 0..conditions.common.len() {
+        // The last unknown goes where no other can.
+        table.dictionary.fix_among(var, |column| column != last).ok()?;
+        table.dictionary.fix(var).ok()?;
+    }
+    let free = vec![(BigInt::zero(), BigInt::one()); table.dictionary.columns().len()];
+    Some(table.point(&free))
+}
+
 /// Whether a point meets all conditions of a selection.
 pub(super) fn contains(conditions: &ExactConditions, pieces: &[usize], point: &ExactPoint) -> bool {
     let common = conditions.common.iter().map(|f| (f, 0));
@@ -208,7 +247,7 @@ pub(super) fn contains(conditions: &ExactConditions, pieces: &[usize], point: &E
 
 /// What a selection (by number in the map) holds; `None` at the cap on work.
 pub(super) fn decide(conditions: &ExactConditions, pieces: &[usize], budget: &mut u64) -> Option<Held> {
-    if *budget == 0 {
+    if *budget == 0 || elimination(conditions) > MAX_WORK {
         return None;
     }
     let mut table = Tableau::new(conditions);
@@ -245,6 +284,7 @@ fn held(table: &mut Tableau<'_>, conditions: &ExactConditions, pieces: &[usize])
         dimension => Ok(Held::Continuum {
             dimension,
             ends: Vec::new(),
+            direction: None,
         }),
     }
 }
@@ -400,6 +440,7 @@ fn segment(table: &Tableau<'_>, facets: &[SignedFacet]) -> Result<Held, Infeasib
     }
     Ok(Held::Continuum {
         dimension: 1,
+        direction: table.direction(low.is_none() && high.is_some()),
         ends: [low, high]
             .into_iter()
             .flatten()
@@ -418,6 +459,20 @@ fn single(point: ExactPoint) -> Held {
 }
 
 impl Tableau<'_> {
+    /// The direction of a line, or against it, so that the first component that is not 0 is 1 or −1.
+    fn direction(&self, against: bool) -> Option<ExactPoint> {
+        let rate = |k: usize| self.dictionary.entries(self.unknowns + k).swap_remove(1);
+        let mut numerators: Vec<BigInt> = (0..self.conditions.unknowns).map(rate).collect();
+        if against {
+            numerators.iter_mut().for_each(|n| *n = -std::mem::take(n));
+        }
+        let denominator = numerators.iter().find(|n| !n.is_zero())?.abs();
+        Some(ExactPoint {
+            numerators,
+            denominator,
+        })
+    }
+
     /// The unknowns where the columns left have the given values.
     fn point(&self, values: &[(BigInt, BigInt)]) -> ExactPoint {
         let scale: BigInt = values.iter().map(|v| &v.1).product();

@@ -5,7 +5,7 @@
 //! drops a partial choice as soon as a linear program shows that no point satisfies what has been decided and what all pieces of
 //! the open sites have in common. Kᵖ selections are never stored; each pruned partial choice counts the selections it rules out.
 //!
-//! Lists of solutions are proven where the map states its coefficients exactly: see [`all_solutions`].
+//! Lists are proven where the map states its coefficients exactly: see [`all_solutions`], and [`all_arms`] for the point of which they are.
 //!
 //! [`all_solutions`] and [`all_arms`] work for any map whose residuals belong each to one site or to none
 //! ([`site_rows`](crate::piecewise::PiecewiseSmooth::site_rows)); for other maps solutions are enumerated one by one, up to the cap.
@@ -18,9 +18,10 @@ mod exhaustive;
 mod hull;
 mod kernel;
 mod local;
+mod near;
 mod options;
 mod proof;
-mod proven_search;
+mod proven_arms;
 mod search;
 mod solutions;
 mod stated;

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use super::certificate::Certificates;
 use super::enclosure::Enclosure;
 use super::exhaustive::{self, ExactPoint, Held};
-use super::proven_search::Search;
+use super::search::Search;
 use super::solutions::{Completeness, Continuum, Doubt, Solution, SolutionSet};
 use super::stated::Stated;
 use super::{EnumerationError, EnumerationOptions};
@@ -16,7 +16,9 @@ use crate::piecewise::{ExactConditions, PiecewiseSmooth, Selection, TestLayout, 
 pub(super) const MAX_COEFFICIENTS: usize = 1 << 21;
 /// Numbers that exact arithmetic may write for each node that the search may have, and at most: some seconds.
 const WORK_PER_NODE: u64 = 20;
-const MAX_WORK: u64 = 20_000_000;
+pub(super) const MAX_WORK: u64 = 20_000_000;
+/// The margin of a point inside of its cell, as long as it is not measured.
+const INSIDE: f64 = f64::INFINITY;
 
 /// All solutions at a parameter of a map that states its conditions.
 pub(super) fn proven_solutions(
@@ -27,24 +29,17 @@ pub(super) fn proven_solutions(
 ) -> Result<SolutionSet, EnumerationError> {
     let deadline = Deadline::after(options.max_time);
     let stated = Stated::new(conditions);
-    let mut set = SolutionSet {
-        solutions: Vec::new(),
-        continua: Vec::new(),
-        index_sum: None,
-        completeness: Completeness::Complete,
-        nodes: 0,
-        pivots: 0,
-    };
-    let mut budget = MAX_WORK.min(options.max_nodes.saturating_mul(WORK_PER_NODE));
-    let mut found = candidates(conditions, &stated, options, deadline, &mut set, &mut budget);
-    let mut gathered = Gathered::new(map, alpha, conditions, &stated);
+    let mut budget = budget(options);
+    let mut found = Candidates::of(conditions, &stated, options, deadline, &mut budget);
+    let parameter = (map.num_vars() > conditions.unknowns).then_some(alpha);
+    let mut gathered = Gathered::new(parameter, conditions, &stated);
     for pieces in &found.selections {
         let examined = !deadline.is_over() && gathered.examine(pieces, &mut budget);
         found.open += u64::from(!examined);
     }
     gathered.drop_points_of_continua();
     let open = found.open + gathered.disagreeing();
-    set.completeness = match found.incomplete {
+    let completeness = match found.incomplete {
         Some(incomplete) => incomplete,
         None if open == 0 => Completeness::Complete,
         None => Completeness::Undecided {
@@ -56,117 +51,144 @@ pub(super) fn proven_solutions(
             },
         },
     };
-    gathered.finish(&mut set);
+    let mut set = SolutionSet {
+        solutions: Vec::new(),
+        continua: Vec::new(),
+        index_sum: None,
+        completeness,
+        nodes: found.nodes,
+        pivots: found.pivots,
+    };
+    gathered.finish(map, &mut set);
     Ok(set)
 }
 
+/// What exact arithmetic may write.
+pub(super) fn budget(options: &EnumerationOptions) -> u64 {
+    MAX_WORK.min(options.max_nodes.saturating_mul(WORK_PER_NODE))
+}
+
 /// Selections that may hold solutions.
-struct Candidates {
-    selections: BTreeSet<Vec<usize>>,
+#[derive(Default)]
+pub(super) struct Candidates {
+    pub(super) selections: BTreeSet<Vec<usize>>,
     incomplete: Option<Completeness>,
     /// Partial selections that were neither searched nor ruled out.
     open: u64,
+    /// Whether error bounds held everywhere: nothing lies beyond the radii of the search.
+    pub(super) bounded: bool,
+    pub(super) nodes: u64,
+    pivots: u64,
 }
 
-fn candidates(
-    conditions: &ExactConditions,
-    stated: &Stated,
-    options: &EnumerationOptions,
-    deadline: Deadline,
-    set: &mut SolutionSet,
-    budget: &mut u64,
-) -> Candidates {
-    let mut found = Candidates {
-        selections: BTreeSet::new(),
-        incomplete: None,
-        open: 0,
-    };
-    let whole = vec![vec![None; conditions.sites.len()]];
-    let certificates = Certificates::new(&stated.system, stated.radii.clone());
-    let mut search = Search::new(&stated.system, options.max_nodes, deadline).certified(&certificates);
-    let mut unproven = whole.clone();
-    if let Ok(root) = search.root() {
-        let mut leaf = |pieces: &[usize]| -> Result<(), EnumerationError> {
-            found.selections.insert(pieces.to_vec());
-            Ok(())
-        };
-        // The leaf gives no error.
-        let _ = search.run(root, &mut leaf);
-        unproven = std::mem::take(&mut search.unproven);
-    }
-    (set.nodes, set.pivots) = (search.nodes, search.pivots);
-    if search.stopped {
-        found.incomplete = Some(Completeness::Incomplete {
-            examined: search.examined,
-            total: search.total,
-        });
-        return found;
-    }
-    if !stated.bounded || !nothing_beyond(stated, options, deadline, set) {
-        unproven = whole;
-    }
-    for partial in &unproven {
-        let mut leaf = |pieces| {
-            found.selections.insert(pieces);
-        };
-        if deadline.is_over() || !exhaustive::search(conditions, partial, budget, &mut leaf) {
-            found.open += 1;
+impl Candidates {
+    /// Those given, and no others.
+    pub(super) fn listed(selections: BTreeSet<Vec<usize>>) -> Self {
+        Self {
+            nodes: selections.len() as u64,
+            selections,
+            ..Self::default()
         }
     }
-    found
-}
 
-/// Whether no solution lies beyond the radii of the search.
-fn nothing_beyond(
-    stated: &Stated,
-    options: &EnumerationOptions,
-    deadline: Deadline,
-    set: &mut SolutionSet,
-) -> bool {
-    let Some((system, radii)) = &stated.beyond else {
-        return true;
-    };
-    let certificates = Certificates::new(system, radii.clone());
-    let mut search = Search::new(system, options.max_nodes, deadline).certified(&certificates);
-    let Ok(root) = search.root() else {
-        return false;
-    };
-    // A first direction that is not ruled out ends the search.
-    let run = search.run(root, &mut |_: &[usize]| Err(()));
-    set.nodes += search.nodes;
-    set.pivots += search.pivots;
-    run.is_ok() && !search.stopped && search.unproven.is_empty()
+    /// Those of a search that came to its end.
+    pub(super) fn complete(
+        conditions: &ExactConditions,
+        options: &EnumerationOptions,
+        deadline: Deadline,
+        budget: &mut u64,
+    ) -> Result<Self, Doubt> {
+        let stated = Stated::new(conditions);
+        let found = Self::of(conditions, &stated, options, deadline, budget);
+        if found.incomplete.is_some() || found.open > 0 {
+            return Err(Doubt::Limit);
+        }
+        Ok(found)
+    }
+
+    fn of(
+        conditions: &ExactConditions,
+        stated: &Stated,
+        options: &EnumerationOptions,
+        deadline: Deadline,
+        budget: &mut u64,
+    ) -> Self {
+        let mut found = Self::default();
+        let whole = vec![vec![None; conditions.sites.len()]];
+        let certificates = Certificates::new(&stated.system, stated.radii.clone());
+        let mut search = Search::new(&stated.system, Some(&certificates), options.max_nodes, deadline);
+        let mut unproven = whole.clone();
+        if let Ok(root) = search.root(&[]) {
+            let mut leaf = |pieces: &[usize]| -> Result<_, EnumerationError> {
+                found.selections.insert(pieces.to_vec());
+                Ok(None)
+            };
+            // The leaf gives no error.
+            let _ = search.run(root, &mut leaf);
+            unproven = std::mem::take(&mut search.unproven);
+        }
+        (found.nodes, found.pivots) = (search.nodes, search.pivots);
+        if search.stopped {
+            found.incomplete = Some(Completeness::Incomplete {
+                examined: search.examined,
+                total: search.total,
+            });
+            return found;
+        }
+        found.bounded = stated.bounded && found.nothing_beyond(stated, options, deadline);
+        if !found.bounded {
+            unproven = whole;
+        }
+        for partial in &unproven {
+            let mut leaf = |pieces| {
+                found.selections.insert(pieces);
+            };
+            if deadline.is_over() || !exhaustive::search(conditions, partial, budget, &mut leaf) {
+                found.open += 1;
+            }
+        }
+        found
+    }
+
+    /// Whether no solution lies beyond the radii of the search.
+    fn nothing_beyond(&mut self, stated: &Stated, options: &EnumerationOptions, deadline: Deadline) -> bool {
+        let Some((system, radii)) = &stated.beyond else {
+            return true;
+        };
+        let certificates = Certificates::new(system, radii.clone());
+        let mut search = Search::new(system, Some(&certificates), options.max_nodes, deadline);
+        let Ok(root) = search.root(&[]) else {
+            return false;
+        };
+        // A first direction that is not ruled out ends the search.
+        let run = search.run(root, &mut |_: &[usize]| Err(()));
+        self.nodes += search.nodes;
+        self.pivots += search.pivots;
+        run.is_ok() && !search.stopped && search.unproven.is_empty()
+    }
 }
 
 /// The solutions of single selections.
-struct Gathered<'a> {
-    map: &'a dyn PiecewiseSmooth,
-    alpha: f64,
+pub(super) struct Gathered<'a> {
+    /// What follows y in a solution, if anything does.
+    parameter: Option<f64>,
     conditions: &'a ExactConditions,
     stated: &'a Stated,
-    layout: TestLayout,
-    solutions: Vec<Solution>,
+    pub(super) solutions: Vec<Solution>,
     /// Exact coordinates of those solutions that others may equal.
     points: Vec<Option<ExactPoint>>,
-    continua: Vec<Continuum>,
+    pub(super) continua: Vec<Continuum>,
     ends: Vec<Vec<ExactPoint>>,
     /// Whether a decision was taken in exact arithmetic.
     close: bool,
 }
 
 impl<'a> Gathered<'a> {
-    fn new(
-        map: &'a dyn PiecewiseSmooth,
-        alpha: f64,
-        conditions: &'a ExactConditions,
-        stated: &'a Stated,
-    ) -> Self {
+    pub(super) fn new(parameter: Option<f64>, conditions: &'a ExactConditions, stated: &'a Stated) -> Self {
         Self {
-            map,
-            alpha,
+            parameter,
             conditions,
             stated,
-            layout: TestLayout::new(map),
             solutions: Vec::new(),
             points: Vec::new(),
             continua: Vec::new(),
@@ -177,33 +199,33 @@ impl<'a> Gathered<'a> {
 
     /// Finds what a selection holds; `false` where exact arithmetic reached its cap.
     fn examine(&mut self, pieces: &[usize], budget: &mut u64) -> bool {
-        match self.enclosed(pieces) {
-            Some(None) => return true,
-            Some(Some((y, sign))) => {
-                let x = self.full(y);
-                let margin = self.margin(pieces, &x);
-                self.points.push(None);
-                self.solutions.push(solution(x, pieces, sign, margin));
-                return true;
+        if let Some(found) = self.enclosure(pieces)
+            && let Some(inside) = self.inside(pieces, &found)
+        {
+            if inside {
+                self.add(pieces, &found);
             }
-            None => self.close = true,
+            return true;
         }
+        self.decide(pieces, budget)
+    }
+
+    /// As [`examine`](Self::examine), in exact arithmetic.
+    pub(super) fn decide(&mut self, pieces: &[usize], budget: &mut u64) -> bool {
+        self.close = true;
         match exhaustive::decide(self.conditions, pieces, budget) {
             None => return false,
             Some(Held::Nothing) => {}
-            Some(Held::Point { point, sign, touched }) => self.point(pieces, point, sign, touched.is_empty()),
-            Some(Held::Continuum { dimension, ends }) => self.continuum(pieces, dimension, ends),
+            Some(Held::Point { point, sign, touched }) => {
+                let margin = if touched.is_empty() && sign != 0 { INSIDE } else { 0.0 };
+                self.point(pieces, point, sign, margin);
+            }
+            Some(Held::Continuum { dimension, ends, .. }) => self.continuum(pieces, dimension, ends),
         }
         true
     }
 
-    fn point(&mut self, pieces: &[usize], point: ExactPoint, sign: i8, inside: bool) {
-        let x = self.full(point.to_f64());
-        let margin = if inside && sign != 0 {
-            self.margin(pieces, &x)
-        } else {
-            0.0
-        };
+    pub(super) fn point(&mut self, pieces: &[usize], point: ExactPoint, sign: i8, margin: f64) {
         let same = |p: &Option<ExactPoint>| p.as_ref() == Some(&point);
         if let Some(k) = self.points.iter().position(same) {
             let known = &mut self.solutions[k];
@@ -214,6 +236,7 @@ impl<'a> Gathered<'a> {
             known.num_selections += 1.0;
             known.margin = known.margin.min(margin);
         } else {
+            let x = self.full(point.to_f64());
             self.solutions.push(solution(x, pieces, sign, margin));
             self.points.push(Some(point));
         }
@@ -241,7 +264,7 @@ impl<'a> Gathered<'a> {
     }
 
     /// Drops what only singular selections hold as points, where it belongs to a continuum of another one.
-    fn drop_points_of_continua(&mut self) {
+    pub(super) fn drop_points_of_continua(&mut self) {
         let held: Vec<Vec<usize>> = self
             .continua
             .iter()
@@ -261,68 +284,61 @@ impl<'a> Gathered<'a> {
         self.points.retain(|_| next.next() == Some(&true));
     }
 
-    /// The solution of a selection (or that there is none) and the sign of its determinant, if error bounds decide everything.
-    fn enclosed(&self, pieces: &[usize]) -> Option<Option<(Vec<f64>, i8)>> {
+    /// The solution of a selection without its cell, where error bounds prove that there is just one.
+    pub(super) fn enclosure(&self, pieces: &[usize]) -> Option<Enclosure> {
         let (system, m) = (&self.stated.system, self.conditions.unknowns);
         let mut rows = vec![None; m];
         for (site, &piece) in pieces.iter().enumerate() {
             let exact = exhaustive::piece_of(self.conditions, site, piece)?;
             for &(row, form) in &exact.equalities {
                 let place = rows.get_mut(row).filter(|r| r.is_none())?;
-                *place = Some(&system.sites[site].forms[form]);
+                *place = Some((&system.sites[site].forms[form], self.stated.error(site, form)));
             }
         }
-        let mut common = system.common.iter();
+        let mut common = system.common.iter().enumerate();
         for row in rows.iter_mut().filter(|r| r.is_none()) {
-            *row = Some(common.next()?);
+            let (k, form) = common.next()?;
+            *row = Some((form, self.stated.common_error(k)));
         }
         if common.next().is_some() {
             return None;
         }
         let (mut matrix, mut constants) = (Vec::with_capacity(m * m), Vec::with_capacity(m));
-        for form in rows.into_iter().flatten() {
+        let mut errors = Vec::new();
+        for (form, error) in rows.into_iter().flatten() {
             matrix.extend_from_slice(&form.coefficients);
             constants.push(form.constant);
+            errors.push(error);
         }
-        let found = Enclosure::of(&matrix, &constants)?;
+        Enclosure::of(&matrix, &constants, &errors)
+    }
+
+    /// Whether it lies in the cell, if error bounds tell.
+    pub(super) fn inside(&self, pieces: &[usize], found: &Enclosure) -> Option<bool> {
         let mut unsure = false;
         for (site, &piece) in pieces.iter().enumerate() {
             for &(form, wanted) in &exhaustive::piece_of(self.conditions, site, piece)?.facets {
-                let form = &system.sites[site].forms[form];
-                match found.sign_of(&form.coefficients, form.constant) {
-                    Some(sign) if sign != wanted => return Some(None),
+                let error = self.stated.error(site, form);
+                let form = &self.stated.system.sites[site].forms[form];
+                match found.sign_of(&form.coefficients, form.constant, error) {
+                    Some(sign) if sign != wanted => return Some(false),
                     Some(_) => {}
                     None => unsure = true,
                 }
             }
         }
-        if unsure {
-            return None;
-        }
-        let scaling = &self.stated.scaling;
-        let unscaled = |(k, z): (usize, &f64)| {
-            let exact = crate::piecewise::Exact::new(*z)?;
-            Some(exact.scaled(scaling.shift(k)))
-        };
-        let y: Option<Vec<f64>> = found.point.iter().enumerate().map(unscaled).collect();
-        Some(Some((y?, found.sign)))
+        (!unsure).then_some(true)
+    }
+
+    pub(super) fn add(&mut self, pieces: &[usize], found: &Enclosure) {
+        let x = self.full(self.stated.scaling.unscaled(&found.point));
+        self.points.push(None);
+        self.solutions.push(solution(x, pieces, found.sign, INSIDE));
     }
 
     fn full(&self, mut y: Vec<f64>) -> Vec<f64> {
-        if self.map.num_vars() > y.len() {
-            y.push(self.alpha);
-        }
+        y.extend(self.parameter);
         y
-    }
-
-    fn margin(&self, pieces: &[usize], x: &[f64]) -> f64 {
-        let mut theta = vec![0.0; self.layout.total()];
-        self.map.test_functions(x, &mut theta);
-        let margins = pieces
-            .iter()
-            .enumerate()
-            .map(|(site, &piece)| cell_margin(self.map.cell(site, piece), &theta[self.layout.range(site)]));
-        margins.fold(f64::INFINITY, f64::min).max(0.0)
     }
 
     /// Sites whose pieces disagree where they meet; asked only where something was decided by the last bits.
@@ -337,8 +353,18 @@ impl<'a> Gathered<'a> {
     }
 
     /// Orders the list, finds the local indices and their sum.
-    fn finish(mut self, set: &mut SolutionSet) {
-        self.solutions.iter_mut().for_each(Solution::find_index);
+    fn finish(mut self, map: &dyn PiecewiseSmooth, set: &mut SolutionSet) {
+        let layout = TestLayout::new(map);
+        let mut theta = vec![0.0; layout.total()];
+        for solution in &mut self.solutions {
+            if solution.margin > 0.0 {
+                map.test_functions(&solution.x, &mut theta);
+                let pieces = solution.selections[0].pieces().enumerate();
+                let margins = pieces.map(|(s, piece)| cell_margin(map.cell(s, piece), &theta[layout.range(s)]));
+                solution.margin = margins.fold(f64::INFINITY, f64::min).max(0.0);
+            }
+            solution.find_index();
+        }
         self.solutions.sort_by(|a, b| a.selections.cmp(&b.selections));
         let indices: Option<i64> = self.solutions.iter().map(|s| s.index.map(i64::from)).sum();
         let decided = set.completeness.is_complete() && self.continua.is_empty();

@@ -1,11 +1,13 @@
-//! Depth-first search over the pieces of the sites, pruned by infeasibility of what has been decided.
+//! Depth-first search over the pieces of the sites, pruned by infeasibility of what has been decided. With certificates all that is dropped
+//! is proven to hold nothing, or listed as unproven.
 //!
-//! Where that takes many nodes each is tightened first: all pieces of all undecided sites are tried, and a sign that a form has in every
-//! piece left is required.
+//! Without, where that takes many nodes each is tightened first: all pieces of all undecided sites are tried, and a sign that a form has in
+//! every piece left is required.
 
+use super::certificate::Certificates;
 use super::hull;
 use super::system::System;
-use super::table::{Contradiction, Place, Sign, Table};
+use super::table::{Contradiction, Form, Place, Sign, Table};
 use crate::clock::Deadline;
 
 /// Sites compared before branching. Comparing all gives the smallest trees and, by measurement, not the shortest times.
@@ -75,6 +77,10 @@ pub(super) struct Search<'a> {
     decided: Vec<Option<usize>>,
     /// Boxes of selections about which nothing is left to be found.
     settled: Vec<Within>,
+    /// What proves contradictions, where they are to be proven.
+    certificates: Option<&'a Certificates>,
+    /// Partial choices (the piece of each site that is decided) that were dropped without a proof.
+    pub(super) unproven: Vec<Vec<Option<usize>>>,
     /// Numbers held by levels and tables.
     held: usize,
     kept: usize,
@@ -82,7 +88,12 @@ pub(super) struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    pub(super) fn new(system: &'a System, max_nodes: u64, deadline: Deadline) -> Self {
+    pub(super) fn new(
+        system: &'a System,
+        certificates: Option<&'a Certificates>,
+        max_nodes: u64,
+        deadline: Deadline,
+    ) -> Self {
         let mut offsets = Vec::with_capacity(system.sites.len());
         let mut next = system.common.len();
         for site in &system.sites {
@@ -101,16 +112,36 @@ impl<'a> Search<'a> {
             stopped: false,
             decided: vec![None; system.sites.len()],
             settled: Vec::new(),
+            certificates,
+            unproven: Vec::new(),
             held: 0,
             kept: KEPT,
             limit: HELD,
         }
     }
 
+    /// Whether a contradiction in a table is proven, or need not be.
+    fn proven(&self, table: &Table, var: usize) -> bool {
+        self.certificates.is_none_or(|c| c.proves(table, var))
+    }
+
+    /// Keeps account of a choice that was dropped without a proof: what is decided, and piece k of a site.
+    fn doubt(&mut self, last: Option<(usize, usize)>) {
+        let mut decided = self.decided.clone();
+        if let Some((site, k)) = last {
+            decided[site] = Some(k);
+        }
+        let pieces = decided.iter().zip(&self.system.sites);
+        let partial = pieces.map(|(k, site)| k.map(|k| site.pieces[k].pieces[0]));
+        self.unproven.push(partial.collect());
+    }
+
     /// The table of all forms with the common equalities eliminated and what all pieces of a site imply required.
-    pub(super) fn root(&self, extra: &[super::table::Form]) -> Result<Table, Contradiction> {
-        let sites = self.system.sites.iter().flat_map(|s| &s.forms);
-        let mut table = Table::new(self.system.unknowns, self.system.common.iter().chain(sites));
+    pub(super) fn root(&self, extra: &[Form]) -> Result<Table, Contradiction> {
+        let mut table = Table::new(self.system.unknowns, self.system.forms());
+        if self.certificates.is_some() {
+            table.keep_fixed();
+        }
         for form in extra {
             table.fix_form(form)?;
         }
@@ -120,10 +151,13 @@ impl<'a> Search<'a> {
         let mut table = table.compact();
         let mut implied = Vec::new();
         for (site, &offset) in self.system.sites.iter().zip(&self.offsets) {
-            let forms = hull::forms(site, offset, &table).unwrap_or_default();
-            for (form, sign) in hull::implied(&forms, site.pieces.iter()) {
-                implied.push((offset + form, sign));
+            if let Some(known) = &site.implied {
+                implied.extend(known.iter().map(|&(form, s)| (offset + form, Sign::of(s))));
+                continue;
             }
+            let forms = hull::forms(site, offset, &table).unwrap_or_default();
+            let found = hull::implied(&forms, site.pieces.iter());
+            implied.extend(found.into_iter().map(|(form, sign)| (offset + form, sign)));
         }
         for (var, sign) in implied {
             table.constrain(var, sign)?;
@@ -148,8 +182,12 @@ impl<'a> Search<'a> {
         mut root: Table,
         leaf: &mut impl FnMut(&[usize]) -> Result<Option<Vec<Vec<usize>>>, E>,
     ) -> Result<(), E> {
-        if root.repair().is_err() {
+        self.decided.fill(None);
+        if let Err(contradiction) = root.repair() {
             self.examined += self.total;
+            if !self.proven(&root, contradiction.var) {
+                self.doubt(None);
+            }
             return Ok(());
         }
         let mut undecided: Vec<usize> = (0..self.system.sites.len()).collect();
@@ -157,7 +195,6 @@ impl<'a> Search<'a> {
         let all: Vec<Vec<usize>> = (self.system.sites.iter())
             .map(|s| (0..s.pieces.len()).collect())
             .collect();
-        self.decided.fill(None);
         self.held = root.size();
         let mut path: Vec<Level> = Vec::new();
         let mut node = Some(root);
@@ -265,7 +302,7 @@ impl<'a> Search<'a> {
             }
             candidates = vec![leaves.ok_or(Leave::Done)?];
         }
-        if self.nodes >= HARD {
+        if self.certificates.is_none() && self.nodes >= HARD {
             self.tighten(&mut table, undecided, &mut alive)?;
             let ranked = self.branching_sites(&table, undecided, &mut alive);
             candidates = leaves.map_or(ranked, |position| vec![position]);
@@ -365,7 +402,13 @@ impl<'a> Search<'a> {
             child.repair()
         });
         self.pivots += child.pivots;
-        decided.is_ok().then_some(child)
+        if let Err(contradiction) = decided {
+            if !self.proven(&child, contradiction.var) {
+                self.doubt(Some((site, k)));
+            }
+            return None;
+        }
+        Some(child)
     }
 
     /// Of some candidate sites the one with the fewest pieces that are feasible, and the tables behind them.
@@ -427,7 +470,7 @@ impl<'a> Search<'a> {
                 if zero && inside {
                     distance = distance.min(off.chain(wrong).fold(0.0, f64::max));
                 }
-                zero && inside
+                zero && inside || !self.excluded(table, s, k, &reach)
             });
             all.push((alive[s].len(), distance, position));
         }
@@ -439,6 +482,18 @@ impl<'a> Search<'a> {
             PROBES
         };
         all.into_iter().take(count).map(|a| a.2).collect()
+    }
+
+    /// Whether a form proves, where that is asked for, that a piece which it excludes at sight cannot be chosen.
+    fn excluded(&self, table: &Table, s: usize, k: usize, reach: &[(bool, bool)]) -> bool {
+        let (piece, offset) = (&self.system.sites[s].pieces[k], self.offsets[s]);
+        let wrong = |f: usize, (up, down): (bool, bool)| !(up && down) && self.proven(table, offset + f);
+        let facets = piece.facets.iter();
+        piece.equalities.iter().any(|&f| wrong(f, reach[f]))
+            || facets.into_iter().any(|&(f, sign)| {
+                let (up, down) = reach[f];
+                wrong(f, if sign > 0.0 { (up, true) } else { (true, down) })
+            })
     }
 
     fn decide(&self, table: &mut Table, site: usize, k: usize) -> Result<(), Contradiction> {
@@ -482,7 +537,7 @@ mod tests {
         let choices = system::all_choices(&map);
         let owners = system::owners(&map, &choices).unwrap();
         let system = system::at_parameter(&map, &owners, &choices, &[0.0; 6]).unwrap();
-        let mut search = Search::new(&system, 1000, Deadline::after(None));
+        let mut search = Search::new(&system, None, 1000, Deadline::after(None));
         (search.kept, search.limit) = (kept, limit);
         let mut leaves = Vec::new();
         let root = search.root(&[]).unwrap();

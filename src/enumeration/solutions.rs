@@ -18,8 +18,8 @@ use crate::sparse::{Matrix, max_abs, norm};
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Completeness {
-    /// Every selection was examined or ruled out. For solutions this is proven, for the problem as its floating-point numbers state it: each
-    /// decision is taken by error bounds or in exact arithmetic.
+    /// Every selection was examined or ruled out. This is proven, for the problem as its floating-point numbers state it: each decision is
+    /// taken by error bounds or in exact arithmetic.
     Complete,
     /// The cap was reached.
     Incomplete {
@@ -42,13 +42,19 @@ pub enum Completeness {
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum Doubt {
-    /// The map does not state its coefficients exactly ([`PiecewiseSmooth::exact`]), or has more than 2²¹ of them.
+    /// The map does not state its coefficients exactly ([`PiecewiseSmooth::exact`]), or has more than 2²¹ of them. Of arms: it does not state
+    /// them as affine functions of α
+    /// ([`is_affine_in_parameter`](crate::piecewise::ExactPieces::is_affine_in_parameter)), has more than 2¹⁸ of them, or the point lies at a
+    /// wall.
     NoCoefficients,
     /// Kernels of dimension two or more, or decisions within rounding.
     Rounding,
     /// The pieces stated do not agree on a facet between them, so that points near it may lie in none or in two.
     Discontinuous,
-    /// The search in exact arithmetic reached its cap.
+    /// Of arms: no exact solution within the tolerance of the point has all those test functions vanish that count as vanishing there. A
+    /// smaller tolerance tells kinks apart that are near each other.
+    Coincidence,
+    /// The search, or that in exact arithmetic, reached its cap.
     Limit,
 }
 
@@ -175,7 +181,7 @@ fn solutions_of(
     options.validate()?;
     check_vector("the parameter", &[alpha], 1)?;
     check_shape(map)?;
-    if let Some(conditions) = stated_conditions(map, alpha) {
+    if let Some(conditions) = stated_conditions(map, alpha, MAX_COEFFICIENTS) {
         return super::proof::proven_solutions(map, alpha, &conditions, options);
     }
     let scaled = Scaled::new(map, &[], (alpha, alpha))?;
@@ -199,13 +205,17 @@ fn check_shape(map: &dyn PiecewiseSmooth) -> Result<(), EnumerationError> {
     .into())
 }
 
-/// What a map states of its pieces, where that is not too much.
-fn stated_conditions(map: &dyn PiecewiseSmooth, alpha: f64) -> Option<ExactConditions> {
+/// What a map states of its pieces, where these are not more than so many coefficients.
+pub(super) fn stated_conditions(
+    map: &dyn PiecewiseSmooth,
+    alpha: f64,
+    limit: usize,
+) -> Option<ExactConditions> {
     let (n, rows) = (
         map.num_residuals(),
         map.num_residuals() + TestLayout::new(map).total(),
     );
-    if n.saturating_mul(rows) > MAX_COEFFICIENTS {
+    if n.saturating_mul(rows) > limit {
         return None;
     }
     let conditions = map.exact()?.conditions(alpha)?;
@@ -248,7 +258,7 @@ fn of_scaled(
     let choices = system::all_choices(map);
     if let Some(owners) = system::owners(map, &choices) {
         let system = system::at_parameter(map, &owners, &choices, &origin)?;
-        let mut search = Search::new(&system, options.max_nodes, deadline);
+        let mut search = Search::new(&system, None, options.max_nodes, deadline);
         match search.root(&[]) {
             Ok(root) => search.run(root, &mut |pieces| {
                 let selection = Selection::from_pieces(pieces.iter().copied());

@@ -1,34 +1,10 @@
 //! The affine forms of a map that states them exactly, rounded for the search.
 
+use super::enclosure::Error;
+use super::system::{Piece, Site, System};
 use super::table::Form;
 use crate::exact::Exact;
 use crate::piecewise::{ExactConditions, ExactForm, ExactSite};
-
-/// The system with rounded numbers: the common forms vanish, and at every site all conditions of one of its pieces hold.
-#[derive(Debug, Clone)]
-pub(super) struct System {
-    pub(super) unknowns: usize,
-    pub(super) common: Vec<Form>,
-    pub(super) sites: Vec<Site>,
-}
-
-#[derive(Debug, Clone)]
-pub(super) struct Site {
-    pub(super) forms: Vec<Form>,
-    pub(super) pieces: Vec<Piece>,
-    /// Forms that have one sign in all pieces, with it.
-    pub(super) implied: Vec<(usize, f64)>,
-}
-
-#[derive(Debug, Clone)]
-pub(super) struct Piece {
-    /// Its number in the map.
-    pub(super) piece: usize,
-    /// Forms of the site that vanish.
-    pub(super) equalities: Vec<usize>,
-    /// Forms of the site that have the given sign.
-    pub(super) facets: Vec<(usize, f64)>,
-}
 
 /// How far the scaled forms, and with them unbounded unknowns, are searched; what is beyond is searched as directions.
 const FAR: f64 = 131_072.0;
@@ -52,15 +28,20 @@ pub(super) struct Stated {
     pub(super) beyond: Option<(System, Vec<f64>)>,
     /// Whether the bounds hold for all solutions, or `beyond` tells of the rest.
     pub(super) bounded: bool,
+    /// What the numbers of the forms may be off beyond rounding: of the common ones, then of those of the sites. Empty where nothing.
+    errors: Vec<Error>,
+    /// Where the forms of each site begin.
+    offsets: Vec<usize>,
 }
 
-fn forms(conditions: &ExactConditions) -> impl Iterator<Item = &ExactForm> {
+/// All forms, the common ones first.
+pub(super) fn forms(conditions: &ExactConditions) -> impl Iterator<Item = &ExactForm> {
     let sites = conditions.sites.iter().flat_map(|s| &s.forms);
     conditions.common.iter().chain(sites)
 }
 
 impl Scaling {
-    fn of(conditions: &ExactConditions) -> Self {
+    pub(super) fn of(conditions: &ExactConditions) -> Self {
         let mut columns = vec![None; conditions.unknowns];
         for form in forms(conditions) {
             let magnitudes = || form.coefficients.iter().map(Exact::magnitude);
@@ -91,7 +72,7 @@ impl Scaling {
         }
     }
 
-    fn form(&self, k: usize, form: &ExactForm) -> Form {
+    pub(super) fn form(&self, k: usize, form: &ExactForm) -> Form {
         let row = self.rows[k];
         let terms = form.coefficients.iter().zip(&self.columns);
         let coefficients: Vec<f64> = terms.map(|(a, c)| a.scaled(row + c)).collect();
@@ -107,22 +88,36 @@ impl Scaling {
     pub(super) fn shift(&self, k: usize) -> i64 {
         self.columns[k] - self.constants
     }
+
+    /// That by which what form k has of a product y_j y_l is multiplied.
+    pub(super) fn product(&self, k: usize, [j, l]: [usize; 2]) -> i64 {
+        self.rows[k] + self.columns[j] + self.shift(l)
+    }
+
+    /// y of z.
+    pub(super) fn unscaled(&self, z: &[f64]) -> Vec<f64> {
+        let y = |(k, z): (usize, &f64)| Some(Exact::new(*z)?.scaled(self.shift(k)));
+        let all = z.iter().enumerate();
+        all.map(|v| y(v).unwrap_or(f64::NAN)).collect()
+    }
 }
 
-fn site(exact: &ExactSite, forms: Vec<Form>) -> Site {
+fn site(k: usize, exact: &ExactSite, forms: Vec<Form>) -> Site {
     let signed = |list: &[(usize, i8)]| list.iter().map(|&(f, s)| (f, f64::from(s))).collect();
     Site {
+        sites: vec![k],
+        slots: vec![k],
         forms,
         pieces: exact
             .pieces
             .iter()
             .map(|p| Piece {
-                piece: p.piece,
+                pieces: vec![p.piece],
                 equalities: p.equalities.iter().map(|e| e.1).collect(),
                 facets: signed(&p.facets),
             })
             .collect(),
-        implied: signed(&exact.implied),
+        implied: Some(signed(&exact.implied)),
     }
 }
 
@@ -131,8 +126,8 @@ impl Stated {
         let scaling = Scaling::of(conditions);
         let mut scaled = forms(conditions).enumerate().map(|(k, f)| scaling.form(k, f));
         let common: Vec<Form> = scaled.by_ref().take(conditions.common.len()).collect();
-        let sites = conditions.sites.iter();
-        let sites = sites.map(|s| site(s, scaled.by_ref().take(s.forms.len()).collect()));
+        let sites = conditions.sites.iter().enumerate();
+        let sites = sites.map(|(k, s)| site(k, s, scaled.by_ref().take(s.forms.len()).collect()));
         let system = System {
             unknowns: conditions.unknowns,
             sites: sites.collect(),
@@ -154,21 +149,57 @@ impl Stated {
             let (radii, beyond) = found.map_or_else(everywhere, |(radii, beyond)| (radii, Some(beyond)));
             (radii, beyond, bounded)
         };
+        let ends = conditions.sites.iter().scan(conditions.common.len(), |next, s| {
+            *next += s.forms.len();
+            Some(*next - s.forms.len())
+        });
         Self {
             system,
             scaling,
             radii,
             beyond,
             bounded,
+            errors: Vec::new(),
+            offsets: ends.collect(),
         }
+    }
+
+    /// With bounds of what the numbers of each form may be off.
+    pub(super) fn with_errors(mut self, conditions: &ExactConditions, bounds: &[ExactForm]) -> Self {
+        let error = |(k, (form, bound)): (usize, (&ExactForm, &ExactForm))| {
+            let mut whole = form.clone();
+            whole.constant.clone_from(&bound.constant);
+            let constant = self.scaling.form(k, &whole).constant;
+            let coefficients = self.scaling.form(k, bound).coefficients;
+            Error {
+                coefficients: 1.001 * coefficients.into_iter().fold(0.0, f64::max),
+                constant: 1.001 * constant,
+            }
+        };
+        self.errors = forms(conditions).zip(bounds).enumerate().map(error).collect();
+        self
+    }
+
+    /// What a common form may be off, and a form of a site.
+    pub(super) fn common_error(&self, form: usize) -> Error {
+        self.errors.get(form).copied().unwrap_or_default()
+    }
+
+    pub(super) fn error(&self, site: usize, form: usize) -> Error {
+        self.common_error(self.offsets[site] + form)
+    }
+
+    /// Whether the numbers are known but for rounding.
+    pub(super) fn is_exact(&self) -> bool {
+        self.errors.is_empty()
     }
 }
 
 /// A form of one unknown alone that has one sign at all solutions: (variable, coefficient made positive, constant, sign).
 fn bounding(system: &System, unknown: usize) -> Option<(&Form, f64)> {
     system.sites.iter().find_map(|site| {
-        site.implied
-            .iter()
+        let implied = site.implied.iter().flatten();
+        implied
             .map(|&(f, sign)| (&site.forms[f], sign))
             .find(|(form, _)| {
                 let mut others = form.coefficients.iter().enumerate();
@@ -229,14 +260,17 @@ fn far(system: &System, known: &[Option<f64>]) -> Option<(Vec<f64>, Bounded)> {
     let mut rest = time.clone();
     (rest.coefficients[m], rest.constant) = (-1.0, 1.0 / FAR);
     let facets = vec![(0, 1.0), (1, 1.0)];
+    let last = beyond.sites.len();
     beyond.sites.push(Site {
+        sites: vec![last],
+        slots: vec![last],
         forms: vec![time, rest],
         pieces: vec![Piece {
-            piece: 0,
+            pieces: vec![0],
             equalities: Vec::new(),
             facets: facets.clone(),
         }],
-        implied: facets,
+        implied: Some(facets),
     });
     Some((radii, (beyond, directions)))
 }

@@ -29,6 +29,8 @@ pub(super) struct Site {
     pub(super) slots: Vec<usize>,
     pub(super) forms: Vec<Form>,
     pub(super) pieces: Vec<Piece>,
+    /// Forms that have one sign in all pieces, with it, where that is known.
+    pub(super) implied: Option<Vec<(usize, f64)>>,
 }
 
 #[derive(Debug, Clone)]
@@ -285,6 +287,7 @@ fn add_cells(
             slots: group.clone(),
             pieces: all.into_iter().map(piece).collect(),
             forms,
+            implied: None,
         });
     }
     Ok(())
@@ -371,6 +374,12 @@ pub(super) fn directional(
 }
 
 impl System {
+    /// All forms, the common ones first.
+    pub(super) fn forms(&self) -> impl Iterator<Item = &Form> {
+        let sites = self.sites.iter().flat_map(|s| &s.forms);
+        self.common.iter().chain(sites)
+    }
+
     fn all_forms(&mut self) -> impl Iterator<Item = &mut Form> {
         let sites = self.sites.iter_mut().flat_map(|s| &mut s.forms);
         self.common.iter_mut().chain(sites)

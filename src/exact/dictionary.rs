@@ -119,6 +119,9 @@ impl Dictionary {
                     // Free columns first: a constrained one would have to be kept nonnegative as a row.
                     .min_by_key(|(c, v)| (self.sign[**v] != 0, entries[1 + c].bits()));
                 let Some((c, &column)) = best else {
+                    if entries[1..].iter().any(|e| !e.is_zero()) {
+                        return Ok(None);
+                    }
                     if !entries[0].is_zero() {
                         return Err(Infeasible);
                     }
@@ -130,6 +133,19 @@ impl Dictionary {
                 self.drop_column(c);
                 Ok(Some((column, sign)))
             }
+        }
+    }
+
+    /// Exchanges a row with one of the given columns, if that is possible.
+    pub(crate) fn enter(&mut self, var: usize, allowed: impl Fn(usize) -> bool) {
+        let Place::Row(r) = self.place[var] else {
+            return;
+        };
+        let entries = &self.rows[r].entries;
+        let columns = self.columns.iter().enumerate();
+        let possible = columns.filter(|(c, v)| !entries[1 + c].is_zero() && allowed(**v));
+        if let Some((c, _)) = possible.min_by_key(|(c, _)| entries[1 + c].bits()) {
+            self.exchange(r, c);
         }
     }
 
@@ -182,7 +198,7 @@ impl Dictionary {
 
     fn exchange(&mut self, r: usize, c: usize) {
         let numbers = (self.rows.len() * (self.columns.len() + 1)) as u64;
-        self.work += numbers * (1 + self.denominator.bits() / 512);
+        self.work += numbers * (1 + (self.denominator.bits() / 512).pow(2));
         let pivot = std::mem::take(&mut self.rows[r].entries);
         let a = pivot[1 + c].clone();
         let old = std::mem::replace(&mut self.denominator, a.clone());

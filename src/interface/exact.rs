@@ -237,6 +237,10 @@ fn changed(sites: &[ExactSite], first: usize, form: impl Fn(&ExactForm) -> Exact
 }
 
 impl<V: View, G: PiecewiseSmooth> ExactPieces for Interface<V, G> {
+    fn is_affine_in_parameter(&self) -> bool {
+        self.law.exact().is_some_and(ExactPieces::is_affine_in_parameter)
+    }
+
     fn conditions(&self, alpha: f64) -> Option<ExactConditions> {
         let own = self.law.exact()?.conditions(alpha)?;
         let load = self.operator.load.line(self.num_displacements())?;

@@ -89,6 +89,13 @@ pub trait ExactPieces {
     /// The conditions at a parameter α (ignored by equations); `None` where coefficients are not known exactly.
     fn conditions(&self, alpha: f64) -> Option<ExactConditions>;
 
+    /// Whether each number of the conditions is an affine function of α, and the forms, pieces and signs are the same for all α between
+    /// which no [wall](crate::piecewise::Facet::wall) is passed. Then lists of arms are proven, too. For the law of an
+    /// [`Interface`](crate::interface::Interface) the coefficients of the traces v have not to depend on α at all. Default: `false`.
+    fn is_affine_in_parameter(&self) -> bool {
+        false
+    }
+
     /// Of the law of an [`Interface`](crate::interface::Interface), in its variables (v, λ): forms g with λᵀ g ≤ 0 at all solutions, from
     /// which bounds of λ follow. Default: `None`.
     fn passive(&self, _alpha: f64) -> Option<Vec<ExactForm>> {

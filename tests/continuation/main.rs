@@ -8,6 +8,7 @@ mod squares;
 #[path = "../support/mod.rs"]
 mod support;
 
+mod chains;
 mod clusters;
 mod control;
 mod diagram;

@@ -100,7 +100,7 @@ fn arms_at_a_few_kinks_of_a_large_map() {
     let map = Kinks { n: LARGE, kinks: 5 };
     let origin = vec![0.0; LARGE + 1];
     let found = all_arms(&map, &origin, &EnumerationOptions::default()).unwrap();
-    assert!(found.completeness.is_complete());
+    assert!(!found.completeness.has_gaps());
     assert_eq!(found.arms.len(), 2);
     assert_eq!(found.orientation, Some((1, 1)));
     let options = ContinuationOptions::default();

@@ -163,7 +163,7 @@ pub struct DiagramVertex {
     pub is_start: bool,
     /// All arms.
     pub arms: Vec<VertexArm>,
-    /// Whether the list of arms is complete to first order.
+    /// Whether all active selections were examined and none left open, within tolerances.
     pub complete: bool,
 }
 

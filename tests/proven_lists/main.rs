@@ -14,6 +14,14 @@ use semismooth::piecewise::{
 use semismooth::sparse::Matrix;
 use serde_json::Value;
 
+#[path = "../common/mod.rs"]
+mod common;
+#[allow(dead_code)]
+#[path = "../support/mod.rs"]
+mod support;
+
+mod arms;
+
 fn list(map: &dyn PiecewiseSmooth, alpha: f64) -> SolutionSet {
     all_solutions(map, alpha, &EnumerationOptions::default()).unwrap()
 }
@@ -38,8 +46,11 @@ fn pick(p: usize, offset: usize) -> Matrix {
 }
 
 fn friction(a: Matrix, f: Vec<f64>, coefficient: Vec<f64>) -> FullContact<PlanarCoulomb> {
+    loaded(a, LoadPath::constant(f), coefficient)
+}
+
+fn loaded(a: Matrix, load: LoadPath, coefficient: Vec<f64>) -> FullContact<PlanarCoulomb> {
     let p = coefficient.len();
-    let load = LoadPath::constant(f);
     FullContact::planar(
         a,
         pick(p, 0),
