@@ -146,7 +146,10 @@ impl<'a> Tableau<'a> {
 /// Numbers written where the unknowns are eliminated, large ones counted as many.
 pub(super) fn elimination(conditions: &ExactConditions) -> u64 {
     let sites = conditions.sites.iter().map(|s| s.forms.len()).sum::<usize>();
-    let (n, forms) = (conditions.unknowns as u64, (conditions.common.len() + sites) as u64);
+    let (n, forms) = (
+        conditions.unknowns as u64,
+        (conditions.common.len() + sites) as u64,
+    );
     n.saturating_mul(n)
         .saturating_mul(forms)
         .saturating_mul(1 + n / 20)

@@ -217,7 +217,11 @@ impl<'a> Gathered<'a> {
             None => return false,
             Some(Held::Nothing) => {}
             Some(Held::Point { point, sign, touched }) => {
-                let margin = if touched.is_empty() && sign != 0 { INSIDE } else { 0.0 };
+                let margin = if touched.is_empty() && sign != 0 {
+                    INSIDE
+                } else {
+                    0.0
+                };
                 self.point(pieces, point, sign, margin);
             }
             Some(Held::Continuum { dimension, ends, .. }) => self.continuum(pieces, dimension, ends),
@@ -360,7 +364,8 @@ impl<'a> Gathered<'a> {
             if solution.margin > 0.0 {
                 map.test_functions(&solution.x, &mut theta);
                 let pieces = solution.selections[0].pieces().enumerate();
-                let margins = pieces.map(|(s, piece)| cell_margin(map.cell(s, piece), &theta[layout.range(s)]));
+                let margins =
+                    pieces.map(|(s, piece)| cell_margin(map.cell(s, piece), &theta[layout.range(s)]));
                 solution.margin = margins.fold(f64::INFINITY, f64::min).max(0.0);
             }
             solution.find_index();

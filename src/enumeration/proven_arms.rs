@@ -2,13 +2,13 @@
 
 use std::collections::BTreeSet;
 
+use super::EnumerationOptions;
 use super::arms::{DirectionalArm, DirectionalArms};
 use super::exhaustive::{self, Held};
 use super::near::{Directions, Near};
 use super::proof::{self, Candidates, Gathered};
 use super::solutions::Doubt;
 use super::stated::Stated;
-use super::EnumerationOptions;
 use crate::clock::Deadline;
 use crate::exact::{Dictionary, Exact, Infeasible, Place};
 use crate::piecewise::{
@@ -253,10 +253,18 @@ fn unit(mut v: Vec<f64>) -> Vec<f64> {
     for _ in 0..2 {
         // Squares of large components overflow.
         let largest = crate::sparse::max_abs(&v);
-        let size = if largest > 1e100 { largest } else { crate::sparse::norm(&v) };
+        let size = if largest > 1e100 {
+            largest
+        } else {
+            crate::sparse::norm(&v)
+        };
         for a in v.iter_mut().filter(|a| **a != 0.0) {
             let scaled = *a / size;
-            *a = if scaled == 0.0 { f64::MIN_POSITIVE.copysign(*a) } else { scaled };
+            *a = if scaled == 0.0 {
+                f64::MIN_POSITIVE.copysign(*a)
+            } else {
+                scaled
+            };
         }
     }
     v

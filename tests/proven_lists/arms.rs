@@ -116,9 +116,20 @@ fn steep_arms_are_not_vertical() {
         let [open, closed] = found.arms.as_slice() else {
             panic!("{stiffness}: {found:?}");
         };
-        let (rest, steep) = if open.tangent[0] == 0.0 { (open, closed) } else { (closed, open) };
-        assert_eq!((rest.tangent.as_slice(), &rest.det_signs), (&[0.0, -1.0][..], &vec![Some(1)]));
-        assert_eq!((sign(steep), &steep.det_signs), (rate, &vec![Some(det)]), "{stiffness}");
+        let (rest, steep) = if open.tangent[0] == 0.0 {
+            (open, closed)
+        } else {
+            (closed, open)
+        };
+        assert_eq!(
+            (rest.tangent.as_slice(), &rest.det_signs),
+            (&[0.0, -1.0][..], &vec![Some(1)])
+        );
+        assert_eq!(
+            (sign(steep), &steep.det_signs),
+            (rate, &vec![Some(det)]),
+            "{stiffness}"
+        );
         assert!((steep.tangent[0] - 1.0).abs() < 1e-12);
         assert_eq!(found.orientation, orientation, "{stiffness}");
     }
@@ -146,13 +157,24 @@ fn kinks_that_are_close_are_two() {
     assert!((growing.tangent[0] - growing.tangent[2]).abs() < 1e-15 && growing.tangent[1] == 0.0);
     let together = complementarity(&identity, &[1.0; 2], &[0.3; 2]);
     let found = arms(&together, &x);
-    assert_eq!((found.completeness, found.arms.len()), (Completeness::Complete, 2));
+    assert_eq!(
+        (found.completeness, found.arms.len()),
+        (Completeness::Complete, 2)
+    );
     let growing = found.arms.iter().find(|a| sign(a) > 0).unwrap();
-    assert!(growing.tangent.iter().all(|t| (t - 3f64.sqrt().recip()).abs() < 1e-15));
+    assert!(
+        growing
+            .tangent
+            .iter()
+            .all(|t| (t - 3f64.sqrt().recip()).abs() < 1e-15)
+    );
     // The point need not be a floating-point number: 0.3/0.7.
     let scaled = complementarity(&identity, &[0.7; 2], &[0.3; 2]);
     let found = arms(&scaled, &[0.0, 0.0, 0.3 / 0.7]);
-    assert_eq!((found.completeness, found.arms.len()), (Completeness::Complete, 2));
+    assert_eq!(
+        (found.completeness, found.arms.len()),
+        (Completeness::Complete, 2)
+    );
 }
 
 /// A point off the curve, and a map that states nothing.
@@ -180,9 +202,15 @@ fn regular_points_have_two_arms() {
     let load = LoadPath::affine(vec![0.0; 2], vec![1.0, -2.25]);
     let problem = loaded(blocks(1), load, vec![3.0]);
     let map = problem.condensed().unwrap();
-    for solution in all_solutions(&map, 1.0, &EnumerationOptions::default()).unwrap().solutions {
+    for solution in all_solutions(&map, 1.0, &EnumerationOptions::default())
+        .unwrap()
+        .solutions
+    {
         let found = arms(&map, &solution.x);
-        assert_eq!((found.completeness, found.arms.len()), (Completeness::Complete, 2));
+        assert_eq!(
+            (found.completeness, found.arms.len()),
+            (Completeness::Complete, 2)
+        );
         let [a, b] = [&found.arms[0], &found.arms[1]];
         assert!(a.tangent.iter().zip(&b.tangent).all(|(a, b)| a == &-b));
         assert_eq!(a.selections, solution.selections);
@@ -205,7 +233,10 @@ fn unloaded(p: usize, seed: u64, rates: bool) -> FullContact<PlanarCoulomb> {
     let base: Vec<f64> = slope.iter().map(|v| -at * v).collect();
     let coefficient: Vec<f64> = rng.vec(p).into_iter().map(|v| 1.5 * (1.0 + v)).collect();
     let rate = vec![f64::from(u8::from(rates)); p];
-    let constant: Vec<f64> = coefficient.iter().map(|f| f - if rates { at } else { 0.0 }).collect();
+    let constant: Vec<f64> = coefficient
+        .iter()
+        .map(|f| f - if rates { at } else { 0.0 })
+        .collect();
     FullContact::planar(
         Matrix::from_rows(&rows).unwrap(),
         pick(p, 0),
