@@ -573,3 +573,18 @@ mod active_set {
         assert!(z.iter().all(|z| z.abs() < 1e-9));
     }
 }
+
+/// w₂ = z₁ + z₂ − 1 − e at z₁ = 1: z₂ = e, however small that is against the terms.
+#[test]
+fn small_violations_are_violations() {
+    for e in [1e-3, 1e-4, 1e-6, 1e-8] {
+        let m = Matrix::from_rows(&[[1.0, 0.0], [1.0, 1.0]]).unwrap();
+        let lcp = Lcp::new(m, vec![-1.0, -1.0 - e]).unwrap();
+        for start in [[1.0, 0.0], [0.0, 0.0], [1.0, 1.0]] {
+            let mut z = start;
+            let report = ActiveSetSolver::default().solve(&lcp, &mut z).unwrap();
+            assert_eq!(report.status, ActiveSetStatus::Solved);
+            assert!((z[1] - e).abs() < 1e-15 && z[0] == 1.0, "{e:e} {z:?}");
+        }
+    }
+}

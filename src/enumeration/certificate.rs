@@ -139,3 +139,52 @@ struct Identity<'a> {
     active: usize,
     coefficients: &'a [f64],
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::table::Sign;
+    use super::*;
+
+    fn form(constant: f64, coefficients: &[f64]) -> Form {
+        Form {
+            constant,
+            coefficients: coefficients.to_vec(),
+            error: EPS,
+        }
+    }
+
+    /// Whether the sign of the last of these forms of (y, z), y ≥ 0 and |y|, |z| ≤ 1, is proven where the first vanishes.
+    fn proven(forms: &[Form], radius: f64) -> bool {
+        let system = System {
+            unknowns: 2,
+            common: forms.to_vec(),
+            sites: Vec::new(),
+        };
+        let mut table = Table::new(2, forms.iter());
+        table.keep_fixed();
+        assert!(table.constrain(forms.len(), Sign::Positive).is_ok() && table.fix(0).is_ok());
+        Certificates::new(&system, vec![radius; 2]).proves(&table, forms.len() - 1)
+    }
+
+    /// Where z = 1: 2 z + y is positive for y ≥ 0, and 2 z − y for y < 2.
+    #[test]
+    fn a_column_that_may_undo_the_constant_counts() {
+        let fixed = form(-1.0, &[0.0, 1.0]);
+        assert!(proven(&[fixed.clone(), form(0.0, &[1.0, 2.0])], 1e6));
+        assert!(!proven(&[fixed.clone(), form(0.0, &[-1.0, 2.0])], 1e6));
+        assert!(!proven(&[fixed.clone(), form(0.0, &[-1.0, 2.0])], 2.0));
+        assert!(proven(&[fixed, form(0.0, &[-1.0, 2.0])], 1.9));
+    }
+
+    /// a (z + c) vanishes where z + c does, but for the rounding of a c: what is left of constants that cancel has no sign.
+    #[test]
+    fn what_rounding_leaves_of_constants_has_no_sign() {
+        for k in 1..200 {
+            let a = 0.1 + 0.37 * f64::from(k);
+            for c in [0.7, 1.3, 5.9, 77.7] {
+                let fixed = form(c, &[0.0, 1.0]);
+                assert!(!proven(&[fixed, form(c * a, &[0.0, a])], 1e-9), "{a} {c}");
+            }
+        }
+    }
+}

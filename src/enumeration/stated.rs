@@ -274,3 +274,38 @@ fn far(system: &System, known: &[Option<f64>]) -> Option<(Vec<f64>, Bounded)> {
     });
     Some((radii, (beyond, directions)))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::piecewise::ExactPiece;
+
+    /// 2^a y = 2^b with |y| ≤ 2^(b − a): the search reaches its solution, in whatever units.
+    #[test]
+    fn radii_hold_what_bounds_allow() {
+        for (a, b) in [(0, 0), (3, -5), (-70, 40), (200, 300)] {
+            let power = |e: i64| Exact::one().shifted(e);
+            let mut form = ExactForm::zero(1);
+            form.coefficients[0] = power(a);
+            form.constant = -&power(b);
+            let conditions = ExactConditions {
+                unknowns: 1,
+                common: Vec::new(),
+                sites: vec![ExactSite {
+                    forms: vec![form],
+                    pieces: vec![ExactPiece {
+                        piece: 0,
+                        equalities: vec![(0, 0)],
+                        facets: Vec::new(),
+                    }],
+                    implied: Vec::new(),
+                }],
+                bounds: vec![Some(power(b - a))],
+            };
+            let stated = Stated::new(&conditions);
+            let solution = power(b - a).scaled(-stated.scaling.shift(0));
+            assert!(stated.bounded && stated.beyond.is_none());
+            assert!(stated.radii[0] >= solution && solution > 0.0, "{a} {b}");
+        }
+    }
+}

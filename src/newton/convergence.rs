@@ -30,7 +30,7 @@ const VANISHING: f64 = 1e-3;
 ///
 /// The norm alone would let a row in small units pass unsolved. Row by row alone is too much to ask of a row such as
 /// H_i = x_i at x_i ≈ 0, whose terms vanish with it; such a row is compared with the largest one that shares an unknown with it, after
-/// equilibration: that one's rounding is in the unknown.
+/// equilibration: that one's rounding is in the unknown, as far as both rows see it.
 pub(super) fn is_small(
     r: &[f64],
     size: &[f64],
@@ -51,14 +51,16 @@ pub(super) fn is_small(
         let span = jac.pattern.col_ptr[j]..jac.pattern.col_ptr[j + 1];
         jac.pattern.row_idx[span.clone()].iter().zip(&jac.values[span])
     };
-    // The largest row of each unknown.
+    // The largest row of each unknown, by its share in it.
     for (j, largest) in max.iter_mut().enumerate() {
-        let rows = entries(j).filter(|e| *e.1 != 0.0);
-        *largest = rows.fold(0.0, |m: f64, (&i, _)| m.max(size[i] * row[i]));
+        *largest = entries(j).fold(0.0, |m: f64, (&i, v)| {
+            m.max((v * row[i] * col[j]).abs() * (size[i] * row[i]))
+        });
     }
     for (j, largest) in max.iter().enumerate() {
         for (&i, v) in entries(j) {
-            if *v != 0.0 && r[i].abs() * row[i] <= tolerance * largest {
+            let share = (v * row[i] * col[j]).abs();
+            if *v != 0.0 && r[i].abs() * row[i] <= tolerance * share * largest {
                 row[i] = 0.0;
             }
         }

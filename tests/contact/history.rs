@@ -155,3 +155,23 @@ fn a_history_is_taken_up_again() {
     assert!((node.traction[0] - friction(node.slip[0])).abs() < 1e-9);
     assert!(node.traction[0] > whole[9].solution.nodes[0].traction[0] + 0.01);
 }
+
+/// What a law has been through counts in whatever scale Newton's method works.
+#[test]
+fn a_history_counts_under_any_augmentation_parameter() {
+    let problem = || CondensedContact::new(body(1), PlanarCoulomb::new(weakening())).unwrap();
+    for worn in [0.0, 0.05, 0.3] {
+        let mut plain = problem();
+        plain.set_history(&[worn]).unwrap();
+        let exact = plain.solve(1.0, None).unwrap();
+        let traction = plain.solution(&exact).unwrap().nodes[0].traction[0];
+        let slip = plain.solution(&exact).unwrap().nodes[0].slip[0];
+        assert!((traction - friction(worn + slip)).abs() < 1e-9);
+        for r in [0.1, 0.7, 5.0] {
+            let mut other = problem().with_r(r).unwrap();
+            other.set_history(&[worn]).unwrap();
+            let x = other.solve(1.0, None).unwrap();
+            assert!(x.iter().zip(&exact).all(|(a, b)| (a - b).abs() < 1e-9), "r = {r}");
+        }
+    }
+}

@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use super::maps::{follow, lens, near, parabola_and_line, two_arcs, within};
+use super::maps::{PlaneMap, follow, lens, near, parabola_and_line, two_arcs, within};
 use semismooth::continuation::{
     Branch, Continuation, ContinuationError, Direction, Event, PointKind, Termination, arms_at,
 };
@@ -172,4 +172,38 @@ fn starts_outside_the_range_are_refused() {
     // On the bound is inside.
     let branch = follow(&map, x, Direction::Decreasing, within((-2.0, 4.76)));
     assert!(branch.points.len() > 2 && branch.points.iter().all(|p| map.value(&p.x).abs() < 1e-14));
+}
+
+/// y = 0, declared as curved: steps along it end at multiples of h exactly, and so do targets.
+#[test]
+fn a_target_at_the_end_of_a_step_is_hit_once() {
+    let map = PlaneMap::smooth(|y, _| [y, 1.0, 0.0]);
+    let o = within((-1.0, 5.0)).with_step(0.25).with_max_step(0.25);
+    let targets = vec![0.25, 0.5, 1.75];
+    let branch = follow(
+        &map,
+        [0.0, 0.0],
+        Direction::Increasing,
+        o.with_targets(targets.clone()),
+    );
+    let hit = branch.points.iter().filter(|p| p.kind == PointKind::Target);
+    let hit: Vec<f64> = hit.map(|p| p.x[1]).collect();
+    assert_eq!(hit[..3], targets);
+    // The bound is the last.
+    assert_eq!(hit[3..], [5.0]);
+}
+
+/// A row that changes its sign from one piece to the next is not continuous: det [∇H; tᵀ] says so where the curve passes.
+#[test]
+fn a_row_of_the_other_sign_is_an_error() {
+    let map = PlaneMap::two(
+        |y, a| [y - a, 1.0, -1.0],
+        |y, a| [a - y, -1.0, 1.0],
+        |y, _| [y, 1.0, 0.0],
+    );
+    let found = Branch::follow(&map, &[-1.0, -1.0], Direction::Increasing, within((-2.0, 2.0)));
+    match found {
+        Err(ContinuationError::Orientation { parameter, .. }) => assert!(parameter.abs() < 1e-12),
+        other => panic!("{other:?}"),
+    }
 }

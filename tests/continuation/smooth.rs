@@ -1,7 +1,7 @@
 //! Folds and branch points inside a piece.
 
 use super::maps::{Plane, PlaneMap, follow, near, within};
-use semismooth::continuation::{Branch, ContinuationOptions, Direction, Termination};
+use semismooth::continuation::{Branch, ContinuationOptions, Direction, Termination, arms_at};
 
 #[test]
 fn a_quadratic_fold() {
@@ -222,4 +222,15 @@ fn straight_on_where_curves_cross_under_small_angles() {
         }
     }
     assert!(wrong.is_empty(), "{wrong:?}");
+}
+
+/// y² + α² = 0 and y² + y α + α² = 0 at their only point: the roots of the branching equation are complex, no arm leaves.
+#[test]
+fn an_isolated_point_has_no_arms() {
+    let circle = PlaneMap::smooth(|y, a| [y * y + a * a, 2.0 * y, 2.0 * a]);
+    let ellipse = PlaneMap::smooth(|y, a| [y * y + y * a + a * a, 2.0 * y + a, 2.0 * a + y]);
+    for map in [circle, ellipse] {
+        let (arms, complete) = arms_at(&map, &[0.0, 0.0], &ContinuationOptions::default()).unwrap();
+        assert!(arms.is_empty() && complete, "{arms:?}");
+    }
 }

@@ -93,6 +93,33 @@ fn the_constant_bounds_the_motion() {
     assert!(largest > 0.3e-3 * constant);
 }
 
+/// c y ± u / 2 on the two sides of u = s y + t α = 0: where |s| > 2 |c| the slopes of y differ in sign. Within the distance that counts as
+/// none both pieces are active, in whatever direction the kink lies.
+#[test]
+fn kinks_of_all_directions_are_seen() {
+    let options = ContinuationOptions::default();
+    for k in 0..180 {
+        let (t, s) = f64::from(k).to_radians().sin_cos();
+        let map = MinMap::curve(1, move |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+            let u = s * x[0] + t * x[1];
+            a[0] = 0.1 * s * x[0] + 0.5 * u;
+            b[0] = 0.1 * s * x[0] - 0.5 * u;
+        });
+        let at = |d: f64| {
+            let point = [
+                d * options.vanishing_distance * s,
+                d * options.vanishing_distance * t,
+            ];
+            semismooth::continuation::certify(&map, &point, &Matrix::identity(1), &options).unwrap()
+        };
+        // Slopes are a multiple of s: at s = 0 there is no solution to be unique.
+        if s.abs() > 1e-3 {
+            assert!(at(0.9).fails() && at(-0.9).fails(), "{k}°");
+            assert!(at(1e3).is_certified() && at(-1e3).is_certified(), "{k}°");
+        }
+    }
+}
+
 #[test]
 fn smooth_folds_fail() {
     let map = MinMap::curve(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| {

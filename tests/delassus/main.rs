@@ -98,6 +98,17 @@ fn one_contact_in_closed_form() {
     assert_eq!(solved(&open).unwrap().r, [0.0; 3]);
 }
 
+/// However little a contact bears against its slip, it is closed: r_N = p, u_T = μ p − 1.
+#[test]
+fn contacts_that_slide_fast_under_little_pressure_are_closed() {
+    for p in [1e-2, 1e-4, 1e-6, 1e-8] {
+        let problem = DelassusProblem::new(2, Matrix::identity(2), vec![-p, -1.0], vec![0.5]).unwrap();
+        let report = solved(&problem).unwrap();
+        assert!(close(&report.r, &[p, 0.5 * p], 1e-11) && close(&report.u, &[0.0, 0.5 * p - 1.0], 1e-11));
+        assert!(report.states[0].is_slip(), "{p:e}: {:?}", report.states);
+    }
+}
+
 /// Without friction an open contact has no reaction: the cone is a half-line, and −e_N projects to its apex.
 #[test]
 fn open_contacts_without_friction_are_solved() {

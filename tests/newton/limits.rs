@@ -294,3 +294,82 @@ fn a_large_row_does_not_excuse_a_small_one() {
         }
     }
 }
+
+/// e^y = 3 next to x = X, which it sees through a coefficient c: rounding of x moves it by c X ε alone.
+#[test]
+fn a_large_row_does_not_excuse_one_that_hardly_sees_its_unknown() {
+    for (size, c) in [(1e10, 1e-8), (1e12, 1e-10), (1e13, 1e-12), (1e15, 1e-15)] {
+        let map = Smooth {
+            n: 2,
+            f: |x: &[f64], out: &mut [f64]| {
+                out[0] = x[0] - size;
+                out[1] = x[1].exp() - 3.0 + c * (x[0] - size);
+            },
+            j: |x: &[f64], jac: &mut Matrix| {
+                jac.add(0, 0, 1.0);
+                jac.add(1, 0, c);
+                jac.add(1, 1, x[1].exp());
+            },
+        };
+        for start in [4.0, 2.0, 1.2, 0.5] {
+            let mut x = [0.5 * size, start];
+            Newton::default().solve(&map, &mut x).unwrap();
+            let error = (x[1] - 3.0_f64.ln()).abs();
+            assert!(error < 1e-10, "{size:e} {c:e} from {start}: {error:e}");
+        }
+    }
+}
+
+/// A row whose rounding never falls, next to a large unknown: neither excuses the row that still converges.
+#[test]
+fn a_noisy_row_does_not_end_the_others() {
+    let map = Smooth {
+        n: 3,
+        f: |x: &[f64], out: &mut [f64]| {
+            // Never 0: the sum is a multiple of 2⁻³³, 3.3 is none.
+            out[0] = 1e9 * (((1e6 + x[0].exp()) - 1e6) - 3.3);
+            out[1] = x[1].exp() - 3.0;
+            out[2] = x[2] - 1e4;
+        },
+        j: |x: &[f64], jac: &mut Matrix| {
+            jac.add(0, 0, 1e9 * x[0].exp());
+            jac.add(1, 1, x[1].exp());
+            jac.add(2, 2, 1.0);
+        },
+    };
+    for k in 0..40 {
+        let start = 1.2 + 0.05 * f64::from(k);
+        let mut x = [3.3_f64.ln(), start, 1e4];
+        // That the first row stagnates is no success, and may be told.
+        let outcome = Newton::default().solve(&map, &mut x);
+        let right = (x[1] - 3.0_f64.ln()).abs() < 1e-10;
+        assert!(outcome.is_err() || right, "from {start}: {x:?}");
+    }
+}
+
+/// x − 1 + c sign(x − 1) jumps across 0: that two points next to each other differ is no rounding.
+#[test]
+fn a_small_jump_is_no_solution() {
+    for c in [1e-2, 1e-3, 1e-4, 1e-5] {
+        let sign = |x: f64| if x >= 1.0 { 1.0 } else { -1.0 };
+        let map = scalar(move |x| x - 1.0 + c * sign(x), |_| 1.0);
+        for start in [1.0, 1.0 + c, 2.0, 0.0] {
+            let mut x = [start];
+            let outcome = Newton::default().solve(&map, &mut x);
+            assert!(outcome.is_err(), "{c:e} from {start}: {outcome:?} at {x:?}");
+        }
+    }
+}
+
+/// What still falls is driven on: a start within the rounding floor of the terms, but not within that of x, is improved.
+#[test]
+fn zero_tolerances_give_the_last_digits() {
+    let options = NewtonOptions::default().with_tolerances(0.0, 0.0);
+    let cube = scalar(|x| x * x * x - 2.0 * x - 5.0, |x| 3.0 * x * x - 2.0);
+    for shift in [1e-14, -1e-14, 6e-15, -6e-15] {
+        let mut x = [2.094_551_481_542_326_6 + shift];
+        Newton::new(options.clone()).solve(&cube, &mut x).unwrap();
+        let error = (x[0] - 2.094_551_481_542_326_6).abs();
+        assert!(error <= 1e-15, "{shift:e}: {error:e}");
+    }
+}

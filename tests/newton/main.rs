@@ -7,7 +7,8 @@ use std::cell::Cell;
 use std::ops::ControlFlow;
 
 use proptest::prelude::*;
-use semismooth::newton::{Damping, Failure, Newton, NewtonError, NewtonOptions, Step};
+use semismooth::linear::AutoSolver;
+use semismooth::newton::{Damping, Failure, MoorePenrose, Newton, NewtonError, NewtonOptions, Step};
 use semismooth::piecewise::{
     Facet, MinMap, PiecewiseError, PiecewiseSmooth, Selection, Selections, Semismooth,
 };
@@ -396,5 +397,27 @@ fn the_cycling_example_is_a_p_matrix() {
             - m(0, 1) * (m(1, 0) * m(2, 2) - m(1, 2) * m(2, 0))
             + m(0, 2) * (m(1, 0) * m(2, 1) - m(1, 1) * m(2, 0));
         assert!(det > 0.0);
+    }
+}
+
+/// y² + c = 0 has no point in the plane α = 0, however small c is: that corrections stall is no success.
+#[test]
+fn a_curve_that_misses_the_plane_is_not_met() {
+    for c in [1e-4, 1e-7, 1e-9, 1e-11] {
+        let map = MinMap::curve(1, move |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+            a[0] = x[0] * x[0] + c;
+            b[0] = 1e9;
+        });
+        let mut corrector = MoorePenrose::new(&map, AutoSolver::new()).unwrap();
+        let selection = Selection::uniform(1, 0);
+        for start in [1e-1, 1e-3, 1e-5] {
+            let (mut x, mut t) = ([start, 0.0], [0.0, 1.0]);
+            let plane = ([start, 0.0], [0.0, 1.0]);
+            let found = corrector.correct_in_plane(&map, &selection, &plane.0, &plane.1, 0.0, &mut x, &mut t);
+            assert!(
+                found.is_err() || !found.unwrap().converged,
+                "{c:e} {start:e} {x:?}"
+            );
+        }
     }
 }

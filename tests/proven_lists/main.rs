@@ -485,3 +485,181 @@ fn a_solution_inside_of_the_box() {
         assert!((a - b).abs() < 1e-14, "{:?}", set.solutions[0].x);
     }
 }
+
+/// Selections of 1 + z₂ = z₁ = 1 + t with what a third and a fourth component say of t: three segments and rays, one after the other, in
+/// different selections; other selections hold points of them alone, and add nothing. The end at t = 0 is a solution of a regular one.
+#[test]
+fn points_of_a_continuum_are_no_solutions_of_their_own() {
+    let matrix = Matrix::from_rows(&[
+        [1.0, -1.0, 0.0, 0.0],
+        [-1.0, 1.0, 0.0, 0.0],
+        [1.0, 0.0, 1.0, 0.0],
+        [1.0, 0.0, 0.0, 1.0],
+    ]);
+    let upper = vec![f64::INFINITY, f64::INFINITY, 1.0, f64::INFINITY];
+    let lcp = Lcp::boxed(matrix.unwrap(), vec![-1.0, 1.0, -3.0, -2.0], vec![0.0; 4], upper).unwrap();
+    let set = list(lcp.mcp(), 0.0);
+    assert_eq!(set.completeness, Completeness::Complete);
+    let points: Vec<&[f64]> = set.solutions.iter().map(|s| s.x.as_slice()).collect();
+    assert_eq!(points, [[1.0, 0.0, 1.0, 1.0]]);
+    assert_eq!(set.index_sum, None);
+    let at = |t: f64| [1.0 + t, t, (2.0 - t).clamp(0.0, 1.0), (1.0 - t).max(0.0)].to_vec();
+    assert!(set.continua.iter().all(|c| c.dimension == 1));
+    let mut ends: Vec<Vec<Vec<f64>>> = set.continua.iter().map(|c| c.ends.clone()).collect();
+    let order = |a: &Vec<f64>, b: &Vec<f64>| a.partial_cmp(b).unwrap();
+    ends.iter_mut().for_each(|e| e.sort_by(order));
+    ends.sort_by(|a, b| a.partial_cmp(b).unwrap());
+    let rays = [vec![at(0.0), at(1.0)], vec![at(1.0), at(2.0)], vec![at(2.0)]];
+    assert_eq!(ends, rays);
+}
+
+/// w₁ = w₂ = z₃, w₃ = z₃ − z₁ − z₂: where z₃ = 0 two unknowns are free, but their signs leave nothing but 0.
+#[test]
+fn signs_may_leave_one_point_of_a_plane() {
+    let matrix = Matrix::from_rows(&[[0.0, 0.0, 1.0], [0.0, 0.0, 1.0], [-1.0, -1.0, 1.0]]);
+    let lcp = Lcp::new(matrix.unwrap(), vec![0.0; 3]).unwrap();
+    let set = list(lcp.mcp(), 0.0);
+    assert_eq!(
+        (set.completeness, set.solutions.len(), set.continua.len()),
+        (Completeness::Complete, 1, 0),
+        "{set:?}"
+    );
+    assert_eq!(set.solutions[0].x, [0.0; 3]);
+}
+
+/// |x_k| = 1 for k = 1, …, n, nothing said of bounds: all is searched in exact arithmetic.
+struct Signs(usize);
+
+impl PiecewiseSmooth for Signs {
+    fn num_vars(&self) -> usize {
+        self.0
+    }
+    fn num_residuals(&self) -> usize {
+        self.0
+    }
+    fn num_sites(&self) -> usize {
+        self.0
+    }
+    fn num_pieces(&self, _site: usize) -> usize {
+        2
+    }
+    fn num_tests(&self, _site: usize) -> usize {
+        1
+    }
+    fn cell(&self, _site: usize, piece: usize) -> &[Facet] {
+        const CELLS: [[Facet; 1]; 2] = [[Facet::positive(0)], [Facet::negative(0)]];
+        &CELLS[piece]
+    }
+    fn test_functions(&self, x: &[f64], out: &mut [f64]) {
+        out.copy_from_slice(x);
+    }
+    fn residual(&self, s: &Selection, x: &[f64], out: &mut [f64]) {
+        for (k, x) in x.iter().enumerate() {
+            out[k] = [1.0, -1.0][s.piece(k)] * x - 1.0;
+        }
+    }
+    fn jacobian(&self, s: &Selection, _x: &[f64], jac: &mut Matrix) {
+        for k in 0..self.0 {
+            jac.add(k, k, [1.0, -1.0][s.piece(k)]);
+        }
+    }
+    fn exact(&self) -> Option<&dyn ExactPieces> {
+        Some(self)
+    }
+}
+
+impl ExactPieces for Signs {
+    fn conditions(&self, _alpha: f64) -> Option<ExactConditions> {
+        let (n, one) = (self.0, Exact::one());
+        let site = |k: usize| {
+            let facet = ExactForm::unknown(n, k, Exact::default());
+            let right = ExactForm::unknown(n, k, -&one);
+            let left = ExactForm::zero(n).plus(&-&one, &ExactForm::unknown(n, k, one.clone()));
+            let piece = |piece: usize, form: usize, sign: i8| ExactPiece {
+                piece,
+                equalities: vec![(k, form)],
+                facets: vec![(0, sign)],
+            };
+            ExactSite {
+                forms: vec![facet, right, left],
+                pieces: vec![piece(0, 1, 1), piece(1, 2, -1)],
+                implied: Vec::new(),
+            }
+        };
+        Some(ExactConditions {
+            unknowns: n,
+            sites: (0..n).map(site).collect(),
+            ..ExactConditions::default()
+        })
+    }
+}
+
+/// Where the search in exact arithmetic has to stop, nothing is claimed either.
+#[test]
+fn an_exact_search_that_stops_proves_nothing() {
+    let map = Signs(6);
+    let whole = list(&map, 0.0);
+    assert_eq!(
+        (whole.completeness, whole.solutions.len(), whole.index_sum),
+        (Completeness::Complete, 64, Some(0))
+    );
+    let options = EnumerationOptions::default().with_max_nodes(whole.nodes);
+    let set = all_solutions(&map, 0.0, &options).unwrap();
+    assert!(
+        matches!(set.completeness, Completeness::Undecided { selections, doubt: Doubt::Limit } if selections > 0),
+        "{:?}",
+        set.completeness
+    );
+}
+
+/// The second node has no friction and no tangential load: it is open under the least tension, whatever the first one carries.
+#[test]
+fn the_least_tension_opens_a_node_without_friction() {
+    for k in [20, 40, 52, 53, 60, 300] {
+        let f = vec![1.0, -2.25, -f64::powi(2.0, -k), 0.0];
+        let problem = friction(blocks(2), f, vec![3.0, 0.0]);
+        for map in [
+            &problem.condensed().unwrap() as &dyn PiecewiseSmooth,
+            &problem as &dyn PiecewiseSmooth,
+        ] {
+            let set = list(map, 0.0);
+            assert_eq!(
+                (set.completeness, set.solutions.len(), set.index_sum),
+                (Completeness::Complete, 3, Some(1)),
+                "2^-{k}"
+            );
+            let all = set.solutions.iter().flat_map(|s| &s.selections);
+            assert!(all.clone().all(|s| s.piece(1) == 0), "2^-{k}");
+        }
+    }
+}
+
+/// The bounds that are stated hold for all solutions.
+#[test]
+fn stated_bounds_hold() {
+    let mut problems: Vec<FullContact<PlanarCoulomb>> = Vec::new();
+    for case in reference()["friction"].as_array().unwrap() {
+        let problem = friction(matrix(&case["A"]), numbers(&case["f"]), numbers(&case["F"]));
+        problems.push(problem.with_gap(numbers(&case["gap"])).unwrap());
+    }
+    // Open and closed nodes, alone and together.
+    for f in [
+        [1.0, -2.25, 1.0, 0.5],
+        [-1.0, 0.0, -1.0, 0.0],
+        [-1.0, 1.0, 1.0, 0.0],
+    ] {
+        problems.push(friction(blocks(2), f.to_vec(), vec![0.5; 2]));
+    }
+    for problem in &problems {
+        let condensed = problem.condensed().unwrap();
+        for map in [problem as &dyn PiecewiseSmooth, &condensed] {
+            let bounds = map.exact().unwrap().conditions(0.0).unwrap().bounds;
+            assert_eq!(bounds.len(), map.num_residuals());
+            for solution in &list(map, 0.0).solutions {
+                for (x, bound) in solution.x.iter().zip(&bounds) {
+                    assert!(x.abs() <= bound.as_ref().unwrap().to_f64(), "{x:e} {bounds:?}");
+                }
+            }
+        }
+    }
+}
