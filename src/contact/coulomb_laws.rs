@@ -18,8 +18,13 @@ impl PlanarCoulomb {
         Self { coefficient }
     }
 
-    /// g = F(σ u_t) θ¹ on the side σ, and its derivatives.
-    fn bound(&self, side: f64, v: &LocalValues) -> (f64, LocalRow) {
+    /// g = F(σ u_t) θ¹ on the side σ.
+    fn bound(&self, side: f64, v: &LocalValues) -> f64 {
+        self.coefficient.at(v, side * v.slip[0])[0] * v.theta1()
+    }
+
+    /// The derivatives of g.
+    fn bound_row(&self, side: f64, v: &LocalValues) -> LocalRow {
         let [f, slope, rate, second] = self.coefficient.at(v, side * v.slip[0]);
         let pressure = v.theta1();
         let mut row = LocalRow {
@@ -29,7 +34,7 @@ impl PlanarCoulomb {
         };
         row.slip[0] = side * slope * pressure;
         add_row(&mut row, f, &theta1_row(v));
-        (f * pressure, row)
+        row
     }
 }
 
@@ -71,9 +76,15 @@ impl NodeLaw for PlanarCoulomb {
 
     fn tests(&self, v: &LocalValues, out: &mut [f64]) {
         let z = v.traction[0] + v.r * v.slip[0];
+        let bound = self.bound(1.0, v);
+        let opposite = if self.coefficient.depends_on_slip() {
+            self.bound(-1.0, v)
+        } else {
+            bound
+        };
         out[0] = v.theta1();
-        out[1] = z - self.bound(1.0, v).0;
-        out[2] = z + self.bound(-1.0, v).0;
+        out[1] = z - bound;
+        out[2] = z + opposite;
         out[3] = if self.coefficient.depends_on_parameter() {
             self.coefficient.at(v, v.slip[0].abs())[0]
         } else {
@@ -87,7 +98,7 @@ impl NodeLaw for PlanarCoulomb {
             *row = LocalRow::default();
             row.traction[0] = 1.0;
             row.slip[0] = v.r;
-            add_row(row, -side, &self.bound(side, v).1);
+            add_row(row, -side, &self.bound_row(side, v));
         }
         rows[3] = LocalRow::default();
         if self.coefficient.depends_on_parameter() {
@@ -102,8 +113,8 @@ impl NodeLaw for PlanarCoulomb {
         let tangential = match piece {
             0 => v.traction[0],
             1 => -v.r * v.slip[0],
-            2 => v.traction[0] - self.bound(1.0, v).0,
-            _ => v.traction[0] + self.bound(-1.0, v).0,
+            2 => v.traction[0] - self.bound(1.0, v),
+            _ => v.traction[0] + self.bound(-1.0, v),
         };
         [normal(piece != 0, v).0, tangential, 0.0]
     }
@@ -116,7 +127,7 @@ impl NodeLaw for PlanarCoulomb {
             _ => {
                 let side = if piece == 2 { 1.0 } else { -1.0 };
                 tangential = free(0);
-                add_row(&mut tangential, -side, &self.bound(side, v).1);
+                add_row(&mut tangential, -side, &self.bound_row(side, v));
             }
         }
         [normal(piece != 0, v).1, tangential, LocalRow::default()]

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use super::{ContactError, LocalValues};
 
 type CurveFunction = Arc<dyn Fn(f64) -> (f64, f64) + Send + Sync>;
+type ParameterFunction = Arc<dyn Fn(usize, f64) -> [f64; 2] + Send + Sync>;
 type NodeFunction = Arc<dyn Fn(usize, f64, f64) -> [f64; 3] + Send + Sync>;
 
 /// A coefficient of friction F(ξ) against the slip ξ = ‖u_t‖ ≥ 0.
@@ -121,6 +122,9 @@ impl FrictionCurve {
     /// at 0 where F' ≤ 0, a hyperbola otherwise.
     #[must_use]
     pub fn value(&self, slip: f64) -> (f64, f64) {
+        if let Curve::Constant(c) = self.0 {
+            return (c, 0.0);
+        }
         if slip < 0.0 {
             let (value, slope) = self.value(0.0);
             let (f, by_slip, _) = continued(value, slope, slip);
@@ -205,42 +209,51 @@ fn check(value: f64, slip: f64) -> Result<(), ContactError> {
 /// A coefficient of friction F(xᵢ, ‖u_t‖, α) for all contact nodes.
 #[derive(Clone)]
 pub struct FrictionCoefficient {
-    function: NodeFunction,
-    depends_on_parameter: bool,
-    depends_on_slip: bool,
-    constant: bool,
+    shape: Shape,
+    factor: f64,
     /// What a second parameter β adds to F at each node: β times this.
     second: Option<Arc<[f64]>>,
     /// How many nodes it is for; `None`: any.
     nodes: Option<usize>,
-    /// Constants and slopes of F = c + α s, an entry a node, where it was given so.
-    line: Option<Arc<[[f64; 2]]>>,
+}
+
+#[derive(Clone)]
+enum Shape {
+    Uniform(FrictionCurve),
+    /// The last one for nodes beyond the list.
+    PerNode {
+        curves: Arc<[FrictionCurve]>,
+        constant: bool,
+    },
+    /// Constants and slopes of F = c + α s, an entry a node.
+    Affine(Arc<[[f64; 2]]>),
+    OfParameter(ParameterFunction),
+    Scaled(FrictionCurve),
+    Function(NodeFunction),
 }
 
 impl fmt::Debug for FrictionCoefficient {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("FrictionCoefficient")
-            .field("depends_on_parameter", &self.depends_on_parameter)
+            .field("depends_on_parameter", &self.depends_on_parameter())
             .finish_non_exhaustive()
     }
 }
 
 impl FrictionCoefficient {
+    fn new(shape: Shape) -> Self {
+        Self {
+            shape,
+            factor: 1.0,
+            second: None,
+            nodes: None,
+        }
+    }
+
     /// One curve at all nodes.
     #[must_use]
     pub fn uniform(curve: FrictionCurve) -> Self {
-        Self {
-            constant: curve.is_constant(),
-            second: None,
-            nodes: None,
-            line: None,
-            depends_on_parameter: false,
-            depends_on_slip: !curve.is_constant(),
-            function: Arc::new(move |_, slip, _| {
-                let (value, slope) = curve.value(slip);
-                [value, slope, 0.0]
-            }),
-        }
+        Self::new(Shape::Uniform(curve))
     }
 
     /// The same constant F at all nodes.
@@ -290,29 +303,14 @@ impl FrictionCoefficient {
         let line = constant.iter().zip(&slope).map(|(c, s)| [*c, *s]).collect();
         Ok(Self {
             nodes: Some(constant.len()),
-            line: Some(line),
-            ..Self::of_parameter(move |node, alpha| {
-                let i = node.min(constant.len() - 1);
-                [constant[i] + alpha * slope[i], slope[i]]
-            })
+            ..Self::new(Shape::Affine(line))
         })
     }
 
     /// Any coefficient that depends on node and parameter alone: `function(node, α)` gives F and ∂F/∂α, finite and continuous.
     #[must_use]
     pub fn of_parameter(function: impl Fn(usize, f64) -> [f64; 2] + Send + Sync + 'static) -> Self {
-        Self {
-            constant: false,
-            second: None,
-            nodes: None,
-            line: None,
-            depends_on_parameter: true,
-            depends_on_slip: false,
-            function: Arc::new(move |node, _, alpha| {
-                let [value, rate] = function(node, alpha);
-                [value, 0.0, rate]
-            }),
-        }
+        Self::new(Shape::OfParameter(Arc::new(function)))
     }
 
     /// Adds β F₂, with a second parameter β and an entry of F₂ for each node.
@@ -328,9 +326,6 @@ impl FrictionCoefficient {
         }
         self.nodes = self.nodes.or(Some(slope.len()));
         if slope.iter().any(|s| *s != 0.0) {
-            self.constant = false;
-            self.depends_on_parameter = true;
-            self.line = None;
             self.second = Some(slope.into());
         }
         Ok(self)
@@ -339,18 +334,7 @@ impl FrictionCoefficient {
     /// α F(ξ): the scale of friction as the parameter (ζ of Haslinger, Kučera, Vlach 2008).
     #[must_use]
     pub fn scaled(curve: FrictionCurve) -> Self {
-        Self {
-            constant: false,
-            second: None,
-            nodes: None,
-            line: None,
-            depends_on_parameter: true,
-            depends_on_slip: !curve.is_constant(),
-            function: Arc::new(move |_, slip, alpha| {
-                let (value, slope) = curve.value(slip);
-                [alpha * value, alpha * slope, value]
-            }),
-        }
+        Self::new(Shape::Scaled(curve))
     }
 
     /// A curve for each node; the last one for nodes beyond the list.
@@ -363,71 +347,62 @@ impl FrictionCoefficient {
                 what: "there are no curves of the coefficient of friction",
             });
         }
-        Ok(Self {
+        Ok(Self::new(Shape::PerNode {
             constant: curves.iter().all(FrictionCurve::is_constant),
-            second: None,
-            nodes: None,
-            line: None,
-            depends_on_parameter: false,
-            depends_on_slip: !curves.iter().all(FrictionCurve::is_constant),
-            function: Arc::new(move |node, slip, _| {
-                let (value, slope) = curves[node.min(curves.len() - 1)].value(slip);
-                [value, slope, 0.0]
-            }),
-        })
+            curves: curves.into(),
+        }))
     }
 
     /// Any coefficient: `function(node, ξ, α)` gives F, ∂F/∂ξ, ∂F/∂α. It must be continuously differentiable for ξ ≥ 0 and is
     /// continued to ξ < 0 as a [`FrictionCurve`] is. It counts as one that depends on ξ.
     #[must_use]
     pub fn function(function: impl Fn(usize, f64, f64) -> [f64; 3] + Send + Sync + 'static) -> Self {
-        Self {
-            constant: false,
-            second: None,
-            nodes: None,
-            line: None,
-            depends_on_parameter: true,
-            depends_on_slip: true,
-            function: Arc::new(move |node, slip, alpha| {
-                if slip < 0.0 {
-                    let [value, slope, rate] = function(node, 0.0, alpha);
-                    let (f, by_slip, by_value) = continued(value, slope, slip);
-                    [f, by_slip, by_value * rate]
-                } else {
-                    function(node, slip, alpha)
-                }
-            }),
-        }
+        Self::new(Shape::Function(Arc::new(function)))
     }
 
     /// The same coefficient times a factor ≥ 0.
     #[must_use]
     pub fn times(&self, factor: f64) -> Self {
-        let own = self.clone();
+        let second = self.second.as_ref();
         Self {
-            depends_on_parameter: self.depends_on_parameter,
-            depends_on_slip: self.depends_on_slip,
-            constant: self.constant,
-            nodes: self.nodes,
-            line: None,
-            second: self
-                .second
-                .as_ref()
-                .map(|s| s.iter().map(|v| factor * v).collect()),
-            function: Arc::new(move |node, slip, alpha| own.value(node, slip, alpha).map(|v| factor * v)),
+            factor: factor * self.factor,
+            second: second.map(|s| s.iter().map(|v| factor * v).collect()),
+            ..self.clone()
         }
     }
 
     /// F, ∂F/∂ξ and ∂F/∂α of a node (at β = 0).
     #[must_use]
     pub fn value(&self, node: usize, slip: f64, alpha: f64) -> [f64; 3] {
-        (self.function)(node, slip, alpha)
+        let own = match &self.shape {
+            Shape::Uniform(curve) => of_slip(curve, slip),
+            Shape::PerNode { curves, .. } => of_slip(&curves[node.min(curves.len() - 1)], slip),
+            Shape::Affine(line) => {
+                let [constant, slope] = line[node.min(line.len() - 1)];
+                [constant + alpha * slope, 0.0, slope]
+            }
+            Shape::OfParameter(function) => {
+                let [value, rate] = function(node, alpha);
+                [value, 0.0, rate]
+            }
+            Shape::Scaled(curve) => {
+                let (value, slope) = curve.value(slip);
+                [alpha * value, alpha * slope, value]
+            }
+            Shape::Function(function) if slip < 0.0 => {
+                let [value, slope, rate] = function(node, 0.0, alpha);
+                let (f, by_slip, by_value) = continued(value, slope, slip);
+                [f, by_slip, by_value * rate]
+            }
+            Shape::Function(function) => function(node, slip, alpha),
+        };
+        let [value, slope, rate] = own;
+        [self.factor * value, self.factor * slope, self.factor * rate]
     }
 
     /// F, ∂F/∂ξ, ∂F/∂α and ∂F/∂β at the slip of a level, to which that of the levels before is added.
     pub(super) fn at(&self, v: &LocalValues, slip: f64) -> [f64; 4] {
-        let past = if self.depends_on_slip { v.history[0] } else { 0.0 };
-        let [value, slope, rate] = self.value(v.node, past + slip, v.parameter);
+        let [value, slope, rate] = self.value(v.node, v.history[0] + slip, v.parameter);
         match &self.second {
             Some(second) => {
                 let change = second[v.node.min(second.len() - 1)];
@@ -439,7 +414,7 @@ impl FrictionCoefficient {
 
     /// Whether F depends on α, and may become negative.
     pub(super) fn depends_on_parameter(&self) -> bool {
-        self.depends_on_parameter
+        self.second.is_some() || !matches!(self.shape, Shape::Uniform(_) | Shape::PerNode { .. })
     }
 
     /// How many nodes it is for; `None`: any.
@@ -449,19 +424,31 @@ impl FrictionCoefficient {
 
     /// [c, s] where F = c + α s at a node, and nothing else.
     pub(super) fn affine_at(&self, node: usize) -> Option<[f64; 2]> {
-        if self.constant {
-            return Some([self.value(node, 0.0, 0.0)[0], 0.0]);
+        match &self.shape {
+            _ if self.is_constant() => Some([self.value(node, 0.0, 0.0)[0], 0.0]),
+            // Factors would round coefficients.
+            Shape::Affine(line) if self.second.is_none() && self.factor == 1.0 => line.get(node).copied(),
+            _ => None,
         }
-        self.line.as_ref()?.get(node).copied()
     }
 
     /// Whether F may depend on the slip.
     pub(super) fn depends_on_slip(&self) -> bool {
-        self.depends_on_slip
+        match &self.shape {
+            Shape::Uniform(curve) | Shape::Scaled(curve) => !curve.is_constant(),
+            Shape::PerNode { constant, .. } => !constant,
+            Shape::Affine(_) | Shape::OfParameter(_) => false,
+            Shape::Function(_) => true,
+        }
     }
 
     /// Whether F depends on nothing but the node.
     pub(super) fn is_constant(&self) -> bool {
-        self.constant
+        !self.depends_on_parameter() && !self.depends_on_slip()
     }
+}
+
+fn of_slip(curve: &FrictionCurve, slip: f64) -> [f64; 3] {
+    let (value, slope) = curve.value(slip);
+    [value, slope, 0.0]
 }

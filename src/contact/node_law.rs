@@ -69,6 +69,18 @@ impl LocalRow {
         }
     }
 
+    /// The derivative in a direction of the values.
+    pub(super) fn along(&self, d: &Self) -> f64 {
+        self.penetration * d.penetration
+            + self.pressure * d.pressure
+            + self.slip[0] * d.slip[0]
+            + self.traction[0] * d.traction[0]
+            + self.slip[1] * d.slip[1]
+            + self.traction[1] * d.traction[1]
+            + self.parameter * d.parameter
+            + self.second * d.second
+    }
+
     fn add(&mut self, scale: f64, other: &Self) {
         self.penetration += scale * other.penetration;
         self.pressure += scale * other.pressure;

@@ -81,25 +81,47 @@ impl<L: NodeLaw> PerNode<L> {
         let mut v = LocalValues {
             node: i,
             penetration: displacement(i) - self.body.gap[i],
+            slip: [0.0; 2],
             pressure: force(i),
+            traction: [0.0; 2],
             parameter: parameters[0],
             second: parameters.get(1).copied().unwrap_or(0.0),
+            history: [0.0; MAX_HISTORY],
             r: self.scale,
-            ..LocalValues::default()
         };
         for d in 0..self.body.num_tangents() {
             let k = (d + 1) * p + i;
             v.slip[d] = displacement(k) - self.reference[k - p];
             v.traction[d] = force(k);
         }
-        let h = self.law.num_history();
-        v.history[..h].copy_from_slice(&self.history[i * h..(i + 1) * h]);
+        if !self.history.is_empty() {
+            let h = self.law.num_history();
+            v.history[..h].copy_from_slice(&self.history[i * h..(i + 1) * h]);
+        }
         v
     }
 
     fn at(&self, i: usize, z: &[f64]) -> LocalValues {
         let q = self.num_traces();
         self.values(i, |k| z[k], |k| z[q + k], &z[2 * q..])
+    }
+
+    /// The direction of the values of node i where z has the direction d.
+    fn direction(&self, i: usize, d: &[f64]) -> LocalRow {
+        let (p, q) = (self.body.num_contacts(), self.num_traces());
+        let mut row = LocalRow {
+            penetration: d[i],
+            pressure: d[q + i],
+            parameter: d[2 * q],
+            second: d.get(2 * q + 1).copied().unwrap_or(0.0),
+            ..LocalRow::default()
+        };
+        for t in 0..self.body.num_tangents() {
+            let k = (t + 1) * p + i;
+            row.slip[t] = d[k];
+            row.traction[t] = d[q + k];
+        }
+        row
     }
 
     /// The gradient with respect to z of a function of the values of node i.
@@ -252,9 +274,9 @@ impl<L: NodeLaw> PiecewiseSmooth for PerNode<L> {
         let mut rows = [LocalRow::default(); MAX_TESTS];
         for (i, chunk) in out.chunks_exact_mut(self.law.num_tests()).enumerate() {
             self.law.test_rows(&self.at(i, z), &mut rows);
+            let moved = self.direction(i, d);
             for (o, row) in chunk.iter_mut().zip(&rows) {
-                *o = 0.0;
-                self.scatter(i, row, |k, value| *o += value * d[k]);
+                *o = row.along(&moved);
             }
         }
     }
