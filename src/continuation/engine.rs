@@ -414,9 +414,8 @@ impl Curve<'_> {
 /// ‖ |J| (|x| + h |t|) ‖₂: the size of the terms that cancel in H.
 pub(super) fn term_size(jac: &Matrix, x: &[f64], h: f64, t: &[f64]) -> f64 {
     let mut sums = vec![0.0; jac.nrows()];
-    for (i, j, v) in jac.triplets() {
-        sums[i] += v.abs() * (x[j].abs() + h * t[j].abs());
-    }
+    let sizes: Vec<f64> = x.iter().zip(t).map(|(x, t)| x.abs() + h * t.abs()).collect();
+    jac.as_ref().add_term_sizes(&sizes, &mut sums);
     norm(&sums)
 }
 

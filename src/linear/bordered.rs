@@ -275,6 +275,12 @@ impl<L: LinearSolver> Bordered<L> {
         self.work.copy_from_slice(r);
         self.solver.solve_in_place(&mut self.work)?;
         insert(&self.work, self.frozen, 0.0, x);
+        self.move_along_kernel(t, slope, c, x);
+        check_finite(x, "").map_err(|_| LinearError::Inaccurate { residual: f64::NAN })
+    }
+
+    /// Moves x along the kernel to t·x = c.
+    fn move_along_kernel(&self, t: &[f64], slope: f64, c: f64, x: &mut [f64]) {
         // The second time for what cancellation left of the last row.
         for _ in 0..2 {
             let beta = (c - dot(t, x)) / slope;
@@ -282,7 +288,31 @@ impl<L: LinearSolver> Bordered<L> {
                 *x += beta * v;
             }
         }
-        check_finite(x, "").map_err(|_| LinearError::Inaccurate { residual: f64::NAN })
+    }
+
+    /// The inverse of [∇H; τᵀ], column-major, with τ the [`tangent`](Self::tangent).
+    pub(crate) fn inverse(&mut self, out: &mut [f64]) -> Result<(), LinearError> {
+        const BLOCK: usize = 32;
+        let n = self.pattern.nrows();
+        check_length("the inverse", (n + 1) * (n + 1), out)?;
+        let slope = self.slope(&self.tangent)?;
+        let (columns, last) = out.split_at_mut(n * (n + 1));
+        last.copy_from_slice(&self.tangent);
+        // Right-hand sides solved for together share their way through the factors.
+        let mut block = vec![0.0; n * BLOCK.min(n)];
+        for (first, columns) in columns.chunks_mut(BLOCK * (n + 1)).enumerate() {
+            let solved = &mut block[..columns.len() / (n + 1) * n];
+            solved.fill(0.0);
+            for (k, unit) in solved.chunks_exact_mut(n).enumerate() {
+                unit[first * BLOCK + k] = 1.0;
+            }
+            self.solver.solve_in_place(solved)?;
+            for (x, solved) in columns.chunks_exact_mut(n + 1).zip(solved.chunks_exact(n)) {
+                insert(solved, self.frozen, 0.0, x);
+                self.move_along_kernel(&self.tangent, slope, 0.0, x);
+            }
+        }
+        check_finite(columns, "").map_err(|_| LinearError::Inaccurate { residual: f64::NAN })
     }
 
     /// Solves the transposed system `∇Hᵀ y + s t = g` (`g` and `t` of length n + 1, `y` of length n) and returns `s`.

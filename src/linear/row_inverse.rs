@@ -3,7 +3,7 @@ use crate::sparse::{Matrix, dot};
 
 /// Change of the determinant by one row below which the update would lose too many digits.
 const SMALL_PIVOT: f64 = 1e-7;
-/// Updates after which the inverse is made anew.
+/// Updates after which the inverse is made anew, at least; so many as there are rows cost as much as making it anew.
 const MAX_UPDATES: usize = 100;
 /// Residual of the tangent, relative to the entries of ∇H, above which the inverse has decayed.
 const DECAY: f64 = 1e-10;
@@ -51,16 +51,7 @@ impl RowInverse {
             .map(|r| r.iter().fold(0.0, |m: f64, v| m.max(v.abs())))
             .collect();
         let mut inverse = vec![0.0; order * order];
-        let mut unit = vec![0.0; n];
-        for (k, column) in inverse.chunks_exact_mut(order).enumerate() {
-            if k < n {
-                unit[k] = 1.0;
-                bordered.solve(&unit, &border, 0.0, column)?;
-                unit[k] = 0.0;
-            } else {
-                column.copy_from_slice(&border);
-            }
-        }
+        bordered.inverse(&mut inverse)?;
         Ok(Some(Self {
             order,
             rows,
@@ -78,7 +69,7 @@ impl RowInverse {
     /// Replaces the given rows of ∇H by those of `jacobian`; false when the result is not to be trusted, and the inverse with it.
     pub(crate) fn replace(&mut self, jacobian: &Matrix, rows: &[usize]) -> bool {
         self.updates += 1;
-        if self.updates > MAX_UPDATES {
+        if self.updates > MAX_UPDATES.max(self.order) {
             return false;
         }
         for &i in rows {

@@ -318,9 +318,10 @@ impl<L: LinearSolver> MoorePenrose<L> {
     ) -> Result<[Vec<f64>; 2], PiecewiseError> {
         self.linearize(map, selection, x, Some(t))?;
         map.residual(selection, x, &mut self.r);
-        let mut errors: Vec<f64> = self.r.iter().map(|r| r.abs()).collect();
-        for (i, j, v) in self.jac.triplets() {
-            errors[i] += f64::EPSILON * (v * sizes[j]).abs();
+        let mut errors = vec![0.0; self.r.len()];
+        self.jac.as_ref().add_term_sizes(sizes, &mut errors);
+        for (e, r) in errors.iter_mut().zip(&self.r) {
+            *e = r.abs() + f64::EPSILON * *e;
         }
         let mut moves = [vec![0.0; x.len()], vec![0.0; x.len()]];
         // Multiples of an irrational number spread evenly: no row is favoured.

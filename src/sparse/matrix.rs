@@ -44,8 +44,32 @@ impl MatrixRef<'_> {
                 continue;
             }
             let span = p.col_ptr[j]..p.col_ptr[j + 1];
+            if span.len() == p.nrows {
+                // A full column needs no row numbers.
+                for (y, v) in y[..p.nrows].iter_mut().zip(&self.values[span]) {
+                    *y += c * v;
+                }
+                continue;
+            }
             for (&i, &v) in p.row_idx[span.clone()].iter().zip(&self.values[span]) {
                 y[i] += c * v;
+            }
+        }
+    }
+
+    /// Adds |A| w to `y`: the sizes of the terms of A x for |x| = w ≥ 0.
+    pub(crate) fn add_term_sizes(&self, w: &[f64], y: &mut [f64]) {
+        let p = &self.pattern;
+        for (j, w) in w.iter().enumerate().take(p.ncols) {
+            let span = p.col_ptr[j]..p.col_ptr[j + 1];
+            if span.len() == p.nrows {
+                for (y, v) in y[..p.nrows].iter_mut().zip(&self.values[span]) {
+                    *y += v.abs() * w;
+                }
+                continue;
+            }
+            for (&i, &v) in p.row_idx[span.clone()].iter().zip(&self.values[span]) {
+                y[i] += v.abs() * w;
             }
         }
     }
@@ -230,15 +254,25 @@ impl Matrix {
 
     /// Sets the given rows to zero.
     pub(crate) fn clear_rows(&mut self, rows: &[usize]) {
-        if self.pattern.is_full() {
-            for column in self.values.chunks_exact_mut(self.pattern.nrows().max(1)) {
-                rows.iter().for_each(|&i| column[i] = 0.0);
-            }
-            return;
-        }
-        for (v, i) in self.values.iter_mut().zip(self.pattern.row_idx()) {
-            if rows.contains(i) {
-                *v = 0.0;
+        self.for_rows(rows, |_, v| *v = 0.0);
+    }
+
+    /// Multiplies column j by `factors[j]` in the given rows, each named once.
+    pub(crate) fn scale_columns_in_rows(&mut self, factors: &[f64], rows: &[usize]) {
+        self.for_rows(rows, |j, v| *v *= factors[j]);
+    }
+
+    /// Calls `f` with the column and the value of each stored entry in the given rows.
+    fn for_rows(&mut self, rows: &[usize], mut f: impl FnMut(usize, &mut f64)) {
+        let full = self.pattern.is_full();
+        for j in 0..self.pattern.ncols() {
+            let span = self.pattern.col_ptr()[j]..self.pattern.col_ptr()[j + 1];
+            let column = &mut self.values[span.clone()];
+            if full {
+                rows.iter().for_each(|&i| f(j, &mut column[i]));
+            } else {
+                let entries = column.iter_mut().zip(&self.pattern.row_idx()[span]);
+                entries.filter(|e| rows.contains(e.1)).for_each(|e| f(j, e.0));
             }
         }
     }
@@ -295,9 +329,14 @@ impl Matrix {
 
     /// All stored entries as `(row, column, value)`, column by column.
     pub fn triplets(&self) -> impl Iterator<Item = (usize, usize, f64)> + '_ {
-        (0..self.ncols()).flat_map(move |j| {
-            (self.pattern.col_ptr()[j]..self.pattern.col_ptr()[j + 1])
-                .map(move |k| (self.pattern.row_idx()[k], j, self.values[k]))
+        let ends = &self.pattern.col_ptr()[1..];
+        let entries = self.pattern.row_idx().iter().zip(&self.values);
+        let mut j = 0;
+        entries.enumerate().map(move |(k, (&i, &v))| {
+            while ends[j] <= k {
+                j += 1;
+            }
+            (i, j, v)
         })
     }
 
