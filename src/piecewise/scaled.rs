@@ -11,6 +11,7 @@ pub(crate) struct Scaled<M: ?Sized> {
     /// D, rounded to powers of two so that scaling is exact; empty for the identity.
     sizes: Vec<f64>,
     buffers: RefCell<(Vec<f64>, Vec<f64>)>,
+    rows: RefCell<Vec<usize>>,
     /// Last, so that a reference to this can forget the type of the map.
     map: M,
 }
@@ -46,6 +47,7 @@ impl<M: PiecewiseSmooth> Scaled<M> {
         Ok(Self {
             sizes,
             buffers: RefCell::new((buffer.clone(), buffer)),
+            rows: RefCell::default(),
             map,
         })
     }
@@ -214,8 +216,19 @@ impl<M: PiecewiseSmooth + ?Sized> PiecewiseSmooth for Scaled<M> {
         self.map.site_rows(site, rows);
     }
     fn site_jacobian(&self, site: usize, selection: &Selection, z: &[f64], jac: &mut Matrix) -> bool {
-        // The other rows of `jac` are scaled already.
-        self.sizes.is_empty() && self.map.site_jacobian(site, selection, z, jac)
+        if self.sizes.is_empty() {
+            return self.map.site_jacobian(site, selection, z, jac);
+        }
+        let done = self.at(z, |x| self.map.site_jacobian(site, selection, x, jac));
+        if done {
+            // The other rows of `jac` are scaled already.
+            let mut rows = self.rows.borrow_mut();
+            self.map.site_rows(site, &mut rows);
+            rows.sort_unstable();
+            rows.dedup();
+            jac.scale_columns_in_rows(&self.sizes, &rows);
+        }
+        done
     }
     fn is_piecewise_affine(&self) -> bool {
         self.map.is_piecewise_affine()
