@@ -77,6 +77,11 @@ pub(super) struct Scratch {
     /// The point z = (v, λ, α) of the law, and a direction there.
     pub(super) z: Vec<f64>,
     dz: Vec<f64>,
+    /// The point x to which z belongs, in condensed form: residuals, test functions and derivatives are asked for at one x after the
+    /// other, and v costs as much as all the rest. Empty where z holds no v.
+    at: Vec<f64>,
+    /// Whether the law had reported tests when it was asked last.
+    reports: bool,
     pub(super) free: Free,
     jac: Matrix,
 }
@@ -86,6 +91,8 @@ impl Scratch {
         Self {
             z: vec![0.0; law.ncols()],
             dz: vec![0.0; law.ncols()],
+            at: Vec::with_capacity(law.ncols()),
+            reports: false,
             free: Free::new(operator, condensed),
             jac: Matrix::zeros(law.clone()),
         }
@@ -258,13 +265,16 @@ impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
                     s.z[k] = self.operator.trace(k).map(|(j, b)| b * x[j]).sum();
                 }
             }
+            Some(_) if same_bits(&s.at, x) => return,
             Some(reduced) => {
                 let load = &self.operator.load;
+                s.at.clear();
                 s.free.factors.set(load, &x[q..]);
                 reduced.motion(load, &mut s.free, &x[q..], &mut s.z[..q]);
                 for (k, v) in s.z[..q].iter_mut().enumerate() {
                     *v -= dot(reduced.row(k), &x[..q]);
                 }
+                s.at.extend_from_slice(x);
             }
         }
         s.z[q..].copy_from_slice(&x[first..]);
@@ -276,6 +286,7 @@ impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
         if self.law.is_piecewise_affine() && self.operator.load.base().is_some() {
             s.free.factors.set(&self.operator.load, &x[first + q..]);
             s.z[q..].copy_from_slice(&x[first..]);
+            s.at.clear();
         } else {
             self.law_point(x, s);
         }
@@ -434,10 +445,12 @@ impl<V: View, G: PiecewiseSmooth> PiecewiseSmooth for Interface<V, G> {
     fn reported_tests(&self, x: &[f64], out: &mut [f64]) -> bool {
         self.with_scratch(|s| {
             // Whether there are any is the same at every point: traces are computed only for those.
-            self.law.reported_tests(&s.z, out) && {
+            s.reports = s.reports || self.law.reported_tests(&s.z, out);
+            if s.reports {
                 self.law_point(x, s);
-                self.law.reported_tests(&s.z, out)
+                s.reports = self.law.reported_tests(&s.z, out);
             }
+            s.reports
         })
     }
 
@@ -466,9 +479,7 @@ impl<V: View, G: PiecewiseSmooth> PiecewiseSmooth for Interface<V, G> {
             self.point_of_derivatives(x, s);
             s.jac.clear();
             self.law.jacobian(selection, &s.z, &mut s.jac);
-            for entry in s.jac.triplets().filter(|e| e.2 != 0.0) {
-                self.add_gradient(&s.free, entry, jac);
-            }
+            nonzeros(&s.jac).for_each(|entry| self.add_gradient(&s.free, entry, jac));
         });
     }
 
@@ -478,9 +489,7 @@ impl<V: View, G: PiecewiseSmooth> PiecewiseSmooth for Interface<V, G> {
             s.jac.clear();
             let done = self.law.site_jacobian(site, selection, &s.z, &mut s.jac);
             if done {
-                for entry in s.jac.triplets().filter(|e| e.2 != 0.0) {
-                    self.add_gradient(&s.free, entry, jac);
-                }
+                nonzeros(&s.jac).for_each(|entry| self.add_gradient(&s.free, entry, jac));
             }
             done
         })
@@ -490,15 +499,18 @@ impl<V: View, G: PiecewiseSmooth> PiecewiseSmooth for Interface<V, G> {
         let (first, q) = (self.leading(), self.num_traces());
         self.with_scratch(|s| {
             self.point_of_derivatives(x, s);
-            for k in 0..q {
-                s.dz[k] = match self.view.reduced() {
-                    None => self.operator.trace(k).map(|(j, b)| b * d[j]).sum(),
-                    Some(reduced) => {
-                        let drift =
-                            |slot: usize| d[q + slot] * reduced.drift(&self.operator.load, &s.free, k, slot);
-                        (0..self.num_parameters()).map(drift).sum::<f64>() - dot(reduced.row(k), &d[..q])
+            match self.view.reduced() {
+                None => {
+                    for k in 0..q {
+                        s.dz[k] = self.operator.trace(k).map(|(j, b)| b * d[j]).sum();
                     }
-                };
+                }
+                Some(reduced) => {
+                    for (k, rate) in s.dz[..q].iter_mut().enumerate() {
+                        *rate = -dot(reduced.row(k), &d[..q]);
+                    }
+                    reduced.add_drift(&self.operator.load, &s.free, &d[q..], &mut s.dz[..q]);
+                }
             }
             s.dz[q..].copy_from_slice(&d[first..]);
             self.law.test_derivatives(&s.z, &s.dz, out);
@@ -525,6 +537,18 @@ impl<V: View, G: PiecewiseSmooth> PiecewiseSmooth for Interface<V, G> {
             }
         });
     }
+}
+
+/// The entries that are not zero, of which there are few when a single site has written its rows.
+fn nonzeros(a: &Matrix) -> impl Iterator<Item = (usize, usize, f64)> + '_ {
+    let (col_ptr, row_idx) = (a.pattern().col_ptr(), a.pattern().row_idx());
+    let entries = a.values().iter().enumerate().filter(|e| *e.1 != 0.0);
+    entries.map(move |(k, v)| (row_idx[k], col_ptr.partition_point(|c| *c <= k) - 1, *v))
+}
+
+/// Whether two points are the same to the sign of their zeros.
+fn same_bits(a: &[f64], b: &[f64]) -> bool {
+    a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.to_bits() == b.to_bits())
 }
 
 fn full_pattern(operator: &Operator, law: &Pattern) -> Result<Pattern, InterfaceError> {

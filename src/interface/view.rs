@@ -131,6 +131,16 @@ impl Reduced {
         }
     }
 
+    /// Adds the rate of w where the parameters move at the rates `d`.
+    pub(super) fn add_drift(&self, load: &LoadPath, free: &Free, d: &[f64], out: &mut [f64]) {
+        if self.free.is_none() {
+            add(d[0], &free.rate, out);
+        }
+        for (c, case) in self.cases.iter().enumerate() {
+            add(free.factors.rate[c] * d[load.slot(c)], case, out);
+        }
+    }
+
     /// ∂w_k/∂α or ∂w_k/∂β.
     pub(super) fn drift(&self, load: &LoadPath, free: &Free, k: usize, slot: usize) -> f64 {
         let mut sum = if self.free.is_none() && slot == 0 {

@@ -21,10 +21,33 @@ impl ActiveSet {
         theta: &[f64],
         vanishing: Vec<usize>,
     ) -> Self {
-        let mut base = Selection::uniform(layout.num_sites(), 0);
+        let base = Selection::uniform(layout.num_sites(), 0);
+        Self::of_sites(0..layout.num_sites(), base, (map, layout, theta), vanishing)
+    }
+
+    /// [`from_tests`](Self::from_tests) on the boundary of the cell of a selection that holds all its facets but those that vanish: at
+    /// the other sites the active piece is known.
+    pub(crate) fn beside<P: PiecewiseSmooth + ?Sized>(
+        map: &P,
+        layout: &TestLayout,
+        theta: &[f64],
+        vanishing: Vec<usize>,
+        selection: &Selection,
+    ) -> Self {
+        let mut sites: Vec<usize> = vanishing.iter().map(|&k| layout.locate(k).0).collect();
+        sites.dedup();
+        Self::of_sites(sites, selection.clone(), (map, layout, theta), vanishing)
+    }
+
+    fn of_sites<P: PiecewiseSmooth + ?Sized>(
+        sites: impl IntoIterator<Item = usize>,
+        mut base: Selection,
+        (map, layout, theta): (&P, &TestLayout, &[f64]),
+        vanishing: Vec<usize>,
+    ) -> Self {
         let mut multiple = Vec::new();
         let mut outside = Vec::new();
-        for site in 0..layout.num_sites() {
+        for site in sites {
             let range = layout.range(site);
             let vanishes = |f: &Facet| vanishing.binary_search(&(range.start + f.test())).is_ok();
             let tests = theta.get(range.clone()).unwrap_or_default();

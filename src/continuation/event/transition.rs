@@ -21,7 +21,14 @@ impl Curve<'_> {
     /// Passes the transition at `here`, where test function `index` vanishes.
     pub(in crate::continuation) fn pass_transition(&mut self, index: usize) -> Result<(), ContinuationError> {
         let vanishing = self.met_together(index)?;
-        let active = self.active_here(&vanishing)?;
+        let indices = vanishing.iter().map(|v| v.index).collect();
+        let active = ActiveSet::beside(
+            &self.map,
+            &self.layout,
+            &self.here.theta,
+            indices,
+            &self.selection,
+        );
         let simple =
             vanishing.len() == 1 && matches!(active.degenerate_sites(), [(_, pieces)] if pieces.len() == 2);
         let arms = if simple && self.here.orientation.is_some() {
