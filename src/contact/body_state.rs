@@ -1,7 +1,7 @@
 //! Displacements, forces and energies of the whole body at a solution.
 
 use super::error::check_length;
-use super::node_law::NodeLaw;
+use super::law::NodeLaw;
 use super::solution::{imbalance, judge};
 use super::{Contact, ContactError, ContactSolution};
 use crate::interface::{SupportState, View};

@@ -1,7 +1,7 @@
 //! Contact problems in Delassus form.
 
 use super::error::{check_finite, check_length};
-use super::node_law::{LocalValues, NodeLaw};
+use super::law::{LocalValues, NodeLaw};
 use super::{CondensedContact, ContactError, DelassusProblem};
 use crate::sparse::{Matrix, Pattern};
 

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use super::body_state::BodyState;
-use super::node_law::NodeLaw;
+use super::law::NodeLaw;
 use super::{Contact, ContactError, ContactOptions, ContactSolution};
 use crate::continuation::{
     Branch, Continuation, ContinuationError, ContinuationOptions, Direction, Event, Termination,

@@ -2,7 +2,7 @@ use std::borrow::Cow;
 use std::sync::Arc;
 
 use super::ContactBody;
-use super::node_law::{LocalRow, LocalValues, MAX_HISTORY, MAX_TESTS, NodeLaw};
+use super::law::{LocalRow, LocalValues, MAX_HISTORY, MAX_TESTS, NodeLaw};
 use crate::piecewise::{ExactPieces, Facet, PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, Pattern};
 

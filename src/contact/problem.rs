@@ -1,22 +1,12 @@
-use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use super::approach::lower;
 use super::error::{check_finite, check_length};
-use super::node_law::{LocalValues, NodeLaw};
+use super::law::{LocalValues, NodeLaw};
 use super::per_node::PerNode;
-use super::tries::{Observer, newton_step};
-use super::{
-    ContactBody, ContactError, ContactOptions, ContactProgress, ContactReport, ContactState,
-    FrictionCoefficient, LoadPath, PlanarCoulomb, strategy,
-};
+use super::{ContactBody, ContactError, ContactState, FrictionCoefficient, LoadPath, PlanarCoulomb};
 use crate::interface::{CondensedView, FullView, Interface, LoadCase, View};
-use crate::newton::Newton;
 use crate::piecewise::{PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, Pattern};
-
-/// Pressures and tractions up to which the way down is followed in condensed form, whose matrices are dense.
-const CONDENSED: usize = 10_000;
 
 /// A [`ContactBody`] under a [`NodeLaw`], in one of two views:
 ///
@@ -124,17 +114,6 @@ impl<L: NodeLaw> CondensedContact<L> {
         let mut parameters = vec![0.0; self.num_parameters()];
         parameters[0] = alpha;
         Ok(self.free_traces(&parameters)?)
-    }
-}
-
-impl<'a, V: View> Contact<V, &'a dyn NodeLaw> {
-    /// The condensed form under the load at α.
-    fn condensed_at(&self, alpha: f64) -> Result<CondensedContact<&'a dyn NodeLaw>, ContactError> {
-        let load = self.operator.load.frozen(&[alpha], self.num_displacements());
-        let mut condensed = CondensedContact::new(self.body().under(load)?, self.law.law)?;
-        condensed.law.reference.clone_from(&self.law.reference);
-        condensed.law.history.clone_from(&self.law.history);
-        Ok(condensed)
     }
 }
 
@@ -351,122 +330,11 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
         }))
     }
 
-    /// One Newton step from zero with the given states: the solution of the linear problem, where the law is affine in these states.
-    ///
-    /// # Errors
-    /// A singular problem.
-    pub fn start_with(&self, alpha: f64, states: &[ContactState]) -> Result<Vec<f64>, ContactError> {
-        check_finite("the parameter", &[alpha])?;
-        if states.len() != self.num_contacts() {
-            return Err(ContactError::Length {
-                what: "the list of states",
-                expected: self.num_contacts(),
-                found: states.len(),
-            });
-        }
-        let step = newton_step(self, &self.selection_of(states), self.zero(alpha))?;
-        step.ok_or(ContactError::SingularStart { parameter: alpha })
-    }
-
-    /// The start with all contact nodes sticking: the forces that keep them at u_ν = gap without slip.
-    ///
-    /// # Errors
-    /// As [`start_with`](Self::start_with).
-    pub fn stick_start(&self, alpha: f64) -> Result<Vec<f64>, ContactError> {
-        self.start_with(alpha, &vec![ContactState::Stick; self.num_contacts()])
-    }
-
-    /// A solution at fixed α by PS-Newton from the linear problem with the given states (open nodes may have any coefficient of friction);
-    /// where that fails as [`solve`](Self::solve) without a start.
-    ///
-    /// # Errors
-    /// [`ContactError::NegativeFriction`] where F(α) < 0 at a node that is not to be open; those of [`solve`](Self::solve); another number
-    /// of states than of nodes.
-    pub fn solve_from_states(&self, alpha: f64, states: &[ContactState]) -> Result<Vec<f64>, ContactError> {
-        let start = match self.start_with(alpha, states) {
-            Err(ContactError::SingularStart { .. }) => return self.solve(alpha, None),
-            start => start?,
-        };
-        let closed = |v: &LocalValues| states[v.node] != ContactState::Open;
-        for v in self.nodes(&self.zero(alpha)).iter().filter(|v| closed(v)) {
-            self.law.law.check(v)?;
-        }
-        let mut x = start;
-        match Newton::default().solve(self, &mut x) {
-            Ok(_) => Ok(x),
-            Err(_) => self.solve(alpha, None),
-        }
-    }
-
     /// x = 0 at α.
     pub(super) fn zero(&self, alpha: f64) -> Vec<f64> {
         let mut x = vec![0.0; self.num_vars()];
         x[self.num_residuals()] = alpha;
         x
-    }
-
-    /// A solution at fixed α: by PS-Newton from `start` (α is set; zero if there is none) and, where that fails, by the other
-    /// strategies of [`ContactStrategy`](super::ContactStrategy).
-    ///
-    /// A body that stands without contact has a solution under every law of this crate whose coefficients are continuous and
-    /// bounded; it need not be unique.
-    ///
-    /// # Errors
-    /// Coefficients of friction that are negative or not finite; [`ContactError::NoStart`], with the best iterate and its
-    /// history, when no strategy finds a solution.
-    pub fn solve(&self, alpha: f64, start: Option<&[f64]>) -> Result<Vec<f64>, ContactError> {
-        Ok(self.solve_reported(alpha, start)?.x)
-    }
-
-    /// [`solve`](Self::solve) with an account of all attempts.
-    ///
-    /// # Errors
-    /// As [`solve`](Self::solve).
-    pub fn solve_reported(&self, alpha: f64, start: Option<&[f64]>) -> Result<ContactReport, ContactError> {
-        self.solve_observed(alpha, start, &ContactOptions::default(), |_| {
-            ControlFlow::Continue(())
-        })
-    }
-
-    /// [`solve_reported`](Self::solve_reported) with options, telling `observe` of each attempt and each point on the way; it may stop
-    /// the search.
-    ///
-    /// # Errors
-    /// As [`solve`](Self::solve), and options out of range; a search stopped by `observe` or by `max_time` is a
-    /// [`ContactError::NoStart`] with [`Failure::Interrupted`](crate::newton::Failure::Interrupted).
-    pub fn solve_observed(
-        &self,
-        alpha: f64,
-        start: Option<&[f64]>,
-        options: &ContactOptions,
-        mut observe: impl FnMut(&ContactProgress) -> ControlFlow<()>,
-    ) -> Result<ContactReport, ContactError> {
-        // The search is compiled once for all laws.
-        let own: Contact<V, &dyn NodeLaw> = self.borrowed();
-        let mut condensed = None;
-        let mut descend = |way, see: &mut Observer<'_>| {
-            // The way down is followed on the contact nodes alone, where the body can be condensed.
-            if own.view.reduced().is_none() && own.num_traces() <= CONDENSED {
-                let condensed = condensed.get_or_insert_with(|| own.condensed_at(alpha).ok());
-                if let Some(condensed) = &*condensed {
-                    let mut end = lower(condensed, alpha, way, options, see)?;
-                    if let Some(end) = &mut end {
-                        end.x = condensed.expand(&end.x)?;
-                    }
-                    return Ok(end);
-                }
-            }
-            lower(&own, alpha, way, options, see)
-        };
-        strategy::solve(&own, alpha, start, options, &mut descend, &mut observe)
-    }
-
-    /// The same problem with its law borrowed.
-    fn borrowed(&self) -> Contact<V, &dyn NodeLaw> {
-        let law: &dyn NodeLaw = &self.law.law;
-        let mut own = self.under(law);
-        own.law.history.clone_from(&self.law.history);
-        own
     }
 
     /// The same body under another law.

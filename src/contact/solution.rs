@@ -1,7 +1,7 @@
 //! One result for every way to a solution.
 
 use super::ContactState;
-use super::node_law::{LocalValues, MAX_TESTS, NodeLaw};
+use super::law::{LocalValues, MAX_TESTS, NodeLaw};
 
 /// A solution of a contact problem, node by node: the same from the full form, the condensed form, the fixed point and the Delassus form.
 ///

@@ -1,4 +1,4 @@
-use super::{
+use crate::contact::{
     ContactBody, ContactError, ContactState, FrictionCoefficient, FullContact, LoadPath, PlanarCoulomb,
 };
 use crate::sparse::Matrix;
@@ -50,7 +50,7 @@ impl HildRenard {
     /// # Errors
     /// Values that are not finite; λ or μ not positive ([`ContactError::NotFinite`] names them).
     pub fn new(f_nu: f64, f_t: f64, lambda: f64, mu: f64) -> Result<Self, ContactError> {
-        super::error::check_finite("(f_nu, f_t, lambda, mu)", &[f_nu, f_t, lambda, mu])?;
+        crate::contact::error::check_finite("(f_nu, f_t, lambda, mu)", &[f_nu, f_t, lambda, mu])?;
         for (index, value) in [(2, lambda), (3, mu)] {
             if value <= 0.0 {
                 return Err(ContactError::Modulus {

@@ -1,8 +1,8 @@
 //! Newton's method for a condensed problem with all that is known node by node eliminated first.
 
-use super::Contact;
-use super::node_law::{LocalRow, NodeLaw};
-use super::solution::piece_of;
+use crate::contact::Contact;
+use crate::contact::law::{LocalRow, NodeLaw};
+use crate::contact::solution::piece_of;
 use crate::interface::View;
 use crate::linear::{DenseLu, LinearSolver};
 use crate::piecewise::PiecewiseSmooth;
@@ -130,7 +130,7 @@ fn pivot(m: &[[f64; 3]; 3], rows: std::ops::Range<usize>, blocks: usize, used: &
 /// Open nodes have known forces, in the plane slipping ones have λt = ±F λν, in space one of their three equations is one between
 /// forces alone: the order of the dense system is that of what is left, which is what makes large problems quick. Nothing is
 /// judged here: the result is a start for the general method.
-pub(super) fn reduced_newton<V: View>(
+pub(in crate::contact) fn reduced_newton<V: View>(
     problem: &Contact<V, &dyn NodeLaw>,
     x: &mut [f64],
     max_iterations: usize,

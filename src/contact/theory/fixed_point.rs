@@ -1,9 +1,9 @@
 use std::ops::ControlFlow;
 
-use super::CondensedContact;
-use super::given_bound::GivenBound;
-use super::node_law::NodeLaw;
-use super::{ContactError, ContactOptions};
+use crate::contact::CondensedContact;
+use crate::contact::law::GivenBound;
+use crate::contact::law::NodeLaw;
+use crate::contact::{ContactError, ContactOptions};
 use crate::options::setters;
 use crate::piecewise::{PiecewiseSmooth, Selection, select};
 use crate::sparse::norm;
@@ -147,10 +147,10 @@ pub fn fixed_point_observed<L: NodeLaw>(
     options.validate()?;
     let omega = options.relaxation;
     let q = problem.num_residuals();
-    super::error::check_length("the solution x", start, problem.num_vars())?;
+    crate::contact::error::check_length("the solution x", start, problem.num_vars())?;
     let begin = problem.nodes(start);
     let alpha = start[q];
-    let mut slips: Vec<f64> = begin.iter().map(super::LocalValues::slip_norm).collect();
+    let mut slips: Vec<f64> = begin.iter().map(crate::contact::LocalValues::slip_norm).collect();
     let mut pressures: Vec<f64> = begin.iter().map(|v| v.pressure.max(0.0)).collect();
     let mut nodes = begin;
     let mut inner = problem.with_law(GivenBound::new(
@@ -170,7 +170,7 @@ pub fn fixed_point_observed<L: NodeLaw>(
             .iter()
             .zip(&slips)
             .map(|(v, &phi)| {
-                let at = super::LocalValues {
+                let at = crate::contact::LocalValues {
                     slip: [phi, 0.0],
                     ..*v
                 };

@@ -1,8 +1,8 @@
 //! Ways to a solution from a problem solved easily: the body is lowered onto the foundation.
 
-use super::node_law::{LocalRow, LocalValues, NodeLaw};
 use super::tries::{Observer, newton_step};
-use super::{Contact, ContactError, ContactOptions, ContactProgress, ContactState, ContactStrategy};
+use crate::contact::law::{LocalRow, LocalValues, NodeLaw};
+use crate::contact::{Contact, ContactError, ContactOptions, ContactProgress, ContactState, ContactStrategy};
 use crate::continuation::{Arm, Continuation, ContinuationOptions, Direction, Event, Termination};
 use crate::interface::View;
 use crate::newton::Newton;
@@ -20,20 +20,20 @@ const SMALLEST: f64 = 1.0 / 512.0;
 
 /// A way down: its strategy, and which order of touching nodes it takes.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Way {
-    pub(super) strategy: ContactStrategy,
-    pub(super) trial: usize,
+pub(in crate::contact) struct Way {
+    pub(in crate::contact) strategy: ContactStrategy,
+    pub(in crate::contact) trial: usize,
 }
 
 /// What became of an attempt: the last point, in the variables of the form, and how many points were found on the way.
-pub(super) struct Arrival {
-    pub(super) x: Vec<f64>,
-    pub(super) points: usize,
-    pub(super) interrupted: bool,
+pub(in crate::contact) struct Arrival {
+    pub(in crate::contact) x: Vec<f64>,
+    pub(in crate::contact) points: usize,
+    pub(in crate::contact) interrupted: bool,
 }
 
 /// A law at fixed α whose parameter t lowers the body: the gap is wider by (1 − t) times the distance of the node.
-pub(super) struct Lowered<L> {
+pub(in crate::contact) struct Lowered<L> {
     law: L,
     alpha: f64,
     distances: Vec<f64>,
@@ -112,7 +112,7 @@ impl<L: NodeLaw> NodeLaw for Lowered<L> {
 /// Far above the foundation the only solution is that without contact forces, and all solutions on the way are bounded: the energy of
 /// the contact forces is at most the work of the load. As the law is continuous, the solutions on the way therefore include a
 /// continuum from the first problem to the last, which is a curve for almost all distances of the nodes.
-pub(super) fn lower<V: View>(
+pub(in crate::contact) fn lower<V: View>(
     form: &Contact<V, &dyn NodeLaw>,
     alpha: f64,
     way: Way,

@@ -1,9 +1,9 @@
 use super::node_law::{CLOSED, LocalRow, LocalValues, NodeLaw, OPEN, add_row, free, normal, theta1_row};
-use super::{ContactError, ContactState, FrictionCoefficient};
+use crate::contact::{ContactError, ContactState, FrictionCoefficient};
 use crate::piecewise::Facet;
 
 /// Planar Coulomb friction with the bound g = F λν, the form of Haslinger, Janovský and Ligurský;
-/// [`PlanarCoulomb`](super::PlanarCoulomb) has g = F (θ¹)₊.
+/// [`PlanarCoulomb`](crate::contact::PlanarCoulomb) has g = F (θ¹)₊.
 ///
 /// The same solutions and determinants; off solutions the open state splits ("open", "open, stick", "open, slip-"), and where
 /// λν < 0 the interval is reversed ("reversed", "open, reversed"). Along a branch an open node whose u_t changes sign passes from one open piece

@@ -1,6 +1,6 @@
 //! Laws of contact at one node, in the plane and in space.
 
-use super::{ContactError, ContactState};
+use crate::contact::{ContactError, ContactState};
 use crate::piecewise::Facet;
 
 /// Quantities at one contact node, and the augmentation parameter.
@@ -70,7 +70,7 @@ impl LocalRow {
     }
 
     /// The derivative in a direction of the values.
-    pub(super) fn along(&self, d: &Self) -> f64 {
+    pub(in crate::contact) fn along(&self, d: &Self) -> f64 {
         self.penetration * d.penetration
             + self.pressure * d.pressure
             + self.slip[0] * d.slip[0]
@@ -160,7 +160,7 @@ pub trait NodeLaw {
     fn update(&self, _v: &LocalValues, _history: &mut [f64]) {}
 
     /// Whether the coefficients of friction depend on the slip u_t of a level alone, and not on a history. A history of loading measures slips level by level
-    /// ([`evolve`](super::evolve)).
+    /// ([`evolve`](crate::contact::evolve)).
     fn depends_on_slip(&self) -> bool {
         false
     }
@@ -217,11 +217,11 @@ borrowed! {
     fn state(&self, piece: usize, v: &LocalValues) -> ContactState;
 }
 
-pub(super) const CLOSED: Facet = Facet::positive(0);
-pub(super) const OPEN: Facet = Facet::negative(0);
+pub(in crate::contact) const CLOSED: Facet = Facet::positive(0);
+pub(in crate::contact) const OPEN: Facet = Facet::negative(0);
 
 /// H_ν of a piece and its derivatives.
-pub(super) fn normal(closed: bool, v: &LocalValues) -> (f64, LocalRow) {
+pub(in crate::contact) fn normal(closed: bool, v: &LocalValues) -> (f64, LocalRow) {
     let mut row = LocalRow::default();
     if closed {
         row.penetration = -v.r;
@@ -233,17 +233,17 @@ pub(super) fn normal(closed: bool, v: &LocalValues) -> (f64, LocalRow) {
 }
 
 /// λt of an open node.
-pub(super) fn free(d: usize) -> LocalRow {
+pub(in crate::contact) fn free(d: usize) -> LocalRow {
     let mut row = LocalRow::default();
     row.traction[d] = 1.0;
     row
 }
 
-pub(super) fn theta1_row(v: &LocalValues) -> LocalRow {
+pub(in crate::contact) fn theta1_row(v: &LocalValues) -> LocalRow {
     LocalRow::theta1(v.r)
 }
 
-pub(super) fn add_row(target: &mut LocalRow, scale: f64, other: &LocalRow) {
+pub(in crate::contact) fn add_row(target: &mut LocalRow, scale: f64, other: &LocalRow) {
     target.add(scale, other);
 }
 

@@ -1,5 +1,5 @@
 use super::node_law::{CLOSED, LocalRow, LocalValues, NodeLaw, OPEN, add_row, free, normal, theta1_row};
-use super::{ContactError, ContactState};
+use crate::contact::{ContactError, ContactState};
 use crate::piecewise::Facet;
 
 /// Friction with a given bound (Tresca): ‖F⁻¹ λt‖ ≤ g with g ≥ 0 and F = diag(F₁, F₂) given at each node, whatever the pressure.
@@ -25,7 +25,7 @@ impl GivenBound {
                 body: 2,
             });
         }
-        super::error::check_length("the given bounds", &bounds, coefficients.len())?;
+        crate::contact::error::check_length("the given bounds", &bounds, coefficients.len())?;
         for (node, (g, f)) in bounds.iter().zip(&coefficients).enumerate() {
             for value in [*g, f[0], f[1]] {
                 if !(value >= 0.0 && value.is_finite()) {

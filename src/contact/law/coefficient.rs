@@ -3,7 +3,7 @@
 use std::fmt;
 use std::sync::Arc;
 
-use super::{ContactError, LocalValues};
+use crate::contact::{ContactError, LocalValues};
 
 type CurveFunction = Arc<dyn Fn(f64) -> (f64, f64) + Send + Sync>;
 type ParameterFunction = Arc<dyn Fn(usize, f64) -> [f64; 2] + Send + Sync>;
@@ -11,7 +11,7 @@ type NodeFunction = Arc<dyn Fn(usize, f64, f64) -> [f64; 3] + Send + Sync>;
 
 /// A coefficient of friction F(ξ) against the slip ξ = ‖u_t‖ ≥ 0.
 ///
-/// In the static problem u_t is the whole tangential displacement. In a history of loading ([`evolve`](super::evolve)) slips are measured
+/// In the static problem u_t is the whole tangential displacement. In a history of loading ([`evolve`](crate::contact::evolve)) slips are measured
 /// anew in each level, and ξ is the slip of the level and of all levels before it together: Σ ‖Δu_t‖.
 ///
 /// ```
@@ -269,7 +269,7 @@ impl FrictionCoefficient {
     /// # Errors
     /// No values, values below 0 or not finite.
     pub fn nodal(values: Vec<f64>) -> Result<Self, ContactError> {
-        super::error::check_finite("the list of coefficients of friction", &values)?;
+        crate::contact::error::check_finite("the list of coefficients of friction", &values)?;
         if let Some(node) = values.iter().position(|v| *v < 0.0) {
             return Err(ContactError::NegativeFriction {
                 node,
@@ -291,12 +291,12 @@ impl FrictionCoefficient {
     /// # Errors
     /// No values, lists of different lengths, values that are not finite; constants below 0 where all slopes are 0.
     pub fn affine(constant: Vec<f64>, slope: Vec<f64>) -> Result<Self, ContactError> {
-        super::error::check_length(
+        crate::contact::error::check_length(
             "the slopes of the coefficient of friction",
             &slope,
             constant.len(),
         )?;
-        super::error::check_finite("the coefficient of friction", &constant)?;
+        crate::contact::error::check_finite("the coefficient of friction", &constant)?;
         if constant.is_empty() || slope.iter().all(|s| *s == 0.0) {
             return Self::nodal(constant);
         }
@@ -318,7 +318,7 @@ impl FrictionCoefficient {
     /// # Errors
     /// No values, values that are not finite.
     pub fn with_second(mut self, slope: Vec<f64>) -> Result<Self, ContactError> {
-        super::error::check_finite("the friction of the second parameter", &slope)?;
+        crate::contact::error::check_finite("the friction of the second parameter", &slope)?;
         if slope.is_empty() {
             return Err(ContactError::Empty {
                 what: "there is no friction of the second parameter",
@@ -401,7 +401,7 @@ impl FrictionCoefficient {
     }
 
     /// F, ∂F/∂ξ, ∂F/∂α and ∂F/∂β at the slip of a level, to which that of the levels before is added.
-    pub(super) fn at(&self, v: &LocalValues, slip: f64) -> [f64; 4] {
+    pub(in crate::contact) fn at(&self, v: &LocalValues, slip: f64) -> [f64; 4] {
         let [value, slope, rate] = self.value(v.node, v.history[0] + slip, v.parameter);
         match &self.second {
             Some(second) => {
@@ -413,17 +413,17 @@ impl FrictionCoefficient {
     }
 
     /// Whether F depends on α, and may become negative.
-    pub(super) fn depends_on_parameter(&self) -> bool {
+    pub(in crate::contact) fn depends_on_parameter(&self) -> bool {
         self.second.is_some() || !matches!(self.shape, Shape::Uniform(_) | Shape::PerNode { .. })
     }
 
     /// How many nodes it is for; `None`: any.
-    pub(super) fn num_nodes(&self) -> Option<usize> {
+    pub(in crate::contact) fn num_nodes(&self) -> Option<usize> {
         self.nodes
     }
 
     /// [c, s] where F = c + α s at a node, and nothing else.
-    pub(super) fn affine_at(&self, node: usize) -> Option<[f64; 2]> {
+    pub(in crate::contact) fn affine_at(&self, node: usize) -> Option<[f64; 2]> {
         match &self.shape {
             _ if self.is_constant() => Some([self.value(node, 0.0, 0.0)[0], 0.0]),
             // Factors would round coefficients.
@@ -433,7 +433,7 @@ impl FrictionCoefficient {
     }
 
     /// Whether F may depend on the slip.
-    pub(super) fn depends_on_slip(&self) -> bool {
+    pub(in crate::contact) fn depends_on_slip(&self) -> bool {
         match &self.shape {
             Shape::Uniform(curve) | Shape::Scaled(curve) => !curve.is_constant(),
             Shape::PerNode { constant, .. } => !constant,
@@ -443,7 +443,7 @@ impl FrictionCoefficient {
     }
 
     /// Whether F depends on nothing but the node.
-    pub(super) fn is_constant(&self) -> bool {
+    pub(in crate::contact) fn is_constant(&self) -> bool {
         !self.depends_on_parameter() && !self.depends_on_slip()
     }
 }

@@ -1,9 +1,9 @@
 //! Constants that bound the fixed-point map Ψ of the friction problem, and what follows for uniqueness (Haslinger, Kučera, Vlach 2008).
 
-use super::CondensedContact;
-use super::ContactError;
-use super::error::check_length;
-use super::node_law::NodeLaw;
+use crate::contact::CondensedContact;
+use crate::contact::ContactError;
+use crate::contact::error::check_length;
+use crate::contact::law::NodeLaw;
 use crate::linear::{
     AutoSolver, Condensation, LinearError, LinearSolver, dense_zeros, eigenvalues, generalized_eigenvalues,
     symmetric_eigenvalues,
@@ -241,11 +241,11 @@ pub fn friction_bounds<L: NodeLaw>(
     for node in 0..problem.num_contacts() {
         let mut last: Option<[f64; 2]> = None;
         for k in 0..samples {
-            let v = super::LocalValues {
+            let v = crate::contact::LocalValues {
                 node,
                 slip: [step * k as f64, 0.0],
                 parameter: alpha,
-                ..super::LocalValues::default()
+                ..crate::contact::LocalValues::default()
             };
             problem.node_law().check(&v)?;
             let f = problem.node_law().friction(&v);

@@ -2,13 +2,13 @@
 
 use std::fmt;
 
-use super::approach::{Arrival, Way};
-use super::error::{check_finite, check_length};
-use super::node_law::{LocalValues, NodeLaw};
+use super::lowering::{Arrival, Way};
 use super::reduced::reduced_newton;
 use super::tries::{Observer, Tries, timed};
-use super::{Contact, ContactError, ContactOptions};
 use crate::clock::Deadline;
+use crate::contact::error::{check_finite, check_length};
+use crate::contact::law::{LocalValues, NodeLaw};
+use crate::contact::{Contact, ContactError, ContactOptions};
 use crate::interface::View;
 use crate::newton::Failure;
 use crate::piecewise::PiecewiseSmooth;
@@ -107,7 +107,7 @@ impl ContactReport {
 }
 
 /// Runs the strategies from `start` (α is set); `lower` makes the way down.
-pub(super) fn solve<V: View>(
+pub(in crate::contact) fn solve<V: View>(
     form: &Contact<V, &dyn NodeLaw>,
     alpha: f64,
     start: Option<&[f64]>,
@@ -150,7 +150,8 @@ pub(super) fn solve<V: View>(
 }
 
 /// Takes a way down.
-pub(super) type Lower<'a> = dyn FnMut(Way, &mut Observer<'_>) -> Result<Option<Arrival>, ContactError> + 'a;
+pub(in crate::contact) type Lower<'a> =
+    dyn FnMut(Way, &mut Observer<'_>) -> Result<Option<Arrival>, ContactError> + 'a;
 
 struct Search<'a, 'o, V> {
     form: &'a Contact<V, &'a dyn NodeLaw>,

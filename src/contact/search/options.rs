@@ -1,10 +1,10 @@
 use std::time::Duration;
 
-use super::ContactError;
+use crate::contact::ContactError;
 use crate::newton::{NewtonError, NewtonOptions};
 use crate::options::setters;
 
-/// Options of the search for a solution at fixed α ([`CondensedContact::solve_observed`](super::CondensedContact::solve_observed)). The
+/// Options of the search for a solution at fixed α ([`CondensedContact::solve_observed`](crate::contact::CondensedContact::solve_observed)). The
 /// defaults need no touching.
 ///
 /// ```

@@ -2,17 +2,17 @@
 
 use std::ops::ControlFlow;
 
-use super::{ContactError, ContactOptions, ContactProgress, ContactStrategy};
 use crate::clock::Deadline;
+use crate::contact::{ContactError, ContactOptions, ContactProgress, ContactStrategy};
 use crate::linear::{AutoSolver, LinearSolver};
 use crate::newton::{Failure, Iteration, Newton, NewtonError};
 use crate::piecewise::{PiecewiseSmooth, Selection};
 use crate::sparse::Matrix;
 
-pub(super) type Observer<'a> = dyn FnMut(&ContactProgress) -> ControlFlow<()> + 'a;
+pub(in crate::contact) type Observer<'a> = dyn FnMut(&ContactProgress) -> ControlFlow<()> + 'a;
 
 /// Runs of Newton's method; of those that fail the best one is kept.
-pub(super) struct Tries<'a, 'o> {
+pub(in crate::contact) struct Tries<'a, 'o> {
     newton: Newton,
     deadline: Deadline,
     observe: &'a mut Observer<'o>,
@@ -20,21 +20,25 @@ pub(super) struct Tries<'a, 'o> {
     /// The failure with the smallest residual.
     best: Option<(f64, NewtonError)>,
     /// Stopped by the observer, or out of time.
-    pub(super) interrupted: bool,
+    pub(in crate::contact) interrupted: bool,
 }
 
 /// What became of a run.
-pub(super) struct Outcome {
-    pub(super) solved: bool,
-    pub(super) iterations: usize,
-    pub(super) residual_norm: f64,
+pub(in crate::contact) struct Outcome {
+    pub(in crate::contact) solved: bool,
+    pub(in crate::contact) iterations: usize,
+    pub(in crate::contact) residual_norm: f64,
     /// `None` for a solution, and for a linear solver that refused.
-    pub(super) failure: Option<Failure>,
+    pub(in crate::contact) failure: Option<Failure>,
 }
 
 impl<'a, 'o> Tries<'a, 'o> {
     /// `observe` is to look at the deadline itself.
-    pub(super) fn new(options: &ContactOptions, deadline: Deadline, observe: &'a mut Observer<'o>) -> Self {
+    pub(in crate::contact) fn new(
+        options: &ContactOptions,
+        deadline: Deadline,
+        observe: &'a mut Observer<'o>,
+    ) -> Self {
         Self {
             newton: Newton::new(options.newton.clone()),
             deadline,
@@ -45,12 +49,12 @@ impl<'a, 'o> Tries<'a, 'o> {
         }
     }
 
-    pub(super) fn observer(&mut self) -> &mut Observer<'o> {
+    pub(in crate::contact) fn observer(&mut self) -> &mut Observer<'o> {
         self.observe
     }
 
     /// Newton's method from x.
-    pub(super) fn run(
+    pub(in crate::contact) fn run(
         &mut self,
         map: &dyn PiecewiseSmooth,
         x: &mut [f64],
@@ -95,7 +99,7 @@ impl<'a, 'o> Tries<'a, 'o> {
     }
 
     /// The error when all has failed.
-    pub(super) fn no_start(self, parameter: f64) -> ContactError {
+    pub(in crate::contact) fn no_start(self, parameter: f64) -> ContactError {
         let Some((_, mut source)) = self.best else {
             return ContactError::Empty {
                 what: "no start was tried",
@@ -114,7 +118,7 @@ impl<'a, 'o> Tries<'a, 'o> {
 }
 
 /// The observer, which also stops when time is over.
-pub(super) fn timed<'a>(
+pub(in crate::contact) fn timed<'a>(
     deadline: Deadline,
     observe: &'a mut Observer<'_>,
 ) -> impl FnMut(&ContactProgress) -> ControlFlow<()> + 'a {
@@ -125,7 +129,7 @@ pub(super) fn timed<'a>(
 }
 
 /// One Newton step of a selection from x, `None` where its Jacobian is singular.
-pub(super) fn newton_step(
+pub(in crate::contact) fn newton_step(
     map: &dyn PiecewiseSmooth,
     selection: &Selection,
     mut x: Vec<f64>,

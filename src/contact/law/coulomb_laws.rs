@@ -1,7 +1,7 @@
 //! Coulomb friction in the plane and in space with coefficients that depend on node, slip and parameter.
 
 use super::node_law::{CLOSED, LocalRow, LocalValues, NodeLaw, OPEN, add_row, free, normal, theta1_row};
-use super::{ContactError, ContactState, FrictionCoefficient};
+use crate::contact::{ContactError, ContactState, FrictionCoefficient};
 use crate::piecewise::Facet;
 
 /// Planar Coulomb friction |λt| ≤ F λν with F = F(x, |u_t|, α). Pieces "open", "stick", "slip+", "slip-"; test functions θ¹, θ², θ³
@@ -162,7 +162,7 @@ impl NodeLaw for PlanarCoulomb {
     }
 }
 
-pub(super) fn check_coefficient(
+pub(in crate::contact) fn check_coefficient(
     coefficient: &FrictionCoefficient,
     v: &LocalValues,
     positive: bool,

@@ -1,0 +1,11 @@
+//! The search for a solution at fixed parameter.
+
+mod lowering;
+mod options;
+mod reduced;
+mod solve;
+mod strategy;
+mod tries;
+
+pub use options::ContactOptions;
+pub use strategy::{ContactAttempt, ContactProgress, ContactReport, ContactStrategy};

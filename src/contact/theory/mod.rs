@@ -1,0 +1,13 @@
+//! What is known of solutions: constants of the fixed-point map and what follows for uniqueness, the fixed-point iteration itself, and
+//! the one-element model in closed form.
+
+mod constants;
+mod fixed_point;
+mod hild_renard;
+
+pub use constants::{
+    FixedPointBound, UniquenessConstants, check_multipliers, critical_friction, friction_bounds,
+    friction_derivative, inf_sup_constant, pressure_norm,
+};
+pub use fixed_point::{FixedPointOptions, FixedPointReport, fixed_point, fixed_point_observed};
+pub use hild_renard::{HildRenard, HildRenardBranch, HildRenardCase};
