@@ -10,6 +10,9 @@ impl<L: NodeLaw> CondensedContact<L> {
     /// multiplied by F where that differs along t₁ and t₂ (then with coefficient 1). Solutions come back by
     /// [`point_of_reactions`](Self::point_of_reactions).
     ///
+    /// # Complexity
+    /// O(q²) operations; the matrix is dense and takes 16 q² bytes.
+    ///
     /// # Errors
     /// [`ContactError::NotCoulomb`] unless the law is Coulomb's with coefficients that do not depend on the slip.
     pub fn delassus(&self, alpha: f64) -> Result<DelassusProblem, ContactError> {

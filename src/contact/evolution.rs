@@ -135,6 +135,10 @@ impl Arrival {
 /// step and may stop. The problem keeps the last reference of its slips and its history. Limits of time in the options are those of one
 /// step.
 ///
+/// # Complexity
+/// The sum of that of [`Branch::follow`](crate::continuation::Branch::follow) over the levels: O(q²) operations for each transition in condensed
+/// form with an affine law, O(q³) for each point with another one.
+///
 /// # Errors
 /// A law whose coefficients depend on the slip but has no history, unless [`EvolutionOptions::slip_increments`] is set
 /// ([`ContactError::SlipOfLevels`]). Wrong lengths, levels that are not finite, options out of range, levels at which no solution is

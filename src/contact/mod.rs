@@ -14,6 +14,7 @@ mod exact;
 #[cfg(feature = "json")]
 mod folder;
 mod law;
+mod multipliers;
 mod per_node;
 mod problem;
 mod search;
@@ -40,12 +41,13 @@ pub use law::{
     ContactState, FrictionCoefficient, FrictionCurve, Frictionless, GivenBound, LocalRow, LocalValues,
     MAX_HISTORY, MAX_TESTS, MultiplierCoulomb, NodeLaw, OrthotropicCoulomb, PlanarCoulomb,
 };
+pub use multipliers::{check_multipliers, inf_sup_constant};
 pub use per_node::PerNode;
 pub use problem::{CondensedContact, Contact, FullContact};
 pub use search::{ContactAttempt, ContactOptions, ContactProgress, ContactReport, ContactStrategy};
 pub use solution::{ContactEnergy, ContactResiduals, ContactSolution};
 pub use theory::{
     FixedPointBound, FixedPointOptions, FixedPointReport, HildRenard, HildRenardBranch, HildRenardCase,
-    UniquenessConstants, check_multipliers, critical_friction, fixed_point, fixed_point_observed,
-    friction_bounds, friction_derivative, inf_sup_constant, pressure_norm,
+    UniquenessConstants, critical_friction, fixed_point, fixed_point_observed, friction_bounds,
+    friction_derivative, pressure_norm,
 };

@@ -96,6 +96,9 @@ impl FullContact<PlanarCoulomb> {
 impl<L: NodeLaw> CondensedContact<L> {
     /// Condenses a body. r as in full form.
     ///
+    /// # Complexity
+    /// That of [`Condensation::new`](crate::linear::Condensation::new) with q = 2p in the plane and 3p in space.
+    ///
     /// # Errors
     /// A law of another dimension, A that is not symmetric or not positive definite.
     pub fn new(body: ContactBody, law: L) -> Result<Self, ContactError> {

@@ -17,6 +17,9 @@ impl<G: PiecewiseSmooth> InterfaceProblem<G> {
 
     /// The problem condensed onto its multipliers.
     ///
+    /// # Complexity
+    /// That of [`Condensation::new`](crate::linear::Condensation::new) and one solve for each load case.
+    ///
     /// # Errors
     /// [`InterfaceError::NotSymmetric`]; [`LinearError::NotPositiveDefinite`](crate::linear::LinearError::NotPositiveDefinite);
     /// failures of the solves.

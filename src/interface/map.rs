@@ -197,6 +197,9 @@ impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
 
     /// The point (u, λ, α) of the full form: one solve in condensed form.
     ///
+    /// # Complexity
+    /// That of [`Condensation::expand`](crate::linear::Condensation::expand) in condensed form.
+    ///
     /// # Errors
     /// Wrong length, values that are not finite.
     pub fn expand(&self, x: &[f64]) -> Result<Vec<f64>, InterfaceError> {
@@ -223,6 +226,9 @@ impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
     }
 
     /// The traces v = B u at x.
+    ///
+    /// # Complexity
+    /// O(q²) operations in condensed form; linear in the entries of B in full form.
     ///
     /// # Errors
     /// Wrong length, values that are not finite.

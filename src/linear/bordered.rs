@@ -124,7 +124,8 @@ impl<L: LinearSolver> Bordered<L> {
 
     /// Factors ∇H. `hint` is an approximate tangent (length n + 1) from which the frozen coordinate is chosen.
     ///
-    /// Cost: one factorisation of the solver and one solve, more only where the choice of k was poor. Large systems
+    /// # Complexity
+    /// One factorisation of the solver and one solve, more only where the choice of k was poor. Large systems
     /// (n > [`DENSE_LIMIT`]) keep k as long as it is not poor, so that the symbolic analysis is reused.
     ///
     /// # Errors

@@ -34,6 +34,10 @@ const HEAVY: f64 = 2e10;
 /// Only the lower triangle of A is read (the pattern may hold the upper one too; it is taken to be symmetric, not checked).
 /// The fill-reducing order and all memory are reused as long as the pattern stays. The matrix is scaled by powers of two to a
 /// diagonal near 1 first; [`rcond`](LinearSolver::rcond) is that of the scaled matrix.
+///
+/// # Complexity
+/// On a mesh of n nodes about n^1.5 operations and n log n numbers in the plane, n² operations and n^1.33 numbers in space; a solve is linear
+/// in the entries of the factor.
 #[derive(Clone, Default)]
 pub struct Cholesky {
     pattern: PatternMemory,

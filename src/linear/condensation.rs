@@ -39,6 +39,10 @@ pub struct Condensation {
 impl Condensation {
     /// Factors A and forms C.
     ///
+    /// # Complexity
+    /// One sparse Cholesky factorisation of A, with nested dissection on a mesh about n^1.5 operations in the plane and n² in space, and
+    /// q² k operations for C with k unknowns touched by B. C takes 16 q² bytes.
+    ///
     /// # Errors
     /// Shapes that do not fit ([`LinearError::Shape`], [`LinearError::NotSquare`]), A not positive definite; more than 50 000 rows of
     /// B, or unknowns that it touches ([`LinearError::TooLarge`]).
@@ -95,6 +99,10 @@ impl Condensation {
 
     /// B A⁻¹ f for one load or several: f holds n values for each, the result q for each.
     ///
+    /// # Complexity
+    /// A forward substitution for each load, which is linear in the entries of the factor (about n log n in the plane, n^1.33 in space), and
+    /// q k operations with k unknowns touched by B.
+    ///
     /// # Errors
     /// A right-hand side of the wrong length or not finite.
     pub fn traces_of_solution(&self, f: &[f64]) -> Result<Vec<f64>, LinearError> {
@@ -113,6 +121,9 @@ impl Condensation {
     }
 
     /// Overwrites f by u = A⁻¹ (f − Bᵀ λ).
+    ///
+    /// # Complexity
+    /// Two substitutions, linear in the entries of the factor (about n log n in the plane, n^1.33 in space).
     ///
     /// # Errors
     /// Wrong lengths, values that are not finite.

@@ -19,7 +19,10 @@ fn sorted(mut values: Vec<f64>) -> Vec<f64> {
     values
 }
 
-/// The eigenvalues of a symmetric matrix (its lower triangle is read), increasing. Dense: O(n³).
+/// The eigenvalues of a symmetric matrix (its lower triangle is read), increasing.
+///
+/// # Complexity
+/// Dense: O(n³) operations and 8 n² bytes.
 ///
 /// # Errors
 /// Matrices that are not square or not finite; [`LinearError::TooLarge`]; [`LinearError::Solver`] should the iteration not converge.
@@ -37,7 +40,10 @@ pub fn symmetric_eigenvalues(a: &Matrix) -> Result<Vec<f64>, LinearError> {
     Ok(sorted(values.iter().map(|v| v * unit * unit).collect()))
 }
 
-/// The eigenvalues λ of A v = λ B v, A symmetric, B symmetric positive definite, increasing. Dense: O(n³).
+/// The eigenvalues λ of A v = λ B v, A symmetric, B symmetric positive definite, increasing.
+///
+/// # Complexity
+/// Dense: O(n³) operations and a few times 8 n² bytes.
 ///
 /// # Errors
 /// As [`symmetric_eigenvalues`]; different orders; B not positive definite.
@@ -66,7 +72,10 @@ pub fn generalized_eigenvalues(a: &Matrix, b: &Matrix) -> Result<Vec<f64>, Linea
     Ok(sorted(values.iter().map(|v| v * unit * unit).collect()))
 }
 
-/// The eigenvalues (real part, imaginary part) of any square matrix. Dense: O(n³).
+/// The eigenvalues (real part, imaginary part) of any square matrix.
+///
+/// # Complexity
+/// Dense: O(n³) operations and 8 n² bytes.
 ///
 /// # Errors
 /// As [`symmetric_eigenvalues`].

@@ -12,7 +12,10 @@ pub struct NullSpace {
     pub singular_values: Vec<f64>,
 }
 
-/// Kernels of `a` by singular values, those at most `rtol` times the largest counting as zero. Dense: O(n³).
+/// Kernels of `a` by singular values, those at most `rtol` times the largest counting as zero.
+///
+/// # Complexity
+/// Dense: O(n³) operations and 8 n² bytes, n the longer side.
 ///
 /// # Errors
 /// [`LinearError::NotFinite`]; [`LinearError::TooLarge`]; [`LinearError::Solver`] should the iteration not converge.

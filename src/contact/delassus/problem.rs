@@ -128,6 +128,9 @@ impl DelassusProblem {
 
     /// u = M r + q.
     ///
+    /// # Complexity
+    /// Linear in the entries of M: O(n²) where that is dense.
+    ///
     /// # Errors
     /// [`DelassusError::Length`] unless r has one entry an unknown, [`DelassusError::NotFinite`].
     pub fn velocities(&self, r: &[f64]) -> Result<Vec<f64>, DelassusError> {
@@ -150,6 +153,9 @@ impl DelassusProblem {
     /// It is taken in scaled variables, S⁻¹ r and S u with one factor a contact by which the mean diagonal entry of its block of S M S is
     /// 1, and sizeᵢ = max(‖rᵢ‖, ‖uᵢ‖, ‖qᵢ‖, ‖Mᵢⱼ rⱼ‖ over all j) is that of the terms that cancel there (at least 1e-12 of the largest
     /// one), so that it depends neither on the units of M and q nor on how the forces at other contacts compare.
+    ///
+    /// # Complexity
+    /// Linear in the entries of M: O(n²) where that is dense.
     ///
     /// # Errors
     /// As [`velocities`](Self::velocities).

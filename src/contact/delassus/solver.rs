@@ -99,6 +99,10 @@ impl DelassusSolver {
 
     /// Solves from r = 0.
     ///
+    /// # Complexity
+    /// Each step of Newton's or the interior-point method factors a matrix of order n, the number of forces: O(n³) operations where M is
+    /// dense. A sweep of the local method is linear in the entries of M.
+    ///
     /// # Errors
     /// [`DelassusError::Option`] names an option out of range. A failed run is told by the status of the report.
     pub fn solve(&self, problem: &DelassusProblem) -> Result<DelassusReport, DelassusError> {

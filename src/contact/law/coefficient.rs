@@ -3,7 +3,8 @@
 use std::fmt;
 use std::sync::Arc;
 
-use crate::contact::{ContactError, LocalValues};
+use super::LocalValues;
+use crate::contact::ContactError;
 
 type CurveFunction = Arc<dyn Fn(f64) -> (f64, f64) + Send + Sync>;
 type ParameterFunction = Arc<dyn Fn(usize, f64) -> [f64; 2] + Send + Sync>;
@@ -401,7 +402,7 @@ impl FrictionCoefficient {
     }
 
     /// F, ∂F/∂ξ, ∂F/∂α and ∂F/∂β at the slip of a level, to which that of the levels before is added.
-    pub(in crate::contact) fn at(&self, v: &LocalValues, slip: f64) -> [f64; 4] {
+    pub(super) fn at(&self, v: &LocalValues, slip: f64) -> [f64; 4] {
         let [value, slope, rate] = self.value(v.node, v.history[0] + slip, v.parameter);
         match &self.second {
             Some(second) => {
@@ -413,17 +414,17 @@ impl FrictionCoefficient {
     }
 
     /// Whether F depends on α, and may become negative.
-    pub(in crate::contact) fn depends_on_parameter(&self) -> bool {
+    pub(super) fn depends_on_parameter(&self) -> bool {
         self.second.is_some() || !matches!(self.shape, Shape::Uniform(_) | Shape::PerNode { .. })
     }
 
     /// How many nodes it is for; `None`: any.
-    pub(in crate::contact) fn num_nodes(&self) -> Option<usize> {
+    pub(super) fn num_nodes(&self) -> Option<usize> {
         self.nodes
     }
 
     /// [c, s] where F = c + α s at a node, and nothing else.
-    pub(in crate::contact) fn affine_at(&self, node: usize) -> Option<[f64; 2]> {
+    pub(super) fn affine_at(&self, node: usize) -> Option<[f64; 2]> {
         match &self.shape {
             _ if self.is_constant() => Some([self.value(node, 0.0, 0.0)[0], 0.0]),
             // Factors would round coefficients.
@@ -433,7 +434,7 @@ impl FrictionCoefficient {
     }
 
     /// Whether F may depend on the slip.
-    pub(in crate::contact) fn depends_on_slip(&self) -> bool {
+    pub(super) fn depends_on_slip(&self) -> bool {
         match &self.shape {
             Shape::Uniform(curve) | Shape::Scaled(curve) => !curve.is_constant(),
             Shape::PerNode { constant, .. } => !constant,
@@ -443,7 +444,7 @@ impl FrictionCoefficient {
     }
 
     /// Whether F depends on nothing but the node.
-    pub(in crate::contact) fn is_constant(&self) -> bool {
+    pub(super) fn is_constant(&self) -> bool {
         !self.depends_on_parameter() && !self.depends_on_slip()
     }
 }
@@ -451,4 +452,28 @@ impl FrictionCoefficient {
 fn of_slip(curve: &FrictionCurve, slip: f64) -> [f64; 3] {
     let (value, slope) = curve.value(slip);
     [value, slope, 0.0]
+}
+
+/// Checks a coefficient at a point; where the law divides by it, it must be positive.
+pub(super) fn check_coefficient(
+    coefficient: &FrictionCoefficient,
+    v: &LocalValues,
+    positive: bool,
+) -> Result<(), ContactError> {
+    let values = coefficient.at(v, v.slip_norm());
+    if values.iter().any(|f| !f.is_finite()) {
+        return Err(ContactError::NotFinite {
+            what: "the coefficient of friction or a derivative of it, at node",
+            index: v.node,
+            value: values.into_iter().find(|f| !f.is_finite()).unwrap_or(f64::NAN),
+        });
+    }
+    if values[0] < 0.0 || (positive && values[0] == 0.0) {
+        return Err(ContactError::NegativeFriction {
+            node: v.node,
+            parameter: v.parameter,
+            value: values[0],
+        });
+    }
+    Ok(())
 }

@@ -1,5 +1,6 @@
+use super::ContactState;
 use super::node_law::{CLOSED, LocalRow, LocalValues, NodeLaw, OPEN, add_row, free, normal, theta1_row};
-use crate::contact::{ContactError, ContactState};
+use crate::contact::ContactError;
 use crate::piecewise::Facet;
 
 /// Friction with a given bound (Tresca): ‖F⁻¹ λt‖ ≤ g with g ≥ 0 and F = diag(F₁, F₂) given at each node, whatever the pressure.

@@ -1,15 +1,19 @@
 //! Laws of contact at one node: the only place where friction is written.
 
 mod coefficient;
-mod coulomb_laws;
+mod frictionless;
 mod given_bound;
-mod multiplier_coulomb;
+mod multiplier;
 mod node_law;
+mod orthotropic;
+mod planar;
 mod state;
 
 pub use coefficient::{FrictionCoefficient, FrictionCurve};
-pub use coulomb_laws::{OrthotropicCoulomb, PlanarCoulomb};
+pub use frictionless::Frictionless;
 pub use given_bound::GivenBound;
-pub use multiplier_coulomb::MultiplierCoulomb;
-pub use node_law::{Frictionless, LocalRow, LocalValues, MAX_HISTORY, MAX_TESTS, NodeLaw};
+pub use multiplier::MultiplierCoulomb;
+pub use node_law::{LocalRow, LocalValues, MAX_HISTORY, MAX_TESTS, NodeLaw};
+pub use orthotropic::OrthotropicCoulomb;
+pub use planar::PlanarCoulomb;
 pub use state::ContactState;

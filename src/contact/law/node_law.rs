@@ -1,6 +1,7 @@
 //! Laws of contact at one node, in the plane and in space.
 
-use crate::contact::{ContactError, ContactState};
+use super::ContactState;
+use crate::contact::ContactError;
 use crate::piecewise::Facet;
 
 /// Quantities at one contact node, and the augmentation parameter.
@@ -217,11 +218,11 @@ borrowed! {
     fn state(&self, piece: usize, v: &LocalValues) -> ContactState;
 }
 
-pub(in crate::contact) const CLOSED: Facet = Facet::positive(0);
-pub(in crate::contact) const OPEN: Facet = Facet::negative(0);
+pub(super) const CLOSED: Facet = Facet::positive(0);
+pub(super) const OPEN: Facet = Facet::negative(0);
 
 /// H_ν of a piece and its derivatives.
-pub(in crate::contact) fn normal(closed: bool, v: &LocalValues) -> (f64, LocalRow) {
+pub(super) fn normal(closed: bool, v: &LocalValues) -> (f64, LocalRow) {
     let mut row = LocalRow::default();
     if closed {
         row.penetration = -v.r;
@@ -233,89 +234,16 @@ pub(in crate::contact) fn normal(closed: bool, v: &LocalValues) -> (f64, LocalRo
 }
 
 /// λt of an open node.
-pub(in crate::contact) fn free(d: usize) -> LocalRow {
+pub(super) fn free(d: usize) -> LocalRow {
     let mut row = LocalRow::default();
     row.traction[d] = 1.0;
     row
 }
 
-pub(in crate::contact) fn theta1_row(v: &LocalValues) -> LocalRow {
+pub(super) fn theta1_row(v: &LocalValues) -> LocalRow {
     LocalRow::theta1(v.r)
 }
 
-pub(in crate::contact) fn add_row(target: &mut LocalRow, scale: f64, other: &LocalRow) {
+pub(super) fn add_row(target: &mut LocalRow, scale: f64, other: &LocalRow) {
     target.add(scale, other);
-}
-
-/// Frictionless contact: λt = 0. Pieces "open", "closed".
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Frictionless {
-    tangents: usize,
-}
-
-impl Frictionless {
-    /// In the plane (one tangent).
-    #[must_use]
-    pub const fn plane() -> Self {
-        Self { tangents: 1 }
-    }
-
-    /// In space (two tangents).
-    #[must_use]
-    pub const fn space() -> Self {
-        Self { tangents: 2 }
-    }
-}
-
-impl NodeLaw for Frictionless {
-    fn num_tangents(&self) -> usize {
-        self.tangents
-    }
-
-    fn num_pieces(&self) -> usize {
-        2
-    }
-
-    fn num_tests(&self) -> usize {
-        1
-    }
-
-    fn cell(&self, piece: usize) -> &'static [Facet] {
-        if piece == 0 { &[OPEN] } else { &[CLOSED] }
-    }
-
-    fn piece_name(&self, piece: usize) -> &'static str {
-        if piece == 0 { "open" } else { "slip" }
-    }
-
-    fn state(&self, piece: usize, v: &LocalValues) -> ContactState {
-        match piece {
-            0 => ContactState::Open,
-            _ => ContactState::slipping(v.traction[0]),
-        }
-    }
-
-    fn tests(&self, v: &LocalValues, out: &mut [f64]) {
-        out[0] = v.theta1();
-    }
-
-    fn test_rows(&self, v: &LocalValues, rows: &mut [LocalRow]) {
-        rows[0] = theta1_row(v);
-    }
-
-    fn residual(&self, piece: usize, v: &LocalValues) -> [f64; 3] {
-        [normal(piece == 1, v).0, v.traction[0], v.traction[1]]
-    }
-
-    fn rows(&self, piece: usize, v: &LocalValues) -> [LocalRow; 3] {
-        [normal(piece == 1, v).1, free(0), free(1)]
-    }
-
-    fn is_affine(&self) -> bool {
-        true
-    }
-
-    fn is_coulomb(&self) -> bool {
-        true
-    }
 }

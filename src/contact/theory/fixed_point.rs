@@ -124,6 +124,9 @@ impl FixedPointReport {
 /// The fixed-point iteration of Haslinger, Kučera and Vlach (2008): Ψ(φ, g) = (‖u_t‖, λν) of the problem with friction coefficients
 /// F(φ) and given bound g. Each inner problem (Tresca friction) is solved by PS-Newton. The iteration starts with φ and g of `start`.
 ///
+/// # Complexity
+/// Each iteration is a [`solve`](CondensedContact::solve) from the solution before.
+///
 /// # Errors
 /// Wrong lengths, options out of range, inner problems that cannot be solved. Not to converge is no error.
 pub fn fixed_point<L: NodeLaw>(

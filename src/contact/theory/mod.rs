@@ -6,8 +6,8 @@ mod fixed_point;
 mod hild_renard;
 
 pub use constants::{
-    FixedPointBound, UniquenessConstants, check_multipliers, critical_friction, friction_bounds,
-    friction_derivative, inf_sup_constant, pressure_norm,
+    FixedPointBound, UniquenessConstants, critical_friction, friction_bounds, friction_derivative,
+    pressure_norm,
 };
 pub use fixed_point::{FixedPointOptions, FixedPointReport, fixed_point, fixed_point_observed};
 pub use hild_renard::{HildRenard, HildRenardBranch, HildRenardCase};

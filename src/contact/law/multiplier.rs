@@ -1,5 +1,8 @@
-use super::node_law::{CLOSED, LocalRow, LocalValues, NodeLaw, OPEN, add_row, free, normal, theta1_row};
-use crate::contact::{ContactError, ContactState, FrictionCoefficient};
+use super::coefficient::check_coefficient;
+use super::node_law::{CLOSED, LocalRow, LocalValues, NodeLaw, OPEN, normal};
+use super::planar::{Tangential, WALL, test_rows, tests};
+use super::{ContactState, FrictionCoefficient};
+use crate::contact::ContactError;
 use crate::piecewise::Facet;
 
 /// Planar Coulomb friction with the bound g = F λν, the form of Haslinger, Janovský and Ligurský;
@@ -11,14 +14,6 @@ use crate::piecewise::Facet;
 #[derive(Debug, Clone)]
 pub struct MultiplierCoulomb {
     coefficient: FrictionCoefficient,
-}
-
-/// The tangential formula of a piece. Between −g and g reversed (g < 0) the projection continues continuously as z ↦ −z.
-#[derive(Clone, Copy)]
-enum Tangential {
-    Stick,
-    Slip(f64),
-    Reversed,
 }
 
 impl MultiplierCoulomb {
@@ -36,16 +31,20 @@ impl MultiplierCoulomb {
         Ok(Self { coefficient })
     }
 
-    /// g and its derivatives.
-    fn bound(&self, v: &LocalValues) -> (f64, LocalRow) {
+    /// g = F λν.
+    fn bound(&self, v: &LocalValues) -> f64 {
+        self.coefficient.at(v, 0.0)[0] * v.pressure
+    }
+
+    /// The derivatives of g.
+    fn bound_row(&self, v: &LocalValues) -> LocalRow {
         let [f, _, rate, second] = self.coefficient.at(v, 0.0);
-        let row = LocalRow {
+        LocalRow {
             pressure: f,
             parameter: rate * v.pressure,
             second: second * v.pressure,
             ..LocalRow::default()
-        };
-        (f * v.pressure, row)
+        }
     }
 
     fn is_closed(piece: usize) -> bool {
@@ -80,7 +79,6 @@ impl NodeLaw for MultiplierCoulomb {
     }
 
     fn cell(&self, piece: usize) -> &'static [Facet] {
-        const WALL: Facet = Facet::positive(3).wall();
         const CELLS: [&[Facet]; 8] = [
             &[OPEN, Facet::positive(1), Facet::positive(2)],
             &[CLOSED, Facet::negative(1), Facet::positive(2), WALL],
@@ -118,55 +116,25 @@ impl NodeLaw for MultiplierCoulomb {
     }
 
     fn tests(&self, v: &LocalValues, out: &mut [f64]) {
-        let (z, g) = (v.traction[0] + v.r * v.slip[0], self.bound(v).0);
-        out[0] = v.theta1();
-        out[1] = z - g;
-        out[2] = z + g;
-        out[3] = if self.coefficient.depends_on_parameter() {
-            self.coefficient.at(v, 0.0)[0]
-        } else {
-            1.0
-        };
+        tests(&self.coefficient, v, [self.bound(v); 2], out);
     }
 
     fn test_rows(&self, v: &LocalValues, rows: &mut [LocalRow]) {
-        rows[0] = theta1_row(v);
-        for (row, side) in rows[1..3].iter_mut().zip([1.0, -1.0]) {
-            *row = free(0);
-            row.slip[0] = v.r;
-            add_row(row, -side, &self.bound(v).1);
-        }
-        rows[3] = LocalRow::default();
-        if self.coefficient.depends_on_parameter() {
-            let [_, _, rate, second] = self.coefficient.at(v, 0.0);
-            rows[3].parameter = rate;
-            rows[3].second = second;
-        }
+        test_rows(&self.coefficient, v, &[self.bound_row(v); 2], rows);
     }
 
     fn residual(&self, piece: usize, v: &LocalValues) -> [f64; 3] {
-        let tangential = match Self::tangential(piece) {
-            Tangential::Stick => -v.r * v.slip[0],
-            Tangential::Slip(side) => v.traction[0] - side * self.bound(v).0,
-            Tangential::Reversed => 2.0 * v.traction[0] + v.r * v.slip[0],
-        };
+        let tangential = Self::tangential(piece).residual(v, |_| self.bound(v));
         [normal(Self::is_closed(piece), v).0, tangential, 0.0]
     }
 
     fn rows(&self, piece: usize, v: &LocalValues) -> [LocalRow; 3] {
-        let mut row = LocalRow::default();
-        match Self::tangential(piece) {
-            Tangential::Stick => row.slip[0] = -v.r,
-            Tangential::Slip(side) => {
-                row = free(0);
-                add_row(&mut row, -side, &self.bound(v).1);
-            }
-            Tangential::Reversed => {
-                row.slip[0] = v.r;
-                row.traction[0] = 2.0;
-            }
-        }
-        [normal(Self::is_closed(piece), v).1, row, LocalRow::default()]
+        let tangential = Self::tangential(piece).row(v, |_| self.bound_row(v));
+        [
+            normal(Self::is_closed(piece), v).1,
+            tangential,
+            LocalRow::default(),
+        ]
     }
 
     fn is_affine(&self) -> bool {
@@ -182,6 +150,6 @@ impl NodeLaw for MultiplierCoulomb {
     }
 
     fn check(&self, v: &LocalValues) -> Result<(), ContactError> {
-        super::coulomb_laws::check_coefficient(&self.coefficient, v, false)
+        check_coefficient(&self.coefficient, v, false)
     }
 }
