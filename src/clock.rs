@@ -28,28 +28,22 @@ impl Clock {
     }
 }
 
-/// When a run has to end.
+/// When a run has to end, if it has to: where time is not limited the clock is not read.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Deadline {
-    clock: Clock,
-    limit: Option<Duration>,
-}
+pub(crate) struct Deadline(Option<(Clock, Duration)>);
 
 impl Deadline {
     pub(crate) fn after(limit: Option<Duration>) -> Self {
-        Self {
-            clock: Clock::start(),
-            limit,
-        }
+        Self(limit.map(|limit| (Clock::start(), limit)))
     }
 
     /// That of a run whose clock began earlier.
     pub(crate) fn of(clock: Clock, limit: Option<Duration>) -> Self {
-        Self { clock, limit }
+        Self(limit.map(|limit| (clock, limit)))
     }
 
     pub(crate) fn is_over(self) -> bool {
-        self.limit.is_some_and(|limit| self.clock.elapsed() >= limit)
+        self.0.is_some_and(|(clock, limit)| clock.elapsed() >= limit)
     }
 
     pub(crate) fn flow(self) -> ControlFlow<()> {
@@ -61,14 +55,11 @@ impl Deadline {
 
     /// When half of what is left has passed.
     pub(crate) fn half(self) -> Self {
-        Self {
-            clock: Clock::start(),
-            limit: self.left().map(|left| left / 2),
-        }
+        Self::after(self.left().map(|left| left / 2))
     }
 
     /// What is left of the limit.
     pub(crate) fn left(self) -> Option<Duration> {
-        self.limit.map(|limit| limit.saturating_sub(self.clock.elapsed()))
+        self.0.map(|(clock, limit)| limit.saturating_sub(clock.elapsed()))
     }
 }

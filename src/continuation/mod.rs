@@ -11,6 +11,7 @@ mod event;
 pub(crate) mod extended;
 mod natural;
 mod options;
+mod pursuit;
 mod record;
 mod restored;
 mod save;
@@ -28,6 +29,7 @@ pub use diagram::{
 };
 pub use error::ContinuationError;
 pub use options::{ContinuationOptions, Strategy};
+pub(crate) use pursuit::pursue;
 pub use record::{
     Arm, BranchPoint, Event, MonitorCrossing, Point, PointKind, SiteChange, SmoothFold, Termination,
     Transition, TransitionKind,

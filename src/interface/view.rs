@@ -1,6 +1,6 @@
 use std::sync::Arc;
 
-use super::load::{Factors, LoadPath, add};
+use super::load::{Factors, LoadCase, LoadPath, add};
 use super::operator::Operator;
 use crate::linear::{Condensation, LinearError};
 
@@ -58,14 +58,21 @@ impl CondensedView {
     }
 
     fn with(condensation: Arc<Condensation>, load: &LoadPath) -> Result<Self, LinearError> {
-        let free = load
-            .base()
-            .map(|f| condensation.traces_of_solution(f))
-            .transpose()?;
-        let cases = load
-            .parts()
-            .map(|case| condensation.traces_of_solution(case.forces()))
-            .collect::<Result<_, _>>()?;
+        let constant = load.base();
+        let all: Vec<&[f64]> = constant
+            .into_iter()
+            .chain(load.parts().map(LoadCase::forces))
+            .collect();
+        let mut cases: Vec<Vec<f64>> = if all.is_empty() {
+            Vec::new()
+        } else {
+            let q = condensation.compliance().nrows();
+            let motions = condensation.traces_of_solution(&all.concat())?;
+            (0..all.len())
+                .map(|k| motions[k * q..(k + 1) * q].to_vec())
+                .collect()
+        };
+        let free = constant.map(|_| cases.remove(0));
         Ok(Self(Arc::new(Reduced {
             condensation,
             free,

@@ -3,7 +3,7 @@
 use super::tries::{Observer, newton_step};
 use crate::contact::law::{LocalRow, LocalValues, NodeLaw};
 use crate::contact::{Contact, ContactError, ContactOptions, ContactProgress, ContactState, ContactStrategy};
-use crate::continuation::{Arm, Continuation, ContinuationOptions, Direction, Event, Termination};
+use crate::continuation::{ContinuationOptions, pursue};
 use crate::interface::View;
 use crate::newton::Newton;
 use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
@@ -202,8 +202,7 @@ fn increments(
     end
 }
 
-/// The end of the curve from x, measured in the given units, or its point with the largest parameter; at a branching along the arm on
-/// which the parameter grows fastest.
+/// The end of the curve from x, measured in the given units, or its point with the largest parameter.
 fn follow(
     map: &dyn PiecewiseSmooth,
     x: &[f64],
@@ -219,44 +218,14 @@ fn follow(
         .with_max_points(limits.max_points)
         .with_max_nodes(limits.max_nodes)
         .with_max_growth(1e8)
-        .with_typical_sizes(units.clone());
-    let mut curve = Continuation::new(map, x, Direction::Increasing, options.clone()).ok()?;
-    let mut best = Arrival {
-        x: x.to_vec(),
-        points: 0,
-        interrupted: false,
-    };
-    for branching in 0.. {
-        let mut end = None;
-        while let Some(Ok(event)) = curve.next() {
-            best.points += 1;
-            if event.x()[last] > best.x[last] {
-                best.x.copy_from_slice(event.x());
-            }
-            if see(event.x()[last]) {
-                best.interrupted = true;
-                return Some(best);
-            }
-            end = Some(event);
-        }
-        match (curve.termination(), end) {
-            (Some(Termination::Branching), Some(Event::Transition(t)))
-                if best.points < limits.max_points && branching < limits.max_branchings =>
-            {
-                let length = |t: &[f64]| {
-                    t.iter()
-                        .zip(&units)
-                        .map(|(t, d)| (t / d).powi(2))
-                        .sum::<f64>()
-                        .sqrt()
-                };
-                let rate = |a: &Arm| a.tangent[last] / length(&a.tangent);
-                let arm = t.arms.iter().max_by(|a, b| rate(a).total_cmp(&rate(b)))?;
-                let left = options.clone().with_max_points(limits.max_points - best.points);
-                curve = Continuation::along_arm(map, &t.x, arm, left).ok()?;
-            }
-            _ => break,
-        }
-    }
-    Some(best)
+        .with_typical_sizes(units);
+    let left = |points: usize| limits.max_points.saturating_sub(points);
+    let end = pursue(map, x, &options, limits.max_branchings, &left, &mut |event| {
+        see(event.x()[last])
+    })?;
+    Some(Arrival {
+        x: end.x,
+        points: end.points,
+        interrupted: end.interrupted,
+    })
 }

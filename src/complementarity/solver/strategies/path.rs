@@ -1,8 +1,11 @@
 //! Curves from α = 0 to α = 1 by the crate's continuation.
 
 use crate::complementarity::solver::engine::Engine;
-use crate::continuation::{Continuation, ContinuationOptions, Direction, Event, Termination};
+use crate::continuation::{ContinuationOptions, pursue};
 use crate::piecewise::PiecewiseSmooth;
+
+/// Most branchings on a path.
+const BRANCHINGS: usize = 7;
 
 /// The last point of a path.
 pub(super) struct End {
@@ -32,39 +35,14 @@ impl Engine<'_> {
         x.push(0.0);
         let size = y.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
         let options = self.path_options(size, least);
-        let mut curve = Continuation::new(map, &x, Direction::Increasing, options.clone()).ok()?;
-        let mut nearest = End {
-            x: x.clone(),
-            reached: false,
-        };
-        for _ in 0..8 {
-            let mut last = None;
-            for event in curve.by_ref() {
-                let Ok(event) = event else { break };
-                let p = event.x();
-                if p[n] > nearest.x[n] {
-                    nearest.x.copy_from_slice(p);
-                }
-                self.report.iterations += 1;
-                if self.exhausted().is_some() {
-                    return Some(nearest);
-                }
-                last = Some(event);
-            }
-            match (curve.termination(), last) {
-                (Some(Termination::ParameterRange), Some(event)) if event.x()[n] > 0.5 => {
-                    nearest.x.copy_from_slice(event.x());
-                    nearest.reached = true;
-                    break;
-                }
-                (Some(Termination::Branching), Some(Event::Transition(t))) => {
-                    let rate = |a: &crate::continuation::Arm| a.tangent[n];
-                    let arm = t.arms.iter().max_by(|a, b| rate(a).total_cmp(&rate(b)))?;
-                    curve = Continuation::along_arm(map, &t.x, arm, options.clone()).ok()?;
-                }
-                _ => break,
-            }
-        }
-        Some(nearest)
+        let each = options.max_points;
+        let end = pursue(&map, &x, &options, BRANCHINGS, &|_| each, &mut |_| {
+            self.report.iterations += 1;
+            self.exhausted().is_some()
+        })?;
+        Some(End {
+            x: end.x,
+            reached: end.reached,
+        })
     }
 }
