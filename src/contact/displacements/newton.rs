@@ -8,7 +8,7 @@ use super::node::Node;
 use super::system::{KrylovOutcome, ReducedStep, ReducedSystem};
 use super::{ReducedIteration, ReducedOptions, ReducedReport, ReducedStrategy, ReducedTimes};
 use crate::clock::{Clock, Deadline};
-use crate::contact::node_law::{LocalValues, NodeLaw};
+use crate::contact::law::{LocalValues, NodeLaw};
 use crate::contact::{ContactError, ContactResiduals, ContactState};
 
 /// Full steps without a residual half as large as the best one, after which steps are damped.

@@ -1,6 +1,6 @@
 //! What the law says at one node, solved for the forces or for the displacements.
 
-use crate::contact::node_law::{LocalRow, LocalValues, NodeLaw};
+use crate::contact::law::{LocalRow, LocalValues, NodeLaw};
 use crate::contact::solution::piece_of;
 use crate::contact::{ContactError, ContactState};
 

@@ -12,7 +12,6 @@ use crate::contact::{
 };
 use crate::interface::View;
 use crate::newton::Newton;
-use crate::piecewise::PiecewiseSmooth;
 
 /// Pressures and tractions up to which the way down is followed in condensed form, whose matrices are dense.
 const CONDENSED: usize = 10_000;
