@@ -12,6 +12,10 @@ use crate::sparse::Matrix;
 /// [`local_uniqueness`] at a solution x, with the rule of the continuation for vanishing test functions
 /// ([`vanishing_distance`](ContinuationOptions::vanishing_distance)) and its cap on active selections.
 ///
+/// # Complexity
+/// Each active selection, up to [`max_selections`](ContinuationOptions::max_selections) of the kᵖ at p sites with k active pieces each, takes
+/// a factorisation of ∇_yH and a solve for each column of `load`.
+///
 /// # Errors
 /// As [`local_uniqueness`].
 ///

@@ -1,15 +1,11 @@
 use std::collections::VecDeque;
 use std::fmt;
 
-use super::event::arms::{ArmSearch, Arms, RANK, TANGENTIAL, vanishing_at};
-use super::event::watch::Watch;
-use super::{Arm, ContinuationError, ContinuationOptions, Event, Point, PointKind, Strategy, Termination};
-use crate::clock::{Clock, Deadline};
-use crate::linear::{LinearSolver, null_space};
+use super::{ContinuationError, ContinuationOptions, Event, Point, PointKind, Termination};
+use crate::clock::Clock;
+use crate::linear::LinearSolver;
 use crate::newton::MoorePenrose;
-use crate::piecewise::{
-    ActiveSet, PiecewiseError, PiecewiseSmooth, Scaled, Selection, TestLayout, Vanishing,
-};
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Scaled, Selection, TestLayout, Vanishing};
 use crate::sparse::{Matrix, norm};
 
 /// |α̇| up to which ∇_yH counts as singular in the reported sign of its determinant.
@@ -35,6 +31,25 @@ pub(super) struct State {
 
 /// The solver of the corrector, whichever it is.
 pub(super) type Solver<'a> = Box<dyn LinearSolver + Send + 'a>;
+
+/// A function of x = (y, α) that threads may share.
+pub(super) type Function<'a> = Box<dyn Fn(&[f64]) -> f64 + Send + Sync + 'a>;
+
+/// A function of x, and the side of its zero set on which the curve runs.
+pub(super) struct Watch<'a> {
+    pub(super) name: String,
+    pub(super) function: Function<'a>,
+    pub(super) stops: bool,
+    /// Sign of the function before its next zero; 0 as long as it has vanished exactly. Kept apart from values, which are rounding
+    /// errors at a zero that has just been passed.
+    pub(super) side: f64,
+}
+
+impl Watch<'_> {
+    pub(super) fn value(&self, x: &[f64]) -> f64 {
+        (self.function)(x)
+    }
+}
 
 /// A curve that is being followed. It is compiled once: all that computes is written for a map of any type, `Curve<'_>`. Kept is the
 /// map as it was given, so that a curve can be sent to another thread if its map can be shared; see [`erased`](Curve::erased).
@@ -123,182 +138,6 @@ impl<'a> Curve<'a> {
         self.termination.get_or_insert(Termination::Stopped);
     }
 
-    pub(super) fn vanishing_here(&self, forced: &[usize]) -> Vec<Vanishing> {
-        vanishing_at(
-            &self.map,
-            &self.layout,
-            &self.here.x,
-            &self.here.theta,
-            self.options.vanishing_distance,
-            forced,
-        )
-    }
-
-    pub(super) fn active_here(&self, vanishing: &[Vanishing]) -> Result<ActiveSet, ContinuationError> {
-        let indices = vanishing.iter().map(|v| v.index).collect();
-        Ok(ActiveSet::from_tests(
-            &self.map,
-            &self.layout,
-            &self.here.theta,
-            indices,
-        ))
-    }
-
-    pub(super) fn all_arms(&mut self, vanishing: &[Vanishing]) -> Result<Arms, ContinuationError> {
-        let active = self.active_here(vanishing)?;
-        if let Some(&site) = active.outside().first() {
-            return Err(ContinuationError::Outside {
-                site: self.map.site_name(site).into_owned(),
-            });
-        }
-        Ok(self.search(vanishing).all(&active)?)
-    }
-
-    pub(super) fn search<'s>(
-        &'s mut self,
-        vanishing: &'s [Vanishing],
-    ) -> ArmSearch<'s, Scaled<dyn PiecewiseSmooth + 'a>, Solver<'a>> {
-        ArmSearch {
-            map: &self.map,
-            corrector: &mut self.corrector,
-            options: &self.options,
-            x: &self.here.x,
-            vanishing,
-            singular: None,
-            deadline: self.clock.map_or(Deadline::after(None), |clock| {
-                Deadline::of(clock, self.options.max_time)
-            }),
-        }
-    }
-
-    /// Leaves `here` along `arm`: freezes its selection and finds what has to be watched.
-    pub(super) fn adopt(&mut self, arm: &Arm, vanishing: &[Vanishing]) -> Result<(), ContinuationError> {
-        self.selection.copy_from(&arm.selection);
-        self.here.t.copy_from_slice(&arm.tangent);
-        self.grazing.clear();
-        self.grazing.extend(
-            vanishing
-                .iter()
-                .filter(|v| arm.grazing.contains(&v.site))
-                .filter(|v| v.rate(&arm.tangent).abs() <= TANGENTIAL * v.gradient_norm)
-                .cloned(),
-        );
-        self.here.s = 0.0;
-        self.linearize_here()?;
-        self.find_coactive()?;
-        Ok(())
-    }
-
-    /// Orientation, determinant and residual at `here`; a singular Jacobian (a branch point) leaves the signs unknown.
-    fn linearize_here(&mut self) -> Result<(), ContinuationError> {
-        let State { x, t, .. } = &self.here;
-        let affine = self.map.is_piecewise_affine();
-        let tolerance = self.options.residual_tolerance;
-        if !affine {
-            // At a branch point ∇H may vanish altogether: the size of the terms of H is also that a step ahead.
-            let ahead: Vec<f64> = x.iter().zip(t).map(|(x, t)| x + self.h * t).collect();
-            self.corrector.assemble(&self.map, &self.selection, &ahead)?;
-            row_sizes(
-                self.corrector.jacobian(),
-                x,
-                (self.h, t),
-                tolerance,
-                &mut self.row_sizes,
-            );
-        }
-        let linearized = self.corrector.linearize(&self.map, &self.selection, x, Some(t));
-        let (orientation, det_sign) = match linearized {
-            Ok(_) => (self.corrector.orientation(t), self.corrector.det_sign()),
-            Err(PiecewiseError::Linear(_)) => (None, None),
-            Err(e) => return Err(e.into()),
-        };
-        if !affine {
-            row_sizes(
-                self.corrector.jacobian(),
-                x,
-                (self.h, t),
-                tolerance,
-                &mut self.row_sizes,
-            );
-        } else if self.residual_scale == 0.0 {
-            // For affine pieces the terms grow with ‖x‖ alone; summing them at every kink would cost more than the step.
-            self.residual_scale = term_size(self.corrector.jacobian(), x, self.h, t);
-        }
-        if !affine || self.points == 0 {
-            // Steps on affine pieces have measured it, and H is continuous.
-            self.residual.resize(self.map.num_residuals(), 0.0);
-            self.map
-                .residual(&self.selection, &self.here.x, &mut self.residual);
-            self.here.residual_norm = norm(&self.residual);
-        }
-        self.here.orientation = orientation;
-        self.here.det_sign = det_sign;
-        Ok(())
-    }
-
-    /// Whether ∇H^(σ) is singular at (or within rounding of) `here`, so that the sign of its determinant is chance. Equilibration
-    /// hides this from the condition estimate of the solver; large problems are taken to be regular.
-    pub(super) fn is_singular_here(&mut self, selection: &Selection) -> Result<bool, ContinuationError> {
-        // Where the Jacobian is the same everywhere, its factorisation has told already.
-        if self.map.num_residuals() > MAX_DENSE || self.map.is_piecewise_affine() {
-            return Ok(false);
-        }
-        // The Jacobian may vanish altogether here: singular is what is small against a step ahead, too, row by row.
-        let State { x, t, .. } = &self.here;
-        let ahead: Vec<f64> = x.iter().zip(t).map(|(x, t)| x + self.h * t).collect();
-        self.corrector.assemble(&self.map, selection, &ahead)?;
-        let mut sizes = vec![0.0f64; self.map.num_residuals()];
-        for (i, _, v) in self.corrector.jacobian().triplets() {
-            sizes[i] = sizes[i].max(v.abs());
-        }
-        self.corrector.assemble(&self.map, selection, x)?;
-        let mut jac = self.corrector.jacobian().clone();
-        let rows: Vec<f64> = jac.triplets().map(|(i, ..)| sizes[i]).collect();
-        for (v, size) in jac
-            .values_mut()
-            .iter_mut()
-            .zip(rows)
-            .filter(|(_, size)| *size > 0.0)
-        {
-            *v /= size;
-        }
-        let values = null_space(&jac, RANK)
-            .map_err(PiecewiseError::from)?
-            .singular_values;
-        let (first, last) = (values.first().copied(), values.last().copied());
-        Ok(last.unwrap_or(0.0) <= RANK * first.unwrap_or(0.0).max(1.0))
-    }
-
-    /// Forgets the orientation where a curve sets out from a branch point.
-    pub(super) fn doubt_orientation(&mut self) -> Result<(), ContinuationError> {
-        if self.is_singular_here(&self.selection.clone())? {
-            self.here.orientation = None;
-            self.here.det_sign = None;
-        }
-        Ok(())
-    }
-
-    /// On a grazing curve the other active selections have their own Jacobians, whose singular points are branch points.
-    fn find_coactive(&mut self) -> Result<(), ContinuationError> {
-        const CAP: usize = 256;
-        self.coactive.clear();
-        if self.grazing.is_empty() {
-            return Ok(());
-        }
-        let indices = self.grazing.iter().map(|v| v.index).collect();
-        let active = ActiveSet::from_tests(&self.map, &self.layout, &self.here.theta, indices);
-        for selection in active.selections().take(CAP) {
-            if selection == self.selection {
-                continue;
-            }
-            let (x, t) = (self.here.x.clone(), self.here.t.clone());
-            let sign = self.orientation_of(&selection, &x, &t)?;
-            let known = sign.is_some() && !self.is_singular_here(&selection)?;
-            self.coactive.push((selection, sign.filter(|_| known)));
-        }
-        Ok(())
-    }
-
     /// Sign of det [∇H^(σ)(x); tᵀ], `None` when it is singular or unknown.
     pub(super) fn orientation_of(
         &mut self,
@@ -354,7 +193,7 @@ impl<'a> Curve<'a> {
         }
     }
 
-    fn limits(&mut self) {
+    pub(super) fn limits(&mut self) {
         let late = self.is_late();
         let reason = if self.points >= self.options.max_points {
             Termination::MaxPoints
@@ -383,31 +222,6 @@ impl fmt::Debug for Curve<'_> {
             .field("termination", &self.termination)
             .field("options", &self.options)
             .finish_non_exhaustive()
-    }
-}
-
-impl Curve<'_> {
-    pub(super) fn next_event(&mut self) -> Option<Result<Event, ContinuationError>> {
-        loop {
-            if let Some(event) = self.queue.pop_front() {
-                return Some(Ok(event));
-            }
-            if self.termination.is_none() {
-                self.limits();
-            }
-            if self.termination.is_some() {
-                return None;
-            }
-            let stepped = match self.options.strategy {
-                Strategy::Located if self.map.is_piecewise_affine() => self.step_affine(),
-                Strategy::Located => self.step(),
-                Strategy::Switching => self.switching_step(),
-            };
-            if let Err(e) = stepped {
-                self.termination = Some(Termination::Stopped);
-                return Some(Err(e));
-            }
-        }
     }
 }
 

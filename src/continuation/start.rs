@@ -230,6 +230,12 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver + Send + 'a> Continuation<
 
 /// All arms of the solution set at a solution x, and whether the list is complete to first order.
 ///
+/// # Complexity
+/// Up to 16 active selections are tried one by one, a factorisation each. Where there are more, kᵖ for p sites with k active pieces each, a
+/// pruned search looks for those that have an arm: exponential in p in the worst case, ended by
+/// [`max_nodes`](ContinuationOptions::max_nodes), [`max_selections`](ContinuationOptions::max_selections) and
+/// [`max_time`](ContinuationOptions::max_time).
+///
 /// # Errors
 /// As [`Continuation::new`].
 pub fn arms_at<P: PiecewiseSmooth + ?Sized>(

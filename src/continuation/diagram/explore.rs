@@ -40,6 +40,10 @@ impl Diagram {
     ///
     /// Starts are corrected onto the curve at their α. A start on a curve known already cuts its edge in two.
     ///
+    /// # Complexity
+    /// Each curve costs what [`Branch::follow`](crate::continuation::Branch::follow) does. Every point met is compared with all V vertices
+    /// known, every start with all P points, so that diagrams of V vertices take O(V² m) and s starts O(s P m) on top, m variables.
+    ///
     /// # Errors
     /// Options out of range; starts of the wrong length, outside the range of the parameter or the domain, or from which Newton's
     /// method finds no solution. What fails later on is told by [`completeness`](Self::completeness).

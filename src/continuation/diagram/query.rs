@@ -83,6 +83,10 @@ impl DiagramFold {
 impl Diagram {
     /// All solutions of the diagram at `alpha`, corrected to rounding on their selections; vertical segments as continua.
     ///
+    /// # Complexity
+    /// One pass over all points, a few factorisations for each solution found, and the comparison of each with all others: O(k² m) for k
+    /// of them in m variables.
+    ///
     /// # Errors
     /// [`ContinuationError::Option`] for an α outside the explored range; maps that are not those of the diagram.
     pub fn solutions_at<P: PiecewiseSmooth + ?Sized>(

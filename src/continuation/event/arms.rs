@@ -2,11 +2,14 @@
 //! selection's cell.
 
 use crate::clock::Deadline;
-use crate::continuation::{Arm, ContinuationOptions};
+use crate::continuation::engine::{Curve, Solver};
+use crate::continuation::{Arm, ContinuationError, ContinuationOptions};
 use crate::enumeration::{EnumerationError, directional_selections, local_selections};
 use crate::linear::{LinearError, LinearSolver, null_space};
 use crate::newton::MoorePenrose;
-use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, Vanishing};
+use crate::piecewise::{
+    ActiveSet, PiecewiseError, PiecewiseSmooth, Scaled, Selection, TestLayout, Vanishing,
+};
 use crate::sparse::{Matrix, distance};
 use crate::sparse::{dot, norm};
 
@@ -326,6 +329,62 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
             v.into_iter().map(|c| c / length).collect()
         };
         Ok(Some(pairs.into_iter().map(combine).collect()))
+    }
+}
+
+impl<'a> Curve<'a> {
+    pub(in crate::continuation) fn vanishing_here(&self, forced: &[usize]) -> Vec<Vanishing> {
+        vanishing_at(
+            &self.map,
+            &self.layout,
+            &self.here.x,
+            &self.here.theta,
+            self.options.vanishing_distance,
+            forced,
+        )
+    }
+
+    pub(in crate::continuation) fn active_here(
+        &self,
+        vanishing: &[Vanishing],
+    ) -> Result<ActiveSet, ContinuationError> {
+        let indices = vanishing.iter().map(|v| v.index).collect();
+        Ok(ActiveSet::from_tests(
+            &self.map,
+            &self.layout,
+            &self.here.theta,
+            indices,
+        ))
+    }
+
+    pub(in crate::continuation) fn all_arms(
+        &mut self,
+        vanishing: &[Vanishing],
+    ) -> Result<Arms, ContinuationError> {
+        let active = self.active_here(vanishing)?;
+        if let Some(&site) = active.outside().first() {
+            return Err(ContinuationError::Outside {
+                site: self.map.site_name(site).into_owned(),
+            });
+        }
+        Ok(self.search(vanishing).all(&active)?)
+    }
+
+    pub(in crate::continuation) fn search<'s>(
+        &'s mut self,
+        vanishing: &'s [Vanishing],
+    ) -> ArmSearch<'s, Scaled<dyn PiecewiseSmooth + 'a>, Solver<'a>> {
+        ArmSearch {
+            map: &self.map,
+            corrector: &mut self.corrector,
+            options: &self.options,
+            x: &self.here.x,
+            vanishing,
+            singular: None,
+            deadline: self.clock.map_or(Deadline::after(None), |clock| {
+                Deadline::of(clock, self.options.max_time)
+            }),
+        }
     }
 }
 

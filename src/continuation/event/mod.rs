@@ -1,10 +1,11 @@
-//! What may happen along a curve: where exactly, which of it happens together, and what leaves from there.
+//! What may happen along a curve: what lies inside a step, where exactly, what of it happens together, and what leaves from there.
 
 pub(super) mod arms;
 mod branch_point;
 pub(super) mod coincidence;
-pub(super) mod locate;
+mod leave;
+mod locate;
 mod monitor;
 mod singular;
-pub(super) mod transition;
+pub(super) mod turn;
 pub(super) mod watch;

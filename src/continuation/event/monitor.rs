@@ -1,8 +1,8 @@
 //! Functions of the user whose zeros along a curve are located and recorded.
 
-use super::locate::{Monitor, side_factor};
-use super::watch::{Function, Watch};
-use crate::continuation::engine::Curve;
+use super::locate::side_factor;
+use super::watch::Monitor;
+use crate::continuation::engine::{Curve, Function, Watch};
 use crate::continuation::{Continuation, Event, MonitorCrossing, PointKind, Termination};
 use crate::piecewise::PiecewiseSmooth;
 

@@ -1,7 +1,7 @@
 //! Smooth branch points to full accuracy, told apart from curves that pass each other.
 
 use super::branch_point::{BranchSystem, Singular};
-use super::locate::{Monitor, Unresolved};
+use super::watch::{Monitor, Unresolved};
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::{Curve, MAX_DENSE, State};
 use crate::piecewise::PiecewiseSmooth;

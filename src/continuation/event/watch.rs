@@ -1,18 +1,229 @@
-/// A function of x = (y, α) that threads may share.
-pub(in crate::continuation) type Function<'a> = Box<dyn Fn(&[f64]) -> f64 + Send + Sync + 'a>;
+//! What lies inside a step: monitors whose signs differ at its ends, and which of them is met first.
 
-/// A function of x, and the side of its zero set on which the curve runs.
-pub(in crate::continuation) struct Watch<'a> {
-    pub(in crate::continuation) name: String,
-    pub(in crate::continuation) function: Function<'a>,
-    pub(in crate::continuation) stops: bool,
-    /// Sign of the function before its next zero; 0 as long as it has vanished exactly. Kept apart from values, which are rounding
-    /// errors at a zero that has just been passed.
-    pub(in crate::continuation) side: f64,
+use super::singular::ZERO_DETERMINANT;
+use crate::continuation::ContinuationError;
+use crate::continuation::engine::Curve;
+use crate::piecewise::{Facet, PiecewiseSmooth};
+use crate::sparse::norm;
+
+/// A scalar function along the curve whose sign must not change unnoticed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(in crate::continuation) enum Monitor {
+    /// A facet of the current cell of a site: its test function (position among all).
+    Facet { index: usize, facet: Facet },
+    /// α passes a value; `last` for a bound of its range.
+    Parameter { value: f64, last: bool },
+    /// α turns: the last component of the tangent.
+    Fold,
+    /// det [∇H^(σ); tᵀ] of the followed selection.
+    Singular,
+    /// The same of a co-active selection (its number).
+    Coactive(usize),
+    /// A function of the user (its number).
+    User(usize),
 }
 
-impl Watch<'_> {
-    pub(in crate::continuation) fn value(&self, x: &[f64]) -> f64 {
-        (self.function)(x)
+/// Why a step is too long: something is known to lie inside it that could not be located on it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in crate::continuation) enum Unresolved {
+    /// An event.
+    Event,
+    /// A change of orientation that no branch point explains: another curve passes nearby.
+    Crossing,
+}
+
+/// Largest number of events met within one step, one before the other.
+const LIMIT: usize = 60;
+/// What rounding may move a located point along the curve, relative to 1 + ‖x‖.
+const ROUNDING: f64 = 16.0 * f64::EPSILON;
+/// α̇ below this counts as zero: the curve is vertical.
+pub(in crate::continuation) const VERTICAL: f64 = 1e-9;
+
+impl Curve<'_> {
+    /// Finds the first event between `here` and `next` and moves `next` there. `Ok(None)`: no event.
+    pub(in crate::continuation) fn first_event(
+        &mut self,
+    ) -> Result<Result<Option<Monitor>, Unresolved>, ContinuationError> {
+        if self.dips_unseen() {
+            return Ok(Err(Unresolved::Event));
+        }
+        let mut found = Vec::new();
+        for _ in 0..LIMIT {
+            let Some(monitor) = self.earliest(&found)? else {
+                return Ok(Ok(found.pop()));
+            };
+            match monitor {
+                Monitor::Singular => {
+                    if let Err(unresolved) = self.resolve_flip()? {
+                        return Ok(Err(unresolved));
+                    }
+                }
+                _ => {
+                    let value = self.locate(monitor)?;
+                    let zero = |v: f64| !matches!(monitor, Monitor::Coactive(_)) || v <= ZERO_DETERMINANT;
+                    if !value.is_some_and(zero) {
+                        return Ok(Err(Unresolved::Event));
+                    }
+                }
+            }
+            found.push(monitor);
+        }
+        Ok(Err(Unresolved::Event))
     }
+
+    /// The monitor violated at `next` whose linear interpolant vanishes first, besides the last of those `located` so far, which is
+    /// located there.
+    fn earliest(&mut self, located: &[Monitor]) -> Result<Option<Monitor>, ContinuationError> {
+        let mut best: Option<(f64, Monitor)> = None;
+        let mut offer = |fraction: f64, monitor: Monitor| {
+            let clear = Some(&monitor) != located.last() && best.is_none_or(|b| fraction < b.0);
+            if clear {
+                best = Some((fraction, monitor));
+            }
+        };
+        let size = 1.0 + norm(&self.here.x);
+        let reach = self.options.vanishing_distance * size;
+        let step = self.next.s.max(f64::MIN_POSITIVE);
+        for site in 0..self.layout.num_sites() {
+            let first = self.layout.range(site).start;
+            for &facet in self.map.cell(site, self.selection.piece(site)) {
+                let index = first + facet.test();
+                let (g0, g1) = (
+                    facet.sign() * self.here.theta[index],
+                    facet.sign() * self.next.theta[index],
+                );
+                let slack = match self.grazing.iter().find(|v| v.index == index) {
+                    Some(v) => 100.0 * reach * v.gradient_norm,
+                    None if located.is_empty() => 0.0,
+                    // Two facets met together must not take turns for ever.
+                    None if located.contains(&Monitor::Facet { index, facet }) => {
+                        reach * (g0 - g1).abs() / step
+                    }
+                    None => ROUNDING * size * (g0 - g1).abs() / step,
+                };
+                // A facet just left may be violated by rounding for a while.
+                let leaves = g1 < -slack && !(g0 <= 0.0 && g1 >= g0);
+                if leaves || (g1.is_nan() && !g0.is_nan()) {
+                    let fraction = match self.return_to(index, facet) {
+                        Some(s) => s / step,
+                        None if g0 > 0.0 => g0 / (g0 - g1),
+                        None => 0.0,
+                    };
+                    offer(fraction, Monitor::Facet { index, facet });
+                }
+            }
+        }
+        let last = self.here.x.len() - 1;
+        let (a0, a1) = (self.here.x[last], self.next.x[last]);
+        let (lower, upper) = self.options.parameter_range;
+        let targets = self.options.targets.iter().map(|&v| (v, false));
+        for (value, is_bound) in targets.chain([(lower, true), (upper, true)]) {
+            let strictly_before = if is_bound {
+                // A start on the bound may walk inwards.
+                (value == upper && a1 > value) || (value == lower && a1 < value)
+            } else {
+                (a0 - value) * (a1 - value) < 0.0 || (a1 == value && a0 != value)
+            };
+            if strictly_before && value.is_finite() {
+                let fraction = ((value - a0) / (a1 - a0)).clamp(0.0, 1.0);
+                offer(
+                    fraction,
+                    Monitor::Parameter {
+                        value,
+                        last: is_bound,
+                    },
+                );
+            }
+        }
+        let (t0, t1) = (self.here.t[last], self.next.t[last]);
+        if t0 * t1 < 0.0 && t0.abs() > VERTICAL && t1.abs() > VERTICAL {
+            offer(t0 / (t0 - t1), Monitor::Fold);
+        }
+        if let (Some(o0), Some(o1)) = (self.here.orientation, self.next.orientation)
+            && o0.signum() * o1.signum() < 0
+        {
+            offer(0.5, Monitor::Singular);
+        }
+        for k in 0..self.watches.len() {
+            if let Some((g0, g1)) = self.crossing(k, &self.next.x) {
+                offer(g0 / (g0 - g1), Monitor::User(k));
+            }
+        }
+        if !self.coactive.is_empty() {
+            let (x, t) = (self.next.x.clone(), self.next.t.clone());
+            for k in 0..self.coactive.len() {
+                let (selection, sign) = self.coactive[k].clone();
+                if sign.is_some() && self.orientation_of(&selection, &x, &t)? != sign {
+                    offer(0.5, Monitor::Coactive(k));
+                }
+            }
+        }
+        Ok(best.map(|b| b.1))
+    }
+
+    /// Whether a facet may be crossed twice inside the step: its cubic interpolant from values and slopes at both ends dips
+    /// below zero although both ends are inside.
+    fn dips_unseen(&self) -> bool {
+        if self.map.is_piecewise_affine() {
+            return false;
+        }
+        let total = self.layout.total();
+        let (mut d0, mut d1) = (vec![0.0; total], vec![0.0; total]);
+        self.map.test_derivatives(&self.here.x, &self.here.t, &mut d0);
+        self.map.test_derivatives(&self.next.x, &self.next.t, &mut d1);
+        let step = self.next.s.max(f64::MIN_POSITIVE);
+        let reach = self.options.vanishing_distance * (1.0 + norm(&self.here.x));
+        for site in 0..self.layout.num_sites() {
+            let first = self.layout.range(site).start;
+            for facet in self.map.cell(site, self.selection.piece(site)) {
+                let k = first + facet.test();
+                if self.grazing.iter().any(|v| v.index == k) {
+                    continue;
+                }
+                let g = [self.here.theta[k], self.next.theta[k]].map(|t| facet.sign() * t);
+                let slope = [d0[k], d1[k]].map(|d| facet.sign() * d * step);
+                // A step may begin on the facet, to rounding.
+                let inside = g[0] >= reach * slope[0] / step && g[1] > 0.0;
+                if inside && slope[0] < 0.0 && slope[1] > 0.0 && hermite_min(g, slope) < 0.0 {
+                    return true;
+                }
+            }
+        }
+        false
+    }
+
+    /// Where the parabola through a facet's values at `here` and `next` comes back to zero, if `here` lies on the facet to rounding
+    /// and the curve leaves it inwards: then the crossing is not the start of the step, where the linear interpolant has it.
+    pub(in crate::continuation) fn return_to(&self, index: usize, facet: Facet) -> Option<f64> {
+        let sign = facet.sign();
+        let (g0, g1, step) = (
+            sign * self.here.theta[index],
+            sign * self.next.theta[index],
+            self.next.s,
+        );
+        if self.map.is_piecewise_affine() || g1.is_nan() || g1 >= 0.0 {
+            return None;
+        }
+        let mut rates = vec![0.0; self.layout.total()];
+        self.map.test_derivatives(&self.here.x, &self.here.t, &mut rates);
+        let rate = sign * rates[index];
+        let reach = self.options.vanishing_distance * (1.0 + norm(&self.here.x));
+        (rate > 0.0 && g0.abs() <= reach * rate).then(|| rate * step * step / (rate * step - g1))
+    }
+}
+
+/// Least value on [0, 1] of the cubic with the given values and slopes at the ends, the slopes pointing inwards down.
+fn hermite_min(g: [f64; 2], d: [f64; 2]) -> f64 {
+    let a = 2.0 * g[0] - 2.0 * g[1] + d[0] + d[1];
+    let b = -3.0 * g[0] + 3.0 * g[1] - 2.0 * d[0] - d[1];
+    let value = |u: f64| ((a * u + b) * u + d[0]) * u + g[0];
+    let (qa, qb, qc) = (3.0 * a, 2.0 * b, d[0]);
+    let root = (qb * qb - 4.0 * qa * qc).max(0.0).sqrt();
+    let q = -0.5 * (qb + if qb < 0.0 { -root } else { root });
+    let candidates = [q / qa, qc / q];
+    candidates
+        .into_iter()
+        .filter(|u| *u > 0.0 && *u < 1.0)
+        .map(value)
+        .fold(f64::INFINITY, f64::min)
 }

@@ -107,6 +107,10 @@ impl fmt::Display for FoundSolutions {
 ///
 /// Starts are points x of the map; their last entry is replaced by `alpha` for a curve. Without starts, 0 is one.
 ///
+/// # Complexity
+/// The number of runs is bounded by the options; a run of Newton's method factors ∇_yH in each iteration. Each run's result is compared with
+/// the k solutions found so far, and a deflated run takes all of them into each of its steps: O(k² n) beside the factorisations.
+///
 /// # Errors
 /// Options out of range, maps that are neither equation nor curve, starts of the wrong length or not finite, Jacobians outside
 /// their pattern. Runs that fail are no errors.

@@ -1,7 +1,7 @@
 //! Piecewise-affine curves: from kink to kink by a ratio test, without step control or corrector.
 
 use crate::continuation::engine::Curve;
-use crate::continuation::event::locate::Monitor;
+use crate::continuation::event::watch::Monitor;
 use crate::continuation::{ContinuationError, Termination};
 use crate::piecewise::PiecewiseSmooth;
 use crate::sparse::norm;

@@ -2,7 +2,7 @@
 //! kink, vanishing test functions give the selection beyond it.
 
 use crate::continuation::engine::Curve;
-use crate::continuation::event::transition::kind;
+use crate::continuation::event::turn::kind;
 use crate::continuation::{ContinuationError, Event, PointKind, Termination, Transition};
 use crate::piecewise::{
     ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, Vanishing, select_pieces,

@@ -67,6 +67,10 @@ const KERNEL: f64 = 1e-5;
 impl<P: PiecewiseSmooth> FoldSet<P> {
     /// The set through the smooth fold near `x` = (y, α, β), in the selection there, and the point (y, v, α, β) to start from.
     ///
+    /// # Complexity
+    /// The start takes singular values of a dense matrix, O(n³) for n residuals. Each Jacobian of the set takes 2 (n + 2) + 1 Jacobians of
+    /// the family, since the second derivatives are differences: O(n²) entries at least, and a system of 2 n + 1 rows to factor.
+    ///
     /// # Errors
     /// A family that has not two variables more than residuals, x of the wrong length or not finite, a point at which ∇_yH has no
     /// kernel of dimension one.

@@ -1,8 +1,8 @@
 //! What happens at a located transition or branch point: arms, kind, and the arm that is followed.
 
 use super::arms::{Arms, TANGENTIAL};
-use super::locate::VERTICAL;
 use super::singular::mirrored_tangent;
+use super::watch::VERTICAL;
 use crate::continuation::engine::{Curve, MAX_DENSE};
 use crate::continuation::{
     Arm, BranchPoint, ContinuationError, Event, PointKind, SiteChange, Termination, Transition,

@@ -1,0 +1,145 @@
+//! How a curve leaves a point along an arm: the selection to freeze, and what is known of it there.
+
+use super::arms::{RANK, TANGENTIAL};
+use crate::continuation::engine::{Curve, MAX_DENSE, State, row_sizes, term_size};
+use crate::continuation::{Arm, ContinuationError};
+use crate::linear::null_space;
+use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, Vanishing};
+use crate::sparse::norm;
+
+impl Curve<'_> {
+    /// Leaves `here` along `arm`: freezes its selection and finds what has to be watched.
+    pub(in crate::continuation) fn adopt(
+        &mut self,
+        arm: &Arm,
+        vanishing: &[Vanishing],
+    ) -> Result<(), ContinuationError> {
+        self.selection.copy_from(&arm.selection);
+        self.here.t.copy_from_slice(&arm.tangent);
+        self.grazing.clear();
+        self.grazing.extend(
+            vanishing
+                .iter()
+                .filter(|v| arm.grazing.contains(&v.site))
+                .filter(|v| v.rate(&arm.tangent).abs() <= TANGENTIAL * v.gradient_norm)
+                .cloned(),
+        );
+        self.here.s = 0.0;
+        self.linearize_here()?;
+        self.find_coactive()?;
+        Ok(())
+    }
+
+    /// Orientation, determinant and residual at `here`; a singular Jacobian (a branch point) leaves the signs unknown.
+    fn linearize_here(&mut self) -> Result<(), ContinuationError> {
+        let State { x, t, .. } = &self.here;
+        let affine = self.map.is_piecewise_affine();
+        let tolerance = self.options.residual_tolerance;
+        if !affine {
+            // At a branch point ∇H may vanish altogether: the size of the terms of H is also that a step ahead.
+            let ahead: Vec<f64> = x.iter().zip(t).map(|(x, t)| x + self.h * t).collect();
+            self.corrector.assemble(&self.map, &self.selection, &ahead)?;
+            row_sizes(
+                self.corrector.jacobian(),
+                x,
+                (self.h, t),
+                tolerance,
+                &mut self.row_sizes,
+            );
+        }
+        let linearized = self.corrector.linearize(&self.map, &self.selection, x, Some(t));
+        let (orientation, det_sign) = match linearized {
+            Ok(_) => (self.corrector.orientation(t), self.corrector.det_sign()),
+            Err(PiecewiseError::Linear(_)) => (None, None),
+            Err(e) => return Err(e.into()),
+        };
+        if !affine {
+            row_sizes(
+                self.corrector.jacobian(),
+                x,
+                (self.h, t),
+                tolerance,
+                &mut self.row_sizes,
+            );
+        } else if self.residual_scale == 0.0 {
+            // For affine pieces the terms grow with ‖x‖ alone; summing them at every kink would cost more than the step.
+            self.residual_scale = term_size(self.corrector.jacobian(), x, self.h, t);
+        }
+        if !affine || self.points == 0 {
+            // Steps on affine pieces have measured it, and H is continuous.
+            self.residual.resize(self.map.num_residuals(), 0.0);
+            self.map
+                .residual(&self.selection, &self.here.x, &mut self.residual);
+            self.here.residual_norm = norm(&self.residual);
+        }
+        self.here.orientation = orientation;
+        self.here.det_sign = det_sign;
+        Ok(())
+    }
+
+    /// Whether ∇H^(σ) is singular at (or within rounding of) `here`, so that the sign of its determinant is chance. Equilibration
+    /// hides this from the condition estimate of the solver; large problems are taken to be regular.
+    pub(in crate::continuation) fn is_singular_here(
+        &mut self,
+        selection: &Selection,
+    ) -> Result<bool, ContinuationError> {
+        // Where the Jacobian is the same everywhere, its factorisation has told already.
+        if self.map.num_residuals() > MAX_DENSE || self.map.is_piecewise_affine() {
+            return Ok(false);
+        }
+        // The Jacobian may vanish altogether here: singular is what is small against a step ahead, too, row by row.
+        let State { x, t, .. } = &self.here;
+        let ahead: Vec<f64> = x.iter().zip(t).map(|(x, t)| x + self.h * t).collect();
+        self.corrector.assemble(&self.map, selection, &ahead)?;
+        let mut sizes = vec![0.0f64; self.map.num_residuals()];
+        for (i, _, v) in self.corrector.jacobian().triplets() {
+            sizes[i] = sizes[i].max(v.abs());
+        }
+        self.corrector.assemble(&self.map, selection, x)?;
+        let mut jac = self.corrector.jacobian().clone();
+        let rows: Vec<f64> = jac.triplets().map(|(i, ..)| sizes[i]).collect();
+        for (v, size) in jac
+            .values_mut()
+            .iter_mut()
+            .zip(rows)
+            .filter(|(_, size)| *size > 0.0)
+        {
+            *v /= size;
+        }
+        let values = null_space(&jac, RANK)
+            .map_err(PiecewiseError::from)?
+            .singular_values;
+        let (first, last) = (values.first().copied(), values.last().copied());
+        Ok(last.unwrap_or(0.0) <= RANK * first.unwrap_or(0.0).max(1.0))
+    }
+
+    /// Forgets the orientation where a curve sets out from a branch point.
+    pub(in crate::continuation) fn doubt_orientation(&mut self) -> Result<(), ContinuationError> {
+        if self.is_singular_here(&self.selection.clone())? {
+            self.here.orientation = None;
+            self.here.det_sign = None;
+        }
+        Ok(())
+    }
+
+    /// On a grazing curve the other active selections have their own Jacobians, whose singular points are branch points.
+    fn find_coactive(&mut self) -> Result<(), ContinuationError> {
+        const CAP: usize = 256;
+        self.coactive.clear();
+        if self.grazing.is_empty() {
+            return Ok(());
+        }
+        let indices = self.grazing.iter().map(|v| v.index).collect();
+        let active = ActiveSet::from_tests(&self.map, &self.layout, &self.here.theta, indices);
+        for selection in active.selections().take(CAP) {
+            if selection == self.selection {
+                continue;
+            }
+            let (x, t) = (self.here.x.clone(), self.here.t.clone());
+            let sign = self.orientation_of(&selection, &x, &t)?;
+            let known = sign.is_some() && !self.is_singular_here(&selection)?;
+            self.coactive.push((selection, sign.filter(|_| known)));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,74 @@
+//! The predictor along the tangent and the Moore–Penrose corrector, with the selection frozen.
+
+use super::Accepted;
+use crate::continuation::ContinuationError;
+use crate::continuation::engine::{Curve, relative_residual, row_sizes};
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth};
+use crate::sparse::norm;
+
+/// Share of the curvature of the last step that is remembered through inflections.
+const FADING: f64 = 0.5;
+
+impl Curve<'_> {
+    /// Predicts and corrects; fills `next` if the corrected point is acceptable.
+    pub(super) fn try_step(&mut self, h: f64) -> Result<Option<Accepted>, ContinuationError> {
+        for i in 0..self.here.x.len() {
+            self.next.x[i] = self.here.x[i] + h * self.here.t[i];
+        }
+        self.next.t.copy_from_slice(&self.here.t);
+        let o = &self.options;
+        let tolerances = (o.residual_tolerance, o.step_tolerance * (norm(&self.here.x) + h));
+        let sizes = std::mem::take(&mut self.row_sizes);
+        let corrected = self.corrector.correct_measured(
+            &self.map,
+            &mut self.selection,
+            &|r| relative_residual(r, &sizes),
+            &mut self.next.x,
+            &mut self.next.t,
+            tolerances,
+            o.max_corrections,
+        );
+        self.row_sizes = sizes;
+        let correction = match corrected {
+            Ok(c) => c,
+            Err(PiecewiseError::Linear(_)) => return Ok(None),
+            Err(e) => return Err(e.into()),
+        };
+        // The terms that cancel may have been smaller so far: none at all on leaving a branch point at the origin.
+        let mut sizes = std::mem::take(&mut self.next_sizes);
+        sizes.clear();
+        let Self { next, options, .. } = self;
+        let jac = self.corrector.jacobian();
+        row_sizes(jac, &next.x, (h, &next.t), options.residual_tolerance, &mut sizes);
+        let fine = relative_residual(self.corrector.residual(), &sizes) <= self.options.residual_tolerance
+            && correction.step_norm <= tolerances.1;
+        self.next_sizes = sizes;
+        if !(correction.converged || fine) {
+            return Ok(None);
+        }
+        self.next.orientation = self.corrector.orientation(&self.next.t);
+        self.next.det_sign = self.corrector.det_sign();
+        self.next.residual_norm = correction.residual_norm;
+        self.next.s = self.progress_to(&self.next.x);
+        let Some(mut shape) = self.shape(h) else {
+            return Ok(None);
+        };
+        let flips = self.next.orientation != self.here.orientation;
+        if !flips && self.is_doubtful(&shape, h, correction.iterations) && !self.holds_halfway(&shape)? {
+            // Perhaps for tangents that are those of the iterates before.
+            shape.turn = self.sharpen_tangents()?;
+            let doubtful = self.is_doubtful(&shape, h, correction.iterations);
+            if doubtful && !self.holds_halfway(&shape)? {
+                return Ok(None);
+            }
+        }
+        for (size, next) in self.row_sizes.iter_mut().zip(&self.next_sizes) {
+            *size = size.max(*next);
+        }
+        self.map.test_functions(&self.next.x, &mut self.next.theta);
+        Ok(Some(Accepted {
+            corrections: correction.iterations,
+            curvature: (shape.turn / h).max(FADING * self.curvature),
+        }))
+    }
+}

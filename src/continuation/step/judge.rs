@@ -1,0 +1,114 @@
+//! Whether a corrected point lies on the curve, where the prediction pointed: else the step is to be shorter.
+
+use crate::continuation::ContinuationError;
+use crate::continuation::engine::Curve;
+use crate::piecewise::PiecewiseError;
+use crate::sparse::{distance, dot, norm};
+
+/// Angle (as a distance of unit vectors) allowed between the chord of a step and the mean of the tangents at its ends.
+const CHORD: f64 = 0.05;
+
+/// How a step bends.
+pub(super) struct Shape {
+    /// Distance of the unit tangents at its ends.
+    pub(super) turn: f64,
+    /// Distance of its direction from their mean.
+    pub(super) deviation: f64,
+}
+
+impl Curve<'_> {
+    /// The shape of a step whose `next` is where the prediction pointed: tangents agree, the chord is their mean, the length is that of
+    /// the step. `None` for others.
+    pub(super) fn shape(&self, h: f64) -> Option<Shape> {
+        let (a, b) = (&self.here, &self.next);
+        let cos = dot(&a.t, &b.t);
+        if cos.is_nan() || cos < self.options.min_cos {
+            return None;
+        }
+        let chord: Vec<f64> = b.x.iter().zip(&a.x).map(|(x, x0)| x - x0).collect();
+        let length = norm(&chord);
+        if !(length >= 0.5 * h && length <= 2.0 * h) {
+            return None;
+        }
+        let mean_length = (2.0 + 2.0 * cos).sqrt();
+        let deviation = chord
+            .iter()
+            .zip(a.t.iter().zip(&b.t))
+            .map(|(c, (t0, t1))| (c / length - (t0 + t1) / mean_length).powi(2))
+            .sum::<f64>()
+            .sqrt();
+        (deviation <= CHORD).then(|| Shape {
+            turn: distance(&a.t, &b.t),
+            deviation,
+        })
+    }
+
+    /// Angle below which tangents cannot be told apart.
+    fn tangent_noise(&self) -> f64 {
+        let rcond = self.corrector.rcond().unwrap_or(1.0);
+        1e-9 + 100.0 * f64::EPSILON / rcond.max(f64::EPSILON)
+    }
+
+    /// Whether the step may have gone over to another curve: it turns much more than the last one, its chord is not that of an arc, or the
+    /// corrector converged slowly.
+    pub(super) fn is_doubtful(&self, shape: &Shape, h: f64, corrections: usize) -> bool {
+        const MORE: f64 = 2.0;
+        const SKEW: f64 = 0.1;
+        const SLOW: usize = 5;
+        let noise = self.tangent_noise();
+        shape.turn > (MORE * self.curvature * h).max(noise)
+            || shape.deviation > (SKEW * shape.turn.max(self.curvature * h)).max(noise)
+            || corrections > SLOW
+    }
+
+    /// Makes the tangents at both ends, which are those of the iterates before, anew and gives their distance.
+    pub(super) fn sharpen_tangents(&mut self) -> Result<f64, ContinuationError> {
+        for state in [&mut self.here, &mut self.next] {
+            match (self.corrector).linearize(&self.map, &self.selection, &state.x, Some(&state.t)) {
+                Ok(tangent) => {
+                    let sign = dot(tangent, &state.t).signum();
+                    state.t.iter_mut().zip(tangent).for_each(|(t, v)| *t = sign * v);
+                }
+                // Next to a singular point the tangent at hand serves.
+                Err(PiecewiseError::Linear(_)) => {}
+                Err(e) => return Err(e.into()),
+            }
+        }
+        Ok(distance(&self.here.t, &self.next.t))
+    }
+
+    /// Whether the curve between `here` and `next` is the smooth one that its ends suggest, by one correction halfway. It is not where the
+    /// step has gone over to another curve, across a crossing or beside it.
+    pub(super) fn holds_halfway(&mut self, shape: &Shape) -> Result<bool, ContinuationError> {
+        const STRAY: f64 = 0.02;
+        const TILT: f64 = 0.2;
+        let high = self.next.clone();
+        let mut middle = high.clone();
+        self.interpolate(0.5 * high.s, &high, &mut middle);
+        let length = norm(&middle.t);
+        middle.t.iter_mut().for_each(|t| *t /= length);
+        let mean = middle.t.clone();
+        let free = (f64::INFINITY, f64::INFINITY);
+        let corrected = self.corrector.correct(
+            &self.map,
+            &mut self.selection,
+            |_, _| {},
+            &mut middle.x,
+            &mut middle.t,
+            free,
+            1,
+        );
+        let stray = match corrected {
+            Ok(c) => c.step_norm,
+            Err(PiecewiseError::Linear(_)) => return Ok(false),
+            Err(e) => return Err(e.into()),
+        };
+        let turns = match (self.corrector.orientation(&middle.t), self.here.orientation) {
+            (Some(middle), Some(here)) => middle != here,
+            _ => false,
+        };
+        let near = stray <= STRAY * shape.turn * high.s + 1e-12 * (1.0 + norm(&high.x));
+        let tilt = distance(&middle.t, &mean);
+        Ok(!turns && near && tilt <= TILT * shape.turn + self.tangent_noise())
+    }
+}
