@@ -281,12 +281,12 @@ impl Near {
         let holds = |signs: &[Option<i8>], piece: &ExactPiece| {
             let zero = piece.equalities.iter().map(|e| (e.1, 0));
             let all = zero.chain(piece.facets.iter().copied());
-            let each = all.map(|(form, wanted)| signs[form].map(|s| s == 0 || s == wanted));
-            each.fold(Some(true), |all, one| match (all, one) {
-                (Some(false), _) | (_, Some(false)) => Some(false),
-                (Some(true), Some(true)) => Some(true),
-                _ => None,
-            })
+            let met = |(form, wanted): (usize, i8)| signs[form].map(|s: i8| s == 0 || s == wanted);
+            let each: Vec<Option<bool>> = all.map(met).collect();
+            if each.contains(&Some(false)) {
+                return Some(false);
+            }
+            (!each.contains(&None)).then_some(true)
         };
         let site = |(exact, signs): (&ExactSite, &Vec<Option<i8>>)| -> Option<Vec<usize>> {
             let mut active = Vec::new();
