@@ -1,8 +1,9 @@
 //! Contact in the displacements alone: multigrid and the elimination of laws, against the condensed form.
 
 use semismooth::contact::{
-    CondensedContact, ContactState, FrictionCoefficient, FrictionCurve, Frictionless, LoadPath, NodeLaw,
-    OrthotropicCoulomb, PlanarCoulomb, ReducedBody, ReducedContact, ReducedOptions, ReducedReport,
+    CondensedContact, ContactError, ContactState, FrictionCoefficient, FrictionCurve, Frictionless, LoadPath,
+    NodeLaw, OrthotropicCoulomb, PlanarCoulomb, ReducedBody, ReducedContact, ReducedOptions, ReducedReport,
+    ReducedStrategy,
 };
 use semismooth::fem::{ElasticSystem, Elasticity, Foundation, Material, Mesh};
 
@@ -69,14 +70,6 @@ fn compare<L: NodeLaw + Clone>(body: ReducedBody, law: L, alphas: [f64; 2]) -> R
             .iter()
             .zip(&x)
             .fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
-        println!(
-            "alpha {alpha}: {} newton, {} krylov, forces differ by {:.1e}, {:?} states {:?}",
-            found.newton(),
-            found.krylov(),
-            worst / largest,
-            found.strategy,
-            found.iterations.last().map(|i| i.states)
-        );
         assert!(worst <= 1e-8 * largest, "{:e}", worst / largest);
         let u = condensed.displacements(&x).unwrap();
         let size = u.iter().fold(0.0f64, |m, v| m.max(v.abs()));
@@ -159,4 +152,58 @@ fn curved_foundations_and_gaps_agree_with_the_condensed_form() {
     let law = OrthotropicCoulomb::new(constant(0.3), constant(0.5));
     let found = compare(reduced_body(&system, &bowl), law, [0.5, 1.0]);
     assert!(found.iterations.last().unwrap().states[0] > 0);
+}
+
+/// Where Newton's method is not given the steps that it needs, the load goes on step by step, then the condensed form is asked, then the
+/// best iterate comes back; all that is called solved is the same solution.
+#[test]
+fn what_newton_does_not_solve_the_other_strategies_do() {
+    let system = block([6, 6, 3], Material::isotropic(1.0, 0.277).unwrap());
+    let solve = |options: ReducedOptions| {
+        let law = OrthotropicCoulomb::isotropic(constant(0.3));
+        let body = reduced_body(&system, &ground(3));
+        ReducedContact::new(body, law, options).unwrap().solve(1.0, None)
+    };
+    let expected = solve(ReducedOptions::default()).unwrap();
+    assert_eq!(expected.strategy, ReducedStrategy::Newton);
+    let largest = expected.forces.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+    let few = ReducedOptions::default().with_max_iterations(expected.newton() - 1);
+    let steps = solve(few.clone()).unwrap();
+    assert_eq!(steps.strategy, ReducedStrategy::LoadSteps);
+    assert!(steps.iterations.iter().any(|i| i.load < 1.0));
+    let condensed = solve(few.clone().with_max_load_steps(0)).unwrap();
+    assert_eq!(condensed.strategy, ReducedStrategy::Condensed);
+    for found in [&steps, &condensed] {
+        assert!(found.residuals.largest() <= 1e-10);
+        let pairs = found.forces.iter().zip(&expected.forces);
+        assert!(pairs.fold(0.0f64, |m, (a, b)| m.max((a - b).abs())) <= 1e-8 * largest);
+    }
+    let failed = solve(few.with_max_load_steps(0).with_max_condensed(0));
+    let Err(ContactError::NotConverged { best }) = failed else {
+        panic!("{failed:?}");
+    };
+    assert_eq!(best.newton(), expected.newton() - 1);
+    let first = best.iterations[0].residuals.largest();
+    assert!(best.residuals.largest() > 1e-10 && best.residuals.largest() < first);
+}
+
+/// Level by level, with slips measured from the level before.
+#[test]
+fn levels_of_a_history_are_those_of_the_condensed_form() {
+    let system = block([6, 6, 3], Material::isotropic(1.0, 0.277).unwrap());
+    let law = || OrthotropicCoulomb::isotropic(weakening(0.6));
+    let body = reduced_body(&system, &ground(3));
+    let mut condensed = CondensedContact::new(body.to_contact_body().unwrap(), law()).unwrap();
+    let mut problem = ReducedContact::new(body, law(), ReducedOptions::default()).unwrap();
+    let mut u = None;
+    for alpha in [0.6, 1.0, 0.2] {
+        let x = condensed.solve(alpha, None).unwrap();
+        let found = problem.solve(alpha, u.as_deref()).unwrap();
+        let largest = x.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+        let pairs = found.forces.iter().zip(&x);
+        assert!(pairs.fold(0.0f64, |m, (a, b)| m.max((a - b).abs())) <= 1e-8 * largest);
+        condensed.end_level(&x).unwrap();
+        problem.end_level(alpha, &found.displacements).unwrap();
+        u = Some(found.displacements);
+    }
 }

@@ -231,7 +231,7 @@ impl<S: ReducedSystem> Search<'_, S> {
         self.set_load(share);
         let (mut best, mut since) = ((f64::INFINITY, Vec::new()), 0);
         let (mut before, mut damped) = (f64::INFINITY, false);
-        for _ in 0..=limit {
+        for taken in 0..=limit {
             let state = self.evaluate(&u)?;
             let error = state.residuals.largest();
             if error <= tolerance {
@@ -250,6 +250,9 @@ impl<S: ReducedSystem> Search<'_, S> {
             }
             if self.deadline.is_over() {
                 return Ok((Ended::Interrupted, best.1));
+            }
+            if taken == limit {
+                break;
             }
             if since >= PATIENCE {
                 if damped {
