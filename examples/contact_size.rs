@@ -16,7 +16,8 @@ use semismooth::contact::{
     CondensedContact, ContactBody, ContactSolution, FrictionCoefficient, FrictionCurve, LoadPath, NodeLaw,
     OrthotropicCoulomb, PlanarCoulomb, ReducedBody, ReducedContact, ReducedOptions,
 };
-use semismooth::fem::{ElasticSystem, Elasticity, Foundation, Material, Mesh};
+use semismooth::fem::{ContactRows, ElasticSystem, Elasticity, Foundation, Material, Mesh};
+use semismooth::sparse::Matrix;
 
 /// Displacements of a solid beyond which multigrid is quicker than one factorisation, on the machine of the README.
 const SOLID: usize = 6_000;
@@ -78,23 +79,24 @@ fn parse<const N: usize>(text: &str) -> Outcome<[usize; N]> {
         })
 }
 
-fn measure<L: NodeLaw>(cells: &str, mesh: Mesh, mut begun: Instant, law: L, route: &str) -> Outcome<()> {
-    let mut lap = || {
-        let seconds = begun.elapsed().as_secs_f64();
-        begun = Instant::now();
+/// Seconds since it was asked before.
+struct Lap(Instant);
+
+impl Lap {
+    fn seconds(&mut self) -> f64 {
+        let seconds = self.0.elapsed().as_secs_f64();
+        self.0 = Instant::now();
         seconds
-    };
+    }
+}
+
+fn measure<L: NodeLaw>(cells: &str, mesh: Mesh, begun: Instant, law: L, route: &str) -> Outcome<()> {
+    let mut lap = Lap(begun);
     let dim = mesh.dim();
-    let meshed = lap();
+    let meshed = lap.seconds();
     let system = Elasticity::new(mesh, Material::isotropic(1.0, 0.277)?)
         .fix("left")
         .discretize()?;
-    let load = loads(&system)?;
-    let mut up = [0.0; 3];
-    up[dim - 1] = 1.0;
-    let rows = system.contact("bottom", &Foundation::plane([0.0; 3], up))?;
-    let mut tangential = vec![rows.tangential];
-    tangential.extend(rows.tangential2);
     let free = system.num_free();
     let condensed = match route {
         "condensed" => true,
@@ -104,52 +106,70 @@ fn measure<L: NodeLaw>(cells: &str, mesh: Mesh, mut begun: Instant, law: L, rout
             return Err(format!("there is no route \"{other}\": auto, condensed or displacements").into());
         }
     };
-    let row;
-    if condensed {
-        let a = system.stiffness().clone();
-        drop(system);
-        let body = ContactBody::new(a, rows.normal, tangential, load)?.with_gap(rows.gap)?;
-        let assembled = lap();
-        let problem = CondensedContact::new(body, law)?;
-        let setup = lap();
-        let x = problem.solve(1.0, None)?;
-        let solved = lap();
-        let y = problem.solve(1.05, Some(&x))?;
-        let times = [meshed, assembled, setup, solved, lap()];
-        row = Row {
-            route: "condensed",
-            times,
-            iterations: ["-".into(), "-".into()],
-            solution: problem.solution(&y)?,
-        };
+    let mut row = if condensed {
+        condense(system, law, &mut lap)?
     } else {
-        let stiffness = system.nodal_stiffness()?;
-        drop(system);
-        let body = ReducedBody::new(stiffness, &rows.normal, &tangential, load)?.with_gap(rows.gap)?;
-        let assembled = lap();
-        let mut problem = ReducedContact::new(body, law, ReducedOptions::default())?;
-        let setup = lap();
-        let first = problem.solve(1.0, None)?;
-        let solved = lap();
-        let second = problem.solve(1.05, Some(&first.displacements))?;
-        let times = [meshed, assembled, setup, solved, lap()];
-        row = Row {
-            route: "displacements",
-            times,
-            iterations: [
-                format!("{}+{}", first.newton(), second.newton()),
-                format!("{}+{}", first.krylov(), second.krylov()),
-            ],
-            solution: problem.solution(1.05, &second.displacements)?,
-        };
-    }
+        reduce(system, law, &mut lap)?
+    };
+    row.times[0] = meshed;
     row.print(cells, free);
     Ok(())
+}
+
+fn ground(system: &ElasticSystem) -> Outcome<(ContactRows, Vec<Matrix>)> {
+    let mut up = [0.0; 3];
+    up[system.mesh().dim() - 1] = 1.0;
+    let mut rows = system.contact("bottom", &Foundation::plane([0.0; 3], up))?;
+    let mut tangential = vec![rows.tangential.clone()];
+    tangential.extend(rows.tangential2.take());
+    Ok((rows, tangential))
+}
+
+fn condense<L: NodeLaw>(system: ElasticSystem, law: L, lap: &mut Lap) -> Outcome<Row> {
+    let (load, (rows, tangential)) = (loads(&system)?, ground(&system)?);
+    let a = system.stiffness().clone();
+    drop(system);
+    let body = ContactBody::new(a, rows.normal, tangential, load)?.with_gap(rows.gap)?;
+    let assembled = lap.seconds();
+    let problem = CondensedContact::new(body, law)?;
+    let setup = lap.seconds();
+    let x = problem.solve(1.0, None)?;
+    let solved = lap.seconds();
+    let y = problem.solve(1.05, Some(&x))?;
+    Ok(Row {
+        route: "condensed",
+        times: [0.0, assembled, setup, solved, lap.seconds()],
+        iterations: ["-".into(), "-".into()],
+        solution: problem.solution(&y)?,
+    })
+}
+
+fn reduce<L: NodeLaw>(system: ElasticSystem, law: L, lap: &mut Lap) -> Outcome<Row> {
+    let (load, (rows, tangential)) = (loads(&system)?, ground(&system)?);
+    let stiffness = system.nodal_stiffness()?;
+    drop(system);
+    let body = ReducedBody::new(stiffness, &rows.normal, &tangential, load)?.with_gap(rows.gap)?;
+    let assembled = lap.seconds();
+    let mut problem = ReducedContact::new(body, law, ReducedOptions::default())?;
+    let setup = lap.seconds();
+    let first = problem.solve(1.0, None)?;
+    let solved = lap.seconds();
+    let second = problem.solve(1.05, Some(&first.displacements))?;
+    Ok(Row {
+        route: "displacements",
+        times: [0.0, assembled, setup, solved, lap.seconds()],
+        iterations: [
+            format!("{}+{}", first.newton(), second.newton()),
+            format!("{}+{}", first.krylov(), second.krylov()),
+        ],
+        solution: problem.solution(1.05, &second.displacements)?,
+    })
 }
 
 /// What is told of a body.
 struct Row {
     route: &'static str,
+    /// Mesh, assembly, setup, first solve, a further one.
     times: [f64; 5],
     iterations: [String; 2],
     solution: ContactSolution,

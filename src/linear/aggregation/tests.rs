@@ -76,7 +76,7 @@ fn iterations(a: &NodalMatrix, more: usize, held: &[usize]) -> usize {
 fn bottom(a: &NodalMatrix) -> Vec<usize> {
     let nodes = (0..a.num_nodes()).filter(|i| a.points()[*i][2] == 0.0);
     let components = |i: usize| {
-        if i % 2 == 0 {
+        if i.is_multiple_of(2) {
             3 * i..3 * i + 3
         } else {
             3 * i + 2..3 * i + 3

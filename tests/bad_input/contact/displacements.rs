@@ -140,7 +140,7 @@ fn bodies(t: &mut Table) {
         ReducedBody::new(
             a.unwrap(),
             &half,
-            &[half.clone()],
+            std::slice::from_ref(&half),
             LoadPath::constant(vec![0.0; 4]),
         )
     });
