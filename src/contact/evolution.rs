@@ -90,7 +90,9 @@ pub struct EvolutionStep {
     /// Work of the loads in this step, and of the reactions at supports that move: summed over the points of the branch by the
     /// trapezoidal rule.
     pub work: f64,
-    /// Change of the elastic energy of the whole body.
+    /// Change of the elastic energy of the whole body along the branch of this step. Where a law changes with its history at the end of a level
+    /// (friction that is less in the next level from the first), forces jump before the branch begins: work, energy and dissipation of
+    /// that jump are in no step.
     pub stored: f64,
     /// Dissipation: where the branch was followed ([`Arrival::is_followed`]) ∫ λt · du_t, summed as the work is, so that
     /// work = stored + dissipated up to rounding and the tolerance of the points. Where it was not, Σ λt · Δu_t ≥ 0 of one implicit step: the

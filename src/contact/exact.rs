@@ -14,7 +14,7 @@ impl<L: NodeLaw> PerNode<L> {
     fn exact_friction(&self, alpha: f64) -> Option<Vec<Exact>> {
         let alpha = Exact::new(alpha)?;
         let value = |node: usize| {
-            let [constant, slope] = self.law.affine_friction(node)?;
+            let [constant, slope] = self.law.affine_friction(node, self.history_of(node))?;
             Some(&Exact::new(constant)? + &(&alpha * &Exact::new(slope)?))
         };
         (0..self.body.num_contacts()).map(value).collect()

@@ -94,11 +94,18 @@ impl<L: NodeLaw> PerNode<L> {
             v.slip[d] = displacement(k) - self.reference[k - p];
             v.traction[d] = force(k);
         }
-        if !self.history.is_empty() {
-            let h = self.law.num_history();
-            v.history[..h].copy_from_slice(&self.history[i * h..(i + 1) * h]);
-        }
+        let history = self.history_of(i);
+        v.history[..history.len()].copy_from_slice(history);
         v
+    }
+
+    /// The history variables of node i.
+    pub(super) fn history_of(&self, i: usize) -> &[f64] {
+        if self.history.is_empty() {
+            return &[];
+        }
+        let h = self.law.num_history();
+        &self.history[i * h..(i + 1) * h]
     }
 
     fn at(&self, i: usize, z: &[f64]) -> LocalValues {

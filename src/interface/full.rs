@@ -15,7 +15,7 @@ impl<G: PiecewiseSmooth> InterfaceProblem<G> {
         Self::with_view(Arc::new(Operator::new(a, b, load)?), FullView, law)
     }
 
-    /// The problem condensed onto its multipliers.
+    /// The problem condensed onto its multipliers; the law is cloned. One that cannot be is given to both by reference.
     ///
     /// # Complexity
     /// That of [`Condensation::new`](crate::linear::Condensation::new) and one solve for each load case.

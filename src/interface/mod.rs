@@ -10,6 +10,56 @@
 //! pieces of G, the same solutions, transitions and signs of determinants, so that whatever the crate does with one it does with the
 //! other; displacements, residuals, tangents and determinants of the full form come back on demand. Contact is the case where G is one
 //! law at each node ([`contact`](crate::contact)).
+//!
+//! A law is any [`PiecewiseSmooth`](crate::piecewise::PiecewiseSmooth) map of z = (v, λ, α), so that the shortest way to write one is
+//! [`Traced`](crate::piecewise::Traced) (feature `autodiff`). Pipes with check valves: u are the pressures at the junctions, A holds the
+//! conductances of the pipes (a reservoir at pressure 0 makes it definite), v = B u are the pressure drops over the valves, and λ the
+//! flows through them, which Bᵀ takes from one junction and brings to another.
+//!
+//! ```
+//! # #[cfg(feature = "autodiff")] {
+//! use semismooth::continuation::{Branch, ContinuationOptions, Direction};
+//! use semismooth::interface::{InterfaceProblem, LoadPath};
+//! use semismooth::newton::Newton;
+//! use semismooth::piecewise::{Kinks, NonsmoothFunction, Real, Traced};
+//! use semismooth::sparse::Matrix;
+//!
+//! /// Valves that open at a drop c and then resist by R: 0 ≤ λ ⟂ R λ + c − v ≥ 0.
+//! #[derive(Clone)]
+//! struct Valves {
+//!     cracking: [f64; 2],
+//!     resistance: [f64; 2],
+//! }
+//!
+//! impl NonsmoothFunction for Valves {
+//!     fn num_vars(&self) -> usize { 5 } // v, λ and α
+//!     fn num_residuals(&self) -> usize { 2 }
+//!     fn eval<T: Real>(&self, z: &[T], kinks: &mut Kinks<'_, T>, out: &mut [T]) {
+//!         for i in 0..2 {
+//!             let (drop, flow) = (z[i], z[2 + i]);
+//!             out[i] = kinks.min(flow, flow * self.resistance[i] + self.cracking[i] - drop);
+//!         }
+//!     }
+//! }
+//!
+//! // Pipes of conductance 1, 2 and 1 from junction 0 to 1, from 1 to 2 and from 2 to the reservoir; valves from 0 to 2 and from 2 to 1.
+//! let pipes = Matrix::from_rows(&[[1.0, -1.0, 0.0], [-1.0, 3.0, -2.0], [0.0, -2.0, 3.0]])?;
+//! let drops = Matrix::from_rows(&[[1.0, 0.0, -1.0], [0.0, -1.0, 1.0]])?;
+//! let valves = Valves { cracking: [1.5, 0.25], resistance: [0.5, 0.0] };
+//! // The flow α comes in at junction 0, the flow 1 at junction 2.
+//! let inflow = LoadPath::affine(vec![0.0, 0.0, 1.0], vec![1.0, 0.0, 0.0]);
+//! let network = InterfaceProblem::from_parts(pipes, &drops, inflow, Traced::new(valves))?.condensed()?;
+//! let mut x = [0.0, 0.0, -3.0];
+//! Newton::default().solve(&network, &mut x)?;
+//! assert!((x[1] - 2.5).abs() < 1e-12); // through the second valve: (3/2 − 1/4) / (1/2)
+//! let options = ContinuationOptions::default().with_parameter_range((-3.0, 3.0));
+//! let branch = Branch::follow(&network, &x, Direction::Increasing, options)?;
+//! // It closes where −α/2 = 1/4; the first one opens where 3α/2 = 3/2.
+//! let switches: Vec<f64> = branch.transitions.iter().map(|t| t.parameter()).collect();
+//! assert!(switches.len() == 2 && (switches[0] + 0.5).abs() < 1e-12 && (switches[1] - 1.0).abs() < 1e-12);
+//! # }
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 mod condensed;
 mod error;

@@ -1,5 +1,5 @@
 use super::ContactState;
-use super::node_law::{CLOSED, LocalRow, LocalValues, NodeLaw, OPEN, free, normal, theta1_row};
+use super::node_law::{CLOSED, LocalRow, LocalValues, NodeLaw, OPEN};
 use crate::piecewise::Facet;
 
 /// Frictionless contact: λt = 0. Pieces "open", "closed".
@@ -55,15 +55,19 @@ impl NodeLaw for Frictionless {
     }
 
     fn test_rows(&self, v: &LocalValues, rows: &mut [LocalRow]) {
-        rows[0] = theta1_row(v);
+        rows[0] = v.theta1_row();
     }
 
     fn residual(&self, piece: usize, v: &LocalValues) -> [f64; 3] {
-        [normal(piece == 1, v).0, v.traction[0], v.traction[1]]
+        [v.normal(piece == 1).0, v.traction[0], v.traction[1]]
     }
 
     fn rows(&self, piece: usize, v: &LocalValues) -> [LocalRow; 3] {
-        [normal(piece == 1, v).1, free(0), free(1)]
+        [
+            v.normal(piece == 1).1,
+            LocalRow::of_traction(0),
+            LocalRow::of_traction(1),
+        ]
     }
 
     fn is_affine(&self) -> bool {

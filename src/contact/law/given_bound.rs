@@ -1,5 +1,5 @@
 use super::ContactState;
-use super::node_law::{CLOSED, LocalRow, LocalValues, NodeLaw, OPEN, add_row, free, normal, theta1_row};
+use super::node_law::{CLOSED, LocalRow, LocalValues, NodeLaw, OPEN};
 use crate::contact::ContactError;
 use crate::piecewise::Facet;
 
@@ -107,10 +107,10 @@ impl NodeLaw for GivenBound {
 
     fn test_rows(&self, v: &LocalValues, rows: &mut [LocalRow]) {
         let (dz, _, direction) = self.z(v);
-        rows[0] = theta1_row(v);
+        rows[0] = v.theta1_row();
         rows[1] = LocalRow::default();
         for d in 0..2 {
-            add_row(&mut rows[1], direction[d], &dz[d]);
+            rows[1].add(direction[d], &dz[d]);
         }
     }
 
@@ -124,13 +124,17 @@ impl NodeLaw for GivenBound {
                 v.traction[d] - f[d] * g * direction[d]
             }
         };
-        [normal(piece >= 2, v).0, tangential(0), tangential(1)]
+        [v.normal(piece >= 2).0, tangential(0), tangential(1)]
     }
 
     fn rows(&self, piece: usize, v: &LocalValues) -> [LocalRow; 3] {
         let (g, f) = self.data(v.node);
         let (dz, norm, direction) = self.z(v);
-        let mut rows = [normal(piece >= 2, v).1, free(0), free(1)];
+        let mut rows = [
+            v.normal(piece >= 2).1,
+            LocalRow::of_traction(0),
+            LocalRow::of_traction(1),
+        ];
         for d in 0..2 {
             let row = &mut rows[1 + d];
             if piece.is_multiple_of(2) && f[d] > 0.0 {
@@ -140,7 +144,7 @@ impl NodeLaw for GivenBound {
                 for e in 0..2 {
                     let identity = if d == e { 1.0 } else { 0.0 };
                     let projection = identity - direction[d] * direction[e];
-                    add_row(row, -f[d] * g / norm * projection, &dz[e]);
+                    row.add(-f[d] * g / norm * projection, &dz[e]);
                 }
             }
         }

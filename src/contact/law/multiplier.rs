@@ -1,5 +1,5 @@
 use super::coefficient::check_coefficient;
-use super::node_law::{CLOSED, LocalRow, LocalValues, NodeLaw, OPEN, normal};
+use super::node_law::{CLOSED, LocalRow, LocalValues, NodeLaw, OPEN};
 use super::planar::{Tangential, WALL, test_rows, tests};
 use super::{ContactState, FrictionCoefficient};
 use crate::contact::ContactError;
@@ -125,13 +125,13 @@ impl NodeLaw for MultiplierCoulomb {
 
     fn residual(&self, piece: usize, v: &LocalValues) -> [f64; 3] {
         let tangential = Self::tangential(piece).residual(v, |_| self.bound(v));
-        [normal(Self::is_closed(piece), v).0, tangential, 0.0]
+        [v.normal(Self::is_closed(piece)).0, tangential, 0.0]
     }
 
     fn rows(&self, piece: usize, v: &LocalValues) -> [LocalRow; 3] {
         let tangential = Self::tangential(piece).row(v, |_| self.bound_row(v));
         [
-            normal(Self::is_closed(piece), v).1,
+            v.normal(Self::is_closed(piece)).1,
             tangential,
             LocalRow::default(),
         ]

@@ -36,14 +36,45 @@ impl LocalValues {
         self.pressure + self.r * self.penetration
     }
 
+    /// The derivatives of [`theta1`](Self::theta1).
+    #[must_use]
+    pub fn theta1_row(&self) -> LocalRow {
+        LocalRow {
+            penetration: self.r,
+            pressure: 1.0,
+            ..LocalRow::default()
+        }
+    }
+
     /// ‖u_t‖.
     #[must_use]
     pub fn slip_norm(&self) -> f64 {
         self.slip[0].hypot(self.slip[1])
     }
+
+    /// The normal residual H_ν = λν − (θ¹)₊ of a closed (−r (u_ν − gap)) or an open node (λν), and its derivatives.
+    #[must_use]
+    pub fn normal(&self, closed: bool) -> (f64, LocalRow) {
+        let mut row = LocalRow::default();
+        if closed {
+            row.penetration = -self.r;
+            (-self.r * self.penetration, row)
+        } else {
+            row.pressure = 1.0;
+            (self.pressure, row)
+        }
+    }
 }
 
-/// Derivatives of a function of [`LocalValues`].
+/// Derivatives of a function of [`LocalValues`]; all 0 by default.
+///
+/// ```
+/// use semismooth::contact::LocalRow;
+/// // λt₁ + 5 u_t₁
+/// let mut row = LocalRow::of_traction(0);
+/// row.add(5.0, &LocalRow::of_slip(0));
+/// assert_eq!((row.traction, row.slip), ([1.0, 0.0], [5.0, 0.0]));
+/// ```
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[non_exhaustive]
 pub struct LocalRow {
@@ -62,27 +93,26 @@ pub struct LocalRow {
 }
 
 impl LocalRow {
-    fn theta1(r: f64) -> Self {
+    /// The derivatives of λt_d, d = 0 or 1; all 0 for another d.
+    #[must_use]
+    pub fn of_traction(d: usize) -> Self {
         Self {
-            penetration: r,
-            pressure: 1.0,
+            traction: [0, 1].map(|k| f64::from(u8::from(k == d))),
             ..Self::default()
         }
     }
 
-    /// The derivative in a direction of the values.
-    pub(in crate::contact) fn along(&self, d: &Self) -> f64 {
-        self.penetration * d.penetration
-            + self.pressure * d.pressure
-            + self.slip[0] * d.slip[0]
-            + self.traction[0] * d.traction[0]
-            + self.slip[1] * d.slip[1]
-            + self.traction[1] * d.traction[1]
-            + self.parameter * d.parameter
-            + self.second * d.second
+    /// The derivatives of u_t,d, d = 0 or 1; all 0 for another d.
+    #[must_use]
+    pub fn of_slip(d: usize) -> Self {
+        Self {
+            slip: [0, 1].map(|k| f64::from(u8::from(k == d))),
+            ..Self::default()
+        }
     }
 
-    fn add(&mut self, scale: f64, other: &Self) {
+    /// Adds `scale` times another row.
+    pub fn add(&mut self, scale: f64, other: &Self) {
         self.penetration += scale * other.penetration;
         self.pressure += scale * other.pressure;
         self.parameter += scale * other.parameter;
@@ -102,8 +132,96 @@ pub const MAX_HISTORY: usize = 4;
 
 /// A law of contact at one node: a finite list of smooth pieces, each with its cell.
 ///
-/// Residuals have one normal component (order: normal, t₁, t₂; in the plane the last is not used). Pieces and test functions obey the
-/// contract of [`PiecewiseSmooth`](crate::piecewise::PiecewiseSmooth); all functions are pure.
+/// Residuals come in the order normal, t₁, t₂ (in the plane the last is not used). Pieces and test functions obey the
+/// contract of [`PiecewiseSmooth`](crate::piecewise::PiecewiseSmooth): pieces that share a facet agree on it. Normal residuals are
+/// those of [`LocalValues::normal`], with the test function θ¹; tangential ones have to agree with λt where θ¹ = 0, and with z = λt + r u_t
+/// a law λt = P(z) with a projection P gives H_t = λt − P(z): −r u_t where z is projected onto itself (stick). All functions are pure, and the
+/// rows are derivatives by all fields of [`LocalRow`]. [`check`](crate::piecewise::check) of a small problem finds rows that are wrong.
+///
+/// Laws whose pieces are affine ([`is_affine`](Self::is_affine)) have curves that are polygons and lists of all solutions
+/// ([`all_solutions`](crate::enumeration::all_solutions)); in space slip turns and is not affine, so that
+/// [`search_solutions`](crate::continuation::search_solutions) has to do.
+///
+/// Friction in the plane that is worn off by the slip of all levels before:
+///
+/// ```
+/// use std::ops::ControlFlow;
+/// use semismooth::contact::{
+///     CondensedContact, ContactBody, ContactState, EvolutionOptions, LoadPath, LocalRow, LocalValues, NodeLaw, evolve,
+/// };
+/// use semismooth::enumeration::{EnumerationOptions, all_solutions};
+/// use semismooth::piecewise::Facet;
+/// use semismooth::sparse::Matrix;
+///
+/// /// |λt| ≤ F λν, F = 0.2 + 0.4 exp(−s) with the slip s accumulated until the end of the level before.
+/// struct Worn;
+///
+/// fn friction(history: &[f64]) -> f64 { 0.2 + 0.4 * (-history[0]).exp() }
+///
+/// impl NodeLaw for Worn {
+///     fn num_tangents(&self) -> usize { 1 }
+///     fn num_pieces(&self) -> usize { 4 }
+///     fn num_tests(&self) -> usize { 3 }
+///     fn cell(&self, piece: usize) -> &'static [Facet] {
+///         const CLOSED: Facet = Facet::positive(0);
+///         const CELLS: [&[Facet]; 4] = [
+///             &[Facet::negative(0)],
+///             &[CLOSED, Facet::negative(1), Facet::positive(2)],
+///             &[CLOSED, Facet::positive(1)],
+///             &[CLOSED, Facet::negative(2)],
+///         ];
+///         CELLS[piece]
+///     }
+///     fn piece_name(&self, piece: usize) -> &'static str { ["open", "stick", "slip+", "slip-"][piece] }
+///     fn state(&self, piece: usize, _v: &LocalValues) -> ContactState { ContactState::ALL[piece] }
+///     fn tests(&self, v: &LocalValues, out: &mut [f64]) {
+///         let (z, bound) = (v.traction[0] + v.r * v.slip[0], friction(&v.history) * v.theta1());
+///         out[..3].copy_from_slice(&[v.theta1(), z - bound, z + bound]);
+///     }
+///     fn test_rows(&self, v: &LocalValues, rows: &mut [LocalRow]) {
+///         rows[0] = v.theta1_row();
+///         for (row, sign) in rows[1..3].iter_mut().zip([-1.0, 1.0]) {
+///             *row = LocalRow::of_traction(0);
+///             row.add(v.r, &LocalRow::of_slip(0));
+///             row.add(sign * friction(&v.history), &v.theta1_row());
+///         }
+///     }
+///     fn residual(&self, piece: usize, v: &LocalValues) -> [f64; 3] {
+///         let bound = friction(&v.history) * v.theta1();
+///         let t = v.traction[0];
+///         [v.normal(piece != 0).0, [t, -v.r * v.slip[0], t - bound, t + bound][piece], 0.0]
+///     }
+///     fn rows(&self, piece: usize, v: &LocalValues) -> [LocalRow; 3] {
+///         let mut tangential = LocalRow::of_traction(0);
+///         match piece {
+///             0 => {}
+///             1 => { tangential = LocalRow::default(); tangential.add(-v.r, &LocalRow::of_slip(0)) }
+///             _ => tangential.add([-1.0, 1.0][piece - 2] * friction(&v.history), &v.theta1_row()),
+///         }
+///         [v.normal(piece != 0).1, tangential, LocalRow::default()]
+///     }
+///     fn is_affine(&self) -> bool { true }
+///     fn friction(&self, v: &LocalValues) -> [f64; 2] { [friction(&v.history); 2] }
+///     fn affine_friction(&self, _node: usize, history: &[f64]) -> Option<[f64; 2]> { Some([friction(history), 0.0]) }
+///     fn num_history(&self) -> usize { 1 }
+///     fn update(&self, v: &LocalValues, history: &mut [f64]) { history[0] += v.slip_norm(); }
+/// }
+///
+/// // One node of stiffness 1, pressed by 1 and pushed by α.
+/// let trace = |row: [f64; 2]| Matrix::from_rows(&[row]);
+/// let load = LoadPath::affine(vec![1.0, 0.0], vec![0.0, 1.0]);
+/// let body = ContactBody::new(Matrix::identity(2), trace([1.0, 0.0])?, vec![trace([0.0, 1.0])?], load)?;
+/// let mut problem = CondensedContact::new(body, Worn)?;
+/// let start = problem.solve(0.0, None)?;
+/// let steps = evolve(&mut problem, &start, &[1.0, 2.0], &EvolutionOptions::default(), |_| ControlFlow::Continue(()))?;
+/// // It slips by 1 − F(0) = 0.4; then friction is F(0.4), and the whole slip 2 − F(0.4).
+/// assert!((steps[0].history[0] - 0.4).abs() < 1e-12);
+/// assert!((steps[1].history[0] - (2.0 - friction(&[0.4]))).abs() < 1e-12);
+/// // All solutions under the load at the end, and the proof that there are no others.
+/// let set = all_solutions(&problem, 2.0, &EnumerationOptions::default())?;
+/// assert!(set.solutions.len() == 1 && set.completeness.is_complete());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub trait NodeLaw {
     /// 1 in the plane, 2 in space.
     fn num_tangents(&self) -> usize;
@@ -172,9 +290,9 @@ pub trait NodeLaw {
     }
 
     /// [c, s] of the coefficient of friction F = c + α s of a node, where the law is planar Coulomb friction with the pieces open, stick,
-    /// slip+ and slip− and F depends on nothing else: contact is then
-    /// [stated exactly](crate::piecewise::PiecewiseSmooth::exact).
-    fn affine_friction(&self, _node: usize) -> Option<[f64; 2]> {
+    /// slip+ and slip− and F depends on nothing else but the `history` of the node: contact is then
+    /// [stated exactly](crate::piecewise::PiecewiseSmooth::exact), and lists of solutions are proven.
+    fn affine_friction(&self, _node: usize, _history: &[f64]) -> Option<[f64; 2]> {
         None
     }
 
@@ -213,37 +331,10 @@ borrowed! {
     fn update(&self, v: &LocalValues, history: &mut [f64]);
     fn depends_on_slip(&self) -> bool;
     fn is_coulomb(&self) -> bool;
-    fn affine_friction(&self, node: usize) -> Option<[f64; 2]>;
+    fn affine_friction(&self, node: usize, history: &[f64]) -> Option<[f64; 2]>;
     fn check(&self, v: &LocalValues) -> Result<(), ContactError>;
     fn state(&self, piece: usize, v: &LocalValues) -> ContactState;
 }
 
 pub(super) const CLOSED: Facet = Facet::positive(0);
 pub(super) const OPEN: Facet = Facet::negative(0);
-
-/// H_ν of a piece and its derivatives.
-pub(super) fn normal(closed: bool, v: &LocalValues) -> (f64, LocalRow) {
-    let mut row = LocalRow::default();
-    if closed {
-        row.penetration = -v.r;
-        (-v.r * v.penetration, row)
-    } else {
-        row.pressure = 1.0;
-        (v.pressure, row)
-    }
-}
-
-/// λt of an open node.
-pub(super) fn free(d: usize) -> LocalRow {
-    let mut row = LocalRow::default();
-    row.traction[d] = 1.0;
-    row
-}
-
-pub(super) fn theta1_row(v: &LocalValues) -> LocalRow {
-    LocalRow::theta1(v.r)
-}
-
-pub(super) fn add_row(target: &mut LocalRow, scale: f64, other: &LocalRow) {
-    target.add(scale, other);
-}

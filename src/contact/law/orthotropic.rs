@@ -1,5 +1,5 @@
 use super::coefficient::check_coefficient;
-use super::node_law::{CLOSED, LocalRow, LocalValues, NodeLaw, OPEN, add_row, free, normal, theta1_row};
+use super::node_law::{CLOSED, LocalRow, LocalValues, NodeLaw, OPEN};
 use super::{ContactState, FrictionCoefficient};
 use crate::contact::ContactError;
 use crate::piecewise::Facet;
@@ -134,15 +134,11 @@ impl OrthotropicCoulomb {
             f[d] = value;
             df[d].parameter = rate;
             df[d].second = second;
-            add_row(&mut df[d], slope, &dphi);
+            df[d].add(slope, &dphi);
             z[d] = v.traction[d] / value + v.r * value * v.slip[d];
             dz[d].traction[d] = 1.0 / value;
             dz[d].slip[d] = v.r * value;
-            add_row(
-                &mut dz[d],
-                v.r * v.slip[d] - v.traction[d] / (value * value),
-                &df[d],
-            );
+            dz[d].add(v.r * v.slip[d] - v.traction[d] / (value * value), &df[d]);
         }
         let norm = z[0].hypot(z[1]);
         let direction = if norm > 0.0 { z.map(|c| c / norm) } else { [0.0; 2] };
@@ -212,11 +208,11 @@ impl NodeLaw for OrthotropicCoulomb {
 
     fn test_rows(&self, v: &LocalValues, rows: &mut [LocalRow]) {
         let s = self.scaled(v);
-        rows[0] = theta1_row(v);
+        rows[0] = v.theta1_row();
         rows[1] = LocalRow::default();
-        add_row(&mut rows[1], -1.0, &theta1_row(v));
+        rows[1].add(-1.0, &v.theta1_row());
         for d in 0..2 {
-            add_row(&mut rows[1], s.direction[d], &s.dz[d]);
+            rows[1].add(s.direction[d], &s.dz[d]);
             rows[2 + d] = if self.coefficients[d].depends_on_parameter() {
                 s.df[d]
             } else {
@@ -226,7 +222,7 @@ impl NodeLaw for OrthotropicCoulomb {
     }
 
     fn residual(&self, piece: usize, v: &LocalValues) -> [f64; 3] {
-        let h = normal(piece != 0, v).0;
+        let h = v.normal(piece != 0).0;
         if piece == 0 {
             return [h, v.traction[0], v.traction[1]];
         }
@@ -240,28 +236,28 @@ impl NodeLaw for OrthotropicCoulomb {
     }
 
     fn rows(&self, piece: usize, v: &LocalValues) -> [LocalRow; 3] {
-        let h = normal(piece != 0, v).1;
+        let h = v.normal(piece != 0).1;
         if piece == 0 {
-            return [h, free(0), free(1)];
+            return [h, LocalRow::of_traction(0), LocalRow::of_traction(1)];
         }
         let s = self.scaled(v);
         let radius = v.theta1();
-        let mut rows = [h, free(0), free(1)];
+        let mut rows = [h, LocalRow::of_traction(0), LocalRow::of_traction(1)];
         for d in 0..2 {
             let row = &mut rows[1 + d];
             if piece == 1 {
                 *row = LocalRow::default();
                 row.slip[d] = -v.r * s.f[d] * s.f[d];
-                add_row(row, -2.0 * v.r * s.f[d] * v.slip[d], &s.df[d]);
+                row.add(-2.0 * v.r * s.f[d] * v.slip[d], &s.df[d]);
                 continue;
             }
-            add_row(row, -s.direction[d] * radius, &s.df[d]);
-            add_row(row, -s.f[d] * s.direction[d], &theta1_row(v));
+            row.add(-s.direction[d] * radius, &s.df[d]);
+            row.add(-s.f[d] * s.direction[d], &v.theta1_row());
             if s.norm > 0.0 {
                 for e in 0..2 {
                     let identity = if d == e { 1.0 } else { 0.0 };
                     let projection = identity - s.direction[d] * s.direction[e];
-                    add_row(row, -s.f[d] * radius / s.norm * projection, &s.dz[e]);
+                    row.add(-s.f[d] * radius / s.norm * projection, &s.dz[e]);
                 }
             }
         }

@@ -1,7 +1,7 @@
 //! Planar Coulomb friction with the bound F θ¹, and what laws with one tangent share.
 
 use super::coefficient::check_coefficient;
-use super::node_law::{CLOSED, LocalRow, LocalValues, NodeLaw, OPEN, add_row, free, normal, theta1_row};
+use super::node_law::{CLOSED, LocalRow, LocalValues, NodeLaw, OPEN};
 use super::{ContactState, FrictionCoefficient};
 use crate::contact::ContactError;
 use crate::piecewise::Facet;
@@ -35,11 +35,11 @@ impl Tangential {
 
     /// The derivatives of H_t from those of g.
     pub(super) fn row(self, v: &LocalValues, bound: impl Fn(f64) -> LocalRow) -> LocalRow {
-        let mut row = free(0);
+        let mut row = LocalRow::of_traction(0);
         match self {
             Self::Free => {}
             Self::Stick => (row.traction[0], row.slip[0]) = (0.0, -v.r),
-            Self::Slip(side) => add_row(&mut row, -side, &bound(side)),
+            Self::Slip(side) => row.add(-side, &bound(side)),
             Self::Reversed => (row.traction[0], row.slip[0]) = (2.0, v.r),
         }
         row
@@ -66,11 +66,11 @@ pub(super) fn test_rows(
     bounds: &[LocalRow; 2],
     rows: &mut [LocalRow],
 ) {
-    rows[0] = theta1_row(v);
+    rows[0] = v.theta1_row();
     for ((row, bound), side) in rows[1..3].iter_mut().zip(bounds).zip([1.0, -1.0]) {
-        *row = free(0);
+        *row = LocalRow::of_traction(0);
         row.slip[0] = v.r;
-        add_row(row, -side, bound);
+        row.add(-side, bound);
     }
     rows[3] = LocalRow::default();
     if coefficient.depends_on_parameter() {
@@ -110,7 +110,7 @@ impl PlanarCoulomb {
             ..LocalRow::default()
         };
         row.slip[0] = side * slope * pressure;
-        add_row(&mut row, f, &theta1_row(v));
+        row.add(f, &v.theta1_row());
         row
     }
 
@@ -178,12 +178,12 @@ impl NodeLaw for PlanarCoulomb {
 
     fn residual(&self, piece: usize, v: &LocalValues) -> [f64; 3] {
         let tangential = Self::tangential(piece).residual(v, |side| self.bound(side, v));
-        [normal(piece != 0, v).0, tangential, 0.0]
+        [v.normal(piece != 0).0, tangential, 0.0]
     }
 
     fn rows(&self, piece: usize, v: &LocalValues) -> [LocalRow; 3] {
         let tangential = Self::tangential(piece).row(v, |side| self.bound_row(side, v));
-        [normal(piece != 0, v).1, tangential, LocalRow::default()]
+        [v.normal(piece != 0).1, tangential, LocalRow::default()]
     }
 
     fn is_affine(&self) -> bool {
@@ -202,7 +202,7 @@ impl NodeLaw for PlanarCoulomb {
         self.coefficient.is_constant()
     }
 
-    fn affine_friction(&self, node: usize) -> Option<[f64; 2]> {
+    fn affine_friction(&self, node: usize, _history: &[f64]) -> Option<[f64; 2]> {
         self.coefficient.affine_at(node)
     }
 

@@ -46,7 +46,7 @@ impl Strategy {
 }
 
 /// All strategies, in the order in which they are tried unless the options say otherwise.
-static TABLE: [Strategy; 8] = [
+static TABLE: &[Strategy] = &[
     Strategy::attempt(McpStrategy::Newton, "Newton", |e| e.newton()),
     Strategy::attempt(McpStrategy::FischerBurmeister, "Fischer-Burmeister", |e| {
         e.fischer()
