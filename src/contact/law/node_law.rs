@@ -111,6 +111,18 @@ impl LocalRow {
         }
     }
 
+    /// The derivative in a direction of the values.
+    pub(in crate::contact) fn along(&self, d: &Self) -> f64 {
+        self.penetration * d.penetration
+            + self.pressure * d.pressure
+            + self.slip[0] * d.slip[0]
+            + self.traction[0] * d.traction[0]
+            + self.slip[1] * d.slip[1]
+            + self.traction[1] * d.traction[1]
+            + self.parameter * d.parameter
+            + self.second * d.second
+    }
+
     /// Adds `scale` times another row.
     pub fn add(&mut self, scale: f64, other: &Self) {
         self.penetration += scale * other.penetration;
