@@ -12,6 +12,7 @@
 //! | [`enumeration`] | all solutions at a parameter, all arms at a point, with certificates |
 //! | [`complementarity`] | LCP, NCP, MCP, obstacle problems |
 //! | [`variational`] | variational inequalities over polyhedra |
+//! | [`cones`] | complementarity over second-order cones |
 //! | [`interface`] | any nonsmooth law on few traces of a definite operator |
 //! | [`fem`], [`contact`] | linear elasticity on meshes, Coulomb friction in the plane and in space |
 //! | [`output`] | tables, JSON, pictures, VTU |
@@ -22,6 +23,7 @@
 
 mod clock;
 pub mod complementarity;
+pub mod cones;
 pub mod contact;
 pub mod continuation;
 pub mod enumeration;

@@ -6,6 +6,7 @@
 use std::path::Path;
 
 use semismooth::complementarity::{AffineFunction, McpFunction};
+use semismooth::cones::{Cone, ConeProblem};
 use semismooth::sparse::Matrix;
 use semismooth::variational::{Polyhedron, Vi};
 use serde_json::Value;
@@ -70,6 +71,32 @@ pub(crate) fn read_vi(path: &Path) -> Result<(Problem, Vi<Function>), Failure> {
         let (e, d) = rows(file, "E", "d", n)?;
         set = set.with_equations(e, d).map_err(told)?;
         Vi::new(function(file, n)?, set).map_err(told)
+    })
+}
+
+/// Reads a cone complementarity problem: `cones` is a list of ["l" | "q" | "f", number of variables].
+pub(crate) fn read_cone(path: &Path) -> Result<(Problem, ConeProblem<Function>), Failure> {
+    open(path, |file, n| {
+        let list = file["cones"].as_array().ok_or("`cones` is missing or no list")?;
+        let mut cones = Vec::with_capacity(list.len());
+        for (k, entry) in list.iter().enumerate() {
+            let size = entry[1]
+                .as_u64()
+                .filter(|s| (1..=n as u64).contains(s))
+                .map(|s| s as usize);
+            cones.push(match (entry[0].as_str(), size) {
+                (Some("l"), Some(size)) => Cone::Nonnegative(size),
+                (Some("q"), Some(size)) => Cone::SecondOrder(size),
+                (Some("f"), Some(size)) => Cone::Free(size),
+                _ => {
+                    return Err(format!(
+                        "cones[{k}]: {} is no cone of 1 to {n} variables",
+                        shown(entry)
+                    ));
+                }
+            });
+        }
+        ConeProblem::new(function(file, n)?, cones).map_err(|e| e.to_string())
     })
 }
 

@@ -1,0 +1,185 @@
+use crate::sparse::norm;
+
+/// A factor of K, by its number of variables.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum Cone {
+    /// x ≥ 0, component by component; F ≥ 0.
+    Nonnegative(usize),
+    /// The second-order (Lorentz) cone t ≥ ‖v‖₂ of (t, v), its own dual; with one variable the half-line t ≥ 0.
+    SecondOrder(usize),
+    /// x is free; F = 0.
+    Free(usize),
+}
+
+impl Cone {
+    /// Number of variables.
+    #[must_use]
+    pub const fn len(self) -> usize {
+        match self {
+            Self::Nonnegative(n) | Self::SecondOrder(n) | Self::Free(n) => n,
+        }
+    }
+
+    /// Whether there are no variables.
+    #[must_use]
+    pub const fn is_empty(self) -> bool {
+        self.len() == 0
+    }
+
+    /// Moves x to the nearest point of the cone.
+    ///
+    /// ```
+    /// use semismooth::cones::Cone;
+    /// let mut x = [0.0, 3.0, 4.0];
+    /// Cone::SecondOrder(3).project(&mut x);
+    /// assert_eq!(x, [2.5, 1.5, 2.0]);
+    /// ```
+    pub fn project(self, x: &mut [f64]) {
+        match self {
+            Self::Free(_) => {}
+            Self::Nonnegative(_) => x.iter_mut().for_each(|x| *x = x.max(0.0)),
+            Self::SecondOrder(_) => {
+                let Some((t, v)) = x.split_first_mut() else { return };
+                let length = norm(v);
+                if length <= -*t {
+                    *t = 0.0;
+                    v.fill(0.0);
+                } else if length > *t {
+                    let s = 0.5 * (*t + length);
+                    v.iter_mut().for_each(|v| *v *= s / length);
+                    *t = s;
+                }
+            }
+        }
+    }
+
+    /// The dual cone's nearest point: the cone itself, or {0} for free variables.
+    pub(super) fn project_dual(self, y: &mut [f64]) {
+        match self {
+            Self::Free(_) => y.fill(0.0),
+            _ => self.project(y),
+        }
+    }
+
+    /// An element of the B-subdifferential of the projection at z, n × n row by row (J.-S. Chen, X. Chen, P. Tseng, 2004).
+    pub(super) fn projection_derivative(self, z: &[f64], out: &mut [f64]) {
+        let n = z.len();
+        out.fill(0.0);
+        match self {
+            Self::Free(_) => (0..n).for_each(|i| out[i * n + i] = 1.0),
+            Self::Nonnegative(_) => (0..n).for_each(|i| out[i * n + i] = f64::from(u8::from(z[i] > 0.0))),
+            Self::SecondOrder(_) => {
+                let (t, v) = (z[0], &z[1..]);
+                let length = norm(v);
+                if length <= t && (length > 0.0 || t > 0.0) {
+                    (0..n).for_each(|i| out[i * n + i] = 1.0);
+                } else if length > -t {
+                    out[0] = 0.5;
+                    let q = t / length;
+                    for i in 1..n {
+                        let vi = z[i] / length;
+                        out[i] = 0.5 * vi;
+                        out[i * n] = 0.5 * vi;
+                        for j in 1..n {
+                            out[i * n + j] = -0.5 * q * vi * (z[j] / length);
+                        }
+                        out[i * n + i] += 0.5 * (1.0 + q);
+                    }
+                }
+            }
+        }
+    }
+
+    /// The smoothed Fischer–Burmeister function x + y − (x² + y² + 2 μ² e)^½ in the Jordan algebra of the cone (M. Fukushima, Z.-Q. Luo,
+    /// P. Tseng, 2002); for free variables y.
+    pub(super) fn smoothed(self, mu: f64, x: &[f64], y: &[f64], out: &mut [f64]) {
+        match self {
+            Self::Free(_) => out.copy_from_slice(y),
+            _ => {
+                let root = Root::new(mu, x, y, out);
+                for i in 0..x.len() {
+                    out[i] = x[i] + y[i] - if i == 0 { root.first } else { root.half * out[i] };
+                }
+            }
+        }
+    }
+
+    /// Its derivatives by x and by y, n × n row by row: I − L_z⁻¹ L_x and I − L_z⁻¹ L_y, z the square root.
+    pub(super) fn smoothed_derivatives(
+        self,
+        mu: f64,
+        x: &[f64],
+        y: &[f64],
+        by_x: &mut [f64],
+        by_y: &mut [f64],
+    ) {
+        let n = x.len();
+        if let Self::Free(_) = self {
+            by_x.fill(0.0);
+            by_y.fill(0.0);
+            (0..n).for_each(|i| by_y[i * n + i] = 1.0);
+            return;
+        }
+        let mut direction = vec![0.0; n];
+        let root = Root::new(mu, x, y, &mut direction);
+        let mut column = vec![0.0; n];
+        for (a, by) in [(x, by_x), (y, by_y)] {
+            // L_a has (a₀, a₁ᵀ) in its first row and column, and a₀ on the diagonal.
+            for j in 0..n {
+                for (i, c) in column.iter_mut().enumerate() {
+                    *c = match (i, j) {
+                        (0, j) => a[j],
+                        (i, 0) => a[i],
+                        (i, j) => f64::from(u8::from(i == j)) * a[0],
+                    };
+                }
+                root.divide(&mut column, &direction);
+                for (i, c) in column.iter().enumerate() {
+                    by[i * n + j] = f64::from(u8::from(i == j)) - c;
+                }
+            }
+        }
+    }
+}
+
+/// z = (x² + y² + 2 μ² e)^½ = (z₀, h d), d of length 1 or 0.
+struct Root {
+    first: f64,
+    half: f64,
+    /// z₀² − h².
+    determinant: f64,
+}
+
+impl Root {
+    /// By eigenvalues; d is written to `direction[1..]`.
+    fn new(mu: f64, x: &[f64], y: &[f64], direction: &mut [f64]) -> Self {
+        let shift = 2.0 * mu * mu;
+        let t = x.iter().chain(y).map(|v| v * v).sum::<f64>() + shift;
+        for i in 1..x.len() {
+            direction[i] = 2.0 * (x[0] * x[i] + y[0] * y[i]);
+        }
+        let length = norm(&direction[1..]);
+        if length > 0.0 {
+            direction[1..].iter_mut().for_each(|d| *d /= length);
+        }
+        let (small, large) = ((t - length).max(shift).sqrt(), (t + length).sqrt());
+        Self {
+            first: 0.5 * (large + small),
+            half: 0.5 * (large - small),
+            determinant: small * large,
+        }
+    }
+
+    /// Overwrites b by L_z⁻¹ b.
+    fn divide(&self, b: &mut [f64], direction: &[f64]) {
+        let d = &direction[1..];
+        let along: f64 = d.iter().zip(&b[1..]).map(|(d, b)| d * b).sum();
+        let first = (self.first * b[0] - self.half * along) / self.determinant;
+        for (b, d) in b[1..].iter_mut().zip(d) {
+            *b = (*b - self.half * d * first) / self.first;
+        }
+        b[0] = first;
+    }
+}

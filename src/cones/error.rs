@@ -1,0 +1,61 @@
+use thiserror::Error;
+
+use crate::linear::LinearError;
+use crate::sparse::SparseError;
+
+/// What can be wrong with a cone problem or its options. How a solve ended is told by its report.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum ConeError {
+    /// There is nothing to solve for.
+    #[error("the problem has no variables; at least one is needed")]
+    Empty,
+    /// A second-order cone needs at least one variable.
+    #[error("cone {index} has no variables; leave it out")]
+    NoVariables {
+        /// Position of the cone, from 0.
+        index: usize,
+    },
+    /// The numbers of variables do not agree.
+    #[error("{what} has length {found}, expected {expected}")]
+    Length {
+        /// Which one.
+        what: &'static str,
+        /// Length asked for.
+        expected: usize,
+        /// Length given.
+        found: usize,
+    },
+    /// A number that must be finite is not.
+    #[error("the start has {value} at {index}, which is not finite")]
+    NotFinite {
+        /// Position, from 0.
+        index: usize,
+        /// Its value.
+        value: f64,
+    },
+    /// The Jacobian of F has an entry outside its pattern.
+    #[error("the Jacobian has an entry at ({row}, {col}), where its pattern has none")]
+    OutsidePattern {
+        /// Row, from 0.
+        row: usize,
+        /// Column, from 0.
+        col: usize,
+    },
+    /// An option is out of its range.
+    #[error("option {name} = {value} is out of range; it must be {range}")]
+    Option {
+        /// Name of the field.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+        /// The range.
+        range: &'static str,
+    },
+    /// A matrix or pattern does not fit.
+    #[error(transparent)]
+    Sparse(#[from] SparseError),
+    /// The linear solver refused the problem (size, memory).
+    #[error(transparent)]
+    Linear(#[from] LinearError),
+}

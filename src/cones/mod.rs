@@ -1,0 +1,15 @@
+//! Complementarity problems over products of half-lines, second-order cones and free variables.
+//!
+//! Find x ∈ K with F(x) ∈ K* and xᵀF(x) = 0. Optimality conditions of second-order cone programs, friction with a given bound and
+//! Coulomb friction in a fixed state of pressure are of this kind (F. Facchinei, J.-S. Pang, 2003, section 1.4; F. Alizadeh, D. Goldfarb,
+//! 2003). Factors of K are [`Cone`]s, a problem is a [`ConeProblem`], and [`ConeSolver`] solves it from any start.
+
+mod cone;
+mod error;
+mod problem;
+mod solver;
+
+pub use cone::Cone;
+pub use error::ConeError;
+pub use problem::ConeProblem;
+pub use solver::{ConeIteration, ConeOptions, ConeRay, ConeReport, ConeSolver, ConeStatus};
