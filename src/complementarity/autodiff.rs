@@ -120,7 +120,7 @@ impl<S: SmoothFunction> McpFunction for Autodiff<S> {
         if !*checked {
             // Columns of one colour would hide an entry that the pattern lacks in another.
             if let Some((i, j)) = lacking(&self.pattern, x, &mut |x, _, out| self.function.eval(x, out)) {
-                jac.add(i, j, 0.0);
+                jac.refuse(i, j);
                 return;
             }
             *checked = true;

@@ -16,4 +16,5 @@ pub use error::{NewtonError, Unsolved};
 pub use moore_penrose::{Correction, MoorePenrose};
 pub use options::{Damping, NewtonOptions};
 pub use report::{Convergence, Failure, Iteration, Report, Step};
+pub(crate) use report::{Tail, observed_order};
 pub use solver::Newton;

@@ -118,20 +118,49 @@ impl Report {
     /// where the last step solved an affine piece exactly.
     #[must_use]
     pub fn observed_order(&self, floor: f64) -> Option<f64> {
-        let switched = self.history.iter().rposition(|i| i.sites_changed > 0);
-        let tail = &self.history[switched.unwrap_or(0)..];
-        let above = tail.iter().take_while(|i| i.residual_norm > floor).count();
-        let [.., a, b, c] = &tail[..above] else {
-            return None;
+        let entry = |i: &Iteration| Tail {
+            residual: i.residual_norm,
+            switched: i.sites_changed > 0,
+            full: i.step == Step::Newton && i.damping == 1.0,
         };
-        let full = |i: &Iteration| i.step == Step::Newton && i.damping == 1.0;
-        if !full(a) || !full(b) {
-            return None;
-        }
-        let (a, b, c) = (a.residual_norm, b.residual_norm, c.residual_norm);
-        let order = (c / b).ln() / (b / a).ln();
-        (b < a && c < b && order.is_finite()).then_some(order)
+        observed_order(self.history.iter().rev().map(entry), floor)
     }
+}
+
+/// What an entry of a history tells of the order of convergence.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Tail {
+    pub(crate) residual: f64,
+    /// Whether a site changed its piece on the way to this iterate.
+    pub(crate) switched: bool,
+    /// Whether a full Newton step leads on from it.
+    pub(crate) full: bool,
+}
+
+/// [`Report::observed_order`] of any history, told from its end.
+pub(crate) fn observed_order(history: impl Iterator<Item = Tail>, floor: f64) -> Option<f64> {
+    // The last three above the floor, the last of them first; none above it may come after one that is not.
+    let mut last: [Option<Tail>; 3] = [None; 3];
+    for entry in history {
+        if entry.residual > floor {
+            if last[2].is_none()
+                && let Some(slot) = last.iter_mut().find(|slot| slot.is_none())
+            {
+                *slot = Some(entry);
+            }
+        } else {
+            last = [None; 3];
+        }
+        if entry.switched {
+            break;
+        }
+    }
+    let [Some(c), Some(b), Some(a)] = last else {
+        return None;
+    };
+    let order = (c.residual / b.residual).ln() / (b.residual / a.residual).ln();
+    let falls = b.residual < a.residual && c.residual < b.residual;
+    (a.full && b.full && falls && order.is_finite()).then_some(order)
 }
 
 #[cfg(test)]

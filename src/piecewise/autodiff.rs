@@ -303,7 +303,7 @@ impl<F: NonsmoothFunction> Traced<F> {
                 self.function.eval(x, &mut Kinks::new(Mode::Joined), out);
             });
             if let Some((i, j)) = stray {
-                jac.add(i, j, 0.0);
+                jac.refuse(i, j);
                 return;
             }
             self.checked.store(true, Ordering::Relaxed);

@@ -315,6 +315,11 @@ impl Matrix {
         }
     }
 
+    /// Tells of an entry that a formula has and its own pattern has not, also where this matrix has room for it.
+    pub(crate) fn refuse(&mut self, row: usize, col: usize) {
+        self.stray = Some((row, col));
+    }
+
     /// The last addition that fell outside the pattern since [`clear`](Self::clear), if any.
     #[must_use]
     pub fn stray(&self) -> Option<(usize, usize)> {

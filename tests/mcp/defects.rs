@@ -273,7 +273,8 @@ fn cycles_of_the_min_map_are_left() {
 #[cfg(feature = "autodiff")]
 mod patterns {
     use semismooth::complementarity::{
-        Autodiff, ComplementarityError, Mcp, McpFunction, McpSolver, SmoothFunction, check_jacobian,
+        Autodiff, ComplementarityError, Differenced, Mcp, McpFunction, McpSolver, SmoothFunction,
+        check_jacobian,
     };
     use semismooth::piecewise::{PiecewiseError, Real};
     use semismooth::sparse::Pattern;
@@ -327,5 +328,52 @@ mod patterns {
         let error = McpSolver::default().solve(&problem, &mut [0.0; 5]).unwrap_err();
         let stray = PiecewiseError::StrayEntry { row: 0, col: 3 };
         assert!(matches!(error, ComplementarityError::Map(e) if e == stray));
+    }
+
+    struct WithoutDiagonal;
+
+    impl SmoothFunction for WithoutDiagonal {
+        fn num_vars(&self) -> usize {
+            2
+        }
+        fn eval<T: Real>(&self, x: &[T], out: &mut [T]) {
+            out[0] = x[0] + x[1] - 1.0;
+            out[1] = x[0] - x[1] + 3.0;
+        }
+        fn pattern(&self) -> Pattern {
+            Pattern::from_entries(2, 2, [(0, 0), (0, 1), (1, 0)]).unwrap()
+        }
+    }
+
+    /// Solvers have room for a diagonal; that does not hide the error.
+    #[test]
+    fn a_lacking_diagonal_is_an_error() {
+        let problem = Mcp::ncp(Autodiff::new(WithoutDiagonal)).unwrap();
+        let error = McpSolver::default().solve(&problem, &mut [1.0; 2]).unwrap_err();
+        let stray = PiecewiseError::StrayEntry { row: 1, col: 1 };
+        assert!(matches!(error, ComplementarityError::Map(e) if e == stray));
+    }
+
+    /// As `Lacking`, and a chain without its diagonal, which solvers have room for.
+    #[test]
+    fn a_lacking_entry_is_an_error_for_differences_too() {
+        let net = |x: &[f64], out: &mut [f64]| Net.eval(x, out);
+        let chain = |i: usize| [(i, i), (i, i.saturating_sub(1))];
+        let all: Vec<_> = (0..5).flat_map(chain).chain([(0, 3)]).collect();
+        for (row, col) in all.iter().copied().filter(|(i, j)| i > j || *j == 3 || *i == 1) {
+            let pattern = all.iter().copied().filter(|e| *e != (row, col));
+            let pattern = Pattern::from_entries(5, 5, pattern).unwrap();
+            let function = Differenced::new(5, net).with_pattern(pattern);
+            let problem = Mcp::new(function, vec![0.0; 5], vec![f64::INFINITY; 5]).unwrap();
+            let error = McpSolver::default().solve(&problem, &mut [0.5; 5]).unwrap_err();
+            let stray = PiecewiseError::StrayEntry { row, col };
+            assert!(
+                matches!(error, ComplementarityError::Map(e) if e == stray),
+                "{row} {col}"
+            );
+        }
+        let pattern = Pattern::from_entries(5, 5, all).unwrap();
+        let function = Differenced::new(5, net).with_pattern(pattern);
+        check_jacobian(&function, &[0.5, 0.6, 0.7, 0.8, 0.9], 1e-6).unwrap();
     }
 }

@@ -212,6 +212,7 @@ impl Engine<'_> {
             merit,
             step,
             damping,
+            sites_changed: self.sites_changed(),
         };
         self.report.history.push(iteration);
         if step != McpStep::None {
@@ -220,6 +221,20 @@ impl Engine<'_> {
         if (self.observe)(&iteration).is_break() {
             self.interrupted = true;
         }
+    }
+
+    /// The number of components whose piece of the natural map at `work.x` is not that of the iterate recorded last.
+    fn sites_changed(&mut self) -> usize {
+        let first = self.report.history.is_empty();
+        let w = &mut *self.work;
+        let mut changed = 0;
+        for i in 0..w.n {
+            let z = w.x[i] - w.f[i];
+            let now = i8::from(z > self.upper[i]) - i8::from(z < self.lower[i]);
+            changed += usize::from(!first && now != w.pieces[i]);
+            w.pieces[i] = now;
+        }
+        changed
     }
 
     /// A reason to stop altogether.

@@ -1,6 +1,8 @@
 use std::fmt;
 use std::time::Duration;
 
+use crate::newton::{Tail, observed_order};
+
 /// How a solve ended.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
@@ -169,6 +171,9 @@ pub struct McpIteration {
     pub step: McpStep,
     /// Its length, 1 for a full step.
     pub damping: f64,
+    /// Number of components that the natural map takes for free or at a bound, x − F within or beyond its bounds, otherwise than at the
+    /// iterate before; at the first iterate 0.
+    pub sites_changed: usize,
 }
 
 /// Where a component is in a solution.
@@ -252,20 +257,25 @@ impl McpReport {
         self.status == McpStatus::Solved
     }
 
-    /// The observed order of convergence, log(r₃/r₂) / log(r₂/r₁), from the last three natural residuals above `floor` (rounding)
-    /// of the attempt that finished; `None` with fewer than three that fall.
+    /// The observed order of convergence, log(r₃/r₂) / log(r₂/r₁), from the last three natural residuals of the attempt that finished
+    /// that lie above `floor` (rounding) and fell by full Newton steps on one active set; `None` with fewer than three since the last
+    /// component came to another bound or left one, by the rule of [`Report::observed_order`](crate::newton::Report::observed_order).
     #[must_use]
     pub fn observed_order(&self, floor: f64) -> Option<f64> {
-        let mut last = self
-            .history
-            .iter()
-            .rev()
-            .take_while(|i| i.strategy == self.strategy)
-            .map(|i| i.residual)
-            .filter(|r| *r > floor);
-        let (c, b, a) = (last.next()?, last.next()?, last.next()?);
-        let order = (c / b).ln() / (b / a).ln();
-        (b < a && c < b && order.is_finite()).then_some(order)
+        let attempt = self.history.iter().rev();
+        let attempt = attempt.take_while(|i| i.strategy == self.strategy);
+        let newton = |step| {
+            matches!(
+                step,
+                McpStep::Natural | McpStep::FischerBurmeister | McpStep::Linearised
+            )
+        };
+        let entry = |i: &McpIteration| Tail {
+            residual: i.residual,
+            switched: i.sites_changed > 0,
+            full: newton(i.step) && i.damping == 1.0,
+        };
+        observed_order(attempt.map(entry), floor)
     }
 
     /// Empties the report, keeping its memory.

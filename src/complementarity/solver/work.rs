@@ -52,6 +52,8 @@ pub(super) struct Work {
     pub(super) kept: Vec<f64>,
     /// −1, 0, +1: lower, interior, upper.
     pub(super) active: Vec<i8>,
+    /// The same of the natural map at the iterate recorded last.
+    pub(super) pieces: Vec<i8>,
     pub(super) visited: Vec<u64>,
     pub(super) merits: Vec<f64>,
     /// H as a full matrix, for normal equations.
@@ -92,6 +94,7 @@ impl Work {
             nearest: zeros(),
             kept: zeros(),
             active: vec![0; n],
+            pieces: vec![0; n],
             visited: Vec::new(),
             merits: Vec::new(),
             dense: Vec::new(),

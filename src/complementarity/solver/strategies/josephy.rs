@@ -53,7 +53,6 @@ impl Engine<'_> {
             let Some((target, _)) = self.linearised_solution() else {
                 return McpStatus::Stalled;
             };
-            self.record(self.residual(), psi, McpStep::Linearised, 1.0);
             for i in 0..n {
                 self.work.d[i] = target[i] - from[i] / self.work.lin.col()[i];
             }
@@ -71,8 +70,10 @@ impl Engine<'_> {
                 }
             };
             if !accepted {
+                self.record(self.residual(), psi, McpStep::None, 0.0);
                 return McpStatus::Stalled;
             }
+            self.record(self.residual(), psi, McpStep::Linearised, t);
             self.accept_trial();
             let here = self.work.x.clone();
             // From here Newton's method may do; otherwise the sequence of linearised problems goes on.
