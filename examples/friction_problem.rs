@@ -26,7 +26,7 @@ struct Args {
     #[arg(long, default_value_t = 300.0)]
     seconds: f64,
     /// Factorisations after which a problem is given up, with its best iterate.
-    #[arg(long, default_value_t = 2000)]
+    #[arg(long, default_value_t = 6000)]
     factorisations: usize,
     /// The history of each solution on standard error.
     #[arg(long)]

@@ -180,6 +180,10 @@ impl Engine<'_> {
                 }
                 w.lin.evaluate(self.function, &w.scratch)
             };
+            // Misuse, which ends every attempt and is told in the end.
+            if w.lin.jac().stray().is_some() {
+                return false;
+            }
             if finite {
                 return true;
             }
@@ -243,11 +247,16 @@ impl Engine<'_> {
             Some(McpStatus::Interrupted)
         } else if self.report.iterations >= self.options.max_iterations {
             Some(McpStatus::IterationLimit)
-        } else if self.options.max_time.is_some_and(|t| self.clock.elapsed() >= t) {
+        } else if self.is_over_time() {
             Some(McpStatus::TimeLimit)
         } else {
             None
         }
+    }
+
+    /// Looked at before each factorisation and each trial of a search, which may be many in one step.
+    pub(super) fn is_over_time(&self) -> bool {
+        self.options.max_time.is_some_and(|t| self.clock.elapsed() >= t)
     }
 
     pub(super) fn note_best(&mut self, residual: f64) {

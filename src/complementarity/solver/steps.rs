@@ -179,6 +179,9 @@ impl Engine<'_> {
         if n <= NORMAL_EQUATIONS {
             let mut mu = norm.min(1.0) * 1e-3;
             for _ in 0..5 {
+                if self.is_over_time() {
+                    return None;
+                }
                 self.report.factorisations += 1;
                 if self.work.solve_regularised(mu)
                     && let Some(t) = self.search(plan, psi, reference, 1.0, 0.1, inside)
@@ -190,6 +193,9 @@ impl Engine<'_> {
         } else {
             let mut shift = norm.min(1.0) * 1e-3;
             for _ in 0..4 {
+                if self.is_over_time() {
+                    return None;
+                }
                 self.work.build_fischer(shift);
                 for i in 0..n {
                     self.work.d[i] = -self.work.phi[i];
@@ -227,7 +233,7 @@ impl Engine<'_> {
     ) -> Option<f64> {
         let mut t = first;
         for _ in 0..40 {
-            if !(t >= least && t > 0.0) {
+            if !(t >= least && t > 0.0) || self.is_over_time() {
                 break;
             }
             self.make_trial(t, inside);

@@ -107,6 +107,11 @@ impl<const D: usize> Interior<D> {
         }
     }
 
+    /// The pattern of the Newton matrix, whose columns are made of whole blocks: column pointers and row indices.
+    pub(super) fn into_pattern(self) -> (Vec<usize>, Vec<usize>) {
+        (self.col_ptr, self.row_idx)
+    }
+
     /// Whether the order is one at which a factorisation that may be of no use is too dear.
     pub(super) fn is_large(&self) -> bool {
         self.rhs.len() >= LARGE

@@ -9,6 +9,7 @@ mod local;
 mod newton;
 mod nt;
 mod options;
+mod path;
 mod problem;
 mod report;
 mod scaled;

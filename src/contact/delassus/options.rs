@@ -14,7 +14,7 @@ use crate::options::setters;
 pub struct DelassusOptions {
     /// Residual ([`DelassusProblem::residual`](super::DelassusProblem::residual)) of a solution, in (0, 1). Default 1e-12.
     pub tolerance: f64,
-    /// Largest number of factorisations. Default 2000.
+    /// Largest number of factorisations. Default 6000.
     pub max_factorisations: usize,
     /// Largest number of sweeps in a row; runs of sweeps that are longer by themselves are cut. Default 10 000.
     pub max_sweeps: usize,
@@ -27,7 +27,7 @@ impl Default for DelassusOptions {
     fn default() -> Self {
         Self {
             tolerance: 1e-12,
-            max_factorisations: 2000,
+            max_factorisations: 6000,
             max_sweeps: 10_000,
             max_time: None,
         }

@@ -49,6 +49,8 @@ pub enum DelassusPhase {
     Interior,
     /// A proximal step by semismooth Newton.
     Proximal,
+    /// A step along the central path of interior points, by arclength.
+    Path,
 }
 
 /// One entry of the history.
@@ -62,8 +64,8 @@ pub struct DelassusIteration {
     pub phase: DelassusPhase,
     /// Residual after it ([`DelassusProblem::residual`](super::DelassusProblem::residual)).
     pub residual: f64,
-    /// Weight of the proximal term, against a mean diagonal of 1, or complementarity r·û a contact of interior points, in scaled
-    /// variables; 0 for sweeps.
+    /// Weight of the proximal term, against a mean diagonal of 1, or complementarity r·û a contact of interior points and their
+    /// central path, in scaled variables; 0 for sweeps.
     pub alpha: f64,
     /// Sweeps or Newton iterations.
     pub work: usize,

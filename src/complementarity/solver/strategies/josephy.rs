@@ -108,6 +108,9 @@ impl Engine<'_> {
             })
             .collect();
         for shift in JOSEPHY.shifts {
+            if self.is_over_time() {
+                return None;
+            }
             let w = &*self.work;
             let mut jy = vec![0.0; n];
             w.lin.scaled().mul_vec(&y, &mut jy);

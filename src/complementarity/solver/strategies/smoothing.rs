@@ -95,7 +95,7 @@ impl Engine<'_> {
     fn shorten(&mut self, plan: &Plan, mu: f64, size: f64) -> Option<f64> {
         let mut t = 1.0;
         self.work.active.fill(0);
-        while t >= SMOOTHING.shortest {
+        while t >= SMOOTHING.shortest && !self.is_over_time() {
             self.make_trial(t, true);
             if self.step_length() > 0.0 && self.evaluate_trial() {
                 let square = (0..self.n()).map(|i| {
