@@ -11,7 +11,7 @@ use crate::sparse::{Matrix, Pattern};
 ///
 /// # Errors
 /// [`ContactError::InvisibleMultiplier`] tells the rank; entries that are not finite; more than 50 000 rows and columns that are not
-/// zero ([`LinearError::TooLarge`]).
+/// zero ([`LinearError::TooLarge`](crate::linear::LinearError::TooLarge)).
 pub fn check_multipliers(pairing: &Matrix) -> Result<(), ContactError> {
     pairing.check_finite()?;
     let (q, n) = (pairing.nrows(), pairing.ncols());
