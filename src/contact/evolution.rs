@@ -90,9 +90,8 @@ pub struct EvolutionStep {
     /// Work of the loads in this step, and of the reactions at supports that move: summed over the points of the branch by the
     /// trapezoidal rule.
     pub work: f64,
-    /// Change of the elastic energy of the whole body along the branch of this step. Where a law changes with its history at the end of a level
-    /// (friction that is less in the next level from the first), forces jump before the branch begins: work, energy and dissipation of
-    /// that jump are in no step.
+    /// Change of the elastic energy of the whole body in this step. Where a law changes with its history at the end of a level (friction
+    /// that is less in the next level from the first), forces jump before the branch begins: the jump belongs to the step that follows it.
     pub stored: f64,
     /// Dissipation: where the branch was followed ([`Arrival::is_followed`]) ∫ λt · du_t, summed as the work is, so that
     /// work = stored + dissipated up to rounding and the tolerance of the points. Where it was not, Σ λt · Δu_t ≥ 0 of one implicit step: the
@@ -202,12 +201,11 @@ fn one_level<V: View, L: NodeLaw>(
         reach(problem, x, level, options)?
     };
     let implicit = !reached.arrival.is_followed();
-    let mut way = reached.way.iter();
-    let first = way.next().map_or(x, Vec::as_slice);
-    let (begin, mut last) = (BodyState::at(problem, first)?, ContactForces::at(problem, first)?);
-    let (mut state, mut work, mut dissipated) = (BodyState::at(problem, first)?, 0.0, 0.0);
-    let mut end = first;
-    for x in way {
+    // A law that has changed with its history at the end of a level makes the branch begin away from x: that leg belongs to this step.
+    let (begin, mut last) = (BodyState::at(problem, x)?, ContactForces::at(problem, x)?);
+    let (mut state, mut work, mut dissipated) = (BodyState::at(problem, x)?, 0.0, 0.0);
+    let mut end = x;
+    for x in &reached.way {
         let (next, forces) = (BodyState::at(problem, x)?, ContactForces::at(problem, x)?);
         work += next.work_from(&state);
         dissipated += forces.dissipated_from(&last, implicit);

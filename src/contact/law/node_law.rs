@@ -229,6 +229,8 @@ pub const MAX_HISTORY: usize = 4;
 /// // It slips by 1 − F(0) = 0.4; then friction is F(0.4), and the whole slip 2 − F(0.4).
 /// assert!((steps[0].history[0] - 0.4).abs() < 1e-12);
 /// assert!((steps[1].history[0] - (2.0 - friction(&[0.4]))).abs() < 1e-12);
+/// // The elastic energy changes from ½ 0.4² to half the square of that slip, the jump at the fall of F included.
+/// assert!((steps[1].stored - (0.5 * steps[1].history[0].powi(2) - 0.08)).abs() < 1e-12);
 /// // All solutions under the load at the end, and the proof that there are no others.
 /// let set = all_solutions(&problem, 2.0, &EnumerationOptions::default())?;
 /// assert!(set.solutions.len() == 1 && set.completeness.is_complete());

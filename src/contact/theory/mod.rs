@@ -2,12 +2,13 @@
 //! the one-element model in closed form.
 
 mod constants;
-mod fixed_point;
 mod hild_renard;
+mod iteration;
 
 pub use constants::{
     FixedPointBound, UniquenessConstants, critical_friction, friction_bounds, friction_derivative,
     pressure_norm,
 };
-pub use fixed_point::{FixedPointOptions, FixedPointReport, fixed_point, fixed_point_observed};
+
 pub use hild_renard::{HildRenard, HildRenardBranch, HildRenardCase};
+pub use iteration::{FixedPointOptions, FixedPointReport, fixed_point, fixed_point_observed};
