@@ -88,6 +88,7 @@ fn of_every_build() -> Vec<&'static str> {
         "complementarity::McpStatus": complementarity::McpStatus,
         "complementarity::McpStep": complementarity::McpStep,
         "complementarity::McpStrategy": complementarity::McpStrategy,
+        "complementarity::NormalMap": complementarity::NormalMap<'static, F>,
         "complementarity::WithJacobian": complementarity::WithJacobian<fn(&[f64], &mut [f64]), fn(&[f64], &mut Matrix)>,
         "complementarity::active_set::ActiveSetIteration": complementarity::active_set::ActiveSetIteration,
         "complementarity::active_set::ActiveSetOptions": complementarity::active_set::ActiveSetOptions,
@@ -277,6 +278,28 @@ fn of_every_build() -> Vec<&'static str> {
         "piecewise::check::FindingKind": piecewise::check::FindingKind,
         "sparse::Matrix": sparse::Matrix,
         "sparse::MatrixRef": sparse::MatrixRef<'static>,
+        "cones::Cone": cones::Cone,
+        "cones::ConeError": cones::ConeError,
+        "cones::ConeIteration": cones::ConeIteration,
+        "cones::ConeOptions": cones::ConeOptions,
+        "cones::ConeProblem": cones::ConeProblem<F>,
+        "cones::ConeRay": cones::ConeRay,
+        "cones::ConeReport": cones::ConeReport,
+        "cones::ConeSolver": cones::ConeSolver,
+        "cones::ConeStatus": cones::ConeStatus,
+        "variational::Infeasibility": variational::Infeasibility,
+        "variational::Multipliers": variational::Multipliers,
+        "variational::Nearest": variational::Nearest,
+        "variational::Polyhedron": variational::Polyhedron,
+        "variational::Projection": variational::Projection,
+        "variational::Ray": variational::Ray,
+        "variational::VariationalError": variational::VariationalError,
+        "variational::Vi": variational::Vi<F>,
+        "variational::ViConditions": variational::ViConditions<F>,
+        "variational::ViReport": variational::ViReport,
+        "variational::ViSolutions": variational::ViSolutions,
+        "variational::ViSolver": variational::ViSolver,
+        "variational::ViStatus": variational::ViStatus,
         "sparse::NodalMatrix": sparse::NodalMatrix,
         "sparse::Pattern": sparse::Pattern,
         "sparse::PatternRef": sparse::PatternRef<'static>,
@@ -381,5 +404,7 @@ fn errors_are_data() {
     error::<semismooth::output::OutputError>();
     error::<semismooth::piecewise::PiecewiseError>();
     error::<semismooth::piecewise::check::CheckError>();
+    error::<semismooth::cones::ConeError>();
     error::<semismooth::sparse::SparseError>();
+    error::<semismooth::variational::VariationalError>();
 }
