@@ -92,12 +92,11 @@ proptest! {
             Err(NewtonError::Failed(u)) => {
                 prop_assert_eq!(&u.x, &x);
                 prop_assert!((norm(&x) - u.residual_norm).abs() <= 1e-12 * (1.0 + norm(&x)));
-                // Of all iterates the best is handed out, by the solver's own residuals: where it is the start, this formula and the
-                // solver's may differ by rounding.
+                // No worse than the start, by the solver's own residuals: this formula and the solver's may differ by rounding. (Later
+                // entries of the history may belong to a piece outside of its cell.)
                 let first = u.report.history[0].residual_norm;
                 prop_assert!((first - before).abs() <= 1e-12 * (1.0 + before));
-                let least = u.report.history.iter().map(|i| i.residual_norm).fold(first, f64::min);
-                prop_assert!(u.residual_norm <= least);
+                prop_assert!(u.residual_norm <= first);
             }
             Err(e) => prop_assert!(false, "{e}"),
         }

@@ -245,8 +245,7 @@ impl<const D: usize> CentralPath<D> {
                 }
                 length *= 0.5;
             }
-            // Written so that NaN fails.
-            if !(found < norm) {
+            if found >= norm || found.is_nan() {
                 return None;
             }
             self.x.copy_from_slice(&self.trial);
