@@ -237,6 +237,35 @@ fn empty_sets_are_proven_empty() {
     assert!(matches!(zero.project(&[0.0]).unwrap(), Projection::Empty(_)));
 }
 
+/// y ≤ 0 and y ≥ 10⁻⁶ − θ x meet at x = 10⁻⁶/θ, however far that is: never called empty, unless θ = 0.
+#[test]
+fn lines_that_meet_far_away_are_not_called_parallel() {
+    for k in 0..60_i32 {
+        let slope = 0.5_f64.powi(k);
+        let rows = matrix(&[vec![0.0, 1.0], vec![-slope, -1.0]], 2);
+        let set = Polyhedron::space(2)
+            .unwrap()
+            .with_inequalities(rows, vec![0.0, -1e-6])
+            .unwrap();
+        match set.project(&[0.0, 0.0]) {
+            Ok(Projection::Nearest(nearest)) => {
+                assert!(nearest.x[0] * slope >= 1e-6 * (1.0 - 1e-6) && nearest.x[1].abs() < 1e-12);
+            }
+            Err(VariationalError::Unresolved { .. }) => assert!(k > 40, "{k}"),
+            other => panic!("{k}: {other:?}"),
+        }
+    }
+    let rows = matrix(&[vec![0.0, 1.0], vec![0.0, -1.0]], 2);
+    let set = Polyhedron::space(2)
+        .unwrap()
+        .with_inequalities(rows, vec![0.0, -1e-6])
+        .unwrap();
+    let Projection::Empty(certificate) = set.project(&[0.0, 0.0]).unwrap() else {
+        panic!()
+    };
+    assert_eq!(certificate.radius, f64::INFINITY);
+}
+
 /// Battle of the sexes: two pure equilibria and (3/5, 2/5; 2/5, 3/5), each with its multipliers of the two simplices.
 #[test]
 fn all_equilibria_of_a_bimatrix_game() {

@@ -106,14 +106,14 @@ impl Cone {
         }
     }
 
-    /// Its derivatives by x and by y, n × n row by row: I − L_z⁻¹ L_x and I − L_z⁻¹ L_y, z the square root.
+    /// Its derivatives by x and by y, n × n row by row: I − L_z⁻¹ L_x and I − L_z⁻¹ L_y, z the square root; `room` has length 2 n.
     pub(super) fn smoothed_derivatives(
         self,
         mu: f64,
         x: &[f64],
         y: &[f64],
-        by_x: &mut [f64],
-        by_y: &mut [f64],
+        [by_x, by_y]: [&mut [f64]; 2],
+        room: &mut [f64],
     ) {
         let n = x.len();
         if let Self::Free(_) = self {
@@ -122,9 +122,8 @@ impl Cone {
             (0..n).for_each(|i| by_y[i * n + i] = 1.0);
             return;
         }
-        let mut direction = vec![0.0; n];
-        let root = Root::new(mu, x, y, &mut direction);
-        let mut column = vec![0.0; n];
+        let (direction, column) = room.split_at_mut(n);
+        let root = Root::new(mu, x, y, direction);
         for (a, by) in [(x, by_x), (y, by_y)] {
             // L_a has (a₀, a₁ᵀ) in its first row and column, and a₀ on the diagonal.
             for j in 0..n {
@@ -135,7 +134,7 @@ impl Cone {
                         (i, j) => f64::from(u8::from(i == j)) * a[0],
                     };
                 }
-                root.divide(&mut column, &direction);
+                root.divide(column, direction);
                 for (i, c) in column.iter().enumerate() {
                     by[i * n + j] = f64::from(u8::from(i == j)) - c;
                 }

@@ -5,11 +5,19 @@
 //! 2003). Factors of K are [`Cone`]s, a problem is a [`ConeProblem`], and [`ConeSolver`] solves it from any start.
 
 mod cone;
+mod equations;
 mod error;
+mod judge;
+mod options;
 mod problem;
+mod ray;
+mod report;
+mod run;
 mod solver;
 
 pub use cone::Cone;
 pub use error::ConeError;
+pub use options::ConeOptions;
 pub use problem::ConeProblem;
-pub use solver::{ConeIteration, ConeOptions, ConeRay, ConeReport, ConeSolver, ConeStatus};
+pub use report::{ConeIteration, ConeRay, ConeReport, ConeStatus};
+pub use solver::ConeSolver;

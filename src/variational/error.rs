@@ -28,10 +28,10 @@ pub enum VariationalError {
         /// Its value.
         value: f64,
     },
-    /// The dual active-set method met rounding that it could not resolve.
+    /// Constraints depend on each other but for rounding, and whether they have a common point is left open.
     #[error(
-        "the projection did not end after {steps} changes of the active set; constraints that nearly depend on each other \
-         (row {row} of all rows last) should be left out or stated once"
+        "rounding leaves open whether the constraints have a common point (after {steps} changes of the active set, at row {row}, \
+         equations before inequalities, lower and upper bounds); state constraints that nearly depend on each other once"
     )]
     Unresolved {
         /// Changes made.

@@ -9,6 +9,7 @@
 //!   piecewise-smooth map: parametric problems are followed by [`continuation`](crate::continuation).
 //! * [`ViSolver`] solves from any start, or proves that there is no solution; [`Vi::all_solutions`] lists all solutions of affine problems.
 
+mod emptiness;
 mod error;
 mod polyhedron;
 mod problem;

@@ -1,5 +1,6 @@
 //! Projection onto a polyhedron by the dual active-set method of D. Goldfarb and A. Idnani (1983) for the Hessian 1.
 
+use super::emptiness::is_empty;
 use super::{Polyhedron, VariationalError};
 use crate::sparse::{dot, max_abs, norm};
 
@@ -7,6 +8,9 @@ use crate::sparse::{dot, max_abs, norm};
 const ROUNDING: f64 = 32.0 * f64::EPSILON;
 /// A normal of length 1 whose part outside the span of the active ones is shorter than this, times their coefficients, lies in it.
 const DEPENDENT: f64 = 1e-13;
+
+/// Radius of a certificate that exact arithmetic does not confirm, relative to the data.
+const MARGIN: f64 = 1e12;
 
 /// What a projection finds.
 #[derive(Debug, Clone, PartialEq)]
@@ -52,7 +56,9 @@ pub struct Infeasibility {
     pub multipliers: Multipliers,
     /// bᵀy + dᵀw − lᵀρₗ + uᵀρᵤ, negative.
     pub value: f64,
-    /// The first condition holds but for rounding; for points x with ‖x‖_∞ below this radius the certificate is a proof all the same.
+    /// There is no point x with ‖x‖_∞ below this radius. Infinite where exact arithmetic has confirmed that the constraints, as their
+    /// floating-point numbers state them, contradict each other. Where they are too many for that (more than 5 000 entries), the first
+    /// condition holds but for rounding, which leaves a radius of at least 10¹² times the size of the data.
     pub radius: f64,
 }
 
@@ -139,11 +145,9 @@ pub(super) fn project(set: &Polyhedron, x: &[f64]) -> Result<Projection, Variati
         match solver.add(p, &mut steps, limit)? {
             Added::Yes | Added::Redundant => {}
             Added::Empty(multipliers) => {
-                return match Infeasibility::of(set, multipliers) {
-                    Some(certificate) if certificate.radius > max_abs(&solver.y) => {
-                        Ok(Projection::Empty(certificate))
-                    }
-                    _ => Err(VariationalError::Unresolved { steps, row: p }),
+                return match solver.confirmed(multipliers) {
+                    Some(certificate) => Ok(Projection::Empty(certificate)),
+                    None => Err(VariationalError::Unresolved { steps, row: p }),
                 };
             }
         }
@@ -249,6 +253,24 @@ impl<'a> Solver<'a> {
             _ => {}
         }
         Infeasibility::of(set, certificate)
+    }
+
+    /// The certificate with multipliers that hold but for rounding, if the set is empty in exact arithmetic, or else by a wide margin.
+    fn confirmed(&self, multipliers: Multipliers) -> Option<Infeasibility> {
+        let mut certificate = Infeasibility::of(self.set, multipliers)?;
+        match is_empty(self.set, &certificate.multipliers) {
+            Some(true) => certificate.radius = f64::INFINITY,
+            Some(false) => return None,
+            None => {
+                let size = (0..self.kinds.len())
+                    .filter(|&p| self.norms[p] > 0.0)
+                    .fold(self.far.max(max_abs(&self.y)), |m, p| m.max(self.right(p).abs()));
+                if certificate.radius < MARGIN * size {
+                    return None;
+                }
+            }
+        }
+        Some(certificate)
     }
 
     fn no_multipliers(&self) -> Multipliers {

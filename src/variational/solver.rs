@@ -12,9 +12,9 @@ use crate::sparse::{Matrix, max_abs};
 pub enum ViStatus {
     /// The Karush–Kuhn–Tucker conditions hold at the point returned, by the rule of [`complementarity`](crate::complementarity#accuracy).
     Solved,
-    /// C is empty: [`ViReport::infeasibility`] proves it.
+    /// C is empty, as [`ViReport::infeasibility`] proves within its radius.
     EmptySet,
-    /// No x in C is a solution: [`ViReport::ray`] proves it, or (no ray) all active sets of a small affine problem were ruled out.
+    /// No x in C is a solution, as [`ViReport::ray`] proves within its radius, or (no ray) all active sets of a small affine problem were ruled out.
     NoSolution,
     /// The solver ended otherwise, in words of [`McpStatus`].
     Unsolved(McpStatus),
@@ -54,7 +54,8 @@ pub struct Ray {
 pub struct ViReport {
     /// How it ended.
     pub status: ViStatus,
-    /// ‖x − P(x − F(x))‖_∞ with the projection P on C, measured at the point returned; NaN where F is.
+    /// ‖x − P(x − F(x))‖_∞ with the projection P on C, measured at the point returned; NaN where F is, or where rounding does
+    /// not let the projection end.
     pub residual: f64,
     /// λ, μ and, from F(x) + Aᵀλ + Eᵀμ = ρₗ − ρᵤ, the multipliers of the bounds.
     pub multipliers: Multipliers,
@@ -189,12 +190,13 @@ fn natural_residual<F: McpFunction>(problem: &Vi<F>, x: &[f64]) -> Result<f64, V
     if moved.iter().any(|v| !v.is_finite()) {
         return Ok(f64::NAN);
     }
-    match problem.set().project(&moved)? {
-        Projection::Nearest(nearest) => {
+    match problem.set().project(&moved) {
+        Ok(Projection::Nearest(nearest)) => {
             let apart: Vec<f64> = nearest.x.iter().zip(x).map(|(p, x)| p - x).collect();
             Ok(max_abs(&apart))
         }
-        Projection::Empty(_) => Ok(f64::NAN),
+        Ok(Projection::Empty(_)) | Err(VariationalError::Unresolved { .. }) => Ok(f64::NAN),
+        Err(e) => Err(e),
     }
 }
 

@@ -1,0 +1,85 @@
+//! Whether a point is a solution.
+
+use super::ConeError;
+use super::equations::Part;
+use super::run::Run;
+use crate::sparse::{max_abs, norm};
+
+/// Where the constants of all rows are a smaller part of their terms, errors are compared with the constants: far out everything is small
+/// relative to its terms. Smaller ones may be rounding where F is curved.
+const FAR: f64 = 1e-6;
+const NO_CONSTANT: f64 = 8.0 * f64::EPSILON;
+impl Run<'_> {
+    /// Keeps the projection of x on K if it is the best point so far; tells whether it is a solution.
+    pub(super) fn judge(&mut self) -> Result<bool, ConeError> {
+        // `trial` is free between steps.
+        self.trial.copy_from_slice(&self.x);
+        self.problem.project(&mut self.x)?;
+        let moved = self.x != self.trial;
+        let finite = !moved || self.evaluate()?;
+        let error = if finite { self.error() } else { f64::INFINITY };
+        if error < self.least {
+            self.least = error;
+            self.best.copy_from_slice(&self.x);
+        }
+        if moved {
+            self.x.copy_from_slice(&self.trial);
+            self.evaluate()?;
+        }
+        Ok(error <= self.options.tolerance)
+    }
+
+    /// [`ConeReport::error`](super::ConeReport::error) at x, F and ∇F at hand.
+    fn error(&mut self) -> f64 {
+        self.terms.fill(0.0);
+        self.rest.copy_from_slice(&self.f);
+        for (i, j, v) in self.jac.triplets() {
+            self.terms[i] += (v * self.x[j]).abs();
+            self.rest[i] -= v * self.x[j];
+        }
+        for (term, rest) in self.terms.iter_mut().zip(&self.rest) {
+            *term += rest.abs();
+        }
+        let constants = self.constant.as_ref().unwrap_or(&self.rest);
+        let share = |part: &Part| {
+            let size = norm(&self.terms[part.range.clone()]);
+            if size > 0.0 {
+                norm(&constants[part.range.clone()]) / size
+            } else {
+                0.0
+            }
+        };
+        let share = self.parts.iter().map(share).fold(0.0, f64::max);
+        let least = if self.constant.is_some() {
+            f64::MIN_POSITIVE
+        } else {
+            NO_CONSTANT
+        };
+        let far = match (least..FAR).contains(&share) {
+            true => share / FAR,
+            false => 1.0,
+        };
+        let largest = max_abs(&self.x);
+        let largest = if largest > 0.0 { largest } else { 1.0 };
+        let mut worst = 0.0_f64;
+        for part in &self.parts {
+            let size = norm(&self.terms[part.range.clone()]);
+            let size = if size > 0.0 { size } else { 1.0 };
+            let z = &mut self.room[..part.range.len()];
+            for (z, i) in z.iter_mut().zip(part.range.clone()) {
+                *z = self.x[i] / largest - self.f[i] / size;
+            }
+            part.cone.project(z);
+            for (z, i) in z.iter_mut().zip(part.range.clone()) {
+                *z -= self.x[i] / largest;
+            }
+            let error = norm(z);
+            if error > worst || error.is_nan() {
+                worst = error;
+            }
+        }
+        // What the rounding of the terms may hide.
+        let hidden = if far < 1.0 { f64::EPSILON / far } else { 0.0 };
+        (worst / far).max(hidden)
+    }
+}

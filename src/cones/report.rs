@@ -1,0 +1,93 @@
+/// How a solve ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum ConeStatus {
+    /// x lies in K, and [`ConeReport::error`] is at most the tolerance.
+    Solved,
+    /// No x in K has F(x) in K*, as [`ConeReport::ray`] proves for all x within its radius.
+    NoSolution,
+    /// No step made progress any more.
+    Stalled,
+    /// The limit on iterations.
+    IterationLimit,
+    /// The limit on time.
+    TimeLimit,
+    /// F or its Jacobian is not finite at the start.
+    EvaluationFailure,
+    /// The observer asked to stop.
+    Interrupted,
+}
+
+impl std::fmt::Display for ConeStatus {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::Solved => "solved",
+            Self::NoSolution => "no solution",
+            Self::Stalled => "stalled",
+            Self::IterationLimit => "iteration limit",
+            Self::TimeLimit => "time limit",
+            Self::EvaluationFailure => "evaluation failure",
+            Self::Interrupted => "interrupted",
+        })
+    }
+}
+
+/// One iterate.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct ConeIteration {
+    /// Which start, from 0.
+    pub attempt: usize,
+    /// ‖Φ_μ‖₂, the smoothed Fischer–Burmeister function of x and F in units of each cone; for steps of the natural map its norm.
+    pub merit: f64,
+    /// The smoothing parameter; 0 for steps of the natural map.
+    pub mu: f64,
+    /// Length of the step to it, 1 for a full one.
+    pub damping: f64,
+}
+
+/// Proof that no x in K has F(x) = M x + q in K*: v ∈ K with −Mᵀv ∈ K* and qᵀv < 0.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct ConeRay {
+    /// v, in K; qᵀv = −1 but for rounding.
+    pub direction: Vec<f64>,
+    /// qᵀv.
+    pub value: f64,
+    /// −Mᵀv lies in K* but for rounding; v proves that there is no solution with ‖x‖₂ below this radius. At least 10¹² times the size of x
+    /// at which the terms of M x + q are alike; infinite where −Mᵀv lies in K* exactly.
+    pub radius: f64,
+}
+
+/// How a solve went.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct ConeReport {
+    /// How it ended.
+    pub status: ConeStatus,
+    /// ‖x − P(x − F(x))‖_∞ at the point returned.
+    pub residual: f64,
+    /// Largest ‖x_b/X − P(x_b/X − F_b/S_b)‖₂ over the cones b, where X is the largest |xᵢ| and S_b the norm of the terms
+    /// Σⱼ |Jᵢⱼ xⱼ| + |Fᵢ − Σⱼ Jᵢⱼ xⱼ| of its rows: the same in all units of x and of F in a cone. Far out, where the constants of all rows
+    /// are less than 1e-6 of their terms, it is divided by that part times 1e6. The point is solved where this is at most the tolerance.
+    pub error: f64,
+    /// Iterations, over all starts.
+    pub iterations: usize,
+    /// Factorisations.
+    pub factorisations: usize,
+    /// The iterates.
+    pub history: Vec<ConeIteration>,
+    /// The proof that there is no solution.
+    pub ray: Option<ConeRay>,
+}
+
+impl ConeReport {
+    /// Whether the problem is solved.
+    #[must_use]
+    pub fn is_solved(&self) -> bool {
+        self.status == ConeStatus::Solved
+    }
+}

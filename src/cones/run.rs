@@ -1,0 +1,383 @@
+//! The iteration: starts, proximal points, the smoothing method and its tail.
+
+use std::ops::ControlFlow;
+
+use super::equations::{Map, Part, parts};
+use super::{ConeError, ConeIteration, ConeOptions, ConeProblem, ConeReport, ConeStatus};
+use crate::clock::Deadline;
+use crate::complementarity::McpFunction;
+use crate::linear::{AutoSolver, LinearSolver};
+use crate::sparse::{Matrix, Pattern, max_abs};
+use crate::spread::Random;
+
+/// Share of the merit by which a step must lessen it, and the shortest step that is tried.
+const DECREASE: f64 = 1e-4;
+const SHORTEST: f64 = 1e-8;
+/// The smoothing parameter follows the merit: μ ≤ NEARNESS ‖Φ‖, and falls at least by the factor FALL.
+const NEARNESS: f64 = 0.1;
+const FALL: f64 = 0.2;
+/// Merit, relative to that of the start, from which on steps of the natural map are tried, and once more after each fall by TAIL.
+const TAIL: f64 = 0.1;
+/// Most steps of the natural map in a row.
+const LONGEST: usize = 30;
+/// Multiples of the identity added to ∇F where steps fail.
+const PROXIMAL: [f64; 6] = [0.0, 1e-10, 1e-7, 1e-4, 1e-2, 1.0];
+/// Proximal points: the first weight of x − x_k in units of F, its changes after success and failure, and how far each of the problems is
+/// solved.
+const WEIGHT: f64 = 0.1;
+const LIGHTER: f64 = 0.3;
+const HEAVIER: f64 = 5.0;
+const LOOSE: f64 = 1e-4;
+const OUTER: usize = 40;
+
+/// One solve.
+pub(super) struct Run<'a> {
+    pub(super) problem: &'a ConeProblem<&'a dyn McpFunction>,
+    pub(super) options: &'a ConeOptions,
+    pub(super) observe: &'a mut dyn FnMut(&ConeIteration) -> ControlFlow<()>,
+    pub(super) deadline: Deadline,
+    pub(super) solver: AutoSolver,
+    /// ∇F, and the Jacobian of the equations.
+    pub(super) jac: Matrix,
+    pub(super) system: Matrix,
+    pub(super) parts: Vec<Part>,
+    /// The part of each row.
+    pub(super) owner: Vec<usize>,
+    pub(super) x: Vec<f64>,
+    pub(super) f: Vec<f64>,
+    pub(super) phi: Vec<f64>,
+    pub(super) trial: Vec<f64>,
+    pub(super) step: Vec<f64>,
+    pub(super) best: Vec<f64>,
+    pub(super) least: f64,
+    /// F in units of each cone.
+    pub(super) y: Vec<f64>,
+    /// Derivatives of the equations by x in one cone, and by y in all of them.
+    pub(super) by_x: Vec<f64>,
+    pub(super) by_y: Vec<f64>,
+    pub(super) attempt: usize,
+    /// Centre and weight of a proximal problem; 0 for the problem itself.
+    pub(super) centre: Vec<f64>,
+    pub(super) weight: f64,
+    /// F(0) of an affine F.
+    pub(super) constant: Option<Vec<f64>>,
+    /// x and F kept while something is tried.
+    pub(super) kept_x: Vec<f64>,
+    pub(super) kept_f: Vec<f64>,
+    /// Terms of rows, and what is left of F without the part of ∇F.
+    pub(super) terms: Vec<f64>,
+    pub(super) rest: Vec<f64>,
+    /// Room for one cone.
+    pub(super) room: Vec<f64>,
+    pub(super) report: ConeReport,
+}
+
+impl<'a> Run<'a> {
+    pub(super) fn new(
+        problem: &'a ConeProblem<&'a dyn McpFunction>,
+        options: &'a ConeOptions,
+        deadline: Deadline,
+        observe: &'a mut dyn FnMut(&ConeIteration) -> ControlFlow<()>,
+    ) -> Result<Self, ConeError> {
+        let n = problem.len();
+        let jac = Matrix::zeros(problem.function().pattern());
+        let (parts, at, widest) = parts(problem);
+        // Rows of a cone are mixed.
+        let transposed = jac.transpose();
+        let pattern = transposed.pattern();
+        let mut entries = Vec::new();
+        let mut owner = vec![0; n];
+        for (k, part) in parts.iter().enumerate() {
+            owner[part.range.clone()].fill(k);
+            for i in part.range.clone() {
+                for r in part.range.clone() {
+                    let columns = &pattern.row_idx()[pattern.col_ptr()[r]..pattern.col_ptr()[r + 1]];
+                    entries.extend(columns.iter().map(|&j| (i, j)));
+                    entries.push((i, r));
+                }
+            }
+        }
+        let system = Matrix::zeros(Pattern::from_entries(n, n, entries)?);
+        let mut solver = AutoSolver::new();
+        solver.analyze(system.pattern().as_ref())?;
+        let constant = problem.function().is_affine().then(|| {
+            let mut q = vec![0.0; n];
+            problem.function().value(&vec![0.0; n], &mut q);
+            q
+        });
+        Ok(Self {
+            centre: vec![0.0; n],
+            weight: 0.0,
+            constant,
+            kept_x: vec![0.0; n],
+            kept_f: vec![0.0; n],
+            terms: vec![0.0; n],
+            rest: vec![0.0; n],
+            room: vec![0.0; 2 * n],
+            deadline,
+            problem,
+            options,
+            observe,
+            solver,
+            jac,
+            system,
+            parts,
+            owner,
+            x: vec![0.0; n],
+            f: vec![0.0; n],
+            phi: vec![0.0; n],
+            trial: vec![0.0; n],
+            step: vec![0.0; n],
+            best: vec![0.0; n],
+            least: f64::INFINITY,
+            y: vec![0.0; n],
+            by_x: vec![0.0; widest],
+            by_y: vec![0.0; at],
+            attempt: 0,
+            report: ConeReport {
+                status: ConeStatus::Stalled,
+                residual: f64::NAN,
+                error: f64::NAN,
+                iterations: 0,
+                factorisations: 0,
+                history: Vec::new(),
+                ray: None,
+            },
+        })
+    }
+
+    pub(super) fn all_starts(&mut self, start: &[f64]) -> Result<ConeStatus, ConeError> {
+        self.best.copy_from_slice(start);
+        self.problem.project(&mut self.best)?;
+        let mut random = Random::new(1);
+        let size = 1.0 + max_abs(start);
+        let mut status = ConeStatus::Stalled;
+        for attempt in 0..=self.options.restarts {
+            self.attempt = attempt;
+            self.x.copy_from_slice(start);
+            if attempt > 0 {
+                // Far and near ones in turn.
+                let width = size * 10_f64.powi(attempt as i32 % 4 - 1);
+                self.x.iter_mut().for_each(|x| *x += width * random.symmetric());
+            }
+            let mut outcome = self.descend()?;
+            if attempt == 0 && matches!(outcome, ConeStatus::Stalled | ConeStatus::IterationLimit) {
+                outcome = self.proximal_points(start)?;
+            }
+            match outcome {
+                ConeStatus::Stalled | ConeStatus::IterationLimit => status = outcome,
+                ConeStatus::EvaluationFailure if attempt > 0 => {}
+                _ => return Ok(outcome),
+            }
+        }
+        Ok(status)
+    }
+
+    /// F and ∇F at x; `false` where they are not finite.
+    pub(super) fn evaluate(&mut self) -> Result<bool, ConeError> {
+        self.problem.function().value(&self.x, &mut self.f);
+        self.add_proximal(false);
+        self.differentiate()
+    }
+
+    /// ∇F at x, whose F is at hand.
+    fn differentiate(&mut self) -> Result<bool, ConeError> {
+        self.jac.clear();
+        self.problem.function().jacobian(&self.x, &mut self.jac);
+        if let Some((row, col)) = self.jac.stray() {
+            return Err(ConeError::OutsidePattern { row, col });
+        }
+        Ok(self.f.iter().chain(self.jac.values()).all(|v| v.is_finite()))
+    }
+
+    /// Adds the proximal term at the trial point or at x to F.
+    fn add_proximal(&mut self, at_trial: bool) {
+        if self.weight == 0.0 {
+            return;
+        }
+        let x = if at_trial { &self.trial } else { &self.x };
+        for part in &self.parts {
+            for i in part.range.clone() {
+                self.f[i] += self.weight / part.unit * (x[i] - self.centre[i]);
+            }
+        }
+    }
+
+    /// Solutions of F(x) + w (x − x_k) one after the other, w → 0.
+    fn proximal_points(&mut self, start: &[f64]) -> Result<ConeStatus, ConeError> {
+        self.x.copy_from_slice(start);
+        let mut weight = WEIGHT;
+        for _ in 0..OUTER {
+            self.centre.copy_from_slice(&self.x);
+            self.weight = weight;
+            let outcome = self.descend();
+            self.weight = 0.0;
+            let status = outcome?;
+            if !matches!(
+                status,
+                ConeStatus::Solved | ConeStatus::Stalled | ConeStatus::IterationLimit
+            ) {
+                return Ok(status);
+            }
+            if status == ConeStatus::Solved {
+                weight *= LIGHTER;
+                if !self.evaluate()? {
+                    return Ok(ConeStatus::Stalled);
+                }
+                match self.tail()? {
+                    Some(ControlFlow::Continue(())) => return Ok(ConeStatus::Solved),
+                    Some(ControlFlow::Break(())) => return Ok(ConeStatus::Interrupted),
+                    None => {}
+                }
+            } else {
+                weight *= HEAVIER;
+                self.x.copy_from_slice(&self.centre);
+            }
+        }
+        Ok(ConeStatus::Stalled)
+    }
+
+    fn record(&mut self, merit: f64, map: Map, damping: f64) -> ControlFlow<()> {
+        let iteration = ConeIteration {
+            attempt: self.attempt,
+            merit,
+            mu: match map {
+                Map::Smoothed(mu) => mu,
+                Map::Natural => 0.0,
+            },
+            damping,
+        };
+        self.report.history.push(iteration);
+        self.report.iterations += 1;
+        (self.observe)(&iteration)
+    }
+
+    /// One run from x.
+    fn descend(&mut self) -> Result<ConeStatus, ConeError> {
+        if !self.evaluate()? {
+            return Ok(ConeStatus::EvaluationFailure);
+        }
+        self.choose_units();
+        let first = self.map(Map::Natural, false);
+        let mut mu = NEARNESS * first.max(f64::MIN_POSITIVE);
+        let mut merit = self.map(Map::Smoothed(mu), false);
+        let mut next_tail = f64::INFINITY;
+        let mut damping = 1.0;
+        for k in 0..=self.options.max_iterations {
+            if self.record(merit, Map::Smoothed(mu), damping).is_break() {
+                return Ok(ConeStatus::Interrupted);
+            }
+            if self.deadline.is_over() {
+                return Ok(ConeStatus::TimeLimit);
+            }
+            if self.weight > 0.0 && merit.max(mu) <= LOOSE * first {
+                return Ok(ConeStatus::Solved);
+            }
+            if self.weight == 0.0 && merit <= next_tail {
+                next_tail = TAIL * merit;
+                match self.tail()? {
+                    Some(ControlFlow::Continue(())) => return Ok(ConeStatus::Solved),
+                    Some(ControlFlow::Break(())) => return Ok(ConeStatus::Interrupted),
+                    None => {}
+                }
+            }
+            if k == self.options.max_iterations {
+                return Ok(ConeStatus::IterationLimit);
+            }
+            let step = match merit > 0.0 {
+                true => self.search(&mut merit, mu)?,
+                false => None,
+            };
+            let Some(length) = step else {
+                return Ok(match self.deadline.is_over() {
+                    true => ConeStatus::TimeLimit,
+                    false => ConeStatus::Stalled,
+                });
+            };
+            damping = length;
+            // A smaller μ as soon as its equations are nearly met.
+            if merit <= mu {
+                mu = (FALL * mu).min(NEARNESS * merit).max(f64::MIN_POSITIVE);
+                merit = self.map(Map::Smoothed(mu), false);
+            }
+        }
+        Ok(ConeStatus::IterationLimit)
+    }
+
+    /// A step that lessens ‖Φ_μ‖, by line search along Newton directions, regularised more and more; tells its length.
+    fn search(&mut self, merit: &mut f64, mu: f64) -> Result<Option<f64>, ConeError> {
+        let map = Map::Smoothed(mu);
+        self.kept_f.copy_from_slice(&self.f);
+        for proximal in PROXIMAL {
+            if self.deadline.is_over() {
+                break;
+            }
+            if !self.newton_step(map, proximal + self.weight)? {
+                continue;
+            }
+            let mut damping = 1.0;
+            while damping >= SHORTEST {
+                for (t, (x, d)) in self.trial.iter_mut().zip(self.x.iter().zip(&self.step)) {
+                    *t = x + damping * d;
+                }
+                self.problem.function().value(&self.trial, &mut self.f);
+                self.add_proximal(true);
+                let value = self.map(map, true);
+                if value <= (1.0 - DECREASE * damping) * *merit {
+                    std::mem::swap(&mut self.x, &mut self.trial);
+                    if self.differentiate()? {
+                        *merit = value;
+                        return Ok(Some(damping));
+                    }
+                    std::mem::swap(&mut self.x, &mut self.trial);
+                    self.evaluate()?;
+                }
+                damping *= 0.5;
+            }
+            self.f.copy_from_slice(&self.kept_f);
+        }
+        Ok(None)
+    }
+
+    /// Full steps of the natural map from x, as long as they converge; `None` where they do not, x as it was.
+    fn tail(&mut self) -> Result<Option<ControlFlow<()>>, ConeError> {
+        self.kept_x.copy_from_slice(&self.x);
+        let mut last = f64::INFINITY;
+        let mut worse = 0;
+        for _ in 0..LONGEST {
+            let merit = self.map(Map::Natural, false);
+            let flow = self.record(merit, Map::Natural, 1.0);
+            if self.judge()? && (merit >= 0.5 * last || merit == 0.0) {
+                return Ok(Some(ControlFlow::Continue(())));
+            }
+            if flow.is_break() {
+                return Ok(Some(flow));
+            }
+            worse = if merit < last { 0 } else { worse + 1 };
+            last = merit;
+            if worse > 2 || self.deadline.is_over() {
+                break;
+            }
+            // Singular where solutions are not unique.
+            let mut stepped = false;
+            for proximal in &PROXIMAL[..3] {
+                stepped = stepped || self.newton_step(Map::Natural, *proximal)?;
+            }
+            if !stepped {
+                break;
+            }
+            for (x, d) in self.x.iter_mut().zip(&self.step) {
+                *x += d;
+            }
+            if !self.evaluate()? {
+                break;
+            }
+        }
+        if self.least <= self.options.tolerance {
+            return Ok(Some(ControlFlow::Continue(())));
+        }
+        self.x.copy_from_slice(&self.kept_x);
+        self.evaluate()?;
+        Ok(None)
+    }
+}
