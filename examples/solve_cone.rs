@@ -39,16 +39,9 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Outcome<()> {
-    let mut options = ConeOptions::default();
-    if let Some(seconds) = arguments.max_time {
-        let limit = Duration::try_from_secs_f64(seconds).map_err(|e| format!("--max-time {seconds}: {e}"))?;
-        options = options.with_max_time(Some(limit));
-    }
+    let options = ConeOptions::default().with_max_time(common::time_limit(arguments.max_time)?);
     // All files are read before anything is solved, so that a bad one is told at once.
-    let files = match arguments.files.as_slice() {
-        [] => common::shipped("cones")?,
-        files => files.to_vec(),
-    };
+    let files = common::files_or_shipped(&arguments.files, "cones")?;
     let problems = files
         .iter()
         .map(|f| read_cone(f))

@@ -11,7 +11,7 @@ mod expressions;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use clap::Parser;
 use common::Outcome;
@@ -43,19 +43,13 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Outcome<()> {
-    let mut options = McpOptions::default()
+    let options = McpOptions::default()
         .with_tolerance(arguments.tolerance)
-        .with_max_iterations(arguments.max_iterations);
-    if let Some(seconds) = arguments.max_time {
-        let limit = Duration::try_from_secs_f64(seconds).map_err(|e| format!("--max-time {seconds}: {e}"))?;
-        options = options.with_max_time(Some(limit));
-    }
+        .with_max_iterations(arguments.max_iterations)
+        .with_max_time(common::time_limit(arguments.max_time)?);
     options.validate()?;
     // All files are read before anything is solved, so that a bad one is told at once.
-    let files = match arguments.files.as_slice() {
-        [] => common::shipped("complementarity")?,
-        files => files.to_vec(),
-    };
+    let files = common::files_or_shipped(&arguments.files, "complementarity")?;
     let problems = files.iter().map(|f| read(f)).collect::<Result<Vec<_>, _>>()?;
     let mut solver = McpSolver::new(options);
     let (mut solved, mut all) = (0, 0);

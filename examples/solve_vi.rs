@@ -44,16 +44,9 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Outcome<()> {
-    let mut options = McpOptions::default();
-    if let Some(seconds) = arguments.max_time {
-        let limit = Duration::try_from_secs_f64(seconds).map_err(|e| format!("--max-time {seconds}: {e}"))?;
-        options = options.with_max_time(Some(limit));
-    }
+    let options = McpOptions::default().with_max_time(common::time_limit(arguments.max_time)?);
     // All files are read before anything is solved, so that a bad one is told at once.
-    let files = match arguments.files.as_slice() {
-        [] => common::shipped("vi")?,
-        files => files.to_vec(),
-    };
+    let files = common::files_or_shipped(&arguments.files, "vi")?;
     let problems = files.iter().map(|f| read_vi(f)).collect::<Result<Vec<_>, _>>()?;
     let mut solver = ViSolver::new(options);
     let (mut right, mut all) = (0, 0);

@@ -6,6 +6,7 @@ use std::fmt;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::time::Duration;
 
 use semismooth::contact::{FrictionCoefficient, FullContact, LoadPath, PlanarCoulomb};
 use semismooth::sparse::Matrix;
@@ -91,7 +92,7 @@ pub(crate) fn shipped_folder() -> PathBuf {
 }
 
 /// The problems in a folder of `tests/data`.
-pub(crate) fn shipped(folder: &str) -> Outcome<Vec<PathBuf>> {
+fn shipped(folder: &str) -> Outcome<Vec<PathBuf>> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("tests/data")
         .join(folder);
@@ -105,6 +106,20 @@ pub(crate) fn shipped(folder: &str) -> Outcome<Vec<PathBuf>> {
     }
     files.sort();
     Ok(files)
+}
+
+/// The files given, or the problems in a folder of `tests/data`.
+pub(crate) fn files_or_shipped(files: &[PathBuf], folder: &str) -> Outcome<Vec<PathBuf>> {
+    match files {
+        [] => shipped(folder),
+        files => Ok(files.to_vec()),
+    }
+}
+
+/// The argument `--max-time`.
+pub(crate) fn time_limit(seconds: Option<f64>) -> Outcome<Option<Duration>> {
+    let limit = |s| Duration::try_from_secs_f64(s).map_err(|e| format!("--max-time {s}: {e}"));
+    Ok(seconds.map(limit).transpose()?)
 }
 
 /// The largest difference of two points; infinite where their lengths differ.

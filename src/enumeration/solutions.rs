@@ -2,6 +2,7 @@
 
 use super::arms::level_selections;
 use super::kernel::{AffineSet, MAX_KERNEL, solutions};
+use super::lists::{Completeness, Continuum, Doubt, Solution, SolutionSet};
 use super::proof::MAX_COEFFICIENTS;
 use super::search::Search;
 use super::{EnumerationError, EnumerationOptions, system};
@@ -12,130 +13,6 @@ use crate::piecewise::{
     TestLayout, active_set, cell_margin, check_vector,
 };
 use crate::sparse::{Matrix, max_abs, norm};
-
-/// How far a list is known to be complete.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[non_exhaustive]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub enum Completeness {
-    /// Every selection was examined or ruled out. This is proven, for the problem as its floating-point numbers state it: each decision is
-    /// taken by error bounds or in exact arithmetic.
-    Complete,
-    /// The cap was reached.
-    Incomplete {
-        /// Selections examined or ruled out.
-        examined: f64,
-        /// Selections in all.
-        total: f64,
-    },
-    /// All selections were examined, in floating-point numbers that prove nothing.
-    Undecided {
-        /// How many (partial) selections, or sites, rounding left open; 0 where nothing looked close.
-        selections: u64,
-        /// Why there is no proof.
-        doubt: Doubt,
-    },
-}
-
-/// Why a list is not proven.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[non_exhaustive]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub enum Doubt {
-    /// The map does not state its coefficients exactly ([`PiecewiseSmooth::exact`]), or has more than 2²¹ of them. Of arms: it does not state
-    /// them as affine functions of α
-    /// ([`is_affine_in_parameter`](crate::piecewise::ExactPieces::is_affine_in_parameter)), has more than 2¹⁸ of them, or the point lies at a
-    /// wall.
-    NoCoefficients,
-    /// Kernels of dimension two or more, or decisions within rounding.
-    Rounding,
-    /// The pieces stated do not agree on a facet between them, so that points near it may lie in none or in two.
-    Discontinuous,
-    /// Of arms: no exact solution within the tolerance of the point has all those test functions vanish that count as vanishing there. A
-    /// smaller tolerance tells kinks apart that are near each other.
-    Coincidence,
-    /// The search, or that in exact arithmetic, reached its cap.
-    Limit,
-}
-
-impl Completeness {
-    /// Whether the list is [complete](Self::Complete).
-    #[must_use]
-    pub fn is_complete(&self) -> bool {
-        *self == Self::Complete
-    }
-
-    /// Whether selections were left out or left open: `false` for complete lists, and for those that lack nothing but a proof.
-    #[must_use]
-    pub fn has_gaps(&self) -> bool {
-        !matches!(self, Self::Complete | Self::Undecided { selections: 0, .. })
-    }
-}
-
-/// A solution.
-#[derive(Debug, Clone, PartialEq)]
-#[non_exhaustive]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct Solution {
-    /// The point: y, followed by α for a curve.
-    pub x: Vec<f64>,
-    /// Selections that give this point, in lexicographic order: all of them, or some where more than 256 do.
-    pub selections: Vec<Selection>,
-    /// How many there are: those in whose closed cells the point lies.
-    pub num_selections: f64,
-    /// For each of them the sign of det ∇_yH^(σ): 0 when singular, `None` when the linear solver knows no determinants.
-    pub det_signs: Vec<Option<i8>>,
-    /// Distance to the nearest kink: the smallest signed test function of its cells; 0 at a transition.
-    pub margin: f64,
-    /// The local index (degree) of the solution: the sign of the determinant where one selection is active, the mean of the two
-    /// signs where two are (0: the point is a fold); `None` where that does not decide.
-    pub index: Option<i8>,
-}
-
-impl Solution {
-    /// The local index, where the list of selections holds all that are active.
-    pub(super) fn find_index(&mut self) {
-        self.index = match self.det_signs.as_slice() {
-            [Some(sign)] if *sign != 0 => Some(*sign),
-            // Two selections share a facet with nothing else active: the sum of two half-space maps.
-            [Some(a), Some(b)] if *a != 0 && *b != 0 => Some((a + b) / 2),
-            _ => None,
-        };
-    }
-}
-
-/// A continuum of solutions at one parameter: a vertical segment, or a larger polyhedron.
-#[derive(Debug, Clone, PartialEq)]
-#[non_exhaustive]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct Continuum {
-    /// The selections that hold it.
-    pub selections: Vec<Selection>,
-    /// Dimension of the solution space of the selection's linear system; 1 for a segment, a ray or a line.
-    pub dimension: usize,
-    /// The ends of a segment (of a ray: one; none where the dimension is larger than one).
-    pub ends: Vec<Vec<f64>>,
-}
-
-/// All solutions of an equation, or of a curve's equation at one parameter.
-#[derive(Debug, Clone, PartialEq)]
-#[non_exhaustive]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct SolutionSet {
-    /// The solutions, ordered by their first selection.
-    pub solutions: Vec<Solution>,
-    /// Continua of solutions; empty at regular parameters.
-    pub continua: Vec<Continuum>,
-    /// Σ of the local indices, where the list is complete, all are known and there are no continua. By degree theory it does not depend on the data
-    /// of a class of problems: +1 for friction with F ≥ 0 and for LCPs whose matrix is strictly copositive (or P).
-    pub index_sum: Option<i64>,
-    /// Whether the lists are complete.
-    pub completeness: Completeness,
-    /// Nodes of the search: partial selections tried.
-    pub nodes: u64,
-    /// Exchange steps of all linear programs.
-    pub pivots: u64,
-}
 
 /// All solutions y of H(y, α) = 0 for a map whose pieces are affine in y. For an equation (as many variables as residuals) `alpha`
 /// is ignored.
