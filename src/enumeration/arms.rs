@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use super::kernel::{MAX_KERNEL, solutions};
 use super::local::{local_selections, vanishing_tests};
-use super::proven_arms::proven_arms;
+use super::proven_arms::{FEW, proven_arms};
 use super::search::Search;
 use super::system::System;
 use super::table::{Form, Table};
@@ -187,12 +187,20 @@ fn arms_of(
         scaled.scale(&mut d);
         norm(&d) <= options.tolerance * (1.0 + norm(&z))
     };
-    let doubt = match proven_arms(map, x, &active, &near, options, deadline.half()) {
-        Ok(proven) => return Ok(proven),
-        Err(doubt) => doubt,
-    };
-    let mut found = searched_arms(&scaled, &z, &active, options, deadline)?;
-    if found.completeness.is_complete() {
+    let searched = || searched_arms(&scaled, &z, &active, options, deadline);
+    // Where many selections meet, a search in floating-point numbers tells first whether the limits suffice: proofs take longer.
+    let sizes = active.degenerate_sites().iter().map(|s| s.1.len() as f64);
+    let first = (sizes.product::<f64>() > FEW as f64).then(searched).transpose()?;
+    let capped = |f: &DirectionalArms| matches!(f.completeness, Completeness::Incomplete { .. });
+    let mut doubt = None;
+    if !first.as_ref().is_some_and(capped) {
+        match proven_arms(map, x, &active, &near, options, deadline.half()) {
+            Ok(proven) => return Ok(proven),
+            Err(why) => doubt = Some(why),
+        }
+    }
+    let mut found = first.map_or_else(searched, Ok)?;
+    if let Some(doubt) = doubt.filter(|_| found.completeness.is_complete()) {
         found.completeness = Completeness::Undecided { selections: 0, doubt };
     }
     for arm in &mut found.arms {
@@ -300,10 +308,10 @@ fn directional(
     max_nodes: u64,
     deadline: Deadline,
 ) -> Result<Option<Candidates>, EnumerationError> {
-    let Some(owners) = system::owners(map, active.degenerate_sites()) else {
+    let Some(system) = system::directional(map, x, active)? else {
         return Ok(None);
     };
-    let system = system::directional(map, &owners, x, active)?;
+    let m = map.num_vars();
     // What is found has to be examined, too.
     let mut search = Search::new(&system, None, max_nodes, deadline.half());
     let mut found = BTreeSet::new();
@@ -318,13 +326,13 @@ fn directional(
     let mut runs = 0.0;
     for &sign in rates {
         runs += 1.0;
-        match search.root(&[rate(&system, -sign)]) {
+        match search.root(&[rate(&system, m, -sign)]) {
             Ok(root) => search.run(root, &mut leaf)?,
             Err(_) => search.examined += search.total,
         }
     }
     let level: Vec<Form> = (map.num_vars() > map.num_residuals())
-        .then(|| rate(&system, 0.0))
+        .then(|| rate(&system, m, 0.0))
         .into_iter()
         .collect();
     let roots = VerticalRoots::new(&search, &level);
@@ -375,10 +383,10 @@ fn selections(
     })
 }
 
-/// The form α̇ + constant.
-fn rate(system: &System, constant: f64) -> Form {
+/// The form α̇ + constant, α being the last of m variables.
+fn rate(system: &System, m: usize, constant: f64) -> Form {
     let mut coefficients = vec![0.0; system.unknowns];
-    if let Some(last) = coefficients.last_mut() {
+    if let Some(last) = coefficients[..m].last_mut() {
         *last = 1.0;
     }
     Form {

@@ -248,6 +248,19 @@ pub(super) fn contains(conditions: &ExactConditions, pieces: &[usize], point: &E
     })
 }
 
+/// The pieces of each site whose conditions a point meets.
+pub(super) fn active(conditions: &ExactConditions, point: &ExactPoint) -> Vec<Vec<usize>> {
+    let site = |site: &ExactSite| {
+        let signs: Vec<i8> = site.forms.iter().map(|f| point.sign_of(f)).collect();
+        let holds = |p: &&ExactPiece| {
+            let mut facets = p.facets.iter();
+            p.equalities.iter().all(|e| signs[e.1] == 0) && facets.all(|f| signs[f.0] * f.1 >= 0)
+        };
+        site.pieces.iter().filter(holds).map(|p| p.piece).collect()
+    };
+    conditions.sites.iter().map(site).collect()
+}
+
 /// What a selection (by number in the map) holds; `None` at the cap on work.
 pub(super) fn decide(conditions: &ExactConditions, pieces: &[usize], budget: &mut u64) -> Option<Held> {
     if *budget == 0 || elimination(conditions) > MAX_WORK {

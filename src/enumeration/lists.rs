@@ -2,6 +2,11 @@
 
 use crate::piecewise::Selection;
 
+/// Selections of one solution up to which each is examined.
+pub(super) const LISTED: f64 = 256.0;
+/// How many of more are named.
+pub(super) const NAMED: usize = 64;
+
 /// How far a list is known to be complete.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]

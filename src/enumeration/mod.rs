@@ -7,8 +7,9 @@
 //!
 //! Lists are proven where the map states its coefficients exactly: see [`all_solutions`], and [`all_arms`] for the point of which they are.
 //!
-//! [`all_solutions`] and [`all_arms`] work for any map whose residuals belong each to one site or to none
-//! ([`site_rows`](crate::piecewise::PiecewiseSmooth::site_rows)); for other maps solutions are enumerated one by one, up to the cap.
+//! [`all_solutions`] and [`all_arms`] prune the search for maps that state their coefficients, for those whose residuals belong each to few
+//! sites ([`site_rows`](crate::piecewise::PiecewiseSmooth::site_rows)), and for those whose residuals are sums over sites, which is tested;
+//! for other maps selections are enumerated one by one, up to the cap.
 
 mod arms;
 mod certificate;
@@ -23,8 +24,10 @@ mod near;
 mod options;
 mod proof;
 mod proven_arms;
+mod reduced;
 mod search;
 mod solutions;
+mod split;
 mod stated;
 mod system;
 mod table;

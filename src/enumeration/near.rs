@@ -16,6 +16,8 @@ const MAX_COEFFICIENTS: usize = 1 << 18;
 pub(super) struct Near {
     /// Forms of d. Where coefficients depend on α those of the products of d_α with the other components follow.
     conditions: ExactConditions,
+    /// How many of the unknowns are those of the map.
+    pub(super) known: usize,
 }
 
 /// The exact point.
@@ -42,8 +44,9 @@ impl Near {
             return None;
         }
         let (alpha, y) = x.split_last()?;
-        let y: Vec<Exact> = y.iter().map(|v| Exact::new(*v)).collect::<Option<_>>()?;
+        let known = y.len();
         let mut conditions = stated_conditions(map, *alpha, MAX_COEFFICIENTS)?;
+        let y = extended(&conditions, y)?;
         // α less the power of two below it is a floating-point number.
         let shift = Exact::new(*alpha)?.magnitude().map_or(0, |m| m - 1);
         let step = Exact::one().shifted(shift).to_f64().copysign(*alpha);
@@ -84,7 +87,14 @@ impl Near {
         }
         conditions.unknowns += 1;
         conditions.bounds.clear();
-        Some(Self { conditions })
+        Some(Self { conditions, known })
+    }
+
+    /// Bounds of the distance from the point given, in the variables of the map.
+    pub(super) fn distance(&self, point: &Point) -> Vec<f64> {
+        let mut reach = point.reach[..self.known].to_vec();
+        reach.extend(point.reach.last());
+        reach
     }
 
     /// Whether the pieces of a site agree where they meet.
@@ -345,19 +355,7 @@ impl Near {
         };
         let site = |(k, exact): (usize, &ExactSite)| {
             let vanishes = |form: usize| point.signs[k][form] == Some(0);
-            let pieces = exact.pieces.iter().filter(|p| active[k].contains(&p.piece));
-            let bounded = |list: &[(usize, i8)]| list.iter().copied().filter(|f| vanishes(f.0)).collect();
-            ExactSite {
-                forms: exact.forms.iter().map(gradient).collect(),
-                pieces: pieces
-                    .map(|p| ExactPiece {
-                        piece: p.piece,
-                        equalities: p.equalities.clone(),
-                        facets: bounded(&p.facets),
-                    })
-                    .collect(),
-                implied: bounded(&exact.implied),
-            }
+            directional(exact, &active[k], vanishes, gradient)
         };
         Directions {
             conditions: ExactConditions {
@@ -369,6 +367,71 @@ impl Near {
             errors,
         }
     }
+}
+
+/// What is left of a site for directions: the active pieces, and of their facets those on which the point lies.
+pub(super) fn directional(
+    exact: &ExactSite,
+    active: &[usize],
+    vanishes: impl Fn(usize) -> bool,
+    gradient: impl Fn(&ExactForm) -> ExactForm,
+) -> ExactSite {
+    let pieces = exact.pieces.iter().filter(|p| active.contains(&p.piece));
+    let bounded = |list: &[(usize, i8)]| list.iter().copied().filter(|f| vanishes(f.0)).collect();
+    ExactSite {
+        forms: exact.forms.iter().map(gradient).collect(),
+        pieces: pieces
+            .map(|p| ExactPiece {
+                piece: p.piece,
+                equalities: p.equalities.clone(),
+                facets: bounded(&p.facets),
+            })
+            .collect(),
+        implied: bounded(&exact.implied),
+    }
+}
+
+/// A point given in the unknowns of the map, with the auxiliary ones that follow from them: those one after the other, rounded.
+fn extended(conditions: &ExactConditions, y: &[f64]) -> Option<Vec<Exact>> {
+    let mut all: Vec<Exact> = y.iter().map(|v| Exact::new(*v)).collect::<Option<_>>()?;
+    if all.len() == conditions.unknowns {
+        return Some(all);
+    }
+    let used = |row: usize| {
+        let equalities = conditions
+            .sites
+            .iter()
+            .flat_map(|s| &s.pieces)
+            .flat_map(|p| &p.equalities);
+        equalities.into_iter().any(|e| e.0 == row)
+    };
+    // The common rows are those that no equality stands for.
+    let mut common = (0..conditions.unknowns)
+        .filter(|row| !used(*row))
+        .zip(&conditions.common);
+    let mut given: Vec<Option<&ExactForm>> = vec![None; conditions.unknowns];
+    common.by_ref().for_each(|(row, form)| given[row] = Some(form));
+    for k in all.len()..conditions.unknowns {
+        let form = given[k].or_else(|| {
+            let inside = |site: &&ExactSite, p: &&ExactPiece| {
+                let met = |f: &(usize, i8)| {
+                    at(&site.forms[f.0].constant, &site.forms[f.0].coefficients, &all).sign() * f.1 >= 0
+                };
+                p.facets.iter().all(met)
+            };
+            conditions.sites.iter().find_map(|site| {
+                let own = |p: &ExactPiece| p.equalities.iter().find(|e| e.0 == k).map(|e| e.1);
+                let piece = site
+                    .pieces
+                    .iter()
+                    .find(|p| own(p).is_some() && inside(&site, p))?;
+                Some(&site.forms[own(piece)?])
+            })
+        })?;
+        let rest = at(&form.constant, &form.coefficients[..k], &all);
+        all.push(Exact::new(-rest.to_f64() / form.coefficients[k].to_f64())?);
+    }
+    Some(all)
 }
 
 /// constant + Σ coefficients · y.

@@ -5,18 +5,25 @@ use std::collections::BTreeSet;
 use super::certificate::Certificates;
 use super::enclosure::Enclosure;
 use super::exhaustive::{self, ExactPoint, Held};
-use super::lists::{Completeness, Continuum, Doubt, Solution, SolutionSet};
+use super::lists::{Completeness, Continuum, Doubt, LISTED, NAMED, Solution, SolutionSet};
+use super::near;
+use super::reduced::{reduced_directions, reduced_solutions};
 use super::search::Search;
-use super::stated::Stated;
+use super::stated::{Beyond, Stated};
 use super::{EnumerationError, EnumerationOptions};
 use crate::clock::Deadline;
-use crate::piecewise::{ExactConditions, PiecewiseSmooth, Selection, TestLayout, cell_margin};
+use crate::exact::Exact;
+use crate::piecewise::{
+    ExactConditions, ExactForm, PiecewiseSmooth, Selection, Selections, TestLayout, cell_margin,
+};
 
 /// Coefficients up to which conditions are stated exactly.
 pub(super) const MAX_COEFFICIENTS: usize = 1 << 21;
 /// Numbers that exact arithmetic may write for each node that the search may have, and at most: some seconds.
 const WORK_PER_NODE: u64 = 20;
 pub(super) const MAX_WORK: u64 = 20_000_000;
+/// Selections found beyond which each is asked whether many of them hold the same point.
+const MANY: usize = 32;
 /// The margin of a point inside of its cell, as long as it is not measured.
 const INSIDE: f64 = f64::INFINITY;
 
@@ -30,9 +37,28 @@ pub(super) fn proven_solutions(
     let deadline = Deadline::after(options.max_time);
     let stated = Stated::new(conditions);
     let mut budget = budget(options);
-    let mut found = Candidates::of(conditions, &stated, options, deadline, &mut budget);
-    let parameter = (map.num_vars() > conditions.unknowns).then_some(alpha);
-    let mut gathered = Gathered::new(parameter, conditions, &stated);
+    let known = map.num_residuals();
+    let parameter = (map.num_vars() > known).then_some(alpha);
+    let mut gathered = Gathered::new(known, parameter, conditions, &stated);
+    let mut settle = |pieces: &[usize], budget: &mut u64| gathered.settle(pieces, options, deadline, budget);
+    // The unknowns may have no bounds that are stated, and others of the same problem have some.
+    let reduced = (!stated.bounded && exhaustive::elimination(conditions) <= MAX_WORK)
+        .then(|| reduced_solutions(conditions))
+        .flatten();
+    let other = reduced.as_ref().map(Stated::new);
+    let (searched, bounds) = reduced
+        .as_ref()
+        .zip(other.as_ref())
+        .unwrap_or((conditions, &stated));
+    let mut found = Candidates::of(searched, bounds, options, deadline, &mut budget, &mut settle);
+    found.nodes += gathered.searched.0;
+    found.pivots += gathered.searched.1;
+    let settled = std::mem::take(&mut gathered.settled);
+    let inside =
+        |active: &Vec<Vec<usize>>, pieces: &[usize]| active.iter().zip(pieces).all(|(a, p)| a.contains(p));
+    found
+        .selections
+        .retain(|pieces| !settled.iter().any(|active| inside(active, pieces)));
     for pieces in &found.selections {
         let examined = !deadline.is_over() && gathered.examine(pieces, &mut budget);
         found.open += u64::from(!examined);
@@ -99,19 +125,21 @@ impl Candidates {
         budget: &mut u64,
     ) -> Result<Self, Doubt> {
         let stated = Stated::new(conditions);
-        let found = Self::of(conditions, &stated, options, deadline, budget);
+        let found = Self::of(conditions, &stated, options, deadline, budget, &mut |_, _| None);
         if found.incomplete.is_some() || found.open > 0 {
             return Err(Doubt::Limit);
         }
         Ok(found)
     }
 
+    /// `settle` may say of a selection that nothing else is to be found in a box of them.
     fn of(
         conditions: &ExactConditions,
         stated: &Stated,
         options: &EnumerationOptions,
         deadline: Deadline,
         budget: &mut u64,
+        settle: &mut dyn FnMut(&[usize], &mut u64) -> Option<Vec<Vec<usize>>>,
     ) -> Self {
         let mut found = Self::default();
         let whole = vec![vec![None; conditions.sites.len()]];
@@ -120,8 +148,12 @@ impl Candidates {
         let mut unproven = whole.clone();
         if let Ok(root) = search.root(&[]) {
             let mut leaf = |pieces: &[usize]| -> Result<_, EnumerationError> {
-                found.selections.insert(pieces.to_vec());
-                Ok(None)
+                let many = found.selections.len() >= MANY;
+                let settled = many.then(|| settle(pieces, budget)).flatten();
+                if settled.is_none() {
+                    found.selections.insert(pieces.to_vec());
+                }
+                Ok(settled)
             };
             // The leaf gives no error.
             let _ = search.run(root, &mut leaf);
@@ -152,20 +184,33 @@ impl Candidates {
 
     /// Whether no solution lies beyond the radii of the search.
     fn nothing_beyond(&mut self, stated: &Stated, options: &EnumerationOptions, deadline: Deadline) -> bool {
-        let Some((system, radii)) = &stated.beyond else {
+        let Some(beyond) = &stated.beyond else {
             return true;
         };
-        let certificates = Certificates::new(system, radii.clone());
-        let mut search = Search::new(system, Some(&certificates), options.max_nodes, deadline);
+        let (none, effort) = holds_nothing(beyond, options, deadline);
+        self.nodes += effort.0;
+        self.pivots += effort.1;
+        none
+    }
+}
+
+/// Whether nothing lies beyond, and the nodes and pivots that it took to tell.
+fn holds_nothing(beyond: &Beyond, options: &EnumerationOptions, deadline: Deadline) -> (bool, (u64, u64)) {
+    let (mut nodes, mut pivots) = (0, 0);
+    let none = beyond.systems().all(|(system, radii)| {
+        let certificates = Certificates::new(&system, radii.to_vec());
+        let left = options.max_nodes.saturating_sub(nodes);
+        let mut search = Search::new(&system, Some(&certificates), left, deadline);
         let Ok(root) = search.root(&[]) else {
             return false;
         };
-        // A first direction that is not ruled out ends the search.
+        // A first point that is not ruled out ends the search.
         let run = search.run(root, &mut |_: &[usize]| Err(()));
-        self.nodes += search.nodes;
-        self.pivots += search.pivots;
+        nodes += search.nodes;
+        pivots += search.pivots;
         run.is_ok() && !search.stopped && search.unproven.is_empty()
-    }
+    });
+    (none, (nodes, pivots))
 }
 
 /// The solutions of single selections.
@@ -181,11 +226,28 @@ pub(super) struct Gathered<'a> {
     ends: Vec<Vec<ExactPoint>>,
     /// Whether a decision was taken in exact arithmetic.
     close: bool,
+    /// How many of the unknowns are those of the map.
+    known: usize,
+    /// Boxes of selections of which all that they hold is known.
+    settled: Vec<Vec<Vec<usize>>>,
+    /// Points that are not alone in the cells that they lie in, or may not be.
+    unsettled: Vec<ExactPoint>,
+    /// Nodes and pivots of the searches that settle points.
+    searched: (u64, u64),
 }
 
 impl<'a> Gathered<'a> {
-    pub(super) fn new(parameter: Option<f64>, conditions: &'a ExactConditions, stated: &'a Stated) -> Self {
+    pub(super) fn new(
+        known: usize,
+        parameter: Option<f64>,
+        conditions: &'a ExactConditions,
+        stated: &'a Stated,
+    ) -> Self {
         Self {
+            known,
+            settled: Vec::new(),
+            unsettled: Vec::new(),
+            searched: (0, 0),
             parameter,
             conditions,
             stated,
@@ -233,17 +295,99 @@ impl<'a> Gathered<'a> {
         let same = |p: &Option<ExactPoint>| p.as_ref() == Some(&point);
         if let Some(k) = self.points.iter().position(same) {
             let known = &mut self.solutions[k];
-            known
-                .selections
-                .push(Selection::from_pieces(pieces.iter().copied()));
+            let selection = Selection::from_pieces(pieces.iter().copied());
+            if known.selections.contains(&selection) {
+                return;
+            }
+            known.selections.push(selection);
             known.det_signs.push(Some(sign));
-            known.num_selections += 1.0;
+            known.num_selections = known.num_selections.max(known.selections.len() as f64);
             known.margin = known.margin.min(margin);
         } else {
             let x = self.full(point.to_f64());
             self.solutions.push(solution(x, pieces, sign, margin));
             self.points.push(Some(point));
         }
+    }
+
+    /// Where the point that a selection holds lies in so many cells that a search would list them one by one: if it is proven to be the only
+    /// solution in all of them, the pieces of all of these, and it is added.
+    fn settle(
+        &mut self,
+        pieces: &[usize],
+        options: &EnumerationOptions,
+        deadline: Deadline,
+        budget: &mut u64,
+    ) -> Option<Vec<Vec<usize>>> {
+        let found = self.enclosure(pieces)?;
+        let close = (0..pieces.len()).filter(|&site| self.side(pieces, site, &found) == Some(None));
+        if (close.count() as f64).exp2() <= LISTED {
+            return None;
+        }
+        let Some(Held::Point { point, .. }) = exhaustive::decide(self.conditions, pieces, budget) else {
+            return None;
+        };
+        let active = exhaustive::active(self.conditions, &point);
+        let count: f64 = active.iter().map(|p| p.len() as f64).product();
+        if count <= LISTED || self.unsettled.contains(&point) {
+            return None;
+        }
+        if !self.is_alone(&point, &active, options, deadline) {
+            self.unsettled.push(point);
+            return None;
+        }
+        self.close = true;
+        self.point(pieces, point.clone(), found.sign, 0.0);
+        let base = Selection::from_pieces(active.iter().map(|p| p[0]));
+        let several = active.iter().cloned().enumerate().filter(|p| p.1.len() > 1);
+        for other in Selections::new(base, several.collect()).take(NAMED) {
+            let other: Vec<usize> = other.pieces().collect();
+            // The point satisfies all its conditions.
+            if let Some(enclosure) = self.enclosure(&other) {
+                self.point(&other, point.clone(), enclosure.sign, 0.0);
+            }
+        }
+        let same = self.points.iter().position(|p| p.as_ref() == Some(&point))?;
+        self.solutions[same].num_selections = count;
+        self.settled.push(active.clone());
+        Some(active)
+    }
+
+    /// Whether no other solution lies in the cells of the given pieces, in all of which a point lies: there is no direction to one.
+    fn is_alone(
+        &mut self,
+        point: &ExactPoint,
+        active: &[Vec<usize>],
+        options: &EnumerationOptions,
+        deadline: Deadline,
+    ) -> bool {
+        let level = |form: &ExactForm| ExactForm {
+            constant: Exact::default(),
+            ..form.clone()
+        };
+        let sites = self.conditions.sites.iter().zip(active);
+        let directions = ExactConditions {
+            unknowns: self.conditions.unknowns,
+            common: self.conditions.common.iter().map(level).collect(),
+            sites: sites
+                .map(|(site, pieces)| {
+                    let vanishes = |form: usize| point.sign_of(&site.forms[form]) == 0;
+                    near::directional(site, pieces, vanishes, level)
+                })
+                .collect(),
+            bounds: Vec::new(),
+        };
+        let Some(reduced) = reduced_directions(&directions) else {
+            return false;
+        };
+        let stated = Stated::new(&reduced);
+        let Some(beyond) = stated.beyond.filter(|_| stated.bounded) else {
+            return reduced.unknowns == 0;
+        };
+        let (none, effort) = holds_nothing(&beyond, options, deadline);
+        self.searched.0 += effort.0;
+        self.searched.1 += effort.1;
+        none
     }
 
     fn continuum(&mut self, pieces: &[usize], dimension: usize, ends: Vec<ExactPoint>) {
@@ -320,18 +464,29 @@ impl<'a> Gathered<'a> {
     /// Whether it lies in the cell, if error bounds tell.
     pub(super) fn inside(&self, pieces: &[usize], found: &Enclosure) -> Option<bool> {
         let mut unsure = false;
-        for (site, &piece) in pieces.iter().enumerate() {
-            for &(form, wanted) in &exhaustive::piece_of(self.conditions, site, piece)?.facets {
-                let error = self.stated.error(site, form);
-                let form = &self.stated.system.sites[site].forms[form];
-                match found.sign_of(&form.coefficients, form.constant, error) {
-                    Some(sign) if sign != wanted => return Some(false),
-                    Some(_) => {}
-                    None => unsure = true,
-                }
+        for site in 0..pieces.len() {
+            match self.side(pieces, site, found)? {
+                Some(false) => return Some(false),
+                Some(true) => {}
+                None => unsure = true,
             }
         }
         (!unsure).then_some(true)
+    }
+
+    /// The same for one site.
+    fn side(&self, pieces: &[usize], site: usize, found: &Enclosure) -> Option<Option<bool>> {
+        let mut unsure = false;
+        for &(form, wanted) in &exhaustive::piece_of(self.conditions, site, pieces[site])?.facets {
+            let error = self.stated.error(site, form);
+            let form = &self.stated.system.sites[site].forms[form];
+            match found.sign_of(&form.coefficients, form.constant, error) {
+                Some(sign) if sign != wanted => return Some(Some(false)),
+                Some(_) => {}
+                None => unsure = true,
+            }
+        }
+        Some((!unsure).then_some(true))
     }
 
     pub(super) fn add(&mut self, pieces: &[usize], found: &Enclosure) {
@@ -341,6 +496,7 @@ impl<'a> Gathered<'a> {
     }
 
     fn full(&self, mut y: Vec<f64>) -> Vec<f64> {
+        y.truncate(self.known);
         y.extend(self.parameter);
         y
     }

@@ -382,7 +382,7 @@ impl<'a> Search<'a> {
         .collect()
     }
 
-    /// The table of a piece that is tried, with all forms of its site; `None` where it is infeasible.
+    /// The table of a piece that is tried, with all forms of its site; `None` where it is infeasible, with a proof if that is asked for.
     fn tried(&mut self, table: &Table, site: usize, k: usize) -> Result<Option<Table>, Leave> {
         if self.is_over() {
             return Err(Leave::Stop);
@@ -391,7 +391,8 @@ impl<'a> Search<'a> {
         let mut child = table.compact();
         let decided = self.decide(&mut child, site, k).and_then(|()| child.repair());
         self.pivots += child.pivots;
-        Ok(decided.is_ok().then_some(child))
+        let possible = decided.map_or_else(|c| !self.proven(&child, c.var), |()| true);
+        Ok(possible.then_some(child))
     }
 
     /// The table with a site decided; `None` where that is infeasible.
@@ -535,8 +536,7 @@ mod tests {
             }
         });
         let choices = system::all_choices(&map);
-        let owners = system::owners(&map, &choices).unwrap();
-        let system = system::at_parameter(&map, &owners, &choices, &[0.0; 6]).unwrap();
+        let system = system::at_parameter(&map, &choices, &[0.0; 6]).unwrap().unwrap();
         let mut search = Search::new(&system, None, 1000, Deadline::after(None));
         (search.kept, search.limit) = (kept, limit);
         let mut leaves = Vec::new();

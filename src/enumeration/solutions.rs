@@ -2,7 +2,7 @@
 
 use super::arms::level_selections;
 use super::kernel::{AffineSet, MAX_KERNEL, solutions};
-use super::lists::{Completeness, Continuum, Doubt, Solution, SolutionSet};
+use super::lists::{Completeness, Continuum, Doubt, LISTED, NAMED, Solution, SolutionSet};
 use super::proof::MAX_COEFFICIENTS;
 use super::search::Search;
 use super::{EnumerationError, EnumerationOptions, system};
@@ -17,14 +17,14 @@ use crate::sparse::{Matrix, max_abs, norm};
 /// All solutions y of H(y, α) = 0 for a map whose pieces are affine in y. For an equation (as many variables as residuals) `alpha`
 /// is ignored.
 ///
-/// For maps that [state their coefficients](PiecewiseSmooth::exact), friction problems and affine complementarity problems among them, a
-/// complete list is proven for the problem that the floating-point numbers state. The search works in floating-point numbers; what it
-/// rules out, the regularity of selections, the signs of facets and which solutions are one are decided by error bounds, and in exact
+/// For maps that [state their coefficients](PiecewiseSmooth::exact), friction problems, affine complementarity problems and piecewise-affine
+/// formulas ([`Traced`](crate::piecewise)) among them, a complete list is proven for the problem that the floating-point numbers state. The
+/// search works in floating-point numbers; what it rules out, the regularity of selections, the signs of facets and which solutions are one are decided by error bounds, and in exact
 /// rational arithmetic where these do not suffice. `tolerance` and `merge_distance` play no part.
 ///
 /// Of other maps affinity is tested on every row by derivatives at two points, and every solution by its residual and its cell, within
 /// tolerances: such a list is never complete, but at best [`Undecided`](Completeness::Undecided). If residuals depend each on the piece of
-/// one site at most, they are searched with pruning; else selection by selection.
+/// few sites, or are sums over sites (which is tested at some selections), they are searched with pruning; else selection by selection.
 ///
 /// # Errors
 /// Options out of range, maps that are neither equation nor curve, α not finite, [`EnumerationError::NotAffine`] with the row or
@@ -96,18 +96,22 @@ pub(super) fn stated_conditions(
         return None;
     }
     let conditions = map.exact()?.conditions(alpha)?;
-    let fits = |f: &ExactForm| f.coefficients.len() == n;
+    let unknowns = conditions.unknowns;
+    if unknowns.saturating_mul(super::stated::forms(&conditions).count()) > limit {
+        return None;
+    }
+    let fits = |f: &ExactForm| f.coefficients.len() == unknowns;
     let sites = conditions.sites.len() == map.num_sites()
         && conditions.sites.iter().enumerate().all(|(site, s)| {
             let known = |form: usize| form < s.forms.len();
             let pieces = s.pieces.iter().all(|p| {
                 p.piece < map.num_pieces(site)
-                    && p.equalities.iter().all(|e| e.0 < n && known(e.1))
+                    && p.equalities.iter().all(|e| e.0 < unknowns && known(e.1))
                     && p.facets.iter().all(|f| known(f.0) && f.1.abs() == 1)
             });
             pieces && s.implied.iter().all(|f| known(f.0)) && s.forms.iter().all(fits)
         });
-    let fit = conditions.unknowns == n && conditions.common.iter().all(fits) && sites;
+    let fit = unknowns >= n && conditions.common.iter().all(fits) && sites;
     fit.then_some(conditions)
 }
 
@@ -133,8 +137,7 @@ fn of_scaled(
     let (examined, total, stopped);
     let deadline = Deadline::after(options.max_time);
     let choices = system::all_choices(map);
-    if let Some(owners) = system::owners(map, &choices) {
-        let system = system::at_parameter(map, &owners, &choices, &origin)?;
+    if let Some(system) = system::at_parameter(map, &choices, &origin)? {
         let mut search = Search::new(&system, None, options.max_nodes, deadline);
         match search.root(&[]) {
             Ok(root) => search.run(root, &mut |pieces| {
@@ -182,11 +185,6 @@ const CLEAR: f64 = 1e-2;
 
 /// Rounding error of a test function, relative to the largest of its site.
 const NOISE: f64 = 64.0 * f64::EPSILON;
-
-/// Selections of one solution up to which each is examined.
-const LISTED: f64 = 256.0;
-/// How many of more are named.
-const NAMED: usize = 64;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Rank {

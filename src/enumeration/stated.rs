@@ -24,8 +24,8 @@ pub(super) struct Stated {
     pub(super) scaling: Scaling,
     /// Bounds of the unknowns z inside of which the search finds all solutions.
     pub(super) radii: Vec<f64>,
-    /// The directions of what lies beyond, if anything may, and their bounds.
-    pub(super) beyond: Option<(System, Vec<f64>)>,
+    /// What lies beyond, if anything may.
+    pub(super) beyond: Option<Beyond>,
     /// Whether the bounds hold for all solutions, or `beyond` tells of the rest.
     pub(super) bounded: bool,
     /// What the numbers of the forms may be off beyond rounding: of the common ones, then of those of the sites. Empty where nothing.
@@ -208,63 +208,84 @@ fn bounding(system: &System, unknown: usize) -> Option<(&Form, f64)> {
     })
 }
 
-/// A system with the radii of its unknowns.
-type Bounded = (System, Vec<f64>);
+/// What lies beyond the radii of a search, divided by the largest of all forms that are nonnegative at solutions.
+#[derive(Debug, Clone)]
+pub(super) struct Beyond {
+    system: System,
+    radii: Vec<f64>,
+    /// For each of these forms that it is the largest.
+    largest: Vec<Form>,
+}
 
-/// Where each unbounded unknown has a form of its own that is nonnegative, their sum S is what the search has to bound. The radii of the
-/// unknowns for S ≤ FAR; and the system of y / S, with the unknown t = 1/S ≤ 1/FAR, and the radii of its unknowns.
-fn far(system: &System, known: &[Option<f64>]) -> Option<(Vec<f64>, Bounded)> {
+impl Beyond {
+    /// Systems with their radii, each for another form that is the largest: if none of them has a point, nothing lies beyond.
+    pub(super) fn systems(&self) -> impl Iterator<Item = (System, &[f64])> {
+        self.largest.iter().map(|form| {
+            let mut system = self.system.clone();
+            system.common.push(form.clone());
+            (system, self.radii.as_slice())
+        })
+    }
+}
+
+/// Where each unbounded unknown has a form of its own that is nonnegative, the largest M of all nonnegative forms is what the search has to
+/// bound. The radii of the unknowns for M ≤ FAR; and the system of y / M, with the unknown t = 1/M ≤ 1/FAR.
+fn far(system: &System, known: &[Option<f64>]) -> Option<(Vec<f64>, Beyond)> {
     let m = system.unknowns;
-    let mut sum = Form {
-        coefficients: vec![0.0; m + 1],
-        constant: -1.0,
-        error: f64::EPSILON,
-    };
     let (mut radii, mut directions) = (vec![0.0; m], vec![0.0; m + 1]);
     for k in 0..m {
         if let Some(bound) = known[k] {
             (radii[k], directions[k]) = (bound, bound / FAR);
             continue;
         }
-        let (form, sign) = bounding(system, k)?;
+        let (form, _) = bounding(system, k)?;
         let (a, c) = (form.coefficients[k], form.constant);
-        sum.coefficients[k] += sign * a;
-        sum.coefficients[m] += sign * c;
         radii[k] = 1.001 * (FAR + c.abs()) / a.abs();
         directions[k] = 1.001 * (1.0 + c.abs()) / a.abs();
     }
     directions[m] = 1.001 / FAR;
-    let homogeneous = |form: &Form| {
-        let mut coefficients = form.coefficients.clone();
-        coefficients.push(form.constant);
-        Form {
-            coefficients,
-            constant: 0.0,
-            error: form.error,
-        }
-    };
     let mut beyond = system.clone();
     beyond.unknowns = m + 1;
     beyond.common.iter_mut().for_each(|f| *f = homogeneous(f));
+    let (mut limits, mut largest) = (Vec::new(), Vec::new());
     for site in &mut beyond.sites {
         site.forms.iter_mut().for_each(|f| *f = homogeneous(f));
+        let implied: Vec<(usize, f64)> = site.implied.iter().flatten().copied().collect();
+        for (k, &(f, sign)) in implied.iter().enumerate() {
+            let vanishes =
+                implied.contains(&(f, -sign)) || site.forms[f].coefficients.iter().all(|a| *a == 0.0);
+            if vanishes {
+                continue;
+            }
+            limits.push(less(1.0, [(&site.forms[f], sign)]));
+            largest.push(less(1.0, [(&site.forms[f], sign)]));
+            // Of two forms one vanishes in each piece: none is larger than 1, and so is their sum.
+            for &(g, other) in &implied[k + 1..] {
+                let either = |p: &Piece| p.equalities.contains(&f) || p.equalities.contains(&g);
+                if g != f && site.pieces.iter().all(either) {
+                    let both = [(&site.forms[f], sign), (&site.forms[g], other)];
+                    let terms = both.iter().flat_map(|b| b.0.coefficients.iter().zip(&directions));
+                    let size: f64 = terms.map(|(a, r)| a.abs() * r).sum();
+                    // Coefficients that cancel are known no better than their terms.
+                    limits.push(less(1.0 + 8.0 * f64::EPSILON * size, both));
+                }
+            }
+        }
     }
-    beyond.common.push(sum);
-    // 0 ≤ t ≤ 1/FAR, at a site of its own.
-    let mut time = Form {
-        coefficients: vec![0.0; m + 1],
-        constant: 0.0,
+    // 0 ≤ t ≤ 1/FAR.
+    let time = homogeneous(&Form {
+        coefficients: vec![0.0; m],
+        constant: 1.0,
         error: f64::EPSILON,
-    };
-    time.coefficients[m] = 1.0;
-    let mut rest = time.clone();
-    (rest.coefficients[m], rest.constant) = (-1.0, 1.0 / FAR);
-    let facets = vec![(0, 1.0), (1, 1.0)];
+    });
+    limits.push(less(1.0 / FAR, [(&time, 1.0)]));
+    limits.push(time);
+    let facets: Vec<(usize, f64)> = (0..limits.len()).map(|k| (k, 1.0)).collect();
     let last = beyond.sites.len();
     beyond.sites.push(Site {
         sites: vec![last],
         slots: vec![last],
-        forms: vec![time, rest],
+        forms: limits,
         pieces: vec![Piece {
             pieces: vec![0],
             equalities: Vec::new(),
@@ -272,7 +293,38 @@ fn far(system: &System, known: &[Option<f64>]) -> Option<(Vec<f64>, Bounded)> {
         }],
         implied: Some(facets),
     });
-    Some((radii, (beyond, directions)))
+    let beyond = Beyond {
+        system: beyond,
+        radii: directions,
+        largest,
+    };
+    Some((radii, beyond))
+}
+
+/// The form with its constant as the coefficient of one more unknown.
+fn homogeneous(form: &Form) -> Form {
+    let mut coefficients = form.coefficients.clone();
+    coefficients.push(form.constant);
+    Form {
+        coefficients,
+        constant: 0.0,
+        error: form.error,
+    }
+}
+
+/// A number less some forms, with signs.
+fn less<const N: usize>(constant: f64, forms: [(&Form, f64); N]) -> Form {
+    let mut rest = Form {
+        coefficients: vec![0.0; forms[0].0.coefficients.len()],
+        constant,
+        error: f64::EPSILON,
+    };
+    for (form, sign) in forms {
+        for (r, a) in rest.coefficients.iter_mut().zip(&form.coefficients) {
+            *r -= sign * a;
+        }
+    }
+    rest
 }
 
 #[cfg(test)]

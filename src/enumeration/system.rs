@@ -2,6 +2,7 @@
 
 use super::EnumerationError;
 use super::kernel::NOISE;
+use super::split::{At, split};
 use super::table::Form;
 use crate::linear::LinearError;
 use crate::piecewise::{ActiveSet, PiecewiseSmooth, Selection, TestLayout, check_vector};
@@ -47,7 +48,7 @@ pub(super) struct Piece {
 const MAX_COMBINATIONS: usize = 64;
 
 /// Which residuals belong to which choices of pieces.
-pub(super) struct Owners {
+struct Owners {
     /// For each residual the group, if its pieces matter to it.
     rows: Vec<Option<usize>>,
     /// Positions of the choices in each group: sites that meet in a row belong together.
@@ -55,7 +56,7 @@ pub(super) struct Owners {
 }
 
 /// The owners of all residuals; `None` where sites that share rows have too many combinations of pieces to be taken as one.
-pub(super) fn owners(map: &dyn PiecewiseSmooth, choices: &[(usize, Vec<usize>)]) -> Option<Owners> {
+fn owners(map: &dyn PiecewiseSmooth, choices: &[(usize, Vec<usize>)]) -> Option<Owners> {
     let mut first = vec![None; map.num_residuals()];
     // Each choice points to an earlier one of its group, or to itself.
     let mut parent: Vec<usize> = (0..choices.len()).collect();
@@ -108,7 +109,7 @@ fn combinations(group: &[usize], choices: &[(usize, Vec<usize>)]) -> Vec<Vec<usi
 }
 
 /// The rows of H^(σ) at `at[0]` as forms of the first `unknowns` variables; what their derivatives differ by at `at[1]` is noise.
-fn rows(
+pub(super) fn rows(
     map: &dyn PiecewiseSmooth,
     selection: &Selection,
     at: [&[f64]; 2],
@@ -174,14 +175,30 @@ fn size(form: &Form) -> f64 {
     form.coefficients.iter().fold(0.0f64, |m, a| m.max(a.abs()))
 }
 
-/// All forms of the given sites and pieces, the derivatives taken at `at[0]`. `tests` says which test functions count.
+/// All forms of the given sites and pieces, the derivatives taken at the first point. `tests` says which test functions count. `None` where
+/// rows depend on the pieces of too many sites, and not as sums.
 fn build(
+    map: &dyn PiecewiseSmooth,
+    base: &Selection,
+    choices: &[(usize, Vec<usize>)],
+    at: At<'_>,
+    tests: impl Fn(usize, usize) -> bool,
+) -> Result<Option<System>, EnumerationError> {
+    match owners(map, choices) {
+        Some(owners) => owned(map, &owners, base, choices, at, tests).map(Some),
+        None => split(map, base, choices, at, tests),
+    }
+}
+
+/// The same where each row belongs to one group of sites or to none.
+fn owned(
     map: &dyn PiecewiseSmooth,
     owners: &Owners,
     base: &Selection,
     choices: &[(usize, Vec<usize>)],
-    at: [&[f64]; 2],
-    unknowns: usize,
+    At {
+        points: at, unknowns, ..
+    }: At<'_>,
     tests: impl Fn(usize, usize) -> bool,
 ) -> Result<System, EnumerationError> {
     // Each row of the map is a form at least: what cannot fit is refused before anything dense is made.
@@ -232,7 +249,7 @@ fn build(
 }
 
 /// Adds the sites with the facets of their pieces; `count` forms are there or will be.
-fn add_cells(
+pub(super) fn add_cells(
     map: &dyn PiecewiseSmooth,
     system: &mut System,
     mut count: usize,
@@ -299,17 +316,23 @@ pub(super) fn all_choices(map: &dyn PiecewiseSmooth) -> Vec<(usize, Vec<usize>)>
     (0..map.num_sites()).map(pieces).collect()
 }
 
-/// The system of all solutions y at fixed parameter; x = (0, α) is its origin.
+/// The system of all solutions y at fixed parameter; x = (0, α) is its origin. `None` as for [`build`].
 pub(super) fn at_parameter(
     map: &dyn PiecewiseSmooth,
-    owners: &Owners,
     choices: &[(usize, Vec<usize>)],
     origin: &[f64],
-) -> Result<System, EnumerationError> {
+) -> Result<Option<System>, EnumerationError> {
     let n = map.num_residuals();
     let probe = probe(origin, n);
     let base = Selection::uniform(map.num_sites(), 0);
-    let mut system = build(map, owners, &base, choices, [origin, &probe], n, |_, _| true)?;
+    let at = At {
+        points: [origin, &probe],
+        unknowns: n,
+        homogeneous: false,
+    };
+    let Some(mut system) = build(map, &base, choices, at, |_, _| true)? else {
+        return Ok(None);
+    };
     for form in system.common.iter() {
         constant_form(form, || "a row common to all pieces".into())?;
     }
@@ -322,7 +345,7 @@ pub(super) fn at_parameter(
         }
     }
     system.scale();
-    Ok(system)
+    Ok(Some(system))
 }
 
 fn check_table(rows: usize, unknowns: usize) -> Result<(), EnumerationError> {
@@ -349,13 +372,12 @@ fn constant_form(form: &Form, what: impl Fn() -> String) -> Result<(), Enumerati
     Ok(())
 }
 
-/// The system of all directions (ẏ, α̇) at x: H'(x; τ) = 0, homogeneous.
+/// The system of all directions (ẏ, α̇) at x: H'(x; τ) = 0, homogeneous. `None` as for [`build`].
 pub(super) fn directional(
     map: &dyn PiecewiseSmooth,
-    owners: &Owners,
     x: &[f64],
     active: &ActiveSet,
-) -> Result<System, EnumerationError> {
+) -> Result<Option<System>, EnumerationError> {
     let m = map.num_vars();
     // Differences across a step of rounding size show the noise of approximate derivatives, and nothing else.
     let near: Vec<f64> = x.iter().map(|v| v + 1e-13 * (1.0 + v.abs())).collect();
@@ -367,10 +389,17 @@ pub(super) fn directional(
             .is_ok()
     };
     let choices = active.degenerate_sites();
-    let mut system = build(map, owners, active.first(), choices, [x, &near], m, vanishes)?;
+    let at = At {
+        points: [x, &near],
+        unknowns: m,
+        homogeneous: true,
+    };
+    let Some(mut system) = build(map, active.first(), choices, at, vanishes)? else {
+        return Ok(None);
+    };
     system.all_forms().for_each(|f| f.constant = 0.0);
     system.scale();
-    Ok(system)
+    Ok(Some(system))
 }
 
 impl System {
@@ -385,7 +414,7 @@ impl System {
         self.common.iter_mut().chain(sites)
     }
 
-    fn check(&self) -> Result<(), EnumerationError> {
+    pub(super) fn check(&self) -> Result<(), EnumerationError> {
         let rows = self.common.len() + self.sites.iter().map(|s| s.forms.len()).sum::<usize>();
         check_table(rows, self.unknowns)
     }

@@ -92,18 +92,21 @@ impl ExactTraces {
         }
     }
 
-    /// A form in (v, λ) as one in λ, times a positive factor.
+    /// A form in (v, λ) as one in λ, times a positive factor. What is auxiliary follows λ.
     fn substituted(&self, form: &ExactForm, alpha: &Exact) -> ExactForm {
-        let q = self.traces.len();
-        let (of_traces, own) = form.coefficients.split_at(q);
+        let (of_traces, own) = form.coefficients.split_at(self.traces.len());
         let mut sum = ExactForm {
             constant: form.constant.clone(),
             coefficients: own.to_vec(),
         };
-        if of_traces.iter().any(|c| !c.is_zero()) {
-            sum = ExactForm::zero(q).plus(&self.factor, &sum);
+        // The values of auxiliary unknowns are compared with one another: all of them times the factor.
+        let auxiliary = own.len() > self.traces.len();
+        if auxiliary || of_traces.iter().any(|c| !c.is_zero()) {
+            sum = ExactForm::zero(own.len()).plus(&self.factor, &sum);
             for (c, trace) in of_traces.iter().zip(&self.traces).filter(|t| !t.0.is_zero()) {
-                sum = sum.plus(c, &Self::at(trace, alpha));
+                let mut trace = Self::at(trace, alpha);
+                trace.coefficients.resize(own.len(), Exact::default());
+                sum = sum.plus(c, &trace);
             }
         }
         sum
@@ -166,7 +169,7 @@ impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
             passive_bounds(opposite.iter().map(|f| (&f.constant, f.coefficients.as_slice())))
         };
         Some(ExactConditions {
-            unknowns: q,
+            unknowns: own.unknowns.checked_sub(q)?,
             common: own.common.iter().map(|f| traces.substituted(f, &at)).collect(),
             sites: changed(&own.sites, 0, |f| traces.substituted(f, &at)),
             bounds: bounds.map_or_else(Vec::new, |b| b.into_iter().map(Some).collect()),
@@ -181,8 +184,9 @@ impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
         load: [&[f64]; 2],
     ) -> Option<ExactConditions> {
         let (n, q) = (self.num_displacements(), self.num_traces());
+        let unknowns = n + own.unknowns.checked_sub(q)?;
         let at = Exact::new(alpha)?;
-        let mut common = vec![ExactForm::zero(n + q); n];
+        let mut common = vec![ExactForm::zero(unknowns); n];
         for (k, row) in common.iter_mut().enumerate() {
             row.constant = -&(&Exact::new(load[0][k])? + &(&at * &Exact::new(load[1][k])?));
         }
@@ -193,14 +197,14 @@ impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
         for (i, j, v) in self.operator.a.triplets() {
             add(&mut common[i].coefficients[j], v)?;
         }
-        let mut traces = vec![ExactForm::zero(n + q); q];
+        let mut traces = vec![ExactForm::zero(unknowns); q];
         for (j, k, v) in self.operator.b_t.triplets() {
             add(&mut common[j].coefficients[n + k], v)?;
             add(&mut traces[k].coefficients[j], v)?;
         }
         let expanded = |form: &ExactForm| {
             let (of_traces, multipliers) = form.coefficients.split_at(q);
-            let mut sum = ExactForm::zero(n + q);
+            let mut sum = ExactForm::zero(unknowns);
             sum.constant = form.constant.clone();
             sum.coefficients[n..].clone_from_slice(multipliers);
             let used = of_traces.iter().zip(&traces).filter(|t| !t.0.is_zero());
@@ -216,7 +220,7 @@ impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
             Some(bounds)
         };
         Some(ExactConditions {
-            unknowns: n + q,
+            unknowns,
             sites,
             common,
             bounds: bounds().unwrap_or_default(),

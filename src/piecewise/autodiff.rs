@@ -4,8 +4,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use num_dual::{Dual64, DualNum};
 
+use super::abs_normal::{AbsNormal, Added, Terms, abs_normal};
 use super::trace::{LABELS, Labels, contains, lacking, ordinary_point, structure};
-use super::{Facet, PiecewiseSmooth, Real, Selection};
+use super::{
+    Exact, ExactConditions, ExactForm, ExactPiece, ExactPieces, ExactSite, Facet, PiecewiseSmooth, Real,
+    Selection,
+};
 use crate::sparse::{Coloring, Matrix, Pattern};
 
 impl Real for Dual64 {
@@ -71,6 +75,9 @@ pub trait NonsmoothFunction {
     }
 }
 
+/// Coefficients up to which conditions are stated.
+const MAX_COEFFICIENTS: usize = 1 << 21;
+
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Kind {
     Max,
@@ -97,6 +104,8 @@ enum Mode<'a> {
     Slopes(&'a mut [f64]),
     /// All pieces at once.
     Joined,
+    /// Every kink as an unknown.
+    Switched,
     /// All pieces at once, each site with the index behind those of the variables, of which the labels begin at `first`; the labels of the
     /// test functions go to the list.
     Labelled {
@@ -126,7 +135,13 @@ impl<'a, T: Real> Kinks<'a, T> {
     }
 
     /// The value of a kink with the given pieces; `tests` are its test functions and `natural` the piece that they choose.
-    fn kink<const N: usize>(&mut self, kind: Kind, pieces: [T; N], tests: [T; 2], natural: usize) -> T {
+    fn kink<const N: usize>(
+        &mut self,
+        kind: Kind,
+        pieces: [T; N],
+        tests: [T; 2],
+        natural: impl Fn() -> usize,
+    ) -> T {
         let (site, test) = (self.site, self.test);
         self.site += 1;
         self.test += kind.tests();
@@ -139,18 +154,19 @@ impl<'a, T: Real> Kinks<'a, T> {
         let piece = match &mut self.mode {
             Mode::Record(kinds) => {
                 kinds.push(kind);
-                natural
+                natural()
             }
             Mode::Frozen(selection) => selection.piece(site),
             Mode::Natural(out) => {
                 write(out, T::value);
-                natural
+                natural()
             }
             Mode::Slopes(out) => {
                 write(out, T::slope);
-                natural
+                natural()
             }
             Mode::Joined => return pieces[0].joined(&pieces, None),
+            Mode::Switched => return T::switched(tests, &pieces),
             Mode::Labelled {
                 behind,
                 first,
@@ -168,20 +184,20 @@ impl<'a, T: Real> Kinks<'a, T> {
     /// max(a, b); pieces "first", "second"; test function a − b.
     pub fn max(&mut self, a: T, b: T) -> T {
         let theta = a - b;
-        let natural = usize::from(theta.value() < 0.0);
+        let natural = || usize::from(theta.value() < 0.0);
         self.kink(Kind::Max, [a, b], [theta, theta], natural)
     }
 
     /// min(a, b); pieces "first", "second"; test function b − a.
     pub fn min(&mut self, a: T, b: T) -> T {
         let theta = b - a;
-        let natural = usize::from(theta.value() < 0.0);
+        let natural = || usize::from(theta.value() < 0.0);
         self.kink(Kind::Min, [a, b], [theta, theta], natural)
     }
 
     /// |a|; pieces "positive", "negative"; test function a.
     pub fn abs(&mut self, a: T) -> T {
-        let natural = usize::from(a.value() < 0.0);
+        let natural = || usize::from(a.value() < 0.0);
         self.kink(Kind::Abs, [a, -a], [a, a], natural)
     }
 
@@ -194,16 +210,24 @@ impl<'a, T: Real> Kinks<'a, T> {
     /// z − upper.
     pub fn project(&mut self, lower: T, z: T, upper: T) -> T {
         let tests = [z - lower, z - upper];
-        let natural = if tests[0].value() < 0.0 {
-            0
-        } else {
-            1 + usize::from(tests[1].value() > 0.0)
+        let natural = || {
+            if tests[0].value() < 0.0 {
+                0
+            } else {
+                1 + usize::from(tests[1].value() > 0.0)
+            }
         };
         self.kink(Kind::Mid, [lower, z, upper], tests, natural)
     }
 }
 
 /// A [`NonsmoothFunction`] as a [`PiecewiseSmooth`] map.
+///
+/// Where it is piecewise affine it [states its coefficients](PiecewiseSmooth::exact): lists of its solutions are proven, and of its arms where
+/// it is affine in the parameter, too. For that it is evaluated over affine forms in exact arithmetic, every kink an unknown of its own (the
+/// abs-normal form, Griewank 2013). The numbers in the formula count as they are stored; quotients by numbers are not rounded. It
+/// states nothing where it branches on [`value`](Real::value), calls `abs` or anything curved, or does arithmetic among numbers of type `T`
+/// alone that has to round (`T::from(1.0) / 3.0`).
 ///
 /// ```
 /// use semismooth::newton::Newton;
@@ -412,6 +436,10 @@ impl<F: NonsmoothFunction> PiecewiseSmooth for Traced<F> {
         self.derivatives(selection, x, None, jac);
     }
 
+    fn exact(&self) -> Option<&dyn ExactPieces> {
+        Some(self)
+    }
+
     fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
         rows.clone_from(&self.rows[site]);
     }
@@ -438,5 +466,118 @@ impl<F: NonsmoothFunction> PiecewiseSmooth for Traced<F> {
             seeded[j].eps = 0.0;
             gradient[j] = slopes[first + test];
         }
+    }
+}
+
+impl<F: NonsmoothFunction> Traced<F> {
+    /// The abs-normal form, at any parameter or at one.
+    fn abs_normal(&self, held: Option<f64>) -> Option<AbsNormal> {
+        let found = abs_normal(self.num_vars(), held, self.num_residuals(), |x, out| {
+            self.function.eval(x, &mut Kinks::new(Mode::Switched), out);
+        })?;
+        let kinks = found.added.iter().filter_map(|added| match added {
+            Added::Kink { tests, .. } => Some(tests.len()),
+            Added::Quotient(_) => None,
+        });
+        kinks.eq(self.kinds.iter().map(|k| k.tests())).then_some(found)
+    }
+
+    /// Whether the last variable is a parameter.
+    fn has_parameter(&self) -> bool {
+        self.num_vars() != self.num_residuals()
+    }
+
+    /// The conditions of one kink, whose value z is an unknown: the test functions, and z less each of the pieces.
+    fn site(&self, site: usize, row: usize, [tests, values]: [&[ExactForm]; 2], z: &ExactForm) -> ExactSite {
+        let minus = -&Exact::one();
+        let behind = tests.len();
+        let forms = tests
+            .iter()
+            .cloned()
+            .chain(values.iter().map(|v| z.plus(&minus, v)));
+        let pieces = (0..values.len()).map(|piece| ExactPiece {
+            piece,
+            equalities: vec![(row, behind + piece)],
+            facets: self
+                .cell(site, piece)
+                .iter()
+                .map(|f| (f.test(), if f.sign() > 0.0 { 1 } else { -1 }))
+                .collect(),
+        });
+        // The largest or the least of the pieces; a projection lies between its bounds where these are in their order.
+        let implied = match (self.kinds[site], values) {
+            (Kind::Max | Kind::Abs, _) => vec![(behind, 1), (behind + 1, 1)],
+            (Kind::Min, _) => vec![(behind, -1), (behind + 1, -1)],
+            (Kind::Mid, [lower, _, upper]) => {
+                let width = upper.plus(&minus, lower);
+                let constant = width.coefficients.iter().all(Exact::is_zero);
+                if constant && width.constant.sign() >= 0 {
+                    vec![(behind, 1), (behind + 2, -1)]
+                } else {
+                    Vec::new()
+                }
+            }
+            (Kind::Mid, _) => Vec::new(),
+        };
+        ExactSite {
+            forms: forms.collect(),
+            pieces: pieces.collect(),
+            implied,
+        }
+    }
+}
+
+/// The kinks, and quotients by numbers, are unknowns behind those of the map: the abs-normal form (Griewank 2013).
+impl<F: NonsmoothFunction> ExactPieces for Traced<F> {
+    fn conditions(&self, alpha: f64) -> Option<ExactConditions> {
+        let (n, m) = (self.num_residuals(), self.num_vars());
+        let held = self.has_parameter().then_some(alpha);
+        let found = self.abs_normal(None).or_else(|| self.abs_normal(Some(held?)))?;
+        // Behind the variables come the kinks and quotients; a parameter is no unknown.
+        let own = m - usize::from(held.is_some());
+        let unknowns = own + found.added.len();
+        let count = |a: &Added| match a {
+            Added::Kink { tests, pieces } => tests.len() + pieces.len(),
+            Added::Quotient(_) => 1,
+        };
+        let forms = n + found.added.iter().map(count).sum::<usize>();
+        if unknowns.saturating_mul(forms) > MAX_COEFFICIENTS {
+            return None;
+        }
+        let at = Exact::new(held.unwrap_or(0.0))?;
+        let dense = |terms: &Terms| {
+            let mut terms = terms.clone();
+            if held.is_some() {
+                let of_parameter = |t: &(usize, Exact)| t.0 + 1 == m;
+                if let Some(k) = terms.terms.iter().position(of_parameter) {
+                    let (_, rate) = terms.terms.remove(k);
+                    terms.constant = &terms.constant + &(&rate * &at);
+                }
+            }
+            terms.form(unknowns, |k| if k < m { k } else { k - m + own })
+        };
+        let mut common: Vec<ExactForm> = found.values.iter().map(dense).collect();
+        let mut sites = Vec::with_capacity(self.kinds.len());
+        for (k, added) in found.added.iter().enumerate() {
+            match added {
+                Added::Quotient(form) => common.push(dense(form)),
+                Added::Kink { tests, pieces } => {
+                    let tests: Vec<ExactForm> = tests.iter().map(dense).collect();
+                    let values: Vec<ExactForm> = pieces.iter().map(dense).collect();
+                    let z = ExactForm::unknown(unknowns, own + k, Exact::default());
+                    sites.push(self.site(sites.len(), n + k, [&tests, &values], &z));
+                }
+            }
+        }
+        Some(ExactConditions {
+            unknowns,
+            common,
+            sites,
+            bounds: Vec::new(),
+        })
+    }
+
+    fn is_affine_in_parameter(&self) -> bool {
+        self.has_parameter() && self.abs_normal(None).is_some()
     }
 }

@@ -70,7 +70,8 @@ pub struct ExactSite {
 /// A piecewise-affine system: the common forms vanish, and at every site all conditions of one of its pieces hold.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct ExactConditions {
-    /// Number of unknowns y.
+    /// Number of unknowns y. There may be more than the map has: those behind it are auxiliary, each a function of the unknowns before it that
+    /// the row of the same number gives, with a positive coefficient, whichever piece is chosen. (Determinants then have the signs of the map's.)
     pub unknowns: usize,
     /// Rows common to all pieces: those that no equality stands for, in their order.
     pub common: Vec<ExactForm>,

@@ -4,6 +4,8 @@
 //! [`check`](mod@check) for testing an implementation, and [`MinMap`] or, with the `autodiff` feature, `Traced`
 //! for maps written as minima, maxima and projections of smooth functions.
 
+#[cfg(feature = "autodiff")]
+mod abs_normal;
 mod active;
 #[cfg(feature = "autodiff")]
 mod autodiff;

@@ -47,6 +47,12 @@ pub trait Real:
     fn labels(&self) -> [u64; 4] {
         [0; 4]
     }
+    /// The value of a kink with these pieces, whichever the tests choose: for scalars that keep all of them.
+    #[doc(hidden)]
+    #[must_use]
+    fn switched(_tests: &[Self], pieces: &[Self]) -> Self {
+        pieces[0]
+    }
     /// The derivative carried along.
     #[doc(hidden)]
     fn slope(&self) -> f64 {

@@ -364,13 +364,51 @@ fn branching_with_a_vertical_segment() {
     );
 }
 
-/// Rows that depend on several sites: no pruning, the same list.
+/// A map of which nothing is known but its values and derivatives.
 #[cfg(feature = "autodiff")]
-#[test]
-fn unknown_structure() {
+mod opaque {
+    use super::*;
     use semismooth::piecewise::{Kinks, NonsmoothFunction, Real, Traced};
-    struct Example;
-    impl NonsmoothFunction for Example {
+
+    struct Opaque<F>(Traced<F>);
+
+    impl<F: NonsmoothFunction> PiecewiseSmooth for Opaque<F> {
+        fn num_vars(&self) -> usize {
+            self.0.num_vars()
+        }
+        fn num_residuals(&self) -> usize {
+            self.0.num_residuals()
+        }
+        fn num_sites(&self) -> usize {
+            self.0.num_sites()
+        }
+        fn num_pieces(&self, site: usize) -> usize {
+            self.0.num_pieces(site)
+        }
+        fn num_tests(&self, site: usize) -> usize {
+            self.0.num_tests(site)
+        }
+        fn cell(&self, site: usize, piece: usize) -> &[Facet] {
+            self.0.cell(site, piece)
+        }
+        fn test_functions(&self, x: &[f64], out: &mut [f64]) {
+            self.0.test_functions(x, out);
+        }
+        fn residual(&self, selection: &Selection, x: &[f64], out: &mut [f64]) {
+            self.0.residual(selection, x, out);
+        }
+        fn jacobian(&self, selection: &Selection, x: &[f64], jac: &mut Matrix) {
+            self.0.jacobian(selection, x, jac);
+        }
+    }
+
+    /// Seven kinks in two rows: added up, or each within the next.
+    struct Seven {
+        weights: Vec<f64>,
+        nested: bool,
+    }
+
+    impl NonsmoothFunction for Seven {
         fn num_vars(&self) -> usize {
             2
         }
@@ -378,23 +416,70 @@ fn unknown_structure() {
             2
         }
         fn eval<T: Real>(&self, x: &[T], kinks: &mut Kinks<'_, T>, out: &mut [T]) {
-            out[0] = kinks.abs(x[0]) + x[0] * 0.5 - 3.0;
-            out[1] = x[1] - kinks.max(x[0], T::from(1.0));
+            out[0] = x[0] * 0.6 + x[1] * 0.2 - 0.7;
+            out[1] = x[1] * 0.5 - x[0] * 0.3 - 0.2;
+            let mut last = T::from(0.0);
+            for w in self.weights.chunks(5) {
+                let bend = x[0] * w[0] + x[1] * w[1] + w[2];
+                last = if self.nested {
+                    kinks.max(last, bend)
+                } else {
+                    kinks.abs(bend)
+                };
+                if !self.nested {
+                    out[0] += last * w[3];
+                    out[1] += last * w[4];
+                }
+            }
+            if self.nested {
+                out[0] -= last;
+                out[1] += last * 0.5;
+            }
         }
     }
-    let map = Traced::new(Example);
-    let set = all_solutions(&map, 0.0, &EnumerationOptions::default()).unwrap();
-    let unproven = Completeness::Undecided {
-        selections: 0,
-        doubt: Doubt::NoCoefficients,
-    };
-    assert_eq!(set.completeness, unproven);
-    let points: Vec<&[f64]> = set.solutions.iter().map(|s| s.x.as_slice()).collect();
-    assert_eq!(points, [&[2.0, 2.0][..], &[-6.0, 1.0][..]]);
-    let capped = all_solutions(&map, 0.0, &EnumerationOptions::default().with_max_nodes(1)).unwrap();
-    assert!(
-        matches!(capped.completeness, Completeness::Incomplete { examined, total: 4.0 } if examined < 4.0)
-    );
+
+    #[test]
+    fn rows_of_many_sites_are_sums_or_listed_one_by_one() {
+        let mut rng = Rng(5);
+        let mut several = 0;
+        for case in 0..60 {
+            let nested = case % 3 == 0;
+            let map = Opaque(Traced::new(Seven {
+                weights: rng.vec(35),
+                nested,
+            }));
+            let set = all_solutions(&map, 0.0, &EnumerationOptions::default()).unwrap();
+            let unproven = Completeness::Undecided {
+                selections: 0,
+                doubt: Doubt::NoCoefficients,
+            };
+            assert_eq!(set.completeness, unproven);
+            let mut wanted = brute_force(&map);
+            wanted.dedup_by(|a, b| a.iter().zip(&*b).all(|(a, b)| (a - b).abs() < 1e-9));
+            assert_eq!(set.solutions.len(), wanted.len(), "case {case}");
+            for s in &set.solutions {
+                let near = |w: &Vec<f64>| w.iter().zip(&s.x).all(|(a, b)| (a - b).abs() < 1e-9);
+                assert!(wanted.iter().any(near), "case {case}");
+            }
+            several += usize::from(wanted.len() > 1);
+            // One by one where each kink holds the one before: nothing is added up.
+            assert_eq!(
+                nested,
+                set.nodes == 128 && set.pivots == 0,
+                "case {case}: {} nodes",
+                set.nodes
+            );
+        }
+        assert!(several > 5, "{several}");
+        let map = Opaque(Traced::new(Seven {
+            weights: rng.vec(35),
+            nested: true,
+        }));
+        let capped = all_solutions(&map, 0.0, &EnumerationOptions::default().with_max_nodes(1)).unwrap();
+        assert!(
+            matches!(capped.completeness, Completeness::Incomplete { examined, total: 128.0 } if examined < 128.0)
+        );
+    }
 }
 
 /// A = I + GᵀG, contact of dofs (2i, 2i + 1), condensed: the shape of the problems that are fuzzed.

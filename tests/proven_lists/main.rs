@@ -21,6 +21,8 @@ mod common;
 mod support;
 
 mod arms;
+#[cfg(feature = "autodiff")]
+mod traced;
 
 fn list(map: &dyn PiecewiseSmooth, alpha: f64) -> SolutionSet {
     all_solutions(map, alpha, &EnumerationOptions::default()).unwrap()

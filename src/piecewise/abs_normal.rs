@@ -1,0 +1,425 @@
+//! The abs-normal form of a piecewise-affine formula (Griewank, "On stable piecewise linearization and generalized algorithmic
+//! differentiation", 2013): every kink is an unknown of its own, and all else is affine in the variables and the kinks. It is found by
+//! evaluating the formula over such affine forms, in exact arithmetic.
+
+use std::cell::RefCell;
+use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Rem, RemAssign, Sub, SubAssign};
+
+use num_traits::{Num, One, Signed, Zero};
+
+use super::{ExactForm, Real};
+use crate::exact::Exact;
+
+/// Terms written beyond which a formula is given up.
+const MAX_WORK: usize = 1 << 23;
+
+/// An affine form of few unknowns: a constant, and coefficients in the order of the unknowns.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Terms {
+    pub(crate) constant: Exact,
+    pub(crate) terms: Vec<(usize, Exact)>,
+}
+
+impl Terms {
+    fn number(value: f64) -> Option<Self> {
+        Some(Self {
+            constant: Exact::new(value)?,
+            terms: Vec::new(),
+        })
+    }
+
+    fn unknown(index: usize) -> Self {
+        Self {
+            constant: Exact::default(),
+            terms: vec![(index, Exact::one())],
+        }
+    }
+
+    /// self + factor · other.
+    pub(crate) fn plus(&self, factor: &Exact, other: &Self) -> Self {
+        let (mut a, mut b) = (self.terms.iter().peekable(), other.terms.iter().peekable());
+        let mut terms = Vec::with_capacity(self.terms.len() + other.terms.len());
+        loop {
+            let first = [a.peek(), b.peek()].into_iter().flatten().map(|t| t.0).min();
+            let Some(unknown) = first else {
+                break;
+            };
+            let own = a
+                .next_if(|t| t.0 == unknown)
+                .map(|t| t.1.clone())
+                .unwrap_or_default();
+            let sum = match b.next_if(|t| t.0 == unknown) {
+                Some((_, v)) => &own + &(factor * v),
+                None => own,
+            };
+            if !sum.is_zero() {
+                terms.push((unknown, sum));
+            }
+        }
+        Self {
+            constant: &self.constant + &(factor * &other.constant),
+            terms,
+        }
+    }
+
+    /// The form over so many unknowns, each in the place given.
+    pub(crate) fn form(&self, unknowns: usize, place: impl Fn(usize) -> usize) -> ExactForm {
+        let mut form = ExactForm::zero(unknowns);
+        form.constant = self.constant.clone();
+        for (unknown, value) in &self.terms {
+            form.coefficients[place(*unknown)] = value.clone();
+        }
+        form
+    }
+}
+
+/// An unknown beside the variables, a function of those before it.
+#[derive(Debug, Clone)]
+pub(crate) enum Added {
+    /// The value of a kink: one of the pieces, as the signs of the tests say.
+    Kink { tests: Vec<Terms>, pieces: Vec<Terms> },
+    /// The quotient w of a form by a number: this form vanishes, in which w has a positive coefficient.
+    Quotient(Terms),
+}
+
+/// What an evaluation has written.
+#[derive(Debug)]
+pub(crate) struct Tape {
+    written: RefCell<Written>,
+}
+
+#[derive(Debug)]
+struct Written {
+    forms: Vec<Terms>,
+    added: Vec<Added>,
+    variables: usize,
+    work: usize,
+    lost: bool,
+}
+
+/// A scalar of the evaluation.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Affine<'t> {
+    /// A number that was not rounded.
+    Number(f64),
+    /// A form on the tape.
+    Form(&'t Tape, usize),
+    /// Anything else.
+    Other,
+}
+
+/// A formula in abs-normal form.
+#[derive(Debug)]
+pub(crate) struct AbsNormal {
+    /// Values, over the variables and what is added behind them.
+    pub(crate) values: Vec<Terms>,
+    pub(crate) added: Vec<Added>,
+}
+
+/// The abs-normal form of a formula with so many values; `None` where it is not piecewise affine, or branches on values. The last variable is
+/// held where a value is given for it.
+pub(crate) fn abs_normal(
+    variables: usize,
+    held: Option<f64>,
+    values: usize,
+    formula: impl for<'t> FnOnce(&[Affine<'t>], &mut [Affine<'t>]),
+) -> Option<AbsNormal> {
+    let tape = Tape {
+        written: RefCell::new(Written {
+            forms: (0..variables).map(Terms::unknown).collect(),
+            added: Vec::new(),
+            variables,
+            work: 0,
+            lost: false,
+        }),
+    };
+    let mut x: Vec<Affine<'_>> = (0..variables).map(|k| Affine::Form(&tape, k)).collect();
+    if let (Some(last), Some(value)) = (x.last_mut(), held) {
+        *last = Affine::Number(value);
+    }
+    let mut out = vec![Affine::Number(0.0); values];
+    formula(&x, &mut out);
+    let values = out.iter().map(|v| v.terms()).collect::<Option<_>>()?;
+    let written = tape.written.into_inner();
+    (!written.lost).then_some(AbsNormal {
+        values,
+        added: written.added,
+    })
+}
+
+impl Tape {
+    /// Writes a form.
+    fn write(&self, form: Terms) -> Affine<'_> {
+        let mut written = self.written.borrow_mut();
+        written.work += 1 + form.terms.len();
+        if written.work > MAX_WORK {
+            written.lost = true;
+            return Affine::Other;
+        }
+        written.forms.push(form);
+        Affine::Form(self, written.forms.len() - 1)
+    }
+
+    /// Adds an unknown; the form that it is given by may contain it.
+    fn add(&self, given: impl FnOnce(usize) -> Added) -> Affine<'_> {
+        let unknown = {
+            let mut written = self.written.borrow_mut();
+            let unknown = written.variables + written.added.len();
+            written.added.push(given(unknown));
+            unknown
+        };
+        self.write(Terms::unknown(unknown))
+    }
+}
+
+impl<'t> Affine<'t> {
+    fn terms(self) -> Option<Terms> {
+        match self {
+            Self::Number(value) => Terms::number(value),
+            Self::Form(tape, index) => tape.written.borrow().forms.get(index).cloned(),
+            Self::Other => None,
+        }
+    }
+
+    fn tape(self) -> Option<&'t Tape> {
+        match self {
+            Self::Form(tape, _) => Some(tape),
+            _ => None,
+        }
+    }
+
+    /// A number, if it is one without rounding.
+    fn exactly(rounded: f64, exact: impl FnOnce() -> Option<bool>) -> Self {
+        if exact() == Some(true) {
+            Self::Number(rounded)
+        } else {
+            Self::Other
+        }
+    }
+
+    fn plus(self, factor: f64, other: Self) -> Self {
+        if let (Self::Number(a), Self::Number(b)) = (self, other) {
+            let sum = a + factor * b;
+            return Self::exactly(sum, || {
+                let exact = &Exact::new(a)? + &(&Exact::new(factor)? * &Exact::new(b)?);
+                Some(Exact::new(sum)? == exact)
+            });
+        }
+        let form = || {
+            let tape = self.tape().or(other.tape())?;
+            let sum = self.terms()?.plus(&Exact::new(factor)?, &other.terms()?);
+            Some(tape.write(sum))
+        };
+        form().unwrap_or(Self::Other)
+    }
+
+    fn times(self, other: Self) -> Self {
+        if let (Self::Number(a), Self::Number(b)) = (self, other) {
+            let product = a * b;
+            return Self::exactly(product, || {
+                Some(Exact::new(product)? == &Exact::new(a)? * &Exact::new(b)?)
+            });
+        }
+        let form = || {
+            let tape = self.tape().or(other.tape())?;
+            let (a, b) = (self.terms()?, other.terms()?);
+            let (form, factor) = if b.terms.is_empty() { (a, b) } else { (b, a) };
+            let scaled = Terms::default().plus(&factor.constant, &form);
+            factor.terms.is_empty().then(|| tape.write(scaled))
+        };
+        form().unwrap_or(Self::Other)
+    }
+
+    fn over(self, other: Self) -> Self {
+        if let (Self::Number(a), Self::Number(b)) = (self, other) {
+            let quotient = a / b;
+            return Self::exactly(quotient, || {
+                Some(&Exact::new(quotient)? * &Exact::new(b)? == Exact::new(a)?)
+            });
+        }
+        let form = || {
+            let tape = self.tape().or(other.tape())?;
+            let (a, b) = (self.terms()?, other.terms()?);
+            if !b.terms.is_empty() || b.constant.is_zero() {
+                return None;
+            }
+            // |b| w ∓ a = 0.
+            let minus = if b.constant.sign() < 0 {
+                Exact::one()
+            } else {
+                -&Exact::one()
+            };
+            let quotient = |w: usize| {
+                let own = Terms::default().plus(&b.constant.abs(), &Terms::unknown(w));
+                Added::Quotient(own.plus(&minus, &a))
+            };
+            Some(tape.add(quotient))
+        };
+        form().unwrap_or(Self::Other)
+    }
+
+    /// A decision by the value, of which nothing is known: the evaluation counts for nothing.
+    fn lose(self) {
+        if let Self::Form(tape, _) = self {
+            tape.written.borrow_mut().lost = true;
+        }
+    }
+
+    /// A function that is not affine.
+    fn curved(self) -> Self {
+        Self::Other
+    }
+}
+
+impl PartialEq for Affine<'_> {
+    fn eq(&self, other: &Self) -> bool {
+        self.value() == other.value()
+    }
+}
+
+impl From<f64> for Affine<'_> {
+    fn from(value: f64) -> Self {
+        Self::Number(value)
+    }
+}
+
+macro_rules! operator {
+    ($trait:ident, $method:ident, $assign:ident, $assign_method:ident, $apply:expr) => {
+        impl<'t> $trait for Affine<'t> {
+            type Output = Self;
+            fn $method(self, other: Self) -> Self {
+                let apply: fn(Self, Self) -> Self = $apply;
+                apply(self, other)
+            }
+        }
+        impl $trait<f64> for Affine<'_> {
+            type Output = Self;
+            fn $method(self, other: f64) -> Self {
+                $trait::$method(self, Self::Number(other))
+            }
+        }
+        impl $assign for Affine<'_> {
+            fn $assign_method(&mut self, other: Self) {
+                *self = $trait::$method(*self, other);
+            }
+        }
+        impl $assign<f64> for Affine<'_> {
+            fn $assign_method(&mut self, other: f64) {
+                *self = $trait::$method(*self, other);
+            }
+        }
+    };
+}
+
+operator!(Add, add, AddAssign, add_assign, |a, b| a.plus(1.0, b));
+operator!(Sub, sub, SubAssign, sub_assign, |a, b| a.plus(-1.0, b));
+operator!(Mul, mul, MulAssign, mul_assign, |a, b| a.times(b));
+operator!(Div, div, DivAssign, div_assign, |a, b| a.over(b));
+operator!(Rem, rem, RemAssign, rem_assign, |a, _| a.curved());
+
+impl Neg for Affine<'_> {
+    type Output = Self;
+    fn neg(self) -> Self {
+        self * -1.0
+    }
+}
+
+impl Zero for Affine<'_> {
+    fn zero() -> Self {
+        0.0.into()
+    }
+    fn is_zero(&self) -> bool {
+        self.value() == 0.0
+    }
+}
+
+impl One for Affine<'_> {
+    fn one() -> Self {
+        1.0.into()
+    }
+}
+
+impl Num for Affine<'_> {
+    type FromStrRadixErr = <f64 as Num>::FromStrRadixErr;
+    fn from_str_radix(text: &str, radix: u32) -> Result<Self, Self::FromStrRadixErr> {
+        f64::from_str_radix(text, radix).map(Self::from)
+    }
+}
+
+impl Signed for Affine<'_> {
+    fn abs(&self) -> Self {
+        match self {
+            Self::Number(value) => Self::Number(value.abs()),
+            _ => Self::Other,
+        }
+    }
+    fn abs_sub(&self, other: &Self) -> Self {
+        let difference = *self - *other;
+        if matches!(difference, Self::Number(d) if d > 0.0) {
+            return difference;
+        }
+        difference.curved()
+    }
+    fn signum(&self) -> Self {
+        match self {
+            Self::Number(value) => Self::Number(value.signum()),
+            _ => Self::Other,
+        }
+    }
+    fn is_positive(&self) -> bool {
+        self.value().is_sign_positive()
+    }
+    fn is_negative(&self) -> bool {
+        self.value().is_sign_negative()
+    }
+}
+
+impl Real for Affine<'_> {
+    fn value(&self) -> f64 {
+        match self {
+            Self::Number(value) => *value,
+            _ => {
+                self.lose();
+                f64::NAN
+            }
+        }
+    }
+    fn sqrt(self) -> Self {
+        self.curved()
+    }
+    fn exp(self) -> Self {
+        self.curved()
+    }
+    fn ln(self) -> Self {
+        self.curved()
+    }
+    fn sin(self) -> Self {
+        self.curved()
+    }
+    fn cos(self) -> Self {
+        self.curved()
+    }
+    fn tanh(self) -> Self {
+        self.curved()
+    }
+    fn powi(self, n: i32) -> Self {
+        match n {
+            0 => Self::Number(1.0),
+            1 => self,
+            2 => self * self,
+            _ => self.curved(),
+        }
+    }
+    fn powf(self, p: f64) -> Self {
+        if p == 1.0 { self } else { self.curved() }
+    }
+    fn switched(tests: &[Self], pieces: &[Self]) -> Self {
+        let all = |list: &[Self]| list.iter().map(|v| v.terms()).collect::<Option<Vec<Terms>>>();
+        let added = || {
+            let tape = tests.iter().chain(pieces).find_map(|v| v.tape())?;
+            let (tests, pieces) = (all(tests)?, all(pieces)?);
+            Some(tape.add(|_| Added::Kink { tests, pieces }))
+        };
+        added().unwrap_or(Self::Other)
+    }
+}
