@@ -54,8 +54,7 @@ pub(super) fn proven_solutions(
     found.nodes += gathered.searched.0;
     found.pivots += gathered.searched.1;
     let settled = std::mem::take(&mut gathered.settled);
-    let inside =
-        |active: &Vec<Vec<usize>>, pieces: &[usize]| active.iter().zip(pieces).all(|(a, p)| a.contains(p));
+    let inside = |active: &Pieces, pieces: &[usize]| active.iter().zip(pieces).all(|(a, p)| a.contains(p));
     found
         .selections
         .retain(|pieces| !settled.iter().any(|active| inside(active, pieces)));
@@ -93,6 +92,9 @@ pub(super) fn proven_solutions(
 pub(super) fn budget(options: &EnumerationOptions) -> u64 {
     MAX_WORK.min(options.max_nodes.saturating_mul(WORK_PER_NODE))
 }
+
+/// A box of selections: the pieces of each site.
+type Pieces = Vec<Vec<usize>>;
 
 /// Selections that may hold solutions.
 #[derive(Default)]
@@ -139,7 +141,7 @@ impl Candidates {
         options: &EnumerationOptions,
         deadline: Deadline,
         budget: &mut u64,
-        settle: &mut dyn FnMut(&[usize], &mut u64) -> Option<Vec<Vec<usize>>>,
+        settle: &mut dyn FnMut(&[usize], &mut u64) -> Option<Pieces>,
     ) -> Self {
         let mut found = Self::default();
         let whole = vec![vec![None; conditions.sites.len()]];
@@ -229,7 +231,7 @@ pub(super) struct Gathered<'a> {
     /// How many of the unknowns are those of the map.
     known: usize,
     /// Boxes of selections of which all that they hold is known.
-    settled: Vec<Vec<Vec<usize>>>,
+    settled: Vec<Pieces>,
     /// Points that are not alone in the cells that they lie in, or may not be.
     unsettled: Vec<ExactPoint>,
     /// Nodes and pivots of the searches that settle points.
@@ -318,7 +320,7 @@ impl<'a> Gathered<'a> {
         options: &EnumerationOptions,
         deadline: Deadline,
         budget: &mut u64,
-    ) -> Option<Vec<Vec<usize>>> {
+    ) -> Option<Pieces> {
         let found = self.enclosure(pieces)?;
         let close = (0..pieces.len()).filter(|&site| self.side(pieces, site, &found) == Some(None));
         if (close.count() as f64).exp2() <= LISTED {
