@@ -1,5 +1,6 @@
 //! The corrector: against enumeration, on problems where Newton's method cycles, and at the limits of rounding.
 
+mod globalisation;
 mod limits;
 mod problems;
 
