@@ -263,3 +263,21 @@ pub(super) fn relative_residual(r: &[f64], sizes: &[f64]) -> f64 {
         if share > a || share.is_nan() { share } else { a }
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::continuation::testing::Plane;
+
+    /// Where α̇ is rounding, so is the sign of det ∇_yH.
+    #[test]
+    fn determinants_vanish_on_vertical_segments() {
+        let map = Plane::within(|y, a| [y - a, 1.0, -1.0], &[]);
+        let mut run = map.curve(0.0, 0.0);
+        let curve = run.curve.erased_mut();
+        assert_eq!(curve.point().det_sign, Some(1));
+        for rate in [1e-17, -1e-12, 0.0] {
+            curve.here.t = vec![1.0, rate];
+            assert_eq!(curve.point().det_sign, Some(0));
+        }
+    }
+}

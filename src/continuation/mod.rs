@@ -18,6 +18,8 @@ mod save;
 mod search;
 mod start;
 mod step;
+#[cfg(test)]
+mod testing;
 mod two_parameters;
 
 pub use branch::Branch;

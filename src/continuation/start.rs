@@ -477,3 +477,46 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Curve<'a, &'a P> {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::onto_curve;
+    use crate::continuation::ContinuationOptions;
+    use crate::continuation::testing::Plane;
+    use crate::piecewise::MinMap;
+
+    /// 1e12 (y₁ − α) = 0 hides that 1e-6 (y₂ − 2 α) is not: each row is looked at by itself.
+    #[test]
+    fn a_row_in_small_units_is_solved() {
+        let rows = |x: &[f64], out: &mut [f64]| {
+            (out[0], out[1]) = (1e12 * (x[0] - x[2]), 1e-6 * (x[1] - 2.0 * x[2]))
+        };
+        let map = MinMap::curve(2, move |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+            rows(x, a);
+            b.fill(1e20);
+        });
+        let x = onto_curve(&map, &[1.0, 1.0, 1.0], &ContinuationOptions::default()).unwrap();
+        assert!((x[0] - 1.0).abs() < 1e-9 && (x[1] - 2.0).abs() < 1e-9, "{x:?}");
+    }
+
+    /// At a branch point there is nothing to correct: ∇H vanishes, and what is left of H is its rounding.
+    #[test]
+    fn a_start_at_a_branch_point_stays() {
+        let map = Plane::within(
+            |y, a| {
+                let v = a - 1.0 / 7.0;
+                [
+                    y * y - 2.0 / 3.0 * y + 1.0 / 9.0 - v * v,
+                    2.0 * y - 2.0 / 3.0,
+                    -2.0 * v,
+                ]
+            },
+            &[],
+        );
+        for last in [0, 1, 2, 3] {
+            let y = f64::from_bits((1.0_f64 / 3.0).to_bits() + last);
+            let x = onto_curve(&map, &[y, 1.0 / 7.0], &ContinuationOptions::default()).unwrap();
+            assert_eq!(x, [y, 1.0 / 7.0]);
+        }
+    }
+}

@@ -183,7 +183,12 @@ mod tests {
             let a = 0.1 + 0.37 * f64::from(k);
             for c in [0.7, 1.3, 5.9, 77.7] {
                 let fixed = form(c, &[0.0, 1.0]);
-                assert!(!proven(&[fixed, form(c * a, &[0.0, a])], 1e-9), "{a} {c}");
+                assert!(!proven(&[fixed.clone(), form(c * a, &[0.0, a])], 1e-9), "{a} {c}");
+                // Each of the constants and of the coefficients may be off by a rounding of its own.
+                for off in [EPS, -EPS, 2.0 * EPS, -2.0 * EPS] {
+                    let own = form(c * a * (1.0 + off), &[0.0, a]);
+                    assert!(!proven(&[fixed.clone(), own], 1e-9), "{a} {c} {off:e}");
+                }
             }
         }
     }

@@ -107,5 +107,16 @@ mod tests {
         let (p, k) = (&line.point, &line.kernel[0]);
         assert!((p[0] + 2.0 * p[1] - 3.0).abs() < 1e-14 && (k[0] + 2.0 * k[1]).abs() < 1e-14);
         assert!(solutions(vec![vec![1.0, 2.0, -3.0], vec![2.0, 4.0, -5.0]], 2).is_none());
+        // Rows of size one agree up to 1e-9 (1 + 3/2), whatever their units.
+        for unit in [1e-9, 1.0, 1e9] {
+            let missing = |by: f64| {
+                vec![
+                    vec![1.0, 2.0, -3.0],
+                    vec![2.0 * unit, 4.0 * unit, (by - 6.0) * unit],
+                ]
+            };
+            assert!(solutions(missing(1e-9), 2).is_some_and(|s| s.kernel.len() == 1));
+            assert!(solutions(missing(1e-7), 2).is_none());
+        }
     }
 }

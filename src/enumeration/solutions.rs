@@ -568,11 +568,10 @@ impl<'a> Collector<'a> {
             s.selections = order.iter().map(|&k| s.selections[k].clone()).collect();
             s.det_signs = order.iter().map(|&k| s.det_signs[k]).collect();
             s.find_index();
-            if s.selections.len() == 2 {
-                let tolerance = self.options.merge_distance * s.x.iter().fold(1.0f64, |m, v| m.max(v.abs()));
-                let two = active_set(self.map, &s.x, tolerance).total() == Some(2);
-                s.index = s.index.filter(|_| two);
-            }
+            // Selections that are active, too, but give no single point leave the solution without an index.
+            let tolerance = self.options.merge_distance * s.x.iter().fold(1.0f64, |m, v| m.max(v.abs()));
+            let all = active_set(self.map, &s.x, tolerance).total() == Some(s.selections.len() as u128);
+            s.index = s.index.filter(|_| all);
         }
         self.solutions.sort_by(|a, b| a.selections.cmp(&b.selections));
         set.solutions = self.solutions;

@@ -62,3 +62,48 @@ fn cholesky(a: &mut [f64], n: usize, shift: f64) -> bool {
     }
     true
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// All entries 1 − d but the diagonal's 1, of which d is the least eigenvalue; the loads are 1.
+    fn bounds(n: usize, d: f64) -> Option<Vec<Exact>> {
+        let exact = |v: f64| Exact::new(v).unwrap();
+        let entry = |i: usize, j: usize| exact(if i == j { 1.0 } else { 1.0 - d });
+        let rows: Vec<(Exact, Vec<Exact>)> = (0..n)
+            .map(|i| (exact(1.0), (0..n).map(|j| entry(i, j)).collect()))
+            .collect();
+        passive_bounds(rows.iter().map(|(l, r)| (l, r.as_slice())))
+    }
+
+    /// Σ y_k (L y + l)_k ≤ 0 holds for y = −t e_0 with t ≤ 1, and for nothing beyond ‖l‖/d.
+    #[test]
+    fn bounds_hold_what_is_passive() {
+        for (n, d) in [(1, 1.0), (3, 0.5), (40, 1e-3), (60, 1e-6)] {
+            let found = bounds(n, d).unwrap();
+            let most = (n as f64).sqrt() / d;
+            assert!(
+                found
+                    .iter()
+                    .all(|b| b.scaled(0) >= 1.0 && b.scaled(0) <= 5.0 * most),
+                "{n} {d}"
+            );
+        }
+        // y = (1, −1) t: 2 d t² may not exceed the loads' work 2 t.
+        let exact = |v: f64| Exact::new(v).unwrap();
+        let l = [exact(-1.0), exact(1.0)];
+        let rows = [[exact(1.0), exact(0.5)], [exact(0.5), exact(1.0)]];
+        let found = passive_bounds(l.iter().zip(rows.iter().map(|r| r.as_slice()))).unwrap();
+        assert!(found.iter().all(|b| b.scaled(0) >= 2.0));
+    }
+
+    /// A factorisation that ends proves no more of an eigenvalue than its rounding errors, at most (n + 4) n ε times the trace here.
+    #[test]
+    fn eigenvalues_below_rounding_prove_nothing() {
+        assert!(bounds(120, 1e-8).is_some());
+        for d in [5e-12, 3e-12, 0.0, -1e-12] {
+            assert!(bounds(120, d).is_none(), "{d:e}");
+        }
+    }
+}

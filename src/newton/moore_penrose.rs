@@ -554,3 +554,32 @@ impl<L: LinearSolver> MoorePenrose<L> {
         Ok(outcome)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::linear::AutoSolver;
+    use crate::piecewise::MinMap;
+
+    /// A point that misses the line y = α by some distance may have been moved by as much, and by the rounding of its terms at least.
+    #[test]
+    fn noise_is_what_the_point_misses_the_curve_by() {
+        let map = MinMap::curve(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+            a[0] = x[0] - x[1];
+            b[0] = 1e9;
+        });
+        let mut corrector = MoorePenrose::new(&map, AutoSolver::new()).unwrap();
+        let selection = Selection::uniform(1, 0);
+        let t = [0.5_f64.sqrt(); 2];
+        for off in [0.0, 1e-12, -1e-9, 1e-6] {
+            let x = [3.0 + off, 3.0];
+            let moves = corrector.noise(&map, &selection, (&x, &x), &t).unwrap();
+            let distance = (x[0] - x[1]).abs() / 2.0_f64.sqrt();
+            for moved in &moves {
+                let length = norm(moved);
+                assert!(length >= distance && length >= f64::EPSILON, "{off:e}: {moved:?}");
+                assert!(length <= 1.01 * distance + 1e-14 && dot(moved, &t).abs() <= 1e-15);
+            }
+        }
+    }
+}

@@ -373,3 +373,28 @@ fn zero_tolerances_give_the_last_digits() {
         assert!(error <= 1e-15, "{shift:e}: {error:e}");
     }
 }
+
+/// e^y = 3 beside z + y = X + ln 3, whose terms are large: its rounding is in z alone, since y is known from the other.
+#[test]
+fn a_row_with_large_terms_does_not_excuse_one_that_cancels() {
+    for size in [1e6, 1e8, 1e10] {
+        let map = Smooth {
+            n: 2,
+            f: |x: &[f64], out: &mut [f64]| {
+                out[0] = (x[0] - size) + (x[1] - 3.0_f64.ln());
+                out[1] = x[1].exp() - 3.0;
+            },
+            j: |x: &[f64], jac: &mut Matrix| {
+                jac.add(0, 0, 1.0);
+                jac.add(0, 1, 1.0);
+                jac.add(1, 1, x[1].exp());
+            },
+        };
+        for k in 0..40 {
+            let mut x = [0.5 * size, 0.2 + 0.1 * f64::from(k)];
+            Newton::default().solve(&map, &mut x).unwrap();
+            let error = (x[1] - 3.0_f64.ln()).abs();
+            assert!(error < 1e-12, "{size:e} {k}: {error:e}");
+        }
+    }
+}

@@ -23,6 +23,7 @@ mod support;
 mod arms;
 #[cfg(feature = "autodiff")]
 mod traced;
+mod unstated;
 
 fn list(map: &dyn PiecewiseSmooth, alpha: f64) -> SolutionSet {
     all_solutions(map, alpha, &EnumerationOptions::default()).unwrap()

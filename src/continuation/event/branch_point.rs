@@ -209,3 +209,44 @@ impl<'m, P: PiecewiseSmooth + ?Sized> BranchSystem<'m, P> {
         noise
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::BranchSystem;
+    use crate::continuation::testing::{Function, Plane};
+    use crate::piecewise::Selection;
+
+    /// Two lines cross at (1/3, 1/7). Whether H is evaluated plainly, or with terms a hundred thousand times larger that cancel and leave their
+    /// rounding in it, the crossing is one; 1e-6 beside it H has no solution that is singular.
+    #[test]
+    fn rounding_of_the_evaluation_does_not_hide_a_branch_point() {
+        fn crossing(y: f64, a: f64) -> [f64; 3] {
+            let (u, v) = (y - 1.0 / 3.0, a - 1.0 / 7.0);
+            [u * u - v * v, 2.0 * u, -2.0 * v]
+        }
+        let plain: Function = crossing;
+        let noisy: Function = |y, a| {
+            let [h, dy, da] = crossing(y, a);
+            [(1e5 * y + (h + 1e5 * a)) - 1e5 * (y + a), dy, da]
+        };
+        let apart: Function = |y, a| {
+            let [h, dy, da] = crossing(y, a);
+            [h + 1e-6, dy, da]
+        };
+        for (piece, on_curve) in [(plain, true), (noisy, true), (apart, false)] {
+            let map = Plane::within(piece, &[]);
+            let selection = Selection::uniform(1, 0);
+            for k in 1..20 {
+                let d = 1e-3 * f64::from(k);
+                let (from, guess) = (
+                    [1.0 / 3.0 + 0.3, 1.0 / 7.0 + 0.3],
+                    [1.0 / 3.0 + d, 1.0 / 7.0 - 0.3 * d],
+                );
+                let mut system = BranchSystem::new(&map, &selection, &from, &guess);
+                let found = system.solve(&guess).unwrap().unwrap();
+                assert_eq!(found.on_curve, on_curve, "{k} {:?}", found.x);
+                assert!((found.x[0] - 1.0 / 3.0).abs() + (found.x[1] - 1.0 / 7.0).abs() < 1e-9);
+            }
+        }
+    }
+}

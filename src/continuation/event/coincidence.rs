@@ -150,3 +150,54 @@ pub(in crate::continuation) fn keep_inside(
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::keep_inside;
+    use crate::continuation::testing::{Function, Plane};
+    use crate::piecewise::{Facet, Selection, TestLayout};
+
+    #[test]
+    fn facets_that_do_not_vanish_hold() {
+        let line: Function = |y, _| [y, 1.0, 0.0];
+        let mut map = Plane::within(line, &[line; 4]);
+        map.cells = vec![vec![Facet::positive(0), Facet::negative(1), Facet::positive(2)]];
+        let mut theta = [-1e-17, 0.0, -2e-17, -3.0];
+        keep_inside(
+            &map,
+            &TestLayout::new(&map),
+            &Selection::uniform(1, 0),
+            &[2],
+            &mut theta,
+        );
+        assert!(theta[0] > 0.0 && theta[0] < 1e-300 && theta[1] < 0.0 && theta[1] > -1e-300);
+        // What vanishes, and what is no facet of the cell, stays as it is.
+        assert_eq!(theta[2..], [-2e-17, -3.0]);
+    }
+
+    /// Along y = 0 to the facet α = 0: of the other tests of its site those vanish there whose zero is the same point, and not those whose
+    /// zero is a ten-millionth away.
+    #[test]
+    fn other_tests_of_a_site_vanish_at_the_same_point() {
+        let same: Function = |y, a| [a - 2.0 * y, -2.0, 1.0];
+        let behind: Function = |y, a| [a - 2.0 * y - 1e-7, -2.0, 1.0];
+        for (other, expected) in [(same, vec![0, 1]), (behind, vec![0])] {
+            let map = Plane {
+                pieces: vec![|y, _| [y, 1.0, 0.0]; 3],
+                tests: vec![|_, a| [-a, 0.0, -1.0], other],
+                cells: vec![
+                    vec![Facet::positive(0)],
+                    vec![Facet::negative(0), Facet::positive(1)],
+                    vec![Facet::negative(0), Facet::negative(1)],
+                ],
+                affine: false,
+            };
+            let mut run = map.curve(0.0, -0.5);
+            let curve = run.curve.erased_mut();
+            curve.step_to([0.0, 0.0], [0.0, 1.0]);
+            std::mem::swap(&mut curve.here, &mut curve.next);
+            let met = curve.met_together(0).unwrap();
+            assert_eq!(met.iter().map(|v| v.index).collect::<Vec<_>>(), expected);
+        }
+    }
+}

@@ -288,3 +288,37 @@ pub(in crate::continuation) fn side_factor(new: f64, replaced: f64) -> f64 {
     let m = 1.0 - new / replaced;
     if m > 0.0 { m } else { 0.5 }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::continuation::testing::Plane;
+    use crate::piecewise::PiecewiseSmooth;
+
+    /// H = y − α within a test function, in units a million times larger: what x misses the curve by, in its last digits, is no distance
+    /// from the facet.
+    #[test]
+    fn test_functions_do_not_contain_the_residual() {
+        let map = Plane::within(
+            |y, a| [y - a, 1.0, -1.0],
+            &[|y, a| [1e6 * (y - a) + a, 1e6, 1.0 - 1e6]],
+        );
+        let mut run = map.curve(0.5, 0.5);
+        let curve = run.curve.erased_mut();
+        for off in [1e-12, -3e-11, 1e-15] {
+            let mut state = curve.here.clone();
+            state.x[0] += off;
+            curve.map.test_functions(&state.x, &mut state.theta);
+            assert!((state.theta[0] - 0.5).abs() >= 0.9e6 * off.abs());
+            let selection = curve.selection.clone();
+            (curve.corrector)
+                .linearize(&curve.map, &selection, &state.x, None)
+                .unwrap();
+            curve.refine_tests(&mut state);
+            // The nearest point of the curve has α = (y + α)/2.
+            assert!(
+                (state.theta[0] - 0.5 - 0.5 * off).abs() < 1e-9 * (1e6 * off.abs()) + 1e-15,
+                "{off:e}"
+            );
+        }
+    }
+}

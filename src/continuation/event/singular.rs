@@ -202,3 +202,64 @@ pub(in crate::continuation) fn mirrored_tangent(start: &State, x: &[f64]) -> Vec
     let along = 2.0 * dot(&chord, &start.t) / dot(&chord, &chord);
     chord.iter().zip(&start.t).map(|(c, t)| along * c - t).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::continuation::testing::{Function, Plane};
+
+    fn line() -> Plane {
+        Plane::within(|y, _| [y, 1.0, 0.0], &[])
+    }
+
+    #[test]
+    fn branch_points_lie_between_the_ends_of_a_step() {
+        let map = line();
+        let mut run = map.curve(0.0, 0.0);
+        let curve = run.curve.erased_mut();
+        curve.step_to([0.0, 1.0], [0.0, 1.0]);
+        let beyond = curve.next.clone();
+        let between = |x: [f64; 2]| curve.is_between(&x, &beyond);
+        assert!(between([0.0, 0.5]) && between([0.09, 0.5]) && between([0.0, 1e-5]));
+        assert!(!between([0.11, 0.5]) && !between([0.0, 1.1]));
+        // The start itself, or what rounding makes of it: a branch point just left.
+        assert!(!between([0.0, 0.0]) && !between([0.0, 5e-7]) && !between([0.0, -0.5]));
+    }
+
+    /// A singular point on the line is arrived at along the line, with its orientation; beside the line, or beside the curve, it is not.
+    #[test]
+    fn branch_points_are_arrived_at_along_the_curve() {
+        let map = line();
+        let arrives = |x: [f64; 2], on_curve: bool, turned: bool| {
+            let mut run = map.curve(0.0, 0.0);
+            let curve = run.curve.erased_mut();
+            curve.step_to([0.0, 1.0], [0.0, 1.0]);
+            if turned {
+                curve.here.orientation = curve.here.orientation.map(|o| -o);
+            }
+            let found = Singular {
+                x: x.to_vec(),
+                on_curve,
+            };
+            let arrived = curve.arrive_at(&found, 1.0).unwrap().is_ok();
+            assert!(!arrived || (curve.next.x == x && curve.next.orientation.is_none()));
+            arrived
+        };
+        assert!(arrives([0.0, 0.5], true, false));
+        assert!(!arrives([0.0, 0.5], false, false) && !arrives([0.0, 0.5], true, true));
+        assert!(!arrives([0.05, 0.5], true, false));
+    }
+
+    /// y² = α² along y = α towards the branch point at 0: the facet that is met there is found, one that is met beside it is not there.
+    #[test]
+    fn only_a_facet_through_the_branch_point_is_met_there() {
+        let at: Function = |_, a| [-a, 0.0, -1.0];
+        let behind: Function = |_, a| [5e-4 - a, 0.0, -1.0];
+        for (facet, met) in [(at, true), (behind, false)] {
+            let map = Plane::within(|y, a| [y * y - a * a, 2.0 * y, -2.0 * a], &[facet]);
+            let mut run = map.curve(-0.01, -0.01);
+            let found = run.curve.erased_mut().event_at_branch_point(0.01).unwrap();
+            assert_eq!(found.is_some(), met);
+        }
+    }
+}

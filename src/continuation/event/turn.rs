@@ -301,3 +301,46 @@ pub(in crate::continuation) fn kind(
         _ => TransitionKind::Branching,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::continuation::testing::Plane;
+
+    /// Of the arms at a point the one that the curve came along goes, and none beside it.
+    #[test]
+    fn arms_beside_the_incoming_one_stay() {
+        let map = Plane::within(|y, _| [y, 1.0, 0.0], &[]);
+        let mut run = map.curve(0.0, 0.0);
+        let curve = run.curve.erased_mut();
+        let arm = |angle: f64| Arm {
+            selection: curve.selection.clone(),
+            tangent: vec![angle.sin(), -angle.cos()],
+            grazing: Vec::new(),
+        };
+        let beside = [0.2, -0.05, 1e-3, 2e-5].map(arm);
+        let back = arm(1e-7);
+        let mut arms = Arms {
+            list: beside.to_vec(),
+            ..Arms::default()
+        };
+        curve.remove_incoming(&mut arms);
+        assert_eq!(arms.list, beside);
+        arms.list.insert(2, back);
+        curve.remove_incoming(&mut arms);
+        assert_eq!(arms.list, beside);
+    }
+
+    /// At (0, 0) the curve y = 0 leads out of α ≤ 0, unless it runs in that facet: then it does not leave it.
+    #[test]
+    fn a_facet_in_which_the_curve_runs_is_not_left() {
+        let map = Plane::within(|y, _| [y, 1.0, 0.0], &[|_, a| [-a, 0.0, -1.0]]);
+        let mut run = map.curve(0.0, -0.5);
+        let curve = run.curve.erased_mut();
+        assert_eq!(curve.facet_left_here(), None);
+        (curve.here.x[1], curve.here.theta[0]) = (0.0, 0.0);
+        assert_eq!(curve.facet_left_here(), Some(0));
+        curve.grazing = curve.vanishing_here(&[]);
+        assert_eq!(curve.facet_left_here(), None);
+    }
+}

@@ -227,3 +227,84 @@ fn hermite_min(g: [f64; 2], d: [f64; 2]) -> f64 {
         .map(value)
         .fold(f64::INFINITY, f64::min)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::continuation::testing::Plane;
+
+    const FACETS: [Monitor; 2] = [
+        Monitor::Facet {
+            index: 0,
+            facet: Facet::positive(0),
+        },
+        Monitor::Facet {
+            index: 1,
+            facet: Facet::positive(1),
+        },
+    ];
+
+    /// Which facet a step of length 1 along y = 0 leaves, where the first test function has these values at its ends.
+    fn left(values: [f64; 2], located: &[Monitor]) -> Option<Monitor> {
+        let map = Plane::within(
+            |y, _| [y, 1.0, 0.0],
+            &[|_, a| [5.0 - a, 0.0, -1.0], |_, a| [9.0 - a, 0.0, -1.0]],
+        );
+        let mut run = map.curve(0.0, 0.0);
+        let curve = run.curve.erased_mut();
+        curve.step_to([0.0, 1.0], [0.0, 1.0]);
+        (curve.here.theta[0], curve.next.theta[0]) = (values[0], values[1]);
+        curve.earliest(located).unwrap()
+    }
+
+    #[test]
+    fn facets_are_left_across_and_not_behind() {
+        let [first, second] = FACETS;
+        assert_eq!(left([1.0, 1e-300], &[]), None);
+        assert_eq!(left([1.0, -1e-300], &[]), Some(first));
+        // Just left, and violated by rounding: the curve moves away from it, or back across it.
+        assert_eq!(left([-2e-18, -1e-18], &[]), None);
+        assert_eq!(left([-1e-18, -2e-18], &[]), Some(first));
+        // Before another one that is located already: by more than rounding of x (here 16 ε), at a slope of 1.
+        assert_eq!(left([1.0, -1e-15], &[second]), None);
+        assert_eq!(left([1.0, -1e-12], &[second]), Some(first));
+        // Where both are, they are one place up to the distance at which test functions vanish (1e-9).
+        assert_eq!(left([1.0, -1e-12], &[first, second]), None);
+        assert_eq!(left([1.0, -1e-6], &[first, second]), Some(first));
+        assert_eq!(left([1.0, -1e-6], &[second, first]), None);
+    }
+
+    /// α (2 − α) leaves its facet inwards at 0 and comes back at 2; at 2 it leaves outwards. The parabola is its own interpolant.
+    #[test]
+    fn a_facet_left_inwards_is_met_again() {
+        let mut map = Plane::within(
+            |y, _| [y, 1.0, 0.0],
+            &[
+                |_, a| [a * (2.0 - a), 0.0, 2.0 - 2.0 * a],
+                |_, a| [-a * a, 0.0, -2.0 * a],
+            ],
+        );
+        map.cells = vec![vec![Facet::positive(0)]];
+        let mut run = map.curve(0.0, 1.0);
+        let curve = run.curve.erased_mut();
+        for (start, end, back) in [
+            (0.0, 3.0, Some(2.0)),
+            (0.0, 1.0, None),
+            (2.0, 3.0, None),
+            (1.0, 3.0, None),
+        ] {
+            curve.here.x[1] = start;
+            curve.here.theta[0] = start * (2.0 - start);
+            curve.step_to([0.0, end], [0.0, 1.0]);
+            let found = curve.return_to(0, Facet::positive(0));
+            match (found, back) {
+                (Some(s), Some(exact)) => assert!(f64::abs(s - exact) < 1e-14, "{s}"),
+                other => assert_eq!(other, (None, None), "{start} {end}"),
+            }
+        }
+        // −α² is left at once, though not across.
+        (curve.here.x[1], curve.here.theta[1]) = (0.0, 0.0);
+        curve.step_to([0.0, 1.0], [0.0, 1.0]);
+        assert_eq!(curve.return_to(1, Facet::positive(1)), None);
+    }
+}

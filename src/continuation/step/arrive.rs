@@ -135,3 +135,33 @@ impl Curve<'_> {
         Ok(true)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::continuation::testing::Plane;
+
+    /// On y = α, or y = α³, the point at a requested value comes with its own test functions.
+    #[test]
+    fn test_functions_are_those_of_the_target() {
+        for affine in [true, false] {
+            let map = Plane {
+                affine,
+                ..Plane::within(
+                    if affine {
+                        |y, a| [y - a, 1.0, -1.0]
+                    } else {
+                        |y, a| [y - a * a * a, 1.0, -3.0 * a * a]
+                    },
+                    &[|y, _| [3.0 - y, -1.0, 0.0]],
+                )
+            };
+            let start: f64 = 0.99;
+            let mut run = map.curve(if affine { start } else { start.powi(3) }, start);
+            let curve = run.curve.erased_mut();
+            curve.hit_parameter(1.0).unwrap();
+            assert_eq!(curve.here.x[1], 1.0);
+            assert!((curve.here.x[0] - 1.0).abs() < 1e-15);
+            assert!((curve.here.theta[0] - 2.0).abs() < 1e-15, "{affine}");
+        }
+    }
+}

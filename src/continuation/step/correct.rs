@@ -72,3 +72,22 @@ impl Curve<'_> {
         }))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::continuation::testing::Plane;
+
+    /// y + 1 = e^α with a residual that never vanishes to the last bit, where the terms of H had no size so far.
+    #[test]
+    fn terms_that_grow_within_a_step_count() {
+        let map = Plane::within(|y, a| [(y + 1.0) - a.exp(), 1.0, -a.exp()], &[]);
+        let mut run = map.curve(0.0, 0.0);
+        let curve = run.curve.erased_mut();
+        for k in 1..50 {
+            curve.row_sizes = vec![0.0];
+            let h = 1e-3 * f64::from(k);
+            assert!(curve.try_step(h).unwrap().is_some(), "{h}");
+            assert!((curve.next.x[0] - curve.next.x[1].exp_m1()).abs() < 1e-15);
+        }
+    }
+}

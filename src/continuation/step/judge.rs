@@ -112,3 +112,54 @@ impl Curve<'_> {
         Ok(!turns && near && tilt <= TILT * shape.turn + self.tangent_noise())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::continuation::testing::Plane;
+
+    fn line() -> Plane {
+        Plane::within(|y, _| [y, 1.0, 0.0], &[])
+    }
+
+    /// A step from the origin along (0, 1) with the same tangent at its end: the end decides.
+    #[test]
+    fn steps_are_as_long_as_predicted_and_end_ahead() {
+        let map = line();
+        let mut run = map.curve(0.0, 0.0);
+        let curve = run.curve.erased_mut();
+        let mut accepts = |y: f64, alpha: f64| {
+            curve.step_to([y, alpha], [0.0, 1.0]);
+            curve.shape(0.1).is_some()
+        };
+        assert!(accepts(0.0, 0.1) && accepts(0.0, 0.051) && accepts(0.0, 0.199));
+        assert!(!accepts(0.0, 0.049) && !accepts(0.0, 0.201));
+        // Distance of unit vectors: 0.05.
+        assert!(accepts(0.0048, 0.1) && !accepts(0.0052, 0.1) && !accepts(0.05, 0.1));
+    }
+
+    #[test]
+    fn many_corrections_are_a_doubt() {
+        let map = line();
+        let mut run = map.curve(0.0, 0.0);
+        let curve = run.curve.erased_mut();
+        curve.step_to([0.0, 0.1], [0.0, 1.0]);
+        let shape = curve.shape(0.1).unwrap();
+        assert!(!curve.is_doubtful(&shape, 0.1, 5));
+        assert!(curve.is_doubtful(&shape, 0.1, 6));
+    }
+
+    /// The point halfway lies on the line, but its orientation is that of another curve.
+    #[test]
+    fn orientation_halfway_is_that_of_the_start() {
+        let map = line();
+        let mut run = map.curve(0.0, 0.0);
+        let curve = run.curve.erased_mut();
+        curve.step_to([0.0, 0.1], [0.0, 1.0]);
+        let shape = curve.shape(0.1).unwrap();
+        let own = curve.here.orientation.unwrap();
+        assert!(curve.holds_halfway(&shape).unwrap());
+        curve.here.orientation = Some(-own);
+        assert!(!curve.holds_halfway(&shape).unwrap());
+    }
+}

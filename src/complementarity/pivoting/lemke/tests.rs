@@ -58,3 +58,45 @@ fn free_and_fixed_unknowns_and_upper_bounds() {
     assert!(lcp.natural_residual(&z, &mut z.clone()).unwrap() < 1e-14, "{z:?}");
     assert_eq!((z[0], z[2]), (1.5, 0.25));
 }
+
+/// Basic variables that have decayed are found out, and made anew from the equations.
+#[test]
+fn decayed_variables_are_made_anew() {
+    let m = Matrix::from_rows(&[[2.0, 1.0], [1.0, 2.0]]).unwrap();
+    let lcp = Lcp::new(m, vec![-5.0, -7.0]).unwrap();
+    let mut solver = Lemke::default();
+    let mut z = [0.0; 2];
+    assert_eq!(solver.solve(&lcp, &mut z).unwrap().status, LemkeStatus::Solved);
+    let (exact, before) = (solver.value.clone(), solver.refactorisations);
+    for off in [1e-3, -1e-7] {
+        solver.value[1] += off;
+        assert!(solver.verify(&lcp).unwrap());
+        let error = |(a, b): (&f64, &f64)| (a - b).abs();
+        assert!(
+            solver.value.iter().zip(&exact).map(error).all(|e| e < 1e-14),
+            "{off:e}"
+        );
+    }
+    assert_eq!(solver.refactorisations, before + 2);
+    assert!(solver.verify(&lcp).unwrap() && solver.refactorisations == before + 2);
+}
+
+/// 2 z = 3, and a row of 1e-9 times the size: the end of a path is a solution only if each row says so.
+#[test]
+fn ends_are_measured_row_by_row() {
+    let m = Matrix::from_rows(&[[2.0, 0.0], [0.0, 2e-9]]).unwrap();
+    let lcp = Lcp::new(m, vec![-3.0, -3e-9]).unwrap();
+    let mut solver = Lemke::default();
+    let mut judged = |z: [f64; 2]| {
+        solver.work = vec![0.0; 2];
+        lcp.value(&z, &mut solver.work);
+        solver.is_solution(&lcp, &z)
+    };
+    assert!(judged([1.5, 1.5]) && judged([1.5 + 1e-11, 1.5]));
+    assert!(
+        !judged([1.5 + 1e-8, 1.5])
+            && !judged([1.5, 1.5 + 1e-8])
+            && !judged([1.5, 0.0])
+            && !judged([1.5, -1e-8])
+    );
+}

@@ -1,0 +1,198 @@
+//! Maps that do not state their coefficients: what their lists say is by tolerance, and what is doubtful in them is told.
+
+use semismooth::enumeration::{
+    Completeness, Doubt, EnumerationError, EnumerationOptions, all_arms, all_solutions,
+};
+use semismooth::piecewise::{Facet, PiecewiseSmooth, Selection};
+use semismooth::sparse::Matrix;
+
+use super::list;
+
+/// Sites with the test functions x_i, i = 0, …, and affine rows in each selection: coefficients, then a constant.
+struct Rows<F> {
+    vars: usize,
+    sites: usize,
+    rows: F,
+    /// This multiple of x₀² is added to row 0.
+    curvature: f64,
+}
+
+fn rows<F: Fn(&[usize]) -> Vec<Vec<f64>>>(vars: usize, sites: usize, rows: F) -> Rows<F> {
+    Rows {
+        vars,
+        sites,
+        rows,
+        curvature: 0.0,
+    }
+}
+
+impl<F: Fn(&[usize]) -> Vec<Vec<f64>>> Rows<F> {
+    fn of(&self, s: &Selection) -> Vec<Vec<f64>> {
+        (self.rows)(&s.pieces().collect::<Vec<_>>())
+    }
+}
+
+impl<F: Fn(&[usize]) -> Vec<Vec<f64>>> PiecewiseSmooth for Rows<F> {
+    fn num_vars(&self) -> usize {
+        self.vars
+    }
+    fn num_residuals(&self) -> usize {
+        (self.rows)(&vec![0; self.sites]).len()
+    }
+    fn num_sites(&self) -> usize {
+        self.sites
+    }
+    fn num_pieces(&self, _: usize) -> usize {
+        2
+    }
+    fn num_tests(&self, _: usize) -> usize {
+        1
+    }
+    fn cell(&self, _: usize, piece: usize) -> &[Facet] {
+        const CELLS: [[Facet; 1]; 2] = [[Facet::positive(0)], [Facet::negative(0)]];
+        &CELLS[piece]
+    }
+    fn test_functions(&self, x: &[f64], out: &mut [f64]) {
+        out.copy_from_slice(&x[..self.sites]);
+    }
+    fn residual(&self, s: &Selection, x: &[f64], out: &mut [f64]) {
+        for (o, row) in out.iter_mut().zip(self.of(s)) {
+            let terms = row.iter().zip(x).map(|(a, x)| a * x);
+            *o = terms.sum::<f64>() + row[self.vars];
+        }
+        out[0] += self.curvature * x[0] * x[0];
+    }
+    fn jacobian(&self, s: &Selection, x: &[f64], jac: &mut Matrix) {
+        for (i, row) in self.of(s).iter().enumerate() {
+            (0..self.vars).for_each(|j| jac.add(i, j, row[j]));
+        }
+        jac.add(0, 0, 2.0 * self.curvature * x[0]);
+    }
+}
+
+fn doubtful(completeness: &Completeness) -> u64 {
+    match completeness {
+        Completeness::Undecided {
+            selections,
+            doubt: Doubt::NoCoefficients,
+        } => *selections,
+        other => panic!("{other:?}"),
+    }
+}
+
+/// Three masses on two springs that nothing holds, their stiffness matrix told with 13 decimals: the rank is that of a free body, though
+/// the determinant is not zero.
+#[test]
+fn a_free_body_has_a_line_of_solutions() {
+    let told = |v: f64| (v * 1e13).round() * 1e-13;
+    let (a, b) = (1.0 / 3.0, 1.0 / 7.0);
+    let map = rows(3, 0, |_| {
+        vec![
+            vec![told(a), told(-a), 0.0, -1.0],
+            vec![told(-a), told(a + b), told(-b), 0.5],
+            vec![0.0, told(-b), told(b), 0.5],
+        ]
+    });
+    let set = list(&map, 0.0);
+    assert!(set.solutions.is_empty(), "{set:?}");
+    assert_eq!(set.continua.len(), 1);
+    assert_eq!((set.continua[0].dimension, set.index_sum), (1, None));
+}
+
+/// Sites whose pieces all rows of a map share, too many for their combinations to be searched with pruning.
+const MANY: usize = 10;
+
+/// x_k = `at` ≥ 0 for k > 0, of which row 0 sees multiples that depend on the piece and sum up to `seen`.
+fn others(p: &[usize], at: f64) -> (Vec<Vec<f64>>, f64) {
+    let mut all: Vec<Vec<f64>> = (0..MANY)
+        .map(|k| (0..=MANY).map(|j| f64::from(j == k)).collect())
+        .collect();
+    all.iter_mut().for_each(|row| row[MANY] = -at);
+    (1..MANY).for_each(|k| all[0][k] = [0.125, 0.25][p[k]]);
+    (all, 0.125 * at * (MANY as f64 - 1.0))
+}
+
+/// max(y, 0) + d has no zero for d > 0. What is one within the tolerance alone is listed as doubtful.
+#[test]
+fn a_solution_by_tolerance_alone_is_a_doubt() {
+    let options = EnumerationOptions::default().with_tolerance(1e-6);
+    let map = |d: f64| {
+        rows(MANY, MANY, move |p| {
+            let (mut all, seen) = others(p, 1.0);
+            (all[0][0], all[0][MANY]) = ([1.0, 0.0][p[0]], d - seen);
+            all
+        })
+    };
+    for (d, doubts) in [(-1e-3, 0), (-1e-7, 0), (1e-7, 1)] {
+        let set = all_solutions(&map(d), 0.0, &options).unwrap();
+        assert_eq!(
+            (set.solutions.len(), doubtful(&set.completeness)),
+            (1, doubts),
+            "{d:e}"
+        );
+        assert!((set.solutions[0].x[0] + d).abs() <= 1e-14);
+    }
+    assert!(
+        all_solutions(&map(1e-3), 0.0, &options)
+            .unwrap()
+            .solutions
+            .is_empty()
+    );
+}
+
+/// The end of a ray of solutions is not isolated: it has no index, though the selections that give it alone agree in their signs.
+#[test]
+fn the_end_of_a_ray_has_no_index() {
+    // 3/2 or 1/2 y₁ = 0 and max(y₂, 0) = 0.
+    let plane = rows(2, 2, |p| {
+        vec![vec![[1.5, 0.5][p[0]], 0.0, 0.0], vec![0.0, [1.0, 0.0][p[1]], 0.0]]
+    });
+    let line = rows(1, 1, |p| vec![vec![[1.0, 0.0][p[0]], 0.0]]);
+    for (map, selections) in [(&plane as &dyn PiecewiseSmooth, 2), (&line, 1)] {
+        let set = list(map, 0.0);
+        assert!(!set.continua.is_empty());
+        assert!(
+            set.solutions
+                .iter()
+                .all(|s| s.selections.len() == selections && s.index.is_none()),
+            "{set:?}"
+        );
+    }
+    // Without the ray it has one.
+    let kink = rows(1, 1, |p| vec![vec![[1.5, 0.5][p[0]], 0.0]]);
+    assert_eq!(list(&kink, 0.0).solutions[0].index, Some(1));
+}
+
+/// y + y² = 0 beside kinks: all selections give 0, where the curvature does not show, and −1 would be missed.
+#[test]
+fn curvature_that_does_not_show_at_the_solution_is_found() {
+    let mut map = rows(MANY, MANY, |p| {
+        let (mut all, _) = others(p, 0.0);
+        (all[0][0], all[0][MANY]) = (1.0, 0.0);
+        all
+    });
+    assert_eq!(list(&map, 0.0).solutions.len(), 1);
+    map.curvature = 1.0;
+    let refused = all_solutions(&map, 0.0, &EnumerationOptions::default());
+    assert!(
+        matches!(refused, Err(EnumerationError::NotAffine { .. })),
+        "{refused:?}"
+    );
+}
+
+/// α = 0 and |y₀| = |y₁|: four vertical arms, whose directions have no half-space in common.
+#[test]
+fn vertical_arms_leave_to_all_sides() {
+    let map = rows(3, 2, |p| {
+        let [a, b] = [p[0], p[1]].map(|k| [1.0, -1.0][k]);
+        vec![vec![0.0, 0.0, 1.0, 0.0], vec![a, -b, 0.0, 0.0]]
+    });
+    let found = all_arms(&map, &[0.0; 3], &EnumerationOptions::default()).unwrap();
+    let half = 0.5_f64.sqrt();
+    assert_eq!(found.arms.len(), 4, "{found:?}");
+    for expected in [[half, half], [half, -half], [-half, half], [-half, -half]] {
+        let near = |t: &[f64]| t[2] == 0.0 && t.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-14);
+        assert!(found.arms.iter().any(|a| near(&a.tangent)), "{found:?}");
+    }
+    assert_eq!(found.orientation, None);
+}
