@@ -115,7 +115,6 @@ impl Curve<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use crate::continuation::testing::Plane;
 
     fn line() -> Plane {
