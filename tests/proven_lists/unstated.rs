@@ -99,16 +99,16 @@ fn a_free_body_has_a_line_of_solutions() {
     assert_eq!((set.continua[0].dimension, set.index_sum), (1, None));
 }
 
-/// Sites whose pieces all rows of a map share, too many for their combinations to be searched with pruning.
+/// Sites whose pieces all rows of a map share, not as a sum over sites, and too many for their combinations to be searched with pruning.
 const MANY: usize = 10;
 
-/// x_k = `at` ≥ 0 for k > 0, of which row 0 sees multiples that depend on the piece and sum up to `seen`.
+/// x_k = `at` ≥ 0 for k > 0, of which row 0 sees multiples that depend on the pieces of two sites and sum up to `seen`.
 fn others(p: &[usize], at: f64) -> (Vec<Vec<f64>>, f64) {
     let mut all: Vec<Vec<f64>> = (0..MANY)
         .map(|k| (0..=MANY).map(|j| f64::from(j == k)).collect())
         .collect();
     all.iter_mut().for_each(|row| row[MANY] = -at);
-    (1..MANY).for_each(|k| all[0][k] = [0.125, 0.25][p[k]]);
+    (1..MANY).for_each(|k| all[0][k] = [0.125, 0.25][p[k] ^ p[k % (MANY - 1) + 1]]);
     (all, 0.125 * at * (MANY as f64 - 1.0))
 }
 
