@@ -192,3 +192,28 @@ impl Accuracy {
         worst.unwrap_or(length / p.x[i].abs())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sparse::Matrix;
+
+    /// 0 ≤ z ⟂ 2 z − 3 ≥ 0: below its bound z is wrong by what moving back changes in the row, beside it by the residual.
+    #[test]
+    fn a_point_beside_its_bounds_is_none_within_them() {
+        let lcp = Lcp::new(Matrix::from_rows(&[[2.0]]).unwrap(), vec![-3.0]).unwrap();
+        let mut accuracy = Accuracy::default();
+        let mut error = |z: f64| {
+            let (z, w) = ([z], [2.0 * z - 3.0]);
+            accuracy.measure(&Point::of(&lcp, &z, &w)).error
+        };
+        assert_eq!(error(1.5), 0.0);
+        assert_eq!(error(0.0), 1.0);
+        for d in [1e-3, 0.5, 2.0] {
+            let expected = 2.0 * d / (2.0 * d + 3.0);
+            assert!((error(-d) - expected).abs() < 1e-15, "{d}");
+            let inside = 2.0 * d / (2.0 * (1.5 + d) + 3.0);
+            assert!((error(1.5 + d) - inside).abs() < 1e-15, "{d}");
+        }
+    }
+}

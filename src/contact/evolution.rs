@@ -329,3 +329,19 @@ fn reach<V: View, L: NodeLaw>(
         arrival,
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Forces that fall from 4 to 2 while a node slips from 0.1 to 0.4, across no slip in the other direction: along a branch the mean
+    /// force does the work, in an implicit step the last one.
+    #[test]
+    fn dissipation_is_that_of_the_last_force_or_of_the_mean() {
+        let before = ContactForces(vec![([4.0, 1.0], [0.1, -0.2])]);
+        let after = ContactForces(vec![([2.0, 3.0], [0.4, -0.2])]);
+        assert!((after.dissipated_from(&before, false) - 0.9).abs() < 1e-15);
+        assert!((after.dissipated_from(&before, true) - 0.6).abs() < 1e-15);
+        assert!((before.dissipated_from(&after, true) + 1.2).abs() < 1e-15);
+    }
+}

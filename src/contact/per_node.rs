@@ -297,3 +297,49 @@ impl<L: NodeLaw> PiecewiseSmooth for PerNode<L> {
         });
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contact::{FrictionCoefficient, FrictionCurve, LoadPath, PlanarCoulomb};
+
+    /// A node that has slipped by 0.7 under slip-dependent friction: the map in the scale that users prescribed is the same map with
+    /// another r, history and all.
+    #[test]
+    fn the_prescribed_scale_changes_nothing_but_r() {
+        let matrix = |rows: &[[f64; 2]]| Matrix::from_rows(rows).unwrap();
+        let a = matrix(&[[2.0, -0.5], [-0.5, 1.0]]);
+        let load = LoadPath::constant(vec![3.0, 5.0]);
+        let body = ContactBody::new(a, matrix(&[[1.0, 0.0]]), vec![matrix(&[[0.0, 1.0]])], load).unwrap();
+        let curve = FrictionCurve::exponential(0.6, 0.1, 2.0).unwrap();
+        let law = PlanarCoulomb::new(FrictionCoefficient::uniform(curve));
+        let mut nodes = PerNode::new(Arc::new(body), law);
+        assert!(nodes.in_prescribed_scale().is_none());
+        nodes.history = vec![0.7];
+        nodes.reference = vec![0.05];
+        nodes.r = 3.0 * nodes.scale;
+        let prescribed = nodes.in_prescribed_scale().unwrap();
+        let expected = PerNode {
+            scale: nodes.r,
+            ..nodes.clone()
+        };
+        let z = [0.1, 0.3, 2.0, 0.4, 0.0];
+        let of = |map: &dyn PiecewiseSmooth| {
+            let mut all = vec![0.0; 3];
+            map.test_functions(&z, &mut all);
+            for piece in 0..4 {
+                let mut r = [0.0; 2];
+                map.residual(&Selection::uniform(1, piece), &z, &mut r);
+                all.extend(r);
+            }
+            all
+        };
+        assert_eq!(of(&*prescribed), of(&expected));
+        // History counts, and so does r.
+        let fresh = PerNode {
+            history: vec![0.0],
+            ..expected.clone()
+        };
+        assert!(of(&fresh) != of(&expected) && of(&nodes) != of(&expected));
+    }
+}

@@ -318,3 +318,26 @@ fn rounding_does_not_excuse_residuals_far_out() {
         assert!(!report.is_solved(), "{start}: {x:?}");
     }
 }
+
+/// Functions that fall to zero at infinity, where they underflow at last, have no zero there.
+#[test]
+fn what_underflows_at_infinity_is_no_solution() {
+    type Function = fn(f64) -> f64;
+    let functions: [(Function, Function); 4] = [
+        (|x| (-x).exp(), |x| -(-x).exp()),
+        (|x| (-x * x).exp(), |x| -2.0 * x * (-x * x).exp()),
+        (
+            |x| (1.0 + x * x) * (-x).exp(),
+            |x| (2.0 * x - 1.0 - x * x) * (-x).exp(),
+        ),
+        (|x| x.exp(), |x| x.exp()),
+    ];
+    for (k, (f, derivative)) in functions.into_iter().enumerate() {
+        let problem = Mcp::equations(scalar(f, derivative)).unwrap();
+        let starts = [-3.0, 0.5, 2.0, 20.0, 300.0];
+        for start in starts.into_iter().filter(|s| f(*s) > 0.0) {
+            let (x, report) = solve(&problem, &[start]);
+            assert!(!report.is_solved(), "{k} from {start}: {x:?}");
+        }
+    }
+}

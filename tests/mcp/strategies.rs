@@ -1,6 +1,8 @@
 //! Which strategies are tried, and in which order, is up to the options.
 
-use semismooth::complementarity::{ComplementarityError, Mcp, McpOptions, McpSolver, McpStatus, McpStrategy};
+use semismooth::complementarity::{
+    ComplementarityError, Mcp, McpOptions, McpSolver, McpStatus, McpStep, McpStrategy,
+};
 
 use crate::properties::known;
 use crate::support::{INF, matrix, residual, scalar};
@@ -116,5 +118,54 @@ fn no_strategy_is_no_choice() {
     match refused {
         Err(ComplementarityError::Option { name, .. }) => assert_eq!(name, "strategies"),
         other => panic!("{other:?}"),
+    }
+}
+
+/// F = (y − c, −x) with x free and y in a box: moving along x changes no row but that of y, and proves nothing as long as c lies in the
+/// box. Beyond it, it proves that there is no solution.
+#[test]
+fn proximal_points_tell_solvable_problems_from_others() {
+    let rows = [vec![0.0, 1.0], vec![-1.0, 0.0]];
+    for (c, feasible) in [
+        (5.0, true),
+        (0.5, true),
+        (9.5, true),
+        (12.0, false),
+        (-2.0, false),
+    ] {
+        let problem = Mcp::affine(matrix(&rows), vec![-c, 0.0], vec![-INF, 0.0], vec![INF, 10.0]).unwrap();
+        for start in [[100.0, 3.0], [-50.0, 0.0], [7.0, 10.0]] {
+            let mut x = start;
+            let mut solver = only(&[Proximal]);
+            let report = solver.solve(&problem, &mut x).unwrap();
+            assert_eq!(
+                report.is_solved(),
+                feasible,
+                "{c} from {start:?}: {:?}",
+                report.status
+            );
+            if feasible {
+                assert!(x[0].abs() < 1e-8 && (x[1] - c).abs() < 1e-8, "{x:?}");
+            } else {
+                assert_eq!(report.status, McpStatus::Infeasible, "{c} from {start:?}");
+                // vᵀF < 0 all over the box: v = (±1, 0).
+                assert_eq!(report.certificate, [if c > 10.0 { 1.0 } else { -1.0 }, 0.0]);
+            }
+        }
+    }
+}
+
+/// The path of smoothed equations is followed before Newton's method ends at its solution.
+#[test]
+fn smoothing_stays_next_to_its_path() {
+    for seed in 1..12 {
+        let (problem, exact) = known(seed, 7);
+        let mut x: Vec<f64> = exact.iter().map(|x| x + 2.0).collect();
+        let mut solver = only(&[Smoothing]);
+        let report = solver.solve(&problem, &mut x).unwrap();
+        let smoothed = report.history.iter().filter(|i| i.step == McpStep::Smoothed);
+        let merits: Vec<f64> = smoothed.map(|i| i.merit).collect();
+        assert!(merits.len() >= 3, "seed {seed}: {}", merits.len());
+        assert!(merits.last() < merits.first(), "seed {seed}: {merits:?}");
     }
 }

@@ -155,3 +155,31 @@ impl NodeLaw for GivenBound {
         self.data(v.node).1
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Where F_k = 0 there is no traction, whatever the slip; elsewhere a sticking node does not move, and a slipping one bears F g.
+    #[test]
+    fn directions_without_friction_do_not_stick() {
+        let law = GivenBound::new(2, vec![2.0], vec![[0.0, 0.5]]).unwrap();
+        let values = |traction: [f64; 2], slip: [f64; 2]| LocalValues {
+            node: 0,
+            penetration: 0.0,
+            slip,
+            pressure: 3.0,
+            traction,
+            parameter: 0.0,
+            second: 0.0,
+            history: Default::default(),
+            r: 7.0,
+        };
+        let sticks = law.residual(2, &values([0.0, 0.4], [0.3, 0.0]));
+        assert_eq!(sticks, [0.0; 3]);
+        assert_eq!(law.residual(2, &values([0.1, 0.4], [0.3, 0.0]))[1], 0.1);
+        assert!(law.residual(2, &values([0.0, 0.4], [0.0, 0.3]))[2] != 0.0);
+        assert_eq!(law.residual(3, &values([0.0, 1.0], [0.3, 0.2])), [0.0; 3]);
+        assert_eq!(law.residual(3, &values([0.0, -1.0], [0.3, -0.2])), [0.0; 3]);
+    }
+}

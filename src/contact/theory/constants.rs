@@ -304,3 +304,42 @@ pub fn critical_friction<L: NodeLaw>(problem: &CondensedContact<L>) -> Result<Op
         .filter(|f| f.is_finite())
         .min_by(f64::total_cmp))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contact::{ContactBody, FrictionCoefficient, FrictionCurve, LoadPath, PlanarCoulomb};
+
+    /// Two nodes with the stiffness [[4 I, −K], [−Kᵀ, I]], whose compliance is, for K Kᵀ = c I, proportional to [[I, K], [Kᵀ, 4 I]].
+    fn critical(k: [[f64; 2]; 2]) -> Option<f64> {
+        let mut rows = [
+            [4.0, 0.0, 0.0, 0.0],
+            [0.0, 4.0, 0.0, 0.0],
+            [0.0, 0.0, 1.0, 0.0],
+            [0.0, 0.0, 0.0, 1.0],
+        ];
+        for i in 0..2 {
+            for j in 0..2 {
+                rows[i][2 + j] = -k[i][j];
+                rows[2 + j][i] = -k[i][j];
+            }
+        }
+        let a = Matrix::from_rows(&rows).unwrap();
+        let normal = Matrix::from_rows(&[[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]]).unwrap();
+        let tangential = Matrix::from_rows(&[[0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]).unwrap();
+        let body = ContactBody::new(a, normal, vec![tangential], LoadPath::constant(vec![0.0; 4])).unwrap();
+        let law = PlanarCoulomb::new(FrictionCoefficient::uniform(
+            FrictionCurve::constant(0.1).unwrap(),
+        ));
+        critical_friction(&CondensedContact::new(body, law).unwrap()).unwrap()
+    }
+
+    /// C_νν − F C_νt is singular for the real eigenvalues 1/F of C_νν⁻¹ C_νt = K alone: a rotation has none.
+    #[test]
+    fn only_real_eigenvalues_are_critical() {
+        assert!((critical([[0.8, 0.0], [0.0, -0.8]]).unwrap() - 1.25).abs() < 1e-13);
+        assert!((critical([[0.0, 1.6], [1.6, 0.0]]).unwrap() - 0.625).abs() < 1e-13);
+        assert_eq!(critical([[0.0, 1.0], [-1.0, 0.0]]), None);
+        assert_eq!(critical([[1.0, 1.0], [-1.0, 1.0]]), None);
+    }
+}

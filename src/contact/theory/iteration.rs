@@ -212,6 +212,8 @@ pub fn fixed_point_observed<L: NodeLaw>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::contact::{ContactBody, FrictionCoefficient, FrictionCurve, LoadPath, PlanarCoulomb};
+    use crate::sparse::Matrix;
 
     fn report(changes: Vec<f64>, nodes_changed: Vec<usize>) -> FixedPointReport {
         FixedPointReport {
@@ -240,5 +242,40 @@ mod tests {
         late[36] = 1;
         assert_eq!(report(changes, late).contraction(), None);
         assert_eq!(report(Vec::new(), Vec::new()).contraction(), None);
+    }
+
+    /// A node that slides under the load (3, 5): each traction is F times the bound that its pressures were relaxed to.
+    #[test]
+    fn bounds_are_relaxed_pressures() {
+        let f = 0.3;
+        let a = Matrix::from_rows(&[[2.0, -0.5], [-0.5, 1.0]]).unwrap();
+        let (normal, tangential) = (Matrix::from_rows(&[[1.0, 0.0]]), Matrix::from_rows(&[[0.0, 1.0]]));
+        let load = LoadPath::constant(vec![3.0, 5.0]);
+        let body = ContactBody::new(a, normal.unwrap(), vec![tangential.unwrap()], load).unwrap();
+        let law = PlanarCoulomb::new(FrictionCoefficient::uniform(FrictionCurve::constant(f).unwrap()));
+        let problem = CondensedContact::new(body, law).unwrap();
+        for omega in [1.0, 0.5, 0.25] {
+            let options = FixedPointOptions {
+                relaxation: omega,
+                max_iterations: 4,
+                tolerance: 0.0,
+                ..FixedPointOptions::default()
+            };
+            let mut bound = 4.0;
+            let mut count = 0;
+            let observe = |so_far: &FixedPointReport| {
+                let [pressure, traction] = [so_far.x[0], so_far.x[1]];
+                assert!(
+                    (traction.abs() - f * bound).abs() < 1e-13,
+                    "{omega}: {traction} {bound}"
+                );
+                assert!((pressure - bound).abs() > 1e-6);
+                bound += omega * (pressure - bound);
+                count += 1;
+                ControlFlow::Continue(())
+            };
+            fixed_point_observed(&problem, &[4.0, 0.0, 0.0], &options, observe).unwrap();
+            assert_eq!(count, 4);
+        }
     }
 }
