@@ -7,6 +7,7 @@ use crate::linear::LinearSolver;
 use crate::newton::MoorePenrose;
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Scaled, Selection, TestLayout, Vanishing};
 use crate::sparse::{Matrix, norm};
+use crate::spread::golden;
 
 /// |α̇| up to which ∇_yH counts as singular in the reported sign of its determinant.
 const SINGULAR: f64 = 1e-7;
@@ -15,7 +16,7 @@ const SINGULAR: f64 = 1e-7;
 pub(super) const MAX_DENSE: usize = 120;
 
 /// A place on the curve, with all that is known there.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(super) struct State {
     pub(super) x: Vec<f64>,
@@ -24,6 +25,10 @@ pub(super) struct State {
     /// Sign of det [∇H^(σ); tᵀ].
     pub(super) orientation: Option<i8>,
     pub(super) det_sign: Option<i8>,
+    /// Rate at which the regularity of ∇H^(σ) falls along the tangent, relative to itself: the inverse of the distance at which a
+    /// singular point is to be expected. `None` at singular points.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub(super) decline: Option<f64>,
     pub(super) residual_norm: f64,
     /// Distance from the last state, along the tangent there.
     pub(super) s: f64,
@@ -73,6 +78,8 @@ pub(super) struct Curve<'a, M: ?Sized = dyn PiecewiseSmooth + 'a> {
     /// That of the last steps: turn of the tangent over length, fading where the curve straightens.
     pub(super) curvature: f64,
     pub(super) points: usize,
+    /// By what the regularity of ∇H is measured.
+    pub(super) probe: Vec<f64>,
     /// Number of steps in a row that had to be shortened.
     pub(super) creeping: usize,
     pub(super) queue: VecDeque<Event>,
@@ -86,6 +93,8 @@ pub(super) struct Curve<'a, M: ?Sized = dyn PiecewiseSmooth + 'a> {
     pub(super) rates: Vec<f64>,
     pub(super) next_sizes: Vec<f64>,
     pub(super) residual: Vec<f64>,
+    pub(super) behind: Vec<f64>,
+    pub(super) sizes: Vec<f64>,
     /// Functions of the user, and their sides where a saved run left off.
     pub(super) watches: Vec<Watch<'a>>,
     pub(super) saved_sides: Vec<f64>,
@@ -223,6 +232,12 @@ impl fmt::Debug for Curve<'_> {
             .field("options", &self.options)
             .finish_non_exhaustive()
     }
+}
+
+/// A vector that is unlikely to be orthogonal to a given one.
+pub(super) fn generic_probe(n: usize) -> Vec<f64> {
+    let sign = |k: usize| if k.is_multiple_of(2) { 1.0 } else { -1.0 };
+    (0..n).map(|k| sign(k) * (0.5 + 0.5 * golden(k + 1))).collect()
 }
 
 /// ‖ |J| (|x| + h |t|) ‖₂: the size of the terms that cancel in H.

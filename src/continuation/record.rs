@@ -281,7 +281,8 @@ pub enum Termination {
     /// No step of at least the smallest length was accepted.
     StepTooSmall,
     /// The orientation changes within the smallest step, and no branch point to rounding explains it: two curves cross or pass each
-    /// other there, which of the two is not decided. Not a branch point, not the end of the curve.
+    /// other there, which of the two is not decided. Or ∇H becomes singular and the orientation does not change, where curves touch or more
+    /// than two meet. Not a branch point, not the end of the curve.
     UnresolvedCrossing,
     /// A function of the user vanished at which the curve was to end.
     Monitor,

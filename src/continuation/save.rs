@@ -49,6 +49,9 @@ pub struct SavedRun {
     pub(super) residual_scale: f64,
     pub(super) row_sizes: Vec<f64>,
     pub(super) curvature: f64,
+    /// By what the regularity of ∇H is measured; empty for a generic vector.
+    #[cfg_attr(feature = "serde", serde(default))]
+    pub(super) probe: Vec<f64>,
     points: usize,
     creeping: usize,
     queue: Vec<Event>,
@@ -131,6 +134,9 @@ impl SavedRun {
         check_vector("the saved tangent", &self.here.t, m)?;
         check_vector("the saved start", &self.start, m)?;
         check_vector("the saved test functions", &self.here.theta, layout.total())?;
+        if !self.probe.is_empty() {
+            check_vector("the saved probe", &self.probe, map.num_residuals())?;
+        }
         let numbers = [self.arclength, self.step, self.size, self.residual_scale];
         check_vector("the saved scalars", &numbers, numbers.len())?;
         for v in &self.grazing {
@@ -205,6 +211,7 @@ impl Curve<'_> {
             residual_scale: self.residual_scale,
             row_sizes: self.row_sizes.clone(),
             curvature: self.curvature,
+            probe: self.probe.clone(),
             points: self.points,
             creeping: self.creeping,
             queue: self.queue.iter().cloned().collect(),
@@ -231,6 +238,9 @@ impl Curve<'_> {
         self.residual_scale = saved.residual_scale;
         self.row_sizes.clone_from(&saved.row_sizes);
         self.curvature = saved.curvature;
+        if !saved.probe.is_empty() {
+            self.probe.clone_from(&saved.probe);
+        }
         self.points = saved.points;
         self.creeping = saved.creeping;
         self.queue = saved.queue.iter().cloned().collect();

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 
-use super::engine::{Curve, Solver, State, term_size};
+use super::engine::{Curve, Solver, State, generic_probe, term_size};
 use super::event::arms::Arms;
 use super::{Arm, Continuation, ContinuationError, ContinuationOptions, Strategy};
 use crate::clock::Clock;
@@ -363,6 +363,7 @@ impl Start {
             theta,
             orientation: None,
             det_sign: None,
+            decline: None,
             residual_norm: 0.0,
             s: 0.0,
             x,
@@ -429,6 +430,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Curve<'a, &'a P> {
         if singular {
             this.here.orientation = None;
             this.here.det_sign = None;
+            this.here.decline = None;
         }
         Ok(this)
     }
@@ -446,6 +448,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Curve<'a, &'a P> {
             state,
             selection,
         } = Start::at(&map, x)?;
+        let (m, probe) = (map.num_vars(), generic_probe(map.num_residuals()));
         Ok(Self {
             map,
             h: options.step.min(options.max_step),
@@ -465,6 +468,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Curve<'a, &'a P> {
             row_sizes: Vec::new(),
             next_sizes: Vec::new(),
             curvature: 0.0,
+            probe,
             points: 0,
             creeping: 0,
             queue: VecDeque::new(),
@@ -472,6 +476,8 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Curve<'a, &'a P> {
             earlier: (0, 0),
             rates: Vec::new(),
             residual: Vec::new(),
+            behind: vec![0.0; m],
+            sizes: Vec::new(),
             watches: Vec::new(),
             saved_sides: Vec::new(),
         })

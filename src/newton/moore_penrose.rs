@@ -172,6 +172,48 @@ impl<L: LinearSolver> MoorePenrose<L> {
         solved.is_ok().then_some(self.dx.as_slice())
     }
 
+    /// The rate at which the regularity of ∇H falls along the curve, relative to itself: −d ln m/ds of m = 1/‖∇H⁺ S v‖, S the row `sizes`,
+    /// from the last factors, those of a point next to x with the tangent t, and one more Jacobian at a distance. Towards a simple
+    /// singular point m falls linearly: it lies 1/rate ahead (or behind, where the rate is negative). `v` becomes that of the next step of
+    /// inverse iteration, so that m follows the least singular value. `None` where nothing can be told.
+    #[allow(clippy::too_many_arguments)]
+    pub(crate) fn decline<P: PiecewiseSmooth + ?Sized>(
+        &mut self,
+        map: &P,
+        selection: &Selection,
+        (x, t): (&[f64], &[f64]),
+        distance: f64,
+        sizes: &mut [f64],
+        v: &mut [f64],
+        behind: &mut [f64],
+    ) -> Result<Option<f64>, PiecewiseError> {
+        // On trivial solutions the terms of all rows may vanish.
+        if sizes.contains(&0.0) {
+            sizes.fill(0.0);
+            (self.jac.triplets()).for_each(|(i, _, v)| sizes[i] += v.abs());
+        }
+        for ((r, size), v) in self.r.iter_mut().zip(&*sizes).zip(&*v) {
+            *r = size * v;
+        }
+        let solved = (self.bordered.solve(&self.r, t, 0.0, &mut self.dx))
+            .and_then(|()| self.bordered.solve_transpose(&self.dx, t, v));
+        if solved.is_err() {
+            return Ok(None);
+        }
+        for ((y, x), t) in behind.iter_mut().zip(x).zip(t) {
+            *y = x - distance * t;
+        }
+        self.assemble(map, selection, behind)?;
+        // ∇H there times ∇H⁺ S v, less S v, which that is here.
+        self.r.iter_mut().for_each(|r| *r = -*r);
+        self.jac.as_ref().mul_add(1.0, &self.dx, &mut self.r);
+        let rate = dot(v, &self.r) / (distance * dot(&self.dx, &self.dx));
+        v.iter_mut().zip(&*sizes).for_each(|(v, size)| *v *= size);
+        let length = norm(v);
+        v.iter_mut().for_each(|v| *v /= length);
+        Ok(rate.is_finite().then_some(rate))
+    }
+
     /// Reciprocal condition estimate of the last factorisation.
     pub(crate) fn rcond(&self) -> Option<f64> {
         self.bordered.solver().rcond()

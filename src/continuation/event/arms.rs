@@ -388,7 +388,7 @@ impl<'a> Curve<'a> {
     }
 }
 
-/// ψᵀ H^(σ)''(x)(a, b) by central differences of the Jacobian along a.
+/// ψᵀ H^(σ)''(x)(a, b) by central differences, of fourth order, of the Jacobian along a.
 fn second_derivative<P: PiecewiseSmooth + ?Sized>(
     map: &P,
     selection: &Selection,
@@ -407,5 +407,5 @@ fn second_derivative<P: PiecewiseSmooth + ?Sized>(
         jac.mul_vec(b, &mut image);
         dot(psi, &image)
     };
-    (at(h) - at(-h)) / (2.0 * h)
+    (8.0 * (at(h) - at(-h)) - (at(2.0 * h) - at(-2.0 * h))) / (12.0 * h)
 }

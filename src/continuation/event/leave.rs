@@ -48,6 +48,7 @@ impl Curve<'_> {
             );
         }
         let linearized = self.corrector.linearize(&self.map, &self.selection, x, Some(t));
+        let regular = linearized.is_ok();
         let (orientation, det_sign) = match linearized {
             Ok(_) => (self.corrector.orientation(t), self.corrector.det_sign()),
             Err(PiecewiseError::Linear(_)) => (None, None),
@@ -74,6 +75,13 @@ impl Curve<'_> {
         }
         self.here.orientation = orientation;
         self.here.det_sign = det_sign;
+        self.here.decline = None;
+        if !affine && regular {
+            let mut here = std::mem::take(&mut self.here);
+            let known = self.find_decline(&mut here, self.h);
+            self.here = here;
+            known?;
+        }
         Ok(())
     }
 
@@ -118,6 +126,7 @@ impl Curve<'_> {
         if self.is_singular_here(&self.selection.clone())? {
             self.here.orientation = None;
             self.here.det_sign = None;
+            self.here.decline = None;
         }
         Ok(())
     }

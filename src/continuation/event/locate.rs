@@ -232,6 +232,7 @@ impl Curve<'_> {
                 state.t.copy_from_slice(&self.here.t);
                 state.orientation = None;
                 state.det_sign = None;
+                state.decline = None;
             }
             Ok(tangent) => {
                 let sign = sign_of(dot(tangent, &state.t));
@@ -240,6 +241,7 @@ impl Curve<'_> {
                 }
                 state.orientation = self.corrector.orientation(&state.t);
                 state.det_sign = self.corrector.det_sign();
+                self.find_decline(state, state.s)?;
             }
             Err(PiecewiseError::Linear(_)) => {
                 // So may be what the corrector left.
@@ -248,6 +250,7 @@ impl Curve<'_> {
                 }
                 state.orientation = None;
                 state.det_sign = None;
+                state.decline = None;
             }
             Err(e) => return Err(e.into()),
         }

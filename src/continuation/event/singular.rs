@@ -76,7 +76,8 @@ impl Curve<'_> {
         found: &Singular,
         step: f64,
     ) -> Result<Result<(), Unresolved>, ContinuationError> {
-        const SHARES: [f64; 4] = [0.5, 0.9, 0.99, 0.999];
+        const HALF: f64 = 0.5;
+        const SHARES: [f64; 4] = [HALF, 0.9, 0.99, 0.999];
         const RATIO: f64 = 2.0;
         if !found.on_curve {
             return Ok(Err(Unresolved::Crossing));
@@ -96,6 +97,13 @@ impl Curve<'_> {
             let turned = self.corrector.orientation(&state.t) != self.here.orientation;
             if !near || turned || dot(&state.t, &before.1) < self.options.min_cos {
                 return Ok(Err(Unresolved::Crossing));
+            }
+            if share == HALF {
+                // No other one may lie before it or behind.
+                self.find_decline(&mut state, target.s)?;
+                if state.decline.is_some_and(|d| !(0.0..=2.0).contains(&(d * left))) {
+                    return Ok(Err(Unresolved::Crossing));
+                }
             }
             // The tangent at the branch point, extrapolated.
             let ahead = (1.0 - share) / (share - before.0);
@@ -118,6 +126,7 @@ impl Curve<'_> {
         self.map.test_functions(&target.x, &mut target.theta);
         target.orientation = None;
         target.det_sign = Some(0);
+        target.decline = None;
         target.residual_norm = norm(&r);
         self.next = target;
     }

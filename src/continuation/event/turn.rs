@@ -255,7 +255,10 @@ impl Curve<'_> {
                 watched[k].1 = watched[k].1.map(|s| -s);
                 self.coactive = watched;
             }
-            None => self.here.orientation = self.next.orientation.map(|o| -o),
+            None => {
+                self.here.orientation = self.next.orientation.map(|o| -o);
+                self.here.decline = None;
+            }
         }
         Ok(())
     }

@@ -50,6 +50,10 @@ impl Curve<'_> {
         self.next.det_sign = self.corrector.det_sign();
         self.next.residual_norm = correction.residual_norm;
         self.next.s = self.progress_to(&self.next.x);
+        let mut next = std::mem::take(&mut self.next);
+        let known = self.find_decline(&mut next, h);
+        self.next = next;
+        known?;
         let Some(mut shape) = self.shape(h) else {
             return Ok(None);
         };

@@ -1,7 +1,8 @@
 //! Whether a corrected point lies on the curve, where the prediction pointed: else the step is to be shorter.
 
 use crate::continuation::ContinuationError;
-use crate::continuation::engine::Curve;
+use crate::continuation::engine::{Curve, State, generic_probe};
+use crate::continuation::event::watch::Monitor;
 use crate::piecewise::PiecewiseError;
 use crate::sparse::{distance, dot, norm};
 
@@ -43,10 +44,58 @@ impl Curve<'_> {
         })
     }
 
-    /// Angle below which tangents cannot be told apart.
+    /// Fills in how the regularity of ∇H falls at a state, next to which the last factors were made, in steps of length h.
+    pub(in crate::continuation) fn find_decline(
+        &mut self,
+        state: &mut State,
+        h: f64,
+    ) -> Result<(), ContinuationError> {
+        const SHARE: f64 = 1e-3;
+        const LEAST: f64 = 1e-7;
+        let distance = SHARE * h.max(LEAST / SHARE * (1.0 + norm(&state.x)));
+        let mut sizes = std::mem::take(&mut self.sizes);
+        sizes.clone_from(&self.row_sizes);
+        let decline = self.corrector.decline(
+            &self.map,
+            &self.selection,
+            (&state.x, &state.t),
+            distance,
+            &mut sizes,
+            &mut self.probe,
+            &mut self.behind,
+        );
+        self.sizes = sizes;
+        // Without an answer nothing is expected.
+        state.decline = Some(decline?.unwrap_or(0.0));
+        if self.probe.iter().any(|v| !v.is_finite()) {
+            self.probe = generic_probe(self.probe.len());
+        }
+        Ok(())
+    }
+
+    /// Whether a singular point is passed unseen between `here` and `next`, where the step ends at the event. So it is where the
+    /// regularity of ∇H would fall to zero in between if it went on as at one of the ends: the step has gone over to a curve that
+    /// crosses, or passes two crossings. Where it ends at a singular point that must be the first one.
+    pub(super) fn passes_unseen(&mut self, event: Option<Monitor>) -> bool {
+        if self.here.decline.is_none() && self.next.s > 0.0 {
+            // The share of the singular point at the start of the step is known.
+            let known = 1.0 / self.next.s;
+            self.next.decline = self.next.decline.map(|d| d + known);
+        }
+        let ahead = self.here.decline.map_or(0.0, |d| d * self.next.s);
+        if event == Some(Monitor::Singular) {
+            // Each one before it adds at least as much to the rate.
+            return ahead > 2.0;
+        }
+        let behind = self.next.decline.map_or(0.0, |d| -d * self.next.s);
+        self.next.orientation.is_some() && ahead.max(behind) > 1.0
+    }
+
+    /// Angle below which tangents cannot be told apart. Those of arms at singular points come from differences.
     fn tangent_noise(&self) -> f64 {
+        let known = if self.here.decline.is_some() { 1e-9 } else { 1e-5 };
         let rcond = self.corrector.rcond().unwrap_or(1.0);
-        1e-9 + 100.0 * f64::EPSILON / rcond.max(f64::EPSILON)
+        known + 100.0 * f64::EPSILON / rcond.max(f64::EPSILON)
     }
 
     /// Whether the step may have gone over to another curve: it turns much more than the last one, its chord is not that of an arc, or the
@@ -61,9 +110,14 @@ impl Curve<'_> {
             || corrections > SLOW
     }
 
-    /// Makes the tangents at both ends, which are those of the iterates before, anew and gives their distance.
+    /// Makes the tangents at both ends, which are those of the iterates before, anew and gives their distance. That at a singular point,
+    /// where kernels are noise, is kept.
     pub(super) fn sharpen_tangents(&mut self) -> Result<f64, ContinuationError> {
-        for state in [&mut self.here, &mut self.next] {
+        let regular = self.here.decline.is_some();
+        for state in [&mut self.here, &mut self.next]
+            .into_iter()
+            .skip(usize::from(!regular))
+        {
             match (self.corrector).linearize(&self.map, &self.selection, &state.x, Some(&state.t)) {
                 Ok(tangent) => {
                     let sign = dot(tangent, &state.t).signum();

@@ -17,6 +17,9 @@ const EASY: usize = 3;
 /// Rejections, or steps in a row with rejections, after which a curve may be stuck at a singular point.
 const REJECTED: usize = 3;
 
+/// Share of a step by which a curve leaves a singular point.
+const FIRST: f64 = 0.125;
+
 /// An acceptable step.
 struct Accepted {
     corrections: usize,
@@ -54,6 +57,11 @@ impl Curve<'_> {
             h = h.min(room.max(self.options.min_step));
         }
         let longest = h;
+        let leaves_singular = self.here.decline.is_none();
+        if leaves_singular {
+            // Nothing is known of what lies ahead.
+            h = (FIRST * h).max(self.options.min_step);
+        }
         let (mut rejected, mut crossing) = (0, false);
         loop {
             if h < self.options.min_step {
@@ -73,9 +81,12 @@ impl Curve<'_> {
             }) = self.try_step(h)?
             {
                 match self.first_event()? {
+                    Ok(first) if self.passes_unseen(first) => crossing = true,
                     Ok(first) => {
                         self.h = if rejected > 0 || corrections > EASY {
                             h
+                        } else if leaves_singular {
+                            longest
                         } else {
                             (h * self.options.growth).min(self.options.max_step)
                         };
