@@ -3,9 +3,52 @@
 use num_bigint::BigInt;
 use num_traits::{One, Signed, Zero};
 
+use super::EnumerationOptions;
 use super::proof::MAX_WORK;
+use crate::clock::Deadline;
 use crate::exact::{Dictionary, Exact, Infeasible, quotient};
 use crate::piecewise::{ExactConditions, ExactForm, ExactPiece, ExactSite};
+
+/// Numbers that exact arithmetic may write for each node that the search may have: some seconds at most.
+const WORK_PER_NODE: u64 = 20;
+
+/// What exact arithmetic may write, and until when.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Budget {
+    left: u64,
+    deadline: Deadline,
+}
+
+impl Budget {
+    pub(super) fn new(options: &EnumerationOptions, deadline: Deadline) -> Self {
+        Self {
+            left: MAX_WORK.min(options.max_nodes.saturating_mul(WORK_PER_NODE)),
+            deadline,
+        }
+    }
+
+    fn is_spent(&self) -> bool {
+        self.left == 0 || self.deadline.is_over()
+    }
+
+    fn spend(&mut self, work: u64) {
+        self.left = self.left.saturating_sub(work);
+    }
+}
+
+/// Why a selection was not examined to its end.
+enum Halt {
+    /// It holds nothing.
+    Infeasible,
+    /// A limit was reached.
+    Limit,
+}
+
+impl From<Infeasible> for Halt {
+    fn from(_: Infeasible) -> Self {
+        Self::Infeasible
+    }
+}
 
 /// A point as exact fractions over one denominator.
 #[derive(Debug, Clone)]
@@ -160,10 +203,10 @@ pub(super) fn elimination(conditions: &ExactConditions) -> u64 {
 pub(super) fn search(
     conditions: &ExactConditions,
     partial: &[Option<usize>],
-    budget: &mut u64,
+    budget: &mut Budget,
     leaf: &mut impl FnMut(Vec<usize>),
 ) -> bool {
-    if elimination(conditions) > MAX_WORK {
+    if budget.is_spent() || elimination(conditions) > MAX_WORK {
         return false;
     }
     let started = || -> Result<Tableau<'_>, Infeasible> {
@@ -176,9 +219,12 @@ pub(super) fn search(
         root.dictionary.repair()?;
         Ok(root)
     };
-    let Ok(root) = started() else {
+    let Ok(mut root) = started() else {
+        // What a contradiction took is known by its order of size alone.
+        budget.spend(elimination(conditions));
         return true;
     };
+    budget.spend(root.dictionary.take_work());
     let order: Vec<usize> = (0..partial.len()).filter(|&s| partial[s].is_none()).collect();
     let mut open = vec![(Vec::new(), root)];
     while let Some((chosen, table)) = open.pop() {
@@ -191,13 +237,13 @@ pub(super) fn search(
             continue;
         };
         for piece in &conditions.sites[site].pieces {
-            if *budget == 0 {
+            if budget.is_spent() {
                 return false;
             }
             let mut child = table.clone();
             let decided = child.decide(site, piece);
             let feasible = decided.and_then(|()| child.dictionary.repair()).is_ok();
-            *budget = budget.saturating_sub(child.dictionary.take_work());
+            budget.spend(child.dictionary.take_work());
             if feasible {
                 let mut longer = chosen.clone();
                 longer.push(piece.piece);
@@ -218,11 +264,15 @@ pub(super) fn piece_of(conditions: &ExactConditions, site: usize, piece: usize) 
         .find(|p| p.piece == piece)
 }
 
-/// The point at which all common forms vanish, the unknowns that they leave free being 0: the last of them, if it may.
-pub(super) fn common_point(conditions: &ExactConditions) -> Option<ExactPoint> {
+/// The point at which all common forms vanish, the unknowns that they leave free being 0: the last of them, if it may. `None` also where time
+/// is over.
+pub(super) fn common_point(conditions: &ExactConditions, deadline: Deadline) -> Option<ExactPoint> {
     let mut table = Tableau::new(conditions);
     let last = (table.unknowns + conditions.unknowns).checked_sub(1)?;
     for var in 0..conditions.common.len() {
+        if deadline.is_over() {
+            return None;
+        }
         // The last unknown goes where no other can.
         table.dictionary.fix_among(var, |column| column != last).ok()?;
         table.dictionary.fix(var).ok()?;
@@ -262,18 +312,27 @@ pub(super) fn active(conditions: &ExactConditions, point: &ExactPoint) -> Vec<Ve
 }
 
 /// What a selection (by number in the map) holds; `None` at the cap on work.
-pub(super) fn decide(conditions: &ExactConditions, pieces: &[usize], budget: &mut u64) -> Option<Held> {
-    if *budget == 0 || elimination(conditions) > MAX_WORK {
+pub(super) fn decide(conditions: &ExactConditions, pieces: &[usize], budget: &mut Budget) -> Option<Held> {
+    if budget.is_spent() || elimination(conditions) > MAX_WORK {
         return None;
     }
     let mut table = Tableau::new(conditions);
-    let held = held(&mut table, conditions, pieces);
-    *budget = budget.saturating_sub(table.dictionary.take_work());
-    Some(held.unwrap_or(Held::Nothing))
+    let held = held(&mut table, conditions, pieces, budget.deadline);
+    budget.spend(table.dictionary.take_work());
+    match held {
+        Ok(held) => Some(held),
+        Err(Halt::Infeasible) => Some(Held::Nothing),
+        Err(Halt::Limit) => None,
+    }
 }
 
-fn held(table: &mut Tableau<'_>, conditions: &ExactConditions, pieces: &[usize]) -> Result<Held, Infeasible> {
-    let (sign, facets) = eliminate(table, conditions, pieces)?;
+fn held(
+    table: &mut Tableau<'_>,
+    conditions: &ExactConditions,
+    pieces: &[usize],
+    deadline: Deadline,
+) -> Result<Held, Halt> {
+    let (sign, facets) = eliminate(table, conditions, pieces, deadline)?;
     let dictionary = &mut table.dictionary;
     if dictionary.columns().is_empty() {
         let mut touched = Vec::new();
@@ -282,7 +341,7 @@ fn held(table: &mut Tableau<'_>, conditions: &ExactConditions, pieces: &[usize])
             if value.is_zero() {
                 touched.push(site);
             } else if value.is_positive() != (wanted > 0) {
-                return Err(Infeasible);
+                return Err(Halt::Infeasible);
             }
         }
         touched.dedup();
@@ -290,13 +349,13 @@ fn held(table: &mut Tableau<'_>, conditions: &ExactConditions, pieces: &[usize])
         return Ok(Held::Point { point, sign, touched });
     }
     if dictionary.columns().len() > 1 {
-        let flat = flat_facets(dictionary, &facets)?;
+        let flat = flat_facets(dictionary, &facets, deadline)?;
         for var in flat {
             dictionary.fix(var)?;
         }
     }
     match dictionary.columns().len() {
-        0 | 1 => segment(table, &facets),
+        0 | 1 => Ok(segment(table, &facets)?),
         dimension => Ok(Held::Continuum {
             dimension,
             ends: Vec::new(),
@@ -316,7 +375,8 @@ fn eliminate(
     table: &mut Tableau<'_>,
     conditions: &ExactConditions,
     pieces: &[usize],
-) -> Result<(i8, Vec<SignedFacet>), Infeasible> {
+    deadline: Deadline,
+) -> Result<(i8, Vec<SignedFacet>), Halt> {
     let mut equalities = Vec::new();
     let mut facets = Vec::new();
     for (site, &piece) in pieces.iter().enumerate() {
@@ -350,6 +410,9 @@ fn eliminate(
     let all = (0..conditions.common.len()).chain(equalities.iter().map(|e| e.1));
     let (mut sign, mut columns) = (1, Vec::new());
     for var in all {
+        if deadline.is_over() {
+            return Err(Halt::Limit);
+        }
         if let Some((column, pivot)) = table.dictionary.fix(var)? {
             sign *= pivot;
             columns.push((var, column - table.unknowns));
@@ -377,7 +440,11 @@ fn parity(mut order: Vec<usize>) -> i8 {
 }
 
 /// The facets that vanish at all points of the polyhedron that they bound.
-fn flat_facets(dictionary: &Dictionary, facets: &[SignedFacet]) -> Result<Vec<usize>, Infeasible> {
+fn flat_facets(
+    dictionary: &Dictionary,
+    facets: &[SignedFacet],
+    deadline: Deadline,
+) -> Result<Vec<usize>, Halt> {
     let mut feasible = dictionary.clone();
     for &(_, var, sign) in facets {
         feasible.constrain(var, sign)?;
@@ -394,6 +461,9 @@ fn flat_facets(dictionary: &Dictionary, facets: &[SignedFacet]) -> Result<Vec<us
     let (zero, one) = (Exact::default(), Exact::one());
     let mut flat = Vec::new();
     for (k, &(_, var, sign)) in facets.iter().enumerate() {
+        if deadline.is_over() {
+            return Err(Halt::Limit);
+        }
         let target = -&Exact::of(dictionary.denominator() * BigInt::from(sign), 0);
         let mut time = vec![zero.clone(); unknowns];
         time[unknowns - 1] = one.clone();

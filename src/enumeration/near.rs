@@ -6,6 +6,7 @@ use super::exhaustive::{self, ExactPoint};
 use super::proof::MAX_WORK;
 use super::solutions::stated_conditions;
 use super::stated::{Scaling, forms};
+use crate::clock::Deadline;
 use crate::exact::{Dictionary, Exact, Infeasible};
 use crate::piecewise::{ExactConditions, ExactForm, ExactPiece, ExactSite, PiecewiseSmooth};
 
@@ -107,7 +108,12 @@ impl Near {
     }
 
     /// The point at which all equalities of the given pieces hold, found exactly if asked for.
-    pub(super) fn point(&self, active: &[Vec<usize>], exactly: bool) -> Result<Option<Point>, Doubt> {
+    pub(super) fn point(
+        &self,
+        active: &[Vec<usize>],
+        exactly: bool,
+        deadline: Deadline,
+    ) -> Result<Option<Point>, Doubt> {
         let common = (0..self.conditions.common.len()).collect::<Vec<usize>>();
         let (mut rows, mut vanishing) = (common, Vec::new());
         let mut next = rows.len();
@@ -130,7 +136,7 @@ impl Near {
             next += exact.forms.len();
         }
         if exactly {
-            return self.exact_point(&rows, &vanishing).map(Some);
+            return self.exact_point(&rows, &vanishing, deadline).map(Some);
         }
         Ok(self.enclosed_point(&rows, &vanishing))
     }
@@ -241,7 +247,12 @@ impl Near {
         })
     }
 
-    fn exact_point(&self, rows: &[usize], vanishing: &[Vec<usize>]) -> Result<Point, Doubt> {
+    fn exact_point(
+        &self,
+        rows: &[usize],
+        vanishing: &[Vec<usize>],
+        deadline: Deadline,
+    ) -> Result<Point, Doubt> {
         let m = self.conditions.unknowns;
         let all: Vec<&ExactForm> = forms(&self.conditions).collect();
         let linear = |k: &usize| ExactForm {
@@ -256,7 +267,10 @@ impl Near {
         if exhaustive::elimination(&system) > MAX_WORK {
             return Err(Doubt::Limit);
         }
-        let point = exhaustive::common_point(&system).ok_or(Doubt::Coincidence)?;
+        let point = exhaustive::common_point(&system, deadline).ok_or_else(|| match deadline.is_over() {
+            true => Doubt::Limit,
+            false => Doubt::Coincidence,
+        })?;
         let bent = all.iter().any(|f| f.coefficients.len() > m);
         if bent && !point.coordinate(m - 1).0.is_zero() {
             return Err(Doubt::Rounding);

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use super::certificate::Certificates;
 use super::enclosure::Enclosure;
-use super::exhaustive::{self, ExactPoint, Held};
+use super::exhaustive::{self, Budget, ExactPoint, Held};
 use super::lists::{Completeness, Continuum, Doubt, LISTED, NAMED, Solution, SolutionSet};
 use super::near;
 use super::reduced::{reduced_directions, reduced_solutions};
@@ -19,11 +19,12 @@ use crate::piecewise::{
 
 /// Coefficients up to which conditions are stated exactly.
 pub(super) const MAX_COEFFICIENTS: usize = 1 << 21;
-/// Numbers that exact arithmetic may write for each node that the search may have, and at most: some seconds.
-const WORK_PER_NODE: u64 = 20;
+/// Numbers that exact arithmetic may write at most: some seconds.
 pub(super) const MAX_WORK: u64 = 20_000_000;
 /// Selections found beyond which each is asked whether many of them hold the same point.
 const MANY: usize = 32;
+/// How many are asked in vain before no other is.
+const ATTEMPTS: usize = 4;
 /// The margin of a point inside of its cell, as long as it is not measured.
 const INSIDE: f64 = f64::INFINITY;
 
@@ -36,14 +37,15 @@ pub(super) fn proven_solutions(
 ) -> Result<SolutionSet, EnumerationError> {
     let deadline = Deadline::after(options.max_time);
     let stated = Stated::new(conditions);
-    let mut budget = budget(options);
+    let mut budget = Budget::new(options, deadline);
     let known = map.num_residuals();
     let parameter = (map.num_vars() > known).then_some(alpha);
     let mut gathered = Gathered::new(known, parameter, conditions, &stated);
-    let mut settle = |pieces: &[usize], budget: &mut u64| gathered.settle(pieces, options, deadline, budget);
+    let mut settle =
+        |pieces: &[usize], budget: &mut Budget| gathered.settle(pieces, options, deadline, budget);
     // The unknowns may have no bounds that are stated, and others of the same problem have some.
     let reduced = (!stated.bounded && exhaustive::elimination(conditions) <= MAX_WORK)
-        .then(|| reduced_solutions(conditions))
+        .then(|| reduced_solutions(conditions, deadline))
         .flatten();
     let other = reduced.as_ref().map(Stated::new);
     let (searched, bounds) = reduced
@@ -88,11 +90,6 @@ pub(super) fn proven_solutions(
     Ok(set)
 }
 
-/// What exact arithmetic may write.
-pub(super) fn budget(options: &EnumerationOptions) -> u64 {
-    MAX_WORK.min(options.max_nodes.saturating_mul(WORK_PER_NODE))
-}
-
 /// A box of selections: the pieces of each site.
 type Pieces = Vec<Vec<usize>>;
 
@@ -124,7 +121,7 @@ impl Candidates {
         conditions: &ExactConditions,
         options: &EnumerationOptions,
         deadline: Deadline,
-        budget: &mut u64,
+        budget: &mut Budget,
     ) -> Result<Self, Doubt> {
         let stated = Stated::new(conditions);
         let found = Self::of(conditions, &stated, options, deadline, budget, &mut |_, _| None);
@@ -140,8 +137,8 @@ impl Candidates {
         stated: &Stated,
         options: &EnumerationOptions,
         deadline: Deadline,
-        budget: &mut u64,
-        settle: &mut dyn FnMut(&[usize], &mut u64) -> Option<Pieces>,
+        budget: &mut Budget,
+        settle: &mut dyn FnMut(&[usize], &mut Budget) -> Option<Pieces>,
     ) -> Self {
         let mut found = Self::default();
         let whole = vec![vec![None; conditions.sites.len()]];
@@ -189,7 +186,7 @@ impl Candidates {
         let Some(beyond) = &stated.beyond else {
             return true;
         };
-        let (none, effort) = holds_nothing(beyond, options, deadline);
+        let (none, effort) = holds_nothing(beyond, options.max_nodes.saturating_sub(self.nodes), deadline);
         self.nodes += effort.0;
         self.pivots += effort.1;
         none
@@ -197,11 +194,11 @@ impl Candidates {
 }
 
 /// Whether nothing lies beyond, and the nodes and pivots that it took to tell.
-fn holds_nothing(beyond: &Beyond, options: &EnumerationOptions, deadline: Deadline) -> (bool, (u64, u64)) {
+fn holds_nothing(beyond: &Beyond, max_nodes: u64, deadline: Deadline) -> (bool, (u64, u64)) {
     let (mut nodes, mut pivots) = (0, 0);
     let none = beyond.systems().all(|(system, radii)| {
         let certificates = Certificates::new(&system, radii.to_vec());
-        let left = options.max_nodes.saturating_sub(nodes);
+        let left = max_nodes.saturating_sub(nodes);
         let mut search = Search::new(&system, Some(&certificates), left, deadline);
         let Ok(root) = search.root(&[]) else {
             return false;
@@ -232,8 +229,8 @@ pub(super) struct Gathered<'a> {
     known: usize,
     /// Boxes of selections of which all that they hold is known.
     settled: Vec<Pieces>,
-    /// Points that are not alone in the cells that they lie in, or may not be.
-    unsettled: Vec<ExactPoint>,
+    /// Selections whose points were not proven to be alone in the cells that they lie in, since the last that was.
+    attempts: usize,
     /// Nodes and pivots of the searches that settle points.
     searched: (u64, u64),
 }
@@ -248,7 +245,7 @@ impl<'a> Gathered<'a> {
         Self {
             known,
             settled: Vec::new(),
-            unsettled: Vec::new(),
+            attempts: 0,
             searched: (0, 0),
             parameter,
             conditions,
@@ -262,7 +259,7 @@ impl<'a> Gathered<'a> {
     }
 
     /// Finds what a selection holds; `false` where exact arithmetic reached its cap.
-    fn examine(&mut self, pieces: &[usize], budget: &mut u64) -> bool {
+    fn examine(&mut self, pieces: &[usize], budget: &mut Budget) -> bool {
         if let Some(found) = self.enclosure(pieces)
             && let Some(inside) = self.inside(pieces, &found)
         {
@@ -275,7 +272,7 @@ impl<'a> Gathered<'a> {
     }
 
     /// As [`examine`](Self::examine), in exact arithmetic.
-    pub(super) fn decide(&mut self, pieces: &[usize], budget: &mut u64) -> bool {
+    pub(super) fn decide(&mut self, pieces: &[usize], budget: &mut Budget) -> bool {
         self.close = true;
         match exhaustive::decide(self.conditions, pieces, budget) {
             None => return false,
@@ -319,25 +316,26 @@ impl<'a> Gathered<'a> {
         pieces: &[usize],
         options: &EnumerationOptions,
         deadline: Deadline,
-        budget: &mut u64,
+        budget: &mut Budget,
     ) -> Option<Pieces> {
+        if self.attempts >= ATTEMPTS {
+            return None;
+        }
         let found = self.enclosure(pieces)?;
         let close = (0..pieces.len()).filter(|&site| self.side(pieces, site, &found) == Some(None));
         if (close.count() as f64).exp2() <= LISTED {
             return None;
         }
+        self.attempts += 1;
         let Some(Held::Point { point, .. }) = exhaustive::decide(self.conditions, pieces, budget) else {
             return None;
         };
         let active = exhaustive::active(self.conditions, &point);
         let count: f64 = active.iter().map(|p| p.len() as f64).product();
-        if count <= LISTED || self.unsettled.contains(&point) {
+        if count <= LISTED || !self.is_alone(&point, &active, options, deadline) {
             return None;
         }
-        if !self.is_alone(&point, &active, options, deadline) {
-            self.unsettled.push(point);
-            return None;
-        }
+        self.attempts = 0;
         self.close = true;
         self.point(pieces, point.clone(), found.sign, 0.0);
         let base = Selection::from_pieces(active.iter().map(|p| p[0]));
@@ -379,14 +377,18 @@ impl<'a> Gathered<'a> {
                 .collect(),
             bounds: Vec::new(),
         };
-        let Some(reduced) = reduced_directions(&directions) else {
+        let Some(reduced) = reduced_directions(&directions, deadline) else {
             return false;
         };
         let stated = Stated::new(&reduced);
         let Some(beyond) = stated.beyond.filter(|_| stated.bounded) else {
             return reduced.unknowns == 0;
         };
-        let (none, effort) = holds_nothing(&beyond, options, deadline);
+        let (none, effort) = holds_nothing(
+            &beyond,
+            options.max_nodes.saturating_sub(self.searched.0),
+            deadline,
+        );
         self.searched.0 += effort.0;
         self.searched.1 += effort.1;
         none

@@ -4,10 +4,10 @@ use std::collections::BTreeSet;
 
 use super::EnumerationOptions;
 use super::arms::{DirectionalArm, DirectionalArms};
-use super::exhaustive::{self, Held};
+use super::exhaustive::{self, Budget, Held};
 use super::lists::Doubt;
 use super::near::{Directions, Near};
-use super::proof::{self, Candidates, Gathered};
+use super::proof::{Candidates, Gathered};
 use super::reduced::{normalised, reduced_directions, with_constants};
 use super::stated::Stated;
 use crate::clock::Deadline;
@@ -59,7 +59,7 @@ fn at_point(
     options: &EnumerationOptions,
     deadline: Deadline,
 ) -> Result<Option<DirectionalArms>, Doubt> {
-    let Some(point) = given.point(supposed, exactly)? else {
+    let Some(point) = given.point(supposed, exactly, deadline)? else {
         return Ok(None);
     };
     if !near(&given.distance(&point)) {
@@ -125,7 +125,7 @@ impl<'p> Arms<'p> {
     }
 
     fn find(&self, options: &EnumerationOptions, deadline: Deadline) -> Result<DirectionalArms, Doubt> {
-        let mut budget = proof::budget(options);
+        let mut budget = Budget::new(options, deadline);
         let candidates = self.candidates(options, deadline, &mut budget)?;
         let each = |k: usize| Gathered::new(self.known, Some(RATES[k]), &self.conditions[k], &self.stated[k]);
         let mut found = [each(0), each(1), each(2)];
@@ -157,7 +157,7 @@ impl<'p> Arms<'p> {
         &self,
         options: &EnumerationOptions,
         deadline: Deadline,
-        budget: &mut u64,
+        budget: &mut Budget,
     ) -> Result<Candidates, Doubt> {
         let base = Selection::from_pieces(self.pieces.iter().map(|p| p[0]));
         let several = self.pieces.iter().enumerate().filter(|p| p.1.len() > 1);
@@ -171,7 +171,7 @@ impl<'p> Arms<'p> {
         if !self.stated[0].is_exact() {
             return Err(Doubt::Rounding);
         }
-        let reduced = reduced_directions(&self.conditions[0]).ok_or(Doubt::Limit)?;
+        let reduced = reduced_directions(&self.conditions[0], deadline).ok_or(Doubt::Limit)?;
         let mut found = Candidates::complete(&reduced, options, deadline, budget)?;
         let back = with_constants(&reduced, |c| -c);
         let other = Candidates::complete(&back, options, deadline, budget)?;
@@ -195,7 +195,7 @@ impl<'p> Arms<'p> {
         pieces: &[usize],
         found: &mut [Gathered<'_>; 3],
         unresolved: &mut BTreeSet<Selection>,
-        budget: &mut u64,
+        budget: &mut Budget,
     ) -> Result<(), Doubt> {
         let [ahead, back, level] = found;
         let enclosure = ahead.enclosure(pieces);

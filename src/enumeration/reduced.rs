@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 
+use crate::clock::Deadline;
 use crate::exact::{Dictionary, Exact, Infeasible, Place};
 use crate::piecewise::{ExactConditions, ExactForm, ExactPiece, ExactSite};
 
@@ -26,26 +27,33 @@ fn homogeneous(form: &ExactForm) -> Vec<Exact> {
 }
 
 /// The directional problem in few unknowns: what has no choice is eliminated, and what has one sign becomes an unknown where it can, so that
-/// the search is bounded. `None` where α̇ has no choice.
-pub(super) fn reduced_directions(conditions: &ExactConditions) -> Option<ExactConditions> {
-    reduced(conditions, implied)
+/// the search is bounded. `None` where α̇ has no choice, or time is over.
+pub(super) fn reduced_directions(
+    conditions: &ExactConditions,
+    deadline: Deadline,
+) -> Option<ExactConditions> {
+    reduced(conditions, implied, deadline)
 }
 
-/// The same for the solutions at a parameter. `None` where the common conditions contradict each other.
-pub(super) fn reduced_solutions(conditions: &ExactConditions) -> Option<ExactConditions> {
-    reduced(conditions, |site| site.implied.clone())
+/// The same for the solutions at a parameter. `None` where the common conditions contradict each other, or time is over.
+pub(super) fn reduced_solutions(conditions: &ExactConditions, deadline: Deadline) -> Option<ExactConditions> {
+    reduced(conditions, |site| site.implied.clone(), deadline)
 }
 
 /// With the constants as coefficients of one more unknown, which stays.
 fn reduced(
     conditions: &ExactConditions,
     implied: impl Fn(&ExactSite) -> Vec<(usize, i8)>,
+    deadline: Deadline,
 ) -> Option<ExactConditions> {
     let (n, zero) = (conditions.unknowns, Exact::default());
     let rows: Vec<Vec<Exact>> = super::stated::forms(conditions).map(homogeneous).collect();
     let mut table = Dictionary::new(n + 1, rows.iter().map(|r| (&zero, r.as_slice())));
     let rate = rows.len() + n;
     let fix = |table: &mut Dictionary, var: usize| -> Option<()> {
+        if deadline.is_over() {
+            return None;
+        }
         table.fix_among(var, |column| column != rate).ok()?;
         (table.place(var) == Place::Gone).then_some(())
     };
@@ -69,6 +77,9 @@ fn reduced(
     // Forms of few unknowns first.
     signed.sort_unstable();
     for (_, var) in signed {
+        if deadline.is_over() {
+            return None;
+        }
         table.enter(var, |column| column >= rows.len() && column != rate);
     }
     let Place::Column(rate) = table.place(rate) else {
