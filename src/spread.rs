@@ -5,6 +5,16 @@ pub(crate) fn golden(k: usize) -> f64 {
     (k as f64 * 0.618_033_988_749_895).fract()
 }
 
+/// Number k of two sequences in (−½, ½) that have no pattern in common: fractional parts of multiples of 1/φ and of √2, less ½.
+pub(crate) fn centred(k: usize, second: bool) -> f64 {
+    let step = if second {
+        std::f64::consts::SQRT_2
+    } else {
+        0.618_033_988_749_895
+    };
+    (step * k as f64).fract() - 0.5
+}
+
 /// A sequence of random numbers that is the same every time: xorshift64* (Vigna 2016).
 pub(crate) struct Random(u64);
 

@@ -1,6 +1,7 @@
 use crate::linear::{Bordered, DENSE_LIMIT, LinearSolver, RowInverse};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, check_length, check_selection};
 use crate::sparse::{Matrix, dot, norm};
+use crate::spread::centred;
 
 /// The Moore–Penrose corrector of curves H(x) = 0 (n equations, n + 1 variables), with its workspaces.
 ///
@@ -366,13 +367,9 @@ impl<L: LinearSolver> MoorePenrose<L> {
             *e = r.abs() + f64::EPSILON * *e;
         }
         let mut moves = [vec![0.0; x.len()], vec![0.0; x.len()]];
-        // Multiples of an irrational number spread evenly: no row is favoured.
-        for (step, moved) in [0.618_033_988_749_894_9, 0.414_213_562_373_095_1]
-            .into_iter()
-            .zip(&mut moves)
-        {
+        for (second, moved) in [false, true].into_iter().zip(&mut moves) {
             for (i, (r, e)) in self.r.iter_mut().zip(&errors).enumerate() {
-                *r = e.copysign((step * (i + 1) as f64).fract() - 0.5);
+                *r = e.copysign(centred(i + 1, second));
             }
             match &self.inverse {
                 Some((_, inverse)) if self.inverse_at_hand => inverse.correct(&self.r, moved),

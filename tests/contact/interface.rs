@@ -1,6 +1,7 @@
 //! Operators with a law on few of their quantities: full form, condensed form and the contact module's own forms are one problem.
 
-use crate::support::{Rng, laplacian};
+use crate::random::Random;
+use crate::support::laplacian;
 use semismooth::contact::{CondensedContact, FrictionCoefficient, FullContact, PlanarCoulomb};
 use semismooth::continuation::{Branch, ContinuationOptions, Direction};
 use semismooth::enumeration::{EnumerationOptions, all_solutions};
@@ -108,27 +109,30 @@ struct Parts {
 
 /// A membrane-like operator of order m², p contact nodes with traces of two or three unknowns each.
 fn parts(m: usize, p: usize, seed: u64) -> Parts {
-    let mut rng = Rng(seed);
+    let mut rng = Random::new(seed);
     let a = laplacian(m, false);
     let n = a.nrows();
     let (mut normal, mut tangential) = (Vec::new(), Vec::new());
     for i in 0..p {
         let k = i * (n / p);
-        normal.extend([(i, k, 1.0), (i, k + 2, 0.25 * rng.next())]);
-        tangential.extend([(i, k + 1, 1.0), (i, k, 0.3), (i, k + 2, 0.5 * rng.next())]);
+        normal.extend([(i, k, 1.0), (i, k + 2, 0.25 * rng.symmetric())]);
+        tangential.extend([(i, k + 1, 1.0), (i, k, 0.3), (i, k + 2, 0.5 * rng.symmetric())]);
     }
     let both: Vec<_> = normal
         .iter()
         .copied()
         .chain(tangential.iter().map(|&(i, j, v)| (p + i, j, v)))
         .collect();
-    let load = [rng.vec(n), rng.vec(n).iter().map(|v| 4.0 * v).collect()];
+    let load = [
+        rng.vector(n, 1.0),
+        rng.vector(n, 1.0).iter().map(|v| 4.0 * v).collect(),
+    ];
     Parts {
         bnu: Matrix::from_triplets(p, n, &normal).unwrap(),
         bt: Matrix::from_triplets(p, n, &tangential).unwrap(),
         b: Matrix::from_triplets(2 * p, n, &both).unwrap(),
         load,
-        friction: (0..p).map(|_| 0.6 + 0.5 * rng.next()).collect(),
+        friction: (0..p).map(|_| 0.6 + 0.5 * rng.symmetric()).collect(),
         a,
     }
 }
@@ -323,14 +327,14 @@ fn maps_keep_the_contract() {
     let parts = parts(3, 2, 3);
     let full = parts.interface();
     let condensed = parts.interface().condensed().unwrap();
-    let mut rng = Rng(4);
+    let mut rng = Random::new(4);
     let points: Vec<Vec<f64>> = (0..12)
-        .map(|_| rng.vec(5).iter().map(|v| 2.0 * v).collect())
+        .map(|_| rng.vector(5, 1.0).iter().map(|v| 2.0 * v).collect())
         .collect();
     let report = check(&condensed, &points, &CheckOptions::default()).unwrap();
     assert!(report.boundaries > 0);
     let points: Vec<Vec<f64>> = (0..12)
-        .map(|_| rng.vec(14).iter().map(|v| 2.0 * v).collect())
+        .map(|_| rng.vector(14, 1.0).iter().map(|v| 2.0 * v).collect())
         .collect();
     check(&full, &points, &CheckOptions::default()).unwrap();
     let sample = &points[0];
@@ -372,7 +376,7 @@ fn many_threads_on_one_problem() {
     let problem = parts(9, 3, 5).interface();
     let condensed = problem.condensed().unwrap();
     fn image<P: PiecewiseSmooth>(map: &P, seed: u64) -> (Vec<f64>, Vec<f64>, Vec<f64>) {
-        let x = Rng(seed).vec(map.num_vars());
+        let x = Random::new(seed).vector(map.num_vars(), 1.0);
         let selection = select(map, &x);
         let mut r = vec![0.0; map.num_residuals()];
         map.residual(&selection, &x, &mut r);

@@ -2,6 +2,8 @@
 
 #[path = "../dense/mod.rs"]
 mod dense;
+#[path = "../common/random.rs"]
+mod random;
 #[path = "../../examples/common/squares.rs"]
 mod squares;
 #[allow(dead_code)]

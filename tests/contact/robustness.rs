@@ -7,7 +7,8 @@ use std::collections::BTreeSet;
 use std::ops::ControlFlow;
 use std::time::Duration;
 
-use bodies::{Body, Random, curve};
+use crate::random::Random;
+use bodies::{Body, curve};
 use proptest::prelude::*;
 use semismooth::contact::{
     CondensedContact, ContactBody, ContactError, ContactOptions, ContactProgress, ContactReport,

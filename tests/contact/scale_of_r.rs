@@ -1,6 +1,7 @@
 //! A prescribed augmentation parameter serves Newton's method and what is printed: nothing that is followed, classified or listed
 //! depends on it.
 
+use crate::random::Random;
 use semismooth::contact::{
     CondensedContact, Contact, ContactError, FrictionCoefficient, FullContact, LoadPath, PlanarCoulomb,
 };
@@ -10,20 +11,12 @@ use semismooth::interface::View;
 use semismooth::piecewise::PiecewiseSmooth;
 use semismooth::sparse::Matrix;
 
-/// A random number in [−1, 1) that is the same every time.
-fn random(state: &mut u64) -> f64 {
-    *state ^= *state >> 12;
-    *state ^= *state << 25;
-    *state ^= *state >> 27;
-    (state.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
-}
-
 /// A definite body of stiffness `unit` with two contact nodes.
 fn problem(seed: u64, unit: f64) -> FullContact<PlanarCoulomb> {
-    let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
+    let mut random = Random::new(seed);
     let n = 5;
     let factor: Vec<Vec<f64>> = (0..n)
-        .map(|_| (0..n).map(|_| random(&mut state)).collect())
+        .map(|_| (0..n).map(|_| random.symmetric()).collect())
         .collect();
     let entry = |i: usize, j: usize| {
         let product: f64 = (0..n).map(|k| factor[i][k] * factor[j][k]).sum();
@@ -33,9 +26,9 @@ fn problem(seed: u64, unit: f64) -> FullContact<PlanarCoulomb> {
         .map(|i| (0..n).map(|j| entry(i.min(j), i.max(j))).collect())
         .collect();
     let pick = |k: usize| -> Vec<f64> { (0..n).map(|j| if j == k { 1.0 } else { 0.0 }).collect() };
-    let mut forces = || -> Vec<f64> { (0..n).map(|_| 2.0 * unit * random(&mut state)).collect() };
+    let mut forces = || -> Vec<f64> { (0..n).map(|_| 2.0 * unit * random.symmetric()).collect() };
     let load = LoadPath::affine(forces(), forces());
-    let friction = 0.3 + 0.7 * random(&mut state).abs();
+    let friction = 0.3 + 0.7 * random.symmetric().abs();
     FullContact::planar(
         Matrix::from_rows(&rows).unwrap(),
         Matrix::from_rows(&[pick(0), pick(2)]).unwrap(),

@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 
+use crate::random::Random;
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, Termination};
 use semismooth::piecewise::{Facet, PiecewiseSmooth, Selection};
 use semismooth::sparse::Matrix;
@@ -89,34 +90,6 @@ impl PiecewiseSmooth for Kinked {
                 jac.add(i, j, v);
             }
         }
-    }
-}
-
-/// xorshift64*.
-struct Random(u64);
-
-impl Random {
-    fn new(seed: u64) -> Self {
-        let mut random = Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1);
-        for _ in 0..4 {
-            random.unit();
-        }
-        random
-    }
-    fn unit(&mut self) -> f64 {
-        self.0 ^= self.0 >> 12;
-        self.0 ^= self.0 << 25;
-        self.0 ^= self.0 >> 27;
-        (self.0.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 11) as f64 / (1_u64 << 53) as f64
-    }
-    fn symmetric(&mut self) -> f64 {
-        2.0 * self.unit() - 1.0
-    }
-    fn below(&mut self, n: usize) -> usize {
-        (self.unit() * n as f64) as usize
-    }
-    fn vector(&mut self, n: usize, size: f64) -> Vec<f64> {
-        (0..n).map(|_| size * self.symmetric()).collect()
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::common;
 use crate::common::{cases, numbers};
-use crate::support::Rng;
+use crate::random::Random;
 use proptest::prelude::*;
 use semismooth::complementarity::Lcp;
 use semismooth::contact::{
@@ -96,9 +96,9 @@ fn lists_of_the_seed_are_complete() {
     }
 }
 
-fn friction(p: usize, extra: usize, rng: &mut Rng) -> FullContact<PlanarCoulomb> {
+fn friction(p: usize, extra: usize, rng: &mut Random) -> FullContact<PlanarCoulomb> {
     let n = 2 * p + extra;
-    let g = rng.vec(n * n);
+    let g = rng.vector(n * n, 1.0);
     let mut a = vec![vec![0.0; n]; n];
     for i in 0..n {
         for j in 0..n {
@@ -110,8 +110,8 @@ fn friction(p: usize, extra: usize, rng: &mut Rng) -> FullContact<PlanarCoulomb>
         let row = |i: usize| -> Vec<f64> { (0..n).map(|j| f64::from(j == 2 * i + offset)).collect() };
         Matrix::from_rows(&(0..p).map(row).collect::<Vec<_>>()).unwrap()
     };
-    let load: Vec<f64> = rng.vec(n).into_iter().map(|v| 3.0 * v).collect();
-    let friction = rng.vec(p).into_iter().map(|v| 1.5 * (1.0 + v)).collect();
+    let load: Vec<f64> = rng.vector(n, 1.0).into_iter().map(|v| 3.0 * v).collect();
+    let friction = rng.vector(p, 1.0).into_iter().map(|v| 1.5 * (1.0 + v)).collect();
     FullContact::planar(
         Matrix::from_rows(&a).unwrap(),
         pick(0),
@@ -177,7 +177,7 @@ proptest! {
 
     #[test]
     fn friction_against_brute_force(p in 1usize..=4, extra in 0usize..3, seed in 1u64..u64::MAX) {
-        let problem = friction(p, extra, &mut Rng(seed));
+        let problem = friction(p, extra, &mut Random::new(seed));
         let condensed = problem.condensed().unwrap();
         let brute = brute_force(&condensed);
         let options = EnumerationOptions::default();
@@ -191,8 +191,8 @@ proptest! {
 
     #[test]
     fn complementarity_against_brute_force(n in 1usize..=7, seed in 1u64..u64::MAX) {
-        let mut rng = Rng(seed);
-        let (m, q) = (rng.vec(n * n), rng.vec(n));
+        let mut rng = Random::new(seed);
+        let (m, q) = (rng.vector(n * n, 1.0), rng.vector(n, 1.0));
         let map = MinMap::new(n, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
             a.copy_from_slice(x);
             for i in 0..n {
@@ -252,7 +252,7 @@ fn five_solutions_with_two_nodes() {
 fn many_nodes() {
     let options = EnumerationOptions::default();
     for seed in [3, 11, 19] {
-        let map = friction(8, 2, &mut Rng(seed)).condensed().unwrap();
+        let map = friction(8, 2, &mut Random::new(seed)).condensed().unwrap();
         let set = all_solutions(&map, 0.0, &options).unwrap();
         assert_eq!(set.completeness, Completeness::Complete);
         assert_eq!(set.index_sum, Some(1));
@@ -263,7 +263,7 @@ fn many_nodes() {
             set.pivots
         );
     }
-    let map = friction(12, 0, &mut Rng(5)).condensed().unwrap();
+    let map = friction(12, 0, &mut Random::new(5)).condensed().unwrap();
     let set = all_solutions(&map, 0.0, &options).unwrap();
     println!(
         "p = 12: {} solutions, {} nodes, {:?}",
@@ -276,7 +276,7 @@ fn many_nodes() {
 
 #[test]
 fn a_cap_is_said() {
-    let map = friction(8, 0, &mut Rng(3)).condensed().unwrap();
+    let map = friction(8, 0, &mut Random::new(3)).condensed().unwrap();
     let set = all_solutions(&map, 0.0, &EnumerationOptions::default().with_max_nodes(6)).unwrap();
     let Completeness::Incomplete { examined, total } = set.completeness else {
         panic!("{:?}", set.completeness);

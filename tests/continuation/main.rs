@@ -2,6 +2,8 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+#[path = "../common/random.rs"]
+mod random;
 #[path = "../../examples/common/squares.rs"]
 mod squares;
 #[allow(dead_code)]

@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use crate::support::Rng;
+use crate::random::Random;
 use semismooth::contact::{CondensedContact, FrictionCoefficient, FullContact, LoadPath, PlanarCoulomb};
 use semismooth::continuation::{
     ContinuationError, FoundBy, FoundSolutions, SearchOptions, search_solutions, search_solutions_observed,
@@ -17,12 +17,12 @@ const NONE: [[f64; 1]; 0] = [];
 /// (three solutions each where there is no coupling), the others one that sticks.
 fn nodes(p: usize, multiple: usize, coupling: f64, seed: u64) -> CondensedContact<PlanarCoulomb> {
     let n = 2 * p;
-    let mut rng = Rng(seed);
+    let mut rng = Random::new(seed);
     let mut rows = vec![vec![0.0; n]; n];
     for i in 0..n {
         for j in 0..i {
             let block = if i / 2 == j / 2 { -1.0 } else { 0.0 };
-            rows[i][j] = block + coupling * rng.next() / p as f64;
+            rows[i][j] = block + coupling * rng.symmetric() / p as f64;
             rows[j][i] = rows[i][j];
         }
         rows[i][i] = 2.0;
@@ -32,7 +32,7 @@ fn nodes(p: usize, multiple: usize, coupling: f64, seed: u64) -> CondensedContac
         Matrix::from_triplets(p, n, &entries).unwrap()
     };
     let load = (0..p).flat_map(|i| if i < multiple { [1.5, -4.0] } else { [2.0, 1.0] });
-    let slope: Vec<f64> = rng.vec(n).iter().map(|v| 0.3 * v).collect();
+    let slope: Vec<f64> = rng.vector(n, 1.0).iter().map(|v| 0.3 * v).collect();
     let load = LoadPath::affine(load.collect::<Vec<_>>(), slope);
     let friction = FrictionCoefficient::nodal(vec![4.0; p]).unwrap();
     let problem = FullContact::planar(

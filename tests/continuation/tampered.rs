@@ -3,21 +3,10 @@
 
 use super::maps::PlaneMap;
 use crate::common;
+use crate::random::Random;
 use semismooth::continuation::{Continuation, ContinuationError, ContinuationOptions, Direction, SavedRun};
 use semismooth::piecewise::{Facet, MinMap, PiecewiseSmooth, value};
 use serde_json::{Value, json};
-
-/// Xorshift.
-struct Random(u64);
-
-impl Random {
-    fn below(&mut self, n: usize) -> usize {
-        self.0 ^= self.0 << 13;
-        self.0 ^= self.0 >> 7;
-        self.0 ^= self.0 << 17;
-        (self.0 >> 33) as usize % n
-    }
-}
 
 /// The places of all values but the events not yet given out, which are records, and the options, which are the user's.
 fn places(v: &Value, path: &str, out: &mut Vec<String>) {
@@ -80,7 +69,7 @@ fn altered(v: &Value, random: &mut Random) -> Value {
 fn alter<P: PiecewiseSmooth>(map: &P, x: &[f64], direction: Direction, count: usize) -> [usize; 3] {
     const FOLLOWED: usize = 25;
     let options = ContinuationOptions::default().with_parameter_range((-20.0, 20.0));
-    let mut random = Random(0x2545_F491_4F6C_DD1D);
+    let mut random = Random::new(1);
     let mut states = Vec::new();
     for taken in 0..12 {
         let mut run = Continuation::new(map, x, direction.clone(), options.clone()).unwrap();

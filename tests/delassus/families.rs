@@ -2,34 +2,9 @@
 //! contact unknowns than degrees of freedom.
 #![allow(dead_code)]
 
+use super::random::Random;
 use semismooth::contact::DelassusProblem;
 use semismooth::sparse::Matrix;
-
-/// A deterministic stream of numbers (splitmix64).
-pub struct Stream(pub u64);
-
-impl Stream {
-    pub fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    /// Uniform in [a, b).
-    pub fn uniform(&mut self, a: f64, b: f64) -> f64 {
-        a + (b - a) * (self.next() >> 11) as f64 / (1u64 << 53) as f64
-    }
-
-    pub fn below(&mut self, n: usize) -> usize {
-        (self.next() % n as u64) as usize
-    }
-
-    pub fn vector(&mut self, n: usize, bound: f64) -> Vec<f64> {
-        (0..n).map(|_| self.uniform(-bound, bound)).collect()
-    }
-}
 
 pub type V3 = [f64; 3];
 
@@ -95,7 +70,7 @@ pub fn assemble_turning(
     mu: f64,
     angle: f64,
 ) -> DelassusProblem {
-    let mut turns = Stream(17);
+    let mut turns = Random::new(17);
     let mut by_body: Vec<Vec<(usize, [[f64; 6]; 3])>> = vec![Vec::new(); bodies.len()];
     for (k, t) in touches.iter().enumerate() {
         let n = unit(t.normal);
@@ -128,7 +103,7 @@ pub fn assemble_turning(
         });
         let v: [f64; 6] = std::array::from_fn(|k| if k < 3 { body.velocity[k] } else { body.spin[k - 3] });
         // (1 + [a]×)⁻¹ = (1 + a aᵀ − [a]×) / (1 + a·a), between the roots of the inertia.
-        let a: V3 = std::array::from_fn(|_| angle * turns.uniform(-1.0, 1.0));
+        let a: V3 = std::array::from_fn(|_| angle * turns.between(-1.0, 1.0));
         let turn: [V3; 3] = std::array::from_fn(|i| {
             let unit: V3 = std::array::from_fn(|k| f64::from(i == k));
             let across = cross(a, unit);
@@ -187,7 +162,7 @@ pub fn turning_wall(
     angle: f64,
     seed: u64,
 ) -> DelassusProblem {
-    let mut s = Stream(seed);
+    let mut s = Random::new(seed);
     let (lx, ly, lz) = (2.0, 1.0, 0.7);
     let mut bodies: Vec<Body> = Vec::new();
     let mut touches = Vec::new();
@@ -198,8 +173,8 @@ pub fn turning_wall(
         for k in 0..length {
             let x = shift + lx * k as f64;
             let z = lz * (c as f64 + 0.5);
-            let velocity = [push * s.uniform(0.5, 1.5), push * s.uniform(-0.2, 0.2), -9.81e-3];
-            bodies.push(brick([x, 0.0, z], [lx, ly, lz], s.uniform(0.8, 1.2), velocity));
+            let velocity = [push * s.between(0.5, 1.5), push * s.between(-0.2, 0.2), -9.81e-3];
+            bodies.push(brick([x, 0.0, z], [lx, ly, lz], s.between(0.8, 1.2), velocity));
             let over = bodies.len() - 1;
             here.push(over);
             let mut face = |under: Option<usize>, x0: f64, x1: f64| {
@@ -250,7 +225,7 @@ pub fn turning_wall(
 /// Rods in a heap: layer on layer crosswise at random angles, each with two or three contacts on those below and, side by side,
 /// two redundant contacts along the common generator; thrown with spin.
 pub fn rods(layers: usize, breadth: usize, mu: f64, shake: f64, angle: f64, seed: u64) -> DelassusProblem {
-    let mut s = Stream(seed);
+    let mut s = Random::new(seed);
     let (radius, half) = (0.5, 0.5 * breadth as f64);
     let mut bodies: Vec<Body> = Vec::new();
     let mut touches = Vec::new();
@@ -260,7 +235,7 @@ pub fn rods(layers: usize, breadth: usize, mu: f64, shake: f64, angle: f64, seed
             let side = 2.0 * radius * (k as f64 - 0.5 * (breadth as f64 - 1.0));
             let turned = c % 2 == 1;
             let centre = if turned { [side, 0.0, z] } else { [0.0, side, z] };
-            let mass = s.uniform(0.3, 3.0);
+            let mass = s.between(0.3, 3.0);
             let (long, round) = (mass * half * half / 3.0, 0.5 * mass * radius * radius);
             bodies.push(Body {
                 centre,
@@ -270,13 +245,13 @@ pub fn rods(layers: usize, breadth: usize, mu: f64, shake: f64, angle: f64, seed
                 } else {
                     [round, long, long]
                 },
-                velocity: [shake * s.uniform(-1.0, 1.0), shake * s.uniform(-1.0, 1.0), -0.01],
+                velocity: [shake * s.between(-1.0, 1.0), shake * s.between(-1.0, 1.0), -0.01],
                 spin: s.vector(3, shake).try_into().unwrap(),
             });
             let over = bodies.len() - 1;
             let along: V3 = if turned { [0.0, 1.0, 0.0] } else { [1.0, 0.0, 0.0] };
-            let tilt = |s: &mut Stream, n: V3| {
-                unit([n[0] + s.uniform(-0.1, 0.1), n[1] + s.uniform(-0.1, 0.1), n[2]])
+            let tilt = |s: &mut Random, n: V3| {
+                unit([n[0] + s.between(-0.1, 0.1), n[1] + s.between(-0.1, 0.1), n[2]])
             };
             if c == 0 {
                 for end in [-half, 0.0, half] {
@@ -290,7 +265,7 @@ pub fn rods(layers: usize, breadth: usize, mu: f64, shake: f64, angle: f64, seed
                 }
             } else {
                 for under in breadth * (c - 1)..breadth * c {
-                    if s.uniform(0.0, 1.0) < 0.3 {
+                    if s.between(0.0, 1.0) < 0.3 {
                         continue;
                     }
                     let other = bodies[under].centre;
@@ -327,21 +302,21 @@ pub fn rods(layers: usize, breadth: usize, mu: f64, shake: f64, angle: f64, seed
 
 /// A tower of planks laid crosswise, three a storey, with four contacts for each crossing.
 pub fn tower(storeys: usize, mu: f64, lean: f64, seed: u64) -> DelassusProblem {
-    let mut s = Stream(seed);
+    let mut s = Random::new(seed);
     let size = [3.0, 1.0, 0.5];
     let mut bodies: Vec<Body> = Vec::new();
     let mut touches = Vec::new();
     for c in 0..storeys {
         let z = size[2] * (c as f64 + 0.5);
         for k in 0..3 {
-            let off = k as f64 - 1.0 + s.uniform(-0.05, 0.05);
+            let off = k as f64 - 1.0 + s.between(-0.05, 0.05);
             let turned = c % 2 == 1;
             let (centre, dims) = if turned {
                 ([off, 0.0, z], [0.9, 3.0, 0.5])
             } else {
                 ([0.0, off, z], [3.0, 0.9, 0.5])
             };
-            let velocity = [lean * s.uniform(-1.0, 1.0), lean * s.uniform(-1.0, 1.0), -0.01];
+            let velocity = [lean * s.between(-1.0, 1.0), lean * s.between(-1.0, 1.0), -0.01];
             bodies.push(brick(centre, dims, 1.0, velocity));
             let over = bodies.len() - 1;
             let unders: Vec<Option<usize>> = if c == 0 {
@@ -378,7 +353,7 @@ pub fn tower(storeys: usize, mu: f64, lean: f64, seed: u64) -> DelassusProblem {
 
 /// A packing of spheres on a jittered lattice in a box: near neighbours and walls touch.
 pub fn packing(side: [usize; 3], mu: f64, shake: f64, ratio: f64, seed: u64) -> DelassusProblem {
-    let mut s = Stream(seed);
+    let mut s = Random::new(seed);
     let mut bodies = Vec::new();
     let at = |i: usize, j: usize, k: usize| (k * side[1] + j) * side[0] + i;
     for k in 0..side[2] {
@@ -386,17 +361,17 @@ pub fn packing(side: [usize; 3], mu: f64, shake: f64, ratio: f64, seed: u64) -> 
             for i in 0..side[0] {
                 let jitter = 0.15;
                 let centre = [
-                    i as f64 + s.uniform(-jitter, jitter),
-                    j as f64 + s.uniform(-jitter, jitter),
-                    k as f64 + s.uniform(-jitter, jitter),
+                    i as f64 + s.between(-jitter, jitter),
+                    j as f64 + s.between(-jitter, jitter),
+                    k as f64 + s.between(-jitter, jitter),
                 ];
-                let mass = ratio.powf(s.uniform(0.0, 1.0));
+                let mass = ratio.powf(s.between(0.0, 1.0));
                 bodies.push(Body {
                     centre,
                     mass,
                     inertia: [0.4 * mass * 0.25; 3],
-                    velocity: [shake * s.uniform(-1.0, 1.0), shake * s.uniform(-1.0, 1.0), -0.01],
-                    spin: [shake * s.uniform(-1.0, 1.0); 3],
+                    velocity: [shake * s.between(-1.0, 1.0), shake * s.between(-1.0, 1.0), -0.01],
+                    spin: [shake * s.between(-1.0, 1.0); 3],
                 });
             }
         }
@@ -449,23 +424,23 @@ pub fn packing(side: [usize; 3], mu: f64, shake: f64, ratio: f64, seed: u64) -> 
 
 /// Discs in a heap of the plane, hexagonal with jitter.
 pub fn discs(rows: usize, columns: usize, mu: f64, shake: f64, seed: u64) -> DelassusProblem {
-    let mut s = Stream(seed);
+    let mut s = Random::new(seed);
     let mut bodies = Vec::new();
     for k in 0..rows {
         for i in 0..columns {
             let jitter = 0.05;
             let x = i as f64 + if k % 2 == 1 { 0.5 } else { 0.0 };
-            let mass = s.uniform(0.5, 2.0);
+            let mass = s.between(0.5, 2.0);
             bodies.push(Body {
                 centre: [
-                    x + s.uniform(-jitter, jitter),
-                    0.87 * k as f64 + s.uniform(-jitter, jitter),
+                    x + s.between(-jitter, jitter),
+                    0.87 * k as f64 + s.between(-jitter, jitter),
                     0.0,
                 ],
                 mass,
                 inertia: [0.125 * mass; 3],
-                velocity: [shake * s.uniform(-1.0, 1.0), -0.01, 0.0],
-                spin: [0.0, 0.0, shake * s.uniform(-1.0, 1.0)],
+                velocity: [shake * s.between(-1.0, 1.0), -0.01, 0.0],
+                spin: [0.0, 0.0, shake * s.between(-1.0, 1.0)],
             });
         }
     }
@@ -570,7 +545,7 @@ pub fn random(
     skew: f64,
     seed: u64,
 ) -> DelassusProblem {
-    let mut s = Stream(seed);
+    let mut s = Random::new(seed);
     let n = dimension * contacts;
     let h: Vec<Vec<f64>> = (0..n).map(|_| s.vector(freedom, 1.0)).collect();
     let v = s.vector(freedom, 1.0);
@@ -579,7 +554,7 @@ pub fn random(
             (0..n)
                 .map(|j| {
                     let m: f64 = h[i].iter().zip(&h[j]).map(|(a, b)| a * b).sum();
-                    m * (1.0 + skew * s.uniform(-1.0, 1.0))
+                    m * (1.0 + skew * s.between(-1.0, 1.0))
                 })
                 .collect()
         })
@@ -590,17 +565,17 @@ pub fn random(
             if in_range {
                 free
             } else {
-                free + s.uniform(-0.5, 0.5)
+                free + s.between(-0.5, 0.5)
             }
         })
         .collect();
-    let friction = (0..contacts).map(|_| mu * s.uniform(0.2, 1.0)).collect();
+    let friction = (0..contacts).map(|_| mu * s.between(0.2, 1.0)).collect();
     DelassusProblem::new(dimension, Matrix::from_rows(&rows).unwrap(), q, friction).unwrap()
 }
 
 /// Points of an elastic half-space: M dense, definite, of fast decaying spectrum.
 pub fn half_space(side: usize, mu: f64, seed: u64) -> DelassusProblem {
-    let mut s = Stream(seed);
+    let mut s = Random::new(seed);
     let nc = side * side;
     let n = 3 * nc;
     let at = |i: usize| [(i % side) as f64, (i / side) as f64];
@@ -623,9 +598,9 @@ pub fn half_space(side: usize, mu: f64, seed: u64) -> DelassusProblem {
     let q = (0..n)
         .map(|i| {
             if i % 3 == 0 {
-                -1.0 + s.uniform(0.0, 1.2)
+                -1.0 + s.between(0.0, 1.2)
             } else {
-                s.uniform(-0.5, 0.5)
+                s.between(-0.5, 0.5)
             }
         })
         .collect();

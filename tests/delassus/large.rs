@@ -3,7 +3,7 @@
 use semismooth::contact::{DelassusPhase, DelassusProblem, DelassusStatus};
 use semismooth::sparse::Matrix;
 
-use super::families::Stream;
+use super::random::Random;
 use super::{oracle, solve};
 
 /// How blocks of neighbours on a grid relate: (forward, backward) parts of the coupling.
@@ -28,7 +28,7 @@ fn grid(
     shift: f64,
     seed: u64,
 ) -> (DelassusProblem, Vec<f64>) {
-    let mut s = Stream(seed);
+    let mut s = Random::new(seed);
     let nc = m * k;
     // One contact against the other: normal and tangents are coupled.
     let block = |a: usize, c: usize| match (a, c) {
@@ -66,16 +66,16 @@ fn grid(
     let matrix = Matrix::from_triplets(d * nc, d * nc, &t).unwrap();
     let (mut r, mut u, mut friction) = (Vec::new(), Vec::new(), Vec::new());
     for _ in 0..nc {
-        let angle = s.uniform(0.0, 6.3);
+        let angle = s.between(0.0, 6.3);
         let along = match d {
             2 => [angle.cos().signum(), 0.0],
             _ => [angle.cos(), angle.sin()],
         };
-        let (normal, slip) = (s.uniform(0.5, 1.0), s.uniform(0.5, 1.0));
+        let (normal, slip) = (s.between(0.5, 1.0), s.between(0.5, 1.0));
         let mu = if s.below(4) == 0 {
             0.0
         } else {
-            s.uniform(0.05, 0.15)
+            s.between(0.05, 0.15)
         };
         let (rn, rt, un, ut) = match s.below(3) {
             0 => (0.0, 0.0, normal, slip),

@@ -1,6 +1,7 @@
 //! The contract of the solver seam: determinants, reuse, misuse; Cholesky and kernels.
 
-use crate::support::{Rng, check_solves, dense, factored, general_solvers, laplacian, sparse};
+use crate::random::Random;
+use crate::support::{check_solves, dense, factored, general_solvers, laplacian, sparse};
 use semismooth::linear::{
     AutoSolver, Cholesky, DENSE_LIMIT, DenseLu, LinearError, LinearSolver, SparseLu, null_space,
 };
@@ -30,7 +31,7 @@ fn rows_of(a: &Matrix) -> Vec<Vec<f64>> {
 
 #[test]
 fn determinants_match_cofactors() {
-    let mut rng = Rng(17);
+    let mut rng = Random::new(17);
     for n in 1..=5 {
         for round in 0..20 {
             let a = match round % 2 {
@@ -70,7 +71,7 @@ fn determinants_match_cofactors() {
 
 #[test]
 fn cholesky_solves_and_refuses() {
-    let mut rng = Rng(29);
+    let mut rng = Random::new(29);
     for m in [1, 3, 8, 40] {
         let a = laplacian(m, false);
         let mut solver = factored(Cholesky::new(), &a).unwrap();
@@ -116,7 +117,7 @@ fn cholesky_solves_and_refuses() {
 
 #[test]
 fn refactoring_reuses_the_analysis() {
-    let mut rng = Rng(31);
+    let mut rng = Random::new(31);
     let a = laplacian(30, false);
     for mut solver in [
         Box::new(SparseLu::new()) as Box<dyn LinearSolver>,
@@ -239,7 +240,7 @@ fn bad_input_is_an_error() {
 
 #[test]
 fn kernels_of_any_shape() {
-    let mut rng = Rng(41);
+    let mut rng = Random::new(41);
     for (m, n, rank) in [
         (3, 3, 2),
         (4, 5, 4),
@@ -249,7 +250,7 @@ fn kernels_of_any_shape() {
         (3, 4, 0),
         (6, 6, 6),
     ] {
-        let (p, q) = (rng.vec(m * rank), rng.vec(rank * n));
+        let (p, q) = (rng.vector(m * rank, 1.0), rng.vector(rank * n, 1.0));
         let mut a = Matrix::zeros(Pattern::full(m, n));
         for i in 0..m {
             for j in 0..n {

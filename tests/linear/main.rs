@@ -1,5 +1,7 @@
 //! Linear algebra: solvers, their contract, bordered systems, sparse matrices and their files.
 
+#[path = "../common/random.rs"]
+mod random;
 #[allow(dead_code)]
 #[path = "../support/mod.rs"]
 mod support;

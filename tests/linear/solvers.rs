@@ -1,13 +1,14 @@
 //! General solvers: every answer is checked by reconstruction, every dead end by its error.
 
-use crate::support::{Rng, check_solves, dense, factored, general_solvers, laplacian, residual, sparse};
+use crate::random::Random;
+use crate::support::{check_solves, dense, factored, general_solvers, laplacian, residual, sparse};
 use proptest::prelude::*;
 use semismooth::linear::{Cholesky, DenseLu, LinearError, LinearSolver, SparseLu};
 use semismooth::sparse::{Matrix, Pattern};
 
 #[test]
 fn all_solvers_reconstruct_random_right_hand_sides() {
-    let mut rng = Rng(7);
+    let mut rng = Random::new(7);
     for n in [1, 2, 3, 4, 5, 13, 49, 50, 51, 120, 230] {
         for a in [dense(n, &mut rng), sparse(n, 3, 4.0, &mut rng)] {
             for (name, solver) in general_solvers() {
@@ -21,11 +22,11 @@ fn all_solvers_reconstruct_random_right_hand_sides() {
 
 #[test]
 fn singular_matrices_are_named_singular() {
-    let mut rng = Rng(3);
+    let mut rng = Random::new(3);
     for n in [2, 3, 4, 5, 10, 49, 50, 90] {
         for _ in 0..20 {
             // The product of n × (n - 1) and (n - 1) × n factors.
-            let (p, q) = (rng.vec(n * (n - 1)), rng.vec(n * (n - 1)));
+            let (p, q) = (rng.vector(n * (n - 1), 1.0), rng.vector(n * (n - 1), 1.0));
             let mut a = Matrix::zeros(Pattern::full(n, n));
             for i in 0..n {
                 for j in 0..n {
@@ -55,13 +56,13 @@ fn singular_matrices_are_named_singular() {
 
 #[test]
 fn structurally_singular_matrices_are_named_singular() {
-    let mut rng = Rng(11);
+    let mut rng = Random::new(11);
     for n in [3, 10, 60, 300] {
         // Two columns with one and the same single row.
-        let mut t: Vec<_> = (0..n).map(|j| (j, j, 2.0 + rng.next())).collect();
+        let mut t: Vec<_> = (0..n).map(|j| (j, j, 2.0 + rng.symmetric())).collect();
         t[1] = (0, 1, 1.0);
-        t.extend((2..n).map(|j| (1, j, rng.next())));
-        t.extend((2..n).map(|j| ((j * 7) % n, j, rng.next())));
+        t.extend((2..n).map(|j| (1, j, rng.symmetric())));
+        t.extend((2..n).map(|j| ((j * 7) % n, j, rng.symmetric())));
         let a = Matrix::from_triplets(n, n, &t).unwrap();
         for (name, solver) in general_solvers() {
             let e = factored(solver, &a).map(|_| ()).unwrap_err();
@@ -72,13 +73,13 @@ fn structurally_singular_matrices_are_named_singular() {
 
 #[test]
 fn units_do_not_make_a_matrix_singular() {
-    let mut rng = Rng(5);
+    let mut rng = Random::new(5);
     for n in [2, 4, 6, 60] {
         let base = sparse(n, 2, 3.0, &mut rng);
         let mut a = base.clone();
         // Small matrices in wild units, larger ones in two systems of them (GPa and m against Pa and nm).
         let mut units = |up: bool| match (n < 10, up) {
-            (true, _) => 10_f64.powf(12.0 * rng.next()),
+            (true, _) => 10_f64.powf(12.0 * rng.symmetric()),
             (false, true) => 1e9,
             (false, false) => 1e-9,
         };
@@ -90,7 +91,7 @@ fn units_do_not_make_a_matrix_singular() {
             let mut solver = factored(solver, &a).unwrap_or_else(|e| panic!("{name} {n}: {e}"));
             assert!(solver.rcond().unwrap() > 1e-6);
             // In the unscaled unknowns the error is small entry by entry.
-            let y = rng.vec(n);
+            let y = rng.vector(n, 1.0);
             let mut b = vec![0.0; n];
             base.mul_vec(&y, &mut b);
             b.iter_mut().zip(&rows).for_each(|(b, r)| *b *= r);
@@ -141,9 +142,9 @@ fn growth_of_pivots_is_no_silent_wrong_answer() {
                 a.add(i, n - 1, 1.0);
             }
         }
-        let mut rng = Rng(23);
+        let mut rng = Random::new(23);
         for (name, solver) in general_solvers() {
-            let b = rng.vec(n);
+            let b = rng.vector(n, 1.0);
             let mut x = b.clone();
             let done = factored(solver, &a).and_then(|mut s| s.solve_in_place(&mut x));
             let wrong = done.is_ok() && residual(&a, &x, &b, false) > 1e-9;
@@ -157,7 +158,7 @@ proptest! {
 
     #[test]
     fn solvers_agree_under_permutations(seed in 1_u64..u64::MAX, n in 1_usize..30) {
-        let mut rng = Rng(seed);
+        let mut rng = Random::new(seed);
         let a = sparse(n, 2, 3.5, &mut rng);
         // Reversing rows and rotating columns permutes right-hand side and solution.
         let triplets: Vec<_> = a
@@ -165,7 +166,7 @@ proptest! {
             .map(|(i, j, v)| (n - 1 - i, (j + 1) % n, v))
             .collect();
         let p = Matrix::from_triplets(n, n, &triplets).unwrap();
-        let b = rng.vec(n);
+        let b = rng.vector(n, 1.0);
         let reversed: Vec<f64> = b.iter().rev().copied().collect();
         for (_, solver) in general_solvers() {
             let mut x = b.clone();
@@ -202,7 +203,7 @@ proptest! {
 
 #[test]
 fn blocked_elimination_meets_structural_singularity_and_nan() {
-    let mut rng = Rng(53);
+    let mut rng = Random::new(53);
     for round in 0..60 {
         let n = 20 + round;
         // A few columns share too few rows; the rest is dense enough to be eliminated by blocks.
@@ -214,10 +215,10 @@ fn blocked_elimination_meets_structural_singularity_and_nan() {
                 let inside = if j % 3 == 0 && j / 3 < crowd {
                     i % 11 < 1 && i / 11 < rows
                 } else {
-                    rng.next() > -0.4
+                    rng.symmetric() > -0.4
                 };
                 if inside {
-                    t.push((i, j, rng.next()));
+                    t.push((i, j, rng.symmetric()));
                 }
             }
         }

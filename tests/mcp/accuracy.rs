@@ -11,7 +11,8 @@ use semismooth::sparse::{Matrix, Pattern};
 use crate::expressions::read;
 use crate::globalisation::Hs71;
 use crate::properties::known;
-use crate::support::{INF, Rng, matrix, scalar};
+use crate::random::Random;
+use crate::support::{INF, matrix, scalar};
 
 /// G(y) = R F(C y).
 struct Scaled<F> {
@@ -165,16 +166,16 @@ fn jacobians_of_all_sizes_do_not_panic() {
 
 /// Random affine problems of which many have no solution, by trying all active sets.
 fn arbitrary(seed: u64, n: usize) -> Mcp<impl McpFunction> {
-    let mut rng = Rng(seed);
+    let mut rng = Random::new(seed);
     let rows = rng.square(n);
-    let q = (0..n).map(|_| rng.next()).collect();
+    let q = (0..n).map(|_| rng.symmetric()).collect();
     Mcp::affine(matrix(&rows), q, vec![0.0; n], vec![INF; n]).unwrap()
 }
 
 /// Powers of ten, up to ±12 for rows and ±3 for unknowns.
 fn units(seed: u64, n: usize) -> (Vec<f64>, Vec<f64>) {
-    let mut rng = Rng(seed ^ 0x5555);
-    let mut power = |most: f64| 10_f64.powi((most * rng.next()).round() as i32);
+    let mut rng = Random::new(seed ^ 0x5555);
+    let mut power = |most: f64| 10_f64.powi((most * rng.symmetric()).round() as i32);
     (0..n).map(|_| (power(12.0), power(3.0))).unzip()
 }
 

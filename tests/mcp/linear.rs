@@ -7,7 +7,8 @@ use semismooth::complementarity::active_set::{
 };
 use semismooth::complementarity::pivoting::{Lemke, LemkeStatus};
 
-use crate::support::{INF, Rng, matrix};
+use crate::random::Random;
+use crate::support::{INF, matrix};
 
 /// The largest error relative to the terms of rows.
 fn error(lcp: &Lcp, z: &[f64]) -> f64 {
@@ -59,15 +60,15 @@ proptest! {
     /// Rows times 1e−12 … 1e12, unknowns times 1e−3 … 1e3: P matrices are solved, to the tolerance in the units of each row.
     #[test]
     fn rows_in_all_units_are_solved_to_the_tolerance(seed in 1_u64.., n in 1_usize..10, far in -1e3..1e3) {
-        let mut rng = Rng(seed);
+        let mut rng = Random::new(seed);
         let (g, s) = (rng.square(n), rng.square(n));
-        let row: Vec<f64> = (0..n).map(|_| 10_f64.powi((12.0 * rng.next()) as i32)).collect();
-        let col: Vec<f64> = (0..n).map(|_| 10_f64.powi((3.0 * rng.next()) as i32)).collect();
+        let row: Vec<f64> = (0..n).map(|_| 10_f64.powi((12.0 * rng.symmetric()) as i32)).collect();
+        let col: Vec<f64> = (0..n).map(|_| 10_f64.powi((3.0 * rng.symmetric()) as i32)).collect();
         let rows: Vec<Vec<f64>> = (0..n).map(|i| (0..n).map(|j| {
             let dot: f64 = (0..n).map(|k| g[k][i] * g[k][j]).sum();
             row[i] * col[j] * (dot + if i == j { 0.1 } else { s[i][j] - s[j][i] })
         }).collect()).collect();
-        let q = row.iter().map(|r| r * rng.next()).collect();
+        let q = row.iter().map(|r| r * rng.symmetric()).collect();
         let lcp = Lcp::new(matrix(&rows), q).unwrap();
         let mut z = vec![0.0; n];
         prop_assert_eq!(Lemke::default().solve(&lcp, &mut z).unwrap().status, LemkeStatus::Solved);
@@ -83,13 +84,13 @@ proptest! {
     /// Infeasible for all z ≥ 0, in all units of rows: never solved, and a certificate is one in the units of each row.
     #[test]
     fn infeasible_rows_stay_infeasible(seed in 1_u64.., n in 2_usize..7) {
-        let mut rng = Rng(seed);
+        let mut rng = Random::new(seed);
         let b = rng.square(n);
-        let row: Vec<f64> = (0..n).map(|_| 10_f64.powi((12.0 * rng.next()) as i32)).collect();
+        let row: Vec<f64> = (0..n).map(|_| 10_f64.powi((12.0 * rng.symmetric()) as i32)).collect();
         // Row k asks for −Σ |m_kj| z_j ≥ |q_k| > 0.
         let k = seed as usize % n;
         let rows: Vec<Vec<f64>> = (0..n).map(|i| (0..n).map(|j| row[i] * if i == k { -b[i][j].abs() } else { b[i][j] }).collect()).collect();
-        let q = (0..n).map(|i| row[i] * if i == k { -0.1 - rng.next().abs() } else { rng.next() }).collect();
+        let q = (0..n).map(|i| row[i] * if i == k { -0.1 - rng.symmetric().abs() } else { rng.symmetric() }).collect();
         let lcp = Lcp::new(matrix(&rows), q).unwrap();
         let mut z = vec![0.0; n];
         prop_assert_ne!(Lemke::default().solve(&lcp, &mut z).unwrap().status, LemkeStatus::Solved);
@@ -101,12 +102,12 @@ proptest! {
     /// A ray proves infeasibility only where there is no solution, whatever the units of rows.
     #[test]
     fn certificates_of_rays_are_not_forged_by_units(seed in 1_u64.., n in 1_usize..6) {
-        let mut rng = Rng(seed);
+        let mut rng = Random::new(seed);
         let m = rng.square(n);
-        let row: Vec<f64> = (0..n).map(|_| 10_f64.powi((12.0 * rng.next()) as i32)).collect();
+        let row: Vec<f64> = (0..n).map(|_| 10_f64.powi((12.0 * rng.symmetric()) as i32)).collect();
         // z = 1 is feasible: w = M z + q = s ≥ 0.
         let rows: Vec<Vec<f64>> = (0..n).map(|i| m[i].iter().map(|v| row[i] * v).collect()).collect();
-        let q = (0..n).map(|i| row[i] * (rng.next().abs() - m[i].iter().sum::<f64>())).collect();
+        let q = (0..n).map(|i| row[i] * (rng.symmetric().abs() - m[i].iter().sum::<f64>())).collect();
         let lcp = Lcp::new(matrix(&rows), q).unwrap();
         let mut z = vec![0.0; n];
         let status = Lemke::default().solve(&lcp, &mut z).unwrap().status;

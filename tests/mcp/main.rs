@@ -3,6 +3,9 @@
 #[path = "../../examples/common/expressions.rs"]
 mod expressions;
 
+#[path = "../common/random.rs"]
+mod random;
+
 mod accuracy;
 mod corpus;
 mod defects;

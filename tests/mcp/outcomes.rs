@@ -7,7 +7,8 @@ use semismooth::complementarity::{
 };
 use semismooth::sparse::{Matrix, Pattern};
 
-use crate::support::{INF, Rng, matrix, scalar, solve};
+use crate::random::Random;
+use crate::support::{INF, matrix, scalar, solve};
 
 fn parabola() -> Mcp<impl semismooth::complementarity::McpFunction> {
     Mcp::equations(scalar(|x| x * x + 1.0, |x| 2.0 * x)).unwrap()
@@ -88,7 +89,7 @@ fn fallbacks_are_reported_in_order_and_can_be_switched_off() {
 
 #[test]
 fn infeasible_affine_problems_come_with_a_certificate() {
-    let mut rng = Rng(7);
+    let mut rng = Random::new(7);
     for n in [1, 2, 5, 9] {
         // M = B Bᵀ with a zero first row and column, q₀ < 0: F₀ = q₀ < 0 for all x.
         let b = rng.square(n);
@@ -98,7 +99,7 @@ fn infeasible_affine_problems_come_with_a_certificate() {
                 rows[i][j] = (0..n / 2).map(|k| b[i][k] * b[j][k]).sum();
             }
         }
-        let mut q: Vec<f64> = (0..n).map(|_| rng.next()).collect();
+        let mut q: Vec<f64> = (0..n).map(|_| rng.symmetric()).collect();
         q[0] = -0.3;
         let (lower, upper) = (vec![0.0; n], vec![INF; n]);
         let problem = Mcp::affine(matrix(&rows), q.clone(), lower, upper).unwrap();

@@ -5,7 +5,8 @@ use semismooth::complementarity::{
 use semismooth::piecewise::{Semismooth, check};
 use semismooth::sparse::Matrix;
 
-use crate::support::{INF, Rng, matrix, residual, solve};
+use crate::random::Random;
+use crate::support::{INF, matrix, residual, solve};
 
 /// Whether 0 ≤ x ⟂ M x + q ≥ 0 has a solution, by trying all 2ⁿ active sets (nondegenerate M).
 fn enumerate(rows: &[Vec<f64>], q: &[f64]) -> Vec<Vec<f64>> {
@@ -88,7 +89,7 @@ impl McpFunction for Known {
 
 /// A monotone problem with the solution it was made for.
 pub(crate) fn known(seed: u64, n: usize) -> (Mcp<Known>, Vec<f64>) {
-    let mut rng = Rng(seed);
+    let mut rng = Random::new(seed);
     let b = rng.square(n);
     let s = rng.square(n);
     let rows: Vec<Vec<f64>> = (0..n)
@@ -103,13 +104,13 @@ pub(crate) fn known(seed: u64, n: usize) -> (Mcp<Known>, Vec<f64>) {
         .collect();
     let (mut lower, mut upper, mut x, mut target) = (vec![], vec![], vec![], vec![]);
     for i in 0..n {
-        let (a, w) = (rng.next() * 2.0, 0.5 + (rng.next() + 1.0));
+        let (a, w) = (rng.symmetric() * 2.0, 0.5 + (rng.symmetric() + 1.0));
         let (l, u) = [(a, INF), (-INF, a + w), (a, a + w), (-INF, INF), (a, a)][i % 5];
         // At a bound (strictly or not), or between.
-        let (value, f) = match (rng.next() > 0.0, l.is_finite(), u.is_finite()) {
-            (_, true, true) if l == u => (l, rng.next()),
-            (true, true, _) => (l, rng.next().max(0.0)),
-            (_, _, true) => (u, rng.next().min(0.0)),
+        let (value, f) = match (rng.symmetric() > 0.0, l.is_finite(), u.is_finite()) {
+            (_, true, true) if l == u => (l, rng.symmetric()),
+            (true, true, _) => (l, rng.symmetric().max(0.0)),
+            (_, _, true) => (u, rng.symmetric().min(0.0)),
             (false, true, false) => (l + w / 2.0, 0.0),
             _ => (a, 0.0),
         };
@@ -118,7 +119,7 @@ pub(crate) fn known(seed: u64, n: usize) -> (Mcp<Known>, Vec<f64>) {
         x.push(value);
         target.push(f);
     }
-    let cubic: Vec<f64> = (0..n).map(|_| (rng.next() + 1.0) * 0.5).collect();
+    let cubic: Vec<f64> = (0..n).map(|_| (rng.symmetric() + 1.0) * 0.5).collect();
     let mut function = Known {
         rows,
         cubic,
@@ -135,13 +136,13 @@ proptest! {
 
     #[test]
     fn p_matrix_problems_have_the_enumerated_solution(seed in 1_u64.., n in 1_usize..7, far in 0.0..1e3) {
-        let mut rng = Rng(seed);
+        let mut rng = Random::new(seed);
         // Diagonally dominant rows with a positive diagonal: a P-matrix.
         let mut rows = rng.square(n);
         for i in 0..n {
             rows[i][i] = 0.1 + rows[i].iter().map(|v| v.abs()).sum::<f64>();
         }
-        let q: Vec<f64> = (0..n).map(|_| 3.0 * rng.next()).collect();
+        let q: Vec<f64> = (0..n).map(|_| 3.0 * rng.symmetric()).collect();
         let all = enumerate(&rows, &q);
         prop_assert!(!all.is_empty());
         let (x, report) = solve(&lcp(&rows, &q), &vec![far; n]);
@@ -153,12 +154,12 @@ proptest! {
 
     #[test]
     fn positive_semidefinite_problems_are_solved_exactly_if_feasible(seed in 1_u64.., n in 2_usize..7, rank in 1_usize..4) {
-        let mut rng = Rng(seed);
+        let mut rng = Random::new(seed);
         let b = rng.square(n);
         let rows: Vec<Vec<f64>> = (0..n)
             .map(|i| (0..n).map(|j| (0..rank.min(n)).map(|k| b[i][k] * b[j][k]).sum()).collect())
             .collect();
-        let q: Vec<f64> = (0..n).map(|_| rng.next()).collect();
+        let q: Vec<f64> = (0..n).map(|_| rng.symmetric()).collect();
         // Solvable exactly if feasible; a solution exists at a regular active set then, which enumeration finds.
         let solvable = !enumerate(&rows, &q).is_empty();
         let (_, report) = solve(&lcp(&rows, &q), &vec![1.0; n]);
@@ -170,9 +171,9 @@ proptest! {
 
     #[test]
     fn arbitrary_small_problems_are_never_claimed_wrongly(seed in 1_u64.., n in 1_usize..6, start in -10.0..10.0) {
-        let mut rng = Rng(seed);
+        let mut rng = Random::new(seed);
         let rows = rng.square(n);
-        let q: Vec<f64> = (0..n).map(|_| rng.next()).collect();
+        let q: Vec<f64> = (0..n).map(|_| rng.symmetric()).collect();
         let solvable = !enumerate(&rows, &q).is_empty();
         let (x, report) = solve(&lcp(&rows, &q), &vec![start; n]);
         prop_assert!(!report.is_solved() || solvable, "{:?} claimed", x);
@@ -182,9 +183,9 @@ proptest! {
     #[test]
     fn copositive_problems_with_nonnegative_entries_are_solved(seed in 1_u64.., n in 1_usize..7) {
         // M > 0 is strictly copositive: a solution exists for every q.
-        let mut rng = Rng(seed);
+        let mut rng = Random::new(seed);
         let rows: Vec<Vec<f64>> = rng.square(n).iter().map(|r| r.iter().map(|v| v.abs() + 0.01).collect()).collect();
-        let q: Vec<f64> = (0..n).map(|_| 2.0 * rng.next()).collect();
+        let q: Vec<f64> = (0..n).map(|_| 2.0 * rng.symmetric()).collect();
         let (_, report) = solve(&lcp(&rows, &q), &vec![0.0; n]);
         prop_assert!(report.is_solved(), "{:?}", report.status);
     }
@@ -262,8 +263,8 @@ proptest! {
     #[test]
     fn natural_maps_keep_the_contract(seed in 1_u64.., n in 1_usize..7) {
         let (problem, exact) = known(seed, n);
-        let mut rng = Rng(seed);
-        let points: Vec<Vec<f64>> = (0..4).map(|_| exact.iter().map(|x| x + rng.next()).collect()).collect();
+        let mut rng = Random::new(seed);
+        let points: Vec<Vec<f64>> = (0..4).map(|_| exact.iter().map(|x| x + rng.symmetric()).collect()).collect();
         let options = check::CheckOptions::default();
         prop_assert!(check::check(&problem, &points, &options).is_ok());
     }

@@ -47,19 +47,3 @@ pub(crate) fn scalar(
 pub(crate) fn matrix(rows: &[Vec<f64>]) -> Matrix {
     Matrix::from_rows(rows).unwrap()
 }
-
-/// xorshift64*, uniform in [−1, 1).
-pub(crate) struct Rng(pub(crate) u64);
-
-impl Rng {
-    pub(crate) fn next(&mut self) -> f64 {
-        self.0 ^= self.0 >> 12;
-        self.0 ^= self.0 << 25;
-        self.0 ^= self.0 >> 27;
-        (self.0.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
-    }
-
-    pub(crate) fn square(&mut self, n: usize) -> Vec<Vec<f64>> {
-        (0..n).map(|_| (0..n).map(|_| self.next()).collect()).collect()
-    }
-}

@@ -1,7 +1,7 @@
 //! Arms at points that are known to rounding, against references in exact arithmetic and lists of solutions.
 
 use super::common::{self, cases};
-use super::support::Rng;
+use super::random::Random;
 use super::{blocks, loaded, pick};
 use proptest::prelude::*;
 use semismooth::complementarity::{AffineFunction, Mcp};
@@ -220,18 +220,18 @@ fn regular_points_have_two_arms() {
 
 /// Random stiffness and load, of no force at α = 0 (or 0.25), with friction F or F + α.
 fn unloaded(p: usize, seed: u64, rates: bool) -> FullContact<PlanarCoulomb> {
-    let mut rng = Rng(seed);
+    let mut rng = Random::new(seed);
     let n = 2 * p;
-    let g = rng.vec(n * n);
+    let g = rng.vector(n * n, 1.0);
     let entry = |i: usize, j: usize| {
         let dot: f64 = (0..n).map(|k| g[i * n + k] * g[j * n + k]).sum();
         dot / n as f64 + if i == j { 0.2 } else { 0.0 }
     };
     let rows: Vec<Vec<f64>> = (0..n).map(|i| (0..n).map(|j| entry(i, j)).collect()).collect();
     let at = if rates { 0.25 } else { 0.0 };
-    let slope: Vec<f64> = rng.vec(n).into_iter().map(|v| 3.0 * v).collect();
+    let slope: Vec<f64> = rng.vector(n, 1.0).into_iter().map(|v| 3.0 * v).collect();
     let base: Vec<f64> = slope.iter().map(|v| -at * v).collect();
-    let coefficient: Vec<f64> = rng.vec(p).into_iter().map(|v| 1.5 * (1.0 + v)).collect();
+    let coefficient: Vec<f64> = rng.vector(p, 1.0).into_iter().map(|v| 1.5 * (1.0 + v)).collect();
     let rate = vec![f64::from(u8::from(rates)); p];
     let constant: Vec<f64> = coefficient
         .iter()

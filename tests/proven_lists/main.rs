@@ -16,6 +16,8 @@ use serde_json::Value;
 
 #[path = "../common/mod.rs"]
 mod common;
+#[path = "../common/random.rs"]
+mod random;
 #[allow(dead_code)]
 #[path = "../support/mod.rs"]
 mod support;

@@ -1,37 +1,20 @@
 //! Matrices and checks that the tests of linear solvers share.
 
+use crate::random::Random;
 use semismooth::linear::{AutoSolver, DenseLu, LinearError, LinearSolver, SparseLu};
 use semismooth::sparse::{Matrix, Pattern};
 
-/// A small generator, so that the tests need no crate for it: xorshift64*.
-pub(crate) struct Rng(pub(crate) u64);
-
-impl Rng {
-    /// Uniform in [-1, 1).
-    pub(crate) fn next(&mut self) -> f64 {
-        self.0 ^= self.0 >> 12;
-        self.0 ^= self.0 << 25;
-        self.0 ^= self.0 >> 27;
-        let bits = self.0.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 11;
-        bits as f64 / (1_u64 << 52) as f64 - 1.0
-    }
-
-    pub(crate) fn vec(&mut self, n: usize) -> Vec<f64> {
-        (0..n).map(|_| self.next()).collect()
-    }
-}
-
-pub(crate) fn dense(n: usize, rng: &mut Rng) -> Matrix {
-    Matrix::from_values(Pattern::full(n, n), rng.vec(n * n)).unwrap()
+pub(crate) fn dense(n: usize, rng: &mut Random) -> Matrix {
+    Matrix::from_values(Pattern::full(n, n), rng.vector(n * n, 1.0)).unwrap()
 }
 
 /// A random sparse matrix with a dominant or a merely full diagonal.
-pub(crate) fn sparse(n: usize, per_column: usize, diagonal: f64, rng: &mut Rng) -> Matrix {
-    let mut triplets: Vec<_> = (0..n).map(|j| (j, j, diagonal + rng.next())).collect();
+pub(crate) fn sparse(n: usize, per_column: usize, diagonal: f64, rng: &mut Random) -> Matrix {
+    let mut triplets: Vec<_> = (0..n).map(|j| (j, j, diagonal + rng.symmetric())).collect();
     for j in 0..n {
         for _ in 0..per_column {
-            let i = ((rng.next() + 1.0) / 2.0 * n as f64) as usize % n;
-            triplets.push((i, j, rng.next()));
+            let i = ((rng.symmetric() + 1.0) / 2.0 * n as f64) as usize % n;
+            triplets.push((i, j, rng.symmetric()));
         }
     }
     Matrix::from_triplets(n, n, &triplets).unwrap()
@@ -85,10 +68,16 @@ pub(crate) fn residual(a: &Matrix, x: &[f64], b: &[f64], transpose: bool) -> f64
 }
 
 /// Solves with several right-hand sides, plain and transposed, and checks each.
-pub(crate) fn check_solves(solver: &mut dyn LinearSolver, a: &Matrix, rhs: usize, rng: &mut Rng, tol: f64) {
+pub(crate) fn check_solves(
+    solver: &mut dyn LinearSolver,
+    a: &Matrix,
+    rhs: usize,
+    rng: &mut Random,
+    tol: f64,
+) {
     let n = a.nrows();
     for transpose in [false, true] {
-        let b = rng.vec(n * rhs);
+        let b = rng.vector(n * rhs, 1.0);
         let mut x = b.clone();
         if transpose {
             solver.solve_transpose_in_place(&mut x).unwrap();

@@ -11,6 +11,7 @@ use crate::complementarity::accuracy::Accuracy;
 use crate::complementarity::{ComplementarityError, Lcp};
 use crate::linear::LinearError;
 use crate::piecewise::is_ordinary;
+use crate::spread::golden;
 
 /// Exchanges after which the values of the basic variables are compared with the equations.
 const CHECK_EVERY: usize = 32;
@@ -200,10 +201,9 @@ impl Lemke {
 
     /// Entry k of the covering vector: the one chosen, or ones, spread by golden fractions in later turns.
     fn covering(&self, k: usize) -> f64 {
-        const GOLDEN: f64 = 0.618_033_988_749_894_9;
         match &self.options.covering {
             Some(d) => d[k] * self.units[k],
-            None => 1.0 + (self.turn as f64 * GOLDEN * (k + 1) as f64).fract(),
+            None => 1.0 + golden(self.turn * (k + 1)),
         }
     }
 

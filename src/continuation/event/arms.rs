@@ -12,6 +12,7 @@ use crate::piecewise::{
 };
 use crate::sparse::{Matrix, distance};
 use crate::sparse::{dot, norm};
+use crate::spread::centred;
 
 /// Two unit tangents closer than this are one arm.
 const SAME_ARM: f64 = 1e-7;
@@ -56,9 +57,9 @@ pub(in crate::continuation) fn vanishing_at<P: PiecewiseSmooth + ?Sized>(
 fn gradient_sizes<P: PiecewiseSmooth + ?Sized>(map: &P, x: &[f64], tests: usize) -> Vec<f64> {
     let mut sizes = vec![0.0f64; tests];
     let (mut rates, mut direction) = (vec![0.0; tests], vec![0.0; x.len()]);
-    for step in [0.618_033_988_749_894_9, 0.414_213_562_373_095_1] {
+    for second in [false, true] {
         for (j, d) in direction.iter_mut().enumerate() {
-            *d = (step * (j + 1) as f64).fract() - 0.5;
+            *d = centred(j + 1, second);
         }
         map.test_derivatives(x, &direction, &mut rates);
         for (size, rate) in sizes.iter_mut().zip(&rates) {

@@ -20,6 +20,7 @@ use self::smoother::{Direct, Smoother};
 use self::transfer::{Constraints, Modes, Transfer};
 use super::LinearError;
 use crate::sparse::{Blocks, dot};
+use crate::spread::Random;
 
 /// Coarsening stops at this many nodes.
 const COARSEST: usize = 120;
@@ -306,15 +307,8 @@ fn coarsen<const R: usize, const K: usize>(
 
 /// The largest eigenvalue of D⁻¹A by the power method, from a start without a pattern.
 fn largest_eigenvalue<const B: usize>(a: &Blocks<B, B>, smoother: &Smoother<B>) -> f64 {
-    let mut seed = 0x9e37_79b9_7f4a_7c15_u64;
-    let mut v: Vec<f64> = (0..B * a.nrows())
-        .map(|_| {
-            seed = seed
-                .wrapping_mul(6_364_136_223_846_793_005)
-                .wrapping_add(1_442_695_040_888_963_407);
-            (seed >> 33) as f64 / f64::from(1_u32 << 31) - 0.5
-        })
-        .collect();
+    let mut random = Random::new(1);
+    let mut v: Vec<f64> = (0..B * a.nrows()).map(|_| random.symmetric()).collect();
     let mut w = vec![0.0; v.len()];
     let mut value: f64 = 1.0;
     for _ in 0..POWER_STEPS {
