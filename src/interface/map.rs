@@ -1,5 +1,5 @@
 use std::borrow::Cow;
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, OnceLock};
 
 use super::error::{check_size, check_vector};
 use super::load::add;
@@ -61,7 +61,8 @@ pub struct Interface<V, G> {
     pub(crate) view: V,
     pub(crate) law: G,
     law_pattern: Pattern,
-    pattern: Pattern,
+    /// Made when it is asked for: that of the full form takes as long as the assembly of a body, and the condensed form does without it.
+    pattern: OnceLock<Pattern>,
     scratch: Mutex<Scratch>,
 }
 
@@ -116,18 +117,21 @@ impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
             expected,
             law_pattern.ncols(),
         )?;
-        let pattern = if view.reduced().is_some() {
-            Pattern::full(q, expected - q)
-        } else {
-            full_pattern(&operator, &law_pattern)?
-        };
+        let parameters = expected - 2 * q;
+        let load = &operator.load;
+        let slots = (0..load.parts().count()).map(|k| load.slot(k) + 1);
+        check_size(
+            "the number of parameters of the load",
+            parameters,
+            slots.fold(parameters, usize::max),
+        )?;
         Ok(Self {
             scratch: Mutex::new(Scratch::new(&operator, &law_pattern, view.reduced().is_some())),
             operator,
             view,
             law,
             law_pattern,
-            pattern,
+            pattern: OnceLock::new(),
         })
     }
 
@@ -384,11 +388,11 @@ impl<V: Clone, G: Clone> Clone for Interface<V, G> {
 
 impl<V: View, G: PiecewiseSmooth> PiecewiseSmooth for Interface<V, G> {
     fn num_vars(&self) -> usize {
-        self.pattern.ncols()
+        self.leading() + self.law_pattern.ncols() - self.num_traces()
     }
 
     fn num_residuals(&self) -> usize {
-        self.pattern.nrows()
+        self.leading() + self.num_traces()
     }
 
     fn num_sites(&self) -> usize {
@@ -416,7 +420,11 @@ impl<V: View, G: PiecewiseSmooth> PiecewiseSmooth for Interface<V, G> {
     }
 
     fn pattern(&self) -> Pattern {
-        self.pattern.clone()
+        let make = || match self.view.reduced() {
+            Some(_) => Pattern::full(self.num_residuals(), self.num_vars()),
+            None => full_pattern(&self.operator, &self.law_pattern),
+        };
+        self.pattern.get_or_init(make).clone()
     }
 
     fn is_piecewise_affine(&self) -> bool {
@@ -557,7 +565,7 @@ fn same_bits(a: &[f64], b: &[f64]) -> bool {
     a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.to_bits() == b.to_bits())
 }
 
-fn full_pattern(operator: &Operator, law: &Pattern) -> Result<Pattern, InterfaceError> {
+fn full_pattern(operator: &Operator, law: &Pattern) -> Pattern {
     let (n, q) = (operator.num_displacements(), operator.num_traces());
     let load = &operator.load;
     let mut entries: Vec<(usize, usize)> = operator.a.triplets().map(|(i, j, _)| (i, j)).collect();
@@ -579,5 +587,5 @@ fn full_pattern(operator: &Operator, law: &Pattern) -> Result<Pattern, Interface
         }
     }
     let variables = n + law.ncols() - q;
-    Ok(Pattern::from_entries(n + q, variables, entries)?)
+    Pattern::from_entries(n + q, variables, entries).unwrap_or_else(|_| Pattern::full(n + q, variables))
 }
