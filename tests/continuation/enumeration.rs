@@ -440,12 +440,12 @@ mod opaque {
 
     #[test]
     fn rows_of_many_sites_are_sums_or_listed_one_by_one() {
-        let mut rng = Rng(5);
+        let mut rng = Random::new(5);
         let mut several = 0;
         for case in 0..60 {
             let nested = case % 3 == 0;
             let map = Opaque(Traced::new(Seven {
-                weights: rng.vec(35),
+                weights: rng.vector(35, 1.0),
                 nested,
             }));
             let set = all_solutions(&map, 0.0, &EnumerationOptions::default()).unwrap();
@@ -472,7 +472,7 @@ mod opaque {
         }
         assert!(several > 5, "{several}");
         let map = Opaque(Traced::new(Seven {
-            weights: rng.vec(35),
+            weights: rng.vector(35, 1.0),
             nested: true,
         }));
         let capped = all_solutions(&map, 0.0, &EnumerationOptions::default().with_max_nodes(1)).unwrap();
