@@ -6,7 +6,8 @@ const BALANCE_SWEEPS: usize = 12;
 
 /// Equilibration S = R A C by powers of two, so that the largest entry of every row and column of S lies near 1.
 ///
-/// Pivots and condition numbers of S do not depend on the units of equations and unknowns, and scaling is exact.
+/// Scaling is exact, and solutions do not depend on the units of equations and unknowns. Condition numbers of S may: where the largest
+/// entry of a row lies in a column of large units alone, they come out too small, and [`balance`](Scaling::balance) decides.
 #[derive(Clone, Default)]
 pub(super) struct Scaling {
     row: Vec<f64>,

@@ -89,15 +89,14 @@ fn units_do_not_make_a_matrix_singular() {
         a.values_mut().copy_from_slice(&scaled);
         for (name, solver) in general_solvers() {
             let mut solver = factored(solver, &a).unwrap_or_else(|e| panic!("{name} {n}: {e}"));
-            assert!(solver.rcond().unwrap() > 1e-6);
-            // In the unscaled unknowns the error is small entry by entry.
+            // In the unscaled unknowns the error is small entry by entry, whatever the condition number is in these units.
             let y = rng.vector(n, 1.0);
             let mut b = vec![0.0; n];
             base.mul_vec(&y, &mut b);
             b.iter_mut().zip(&rows).for_each(|(b, r)| *b *= r);
             solver.solve_in_place(&mut b).unwrap();
             for i in 0..n {
-                assert!((b[i] * cols[i] - y[i]).abs() < 1e-9, "{name} {n}");
+                assert!((b[i] * cols[i] - y[i]).abs() < 1e-12, "{name} {n}");
             }
         }
     }
