@@ -199,32 +199,56 @@ pub(super) fn elimination(conditions: &ExactConditions) -> u64 {
         / 2
 }
 
-/// All choices of pieces (by number in the map) that agree with a partial one and are not infeasible; `false` at the cap on work.
+/// All choices of pieces (by number in the map) that agree with one of some partial ones and are not infeasible; how many of these were not
+/// searched to their end, at the cap on work.
 pub(super) fn search(
     conditions: &ExactConditions,
+    partial: &[Vec<Option<usize>>],
+    budget: &mut Budget,
+    leaf: &mut impl FnMut(Vec<usize>),
+) -> u64 {
+    if partial.is_empty() {
+        return 0;
+    }
+    if budget.is_spent() || elimination(conditions) > MAX_WORK {
+        return partial.len() as u64;
+    }
+    let Ok(mut root) = Tableau::root(conditions) else {
+        // What a contradiction took is known by its order of size alone.
+        budget.spend(elimination(conditions));
+        return 0;
+    };
+    budget.spend(root.dictionary.take_work());
+    let open = partial
+        .iter()
+        .filter(|partial| !search_from(&root, partial, budget, leaf));
+    open.count() as u64
+}
+
+/// `false` at the cap on work.
+fn search_from(
+    root: &Tableau<'_>,
     partial: &[Option<usize>],
     budget: &mut Budget,
     leaf: &mut impl FnMut(Vec<usize>),
 ) -> bool {
-    if budget.is_spent() || elimination(conditions) > MAX_WORK {
+    if budget.is_spent() {
         return false;
     }
-    let started = || -> Result<Tableau<'_>, Infeasible> {
-        let mut root = Tableau::root(conditions)?;
+    let (conditions, mut root) = (root.conditions, root.clone());
+    let mut start = || -> Result<(), Infeasible> {
         for (site, piece) in partial.iter().enumerate() {
             if let Some(piece) = piece {
                 root.decide(site, piece_of(conditions, site, *piece).ok_or(Infeasible)?)?;
             }
         }
-        root.dictionary.repair()?;
-        Ok(root)
+        root.dictionary.repair()
     };
-    let Ok(mut root) = started() else {
-        // What a contradiction took is known by its order of size alone.
-        budget.spend(elimination(conditions));
-        return true;
-    };
+    let started = start().is_ok();
     budget.spend(root.dictionary.take_work());
+    if !started {
+        return true;
+    }
     let order: Vec<usize> = (0..partial.len()).filter(|&s| partial[s].is_none()).collect();
     let mut open = vec![(Vec::new(), root)];
     while let Some((chosen, table)) = open.pop() {

@@ -48,11 +48,8 @@ pub(super) fn proven_solutions(
         .then(|| reduced_solutions(conditions, deadline))
         .flatten();
     let other = reduced.as_ref().map(Stated::new);
-    let (searched, bounds) = reduced
-        .as_ref()
-        .zip(other.as_ref())
-        .unwrap_or((conditions, &stated));
-    let mut found = Candidates::of(searched, bounds, options, deadline, &mut budget, &mut settle);
+    let bounds = other.as_ref().unwrap_or(&stated);
+    let mut found = Candidates::of(conditions, bounds, options, deadline, &mut budget, &mut settle);
     found.nodes += gathered.searched.0;
     found.pivots += gathered.searched.1;
     let settled = std::mem::take(&mut gathered.settled);
@@ -116,14 +113,15 @@ impl Candidates {
         }
     }
 
-    /// Those of a search that came to its end.
+    /// Those of a search in the unknowns of `reduced`, the same conditions in few unknowns, that came to its end.
     pub(super) fn complete(
         conditions: &ExactConditions,
+        reduced: &ExactConditions,
         options: &EnumerationOptions,
         deadline: Deadline,
         budget: &mut Budget,
     ) -> Result<Self, Doubt> {
-        let stated = Stated::new(conditions);
+        let stated = Stated::new(reduced);
         let found = Self::of(conditions, &stated, options, deadline, budget, &mut |_, _| None);
         if found.incomplete.is_some() || found.open > 0 {
             return Err(Doubt::Limit);
@@ -131,7 +129,9 @@ impl Candidates {
         Ok(found)
     }
 
-    /// `settle` may say of a selection that nothing else is to be found in a box of them.
+    /// The search is that of `stated`, the same conditions in other unknowns perhaps. Where it proves nothing, the conditions themselves decide:
+    /// numbers made of others that were eliminated before are much longer. `settle` may say of a selection that nothing else is to be found
+    /// in a box of them.
     fn of(
         conditions: &ExactConditions,
         stated: &Stated,
@@ -170,14 +170,10 @@ impl Candidates {
         if !found.bounded {
             unproven = whole;
         }
-        for partial in &unproven {
-            let mut leaf = |pieces| {
-                found.selections.insert(pieces);
-            };
-            if deadline.is_over() || !exhaustive::search(conditions, partial, budget, &mut leaf) {
-                found.open += 1;
-            }
-        }
+        let mut leaf = |pieces| {
+            found.selections.insert(pieces);
+        };
+        found.open += exhaustive::search(conditions, &unproven, budget, &mut leaf);
         found
     }
 

@@ -172,16 +172,16 @@ impl<'p> Arms<'p> {
             return Err(Doubt::Rounding);
         }
         let reduced = reduced_directions(&self.conditions[0], deadline).ok_or(Doubt::Limit)?;
-        let mut found = Candidates::complete(&reduced, options, deadline, budget)?;
+        let mut found = Candidates::complete(&self.conditions[0], &reduced, options, deadline, budget)?;
         let back = with_constants(&reduced, |c| -c);
-        let other = Candidates::complete(&back, options, deadline, budget)?;
+        let other = Candidates::complete(&self.conditions[1], &back, options, deadline, budget)?;
         if !found.bounded {
             let level = normalised(&reduced).ok_or(Doubt::Limit)?;
-            let anything = vec![None; level.sites.len()];
+            let anything = [vec![None; level.sites.len()]];
             let mut leaf = |pieces| {
                 found.selections.insert(pieces);
             };
-            if !exhaustive::search(&level, &anything, budget, &mut leaf) {
+            if exhaustive::search(&level, &anything, budget, &mut leaf) > 0 {
                 return Err(Doubt::Limit);
             }
         }

@@ -281,3 +281,19 @@ proptest! {
         prop_assert_eq!(found.arms.len(), count);
     }
 }
+
+/// A part of the search that error bounds leave open is decided in exact arithmetic: in the unknowns of the map, since the numbers of the
+/// reduced ones are too long.
+#[test]
+fn what_error_bounds_leave_open_is_decided() {
+    for (p, seed) in [(5, 7_855_145_792_876_383_765), (6, 4_664_866_812_566_085_134)] {
+        let map = unloaded(p, seed, true).condensed().unwrap();
+        let mut x = vec![0.0; map.num_vars()];
+        x[2 * p] = 0.25;
+        let found = arms(&map, &x);
+        assert_eq!(
+            (found.completeness, found.orientation),
+            (Completeness::Complete, Some((1, 1)))
+        );
+    }
+}
