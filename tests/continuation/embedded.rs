@@ -1,5 +1,6 @@
 //! Curves in the plane, turned, in other units, among further unknowns.
 
+use crate::dense::{dot, eliminate};
 use semismooth::piecewise::{Facet, PiecewiseSmooth, Selection};
 use semismooth::sparse::Matrix;
 
@@ -88,7 +89,7 @@ impl<P: Plane> Embedded<P> {
                 .map(|g| g[0] * y + g[1] * alpha + g[2] * y * y),
         );
         let right: Vec<f64> = u.iter().zip(&self.offset).map(|(u, c)| u + c).collect();
-        solve(&self.turn, right)
+        eliminate(&self.turn, &right).2.expect("turns are regular")
     }
 }
 
@@ -139,33 +140,6 @@ impl<P: Plane> PiecewiseSmooth for Embedded<P> {
             }
         }
     }
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
-/// Gauss with pivoting.
-fn solve(matrix: &[Vec<f64>], mut b: Vec<f64>) -> Vec<f64> {
-    let (mut a, n) = (matrix.to_vec(), b.len());
-    for k in 0..n {
-        let pivot = (k..n)
-            .max_by(|&i, &j| a[i][k].abs().total_cmp(&a[j][k].abs()))
-            .unwrap();
-        a.swap(k, pivot);
-        b.swap(k, pivot);
-        for i in k + 1..n {
-            let factor = a[i][k] / a[k][k];
-            for j in k..n {
-                a[i][j] -= factor * a[k][j];
-            }
-            b[i] -= factor * b[k];
-        }
-    }
-    for k in (0..n).rev() {
-        b[k] = (b[k] - dot(&a[k][k + 1..], &b[k + 1..])) / a[k][k];
-    }
-    b
 }
 
 /// Xorshift.

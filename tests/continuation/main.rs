@@ -2,6 +2,8 @@
 
 #[path = "../common/mod.rs"]
 mod common;
+#[path = "../dense/mod.rs"]
+mod dense;
 #[path = "../common/random.rs"]
 mod random;
 #[path = "../../examples/common/squares.rs"]
