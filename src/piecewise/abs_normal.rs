@@ -117,10 +117,10 @@ pub(crate) struct AbsNormal {
 }
 
 /// The abs-normal form of a formula with so many values; `None` where it is not piecewise affine, or branches on values. The last variable is
-/// held where a value is given for it.
+/// fixed where a value is given for it.
 pub(crate) fn abs_normal(
     variables: usize,
-    held: Option<f64>,
+    fixed: Option<f64>,
     values: usize,
     formula: impl for<'t> FnOnce(&[Affine<'t>], &mut [Affine<'t>]),
 ) -> Option<AbsNormal> {
@@ -134,7 +134,7 @@ pub(crate) fn abs_normal(
         }),
     };
     let mut x: Vec<Affine<'_>> = (0..variables).map(|k| Affine::Form(&tape, k)).collect();
-    if let (Some(last), Some(value)) = (x.last_mut(), held) {
+    if let (Some(last), Some(value)) = (x.last_mut(), fixed) {
         *last = Affine::Number(value);
     }
     let mut out = vec![Affine::Number(0.0); values];
