@@ -13,13 +13,13 @@ mod common;
 #[path = "common/obstacles.rs"]
 mod obstacles;
 
-use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
 use clap::Parser;
 use common::{Outcome, exit, file_in};
+use obstacles::grids::raster;
 use obstacles::{Grid, Problem, exact, nested};
 use semismooth::complementarity::BoundState;
 use semismooth::complementarity::active_set::{
@@ -151,35 +151,10 @@ fn list(verbose: bool, history: &[ActiveSetIteration]) {
     }
 }
 
-/// The sets as runs of equal cells, row by row; at most 200 cells a side.
 fn picture(m: usize, activity: &[BoundState]) -> Outcome<String> {
-    let cells = m.min(200);
-    let at = |i: usize, j: usize| activity[(j * m / cells) * m + i * m / cells];
-    let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"600\" height=\"600\" viewBox=\"0 0 {cells} {cells}\">\n\
-         <rect width=\"{cells}\" height=\"{cells}\" fill=\"#f4f4f4\"/>\n"
-    );
-    for j in 0..cells {
-        let mut i = 0;
-        while i < cells {
-            let kind = at(i, j);
-            let first = i;
-            while i < cells && at(i, j) == kind {
-                i += 1;
-            }
-            let colour = match kind {
-                BoundState::Lower => "#d62728",
-                BoundState::Upper => "#1f5fd0",
-                _ => continue,
-            };
-            // The y axis points up.
-            let (y, width) = (cells - 1 - j, i - first);
-            writeln!(
-                svg,
-                "<rect x=\"{first}\" y=\"{y}\" width=\"{width}\" height=\"1\" fill=\"{colour}\"/>"
-            )?;
-        }
-    }
-    svg.push_str("</svg>\n");
-    Ok(svg)
+    raster(m, |k| match activity[k] {
+        BoundState::Lower => Some("#d62728".to_owned()),
+        BoundState::Upper => Some("#1f5fd0".to_owned()),
+        _ => None,
+    })
 }

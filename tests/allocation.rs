@@ -5,7 +5,10 @@ use std::alloc::System;
 use semismooth::complementarity::active_set::{ActiveSetSolver, ActiveSetStatus};
 use semismooth::complementarity::pivoting::{Lemke, LemkeStatus};
 use semismooth::complementarity::{Lcp, Mcp, McpSolver, McpStrategy, WithJacobian};
-use semismooth::sparse::Matrix;
+use semismooth::linear::{KrylovMethod, Multigrid};
+use semismooth::newton::{NewtonKrylov, NewtonKrylovOptions};
+use semismooth::piecewise::{Assembled, Semismooth};
+use semismooth::sparse::{Matrix, Pattern};
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
 
 #[global_allocator]
@@ -45,6 +48,55 @@ fn billups() -> Mcp<impl semismooth::complementarity::McpFunction> {
     .unwrap()
 }
 
+/// −Δu + 30 (u − 0.02)₊ = 8 on m × m points of the unit square, times h².
+struct Membrane(usize);
+
+impl Membrane {
+    fn neighbours(&self, k: usize) -> [Option<usize>; 4] {
+        let (m, i, j) = (self.0, k % self.0, k / self.0);
+        [
+            (i > 0).then(|| k - 1),
+            (i + 1 < m).then(|| k + 1),
+            (j > 0).then(|| k - m),
+            (j + 1 < m).then(|| k + m),
+        ]
+    }
+    fn h2(&self) -> f64 {
+        1.0 / ((self.0 + 1) * (self.0 + 1)) as f64
+    }
+}
+
+impl Semismooth for Membrane {
+    fn num_vars(&self) -> usize {
+        self.0 * self.0
+    }
+    fn pattern(&self) -> Pattern {
+        let n = self.num_vars();
+        let row = |k| {
+            self.neighbours(k)
+                .into_iter()
+                .flatten()
+                .chain([k])
+                .map(move |l| (k, l))
+        };
+        Pattern::from_entries(n, n, (0..n).flat_map(row)).unwrap()
+    }
+    fn residual(&self, u: &[f64], out: &mut [f64]) {
+        for k in 0..u.len() {
+            let around: f64 = self.neighbours(k).into_iter().flatten().map(|l| u[l]).sum();
+            out[k] = 4.0 * u[k] - around + self.h2() * (30.0 * (u[k] - 0.02).max(0.0) - 8.0);
+        }
+    }
+    fn jacobian(&self, u: &[f64], jac: &mut Matrix) {
+        for k in 0..u.len() {
+            jac.add(k, k, 4.0 + if u[k] > 0.02 { 30.0 * self.h2() } else { 0.0 });
+            for l in self.neighbours(k).into_iter().flatten() {
+                jac.add(k, l, -1.0);
+            }
+        }
+    }
+}
+
 #[test]
 fn reused_solvers_do_not_allocate() {
     // The counter counts.
@@ -66,6 +118,25 @@ fn reused_solvers_do_not_allocate() {
         };
         all();
         assert_eq!(allocations(all), 0, "n = {n}");
+    }
+
+    // Nor do inexact Newton methods, which solve −Δu + 30 (u − 0.02)₊ = 8 with multigrid.
+    for method in [
+        KrylovMethod::Cg,
+        KrylovMethod::Minres,
+        KrylovMethod::Gmres { directions: 5 },
+        KrylovMethod::FlexibleGmres { directions: 5 },
+    ] {
+        let membrane = Membrane(12);
+        let mut problem = Assembled::new(&membrane, Multigrid::algebraic());
+        let mut newton = NewtonKrylov::new(NewtonKrylovOptions::default().with_method(method));
+        let mut u = vec![0.0; 144];
+        let mut run = || {
+            u.fill(0.0);
+            newton.solve(&mut problem, &mut u).unwrap();
+        };
+        run();
+        assert_eq!(allocations(run), 0, "{method:?}");
     }
 
     // Not even where other strategies are needed.

@@ -16,7 +16,7 @@ use semismooth::continuation::{
     ContinuationOptions, Diagram, DiagramOptions, SearchOptions, Strategy, search_solutions,
 };
 use semismooth::enumeration::EnumerationOptions;
-use semismooth::newton::{Damping, NewtonOptions};
+use semismooth::newton::{Damping, NewtonKrylovOptions, NewtonOptions};
 use semismooth::piecewise::MinMap;
 use semismooth::piecewise::check::CheckOptions;
 use semismooth::sparse::Matrix;
@@ -36,6 +36,7 @@ fn check<T: Default + PartialEq + Debug + serde::Serialize + serde::de::Deserial
 #[test]
 fn all_options_have_files() {
     check::<NewtonOptions>();
+    check::<NewtonKrylovOptions>();
     check::<ContinuationOptions>();
     check::<DiagramOptions>();
     check::<SearchOptions>();

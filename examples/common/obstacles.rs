@@ -1,13 +1,17 @@
 //! Obstacle problems on m × m points of a square, and the grids to nest them in.
 #![allow(dead_code)]
 
+#[path = "grids.rs"]
+pub(crate) mod grids;
+
 use std::error::Error;
 
 use clap::ValueEnum;
 use semismooth::complementarity::Lcp;
 use semismooth::complementarity::active_set::Nested;
 use semismooth::linear::Prolongation;
-use semismooth::sparse::{Matrix, Pattern};
+
+use grids::{bilinear, five_point, weight};
 
 type Result<T> = std::result::Result<T, Box<dyn Error>>;
 
@@ -68,26 +72,7 @@ impl Problem {
     pub(crate) fn lcp(self, m: usize) -> Result<Lcp> {
         let grid = Grid::new(self, m);
         let n = m * m;
-        let (mut start, mut rows, mut values) =
-            (vec![0], Vec::with_capacity(5 * n), Vec::with_capacity(5 * n));
-        for j in 0..m {
-            for i in 0..m {
-                let k = j * m + i;
-                let mut put = |there: bool, k: usize, v: f64| {
-                    if there {
-                        rows.push(k);
-                        values.push(v);
-                    }
-                };
-                put(j > 0, k.wrapping_sub(m), -1.0);
-                put(i > 0, k.wrapping_sub(1), -1.0);
-                put(true, k, 4.0);
-                put(i + 1 < m, k + 1, -1.0);
-                put(j + 1 < m, k + m, -1.0);
-                start.push(rows.len());
-            }
-        }
-        let matrix = Matrix::from_values(Pattern::from_csc(n, n, start, rows)?, values)?;
+        let matrix = five_point(m)?;
         let mut q = vec![-grid.h * grid.h * self.geometry().2; n];
         for k in 0..m {
             // Neighbours on the four sides, in the grid with its boundary.
@@ -170,23 +155,8 @@ impl Grid {
 
     /// Bilinear interpolation from the lines 2, 4, … (1 to m/2 of the coarse grid). Boundary values are the offset.
     fn prolongation(&self, boundary: impl Fn(f64, f64) -> f64) -> Result<Prolongation> {
-        let (m, coarse) = (self.m, self.m / 2);
-        let most = 9 * coarse * coarse;
-        let (mut start, mut rows, mut weights) =
-            (vec![0], Vec::with_capacity(most), Vec::with_capacity(most));
-        for b in 1..=coarse {
-            for a in 1..=coarse {
-                for j in 2 * b - 1..=(2 * b + 1).min(m) {
-                    for i in 2 * a - 1..=(2 * a + 1).min(m) {
-                        rows.push((j - 1) * m + i - 1);
-                        weights.push(weight(i, a) * weight(j, b));
-                    }
-                }
-                start.push(rows.len());
-            }
-        }
-        let pattern = Pattern::from_csc(m * m, coarse * coarse, start, rows)?;
-        let matrix = Matrix::from_values(pattern, weights)?;
+        let m = self.m;
+        let matrix = bilinear(m)?;
         let mut offset = vec![0.0; m * m];
         for k in 1..=m {
             for side in [1, m] {
@@ -198,11 +168,6 @@ impl Grid {
         }
         Ok(Prolongation::new(&matrix)?.with_offset(offset)?)
     }
-}
-
-/// Weight of coarse line a, which is fine line 2a, at fine line i.
-fn weight(i: usize, a: usize) -> f64 {
-    if i == 2 * a { 1.0 } else { 0.5 }
 }
 
 /// The problem with all its coarser grids.

@@ -8,8 +8,12 @@ use crate::sparse::dot;
 pub(crate) struct Gmres {
     /// Directions between restarts.
     directions: usize,
+    /// Whether the preconditioner may change from one call to the next (Y. Saad, SIAM J. Sci. Comput. 14 (1993)).
+    flexible: bool,
     /// Orthonormal basis, column-major.
     basis: Vec<f64>,
+    /// What the preconditioner made of it; only where it may change.
+    images: Vec<f64>,
     /// Upper triangular factor by columns, `directions + 1` rows each.
     hessenberg: Vec<f64>,
     rotations: Vec<(f64, f64)>,
@@ -24,12 +28,34 @@ pub(crate) struct GmresOutcome {
     pub(crate) iterations: usize,
     /// Euclidean norm of the residual, relative to that of the right-hand side.
     pub(crate) residual: f64,
+    /// Why it ended; where the residual fell as asked, that does not count.
+    pub(crate) end: GmresEnd,
+}
+
+/// Why a solve ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum GmresEnd {
+    Limit,
+    /// No progress in a cycle.
+    Stagnation,
+    /// A direction that the matrix maps to those before.
+    Breakdown,
 }
 
 impl Gmres {
+    /// With a preconditioner that may change.
+    pub(crate) fn flexible(directions: usize) -> Self {
+        Self {
+            flexible: true,
+            ..Self::new(directions)
+        }
+    }
+
     pub(crate) fn new(directions: usize) -> Self {
         Self {
             directions,
+            flexible: false,
+            images: Vec::new(),
             basis: Vec::new(),
             hessenberg: Vec::new(),
             rotations: Vec::new(),
@@ -41,7 +67,7 @@ impl Gmres {
 
     /// Overwrites `b` by an approximation to A⁻¹ b, until the residual has fallen by the factor `aim` or `limit` iterations are done.
     /// `multiply(x, y)` adds A x to y, `near` overwrites its argument by the solution of a system near A. Without convergence the
-    /// caller judges the residual told.
+    /// caller judges the residual told. After an error `b` holds what was reached before, unless it came with numbers that are none.
     pub(crate) fn solve(
         &mut self,
         mut multiply: impl FnMut(&[f64], &mut [f64]),
@@ -54,6 +80,9 @@ impl Gmres {
         let rows = self.directions + 1;
         self.basis.resize(n * rows, 0.0);
         self.hessenberg.resize(rows * self.directions, 0.0);
+        if self.flexible {
+            self.images.resize(n * self.directions, 0.0);
+        }
         self.z.resize(n, 0.0);
         self.x.clear();
         self.x.resize(n, 0.0);
@@ -61,6 +90,7 @@ impl Gmres {
         let mut outcome = GmresOutcome {
             iterations: 0,
             residual: if size == 0.0 { 0.0 } else { 1.0 },
+            end: GmresEnd::Limit,
         };
         // `b` is the residual from here on.
         while outcome.residual > aim && outcome.iterations < limit {
@@ -76,16 +106,36 @@ impl Gmres {
             for (v, b) in self.basis.iter_mut().zip(b.iter()) {
                 *v = b / norm;
             }
-            let mut k = 0;
+            let (mut k, mut expanded) = (0, Ok(true));
             while k < self.directions && outcome.iterations < limit && self.rhs[k].abs() > aim * size {
-                self.expand(k, n, &mut multiply, &mut near)?;
+                expanded = self.expand(k, n, &mut multiply, &mut near);
+                if !matches!(expanded, Ok(true)) {
+                    break;
+                }
                 k += 1;
                 outcome.iterations += 1;
             }
             self.combine(k, n);
-            near(&mut self.z)?;
-            self.x.iter_mut().zip(&self.z).for_each(|(x, z)| *x += z);
+            let back = if self.flexible || k == 0 {
+                Ok(())
+            } else {
+                near(&mut self.z)
+            };
+            if back.is_ok() {
+                self.x.iter_mut().zip(&self.z).for_each(|(x, z)| *x += z);
+            }
+            let goes_on = match expanded.and_then(|goes_on| back.map(|()| goes_on)) {
+                Ok(goes_on) => goes_on,
+                Err(e) => {
+                    b.copy_from_slice(&self.x);
+                    return Err(e);
+                }
+            };
             outcome.residual = self.rhs[k].abs() / size;
+            if !goes_on {
+                outcome.end = GmresEnd::Breakdown;
+                break;
+            }
             if outcome.residual > aim {
                 // Basis vectors are scratch between cycles.
                 let product = &mut self.basis[..n];
@@ -93,6 +143,7 @@ impl Gmres {
                 multiply(&self.z, product);
                 b.iter_mut().zip(&*product).for_each(|(b, p)| *b -= p);
                 if outcome.residual > 0.999 * before {
+                    outcome.end = GmresEnd::Stagnation;
                     break;
                 }
             }
@@ -101,19 +152,22 @@ impl Gmres {
         Ok(outcome)
     }
 
-    /// One more direction, and the rotation that goes with it.
+    /// One more direction, and the rotation that goes with it; `false` where it adds nothing.
     fn expand(
         &mut self,
         k: usize,
         n: usize,
         multiply: &mut impl FnMut(&[f64], &mut [f64]),
         near: &mut impl FnMut(&mut [f64]) -> Result<(), LinearError>,
-    ) -> Result<(), LinearError> {
+    ) -> Result<bool, LinearError> {
         let rows = self.directions + 1;
         let (old, new) = self.basis.split_at_mut(n * (k + 1));
         let w = &mut new[..n];
         self.z.copy_from_slice(&old[n * k..]);
         near(&mut self.z)?;
+        if self.flexible {
+            self.images[n * k..n * (k + 1)].copy_from_slice(&self.z);
+        }
         w.fill(0.0);
         multiply(&self.z, w);
         let h = &mut self.hessenberg[rows * k..rows * (k + 1)];
@@ -123,6 +177,7 @@ impl Gmres {
             w.iter_mut().zip(v).for_each(|(w, v)| *w -= c * v);
         }
         let norm = dot(w, w).sqrt();
+        let whole = h[..=k].iter().fold(norm, |size, h| size.hypot(*h));
         if norm > 0.0 {
             w.iter_mut().for_each(|w| *w /= norm);
         }
@@ -130,19 +185,20 @@ impl Gmres {
             (h[i], h[i + 1]) = (c * h[i] + s * h[i + 1], c * h[i + 1] - s * h[i]);
         }
         let length = h[k].hypot(norm);
-        if length == 0.0 || !length.is_finite() {
-            return Err(LinearError::Inaccurate {
-                residual: self.rhs[k].abs(),
-            });
+        if !length.is_finite() {
+            return Err(LinearError::Inaccurate { residual: f64::NAN });
+        }
+        if length <= 4.0 * f64::EPSILON * whole {
+            return Ok(false);
         }
         let (c, s) = (h[k] / length, norm / length);
         self.rotations.push((c, s));
         h[k] = length;
         (self.rhs[k], self.rhs[k + 1]) = (c * self.rhs[k], -s * self.rhs[k]);
-        Ok(())
+        Ok(true)
     }
 
-    /// The best combination of k directions, into `z`.
+    /// The best combination of k directions, into `z`, preconditioned where directions were kept so.
     fn combine(&mut self, k: usize, n: usize) {
         let rows = self.directions + 1;
         for i in (0..k).rev() {
@@ -152,7 +208,11 @@ impl Gmres {
             self.rhs[i] = (self.rhs[i] - tail) / self.hessenberg[rows * i + i];
         }
         self.z.fill(0.0);
-        for (v, c) in self.basis.chunks_exact(n.max(1)).zip(&self.rhs[..k]) {
+        let directions = match self.flexible {
+            true => &self.images,
+            false => &self.basis,
+        };
+        for (v, c) in directions.chunks_exact(n.max(1)).zip(&self.rhs[..k]) {
             self.z.iter_mut().zip(v).for_each(|(z, v)| *z += c * v);
         }
     }

@@ -2,6 +2,7 @@
 
 mod aggregation;
 mod auto;
+mod block_diagonal;
 mod bordered;
 mod cholesky;
 mod condensation;
@@ -20,8 +21,10 @@ mod error;
 mod gmres;
 mod incomplete_lu;
 mod kernel;
+mod krylov;
 mod memory;
 mod multigrid;
+mod operator;
 mod ordering;
 mod row_inverse;
 mod scaling;
@@ -31,6 +34,7 @@ mod spectral;
 
 pub(crate) use aggregation::Aggregation;
 pub use auto::{AutoSolver, DENSE_LIMIT};
+pub use block_diagonal::BlockDiagonal;
 pub use bordered::Bordered;
 pub use cholesky::Cholesky;
 pub use condensation::Condensation;
@@ -40,11 +44,13 @@ pub use error::LinearError;
 pub(crate) use gmres::Gmres;
 pub use incomplete_lu::{IncompleteLu, Preconditioner};
 pub use kernel::{NullSpace, null_space};
+pub use krylov::{Krylov, KrylovEnd, KrylovMethod, KrylovReport};
 pub(crate) use memory::dense_zeros;
-pub use multigrid::Prolongation;
+pub use multigrid::{Multigrid, Prolongation};
 pub(crate) use multigrid::{
     Rows, TruncatedMultigrid, affine_prolongation, aggregation_hierarchy, coarse_problem,
 };
+pub use operator::{LinearOperator, Preconditioned};
 pub(crate) use row_inverse::RowInverse;
 pub(crate) use small_lu::SmallLu;
 pub use sparse_lu::SparseLu;

@@ -391,6 +391,8 @@ impl Run<'_> {
             sites_changed,
             rcond: (step != Step::None).then(|| self.solver.rcond()).flatten(),
             step,
+            linear_iterations: 0,
+            forcing: 0.0,
         };
         self.work.report.history.push(entry);
         (self.observe)(&entry)

@@ -2,6 +2,8 @@
 
 mod convergence;
 mod error;
+mod forcing;
+mod inexact;
 mod iterate;
 mod moore_penrose;
 mod options;
@@ -13,6 +15,8 @@ mod workspace;
 
 pub(crate) use convergence::equilibrate;
 pub use error::{NewtonError, Unsolved};
+pub use forcing::{Forcing, NewtonKrylovOptions};
+pub use inexact::NewtonKrylov;
 pub use moore_penrose::{Correction, MoorePenrose};
 pub use options::{Damping, NewtonOptions};
 pub use report::{Convergence, Failure, Iteration, Report, Step};

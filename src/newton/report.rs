@@ -19,6 +19,10 @@ pub struct Iteration {
     pub rcond: Option<f64>,
     /// How the step was found.
     pub step: Step,
+    /// Iterations of the Krylov method that solved for the step; 0 where a factorisation did.
+    pub linear_iterations: usize,
+    /// Factor by which the linear residual was to fall, the forcing term; 0 where a factorisation solved.
+    pub forcing: f64,
 }
 
 /// How a step was found.
@@ -70,6 +74,12 @@ pub enum Failure {
     NotFinite,
     /// The observer asked to stop.
     Interrupted,
+    /// The Krylov method did not get far enough for a step that decreases the residual: a preconditioner is missing, or the derivative is
+    /// singular.
+    Linear {
+        /// ‖H + G d‖₂ / ‖H‖₂ it reached.
+        residual: f64,
+    },
 }
 
 impl fmt::Display for Failure {
@@ -87,6 +97,10 @@ impl fmt::Display for Failure {
             Self::Singular => f.write_str("the Jacobian is singular"),
             Self::NotFinite => f.write_str("the map is not finite along every step tried"),
             Self::Interrupted => f.write_str("the observer asked to stop"),
+            Self::Linear { residual } => write!(
+                f,
+                "the Krylov method got no further than a relative residual of {residual:e}"
+            ),
         }
     }
 }
@@ -177,6 +191,8 @@ mod tests {
                 sites_changed,
                 rcond: None,
                 step: Step::Newton,
+                linear_iterations: 0,
+                forcing: 0.0,
             };
         Report {
             history: list.iter().enumerate().map(entry).collect(),

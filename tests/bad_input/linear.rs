@@ -1,7 +1,7 @@
 use semismooth::linear::{
-    AutoSolver, Bordered, Cholesky, Condensation, DenseLu, IncompleteLu, LinearError, LinearSolver,
-    Preconditioner, Prolongation, SparseLu, eigenvalues, generalized_eigenvalues, null_space,
-    symmetric_eigenvalues,
+    AutoSolver, BlockDiagonal, Bordered, Cholesky, Condensation, DenseLu, IncompleteLu, Krylov, LinearError,
+    LinearOperator, LinearSolver, Multigrid, Preconditioned, Preconditioner, Prolongation, SparseLu,
+    eigenvalues, generalized_eigenvalues, null_space, symmetric_eigenvalues,
 };
 use semismooth::sparse::{Matrix, MatrixRef, Pattern, PatternRef};
 
@@ -395,5 +395,117 @@ fn linear_algebra() {
             ilu.apply(&mut [1.0])
         },
     );
+    krylov(&mut t);
     t.finish();
+}
+
+fn krylov(t: &mut Table) {
+    let spd = || rows(&[&[2.0, -1.0], &[-1.0, 2.0]]);
+    let solve = "linear::Krylov::solve";
+    for new in [
+        Krylov::cg,
+        Krylov::minres,
+        || Krylov::gmres(0),
+        || Krylov::flexible_gmres(0),
+    ] {
+        for n in [0, 1, 3] {
+            t.refuses(solve, "b of another length", "expected", || {
+                new().solve(&mut spd(), &mut vec![1.0; n], 1e-10)
+            });
+        }
+        for bad in BAD {
+            t.refuses(solve, "b that is no number", "NaN or infinite", || {
+                new().solve(&mut spd(), &mut [1.0, bad], 1e-10)
+            });
+            t.refuses(solve, "a matrix without numbers", "NaN or infinite", || {
+                new().solve(&mut rows(&[&[bad, 0.0], &[0.0, 1.0]]), &mut [1.0, 1.0], 1e-10)
+            });
+            t.survives(solve, "a tolerance that is no number", || {
+                new().solve(&mut spd(), &mut [1.0, 2.0], bad)
+            });
+        }
+        for size in [1e-320, 1e-200, 1e200, 1e300] {
+            t.holds(solve, "the size of b does not matter", || {
+                let mut b = [size, -size];
+                let report = new().solve(&mut spd(), &mut b, 1e-10).unwrap();
+                report.is_converged() && (b[0] / size - 1.0 / 3.0).abs() < 1e-2
+            });
+        }
+        t.survives(solve, "an empty matrix", || {
+            new().solve(&mut Matrix::zeros(Pattern::full(0, 0)), &mut [], 1e-10)
+        });
+        t.survives(solve, "an oblong matrix", || {
+            new().solve(&mut rows(&[&[1.0, 2.0]]), &mut [1.0], 1e-10)
+        });
+    }
+    t.refuses(
+        "linear::LinearOperator::precondition",
+        "nothing prepared",
+        "factor",
+        || Preconditioned::new(&spd(), &mut Multigrid::algebraic()).precondition(&mut [1.0; 2]),
+    );
+    let prepare = "linear::Preconditioner::prepare";
+    let blocks = || {
+        BlockDiagonal::new()
+            .with_block(1, IncompleteLu::default())
+            .with_block(1, IncompleteLu::default())
+    };
+    let wide = || {
+        let p = Matrix::from_triplets(5, 2, &[(0, 0, 1.0), (4, 1, 1.0)]).unwrap();
+        Multigrid::with_prolongations(vec![Prolongation::new(&p).unwrap()])
+    };
+    type Prepare = fn(&Matrix) -> Result<(), LinearError>;
+    let all: [Prepare; 2] = [
+        |a| Multigrid::algebraic().prepare(a.as_ref()),
+        |a| {
+            BlockDiagonal::new()
+                .with_block(2, IncompleteLu::default())
+                .prepare(a.as_ref())
+        },
+    ];
+    for make in all {
+        t.refuses(prepare, "an oblong matrix", "1 x 2", || {
+            make(&rows(&[&[1.0, 2.0]]))
+        });
+        for bad in BAD {
+            t.refuses(prepare, "no numbers", "NaN or infinite", || {
+                make(&rows(&[&[bad, 0.0], &[0.0, 1.0]]))
+            });
+        }
+    }
+    t.refuses(
+        prepare,
+        "a diagonal that is not positive",
+        "positive definite",
+        || Multigrid::algebraic().prepare(rows(&[&[1.0, 0.0], &[0.0, -1.0]]).as_ref()),
+    );
+    t.refuses(prepare, "no diagonal", "positive definite", || {
+        Multigrid::algebraic().prepare(Matrix::from_triplets(2, 2, &[(0, 1, 1.0)]).unwrap().as_ref())
+    });
+    t.refuses(prepare, "prolongations of another size", "expected", || {
+        wide().prepare(spd().as_ref())
+    });
+    t.refuses(prepare, "blocks of another size", "expected", || {
+        blocks().prepare(rows(&[&[1.0]]).as_ref())
+    });
+    t.refuses(
+        "linear::Preconditioner::apply",
+        "another length",
+        "expected",
+        || {
+            let mut p = blocks();
+            p.prepare(spd().as_ref())?;
+            p.apply(&mut [1.0])
+        },
+    );
+    t.refuses(
+        "linear::Preconditioner::apply",
+        "another length",
+        "expected",
+        || {
+            let mut p = Multigrid::algebraic();
+            p.prepare(spd().as_ref())?;
+            p.apply(&mut [1.0])
+        },
+    );
 }

@@ -1,6 +1,11 @@
-use semismooth::linear::{AutoSolver, DenseLu};
-use semismooth::newton::{Damping, Failure, MoorePenrose, Newton, NewtonError, NewtonOptions};
-use semismooth::piecewise::{MinMap, PiecewiseSmooth, Selection, Semismooth};
+use std::ops::ControlFlow;
+
+use semismooth::linear::{AutoSolver, DenseLu, KrylovMethod, LinearError, LinearOperator};
+use semismooth::newton::{
+    Damping, Failure, Forcing, MoorePenrose, Newton, NewtonError, NewtonKrylov, NewtonKrylovOptions,
+    NewtonOptions,
+};
+use semismooth::piecewise::{MatrixFree, MinMap, PiecewiseSmooth, Selection, Semismooth};
 use semismooth::sparse::{Matrix, Pattern};
 
 use super::piecewise::{no_numbers, square, vee};
@@ -20,9 +25,133 @@ impl Semismooth for NoRoot {
     }
 }
 
+/// 2 x = s in one unknown, with what may go wrong.
+struct Line {
+    s: f64,
+    order: usize,
+    refuses: bool,
+}
+impl LinearOperator for Line {
+    fn order(&self) -> usize {
+        self.order
+    }
+    fn product(&mut self, x: &[f64], y: &mut [f64]) {
+        y.iter_mut().zip(x).for_each(|(y, x)| *y = 2.0 * x);
+    }
+}
+impl MatrixFree for Line {
+    fn residual(&mut self, x: &[f64], out: &mut [f64]) {
+        out.iter_mut().zip(x).for_each(|(r, x)| *r = 2.0 * x - self.s);
+    }
+    fn linearize(&mut self, _: &[f64]) -> Result<(), LinearError> {
+        match self.refuses {
+            true => Err(LinearError::Solver {
+                what: "no preconditioner".to_owned(),
+            }),
+            false => Ok(()),
+        }
+    }
+}
+
+fn inexact(t: &mut Table) {
+    let line = |order, s| Line {
+        s,
+        order,
+        refuses: false,
+    };
+    let validate = "newton::NewtonKrylovOptions::validate";
+    let mut bad = vec![
+        (
+            "max_iterations",
+            NewtonKrylovOptions::default().with_max_iterations(0),
+        ),
+        (
+            "max_linear_iterations",
+            NewtonKrylovOptions::default().with_max_linear_iterations(0),
+        ),
+        (
+            "method.directions",
+            NewtonKrylovOptions::default().with_method(KrylovMethod::Gmres { directions: 0 }),
+        ),
+    ];
+    for v in [f64::NAN, f64::INFINITY, -1.0, 1.5, 3.0] {
+        let forcing = |f| NewtonKrylovOptions::default().with_forcing(f);
+        bad.push(("forcing", forcing(Forcing::Constant(v))));
+        bad.push((
+            "forcing.gamma",
+            forcing(Forcing::Decrease { gamma: v, alpha: 2.0 }),
+        ));
+        if v != 1.5 {
+            bad.push((
+                "forcing.alpha",
+                forcing(Forcing::Decrease { gamma: 0.9, alpha: v }),
+            ));
+        }
+        bad.push((
+            "first_forcing",
+            NewtonKrylovOptions::default().with_first_forcing(v),
+        ));
+        let o = NewtonKrylovOptions::default;
+        bad.push(("max_forcing", o().with_max_forcing(v)));
+        bad.push(("armijo", o().with_armijo(v)));
+        bad.push(("min_damping", o().with_min_damping(v)));
+    }
+    for v in [f64::NAN, f64::INFINITY, -1.0] {
+        let o = NewtonKrylovOptions::default();
+        bad.push(("absolute_tolerance", o.clone().with_absolute_tolerance(v)));
+        bad.push(("relative_tolerance", o.with_relative_tolerance(v)));
+    }
+    let (solve, observed) = (
+        "newton::NewtonKrylov::solve",
+        "newton::NewtonKrylov::solve_observed",
+    );
+    for (name, o) in bad {
+        t.refuses(validate, name, name, || o.validate());
+        t.refuses(solve, name, name, || {
+            NewtonKrylov::new(o.clone()).solve(&mut line(1, 1.0), &mut [1.0])
+        });
+        t.refuses(observed, name, name, || {
+            NewtonKrylov::new(o.clone())
+                .solve_observed(&mut line(1, 1.0), &mut [1.0], |_| ControlFlow::Continue(()))
+        });
+    }
+    for x in [vec![], vec![1.0; 2]] {
+        t.refuses(solve, "x of another length", "x", || {
+            NewtonKrylov::default().solve(&mut line(1, 1.0), &mut x.clone())
+        });
+    }
+    t.refuses(solve, "an empty map", "at least 1", || {
+        NewtonKrylov::default().solve(&mut line(0, 1.0), &mut [])
+    });
+    for v in BAD {
+        t.refuses(solve, "x", "x[0]", || {
+            NewtonKrylov::default().solve(&mut line(1, 1.0), &mut [v])
+        });
+        t.refuses(solve, "a residual that is no number", "not finite", || {
+            NewtonKrylov::default().solve(&mut line(1, v), &mut [1.0])
+        });
+    }
+    for huge in [1e160, 1e300, f64::MAX] {
+        t.survives(solve, "huge numbers", || {
+            NewtonKrylov::default().solve(&mut line(2, huge), &mut [-huge, 1e-300])
+        });
+    }
+    t.refuses(
+        solve,
+        "a map that cannot be linearized",
+        "no preconditioner",
+        || {
+            let mut line = line(1, 1.0);
+            line.refuses = true;
+            NewtonKrylov::default().solve(&mut line, &mut [1.0])
+        },
+    );
+}
+
 #[test]
 fn correctors() {
     let mut t = Table::new("newton");
+    inexact(&mut t);
     let validate = "newton::NewtonOptions::validate";
     let mut options = vec![("max_iterations", NewtonOptions::default().with_max_iterations(0))];
     for bad in [f64::NAN, f64::INFINITY, -1.0] {

@@ -1,12 +1,34 @@
+use semismooth::linear::IncompleteLu;
 use semismooth::piecewise::check::{CheckOptions, check};
 use semismooth::piecewise::{
-    ActiveSet, Facet, MinMap, PiecewiseSmooth, Selection, Selections, TestLayout, active_set, b_derivative,
-    cell_margin, coherent_orientation, essential_activity, local_uniqueness, local_uniqueness_with, select,
-    select_pieces, value,
+    ActiveSet, Assembled, Facet, MatrixFree, MinMap, PiecewiseSmooth, Selection, Selections, Semismooth,
+    TestLayout, active_set, b_derivative, cell_margin, coherent_orientation, essential_activity,
+    local_uniqueness, local_uniqueness_with, select, select_pieces, value,
 };
 use semismooth::sparse::{Matrix, Pattern};
 
 use super::table::{BAD, NOT_POSITIVE, Table, rows};
+
+/// x = 0 in two unknowns, with a pattern of another order, an entry elsewhere, or one that is no number.
+struct WrongJacobian {
+    order: usize,
+    row: usize,
+    value: f64,
+}
+impl Semismooth for WrongJacobian {
+    fn num_vars(&self) -> usize {
+        2
+    }
+    fn pattern(&self) -> Pattern {
+        Pattern::full(self.order, self.order)
+    }
+    fn residual(&self, x: &[f64], out: &mut [f64]) {
+        out.copy_from_slice(x);
+    }
+    fn jacobian(&self, _: &[f64], jac: &mut Matrix) {
+        jac.add(self.row, 0, self.value);
+    }
+}
 
 /// min(a, b) = 0 with a = y − α, b = y + α: α = ±y for y ≥ 0.
 pub(crate) fn vee() -> impl PiecewiseSmooth + Clone {
@@ -293,6 +315,22 @@ fn piecewise_maps() {
             "piecewise::ActiveSet::from_tests",
             "test functions of another length",
             || ActiveSet::from_tests(&curve, &layout(), &theta, vec![0, 9]),
+        );
+    }
+    for (order, row, value, names) in [
+        (3, 0, 1.0, "expected 2"),
+        (1, 0, 1.0, "expected 2"),
+        (2, 7, 1.0, "(7, 0)"),
+        (2, 0, f64::NAN, "NaN or infinite"),
+    ] {
+        t.refuses(
+            "piecewise::MatrixFree::linearize",
+            "a wrong Jacobian",
+            names,
+            || {
+                let map = WrongJacobian { order, row, value };
+                Assembled::new(&map, IncompleteLu::default()).linearize(&[0.0; 2])
+            },
         );
     }
     t.finish();

@@ -8,6 +8,7 @@ mod support;
 
 mod bordered;
 mod contract;
+mod krylov;
 mod large_sparse;
 mod solvers;
 mod sparse;

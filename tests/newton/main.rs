@@ -1,6 +1,7 @@
 //! The corrector: against enumeration, on problems where Newton's method cycles, and at the limits of rounding.
 
 mod globalisation;
+mod krylov;
 mod limits;
 mod problems;
 

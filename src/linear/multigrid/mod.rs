@@ -2,9 +2,11 @@
 
 mod aggregation;
 mod galerkin;
+mod preconditioner;
 mod prolongation;
 mod rows;
 
+pub use preconditioner::Multigrid;
 pub use prolongation::Prolongation;
 
 use std::sync::Arc;
@@ -275,6 +277,32 @@ impl TruncatedMultigrid {
         self.free.len()
     }
 
+    /// Takes other values for the matrix of the finest level, over the same pattern, and sums all coarse matrices anew.
+    pub(crate) fn revalue(&mut self, values: &[f64]) {
+        self.levels[0].a.parts_mut().2.copy_from_slice(values);
+        for k in 0..self.prolongations.len() {
+            let (above, below) = self.levels.split_at_mut(k + 1);
+            let mask = (k == 0).then_some(&*self.free);
+            self.galerkin[k].sum(&above[k].a, mask, &self.prolongations[k], None, &mut below[0].a);
+        }
+        for (k, level) in self.levels.iter_mut().enumerate() {
+            (0..level.b.len()).for_each(|i| level.invert_diagonal(i, k > 0 || self.free[i]));
+        }
+    }
+
+    /// Whether all free unknowns have a positive entry on the diagonal, without which no cycle moves them.
+    fn has_positive_diagonal(&self) -> bool {
+        let inverse = &self.levels[0].inverse_diagonal;
+        self.free.iter().zip(inverse).all(|(free, d)| !free || *d > 0.0)
+    }
+
+    /// Overwrites b by what one cycle from zero makes of it.
+    fn precondition(&mut self, b: &mut [f64]) {
+        self.levels[0].b.copy_from_slice(b);
+        self.cycle();
+        b.copy_from_slice(&self.levels[0].x);
+    }
+
     /// Chooses the free unknowns.
     pub(crate) fn set_free(&mut self, free: &[bool]) {
         let Self {
@@ -356,8 +384,7 @@ impl TruncatedMultigrid {
         tolerance: f64,
         limit: usize,
     ) -> Result<usize, LinearError> {
-        let fine = &self.levels[0];
-        if (self.free.iter().zip(&fine.inverse_diagonal)).any(|(free, d)| *free && *d == 0.0) {
+        if !self.has_positive_diagonal() {
             return Err(LinearError::NotPositiveDefinite);
         }
         d.fill(0.0);

@@ -1,0 +1,290 @@
+//! Inexact Newton methods: what forcing terms keep of the tail, and how runs end.
+
+use std::ops::ControlFlow;
+
+use semismooth::linear::{IncompleteLu, KrylovMethod, LinearError, LinearOperator};
+use semismooth::newton::{
+    Damping, Failure, Forcing, Newton, NewtonError, NewtonKrylov, NewtonKrylovOptions, Step,
+};
+use semismooth::piecewise::{Assembled, MatrixFree, Semismooth};
+use semismooth::sparse::{Matrix, Pattern};
+
+/// −Δu + eᵘ + 40 (u − 0.02)₊ = 8 on m × m points, times h².
+struct Reaction(usize);
+
+impl Reaction {
+    fn h2(&self) -> f64 {
+        1.0 / ((self.0 + 1) * (self.0 + 1)) as f64
+    }
+    fn neighbours(&self, k: usize) -> impl Iterator<Item = usize> + use<> {
+        let (m, i, j) = (self.0, k % self.0, k / self.0);
+        let all = [
+            (i > 0, k.wrapping_sub(1)),
+            (i + 1 < m, k + 1),
+            (j > 0, k.wrapping_sub(m)),
+            (j + 1 < m, k + m),
+        ];
+        all.into_iter().filter(|n| n.0).map(|n| n.1)
+    }
+}
+
+impl Semismooth for Reaction {
+    fn num_vars(&self) -> usize {
+        self.0 * self.0
+    }
+    fn pattern(&self) -> Pattern {
+        let n = self.num_vars();
+        let row = |k| self.neighbours(k).chain([k]).map(move |l| (k, l));
+        Pattern::from_entries(n, n, (0..n).flat_map(row)).unwrap()
+    }
+    fn residual(&self, u: &[f64], out: &mut [f64]) {
+        for k in 0..u.len() {
+            let terms = u[k].exp() + 40.0 * (u[k] - 0.02).max(0.0) - 8.0;
+            out[k] = 4.0 * u[k] - self.neighbours(k).map(|l| u[l]).sum::<f64>() + self.h2() * terms;
+        }
+    }
+    fn jacobian(&self, u: &[f64], jac: &mut Matrix) {
+        for k in 0..u.len() {
+            let slope = u[k].exp() + if u[k] > 0.02 { 40.0 } else { 0.0 };
+            jac.add(k, k, 4.0 + self.h2() * slope);
+            self.neighbours(k).for_each(|l| jac.add(k, l, -1.0));
+        }
+    }
+}
+
+fn options(forcing: Forcing, method: KrylovMethod) -> NewtonKrylovOptions {
+    NewtonKrylovOptions::default()
+        .with_forcing(forcing)
+        .with_method(method)
+        .with_relative_tolerance(1e-12)
+}
+
+/// Ratios of successive residuals.
+fn ratios(newton: &NewtonKrylov) -> Vec<f64> {
+    let history = &newton.report().history;
+    history
+        .windows(2)
+        .map(|w| w[1].residual_norm / w[0].residual_norm)
+        .collect()
+}
+
+#[test]
+fn forcing_terms_keep_the_superlinear_tail() {
+    let map = Reaction(15);
+    let mut direct = vec![0.0; 225];
+    Newton::default().solve_semismooth(&map, &mut direct).unwrap();
+    let decrease = Forcing::default();
+    for method in [
+        KrylovMethod::Cg,
+        KrylovMethod::Minres,
+        KrylovMethod::Gmres { directions: 40 },
+        KrylovMethod::FlexibleGmres { directions: 40 },
+    ] {
+        for forcing in [Forcing::Model, decrease, Forcing::Constant(0.2)] {
+            // ILU(0) of a symmetric matrix is symmetric, and definite for M matrices.
+            let mut problem = Assembled::new(&map, IncompleteLu::default());
+            let mut newton = NewtonKrylov::new(options(forcing, method));
+            let mut u = vec![0.0; 225];
+            newton.solve(&mut problem, &mut u).unwrap();
+            let distance = u.iter().zip(&direct).map(|(u, d)| (u - d).abs());
+            assert!(distance.fold(0.0, f64::max) < 1e-9, "{method:?} {forcing:?}");
+            let ratios = ratios(&newton);
+            let tail = &ratios[ratios.len() - 3..];
+            match forcing {
+                // Linear, with no less than the factor that the steps are solved for with.
+                Forcing::Constant(eta) => assert!(
+                    tail.iter().all(|r| *r > 0.02 * eta && *r < 1.5 * eta),
+                    "{method:?} {tail:?}"
+                ),
+                _ => assert!(
+                    tail[1] < tail[0] && tail.iter().any(|r| *r < 1e-3),
+                    "{method:?} {forcing:?} {ratios:?}"
+                ),
+            }
+            let history = &newton.report().history;
+            let least = history[..history.len() - 1]
+                .iter()
+                .map(|i| i.forcing)
+                .fold(1.0, f64::min);
+            assert!(forcing == Forcing::Constant(0.2) || least < 0.05);
+            assert!(history.iter().all(|i| i.forcing < 1.0));
+        }
+    }
+}
+
+#[test]
+fn steps_fulfil_their_forcing_terms() {
+    let map = Reaction(9);
+    let mut problem = Assembled::new(&map, IncompleteLu::default());
+    let mut newton = NewtonKrylov::default();
+    let mut iterates = vec![];
+    let mut x = vec![0.1; 81];
+    // The run is repeated and stopped after each step, so that iterates are seen.
+    for stop in 0.. {
+        x.fill(0.1);
+        let outcome = newton.solve_observed(&mut problem, &mut x, |i| match i.index == stop {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        });
+        if outcome.is_ok() {
+            break;
+        }
+        iterates.push((newton.report().history[stop], x.clone()));
+    }
+    assert!(iterates.len() >= 4);
+    let mut before = vec![0.1; 81];
+    let (mut r, mut g) = (vec![0.0; 81], Matrix::zeros(map.pattern()));
+    for (entry, after) in &iterates {
+        map.residual(&before, &mut r);
+        let size = r.iter().map(|r| r * r).sum::<f64>().sqrt();
+        assert!((size - entry.residual_norm).abs() < 1e-14 * size);
+        g.clear();
+        map.jacobian(&before, &mut g);
+        let d: Vec<f64> = after.iter().zip(&before).map(|(a, b)| a - b).collect();
+        g.as_ref().mul_add(1.0, &d, &mut r);
+        let left = r.iter().map(|r| r * r).sum::<f64>().sqrt();
+        assert!(
+            left <= (entry.forcing + 1e-10) * size,
+            "{entry:?} {}",
+            left / size
+        );
+        before.clone_from(after);
+    }
+}
+
+/// A function of one variable, three times over, with its derivative; transposed products or not.
+struct Scalar {
+    f: fn(f64) -> (f64, f64),
+    slope: [f64; 3],
+    transposed: bool,
+}
+
+impl Scalar {
+    fn new(f: fn(f64) -> (f64, f64)) -> Self {
+        Self {
+            f,
+            slope: [0.0; 3],
+            transposed: true,
+        }
+    }
+}
+
+impl LinearOperator for Scalar {
+    fn order(&self) -> usize {
+        3
+    }
+    fn product(&mut self, x: &[f64], y: &mut [f64]) {
+        (0..3).for_each(|i| y[i] = self.slope[i] * x[i]);
+    }
+    fn transpose_product(&mut self, x: &[f64], y: &mut [f64]) -> bool {
+        if self.transposed {
+            self.product(x, y);
+        }
+        self.transposed
+    }
+}
+
+impl MatrixFree for Scalar {
+    fn residual(&mut self, x: &[f64], out: &mut [f64]) {
+        (0..3).for_each(|i| out[i] = (self.f)(x[i]).0);
+    }
+    fn linearize(&mut self, x: &[f64]) -> Result<(), LinearError> {
+        (0..3).for_each(|i| self.slope[i] = (self.f)(x[i]).1);
+        Ok(())
+    }
+}
+
+fn solve(map: &mut Scalar, damping: Damping, x: &mut [f64; 3]) -> Result<(), NewtonError> {
+    NewtonKrylov::new(NewtonKrylovOptions::default().with_damping(damping))
+        .solve(map, x)
+        .map(drop)
+}
+
+fn reason(error: NewtonError) -> Failure {
+    match error {
+        NewtonError::Failed(unsolved) => {
+            assert!(unsolved.x.iter().all(|x| x.is_finite()) && unsolved.residual_norm.is_finite());
+            unsolved.reason
+        }
+        other => panic!("{other}"),
+    }
+}
+
+#[test]
+fn line_searches_come_in_where_full_steps_run_away() {
+    // Full steps diverge from |x| > 3.92.
+    let logarithm = |x: f64| x.signum() * (1.0 + x.abs()).ln();
+    let mut map = Scalar::new(|x| (x.signum() * (1.0 + x.abs()).ln(), 1.0 / (1.0 + x.abs())));
+    let start = [20.0, -10.0, 50.0];
+    for damping in [Damping::OnTrouble, Damping::Always] {
+        let mut x = start;
+        solve(&mut map, damping, &mut x).unwrap();
+        assert!(x.iter().all(|x| x.abs() < 1e-9), "{damping:?} {x:?}");
+    }
+    let mut x = start;
+    reason(solve(&mut map, Damping::Never, &mut x).unwrap_err());
+    // The best iterate comes back.
+    let size = |x: &[f64; 3]| x.iter().map(|x| logarithm(*x).powi(2)).sum::<f64>();
+    assert!(size(&x) <= size(&start));
+}
+
+#[test]
+fn steps_come_back_into_the_domain() {
+    let mut map = Scalar::new(|x| (x.ln() + 3.0, 1.0 / x));
+    let mut x = [1.0, 2.0, 0.5];
+    solve(&mut map, Damping::OnTrouble, &mut x).unwrap();
+    assert!(x.iter().all(|x| (x - (-3.0_f64).exp()).abs() < 1e-9));
+}
+
+#[test]
+fn failures_are_typed_and_keep_the_best_iterate() {
+    // No root; 0 minimizes the residual.
+    let mut map = Scalar::new(|x| (x * x + 1.0, 2.0 * x));
+    for transposed in [false, true] {
+        map.transposed = transposed;
+        for damping in [Damping::OnTrouble, Damping::Always, Damping::Never] {
+            let mut x = [3.0; 3];
+            let why = reason(solve(&mut map, damping, &mut x).unwrap_err());
+            let known = matches!(
+                why,
+                Failure::Stagnation | Failure::Linear { .. } | Failure::MaxIterations
+            );
+            assert!(known, "{damping:?} {why:?}");
+            assert!(x.iter().all(|x| x.abs() <= 3.0));
+        }
+    }
+    // Derivatives that are none.
+    let mut map = Scalar::new(|x| (x - 1.0, if x > 0.5 { f64::NAN } else { 0.5 }));
+    let mut x = [0.0; 3];
+    let why = reason(solve(&mut map, Damping::OnTrouble, &mut x).unwrap_err());
+    assert_eq!(why, Failure::NotFinite);
+    // Derivatives that vanish.
+    let mut map = Scalar::new(|_| (1.0, 0.0));
+    let why = reason(solve(&mut map, Damping::OnTrouble, &mut [0.0; 3]).unwrap_err());
+    assert!(
+        matches!(why, Failure::Linear { residual } if residual == 1.0),
+        "{why:?}"
+    );
+    // A start where H is no number.
+    let mut map = Scalar::new(|x| (x.sqrt(), 1.0));
+    match solve(&mut map, Damping::OnTrouble, &mut [-1.0; 3]).unwrap_err() {
+        NewtonError::Failed(unsolved) => assert_eq!(unsolved.reason, Failure::NotFinite),
+        other => panic!("{other}"),
+    }
+}
+
+#[test]
+fn steepest_descent_goes_on_where_the_newton_step_does_not_descend() {
+    // A wrong derivative: its Newton steps climb, but it has the sign for steepest descent only where it is right, beyond 1.
+    let mut map = Scalar::new(|x| (x.powi(3), if x.abs() < 1e-3 { 0.0 } else { 3.0 * x * x }));
+    let mut newton = NewtonKrylov::new(
+        NewtonKrylovOptions::default()
+            .with_damping(Damping::Always)
+            .with_absolute_tolerance(1e-6)
+            .with_relative_tolerance(0.0),
+    );
+    let mut x = [1.0, 0.5, 0.0];
+    newton.solve(&mut map, &mut x).unwrap();
+    assert!(x.iter().all(|x| x.abs() < 1e-2));
+    assert!(newton.report().history.last().unwrap().step == Step::None);
+}
