@@ -10,11 +10,13 @@
 //! in `out/bingham.svg` the velocity (darker: faster) with the plug in red and the circle r = ½.
 //!
 //! ```text
-//! cargo run --release --example bingham -- --levels 6 --gamma 1e5
+//! cargo run --release --example bingham -- --levels 7 --gamma 1e5
 //! ```
 
 #[macro_use]
 mod common;
+#[path = "common/yielding.rs"]
+mod yielding;
 
 use std::collections::HashMap;
 use std::f64::consts::PI;
@@ -25,10 +27,9 @@ use std::time::Instant;
 
 use clap::Parser;
 use common::{Outcome, ensure, exit, file_in};
-use semismooth::linear::{Cholesky, KrylovMethod, LinearError, LinearOperator, LinearSolver};
+use semismooth::linear::{KrylovMethod, LinearOperator};
 use semismooth::newton::{Damping, NewtonKrylov, NewtonKrylovOptions};
-use semismooth::piecewise::MatrixFree;
-use semismooth::sparse::{Matrix, Pattern};
+use yielding::{Element, Weights, Yielding};
 
 #[derive(Parser)]
 #[command(about = "Flow of a paste with yield stress through a round pipe")]
@@ -129,177 +130,40 @@ impl Disc {
     }
 }
 
-/// A triangle: unknowns of its corners (none on the circle), gradients of their hat functions, area.
-struct Element {
-    corners: [Option<usize>; 3],
-    gradients: [[f64; 2]; 3],
-    area: f64,
-}
-
-impl Element {
-    fn gradient(&self, u: &[f64]) -> [f64; 2] {
-        let mut sum = [0.0; 2];
-        for (corner, g) in self.corners.iter().zip(&self.gradients) {
-            if let Some(k) = corner {
-                sum[0] += u[*k] * g[0];
-                sum[1] += u[*k] * g[1];
-            }
-        }
-        sum
-    }
-
-    /// Adds ∫ v · ∇φ for the hat functions φ of its corners.
-    fn add_divergence(&self, v: [f64; 2], out: &mut [f64]) {
-        for (corner, g) in self.corners.iter().zip(&self.gradients) {
-            if let Some(k) = corner {
-                out[*k] += self.area * (v[0] * g[0] + v[1] * g[1]);
-            }
+/// The flow through a disc.
+fn flow(disc: &Disc, threshold: f64) -> Outcome<Yielding> {
+    let mut unknown = vec![None; disc.nodes.len()];
+    let mut unknowns = 0;
+    for (node, unknown) in unknown.iter_mut().enumerate() {
+        if disc.radius(node) < 1.0 - 1e-9 {
+            *unknown = Some(unknowns);
+            unknowns += 1;
         }
     }
-}
-
-/// The equations in x = (u, q): ∫(∇u + q)·∇φ − ∫f φ = 0 for every hat function, area (max(g/γ, |∇u|) q − g ∇u) = 0 in every triangle.
-struct Flow {
-    elements: Vec<Element>,
-    unknowns: usize,
-    load: Vec<f64>,
-    /// g/γ.
-    threshold: f64,
-    /// For each triangle max(g/γ, |∇u|), and the matrix C of the derivative m δq − C ∇δu. With q taken back into |q| ≤ g and C made
-    /// symmetric, what is left for u is positive definite (Hintermüller, Stadler 2006); at solutions nothing is changed by that.
-    slopes: Vec<(f64, [[f64; 2]; 2])>,
-    reduced: Matrix,
-    solver: Cholesky,
-}
-
-impl Flow {
-    fn new(disc: &Disc, gamma: f64) -> Outcome<Self> {
-        let mut unknown = vec![None; disc.nodes.len()];
-        let mut unknowns = 0;
-        for (node, unknown) in unknown.iter_mut().enumerate() {
-            if disc.radius(node) < 1.0 - 1e-9 {
-                *unknown = Some(unknowns);
-                unknowns += 1;
-            }
+    let mut load = vec![0.0; unknowns];
+    let mut elements = Vec::with_capacity(disc.triangles.len());
+    for triangle in &disc.triangles {
+        let [a, b, c] = triangle.map(|k| disc.point(k));
+        let area = 0.5 * ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]));
+        let opposite =
+            |p: [f64; 2], q: [f64; 2]| [(p[1] - q[1]) / (2.0 * area), (q[0] - p[0]) / (2.0 * area)];
+        let corners = triangle.map(|k| unknown[k]);
+        for i in corners.iter().flatten() {
+            load[*i] += FORCE * area / 3.0;
         }
-        let mut load = vec![0.0; unknowns];
-        let mut elements = Vec::with_capacity(disc.triangles.len());
-        let mut entries = Vec::new();
-        for triangle in &disc.triangles {
-            let [a, b, c] = triangle.map(|k| disc.point(k));
-            let area = 0.5 * ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]));
-            let opposite =
-                |p: [f64; 2], q: [f64; 2]| [(p[1] - q[1]) / (2.0 * area), (q[0] - p[0]) / (2.0 * area)];
-            let corners = triangle.map(|k| unknown[k]);
-            for i in corners.iter().flatten() {
-                load[*i] += FORCE * area / 3.0;
-                entries.extend(corners.iter().flatten().map(|j| (*i, *j)));
-            }
-            elements.push(Element {
-                corners,
-                gradients: [opposite(b, c), opposite(c, a), opposite(a, b)],
-                area,
-            });
-        }
-        let pattern = Pattern::from_entries(unknowns, unknowns, entries)?;
-        let mut solver = Cholesky::new();
-        solver.analyze(pattern.as_ref())?;
-        Ok(Self {
-            slopes: vec![(YIELD, [[0.0; 2]; 2]); elements.len()],
-            elements,
-            unknowns,
-            load,
-            threshold: YIELD / gamma,
-            reduced: Matrix::zeros(pattern),
-            solver,
-        })
+        elements.push(Element {
+            corners,
+            gradients: [opposite(b, c), opposite(c, a), opposite(a, b)],
+            area,
+        });
     }
-
-    fn split<'a>(&self, x: &'a [f64]) -> (&'a [f64], &'a [[f64; 2]]) {
-        let (u, q) = x.split_at(self.unknowns);
-        (u, q.as_chunks().0)
-    }
-}
-
-impl LinearOperator for Flow {
-    fn order(&self) -> usize {
-        self.unknowns + 2 * self.elements.len()
-    }
-
-    fn product(&mut self, v: &[f64], out: &mut [f64]) {
-        let (u, q) = self.split(v);
-        let (forces, laws) = out.split_at_mut(self.unknowns);
-        forces.fill(0.0);
-        let laws = laws.as_chunks_mut::<2>().0;
-        for (((element, (m, c)), q), law) in self.elements.iter().zip(&self.slopes).zip(q).zip(laws) {
-            let g = element.gradient(u);
-            element.add_divergence([g[0] + q[0], g[1] + q[1]], forces);
-            *law = [0, 1].map(|i| element.area * (m * q[i] - c[i][0] * g[0] - c[i][1] * g[1]));
-        }
-    }
-
-    /// Exact: q is eliminated triangle by triangle.
-    fn precondition(&mut self, b: &mut [f64]) -> Result<(), LinearError> {
-        let (u, q) = b.split_at_mut(self.unknowns);
-        let q = q.as_chunks_mut::<2>().0;
-        for ((element, (m, _)), q) in self.elements.iter().zip(&self.slopes).zip(&mut *q) {
-            *q = q.map(|q| q / (m * element.area));
-            element.add_divergence(q.map(|q| -q), u);
-        }
-        self.solver.solve_in_place(u)?;
-        for ((element, (m, c)), q) in self.elements.iter().zip(&self.slopes).zip(q) {
-            let g = element.gradient(u);
-            for i in 0..2 {
-                q[i] += (c[i][0] * g[0] + c[i][1] * g[1]) / m;
-            }
-        }
-        Ok(())
-    }
-}
-
-impl MatrixFree for Flow {
-    fn residual(&mut self, x: &[f64], out: &mut [f64]) {
-        let (u, q) = self.split(x);
-        let (forces, laws) = out.split_at_mut(self.unknowns);
-        forces.iter_mut().zip(&self.load).for_each(|(r, f)| *r = -f);
-        for ((element, q), law) in self.elements.iter().zip(q).zip(laws.as_chunks_mut::<2>().0) {
-            let g = element.gradient(u);
-            element.add_divergence([g[0] + q[0], g[1] + q[1]], forces);
-            let m = g[0].hypot(g[1]).max(self.threshold);
-            *law = [0, 1].map(|i| element.area * (m * q[i] - YIELD * g[i]));
-        }
-    }
-
-    fn linearize(&mut self, x: &[f64]) -> Result<(), LinearError> {
-        let (u, q) = self.split(x);
-        self.reduced.clear();
-        for ((element, slope), q) in self.elements.iter().zip(&mut self.slopes).zip(q) {
-            let g = element.gradient(u);
-            let size = g[0].hypot(g[1]);
-            let mut c = [[YIELD, 0.0], [0.0, YIELD]];
-            if size > self.threshold {
-                let back = 1.0 / (q[0].hypot(q[1]) / YIELD).max(1.0);
-                for (i, j) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
-                    c[i][j] -= 0.5 * back * (q[i] * g[j] + q[j] * g[i]) / size;
-                }
-            }
-            let m = size.max(self.threshold);
-            *slope = (m, c);
-            for (i, p) in element.corners.iter().zip(&element.gradients) {
-                for (j, r) in element.corners.iter().zip(&element.gradients) {
-                    if let (Some(i), Some(j)) = (i, j) {
-                        let dual: f64 = [(0, 0), (0, 1), (1, 0), (1, 1)]
-                            .iter()
-                            .map(|&(k, l)| p[k] * c[k][l] * r[l])
-                            .sum();
-                        let viscous = p[0] * r[0] + p[1] * r[1];
-                        self.reduced.add(*i, *j, element.area * (viscous + dual / m));
-                    }
-                }
-            }
-        }
-        self.solver.factor(self.reduced.as_ref())
-    }
+    let weights = Weights {
+        mass: 0.0,
+        viscosity: 1.0,
+        yield_stress: YIELD,
+        threshold,
+    };
+    Yielding::new(elements, load, weights)
 }
 
 fn main() -> ExitCode {
@@ -318,7 +182,8 @@ fn run(arguments: &Arguments) -> Outcome<()> {
     let mut coarse: Option<(Vec<f64>, Vec<f64>)> = None;
     for level in 0..levels {
         disc = disc.refined();
-        let mut flow = Flow::new(&disc, arguments.gamma)?;
+        let threshold = YIELD / arguments.gamma;
+        let mut flow = flow(&disc, threshold)?;
         let mut newton = NewtonKrylov::new(
             NewtonKrylovOptions::default()
                 .with_method(KrylovMethod::Gmres { directions: 10 })
@@ -338,7 +203,7 @@ fn run(arguments: &Arguments) -> Outcome<()> {
             seconds = begin.elapsed().as_secs_f64();
             nested.push(newton.report().history.len() - 1);
         }
-        let found = Found::new(&disc, &flow, &x);
+        let found = Found::new(&disc, &flow, &x, threshold);
         println!(
             "{:9}  {:6}  {:>7}  {:8.1e}  {:10.2e}  {:11.5}  {:9.6}  {seconds:7.2}",
             disc.triangles.len(),
@@ -382,7 +247,7 @@ struct Found {
 }
 
 impl Found {
-    fn new(disc: &Disc, flow: &Flow, x: &[f64]) -> Self {
+    fn new(disc: &Disc, flow: &Yielding, x: &[f64], threshold: f64) -> Self {
         let (u, _) = flow.split(x);
         let mut velocity = vec![0.0; disc.nodes.len()];
         for (triangle, element) in disc.triangles.iter().zip(&flow.elements) {
@@ -396,7 +261,7 @@ impl Found {
             .iter()
             .map(|e| {
                 let g = e.gradient(u);
-                g[0].hypot(g[1]) <= flow.threshold
+                g[0].hypot(g[1]) <= threshold
             })
             .collect();
         let area = |of: &dyn Fn(usize) -> f64| -> f64 {
@@ -414,7 +279,7 @@ impl Found {
 }
 
 /// The velocity of the coarser mesh at the nodes, and q of the triangle each lies in.
-fn prolong(disc: &Disc, flow: &Flow, velocity: &[f64], q: &[f64]) -> Vec<f64> {
+fn prolong(disc: &Disc, flow: &Yielding, velocity: &[f64], q: &[f64]) -> Vec<f64> {
     let mut x = vec![0.0; flow.order()];
     let (u, fine) = x.split_at_mut(flow.unknowns);
     for (triangle, element) in disc.triangles.iter().zip(&flow.elements) {

@@ -10,7 +10,7 @@
 //! level is compared with an accelerated proximal gradient method (FISTA; Beck, Teboulle 2009).
 //!
 //! ```text
-//! cargo run --release --example sparse_control -- --coarsest 63 --levels 5
+//! cargo run --release --example sparse_control -- --coarsest 63 --levels 4
 //! ```
 
 #[macro_use]
