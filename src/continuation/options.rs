@@ -62,7 +62,8 @@ pub struct ContinuationOptions {
     /// Largest ‖x‖₂ relative to 1 + ‖x⁰‖₂ (curves may tend to infinity at a pole). Default 1e6.
     #[cfg_attr(feature = "serde", serde(with = "super::extended"))]
     pub max_growth: f64,
-    /// Largest wall-clock time. Default none.
+    /// Largest wall-clock time, looked at before each step and, where many arms are searched, each linear program and factorisation. No
+    /// factorisation is interrupted, and no kernel by singular values at a degenerate point. Default none.
     pub max_time: Option<Duration>,
     /// Distance in x, relative to 1 + ‖x‖₂, within which a test function counts as vanishing at a start, at a branch point and where the
     /// selection is singular. At transitions met along a curve that is decided along it, to rounding. Default 1e-9.

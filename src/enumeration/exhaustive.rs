@@ -6,7 +6,7 @@ use num_traits::{One, Signed, Zero};
 use super::EnumerationOptions;
 use super::proof::MAX_WORK;
 use crate::clock::Deadline;
-use crate::exact::{Dictionary, Exact, Infeasible, quotient};
+use crate::exact::{Dictionary, Exact, Halt, quotient};
 use crate::piecewise::{ExactConditions, ExactForm, ExactPiece, ExactSite};
 
 /// Numbers that exact arithmetic may write for each node that the search may have: some seconds at most.
@@ -33,20 +33,6 @@ impl Budget {
 
     fn spend(&mut self, work: u64) {
         self.left = self.left.saturating_sub(work);
-    }
-}
-
-/// Why a selection was not examined to its end.
-enum Halt {
-    /// It holds nothing.
-    Infeasible,
-    /// A limit was reached.
-    Limit,
-}
-
-impl From<Infeasible> for Halt {
-    fn from(_: Infeasible) -> Self {
-        Self::Infeasible
     }
 }
 
@@ -137,7 +123,7 @@ fn parts(form: &ExactForm) -> (&Exact, &[Exact]) {
 }
 
 impl<'a> Tableau<'a> {
-    fn new(conditions: &'a ExactConditions) -> Self {
+    fn new(conditions: &'a ExactConditions, deadline: Deadline) -> Self {
         let mut offsets = Vec::with_capacity(conditions.sites.len());
         let mut next = conditions.common.len();
         for site in &conditions.sites {
@@ -148,15 +134,15 @@ impl<'a> Tableau<'a> {
         let forms = conditions.common.iter().chain(sites).map(parts);
         Self {
             conditions,
-            dictionary: Dictionary::new(conditions.unknowns, forms),
+            dictionary: Dictionary::new(conditions.unknowns, forms).until(deadline),
             offsets,
             unknowns: next,
         }
     }
 
     /// With the common rows eliminated and what is known of all pieces required.
-    fn root(conditions: &'a ExactConditions) -> Result<Self, Infeasible> {
-        let mut root = Self::new(conditions);
+    fn root(conditions: &'a ExactConditions, deadline: Deadline) -> Result<Self, Halt> {
+        let mut root = Self::new(conditions, deadline);
         for var in 0..conditions.common.len() {
             root.dictionary.fix(var)?;
         }
@@ -169,7 +155,7 @@ impl<'a> Tableau<'a> {
     }
 
     /// Requires what a piece says; the signs of rows are restored by a repair.
-    fn decide(&mut self, site: usize, piece: &ExactPiece) -> Result<(), Infeasible> {
+    fn decide(&mut self, site: usize, piece: &ExactPiece) -> Result<(), Halt> {
         let offset = self.offsets[site];
         for &(form, sign) in &piece.facets {
             self.dictionary.constrain(offset + form, sign)?;
@@ -213,10 +199,14 @@ pub(super) fn search(
     if budget.is_spent() || elimination(conditions) > MAX_WORK {
         return partial.len() as u64;
     }
-    let Ok(mut root) = Tableau::root(conditions) else {
-        // What a contradiction took is known by its order of size alone.
-        budget.spend(elimination(conditions));
-        return 0;
+    let mut root = match Tableau::root(conditions, budget.deadline) {
+        Ok(root) => root,
+        Err(Halt::Late) => return partial.len() as u64,
+        Err(Halt::Infeasible) => {
+            // What a contradiction took is known by its order of size alone.
+            budget.spend(elimination(conditions));
+            return 0;
+        }
     };
     budget.spend(root.dictionary.take_work());
     let open = partial
@@ -236,18 +226,18 @@ fn search_from(
         return false;
     }
     let (conditions, mut root) = (root.conditions, root.clone());
-    let mut start = || -> Result<(), Infeasible> {
+    let mut start = || -> Result<(), Halt> {
         for (site, piece) in partial.iter().enumerate() {
             if let Some(piece) = piece {
-                root.decide(site, piece_of(conditions, site, *piece).ok_or(Infeasible)?)?;
+                root.decide(site, piece_of(conditions, site, *piece).ok_or(Halt::Infeasible)?)?;
             }
         }
         root.dictionary.repair()
     };
-    let started = start().is_ok();
+    let started = start();
     budget.spend(root.dictionary.take_work());
-    if !started {
-        return true;
+    if let Err(halt) = started {
+        return halt == Halt::Infeasible;
     }
     let order: Vec<usize> = (0..partial.len()).filter(|&s| partial[s].is_none()).collect();
     let mut open = vec![(Vec::new(), root)];
@@ -266,12 +256,16 @@ fn search_from(
             }
             let mut child = table.clone();
             let decided = child.decide(site, piece);
-            let feasible = decided.and_then(|()| child.dictionary.repair()).is_ok();
+            let feasible = decided.and_then(|()| child.dictionary.repair());
             budget.spend(child.dictionary.take_work());
-            if feasible {
-                let mut longer = chosen.clone();
-                longer.push(piece.piece);
-                open.push((longer, child));
+            match feasible {
+                Ok(()) => {
+                    let mut longer = chosen.clone();
+                    longer.push(piece.piece);
+                    open.push((longer, child));
+                }
+                Err(Halt::Infeasible) => {}
+                Err(Halt::Late) => return false,
             }
         }
     }
@@ -291,12 +285,9 @@ pub(super) fn piece_of(conditions: &ExactConditions, site: usize, piece: usize) 
 /// The point at which all common forms vanish, the unknowns that they leave free being 0: the last of them, if it may. `None` also where time
 /// is over.
 pub(super) fn common_point(conditions: &ExactConditions, deadline: Deadline) -> Option<ExactPoint> {
-    let mut table = Tableau::new(conditions);
+    let mut table = Tableau::new(conditions, deadline);
     let last = (table.unknowns + conditions.unknowns).checked_sub(1)?;
     for var in 0..conditions.common.len() {
-        if deadline.is_over() {
-            return None;
-        }
         // The last unknown goes where no other can.
         table.dictionary.fix_among(var, |column| column != last).ok()?;
         table.dictionary.fix(var).ok()?;
@@ -340,23 +331,18 @@ pub(super) fn decide(conditions: &ExactConditions, pieces: &[usize], budget: &mu
     if budget.is_spent() || elimination(conditions) > MAX_WORK {
         return None;
     }
-    let mut table = Tableau::new(conditions);
-    let held = held(&mut table, conditions, pieces, budget.deadline);
+    let mut table = Tableau::new(conditions, budget.deadline);
+    let held = held(&mut table, conditions, pieces);
     budget.spend(table.dictionary.take_work());
     match held {
         Ok(held) => Some(held),
         Err(Halt::Infeasible) => Some(Held::Nothing),
-        Err(Halt::Limit) => None,
+        Err(Halt::Late) => None,
     }
 }
 
-fn held(
-    table: &mut Tableau<'_>,
-    conditions: &ExactConditions,
-    pieces: &[usize],
-    deadline: Deadline,
-) -> Result<Held, Halt> {
-    let (sign, facets) = eliminate(table, conditions, pieces, deadline)?;
+fn held(table: &mut Tableau<'_>, conditions: &ExactConditions, pieces: &[usize]) -> Result<Held, Halt> {
+    let (sign, facets) = eliminate(table, conditions, pieces)?;
     let dictionary = &mut table.dictionary;
     if dictionary.columns().is_empty() {
         let mut touched = Vec::new();
@@ -373,13 +359,13 @@ fn held(
         return Ok(Held::Point { point, sign, touched });
     }
     if dictionary.columns().len() > 1 {
-        let flat = flat_facets(dictionary, &facets, deadline)?;
+        let flat = flat_facets(dictionary, &facets)?;
         for var in flat {
             dictionary.fix(var)?;
         }
     }
     match dictionary.columns().len() {
-        0 | 1 => Ok(segment(table, &facets)?),
+        0 | 1 => segment(table, &facets),
         dimension => Ok(Held::Continuum {
             dimension,
             ends: Vec::new(),
@@ -399,12 +385,11 @@ fn eliminate(
     table: &mut Tableau<'_>,
     conditions: &ExactConditions,
     pieces: &[usize],
-    deadline: Deadline,
 ) -> Result<(i8, Vec<SignedFacet>), Halt> {
     let mut equalities = Vec::new();
     let mut facets = Vec::new();
     for (site, &piece) in pieces.iter().enumerate() {
-        let piece = piece_of(conditions, site, piece).ok_or(Infeasible)?;
+        let piece = piece_of(conditions, site, piece).ok_or(Halt::Infeasible)?;
         let offset = table.offsets[site];
         for form in 0..conditions.sites[site].forms.len() {
             let used = |e: &(usize, usize)| e.1 == form;
@@ -434,9 +419,6 @@ fn eliminate(
     let all = (0..conditions.common.len()).chain(equalities.iter().map(|e| e.1));
     let (mut sign, mut columns) = (1, Vec::new());
     for var in all {
-        if deadline.is_over() {
-            return Err(Halt::Limit);
-        }
         if let Some((column, pivot)) = table.dictionary.fix(var)? {
             sign *= pivot;
             columns.push((var, column - table.unknowns));
@@ -464,11 +446,7 @@ fn parity(mut order: Vec<usize>) -> i8 {
 }
 
 /// The facets that vanish at all points of the polyhedron that they bound.
-fn flat_facets(
-    dictionary: &Dictionary,
-    facets: &[SignedFacet],
-    deadline: Deadline,
-) -> Result<Vec<usize>, Halt> {
+fn flat_facets(dictionary: &Dictionary, facets: &[SignedFacet]) -> Result<Vec<usize>, Halt> {
     let mut feasible = dictionary.clone();
     for &(_, var, sign) in facets {
         feasible.constrain(var, sign)?;
@@ -485,16 +463,13 @@ fn flat_facets(
     let (zero, one) = (Exact::default(), Exact::one());
     let mut flat = Vec::new();
     for (k, &(_, var, sign)) in facets.iter().enumerate() {
-        if deadline.is_over() {
-            return Err(Halt::Limit);
-        }
         let target = -&Exact::of(dictionary.denominator() * BigInt::from(sign), 0);
         let mut time = vec![zero.clone(); unknowns];
         time[unknowns - 1] = one.clone();
         let all = forms.iter().map(|f| (&zero, f.as_slice()));
         let extra = [(&zero, time.as_slice()), (&target, forms[k].as_slice())];
-        let mut rays = Dictionary::new(unknowns, all.chain(extra));
-        let mut reached = || -> Result<(), Infeasible> {
+        let mut rays = Dictionary::new(unknowns, all.chain(extra)).until(dictionary.deadline());
+        let mut reached = || -> Result<(), Halt> {
             for (other, facet) in facets.iter().enumerate() {
                 rays.constrain(other, facet.2)?;
             }
@@ -502,15 +477,17 @@ fn flat_facets(
             rays.fix(facets.len() + 1)?;
             rays.repair()
         };
-        if reached().is_err() {
-            flat.push(var);
+        match reached() {
+            Ok(()) => {}
+            Err(Halt::Infeasible) => flat.push(var),
+            Err(Halt::Late) => return Err(Halt::Late),
         }
     }
     Ok(flat)
 }
 
 /// The part of a line that lies in the cell: a fraction as numerator and positive denominator at either end.
-fn segment(table: &Tableau<'_>, facets: &[SignedFacet]) -> Result<Held, Infeasible> {
+fn segment(table: &Tableau<'_>, facets: &[SignedFacet]) -> Result<Held, Halt> {
     let (mut low, mut high): (Option<Fraction>, Option<Fraction>) = (None, None);
     for &(_, var, sign) in facets {
         let mut entries = table.dictionary.entries(var);
@@ -521,7 +498,7 @@ fn segment(table: &Tableau<'_>, facets: &[SignedFacet]) -> Result<Held, Infeasib
         let (value, positive) = (std::mem::take(&mut entries[0]), rate.is_positive());
         if rate.is_zero() {
             if value.is_negative() {
-                return Err(Infeasible);
+                return Err(Halt::Infeasible);
             }
             continue;
         }
@@ -542,7 +519,7 @@ fn segment(table: &Tableau<'_>, facets: &[SignedFacet]) -> Result<Held, Infeasib
     if let (Some(l), Some(h)) = (&low, &high) {
         let (a, b) = (&l.0 * &h.1, &h.0 * &l.1);
         if a > b {
-            return Err(Infeasible);
+            return Err(Halt::Infeasible);
         }
         if a == b {
             return Ok(single(table.point(std::slice::from_ref(l))));

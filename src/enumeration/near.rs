@@ -7,7 +7,7 @@ use super::proof::MAX_WORK;
 use super::solutions::stated_conditions;
 use super::stated::{Scaling, forms};
 use crate::clock::Deadline;
-use crate::exact::{Dictionary, Exact, Infeasible};
+use crate::exact::{Dictionary, Exact, Halt};
 use crate::piecewise::{ExactConditions, ExactForm, ExactPiece, ExactSite, PiecewiseSmooth};
 
 /// Coefficients up to which arms are proven: error bounds take dense matrices.
@@ -127,9 +127,7 @@ impl Near {
             zero.dedup();
             let kept = match pieces.len() {
                 1 => zero.clone(),
-                _ => self
-                    .independent(exact, &zero)
-                    .map_err(|Infeasible| Doubt::Coincidence)?,
+                _ => self.independent(exact, &zero).map_err(|_| Doubt::Coincidence)?,
             };
             rows.extend(kept.iter().map(|k| next + k));
             vanishing.push(zero);
@@ -142,7 +140,7 @@ impl Near {
     }
 
     /// Those of some forms of a site that do not vanish wherever the others do.
-    fn independent(&self, site: &ExactSite, zero: &[usize]) -> Result<Vec<usize>, Infeasible> {
+    fn independent(&self, site: &ExactSite, zero: &[usize]) -> Result<Vec<usize>, Halt> {
         let m = self.conditions.unknowns;
         let width = site.forms.iter().map(|f| f.coefficients.len()).max().unwrap_or(m);
         let wide = |form: &ExactForm| {

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use crate::clock::Deadline;
-use crate::exact::{Dictionary, Exact, Infeasible, Place};
+use crate::exact::{Dictionary, Exact, Halt, Place};
 use crate::piecewise::{ExactConditions, ExactForm, ExactPiece, ExactSite};
 
 /// With other constants.
@@ -48,12 +48,9 @@ fn reduced(
 ) -> Option<ExactConditions> {
     let (n, zero) = (conditions.unknowns, Exact::default());
     let rows: Vec<Vec<Exact>> = super::stated::forms(conditions).map(homogeneous).collect();
-    let mut table = Dictionary::new(n + 1, rows.iter().map(|r| (&zero, r.as_slice())));
+    let mut table = Dictionary::new(n + 1, rows.iter().map(|r| (&zero, r.as_slice()))).until(deadline);
     let rate = rows.len() + n;
     let fix = |table: &mut Dictionary, var: usize| -> Option<()> {
-        if deadline.is_over() {
-            return None;
-        }
         table.fix_among(var, |column| column != rate).ok()?;
         (table.place(var) == Place::Gone).then_some(())
     };
@@ -77,10 +74,9 @@ fn reduced(
     // Forms of few unknowns first.
     signed.sort_unstable();
     for (_, var) in signed {
-        if deadline.is_over() {
-            return None;
-        }
-        table.enter(var, |column| column >= rows.len() && column != rate);
+        table
+            .enter(var, |column| column >= rows.len() && column != rate)
+            .ok()?;
     }
     let Place::Column(rate) = table.place(rate) else {
         return None;
@@ -134,7 +130,7 @@ fn entails(site: &ExactSite, piece: &ExactPiece, (form, sign): (usize, i8)) -> b
     let all = rows.iter().map(|r| (&zero, r.as_slice()));
     let other = [(&one, rows[form].as_slice())];
     let mut table = Dictionary::new(rows[form].len(), all.chain(other));
-    let mut reached = || -> Result<(), Infeasible> {
+    let mut reached = || -> Result<(), Halt> {
         for &(facet, sign) in &piece.facets {
             table.constrain(facet, sign)?;
         }

@@ -4,10 +4,16 @@ use num_bigint::BigInt;
 use num_traits::{One, Signed, Zero};
 
 use super::Exact;
+use crate::clock::Deadline;
 
-/// The conditions contradict each other.
+/// Why the forms were not brought to what was asked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Infeasible;
+pub(crate) enum Halt {
+    /// The conditions contradict each other.
+    Infeasible,
+    /// Time is over.
+    Late,
+}
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Place {
@@ -35,6 +41,7 @@ pub(crate) struct Dictionary {
     sign: Vec<i8>,
     /// Numbers written, large ones counted as many.
     work: u64,
+    deadline: Deadline,
 }
 
 impl Dictionary {
@@ -59,7 +66,18 @@ impl Dictionary {
             rows,
             denominator: BigInt::one(),
             work: 0,
+            deadline: Deadline::after(None),
         }
+    }
+
+    /// With a look at the clock before each exchange.
+    pub(crate) fn until(mut self, deadline: Deadline) -> Self {
+        self.deadline = deadline;
+        self
+    }
+
+    pub(crate) fn deadline(&self) -> Deadline {
+        self.deadline
     }
 
     /// The work done since it was last asked for, in numbers of some hundred bits.
@@ -95,7 +113,7 @@ impl Dictionary {
     }
 
     /// Sets a variable to zero; gives the column it was exchanged with and the sign of the pivot, if there was one.
-    pub(crate) fn fix(&mut self, var: usize) -> Result<Option<(usize, i8)>, Infeasible> {
+    pub(crate) fn fix(&mut self, var: usize) -> Result<Option<(usize, i8)>, Halt> {
         self.fix_among(var, |_| true)
     }
 
@@ -104,7 +122,7 @@ impl Dictionary {
         &mut self,
         var: usize,
         allowed: impl Fn(usize) -> bool,
-    ) -> Result<Option<(usize, i8)>, Infeasible> {
+    ) -> Result<Option<(usize, i8)>, Halt> {
         match self.place[var] {
             Place::Gone => Ok(None),
             Place::Column(c) => {
@@ -123,13 +141,13 @@ impl Dictionary {
                         return Ok(None);
                     }
                     if !entries[0].is_zero() {
-                        return Err(Infeasible);
+                        return Err(Halt::Infeasible);
                     }
                     self.drop_row(r);
                     return Ok(None);
                 };
                 let sign = if entries[1 + c].is_negative() { -1 } else { 1 };
-                self.exchange(r, c);
+                self.exchange(r, c)?;
                 self.drop_column(c);
                 Ok(Some((column, sign)))
             }
@@ -137,20 +155,21 @@ impl Dictionary {
     }
 
     /// Exchanges a row with one of the given columns, if that is possible.
-    pub(crate) fn enter(&mut self, var: usize, allowed: impl Fn(usize) -> bool) {
+    pub(crate) fn enter(&mut self, var: usize, allowed: impl Fn(usize) -> bool) -> Result<(), Halt> {
         let Place::Row(r) = self.place[var] else {
-            return;
+            return Ok(());
         };
         let entries = &self.rows[r].entries;
         let columns = self.columns.iter().enumerate();
         let possible = columns.filter(|(c, v)| !entries[1 + c].is_zero() && allowed(**v));
-        if let Some((c, _)) = possible.min_by_key(|(c, _)| entries[1 + c].bits()) {
-            self.exchange(r, c);
+        match possible.min_by_key(|(c, _)| entries[1 + c].bits()) {
+            Some((c, _)) => self.exchange(r, c),
+            None => Ok(()),
         }
     }
 
     /// Constrains the sign of a variable; opposite constraints make it zero.
-    pub(crate) fn constrain(&mut self, var: usize, sign: i8) -> Result<(), Infeasible> {
+    pub(crate) fn constrain(&mut self, var: usize, sign: i8) -> Result<(), Halt> {
         match self.sign[var] {
             _ if self.place[var] == Place::Gone => Ok(()),
             0 => {
@@ -170,7 +189,7 @@ impl Dictionary {
     }
 
     /// Restores the sign constraints of all rows by Bland's rule.
-    pub(crate) fn repair(&mut self) -> Result<(), Infeasible> {
+    pub(crate) fn repair(&mut self) -> Result<(), Halt> {
         loop {
             let violated = |row: &&Row| {
                 let s = self.sign[row.var];
@@ -190,13 +209,16 @@ impl Dictionary {
                 .filter(|(c, v)| helps(*c, **v))
                 .min_by_key(|(_, v)| (self.sign[**v] != 0, **v));
             let (Some((c, _)), Place::Row(r)) = (entering, self.place[row.var]) else {
-                return Err(Infeasible);
+                return Err(Halt::Infeasible);
             };
-            self.exchange(r, c);
+            self.exchange(r, c)?;
         }
     }
 
-    fn exchange(&mut self, r: usize, c: usize) {
+    fn exchange(&mut self, r: usize, c: usize) -> Result<(), Halt> {
+        if self.deadline.is_over() {
+            return Err(Halt::Late);
+        }
         let numbers = (self.rows.len() * (self.columns.len() + 1)) as u64;
         self.work += numbers * (1 + (self.denominator.bits() / 512).pow(2));
         let pivot = std::mem::take(&mut self.rows[r].entries);
@@ -235,6 +257,7 @@ impl Dictionary {
                 *e = -std::mem::take(e);
             }
         }
+        Ok(())
     }
 
     fn drop_column(&mut self, c: usize) {
@@ -269,8 +292,8 @@ pub(crate) fn quotient(numerator: &BigInt, denominator: &BigInt, shift: i64) -> 
 
 #[cfg(test)]
 mod tests {
-    use super::{Dictionary, quotient};
-    use crate::exact::Exact;
+    use super::{Deadline, Dictionary, quotient};
+    use crate::exact::{Exact, Halt};
 
     fn dictionary(unknowns: usize, forms: &[&[f64]]) -> Dictionary {
         let exact: Vec<Vec<Exact>> = forms
@@ -317,5 +340,22 @@ mod tests {
             }
             assert_eq!(d.repair().is_ok(), feasible, "{s}");
         }
+    }
+
+    /// No exchange begins once time is over; what asks for none is told all the same.
+    #[test]
+    fn exchanges_stop_in_time() {
+        let over = Deadline::after(Some(std::time::Duration::ZERO));
+        // x ≥ 1 and y = x.
+        let rows: [&[f64]; 2] = [&[-1.0, 1.0, 0.0], &[0.0, 1.0, -1.0]];
+        let mut d = dictionary(2, &rows).until(over);
+        assert_eq!(d.repair(), Ok(()));
+        assert_eq!(d.fix(1), Err(Halt::Late));
+        d.constrain(0, 1).unwrap();
+        assert_eq!(d.repair(), Err(Halt::Late));
+        // A contradiction that no exchange could help is one.
+        let mut d = dictionary(1, &[&[-1.0, 0.0]]).until(over);
+        d.constrain(0, 1).unwrap();
+        assert_eq!(d.repair(), Err(Halt::Infeasible));
     }
 }

@@ -5,5 +5,5 @@ mod dictionary;
 mod number;
 
 pub(crate) use bounds::passive_bounds;
-pub(crate) use dictionary::{Dictionary, Infeasible, Place, quotient};
+pub(crate) use dictionary::{Dictionary, Halt, Place, quotient};
 pub use number::Exact;

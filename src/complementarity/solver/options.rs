@@ -25,7 +25,8 @@ pub struct McpOptions {
     pub max_iterations: usize,
     /// Largest number of iterations of one attempt. Default 200.
     pub max_attempt: usize,
-    /// Largest wall-clock time. Default none.
+    /// Largest wall-clock time, looked at before each factorisation and each trial point. A factorisation is not interrupted: a full matrix
+    /// of 800 unknowns takes some 50 ms. Default none.
     pub max_time: Option<Duration>,
     /// Whether F is evaluated within the bounds only. Default true. An affine F is evaluated anywhere.
     pub stay_inside: bool,

@@ -87,6 +87,22 @@ pub(in crate::continuation) struct UndecidedKernel {
     pub(in crate::continuation) variables: Vec<usize>,
 }
 
+impl UndecidedKernel {
+    /// That of an orthonormal basis, if it has two vectors or more.
+    fn of(basis: &[Vec<f64>]) -> Option<Self> {
+        const NAMED: f64 = 1e-6;
+        let (first, rest) = basis.split_first().filter(|b| !b.1.is_empty())?;
+        let part = |j: usize| rest.iter().fold(first[j].powi(2), |sum, v| sum + v[j].powi(2));
+        let parts: Vec<f64> = (0..first.len()).map(part).collect();
+        let mut variables: Vec<usize> = (0..parts.len()).filter(|&j| parts[j] > NAMED * NAMED).collect();
+        variables.sort_by(|&a, &b| parts[b].total_cmp(&parts[a]));
+        Some(Self {
+            dimension: basis.len(),
+            variables,
+        })
+    }
+}
+
 pub(in crate::continuation) struct ArmSearch<'a, P: ?Sized, L> {
     pub(in crate::continuation) map: &'a P,
     pub(in crate::continuation) corrector: &'a mut MoorePenrose<L>,
@@ -96,6 +112,8 @@ pub(in crate::continuation) struct ArmSearch<'a, P: ?Sized, L> {
     /// A selection known to be singular at (or within rounding of) x, where its kernel is a chance mixture.
     pub(in crate::continuation) singular: Option<Selection>,
     pub(in crate::continuation) deadline: Deadline,
+    /// Whether a kernel was found by a dense decomposition, which takes far longer than a step.
+    pub(in crate::continuation) decomposed: bool,
 }
 
 impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
@@ -124,8 +142,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
             }
         }
         for (examined, selection) in active.selections().enumerate() {
-            let late = examined as u128 >= PLAIN && self.deadline.is_over();
-            if examined as u64 == self.options.max_selections || late {
+            if examined as u64 == self.options.max_selections || self.is_late(examined) {
                 arms.complete = false;
                 self.locally(active, &mut arms)?;
                 break;
@@ -159,13 +176,18 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
         arms: &mut Arms,
     ) -> Result<(), PiecewiseError> {
         for (examined, selection) in selections.enumerate() {
-            if examined as u128 >= PLAIN && self.deadline.is_over() {
+            if self.is_late(examined) {
                 arms.complete = false;
                 break;
             }
             self.of_selection(selection, None, arms)?;
         }
         Ok(())
+    }
+
+    /// Whether time is over. Regular points are examined in any time.
+    fn is_late(&self, examined: usize) -> bool {
+        (examined as u128 >= PLAIN || self.decomposed) && self.deadline.is_over()
     }
 
     /// The arms of one selection, appended to `arms`.
@@ -176,7 +198,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
         arms: &mut Arms,
     ) -> Result<(), PiecewiseError> {
         if self.singular.as_ref() == Some(selection)
-            && let Some(directions) = self.branching_directions(selection)?
+            && let Ok(directions) = self.branching_directions(selection)?
         {
             for d in &directions {
                 self.both_ways(selection, d, arms);
@@ -191,16 +213,14 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
             }
             Err(PiecewiseError::Linear(LinearError::Kernel { .. } | LinearError::Singular { .. })) => {
                 match self.branching_directions(selection)? {
-                    Some(directions) => {
+                    Ok(directions) => {
                         for d in &directions {
                             self.both_ways(selection, d, arms);
                         }
                     }
-                    None => {
+                    Err(undecided) => {
                         arms.complete = false;
-                        if arms.undecided.is_none() {
-                            arms.undecided = self.undecided_kernel(selection)?;
-                        }
+                        arms.undecided = arms.undecided.take().or(undecided);
                     }
                 }
                 Ok(())
@@ -274,38 +294,22 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
         jac.values().iter().all(|v| v.abs() <= RANK * change)
     }
 
-    /// The kernel of ∇H^(σ), assembled anew; `None` in problems too large for it.
-    fn undecided_kernel(&mut self, selection: &Selection) -> Result<Option<UndecidedKernel>, PiecewiseError> {
-        const NAMED: f64 = 1e-6;
-        if self.map.num_residuals() > MAX_BRANCHING {
-            return Ok(None);
-        }
-        self.corrector.assemble(self.map, selection, self.x)?;
-        let kernel = null_space(self.corrector.jacobian(), RANK)?.right;
-        let part = |j: usize| norm(&kernel.iter().map(|v| v[j]).collect::<Vec<_>>());
-        let parts: Vec<f64> = (0..self.x.len()).map(part).collect();
-        let mut variables: Vec<usize> = (0..parts.len()).filter(|&j| parts[j] > NAMED).collect();
-        variables.sort_by(|&a, &b| parts[b].total_cmp(&parts[a]));
-        Ok((kernel.len() > 1).then_some(UndecidedKernel {
-            dimension: kernel.len(),
-            variables,
-        }))
-    }
-
     /// The directions of the curves through a point where ∇H^(σ) has a two-dimensional kernel: with the kernel spanned by
-    /// n₁, n₂ and the left kernel by ψ, the roots of Σ ψᵀH''(nᵢ, nⱼ) aᵢ aⱼ = 0 (Keller 1977). `None` when this does not decide.
+    /// n₁, n₂ and the left kernel by ψ, the roots of Σ ψᵀH''(nᵢ, nⱼ) aᵢ aⱼ = 0 (Keller 1977). `Err` when this does not decide, with the
+    /// kernel unless the problem is too large for it.
     fn branching_directions(
         &mut self,
         selection: &Selection,
-    ) -> Result<Option<Vec<Vec<f64>>>, PiecewiseError> {
+    ) -> Result<Result<Vec<Vec<f64>>, Option<UndecidedKernel>>, PiecewiseError> {
         if self.map.num_residuals() > MAX_BRANCHING {
-            return Ok(None);
+            return Ok(Err(None));
         }
+        self.decomposed = true;
         self.corrector.assemble(self.map, selection, self.x)?;
         let rank = if self.is_noise(selection) { 1.0 } else { RANK };
         let kernel = null_space(self.corrector.jacobian(), rank)?;
         let ([n1, n2], [psi]) = (kernel.right.as_slice(), kernel.left.as_slice()) else {
-            return Ok(None);
+            return Ok(Err(UndecidedKernel::of(&kernel.right)));
         };
         let mut shifted = self.corrector.jacobian().clone();
         let mut second =
@@ -315,10 +319,10 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
         let discriminant = b12 * b12 - b11 * b22;
         let scale = kernel.singular_values.first().copied().unwrap_or(0.0);
         if size <= 1e-7 * scale.max(f64::MIN_POSITIVE) || discriminant.abs() <= 1e-7 * size * size {
-            return Ok(None);
+            return Ok(Err(UndecidedKernel::of(&kernel.right)));
         }
         if discriminant < 0.0 {
-            return Ok(Some(Vec::new()));
+            return Ok(Ok(Vec::new()));
         }
         let root = discriminant.sqrt();
         // The root without cancellation gives the other one; q ≠ 0 as the discriminant is positive.
@@ -329,7 +333,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
             let length = norm(&v);
             v.into_iter().map(|c| c / length).collect()
         };
-        Ok(Some(pairs.into_iter().map(combine).collect()))
+        Ok(Ok(pairs.into_iter().map(combine).collect()))
     }
 }
 
@@ -385,6 +389,7 @@ impl<'a> Curve<'a> {
             deadline: self.clock.map_or(Deadline::after(None), |clock| {
                 Deadline::of(clock, self.options.max_time)
             }),
+            decomposed: false,
         }
     }
 }
