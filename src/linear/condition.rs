@@ -4,6 +4,9 @@ use super::LinearError;
 /// would be right.
 pub(super) const SINGULAR: f64 = 1e-14;
 
+/// Below it a reciprocal condition number may be a matter of units, and that of the balanced matrix is asked for, too.
+pub(super) const SMALL: f64 = 1e-6;
+
 /// Most steps of the estimator; it rarely needs more than two.
 const STEPS: usize = 5;
 

@@ -6,7 +6,7 @@ use faer::linalg::lu::partial_pivoting::{factor, solve};
 use faer::perm::PermRef;
 use faer::{Conj, MatMut, MatRef, Par};
 
-use super::condition::{arg_max_abs, judge, norm_1_estimate};
+use super::condition::{SMALL, arg_max_abs, judge, norm_1_estimate};
 use super::memory::{PatternMemory, check_finite, count_rhs, dense_zeros};
 use super::scaling::{Scaling, scale_columns};
 use super::{LinearError, LinearSolver};
@@ -32,7 +32,8 @@ const MAX_GROWTH: f64 = 1e8;
 ///
 /// The matrix is first equilibrated by powers of two, S = R A C, so that neither pivots nor the verdict *singular* depend on
 /// the units of equations and unknowns; [`rcond`](LinearSolver::rcond) is that of S (up to
-/// order 4 the ratio of the smallest pivot to the norm, while that is large). [`LinearError::Singular`] is returned below
+/// order 4 the ratio of the smallest pivot to the norm, while that is large), and where it is below 1e-6, that of the matrix with rows
+/// and columns balanced in the geometric mean, if that is larger. [`LinearError::Singular`] is returned below
 /// 1e-14. Nothing is allocated after [`analyze`](LinearSolver::analyze), which refuses orders above 50 000
 /// ([`LinearError::TooLarge`]).
 ///
@@ -42,6 +43,8 @@ const MAX_GROWTH: f64 = 1e8;
 pub struct DenseLu {
     pattern: PatternMemory,
     scaling: Scaling,
+    /// For condition numbers alone.
+    balance: Scaling,
     lu: Vec<f64>,
     /// Row exchanged with row k at step k, or (blocked) the permutation and its inverse.
     perm: Vec<usize>,
@@ -157,7 +160,17 @@ impl DenseLu {
             &mut self.work,
             &mut self.sign,
         );
-        self.rcond = Some(judge(norm, inverse_norm)?);
+        let mut rcond = judge(norm, inverse_norm)?;
+        if rcond < SMALL && !balanced {
+            rcond = rcond.max(self.balance.balanced_rcond(
+                &self.scaling,
+                (self.pattern.col_ptr(), self.pattern.row_idx(), values),
+                |x, transpose| factors.solve(x, transpose, &mut self.scratch),
+                &mut self.work,
+                &mut self.sign,
+            ));
+        }
+        self.rcond = Some(rcond);
         Ok(())
     }
 
@@ -374,6 +387,7 @@ impl LinearSolver for DenseLu {
         self.rcond = None;
         let n = pattern.ncols;
         self.scaling.resize(n);
+        self.balance.resize(n);
         self.lu = Vec::new();
         self.lu = dense_zeros(n, n).inspect_err(|_| self.pattern.forget())?;
         self.perm.clear();

@@ -1,4 +1,5 @@
 use super::LinearError;
+use super::condition::norm_1_estimate;
 use super::memory::check_finite;
 
 /// Sweeps of [`Scaling::balance`]; a handful does unless units vary along a long chain.
@@ -6,8 +7,9 @@ const BALANCE_SWEEPS: usize = 12;
 
 /// Equilibration S = R A C by powers of two, so that the largest entry of every row and column of S lies near 1.
 ///
-/// Scaling is exact, and solutions do not depend on the units of equations and unknowns. Condition numbers of S may: where the largest
-/// entry of a row lies in a column of large units alone, they come out too small, and [`balance`](Scaling::balance) decides.
+/// Scaling is exact, and solutions do not depend on the units of equations and unknowns. Reciprocal condition numbers of S may: where the
+/// largest entry of a row lies in a column of large units alone, they come out too small. Those of the [balanced](Scaling::balance) matrix
+/// do not.
 #[derive(Clone, Default)]
 pub(super) struct Scaling {
     row: Vec<f64>,
@@ -81,6 +83,41 @@ impl Scaling {
         for f in u.iter_mut().chain(v) {
             *f = f.clamp(-500.0, 500.0).round().exp2();
         }
+    }
+
+    /// The reciprocal condition number of the balanced matrix, whose factors need not be known: `solve` divides by S, the matrix as `own`
+    /// scales it. `x` and `sign` are scratch of the order of the matrix.
+    pub(super) fn balanced_rcond(
+        &mut self,
+        own: &Scaling,
+        (col_ptr, row_idx, values): (&[usize], &[usize], &[f64]),
+        mut solve: impl FnMut(&mut [f64], bool),
+        x: &mut [f64],
+        sign: &mut [f64],
+    ) -> f64 {
+        self.balance(col_ptr, row_idx, values, x);
+        let mut norm = 0.0_f64;
+        for (span, c) in col_ptr.windows(2).zip(&self.col) {
+            let rows = &row_idx[span[0]..span[1]];
+            let entries = rows.iter().zip(&values[span[0]..span[1]]);
+            norm = norm.max(entries.map(|(&i, v)| (v * self.row[i] * c).abs()).sum());
+        }
+        // With R' and C' of the balanced matrix its inverse is (C / C') S⁻¹ (R / R').
+        let ratios =
+            |balanced: &mut [f64], own: &[f64]| balanced.iter_mut().zip(own).for_each(|(b, o)| *b = o / *b);
+        ratios(&mut self.row, &own.row);
+        ratios(&mut self.col, &own.col);
+        let inverse = |x: &mut [f64], transpose: bool| {
+            let (before, after) = if transpose {
+                (&self.col, &self.row)
+            } else {
+                (&self.row, &self.col)
+            };
+            x.iter_mut().zip(before).for_each(|(x, f)| *x *= f);
+            solve(x, transpose);
+            x.iter_mut().zip(after).for_each(|(x, f)| *x *= f);
+        };
+        1.0 / (norm * norm_1_estimate(inverse, x, sign))
     }
 
     /// As [`compute`](Self::compute), for a full matrix.

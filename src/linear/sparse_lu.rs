@@ -10,7 +10,7 @@ use faer::sparse::linalg::lu::{
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Conj, MatMut, Par};
 
-use super::condition::{judge, norm_1_estimate};
+use super::condition::{SMALL, judge, norm_1_estimate};
 use super::memory::{PatternMemory, check_finite, count_rhs};
 use super::scaling::{Scaling, scale_columns};
 use super::{LinearError, LinearSolver};
@@ -28,8 +28,9 @@ const ACCEPT: f64 = 1e-10;
 /// Sparse LU with partial pivoting and a fill-reducing column order.
 ///
 /// The order and all memory are reused as long as the pattern stays. The matrix is first equilibrated by powers of two,
-/// S = R A C; [`rcond`](LinearSolver::rcond) is that of S, and [`LinearError::Singular`] is returned below 1e-14. Every solution
-/// is checked by its residual, after one step of refinement where that helps.
+/// S = R A C; [`rcond`](LinearSolver::rcond) is that of S, or where it is below 1e-6 that of the matrix with rows and columns balanced in
+/// the geometric mean, if that is larger, and [`LinearError::Singular`] is returned below 1e-14. Every solution is checked by its
+/// residual, after one step of refinement where that helps.
 ///
 /// Determinants are known when the factors are sparse enough to be eliminated column by column, and always with
 /// [`with_determinants`](Self::with_determinants).
@@ -38,6 +39,8 @@ pub struct SparseLu {
     pattern: PatternMemory,
     determinants: bool,
     scaling: Scaling,
+    /// For condition numbers alone.
+    balance: Scaling,
     values: Vec<f64>,
     norm_1: f64,
     norm_max: f64,
@@ -121,7 +124,17 @@ impl SparseLu {
         let (x, rest) = self.work.split_at_mut(n);
         let solve = |x: &mut [f64], transpose: bool| engine.solve(x, transpose);
         let inverse_norm = norm_1_estimate(solve, x, &mut rest[..n]);
-        self.rcond = Some(judge(self.norm_1, inverse_norm)?);
+        let mut rcond = judge(self.norm_1, inverse_norm)?;
+        if rcond < SMALL && !balanced {
+            rcond = rcond.max(self.balance.balanced_rcond(
+                &self.scaling,
+                (col_ptr, row_idx, values),
+                |x, transpose| engine.solve(x, transpose),
+                x,
+                &mut rest[..n],
+            ));
+        }
+        self.rcond = Some(rcond);
         Ok(())
     }
 
@@ -335,6 +348,7 @@ impl LinearSolver for SparseLu {
         self.engine = None;
         let n = pattern.ncols;
         self.scaling.resize(n);
+        self.balance.resize(n);
         self.values.clear();
         self.values.resize(pattern.nnz(), 0.0);
         self.work.resize(n * (BLOCK_RHS + 1), 0.0);

@@ -105,6 +105,64 @@ fn units_do_not_make_a_matrix_singular() {
     assert!(factored(Cholesky::new(), &diagonal).is_ok());
 }
 
+/// Units of equations and unknowns make no well conditioned matrix look like an ill conditioned one, and none the other way round.
+#[test]
+fn condition_numbers_do_not_depend_on_units() {
+    let mut rng = Random::new(41);
+    let in_units = |a: &Matrix, rng: &mut Random| {
+        let mut units = |k: usize| -> Vec<f64> {
+            let unit = |_| 10_f64.powf(12.0 * rng.symmetric());
+            (0..k).map(unit).collect()
+        };
+        let (rows, cols) = (units(a.nrows()), units(a.ncols()));
+        let scaled: Vec<f64> = a.triplets().map(|(i, j, v)| v * rows[i] * cols[j]).collect();
+        let mut other = a.clone();
+        other.values_mut().copy_from_slice(&scaled);
+        other
+    };
+    let rcond = |name: &str, a: &Matrix| {
+        let solver = general_solvers().into_iter().find(|s| s.0 == name).unwrap().1;
+        match factored(solver, a) {
+            Ok(solver) => solver.rcond().unwrap(),
+            Err(LinearError::Singular { rcond }) => rcond,
+            Err(e) => panic!("{name}: {e}"),
+        }
+    };
+    let names: Vec<&str> = general_solvers().into_iter().map(|s| s.0).collect();
+    let (mut well, mut ill) = (0, 0);
+    for n in [2, 3, 5, 6, 12, 60, 230] {
+        for round in 0..20 {
+            let a = match round % 2 {
+                0 => sparse(n, 2, 3.0, &mut rng),
+                _ => dense(n, &mut rng),
+            };
+            let other = in_units(&a, &mut rng);
+            for name in &names {
+                if rcond(name, &a) > 1e-3 {
+                    let found = rcond(name, &other);
+                    assert!(found >= 1e-6, "{name} {n}: {found:e}");
+                    well += 1;
+                }
+            }
+        }
+    }
+    for n in [8, 10] {
+        let rows: Vec<Vec<f64>> = (0..n)
+            .map(|i| (0..n).map(|j| 1.0 / (i + j + 1) as f64).collect())
+            .collect();
+        let hilbert = Matrix::from_rows(&rows).unwrap();
+        for _ in 0..20 {
+            let other = in_units(&hilbert, &mut rng);
+            for name in &names {
+                let found = rcond(name, &other);
+                assert!(found < 1e-6, "{name} {n}: {found:e}");
+                ill += 1;
+            }
+        }
+    }
+    assert!(well > 200 && ill == 160);
+}
+
 #[test]
 fn hilbert_is_an_error_or_a_small_residual() {
     for n in [6, 9, 12, 14] {
