@@ -268,6 +268,14 @@ fn where_newton_cycles() {
     }
 }
 
+/// A coefficient of friction that rises within a thousandth of the slips: the way down bends within lengths of 1e-9, which the shortest step
+/// has to resolve.
+#[test]
+fn steep_coefficients_of_friction() {
+    let found = problem(9_911_927_845_062_130_942);
+    assert_eq!(found[1], ContactStrategy::Path);
+}
+
 /// Hardening in the plane: a slip coefficient continued below 0 beyond the sides once let a node lie in the cells of both, and pass for
 /// solved in the wrong one.
 #[test]

@@ -14,6 +14,11 @@ use crate::spread::golden;
 const WORK: f64 = 4e12;
 const FEWEST: f64 = 300.0;
 
+/// Where a coefficient of friction changes steeply with the slip, against the stiffness, paths bend within lengths far below those of steps:
+/// the shortest one, and how accurate its end is.
+const MIN_STEP: f64 = 1e-13;
+const ACCURATE: f64 = 1e-12;
+
 /// Largest and smallest part of the way made in one increment.
 const LARGEST: f64 = 0.25;
 const SMALLEST: f64 = 1.0 / 512.0;
@@ -215,6 +220,8 @@ fn follow(
         .with_parameter_range((-0.2, 1.0))
         .with_step(0.1)
         .with_max_step(1.0 + (x.len() as f64).sqrt())
+        .with_min_step(MIN_STEP)
+        .with_step_tolerance(ACCURATE)
         .with_max_points(limits.max_points)
         .with_max_nodes(limits.max_nodes)
         .with_max_growth(1e8)
