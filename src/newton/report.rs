@@ -129,7 +129,8 @@ impl Report {
     /// and fell by full Newton steps on one selection.
     ///
     /// `None` with fewer than three since the last site changed its piece: what residuals do while pieces change is no order, nor is it
-    /// where the last step solved an affine piece exactly.
+    /// where the last step solved an affine piece exactly. `None` also for an order below ¾: residuals fall at least linearly, of order 1,
+    /// unless they are rounding.
     #[must_use]
     pub fn observed_order(&self, floor: f64) -> Option<f64> {
         let entry = |i: &Iteration| Tail {
@@ -140,6 +141,9 @@ impl Report {
         observed_order(self.history.iter().rev().map(entry), floor)
     }
 }
+
+/// Orders below it are those of rounding; linear convergence, of order 1, is seen with some scatter.
+const SLOWEST: f64 = 0.75;
 
 /// What an entry of a history tells of the order of convergence.
 #[derive(Debug, Clone, Copy)]
@@ -174,7 +178,7 @@ pub(crate) fn observed_order(history: impl Iterator<Item = Tail>, floor: f64) ->
     };
     let order = (c.residual / b.residual).ln() / (b.residual / a.residual).ln();
     let falls = b.residual < a.residual && c.residual < b.residual;
-    (a.full && b.full && falls && order.is_finite()).then_some(order)
+    (a.full && b.full && falls && order >= SLOWEST && order.is_finite()).then_some(order)
 }
 
 #[cfg(test)]
@@ -227,5 +231,10 @@ mod tests {
         assert_eq!(order(&short), None);
         assert_eq!(order(&quadratic[..2]), None);
         assert_eq!(order(&[(1e-1, 0, 1.0), (1e-2, 0, 1.0), (2e-2, 0, 1.0)]), None);
+        // A floor below rounding.
+        assert_eq!(order(&[(7e-5, 1, 1.0), (2e-11, 0, 1.0), (5e-13, 0, 0.0)]), None);
+        // Linear convergence with some scatter.
+        let linear = [(1e-1, 0, 1.0), (4.8e-2, 0, 1.0), (2.5e-2, 0, 1.0)];
+        assert!((order(&linear).unwrap() - 1.0).abs() < 0.15);
     }
 }
