@@ -52,6 +52,16 @@ impl LocalValues {
         self.slip[0].hypot(self.slip[1])
     }
 
+    /// The trial traction z_d = λt_d + r u_t,d, d = 0 or 1, and its derivatives; all 0 for another d.
+    #[inline]
+    #[must_use]
+    pub fn trial_traction(&self, d: usize) -> (f64, LocalRow) {
+        let at = |values: &[f64; 2]| values.get(d).copied().unwrap_or(0.0);
+        let mut row = LocalRow::of_traction(d);
+        row.add(self.r, &LocalRow::of_slip(d));
+        (at(&self.traction) + self.r * at(&self.slip), row)
+    }
+
     /// The normal residual H_ν = λν − (θ¹)₊ of a closed (−r (u_ν − gap)) or an open node (λν), and its derivatives.
     #[must_use]
     pub fn normal(&self, closed: bool) -> (f64, LocalRow) {
@@ -159,10 +169,9 @@ pub const MAX_HISTORY: usize = 4;
 /// ```
 /// use std::ops::ControlFlow;
 /// use semismooth::contact::{
-///     CondensedContact, ContactBody, ContactState, EvolutionOptions, LoadPath, LocalRow, LocalValues, NodeLaw, evolve,
+///     CondensedContact, ContactBody, EvolutionOptions, LoadPath, LocalRow, LocalValues, NodeLaw, evolve,
 /// };
 /// use semismooth::enumeration::{EnumerationOptions, all_solutions};
-/// use semismooth::piecewise::Facet;
 /// use semismooth::sparse::Matrix;
 ///
 /// /// |λt| ≤ F λν, F = 0.2 + 0.4 exp(−s) with the slip s accumulated until the end of the level before.
@@ -172,29 +181,14 @@ pub const MAX_HISTORY: usize = 4;
 ///
 /// impl NodeLaw for Worn {
 ///     fn num_tangents(&self) -> usize { 1 }
-///     fn num_pieces(&self) -> usize { 4 }
-///     fn num_tests(&self) -> usize { 3 }
-///     fn cell(&self, piece: usize) -> &'static [Facet] {
-///         const CLOSED: Facet = Facet::positive(0);
-///         const CELLS: [&[Facet]; 4] = [
-///             &[Facet::negative(0)],
-///             &[CLOSED, Facet::negative(1), Facet::positive(2)],
-///             &[CLOSED, Facet::positive(1)],
-///             &[CLOSED, Facet::negative(2)],
-///         ];
-///         CELLS[piece]
-///     }
-///     fn piece_name(&self, piece: usize) -> &'static str { ["open", "stick", "slip+", "slip-"][piece] }
-///     fn state(&self, piece: usize, _v: &LocalValues) -> ContactState { ContactState::ALL[piece] }
 ///     fn tests(&self, v: &LocalValues, out: &mut [f64]) {
-///         let (z, bound) = (v.traction[0] + v.r * v.slip[0], friction(&v.history) * v.theta1());
+///         let (z, bound) = (v.trial_traction(0).0, friction(&v.history) * v.theta1());
 ///         out[..3].copy_from_slice(&[v.theta1(), z - bound, z + bound]);
 ///     }
 ///     fn test_rows(&self, v: &LocalValues, rows: &mut [LocalRow]) {
 ///         rows[0] = v.theta1_row();
 ///         for (row, sign) in rows[1..3].iter_mut().zip([-1.0, 1.0]) {
-///             *row = LocalRow::of_traction(0);
-///             row.add(v.r, &LocalRow::of_slip(0));
+///             *row = v.trial_traction(0).1;
 ///             row.add(sign * friction(&v.history), &v.theta1_row());
 ///         }
 ///     }
@@ -245,21 +239,48 @@ pub trait NodeLaw {
         None
     }
 
-    /// Number of pieces; piece 0 is the open node.
-    fn num_pieces(&self) -> usize;
+    /// Number of pieces; piece 0 is the open node. By default those of Coulomb friction: open, stick, slip+ and slip− in the plane, open,
+    /// stick and slip in space.
+    fn num_pieces(&self) -> usize {
+        if self.num_tangents() == 1 { 4 } else { 3 }
+    }
 
-    /// Number of test functions, at most [`MAX_TESTS`].
-    fn num_tests(&self) -> usize;
+    /// Number of test functions, at most [`MAX_TESTS`]. By default those of Coulomb friction with z = λt + r u_t and the bound g: θ¹, z − g
+    /// and z + g in the plane, θ¹ and ‖z‖ − g in space.
+    fn num_tests(&self) -> usize {
+        if self.num_tangents() == 1 { 3 } else { 2 }
+    }
 
-    /// The cell of a piece.
-    fn cell(&self, piece: usize) -> &'static [Facet];
+    /// The cell of a piece. By default those of Coulomb friction with the test functions given at [`num_tests`](Self::num_tests).
+    fn cell(&self, piece: usize) -> &'static [Facet] {
+        const CELLS: [&[Facet]; 4] = [
+            &[OPEN],
+            &[CLOSED, Facet::negative(1), Facet::positive(2)],
+            &[CLOSED, Facet::positive(1)],
+            &[CLOSED, Facet::negative(2)],
+        ];
+        match (self.num_tangents(), piece) {
+            (2, 1) => &CELLS[1][..2],
+            _ => CELLS[piece.min(3)],
+        }
+    }
 
-    /// Name of a piece.
-    fn piece_name(&self, piece: usize) -> &'static str;
+    /// Name of a piece; by default that of its state, without a side in space.
+    fn piece_name(&self, piece: usize) -> &'static str {
+        match (self.num_tangents(), piece) {
+            (2, 2) => "slip",
+            _ => ContactState::ALL[piece.min(3)].name(),
+        }
+    }
 
-    /// The state of a node in a piece. Where slip of either direction is one piece,
+    /// The state of a node in a piece; by default that of Coulomb friction. Where slip of either direction is one piece,
     /// [`ContactState::slipping`] tells the side.
-    fn state(&self, piece: usize, v: &LocalValues) -> ContactState;
+    fn state(&self, piece: usize, v: &LocalValues) -> ContactState {
+        match (self.num_tangents(), piece) {
+            (2, 2) => ContactState::slipping(v.traction[0]),
+            _ => ContactState::ALL[piece.min(3)],
+        }
+    }
 
     /// Test functions.
     fn tests(&self, v: &LocalValues, out: &mut [f64]);

@@ -1,6 +1,6 @@
+use super::FrictionCoefficient;
 use super::coefficient::check_coefficient;
 use super::node_law::{CLOSED, LocalRow, LocalValues, NodeLaw, OPEN};
-use super::{ContactState, FrictionCoefficient};
 use crate::contact::ContactError;
 use crate::piecewise::Facet;
 
@@ -163,10 +163,6 @@ impl NodeLaw for OrthotropicCoulomb {
             .or(self.coefficients[1].num_nodes())
     }
 
-    fn num_pieces(&self) -> usize {
-        3
-    }
-
     fn num_tests(&self) -> usize {
         4
     }
@@ -179,18 +175,6 @@ impl NodeLaw for OrthotropicCoulomb {
             &[CLOSED, Facet::positive(1), WALLS[0], WALLS[1]],
         ];
         CELLS[piece.min(2)]
-    }
-
-    fn piece_name(&self, piece: usize) -> &'static str {
-        ["open", "stick", "slip"][piece.min(2)]
-    }
-
-    fn state(&self, piece: usize, v: &LocalValues) -> ContactState {
-        match piece {
-            0 => ContactState::Open,
-            1 => ContactState::Stick,
-            _ => ContactState::slipping(v.traction[0]),
-        }
     }
 
     fn tests(&self, v: &LocalValues, out: &mut [f64]) {

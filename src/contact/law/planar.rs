@@ -1,8 +1,8 @@
 //! Planar Coulomb friction with the bound F θ¹, and what laws with one tangent share.
 
+use super::FrictionCoefficient;
 use super::coefficient::check_coefficient;
 use super::node_law::{CLOSED, LocalRow, LocalValues, NodeLaw, OPEN};
-use super::{ContactState, FrictionCoefficient};
 use crate::contact::ContactError;
 use crate::piecewise::Facet;
 
@@ -48,7 +48,7 @@ impl Tangential {
 
 /// θ¹, θ² = λt + r u_t − g, θ³ = λt + r u_t + g and, where F depends on α, F; `bounds` are g at u_t and at −u_t.
 pub(super) fn tests(coefficient: &FrictionCoefficient, v: &LocalValues, bounds: [f64; 2], out: &mut [f64]) {
-    let z = v.traction[0] + v.r * v.slip[0];
+    let (z, _) = v.trial_traction(0);
     out[0] = v.theta1();
     out[1] = z - bounds[0];
     out[2] = z + bounds[1];
@@ -68,8 +68,7 @@ pub(super) fn test_rows(
 ) {
     rows[0] = v.theta1_row();
     for ((row, bound), side) in rows[1..3].iter_mut().zip(bounds).zip([1.0, -1.0]) {
-        *row = LocalRow::of_traction(0);
-        row.slip[0] = v.r;
+        *row = v.trial_traction(0).1;
         row.add(-side, bound);
     }
     rows[3] = LocalRow::default();
@@ -140,10 +139,6 @@ impl NodeLaw for PlanarCoulomb {
         self.coefficient.num_nodes()
     }
 
-    fn num_pieces(&self) -> usize {
-        4
-    }
-
     fn num_tests(&self) -> usize {
         4
     }
@@ -156,14 +151,6 @@ impl NodeLaw for PlanarCoulomb {
             &[CLOSED, Facet::negative(2), WALL],
         ];
         CELLS[piece.min(3)]
-    }
-
-    fn piece_name(&self, piece: usize) -> &'static str {
-        ["open", "stick", "slip+", "slip-"][piece.min(3)]
-    }
-
-    fn state(&self, piece: usize, _v: &LocalValues) -> ContactState {
-        ContactState::ALL[piece.min(3)]
     }
 
     fn tests(&self, v: &LocalValues, out: &mut [f64]) {
