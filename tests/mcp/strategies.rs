@@ -163,7 +163,10 @@ fn smoothing_stays_next_to_its_path() {
         let mut x: Vec<f64> = exact.iter().map(|x| x + 2.0).collect();
         let mut solver = only(&[Smoothing]);
         let report = solver.solve(&problem, &mut x).unwrap();
-        let smoothed = report.history.iter().filter(|i| i.step == McpStep::Smoothed);
+        let smoothed = report
+            .history
+            .iter()
+            .filter(|i| i.step == McpStep::Own && i.strategy == Smoothing);
         let merits: Vec<f64> = smoothed.map(|i| i.merit).collect();
         assert!(merits.len() >= 3, "seed {seed}: {}", merits.len());
         assert!(merits.last() < merits.first(), "seed {seed}: {merits:?}");

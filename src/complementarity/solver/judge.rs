@@ -1,7 +1,8 @@
 //! Whether a point is a solution.
 
 use super::McpStatus;
-use super::engine::{Engine, Plan};
+use super::engine::Engine;
+use super::plan::Plan;
 use crate::complementarity::accuracy::{Measure, Point};
 use crate::complementarity::problem::natural;
 use crate::sparse::max_abs;
@@ -10,13 +11,13 @@ use crate::sparse::max_abs;
 const ROUND_OFF: f64 = 1e-8;
 
 impl Engine<'_> {
-    /// The accuracy of `work.x`, where F and ∇F have just been evaluated.
+    /// The accuracy of `work.here.x`, where F and ∇F have just been evaluated.
     pub(super) fn measure(&mut self) -> Measure {
         let w = &mut *self.work;
         let measure = w.accuracy.measure(&Point {
-            x: &w.x,
+            x: &w.here.x,
             sizes: None,
-            f: &w.f,
+            f: &w.here.f,
             jac: w.lin.jac().as_ref(),
             lower: self.lower,
             upper: self.upper,
@@ -30,7 +31,7 @@ impl Engine<'_> {
         measure.is_solved(tolerance) && (self.affine || !(measure.flat && self.asymptotic))
     }
 
-    /// Whether `work.x` is a solution, and as good a one as can be asked for: where the natural residual is still above the tolerance
+    /// Whether `work.here.x` is a solution, and as good a one as can be asked for: where the natural residual is still above the tolerance
     /// further steps are worthwhile.
     pub(super) fn is_solution(&mut self, residual: f64) -> bool {
         let measure = self.measure();
@@ -40,23 +41,23 @@ impl Engine<'_> {
             && (residual <= self.options.tolerance || measure.is_rounding())
     }
 
-    /// Moves `work.x` into the bounds and evaluates F and ∇F there; `false` where they are not finite.
+    /// Moves `work.here.x` into the bounds and evaluates F and ∇F there; `false` where they are not finite.
     pub(super) fn clamp_all(&mut self) -> bool {
         for i in 0..self.n() {
-            self.work.x[i] = self.clamp(i, self.work.x[i]);
+            self.work.here.x[i] = self.clamp(i, self.work.here.x[i]);
         }
         self.evaluate() && self.jacobian()
     }
 
-    /// Whether the point next to `work.x` is a solution that has zeros and bounds where `work.x` is near them: as terms vanish
-    /// together, their residual never gets small relative to them. It becomes `work.x` then.
+    /// Whether the point next to `work.here.x` is a solution that has zeros and bounds where `work.here.x` is near them: as terms vanish
+    /// together, their residual never gets small relative to them. It becomes `work.here.x` then.
     pub(super) fn round_off(&mut self) -> bool {
         let n = self.n();
-        let near = ROUND_OFF * (1.0 + max_abs(&self.work.x));
+        let near = ROUND_OFF * (1.0 + max_abs(&self.work.here.x));
         let mut moved = false;
-        self.work.trial_x.copy_from_slice(&self.work.x);
+        self.work.trial.x.copy_from_slice(&self.work.here.x);
         for i in 0..n {
-            let (l, u, x) = (self.lower[i], self.upper[i], self.work.x[i]);
+            let (l, u, x) = (self.lower[i], self.upper[i], self.work.here.x[i]);
             let to = match () {
                 () if (x - l).abs() <= near => l,
                 () if (x - u).abs() <= near => u,
@@ -64,7 +65,7 @@ impl Engine<'_> {
                 () => continue,
             };
             moved |= to != x;
-            self.work.trial_x[i] = to;
+            self.work.trial.x[i] = to;
         }
         if !moved || !self.evaluate_trial() {
             return false;
@@ -81,7 +82,7 @@ impl Engine<'_> {
     }
 
     pub(super) fn is_inside(&self) -> bool {
-        (0..self.n()).all(|i| self.work.x[i] == self.clamp(i, self.work.x[i]))
+        (0..self.n()).all(|i| self.work.here.x[i] == self.clamp(i, self.work.here.x[i]))
     }
 
     /// Natural residual of the proximal problem, scaled.
@@ -89,7 +90,12 @@ impl Engine<'_> {
         let w = &*self.work;
         (0..w.n).fold(0.0, |m: f64, i| {
             let c = w.lin.col()[i];
-            let r = natural(w.x[i] / c, self.lower[i] / c, self.upper[i] / c, w.scaled[i]);
+            let r = natural(
+                w.here.x[i] / c,
+                self.lower[i] / c,
+                self.upper[i] / c,
+                w.equations.scaled[i],
+            );
             m.max(r.abs())
         })
     }
@@ -113,8 +119,8 @@ impl Engine<'_> {
         }
         let w = &*self.work;
         let projected = (0..w.n).fold(0.0, |m: f64, i| {
-            let x = w.x[i] / w.lin.col()[i];
-            let y = (x - w.gradient[i])
+            let x = w.here.x[i] / w.lin.col()[i];
+            let y = (x - w.equations.gradient[i])
                 .max(self.lower[i] / w.lin.col()[i])
                 .min(self.upper[i] / w.lin.col()[i]);
             m.max((x - y).abs())

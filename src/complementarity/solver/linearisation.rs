@@ -18,6 +18,8 @@ pub(super) struct Linearisation {
     row: Vec<f64>,
     col: Vec<f64>,
     max: Vec<f64>,
+    /// Where ∇F is evaluated, if not at the iterate.
+    point: Vec<f64>,
 }
 
 impl Linearisation {
@@ -29,6 +31,7 @@ impl Linearisation {
             row: vec![1.0; n],
             col: vec![1.0; n],
             max: vec![0.0; n],
+            point: vec![0.0; n],
         }
     }
 
@@ -37,6 +40,15 @@ impl Linearisation {
         self.jac.clear();
         function.jacobian(x, &mut self.jac);
         self.jac.values().iter().all(|v| v.is_finite())
+    }
+
+    /// The same at a point whose components come one by one.
+    pub(super) fn evaluate_at(&mut self, function: &dyn McpFunction, x: impl Iterator<Item = f64>) -> bool {
+        let mut point = std::mem::take(&mut self.point);
+        point.iter_mut().zip(x).for_each(|(to, x)| *to = x);
+        let finite = self.evaluate(function, &point);
+        self.point = point;
+        finite
     }
 
     /// ∇F.

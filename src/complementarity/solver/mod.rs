@@ -1,19 +1,24 @@
 //! The solver of mixed complementarity problems.
 
+mod descent;
 mod engine;
+mod equations;
 mod judge;
 mod linearisation;
 mod options;
 mod outcome;
+mod plan;
 mod report;
 mod steps;
 mod strategies;
+mod system;
 mod work;
 
 use std::ops::ControlFlow;
 
 pub use options::McpOptions;
-pub use report::{BoundState, Fallback, McpIteration, McpReport, McpStatus, McpStep, McpStrategy};
+pub use report::{BoundState, Fallback, McpIteration, McpReport, McpStatus, McpStep};
+pub use strategies::McpStrategy;
 
 use super::error::check_finite;
 use super::{ComplementarityError, Mcp, McpFunction};
@@ -44,7 +49,7 @@ use work::Work;
 /// [`McpOptions::strategies`] chooses among them, and their order.
 ///
 /// Iterates stay within the bounds (unless F is affine), and F is evaluated nowhere else ([`McpOptions::stay_inside`]); where it is not
-/// finite the step is shortened. Success is claimed only by the rule told under [accuracy](super#accuracy), for the point returned.
+/// finite the step is shortened. Success is claimed only by the rule stated under [accuracy](super#accuracy), for the point returned.
 ///
 /// # Complexity
 /// A step factors the system of the k components away from their bounds: O(k³) where it is small or mostly full, else with the
@@ -86,7 +91,7 @@ impl McpSolver {
     ///
     /// # Errors
     /// Misuse only: a parametric problem, a start of wrong length or not finite, options out of range, a Jacobian entry outside the
-    /// pattern. That no solution was found is told by [`McpReport::status`].
+    /// pattern. That no solution was found is no error: see [`McpReport::status`].
     pub fn solve<F: McpFunction>(
         &mut self,
         problem: &Mcp<F>,

@@ -27,8 +27,8 @@ impl Engine<'_> {
             return status;
         }
         let w = &mut *self.work;
-        w.trial_x.copy_from_slice(&w.x);
-        w.x.copy_from_slice(&w.nearest);
+        w.trial.x.copy_from_slice(&w.here.x);
+        w.here.x.copy_from_slice(&w.seen.nearest);
         if self.evaluate() && self.jacobian() {
             let measure = self.measure();
             if self.accepts(measure, self.options.acceptable.max(self.options.tolerance)) {
@@ -39,7 +39,7 @@ impl Engine<'_> {
             }
         }
         let w = &mut *self.work;
-        w.x.copy_from_slice(&w.trial_x);
+        w.here.x.copy_from_slice(&w.trial.x);
         status
     }
 
@@ -49,12 +49,12 @@ impl Engine<'_> {
         if status != McpStatus::Solved {
             let w = &mut *self.work;
             match self.best < f64::INFINITY {
-                true => w.x.copy_from_slice(&w.best),
-                false => w.x.copy_from_slice(&w.start),
+                true => w.here.x.copy_from_slice(&w.seen.best),
+                false => w.here.x.copy_from_slice(&w.start),
             }
             status = self.last_word(status);
         }
-        x.copy_from_slice(&self.work.x);
+        x.copy_from_slice(&self.work.here.x);
         // Evaluated at what is returned, whatever was known before.
         let finite = self.evaluate();
         if status != McpStatus::Solved {
@@ -69,7 +69,7 @@ impl Engine<'_> {
         let mut complementarity = 0.0_f64;
         let mut feasibility = 0.0_f64;
         for i in 0..x.len() {
-            let (l, u, f) = (self.lower[i], self.upper[i], self.work.f[i]);
+            let (l, u, f) = (self.lower[i], self.upper[i], self.work.here.f[i]);
             feasibility = feasibility.max(l - x[i]).max(x[i] - u);
             let gap = if f > 0.0 { x[i] - l } else { u - x[i] };
             complementarity = complementarity.max(gap.abs().min(f.abs()));

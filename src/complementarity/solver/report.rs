@@ -1,6 +1,7 @@
 use std::fmt;
 use std::time::Duration;
 
+use super::McpStrategy;
 use crate::newton::{Tail, observed_order};
 
 /// How a solve ended.
@@ -79,43 +80,6 @@ impl fmt::Display for McpStatus {
     }
 }
 
-/// What is tried, in this order unless [`McpOptions::strategies`](super::McpOptions::strategies) says otherwise.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
-#[non_exhaustive]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub enum McpStrategy {
-    /// Active-set Newton steps of the natural map, globalised by the Fischer–Burmeister merit function.
-    Newton,
-    /// Newton steps of the penalised Fischer–Burmeister function, without equilibration.
-    FischerBurmeister,
-    /// Proximal points: F(x) + ε (x − x_k), ε → 0.
-    Proximal,
-    /// Linearised problems solved along piecewise linear paths (Josephy 1979; Ralph 1994).
-    JosephyNewton,
-    /// A path from the start to a solution, t F(x) + (1 − t)(x − x⁰), through folds.
-    Homotopy,
-    /// Small affine problems: a pruned search of all active sets.
-    Enumeration,
-    /// Newton's method for smoothed equations (Chen and Harker 1993; Kanzow 1996; Smale 1987).
-    Smoothing,
-    /// The first two and paths from perturbed starts.
-    Restart,
-}
-
-impl McpStrategy {
-    /// The strategy in words.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        super::strategies::name(self)
-    }
-}
-
-impl fmt::Display for McpStrategy {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
 /// An attempt that failed, so that another one followed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
@@ -144,12 +108,10 @@ pub enum McpStep {
     Regularised,
     /// Projected steepest descent.
     Gradient,
-    /// Newton step of smoothed equations.
-    Smoothed,
     /// Solution of the linearised complementarity problem.
     Linearised,
-    /// The end of a path.
-    Path,
+    /// A step of another kind, which [`McpIteration::strategy`] tells: a Newton step of smoothed equations, the end of a path.
+    Own,
     /// None: the last iterate of an attempt.
     None,
 }

@@ -1,17 +1,26 @@
 //! Directions, and how far to go along them.
 
 use super::McpStep;
-use super::engine::{ARMIJO, Engine, Plan};
-use super::work::{NORMAL_EQUATIONS, Work};
+use super::engine::Engine;
+use super::plan::{ARMIJO, Plan};
+use super::system::NORMAL_EQUATIONS;
+use super::work::Work;
 use crate::complementarity::fischer::{Gap, component_gradient};
 
+/// Regularised steps by normal equations: the first parameter relative to ‖Φ‖ (at most 1), its growth, and how many are tried.
+const REGULARISED: (f64, f64, usize) = (1e-3, 30.0, 5);
+/// The same for larger problems, whose J gets a multiple of the identity.
+const SHIFTED: (f64, f64, usize) = (1e-3, 10.0, 4);
+/// Shortest steps along the Newton step of Φ, along regularised ones, and along the gradient relative to the first one.
+const SHORTEST: [f64; 3] = [1e-2, 0.1, 1e-10];
+
 impl Engine<'_> {
-    /// The active set at `work.x`: −1 lower, +1 upper; whether it is the one it was.
+    /// The active set at `work.here.x`: −1 lower, +1 upper; whether it is the one it was.
     pub(super) fn update_active(&mut self) -> bool {
         let mut same = true;
         for i in 0..self.n() {
-            let Gap { below, above } = self.gap(i, self.work.x[i]);
-            let f = self.work.scaled[i];
+            let Gap { below, above } = self.gap(i, self.work.here.x[i]);
+            let f = self.work.equations.scaled[i];
             let now = if self.lower[i] == self.upper[i] || f > below {
                 -1
             } else if -f > above {
@@ -19,8 +28,8 @@ impl Engine<'_> {
             } else {
                 0
             };
-            same &= now == self.work.active[i];
-            self.work.active[i] = now;
+            same &= now == self.work.system.active[i];
+            self.work.system.active[i] = now;
         }
         same
     }
@@ -29,16 +38,22 @@ impl Engine<'_> {
     pub(super) fn natural_step(&mut self) -> bool {
         self.bound_steps();
         self.report.factorisations += 1;
-        self.work.solve_reduced()
+        let Work {
+            lin,
+            equations,
+            system,
+            ..
+        } = &mut *self.work;
+        system.solve_natural(lin.scaled(), &equations.scaled)
     }
 
     /// The steps of the components at bounds, 0 for the others.
     pub(super) fn bound_steps(&mut self) {
         let w = &mut *self.work;
         for i in 0..w.n {
-            w.d[i] = match w.active[i] {
-                -1 => (self.lower[i] - w.x[i]) / w.lin.col()[i],
-                1 => (self.upper[i] - w.x[i]) / w.lin.col()[i],
+            w.system.d[i] = match w.system.active[i] {
+                -1 => (self.lower[i] - w.here.x[i]) / w.lin.col()[i],
+                1 => (self.upper[i] - w.here.x[i]) / w.lin.col()[i],
                 _ => 0.0,
             };
         }
@@ -48,8 +63,8 @@ impl Engine<'_> {
     pub(super) fn make_trial(&mut self, t: f64, inside: bool) {
         let w = &mut *self.work;
         for i in 0..w.n {
-            let x = w.x[i] + t * w.lin.col()[i] * w.d[i];
-            w.trial_x[i] = match w.active[i] {
+            let x = w.here.x[i] + t * w.lin.col()[i] * w.system.d[i];
+            w.trial.x[i] = match w.system.active[i] {
                 -1 if t == 1.0 && inside => self.lower[i],
                 1 if t == 1.0 && inside => self.upper[i],
                 _ if inside => x.max(self.lower[i]).min(self.upper[i]),
@@ -60,19 +75,19 @@ impl Engine<'_> {
 
     pub(super) fn accept_trial(&mut self) {
         let w = &mut *self.work;
-        std::mem::swap(&mut w.x, &mut w.trial_x);
-        std::mem::swap(&mut w.f, &mut w.trial_f);
+        std::mem::swap(&mut w.here.x, &mut w.trial.x);
+        std::mem::swap(&mut w.here.f, &mut w.trial.f);
     }
 
     /// ‖x − trial_x‖∞.
     pub(super) fn step_length(&self) -> f64 {
         let w = &*self.work;
-        (0..w.n).fold(0.0, |m: f64, i| m.max((w.x[i] - w.trial_x[i]).abs()))
+        (0..w.n).fold(0.0, |m: f64, i| m.max((w.here.x[i] - w.trial.x[i]).abs()))
     }
 
-    /// The merit at P(x + t C d), which is left in `work.trial_x`; `None` where F is not finite.
+    /// The merit at P(x + t C d), which is left in `work.trial.x`; `None` where F is not finite.
     pub(super) fn try_along(&mut self, plan: &Plan, t: f64) -> Option<f64> {
-        self.work.active.fill(0);
+        self.work.system.active.fill(0);
         self.make_trial(t, true);
         if !self.evaluate_trial() {
             return None;
@@ -115,43 +130,43 @@ impl Engine<'_> {
             return Some(t);
         }
         let w = &*self.work;
-        if plan.proximal == 0.0 && self.residual_of(&w.trial_x, &w.trial_f) <= 0.25 * self.attempt_best {
+        if plan.proximal == 0.0 && self.residual_of(&w.trial.x, &w.trial.f) <= 0.25 * self.attempt_best {
             return Some(t);
         }
         (!locked && plan.credit > 0 && psi < 1e6 * (1.0 + reference)).then_some(t)
     }
 
-    /// ∂Φ and its H in `work.system`, HᵀΦ in `work.gradient`.
+    /// ∂Φ, its H in `work.system`, and HᵀΦ.
     pub(super) fn prepare_fischer(&mut self, plan: &Plan, shift: f64) {
         let n = self.n();
         let mut any = false;
         for i in 0..n {
-            let Gap { below, above } = self.gap(i, self.work.x[i]);
-            let kink = self.work.scaled[i] == 0.0 && (below == 0.0 || above == 0.0);
-            self.work.scratch[i] = f64::from(u8::from(kink));
+            let Gap { below, above } = self.gap(i, self.work.here.x[i]);
+            let kink = self.work.equations.scaled[i] == 0.0 && (below == 0.0 || above == 0.0);
+            self.work.equations.kinks[i] = f64::from(u8::from(kink));
             any |= kink;
         }
-        self.work.rate.fill(0.0);
+        self.work.equations.rate.fill(0.0);
         if any {
-            let Work {
-                lin, scratch, rate, ..
-            } = &mut *self.work;
-            lin.scaled().mul_vec(scratch, rate);
+            let Work { lin, equations, .. } = &mut *self.work;
+            lin.scaled().mul_vec(&equations.kinks, &mut equations.rate);
         }
         for i in 0..n {
-            let gap = self.gap(i, self.work.x[i]);
-            let (a, b) = component_gradient(gap, self.work.scaled[i], plan.lambda, self.work.rate[i]);
-            self.work.da[i] = a;
-            self.work.db[i] = b;
+            let gap = self.gap(i, self.work.here.x[i]);
+            let (a, b) = component_gradient(
+                gap,
+                self.work.equations.scaled[i],
+                plan.lambda,
+                self.work.equations.rate[i],
+            );
+            self.work.equations.by_x[i] = a;
+            self.work.equations.by_f[i] = b;
         }
         self.work.build_fischer(shift);
         let Work {
-            system,
-            phi,
-            gradient,
-            ..
+            system, equations, ..
         } = &mut *self.work;
-        system.mul_transpose_vec(phi, gradient);
+        system.mul_transpose(&equations.phi, &mut equations.gradient);
     }
 
     /// Line searches along the Newton step of Φ, regularised steps and the negative gradient.
@@ -164,60 +179,62 @@ impl Engine<'_> {
     ) -> Option<(McpStep, f64)> {
         let n = self.n();
         // Steps to bounds are not special here.
-        self.work.active.fill(0);
+        self.work.system.active.fill(0);
         self.prepare_fischer(plan, 0.0);
         let norm = (2.0 * psi).sqrt();
         for i in 0..n {
-            self.work.d[i] = -self.work.phi[i];
+            self.work.system.d[i] = -self.work.equations.phi[i];
         }
         self.report.factorisations += 1;
-        if self.work.solve_system()
-            && let Some(t) = self.search(plan, psi, reference, 1.0, 1e-2, inside)
+        if self.work.system.solve()
+            && let Some(t) = self.search(plan, psi, reference, 1.0, SHORTEST[0], inside)
         {
             return Some((McpStep::FischerBurmeister, t));
         }
         if n <= NORMAL_EQUATIONS {
-            let mut mu = norm.min(1.0) * 1e-3;
-            for _ in 0..5 {
+            let (first, growth, most) = REGULARISED;
+            let mut mu = norm.min(1.0) * first;
+            for _ in 0..most {
                 if self.is_over_time() {
                     return None;
                 }
                 self.report.factorisations += 1;
                 if self.work.solve_regularised(mu)
-                    && let Some(t) = self.search(plan, psi, reference, 1.0, 0.1, inside)
+                    && let Some(t) = self.search(plan, psi, reference, 1.0, SHORTEST[1], inside)
                 {
                     return Some((McpStep::Regularised, t));
                 }
-                mu *= 30.0;
+                mu *= growth;
             }
         } else {
-            let mut shift = norm.min(1.0) * 1e-3;
-            for _ in 0..4 {
+            let (first, growth, most) = SHIFTED;
+            let mut shift = norm.min(1.0) * first;
+            for _ in 0..most {
                 if self.is_over_time() {
                     return None;
                 }
                 self.work.build_fischer(shift);
                 for i in 0..n {
-                    self.work.d[i] = -self.work.phi[i];
+                    self.work.system.d[i] = -self.work.equations.phi[i];
                 }
                 self.report.factorisations += 1;
-                if self.work.solve_system()
-                    && let Some(t) = self.search(plan, psi, reference, 1.0, 0.1, inside)
+                if self.work.system.solve()
+                    && let Some(t) = self.search(plan, psi, reference, 1.0, SHORTEST[1], inside)
                 {
                     return Some((McpStep::Regularised, t));
                 }
-                shift *= 10.0;
+                shift *= growth;
             }
         }
-        let steepest: f64 = self.work.gradient.iter().map(|g| g * g).sum();
+        let steepest: f64 = self.work.equations.gradient.iter().map(|g| g * g).sum();
         if steepest == 0.0 {
             return None;
         }
         let t = (2.0 * psi / steepest).min(1e6);
         for i in 0..n {
-            self.work.d[i] = -self.work.gradient[i];
+            self.work.system.d[i] = -self.work.equations.gradient[i];
         }
-        self.search(plan, psi, reference, t, t * 1e-10, inside)
+        self.search(plan, psi, reference, t, t * SHORTEST[2], inside)
             .map(|s| (McpStep::Gradient, s))
     }
 
@@ -240,7 +257,7 @@ impl Engine<'_> {
             let slope: f64 = {
                 let w = &*self.work;
                 (0..w.n)
-                    .map(|i| w.gradient[i] * (w.trial_x[i] - w.x[i]) / w.lin.col()[i])
+                    .map(|i| w.equations.gradient[i] * (w.trial.x[i] - w.here.x[i]) / w.lin.col()[i])
                     .sum()
             };
             if slope < 0.0 && self.evaluate_trial() {

@@ -1,10 +1,16 @@
 //! Small affine problems: a pruned search of all active sets.
 
-use super::weights::{ENUMERABLE, POLISH};
 use crate::complementarity::Mcp;
 use crate::complementarity::solver::McpStatus;
-use crate::complementarity::solver::engine::{Engine, Plan};
+use crate::complementarity::solver::engine::Engine;
+use crate::complementarity::solver::plan::Plan;
 use crate::enumeration::{EnumerationOptions, all_solutions};
+
+/// Affine problems up to this size are enumerated. `properties::arbitrary_small_problems_are_never_claimed_wrongly`.
+const ENUMERABLE: usize = 24;
+
+/// Iterations of Newton's method at an enumerated solution.
+const POLISH: usize = 10;
 
 impl Engine<'_> {
     pub(super) fn is_enumerable(&self) -> bool {
@@ -19,12 +25,12 @@ impl Engine<'_> {
         self.fresh = false;
         let n = self.n();
         let w = &mut *self.work;
-        w.trial_x.fill(0.0);
-        self.function.value(&w.trial_x, &mut w.trial_f);
+        w.trial.x.fill(0.0);
+        self.function.value(&w.trial.x, &mut w.trial.f);
         self.report.evaluations += 1;
         let problem = Mcp::affine(
             w.lin.jac().clone(),
-            w.trial_f.clone(),
+            w.trial.f.clone(),
             self.lower.to_vec(),
             self.upper.to_vec(),
         );
@@ -40,7 +46,7 @@ impl Engine<'_> {
         self.report.iterations += set.nodes as usize / n.max(1);
         let ends = set.continua.iter().flat_map(|c| &c.ends);
         for y in set.solutions.iter().map(|s| &s.x).chain(ends) {
-            self.work.x.copy_from_slice(&y[..n]);
+            self.work.here.x.copy_from_slice(&y[..n]);
             if self.descend(&Plan::newton(POLISH)) == McpStatus::Solved {
                 return McpStatus::Solved;
             }

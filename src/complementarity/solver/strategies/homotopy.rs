@@ -2,41 +2,63 @@
 
 use std::cell::RefCell;
 
-use super::weights::{HOMOTOPY, spread};
-use crate::complementarity::solver::engine::{Engine, Plan};
+use crate::complementarity::solver::engine::Engine;
+use crate::complementarity::solver::plan::{Plan, spread};
 use crate::complementarity::solver::{McpStatus, McpStep};
 use crate::complementarity::{Mcp, McpFunction};
 use crate::sparse::{Matrix, Pattern};
 
+/// The homotopy. `outcomes::paths_and_enumeration_keep_their_limits`, `corpus::more_problems_of_the_literature_from_far_starts`.
+struct Weights {
+    /// Iterations of Newton's method at its end.
+    newton: usize,
+    /// Distances of the anchor from bounds: from the first on, spread over the second.
+    margin: (f64, f64),
+    /// Largest part of the width of a box for them.
+    inner: f64,
+    /// Distance to a bound, relative to 1 + |x|, that counts as none.
+    at_bound: f64,
+    /// How far t may turn back.
+    back: f64,
+}
+
+const WEIGHTS: Weights = Weights {
+    newton: 60,
+    margin: (0.05, 0.1),
+    inner: 0.25,
+    at_bound: 1e-9,
+    back: 0.05,
+};
+
 impl Engine<'_> {
-    /// Follows t F(x) + (1 − t)(x − x⁰) from x⁰ = `work.x`.
+    /// Follows t F(x) + (1 − t)(x − x⁰) from x⁰ = `work.here.x`.
     pub(super) fn homotopy(&mut self) -> McpStatus {
         let n = self.n();
         if !self.evaluate() || !self.jacobian() {
             return McpStatus::Stalled;
         }
-        let plan = Plan::newton(HOMOTOPY.newton);
+        let plan = Plan::newton(WEIGHTS.newton);
         if self.linearise(&plan, true).is_none() {
             return McpStatus::Stalled;
         }
         let w = &*self.work;
         let lower: Vec<f64> = (0..n).map(|i| self.lower[i] / w.lin.col()[i]).collect();
         let upper: Vec<f64> = (0..n).map(|i| self.upper[i] / w.lin.col()[i]).collect();
-        let start: Vec<f64> = (0..n).map(|i| w.x[i] / w.lin.col()[i]).collect();
+        let start: Vec<f64> = (0..n).map(|i| w.here.x[i] / w.lin.col()[i]).collect();
         // The anchor lies beyond a bound that F holds x at, and inside one it does not, so that no component starts on a kink.
         let anchor: Vec<f64> = (0..n)
             .map(|i| {
-                let margin = HOMOTOPY.margin.0 + HOMOTOPY.margin.1 * spread(i);
+                let margin = WEIGHTS.margin.0 + WEIGHTS.margin.1 * spread(i);
                 let width = upper[i] - lower[i];
-                let inner = margin.min(HOMOTOPY.inner * width);
-                let f = w.scaled[i];
-                if start[i] - lower[i] < HOMOTOPY.at_bound * (1.0 + start[i].abs()) {
+                let inner = margin.min(WEIGHTS.inner * width);
+                let f = w.equations.scaled[i];
+                if start[i] - lower[i] < WEIGHTS.at_bound * (1.0 + start[i].abs()) {
                     if f > 0.0 {
                         lower[i] - margin
                     } else {
                         lower[i] + inner
                     }
-                } else if upper[i] - start[i] < HOMOTOPY.at_bound * (1.0 + start[i].abs()) {
+                } else if upper[i] - start[i] < WEIGHTS.at_bound * (1.0 + start[i].abs()) {
                     if f < 0.0 {
                         upper[i] + margin
                     } else {
@@ -76,7 +98,7 @@ impl Engine<'_> {
         let Ok(problem) = Mcp::new(function, lower, upper) else {
             return McpStatus::Stalled;
         };
-        let end = self.follow(&problem, &y, -HOMOTOPY.back);
+        let end = self.follow(&problem, &y, -WEIGHTS.back);
         let (evaluations, jacobians) = {
             let b = problem.function().buffer.borrow();
             (b.evaluations, b.jacobians)
@@ -87,12 +109,12 @@ impl Engine<'_> {
             return McpStatus::Stalled;
         };
         for i in 0..n {
-            self.work.x[i] = self.clamp(i, end.x[i] * self.work.lin.col()[i]);
+            self.work.here.x[i] = self.clamp(i, end.x[i] * self.work.lin.col()[i]);
         }
         if !self.evaluate() {
             return McpStatus::Stalled;
         }
-        self.record(self.residual(), f64::NAN, McpStep::Path, 1.0);
+        self.record(self.residual(), f64::NAN, McpStep::Own, 1.0);
         match self.descend(&plan) {
             McpStatus::Stalled if !end.reached => McpStatus::Unbounded,
             status => status,

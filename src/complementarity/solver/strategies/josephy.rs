@@ -1,13 +1,36 @@
 //! Newton's method with linearised complementarity problems, each solved along its piecewise linear path.
 
-use super::weights::{JOSEPHY, spread};
 use crate::complementarity::Mcp;
-use crate::complementarity::solver::engine::{ARMIJO, Engine, Plan};
+use crate::complementarity::solver::engine::Engine;
+use crate::complementarity::solver::plan::{ARMIJO, Plan, spread};
 use crate::complementarity::solver::{McpStatus, McpStep};
 use crate::sparse::Matrix;
 
+/// Linearised problems. `corpus::more_problems_of_the_literature_from_far_starts`.
+struct Weights {
+    rounds: usize,
+    /// Iterations of Newton's method after each.
+    newton: usize,
+    /// Multiples of I added to a Jacobian whose path does not leave the start.
+    shifts: [f64; 3],
+    /// Shortest step along the solution, and growth of the merit that is let pass.
+    shortest: f64,
+    growth: f64,
+    /// Margins by which components are held at bounds at the start of the path: from this on, spread over as much again.
+    margin: f64,
+}
+
+const WEIGHTS: Weights = Weights {
+    rounds: 20,
+    newton: 8,
+    shifts: [0.0, 1e-6, 1e-3],
+    shortest: 1e-4,
+    growth: 4.0,
+    margin: 0.5,
+};
+
 impl Engine<'_> {
-    /// Moves `work.x` to the solution of an affine (proximal) problem along its path; `false` where the path does not arrive.
+    /// Moves `work.here.x` to the solution of an affine (proximal) problem along its path; `false` where the path does not arrive.
     pub(super) fn affine_path(&mut self, plan: &Plan) -> bool {
         if self.n() > self.options.max_path_size || !self.evaluate() || !self.jacobian() {
             return false;
@@ -18,7 +41,7 @@ impl Engine<'_> {
         match self.linearised_solution() {
             Some((y, true)) => {
                 for i in 0..self.n() {
-                    self.work.x[i] = self.clamp(i, y[i] * self.work.lin.col()[i]);
+                    self.work.here.x[i] = self.clamp(i, y[i] * self.work.lin.col()[i]);
                 }
                 self.evaluate()
             }
@@ -29,16 +52,16 @@ impl Engine<'_> {
     /// Newton's method with linearised complementarity problems.
     pub(super) fn josephy(&mut self) -> McpStatus {
         let n = self.n();
-        let plan = Plan::newton(JOSEPHY.newton);
+        let plan = Plan::newton(WEIGHTS.newton);
         for i in 0..n {
-            self.work.x[i] = self.clamp(i, self.work.x[i]);
+            self.work.here.x[i] = self.clamp(i, self.work.here.x[i]);
         }
         let mut reference = f64::INFINITY;
-        for k in 0..JOSEPHY.rounds {
+        for k in 0..WEIGHTS.rounds {
             if let Some(status) = self.exhausted() {
                 return status;
             }
-            let from = self.work.x.clone();
+            let from = self.work.here.x.clone();
             if !self.evaluate() || !self.jacobian() {
                 return McpStatus::Stalled;
             }
@@ -48,13 +71,13 @@ impl Engine<'_> {
             reference = if k == 0 {
                 psi
             } else {
-                reference.min(psi * JOSEPHY.growth).max(psi)
+                reference.min(psi * WEIGHTS.growth).max(psi)
             };
             let Some((target, _)) = self.linearised_solution() else {
                 return McpStatus::Stalled;
             };
             for i in 0..n {
-                self.work.d[i] = target[i] - from[i] / self.work.lin.col()[i];
+                self.work.system.d[i] = target[i] - from[i] / self.work.lin.col()[i];
             }
             let mut t = 1.0;
             let accepted = loop {
@@ -65,7 +88,7 @@ impl Engine<'_> {
                     break true;
                 }
                 t *= 0.5;
-                if t < JOSEPHY.shortest {
+                if t < WEIGHTS.shortest {
                     break false;
                 }
             };
@@ -75,29 +98,29 @@ impl Engine<'_> {
             }
             self.record(self.residual(), psi, McpStep::Linearised, t);
             self.accept_trial();
-            let here = self.work.x.clone();
+            let here = self.work.here.x.clone();
             // From here Newton's method may do; otherwise the sequence of linearised problems goes on.
             if self.descend(&plan) == McpStatus::Solved {
                 return McpStatus::Solved;
             }
-            self.work.x.copy_from_slice(&here);
+            self.work.here.x.copy_from_slice(&here);
         }
         McpStatus::IterationLimit
     }
 
-    /// The point where the path of the problem linearised at `work.x` ends, in scaled variables, and whether it is a solution.
+    /// The point where the path of the problem linearised at `work.here.x` ends, in scaled variables, and whether it is a solution.
     fn linearised_solution(&mut self) -> Option<(Vec<f64>, bool)> {
         let n = self.n();
         let w = &*self.work;
-        let y: Vec<f64> = (0..n).map(|i| w.x[i] / w.lin.col()[i]).collect();
+        let y: Vec<f64> = (0..n).map(|i| w.here.x[i] / w.lin.col()[i]).collect();
         let lower: Vec<f64> = (0..n).map(|i| self.lower[i] / w.lin.col()[i]).collect();
         let upper: Vec<f64> = (0..n).map(|i| self.upper[i] / w.lin.col()[i]).collect();
         // F − (1 − t) p vanishes at t = 0 in the interior, and has the right sign by a margin at bounds, so that no component starts
         // on a kink.
         let covering: Vec<f64> = (0..n)
             .map(|i| {
-                let f = w.scaled[i];
-                let margin = JOSEPHY.margin * (1.0 + spread(i));
+                let f = w.equations.scaled[i];
+                let margin = WEIGHTS.margin * (1.0 + spread(i));
                 if y[i] == lower[i] {
                     (f - margin).min(0.0)
                 } else if y[i] == upper[i] {
@@ -107,7 +130,7 @@ impl Engine<'_> {
                 }
             })
             .collect();
-        for shift in JOSEPHY.shifts {
+        for shift in WEIGHTS.shifts {
             if self.is_over_time() {
                 return None;
             }
@@ -118,7 +141,7 @@ impl Engine<'_> {
             triplets.extend((0..n).map(|i| (i, i, shift)));
             triplets.extend((0..n).map(|i| (i, n, covering[i])));
             let q = (0..n)
-                .map(|i| w.scaled[i] - jy[i] - shift * y[i] - covering[i])
+                .map(|i| w.equations.scaled[i] - jy[i] - shift * y[i] - covering[i])
                 .collect();
             let matrix = Matrix::from_triplets(n, n + 1, &triplets).ok()?;
             let Ok(problem) = Mcp::affine(matrix, q, lower.clone(), upper.clone()) else {

@@ -1,4 +1,4 @@
-//! What is tried. A strategy is a variant of [`McpStrategy`], a file here, and a line of the table.
+//! What is tried. A strategy is a file here, with its numbers, and in this one its variant of [`McpStrategy`] and its line of the table.
 
 mod enumeration;
 mod fischer;
@@ -9,10 +9,54 @@ mod path;
 mod proximal;
 mod restart;
 mod smoothing;
-mod weights;
+
+use std::fmt;
 
 use super::engine::Engine;
-use super::{BoundState, Fallback, McpStatus, McpStrategy};
+use super::{BoundState, Fallback, McpStatus};
+
+/// What is tried, in this order unless [`McpOptions::strategies`](super::McpOptions::strategies) says otherwise.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum McpStrategy {
+    /// Active-set Newton steps of the natural map, globalised by the Fischer–Burmeister merit function.
+    Newton,
+    /// Newton steps of the penalised Fischer–Burmeister function, without equilibration.
+    FischerBurmeister,
+    /// Proximal points: F(x) + ε (x − x_k), ε → 0.
+    Proximal,
+    /// Linearised problems solved along piecewise linear paths (Josephy 1979; Ralph 1994).
+    JosephyNewton,
+    /// A path from the start to a solution, t F(x) + (1 − t)(x − x⁰), through folds.
+    Homotopy,
+    /// Small affine problems: a pruned search of all active sets.
+    Enumeration,
+    /// Newton's method for smoothed equations (Chen and Harker 1993; Kanzow 1996; Smale 1987).
+    Smoothing,
+    /// The first two and paths from perturbed starts.
+    Restart,
+}
+
+impl McpStrategy {
+    /// The strategy in words.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        TABLE.iter().find(|s| s.is == self).map_or("", |s| s.name)
+    }
+}
+
+impl fmt::Display for McpStrategy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// What strategies keep from one solve to the next, so that it is allocated once.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Own {
+    newton: newton::Own,
+}
 
 /// A line of the table.
 struct Strategy {
@@ -24,7 +68,7 @@ struct Strategy {
 }
 
 enum Run {
-    /// One attempt, from the start in `work.x`.
+    /// One attempt, from the start in `work.here.x`.
     Attempt(fn(&mut Engine<'_>) -> McpStatus),
     /// Several, which book themselves.
     Attempts(fn(&mut Engine<'_>) -> Option<McpStatus>),
@@ -71,10 +115,6 @@ pub(super) fn all() -> Vec<McpStrategy> {
     TABLE.iter().map(|s| s.is).collect()
 }
 
-pub(super) fn name(strategy: McpStrategy) -> &'static str {
-    TABLE.iter().find(|s| s.is == strategy).map_or("", |s| s.name)
-}
-
 impl Engine<'_> {
     /// Tries one strategy after the other.
     pub(super) fn solve(&mut self, states: Option<&[BoundState]>) -> McpStatus {
@@ -111,10 +151,10 @@ impl Engine<'_> {
             let (active, x) = match s {
                 BoundState::Lower => (-1, self.lower[i]),
                 BoundState::Upper => (1, self.upper[i]),
-                BoundState::Interior => (0, self.work.x[i]),
+                BoundState::Interior => (0, self.work.here.x[i]),
             };
-            self.work.active[i] = active;
-            self.work.x[i] = x;
+            self.work.system.active[i] = active;
+            self.work.here.x[i] = x;
         }
     }
 
@@ -123,7 +163,7 @@ impl Engine<'_> {
         self.n() <= self.options.max_path_size
     }
 
-    /// Runs one attempt from `work.x` and books it; `Some` ends the solve.
+    /// Runs one attempt from `work.here.x` and books it; `Some` ends the solve.
     fn attempt(
         &mut self,
         strategy: McpStrategy,
@@ -150,6 +190,6 @@ impl Engine<'_> {
 
     fn restart_at_start(&mut self) {
         let w = &mut *self.work;
-        w.x.copy_from_slice(&w.start);
+        w.here.x.copy_from_slice(&w.start);
     }
 }

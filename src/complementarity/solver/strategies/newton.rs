@@ -1,7 +1,15 @@
 //! Steps of the natural map, globalised; for affine problems full steps from active set to active set first.
 
-use crate::complementarity::solver::engine::{Engine, Plan};
+use crate::complementarity::solver::engine::Engine;
+use crate::complementarity::solver::plan::Plan;
 use crate::complementarity::solver::{McpStatus, McpStep};
+
+/// What the strategy keeps from one solve to the next.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Own {
+    /// The active sets met so far.
+    visited: Vec<u64>,
+}
 
 impl Engine<'_> {
     pub(super) fn newton(&mut self) -> McpStatus {
@@ -19,7 +27,7 @@ impl Engine<'_> {
     /// Full steps of the natural map for affine F, where each active set has one step: ends at a solution, or where a set comes back.
     pub(super) fn affine_newton(&mut self, plan: &Plan) -> McpStatus {
         let limit = (50 + self.n() / 2).min(plan.max_iterations);
-        self.work.visited.clear();
+        self.work.own.newton.visited.clear();
         if !self.evaluate() || !self.jacobian() {
             return McpStatus::EvaluationFailure {
                 component: self.bad_component.unwrap_or(0),
@@ -48,7 +56,7 @@ impl Engine<'_> {
                 }
                 break;
             }
-            if (0..self.n()).all(|i| self.work.x[i] == self.clamp(i, self.work.x[i])) {
+            if (0..self.n()).all(|i| self.work.here.x[i] == self.clamp(i, self.work.here.x[i])) {
                 self.note_best(residual);
             }
             let given = self.given_active && k == 0;
@@ -56,20 +64,20 @@ impl Engine<'_> {
             if unchanged {
                 continue;
             }
-            let mark = hash(&self.work.active);
-            if k == limit || self.work.visited.contains(&mark) {
+            let mark = hash(&self.work.system.active);
+            if k == limit || self.work.own.newton.visited.contains(&mark) {
                 break;
             }
-            self.work.visited.push(mark);
+            self.work.own.newton.visited.push(mark);
             if !self.natural_step() {
                 break;
             }
             self.record(residual, merit, McpStep::Natural, 1.0);
             self.make_trial(1.0, false);
             for i in 0..self.n() {
-                match self.work.active[i] {
-                    -1 => self.work.trial_x[i] = self.lower[i],
-                    1 => self.work.trial_x[i] = self.upper[i],
+                match self.work.system.active[i] {
+                    -1 => self.work.trial.x[i] = self.lower[i],
+                    1 => self.work.trial.x[i] = self.upper[i],
                     _ => {}
                 }
             }

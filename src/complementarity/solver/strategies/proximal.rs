@@ -1,9 +1,75 @@
 //! Proximal points, and what their displacement proves.
 
-use super::weights::{CERTIFICATE, PROXIMAL_AFFINE, PROXIMAL_SMOOTH, Proximal};
 use crate::complementarity::solver::McpStatus;
-use crate::complementarity::solver::engine::{Engine, Plan};
+use crate::complementarity::solver::engine::Engine;
+use crate::complementarity::solver::plan::Plan;
 use crate::sparse::max_abs;
+
+impl Plan {
+    /// A proximal problem, solved to the residual `loose`. `defects::rank_deficient_monotone_problems_take_few_iterations`.
+    pub(super) const fn proximal(epsilon: f64) -> Self {
+        Self {
+            scaled: false,
+            proximal: epsilon,
+            loose: 1e-8,
+            ..Self::newton(40)
+        }
+    }
+}
+
+/// How ε falls from the size of ∇F.
+struct Proximal {
+    rounds: usize,
+    shrink: f64,
+    /// Smallest ε relative to the size of ∇F.
+    least: f64,
+}
+
+impl Proximal {
+    /// Growth of ε after a problem that was not solved, and ε relative to the size of ∇F beyond which that ends.
+    const GROWTH: f64 = 30.0;
+    const MOST: f64 = 1e4;
+    /// Range of the size of ∇F.
+    const SIZES: (f64, f64) = (1e-6, 1e6);
+    /// Fall of the residual after which, or rounds after which, Newton's method tries to finish, and its iterations.
+    const FALL: f64 = 0.1;
+    const EVERY: usize = 4;
+    const FINISH: usize = 15;
+}
+
+/// `properties::positive_semidefinite_problems_are_solved_exactly_if_feasible`, `outcomes::infeasible_affine_problems_come_with_a_certificate`.
+const PROXIMAL_AFFINE: Proximal = Proximal {
+    rounds: 40,
+    shrink: 0.1,
+    least: 1e-7,
+};
+
+/// `corpus::more_problems_of_the_literature_from_far_starts`; `tests/allocation.rs` ends there.
+const PROXIMAL_SMOOTH: Proximal = Proximal {
+    rounds: 24,
+    shrink: 0.2,
+    least: 1e-9,
+};
+
+/// A certificate of infeasibility. `outcomes::infeasible_affine_problems_come_with_a_certificate`,
+/// `accuracy::units_do_not_decide_what_is_solved`.
+struct Certificate {
+    /// Smallest displacement, relative to 1 + ‖x‖.
+    displacement: f64,
+    /// Smaller entries of v are zero.
+    zero: f64,
+    /// (Mᵀv)ⱼ is zero up to this part of its terms.
+    orthogonal: f64,
+    /// sup vᵀF must be negative by this part of its terms.
+    margin: f64,
+}
+
+const CERTIFICATE: Certificate = Certificate {
+    displacement: 1e-6,
+    zero: 1e-12,
+    orthogonal: 1e-10,
+    margin: 1e-7,
+};
 
 impl Engine<'_> {
     /// Proximal points with ε → 0, the centre moving along.
@@ -21,14 +87,14 @@ impl Engine<'_> {
         };
         for k in 0..weights.rounds {
             let w = &mut *self.work;
-            w.centre.copy_from_slice(&w.x);
+            w.equations.centre.copy_from_slice(&w.here.x);
             let plan = Plan::proximal(epsilon);
             outcome = McpStatus::Stalled;
             if self.affine {
                 outcome = self.affine_newton(&plan);
                 if outcome != McpStatus::Solved {
                     let w = &mut *self.work;
-                    w.x.copy_from_slice(&w.centre);
+                    w.here.x.copy_from_slice(&w.equations.centre);
                     if self.affine_path(&plan) {
                         outcome = McpStatus::Solved;
                     }
@@ -43,7 +109,7 @@ impl Engine<'_> {
             if outcome != McpStatus::Solved {
                 // Too little regularisation, or a centre too far away.
                 let w = &mut *self.work;
-                w.x.copy_from_slice(&w.centre);
+                w.here.x.copy_from_slice(&w.equations.centre);
                 epsilon *= Proximal::GROWTH;
                 if epsilon > Proximal::MOST * size {
                     return outcome;
@@ -56,12 +122,12 @@ impl Engine<'_> {
             }
             if residual <= Proximal::FALL * last || (k + 1) % Proximal::EVERY == 0 {
                 let w = &mut *self.work;
-                w.centre.copy_from_slice(&w.x);
+                w.equations.centre.copy_from_slice(&w.here.x);
                 if self.descend(&Plan::newton(Proximal::FINISH)) == McpStatus::Solved {
                     return McpStatus::Solved;
                 }
                 let w = &mut *self.work;
-                w.x.copy_from_slice(&w.centre);
+                w.here.x.copy_from_slice(&w.equations.centre);
             }
             last = last.min(residual);
             epsilon = (epsilon * weights.shrink).max(weights.least * size);
@@ -78,7 +144,7 @@ impl Engine<'_> {
         let n = self.n();
         let mut v: Vec<f64> = (0..n)
             .map(|i| {
-                let d = self.work.x[i] - self.work.centre[i];
+                let d = self.work.here.x[i] - self.work.equations.centre[i];
                 match (self.lower[i].is_finite(), self.upper[i].is_finite()) {
                     (true, true) => 0.0,
                     (true, false) => d.max(0.0),
@@ -88,7 +154,7 @@ impl Engine<'_> {
             })
             .collect();
         let norm = max_abs(&v);
-        if norm <= CERTIFICATE.displacement * (1.0 + max_abs(&self.work.x)) || norm.is_nan() {
+        if norm <= CERTIFICATE.displacement * (1.0 + max_abs(&self.work.here.x)) || norm.is_nan() {
             return false;
         }
         for v in &mut v {
@@ -102,12 +168,12 @@ impl Engine<'_> {
         }
         let w = &mut *self.work;
         // q = F(0), as M x + q would lose it far out.
-        w.trial_x.fill(0.0);
-        self.function.value(&w.trial_x, &mut w.trial_f);
+        w.trial.x.fill(0.0);
+        self.function.value(&w.trial.x, &mut w.trial.f);
         self.report.evaluations += 1;
         let jac = w.lin.jac();
-        let mut sum: f64 = w.trial_f.iter().zip(&v).map(|(q, v)| q * v).sum();
-        let mut size: f64 = w.trial_f.iter().zip(&v).map(|(q, v)| (q * v).abs()).sum();
+        let mut sum: f64 = w.trial.f.iter().zip(&v).map(|(q, v)| q * v).sum();
+        let mut size: f64 = w.trial.f.iter().zip(&v).map(|(q, v)| (q * v).abs()).sum();
         let pattern = jac.pattern();
         for j in 0..n {
             let span = pattern.col_ptr()[j]..pattern.col_ptr()[j + 1];

@@ -1,8 +1,23 @@
 //! Perturbed starts.
 
-use super::weights::{DOMAIN_STEPS, RESTART_PATHS, RESTART_WIDTHS, spread, spread_runs};
-use crate::complementarity::solver::engine::{Engine, Plan};
+use crate::complementarity::solver::engine::Engine;
+use crate::complementarity::solver::plan::{Plan, spread};
 use crate::complementarity::solver::{McpStatus, McpStrategy};
+
+/// Half widths of the perturbed starts, in this order again and again. `corpus::more_problems_of_the_literature_from_far_starts`.
+const RESTART_WIDTHS: [f64; 12] = [1.0, 0.1, 10.0, 1.0, 100.0, 10.0, 0.01, 3.0, 30.0, 1e3, 0.3, 1.0];
+
+/// Perturbed starts from which paths are followed, too. `corpus::more_problems_of_the_literature_from_far_starts`.
+const RESTART_PATHS: usize = 6;
+
+/// Steps into the domain of F. `defects::logarithm_with_a_free_variable_is_not_solved_outside_its_domain`.
+const DOMAIN_STEPS: [f64; 5] = [1e-6, 1e-4, 1e-2, 0.1, 1.0];
+
+/// Numbers in [0, 1), different for each perturbed start: as `spread`, with another irrational number.
+fn spread_runs(k: usize) -> f64 {
+    const SILVER: f64 = 0.414_213_562_373_095;
+    ((k + 1) as f64 * SILVER).fract()
+}
 
 impl Engine<'_> {
     /// Newton's method from perturbed starts, and paths from the first of them.
@@ -39,7 +54,7 @@ impl Engine<'_> {
         None
     }
 
-    /// Moves `work.x` to a point near the start at which F is finite, and makes it the start.
+    /// Moves `work.here.x` to a point near the start at which F is finite, and makes it the start.
     pub(super) fn find_domain(&mut self) -> bool {
         let found = (0..40).any(|k| {
             if k < 10 {
@@ -55,7 +70,7 @@ impl Engine<'_> {
                         (false, false) if k >= 5 && x <= 0.0 => -x + h,
                         (false, false) => x,
                     };
-                    w.x[i] = y.max(l).min(u);
+                    w.here.x[i] = y.max(l).min(u);
                 }
             } else {
                 self.candidate(k - 10);
@@ -64,12 +79,12 @@ impl Engine<'_> {
         });
         if found {
             let w = &mut *self.work;
-            w.start.copy_from_slice(&w.x);
+            w.start.copy_from_slice(&w.here.x);
         }
         found
     }
 
-    /// The k-th of the perturbed starts, into `work.x`.
+    /// The k-th of the perturbed starts, into `work.here.x`.
     fn candidate(&mut self, k: usize) {
         self.fresh = false;
         let w = &mut *self.work;
@@ -93,7 +108,7 @@ impl Engine<'_> {
                 (false, true) if moved >= u => u - (moved - u).max(1e-3 * r),
                 _ => moved,
             };
-            w.x[i] = inner.max(l).min(u);
+            w.here.x[i] = inner.max(l).min(u);
         }
     }
 }

@@ -1,11 +1,34 @@
 //! Newton's method for smoothed equations: φ_μ(a, b) = a + b − √((a − b)² + 4μ²) in place of 2 min(a, b), μ → 0 (Chen and Harker 1993,
 //! Kanzow 1996, Smale 1987), along the curve of their solutions.
 
-use super::weights::SMOOTHING;
 use crate::complementarity::fischer::Gap;
-use crate::complementarity::solver::engine::{ARMIJO, Engine, Plan};
+use crate::complementarity::solver::engine::Engine;
+use crate::complementarity::solver::plan::{ARMIJO, Plan};
 use crate::complementarity::solver::{McpStatus, McpStep};
 use crate::sparse::{max_abs, norm};
+
+/// Smoothing. `strategies::each_strategy_solves_a_monotone_problem_alone`.
+struct Weights {
+    /// Largest μ at the start.
+    first: f64,
+    /// Fall of μ once ‖Φ_μ‖ is below `centred` μ, and its end.
+    shrink: f64,
+    centred: f64,
+    least: f64,
+    /// Shortest step.
+    shortest: f64,
+    /// Iterations of Newton's method at the end.
+    newton: usize,
+}
+
+const WEIGHTS: Weights = Weights {
+    first: 1.0,
+    shrink: 0.2,
+    centred: 2.0,
+    least: 1e-10,
+    shortest: 1e-6,
+    newton: 30,
+};
 
 /// φ_μ and its derivatives, without cancellation where a and b are positive.
 fn smoothed(a: f64, b: f64, mu: f64) -> (f64, f64, f64) {
@@ -41,66 +64,74 @@ fn component(gap: Gap, f: f64, mu: f64) -> (f64, f64, f64) {
 
 impl Engine<'_> {
     pub(super) fn smoothing(&mut self) -> McpStatus {
-        let plan = Plan::newton(SMOOTHING.newton);
+        let plan = Plan::newton(WEIGHTS.newton);
         if !self.clamp_all() {
             return McpStatus::Stalled;
         }
         self.equilibrate(&plan);
         self.merit(&plan);
-        let mut mu = SMOOTHING.first.min(max_abs(&self.work.phi)).max(SMOOTHING.least);
+        let mut mu = WEIGHTS
+            .first
+            .min(max_abs(&self.work.equations.phi))
+            .max(WEIGHTS.least);
         for k in 0..self.options.max_attempt {
             let residual = self.residual();
             self.note_best(residual);
             if let Some(status) = self.exhausted() {
                 return status;
             }
-            if (k > 0 && !self.jacobian()) || mu < SMOOTHING.least || self.is_solution(residual) {
+            if (k > 0 && !self.jacobian()) || mu < WEIGHTS.least || self.is_solution(residual) {
                 break;
             }
             self.work.lin.rescale(0.0);
             self.merit(&plan);
             let size = self.linearise_smoothed(mu);
-            if size <= SMOOTHING.centred * mu {
-                mu *= SMOOTHING.shrink;
+            if size <= WEIGHTS.centred * mu {
+                mu *= WEIGHTS.shrink;
                 continue;
             }
             self.report.factorisations += 1;
-            if !self.work.solve_system() {
+            if !self.work.system.solve() {
                 break;
             }
             let Some(t) = self.shorten(&plan, mu, size) else {
                 // Nothing more to be had at this μ.
-                mu *= SMOOTHING.shrink;
+                mu *= WEIGHTS.shrink;
                 continue;
             };
-            self.record(residual, 0.5 * size * size, McpStep::Smoothed, t);
+            self.record(residual, 0.5 * size * size, McpStep::Own, t);
             self.accept_trial();
         }
         self.descend(&plan)
     }
 
-    /// Φ_μ at `work.x` and its Jacobian in `work.system`, the right-hand side in `work.d`; returns ‖Φ_μ‖.
+    /// Φ_μ at `work.here.x` and its Jacobian in `work.system`, the right-hand side in `work.system.d`; returns ‖Φ_μ‖.
     fn linearise_smoothed(&mut self, mu: f64) -> f64 {
         for i in 0..self.n() {
-            let gap = self.gap(i, self.work.x[i]);
-            let (phi, by_x, by_f) = component(gap, self.work.scaled[i], mu);
+            let gap = self.gap(i, self.work.here.x[i]);
+            let (phi, by_x, by_f) = component(gap, self.work.equations.scaled[i], mu);
             let w = &mut *self.work;
-            (w.phi[i], w.da[i], w.db[i], w.d[i]) = (phi, by_x, by_f, -phi);
+            (
+                w.equations.phi[i],
+                w.equations.by_x[i],
+                w.equations.by_f[i],
+                w.system.d[i],
+            ) = (phi, by_x, by_f, -phi);
         }
         self.work.build_fischer(0.0);
-        norm(&self.work.phi)
+        norm(&self.work.equations.phi)
     }
 
-    /// The longest of the steps 1, ½, … along `work.d` with sufficient decrease of ‖Φ_μ‖, left in `work.trial_x`.
+    /// The longest of the steps 1, ½, … along `work.system.d` with sufficient decrease of ‖Φ_μ‖, left in `work.trial.x`.
     fn shorten(&mut self, plan: &Plan, mu: f64, size: f64) -> Option<f64> {
         let mut t = 1.0;
-        self.work.active.fill(0);
-        while t >= SMOOTHING.shortest && !self.is_over_time() {
+        self.work.system.active.fill(0);
+        while t >= WEIGHTS.shortest && !self.is_over_time() {
             self.make_trial(t, true);
             if self.step_length() > 0.0 && self.evaluate_trial() {
                 let square = (0..self.n()).map(|i| {
-                    let x = self.work.trial_x[i];
-                    let f = self.scaled_value(plan, i, x, self.work.trial_f[i]);
+                    let x = self.work.trial.x[i];
+                    let f = self.scaled_value(plan, i, x, self.work.trial.f[i]);
                     component(self.gap(i, x), f, mu).0.powi(2)
                 });
                 if square.sum::<f64>().sqrt() <= (1.0 - ARMIJO * t) * size {
