@@ -1,7 +1,7 @@
 //! The search in exact arithmetic, for what rounding leaves open.
 
 use num_bigint::BigInt;
-use num_traits::{One, Signed, Zero};
+use num_traits::{One, Zero};
 
 use super::EnumerationOptions;
 use super::proof::MAX_WORK;
@@ -16,7 +16,7 @@ const WORK_PER_NODE: u64 = 20;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Budget {
     left: u64,
-    deadline: Deadline,
+    pub(super) deadline: Deadline,
 }
 
 impl Budget {
@@ -27,11 +27,11 @@ impl Budget {
         }
     }
 
-    fn is_spent(&self) -> bool {
+    pub(super) fn is_spent(&self) -> bool {
         self.left == 0 || self.deadline.is_over()
     }
 
-    fn spend(&mut self, work: u64) {
+    pub(super) fn spend(&mut self, work: u64) {
         self.left = self.left.saturating_sub(work);
     }
 }
@@ -39,9 +39,9 @@ impl Budget {
 /// A point as exact fractions over one denominator.
 #[derive(Debug, Clone)]
 pub(super) struct ExactPoint {
-    numerators: Vec<BigInt>,
+    pub(super) numerators: Vec<BigInt>,
     /// Positive.
-    denominator: BigInt,
+    pub(super) denominator: BigInt,
 }
 
 impl PartialEq for ExactPoint {
@@ -79,32 +79,14 @@ impl ExactPoint {
     }
 }
 
-/// What a selection holds.
-#[derive(Debug, Clone)]
-pub(super) enum Held {
-    Nothing,
-    /// A point, the sign of the determinant, and the sites at which a facet vanishes.
-    Point {
-        point: ExactPoint,
-        sign: i8,
-        touched: Vec<usize>,
-    },
-    /// A polyhedron of this dimension, with its ends, and one of its directions, where that is one.
-    Continuum {
-        dimension: usize,
-        ends: Vec<ExactPoint>,
-        direction: Option<ExactPoint>,
-    },
-}
-
 /// The forms of some sites in a dictionary.
-struct Tableau<'a> {
-    conditions: &'a ExactConditions,
-    dictionary: Dictionary,
+pub(super) struct Tableau<'a> {
+    pub(super) conditions: &'a ExactConditions,
+    pub(super) dictionary: Dictionary,
     /// Variable of the first form of each site.
-    offsets: Vec<usize>,
+    pub(super) offsets: Vec<usize>,
     /// Variable of the first unknown.
-    unknowns: usize,
+    pub(super) unknowns: usize,
 }
 
 impl Clone for Tableau<'_> {
@@ -123,7 +105,7 @@ fn parts(form: &ExactForm) -> (&Exact, &[Exact]) {
 }
 
 impl<'a> Tableau<'a> {
-    fn new(conditions: &'a ExactConditions, deadline: Deadline) -> Self {
+    pub(super) fn new(conditions: &'a ExactConditions, deadline: Deadline) -> Self {
         let mut offsets = Vec::with_capacity(conditions.sites.len());
         let mut next = conditions.common.len();
         for site in &conditions.sites {
@@ -169,6 +151,23 @@ impl<'a> Tableau<'a> {
             }
         }
         Ok(())
+    }
+
+    /// The unknowns where the columns left have the given values.
+    pub(super) fn point(&self, values: &[(BigInt, BigInt)]) -> ExactPoint {
+        let scale: BigInt = values.iter().map(|v| &v.1).product();
+        let numerator = |k: usize| {
+            let entries = self.dictionary.entries(self.unknowns + k);
+            let mut sum = &entries[0] * &scale;
+            for (a, (n, d)) in entries[1..].iter().zip(values) {
+                sum += a * n * (&scale / d);
+            }
+            sum
+        };
+        ExactPoint {
+            numerators: (0..self.conditions.unknowns).map(numerator).collect(),
+            denominator: self.dictionary.denominator() * scale,
+        }
     }
 }
 
@@ -324,258 +323,6 @@ pub(super) fn active(conditions: &ExactConditions, point: &ExactPoint) -> Vec<Ve
         site.pieces.iter().filter(holds).map(|p| p.piece).collect()
     };
     conditions.sites.iter().map(site).collect()
-}
-
-/// What a selection (by number in the map) holds; `None` at the cap on work.
-pub(super) fn decide(conditions: &ExactConditions, pieces: &[usize], budget: &mut Budget) -> Option<Held> {
-    if budget.is_spent() || elimination(conditions) > MAX_WORK {
-        return None;
-    }
-    let mut table = Tableau::new(conditions, budget.deadline);
-    let held = held(&mut table, conditions, pieces);
-    budget.spend(table.dictionary.take_work());
-    match held {
-        Ok(held) => Some(held),
-        Err(Halt::Infeasible) => Some(Held::Nothing),
-        Err(Halt::Late) => None,
-    }
-}
-
-fn held(table: &mut Tableau<'_>, conditions: &ExactConditions, pieces: &[usize]) -> Result<Held, Halt> {
-    let (sign, facets) = eliminate(table, conditions, pieces)?;
-    let dictionary = &mut table.dictionary;
-    if dictionary.columns().is_empty() {
-        let mut touched = Vec::new();
-        for &(site, var, wanted) in &facets {
-            let value = &dictionary.entries(var)[0];
-            if value.is_zero() {
-                touched.push(site);
-            } else if value.is_positive() != (wanted > 0) {
-                return Err(Halt::Infeasible);
-            }
-        }
-        touched.dedup();
-        let point = table.point(&[]);
-        return Ok(Held::Point { point, sign, touched });
-    }
-    if dictionary.columns().len() > 1 {
-        let flat = flat_facets(dictionary, &facets)?;
-        for var in flat {
-            dictionary.fix(var)?;
-        }
-    }
-    match dictionary.columns().len() {
-        0 | 1 => segment(table, &facets),
-        dimension => Ok(Held::Continuum {
-            dimension,
-            ends: Vec::new(),
-            direction: None,
-        }),
-    }
-}
-
-/// A facet as (site, variable, sign).
-type SignedFacet = (usize, usize, i8);
-
-/// A fraction as numerator and positive denominator.
-type Fraction = (BigInt, BigInt);
-
-/// Fixes all equalities of a selection. Gives the sign of the determinant of their rows and the facets as (site, variable, sign).
-fn eliminate(
-    table: &mut Tableau<'_>,
-    conditions: &ExactConditions,
-    pieces: &[usize],
-) -> Result<(i8, Vec<SignedFacet>), Halt> {
-    let mut equalities = Vec::new();
-    let mut facets = Vec::new();
-    for (site, &piece) in pieces.iter().enumerate() {
-        let piece = piece_of(conditions, site, piece).ok_or(Halt::Infeasible)?;
-        let offset = table.offsets[site];
-        for form in 0..conditions.sites[site].forms.len() {
-            let used = |e: &(usize, usize)| e.1 == form;
-            if !piece.equalities.iter().any(used) && piece.facets.iter().all(|f| f.0 != form) {
-                table.dictionary.forget(offset + form);
-            }
-        }
-        equalities.extend(piece.equalities.iter().map(|&(row, form)| (row, offset + form)));
-        facets.extend(
-            piece
-                .facets
-                .iter()
-                .map(|&(form, sign)| (site, offset + form, sign)),
-        );
-    }
-    let square = equalities.len() + conditions.common.len() == conditions.unknowns;
-    let mut rows = vec![None; conditions.unknowns];
-    for &(row, var) in equalities.iter().filter(|_| square) {
-        if let Some(place) = rows.get_mut(row) {
-            *place = Some(var);
-        }
-    }
-    let mut common = 0..conditions.common.len();
-    rows.iter_mut()
-        .filter(|r| r.is_none())
-        .for_each(|r| *r = common.next());
-    let all = (0..conditions.common.len()).chain(equalities.iter().map(|e| e.1));
-    let (mut sign, mut columns) = (1, Vec::new());
-    for var in all {
-        if let Some((column, pivot)) = table.dictionary.fix(var)? {
-            sign *= pivot;
-            columns.push((var, column - table.unknowns));
-        }
-    }
-    let placed = |var: &Option<usize>| columns.iter().find(|c| Some(c.0) == *var).map(|c| c.1);
-    let order: Option<Vec<usize>> = rows.iter().map(placed).collect();
-    let sign = match order {
-        Some(order) if columns.len() == conditions.unknowns => sign * parity(order),
-        _ => 0,
-    };
-    Ok((sign, facets))
-}
-
-fn parity(mut order: Vec<usize>) -> i8 {
-    let mut sign = 1;
-    for k in 0..order.len() {
-        while order[k] != k {
-            let other = order[k];
-            order.swap(k, other);
-            sign = -sign;
-        }
-    }
-    sign
-}
-
-/// The facets that vanish at all points of the polyhedron that they bound.
-fn flat_facets(dictionary: &Dictionary, facets: &[SignedFacet]) -> Result<Vec<usize>, Halt> {
-    let mut feasible = dictionary.clone();
-    for &(_, var, sign) in facets {
-        feasible.constrain(var, sign)?;
-    }
-    feasible.repair()?;
-    // Homogeneous: t is the last unknown. A facet is positive somewhere if it can be 1 (at t > 0, or along a ray).
-    let rows: Vec<Vec<BigInt>> = facets.iter().map(|f| dictionary.entries(f.1)).collect();
-    let exact = |v: &BigInt| Exact::of(v.clone(), 0);
-    let forms: Vec<Vec<Exact>> = rows
-        .iter()
-        .map(|r| r[1..].iter().chain(&r[..1]).map(exact).collect())
-        .collect();
-    let unknowns = dictionary.columns().len() + 1;
-    let (zero, one) = (Exact::default(), Exact::one());
-    let mut flat = Vec::new();
-    for (k, &(_, var, sign)) in facets.iter().enumerate() {
-        let target = -&Exact::of(dictionary.denominator() * BigInt::from(sign), 0);
-        let mut time = vec![zero.clone(); unknowns];
-        time[unknowns - 1] = one.clone();
-        let all = forms.iter().map(|f| (&zero, f.as_slice()));
-        let extra = [(&zero, time.as_slice()), (&target, forms[k].as_slice())];
-        let mut rays = Dictionary::new(unknowns, all.chain(extra)).until(dictionary.deadline());
-        let mut reached = || -> Result<(), Halt> {
-            for (other, facet) in facets.iter().enumerate() {
-                rays.constrain(other, facet.2)?;
-            }
-            rays.constrain(facets.len(), 1)?;
-            rays.fix(facets.len() + 1)?;
-            rays.repair()
-        };
-        match reached() {
-            Ok(()) => {}
-            Err(Halt::Infeasible) => flat.push(var),
-            Err(Halt::Late) => return Err(Halt::Late),
-        }
-    }
-    Ok(flat)
-}
-
-/// The part of a line that lies in the cell: a fraction as numerator and positive denominator at either end.
-fn segment(table: &Tableau<'_>, facets: &[SignedFacet]) -> Result<Held, Halt> {
-    let (mut low, mut high): (Option<Fraction>, Option<Fraction>) = (None, None);
-    for &(_, var, sign) in facets {
-        let mut entries = table.dictionary.entries(var);
-        if sign < 0 {
-            entries.iter_mut().for_each(|e| *e = -std::mem::take(e));
-        }
-        let rate = entries.get(1).cloned().unwrap_or_default();
-        let (value, positive) = (std::mem::take(&mut entries[0]), rate.is_positive());
-        if rate.is_zero() {
-            if value.is_negative() {
-                return Err(Halt::Infeasible);
-            }
-            continue;
-        }
-        // t = −value/rate.
-        let at = if positive { (-value, rate) } else { (value, -rate) };
-        let later = |a: &Fraction, b: &Fraction| &a.0 * &b.1 > &b.0 * &a.1;
-        if positive {
-            if low.as_ref().is_none_or(|l| later(&at, l)) {
-                low = Some(at);
-            }
-        } else if high.as_ref().is_none_or(|h| later(h, &at)) {
-            high = Some(at);
-        }
-    }
-    if table.dictionary.columns().is_empty() {
-        return Ok(single(table.point(&[])));
-    }
-    if let (Some(l), Some(h)) = (&low, &high) {
-        let (a, b) = (&l.0 * &h.1, &h.0 * &l.1);
-        if a > b {
-            return Err(Halt::Infeasible);
-        }
-        if a == b {
-            return Ok(single(table.point(std::slice::from_ref(l))));
-        }
-    }
-    Ok(Held::Continuum {
-        dimension: 1,
-        direction: table.direction(low.is_none() && high.is_some()),
-        ends: [low, high]
-            .into_iter()
-            .flatten()
-            .map(|t| table.point(&[t]))
-            .collect(),
-    })
-}
-
-/// A point that is all that a singular selection holds.
-fn single(point: ExactPoint) -> Held {
-    Held::Point {
-        point,
-        sign: 0,
-        touched: Vec::new(),
-    }
-}
-
-impl Tableau<'_> {
-    /// The direction of a line, or against it, so that the first component that is not 0 is 1 or −1.
-    fn direction(&self, against: bool) -> Option<ExactPoint> {
-        let rate = |k: usize| self.dictionary.entries(self.unknowns + k).swap_remove(1);
-        let mut numerators: Vec<BigInt> = (0..self.conditions.unknowns).map(rate).collect();
-        if against {
-            numerators.iter_mut().for_each(|n| *n = -std::mem::take(n));
-        }
-        let denominator = numerators.iter().find(|n| !n.is_zero())?.abs();
-        Some(ExactPoint {
-            numerators,
-            denominator,
-        })
-    }
-
-    /// The unknowns where the columns left have the given values.
-    fn point(&self, values: &[(BigInt, BigInt)]) -> ExactPoint {
-        let scale: BigInt = values.iter().map(|v| &v.1).product();
-        let numerator = |k: usize| {
-            let entries = self.dictionary.entries(self.unknowns + k);
-            let mut sum = &entries[0] * &scale;
-            for (a, (n, d)) in entries[1..].iter().zip(values) {
-                sum += a * n * (&scale / d);
-            }
-            sum
-        };
-        ExactPoint {
-            numerators: (0..self.conditions.unknowns).map(numerator).collect(),
-            denominator: self.dictionary.denominator() * scale,
-        }
-    }
 }
 
 /// Whether pieces of a site agree on each facet between them.

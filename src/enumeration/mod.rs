@@ -16,6 +16,7 @@ mod certificate;
 mod enclosure;
 mod error;
 mod exhaustive;
+mod held;
 mod hull;
 mod kernel;
 mod lists;

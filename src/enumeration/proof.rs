@@ -4,7 +4,8 @@ use std::collections::BTreeSet;
 
 use super::certificate::Certificates;
 use super::enclosure::Enclosure;
-use super::exhaustive::{self, Budget, ExactPoint, Held};
+use super::exhaustive::{self, Budget, ExactPoint};
+use super::held::{Held, decide};
 use super::lists::{Completeness, Continuum, Doubt, LISTED, NAMED, Solution, SolutionSet};
 use super::near;
 use super::reduced::{reduced_directions, reduced_solutions};
@@ -270,7 +271,7 @@ impl<'a> Gathered<'a> {
     /// As [`examine`](Self::examine), in exact arithmetic.
     pub(super) fn decide(&mut self, pieces: &[usize], budget: &mut Budget) -> bool {
         self.close = true;
-        match exhaustive::decide(self.conditions, pieces, budget) {
+        match decide(self.conditions, pieces, budget) {
             None => return false,
             Some(Held::Nothing) => {}
             Some(Held::Point { point, sign, touched }) => {
@@ -323,7 +324,7 @@ impl<'a> Gathered<'a> {
             return None;
         }
         self.attempts += 1;
-        let Some(Held::Point { point, .. }) = exhaustive::decide(self.conditions, pieces, budget) else {
+        let Some(Held::Point { point, .. }) = decide(self.conditions, pieces, budget) else {
             return None;
         };
         let active = exhaustive::active(self.conditions, &point);

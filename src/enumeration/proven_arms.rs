@@ -4,7 +4,8 @@ use std::collections::BTreeSet;
 
 use super::EnumerationOptions;
 use super::arms::{DirectionalArm, DirectionalArms};
-use super::exhaustive::{self, Budget, Held};
+use super::exhaustive::{self, Budget};
+use super::held::{Held, decide};
 use super::lists::Doubt;
 use super::near::{Directions, Near};
 use super::proof::{Candidates, Gathered};
@@ -220,7 +221,7 @@ impl<'p> Arms<'p> {
         if enclosure.is_some() {
             return Ok(());
         }
-        match exhaustive::decide(&self.conditions[2], pieces, budget) {
+        match decide(&self.conditions[2], pieces, budget) {
             None => return Err(Doubt::Limit),
             Some(Held::Continuum {
                 ends,
