@@ -7,6 +7,7 @@ mod inexact;
 mod iterate;
 mod moore_penrose;
 mod options;
+mod regularity;
 mod report;
 mod solver;
 mod step;

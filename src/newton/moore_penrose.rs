@@ -1,7 +1,6 @@
 use crate::linear::{Bordered, DENSE_LIMIT, LinearSolver, RowInverse};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, check_length, check_selection};
 use crate::sparse::{Matrix, dot, norm};
-use crate::spread::centred;
 
 /// The Moore–Penrose corrector of curves H(x) = 0 (n equations, n + 1 variables), with its workspaces.
 ///
@@ -9,16 +8,16 @@ use crate::spread::centred;
 /// Govaerts, Kuznetsov 2003).
 #[derive(Debug, Clone)]
 pub struct MoorePenrose<L> {
-    bordered: Bordered<L>,
-    jac: Matrix,
-    r: Vec<f64>,
-    dx: Vec<f64>,
+    pub(super) bordered: Bordered<L>,
+    pub(super) jac: Matrix,
+    pub(super) r: Vec<f64>,
+    pub(super) dx: Vec<f64>,
     iterations: usize,
     /// The selection whose factored Jacobian is at hand; for affine pieces that serves at every x.
     factored: Option<Selection>,
     /// For affine pieces, the inverse of the bordered Jacobian of a selection, and whether it is the one at hand.
-    inverse: Option<(Selection, RowInverse)>,
-    inverse_at_hand: bool,
+    pub(super) inverse: Option<(Selection, RowInverse)>,
+    pub(super) inverse_at_hand: bool,
     updates: usize,
     rows: Vec<usize>,
     changed_rows: Vec<usize>,
@@ -159,62 +158,6 @@ impl<L: LinearSolver> MoorePenrose<L> {
         &self.r
     }
 
-    /// The correction of x within the hyperplane across `normal` that is still due, below the last bits of x: from H(x) and the last
-    /// factors, which must be those of a point next to x.
-    pub(crate) fn remainder<P: PiecewiseSmooth + ?Sized>(
-        &mut self,
-        map: &P,
-        selection: &Selection,
-        x: &[f64],
-        normal: &[f64],
-    ) -> Option<&[f64]> {
-        map.residual(selection, x, &mut self.r);
-        let solved = self.bordered.solve(&self.r, normal, 0.0, &mut self.dx);
-        solved.is_ok().then_some(self.dx.as_slice())
-    }
-
-    /// The rate at which the regularity of ∇H falls along the curve, relative to itself: −d ln m/ds of m = 1/‖∇H⁺ S v‖, S the row `sizes`,
-    /// from the last factors, those of a point next to x with the tangent t, and one more Jacobian at a distance. Towards a simple
-    /// singular point m falls linearly: it lies 1/rate ahead (or behind, where the rate is negative). `v` becomes that of the next step of
-    /// inverse iteration, so that m follows the least singular value. `None` where nothing can be told.
-    #[allow(clippy::too_many_arguments)]
-    pub(crate) fn decline<P: PiecewiseSmooth + ?Sized>(
-        &mut self,
-        map: &P,
-        selection: &Selection,
-        (x, t): (&[f64], &[f64]),
-        distance: f64,
-        sizes: &mut [f64],
-        v: &mut [f64],
-        behind: &mut [f64],
-    ) -> Result<Option<f64>, PiecewiseError> {
-        // On trivial solutions the terms of all rows may vanish.
-        if sizes.contains(&0.0) {
-            sizes.fill(0.0);
-            (self.jac.triplets()).for_each(|(i, _, v)| sizes[i] += v.abs());
-        }
-        for ((r, size), v) in self.r.iter_mut().zip(&*sizes).zip(&*v) {
-            *r = size * v;
-        }
-        let solved = (self.bordered.solve(&self.r, t, 0.0, &mut self.dx))
-            .and_then(|()| self.bordered.solve_transpose(&self.dx, t, v));
-        if solved.is_err() {
-            return Ok(None);
-        }
-        for ((y, x), t) in behind.iter_mut().zip(x).zip(t) {
-            *y = x - distance * t;
-        }
-        self.assemble(map, selection, behind)?;
-        // ∇H there times ∇H⁺ S v, less S v, which that is here.
-        self.r.iter_mut().for_each(|r| *r = -*r);
-        self.jac.as_ref().mul_add(1.0, &self.dx, &mut self.r);
-        let rate = dot(v, &self.r) / (distance * dot(&self.dx, &self.dx));
-        v.iter_mut().zip(&*sizes).for_each(|(v, size)| *v *= size);
-        let length = norm(v);
-        v.iter_mut().for_each(|v| *v /= length);
-        Ok(rate.is_finite().then_some(rate))
-    }
-
     /// Reciprocal condition estimate of the last factorisation.
     pub(crate) fn rcond(&self) -> Option<f64> {
         self.bordered.solver().rcond()
@@ -346,39 +289,6 @@ impl<L: LinearSolver> MoorePenrose<L> {
         true
     }
 
-    /// Two ways in which rounding may have moved a point x off the curve of a selection: the corrections that errors of one rounding of
-    /// the terms of each residual (and the residual itself) call for, with two patterns of signs. The variables have had the given
-    /// sizes. Orthogonal to `t`.
-    ///
-    /// # Errors
-    /// As [`linearize`](Self::linearize).
-    pub(crate) fn noise<P: PiecewiseSmooth + ?Sized>(
-        &mut self,
-        map: &P,
-        selection: &Selection,
-        (x, sizes): (&[f64], &[f64]),
-        t: &[f64],
-    ) -> Result<[Vec<f64>; 2], PiecewiseError> {
-        self.linearize(map, selection, x, Some(t))?;
-        map.residual(selection, x, &mut self.r);
-        let mut errors = vec![0.0; self.r.len()];
-        self.jac.as_ref().add_term_sizes(sizes, &mut errors);
-        for (e, r) in errors.iter_mut().zip(&self.r) {
-            *e = r.abs() + f64::EPSILON * *e;
-        }
-        let mut moves = [vec![0.0; x.len()], vec![0.0; x.len()]];
-        for (second, moved) in [false, true].into_iter().zip(&mut moves) {
-            for (i, (r, e)) in self.r.iter_mut().zip(&errors).enumerate() {
-                *r = e.copysign(centred(i + 1, second));
-            }
-            match &self.inverse {
-                Some((_, inverse)) if self.inverse_at_hand => inverse.correct(&self.r, moved),
-                _ => self.bordered.solve(&self.r, t, 0.0, moved)?,
-            }
-        }
-        Ok(moves)
-    }
-
     /// Assembles ∇H^(σ)(x) without factoring it.
     pub(crate) fn assemble<P: PiecewiseSmooth + ?Sized>(
         &mut self,
@@ -417,7 +327,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
         tolerances: (f64, f64),
         max_iterations: usize,
     ) -> Result<Correction, PiecewiseError> {
-        self.correct_on(
+        self.correct_measured(
             &map,
             selection,
             &mut choose,
@@ -429,32 +339,9 @@ impl<L: LinearSolver> MoorePenrose<L> {
         )
     }
 
-    /// [`correct`](Self::correct) of a frozen selection with another measure of H than its norm for the first tolerance.
+    /// [`correct`](Self::correct) with another measure of H than its norm for the first tolerance.
     #[allow(clippy::too_many_arguments)]
-    pub(crate) fn correct_measured<P: PiecewiseSmooth + ?Sized>(
-        &mut self,
-        map: &P,
-        selection: &mut Selection,
-        measure: &dyn Fn(&[f64]) -> f64,
-        x: &mut [f64],
-        t: &mut [f64],
-        tolerances: (f64, f64),
-        max_iterations: usize,
-    ) -> Result<Correction, PiecewiseError> {
-        self.correct_on(
-            &map,
-            selection,
-            &mut |_, _| {},
-            measure,
-            x,
-            t,
-            tolerances,
-            max_iterations,
-        )
-    }
-
-    #[allow(clippy::too_many_arguments)]
-    fn correct_on(
+    pub(crate) fn correct_measured(
         &mut self,
         map: &dyn PiecewiseSmooth,
         selection: &mut Selection,
@@ -591,34 +478,5 @@ impl<L: LinearSolver> MoorePenrose<L> {
             }
         }
         Ok(outcome)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::linear::AutoSolver;
-    use crate::piecewise::MinMap;
-
-    /// A point that misses the line y = α by some distance may have been moved by as much, and by the rounding of its terms at least.
-    #[test]
-    fn noise_is_what_the_point_misses_the_curve_by() {
-        let map = MinMap::curve(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
-            a[0] = x[0] - x[1];
-            b[0] = 1e9;
-        });
-        let mut corrector = MoorePenrose::new(&map, AutoSolver::new()).unwrap();
-        let selection = Selection::uniform(1, 0);
-        let t = [0.5_f64.sqrt(); 2];
-        for off in [0.0, 1e-12, -1e-9, 1e-6] {
-            let x = [3.0 + off, 3.0];
-            let moves = corrector.noise(&map, &selection, (&x, &x), &t).unwrap();
-            let distance = (x[0] - x[1]).abs() / 2.0_f64.sqrt();
-            for moved in &moves {
-                let length = norm(moved);
-                assert!(length >= distance && length >= f64::EPSILON, "{off:e}: {moved:?}");
-                assert!(length <= 1.01 * distance + 1e-14 && dot(moved, &t).abs() <= 1e-15);
-            }
-        }
     }
 }

@@ -20,8 +20,9 @@ impl Curve<'_> {
         let tolerances = (o.residual_tolerance, o.step_tolerance * (norm(&self.here.x) + h));
         let sizes = std::mem::take(&mut self.row_sizes);
         let corrected = self.corrector.correct_measured(
-            &self.map,
+            &&self.map,
             &mut self.selection,
+            &mut |_, _| {},
             &|r| relative_residual(r, &sizes),
             &mut self.next.x,
             &mut self.next.t,
