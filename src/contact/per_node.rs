@@ -1,5 +1,5 @@
 use std::borrow::Cow;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use super::ContactBody;
 use super::law::{LocalRow, LocalValues, MAX_HISTORY, MAX_TESTS, NodeLaw};
@@ -20,7 +20,7 @@ pub struct PerNode<L> {
     pub(super) reference: Vec<f64>,
     /// History variables, node by node.
     pub(super) history: Vec<f64>,
-    /// The augmentation parameter of Newton's method and of the test functions that are told.
+    /// The augmentation parameter of Newton's method and of the test functions that are reported.
     pub(super) r: f64,
     /// The augmentation parameter in which the map is evaluated: what is followed, classified and listed must not depend on `r`.
     pub(super) scale: f64,
@@ -28,7 +28,11 @@ pub struct PerNode<L> {
     pub(super) stiffness: f64,
     /// Number of parameters, 1 or 2.
     pub(super) parameters: usize,
+    /// The derivatives of the test functions of each node where they are the same at all points, and the scale they are for.
+    rows: OnceLock<(f64, Vec<TestRows>)>,
 }
+
+type TestRows = [LocalRow; MAX_TESTS];
 
 impl<L: NodeLaw> PerNode<L> {
     pub(super) fn new(body: Arc<ContactBody>, law: L) -> Self {
@@ -43,6 +47,7 @@ impl<L: NodeLaw> PerNode<L> {
             scale: GIVING_WAY * stiffness,
             stiffness,
             parameters: 1,
+            rows: OnceLock::new(),
         }
     }
 
@@ -57,6 +62,7 @@ impl<L: NodeLaw> PerNode<L> {
             scale: self.scale,
             stiffness: self.stiffness,
             parameters: self.parameters,
+            rows: OnceLock::new(),
         }
     }
 
@@ -69,7 +75,32 @@ impl<L: NodeLaw> PerNode<L> {
         self.directions() * self.body.num_contacts()
     }
 
+    pub(super) fn law_mut(&mut self) -> &mut L {
+        self.rows = OnceLock::new();
+        &mut self.law
+    }
+
+    /// The derivatives of the test functions, where they are the same at all points: of affine laws without history.
+    fn constant_rows(&self) -> Option<&[TestRows]> {
+        if !self.law.is_affine() || !self.history.is_empty() {
+            return None;
+        }
+        let (scale, rows) = self.rows.get_or_init(|| {
+            let origin = vec![0.0; self.num_vars()];
+            let nodes = 0..self.body.num_contacts();
+            (self.scale, nodes.map(|i| self.rows_at(i, &origin)).collect())
+        });
+        (*scale == self.scale).then_some(rows)
+    }
+
+    fn rows_at(&self, i: usize, z: &[f64]) -> TestRows {
+        let mut rows = TestRows::default();
+        self.law.test_rows(&self.at(i, z), &mut rows);
+        rows
+    }
+
     /// Values of node i, with the displacement, the force of each direction and the parameters taken from functions.
+    #[inline]
     pub(super) fn values(
         &self,
         i: usize,
@@ -94,8 +125,10 @@ impl<L: NodeLaw> PerNode<L> {
             v.slip[d] = displacement(k) - self.reference[k - p];
             v.traction[d] = force(k);
         }
-        let history = self.history_of(i);
-        v.history[..history.len()].copy_from_slice(history);
+        if !self.history.is_empty() {
+            let history = self.history_of(i);
+            v.history[..history.len()].copy_from_slice(history);
+        }
         v
     }
 
@@ -108,6 +141,7 @@ impl<L: NodeLaw> PerNode<L> {
         &self.history[i * h..(i + 1) * h]
     }
 
+    #[inline]
     fn at(&self, i: usize, z: &[f64]) -> LocalValues {
         let q = self.num_traces();
         self.values(i, |k| z[k], |k| z[q + k], &z[2 * q..])
@@ -278,20 +312,28 @@ impl<L: NodeLaw> PiecewiseSmooth for PerNode<L> {
     }
 
     fn test_derivatives(&self, z: &[f64], d: &[f64], out: &mut [f64]) {
-        let mut rows = [LocalRow::default(); MAX_TESTS];
+        let constant = self.constant_rows();
         for (i, chunk) in out.chunks_exact_mut(self.law.num_tests()).enumerate() {
-            self.law.test_rows(&self.at(i, z), &mut rows);
+            let own;
+            let rows = match constant {
+                Some(all) => &all[i],
+                None => {
+                    own = self.rows_at(i, z);
+                    &own
+                }
+            };
             let moved = self.direction(i, d);
-            for (o, row) in chunk.iter_mut().zip(&rows) {
+            for (o, row) in chunk.iter_mut().zip(rows) {
                 *o = row.along(&moved);
             }
         }
     }
 
     fn test_gradient(&self, site: usize, test: usize, z: &[f64], gradient: &mut [f64]) {
-        let mut rows = [LocalRow::default(); MAX_TESTS];
-        self.law.test_rows(&self.at(site, z), &mut rows);
         gradient.fill(0.0);
+        let rows = self
+            .constant_rows()
+            .map_or_else(|| self.rows_at(site, z), |all| all[site]);
         self.scatter(site, &rows[test.min(MAX_TESTS - 1)], |k, value| {
             gradient[k] += value
         });
@@ -303,17 +345,49 @@ mod tests {
     use super::*;
     use crate::contact::{FrictionCoefficient, FrictionCurve, LoadPath, PlanarCoulomb};
 
-    /// A node that has slipped by 0.7 under slip-dependent friction: the map in the scale that users prescribed is the same map with
-    /// another r, history and all.
-    #[test]
-    fn the_prescribed_scale_changes_nothing_but_r() {
+    /// One node of stiffness 2 to 1, under a given law.
+    fn one_node(curve: FrictionCurve) -> PerNode<PlanarCoulomb> {
         let matrix = |rows: &[[f64; 2]]| Matrix::from_rows(rows).unwrap();
         let a = matrix(&[[2.0, -0.5], [-0.5, 1.0]]);
         let load = LoadPath::constant(vec![3.0, 5.0]);
         let body = ContactBody::new(a, matrix(&[[1.0, 0.0]]), vec![matrix(&[[0.0, 1.0]])], load).unwrap();
-        let curve = FrictionCurve::exponential(0.6, 0.1, 2.0).unwrap();
-        let law = PlanarCoulomb::new(FrictionCoefficient::uniform(curve));
-        let mut nodes = PerNode::new(Arc::new(body), law);
+        PerNode::new(
+            Arc::new(body),
+            PlanarCoulomb::new(FrictionCoefficient::uniform(curve)),
+        )
+    }
+
+    /// Derivatives that are the same everywhere are those of the law in force: of another one, once that is exchanged.
+    #[test]
+    fn derivatives_are_those_of_the_law_in_force() {
+        let mut nodes = one_node(FrictionCurve::constant(0.3).unwrap());
+        let (z, d) = ([0.1, 0.3, 2.0, 0.4, 0.0], [0.7, -0.2, 1.1, 0.5, 0.25]);
+        for friction in [0.3, 0.5] {
+            let law = PlanarCoulomb::new(FrictionCoefficient::constant(friction).unwrap());
+            *nodes.law_mut() = law;
+            let (mut low, mut high, mut rates) = ([0.0; 4], [0.0; 4], [0.0; 4]);
+            nodes.test_derivatives(&z, &d, &mut rates);
+            let moved = |sign: f64| -> Vec<f64> { (0..5).map(|k| z[k] + sign * d[k]).collect() };
+            nodes.test_functions(&moved(-1.0), &mut low);
+            nodes.test_functions(&moved(1.0), &mut high);
+            for k in 0..4 {
+                assert!(
+                    (high[k] - low[k] - 2.0 * rates[k]).abs() < 1e-13,
+                    "{friction} {k}"
+                );
+                let mut gradient = [0.0; 5];
+                nodes.test_gradient(0, k, &z, &mut gradient);
+                let along: f64 = gradient.iter().zip(&d).map(|(g, d)| g * d).sum();
+                assert!((along - rates[k]).abs() < 1e-14);
+            }
+        }
+    }
+
+    /// A node that has slipped by 0.7 under slip-dependent friction: the map in the scale that users prescribed is the same map with
+    /// another r, history and all.
+    #[test]
+    fn the_prescribed_scale_changes_nothing_but_r() {
+        let mut nodes = one_node(FrictionCurve::exponential(0.6, 0.1, 2.0).unwrap());
         assert!(nodes.in_prescribed_scale().is_none());
         nodes.history = vec![0.7];
         nodes.reference = vec![0.05];

@@ -137,7 +137,7 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
     }
 
     /// Sets the augmentation parameter r > 0 (force per length), at first chosen from the stiffness of the contact nodes. Newton's method
-    /// takes its iterates at r, and the test functions that are told are at r ([`theta`](Self::theta), [`nodes`](Self::nodes),
+    /// takes its iterates at r, and the test functions that are reported are at r ([`theta`](Self::theta), [`nodes`](Self::nodes),
     /// transitions). Nothing else depends on it: the map is evaluated in a scale of its own, that of the r chosen at first, in which
     /// curves, lists and certificates are made. At solutions {θ ≥ 0} is the same for every r.
     ///
@@ -226,7 +226,7 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
 
     /// The law of the nodes, to be changed.
     pub fn node_law_mut(&mut self) -> &mut L {
-        &mut self.law.law
+        self.law.law_mut()
     }
 
     /// Number p of contact nodes.

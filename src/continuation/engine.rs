@@ -91,6 +91,8 @@ pub(super) struct Curve<'a, M: ?Sized = dyn PiecewiseSmooth + 'a> {
     pub(super) earlier: (usize, usize),
     /// Buffers.
     pub(super) rates: Vec<f64>,
+    /// Norms of the gradients of test functions that are affine, as far as known.
+    pub(super) gradient_norms: Vec<f64>,
     pub(super) next_sizes: Vec<f64>,
     pub(super) residual: Vec<f64>,
     pub(super) behind: Vec<f64>,

@@ -475,6 +475,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Curve<'a, &'a P> {
             termination: None,
             earlier: (0, 0),
             rates: Vec::new(),
+            gradient_norms: Vec::new(),
             residual: Vec::new(),
             behind: vec![0.0; m],
             sizes: Vec::new(),

@@ -96,6 +96,7 @@ pub struct Reduced {
 
 impl Reduced {
     /// Row k of C, which is its column k.
+    #[inline]
     pub(crate) fn row(&self, k: usize) -> &[f64] {
         let q = self.condensation.compliance().nrows();
         &self.condensation.compliance().values()[k * q..(k + 1) * q]

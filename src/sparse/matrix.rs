@@ -398,6 +398,9 @@ impl Matrix {
     /// The worst violation of symmetry of a square matrix, (i, j, |A_ij − A_ji|), where it exceeds `tolerance` times the largest
     /// entry.
     pub(crate) fn asymmetry(&self, tolerance: f64) -> Option<(usize, usize, f64)> {
+        if self.is_mirrored() {
+            return None;
+        }
         let (col_ptr, row_idx) = (self.pattern.col_ptr(), self.pattern.row_idx());
         let mut worst = (0, 0, 0.0);
         let mut meet = |row: usize, col: usize, difference: f64| {
@@ -436,6 +439,30 @@ impl Matrix {
         (worst.2 > 0.0 && worst.2 > tolerance * max_abs(&self.values)).then_some(worst)
     }
 
+    /// Whether a square matrix is symmetric to the last bit, as assembled ones are.
+    fn is_mirrored(&self) -> bool {
+        let (col_ptr, row_idx) = (self.pattern.col_ptr(), self.pattern.row_idx());
+        // Entries above the diagonal are met in the order of those below it in each column.
+        let mut next = vec![0; self.ncols()];
+        for col in 0..self.ncols() {
+            let mut k = col_ptr[col];
+            while k < col_ptr[col + 1] && row_idx[k] < col {
+                let row = row_idx[k];
+                let mirror = next[row];
+                if mirror == col_ptr[row + 1]
+                    || row_idx[mirror] != col
+                    || self.values[mirror] != self.values[k]
+                {
+                    return false;
+                }
+                next[row] = mirror + 1;
+                k += 1;
+            }
+            next[col] = k + usize::from(k < col_ptr[col + 1] && row_idx[k] == col);
+        }
+        next.iter().zip(&col_ptr[1..]).all(|(next, end)| next == end)
+    }
+
     /// Checks that every value is finite.
     ///
     /// # Errors
@@ -444,6 +471,33 @@ impl Matrix {
         match self.triplets().find(|t| !t.2.is_finite()) {
             Some((row, col, value)) => Err(SparseError::NotFinite { row, col, value }),
             None => Ok(()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Matrix;
+
+    /// All patterns and values 1 or 2 beside the diagonal of 3 × 3 matrices, against a comparison of all pairs.
+    #[test]
+    fn violations_of_symmetry_are_found() {
+        for code in 0..2 * 3_usize.pow(6) {
+            let mut rest = code / 2;
+            let mut entries = Vec::new();
+            for (i, j) in [(0, 1), (0, 2), (1, 0), (1, 2), (2, 0), (2, 1)] {
+                if rest % 3 > 0 {
+                    entries.push((i, j, (rest % 3) as f64));
+                }
+                rest /= 3;
+            }
+            entries.extend((0..3).filter(|_| code % 2 == 1).map(|i| (i, i, 2.0)));
+            let a = Matrix::from_triplets(3, 3, &entries).unwrap();
+            let difference = |i: usize, j: usize| (a.get(i, j) - a.get(j, i)).abs();
+            let worst = difference(0, 1).max(difference(0, 2)).max(difference(1, 2));
+            let found = a.asymmetry(1e-10);
+            assert_eq!(found.map_or(0.0, |f| f.2), worst, "{entries:?}");
+            assert!(found.is_none_or(|(i, j, d)| difference(i, j) == d), "{entries:?}");
         }
     }
 }

@@ -73,8 +73,12 @@ impl Curve<'_> {
     }
 
     /// Test functions at the sites of these facets which are no facets of the followed cell and may vanish, too.
-    fn other_tests_near(&self, facets: &[(Vanishing, bool)]) -> Vec<Vanishing> {
+    fn other_tests_near(&mut self, facets: &[(Vanishing, bool)]) -> Vec<Vanishing> {
         let wide = WIDE * (1.0 + norm(&self.here.x));
+        let affine = self.map.is_piecewise_affine();
+        if affine {
+            self.gradient_norms.resize(self.layout.total(), f64::NAN);
+        }
         let mut near = Vec::new();
         let mut last = None;
         for (v, _) in facets
@@ -87,7 +91,13 @@ impl Curve<'_> {
                 if cell.iter().any(|f| range.start + f.test() == k) {
                     continue;
                 }
+                if affine && self.here.theta[k].abs() > wide * self.gradient_norms[k] {
+                    continue;
+                }
                 let other = Vanishing::new(&self.map, &self.layout, k, &self.here.x);
+                if affine {
+                    self.gradient_norms[k] = other.gradient_norm;
+                }
                 if self.here.theta[k].abs() <= wide * other.gradient_norm {
                     near.push(other);
                 }
