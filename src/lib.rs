@@ -21,6 +21,10 @@
 
 #![warn(missing_docs, unreachable_pub)]
 
+// Files that unit tests share with the programs in `tests` name the crate.
+#[cfg(test)]
+extern crate self as semismooth;
+
 mod clock;
 pub mod complementarity;
 pub mod cones;

@@ -4,6 +4,7 @@ use semismooth::sparse::{Matrix, Pattern};
 
 use super::piecewise::vee;
 use super::table::{BAD, Table, rows};
+use crate::maps::two_pieces;
 
 /// 0 ≤ λ ⟂ −v ≥ 0 for p traces, in (v, λ, α).
 fn law(p: usize) -> impl PiecewiseSmooth + Clone {
@@ -20,26 +21,7 @@ fn law(p: usize) -> impl PiecewiseSmooth + Clone {
 struct Unilateral(usize);
 
 impl PiecewiseSmooth for Unilateral {
-    fn num_vars(&self) -> usize {
-        2 * self.0 + 1
-    }
-    fn num_residuals(&self) -> usize {
-        self.0
-    }
-    fn num_sites(&self) -> usize {
-        self.0
-    }
-    fn num_pieces(&self, _: usize) -> usize {
-        2
-    }
-    fn num_tests(&self, _: usize) -> usize {
-        1
-    }
-    fn cell(&self, _: usize, piece: usize) -> &[semismooth::piecewise::Facet] {
-        use semismooth::piecewise::Facet;
-        const CELLS: [[Facet; 1]; 2] = [[Facet::negative(0)], [Facet::positive(0)]];
-        &CELLS[piece]
-    }
+    two_pieces!(self, [negative, positive], 2 * self.0 + 1, self.0, self.0);
     fn test_functions(&self, z: &[f64], out: &mut [f64]) {
         (0..self.0).for_each(|i| out[i] = z[self.0 + i] + z[i]);
     }

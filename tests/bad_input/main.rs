@@ -1,5 +1,8 @@
 //! Bad input: each is refused by an error that names it, none panics, and no public function that can refuse is left out.
 
+#[path = "../maps/mod.rs"]
+mod maps;
+
 mod complementarity;
 mod contact;
 mod continuation;

@@ -1,16 +1,15 @@
 //! Histories of loading: energy balance, shakedown to a loop, agreement of followed and solved steps.
 
+use crate::maps::same_mechanics;
 use crate::squares;
 use std::ops::ControlFlow;
 use std::time::Duration;
 
 use semismooth::contact::{
-    Arrival, ContactError, ContactOptions, ContactState, EvolutionOptions, Frictionless, LocalRow,
-    LocalValues, NodeLaw, evolve,
+    Arrival, ContactError, ContactOptions, EvolutionOptions, Frictionless, NodeLaw, evolve,
 };
 use semismooth::continuation::{ContinuationOptions, Termination};
 use semismooth::newton::NewtonOptions;
-use semismooth::piecewise::Facet;
 
 fn levels(steps: usize) -> Vec<f64> {
     let corners = [0.0, 1.0, -1.0, 1.0, -1.0];
@@ -121,36 +120,7 @@ fn no_friction_no_memory() {
 struct Forgetful(Frictionless);
 
 impl NodeLaw for Forgetful {
-    fn num_tangents(&self) -> usize {
-        self.0.num_tangents()
-    }
-    fn num_pieces(&self) -> usize {
-        self.0.num_pieces()
-    }
-    fn num_tests(&self) -> usize {
-        self.0.num_tests()
-    }
-    fn cell(&self, piece: usize) -> &'static [Facet] {
-        self.0.cell(piece)
-    }
-    fn piece_name(&self, piece: usize) -> &'static str {
-        self.0.piece_name(piece)
-    }
-    fn state(&self, piece: usize, v: &LocalValues) -> ContactState {
-        self.0.state(piece, v)
-    }
-    fn tests(&self, v: &LocalValues, out: &mut [f64]) {
-        self.0.tests(v, out);
-    }
-    fn test_rows(&self, v: &LocalValues, rows: &mut [LocalRow]) {
-        self.0.test_rows(v, rows);
-    }
-    fn residual(&self, piece: usize, v: &LocalValues) -> [f64; 3] {
-        self.0.residual(piece, v)
-    }
-    fn rows(&self, piece: usize, v: &LocalValues) -> [LocalRow; 3] {
-        self.0.rows(piece, v)
-    }
+    same_mechanics!(0);
     fn depends_on_slip(&self) -> bool {
         true
     }

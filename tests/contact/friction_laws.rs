@@ -1,12 +1,12 @@
 //! Laws of friction at one node: derivatives of every piece, projections, one-node problems with known solutions.
 
+use crate::maps::same_mechanics;
 use proptest::prelude::*;
 use semismooth::contact::{
     CondensedContact, ContactBody, ContactState, FrictionCoefficient, FrictionCurve, Frictionless,
     FullContact, GivenBound, LoadPath, LocalRow, LocalValues, MAX_TESTS, NodeLaw, OrthotropicCoulomb,
     PlanarCoulomb,
 };
-use semismooth::piecewise::Facet;
 use semismooth::sparse::Matrix;
 use serde_json::Value;
 
@@ -295,35 +295,9 @@ fn curves() {
 struct Translated(PlanarCoulomb);
 
 impl NodeLaw for Translated {
-    fn num_tangents(&self) -> usize {
-        self.0.num_tangents()
-    }
-    fn num_pieces(&self) -> usize {
-        self.0.num_pieces()
-    }
-    fn num_tests(&self) -> usize {
-        self.0.num_tests()
-    }
-    fn cell(&self, piece: usize) -> &'static [Facet] {
-        self.0.cell(piece)
-    }
+    same_mechanics!(0);
     fn piece_name(&self, piece: usize) -> &'static str {
         ["offen", "haftend", "gleitend nach rechts", "gleitend nach links"][piece]
-    }
-    fn state(&self, piece: usize, v: &LocalValues) -> ContactState {
-        self.0.state(piece, v)
-    }
-    fn tests(&self, v: &LocalValues, out: &mut [f64]) {
-        self.0.tests(v, out);
-    }
-    fn test_rows(&self, v: &LocalValues, rows: &mut [LocalRow]) {
-        self.0.test_rows(v, rows);
-    }
-    fn residual(&self, piece: usize, v: &LocalValues) -> [f64; 3] {
-        self.0.residual(piece, v)
-    }
-    fn rows(&self, piece: usize, v: &LocalValues) -> [LocalRow; 3] {
-        self.0.rows(piece, v)
     }
 }
 

@@ -2,6 +2,8 @@
 
 #[path = "../dense/mod.rs"]
 mod dense;
+#[path = "../maps/mod.rs"]
+mod maps;
 #[path = "../common/random.rs"]
 mod random;
 #[path = "../../examples/common/squares.rs"]

@@ -1,5 +1,6 @@
 //! Lists for chains: springs in series, tunnel diodes in series; kernels that stay undecided.
 
+use crate::maps::hand_on;
 use semismooth::continuation::ContinuationOptions;
 use semismooth::enumeration::{Completeness, EnumerationOptions, all_arms, all_solutions};
 use semismooth::piecewise::{Facet, MinMap, PiecewiseSmooth, Selection};
@@ -150,17 +151,12 @@ impl PiecewiseSmooth for Coupled {
     fn num_sites(&self) -> usize {
         self.0.count
     }
-    fn num_pieces(&self, _: usize) -> usize {
-        3
-    }
-    fn num_tests(&self, _: usize) -> usize {
-        2
-    }
-    fn cell(&self, site: usize, piece: usize) -> &[Facet] {
-        self.0.cell(site, piece)
-    }
-    fn test_functions(&self, x: &[f64], out: &mut [f64]) {
-        self.0.test_functions(x, out);
+    hand_on! {
+        0:
+        fn num_pieces(&self, site: usize) -> usize;
+        fn num_tests(&self, site: usize) -> usize;
+        fn cell(&self, site: usize, piece: usize) -> &[Facet];
+        fn test_functions(&self, x: &[f64], out: &mut [f64]);
     }
     fn residual(&self, s: &Selection, x: &[f64], out: &mut [f64]) {
         let n = self.0.count;

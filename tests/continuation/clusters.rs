@@ -2,9 +2,11 @@
 
 use std::borrow::Cow;
 
+use crate::dense::eliminate;
+use crate::maps::two_pieces;
 use crate::random::Random;
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, Termination};
-use semismooth::piecewise::{Facet, PiecewiseSmooth, Selection};
+use semismooth::piecewise::{PiecewiseSmooth, Selection};
 use semismooth::sparse::Matrix;
 
 /// H_i(x) = c_i + g_i·x + q_i (w·x)² + Σ_k b_ki |θ_k(x)|, θ_k = s_k (w·x − d_k) + extra_k·x.
@@ -37,25 +39,13 @@ impl Kinked {
 }
 
 impl PiecewiseSmooth for Kinked {
-    fn num_vars(&self) -> usize {
-        self.w.len()
-    }
-    fn num_residuals(&self) -> usize {
-        self.constant.len()
-    }
-    fn num_sites(&self) -> usize {
+    two_pieces!(
+        self,
+        [positive, negative],
+        self.w.len(),
+        self.constant.len(),
         self.kinks.len()
-    }
-    fn num_pieces(&self, _site: usize) -> usize {
-        2
-    }
-    fn num_tests(&self, _site: usize) -> usize {
-        1
-    }
-    fn cell(&self, _site: usize, piece: usize) -> &[Facet] {
-        const CELLS: [[Facet; 1]; 2] = [[Facet::positive(0)], [Facet::negative(0)]];
-        &CELLS[piece]
-    }
+    );
     fn site_name(&self, site: usize) -> Cow<'_, str> {
         Cow::Owned(format!("kink {site}"))
     }
@@ -91,30 +81,6 @@ impl PiecewiseSmooth for Kinked {
             }
         }
     }
-}
-
-/// Gaussian elimination; `None` for small pivots.
-fn solve(mut a: Vec<Vec<f64>>, mut b: Vec<f64>) -> Option<Vec<f64>> {
-    let n = b.len();
-    for k in 0..n {
-        let p = (k..n).max_by(|&i, &j| a[i][k].abs().total_cmp(&a[j][k].abs()))?;
-        if a[p][k].abs() < 0.05 {
-            return None;
-        }
-        a.swap(k, p);
-        b.swap(k, p);
-        for i in k + 1..n {
-            let factor = a[i][k] / a[k][k];
-            for j in k..n {
-                a[i][j] -= factor * a[k][j];
-            }
-            b[i] -= factor * b[k];
-        }
-    }
-    for k in (0..n).rev() {
-        b[k] = (b[k] - dot(&a[k][k + 1..], &b[k + 1..])) / a[k][k];
-    }
-    Some(b)
 }
 
 /// A curve over s = w·x, which cannot branch: 2 to 4 kinks within `spread`, a few others elsewhere.
@@ -169,7 +135,9 @@ fn over(map: &Kinked, s: f64) -> Option<Vec<f64>> {
         })
         .collect();
     right.push(s);
-    solve(rows, right)
+    let largest = rows.iter().flatten().fold(0.0_f64, |m, v| m.max(v.abs()));
+    let (_, pivot, x) = eliminate(&rows, &right);
+    x.filter(|_| pivot * largest >= 0.05)
 }
 
 #[test]

@@ -2,7 +2,8 @@
 
 use std::ops::ControlFlow;
 
-use super::maps::{PlaneMap, follow, lens, near, parabola_and_line, two_arcs, within};
+use super::curves::{follow, lens, near, parabola_and_line, two_arcs, within};
+use super::maps::Plane;
 use semismooth::continuation::{
     Branch, Continuation, ContinuationError, Direction, Event, PointKind, Termination, arms_at,
 };
@@ -177,7 +178,7 @@ fn starts_outside_the_range_are_refused() {
 /// y = 0, declared as curved: steps along it end at multiples of h exactly, and so do targets.
 #[test]
 fn a_target_at_the_end_of_a_step_is_hit_once() {
-    let map = PlaneMap::smooth(|y, _| [y, 1.0, 0.0]);
+    let map = Plane::smooth(|y, _| [y, 1.0, 0.0]);
     let o = within((-1.0, 5.0)).with_step(0.25).with_max_step(0.25);
     let targets = vec![0.25, 0.5, 1.75];
     let branch = follow(
@@ -196,7 +197,7 @@ fn a_target_at_the_end_of_a_step_is_hit_once() {
 /// A row that changes its sign from one piece to the next is not continuous: det [∇H; tᵀ] says so where the curve passes.
 #[test]
 fn a_row_of_the_other_sign_is_an_error() {
-    let map = PlaneMap::two(
+    let map = Plane::two(
         |y, a| [y - a, 1.0, -1.0],
         |y, a| [a - y, -1.0, 1.0],
         |y, _| [y, 1.0, 0.0],

@@ -2,6 +2,7 @@
 
 use crate::common;
 use crate::common::{cases, numbers};
+use crate::maps::{hand_on, same_cells, two_pieces};
 use crate::random::Random;
 use proptest::prelude::*;
 use semismooth::complementarity::Lcp;
@@ -15,7 +16,7 @@ use semismooth::enumeration::{
 };
 use semismooth::interface::View;
 use semismooth::linear::{DenseLu, LinearSolver};
-use semismooth::piecewise::{Facet, MinMap, PiecewiseSmooth, Selection, Selections};
+use semismooth::piecewise::{MinMap, PiecewiseSmooth, Selection, Selections};
 use semismooth::sparse::Matrix;
 
 fn letters<V: View>(map: &Contact<V, PlanarCoulomb>, set: &SolutionSet) -> Vec<Vec<String>> {
@@ -373,32 +374,12 @@ mod opaque {
     struct Opaque<F>(Traced<F>);
 
     impl<F: NonsmoothFunction> PiecewiseSmooth for Opaque<F> {
-        fn num_vars(&self) -> usize {
-            self.0.num_vars()
-        }
-        fn num_residuals(&self) -> usize {
-            self.0.num_residuals()
-        }
-        fn num_sites(&self) -> usize {
-            self.0.num_sites()
-        }
-        fn num_pieces(&self, site: usize) -> usize {
-            self.0.num_pieces(site)
-        }
-        fn num_tests(&self, site: usize) -> usize {
-            self.0.num_tests(site)
-        }
-        fn cell(&self, site: usize, piece: usize) -> &[Facet] {
-            self.0.cell(site, piece)
-        }
-        fn test_functions(&self, x: &[f64], out: &mut [f64]) {
-            self.0.test_functions(x, out);
-        }
-        fn residual(&self, selection: &Selection, x: &[f64], out: &mut [f64]) {
-            self.0.residual(selection, x, out);
-        }
-        fn jacobian(&self, selection: &Selection, x: &[f64], jac: &mut Matrix) {
-            self.0.jacobian(selection, x, jac);
+        same_cells!(0);
+        hand_on! {
+            0:
+            fn test_functions(&self, x: &[f64], out: &mut [f64]);
+            fn residual(&self, selection: &Selection, x: &[f64], out: &mut [f64]);
+            fn jacobian(&self, selection: &Selection, x: &[f64], jac: &mut Matrix);
         }
     }
 
@@ -561,25 +542,7 @@ struct TwoRoofs {
 }
 
 impl PiecewiseSmooth for TwoRoofs {
-    fn num_vars(&self) -> usize {
-        3
-    }
-    fn num_residuals(&self) -> usize {
-        2
-    }
-    fn num_sites(&self) -> usize {
-        2
-    }
-    fn num_pieces(&self, _: usize) -> usize {
-        2
-    }
-    fn num_tests(&self, _: usize) -> usize {
-        1
-    }
-    fn cell(&self, _: usize, piece: usize) -> &[Facet] {
-        const CELLS: [[Facet; 1]; 2] = [[Facet::negative(0)], [Facet::positive(0)]];
-        &CELLS[piece]
-    }
+    two_pieces!(self, [negative, positive], 3, 2, 2);
     fn test_functions(&self, x: &[f64], out: &mut [f64]) {
         out.copy_from_slice(&x[..2]);
     }

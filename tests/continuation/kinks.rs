@@ -1,6 +1,7 @@
 //! Transitions of every kind.
 
-use super::maps::{PlaneMap, StringOnPoints, follow, lens, near, parabola_and_line, two_arcs, within};
+use super::curves::{StringOnPoints, follow, lens, near, parabola_and_line, two_arcs, within};
+use super::maps::Plane;
 use semismooth::contact::{ContactState, FrictionCoefficient, FullContact, LoadPath};
 use semismooth::continuation::{
     Branch, ContinuationOptions, Direction, Termination, TransitionKind, arms_at,
@@ -88,7 +89,8 @@ fn isolas_close_from_any_start() {
 #[test]
 fn a_vertical_segment_begins_and_ends() {
     // α = y − mid(−1, y, 1).
-    let map = PlaneMap {
+    let map = Plane {
+        affine: false,
         pieces: vec![|y, a| [y + 1.0 - a, 1.0, -1.0], |_, a| [-a, 0.0, -1.0], |y, a| {
             [y - 1.0 - a, 1.0, -1.0]
         }],
@@ -119,7 +121,7 @@ fn a_vertical_segment_begins_and_ends() {
 
 #[test]
 fn a_wall_ends_the_branch() {
-    let mut map = PlaneMap::smooth(|y, a| [y * y - a, 2.0 * y, -1.0]);
+    let mut map = Plane::smooth(|y, a| [y * y - a, 2.0 * y, -1.0]);
     map.tests = vec![|y, _| [y - 0.5, 1.0, 0.0]];
     map.cells = vec![vec![Facet::positive(0).wall()]];
     for h in STEPS {
@@ -192,7 +194,8 @@ fn the_apex_of_the_law() {
 /// |y| = (α)₊: the arm y = 0, α < 0 runs inside the boundary of both cells of |y|.
 #[test]
 fn branching_with_a_grazing_arm() {
-    let map = PlaneMap {
+    let map = Plane {
+        affine: false,
         pieces: vec![
             |y, a| [y - a, 1.0, -1.0],
             |y, a| [-y - a, -1.0, -1.0],
@@ -234,7 +237,8 @@ fn branching_with_a_grazing_arm() {
 /// |y| = |α|: four rays, of which one goes straight on.
 #[test]
 fn a_crossing_is_passed_straight_on() {
-    let map = PlaneMap {
+    let map = Plane {
+        affine: false,
         pieces: vec![
             |y, a| [y - a, 1.0, -1.0],
             |y, a| [-y - a, -1.0, -1.0],
@@ -268,7 +272,7 @@ fn a_crossing_is_passed_straight_on() {
 #[test]
 fn touching_a_facet_is_no_change() {
     // y = α²; the facet y = 0 is touched at 0, and both pieces agree there.
-    let map = PlaneMap::two(
+    let map = Plane::two(
         |y, a| [y - a * a, 1.0, -2.0 * a],
         |y, a| [3.0 * y - a * a, 3.0, -2.0 * a],
         |y, _| [y, 1.0, 0.0],

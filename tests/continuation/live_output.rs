@@ -1,6 +1,7 @@
 //! Tables of runs that are killed: all but the step under way is there.
 
 use crate::common;
+use crate::maps::two_pieces;
 use std::cell::RefCell;
 use std::io::Write;
 use std::rc::Rc;
@@ -8,7 +9,7 @@ use std::rc::Rc;
 use semismooth::contact::{FullContact, PlanarCoulomb};
 use semismooth::continuation::{Branch, Continuation, ContinuationOptions, Direction, Event};
 use semismooth::output::{Column, CsvWriter, OutputError, write_csv};
-use semismooth::piecewise::{Facet, PiecewiseSmooth, Selection};
+use semismooth::piecewise::{PiecewiseSmooth, Selection};
 use semismooth::sparse::Matrix;
 
 /// A file as another process sees it: what has been flushed. Fails from a given size on.
@@ -143,25 +144,7 @@ fn a_file_that_is_cut_off_loses_its_last_line() {
 struct Crossing;
 
 impl PiecewiseSmooth for Crossing {
-    fn num_vars(&self) -> usize {
-        2
-    }
-    fn num_residuals(&self) -> usize {
-        1
-    }
-    fn num_sites(&self) -> usize {
-        1
-    }
-    fn num_pieces(&self, _: usize) -> usize {
-        2
-    }
-    fn num_tests(&self, _: usize) -> usize {
-        1
-    }
-    fn cell(&self, _: usize, piece: usize) -> &[Facet] {
-        const CELLS: [[Facet; 1]; 2] = [[Facet::negative(0)], [Facet::positive(0)]];
-        &CELLS[piece]
-    }
+    two_pieces!(self, [negative, positive], 2, 1, 1);
     fn test_functions(&self, x: &[f64], out: &mut [f64]) {
         out[0] = x[0] - 1.5;
     }

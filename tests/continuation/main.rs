@@ -4,6 +4,8 @@
 mod common;
 #[path = "../dense/mod.rs"]
 mod dense;
+#[path = "../maps/mod.rs"]
+mod maps;
 #[path = "../common/random.rs"]
 mod random;
 #[path = "../../examples/common/squares.rs"]
@@ -15,6 +17,7 @@ mod support;
 mod chains;
 mod clusters;
 mod control;
+mod curves;
 mod diagram;
 mod diagram_output;
 mod diagram_resume;
@@ -25,7 +28,6 @@ mod kinks;
 mod live_output;
 mod load_paths;
 mod local_arms;
-mod maps;
 mod monitors;
 mod near_crossings;
 mod reproducibility;

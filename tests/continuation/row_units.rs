@@ -3,9 +3,10 @@
 
 use std::borrow::Cow;
 
+use crate::maps::{hand_on, same_cells};
 use semismooth::complementarity::{Autodiff, Mcp, SmoothFunction};
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, Termination};
-use semismooth::piecewise::{Facet, PiecewiseSmooth, Real, Selection};
+use semismooth::piecewise::{PiecewiseSmooth, Real, Selection};
 use semismooth::sparse::{Matrix, Pattern};
 
 const N: usize = 31;
@@ -56,38 +57,14 @@ struct Rows<M> {
 }
 
 impl<M: PiecewiseSmooth> PiecewiseSmooth for Rows<M> {
-    fn num_vars(&self) -> usize {
-        self.map.num_vars()
-    }
-    fn num_residuals(&self) -> usize {
-        self.map.num_residuals()
-    }
-    fn num_sites(&self) -> usize {
-        self.map.num_sites()
-    }
-    fn num_pieces(&self, site: usize) -> usize {
-        self.map.num_pieces(site)
-    }
-    fn num_tests(&self, site: usize) -> usize {
-        self.map.num_tests(site)
-    }
-    fn cell(&self, site: usize, piece: usize) -> &[Facet] {
-        self.map.cell(site, piece)
-    }
-    fn pattern(&self) -> Pattern {
-        self.map.pattern()
-    }
-    fn piece_name(&self, site: usize, piece: usize) -> Cow<'_, str> {
-        self.map.piece_name(site, piece)
-    }
-    fn test_functions(&self, x: &[f64], out: &mut [f64]) {
-        self.map.test_functions(x, out);
-    }
-    fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {
-        self.map.test_derivatives(x, d, out);
-    }
-    fn test_gradient(&self, site: usize, test: usize, x: &[f64], gradient: &mut [f64]) {
-        self.map.test_gradient(site, test, x, gradient);
+    same_cells!(map);
+    hand_on! {
+        map:
+        fn pattern(&self) -> Pattern;
+        fn piece_name(&self, site: usize, piece: usize) -> Cow<'_, str>;
+        fn test_functions(&self, x: &[f64], out: &mut [f64]);
+        fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]);
+        fn test_gradient(&self, site: usize, test: usize, x: &[f64], gradient: &mut [f64]);
     }
     fn residual(&self, selection: &Selection, x: &[f64], out: &mut [f64]) {
         self.map.residual(selection, x, out);

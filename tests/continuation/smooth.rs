@@ -1,11 +1,12 @@
 //! Folds and branch points inside a piece.
 
-use super::maps::{Plane, PlaneMap, follow, near, within};
+use super::curves::{follow, near, within};
+use super::maps::{Function, Plane};
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, Termination, arms_at};
 
 #[test]
 fn a_quadratic_fold() {
-    let map = PlaneMap::smooth(|y, a| [y * y + a, 2.0 * y, 1.0]);
+    let map = Plane::smooth(|y, a| [y * y + a, 2.0 * y, 1.0]);
     for (start, h) in [(1.0, 0.05), (-2.0, 0.05), (3.0, 0.3), (0.37, 0.011)] {
         let o = within((-10.0, 1.0)).with_step(h);
         let branch = follow(&map, [start, -start * start], Direction::Increasing, o);
@@ -25,13 +26,13 @@ fn a_quadratic_fold() {
 /// α = −c y², beside itself on the way back: the long steps there reach past the start, which lies on the other side.
 #[test]
 fn a_curve_that_runs_back_beside_its_start_is_not_closed() {
-    let curves: [(f64, Plane); 3] = [
+    let curves: [(f64, Function); 3] = [
         (30.0, |y, a| [30.0 * y * y + a, 60.0 * y, 1.0]),
         (100.0, |y, a| [100.0 * y * y + a, 200.0 * y, 1.0]),
         (1000.0, |y, a| [1000.0 * y * y + a, 2000.0 * y, 1.0]),
     ];
     for (c, curve) in curves {
-        let map = PlaneMap::smooth(curve);
+        let map = Plane::smooth(curve);
         for (k, h) in (0..200).map(|k| (k, 1.0 + 0.01 * f64::from(k % 20))) {
             let y = -0.3 - 0.001 * f64::from(k);
             let o = within((-f64::INFINITY, 1.0))
@@ -51,7 +52,7 @@ fn a_curve_that_runs_back_beside_its_start_is_not_closed() {
 #[test]
 fn a_cubic_turning_twice() {
     // α = y³ − y: folds at y = ±1/√3.
-    let map = PlaneMap::smooth(|y, a| [y * y * y - y - a, 3.0 * y * y - 1.0, -1.0]);
+    let map = Plane::smooth(|y, a| [y * y * y - y - a, 3.0 * y * y - 1.0, -1.0]);
     let branch = follow(&map, [-2.0, -6.0], Direction::Increasing, within((-6.0, 6.0)));
     let y = 1.0 / 3f64.sqrt();
     let folds: Vec<_> = branch.smooth_folds.iter().map(|f| f.point.x.clone()).collect();
@@ -70,7 +71,7 @@ fn rays(branch: &Branch) -> Vec<Vec<f64>> {
     rays
 }
 
-fn check_rays(map: &PlaneMap, branch: &Branch, expected: &[[f64; 2]]) {
+fn check_rays(map: &Plane, branch: &Branch, expected: &[[f64; 2]]) {
     let rays = rays(branch);
     assert_eq!(rays.len(), expected.len());
     for e in expected {
@@ -99,7 +100,7 @@ fn check_rays(map: &PlaneMap, branch: &Branch, expected: &[[f64; 2]]) {
 
 #[test]
 fn a_pitchfork() {
-    let map = PlaneMap::smooth(|y, a| [y * y * y - a * y, 3.0 * y * y - a, -y]);
+    let map = Plane::smooth(|y, a| [y * y * y - a * y, 3.0 * y * y - a, -y]);
     for h in [0.013, 0.05, 0.31, 1.0] {
         let o = within((-1.0, 1.0)).with_step(h);
         let branch = follow(&map, [0.0, -0.97], Direction::Increasing, o.clone());
@@ -114,7 +115,7 @@ fn a_pitchfork() {
 
 #[test]
 fn a_transcritical_point() {
-    let map = PlaneMap::smooth(|y, a| [y * y - a * y, 2.0 * y - a, -y]);
+    let map = Plane::smooth(|y, a| [y * y - a * y, 2.0 * y - a, -y]);
     for h in [0.013, 0.05, 0.31, 1.0] {
         let o = within((-1.0, 1.0)).with_step(h);
         for start in [[0.0, -0.97], [-0.83, -0.83]] {
@@ -132,9 +133,9 @@ fn a_transcritical_point() {
 /// Curves that nearly meet are not confused, however long the steps may be.
 #[test]
 fn near_misses() {
-    let hyperbola = PlaneMap::smooth(|y, a| [y * y - a * a - 1e-4, 2.0 * y, -2.0 * a]);
-    let turned = PlaneMap::smooth(|y, a| [a * a - y * y - 1e-4, -2.0 * y, 2.0 * a]);
-    let parallel = PlaneMap::smooth(|y, a| {
+    let hyperbola = Plane::smooth(|y, a| [y * y - a * a - 1e-4, 2.0 * y, -2.0 * a]);
+    let turned = Plane::smooth(|y, a| [a * a - y * y - 1e-4, -2.0 * y, 2.0 * a]);
+    let parallel = Plane::smooth(|y, a| {
         let (p, q) = (y - (3.0 * a).sin(), y - (3.0 * a).sin() - 1e-2);
         [p * q, p + q, -(p + q) * 3.0 * (3.0 * a).cos()]
     });
@@ -197,7 +198,7 @@ fn straight_on_where_curves_cross_under_small_angles() {
     ];
     let mut wrong = Vec::new();
     for (k, line) in lines.into_iter().enumerate() {
-        let map = PlaneMap::smooth(line);
+        let map = Plane::smooth(line);
         // Under 9 degrees a long step ends nearer to the line than to the cubic.
         let longest = if k == 4 { 0.1 } else { 1.0 };
         for h in [0.03, 0.1, 0.3, 0.5, 0.7, 1.0]
@@ -227,8 +228,8 @@ fn straight_on_where_curves_cross_under_small_angles() {
 /// y² + α² = 0 and y² + y α + α² = 0 at their only point: the roots of the branching equation are complex, no arm leaves.
 #[test]
 fn an_isolated_point_has_no_arms() {
-    let circle = PlaneMap::smooth(|y, a| [y * y + a * a, 2.0 * y, 2.0 * a]);
-    let ellipse = PlaneMap::smooth(|y, a| [y * y + y * a + a * a, 2.0 * y + a, 2.0 * a + y]);
+    let circle = Plane::smooth(|y, a| [y * y + a * a, 2.0 * y, 2.0 * a]);
+    let ellipse = Plane::smooth(|y, a| [y * y + y * a + a * a, 2.0 * y + a, 2.0 * a + y]);
     for map in [circle, ellipse] {
         let (arms, complete) = arms_at(&map, &[0.0, 0.0], &ContinuationOptions::default()).unwrap();
         assert!(arms.is_empty() && complete, "{arms:?}");

@@ -1,7 +1,7 @@
 //! Saved runs in which one value was changed: refused, or followed on the curve.
 #![cfg(feature = "serde")]
 
-use super::maps::PlaneMap;
+use super::maps::Plane;
 use crate::common;
 use crate::random::Random;
 use semismooth::continuation::{Continuation, ContinuationError, ContinuationOptions, Direction, SavedRun};
@@ -130,15 +130,16 @@ fn altered_states_are_refused_or_harmless() {
             .unwrap();
         add(alter(&case.problem, &x, Direction::Decreasing, 2000));
     }
-    let pitchfork = PlaneMap::smooth(|y, a| [y * y * y - a * y, 3.0 * y * y - a, -y]);
+    let pitchfork = Plane::smooth(|y, a| [y * y * y - a * y, 3.0 * y * y - a, -y]);
     add(alter(&pitchfork, &[0.0, -0.97], Direction::Increasing, 1500));
-    let fold = PlaneMap::two(
+    let fold = Plane::two(
         |y, a| [y * y + a, 2.0 * y, 1.0],
         |y, a| [2.0 * y * y - y + a, 4.0 * y - 1.0, 1.0],
         |y, _| [y, 1.0, 0.0],
     );
     add(alter(&fold, &[1.0, -1.0], Direction::Increasing, 1500));
-    let grazing = PlaneMap {
+    let grazing = Plane {
+        affine: false,
         pieces: vec![|y, a| [y - y * a, 1.0 - a, -y], |y, a| {
             [2.0 * y + y * a, 2.0 + a, y]
         }],
@@ -160,7 +161,7 @@ fn altered_states_are_refused_or_harmless() {
 /// Counters next to the largest integer neither overflow nor matter.
 #[test]
 fn counters_that_are_full() {
-    let map = PlaneMap::smooth(|y, a| [y * y + a, 2.0 * y, 1.0]);
+    let map = Plane::smooth(|y, a| [y * y + a, 2.0 * y, 1.0]);
     let start = || {
         let options = ContinuationOptions::default().with_max_points(usize::MAX);
         Continuation::new(&map, &[1.0, -1.0], Direction::Increasing, options).unwrap()

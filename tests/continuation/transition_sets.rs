@@ -1,12 +1,13 @@
 //! Transition sets of the model with one contact node (Hild and Renard 2005), against the analytic lines.
 
+use crate::maps::two_pieces;
 use semismooth::contact::{
     CondensedContact, ContactBody, FrictionCoefficient, FrictionCurve, FullContact, LoadPath,
     OrthotropicCoulomb, PlanarCoulomb,
 };
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, FoldSet, Termination, TransitionSet};
 use semismooth::piecewise::check::CheckOptions;
-use semismooth::piecewise::{Facet, PiecewiseSmooth, Selection};
+use semismooth::piecewise::{PiecewiseSmooth, Selection};
 use semismooth::sparse::Matrix;
 
 fn node(load: LoadPath, friction: FrictionCoefficient) -> FullContact<PlanarCoulomb> {
@@ -145,25 +146,7 @@ fn folds_begin_along_the_line_of_slip_where_its_slope_vanishes() {
 struct Softening;
 
 impl PiecewiseSmooth for Softening {
-    fn num_vars(&self) -> usize {
-        3
-    }
-    fn num_residuals(&self) -> usize {
-        1
-    }
-    fn num_sites(&self) -> usize {
-        1
-    }
-    fn num_pieces(&self, _site: usize) -> usize {
-        2
-    }
-    fn num_tests(&self, _site: usize) -> usize {
-        1
-    }
-    fn cell(&self, _site: usize, piece: usize) -> &[Facet] {
-        const CELLS: [[Facet; 1]; 2] = [[Facet::negative(0)], [Facet::positive(0)]];
-        &CELLS[piece]
-    }
+    two_pieces!(self, [negative, positive], 3, 1, 1);
     fn test_functions(&self, x: &[f64], out: &mut [f64]) {
         out[0] = x[0] - 2.0;
     }

@@ -2,16 +2,17 @@
 
 use std::ops::ControlFlow;
 
-use super::maps::{PlaneMap, lens, parabola_and_line, two_arcs, within};
+use super::curves::{lens, parabola_and_line, two_arcs, within};
+use super::maps::{Plane, same_cells};
 use semismooth::continuation::{
     Branch, Continuation, ContinuationError, Diagram, DiagramOptions, Direction, Event, TransitionKind,
 };
-use semismooth::piecewise::{Facet, MinMap, PiecewiseError, PiecewiseSmooth, Selection};
+use semismooth::piecewise::{MinMap, PiecewiseError, PiecewiseSmooth, Selection};
 use semismooth::sparse::Matrix;
 
 /// A plane map whose y is measured in another unit.
 struct InUnits {
-    map: PlaneMap,
+    map: Plane,
     unit: f64,
     /// Whether the map itself knows.
     tells: bool,
@@ -24,24 +25,7 @@ impl InUnits {
 }
 
 impl PiecewiseSmooth for InUnits {
-    fn num_vars(&self) -> usize {
-        2
-    }
-    fn num_residuals(&self) -> usize {
-        1
-    }
-    fn num_sites(&self) -> usize {
-        1
-    }
-    fn num_pieces(&self, site: usize) -> usize {
-        self.map.num_pieces(site)
-    }
-    fn num_tests(&self, site: usize) -> usize {
-        self.map.num_tests(site)
-    }
-    fn cell(&self, site: usize, piece: usize) -> &[Facet] {
-        self.map.cell(site, piece)
-    }
+    same_cells!(map);
     fn test_functions(&self, x: &[f64], out: &mut [f64]) {
         self.map.test_functions(&self.natural(x), out);
     }
@@ -71,7 +55,7 @@ impl PiecewiseSmooth for InUnits {
 /// About 1e-9 and 1e9.
 const UNITS: [f64; 2] = [1.0 / (1 << 30) as f64, (1 << 30) as f64];
 
-type Curve = (fn() -> PlaneMap, [f64; 2]);
+type Curve = (fn() -> Plane, [f64; 2]);
 
 const CURVES: [Curve; 3] = [
     (parabola_and_line, [2.5, 5.25]),

@@ -1,10 +1,9 @@
 //! Sparse problems whose dense form would not fit into memory (run under `ulimit -v 8000000` to see): refused or done without it.
 
+use crate::maps::two_pieces;
 use semismooth::continuation::{Continuation, ContinuationOptions, Direction, arms_at};
 use semismooth::enumeration::{EnumerationError, EnumerationOptions, all_arms, all_solutions};
-use semismooth::piecewise::{
-    Facet, LocalUniqueness, PiecewiseSmooth, Selection, active_set, local_uniqueness,
-};
+use semismooth::piecewise::{LocalUniqueness, PiecewiseSmooth, Selection, active_set, local_uniqueness};
 use semismooth::sparse::{Matrix, Pattern};
 
 const LARGE: usize = 60_000;
@@ -16,25 +15,7 @@ struct Kinks {
 }
 
 impl PiecewiseSmooth for Kinks {
-    fn num_vars(&self) -> usize {
-        self.n + 1
-    }
-    fn num_residuals(&self) -> usize {
-        self.n
-    }
-    fn num_sites(&self) -> usize {
-        self.kinks
-    }
-    fn num_pieces(&self, _: usize) -> usize {
-        2
-    }
-    fn num_tests(&self, _: usize) -> usize {
-        1
-    }
-    fn cell(&self, _: usize, piece: usize) -> &[Facet] {
-        const CELLS: [[Facet; 1]; 2] = [[Facet::negative(0)], [Facet::positive(0)]];
-        &CELLS[piece]
-    }
+    two_pieces!(self, [negative, positive], self.n + 1, self.n, self.kinks);
     fn test_functions(&self, x: &[f64], out: &mut [f64]) {
         out.fill(x[self.n]);
     }

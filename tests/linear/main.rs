@@ -1,5 +1,7 @@
 //! Linear algebra: solvers, their contract, bordered systems, sparse matrices and their files.
 
+#[path = "../maps/mod.rs"]
+mod maps;
 #[path = "../common/random.rs"]
 mod random;
 #[allow(dead_code)]

@@ -3,9 +3,10 @@
 use std::ops::ControlFlow;
 
 use semismooth::newton::{Damping, Failure, Newton, NewtonError, NewtonOptions, Step};
-use semismooth::piecewise::{Facet, PiecewiseSmooth, Selection};
+use semismooth::piecewise::{PiecewiseSmooth, Selection};
 use semismooth::sparse::Matrix;
 
+use crate::maps::two_pieces;
 use crate::problems::{Lcp, Smooth, close, cycling, scalar};
 
 /// x = 1 with a slope of 5/2 for the true one: each step leaves 3/5 of the error, so that steps are small long before the residual is.
@@ -114,24 +115,13 @@ impl WithNoise {
 }
 
 impl PiecewiseSmooth for WithNoise {
-    fn num_vars(&self) -> usize {
-        self.0.q.len() + 1
-    }
-    fn num_residuals(&self) -> usize {
+    two_pieces!(
+        self,
+        [positive, negative],
+        self.0.q.len() + 1,
+        self.num_vars(),
         self.num_vars()
-    }
-    fn num_sites(&self) -> usize {
-        self.num_vars()
-    }
-    fn num_pieces(&self, _: usize) -> usize {
-        2
-    }
-    fn num_tests(&self, _: usize) -> usize {
-        1
-    }
-    fn cell(&self, _: usize, piece: usize) -> &[Facet] {
-        self.0.cell(0, piece)
-    }
+    );
     fn test_functions(&self, x: &[f64], out: &mut [f64]) {
         let [a, b] = self.noisy(x);
         out[0] = b - a;

@@ -1,9 +1,10 @@
 //! Rounding, scales, misuse and problems without solution.
 
 use semismooth::newton::{Convergence, Damping, Failure, Newton, NewtonError, NewtonOptions};
-use semismooth::piecewise::{Facet, MinMap, PiecewiseError, PiecewiseSmooth, Selection, Semismooth};
+use semismooth::piecewise::{MinMap, PiecewiseError, PiecewiseSmooth, Selection, Semismooth};
 use semismooth::sparse::{Matrix, Pattern};
 
+use crate::maps::one_piece;
 use crate::problems::{Lcp, Smooth, close, cycling, p_matrix, scalar};
 
 #[test]
@@ -80,25 +81,7 @@ fn misuse_is_named() {
     let wide = MinMap::new(0, |_: &[f64], _: &mut [f64], _: &mut [f64]| {});
     struct Shape(usize, usize, usize, usize);
     impl PiecewiseSmooth for Shape {
-        fn num_vars(&self) -> usize {
-            self.0
-        }
-        fn num_residuals(&self) -> usize {
-            self.1
-        }
-        fn num_sites(&self) -> usize {
-            0
-        }
-        fn num_pieces(&self, _: usize) -> usize {
-            1
-        }
-        fn num_tests(&self, _: usize) -> usize {
-            0
-        }
-        fn cell(&self, _: usize, _: usize) -> &[Facet] {
-            &[]
-        }
-        fn test_functions(&self, _: &[f64], _: &mut [f64]) {}
+        one_piece!(self, self.0, self.1);
         fn residual(&self, _: &Selection, _: &[f64], out: &mut [f64]) {
             out.fill(1.0);
         }

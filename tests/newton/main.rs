@@ -1,5 +1,10 @@
 //! The corrector: against enumeration, on problems where Newton's method cycles, and at the limits of rounding.
 
+#[path = "../dense/mod.rs"]
+mod dense;
+#[path = "../maps/mod.rs"]
+mod maps;
+
 mod globalisation;
 mod krylov;
 mod limits;
@@ -11,11 +16,10 @@ use std::ops::ControlFlow;
 use proptest::prelude::*;
 use semismooth::linear::AutoSolver;
 use semismooth::newton::{Damping, Failure, MoorePenrose, Newton, NewtonError, NewtonOptions, Step};
-use semismooth::piecewise::{
-    Facet, MinMap, PiecewiseError, PiecewiseSmooth, Selection, Selections, Semismooth,
-};
+use semismooth::piecewise::{MinMap, PiecewiseError, PiecewiseSmooth, Selection, Selections, Semismooth};
 use semismooth::sparse::{Matrix, Pattern};
 
+use maps::two_pieces;
 use problems::{Lcp, Smooth, close, cycling, p_matrix, scalar};
 
 fn p_lcp() -> impl Strategy<Value = (Lcp, Vec<f64>)> {
@@ -251,25 +255,7 @@ fn convergence_on_a_smooth_piece_is_quadratic() {
 struct MinMapExp;
 
 impl PiecewiseSmooth for MinMapExp {
-    fn num_vars(&self) -> usize {
-        1
-    }
-    fn num_residuals(&self) -> usize {
-        1
-    }
-    fn num_sites(&self) -> usize {
-        1
-    }
-    fn num_pieces(&self, _: usize) -> usize {
-        2
-    }
-    fn num_tests(&self, _: usize) -> usize {
-        1
-    }
-    fn cell(&self, _: usize, piece: usize) -> &[Facet] {
-        const CELLS: [[Facet; 1]; 2] = [[Facet::positive(0)], [Facet::negative(0)]];
-        &CELLS[piece]
-    }
+    two_pieces!(self, [positive, negative], 1, 1, 1);
     fn test_functions(&self, x: &[f64], out: &mut [f64]) {
         out[0] = 63.0 - x[0].exp();
     }

@@ -1,6 +1,8 @@
 //! Problems with known solutions.
 
-use semismooth::piecewise::{Facet, PiecewiseSmooth, Selection};
+use crate::dense::eliminate;
+use crate::maps::{one_piece, two_pieces};
+use semismooth::piecewise::{PiecewiseSmooth, Selection};
 use semismooth::sparse::Matrix;
 
 /// min(C x, R (M C x + q)) = 0 with exact Jacobian; R and C are units of rows and columns.
@@ -28,21 +30,21 @@ impl Lcp {
         products.map(|((m, x), c)| m * x * c).sum::<f64>() + self.q[i]
     }
 
-    /// All solutions by enumeration of the 2ⁿ bases, by an elimination of its own.
+    /// All solutions by enumeration of the 2ⁿ bases.
     pub(crate) fn enumerate(&self) -> Vec<Vec<f64>> {
         let n = self.q.len();
         let mut found = Vec::new();
         for basis in 0..1_u32 << n {
-            let mut a = vec![vec![0.0; n + 1]; n];
+            let (mut a, mut b) = (vec![vec![0.0; n]; n], vec![0.0; n]);
             for i in 0..n {
                 if basis >> i & 1 == 1 {
-                    a[i][..n].copy_from_slice(&self.m[i]);
-                    a[i][n] = -self.q[i];
+                    a[i].copy_from_slice(&self.m[i]);
+                    b[i] = -self.q[i];
                 } else {
                     a[i][i] = 1.0;
                 }
             }
-            if let Some(x) = gauss(a)
+            if let (_, 1e-13.., Some(x)) = eliminate(&a, &b)
                 && (0..n).all(|i| x[i] >= -1e-12 && self.w(&x, i) >= -1e-12)
             {
                 found.push(x);
@@ -52,46 +54,14 @@ impl Lcp {
     }
 }
 
-pub(crate) fn gauss(mut a: Vec<Vec<f64>>) -> Option<Vec<f64>> {
-    let n = a.len();
-    for k in 0..n {
-        let p = (k..n).max_by(|&i, &j| a[i][k].abs().total_cmp(&a[j][k].abs()))?;
-        if a[p][k].abs() < 1e-13 {
-            return None;
-        }
-        a.swap(k, p);
-        for i in 0..n {
-            if i != k {
-                let f = a[i][k] / a[k][k];
-                for j in k..=n {
-                    a[i][j] -= f * a[k][j];
-                }
-            }
-        }
-    }
-    Some((0..n).map(|i| a[i][n] / a[i][i]).collect())
-}
-
 impl PiecewiseSmooth for Lcp {
-    fn num_vars(&self) -> usize {
+    two_pieces!(
+        self,
+        [positive, negative],
+        self.q.len(),
+        self.q.len(),
         self.q.len()
-    }
-    fn num_residuals(&self) -> usize {
-        self.q.len()
-    }
-    fn num_sites(&self) -> usize {
-        self.q.len()
-    }
-    fn num_pieces(&self, _: usize) -> usize {
-        2
-    }
-    fn num_tests(&self, _: usize) -> usize {
-        1
-    }
-    fn cell(&self, _: usize, piece: usize) -> &[Facet] {
-        const CELLS: [[Facet; 1]; 2] = [[Facet::positive(0)], [Facet::negative(0)]];
-        &CELLS[piece]
-    }
+    );
     fn test_functions(&self, x: &[f64], out: &mut [f64]) {
         for i in 0..x.len() {
             out[i] = self.w(x, i) - x[i] * self.col[i];
@@ -126,25 +96,7 @@ pub(crate) struct Smooth<F, J> {
 }
 
 impl<F: Fn(&[f64], &mut [f64]), J: Fn(&[f64], &mut Matrix)> PiecewiseSmooth for Smooth<F, J> {
-    fn num_vars(&self) -> usize {
-        self.n
-    }
-    fn num_residuals(&self) -> usize {
-        self.n
-    }
-    fn num_sites(&self) -> usize {
-        0
-    }
-    fn num_pieces(&self, _: usize) -> usize {
-        1
-    }
-    fn num_tests(&self, _: usize) -> usize {
-        0
-    }
-    fn cell(&self, _: usize, _: usize) -> &[Facet] {
-        &[]
-    }
-    fn test_functions(&self, _: &[f64], _: &mut [f64]) {}
+    one_piece!(self, self.n, self.n);
     fn residual(&self, _: &Selection, x: &[f64], out: &mut [f64]) {
         (self.f)(x, out);
     }

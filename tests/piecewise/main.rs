@@ -1,5 +1,8 @@
 //! Piecewise-smooth maps: the checker, selections, active sets, derivatives, orientation and traced functions.
 
+#[path = "../maps/mod.rs"]
+mod maps;
+
 mod certificates;
 mod rubber;
 #[cfg(feature = "autodiff")]
@@ -14,6 +17,7 @@ use semismooth::piecewise::{
 };
 use semismooth::sparse::Matrix;
 
+use maps::{hand_on, same_cells};
 use rubber::{Fault, R, Rubber, samples};
 
 #[test]
@@ -504,19 +508,10 @@ fn told<P: PiecewiseSmooth + ?Sized>(map: &P, x: &[f64]) -> (Vec<String>, Vec<f6
 fn maps_behind_pointers() {
     /// Overrides what `Rubber` leaves to defaults.
     struct Sized(Rubber);
-    macro_rules! hand_on {
-        ($(fn $name:ident(&self $(, $arg:ident: $type:ty)*) $(-> $out:ty)?;)*) => {
-            $(fn $name(&self $(, $arg: $type)*) $(-> $out)? { self.0.$name($($arg),*) })*
-        };
-    }
     impl PiecewiseSmooth for Sized {
+        same_cells!(0);
         hand_on! {
-            fn num_vars(&self) -> usize;
-            fn num_residuals(&self) -> usize;
-            fn num_sites(&self) -> usize;
-            fn num_pieces(&self, site: usize) -> usize;
-            fn num_tests(&self, site: usize) -> usize;
-            fn cell(&self, site: usize, piece: usize) -> &[Facet];
+            0:
             fn test_functions(&self, x: &[f64], out: &mut [f64]);
             fn residual(&self, s: &Selection, x: &[f64], out: &mut [f64]);
             fn jacobian(&self, s: &Selection, x: &[f64], jac: &mut Matrix);

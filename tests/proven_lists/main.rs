@@ -8,14 +8,15 @@ use semismooth::contact::{
 };
 use semismooth::enumeration::{Completeness, Doubt, EnumerationOptions, SolutionSet, all_solutions};
 use semismooth::piecewise::{
-    Exact, ExactConditions, ExactForm, ExactPiece, ExactPieces, ExactSite, Facet, MinMap, PiecewiseSmooth,
-    Selection,
+    Exact, ExactConditions, ExactForm, ExactPiece, ExactPieces, ExactSite, MinMap, PiecewiseSmooth, Selection,
 };
 use semismooth::sparse::Matrix;
 use serde_json::Value;
 
 #[path = "../common/mod.rs"]
 mod common;
+#[path = "../maps/mod.rs"]
+mod maps;
 #[path = "../common/random.rs"]
 mod random;
 #[allow(dead_code)]
@@ -26,6 +27,8 @@ mod arms;
 #[cfg(feature = "autodiff")]
 mod traced;
 mod unstated;
+
+use maps::two_pieces;
 
 fn list(map: &dyn PiecewiseSmooth, alpha: f64) -> SolutionSet {
     all_solutions(map, alpha, &EnumerationOptions::default()).unwrap()
@@ -340,25 +343,7 @@ struct Torn {
 }
 
 impl PiecewiseSmooth for Torn {
-    fn num_vars(&self) -> usize {
-        1
-    }
-    fn num_residuals(&self) -> usize {
-        1
-    }
-    fn num_sites(&self) -> usize {
-        1
-    }
-    fn num_pieces(&self, _site: usize) -> usize {
-        2
-    }
-    fn num_tests(&self, _site: usize) -> usize {
-        1
-    }
-    fn cell(&self, _site: usize, piece: usize) -> &[Facet] {
-        const CELLS: [[Facet; 1]; 2] = [[Facet::negative(0)], [Facet::positive(0)]];
-        &CELLS[piece]
-    }
+    two_pieces!(self, [negative, positive], 1, 1, 1);
     fn test_functions(&self, x: &[f64], out: &mut [f64]) {
         out[0] = x[0] - 1.0;
     }
@@ -536,25 +521,7 @@ fn signs_may_leave_one_point_of_a_plane() {
 struct Signs(usize);
 
 impl PiecewiseSmooth for Signs {
-    fn num_vars(&self) -> usize {
-        self.0
-    }
-    fn num_residuals(&self) -> usize {
-        self.0
-    }
-    fn num_sites(&self) -> usize {
-        self.0
-    }
-    fn num_pieces(&self, _site: usize) -> usize {
-        2
-    }
-    fn num_tests(&self, _site: usize) -> usize {
-        1
-    }
-    fn cell(&self, _site: usize, piece: usize) -> &[Facet] {
-        const CELLS: [[Facet; 1]; 2] = [[Facet::positive(0)], [Facet::negative(0)]];
-        &CELLS[piece]
-    }
+    two_pieces!(self, [positive, negative], self.0, self.0, self.0);
     fn test_functions(&self, x: &[f64], out: &mut [f64]) {
         out.copy_from_slice(x);
     }

@@ -3,10 +3,11 @@
 use semismooth::enumeration::{
     Completeness, Doubt, EnumerationError, EnumerationOptions, all_arms, all_solutions,
 };
-use semismooth::piecewise::{Facet, PiecewiseSmooth, Selection};
+use semismooth::piecewise::{PiecewiseSmooth, Selection};
 use semismooth::sparse::Matrix;
 
 use super::list;
+use crate::maps::two_pieces;
 
 /// Sites with the test functions x_i, i = 0, …, and affine rows in each selection: coefficients, then a constant.
 struct Rows<F> {
@@ -33,25 +34,13 @@ impl<F: Fn(&[usize]) -> Vec<Vec<f64>>> Rows<F> {
 }
 
 impl<F: Fn(&[usize]) -> Vec<Vec<f64>>> PiecewiseSmooth for Rows<F> {
-    fn num_vars(&self) -> usize {
-        self.vars
-    }
-    fn num_residuals(&self) -> usize {
-        (self.rows)(&vec![0; self.sites]).len()
-    }
-    fn num_sites(&self) -> usize {
+    two_pieces!(
+        self,
+        [positive, negative],
+        self.vars,
+        (self.rows)(&vec![0; self.sites]).len(),
         self.sites
-    }
-    fn num_pieces(&self, _: usize) -> usize {
-        2
-    }
-    fn num_tests(&self, _: usize) -> usize {
-        1
-    }
-    fn cell(&self, _: usize, piece: usize) -> &[Facet] {
-        const CELLS: [[Facet; 1]; 2] = [[Facet::positive(0)], [Facet::negative(0)]];
-        &CELLS[piece]
-    }
+    );
     fn test_functions(&self, x: &[f64], out: &mut [f64]) {
         out.copy_from_slice(&x[..self.sites]);
     }

@@ -1,77 +1,9 @@
 //! Maps with known curves.
 
+use crate::maps::{Plane, two_pieces};
 use semismooth::continuation::{Branch, ContinuationOptions, Direction};
-use semismooth::piecewise::{Facet, PiecewiseSmooth, Selection};
+use semismooth::piecewise::{PiecewiseSmooth, Selection};
 use semismooth::sparse::{Matrix, Pattern};
-
-/// Value, ∂/∂y and ∂/∂α of a function of (y, α).
-pub(crate) type Plane = fn(f64, f64) -> [f64; 3];
-
-/// A curve in the plane with one site.
-pub(crate) struct PlaneMap {
-    pub(crate) pieces: Vec<Plane>,
-    pub(crate) tests: Vec<Plane>,
-    pub(crate) cells: Vec<Vec<Facet>>,
-}
-
-impl PlaneMap {
-    pub(crate) fn smooth(f: Plane) -> Self {
-        Self {
-            pieces: vec![f],
-            tests: vec![],
-            cells: vec![vec![]],
-        }
-    }
-
-    /// `above` where θ > 0, `below` where θ < 0.
-    pub(crate) fn two(above: Plane, below: Plane, theta: Plane) -> Self {
-        Self {
-            pieces: vec![above, below],
-            tests: vec![theta],
-            cells: vec![vec![Facet::positive(0)], vec![Facet::negative(0)]],
-        }
-    }
-
-    pub(crate) fn value(&self, x: &[f64]) -> f64 {
-        let mut r = [0.0];
-        semismooth::piecewise::value(self, x, &mut r);
-        r[0]
-    }
-}
-
-impl PiecewiseSmooth for PlaneMap {
-    fn num_vars(&self) -> usize {
-        2
-    }
-    fn num_residuals(&self) -> usize {
-        1
-    }
-    fn num_sites(&self) -> usize {
-        1
-    }
-    fn num_pieces(&self, _site: usize) -> usize {
-        self.pieces.len()
-    }
-    fn num_tests(&self, _site: usize) -> usize {
-        self.tests.len()
-    }
-    fn cell(&self, _site: usize, piece: usize) -> &[Facet] {
-        &self.cells[piece]
-    }
-    fn test_functions(&self, x: &[f64], out: &mut [f64]) {
-        for (o, f) in out.iter_mut().zip(&self.tests) {
-            *o = f(x[0], x[1])[0];
-        }
-    }
-    fn residual(&self, s: &Selection, x: &[f64], out: &mut [f64]) {
-        out[0] = self.pieces[s.piece(0)](x[0], x[1])[0];
-    }
-    fn jacobian(&self, s: &Selection, x: &[f64], jac: &mut Matrix) {
-        let [_, dy, da] = self.pieces[s.piece(0)](x[0], x[1]);
-        jac.add(0, 0, dy);
-        jac.add(0, 1, da);
-    }
-}
 
 /// An elastic string with n nodes under the load α, above point obstacles at `sites` (node, gap): the rows are
 /// K y + α/(n+1)² or, in contact, y + gap.
@@ -119,25 +51,7 @@ impl StringOnPoints {
 }
 
 impl PiecewiseSmooth for StringOnPoints {
-    fn num_vars(&self) -> usize {
-        self.n + 1
-    }
-    fn num_residuals(&self) -> usize {
-        self.n
-    }
-    fn num_sites(&self) -> usize {
-        self.sites.len()
-    }
-    fn num_pieces(&self, _site: usize) -> usize {
-        2
-    }
-    fn num_tests(&self, _site: usize) -> usize {
-        1
-    }
-    fn cell(&self, _site: usize, piece: usize) -> &[Facet] {
-        const CELLS: [[Facet; 1]; 2] = [[Facet::positive(0)], [Facet::negative(0)]];
-        &CELLS[piece]
-    }
+    two_pieces!(self, [positive, negative], self.n + 1, self.n, self.sites.len());
     fn pattern(&self) -> Pattern {
         let near = |i: usize| i.saturating_sub(1)..(i + 2).min(self.n);
         let entries = (0..self.n).flat_map(|i| near(i).map(move |j| (i, j)).chain([(i, self.n)]));
@@ -189,8 +103,8 @@ impl PiecewiseSmooth for StringOnPoints {
 }
 
 /// max(y² − 1, y/2) = α.
-pub(crate) fn parabola_and_line() -> PlaneMap {
-    PlaneMap::two(
+pub(crate) fn parabola_and_line() -> Plane {
+    Plane::two(
         |y, a| [y * y - 1.0 - a, 2.0 * y, -1.0],
         |y, a| [0.5 * y - a, 0.5, -1.0],
         |y, _| [y * y - 1.0 - 0.5 * y, 2.0 * y - 0.5, 0.0],
@@ -198,8 +112,8 @@ pub(crate) fn parabola_and_line() -> PlaneMap {
 }
 
 /// |y| + α² = 1.
-pub(crate) fn lens() -> PlaneMap {
-    PlaneMap::two(
+pub(crate) fn lens() -> Plane {
+    Plane::two(
         |y, a| [y + a * a - 1.0, 1.0, 2.0 * a],
         |y, a| [-y + a * a - 1.0, -1.0, 2.0 * a],
         |y, _| [y, 1.0, 0.0],
@@ -207,8 +121,8 @@ pub(crate) fn lens() -> PlaneMap {
 }
 
 /// y² + α² = 1 above y = 0.3, (y − ½)² + α² = 0.95 below: two arcs of circles.
-pub(crate) fn two_arcs() -> PlaneMap {
-    PlaneMap::two(
+pub(crate) fn two_arcs() -> Plane {
+    Plane::two(
         |y, a| [y * y + a * a - 1.0, 2.0 * y, 2.0 * a],
         |y, a| [y * y - y + 0.3 + a * a - 1.0, 2.0 * y - 1.0, 2.0 * a],
         |y, _| [y - 0.3, 1.0, 0.0],
@@ -219,7 +133,7 @@ pub(crate) fn within(range: (f64, f64)) -> ContinuationOptions {
     ContinuationOptions::default().with_parameter_range(range)
 }
 
-pub(crate) fn follow(map: &PlaneMap, x: [f64; 2], direction: Direction, o: ContinuationOptions) -> Branch {
+pub(crate) fn follow(map: &Plane, x: [f64; 2], direction: Direction, o: ContinuationOptions) -> Branch {
     let branch = Branch::follow(map, &x, direction, o).unwrap();
     for (_, x) in branch.polyline() {
         assert!(map.value(x).abs() < 1e-9, "{x:?}");
