@@ -39,7 +39,18 @@ pub struct PatternRef<'a> {
     pub row_idx: &'a [usize],
 }
 
-impl PatternRef<'_> {
+impl<'a> PatternRef<'a> {
+    /// The view of a square matrix.
+    pub(crate) fn square(col_ptr: &'a [usize], row_idx: &'a [usize]) -> Self {
+        let n = col_ptr.len().saturating_sub(1);
+        Self {
+            nrows: n,
+            ncols: n,
+            col_ptr,
+            row_idx,
+        }
+    }
+
     /// Number of stored entries.
     #[must_use]
     pub fn nnz(&self) -> usize {

@@ -306,13 +306,7 @@ impl<const D: usize> Interior<D> {
     }
 
     fn factor(&mut self) -> Option<()> {
-        let n = self.rhs.len();
-        let pattern = PatternRef {
-            nrows: n,
-            ncols: n,
-            col_ptr: &self.col_ptr,
-            row_idx: &self.row_idx,
-        };
+        let pattern = PatternRef::square(&self.col_ptr, &self.row_idx);
         if self.symmetric {
             let near = &self.near;
             let factored = self.cholesky.analyze(pattern).and_then(|()| {
@@ -334,13 +328,7 @@ impl<const D: usize> Interior<D> {
 
     fn solve(&mut self) -> Option<()> {
         if self.symmetric {
-            let n = self.rhs.len();
-            let pattern = PatternRef {
-                nrows: n,
-                ncols: n,
-                col_ptr: &self.col_ptr,
-                row_idx: &self.row_idx,
-            };
+            let pattern = PatternRef::square(&self.col_ptr, &self.row_idx);
             let matrix = MatrixRef {
                 pattern,
                 values: &self.values,

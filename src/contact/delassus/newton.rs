@@ -253,13 +253,7 @@ impl<const D: usize> Newton<D> {
             self.rhs.extend(f.iter().map(|v| -v));
         }
         self.assemble(p, alpha);
-        let n = self.closed.len() * D;
-        let pattern = PatternRef {
-            nrows: n,
-            ncols: n,
-            col_ptr: &self.col_ptr,
-            row_idx: &self.row_idx,
-        };
+        let pattern = PatternRef::square(&self.col_ptr, &self.row_idx);
         let values = &self.values;
         self.factorisations += 1;
         let solved = self

@@ -196,13 +196,7 @@ impl<const D: usize> CentralPath<D> {
                 }
             }
         }
-        let n = self.trial.len() * D;
-        let pattern = PatternRef {
-            nrows: n,
-            ncols: n,
-            col_ptr: &self.col_ptr,
-            row_idx: &self.row_idx,
-        };
+        let pattern = PatternRef::square(&self.col_ptr, &self.row_idx);
         let values = &self.values;
         self.solver.analyze(pattern).ok()?;
         self.solver.factor(MatrixRef { pattern, values }).ok()?;

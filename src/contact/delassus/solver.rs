@@ -117,7 +117,7 @@ impl DelassusSolver {
     /// dense. A sweep of the local method is linear in the entries of M.
     ///
     /// # Errors
-    /// [`DelassusError::Option`] names an option out of range. A failed run is told by the status of the report.
+    /// [`DelassusError::Option`] names an option out of range. That a run failed is no error: see the status of the report.
     pub fn solve(&self, problem: &DelassusProblem) -> Result<DelassusReport, DelassusError> {
         self.solve_observed(problem, None, |_| ControlFlow::Continue(()))
     }
