@@ -1,4 +1,4 @@
-//! When a point counts as a solution: the one rule of all solvers of this module, told in its documentation.
+//! When a point counts as a solution: the one rule of all solvers of this module, stated in its documentation.
 
 use super::Lcp;
 use crate::sparse::MatrixRef;

@@ -67,7 +67,7 @@ impl Gmres {
 
     /// Overwrites `b` by an approximation to A⁻¹ b, until the residual has fallen by the factor `aim` or `limit` iterations are done.
     /// `multiply(x, y)` adds A x to y, `near` overwrites its argument by the solution of a system near A. Without convergence the
-    /// caller judges the residual told. After an error `b` holds what was reached before, unless it came with numbers that are none.
+    /// caller judges the residual reported. After an error `b` holds what was reached before, unless it came with numbers that are none.
     pub(crate) fn solve(
         &mut self,
         mut multiply: impl FnMut(&[f64], &mut [f64]),

@@ -155,7 +155,7 @@ pub(crate) struct Tail {
     pub(crate) full: bool,
 }
 
-/// [`Report::observed_order`] of any history, told from its end.
+/// [`Report::observed_order`] of any history, taken from its end.
 pub(crate) fn observed_order(history: impl Iterator<Item = Tail>, floor: f64) -> Option<f64> {
     // The last three above the floor, the last of them first; none above it may come after one that is not.
     let mut last: [Option<Tail>; 3] = [None; 3];

@@ -6,7 +6,7 @@ use crate::sparse::{Matrix, Pattern};
 /// A piecewise-smooth (PC¹) map H: ℝᵐ → ℝⁿ, given by its selection functions.
 ///
 /// H is continuous, and at every x equal to one of finitely many smooth selection functions H^(σ). A selection σ picks one
-/// *piece* at each *site*. Which piece is right at x is told by the signs of the site's *test functions* θ: each piece owns a
+/// *piece* at each *site*. Which piece is right at x follows from the signs of the site's *test functions* θ: each piece owns a
 /// *cell*, the set where its [facets](Facet) hold. m = n is an equation to [solve](crate::newton); m = n + 1 a curve to
 /// [follow](crate::continuation), with x = (y, α) and the parameter α last.
 ///

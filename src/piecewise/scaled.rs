@@ -5,7 +5,7 @@ use super::{Facet, PiecewiseError, PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, Pattern, norm};
 
 /// A map in scaled variables z, x = D z, where D holds typical sizes of the variables. Distances and angles in z do not depend on the
-/// units of x. Lengths that are given or told along a curve are those in the unit of the parameter: in z times its size.
+/// units of x. Lengths that are given or reported along a curve are those in the unit of the parameter: in z times its size.
 #[derive(Debug)]
 pub(crate) struct Scaled<M: ?Sized> {
     /// D, rounded to powers of two so that scaling is exact; empty for the identity.

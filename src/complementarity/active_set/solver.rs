@@ -119,7 +119,7 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
         self.solve_observed(lcp, z, Some(sets), |_| ControlFlow::Continue(()))
     }
 
-    /// As [`solve`](Self::solve) or [`solve_from_states`](Self::solve_from_states), told of each iteration and able to stop.
+    /// As [`solve`](Self::solve) or [`solve_from_states`](Self::solve_from_states), with an observer of each iteration, which may stop the run.
     ///
     /// # Errors
     /// As [`solve_from_states`](Self::solve_from_states).

@@ -46,7 +46,7 @@ impl Diagram {
     ///
     /// # Errors
     /// Options out of range; starts of the wrong length, outside the range of the parameter or the domain, or from which Newton's
-    /// method finds no solution. What fails later on is told by [`completeness`](Self::completeness).
+    /// method finds no solution. What fails later on is named by [`completeness`](Self::completeness).
     pub fn explore<P, S>(map: &P, starts: &[S], options: &DiagramOptions) -> Result<Self, ContinuationError>
     where
         P: PiecewiseSmooth + ?Sized,
