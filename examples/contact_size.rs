@@ -1,22 +1,26 @@
 //! How large a contact problem may be: an elastic block on the ground, meshed ever finer and solved, either condensed onto its contact
-//! nodes (one Cholesky factorisation) or in its displacements with multigrid, whichever is quicker at that size.
+//! nodes (one Cholesky factorisation) or in its displacements with multigrid, whichever is quicker at that size. A mesh of Gmsh may take the
+//! place of the block: its groups of facets are "left" (held), "top" (pressed), "right" (pulled) and "bottom", which lies, flat or
+//! curved, in a foundation of the same shape.
 //! You will see displacements, contact nodes, the route, the time of each phase (mesh, assembly, factorisation or multigrid, first solve,
 //! a further solve at another load), Newton steps and Krylov iterations, the states of the nodes, and the peak memory, row by row.
-//! Run: cargo run --release --example contact_size [-- --plane 999x500] [--solid 40x38x20] [--route displacements]
+//! Run: cargo run --release --example contact_size [-- --plane 999x500] [--solid 40x38x20] [--mesh body.msh] [--friction 0.8]
+//! [--route displacements]
 
 #[macro_use]
 mod common;
 
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
 use clap::Parser;
 use common::{Outcome, exit};
 use semismooth::contact::{
-    CondensedContact, ContactBody, ContactSolution, FrictionCoefficient, FrictionCurve, LoadPath, NodeLaw,
-    OrthotropicCoulomb, PlanarCoulomb, ReducedBody, ReducedContact, ReducedOptions,
+    CondensedContact, ContactBody, ContactError, ContactSolution, FrictionCoefficient, FrictionCurve,
+    LoadPath, NodeLaw, OrthotropicCoulomb, PlanarCoulomb, ReducedBody, ReducedContact, ReducedOptions,
 };
-use semismooth::fem::{ContactRows, ElasticSystem, Elasticity, Foundation, Material, Mesh};
+use semismooth::fem::{ContactRows, ElasticSystem, Elasticity, Foundation, Material, Mesh, read_gmsh};
 use semismooth::sparse::Matrix;
 
 /// Displacements of a solid beyond which multigrid is quicker than one factorisation, on the machine of the README.
@@ -33,6 +37,12 @@ struct Args {
     /// Cells of a solid block, as NXxNYxNZ; may be given several times. Default: 6x6x3, 10x10x5.
     #[arg(long)]
     solid: Vec<String>,
+    /// A Gmsh file with the groups "left", "right", "bottom" and "top"; may be given several times.
+    #[arg(long)]
+    mesh: Vec<PathBuf>,
+    /// Coefficient of friction.
+    #[arg(long, default_value_t = 0.3)]
+    friction: f64,
     /// "condensed", "displacements", or "auto": by size.
     #[arg(long, default_value = "auto")]
     route: String,
@@ -44,26 +54,63 @@ fn main() -> ExitCode {
 
 fn run(args: &Args) -> Outcome<()> {
     let (mut plane, mut solid) = (args.plane.clone(), args.solid.clone());
-    if plane.is_empty() && solid.is_empty() {
+    if plane.is_empty() && solid.is_empty() && args.mesh.is_empty() {
         plane = ["16x8", "32x16", "64x32"].map(String::from).to_vec();
         solid = ["6x6x3", "10x10x5"].map(String::from).to_vec();
     }
     println!(
         "             cells       free  contacts          route    mesh  assembly   setup   solve  further  Newton  Krylov  open stick  slip   peak memory"
     );
+    let friction = || {
+        Ok::<_, ContactError>(FrictionCoefficient::uniform(FrictionCurve::constant(
+            args.friction,
+        )?))
+    };
+    let ground = |dim: usize| {
+        let mut up = [0.0; 3];
+        up[dim - 1] = 1.0;
+        Foundation::plane([0.0; 3], up)
+    };
     for cells in &plane {
         let n = parse::<2>(cells)?;
-        let law = PlanarCoulomb::new(FrictionCoefficient::uniform(FrictionCurve::constant(0.3)?));
         let begun = Instant::now();
         let mesh = Mesh::rectangle([0.0, 0.0], [2.0, 1.0], n)?;
-        measure(cells, mesh, begun, law, &args.route)?;
+        measure(
+            cells,
+            mesh,
+            &ground(2),
+            begun,
+            PlanarCoulomb::new(friction()?),
+            &args.route,
+        )?;
     }
     for cells in &solid {
         let n = parse::<3>(cells)?;
-        let law = OrthotropicCoulomb::isotropic(FrictionCoefficient::uniform(FrictionCurve::constant(0.3)?));
         let begun = Instant::now();
         let mesh = Mesh::block([0.0; 3], [2.0, 2.0, 1.0], n)?;
-        measure(cells, mesh, begun, law, &args.route)?;
+        let law = OrthotropicCoulomb::isotropic(friction()?);
+        measure(cells, mesh, &ground(3), begun, law, &args.route)?;
+    }
+    for path in &args.mesh {
+        let begun = Instant::now();
+        let mesh = read_gmsh(path)?;
+        let name = path
+            .file_name()
+            .map_or_else(String::new, |n| n.to_string_lossy().into());
+        let bed = Foundation::gap(|_| 0.0);
+        if mesh.dim() == 2 {
+            measure(
+                &name,
+                mesh,
+                &bed,
+                begun,
+                PlanarCoulomb::new(friction()?),
+                &args.route,
+            )?;
+        } else {
+            let law = OrthotropicCoulomb::isotropic(friction()?);
+            measure(&name, mesh, &bed, begun, law, &args.route)?;
+        }
     }
     Ok(())
 }
@@ -90,7 +137,14 @@ impl Lap {
     }
 }
 
-fn measure<L: NodeLaw>(cells: &str, mesh: Mesh, begun: Instant, law: L, route: &str) -> Outcome<()> {
+fn measure<L: NodeLaw>(
+    name: &str,
+    mesh: Mesh,
+    foundation: &Foundation,
+    begun: Instant,
+    law: L,
+    route: &str,
+) -> Outcome<()> {
     let mut lap = Lap(begun);
     let dim = mesh.dim();
     let meshed = lap.seconds();
@@ -107,26 +161,29 @@ fn measure<L: NodeLaw>(cells: &str, mesh: Mesh, begun: Instant, law: L, route: &
         }
     };
     let mut row = if condensed {
-        condense(system, law, &mut lap)?
+        condense(system, foundation, law, &mut lap)?
     } else {
-        reduce(system, law, &mut lap)?
+        reduce(system, foundation, law, &mut lap)?
     };
     row.times[0] = meshed;
-    row.print(cells, free);
+    row.print(name, free);
     Ok(())
 }
 
-fn ground(system: &ElasticSystem) -> Outcome<(ContactRows, Vec<Matrix>)> {
-    let mut up = [0.0; 3];
-    up[system.mesh().dim() - 1] = 1.0;
-    let mut rows = system.contact("bottom", &Foundation::plane([0.0; 3], up))?;
+fn traces(system: &ElasticSystem, foundation: &Foundation) -> Outcome<(ContactRows, Vec<Matrix>)> {
+    let mut rows = system.contact("bottom", foundation)?;
     let mut tangential = vec![rows.tangential.clone()];
     tangential.extend(rows.tangential2.take());
     Ok((rows, tangential))
 }
 
-fn condense<L: NodeLaw>(system: ElasticSystem, law: L, lap: &mut Lap) -> Outcome<Row> {
-    let (load, (rows, tangential)) = (loads(&system)?, ground(&system)?);
+fn condense<L: NodeLaw>(
+    system: ElasticSystem,
+    foundation: &Foundation,
+    law: L,
+    lap: &mut Lap,
+) -> Outcome<Row> {
+    let (load, (rows, tangential)) = (loads(&system)?, traces(&system, foundation)?);
     let a = system.stiffness().clone();
     drop(system);
     let body = ContactBody::new(a, rows.normal, tangential, load)?.with_gap(rows.gap)?;
@@ -144,8 +201,8 @@ fn condense<L: NodeLaw>(system: ElasticSystem, law: L, lap: &mut Lap) -> Outcome
     })
 }
 
-fn reduce<L: NodeLaw>(system: ElasticSystem, law: L, lap: &mut Lap) -> Outcome<Row> {
-    let (load, (rows, tangential)) = (loads(&system)?, ground(&system)?);
+fn reduce<L: NodeLaw>(system: ElasticSystem, foundation: &Foundation, law: L, lap: &mut Lap) -> Outcome<Row> {
+    let (load, (rows, tangential)) = (loads(&system)?, traces(&system, foundation)?);
     let stiffness = system.nodal_stiffness()?;
     drop(system);
     let body = ReducedBody::new(stiffness, &rows.normal, &tangential, load)?.with_gap(rows.gap)?;

@@ -39,6 +39,7 @@ pub mod linear;
 pub mod newton;
 mod options;
 pub mod output;
+mod parallel;
 pub mod piecewise;
 pub mod prelude;
 pub mod sparse;

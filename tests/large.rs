@@ -6,6 +6,8 @@ use semismooth::contact::{
     ReducedStrategy,
 };
 use semismooth::fem::{ElasticSystem, Elasticity, Foundation, Material, Mesh};
+use semismooth::linear::LinearError;
+use semismooth::sparse::{Matrix, NodalMatrix};
 
 fn block(cells: [usize; 3], material: Material) -> ElasticSystem {
     let mesh = Mesh::block([0.0; 3], [2.0, 2.0, 1.0], cells).unwrap();
@@ -205,5 +207,137 @@ fn levels_of_a_history_are_those_of_the_condensed_form() {
         condensed.end_level(&x).unwrap();
         problem.end_level(alpha, &found.displacements).unwrap();
         u = Some(found.displacements);
+    }
+}
+
+/// The free displacements of a system: node and component of each, among nodes with the positions returned.
+fn places(system: &ElasticSystem) -> (Vec<[usize; 2]>, Vec<[f64; 3]>) {
+    let mut place = vec![[0; 2]; system.num_free()];
+    let mut points = Vec::new();
+    for node in 0..system.mesh().num_nodes() {
+        let own: Vec<_> = (0..3).filter_map(|d| Some((d, system.dof(node, d)?))).collect();
+        own.iter().for_each(|(d, k)| place[*k] = [points.len(), *d]);
+        if !own.is_empty() {
+            points.push(system.mesh().points()[node]);
+        }
+    }
+    (place, points)
+}
+
+/// Copies of a body beside one another, each without a part of the layer of cells that holds it, and with something on its diagonal.
+fn pieces(system: &ElasticSystem, layer: &ElasticSystem, without: &[f64], more: f64) -> NodalMatrix {
+    let n = system.num_free();
+    let ((place, points), (lost, lost_points)) = (places(system), places(layer));
+    let same = |p: &[f64; 3], q: &[f64; 3]| (0..3).all(|d| (p[d] - q[d]).abs() < 1e-9);
+    let unknown: Vec<usize> = lost
+        .iter()
+        .map(|[node, d]| {
+            let at = points.iter().position(|p| same(p, &lost_points[*node])).unwrap();
+            place.iter().position(|q| *q == [at, *d]).unwrap()
+        })
+        .collect();
+    let (mut entries, mut unknowns, mut all) = (Vec::new(), Vec::new(), Vec::new());
+    for (copy, part) in without.iter().enumerate() {
+        let mut add = |i: usize, j: usize, v: f64| entries.push((copy * n + i, copy * n + j, v));
+        system.stiffness().triplets().for_each(|(i, j, v)| add(i, j, v));
+        (0..n).for_each(|i| add(i, i, more));
+        for (i, j, v) in layer.stiffness().triplets() {
+            add(unknown[i], unknown[j], -part * v);
+        }
+        unknowns.extend(place.iter().map(|p| [copy * points.len() + p[0], p[1]]));
+        all.extend(points.iter().map(|p| [p[0] + 10.0 * copy as f64, p[1], p[2]]));
+    }
+    let a = Matrix::from_triplets(without.len() * n, without.len() * n, &entries).unwrap();
+    NodalMatrix::new(&a, all, &unknowns, 3).unwrap()
+}
+
+/// Floating bodies, one of two pieces that floats, and matrices of negative stiffness in what is smooth, where each node by itself
+/// resists: told when the problem is made, before anything is solved.
+#[test]
+fn what_nothing_holds_is_refused() {
+    let system = block([8, 6, 4], Material::isotropic(1.0, 0.277).unwrap());
+    let rows = system.contact("bottom", &ground(3)).unwrap();
+    let traces = [&rows.normal, &rows.tangential, rows.tangential2.as_ref().unwrap()];
+    let make = |stiffness: NodalMatrix| {
+        let n = stiffness.num_unknowns();
+        let wide =
+            traces.map(|t| Matrix::from_triplets(t.nrows(), n, &t.triplets().collect::<Vec<_>>()).unwrap());
+        let [normal, first, second] = wide;
+        let load = LoadPath::constant(vec![0.0; n]);
+        let body = ReducedBody::new(stiffness, &normal, &[first, second], load).unwrap();
+        ReducedContact::new(
+            body,
+            OrthotropicCoulomb::isotropic(constant(0.3)),
+            ReducedOptions::default(),
+        )
+    };
+    let mesh = Mesh::block([0.0; 3], [0.25, 2.0, 1.0], [1, 6, 4]).unwrap();
+    let material = Material::isotropic(1.0, 0.277).unwrap();
+    let layer = Elasticity::new(mesh, material).fix("left").assemble().unwrap();
+    let pieces = |without: &[f64], more: f64| pieces(&system, &layer, without, more);
+    assert!(make(pieces(&[0.0], 0.0)).is_ok());
+    assert!(make(pieces(&[0.999, 0.5], 0.0)).is_ok());
+    let refused = [
+        ("floats", pieces(&[1.0], 0.0)),
+        ("a piece floats", pieces(&[0.0, 1.0], 0.0)),
+        ("negative", pieces(&[0.0], -0.02)),
+    ];
+    for (name, stiffness) in refused {
+        let made = make(stiffness);
+        let expected = matches!(made, Err(ContactError::Linear(LinearError::NotPositiveDefinite)));
+        assert!(expected, "{name}: {:?}", made.err());
+    }
+}
+
+/// Loads beyond the range of numbers and laws without a solution in reach end with the best iterate, which is finite.
+#[test]
+fn failures_carry_finite_iterates() {
+    let system = block([6, 6, 3], Material::isotropic(1.0, 0.277).unwrap());
+    let press = system.traction("top", |_| [0.0, 0.0, -1e290]).unwrap();
+    let rows = system.contact("bottom", &ground(3)).unwrap();
+    let tangential = [rows.tangential, rows.tangential2.unwrap()];
+    let load = LoadPath::constant(press);
+    let body = ReducedBody::new(system.nodal_stiffness().unwrap(), &rows.normal, &tangential, load).unwrap();
+    let law = OrthotropicCoulomb::isotropic(constant(0.3));
+    match ReducedContact::new(body, law, ReducedOptions::default())
+        .unwrap()
+        .solve(0.0, None)
+    {
+        Ok(found) => assert!(found.residuals.largest() <= 1e-10),
+        Err(ContactError::NotConverged { best }) => {
+            assert!(best.displacements.iter().all(|u| u.is_finite()));
+        }
+        Err(e) => assert!(matches!(e, ContactError::Linear(_)), "{e}"),
+    }
+}
+
+/// A size at which products, sweeps and sums are split.
+#[cfg(feature = "rayon")]
+#[test]
+fn results_have_the_same_bits_on_any_number_of_threads() {
+    let solve = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap();
+        pool.install(|| {
+            let mesh = Mesh::block([0.0; 3], [2.0, 2.0, 1.0], [24, 20, 11]).unwrap();
+            let material = Material::isotropic(1.0, 0.277).unwrap();
+            let system = Elasticity::new(mesh, material).fix("left").discretize().unwrap();
+            let body = reduced_body(&system, &ground(3));
+            let law = OrthotropicCoulomb::isotropic(constant(0.3));
+            let options = ReducedOptions::default().with_tolerance(1e-4);
+            let found = ReducedContact::new(body, law, options)
+                .unwrap()
+                .solve(1.0, None)
+                .unwrap();
+            let bits = |v: &[f64]| v.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
+            (bits(&found.displacements), bits(&found.forces), found.krylov())
+        })
+    };
+    let one = solve(1);
+    assert!(one.0.len() > 1 << 14);
+    for threads in [2, 3] {
+        assert!(solve(threads) == one, "{threads} threads");
     }
 }

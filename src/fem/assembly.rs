@@ -1,14 +1,15 @@
 use std::sync::{Arc, OnceLock};
 
 use super::elasticity::Elasticity;
-use super::element::{CellKind, MAX_NODES, map_cell};
+use super::element::map_cell;
 use super::facet::integrate;
 use super::material::VOIGT;
-
+use super::nodal::CellsOf;
 use super::rigid::check_supports;
+use super::stiffness::Elements;
 use super::{FemError, Material, Mesh, PlaneModel};
 use crate::interface::LoadCase;
-use crate::sparse::{Blocks, Matrix, NodalBlocks, NodalMatrix, Pattern};
+use crate::sparse::{Matrix, Pattern};
 
 /// No free displacement.
 pub(super) const PRESCRIBED: usize = usize::MAX;
@@ -18,18 +19,18 @@ pub(super) const PRESCRIBED: usize = usize::MAX;
 /// Free displacements are numbered node by node, component by component.
 #[derive(Debug, Clone)]
 pub struct ElasticSystem {
-    mesh: Arc<Mesh>,
+    pub(super) mesh: Arc<Mesh>,
     /// Number of free displacements.
-    free: usize,
+    pub(super) free: usize,
     stiffness: OnceLock<Matrix>,
     /// Free displacement of each component of each node, or [`PRESCRIBED`].
-    dofs: Vec<usize>,
+    pub(super) dofs: Vec<usize>,
     /// The prescribed displacements, 0 at free components, and the forces that go with them.
     supports: LoadCase,
-    plane: PlaneModel,
+    pub(super) plane: PlaneModel,
     /// Materials, and which of them each cell has.
-    materials: Vec<Material>,
-    material_of: Vec<usize>,
+    pub(super) materials: Vec<Material>,
+    pub(super) material_of: Vec<usize>,
 }
 
 impl Elasticity {
@@ -124,122 +125,6 @@ impl ElasticSystem {
         Ok(system)
     }
 
-    /// Calls `add` with the nodes and the stiffness of each cell.
-    fn for_cells(&self, mut add: impl FnMut(&[usize], &ElementMatrix)) {
-        let tensors = tensors(&self.materials, self.mesh.dim(), self.plane);
-        let mut element = ElementMatrix::default();
-        for cell in 0..self.mesh.num_cells() {
-            let tensor = &tensors[self.material_of[cell]];
-            element.compute(self.mesh.kind(cell), &self.mesh.corners(cell), tensor);
-            add(self.mesh.cell(cell), &element);
-        }
-    }
-
-    fn single_entries(&self) -> Matrix {
-        let dim = self.mesh.dim();
-        let pattern = match pattern(&self.mesh, dim, &self.dofs, self.free) {
-            Ok(pattern) => pattern,
-            Err(_) => unreachable!("rows of free displacements increase"),
-        };
-        let mut stiffness = Matrix::zeros(pattern);
-        self.for_cells(|nodes, element| {
-            for (b, &nb) in nodes.iter().enumerate() {
-                for e in 0..dim {
-                    let column = self.dofs[dim * nb + e];
-                    if column == PRESCRIBED {
-                        continue;
-                    }
-                    for (a, &na) in nodes.iter().enumerate() {
-                        for d in 0..dim {
-                            let row = self.dofs[dim * na + d];
-                            if row != PRESCRIBED {
-                                stiffness.add(row, column, element.get(dim * a + d, dim * b + e));
-                            }
-                        }
-                    }
-                }
-            }
-        });
-        stiffness
-    }
-
-    /// A in blocks of nodes, with their positions: half the memory of single entries, for
-    /// [`ReducedContact`](crate::contact::ReducedContact). Assembled at each call.
-    ///
-    /// # Errors
-    /// [`FemError::TooLarge`] where the blocks do not fit into memory.
-    ///
-    /// ```
-    /// use semismooth::fem::{Elasticity, Material, Mesh};
-    /// let mesh = Mesh::block([0.0; 3], [1.0; 3], [3, 3, 3])?;
-    /// let system = Elasticity::new(mesh, Material::isotropic(1.0, 0.3)?).fix("left").discretize()?;
-    /// let nodal = system.nodal_stiffness()?;
-    /// assert_eq!((nodal.num_nodes(), nodal.num_unknowns()), (48, 144));
-    /// assert_eq!(nodal.to_matrix()?, *system.stiffness());
-    /// # Ok::<(), Box<dyn std::error::Error>>(())
-    /// ```
-    pub fn nodal_stiffness(&self) -> Result<NodalMatrix, FemError> {
-        let dim = self.mesh.dim();
-        let free = |n: usize| (0..dim).any(|d| self.dofs[dim * n + d] != PRESCRIBED);
-        let mut number = vec![u32::MAX; self.mesh.num_nodes()];
-        let mut points = Vec::new();
-        for n in (0..number.len()).filter(|&n| free(n)) {
-            number[n] = points.len() as u32;
-            points.push(self.mesh.points()[n]);
-        }
-        let mut places = Vec::with_capacity(self.free);
-        for (k, _) in self.dofs.iter().enumerate().filter(|d| *d.1 != PRESCRIBED) {
-            places.push(dim as u32 * number[k / dim] + (k % dim) as u32);
-        }
-        let blocks = match dim {
-            2 => NodalBlocks::Plane(self.in_blocks(&number, points.len())?),
-            _ => NodalBlocks::Space(self.in_blocks(&number, points.len())?),
-        };
-        Ok(NodalMatrix::from_parts(blocks, points, places))
-    }
-
-    fn in_blocks<const B: usize>(&self, number: &[u32], nodes: usize) -> Result<Blocks<B, B>, FemError> {
-        let mut blocks = Blocks::<B, B>::new(nodes);
-        blocks.start.reserve_exact(nodes);
-        for_neighbours(&self.mesh, |n, neighbours| {
-            if number[n] != u32::MAX {
-                let known = neighbours.iter().map(|&m| number[m]);
-                blocks.col.extend(known.filter(|m| *m != u32::MAX));
-                blocks.start.push(blocks.col.len());
-            }
-        });
-        let count = blocks.col.len();
-        if nodes >= u32::MAX as usize / 6 || blocks.value.try_reserve_exact(count).is_err() {
-            return Err(FemError::TooLarge {
-                cells: vec![self.mesh.num_cells()],
-            });
-        }
-        blocks.value.resize(count, [[0.0; B]; B]);
-        let fixed: Vec<u8> = (0..number.len())
-            .map(|n| {
-                (0..B)
-                    .filter(|d| self.dofs[B * n + d] == PRESCRIBED)
-                    .fold(0, |m, d| m | 1 << d)
-            })
-            .collect();
-        self.for_cells(|cell, element| {
-            for (a, &na) in cell.iter().enumerate().filter(|n| number[*n.1] != u32::MAX) {
-                for (b, &nb) in cell.iter().enumerate().filter(|n| number[*n.1] != u32::MAX) {
-                    let Some(slot) = blocks.slot(number[na] as usize, number[nb] as usize) else {
-                        continue;
-                    };
-                    let block = &mut blocks.value[slot];
-                    for d in (0..B).filter(|d| fixed[na] >> d & 1 == 0) {
-                        for e in (0..B).filter(|e| fixed[nb] >> e & 1 == 0) {
-                            block[d][e] += element.get(B * a + d, B * b + e);
-                        }
-                    }
-                }
-            }
-        });
-        Ok(blocks)
-    }
-
     /// The load case of displacements of the supports, one entry a component of a node, 0 at free ones.
     fn case_of(&self, prescribed: Vec<f64>) -> Result<LoadCase, FemError> {
         let mut forces = vec![0.0; self.num_free()];
@@ -254,8 +139,7 @@ impl ElasticSystem {
     /// Calls `add` with each component of each node of the cells that displacements move, and the force that they make there.
     fn for_elements(&self, displacements: &[f64], mut add: impl FnMut(usize, f64)) {
         let dim = self.mesh.dim();
-        let tensors = tensors(&self.materials, dim, self.plane);
-        let mut element = ElementMatrix::default();
+        let mut elements = Elements::new(self);
         for cell in 0..self.mesh.num_cells() {
             let components = || {
                 let nodes = self.mesh.cell(cell).iter();
@@ -264,8 +148,7 @@ impl ElasticSystem {
             if components().all(|k| displacements[k] == 0.0) {
                 continue;
             }
-            let tensor = &tensors[self.material_of[cell]];
-            element.compute(self.mesh.kind(cell), &self.mesh.corners(cell), tensor);
+            let element = elements.of(cell);
             for (i, row) in components().enumerate() {
                 let force = |(j, k): (usize, usize)| element.get(i, j) * displacements[k];
                 add(row, components().enumerate().map(force).sum());
@@ -516,90 +399,6 @@ fn interpolate(corners: &[[f64; 3]], shape: &[f64]) -> [f64; 3] {
     at
 }
 
-/// Stress from strain; in the plane the leading 3 × 3 block, for (11, 22, 12).
-pub(super) struct Tensor(pub(super) [[f64; 6]; 6]);
-
-fn tensors(materials: &[Material], dim: usize, plane: PlaneModel) -> Vec<Tensor> {
-    let tensor = |m: &Material| match dim {
-        2 => {
-            let c = m.plane(plane);
-            Tensor(std::array::from_fn(|i| {
-                std::array::from_fn(|j| if i < 3 && j < 3 { c[i][j] } else { 0.0 })
-            }))
-        }
-        _ => Tensor(m.solid()),
-    };
-    materials.iter().map(tensor).collect()
-}
-
-/// Stiffness of one cell, column-major.
-#[derive(Default)]
-struct ElementMatrix {
-    order: usize,
-    values: Vec<f64>,
-}
-
-impl ElementMatrix {
-    fn get(&self, row: usize, col: usize) -> f64 {
-        self.values[col * self.order + row]
-    }
-
-    fn compute(&mut self, kind: CellKind, corners: &[[f64; 3]; MAX_NODES], tensor: &Tensor) {
-        let (dim, n) = (kind.dim(), kind.num_nodes());
-        self.order = dim * n;
-        self.values.clear();
-        self.values.resize(self.order * self.order, 0.0);
-        let mut points = kind.quadrature();
-        if kind.is_simplex() {
-            let total = points.iter().map(|p| p.1).sum();
-            points.truncate(1);
-            points[0].1 = total;
-        }
-        let strains = if dim == 2 { 3 } else { 6 };
-        let mut b = [[0.0; 6]; 3 * MAX_NODES];
-        let mut cb = [[0.0; 6]; 3 * MAX_NODES];
-        for (x, weight) in points {
-            let (_, gradient, det) = map_cell(kind, &corners[..n], x);
-            for a in 0..n {
-                for d in 0..dim {
-                    let column = &mut b[dim * a + d];
-                    *column = [0.0; 6];
-                    if dim == 2 {
-                        column[d] = gradient[a][d];
-                        column[2] = gradient[a][1 - d];
-                    } else {
-                        for (s, [i, j]) in VOIGT.into_iter().enumerate() {
-                            if i == d {
-                                column[s] = gradient[a][j];
-                            } else if j == d {
-                                column[s] = gradient[a][i];
-                            }
-                        }
-                    }
-                }
-            }
-            let scale = weight * det;
-            for col in 0..self.order {
-                for s in 0..strains {
-                    cb[col][s] = scale * (0..strains).map(|t| tensor.0[s][t] * b[col][t]).sum::<f64>();
-                }
-            }
-            for col in 0..self.order {
-                for row in 0..=col {
-                    let k: f64 = (0..strains).map(|s| b[row][s] * cb[col][s]).sum();
-                    self.values[col * self.order + row] += k;
-                }
-            }
-        }
-        // Mirrored, so that the sum is symmetric to the last bit.
-        for col in 0..self.order {
-            for row in 0..col {
-                self.values[row * self.order + col] = self.values[col * self.order + row];
-            }
-        }
-    }
-}
-
 /// The pattern of the free unknowns, `dim` a node: nodes that share a cell.
 pub(super) fn pattern(mesh: &Mesh, dim: usize, dofs: &[usize], free: usize) -> Result<Pattern, FemError> {
     let mut col_ptr = Vec::with_capacity(free + 1);
@@ -621,29 +420,12 @@ pub(super) fn pattern(mesh: &Mesh, dim: usize, dofs: &[usize], free: usize) -> R
 
 /// Calls `see` with each node and, in order, all nodes that share a cell with it, itself among them.
 fn for_neighbours(mesh: &Mesh, mut see: impl FnMut(usize, &[usize])) {
-    let nodes = mesh.num_nodes();
-    let mut first = vec![0usize; nodes + 1];
-    for cell in 0..mesh.num_cells() {
-        for &n in mesh.cell(cell) {
-            first[n + 1] += 1;
-        }
-    }
-    for n in 0..nodes {
-        first[n + 1] += first[n];
-    }
-    let mut next = first.clone();
-    let mut cells = vec![0usize; first[nodes]];
-    for cell in 0..mesh.num_cells() {
-        for &n in mesh.cell(cell) {
-            cells[next[n]] = cell;
-            next[n] += 1;
-        }
-    }
+    let cells = CellsOf::new(mesh);
     let mut neighbours: Vec<usize> = Vec::new();
-    for n in 0..nodes {
+    for n in 0..mesh.num_nodes() {
         neighbours.clear();
-        for &cell in &cells[first[n]..first[n + 1]] {
-            neighbours.extend_from_slice(mesh.cell(cell));
+        for &cell in cells.of(n) {
+            neighbours.extend_from_slice(mesh.cell(cell as usize));
         }
         neighbours.sort_unstable();
         neighbours.dedup();

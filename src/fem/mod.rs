@@ -17,8 +17,10 @@ mod gmsh;
 mod material;
 mod mesh;
 mod multipliers;
+mod nodal;
 mod refine;
 mod rigid;
+mod stiffness;
 mod tokens;
 mod trace;
 

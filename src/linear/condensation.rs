@@ -1,12 +1,15 @@
 use faer::linalg::matmul::triangular::{self, BlockStructure};
-use faer::linalg::triangular_inverse::invert_lower_triangular;
+use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::{Accum, MatMut, MatRef, Par};
 
 use super::{Cholesky, LinearError, LinearSolver, dense_zeros};
+use crate::parallel;
 use crate::sparse::{Matrix, Pattern, dot};
 
 /// Orders below this are handled by plain loops.
 const BLOCKED: usize = 48;
+/// Columns that one thread takes at a time.
+const COLUMNS: usize = 192;
 
 /// The condensation of A u + Bᵀ λ = f onto the few quantities v = B u: v = B A⁻¹ f − C λ with C = B A⁻¹ Bᵀ.
 ///
@@ -197,11 +200,19 @@ fn small_compliance(rows: &[Row], k: usize, l: &[f64]) -> Result<Compliance, Lin
 fn compliance(rows: &[Row], k: usize, l: Vec<f64>) -> Result<Compliance, LinearError> {
     let q = rows.len();
     let mut inverse = dense_zeros(k, k)?;
-    invert_lower_triangular(
-        MatMut::from_column_major_slice_mut(&mut inverse, k, k),
-        MatRef::from_column_major_slice(&l, k, k),
-        Par::Seq,
-    );
+    let factor = MatRef::from_column_major_slice(&l, k, k);
+    // Columns by columns, at the same time: what is above the diagonal stays zero.
+    parallel::parts(&mut inverse, k * COLUMNS, &|first, part| {
+        let (first, count) = (first / k, part.len() / k);
+        (0..count).for_each(|c| part[c * k + first + c] = 1.0);
+        let columns = MatMut::from_column_major_slice_mut(part, k, count);
+        let live = k - first;
+        solve_lower_triangular_in_place(
+            factor.submatrix(first, first, live, live),
+            columns.submatrix_mut(first, 0, live, count),
+            Par::Seq,
+        );
+    });
     drop(l);
     let mut y = dense_zeros(k, q)?;
     for (column, row) in y.chunks_exact_mut(k).zip(rows) {
@@ -212,17 +223,21 @@ fn compliance(rows: &[Row], k: usize, l: Vec<f64>) -> Result<Compliance, LinearE
     }
     let mut s = dense_zeros(k, k)?;
     let lower = MatRef::from_column_major_slice(&inverse, k, k);
-    triangular::matmul(
-        MatMut::from_column_major_slice_mut(&mut s, k, k),
-        BlockStructure::TriangularLower,
-        Accum::Replace,
-        lower.transpose(),
-        BlockStructure::TriangularUpper,
-        lower,
-        BlockStructure::TriangularLower,
-        1.0,
-        Par::Seq,
-    );
+    parallel::parts(&mut s, k * COLUMNS, &|first, part| {
+        let (first, count) = (first / k, part.len() / k);
+        let live = k - first;
+        triangular::matmul(
+            MatMut::from_column_major_slice_mut(part, k, count).submatrix_mut(first, 0, live, count),
+            BlockStructure::Rectangular,
+            Accum::Replace,
+            lower.submatrix(first, first, live, live).transpose(),
+            BlockStructure::TriangularUpper,
+            lower.submatrix(first, first, live, count),
+            BlockStructure::Rectangular,
+            1.0,
+            Par::Seq,
+        );
+    });
     drop(inverse);
     let entry = |i: usize, j: usize| s[i.min(j) * k + i.max(j)];
     let mut c = dense_zeros(q, q)?;

@@ -1,6 +1,7 @@
 //! GMRES with a preconditioner on the right.
 
 use super::LinearError;
+use crate::parallel::{self, GRAIN, add_scaled, product};
 use crate::sparse::dot;
 
 /// Workspace of restarted, right-preconditioned GMRES (Y. Saad, M. H. Schultz, SIAM J. Sci. Stat. Comput. 7 (1986)).
@@ -86,7 +87,7 @@ impl Gmres {
         self.z.resize(n, 0.0);
         self.x.clear();
         self.x.resize(n, 0.0);
-        let size = dot(b, b).sqrt();
+        let size = product(b, b).sqrt();
         let mut outcome = GmresOutcome {
             iterations: 0,
             residual: if size == 0.0 { 0.0 } else { 1.0 },
@@ -98,7 +99,7 @@ impl Gmres {
             self.rotations.clear();
             self.rhs.clear();
             self.rhs.resize(rows, 0.0);
-            let norm = dot(b, b).sqrt();
+            let norm = product(b, b).sqrt();
             if !norm.is_finite() {
                 return Err(LinearError::Inaccurate { residual: norm });
             }
@@ -122,7 +123,7 @@ impl Gmres {
                 near(&mut self.z)
             };
             if back.is_ok() {
-                self.x.iter_mut().zip(&self.z).for_each(|(x, z)| *x += z);
+                add_scaled(1.0, &self.z, &mut self.x);
             }
             let goes_on = match expanded.and_then(|goes_on| back.map(|()| goes_on)) {
                 Ok(goes_on) => goes_on,
@@ -138,10 +139,10 @@ impl Gmres {
             }
             if outcome.residual > aim {
                 // Basis vectors are scratch between cycles.
-                let product = &mut self.basis[..n];
-                product.fill(0.0);
-                multiply(&self.z, product);
-                b.iter_mut().zip(&*product).for_each(|(b, p)| *b -= p);
+                let image = &mut self.basis[..n];
+                image.fill(0.0);
+                multiply(&self.z, image);
+                add_scaled(-1.0, image, b);
                 if outcome.residual > 0.999 * before {
                     outcome.end = GmresEnd::Stagnation;
                     break;
@@ -171,15 +172,24 @@ impl Gmres {
         w.fill(0.0);
         multiply(&self.z, w);
         let h = &mut self.hessenberg[rows * k..rows * (k + 1)];
+        // What one direction takes off goes with the product of the next one.
+        let mut last: Option<(f64, &[f64])> = None;
         for (i, v) in old.chunks_exact(n).enumerate() {
-            let c = dot(v, w);
+            let c = parallel::sum_parts(w, GRAIN, &|first, w| {
+                take_off(last, first, w);
+                dot(&v[first..first + w.len()], w)
+            });
             h[i] = c;
-            w.iter_mut().zip(v).for_each(|(w, v)| *w -= c * v);
+            last = Some((c, v));
         }
-        let norm = dot(w, w).sqrt();
+        let norm = parallel::sum_parts(w, GRAIN, &|first, w| {
+            take_off(last, first, w);
+            dot(w, w)
+        });
+        let norm = norm.sqrt();
         let whole = h[..=k].iter().fold(norm, |size, h| size.hypot(*h));
         if norm > 0.0 {
-            w.iter_mut().for_each(|w| *w /= norm);
+            parallel::parts(w, GRAIN, &|_, w| w.iter_mut().for_each(|w| *w /= norm));
         }
         for (i, &(c, s)) in self.rotations.iter().enumerate() {
             (h[i], h[i + 1]) = (c * h[i] + s * h[i + 1], c * h[i + 1] - s * h[i]);
@@ -213,8 +223,15 @@ impl Gmres {
             false => &self.basis,
         };
         for (v, c) in directions.chunks_exact(n.max(1)).zip(&self.rhs[..k]) {
-            self.z.iter_mut().zip(v).for_each(|(z, v)| *z += c * v);
+            add_scaled(*c, v, &mut self.z);
         }
+    }
+}
+
+/// w ← w − c v from an entry on.
+fn take_off(direction: Option<(f64, &[f64])>, first: usize, w: &mut [f64]) {
+    if let Some((c, v)) = direction {
+        w.iter_mut().zip(&v[first..]).for_each(|(w, v)| *w -= c * v);
     }
 }
 

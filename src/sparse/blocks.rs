@@ -1,5 +1,10 @@
 //! Sparse matrices of small dense blocks.
 
+use crate::parallel;
+
+/// Rows that one thread takes at a time.
+pub(crate) const ROWS: usize = 1024;
+
 /// A sparse matrix of R × C blocks, by block rows: half the memory of single entries, and products without a look-up for each.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Blocks<const R: usize, const C: usize> {
@@ -41,15 +46,27 @@ impl<const R: usize, const C: usize> Blocks<R, C> {
 
     /// y ← A x.
     pub(crate) fn mul(&self, x: &[f64], y: &mut [f64]) {
+        self.for_products(x, y, &|_, sum, y| *y = sum);
+    }
+
+    /// Calls `put` with each row, its entries of A x, and those of y.
+    pub(crate) fn for_products(
+        &self,
+        x: &[f64],
+        y: &mut [f64],
+        put: &(impl Fn(usize, [f64; R], &mut [f64; R]) + Sync),
+    ) {
         let x = x.as_chunks::<C>().0;
-        for (i, y) in y.as_chunks_mut::<R>().0.iter_mut().enumerate() {
-            let (cols, values) = self.row(i);
-            let mut sum = [0.0; R];
-            for (&j, block) in cols.iter().zip(values) {
-                add_product(block, &x[j as usize], &mut sum);
+        parallel::parts(y.as_chunks_mut::<R>().0, ROWS, &|first, y| {
+            for (i, y) in (first..).zip(y) {
+                let (cols, values) = self.row(i);
+                let mut sum = [0.0; R];
+                for (&j, block) in cols.iter().zip(values) {
+                    add_product(block, &x[j as usize], &mut sum);
+                }
+                put(i, sum, y);
             }
-            *y = sum;
-        }
+        });
     }
 }
 

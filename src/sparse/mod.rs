@@ -13,7 +13,7 @@ mod nodal;
 mod pattern;
 mod vector;
 
-pub(crate) use blocks::{Blocks, add_product, subtract_transposed};
+pub(crate) use blocks::{Blocks, ROWS, add_product, subtract_transposed};
 pub(crate) use coloring::Coloring;
 pub use error::SparseError;
 pub use matrix::{Matrix, MatrixRef};

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use super::ReducedBody;
 use crate::linear::{Aggregation, Gmres, LinearError};
+use crate::parallel;
 use crate::sparse::{Blocks, NodalBlocks, add_product};
 
 /// What Newton's method in the displacements needs of a body: products with its stiffness matrix A and solves with matrices that differ
@@ -191,15 +192,13 @@ impl ReducedSystem for SerialSystem {
             beside: &self.beside,
             combined: &self.combined,
         };
-        let outcome = match (&mut self.hierarchy, &self.body.stiffness.blocks) {
-            (Hierarchy::Plane(h), NodalBlocks::Plane(a)) => {
-                rows.solve(a, h, &mut self.gmres, d, tolerance, self.max_iterations)?
-            }
-            (Hierarchy::Space(h), NodalBlocks::Space(a)) => {
-                rows.solve(a, h, &mut self.gmres, d, tolerance, self.max_iterations)?
-            }
-            _ => return Err(LinearError::NotAnalyzed),
-        };
+        let (hierarchy, gmres, limit) = (&mut self.hierarchy, &mut self.gmres, self.max_iterations);
+        let blocks = &self.body.stiffness.blocks;
+        let outcome = parallel::within(|| match (hierarchy, blocks) {
+            (Hierarchy::Plane(h), NodalBlocks::Plane(a)) => rows.solve(a, h, gmres, d, tolerance, limit),
+            (Hierarchy::Space(h), NodalBlocks::Space(a)) => rows.solve(a, h, gmres, d, tolerance, limit),
+            _ => Err(LinearError::NotAnalyzed),
+        })?;
         let rate = outcome.residual.powf(1.0 / outcome.iterations.max(1) as f64);
         if outcome.iterations >= TELLING && rate > SLOW {
             match &mut self.hierarchy {

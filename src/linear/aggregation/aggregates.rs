@@ -86,15 +86,17 @@ fn merge_small<const B: usize>(a: &Blocks<B, B>, of: &mut [u32], count: usize) -
             size[of[i] as usize] += 1;
         }
     }
+    // In the order of their first nodes: near aggregates have near numbers.
+    let mut number = vec![NONE; count];
     let mut next = 0;
-    let number: Vec<u32> = size
-        .iter()
-        .map(|s| {
-            next += u32::from(*s > 0);
-            next.saturating_sub(1)
-        })
-        .collect();
-    of.iter_mut().for_each(|k| *k = number[*k as usize]);
+    for own in of.iter_mut() {
+        let number = &mut number[*own as usize];
+        if *number == NONE {
+            *number = next;
+            next += 1;
+        }
+        *own = *number;
+    }
     Aggregates {
         of: of.to_vec(),
         count: next as usize,

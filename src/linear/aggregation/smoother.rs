@@ -1,11 +1,20 @@
 //! Block Gauss–Seidel sweeps, and the direct solve at the bottom.
 
+use std::ops::Range;
+
 use super::dense::semi_inverse;
 use super::transfer::Constraints;
 use crate::linear::{Cholesky, LinearError, LinearSolver};
-use crate::sparse::{Blocks, Matrix, Pattern, add_product, subtract_transposed};
+use crate::parallel;
+use crate::sparse::{Blocks, Matrix, Pattern, ROWS, add_product, subtract_transposed};
+
+/// Entries of a matrix that are worth a thread.
+const GRAIN: usize = 1 << 18;
 
 /// Sweeps over a symmetric matrix, and the vectors of its level.
+///
+/// Rows are relaxed strip by strip, first those of even numbers, then the odd ones (backward the other way round): a strip is coupled
+/// to the two beside it alone, so that strips of one colour are relaxed at the same time, and the sweep is Gauss–Seidel's in another order.
 #[derive(Debug, Clone)]
 pub(super) struct Smoother<const B: usize> {
     /// Inverse diagonal blocks; zero rows and columns where components are held.
@@ -13,107 +22,389 @@ pub(super) struct Smoother<const B: usize> {
     pub(super) x: Vec<f64>,
     pub(super) b: Vec<f64>,
     pub(super) r: Vec<f64>,
+    /// The first row of each strip, and the end.
+    strips: Vec<usize>,
+    /// What a strip changes in the residuals of the rows beside it, from which row on, and where it is.
+    halo: Vec<[f64; B]>,
+    halo_first: Vec<usize>,
+    halo_ends: Vec<usize>,
 }
 
 impl<const B: usize> Smoother<B> {
-    pub(super) fn new(a: &Blocks<B, B>, held: impl Fn(usize) -> u8) -> Self {
+    pub(super) fn new(a: &Blocks<B, B>, held: impl Fn(usize) -> u8 + Sync) -> Self {
         let n = a.nrows();
-        let mut smoother = Self {
-            inverse: vec![[[0.0; B]; B]; n],
+        let mut inverse = vec![[[0.0; B]; B]; n];
+        parallel::parts(&mut inverse, ROWS, &|first, part| {
+            for (i, inverse) in (first..).zip(part) {
+                *inverse = inverse_block(a, i, held(i), None);
+            }
+        });
+        let strips = strips(a);
+        let (mut halo_first, mut halo_ends) = (Vec::new(), vec![0]);
+        for strip in strips.windows(2) {
+            let rows = || (strip[0]..strip[1]).map(|i| a.row(i).0);
+            let low = rows().filter_map(|cols| cols.first()).min();
+            let high = rows().filter_map(|cols| cols.last()).max();
+            let low = low.map_or(strip[0], |j| strip[0].min(*j as usize));
+            let high = high.map_or(strip[1], |j| strip[1].max(*j as usize + 1));
+            halo_first.push(low);
+            halo_ends.push(halo_ends[halo_ends.len() - 1] + (strip[0] - low) + (high - strip[1]));
+        }
+        Self {
+            inverse,
             x: vec![0.0; B * n],
             b: vec![0.0; B * n],
             r: vec![0.0; B * n],
-        };
-        (0..n).for_each(|i| smoother.invert(a, i, held(i), None));
-        smoother
+            halo: vec![[0.0; B]; halo_ends[halo_ends.len() - 1]],
+            strips,
+            halo_first,
+            halo_ends,
+        }
     }
 
     pub(super) fn invert(&mut self, a: &Blocks<B, B>, node: usize, held: u8, added: Option<&[[f64; B]; B]>) {
-        let mut block = a.slot(node, node).map_or([[0.0; B]; B], |k| a.value[k]);
-        if let Some(added) = added {
-            for (row, more) in block.iter_mut().zip(added) {
-                row.iter_mut().zip(more).for_each(|(v, m)| *v += m);
-            }
-        }
-        self.inverse[node] = semi_inverse(&block, held);
+        self.inverse[node] = inverse_block(a, node, held, added);
     }
 
-    /// x ← a forward sweep from x = 0, r ← b − A x: that residual is −(upper part) x, which by symmetry is gathered from the lower
-    /// part, the only one that is read.
-    fn forward_from_zero(&mut self, a: &Blocks<B, B>) {
-        let x = self.x.as_chunks_mut::<B>().0;
+    fn run(&mut self, a: &Blocks<B, B>, sweep: Sweep) {
+        let all = Relaxation {
+            a,
+            inverse: &self.inverse,
+            b: self.b.as_chunks::<B>().0,
+            strips: &self.strips,
+            halos: &self.halo_ends,
+            halo_first: &self.halo_first,
+            sweep,
+        };
+        let count = self.strips.len() - 1;
+        let first = usize::from(count > 1 && sweep == Sweep::Backward);
+        for (colour, last) in [(first, false), (1 - first, true)] {
+            let whole = Part {
+                strips: 0..count,
+                before: &[],
+                x: self.x.as_chunks_mut().0,
+                after: &[],
+                r: self.r.as_chunks_mut().0,
+                halo: &mut self.halo,
+            };
+            all.colour(colour, last, whole);
+        }
+        // What strips of the second colour left for those beside them.
         let r = self.r.as_chunks_mut::<B>().0;
-        let b = self.b.as_chunks::<B>().0;
-        for i in 0..b.len() {
-            let (cols, values) = a.row(i);
-            let lower = cols.partition_point(|j| (*j as usize) < i);
-            let (cols, values) = (&cols[..lower], &values[..lower]);
-            let mut sum = [0.0; B];
-            for (&j, block) in cols.iter().zip(values) {
-                add_product(block, &x[j as usize], &mut sum);
+        for k in (1 - first..count).step_by(2) {
+            let halo = &self.halo[self.halo_ends[k]..self.halo_ends[k + 1]];
+            let (before, after) = halo.split_at(self.strips[k] - self.halo_first[k]);
+            let rows = self.halo_first[k]..self.strips[k];
+            for (r, h) in r[rows].iter_mut().zip(before) {
+                r.iter_mut().zip(h).for_each(|(r, h)| *r += h);
             }
-            let rest: [f64; B] = std::array::from_fn(|k| b[i][k] - sum[k]);
+            for (r, h) in r[self.strips[k + 1]..].iter_mut().zip(after) {
+                r.iter_mut().zip(h).for_each(|(r, h)| *r += h);
+            }
+        }
+    }
+
+    #[cfg(test)]
+    pub(super) fn num_strips(&self) -> usize {
+        self.strips.len() - 1
+    }
+
+    /// Before the coarse correction: x from zero, r its residual. Sweeps go forward and backward by turns.
+    pub(super) fn smooth_before(&mut self, a: &Blocks<B, B>, sweeps: usize) {
+        self.run(a, Sweep::FromZero);
+        for k in 1..sweeps {
+            self.run(
+                a,
+                if k % 2 == 1 {
+                    Sweep::Backward
+                } else {
+                    Sweep::Forward
+                },
+            );
+        }
+    }
+
+    /// After it, in reverse: the cycle stays symmetric.
+    pub(super) fn smooth_after(&mut self, a: &Blocks<B, B>, sweeps: usize) {
+        for k in (0..sweeps).rev() {
+            self.run(
+                a,
+                if k % 2 == 0 {
+                    Sweep::Backward
+                } else {
+                    Sweep::Forward
+                },
+            );
+        }
+    }
+}
+
+fn inverse_block<const B: usize>(
+    a: &Blocks<B, B>,
+    node: usize,
+    held: u8,
+    added: Option<&[[f64; B]; B]>,
+) -> [[f64; B]; B] {
+    let mut block = a.slot(node, node).map_or([[0.0; B]; B], |k| a.value[k]);
+    if let Some(added) = added {
+        for (row, more) in block.iter_mut().zip(added) {
+            row.iter_mut().zip(more).for_each(|(v, m)| *v += m);
+        }
+    }
+    semi_inverse(&block, held)
+}
+
+/// Rows cut so that a strip has no couplings but with the strips beside it; a single one where that leaves no two of a colour. Wide
+/// strips have fewer couplings with others, narrow ones are more.
+fn strips<const B: usize>(a: &Blocks<B, B>) -> Vec<usize> {
+    const ENOUGH: usize = 8;
+    let found = [3, 2, 1].map(|width| cut(a, width));
+    let [wide, middle, narrow] = found;
+    let best = [wide, middle]
+        .into_iter()
+        .find(|s| s.len() > ENOUGH)
+        .unwrap_or(narrow);
+    if best.len() < 4 { vec![0, a.nrows()] } else { best }
+}
+
+/// Strips of `width` times the least width.
+fn cut<const B: usize>(a: &Blocks<B, B>, width: usize) -> Vec<usize> {
+    let n = a.nrows();
+    let mut strips = vec![0];
+    let (mut start, mut reach, mut row) = (0, 0, 0);
+    while start < n {
+        // All that rows before `start` are coupled to ends with the strip that begins there.
+        while row < start {
+            reach = a.row(row).0.last().map_or(reach, |j| reach.max(*j as usize + 1));
+            row += 1;
+        }
+        let enough = a.start.partition_point(|k| *k < a.start[start] + GRAIN / (B * B));
+        let least = start + width * reach.saturating_sub(start);
+        start = enough.max(least).max(start + 1).min(n);
+        strips.push(start);
+    }
+    strips
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Sweep {
+    /// Forward from x = 0.
+    FromZero,
+    Forward,
+    Backward,
+}
+
+struct Relaxation<'a, const B: usize> {
+    a: &'a Blocks<B, B>,
+    inverse: &'a [[[f64; B]; B]],
+    b: &'a [[f64; B]],
+    strips: &'a [usize],
+    halos: &'a [usize],
+    halo_first: &'a [usize],
+    sweep: Sweep,
+}
+
+/// Strips in a row, with x on the strips beside them.
+struct Part<'a, const B: usize> {
+    strips: Range<usize>,
+    before: &'a [[f64; B]],
+    x: &'a mut [[f64; B]],
+    after: &'a [[f64; B]],
+    r: &'a mut [[f64; B]],
+    halo: &'a mut [[f64; B]],
+}
+
+impl<const B: usize> Relaxation<'_, B> {
+    /// Relaxes the strips of the part whose numbers are odd (1) or even (0), which are the first or the last ones of the sweep.
+    fn colour(&self, odd: usize, last: bool, part: Part<'_, B>) {
+        let (from, to) = (part.strips.start, part.strips.end);
+        let first = from + (from + odd) % 2;
+        if first >= to {
+            return;
+        }
+        let (offset, shift) = (self.strips[from], self.halos[from]);
+        let count = (to - first).div_ceil(2);
+        if count == 1 {
+            let rows = self.strips[first]..self.strips[first + 1];
+            let (x_before, x) = part.x.split_at_mut(rows.start - offset);
+            let (x, x_after) = x.split_at_mut(rows.len());
+            let strip = Strip {
+                all: self,
+                before: if first > from { x_before } else { part.before },
+                x,
+                after: if first + 1 < to { x_after } else { part.after },
+                r: &mut part.r[rows.start - offset..rows.end - offset],
+                halo: &mut part.halo[self.halos[first] - shift..self.halos[first + 1] - shift],
+                first: self.halo_first[first],
+                rows,
+            };
+            return match (self.sweep, last) {
+                (Sweep::FromZero, false) => strip.relax_zero::<false>(),
+                (Sweep::FromZero, true) => strip.relax_zero::<true>(),
+                (_, false) => strip.relax::<false>(),
+                (_, true) => strip.relax::<true>(),
+            };
+        }
+        // A strip of the other colour is read from both sides.
+        let middle = first + 2 * (count / 2) - 1;
+        let (start, end) = (self.strips[middle] - offset, self.strips[middle + 1] - offset);
+        let (x_low, x) = part.x.split_at_mut(start);
+        let (between, x_high) = x.split_at_mut(end - start);
+        let (r_low, r) = part.r.split_at_mut(start);
+        let (halo_low, halo) = part.halo.split_at_mut(self.halos[middle] - shift);
+        let between = &*between;
+        let low = Part {
+            strips: from..middle,
+            before: part.before,
+            x: x_low,
+            after: between,
+            r: r_low,
+            halo: halo_low,
+        };
+        let high = Part {
+            strips: middle + 1..to,
+            before: between,
+            x: x_high,
+            after: part.after,
+            r: &mut r[end - start..],
+            halo: &mut halo[self.halos[middle + 1] - self.halos[middle]..],
+        };
+        parallel::join(|| self.colour(odd, last, low), || self.colour(odd, last, high));
+    }
+}
+
+/// One strip: its rows, its part of x and r, x on the strips beside it, and what they owe to it.
+struct Strip<'a, const B: usize> {
+    all: &'a Relaxation<'a, B>,
+    rows: Range<usize>,
+    before: &'a [[f64; B]],
+    x: &'a mut [[f64; B]],
+    after: &'a [[f64; B]],
+    r: &'a mut [[f64; B]],
+    /// Rows from `first` on, without those of the strip.
+    halo: &'a mut [[f64; B]],
+    first: usize,
+}
+
+impl<const B: usize> Strip<'_, B> {
+    /// x ← a forward sweep from x = 0, r ← b − A x: that residual is −(upper part) x, which by symmetry is gathered from the lower
+    /// part, the only one that is read. Beside the first strips x is still zero.
+    fn relax_zero<const LAST: bool>(mut self) {
+        if LAST {
+            self.halo.fill([0.0; B]);
+        }
+        let (start, end) = (self.rows.start, self.rows.end);
+        for i in start..end {
+            let (cols, values) = self.all.a.row(i);
+            let mut sum = [0.0; B];
+            let low = if LAST {
+                self.add_before(cols, values, &mut sum)
+            } else {
+                cols.iter().take_while(|j| (**j as usize) < start).count()
+            };
+            let mut diagonal = low;
+            while diagonal < cols.len() && (cols[diagonal] as usize) < i {
+                add_product(
+                    &values[diagonal],
+                    &self.x[cols[diagonal] as usize - start],
+                    &mut sum,
+                );
+                diagonal += 1;
+            }
+            let mut high = cols.len();
+            if LAST {
+                high = self.add_after(cols, values, &mut sum);
+            }
+            let rest: [f64; B] = std::array::from_fn(|k| self.all.b[i][k] - sum[k]);
             let mut step = [0.0; B];
-            add_product(&self.inverse[i], &rest, &mut step);
-            x[i] = step;
-            r[i] = [0.0; B];
-            for (&j, block) in cols.iter().zip(values) {
-                subtract_transposed(block, &step, &mut r[j as usize]);
+            add_product(&self.all.inverse[i], &rest, &mut step);
+            self.x[i - start] = step;
+            self.r[i - start] = [0.0; B];
+            for (&j, block) in cols[low..diagonal].iter().zip(&values[low..diagonal]) {
+                subtract_transposed(block, &step, &mut self.r[j as usize - start]);
+            }
+            if LAST {
+                self.owe(cols, values, low, high, &step);
             }
         }
     }
 
     /// A sweep from the x at hand, and r ← b − A x: once a row is relaxed, what its residual becomes is gathered, by symmetry, from the
     /// rows that change later. Components that are held are arbitrary in r.
-    fn sweep(&mut self, a: &Blocks<B, B>, backward: bool) {
-        let x = self.x.as_chunks_mut::<B>().0;
-        let r = self.r.as_chunks_mut::<B>().0;
-        let b = self.b.as_chunks::<B>().0;
-        let n = b.len();
-        for k in 0..n {
-            let i = if backward { n - 1 - k } else { k };
-            let (cols, values) = a.row(i);
+    fn relax<const LAST: bool>(mut self) {
+        if LAST {
+            self.halo.fill([0.0; B]);
+        }
+        let (start, end) = (self.rows.start, self.rows.end);
+        let backward = self.all.sweep == Sweep::Backward;
+        for k in 0..end - start {
+            let i = if backward { end - 1 - k } else { start + k };
+            let (cols, values) = self.all.a.row(i);
             let mut sum = [0.0; B];
-            let mut diagonal = 0;
-            for (k, (&j, block)) in cols.iter().zip(values).enumerate() {
-                if j as usize == i {
+            let low = self.add_before(cols, values, &mut sum);
+            let high = self.add_after(cols, values, &mut sum);
+            let mut diagonal = low;
+            for k in low..high {
+                let j = cols[k] as usize;
+                if j == i {
                     diagonal = k;
                 } else {
-                    add_product(block, &x[j as usize], &mut sum);
+                    add_product(&values[k], &self.x[j - start], &mut sum);
                 }
             }
-            let rest: [f64; B] = std::array::from_fn(|k| b[i][k] - sum[k]);
+            let rest: [f64; B] = std::array::from_fn(|k| self.all.b[i][k] - sum[k]);
             let mut new = [0.0; B];
-            add_product(&self.inverse[i], &rest, &mut new);
-            let step: [f64; B] = std::array::from_fn(|k| new[k] - x[i][k]);
-            x[i] = new;
-            r[i] = [0.0; B];
-            let before = if backward {
-                diagonal + 1..cols.len()
+            add_product(&self.all.inverse[i], &rest, &mut new);
+            let own = &mut self.x[i - start];
+            let step: [f64; B] = std::array::from_fn(|k| new[k] - own[k]);
+            *own = new;
+            self.r[i - start] = [0.0; B];
+            let earlier = if backward {
+                diagonal + 1..high
             } else {
-                0..diagonal
+                low..diagonal
             };
-            for (&j, block) in cols[before.clone()].iter().zip(&values[before]) {
-                subtract_transposed(block, &step, &mut r[j as usize]);
+            for (&j, block) in cols[earlier.clone()].iter().zip(&values[earlier]) {
+                subtract_transposed(block, &step, &mut self.r[j as usize - start]);
+            }
+            if LAST {
+                self.owe(cols, values, low, high, &step);
             }
         }
     }
 
-    /// Before the coarse correction: x from zero, r its residual.
-    pub(super) fn smooth_before(&mut self, a: &Blocks<B, B>, sweeps: usize) {
-        self.forward_from_zero(a);
-        for _ in 1..sweeps {
-            self.sweep(a, true);
-            self.sweep(a, false);
+    /// Adds the products of a row with x on the strip before this one, and tells where the columns of this one begin.
+    #[inline(always)]
+    fn add_before(&self, cols: &[u32], values: &[[[f64; B]; B]], sum: &mut [f64; B]) -> usize {
+        let first = self.rows.start - self.before.len();
+        let mut k = 0;
+        while k < cols.len() && (cols[k] as usize) < self.rows.start {
+            add_product(&values[k], &self.before[cols[k] as usize - first], sum);
+            k += 1;
         }
+        k
     }
 
-    /// After it, in reverse: the cycle stays symmetric.
-    pub(super) fn smooth_after(&mut self, a: &Blocks<B, B>, sweeps: usize) {
-        self.sweep(a, true);
-        for _ in 1..sweeps {
-            self.sweep(a, false);
-            self.sweep(a, true);
+    /// The same with the strip after this one, and where the columns of this one end.
+    #[inline(always)]
+    fn add_after(&self, cols: &[u32], values: &[[[f64; B]; B]], sum: &mut [f64; B]) -> usize {
+        let mut k = cols.len();
+        while k > 0 && cols[k - 1] as usize >= self.rows.end {
+            k -= 1;
+            add_product(&values[k], &self.after[cols[k] as usize - self.rows.end], sum);
+        }
+        k
+    }
+
+    /// What a step changes in the residuals of the rows beside this strip, whose columns end at `low` and begin at `high`.
+    #[inline(always)]
+    fn owe(&mut self, cols: &[u32], values: &[[[f64; B]; B]], low: usize, high: usize, step: &[f64; B]) {
+        for (&j, block) in cols[..low].iter().zip(values) {
+            subtract_transposed(block, step, &mut self.halo[j as usize - self.first]);
+        }
+        for (&j, block) in cols[high..].iter().zip(&values[high..]) {
+            let place = j as usize - self.first - self.rows.len();
+            subtract_transposed(block, step, &mut self.halo[place]);
         }
     }
 }

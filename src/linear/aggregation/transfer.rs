@@ -2,7 +2,8 @@
 
 use super::aggregates::Aggregates;
 use super::dense::{add_scaled_product, add_transposed_product, mask_rows};
-use crate::sparse::{Blocks, add_product, subtract_transposed};
+use crate::parallel;
+use crate::sparse::{Blocks, ROWS, subtract_transposed};
 
 /// Columns of near-kernel vectors on an aggregate that are this much shorter once the others are taken off do not count.
 const DEPENDENT: f64 = 1e-6;
@@ -12,7 +13,7 @@ pub(super) type Modes<const R: usize, const K: usize> = Vec<[[f64; K]; R]>;
 
 /// What is known of the unknowns of a level beside its matrix: components that are held at zero, and what is added to diagonal
 /// blocks.
-pub(super) trait Constraints<const R: usize> {
+pub(super) trait Constraints<const R: usize>: Sync {
     fn held(&self, node: usize) -> u8;
     fn added(&self, node: usize) -> Option<&[[f64; R]; R]>;
     fn inverse(&self, node: usize) -> &[[f64; R]; R];
@@ -28,23 +29,37 @@ pub(super) struct Transfer<const R: usize, const K: usize> {
     aggregate: Vec<u32>,
     /// The inverse triangular factors with T = modes · inverse.
     triangular: Vec<[[f64; K]; K]>,
-    omega: f64,
-    scratch: Scratch<R, K>,
+    pub(super) omega: f64,
+    sums: Sums<K>,
 }
 
-/// Positions of columns in the row at hand, and its blocks.
+/// Sums of Pᵀ x over parts of the rows of P.
 #[derive(Debug, Clone)]
-struct Scratch<const R: usize, const K: usize> {
-    fine: Vec<u32>,
-    coarse: Vec<u32>,
-    left_cols: Vec<u32>,
-    left: Vec<[[f64; K]; R]>,
+struct Sums<const K: usize> {
+    /// The first row of each part, and the end.
+    rows: Vec<usize>,
+    /// Columns with blocks in the part: the first one, and where their sums are.
+    columns: Vec<usize>,
+    ends: Vec<usize>,
+    values: Vec<[f64; K]>,
+}
+
+/// Blocks of a row in order of appearance, and the positions of columns among them.
+struct Row<const R: usize, const K: usize> {
+    position: Vec<u32>,
     cols: Vec<u32>,
-    sums: Vec<[[f64; K]; K]>,
-    raw: Vec<[[f64; K]; R]>,
+    blocks: Vec<[[f64; K]; R]>,
+    order: Vec<usize>,
 }
 
 const NONE: u32 = u32::MAX;
+/// Parts into which rows are cut while matrices are made, each with a memory of its own: at most this many, and rows of one at least.
+const MOST_PARTS: usize = 32;
+const LEAST_ROWS: usize = 64;
+
+fn part_size(rows: usize) -> usize {
+    rows.div_ceil(MOST_PARTS).max(LEAST_ROWS)
+}
 
 impl<const R: usize, const K: usize> Transfer<R, K> {
     /// The prolongation and the near-kernel vectors of the coarse level.
@@ -62,30 +77,20 @@ impl<const R: usize, const K: usize> Transfer<R, K> {
             first: Vec::new(),
             rows: Vec::new(),
             omega,
-            scratch: Scratch {
-                fine: vec![NONE; n],
-                coarse: vec![NONE; aggregates.count],
-                left_cols: Vec::new(),
-                left: Vec::new(),
-                cols: Vec::new(),
-                sums: Vec::new(),
-                raw: Vec::new(),
-            },
             triangular,
             aggregate: aggregates.of,
+            sums: Sums {
+                rows: Vec::new(),
+                columns: Vec::new(),
+                ends: Vec::new(),
+                values: Vec::new(),
+            },
         };
-        for i in 0..n {
-            transfer.smooth_row(a, modes, constraints, i);
-            let s = &mut transfer.scratch;
-            let mut order: Vec<usize> = (0..s.cols.len()).collect();
-            order.sort_unstable_by_key(|&k| s.cols[k]);
-            transfer.p.col.extend(order.iter().map(|&k| s.cols[k]));
-            transfer.p.value.extend(order.iter().map(|&k| s.raw[k]));
-            transfer.p.start.push(transfer.p.col.len());
-        }
-        transfer.p.col.shrink_to_fit();
-        transfer.p.value.shrink_to_fit();
+        transfer.p = joined(parallel::collect(n, part_size(n), |rows| {
+            transfer.smoothed(a, modes, constraints, rows)
+        }));
         transfer.transpose();
+        transfer.sums = Sums::new(&transfer.p);
         (transfer, coarse)
     }
 
@@ -117,38 +122,36 @@ impl<const R: usize, const K: usize> Transfer<R, K> {
         t
     }
 
-    /// Row i of P into the scratch: columns in order of appearance.
-    fn smooth_row(
-        &mut self,
+    /// Rows of P.
+    fn smoothed(
+        &self,
         a: &Blocks<R, R>,
         modes: &Modes<R, K>,
         constraints: &impl Constraints<R>,
-        i: usize,
-    ) {
-        let mut s = std::mem::replace(&mut self.scratch, Scratch::empty());
-        s.cols.clear();
-        s.left.clear();
-        let (cols, values) = a.row(i);
-        for (&j, block) in cols.iter().zip(values) {
-            let t = self.tentative(modes, j as usize, constraints.held(j as usize));
-            let at = s.place(self.aggregate[j as usize]);
-            add_scaled_product(1.0, block, &t, &mut s.left[at]);
+        rows: impl Iterator<Item = usize>,
+    ) -> Blocks<R, K> {
+        let count = self.triangular.len();
+        let (mut out, mut row) = (Blocks::new(count), Row::<R, K>::new(count));
+        for i in rows {
+            let (cols, values) = a.row(i);
+            for (&j, block) in cols.iter().zip(values) {
+                let t = self.tentative(modes, j as usize, constraints.held(j as usize));
+                add_scaled_product(1.0, block, &t, row.at(self.aggregate[j as usize]));
+            }
+            let own = self.tentative(modes, i, constraints.held(i));
+            let sum = row.at(self.aggregate[i]);
+            if let Some(added) = constraints.added(i) {
+                add_scaled_product(1.0, added, &own, sum);
+            }
+            let at = row.position[self.aggregate[i] as usize] as usize;
+            for (k, sum) in row.blocks.iter_mut().enumerate() {
+                let mut smooth = if k == at { own } else { [[0.0; K]; R] };
+                add_scaled_product(-self.omega, constraints.inverse(i), sum, &mut smooth);
+                *sum = smooth;
+            }
+            row.end(&mut out);
         }
-        let own = self.tentative(modes, i, constraints.held(i));
-        let at = s.place(self.aggregate[i]);
-        if let Some(added) = constraints.added(i) {
-            add_scaled_product(1.0, added, &own, &mut s.left[at]);
-        }
-        s.raw.clear();
-        for (k, sum) in s.left.iter().enumerate() {
-            let mut row = if k == at { own } else { [[0.0; K]; R] };
-            add_scaled_product(-self.omega, constraints.inverse(i), sum, &mut row);
-            s.raw.push(row);
-        }
-        for c in &s.cols {
-            s.coarse[*c as usize] = NONE;
-        }
-        self.scratch = s;
+        out
     }
 
     /// Smooths rows of P anew; their patterns stay.
@@ -159,92 +162,64 @@ impl<const R: usize, const K: usize> Transfer<R, K> {
         constraints: &impl Constraints<R>,
         rows: &[u32],
     ) {
-        for &i in rows {
-            self.smooth_row(a, modes, constraints, i as usize);
-            for k in 0..self.scratch.cols.len() {
-                if let Some(slot) = self.p.slot(i as usize, self.scratch.cols[k] as usize) {
-                    self.p.value[slot] = self.scratch.raw[k];
-                }
-            }
-        }
+        let found = parallel::collect(rows.len(), part_size(rows.len()), |part| {
+            self.smoothed(a, modes, constraints, rows[part].iter().map(|i| *i as usize))
+        });
+        replace(&mut self.p, rows, &found);
     }
 
-    /// Row c of Pᵀ A P into the scratch.
-    fn galerkin_row(&mut self, a: &Blocks<R, R>, constraints: &impl Constraints<R>, c: usize) {
-        let s = &mut self.scratch;
-        s.left_cols.clear();
-        s.left.clear();
-        for &(i, slot) in &self.rows[self.first[c] as usize..self.first[c + 1] as usize] {
-            let p = &self.p.value[slot as usize];
-            let (cols, values) = a.row(i as usize);
-            for (&j, block) in cols.iter().zip(values) {
-                let mut at = s.fine[j as usize];
-                if at == NONE {
-                    at = s.left.len() as u32;
-                    s.fine[j as usize] = at;
-                    s.left_cols.push(j);
-                    s.left.push([[0.0; K]; R]);
+    /// Rows of Pᵀ A P.
+    fn summed(
+        &self,
+        a: &Blocks<R, R>,
+        constraints: &impl Constraints<R>,
+        rows: impl Iterator<Item = usize>,
+    ) -> Blocks<K, K> {
+        let (mut left, mut row) = (Row::<R, K>::new(self.p.nrows()), Row::<K, K>::new(self.p.ncols));
+        let mut out = Blocks::new(self.p.ncols);
+        for c in rows {
+            for &(i, slot) in &self.rows[self.first[c] as usize..self.first[c + 1] as usize] {
+                let p = &self.p.value[slot as usize];
+                let (cols, values) = a.row(i as usize);
+                for (&j, block) in cols.iter().zip(values) {
+                    add_transposed_product(block, p, left.at(j));
                 }
-                add_transposed_product(block, p, &mut s.left[at as usize]);
-            }
-            if let Some(added) = constraints.added(i as usize)
-                && s.fine[i as usize] != NONE
-            {
-                add_transposed_product(added, p, &mut s.left[s.fine[i as usize] as usize]);
-            }
-        }
-        s.cols.clear();
-        s.sums.clear();
-        for (j, left) in s.left_cols.iter().zip(&s.left) {
-            s.fine[*j as usize] = NONE;
-            let (cols, values) = self.p.row(*j as usize);
-            for (&k, block) in cols.iter().zip(values) {
-                let mut at = s.coarse[k as usize];
-                if at == NONE {
-                    at = s.sums.len() as u32;
-                    s.coarse[k as usize] = at;
-                    s.cols.push(k);
-                    s.sums.push([[0.0; K]; K]);
+                if let Some(added) = constraints.added(i as usize) {
+                    add_transposed_product(added, p, left.at(i));
                 }
-                add_transposed_product(left, block, &mut s.sums[at as usize]);
             }
+            for (j, left) in left.cols.iter().zip(&left.blocks) {
+                let (cols, values) = self.p.row(*j as usize);
+                for (&k, block) in cols.iter().zip(values) {
+                    add_transposed_product(left, block, row.at(k));
+                }
+            }
+            left.clear();
+            row.end(&mut out);
         }
-        s.cols.iter().for_each(|k| s.coarse[*k as usize] = NONE);
+        out
     }
 
     /// Pᵀ A P.
-    pub(super) fn galerkin(&mut self, a: &Blocks<R, R>, constraints: &impl Constraints<R>) -> Blocks<K, K> {
-        let mut c = Blocks::new(self.p.ncols);
-        let mut order: Vec<usize> = Vec::new();
-        for row in 0..self.p.ncols {
-            self.galerkin_row(a, constraints, row);
-            let s = &self.scratch;
-            order.clear();
-            order.extend(0..s.cols.len());
-            order.sort_unstable_by_key(|&k| s.cols[k]);
-            c.col.extend(order.iter().map(|&k| s.cols[k]));
-            c.value.extend(order.iter().map(|&k| s.sums[k]));
-            c.start.push(c.col.len());
-        }
-        c
+    pub(super) fn galerkin(&self, a: &Blocks<R, R>, constraints: &impl Constraints<R>) -> Blocks<K, K> {
+        let n = self.p.ncols;
+        joined(parallel::collect(n, part_size(n), |rows| {
+            self.summed(a, constraints, rows)
+        }))
     }
 
     /// Sums rows of Pᵀ A P anew, over the pattern it has.
     pub(super) fn resum(
-        &mut self,
+        &self,
         a: &Blocks<R, R>,
         constraints: &impl Constraints<R>,
         rows: &[u32],
         c: &mut Blocks<K, K>,
     ) {
-        for &row in rows {
-            self.galerkin_row(a, constraints, row as usize);
-            for k in 0..self.scratch.cols.len() {
-                if let Some(slot) = c.slot(row as usize, self.scratch.cols[k] as usize) {
-                    c.value[slot] = self.scratch.sums[k];
-                }
-            }
-        }
+        let found = parallel::collect(rows.len(), part_size(rows.len()), |part| {
+            self.summed(a, constraints, rows[part].iter().map(|i| *i as usize))
+        });
+        replace(c, rows, &found);
         // Rows that are not summed anew change in these columns.
         for &row in rows {
             for k in c.start[row as usize]..c.start[row as usize + 1] {
@@ -257,53 +232,124 @@ impl<const R: usize, const K: usize> Transfer<R, K> {
     }
 
     /// y ← Pᵀ x.
-    pub(super) fn restrict(&self, x: &[f64], y: &mut [f64]) {
+    pub(super) fn restrict(&mut self, x: &[f64], y: &mut [f64]) {
+        let (p, sums, x) = (&self.p, &mut self.sums, x.as_chunks::<R>().0);
+        parallel::spans(&sums.ends, &mut sums.values, &|part, values| {
+            values.fill([0.0; K]);
+            for i in sums.rows[part]..sums.rows[part + 1] {
+                let x = x[i].map(|v| -v);
+                let (cols, blocks) = p.row(i);
+                for (&c, block) in cols.iter().zip(blocks) {
+                    subtract_transposed(block, &x, &mut values[c as usize - sums.columns[part]]);
+                }
+            }
+        });
         y.fill(0.0);
         let y = y.as_chunks_mut::<K>().0;
-        for (i, x) in x.as_chunks::<R>().0.iter().enumerate() {
-            let x = x.map(|v| -v);
-            let (cols, values) = self.p.row(i);
-            for (&k, block) in cols.iter().zip(values) {
-                subtract_transposed(block, &x, &mut y[k as usize]);
+        for (first, span) in sums.columns.iter().zip(sums.ends.windows(2)) {
+            for (y, sum) in y[*first..].iter_mut().zip(&sums.values[span[0]..span[1]]) {
+                y.iter_mut().zip(sum).for_each(|(y, s)| *y += s);
             }
         }
     }
 
     /// x ← x + P y.
     pub(super) fn prolong(&self, y: &[f64], x: &mut [f64]) {
-        let y = y.as_chunks::<K>().0;
-        for (i, x) in x.as_chunks_mut::<R>().0.iter_mut().enumerate() {
-            let (cols, values) = self.p.row(i);
-            for (&k, block) in cols.iter().zip(values) {
-                add_product(block, &y[k as usize], x);
-            }
+        self.p.for_products(y, x, &|_, sum, x| {
+            x.iter_mut().zip(sum).for_each(|(x, s)| *x += s);
+        });
+    }
+}
+
+impl<const K: usize> Sums<K> {
+    fn new<const R: usize>(p: &Blocks<R, K>) -> Self {
+        let size = p.nrows().div_ceil(MOST_PARTS).max(ROWS);
+        let mut rows: Vec<usize> = (0..p.nrows()).step_by(size).collect();
+        rows.push(p.nrows());
+        let (mut columns, mut ends) = (Vec::new(), vec![0]);
+        for part in rows.windows(2) {
+            let cols = &p.col[p.start[part[0]]..p.start[part[1]]];
+            let first = cols.iter().min().map_or(0, |c| *c as usize);
+            let last = cols.iter().max().map_or(0, |c| *c as usize + 1);
+            columns.push(first);
+            ends.push(ends[ends.len() - 1] + last - first);
+        }
+        Self {
+            values: vec![[0.0; K]; ends[ends.len() - 1]],
+            rows,
+            columns,
+            ends,
         }
     }
 }
 
-impl<const R: usize, const K: usize> Scratch<R, K> {
-    fn empty() -> Self {
+impl<const R: usize, const K: usize> Row<R, K> {
+    fn new(columns: usize) -> Self {
         Self {
-            fine: Vec::new(),
-            coarse: Vec::new(),
-            left_cols: Vec::new(),
-            left: Vec::new(),
+            position: vec![NONE; columns],
             cols: Vec::new(),
-            sums: Vec::new(),
-            raw: Vec::new(),
+            blocks: Vec::new(),
+            order: Vec::new(),
         }
     }
 
-    /// Position of a coarse column in the row at hand.
-    fn place(&mut self, c: u32) -> usize {
-        let known = self.coarse[c as usize];
-        if known != NONE {
-            return known as usize;
+    /// The block in a column, zero if it is new.
+    #[inline(always)]
+    fn at(&mut self, col: u32) -> &mut [[f64; K]; R] {
+        let place = &mut self.position[col as usize];
+        if *place == NONE {
+            *place = self.cols.len() as u32;
+            self.cols.push(col);
+            self.blocks.push([[0.0; K]; R]);
         }
-        self.coarse[c as usize] = self.cols.len() as u32;
-        self.cols.push(c);
-        self.left.push([[0.0; K]; R]);
-        self.cols.len() - 1
+        &mut self.blocks[*place as usize]
+    }
+
+    fn clear(&mut self) {
+        self.cols.iter().for_each(|c| self.position[*c as usize] = NONE);
+        self.cols.clear();
+        self.blocks.clear();
+    }
+
+    /// Appends the row, by columns, and begins another one.
+    fn end(&mut self, out: &mut Blocks<R, K>) {
+        self.order.clear();
+        self.order.extend(0..self.cols.len());
+        self.order.sort_unstable_by_key(|&k| self.cols[k]);
+        out.col.extend(self.order.iter().map(|&k| self.cols[k]));
+        out.value.extend(self.order.iter().map(|&k| self.blocks[k]));
+        out.start.push(out.col.len());
+        self.clear();
+    }
+}
+
+/// The rows of all parts, one part after another.
+fn joined<const R: usize, const K: usize>(parts: Vec<Blocks<R, K>>) -> Blocks<R, K> {
+    let mut all = Blocks::new(parts.first().map_or(0, |p| p.ncols));
+    let count = parts.iter().map(|p| p.col.len()).sum();
+    all.start.reserve_exact(parts.iter().map(Blocks::nrows).sum());
+    all.col.reserve_exact(count);
+    all.value.reserve_exact(count);
+    for part in parts {
+        let before = all.col.len();
+        all.start.extend(part.start[1..].iter().map(|k| before + k));
+        all.col.extend(part.col);
+        all.value.extend(part.value);
+    }
+    all
+}
+
+/// Writes rows that were made anew over those that are there.
+fn replace<const R: usize, const K: usize>(m: &mut Blocks<R, K>, rows: &[u32], found: &[Blocks<R, K>]) {
+    let made = found
+        .iter()
+        .flat_map(|part| (0..part.nrows()).map(|k| part.row(k)));
+    for (&i, (cols, values)) in rows.iter().zip(made) {
+        for (&j, block) in cols.iter().zip(values) {
+            if let Some(slot) = m.slot(i as usize, j as usize) {
+                m.value[slot] = *block;
+            }
+        }
     }
 }
 
@@ -325,17 +371,19 @@ fn orthonormal<const R: usize, const K: usize>(
         members[next[*k as usize] as usize] = i as u32;
         next[*k as usize] += 1;
     }
-    let (mut factors, mut inverses) = (Vec::with_capacity(count), Vec::with_capacity(count));
-    let mut rows: Vec<[f64; K]> = Vec::new();
-    for k in 0..count {
-        rows.clear();
-        for &i in &members[first[k] as usize..first[k + 1] as usize] {
-            rows.extend_from_slice(&modes[i as usize]);
-        }
-        let factor = triangularise(&mut rows);
-        inverses.push(triangular_inverse(&factor));
-        factors.push(factor);
-    }
+    let found = parallel::collect(count, part_size(count), |part| {
+        let mut rows: Vec<[f64; K]> = Vec::new();
+        let mut factor = |k: usize| {
+            rows.clear();
+            for &i in &members[first[k] as usize..first[k + 1] as usize] {
+                rows.extend_from_slice(&modes[i as usize]);
+            }
+            triangularise(&mut rows)
+        };
+        part.map(&mut factor).collect::<Vec<_>>()
+    });
+    let factors = found.concat();
+    let inverses = factors.iter().map(triangular_inverse).collect();
     (factors, inverses)
 }
 

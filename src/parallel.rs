@@ -1,0 +1,126 @@
+//! Loops that run on all cores where the feature `rayon` is on. What is split is split by sizes alone, never by the number of threads:
+//! results have the same bits on any number of them, and without the feature.
+
+use std::ops::Range;
+
+use crate::sparse::dot;
+
+/// Numbers of a vector below which threads cost more than they bring.
+pub(crate) const GRAIN: usize = 1 << 14;
+
+/// Both results.
+pub(crate) fn join<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnce() -> B + Send) -> (A, B) {
+    #[cfg(feature = "rayon")]
+    {
+        rayon::join(a, b)
+    }
+    #[cfg(not(feature = "rayon"))]
+    (a(), b())
+}
+
+/// f on a thread that hands out work: what it splits is not passed from outside each time.
+pub(crate) fn within<R: Send>(f: impl FnOnce() -> R + Send) -> R {
+    join(f, || ()).0
+}
+
+/// f of the place of the first entry and the entries of each part of `size`, the last one shorter.
+pub(crate) fn parts<T: Send>(v: &mut [T], size: usize, f: &(impl Fn(usize, &mut [T]) + Sync)) {
+    parts_from(0, v, size, f);
+}
+
+fn parts_from<T: Send>(first: usize, v: &mut [T], size: usize, f: &(impl Fn(usize, &mut [T]) + Sync)) {
+    if v.len() <= size {
+        return f(first, v);
+    }
+    let half = v.len().div_ceil(size) / 2 * size;
+    let (a, b) = v.split_at_mut(half);
+    join(
+        || parts_from(first, a, size, f),
+        || parts_from(first + half, b, size, f),
+    );
+}
+
+/// f of the number and the entries of each span `ends[k]..ends[k + 1]` of v, which the first one begins and the last one ends.
+pub(crate) fn spans<T: Send>(ends: &[usize], v: &mut [T], f: &(impl Fn(usize, &mut [T]) + Sync)) {
+    spans_from(0, ends, v, f);
+}
+
+fn spans_from<T: Send>(first: usize, ends: &[usize], v: &mut [T], f: &(impl Fn(usize, &mut [T]) + Sync)) {
+    match ends.len() {
+        0 | 1 => {}
+        2 => f(first, v),
+        n => {
+            let half = n / 2;
+            let (a, b) = v.split_at_mut(ends[half] - ends[0]);
+            join(
+                || spans_from(first, &ends[..=half], a, f),
+                || spans_from(first + half, &ends[half..], b, f),
+            );
+        }
+    }
+}
+
+/// The sum of f over the parts of 0..n of `size`, in an order that depends on n and `size` alone.
+pub(crate) fn sum(n: usize, size: usize, f: &(impl Fn(Range<usize>) -> f64 + Sync)) -> f64 {
+    sum_over(0..n, size, f)
+}
+
+fn sum_over(range: Range<usize>, size: usize, f: &(impl Fn(Range<usize>) -> f64 + Sync)) -> f64 {
+    if range.len() <= size {
+        return f(range);
+    }
+    let middle = range.start + range.len().div_ceil(size) / 2 * size;
+    let (a, b) = join(
+        || sum_over(range.start..middle, size, f),
+        || sum_over(middle..range.end, size, f),
+    );
+    a + b
+}
+
+/// The sum of f over the parts of v of `size`, which it may change.
+pub(crate) fn sum_parts<T: Send>(
+    v: &mut [T],
+    size: usize,
+    f: &(impl Fn(usize, &mut [T]) -> f64 + Sync),
+) -> f64 {
+    sum_parts_from(0, v, size, f)
+}
+
+fn sum_parts_from<T: Send>(
+    first: usize,
+    v: &mut [T],
+    size: usize,
+    f: &(impl Fn(usize, &mut [T]) -> f64 + Sync),
+) -> f64 {
+    if v.len() <= size {
+        return f(first, v);
+    }
+    let half = v.len().div_ceil(size) / 2 * size;
+    let (a, b) = v.split_at_mut(half);
+    let (a, b) = join(
+        || sum_parts_from(first, a, size, f),
+        || sum_parts_from(first + half, b, size, f),
+    );
+    a + b
+}
+
+/// Σ aᵢ bᵢ.
+pub(crate) fn product(a: &[f64], b: &[f64]) -> f64 {
+    sum(a.len(), GRAIN, &|r| dot(&a[r.clone()], &b[r]))
+}
+
+/// y ← y + c x.
+pub(crate) fn add_scaled(c: f64, x: &[f64], y: &mut [f64]) {
+    parts(y, GRAIN, &|first, y| {
+        y.iter_mut().zip(&x[first..]).for_each(|(y, x)| *y += c * x);
+    });
+}
+
+/// f of each part of 0..n of `size`, in order.
+pub(crate) fn collect<R: Send>(n: usize, size: usize, f: impl Fn(Range<usize>) -> R + Sync) -> Vec<R> {
+    let ranges: Vec<_> = (0..n)
+        .step_by(size.max(1))
+        .map(|first| first..n.min(first + size.max(1)))
+        .collect();
+    crate::sweep::sweep(&ranges, |r| f(r.clone()))
+}
