@@ -100,7 +100,6 @@ impl<L: NodeLaw> PerNode<L> {
     }
 
     /// Values of node i, with the displacement, the force of each direction and the parameters taken from functions.
-    #[inline]
     pub(super) fn values(
         &self,
         i: usize,
@@ -108,18 +107,24 @@ impl<L: NodeLaw> PerNode<L> {
         force: impl Fn(usize) -> f64,
         parameters: &[f64],
     ) -> LocalValues {
+        let mut v = values_at(parameters, self.scale);
+        self.set(&mut v, i, displacement, force);
+        v
+    }
+
+    /// Makes the values those of node i, but for parameters and r.
+    #[inline]
+    fn set(
+        &self,
+        v: &mut LocalValues,
+        i: usize,
+        displacement: impl Fn(usize) -> f64,
+        force: impl Fn(usize) -> f64,
+    ) {
         let p = self.body.num_contacts();
-        let mut v = LocalValues {
-            node: i,
-            penetration: displacement(i) - self.body.gap[i],
-            slip: [0.0; 2],
-            pressure: force(i),
-            traction: [0.0; 2],
-            parameter: parameters[0],
-            second: parameters.get(1).copied().unwrap_or(0.0),
-            history: [0.0; MAX_HISTORY],
-            r: self.scale,
-        };
+        v.node = i;
+        v.penetration = displacement(i) - self.body.gap[i];
+        v.pressure = force(i);
         for d in 0..self.body.num_tangents() {
             let k = (d + 1) * p + i;
             v.slip[d] = displacement(k) - self.reference[k - p];
@@ -129,7 +134,17 @@ impl<L: NodeLaw> PerNode<L> {
             let history = self.history_of(i);
             v.history[..history.len()].copy_from_slice(history);
         }
-        v
+    }
+
+    /// Shows the values of each node at z with the augmentation parameter r: in one place, as copies take longer than laws.
+    #[inline]
+    fn each(&self, z: &[f64], r: f64, mut see: impl FnMut(usize, &LocalValues)) {
+        let q = self.num_traces();
+        let mut v = values_at(&z[2 * q..], r);
+        for i in 0..self.body.num_contacts() {
+            self.set(&mut v, i, |k| z[k], |k| z[q + k]);
+            see(i, &v);
+        }
     }
 
     /// The history variables of node i.
@@ -141,28 +156,9 @@ impl<L: NodeLaw> PerNode<L> {
         &self.history[i * h..(i + 1) * h]
     }
 
-    #[inline]
     fn at(&self, i: usize, z: &[f64]) -> LocalValues {
         let q = self.num_traces();
         self.values(i, |k| z[k], |k| z[q + k], &z[2 * q..])
-    }
-
-    /// The direction of the values of node i where z has the direction d.
-    fn direction(&self, i: usize, d: &[f64]) -> LocalRow {
-        let (p, q) = (self.body.num_contacts(), self.num_traces());
-        let mut row = LocalRow {
-            penetration: d[i],
-            pressure: d[q + i],
-            parameter: d[2 * q],
-            second: d.get(2 * q + 1).copied().unwrap_or(0.0),
-            ..LocalRow::default()
-        };
-        for t in 0..self.body.num_tangents() {
-            let k = (t + 1) * p + i;
-            row.slip[t] = d[k];
-            row.traction[t] = d[q + k];
-        }
-        row
     }
 
     /// The gradient with respect to z of a function of the values of node i.
@@ -191,6 +187,16 @@ impl<L: NodeLaw> PerNode<L> {
                 }
             });
         }
+    }
+}
+
+/// What the values of all nodes have in common.
+fn values_at(parameters: &[f64], r: f64) -> LocalValues {
+    LocalValues {
+        parameter: parameters[0],
+        second: parameters.get(1).copied().unwrap_or(0.0),
+        r,
+        ..LocalValues::default()
     }
 }
 
@@ -261,22 +267,20 @@ impl<L: NodeLaw> PiecewiseSmooth for PerNode<L> {
     }
 
     fn test_functions(&self, z: &[f64], out: &mut [f64]) {
-        for (i, chunk) in out.chunks_exact_mut(self.law.num_tests()).enumerate() {
-            self.law.tests(&self.at(i, z), chunk);
-        }
+        let tests = self.law.num_tests();
+        self.each(z, self.scale, |i, v| {
+            self.law.tests(v, &mut out[i * tests..(i + 1) * tests])
+        });
     }
 
     fn reported_tests(&self, z: &[f64], out: &mut [f64]) -> bool {
         if self.r == self.scale {
             return false;
         }
-        for (i, chunk) in out.chunks_exact_mut(self.law.num_tests()).enumerate() {
-            let v = LocalValues {
-                r: self.r,
-                ..self.at(i, z)
-            };
-            self.law.tests(&v, chunk);
-        }
+        let tests = self.law.num_tests();
+        self.each(z, self.r, |i, v| {
+            self.law.tests(v, &mut out[i * tests..(i + 1) * tests])
+        });
         true
     }
 
@@ -292,12 +296,12 @@ impl<L: NodeLaw> PiecewiseSmooth for PerNode<L> {
 
     fn residual(&self, selection: &Selection, z: &[f64], out: &mut [f64]) {
         let p = self.body.num_contacts();
-        for i in 0..p {
-            let h = self.law.residual(selection.piece(i), &self.at(i, z));
+        self.each(z, self.scale, |i, v| {
+            let h = self.law.residual(selection.piece(i), v);
             for (block, value) in h.iter().enumerate().take(self.directions()) {
                 out[block * p + i] = *value;
             }
-        }
+        });
     }
 
     fn jacobian(&self, selection: &Selection, z: &[f64], jac: &mut Matrix) {
@@ -312,7 +316,13 @@ impl<L: NodeLaw> PiecewiseSmooth for PerNode<L> {
     }
 
     fn test_derivatives(&self, z: &[f64], d: &[f64], out: &mut [f64]) {
+        let (p, q) = (self.body.num_contacts(), self.num_traces());
         let constant = self.constant_rows();
+        let mut moved = LocalRow {
+            parameter: d[2 * q],
+            second: d.get(2 * q + 1).copied().unwrap_or(0.0),
+            ..LocalRow::default()
+        };
         for (i, chunk) in out.chunks_exact_mut(self.law.num_tests()).enumerate() {
             let own;
             let rows = match constant {
@@ -322,7 +332,11 @@ impl<L: NodeLaw> PiecewiseSmooth for PerNode<L> {
                     &own
                 }
             };
-            let moved = self.direction(i, d);
+            (moved.penetration, moved.pressure) = (d[i], d[q + i]);
+            for t in 0..self.body.num_tangents() {
+                let k = (t + 1) * p + i;
+                (moved.slip[t], moved.traction[t]) = (d[k], d[q + k]);
+            }
             for (o, row) in chunk.iter_mut().zip(rows) {
                 *o = row.along(&moved);
             }
