@@ -147,6 +147,16 @@ impl<L: NodeLaw> PerNode<L> {
         }
     }
 
+    /// The test functions of all nodes at r.
+    fn tests_of_all(&self, z: &[f64], r: f64, out: &mut [f64]) {
+        let mut chunks = out.chunks_exact_mut(self.law.num_tests());
+        self.each(z, r, |_, v| {
+            if let Some(chunk) = chunks.next() {
+                self.law.tests(v, chunk);
+            }
+        });
+    }
+
     /// The history variables of node i.
     pub(super) fn history_of(&self, i: usize) -> &[f64] {
         if self.history.is_empty() {
@@ -267,20 +277,14 @@ impl<L: NodeLaw> PiecewiseSmooth for PerNode<L> {
     }
 
     fn test_functions(&self, z: &[f64], out: &mut [f64]) {
-        let tests = self.law.num_tests();
-        self.each(z, self.scale, |i, v| {
-            self.law.tests(v, &mut out[i * tests..(i + 1) * tests])
-        });
+        self.tests_of_all(z, self.scale, out);
     }
 
     fn reported_tests(&self, z: &[f64], out: &mut [f64]) -> bool {
         if self.r == self.scale {
             return false;
         }
-        let tests = self.law.num_tests();
-        self.each(z, self.r, |i, v| {
-            self.law.tests(v, &mut out[i * tests..(i + 1) * tests])
-        });
+        self.tests_of_all(z, self.r, out);
         true
     }
 
@@ -413,7 +417,7 @@ mod tests {
         };
         let z = [0.1, 0.3, 2.0, 0.4, 0.0];
         let of = |map: &dyn PiecewiseSmooth| {
-            let mut all = vec![0.0; 3];
+            let mut all = vec![0.0; 4];
             map.test_functions(&z, &mut all);
             for piece in 0..4 {
                 let mut r = [0.0; 2];
