@@ -306,6 +306,33 @@ mod active_set {
         assert_eq!((report.iterations, far), (1, solution));
     }
 
+    /// w vanishes with z at a bound, but for rounding: that is no reason to leave the bound, whatever else has to change.
+    #[test]
+    fn degenerate_components_stay_at_their_bounds() {
+        let mut below = 0;
+        for k in 1..60 {
+            let (c, d) = (0.01 * f64::from(k), [5.0, 10.0, 13.0][k as usize % 3]);
+            // z₁ = 1/d as rounded, w₂ = c − d c z₁, w₃ = 1.
+            let entry = |i: usize, j: usize| [[d, 0.0, 0.0], [-d * c, 1.0, 0.0], [0.0, 0.0, 1.0]][i][j];
+            let lcp = Lcp::new(matrix(3, entry), vec![-1.0, c, 1.0]).unwrap();
+            for wrong in [BoundState::Lower, BoundState::Interior] {
+                let mut z = [0.0; 3];
+                let sets = [BoundState::Interior, BoundState::Lower, wrong];
+                let mut solver = ActiveSetSolver::default();
+                let report = solver.solve_from_states(&lcp, &mut z, &sets).unwrap();
+                let expected = 1 + usize::from(wrong == BoundState::Interior);
+                assert_eq!(
+                    (report.status, report.iterations),
+                    (ActiveSetStatus::Solved, expected)
+                );
+                assert_eq!(z, [1.0 / d, 0.0, 0.0], "{c} {d}");
+                assert_eq!(solver.states()[1..], [BoundState::Lower; 2]);
+            }
+            below += usize::from(-d * c * (1.0 / d) + c < 0.0);
+        }
+        assert!(below > 10, "{below}");
+    }
+
     #[test]
     fn a_singular_matrix_is_reported() {
         let lcp = Lcp::new(matrix(2, |_, _| 1.0), vec![-1.0, -2.0]).unwrap();

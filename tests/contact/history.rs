@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use semismooth::contact::{
-    CondensedContact, Contact, ContactBody, EvolutionOptions, EvolutionStep, FrictionCoefficient,
+    Arrival, CondensedContact, Contact, ContactBody, EvolutionOptions, EvolutionStep, FrictionCoefficient,
     FrictionCurve, FullContact, LoadPath, NodeLaw, OrthotropicCoulomb, PlanarCoulomb, evolve,
 };
 use semismooth::interface::View;
@@ -94,6 +94,28 @@ fn the_number_of_levels_does_not_count() {
     check_pull(|| FullContact::new(body(1), plane()).unwrap());
     let space = || OrthotropicCoulomb::isotropic(weakening());
     check_pull(|| CondensedContact::new(body(2), space()).unwrap());
+}
+
+/// On a spring softer than friction falls, the node leaves stick at a fold, from where the branch runs back to a second one: the level is
+/// reached along it, but no body goes that way. It jumps.
+#[test]
+fn a_level_behind_folds_is_not_followed() {
+    let a = Matrix::identity(2);
+    let row = |k: usize| Matrix::from_triplets(1, 2, &[(0, k, 1.0)]).unwrap();
+    let load = LoadPath::affine(vec![1.0, 0.0], vec![0.0, 2.0]);
+    let body = ContactBody::new(a, row(0), vec![row(1)], load).unwrap();
+    let mut problem = CondensedContact::new(body, PlanarCoulomb::new(weakening())).unwrap();
+    let history = run(&mut problem, &[1.0]);
+    assert!(matches!(history[0].arrival, Arrival::PassedFolds));
+    // F (0) / 2, and the smallest α with u + F(u) = 2 α, where F' = −1.
+    let slow = 0.1 * 2.0f64.ln();
+    let expected = [0.25, 0.5 * (slow + friction(slow))];
+    assert_eq!(history[0].folds.len(), 2);
+    for (fold, expected) in history[0].folds.iter().zip(expected) {
+        assert!((fold - expected).abs() < 1e-9, "{fold} {expected}");
+    }
+    let u = history[0].displacements[1];
+    assert!((u + friction(u) - 2.0).abs() < 1e-9);
 }
 
 /// To and fro: all slip counts, in whichever direction.

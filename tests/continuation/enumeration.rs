@@ -286,6 +286,27 @@ fn a_cap_is_said() {
     assert!(examined < total);
 }
 
+/// A piece with the same derivatives everywhere and another constant in between is none that is affine.
+#[test]
+fn pieces_with_steps_are_refused() {
+    let map = |height: f64| {
+        MinMap::new(1, move |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+            let step = if (0.1..0.4).contains(&x[0]) { height } else { 0.0 };
+            a[0] = x[0] - 5.0 + step;
+            b[0] = x[0] + 3.0;
+        })
+    };
+    let set = all_solutions(&map(0.0), 0.0, &EnumerationOptions::default()).unwrap();
+    assert_eq!(set.solutions.len(), 1);
+    for height in [1e-3, 1.0, 50.0] {
+        let refused = all_solutions(&map(height), 0.0, &EnumerationOptions::default());
+        assert!(
+            matches!(refused, Err(EnumerationError::NotAffine { .. })),
+            "{refused:?}"
+        );
+    }
+}
+
 #[test]
 fn curved_pieces_are_refused() {
     let map = MinMap::new(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| {

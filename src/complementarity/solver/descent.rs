@@ -187,7 +187,7 @@ impl Engine<'_> {
     }
 
     /// Whether `work.here.x` is a solution, once it is inside the bounds.
-    fn arrives(&mut self, residual: f64, inside: bool) -> bool {
+    pub(super) fn arrives(&mut self, residual: f64, inside: bool) -> bool {
         if !self.is_solution(residual) {
             return false;
         }

@@ -6,10 +6,10 @@ use super::plan::Plan;
 use super::work::Work;
 use super::{McpIteration, McpOptions, McpReport, McpStatus, McpStep, McpStrategy};
 use crate::clock::Clock;
-use crate::complementarity::McpFunction;
 use crate::complementarity::accuracy::Measure;
 use crate::complementarity::fischer::{Gap, component};
 use crate::complementarity::problem::natural;
+use crate::complementarity::{Mcp, McpFunction};
 use crate::sparse::max_abs;
 
 /// Iterates beyond this size, relative to the start, count as tending to infinity.
@@ -42,6 +42,41 @@ pub(super) struct Engine<'a> {
     pub(super) fresh: bool,
     /// Where the first active set is given by the user.
     pub(super) given_active: bool,
+}
+
+impl<'a> Engine<'a> {
+    /// For a solve from `work.start`.
+    pub(super) fn new<F: McpFunction>(
+        problem: &'a Mcp<F>,
+        options: &'a McpOptions,
+        work: &'a mut Work,
+        report: &'a mut McpReport,
+        observe: &'a mut dyn FnMut(&McpIteration) -> ControlFlow<()>,
+        clock: Clock,
+    ) -> Self {
+        Engine {
+            function: problem.function(),
+            lower: problem.lower(),
+            upper: problem.upper(),
+            options,
+            far: far(&work.start),
+            work,
+            report,
+            observe,
+            clock,
+            strategy: options.strategies[0],
+            affine: problem.function().is_affine(),
+            best: f64::INFINITY,
+            attempt_best: f64::INFINITY,
+            least_error: f64::INFINITY,
+            interrupted: false,
+            asymptotic: false,
+            open: true,
+            bad_component: None,
+            fresh: false,
+            given_active: false,
+        }
+    }
 }
 
 impl Engine<'_> {
@@ -267,6 +302,6 @@ impl Engine<'_> {
 }
 
 /// The size beyond which iterates count as infinite.
-pub(super) fn far(start: &[f64]) -> f64 {
+fn far(start: &[f64]) -> f64 {
     FAR * (1.0 + max_abs(start))
 }

@@ -100,7 +100,7 @@ impl Engine<'_> {
         })
     }
 
-    /// No step helps: a solution, one as far as rounding tells, a stationary point, or none of these.
+    /// No step helps: a solution, a stationary point, or neither.
     pub(super) fn settle(&mut self, plan: &Plan, psi: f64) -> McpStatus {
         if plan.proximal == 0.0 && self.is_inside() {
             let measure = self.measure();
@@ -109,9 +109,6 @@ impl Engine<'_> {
             }
             if self.round_off() {
                 return McpStatus::Solved;
-            }
-            if measure.is_rounding() {
-                return McpStatus::AtRounding;
             }
         }
         if plan.natural {
@@ -131,6 +128,55 @@ impl Engine<'_> {
             }
         } else {
             McpStatus::Stalled
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::clock::Clock;
+    use crate::complementarity::solver::work::Work;
+    use crate::complementarity::{Mcp, McpOptions, McpReport};
+    use crate::sparse::Matrix;
+    use std::ops::ControlFlow;
+
+    /// x ≥ 0 with F = x − 1 beside its bound, where F pushes x off it: next to x there is no solution, although moving there changes next to
+    /// nothing in the row.
+    #[test]
+    fn a_point_beside_a_bound_is_judged_at_the_bound() {
+        let problem = Mcp::affine(Matrix::identity(1), vec![-1.0], vec![0.0], vec![f64::INFINITY]).unwrap();
+        let options = McpOptions::default();
+        for (x, is_solution) in [
+            (-1e-17, false),
+            (-1e-15, false),
+            (1.0, true),
+            (1.0 + f64::EPSILON, true),
+        ] {
+            for settle in [false, true] {
+                let mut work = Work::new(problem.jacobian_pattern()).unwrap();
+                let (mut report, mut observe) = (McpReport::default(), |_: &_| ControlFlow::Continue(()));
+                let mut engine = Engine::new(
+                    &problem,
+                    &options,
+                    &mut work,
+                    &mut report,
+                    &mut observe,
+                    Clock::start(),
+                );
+                engine.work.here.x[0] = x;
+                assert!(engine.evaluate() && engine.jacobian());
+                let plan = Plan::newton(10);
+                engine.equilibrate(&plan);
+                let found = if settle {
+                    let psi = engine.merit(&plan);
+                    engine.settle(&plan, psi) == McpStatus::Solved
+                } else {
+                    let residual = engine.residual();
+                    engine.arrives(residual, false)
+                };
+                assert_eq!(found, is_solution, "{x:e}");
+            }
         }
     }
 }

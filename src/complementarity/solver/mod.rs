@@ -23,7 +23,7 @@ pub use strategies::McpStrategy;
 use super::error::check_finite;
 use super::{ComplementarityError, Mcp, McpFunction};
 use crate::clock::Clock;
-use engine::{Engine, far};
+use engine::Engine;
 use work::Work;
 
 /// Solves mixed complementarity problems from any start.
@@ -174,28 +174,15 @@ impl McpSolver {
         self.report.clear();
         work.start.copy_from_slice(x);
         problem.project(&mut work.start);
-        let mut engine = Engine {
-            function: problem.function(),
-            lower: problem.lower(),
-            upper: problem.upper(),
-            options: &self.options,
-            far: far(&work.start),
-            work: &mut work,
-            report: &mut self.report,
+        let mut engine = Engine::new(
+            problem,
+            &self.options,
+            &mut work,
+            &mut self.report,
             observe,
             clock,
-            strategy: self.options.strategies[0],
-            affine: problem.function().is_affine(),
-            best: f64::INFINITY,
-            attempt_best: f64::INFINITY,
-            least_error: f64::INFINITY,
-            interrupted: false,
-            asymptotic: false,
-            open: true,
-            bad_component: None,
-            fresh: false,
-            given_active: states.is_some(),
-        };
+        );
+        engine.given_active = states.is_some();
         let status = engine.solve(states);
         let stray = engine.work.lin.jac().stray();
         engine.finish(status, x);

@@ -300,3 +300,48 @@ impl<const D: usize> Newton<D> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contact::delassus::DelassusProblem;
+    use crate::sparse::Matrix;
+
+    /// A proximal problem that counts as solved is solved to a tenth of α times its step, or to the tolerance; from its centre the residual
+    /// is much larger, and one Newton step is not enough.
+    #[test]
+    fn proximal_problems_are_solved_as_well_as_their_steps_need() {
+        let n = 12;
+        let entry = |i: usize, j: usize| match i == j {
+            true => 2.0,
+            false => 0.3 * ((i * j % 7) as f64 - 3.0) / 3.0,
+        };
+        let all = (0..n).flat_map(|i| (0..n).map(move |j| (i, j)));
+        let m: Vec<_> = all.map(|(i, j)| (i, j, entry(i.min(j), i.max(j)))).collect();
+        let m = Matrix::from_triplets(n, n, &m).unwrap();
+        let mut most = 0;
+        for shift in 0..20 {
+            let q = (0..n)
+                .map(|i| (1.7 * i as f64 + f64::from(shift)).sin() - if i % 3 == 0 { 0.8 } else { 0.0 });
+            let problem = DelassusProblem::new(3, m.clone(), q.collect(), vec![0.3, 0.8, 0.5, 1.1]).unwrap();
+            let p = Scaled::<3>::new(&problem);
+            let mut newton = Newton::<3>::new(4, Deadline::after(None));
+            let centre = vec![[1.0, 0.0, 0.0]; 4];
+            for alpha in [10.0, 1.0, 0.1] {
+                let mut r = centre.clone();
+                let before = newton.factorisations;
+                let end = newton.solve(&p, &mut r, alpha, &centre, 1e-12, 50);
+                if end == Inner::Converged {
+                    let residual = newton.evaluate(&p, &r, alpha, &centre).sqrt();
+                    let step = distance(&r, &centre);
+                    assert!(
+                        residual <= f64::max(1e-12, 0.1 * alpha * step),
+                        "{residual:e} {step:e} at {alpha}"
+                    );
+                    most = most.max(newton.factorisations - before);
+                }
+            }
+        }
+        assert!(most > 1, "{most}");
+    }
+}
