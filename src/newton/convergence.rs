@@ -16,6 +16,15 @@ pub(super) fn row_sizes(jac: MatrixRef<'_>, x: &[f64], size: &mut [f64]) {
     }
 }
 
+/// What [`is_small`] finds.
+#[derive(PartialEq, Clone, Copy)]
+pub(super) enum Small {
+    No,
+    /// Only if rows whose terms vanish with them are at the rounding of other rows, which `settled` does not say of all.
+    Perhaps,
+    Yes,
+}
+
 /// Room for [`is_small`]: three vectors as long as the residual.
 pub(super) struct Scratch<'a> {
     pub(super) row: &'a mut [f64],
@@ -30,20 +39,22 @@ const VANISHING: f64 = 1e-3;
 ///
 /// The norm alone would let a row in small units pass unsolved. Row by row alone is too much to ask of a row such as
 /// H_i = x_i at x_i ≈ 0, whose terms vanish with it; such a row is compared with the largest one that shares an unknown with it, after
-/// equilibration: that one's rounding is in the unknown, as far as both rows see it.
+/// equilibration: that one's rounding is in the unknown, as far as both rows see it. But the unknown may be known better from other
+/// rows, and then this one still falls: it is excused only where `settled` says that Newton steps no longer improve it.
 pub(super) fn is_small(
     r: &[f64],
     size: &[f64],
     tolerance: f64,
     jac: MatrixRef<'_>,
+    settled: &[bool],
     work: Scratch<'_>,
-) -> bool {
+) -> Small {
     let bound = tolerance * norm(size);
     if norm(r) > bound || bound.is_nan() {
-        return false;
+        return Small::No;
     }
     if r.iter().zip(size).all(|(r, s)| r.abs() <= tolerance * s) {
-        return true;
+        return Small::Yes;
     }
     let Scratch { row, col, max } = work;
     equilibrate(jac, row, col, max);
@@ -65,10 +76,20 @@ pub(super) fn is_small(
             }
         }
     }
-    r.iter().zip(size).zip(&*row).all(|((r, s), w)| {
-        let r = r.abs();
-        r <= tolerance * s || (r >= VANISHING * s && *w == 0.0)
-    })
+    let mut small = Small::Yes;
+    for i in 0..r.len() {
+        let (r, s) = (r[i].abs(), size[i]);
+        if r <= tolerance * s {
+            continue;
+        }
+        if r < VANISHING * s || row[i] != 0.0 {
+            return Small::No;
+        }
+        if !settled[i] {
+            small = Small::Perhaps;
+        }
+    }
+    small
 }
 
 /// Factors that bring the largest entry of every row and column of a matrix near 1 (D. Ruiz, RAL-TR-2001-034).

@@ -1,6 +1,6 @@
 use std::ops::ControlFlow;
 
-use super::convergence::{Scratch, is_small, row_sizes};
+use super::convergence::{Scratch, Small, is_small, row_sizes};
 use super::system::{Evaluation, System};
 use super::workspace::Workspace;
 use super::{Convergence, Damping, Failure, Iteration, NewtonError, NewtonOptions, Step, Unsolved};
@@ -36,6 +36,7 @@ pub(super) fn iterate(
     work.report.evaluations = 0;
     work.visited.clear();
     work.weight.fill(1.0);
+    work.settled.fill(false);
     let Some(mut jac) = work.jac.take() else {
         return Err(LinearError::NotAnalyzed.into());
     };
@@ -52,6 +53,7 @@ pub(super) fn iterate(
         },
         best_norm: f64::INFINITY,
         weighted: false,
+        tried: f64::INFINITY,
     };
     let outcome = run.go(&mut jac, x);
     let best_norm = run.best_norm;
@@ -83,6 +85,8 @@ pub(super) struct Run<'a> {
     best_norm: f64,
     /// Whether `work.weight` has been computed.
     pub(super) weighted: bool,
+    /// ‖H‖₂ where rows were last watched without success.
+    tried: f64,
     pub(super) n: usize,
 }
 
@@ -105,9 +109,9 @@ impl Run<'_> {
                 self.work.best.copy_from_slice(x);
             }
             self.linearize(jac, x)?;
-            if let Some(convergence) = self.converged(jac, x, natural_norm, previous_norm, evaluation) {
-                self.best_norm = natural_norm;
-                self.record_last(index, natural_norm, evaluation);
+            if let Some(convergence) = self.converged(jac, x, natural_norm, previous_norm, evaluation)? {
+                self.best_norm = self.norm_found(natural_norm, evaluation);
+                self.record_last(index, self.best_norm, evaluation);
                 return Ok(Ok(convergence));
             }
             if index >= self.options.max_iterations {
@@ -140,10 +144,18 @@ impl Run<'_> {
                 }
                 Err(e) => return Err(e.into()),
             };
-            if self.step_is_rounding(x, norm, previous_norm, step, evaluation) && self.terms_cancel(jac, x) {
-                self.best_norm = norm;
-                self.record_last(index, norm, evaluation);
-                return Ok(Ok(Convergence::Rounding));
+            if self.step_is_rounding(x, norm, previous_norm, step, evaluation) {
+                let rests = |run: &mut Self, jac: &Matrix, x: &[f64]| run.terms_cancel(jac, x);
+                if self.settles(jac, x, norm, &rests)? {
+                    self.best_norm = norm2(&self.work.r);
+                    self.record_last(index, self.best_norm, evaluation);
+                    return Ok(Ok(Convergence::Rounding));
+                }
+                // The test has used up the direction.
+                step = match self.newton_direction(jac) {
+                    Ok(step) => step,
+                    Err(e) => return Err(e.into()),
+                };
             }
             let stuck = self.mode == Mode::LineSearch
                 && patience.is_over(self.merit(&self.work.r), evaluation.changed);
@@ -180,6 +192,10 @@ impl Run<'_> {
             previous_norm = norm;
             norm = next.norm;
             evaluation = next.evaluation;
+            if evaluation.changed > 0 {
+                self.work.settled.fill(false);
+                self.tried = f64::INFINITY;
+            }
             index += 1;
             if flow.is_break() {
                 let natural_norm = self.natural_norm(x, norm, evaluation);
@@ -226,46 +242,154 @@ impl Run<'_> {
     }
 
     /// Tolerance on the residual relative to the size of its terms; the rounding floor of those terms counts as converged once
-    /// the residual no longer falls.
+    /// the residual no longer falls. May improve a solution.
     fn converged(
         &mut self,
-        jac: &Matrix,
-        x: &[f64],
+        jac: &mut Matrix,
+        x: &mut [f64],
         norm: f64,
         previous: f64,
         evaluation: Evaluation,
-    ) -> Option<Convergence> {
-        let n = self.n;
-        let work = &mut *self.work;
-        let outcome = if norm <= self.options.absolute_tolerance {
-            Some(Convergence::Tolerance)
+    ) -> Result<Option<Convergence>, NewtonError> {
+        let floor = 8.0 * f64::EPSILON * (self.n as f64).sqrt().max(4.0);
+        let mut outcome = None;
+        if norm <= self.options.absolute_tolerance {
+            outcome = Some(Convergence::Tolerance);
         } else {
-            let r = match evaluation.settled {
-                true => &work.r,
-                false => &work.trial_r,
-            };
-            row_sizes(jac.as_ref(), x, &mut work.size);
-            let floor = 8.0 * f64::EPSILON * (n as f64).sqrt().max(4.0);
-            let tolerance = self.options.relative_tolerance;
-            let mut small = |tolerance| {
-                let scratch = Scratch {
-                    row: &mut work.d,
-                    col: &mut work.trial[..n],
-                    max: &mut work.gradient,
+            let levels = [
+                (self.options.relative_tolerance, Convergence::Tolerance),
+                (floor, Convergence::Rounding),
+            ];
+            for (tolerance, convergence) in levels {
+                if convergence == Convergence::Rounding && norm < 0.5 * previous {
+                    break;
+                }
+                let small = |run: &mut Self, jac: &Matrix, x: &[f64]| run.is_small(jac, x, tolerance);
+                let found = match evaluation.settled {
+                    true => self.settles(jac, x, norm, &small)?,
+                    false => {
+                        // The natural residual has been left there.
+                        std::mem::swap(&mut self.work.r, &mut self.work.trial_r);
+                        let found = small(self, jac, x) == Small::Yes;
+                        std::mem::swap(&mut self.work.r, &mut self.work.trial_r);
+                        found
+                    }
                 };
-                is_small(r, &work.size, tolerance, jac.leading_columns(n), scratch)
-            };
-            if small(tolerance) {
-                Some(Convergence::Tolerance)
-            } else {
-                (norm >= 0.5 * previous && small(floor)).then_some(Convergence::Rounding)
+                if found {
+                    outcome = Some(convergence);
+                    break;
+                }
             }
-        };
+        }
         if outcome.is_some() && !evaluation.settled {
             self.system.natural(x, &mut self.work.trial_r);
             self.system.accept();
         }
-        outcome
+        Ok(outcome)
+    }
+
+    /// ‖H‖₂ of the solution that [`converged`](Self::converged) has found.
+    fn norm_found(&self, natural_norm: f64, evaluation: Evaluation) -> f64 {
+        match evaluation.settled {
+            true => norm2(&self.work.r),
+            false => natural_norm,
+        }
+    }
+
+    fn is_small(&mut self, jac: &Matrix, x: &[f64], tolerance: f64) -> Small {
+        let work = &mut *self.work;
+        row_sizes(jac.as_ref(), x, &mut work.size);
+        let scratch = Scratch {
+            row: &mut work.d,
+            col: &mut work.trial[..self.n],
+            max: &mut work.gradient,
+        };
+        let jac = jac.leading_columns(self.n);
+        is_small(&work.r, &work.size, tolerance, jac, &work.settled, scratch)
+    }
+
+    /// Whether the residual is small, where rows whose terms vanish with them must rest as well: if it takes that, full steps are made
+    /// until they do. x is moved only then.
+    fn settles(
+        &mut self,
+        jac: &mut Matrix,
+        x: &mut [f64],
+        norm: f64,
+        small: &dyn Fn(&mut Self, &Matrix, &[f64]) -> Small,
+    ) -> Result<bool, NewtonError> {
+        /// Steps after which rounding has shown in every row, unless it still falls.
+        const STEPS: usize = 12;
+        match small(self, jac, x) {
+            Small::No => return Ok(false),
+            Small::Yes => return Ok(true),
+            Small::Perhaps => {}
+        }
+        if norm > 0.5 * self.tried {
+            return Ok(false);
+        }
+        self.work.conjugate.copy_from_slice(&x[..self.n]);
+        for _ in 0..STEPS {
+            self.tried = norm;
+            match self.refine(jac, x)? {
+                Some(true) => {}
+                Some(false) => break,
+                // Nothing more can be asked of such a point.
+                None => return Ok(true),
+            }
+            self.watch(jac);
+            match small(self, jac, x) {
+                Small::No => {
+                    self.tried = f64::INFINITY;
+                    break;
+                }
+                Small::Yes => return Ok(true),
+                Small::Perhaps => {}
+            }
+        }
+        x[..self.n].copy_from_slice(&self.work.conjugate);
+        self.enter(x);
+        self.linearize(jac, x)?;
+        Ok(false)
+    }
+
+    /// A full step. `r` and `trial_r` become the residuals after and before it, `model` ∇H d. False if it leads nowhere, `None` where
+    /// the Jacobian is singular.
+    fn refine(&mut self, jac: &mut Matrix, x: &mut [f64]) -> Result<Option<bool>, NewtonError> {
+        match self.newton_direction(jac) {
+            Ok(Step::Newton | Step::LeastIndex) => {}
+            Ok(_) => return Ok(None),
+            Err(LinearError::NotFinite { .. }) => return Ok(Some(false)),
+            Err(e) => return Err(e.into()),
+        }
+        let n = self.n;
+        let work = &mut *self.work;
+        work.model.fill(0.0);
+        jac.leading_columns(n).mul_add(1.0, &work.d, &mut work.model);
+        work.trial.copy_from_slice(x);
+        work.trial.iter_mut().zip(&work.d).for_each(|(x, d)| *x += d);
+        let there = self.system.evaluate(&work.trial, &mut work.trial_r);
+        work.report.evaluations += 1;
+        if !there.settled || !norm2(&work.trial_r).is_finite() {
+            return Ok(Some(false));
+        }
+        self.system.accept();
+        x.copy_from_slice(&work.trial);
+        std::mem::swap(&mut work.r, &mut work.trial_r);
+        self.linearize(jac, x)?;
+        Ok(Some(true))
+    }
+
+    /// Marks the rows that the step just made has not improved though H does not bend so much, or has brought to the end.
+    fn watch(&mut self, jac: &Matrix) {
+        let work = &mut *self.work;
+        work.model.iter_mut().for_each(|m| *m = -*m);
+        (jac.leading_columns(self.n)).mul_add(1.0, &work.d, &mut work.model);
+        for i in 0..self.n {
+            let (now, before) = (work.r[i].abs(), work.trial_r[i].abs());
+            let bend = work.model[i].abs();
+            let at_rest = now > 0.5 * before && now > bend;
+            work.settled[i] |= at_rest || now <= self.options.relative_tolerance * before;
+        }
     }
 
     /// Whether the Newton step drowns in the rounding of x while the residual no longer falls.
@@ -283,17 +407,16 @@ impl Run<'_> {
             && norm2(&self.work.d) <= 16.0 * f64::EPSILON * norm2(&x[..self.n])
     }
 
-    /// Whether each residual is a small part of its terms, whatever the precision of the map.
-    fn terms_cancel(&mut self, jac: &Matrix, x: &[f64]) -> bool {
-        let n = self.n;
-        let work = &mut *self.work;
-        row_sizes(jac.as_ref(), x, &mut work.size);
-        let scratch = Scratch {
-            row: &mut work.trial[..n],
-            col: &mut work.trial_r[..n],
-            max: &mut work.gradient,
-        };
-        is_small(&work.r, &work.size, JUMP, jac.leading_columns(n), scratch)
+    /// Whether each residual is a small part of its terms, whatever the precision of the map; perhaps where it may still fall.
+    fn terms_cancel(&mut self, jac: &Matrix, x: &[f64]) -> Small {
+        let small = self.is_small(jac, x, JUMP);
+        let work = &*self.work;
+        let tolerance = self.options.relative_tolerance;
+        let rests = |i: usize| work.settled[i] || work.r[i].abs() <= tolerance * work.size[i];
+        match small {
+            Small::Yes if !(0..self.n).all(rests) => Small::Perhaps,
+            small => small,
+        }
     }
 
     /// Whether the residual at the best iterate is the noise of its own evaluation: no larger than the change made by moving
@@ -301,6 +424,7 @@ impl Run<'_> {
     fn is_rounding(&mut self, jac: &mut Matrix, x: &mut [f64]) -> bool {
         const PATTERNS: [u64; 4] = [0, u64::MAX, 0x5555_5555_5555_5555, 0x6666_6666_6666_6666];
         self.back_to_best(x);
+        self.work.settled.fill(false);
         self.system.natural(x, &mut self.work.r);
         self.system.accept();
         if self.linearize(jac, x).is_err() {
@@ -324,12 +448,22 @@ impl Run<'_> {
                 work.size[i] = work.size[i].max((work.trial_r[i] - work.r[i]).abs());
             }
         }
+        self.tried = f64::INFINITY;
+        let norm = norm2(&work.r);
+        let noise = |run: &mut Self, jac: &Matrix, _: &[f64]| run.is_noise(jac);
+        self.settles(jac, x, norm, &noise).unwrap_or(false)
+    }
+
+    /// Whether the residual is no larger than twice the noise in `size`.
+    fn is_noise(&mut self, jac: &Matrix) -> Small {
+        let work = &mut *self.work;
         let scratch = Scratch {
             row: &mut work.d,
             col: &mut work.trial[..self.n],
             max: &mut work.gradient,
         };
-        is_small(&work.r, &work.size, 2.0, jac.leading_columns(self.n), scratch)
+        let jac = jac.leading_columns(self.n);
+        is_small(&work.r, &work.size, 2.0, jac, &work.settled, scratch)
     }
 
     /// The end of a run that found nothing, unless its best iterate is as good as rounding allows.

@@ -15,6 +15,8 @@ pub struct MoorePenrose<L> {
     iterations: usize,
     /// The selection whose factored Jacobian is at hand; for affine pieces that serves at every x.
     factored: Option<Selection>,
+    /// The selection whose Jacobian, at some point, has been factored last.
+    last: Option<Selection>,
     /// For affine pieces, the inverse of the bordered Jacobian of a selection, and whether it is the one at hand.
     pub(super) inverse: Option<(Selection, RowInverse)>,
     pub(super) inverse_at_hand: bool,
@@ -25,6 +27,9 @@ pub struct MoorePenrose<L> {
 
 /// Largest number of residuals for which an inverse of a full Jacobian is kept.
 const MAX_INVERSE: usize = 1000;
+
+/// Chord steps go on while each is at most this share of the one before.
+const CONTRACTION: f64 = 0.1;
 
 /// How a correction ended.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -70,6 +75,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
             dx: vec![0.0; m],
             iterations: 0,
             factored: None,
+            last: None,
             inverse: None,
             inverse_at_hand: false,
             updates: 0,
@@ -297,6 +303,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
         x: &[f64],
     ) -> Result<(), PiecewiseError> {
         self.factored = None;
+        self.last = None;
         self.inverse_at_hand = false;
         self.jac.clear();
         map.jacobian(selection, x, &mut self.jac);
@@ -406,24 +413,33 @@ impl<L: LinearSolver> MoorePenrose<L> {
         x: &mut [f64],
         t: &mut [f64],
     ) -> Result<Correction, PiecewiseError> {
-        self.correct_in_plane_on(&map, selection, anchor, normal, s, x, t)
+        self.correct_in_plane_on(&map, selection, (anchor, normal, s), x, Some(t))
     }
 
-    #[allow(clippy::too_many_arguments)]
+    /// [`correct_in_plane`](Self::correct_in_plane) without the tangent, by chord steps with the last factors where they are of the same
+    /// selection and serve.
+    pub(crate) fn correct_by_chords<P: PiecewiseSmooth + ?Sized>(
+        &mut self,
+        map: &P,
+        selection: &Selection,
+        plane: (&[f64], &[f64], f64),
+        x: &mut [f64],
+    ) -> Result<Correction, PiecewiseError> {
+        self.correct_in_plane_on(&map, selection, plane, x, None)
+    }
+
     fn correct_in_plane_on(
         &mut self,
         map: &dyn PiecewiseSmooth,
         selection: &Selection,
-        anchor: &[f64],
-        normal: &[f64],
-        s: f64,
+        (anchor, normal, s): (&[f64], &[f64], f64),
         x: &mut [f64],
-        t: &mut [f64],
+        mut t: Option<&mut [f64]>,
     ) -> Result<Correction, PiecewiseError> {
         const LIMIT: usize = 20;
         let vectors = [
             ("the point x", &*x),
-            ("the tangent t", &*t),
+            ("the tangent t", t.as_deref().unwrap_or(normal)),
             ("the anchor", anchor),
             ("the normal", normal),
         ];
@@ -434,6 +450,8 @@ impl<L: LinearSolver> MoorePenrose<L> {
             residual_norm: f64::INFINITY,
             step_norm: f64::INFINITY,
         };
+        let mut chord = t.is_none() && self.last.as_ref() == Some(selection);
+        let mut guess = chord.then(|| x.to_vec());
         while outcome.iterations < LIMIT {
             map.residual(selection, x, &mut self.r);
             let offset = x
@@ -443,23 +461,37 @@ impl<L: LinearSolver> MoorePenrose<L> {
                 .map(|((x, a), n)| (x - a) * n)
                 .sum::<f64>()
                 - s;
-            self.assemble(map, selection, x)?;
-            self.bordered.factor(&self.jac, Some(normal))?;
+            if !chord {
+                self.assemble(map, selection, x)?;
+                self.bordered.factor(&self.jac, Some(normal))?;
+                self.last = Some(selection.clone());
+            }
             self.bordered.solve(&self.r, normal, offset, &mut self.dx)?;
-            let tangent = self.bordered.tangent();
-            let sign = dot(tangent, normal).signum();
-            for (t, v) in t.iter_mut().zip(tangent) {
-                *t = sign * v;
+            if let Some(t) = &mut t {
+                let tangent = self.bordered.tangent();
+                let sign = dot(tangent, normal).signum();
+                for (t, v) in t.iter_mut().zip(tangent) {
+                    *t = sign * v;
+                }
+            }
+            let step = norm(&self.dx);
+            let size = norm(x);
+            let noise = 4.0 * f64::EPSILON * size;
+            if chord && (step.is_nan() || step > CONTRACTION * outcome.step_norm) && step > noise {
+                // Factors of a point too far away: from the guess again, unless chords have come near.
+                if let Some(guess) = guess.take().filter(|_| outcome.iterations < 2) {
+                    x.copy_from_slice(&guess);
+                    outcome.step_norm = f64::INFINITY;
+                }
+                chord = false;
+                continue;
             }
             self.iterations += 1;
             outcome.iterations += 1;
             outcome.residual_norm = norm(&self.r);
-            let step = norm(&self.dx);
             if !(step.is_finite() && outcome.residual_norm.is_finite()) {
                 return Ok(outcome);
             }
-            let size = norm(x);
-            let noise = 4.0 * f64::EPSILON * size;
             // The last correction is applied while it still improves on its predecessor.
             if step < 0.5 * outcome.step_norm || step <= noise {
                 for (x, d) in x.iter_mut().zip(&self.dx) {
@@ -476,6 +508,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
             if stalled && outcome.iterations > 4 {
                 return Ok(outcome);
             }
+            chord = t.is_none();
         }
         Ok(outcome)
     }

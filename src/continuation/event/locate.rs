@@ -80,6 +80,11 @@ impl Curve<'_> {
         &mut self,
         monitor: Monitor,
     ) -> Result<Option<f64>, ContinuationError> {
+        // Zeros of these monitors are found without tangents on the way.
+        let by_chords = matches!(
+            monitor,
+            Monitor::Facet { .. } | Monitor::Parameter { .. } | Monitor::User(_)
+        );
         let origin = self.origin(monitor)?;
         let here = self.here.clone();
         let mut high = self.next.clone();
@@ -91,7 +96,7 @@ impl Curve<'_> {
         {
             // The bracket begins between the facet just left and its second crossing.
             a = 0.5 * back;
-            if !self.state_at(a, &high, &mut state)? {
+            if !self.find_state(a, &high, &mut state, by_chords)? {
                 return Ok(None);
             }
             ga = self.monitor_value(monitor, &state, &origin)?;
@@ -114,7 +119,7 @@ impl Curve<'_> {
             if !(s > a && s < b) {
                 s = if ga == 0.0 && a == 0.0 { 0.0 } else { 0.5 * (a + b) };
             }
-            if !self.state_at(s, &high, &mut state)? {
+            if !self.find_state(s, &high, &mut state, by_chords)? {
                 return Ok(None);
             }
             let g = self.monitor_value(monitor, &state, &origin)?;
@@ -133,7 +138,9 @@ impl Curve<'_> {
             } else {
                 ga *= side_factor(g, gb);
                 (b, gb) = (s, g);
-                high = state.clone();
+                if !by_chords {
+                    high = state.clone();
+                }
             }
         }
         let Some((value, mut state)) = best else {
@@ -167,17 +174,37 @@ impl Curve<'_> {
         high: &State,
         state: &mut State,
     ) -> Result<bool, ContinuationError> {
+        self.find_state(s, high, state, false)
+    }
+
+    /// [`state_at`](Self::state_at), by chords without the tangent: that of the guess is left.
+    fn find_state(
+        &mut self,
+        s: f64,
+        high: &State,
+        state: &mut State,
+        by_chords: bool,
+    ) -> Result<bool, ContinuationError> {
         self.interpolate(s, high, state);
         let guess = state.x.clone();
-        let corrected = self.corrector.correct_in_plane(
-            &self.map,
-            &self.selection,
-            &self.here.x,
-            &self.here.t,
-            s,
-            &mut state.x,
-            &mut state.t,
-        );
+        let (anchor, normal) = (&self.here.x, &self.here.t);
+        let corrected = match by_chords {
+            true => (self.corrector).correct_by_chords(
+                &self.map,
+                &self.selection,
+                (anchor, normal, s),
+                &mut state.x,
+            ),
+            false => self.corrector.correct_in_plane(
+                &self.map,
+                &self.selection,
+                anchor,
+                normal,
+                s,
+                &mut state.x,
+                &mut state.t,
+            ),
+        };
         match corrected {
             Ok(c) if c.converged => {
                 let strayed = distance(&state.x, &guess);
