@@ -286,7 +286,14 @@ fn fixed_points<L: NodeLaw>(bar: &Bar<L>, found: &Found) -> Outcome<()> {
             "  {zeta:>12.7}  {:>10}  {ut:>20.10e}  {}{}",
             report.iterations(),
             report.contraction().map_or("-".into(), |c| format!("{c:.4}")),
-            if report.converged { "" } else { "  not converged" }
+            match report {
+                _ if report.converged => String::new(),
+                _ if report.stagnated => {
+                    let last = report.changes.last().copied().unwrap_or(f64::NAN);
+                    format!("  no further: changes of {last:.0e}")
+                }
+                _ => "  not converged".into(),
+            }
         );
     }
     Ok(())
