@@ -46,7 +46,8 @@ impl NodeLaw for Frictionless {
     fn state(&self, piece: usize, v: &LocalValues) -> ContactState {
         match piece {
             0 => ContactState::Open,
-            _ => ContactState::slipping(v.traction[0]),
+            // The traction is zero, with a sign of rounding.
+            _ => ContactState::slipping(v.slip[0]),
         }
     }
 
