@@ -152,10 +152,7 @@ impl Run<'_> {
                     return Ok(Ok(Convergence::Rounding));
                 }
                 // The test has used up the direction.
-                step = match self.newton_direction(jac) {
-                    Ok(step) => step,
-                    Err(e) => return Err(e.into()),
-                };
+                step = self.newton_direction(jac)?;
             }
             let stuck = self.mode == Mode::LineSearch
                 && patience.is_over(self.merit(&self.work.r), evaluation.changed);
