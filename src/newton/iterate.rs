@@ -145,14 +145,16 @@ impl Run<'_> {
                 Err(e) => return Err(e.into()),
             };
             if self.step_is_rounding(x, norm, previous_norm, step, evaluation) {
+                let factorisations = self.work.report.factorisations;
                 let rests = |run: &mut Self, jac: &Matrix, x: &[f64]| run.terms_cancel(jac, x);
                 if self.settles(jac, x, norm, &rests)? {
                     self.best_norm = norm2(&self.work.r);
                     self.record_last(index, self.best_norm, evaluation);
                     return Ok(Ok(Convergence::Rounding));
                 }
-                // The test has used up the direction.
-                step = self.newton_direction(jac)?;
+                if self.work.report.factorisations > factorisations {
+                    step = self.newton_direction(jac)?;
+                }
             }
             let stuck = self.mode == Mode::LineSearch
                 && patience.is_over(self.merit(&self.work.r), evaluation.changed);
@@ -297,7 +299,7 @@ impl Run<'_> {
         let work = &mut *self.work;
         row_sizes(jac.as_ref(), x, &mut work.size);
         let scratch = Scratch {
-            row: &mut work.d,
+            row: &mut work.model,
             col: &mut work.trial[..self.n],
             max: &mut work.gradient,
         };
@@ -455,7 +457,7 @@ impl Run<'_> {
     fn is_noise(&mut self, jac: &Matrix) -> Small {
         let work = &mut *self.work;
         let scratch = Scratch {
-            row: &mut work.d,
+            row: &mut work.model,
             col: &mut work.trial[..self.n],
             max: &mut work.gradient,
         };

@@ -18,7 +18,7 @@ pub(super) struct Workspace {
     pub(super) conjugate: Vec<f64>,
     /// Factors of the residuals in the merit function, so that units of rows do not matter to line searches.
     pub(super) weight: Vec<f64>,
-    /// ∇H d of the step taken last, where rows are watched.
+    /// ∇H d of the step taken last, where rows are watched; else free.
     pub(super) model: Vec<f64>,
     /// Rows whose residual a full step no longer improves.
     pub(super) settled: Vec<bool>,
