@@ -378,7 +378,7 @@ impl Run<'_> {
         Ok(Some(true))
     }
 
-    /// Marks the rows that the step just made has not improved though H does not bend so much, or has brought to the end.
+    /// Marks the rows that the step just made has not improved though H does not bend so much.
     fn watch(&mut self, jac: &Matrix) {
         let work = &mut *self.work;
         work.model.iter_mut().for_each(|m| *m = -*m);
@@ -386,8 +386,7 @@ impl Run<'_> {
         for i in 0..self.n {
             let (now, before) = (work.r[i].abs(), work.trial_r[i].abs());
             let bend = work.model[i].abs();
-            let at_rest = now > 0.5 * before && now > bend;
-            work.settled[i] |= at_rest || now <= self.options.relative_tolerance * before;
+            work.settled[i] |= now > 0.5 * before && now > bend;
         }
     }
 
