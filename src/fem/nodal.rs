@@ -179,9 +179,8 @@ impl ElasticSystem {
         drop(rows);
         let count = blocks.col.len();
         blocks.value.try_reserve_exact(count).map_err(|_| too_large())?;
-        // Pages that the system hands out are zero already.
-        drop(std::mem::take(&mut blocks.value));
-        blocks.value = vec![[[0.0; B]; B]; count];
+        // Written here: threads that ask the system for new pages at the same time wait for each other.
+        blocks.value.resize(count, [[0.0; B]; B]);
         let fixed: Vec<u8> = (0..order.number.len())
             .map(|n| {
                 let prescribed = (0..B).filter(|d| self.dofs[B * n + d] == PRESCRIBED);
