@@ -35,6 +35,43 @@ pub trait Program {
     }
 }
 
+macro_rules! forward {
+    () => {
+        fn num_vars(&self) -> usize {
+            (**self).num_vars()
+        }
+        fn num_constraints(&self) -> usize {
+            (**self).num_constraints()
+        }
+        fn gradient(&self, x: &[f64], out: &mut [f64]) {
+            (**self).gradient(x, out);
+        }
+        fn constraints(&self, x: &[f64], out: &mut [f64]) {
+            (**self).constraints(x, out);
+        }
+        fn constraint_jacobian(&self, x: &[f64], jac: &mut Matrix) {
+            (**self).constraint_jacobian(x, jac);
+        }
+        fn hessian(&self, x: &[f64], multipliers: &[f64], hessian: &mut Matrix) {
+            (**self).hessian(x, multipliers, hessian);
+        }
+        fn constraint_pattern(&self) -> Pattern {
+            (**self).constraint_pattern()
+        }
+        fn hessian_pattern(&self) -> Pattern {
+            (**self).hessian_pattern()
+        }
+    };
+}
+
+impl<P: Program + ?Sized> Program for &P {
+    forward!();
+}
+
+impl<P: Program + ?Sized> Program for Box<P> {
+    forward!();
+}
+
 /// What a constraint of a [`Program`] says.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]

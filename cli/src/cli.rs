@@ -1,0 +1,217 @@
+//! The program: arguments, files, exit codes.
+
+use std::ffi::OsString;
+use std::fs;
+use std::io::{self, Write};
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+
+use semismooth::complementarity::McpIteration;
+use thiserror::Error;
+
+use crate::model::Model;
+use crate::nl::{self, NlError};
+use crate::options::{OPTIONS, OptionError, Options};
+use crate::solution::Solution;
+use crate::solve::{SolveError, solve};
+
+/// Name and version, as `-v` prints them.
+pub const VERSION: &str = concat!("semismooth ", env!("CARGO_PKG_VERSION"));
+
+/// The variable of the environment that holds options.
+pub const ENVIRONMENT: &str = "semismooth_options";
+
+/// Why a run ended without a result.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum CliError {
+    /// The command line cannot be understood.
+    #[error("{0}")]
+    Usage(String),
+    /// An option of the command line.
+    #[error(transparent)]
+    Option(#[from] OptionError),
+    /// An option of the environment.
+    #[error("in ${ENVIRONMENT}: {0}")]
+    Environment(#[source] OptionError),
+    /// A file cannot be read or written.
+    #[error("{path}: {source}")]
+    File {
+        /// The file.
+        path: String,
+        /// Why not.
+        source: io::Error,
+    },
+    /// A file that is no .nl file.
+    #[error("{path}: {source}")]
+    Nl {
+        /// The file.
+        path: String,
+        /// The first fault.
+        source: NlError,
+    },
+    /// A problem of another kind.
+    #[error("{path}: {source}")]
+    Solve {
+        /// The file.
+        path: String,
+        /// Why it cannot be solved here.
+        source: SolveError,
+    },
+    /// The result could not be printed.
+    #[error("standard output: {0}")]
+    Output(#[from] io::Error),
+}
+
+/// What the command line asks for.
+#[derive(Debug, Default)]
+struct Request {
+    stub: Option<PathBuf>,
+    ampl: bool,
+    write: bool,
+    options: Vec<String>,
+}
+
+/// Runs the program with its arguments, the name of the program not among them, and the options of the environment.
+///
+/// # Errors
+/// What keeps it from a result. That no solution was found is no error: AMPL reads it from the .sol file.
+pub fn run(
+    arguments: impl IntoIterator<Item = OsString>,
+    environment: Option<&str>,
+    out: &mut dyn Write,
+) -> Result<(), CliError> {
+    let mut request = Request::default();
+    let mut no_more_flags = false;
+    for argument in arguments {
+        let text = argument.to_str();
+        match text {
+            Some("--") => no_more_flags = true,
+            Some("-v" | "--version") if !no_more_flags => return Ok(writeln!(out, "{VERSION}")?),
+            Some("-=" | "-?" | "-h" | "--help") if !no_more_flags => return help(out),
+            Some("-AMPL") if !no_more_flags => request.ampl = true,
+            Some("-s") if !no_more_flags => request.write = true,
+            Some("-e") if !no_more_flags => {}
+            Some(flag) if !no_more_flags && flag.starts_with('-') && request.stub.is_none() => {
+                return Err(CliError::Usage(format!(
+                    "{flag} is not known; --help tells what is"
+                )));
+            }
+            _ if request.stub.is_none() => request.stub = Some(argument.into()),
+            Some(option) => request.options.push(option.into()),
+            None => {
+                return Err(CliError::Usage(format!(
+                    "{argument:?} is no option; --help tells what is"
+                )));
+            }
+        }
+    }
+    let Some(stub) = &request.stub else {
+        return Err(CliError::Usage(
+            "which problem? semismooth FILE.nl; --help tells more".into(),
+        ));
+    };
+    let mut options = Options::default();
+    options
+        .take(environment.unwrap_or_default())
+        .map_err(CliError::Environment)?;
+    options.take(&request.options.join(" "))?;
+    let (input, output) = files(stub);
+    let model = read(&input)?;
+    let solution = {
+        let trace = &mut *out;
+        let mut observe = |i: &McpIteration| match options.outlev > 1 && iteration(trace, i).is_err() {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        };
+        let solution = solve(&model, &options, &mut observe);
+        solution.map_err(|source| CliError::Solve {
+            path: input.display().to_string(),
+            source,
+        })?
+    };
+    let solution = Solution {
+        message: format!("{VERSION}: {}", solution.message),
+        ..solution
+    };
+    if request.ampl || request.write || options.wantsol & 1 != 0 {
+        fs::write(&output, solution.to_sol(&model.header)).map_err(|source| file_error(&output, source))?;
+    }
+    report(&options, &solution, out)
+}
+
+/// The files of a stub, which AMPL gives without extension and Pyomo with.
+fn files(stub: &Path) -> (PathBuf, PathBuf) {
+    let base = match stub.extension() {
+        Some(extension) if extension == "nl" => stub.with_extension(""),
+        _ => stub.to_path_buf(),
+    };
+    let with = |extension: &str| {
+        let mut name = base.clone().into_os_string();
+        name.push(extension);
+        PathBuf::from(name)
+    };
+    (with(".nl"), with(".sol"))
+}
+
+fn file_error(path: &Path, source: io::Error) -> CliError {
+    CliError::File {
+        path: path.display().to_string(),
+        source,
+    }
+}
+
+fn read(path: &Path) -> Result<Model, CliError> {
+    let bytes = fs::read(path).map_err(|source| file_error(path, source))?;
+    nl::read(&bytes).map_err(|source| CliError::Nl {
+        path: path.display().to_string(),
+        source,
+    })
+}
+
+fn iteration(out: &mut dyn Write, i: &McpIteration) -> io::Result<()> {
+    let (index, residual, damping) = (i.index, i.residual, i.damping);
+    writeln!(
+        out,
+        "{index:6}  residual {residual:9.2e}  step {damping:8.1e}  {}",
+        i.strategy.name()
+    )
+}
+
+fn report(options: &Options, solution: &Solution, out: &mut dyn Write) -> Result<(), CliError> {
+    if options.outlev > 0 && options.wantsol & 8 == 0 {
+        writeln!(out, "{}", solution.message)?;
+    }
+    for (bit, name, values) in [(2, "x", &solution.x), (4, "dual", &solution.duals)] {
+        if options.wantsol & bit != 0 {
+            for (index, value) in values.iter().enumerate() {
+                writeln!(out, "{name}[{index}] = {value:?}")?;
+            }
+        }
+    }
+    Ok(())
+}
+
+fn help(out: &mut dyn Write) -> Result<(), CliError> {
+    writeln!(
+        out,
+        "{VERSION}: solves mixed complementarity problems, square systems and first-order conditions of\n\
+         nonlinear programs from AMPL's .nl files.\n\n\
+         semismooth FILE[.nl] [-AMPL] [option=value …]\n\n  \
+         -AMPL      write FILE.sol, as AMPL and Pyomo ask for\n  \
+         -s         the same\n  \
+         -v         print the version\n  \
+         -=         print this list\n\n\
+         Options, also from the environment variable {ENVIRONMENT}; the default in brackets:\n"
+    )?;
+    for (name, meaning) in OPTIONS {
+        writeln!(out, "  {name:12} {meaning}")?;
+    }
+    writeln!(
+        out,
+        "\nsolve_result_num: 0 solved, 100 in doubt, 200 no solution (proven), 400 iterations, 401 time,\n\
+         500 no progress, 501 stationary, 502 iterates tend to infinity, 503 functions cannot be evaluated,\n\
+         504 no KKT point (proven). Exit code 1: the file or an option is not understood."
+    )?;
+    Ok(())
+}

@@ -1,0 +1,107 @@
+//! A problem as the file states it.
+
+use crate::graph::{Expression, Graph};
+use crate::nl::{Header, Position};
+
+/// Variables with their coefficients.
+pub type Linear = Vec<(u32, f64)>;
+
+/// A problem: variables with bounds, constraints, complementarities, objectives.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Model {
+    /// What the header says.
+    pub header: Header,
+    /// All expressions.
+    pub graph: Graph,
+    /// Constraints and complementarities.
+    pub rows: Vec<Row>,
+    /// Lower bounds of the variables; −∞ where there is none.
+    pub lower: Vec<f64>,
+    /// Upper bounds; +∞ where there is none.
+    pub upper: Vec<f64>,
+    /// Objectives.
+    pub objectives: Vec<Objective>,
+    /// Initial values of the variables, 0 where none is given.
+    pub start: Vec<f64>,
+    /// Initial values of the multipliers of the rows, 0 where none is given.
+    pub duals: Vec<f64>,
+}
+
+/// A row: the sum of a nonlinear and a linear part, its body, and what is asked of it.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Row {
+    /// The nonlinear part.
+    pub expression: Option<Expression>,
+    /// Where the file has it.
+    pub at: Position,
+    /// The linear part, with a coefficient of 0 for variables of the nonlinear part alone.
+    pub linear: Linear,
+    /// What is asked of the body.
+    pub kind: RowKind,
+}
+
+/// What is asked of a row.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum RowKind {
+    /// To lie between bounds.
+    Range {
+        /// Lower bound, or −∞.
+        lower: f64,
+        /// Upper bound, or +∞.
+        upper: f64,
+    },
+    /// To complement a variable: ≥ 0 where it is at its lower bound, ≤ 0 at its upper one, 0 between.
+    Complements {
+        /// The variable, from 0.
+        variable: usize,
+        /// Whether its lower bound belongs to the condition.
+        lower: bool,
+        /// Whether its upper bound does.
+        upper: bool,
+    },
+}
+
+/// An objective.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct Objective {
+    /// Whether it is to be maximised.
+    pub maximize: bool,
+    /// The nonlinear part.
+    pub expression: Expression,
+    /// The linear part.
+    pub linear: Linear,
+}
+
+impl RowKind {
+    /// The right-hand side of an equation.
+    #[must_use]
+    pub fn equation(self) -> Option<f64> {
+        match self {
+            Self::Range { lower, upper } if lower == upper => Some(lower),
+            _ => None,
+        }
+    }
+
+    /// Whether nothing is asked.
+    #[must_use]
+    pub fn is_free(self) -> bool {
+        matches!(self, Self::Range { lower, upper } if lower == f64::NEG_INFINITY && upper == f64::INFINITY)
+    }
+}
+
+impl Row {
+    /// The body at the point where the variables of `values` are set.
+    pub fn body(&self, graph: &Graph, values: &mut [f64]) -> f64 {
+        let nonlinear = self
+            .expression
+            .as_ref()
+            .map_or(0.0, |e| graph.evaluate(e, values));
+        nonlinear + linear_value(&self.linear, values)
+    }
+}
+
+/// Σ coefficient · variable.
+#[must_use]
+pub fn linear_value(linear: &Linear, x: &[f64]) -> f64 {
+    linear.iter().map(|&(j, c)| c * x[j as usize]).sum()
+}

@@ -1,0 +1,279 @@
+//! From a model to a solution: which problem it is, how it ended, and what may be said of it.
+
+use std::ops::ControlFlow;
+
+use semismooth::complementarity::{
+    BoundState, ComplementarityError, Mcp, McpFunction, McpIteration, McpReport, McpSolver, McpStatus, kkt,
+};
+use thiserror::Error;
+
+use crate::model::{Model, Objective, RowKind};
+use crate::options::Options;
+use crate::program::{Nlp, NlpError};
+use crate::solution::Solution;
+use crate::square::{Square, SquareError};
+
+/// Why a model cannot be solved by this program. How a solve ended is in the [`Solution`].
+#[derive(Debug, Clone, PartialEq, Error)]
+#[non_exhaustive]
+pub enum SolveError {
+    /// Binary or integer variables.
+    #[error("{0} variables are integer; this program solves problems with continuous variables")]
+    Integers(usize),
+    /// Logical constraints.
+    #[error(
+        "{0} constraints are logical; this program solves problems with equations, inequalities and complementarities"
+    )]
+    Logical(usize),
+    /// An objective that is not there.
+    #[error("objno={number} is out of range; the problem has {available} objectives")]
+    Objective {
+        /// The number asked for.
+        number: usize,
+        /// How many there are.
+        available: usize,
+    },
+    /// No mixed complementarity problem.
+    #[error(transparent)]
+    Square(#[from] SquareError),
+    /// No program with second derivatives.
+    #[error(transparent)]
+    Program(#[from] NlpError),
+    /// The library refused the problem.
+    #[error(transparent)]
+    Library(#[from] ComplementarityError),
+}
+
+/// Sees each iteration, and may stop the run.
+pub type Observer<'a> = dyn FnMut(&McpIteration) -> ControlFlow<()> + 'a;
+
+/// Solves a model: as a mixed complementarity problem where it has complementarities, or as many equations as variables and nothing to
+/// optimise; else by its first-order conditions.
+///
+/// # Errors
+/// A model of another kind.
+pub fn solve(model: &Model, options: &Options, observe: &mut Observer<'_>) -> Result<Solution, SolveError> {
+    if model.header.integers > 0 {
+        return Err(SolveError::Integers(model.header.integers));
+    }
+    if model.header.logical > 0 {
+        return Err(SolveError::Logical(model.header.logical));
+    }
+    let available = model.objectives.len();
+    let objective = match options.objno.checked_sub(1) {
+        Some(index) if index < available => Some(&model.objectives[index]),
+        // 1 is the default, also of a model without any.
+        None | Some(0) => None,
+        Some(_) => {
+            return Err(SolveError::Objective {
+                number: options.objno,
+                available,
+            });
+        }
+    };
+    let is_complementarity = |kind: RowKind| matches!(kind, RowKind::Complements { .. });
+    let mut solution = match objective.filter(|o| !is_constant(model, o)) {
+        _ if model.rows.iter().any(|r| is_complementarity(r.kind)) => {
+            let ignored = objective.is_some_and(|o| !is_constant(model, o));
+            square(model, options, ignored, observe)?
+        }
+        Some(objective) => program(model, objective, options, observe)?,
+        None => square(model, options, false, observe)?,
+    };
+    solution.objective = options.objno.saturating_sub(1);
+    Ok(solution)
+}
+
+fn is_constant(model: &Model, objective: &Objective) -> bool {
+    let nonlinear = model.graph.constant(objective.expression.root).is_some();
+    nonlinear && objective.linear.iter().all(|(_, c)| *c == 0.0)
+}
+
+fn square(
+    model: &Model,
+    options: &Options,
+    ignored: bool,
+    observe: &mut Observer<'_>,
+) -> Result<Solution, SolveError> {
+    let square = Square::new(model)?;
+    let mut x = square.restrict(&model.start);
+    let affine = if square.is_affine() {
+        Some(square.affine()?)
+    } else {
+        None
+    };
+    let mut run = |x: &mut [f64], stated: bool| {
+        let bounds = square.bounds(stated);
+        match &affine {
+            Some(function) => run(function, bounds, x, options, observe),
+            None => run(&square, bounds, x, options, observe),
+        }
+    };
+    let mut report = run(&mut x, false)?;
+    let mut doubt = Doubt::new(model, &square, &x, &report);
+    if report.is_solved() && doubt.any() {
+        // A solution of the problem with the bounds of its conditions alone, if it keeps to the others.
+        let mut y = x.clone();
+        let other = run(&mut y, true)?;
+        let (lower, upper) = square.bounds(false);
+        if other.is_solved() && (0..y.len()).all(|i| lower[i] <= y[i] && y[i] <= upper[i]) {
+            (x, report) = (y, other);
+            doubt = Doubt::default();
+        }
+    }
+    let (mut code, mut message) = verdict(&report, "complementarity problem");
+    if report.is_solved() {
+        (code, message) = doubt.word(code, message);
+    }
+    if ignored {
+        message.push_str("\nThe objective plays no part in a complementarity problem.");
+    }
+    Ok(Solution {
+        message,
+        code,
+        x: square.extend(&x),
+        duals: Vec::new(),
+        objective: 0,
+    })
+}
+
+fn program(
+    model: &Model,
+    objective: &Objective,
+    options: &Options,
+    observe: &mut Observer<'_>,
+) -> Result<Solution, SolveError> {
+    let nlp = Nlp::new(model, objective)?;
+    let (lower, upper) = nlp.bounds();
+    let variables = lower.len();
+    let mut z = nlp.start();
+    let kinds = nlp.kinds();
+    let problem = kkt(&nlp, &kinds, lower, upper)?;
+    let mut solver = McpSolver::new(options.solver.clone());
+    let report = solver.solve_observed(&problem, &mut z, observe)?.clone();
+    let (mut code, mut message) = verdict(&report, "first-order (KKT) conditions");
+    let (x, y) = z.split_at(variables);
+    let value = nlp.objective(x);
+    if report.is_solved() {
+        message.push_str(&format!(
+            "\nA KKT point, objective {value:?}; whether it is a minimum or a maximum has not been decided."
+        ));
+        if model.graph.has_kinks() {
+            message.push_str("\nAt kinks the derivatives are those of one of the pieces.");
+        }
+    } else if report.status == McpStatus::Infeasible {
+        // The problem itself may be infeasible or unbounded.
+        code = 504;
+        message.push_str("\nThe problem has no KKT point: it is infeasible or unbounded, or its solutions have no multipliers.");
+    }
+    Ok(Solution {
+        message,
+        code,
+        x: x[..model.lower.len()].to_vec(),
+        duals: nlp.duals(y),
+        objective: 0,
+    })
+}
+
+fn run<F: McpFunction>(
+    function: F,
+    (lower, upper): (Vec<f64>, Vec<f64>),
+    x: &mut [f64],
+    options: &Options,
+    observe: &mut Observer<'_>,
+) -> Result<McpReport, ComplementarityError> {
+    let problem = Mcp::new(function, lower, upper)?;
+    let mut solver = McpSolver::new(options.solver.clone());
+    solver.solve_observed(&problem, x, observe).cloned()
+}
+
+/// AMPL's code, and what may be said.
+fn verdict(report: &McpReport, what: &str) -> (u16, String) {
+    let numbers = format!(
+        "residual {:.1e}, error {:.1e}, {} iterations, {} evaluations",
+        report.residual, report.error, report.iterations, report.evaluations
+    );
+    let code = match report.status {
+        McpStatus::Solved => return (0, format!("Solved: {what}; {numbers}.")),
+        McpStatus::AtRounding => 100,
+        McpStatus::Infeasible => 200,
+        McpStatus::IterationLimit => 400,
+        McpStatus::TimeLimit => 401,
+        McpStatus::Stationary { .. } => 501,
+        McpStatus::Unbounded => 502,
+        McpStatus::EvaluationFailure { .. } => 503,
+        McpStatus::Interrupted => 505,
+        _ => 500,
+    };
+    (code, format!("Not solved: {what}: {}; {numbers}.", report.status))
+}
+
+/// Variables that rest at bounds which do not belong to the condition of their row, although it is not zero there.
+#[derive(Debug, Clone, Default)]
+struct Doubt {
+    /// Variable, row and how many more, for equations.
+    equation: Option<(usize, usize, usize)>,
+    /// The same for complementarities.
+    condition: Option<(usize, usize, usize)>,
+}
+
+impl Doubt {
+    fn new(model: &Model, square: &Square<'_>, x: &[f64], report: &McpReport) -> Self {
+        let mut doubt = Self::default();
+        let mut f = vec![0.0; x.len()];
+        square.value(x, &mut f);
+        for (i, state) in report.states.iter().enumerate() {
+            let (variable, row) = square.origin(i);
+            let (lower, upper) = match model.rows[row].kind {
+                RowKind::Complements { lower, upper, .. } => (lower, upper),
+                RowKind::Range { .. } => (false, false),
+            };
+            let named = match state {
+                BoundState::Lower => lower,
+                BoundState::Upper => upper,
+                _ => true,
+            };
+            // A variable that is fixed has no condition, unless its row is an equation.
+            let fixed = model.lower[variable] == model.upper[variable];
+            if named || f[i] == 0.0 || (fixed && !square.is_equation(i)) {
+                continue;
+            }
+            let found = match square.is_equation(i) {
+                true => &mut doubt.equation,
+                false => &mut doubt.condition,
+            };
+            let more = found.map_or(0, |(_, _, more)| more + 1);
+            let first = found.unwrap_or((variable, row, 0));
+            *found = Some((first.0, first.1, more));
+        }
+        doubt
+    }
+
+    fn any(&self) -> bool {
+        self.equation.is_some() || self.condition.is_some()
+    }
+
+    fn word(&self, code: u16, message: String) -> (u16, String) {
+        let others = |more| match more {
+            0 => String::new(),
+            more => format!(", and {more} more such rows"),
+        };
+        if let Some((variable, row, more)) = self.equation {
+            let text = format!(
+                "Not solved: variable {variable} rests at a bound, where equation {row} does not hold (both from 0){}; no point was \
+                 found that satisfies both.",
+                others(more)
+            );
+            return (500, text);
+        }
+        if let Some((variable, row, more)) = self.condition {
+            let text = format!(
+                "{message}\nIn doubt: variable {variable} rests at a bound that row {row}, which complements it, does not name (both \
+                 from 0){}. The point solves the problem in which all bounds of variables belong to the conditions.",
+                others(more)
+            );
+            return (100, text);
+        }
+        (code, message)
+    }
+}
