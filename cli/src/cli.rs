@@ -195,8 +195,8 @@ fn report(options: &Options, solution: &Solution, out: &mut dyn Write) -> Result
 fn help(out: &mut dyn Write) -> Result<(), CliError> {
     writeln!(
         out,
-        "{VERSION}: solves mixed complementarity problems, square systems and first-order conditions of\n\
-         nonlinear programs from AMPL's .nl files.\n\n\
+        "{VERSION}: solves mixed complementarity problems, square systems and first-order\n\
+         conditions of nonlinear programs from AMPL's .nl files.\n\n\
          semismooth FILE[.nl] [-AMPL] [option=value …]\n\n  \
          -AMPL      write FILE.sol, as AMPL and Pyomo ask for\n  \
          -s         the same\n  \

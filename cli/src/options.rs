@@ -76,7 +76,7 @@ pub const OPTIONS: [(&str, &str); 8] = [
     ),
     (
         "wantsol",
-        "sum of 1: write a .sol file without -AMPL, 2: print variables, 4: print multipliers, 8: no result (0)",
+        "sum of 1: write FILE.sol, 2: print variables, 4: print multipliers, 8: no result (0)",
     ),
 ];
 

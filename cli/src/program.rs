@@ -110,6 +110,17 @@ impl<'m> Nlp<'m> {
         })
     }
 
+    /// Whether the first-order conditions are affine: a quadratic objective and affine constraints.
+    #[must_use]
+    pub fn is_quadratic(&self) -> bool {
+        let curved = self.constraints.iter().filter_map(|c| self.expression(c));
+        let degrees = self
+            .model
+            .graph
+            .degrees([&self.objective.expression].into_iter().chain(curved));
+        degrees[0] <= 2 && degrees[1..].iter().all(|d| *d <= 1)
+    }
+
     /// What each constraint asks.
     #[must_use]
     pub fn kinds(&self) -> Vec<ConstraintKind> {

@@ -3,8 +3,10 @@
 use std::ops::ControlFlow;
 
 use semismooth::complementarity::{
-    BoundState, ComplementarityError, Mcp, McpFunction, McpIteration, McpReport, McpSolver, McpStatus, kkt,
+    AffineFunction, BoundState, ComplementarityError, Mcp, McpFunction, McpIteration, McpReport, McpSolver,
+    McpStatus, kkt,
 };
+use semismooth::sparse::Matrix;
 use thiserror::Error;
 
 use crate::model::{Model, Objective, RowKind};
@@ -97,24 +99,26 @@ fn square(
 ) -> Result<Solution, SolveError> {
     let square = Square::new(model)?;
     let mut x = square.restrict(&model.start);
-    let affine = if square.is_affine() {
-        Some(square.affine()?)
+    let function = if square.is_affine() {
+        Some(affine(&square)?)
     } else {
         None
     };
-    let mut run = |x: &mut [f64], stated: bool| {
+    let mut run = |x: &mut [f64], stated: bool, options: &Options| {
         let bounds = square.bounds(stated);
-        match &affine {
+        match &function {
             Some(function) => run(function, bounds, x, options, observe),
             None => run(&square, bounds, x, options, observe),
         }
     };
-    let mut report = run(&mut x, false)?;
+    let mut report = run(&mut x, false, options)?;
     let mut doubt = Doubt::new(model, &square, &x, &report);
     if report.is_solved() && doubt.any() {
         // A solution of the problem with the bounds of its conditions alone, if it keeps to the others.
         let mut y = x.clone();
-        let other = run(&mut y, true)?;
+        let mut rest = options.clone();
+        rest.solver.max_time = rest.solver.max_time.map(|all| all.saturating_sub(report.time));
+        let other = run(&mut y, true, &rest)?;
         let (lower, upper) = square.bounds(false);
         if other.is_solved() && (0..y.len()).all(|i| lower[i] <= y[i] && y[i] <= upper[i]) {
             (x, report) = (y, other);
@@ -149,8 +153,13 @@ fn program(
     let mut z = nlp.start();
     let kinds = nlp.kinds();
     let problem = kkt(&nlp, &kinds, lower, upper)?;
-    let mut solver = McpSolver::new(options.solver.clone());
-    let report = solver.solve_observed(&problem, &mut z, observe)?.clone();
+    let report = if nlp.is_quadratic() {
+        let bounds = (problem.lower().to_vec(), problem.upper().to_vec());
+        run(affine(problem.function())?, bounds, &mut z, options, observe)?
+    } else {
+        let mut solver = McpSolver::new(options.solver.clone());
+        solver.solve_observed(&problem, &mut z, observe)?.clone()
+    };
     let (mut code, mut message) = verdict(&report, "first-order (KKT) conditions");
     let (x, y) = z.split_at(variables);
     let value = nlp.objective(x);
@@ -173,6 +182,16 @@ fn program(
         duals: nlp.duals(y),
         objective: 0,
     })
+}
+
+/// F = M x + q of a function that is affine, so that the solver knows.
+fn affine(function: &impl McpFunction) -> Result<AffineFunction, ComplementarityError> {
+    let zero = vec![0.0; function.num_vars()];
+    let mut q = zero.clone();
+    let mut matrix = Matrix::zeros(function.pattern());
+    function.value(&zero, &mut q);
+    function.jacobian(&zero, &mut matrix);
+    AffineFunction::new(matrix, q)
 }
 
 fn run<F: McpFunction>(
@@ -211,10 +230,10 @@ fn verdict(report: &McpReport, what: &str) -> (u16, String) {
 /// Variables that rest at bounds which do not belong to the condition of their row, although it is not zero there.
 #[derive(Debug, Clone, Default)]
 struct Doubt {
-    /// Variable, row and how many more, for equations.
-    equation: Option<(usize, usize, usize)>,
+    /// Variable, row, value there, and how many more, for equations.
+    equation: Option<(usize, usize, f64, usize)>,
     /// The same for complementarities.
-    condition: Option<(usize, usize, usize)>,
+    condition: Option<(usize, usize, f64, usize)>,
 }
 
 impl Doubt {
@@ -242,9 +261,10 @@ impl Doubt {
                 true => &mut doubt.equation,
                 false => &mut doubt.condition,
             };
-            let more = found.map_or(0, |(_, _, more)| more + 1);
-            let first = found.unwrap_or((variable, row, 0));
-            *found = Some((first.0, first.1, more));
+            match found {
+                Some((.., more)) => *more += 1,
+                None => *found = Some((variable, row, f[i], 0)),
+            }
         }
         doubt
     }
@@ -258,18 +278,18 @@ impl Doubt {
             0 => String::new(),
             more => format!(", and {more} more such rows"),
         };
-        if let Some((variable, row, more)) = self.equation {
+        if let Some((variable, row, value, more)) = self.equation {
             let text = format!(
-                "Not solved: variable {variable} rests at a bound, where equation {row} does not hold (both from 0){}; no point was \
-                 found that satisfies both.",
+                "Not solved: variable {variable} rests at a bound, where equation {row} (both from 0) has the residual {value:.1e}{}; \
+                 no point was found that satisfies both.",
                 others(more)
             );
             return (500, text);
         }
-        if let Some((variable, row, more)) = self.condition {
+        if let Some((variable, row, value, more)) = self.condition {
             let text = format!(
-                "{message}\nIn doubt: variable {variable} rests at a bound that row {row}, which complements it, does not name (both \
-                 from 0){}. The point solves the problem in which all bounds of variables belong to the conditions.",
+                "{message}\nIn doubt: variable {variable} rests at a bound that row {row}, which complements it and has the value \
+                 {value:.1e}, does not name (both from 0){}. The point solves the problem in which all bounds of variables belong to the conditions.",
                 others(more)
             );
             return (100, text);

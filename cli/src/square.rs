@@ -2,7 +2,7 @@
 
 use std::cell::RefCell;
 
-use semismooth::complementarity::{AffineFunction, McpFunction};
+use semismooth::complementarity::McpFunction;
 use semismooth::sparse::{Matrix, Pattern};
 use thiserror::Error;
 
@@ -262,19 +262,6 @@ impl<'m> Square<'m> {
         self.components
             .iter()
             .all(|c| constant_part(self.model, c.row).is_some())
-    }
-
-    /// F = M x + q, for an affine model.
-    ///
-    /// # Errors
-    /// Coefficients that are not finite.
-    pub fn affine(&self) -> Result<AffineFunction, semismooth::complementarity::ComplementarityError> {
-        let x = vec![0.0; self.num_vars()];
-        let mut q = x.clone();
-        let mut matrix = Matrix::zeros(self.pattern());
-        self.value(&x, &mut q);
-        self.jacobian(&x, &mut matrix);
-        AffineFunction::new(matrix, q)
     }
 
     fn set(&self, x: &[f64], work: &mut Work) {

@@ -33,6 +33,8 @@ pub struct Hessian {
     free: u32,
     /// Sum of the weights of the edges to each node, of the node at hand.
     sum: Vec<f64>,
+    /// Whether a node is among the neighbours; a sum may be zero between two edges.
+    known: Vec<bool>,
     neighbours: Vec<NodeId>,
 }
 
@@ -46,6 +48,7 @@ impl Hessian {
             edges: Vec::new(),
             free: NONE,
             sum: graph.workspace(),
+            known: vec![false; graph.nodes.len()],
             neighbours: Vec::new(),
         }
     }
@@ -200,7 +203,7 @@ impl Hessian {
         let mut edge = std::mem::replace(&mut self.first[id as usize], NONE);
         while edge != NONE {
             let Edge { other, weight, next } = self.edges[edge as usize];
-            if self.sum[other as usize] == 0.0 {
+            if !std::mem::replace(&mut self.known[other as usize], true) {
                 self.neighbours.push(other);
             }
             let sum = &mut self.sum[other as usize];
@@ -215,6 +218,7 @@ impl Hessian {
     fn forget(&mut self) {
         for other in self.neighbours.drain(..) {
             self.sum[other as usize] = 0.0;
+            self.known[other as usize] = false;
         }
     }
 
@@ -274,5 +278,46 @@ fn structure(graph: &Graph, node: Node) -> Partials {
         aa: aa * a,
         ab: ab * a * b,
         bb: bb * b,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::graph::{Binary, Unary};
+
+    /// s y − s y + 2 s y with s = sin x: the first two edges between s and y cancel before the third comes.
+    #[test]
+    fn edges_that_cancel_are_counted_once() {
+        let mut graph = Graph::new(2, 0).unwrap();
+        let s = graph.push(Node::Unary(Unary::Sin, 0)).unwrap();
+        let mut root = None;
+        for factor in [1.0, -1.0, 2.0] {
+            let product = graph.push(Node::Binary(Binary::Multiply, s, 1)).unwrap();
+            let term = graph.push(Node::Scale(factor, product)).unwrap();
+            root = Some(root.map_or(term, |r| graph.push(Node::Binary(Binary::Add, r, term)).unwrap()));
+        }
+        let expression = graph.close(2, root.unwrap());
+        let mut values = graph.workspace();
+        graph.set_variables(&[0.3, 0.7], &mut values);
+        graph.evaluate(&expression, &mut values);
+        let mut found = [[0.0; 2]; 2];
+        let mut hessian = Hessian::new(&graph);
+        hessian.sweep(&graph, [(&expression, 1.0)], &values, &mut |i, j, v| {
+            found[i][j] += v
+        });
+        let (sin, cos) = 0.3_f64.sin_cos();
+        let expected = [[-1.4 * sin, 2.0 * cos], [2.0 * cos, 0.0]];
+        for (found, expected) in found.iter().flatten().zip(expected.iter().flatten()) {
+            assert!((found - expected).abs() < 1e-14, "{found} {expected}");
+        }
+        assert_eq!(
+            hessian.pattern(&graph, [&expression], 3).unwrap(),
+            [(0, 0), (0, 1), (1, 0)]
+        );
+        assert_eq!(
+            hessian.pattern(&graph, [&expression], 2),
+            Err(TooDense { limit: 2 })
+        );
     }
 }

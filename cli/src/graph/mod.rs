@@ -3,11 +3,13 @@
 //! The nodes of a tape stand after those they depend on, the variables first, so that every walk is a loop and no depth of nesting
 //! matters. Each expression owns a run of nodes; a [defined variable](Node::Defined) is an expression that others refer to.
 
+mod degree;
 mod gradient;
 mod hessian;
 mod operator;
 mod tables;
 
+pub use degree::CURVED;
 pub use gradient::Gradient;
 pub use hessian::{Hessian, TooDense};
 pub use operator::{Binary, Partials, Unary, power, power_derivatives};

@@ -104,6 +104,16 @@ pub enum Fault {
         /// Entries found.
         found: usize,
     },
+    /// Fewer or more entries than the header announces.
+    #[error("the {segment} segments have {found} entries, but the header announces {announced}")]
+    Entries {
+        /// Letter of the segments.
+        segment: char,
+        /// Entries announced.
+        announced: usize,
+        /// Entries found.
+        found: usize,
+    },
     /// A J segment that lacks a variable on which the row depends.
     #[error("row {row} depends on variable {variable}, which its J segment does not list")]
     Unlisted {

@@ -27,6 +27,8 @@ pub struct Header {
     pub integers: usize,
     /// Nonzeros of the Jacobian.
     pub nonzeros: usize,
+    /// Nonzeros of the gradients of all objectives.
+    pub gradient: usize,
     /// Number of defined variables.
     pub defined: usize,
 }
@@ -75,6 +77,7 @@ impl Header {
         }
         text.skip_line()?;
         header.nonzeros = text.count("entries of the Jacobian")?;
+        header.gradient = text.count("entries of gradients")?;
         text.skip_line()?;
         text.skip_line()?;
         for _ in 0..5 {

@@ -131,7 +131,11 @@ impl<'a, S: Source> Reader<'a, S> {
                 format_args!("at least {variables}"),
             ));
         };
-        self.twice("defined variable", index, self.graph.defined(index).is_some())?;
+        self.twice(
+            "defined variable",
+            variables + index,
+            self.graph.defined(index).is_some(),
+        )?;
         let terms = self.source.count("linear terms")?;
         self.source.index("the use of a defined variable")?;
         self.source.end_line()?;
@@ -357,6 +361,24 @@ impl<'a, S: Source> Reader<'a, S> {
             None if self.header.rows == 0 => Vec::new(),
             None => return Err(self.source.fail(Fault::Missing('r'))),
         };
+        if self.seen_objectives.iter().any(|seen| !seen[0]) {
+            return Err(self.source.fail(Fault::Missing('O')));
+        }
+        // A file that was cut short between two segments lacks entries.
+        let rows = self.rows.iter().filter_map(|r| r.linear.as_ref());
+        let objectives = self.objectives.iter().map(|o| &o.linear);
+        for (segment, announced, found) in [
+            ('J', self.header.nonzeros, rows.map(Vec::len).sum()),
+            ('G', self.header.gradient, objectives.map(Vec::len).sum()),
+        ] {
+            if announced != found {
+                return Err(self.source.fail(Fault::Entries {
+                    segment,
+                    announced,
+                    found,
+                }));
+            }
+        }
         if let Some((at, announced)) = &self.columns {
             let mut found = vec![0; self.header.variables];
             for (variable, _) in self.rows.iter().filter_map(|r| r.linear.as_ref()).flatten() {

@@ -624,7 +624,13 @@ class Programs(Case):
     def test_unbounded_program(self):
         m = self.variables([1], (0, None))
         m.o = Objective(expr=-m.x[1])
-        self.assertGreaterEqual(code(solve(m)), 500)
+        self.assertEqual(code(solve(m)), 504)
+
+    def test_infeasible_quadratic_program(self):
+        m = self.variables([1, 1], (0, None))
+        m.o = Objective(expr=m.x[1] ** 2 + m.x[2])
+        m.c = Constraint(expr=m.x[1] + m.x[2] <= -1)
+        self.assertEqual(code(solve(m)), 504)
 
     def test_square_system(self):
         """No objective, as many equations as variables; bounds keep the logarithm where it is defined."""

@@ -1,0 +1,150 @@
+//! The program as AMPL starts it: arguments, environment, files, exit codes.
+
+mod common;
+
+use common::{header, to_binary};
+use std::path::PathBuf;
+use std::process::{Command, Output};
+
+/// A folder of its own for each test.
+fn folder(name: &str) -> PathBuf {
+    let path = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = std::fs::remove_dir_all(&path);
+    std::fs::create_dir_all(&path).unwrap();
+    path
+}
+
+fn semismooth(arguments: &[&str], environment: &str) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_semismooth"));
+    command.args(arguments).env("semismooth_options", environment);
+    command.output().unwrap()
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8(bytes.to_vec()).unwrap()
+}
+
+/// 0 ≤ x ⟂ x² − 2 ≥ 0.
+fn root() -> String {
+    header([1, 1, 0, 0, 1, 0, 0]) + "C0\no0\no5\nv0\nn2\nn-2\nr\n5 1 1\nb\n2 0\nk0\nJ0 1\n0 0\nx1\n0 1\n"
+}
+
+#[test]
+fn a_stub_with_and_without_extension_is_solved_into_a_sol_file() {
+    let folder = folder("stub");
+    let stub = folder.join("root.of.two");
+    std::fs::write(folder.join("root.of.two.nl"), root()).unwrap();
+    for argument in [stub.display().to_string(), format!("{}.nl", stub.display())] {
+        let _ = std::fs::remove_file(folder.join("root.of.two.sol"));
+        let output = semismooth(&[&argument, "-AMPL", "tol=1e-11"], "outlev=0 max_iter=100");
+        assert!(output.status.success() && output.stdout.is_empty() && output.stderr.is_empty());
+        let sol = std::fs::read_to_string(folder.join("root.of.two.sol")).unwrap();
+        let lines: Vec<&str> = sol.lines().collect();
+        assert!(
+            lines[0].starts_with("semismooth ") && lines[0].contains("Solved"),
+            "{sol}"
+        );
+        assert_eq!(lines[1..10], ["", "Options", "3", "1", "1", "0", "1", "0", "1"]);
+        assert_eq!((lines[10], lines[12]), ("1", "objno 0 0"));
+        assert!((lines[11].parse::<f64>().unwrap() - 2.0_f64.sqrt()).abs() < 1e-10);
+    }
+}
+
+#[test]
+fn without_ampl_the_result_is_printed_and_no_file_written() {
+    let folder = folder("print");
+    let path = folder.join("a.nl");
+    std::fs::write(&path, to_binary(&root(), false)).unwrap();
+    let path = path.display().to_string();
+    let output = semismooth(&[&path, "wantsol=2"], "");
+    assert!(text(&output.stdout).contains("Solved: complementarity problem"));
+    assert!(text(&output.stdout).contains("\nx[0] = 1.41421356"));
+    assert!(!folder.join("a.sol").exists());
+    let output = semismooth(&[&path], "wantsol 1 outlev 2");
+    assert!(folder.join("a.sol").exists());
+    assert!(text(&output.stdout).contains("  residual "));
+    let output = semismooth(&["-s", &path], "wantsol=8");
+    assert!(output.stdout.is_empty());
+}
+
+#[test]
+fn what_is_not_understood_ends_in_exit_code_1_with_a_message() {
+    let folder = folder("errors");
+    let path = |name: &str| folder.join(name).display().to_string();
+    std::fs::write(path("good.nl"), root()).unwrap();
+    std::fs::write(path("bad.nl"), root().replace("o5", "o999")).unwrap();
+    std::fs::write(
+        path("integer.nl"),
+        root().replace(" 0 0 0 0 0\n 1 0", " 1 0 0 0 0\n 1 0"),
+    )
+    .unwrap();
+    std::fs::write(path("free.nl"), root().replace("5 1 1", "3")).unwrap();
+    std::fs::write(
+        path("logical.nl"),
+        root().replacen(" 1 1 0 0 0 0", " 1 1 0 0 0 1", 1) + "L0\no23\nv0\nn1\n",
+    )
+    .unwrap();
+    let (good, bad) = (path("good.nl"), path("bad.nl"));
+    let table: [(&[&str], &str, &str); 12] = [
+        (&[], "", "which problem?"),
+        (&["-x", &good], "", "-x is not known"),
+        (&[&path("none.nl"), "-AMPL"], "", "none.nl: "),
+        (&[&bad, "-AMPL"], "", "bad.nl: line 13: operator o999"),
+        (&[&good, "colour=blue"], "", "no option \"colour\""),
+        (&[&good, "tol="], "", "option tol needs a value"),
+        (&[&good, "tol=0"], "", "option tol=0 is out of range"),
+        (
+            &[&good],
+            "max_iter=none",
+            "in $semismooth_options: option max_iter=none",
+        ),
+        (&[&good, "objno=2"], "", "the problem has 0 objectives"),
+        (&[&path("integer.nl")], "", "1 variables are integer"),
+        (
+            &[&path("free.nl")],
+            "",
+            "1 variables, 0 complementarities and 0 equations",
+        ),
+        (&[&path("logical.nl")], "", "1 constraints are logical"),
+    ];
+    for (arguments, environment, message) in table {
+        let output = semismooth(arguments, environment);
+        assert_eq!(output.status.code(), Some(1), "{arguments:?}");
+        let error = text(&output.stderr);
+        assert!(
+            error.starts_with("semismooth: ") && error.contains(message),
+            "{arguments:?}: {error}"
+        );
+        assert!(output.stdout.is_empty());
+    }
+    let left = std::fs::read_dir(&folder).unwrap();
+    assert!(
+        left.map(|e| e.unwrap().path())
+            .all(|p| p.extension().unwrap() == "nl")
+    );
+}
+
+#[test]
+fn version_and_help_are_printed() {
+    let version = text(&semismooth(&["-v"], "").stdout);
+    assert_eq!(version.trim(), concat!("semismooth ", env!("CARGO_PKG_VERSION")));
+    for flag in ["-=", "--help"] {
+        let help = text(&semismooth(&[flag], "").stdout);
+        for (name, _) in semismooth_cli::options::OPTIONS {
+            assert!(help.contains(&format!("\n  {name} ")), "{name}");
+        }
+        assert!(help.lines().all(|l| l.chars().count() <= 100));
+    }
+}
+
+#[test]
+fn an_unnamed_bound_at_a_solution_is_told() {
+    let folder = folder("doubt");
+    let path = folder.join("a.nl");
+    std::fs::write(&path, root().replace("b\n2 0", "b\n0 0 1")).unwrap();
+    let output = semismooth(&[&path.display().to_string(), "-AMPL"], "");
+    assert!(output.status.success());
+    assert!(text(&output.stdout).contains("In doubt: variable 0 rests at a bound that row 0"));
+    let sol = std::fs::read_to_string(folder.join("a.sol")).unwrap();
+    assert!(sol.ends_with("\n1.0\nobjno 0 100\n"), "{sol}");
+}
