@@ -68,6 +68,7 @@ pub mod pivoting;
 mod problem;
 mod scratch;
 mod solver;
+mod strong;
 mod units;
 
 pub use affine::AffineFunction;
@@ -84,3 +85,4 @@ pub use problem::{AtParameter, Mcp};
 pub use solver::{
     BoundState, Fallback, McpIteration, McpOptions, McpReport, McpSolver, McpStatus, McpStep, McpStrategy,
 };
+pub use strong::strong_regularity;

@@ -11,7 +11,7 @@ use crate::sparse::{Matrix, Pattern};
 
 /// What holds at a component.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Piece {
+pub(super) enum Piece {
     Lower,
     Interior,
     Upper,
@@ -19,7 +19,7 @@ enum Piece {
 }
 
 impl<F: McpFunction> Mcp<F> {
-    fn pieces_of(&self, i: usize) -> &'static [Piece] {
+    pub(super) fn pieces_of(&self, i: usize) -> &'static [Piece] {
         use Piece::{Fixed, Interior, Lower, Upper};
         let (l, u) = (self.lower()[i], self.upper()[i]);
         match (l.is_finite(), u.is_finite()) {

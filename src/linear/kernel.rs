@@ -29,6 +29,13 @@ pub fn null_space(a: &Matrix, rtol: f64) -> Result<NullSpace, LinearError> {
     })
 }
 
+/// The least singular value of a matrix that is not empty, and a unit vector v with ‖A v‖₂ equal to it; dense, O(n³).
+pub(crate) fn least_singular_value(a: &Matrix) -> Result<(f64, Vec<f64>), LinearError> {
+    let (mut vectors, values) = right_kernel(a, 1.0)?;
+    let vector = vectors.pop().unwrap_or_default();
+    Ok((values.last().copied().unwrap_or(0.0), vector))
+}
+
 /// Basis of {v : A v = 0} and the singular values.
 fn right_kernel(a: &Matrix, rtol: f64) -> Result<(Vec<Vec<f64>>, Vec<f64>), LinearError> {
     let (m, n) = (a.nrows(), a.ncols());

@@ -1,4 +1,4 @@
-//! A checker for implementations of [`PiecewiseSmooth`], to be called in their tests.
+//! Checkers for implementations of [`PiecewiseSmooth`] and of [`Semismooth`], to be called in their tests.
 //!
 //! ```
 //! use semismooth::piecewise::MinMap;
@@ -21,16 +21,17 @@ use std::fmt;
 use thiserror::Error;
 
 use super::error::check_vector;
-use super::{PiecewiseError, PiecewiseSmooth};
+use super::{PiecewiseError, PiecewiseSmooth, Semismooth};
 
 mod cells;
 mod derivatives;
+mod newton_derivative;
 mod session;
 
 use crate::options::setters;
 use session::Session;
 
-/// Options of [`check`]. The defaults suit maps of moderate size and scale.
+/// Options of [`check`] and [`check_semismooth`]. The defaults suit maps of moderate size and scale.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 #[cfg_attr(
@@ -139,6 +140,9 @@ pub enum FindingKind {
     Affine,
     /// A value is NaN or infinite.
     NotFinite,
+    /// The remainder of a Newton derivative does not fall faster than the distance: the map is not semismooth there, or this is no
+    /// generalised derivative of it.
+    Semismooth,
 }
 
 impl fmt::Display for FindingKind {
@@ -155,6 +159,7 @@ impl fmt::Display for FindingKind {
             Self::SiteRows => "row outside site_rows depends on the piece",
             Self::Affine => "derivative not constant although declared piecewise affine",
             Self::NotFinite => "value not finite",
+            Self::Semismooth => "no Newton derivative",
         })
     }
 }
@@ -285,4 +290,52 @@ fn check_map(
         } => Err(CheckError::NoSamples { outside }),
         report => Ok(report),
     }
+}
+
+/// What [`check_semismooth`] has seen.
+#[derive(Debug, Clone, PartialEq, Default)]
+#[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct SemismoothReport {
+    /// Number of samples examined.
+    pub points: usize,
+    /// At each sample the p for which ‖H(x + d) − H(x) − J(x + d) d‖ falls as ‖d‖^(1 + p), measured between 2⁻⁶ and 2⁻²⁰ of the sizes of the
+    /// variables in the row that falls slowest: the order of semismoothness, but for maps that are better than smooth ones in the
+    /// directions tried. 1: Newton's method converges quadratically. `None` where the remainder is rounding, as of affine pieces.
+    pub orders: Vec<Option<f64>>,
+}
+
+/// Tests a Newton derivative: whether [`Semismooth::jacobian`] makes H semismooth at given samples, and of which order.
+///
+/// A semismooth map has ‖H(x + d) − H(x) − J(x + d) d‖ = o(‖d‖), one of order p has O(‖d‖^(1 + p)) (L. Qi, J. Sun, Math. Program. 58 (1993);
+/// M. Ulbrich, *Semismooth Newton Methods* (2011), section 2). This is measured in 8 directions at 15 distances. Samples on kinks tell most;
+/// at smooth points the order is 1 or the remainder rounding. At points next to the samples, which are in general position, where H is
+/// differentiable, entries are compared with difference quotients: a wrong one is named with its row and column.
+///
+/// Of the options `tolerance` and `max_findings` count. Cost: 120 + 64 n residuals and 128 Jacobians a sample. Points at which the map is not
+/// finite are passed over, but for the samples themselves.
+///
+/// # Errors
+/// [`CheckError::Findings`] with all that is wrong with the map; the others say what is wrong with the call.
+///
+/// ```
+/// use semismooth::piecewise::{Semismooth, check::{CheckOptions, check_semismooth}};
+/// use semismooth::sparse::Matrix;
+/// /// x |x|^½, semismooth of order ½ at 0.
+/// struct Root;
+/// impl Semismooth for Root {
+///     fn num_vars(&self) -> usize { 1 }
+///     fn residual(&self, x: &[f64], out: &mut [f64]) { out[0] = x[0] * x[0].abs().sqrt(); }
+///     fn jacobian(&self, x: &[f64], jac: &mut Matrix) { jac.add(0, 0, 1.5 * x[0].abs().sqrt()); }
+/// }
+/// let report = check_semismooth(&Root, &[vec![0.0], vec![1.0]], &CheckOptions::default())?;
+/// assert!((report.orders[0].unwrap() - 0.5).abs() < 0.01 && (report.orders[1].unwrap() - 1.0).abs() < 0.05);
+/// # Ok::<(), semismooth::piecewise::check::CheckError>(())
+/// ```
+pub fn check_semismooth<S: Semismooth + ?Sized>(
+    map: &S,
+    samples: &[Vec<f64>],
+    options: &CheckOptions,
+) -> Result<SemismoothReport, CheckError> {
+    newton_derivative::check_map(&map, samples, options)
 }

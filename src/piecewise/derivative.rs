@@ -166,7 +166,7 @@ fn coherent_orientation_of(
     }
     check_vector("the point x", x, m)?;
     let active = active_set(map, x, tolerance);
-    let cones = Cones::new(map, x, &active);
+    let cones = Cones::new(Box::new(map), x, &active, n);
     let signs = examine(&cones, &active, cap, 0.0, &mut |_| Ok(()))?;
     Ok(match signs {
         Signs::Coherent { sign: Some(sign), .. } => CoherentOrientation::Coherent { sign },

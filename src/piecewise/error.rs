@@ -63,6 +63,12 @@ pub enum PiecewiseError {
         /// Its size.
         value: f64,
     },
+    /// Weights and selections that make no element of Clarke's generalised Jacobian.
+    #[error("no convex combination of essentially active selections: {what}")]
+    Combination {
+        /// What is wrong.
+        what: &'static str,
+    },
     /// A linear-algebra failure.
     #[error(transparent)]
     Linear(#[from] LinearError),

@@ -18,7 +18,7 @@ const AROUND: [f64; 4] = [0.3, 0.1, 1e-2, 1e-3];
 /// Margin of a unit direction beyond which it lies inside or outside of a cell for sure.
 pub(super) const CLEAR: f64 = 1e-7;
 
-/// The cell of a selection near x, y alone moving.
+/// The cell of a selection near x, the variables that move alone moving.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Cell {
     /// It has interior points arbitrarily near x.
@@ -29,15 +29,15 @@ pub(super) enum Cell {
     Unknown,
 }
 
-/// The cone of directions of y that point into the cell of each active selection.
+/// The cone of directions that point into the cell of each active selection.
 pub(super) struct Cones<'a> {
-    map: &'a dyn PiecewiseSmooth,
+    map: Box<dyn PiecewiseSmooth + 'a>,
     x: &'a [f64],
     layout: TestLayout,
-    vanishing: &'a [usize],
-    /// Sizes of y, in which directions are measured.
+    vanishing: Vec<usize>,
+    /// Sizes of the variables that move, in which directions are measured.
     sizes: Vec<f64>,
-    /// Unit gradients of the vanishing test functions; `None` where one does not depend on y to first order.
+    /// Unit gradients of the vanishing test functions; `None` where one does not depend on these variables to first order.
     gradients: Vec<Option<Vec<f64>>>,
     /// Whether they are linearly independent, so that all signs occur.
     independent: bool,
@@ -48,12 +48,18 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 }
 
 impl<'a> Cones<'a> {
-    pub(super) fn new(map: &'a dyn PiecewiseSmooth, x: &'a [f64], active: &'a ActiveSet) -> Self {
-        let (m, n) = (map.num_vars(), map.num_residuals());
-        let layout = TestLayout::new(map);
+    /// The first `moving` variables may move.
+    pub(super) fn new(
+        map: Box<dyn PiecewiseSmooth + 'a>,
+        x: &'a [f64],
+        active: &ActiveSet,
+        moving: usize,
+    ) -> Self {
+        let m = map.num_vars();
+        let layout = TestLayout::new(&map);
         let mut sizes = vec![1.0; m];
         map.typical_sizes(&mut sizes);
-        sizes.truncate(n);
+        sizes.truncate(moving);
         for s in &mut sizes {
             if !(*s > 0.0 && s.is_finite()) {
                 *s = 1.0;
@@ -61,9 +67,9 @@ impl<'a> Cones<'a> {
         }
         // A single selection needs no cone.
         let vanishing = if active.is_singleton() {
-            &[]
+            Vec::new()
         } else {
-            active.vanishing()
+            active.vanishing().to_vec()
         };
         let mut gradients = Vec::new();
         let mut full = vec![0.0; m];
@@ -103,7 +109,22 @@ impl<'a> Cones<'a> {
         list
     }
 
-    pub(super) fn cell(&self, selection: &Selection) -> Cell {
+    /// What is known of the cell of an active selection and, unless it is empty, ∇H^(σ)(x) in `jac`.
+    pub(super) fn element(&self, selection: &Selection, jac: &mut Matrix) -> Result<Cell, PiecewiseError> {
+        check_selection("the active set", selection, &self.map)?;
+        let cell = self.cell(selection);
+        if cell == Cell::Empty {
+            return Ok(cell);
+        }
+        jac.clear();
+        self.map.jacobian(selection, self.x, jac);
+        match jac.stray() {
+            Some((row, col)) => Err(PiecewiseError::StrayEntry { row, col }),
+            None => Ok(cell),
+        }
+    }
+
+    fn cell(&self, selection: &Selection) -> Cell {
         let facets = self.facets(selection);
         let opposite = |a: &(usize, f64), b: &(usize, f64)| a.0 == b.0 && a.1 * b.1 < 0.0;
         if (facets.iter().enumerate()).any(|(i, a)| facets[..i].iter().any(|b| opposite(a, b))) {
@@ -182,6 +203,16 @@ impl<'a> Cones<'a> {
         margin
     }
 
+    /// Whether two directions are one: where a test function vanishes identically, the selections on both of its sides hold everywhere.
+    pub(super) fn is_same(&self, d: &[f64], e: &[f64]) -> bool {
+        let scaled = |v: &[f64], w: &[f64]| -> f64 {
+            let terms = v.iter().zip(w).zip(&self.sizes);
+            terms.map(|((v, w), s)| ((v - w) / s).powi(2)).sum()
+        };
+        let zero = vec![0.0; d.len()];
+        scaled(d, e) <= CLEAR * CLEAR * scaled(d, &zero)
+    }
+
     /// The image of a direction of y without preference under the B-derivative, another one for every `number`; `None` where that
     /// direction runs too near to a boundary of cells.
     pub(super) fn target(&self, active: &ActiveSet, number: u64) -> Option<Vec<f64>> {
@@ -191,7 +222,7 @@ impl<'a> Cones<'a> {
         d.resize(m, 0.0);
         let mut rates = vec![0.0; self.layout.total()];
         self.map.test_derivatives(self.x, &d, &mut rates);
-        let selection = pointed_into(self.map, &self.layout, active, &rates);
+        let selection = pointed_into(&self.map, &self.layout, active, &rates);
         let clear = self.margin(&selection, &d[..n]) > CLEAR;
         if !clear {
             return None;
@@ -257,8 +288,8 @@ pub(super) fn examine(
     singular: f64,
     visit: &mut dyn FnMut(Examined<'_>) -> Result<(), PiecewiseError>,
 ) -> Result<Signs, PiecewiseError> {
-    let (map, n) = (cones.map, cones.map.num_residuals());
-    let mut jac = Matrix::zeros(map.pattern());
+    let n = cones.map.num_residuals();
+    let mut jac = Matrix::zeros(cones.map.pattern());
     let mut solver = AutoSolver::default();
     solver.analyze(jac.leading_columns(n).pattern)?;
     let mut first: Option<(Selection, i8)> = None;
@@ -268,15 +299,9 @@ pub(super) fn examine(
         if examined == cap {
             return Ok(Signs::Capped { examined });
         }
-        check_selection("the active set", &selection, map)?;
-        let cell = cones.cell(&selection);
+        let cell = cones.element(&selection, &mut jac)?;
         if cell == Cell::Empty {
             continue;
-        }
-        jac.clear();
-        map.jacobian(&selection, cones.x, &mut jac);
-        if let Some((row, col)) = jac.stray() {
-            return Err(PiecewiseError::StrayEntry { row, col });
         }
         let sign = match sign_of(&mut solver, &jac, n, singular)? {
             Some(sign) => sign,
@@ -331,8 +356,9 @@ pub(super) fn examine(
     )
 }
 
-/// Sign of det of the leading n columns, 0 when singular; `None` where the solver has no determinant.
-fn sign_of(
+/// Sign of det of the leading n columns, 0 when singular (a reciprocal condition below `singular` counts as that); `None` where the
+/// solver has no determinant.
+pub(super) fn sign_of(
     solver: &mut AutoSolver,
     jac: &Matrix,
     n: usize,

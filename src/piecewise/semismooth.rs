@@ -41,3 +41,28 @@ pub trait Semismooth {
         Pattern::full(self.num_vars(), self.num_vars())
     }
 }
+
+macro_rules! forward {
+    () => {
+        fn num_vars(&self) -> usize {
+            (**self).num_vars()
+        }
+        fn residual(&self, x: &[f64], out: &mut [f64]) {
+            (**self).residual(x, out);
+        }
+        fn jacobian(&self, x: &[f64], jac: &mut Matrix) {
+            (**self).jacobian(x, jac);
+        }
+        fn pattern(&self) -> Pattern {
+            (**self).pattern()
+        }
+    };
+}
+
+impl<S: Semismooth + ?Sized> Semismooth for &S {
+    forward!();
+}
+
+impl<S: Semismooth + ?Sized> Semismooth for Box<S> {
+    forward!();
+}

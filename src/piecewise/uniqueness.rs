@@ -9,11 +9,11 @@ use crate::sparse::Matrix;
 /// Columns of the load solved for at a time.
 const BLOCK: usize = 64;
 /// Reciprocal condition below which ∇_yH^(σ) counts as singular: smooth folds are located no better.
-const SINGULAR: f64 = 1e-11;
+pub(super) const SINGULAR: f64 = 1e-11;
 /// So few cells cannot wind round x twice.
 const FEW: u64 = 4;
 /// Points whose preimages are counted, until none lies near a boundary of cells.
-const TRIES: u64 = 6;
+pub(super) const TRIES: u64 = 6;
 
 /// Whether a solution is locally the only one, and a Lipschitz function of the load.
 #[derive(Debug, Clone, PartialEq)]
@@ -75,6 +75,10 @@ pub enum Doubt {
     Activity,
     /// How many directions the B-derivative takes to one value: all values tried have one on a boundary of cells.
     Preimages,
+    /// Whether a convex combination of regular matrices is singular: no argument at hand says so, or the contrary.
+    Combinations,
+    /// The cap was reached.
+    Limit,
 }
 
 impl LocalUniqueness {
@@ -184,7 +188,7 @@ fn local_uniqueness_of(
     if let Some(&site) = active.outside().first() {
         return Ok(LocalUniqueness::Outside { site });
     }
-    let cones = Cones::new(map, x, active);
+    let cones = Cones::new(Box::new(map), x, active, n);
     let (mut block, mut sums) = (Vec::new(), vec![0.0; n]);
     let mut constant = 0.0_f64;
     let signs = examine(&cones, active, cap, SINGULAR, &mut |found| {
@@ -242,7 +246,7 @@ fn winding(cones: &Cones<'_>, active: &ActiveSet) -> Result<Option<LocalUniquene
         let Some(target) = cones.target(active, number) else {
             continue;
         };
-        let (mut inside, mut clear) = (Vec::new(), true);
+        let (mut inside, mut clear): (Vec<(Selection, Vec<f64>)>, bool) = (Vec::new(), true);
         let mut preimage = |found: Examined<'_>| {
             let mut d = target.clone();
             match found.solver.solve_in_place(&mut d) {
@@ -255,7 +259,8 @@ fn winding(cones: &Cones<'_>, active: &ActiveSet) -> Result<Option<LocalUniquene
             }
             let margin = cones.margin(found.selection, &d);
             if margin > CLEAR {
-                inside.push((found.selection.clone(), d));
+                let known = inside.iter().any(|(_, other)| cones.is_same(other, &d));
+                inside.extend((!known).then(|| (found.selection.clone(), d)));
             } else {
                 clear &= margin < -CLEAR;
             }

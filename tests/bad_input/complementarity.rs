@@ -9,7 +9,7 @@ use semismooth::complementarity::active_set::{
 use semismooth::complementarity::pivoting::{Lemke, LemkeOptions};
 use semismooth::complementarity::{
     AffineFunction, BoundState, ConstraintKind, Differenced, FischerBurmeister, Lcp, Mcp, McpFunction,
-    McpOptions, McpSolver, Program, WithJacobian, check_jacobian, kkt,
+    McpOptions, McpSolver, Program, WithJacobian, check_jacobian, kkt, strong_regularity,
 };
 use semismooth::linear::{IncompleteLu, Prolongation};
 use semismooth::sparse::{Matrix, Pattern};
@@ -204,6 +204,24 @@ fn problems() {
         t.survives("complementarity::Mcp::natural_residual", "x", || {
             fixed().natural_residual(&[bad, 0.0], &mut [0.0; 2])
         });
+        let problem = Mcp::ncp(times(1.0)).unwrap();
+        t.refuses("complementarity::strong_regularity", "x", "x", || {
+            strong_regularity(&problem, &[bad, 0.0], 1e-9, 10)
+        });
+        t.refuses(
+            "complementarity::strong_regularity",
+            "x of another length",
+            "x",
+            || strong_regularity(&problem, &[0.0], 1e-9, 10),
+        );
+        t.survives("complementarity::strong_regularity", "tolerance", || {
+            strong_regularity(&problem, &[0.0; 2], bad, 0)
+        });
+        t.survives(
+            "complementarity::strong_regularity",
+            "a matrix that is no number",
+            || strong_regularity(&Mcp::ncp(times(bad)).unwrap(), &[0.0; 2], 1e-9, u64::MAX),
+        );
         t.refuses("complementarity::check_jacobian", "x", "x[0]", || {
             check_jacobian(&times(1.0), &[bad, 0.0], 1e-6)
         });

@@ -1,8 +1,9 @@
 use semismooth::linear::IncompleteLu;
-use semismooth::piecewise::check::{CheckOptions, check};
+use semismooth::piecewise::check::{CheckOptions, check, check_semismooth};
 use semismooth::piecewise::{
-    ActiveSet, Assembled, Facet, MatrixFree, MinMap, PiecewiseSmooth, Selection, Selections, Semismooth,
-    TestLayout, active_set, b_derivative, cell_margin, coherent_orientation, essential_activity,
+    ActiveSet, Assembled, Facet, MatrixFree, MinMap, PiecewiseError, PiecewiseSmooth, Regularity, Selection,
+    Selections, Semismooth, TestLayout, active_set, b_derivative, b_subdifferential, bd_regularity,
+    cd_regularity, cell_margin, clarke_element, coherent_orientation, essential_activity, local_index,
     local_uniqueness, local_uniqueness_with, select, select_pieces, value,
 };
 use semismooth::sparse::{Matrix, Pattern};
@@ -54,9 +55,145 @@ pub(crate) fn no_numbers(value: f64) -> impl PiecewiseSmooth + Clone {
     })
 }
 
+/// The functions about generalised derivatives at a point, where they are given no sense.
+fn notions(t: &mut Table) {
+    let (curve, equation) = (vee(), square(2));
+    type Verdict = fn(&dyn PiecewiseSmooth, &[f64], f64, u64) -> Result<Regularity, PiecewiseError>;
+    let verdicts: [(&'static str, Verdict); 2] = [
+        ("piecewise::bd_regularity", |m, x, tolerance, cap| {
+            bd_regularity(m, x, tolerance, cap)
+        }),
+        ("piecewise::cd_regularity", |m, x, tolerance, cap| {
+            cd_regularity(m, x, tolerance, cap)
+        }),
+    ];
+    let all = |map: &dyn PiecewiseSmooth, x: &[f64], tolerance: f64| -> Result<usize, PiecewiseError> {
+        let elements = b_subdifferential(map, x, tolerance)?;
+        Ok(elements.take(10).collect::<Result<Vec<_>, _>>()?.len())
+    };
+    let first = [(Selection::uniform(2, 0), 1.0)];
+    let clarke = |x: &[f64], tolerance: f64| clarke_element(&equation, x, &first, tolerance);
+    let lengths = [
+        vec![],
+        vec![0.5],
+        vec![0.5; 3],
+        vec![f64::NAN, 0.0],
+        vec![0.0, f64::INFINITY],
+    ];
+    for x in &lengths {
+        for (name, f) in verdicts {
+            t.refuses(name, "x", "x", || f(&equation, x, 1e-9, 10));
+        }
+        t.refuses("piecewise::b_subdifferential", "x", "x", || {
+            all(&equation, x, 1e-9)
+        });
+        t.refuses("piecewise::clarke_element", "x", "x", || clarke(x, 1e-9));
+        t.refuses("piecewise::local_index", "x", "x", || {
+            local_index(&equation, x, 1e-9, 10)
+        });
+        t.refuses("piecewise::check::check_semismooth", "a sample", "", || {
+            check_semismooth(&fine(), std::slice::from_ref(x), &CheckOptions::default())
+        });
+    }
+    let at = [0.5, 0.5];
+    for bad in BAD {
+        for (name, f) in verdicts {
+            t.survives(name, "tolerance", || f(&equation, &at, bad, 10));
+            t.survives(name, "a residual that is no number", || {
+                f(&no_numbers(bad), &at, 1e-9, 10)
+            });
+            t.survives(name, "limits", || {
+                f(&curve, &[0.0; 2], 1e-9, 0).or(f(&curve, &[0.0; 2], 1e-9, u64::MAX))
+            });
+        }
+        t.survives("piecewise::b_subdifferential", "tolerance", || {
+            all(&equation, &at, bad)
+        });
+        t.survives("piecewise::clarke_element", "tolerance", || clarke(&at, bad));
+        t.survives("piecewise::local_index", "tolerance", || {
+            local_index(&equation, &at, bad, 0)
+        });
+        t.survives("piecewise::local_index", "a residual that is no number", || {
+            local_index(&no_numbers(bad), &at, 1e-9, u64::MAX)
+        });
+        t.refuses("piecewise::clarke_element", "a weight", "weight", || {
+            clarke_element(&equation, &at, &[(Selection::uniform(2, 0), bad)], 1e-9)
+        });
+        t.refuses(
+            "piecewise::check::check_semismooth",
+            "tolerance",
+            "tolerance",
+            || {
+                check_semismooth(
+                    &fine(),
+                    &[at.to_vec()],
+                    &CheckOptions::default().with_tolerance(bad),
+                )
+            },
+        );
+        t.refuses(
+            "piecewise::check::check_semismooth",
+            "a derivative that is no number",
+            "",
+            || {
+                let map = WrongJacobian { value: bad, ..fine() };
+                check_semismooth(&map, &[at.to_vec()], &CheckOptions::default())
+            },
+        );
+    }
+    for huge in [1e160, 1e300, f64::MAX] {
+        for (name, f) in verdicts {
+            t.survives(name, "huge x", || f(&equation, &[huge; 2], 1e-9, 10));
+        }
+        t.survives("piecewise::local_index", "huge x", || {
+            local_index(&equation, &[huge; 2], 1e-9, 10)
+        });
+        t.survives("piecewise::check::check_semismooth", "huge x", || {
+            check_semismooth(&fine(), &[vec![huge; 2]], &CheckOptions::default())
+        });
+    }
+    t.refuses(
+        "piecewise::clarke_element",
+        "a selection of another map",
+        "selection",
+        || clarke_element(&equation, &at, &[(Selection::uniform(2, 7), 1.0)], 1e-9),
+    );
+    t.refuses(
+        "piecewise::check::check_semismooth",
+        "no samples",
+        "sample",
+        || check_semismooth(&fine(), &[], &CheckOptions::default()),
+    );
+    for (order, row) in [(3, 0), (2, 5)] {
+        t.refuses(
+            "piecewise::check::check_semismooth",
+            "a wrong pattern",
+            "pattern",
+            || {
+                let map = WrongJacobian {
+                    order,
+                    row,
+                    value: 1.0,
+                };
+                check_semismooth(&map, &[at.to_vec()], &CheckOptions::default())
+            },
+        );
+    }
+}
+
+/// Right in its first column alone.
+fn fine() -> WrongJacobian {
+    WrongJacobian {
+        order: 2,
+        row: 0,
+        value: 1.0,
+    }
+}
+
 #[test]
 fn piecewise_maps() {
     let mut t = Table::new("piecewise");
+    notions(&mut t);
     let (curve, equation) = (vee(), square(2));
     let at = [0.5, 0.5];
 

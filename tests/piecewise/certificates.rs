@@ -8,8 +8,8 @@ use semismooth::piecewise::{
 use semismooth::sparse::Matrix;
 
 /// The plane in eight sectors of 45°. The unit vectors at their boundaries go to those of `images`, and the map is linear between them.
-struct Sectors {
-    images: [[f64; 2]; 8],
+pub(crate) struct Sectors {
+    pub(crate) images: [[f64; 2]; 8],
 }
 
 const CELLS: [[Facet; 2]; 8] = [
@@ -25,7 +25,7 @@ const CELLS: [[Facet; 2]; 8] = [
 
 impl Sectors {
     /// Every angle times `turns`.
-    fn winding(turns: f64) -> Self {
+    pub(crate) fn winding(turns: f64) -> Self {
         let images = std::array::from_fn(|k| {
             let (sin, cos) = (turns * k as f64 * std::f64::consts::FRAC_PI_4).sin_cos();
             [cos, sin]
@@ -182,6 +182,9 @@ fn complementarity_is_certified_for_p_matrices() {
     );
     let other = certificate(&[[1.0, 2.0, 0.0], [2.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
     assert!(other.fails(), "{other:?}");
+    // min(x, x): all eight selections hold everywhere.
+    let identity = certificate(&[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
+    assert!(identity.is_certified(), "{identity:?}");
 }
 
 #[cfg(feature = "autodiff")]

@@ -3,7 +3,12 @@
 #[path = "../maps/mod.rs"]
 mod maps;
 
+#[path = "../dense/mod.rs"]
+mod dense;
+
 mod certificates;
+mod newton_derivatives;
+mod notions;
 mod rubber;
 #[cfg(feature = "autodiff")]
 mod traced;

@@ -12,9 +12,12 @@ use super::start::slices;
 use super::{ContinuationError, Diagram};
 use crate::clock::Clock;
 use crate::newton::{Newton, NewtonError, NewtonOptions};
-use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, active_set, check_vector};
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, active_set, check_vector, local_index};
 use crate::sparse::{distance, norm};
 use crate::spread::Random;
+
+/// Active selections up to which the index of a solution is sought.
+const MAX_ACTIVE: u64 = 256;
 
 /// What led to a solution.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -64,7 +67,7 @@ pub struct FoundSolution {
     pub selection: Selection,
     /// Sign of det ∇_yH^(σ) of that selection: 0 when singular, `None` when the linear solver knows no determinants.
     pub det_sign: Option<i8>,
-    /// The local index (degree): the sign where one selection is active, the mean of two signs where two are; else `None`.
+    /// The [local index](crate::piecewise::local_index), where it is known, of at most 256 active selections.
     pub index: Option<i8>,
     /// What led to it.
     pub by: FoundBy,
@@ -454,19 +457,12 @@ impl Search<'_> {
         }
         let det_sign = self.steps.det_sign(&selection, &x);
         let active = active_set(self.map, &x, reach);
-        let index = match active.total() {
-            Some(1) => det_sign.filter(|s| *s != 0),
-            Some(2) => {
-                let signs: Vec<Option<i8>> = active
-                    .selections()
-                    .map(|s| self.steps.det_sign(&s, &x).filter(|s| *s != 0))
-                    .collect();
-                match signs.as_slice() {
-                    [Some(a), Some(b)] => Some((a + b) / 2),
-                    _ => None,
-                }
-            }
-            _ => None,
+        let index = match active.is_singleton() {
+            true => det_sign.filter(|s| *s != 0),
+            false => local_index(self.map, &x, reach, MAX_ACTIVE)
+                .ok()
+                .flatten()
+                .and_then(|index| i8::try_from(index).ok()),
         };
         self.found.solutions.push(FoundSolution {
             x,

@@ -1,12 +1,12 @@
 //! Derivatives against difference quotients.
 
 use super::FindingKind;
-use super::session::{Place, Session};
+use super::session::{Place, STEP, Session};
 use crate::piecewise::Selection;
 use crate::sparse::Matrix;
 
 /// Difference quotients of a vector function with a bound of their error, column by column.
-struct Quotients {
+pub(super) struct Quotients {
     values: Vec<f64>,
     errors: Vec<f64>,
     rows: usize,
@@ -14,7 +14,7 @@ struct Quotients {
 
 impl Quotients {
     /// Richardson's extrapolation of central differences: the two steps tell the truncation error, the values the rounding error.
-    fn new(rows: usize, x: &[f64], steps: &[f64], f: impl Fn(&[f64]) -> Vec<f64>) -> Self {
+    pub(super) fn new(rows: usize, x: &[f64], steps: &[f64], f: impl Fn(&[f64]) -> Vec<f64>) -> Self {
         let (mut values, mut errors) = (Vec::new(), Vec::new());
         let mut y = x.to_vec();
         for (j, &h) in steps.iter().enumerate() {
@@ -36,16 +36,16 @@ impl Quotients {
         Self { values, errors, rows }
     }
 
-    fn get(&self, i: usize, j: usize) -> (f64, f64) {
+    pub(super) fn get(&self, i: usize, j: usize) -> (f64, f64) {
         (self.values[j * self.rows + i], self.errors[j * self.rows + i])
     }
 
-    fn is_finite(&self) -> bool {
+    pub(super) fn is_finite(&self) -> bool {
         self.values.iter().all(|v| v.is_finite())
     }
 
     /// Size of the terms |∂f_i/∂x_j x_j| that may cancel in row i.
-    fn row_size(&self, i: usize, x: &[f64]) -> f64 {
+    pub(super) fn row_size(&self, i: usize, x: &[f64]) -> f64 {
         (0..x.len()).map(|j| (self.get(i, j).0 * x[j]).abs()).sum()
     }
 }
@@ -138,7 +138,7 @@ impl Session<'_> {
         let quotients = self.quotients(total, x, |y| self.theta(y));
         // A direction without symmetries, in the units of the variables.
         let d: Vec<f64> = (0..x.len())
-            .map(|j| self.steps[j] / 6.055e-6 * (1.0 + 0.37 * j as f64).cos())
+            .map(|j| self.steps[j] / STEP * (1.0 + 0.37 * j as f64).cos())
             .collect();
         let mut rates = vec![0.0; total];
         map.test_derivatives(x, &d, &mut rates);

@@ -1,6 +1,19 @@
 use super::{CheckOptions, CheckReport, Finding, FindingKind};
 use crate::piecewise::{PiecewiseSmooth, Selection, Selections, TestLayout};
 
+/// Step of difference quotients in a variable of size one.
+pub(super) const STEP: f64 = 6.055e-6;
+
+/// Steps of difference quotients. The size of a variable is that of its samples, so that steps suit its units.
+pub(super) fn steps(samples: &[Vec<f64>], vars: usize) -> Vec<f64> {
+    (0..vars)
+        .map(|j| {
+            let size = samples.iter().fold(0.0, |s: f64, x| s.max(x[j].abs()));
+            STEP * if size > 0.0 { size } else { 1.0 }
+        })
+        .collect()
+}
+
 /// A check under way.
 pub(super) struct Session<'a> {
     pub(super) map: &'a dyn PiecewiseSmooth,
@@ -58,19 +71,12 @@ impl<'a> Session<'a> {
         samples: &'a [Vec<f64>],
         options: &'a CheckOptions,
     ) -> Self {
-        // The size of a variable is that of its samples, so that steps suit its units.
-        let steps = (0..map.num_vars())
-            .map(|j| {
-                let size = samples.iter().fold(0.0, |s: f64, x| s.max(x[j].abs()));
-                6.055e-6 * if size > 0.0 { size } else { 1.0 }
-            })
-            .collect();
         Self {
             map,
             samples,
             options,
             layout: TestLayout::new(map),
-            steps,
+            steps: steps(samples, map.num_vars()),
             report: CheckReport::default(),
             findings: Vec::new(),
         }

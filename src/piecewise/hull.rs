@@ -1,0 +1,234 @@
+//! Whether a convex combination of regular matrices is singular.
+
+use super::orientation::sign_of;
+use super::regularity::{DENSE, Element};
+use super::uniqueness::SINGULAR;
+use super::{PiecewiseError, Selection, Selections};
+use crate::linear::{AutoSolver, LinearError, LinearSolver, eigenvalues, symmetric_eigenvalues};
+use crate::sparse::{Matrix, Pattern};
+use crate::spread::Random;
+
+/// Eigenvalues within this angle of the negative half-line may lie on it.
+const ON_AXIS: f64 = 1e-6;
+/// Least eigenvalue of a symmetric part, relative to the largest, above which it is definite.
+const DEFINITE: f64 = 1e-10;
+
+/// Random combinations tried.
+const RANDOM: u64 = 300;
+
+/// What is known of the convex hull of some matrices.
+pub(super) enum Hull {
+    /// All of it is regular.
+    Regular,
+    /// The combination with these weights (of sum 1) has a determinant of another sign than the element `from`.
+    Crossing { from: usize, weights: Vec<f64> },
+    /// Neither is known.
+    Open,
+}
+
+/// What is known of the hull of regular matrices; those that are not certain may not belong to it.
+pub(super) fn search(elements: &[Element], cap: u64) -> Result<Hull, PiecewiseError> {
+    let [first, rest @ ..] = elements else {
+        return Ok(Hull::Regular);
+    };
+    if rest.is_empty() {
+        return Ok(Hull::Regular);
+    }
+    // Without signs nothing below applies.
+    let Some(sign) = first.sign.filter(|_| elements.iter().all(|e| e.sign.is_some())) else {
+        return Ok(Hull::Open);
+    };
+    let certain = || (0..elements.len()).filter(|&k| elements[k].certain);
+    if let Some(one) = certain().next()
+        && let Some(other) = certain().find(|&k| elements[k].sign != elements[one].sign)
+    {
+        let mut weights = vec![0.0; elements.len()];
+        weights[other] = 1.0;
+        return Ok(Hull::Crossing { from: one, weights });
+    }
+    if elements.iter().any(|e| e.sign != Some(sign)) {
+        return Ok(Hull::Open);
+    }
+    let transposed: Vec<Matrix> = elements.iter().map(|e| e.matrix.transpose()).collect();
+    if mixtures(elements.iter().map(|e| &e.matrix), sign, cap)? || mixtures(transposed.iter(), sign, cap)? {
+        return Ok(Hull::Regular);
+    }
+    if first.matrix.nrows() > DENSE {
+        return Ok(Hull::Open);
+    }
+    if definite(elements)? {
+        return Ok(Hull::Regular);
+    }
+    segments(elements, sign, cap)
+}
+
+/// Whether all matrices made of rows of the given ones, each row of any of them, have determinants of one sign.
+fn mixtures<'m>(
+    matrices: impl Iterator<Item = &'m Matrix> + Clone,
+    sign: i8,
+    cap: u64,
+) -> Result<bool, PiecewiseError> {
+    let Some(mut mixed) = matrices.clone().next().cloned() else {
+        return Ok(true);
+    };
+    let n = mixed.nrows();
+    // Positions of the entries of each row, and its different values.
+    let mut places: Vec<Vec<usize>> = vec![Vec::new(); n];
+    mixed
+        .pattern()
+        .row_idx()
+        .iter()
+        .enumerate()
+        .for_each(|(k, &i)| places[i].push(k));
+    let mut rows: Vec<Vec<Vec<f64>>> = vec![Vec::new(); n];
+    for m in matrices {
+        for (row, places) in rows.iter_mut().zip(&places) {
+            let values: Vec<f64> = places.iter().map(|&k| m.values()[k]).collect();
+            if !row.contains(&values) {
+                row.push(values);
+            }
+        }
+    }
+    let choices = rows.iter().enumerate().filter(|r| r.1.len() > 1);
+    let choices = choices.map(|(i, row)| (i, (0..row.len()).collect())).collect();
+    let all = Selections::new(Selection::uniform(n, 0), choices);
+    if all.total().is_none_or(|t| t > u128::from(cap)) {
+        return Ok(false);
+    }
+    let mut solver = AutoSolver::default();
+    solver.analyze(mixed.as_ref().pattern)?;
+    for choice in all {
+        for (i, places) in places.iter().enumerate() {
+            for (&k, v) in places.iter().zip(&rows[i][choice.piece(i)]) {
+                mixed.values_mut()[k] = *v;
+            }
+        }
+        if sign_of(&mut solver, &mixed, n, SINGULAR)? != Some(sign) {
+            return Ok(false);
+        }
+    }
+    Ok(true)
+}
+
+/// A⁻¹ B as a full matrix; `None` where rounding spoils it.
+fn quotient(a: &Matrix, b: &Matrix) -> Result<Option<Matrix>, PiecewiseError> {
+    let n = a.nrows();
+    let mut solver = AutoSolver::default();
+    solver.analyze(a.as_ref().pattern)?;
+    let mut columns = vec![0.0; n * n];
+    b.triplets().for_each(|(i, j, v)| columns[j * n + i] += v);
+    let solved = solver
+        .factor(a.as_ref())
+        .and_then(|()| solver.solve_in_place(&mut columns));
+    match solved {
+        Ok(()) => {}
+        Err(LinearError::Singular { .. } | LinearError::Inaccurate { .. }) => return Ok(None),
+        Err(e) => return Err(e.into()),
+    }
+    Ok(Matrix::from_values(Pattern::full(n, n), columns).ok())
+}
+
+/// Whether the inverse of their mean makes the symmetric parts of all matrices definite.
+fn definite(elements: &[Element]) -> Result<bool, PiecewiseError> {
+    let mut mean = elements[0].matrix.clone();
+    mix(elements, &vec![1.0; elements.len()], &mut mean);
+    for e in elements {
+        let Some(mut product) = quotient(&mean, &e.matrix)? else {
+            return Ok(false);
+        };
+        let transposed = product.transpose();
+        let entries = product.values_mut().iter_mut().zip(transposed.values());
+        entries.for_each(|(v, t)| *v = 0.5 * (*v + t));
+        let values = symmetric_eigenvalues(&product)?;
+        let largest = values.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+        let positive = values.iter().all(|v| *v > DEFINITE * largest);
+        if !positive {
+            return Ok(false);
+        }
+    }
+    Ok(true)
+}
+
+/// Looks for a determinant of the other sign between each two of the matrices, and then at random combinations. (1 − t) A + t B is singular
+/// exactly where A⁻¹B has the eigenvalue −(1 − t)/t.
+fn segments(elements: &[Element], sign: i8, cap: u64) -> Result<Hull, PiecewiseError> {
+    let pairs = (0..elements.len()).flat_map(|j| (0..j).map(move |i| [i, j]));
+    let mut mixture = Mixture::new(elements)?;
+    for ([i, j], _) in pairs.zip(0..cap) {
+        let (a, b) = (&elements[i], &elements[j]);
+        let Some(product) = quotient(&a.matrix, &b.matrix)? else {
+            continue;
+        };
+        let on_axis = |(re, im): &(f64, f64)| *re < 0.0 && im.abs() <= ON_AXIS * re.abs();
+        let mut shares: Vec<f64> = (eigenvalues(&product)?.iter().filter(|&z| on_axis(z)))
+            .map(|(re, _)| 1.0 / (1.0 - re))
+            .collect();
+        if shares.is_empty() && elements.len() == 2 {
+            return Ok(Hull::Regular);
+        }
+        if !(a.certain && b.certain) {
+            continue;
+        }
+        shares.sort_by(f64::total_cmp);
+        for w in shares.windows(2) {
+            let share = 0.5 * (w[0] + w[1]);
+            let mut weights = vec![0.0; elements.len()];
+            (weights[i], weights[j]) = (1.0 - share, share);
+            if mixture.sign(&weights, SINGULAR)? == Some(-sign) {
+                return Ok(Hull::Crossing { from: i, weights });
+            }
+        }
+    }
+    let Some(from) = elements.iter().position(|e| e.certain) else {
+        return Ok(Hull::Open);
+    };
+    let mut random = Random::new(7);
+    for _ in 0..cap.min(RANDOM) {
+        let mut weights: Vec<f64> = elements.iter().map(|e| f64::from(u8::from(e.certain))).collect();
+        // Uniform in the simplex.
+        weights
+            .iter_mut()
+            .for_each(|w| *w *= -(0.5 - 0.5 * random.symmetric()).max(f64::MIN_POSITIVE).ln());
+        let sum: f64 = weights.iter().sum();
+        weights.iter_mut().for_each(|w| *w /= sum);
+        if mixture.sign(&weights, SINGULAR)? == Some(-sign) {
+            return Ok(Hull::Crossing { from, weights });
+        }
+    }
+    Ok(Hull::Open)
+}
+
+/// Convex combinations of matrices over one pattern.
+struct Mixture<'a> {
+    elements: &'a [Element],
+    mixed: Matrix,
+    solver: AutoSolver,
+}
+
+impl<'a> Mixture<'a> {
+    fn new(elements: &'a [Element]) -> Result<Self, PiecewiseError> {
+        let mixed = elements[0].matrix.clone();
+        let mut solver = AutoSolver::default();
+        solver.analyze(mixed.as_ref().pattern)?;
+        Ok(Self {
+            elements,
+            mixed,
+            solver,
+        })
+    }
+
+    fn sign(&mut self, weights: &[f64], singular: f64) -> Result<Option<i8>, PiecewiseError> {
+        mix(self.elements, weights, &mut self.mixed);
+        let n = self.mixed.nrows();
+        sign_of(&mut self.solver, &self.mixed, n, singular)
+    }
+}
+
+/// Σ w A over elements A and their weights w.
+pub(super) fn mix(elements: &[Element], weights: &[f64], mixed: &mut Matrix) {
+    mixed.clear();
+    for (e, w) in elements.iter().zip(weights).filter(|e| *e.1 != 0.0) {
+        let entries = mixed.values_mut().iter_mut().zip(e.matrix.values());
+        entries.for_each(|(m, v)| *m += w * v);
+    }
+}

@@ -1,0 +1,467 @@
+//! Generalised derivatives, regularity and index at a point, against determinants by hand and against each other.
+
+use proptest::prelude::*;
+use semismooth::complementarity::{Lcp, Mcp, NormalMap, strong_regularity};
+use semismooth::enumeration::{EnumerationOptions, all_solutions};
+use semismooth::piecewise::{
+    Activity, BElement, CoherentOrientation, Doubt, MinMap, PiecewiseError, PiecewiseSmooth, Regularity,
+    Selection, active_set, b_subdifferential, bd_regularity, cd_regularity, clarke_element,
+    coherent_orientation, local_index, select,
+};
+use semismooth::sparse::Matrix;
+
+use super::certificates::Sectors;
+use super::dense::eliminate;
+use super::maps::two_pieces;
+
+const CAP: u64 = 1000;
+
+/// min(x, M x), row by row: piece 0 is xᵢ.
+struct Min(Vec<Vec<f64>>);
+
+impl Min {
+    fn row(&self, piece: usize, i: usize, j: usize) -> f64 {
+        if piece == 0 {
+            f64::from(u8::from(i == j))
+        } else {
+            self.0[i][j]
+        }
+    }
+
+    fn lcp(&self, q: &[f64]) -> Lcp {
+        Lcp::new(Matrix::from_rows(&self.0).unwrap(), q.to_vec()).unwrap()
+    }
+
+    /// Sign of the determinant of a selection, by elimination.
+    fn det(&self, s: &Selection) -> i32 {
+        let n = self.0.len();
+        let rows: Vec<Vec<f64>> = (0..n)
+            .map(|i| (0..n).map(|j| self.row(s.piece(i), i, j)).collect())
+            .collect();
+        let (sign, pivot, _) = eliminate(&rows, &vec![0.0; n]);
+        // Integers: what is not 0 is not small.
+        if pivot > 1e-9 { sign } else { 0 }
+    }
+}
+
+impl PiecewiseSmooth for Min {
+    two_pieces!(
+        self,
+        [negative, positive],
+        self.0.len(),
+        self.0.len(),
+        self.0.len()
+    );
+    fn test_functions(&self, x: &[f64], out: &mut [f64]) {
+        for (i, row) in self.0.iter().enumerate() {
+            out[i] = x[i] - row.iter().zip(x).map(|(m, x)| m * x).sum::<f64>();
+        }
+    }
+    fn residual(&self, s: &Selection, x: &[f64], out: &mut [f64]) {
+        for i in 0..x.len() {
+            out[i] = (0..x.len()).map(|j| self.row(s.piece(i), i, j) * x[j]).sum();
+        }
+    }
+    fn jacobian(&self, s: &Selection, x: &[f64], jac: &mut Matrix) {
+        let n = x.len();
+        (0..n * n).for_each(|k| jac.add(k / n, k % n, self.row(s.piece(k / n), k / n, k % n)));
+    }
+    fn is_piecewise_affine(&self) -> bool {
+        true
+    }
+    fn test_gradient(&self, site: usize, _: usize, x: &[f64], gradient: &mut [f64]) {
+        (0..x.len()).for_each(|j| gradient[j] = self.row(0, site, j) - self.0[site][j]);
+    }
+}
+
+/// x + c (θ·x)₊: a segment between I and I + c θᵀ.
+struct Kink {
+    c: [f64; 2],
+    theta: [f64; 2],
+}
+
+impl PiecewiseSmooth for Kink {
+    two_pieces!(self, [negative, positive], 2, 2, 1);
+    fn test_functions(&self, x: &[f64], out: &mut [f64]) {
+        out[0] = self.theta[0] * x[0] + self.theta[1] * x[1];
+    }
+    fn residual(&self, s: &Selection, x: &[f64], out: &mut [f64]) {
+        let theta = self.theta[0] * x[0] + self.theta[1] * x[1];
+        (0..2).for_each(|i| out[i] = x[i] + s.piece(0) as f64 * self.c[i] * theta);
+    }
+    fn jacobian(&self, s: &Selection, _: &[f64], jac: &mut Matrix) {
+        for (i, j) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+            let one = f64::from(u8::from(i == j));
+            jac.add(i, j, one + s.piece(0) as f64 * self.c[i] * self.theta[j]);
+        }
+    }
+    fn is_piecewise_affine(&self) -> bool {
+        true
+    }
+}
+
+fn elements(map: &impl PiecewiseSmooth, x: &[f64]) -> Vec<BElement> {
+    b_subdifferential(map, x, 1e-9)
+        .unwrap()
+        .collect::<Result<_, _>>()
+        .unwrap()
+}
+
+/// A singular matrix, mixed from others with entries up to `largest`, takes a unit vector to next to nothing, as told.
+fn check_witness(matrix: &Matrix, largest: f64, singular_value: Option<f64>, direction: &[f64]) {
+    let mut image = vec![0.0; matrix.nrows()];
+    matrix.mul_vec(direction, &mut image);
+    let norm = |v: &[f64]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
+    assert!((norm(direction) - 1.0).abs() < 1e-12);
+    assert!((norm(&image) - singular_value.unwrap()).abs() < 1e-13 * largest);
+    assert!(norm(&image) < 1e-10 * largest, "{image:?}");
+}
+
+/// The witness of strong regularity, mixed from selections that are active.
+fn check_mixture(map: &impl PiecewiseSmooth, x: &[f64], found: &Regularity) {
+    let Regularity::Fails {
+        combination,
+        singular_value,
+        direction,
+    } = found
+    else {
+        panic!("{found:?}");
+    };
+    let n = map.num_residuals();
+    let (mut rows, mut largest) = (vec![vec![0.0; n]; n], 0.0_f64);
+    for (selection, weight) in combination {
+        assert!(*weight >= 0.0 && active_set(map, x, 1e-9).contains(selection));
+        let mut jac = Matrix::zeros(map.pattern());
+        map.jacobian(selection, x, &mut jac);
+        (0..n * n).for_each(|k| rows[k / n][k % n] += weight * jac.get(k / n, k % n));
+        largest = jac.values().iter().fold(largest, |m, v| m.max(v.abs()));
+    }
+    assert!((combination.iter().map(|c| c.1).sum::<f64>() - 1.0).abs() < 1e-15);
+    check_witness(
+        &Matrix::from_rows(&rows).unwrap(),
+        largest,
+        *singular_value,
+        direction,
+    );
+}
+
+/// The witness is an element of Clarke's generalised Jacobian.
+fn check_clarke(map: &impl PiecewiseSmooth, x: &[f64], found: &Regularity) {
+    check_mixture(map, x, found);
+    let Regularity::Fails { combination, .. } = found else {
+        unreachable!();
+    };
+    clarke_element(map, x, combination, 1e-9).unwrap();
+}
+
+#[test]
+fn b_subdifferentials_hold_the_gradients_nearby() {
+    let map = Min(vec![
+        vec![2.0, 1.0, 0.0],
+        vec![-1.0, 3.0, 1.0],
+        vec![0.5, 0.0, -1.0],
+    ]);
+    let found = elements(&map, &[0.0; 3]);
+    assert_eq!(found.len(), 8);
+    let mut seen = [false; 8];
+    for k in 0..400 {
+        let at = |j: usize| ((k * 7 + 1) as f64 * [0.61, 1.37, 2.23][j]).sin() * 1e-3;
+        let x = [at(0), at(1), at(2)];
+        // The gradient there, from which function is smaller.
+        let selection = select(&map, &x);
+        let position = found.iter().position(|e| e.selection == selection).unwrap();
+        seen[position] = true;
+        for i in 0..3 {
+            let other: f64 = (0..3).map(|j| map.0[i][j] * x[j]).sum();
+            for j in 0..3 {
+                let expected = map.row(usize::from(other < x[i]), i, j);
+                assert_eq!(found[position].jacobian.get(i, j), expected);
+            }
+        }
+        assert_eq!(found[position].activity, Activity::Essential);
+    }
+    assert_eq!(seen, [true; 8]);
+    assert_eq!(elements(&map, &[1.0, -0.3, 0.7]).len(), 1);
+    // Of 2⁶⁰ selections a few are looked at.
+    let many = Min((0..60)
+        .map(|i| (0..60).map(|j| if i == j { 2.0 } else { 0.0 }).collect())
+        .collect());
+    assert_eq!(
+        b_subdifferential(&many, &[0.0; 60], 1e-9)
+            .unwrap()
+            .take(5)
+            .count(),
+        5
+    );
+}
+
+/// M = I − (1, 1) ⊗ (2, −3): both rows change together, so that two selections of four have points nearby.
+fn together() -> Min {
+    Min(vec![vec![-1.0, 3.0], vec![-2.0, 4.0]])
+}
+
+#[test]
+fn selections_without_points_nearby_are_left_out() {
+    let found = elements(&together(), &[0.0; 2]);
+    let selections: Vec<Selection> = found.into_iter().map(|e| e.selection).collect();
+    assert_eq!(selections, [Selection::uniform(2, 0), Selection::uniform(2, 1)]);
+}
+
+#[test]
+fn clarke_elements_are_convex_combinations() {
+    let map = together();
+    let s = |piece: usize| Selection::uniform(2, piece);
+    let quarter = clarke_element(&map, &[0.0; 2], &[(s(0), 0.75), (s(1), 0.25)], 1e-9).unwrap();
+    assert_eq!(quarter.get(0, 0), 0.5);
+    assert_eq!(quarter.get(1, 0), -0.5);
+    let refused = |weights: &[(Selection, f64)]| {
+        let found = clarke_element(&map, &[0.0; 2], weights, 1e-9);
+        matches!(found, Err(PiecewiseError::Combination { .. }))
+    };
+    assert!(refused(&[(s(0), 0.75), (s(1), 0.35)]));
+    assert!(refused(&[(s(0), 1.25), (s(1), -0.25)]));
+    assert!(refused(&[(s(0), f64::NAN)]));
+    assert!(refused(&[]));
+    let mixed = Selection::from_pieces([0, 1]);
+    assert!(refused(&[(mixed, 1.0)]));
+    // Active at 0, but not elsewhere.
+    assert!(clarke_element(&map, &[1.0, 0.0], &[(s(0), 1.0)], 1e-9).is_err());
+}
+
+/// A selection that is not essentially active may be singular; strong regularity, which is about all perturbations, sees it.
+#[test]
+fn strong_regularity_asks_for_more_than_clarke() {
+    let map = together();
+    assert!(bd_regularity(&map, &[0.0; 2], 1e-9, CAP).unwrap().is_regular());
+    assert!(cd_regularity(&map, &[0.0; 2], 1e-9, CAP).unwrap().is_regular());
+    let strong = strong_regularity(map.lcp(&[0.0; 2]).mcp(), &[0.0; 2], 1e-9, CAP).unwrap();
+    assert!(strong.fails(), "{strong:?}");
+}
+
+#[test]
+fn a_singular_selection_is_named() {
+    // The principal minor of the second component is 0.
+    let map = Min(vec![vec![1.0, 1.0], vec![-1.0, 0.0]]);
+    let found = bd_regularity(&map, &[0.0; 2], 1e-9, CAP).unwrap();
+    let Regularity::Fails { combination, .. } = &found else {
+        panic!("{found:?}");
+    };
+    assert_eq!(*combination, [(Selection::from_pieces([0, 1]), 1.0)]);
+    check_clarke(&map, &[0.0; 2], &found);
+    assert_eq!(cd_regularity(&map, &[0.0; 2], 1e-9, CAP).unwrap(), found);
+    // Next to it the map is smooth and regular: the identity.
+    let Regularity::Regular {
+        selections,
+        singular_value,
+    } = bd_regularity(&map, &[-2.0, 1.0], 1e-9, CAP).unwrap()
+    else {
+        panic!();
+    };
+    assert_eq!(selections, 1);
+    assert!((singular_value.unwrap() - 1.0).abs() < 1e-14);
+    // A list cut short before that selection says nothing.
+    let cut = bd_regularity(&map, &[0.0; 2], 1e-9, 1).unwrap();
+    assert_eq!(
+        cut,
+        Regularity::Undecided {
+            examined: 1,
+            doubt: Doubt::Limit
+        }
+    );
+}
+
+/// det (I + t c θᵀ) = 1 + t θ·c, although a row of one with a row of the other has a determinant of the other sign.
+#[test]
+fn two_pieces_are_decided_by_eigenvalues() {
+    let kink = |excess: f64| Kink {
+        c: [10.0, excess - 11.0],
+        theta: [1.0, 1.0],
+    };
+    let found = cd_regularity(&kink(0.5), &[0.0; 2], 1e-9, CAP).unwrap();
+    let Regularity::Regular {
+        selections: 2,
+        singular_value,
+    } = found
+    else {
+        panic!("{found:?}");
+    };
+    // σ₁σ₂ = det = ½, σ₁² + σ₂² = Σ of the squares.
+    let squares: f64 = [11.0_f64, 10.0, -10.5, -9.5].map(|v| v * v).iter().sum();
+    let expected = ((squares + 1.0).sqrt() - (squares - 1.0).sqrt()) / 2.0;
+    assert!((singular_value.unwrap() - expected).abs() < 1e-13 * squares);
+    let map = kink(-0.5);
+    let found = cd_regularity(&map, &[0.0; 2], 1e-9, CAP).unwrap();
+    check_clarke(&map, &[0.0; 2], &found);
+    let Regularity::Fails { combination, .. } = found else {
+        unreachable!();
+    };
+    // 1 − 3/2 t = 0, up to a reciprocal condition of 1e-14 with a norm of 15.
+    assert!((combination[1].1 - 2.0 / 3.0).abs() < 1e-11);
+}
+
+/// Maps that wind k times round 0 have the degree k, and more than once they are no homeomorphisms: Clarke's theorem says that
+/// some convex combination is singular, although all signs agree.
+#[test]
+fn maps_that_wind_have_their_index() {
+    let origin = [0.0; 2];
+    for turns in [-3_i32, -2, -1, 1, 2, 3] {
+        let map = Sectors::winding(f64::from(turns));
+        assert_eq!(
+            local_index(&map, &origin, 1e-9, CAP).unwrap(),
+            Some(i64::from(turns))
+        );
+        let found = cd_regularity(&map, &origin, 1e-9, CAP).unwrap();
+        match turns.abs() {
+            1 => assert!(found.is_regular(), "{found:?}"),
+            _ => check_clarke(&map, &origin, &found),
+        }
+        assert_eq!(local_index(&map, &origin, 1e-9, 7).unwrap(), None);
+    }
+    // Once round with a step back: signs differ.
+    let mut folded = Sectors::winding(1.0);
+    folded.images[1] = [1.0, -0.3];
+    assert!(matches!(
+        coherent_orientation(&folded, &origin, 1e-9, CAP).unwrap(),
+        CoherentOrientation::Incoherent { .. }
+    ));
+    assert_eq!(local_index(&folded, &origin, 1e-9, CAP).unwrap(), Some(1));
+    let abs = MinMap::new(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+        a[0] = x[0];
+        b[0] = -x[0];
+    });
+    assert_eq!(local_index(&abs, &[0.0], 1e-9, CAP).unwrap(), Some(0));
+}
+
+/// A singular selection does no harm where its kernel lies in another cell, and hides the index where it does not.
+#[test]
+fn kernels_outside_their_cells_are_no_zeros() {
+    let isolated = Min(vec![vec![0.0, -1.0], vec![-1.0, 1.0]]);
+    assert!(bd_regularity(&isolated, &[0.0; 2], 1e-9, CAP).unwrap().fails());
+    let index = local_index(&isolated, &[0.0; 2], 1e-9, CAP).unwrap();
+    for q in [[1.0, 0.3], [-0.4, 1.0], [0.7, -1.3], [-1.0, -0.8]] {
+        let all = all_solutions(isolated.lcp(&q).mcp(), 0.0, &EnumerationOptions::default()).unwrap();
+        assert_eq!(
+            (all.completeness.is_complete(), all.index_sum),
+            (true, index),
+            "{q:?}"
+        );
+    }
+    // (0, t), t ≥ 0, solves the problem.
+    let ray = Min(vec![vec![0.0, 1.0], vec![-1.0, 0.0]]);
+    assert_eq!(local_index(&ray, &[0.0; 2], 1e-9, CAP).unwrap(), None);
+}
+
+/// min(x₁, x₂, …) of components between, at and beside their bounds: boxed, with a parameter.
+#[test]
+fn strong_regularity_of_boxed_problems_with_a_parameter() {
+    use semismooth::complementarity::WithJacobian;
+    // F = M (x − x*) + s + (α − 2) e, with x* and slopes s that make components 0, 1 degenerate (lower and upper bound), 2 interior,
+    // 3 at its upper bound with F < 0.
+    let solution = [0.0, 1.0, 0.5, 1.0];
+    let problem = |m: [[f64; 4]; 4]| {
+        let f = WithJacobian::parametric(
+            4,
+            move |x: &[f64], out: &mut [f64]| {
+                for i in 0..4 {
+                    let sum: f64 = (0..4).map(|j| m[i][j] * (x[j] - solution[j])).sum();
+                    out[i] = sum + [0.0, 0.0, 0.0, -3.0][i] + (x[4] - 2.0);
+                }
+            },
+            move |_: &[f64], jac: &mut Matrix| {
+                for i in 0..4 {
+                    (0..4).for_each(|j| jac.add(i, j, m[i][j]));
+                    jac.add(i, 4, 1.0);
+                }
+            },
+        );
+        Mcp::new(f, vec![0.0; 4], vec![1.0; 4]).unwrap()
+    };
+    let x = [solution.as_slice(), &[2.0]].concat();
+    // Schur complement on β = {0, 1} with α = {2}: M_ββ − M_β2 M_2β / M_22.
+    let with = |corner: [[f64; 2]; 2]| {
+        let (column, row, pivot) = ([3.0, -1.0], [2.0, 1.0], 0.5);
+        let mut m = [[9.0; 4]; 4];
+        for i in 0..2 {
+            for j in 0..2 {
+                m[i][j] = corner[i][j] + column[i] * row[j] / pivot;
+            }
+            m[i][2] = column[i];
+            m[2][i] = row[i];
+        }
+        m[2][2] = pivot;
+        problem(m)
+    };
+    let found = strong_regularity(&with([[1.0, 4.0], [-1.0, 2.0]]), &x, 1e-9, CAP).unwrap();
+    assert_eq!(
+        found,
+        Regularity::Regular {
+            selections: 4,
+            singular_value: None
+        }
+    );
+    for corner in [
+        [[1.0, 4.0], [1.0, 2.0]],
+        [[-1.0, 0.0], [0.0, 2.0]],
+        [[1.0, 2.0], [2.0, 4.0]],
+    ] {
+        let problem = with(corner);
+        let found = strong_regularity(&problem, &x, 1e-9, CAP).unwrap();
+        check_mixture(&problem, &x, &found);
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(300))]
+
+    /// min(x, M x) at 0: BD-regular exactly if no principal minor vanishes, CD-regular, strongly regular and coherently oriented exactly
+    /// if all are positive; the normal map, which changes columns, says the same.
+    #[test]
+    fn p_matrices_are_told_in_all_ways(entries in proptest::collection::vec(-3..=3_i32, 9), shift in 0..=4_i32) {
+        let m: Vec<Vec<f64>> = (0..3)
+            .map(|i| (0..3).map(|j| f64::from(entries[3 * i + j] + if i == j { shift } else { 0 })).collect())
+            .collect();
+        let map = Min(m);
+        // Rows e_i − M_i that depend on each other leave selections out.
+        let difference: Vec<Vec<f64>> =
+            (0..3).map(|i| (0..3).map(|j| map.row(0, i, j) - map.0[i][j]).collect()).collect();
+        prop_assume!(eliminate(&difference, &[0.0; 3]).1 > 1e-9);
+        let signs: Vec<i32> = semismooth::piecewise::Selections::all(&map).map(|s| map.det(&s)).collect();
+        let (origin, no_kernel) = ([0.0; 3], signs.iter().all(|s| *s != 0));
+        let p = signs.iter().all(|s| *s == 1);
+        let bd = bd_regularity(&map, &origin, 1e-9, CAP).unwrap();
+        prop_assert_eq!(bd.is_regular(), no_kernel);
+        let cd = cd_regularity(&map, &origin, 1e-9, CAP).unwrap();
+        prop_assert_eq!((cd.is_regular(), cd.fails()), (p, !p));
+        if !p {
+            check_clarke(&map, &origin, &cd);
+        }
+        let lcp = map.lcp(&origin);
+        let strong = strong_regularity(lcp.mcp(), &origin, 1e-9, CAP).unwrap();
+        prop_assert_eq!((strong.is_regular(), strong.fails()), (p, !p));
+        if !p {
+            check_mixture(lcp.mcp(), &origin, &strong);
+        }
+        let normal = cd_regularity(&NormalMap::new(lcp.mcp()), &origin, 1e-9, CAP).unwrap();
+        prop_assert_eq!((normal.is_regular(), normal.fails()), (p, !p));
+        let orientation = coherent_orientation(&map, &origin, 1e-9, CAP).unwrap();
+        prop_assert_eq!(matches!(orientation, CoherentOrientation::Coherent { .. }), p);
+    }
+
+    /// The index of the solution 0 of LCP(0, M) is the sum over the solutions of LCP(q, M) for any q.
+    #[test]
+    fn indices_are_sums_over_perturbed_problems(
+        entries in proptest::collection::vec(-3..=3_i32, 9),
+        q in proptest::collection::vec(-1.0..1.0_f64, 3),
+    ) {
+        let m = (0..3).map(|i| (0..3).map(|j| f64::from(entries[3 * i + j])).collect()).collect();
+        let map = Min(m);
+        let index = local_index(&map, &[0.0; 3], 1e-9, CAP).unwrap();
+        let all = all_solutions(map.lcp(&q).mcp(), 0.0, &EnumerationOptions::default()).unwrap();
+        if semismooth::piecewise::Selections::all(&map).all(|s| map.det(&s) != 0) {
+            prop_assert!(index.is_some());
+        }
+        if let (Some(index), Some(sum)) = (index, all.index_sum) {
+            prop_assert_eq!(index, sum);
+        }
+    }
+}
