@@ -1,5 +1,7 @@
 //! What lists of solutions hold, and how far they are known to be complete.
 
+use std::fmt;
+
 use crate::piecewise::Selection;
 
 /// Selections of one solution up to which each is examined.
@@ -50,6 +52,34 @@ pub enum Doubt {
     Coincidence,
     /// The search, or that in exact arithmetic, reached its cap.
     Limit,
+}
+
+impl fmt::Display for Doubt {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::NoCoefficients => "the map does not state its coefficients exactly, or has too many",
+            Self::Rounding => "kernels of dimension two or more, or decisions within rounding",
+            Self::Discontinuous => "the pieces do not agree on a facet between them",
+            Self::Coincidence => "no exact solution has all test functions vanish that count as vanishing",
+            Self::Limit => "the search reached its cap",
+        })
+    }
+}
+
+impl fmt::Display for Completeness {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Complete => f.write_str("complete"),
+            Self::Incomplete { examined, total } => write!(
+                f,
+                "incomplete: {examined} of {total} selections examined or ruled out"
+            ),
+            Self::Undecided { selections: 0, doubt } => write!(f, "not proven: {doubt}"),
+            Self::Undecided { selections, doubt } => {
+                write!(f, "not proven, {selections} left open: {doubt}")
+            }
+        }
+    }
 }
 
 impl Completeness {

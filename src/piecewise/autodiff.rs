@@ -84,6 +84,7 @@ enum Kind {
     Min,
     Abs,
     Mid,
+    Switch,
 }
 
 impl Kind {
@@ -204,6 +205,32 @@ impl<'a, T: Real> Kinks<'a, T> {
     /// max(a, 0).
     pub fn positive_part(&mut self, a: T) -> T {
         self.max(a, T::from(0.0))
+    }
+
+    /// `first` where test ≥ 0 and `second` where test < 0, for formulas that are no maximum: the two must agree wherever `test` vanishes,
+    /// else the map is not continuous. Pieces "first", "second".
+    ///
+    /// ```
+    /// use semismooth::newton::Newton;
+    /// use semismooth::piecewise::{Kinks, NonsmoothFunction, Real, Traced};
+    /// /// A spring with the force y² up to y = 1 and 3 y − 2 beyond, under the load 7.
+    /// struct Spring;
+    /// impl NonsmoothFunction for Spring {
+    ///     fn num_vars(&self) -> usize { 1 }
+    ///     fn num_residuals(&self) -> usize { 1 }
+    ///     fn eval<T: Real>(&self, x: &[T], kinks: &mut Kinks<'_, T>, out: &mut [T]) {
+    ///         let y = x[0];
+    ///         out[0] = kinks.switch(y - 1.0, y * 3.0 - 2.0, y * y) - 7.0;
+    ///     }
+    /// }
+    /// let mut y = [0.5];
+    /// Newton::default().solve(&Traced::new(Spring), &mut y)?;
+    /// assert_eq!(y, [3.0]);
+    /// # Ok::<(), semismooth::newton::NewtonError>(())
+    /// ```
+    pub fn switch(&mut self, test: T, first: T, second: T) -> T {
+        let natural = || usize::from(test.value() < 0.0);
+        self.kink(Kind::Switch, [first, second], [test, test], natural)
     }
 
     /// The projection of z on [lower, upper] (lower ≤ upper); pieces "lower", "interior", "upper"; test functions z − lower and
@@ -407,7 +434,7 @@ impl<F: NonsmoothFunction> PiecewiseSmooth for Traced<F> {
         Cow::Borrowed(match self.kinds[site] {
             Kind::Mid => ["lower", "interior", "upper"][piece.min(2)],
             Kind::Abs => ["positive", "negative"][piece.min(1)],
-            Kind::Max | Kind::Min => ["first", "second"][piece.min(1)],
+            Kind::Max | Kind::Min | Kind::Switch => ["first", "second"][piece.min(1)],
         })
     }
 
@@ -517,7 +544,7 @@ impl<F: NonsmoothFunction> Traced<F> {
                     Vec::new()
                 }
             }
-            (Kind::Mid, _) => Vec::new(),
+            (Kind::Mid | Kind::Switch, _) => Vec::new(),
         };
         ExactSite {
             forms: forms.collect(),

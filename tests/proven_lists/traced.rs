@@ -351,3 +351,51 @@ fn laws_written_as_formulas_are_proven_in_both_forms() {
     let arms = all_arms(&condensed, &[0.0, 2.0], &EnumerationOptions::default()).unwrap();
     assert_eq!((arms.completeness, arms.arms.len()), (Completeness::Complete, 2));
 }
+
+/// switch(x, x + jump, −x) + x/2 = load: the absolute value where nothing jumps.
+#[derive(Clone)]
+struct Switched {
+    jump: f64,
+    load: f64,
+}
+
+impl NonsmoothFunction for Switched {
+    fn num_vars(&self) -> usize {
+        1
+    }
+    fn num_residuals(&self) -> usize {
+        1
+    }
+    fn eval<T: Real>(&self, x: &[T], kinks: &mut Kinks<'_, T>, out: &mut [T]) {
+        out[0] = kinks.switch(x[0], x[0] + self.jump, -x[0]) + x[0] * 0.5 - self.load;
+    }
+}
+
+#[test]
+fn switched_formulas_are_proven_where_their_pieces_agree() {
+    let list = |jump, load| {
+        let map = Traced::new(Switched { jump, load });
+        all_solutions(&map, 0.0, &EnumerationOptions::default()).unwrap()
+    };
+    let absolute = list(0.0, 3.0);
+    let points: Vec<f64> = absolute.solutions.iter().map(|s| s.x[0]).collect();
+    assert_eq!(points, [2.0, -6.0]);
+    assert_eq!(absolute.index_sum, Some(0));
+    assert!(absolute.completeness.is_complete());
+    // A solution of one piece alone lies on the facet.
+    let jumping = list(1.0, 0.0).completeness;
+    assert!(
+        matches!(
+            jumping,
+            Completeness::Undecided {
+                doubt: Doubt::Discontinuous,
+                ..
+            }
+        ),
+        "{jumping}"
+    );
+    assert_eq!(
+        jumping.to_string(),
+        "not proven, 1 left open: the pieces do not agree on a facet between them"
+    );
+}

@@ -1,3 +1,5 @@
+use std::fmt;
+
 /// Options of [`Lemke`](super::Lemke). The defaults need no touching.
 #[derive(Debug, Clone, PartialEq, Default)]
 #[non_exhaustive]
@@ -51,6 +53,35 @@ pub enum LemkeStatus {
     Interrupted,
     /// Rounding destroyed the basis: no exchange with an acceptable pivot, or a solution that does not satisfy the equations.
     Inaccurate,
+}
+
+impl LemkeStatus {
+    /// One or two words: "solved" exactly if the problem is solved, "infeasible" exactly if it is proven to have no solution.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Solved => "solved",
+            Self::Ray { infeasible: true } => "infeasible",
+            Self::Ray { infeasible: false } => "ray",
+            Self::PivotLimit => "pivot limit",
+            Self::Interrupted => "interrupted",
+            Self::Inaccurate => "inaccurate",
+        }
+    }
+}
+
+impl fmt::Display for LemkeStatus {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Ray { infeasible: true } => "there is no solution, which the direction of a ray proves",
+            Self::Ray { infeasible: false } => {
+                "the path ends on a ray, which does not tell whether there is a solution"
+            }
+            Self::PivotLimit => "limit on exchanges",
+            Self::Inaccurate => "rounding destroyed the basis",
+            other => other.name(),
+        })
+    }
 }
 
 /// One exchange.

@@ -1,0 +1,52 @@
+"""Piecewise-smooth equations and complementarity problems: solve them, and list all their solutions.
+
+A problem is a Python function, run once on traced variables (:func:`trace`); its kinks are written with :func:`maximum`, :func:`minimum`,
+``abs``, :func:`clip` and :func:`where`. Afterwards no Python runs, derivatives are exact, and the pieces on both sides of every kink are
+known. Arrays are numpy's; matrices may be those of scipy.sparse.
+
+>>> import semismooth as ss
+>>> result = ss.solve_lcp([[2.0, 1.0], [1.0, 2.0]], [-5.0, -1.0])
+>>> result.status, result.x
+('solved', array([2.5, 0. ]))
+"""
+
+from ._core import (
+    Condition,
+    Continuum,
+    Expression,
+    Lcp,
+    LemkeResult,
+    Map,
+    McpResult,
+    SemismoothError,
+    Solution,
+    SolutionSet,
+    all_solutions,
+    lemke,
+    solve_lcp,
+    solve_mcp,
+    trace,
+)
+from ._functions import clip, maximum, minimum, where
+
+__all__ = [
+    "Condition",
+    "Continuum",
+    "Expression",
+    "Lcp",
+    "LemkeResult",
+    "Map",
+    "McpResult",
+    "SemismoothError",
+    "Solution",
+    "SolutionSet",
+    "all_solutions",
+    "clip",
+    "lemke",
+    "maximum",
+    "minimum",
+    "solve_lcp",
+    "solve_mcp",
+    "trace",
+    "where",
+]

@@ -1,0 +1,151 @@
+//! Vectors, matrices and options as Python gives them.
+
+use numpy::{AllowTypeChange, PyArray1, PyArray2, PyArrayLike1, PyArrayLike2, PyArrayMethods};
+use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use semismooth::sparse::{Matrix, Pattern};
+use serde::de::DeserializeOwned;
+
+use crate::errors::raised;
+
+/// Numbers of anything that numpy can make a vector of.
+pub(crate) fn vector(object: &Bound<'_, PyAny>, what: &str) -> PyResult<Vec<f64>> {
+    let array: PyArrayLike1<'_, f64, AllowTypeChange> = object
+        .extract()
+        .map_err(|e| explained(object.py(), e, &format!("{what} must be a vector of numbers")))?;
+    Ok(array.as_array().to_vec())
+}
+
+/// A bound: one number for all components, or one each.
+pub(crate) fn bound(
+    object: Option<&Bound<'_, PyAny>>,
+    n: usize,
+    default: f64,
+    what: &str,
+) -> PyResult<Vec<f64>> {
+    match object {
+        None => Ok(vec![default; n]),
+        Some(object) => match object.extract::<f64>() {
+            Ok(value) => Ok(vec![value; n]),
+            Err(_) => vector(object, what),
+        },
+    }
+}
+
+/// A dense matrix, or a sparse one of scipy, of which the structure is kept.
+pub(crate) fn matrix(object: &Bound<'_, PyAny>, what: &str) -> PyResult<Matrix> {
+    if let Some(sparse) = sparse(object)? {
+        return sparse.matrix();
+    }
+    let array: PyArrayLike2<'_, f64, AllowTypeChange> = object.extract().map_err(|e| {
+        explained(
+            object.py(),
+            e,
+            &format!("{what} must be a matrix: an array of two dimensions or a scipy.sparse one"),
+        )
+    })?;
+    let array = array.as_array();
+    let (rows, columns) = array.dim();
+    // Matrices are stored by columns.
+    let values = array.t().iter().copied().collect();
+    Matrix::from_values(Pattern::full(rows, columns), values).map_err(raised)
+}
+
+/// A matrix of scipy, by columns.
+pub(crate) struct Sparse {
+    rows: usize,
+    columns: usize,
+    starts: Vec<usize>,
+    indices: Vec<usize>,
+    values: Vec<f64>,
+}
+
+/// Whether it is a sparse matrix is told by what it can do: scipy is not imported.
+pub(crate) fn sparse(object: &Bound<'_, PyAny>) -> PyResult<Option<Sparse>> {
+    if !object.hasattr("tocsc")? {
+        return Ok(None);
+    }
+    let csc = object.call_method0("tocsc")?;
+    if !csc.getattr("has_canonical_format")?.is_truthy()? {
+        return sparse_of(&canonical(&csc)?).map(Some);
+    }
+    sparse_of(&csc).map(Some)
+}
+
+/// A copy without duplicates, its indices in order.
+fn canonical<'py>(csc: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
+    let own = csc.call_method0("copy")?;
+    own.call_method0("sum_duplicates")?;
+    Ok(own)
+}
+
+fn sparse_of(csc: &Bound<'_, PyAny>) -> PyResult<Sparse> {
+    let (rows, columns) = csc.getattr("shape")?.extract()?;
+    let positions = |name: &str| -> PyResult<Vec<usize>> {
+        let array: PyArrayLike1<'_, i64, AllowTypeChange> = csc.getattr(name)?.extract()?;
+        let positions: Result<_, _> = array.as_array().iter().map(|&v| usize::try_from(v)).collect();
+        positions.map_err(|_| PyValueError::new_err(format!("negative entry in {name} of a sparse matrix")))
+    };
+    Ok(Sparse {
+        rows,
+        columns,
+        starts: positions("indptr")?,
+        indices: positions("indices")?,
+        values: vector(&csc.getattr("data")?, "the data of a sparse matrix")?,
+    })
+}
+
+impl Sparse {
+    pub(crate) fn matrix(self) -> PyResult<Matrix> {
+        let pattern =
+            Pattern::from_csc(self.rows, self.columns, self.starts, self.indices).map_err(raised)?;
+        Matrix::from_values(pattern, self.values).map_err(raised)
+    }
+}
+
+/// A matrix as a numpy array.
+pub(crate) fn dense<'py>(py: Python<'py>, matrix: &Matrix) -> Bound<'py, PyArray2<f64>> {
+    let array = PyArray2::zeros(py, [matrix.nrows(), matrix.ncols()], false);
+    let mut view = array.readwrite();
+    let mut view = view.as_array_mut();
+    for (i, j, v) in matrix.triplets() {
+        view[[i, j]] = v;
+    }
+    array
+}
+
+/// Vectors of one length as the rows of a numpy array.
+pub(crate) fn rows<'py, 'v>(
+    py: Python<'py>,
+    columns: usize,
+    vectors: impl IntoIterator<Item = &'v [f64]>,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let flat: Vec<f64> = vectors.into_iter().flatten().copied().collect();
+    let rows = flat.len().checked_div(columns).unwrap_or(0);
+    PyArray1::from_vec(py, flat).reshape([rows, columns])
+}
+
+/// Options by their names in the library; what is not given has its default. Times are in seconds.
+pub(crate) fn options<T: DeserializeOwned>(given: Option<&Bound<'_, PyDict>>, py: Python<'_>) -> PyResult<T> {
+    let given = given.map_or_else(|| Ok(PyDict::new(py)), |g| g.copy())?;
+    if let Some(seconds) = given.get_item("max_time")? {
+        if !seconds.is_none() {
+            let seconds: f64 = seconds.extract()?;
+            let time = std::time::Duration::try_from_secs_f64(seconds)
+                .map_err(|e| PyValueError::new_err(format!("max_time = {seconds} s: {e}")))?;
+            let parts = PyDict::new(py);
+            parts.set_item("secs", time.as_secs())?;
+            parts.set_item("nanos", time.subsec_nanos())?;
+            given.set_item("max_time", parts)?;
+        }
+    }
+    pythonize::depythonize(&given).map_err(|e| PyTypeError::new_err(format!("options: {e}")))
+}
+
+/// A failed conversion with what was expected, its cause kept.
+fn explained(py: Python<'_>, cause: PyErr, message: &str) -> PyErr {
+    let error = PyTypeError::new_err(message.to_owned());
+    error.set_cause(py, Some(cause));
+    error
+}

@@ -1,0 +1,664 @@
+//! Linear and mixed complementarity problems, Lemke's method, lists of all solutions.
+
+use std::ops::ControlFlow;
+
+use numpy::{PyArray1, PyArray2};
+use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyString};
+use semismooth::complementarity::pivoting::{Lemke, LemkeOptions, LemkePivot, LemkeStatus};
+use semismooth::complementarity::{
+    BoundState, Differenced, Mcp, McpFunction, McpIteration, McpOptions, McpReport, McpSolver, WithJacobian,
+};
+use semismooth::enumeration::{self, EnumerationOptions};
+use semismooth::piecewise::{PiecewiseSmooth, Selection};
+use semismooth::sparse::{Matrix, Pattern};
+use serde::Serialize;
+
+use crate::arrays::{bound, matrix, rows, sparse, vector};
+use crate::errors::{Run, raised};
+use crate::expressions::{Map, TracedFunction, map_of};
+
+/// The linear complementarity problem of a square matrix M, shape (n, n), dense or scipy.sparse, and a vector q, shape (n,).
+///
+/// Without bounds: z ≥ 0, w = M z + q ≥ 0, zᵀw = 0. With bounds l ≤ z ≤ u (numbers, or arrays of shape (n,); ±inf where there is none):
+/// w ≥ 0 where z = l, w ≤ 0 where z = u, w = 0 between.
+#[pyclass(frozen, module = "semismooth")]
+pub(crate) struct Lcp {
+    problem: semismooth::complementarity::Lcp,
+}
+
+#[pymethods]
+impl Lcp {
+    #[new]
+    #[pyo3(signature = (M, q, lower=None, upper=None))]
+    #[expect(non_snake_case, reason = "as in the literature")]
+    fn new(
+        M: &Bound<'_, PyAny>,
+        q: &Bound<'_, PyAny>,
+        lower: Option<&Bound<'_, PyAny>>,
+        upper: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let q = vector(q, "q")?;
+        let lower = bound(lower, q.len(), 0.0, "lower")?;
+        let upper = bound(upper, q.len(), f64::INFINITY, "upper")?;
+        let problem =
+            semismooth::complementarity::Lcp::boxed(matrix(M, "M")?, q, lower, upper).map_err(raised)?;
+        Ok(Self { problem })
+    }
+
+    fn __len__(&self) -> usize {
+        self.problem.len()
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<Lcp of {} unknowns>", self.problem.len())
+    }
+}
+
+/// How a complementarity problem was solved, or not: ``solved`` is true exactly if the error of ``x`` was measured and found below the
+/// tolerance.
+#[pyclass(frozen, get_all, module = "semismooth")]
+pub(crate) struct McpResult {
+    /// The solution, or the point with the smallest natural residual, shape (n,).
+    x: Py<PyArray1<f64>>,
+    /// "solved", "at rounding", "stationary", "unbounded", "infeasible", "stalled", "iteration limit", "time limit", "evaluation failure"
+    /// or "interrupted".
+    status: &'static str,
+    /// The status in a sentence.
+    message: String,
+    /// Natural residual max |xᵢ − mid(lᵢ, uᵢ, xᵢ − Fᵢ(x))|, in the units of x and F.
+    residual: f64,
+    /// Largest error of a component relative to the terms of its row; it does not depend on units.
+    error: f64,
+    /// Where each component is: "lower", "interior" or "upper".
+    states: Vec<&'static str>,
+    /// Iterations, over all strategies.
+    iterations: usize,
+    /// Evaluations of F.
+    evaluations: usize,
+    /// Evaluations of its Jacobian.
+    jacobians: usize,
+    /// Factorisations.
+    factorisations: usize,
+    /// The strategy that finished.
+    strategy: String,
+    /// The strategies that failed before it, each a dict of "strategy", "outcome", "residual" and "iterations".
+    fallbacks: Vec<Py<PyDict>>,
+    /// The iterates, each a dict of "index", "strategy", "residual", "merit", "step", "damping" and "sites_changed";
+    /// ``pandas.DataFrame(result.history)`` is a table.
+    history: Py<PyAny>,
+    /// Where the status is "infeasible", the vector v that proves it (empty where enumeration did): v points along no finite bound, yet
+    /// sup vᵀF(x) < 0 over the bounds.
+    certificate: Py<PyArray1<f64>>,
+    /// Wall-clock time in seconds.
+    time: f64,
+}
+
+impl McpResult {
+    fn new(py: Python<'_>, x: &[f64], report: &McpReport) -> PyResult<Self> {
+        let fallbacks = report.fallbacks.iter().map(|f| {
+            let dict = PyDict::new(py);
+            dict.set_item("strategy", word(py, &f.strategy)?)?;
+            dict.set_item("outcome", f.outcome.name())?;
+            dict.set_item("residual", f.residual)?;
+            dict.set_item("iterations", f.iterations)?;
+            Ok(dict.unbind())
+        });
+        let state = |s: &BoundState| match s {
+            BoundState::Lower => "lower",
+            BoundState::Upper => "upper",
+            _ => "interior",
+        };
+        Ok(Self {
+            x: PyArray1::from_slice(py, x).unbind(),
+            status: report.status.name(),
+            message: report.status.to_string(),
+            residual: report.residual,
+            error: report.error,
+            states: report.states.iter().map(state).collect(),
+            iterations: report.iterations,
+            evaluations: report.evaluations,
+            jacobians: report.jacobians,
+            factorisations: report.factorisations,
+            strategy: word(py, &report.strategy)?,
+            fallbacks: fallbacks.collect::<PyResult<_>>()?,
+            history: python(py, &report.history)?.unbind(),
+            certificate: PyArray1::from_slice(py, &report.certificate).unbind(),
+            time: report.time.as_secs_f64(),
+        })
+    }
+}
+
+#[pymethods]
+impl McpResult {
+    /// Whether the problem is solved.
+    #[getter]
+    fn solved(&self) -> bool {
+        self.status == "solved"
+    }
+
+    fn __repr__(&self) -> String {
+        format!(
+            "<McpResult: {}, residual {:.1e}, {} iterations>",
+            self.message, self.residual, self.iterations
+        )
+    }
+}
+
+/// Data of the library as dicts, lists, numbers and words.
+fn python<'py>(py: Python<'py>, value: &impl Serialize) -> PyResult<Bound<'py, PyAny>> {
+    Ok(pythonize::pythonize(py, value)?)
+}
+
+/// A variant of an enum, as options write it.
+fn word(py: Python<'_>, value: &impl Serialize) -> PyResult<String> {
+    python(py, value)?.extract()
+}
+
+/// Solves the linear complementarity problem 0 ≤ z ⟂ M z + q ≥ 0, or with bounds lower ≤ z ≤ upper.
+///
+/// Parameters
+/// ----------
+/// M : array or scipy.sparse matrix of shape (n, n)
+/// q : array of shape (n,)
+/// lower, upper : number or array of shape (n,), optional
+///     Bounds, ±inf where there is none; 0 and inf unless given.
+/// x0 : array of shape (n,), optional
+///     Start; 0, or the nearest point within the bounds.
+/// callback : callable, optional
+///     Called with a dict on each iterate; returns True to stop.
+/// **options
+///     tolerance (1e-10, relative to the terms of each row), acceptable (1e-8), max_iterations, max_time (seconds), strategies (a list of
+///     names such as "Newton", "Enumeration"), fallbacks, max_nodes, restarts and others of McpOptions.
+///
+/// Returns
+/// -------
+/// McpResult
+///
+/// >>> import semismooth as ss
+/// >>> ss.solve_lcp([[2.0, 1.0], [1.0, 2.0]], [-5.0, -1.0]).x
+/// array([2.5, 0. ])
+#[pyfunction]
+#[pyo3(signature = (M, q, lower=None, upper=None, *, x0=None, callback=None, **options))]
+#[expect(non_snake_case, reason = "as in the literature")]
+fn solve_lcp(
+    py: Python<'_>,
+    M: &Bound<'_, PyAny>,
+    q: &Bound<'_, PyAny>,
+    lower: Option<&Bound<'_, PyAny>>,
+    upper: Option<&Bound<'_, PyAny>>,
+    x0: Option<&Bound<'_, PyAny>>,
+    callback: Option<Py<PyAny>>,
+    options: Option<&Bound<'_, PyDict>>,
+) -> PyResult<McpResult> {
+    let Lcp { problem } = Lcp::new(M, q, lower, upper)?;
+    let mut x = x0.map_or_else(|| Ok(vec![0.0; problem.len()]), |x0| vector(x0, "x0"))?;
+    let options = crate::arrays::options(options, py)?;
+    let report = Run::detached(py, |run| {
+        solve(run, problem.mcp(), &mut x, options, callback.as_ref())
+    })?;
+    McpResult::new(py, &x, &report)
+}
+
+fn solve<F: McpFunction>(
+    run: &Run,
+    problem: &Mcp<F>,
+    x: &mut [f64],
+    options: McpOptions,
+    callback: Option<&Py<PyAny>>,
+) -> Result<McpReport, semismooth::complementarity::ComplementarityError> {
+    let mut solver = McpSolver::new(options);
+    // The solver tells the last iterate, too, after it was stopped.
+    let mut flow = ControlFlow::Continue(());
+    let observe = |iteration: &McpIteration| {
+        if flow.is_continue() {
+            flow = observed(run, callback, iteration);
+        }
+        flow
+    };
+    solver.solve_observed(problem, x, observe).cloned()
+}
+
+/// Tells a callback, which stops by returning something true.
+pub(crate) fn observed(run: &Run, callback: Option<&Py<PyAny>>, data: &impl Serialize) -> ControlFlow<()> {
+    if let Some(callback) = callback {
+        let stop = run.call(|py| callback.bind(py).call1((python(py, data)?,))?.is_truthy());
+        if stop.unwrap_or(true) {
+            return ControlFlow::Break(());
+        }
+    }
+    run.poll()
+}
+
+/// F and its Jacobian as Python functions.
+struct Called {
+    function: Py<PyAny>,
+    jacobian: Py<PyAny>,
+}
+
+/// How the derivative of F is found.
+enum Derivative {
+    /// By tracing F.
+    Formula(Py<Map>),
+    /// By differences of F, over a pattern if one is given.
+    Differences(Py<PyAny>, Option<Pattern>),
+    /// By a function.
+    Function(Called, Pattern),
+}
+
+impl Derivative {
+    fn new(
+        function: &Bound<'_, PyAny>,
+        jac: Option<&Bound<'_, PyAny>>,
+        pattern: Option<&Bound<'_, PyAny>>,
+        x0: &[f64],
+    ) -> PyResult<Self> {
+        let (py, n) = (function.py(), x0.len());
+        let pattern = match pattern {
+            Some(pattern) => Some(matrix(pattern, "pattern")?.pattern().clone()),
+            None => None,
+        };
+        let Some(jac) = jac else {
+            let map = map_of(function, n)?;
+            let values = map.get().num_residuals();
+            return match values == n {
+                true => Ok(Self::Formula(map.unbind())),
+                false => Err(PyValueError::new_err(format!(
+                    "F gives {values} values for {n} variables, expected {n}"
+                ))),
+            };
+        };
+        if let Ok(word) = jac.cast::<PyString>() {
+            return match word.to_str()? {
+                "differences" => Ok(Self::Differences(function.clone().unbind(), pattern)),
+                other => Err(PyValueError::new_err(format!(
+                    "jac = \"{other}\" is not known: leave it out (F is traced), write \"differences\", or give a function"
+                ))),
+            };
+        }
+        if !jac.is_callable() {
+            return Err(PyTypeError::new_err(
+                "jac is neither a function nor \"differences\"",
+            ));
+        }
+        let pattern = match pattern {
+            Some(pattern) => pattern,
+            // Where a sparse Jacobian has entries at the start it has them everywhere.
+            None => match sparse(&jac.call1((PyArray1::from_slice(py, x0),))?)? {
+                Some(first) => first.matrix()?.pattern().clone(),
+                None => Pattern::full(n, n),
+            },
+        };
+        let (function, jacobian) = (function.clone().unbind(), jac.clone().unbind());
+        Ok(Self::Function(Called { function, jacobian }, pattern))
+    }
+
+    fn function<'r>(&'r self, run: &'r Run, n: usize) -> Box<dyn McpFunction + 'r> {
+        let values = |function: &'r Py<PyAny>| {
+            move |x: &[f64], out: &mut [f64]| {
+                if run.call(|py| fill(function.bind(py), x, out)).is_none() {
+                    out.fill(f64::NAN);
+                }
+            }
+        };
+        match self {
+            Self::Formula(map) => Box::new(TracedFunction(map.get().traced(Some(run)))),
+            Self::Differences(function, None) => Box::new(Differenced::new(n, values(function))),
+            Self::Differences(function, Some(pattern)) => {
+                Box::new(Differenced::new(n, values(function)).with_pattern(pattern.clone()))
+            }
+            Self::Function(Called { function, jacobian }, pattern) => {
+                let derivative = move |x: &[f64], jac: &mut Matrix| {
+                    if run.call(|py| add(jacobian.bind(py), x, jac)).is_none() {
+                        jac.values_mut().fill(f64::NAN);
+                    }
+                };
+                let function = WithJacobian::new(n, values(function), derivative);
+                Box::new(function.with_pattern(pattern.clone()))
+            }
+        }
+    }
+}
+
+/// Writes what a Python function gives at x.
+pub(crate) fn fill(function: &Bound<'_, PyAny>, x: &[f64], out: &mut [f64]) -> PyResult<()> {
+    let values = vector(
+        &function.call1((PyArray1::from_slice(function.py(), x),))?,
+        "the value of the function",
+    )?;
+    if values.len() != out.len() {
+        return Err(PyValueError::new_err(format!(
+            "the function returned {} values, expected {}",
+            values.len(),
+            out.len()
+        )));
+    }
+    out.copy_from_slice(&values);
+    Ok(())
+}
+
+/// Adds the matrix that a Python function gives at x.
+pub(crate) fn add(jacobian: &Bound<'_, PyAny>, x: &[f64], jac: &mut Matrix) -> PyResult<()> {
+    let given = matrix(
+        &jacobian.call1((PyArray1::from_slice(jacobian.py(), x),))?,
+        "the Jacobian",
+    )?;
+    let (found, expected) = ((given.nrows(), given.ncols()), (jac.nrows(), jac.ncols()));
+    if found != expected {
+        return Err(PyValueError::new_err(format!(
+            "the Jacobian has shape {found:?}, expected {expected:?}"
+        )));
+    }
+    jac.add_block(0, 0, 1.0, &given);
+    Ok(())
+}
+
+/// Solves the mixed complementarity problem of F and its bounds: lower ≤ x ≤ upper with Fᵢ(x) ≥ 0 where xᵢ = lowerᵢ, Fᵢ(x) ≤ 0 where
+/// xᵢ = upperᵢ, and Fᵢ(x) = 0 between.
+///
+/// Parameters
+/// ----------
+/// F : callable or Map
+///     ``F(x)`` for x of shape (n,) gives n values. Unless ``jac`` is given it is traced: see :func:`trace`.
+/// lower, upper : number or array of shape (n,)
+///     Bounds, ±inf where there is none. F is evaluated within them only.
+/// x0 : array of shape (n,)
+///     Start.
+/// jac : callable or "differences", optional
+///     ``jac(x)``, of shape (n, n), dense or scipy.sparse: F is then called, not traced. "differences": central differences of F.
+/// pattern : array or scipy.sparse matrix of shape (n, n), optional
+///     Where the Jacobian has entries (those stored count, all of an array). Default: those of ``jac(x0)`` if it is sparse; else everywhere.
+/// callback, **options
+///     As for :func:`solve_lcp`.
+///
+/// Returns
+/// -------
+/// McpResult
+///
+/// >>> import semismooth as ss
+/// >>> result = ss.solve_mcp(lambda x: (x - 1) ** 2 - 1.01, 0, float("inf"), [0.0])
+/// >>> result.status, result.x.round(6)
+/// ('solved', array([2.004988]))
+#[pyfunction]
+#[pyo3(signature = (F, lower, upper, x0, jac=None, *, pattern=None, callback=None, **options))]
+#[expect(non_snake_case, reason = "as in the literature")]
+#[expect(clippy::too_many_arguments, reason = "those of the Python function")]
+fn solve_mcp(
+    py: Python<'_>,
+    F: &Bound<'_, PyAny>,
+    lower: &Bound<'_, PyAny>,
+    upper: &Bound<'_, PyAny>,
+    x0: &Bound<'_, PyAny>,
+    jac: Option<&Bound<'_, PyAny>>,
+    pattern: Option<&Bound<'_, PyAny>>,
+    callback: Option<Py<PyAny>>,
+    options: Option<&Bound<'_, PyDict>>,
+) -> PyResult<McpResult> {
+    let mut x = vector(x0, "x0")?;
+    let n = x.len();
+    let lower = bound(Some(lower), n, 0.0, "lower")?;
+    let upper = bound(Some(upper), n, 0.0, "upper")?;
+    let derivative = Derivative::new(F, jac, pattern, &x)?;
+    let options = crate::arrays::options(options, py)?;
+    let report = Run::detached(py, |run| {
+        let problem = Mcp::new(derivative.function(run, n), lower, upper)?;
+        solve(run, &problem, &mut x, options, callback.as_ref())
+    })?;
+    McpResult::new(py, &x, &report)
+}
+
+/// Where the path of Lemke's method ended.
+#[pyclass(frozen, get_all, module = "semismooth")]
+pub(crate) struct LemkeResult {
+    /// The solution, or the end of the path, shape (n,).
+    x: Py<PyArray1<f64>>,
+    /// "solved", "infeasible" (proven by ``ray``), "ray", "pivot limit", "interrupted" or "inaccurate".
+    status: &'static str,
+    /// The status in a sentence.
+    message: String,
+    /// Natural residual of x.
+    residual: f64,
+    /// Number of exchanges.
+    pivots: usize,
+    /// Direction of the ray on which the path ended, shape (n,), or None.
+    ray: Option<Py<PyArray1<f64>>>,
+    /// The exchanges, each a dict of "index", "path" and "cover", the covering variable before it.
+    history: Py<PyAny>,
+}
+
+#[pymethods]
+impl LemkeResult {
+    /// Whether the problem is solved.
+    #[getter]
+    fn solved(&self) -> bool {
+        self.status == "solved"
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<LemkeResult: {}, {} pivots>", self.message, self.pivots)
+    }
+}
+
+/// Lemke's complementary pivoting for the linear complementarity problem of M and q, with bounds if given.
+///
+/// Parameters
+/// ----------
+/// M : array or scipy.sparse matrix of shape (n, n), n ≤ 20 000
+/// q : array of shape (n,)
+/// lower, upper : number or array of shape (n,), optional
+///     0 and inf unless given.
+/// covering : array of shape (n,), optional
+///     Positive; it chooses the path. Ones unless given.
+/// max_pivots : int, optional
+///     50 n + 1000 on up to five paths unless given.
+///
+/// Returns
+/// -------
+/// LemkeResult
+///
+/// >>> import semismooth as ss
+/// >>> ss.lemke([[2.0, 1.0], [1.0, 2.0]], [-5.0, -1.0]).x
+/// array([2.5, 0. ])
+#[pyfunction]
+#[pyo3(signature = (M, q, lower=None, upper=None, *, covering=None, max_pivots=None))]
+#[expect(non_snake_case, reason = "as in the literature")]
+fn lemke(
+    py: Python<'_>,
+    M: &Bound<'_, PyAny>,
+    q: &Bound<'_, PyAny>,
+    lower: Option<&Bound<'_, PyAny>>,
+    upper: Option<&Bound<'_, PyAny>>,
+    covering: Option<&Bound<'_, PyAny>>,
+    max_pivots: Option<usize>,
+) -> PyResult<LemkeResult> {
+    let Lcp { problem } = Lcp::new(M, q, lower, upper)?;
+    let mut options = LemkeOptions::default();
+    options.max_pivots = max_pivots;
+    options.covering = covering.map(|c| vector(c, "covering")).transpose()?;
+    let (mut x, mut history) = (vec![0.0; problem.len()], Vec::new());
+    let mut solver = Lemke::new(options);
+    let report = Run::detached(py, |run| {
+        solver.solve_observed(&problem, &mut x, |pivot: &LemkePivot| {
+            history.push(*pivot);
+            run.poll()
+        })
+    })?;
+    let on_ray = matches!(report.status, LemkeStatus::Ray { .. });
+    let ray = solver.ray().filter(|_| on_ray);
+    Ok(LemkeResult {
+        x: PyArray1::from_vec(py, x).unbind(),
+        status: report.status.name(),
+        message: report.status.to_string(),
+        residual: report.residual,
+        pivots: report.pivots,
+        ray: ray.map(|ray| PyArray1::from_slice(py, ray).unbind()),
+        history: python(py, &history)?.unbind(),
+    })
+}
+
+/// One solution of a list.
+#[pyclass(frozen, get_all, module = "semismooth")]
+pub(crate) struct Solution {
+    /// The point, shape (m,); the parameter last where there is one.
+    x: Py<PyArray1<f64>>,
+    /// The pieces of each site, by name, of every selection in whose closed cell the point lies (64 of them where more than 256 do).
+    pieces: Vec<Vec<String>>,
+    /// The sign of the determinant for each of them: −1, 0 or 1, None where it is not known.
+    det_signs: Vec<Option<i8>>,
+    /// Distance to the nearest kink in terms of test functions; 0 on a kink.
+    margin: f64,
+    /// The local index (degree), where one or two active selections tell it.
+    index: Option<i8>,
+}
+
+/// A continuum of solutions.
+#[pyclass(frozen, get_all, module = "semismooth")]
+pub(crate) struct Continuum {
+    /// The pieces of each site, by name, of the selections that hold it.
+    pieces: Vec<Vec<String>>,
+    /// 1 for a segment, a ray or a line.
+    dimension: usize,
+    /// The ends of a segment, of a ray its one end, shape (k, m).
+    ends: Py<PyArray2<f64>>,
+}
+
+/// All solutions of a piecewise-affine equation, and whether the list is proven to be complete.
+#[pyclass(frozen, get_all, module = "semismooth")]
+pub(crate) struct SolutionSet {
+    /// The solutions.
+    solutions: Vec<Py<Solution>>,
+    /// Their points, shape (number of solutions, m).
+    points: Py<PyArray2<f64>>,
+    /// Continua of solutions.
+    continua: Vec<Py<Continuum>>,
+    /// Whether every selection was examined or ruled out, which is proven in exact arithmetic for the numbers given.
+    complete: bool,
+    /// The verdict: "complete", "incomplete: ..." with how far the search came, or "not proven: ..." with the reason.
+    completeness: String,
+    /// Sum of the local indices of a complete list, where all are known.
+    index_sum: Option<i64>,
+    /// Partial selections tried.
+    nodes: u64,
+}
+
+#[pymethods]
+impl SolutionSet {
+    fn __len__(&self) -> usize {
+        self.solutions.len()
+    }
+
+    fn __repr__(&self) -> String {
+        format!(
+            "<SolutionSet: {} solutions, {} continua, {}>",
+            self.solutions.len(),
+            self.continua.len(),
+            self.completeness
+        )
+    }
+}
+
+impl SolutionSet {
+    fn new(
+        py: Python<'_>,
+        map: &dyn PiecewiseSmooth,
+        found: &enumeration::SolutionSet,
+    ) -> PyResult<SolutionSet> {
+        let pieces = |selections: &[Selection]| -> Vec<Vec<String>> {
+            selections.iter().map(|s| names(map, s)).collect()
+        };
+        let m = map.num_vars();
+        let solutions = found.solutions.iter().map(|s| {
+            let solution = Solution {
+                x: PyArray1::from_slice(py, &s.x).unbind(),
+                pieces: pieces(&s.selections),
+                det_signs: s.det_signs.clone(),
+                margin: s.margin,
+                index: s.index,
+            };
+            Py::new(py, solution)
+        });
+        let continua = found.continua.iter().map(|c| {
+            let continuum = Continuum {
+                pieces: pieces(&c.selections),
+                dimension: c.dimension,
+                ends: rows(py, m, c.ends.iter().map(Vec::as_slice))?.unbind(),
+            };
+            Py::new(py, continuum)
+        });
+        Ok(Self {
+            solutions: solutions.collect::<PyResult<_>>()?,
+            points: rows(py, m, found.solutions.iter().map(|s| s.x.as_slice()))?.unbind(),
+            continua: continua.collect::<PyResult<_>>()?,
+            complete: found.completeness.is_complete(),
+            completeness: found.completeness.to_string(),
+            index_sum: found.index_sum,
+            nodes: found.nodes,
+        })
+    }
+}
+
+/// The pieces of a selection by name.
+pub(crate) fn names(map: &dyn PiecewiseSmooth, selection: &Selection) -> Vec<String> {
+    let pieces = selection.pieces().enumerate();
+    pieces.map(|(s, p)| map.piece_name(s, p).into_owned()).collect()
+}
+
+/// All solutions of an Lcp, or of a piecewise-affine map H(x) = 0, at ``parameter`` where H has one variable more than values.
+///
+/// Parameters
+/// ----------
+/// problem : Lcp or Map
+///     See :func:`trace` for maps.
+/// parameter : float
+///     The last variable of a map with a parameter.
+/// **options
+///     max_nodes (1 000 000), max_time (seconds) and others of EnumerationOptions. Ctrl-C is noticed when the search is over: set max_time
+///     where it may be long.
+///
+/// Returns
+/// -------
+/// SolutionSet
+///
+/// >>> import semismooth as ss
+/// >>> found = ss.all_solutions(ss.Lcp([[-1.0]], [1.0]))
+/// >>> found.points.ravel(), found.completeness
+/// (array([0., 1.]), 'complete')
+#[pyfunction]
+#[pyo3(signature = (problem, parameter=0.0, **options))]
+fn all_solutions(
+    py: Python<'_>,
+    problem: &Bound<'_, PyAny>,
+    parameter: f64,
+    options: Option<&Bound<'_, PyDict>>,
+) -> PyResult<SolutionSet> {
+    let options: EnumerationOptions = crate::arrays::options(options, py)?;
+    if let Ok(lcp) = problem.cast::<Lcp>() {
+        let mcp = lcp.get().problem.mcp();
+        let found = Run::detached(py, |_| enumeration::all_solutions(mcp, parameter, &options))?;
+        return SolutionSet::new(py, mcp, &found);
+    }
+    let Ok(map) = problem.cast::<Map>() else {
+        return Err(PyTypeError::new_err(
+            "all_solutions takes an Lcp or a Map: write semismooth.trace(H, num_vars)",
+        ));
+    };
+    let map = map.get();
+    let found = Run::detached(py, |run| {
+        enumeration::all_solutions(&map.traced(Some(run)), parameter, &options)
+    })?;
+    SolutionSet::new(py, &map.traced(None), &found)
+}
+
+pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<Lcp>()?;
+    module.add_class::<McpResult>()?;
+    module.add_class::<LemkeResult>()?;
+    module.add_class::<Solution>()?;
+    module.add_class::<Continuum>()?;
+    module.add_class::<SolutionSet>()?;
+    module.add_function(wrap_pyfunction!(solve_lcp, module)?)?;
+    module.add_function(wrap_pyfunction!(solve_mcp, module)?)?;
+    module.add_function(wrap_pyfunction!(lemke, module)?)?;
+    module.add_function(wrap_pyfunction!(all_solutions, module)?)
+}

@@ -1,0 +1,102 @@
+//! Runs without the interpreter's lock, and what ends them: exceptions of callbacks, Ctrl-C, errors of the library.
+
+use std::error::Error;
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use pyo3::create_exception;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+create_exception!(
+    _core,
+    SemismoothError,
+    PyValueError,
+    "A problem, an option or a start that semismooth cannot use; the message says which and why."
+);
+
+/// Time between two looks at signals: they take the lock, and Ctrl-C shall be noticed within 0.1 s.
+const LOOK_EVERY: Duration = Duration::from_millis(30);
+
+/// An error of the library as an exception, with all that it says.
+pub(crate) fn raised(error: impl Error) -> PyErr {
+    let mut message = error.to_string();
+    let mut cause = error.source();
+    while let Some(inner) = cause {
+        let text = inner.to_string();
+        if !message.contains(&text) {
+            message = format!("{message}: {text}");
+        }
+        cause = inner.source();
+    }
+    SemismoothError::new_err(message)
+}
+
+/// A run that Python can end. The library knows no functions that fail: after the first exception they give NaN without a call, observers
+/// stop, and the exception is raised once the run has come back.
+pub(crate) struct Run {
+    broken: AtomicBool,
+    exception: Mutex<Option<PyErr>>,
+    looked: Mutex<Instant>,
+}
+
+impl Run {
+    /// Runs `work` without the interpreter's lock.
+    pub(crate) fn detached<T: Send, E: Error + Send>(
+        py: Python<'_>,
+        work: impl FnOnce(&Run) -> Result<T, E> + Send,
+    ) -> PyResult<T> {
+        let run = Run {
+            broken: AtomicBool::new(false),
+            exception: Mutex::new(None),
+            looked: Mutex::new(Instant::now()),
+        };
+        let result = py.detach(|| work(&run));
+        match lock(&run.exception).take() {
+            Some(exception) => Err(exception),
+            None => result.map_err(raised),
+        }
+    }
+
+    /// Whether to go on: not after an exception, nor after Ctrl-C.
+    pub(crate) fn poll(&self) -> ControlFlow<()> {
+        let due = {
+            let mut looked = lock(&self.looked);
+            let due = looked.elapsed() >= LOOK_EVERY;
+            if due {
+                *looked = Instant::now();
+            }
+            due
+        };
+        if due && !self.is_broken() {
+            Python::attach(|py| py.check_signals().map_err(|e| self.keep(e)).ok());
+        }
+        match self.is_broken() {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        }
+    }
+
+    pub(crate) fn is_broken(&self) -> bool {
+        self.broken.load(Ordering::Relaxed)
+    }
+
+    /// Calls Python; `None` after the first exception.
+    pub(crate) fn call<R>(&self, work: impl FnOnce(Python<'_>) -> PyResult<R>) -> Option<R> {
+        if self.is_broken() {
+            return None;
+        }
+        Python::attach(|py| work(py).map_err(|e| self.keep(e)).ok())
+    }
+
+    fn keep(&self, exception: PyErr) {
+        lock(&self.exception).get_or_insert(exception);
+        self.broken.store(true, Ordering::Relaxed);
+    }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}

@@ -1,0 +1,18 @@
+//! The Python package `semismooth`: what it holds is documented where Python sees it.
+
+mod arrays;
+mod complementarity;
+mod errors;
+mod expressions;
+
+use pyo3::prelude::*;
+
+#[pymodule]
+fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add(
+        "SemismoothError",
+        module.py().get_type::<errors::SemismoothError>(),
+    )?;
+    expressions::register(module)?;
+    complementarity::register(module)
+}
