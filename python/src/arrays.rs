@@ -1,5 +1,7 @@
 //! Vectors, matrices and options as Python gives them.
 
+use std::time::Duration;
+
 use numpy::{AllowTypeChange, PyArray1, PyArray2, PyArrayLike1, PyArrayLike2, PyArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -129,16 +131,11 @@ pub(crate) fn rows<'py, 'v>(
 /// Options by their names in the library; what is not given has its default. Times are in seconds.
 pub(crate) fn options<T: DeserializeOwned>(given: Option<&Bound<'_, PyDict>>, py: Python<'_>) -> PyResult<T> {
     let given = given.map_or_else(|| Ok(PyDict::new(py)), |g| g.copy())?;
-    if let Some(seconds) = given.get_item("max_time")? {
-        if !seconds.is_none() {
-            let seconds: f64 = seconds.extract()?;
-            let time = std::time::Duration::try_from_secs_f64(seconds)
-                .map_err(|e| PyValueError::new_err(format!("max_time = {seconds} s: {e}")))?;
-            let parts = PyDict::new(py);
-            parts.set_item("secs", time.as_secs())?;
-            parts.set_item("nanos", time.subsec_nanos())?;
-            given.set_item("max_time", parts)?;
-        }
+    if let Some(seconds) = given.get_item("max_time")?.filter(|s| !s.is_none()) {
+        let seconds: f64 = seconds.extract()?;
+        let time = Duration::try_from_secs_f64(seconds)
+            .map_err(|e| PyValueError::new_err(format!("max_time = {seconds} s: {e}")))?;
+        given.set_item("max_time", pythonize::pythonize(py, &time)?)?;
     }
     pythonize::depythonize(&given).map_err(|e| PyTypeError::new_err(format!("options: {e}")))
 }

@@ -32,7 +32,6 @@ pub(crate) struct Lcp {
 impl Lcp {
     #[new]
     #[pyo3(signature = (M, q, lower=None, upper=None))]
-    #[expect(non_snake_case, reason = "as in the literature")]
     fn new(
         M: &Bound<'_, PyAny>,
         q: &Bound<'_, PyAny>,
@@ -181,7 +180,6 @@ fn word(py: Python<'_>, value: &impl Serialize) -> PyResult<String> {
 /// array([2.5, 0. ])
 #[pyfunction]
 #[pyo3(signature = (M, q, lower=None, upper=None, *, x0=None, callback=None, **options))]
-#[expect(non_snake_case, reason = "as in the literature")]
 fn solve_lcp(
     py: Python<'_>,
     M: &Bound<'_, PyAny>,
@@ -382,8 +380,6 @@ pub(crate) fn add(jacobian: &Bound<'_, PyAny>, x: &[f64], jac: &mut Matrix) -> P
 /// ('solved', array([2.004988]))
 #[pyfunction]
 #[pyo3(signature = (F, lower, upper, x0, jac=None, *, pattern=None, callback=None, **options))]
-#[expect(non_snake_case, reason = "as in the literature")]
-#[expect(clippy::too_many_arguments, reason = "those of the Python function")]
 fn solve_mcp(
     py: Python<'_>,
     F: &Bound<'_, PyAny>,
@@ -462,7 +458,6 @@ impl LemkeResult {
 /// array([2.5, 0. ])
 #[pyfunction]
 #[pyo3(signature = (M, q, lower=None, upper=None, *, covering=None, max_pivots=None))]
-#[expect(non_snake_case, reason = "as in the literature")]
 fn lemke(
     py: Python<'_>,
     M: &Bound<'_, PyAny>,
