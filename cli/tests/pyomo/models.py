@@ -230,9 +230,7 @@ class Forms(Case):
 
         m.b = pyo.Block([1, 2, 5, 9], rule=fill)
         self.solved(m)
-        self.all_near(
-            (m.b[i].x for i in (1, 2, 5, 9)), [0, 0, 1, (-1 + math.sqrt(25)) / 2]
-        )
+        self.all_near((m.b[i].x for i in (1, 2, 5, 9)), [0, 0, 1, (-1 + math.sqrt(25)) / 2])
 
     def test_equations_beside(self):
         """x ⟂ F with F = price of a market that clears."""
@@ -270,15 +268,32 @@ class Forms(Case):
         """Each function that Pyomo can write, in one equation each."""
         m = ConcreteModel()
         functions = {
-            "log10": (pyo.log10, 2.0), "log": (pyo.log, 2.0), "exp": (pyo.exp, 0.5), "sqrt": (pyo.sqrt, 2.0),
-            "sin": (pyo.sin, 0.5), "cos": (pyo.cos, 0.5), "tan": (pyo.tan, 0.5), "asin": (pyo.asin, 0.4),
-            "acos": (pyo.acos, 0.4), "atan": (pyo.atan, 0.4), "sinh": (pyo.sinh, 0.4), "cosh": (pyo.cosh, 0.4),
-            "tanh": (pyo.tanh, 0.4), "asinh": (pyo.asinh, 0.4), "acosh": (pyo.acosh, 1.4), "atanh": (pyo.atanh, 0.4),
-            "abs": (abs, -0.7), "power": (lambda x: x**2.5, 1.3), "base": (lambda x: 3**x, 0.3),
-            "both": (lambda x: x**x, 1.3), "if": (lambda x: pyo.Expr_if(IF=x >= 1, THEN=x**2, ELSE=2 * x - 1), 1.7),
+            "log10": (pyo.log10, 2.0),
+            "log": (pyo.log, 2.0),
+            "exp": (pyo.exp, 0.5),
+            "sqrt": (pyo.sqrt, 2.0),
+            "sin": (pyo.sin, 0.5),
+            "cos": (pyo.cos, 0.5),
+            "tan": (pyo.tan, 0.5),
+            "asin": (pyo.asin, 0.4),
+            "acos": (pyo.acos, 0.4),
+            "atan": (pyo.atan, 0.4),
+            "sinh": (pyo.sinh, 0.4),
+            "cosh": (pyo.cosh, 0.4),
+            "tanh": (pyo.tanh, 0.4),
+            "asinh": (pyo.asinh, 0.4),
+            "acosh": (pyo.acosh, 1.4),
+            "atanh": (pyo.atanh, 0.4),
+            "abs": (abs, -0.7),
+            "power": (lambda x: x**2.5, 1.3),
+            "base": (lambda x: 3**x, 0.3),
+            "both": (lambda x: x**x, 1.3),
+            "if": (lambda x: pyo.Expr_if(IF=x >= 1, THEN=x**2, ELSE=2 * x - 1), 1.7),
         }
         m.x = Var(list(functions), initialize={k: p * 1.05 for k, (_, p) in functions.items()})
-        m.e = Constraint(list(functions), rule=lambda m, k: functions[k][0](m.x[k]) == value(functions[k][0](functions[k][1])))
+        m.e = Constraint(
+            list(functions), rule=lambda m, k: functions[k][0](m.x[k]) == value(functions[k][0](functions[k][1]))
+        )
         self.solved(m)
         for name, (_, point) in functions.items():
             self.near(m.x[name], point)
@@ -396,8 +411,12 @@ class Equilibria(Case):
         """First-order conditions of a linear program, written by hand: the dual prices of Dantzig's transport problem."""
         plants, markets = {"seattle": 350, "sandiego": 600}, {"newyork": 325, "chicago": 300, "topeka": 275}
         distance = {
-            ("seattle", "newyork"): 2.5, ("seattle", "chicago"): 1.7, ("seattle", "topeka"): 1.8,
-            ("sandiego", "newyork"): 2.5, ("sandiego", "chicago"): 1.8, ("sandiego", "topeka"): 1.4,
+            ("seattle", "newyork"): 2.5,
+            ("seattle", "chicago"): 1.7,
+            ("seattle", "topeka"): 1.8,
+            ("sandiego", "newyork"): 2.5,
+            ("sandiego", "chicago"): 1.8,
+            ("sandiego", "topeka"): 1.4,
         }
         m = ConcreteModel()
         m.x = Var(plants, markets, bounds=(0, None))
@@ -406,8 +425,12 @@ class Equilibria(Case):
         m.profit = Complementarity(
             plants, markets, rule=lambda m, i, j: complements(m.x[i, j] >= 0, m.w[i] + 0.09 * distance[i, j] >= m.p[j])
         )
-        m.supply = Complementarity(plants, rule=lambda m, i: complements(m.w[i] >= 0, sum(m.x[i, j] for j in markets) <= plants[i]))
-        m.demand = Complementarity(markets, rule=lambda m, j: complements(m.p[j] >= 0, sum(m.x[i, j] for i in plants) >= markets[j]))
+        m.supply = Complementarity(
+            plants, rule=lambda m, i: complements(m.w[i] >= 0, sum(m.x[i, j] for j in markets) <= plants[i])
+        )
+        m.demand = Complementarity(
+            markets, rule=lambda m, j: complements(m.p[j] >= 0, sum(m.x[i, j] for i in plants) >= markets[j])
+        )
         self.solved(m)
         self.near(sum(0.09 * distance[a] * value(m.x[a]) for a in distance), 153.675)
 
@@ -457,7 +480,9 @@ class Grids(Case):
             a = 0.5 * vol**2 * i**2
             drift = 0.5 * rate * i
             v = m.v
-            generator = a * (v[k, i + 1] - 2 * v[k, i] + v[k, i - 1]) + drift * (v[k, i + 1] - v[k, i - 1]) - rate * v[k, i]
+            generator = (
+                a * (v[k, i + 1] - 2 * v[k, i] + v[k, i - 1]) + drift * (v[k, i + 1] - v[k, i - 1]) - rate * v[k, i]
+            )
             return v[k, i] - v[k - 1, i] - dt * generator
 
         inner = [(k, i) for k in range(1, steps + 1) for i in range(1, n)]
@@ -548,8 +573,15 @@ class Programs(Case):
         m = self.variables([0.5, 0.5, 0.5], (0, None))
         x = m.x
         m.o = Objective(
-            expr=9 - 8 * x[1] - 6 * x[2] - 4 * x[3] + 2 * x[1] ** 2 + 2 * x[2] ** 2 + x[3] ** 2
-            + 2 * x[1] * x[2] + 2 * x[1] * x[3]
+            expr=9
+            - 8 * x[1]
+            - 6 * x[2]
+            - 4 * x[3]
+            + 2 * x[1] ** 2
+            + 2 * x[2] ** 2
+            + x[3] ** 2
+            + 2 * x[1] * x[2]
+            + 2 * x[1] * x[3]
         )
         m.c = Constraint(expr=x[1] + x[2] + 2 * x[3] <= 3)
         self.stationary(m, 1 / 9)
@@ -559,7 +591,9 @@ class Programs(Case):
         """Rosen and Suzuki."""
         m = self.variables([0, 0, 0, 0])
         x = m.x
-        m.o = Objective(expr=x[1] ** 2 + x[2] ** 2 + 2 * x[3] ** 2 + x[4] ** 2 - 5 * x[1] - 5 * x[2] - 21 * x[3] + 7 * x[4])
+        m.o = Objective(
+            expr=x[1] ** 2 + x[2] ** 2 + 2 * x[3] ** 2 + x[4] ** 2 - 5 * x[1] - 5 * x[2] - 21 * x[3] + 7 * x[4]
+        )
         m.c1 = Constraint(expr=8 - x[1] ** 2 - x[2] ** 2 - x[3] ** 2 - x[4] ** 2 - x[1] + x[2] - x[3] + x[4] >= 0)
         m.c2 = Constraint(expr=10 - x[1] ** 2 - 2 * x[2] ** 2 - x[3] ** 2 - 2 * x[4] ** 2 + x[1] + x[4] >= 0)
         m.c3 = Constraint(expr=5 - 2 * x[1] ** 2 - x[2] ** 2 - x[3] ** 2 - 2 * x[1] + x[2] + x[4] >= 0)
@@ -588,7 +622,9 @@ class Programs(Case):
     def test_linear_program(self):
         m = self.variables([0, 0], (0, None))
         m.o = Objective(expr=3 * m.x[1] + 5 * m.x[2], sense=pyo.maximize)
-        m.c = Constraint([1, 2, 3], rule=lambda m, i: [m.x[1] <= 4, 2 * m.x[2] <= 12, 3 * m.x[1] + 2 * m.x[2] <= 18][i - 1])
+        m.c = Constraint(
+            [1, 2, 3], rule=lambda m, i: [m.x[1] <= 4, 2 * m.x[2] <= 12, 3 * m.x[1] + 2 * m.x[2] <= 18][i - 1]
+        )
         self.stationary(m, 36)
         self.all_near((m.dual[m.c[i]] for i in (1, 2, 3)), (0, 1.5, 1))
 
