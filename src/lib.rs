@@ -18,6 +18,7 @@
 //! | [`output`] | tables, JSON, pictures, VTU |
 //! | [`linear`], [`sparse`] | linear solvers behind one seam, sparse matrices |
 //! | [`sweep`] | many problems at once |
+//! | [`fallible`] | functions that may fail: their errors come back unchanged |
 
 #![warn(missing_docs, unreachable_pub)]
 
@@ -32,6 +33,7 @@ pub mod contact;
 pub mod continuation;
 pub mod enumeration;
 mod exact;
+pub mod fallible;
 pub mod fem;
 pub mod guide;
 pub mod interface;

@@ -211,6 +211,8 @@ fn of_every_build() -> Vec<&'static str> {
         "enumeration::EnumerationOptions": enumeration::EnumerationOptions,
         "enumeration::Solution": enumeration::Solution,
         "enumeration::SolutionSet": enumeration::SolutionSet,
+        "fallible::Failed": fallible::Failed<std::io::Error, ()>,
+        "fallible::FirstError": fallible::FirstError<std::io::Error>,
         "fem::BoundaryFacet": fem::BoundaryFacet,
         "fem::CellKind": fem::CellKind,
         "fem::ContactRows": fem::ContactRows,

@@ -9,6 +9,9 @@ use crate::sparse::Matrix;
 /// Singular values below this part of the largest one belong to the kernel.
 const KERNEL: f64 = 1e-9;
 
+/// Directions that are taken to one value, with the signs of their selections.
+type Preimages = Vec<(Vec<f64>, i8)>;
+
 /// The local index of an isolated solution x: the topological degree of y ↦ H(y, α) on small neighbourhoods. `None` where it is not known.
 ///
 /// Where the B-derivative takes no direction but 0 to 0, x is isolated, and its index is the degree of the B-derivative (its homotopy to
@@ -77,7 +80,7 @@ fn index_of(
     }
     let targets: Vec<Vec<f64>> = (0..TRIES).filter_map(|k| cones.target(active, k)).collect();
     // Of each value the directions that are taken to it, with their signs, unless one is on a boundary.
-    let mut preimages: Vec<Option<Vec<(Vec<f64>, i8)>>> = vec![Some(Vec::new()); targets.len()];
+    let mut preimages: Vec<Option<Preimages>> = vec![Some(Vec::new()); targets.len()];
     for selection in active.selections() {
         match cones.element(&selection, &mut jac)? {
             Cell::Empty => continue,
@@ -110,7 +113,7 @@ fn index_of(
         }
     }
     // All values give one sum; that they do is checked.
-    let sum = |list: Vec<(Vec<f64>, i8)>| list.iter().map(|(_, sign)| i64::from(*sign)).sum();
+    let sum = |list: Preimages| list.iter().map(|(_, sign)| i64::from(*sign)).sum();
     let mut sums = preimages.into_iter().flatten().map(sum);
     let first: Option<i64> = sums.next();
     Ok(first.filter(|f| sums.all(|s: i64| s == *f)))

@@ -1,0 +1,160 @@
+//! Functions of the user that may fail: their first error comes back unchanged.
+//!
+//! Maps, functions, laws and operators are evaluated without a result, as nothing but numbers belongs into inner loops. Where an evaluation can
+//! fail (a simulator that crashes, a file, a table that ends), [`FirstError`] takes the error out of the loop: the function answers NaN
+//! and is not called any more, so that the solver ends soon, as it does for any map that is not finite; and
+//! [`FirstError::run`] hands back the error in place of what the solver said. It serves all traits of the crate alike, and whatever
+//! calls them: Newton's method, complementarity solvers, curves, diagrams, enumeration, sweeps.
+//!
+//! Points outside of the domain of a function are no failure in this sense: answer NaN there, and steps are shortened.
+//!
+//! ```
+//! use semismooth::complementarity::{Mcp, McpFunction, McpSolver};
+//! use semismooth::fallible::FirstError;
+//! use semismooth::sparse::Matrix;
+//!
+//! #[derive(Debug, PartialEq)]
+//! struct Crashed { at: f64 }
+//!
+//! /// F(x) = x − 3 by a program that crashes beyond x = 2.
+//! struct Simulator<'e>(&'e FirstError<Crashed>);
+//!
+//! impl Simulator<'_> {
+//!     fn simulate(&self, x: f64) -> Result<f64, Crashed> {
+//!         if x > 2.0 { Err(Crashed { at: x }) } else { Ok(x - 3.0) }
+//!     }
+//! }
+//!
+//! impl McpFunction for Simulator<'_> {
+//!     fn num_vars(&self) -> usize { 1 }
+//!     fn value(&self, x: &[f64], out: &mut [f64]) {
+//!         self.0.values(out, |out| Ok(out[0] = self.simulate(x[0])?));
+//!     }
+//!     fn jacobian(&self, _: &[f64], jac: &mut Matrix) { jac.add(0, 0, 1.0); }
+//! }
+//!
+//! let errors = FirstError::new();
+//! let problem = Mcp::ncp(Simulator(&errors))?;
+//! let mut x = [1.0];
+//! let failed = errors.run(|| McpSolver::default().solve(&problem, &mut x).map(|r| r.status)).unwrap_err();
+//! assert_eq!(failed.error, Crashed { at: 3.0 });
+//! assert!(x[0] <= 2.0); // the best iterate before
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+use std::error::Error;
+use std::fmt;
+use std::ops::ControlFlow;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use crate::sparse::Matrix;
+
+/// Keeps the first error of a function during a [run](Self::run), after which the function is not called any more.
+///
+/// It is shared by the function, which evaluates through it, and by the caller of the solver. For a [sweep](crate::sweep) make one in each
+/// call: an error ends the run whose function failed, and no other. Where several threads evaluate one function, the error that is kept may
+/// be any of those that come at the same time.
+///
+/// The [module](self) has an example.
+#[derive(Debug)]
+pub struct FirstError<E> {
+    first: Mutex<Option<E>>,
+}
+
+impl<E> Default for FirstError<E> {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl<E> FirstError<E> {
+    /// Without an error.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            first: Mutex::new(None),
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Option<E>> {
+        self.first.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Whether there is one.
+    #[must_use]
+    pub fn is_set(&self) -> bool {
+        self.lock().is_some()
+    }
+
+    /// [`Break`](ControlFlow::Break) once there is an error: what an observer of a solver answers so that it ends with the iteration.
+    pub fn flow(&self) -> ControlFlow<()> {
+        match self.is_set() {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        }
+    }
+
+    /// The value of `f`; `None` if it fails now, which is kept, or if there is an error already: `f` is not called then.
+    pub fn attempt<T>(&self, f: impl FnOnce() -> Result<T, E>) -> Option<T> {
+        if self.is_set() {
+            return None;
+        }
+        match f() {
+            Ok(value) => Some(value),
+            Err(error) => {
+                self.lock().get_or_insert(error);
+                None
+            }
+        }
+    }
+
+    /// [`attempt`](Self::attempt) for a vector, NaN where there is an error: the residual of a map.
+    pub fn values(&self, out: &mut [f64], f: impl FnOnce(&mut [f64]) -> Result<(), E>) {
+        if self.attempt(|| f(out)).is_none() {
+            out.fill(f64::NAN);
+        }
+    }
+
+    /// [`attempt`](Self::attempt) for a matrix, all stored entries NaN where there is an error: the Jacobian of a map.
+    pub fn matrix(&self, jac: &mut Matrix, f: impl FnOnce(&mut Matrix) -> Result<(), E>) {
+        if self.attempt(|| f(jac)).is_none() {
+            jac.values_mut().fill(f64::NAN);
+        }
+    }
+
+    /// What `solve` gives, if no function failed in it. An error of an earlier run is forgotten.
+    ///
+    /// # Errors
+    /// [`Failed`] with the first error of the function, beside what `solve` gave all the same.
+    pub fn run<R>(&self, solve: impl FnOnce() -> R) -> Result<R, Failed<E, R>> {
+        *self.lock() = None;
+        let result = solve();
+        match self.lock().take() {
+            None => Ok(result),
+            Some(error) => Err(Failed { error, result }),
+        }
+    }
+}
+
+/// A function failed while a solver ran. Its error is the [source](Error::source).
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Failed<E, R> {
+    /// The first error of the function, as it came.
+    pub error: E,
+    /// What the solver gave: most often its own error, with the best iterate before; a curve as far as it was followed. It may be a success where
+    /// nothing depended on the evaluation that failed.
+    pub result: R,
+}
+
+impl<E: fmt::Display, R> fmt::Display for Failed<E, R> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "the function failed: {}", self.error)
+    }
+}
+
+impl<E: Error + 'static, R: fmt::Debug> Error for Failed<E, R> {
+    fn source(&self) -> Option<&(dyn Error + 'static)> {
+        Some(&self.error)
+    }
+}
