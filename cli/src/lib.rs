@@ -2,7 +2,7 @@
 //! `semismooth`.
 //!
 //! [`nl`] reads a file into a [`model`] over the expressions of a [`graph`]; [`solve`] makes a mixed complementarity problem of it
-//! ([`square`], or [`program`] where there is something to optimise) and says how that ended; [`solution`] is the file with the
+//! ([`square`], or [`program`] where there is something to optimise) and says how that ended ([`second_order`]: whether it is a minimum); [`solution`] is the file with the
 //! answer, [`options`] are those of the command line, [`cli`] is the program.
 
 pub mod cli;
@@ -12,6 +12,7 @@ pub mod model;
 pub mod nl;
 pub mod options;
 pub mod program;
+pub mod second_order;
 pub mod solution;
 pub mod solve;
 pub mod square;

@@ -140,6 +140,13 @@ impl<'m> Nlp<'m> {
         (lower, upper)
     }
 
+    /// Whether both bounds of a variable are one.
+    #[must_use]
+    pub fn is_fixed(&self, variable: usize) -> bool {
+        let bounds = self.model.lower.get(variable).zip(self.model.upper.get(variable));
+        bounds.is_some_and(|(l, u)| l == u)
+    }
+
     /// A start (x, y): the initial values of the model, the bodies of rows with two bounds, the multipliers of the file.
     #[must_use]
     pub fn start(&self) -> Vec<f64> {

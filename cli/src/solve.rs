@@ -12,6 +12,7 @@ use thiserror::Error;
 use crate::model::{Model, Objective, RowKind};
 use crate::options::Options;
 use crate::program::{Nlp, NlpError};
+use crate::second_order::{SecondOrder, second_order};
 use crate::solution::Solution;
 use crate::square::{Square, SquareError};
 
@@ -164,9 +165,19 @@ fn program(
     let (x, y) = z.split_at(variables);
     let value = nlp.objective(x);
     if report.is_solved() {
-        message.push_str(&format!(
-            "\nA KKT point, objective {value:?}; whether it is a minimum or a maximum has not been decided."
-        ));
+        let aim = if objective.maximize { "maximum" } else { "minimum" };
+        let mut f = vec![0.0; z.len()];
+        problem.function().value(&z, &mut f);
+        let second = match model.graph.has_kinks() {
+            true => SecondOrder::Undecided,
+            false => second_order(&nlp, &z, &f, &report.states),
+        };
+        message.push_str(&format!("\nA KKT point, objective {value:?}; "));
+        message.push_str(&match second {
+            SecondOrder::Strict => format!("a strict local {aim}, by second derivatives."),
+            SecondOrder::Violated => format!("no local {aim}, by second derivatives."),
+            SecondOrder::Undecided => format!("whether it is a {aim} has not been decided."),
+        });
         if model.graph.has_kinks() {
             message.push_str("\nAt kinks the derivatives are those of one of the pieces.");
         }

@@ -515,6 +515,7 @@ class Programs(Case):
         m.dual = pyo.Suffix(direction=pyo.Suffix.IMPORT)
         results = self.solved(m, **options)
         self.assertIn("KKT point", results.solver.message)
+        self.assertNotIn("no local", results.solver.message)
         objective = next(m.component_data_objects(Objective, active=True))
         self.near(objective, expected)
         return results

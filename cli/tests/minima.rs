@@ -1,0 +1,107 @@
+//! What is said of KKT points: minimum, none, or not decided.
+
+mod common;
+
+use common::header;
+use semismooth_cli::nl::read;
+use semismooth_cli::options::Options;
+use semismooth_cli::solve::solve;
+use std::ops::ControlFlow;
+
+const SQUARE_X: &str = "o5\nv0\nn2\n";
+const SQUARE_Y: &str = "o5\nv1\nn2\n";
+
+/// The message for an objective of x and y with bounds and the constraint x + y in the interval that `row` tells, from (0, 0).
+fn word(objective: &str, linear: [f64; 2], maximize: bool, bounds: [&str; 2], row: &str) -> String {
+    let text = header([2, 1, 1, 0, 2, 2, 0])
+        + &format!("C0\nn0\nO0 {}\n{objective}", i32::from(maximize))
+        + &format!("r\n{row}\nb\n{}\n{}\nk1\n1\n", bounds[0], bounds[1])
+        + &format!("J0 2\n0 1\n1 1\nG0 2\n0 {}\n1 {}\n", linear[0], linear[1]);
+    let model = read(text.as_bytes()).unwrap();
+    let solution = solve(&model, &Options::default(), &mut |_| ControlFlow::Continue(())).unwrap();
+    assert_eq!(solution.code, 0, "{}", solution.message);
+    assert!(solution.message.contains("A KKT point, objective "));
+    let word = solution.message.rsplit("; ").next().unwrap();
+    word.trim_end_matches('.').to_owned()
+}
+
+#[test]
+fn minima_are_told_from_saddles_and_from_what_second_derivatives_leave_open() {
+    let free = ["3", "3"];
+    let bowl = format!("o0\n{SQUARE_X}{SQUARE_Y}");
+    let saddle = format!("o1\n{SQUARE_X}{SQUARE_Y}");
+    let flat = "o5\nv0\nn4\n";
+    let cup = format!("o0\n{SQUARE_X}o5\nv1\nn4\n");
+    let strict = "a strict local minimum, by second derivatives";
+    let none = "no local minimum, by second derivatives";
+    let open = "whether it is a minimum has not been decided";
+    let zero = [0.0, 0.0];
+    for (objective, linear, bounds, row, expected) in [
+        (&bowl[..], zero, free, "3", strict),
+        (&saddle, zero, free, "3", none),
+        (&cup, zero, free, "3", open),
+        (flat, zero, free, "3", open),
+        // The bound of y holds it, and moving away costs; without cost it is open; a fixed y leaves x alone.
+        (&saddle, [0.0, 1.0], ["3", "2 0"], "3", strict),
+        (&saddle, zero, ["3", "2 0"], "3", open),
+        (&saddle, zero, ["3", "4 0"], "3", strict),
+        // x + y = 0 leaves one direction, along which x² − 2 y² falls and 2 x² − y² rises.
+        (
+            &format!("o1\n{SQUARE_X}o2\nn2\n{SQUARE_Y}"),
+            zero,
+            free,
+            "4 0",
+            none,
+        ),
+        (
+            &format!("o1\no2\nn2\n{SQUARE_X}{SQUARE_Y}"),
+            zero,
+            free,
+            "4 0",
+            strict,
+        ),
+        // x + y ≥ 0 with a multiplier of 1 does so, too, and so does an interval.
+        (
+            &format!("o1\no2\nn2\n{SQUARE_X}{SQUARE_Y}"),
+            [1.0, 1.0],
+            free,
+            "2 0",
+            strict,
+        ),
+        (
+            &format!("o1\no2\nn2\n{SQUARE_X}{SQUARE_Y}"),
+            [1.0, 1.0],
+            free,
+            "0 0 0.1",
+            strict,
+        ),
+        // A corner.
+        ("n0\n", [1.0, 2.0], ["2 0", "2 0"], "3", strict),
+    ] {
+        let found = word(objective, linear, false, bounds, row);
+        assert_eq!(found, expected, "{objective:?} {linear:?} {bounds:?} {row:?}");
+    }
+    assert_eq!(
+        word(&bowl, zero, true, free, "3"),
+        "no local maximum, by second derivatives"
+    );
+    assert_eq!(
+        word(&format!("o16\n{bowl}"), zero, true, free, "3"),
+        "a strict local maximum, by second derivatives"
+    );
+}
+
+#[test]
+fn kinks_leave_it_open() {
+    let found = word(
+        &format!("o0\no15\nv0\no0\n{SQUARE_X}{SQUARE_Y}"),
+        [-1.0, 0.0],
+        false,
+        ["2 0", "3"],
+        "3",
+    );
+    assert_eq!(
+        found,
+        "whether it is a minimum has not been decided.\nAt kinks the derivatives are those of one of the pieces"
+    );
+}
