@@ -1,4 +1,5 @@
-"""Piecewise-smooth equations and complementarity problems: solve them, and list all their solutions.
+"""Piecewise-smooth equations and complementarity problems: solve them, follow their curves of solutions through every kink, list all their
+solutions.
 
 A problem is a Python function, run once on traced variables (:func:`trace`); its kinks are written with :func:`maximum`, :func:`minimum`,
 ``abs``, :func:`clip` and :func:`where`. Afterwards no Python runs, derivatives are exact, and the pieces on both sides of every kink are
@@ -11,9 +12,15 @@ known. Arrays are numpy's; matrices may be those of scipy.sparse.
 """
 
 from ._core import (
+    Branch,
+    BranchPoint,
     Condition,
     Continuum,
+    Crossing,
+    Diagram,
+    Edge,
     Expression,
+    Fold,
     Lcp,
     LemkeResult,
     Map,
@@ -21,7 +28,11 @@ from ._core import (
     SemismoothError,
     Solution,
     SolutionSet,
+    Transition,
+    Vertex,
     all_solutions,
+    diagram,
+    follow,
     lemke,
     solve_lcp,
     solve_mcp,
@@ -30,9 +41,15 @@ from ._core import (
 from ._functions import clip, maximum, minimum, where
 
 __all__ = [
+    "Branch",
+    "BranchPoint",
     "Condition",
     "Continuum",
+    "Crossing",
+    "Diagram",
+    "Edge",
     "Expression",
+    "Fold",
     "Lcp",
     "LemkeResult",
     "Map",
@@ -40,8 +57,12 @@ __all__ = [
     "SemismoothError",
     "Solution",
     "SolutionSet",
+    "Transition",
+    "Vertex",
     "all_solutions",
     "clip",
+    "diagram",
+    "follow",
     "lemke",
     "maximum",
     "minimum",

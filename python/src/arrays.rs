@@ -1,4 +1,4 @@
-//! Vectors, matrices and options as Python gives them.
+//! Vectors, matrices, options and names as Python gives and takes them.
 
 use std::time::Duration;
 
@@ -6,6 +6,7 @@ use numpy::{AllowTypeChange, PyArray1, PyArray2, PyArrayLike1, PyArrayLike2, PyA
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use semismooth::piecewise::{PiecewiseSmooth, Selection};
 use semismooth::sparse::{Matrix, Pattern};
 use serde::de::DeserializeOwned;
 
@@ -126,6 +127,12 @@ pub(crate) fn rows<'py, 'v>(
     let flat: Vec<f64> = vectors.into_iter().flatten().copied().collect();
     let rows = flat.len().checked_div(columns).unwrap_or(0);
     PyArray1::from_vec(py, flat).reshape([rows, columns])
+}
+
+/// The pieces of a selection by name.
+pub(crate) fn names(map: &dyn PiecewiseSmooth, selection: &Selection) -> Vec<String> {
+    let pieces = selection.pieces().enumerate();
+    pieces.map(|(s, p)| map.piece_name(s, p).into_owned()).collect()
 }
 
 /// Options by their names in the library; what is not given has its default. Times are in seconds.

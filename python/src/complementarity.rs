@@ -15,7 +15,7 @@ use semismooth::piecewise::{PiecewiseSmooth, Selection};
 use semismooth::sparse::{Matrix, Pattern};
 use serde::Serialize;
 
-use crate::arrays::{bound, matrix, rows, sparse, vector};
+use crate::arrays::{bound, matrix, names, rows, sparse, vector};
 use crate::errors::{Run, raised};
 use crate::expressions::{Map, TracedFunction, map_of};
 
@@ -205,7 +205,7 @@ fn solve<F: McpFunction>(
     x: &mut [f64],
     options: McpOptions,
     callback: Option<&Py<PyAny>>,
-) -> Result<McpReport, semismooth::complementarity::ComplementarityError> {
+) -> PyResult<McpReport> {
     let mut solver = McpSolver::new(options);
     // The solver tells the last iterate, too, after it was stopped.
     let mut flow = ControlFlow::Continue(());
@@ -215,7 +215,10 @@ fn solve<F: McpFunction>(
         }
         flow
     };
-    solver.solve_observed(problem, x, observe).cloned()
+    solver
+        .solve_observed(problem, x, observe)
+        .cloned()
+        .map_err(raised)
 }
 
 /// Tells a callback, which stops by returning something true.
@@ -230,46 +233,51 @@ pub(crate) fn observed(run: &Run, callback: Option<&Py<PyAny>>, data: &impl Seri
 }
 
 /// F and its Jacobian as Python functions.
-struct Called {
+pub(crate) struct Called {
     function: Py<PyAny>,
     jacobian: Py<PyAny>,
 }
 
 /// How the derivative of F is found.
-enum Derivative {
+pub(crate) enum Derivative {
     /// By tracing F.
     Formula(Py<Map>),
-    /// By differences of F, over a pattern if one is given.
-    Differences(Py<PyAny>, Option<Pattern>),
+    /// By differences of F.
+    Differences(Py<PyAny>, Pattern),
     /// By a function.
     Function(Called, Pattern),
 }
 
 impl Derivative {
-    fn new(
+    /// That of a function with n values of the m variables of `x0`, m = n, or n + 1 where the last one is a parameter.
+    pub(crate) fn new(
         function: &Bound<'_, PyAny>,
         jac: Option<&Bound<'_, PyAny>>,
         pattern: Option<&Bound<'_, PyAny>>,
         x0: &[f64],
+        n: usize,
     ) -> PyResult<Self> {
-        let (py, n) = (function.py(), x0.len());
+        let (py, m) = (function.py(), x0.len());
         let pattern = match pattern {
             Some(pattern) => Some(matrix(pattern, "pattern")?.pattern().clone()),
             None => None,
         };
         let Some(jac) = jac else {
-            let map = map_of(function, n)?;
-            let values = map.get().num_residuals();
-            return match values == n {
+            let map = map_of(function, m)?;
+            let (variables, values) = (map.get().num_vars(), map.get().num_residuals());
+            return match (variables, values) == (m, n) {
                 true => Ok(Self::Formula(map.unbind())),
                 false => Err(PyValueError::new_err(format!(
-                    "F gives {values} values for {n} variables, expected {n}"
+                    "the function gives {values} values for {variables} variables; here it must give {n} for {m}"
                 ))),
             };
         };
         if let Ok(word) = jac.cast::<PyString>() {
             return match word.to_str()? {
-                "differences" => Ok(Self::Differences(function.clone().unbind(), pattern)),
+                "differences" => {
+                    let pattern = pattern.unwrap_or_else(|| Pattern::full(n, m));
+                    Ok(Self::Differences(function.clone().unbind(), pattern))
+                }
                 other => Err(PyValueError::new_err(format!(
                     "jac = \"{other}\" is not known: leave it out (F is traced), write \"differences\", or give a function"
                 ))),
@@ -285,14 +293,19 @@ impl Derivative {
             // Where a sparse Jacobian has entries at the start it has them everywhere.
             None => match sparse(&jac.call1((PyArray1::from_slice(py, x0),))?)? {
                 Some(first) => first.matrix()?.pattern().clone(),
-                None => Pattern::full(n, n),
+                None => Pattern::full(n, m),
             },
         };
         let (function, jacobian) = (function.clone().unbind(), jac.clone().unbind());
         Ok(Self::Function(Called { function, jacobian }, pattern))
     }
 
-    fn function<'r>(&'r self, run: &'r Run, n: usize) -> Box<dyn McpFunction + 'r> {
+    /// Whether the function was traced and has kinks of its own.
+    pub(crate) fn has_kinks(&self) -> bool {
+        matches!(self, Self::Formula(map) if map.get().num_sites() > 0)
+    }
+
+    pub(crate) fn function<'r>(&'r self, run: &'r Run, n: usize) -> Box<dyn McpFunction + 'r> {
         let values = |function: &'r Py<PyAny>| {
             move |x: &[f64], out: &mut [f64]| {
                 if run.call(|py| fill(function.bind(py), x, out)).is_none() {
@@ -301,9 +314,8 @@ impl Derivative {
             }
         };
         match self {
-            Self::Formula(map) => Box::new(TracedFunction(map.get().traced(Some(run)))),
-            Self::Differences(function, None) => Box::new(Differenced::new(n, values(function))),
-            Self::Differences(function, Some(pattern)) => {
+            Self::Formula(map) => Box::new(TracedFunction(map.get().traced(run))),
+            Self::Differences(function, pattern) => {
                 Box::new(Differenced::new(n, values(function)).with_pattern(pattern.clone()))
             }
             Self::Function(Called { function, jacobian }, pattern) => {
@@ -395,10 +407,10 @@ fn solve_mcp(
     let n = x.len();
     let lower = bound(Some(lower), n, 0.0, "lower")?;
     let upper = bound(Some(upper), n, 0.0, "upper")?;
-    let derivative = Derivative::new(F, jac, pattern, &x)?;
+    let derivative = Derivative::new(F, jac, pattern, &x, n)?;
     let options = crate::arrays::options(options, py)?;
     let report = Run::detached(py, |run| {
-        let problem = Mcp::new(derivative.function(run, n), lower, upper)?;
+        let problem = Mcp::new(derivative.function(run, n), lower, upper).map_err(raised)?;
         solve(run, &problem, &mut x, options, callback.as_ref())
     })?;
     McpResult::new(py, &x, &report)
@@ -474,10 +486,11 @@ fn lemke(
     let (mut x, mut history) = (vec![0.0; problem.len()], Vec::new());
     let mut solver = Lemke::new(options);
     let report = Run::detached(py, |run| {
-        solver.solve_observed(&problem, &mut x, |pivot: &LemkePivot| {
+        let observe = |pivot: &LemkePivot| {
             history.push(*pivot);
             run.poll()
-        })
+        };
+        solver.solve_observed(&problem, &mut x, observe).map_err(raised)
     })?;
     let on_ray = matches!(report.status, LemkeStatus::Ray { .. });
     let ray = solver.ray().filter(|_| on_ray);
@@ -593,12 +606,6 @@ impl SolutionSet {
     }
 }
 
-/// The pieces of a selection by name.
-pub(crate) fn names(map: &dyn PiecewiseSmooth, selection: &Selection) -> Vec<String> {
-    let pieces = selection.pieces().enumerate();
-    pieces.map(|(s, p)| map.piece_name(s, p).into_owned()).collect()
-}
-
 /// All solutions of an Lcp, or of a piecewise-affine map H(x) = 0, at ``parameter`` where H has one variable more than values.
 ///
 /// Parameters
@@ -630,7 +637,9 @@ fn all_solutions(
     let options: EnumerationOptions = crate::arrays::options(options, py)?;
     if let Ok(lcp) = problem.cast::<Lcp>() {
         let mcp = lcp.get().problem.mcp();
-        let found = Run::detached(py, |_| enumeration::all_solutions(mcp, parameter, &options))?;
+        let found = Run::detached(py, |_| {
+            enumeration::all_solutions(mcp, parameter, &options).map_err(raised)
+        })?;
         return SolutionSet::new(py, mcp, &found);
     }
     let Ok(map) = problem.cast::<Map>() else {
@@ -640,9 +649,9 @@ fn all_solutions(
     };
     let map = map.get();
     let found = Run::detached(py, |run| {
-        enumeration::all_solutions(&map.traced(Some(run)), parameter, &options)
+        enumeration::all_solutions(&map.traced(run), parameter, &options).map_err(raised)
     })?;
-    SolutionSet::new(py, &map.traced(None), &found)
+    SolutionSet::new(py, map.own(), &found)
 }
 
 pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {

@@ -44,9 +44,9 @@ pub(crate) struct Run {
 
 impl Run {
     /// Runs `work` without the interpreter's lock.
-    pub(crate) fn detached<T: Send, E: Error + Send>(
+    pub(crate) fn detached<T: Send>(
         py: Python<'_>,
-        work: impl FnOnce(&Run) -> Result<T, E> + Send,
+        work: impl FnOnce(&Run) -> PyResult<T> + Send,
     ) -> PyResult<T> {
         let run = Run {
             broken: AtomicBool::new(false),
@@ -56,7 +56,7 @@ impl Run {
         let result = py.detach(|| work(&run));
         match lock(&run.exception).take() {
             Some(exception) => Err(exception),
-            None => result.map_err(raised),
+            None => result,
         }
     }
 

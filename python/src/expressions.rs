@@ -12,7 +12,7 @@ use semismooth::complementarity::McpFunction;
 use semismooth::piecewise::{self, Kinks, NonsmoothFunction, PiecewiseSmooth, Real, Traced};
 use semismooth::sparse::{Matrix, Pattern};
 
-use crate::arrays::{dense, vector};
+use crate::arrays::{dense, names, vector};
 use crate::errors::Run;
 
 /// A node of a formula; arguments are positions of nodes before it. Numbers are kept as their bits, so that equal nodes are one.
@@ -549,15 +549,37 @@ impl McpFunction for TracedFunction<'_> {
 #[pyclass(frozen, module = "semismooth")]
 pub(crate) struct Map {
     formula: Arc<Formula>,
+    own: Traced<Watched<'static>>,
 }
 
 impl Map {
-    /// The map, evaluated within a run if one is given.
-    pub(crate) fn traced<'r>(&self, run: Option<&'r Run>) -> Traced<Watched<'r>> {
+    fn new(formula: Formula) -> Self {
+        let formula = Arc::new(formula);
+        let own = Traced::new(Watched {
+            formula: formula.clone(),
+            run: None,
+        });
+        Self { formula, own }
+    }
+
+    /// The map.
+    pub(crate) fn own(&self) -> &Traced<Watched<'static>> {
+        &self.own
+    }
+
+    /// The map in a run that Python can end.
+    pub(crate) fn traced<'r>(&self, run: &'r Run) -> Traced<Watched<'r>> {
         Traced::new(Watched {
             formula: self.formula.clone(),
-            run,
+            run: Some(run),
         })
+    }
+
+    /// The first value at x, without Python.
+    pub(crate) fn first_value(&self, x: &[f64]) -> f64 {
+        let mut out = vec![f64::NAN; self.formula.values.len()];
+        piecewise::value(&self.own, x, &mut out);
+        out.first().copied().unwrap_or(f64::NAN)
     }
 
     fn point(&self, x: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
@@ -577,7 +599,7 @@ impl Map {
 impl Map {
     /// Number m of variables.
     #[getter]
-    fn num_vars(&self) -> usize {
+    pub(crate) fn num_vars(&self) -> usize {
         self.formula.variables
     }
 
@@ -589,32 +611,29 @@ impl Map {
 
     /// Number of sites: places where the formula switches.
     #[getter]
-    fn num_sites(&self) -> usize {
-        self.traced(None).num_sites()
+    pub(crate) fn num_sites(&self) -> usize {
+        self.own.num_sites()
     }
 
     /// H(x), shape (n,), for x of shape (m,).
     fn __call__<'py>(&self, x: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let point = self.point(x)?;
         let mut out = vec![0.0; self.formula.values.len()];
-        piecewise::value(&self.traced(None), &point, &mut out);
+        piecewise::value(&self.own, &point, &mut out);
         Ok(PyArray1::from_vec(x.py(), out))
     }
 
     /// ∇H(x), shape (n, m), of the pieces at x, for x of shape (m,).
     fn jacobian<'py>(&self, x: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let (map, point) = (self.traced(None), self.point(x)?);
+        let (map, point) = (&self.own, self.point(x)?);
         let mut jac = Matrix::zeros(map.pattern());
-        map.jacobian(&piecewise::select(&map, &point), &point, &mut jac);
+        map.jacobian(&piecewise::select(map, &point), &point, &mut jac);
         Ok(dense(x.py(), &jac))
     }
 
     /// The piece of each site at x, by name.
     fn pieces(&self, x: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
-        let map = self.traced(None);
-        let selection = piecewise::select(&map, &self.point(x)?);
-        let names = selection.pieces().enumerate();
-        Ok(names.map(|(s, p)| map.piece_name(s, p).into_owned()).collect())
+        Ok(names(&self.own, &piecewise::select(&self.own, &self.point(x)?)))
     }
 
     fn __repr__(&self) -> String {
@@ -660,9 +679,7 @@ pub(crate) fn trace(py: Python<'_>, function: &Bound<'_, PyAny>, num_vars: usize
         found.push(operand.on(&page)?);
     }
     let formula = Formula::new(num_vars, &write(&page).nodes, &found);
-    Ok(Map {
-        formula: Arc::new(formula),
-    })
+    Ok(Map::new(formula))
 }
 
 /// The map itself, or one traced.

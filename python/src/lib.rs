@@ -2,6 +2,7 @@
 
 mod arrays;
 mod complementarity;
+mod continuation;
 mod errors;
 mod expressions;
 
@@ -14,5 +15,6 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
         module.py().get_type::<errors::SemismoothError>(),
     )?;
     expressions::register(module)?;
-    complementarity::register(module)
+    complementarity::register(module)?;
+    continuation::register(module)
 }
