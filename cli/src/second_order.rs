@@ -9,8 +9,11 @@ use crate::program::Nlp;
 /// Largest number of variables: eigenvalues are found in full matrices.
 pub const MAX_VARIABLES: usize = 300;
 
-/// Multipliers, values of constraints, singular values and curvatures less than this of the largest count as zero.
+/// Values of constraints, singular values and curvatures less than this of the largest count as zero.
 const ZERO: f64 = 1e-6;
+
+/// Multipliers less than this of the largest are not relied on: where solutions are singular they are known to few digits.
+const STRONG: f64 = 1e-4;
 
 /// What second derivatives say of a KKT point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -63,7 +66,7 @@ fn decide(nlp: &Nlp<'_>, z: &[f64], f: &[f64], states: &[BoundState]) -> Option<
     jac.triplets().for_each(|(i, j, v)| gradients[i][j] += v);
 
     let largest = |values: &[f64]| values.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-    let small = ZERO * (1.0 + largest(y).max(largest(&f[..n])));
+    let small = STRONG * (1.0 + largest(y).max(largest(&f[..n])));
     // Those that stay active at all points nearby that are as good, and those that may not.
     let (mut strong, mut all) = (Active::default(), Active::default());
     let mut note = |row: Vec<f64>, is_strong: bool| {

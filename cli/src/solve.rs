@@ -126,7 +126,7 @@ fn square(
             doubt = Doubt::default();
         }
     }
-    let (mut code, mut message) = verdict(&report, "complementarity problem");
+    let (mut code, mut message) = verdict(&report, square.what());
     if report.is_solved() {
         (code, message) = doubt.word(code, message);
     }
@@ -258,14 +258,9 @@ impl Doubt {
                 RowKind::Complements { lower, upper, .. } => (lower, upper),
                 RowKind::Range { .. } => (false, false),
             };
-            let named = match state {
-                BoundState::Lower => lower,
-                BoundState::Upper => upper,
-                _ => true,
-            };
-            // A variable that is fixed has no condition, unless its row is an equation.
-            let fixed = model.lower[variable] == model.upper[variable];
-            if named || f[i] == 0.0 || (fixed && !square.is_equation(i)) {
+            // Where both bounds are one, the sign tells which of them the row leans on.
+            let named = if f[i] > 0.0 { lower } else { upper };
+            if *state == BoundState::Interior || named || f[i] == 0.0 {
                 continue;
             }
             let found = match square.is_equation(i) {

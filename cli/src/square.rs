@@ -27,10 +27,10 @@ pub enum SquareError {
         /// Number of equations.
         equations: usize,
     },
-    /// Inequalities beside complementarities.
+    /// Inequalities that complement no variable.
     #[error(
-        "{count} inequalities stand beside the complementarities (the first is row {row}, from 0); an MCP has none: \
-         state each with the variable that complements it"
+        "{count} inequalities complement no variable (the first is row {row}, from 0); a problem without an objective of its own \
+         has none: state each with its variable"
     )]
     Inequalities {
         /// How many.
@@ -211,11 +211,9 @@ impl<'m> Square<'m> {
         let each = self.variables.iter().zip(&self.components);
         each.map(|(&j, c)| {
             let (l, u) = (self.model.lower[j], self.model.upper[j]);
-            // A fixed variable is fixed, whatever its row says.
-            let drop = |named: bool| stated && !named && l < u;
             (
-                if drop(c.lower) { f64::NEG_INFINITY } else { l },
-                if drop(c.upper) { f64::INFINITY } else { u },
+                if stated && !c.lower { f64::NEG_INFINITY } else { l },
+                if stated && !c.upper { f64::INFINITY } else { u },
             )
         })
         .unzip()
@@ -254,6 +252,15 @@ impl<'m> Square<'m> {
     pub fn is_equation(&self, component: usize) -> bool {
         let stated = self.components[component].stated;
         !matches!(self.model.rows[stated].kind, RowKind::Complements { .. })
+    }
+
+    /// What the problem is.
+    #[must_use]
+    pub fn what(&self) -> &'static str {
+        match (0..self.components.len()).all(|i| self.is_equation(i)) {
+            true => "system of equations",
+            false => "complementarity problem",
+        }
     }
 
     /// Whether no row has a nonlinear part.

@@ -58,7 +58,7 @@ fn memory_is_a_multiple_of_the_bytes_read() {
         assert!(read(text.as_bytes()).is_ok(), "{operator}");
         files.push(text.clone().into_bytes());
         files.push(to_binary(&text, true));
-        files.push(text[..text.len() / 2].as_bytes().to_vec());
+        files.push(text.as_bytes()[..text.len() / 2].to_vec());
     }
     for bytes in files {
         let factor = factor(&bytes);

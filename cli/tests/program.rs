@@ -138,6 +138,49 @@ fn version_and_help_are_printed() {
 }
 
 #[test]
+fn an_equation_that_a_bound_contradicts_is_not_solved() {
+    let folder = folder("contradiction");
+    let path = folder.join("a.nl");
+    // x² = 2 with x fixed elsewhere, below, above; and where the bound is the root.
+    for (bounds, code) in [
+        ("4 3", 500),
+        ("0 -1 1", 500),
+        ("2 1.5", 500),
+        ("0 0 1.5", 0),
+        ("4 1.4142135623730951", 0),
+    ] {
+        let text = root()
+            .replace("5 1 1", "4 0")
+            .replace("b\n2 0", &format!("b\n{bounds}"));
+        std::fs::write(&path, text).unwrap();
+        let output = semismooth(&[&path.display().to_string(), "-AMPL"], "");
+        assert!(output.status.success());
+        let sol = std::fs::read_to_string(folder.join("a.sol")).unwrap();
+        assert!(sol.ends_with(&format!("objno 0 {code}\n")), "{bounds}: {sol}");
+        assert_eq!(sol.contains("Solved: system of equations"), code == 0, "{sol}");
+    }
+}
+
+#[test]
+fn a_fixed_variable_leaves_the_sign_that_its_condition_names() {
+    let folder = folder("fixed");
+    let path = folder.join("a.nl");
+    // x = 1 with x² − 2 < 0: right at an upper bound, in doubt at a lower one alone.
+    for (named, code) in [(1, 100), (2, 0), (3, 0)] {
+        let text = root()
+            .replace("5 1 1", &format!("5 {named} 1"))
+            .replace("b\n2 0", "b\n4 1");
+        std::fs::write(&path, text).unwrap();
+        semismooth(&[&path.display().to_string(), "-AMPL"], "");
+        let sol = std::fs::read_to_string(folder.join("a.sol")).unwrap();
+        assert!(
+            sol.ends_with(&format!("\n1.0\nobjno 0 {code}\n")),
+            "{named}: {sol}"
+        );
+    }
+}
+
+#[test]
 fn an_unnamed_bound_at_a_solution_is_told() {
     let folder = folder("doubt");
     let path = folder.join("a.nl");
