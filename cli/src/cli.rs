@@ -10,6 +10,7 @@ use semismooth::complementarity::McpIteration;
 use thiserror::Error;
 
 use crate::model::Model;
+use crate::names::Names;
 use crate::nl::{self, NlError};
 use crate::options::{OPTIONS, OptionError, Options};
 use crate::solution::Solution;
@@ -163,10 +164,12 @@ fn file_error(path: &Path, source: io::Error) -> CliError {
 
 fn read(path: &Path) -> Result<Model, CliError> {
     let bytes = fs::read(path).map_err(|source| file_error(path, source))?;
-    nl::read(&bytes).map_err(|source| CliError::Nl {
+    let mut model = nl::read(&bytes).map_err(|source| CliError::Nl {
         path: path.display().to_string(),
         source,
-    })
+    })?;
+    model.names = Names::beside(path, model.lower.len(), model.rows.len());
+    Ok(model)
 }
 
 fn iteration(out: &mut dyn Write, i: &McpIteration) -> io::Result<()> {

@@ -9,6 +9,7 @@ pub mod cli;
 pub mod graph;
 pub mod matching;
 pub mod model;
+pub mod names;
 pub mod nl;
 pub mod options;
 pub mod program;

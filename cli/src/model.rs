@@ -1,6 +1,7 @@
 //! A problem as the file states it.
 
 use crate::graph::{Expression, Graph};
+use crate::names::Names;
 use crate::nl::{Header, Position};
 
 /// Variables with their coefficients.
@@ -25,6 +26,8 @@ pub struct Model {
     pub start: Vec<f64>,
     /// Initial values of the multipliers of the rows, 0 where none is given.
     pub duals: Vec<f64>,
+    /// Names of variables and rows.
+    pub names: Names,
 }
 
 /// A row: the sum of a nonlinear and a linear part, its body, and what is asked of it.

@@ -130,6 +130,10 @@ fn square(
     if report.is_solved() {
         (code, message) = doubt.word(code, message);
     }
+    if let McpStatus::EvaluationFailure { component } = report.status {
+        let (_, row) = square.origin(component);
+        message.push_str(&format!("\nThe component belongs to {}.", model.names.row(row)));
+    }
     if ignored {
         message.push_str("\nThe objective plays no part in a complementarity problem.");
     }
@@ -242,9 +246,9 @@ fn verdict(report: &McpReport, what: &str) -> (u16, String) {
 #[derive(Debug, Clone, Default)]
 struct Doubt {
     /// Variable, row, value there, and how many more, for equations.
-    equation: Option<(usize, usize, f64, usize)>,
+    equation: Option<(String, String, f64, usize)>,
     /// The same for complementarities.
-    condition: Option<(usize, usize, f64, usize)>,
+    condition: Option<(String, String, f64, usize)>,
 }
 
 impl Doubt {
@@ -269,7 +273,7 @@ impl Doubt {
             };
             match found {
                 Some((.., more)) => *more += 1,
-                None => *found = Some((variable, row, f[i], 0)),
+                None => *found = Some((model.names.variable(variable), model.names.row(row), f[i], 0)),
             }
         }
         doubt
@@ -280,22 +284,22 @@ impl Doubt {
     }
 
     fn word(&self, code: u16, message: String) -> (u16, String) {
-        let others = |more| match more {
+        let others = |more: &usize| match more {
             0 => String::new(),
             more => format!(", and {more} more such rows"),
         };
-        if let Some((variable, row, value, more)) = self.equation {
+        if let Some((variable, row, value, more)) = &self.equation {
             let text = format!(
-                "Not solved: variable {variable} rests at a bound, where equation {row} (both from 0) has the residual {value:.1e}{}; \
-                 no point was found that satisfies both.",
+                "Not solved: {variable} rests at a bound, where {row}, an equation, has the residual {value:.1e}{}; no point was \
+                 found that satisfies both.",
                 others(more)
             );
             return (500, text);
         }
-        if let Some((variable, row, value, more)) = self.condition {
+        if let Some((variable, row, value, more)) = &self.condition {
             let text = format!(
-                "{message}\nIn doubt: variable {variable} rests at a bound that row {row}, which complements it and has the value \
-                 {value:.1e}, does not name (both from 0){}. The point solves the problem in which all bounds of variables belong to the conditions.",
+                "{message}\nIn doubt: {variable} rests at a bound that {row}, which complements it and has the value {value:.1e}, \
+                 does not name{}. The point solves the problem in which all bounds of variables belong to the conditions.",
                 others(more)
             );
             return (100, text);

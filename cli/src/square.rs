@@ -29,26 +29,24 @@ pub enum SquareError {
     },
     /// Inequalities that complement no variable.
     #[error(
-        "{count} inequalities complement no variable (the first is row {row}, from 0); a problem without an objective of its own \
+        "{count} inequalities complement no variable (the first is {row}); a problem without an objective of its own \
          has none: state each with its variable"
     )]
     Inequalities {
         /// How many.
         count: usize,
-        /// The first of them, from 0.
-        row: usize,
+        /// The first of them.
+        row: String,
     },
     /// A variable that two rows complement.
-    #[error(
-        "rows {first} and {second} both complement variable {variable} (all from 0); one row is needed for each variable"
-    )]
+    #[error("{first} and {second} both complement {variable}; one row is needed for each variable")]
     Twice {
         /// The variable.
-        variable: usize,
+        variable: String,
         /// A row that complements it.
-        first: usize,
+        first: String,
         /// Another one.
-        second: usize,
+        second: String,
     },
 }
 
@@ -113,9 +111,9 @@ impl<'m> Square<'m> {
                 RowKind::Complements { variable, .. } => {
                     if let Some(first) = stated[variable].replace(index) {
                         return Err(SquareError::Twice {
-                            variable,
-                            first,
-                            second: index,
+                            variable: model.names.variable(variable),
+                            first: model.names.row(first),
+                            second: model.names.row(index),
                         });
                     }
                 }
@@ -125,7 +123,7 @@ impl<'m> Square<'m> {
             }
         }
         if let Some(&row) = inequalities.first() {
-            let count = inequalities.len();
+            let (count, row) = (inequalities.len(), model.names.row(row));
             return Err(SquareError::Inequalities { count, row });
         }
         let complementarities = stated.iter().flatten().count();
@@ -453,7 +451,13 @@ mod tests {
         let free = TEXT.replace("4 -2", "3");
         let twice = TEXT.replace("4 -2", "5 1 1");
         let error = |text: &str| Square::new(&crate::nl::read(text.as_bytes()).unwrap()).unwrap_err();
-        assert_eq!(error(&inequality), SquareError::Inequalities { count: 1, row: 0 });
+        assert_eq!(
+            error(&inequality),
+            SquareError::Inequalities {
+                count: 1,
+                row: "row 0 (from 0)".into()
+            }
+        );
         assert_eq!(
             error(&free),
             SquareError::NotSquare {
@@ -465,9 +469,9 @@ mod tests {
         assert_eq!(
             error(&twice),
             SquareError::Twice {
-                variable: 0,
-                first: 0,
-                second: 1
+                variable: "variable 0 (from 0)".into(),
+                first: "row 0 (from 0)".into(),
+                second: "row 1 (from 0)".into()
             }
         );
     }

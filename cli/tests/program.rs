@@ -187,7 +187,37 @@ fn an_unnamed_bound_at_a_solution_is_told() {
     std::fs::write(&path, root().replace("b\n2 0", "b\n0 0 1")).unwrap();
     let output = semismooth(&[&path.display().to_string(), "-AMPL"], "");
     assert!(output.status.success());
-    assert!(text(&output.stdout).contains("In doubt: variable 0 rests at a bound that row 0"));
+    assert!(
+        text(&output.stdout).contains("In doubt: variable 0 (from 0) rests at a bound that row 0 (from 0), ")
+    );
     let sol = std::fs::read_to_string(folder.join("a.sol")).unwrap();
     assert!(sol.ends_with("\n1.0\nobjno 0 100\n"), "{sol}");
+}
+
+#[test]
+fn variables_and_rows_are_called_by_their_names() {
+    let folder = folder("names");
+    let path = folder.join("a.nl");
+    let argument = path.display().to_string();
+    std::fs::write(folder.join("a.col"), "price[oil]\n").unwrap();
+    std::fs::write(folder.join("a.row"), "market\n").unwrap();
+    std::fs::write(&path, root().replace("b\n2 0", "b\n0 0 1")).unwrap();
+    let message = text(&semismooth(&[&argument], "").stdout);
+    assert!(
+        message.contains("variable price[oil] rests at a bound that row market, "),
+        "{message}"
+    );
+    std::fs::write(&path, root().replace("5 1 1", "2 0")).unwrap();
+    let message = text(&semismooth(&[&argument], "").stderr);
+    assert!(
+        message.contains("1 inequalities complement no variable (the first is row market)"),
+        "{message}"
+    );
+    // A logarithm of what is negative at every x.
+    std::fs::write(&path, root().replace("o0\no5\nv0\nn2\nn-2", "o43\no1\nn-1\nv0")).unwrap();
+    let message = text(&semismooth(&[&argument], "").stdout);
+    assert!(
+        message.contains("cannot be evaluated") && message.contains("belongs to row market"),
+        "{message}"
+    );
 }

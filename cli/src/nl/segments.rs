@@ -3,6 +3,7 @@
 use super::{Fault, Header, NlError, Position, Source};
 use crate::graph::{Binary, Expression, Graph, Node};
 use crate::model::{Linear, Model, Objective, Row, RowKind};
+use crate::names::Names;
 
 /// Reads segments from either form of file.
 pub(super) struct Reader<'a, S> {
@@ -434,6 +435,7 @@ impl Parts {
             objectives: self.objectives,
             start: self.start,
             duals: self.duals,
+            names: Names::default(),
         }
     }
 }
