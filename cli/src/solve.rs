@@ -158,9 +158,13 @@ fn program(
     let mut z = nlp.start();
     let kinds = nlp.kinds();
     let problem = kkt(&nlp, &kinds, lower, upper)?;
-    let report = if nlp.is_quadratic() {
-        let bounds = (problem.lower().to_vec(), problem.upper().to_vec());
-        run(affine(problem.function())?, bounds, &mut z, options, observe)?
+    let bounds = (problem.lower().to_vec(), problem.upper().to_vec());
+    let quadratic = match nlp.is_quadratic() {
+        true => Some(affine(problem.function())?),
+        false => None,
+    };
+    let report = if let Some(function) = &quadratic {
+        run(function, bounds.clone(), &mut z, options, observe)?
     } else {
         let mut solver = McpSolver::new(options.solver.clone());
         solver.solve_observed(&problem, &mut z, observe)?.clone()
@@ -185,10 +189,10 @@ fn program(
         if model.graph.has_kinks() {
             message.push_str("\nAt kinks the derivatives are those of one of the pieces.");
         }
-    } else if report.status == McpStatus::Infeasible {
-        // The problem itself may be infeasible or unbounded.
-        code = 504;
-        message.push_str("\nThe problem has no KKT point: it is infeasible or unbounded, or its solutions have no multipliers.");
+    } else if let (McpStatus::Infeasible, Some(function)) = (report.status, &quadratic) {
+        let text;
+        (code, text) = without_kkt_point(&nearest(function, variables)?, bounds, options)?;
+        message.push_str(text);
     }
     Ok(Solution {
         message,
@@ -197,6 +201,41 @@ fn program(
         duals: nlp.duals(y),
         objective: 0,
     })
+}
+
+/// Why a quadratic program has no KKT point, where `nearest` asks for the point with the least norm that satisfies its constraints. A
+/// quadratic function that is bounded below on a polyhedron attains its minimum there (Frank and Wolfe 1956), at a KKT point.
+fn without_kkt_point(
+    nearest: &AffineFunction,
+    bounds: (Vec<f64>, Vec<f64>),
+    options: &Options,
+) -> Result<(u16, &'static str), SolveError> {
+    let mut z = vec![0.0; nearest.num_vars()];
+    let report = run(nearest, bounds, &mut z, options, &mut |_| {
+        ControlFlow::Continue(())
+    })?;
+    Ok(match report.status {
+        McpStatus::Infeasible => (200, "\nNo point satisfies the constraints (proven)."),
+        McpStatus::Solved => (
+            300,
+            "\nThe problem has no KKT point (proven), but its constraints can be satisfied: it is unbounded.",
+        ),
+        _ => (
+            504,
+            "\nThe problem has no KKT point (proven): it is infeasible or unbounded.",
+        ),
+    })
+}
+
+/// The first-order conditions of the same constraints with ½‖x‖² as objective, x the first `n` unknowns.
+fn nearest(function: &AffineFunction, n: usize) -> Result<AffineFunction, SolveError> {
+    let size = function.num_vars();
+    let kept = function.matrix().triplets().filter(|&(i, j, _)| i >= n || j >= n);
+    let entries: Vec<_> = kept.chain((0..n).map(|i| (i, i, 1.0))).collect();
+    let q = function.q().iter().enumerate();
+    let q = q.map(|(i, q)| if i < n { 0.0 } else { *q }).collect();
+    let matrix = Matrix::from_triplets(size, size, &entries).map_err(ComplementarityError::from)?;
+    Ok(AffineFunction::new(matrix, q)?)
 }
 
 /// F = M x + q of a function that is affine, so that the solver knows.

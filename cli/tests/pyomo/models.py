@@ -658,16 +658,23 @@ class Programs(Case):
         self.solved(m)
         self.near(m.o, 0)
 
-    def test_unbounded_program(self):
+    def test_unbounded_programs(self):
         m = self.variables([1], (0, None))
         m.o = Objective(expr=-m.x[1])
-        self.assertEqual(code(solve(m)), 504)
-
-    def test_infeasible_quadratic_program(self):
+        self.assertEqual(code(solve(m)), 300)
         m = self.variables([1, 1], (0, None))
-        m.o = Objective(expr=m.x[1] ** 2 + m.x[2])
-        m.c = Constraint(expr=m.x[1] + m.x[2] <= -1)
-        self.assertEqual(code(solve(m)), 504)
+        m.o = Objective(expr=m.x[1] ** 2 + 3 * m.x[2], sense=pyo.maximize)
+        m.c = Constraint(expr=pyo.inequality(1, m.x[1] - m.x[2], 2))
+        self.assertEqual(code(solve(m)), 300)
+
+    def test_infeasible_programs(self):
+        for m, o in (
+            (self.variables([1, 1], (0, None)), lambda x: x[1] ** 2 + x[2]),
+            (self.variables([3, 3], (0, None)), lambda x: -x[1]),
+        ):
+            m.o = Objective(expr=o(m.x))
+            m.c = Constraint(expr=m.x[1] + m.x[2] <= -1)
+            self.assertEqual(code(solve(m)), 200)
 
     def test_square_system(self):
         """No objective, as many equations as variables; bounds keep the logarithm where it is defined."""
