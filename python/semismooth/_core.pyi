@@ -125,7 +125,7 @@ def solve_lcp(
     **options: Unpack[_McpOptions],
 ) -> McpResult: ...
 def solve_mcp(
-    F: Callable[[Any], Any] | Map,
+    F: Callable[[Any], Any] | Map | tuple[_Matrix, ArrayLike],
     lower: ArrayLike,
     upper: ArrayLike,
     x0: ArrayLike,
@@ -336,7 +336,7 @@ class _FollowOptions(_ContinuationOptions, total=False):
     max_points: int
 
 def follow(
-    H: Callable[[Any], Any] | Map,
+    H: Callable[[Any], Any] | Map | tuple[_Matrix, ArrayLike],
     x0: ArrayLike,
     parameter_range: tuple[float, float] | None = None,
     direction: Literal["increasing", "decreasing"] | ArrayLike | None = None,
@@ -396,7 +396,7 @@ class Diagram:
     def plot(self, ax: Any = None, x: _Drawn = None, y: _Drawn = None, **style: Any) -> Any: ...
 
 def diagram(
-    H: Callable[[Any], Any] | Map,
+    H: Callable[[Any], Any] | Map | tuple[_Matrix, ArrayLike],
     starts: ArrayLike,
     parameter_range: tuple[float, float] | None = None,
     *,
@@ -409,3 +409,111 @@ def diagram(
     same_point: float | None = None,
     **options: Unpack[_ContinuationOptions],
 ) -> Diagram: ...
+
+class ViResult:
+    @property
+    def x(self) -> _Vector: ...
+    @property
+    def solved(self) -> bool: ...
+    @property
+    def status(self) -> str: ...
+    @property
+    def residual(self) -> float: ...
+    @property
+    def inequalities(self) -> _Vector: ...
+    @property
+    def equations(self) -> _Vector: ...
+    @property
+    def lower(self) -> _Vector: ...
+    @property
+    def upper(self) -> _Vector: ...
+    @property
+    def ray(self) -> _Vector | None: ...
+    @property
+    def iterations(self) -> int: ...
+    @property
+    def history(self) -> list[dict[str, Any]]: ...
+
+def solve_vi(
+    F: Callable[[Any], Any] | Map | tuple[_Matrix, ArrayLike],
+    x0: ArrayLike,
+    *,
+    lower: ArrayLike | None = None,
+    upper: ArrayLike | None = None,
+    A: _Matrix | None = None,
+    b: ArrayLike | None = None,
+    E: _Matrix | None = None,
+    d: ArrayLike | None = None,
+    jac: Callable[[_Vector], _Matrix] | Literal["differences"] | None = None,
+    pattern: _Matrix | None = None,
+    callback: Callable[[dict[str, Any]], Any] | None = None,
+    **options: Unpack[_McpOptions],
+) -> ViResult: ...
+
+class ConeResult:
+    @property
+    def x(self) -> _Vector: ...
+    @property
+    def solved(self) -> bool: ...
+    @property
+    def status(self) -> str: ...
+    @property
+    def residual(self) -> float: ...
+    @property
+    def error(self) -> float: ...
+    @property
+    def ray(self) -> _Vector | None: ...
+    @property
+    def iterations(self) -> int: ...
+    @property
+    def history(self) -> list[dict[str, Any]]: ...
+
+def solve_cone(
+    F: Callable[[Any], Any] | Map | tuple[_Matrix, ArrayLike],
+    cones: Sequence[tuple[Literal["free", "nonnegative", "second-order"], int]],
+    x0: ArrayLike | None = None,
+    *,
+    jac: Callable[[_Vector], _Matrix] | Literal["differences"] | None = None,
+    pattern: _Matrix | None = None,
+    callback: Callable[[dict[str, Any]], Any] | None = None,
+    tolerance: float | None = None,
+    max_iterations: int | None = None,
+    max_time: float | None = None,
+    restarts: int | None = None,
+) -> ConeResult: ...
+
+class FrictionResult:
+    @property
+    def x(self) -> _Vector: ...
+    @property
+    def reactions(self) -> _Vector: ...
+    @property
+    def velocities(self) -> _Vector: ...
+    @property
+    def states(self) -> list[str]: ...
+    @property
+    def solved(self) -> bool: ...
+    @property
+    def status(self) -> str: ...
+    @property
+    def residual(self) -> float: ...
+    @property
+    def factorisations(self) -> int: ...
+    @property
+    def history(self) -> list[dict[str, Any]]: ...
+
+class _DelassusOptions(TypedDict, total=False):
+    tolerance: float
+    max_time: float | None
+    max_sweeps: int
+    max_factorisations: int
+
+def solve_friction(
+    M: _Matrix,
+    q: ArrayLike,
+    mu: ArrayLike,
+    *,
+    start: ArrayLike | None = None,
+    callback: Callable[[dict[str, Any]], Any] | None = None,
+    **options: Unpack[_DelassusOptions],
+) -> FrictionResult: ...

@@ -8,6 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use semismooth::piecewise::{PiecewiseSmooth, Selection};
 use semismooth::sparse::{Matrix, Pattern};
+use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use crate::errors::raised;
@@ -135,16 +136,25 @@ pub(crate) fn names(map: &dyn PiecewiseSmooth, selection: &Selection) -> Vec<Str
     pieces.map(|(s, p)| map.piece_name(s, p).into_owned()).collect()
 }
 
+/// Data of the library as dicts, lists, numbers and words.
+pub(crate) fn python<'py>(py: Python<'py>, value: &impl Serialize) -> PyResult<Bound<'py, PyAny>> {
+    Ok(pythonize::pythonize(py, value)?)
+}
+
 /// Options by their names in the library; what is not given has its default. Times are in seconds.
 pub(crate) fn options<T: DeserializeOwned>(given: Option<&Bound<'_, PyDict>>, py: Python<'_>) -> PyResult<T> {
     let given = given.map_or_else(|| Ok(PyDict::new(py)), |g| g.copy())?;
     if let Some(seconds) = given.get_item("max_time")?.filter(|s| !s.is_none()) {
-        let seconds: f64 = seconds.extract()?;
-        let time = Duration::try_from_secs_f64(seconds)
-            .map_err(|e| PyValueError::new_err(format!("max_time = {seconds} s: {e}")))?;
+        let time = self::seconds(seconds.extract()?)?;
         given.set_item("max_time", pythonize::pythonize(py, &time)?)?;
     }
     pythonize::depythonize(&given).map_err(|e| PyTypeError::new_err(format!("options: {e}")))
+}
+
+/// A limit on time.
+pub(crate) fn seconds(given: f64) -> PyResult<Duration> {
+    Duration::try_from_secs_f64(given)
+        .map_err(|e| PyValueError::new_err(format!("max_time = {given} s: {e}")))
 }
 
 /// A failed conversion with what was expected, its cause kept.

@@ -8,14 +8,15 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
 use semismooth::complementarity::pivoting::{Lemke, LemkeOptions, LemkePivot, LemkeStatus};
 use semismooth::complementarity::{
-    BoundState, Differenced, Mcp, McpFunction, McpIteration, McpOptions, McpReport, McpSolver, WithJacobian,
+    AffineFunction, BoundState, Differenced, Mcp, McpFunction, McpIteration, McpOptions, McpReport,
+    McpSolver, WithJacobian,
 };
 use semismooth::enumeration::{self, EnumerationOptions};
 use semismooth::piecewise::{PiecewiseSmooth, Selection};
 use semismooth::sparse::{Matrix, Pattern};
 use serde::Serialize;
 
-use crate::arrays::{bound, matrix, names, rows, sparse, vector};
+use crate::arrays::{bound, matrix, names, python, rows, sparse, vector};
 use crate::errors::{Run, raised};
 use crate::expressions::{Map, TracedFunction, map_of};
 
@@ -145,11 +146,6 @@ impl McpResult {
     }
 }
 
-/// Data of the library as dicts, lists, numbers and words.
-fn python<'py>(py: Python<'py>, value: &impl Serialize) -> PyResult<Bound<'py, PyAny>> {
-    Ok(pythonize::pythonize(py, value)?)
-}
-
 /// A variant of an enum, as options write it.
 fn word(py: Python<'_>, value: &impl Serialize) -> PyResult<String> {
     python(py, value)?.extract()
@@ -207,29 +203,31 @@ fn solve<F: McpFunction>(
     callback: Option<&Py<PyAny>>,
 ) -> PyResult<McpReport> {
     let mut solver = McpSolver::new(options);
-    // The solver tells the last iterate, too, after it was stopped.
     let mut flow = ControlFlow::Continue(());
-    let observe = |iteration: &McpIteration| {
-        if flow.is_continue() {
-            flow = observed(run, callback, iteration);
-        }
-        flow
-    };
+    let observe = |iteration: &McpIteration| observed(run, callback, iteration, &mut flow);
     solver
         .solve_observed(problem, x, observe)
         .cloned()
         .map_err(raised)
 }
 
-/// Tells a callback, which stops by returning something true.
-pub(crate) fn observed(run: &Run, callback: Option<&Py<PyAny>>, data: &impl Serialize) -> ControlFlow<()> {
-    if let Some(callback) = callback {
+/// Tells a callback, which stops by returning something true; it is not called again then, though solvers tell their last iterate, too.
+pub(crate) fn observed(
+    run: &Run,
+    callback: Option<&Py<PyAny>>,
+    data: &impl Serialize,
+    flow: &mut ControlFlow<()>,
+) -> ControlFlow<()> {
+    if let (Some(callback), true) = (callback, flow.is_continue()) {
         let stop = run.call(|py| callback.bind(py).call1((python(py, data)?,))?.is_truthy());
         if stop.unwrap_or(true) {
-            return ControlFlow::Break(());
+            *flow = ControlFlow::Break(());
         }
     }
-    run.poll()
+    match run.poll() {
+        ControlFlow::Continue(()) => *flow,
+        stop => stop,
+    }
 }
 
 /// F and its Jacobian as Python functions.
@@ -240,6 +238,8 @@ pub(crate) struct Called {
 
 /// How the derivative of F is found.
 pub(crate) enum Derivative {
+    /// Of M x + q.
+    Affine(AffineFunction),
     /// By tracing F.
     Formula(Py<Map>),
     /// By differences of F.
@@ -258,6 +258,17 @@ impl Derivative {
         n: usize,
     ) -> PyResult<Self> {
         let (py, m) = (function.py(), x0.len());
+        if let Ok((given, q)) = function.extract::<(Bound<'_, PyAny>, Bound<'_, PyAny>)>() {
+            let affine = AffineFunction::new(matrix(&given, "M")?, vector(&q, "q")?).map_err(raised)?;
+            return match (affine.num_vars(), affine.num_values()) == (m, n) {
+                true => Ok(Self::Affine(affine)),
+                false => Err(PyValueError::new_err(format!(
+                    "M has shape ({}, {}), expected ({n}, {m})",
+                    affine.num_values(),
+                    affine.num_vars()
+                ))),
+            };
+        }
         let pattern = match pattern {
             Some(pattern) => Some(matrix(pattern, "pattern")?.pattern().clone()),
             None => None,
@@ -314,6 +325,7 @@ impl Derivative {
             }
         };
         match self {
+            Self::Affine(function) => Box::new(function),
             Self::Formula(map) => Box::new(TracedFunction(map.get().traced(run))),
             Self::Differences(function, pattern) => {
                 Box::new(Differenced::new(n, values(function)).with_pattern(pattern.clone()))
@@ -369,8 +381,8 @@ pub(crate) fn add(jacobian: &Bound<'_, PyAny>, x: &[f64], jac: &mut Matrix) -> P
 ///
 /// Parameters
 /// ----------
-/// F : callable or Map
-///     ``F(x)`` for x of shape (n,) gives n values. Unless ``jac`` is given it is traced: see :func:`trace`.
+/// F : callable, Map, or tuple (M, q)
+///     ``F(x)`` for x of shape (n,) gives n values. Unless ``jac`` is given it is traced: see :func:`trace`. (M, q) is M x + q.
 /// lower, upper : number or array of shape (n,)
 ///     Bounds, ±inf where there is none. F is evaluated within them only.
 /// x0 : array of shape (n,)

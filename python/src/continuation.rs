@@ -6,7 +6,7 @@ use std::sync::Arc;
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyString};
+use pyo3::types::{PyDict, PyString, PyTuple};
 use semismooth::complementarity::Mcp;
 use semismooth::continuation::{
     self as core, Arm, Continuation, ContinuationOptions, DiagramOptions, Direction, Event, PointKind,
@@ -41,7 +41,8 @@ impl Problem {
                 "a point has the unknowns and the parameter, at least two numbers; there are {m}"
             )));
         };
-        if given.jac.is_none() && given.lower.is_none() && given.upper.is_none() {
+        let alone = given.jac.is_none() && given.lower.is_none() && given.upper.is_none();
+        if alone && !function.is_instance_of::<PyTuple>() {
             let map = map_of(function, m)?;
             let (vars, values) = (map.get().num_vars(), map.get().num_residuals());
             return match (vars, values) == (m, n) {
@@ -223,7 +224,7 @@ impl Transition {
 #[pymethods]
 impl Transition {
     fn __repr__(&self) -> String {
-        format!("<Transition: {} at parameter {}>", self.kind, self.parameter)
+        format!("<Transition: {} at parameter {:?}>", self.kind, self.parameter)
     }
 }
 
@@ -247,7 +248,7 @@ pub(crate) struct Fold {
 #[pymethods]
 impl Fold {
     fn __repr__(&self) -> String {
-        format!("<Fold: {} at parameter {}>", self.kind, self.parameter)
+        format!("<Fold: {} at parameter {:?}>", self.kind, self.parameter)
     }
 }
 
@@ -540,7 +541,7 @@ fn direction(given: Option<&Bound<'_, PyAny>>) -> PyResult<Direction> {
 ///
 /// Parameters
 /// ----------
-/// H : callable or Map
+/// H : callable, Map, or tuple (M, q) of an affine function
 ///     ``H(x)`` for x of shape (n + 1,), the parameter last, gives n values. Unless ``jac`` is given it is traced: see :func:`trace`.
 /// x0 : array of shape (n + 1,)
 ///     Start; corrected onto the curve at its parameter.
@@ -666,7 +667,7 @@ pub(crate) struct Vertex {
 #[pymethods]
 impl Vertex {
     fn __repr__(&self) -> String {
-        format!("<Vertex: {} at parameter {}>", self.kind, self.parameter)
+        format!("<Vertex: {} at parameter {:?}>", self.kind, self.parameter)
     }
 }
 

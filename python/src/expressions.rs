@@ -510,9 +510,9 @@ impl NonsmoothFunction for Watched<'_> {
     }
 
     fn eval<T: Real>(&self, x: &[T], kinks: &mut Kinks<'_, T>, out: &mut [T]) {
-        self.formula.eval(x, kinks, out);
-        if self.run.is_some_and(|run| run.poll().is_break()) {
-            out.fill(T::from(f64::NAN));
+        match self.run.is_some_and(|run| run.poll().is_break()) {
+            true => out.fill(T::from(f64::NAN)),
+            false => self.formula.eval(x, kinks, out),
         }
     }
 }

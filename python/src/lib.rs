@@ -5,6 +5,8 @@ mod complementarity;
 mod continuation;
 mod errors;
 mod expressions;
+mod friction;
+mod variational;
 
 use pyo3::prelude::*;
 
@@ -16,5 +18,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     )?;
     expressions::register(module)?;
     complementarity::register(module)?;
-    continuation::register(module)
+    continuation::register(module)?;
+    variational::register(module)?;
+    friction::register(module)
 }

@@ -251,7 +251,7 @@ def test_ctrl_c_ends_a_run_without_callbacks():
             np.zeros(100),
             max_iterations=10**9,
             max_attempt=10**9,
-            restarts=10**6,
+            restarts=10**4,
         )
 
 
