@@ -70,7 +70,35 @@ struct Request {
     stub: Option<PathBuf>,
     ampl: bool,
     write: bool,
+    version: bool,
+    help: bool,
     options: Vec<String>,
+}
+
+impl Request {
+    fn parse(arguments: impl IntoIterator<Item = OsString>) -> Result<Self, CliError> {
+        let usage = |what: String| Err(CliError::Usage(format!("{what}; --help tells what is")));
+        let mut request = Self::default();
+        let mut flags = true;
+        for argument in arguments {
+            match argument.to_str() {
+                Some("--") => flags = false,
+                Some("-v" | "--version") if flags => request.version = true,
+                Some("-=" | "-?" | "-h" | "--help") if flags => request.help = true,
+                Some("-AMPL") if flags => request.ampl = true,
+                Some("-s") if flags => request.write = true,
+                // Whether to echo options, which this program does not.
+                Some("-e") if flags => {}
+                Some(flag) if flags && flag.starts_with('-') && request.stub.is_none() => {
+                    return usage(format!("{flag} is not known"));
+                }
+                _ if request.stub.is_none() => request.stub = Some(argument.into()),
+                Some(option) => request.options.push(option.into()),
+                None => return usage(format!("{argument:?} is no option")),
+            }
+        }
+        Ok(request)
+    }
 }
 
 /// Runs the program with its arguments, the name of the program not among them, and the options of the environment.
@@ -82,31 +110,11 @@ pub fn run(
     environment: Option<&str>,
     out: &mut dyn Write,
 ) -> Result<(), CliError> {
-    let mut request = Request::default();
-    let mut no_more_flags = false;
-    for argument in arguments {
-        let text = argument.to_str();
-        match text {
-            Some("--") => no_more_flags = true,
-            Some("-v" | "--version") if !no_more_flags => return Ok(writeln!(out, "{VERSION}")?),
-            Some("-=" | "-?" | "-h" | "--help") if !no_more_flags => return help(out),
-            Some("-AMPL") if !no_more_flags => request.ampl = true,
-            Some("-s") if !no_more_flags => request.write = true,
-            Some("-e") if !no_more_flags => {}
-            Some(flag) if !no_more_flags && flag.starts_with('-') && request.stub.is_none() => {
-                return Err(CliError::Usage(format!(
-                    "{flag} is not known; --help tells what is"
-                )));
-            }
-            _ if request.stub.is_none() => request.stub = Some(argument.into()),
-            Some(option) => request.options.push(option.into()),
-            None => {
-                return Err(CliError::Usage(format!(
-                    "{argument:?} is no option; --help tells what is"
-                )));
-            }
-        }
-    }
+    let request = match Request::parse(arguments)? {
+        Request { version: true, .. } => return Ok(writeln!(out, "{VERSION}")?),
+        Request { help: true, .. } => return help(out),
+        request => request,
+    };
     let Some(stub) = &request.stub else {
         return Err(CliError::Usage(
             "which problem? semismooth FILE.nl; --help tells more".into(),

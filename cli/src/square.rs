@@ -162,27 +162,7 @@ impl<'m> Square<'m> {
         equations.retain(|row| !used.contains(row));
 
         let open: Vec<usize> = (0..n).filter(|&j| components[j].is_none() && !gone[j]).collect();
-        let mut place = vec![None; n];
-        open.iter().enumerate().for_each(|(k, &j)| place[j] = Some(k));
-        let edges: Vec<Vec<usize>> = equations
-            .iter()
-            .map(|&row| {
-                let listed = model.rows[row].linear.iter();
-                listed.filter_map(|(j, _)| place[*j as usize]).collect()
-            })
-            .collect();
-        for (k, equation) in matching::complete(&edges, open.len()).into_iter().enumerate() {
-            let row = equations[equation];
-            components[open[k]] = Some(Component {
-                row,
-                constant: -model.rows[row].kind.equation().unwrap_or(0.0),
-                factor: 1.0,
-                without: None,
-                stated: row,
-                lower: false,
-                upper: false,
-            });
-        }
+        assign(model, &equations, &open, &mut components);
         let variables: Vec<usize> = (0..n).filter(|&j| !gone[j]).collect();
         let mut numbers = vec![None; n];
         variables
@@ -291,6 +271,31 @@ fn constant_part(model: &Model, row: usize) -> Option<f64> {
     }
 }
 
+/// Gives each open variable an equation, one in which it stands where that can be had.
+fn assign(model: &Model, equations: &[usize], open: &[usize], components: &mut [Option<Component>]) {
+    let mut place = vec![None; components.len()];
+    open.iter().enumerate().for_each(|(k, &j)| place[j] = Some(k));
+    let edges: Vec<Vec<usize>> = equations
+        .iter()
+        .map(|&row| {
+            let listed = model.rows[row].linear.iter();
+            listed.filter_map(|(j, _)| place[*j as usize]).collect()
+        })
+        .collect();
+    for (k, equation) in matching::complete(&edges, open.len()).into_iter().enumerate() {
+        let row = equations[equation];
+        components[open[k]] = Some(Component {
+            row,
+            constant: -model.rows[row].kind.equation().unwrap_or(0.0),
+            factor: 1.0,
+            without: None,
+            stated: row,
+            lower: false,
+            upper: false,
+        });
+    }
+}
+
 /// Looks for complementarities whose body is one variable, free and given by an equation, and puts the equation in its place.
 fn eliminate(
     model: &Model,
@@ -316,44 +321,48 @@ fn eliminate(
         };
         let variable = slack as usize;
         let free = model.lower[variable] == f64::NEG_INFINITY && model.upper[variable] == f64::INFINITY;
-        let Some(offset) = constant_part(model, component.row) else {
-            continue;
-        };
-        let &[first, second] = &found[variable][..] else {
+        let offset = constant_part(model, component.row);
+        let (Some(offset), &[first, second]) = (offset, &found[variable][..]) else {
             continue;
         };
         let row = if first == component.row { second } else { first };
-        let Some(right) = model.rows[row].kind.equation() else {
+        if !free || stated[variable].is_some() || factor == 0.0 || taken[row] {
+            continue;
+        }
+        let Some(given) = given_by(model, row, variable, &mut gradient) else {
             continue;
         };
-        let listed = model.rows[row].linear.iter().find(|(j, _)| *j == slack);
-        let coefficient = listed.map_or(0.0, |(_, c)| *c);
-        if !free || stated[variable].is_some() || coefficient == 0.0 || factor == 0.0 || taken[row] {
-            continue;
-        }
-        let mut nonlinear = false;
-        if let Some(expression) = &model.rows[row].expression {
-            gradient.variables(&model.graph, expression, &mut |j| nonlinear |= j == variable);
-        }
-        if nonlinear {
-            continue;
-        }
         taken[row] = true;
         *component = Component {
             row,
-            constant: offset + factor * right / coefficient,
-            factor: -factor / coefficient,
+            constant: offset + factor * given.right / given.coefficient,
+            factor: -factor / given.coefficient,
             without: Some(slack),
             ..*component
         };
-        eliminated.push(Eliminated {
-            variable,
-            row,
-            coefficient,
-            right,
-        });
+        eliminated.push(given);
     }
     eliminated
+}
+
+/// How an equation gives a variable on which it depends linearly.
+fn given_by(model: &Model, row: usize, variable: usize, gradient: &mut Gradient) -> Option<Eliminated> {
+    let right = model.rows[row].kind.equation()?;
+    let listed = model.rows[row].linear.iter();
+    let coefficient = listed
+        .filter(|(j, _)| *j as usize == variable)
+        .map(|(_, c)| *c)
+        .sum();
+    let mut nonlinear = false;
+    if let Some(expression) = &model.rows[row].expression {
+        gradient.variables(&model.graph, expression, &mut |j| nonlinear |= j == variable);
+    }
+    (coefficient != 0.0 && !nonlinear).then_some(Eliminated {
+        variable,
+        row,
+        coefficient,
+        right,
+    })
 }
 
 impl McpFunction for Square<'_> {
