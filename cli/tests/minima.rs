@@ -5,20 +5,29 @@ mod common;
 use common::header;
 use semismooth_cli::nl::read;
 use semismooth_cli::options::Options;
+use semismooth_cli::solution::Solution;
 use semismooth_cli::solve::solve;
 use std::ops::ControlFlow;
 
 const SQUARE_X: &str = "o5\nv0\nn2\n";
 const SQUARE_Y: &str = "o5\nv1\nn2\n";
 
-/// The message for an objective of x and y with bounds and the constraint x + y in the interval that `row` tells, from (0, 0).
-fn word(objective: &str, linear: [f64; 2], maximize: bool, bounds: [&str; 2], row: &str) -> String {
-    let text = header([2, 1, 1, 0, 2, 2, 0])
+/// The text of a problem: an objective of x and y with bounds and the constraint x + y in the interval that `row` tells.
+fn problem(objective: &str, linear: [f64; 2], maximize: bool, bounds: [&str; 2], row: &str) -> String {
+    header([2, 1, 1, 0, 2, 2, 0])
         + &format!("C0\nn0\nO0 {}\n{objective}", i32::from(maximize))
         + &format!("r\n{row}\nb\n{}\n{}\nk1\n1\n", bounds[0], bounds[1])
-        + &format!("J0 2\n0 1\n1 1\nG0 2\n0 {}\n1 {}\n", linear[0], linear[1]);
+        + &format!("J0 2\n0 1\n1 1\nG0 2\n0 {}\n1 {}\n", linear[0], linear[1])
+}
+
+fn solution_of(text: &str) -> Solution {
     let model = read(text.as_bytes()).unwrap();
-    let solution = solve(&model, &Options::default(), &mut |_| ControlFlow::Continue(())).unwrap();
+    solve(&model, &Options::default(), &mut |_| ControlFlow::Continue(())).unwrap()
+}
+
+/// What is said of the KKT point that is found from (0, 0).
+fn word(objective: &str, linear: [f64; 2], maximize: bool, bounds: [&str; 2], row: &str) -> String {
+    let solution = solution_of(&problem(objective, linear, maximize, bounds, row));
     assert_eq!(solution.code, 0, "{}", solution.message);
     assert!(solution.message.contains("A KKT point, objective "));
     let word = solution.message.rsplit("; ").next().unwrap();
@@ -75,6 +84,14 @@ fn minima_are_told_from_saddles_and_from_what_second_derivatives_leave_open() {
             "0 0 0.1",
             strict,
         ),
+        // The same without a multiplier: along y the objective falls.
+        (
+            &format!("o1\no2\nn2\n{SQUARE_X}{SQUARE_Y}"),
+            zero,
+            free,
+            "2 0",
+            open,
+        ),
         // A corner.
         ("n0\n", [1.0, 2.0], ["2 0", "2 0"], "3", strict),
     ] {
@@ -103,5 +120,72 @@ fn kinks_leave_it_open() {
     assert_eq!(
         found,
         "whether it is a minimum has not been decided.\nAt kinks the derivatives are those of one of the pieces"
+    );
+}
+
+#[test]
+fn active_constraints_that_depend_on_each_other_leave_it_open() {
+    // x − y² with x ≥ 0 as a bound and as a row: y makes it fall, but multipliers are not unique.
+    let text = problem(
+        &format!("o16\n{SQUARE_Y}"),
+        [1.0, 0.0],
+        false,
+        ["2 0", "3"],
+        "2 0",
+    );
+    let text = text
+        .replace("J0 2\n0 1\n1 1\n", "J0 1\n0 1\n")
+        .replace(" 2 2\n 0 0\n 0 0", " 1 2\n 0 0\n 0 0");
+    let solution = solution_of(&text);
+    assert!(
+        solution.code == 0 && solution.message.contains("has not been decided"),
+        "{}",
+        solution.message
+    );
+}
+
+#[test]
+fn multipliers_are_changes_of_the_objective_with_the_right_hand_side() {
+    // x² + y² with x + y on its bound 2: 2 r²/4 changes by r. Its negative is maximised there, and changes by −r.
+    let bowl = format!("o0\n{SQUARE_X}{SQUARE_Y}");
+    let hill = format!("o16\n{bowl}");
+    for (objective, maximize, row, expected) in [
+        (&bowl, false, "2 2", 2.0),
+        (&bowl, false, "4 2", 2.0),
+        (&bowl, false, "0 2 5", 2.0),
+        (&bowl, false, "1 -2", -2.0),
+        (&hill, true, "2 2", -2.0),
+        (&hill, true, "4 2", -2.0),
+        (&hill, true, "0 2 5", -2.0),
+        (&hill, true, "1 -2", 2.0),
+    ] {
+        let solution = solution_of(&problem(objective, [0.0; 2], maximize, ["3", "3"], row));
+        assert_eq!(solution.code, 0, "{}", solution.message);
+        assert!(
+            (solution.duals[0] - expected).abs() < 1e-8,
+            "{row} {maximize}: {}",
+            solution.duals[0]
+        );
+    }
+}
+
+#[test]
+fn programs_without_solutions_are_told_why() {
+    let line = |row: &str| solution_of(&problem("n0\n", [-1.0, 0.0], false, ["2 0", "2 0"], row)).code;
+    assert_eq!(line("1 -1"), 200);
+    assert_eq!(line("2 1"), 300);
+    assert_eq!(line("1 1"), 0);
+}
+
+#[test]
+fn a_stationary_point_outside_the_domain_is_none() {
+    // log x − x²/2 + y² has slope 1/x − x, which vanishes at −1, too.
+    let objective = format!("o0\no1\no43\nv0\no3\n{SQUARE_X}n2\n{SQUARE_Y}");
+    let text = problem(&objective, [0.0; 2], true, ["3", "3"], "3") + "x1\n0 -2\n";
+    let solution = solution_of(&text);
+    assert!(
+        solution.code >= 400 || (solution.x[0] - 1.0).abs() < 1e-8,
+        "{}",
+        solution.message
     );
 }

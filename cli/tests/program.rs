@@ -221,3 +221,24 @@ fn variables_and_rows_are_called_by_their_names() {
         "{message}"
     );
 }
+
+#[test]
+fn limits_and_proofs_have_their_codes() {
+    let folder = folder("codes");
+    let path = folder.join("a.nl");
+    let argument = path.display().to_string();
+    // x ⟂ −1 has no solution; the limits are met by the root of two.
+    let nothing = root().replace("o0\no5\nv0\nn2\nn-2", "n-1");
+    for (content, option, code) in [
+        (root(), "max_iter=1", 400),
+        (root(), "max_time=1e-9", 401),
+        (nothing, "tol=1e-9", 200),
+    ] {
+        std::fs::write(&path, content).unwrap();
+        let output = semismooth(&[&argument, "-AMPL", option], "");
+        assert!(output.status.success());
+        assert!(text(&output.stdout).contains("Not solved: "));
+        let sol = std::fs::read_to_string(folder.join("a.sol")).unwrap();
+        assert!(sol.ends_with(&format!("objno 0 {code}\n")), "{option}: {sol}");
+    }
+}

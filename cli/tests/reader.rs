@@ -416,3 +416,18 @@ fn expressions_of_any_depth_are_read_evaluated_and_differentiated() {
     options.take("max_iter=3 max_attempt=3").unwrap();
     solve(&model, &options, &mut |_| ControlFlow::Continue(())).unwrap();
 }
+
+#[test]
+fn a_test_that_is_not_a_number_has_no_branch() {
+    let text = header([1, 1, 0, 0, 1, 0, 0]) + "C0\no35\no43\nv0\nn1\nn2\nr\n3\nb\n3\nJ0 1\n0 0\n";
+    let model = read(text.as_bytes()).unwrap();
+    let mut values = model.graph.workspace();
+    for (x, expected) in [(2.0, 1.0), (1.0, 2.0), (-1.0, f64::NAN)] {
+        model.graph.set_variables(&[x], &mut values);
+        let found = model.rows[0].body(&model.graph, &mut values);
+        assert!(
+            found == expected || (found.is_nan() && expected.is_nan()),
+            "{x}: {found}"
+        );
+    }
+}
