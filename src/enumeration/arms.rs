@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use super::kernel::{MAX_KERNEL, solutions};
 use super::local::{local_selections, vanishing_tests};
+use super::monotone::Complementary;
 use super::proven_arms::{FEW, proven_arms};
 use super::search::Search;
 use super::system::System;
@@ -273,7 +274,7 @@ pub(crate) struct Candidates {
     pub(crate) complete: bool,
     examined: f64,
     total: f64,
-    nodes: u64,
+    pub(super) nodes: u64,
 }
 
 /// The active selections that the directional problem does not rule out; `None` where residuals depend on the pieces of so many
@@ -323,6 +324,27 @@ fn directional(
         found.insert(selection);
         Ok(None)
     };
+    let level: Vec<Form> = (map.num_vars() > map.num_residuals())
+        .then(|| rate(&system, m, 0.0))
+        .into_iter()
+        .collect();
+    if let Some(unique) = unique_directions(&system, &search, m, rates, &level) {
+        let mut nodes = 0;
+        for (pieces, pivots) in unique {
+            nodes += pivots;
+            for choice in products(&pieces, &system) {
+                leaf(&choice)?;
+            }
+        }
+        let total = (rates.len() + 1) as f64 * search.total;
+        return Ok(Some(Candidates {
+            selections: found.into_iter().collect(),
+            complete: true,
+            examined: total,
+            total,
+            nodes,
+        }));
+    }
     let mut runs = 0.0;
     for &sign in rates {
         runs += 1.0;
@@ -331,10 +353,6 @@ fn directional(
             Err(_) => search.examined += search.total,
         }
     }
-    let level: Vec<Form> = (map.num_vars() > map.num_residuals())
-        .then(|| rate(&system, m, 0.0))
-        .into_iter()
-        .collect();
     let roots = VerticalRoots::new(&search, &level);
     runs += roots.total() as f64;
     for root in roots {
@@ -350,6 +368,42 @@ fn directional(
         total: runs * search.total,
         nodes: search.nodes,
     }))
+}
+
+/// For each rate α̇ the pieces at the only direction, where it is known that there is one for each and none with α̇ = 0.
+fn unique_directions(
+    system: &System,
+    search: &Search<'_>,
+    m: usize,
+    rates: &[f64],
+    level: &[Form],
+) -> Option<Vec<(Vec<Vec<usize>>, u64)>> {
+    if rates.is_empty() {
+        Complementary::new(system, search, &search.root(level).ok()?)?;
+    }
+    let at = |sign: &f64| {
+        let root = search.root(&[rate(system, m, -sign)]).ok()?;
+        Complementary::new(system, search, &root)?.solve(search)
+    };
+    rates.iter().map(at).collect()
+}
+
+/// All choices of one of the pieces given for each site of a system, as numbers in the map.
+fn products(pieces: &[Vec<usize>], system: &System) -> Vec<Vec<usize>> {
+    let mut all = vec![vec![0; system.sites.iter().map(|s| s.slots.len()).sum()]];
+    for (site, pieces) in system.sites.iter().zip(pieces) {
+        let with = |choice: &Vec<usize>, k: usize| {
+            let mut choice = choice.clone();
+            for (slot, piece) in site.slots.iter().zip(&site.pieces[k].pieces) {
+                choice[*slot] = *piece;
+            }
+            choice
+        };
+        all = (all.iter())
+            .flat_map(|choice| pieces.iter().map(move |&k| with(choice, k)))
+            .collect();
+    }
+    all
 }
 
 fn selections(
@@ -384,7 +438,7 @@ fn selections(
 }
 
 /// The form α̇ + constant, α being the last of m variables.
-fn rate(system: &System, m: usize, constant: f64) -> Form {
+pub(super) fn rate(system: &System, m: usize, constant: f64) -> Form {
     let mut coefficients = vec![0.0; system.unknowns];
     if let Some(last) = coefficients[..m].last_mut() {
         *last = 1.0;

@@ -21,6 +21,7 @@ mod hull;
 mod kernel;
 mod lists;
 mod local;
+mod monotone;
 mod near;
 mod options;
 mod proof;

@@ -7,7 +7,7 @@
 use super::certificate::Certificates;
 use super::hull;
 use super::system::System;
-use super::table::{Contradiction, Form, Place, Sign, Table};
+use super::table::{Contradiction, Form, Place, Sign, Table, VAGUE, VOID};
 use crate::clock::Deadline;
 
 /// Sites compared before branching. Comparing all gives the smallest trees and, by measurement, not the shortest times.
@@ -19,7 +19,7 @@ const HELD: usize = 1 << 28;
 
 /// Nodes after which every node is tightened before branching: what little trees do not repay.
 const HARD: u64 = 1000;
-/// Rounds of tightening at one node.
+/// Rounds of tightening at one node, and of making a table anew.
 const ROUNDS: usize = 3;
 
 /// A piece of a site and the table behind that decision, if it was kept.
@@ -81,6 +81,8 @@ pub(super) struct Search<'a> {
     certificates: Option<&'a Certificates>,
     /// Partial choices (the piece of each site that is decided) that were dropped without a proof.
     pub(super) unproven: Vec<Vec<Option<usize>>>,
+    /// The table at the root of the present search.
+    root: Option<Table>,
     /// Numbers held by levels and tables.
     held: usize,
     kept: usize,
@@ -114,6 +116,7 @@ impl<'a> Search<'a> {
             settled: Vec::new(),
             certificates,
             unproven: Vec::new(),
+            root: None,
             held: 0,
             kept: KEPT,
             limit: HELD,
@@ -165,6 +168,11 @@ impl<'a> Search<'a> {
         Ok(table)
     }
 
+    /// The variable of a form of a site.
+    pub(super) fn variable(&self, site: usize, form: usize) -> usize {
+        self.offsets[site] + form
+    }
+
     /// The forms that have one sign in all pieces of their site, with that sign.
     pub(super) fn implied(&self, table: &Table) -> Vec<(usize, f64)> {
         let first = self.system.common.len();
@@ -183,7 +191,8 @@ impl<'a> Search<'a> {
         leaf: &mut impl FnMut(&[usize]) -> Result<Option<Vec<Vec<usize>>>, E>,
     ) -> Result<(), E> {
         self.decided.fill(None);
-        if let Err(contradiction) = root.repair() {
+        self.root = Some(root.clone());
+        if let Err(contradiction) = self.clearly(&mut root, Table::repair) {
             self.examined += self.total;
             if !self.proven(&root, contradiction.var) {
                 self.doubt(None);
@@ -389,7 +398,10 @@ impl<'a> Search<'a> {
         }
         self.nodes += 1;
         let mut child = table.compact();
-        let decided = self.decide(&mut child, site, k).and_then(|()| child.repair());
+        let decided = self.clearly(&mut child, |child| {
+            self.decide(child, site, k)?;
+            child.repair()
+        });
         self.pivots += child.pivots;
         let possible = decided.map_or_else(|c| !self.proven(&child, c.var), |()| true);
         Ok(possible.then_some(child))
@@ -398,8 +410,9 @@ impl<'a> Search<'a> {
     /// The table with a site decided; `None` where that is infeasible.
     fn child(&mut self, table: &Table, site: usize, k: usize) -> Option<Table> {
         let mut child = table.compact();
-        let decided = self.decide(&mut child, site, k).and_then(|()| {
-            self.forget(&mut child, site, k);
+        let decided = self.clearly(&mut child, |child| {
+            self.decide(child, site, k)?;
+            self.forget(child, site, k);
             child.repair()
         });
         self.pivots += child.pivots;
@@ -410,6 +423,34 @@ impl<'a> Search<'a> {
             return None;
         }
         Some(child)
+    }
+
+    /// The verdict of some steps on a table. They are repeated on the table made anew where rounding hides much; what it hides still is no
+    /// contradiction.
+    fn clearly(
+        &self,
+        table: &mut Table,
+        steps: impl Fn(&mut Table) -> Result<(), Contradiction>,
+    ) -> Result<(), Contradiction> {
+        let mut verdict = steps(table);
+        for _ in 0..ROUNDS {
+            let error = verdict.map_or_else(|c| table.error(c.var), |()| table.largest_error());
+            if self.certificates.is_some() || error <= VAGUE {
+                return verdict;
+            }
+            let Some(anew) = self.root.as_ref().and_then(|root| table.reinverted(root)) else {
+                break;
+            };
+            *table = anew;
+            verdict = steps(table);
+        }
+        verdict.or_else(|c| {
+            if table.error(c.var) <= VOID {
+                Err(c)
+            } else {
+                Ok(())
+            }
+        })
     }
 
     /// Of some candidate sites the one with the fewest pieces that are feasible, and the tables behind them.

@@ -9,6 +9,11 @@ const RADIUS: f64 = 1e4;
 /// Constants up to this size, in scaled units, are no evidence: a contradiction has to be clearer.
 const CLEAR: f64 = 1e-9;
 
+/// Error bound of a coefficient, in scaled units, beyond which a table is made anew from its root.
+pub(super) const VAGUE: f64 = 1e-11;
+/// Error bound of a coefficient beyond which a row shows nothing.
+pub(super) const VOID: f64 = 1e-8;
+
 /// What is known of the sign of a form.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Sign {
@@ -73,6 +78,8 @@ pub(super) struct Table {
     columns: Vec<usize>,
     active: usize,
     keep: bool,
+    /// Variables fixed at zero while they were columns.
+    fixed: Vec<usize>,
     /// Rows of `stride` numbers: the constant, then the coefficients.
     data: Vec<f64>,
     error: Vec<f64>,
@@ -101,6 +108,7 @@ impl Table {
             columns: (count..count + unknowns).collect(),
             active: unknowns,
             keep: false,
+            fixed: Vec::new(),
             data,
             error,
             sign: vec![Sign::Free; place.len()],
@@ -138,12 +146,112 @@ impl Table {
             columns: self.columns.clone(),
             active: self.active,
             keep: self.keep,
+            fixed: self.fixed.clone(),
             data,
             error: self.error.clone(),
             place: self.place.clone(),
             sign: self.sign.clone(),
             scratch: Vec::new(),
             pivots: 0,
+        }
+    }
+
+    /// The bound of rounding errors in the row of a variable; 0 for others.
+    pub(super) fn error(&self, var: usize) -> f64 {
+        match self.place[var] {
+            Place::Row(r) => self.error[r],
+            _ => 0.0,
+        }
+    }
+
+    /// The largest bound of rounding errors in a row.
+    pub(super) fn largest_error(&self) -> f64 {
+        self.error.iter().fold(0.0, |m, e| m.max(*e))
+    }
+
+    /// The same dictionary, made anew from the root that it came from: its error bounds, which grow with every exchange, are those of this
+    /// basis and no longer those of the way to it. `None` where rounding hides that there is such a dictionary.
+    pub(super) fn reinverted(&self, root: &Self) -> Option<Self> {
+        let mut nonbasic = vec![false; self.place.len()];
+        for &var in self.active_columns().iter().chain(&self.fixed) {
+            nonbasic[var] = true;
+        }
+        let mut table = root.with_columns(&nonbasic)?;
+        for &var in &self.fixed[root.fixed.len()..] {
+            let Place::Column(c) = table.place[var] else {
+                return None;
+            };
+            table.drop_column(c);
+        }
+        for var in 0..self.place.len() {
+            if self.place[var] == Place::Gone {
+                table.forget(var);
+            }
+        }
+        table.fixed.clone_from(&self.fixed);
+        table.sign.clone_from(&self.sign);
+        table.pivots += self.pivots;
+        Some(table)
+    }
+
+    /// The dictionary whose columns are the given variables, as many as there are columns now. `None` where there is none, within rounding.
+    pub(super) fn with_columns(&self, wanted: &[bool]) -> Option<Self> {
+        let mut table = self.compact();
+        // All columns that leave stay as rows: they hold the inverse.
+        table.forms = usize::MAX;
+        for c in 0..table.active {
+            if wanted[table.columns[c]] {
+                continue;
+            }
+            let entering = (0..table.rows.len()).filter(|&r| wanted[table.rows[r]]);
+            let size = |r: &usize| table.row(*r)[1 + c].abs();
+            let r = entering.max_by(|a, b| size(a).total_cmp(&size(b)))?;
+            if size(&r) <= SAFETY * table.error[r] {
+                return None;
+            }
+            table.exchange(r, c);
+        }
+        table.forms = self.forms;
+        table.bound_errors(self);
+        for var in self.forms..self.place.len() {
+            if self.sign[var] == Sign::Free {
+                table.forget(var);
+            }
+        }
+        Some(table)
+    }
+
+    /// Error bounds of a dictionary that exchanges of large coefficients made from the root: with the rows E that became columns, the
+    /// columns P that became rows and B = root(E, P), errors δ of the root change a row a by δa − aB⁻¹ δE times the forms of P. Both aB⁻¹ and
+    /// these forms are coefficients of this dictionary.
+    fn bound_errors(&mut self, root: &Self) {
+        let was_row = |var: usize| match root.place[var] {
+            Place::Row(r) => Some(r),
+            _ => None,
+        };
+        let entered: Vec<(usize, usize)> = (self.active_columns().iter().enumerate())
+            .filter_map(|(c, &var)| Some((c, was_row(var)?)))
+            .collect();
+        let steps = EPS * entered.len() as f64;
+        let own = |r: usize| {
+            let size = root.row(r).iter().fold(0.0f64, |m, a| m.max(a.abs()));
+            root.error[r] + steps * size
+        };
+        let entered: Vec<(usize, f64)> = entered.into_iter().map(|(c, r)| (c, own(r))).collect();
+        let mut sums = vec![0.0f64; 1 + self.active];
+        for (r, &var) in self.rows.iter().enumerate() {
+            if was_row(var).is_none() {
+                for (sum, a) in sums.iter_mut().zip(self.row(r)) {
+                    *sum += a.abs();
+                }
+            }
+        }
+        let spread = sums.into_iter().fold(1.0, f64::max);
+        for (r, &var) in self.rows.iter().enumerate() {
+            let row = self.row(r);
+            let terms = entered.iter().map(|(c, e)| row[1 + c].abs() * e);
+            let bound = (was_row(var).map_or(0.0, own) + terms.sum::<f64>()) * spread + EPS;
+            self.error[r] = self.error[r].min(bound);
         }
     }
 
@@ -158,6 +266,11 @@ impl Table {
     /// Numbers held.
     pub(super) fn size(&self) -> usize {
         self.data.capacity() + self.error.len() + 2 * self.place.len() + self.sign.len()
+    }
+
+    /// Number of variables.
+    pub(super) fn variables(&self) -> usize {
+        self.place.len()
     }
 
     /// Number of columns: the dimension that is left.
@@ -232,13 +345,15 @@ impl Table {
     pub(super) fn fix(&mut self, var: usize) -> Result<(), Contradiction> {
         match self.place[var] {
             Place::Gone => {}
-            Place::Column(c) => self.drop_column(c),
+            Place::Column(c) => {
+                self.fixed.push(var);
+                self.drop_column(c);
+            }
             Place::Row(r) => match self.largest(r) {
                 Some(c) => {
                     self.exchange(r, c);
-                    if let Place::Column(c) = self.place[var] {
-                        self.drop_column(c);
-                    }
+                    self.fixed.push(var);
+                    self.drop_column(c);
                 }
                 None if self.row(r)[0].abs() > self.threshold(r) => return Err(Contradiction { var }),
                 None => self.drop_row(r),
@@ -343,7 +458,7 @@ impl Table {
                 return false;
             }
             let Some((c, way)) = self.ascending(r, side) else {
-                return true;
+                return self.error[r] <= VOID;
             };
             match self.leaving(c, way, r) {
                 Some(leaving) => self.exchange(leaving, c),
@@ -387,6 +502,27 @@ impl Table {
             Place::Row(r) => self.row(r)[0],
             _ => 0.0,
         }
+    }
+
+    /// Values of a variable up to which its sign is doubtful.
+    pub(super) fn doubt(&self, var: usize) -> f64 {
+        match self.place[var] {
+            Place::Row(r) => self.threshold(r),
+            _ => 0.0,
+        }
+    }
+
+    /// Exchanges a row and a column, given by their variables in either order, where the coefficient is one.
+    pub(super) fn exchange_variables(&mut self, a: usize, b: usize) -> bool {
+        let (r, c) = match (self.place[a], self.place[b]) {
+            (Place::Row(r), Place::Column(c)) | (Place::Column(c), Place::Row(r)) => (r, c),
+            _ => return false,
+        };
+        let exists = self.row(r)[1 + c].abs() > SAFETY * self.error[r];
+        if exists {
+            self.exchange(r, c);
+        }
+        exists
     }
 
     fn threshold(&self, r: usize) -> f64 {
@@ -523,5 +659,58 @@ impl Table {
         self.rows.swap_remove(r);
         self.error.truncate(last);
         self.data.truncate(last * self.stride);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spread::Random;
+
+    /// Exchanges there and back leave the bounds of all of them; a dictionary made anew has the same rows, within the bounds of both, and bounds
+    /// that are those of its basis: its rows are identities between the forms of the root.
+    #[test]
+    fn dictionaries_made_anew_forget_the_way() {
+        let mut random = Random::new(3);
+        for _ in 0..20 {
+            let (rows, columns) = (30, 12);
+            let forms: Vec<Form> = (0..rows)
+                .map(|_| Form {
+                    coefficients: (0..columns).map(|_| random.symmetric()).collect(),
+                    constant: random.symmetric(),
+                    error: EPS,
+                })
+                .collect();
+            let mut root = Table::new(columns, forms.iter());
+            for var in 0..2 {
+                root.fix(var).unwrap();
+            }
+            let root = root.compact();
+            let mut table = root.compact();
+            for _ in 0..200 {
+                let (r, c) = (random.below(table.rows.len()), random.below(table.active));
+                if table.row(r)[1 + c].abs() > 0.05 {
+                    table.exchange(r, c);
+                }
+            }
+            let fixed = (0..rows).find(|&v| matches!(table.place(v), Place::Row(_)));
+            table.fix(fixed.unwrap()).unwrap();
+            let anew = table.reinverted(&root).unwrap();
+            assert!(anew.largest_error() < 1e-9 && anew.largest_error() < 1e-3 * table.largest_error());
+            for var in 0..rows {
+                let (Some(old), Some(new)) = (table.form(var), anew.form(var)) else {
+                    assert_eq!(table.place(var) == Place::Gone, anew.place(var) == Place::Gone);
+                    continue;
+                };
+                let within = table.error[0].max(table.largest_error()).min(1e-7) + new.error;
+                assert!((old.constant - new.constant).abs() <= within);
+                for (c, &column) in table.active_columns().iter().enumerate() {
+                    let Place::Column(k) = anew.place(column) else {
+                        panic!("{column} is no column");
+                    };
+                    assert!((old.coefficients[c] - new.coefficients[k]).abs() <= within);
+                }
+            }
+        }
     }
 }
