@@ -332,6 +332,28 @@ fn maps_that_wind_have_their_index() {
     assert_eq!(local_index(&abs, &[0.0], 1e-9, CAP).unwrap(), Some(0));
 }
 
+/// Turned there and back by up to 60°: rows of two of the matrices, or columns, make one whose determinant is negative, but all have
+/// definite symmetric parts, and so have their combinations.
+#[test]
+fn definite_symmetric_parts_are_seen() {
+    let mut map = Sectors::winding(1.0);
+    for (k, turn) in [0.0, 30.0, 60.0, 30.0, 0.0, -30.0, -60.0, -30.0_f64]
+        .into_iter()
+        .enumerate()
+    {
+        let (sin, cos) = (45.0 * k as f64 + turn).to_radians().sin_cos();
+        map.images[k] = [cos, sin];
+    }
+    let found = elements(&map, &[0.0; 2]);
+    let at = |k: usize, i: usize, j: usize| found[k].jacobian.get(i, j);
+    let pairs = || (0..8).flat_map(|k| (0..8).map(move |l| (k, l)));
+    assert!(pairs().any(|(k, l)| at(k, 0, 0) * at(l, 1, 1) < at(k, 0, 1) * at(l, 1, 0)));
+    assert!(pairs().any(|(k, l)| at(k, 0, 0) * at(l, 1, 1) < at(l, 0, 1) * at(k, 1, 0)));
+    assert!((0..8).all(|k| 4.0 * at(k, 0, 0) * at(k, 1, 1) > (at(k, 0, 1) + at(k, 1, 0)).powi(2)));
+    let verdict = cd_regularity(&map, &[0.0; 2], 1e-9, CAP).unwrap();
+    assert!(verdict.is_regular(), "{verdict:?}");
+}
+
 /// A singular selection does no harm where its kernel lies in another cell, and hides the index where it does not.
 #[test]
 fn kernels_outside_their_cells_are_no_zeros() {

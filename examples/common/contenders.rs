@@ -1,0 +1,378 @@
+//! Problems and methods of the comparison of correctors, and what one run of one method on one problem costs.
+
+use std::cell::{Cell, RefCell};
+use std::rc::Rc;
+use std::time::Instant;
+
+use semismooth::complementarity::{
+    AffineFunction, FischerBurmeister, Mcp, McpFunction, McpOptions, McpSolver, McpStrategy, NormalMap,
+};
+use semismooth::contact::{FrictionCoefficient, FullContact, LoadPath, PlanarCoulomb};
+use semismooth::linear::IncompleteLu;
+use semismooth::newton::{Damping, Newton, NewtonKrylov, NewtonOptions, Report};
+use semismooth::piecewise::{Assembled, PiecewiseSmooth, Semismooth, value};
+use semismooth::sparse::{Matrix, Pattern};
+
+use crate::common::{Outcome, Random};
+
+/// Natural residual of a solution of a complementarity problem.
+const SOLVED: f64 = 1e-6;
+/// The residual of a solution of a friction problem, relative to that of the start.
+const EQUILIBRIUM: f64 = 1e-9;
+
+/// What a run cost and gave.
+pub(crate) struct Run {
+    pub(crate) solved: bool,
+    /// ‖x − mid(l, u, x − F(x))‖∞ at the point within its bounds, or ‖H‖∞.
+    pub(crate) residual: f64,
+    /// Points at which F was evaluated; of friction problems, residuals.
+    pub(crate) evaluations: usize,
+    /// Points at which ∇F was evaluated. One is enough where F is affine and the method knows.
+    pub(crate) jacobians: usize,
+    /// Iterations of all attempts.
+    pub(crate) iterations: usize,
+    pub(crate) factorisations: usize,
+    pub(crate) seconds: f64,
+    /// Observed order of the tail on the last active set.
+    pub(crate) order: Option<f64>,
+}
+
+/// A complementarity problem with a start.
+pub(crate) struct Complementarity {
+    pub(crate) name: String,
+    pub(crate) function: Rc<dyn McpFunction>,
+    pub(crate) lower: Vec<f64>,
+    pub(crate) upper: Vec<f64>,
+    pub(crate) start: Vec<f64>,
+}
+
+/// The function of a problem.
+pub(crate) struct FunctionOf<F>(pub(crate) Mcp<F>);
+
+impl<F: McpFunction> McpFunction for FunctionOf<F> {
+    fn num_vars(&self) -> usize {
+        self.0.function().num_vars()
+    }
+    fn value(&self, x: &[f64], out: &mut [f64]) {
+        self.0.function().value(x, out);
+    }
+    fn jacobian(&self, x: &[f64], jac: &mut Matrix) {
+        self.0.function().jacobian(x, jac);
+    }
+    fn pattern(&self) -> Pattern {
+        self.0.function().pattern()
+    }
+    fn is_affine(&self) -> bool {
+        self.0.function().is_affine()
+    }
+}
+
+/// A friction problem at a fixed parameter, the last entry of the start.
+pub(crate) struct Friction {
+    pub(crate) name: String,
+    pub(crate) map: Box<dyn PiecewiseSmooth>,
+    pub(crate) start: Vec<f64>,
+}
+
+/// F, counting the points at which it is asked for: what a method asks for twice at one point costs once.
+struct Counted<'a> {
+    function: &'a dyn McpFunction,
+    last: RefCell<[Vec<f64>; 2]>,
+    seen: [Cell<usize>; 2],
+}
+
+impl<'a> Counted<'a> {
+    fn new(function: &'a dyn McpFunction) -> Self {
+        Self {
+            function,
+            last: RefCell::default(),
+            seen: [Cell::new(0), Cell::new(0)],
+        }
+    }
+
+    fn note(&self, which: usize, x: &[f64]) {
+        let last = &mut self.last.borrow_mut()[which];
+        if last.as_slice() != x {
+            last.clear();
+            last.extend_from_slice(x);
+            self.seen[which].set(self.seen[which].get() + 1);
+        }
+    }
+}
+
+impl McpFunction for Counted<'_> {
+    fn num_vars(&self) -> usize {
+        self.function.num_vars()
+    }
+    fn value(&self, x: &[f64], out: &mut [f64]) {
+        self.note(0, x);
+        self.function.value(x, out);
+    }
+    fn jacobian(&self, x: &[f64], jac: &mut Matrix) {
+        self.note(1, x);
+        self.function.jacobian(x, jac);
+    }
+    fn pattern(&self) -> Pattern {
+        self.function.pattern()
+    }
+    fn is_affine(&self) -> bool {
+        self.function.is_affine()
+    }
+}
+
+/// What the report of a method says.
+struct Told {
+    iterations: usize,
+    factorisations: usize,
+    order: Option<f64>,
+}
+
+type Attempt = fn(&Mcp<Counted<'_>>, &mut [f64]) -> Option<Told>;
+
+/// A method for complementarity problems: it moves x and tells of its work, unless it refuses the problem.
+pub(crate) struct Method {
+    pub(crate) name: &'static str,
+    run: Attempt,
+}
+
+/// The contenders. Each starts from the same x and stops by its own rule; whether it has solved is judged alike.
+pub(crate) const METHODS: [Method; 11] = [
+    Method {
+        name: "natural map, full steps",
+        run: |p, x| pieces(p, x, Damping::Never),
+    },
+    Method {
+        name: "natural map, line search on trouble",
+        run: |p, x| pieces(p, x, Damping::OnTrouble),
+    },
+    Method {
+        name: "natural map, line search",
+        run: |p, x| pieces(p, x, Damping::Always),
+    },
+    Method {
+        name: "normal map, line search on trouble",
+        run: |p, x| {
+            let map = NormalMap::new(p);
+            let mut z = x.to_vec();
+            let told = pieces(&map, &mut z, Damping::OnTrouble);
+            x.copy_from_slice(&map.point(&z));
+            told
+        },
+    },
+    Method {
+        name: "Fischer-Burmeister, full steps",
+        run: |p, x| fischer(p, x, 1.0, Damping::Never),
+    },
+    Method {
+        name: "Fischer-Burmeister, line search",
+        run: |p, x| fischer(p, x, 1.0, Damping::Always),
+    },
+    Method {
+        name: "penalised Fischer-Burmeister, line search",
+        run: |p, x| fischer(p, x, 0.8, Damping::Always),
+    },
+    Method {
+        name: "inexact Fischer-Burmeister (GMRES, ILU)",
+        run: |p, x| {
+            let map = FischerBurmeister::new(p).ok()?;
+            let mut newton = NewtonKrylov::default();
+            // A failure leaves the best iterate, which is judged.
+            newton
+                .solve(&mut Assembled::new(&map, IncompleteLu::default()), x)
+                .ok();
+            Some(told(newton.report()))
+        },
+    },
+    Method {
+        name: "McpSolver, Newton alone",
+        run: |p, x| solver(p, x, &[McpStrategy::Newton]),
+    },
+    Method {
+        name: "McpSolver, smoothing alone",
+        run: |p, x| solver(p, x, &[McpStrategy::Smoothing]),
+    },
+    Method {
+        name: "McpSolver, all strategies",
+        run: |p, x| solver(p, x, &[]),
+    },
+];
+
+fn told(report: &Report) -> Told {
+    let first = report.history.first().map_or(1.0, |i| i.residual_norm);
+    Told {
+        iterations: report.history.len().saturating_sub(1),
+        factorisations: report.factorisations,
+        order: report.observed_order(1e-13 * first),
+    }
+}
+
+fn pieces(map: &dyn PiecewiseSmooth, x: &mut [f64], damping: Damping) -> Option<Told> {
+    let mut newton = Newton::new(NewtonOptions::default().with_damping(damping));
+    newton.solve(map, x).ok();
+    Some(told(newton.report()))
+}
+
+fn fischer(p: &Mcp<Counted<'_>>, x: &mut [f64], lambda: f64, damping: Damping) -> Option<Told> {
+    let map = FischerBurmeister::penalised(p, lambda).ok()?;
+    let mut newton = Newton::new(NewtonOptions::default().with_damping(damping));
+    newton.solve_semismooth(&map as &dyn Semismooth, x).ok();
+    Some(told(newton.report()))
+}
+
+/// McpSolver with these strategies alone, or with all.
+fn solver(p: &Mcp<Counted<'_>>, x: &mut [f64], strategies: &[McpStrategy]) -> Option<Told> {
+    let mut options = McpOptions::default();
+    if !strategies.is_empty() {
+        options = options.with_strategies(strategies.to_vec());
+    }
+    let mut solver = McpSolver::new(options);
+    let report = solver.solve(p, x).ok()?;
+    let first = report.history.first().map_or(1.0, |i| i.residual);
+    Some(Told {
+        iterations: report.iterations,
+        factorisations: report.factorisations,
+        order: report.observed_order(1e-13 * first),
+    })
+}
+
+impl Complementarity {
+    pub(crate) fn run(&self, method: &Method) -> Outcome<Run> {
+        let counted = Counted::new(self.function.as_ref());
+        let problem = Mcp::new(counted, self.lower.clone(), self.upper.clone())?;
+        let mut x = self.start.clone();
+        let begun = Instant::now();
+        let told = (method.run)(&problem, &mut x);
+        let seconds = begun.elapsed().as_secs_f64();
+        let [evaluations, jacobians] = [0, 1].map(|k| problem.function().seen[k].get());
+        problem.project(&mut x);
+        let residual = problem.natural_residual(&x, &mut vec![0.0; x.len()])?;
+        Ok(Run {
+            solved: residual <= SOLVED,
+            residual,
+            evaluations,
+            jacobians,
+            iterations: told.as_ref().map_or(0, |t| t.iterations),
+            factorisations: told.as_ref().map_or(0, |t| t.factorisations),
+            seconds,
+            order: told.and_then(|t| t.order),
+        })
+    }
+}
+
+/// Rules of shortening Newton's steps on friction problems.
+pub(crate) const DAMPINGS: [(&str, Damping); 3] = [
+    ("Newton, full steps", Damping::Never),
+    ("Newton, line search on trouble", Damping::OnTrouble),
+    ("Newton, line search", Damping::Always),
+];
+
+impl Friction {
+    pub(crate) fn run(&self, damping: Damping) -> Outcome<Run> {
+        let size = |x: &[f64]| {
+            let mut r = vec![0.0; self.map.num_residuals()];
+            value(&self.map, x, &mut r);
+            r.iter()
+                .fold(0.0_f64, |m, v| if v.is_nan() { f64::NAN } else { m.max(v.abs()) })
+        };
+        let mut x = self.start.clone();
+        let mut newton = Newton::new(NewtonOptions::default().with_damping(damping));
+        let begun = Instant::now();
+        newton.solve(&self.map, &mut x).ok();
+        let seconds = begun.elapsed().as_secs_f64();
+        let told = told(newton.report());
+        let residual = size(&x);
+        Ok(Run {
+            solved: residual <= EQUILIBRIUM * size(&self.start),
+            residual,
+            evaluations: newton.report().evaluations,
+            jacobians: told.factorisations,
+            iterations: told.iterations,
+            factorisations: told.factorisations,
+            seconds,
+            order: told.order,
+        })
+    }
+}
+
+/// An elastic body with p contact nodes and two displacements a node, load and friction at random, from zero.
+pub(crate) fn random_friction(p: usize, random: &mut Random, name: String) -> Outcome<Friction> {
+    let n = 2 * p;
+    let g: Vec<Vec<f64>> = (0..n)
+        .map(|_| (0..n).map(|_| random.symmetric()).collect())
+        .collect();
+    let entry = |i: usize, j: usize| {
+        let product: f64 = (0..n).map(|k| g[i][k] * g[j][k]).sum();
+        product + if i == j { 0.3 } else { 0.0 }
+    };
+    let rows: Vec<Vec<f64>> = (0..n).map(|i| (0..n).map(|j| entry(i, j)).collect()).collect();
+    let pick = |first: usize| {
+        let entries: Vec<_> = (0..p).map(|i| (i, 2 * i + first, 1.0)).collect();
+        Matrix::from_triplets(p, n, &entries)
+    };
+    // Pressed on the ground at most nodes, dragged along.
+    let load: Vec<f64> = (0..n)
+        .map(|k| random.symmetric() * 2.0 + if k % 2 == 0 { 1.0 } else { 0.0 })
+        .collect();
+    let friction =
+        FrictionCoefficient::nodal((0..p).map(|_| 0.2 + 2.8 * random.symmetric().abs()).collect())?;
+    let problem: FullContact<PlanarCoulomb> = FullContact::planar(
+        Matrix::from_rows(&rows)?,
+        pick(0)?,
+        pick(1)?,
+        LoadPath::constant(load),
+        friction,
+    )?;
+    let start = vec![0.0; problem.num_vars()];
+    Ok(Friction {
+        name,
+        map: Box::new(problem),
+        start,
+    })
+}
+
+/// A linear complementarity problem with a matrix of one of four kinds, from zero or from a point at random.
+pub(crate) fn random_lcp(n: usize, kind: usize, random: &mut Random, name: &str) -> Outcome<Complementarity> {
+    let mut rows: Vec<Vec<f64>> = (0..n)
+        .map(|_| (0..n).map(|_| random.symmetric()).collect())
+        .collect();
+    let (label, add) = [
+        ("skew", 0.1),
+        ("monotone", 0.1),
+        ("triangular", 1.0),
+        ("indefinite", 0.0),
+    ][kind % 4];
+    match kind % 4 {
+        0 => {
+            let g = rows.clone();
+            (0..n * n).for_each(|k| rows[k / n][k % n] = g[k / n][k % n] - g[k % n][k / n]);
+        }
+        1 => {
+            let g = rows.clone();
+            let product = |i: usize, j: usize| -> f64 { (0..n).map(|k| g[i][k] * g[j][k]).sum() };
+            (0..n * n).for_each(|k| rows[k / n][k % n] = product(k / n, k % n) / n as f64);
+        }
+        // Murty's family with other numbers: a P-matrix on which Newton's method cycles.
+        2 => (0..n * n).for_each(|k| rows[k / n][k % n] *= if k % n < k / n { 2.0 } else { 0.0 }),
+        _ => {}
+    }
+    (0..n).for_each(|i| rows[i][i] += add);
+    // q = w − M z with z, w ≥ 0 complementary: there is a solution.
+    let z: Vec<f64> = (0..n).map(|_| random.symmetric().max(0.0)).collect();
+    let q = rows.iter().zip(&z).map(|(row, z_i)| {
+        let image: f64 = row.iter().zip(&z).map(|(m, z)| m * z).sum();
+        let slack = if *z_i > 0.0 { 0.0 } else { random.symmetric().abs() };
+        slack - image
+    });
+    let q: Vec<f64> = q.collect();
+    let function = AffineFunction::new(Matrix::from_rows(&rows)?, q)?;
+    let start = (0..n)
+        .map(|_| random.symmetric().abs() * (kind % 2) as f64)
+        .collect();
+    Ok(Complementarity {
+        name: format!("{label} {name}"),
+        function: Rc::new(function),
+        lower: vec![0.0; n],
+        upper: vec![f64::INFINITY; n],
+        start,
+    })
+}
