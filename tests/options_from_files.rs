@@ -7,6 +7,7 @@ use std::ops::ControlFlow;
 use semismooth::complementarity::active_set::{ActiveSetOptions, ActiveSetSolver};
 use semismooth::complementarity::pivoting::{Lemke, LemkeOptions};
 use semismooth::complementarity::{Lcp, McpOptions, McpSolver};
+use semismooth::cones::ConeOptions;
 use semismooth::contact::{
     CondensedContact, ContactBody, ContactOptions, DelassusOptions, DelassusSolver, EvolutionOptions,
     FixedPointOptions, FrictionCoefficient, FrictionCurve, LoadPath, PlanarCoulomb, ReducedOptions, evolve,
@@ -45,6 +46,7 @@ fn all_options_have_files() {
     check::<McpOptions>();
     check::<ActiveSetOptions>();
     check::<LemkeOptions>();
+    check::<ConeOptions>();
     check::<DelassusOptions>();
     check::<FixedPointOptions>();
     check::<ContactOptions>();

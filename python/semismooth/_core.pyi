@@ -1,5 +1,5 @@
 from collections.abc import Callable, Sequence
-from typing import Any, Literal, TypeAlias, TypedDict
+from typing import Any, Literal, TypeAlias, TypedDict, final
 
 from typing_extensions import Unpack
 
@@ -12,6 +12,7 @@ _Matrix: TypeAlias = Any
 
 class SemismoothError(ValueError): ...
 
+@final
 class Expression:
     def __add__(self, other: Expression | float, /) -> Expression: ...
     def __radd__(self, other: float, /) -> Expression: ...
@@ -40,8 +41,10 @@ class Expression:
     def cosh(self) -> Expression: ...
     def tanh(self) -> Expression: ...
 
+@final
 class Condition: ...
 
+@final
 class Map:
     @property
     def num_vars(self) -> int: ...
@@ -59,12 +62,14 @@ def traced_minimum(a: Any, b: Any) -> Expression: ...
 def traced_clip(x: Any, lower: Any, upper: Any) -> Expression: ...
 def traced_where(condition: Any, a: Any, b: Any) -> Any: ...
 
+@final
 class Lcp:
-    def __init__(
-        self, M: _Matrix, q: ArrayLike, lower: ArrayLike | None = None, upper: ArrayLike | None = None
-    ) -> None: ...
+    def __new__(
+        cls, M: _Matrix, q: ArrayLike, lower: ArrayLike | None = None, upper: ArrayLike | None = None
+    ) -> Lcp: ...
     def __len__(self) -> int: ...
 
+@final
 class McpResult:
     @property
     def x(self) -> _Vector: ...
@@ -136,6 +141,7 @@ def solve_mcp(
     **options: Unpack[_McpOptions],
 ) -> McpResult: ...
 
+@final
 class LemkeResult:
     @property
     def x(self) -> _Vector: ...
@@ -164,6 +170,7 @@ def lemke(
     max_pivots: int | None = None,
 ) -> LemkeResult: ...
 
+@final
 class Solution:
     @property
     def x(self) -> _Vector: ...
@@ -176,6 +183,7 @@ class Solution:
     @property
     def index(self) -> int | None: ...
 
+@final
 class Continuum:
     @property
     def pieces(self) -> list[list[str]]: ...
@@ -184,6 +192,7 @@ class Continuum:
     @property
     def ends(self) -> _Vector: ...
 
+@final
 class SolutionSet:
     @property
     def solutions(self) -> list[Solution]: ...
@@ -212,6 +221,7 @@ def all_solutions(
     problem: Lcp | Map, parameter: float = 0.0, **options: Unpack[_EnumerationOptions]
 ) -> SolutionSet: ...
 
+@final
 class Transition:
     @property
     def x(self) -> _Vector: ...
@@ -242,6 +252,7 @@ class Transition:
     @property
     def arclength(self) -> float: ...
 
+@final
 class Fold:
     @property
     def x(self) -> _Vector: ...
@@ -252,6 +263,7 @@ class Fold:
     @property
     def arclength(self) -> float | None: ...
 
+@final
 class BranchPoint:
     @property
     def x(self) -> _Vector: ...
@@ -266,6 +278,7 @@ class BranchPoint:
     @property
     def arclength(self) -> float: ...
 
+@final
 class Crossing:
     @property
     def name(self) -> str: ...
@@ -278,6 +291,7 @@ class Crossing:
 
 _Drawn: TypeAlias = int | Callable[[_Vector], float] | None
 
+@final
 class Branch:
     @property
     def points(self) -> _Vector: ...
@@ -351,6 +365,7 @@ def follow(
     **options: Unpack[_FollowOptions],
 ) -> Branch: ...
 
+@final
 class Vertex:
     @property
     def x(self) -> _Vector: ...
@@ -363,6 +378,7 @@ class Vertex:
     @property
     def complete(self) -> bool: ...
 
+@final
 class Edge:
     @property
     def points(self) -> _Vector: ...
@@ -377,6 +393,7 @@ class Edge:
     @property
     def arclength(self) -> float: ...
 
+@final
 class Diagram:
     @property
     def vertices(self) -> list[Vertex]: ...
@@ -410,6 +427,7 @@ def diagram(
     **options: Unpack[_ContinuationOptions],
 ) -> Diagram: ...
 
+@final
 class ViResult:
     @property
     def x(self) -> _Vector: ...
@@ -450,6 +468,7 @@ def solve_vi(
     **options: Unpack[_McpOptions],
 ) -> ViResult: ...
 
+@final
 class ConeResult:
     @property
     def x(self) -> _Vector: ...
@@ -468,6 +487,12 @@ class ConeResult:
     @property
     def history(self) -> list[dict[str, Any]]: ...
 
+class _ConeOptions(TypedDict, total=False):
+    tolerance: float
+    max_iterations: int
+    max_time: float | None
+    restarts: int
+
 def solve_cone(
     F: Callable[[Any], Any] | Map | tuple[_Matrix, ArrayLike],
     cones: Sequence[tuple[Literal["free", "nonnegative", "second-order"], int]],
@@ -476,12 +501,10 @@ def solve_cone(
     jac: Callable[[_Vector], _Matrix] | Literal["differences"] | None = None,
     pattern: _Matrix | None = None,
     callback: Callable[[dict[str, Any]], Any] | None = None,
-    tolerance: float | None = None,
-    max_iterations: int | None = None,
-    max_time: float | None = None,
-    restarts: int | None = None,
+    **options: Unpack[_ConeOptions],
 ) -> ConeResult: ...
 
+@final
 class FrictionResult:
     @property
     def x(self) -> _Vector: ...

@@ -145,16 +145,12 @@ pub(crate) fn python<'py>(py: Python<'py>, value: &impl Serialize) -> PyResult<B
 pub(crate) fn options<T: DeserializeOwned>(given: Option<&Bound<'_, PyDict>>, py: Python<'_>) -> PyResult<T> {
     let given = given.map_or_else(|| Ok(PyDict::new(py)), |g| g.copy())?;
     if let Some(seconds) = given.get_item("max_time")?.filter(|s| !s.is_none()) {
-        let time = self::seconds(seconds.extract()?)?;
+        let seconds: f64 = seconds.extract()?;
+        let time = Duration::try_from_secs_f64(seconds)
+            .map_err(|e| PyValueError::new_err(format!("max_time = {seconds} s: {e}")))?;
         given.set_item("max_time", pythonize::pythonize(py, &time)?)?;
     }
     pythonize::depythonize(&given).map_err(|e| PyTypeError::new_err(format!("options: {e}")))
-}
-
-/// A limit on time.
-pub(crate) fn seconds(given: f64) -> PyResult<Duration> {
-    Duration::try_from_secs_f64(given)
-        .map_err(|e| PyValueError::new_err(format!("max_time = {given} s: {e}")))
 }
 
 /// A failed conversion with what was expected, its cause kept.

@@ -70,7 +70,7 @@ impl FrictionResult {
 /// start : array of shape (dk,), optional
 ///     Reactions to start from.
 /// callback : callable, optional
-///     Called with a dict on each iterate but the last; returns True to stop.
+///     Called with a dict on each iterate; returns True to stop.
 /// **options
 ///     tolerance, max_time (seconds), max_sweeps and max_factorisations of DelassusOptions.
 ///

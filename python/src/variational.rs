@@ -11,7 +11,7 @@ use semismooth::cones::{Cone, ConeIteration, ConeOptions, ConeProblem, ConeSolve
 use semismooth::sparse::Matrix;
 use semismooth::variational::{Polyhedron, Vi, ViSolver};
 
-use crate::arrays::{bound, matrix, python, seconds, vector};
+use crate::arrays::{bound, matrix, python, vector};
 use crate::complementarity::{Derivative, observed};
 use crate::errors::{Run, raised};
 
@@ -191,8 +191,8 @@ impl ConeResult {
 ///     Start; 0 unless given.
 /// jac, pattern, callback
 ///     As for :func:`solve_mcp`.
-/// tolerance, max_iterations, max_time, restarts : optional
-///     Those of ConeOptions; max_time in seconds.
+/// **options
+///     tolerance, max_iterations, max_time (seconds) and restarts of ConeOptions.
 ///
 /// Returns
 /// -------
@@ -203,9 +203,7 @@ impl ConeResult {
 /// >>> ss.solve_cone(lambda x: x - [0, 3, 4], [("second-order", 3)]).x.round(9)
 /// array([2.5, 1.5, 2. ])
 #[pyfunction]
-#[pyo3(signature = (
-    F, cones, x0=None, *, jac=None, pattern=None, callback=None, tolerance=None, max_iterations=None, max_time=None, restarts=None
-))]
+#[pyo3(signature = (F, cones, x0=None, *, jac=None, pattern=None, callback=None, **options))]
 fn solve_cone(
     py: Python<'_>,
     F: &Bound<'_, PyAny>,
@@ -214,10 +212,7 @@ fn solve_cone(
     jac: Option<&Bound<'_, PyAny>>,
     pattern: Option<&Bound<'_, PyAny>>,
     callback: Option<Py<PyAny>>,
-    tolerance: Option<f64>,
-    max_iterations: Option<usize>,
-    max_time: Option<f64>,
-    restarts: Option<usize>,
+    options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<ConeResult> {
     let cone = |(name, dimension): (String, usize)| match name.as_str() {
         "free" => Ok(Cone::Free(dimension)),
@@ -231,11 +226,7 @@ fn solve_cone(
     let n = cones.iter().map(|c| c.len()).sum();
     let mut x = x0.map_or_else(|| Ok(vec![0.0; n]), |x0| vector(x0, "x0"))?;
     let derivative = Derivative::new(F, jac, pattern, &x, n)?;
-    let mut options = ConeOptions::default();
-    options.tolerance = tolerance.unwrap_or(options.tolerance);
-    options.max_iterations = max_iterations.unwrap_or(options.max_iterations);
-    options.restarts = restarts.unwrap_or(options.restarts);
-    options.max_time = max_time.map(seconds).transpose()?;
+    let options: ConeOptions = crate::arrays::options(options, py)?;
     let report = Run::detached(py, |run| {
         let problem = ConeProblem::new(derivative.function(run, n), cones).map_err(raised)?;
         let mut flow = ControlFlow::Continue(());

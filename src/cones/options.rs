@@ -6,6 +6,11 @@ use crate::options::setters;
 /// Options of [`ConeSolver`](super::ConeSolver).
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(default, deny_unknown_fields)
+)]
 pub struct ConeOptions {
     /// Bound on [`ConeReport::error`](super::ConeReport::error). Default 1e-10.
     pub tolerance: f64,

@@ -531,6 +531,16 @@ fn runs_can_be_stopped() {
     let least = seen.iter().map(|e| e.residual).fold(f64::INFINITY, f64::min);
     assert_eq!(report.residual, least);
 
+    let mut seen = Vec::new();
+    let report = DelassusSolver::default()
+        .solve_observed(&p, None, |entry| {
+            seen.push(*entry);
+            ControlFlow::Continue(())
+        })
+        .unwrap();
+    assert!(report.is_solved());
+    assert_eq!(report.history, seen);
+
     let options = DelassusOptions::default().with_max_factorisations(2);
     let report = DelassusSolver::new(options).solve(&p).unwrap();
     assert_eq!(report.status, DelassusStatus::Limit);

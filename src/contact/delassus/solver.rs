@@ -245,10 +245,11 @@ impl<'a, const D: usize> Run<'a, D> {
             success,
         };
         self.history.push(entry);
+        let told = (self.observe)(&entry);
         if self.solved {
             return ControlFlow::Break(DelassusStatus::Solved);
         }
-        if (self.observe)(&entry).is_break() {
+        if told.is_break() {
             return ControlFlow::Break(DelassusStatus::Interrupted);
         }
         ControlFlow::Continue(progress)
