@@ -249,4 +249,23 @@ mod tests {
             }
         }
     }
+
+    /// Two lines cross at the origin, where all terms of first order vanish and no last bit of x moves H: what H is off by counts against its
+    /// terms of second order.
+    #[test]
+    fn terms_of_second_order_measure_what_is_rounding() {
+        let rounding: Function = |y, a| [(y - a) * (y + a) + 1e-17, 2.0 * y, -2.0 * a];
+        let apart: Function = |y, a| [(y - a) * (y + a) + 1e-13, 2.0 * y, -2.0 * a];
+        for (piece, on_curve) in [(rounding, true), (apart, false)] {
+            let map = Plane::within(piece, &[]);
+            let selection = Selection::uniform(1, 0);
+            let guess = [1e-3, -0.7e-3];
+            let mut system = BranchSystem::new(&map, &selection, &[0.3, 0.3], &guess);
+            let found = system.solve(&guess).unwrap().unwrap();
+            assert_eq!(
+                (found.x.as_slice(), found.on_curve),
+                ([0.0; 2].as_slice(), on_curve)
+            );
+        }
+    }
 }
