@@ -28,9 +28,6 @@ pub(super) struct Complementary<'a> {
 impl<'a> Complementary<'a> {
     /// The problem at a root, where it is one with a positive definite matrix.
     pub(super) fn new(system: &'a System, search: &Search<'_>, root: &Table) -> Option<Self> {
-        if root.dimension() != system.sites.len() {
-            return None;
-        }
         let mut wanted = vec![false; root.variables()];
         let mut pairs = Vec::with_capacity(system.sites.len());
         for (s, site) in system.sites.iter().enumerate() {
@@ -316,5 +313,25 @@ mod tests {
             .collect();
         let map = with_parameter(&m, &[-1.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
         assert_eq!(searched(&map, 6).0.len(), 16);
+    }
+
+    /// The weights of a graph: M is singular but for rounding, and all y with equal entries are directions with α̇ = 0.
+    #[test]
+    fn what_is_definite_by_rounding_alone_is_searched() {
+        let (mut random, k) = (Random::new(11), 5);
+        for _ in 0..20 {
+            let mut m = vec![vec![0.0; k]; k];
+            for (i, j) in (0..k).flat_map(|i| (0..i).map(move |j| (i, j))) {
+                let weight = 1.1 + random.symmetric();
+                (m[i][j], m[j][i]) = (-weight, -weight);
+                m[i][i] += weight;
+                m[j][j] += weight;
+            }
+            let map = with_parameter(&m, &[1.0, -0.5, 0.3, 0.2, -1.1]);
+            let active = active_set(&map, &vec![0.0; k + 1], 1e-12);
+            let level = level_selections(&map, &vec![0.0; k + 1], &active, 10_000, Deadline::after(None));
+            let inside = active_set(&map, &[1.0, 1.0, 1.0, 1.0, 1.0, 0.0], 1e-9).first().clone();
+            assert!(level.unwrap().unwrap().selections.contains(&inside));
+        }
     }
 }
