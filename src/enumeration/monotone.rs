@@ -330,7 +330,9 @@ mod tests {
             let map = with_parameter(&m, &[1.0, -0.5, 0.3, 0.2, -1.1]);
             let active = active_set(&map, &vec![0.0; k + 1], 1e-12);
             let level = level_selections(&map, &vec![0.0; k + 1], &active, 10_000, Deadline::after(None));
-            let inside = active_set(&map, &[1.0, 1.0, 1.0, 1.0, 1.0, 0.0], 1e-9).first().clone();
+            let inside = active_set(&map, &[1.0, 1.0, 1.0, 1.0, 1.0, 0.0], 1e-9)
+                .first()
+                .clone();
             assert!(level.unwrap().unwrap().selections.contains(&inside));
         }
     }

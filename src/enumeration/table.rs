@@ -197,8 +197,6 @@ impl Table {
     /// The dictionary whose columns are the given variables, as many as there are columns now. `None` where there is none, within rounding.
     pub(super) fn with_columns(&self, wanted: &[bool]) -> Option<Self> {
         let mut table = self.compact();
-        // All columns that leave stay as rows: they hold the inverse.
-        table.forms = usize::MAX;
         for c in 0..table.active {
             if wanted[table.columns[c]] {
                 continue;
@@ -211,48 +209,7 @@ impl Table {
             }
             table.exchange(r, c);
         }
-        table.forms = self.forms;
-        table.bound_errors(self);
-        for var in self.forms..self.place.len() {
-            if self.sign[var] == Sign::Free {
-                table.forget(var);
-            }
-        }
         Some(table)
-    }
-
-    /// Error bounds of a dictionary that exchanges of large coefficients made from the root: with the rows E that became columns, the
-    /// columns P that became rows and B = root(E, P), errors δ of the root change a row a by δa − aB⁻¹ δE times the forms of P. Both aB⁻¹ and
-    /// these forms are coefficients of this dictionary.
-    fn bound_errors(&mut self, root: &Self) {
-        let was_row = |var: usize| match root.place[var] {
-            Place::Row(r) => Some(r),
-            _ => None,
-        };
-        let entered: Vec<(usize, usize)> = (self.active_columns().iter().enumerate())
-            .filter_map(|(c, &var)| Some((c, was_row(var)?)))
-            .collect();
-        let steps = EPS * entered.len() as f64;
-        let own = |r: usize| {
-            let size = root.row(r).iter().fold(0.0f64, |m, a| m.max(a.abs()));
-            root.error[r] + steps * size
-        };
-        let entered: Vec<(usize, f64)> = entered.into_iter().map(|(c, r)| (c, own(r))).collect();
-        let mut sums = vec![0.0f64; 1 + self.active];
-        for (r, &var) in self.rows.iter().enumerate() {
-            if was_row(var).is_none() {
-                for (sum, a) in sums.iter_mut().zip(self.row(r)) {
-                    *sum += a.abs();
-                }
-            }
-        }
-        let spread = sums.into_iter().fold(1.0, f64::max);
-        for (r, &var) in self.rows.iter().enumerate() {
-            let row = self.row(r);
-            let terms = entered.iter().map(|(c, e)| row[1 + c].abs() * e);
-            let bound = (was_row(var).map_or(0.0, own) + terms.sum::<f64>()) * spread + EPS;
-            self.error[r] = self.error[r].min(bound);
-        }
     }
 
     fn width(&self) -> usize {
@@ -688,8 +645,8 @@ mod tests {
         })
     }
 
-    /// Exchanges there and back leave the bounds of all of them. A dictionary made anew has the same rows, and bounds that hold for what rounding
-    /// errors of the root do to its rows, and little more.
+    /// Exchanges there and back leave the bounds of all of them. A dictionary made anew has the same rows, and bounds that hold, with the factor of
+    /// safety, for what rounding errors of the root do to its rows, and are not much larger.
     #[test]
     fn dictionaries_made_anew_forget_the_way() {
         let mut random = Random::new(3);
@@ -716,7 +673,8 @@ mod tests {
                 let beside = other.form(var).unwrap();
                 let mut pairs = vec![(old.constant, new.constant, beside.constant)];
                 for (c, &column) in table.active_columns().iter().enumerate() {
-                    let (Place::Column(k), Place::Column(l)) = (anew.place(column), other.place(column)) else {
+                    let (Place::Column(k), Place::Column(l)) = (anew.place(column), other.place(column))
+                    else {
                         panic!("{column} is no column");
                     };
                     pairs.push((old.coefficients[c], new.coefficients[k], beside.coefficients[l]));
@@ -724,11 +682,21 @@ mod tests {
                 for (old, new_value, beside_value) in pairs {
                     assert!((old - new_value).abs() <= 1e-6 * (1.0 + new_value.abs()));
                     let apart = (new_value - beside_value).abs();
-                    assert!(apart <= new.error + beside.error, "{apart:e}, {:e}", new.error);
+                    assert!(apart <= SAFETY * new.error, "{apart:e}, {:e}", new.error);
                     worst = worst.max(apart);
                 }
             }
-            eprintln!("ratio {:e} {:e} {:e}", anew.largest_error(), worst, table.largest_error()); assert!(anew.largest_error() <= 1e5 * worst, "{:e}, {worst:e}", anew.largest_error());
+            eprintln!(
+                "ratio {:e} {:e} {:e}",
+                anew.largest_error(),
+                worst,
+                table.largest_error()
+            );
+            assert!(
+                anew.largest_error() <= 1e3 * worst,
+                "{:e}, {worst:e}",
+                anew.largest_error()
+            );
         }
     }
 }
