@@ -6,6 +6,44 @@ from typing_extensions import Unpack
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+__all__ = [
+    "Branch",
+    "BranchPoint",
+    "Condition",
+    "ConeResult",
+    "Continuum",
+    "Crossing",
+    "Diagram",
+    "Edge",
+    "Expression",
+    "Fold",
+    "FrictionResult",
+    "Lcp",
+    "LemkeResult",
+    "Map",
+    "McpResult",
+    "SemismoothError",
+    "Solution",
+    "SolutionSet",
+    "Transition",
+    "Vertex",
+    "ViResult",
+    "all_solutions",
+    "diagram",
+    "follow",
+    "lemke",
+    "solve_cone",
+    "solve_friction",
+    "solve_lcp",
+    "solve_mcp",
+    "solve_vi",
+    "trace",
+    "traced_clip",
+    "traced_maximum",
+    "traced_minimum",
+    "traced_where",
+]
+
 _Vector: TypeAlias = NDArray[np.float64]
 _Matrix: TypeAlias = Any
 """An array of shape (n, n) or a matrix of scipy.sparse."""
