@@ -3,6 +3,7 @@
 mod arrays;
 mod complementarity;
 mod continuation;
+mod diagram;
 mod errors;
 mod expressions;
 mod friction;
@@ -19,6 +20,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     expressions::register(module)?;
     complementarity::register(module)?;
     continuation::register(module)?;
+    diagram::register(module)?;
     variational::register(module)?;
     friction::register(module)
 }
