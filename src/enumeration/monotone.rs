@@ -35,8 +35,8 @@ impl<'a> Complementary<'a> {
                 return None;
             };
             let vanishing = |equalities: &[usize]| {
-                let mut left = equalities.iter().map(|&f| search.variable(s, f));
-                let mut left = left.by_ref().filter(|&v| root.place(v) != Place::Gone);
+                let all = equalities.iter().map(|&f| search.variable(s, f));
+                let mut left = all.filter(|&v| root.place(v) != Place::Gone);
                 let one = left.next().filter(|&v| root.sign(v) != Sign::Free)?;
                 left.next().is_none().then_some(one)
             };
