@@ -315,6 +315,9 @@ fn maps_that_wind_have_their_index() {
             1 => assert!(found.is_regular(), "{found:?}"),
             _ => check_clarke(&map, &origin, &found),
         }
+        // Eight selections, of which rows are mixed in 64 ways: fewer are no argument.
+        let capped = cd_regularity(&map, &origin, 1e-9, 8).unwrap();
+        assert!(turns.abs() == 1 || !capped.is_regular(), "{capped:?}");
         assert_eq!(local_index(&map, &origin, 1e-9, 7).unwrap(), None);
     }
     // Once round with a step back: signs differ.
