@@ -1,0 +1,28 @@
+// The computations, and how they are asked.
+const computations = (() => {
+  let exports = null;
+  let module = null;
+  const start = () => { exports = new WebAssembly.Instance(module, {}).exports; };
+  const load = async () => {
+    const packed = Uint8Array.from(atob(packedComputations), (c) => c.charCodeAt(0));
+    const unpacked = new Blob([packed]).stream().pipeThrough(new DecompressionStream('gzip'));
+    module = await WebAssembly.compile(await new Response(unpacked).arrayBuffer());
+    start();
+  };
+  // The answer, {ok} or {error}.
+  const ask = (question) => {
+    try {
+      const text = new TextEncoder().encode(JSON.stringify(question));
+      const at = exports.question(text.length);
+      new Uint8Array(exports.memory.buffer, at, text.length).set(text);
+      const length = exports.answer_question();
+      const answer = new Uint8Array(exports.memory.buffer, exports.answer_text(), length);
+      return JSON.parse(new TextDecoder().decode(answer));
+    } catch (error) {
+      // What stopped once is not to be asked again.
+      start();
+      return { error: { message: `the computation stopped (${error.message}); please report the address of this page` } };
+    }
+  };
+  return { load, ask };
+})();

@@ -1,0 +1,196 @@
+// Pictures as SVG text: axes, curves, marks and legends. Colours are those of Okabe and Ito, told apart by colour-blind readers.
+const palettes = {
+  light: {
+    paper: '#ffffff', ink: '#1a1a1a', faint: '#5c6166', grid: '#e3e6ea', body: '#dfe6ee',
+    open: '#d55e00', stick: '#009e73', slip: '#0072b2', grazing: '#8c8c8c', fold: '#b0518c',
+    cycle: ['#0072b2', '#d55e00', '#009e73', '#b0518c', '#a67c00', '#3a9bd9', '#6a3d9a', '#5c6166'],
+  },
+  dark: {
+    paper: '#15181c', ink: '#e8eaed', faint: '#a3abb3', grid: '#2a3037', body: '#2c3640',
+    open: '#ff8a3d', stick: '#2fcf9f', slip: '#5eb3ec', grazing: '#9a9a9a', fold: '#e79cc8',
+    cycle: ['#5eb3ec', '#ff8a3d', '#2fcf9f', '#e79cc8', '#e6b93c', '#9ad4f5', '#b99be0', '#a3abb3'],
+  },
+};
+const font = 'DejaVu Sans, Segoe UI, Roboto, sans-serif';
+
+const escaped = (text) => String(text).replace(/[&<>"]/g, (c) => ({ '&': '&amp;', '<': '&lt;', '>': '&gt;', '"': '&quot;' }[c]));
+// Rounding errors read as 0, minus signs as minus signs.
+const shown = (value, digits = 4) => {
+  if (value === null || !Number.isFinite(value)) return '?';
+  const size = Math.abs(value);
+  if (size !== 0 && size >= 1e6) return value.toExponential(3).replace('-', '−');
+  const text = value.toFixed(digits);
+  return (Number(text) === 0 ? (0).toFixed(digits) : text).replace('-', '−');
+};
+const short = (value) => String(Number(value.toPrecision(6))).replace('-', '−');
+
+// u_t1 with its index set lower: for HTML and for SVG.
+const subscripts = (text, lower) => escaped(text).replace(/([A-Za-zλμθα⁰¹²³])_([A-Za-zν0-9,]+)/g, (_, a, b) => a + lower(b));
+const inHtml = (text) => subscripts(text, (b) => `<sub>${b}</sub>`);
+const inSvg = (text) => subscripts(text, (b) => `<tspan dy="4" font-size="80%">${b}</tspan><tspan dy="-4">\u200b</tspan>`);
+
+const widthOf = (() => {
+  const context = document.createElement('canvas').getContext('2d');
+  return (text, size) => { context.font = `${size}px ${font}`; return context.measureText(text.replace('_', '')).width; };
+})();
+
+const ticks = ([lower, upper], wanted) => {
+  const rough = (upper - lower) / wanted;
+  const power = 10 ** Math.floor(Math.log10(rough));
+  const step = [1, 2, 5, 10].map((k) => k * power).find((s) => s >= rough) ?? 10 * power;
+  const list = [];
+  for (let k = Math.ceil(lower / step - 1e-9); k * step <= upper + 1e-9 * step; k += 1) list.push(k * step);
+  return list;
+};
+
+// The range of some values with a margin.
+const padded = (values) => {
+  let [lower, upper] = [Math.min(...values), Math.max(...values)];
+  if (!(upper > lower + 1e-9 * Math.max(1, Math.abs(lower)))) [lower, upper] = [lower - 1, upper + 1];
+  const margin = 0.07 * (upper - lower);
+  return [lower - margin, upper + margin];
+};
+
+// Values that are met along enough of the horizontal axis, and those of events: curves that run off to infinity do not decide.
+const rangeOf = (curves, events) => {
+  const weighted = [];
+  for (const points of curves) {
+    for (let k = 1; k < points.length; k += 1) {
+      const weight = Math.abs(points[k][0] - points[k - 1][0]);
+      weighted.push([points[k][1], weight], [points[k - 1][1], weight]);
+    }
+  }
+  weighted.sort((a, b) => a[0] - b[0]);
+  const total = weighted.reduce((sum, w) => sum + w[1], 0);
+  const at = (share) => {
+    let sum = 0;
+    for (const [value, weight] of weighted) { sum += weight; if (sum >= share * total) return value; }
+    return weighted.length ? weighted[weighted.length - 1][0] : 0;
+  };
+  const values = [...events];
+  if (total > 0) values.push(at(0.004), at(0.996));
+  return padded(values.length ? values : [0]);
+};
+
+// Marks, one for each kind of event.
+const marks = {
+  'pass-through': (r) => `<circle r="${r}"/>`,
+  fold: (r) => `<path d="M${-r},${-r}L${1.2 * r},0L${-r},${r}Z"/>`,
+  'vertical segment': (r) => `<path d="M${-r},${-r}H${r}V${r}H${-r}Z M0,${-r}V${r}"/>`,
+  branching: (r) => `<path class="full" d="M${1.3 * r},0L0,${1.3 * r}L${-1.3 * r},0L0,${-1.3 * r}Z"/>`,
+  'branch point': (r) => `<path d="M${1.3 * r},0L0,${1.3 * r}L${-1.3 * r},0L0,${-1.3 * r}Z"/>`,
+  end: (r) => `<path d="M${-r},${-r}L${r},${r}M${-r},${r}L${r},${-r}"/>`,
+  'smooth fold': (r) => `<path d="M${-r},${-r}H${r}V${r}H${-r}Z"/>`,
+  isolated: (r) => `<path d="M${-1.2 * r},0H${1.2 * r}M0,${-1.2 * r}V${1.2 * r}"/>`,
+};
+const mark = (kind, x, y, colours, r = 4.5) => {
+  if (!marks[kind]) return '';
+  const filled = kind === 'branching' ? colours.ink : colours.paper;
+  return `<g transform="translate(${x.toFixed(2)},${y.toFixed(2)})" fill="${filled}" stroke="${colours.ink}" stroke-width="1.5">${marks[kind](r)}</g>`;
+};
+
+// Axes of a picture: places, and the text of frame, ticks and labels.
+const axes = ({ width, height, x, y, xLabel, yLabel, title, legend, colours, name }) => {
+  const size = 13;
+  const rows = [];
+  let used = Infinity;
+  for (const entry of legend) {
+    const room = 44 + widthOf(entry.label, size);
+    if (used + room > width - 12) { rows.push([]); used = 0; }
+    rows[rows.length - 1].push([entry, used]);
+    used += room;
+  }
+  const yTicks = ticks(y, Math.max(3, height / 70));
+  const left = 34 + Math.max(...yTicks.map((v) => widthOf(short(v), size)), 10);
+  const [top, right] = [title ? 30 : 14, 14];
+  const total = height + rows.length * 22 + 8;
+  const bottom = height - 44;
+  const X = (v) => left + ((v - x[0]) / (x[1] - x[0])) * (width - right - left);
+  const Y = (v) => bottom - ((v - y[0]) / (y[1] - y[0])) * (bottom - top);
+  const xTicks = ticks(x, Math.max(3, (width - left) / 80));
+  let text = `<svg xmlns="http://www.w3.org/2000/svg" width="${width}" height="${total}" viewBox="0 0 ${width} ${total}" font-family="${font}" font-size="${size}">`;
+  text += `<title>${escaped(name)}</title><rect width="${width}" height="${total}" fill="${colours.paper}"/>`;
+  const clip = `clip-${name.replace(/[^a-z0-9]/gi, '')}-${width}`;
+  text += `<clipPath id="${clip}"><rect x="${left}" y="${top}" width="${width - right - left}" height="${bottom - top}"/></clipPath>`;
+  text += `<g stroke="${colours.grid}">${xTicks.map((v) => `<path d="M${X(v).toFixed(1)},${top}V${bottom}"/>`).join('')}${yTicks.map((v) => `<path d="M${left},${Y(v).toFixed(1)}H${width - right}"/>`).join('')}</g>`;
+  text += `<g fill="${colours.faint}" text-anchor="middle">${xTicks.map((v) => `<text x="${X(v).toFixed(1)}" y="${bottom + 17}">${short(v)}</text>`).join('')}</g>`;
+  text += `<g fill="${colours.faint}" text-anchor="end">${yTicks.map((v) => `<text x="${left - 6}" y="${(Y(v) + 4.5).toFixed(1)}">${short(v)}</text>`).join('')}</g>`;
+  text += `<g fill="${colours.ink}" text-anchor="middle"><text x="${(left + width - right) / 2}" y="${bottom + 37}">${inSvg(xLabel)}</text>`;
+  text += `<text transform="translate(15,${(top + bottom) / 2}) rotate(-90)">${inSvg(yLabel)}</text>`;
+  if (title) text += `<text x="${(left + width - right) / 2}" y="19" font-weight="600">${inSvg(title)}</text>`;
+  text += '</g>';
+  rows.forEach((row, k) => {
+    const line = height + 14 + 22 * k;
+    for (const [entry, at] of row) {
+      const start = 8 + at;
+      text += entry.mark
+        ? mark(entry.mark, start + 14, line - 4, colours)
+        : `<path d="M${start},${line - 4}h26" stroke="${entry.colour}" stroke-width="${entry.width ?? 2.5}"${entry.dash ? ` stroke-dasharray="${entry.dash}"` : ''}/>`;
+      text += `<text x="${start + 32}" y="${line}" fill="${colours.ink}">${inSvg(entry.label)}</text>`;
+    }
+  });
+  const frame = `<rect x="${left}" y="${top}" width="${width - right - left}" height="${bottom - top}" fill="none" stroke="${colours.faint}"/>`;
+  return { X, Y, text, frame, clip, left, top, right: width - right, bottom };
+};
+
+const polyline = (points, X, Y) => points.map(([a, b], k) => `${k ? 'L' : 'M'}${X(a).toFixed(2)},${Y(b).toFixed(2)}`).join('');
+
+// A diagram over its parameter. `value` is what is drawn of a point, `style` the class {label, colour} of an edge. `at` is the value of
+// the parameter that is marked, with the solutions there.
+const diagramPicture = ({ diagram, value, style, range, at, solutions, colours, ...picture }) => {
+  const place = (x) => [x[x.length - 1], value(x)];
+  const curves = diagram.edges.map((edge) => edge.points.map(place));
+  const events = diagram.vertices.filter((v) => v.number || v.kind === 'isolated');
+  const y = rangeOf(curves, [...events.map((v) => value(v.x)), ...solutions.map(value)]);
+
+  const runs = [];
+  const classes = new Map();
+  const kinds = new Set(events.map((v) => v.kind));
+  diagram.edges.forEach((edge, e) => {
+    const look = style(edge);
+    classes.set(look.label, look);
+    const cuts = [0, ...edge.folds, edge.points.length - 1];
+    if (edge.folds.length) kinds.add('smooth fold');
+    for (let k = 1; k < cuts.length; k += 1) {
+      const [from, to] = [cuts[k - 1], cuts[k]];
+      runs.push({ points: curves[e].slice(from, to + 1), colour: look.colour, negative: edge.det[Math.floor((from + to) / 2)] === -1 });
+    }
+  });
+  const legend = [...classes.values()];
+  if (runs.some((run) => run.negative)) legend.push({ label: 'det < 0', colour: colours.faint, dash: '7 4' });
+  for (const kind of Object.keys(marks)) if (kinds.has(kind)) legend.push({ label: kind, mark: kind });
+
+  const frame = axes({ ...picture, x: range, y, legend, colours });
+  const { X, Y } = frame;
+  let text = frame.text;
+  text += `<g clip-path="url(#${frame.clip})">`;
+  text += `<path d="M${X(at).toFixed(2)},${frame.top}V${frame.bottom}" stroke="${colours.faint}" stroke-dasharray="2 3"/>`;
+  text += '<g fill="none" stroke-width="2.5" stroke-linejoin="round">';
+  for (const run of runs) text += `<path d="${polyline(run.points, X, Y)}" stroke="${run.colour}"${run.negative ? ' stroke-dasharray="7 4"' : ''}/>`;
+  text += '</g>';
+  for (const x of solutions) text += `<circle cx="${X(at).toFixed(2)}" cy="${Y(value(x)).toFixed(2)}" r="3" fill="${colours.ink}"/>`;
+  diagram.edges.forEach((edge, e) => {
+    for (const k of edge.folds) text += mark('smooth fold', X(curves[e][k][0]), Y(curves[e][k][1]), colours);
+  });
+  for (const v of events) text += mark(v.kind, X(place(v.x)[0]), Y(place(v.x)[1]), colours);
+  text += '</g>' + frame.frame;
+
+  // Labels where nothing was written before.
+  const taken = [];
+  for (const v of events.filter((e) => e.number)) {
+    const [px, py] = [X(place(v.x)[0]), Y(place(v.x)[1])];
+    if (px < frame.left - 1 || px > frame.right + 1 || py < frame.top - 1 || py > frame.bottom + 1) continue;
+    const label = `T${v.number}`;
+    const room = widthOf(label, 12);
+    const corners = [[8, -8], [8, 18], [-8 - room, -8], [-8 - room, 18], [8, -24], [8, 34], [-8 - room, -24], [-8 - room, 34]];
+    const box = ([dx, dy]) => [px + dx, py + dy - 10, px + dx + room, py + dy + 2];
+    const free = (b) => b[0] > frame.left && b[2] < frame.right && b[1] > frame.top && b[3] < frame.bottom
+      && taken.every((t) => b[0] > t[2] || t[0] > b[2] || b[1] > t[3] || t[1] > b[3])
+      && curves.every((points) => points.every(([u, w]) => !(X(u) > b[0] && X(u) < b[2] && Y(w) > b[1] && Y(w) < b[3])));
+    const fits = corners.find((c) => free(box(c))) ?? corners[0];
+    taken.push(box(fits));
+    text += `<text x="${(px + fits[0]).toFixed(1)}" y="${(py + fits[1]).toFixed(1)}" font-size="12" fill="${colours.ink}" stroke="${colours.paper}" stroke-width="3" paint-order="stroke">${label}</text>`;
+  }
+  text += '<g class="cursor"></g></svg>';
+  return { text, frame, curves };
+};

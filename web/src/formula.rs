@@ -1,0 +1,205 @@
+//! Equations of one's own: one or two of them in x, y and the parameter a.
+
+use semismooth::continuation::{Diagram, SearchOptions, search_solutions};
+use semismooth::enumeration::{EnumerationError, EnumerationOptions};
+use semismooth::piecewise::{Kinks, NonsmoothFunction, PiecewiseSmooth, Real, Selection, Traced};
+use serde::{Deserialize, Serialize};
+
+use crate::drawing::{Drawing, Words};
+use crate::error::{Error, interval, within};
+use crate::friction::{Solutions, listed, options, sections};
+use crate::parser::{Equation, read};
+
+/// Kinks in all equations together.
+const MOST_SITES: usize = 10;
+
+/// Equations, the range of the parameter, the value at which solutions are listed, and how far from 0 they are looked for.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Formula {
+    equations: Vec<String>,
+    range: [f64; 2],
+    at: f64,
+    reach: f64,
+    /// Whether the diagram is asked for, beside the solutions.
+    diagram: bool,
+}
+
+/// What is known of a formula.
+#[derive(Debug, Serialize)]
+pub(crate) struct Explored {
+    /// Number of unknowns: 1 (x) or 2 (x, y).
+    unknowns: usize,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    diagram: Option<Drawing>,
+    solutions: Listed,
+}
+
+#[derive(Debug, Serialize)]
+#[serde(untagged)]
+enum Listed {
+    /// Where the pieces are affine.
+    All(Solutions),
+    /// What a search from many starts has found.
+    Found(Found),
+}
+
+#[derive(Debug, Serialize)]
+struct Found {
+    solutions: Vec<FoundSolution>,
+    index_sum: Option<i64>,
+    /// A search never knows.
+    complete: bool,
+    /// In the words of the library.
+    completeness: String,
+}
+
+#[derive(Debug, Serialize)]
+struct FoundSolution {
+    x: Vec<f64>,
+    pieces: Vec<String>,
+    det: Vec<Option<i8>>,
+    index: Option<i8>,
+}
+
+/// The equations as a function of (x, a) or (x, y, a).
+struct System(Vec<Equation>);
+
+impl NonsmoothFunction for System {
+    fn num_vars(&self) -> usize {
+        self.0.len() + 1
+    }
+
+    fn num_residuals(&self) -> usize {
+        self.0.len()
+    }
+
+    fn eval<T: Real>(&self, x: &[T], kinks: &mut Kinks<'_, T>, out: &mut [T]) {
+        for (out, equation) in out.iter_mut().zip(&self.0) {
+            *out = equation.expression.eval(x, kinks);
+        }
+    }
+}
+
+/// The pieces of each site in the words of the formula.
+struct Pieces(Vec<[String; 2]>);
+
+impl Words for Pieces {
+    fn pieces(&self, selection: &Selection, _grazing: &[usize]) -> Vec<String> {
+        let named = self.0.iter().zip(selection.pieces());
+        named
+            .map(|(names, k)| names.get(k).cloned().unwrap_or_default())
+            .collect()
+    }
+
+    fn theta(&self, _x: &[f64]) -> Vec<[f64; 3]> {
+        Vec::new()
+    }
+}
+
+impl Formula {
+    pub(crate) fn explore(&self) -> Result<Explored, Error> {
+        interval("the range of a", self.range)?;
+        within("a", self.at, (self.range[0], self.range[1]), "inside its range")?;
+        within("the reach", self.reach, (1e-3, 1e6), "between 1e-3 and 1e6")?;
+        let (map, pieces) = self.map()?;
+        let solutions = match listed(&map, &pieces, self.at) {
+            Ok(solutions) => Listed::All(solutions),
+            Err(EnumerationError::NotAffine { .. }) => Listed::Found(self.found(&map, &pieces)?),
+            Err(e) => return Err(e.into()),
+        };
+        let diagram = match self.diagram {
+            true => Some(Drawing::new(&self.curves(&map, &solutions)?, &pieces)),
+            false => None,
+        };
+        Ok(Explored {
+            unknowns: map.num_residuals(),
+            diagram,
+            solutions,
+        })
+    }
+
+    fn curves(&self, map: &Traced<System>, solutions: &Listed) -> Result<Diagram, Error> {
+        let options = options(self.range);
+        let continuation = options.continuation.clone();
+        let reach = self.range[1] - self.range[0] + self.reach;
+        let options = options.with_continuation(continuation.with_max_arclength(20.0 * reach));
+        let sections = sections(self.range);
+        let mut starts: Vec<Vec<f64>> = match solutions {
+            Listed::Found(found) => found.solutions.iter().map(|s| s.x.clone()).collect(),
+            Listed::All(_) => {
+                let enumeration = EnumerationOptions::default();
+                return Ok(Diagram::explore_sections(map, &sections, &options, &enumeration)?);
+            }
+        };
+        for alpha in sections {
+            let more = search_solutions(map, alpha, &starts, &self.search())?;
+            starts.extend(more.solutions.into_iter().map(|s| s.x));
+        }
+        Ok(Diagram::explore(map, &starts, &options)?)
+    }
+
+    /// Few starts: the page waits.
+    fn search(&self) -> SearchOptions {
+        SearchOptions::default()
+            .with_starts(30)
+            .with_neighbours(40)
+            .with_deflations(4)
+            .with_rounds(2)
+            .with_spread(self.reach)
+            .with_max_solutions(50)
+            .with_reach(None)
+    }
+
+    fn found(&self, map: &Traced<System>, pieces: &Pieces) -> Result<Found, Error> {
+        let none: [[f64; 1]; 0] = [];
+        let found = search_solutions(map, self.at, &none, &self.search())?;
+        Ok(Found {
+            completeness: found.to_string(),
+            solutions: (found.solutions.into_iter())
+                .map(|s| FoundSolution {
+                    pieces: pieces.pieces(&s.selection, &[]),
+                    det: vec![s.det_sign],
+                    index: s.index,
+                    x: s.x,
+                })
+                .collect(),
+            index_sum: found.index_sum,
+            complete: false,
+        })
+    }
+
+    fn map(&self) -> Result<(Traced<System>, Pieces), Error> {
+        let given: Vec<&String> = match self.equations.as_slice() {
+            [first, second] if second.trim().is_empty() => vec![first],
+            list => list.iter().collect(),
+        };
+        within(
+            "the number of equations",
+            given.len() as f64,
+            (1.0, 2.0),
+            "1 (in x and a) or 2 (in x, y and a)",
+        )?;
+        let variables: &[(&str, usize)] = match given.len() {
+            1 => &[("x", 0), ("a", 1)],
+            _ => &[("x", 0), ("y", 1), ("a", 2)],
+        };
+        let read = |(equation, text): (usize, &&String)| {
+            read(text, variables).map_err(|mistake| Error::Formula { equation, mistake })
+        };
+        let equations = given
+            .iter()
+            .enumerate()
+            .map(read)
+            .collect::<Result<Vec<_>, _>>()?;
+        let sites = equations.iter().flat_map(|e| &e.sites);
+        let pieces = Pieces(sites.map(|s| s.pieces.clone()).collect());
+        within(
+            "the number of kinks (max, min, abs)",
+            pieces.0.len() as f64,
+            (0.0, MOST_SITES as f64),
+            "at most 10",
+        )?;
+        Ok((Traced::new(System(equations)), pieces))
+    }
+}
