@@ -1,5 +1,11 @@
 // Sliders with a field for exact values beside them.
 const element = (id) => document.getElementById(id);
+// The width that a drawing may have. Asking the browser between two changes makes it lay out the page: once is enough until the room changes.
+const rooms = new Map();
+const available = (box, most) => {
+  if (!rooms.has(box)) rooms.set(box, box.clientWidth);
+  return Math.max(280, Math.min(rooms.get(box) || most, most));
+};
 const clamp = (value, lower, upper) => Math.min(Math.max(value, lower), upper);
 
 // A slider; arrow keys go in steps of its own, so that exact values survive in between.

@@ -31,7 +31,16 @@ const inSvg = (text) => subscripts(text, (b) => `<tspan dy="4" font-size="80%">$
 
 const widthOf = (() => {
   const context = document.createElement('canvas').getContext('2d');
-  return (text, size) => { context.font = `${size}px ${font}`; return context.measureText(text.replace('_', '')).width; };
+  const known = new Map();
+  return (text, size) => {
+    const key = `${size} ${text}`;
+    if (!known.has(key)) {
+      if (known.size > 2000) known.clear();
+      context.font = `${size}px ${font}`;
+      known.set(key, context.measureText(text.replace('_', '')).width);
+    }
+    return known.get(key);
+  };
 })();
 
 const ticks = ([lower, upper], wanted) => {

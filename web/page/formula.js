@@ -72,7 +72,7 @@ const formulaTab = (() => {
     const { unknowns, solutions } = answer.ok;
     const diagram = answer.ok.diagram ?? current.diagram;
     current = { s, key, diagram, solutions };
-    explore.show([picture(colour(), Math.max(280, Math.min(element('formula-drawing').clientWidth || 960, 960)))]);
+    explore.show([picture(colour(), available(element('formula-drawing'), 960))]);
     element('formula-here').textContent = '';
     element('a-words').textContent = `a = ${shown(s.at)}`;
     const count = solutions.solutions.length;

@@ -88,7 +88,6 @@ const frictionTab = (() => {
       title: p === 1 ? '' : `node ${k + 1}`, name: `Branches of solutions: ${letter}${index(s, k)} over α`,
     }));
   };
-  const available = (box, most) => Math.max(280, Math.min(box.clientWidth || most, most));
 
   // The body: node 1 left of node 2, or one node; the other corners are clamped.
   const body = () => {

@@ -27,6 +27,7 @@ const changed = () => {
 };
 
 const showTab = () => {
+  rooms.clear();
   for (const tab of tabs) {
     const button = element(`tab-${tab}`);
     button.setAttribute('aria-selected', String(tab === state.tab));
@@ -68,7 +69,7 @@ preferred.addEventListener('change', () => { setTheme(preferred.matches); redraw
 // The event's own address: the page may have written another one since.
 addEventListener('hashchange', (event) => { if (readAddress(new URL(event.newURL).hash)) { showTab(); changed(); } });
 let lastWidth = 0;
-addEventListener('resize', () => { if (innerWidth !== lastWidth) { lastWidth = innerWidth; changed(); } });
+addEventListener('resize', () => { if (innerWidth !== lastWidth) { lastWidth = innerWidth; rooms.clear(); changed(); } });
 document.querySelectorAll('form').forEach((form) => form.addEventListener('submit', (event) => event.preventDefault()));
 
 setTheme(preferred.matches);
