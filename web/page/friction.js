@@ -236,7 +236,7 @@ const frictionTab = (() => {
         drawPlane();
       };
       if (planeLines === null) { find(); return; }
-      later = setTimeout(find, 80);
+      later = setTimeout(find, 150);
     }
     drawPlane();
   };
