@@ -41,22 +41,35 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     let cases = file.get("cases").unwrap_or(&file);
     let one = std::slice::from_ref(cases);
     let options = EnumerationOptions::default().with_max_nodes(arguments.max_nodes);
-    for (k, case) in cases.as_array().map_or(one, Vec::as_slice).iter().enumerate() {
+    let cases = cases.as_array().map_or(one, Vec::as_slice);
+    let mut refused = 0;
+    for (k, case) in cases.iter().enumerate() {
         let name = case["name"]
             .as_str()
             .map_or_else(|| format!("case {k}"), str::to_owned);
-        let in_case = |e: Box<dyn Error>| format!("{}, {name}: {e}", path.display());
-        let map = problem(case)
-            .map_err(in_case)?
-            .condensed()
-            .map_err(|e| in_case(e.into()))?;
-        for alpha in numbers(case, "alphas").map_err(in_case)? {
-            let set = all_solutions(&map, alpha, &options).map_err(|e| in_case(e.into()))?;
-            if arguments.json {
-                println!("{}", record(&map, &name, alpha, &set));
-            } else {
-                print(&map, &name, alpha, &set);
+        if let Err(e) = list(case, &name, &options, arguments.json) {
+            refused += 1;
+            match arguments.json {
+                true => println!("{}", json!({"case": name, "error": e.to_string()})),
+                false => eprintln!("error: {}, {name}: {e}", path.display()),
             }
+        }
+    }
+    match refused {
+        0 => Ok(()),
+        _ => Err(format!("{}: {refused} of {} cases refused", path.display(), cases.len()).into()),
+    }
+}
+
+/// Prints all solutions of one case.
+fn list(case: &Value, name: &str, options: &EnumerationOptions, json: bool) -> Result<(), Box<dyn Error>> {
+    let map = problem(case)?.condensed()?;
+    for alpha in numbers(case, "alphas")? {
+        let set = all_solutions(&map, alpha, options)?;
+        if json {
+            println!("{}", record(&map, name, alpha, &set));
+        } else {
+            print(&map, name, alpha, &set);
         }
     }
     Ok(())

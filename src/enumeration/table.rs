@@ -686,12 +686,6 @@ mod tests {
                     worst = worst.max(apart);
                 }
             }
-            eprintln!(
-                "ratio {:e} {:e} {:e}",
-                anew.largest_error(),
-                worst,
-                table.largest_error()
-            );
             assert!(
                 anew.largest_error() <= 1e3 * worst,
                 "{:e}, {worst:e}",

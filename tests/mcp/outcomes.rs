@@ -2,8 +2,8 @@ use std::ops::ControlFlow;
 use std::time::Duration;
 
 use semismooth::complementarity::{
-    AffineFunction, BoundState, ComplementarityError, Mcp, McpOptions, McpSolver, McpStatus, McpStrategy,
-    WithJacobian,
+    AffineFunction, BoundState, ComplementarityError, Mcp, McpIteration, McpOptions, McpSolver, McpStatus,
+    McpStrategy, WithJacobian,
 };
 use semismooth::sparse::{Matrix, Pattern};
 
@@ -25,14 +25,19 @@ fn limits_and_observers_end_a_solve_with_its_best_iterate() {
     let best = report.history.iter().map(|i| i.residual).fold(INF, f64::min);
     assert!((x[0] * x[0] + 1.0 - best).abs() < 1e-12);
 
-    let mut x = [3.0];
-    let report = solver
-        .solve_observed(&problem, &mut x, |i| match i.index {
-            1 => ControlFlow::Break(()),
-            _ => ControlFlow::Continue(()),
-        })
-        .unwrap();
-    assert_eq!(report.status, McpStatus::Interrupted);
+    for calls in 1..4 {
+        let (mut x, mut left) = ([3.0], calls);
+        let observe = |_: &McpIteration| {
+            left -= 1;
+            match left {
+                0 => ControlFlow::Break(()),
+                _ => ControlFlow::Continue(()),
+            }
+        };
+        let report = solver.solve_observed(&problem, &mut x, observe).unwrap();
+        assert_eq!(report.status, McpStatus::Interrupted);
+        assert_eq!(left, 0);
+    }
 
     let mut solver = McpSolver::new(McpOptions::default().with_max_time(Some(Duration::ZERO)));
     let mut x = [3.0];

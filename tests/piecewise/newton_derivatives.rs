@@ -3,7 +3,7 @@
 use semismooth::complementarity::{FischerBurmeister, Lcp};
 use semismooth::piecewise::Semismooth;
 use semismooth::piecewise::check::{CheckError, CheckOptions, Finding, FindingKind, check_semismooth};
-use semismooth::sparse::Matrix;
+use semismooth::sparse::{Matrix, Pattern};
 
 /// A map of one variable by its value and what is said to be its derivative.
 struct Scalar(fn(f64) -> f64, fn(f64) -> f64);
@@ -168,6 +168,36 @@ fn wrong_entries_are_named_with_row_and_column() {
     assert_eq!(
         (outside[0].kind, outside[0].entry),
         (FindingKind::StrayEntry, Some((2, 0)))
+    );
+}
+
+/// H(x) = (x₁ + 2 x₂ + 3 x₃, x₂, x₃) with a pattern that has the diagonal alone.
+struct Sparse;
+
+impl Semismooth for Sparse {
+    fn num_vars(&self) -> usize {
+        3
+    }
+    fn pattern(&self) -> Pattern {
+        Pattern::from_entries(3, 3, (0..3).map(|i| (i, i))).unwrap()
+    }
+    fn residual(&self, x: &[f64], out: &mut [f64]) {
+        out.copy_from_slice(&[x[0] + 2.0 * x[1] + 3.0 * x[2], x[1], x[2]]);
+    }
+    fn jacobian(&self, _: &[f64], jac: &mut Matrix) {
+        for (i, j, v) in [(0, 0, 1.0), (0, 1, 2.0), (0, 2, 3.0), (1, 1, 1.0), (2, 2, 1.0)] {
+            jac.add(i, j, v);
+        }
+    }
+}
+
+#[test]
+fn a_pattern_that_lacks_entries_is_told_without_more() {
+    let found = findings(&Sparse, &[vec![0.3, 0.4, 0.5]]);
+    assert!(!found.is_empty());
+    assert!(
+        found.iter().all(|f| f.kind == FindingKind::StrayEntry),
+        "{found:?}"
     );
 }
 

@@ -236,9 +236,8 @@ impl Engine<'_> {
         if step != McpStep::None {
             self.report.iterations += 1;
         }
-        if (self.observe)(&iteration).is_break() {
-            self.interrupted = true;
-        }
+        // Who has asked to stop is not asked again, though the last iterate is recorded.
+        self.interrupted = self.interrupted || (self.observe)(&iteration).is_break();
     }
 
     /// The number of components whose piece of the natural map at `work.here.x` is not that of the iterate recorded last.

@@ -110,14 +110,18 @@ impl Session<'_> {
                 continue;
             }
             self.report.selections += 1;
-            if let Some((i, j)) = jac.stray() {
+            let stray = jac.stray();
+            if let Some((i, j)) = stray {
                 self.find(FindingKind::StrayEntry, place.entry(i, j), 0.0, 1.0, &named);
             }
+            // One addition outside the pattern is reported, and what others may have left out is no news.
+            let left_out = |i: usize, j: usize| {
+                stray.is_some() && (stray == Some((i, j)) || jac.pattern().slot(i, j).is_none())
+            };
             for j in 0..x.len() {
                 for i in 0..n {
                     let (quotient, value) = (quotients.get(i, j), jac.get(i, j));
-                    // An addition outside the pattern has been reported as such.
-                    if !self.agrees(quotient, value) && jac.stray() != Some((i, j)) {
+                    if !self.agrees(quotient, value) && !left_out(i, j) {
                         self.find(
                             FindingKind::Jacobian,
                             place.entry(i, j),
