@@ -110,18 +110,15 @@ impl Session<'_> {
                 continue;
             }
             self.report.selections += 1;
-            let stray = jac.stray();
-            if let Some((i, j)) = stray {
+            if let Some((i, j)) = jac.stray() {
+                // What it has left out elsewhere is no news.
                 self.find(FindingKind::StrayEntry, place.entry(i, j), 0.0, 1.0, &named);
+                continue;
             }
-            // One addition outside the pattern is reported, and what others may have left out is no news.
-            let left_out = |i: usize, j: usize| {
-                stray.is_some() && (stray == Some((i, j)) || jac.pattern().slot(i, j).is_none())
-            };
             for j in 0..x.len() {
                 for i in 0..n {
                     let (quotient, value) = (quotients.get(i, j), jac.get(i, j));
-                    if !self.agrees(quotient, value) && !left_out(i, j) {
+                    if !self.agrees(quotient, value) {
                         self.find(
                             FindingKind::Jacobian,
                             place.entry(i, j),
