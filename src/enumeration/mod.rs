@@ -28,6 +28,7 @@ mod proof;
 mod proven_arms;
 mod reduced;
 mod search;
+mod shared;
 mod solutions;
 mod split;
 mod stated;

@@ -14,7 +14,7 @@ use super::table::{Place, Sign, Table};
 
 /// Sites at which both forms vanish, and with them either piece may be chosen: 2 to this many selections.
 const MAX_TIES: usize = 10;
-/// What a matrix must be more than singular by, relative to its diagonal.
+/// What a matrix must be more than singular by at least, relative to its diagonal.
 const DEFINITE: f64 = 1e-8;
 
 /// A linear complementarity problem for the forms of the open sites.
@@ -74,15 +74,16 @@ impl<'a> Complementary<'a> {
         if !sizes.iter().all(|d| d.is_finite() && *d > 0.0) {
             return false;
         }
-        // The symmetric part, with unit diagonal, and its errors.
-        let scaled = DMatrix::from_fn(k, k, |i, j| {
-            let mean = (matrix[(i, j)] + matrix[(j, i)]) / (2.0 * (sizes[i] * sizes[j]).sqrt());
-            mean - if i == j { DEFINITE } else { 0.0 }
-        });
+        // The symmetric part, with unit diagonal, less what its errors come to at most.
         let rows = errors.iter().zip(&factors).zip(&sizes);
         let rows: f64 = rows.map(|((e, f), size)| (e * f).powi(2) / size).sum();
         let columns: f64 = sizes.iter().map(|size| 1.0 / size).sum();
-        (rows * columns).sqrt() <= DEFINITE && Cholesky::new(scaled).is_some()
+        let margin = (rows * columns).sqrt().max(DEFINITE);
+        let scaled = DMatrix::from_fn(k, k, |i, j| {
+            let mean = (matrix[(i, j)] + matrix[(j, i)]) / (2.0 * (sizes[i] * sizes[j]).sqrt());
+            mean - if i == j { margin } else { 0.0 }
+        });
+        Cholesky::new(scaled).is_some()
     }
 
     fn sign(&self, var: usize) -> f64 {

@@ -379,8 +379,9 @@ pub(super) fn directional(
     active: &ActiveSet,
 ) -> Result<Option<System>, EnumerationError> {
     let m = map.num_vars();
-    // Differences across a step of rounding size show the noise of approximate derivatives, and nothing else.
-    let near: Vec<f64> = x.iter().map(|v| v + 1e-13 * (1.0 + v.abs())).collect();
+    // Differences across a step of rounding size, whatever the units, show the noise of approximate derivatives, and nothing else.
+    let size = |v: f64| if v == 0.0 { 1.0 } else { v.abs() };
+    let near: Vec<f64> = x.iter().map(|v| v + 1e-13 * size(*v)).collect();
     let layout = TestLayout::new(map);
     let vanishes = |site: usize, test: usize| {
         active
@@ -399,6 +400,7 @@ pub(super) fn directional(
     };
     system.all_forms().for_each(|f| f.constant = 0.0);
     system.scale();
+    system.tell_shared_equalities();
     Ok(Some(system))
 }
 
@@ -459,7 +461,7 @@ fn power(v: f64) -> f64 {
     }
 }
 
-fn scale_form(form: &mut Form) {
+pub(super) fn scale_form(form: &mut Form) {
     let f = power(size(form));
     form.coefficients.iter_mut().for_each(|a| *a *= f);
     form.constant *= f;

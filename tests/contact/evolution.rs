@@ -6,9 +6,12 @@ use std::ops::ControlFlow;
 use std::time::Duration;
 
 use semismooth::contact::{
-    Arrival, ContactError, ContactOptions, EvolutionOptions, Frictionless, NodeLaw, evolve,
+    Arrival, CondensedContact, ContactBody, ContactError, ContactOptions, EvolutionOptions,
+    FrictionCoefficient, Frictionless, NodeLaw, OrthotropicCoulomb, evolve,
 };
 use semismooth::continuation::{ContinuationOptions, Termination};
+use semismooth::fem::{Elasticity, Foundation, Material, Mesh};
+use semismooth::interface::LoadPath;
 use semismooth::newton::NewtonOptions;
 
 fn levels(steps: usize) -> Vec<f64> {
@@ -142,4 +145,56 @@ fn slip_of_levels_is_refused() {
         ContactError::SlipOfLevels
     );
     assert!(run(&EvolutionOptions::default().with_slip_increments(true)).is_ok());
+}
+
+/// A solid block held at its top, pressed 0.02 into the ground and moved by (0.007, 0.01) α.
+fn solid(n: usize, friction: [f64; 2]) -> CondensedContact<OrthotropicCoulomb> {
+    let mesh = Mesh::block([0.0; 3], [2.0, 2.0, 1.0], [n, n, n / 2]).unwrap();
+    let system = Elasticity::new(mesh, Material::isotropic(1.0, 0.3).unwrap())
+        .prescribe("top", 0, |_| 0.0)
+        .prescribe("top", 1, |_| 0.0)
+        .prescribe("top", 2, |_| -0.02)
+        .assemble()
+        .unwrap();
+    let [x, y] = [(0, 0.007), (1, 0.01)].map(|(k, v)| system.motion("top", k, |_| v).unwrap());
+    let load = LoadPath::affine(system.supports(), x.plus(y).unwrap());
+    let rows = system
+        .contact("bottom", &Foundation::plane([0.0; 3], [0.0, 0.0, 1.0]))
+        .unwrap();
+    let tangential = vec![rows.tangential, rows.tangential2.unwrap()];
+    let body = ContactBody::new(system.stiffness().clone(), rows.normal, tangential, load)
+        .unwrap()
+        .with_gap(rows.gap)
+        .unwrap();
+    let [first, second] = friction.map(|f| FrictionCoefficient::constant(f).unwrap());
+    CondensedContact::new(body, OrthotropicCoulomb::new(first, second)).unwrap()
+}
+
+/// At the beginning of a level each of 49 nodes that slipped may stick or go on: of 2⁴⁹ choices one is right, and is found at once.
+#[test]
+fn levels_after_those_at_which_a_solid_slipped() {
+    let levels = [0.5, 1.0, 0.5, 0.0, -1.0];
+    for friction in [[0.2, 0.1], [0.9, 0.05], [0.3, 0.3]] {
+        let mut problem = solid(6, friction);
+        let start = problem.solve(0.0, None).unwrap();
+        let limited = ContinuationOptions::default()
+            .with_max_points(1000)
+            .with_max_time(Some(Duration::from_secs(60)));
+        let options = EvolutionOptions::default().with_continuation(limited);
+        let steps = evolve(&mut problem, &start, &levels, &options, |_| {
+            ControlFlow::Continue(())
+        })
+        .unwrap();
+        let mut slipped = 0;
+        for s in &steps {
+            assert_eq!(s.arrival, Arrival::Followed, "{friction:?}, {}", s.level);
+            let balance = s.work - s.stored - s.dissipated;
+            assert!(balance.abs() < 1e-12 * s.solution.energy.stored, "{balance:e}");
+            assert!(s.dissipated > -1e-12 * s.solution.energy.stored);
+            slipped = slipped.max(s.solution.slip());
+        }
+        assert!(slipped > 25, "{slipped}");
+        let slips = steps.iter().map(|s| s.transitions).sum::<usize>();
+        assert!(slips > 20, "{slips}");
+    }
 }

@@ -1,0 +1,297 @@
+//! Equalities that all pieces of a site have in common, though no row is the same in all of them.
+//!
+//! Where a node in space slipped before, it sticks (u̇_t = 0, two rows) or slips (two others), and in both cases it does not move across the
+//! direction of the friction force: one equality of both, in rows that mix it with another. Told apart, the pieces differ in one form each, as in
+//! the plane, and the site is one of a linear complementarity problem ([`monotone`](super::monotone)).
+
+use nalgebra::{DMatrix, DVector};
+
+use super::system::{Site, System, scale_form};
+use super::table::Form;
+
+/// The sine of the angle up to which a vector belongs to a space. Solutions are known less exactly than the rows there.
+const ANGLE: f64 = 1e-8;
+
+impl System {
+    /// For homogeneous forms: takes the equalities that all pieces of a site imply for forms of their own, and those that are left to each piece.
+    pub(super) fn tell_shared_equalities(&mut self) {
+        self.sites.iter_mut().for_each(tell);
+    }
+}
+
+fn tell(site: &mut Site) {
+    let Some((first, others)) = site.pieces.split_first() else {
+        return;
+    };
+    let literal = (first.equalities.iter()).filter(|f| others.iter().all(|p| p.equalities.contains(f)));
+    let literal = literal.count();
+    let all = || std::iter::once(first).chain(others);
+    if others.is_empty() || all().any(|p| p.equalities.len() < literal + 2) {
+        return;
+    }
+    let spaces: Vec<Space> = all().map(|p| Space::of(&p.equalities, &site.forms)).collect();
+    let Some((space, rest)) = spaces.split_first() else {
+        return;
+    };
+    let shared = rest
+        .iter()
+        .fold(space.clone(), |shared, other| shared.meet(other));
+    if shared.basis.len() <= literal {
+        return;
+    }
+    let own: Vec<Space> = spaces.iter().map(|space| space.without(&shared)).collect();
+    // Forms of facets stay, and are followed by the new ones.
+    let kept = (0..site.forms.len()).filter(|f| all().any(|p| p.facets.iter().any(|facet| facet.0 == *f)));
+    let kept: Vec<usize> = kept.collect();
+    let mut forms: Vec<Form> = kept.iter().map(|&f| site.forms[f].clone()).collect();
+    let common = forms.len()..forms.len() + shared.basis.len();
+    forms.extend(shared.forms());
+    let mut begins = Vec::with_capacity(own.len());
+    for space in &own {
+        begins.push(forms.len());
+        forms.extend(space.forms());
+    }
+    for (k, piece) in site.pieces.iter_mut().enumerate() {
+        piece.equalities = common
+            .clone()
+            .chain(begins[k]..begins[k] + own[k].basis.len())
+            .collect();
+        for facet in &mut piece.facets {
+            let vector = DVector::from_column_slice(&site.forms[facet.0].coefficients);
+            facet.0 = kept.iter().position(|f| *f == facet.0).unwrap_or(facet.0);
+            // Between two pieces that differ in one form each, the facet of one is where the other begins.
+            if let [a, b] = own.as_slice()
+                && let ([a], [b]) = (a.basis.as_slice(), b.basis.as_slice())
+            {
+                let (own, other) = if k == 0 { (a, b) } else { (b, a) };
+                if let Some(factor) = multiple(&vector, other, own, &shared) {
+                    *facet = (begins[1 - k], facet.1 * factor.signum());
+                }
+            }
+        }
+    }
+    site.forms = forms;
+}
+
+/// The factor of a form, where `vector` is a multiple of it on the space in which `own` and what is shared vanish.
+fn multiple(vector: &DVector<f64>, form: &DVector<f64>, own: &DVector<f64>, shared: &Space) -> Option<f64> {
+    let on = |v: &DVector<f64>| {
+        let mut v = v.clone();
+        shared.project_off(&mut v);
+        v.axpy(-own.dot(&v), own, 1.0);
+        v
+    };
+    let (size, v, b) = (vector.norm(), on(vector), on(form));
+    let factor = v.dot(&b) / b.norm_squared();
+    let off = (v - b.scale(factor)).norm();
+    (off <= ANGLE * size && factor.abs() > ANGLE.sqrt() * size).then_some(factor)
+}
+
+/// A space of forms by an orthonormal basis, and how far off its vectors may be.
+#[derive(Clone)]
+struct Space {
+    basis: Vec<DVector<f64>>,
+    error: f64,
+}
+
+impl Space {
+    fn of(equalities: &[usize], forms: &[Form]) -> Self {
+        let forms = || equalities.iter().map(|&f| &forms[f]);
+        let vectors: Vec<_> = forms()
+            .map(|f| DVector::from_column_slice(&f.coefficients))
+            .collect();
+        let sizes: Vec<f64> = vectors.iter().map(|v| v.norm()).collect();
+        let most = vectors.len();
+        Self::spanned(
+            vectors,
+            &sizes,
+            most,
+            forms().map(|f| f.error).fold(0.0, f64::max),
+        )
+    }
+
+    /// By Gram and Schmidt: of the vectors, which had the given lengths, at most so many, the longest of what is left first.
+    fn spanned(mut vectors: Vec<DVector<f64>>, sizes: &[f64], most: usize, error: f64) -> Self {
+        let mut out = Self {
+            basis: Vec::new(),
+            error,
+        };
+        while out.basis.len() < most {
+            let shares = vectors
+                .iter()
+                .zip(sizes)
+                .map(|(v, size)| v.norm() / size)
+                .enumerate();
+            let longest = shares.filter(|s| s.1 > ANGLE).max_by(|a, b| a.1.total_cmp(&b.1));
+            let Some((k, share)) = longest else {
+                break;
+            };
+            // Once more: what is left of it may be little.
+            let mut next = vectors[k].clone();
+            out.project_off(&mut next);
+            next.unscale_mut(next.norm());
+            out.error = out.error.max(error / (share * sizes[k]));
+            for v in &mut vectors {
+                v.axpy(-next.dot(v), &next, 1.0);
+            }
+            out.basis.push(next);
+        }
+        out
+    }
+
+    fn project_off(&self, v: &mut DVector<f64>) {
+        for b in &self.basis {
+            v.axpy(-b.dot(v), b, 1.0);
+        }
+    }
+
+    /// What lies in both, within [`ANGLE`].
+    fn meet(&self, other: &Self) -> Self {
+        let mut out = Self {
+            basis: Vec::new(),
+            error: self.error.max(other.error),
+        };
+        let products = DMatrix::from_fn(self.basis.len(), other.basis.len(), |i, j| {
+            self.basis[i].dot(&other.basis[j])
+        });
+        if products.is_empty() || products.iter().any(|v| !v.is_finite()) {
+            return out;
+        }
+        // The principal vectors (Björck, Golub 1973); angles by what is left of them, as cosines near 1 tell little.
+        let Some(u) = products.svd(true, false).u else {
+            return out;
+        };
+        for column in u.column_iter() {
+            let mut v = self.basis[0].scale(column[0]);
+            for (b, c) in self.basis.iter().zip(column.iter()).skip(1) {
+                v.axpy(*c, b, 1.0);
+            }
+            let mut left = v.clone();
+            other.project_off(&mut left);
+            if left.norm() <= ANGLE {
+                out.error = out.error.max(left.norm());
+                out.basis.push(v);
+            }
+        }
+        out
+    }
+
+    /// What is left of it beside a part.
+    fn without(&self, part: &Self) -> Self {
+        let mut vectors = self.basis.clone();
+        vectors.iter_mut().for_each(|v| part.project_off(v));
+        let left = self.basis.len() - part.basis.len();
+        Self::spanned(
+            vectors,
+            &vec![1.0; self.basis.len()],
+            left,
+            self.error.max(part.error),
+        )
+    }
+
+    fn forms(&self) -> impl Iterator<Item = Form> + '_ {
+        self.basis.iter().map(|b| {
+            let mut form = Form {
+                coefficients: b.as_slice().to_vec(),
+                constant: 0.0,
+                error: self.error + f64::EPSILON,
+            };
+            scale_form(&mut form);
+            form
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::system::Piece;
+    use super::*;
+    use crate::spread::Random;
+
+    const UNKNOWNS: usize = 7;
+
+    fn form(coefficients: DVector<f64>) -> Form {
+        Form {
+            coefficients: coefficients.as_slice().to_vec(),
+            constant: 0.0,
+            error: 1e-15,
+        }
+    }
+
+    fn random_vector(random: &mut Random) -> DVector<f64> {
+        DVector::from_fn(UNKNOWNS, |_, _| random.symmetric())
+    }
+
+    /// A site whose pieces hold s = a = 0 and s = b = 0 in rows that mix the two, the cell of the first b ≥ 0 and that of the second a ≤ 0, in
+    /// facets that mix what vanishes with them; off by an angle.
+    fn mixed(random: &mut Random, angle: f64) -> (Site, [DVector<f64>; 3]) {
+        let [s, a, b] = [(); 3].map(|()| random_vector(random));
+        let rows = |v: &DVector<f64>, random: &mut Random| {
+            let off = random_vector(random) * angle;
+            let (c, d) = (0.5 + random.symmetric().abs(), 0.4 * random.symmetric());
+            [&s * c + v * d + off, &s * -d + v * c].map(form)
+        };
+        let (of_a, of_b) = (rows(&a, random), rows(&b, random));
+        let mix = |v: &DVector<f64>, own: &DVector<f64>, random: &mut Random| {
+            form(v * 0.8 + own * random.symmetric() + &s * random.symmetric())
+        };
+        let facets = [mix(&b, &a, random), mix(&a, &b, random)];
+        let piece = |k: usize, equalities: Vec<usize>, sign: f64| Piece {
+            pieces: vec![k],
+            equalities,
+            facets: vec![(k, sign)],
+        };
+        let site = Site {
+            sites: vec![0],
+            slots: vec![0],
+            forms: facets.into_iter().chain(of_a).chain(of_b).collect(),
+            pieces: vec![piece(0, vec![2, 3], 1.0), piece(1, vec![4, 5], -1.0)],
+            implied: None,
+        };
+        (site, [s, a, b])
+    }
+
+    fn value(form: &Form, x: &DVector<f64>) -> f64 {
+        DVector::from_column_slice(&form.coefficients).dot(x)
+    }
+
+    #[test]
+    fn pieces_that_share_an_equality_in_mixed_rows_differ_in_one_form_each() {
+        let mut random = Random::new(1);
+        for _ in 0..100 {
+            let (before, vectors) = mixed(&mut random, 1e-12);
+            let mut site = before.clone();
+            tell(&mut site);
+            let [first, second] = [0, 1].map(|k| &site.pieces[k].equalities);
+            assert_eq!((first.len(), second.len()), (2, 2));
+            assert_eq!(first[0], second[0]);
+            assert_ne!(first[1], second[1]);
+            // On each piece's space the cell is the same, bounded by the form of the other.
+            for (k, pair) in [[0, 1], [0, 2]].iter().enumerate() {
+                let equalities = Space::spanned(pair.map(|v| vectors[v].clone()).to_vec(), &[1.0; 2], 2, 0.0);
+                let mut x = random_vector(&mut random);
+                equalities.project_off(&mut x);
+                for &f in &site.pieces[k].equalities {
+                    assert!(value(&site.forms[f], &x).abs() < 1e-9);
+                }
+                let (old, new) = (before.pieces[k].facets[0], site.pieces[k].facets[0]);
+                assert_eq!(new.0, site.pieces[1 - k].equalities[1]);
+                assert!(
+                    old.1 * value(&before.forms[old.0], &x) * new.1 * value(&site.forms[new.0], &x) > 0.0
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn pieces_that_share_nothing_stay_as_they_are() {
+        let mut random = Random::new(2);
+        for _ in 0..100 {
+            let (before, _) = mixed(&mut random, 1e-5);
+            let mut site = before.clone();
+            tell(&mut site);
+            assert_eq!(site.forms.len(), before.forms.len());
+            assert_eq!(site.pieces[0].equalities, [2, 3]);
+        }
+    }
+}
