@@ -208,7 +208,8 @@ fn help(out: &mut dyn Write) -> Result<(), CliError> {
         out,
         "{VERSION}: solves mixed complementarity problems, square systems and first-order\n\
          conditions of nonlinear programs from AMPL's .nl files.\n\n\
-         semismooth FILE[.nl] [-AMPL] [option=value …]\n\n  \
+         semismooth FILE[.nl] [-AMPL] [option=value …]\n  \
+         semismooth help         the commands: contact, friction, init, completions, man\n\n  \
          -AMPL      write FILE.sol, as AMPL and Pyomo ask for\n  \
          -s         the same\n  \
          -v         print the version\n  \

@@ -6,6 +6,7 @@
 //! answer, [`options`] are those of the command line, [`cli`] is the program.
 
 pub mod cli;
+pub mod commands;
 pub mod graph;
 pub mod matching;
 pub mod model;

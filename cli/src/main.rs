@@ -1,19 +1,32 @@
-//! See `semismooth --help`.
+//! See `semismooth --help` and `semismooth help`.
 
 use std::io::Write;
 use std::process::ExitCode;
 
-use semismooth_cli::cli::{ENVIRONMENT, run};
+use semismooth_cli::cli::{self, ENVIRONMENT};
+use semismooth_cli::commands;
 
 fn main() -> ExitCode {
-    let environment = std::env::var_os(ENVIRONMENT).map(|v| v.to_string_lossy().into_owned());
+    let arguments: Vec<_> = std::env::args_os().skip(1).collect();
     let mut out = std::io::stdout().lock();
-    let result = run(std::env::args_os().skip(1), environment.as_deref(), &mut out);
-    match result.and_then(|()| Ok(out.flush()?)) {
+    if commands::is_command(&arguments) {
+        let result = commands::run(arguments, &mut out).and_then(|()| Ok(out.flush()?));
+        return match result {
+            Err(e) if e.is_closed_pipe() => ExitCode::SUCCESS,
+            other => ended(other.map_err(|e| (e.code(), e.to_string()))),
+        };
+    }
+    let environment = std::env::var_os(ENVIRONMENT).map(|v| v.to_string_lossy().into_owned());
+    let result = cli::run(arguments, environment.as_deref(), &mut out).and_then(|()| Ok(out.flush()?));
+    ended(result.map_err(|e| (1, e.to_string())))
+}
+
+fn ended(result: Result<(), (u8, String)>) -> ExitCode {
+    match result {
         Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
+        Err((code, error)) => {
             eprintln!("semismooth: {error}");
-            ExitCode::FAILURE
+            ExitCode::from(code)
         }
     }
 }

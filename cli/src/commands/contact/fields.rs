@@ -1,0 +1,63 @@
+//! Solutions as fields on the mesh.
+
+use std::path::Path;
+
+use semismooth::contact::{ContactSolution, NodeLaw};
+use semismooth::output::{Field, write_vtu};
+
+use super::Case;
+use crate::commands::error::CommandError;
+
+impl<L: NodeLaw> Case<'_, L> {
+    /// Displacements, stresses, and at the contact nodes states, pressures, tractions (forces by area; −1 and 0 elsewhere) and slips.
+    pub(super) fn write_fields(
+        &self,
+        path: &Path,
+        solution: &ContactSolution,
+        free: &[f64],
+        supports: &[f64],
+    ) -> Result<(), CommandError> {
+        let mesh = self.system.mesh();
+        let n = mesh.num_nodes();
+        let (mut state, mut pressure) = (vec![-1.0; n], vec![0.0; n]);
+        let (mut traction, mut slip) = (vec![0.0; 3 * n], vec![0.0; 3 * n]);
+        for (i, &node) in self.rows.nodes.iter().enumerate() {
+            let (v, area) = (&solution.nodes[i], self.rows.areas[i]);
+            state[node] = f64::from(solution.states[i].piece() as u32);
+            pressure[node] = v.pressure / area;
+            for d in 0..3 {
+                for (t, axis) in self.rows.tangents[i].iter().enumerate() {
+                    traction[3 * node + d] -= v.traction[t] / area * axis[d];
+                    slip[3 * node + d] += v.slip[t] * axis[d];
+                }
+                traction[3 * node + d] -= pressure[node] * self.rows.normals[i][d];
+            }
+        }
+        let failed = |e| CommandError::failed("the fields", e);
+        let stress = self.system.stresses(free, supports).map_err(failed)?;
+        let at_nodes = [
+            Field::new(
+                "displacement",
+                mesh.dim(),
+                self.system.displacements(free, supports).map_err(failed)?,
+            ),
+            Field::new("contact state", 1, state),
+            Field::new("pressure", 1, pressure),
+            Field::new("traction", 3, traction),
+            Field::new("slip", 3, slip),
+        ];
+        let von_mises = stress.iter().map(von_mises).collect();
+        let in_cells = [
+            Field::new("stress", 6, stress.iter().flatten().copied().collect()),
+            Field::new("von Mises stress", 1, von_mises),
+        ];
+        write_vtu(path, mesh, &at_nodes, &in_cells).map_err(|e| CommandError::failed("the fields", e))
+    }
+}
+
+/// (3/2 s : s)^½ of σ = (σ₁₁, σ₂₂, σ₃₃, σ₁₂, σ₂₃, σ₁₃), s its deviator.
+fn von_mises(stress: &[f64; 6]) -> f64 {
+    let [a, b, c, shear @ ..] = *stress;
+    let normal = (a - b).powi(2) + (b - c).powi(2) + (c - a).powi(2);
+    (0.5 * normal + 3.0 * shear.iter().map(|s| s * s).sum::<f64>()).sqrt()
+}

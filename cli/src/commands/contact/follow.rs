@@ -1,0 +1,157 @@
+//! The curve of static solutions over α.
+
+use std::fs::File;
+use std::io::{BufWriter, Write};
+
+use semismooth::contact::NodeLaw;
+use semismooth::continuation::{
+    Branch, Continuation, ContinuationOptions, Direction, Termination, Transition,
+};
+use semismooth::output::{BranchDiagram, Colour, Column, Curve, Panel, SegmentStyle, write_csv};
+use semismooth::piecewise::PiecewiseSmooth;
+
+use super::{Case, counts, write_failed};
+use crate::commands::error::CommandError;
+use crate::commands::progress::Progress;
+
+/// Positions of the progress between the two ends.
+const POSITIONS: f64 = 1000.0;
+
+pub(super) fn run<L: NodeLaw>(
+    case: &Case<'_, L>,
+    range: [f64; 2],
+    out: &mut dyn Write,
+) -> Result<(), CommandError> {
+    let [from, to] = range;
+    let problem = &case.problem;
+    let (json, quiet) = (case.arguments.json, case.arguments.quiet);
+    let failed = |e| CommandError::failed("the curve of solutions", e);
+    let start = problem
+        .solve(from, None)
+        .map_err(|e| CommandError::failed(format!("the start at α = {from}"), e))?;
+    let direction = match from < to {
+        true => Direction::Increasing,
+        false => Direction::Decreasing,
+    };
+    let options = ContinuationOptions::default().with_parameter_range((from.min(to), from.max(to)));
+    let curve = Continuation::new(problem, &start, direction, options).map_err(failed)?;
+    let progress = Progress::new(POSITIONS as u64, quiet || json)?;
+    let branch = Branch::collect(curve, |event| {
+        let share = (event.parameter() - from) / (to - from);
+        progress.at(
+            (POSITIONS * share) as u64,
+            format!("α = {:.4}", event.parameter()),
+        )
+    });
+    let interrupted = progress.cancelled();
+    drop(progress);
+    let branch = branch.map_err(failed)?;
+
+    let mut changes = 0;
+    for transition in &branch.transitions {
+        changes += tell(problem, transition, json, quiet, out)?;
+    }
+    if json {
+        let summary = serde_json::json!({
+            "end": branch.termination.name(),
+            "changes": changes,
+            "folds": branch.folds(),
+            "branch points": branch.branch_points.len(),
+        });
+        writeln!(out, "{summary}")?;
+    } else if !quiet {
+        writeln!(
+            out,
+            "{changes} changes of state; the curve ends: {}",
+            branch.termination
+        )?;
+        for alpha in branch.folds() {
+            writeln!(out, "fold at α = {alpha}")?;
+        }
+    }
+    write(case, &branch)?;
+    if !json && !quiet {
+        writeln!(out, "written to {}: curve.csv, curve.svg", case.folder.display())?;
+    }
+    if interrupted && branch.termination == Termination::Stopped {
+        let alpha = branch.points.last().map_or(from, |p| p.parameter());
+        return Err(CommandError::Interrupted(format!("at α = {alpha}")));
+    }
+    Ok(())
+}
+
+/// A line for each node that changes its state.
+fn tell(
+    map: &dyn PiecewiseSmooth,
+    transition: &Transition,
+    json: bool,
+    quiet: bool,
+    out: &mut dyn Write,
+) -> Result<usize, CommandError> {
+    let changed = transition.sites.iter().filter(|c| c.from != c.to);
+    let mut count = 0;
+    for change in changed {
+        count += 1;
+        let (from, to) = (
+            map.piece_name(change.site, change.from),
+            map.piece_name(change.site, change.to),
+        );
+        let (alpha, kind) = (transition.parameter(), transition.kind.name());
+        if json {
+            let line = serde_json::json!({
+                "parameter": alpha, "node": change.site, "from": from, "to": to, "kind": kind,
+            });
+            writeln!(out, "{line}")?;
+        } else if !quiet {
+            writeln!(
+                out,
+                "α = {alpha:<20}  node {:>4}  {from:>5} → {to:<5}  {kind}",
+                change.site
+            )?;
+        }
+    }
+    Ok(count)
+}
+
+/// The sums of the normal and of the tangential forces over α, as a table and as a picture, and the fields at the end.
+fn write<L: NodeLaw>(case: &Case<'_, L>, branch: &Branch) -> Result<(), CommandError> {
+    let (problem, p) = (&case.problem, case.problem.num_contacts());
+    let normal = |x: &[f64]| x[..p].iter().sum::<f64>();
+    let tangential = |x: &[f64]| x[p..2 * p].iter().sum::<f64>();
+    let path = case.file("curve.csv");
+    let mut file = BufWriter::new(File::create(&path).map_err(write_failed(&path))?);
+    let columns = [
+        Column::new("normal force", normal),
+        Column::new("tangential force", tangential),
+    ];
+    let failed = |e| CommandError::failed("the table", e);
+    write_csv(&mut file, problem, branch, &columns).map_err(failed)?;
+    file.flush().map_err(write_failed(&path))?;
+    let panel = |label: &str, force: &dyn Fn(&[f64]) -> f64| {
+        let style = |s: &_, _: &[usize]| overall(counts(&problem.states(s)));
+        Panel::new("α", label).with_curve(Curve::of_branch(branch, force, style))
+    };
+    let drawn = BranchDiagram::new(panel("sum of normal forces", &normal))
+        .with_panel(panel("sum of tangential forces", &tangential))
+        .with_size(860, 420)
+        .write(case.file("curve.svg"));
+    drawn.map_err(|e| CommandError::failed("the picture", e))?;
+    let Some(end) = branch.points.last().filter(|_| case.fields) else {
+        return Ok(());
+    };
+    let failed = |e| CommandError::failed("the fields", e);
+    let free = problem.displacements(&end.x).map_err(failed)?;
+    let supports = problem.support_displacements(&end.x).map_err(failed)?;
+    let solution = problem.solution(&end.x).map_err(failed)?;
+    case.write_fields(&case.file("end.vtu"), &solution, &free, &supports)
+}
+
+/// The state of all nodes together.
+fn overall([_, stick, slip]: [usize; 3]) -> SegmentStyle {
+    match (stick, slip) {
+        (0, 0) => SegmentStyle::new("no contact", Colour::RED),
+        (_, 0) => SegmentStyle::new("all in contact stick", Colour::GREEN),
+        (0, _) => SegmentStyle::new("all in contact slip", Colour::BLUE),
+        _ => SegmentStyle::new("stick and slip", Colour::PURPLE),
+    }
+}

@@ -1,0 +1,149 @@
+//! A history of loading.
+
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+
+use semismooth::contact::{Arrival, EvolutionOptions, EvolutionStep, NodeLaw, evolve};
+use semismooth::output::write_pvd;
+
+use super::{Case, counts, write_failed};
+use crate::commands::error::CommandError;
+use crate::commands::progress::Progress;
+
+const COLUMNS: &str = "level,open,stick,slip,transitions,arrival,normal force,tangential force 1,tangential force 2,\
+work,stored,dissipated";
+
+pub(super) fn run<L: NodeLaw>(
+    mut case: Case<'_, L>,
+    levels: &[f64],
+    out: &mut dyn Write,
+) -> Result<(), CommandError> {
+    let first = levels[0];
+    let failed = |level: f64| move |e| CommandError::failed(format!("the level α = {level}"), e);
+    let mut x = case.problem.solve(first, None).map_err(failed(first))?;
+    let (json, quiet) = (case.arguments.json, case.arguments.quiet);
+    let path = case.file("history.csv");
+    let mut table = BufWriter::new(File::create(&path).map_err(write_failed(&path))?);
+    writeln!(table, "{COLUMNS}").map_err(write_failed(&path))?;
+    if !json && !quiet {
+        writeln!(
+            out,
+            "     level  open stick  slip changes arrival        normal  tangential        work  dissipated"
+        )?;
+    }
+    let mut series = Vec::new();
+    case.write_level(&x, &mut series)?;
+    let progress = Progress::new(levels.len() as u64, quiet || json)?;
+    let options = EvolutionOptions::default();
+    for &level in &levels[1..] {
+        if progress.advance(format!("α = {level}")).is_break() {
+            break;
+        }
+        let steps = evolve(&mut case.problem, &x, &[level], &options, |_| {
+            ControlFlow::Continue(())
+        })
+        .map_err(failed(level))?;
+        for step in steps {
+            line(&mut table, &step).map_err(write_failed(&path))?;
+            case.write_level(&step.x, &mut series)?;
+            progress.suspend(|| match (json, quiet) {
+                (true, _) => writeln!(out, "{}", record(&step)),
+                (_, true) => Ok(()),
+                _ => print(out, &step),
+            })?;
+            x = step.x;
+        }
+    }
+    table.flush().map_err(write_failed(&path))?;
+    if case.fields {
+        write_pvd(case.file("history.pvd"), &series).map_err(|e| CommandError::failed("the fields", e))?;
+    }
+    if !json && !quiet {
+        let fields = if case.fields { ", history.pvd" } else { "" };
+        writeln!(out, "written to {}: history.csv{fields}", case.folder.display())?;
+    }
+    if progress.cancelled() {
+        let alpha = x.last().copied().unwrap_or(first);
+        return Err(CommandError::Interrupted(format!("after the level α = {alpha}")));
+    }
+    Ok(())
+}
+
+impl<L: NodeLaw> Case<'_, L> {
+    /// The fields of a level; those of a series are numbered, as a level may come again.
+    fn write_level(&self, x: &[f64], series: &mut Vec<(f64, PathBuf)>) -> Result<(), CommandError> {
+        if !self.fields {
+            return Ok(());
+        }
+        let failed = |e| CommandError::failed("the fields", e);
+        let name = format!("level_{:04}.vtu", series.len());
+        let free = self.problem.displacements(x).map_err(failed)?;
+        let supports = self.problem.support_displacements(x).map_err(failed)?;
+        let solution = self.problem.solution(x).map_err(failed)?;
+        self.write_fields(&self.file(&name), &solution, &free, &supports)?;
+        series.push((series.len() as f64, name.into()));
+        Ok(())
+    }
+}
+
+fn line(table: &mut impl Write, step: &EvolutionStep) -> std::io::Result<()> {
+    let [open, stick, slip] = counts(&step.solution.states);
+    let [normal, first, second] = step.solution.resultant();
+    writeln!(
+        table,
+        "{},{open},{stick},{slip},{},{},{normal:?},{first:?},{second:?},{:?},{:?},{:?}",
+        step.level,
+        step.transitions,
+        arrival(&step.arrival),
+        step.work,
+        step.stored,
+        step.dissipated
+    )
+}
+
+fn record(step: &EvolutionStep) -> serde_json::Value {
+    let [open, stick, slip] = counts(&step.solution.states);
+    let [normal, first, second] = step.solution.resultant();
+    serde_json::json!({
+        "level": step.level,
+        "open": open,
+        "stick": stick,
+        "slip": slip,
+        "transitions": step.transitions,
+        "arrival": arrival(&step.arrival),
+        "folds": step.folds,
+        "normal": normal,
+        "tangential": [first, second],
+        "work": step.work,
+        "stored": step.stored,
+        "dissipated": step.dissipated,
+    })
+}
+
+fn print(out: &mut dyn Write, step: &EvolutionStep) -> std::io::Result<()> {
+    let [open, stick, slip] = counts(&step.solution.states);
+    let [normal, first, second] = step.solution.resultant();
+    let tangential = if second == 0.0 { first } else { first.hypot(second) };
+    writeln!(
+        out,
+        "{:>10.4}  {open:>4} {stick:>5} {slip:>5} {:>7} {:<8} {normal:>11.4e} {tangential:>11.4e} {:>11.4e} {:>11.4e}",
+        step.level,
+        step.transitions,
+        arrival(&step.arrival),
+        step.work,
+        step.dissipated
+    )
+}
+
+/// How a level was reached.
+fn arrival(arrival: &Arrival) -> &'static str {
+    match arrival {
+        Arrival::Followed => "followed",
+        Arrival::Jumped => "jumped",
+        Arrival::PassedFolds => "folds",
+        Arrival::Ended(_) => "ended",
+        _ => "Newton",
+    }
+}

@@ -1,0 +1,126 @@
+//! What a run is described by.
+
+use serde::Deserialize;
+use toml::Spanned;
+
+/// A run file.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Input {
+    pub mesh: Spanned<MeshInput>,
+    pub material: Spanned<MaterialInput>,
+    #[serde(default)]
+    pub inclusion: Vec<Spanned<InclusionInput>>,
+    #[serde(default)]
+    pub support: Vec<Spanned<SupportInput>>,
+    #[serde(default)]
+    pub traction: Vec<Spanned<TractionInput>>,
+    pub contact: Spanned<ContactInput>,
+    pub run: Spanned<RunInput>,
+    #[serde(default)]
+    pub output: OutputInput,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct MeshInput {
+    pub file: Option<Spanned<String>>,
+    pub block: Option<Spanned<BlockInput>>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct BlockInput {
+    pub lower: Vec<f64>,
+    pub upper: Vec<f64>,
+    pub cells: Vec<usize>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct MaterialInput {
+    pub young: f64,
+    pub poisson: f64,
+    #[serde(default)]
+    pub plane: Plane,
+}
+
+#[derive(Debug, Default, Clone, Copy, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum Plane {
+    #[default]
+    Strain,
+    Stress,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct InclusionInput {
+    pub cells: String,
+    pub young: f64,
+    pub poisson: f64,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum Component {
+    X,
+    Y,
+    Z,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SupportInput {
+    pub facets: String,
+    pub components: Option<Vec<Component>>,
+    #[serde(default)]
+    pub value: Vec<f64>,
+    #[serde(default)]
+    pub grows: Vec<f64>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct TractionInput {
+    pub facets: String,
+    #[serde(default)]
+    pub value: Vec<f64>,
+    #[serde(default)]
+    pub grows: Vec<f64>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ContactInput {
+    pub facets: String,
+    pub point: Option<Vec<f64>>,
+    pub normal: Option<Vec<f64>>,
+    pub gap: Option<f64>,
+    pub friction: Option<f64>,
+    pub friction_by_slip: Option<Vec<(f64, f64)>>,
+    pub friction_across: Option<f64>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct RunInput {
+    pub levels: Option<Vec<f64>>,
+    pub follow: Option<[f64; 2]>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub(super) struct OutputInput {
+    pub folder: String,
+    pub fields: bool,
+}
+
+impl Default for OutputInput {
+    fn default() -> Self {
+        Self {
+            folder: "out".to_owned(),
+            fields: true,
+        }
+    }
+}

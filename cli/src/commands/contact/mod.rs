@@ -1,0 +1,109 @@
+//! A body in contact with friction, from a mesh to tables and pictures.
+
+mod fields;
+mod follow;
+mod history;
+mod input;
+mod model;
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use semismooth::contact::{CondensedContact, ContactState, NodeLaw};
+use semismooth::fem::{ContactRows, ElasticSystem};
+
+use self::model::{Plan, RunFile};
+use super::error::CommandError;
+
+/// A run file to begin with.
+pub const TEMPLATE: &str = include_str!("template.toml");
+
+/// Solves a body in contact with Coulomb friction: a history of loading, or the whole curve of solutions
+#[derive(Debug, Args)]
+pub struct ContactArgs {
+    /// The run, a TOML file; `semismooth init contact` writes one to begin with
+    run: PathBuf,
+    /// One JSON object a line instead of text
+    #[arg(long)]
+    json: bool,
+    /// No table, no progress
+    #[arg(long, short)]
+    quiet: bool,
+    /// Folder for the results, in place of that of the run file
+    #[arg(long)]
+    out: Option<PathBuf>,
+}
+
+/// A problem with what is needed to show its solutions.
+struct Case<'a, L> {
+    problem: CondensedContact<L>,
+    system: &'a ElasticSystem,
+    rows: ContactRows,
+    folder: PathBuf,
+    fields: bool,
+    arguments: &'a ContactArgs,
+}
+
+pub(super) fn run(arguments: &ContactArgs, out: &mut dyn Write) -> Result<(), CommandError> {
+    let file = RunFile::read(&arguments.run)?;
+    let plan = file.plan()?;
+    let (system, motion) = file.system()?;
+    if system.mesh().dim() == 2 {
+        let (problem, rows) = file.problem(&system, motion, file.planar()?)?;
+        work(&file, arguments, &system, problem, rows, &plan, out)
+    } else {
+        let (problem, rows) = file.problem(&system, motion, file.orthotropic()?)?;
+        work(&file, arguments, &system, problem, rows, &plan, out)
+    }
+}
+
+fn work<L: NodeLaw>(
+    file: &RunFile,
+    arguments: &ContactArgs,
+    system: &ElasticSystem,
+    problem: CondensedContact<L>,
+    rows: ContactRows,
+    plan: &Plan,
+    out: &mut dyn Write,
+) -> Result<(), CommandError> {
+    let folder = match &arguments.out {
+        Some(folder) => folder.clone(),
+        None => file.relative(&file.input.output.folder),
+    };
+    std::fs::create_dir_all(&folder).map_err(|source| CommandError::File {
+        path: folder.display().to_string(),
+        source,
+    })?;
+    let case = Case {
+        problem,
+        system,
+        rows,
+        folder,
+        fields: file.input.output.fields,
+        arguments,
+    };
+    match plan {
+        Plan::History(levels) => history::run(case, levels, out),
+        Plan::Follow(range) => follow::run(&case, *range, out),
+    }
+}
+
+impl<L> Case<'_, L> {
+    fn file(&self, name: &str) -> PathBuf {
+        self.folder.join(name)
+    }
+}
+
+/// Contact nodes that are open, stick and slip.
+fn counts(states: &[ContactState]) -> [usize; 3] {
+    let count = |wanted: fn(&ContactState) -> bool| states.iter().filter(|s| wanted(s)).count();
+    let open = count(|s| *s == ContactState::Open);
+    let stick = count(|s| *s == ContactState::Stick);
+    [open, stick, states.len() - open - stick]
+}
+
+fn write_failed(path: &Path) -> impl FnOnce(std::io::Error) -> CommandError {
+    let path = path.display().to_string();
+    move |source| CommandError::File { path, source }
+}

@@ -1,0 +1,291 @@
+//! From a run file to a problem.
+
+use std::error::Error;
+use std::path::{Path, PathBuf};
+
+use semismooth::contact::{
+    CondensedContact, ContactBody, FrictionCoefficient, FrictionCurve, NodeLaw, OrthotropicCoulomb,
+    PlanarCoulomb,
+};
+use semismooth::fem::{
+    ContactRows, ElasticSystem, Elasticity, Foundation, Material, Mesh, PlaneModel, read_gmsh,
+};
+use semismooth::interface::{LoadCase, LoadPath};
+use toml::Spanned;
+
+use super::input::{BlockInput, Component, ContactInput, Input, MeshInput, Plane, RunInput};
+use crate::commands::error::CommandError;
+
+/// A run file: its text, for the lines of errors, and where it is.
+pub(super) struct RunFile {
+    path: PathBuf,
+    text: String,
+    pub input: Input,
+}
+
+impl RunFile {
+    pub(super) fn read(path: &Path) -> Result<Self, CommandError> {
+        let name = path.display().to_string();
+        let text = std::fs::read_to_string(path).map_err(|source| CommandError::File {
+            path: name.clone(),
+            source,
+        })?;
+        let input = toml::from_str(&text).map_err(|source| CommandError::Toml {
+            path: name,
+            source: Box::new(source),
+        })?;
+        Ok(Self {
+            path: path.into(),
+            text,
+            input,
+        })
+    }
+
+    /// A path that is relative to the run file.
+    pub(super) fn relative(&self, path: &str) -> PathBuf {
+        self.path
+            .parent()
+            .map_or_else(|| path.into(), |folder| folder.join(path))
+    }
+
+    /// What is wrong with a value.
+    fn wrong<T>(
+        &self,
+        place: &Spanned<T>,
+        key: &str,
+        what: impl Into<Box<dyn Error + Send + Sync>>,
+    ) -> CommandError {
+        let before = self.text.get(..place.span().start).unwrap_or_default();
+        CommandError::Value {
+            path: self.path.display().to_string(),
+            line: before.matches('\n').count() + 1,
+            key: key.to_owned(),
+            source: what.into(),
+        }
+    }
+
+    /// Numbers for the components of a vector, 0 where none are given.
+    fn vector<T>(
+        &self,
+        place: &Spanned<T>,
+        key: &str,
+        given: &[f64],
+        count: usize,
+    ) -> Result<[f64; 3], CommandError> {
+        if !given.is_empty() && given.len() != count {
+            let what = format!("{} numbers, expected {count}", given.len());
+            return Err(self.wrong(place, key, what));
+        }
+        let mut out = [0.0; 3];
+        out[..given.len()].copy_from_slice(given);
+        Ok(out)
+    }
+
+    fn mesh(&self) -> Result<Mesh, CommandError> {
+        let place = &self.input.mesh;
+        let MeshInput { file, block } = place.get_ref();
+        match (file, block) {
+            (Some(file), None) => {
+                read_gmsh(self.relative(file.get_ref())).map_err(|e| self.wrong(file, "mesh.file", e))
+            }
+            (None, Some(block)) => {
+                let BlockInput { lower, upper, cells } = block.get_ref();
+                let wrong = |e: Box<dyn Error + Send + Sync>| self.wrong(block, "mesh.block", e);
+                match (lower.as_slice(), upper.as_slice(), cells.as_slice()) {
+                    (&[a, b], &[c, d], &[m, n]) => {
+                        Mesh::rectangle([a, b], [c, d], [m, n]).map_err(|e| wrong(e.into()))
+                    }
+                    (&[a, b, c], &[d, e, f], &[l, m, n]) => {
+                        Mesh::block([a, b, c], [d, e, f], [l, m, n]).map_err(|e| wrong(e.into()))
+                    }
+                    _ => Err(wrong(
+                        "lower, upper and cells have two numbers each, or three".into(),
+                    )),
+                }
+            }
+            _ => Err(self.wrong(place, "mesh", "one of file and block is wanted")),
+        }
+    }
+
+    /// The elastic body on its supports, and the supports that move, by α.
+    pub(super) fn system(&self) -> Result<(ElasticSystem, Option<LoadCase>), CommandError> {
+        let mesh = self.mesh()?;
+        let dim = mesh.dim();
+        let place = &self.input.material;
+        let material = place.get_ref();
+        let of_body = Material::isotropic(material.young, material.poisson)
+            .map_err(|e| self.wrong(place, "material", e))?;
+        let plane = match material.plane {
+            Plane::Strain => PlaneModel::Strain,
+            Plane::Stress => PlaneModel::Stress,
+        };
+        let mut elasticity = Elasticity::new(mesh, of_body).with_plane_model(plane);
+        for place in &self.input.inclusion {
+            let inclusion = place.get_ref();
+            elasticity
+                .mesh()
+                .cell_group(&inclusion.cells)
+                .map_err(|e| self.wrong(place, "inclusion", e))?;
+            let material = Material::isotropic(inclusion.young, inclusion.poisson)
+                .map_err(|e| self.wrong(place, "inclusion", e))?;
+            elasticity = elasticity.with_material(inclusion.cells.clone(), material);
+        }
+        let mut moving = Vec::new();
+        for place in &self.input.support {
+            let support = place.get_ref();
+            elasticity
+                .mesh()
+                .facet_group(&support.facets)
+                .map_err(|e| self.wrong(place, "support", e))?;
+            let all = [Component::X, Component::Y, Component::Z];
+            let components = support.components.as_deref().unwrap_or(&all[..dim]);
+            if dim == 2 && components.contains(&Component::Z) {
+                return Err(self.wrong(place, "support.components", "the plane has no z"));
+            }
+            let value = self.vector(place, "support.value", &support.value, components.len())?;
+            let grows = self.vector(place, "support.grows", &support.grows, components.len())?;
+            for (k, component) in components.iter().enumerate() {
+                let (v, at) = (value[k], *component as usize);
+                elasticity = elasticity.prescribe(support.facets.clone(), at, move |_| v);
+                if grows[k] != 0.0 {
+                    moving.push((place, at, grows[k]));
+                }
+            }
+        }
+        let system = elasticity
+            .assemble()
+            .map_err(|e| CommandError::failed("the body on its supports", e))?;
+        let mut motion: Option<LoadCase> = None;
+        for (place, component, rate) in moving {
+            let case = system
+                .motion(&place.get_ref().facets, component, |_| rate)
+                .map_err(|e| self.wrong(place, "support.grows", e))?;
+            motion = Some(match motion {
+                None => case,
+                Some(m) => m.plus(case).map_err(|e| self.wrong(place, "support.grows", e))?,
+            });
+        }
+        Ok((system, motion))
+    }
+
+    /// The loads: f₀ + α f₁.
+    fn load(&self, system: &ElasticSystem, motion: Option<LoadCase>) -> Result<LoadPath, CommandError> {
+        let dim = system.mesh().dim();
+        let mut constant = system.supports().clone();
+        let mut slope = motion.unwrap_or_else(|| vec![0.0; system.num_free()].into());
+        for place in &self.input.traction {
+            let traction = place.get_ref();
+            for (key, given, case) in [
+                ("traction.value", &traction.value, &mut constant),
+                ("traction.grows", &traction.grows, &mut slope),
+            ] {
+                let t = self.vector(place, key, given, dim)?;
+                let forces = system
+                    .traction(&traction.facets, |_| t)
+                    .map_err(|e| self.wrong(place, key, e))?;
+                *case = case.clone().plus(forces).map_err(|e| self.wrong(place, key, e))?;
+            }
+        }
+        Ok(LoadPath::affine(constant, slope))
+    }
+
+    fn foundation(&self, dim: usize) -> Result<Foundation, CommandError> {
+        let place = &self.input.contact;
+        let contact = place.get_ref();
+        match (&contact.point, &contact.normal, contact.gap) {
+            (Some(point), Some(normal), None) => {
+                let point = self.vector(place, "contact.point", point, dim)?;
+                let normal = self.vector(place, "contact.normal", normal, dim)?;
+                Ok(Foundation::plane(point, normal))
+            }
+            (None, None, Some(gap)) => Ok(Foundation::gap(move |_| gap)),
+            _ => Err(self.wrong(place, "contact", "a point and a normal are wanted, or a gap")),
+        }
+    }
+
+    fn friction(&self) -> Result<FrictionCoefficient, CommandError> {
+        let place = &self.input.contact;
+        let ContactInput {
+            friction,
+            friction_by_slip,
+            ..
+        } = place.get_ref();
+        let coefficient = match (friction, friction_by_slip) {
+            (Some(friction), None) => FrictionCoefficient::constant(*friction),
+            (None, Some(table)) => FrictionCurve::table(table).map(FrictionCoefficient::uniform),
+            _ => {
+                let what = "one of friction and friction_by_slip is wanted";
+                return Err(self.wrong(place, "contact", what));
+            }
+        };
+        coefficient.map_err(|e| self.wrong(place, "contact.friction", e))
+    }
+
+    pub(super) fn planar(&self) -> Result<PlanarCoulomb, CommandError> {
+        let place = &self.input.contact;
+        if place.get_ref().friction_across.is_some() {
+            return Err(self.wrong(
+                place,
+                "contact.friction_across",
+                "there is one tangent in the plane",
+            ));
+        }
+        Ok(PlanarCoulomb::new(self.friction()?))
+    }
+
+    pub(super) fn orthotropic(&self) -> Result<OrthotropicCoulomb, CommandError> {
+        let (place, first) = (&self.input.contact, self.friction()?);
+        Ok(match place.get_ref().friction_across {
+            None => OrthotropicCoulomb::isotropic(first),
+            Some(across) => {
+                let second = FrictionCoefficient::constant(across)
+                    .map_err(|e| self.wrong(place, "contact.friction_across", e))?;
+                OrthotropicCoulomb::new(first, second)
+            }
+        })
+    }
+
+    /// The problem, condensed onto its contact nodes, and these nodes.
+    pub(super) fn problem<L: NodeLaw>(
+        &self,
+        system: &ElasticSystem,
+        motion: Option<LoadCase>,
+        law: L,
+    ) -> Result<(CondensedContact<L>, ContactRows), CommandError> {
+        let place = &self.input.contact;
+        let foundation = self.foundation(system.mesh().dim())?;
+        let mut rows = system
+            .contact(&place.get_ref().facets, &foundation)
+            .map_err(|e| self.wrong(place, "contact", e))?;
+        let mut tangential = vec![rows.tangential.clone()];
+        tangential.extend(rows.tangential2.take());
+        let load = self.load(system, motion)?;
+        let body = ContactBody::new(system.stiffness().clone(), rows.normal.clone(), tangential, load)
+            .and_then(|body| body.with_gap(rows.gap.clone()))
+            .map_err(|e| self.wrong(place, "contact", e))?;
+        let problem =
+            CondensedContact::new(body, law).map_err(|e| CommandError::failed("the body in contact", e))?;
+        Ok((problem, rows))
+    }
+
+    /// What is to be done.
+    pub(super) fn plan(&self) -> Result<Plan, CommandError> {
+        let place = &self.input.run;
+        let RunInput { levels, follow } = place.get_ref();
+        match (levels, follow) {
+            (Some(levels), None) if !levels.is_empty() => Ok(Plan::History(levels.clone())),
+            (None, Some([from, to])) if from != to => Ok(Plan::Follow([*from, *to])),
+            (Some(_), None) => Err(self.wrong(place, "run.levels", "at least one level is wanted")),
+            (None, Some(_)) => Err(self.wrong(place, "run.follow", "two different values are wanted")),
+            _ => Err(self.wrong(place, "run", "one of levels and follow is wanted")),
+        }
+    }
+}
+
+/// What is to be done with the problem.
+pub(super) enum Plan {
+    /// A history of loading.
+    History(Vec<f64>),
+    /// The curve of static solutions.
+    Follow([f64; 2]),
+}

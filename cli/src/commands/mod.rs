@@ -1,0 +1,93 @@
+//! Commands for people with a mesh or files, and no Rust.
+
+mod contact;
+mod error;
+mod friction;
+mod progress;
+
+use std::ffi::OsString;
+use std::io::Write;
+use std::path::PathBuf;
+
+use clap::{Args, CommandFactory, Parser, Subcommand};
+
+use self::contact::ContactArgs;
+pub use self::error::CommandError;
+use self::friction::FrictionArgs;
+
+/// Piecewise-smooth equations: contact with friction, complementarity problems
+#[derive(Debug, Parser)]
+#[command(
+    name = "semismooth",
+    version,
+    after_help = "As a solver for AMPL and Pyomo: semismooth FILE.nl [-AMPL] [option=value]…"
+)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Contact(ContactArgs),
+    Friction(FrictionArgs),
+    Init(InitArgs),
+    /// Prints what a shell completes on the command line
+    Completions {
+        /// The shell
+        shell: clap_complete::Shell,
+    },
+    /// Prints the manual page (`semismooth man | man -l -`)
+    Man,
+}
+
+/// Writes a run file with comments, to begin with
+#[derive(Debug, Args)]
+struct InitArgs {
+    /// What for
+    #[arg(value_parser = ["contact"])]
+    kind: String,
+    /// The file; it must not be there yet
+    #[arg(default_value = "contact.toml")]
+    file: PathBuf,
+}
+
+/// Whether the arguments begin with a command, and are not those that AMPL gives for a problem of that name.
+#[must_use]
+pub fn is_command(arguments: &[OsString]) -> bool {
+    let first = arguments.first().and_then(|f| f.to_str()).unwrap_or_default();
+    let known = first == "help"
+        || Arguments::command()
+            .get_subcommands()
+            .any(|c| c.get_name() == first);
+    known && arguments.get(1).is_none_or(|second| second != "-AMPL")
+}
+
+/// Runs a command with its arguments, the name of the program not among them.
+///
+/// # Errors
+/// What keeps it from a result. Where arguments are not understood, or help is asked for, the program ends.
+pub fn run(arguments: impl IntoIterator<Item = OsString>, out: &mut dyn Write) -> Result<(), CommandError> {
+    let name = OsString::from("semismooth");
+    match Arguments::parse_from(std::iter::once(name).chain(arguments)).command {
+        Command::Contact(arguments) => contact::run(&arguments, out),
+        Command::Friction(arguments) => friction::run(&arguments, out),
+        Command::Init(arguments) => init(&arguments, out),
+        Command::Completions { shell } => {
+            clap_complete::generate(shell, &mut Arguments::command(), "semismooth", out);
+            Ok(())
+        }
+        Command::Man => Ok(clap_mangen::Man::new(Arguments::command()).render(out)?),
+    }
+}
+
+fn init(arguments: &InitArgs, out: &mut dyn Write) -> Result<(), CommandError> {
+    let path = arguments.file.display().to_string();
+    let made = std::fs::File::create_new(&arguments.file);
+    made.and_then(|mut file| file.write_all(contact::TEMPLATE.as_bytes()))
+        .map_err(|source| CommandError::File {
+            path: path.clone(),
+            source,
+        })?;
+    Ok(writeln!(out, "written: {path}; then: semismooth contact {path}")?)
+}

@@ -1,0 +1,69 @@
+//! Progress of long runs, and an orderly end on Ctrl-C.
+
+use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+use super::error::CommandError;
+
+/// Fits 80 columns.
+const TEMPLATE: &str = "{elapsed_precise} [{bar:30}] {percent:>3} %  {msg:.20}";
+
+/// A bar on standard error (none where that is no terminal), and whether Ctrl-C was pressed.
+pub(super) struct Progress {
+    bar: ProgressBar,
+    cancelled: Arc<AtomicBool>,
+}
+
+impl Progress {
+    pub(super) fn new(length: u64, hidden: bool) -> Result<Self, CommandError> {
+        let failed = |e: indicatif::style::TemplateError| CommandError::failed("the progress bar", e);
+        let bar =
+            ProgressBar::new(length).with_style(ProgressStyle::with_template(TEMPLATE).map_err(failed)?);
+        if hidden {
+            bar.set_draw_target(ProgressDrawTarget::hidden());
+        }
+        let cancelled = Arc::new(AtomicBool::new(false));
+        let flag = Arc::clone(&cancelled);
+        let handler = ctrlc::set_handler(move || {
+            // Who asks twice does not want to wait.
+            if flag.swap(true, Ordering::Relaxed) {
+                std::process::exit(130);
+            }
+        });
+        handler.map_err(|e| CommandError::failed("the handler of Ctrl-C", e))?;
+        Ok(Self { bar, cancelled })
+    }
+
+    /// Shows a position; asks to stop once Ctrl-C was pressed.
+    pub(super) fn at(&self, position: u64, message: impl Into<String>) -> ControlFlow<()> {
+        self.bar.set_position(position);
+        self.bar.set_message(message.into());
+        match self.cancelled() {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        }
+    }
+
+    /// The next position.
+    pub(super) fn advance(&self, message: impl Into<String>) -> ControlFlow<()> {
+        self.at(self.bar.position() + 1, message)
+    }
+
+    /// Prints without the bar in between.
+    pub(super) fn suspend<T>(&self, print: impl FnOnce() -> T) -> T {
+        self.bar.suspend(print)
+    }
+
+    pub(super) fn cancelled(&self) -> bool {
+        self.cancelled.load(Ordering::Relaxed)
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+    }
+}

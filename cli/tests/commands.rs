@@ -1,0 +1,361 @@
+//! The commands as users start them: run files, results, exit codes.
+
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use semismooth::contact::{
+    CondensedContact, ContactBody, EvolutionOptions, FrictionCoefficient, PlanarCoulomb, evolve,
+};
+use semismooth::fem::{Elasticity, Foundation, Material, Mesh};
+use semismooth::interface::LoadPath;
+
+/// An empty folder for each test.
+fn folder(name: &str) -> PathBuf {
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("commands").join(name);
+    let _ = std::fs::remove_dir_all(&path);
+    std::fs::create_dir_all(&path).unwrap();
+    path
+}
+
+fn semismooth(folder: &Path, arguments: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_semismooth"));
+    command.args(arguments).current_dir(folder).output().unwrap()
+}
+
+/// What is printed by a command that succeeds.
+fn printed(folder: &Path, arguments: &[&str]) -> String {
+    let output = semismooth(folder, arguments);
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    assert!(output.stderr.is_empty());
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// The message of a command that fails.
+fn refused(folder: &Path, arguments: &[&str]) -> String {
+    let output = semismooth(folder, arguments);
+    assert_eq!(output.status.code(), Some(1));
+    String::from_utf8(output.stderr).unwrap()
+}
+
+/// The run file that `init` writes, changed.
+fn run_file(folder: &Path, changes: &[(&str, &str)]) {
+    let _ = std::fs::remove_file(folder.join("run.toml"));
+    printed(folder, &["init", "contact", "run.toml"]);
+    let mut text = std::fs::read_to_string(folder.join("run.toml")).unwrap();
+    for (from, to) in changes {
+        assert!(text.contains(from), "{from}");
+        text = text.replace(from, to);
+    }
+    std::fs::write(folder.join("run.toml"), text).unwrap();
+}
+
+fn table(path: &Path) -> Vec<Vec<String>> {
+    let text = std::fs::read_to_string(path).unwrap();
+    let words = |l: &str| l.split(',').map(str::to_owned).collect();
+    text.lines().map(words).collect()
+}
+
+/// The block of the run file, by the library.
+fn block(friction: f64) -> CondensedContact<PlanarCoulomb> {
+    let mesh = Mesh::rectangle([0.0, 0.0], [2.0, 1.0], [16, 8]).unwrap();
+    let system = Elasticity::new(mesh, Material::isotropic(1.0, 0.3).unwrap())
+        .prescribe("top", 0, |_| 0.0)
+        .prescribe("top", 1, |_| -0.02)
+        .assemble()
+        .unwrap();
+    let load = LoadPath::affine(system.supports(), system.motion("top", 0, |_| 0.05).unwrap());
+    let rows = system
+        .contact("bottom", &Foundation::plane([0.0; 3], [0.0, 1.0, 0.0]))
+        .unwrap();
+    let body = ContactBody::new(
+        system.stiffness().clone(),
+        rows.normal,
+        vec![rows.tangential],
+        load,
+    )
+    .unwrap()
+    .with_gap(rows.gap)
+    .unwrap();
+    let law = PlanarCoulomb::new(FrictionCoefficient::constant(friction).unwrap());
+    CondensedContact::new(body, law).unwrap()
+}
+
+#[test]
+fn a_history_is_that_of_the_library() {
+    let folder = folder("history");
+    run_file(&folder, &[]);
+    let text = printed(&folder, &["contact", "run.toml"]);
+    assert!(text.lines().all(|l| l.chars().count() <= 100), "{text}");
+    let mut problem = block(0.4);
+    let start = problem.solve(0.0, None).unwrap();
+    let levels = [0.25, 0.5, 0.75, 1.0, 0.5, 0.0, -0.5, -1.0];
+    let steps = evolve(
+        &mut problem,
+        &start,
+        &levels,
+        &EvolutionOptions::default(),
+        |_| ControlFlow::Continue(()),
+    )
+    .unwrap();
+    let rows = table(&folder.join("out/history.csv"));
+    assert_eq!(rows.len(), 1 + steps.len());
+    let column = |name: &str| rows[0].iter().position(|n| n == name).unwrap();
+    let mut dissipated = 0.0;
+    for (row, step) in rows[1..].iter().zip(&steps) {
+        let number = |name: &str| row[column(name)].parse::<f64>().unwrap();
+        assert_eq!(number("level"), step.level);
+        assert_eq!(number("slip"), step.solution.slip() as f64);
+        assert_eq!(number("tangential force 1"), step.solution.resultant()[1]);
+        assert_eq!(number("work"), step.work);
+        let balance = number("work") - number("stored") - number("dissipated");
+        assert!(row[column("arrival")] != "followed" || balance.abs() < 1e-12 * step.solution.energy.stored);
+        dissipated += number("dissipated");
+    }
+    assert!(dissipated > 1e-5, "{dissipated:e}");
+    let series = std::fs::read_to_string(folder.join("out/history.pvd")).unwrap();
+    assert_eq!(series.matches("level_").count(), 9);
+    assert!(folder.join("out/level_0008.vtu").exists());
+    // Objects with the same numbers.
+    let text = printed(&folder, &["contact", "run.toml", "--json", "--out", "elsewhere"]);
+    let last: serde_json::Value = serde_json::from_str(text.lines().last().unwrap()).unwrap();
+    assert_eq!(last["dissipated"], steps[7].dissipated);
+    assert!(folder.join("elsewhere/history.csv").exists());
+    assert!(printed(&folder, &["contact", "run.toml", "-q"]).is_empty());
+}
+
+#[test]
+fn friction_may_fall_with_the_slip_that_has_gone_before() {
+    let folder = folder("weakening");
+    let mut forces = Vec::new();
+    for friction in [
+        "friction = 0.4\n",
+        "friction_by_slip = [[0.0, 0.4], [0.01, 0.1]]\n",
+        "friction = 0.1\n",
+    ] {
+        run_file(
+            &folder,
+            &[
+                ("friction = 0.4\n", friction),
+                ("# fields = true ", "fields = false "),
+            ],
+        );
+        printed(&folder, &["contact", "run.toml"]);
+        let rows = table(&folder.join("out/history.csv"));
+        forces.push(rows[4][7].parse::<f64>().unwrap());
+    }
+    assert!(!folder.join("out/history.pvd").exists());
+    // At the level α = 1 the body with falling friction is held by less than that at rest, and more than that at last.
+    assert!(forces[0] > forces[1] && forces[1] > forces[2], "{forces:?}");
+}
+
+#[test]
+fn a_curve_lists_every_change_of_state() {
+    let folder = folder("curve");
+    let follow = [("levels = ", "# levels = "), ("# follow = ", "follow = ")];
+    run_file(&folder, &follow);
+    let text = printed(&folder, &["contact", "run.toml"]);
+    let problem = block(0.4);
+    let start = problem.solve(0.0, None).unwrap();
+    use semismooth::continuation::{Branch, ContinuationOptions, Direction};
+    let options = ContinuationOptions::default().with_parameter_range((0.0, 1.0));
+    let branch = Branch::follow(&problem, &start, Direction::Increasing, options).unwrap();
+    let changes: usize = branch
+        .transitions
+        .iter()
+        .map(|t| t.sites.iter().filter(|s| s.from != s.to).count())
+        .sum();
+    assert!(changes > 5);
+    assert_eq!(text.lines().filter(|l| l.starts_with("α = ")).count(), changes);
+    assert!(text.contains(&format!(
+        "{changes} changes of state; the curve ends: bound of the parameter"
+    )));
+    for file in ["curve.csv", "curve.svg", "end.vtu"] {
+        assert!(folder.join("out").join(file).exists(), "{file}");
+    }
+}
+
+/// A block in space, with another coefficient across, sheared across: it slips where the isotropic one sticks.
+#[test]
+fn bodies_in_space_have_two_tangents() {
+    let folder = folder("space");
+    let mut slips = Vec::new();
+    for across in ["", "friction_across = 0.05\n"] {
+        run_file(
+            &folder,
+            &[
+                (
+                    "lower = [0.0, 0.0], upper = [2.0, 1.0], cells = [16, 8]",
+                    "lower = [0, 0, 0], upper = [2, 2, 1], cells = [4, 4, 2]",
+                ),
+                ("value = [0.0, -0.02]", "value = [0.0, 0.0, -0.02]"),
+                ("grows = [0.05, 0.0]", "grows = [0.0, 0.01, 0.0]"),
+                (
+                    "point = [0.0, 0.0]\nnormal = [0.0, 1.0]",
+                    "point = [0.0, 0.0, 0.0]\nnormal = [0.0, 0.0, 1.0]",
+                ),
+                ("friction = 0.4\n", &format!("friction = 0.9\n{across}")),
+            ],
+        );
+        printed(&folder, &["contact", "run.toml"]);
+        let rows = table(&folder.join("out/history.csv"));
+        slips.push(rows[4][3].parse::<usize>().unwrap());
+    }
+    assert!(slips[0] < 25 && slips[1] == 25, "{slips:?}");
+}
+
+#[test]
+fn what_is_wrong_is_named_with_file_line_and_key() {
+    let folder = folder("wrong");
+    let cases: &[(&str, &str, &[&str])] = &[
+        (
+            "facets = \"bottom\"",
+            "facets = \"botom\"",
+            &["line 34", "contact", "botom", "\"bottom\""],
+        ),
+        (
+            "facets = \"top\"",
+            "facets = \"roof\"",
+            &["line 22", "support", "roof"],
+        ),
+        ("young = 1.0\n", "young = -1.0\n", &["line 10", "material", "-1"]),
+        ("young = 1.0\n", "young = \"a\"\n", &["line 11", "young"]),
+        ("young = 1.0\n", "jung = 1.0\n", &["line 11", "jung", "young"]),
+        ("young = 1.0\n", "", &["line 10", "missing", "young"]),
+        (
+            "value = [0.0, -0.02]",
+            "value = [0.0]",
+            &["line 22", "support.value", "1 numbers, expected 2"],
+        ),
+        (
+            "# components = [\"x\", \"y\"]",
+            "components = [\"z\", \"y\"]",
+            &["support.components", "no z"],
+        ),
+        ("cells = [16, 8]", "cells = [16]", &["line 8", "mesh.block"]),
+        (
+            "cells = [16, 8]",
+            "cells = [0, 8]",
+            &["line 8", "mesh.block", "0"],
+        ),
+        (
+            "normal = [0.0, 1.0]",
+            "normal = [0.0, 0.0]",
+            &["line 34", "contact"],
+        ),
+        (
+            "point = [0.0, 0.0]\n",
+            "",
+            &["line 34", "contact", "a point and a normal"],
+        ),
+        (
+            "friction = 0.4\n",
+            "",
+            &["line 34", "one of friction and friction_by_slip"],
+        ),
+        (
+            "friction = 0.4\n",
+            "friction = -0.4\n",
+            &["line 34", "contact.friction", "-0.4"],
+        ),
+        (
+            "friction = 0.4\n",
+            "friction = 0.4\nfriction_across = 0.1\n",
+            &["one tangent"],
+        ),
+        ("levels = [0.0,", "levels = [nan,", &["NaN"]),
+        (
+            "levels = ",
+            "# levels = ",
+            &["line 47", "run", "one of levels and follow"],
+        ),
+        ("[[support]]", "[[tension]]", &["tension"]),
+        (
+            "# file = \"body.msh\"",
+            "file = \"body.msh\"",
+            &["mesh", "one of file and block"],
+        ),
+        (
+            "block = { lower = [0.0, 0.0], upper = [2.0, 1.0], cells = [16, 8] }",
+            "file = \"none.msh\"",
+            &["line 8", "mesh.file", "none.msh"],
+        ),
+        (
+            "# components = [\"x\", \"y\"]",
+            "components = [\"y\"]",
+            &["support.value"],
+        ),
+        ("[run]", "[run", &["line 47"]),
+    ];
+    for (from, to, expected) in cases {
+        run_file(&folder, &[(from, to)]);
+        let message = refused(&folder, &["contact", "run.toml"]);
+        assert!(
+            message.starts_with("semismooth: run.toml") || message.contains("NaN"),
+            "{message}"
+        );
+        for word in *expected {
+            assert!(
+                message.contains(word),
+                "{from} → {to}: {word} is not in {message}"
+            );
+        }
+    }
+    // The body may turn about a point.
+    run_file(
+        &folder,
+        &[(
+            "# components = [\"x\", \"y\"]       # all\nvalue = [0.0, -0.02]            # one number a component, 0 if left out\ngrows = [0.05, 0.0]",
+            "components = [\"y\"]",
+        )],
+    );
+    let message = refused(&folder, &["contact", "run.toml"]);
+    assert!(message.contains("the body on its supports"), "{message}");
+    assert!(refused(&folder, &["contact", "absent.toml"]).contains("absent.toml"));
+    // What is there stays.
+    assert!(refused(&folder, &["init", "contact", "run.toml"]).contains("run.toml"));
+    assert_eq!(semismooth(&folder, &["contact"]).status.code(), Some(2));
+}
+
+#[test]
+fn friction_problems_are_judged_by_their_residuals() {
+    let folder = folder("friction");
+    let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("../examples/data/NESpheres_30_1.json");
+    let shipped = shipped.display().to_string();
+    assert!(printed(&folder, &["friction", &shipped]).contains("solved"));
+    let text = printed(&folder, &["friction", "--json", &shipped]);
+    let found: serde_json::Value = serde_json::from_str(&text).unwrap();
+    assert!(found["status"] == "solved" && found["residual"].as_f64().unwrap() <= 1e-12);
+    // No time, no solution.
+    let message = refused(&folder, &["friction", "--seconds", "0", &shipped, &shipped]);
+    assert!(message.contains("2 of 2 problems are not solved"), "{message}");
+    assert!(refused(&folder, &["friction", "absent.json"]).contains("absent.json"));
+    assert!(refused(&folder, &["friction", "--seconds", "nan", &shipped]).contains("--seconds NaN"));
+}
+
+#[test]
+fn shells_and_manuals_know_the_commands() {
+    let folder = folder("help");
+    for arguments in [
+        &["help"][..],
+        &["completions", "bash"],
+        &["completions", "zsh"],
+        &["man"],
+    ] {
+        let text = printed(&folder, arguments);
+        for word in ["contact", "friction", "init"] {
+            assert!(text.contains(word), "{arguments:?}: {word}");
+        }
+    }
+    for command in ["contact", "friction", "init"] {
+        let text = printed(&folder, &[command, "--help"]);
+        assert!(text.lines().all(|l| l.chars().count() <= 110), "{text}");
+    }
+    // A problem of AMPL's may have the name of a command.
+    let message = refused(&folder, &["contact", "-AMPL"]);
+    assert!(message.contains("contact.nl"), "{message}");
+}
