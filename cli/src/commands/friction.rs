@@ -12,16 +12,16 @@ use super::error::CommandError;
 /// Residual at every contact up to which a problem is solved.
 const TOLERANCE: f64 = 1e-12;
 
-/// Solves frictional contact problems u = M r + q, K* ∋ û ⟂ r ∈ K, as Siconos keeps them, to 1e-12 at every contact
+/// Frictional contact problems in Delassus form, u = M r + q, to 1e-12 at every contact
 #[derive(Debug, Args)]
 pub struct FrictionArgs {
     /// JSON files with dimension, mu, q and M (compressed columns)
     #[arg(required = true)]
     files: Vec<PathBuf>,
-    /// One JSON object a file instead of a table, with r and u contact by contact (N, T1[, T2])
+    /// One JSON object a file, with r and u contact by contact (N, T1[, T2])
     #[arg(long)]
     json: bool,
-    /// Seconds after which a problem is given up, with its best iterate
+    /// Seconds after which a problem is given up
     #[arg(long, default_value_t = 300.0)]
     seconds: f64,
 }

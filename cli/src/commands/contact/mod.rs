@@ -19,7 +19,7 @@ use super::error::CommandError;
 /// A run file to begin with.
 pub const TEMPLATE: &str = include_str!("template.toml");
 
-/// Solves a body in contact with Coulomb friction: a history of loading, or the whole curve of solutions
+/// A body in contact with Coulomb friction: a history of loading, or the curve of solutions
 #[derive(Debug, Args)]
 pub struct ContactArgs {
     /// The run, a TOML file; `semismooth init contact` writes one to begin with
