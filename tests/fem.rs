@@ -489,3 +489,63 @@ fn bad_input() {
         }
     }
 }
+
+/// Where all cells at a node are in a part of a body, so are its rows, loads and contact rows; the part may float and have empty groups.
+#[test]
+fn parts() {
+    let whole = Mesh::block([0.0; 3], [2.0, 1.0, 1.0], [4, 2, 2]).unwrap();
+    let half = Mesh::block([1.0, 0.0, 0.0], [2.0, 1.0, 1.0], [2, 2, 2]).unwrap();
+    let cells = (0..half.num_cells()).map(|c| (half.kind(c), half.cell(c).to_vec()));
+    let mut part = Mesh::new(3, half.points().to_vec(), cells).unwrap();
+    part.add_facet_group("left", Vec::new()).unwrap();
+    for name in ["bottom", "top"] {
+        let facets = half.facet_group(name).unwrap().to_vec();
+        part.add_facet_group(name, facets).unwrap();
+    }
+    let material = || Material::isotropic(1.0, 0.3).unwrap();
+    let on = |mesh: Mesh| Elasticity::new(mesh, material()).fix("left").assemble();
+    assert!(matches!(on(part.clone()), Err(FemError::EmptyGroup { .. })));
+    assert!(matches!(
+        Elasticity::new(part.clone(), material()).assemble(),
+        Err(FemError::Floating { .. })
+    ));
+    let (whole, part) = (on(whole).unwrap(), on(part.into_part()).unwrap());
+    let place = |node: usize| {
+        let at = part.mesh().points()[node];
+        let found = whole.mesh().points().iter().position(|p| *p == at).unwrap();
+        (found, at[0] > 1.25)
+    };
+    let ground = Foundation::plane([0.0; 3], [0.0, 0.0, 1.0]);
+    let rows = [&whole, &part].map(|s| s.contact("bottom", &ground).unwrap());
+    let loads = [&whole, &part].map(|s| s.traction("top", |x| [x[1], 0.1, x[0]]).unwrap());
+    let mut compared = 0;
+    for (node, d) in (0..part.mesh().num_nodes()).flat_map(|n| (0..3).map(move |d| (n, d))) {
+        let (other, inside) = place(node);
+        if !inside {
+            continue;
+        }
+        let (k, l) = (part.dof(node, d).unwrap(), whole.dof(other, d).unwrap());
+        assert!((loads[1][k] - loads[0][l]).abs() < 1e-15);
+        for (m, e) in (0..part.mesh().num_nodes()).flat_map(|n| (0..3).map(move |d| (n, d))) {
+            let (i, j) = (part.dof(m, e).unwrap(), whole.dof(place(m).0, e).unwrap());
+            assert!((part.stiffness().get(k, i) - whole.stiffness().get(l, j)).abs() < 1e-14);
+            compared += 1;
+        }
+        let row = |which: usize, node: usize| rows[which].nodes.iter().position(|n| *n == node);
+        if let Some(i) = row(1, node) {
+            let j = row(0, other).unwrap();
+            assert!((rows[1].areas[i] - rows[0].areas[j]).abs() < 1e-15);
+            assert_eq!(rows[1].normals[i], rows[0].normals[j]);
+        }
+    }
+    assert_eq!(compared, (18 * 3) * (27 * 3));
+    // Far from the ground, and all of it fixed.
+    let mut top = Mesh::block([0.0; 3], [1.0; 3], [1, 1, 1]).unwrap();
+    top.add_facet_group("ground", Vec::new()).unwrap();
+    let fixed = Elasticity::new(top.into_part(), material())
+        .fix("bottom")
+        .fix("top");
+    let system = fixed.assemble().unwrap();
+    assert_eq!((system.num_free(), system.stiffness().nrows()), (0, 0));
+    assert!(system.contact("ground", &ground).unwrap().nodes.is_empty());
+}

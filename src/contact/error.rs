@@ -158,6 +158,9 @@ pub enum ContactError {
         /// The piece of the law.
         piece: String,
     },
+    /// Another process that works on the same body found an error.
+    #[error("another process found an error in its part of the body")]
+    Elsewhere,
     /// More memory would be needed than is allowed.
     #[error("about {needed} bytes would be needed, {limit} are allowed")]
     Memory {

@@ -85,7 +85,9 @@ impl ElasticSystem {
                 }
             }
         }
-        check_supports(mesh, &fixed)?;
+        if !mesh.is_part() {
+            check_supports(mesh, &fixed)?;
+        }
         let mut free = 0;
         let dofs: Vec<usize> = fixed
             .iter()
@@ -98,7 +100,7 @@ impl ElasticSystem {
                 }
             })
             .collect();
-        if free == 0 {
+        if free == 0 && !mesh.is_part() {
             return Err(FemError::NothingFree);
         }
         let mut materials = vec![0; mesh.num_cells()];

@@ -134,7 +134,7 @@ impl ElasticSystem {
     /// The nodes of a group of facets as contact nodes. Nodes whose displacement is prescribed altogether are left out.
     ///
     /// # Errors
-    /// Groups that do not exist or are empty, all nodes prescribed, nodes of which a component is prescribed that contact needs
+    /// Groups that do not exist or, unless the mesh is a [part](super::Mesh::into_part), are empty or have no free nodes; nodes of which a component is prescribed that contact needs
     /// ([`FemError::ContactFixed`]), normals and tangents of no use, gaps that are not finite.
     pub fn contact(&self, facets: &str, foundation: &Foundation) -> Result<ContactRows, FemError> {
         let mesh = self.mesh();
@@ -159,7 +159,7 @@ impl ElasticSystem {
         nodes.sort_unstable();
         nodes.dedup();
         nodes.retain(|&n| (0..dim).any(|d| self.dof(n, d).is_some()));
-        if nodes.is_empty() {
+        if nodes.is_empty() && !mesh.is_part() {
             return Err(FemError::EmptyGroup {
                 what: "facets with a free node",
                 name: facets.into(),
@@ -206,7 +206,7 @@ impl ElasticSystem {
             normals.push(nu);
             tangents.push(frame);
         }
-        if !outward {
+        if !outward && p > 0 {
             return Err(FemError::Frame {
                 node: nodes[0],
                 what: INWARD.into(),

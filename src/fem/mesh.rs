@@ -30,6 +30,7 @@ pub struct Mesh {
     nodes: Vec<usize>,
     facet_groups: FacetGroups,
     cell_groups: CellGroups,
+    is_part: bool,
 }
 
 /// A facet of the boundary, as given to the closure of [`Mesh::mark_boundary`].
@@ -151,7 +152,21 @@ impl Mesh {
             nodes,
             facet_groups: BTreeMap::new(),
             cell_groups: BTreeMap::new(),
+            is_part: false,
         })
+    }
+
+    /// Declares that this is a part of a larger mesh, as one process holds it: groups may be empty here, and an
+    /// [`Elasticity`](super::Elasticity) on it need not be held by its supports, nor have anything free. Where the cells at a node are all
+    /// there, so are its rows of the stiffness matrix, its loads and its contact rows.
+    #[must_use]
+    pub fn into_part(mut self) -> Self {
+        self.is_part = true;
+        self
+    }
+
+    pub(super) fn is_part(&self) -> bool {
+        self.is_part
     }
 
     fn check_jacobians(&self) -> Result<(), FemError> {
@@ -350,17 +365,17 @@ impl Mesh {
     /// Facets of a group, each as its nodes.
     ///
     /// # Errors
-    /// A group that does not exist or is empty.
+    /// A group that does not exist or, unless the mesh is a [part](Self::into_part), is empty.
     pub fn facet_group(&self, name: &str) -> Result<&[Vec<usize>], FemError> {
-        lookup("facets", name, &self.facet_groups)
+        lookup("facets", name, &self.facet_groups, self.is_part)
     }
 
     /// Cells of a group.
     ///
     /// # Errors
-    /// A group that does not exist or is empty.
+    /// A group that does not exist or, unless the mesh is a [part](Self::into_part), is empty.
     pub fn cell_group(&self, name: &str) -> Result<&[usize], FemError> {
-        lookup("cells", name, &self.cell_groups)
+        lookup("cells", name, &self.cell_groups, self.is_part)
     }
 
     /// Names of the groups of facets.
@@ -394,9 +409,10 @@ fn lookup<'a, T>(
     what: &'static str,
     name: &str,
     groups: &'a BTreeMap<String, Vec<T>>,
+    is_part: bool,
 ) -> Result<&'a [T], FemError> {
     match groups.get(name) {
-        Some(list) if list.is_empty() => Err(FemError::EmptyGroup {
+        Some(list) if list.is_empty() && !is_part => Err(FemError::EmptyGroup {
             what,
             name: name.into(),
         }),

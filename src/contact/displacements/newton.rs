@@ -61,16 +61,40 @@ pub struct ReducedNodes<'a> {
     pub parameter: f64,
 }
 
+impl ReducedNodes<'_> {
+    /// What the law sees at node i of this process: the displacements u and the contact forces `force`, both by component.
+    fn values(&self, law: &dyn NodeLaw, i: usize, u: &[f64], force: impl Fn(usize) -> f64) -> LocalValues {
+        let (at, p) = (self.components[i], self.components.len());
+        let mut v = LocalValues {
+            node: self.first + i,
+            penetration: u[at] - self.gap[i],
+            pressure: force(at),
+            parameter: self.parameter,
+            r: self.r,
+            ..LocalValues::default()
+        };
+        for d in 0..law.num_tangents() {
+            let held = self.reference.get(d * p + i).copied().unwrap_or(0.0);
+            v.slip[d] = u[at + 1 + d] - held;
+            v.traction[d] = force(at + 1 + d);
+        }
+        let h = law.num_history();
+        v.history[..h].copy_from_slice(&self.history[i * h..(i + 1) * h]);
+        v
+    }
+}
+
 /// Solves A u + Bᵀ λ = f with a law at each contact node by Newton's method in u alone, from the u given, and by load steps where that
 /// fails; `load` and `u` hold all components of this process.
 ///
 /// Each step solves the law at each node for its forces or prescribes its displacements; what is left is A with few rows changed,
 /// solved to a tolerance after Eisenstat and Walker (SIAM J. Sci. Comput. 17 (1996), choice 2). Full steps are taken as long as the
 /// residual falls; where it does not, steps are damped. Forces of the report are those of this process, and so are its displacements:
-/// all components.
+/// all components. What one process finds wrong ends the solve in all of them, and so does the time of one that is over.
 ///
 /// # Errors
-/// Those of the system; laws that cannot be eliminated; [`ContactError::NotConverged`] with the best iterate.
+/// Those of the system; laws that cannot be eliminated; [`ContactError::NotConverged`] with the best iterate;
+/// [`ContactError::Elsewhere`] where another process found an error.
 pub fn solve_reduced<S: ReducedSystem>(
     system: &mut S,
     nodes: &ReducedNodes<'_>,
@@ -79,39 +103,9 @@ pub fn solve_reduced<S: ReducedSystem>(
     u: Vec<f64>,
     options: &ReducedOptions,
 ) -> Result<ReducedReport, ReducedError<S::Error>> {
-    options.validate()?;
-    let len = system.len();
-    for (what, found, expected) in [
-        ("the load", load.len(), len),
-        ("the start", u.len(), len),
-        ("the gap", nodes.gap.len(), nodes.components.len()),
-        (
-            "the list of history variables",
-            nodes.history.len(),
-            law.num_history() * nodes.components.len(),
-        ),
-    ] {
-        if found != expected {
-            return Err(ContactError::Length {
-                what,
-                expected,
-                found,
-            }
-            .into());
-        }
-    }
-    let mut is_contact = vec![false; len];
-    for c in nodes.components {
-        let Some(own) = is_contact.get_mut(*c..c.saturating_add(1 + law.num_tangents())) else {
-            return Err(ContactError::Length {
-                what: "the list of components",
-                expected: c.saturating_add(1 + law.num_tangents()),
-                found: len,
-            }
-            .into());
-        };
-        own.fill(true);
-    }
+    let checked = check(system.len(), nodes, law, load, &u, options);
+    let is_contact = agreed(system, checked)?;
+    let len = is_contact.len();
     let mut search = Search {
         system,
         nodes,
@@ -154,6 +148,7 @@ pub fn solve_reduced<S: ReducedSystem>(
         displacements: u,
         forces,
         residuals: state.residuals,
+        states: state.states,
         strategy: ended.1,
         iterations: search.iterations,
         times: search.times,
@@ -165,6 +160,58 @@ pub fn solve_reduced<S: ReducedSystem>(
         best: Box::new(report),
     }
     .into())
+}
+
+/// Which components belong to contact nodes.
+fn check(
+    len: usize,
+    nodes: &ReducedNodes<'_>,
+    law: &dyn NodeLaw,
+    load: &[f64],
+    u: &[f64],
+    options: &ReducedOptions,
+) -> Result<Vec<bool>, ContactError> {
+    options.validate()?;
+    for (what, found, expected) in [
+        ("the load", load.len(), len),
+        ("the start", u.len(), len),
+        ("the gap", nodes.gap.len(), nodes.components.len()),
+        (
+            "the list of history variables",
+            nodes.history.len(),
+            law.num_history() * nodes.components.len(),
+        ),
+    ] {
+        if found != expected {
+            return Err(ContactError::Length {
+                what,
+                expected,
+                found,
+            });
+        }
+    }
+    let mut is_contact = vec![false; len];
+    for c in nodes.components {
+        let Some(own) = is_contact.get_mut(*c..c.saturating_add(1 + law.num_tangents())) else {
+            return Err(ContactError::Length {
+                what: "the list of components",
+                expected: c.saturating_add(1 + law.num_tangents()),
+                found: len,
+            });
+        };
+        own.fill(true);
+    }
+    Ok(is_contact)
+}
+
+/// What this process has found, if none has found an error.
+fn agreed<S: ReducedSystem, T>(system: &S, own: Result<T, ContactError>) -> Outcome<T, S::Error> {
+    let mut failed = [f64::from(u8::from(own.is_err()))];
+    system.max(&mut failed).map_err(ReducedError::System)?;
+    match own {
+        Ok(_) if failed[0] > 0.0 => Err(ContactError::Elsewhere.into()),
+        own => Ok(own?),
+    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -181,6 +228,8 @@ struct State {
     /// ‖·‖₂ of equilibrium and of the laws.
     merit: f64,
     states: [usize; 3],
+    /// Whether the time of a process is over.
+    late: bool,
 }
 
 #[derive(Debug, Default)]
@@ -248,7 +297,7 @@ impl<S: ReducedSystem> Search<'_, S> {
                 best.0 = state.merit;
                 best.1.clone_from(&u);
             }
-            if self.deadline.is_over() {
+            if state.late {
                 return Ok((Ended::Interrupted, best.1));
             }
             if taken == limit {
@@ -332,26 +381,6 @@ impl<S: ReducedSystem> Search<'_, S> {
         Ok((Ended::Stuck, u))
     }
 
-    fn values(&self, i: usize, u: &[f64], force: impl Fn(usize) -> f64) -> LocalValues {
-        let (at, p) = (self.nodes.components[i], self.nodes.components.len());
-        let mut v = LocalValues {
-            node: self.nodes.first + i,
-            penetration: u[at] - self.nodes.gap[i],
-            pressure: force(at),
-            parameter: self.nodes.parameter,
-            r: self.nodes.r,
-            ..LocalValues::default()
-        };
-        for d in 0..self.law.num_tangents() {
-            let held = self.nodes.reference.get(d * p + i).copied().unwrap_or(0.0);
-            v.slip[d] = u[at + 1 + d] - held;
-            v.traction[d] = force(at + 1 + d);
-        }
-        let h = self.law.num_history();
-        v.history[..h].copy_from_slice(&self.nodes.history[i * h..(i + 1) * h]);
-        v
-    }
-
     /// A u into `image`, the laws at u into `local`.
     fn evaluate(&mut self, u: &[f64]) -> Outcome<State, S::Error> {
         let mut image = std::mem::take(&mut self.image);
@@ -379,10 +408,16 @@ impl<S: ReducedSystem> Search<'_, S> {
             }
         }
         let (mut normal, mut tangential, mut size) = (0.0f64, 0.0f64, 0.0f64);
-        let mut counts = [0.0; 3];
+        let (mut counts, mut failure) = ([0.0; 3], None);
         for i in 0..self.nodes.components.len() {
-            let v = self.values(i, u, |k| self.load[k] - image[k]);
-            let node = Node::new(self.law, &v)?;
+            let v = self.nodes.values(self.law, i, u, |k| self.load[k] - image[k]);
+            let node = match Node::new(self.law, &v) {
+                Ok(node) => node,
+                Err(e) => {
+                    failure = Some(e);
+                    break;
+                }
+            };
             let h = &node.h;
             squares += h
                 .iter()
@@ -405,10 +440,14 @@ impl<S: ReducedSystem> Search<'_, S> {
             }
         }
         let mut sums = [squares, counts[0], counts[1], counts[2]];
-        let mut largest = [balance, weight, normal, tangential, size];
+        let flags = [self.deadline.is_over(), failure.is_some()].map(|b| f64::from(u8::from(b)));
+        let mut largest = [balance, weight, normal, tangential, size, flags[0], flags[1]];
         self.system.sum(&mut sums).map_err(ReducedError::System)?;
         self.system.max(&mut largest).map_err(ReducedError::System)?;
-        let [balance, weight, normal, tangential, size] = largest;
+        let [balance, weight, normal, tangential, size, late, failed] = largest;
+        if failed > 0.0 {
+            return Err(failure.unwrap_or(ContactError::Elsewhere).into());
+        }
         let relative = |h: f64, size: f64| if h == 0.0 { 0.0 } else { h / size };
         Ok(State {
             residuals: ContactResiduals {
@@ -418,6 +457,7 @@ impl<S: ReducedSystem> Search<'_, S> {
             },
             merit: sums[0].sqrt(),
             states: [sums[1], sums[2], sums[3]].map(|c| c as usize),
+            late: late > 0.0,
         })
     }
 

@@ -59,6 +59,8 @@ pub struct ReducedReport {
     pub forces: Vec<f64>,
     /// Residuals of the full problem, computed at these displacements.
     pub residuals: ContactResiduals,
+    /// Numbers of open, sticking and slipping nodes at these displacements.
+    pub states: [usize; 3],
     /// What led here.
     pub strategy: ReducedStrategy,
     /// All Newton steps, of failed attempts too.

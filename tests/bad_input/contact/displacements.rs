@@ -21,8 +21,8 @@ fn problem(options: ReducedOptions) -> Result<ReducedContact<PlanarCoulomb>, Con
     ReducedContact::new(body(), law(0.3), options)
 }
 
-/// A system whose matrix is the identity.
-struct Unit(usize);
+/// A system whose matrix is the identity, and whether another process, of which nothing else is seen, has found an error.
+struct Unit(usize, bool);
 
 impl ReducedSystem for Unit {
     type Error = SparseError;
@@ -53,7 +53,10 @@ impl ReducedSystem for Unit {
         Ok(())
     }
 
-    fn max(&self, _: &mut [f64]) -> Result<(), SparseError> {
+    fn max(&self, values: &mut [f64]) -> Result<(), SparseError> {
+        if self.1 {
+            values.iter_mut().for_each(|v| *v = v.max(1.0));
+        }
         Ok(())
     }
 }
@@ -61,7 +64,7 @@ impl ReducedSystem for Unit {
 pub(super) fn displacements(t: &mut Table) {
     bodies(t);
     problems(t);
-    let at = |load: &[f64], components: &[usize], gap: &[f64], u: Vec<f64>| {
+    let with = |elsewhere: bool, load: &[f64], components: &[usize], gap: &[f64], u: Vec<f64>| {
         let nodes = ReducedNodes {
             components,
             first: 0,
@@ -72,7 +75,7 @@ pub(super) fn displacements(t: &mut Table) {
             parameter: 0.0,
         };
         solve_reduced(
-            &mut Unit(2),
+            &mut Unit(2, elsewhere),
             &nodes,
             &law(0.3),
             load,
@@ -80,6 +83,8 @@ pub(super) fn displacements(t: &mut Table) {
             &ReducedOptions::default(),
         )
     };
+    let at =
+        |load: &[f64], components: &[usize], gap: &[f64], u: Vec<f64>| with(false, load, components, gap, u);
     let solve = "contact::solve_reduced";
     t.refuses(solve, "a system that fails", "linear system", || {
         at(&[1.0; 2], &[0], &[0.0], vec![0.0; 2])
@@ -97,6 +102,14 @@ pub(super) fn displacements(t: &mut Table) {
     t.holds(solve, "the failure of a system is its source", || {
         let error = at(&[1.0; 2], &[0], &[0.0], vec![0.0; 2]).unwrap_err();
         matches!(error, ReducedError::System(SparseError::Malformed { .. }))
+    });
+    t.holds(solve, "an error of another process ends this one", || {
+        let error = with(true, &[1.0; 2], &[0], &[0.0], vec![0.0; 2]).unwrap_err();
+        matches!(error, ReducedError::Contact(ContactError::Elsewhere))
+    });
+    t.holds(solve, "what this process has found is said before that", || {
+        let error = with(true, &[1.0; 2], &[0], &[], vec![0.0; 2]).unwrap_err();
+        matches!(error, ReducedError::Contact(ContactError::Length { .. }))
     });
     t.exempt(
         &[

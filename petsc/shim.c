@@ -1,0 +1,193 @@
+/* What Rust cannot see of PETSc and MPI: communicators (a number or a pointer), macros, the values of enums. */
+#include <petscksp.h>
+#include <unistd.h>
+
+_Static_assert(sizeof(PetscScalar) == sizeof(double) && sizeof(PetscReal) == sizeof(double), "PetscScalar is not double");
+#if defined(PETSC_USE_64BIT_INDICES)
+_Static_assert(sizeof(PetscInt) == 8, "PetscInt is not int64_t");
+#else
+_Static_assert(sizeof(PetscInt) == 4, "PetscInt is not int32_t");
+#endif
+_Static_assert(sizeof(PetscErrorCode) == sizeof(int), "PetscErrorCode is not int");
+_Static_assert(sizeof(Vec) == sizeof(void *) && sizeof(Mat) == sizeof(void *) && sizeof(KSP) == sizeof(void *), "handles");
+
+/* Votes have a communicator of their own, so that they meet nothing that PETSc sends. */
+static MPI_Comm votes = MPI_COMM_NULL;
+
+int shim_start(const char *options)
+{
+  /* Errors come back as codes: no abort, nothing on stderr. */
+  PetscCall(PetscInitializeNoArguments());
+  PetscCall(PetscPushErrorHandler(PetscReturnErrorHandler, NULL));
+  if (MPI_Comm_dup(PETSC_COMM_WORLD, &votes)) return PETSC_ERR_MPI;
+  return PetscOptionsInsertString(NULL, options);
+}
+int shim_finish(void)
+{
+  MPI_Comm_free(&votes);
+  return PetscFinalize();
+}
+void shim_abort(int code) { MPI_Abort(MPI_COMM_WORLD, code); }
+void shim_world(int *rank, int *size)
+{
+  MPI_Comm_rank(PETSC_COMM_WORLD, rank);
+  MPI_Comm_size(PETSC_COMM_WORLD, size);
+}
+
+/* The smallest of all numbers. A process that names a number below its limit waits for the others no longer than `patience` seconds. */
+int shim_vote(int own, int limit, double patience, int *smallest, int *late)
+{
+  MPI_Request request;
+  int         done = 0;
+  double      begun = MPI_Wtime();
+
+  *late = 0;
+  if (MPI_Iallreduce(&own, smallest, 1, MPI_INT, MPI_MIN, votes, &request)) return PETSC_ERR_MPI;
+  if (own >= limit) return MPI_Wait(&request, MPI_STATUS_IGNORE) ? PETSC_ERR_MPI : 0;
+  while (1) {
+    if (MPI_Test(&request, &done, MPI_STATUS_IGNORE)) return PETSC_ERR_MPI;
+    if (done) return 0;
+    if (MPI_Wtime() - begun > patience) {
+      *late = 1;
+      return 0;
+    }
+    usleep(1000);
+  }
+}
+int shim_broadcast(char *text, int length, int root) { return MPI_Bcast(text, length, MPI_CHAR, root, votes) ? PETSC_ERR_MPI : 0; }
+int shim_sum(double *v, int n) { return MPI_Allreduce(MPI_IN_PLACE, v, n, MPI_DOUBLE, MPI_SUM, PETSC_COMM_WORLD) ? PETSC_ERR_MPI : 0; }
+int shim_max(double *v, int n) { return MPI_Allreduce(MPI_IN_PLACE, v, n, MPI_DOUBLE, MPI_MAX, PETSC_COMM_WORLD) ? PETSC_ERR_MPI : 0; }
+/* How many the processes before this one have, and all of them. */
+int shim_offset(long long own, long long *before, long long *total)
+{
+  int rank;
+
+  MPI_Comm_rank(PETSC_COMM_WORLD, &rank);
+  if (MPI_Exscan(&own, before, 1, MPI_LONG_LONG, MPI_SUM, PETSC_COMM_WORLD)) return PETSC_ERR_MPI;
+  if (rank == 0) *before = 0;
+  return MPI_Allreduce(&own, total, 1, MPI_LONG_LONG, MPI_SUM, PETSC_COMM_WORLD) ? PETSC_ERR_MPI : 0;
+}
+/* Rows of `width` numbers from the processes that own them. */
+int shim_fetch(PetscInt width, PetscInt own, const double *values, PetscInt count, const PetscInt *rows, double *out)
+{
+  Vec        from, to;
+  IS         which;
+  VecScatter scatter;
+
+  PetscCall(VecCreateMPIWithArray(PETSC_COMM_WORLD, width, own * width, PETSC_DETERMINE, values, &from));
+  PetscCall(VecCreateSeqWithArray(PETSC_COMM_SELF, width, count * width, out, &to));
+  PetscCall(ISCreateBlock(PETSC_COMM_SELF, width, count, rows, PETSC_COPY_VALUES, &which));
+  PetscCall(VecScatterCreate(from, which, to, NULL, &scatter));
+  PetscCall(VecScatterBegin(scatter, from, to, INSERT_VALUES, SCATTER_FORWARD));
+  PetscCall(VecScatterEnd(scatter, from, to, INSERT_VALUES, SCATTER_FORWARD));
+  PetscCall(VecScatterDestroy(&scatter));
+  PetscCall(ISDestroy(&which));
+  PetscCall(VecDestroy(&to));
+  return VecDestroy(&from);
+}
+
+int shim_vector(PetscInt local, PetscInt block, Vec *v)
+{
+  PetscCall(VecCreateMPI(PETSC_COMM_WORLD, local, PETSC_DETERMINE, v));
+  return VecSetBlockSize(*v, block);
+}
+/* A square matrix by rows, each filled by its owner; `own` and `other` count the blocks of each block row in columns of this process
+   and of others. */
+int shim_matrix(PetscInt local, PetscInt block, const PetscInt own[], const PetscInt other[], Mat *a)
+{
+  PetscCall(MatCreate(PETSC_COMM_WORLD, a));
+  PetscCall(MatSetSizes(*a, local, local, PETSC_DETERMINE, PETSC_DETERMINE));
+  PetscCall(MatSetBlockSize(*a, block));
+  PetscCall(MatSetType(*a, MATAIJ));
+  PetscCall(MatXAIJSetPreallocation(*a, block, own, other, NULL, NULL));
+  PetscCall(MatSetOption(*a, MAT_NO_OFF_PROC_ENTRIES, PETSC_TRUE));
+  return MatSetOption(*a, MAT_KEEP_NONZERO_PATTERN, PETSC_TRUE);
+}
+int shim_add_block_row(Mat a, PetscInt row, PetscInt n, const PetscInt cols[], const double values[])
+{
+  return MatSetValuesBlocked(a, 1, &row, n, cols, values, ADD_VALUES);
+}
+int shim_add_row(Mat a, PetscInt row, PetscInt n, const PetscInt cols[], const double values[])
+{
+  return MatSetValues(a, 1, &row, n, cols, values, ADD_VALUES);
+}
+int shim_assemble(Mat a)
+{
+  PetscCall(MatAssemblyBegin(a, MAT_FINAL_ASSEMBLY));
+  return MatAssemblyEnd(a, MAT_FINAL_ASSEMBLY);
+}
+int shim_definite(Mat a) { return MatSetOption(a, MAT_SPD, PETSC_TRUE); }
+int shim_duplicate(Mat a, Mat *b) { return MatDuplicate(a, MAT_COPY_VALUES, b); }
+int shim_copy(Mat a, Mat b) { return MatCopy(a, b, SAME_NONZERO_PATTERN); }
+int shim_hold(Mat a, PetscInt n, const PetscInt rows[], double diagonal) { return MatZeroRowsColumns(a, n, rows, diagonal, NULL, NULL); }
+int shim_both(Mat a, Mat b, Mat *sum)
+{
+  Mat parts[2] = {a, b};
+  return MatCreateComposite(PETSC_COMM_WORLD, 2, parts, sum);
+}
+/* The near-kernel from `count` vectors of `local` entries, one after another; those that depend on the ones before are left out. */
+int shim_near_kernel(Mat a, PetscInt local, PetscInt block, int count, const double *values)
+{
+  Vec          v[6] = {NULL};
+  MatNullSpace kernel;
+  int          kept = 0;
+
+  for (int k = 0; k < count && k < 6; k++) {
+    PetscScalar *own;
+    PetscReal    before, after;
+
+    PetscCall(shim_vector(local, block, &v[kept]));
+    PetscCall(VecGetArrayWrite(v[kept], &own));
+    PetscCall(PetscArraycpy(own, values + (size_t)k * local, local));
+    PetscCall(VecRestoreArrayWrite(v[kept], &own));
+    PetscCall(VecNorm(v[kept], NORM_2, &before));
+    for (int twice = 0; twice < 2; twice++) {
+      for (int i = 0; i < kept; i++) {
+        PetscScalar along;
+        PetscCall(VecDot(v[kept], v[i], &along));
+        PetscCall(VecAXPY(v[kept], -along, v[i]));
+      }
+    }
+    PetscCall(VecNorm(v[kept], NORM_2, &after));
+    if (after > 1e-8 * before) {
+      PetscCall(VecScale(v[kept], 1.0 / after));
+      kept++;
+    } else PetscCall(VecDestroy(&v[kept]));
+  }
+  PetscCall(MatNullSpaceCreate(PETSC_COMM_WORLD, PETSC_FALSE, kept, v, &kernel));
+  for (int i = 0; i < kept; i++) PetscCall(VecDestroy(&v[i]));
+  PetscCall(MatSetNearNullSpace(a, kernel));
+  return MatNullSpaceDestroy(&kernel);
+}
+
+/* An option, unless it is given already. */
+int shim_default(const char *name, const char *value)
+{
+  PetscBool given;
+
+  PetscCall(PetscOptionsHasName(NULL, NULL, name, &given));
+  return given ? 0 : PetscOptionsSetValue(NULL, name, value);
+}
+int shim_solver(KSP *k)
+{
+  PetscCall(KSPCreate(PETSC_COMM_WORLD, k));
+  return KSPSetFromOptions(*k);
+}
+int shim_operators(KSP k, Mat a, Mat p)
+{
+  PetscCall(KSPSetOperators(k, a, p));
+  return KSPSetUp(k);
+}
+int shim_solve(KSP k, Vec b, Vec x, double tolerance, PetscInt most, PetscInt *iterations, double *residual, int *reason)
+{
+  KSPConvergedReason why;
+
+  PetscCall(KSPSetTolerances(k, tolerance, 1e-300, PETSC_DEFAULT, most));
+  PetscCall(KSPSolve(k, b, x));
+  PetscCall(KSPGetIterationNumber(k, iterations));
+  PetscCall(KSPGetResidualNorm(k, residual));
+  PetscCall(KSPGetConvergedReason(k, &why));
+  /* Too many iterations leave an approximation, anything else that diverges does not. */
+  *reason = why == KSP_DIVERGED_ITS ? 0 : (int)why;
+  return 0;
+}

@@ -1,0 +1,185 @@
+use semismooth::contact::{KrylovOutcome, ReducedStep, ReducedSystem};
+use thiserror::Error;
+
+use crate::DistributedBody;
+use crate::ffi::Int;
+use crate::handles::{Matrix, Solver, Vector};
+use crate::world::{Error, PetscError};
+
+/// What can go wrong in a linear solver.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[non_exhaustive]
+pub enum SolverError {
+    /// A call of PETSc.
+    #[error(transparent)]
+    Petsc(#[from] PetscError),
+    /// No approximation came out: a preconditioner that broke down, numbers that are not finite.
+    #[error("PETSc's linear solver stopped after {iterations} iterations for its reason {reason}")]
+    Diverged {
+        /// KSPConvergedReason.
+        reason: i32,
+        /// Number of iterations.
+        iterations: usize,
+    },
+}
+
+/// The linear systems of Newton's method, by PETSc.
+#[derive(Debug)]
+pub(crate) struct System<'w> {
+    pub(crate) body: DistributedBody<'w>,
+    /// What is preconditioned: A with rows held and the symmetric part of the laws added.
+    definite: Matrix<'w>,
+    /// That and what stands beside it.
+    sum: Option<Matrix<'w>>,
+    solver: Solver<'w>,
+    x: Vector<'w>,
+    y: Vector<'w>,
+    max_iterations: usize,
+    held: Vec<usize>,
+}
+
+impl<'w> System<'w> {
+    pub(crate) fn new(
+        body: DistributedBody<'w>,
+        directions: usize,
+        max_iterations: usize,
+    ) -> Result<Self, PetscError> {
+        let world = body.world;
+        let mut definite = body.stiffness.duplicate()?;
+        definite.set_definite()?;
+        definite.set_near_kernel(body.dim, body.num_modes, &body.modes)?;
+        let directions = directions.to_string();
+        let solver = Solver::new(
+            world,
+            &[
+                ("-ksp_type", "fgmres"),
+                ("-ksp_gmres_restart", &directions),
+                ("-pc_type", "gamg"),
+                // The aggregates stay as nodes change state; matrices of coarse levels are computed anew.
+                ("-pc_gamg_reuse_interpolation", "true"),
+            ],
+        )?;
+        Ok(Self {
+            definite,
+            sum: None,
+            solver,
+            x: Vector::new(world, body.len, body.dim)?,
+            y: Vector::new(world, body.len, body.dim)?,
+            max_iterations,
+            held: Vec::new(),
+            body,
+        })
+    }
+
+    fn global(&self, component: usize) -> Int {
+        (self.body.dim * self.body.first + component) as Int
+    }
+
+    fn product(&mut self, u: &[f64], out: &mut [f64]) -> Result<(), PetscError> {
+        self.x.set(u)?;
+        self.body.stiffness.mul(&self.x, &mut self.y)?;
+        self.y.get(out)
+    }
+
+    fn choose(&mut self, step: &ReducedStep<'_>) -> Result<(), PetscError> {
+        self.held.clear();
+        self.held.extend_from_slice(step.held);
+        self.definite.copy_from(&self.body.stiffness)?;
+        let held: Vec<Int> = step.held.iter().map(|k| self.global(*k)).collect();
+        self.definite.hold(&held, self.body.node_stiffness)?;
+        for &(i, j, v) in step.added {
+            let (i, j) = (self.global(i), self.global(j));
+            self.definite.add_row(i, &[j], &[v])?;
+        }
+        self.definite.assemble()?;
+        let beside = self.beside(step)?;
+        let sum = Matrix::both(&self.definite, &beside)?;
+        self.solver.set(&sum, &self.definite)?;
+        self.sum = Some(sum);
+        Ok(())
+    }
+
+    /// The few rows that are not preconditioned.
+    fn beside(&self, step: &ReducedStep<'_>) -> Result<Matrix<'w>, PetscError> {
+        let mut rows: Vec<(usize, Vec<Int>, Vec<f64>)> = Vec::new();
+        for &(i, j, c) in step.combined {
+            let (mut cols, mut values) = (Vec::new(), Vec::new());
+            self.body.stiffness.row(self.global(j), &mut cols, &mut values)?;
+            values.iter_mut().for_each(|v| *v *= c);
+            rows.push((i, cols, values));
+        }
+        for &(i, j, v) in step.beside {
+            rows.push((i, vec![self.global(j)], vec![v]));
+        }
+        let (mut own, mut other) = (vec![0; self.body.len], vec![0; self.body.len]);
+        let here = self.global(0)..self.global(self.body.len);
+        for (i, cols, _) in &rows {
+            let inside = cols.iter().filter(|c| here.contains(c)).count() as Int;
+            own[*i] = (own[*i] + inside).min(self.body.len as Int);
+            other[*i] += cols.len() as Int - inside;
+        }
+        let mut matrix = Matrix::new(self.body.world, 1, &own, &other)?;
+        for (i, cols, values) in &rows {
+            matrix.add_row(self.global(*i), cols, values)?;
+        }
+        matrix.assemble()?;
+        Ok(matrix)
+    }
+
+    fn direction(&mut self, r: &[f64], d: &mut [f64], tolerance: f64) -> Result<KrylovOutcome, SolverError> {
+        let mut size = [r.iter().map(|r| r * r).sum()];
+        self.body.world.add(&mut size)?;
+        let size = size[0].sqrt();
+        if size == 0.0 {
+            d.fill(0.0);
+            return Ok(KrylovOutcome::new(0, 0.0));
+        }
+        self.x.set(r)?;
+        let solved = self
+            .solver
+            .solve(&self.x, &mut self.y, tolerance, self.max_iterations)?;
+        if solved.reason < 0 {
+            return Err(SolverError::Diverged {
+                reason: solved.reason,
+                iterations: solved.iterations,
+            });
+        }
+        self.y.get(d)?;
+        // The right-hand side is zero there; interpolation may have left a little.
+        self.held.iter().for_each(|k| d[*k] = 0.0);
+        Ok(KrylovOutcome::new(solved.iterations, solved.residual / size))
+    }
+}
+
+impl ReducedSystem for System<'_> {
+    type Error = Error;
+
+    fn len(&self) -> usize {
+        self.body.len
+    }
+
+    fn mul(&mut self, u: &[f64], out: &mut [f64]) -> Result<(), Error> {
+        let done = self.product(u, out);
+        self.body.world.agree(done)
+    }
+
+    fn select(&mut self, step: &ReducedStep<'_>) -> Result<(), Error> {
+        let done = self.choose(step);
+        self.body.world.agree(done)
+    }
+
+    fn solve(&mut self, r: &[f64], d: &mut [f64], tolerance: f64) -> Result<KrylovOutcome, Error> {
+        let done = self.direction(r, d, tolerance);
+        self.body.world.agree(done)
+    }
+
+    fn sum(&self, values: &mut [f64]) -> Result<(), Error> {
+        let done = self.body.world.add(values);
+        self.body.world.agree(done)
+    }
+
+    fn max(&self, values: &mut [f64]) -> Result<(), Error> {
+        let done = self.body.world.largest(values);
+        self.body.world.agree(done)
+    }
+}

@@ -1,0 +1,345 @@
+use std::cell::Cell;
+use std::error::Error as StdError;
+use std::ffi::{CStr, CString, c_int};
+use std::marker::PhantomData;
+use std::process::ExitCode;
+use std::ptr::{null, null_mut};
+use std::sync::Once;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use thiserror::Error;
+
+use crate::ffi::{self, Code, Int};
+
+/// How long a process that has found an error waits for the others to come to the vote.
+const PATIENCE: Duration = Duration::from_secs(60);
+/// Bytes of a message that other processes get.
+const MESSAGE: usize = 1000;
+
+static STARTED: AtomicBool = AtomicBool::new(false);
+static RUNNING: AtomicBool = AtomicBool::new(false);
+
+/// What ends the work of all processes.
+#[derive(Debug, Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// An error on which all processes agree: that of the first of them that has one.
+    #[error("process {rank}: {message}")]
+    Agreed {
+        /// The process that found it.
+        rank: usize,
+        /// The error there, with its sources.
+        message: String,
+        /// What this process has found itself, if anything.
+        source: Option<Box<dyn StdError + Send + Sync>>,
+    },
+    /// PETSc and MPI run already in this process, or have run: they start once.
+    #[error("PETSc is started once in a process")]
+    StartedBefore,
+    /// An argument with a zero byte.
+    #[error("an argument has a byte 0")]
+    Argument(#[source] std::ffi::NulError),
+    /// PETSc or MPI did not start.
+    #[error("PETSc did not start")]
+    Start(#[source] PetscError),
+}
+
+/// A call of PETSc or MPI that failed.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[error("{call}: PETSc error {code}, {text}")]
+#[non_exhaustive]
+pub struct PetscError {
+    /// The function.
+    pub call: &'static str,
+    /// PETSc's number of the error.
+    pub code: i32,
+    /// PETSc's name of it.
+    pub text: String,
+}
+
+pub(crate) fn check(call: &'static str, code: Code) -> Result<(), PetscError> {
+    if code == 0 {
+        return Ok(());
+    }
+    let mut text = null();
+    // SAFETY: PETSc hands back a static text or null.
+    let text = unsafe {
+        ffi::PetscErrorMessage(code, &mut text, null_mut());
+        if text.is_null() {
+            "unknown".into()
+        } else {
+            CStr::from_ptr(text).to_string_lossy().into_owned()
+        }
+    };
+    Err(PetscError { call, code, text })
+}
+
+/// Calls a function of the interface. Handles are live, as their owners are borrowed, and pointers are those of slices whose lengths the
+/// caller has compared.
+macro_rules! call {
+    ($name:ident($($arg:expr),* $(,)?)) => {
+        // SAFETY: as said above.
+        $crate::world::check(stringify!($name), unsafe { $crate::ffi::$name($($arg),*) })
+    };
+}
+pub(crate) use call;
+
+/// The processes of a job: PETSc and MPI, from start to finish. Everything made with it borrows it.
+///
+/// Functions are *collective* unless they say otherwise: all processes call them, in the same order. What one process finds wrong becomes
+/// an error in all of them by a [vote](Self::agree), so that none waits for one that has left. A process whose error the others do not
+/// come to hear of within the [patience](Self::set_patience), because they wait for it elsewhere, ends the job with its message; so does
+/// one that panics.
+#[derive(Debug)]
+pub struct World {
+    rank: usize,
+    size: usize,
+    patience: Cell<Duration>,
+    /// MPI is used from the thread that started it.
+    _thread: PhantomData<*const ()>,
+}
+
+/// Runs a program on all processes of a job: starts PETSc with options (`-pc_type hypre` and the like), does the work, says what went wrong
+/// once, and finishes.
+///
+/// ```no_run
+/// use semismooth_petsc::run;
+/// fn main() -> std::process::ExitCode {
+///     run(std::env::args().skip(1), |world| {
+///         let mine = world.agree("1.5".parse::<f64>())?; // an error on one process is one on all
+///         let all = world.sum([mine])?;
+///         if world.rank() == 0 {
+///             println!("{} processes: {}", world.size(), all[0]);
+///         }
+///         Ok(())
+///     })
+/// }
+/// ```
+pub fn run(
+    options: impl IntoIterator<Item = String>,
+    work: impl FnOnce(&World) -> Result<(), Error>,
+) -> ExitCode {
+    let (rank, outcome) = match World::start(options) {
+        Ok(world) => (world.rank, work(&world)),
+        Err(e) => (0, Err(e)),
+    };
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(e) => {
+            if rank == 0 {
+                eprintln!("error: {}", chain(&e));
+            }
+            ExitCode::FAILURE
+        }
+    }
+}
+
+impl World {
+    /// Starts PETSc and MPI, with options of PETSc. Installs a panic hook which, after the one that was there, ends the job.
+    ///
+    /// # Errors
+    /// Started before in this process; arguments with a byte 0; what PETSc says.
+    pub fn start(options: impl IntoIterator<Item = String>) -> Result<Self, Error> {
+        static HOOK: Once = Once::new();
+        let options = options.into_iter().collect::<Vec<_>>().join(" ");
+        let options = CString::new(options).map_err(Error::Argument)?;
+        if STARTED.swap(true, Ordering::SeqCst) {
+            return Err(Error::StartedBefore);
+        }
+        call!(shim_start(options.as_ptr())).map_err(Error::Start)?;
+        RUNNING.store(true, Ordering::SeqCst);
+        HOOK.call_once(|| {
+            let before = std::panic::take_hook();
+            std::panic::set_hook(Box::new(move |info| {
+                before(info);
+                if RUNNING.load(Ordering::SeqCst) {
+                    // SAFETY: MPI is running.
+                    unsafe { ffi::shim_abort(101) };
+                }
+            }));
+        });
+        let (mut rank, mut size) = (0, 0);
+        // SAFETY: two numbers to be written.
+        unsafe { ffi::shim_world(&mut rank, &mut size) };
+        Ok(Self {
+            rank: rank as usize,
+            size: size as usize,
+            patience: Cell::new(PATIENCE),
+            _thread: PhantomData,
+        })
+    }
+
+    /// Number of this process, from 0. Not collective.
+    #[must_use]
+    pub fn rank(&self) -> usize {
+        self.rank
+    }
+
+    /// How many processes there are. Not collective.
+    #[must_use]
+    pub fn size(&self) -> usize {
+        self.size
+    }
+
+    /// Sets how long a process with an error waits for the others to vote before it ends the job by itself; 60 s at first. Not collective.
+    pub fn set_patience(&self, patience: Duration) {
+        self.patience.set(patience);
+    }
+
+    /// The result of this process, if all processes have one; else the error of the first that has none.
+    ///
+    /// # Errors
+    /// The same in all processes, but for the source, which each has of its own.
+    pub fn agree<T, E>(&self, own: Result<T, E>) -> Result<T, Error>
+    where
+        E: Into<Box<dyn StdError + Send + Sync>>,
+    {
+        self.settle(own.map_err(|e| Some(e.into())))
+    }
+
+    /// As [`agree`](Self::agree); an error without content is that of another process.
+    pub(crate) fn settle<T>(
+        &self,
+        own: Result<T, Option<Box<dyn StdError + Send + Sync>>>,
+    ) -> Result<T, Error> {
+        let own = match own {
+            Err(Some(e)) => match e.downcast::<Error>() {
+                // Agreed before, in all processes.
+                Ok(e) => return Err(*e),
+                Err(e) => Err(Some(e)),
+            },
+            own => own,
+        };
+        let voted = if matches!(own, Err(Some(_))) {
+            self.rank
+        } else {
+            self.size
+        };
+        let (mut first, mut late) = (0, 0);
+        let patience = self.patience.get().as_secs_f64();
+        let failed = call!(shim_vote(
+            voted as c_int,
+            self.size as c_int,
+            patience,
+            &mut first,
+            &mut late
+        ));
+        let text = match &own {
+            Err(Some(e)) => chain(&**e),
+            _ => String::new(),
+        };
+        if late != 0 || failed.is_err() {
+            let why = failed.map_or_else(|e| e.to_string(), |()| "the others do not answer".into());
+            eprintln!("error: process {}: {text} ({why})", self.rank);
+            self.abort();
+        }
+        if first as usize == self.size {
+            return own.map_err(|_| self.told(self.rank, "an error that no process names", None));
+        }
+        let mut message = [0u8; MESSAGE];
+        for (to, from) in message.iter_mut().zip(text.bytes()) {
+            *to = from;
+        }
+        if let Err(e) = call!(shim_broadcast(
+            message.as_mut_ptr().cast(),
+            MESSAGE as c_int,
+            first
+        )) {
+            eprintln!("error: process {}: {text} ({e})", self.rank);
+            self.abort();
+        }
+        let length = message.iter().position(|b| *b == 0).unwrap_or(MESSAGE);
+        let text = String::from_utf8_lossy(&message[..length]);
+        Err(self.told(first as usize, &text, own.err().flatten()))
+    }
+
+    fn told(&self, rank: usize, message: &str, source: Option<Box<dyn StdError + Send + Sync>>) -> Error {
+        Error::Agreed {
+            rank,
+            message: message.into(),
+            source,
+        }
+    }
+
+    /// Ends the job, at once.
+    fn abort(&self) -> ! {
+        // SAFETY: MPI is running.
+        unsafe { ffi::shim_abort(1) };
+        std::process::exit(1)
+    }
+
+    /// Sums over all processes, entry by entry.
+    ///
+    /// # Errors
+    /// What MPI says.
+    pub fn sum<const N: usize>(&self, mut values: [f64; N]) -> Result<[f64; N], Error> {
+        let done = self.add(&mut values);
+        self.agree(done.map(|()| values))
+    }
+
+    /// Maxima over all processes, entry by entry.
+    ///
+    /// # Errors
+    /// What MPI says.
+    pub fn max<const N: usize>(&self, mut values: [f64; N]) -> Result<[f64; N], Error> {
+        let done = self.largest(&mut values);
+        self.agree(done.map(|()| values))
+    }
+
+    pub(crate) fn add(&self, values: &mut [f64]) -> Result<(), PetscError> {
+        call!(shim_sum(values.as_mut_ptr(), values.len() as c_int))
+    }
+
+    pub(crate) fn largest(&self, values: &mut [f64]) -> Result<(), PetscError> {
+        call!(shim_max(values.as_mut_ptr(), values.len() as c_int))
+    }
+
+    /// Of numbers of things, one a process: how many come before this process, and all.
+    pub(crate) fn offset(&self, own: usize) -> Result<(usize, usize), PetscError> {
+        let (mut before, mut all) = (0, 0);
+        call!(shim_offset(own as i64, &mut before, &mut all))?;
+        Ok((before as usize, all as usize))
+    }
+
+    /// `width` numbers of each of the given rows, which are numbered through all processes in their order; `own` are those of this process.
+    pub(crate) fn fetch(&self, width: usize, own: &[f64], rows: &[Int]) -> Result<Vec<f64>, PetscError> {
+        let mut out = vec![0.0; width * rows.len()];
+        call!(shim_fetch(
+            width as Int,
+            (own.len() / width) as Int,
+            own.as_ptr(),
+            rows.len() as Int,
+            rows.as_ptr(),
+            out.as_mut_ptr(),
+        ))?;
+        Ok(out)
+    }
+}
+
+impl Drop for World {
+    fn drop(&mut self) {
+        RUNNING.store(false, Ordering::SeqCst);
+        // SAFETY: started once, finished once; all handles borrow the world and are gone.
+        unsafe { ffi::shim_finish() };
+    }
+}
+
+/// An error with its sources.
+fn chain(error: &(dyn StdError + 'static)) -> String {
+    let mut text = error.to_string();
+    let mut source = match error.downcast_ref::<Error>() {
+        // The message has them already.
+        Some(Error::Agreed { .. }) => None,
+        _ => error.source(),
+    };
+    while let Some(e) = source {
+        let next = e.to_string();
+        if !text.ends_with(&next) {
+            text += ": ";
+            text += &next;
+        }
+        source = e.source();
+    }
+    text
+}
