@@ -246,6 +246,15 @@ pub enum FemError {
     /// A matrix could not be built.
     #[error(transparent)]
     Sparse(#[from] SparseError),
+    /// A body that cannot be a [`PlasticBody`](super::PlasticBody).
+    #[error("the body cannot be plastic: {what}")]
+    PlasticBody {
+        /// Why.
+        what: &'static str,
+    },
+    /// What is wrong with a vector.
+    #[error(transparent)]
+    Vector(#[from] crate::piecewise::PiecewiseError),
     /// What is wrong with the load case of the supports.
     #[error(transparent)]
     Supports(#[from] crate::interface::InterfaceError),

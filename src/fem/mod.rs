@@ -3,7 +3,7 @@
 //! A [`Mesh`] of triangles, quadrilaterals, tetrahedra or hexahedra comes from a generator ([`Mesh::rectangle`], [`Mesh::block`]), a
 //! file ([`read_gmsh`], [`read_getfem`]) or your own arrays; [`Elasticity`] holds materials and supports and assembles an [`ElasticSystem`]: the
 //! stiffness matrix of the free displacements, loads, and [`ContactRows`], the normal and tangential traces of the nodes which may
-//! touch a rigid foundation. Units are the caller's: metres and GPa give nodal forces in GN (per metre of depth in the plane).
+//! touch a rigid foundation. [`PlasticBody`] is a body of [`VonMises`] material under a history of loads. Units are the caller's: metres and GPa give nodal forces in GN (per metre of depth in the plane).
 
 mod assembly;
 mod contact;
@@ -18,11 +18,13 @@ mod material;
 mod mesh;
 mod multipliers;
 mod nodal;
+mod plastic;
 mod refine;
 mod rigid;
 mod stiffness;
 mod tokens;
 mod trace;
+mod von_mises;
 
 pub use assembly::ElasticSystem;
 pub use contact::{ContactRows, Foundation};
@@ -34,4 +36,6 @@ pub use gmsh::{parse_gmsh, read_gmsh};
 pub use material::{Material, PlaneModel};
 pub use mesh::{BoundaryFacet, Mesh};
 pub use multipliers::Multipliers;
+pub use plastic::{PlasticBody, PlasticEnergies};
 pub use trace::TraceSpace;
+pub use von_mises::{PlasticResponse, PlasticState, VonMises};

@@ -1,8 +1,8 @@
 use std::path::Path;
 
 use semismooth::fem::{
-    CellKind, Elasticity, Foundation, Material, Mesh, Multipliers, TraceSpace, parse_getfem, parse_gmsh,
-    read_getfem, read_gmsh,
+    CellKind, Elasticity, Foundation, Material, Mesh, Multipliers, PlaneModel, PlasticBody, TraceSpace,
+    VonMises, parse_getfem, parse_gmsh, read_getfem, read_gmsh,
 };
 
 use super::table::{BAD, NOT_POSITIVE, Table};
@@ -25,6 +25,7 @@ fn finite_elements() {
     meshes(&mut t);
     materials(&mut t);
     bodies(&mut t);
+    plastic(&mut t);
     readers(&mut t);
     t.finish();
 }
@@ -231,6 +232,70 @@ fn materials(t: &mut Table) {
         t.survives("fem::Material::isotropic", "sizes", || {
             let material = Material::isotropic(size, 0.3)?;
             Elasticity::new(square(), material).fix("top").assemble()
+        });
+    }
+}
+
+fn plastic(t: &mut Table) {
+    let law = || VonMises::new(1.0, 0.3, 0.1).unwrap();
+    for bad in BAD.into_iter().chain(NOT_POSITIVE) {
+        t.refuses("fem::VonMises::new", "a yield stress", "yield", || {
+            VonMises::new(1.0, 0.3, bad)
+        });
+        t.refuses("fem::VonMises::new", "E", "E", || VonMises::new(bad, 0.3, 1.0));
+    }
+    for bad in BAD.into_iter().chain([-1.0]) {
+        t.refuses("fem::VonMises::with_hardening", "isotropic", "isotropic", || {
+            law().with_hardening(bad, 0.0)
+        });
+        t.refuses("fem::VonMises::with_hardening", "kinematic", "kinematic", || {
+            law().with_hardening(0.0, bad)
+        });
+    }
+    let new = "fem::PlasticBody::new";
+    t.refuses(new, "another material", "elastic", || {
+        PlasticBody::new(&body(), VonMises::new(2.0, 0.3, 0.1)?)
+    });
+    t.refuses(new, "plane stress", "plane stress", || {
+        PlasticBody::new(&body().with_plane_model(PlaneModel::Stress), law())
+    });
+    let virgin = PlasticBody::new(&body(), law()).unwrap();
+    let (free, all) = (virgin.system().num_free(), 2 * virgin.system().mesh().num_nodes());
+    let vectors = |len: usize| {
+        let values = BAD.into_iter().map(move |bad| vec![bad; len]);
+        values.chain([vec![], vec![0.0; len + 1]])
+    };
+    for x in vectors(free) {
+        t.refuses("fem::PlasticBody::set_load", "a load", "load", || {
+            virgin.clone().set_load(&x)
+        });
+        t.refuses(
+            "fem::PlasticBody::commit",
+            "displacements",
+            "displacements",
+            || virgin.clone().commit(&x),
+        );
+        t.refuses(
+            "fem::PlasticBody::stresses",
+            "displacements",
+            "displacements",
+            || virgin.stresses(&x),
+        );
+    }
+    for x in vectors(all) {
+        t.refuses(
+            "fem::PlasticBody::set_supports",
+            "displacements",
+            "supports",
+            || virgin.clone().set_supports(&x),
+        );
+    }
+    for size in [1e-320, 1e-300, 1e300, f64::MAX] {
+        t.survives("fem::VonMises::new", "sizes", || {
+            let law = VonMises::new(size, 0.3, size)?.with_hardening(size, size)?;
+            let supported = Elasticity::new(square(), law.elastic().clone()).fix("top");
+            let mut body = PlasticBody::new(&supported, law)?;
+            body.commit(&vec![1e-3; free])
         });
     }
 }

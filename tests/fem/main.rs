@@ -1,4 +1,6 @@
-//! Finite elements: patch tests, observed orders, rigid motions, refinement, bad input.
+//! Finite elements: patch tests, observed orders, rigid motions, refinement, bad input, plasticity.
+
+mod plastic;
 
 use semismooth::fem::{
     CellKind, Elasticity, FemError, Foundation, Material, Mesh, Multipliers, PlaneModel, parse_getfem,
