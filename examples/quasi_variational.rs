@@ -152,7 +152,7 @@ impl Forces {
             ensure(report.is_solved(), "friction of Tresca has a solution")?;
             let change = distance(&next, forces);
             forces.copy_from_slice(&next);
-            if change <= 1e-14 * forces.iter().fold(0.0, |m: f64, f| m.max(f.abs())) {
+            if change <= 1e-13 * forces.iter().fold(0.0, |m: f64, f| m.max(f.abs())) {
                 return Ok(count);
             }
         }
