@@ -40,7 +40,7 @@ struct Arguments {
     /// Steps from no load to the largest (1 to 100).
     #[arg(long, default_value_t = 5)]
     steps: usize,
-    /// Four meshes.
+    /// Four meshes and two steps.
     #[arg(long)]
     small: bool,
     /// Folder for the picture.
@@ -147,8 +147,9 @@ fn run(arguments: &Arguments) -> Outcome<()> {
     if !(2..=7).contains(&levels) || !(1..=100).contains(&arguments.steps) {
         return Err("--levels goes from 2 to 7, --steps from 1 to 100".into());
     }
+    let steps = if arguments.small { 2 } else { arguments.steps };
     tube(levels)?;
-    strip(levels, arguments)
+    strip(levels, steps, arguments)
 }
 
 /// Largest pressure such that the front has this radius, and the displacement c/r, where τ = k at the front.
@@ -350,7 +351,7 @@ fn cycle(rings: &mut Rings, unit: &[f64], steps: usize, coarse: Option<&[Vec<f64
     Ok(history)
 }
 
-fn strip(levels: usize, arguments: &Arguments) -> Outcome<()> {
+fn strip(levels: usize, steps: usize, arguments: &Arguments) -> Outcome<()> {
     println!("strip: most Newton steps from");
     println!("   cells  last load  rest  coarser  residual  dissipated  seconds");
     let mut counts = [const { Vec::new() }; 3];
@@ -359,7 +360,7 @@ fn strip(levels: usize, arguments: &Arguments) -> Outcome<()> {
         let (mut rings, unit) = quarter(level)?;
         let begin = Instant::now();
         let ends = coarse.as_ref().map(|c| c.ends.as_slice());
-        let history = cycle(&mut rings, &unit, arguments.steps, ends)?;
+        let history = cycle(&mut rings, &unit, steps, ends)?;
         let (_, work, energies) = &history.balance[history.balance.len() - 1];
         println!(
             "{:8}  {:9}  {:4}  {:>7}  {:8.1e}  {:10.6}  {:7.2}",
@@ -394,22 +395,22 @@ fn strip(levels: usize, arguments: &Arguments) -> Outcome<()> {
             work - (e.elastic + e.hardening + e.dissipated)
         );
     }
-    balance(arguments.steps)?;
+    balance()?;
     draw(arguments, &history)
 }
 
 /// The trapezoidal rule is exact for the work along straight steps; what is missing is implicit Euler's, of second order.
-fn balance(steps: usize) -> Outcome<()> {
+fn balance() -> Outcome<()> {
+    const STEPS: usize = 10;
     let missing = |steps| -> Outcome<[f64; 2]> {
         let (mut rings, unit) = quarter(0)?;
         let history = cycle(&mut rings, &unit, steps, None)?;
         Ok([history.missing(), history.balance[5 * steps - 1].1])
     };
-    let ([coarse, work], [fine, _]) = (missing(4 * steps)?, missing(8 * steps)?);
+    let ([coarse, work], [fine, _]) = (missing(STEPS)?, missing(2 * STEPS)?);
     println!(
-        "missing on the coarsest mesh, of the work {work:.6}: {coarse:.1e} in steps of 1/{}, {fine:.1e} in 1/{}",
-        4 * steps,
-        8 * steps
+        "missing on the coarsest mesh, of the work {work:.6}: {coarse:.1e} in steps of 1/{STEPS}, {fine:.1e} in 1/{}",
+        2 * STEPS
     );
     ensure(
         coarse < 0.0 && coarse > -1e-2 * work && coarse / fine > 3.0,
