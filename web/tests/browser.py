@@ -115,6 +115,9 @@ class Browser:
             return False
 
     def open(self, address):
+        # From nothing: another state of the same page would be no new page, and what is waited for would be there already.
+        self.call("Page.navigate", url="about:blank")
+        self.wait("location.href === 'about:blank'")
         self.call("Page.navigate", url=address)
         page = json.dumps(address.partition("#")[0])
         self.wait(f"location.href.split('#')[0] === {page} && typeof drawn === 'object' && drawn.count > 0")
