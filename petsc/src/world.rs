@@ -120,18 +120,22 @@ pub fn run(
     options: impl IntoIterator<Item = String>,
     work: impl FnOnce(&World) -> Result<(), Error>,
 ) -> ExitCode {
-    let (rank, outcome) = match World::start(options) {
-        Ok(world) => (world.rank, work(&world)),
-        Err(e) => (0, Err(e)),
+    let say = |e: &Error| eprintln!("error: {}", chain(e));
+    let outcome = match World::start(options) {
+        Ok(world) => work(&world).inspect_err(|e| {
+            // While MPI runs: once it has ended, the first process to leave with an error takes the others with it.
+            if world.rank == 0 {
+                say(e);
+            }
+        }),
+        Err(e) => {
+            say(&e);
+            Err(e)
+        }
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
-        Err(e) => {
-            if rank == 0 {
-                eprintln!("error: {}", chain(&e));
-            }
-            ExitCode::FAILURE
-        }
+        Err(_) => ExitCode::FAILURE,
     }
 }
 
