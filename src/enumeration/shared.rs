@@ -283,6 +283,43 @@ mod tests {
         }
     }
 
+    /// Where rows are off by an angle, forms that are shared vanish on each piece within their errors.
+    #[test]
+    fn errors_of_shared_forms_bound_what_they_miss() {
+        let mut random = Random::new(3);
+        for _ in 0..100 {
+            let (before, _) = mixed(&mut random, 1e-9);
+            let mut site = before.clone();
+            tell(&mut site);
+            for k in 0..2 {
+                let form = &site.forms[site.pieces[k].equalities[0]];
+                let space = Space::of(&before.pieces[k].equalities, &before.forms);
+                let mut x = random_vector(&mut random);
+                space.project_off(&mut x);
+                let sum: f64 = x.iter().map(|v| v.abs()).sum();
+                assert!(value(form, &x).abs() <= (4.0 * form.error + 1e-14) * sum);
+            }
+        }
+    }
+
+    /// A facet that is no multiple of the other piece's form stays what it is.
+    #[test]
+    fn other_facets_stay() {
+        let mut random = Random::new(4);
+        for _ in 0..100 {
+            let (mut before, _) = mixed(&mut random, 0.0);
+            for a in &mut before.forms[0].coefficients {
+                *a += 1e-5 * random.symmetric();
+            }
+            let mut site = before.clone();
+            tell(&mut site);
+            let [first, second] = [0, 1].map(|k| site.pieces[k].facets[0]);
+            assert_eq!((first.0, first.1), (0, before.pieces[0].facets[0].1));
+            assert_eq!(site.forms[0].coefficients, before.forms[0].coefficients);
+            assert_eq!(second.0, site.pieces[0].equalities[1]);
+        }
+    }
+
     #[test]
     fn pieces_that_share_nothing_stay_as_they_are() {
         let mut random = Random::new(2);

@@ -134,8 +134,8 @@ impl ElasticSystem {
     /// The nodes of a group of facets as contact nodes. Nodes whose displacement is prescribed altogether are left out.
     ///
     /// # Errors
-    /// Groups that do not exist or, unless the mesh is a [part](super::Mesh::into_part), are empty or have no free nodes; nodes of which a component is prescribed that contact needs
-    /// ([`FemError::ContactFixed`]), normals and tangents of no use, gaps that are not finite.
+    /// Groups that do not exist or, unless the mesh is a [part](super::Mesh::into_part), are empty or have no free nodes; nodes of which a
+    /// component is prescribed that contact needs ([`FemError::ContactFixed`]), normals and tangents of no use, gaps that are not finite.
     pub fn contact(&self, facets: &str, foundation: &Foundation) -> Result<ContactRows, FemError> {
         let mesh = self.mesh();
         let dim = mesh.dim();
