@@ -27,8 +27,8 @@ pub struct ReducedOptions {
     pub max_krylov: usize,
     /// Directions that GMRES keeps, a vector of displacements each. Default 30.
     pub directions: usize,
-    /// Largest relative residual to which the linear system of a step is solved, the first one in particular
-    /// (η_max of Eisenstat and Walker). Default 1e-2.
+    /// Largest relative residual to which the linear system of a step is solved (η_max of Eisenstat and Walker); the first one of a run is
+    /// solved to 1e-4 of its right-hand side, or to this if that is less. Default 1e-2.
     pub forcing: f64,
     /// Largest number of load steps tried when Newton's method does not arrive from the start; 0 leaves them out. Default 100.
     pub max_load_steps: usize,
