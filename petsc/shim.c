@@ -1,5 +1,7 @@
 /* What Rust cannot see of PETSc and MPI: communicators (a number or a pointer), macros, the values of enums. */
 #include <petscksp.h>
+#include <signal.h>
+#include <string.h>
 #include <unistd.h>
 
 _Static_assert(sizeof(PetscScalar) == sizeof(double) && sizeof(PetscReal) == sizeof(double), "PetscScalar is not double");
@@ -13,13 +15,31 @@ _Static_assert(sizeof(Vec) == sizeof(void *) && sizeof(Mat) == sizeof(void *) &&
 
 /* Votes have a communicator of their own, so that they meet nothing that PETSc sends. */
 static MPI_Comm votes = MPI_COMM_NULL;
+/* The process that says what no other has to repeat. */
+static volatile pid_t teller = 0;
+
+/* Ctrl-C reaches the processes as SIGTERM from mpiexec. The first one says so; no process stays behind in a call that waits for others. */
+static void interrupted(int number)
+{
+  static const char said[] = "error: the job was interrupted by a signal; what was saved before stays\n";
+
+  if (getpid() == teller) (void)!write(STDERR_FILENO, said, strlen(said));
+  _exit(128 + number);
+}
 
 int shim_start(const char *options)
 {
+  int              rank;
+  struct sigaction action = {.sa_handler = interrupted};
+
   /* Errors come back as codes: no abort, nothing on stderr. */
   PetscCall(PetscInitializeNoArguments());
   PetscCall(PetscPushErrorHandler(PetscReturnErrorHandler, NULL));
   if (MPI_Comm_dup(PETSC_COMM_WORLD, &votes)) return PETSC_ERR_MPI;
+  MPI_Comm_rank(PETSC_COMM_WORLD, &rank);
+  if (rank == 0) teller = getpid();
+  sigemptyset(&action.sa_mask);
+  if (sigaction(SIGINT, &action, NULL) || sigaction(SIGTERM, &action, NULL)) return PETSC_ERR_SYS;
   return PetscOptionsInsertString(NULL, options);
 }
 int shim_finish(void)
@@ -57,6 +77,22 @@ int shim_vote(int own, int limit, double patience, int *smallest, int *late)
 int shim_broadcast(char *text, int length, int root) { return MPI_Bcast(text, length, MPI_CHAR, root, votes) ? PETSC_ERR_MPI : 0; }
 int shim_sum(double *v, int n) { return MPI_Allreduce(MPI_IN_PLACE, v, n, MPI_DOUBLE, MPI_SUM, PETSC_COMM_WORLD) ? PETSC_ERR_MPI : 0; }
 int shim_max(double *v, int n) { return MPI_Allreduce(MPI_IN_PLACE, v, n, MPI_DOUBLE, MPI_MAX, PETSC_COMM_WORLD) ? PETSC_ERR_MPI : 0; }
+/* Bytes from one process to another, in messages of at most 64 MB. */
+enum { MESSAGE = 1 << 26 };
+int shim_send(const char *bytes, long long n, int to)
+{
+  for (long long at = 0; at < n; at += MESSAGE) {
+    if (MPI_Send(bytes + at, n - at < MESSAGE ? (int)(n - at) : MESSAGE, MPI_CHAR, to, 0, votes)) return PETSC_ERR_MPI;
+  }
+  return 0;
+}
+int shim_receive(char *bytes, long long n, int from)
+{
+  for (long long at = 0; at < n; at += MESSAGE) {
+    if (MPI_Recv(bytes + at, n - at < MESSAGE ? (int)(n - at) : MESSAGE, MPI_CHAR, from, 0, votes, MPI_STATUS_IGNORE)) return PETSC_ERR_MPI;
+  }
+  return 0;
+}
 /* How many the processes before this one have, and all of them. */
 int shim_offset(long long own, long long *before, long long *total)
 {
@@ -173,10 +209,37 @@ int shim_solver(KSP *k)
   PetscCall(KSPCreate(PETSC_COMM_WORLD, k));
   return KSPSetFromOptions(*k);
 }
+/* Smoothing of the finest level of multigrid node by node: a node at the brink of slip has one stiff direction, across its force and along
+   no axis. Blocks of coarse levels may be singular, and stay with PETSc's default. */
+static int smooth_nodes(KSP k)
+{
+  PC        pc;
+  KSP       smoother;
+  PetscInt  levels;
+  PetscBool is;
+
+  PetscCall(PetscOptionsHasName(NULL, NULL, "-mg_levels_pc_type", &is));
+  if (is) return 0;
+  PetscCall(KSPGetPC(k, &pc));
+  PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCGAMG, &is));
+  if (!is) return 0;
+  PetscCall(PCMGGetLevels(pc, &levels));
+  if (levels < 2) return 0;
+  PetscCall(PCMGGetSmoother(pc, levels - 1, &smoother));
+  PetscCall(KSPGetPC(smoother, &pc));
+  PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCPBJACOBI, &is));
+  if (is) return 0;
+  PetscCall(PCSetType(pc, PCPBJACOBI));
+  /* The bounds found for another smoother are not those of this one. */
+  PetscCall(PetscObjectTypeCompare((PetscObject)smoother, KSPCHEBYSHEV, &is));
+  if (is) PetscCall(KSPChebyshevEstEigSet(smoother, PETSC_DECIDE, PETSC_DECIDE, PETSC_DECIDE, PETSC_DECIDE));
+  return KSPSetUp(smoother);
+}
 int shim_operators(KSP k, Mat a, Mat p)
 {
   PetscCall(KSPSetOperators(k, a, p));
-  return KSPSetUp(k);
+  PetscCall(KSPSetUp(k));
+  return smooth_nodes(k);
 }
 int shim_solve(KSP k, Vec b, Vec x, double tolerance, PetscInt most, PetscInt *iterations, double *residual, int *reason)
 {

@@ -139,7 +139,8 @@ impl<'w> DistributedBody<'w> {
             .sum();
         let (_, num_displacements) = world.offset(own_free)?;
         let stiffness = numbering.stiffness(world, part, system, mean)?;
-        let mut places = vec![0; system.num_free()];
+        // What no process solves for, at nodes that have supports this part does not know of: nowhere.
+        let mut places = vec![u32::MAX; system.num_free()];
         for (k, node) in nodes.iter().chain(&numbering.others).enumerate() {
             for d in 0..dim {
                 if let Some(dof) = system.dof(*node, d) {
@@ -238,7 +239,8 @@ impl<'w> DistributedBody<'w> {
                 *v = (0..3).map(|k| frame[k][d] * old[k]).sum();
             }
         }
-        Ok(self.places.iter().map(|p| all[*p as usize]).collect())
+        let at = |p: &u32| all.get(*p as usize).copied().unwrap_or(0.0);
+        Ok(self.places.iter().map(at).collect())
     }
 }
 

@@ -24,8 +24,8 @@ pub struct DistributedContact<'w, L> {
     law: L,
     options: ReducedOptions,
     r: f64,
-    reference: Vec<f64>,
-    history: Vec<f64>,
+    pub(crate) reference: Vec<f64>,
+    pub(crate) history: Vec<f64>,
 }
 
 impl<'w, L: NodeLaw> DistributedContact<'w, L> {
@@ -61,7 +61,7 @@ impl<'w, L: NodeLaw> DistributedContact<'w, L> {
         &self.law
     }
 
-    fn world(&self) -> &'w World {
+    pub(crate) fn world(&self) -> &'w World {
         self.system.body.world
     }
 
@@ -103,7 +103,7 @@ impl<'w, L: NodeLaw> DistributedContact<'w, L> {
         Ok(report)
     }
 
-    fn check(&self, alpha: f64, load: &[f64], start: Option<&[f64]>) -> Result<(), ContactError> {
+    pub(crate) fn check(&self, alpha: f64, load: &[f64], start: Option<&[f64]>) -> Result<(), ContactError> {
         let n = self.system.body.num_free();
         let vectors = [("the load", Some(load)), ("the start", start)];
         for (what, v) in vectors.iter().filter_map(|(what, v)| Some((*what, (*v)?))) {

@@ -21,6 +21,8 @@ unsafe extern "C" {
     pub fn shim_broadcast(text: *mut c_char, length: c_int, root: c_int) -> Code;
     pub fn shim_sum(v: *mut f64, n: c_int) -> Code;
     pub fn shim_max(v: *mut f64, n: c_int) -> Code;
+    pub fn shim_send(bytes: *const c_char, n: c_longlong, to: c_int) -> Code;
+    pub fn shim_receive(bytes: *mut c_char, n: c_longlong, from: c_int) -> Code;
     pub fn shim_offset(own: c_longlong, before: *mut c_longlong, total: *mut c_longlong) -> Code;
     pub fn shim_fetch(
         width: Int,

@@ -38,11 +38,16 @@ mod contact;
 mod ffi;
 mod handles;
 mod part;
+mod pieces;
+mod saved;
+mod scatter;
 mod system;
 mod world;
 
 pub use body::{BodyError, DistributedBody};
 pub use contact::DistributedContact;
 pub use part::{Part, PartError};
+pub use pieces::PartField;
+pub use saved::{SavedError, SavedLevel};
 pub use system::SolverError;
 pub use world::{Error, PetscError, World, run};

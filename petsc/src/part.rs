@@ -1,10 +1,13 @@
 use std::ops::Range;
+use std::path::Path;
 
-use semismooth::fem::{FemError, Mesh};
+use semismooth::fem::{FemError, Mesh, read_gmsh};
+use semismooth::output::OutputError;
 use thiserror::Error;
 
 use crate::ffi::Int;
-use crate::world::{Error, World};
+use crate::scatter::{Cutter, Piece};
+use crate::world::{Error, PetscError, World};
 
 /// What can be wrong with parts of meshes.
 #[derive(Debug, Error)]
@@ -18,9 +21,31 @@ pub enum PartError {
         /// Number of processes.
         processes: usize,
     },
+    /// Fewer nodes than processes.
+    #[error("{nodes} nodes cannot be spread over {processes} processes: use fewer")]
+    TooFewNodes {
+        /// Nodes of the mesh.
+        nodes: usize,
+        /// Number of processes.
+        processes: usize,
+    },
+    /// More nodes or cells than can be numbered.
+    #[error("a mesh of {nodes} nodes and {cells} cells is too large to be cut in one process")]
+    TooLarge {
+        /// Nodes of the mesh.
+        nodes: usize,
+        /// Cells of the mesh.
+        cells: usize,
+    },
+    /// Process 0 has no mesh to cut.
+    #[error("process 0 gives the mesh, and gave none")]
+    NoMesh,
     /// In the mesh.
     #[error(transparent)]
     Mesh(#[from] FemError),
+    /// A field that does not fit the part, or a file that cannot be written.
+    #[error(transparent)]
+    Output(#[from] OutputError),
 }
 
 /// The part of a mesh that one process holds: all cells at the nodes that it owns, and so some nodes that others own.
@@ -70,6 +95,55 @@ impl Part {
     /// As [`rectangle`](Self::rectangle).
     pub fn block(world: &World, lower: [f64; 3], upper: [f64; 3], cells: [usize; 3]) -> Result<Self, Error> {
         world.agree(Self::grid(world.rank(), world.size(), &lower, &upper, &cells))
+    }
+
+    /// This process's part of the mesh in a Gmsh file, as [`scatter`](Self::scatter). Process 0 reads the file; the others need not see it.
+    ///
+    /// # Errors
+    /// Those of [`read_gmsh`] and of [`scatter`](Self::scatter).
+    pub fn read_gmsh(world: &World, path: impl AsRef<Path>) -> Result<Self, Error> {
+        let read = match world.rank() {
+            0 => read_gmsh(path).map(Some),
+            _ => Ok(None),
+        };
+        Self::scatter(world, world.agree(read)?.as_ref())
+    }
+
+    /// This process's part of any mesh that process 0 has; what the others give is not looked at. The nodes are cut by recursive bisection of
+    /// the longest side of the box around them, and the parts are sent one after another: process 0 holds the mesh and one part more while
+    /// that lasts, the others never hold more than theirs.
+    ///
+    /// Beside the cells at its nodes a part has those at facets of groups with a neighbour of its nodes, so that supports of neighbours are
+    /// what they are in the whole. Results at nodes that share no cell with an own one are not to be used.
+    ///
+    /// # Errors
+    /// No mesh on process 0, fewer nodes than processes, more than 2³² nodes or cells or than `PetscInt` can number.
+    pub fn scatter(world: &World, mesh: Option<&Mesh>) -> Result<Self, Error> {
+        let mesh = mesh.filter(|_| world.rank() == 0);
+        world.agree(match mesh {
+            Some(mesh) => can_be_cut(mesh, world.size()),
+            None if world.rank() == 0 => Err(PartError::NoMesh),
+            None => Ok(()),
+        })?;
+        let piece = world.agree(Self::piece(world, mesh))?;
+        let (mesh, own, global, first) = world.agree(piece.open())?;
+        Ok(Self {
+            mesh,
+            own,
+            global,
+            first,
+        })
+    }
+
+    fn piece(world: &World, mesh: Option<&Mesh>) -> Result<Piece, PetscError> {
+        let Some(mesh) = mesh else {
+            return Piece::receive(world, 0);
+        };
+        let cutter = Cutter::new(mesh, world.size());
+        for rank in 1..world.size() {
+            cutter.piece(rank).send(world, rank)?;
+        }
+        Ok(cutter.piece(0))
     }
 
     fn grid(
@@ -164,6 +238,11 @@ impl Part {
         &self.global
     }
 
+    /// Number of the first node that this process owns.
+    pub(crate) fn first(&self) -> usize {
+        self.first
+    }
+
     /// The nodes of the mesh that other processes own.
     pub(crate) fn others(&self) -> impl Iterator<Item = usize> + '_ {
         let own = self.first as Int..(self.first + self.own.len()) as Int;
@@ -172,6 +251,17 @@ impl Part {
             .filter(move |(_, g)| !own.contains(g))
             .map(|(node, _)| node)
     }
+}
+
+fn can_be_cut(mesh: &Mesh, processes: usize) -> Result<(), PartError> {
+    let (nodes, cells) = (mesh.num_nodes(), mesh.num_cells());
+    if nodes < processes {
+        return Err(PartError::TooFewNodes { nodes, processes });
+    }
+    if Int::try_from(nodes).is_err() || [nodes, cells].iter().any(|n| *n >= u32::MAX as usize) {
+        return Err(PartError::TooLarge { nodes, cells });
+    }
+    Ok(())
 }
 
 /// Nodes of a grid, cut into boxes by recursive bisection of the longest direction. Any process can tell where a node is without asking

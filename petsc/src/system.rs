@@ -55,8 +55,6 @@ impl<'w> System<'w> {
                 ("-ksp_type", "fgmres"),
                 ("-ksp_gmres_restart", &directions),
                 ("-pc_type", "gamg"),
-                // Node by node: a node at the brink of slip has one stiff direction, across its force and along no axis.
-                ("-mg_levels_pc_type", "pbjacobi"),
                 // The aggregates stay as nodes change state; matrices of coarse levels are computed anew.
                 ("-pc_gamg_reuse_interpolation", "true"),
             ],

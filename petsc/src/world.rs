@@ -321,6 +321,20 @@ impl World {
     }
 }
 
+impl World {
+    /// Numbers for another process, which receives as many. Not collective.
+    pub(crate) fn send(&self, list: &[u64], to: usize) -> Result<(), PetscError> {
+        let bytes = size_of_val(list) as i64;
+        call!(shim_send(list.as_ptr().cast(), bytes, to as c_int))
+    }
+
+    /// Numbers of another process. Not collective.
+    pub(crate) fn receive(&self, list: &mut [u64], from: usize) -> Result<(), PetscError> {
+        let bytes = size_of_val(list) as i64;
+        call!(shim_receive(list.as_mut_ptr().cast(), bytes, from as c_int))
+    }
+}
+
 impl Drop for World {
     fn drop(&mut self) {
         RUNNING.store(false, Ordering::SeqCst);

@@ -71,6 +71,10 @@ fn check(world: &World) -> Result<(), Error> {
             levels: true,
             ..case("space, levels of slip", &[6, 6, 3], &slip_dependent, [0.5, 1.0])
         },
+        Case {
+            levels: true,
+            ..case("space, levels of slip", &[14, 14, 7], &coulomb, [0.9, 1.0])
+        },
     ];
     if world.rank() == 0 {
         println!(
@@ -157,7 +161,9 @@ impl Case<'_> {
             world.agree(if longest <= KRYLOV {
                 Ok(())
             } else {
-                Err(format!("a linear system took {longest} iterations, {KRYLOV} are allowed"))
+                Err(format!(
+                    "a linear system took {longest} iterations, {KRYLOV} are allowed"
+                ))
             })?;
             worst = worst.max(differ[0]).max(differ[1]);
             if self.levels {

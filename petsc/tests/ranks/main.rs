@@ -1,4 +1,8 @@
-//! Started by `cargo test`, each case starts this program again on several processes, and looks at how the job ends.
+//! Started by `cargo test`, each case starts this program again on several processes, and looks at how the job ends. An argument leaves out
+//! the cases in whose names it does not occur.
+
+mod files;
+mod history;
 
 use std::io::Read;
 use std::process::{Command, ExitCode, Stdio};
@@ -7,20 +11,22 @@ use std::time::{Duration, Instant};
 use semismooth::contact::{
     ContactError, FrictionCoefficient, LocalRow, LocalValues, NodeLaw, OrthotropicCoulomb, ReducedOptions,
 };
-use semismooth::fem::{Elasticity, Foundation, Material};
-use semismooth_petsc::{DistributedBody, DistributedContact, Error, Part, World, run};
+use semismooth::fem::{CellKind, Elasticity, Foundation, Material, Mesh};
+use semismooth_petsc::{DistributedBody, DistributedContact, Error, Part, PartField, World, run};
 
 /// A job that takes longer hangs.
 const LIMIT: Duration = Duration::from_secs(600);
 
 fn main() -> ExitCode {
     let mut arguments = std::env::args().skip(1);
-    if let Some("--on-ranks") = arguments.next().as_deref() {
+    let first = arguments.next();
+    if first.as_deref() == Some("--on-ranks") {
         let case = arguments.next().unwrap_or_default();
         let options: Vec<_> = arguments.collect();
         return run(options, |world| on_ranks(world, &case));
     }
-    from_outside();
+    let filter = first.unwrap_or_default();
+    from_outside(&|case| case.contains(&filter));
     ExitCode::SUCCESS
 }
 
@@ -35,15 +41,19 @@ impl Ended {
     }
 }
 
-/// Runs a program on processes; `meddle` sees the numbers of the processes that have said them.
-fn job(program: &str, ranks: usize, arguments: &[&str], mut meddle: impl FnMut(&str)) -> Ended {
+/// Runs a program on processes; `meddle` sees what they have said so far, and the number of mpiexec.
+fn job(program: &str, ranks: usize, arguments: &[&str], mut meddle: impl FnMut(&str, u32)) -> Ended {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let mut child = Command::new(std::env::var("MPIEXEC").unwrap_or("mpiexec".into()))
         .args(["--oversubscribe", "-n", &ranks.to_string(), program])
         .args(arguments)
         .env("OMPI_ALLOW_RUN_AS_ROOT", "1")
         .env("OMPI_ALLOW_RUN_AS_ROOT_CONFIRM", "1")
-        // There may be fewer cores than processes.
-        .env("OMPI_MCA_mpi_yield_when_idle", "1")
+        // Who waits gives way where there are fewer cores than processes, and only there: beside other work it comes back late.
+        .env(
+            "OMPI_MCA_mpi_yield_when_idle",
+            if ranks > cores { "1" } else { "0" },
+        )
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()
@@ -70,7 +80,7 @@ fn job(program: &str, ranks: usize, arguments: &[&str], mut meddle: impl FnMut(&
         match told.recv_timeout(Duration::from_millis(100)) {
             Ok(text) => {
                 output += &String::from_utf8_lossy(&text);
-                meddle(&output);
+                meddle(&output, child.id());
             }
             Err(std::sync::mpsc::RecvTimeoutError::Disconnected) => break,
             Err(_) => {}
@@ -84,20 +94,27 @@ fn job(program: &str, ranks: usize, arguments: &[&str], mut meddle: impl FnMut(&
     Ended { success, output }
 }
 
-fn from_outside() {
+fn from_outside(wanted: &dyn Fn(&str) -> bool) {
     let own = std::env::current_exe().expect("the path of this program");
     let own = own.to_str().expect("a path in UTF-8");
     let here = |ranks: usize, case: &str| {
         println!("{case} on {ranks} processes");
         let options = if case == "solver" { "nonsense" } else { "gamg" };
-        job(own, ranks, &["--on-ranks", case, "-pc_type", options], |_| {})
+        job(own, ranks, &["--on-ranks", case, "-pc_type", options], |_, _| {})
     };
-    for ranks in [1, 2, 3] {
+    for ranks in [1, 2, 3].into_iter().filter(|_| wanted("check")) {
         println!("check on {ranks} processes");
-        let ended = job(env!("CARGO_BIN_EXE_check"), ranks, &[], |_| {});
+        let ended = job(env!("CARGO_BIN_EXE_check"), ranks, &[], |_, _| {});
         print!("{}", ended.output);
         assert!(ended.success, "{}", ended.output);
         assert_eq!(ended.count("all agree with one process"), 1);
+    }
+    files::write_gmsh(&files::folder().join("body.msh"));
+    let files = [(1, "files-1"), (2, "files-2"), (3, "files-3")];
+    for (ranks, case) in files.into_iter().filter(|c| wanted(c.1)) {
+        let ended = here(ranks, case);
+        assert!(ended.success, "{}", ended.output);
+        files::compare(&format!("{case}.pvtu"), ranks, &ended.output);
     }
     // (Case, message, by which process.)
     for (case, message, rank) in [
@@ -107,10 +124,19 @@ fn from_outside() {
         ("length", "the load", 2),
         ("floating", "rigid motions", 0),
         ("too-many", "cannot be cut", 0),
+        ("too-few-nodes", "cannot be spread", 0),
+        ("no-mesh", "gave none", 0),
+        ("no-file", "no-such-file.msh", 0),
+        ("pvtu", "ends in .pvtu", 0),
+        ("field", "speed", 1),
         ("not-converged", "no solution found", 0),
         ("solver", "PETSc error", 0),
-    ] {
-        let ended = here(3, case);
+    ]
+    .into_iter()
+    .filter(|c| wanted(c.0))
+    {
+        // A triangle has three nodes.
+        let ended = here(if case == "too-few-nodes" { 4 } else { 3 }, case);
         assert!(!ended.success, "{case}: {}", ended.output);
         assert_eq!(ended.count("error: process"), 1, "{case}: {}", ended.output);
         let said = format!("error: process {rank}: ");
@@ -118,25 +144,15 @@ fn from_outside() {
         assert!(ended.count(message) >= 1, "{case}: {}", ended.output);
     }
     // What no vote can tell the others ends the job all the same.
-    for (case, message) in [("elsewhere", "the others do not answer"), ("panic", "fell over")] {
+    let left = [("elsewhere", "the others do not answer"), ("panic", "fell over")];
+    for (case, message) in left.into_iter().filter(|c| wanted(c.0)) {
         let ended = here(3, case);
         assert!(!ended.success, "{case}: {}", ended.output);
         assert_eq!(ended.count(message), 1, "{case}: {}", ended.output);
     }
-    println!("killed on 3 processes");
-    let mut killed = false;
-    let ended = job(own, 3, &["--on-ranks", "killed"], |output| {
-        let number = |line: &str| line.strip_prefix("process 1 is ")?.parse::<u32>().ok();
-        // The last line may not have come whole.
-        let whole = output.rfind('\n').map_or("", |end| &output[..end]);
-        if let Some(id) = whole.lines().find_map(number)
-            && !std::mem::replace(&mut killed, true)
-        {
-            let status = Command::new("kill").args(["-9", &id.to_string()]).status();
-            assert!(status.is_ok_and(|s| s.success()));
-        }
-    });
-    assert!(killed && !ended.success, "{}", ended.output);
+    if wanted("history") {
+        history::from_outside(own, 3);
+    }
 }
 
 fn on_ranks(world: &World, case: &str) -> Result<(), Error> {
@@ -158,16 +174,34 @@ fn on_ranks(world: &World, case: &str) -> Result<(), Error> {
             assert!(world.rank() != 1, "fell over");
             world.sum([1.0]).map(|_| ())
         }
-        "killed" => {
-            println!("process {} is {}", world.rank(), std::process::id());
-            loop {
-                if world.rank() == 1 {
-                    std::thread::sleep(Duration::from_millis(50));
-                }
-                world.sum([1.0])?;
-            }
-        }
         "too-many" => Part::rectangle(world, [0.0; 2], [1.0; 2], [1, 0]).map(|_| ()),
+        "too-few-nodes" => {
+            let mesh = world.agree(Mesh::new(
+                2,
+                vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+                [(CellKind::Triangle, vec![0, 1, 2])],
+            ))?;
+            Part::scatter(world, Some(&mesh)).map(|_| ())
+        }
+        "no-mesh" => Part::scatter(world, None).map(|_| ()),
+        "no-file" => Part::read_gmsh(world, "no-such-file.msh").map(|_| ()),
+        "pvtu" | "field" => {
+            let part = Part::rectangle(world, [0.0; 2], [1.0; 2], [4, 4])?;
+            let missing = usize::from(case == "field" && world.rank() == 1);
+            let values = vec![0.0; part.mesh().num_nodes() - missing];
+            let name = if case == "field" {
+                "field.pvtu"
+            } else {
+                "field.vtu"
+            };
+            part.write(
+                world,
+                files::folder().join(name),
+                &[PartField::new("speed", 1, &values)],
+            )
+        }
+        _ if case.starts_with("files") => files::solve(world, &format!("{case}.pvtu")),
+        _ if case.starts_with("history") => history::run(world, case),
         _ => contact(world, case),
     }
 }
