@@ -1,3 +1,4 @@
+use std::fmt;
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
@@ -29,21 +30,39 @@ impl Clock {
 }
 
 /// When a run has to end, if it has to: where time is not limited the clock is not read.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Deadline(Option<(Clock, Duration)>);
+#[derive(Clone, Copy)]
+pub(crate) struct Deadline<'a> {
+    limit: Option<(Clock, Duration)>,
+    stop: Option<&'a dyn Fn() -> bool>,
+}
 
-impl Deadline {
+impl<'a> Deadline<'a> {
     pub(crate) fn after(limit: Option<Duration>) -> Self {
-        Self(limit.map(|limit| (Clock::start(), limit)))
+        Self {
+            limit: limit.map(|limit| (Clock::start(), limit)),
+            stop: None,
+        }
     }
 
     /// That of a run whose clock began earlier.
     pub(crate) fn of(clock: Clock, limit: Option<Duration>) -> Self {
-        Self(limit.map(|limit| (clock, limit)))
+        Self {
+            limit: limit.map(|limit| (clock, limit)),
+            stop: None,
+        }
+    }
+
+    /// Over as well once `stop` says so.
+    pub(crate) fn or(self, stop: &'a dyn Fn() -> bool) -> Self {
+        Self {
+            stop: Some(stop),
+            ..self
+        }
     }
 
     pub(crate) fn is_over(self) -> bool {
-        self.0.is_some_and(|(clock, limit)| clock.elapsed() >= limit)
+        self.limit.is_some_and(|(clock, limit)| clock.elapsed() >= limit)
+            || self.stop.is_some_and(|stop| stop())
     }
 
     pub(crate) fn flow(self) -> ControlFlow<()> {
@@ -55,11 +74,24 @@ impl Deadline {
 
     /// When half of what is left has passed.
     pub(crate) fn half(self) -> Self {
-        Self::after(self.left().map(|left| left / 2))
+        let limit = self.left().map(|left| left / 2);
+        Self {
+            stop: self.stop,
+            ..Self::after(limit)
+        }
     }
 
     /// What is left of the limit.
     pub(crate) fn left(self) -> Option<Duration> {
-        self.0.map(|(clock, limit)| limit.saturating_sub(clock.elapsed()))
+        self.limit
+            .map(|(clock, limit)| limit.saturating_sub(clock.elapsed()))
+    }
+}
+
+impl fmt::Debug for Deadline<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Deadline")
+            .field("limit", &self.limit)
+            .finish_non_exhaustive()
     }
 }

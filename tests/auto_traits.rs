@@ -128,6 +128,7 @@ fn of_every_build() -> Vec<&'static str> {
         "contact::DelassusReport": contact::DelassusReport,
         "contact::DelassusSolver": contact::DelassusSolver,
         "contact::DelassusStatus": contact::DelassusStatus,
+        "contact::EvolutionProgress": contact::EvolutionProgress<'static>,
         "contact::EvolutionStep": contact::EvolutionStep,
         "contact::FixedPointOptions": contact::FixedPointOptions,
         "contact::ContactOptions": contact::ContactOptions,

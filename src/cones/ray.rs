@@ -17,7 +17,7 @@ const RADIUS: f64 = 1e12;
 pub(super) fn ray(
     problem: &ConeProblem<&dyn McpFunction>,
     options: &ConeOptions,
-    deadline: Deadline,
+    deadline: Deadline<'static>,
     x: &[f64],
 ) -> Result<Option<ConeRay>, ConeError> {
     let n = x.len();

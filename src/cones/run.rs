@@ -35,7 +35,7 @@ pub(super) struct Run<'a> {
     pub(super) problem: &'a ConeProblem<&'a dyn McpFunction>,
     pub(super) options: &'a ConeOptions,
     pub(super) observe: &'a mut dyn FnMut(&ConeIteration) -> ControlFlow<()>,
-    pub(super) deadline: Deadline,
+    pub(super) deadline: Deadline<'static>,
     pub(super) solver: AutoSolver,
     /// ∇F, and the Jacobian of the equations.
     pub(super) jac: Matrix,
@@ -76,7 +76,7 @@ impl<'a> Run<'a> {
     pub(super) fn new(
         problem: &'a ConeProblem<&'a dyn McpFunction>,
         options: &'a ConeOptions,
-        deadline: Deadline,
+        deadline: Deadline<'static>,
         observe: &'a mut dyn FnMut(&ConeIteration) -> ControlFlow<()>,
     ) -> Result<Self, ConeError> {
         let n = problem.len();

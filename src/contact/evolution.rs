@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use super::body_state::BodyState;
 use super::law::NodeLaw;
-use super::{Contact, ContactError, ContactOptions, ContactSolution};
+use super::{Contact, ContactError, ContactOptions, ContactProgress, ContactSolution};
 use crate::continuation::{
     Branch, Continuation, ContinuationError, ContinuationOptions, Direction, Event, Termination,
 };
@@ -128,6 +128,25 @@ impl Arrival {
     }
 }
 
+/// What [`evolve_observed`] tells of.
+#[derive(Debug)]
+#[non_exhaustive]
+pub enum EvolutionProgress<'a> {
+    /// A point of the branch to the next level.
+    Point(&'a Event),
+    /// The search for a solution at a level which the branch does not reach.
+    Search(&'a ContactProgress),
+    /// Work and energies are summed over the points of the branch to the next level: so many of them are done.
+    Energy {
+        /// How many.
+        done: usize,
+        /// Of how many.
+        points: usize,
+    },
+    /// A level is reached.
+    Step(&'a EvolutionStep),
+}
+
 /// Follows a body through a history of load levels: in each step the static law holds for the increments of slip, u_t − u_t^(k−1), and
 /// the branch of solutions is followed from the old level to the new one, so that folds are seen and not jumped. At the end of a
 /// level laws with a history update it: friction that depends on the slip depends on all the slip since the beginning.
@@ -151,6 +170,24 @@ pub fn evolve<V: View, L: NodeLaw>(
     options: &EvolutionOptions,
     mut observe: impl FnMut(&EvolutionStep) -> ControlFlow<()>,
 ) -> Result<Vec<EvolutionStep>, ContactError> {
+    evolve_observed(problem, start, levels, options, |progress| match progress {
+        EvolutionProgress::Step(step) => observe(step),
+        _ => ControlFlow::Continue(()),
+    })
+}
+
+/// [`evolve`] with an observer that sees what happens between levels, too, and may stop there: the steps before are returned, and the
+/// problem is left at the last of them.
+///
+/// # Errors
+/// As [`evolve`].
+pub fn evolve_observed<V: View, L: NodeLaw>(
+    problem: &mut Contact<V, L>,
+    start: &[f64],
+    levels: &[f64],
+    options: &EvolutionOptions,
+    mut observe: impl FnMut(&EvolutionProgress<'_>) -> ControlFlow<()>,
+) -> Result<Vec<EvolutionStep>, ContactError> {
     options.validate()?;
     if problem.node_law().depends_on_slip() && !options.slip_increments {
         return Err(ContactError::SlipOfLevels);
@@ -162,8 +199,20 @@ pub fn evolve<V: View, L: NodeLaw>(
     let reference = problem.traces(&x)?;
     problem.set_reference_slip(&reference[p..])?;
     let mut steps = Vec::new();
+    let mut stopped = false;
     for &level in levels {
-        let step = one_level(problem, &x, level, options)?;
+        let mut see = |progress: &EvolutionProgress<'_>| {
+            let flow = observe(progress);
+            stopped |= flow.is_break();
+            flow
+        };
+        let step = one_level(problem, &x, level, options, &mut see);
+        if stopped {
+            break;
+        }
+        let Some(step) = step? else {
+            break;
+        };
         if options.slip_increments {
             problem.set_reference_slip(&step.displacements[p..])?;
         } else {
@@ -174,7 +223,7 @@ pub fn evolve<V: View, L: NodeLaw>(
             history: problem.history().to_vec(),
             ..step
         };
-        let flow = observe(&step);
+        let flow = observe(&EvolutionProgress::Step(&step));
         steps.push(step);
         if flow.is_break() {
             break;
@@ -183,35 +232,45 @@ pub fn evolve<V: View, L: NodeLaw>(
     Ok(steps)
 }
 
-/// The step from x to a level; its history is not yet updated.
+type Observer<'a> = &'a mut dyn FnMut(&EvolutionProgress<'_>) -> ControlFlow<()>;
+
+/// The step from x to a level; its history is not yet updated. `None`, or an error, once the observer has stopped.
 fn one_level<V: View, L: NodeLaw>(
     problem: &Contact<V, L>,
     x: &[f64],
     level: f64,
     options: &EvolutionOptions,
-) -> Result<EvolutionStep, ContactError> {
+    observe: Observer<'_>,
+) -> Result<Option<EvolutionStep>, ContactError> {
     let reached = if level == x[x.len() - 1] {
         Reached {
-            way: vec![x.to_vec(), search(problem, x, level, options)?],
+            way: vec![x.to_vec(), search(problem, x, level, options, observe)?],
             folds: Vec::new(),
             transitions: 0,
             arrival: Arrival::Followed,
         }
     } else {
-        reach(problem, x, level, options)?
+        match reach(problem, x, level, options, observe)? {
+            Some(reached) => reached,
+            None => return Ok(None),
+        }
     };
     let implicit = !reached.arrival.is_followed();
     // A law that has changed with its history at the end of a level makes the branch begin away from x: that leg belongs to this step.
     let (begin, mut last) = (BodyState::at(problem, x)?, ContactForces::at(problem, x)?);
     let (mut state, mut work, mut dissipated) = (BodyState::at(problem, x)?, 0.0, 0.0);
     let mut end = x;
-    for x in &reached.way {
+    for (done, x) in reached.way.iter().enumerate() {
+        let points = reached.way.len();
+        if observe(&EvolutionProgress::Energy { done, points }).is_break() {
+            return Ok(None);
+        }
         let (next, forces) = (BodyState::at(problem, x)?, ContactForces::at(problem, x)?);
         work += next.work_from(&state);
         dissipated += forces.dissipated_from(&last, implicit);
         (state, last, end) = (next, forces, x);
     }
-    Ok(EvolutionStep {
+    Ok(Some(EvolutionStep {
         level,
         solution: problem.solution(end)?,
         displacements: problem.traces(end)?,
@@ -223,7 +282,7 @@ fn one_level<V: View, L: NodeLaw>(
         dissipated,
         history: Vec::new(),
         x: end.to_vec(),
-    })
+    }))
 }
 
 /// Tangential forces and slips.
@@ -264,18 +323,21 @@ fn search<V: View, L: NodeLaw>(
     x: &[f64],
     level: f64,
     options: &EvolutionOptions,
+    observe: Observer<'_>,
 ) -> Result<Vec<f64>, ContactError> {
-    let found = problem.solve_observed(level, Some(x), &options.contact, |_| ControlFlow::Continue(()));
+    let see = |progress: &ContactProgress| observe(&EvolutionProgress::Search(progress));
+    let found = problem.solve_observed(level, Some(x), &options.contact, see);
     found.map(|report| report.x)
 }
 
-/// From a solution of the step before to the new level.
+/// From a solution of the step before to the new level; `None` where the observer stops on the branch.
 fn reach<V: View, L: NodeLaw>(
     problem: &Contact<V, L>,
     x: &[f64],
     level: f64,
     options: &EvolutionOptions,
-) -> Result<Reached, ContactError> {
+    observe: Observer<'_>,
+) -> Result<Option<Reached>, ContactError> {
     let begin = x[x.len() - 1];
     let direction = if level > begin {
         Direction::Increasing
@@ -286,28 +348,31 @@ fn reach<V: View, L: NodeLaw>(
         .continuation
         .clone()
         .with_parameter_range((begin.min(level), begin.max(level)));
-    let jump = || search(problem, x, level, options).map(|end| vec![x.to_vec(), end]);
     let mut way: Vec<(f64, Vec<f64>)> = Vec::new();
     let branch = Continuation::new(problem, x, direction, continuation).and_then(|curve| {
         Branch::collect(curve, |event| {
             if let Event::Point(_) | Event::Transition(_) = event {
                 way.push((event.arclength(), event.x().to_vec()));
             }
-            ControlFlow::Continue(())
+            observe(&EvolutionProgress::Point(event))
         })
     });
+    let mut jump = || search(problem, x, level, options, observe).map(|end| vec![x.to_vec(), end]);
     // Nodes that slipped start at the boundary of their cells, many at once: where that start is too degenerate Newton decides.
     let branch = match branch {
         Ok(branch) => branch,
         Err(error) => {
-            return Ok(Reached {
+            return Ok(Some(Reached {
                 way: jump()?,
                 folds: Vec::new(),
                 transitions: 0,
                 arrival: Arrival::NotFollowed(error),
-            });
+            }));
         }
     };
+    if branch.termination == Termination::Stopped {
+        return Ok(None);
+    }
     let (folds, transitions) = (branch.folds(), branch.transitions.len());
     let arrives = branch.points.last().is_some_and(|p| p.parameter() == level);
     let arrival = match branch.termination {
@@ -322,12 +387,12 @@ fn reach<V: View, L: NodeLaw>(
     } else {
         jump()?
     };
-    Ok(Reached {
+    Ok(Some(Reached {
         way,
         folds,
         transitions,
         arrival,
-    })
+    }))
 }
 
 #[cfg(test)]

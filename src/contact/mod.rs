@@ -35,7 +35,7 @@ pub use displacements::{
     ReducedReport, ReducedStep, ReducedStrategy, ReducedSystem, ReducedTimes, solve_reduced,
 };
 pub use error::ContactError;
-pub use evolution::{Arrival, EvolutionOptions, EvolutionStep, evolve};
+pub use evolution::{Arrival, EvolutionOptions, EvolutionProgress, EvolutionStep, evolve, evolve_observed};
 #[cfg(feature = "json")]
 pub use folder::{DiscreteFolder, read_folder};
 pub use law::{

@@ -240,7 +240,7 @@ fn searched_arms(
     x: &[f64],
     active: &ActiveSet,
     options: &EnumerationOptions,
-    deadline: Deadline,
+    deadline: Deadline<'_>,
 ) -> Result<DirectionalArms, EnumerationError> {
     let mut found = selections(map, x, active, options.max_nodes, deadline)?;
     if !found.complete {
@@ -284,7 +284,7 @@ pub(crate) fn directional_selections(
     x: &[f64],
     active: &ActiveSet,
     max_nodes: u64,
-    deadline: Deadline,
+    deadline: Deadline<'_>,
 ) -> Result<Option<Candidates>, EnumerationError> {
     directional(map, x, active, &[1.0, -1.0], max_nodes, deadline)
 }
@@ -295,7 +295,7 @@ pub(super) fn level_selections(
     x: &[f64],
     active: &ActiveSet,
     max_nodes: u64,
-    deadline: Deadline,
+    deadline: Deadline<'_>,
 ) -> Result<Option<Candidates>, EnumerationError> {
     directional(map, x, active, &[], max_nodes, deadline)
 }
@@ -307,7 +307,7 @@ fn directional(
     active: &ActiveSet,
     rates: &[f64],
     max_nodes: u64,
-    deadline: Deadline,
+    deadline: Deadline<'_>,
 ) -> Result<Option<Candidates>, EnumerationError> {
     let Some(system) = system::directional(map, x, active)? else {
         return Ok(None);
@@ -411,7 +411,7 @@ fn selections(
     x: &[f64],
     active: &ActiveSet,
     max_nodes: u64,
-    deadline: Deadline,
+    deadline: Deadline<'_>,
 ) -> Result<Candidates, EnumerationError> {
     let limit = match directional_selections(map, x, active, max_nodes, deadline) {
         Ok(Some(found)) => return Ok(found),

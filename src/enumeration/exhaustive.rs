@@ -14,13 +14,13 @@ const WORK_PER_NODE: u64 = 20;
 
 /// What exact arithmetic may write, and until when.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Budget {
+pub(super) struct Budget<'a> {
     left: u64,
-    pub(super) deadline: Deadline,
+    pub(super) deadline: Deadline<'a>,
 }
 
-impl Budget {
-    pub(super) fn new(options: &EnumerationOptions, deadline: Deadline) -> Self {
+impl<'a> Budget<'a> {
+    pub(super) fn new(options: &EnumerationOptions, deadline: Deadline<'a>) -> Self {
         Self {
             left: MAX_WORK.min(options.max_nodes.saturating_mul(WORK_PER_NODE)),
             deadline,
@@ -82,7 +82,7 @@ impl ExactPoint {
 /// The forms of some sites in a dictionary.
 pub(super) struct Tableau<'a> {
     pub(super) conditions: &'a ExactConditions,
-    pub(super) dictionary: Dictionary,
+    pub(super) dictionary: Dictionary<'a>,
     /// Variable of the first form of each site.
     pub(super) offsets: Vec<usize>,
     /// Variable of the first unknown.
@@ -105,7 +105,7 @@ fn parts(form: &ExactForm) -> (&Exact, &[Exact]) {
 }
 
 impl<'a> Tableau<'a> {
-    pub(super) fn new(conditions: &'a ExactConditions, deadline: Deadline) -> Self {
+    pub(super) fn new(conditions: &'a ExactConditions, deadline: Deadline<'a>) -> Self {
         let mut offsets = Vec::with_capacity(conditions.sites.len());
         let mut next = conditions.common.len();
         for site in &conditions.sites {
@@ -123,7 +123,7 @@ impl<'a> Tableau<'a> {
     }
 
     /// With the common rows eliminated and what is known of all pieces required.
-    fn root(conditions: &'a ExactConditions, deadline: Deadline) -> Result<Self, Halt> {
+    fn root(conditions: &'a ExactConditions, deadline: Deadline<'a>) -> Result<Self, Halt> {
         let mut root = Self::new(conditions, deadline);
         for var in 0..conditions.common.len() {
             root.dictionary.fix(var)?;
@@ -283,7 +283,7 @@ pub(super) fn piece_of(conditions: &ExactConditions, site: usize, piece: usize) 
 
 /// The point at which all common forms vanish, the unknowns that they leave free being 0: the last of them, if it may. `None` also where time
 /// is over.
-pub(super) fn common_point(conditions: &ExactConditions, deadline: Deadline) -> Option<ExactPoint> {
+pub(super) fn common_point(conditions: &ExactConditions, deadline: Deadline<'_>) -> Option<ExactPoint> {
     let mut table = Tableau::new(conditions, deadline);
     let last = (table.unknowns + conditions.unknowns).checked_sub(1)?;
     for var in 0..conditions.common.len() {

@@ -24,7 +24,7 @@ pub(crate) fn local_selections(
     active: &ActiveSet,
     starts: usize,
     max_solves: usize,
-    deadline: Deadline,
+    deadline: Deadline<'_>,
 ) -> Result<Vec<Selection>, EnumerationError> {
     let mut local = Local::new(map, x, active, deadline)?;
     let mut random = Random::new(1);
@@ -55,7 +55,7 @@ struct Local<'a> {
     direction: Vec<f64>,
     found: BTreeSet<Selection>,
     solves: usize,
-    deadline: Deadline,
+    deadline: Deadline<'a>,
 }
 
 /// The vanishing test functions of an active set, with their gradients.
@@ -70,7 +70,7 @@ impl<'a> Local<'a> {
         map: &'a dyn PiecewiseSmooth,
         x: &'a [f64],
         active: &'a ActiveSet,
-        deadline: Deadline,
+        deadline: Deadline<'a>,
     ) -> Result<Self, EnumerationError> {
         let jac = Matrix::zeros(map.pattern());
         let mut solver = AutoSolver::default();

@@ -41,4 +41,4 @@ pub use error::EnumerationError;
 pub use lists::{Completeness, Continuum, Doubt, Solution, SolutionSet};
 pub(crate) use local::local_selections;
 pub use options::EnumerationOptions;
-pub use solutions::all_solutions;
+pub use solutions::{all_solutions, all_solutions_until};

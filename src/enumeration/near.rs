@@ -112,7 +112,7 @@ impl Near {
         &self,
         active: &[Vec<usize>],
         exactly: bool,
-        deadline: Deadline,
+        deadline: Deadline<'_>,
     ) -> Result<Option<Point>, Doubt> {
         let common = (0..self.conditions.common.len()).collect::<Vec<usize>>();
         let (mut rows, mut vanishing) = (common, Vec::new());
@@ -249,7 +249,7 @@ impl Near {
         &self,
         rows: &[usize],
         vanishing: &[Vec<usize>],
-        deadline: Deadline,
+        deadline: Deadline<'_>,
     ) -> Result<Point, Doubt> {
         let m = self.conditions.unknowns;
         let all: Vec<&ExactForm> = forms(&self.conditions).collect();

@@ -35,8 +35,8 @@ pub(super) fn proven_solutions(
     alpha: f64,
     conditions: &ExactConditions,
     options: &EnumerationOptions,
+    deadline: Deadline<'_>,
 ) -> Result<SolutionSet, EnumerationError> {
-    let deadline = Deadline::after(options.max_time);
     let stated = Stated::new(conditions);
     let mut budget = Budget::new(options, deadline);
     let known = map.num_residuals();
@@ -119,7 +119,7 @@ impl Candidates {
         conditions: &ExactConditions,
         reduced: &ExactConditions,
         options: &EnumerationOptions,
-        deadline: Deadline,
+        deadline: Deadline<'_>,
         budget: &mut Budget,
     ) -> Result<Self, Doubt> {
         let stated = Stated::new(reduced);
@@ -137,7 +137,7 @@ impl Candidates {
         conditions: &ExactConditions,
         stated: &Stated,
         options: &EnumerationOptions,
-        deadline: Deadline,
+        deadline: Deadline<'_>,
         budget: &mut Budget,
         settle: &mut dyn FnMut(&[usize], &mut Budget) -> Option<Pieces>,
     ) -> Self {
@@ -179,7 +179,12 @@ impl Candidates {
     }
 
     /// Whether no solution lies beyond the radii of the search.
-    fn nothing_beyond(&mut self, stated: &Stated, options: &EnumerationOptions, deadline: Deadline) -> bool {
+    fn nothing_beyond(
+        &mut self,
+        stated: &Stated,
+        options: &EnumerationOptions,
+        deadline: Deadline<'_>,
+    ) -> bool {
         let Some(beyond) = &stated.beyond else {
             return true;
         };
@@ -191,7 +196,7 @@ impl Candidates {
 }
 
 /// Whether nothing lies beyond, and the nodes and pivots that it took to tell.
-fn holds_nothing(beyond: &Beyond, max_nodes: u64, deadline: Deadline) -> (bool, (u64, u64)) {
+fn holds_nothing(beyond: &Beyond, max_nodes: u64, deadline: Deadline<'_>) -> (bool, (u64, u64)) {
     let (mut nodes, mut pivots) = (0, 0);
     let none = beyond.systems().all(|(system, radii)| {
         let certificates = Certificates::new(&system, radii.to_vec());
@@ -312,7 +317,7 @@ impl<'a> Gathered<'a> {
         &mut self,
         pieces: &[usize],
         options: &EnumerationOptions,
-        deadline: Deadline,
+        deadline: Deadline<'_>,
         budget: &mut Budget,
     ) -> Option<Pieces> {
         if self.attempts >= ATTEMPTS {
@@ -356,7 +361,7 @@ impl<'a> Gathered<'a> {
         point: &ExactPoint,
         active: &[Vec<usize>],
         options: &EnumerationOptions,
-        deadline: Deadline,
+        deadline: Deadline<'_>,
     ) -> bool {
         let level = |form: &ExactForm| ExactForm {
             constant: Exact::default(),

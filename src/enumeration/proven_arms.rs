@@ -26,7 +26,7 @@ pub(super) fn proven_arms(
     active: &ActiveSet,
     near: &dyn Fn(&[f64]) -> bool,
     options: &EnumerationOptions,
-    deadline: Deadline,
+    deadline: Deadline<'_>,
 ) -> Result<DirectionalArms, Doubt> {
     let given = Near::new(map, x).ok_or(Doubt::NoCoefficients)?;
     if meets_wall(map, active) {
@@ -58,7 +58,7 @@ fn at_point(
     exactly: bool,
     near: &dyn Fn(&[f64]) -> bool,
     options: &EnumerationOptions,
-    deadline: Deadline,
+    deadline: Deadline<'_>,
 ) -> Result<Option<DirectionalArms>, Doubt> {
     let Some(point) = given.point(supposed, exactly, deadline)? else {
         return Ok(None);
@@ -125,7 +125,7 @@ impl<'p> Arms<'p> {
         }
     }
 
-    fn find(&self, options: &EnumerationOptions, deadline: Deadline) -> Result<DirectionalArms, Doubt> {
+    fn find(&self, options: &EnumerationOptions, deadline: Deadline<'_>) -> Result<DirectionalArms, Doubt> {
         let mut budget = Budget::new(options, deadline);
         let candidates = self.candidates(options, deadline, &mut budget)?;
         let each = |k: usize| Gathered::new(self.known, Some(RATES[k]), &self.conditions[k], &self.stated[k]);
@@ -157,7 +157,7 @@ impl<'p> Arms<'p> {
     fn candidates(
         &self,
         options: &EnumerationOptions,
-        deadline: Deadline,
+        deadline: Deadline<'_>,
         budget: &mut Budget,
     ) -> Result<Candidates, Doubt> {
         let base = Selection::from_pieces(self.pieces.iter().map(|p| p[0]));

@@ -30,13 +30,16 @@ fn homogeneous(form: &ExactForm) -> Vec<Exact> {
 /// the search is bounded. `None` where α̇ has no choice, or time is over.
 pub(super) fn reduced_directions(
     conditions: &ExactConditions,
-    deadline: Deadline,
+    deadline: Deadline<'_>,
 ) -> Option<ExactConditions> {
     reduced(conditions, implied, deadline)
 }
 
 /// The same for the solutions at a parameter. `None` where the common conditions contradict each other, or time is over.
-pub(super) fn reduced_solutions(conditions: &ExactConditions, deadline: Deadline) -> Option<ExactConditions> {
+pub(super) fn reduced_solutions(
+    conditions: &ExactConditions,
+    deadline: Deadline<'_>,
+) -> Option<ExactConditions> {
     reduced(conditions, |site| site.implied.clone(), deadline)
 }
 
@@ -44,7 +47,7 @@ pub(super) fn reduced_solutions(conditions: &ExactConditions, deadline: Deadline
 fn reduced(
     conditions: &ExactConditions,
     implied: impl Fn(&ExactSite) -> Vec<(usize, i8)>,
-    deadline: Deadline,
+    deadline: Deadline<'_>,
 ) -> Option<ExactConditions> {
     let (n, zero) = (conditions.unknowns, Exact::default());
     let rows: Vec<Vec<Exact>> = super::stated::forms(conditions).map(homogeneous).collect();

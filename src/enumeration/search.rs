@@ -66,7 +66,7 @@ pub(super) struct Search<'a> {
     /// Variable of the first form of each site.
     offsets: Vec<usize>,
     max_nodes: u64,
-    deadline: Deadline,
+    deadline: Deadline<'a>,
     pub(super) nodes: u64,
     pub(super) pivots: u64,
     /// Selections examined or ruled out, and all there are.
@@ -94,7 +94,7 @@ impl<'a> Search<'a> {
         system: &'a System,
         certificates: Option<&'a Certificates>,
         max_nodes: u64,
-        deadline: Deadline,
+        deadline: Deadline<'a>,
     ) -> Self {
         let mut offsets = Vec::with_capacity(system.sites.len());
         let mut next = system.common.len();

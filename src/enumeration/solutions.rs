@@ -47,22 +47,37 @@ pub fn all_solutions<P: PiecewiseSmooth + ?Sized>(
     alpha: f64,
     options: &EnumerationOptions,
 ) -> Result<SolutionSet, EnumerationError> {
-    solutions_of(&map, alpha, options)
+    solutions_of(&map, alpha, options, Deadline::after(options.max_time))
+}
+
+/// [`all_solutions`] that gives up, too, once `stop` returns `true`, as a user may want to. It is asked wherever
+/// [`max_time`](EnumerationOptions::max_time) is looked at, and costs as much as it does itself.
+///
+/// # Errors
+/// As [`all_solutions`].
+pub fn all_solutions_until<P: PiecewiseSmooth + ?Sized>(
+    map: &P,
+    alpha: f64,
+    options: &EnumerationOptions,
+    stop: &dyn Fn() -> bool,
+) -> Result<SolutionSet, EnumerationError> {
+    solutions_of(&map, alpha, options, Deadline::after(options.max_time).or(stop))
 }
 
 fn solutions_of(
     map: &dyn PiecewiseSmooth,
     alpha: f64,
     options: &EnumerationOptions,
+    deadline: Deadline<'_>,
 ) -> Result<SolutionSet, EnumerationError> {
     options.validate()?;
     check_vector("the parameter", &[alpha], 1)?;
     check_shape(map)?;
     if let Some(conditions) = stated_conditions(map, alpha, MAX_COEFFICIENTS) {
-        return super::proof::proven_solutions(map, alpha, &conditions, options);
+        return super::proof::proven_solutions(map, alpha, &conditions, options, deadline);
     }
     let scaled = Scaled::new(map, &[], (alpha, alpha))?;
-    let mut set = of_scaled(&scaled, alpha / scaled.parameter_size(), options)?;
+    let mut set = of_scaled(&scaled, alpha / scaled.parameter_size(), options, deadline)?;
     set.solutions.iter_mut().for_each(|s| scaled.unscale(&mut s.x));
     let ends = set.continua.iter_mut().flat_map(|c| &mut c.ends);
     ends.for_each(|x| scaled.unscale(x));
@@ -119,6 +134,7 @@ fn of_scaled(
     map: &dyn PiecewiseSmooth,
     alpha: f64,
     options: &EnumerationOptions,
+    deadline: Deadline<'_>,
 ) -> Result<SolutionSet, EnumerationError> {
     let (m, n) = (map.num_vars(), map.num_residuals());
     let mut origin = vec![0.0; m];
@@ -135,7 +151,6 @@ fn of_scaled(
         pivots: 0,
     };
     let (examined, total, stopped);
-    let deadline = Deadline::after(options.max_time);
     let choices = system::all_choices(map);
     if let Some(system) = system::at_parameter(map, &choices, &origin)? {
         let mut search = Search::new(&system, None, options.max_nodes, deadline);
@@ -322,7 +337,7 @@ impl<'a> Collector<'a> {
     fn settle(
         &mut self,
         selection: &Selection,
-        deadline: Deadline,
+        deadline: Deadline<'_>,
     ) -> Result<Option<Vec<Vec<usize>>>, EnumerationError> {
         let of = |s: &Solution| s.selections.last() == Some(selection);
         let Some(k) = self.solutions.iter().rposition(of) else {

@@ -32,7 +32,7 @@ struct Row {
 
 /// Every form as a constant plus a combination of the columns. Variables are the forms, numbered as given, followed by the unknowns.
 #[derive(Debug, Clone)]
-pub(crate) struct Dictionary {
+pub(crate) struct Dictionary<'d> {
     rows: Vec<Row>,
     columns: Vec<usize>,
     /// Positive.
@@ -41,10 +41,10 @@ pub(crate) struct Dictionary {
     sign: Vec<i8>,
     /// Numbers written, large ones counted as many.
     work: u64,
-    deadline: Deadline,
+    deadline: Deadline<'d>,
 }
 
-impl Dictionary {
+impl<'d> Dictionary<'d> {
     /// Forms as rows of a constant and one coefficient for each unknown; each is multiplied by a power of two that makes it integer.
     pub(crate) fn new<'f>(unknowns: usize, forms: impl Iterator<Item = (&'f Exact, &'f [Exact])>) -> Self {
         let mut rows = Vec::new();
@@ -71,12 +71,12 @@ impl Dictionary {
     }
 
     /// With a look at the clock before each exchange.
-    pub(crate) fn until(mut self, deadline: Deadline) -> Self {
+    pub(crate) fn until(mut self, deadline: Deadline<'d>) -> Self {
         self.deadline = deadline;
         self
     }
 
-    pub(crate) fn deadline(&self) -> Deadline {
+    pub(crate) fn deadline(&self) -> Deadline<'d> {
         self.deadline
     }
 
@@ -295,7 +295,7 @@ mod tests {
     use super::{Deadline, Dictionary, quotient};
     use crate::exact::{Exact, Halt};
 
-    fn dictionary(unknowns: usize, forms: &[&[f64]]) -> Dictionary {
+    fn dictionary(unknowns: usize, forms: &[&[f64]]) -> Dictionary<'static> {
         let exact: Vec<Vec<Exact>> = forms
             .iter()
             .map(|f| f.iter().map(|v| Exact::new(*v).unwrap()).collect())

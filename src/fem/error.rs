@@ -32,6 +32,14 @@ pub enum FemError {
         /// Number of nodes.
         nodes: usize,
     },
+    /// A group has a cell that does not exist.
+    #[error("cell {cell} does not exist: there are {cells} cells, counted from 0")]
+    CellNumber {
+        /// Its number.
+        cell: usize,
+        /// Number of cells.
+        cells: usize,
+    },
     /// A cell or facet has the wrong number of nodes.
     #[error("{what} {index} has {found} nodes, expected {expected}")]
     CellNodes {

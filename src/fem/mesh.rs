@@ -362,6 +362,21 @@ impl Mesh {
         number
     }
 
+    /// Names cells given by their numbers; cells are added to a group that exists.
+    ///
+    /// # Errors
+    /// Cells that do not exist.
+    pub fn add_cell_group(&mut self, name: impl Into<String>, cells: Vec<usize>) -> Result<(), FemError> {
+        if let Some(&cell) = cells.iter().find(|c| **c >= self.num_cells()) {
+            return Err(FemError::CellNumber {
+                cell,
+                cells: self.num_cells(),
+            });
+        }
+        self.cell_groups.entry(name.into()).or_default().extend(cells);
+        Ok(())
+    }
+
     /// Facets of a group, each as its nodes.
     ///
     /// # Errors

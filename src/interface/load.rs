@@ -93,7 +93,9 @@ impl LoadCase {
         self.supports.as_ref().map_or(&[], |s| &s.displacements)
     }
 
-    fn times(&self, factor: f64) -> Self {
+    /// The case times a factor.
+    #[must_use]
+    pub fn times(&self, factor: f64) -> Self {
         let scaled = |v: &[f64]| v.iter().map(|v| factor * v).collect();
         Self {
             total: scaled(&self.total),

@@ -1,4 +1,4 @@
-use semismooth::enumeration::{EnumerationOptions, all_arms, all_solutions};
+use semismooth::enumeration::{EnumerationOptions, all_arms, all_solutions, all_solutions_until};
 
 use super::piecewise::{no_numbers, square, vee};
 use super::table::{BAD, Table};
@@ -17,6 +17,9 @@ fn enumerations() {
             });
             t.refuses("enumeration::all_solutions", name, name, || {
                 all_solutions(&vee(), 1.0, &options)
+            });
+            t.refuses("enumeration::all_solutions_until", name, name, || {
+                all_solutions_until(&vee(), 1.0, &options, &|| true)
             });
             t.refuses("enumeration::all_arms", name, name, || {
                 all_arms(&vee(), &[0.5, 0.5], &options)
@@ -44,6 +47,9 @@ fn enumerations() {
     for bad in BAD {
         t.refuses("enumeration::all_solutions", "the parameter", "", || {
             all_solutions(&vee(), bad, &o())
+        });
+        t.refuses("enumeration::all_solutions_until", "the parameter", "", || {
+            all_solutions_until(&vee(), bad, &o(), &|| true)
         });
         t.refuses("enumeration::all_arms", "x", "[0]", || {
             all_arms(&vee(), &[bad, 0.0], &o())

@@ -194,6 +194,11 @@ fn meshes(t: &mut Table) {
     t.survives("fem::Mesh::add_facet_group", "no facets", || {
         square().add_facet_group("g", vec![])
     });
+    for cell in [square().num_cells(), usize::MAX] {
+        t.refuses("fem::Mesh::add_cell_group", "a cell", "does not exist", || {
+            square().add_cell_group("g", vec![0, cell])
+        });
+    }
     t.survives("fem::Mesh::refined", "any mesh", || square().refined());
     t.survives("fem::Mesh::simplices", "any mesh", || square().simplices());
 }

@@ -7,7 +7,8 @@ use std::time::Duration;
 
 use semismooth::contact::{
     Arrival, CondensedContact, ContactBody, ContactError, ContactOptions, EvolutionOptions,
-    FrictionCoefficient, Frictionless, NodeLaw, OrthotropicCoulomb, evolve,
+    EvolutionProgress, FrictionCoefficient, Frictionless, NodeLaw, OrthotropicCoulomb, evolve,
+    evolve_observed,
 };
 use semismooth::continuation::{ContinuationOptions, Termination};
 use semismooth::fem::{Elasticity, Foundation, Material, Mesh};
@@ -97,6 +98,46 @@ fn limits_of_a_step() {
     let stopped =
         follow(&options.with_contact(none.with_newton(NewtonOptions::default().with_max_iterations(1))));
     assert!(stopped.unwrap_err().is_interrupted());
+}
+
+/// An observer stops on the branch to the second level, as its energies are summed, or in the search for a solution at the first, where the
+/// branch and Newton's method are cut short; it is not asked again, and what was reached before is returned.
+#[test]
+fn observers_stop_between_levels() {
+    let short = ContinuationOptions::default().with_max_points(2).with_step(1e-3);
+    let one = ContactOptions::default().with_newton(NewtonOptions::default().with_max_iterations(1));
+    let cut = EvolutionOptions::default()
+        .with_continuation(short)
+        .with_contact(one);
+    for (searched, summed, options) in [
+        (false, false, EvolutionOptions::default()),
+        (false, true, EvolutionOptions::default()),
+        (true, false, cut),
+    ] {
+        let mut problem = squares::pushed_block(4, 0.4).unwrap();
+        let start = problem.solve(0.0, None).unwrap();
+        let before: &[f64] = if searched { &[] } else { &[0.3] };
+        let whole = evolve(&mut problem.clone(), &start, before, &options, |_| {
+            ControlFlow::Continue(())
+        });
+        let (mut levels, mut stopped) = (0, false);
+        let steps = evolve_observed(&mut problem, &start, &[0.3, 0.6], &options, |progress| {
+            assert!(!stopped);
+            match progress {
+                EvolutionProgress::Step(_) => levels += 1,
+                EvolutionProgress::Point(_) => stopped = levels == 1 && !searched && !summed,
+                EvolutionProgress::Energy { .. } => stopped = levels == 1 && summed,
+                EvolutionProgress::Search(_) => stopped = searched,
+                _ => {}
+            }
+            if stopped {
+                return ControlFlow::Break(());
+            }
+            ControlFlow::Continue(())
+        });
+        assert!(stopped);
+        assert_eq!(steps, whole);
+    }
 }
 
 /// Without friction there is nothing to dissipate or to remember: levels alone decide.

@@ -2,7 +2,9 @@
 
 use crate::maps::hand_on;
 use semismooth::continuation::ContinuationOptions;
-use semismooth::enumeration::{Completeness, EnumerationOptions, all_arms, all_solutions};
+use semismooth::enumeration::{
+    Completeness, EnumerationOptions, all_arms, all_solutions, all_solutions_until,
+};
 use semismooth::piecewise::{Facet, MinMap, PiecewiseSmooth, Selection};
 use semismooth::sparse::Matrix;
 
@@ -238,6 +240,20 @@ fn limits_of_time_leave_what_was_found() {
     ));
     let arms = all_arms(&map, &map.at_kink(), &none).unwrap();
     assert!(!arms.completeness.is_complete());
+    // Who asks to stop after some looks at the clock is asked no longer than that takes, and the list is not called complete.
+    let asked = std::cell::Cell::new(0);
+    let stop = || {
+        asked.set(asked.get() + 1);
+        asked.get() > 100
+    };
+    let set = all_solutions_until(&map, 0.7, &EnumerationOptions::default(), &stop).unwrap();
+    assert!(matches!(set.completeness, Completeness::Incomplete { examined, .. } if examined < 40f64.exp2()));
+    assert!((101..400).contains(&asked.get()), "{}", asked.get());
+    let never = all_solutions_until(&map, 0.1, &EnumerationOptions::default(), &|| false).unwrap();
+    assert_eq!(
+        never,
+        all_solutions(&map, 0.1, &EnumerationOptions::default()).unwrap()
+    );
     // 2⁴⁰ arms leave the point; whatever the time found of them has the right directions, and the list is not called complete.
     let options = ContinuationOptions::default()
         .with_parameter_range((0.0, 4.0))

@@ -47,6 +47,39 @@ fn limits_and_observers_end_a_solve_with_its_best_iterate() {
     );
 }
 
+/// √(−1 − x²) is real nowhere: of a million perturbed starts each is told, so that one can stop.
+#[test]
+fn who_watches_can_stop_where_the_function_is_nowhere_finite() {
+    let mut finite = true;
+    let sometimes = std::cell::Cell::new(0);
+    let function = scalar(
+        |x| {
+            sometimes.set(sometimes.get() + 1);
+            if sometimes.get() < 5 {
+                x * x + 1.0
+            } else {
+                (-1.0 - x * x).sqrt()
+            }
+        },
+        |x| 2.0 * x,
+    );
+    let problem = Mcp::equations(function).unwrap();
+    let mut left = 1000;
+    let observe = |iteration: &McpIteration| {
+        finite &= iteration.residual.is_finite();
+        left -= 1;
+        match left {
+            0 => ControlFlow::Break(()),
+            _ => ControlFlow::Continue(()),
+        }
+    };
+    let mut solver = McpSolver::new(McpOptions::default().with_restarts(1_000_000));
+    let report = solver.solve_observed(&problem, &mut [3.0], observe).unwrap();
+    assert_eq!(report.status, McpStatus::Interrupted);
+    assert!(left == 0 && !finite);
+    assert!(report.history.iter().all(|i| i.residual.is_finite()));
+}
+
 /// A problem without a solution, for which everything is tried: what paths and the enumeration may spend is up to the options, and the
 /// proof is lost with the nodes it takes.
 #[test]

@@ -240,6 +240,20 @@ impl Engine<'_> {
         self.interrupted = self.interrupted || (self.observe)(&iteration).is_break();
     }
 
+    /// Tells of a start at which F is not finite: there may be very many of them, and the observer may want to stop.
+    pub(super) fn tell_undefined(&mut self) {
+        let start = McpIteration {
+            index: self.report.iterations,
+            strategy: McpStrategy::Restart,
+            residual: f64::NAN,
+            merit: f64::NAN,
+            step: McpStep::None,
+            damping: 0.0,
+            sites_changed: 0,
+        };
+        self.interrupted = self.interrupted || (self.observe)(&start).is_break();
+    }
+
     /// The number of components whose piece of the natural map at `work.here.x` is not that of the iterate recorded last.
     fn sites_changed(&mut self) -> usize {
         let first = self.report.history.is_empty();

@@ -100,7 +100,8 @@ impl McpSolver {
         self.solve_observed(problem, x, |_| ControlFlow::Continue(()))
     }
 
-    /// [`solve`](Self::solve), reporting every iteration to `observe`, which may stop the run.
+    /// [`solve`](Self::solve), reporting every iteration to `observe`, which may stop the run. Of perturbed starts at which F is not finite
+    /// it is told, too, with residual and merit NaN; they are not in the history.
     ///
     /// # Errors
     /// As [`solve`](Self::solve).

@@ -94,7 +94,7 @@ fn slip_derivative<const D: usize>(mu: f64, r: &[f64; D], u: &[f64; D]) -> (Bloc
 pub(super) struct Newton<const D: usize> {
     solver: AutoSolver,
     pub(super) factorisations: usize,
-    pub(super) deadline: Deadline,
+    pub(super) deadline: Deadline<'static>,
     /// Weight of velocities against reactions in the residual, for a mean diagonal of M of 1.
     pub(super) rho: f64,
     local: Vec<Local<D>>,
@@ -118,7 +118,7 @@ fn distance<const D: usize>(a: &[[f64; D]], b: &[[f64; D]]) -> f64 {
 }
 
 impl<const D: usize> Newton<D> {
-    pub(super) fn new(nc: usize, deadline: Deadline) -> Self {
+    pub(super) fn new(nc: usize, deadline: Deadline<'static>) -> Self {
         let zero = [0.0; D];
         let open = Local {
             piece: Piece::Open,

@@ -210,7 +210,7 @@ impl<const D: usize> CentralPath<D> {
         &mut self,
         p: &Scaled<D>,
         left: usize,
-        deadline: Deadline,
+        deadline: Deadline<'static>,
         spent: &mut usize,
     ) -> Option<()> {
         let n = self.x.len() * D;
@@ -273,7 +273,7 @@ impl<const D: usize> CentralPath<D> {
         &mut self,
         p: &Scaled<D>,
         left: usize,
-        deadline: Deadline,
+        deadline: Deadline<'static>,
         spent: &mut usize,
     ) -> Option<()> {
         let w = self.weight();

@@ -249,7 +249,7 @@ struct Search<'a, S> {
     load: Vec<f64>,
     is_contact: Vec<bool>,
     options: &'a ReducedOptions,
-    deadline: Deadline,
+    deadline: Deadline<'static>,
     iterations: Vec<ReducedIteration>,
     times: ReducedTimes,
     /// A u.

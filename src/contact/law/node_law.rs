@@ -1,5 +1,7 @@
 //! Laws of contact at one node, in the plane and in space.
 
+use std::sync::Arc;
+
 use super::ContactState;
 use crate::contact::ContactError;
 use crate::piecewise::Facet;
@@ -340,16 +342,21 @@ pub trait NodeLaw {
     }
 }
 
-macro_rules! borrowed {
+macro_rules! pointed_to {
     ($(fn $name:ident(&self $(, $arg:ident: $ty:ty)*) $(-> $out:ty)?;)*) => {
         /// A law behind a reference.
         impl<L: NodeLaw + ?Sized> NodeLaw for &L {
             $(fn $name(&self $(, $arg: $ty)*) $(-> $out)? { (**self).$name($($arg),*) })*
         }
+
+        /// A law behind a shared pointer: one of several kinds, chosen as the program runs.
+        impl<L: NodeLaw + ?Sized> NodeLaw for Arc<L> {
+            $(fn $name(&self $(, $arg: $ty)*) $(-> $out)? { (**self).$name($($arg),*) })*
+        }
     };
 }
 
-borrowed! {
+pointed_to! {
     fn num_tangents(&self) -> usize;
     fn num_nodes(&self) -> Option<usize>;
     fn num_pieces(&self) -> usize;

@@ -14,7 +14,7 @@ pub(in crate::contact) type Observer<'a> = dyn FnMut(&ContactProgress) -> Contro
 /// Runs of Newton's method; of those that fail the best one is kept.
 pub(in crate::contact) struct Tries<'a, 'o> {
     newton: Newton,
-    deadline: Deadline,
+    deadline: Deadline<'static>,
     observe: &'a mut Observer<'o>,
     count: usize,
     /// The failure with the smallest residual.
@@ -36,7 +36,7 @@ impl<'a, 'o> Tries<'a, 'o> {
     /// `observe` is to look at the deadline itself.
     pub(in crate::contact) fn new(
         options: &ContactOptions,
-        deadline: Deadline,
+        deadline: Deadline<'static>,
         observe: &'a mut Observer<'o>,
     ) -> Self {
         Self {
@@ -119,7 +119,7 @@ impl<'a, 'o> Tries<'a, 'o> {
 
 /// The observer, which also stops when time is over.
 pub(in crate::contact) fn timed<'a>(
-    deadline: Deadline,
+    deadline: Deadline<'static>,
     observe: &'a mut Observer<'_>,
 ) -> impl FnMut(&ContactProgress) -> ControlFlow<()> + 'a {
     move |progress| match observe(progress) {

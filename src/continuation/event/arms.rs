@@ -111,7 +111,7 @@ pub(in crate::continuation) struct ArmSearch<'a, P: ?Sized, L> {
     pub(in crate::continuation) vanishing: &'a [Vanishing],
     /// A selection known to be singular at (or within rounding of) x, where its kernel is a chance mixture.
     pub(in crate::continuation) singular: Option<Selection>,
-    pub(in crate::continuation) deadline: Deadline,
+    pub(in crate::continuation) deadline: Deadline<'static>,
     /// Whether a kernel was found by a dense decomposition, which takes far longer than a step.
     pub(in crate::continuation) decomposed: bool,
 }

@@ -1,6 +1,6 @@
 use std::ops::ControlFlow;
 
-use semismooth::contact::{EvolutionOptions, FixedPointOptions, evolve, fixed_point};
+use semismooth::contact::{EvolutionOptions, FixedPointOptions, evolve, evolve_observed, fixed_point};
 use semismooth::piecewise::PiecewiseSmooth;
 
 use super::{condensed, full};
@@ -168,6 +168,26 @@ pub(super) fn contacts(t: &mut Table) {
             )
         });
     }
+    for bad in BAD {
+        t.refuses("contact::evolve_observed", "a level", "[0]", || {
+            evolve_observed(
+                &mut condensed(),
+                &start,
+                &[bad],
+                &EvolutionOptions::default(),
+                |_| ControlFlow::Break(()),
+            )
+        });
+    }
+    t.survives("contact::evolve_observed", "stopped at once", || {
+        evolve_observed(
+            &mut condensed(),
+            &start,
+            &[0.1],
+            &EvolutionOptions::default(),
+            |_| ControlFlow::Break(()),
+        )
+    });
     t.survives("contact::evolve", "no levels", || {
         evolve(
             &mut condensed(),

@@ -33,6 +33,7 @@ impl Engine<'_> {
                 }
                 self.candidate(k);
                 if !self.evaluate() {
+                    self.tell_undefined();
                     continue;
                 }
                 let ended = self.attempt(McpStrategy::Restart, |e| {
