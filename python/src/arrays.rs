@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use numpy::{AllowTypeChange, PyArray1, PyArray2, PyArrayLike1, PyArrayLike2, PyArrayMethods};
-use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::exceptions::{PyException, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use semismooth::piecewise::{PiecewiseSmooth, Selection};
@@ -86,11 +86,7 @@ fn canonical<'py>(csc: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyAny>> {
 
 fn sparse_of(csc: &Bound<'_, PyAny>) -> PyResult<Sparse> {
     let (rows, columns) = csc.getattr("shape")?.extract()?;
-    let positions = |name: &str| -> PyResult<Vec<usize>> {
-        let array: PyArrayLike1<'_, i64, AllowTypeChange> = csc.getattr(name)?.extract()?;
-        let positions: Result<_, _> = array.as_array().iter().map(|&v| usize::try_from(v)).collect();
-        positions.map_err(|_| PyValueError::new_err(format!("negative entry in {name} of a sparse matrix")))
-    };
+    let positions = |name: &str| indices(&csc.getattr(name)?, &format!("{name} of a sparse matrix"));
     Ok(Sparse {
         rows,
         columns,
@@ -130,6 +126,24 @@ pub(crate) fn rows<'py, 'v>(
     PyArray1::from_vec(py, flat).reshape([rows, columns])
 }
 
+/// Points in space as the rows of a numpy array with the first `dim` coordinates.
+pub(crate) fn truncated<'py>(
+    py: Python<'py>,
+    dim: usize,
+    points: &[[f64; 3]],
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    rows(py, dim, points.iter().map(|p| &p[..dim]))
+}
+
+/// Integers that are not negative.
+pub(crate) fn indices(object: &Bound<'_, PyAny>, what: &str) -> PyResult<Vec<usize>> {
+    let array: PyArrayLike1<'_, i64, AllowTypeChange> = object
+        .extract()
+        .map_err(|e| explained(object.py(), e, &format!("{what} must be a vector of integers")))?;
+    let numbers: Result<_, _> = array.as_array().iter().map(|&v| usize::try_from(v)).collect();
+    numbers.map_err(|_| PyValueError::new_err(format!("negative number in {what}")))
+}
+
 /// The pieces of a selection by name.
 pub(crate) fn names(map: &dyn PiecewiseSmooth, selection: &Selection) -> Vec<String> {
     let pieces = selection.pieces().enumerate();
@@ -153,8 +167,24 @@ pub(crate) fn options<T: DeserializeOwned>(given: Option<&Bound<'_, PyDict>>, py
     pythonize::depythonize(&given).map_err(|e| PyTypeError::new_err(format!("options: {e}")))
 }
 
-/// A failed conversion with what was expected, its cause kept.
+/// The same over other defaults than those of the type.
+pub(crate) fn options_over<T: Serialize + DeserializeOwned>(
+    defaults: &T,
+    given: Option<&Bound<'_, PyDict>>,
+    py: Python<'_>,
+) -> PyResult<T> {
+    let all = python(py, defaults)?.cast_into::<PyDict>()?;
+    if let Some(given) = given {
+        all.update(given.as_mapping())?;
+    }
+    options(Some(&all), py)
+}
+
+/// A failed conversion with what was expected, its cause kept; but Ctrl-C as it is.
 fn explained(py: Python<'_>, cause: PyErr, message: &str) -> PyErr {
+    if !cause.is_instance_of::<PyException>(py) {
+        return cause;
+    }
     let error = PyTypeError::new_err(message.to_owned());
     error.set_cause(py, Some(cause));
     error

@@ -17,8 +17,9 @@ use semismooth::sparse::{Matrix, Pattern};
 use serde::Serialize;
 
 use crate::arrays::{bound, matrix, names, python, rows, sparse, vector};
+use crate::contact::ContactProblem;
 use crate::errors::{Run, raised};
-use crate::expressions::{Map, TracedFunction, map_of};
+use crate::map::{Map, TracedFunction, map_of};
 
 /// The linear complementarity problem of a square matrix M, shape (n, n), dense or scipy.sparse, and a vector q, shape (n,).
 ///
@@ -579,6 +580,19 @@ impl SolutionSet {
 }
 
 impl SolutionSet {
+    fn of(
+        py: Python<'_>,
+        map: &(dyn PiecewiseSmooth + Sync),
+        parameter: f64,
+        options: &EnumerationOptions,
+    ) -> PyResult<Self> {
+        let found = Run::detached(py, |run| {
+            let stop = || run.poll().is_break();
+            enumeration::all_solutions_until(map, parameter, options, &stop).map_err(raised)
+        })?;
+        Self::new(py, map, &found)
+    }
+
     fn new(
         py: Python<'_>,
         map: &dyn PiecewiseSmooth,
@@ -622,13 +636,12 @@ impl SolutionSet {
 ///
 /// Parameters
 /// ----------
-/// problem : Lcp or Map
-///     See :func:`trace` for maps.
+/// problem : Lcp, Map or ContactProblem in the plane
+///     See :func:`trace` for maps. Friction must not depend on the slip.
 /// parameter : float
 ///     The last variable of a map with a parameter.
 /// **options
-///     max_nodes (1 000 000), max_time (seconds) and others of EnumerationOptions. Ctrl-C is noticed when the search is over: set max_time
-///     where it may be long.
+///     max_nodes (1 000 000), max_time (seconds) and others of EnumerationOptions.
 ///
 /// Returns
 /// -------
@@ -649,21 +662,18 @@ fn all_solutions(
     let options: EnumerationOptions = crate::arrays::options(options, py)?;
     if let Ok(lcp) = problem.cast::<Lcp>() {
         let mcp = lcp.get().problem.mcp();
-        let found = Run::detached(py, |_| {
-            enumeration::all_solutions(mcp, parameter, &options).map_err(raised)
-        })?;
-        return SolutionSet::new(py, mcp, &found);
+        return SolutionSet::of(py, mcp, parameter, &options);
+    }
+    if let Ok(contact) = problem.cast::<ContactProblem>() {
+        contact.get().one_parameter()?;
+        return SolutionSet::of(py, contact.get().form.map(), parameter, &options);
     }
     let Ok(map) = problem.cast::<Map>() else {
         return Err(PyTypeError::new_err(
-            "all_solutions takes an Lcp or a Map: write semismooth.trace(H, num_vars)",
+            "all_solutions takes an Lcp, a Map or a ContactProblem: write semismooth.trace(H, num_vars)",
         ));
     };
-    let map = map.get();
-    let found = Run::detached(py, |run| {
-        enumeration::all_solutions(&map.traced(run), parameter, &options).map_err(raised)
-    })?;
-    SolutionSet::new(py, map.own(), &found)
+    SolutionSet::of(py, map.get().own(), parameter, &options)
 }
 
 pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {

@@ -8,14 +8,15 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString, PyTuple};
 use semismooth::complementarity::Mcp;
 use semismooth::continuation::{
-    self as core, Arm, Continuation, ContinuationOptions, Direction, Event, PointKind,
+    self as core, Arm, Continuation, ContinuationOptions, Direction, Event, PointKind, TransitionSet,
 };
 use semismooth::piecewise::{PiecewiseSmooth, Selection};
 
 use crate::arrays::{bound, rows, vector};
 use crate::complementarity::Derivative;
+use crate::contact::{ContactProblem, point};
 use crate::errors::{Run, raised};
-use crate::expressions::{Map, map_of};
+use crate::map::{Map, map_of};
 
 /// The range of a parameter unless one is given.
 pub(crate) const EVERYWHERE: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
@@ -23,6 +24,7 @@ pub(crate) const EVERYWHERE: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
 /// What is followed.
 pub(crate) enum Problem {
     Map(Py<Map>),
+    Contact(Py<ContactProblem>),
     /// A parametric complementarity problem; with infinite bounds, smooth equations.
     Mcp {
         derivative: Derivative,
@@ -34,23 +36,11 @@ pub(crate) enum Problem {
 impl Problem {
     /// H with n values of the m = n + 1 variables of `x0`.
     pub(crate) fn new(function: &Bound<'_, PyAny>, given: Given<'_, '_>, x0: &[f64]) -> PyResult<Self> {
-        let m = x0.len();
-        let Some(n) = m.checked_sub(1).filter(|n| *n > 0) else {
-            return Err(PyValueError::new_err(format!(
-                "a point has the unknowns and the parameter, at least two numbers; there are {m}"
-            )));
-        };
         let alone = given.jac.is_none() && given.lower.is_none() && given.upper.is_none();
         if alone && !function.is_instance_of::<PyTuple>() {
-            let map = map_of(function, m)?;
-            let (vars, values) = (map.get().num_vars(), map.get().num_residuals());
-            return match (vars, values) == (m, n) {
-                true => Ok(Self::Map(map.unbind())),
-                false => Err(PyValueError::new_err(format!(
-                    "H gives {values} values for {vars} variables; for a start of length {m} it must give {n} for {m}"
-                ))),
-            };
+            return Self::formula(function, x0, 1);
         }
+        let n = values_of(x0, 1)?;
         let derivative = Derivative::new(function, given.jac, given.pattern, x0, n)?;
         if derivative.has_kinks() {
             return Err(PyValueError::new_err(
@@ -64,9 +54,33 @@ impl Problem {
         })
     }
 
+    /// A formula or a contact problem with so many parameters.
+    fn formula(function: &Bound<'_, PyAny>, x0: &[f64], parameters: usize) -> PyResult<Self> {
+        let (m, n) = (x0.len(), values_of(x0, parameters)?);
+        let (problem, vars, values) = match function.cast::<ContactProblem>() {
+            Ok(problem) => {
+                let map = problem.get().form.map();
+                let (vars, values) = (map.num_vars(), map.num_residuals());
+                (Self::Contact(problem.clone().unbind()), vars, values)
+            }
+            Err(_) => {
+                let map = map_of(function, m)?;
+                let (vars, values) = (map.get().num_vars(), map.get().num_residuals());
+                (Self::Map(map.unbind()), vars, values)
+            }
+        };
+        match (vars, values) == (m, n) {
+            true => Ok(problem),
+            false => Err(PyValueError::new_err(format!(
+                "H gives {values} values for {vars} variables; for a start of length {m} it must give {n} for {m}"
+            ))),
+        }
+    }
+
     pub(crate) fn map<'r>(&'r self, run: &'r Run) -> PyResult<Box<dyn PiecewiseSmooth + 'r>> {
         match self {
             Self::Map(map) => Ok(Box::new(map.get().traced(run))),
+            Self::Contact(problem) => Ok(Box::new(problem.get().form.map())),
             Self::Mcp {
                 derivative,
                 lower,
@@ -78,6 +92,21 @@ impl Problem {
             }
         }
     }
+}
+
+/// The number of values that belongs to a point with so many parameters.
+fn values_of(x0: &[f64], parameters: usize) -> PyResult<usize> {
+    let values = x0.len().checked_sub(parameters).filter(|n| *n > 0);
+    values.ok_or_else(|| {
+        let (last, least) = match parameters {
+            1 => ("the parameter", "two"),
+            _ => ("both parameters", "three"),
+        };
+        PyValueError::new_err(format!(
+            "a point has the unknowns and {last}, at least {least} numbers; there are {}",
+            x0.len()
+        ))
+    })
 }
 
 /// How H is to be understood.
@@ -540,9 +569,9 @@ fn direction(given: Option<&Bound<'_, PyAny>>) -> PyResult<Direction> {
 ///
 /// Parameters
 /// ----------
-/// H : callable, Map, or tuple (M, q) of an affine function
+/// H : callable, Map, ContactProblem, or tuple (M, q) of an affine function
 ///     ``H(x)`` for x of shape (n + 1,), the parameter last, gives n values. Unless ``jac`` is given it is traced: see :func:`trace`.
-/// x0 : array of shape (n + 1,)
+/// x0 : array of shape (n + 1,), or ContactSolution
 ///     Start; corrected onto the curve at its parameter.
 /// parameter_range : (float, float), optional
 ///     The curve ends where the parameter leaves it.
@@ -593,7 +622,7 @@ fn follow(
     callback: Option<Py<PyAny>>,
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Branch> {
-    let x0 = vector(x0, "x0")?;
+    let x0 = point(x0)?;
     let given = Given {
         jac,
         pattern,
@@ -601,15 +630,34 @@ fn follow(
         upper,
     };
     let problem = Problem::new(H, given, &x0)?;
-    let direction = self::direction(direction)?;
     let mut monitors = Monitor::list(monitors, false, x0.len())?;
     monitors.extend(Monitor::list(stops, true, x0.len())?);
-    let options: ContinuationOptions = crate::arrays::options(options, py)?;
-    let options = options.with_parameter_range(parameter_range.unwrap_or(EVERYWHERE));
-    let (found, rows, names) = Run::detached(py, |run| {
-        let map = problem.map(run)?;
-        let mut curve = Continuation::new(&*map, &x0, direction, options).map_err(raised)?;
-        for monitor in &monitors {
+    let travel = Travel {
+        direction: self::direction(direction)?,
+        options: crate::arrays::options::<ContinuationOptions>(options, py)?
+            .with_parameter_range(parameter_range.unwrap_or(EVERYWHERE)),
+        monitors,
+        callback,
+        x0,
+    };
+    let m = travel.x0.len();
+    let (found, rows, names) = Run::detached(py, |run| travel.along(run, &*problem.map(run)?))?;
+    Branch::new(py, &found, rows, names, m)
+}
+
+/// How a curve is followed.
+struct Travel {
+    x0: Vec<f64>,
+    direction: Direction,
+    options: ContinuationOptions,
+    monitors: Vec<Monitor>,
+    callback: Option<Py<PyAny>>,
+}
+
+impl Travel {
+    fn along(self, run: &Run, map: &dyn PiecewiseSmooth) -> PyResult<(core::Branch, Vec<Row>, Names)> {
+        let mut curve = Continuation::new(map, &self.x0, self.direction, self.options).map_err(raised)?;
+        for monitor in &self.monitors {
             let function = |x: &[f64]| monitor.value(run, x);
             curve = match monitor.stops {
                 true => curve.with_stop(&monitor.name, function),
@@ -619,13 +667,108 @@ fn follow(
         let mut rows = Vec::new();
         let found = core::Branch::collect(curve, |event| {
             let row = Row::of(event);
-            let flow = told(run, callback.as_ref(), &row);
+            let flow = told(run, self.callback.as_ref(), &row);
             rows.push(row);
             flow
         });
-        Ok((found.map_err(raised)?, rows, Names::of(&*map)))
+        Ok((found.map_err(raised)?, rows, Names::of(map)))
+    }
+}
+
+/// A point of a transition set where folds begin or end along it.
+#[pyclass(frozen, get_all, module = "semismooth")]
+pub(crate) struct CharacterChange {
+    /// The point (y, α, β), shape (n + 2,).
+    x: Py<PyArray1<f64>>,
+    /// Whether the transitions before it, in the direction of travel, are folds.
+    folds_before: bool,
+}
+
+/// A transition as a curve in a second parameter.
+#[pyclass(frozen, get_all, module = "semismooth")]
+pub(crate) struct TransitionCurve {
+    /// The points (y, α, β), the second parameter last. Transitions of it are points of codimension two.
+    branch: Py<Branch>,
+    /// For each point of the branch, whether α folds there; None where that is not known.
+    folds: Vec<Option<bool>>,
+    /// Where that changes between transitions.
+    character_changes: Vec<Py<CharacterChange>>,
+}
+
+/// Follows a transition of a two-parameter family H(y, α, β) = 0 as a curve in β: the points at which one test function vanishes.
+///
+/// Parameters
+/// ----------
+/// H : callable, Map or ContactProblem
+///     ``H(x)`` for x of shape (n + 2,), both parameters last, gives n values; it is traced: see :func:`trace`. Of a contact problem
+///     :meth:`ContactProblem.with_second_parameter` makes a family.
+/// x0 : array of shape (n + 2,)
+///     Start: the x of a transition, and β behind it; corrected at its β.
+/// site, test : int
+///     The site that switches (one of ``sites`` of the transition) and which of its test functions vanishes, both from 0.
+/// parameter_range, direction, callback, **options
+///     As for :func:`follow`, the parameter being β.
+///
+/// Returns
+/// -------
+/// TransitionCurve
+///
+/// >>> import semismooth as ss
+/// >>> # y + max(y, 0) = α + β has its kink at α = -β.
+/// >>> curve = ss.transition_set(lambda x: [x[0] + ss.maximum(x[0], 0) - x[1] - x[2]], [0.0, 0.0, 0.0], 0, parameter_range=(0.0, 1.0))
+/// >>> curve.branch.points[-1].round(9).tolist(), curve.folds[-1]
+/// ([0.0, -1.0, 1.0], False)
+#[pyfunction]
+#[pyo3(signature = (H, x0, site, test=0, parameter_range=None, direction=None, *, callback=None, **options))]
+fn transition_set(
+    py: Python<'_>,
+    H: &Bound<'_, PyAny>,
+    x0: &Bound<'_, PyAny>,
+    site: usize,
+    test: usize,
+    parameter_range: Option<(f64, f64)>,
+    direction: Option<&Bound<'_, PyAny>>,
+    callback: Option<Py<PyAny>>,
+    options: Option<&Bound<'_, PyDict>>,
+) -> PyResult<TransitionCurve> {
+    let x0 = point(x0)?;
+    let problem = Problem::formula(H, &x0, 2)?;
+    let travel = Travel {
+        direction: self::direction(direction)?,
+        options: crate::arrays::options::<ContinuationOptions>(options, py)?
+            .with_parameter_range(parameter_range.unwrap_or(EVERYWHERE)),
+        monitors: Vec::new(),
+        callback,
+        x0,
+    };
+    let m = travel.x0.len();
+    let (found, rows, names, folds, changes) = Run::detached(py, |run| {
+        let set = TransitionSet::new(problem.map(run)?, site, test).map_err(raised)?;
+        let (found, rows, names) = travel.along(run, &set)?;
+        let at = |row: &Row| match row.selection.len() {
+            0 => Ok(None),
+            _ if run.poll().is_break() => Ok(None),
+            _ => set.is_fold(&row.selection, &row.x).map_err(raised),
+        };
+        let folds = rows.iter().map(at).collect::<PyResult<Vec<_>>>()?;
+        let changes = match run.is_broken() {
+            true => Vec::new(),
+            false => set.character_changes(&found).map_err(raised)?,
+        };
+        Ok((found, rows, names, folds, changes))
     })?;
-    Branch::new(py, &found, rows, names, x0.len())
+    let changes = changes.iter().map(|c| {
+        let change = CharacterChange {
+            x: PyArray1::from_slice(py, &c.x).unbind(),
+            folds_before: c.folds_before,
+        };
+        Py::new(py, change)
+    });
+    Ok(TransitionCurve {
+        branch: Py::new(py, Branch::new(py, &found, rows, names, m)?)?,
+        folds,
+        character_changes: changes.collect::<PyResult<_>>()?,
+    })
 }
 
 /// Tells a callback of a point.
@@ -653,5 +796,8 @@ pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<Crossing>()?;
     module.add_class::<Fold>()?;
     module.add_class::<Transition>()?;
+    module.add_class::<CharacterChange>()?;
+    module.add_class::<TransitionCurve>()?;
+    module.add_function(wrap_pyfunction!(transition_set, module)?)?;
     module.add_function(wrap_pyfunction!(follow, module)?)
 }

@@ -8,7 +8,8 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use semismooth::continuation::{self as core, ContinuationOptions, DiagramOptions};
 
-use crate::arrays::{matrix, rows};
+use crate::arrays::rows;
+use crate::contact::point;
 use crate::continuation::{EVERYWHERE, Fold, Given, Names, Problem};
 use crate::errors::{Run, raised};
 
@@ -180,7 +181,7 @@ impl Diagram {
 /// ----------
 /// H, jac, pattern, lower, upper
 ///     As for :func:`follow`.
-/// starts : array of shape (k, n + 1)
+/// starts : array of shape (k, n + 1), or list of ContactSolution
 ///     Points (y, parameter), corrected onto the curve at their parameter.
 /// parameter_range : (float, float), optional
 ///     Where curves end.
@@ -218,14 +219,20 @@ fn diagram(
     same_point: Option<f64>,
     options: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Diagram> {
-    let starts = matrix(starts, "starts")?;
-    let m = starts.ncols();
-    let starts: Vec<Vec<f64>> = (0..starts.nrows())
-        .map(|i| (0..m).map(|j| starts.get(i, j)).collect())
-        .collect();
+    let starts: Vec<Vec<f64>> = starts
+        .try_iter()?
+        .map(|start| point(&start?))
+        .collect::<PyResult<_>>()?;
     let Some(first) = starts.first() else {
         return Err(PyValueError::new_err("a diagram needs a start"));
     };
+    let m = first.len();
+    if let Some(k) = starts.iter().position(|s| s.len() != m) {
+        return Err(PyValueError::new_err(format!(
+            "start {k} has length {}, the first one {m}",
+            starts[k].len()
+        )));
+    }
     let given = Given {
         jac,
         pattern,

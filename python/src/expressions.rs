@@ -3,21 +3,14 @@
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use numpy::{PyArray1, PyArray2, PyUntypedArray};
+use numpy::PyUntypedArray;
 use pyo3::basic::CompareOp;
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
-use semismooth::complementarity::McpFunction;
-use semismooth::piecewise::{self, Kinks, NonsmoothFunction, PiecewiseSmooth, Real, Traced};
-use semismooth::sparse::{Matrix, Pattern};
-
-use crate::arrays::{dense, names, vector};
-use crate::errors::Run;
 
 /// A node of a formula; arguments are positions of nodes before it. Numbers are kept as their bits, so that equal nodes are one.
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
-enum Node {
+pub(crate) enum Node {
     Variable(usize),
     Number(u64),
     Neg(usize),
@@ -38,7 +31,7 @@ enum Node {
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, Hash)]
-enum Smooth {
+pub(crate) enum Smooth {
     Sqrt,
     Exp,
     Ln,
@@ -48,7 +41,7 @@ enum Smooth {
 }
 
 impl Node {
-    fn arguments(self) -> [Option<usize>; 3] {
+    pub(crate) fn arguments(self) -> [Option<usize>; 3] {
         match self {
             Node::Variable(_) | Node::Number(_) => [None; 3],
             Node::Neg(a) | Node::Integer(a, _) | Node::Power(a, _) | Node::Smooth(_, a) | Node::Abs(a) => {
@@ -64,7 +57,7 @@ impl Node {
         }
     }
 
-    fn moved(self, to: impl Fn(usize) -> usize) -> Self {
+    pub(crate) fn moved(self, to: impl Fn(usize) -> usize) -> Self {
         match self {
             Node::Variable(_) | Node::Number(_) => self,
             Node::Neg(a) => Node::Neg(to(a)),
@@ -86,8 +79,8 @@ impl Node {
 
 /// The nodes written so far, each once.
 #[derive(Default)]
-struct Writing {
-    nodes: Vec<Node>,
+pub(crate) struct Writing {
+    pub(crate) nodes: Vec<Node>,
     known: HashMap<Node, usize>,
 }
 
@@ -100,9 +93,9 @@ impl Writing {
     }
 }
 
-type Page = Arc<Mutex<Writing>>;
+pub(crate) type Page = Arc<Mutex<Writing>>;
 
-fn write(page: &Page) -> MutexGuard<'_, Writing> {
+pub(crate) fn write(page: &Page) -> MutexGuard<'_, Writing> {
     page.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
@@ -135,13 +128,13 @@ impl Condition {
 }
 
 /// An argument of an operator.
-enum Operand<'py> {
+pub(crate) enum Operand<'py> {
     Expression(Bound<'py, Expression>),
     Number(f64),
 }
 
 impl<'py> Operand<'py> {
-    fn of(object: &Bound<'py, PyAny>) -> Option<Self> {
+    pub(crate) fn of(object: &Bound<'py, PyAny>) -> Option<Self> {
         match object.cast::<Expression>() {
             Ok(expression) => Some(Self::Expression(expression.clone())),
             // Arrays take their elements one by one, also where there is only one.
@@ -157,7 +150,7 @@ impl<'py> Operand<'py> {
         }
     }
 
-    fn on(&self, page: &Page) -> PyResult<usize> {
+    pub(crate) fn on(&self, page: &Page) -> PyResult<usize> {
         match self {
             Self::Number(v) => Ok(write(page).add(Node::Number(v.to_bits()))),
             Self::Expression(e) => e.get().on(page),
@@ -166,7 +159,7 @@ impl<'py> Operand<'py> {
 }
 
 impl Expression {
-    fn new(page: &Page, node: Node) -> Self {
+    pub(crate) fn new(page: &Page, node: Node) -> Self {
         Self {
             at: write(page).add(node),
             page: page.clone(),
@@ -429,274 +422,11 @@ fn traced_where<'py>(
     Ok(Bound::new(a.py(), Expression::new(page, node))?.into_any())
 }
 
-/// A formula: the nodes that its values need, in an order in which each comes after its arguments.
-pub(crate) struct Formula {
-    variables: usize,
-    nodes: Vec<Node>,
-    values: Vec<usize>,
-}
-
-impl Formula {
-    /// The part of the page that the values need: kinks that decide nothing are no sites.
-    fn new(variables: usize, page: &[Node], values: &[usize]) -> Self {
-        let mut needed = vec![false; page.len()];
-        values.iter().for_each(|&v| needed[v] = true);
-        for at in (0..page.len()).rev() {
-            if needed[at] {
-                let arguments = page[at].arguments();
-                arguments.into_iter().flatten().for_each(|a| needed[a] = true);
-            }
-        }
-        let mut place = vec![0; page.len()];
-        let mut nodes = Vec::new();
-        for (at, node) in page.iter().enumerate().filter(|(at, _)| needed[*at]) {
-            place[at] = nodes.len();
-            nodes.push(node.moved(|a| place[a]));
-        }
-        Self {
-            variables,
-            nodes,
-            values: values.iter().map(|&v| place[v]).collect(),
-        }
-    }
-
-    fn eval<T: Real>(&self, x: &[T], kinks: &mut Kinks<'_, T>, out: &mut [T]) {
-        let mut v: Vec<T> = Vec::with_capacity(self.nodes.len());
-        for node in &self.nodes {
-            v.push(match *node {
-                Node::Variable(k) => x[k],
-                Node::Number(bits) => T::from(f64::from_bits(bits)),
-                Node::Neg(a) => -v[a],
-                Node::Add(a, b) => v[a] + v[b],
-                Node::Sub(a, b) => v[a] - v[b],
-                Node::Mul(a, b) => v[a] * v[b],
-                Node::Div(a, b) => v[a] / v[b],
-                Node::Integer(a, n) => v[a].powi(n),
-                Node::Power(a, bits) => v[a].powf(f64::from_bits(bits)),
-                Node::Smooth(function, a) => match function {
-                    Smooth::Sqrt => v[a].sqrt(),
-                    Smooth::Exp => v[a].exp(),
-                    Smooth::Ln => v[a].ln(),
-                    Smooth::Sin => v[a].sin(),
-                    Smooth::Cos => v[a].cos(),
-                    Smooth::Tanh => v[a].tanh(),
-                },
-                Node::Max(a, b) => kinks.max(v[a], v[b]),
-                Node::Min(a, b) => kinks.min(v[a], v[b]),
-                Node::Abs(a) => kinks.abs(v[a]),
-                Node::Project(l, z, u) => kinks.project(v[l], v[z], v[u]),
-                Node::Switch(test, a, b) => kinks.switch(v[test], v[a], v[b]),
-            });
-        }
-        for (out, &at) in out.iter_mut().zip(&self.values) {
-            *out = v[at];
-        }
-    }
-}
-
-/// A formula in a run that Python can end.
-pub(crate) struct Watched<'r> {
-    formula: Arc<Formula>,
-    run: Option<&'r Run>,
-}
-
-impl NonsmoothFunction for Watched<'_> {
-    fn num_vars(&self) -> usize {
-        self.formula.variables
-    }
-
-    fn num_residuals(&self) -> usize {
-        self.formula.values.len()
-    }
-
-    fn eval<T: Real>(&self, x: &[T], kinks: &mut Kinks<'_, T>, out: &mut [T]) {
-        match self.run.is_some_and(|run| run.poll().is_break()) {
-            true => out.fill(T::from(f64::NAN)),
-            false => self.formula.eval(x, kinks, out),
-        }
-    }
-}
-
-/// F of a complementarity problem as a formula. Where it has kinks, its derivative is that of the pieces at x.
-pub(crate) struct TracedFunction<'r>(pub(crate) Traced<Watched<'r>>);
-
-impl McpFunction for TracedFunction<'_> {
-    fn num_vars(&self) -> usize {
-        self.0.num_vars()
-    }
-
-    fn num_values(&self) -> usize {
-        self.0.num_residuals()
-    }
-
-    fn value(&self, x: &[f64], out: &mut [f64]) {
-        piecewise::value(&self.0, x, out);
-    }
-
-    fn jacobian(&self, x: &[f64], jac: &mut Matrix) {
-        self.0.jacobian(&piecewise::select(&self.0, x), x, jac);
-    }
-
-    fn pattern(&self) -> Pattern {
-        self.0.pattern()
-    }
-}
-
-/// A piecewise-smooth map H: ℝᵐ → ℝⁿ as a formula, made by :func:`semismooth.trace`.
-///
-/// Every ``maximum``, ``minimum``, ``abs``, ``clip`` and ``where`` that the values depend on is a *site*, whose *pieces* are the smooth
-/// formulas it chooses among. ``map(x)`` evaluates it at an array of shape (m,).
-#[pyclass(frozen, module = "semismooth")]
-pub(crate) struct Map {
-    formula: Arc<Formula>,
-    own: Traced<Watched<'static>>,
-}
-
-impl Map {
-    fn new(formula: Formula) -> Self {
-        let formula = Arc::new(formula);
-        let own = Traced::new(Watched {
-            formula: formula.clone(),
-            run: None,
-        });
-        Self { formula, own }
-    }
-
-    /// The map.
-    pub(crate) fn own(&self) -> &Traced<Watched<'static>> {
-        &self.own
-    }
-
-    /// The map in a run that Python can end.
-    pub(crate) fn traced<'r>(&self, run: &'r Run) -> Traced<Watched<'r>> {
-        Traced::new(Watched {
-            formula: self.formula.clone(),
-            run: Some(run),
-        })
-    }
-
-    /// The first value at x, without Python.
-    pub(crate) fn first_value(&self, x: &[f64]) -> f64 {
-        let mut out = vec![f64::NAN; self.formula.values.len()];
-        piecewise::value(&self.own, x, &mut out);
-        out.first().copied().unwrap_or(f64::NAN)
-    }
-
-    fn point(&self, x: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
-        let x = vector(x, "x")?;
-        match x.len() == self.formula.variables {
-            true => Ok(x),
-            false => Err(PyValueError::new_err(format!(
-                "x has length {}, expected {}",
-                x.len(),
-                self.formula.variables
-            ))),
-        }
-    }
-}
-
-#[pymethods]
-impl Map {
-    /// Number m of variables.
-    #[getter]
-    pub(crate) fn num_vars(&self) -> usize {
-        self.formula.variables
-    }
-
-    /// Number n of values.
-    #[getter]
-    pub(crate) fn num_residuals(&self) -> usize {
-        self.formula.values.len()
-    }
-
-    /// Number of sites: places where the formula switches.
-    #[getter]
-    pub(crate) fn num_sites(&self) -> usize {
-        self.own.num_sites()
-    }
-
-    /// H(x), shape (n,), for x of shape (m,).
-    fn __call__<'py>(&self, x: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let point = self.point(x)?;
-        let mut out = vec![0.0; self.formula.values.len()];
-        piecewise::value(&self.own, &point, &mut out);
-        Ok(PyArray1::from_vec(x.py(), out))
-    }
-
-    /// ∇H(x), shape (n, m), of the pieces at x, for x of shape (m,).
-    fn jacobian<'py>(&self, x: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let (map, point) = (&self.own, self.point(x)?);
-        let mut jac = Matrix::zeros(map.pattern());
-        map.jacobian(&piecewise::select(map, &point), &point, &mut jac);
-        Ok(dense(x.py(), &jac))
-    }
-
-    /// The piece of each site at x, by name.
-    fn pieces(&self, x: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
-        Ok(names(&self.own, &piecewise::select(&self.own, &self.point(x)?)))
-    }
-
-    fn __repr__(&self) -> String {
-        format!(
-            "<Map of {} variables with {} values and {} sites>",
-            self.formula.variables,
-            self.formula.values.len(),
-            self.num_sites()
-        )
-    }
-}
-
-/// Runs ``function(x)`` once on an array x of ``num_vars`` variables, and keeps what it computes as a :class:`Map`.
-///
-/// The function may use arithmetic, numpy's ``sqrt exp log sin cos tan sinh cosh tanh`` and linear algebra made of sums and products
-/// (``M @ x``), and :func:`maximum`, :func:`minimum`, ``abs``, :func:`clip` and :func:`where` for its kinks. It returns n values. Python's ``if``
-/// on values, ``math.sin`` and ``numpy.maximum`` raise ``TypeError``. Afterwards no Python runs: what the function reads elsewhere (time,
-/// globals, random numbers) is kept as it was in that one call.
-///
-/// >>> import semismooth as ss
-/// >>> ramp = ss.trace(lambda x: [ss.maximum(x[0], 0) - x[1]], 2)
-/// >>> ramp([3.0, 1.0])
-/// array([2.])
-#[pyfunction]
-pub(crate) fn trace(py: Python<'_>, function: &Bound<'_, PyAny>, num_vars: usize) -> PyResult<Map> {
-    let (page, numpy) = (Page::default(), py.import("numpy")?);
-    let variables: Vec<Py<Expression>> = (0..num_vars)
-        .map(|k| Py::new(py, Expression::new(&page, Node::Variable(k))))
-        .collect::<PyResult<_>>()?;
-    let objects = PyDict::new(py);
-    objects.set_item("dtype", "object")?;
-    let x = numpy.call_method("array", (variables,), Some(&objects))?;
-    let values = numpy.call_method("asarray", (function.call1((x,))?,), Some(&objects))?;
-    let mut found = Vec::new();
-    for value in values.call_method0("ravel")?.try_iter()? {
-        let value = value?;
-        let operand = Operand::of(&value).ok_or_else(|| {
-            PyTypeError::new_err(format!(
-                "value {} of the traced function is {value:?}, neither a number nor a traced expression",
-                found.len()
-            ))
-        })?;
-        found.push(operand.on(&page)?);
-    }
-    let formula = Formula::new(num_vars, &write(&page).nodes, &found);
-    Ok(Map::new(formula))
-}
-
-/// The map itself, or one traced.
-pub(crate) fn map_of<'py>(function: &Bound<'py, PyAny>, num_vars: usize) -> PyResult<Bound<'py, Map>> {
-    match function.cast::<Map>() {
-        Ok(map) => Ok(map.clone()),
-        Err(_) => Bound::new(function.py(), trace(function.py(), function, num_vars)?),
-    }
-}
-
 pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<Expression>()?;
     module.add_class::<Condition>()?;
-    module.add_class::<Map>()?;
     module.add_function(wrap_pyfunction!(traced_maximum, module)?)?;
     module.add_function(wrap_pyfunction!(traced_minimum, module)?)?;
     module.add_function(wrap_pyfunction!(traced_clip, module)?)?;
-    module.add_function(wrap_pyfunction!(traced_where, module)?)?;
-    module.add_function(wrap_pyfunction!(trace, module)?)
+    module.add_function(wrap_pyfunction!(traced_where, module)?)
 }

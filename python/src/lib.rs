@@ -1,12 +1,18 @@
 //! The Python package `semismooth`: what it holds is documented where Python sees it.
 
 mod arrays;
+mod body;
 mod complementarity;
+mod contact;
 mod continuation;
 mod diagram;
 mod errors;
 mod expressions;
+mod fields;
 mod friction;
+mod map;
+mod mesh;
+mod solution;
 mod variational;
 
 use pyo3::prelude::*;
@@ -18,9 +24,14 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
         module.py().get_type::<errors::SemismoothError>(),
     )?;
     expressions::register(module)?;
+    map::register(module)?;
     complementarity::register(module)?;
     continuation::register(module)?;
     diagram::register(module)?;
     variational::register(module)?;
-    friction::register(module)
+    friction::register(module)?;
+    mesh::register(module)?;
+    body::register(module)?;
+    contact::register(module)?;
+    solution::register(module)
 }

@@ -322,6 +322,10 @@ def test_pictures_dash_negative_determinants_and_mark_events():
     matplotlib.use("Agg")
     from matplotlib import pyplot
 
+    # Where steps are long, no regular point lies between the folds.
+    long = ss.follow(beam, [0.0, 0.0], (0.0, 2.0), step=10.0, max_step=10.0)
+    lines = long.plot(ax=pyplot.figure().add_subplot()).lines
+    assert [line.get_linestyle() for line in lines if line.get_linestyle() in ("-", "--")] == ["-", "--", "-"]
     branch = ss.follow(beam, [0.0, 0.0], (0.0, 2.0))
     ax = branch.plot(y=lambda x: 2 * x[0])
     lines = [line for line in ax.lines if line.get_linestyle() in ("-", "--")]

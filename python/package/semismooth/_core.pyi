@@ -1,4 +1,5 @@
 from collections.abc import Callable, Sequence
+from os import PathLike
 from typing import Any, Literal, TypeAlias, TypedDict, final
 
 from typing_extensions import Unpack
@@ -7,29 +8,41 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 __all__ = [
+    "Body",
     "Branch",
     "BranchPoint",
+    "CharacterChange",
     "Condition",
     "ConeResult",
+    "ContactProblem",
+    "ContactSolution",
     "Continuum",
     "Crossing",
     "Diagram",
     "Edge",
+    "EvolutionStep",
     "Expression",
     "Fold",
+    "Foundation",
+    "Friction",
     "FrictionResult",
     "Lcp",
     "LemkeResult",
+    "Load",
     "Map",
+    "Material",
     "McpResult",
+    "Mesh",
     "SemismoothError",
     "Solution",
     "SolutionSet",
     "Transition",
+    "TransitionCurve",
     "Vertex",
     "ViResult",
     "all_solutions",
     "diagram",
+    "evolve",
     "follow",
     "lemke",
     "solve_cone",
@@ -42,6 +55,7 @@ __all__ = [
     "traced_maximum",
     "traced_minimum",
     "traced_where",
+    "transition_set",
 ]
 
 _Vector: TypeAlias = NDArray[np.float64]
@@ -256,7 +270,7 @@ class _EnumerationOptions(TypedDict, total=False):
     merge_distance: float
 
 def all_solutions(
-    problem: Lcp | Map, parameter: float = 0.0, **options: Unpack[_EnumerationOptions]
+    problem: Lcp | Map | ContactProblem, parameter: float = 0.0, **options: Unpack[_EnumerationOptions]
 ) -> SolutionSet: ...
 
 @final
@@ -388,8 +402,8 @@ class _FollowOptions(_ContinuationOptions, total=False):
     max_points: int
 
 def follow(
-    H: Callable[[Any], Any] | Map | tuple[_Matrix, ArrayLike],
-    x0: ArrayLike,
+    H: Callable[[Any], Any] | Map | ContactProblem | tuple[_Matrix, ArrayLike],
+    x0: ArrayLike | ContactSolution,
     parameter_range: tuple[float, float] | None = None,
     direction: Literal["increasing", "decreasing"] | ArrayLike | None = None,
     *,
@@ -402,6 +416,34 @@ def follow(
     callback: Callable[[dict[str, Any]], Any] | None = None,
     **options: Unpack[_FollowOptions],
 ) -> Branch: ...
+
+@final
+class CharacterChange:
+    @property
+    def x(self) -> _Vector: ...
+    @property
+    def folds_before(self) -> bool: ...
+
+@final
+class TransitionCurve:
+    @property
+    def branch(self) -> Branch: ...
+    @property
+    def folds(self) -> list[bool | None]: ...
+    @property
+    def character_changes(self) -> list[CharacterChange]: ...
+
+def transition_set(
+    H: Callable[[Any], Any] | Map | ContactProblem,
+    x0: ArrayLike,
+    site: int,
+    test: int = 0,
+    parameter_range: tuple[float, float] | None = None,
+    direction: Literal["increasing", "decreasing"] | ArrayLike | None = None,
+    *,
+    callback: Callable[[dict[str, Any]], Any] | None = None,
+    **options: Unpack[_FollowOptions],
+) -> TransitionCurve: ...
 
 @final
 class Vertex:
@@ -451,8 +493,8 @@ class Diagram:
     def plot(self, ax: Any = None, x: _Drawn = None, y: _Drawn = None, **style: Any) -> Any: ...
 
 def diagram(
-    H: Callable[[Any], Any] | Map | tuple[_Matrix, ArrayLike],
-    starts: ArrayLike,
+    H: Callable[[Any], Any] | Map | ContactProblem | tuple[_Matrix, ArrayLike],
+    starts: ArrayLike | Sequence[ContactSolution],
     parameter_range: tuple[float, float] | None = None,
     *,
     jac: Callable[[_Vector], _Matrix] | Literal["differences"] | None = None,
@@ -578,3 +620,233 @@ def solve_friction(
     callback: Callable[[dict[str, Any]], Any] | None = None,
     **options: Unpack[_DelassusOptions],
 ) -> FrictionResult: ...
+
+_Mask: TypeAlias = NDArray[np.bool_] | NDArray[np.integer[Any]] | Sequence[bool] | Sequence[int]
+
+@final
+class Mesh:
+    def __new__(
+        cls,
+        points: ArrayLike,
+        cells: dict[str, ArrayLike] | Sequence[tuple[str, ArrayLike]],
+        *,
+        facets: dict[str, Any] | None = None,
+        cell_groups: dict[str, Any] | None = None,
+    ) -> Mesh: ...
+    @staticmethod
+    def rectangle(lower: Sequence[float], upper: Sequence[float], cells: Sequence[int]) -> Mesh: ...
+    @staticmethod
+    def block(lower: Sequence[float], upper: Sequence[float], cells: Sequence[int]) -> Mesh: ...
+    @staticmethod
+    def read_gmsh(path: str | PathLike[str]) -> Mesh: ...
+    @staticmethod
+    def from_meshio(mesh: Any) -> Mesh: ...
+    def to_meshio(self, point_data: dict[str, Any] | None = None, cell_data: dict[str, Any] | None = None) -> Any: ...
+    @property
+    def dimension(self) -> int: ...
+    @property
+    def points(self) -> _Vector: ...
+    @property
+    def cells(self) -> list[tuple[str, NDArray[np.int64]]]: ...
+    @property
+    def num_nodes(self) -> int: ...
+    @property
+    def num_cells(self) -> int: ...
+    @property
+    def facets(self) -> list[tuple[str, list[list[int]]]]: ...
+    @property
+    def cell_groups(self) -> list[tuple[str, list[int]]]: ...
+    def with_boundary(self, name: str, choose: Callable[[_Vector, _Vector], _Mask]) -> Mesh: ...
+    def with_cells(self, name: str, choose: Callable[[_Vector], _Mask]) -> Mesh: ...
+    def refined(self) -> Mesh: ...
+    def simplices(self) -> Mesh: ...
+
+@final
+class Material:
+    def __new__(cls, young: float, poisson: float) -> Material: ...
+    @staticmethod
+    def lame(lambda_: float, mu: float) -> Material: ...
+    @staticmethod
+    def tensor(c: Any) -> Material: ...
+    @property
+    def components(self) -> _Vector: ...
+
+@final
+class Load:
+    @property
+    def forces(self) -> _Vector: ...
+    def __add__(self, other: Load, /) -> Load: ...
+    def __radd__(self, other: Load, /) -> Load: ...
+    def __sub__(self, other: Load, /) -> Load: ...
+    def __rsub__(self, other: Load, /) -> Load: ...
+    def __mul__(self, factor: float, /) -> Load: ...
+    def __rmul__(self, factor: float, /) -> Load: ...
+    def __neg__(self) -> Load: ...
+
+_Number: TypeAlias = float | Callable[[_Vector], float]
+_Field: TypeAlias = ArrayLike | Callable[[_Vector], ArrayLike]
+
+@final
+class Body:
+    def __new__(
+        cls,
+        mesh: Mesh,
+        material: Material,
+        *,
+        supports: dict[str, _Number | Sequence[_Number | None] | _Vector],
+        materials: dict[str, Material] | None = None,
+        plane: Literal["strain", "stress"] = "strain",
+    ) -> Body: ...
+    @property
+    def mesh(self) -> Mesh: ...
+    @property
+    def num_free(self) -> int: ...
+    @property
+    def stiffness(self) -> tuple[_Vector, NDArray[np.int64], NDArray[np.int64]]: ...
+    def traction(self, facets: str, value: _Field) -> Load: ...
+    def body_force(self, value: _Field) -> Load: ...
+    def motion(self, facets: str, value: _Number | Sequence[_Number | None] | _Vector) -> Load: ...
+
+@final
+class Foundation:
+    @staticmethod
+    def plane(point: ArrayLike, normal: ArrayLike, *, tangent: _Field | None = None) -> Foundation: ...
+    @staticmethod
+    def gap(gap: _Number, *, normal: _Field | None = None, tangent: _Field | None = None) -> Foundation: ...
+
+@final
+class Friction:
+    def __new__(cls, value: ArrayLike, rate: ArrayLike | None = None) -> Friction: ...
+    @staticmethod
+    def table(slips: ArrayLike, values: ArrayLike) -> Friction: ...
+    @staticmethod
+    def exponential(first: float, last: float, length: float) -> Friction: ...
+    @staticmethod
+    def function(function: Callable[[Any, Any], Any] | Map) -> Friction: ...
+    def scaled(self) -> Friction: ...
+    def __call__(self, slip: float = 0.0, parameter: float = 0.0, node: int = 0) -> float: ...
+
+class _ContactOptions(TypedDict, total=False):
+    newton: dict[str, Any]
+    max_increments: int
+    max_paths: int
+    max_points: int
+    max_branchings: int
+    max_nodes: int
+    max_time: float | None
+
+_Coefficient: TypeAlias = ArrayLike | Friction
+
+@final
+class ContactProblem:
+    def __new__(
+        cls,
+        body: Body,
+        facets: str,
+        foundation: Foundation,
+        friction: _Coefficient | tuple[_Coefficient, _Coefficient] | None,
+        *,
+        load: Load | None = None,
+        rate: Load | None = None,
+        paths: Sequence[tuple[Load, Callable[[Any], Any] | Map]] | None = None,
+        form: Literal["condensed", "full"] = "condensed",
+    ) -> ContactProblem: ...
+    def with_second_parameter(self, load: Load) -> ContactProblem: ...
+    @property
+    def body(self) -> Body: ...
+    @property
+    def num_contacts(self) -> int: ...
+    @property
+    def num_vars(self) -> int: ...
+    @property
+    def nodes(self) -> NDArray[np.int64]: ...
+    @property
+    def points(self) -> _Vector: ...
+    @property
+    def normals(self) -> _Vector: ...
+    @property
+    def tangents(self) -> list[_Vector]: ...
+    @property
+    def areas(self) -> _Vector: ...
+    @property
+    def gaps(self) -> _Vector: ...
+    def solve(
+        self,
+        parameter: float = 0.0,
+        start: ArrayLike | ContactSolution | None = None,
+        *,
+        states: Sequence[str] | None = None,
+        **options: Unpack[_ContactOptions],
+    ) -> ContactSolution: ...
+    def at(self, x: ArrayLike) -> ContactSolution: ...
+
+@final
+class ContactSolution:
+    @property
+    def problem(self) -> ContactProblem: ...
+    @property
+    def x(self) -> _Vector: ...
+    @property
+    def parameter(self) -> float: ...
+    @property
+    def strategy(self) -> str | None: ...
+    @property
+    def states(self) -> list[str]: ...
+    @property
+    def counts(self) -> tuple[int, int, int]: ...
+    @property
+    def pressures(self) -> _Vector: ...
+    @property
+    def penetrations(self) -> _Vector: ...
+    @property
+    def tractions(self) -> _Vector: ...
+    @property
+    def slips(self) -> _Vector: ...
+    @property
+    def displacements(self) -> _Vector: ...
+    @property
+    def reactions(self) -> _Vector: ...
+    @property
+    def stresses(self) -> _Vector: ...
+    @property
+    def energy(self) -> dict[str, float]: ...
+    @property
+    def residuals(self) -> dict[str, float]: ...
+    @property
+    def resultant(self) -> _Vector: ...
+    @property
+    def point_data(self) -> dict[str, _Vector]: ...
+    @property
+    def cell_data(self) -> dict[str, _Vector]: ...
+    def to_meshio(self) -> Any: ...
+
+@final
+class EvolutionStep:
+    @property
+    def level(self) -> float: ...
+    @property
+    def solution(self) -> ContactSolution: ...
+    @property
+    def folds(self) -> list[float]: ...
+    @property
+    def transitions(self) -> int: ...
+    @property
+    def arrival(self) -> str: ...
+    @property
+    def work(self) -> float: ...
+    @property
+    def stored(self) -> float: ...
+    @property
+    def dissipated(self) -> float: ...
+    @property
+    def history(self) -> _Vector: ...
+
+def evolve(
+    problem: ContactProblem,
+    start: ContactSolution | EvolutionStep | ArrayLike,
+    levels: ArrayLike,
+    *,
+    slip_increments: bool = False,
+    callback: Callable[[EvolutionStep], Any] | None = None,
+    **options: Unpack[_FollowOptions],
+) -> list[EvolutionStep]: ...

@@ -46,3 +46,13 @@ def where(condition: Any, a: Any, b: Any) -> Any:
     (array([0.25]), array([3.]))
     """
     return _elementwise(_core.traced_where, np.where, condition, a, b)
+
+
+def of_one(function: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """The same function of an array with one entry."""
+    return function if isinstance(function, _core.Map) else lambda x: [function(x[0])]
+
+
+def of_two(function: Callable[[Any, Any], Any]) -> Callable[[Any], Any]:
+    """The same function of an array with two entries."""
+    return function if isinstance(function, _core.Map) else lambda x: [function(x[0], x[1])]

@@ -74,13 +74,22 @@ def _marks(ax: Any, marks: list[tuple[str, float, float]], color: Any) -> None:
             ax.plot(*zip(*places), linestyle="", marker=marker, markersize=size, color=color, markerfacecolor="white", label=label)
 
 
+def _segment_signs(signs: list[int | None], events: list[str]) -> list[int]:
+    """The sign of the determinant between each point and the next: that of a regular end, else it follows from the segment before, as it
+    changes at folds alone; 0 where nothing is known."""
+    known = [b or a or 0 for a, b in zip(signs, signs[1:])]
+    order = range(1, len(known))
+    for here, there, between in [(k, k - 1, k) for k in order] + [(k - 1, k, k) for k in reversed(order)]:
+        if not known[here] and events[between] in ("fold", "pass-through"):
+            known[here] = -known[there] if events[between] == "fold" else known[there]
+    return known
+
+
 def plot_branch(branch: Any, ax: Any, x: Any, y: Any, style: dict[str, Any] | None) -> Any:
     ax, x, y = _axes(ax), -1 if x is None else x, 0 if y is None else y
     style = {"color": "C0"} | (style or {})
     xs, ys = _values(branch.points, x), _values(branch.points, y)
-    # A segment has the sign of its ends where they are regular.
-    signs = branch.det_signs
-    dashed = [(b or a or 1) < 0 for a, b in zip(signs, signs[1:])]
+    dashed = [s < 0 for s in _segment_signs(branch.det_signs, branch.events)]
     start = 0
     for i in range(1, len(dashed) + 1):
         if i == len(dashed) or dashed[i] != dashed[start]:

@@ -1,0 +1,270 @@
+//! Elastic bodies and loads on them.
+
+use numpy::PyArray1;
+use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::{PyDict, PyList, PyTuple};
+use semismooth::fem::{self, ElasticSystem, Elasticity, PlaneModel};
+use semismooth::interface::LoadCase;
+
+use crate::errors::raised;
+use crate::fields::{Direction, Failures, Scalar};
+use crate::mesh::Mesh;
+
+/// A linearly elastic material: Young's modulus (a stress) and Poisson's ratio. See also :meth:`lame` and :meth:`tensor`.
+#[pyclass(frozen, module = "semismooth", from_py_object)]
+#[derive(Clone)]
+pub(crate) struct Material {
+    material: fem::Material,
+}
+
+#[pymethods]
+impl Material {
+    #[new]
+    fn new(young: f64, poisson: f64) -> PyResult<Self> {
+        let material = fem::Material::isotropic(young, poisson).map_err(raised)?;
+        Ok(Self { material })
+    }
+
+    /// Lamé's constants λ and μ (stresses): μ > 0, 3λ + 2μ > 0.
+    #[staticmethod]
+    #[pyo3(name = "lame")]
+    fn of_lame(lambda_: f64, mu: f64) -> PyResult<Self> {
+        let material = fem::Material::lame(lambda_, mu).map_err(raised)?;
+        Ok(Self { material })
+    }
+
+    /// A general elasticity tensor, shape (3, 3, 3, 3), symmetric and positive definite: σ_ij = c_ijkl ε_kl.
+    #[staticmethod]
+    fn tensor(c: [[[[f64; 3]; 3]; 3]; 3]) -> PyResult<Self> {
+        let material = fem::Material::tensor(&c).map_err(raised)?;
+        Ok(Self { material })
+    }
+
+    /// The elasticity tensor, shape (3, 3, 3, 3).
+    #[getter]
+    fn components<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let flat = self
+            .material
+            .components()
+            .as_flattened()
+            .as_flattened()
+            .as_flattened()
+            .to_vec();
+        PyArray1::from_vec(py, flat).call_method1("reshape", (3, 3, 3, 3))
+    }
+}
+
+/// Forces on a :class:`Body`, or displacements of its supports. Loads on one body can be added and multiplied by numbers.
+#[pyclass(frozen, module = "semismooth")]
+pub(crate) struct Load {
+    pub(crate) case: LoadCase,
+}
+
+#[pymethods]
+impl Load {
+    /// The forces on the free displacements, those that stem from supports included, shape (number of free displacements,).
+    #[getter]
+    fn forces<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, self.case.forces())
+    }
+
+    fn __add__(&self, other: &Self) -> PyResult<Self> {
+        let case = self.case.clone().plus(&other.case).map_err(raised)?;
+        Ok(Self { case })
+    }
+
+    fn __sub__(&self, other: &Self) -> PyResult<Self> {
+        let case = self.case.clone().plus(other.case.times(-1.0)).map_err(raised)?;
+        Ok(Self { case })
+    }
+
+    fn __mul__(&self, factor: f64) -> Self {
+        Self {
+            case: self.case.times(factor),
+        }
+    }
+
+    fn __rmul__(&self, factor: f64) -> Self {
+        self.__mul__(factor)
+    }
+
+    fn __neg__(&self) -> Self {
+        self.__mul__(-1.0)
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<Load on {} free displacements>", self.case.forces().len())
+    }
+}
+
+/// A linearly elastic body on supports, discretised by linear (triangles, tetrahedra) or multilinear elements.
+///
+/// Units are yours, the same throughout: metres and GPa give nodal forces in GN (in the plane per metre of depth).
+///
+/// Parameters
+/// ----------
+/// mesh : Mesh
+/// material : Material
+/// supports : dict
+///     Names of groups of facets, and the displacement there: one number for all components, or a list of d entries with ``None`` for those
+///     that are free. Numbers may be functions of a point of shape (d,). Where groups meet, later ones win.
+/// materials : dict, optional
+///     Other materials for groups of cells.
+/// plane : {"strain", "stress"}
+///     Of meshes in the plane.
+///
+/// >>> import semismooth as ss
+/// >>> mesh = ss.Mesh.rectangle([0, 0], [4, 1], [8, 2])
+/// >>> ss.Body(mesh, ss.Material(211.9, 0.277), supports={"left": 0.0})
+/// <Body of 16 cells with 48 free displacements>
+#[pyclass(frozen, module = "semismooth")]
+pub(crate) struct Body {
+    pub(crate) system: ElasticSystem,
+    #[pyo3(get)]
+    /// The mesh.
+    mesh: Py<Mesh>,
+}
+
+#[pymethods]
+impl Body {
+    #[new]
+    #[pyo3(signature = (mesh, material, *, supports, materials=None, plane="strain"))]
+    fn new(
+        mesh: &Bound<'_, Mesh>,
+        material: &Material,
+        supports: &Bound<'_, PyDict>,
+        materials: Option<&Bound<'_, PyDict>>,
+        plane: &str,
+    ) -> PyResult<Self> {
+        let (py, dim, failures) = (mesh.py(), mesh.get().mesh.dim(), Failures::default());
+        let plane = match plane {
+            "strain" => PlaneModel::Strain,
+            "stress" => PlaneModel::Stress,
+            other => {
+                return Err(PyValueError::new_err(format!(
+                    "plane = \"{other}\" is not known: write \"strain\" or \"stress\""
+                )));
+            }
+        };
+        let own = Elasticity::new(mesh.get().mesh.clone(), material.material.clone());
+        let mut body = own.with_plane_model(plane);
+        for (name, material) in materials.into_iter().flatten() {
+            let material: Material = material.extract()?;
+            body = body.with_material(name.extract::<String>()?, material.material);
+        }
+        for (name, given) in supports {
+            let name: String = name.extract()?;
+            for (component, value) in components(&given, dim)? {
+                body = body.prescribe(&name, component, value.function(py, dim, &failures));
+            }
+        }
+        let system = py.detach(|| body.assemble());
+        Ok(Self {
+            system: failures.settle(system)?,
+            mesh: mesh.clone().unbind(),
+        })
+    }
+
+    /// Number of free displacements.
+    #[getter]
+    fn num_free(&self) -> usize {
+        self.system.num_free()
+    }
+
+    /// The stiffness matrix of the free displacements, as ``(data, indices, indptr)`` of compressed columns:
+    /// ``scipy.sparse.csc_matrix(body.stiffness)``. They are numbered node by node, component by component.
+    #[getter]
+    #[expect(clippy::type_complexity)]
+    fn stiffness<'py>(
+        &self,
+        py: Python<'py>,
+    ) -> (
+        Bound<'py, PyArray1<f64>>,
+        Bound<'py, PyArray1<i64>>,
+        Bound<'py, PyArray1<i64>>,
+    ) {
+        let a = self.system.stiffness();
+        let integers = |v: &[usize]| PyArray1::from_iter(py, v.iter().map(|k| *k as i64));
+        let pattern = a.pattern();
+        (
+            PyArray1::from_slice(py, a.values()),
+            integers(pattern.row_idx()),
+            integers(pattern.col_ptr()),
+        )
+    }
+
+    /// The load of a traction on a group of facets: force per area (in the plane per length), a vector of shape (d,) or a function of a
+    /// point that gives one.
+    fn traction(&self, py: Python<'_>, facets: &str, value: &Bound<'_, PyAny>) -> PyResult<Load> {
+        let failures = Failures::default();
+        let value = Direction::of(value, "the traction")?;
+        let value = value.function(py, self.system.mesh().dim(), "the traction", &failures)?;
+        let forces = py.detach(|| self.system.traction(facets, value));
+        let case = failures.settle(forces)?.into();
+        Ok(Load { case })
+    }
+
+    /// The load of a force per volume (in the plane per area), a vector of shape (d,) or a function of a point that gives one.
+    fn body_force(&self, py: Python<'_>, value: &Bound<'_, PyAny>) -> PyResult<Load> {
+        let failures = Failures::default();
+        let value = Direction::of(value, "the force")?;
+        let value = value.function(py, self.system.mesh().dim(), "the force", &failures)?;
+        let forces = py.detach(|| self.system.body_force(value));
+        let case = failures.settle(forces)?.into();
+        Ok(Load { case })
+    }
+
+    /// The load of supports that move: the displacement on a group of facets, as in ``supports``, whose components must be prescribed there;
+    /// all others rest. Times the parameter it is displacement control.
+    fn motion(&self, py: Python<'_>, facets: &str, value: &Bound<'_, PyAny>) -> PyResult<Load> {
+        let dim = self.system.mesh().dim();
+        let mut sum: Option<LoadCase> = None;
+        for (component, value) in components(value, dim)? {
+            let failures = Failures::default();
+            let value = value.function(py, dim, &failures);
+            let case = py.detach(|| self.system.motion(facets, component, value));
+            let case = failures.settle(case)?;
+            sum = Some(match sum {
+                Some(sum) => sum.plus(case).map_err(raised)?,
+                None => case,
+            });
+        }
+        let case = sum.ok_or_else(|| PyValueError::new_err("the motion has no component"))?;
+        Ok(Load { case })
+    }
+
+    fn __repr__(&self) -> String {
+        format!(
+            "<Body of {} cells with {} free displacements>",
+            self.system.mesh().num_cells(),
+            self.system.num_free()
+        )
+    }
+}
+
+/// One value for all components, or one each, `None` for those that are free.
+fn components(given: &Bound<'_, PyAny>, dim: usize) -> PyResult<Vec<(usize, Scalar)>> {
+    const WHAT: &str = "a displacement";
+    let listed = given.is_instance_of::<PyList>()
+        || given.is_instance_of::<PyTuple>()
+        || (given.hasattr("shape")? && given.len().is_ok());
+    if !listed {
+        return (0..dim).map(|c| Ok((c, Scalar::of(given, WHAT)?))).collect();
+    }
+    let entries: Vec<Bound<'_, PyAny>> = given.try_iter()?.collect::<PyResult<_>>()?;
+    if entries.len() != dim {
+        return Err(PyTypeError::new_err(format!(
+            "a displacement has {dim} components, there are {}",
+            entries.len()
+        )));
+    }
+    let prescribed = entries.iter().enumerate().filter(|(_, e)| !e.is_none());
+    prescribed.map(|(c, e)| Ok((c, Scalar::of(e, WHAT)?))).collect()
+}
+
+pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<Material>()?;
+    module.add_class::<Load>()?;
+    module.add_class::<Body>()
+}

@@ -1,0 +1,585 @@
+//! Bodies in contact with rigid foundations, with friction.
+
+use std::sync::Arc;
+
+use numpy::{PyArray1, PyArray2};
+use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::PyTuple;
+use semismooth::contact::{
+    CondensedContact, ContactBody, ContactError, FrictionCoefficient, FrictionCurve, Frictionless,
+    FullContact, NodeLaw, OrthotropicCoulomb, PlanarCoulomb,
+};
+use semismooth::fem::{self, ContactRows};
+use semismooth::interface::{LoadCase, LoadPath};
+use semismooth::piecewise::PiecewiseSmooth;
+
+use crate::arrays::{truncated, vector};
+use crate::body::{Body, Load};
+use crate::errors::{Run, raised};
+use crate::fields::{Direction, Failures, Scalar, in_space};
+use crate::map::{Map, map_of};
+use crate::solution::ContactSolution;
+
+/// A rigid foundation: the gap below each contact node, and the direction in which it is measured. Made by :meth:`plane` and :meth:`gap`.
+#[pyclass(frozen, module = "semismooth")]
+pub(crate) struct Foundation {
+    shape: Shape,
+    normal: Option<Direction>,
+    tangent: Option<Direction>,
+}
+
+enum Shape {
+    Plane { point: Vec<f64>, normal: Vec<f64> },
+    Gap(Scalar),
+}
+
+#[pymethods]
+impl Foundation {
+    /// The half-space below the plane through ``point``, shape (d,), with the normal ``normal``, shape (d,), which points to the body.
+    #[staticmethod]
+    #[pyo3(signature = (point, normal, *, tangent=None))]
+    fn plane(
+        point: &Bound<'_, PyAny>,
+        normal: &Bound<'_, PyAny>,
+        tangent: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        Ok(Self {
+            shape: Shape::Plane {
+                point: vector(point, "point")?,
+                normal: vector(normal, "normal")?,
+            },
+            normal: None,
+            tangent: tangent.map(|t| Direction::of(t, "tangent")).transpose()?,
+        })
+    }
+
+    /// A foundation at a distance: a length or a function of a point. It is measured along the outward normals of the body, or along
+    /// ``normal``, a vector of shape (d,) or a function that gives one, out of the body. In space ``tangent`` is the first principal axis of
+    /// friction (its part orthogonal to the normal; the projected x axis unless given).
+    #[staticmethod]
+    #[pyo3(signature = (gap, *, normal=None, tangent=None))]
+    fn gap(
+        gap: &Bound<'_, PyAny>,
+        normal: Option<&Bound<'_, PyAny>>,
+        tangent: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        Ok(Self {
+            shape: Shape::Gap(Scalar::of(gap, "gap")?),
+            normal: normal.map(|n| Direction::of(n, "normal")).transpose()?,
+            tangent: tangent.map(|t| Direction::of(t, "tangent")).transpose()?,
+        })
+    }
+}
+
+impl Foundation {
+    fn foundation(&self, py: Python<'_>, dim: usize, failures: &Failures) -> PyResult<fem::Foundation> {
+        let mut foundation = match &self.shape {
+            Shape::Plane { point, normal } => {
+                fem::Foundation::plane(in_space(point, dim, "point")?, in_space(normal, dim, "normal")?)
+            }
+            Shape::Gap(gap) => fem::Foundation::gap(gap.function(py, dim, failures)),
+        };
+        if let Some(normal) = &self.normal {
+            foundation = foundation.with_normal(normal.function(py, dim, "normal", failures)?);
+        }
+        if let Some(tangent) = &self.tangent {
+            foundation = foundation.with_tangent(tangent.function(py, dim, "tangent", failures)?);
+        }
+        Ok(foundation)
+    }
+}
+
+/// A coefficient of friction F: a number or one for each contact node, plus the parameter times ``rate`` (numbers likewise).
+///
+/// See :meth:`table`, :meth:`exponential` and :meth:`function` for coefficients that depend on the slip ‖u_t‖, and :meth:`scaled`.
+#[pyclass(frozen, module = "semismooth")]
+pub(crate) struct Friction {
+    coefficient: FrictionCoefficient,
+    /// Where it depends on nothing but the slip.
+    curve: Option<FrictionCurve>,
+}
+
+impl Friction {
+    fn of(curve: FrictionCurve) -> Self {
+        Self {
+            coefficient: FrictionCoefficient::uniform(curve.clone()),
+            curve: Some(curve),
+        }
+    }
+
+    /// A coefficient, a number, or numbers.
+    fn coefficient(object: &Bound<'_, PyAny>) -> PyResult<FrictionCoefficient> {
+        match object.cast::<Self>() {
+            Ok(friction) => Ok(friction.get().coefficient.clone()),
+            Err(_) => Ok(Self::new(object, None)?.coefficient),
+        }
+    }
+}
+
+#[pymethods]
+impl Friction {
+    #[new]
+    #[pyo3(signature = (value, rate=None))]
+    fn new(value: &Bound<'_, PyAny>, rate: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        let (constant, slope) = (value.extract::<f64>(), rate.map(|r| r.extract::<f64>()));
+        let affine = match (constant, slope) {
+            (Ok(constant), None) => {
+                return Ok(Self::of(FrictionCurve::constant(constant).map_err(raised)?));
+            }
+            (Ok(constant), Some(Ok(slope))) => {
+                let coefficient =
+                    FrictionCoefficient::of_parameter(move |_, a| [constant + a * slope, slope]);
+                return match constant.is_finite() && slope.is_finite() {
+                    true => Ok(Self {
+                        coefficient,
+                        curve: None,
+                    }),
+                    false => Err(PyValueError::new_err(
+                        "the coefficient of friction must be finite",
+                    )),
+                };
+            }
+            (Ok(constant), Some(Err(_))) => {
+                let rate = vector(rate.unwrap_or(value), "rate")?;
+                FrictionCoefficient::affine(vec![constant; rate.len()], rate)
+            }
+            (Err(_), None) => FrictionCoefficient::nodal(vector(value, "the coefficient of friction")?),
+            (Err(_), Some(slope)) => {
+                let constant = vector(value, "the coefficient of friction")?;
+                let slope = match (slope, rate) {
+                    (Err(_), Some(rate)) => vector(rate, "rate")?,
+                    (slope, _) => vec![slope.unwrap_or(0.0); constant.len()],
+                };
+                FrictionCoefficient::affine(constant, slope)
+            }
+        };
+        Ok(Self {
+            coefficient: affine.map_err(raised)?,
+            curve: None,
+        })
+    }
+
+    /// Monotone cubic interpolation of the coefficients ``values`` at the slips ``slips`` ≥ 0, increasing, both of shape (k,); constant
+    /// outside (Fritsch and Carlson 1980).
+    #[staticmethod]
+    fn table(slips: &Bound<'_, PyAny>, values: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let (slips, values) = (vector(slips, "slips")?, vector(values, "values")?);
+        if slips.len() != values.len() {
+            return Err(PyValueError::new_err(format!(
+                "{} slips with {} values",
+                slips.len(),
+                values.len()
+            )));
+        }
+        let points: Vec<_> = slips.into_iter().zip(values).collect();
+        Ok(Self::of(FrictionCurve::table(&points).map_err(raised)?))
+    }
+
+    /// last + (first − last) exp(−slip / length).
+    #[staticmethod]
+    fn exponential(first: f64, last: f64, length: f64) -> PyResult<Self> {
+        Ok(Self::of(
+            FrictionCurve::exponential(first, last, length).map_err(raised)?,
+        ))
+    }
+
+    /// Any smooth coefficient: ``function(slip, parameter)``, traced (see :func:`trace`), without kinks, for slips ≥ 0.
+    #[staticmethod]
+    fn function(function: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let py = function.py();
+        let wrapped = py
+            .import("semismooth._functions")?
+            .call_method1("of_two", (function,))?;
+        let map = smooth(&wrapped, 2, "the coefficient of friction")?;
+        let coefficient = FrictionCoefficient::function(move |_, slip, alpha| {
+            let (value, gradient) = map.get().value_and_gradient(&[slip, alpha]);
+            [value, gradient[0], gradient[1]]
+        });
+        Ok(Self {
+            coefficient,
+            curve: None,
+        })
+    }
+
+    /// The coefficient times the parameter, for one that depends on the slip alone or is constant: α F(‖u_t‖).
+    fn scaled(&self) -> PyResult<Self> {
+        let curve = self.curve.clone().ok_or_else(|| {
+            PyValueError::new_err(
+                "only a coefficient that depends on the slip alone can be scaled by the parameter",
+            )
+        })?;
+        Ok(Self {
+            coefficient: FrictionCoefficient::scaled(curve),
+            curve: None,
+        })
+    }
+
+    /// F at a slip and a parameter, of a contact node.
+    #[pyo3(signature = (slip=0.0, parameter=0.0, node=0))]
+    fn __call__(&self, slip: f64, parameter: f64, node: usize) -> f64 {
+        self.coefficient.value(node, slip, parameter)[0]
+    }
+}
+
+/// A traced function with one value and no kinks.
+fn smooth(function: &Bound<'_, PyAny>, vars: usize, what: &str) -> PyResult<Py<Map>> {
+    let map = map_of(function, vars)?;
+    let (found, values, sites) = {
+        let map = map.get();
+        (map.num_vars(), map.num_residuals(), map.num_sites())
+    };
+    match (found, values, sites) == (vars, 1, 0) {
+        true => Ok(map.unbind()),
+        false => Err(PyValueError::new_err(format!(
+            "{what} must be a smooth function of {vars} variables with one value; this one has {found} variables, {values} values and {sites} kinks"
+        ))),
+    }
+}
+
+type Law = Arc<dyn NodeLaw + Send + Sync>;
+
+/// A problem in one of its forms.
+#[derive(Clone)]
+pub(crate) enum Form {
+    Condensed(CondensedContact<Law>),
+    Full(FullContact<Law>),
+}
+
+/// The same expression for either form.
+macro_rules! of_form {
+    ($form:expr, $problem:ident => $value:expr) => {
+        match $form {
+            $crate::contact::Form::Condensed($problem) => $value,
+            $crate::contact::Form::Full($problem) => $value,
+        }
+    };
+}
+pub(crate) use of_form;
+
+impl Form {
+    pub(crate) fn map(&self) -> &(dyn PiecewiseSmooth + Sync) {
+        of_form!(self, problem => problem)
+    }
+}
+
+/// An elastic body in contact with a rigid foundation, under a load f(α) = supports + ``load`` + α ``rate`` + Σ φ_k(α) f_k.
+///
+/// At each of the p contact nodes: penetration ≤ 0 ≤ pressure, one of them 0 (Signorini), and Coulomb's law of friction. α is the
+/// parameter; :func:`follow` and :func:`diagram` take the problem in place of H, :func:`all_solutions` in place of a map (in the plane), and
+/// :func:`evolve` goes through a history of α.
+///
+/// Parameters
+/// ----------
+/// body : Body
+/// facets : str
+///     The group of facets that may touch the foundation.
+/// foundation : Foundation
+/// friction : number, array of shape (p,), Friction, or a pair of them, or None
+///     The coefficient; a pair of coefficients along the two tangents in space; ``None``: no friction.
+/// load, rate : Load, optional
+///     Loads at every parameter, and times the parameter. Displacements prescribed by the body's supports belong to every load.
+/// paths : list of (Load, callable), optional
+///     Loads f_k with smooth amplitudes φ_k(α), traced (see :func:`trace`).
+/// form : {"condensed", "full"}
+///     "condensed": x = (λν, λt₁[, λt₂], α), nodal forces, dense, one factorisation of the stiffness matrix in all. "full": x = (u, λν, λt₁[,
+///     λt₂], α), sparse, one factorisation a step: for thousands of contact nodes.
+///
+/// >>> import semismooth as ss
+/// >>> body = ss.Body(ss.Mesh.rectangle([0, 0], [2, 1], [8, 4]), ss.Material(1.0, 0.3), supports={"top": [0.0, -0.02]})
+/// >>> ground = ss.Foundation.plane([0, 0], [0, 1])
+/// >>> problem = ss.ContactProblem(body, "bottom", ground, 0.4, rate=body.motion("top", [0.05, None]))
+/// >>> solution = problem.solve(0.0)
+/// >>> solution.counts, round(float(solution.pressures.sum()), 6)
+/// ((0, 7, 2), 0.049168)
+#[pyclass(frozen, module = "semismooth")]
+pub(crate) struct ContactProblem {
+    pub(crate) form: Form,
+    pub(crate) rows: Arc<ContactRows>,
+    /// The body.
+    #[pyo3(get)]
+    pub(crate) body: Py<Body>,
+    law: Law,
+    parameters: usize,
+}
+
+#[pymethods]
+impl ContactProblem {
+    #[new]
+    #[pyo3(signature = (body, facets, foundation, friction, *, load=None, rate=None, paths=None, form="condensed"))]
+    fn new(
+        body: &Bound<'_, Body>,
+        facets: &str,
+        foundation: &Foundation,
+        friction: Option<&Bound<'_, PyAny>>,
+        load: Option<&Load>,
+        rate: Option<&Load>,
+        paths: Option<Vec<(Bound<'_, Load>, Bound<'_, PyAny>)>>,
+        form: &str,
+    ) -> PyResult<Self> {
+        let (py, system) = (body.py(), &body.get().system);
+        let (dim, failures) = (system.mesh().dim(), Failures::default());
+        let foundation = foundation.foundation(py, dim, &failures)?;
+        let law = law(friction, dim)?;
+        let path = load_path(body, load, rate, paths.unwrap_or_default())?;
+        let condensed = match form {
+            "condensed" => true,
+            "full" => false,
+            other => {
+                return Err(PyValueError::new_err(format!(
+                    "form = \"{other}\" is not known: write \"condensed\" or \"full\""
+                )));
+            }
+        };
+        let rows = failures.settle(py.detach(|| system.contact(facets, &foundation)))?;
+        let own = law.clone();
+        let form = py.detach(|| -> Result<Form, ContactError> {
+            let mut tangential = vec![rows.tangential.clone()];
+            tangential.extend(rows.tangential2.clone());
+            let body = ContactBody::new(system.stiffness().clone(), rows.normal.clone(), tangential, path)?
+                .with_gap(rows.gap.clone())?;
+            Ok(match condensed {
+                true => Form::Condensed(CondensedContact::new(body, own)?),
+                false => Form::Full(FullContact::new(body, own)?),
+            })
+        });
+        Ok(Self {
+            form: form.map_err(raised)?,
+            rows: Arc::new(rows),
+            body: body.clone().unbind(),
+            law,
+            parameters: 1,
+        })
+    }
+
+    /// The family with a second parameter β behind α: the load f(α) + β ``load``. For :func:`transition_set`.
+    fn with_second_parameter(&self, py: Python<'_>, load: &Load) -> PyResult<Self> {
+        let form = match &self.form {
+            Form::Condensed(p) => p
+                .with_second_parameter(&load.case, self.law.clone())
+                .map(Form::Condensed),
+            Form::Full(p) => p
+                .with_second_parameter(&load.case, self.law.clone())
+                .map(Form::Full),
+        };
+        Ok(Self {
+            form: form.map_err(raised)?,
+            rows: self.rows.clone(),
+            body: self.body.clone_ref(py),
+            law: self.law.clone(),
+            parameters: 2,
+        })
+    }
+
+    /// Number p of contact nodes.
+    #[getter]
+    fn num_contacts(&self) -> usize {
+        self.rows.nodes.len()
+    }
+
+    /// Number of entries of x, the parameter (or both) among them.
+    #[getter]
+    fn num_vars(&self) -> usize {
+        self.form.map().num_vars()
+    }
+
+    /// The mesh nodes of the contact nodes, shape (p,), ordered by x, then y, then z.
+    #[getter]
+    fn nodes<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
+        PyArray1::from_iter(py, self.rows.nodes.iter().map(|n| *n as i64))
+    }
+
+    /// Where they are, shape (p, d).
+    #[getter]
+    fn points<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        truncated(py, self.dim(), &self.rows.points)
+    }
+
+    /// Unit normals, out of the body, shape (p, d).
+    #[getter]
+    fn normals<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        truncated(py, self.dim(), &self.rows.normals)
+    }
+
+    /// Unit tangents along which slips and tractions are measured, d − 1 arrays of shape (p, d).
+    #[getter]
+    fn tangents<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyArray2<f64>>>> {
+        let along = |t: usize| {
+            let tangents: Vec<_> = self.rows.tangents.iter().map(|both| both[t]).collect();
+            truncated(py, self.dim(), &tangents)
+        };
+        (0..self.dim() - 1).map(along).collect()
+    }
+
+    /// Areas (in the plane lengths) of the contact nodes, shape (p,): nodal forces divided by them are pressures.
+    #[getter]
+    fn areas<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.rows.areas)
+    }
+
+    /// Initial gaps, shape (p,).
+    #[getter]
+    fn gaps<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.rows.gap)
+    }
+
+    /// A solution at a parameter, by Newton's method from ``start`` and, where that fails, by lowering the body onto its foundation. It need
+    /// not be the only one.
+    ///
+    /// Parameters
+    /// ----------
+    /// parameter : float
+    /// start : ContactSolution or array, optional
+    ///     A solution nearby.
+    /// states : list of str, optional
+    ///     In place of a start: "open", "stick", "slip+" or "slip-" for each contact node.
+    /// **options
+    ///     max_time (seconds), max_increments, max_paths and others of ContactOptions.
+    ///
+    /// Returns
+    /// -------
+    /// ContactSolution
+    ///
+    /// Raises
+    /// ------
+    /// SemismoothError
+    ///     Where no solution is found.
+    #[pyo3(signature = (parameter=0.0, start=None, *, states=None, **options))]
+    fn solve(
+        slf: &Bound<'_, Self>,
+        parameter: f64,
+        start: Option<&Bound<'_, PyAny>>,
+        states: Option<Vec<String>>,
+        options: Option<&Bound<'_, pyo3::types::PyDict>>,
+    ) -> PyResult<ContactSolution> {
+        let (py, own) = (slf.py(), slf.get());
+        own.one_parameter()?;
+        let mut start = start.map(point).transpose()?;
+        let options = crate::arrays::options(options, py)?;
+        if let Some(states) = states {
+            let states = states.iter().map(|s| state(s)).collect::<PyResult<Vec<_>>>()?;
+            let first = Run::detached(py, |_| {
+                of_form!(&own.form, p => p.start_with(parameter, &states)).map_err(raised)
+            });
+            start = Some(first?);
+        }
+        let report = Run::detached(py, |run| {
+            let poll = |_: &_| run.poll();
+            of_form!(&own.form, p => p.solve_observed(parameter, start.as_deref(), &options, poll))
+                .map_err(raised)
+        })?;
+        let strategy = crate::arrays::python(py, &report.strategy())?.extract()?;
+        ContactSolution::at(slf, report.x, Some(strategy))
+    }
+
+    /// The solution with the variables x, a point of a curve or of a list of solutions; how well the equations hold there is in its
+    /// ``residuals``.
+    fn at(slf: &Bound<'_, Self>, x: &Bound<'_, PyAny>) -> PyResult<ContactSolution> {
+        ContactSolution::at(slf, point(x)?, None)
+    }
+
+    fn __repr__(&self) -> String {
+        format!(
+            "<ContactProblem with {} contact nodes, {} variables>",
+            self.num_contacts(),
+            self.num_vars()
+        )
+    }
+}
+
+impl ContactProblem {
+    pub(crate) fn dim(&self) -> usize {
+        match self.law.num_tangents() {
+            1 => 2,
+            _ => 3,
+        }
+    }
+
+    pub(crate) fn one_parameter(&self) -> PyResult<()> {
+        match self.parameters {
+            1 => Ok(()),
+            _ => Err(PyTypeError::new_err(
+                "a problem with two parameters has no solution of its own: use the one that it was made from",
+            )),
+        }
+    }
+}
+
+fn law(friction: Option<&Bound<'_, PyAny>>, dim: usize) -> PyResult<Law> {
+    let Some(friction) = friction else {
+        return Ok(match dim {
+            2 => Arc::new(Frictionless::plane()),
+            _ => Arc::new(Frictionless::space()),
+        });
+    };
+    if let (3, Ok(pair)) = (dim, friction.cast::<PyTuple>()) {
+        let (first, second): (Bound<'_, PyAny>, Bound<'_, PyAny>) = pair.extract()?;
+        let [first, second] = [Friction::coefficient(&first)?, Friction::coefficient(&second)?];
+        return Ok(Arc::new(OrthotropicCoulomb::new(first, second)));
+    }
+    let coefficient = Friction::coefficient(friction)?;
+    Ok(match dim {
+        2 => Arc::new(PlanarCoulomb::new(coefficient)),
+        _ => Arc::new(OrthotropicCoulomb::isotropic(coefficient)),
+    })
+}
+
+fn load_path(
+    body: &Bound<'_, Body>,
+    load: Option<&Load>,
+    rate: Option<&Load>,
+    paths: Vec<(Bound<'_, Load>, Bound<'_, PyAny>)>,
+) -> PyResult<LoadPath> {
+    let system = &body.get().system;
+    let mut constant = system.supports().clone();
+    if let Some(load) = load {
+        constant = constant.plus(&load.case).map_err(raised)?;
+    }
+    let slope = rate.map_or_else(
+        || LoadCase::from(vec![0.0; system.num_free()]),
+        |rate| rate.case.clone(),
+    );
+    if paths.is_empty() {
+        return Ok(LoadPath::affine(constant, slope));
+    }
+    let mut amplitudes = Vec::new();
+    for (_, amplitude) in &paths {
+        let wrapped = body
+            .py()
+            .import("semismooth._functions")?
+            .call_method1("of_one", (amplitude,))?;
+        amplitudes.push(smooth(&wrapped, 1, "an amplitude")?);
+    }
+    let cases = std::iter::once(slope).chain(paths.iter().map(|(load, _)| load.get().case.clone()));
+    let at = move |alpha: f64, value: &mut [f64], rate: &mut [f64]| {
+        (value[0], rate[0]) = (alpha, 1.0);
+        for (k, amplitude) in amplitudes.iter().enumerate() {
+            let (v, gradient) = amplitude.get().value_and_gradient(&[alpha]);
+            (value[k + 1], rate[k + 1]) = (v, gradient[0]);
+        }
+    };
+    Ok(LoadPath::cases(constant, cases, at))
+}
+
+/// The variables of a solution, or a vector of them.
+pub(crate) fn point(object: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
+    match object.cast::<ContactSolution>() {
+        Ok(solution) => Ok(solution.get().x.clone()),
+        Err(_) => vector(object, "the point x"),
+    }
+}
+
+fn state(name: &str) -> PyResult<semismooth::contact::ContactState> {
+    let mut all = semismooth::contact::ContactState::ALL.into_iter();
+    all.find(|s| s.name() == name).ok_or_else(|| {
+        PyValueError::new_err(format!(
+            "state \"{name}\" is not known: write \"open\", \"stick\", \"slip+\" or \"slip-\""
+        ))
+    })
+}
+
+pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<Foundation>()?;
+    module.add_class::<Friction>()?;
+    module.add_class::<ContactProblem>()
+}

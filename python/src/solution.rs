@@ -1,0 +1,356 @@
+//! Solutions of contact problems, and histories of loading.
+
+use std::ops::ControlFlow;
+
+use numpy::{PyArray1, PyArray2};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use semismooth::contact::{self, Arrival, EvolutionOptions, EvolutionProgress, LocalValues};
+use semismooth::continuation::ContinuationOptions;
+
+use crate::arrays::{python, rows, vector};
+use crate::contact::{ContactProblem, Form, of_form, point};
+use crate::errors::{Run, raised};
+
+/// A solution of a contact problem, node by node. Forces are nodal forces: divided by :attr:`ContactProblem.areas` they are pressures.
+#[pyclass(frozen, module = "semismooth")]
+pub(crate) struct ContactSolution {
+    /// The problem.
+    #[pyo3(get)]
+    problem: Py<ContactProblem>,
+    pub(crate) x: Vec<f64>,
+    solution: contact::ContactSolution,
+    /// Displacements that are free, and those of the supports.
+    free: Vec<f64>,
+    supports: Vec<f64>,
+    /// How it was found: "Newton" and other names of ContactStrategy; None where it was not searched for.
+    #[pyo3(get)]
+    strategy: Option<String>,
+}
+
+impl ContactSolution {
+    pub(crate) fn at(
+        problem: &Bound<'_, ContactProblem>,
+        x: Vec<f64>,
+        strategy: Option<String>,
+    ) -> PyResult<Self> {
+        let form = &problem.get().form;
+        let solution = problem
+            .py()
+            .detach(|| of_form!(form, p => p.solution(&x)))
+            .map_err(raised)?;
+        Self::with(problem, x, solution, strategy)
+    }
+
+    fn with(
+        problem: &Bound<'_, ContactProblem>,
+        x: Vec<f64>,
+        solution: contact::ContactSolution,
+        strategy: Option<String>,
+    ) -> PyResult<Self> {
+        let form = &problem.get().form;
+        let (free, supports) = problem
+            .py()
+            .detach(|| of_form!(form, p => (p.displacements(&x), p.support_displacements(&x))));
+        Ok(Self {
+            problem: problem.clone().unbind(),
+            x,
+            solution,
+            free: free.map_err(raised)?,
+            supports: supports.map_err(raised)?,
+            strategy,
+        })
+    }
+
+    fn tangential<'py>(
+        &self,
+        py: Python<'py>,
+        of: impl Fn(&LocalValues) -> [f64; 2],
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let tangents = self.problem.get().dim() - 1;
+        let values: Vec<_> = self.solution.nodes.iter().map(of).collect();
+        rows(py, tangents, values.iter().map(|v| &v[..tangents]))
+    }
+
+    fn system<'py>(&self, py: Python<'py>) -> (Bound<'py, crate::body::Body>, usize) {
+        let problem = self.problem.get();
+        (problem.body.bind(py).clone(), problem.dim())
+    }
+}
+
+#[pymethods]
+impl ContactSolution {
+    /// The variables, the parameter last: see ``form`` of :class:`ContactProblem`.
+    #[getter]
+    fn x<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.x)
+    }
+
+    /// The parameter α.
+    #[getter]
+    fn parameter(&self) -> f64 {
+        self.x.last().copied().unwrap_or(f64::NAN)
+    }
+
+    /// The state of each contact node: "open", "stick", "slip+" or "slip-".
+    #[getter]
+    fn states(&self) -> Vec<&'static str> {
+        self.solution.states.iter().map(|s| s.name()).collect()
+    }
+
+    /// Numbers of open, sticking and slipping nodes.
+    #[getter]
+    fn counts(&self) -> (usize, usize, usize) {
+        (self.solution.open(), self.solution.stick(), self.solution.slip())
+    }
+
+    /// Normal nodal forces λν ≥ 0, shape (p,).
+    #[getter]
+    fn pressures<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_iter(py, self.solution.nodes.iter().map(|v| v.pressure))
+    }
+
+    /// Normal displacements less the gaps, shape (p,), ≤ 0.
+    #[getter]
+    fn penetrations<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_iter(py, self.solution.nodes.iter().map(|v| v.penetration))
+    }
+
+    /// Tangential nodal forces λt along the tangents, with the sign of the slip, shape (p, d − 1).
+    #[getter]
+    fn tractions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        self.tangential(py, |v| v.traction)
+    }
+
+    /// Slips along the tangents, shape (p, d − 1); in a history those of the last level.
+    #[getter]
+    fn slips<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        self.tangential(py, |v| v.slip)
+    }
+
+    /// Displacements of all mesh nodes, shape (number of nodes, d).
+    #[getter]
+    fn displacements<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let (body, dim) = self.system(py);
+        let u = body.get().system.displacements(&self.free, &self.supports);
+        rows(py, dim, [u.map_err(raised)?.as_slice()])
+    }
+
+    /// Forces of the supports on the body at prescribed displacements, 0 elsewhere, shape (number of nodes, d).
+    #[getter]
+    fn reactions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let (body, dim) = self.system(py);
+        let forces = body.get().system.reactions(&self.free, &self.supports);
+        rows(py, dim, [forces.map_err(raised)?.as_slice()])
+    }
+
+    /// Stresses (11, 22, 33, 12, 23, 13) at the centres of the cells, shape (number of cells, 6).
+    #[getter]
+    fn stresses<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let (body, _) = self.system(py);
+        let system = &body.get().system;
+        let stresses = py.detach(|| system.stresses(&self.free, &self.supports));
+        rows(py, 6, stresses.map_err(raised)?.iter().map(|s| s.as_slice()))
+    }
+
+    /// A dict of energies, forces times lengths: "stored" (elastic), "load" (loads times displacements), "normal", "friction", "dissipated".
+    /// 2 stored = load − normal − friction.
+    #[getter]
+    fn energy<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        python(py, &self.solution.energy)
+    }
+
+    /// A dict of the largest residuals of the equations, each relative to the largest force in it: "equilibrium", "normal", "tangential".
+    #[getter]
+    fn residuals<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        python(py, &self.solution.residuals)
+    }
+
+    /// The resultant of the nodal forces: normal and along the tangents, shape (d,); meaningful on a flat boundary.
+    #[getter]
+    fn resultant<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.solution.resultant()[..self.problem.get().dim()])
+    }
+
+    /// Fields on the mesh nodes, a dict of arrays: "displacement" (number of nodes, 3), "pressure" (number of nodes,), "traction" and
+    /// "slip" (number of nodes, 3), the tractions of the foundation on the body by area, and "contact state" (−1 off the contact nodes, 0 open,
+    /// 1 stick, 2 and 3 slip).
+    #[getter]
+    fn point_data<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py()
+            .import("semismooth._meshes")?
+            .call_method1("point_data", (slf,))
+    }
+
+    /// Fields in the cells, a dict of arrays: "stress" (number of cells, 6) and "von Mises stress" (number of cells,).
+    #[getter]
+    fn cell_data<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py()
+            .import("semismooth._meshes")?
+            .call_method1("cell_data", (slf,))
+    }
+
+    /// The mesh of the body with all fields, as a mesh of meshio: ``solution.to_meshio().write("solution.vtu")``.
+    fn to_meshio<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        let mesh = slf.getattr("problem")?.getattr("body")?.getattr("mesh")?;
+        let data = (slf.getattr("point_data")?, slf.getattr("cell_data")?);
+        mesh.call_method1("to_meshio", data)
+    }
+
+    fn __repr__(&self) -> String {
+        let (open, stick, slip) = self.counts();
+        format!(
+            "<ContactSolution at parameter {:?}: {open} open, {stick} stick, {slip} slip>",
+            self.parameter()
+        )
+    }
+}
+
+/// A level of a history of loading.
+#[pyclass(frozen, get_all, module = "semismooth")]
+pub(crate) struct EvolutionStep {
+    /// The parameter.
+    level: f64,
+    /// The solution; slips are those of this level.
+    solution: Py<ContactSolution>,
+    /// Parameters of the folds on the way: where there are any, solutions are not unique nearby.
+    folds: Vec<f64>,
+    /// Number of changes of state on the way.
+    transitions: usize,
+    /// How the level was reached: "followed" (along the curve from the level before), "jumped" (the curve turns back, another solution was
+    /// found), "passed folds", or "ended: ..." and "not followed: ..." with the reason.
+    arrival: String,
+    /// Work of the loads and of moving supports in this step.
+    work: f64,
+    /// Change of the elastic energy.
+    stored: f64,
+    /// Dissipated by friction; work = stored + dissipated where the level was followed.
+    dissipated: f64,
+    /// What the law remembers at each node, shape (p, h): the slip of all levels, where friction depends on it.
+    history: Py<PyArray2<f64>>,
+}
+
+#[pymethods]
+impl EvolutionStep {
+    fn __repr__(&self) -> String {
+        format!("<EvolutionStep to parameter {:?}: {}>", self.level, self.arrival)
+    }
+}
+
+impl EvolutionStep {
+    fn new(problem: &Bound<'_, ContactProblem>, step: &contact::EvolutionStep) -> PyResult<Self> {
+        let py = problem.py();
+        let solution = ContactSolution::with(problem, step.x.clone(), step.solution.clone(), None)?;
+        let arrival = match &step.arrival {
+            Arrival::Followed => "followed".to_owned(),
+            Arrival::Jumped => "jumped".to_owned(),
+            Arrival::PassedFolds => "passed folds".to_owned(),
+            Arrival::Ended(reason) => format!("ended: {}", reason.name()),
+            Arrival::NotFollowed(error) => format!("not followed: {error}"),
+            _ => "other".to_owned(),
+        };
+        let variables = step.history.len() / step.solution.states.len().max(1);
+        Ok(Self {
+            level: step.level,
+            solution: Py::new(py, solution)?,
+            folds: step.folds.clone(),
+            transitions: step.transitions,
+            arrival,
+            work: step.work,
+            stored: step.stored,
+            dissipated: step.dissipated,
+            history: rows(py, variables, [step.history.as_slice()])?.unbind(),
+        })
+    }
+}
+
+/// Goes through a history of load levels: in each the static law holds for the increments of slip, and the curve of solutions is followed
+/// from the level before, so that folds are seen and not jumped. Friction that depends on the slip depends on all slip since the beginning.
+///
+/// Parameters
+/// ----------
+/// problem : ContactProblem
+///     It is left as it is.
+/// start : ContactSolution, EvolutionStep or array
+///     The solution at the first level; with a step of an earlier history, what the law remembers there, too.
+/// levels : array of shape (k,)
+///     The parameters that come after.
+/// slip_increments : bool
+///     Friction that depends on the slip is taken at the slip of each level alone: what comes out depends on the levels.
+/// callback : callable, optional
+///     Called with each :class:`EvolutionStep`; returns True to stop.
+/// **options
+///     As for :func:`follow`; max_points is 1000 for each level, max_time (seconds) for each.
+///
+/// Returns
+/// -------
+/// list of EvolutionStep
+///
+/// Raises
+/// ------
+/// SemismoothError
+///     At levels where no solution is found; the callback has seen the steps before.
+///
+/// >>> import semismooth as ss
+/// >>> body = ss.Body(ss.Mesh.rectangle([0, 0], [2, 1], [8, 4]), ss.Material(1.0, 0.3), supports={"top": [0.0, -0.02]})
+/// >>> ground = ss.Foundation.plane([0, 0], [0, 1])
+/// >>> problem = ss.ContactProblem(body, "bottom", ground, 0.4, rate=body.motion("top", [0.05, None]))
+/// >>> steps = ss.evolve(problem, problem.solve(0.0), [0.5, 1.0, 0.0])
+/// >>> [s.arrival for s in steps], [s.solution.counts for s in steps]
+/// (['followed', 'followed', 'followed'], [(0, 4, 5), (0, 0, 9), (0, 8, 1)])
+#[pyfunction]
+#[pyo3(signature = (problem, start, levels, *, slip_increments=false, callback=None, **options))]
+pub(crate) fn evolve(
+    problem: &Bound<'_, ContactProblem>,
+    start: &Bound<'_, PyAny>,
+    levels: &Bound<'_, PyAny>,
+    slip_increments: bool,
+    callback: Option<Py<PyAny>>,
+    options: Option<&Bound<'_, PyDict>>,
+) -> PyResult<Vec<Py<EvolutionStep>>> {
+    let py = problem.py();
+    problem.get().one_parameter()?;
+    let levels = vector(levels, "levels")?;
+    let mut form: Form = problem.get().form.clone();
+    let start = match start.cast::<EvolutionStep>() {
+        Ok(step) => {
+            let step = step.get();
+            let history = vector(&step.history.bind(py).call_method0("ravel")?, "the history")?;
+            of_form!(&mut form, p => p.set_history(&history)).map_err(raised)?;
+            step.solution.get().x.clone()
+        }
+        Err(_) => point(start)?,
+    };
+    let own = EvolutionOptions::default();
+    let given: ContinuationOptions = crate::arrays::options_over(&own.continuation, options, py)?;
+    let options = own.with_continuation(given).with_slip_increments(slip_increments);
+    let mut steps = Vec::new();
+    let shared = problem.clone().unbind();
+    Run::detached(py, |run| {
+        let observe = |progress: &EvolutionProgress<'_>| {
+            if let EvolutionProgress::Step(step) = progress {
+                let told = run.call(|py| {
+                    let step = Py::new(py, EvolutionStep::new(shared.bind(py), step)?)?;
+                    steps.push(step.clone_ref(py));
+                    match &callback {
+                        Some(callback) => callback.bind(py).call1((step,))?.is_truthy(),
+                        None => Ok(false),
+                    }
+                });
+                if told != Some(false) {
+                    return ControlFlow::Break(());
+                }
+            }
+            run.poll()
+        };
+        of_form!(&mut form, p => contact::evolve_observed(p, &start, &levels, &options, observe))
+            .map_err(raised)
+    })?;
+    Ok(steps)
+}
+
+pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<ContactSolution>()?;
+    module.add_class::<EvolutionStep>()?;
+    module.add_function(wrap_pyfunction!(evolve, module)?)
+}

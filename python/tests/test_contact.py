@@ -1,0 +1,404 @@
+"""Bodies in contact: against reference numbers, an assembly of our own, energies and the conditions that define a solution."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import semismooth as ss
+
+DATA = Path(__file__).parents[2] / "tests" / "data"
+
+
+def weakening(slip, zeta):
+    """Haslinger, Kučera and Vlach (2008): ζ F(ξ), ξ in metres."""
+    return zeta * (0.1 + 0.3 * np.exp(-((slip / 0.005) ** 2)))
+
+
+def bar(nx, friction=weakening, form="condensed"):
+    mesh = ss.Mesh.rectangle([0, 0], [10, 1], [nx, nx // 10])
+    mesh = mesh.with_boundary("pressed hard", lambda x, n: (n[:, 1] > 0.5) & (x[:, 0] > 8))
+    mesh = mesh.with_boundary("pressed", lambda x, n: (n[:, 1] > 0.5) & (x[:, 0] <= 8))
+    body = ss.Body(mesh, ss.Material(211.9, 0.277), supports={"left": 0.0})
+    load = body.traction("pressed hard", [0, -0.5]) + body.traction("pressed", lambda x: [0, -0.02]) + body.traction("right", [0.57, 0])
+    ground = ss.Foundation.plane([0, 0], [0, 1])
+    law = ss.Friction.function(friction) if callable(friction) else friction
+    return ss.ContactProblem(body, "bottom", ground, law, load=load, form=form)
+
+
+@pytest.mark.parametrize(("nx", "name", "folds"), [(20, "20x2", [1.398827735096, 2.724786266795]), (40, "40x4", [1.375501835970, 2.725414553670])])
+def test_the_bar_has_three_solutions(nx, name, folds):
+    problem = bar(nx)
+    start = problem.solve(0.9)
+    branch = ss.follow(problem, start, parameter_range=(0.9, 3.2), targets=[1.4])
+    np.testing.assert_allclose(sorted(f.parameter for f in branch.folds), folds, rtol=1e-9)
+    assert sorted(f.kind for f in branch.folds) == ["kink", "smooth"]
+    found = [x for x, e in zip(branch.points, branch.events) if e == "target" and x[-1] == 1.4]
+    assert len(found) == 3
+    expected = [json.loads((DATA / "bar2d.json").read_text())[name][f"solution{k}"] for k in (1, 2, 3)]
+    slips = [problem.at(x).slips[-1, 0] for x in found]
+    for x, reference in zip([found[k] for k in np.argsort(slips)], expected):
+        solution = problem.at(x)
+        u, force = np.reshape(reference["u"], (-1, 2)), np.reshape(reference["l"], (-1, 2))
+        np.testing.assert_allclose(problem.areas, reference["area"], rtol=1e-12)
+        own = np.column_stack([solution.penetrations, solution.slips])
+        np.testing.assert_allclose(own, u, rtol=0, atol=1e-9 * abs(u).max())
+        own = np.column_stack([solution.pressures, solution.tractions])
+        np.testing.assert_allclose(own, force, rtol=0, atol=1e-9 * abs(force).max())
+
+
+def stiffness(mesh, young, poisson):
+    """The stiffness matrix of all displacements, plane strain or space, assembled cell by cell with Gauss points."""
+    d, points = mesh.dimension, mesh.points
+    gauss = np.array([-1, 1]) / np.sqrt(3)
+    lame, mu = young * poisson / ((1 + poisson) * (1 - 2 * poisson)), young / (2 * (1 + poisson))
+    total = np.zeros((d * len(points),) * 2)
+    box = {4: [[-1, -1], [1, -1], [1, 1], [-1, 1]], 8: [[a, b, c] for c in (-1, 1) for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]}
+    for kind, cells in mesh.cells:
+        for nodes in cells:
+            x = points[nodes]
+            if kind in ("triangle", "tetra"):
+                rules = [(np.vstack([-np.ones(d), np.eye(d)]), 1 / (2 if d == 2 else 6))]
+            else:
+                corners = np.array(box[len(nodes)])
+                rules = []
+                for xi in np.stack(np.meshgrid(*[gauss] * d), -1).reshape(-1, d):
+                    factors = (1 + corners * xi) / 2
+                    parts = [np.prod(np.delete(factors, k, axis=1), axis=1) * corners[:, k] / 2 for k in range(d)]
+                    rules.append((np.column_stack(parts), 1.0))
+            element = np.zeros((len(nodes), d, len(nodes), d))
+            for reference, weight in rules:
+                jacobian = reference.T @ x
+                g = np.linalg.solve(jacobian, reference.T)
+                weight *= np.linalg.det(jacobian)
+                element += weight * lame * np.einsum("ia,jb->aibj", g, g)
+                element += weight * mu * (np.einsum("ja,ib->aibj", g, g) + np.einsum("ka,kb,ij->aibj", g, g, np.eye(d)))
+            rows = (d * nodes[:, None] + np.arange(d)).ravel()
+            total[np.ix_(rows, rows)] += element.reshape(len(rows), -1)
+    return total
+
+
+MESHES = {
+    "quad": ss.Mesh.rectangle([0, 0], [2, 1], [6, 3]),
+    "triangle": ss.Mesh.rectangle([0, 0], [2, 1], [6, 3]).simplices(),
+    "hexahedron": ss.Mesh.block([0, 0, 0], [2, 1, 1], [4, 2, 2]),
+    "tetra": ss.Mesh.block([0, 0, 0], [2, 1, 1], [4, 2, 2]).simplices(),
+}
+
+
+def skewed(mesh):
+    """The same with nodes moved, so that no cell is like another."""
+    x = mesh.points
+    moved = x + 0.04 * np.sin(3 * x[:, ::-1] + np.arange(mesh.dimension))
+    moved[:, -1] = np.where(x[:, -1] == 0, 0.02 * (x[:, 0] - 1) ** 2, moved[:, -1])
+    return ss.Mesh(moved, mesh.cells, facets=dict(mesh.facets))
+
+
+@pytest.mark.parametrize("kind", MESHES)
+def test_stiffness_is_that_of_our_own_assembly(kind):
+    from scipy import sparse
+
+    mesh = skewed(MESHES[kind])
+    body = ss.Body(mesh, ss.Material(3.0, 0.3), supports={"left": 0.0})
+    fixed = np.unique(dict(mesh.facets)["left"])
+    free = np.setdiff1d(np.arange(mesh.num_nodes), fixed)
+    rows = (mesh.dimension * free[:, None] + np.arange(mesh.dimension)).ravel()
+    expected = stiffness(mesh, 3.0, 0.3)[np.ix_(rows, rows)]
+    found = sparse.csc_matrix(body.stiffness).toarray()
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-13 * abs(expected).max())
+
+
+@pytest.mark.parametrize("kind", MESHES)
+@pytest.mark.parametrize("form", ["condensed", "full"])
+def test_solutions_fulfil_every_condition(kind, form):
+    mesh = skewed(MESHES[kind])
+    d = mesh.dimension
+    body = ss.Body(mesh, ss.Material(3.0, 0.3), supports={"top": [0.01] + [0.0] * (d - 2) + [lambda x: -0.03 - 0.01 * x[0]]})
+    friction = 0.3 if d == 2 else (0.3, 0.2)
+    ground = ss.Foundation.plane([0.0] * d, [0.0] * (d - 1) + [1.0])
+    side = body.traction("right", [0.01] + [0.0] * (d - 1)) + 2.0 * body.body_force([0.0] * (d - 1) + [-0.001])
+    problem = ss.ContactProblem(body, "bottom", ground, friction, load=side, form=form)
+    solution = problem.solve(1.0)
+    open_, stick, slip = solution.counts
+    assert open_ + stick + slip == problem.num_contacts and slip > 0 and stick + open_ > 0
+    # Signorini and Coulomb at each node.
+    pressure, penetration = solution.pressures, solution.penetrations
+    scale, length = pressure.max(), 0.03
+    assert pressure.min() >= -1e-12 * scale and penetration.max() <= 1e-12 * length
+    assert abs(pressure * penetration).max() <= 1e-12 * scale * length
+    f = np.array([0.3]) if d == 2 else np.array(friction)
+    bound = np.linalg.norm(solution.tractions / f, axis=1) - pressure
+    assert bound.max() <= 1e-12 * scale
+    # λt ∈ F² u_t λν / ‖F u_t‖ where the node slips, u_t = 0 where it does not reach the bound.
+    size = np.linalg.norm(f * solution.slips, axis=1)
+    law = solution.tractions * size[:, None] - f**2 * solution.slips * pressure[:, None]
+    assert abs(law).max() <= 1e-11 * scale * length
+    # Equilibrium of all nodes with our own stiffness matrix, loads and reactions.
+    u = solution.displacements
+    force = (stiffness(mesh, 3.0, 0.3) @ u.ravel()).reshape(-1, d)
+    force -= solution.reactions
+    contact = -pressure[:, None] * problem.normals - sum(solution.tractions[:, [k]] * t for k, t in enumerate(problem.tangents))
+    np.add.at(force, problem.nodes, -contact)
+    free = np.ones(mesh.num_nodes, dtype=bool)
+    free[np.unique(dict(mesh.facets)["top"])] = False
+    assert abs(force[free].ravel() - side.forces).max() <= 1e-12 * scale
+    assert abs(force[~free]).max() <= 1e-12 * scale
+    top = np.unique(dict(mesh.facets)["top"])
+    np.testing.assert_allclose(u[top, -1], -0.03 - 0.01 * mesh.points[top, 0], rtol=1e-14)
+    # Energies: that of our matrix, and the balance.
+    energy = solution.energy
+    own = 0.5 * u.ravel() @ stiffness(mesh, 3.0, 0.3) @ u.ravel()
+    assert energy["stored"] == pytest.approx(own, rel=1e-12)
+    balance = 2 * energy["stored"] - energy["load"] + energy["normal"] + energy["friction"]
+    assert abs(balance) <= 1e-12 * energy["stored"]
+    assert max(solution.residuals.values()) <= 1e-11
+
+
+def test_a_strip_pressed_evenly_has_the_stress_of_the_textbook():
+    mesh = MESHES["triangle"]
+    body = ss.Body(mesh, ss.Material(3.0, 0.3), supports={"top": [lambda x: 0.01 * 0.3 / 0.7 * x[0], -0.01]})
+    solution = ss.ContactProblem(body, "bottom", ss.Foundation.plane([0, 0], [0, 1]), None).solve()
+    vertical = -0.01 * 3.0 / (1 - 0.3**2)
+    expected = [0.0, vertical, 0.3 * vertical, 0.0, 0.0, 0.0]
+    np.testing.assert_allclose(solution.stresses, np.tile(expected, (mesh.num_cells, 1)), rtol=0, atol=1e-15)
+    np.testing.assert_allclose(solution.pressures / solution.problem.areas, -vertical, rtol=1e-12)
+
+
+def test_without_friction_the_problem_is_a_linear_complementarity_problem():
+    from scipy import sparse
+
+    body = ss.Body(skewed(MESHES["quad"]), ss.Material(3.0, 0.3), supports={"left": 0.0})
+    ground = ss.Foundation.gap(lambda x: 0.001 + 0.002 * x[0])
+    load = body.traction("top", [0.0, -0.01])
+    problem = ss.ContactProblem(body, "bottom", ground, None, load=load)
+    solution = problem.solve()
+    # u_ν is linear in the nodal forces: columns by unit loads on our own factorisation.
+    a = sparse.csc_matrix(body.stiffness).toarray()
+    free = np.setdiff1d(np.arange(body.mesh.num_nodes), np.unique(dict(body.mesh.facets)["left"]))
+    normal = np.zeros((problem.num_contacts, len(a)))
+    for i, node in enumerate(problem.nodes):
+        k = 2 * np.flatnonzero(free == node)[0]
+        normal[i, k : k + 2] = problem.normals[i]
+    compliance = normal @ np.linalg.solve(a, normal.T)
+    q = problem.gaps - normal @ np.linalg.solve(a, load.forces)
+    result = ss.solve_lcp(compliance, q)
+    assert result.solved
+    np.testing.assert_allclose(solution.pressures, result.x, atol=1e-11 * result.x.max())
+    assert set(solution.states) <= {"open", "slip+", "slip-"} and 0 < solution.counts[0] < problem.num_contacts
+
+
+def sheared(**options):
+    body = ss.Body(ss.Mesh.rectangle([0, 0], [2, 1], [8, 4]), ss.Material(1.0, 0.3), supports={"top": [0.0, -0.02]})
+    return ss.ContactProblem(body, "bottom", ss.Foundation.plane([0, 0], [0, 1]), 0.4, **(options or {"rate": body.motion("top", [0.05, None])}))
+
+
+def test_histories_balance_and_can_be_continued():
+    problem = sheared()
+    levels = [0.5, 1.0, 0.5, 0.0, -1.0, 1.0]
+    told = []
+    steps = ss.evolve(problem, problem.solve(0.0), levels, callback=told.append)
+    assert told == steps and [s.level for s in steps] == levels
+    for step in steps:
+        assert step.arrival == "followed" and step.folds == [] and step.dissipated > 0
+        assert step.work == pytest.approx(step.stored + step.dissipated, rel=1e-10)
+    # Between two turns the same as one step; the problem itself has no memory.
+    once = ss.evolve(problem, problem.solve(0.0), [1.0, -1.0, 1.0])
+    for a, b in ((1, 0), (4, 1), (5, 2)):
+        np.testing.assert_allclose(steps[a].solution.pressures, once[b].solution.pressures, rtol=1e-10)
+    half = ss.evolve(problem, problem.solve(0.0), levels[:3])
+    rest = ss.evolve(problem, half[-1], levels[3:])
+    np.testing.assert_array_equal(rest[-1].solution.x, steps[-1].solution.x)
+    assert len(ss.evolve(problem, problem.solve(0.0), levels, callback=lambda s: s.level == 1.0)) == 2
+
+
+def test_what_is_worn_off_is_remembered():
+    body = sheared().body
+    friction = ss.Friction.exponential(0.4, 0.2, 0.005)
+    problem = ss.ContactProblem(body, "bottom", ss.Foundation.plane([0, 0], [0, 1]), friction, rate=body.motion("top", [0.05, None]))
+    for forgets in (False, True):
+        steps = ss.evolve(problem, problem.solve(0.0), [0.2, 0.5, -0.5], slip_increments=forgets)
+        total = np.zeros(problem.num_contacts)
+        for step in steps:
+            own = abs(step.solution.slips[:, 0])
+            total = own if forgets else total + own
+            if not forgets:
+                np.testing.assert_allclose(step.history[:, 0], total, rtol=1e-12)
+            moved = np.array([s.startswith("slip") for s in step.solution.states])
+            assert moved.any()
+            bound = np.array([friction(s) for s in total]) * step.solution.pressures
+            np.testing.assert_allclose(abs(step.solution.tractions[moved, 0]), bound[moved], rtol=1e-9)
+
+
+def test_paths_of_loads_are_sums_of_cases():
+    body = sheared().body
+    push, turn = body.motion("top", [0.05, None]), body.traction("right", [0.0, 0.002])
+    straight = sheared(rate=push)
+    curved = sheared(load=-1.0 * push, rate=2 * push - push, paths=[(push, lambda a: np.sin(a) + 1 - a), (turn, lambda a: a**2)])
+    for alpha in (0.0, 0.3, 0.9):
+        x = curved.solve(alpha)
+        if alpha == 0.0:
+            np.testing.assert_allclose(x.pressures, straight.solve(0.0).pressures, rtol=1e-12)
+        same = sheared(load=np.sin(alpha) * push + alpha**2 * turn).solve(0.0)
+        np.testing.assert_allclose(x.displacements, same.displacements, rtol=0, atol=1e-13)
+    branch = ss.follow(curved, curved.solve(0.0), parameter_range=(0.0, 0.9))
+    np.testing.assert_allclose(branch.points[-1][:-1], curved.solve(0.9).x[:-1], rtol=0, atol=1e-10)
+    assert branch.transitions and branch.termination == "bound of the parameter"
+
+
+def test_lists_of_solutions_and_diagrams_take_contact_problems():
+    problem = sheared()
+    found = ss.all_solutions(problem, 0.7)
+    assert found.complete and len(found) == 1
+    np.testing.assert_allclose(found.points[0], problem.solve(0.7).x, rtol=0, atol=1e-12)
+    diagram = ss.diagram(problem, [problem.solve(0.0)], parameter_range=(0.0, 1.0))
+    np.testing.assert_allclose(diagram.solutions_at(0.7), found.points, rtol=0, atol=1e-12)
+    branch = ss.follow(problem, problem.solve(0.0), parameter_range=(0.0, 1.0))
+    # The nodes that change are told by their sites, the names are those of their states.
+    for t in branch.transitions:
+        changed = [k for k, (a, b) in enumerate(zip(t.before, t.after)) if a != b]
+        assert changed and set(changed) <= set(t.sites)
+        assert problem.at(t.x).states.count("open") in (0, 1)
+
+
+def test_a_transition_is_followed_in_a_second_load():
+    problem = sheared()
+    branch = ss.follow(problem, problem.solve(0.0), parameter_range=(0.0, 1.0))
+    first = branch.transitions[0]
+    pressed = problem.body.motion("top", [None, -0.01])
+    family = problem.with_second_parameter(pressed)
+    start = np.append(first.x, 0.0)
+    site = first.sites[0]
+    test = int(np.argmin(abs(first.test_functions[3 * site + 1 : 3 * site + 3]))) + 1
+    curve = ss.transition_set(family, start, site, test, parameter_range=(0.0, 0.5))
+    assert curve.branch.parameter[-1] == 0.5 and set(curve.folds) <= {False, None}
+    # The same transition under the larger load, found on its own curve.
+    alpha, beta = curve.branch.points[-1][-2:]
+    other = sheared(load=beta * pressed, rate=problem.body.motion("top", [0.05, None]))
+    points = ss.follow(other, other.solve(0.0), parameter_range=(0.0, 1.0)).transitions
+    assert min(abs(t.parameter - alpha) for t in points if site in t.sites) < 1e-9
+    with pytest.raises(TypeError, match="two parameters"):
+        family.solve(0.0)
+
+
+def test_laws():
+    body = sheared().body
+    ground = ss.Foundation.plane([0, 0], [0, 1])
+    push = body.motion("top", [0.05, None])
+    p = sheared().num_contacts
+
+    def at(friction, alpha=0.6):
+        return ss.ContactProblem(body, "bottom", ground, friction, load=push).solve(alpha).x[:-1]
+
+    reference = at(0.24)
+    same = [
+        ss.Friction(0.24),
+        np.full(p, 0.24),
+        ss.Friction(0.0, 0.4),
+        ss.Friction(np.zeros(p), 0.4),
+        ss.Friction(0.0, np.full(p, 0.4)),
+        ss.Friction(0.4).scaled(),
+        ss.Friction.table([0.0], [0.4]).scaled(),
+        ss.Friction.function(lambda slip, a: 0.4 * a),
+    ]
+    for friction in same:
+        np.testing.assert_allclose(at(friction), reference, rtol=0, atol=1e-12)
+    table = ss.Friction.table([0.0, 0.01, 0.03], [0.5, 0.3, 0.2])
+    assert [table(s) for s in (0.0, 0.01, 0.03, 1.0)] == pytest.approx([0.5, 0.3, 0.2, 0.2])
+    assert ss.Friction.exponential(0.5, 0.2, 0.01)(0.01) == pytest.approx(0.2 + 0.3 / np.e)
+    assert ss.Friction.function(weakening)(0.005, 2.0) == pytest.approx(0.2 + 0.6 / np.e)
+
+
+def test_materials():
+    mesh = MESHES["quad"].with_cells("hard", lambda x: x[:, 0] > 1)
+    assert len(dict(mesh.cell_groups)["hard"]) == 9
+    soft = ss.Material(1.0, 0.3)
+    lame = ss.Material.lame(0.3 / (1.3 * 0.4), 1 / 2.6)
+    np.testing.assert_allclose(lame.components, soft.components, rtol=1e-14)
+    np.testing.assert_array_equal(ss.Material.tensor(soft.components).components, soft.components)
+
+    def of(**options):
+        return ss.Body(mesh, soft, supports={"left": 0.0}, **options).stiffness[0]
+
+    np.testing.assert_array_equal(of(materials={"hard": soft}), of())
+    assert of(materials={"hard": ss.Material(10.0, 0.3)}).max() > 5 * of().max()
+    # Plane stress of E, ν is plane strain of E (1 + 2ν)/(1 + ν)², ν/(1 + ν).
+    other = ss.Material(1.0 * 1.6 / 1.3**2, 0.3 / 1.3)
+    np.testing.assert_allclose(ss.Body(mesh, other, supports={"left": 0.0}).stiffness[0], of(plane="stress"), rtol=0, atol=1e-13)
+
+
+class Failed(Exception):
+    pass
+
+
+def fails(*_):
+    raise Failed
+
+
+def test_exceptions_of_functions_come_out_unchanged():
+    body = sheared().body
+    mesh, soft = body.mesh, ss.Material(1.0, 0.3)
+    for work in [
+        lambda: ss.Body(mesh, soft, supports={"top": fails}),
+        lambda: body.traction("top", fails),
+        lambda: body.body_force(fails),
+        lambda: body.motion("top", [fails, None]),
+        lambda: ss.ContactProblem(body, "bottom", ss.Foundation.gap(fails), 0.3),
+        lambda: ss.ContactProblem(body, "bottom", ss.Foundation.gap(0.0, normal=fails), 0.3),
+        lambda: ss.ContactProblem(body, "bottom", ss.Foundation.plane([0, 0], [0, 1]), ss.Friction.function(fails)),
+        lambda: mesh.with_boundary("x", fails),
+        lambda: mesh.with_cells("x", fails),
+        lambda: ss.evolve(sheared(), sheared().solve(), [0.5], callback=fails),
+        lambda: ss.follow(sheared(), sheared().solve(), (0.0, 1.0), callback=fails),
+    ]:
+        with pytest.raises(Failed):
+            work()
+
+
+BODY = sheared().body
+GROUND = ss.Foundation.plane([0, 0], [0, 1])
+TRIANGLE = [[0, 0], [1, 0], [0, 1]]
+
+
+@pytest.mark.parametrize(
+    ("work", "says"),
+    [
+        (lambda: ss.Mesh([[0, 0, 0, 0]], {}), "4 coordinates"),
+        (lambda: ss.Mesh(TRIANGLE, {"triangle6": [[0, 1, 2, 0, 1, 2]]}), "triangle6"),
+        (lambda: ss.Mesh(TRIANGLE, {"triangle": [[0, 1, 3]]}), "node 3"),
+        (lambda: ss.Mesh(TRIANGLE, {"triangle": [[0, 1, -1]]}), "negative"),
+        (lambda: ss.Mesh(TRIANGLE, {"triangle": [[0, 1, 2]]}, cell_groups={"a": [1]}), "cell 1"),
+        (lambda: ss.Mesh(TRIANGLE, {"triangle": [[0, 1, 2]]}, cell_groups={"a": [True, False]}), "length 2, expected 1"),
+        (lambda: ss.Mesh(TRIANGLE, {"triangle": [[0, 1, 2]]}, facets={"a": [[0]]}), "facet 0"),
+        (lambda: ss.Mesh([[0, 0], [1, 0], [2, 0]], {"triangle": [[0, 1, 2]]}), "Jacobian"),
+        (lambda: ss.Material(1.0, 0.5), "Poisson"),
+        (lambda: ss.Body(BODY.mesh, ss.Material(1, 0.3), supports={"roof": 0.0}), "roof"),
+        (lambda: ss.Body(BODY.mesh, ss.Material(1, 0.3), supports={"top": [0.0]}), "2 components"),
+        (lambda: ss.Body(BODY.mesh, ss.Material(1, 0.3), supports={}), "floats"),
+        (lambda: ss.Body(BODY.mesh, ss.Material(1, 0.3), supports={"top": "no"}), "number or a function"),
+        (lambda: ss.Body(BODY.mesh, ss.Material(1, 0.3), supports={"top": 0.0}, plane="stretch"), "stretch"),
+        (lambda: BODY.traction("top", [1.0]), "length 1, expected 2"),
+        (lambda: BODY.motion("bottom", 1.0), "prescribed"),
+        (lambda: ss.ContactProblem(BODY, "roof", GROUND, 0.3), "roof"),
+        (lambda: ss.ContactProblem(BODY, "bottom", GROUND, -0.3), "negative"),
+        (lambda: ss.ContactProblem(BODY, "bottom", GROUND, [0.3, 0.3]), "2"),
+        (lambda: ss.ContactProblem(BODY, "bottom", GROUND, 0.3, form="dense"), "dense"),
+        (lambda: ss.ContactProblem(BODY, "bottom", ss.Foundation.plane([0, 0], [0, -1]), 0.3), "points into the body"),
+        (lambda: ss.ContactProblem(BODY, "bottom", ss.Foundation.plane([0, 0, 0], [0, 0, 1]), 0.3), "length 3, expected 2"),
+        (lambda: ss.ContactProblem(BODY, "bottom", GROUND, ss.Friction.function(lambda s, a: abs(a))), "1 kinks"),
+        (lambda: ss.ContactProblem(BODY, "bottom", GROUND, ss.Friction([0.1], 0.1).scaled()), "slip alone"),
+        (lambda: sheared().solve(0.0, states=["stick"]), "9"),
+        (lambda: sheared().solve(0.0, states=["glue"] * 9), "glue"),
+        (lambda: sheared().solve(0.0, [0.0]), "length"),
+        (lambda: sheared().solve(0.0, max_ways=3), "max_ways"),
+        (lambda: sheared().solve(float("nan")), "finite"),
+        (lambda: sheared().at([0.0]), "length"),
+        (lambda: ss.evolve(sheared(), sheared().solve(), [float("inf")]), "finite"),
+        (lambda: ss.evolve(sheared(), [0.0], [1.0]), "length"),
+        (lambda: ss.follow(sheared(), [0.0, 0.0]), "19"),
+        (lambda: ss.transition_set(sheared(), sheared().solve().x, 0), "expected|must give|values"),
+        (lambda: ss.transition_set(lambda x: [x[0] - x[1]], [0.0, 0.0, 0.0], 5), "5|piece"),
+    ],
+)
+def test_what_does_not_serve_is_refused(work, says):
+    with pytest.raises((ValueError, TypeError), match=says):
+        work()

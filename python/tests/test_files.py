@@ -1,0 +1,198 @@
+"""Meshes and problems in formats of others: meshio's and fclib's."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import semismooth as ss
+
+DATA = Path(__file__).parents[2] / "tests" / "data"
+
+
+def pressed(mesh):
+    d = mesh.dimension
+    body = ss.Body(mesh, ss.Material(1.0, 0.3), supports={"top": [0.001] + [0.0] * (d - 2) + [-0.02]})
+    return ss.ContactProblem(body, "bottom", ss.Foundation.plane([0.0] * d, [0.0] * (d - 1) + [1.0]), 0.3).solve()
+
+
+def own(kind):
+    return {
+        "quad": ss.Mesh.rectangle([0, 0], [2, 1], [4, 2]),
+        "triangle": ss.Mesh.rectangle([0, 0], [2, 1], [4, 2]).simplices(),
+        "hexahedron": ss.Mesh.block([0, 0, 0], [2, 1, 1], [3, 2, 2]),
+        "tetra": ss.Mesh.block([0, 0, 0], [2, 1, 1], [3, 2, 2]).simplices(),
+    }[kind]
+
+
+KINDS = ["quad", "triangle", "hexahedron", "tetra"]
+
+
+def with_facets(mesh, facets):
+    """A mesh of meshio with facets as cells of their own, in named sets."""
+    meshio = pytest.importorskip("meshio")
+    plain = mesh.to_meshio()
+    blocks, sets = list(plain.cells), {}
+    for name in ("top", "bottom"):
+        rows = np.array(facets[name])
+        kind = {2: "line", 3: "triangle", 4: "quad"}[rows.shape[1]]
+        blocks.append(meshio.CellBlock(kind, rows))
+        sets[name] = len(blocks) - 1
+    named = {n: [np.arange(len(b.data)) if k == own else np.empty(0, int) for k, b in enumerate(blocks)] for n, own in sets.items()}
+    # A node of no cell, as files of others have.
+    points = np.vstack([plain.points, [[7.0, 7.0, plain.points[0, 2]]]])
+    return meshio.Mesh(points, blocks, cell_sets=named)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("route", ["cell sets", "gmsh", "abaqus", "point sets"])
+def test_meshes_of_meshio_give_the_same_solution(kind, route, tmp_path):
+    meshio = pytest.importorskip("meshio")
+    mesh = own(kind)
+    expected = pressed(mesh)
+    facets = dict(mesh.facets)
+    given = with_facets(mesh, facets)
+    if route == "gmsh":
+        dimension = {"line": 1, "triangle": 2, "quad": 2, "tetra": 3, "hexahedron": 3}
+        given.field_data = {"top": np.array([1, mesh.dimension - 1]), "bottom": np.array([2, mesh.dimension - 1])}
+        tags = []
+        for k, block in enumerate(given.cells):
+            name = next((n for n, s in given.cell_sets.items() if len(s[k])), None)
+            tags.append(np.full(len(block.data), {"top": 1, "bottom": 2, None: 3}[name]))
+        given.field_data["body"] = np.array([3, dimension[kind]])
+        given = meshio.Mesh(given.points, given.cells, cell_data={"gmsh:physical": tags, "gmsh:geometrical": tags}, field_data=given.field_data)
+        given.write(tmp_path / "mesh.msh", file_format="gmsh22", binary=False)
+        given = meshio.read(tmp_path / "mesh.msh")
+    elif route == "abaqus":
+        plain = mesh.to_meshio()
+        plain.point_sets = {n: np.unique(facets[n]) for n in ("top", "bottom")}
+        plain.write(tmp_path / "mesh.inp")
+        given = meshio.read(tmp_path / "mesh.inp")
+    elif route == "point sets":
+        given = mesh.to_meshio()
+        given.point_sets = {n: np.unique(facets[n]) for n in ("top", "bottom")}
+        given.point_sets["inside"] = np.array([0])
+    found = ss.Mesh.from_meshio(given)
+    assert found.dimension == mesh.dimension and found.num_nodes == mesh.num_nodes
+    names = {n for n, _ in found.facets}
+    assert {"top", "bottom"} <= names and "inside" not in names
+    solution = pressed(found)
+    np.testing.assert_allclose(solution.pressures, expected.pressures, rtol=1e-9)
+    np.testing.assert_allclose(solution.displacements, expected.displacements, rtol=0, atol=1e-12)
+
+
+def test_materials_of_blocks_and_sets():
+    pytest.importorskip("meshio")
+    mesh = own("quad").with_cells("hard", lambda x: x[:, 0] < 1)
+    again = ss.Mesh.from_meshio(mesh.to_meshio())
+    assert again.cell_groups == mesh.cell_groups
+    np.testing.assert_array_equal(again.points, mesh.points)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_fields_come_back_from_a_file(kind, tmp_path):
+    meshio = pytest.importorskip("meshio")
+    solution = pressed(own(kind))
+    problem = solution.problem
+    solution.to_meshio().write(tmp_path / "solution.vtu")
+    read = meshio.read(tmp_path / "solution.vtu")
+    d = problem.body.mesh.dimension
+    np.testing.assert_array_equal(read.point_data["displacement"][:, :d], solution.displacements)
+    traction, areas = read.point_data["traction"], problem.areas
+    # What the foundation does to the body: forces and their balance with the supports.
+    forces = (traction[problem.nodes] * areas[:, None]).sum(axis=0)
+    np.testing.assert_allclose(forces[:d], -solution.reactions.sum(axis=0), rtol=0, atol=1e-14)
+    assert forces[d - 1] == pytest.approx(solution.pressures.sum()) and forces[0] < 0
+    state = read.point_data["contact state"]
+    assert np.count_nonzero(state >= 0) == problem.num_contacts
+    np.testing.assert_array_equal(state[problem.nodes] == 0, np.array(solution.states) == "open")
+    np.testing.assert_array_equal(read.point_data["pressure"][problem.nodes], solution.pressures / areas)
+    stress = np.concatenate(read.cell_data["stress"])
+    np.testing.assert_array_equal(stress, solution.stresses)
+    # Of the deviator, by another formula.
+    a, b, c, ab, bc, ac = stress.T
+    tensor = np.array([[a, ab, ac], [ab, b, bc], [ac, bc, c]])
+    deviator = tensor - np.einsum("kk...->...", tensor) / 3 * np.eye(3)[:, :, None]
+    mises = np.sqrt(1.5 * np.einsum("ij...,ij...->...", deviator, deviator))
+    np.testing.assert_allclose(np.concatenate(read.cell_data["von Mises stress"]), mises, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda m: m.cells.append(m.cells[0].__class__("wedge", np.zeros((1, 6), int))), "wedge"),
+        (lambda m: m.cells.clear(), "neither"),
+        (lambda m: m.points.__setitem__((0, 2), 0.5), "plane"),
+    ],
+)
+def test_meshes_that_do_not_serve_are_refused(change, says):
+    pytest.importorskip("meshio")
+    mesh = own("quad").to_meshio()
+    change(mesh)
+    with pytest.raises(ss.SemismoothError, match=says):
+        ss.Mesh.from_meshio(mesh)
+
+
+def write_fclib(path, problem, storage, solution=None):
+    """As fclib writes a local problem."""
+    h5py = pytest.importorskip("h5py")
+    from scipy import sparse
+
+    size = problem["nc"] * problem["dimension"]
+    m = problem["M"]
+    matrix = sparse.csc_matrix((m["data"], m["indices"], m["indptr"]), shape=(size, size))
+    stored = {-1: matrix, -2: matrix.tocsr()}.get(storage, matrix.tocoo())
+    with h5py.File(path, "w") as file:
+        local = file.create_group("fclib_local")
+        local["spacedim"] = np.array([problem["dimension"]], dtype=np.int32)
+        w = local.create_group("W")
+        if storage == 0:
+            fields = {"p": stored.col, "i": stored.row, "nz": [stored.nnz]}
+        else:
+            fields = {"p": stored.indptr, "i": stored.indices, "nz": [storage]}
+        for name, values in (fields | {"m": [size], "n": [size], "nzmax": [stored.nnz]}).items():
+            w[name] = np.array(values, dtype=np.int32)
+        w["x"] = stored.data
+        local["vectors/q"], local["vectors/mu"] = np.array(problem["q"]), np.array(problem["mu"])
+        if solution is not None:
+            file["solution/u"], file["solution/r"] = (np.ravel(v) for v in solution)
+    return matrix
+
+
+@pytest.mark.parametrize("storage", [-1, -2, 0])
+@pytest.mark.parametrize("name", ["Rover4396", "FC2D_SliderCrankLagrangian00000"])
+def test_problems_of_fclib(name, storage, tmp_path):
+    given = json.loads((DATA / "friction" / f"{name}.json").read_text())
+    result = None
+    for _ in range(2):
+        matrix = write_fclib(tmp_path / "problem.hdf5", given, storage, result)
+        problem = ss.read_fclib(tmp_path / "problem.hdf5")
+        assert (problem.M != matrix).nnz == 0 and problem.dimension == given["dimension"]
+        solved = ss.solve_friction(*problem[:3])
+        assert solved.solved
+        if result is None:
+            assert problem.solution is None
+        else:
+            np.testing.assert_array_equal(problem.solution[0], solved.velocities)
+            np.testing.assert_array_equal(problem.solution[1], solved.reactions)
+        result = (solved.velocities, solved.reactions)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda f: f.move("fclib_local", "fclib_global"), "no group fclib_local"),
+        (lambda f: f["fclib_local"].create_group("V"), "equality"),
+        (lambda f: f["fclib_local/W"].attrs.create("symmetric_packed", 1), "triangle"),
+        (lambda f: f["fclib_local/W/nz"].write_direct(np.array([-7], dtype=np.int32)), "nz = -7"),
+        (lambda f: f["fclib_local/spacedim"].write_direct(np.array([2], dtype=np.int32)), "do not fit"),
+    ],
+)
+def test_other_files_of_fclib_are_refused(change, says, tmp_path):
+    h5py = pytest.importorskip("h5py")
+    given = json.loads((DATA / "friction" / "Rover4396.json").read_text())
+    write_fclib(tmp_path / "problem.hdf5", given, -1)
+    with h5py.File(tmp_path / "problem.hdf5", "r+") as file:
+        change(file)
+    with pytest.raises(ss.SemismoothError, match=says):
+        ss.read_fclib(tmp_path / "problem.hdf5")
