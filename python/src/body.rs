@@ -98,6 +98,13 @@ impl Load {
     }
 }
 
+/// Values, row indices and starts of columns.
+type Columns<'py> = (
+    Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray1<i64>>,
+    Bound<'py, PyArray1<i64>>,
+);
+
 /// A linearly elastic body on supports, discretised by linear (triangles, tetrahedra) or multilinear elements.
 ///
 /// Units are yours, the same throughout: metres and GPa give nodal forces in GN (in the plane per metre of depth).
@@ -175,15 +182,7 @@ impl Body {
     /// The stiffness matrix of the free displacements, as ``(data, indices, indptr)`` of compressed columns:
     /// ``scipy.sparse.csc_matrix(body.stiffness)``. They are numbered node by node, component by component.
     #[getter]
-    #[expect(clippy::type_complexity)]
-    fn stiffness<'py>(
-        &self,
-        py: Python<'py>,
-    ) -> (
-        Bound<'py, PyArray1<f64>>,
-        Bound<'py, PyArray1<i64>>,
-        Bound<'py, PyArray1<i64>>,
-    ) {
+    fn stiffness<'py>(&self, py: Python<'py>) -> Columns<'py> {
         let a = self.system.stiffness();
         let integers = |v: &[usize]| PyArray1::from_iter(py, v.iter().map(|k| *k as i64));
         let pattern = a.pattern();

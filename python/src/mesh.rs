@@ -16,6 +16,9 @@ const KINDS: [(CellKind, &str, &str); 4] = [
     (CellKind::Hexahedron, "hexahedron", "hexahedron"),
 ];
 
+/// Cells of one kind: its name, and their nodes.
+type Block<'py> = (&'static str, Bound<'py, PyArray2<i64>>);
+
 /// A mesh of triangles and quadrilaterals in the plane, or of tetrahedra and hexahedra in space, with named groups of cells (for
 /// materials) and of facets (edges or faces, for supports, loads and contact).
 ///
@@ -168,7 +171,7 @@ impl Mesh {
 
     /// The cells, as a list of pairs: kind, and nodes of consecutive cells of that kind, shape (k, nodes of a cell).
     #[getter]
-    fn cells<'py>(&self, py: Python<'py>) -> PyResult<Vec<(&'static str, Bound<'py, PyArray2<i64>>)>> {
+    fn cells<'py>(&self, py: Python<'py>) -> PyResult<Vec<Block<'py>>> {
         let mut blocks: Vec<(CellKind, Vec<Vec<i64>>)> = Vec::new();
         for cell in 0..self.mesh.num_cells() {
             let (kind, nodes) = (self.mesh.kind(cell), self.mesh.cell(cell));
