@@ -136,11 +136,12 @@ impl Run<'_> {
                 let (r, v) = (pattern.row_idx()[k], self.jac.values()[k]);
                 let part = &self.parts[self.owner[r]];
                 let (n, first) = (part.range.len(), part.range.start);
-                for i in 0..n {
-                    let factor = self.by_y[part.at + i * n + (r - first)] * part.unit * v;
-                    if factor != 0.0 {
-                        self.system.add(first + i, j, factor);
-                    }
+                // All rows of a cone stand in a column that has one of them.
+                let Some(at) = self.system.pattern().slot(first, j) else {
+                    continue;
+                };
+                for (i, entry) in self.system.values_mut()[at..at + n].iter_mut().enumerate() {
+                    *entry += self.by_y[part.at + i * n + (r - first)] * part.unit * v;
                 }
             }
         }

@@ -4,9 +4,12 @@
 //! Coulomb friction in a fixed state of pressure are of this kind (F. Facchinei, J.-S. Pang, 2003, section 1.4; F. Alizadeh, D. Goldfarb,
 //! 2003). Factors of K are [`Cone`]s, a problem is a [`ConeProblem`], and [`ConeSolver`] solves it from any start.
 
+mod central;
 mod cone;
 mod equations;
 mod error;
+mod interior;
+mod jordan;
 mod judge;
 mod options;
 mod problem;
@@ -17,6 +20,9 @@ mod solver;
 
 pub use cone::Cone;
 pub use error::ConeError;
+pub(crate) use interior::{Image, Interior};
+#[cfg(test)]
+pub(crate) use jordan::jordan;
 pub use options::ConeOptions;
 pub use problem::ConeProblem;
 pub use report::{ConeIteration, ConeRay, ConeReport, ConeStatus};

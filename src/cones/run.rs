@@ -1,4 +1,4 @@
-//! The iteration: starts, proximal points, the smoothing method and its tail.
+//! The iteration: starts, the smoothing method and its tail, proximal points.
 
 use std::ops::ControlFlow;
 
@@ -17,7 +17,7 @@ const SHORTEST: f64 = 1e-8;
 const NEARNESS: f64 = 0.1;
 const FALL: f64 = 0.2;
 /// Merit, relative to that of the start, from which on steps of the natural map are tried, and once more after each fall by TAIL.
-const TAIL: f64 = 0.1;
+pub(super) const TAIL: f64 = 0.1;
 /// Most steps of the natural map in a row.
 const LONGEST: usize = 30;
 /// Multiples of the identity added to ∇F where steps fail.
@@ -160,10 +160,10 @@ impl<'a> Run<'a> {
                 let width = size * 10_f64.powi(attempt as i32 % 4 - 1);
                 self.x.iter_mut().for_each(|x| *x += width * random.symmetric());
             }
-            let mut outcome = self.descend()?;
-            if attempt == 0 && matches!(outcome, ConeStatus::Stalled | ConeStatus::IterationLimit) {
-                outcome = self.proximal_points(start)?;
-            }
+            let outcome = match attempt {
+                0 => self.first_start(start)?,
+                _ => self.descend()?,
+            };
             match outcome {
                 ConeStatus::Stalled | ConeStatus::IterationLimit => status = outcome,
                 ConeStatus::EvaluationFailure if attempt > 0 => {}
@@ -171,6 +171,27 @@ impl<'a> Run<'a> {
             }
         }
         Ok(status)
+    }
+
+    /// All methods from the start, which is x.
+    fn first_start(&mut self, start: &[f64]) -> Result<ConeStatus, ConeError> {
+        let fails = |s: ConeStatus| matches!(s, ConeStatus::Stalled | ConeStatus::IterationLimit);
+        let monotone = self.evaluate()? && self.is_monotone()?;
+        if monotone && let Some(outcome) = self.interior_points(start)? {
+            return Ok(outcome);
+        }
+        self.x.copy_from_slice(start);
+        let mut outcome = self.descend()?;
+        if fails(outcome)
+            && !monotone
+            && let Some(found) = self.interior_points(start)?
+        {
+            outcome = found;
+        }
+        match fails(outcome) {
+            true => self.proximal_points(start),
+            false => Ok(outcome),
+        }
     }
 
     /// F and ∇F at x; `false` where they are not finite.
@@ -237,7 +258,7 @@ impl<'a> Run<'a> {
         Ok(ConeStatus::Stalled)
     }
 
-    fn record(&mut self, merit: f64, map: Map, damping: f64) -> ControlFlow<()> {
+    pub(super) fn record(&mut self, merit: f64, map: Map, damping: f64) -> ControlFlow<()> {
         let iteration = ConeIteration {
             attempt: self.attempt,
             merit,
@@ -340,7 +361,7 @@ impl<'a> Run<'a> {
     }
 
     /// Full steps of the natural map from x, as long as they converge; `None` where they do not, x as it was.
-    fn tail(&mut self) -> Result<Option<ControlFlow<()>>, ConeError> {
+    pub(super) fn tail(&mut self) -> Result<Option<ControlFlow<()>>, ConeError> {
         self.kept_x.copy_from_slice(&self.x);
         let mut last = f64::INFINITY;
         let mut worse = 0;

@@ -7,7 +7,6 @@ mod file;
 mod interior;
 mod local;
 mod newton;
-mod nt;
 mod options;
 mod path;
 mod problem;

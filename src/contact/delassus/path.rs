@@ -344,8 +344,8 @@ mod tests {
     use proptest::prelude::*;
 
     use super::super::DelassusProblem;
-    use super::super::nt::jordan;
     use super::*;
+    use crate::cones::jordan;
     use crate::sparse::Matrix;
 
     proptest! {
@@ -358,6 +358,11 @@ mod tests {
             let nu = log_nu.exp();
             let (x, slope, rate) = smoothed_projection(1.0, &z, nu);
             let y: [f64; 3] = std::array::from_fn(|k| x[k] - z[k]);
+            let jordan = |a: &[f64; 3], b: &[f64; 3]| {
+                let mut product = [0.0; 3];
+                jordan(a, b, &mut product);
+                product
+            };
             let product = jordan(&x, &y);
             let by_nu = [jordan(&rate, &y), jordan(&x, &rate)];
             let size = 1.0 + tangential_norm(&rate) + rate[0].abs();

@@ -1,0 +1,329 @@
+//! Interior points for complementarity on products of second-order cones: from anywhere into the neighbourhood of a solution.
+
+use std::ops::Range;
+
+use super::Cone;
+use super::jordan::{Scaling, jordan, jordan_divide, reach};
+use crate::linear::{AutoSolver, Cholesky, Gmres, LinearSolver};
+use crate::sparse::{MatrixRef, PatternRef, dot, norm};
+
+/// Directions of GMRES, which is not restarted; the relative residual aimed at, and the worst that is handed out. Matrices are symmetric
+/// but for a few rows, and a Cholesky factorisation of the rest is in front.
+const DIRECTIONS: usize = 80;
+const AIM: f64 = 1e-12;
+const ACCEPT: f64 = 1e-4;
+
+/// How far towards the boundary of the cones a step may go.
+const FRACTION: f64 = 0.995;
+
+/// Added to the diagonal, whose typical size is 1: near the boundary W² vanishes on the kernel of the derivative.
+const SHIFT: f64 = 1e-12;
+const LARGEST_SHIFT: f64 = 1e-5;
+
+/// What y is of x, with derivatives whose typical size is 1.
+pub(crate) trait Image {
+    /// Writes y(x).
+    fn image(&mut self, x: &[f64], y: &mut [f64]);
+
+    /// Writes the derivative at the x of the last [`image`](Self::image) over the pattern.
+    fn derivative(&self, values: &mut [f64]);
+
+    /// Writes a symmetric matrix near it. Called where the iteration was made for one.
+    fn near(&self, values: &mut [f64]) {
+        self.derivative(values);
+    }
+
+    /// Unit of the diagonal entry of a variable, above that of the others.
+    fn unit(&self, _variable: usize) -> f64 {
+        1.0
+    }
+}
+
+/// A primal–dual interior-point iteration with Nesterov–Todd scaling and Mehrotra's corrector for x ∈ K, y(x) ∈ K*, x ∘ y = 0.
+///
+/// With W² x = y the Newton matrix is y′ + W², regular for monotone y however deficient the rank of y′, but for free variables.
+/// Compare L. Vandenberghe, *The CVXOPT linear and quadratic cone program solvers* (2010).
+#[derive(Debug)]
+pub(crate) struct Interior {
+    solver: AutoSolver,
+    /// Whether a symmetric matrix is factored, and GMRES does the rest.
+    symmetric: bool,
+    cholesky: Cholesky,
+    gmres: Gmres,
+    near: Vec<f64>,
+    /// Cones with their variables; what is in none of them is free.
+    cones: Vec<Range<usize>>,
+    free: Vec<usize>,
+    x: Vec<f64>,
+    y: Vec<f64>,
+    /// y(x).
+    image: Vec<f64>,
+    /// Of W, cone by cone.
+    beta: Vec<f64>,
+    v: Vec<f64>,
+    w: Vec<f64>,
+    rhs: Vec<f64>,
+    dx: Vec<f64>,
+    dy: Vec<f64>,
+    target: Vec<f64>,
+    /// Room for W x and the products of one cone.
+    room: [Vec<f64>; 3],
+    col_ptr: Vec<usize>,
+    row_idx: Vec<usize>,
+    values: Vec<f64>,
+    /// In each column, the place of the first row of its cone.
+    diagonal: Vec<usize>,
+}
+
+impl Interior {
+    /// For a derivative with entries at `row_idx`, column by column, increasing, the whole diagonal blocks of the cones among them. If
+    /// `symmetric`, a symmetric matrix near it is factored as long as it is definite.
+    pub(crate) fn new(
+        parts: impl IntoIterator<Item = Cone>,
+        col_ptr: Vec<usize>,
+        row_idx: Vec<usize>,
+        symmetric: bool,
+    ) -> Self {
+        let (mut cones, mut free, mut n) = (Vec::new(), Vec::new(), 0);
+        for cone in parts {
+            let range = n..n + cone.len();
+            n = range.end;
+            match cone {
+                Cone::SecondOrder(_) => cones.push(range),
+                Cone::Nonnegative(_) => cones.extend(range.map(|k| k..k + 1)),
+                Cone::Free(_) => free.extend(range),
+            }
+        }
+        let mut first: Vec<usize> = (0..n).collect();
+        for range in &cones {
+            first[range.clone()].fill(range.start);
+        }
+        let place = |j: usize| {
+            let rows = &row_idx[col_ptr[j]..col_ptr[j + 1]];
+            col_ptr[j] + rows.partition_point(|&i| i < first[j])
+        };
+        let widest = cones.iter().map(Range::len).max().unwrap_or(0);
+        Self {
+            solver: AutoSolver::new(),
+            symmetric,
+            cholesky: Cholesky::new(),
+            gmres: Gmres::new(DIRECTIONS),
+            near: vec![0.0; if symmetric { row_idx.len() } else { 0 }],
+            diagonal: (0..n).map(place).collect(),
+            beta: vec![1.0; cones.len()],
+            cones,
+            free,
+            x: vec![0.0; n],
+            y: vec![0.0; n],
+            image: vec![0.0; n],
+            v: vec![0.0; n],
+            w: vec![0.0; n],
+            rhs: vec![0.0; n],
+            dx: vec![0.0; n],
+            dy: vec![0.0; n],
+            target: vec![0.0; n],
+            room: std::array::from_fn(|_| vec![0.0; widest]),
+            values: vec![0.0; row_idx.len()],
+            col_ptr,
+            row_idx,
+        }
+    }
+
+    /// The pattern: column pointers and row indices.
+    pub(crate) fn into_pattern(self) -> (Vec<usize>, Vec<usize>) {
+        (self.col_ptr, self.row_idx)
+    }
+
+    pub(crate) fn x(&self) -> &[f64] {
+        &self.x
+    }
+
+    /// Puts x and y well inside of the cones near the given x, at least `least` from their boundaries.
+    pub(crate) fn start(&mut self, map: &mut impl Image, x: &[f64], least: f64) {
+        self.x.copy_from_slice(x);
+        map.image(&self.x, &mut self.image);
+        self.y.copy_from_slice(&self.image);
+        for z in [&mut self.x, &mut self.y] {
+            let sum: f64 = self.cones.iter().map(|r| z[r.start].abs()).sum();
+            let inside = (sum / self.cones.len() as f64).max(least);
+            for range in &self.cones {
+                let z = &mut z[range.clone()];
+                z[0] = z[0].max(norm(&z[1..]) + inside);
+            }
+        }
+        for &k in &self.free {
+            self.y[k] = 0.0;
+        }
+    }
+
+    /// Complementarity, mean of x·y over the cones.
+    pub(crate) fn gap(&self) -> f64 {
+        dot(&self.x, &self.y) / self.cones.len().max(1) as f64
+    }
+
+    fn scaling(&self, cone: usize) -> Scaling<'_> {
+        let range = self.cones[cone].clone();
+        Scaling {
+            beta: self.beta[cone],
+            v: &self.v[range.clone()],
+            w: &self.w[range],
+        }
+    }
+
+    /// One step with one factorisation; its length, or `None` if the matrix was singular.
+    pub(crate) fn step(&mut self, map: &mut impl Image) -> Option<f64> {
+        map.image(&self.x, &mut self.image);
+        for (k, range) in self.cones.iter().enumerate() {
+            let (x, y) = (&self.x[range.clone()], &self.y[range.clone()]);
+            let (v, w) = (&mut self.v[range.clone()], &mut self.w[range.clone()]);
+            self.beta[k] = Scaling::between(x, y, v, w);
+        }
+        // Near the boundary the matrix may be singular to working precision: a larger shift makes the step inexact, no more.
+        let mut shift = SHIFT;
+        loop {
+            self.assemble(map, shift);
+            if self.predict_and_correct().is_some() {
+                break;
+            }
+            if self.symmetric {
+                self.symmetric = false;
+                continue;
+            }
+            shift *= 1e2;
+            if shift > LARGEST_SHIFT {
+                return None;
+            }
+        }
+        let length = (FRACTION * self.longest()).min(1.0);
+        for (z, d) in [(&mut self.x, &self.dx), (&mut self.y, &self.dy)] {
+            z.iter_mut().zip(d).for_each(|(z, d)| *z += length * d);
+        }
+        Some(length)
+    }
+
+    fn assemble(&mut self, map: &impl Image, shift: f64) {
+        map.derivative(&mut self.values);
+        if self.symmetric {
+            map.near(&mut self.near);
+        }
+        let scalings = self.cones.iter().enumerate().map(|(k, range)| {
+            let scaling = Scaling {
+                beta: self.beta[k],
+                v: &self.v[range.clone()],
+                w: &self.w[range.clone()],
+            };
+            (range.clone(), scaling)
+        });
+        for values in [Some(&mut self.values), self.symmetric.then_some(&mut self.near)] {
+            let Some(values) = values else { continue };
+            for (range, scaling) in scalings.clone() {
+                for (c, j) in range.clone().enumerate() {
+                    let at = self.diagonal[j];
+                    for (a, value) in values[at..at + range.len()].iter_mut().enumerate() {
+                        *value += scaling.square(a, c);
+                    }
+                    values[at + c] += shift * map.unit(j);
+                }
+            }
+            for &j in &self.free {
+                values[self.diagonal[j]] += shift * map.unit(j);
+            }
+        }
+    }
+
+    /// Mehrotra's direction with the matrix assembled last.
+    fn predict_and_correct(&mut self) -> Option<()> {
+        self.factor()?;
+        let gap = self.gap();
+        self.direction_for(0.0, 1.0, false)?;
+        let affine = self.longest();
+        let centring = (1.0 - affine).powi(3).clamp(1e-6, 1.0);
+        self.direction_for(centring * gap, 1.0 - centring, true)
+    }
+
+    fn factor(&mut self) -> Option<()> {
+        let pattern = PatternRef::square(&self.col_ptr, &self.row_idx);
+        if self.symmetric {
+            self.cholesky.analyze(pattern).ok()?;
+            let values = &self.near;
+            return self.cholesky.factor(MatrixRef { pattern, values }).ok();
+        }
+        self.solver.analyze(pattern).ok()?;
+        let values = &self.values;
+        self.solver.factor(MatrixRef { pattern, values }).ok()
+    }
+
+    fn solve(&mut self) -> Option<()> {
+        if self.symmetric {
+            let matrix = MatrixRef {
+                pattern: PatternRef::square(&self.col_ptr, &self.row_idx),
+                values: &self.values,
+            };
+            let cholesky = &mut self.cholesky;
+            let outcome = self.gmres.solve(
+                |x, y| matrix.mul_add(1.0, x, y),
+                |b| cholesky.solve_in_place(b),
+                &mut self.rhs,
+                AIM,
+                DIRECTIONS,
+            );
+            return outcome.ok().filter(|o| o.residual <= ACCEPT).map(|_| ());
+        }
+        self.solver.solve_in_place(&mut self.rhs).ok()
+    }
+
+    /// dx, dy towards x ∘ y = σ e; with the second-order term of the last direction if `correct`.
+    fn direction_for(&mut self, sigma: f64, weight: f64, correct: bool) -> Option<()> {
+        let mut room = std::mem::take(&mut self.room);
+        let mut target = std::mem::take(&mut self.target);
+        for (k, range) in self.cones.iter().enumerate() {
+            let scaling = self.scaling(k);
+            let n = range.len();
+            let [lambda, d, other] = &mut room;
+            let (lambda, d, other) = (&mut lambda[..n], &mut d[..n], &mut other[..n]);
+            let target = &mut target[range.clone()];
+            // The second-order term first: its products need all the room.
+            target.fill(0.0);
+            if correct {
+                scaling.apply(&self.dx[range.clone()], lambda);
+                scaling.apply_inverse(&self.dy[range.clone()], other);
+                jordan(lambda, other, target);
+            }
+            scaling.apply(&self.x[range.clone()], lambda);
+            jordan(lambda, lambda, d);
+            d.iter_mut()
+                .zip(&*target)
+                .for_each(|(d, second)| *d = -*d - second);
+            // x ∘ y = σ e has x·y = σ: the gap counts one for a cone.
+            d[0] += sigma;
+            jordan_divide(lambda, d);
+            scaling.apply(d, target);
+        }
+        for &k in &self.free {
+            target[k] = 0.0;
+        }
+        for k in 0..self.rhs.len() {
+            self.rhs[k] = target[k] - weight * (self.image[k] - self.y[k]);
+        }
+        (self.room, self.target) = (room, target);
+        self.solve()?;
+        self.dx.copy_from_slice(&self.rhs);
+        self.dy.copy_from_slice(&self.target);
+        let mut dy = std::mem::take(&mut self.dy);
+        for (k, range) in self.cones.iter().enumerate() {
+            self.scaling(k)
+                .subtract_square(&self.dx[range.clone()], &mut dy[range.clone()]);
+        }
+        self.dy = dy;
+        Some(())
+    }
+
+    fn longest(&self) -> f64 {
+        let pairs = [(&self.x, &self.dx), (&self.y, &self.dy)];
+        let reaches = self
+            .cones
+            .iter()
+            .flat_map(|range| pairs.map(|(z, d)| reach(&z[range.clone()], &d[range.clone()])));
+        reaches.fold(1.0, f64::min)
+    }
+}
