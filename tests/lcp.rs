@@ -258,6 +258,28 @@ mod active_set {
             }
         }
 
+        /// Unknowns without load, of which nothing else is in their rows, are zero: what solves with pivots of other rows leave of
+        /// them is no solution of rows that have no other terms.
+        #[test]
+        fn unloaded_unknowns_are_zero(a in reals(4), b in reals(4), c in reals(4), q in reals(2)) {
+            let definite = |g: &[f64], i: usize, j: usize| {
+                g[i] * g[j] + g[2 + i] * g[2 + j] + if i == j { 0.1 } else { 0.0 }
+            };
+            let m = matrix(4, |i, j| match (i / 2, j / 2) {
+                (0, 0) => definite(&a, i, j),
+                (1, 0) => 50.0 * b[2 * (i - 2) + j],
+                (1, 1) => definite(&c, i - 2, j - 2),
+                _ => 0.0,
+            });
+            let load = vec![0.0, 0.0, q[0], q[1]];
+            let lcp = Lcp::boxed(m, load, vec![-40.0; 4], vec![40.0; 4]).unwrap();
+            let (status, z, residual, _) = solve(&lcp);
+            prop_assert_eq!(status, ActiveSetStatus::Solved);
+            prop_assert!(residual < 1e-11);
+            prop_assert_eq!(&z[..2], &[0.0, 0.0]);
+            prop_assert!(listed(&enumerate(&lcp), &z), "{z:?}");
+        }
+
         /// Whatever the matrix, what is called solved is a solution.
         #[test]
         fn any_matrix(m in small_integers(N * N), q in small_integers(N)) {

@@ -129,3 +129,37 @@ pub(crate) fn equilibrate(a: MatrixRef<'_>, row: &mut [f64], col: &mut [f64], ma
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{Scratch, Small, is_small, row_sizes};
+    use crate::sparse::Matrix;
+
+    /// x₀ is in one row with terms of 1e12 and in another with terms of 1. The rounding of the first excuses what is left in the second
+    /// only where its terms vanish as well, not where they cancel to some digits.
+    #[test]
+    fn rows_whose_terms_cancel_are_not_excused_by_larger_ones() {
+        let jac =
+            Matrix::from_rows(&[vec![1.0, 0.0, 1.0], vec![1.0, 1.0, 0.0], vec![0.0, 0.0, 1.0]]).unwrap();
+        let small = |x: [f64; 3], left: f64, settled: bool| {
+            let mut size = [0.0; 3];
+            row_sizes(jac.as_ref(), &x, &mut size);
+            let (mut row, mut col, mut max) = ([0.0; 3], [0.0; 3], [0.0; 3]);
+            let work = Scratch {
+                row: &mut row,
+                col: &mut col,
+                max: &mut max,
+            };
+            is_small(&[0.0, left, 0.0], &size, 1e-12, jac.as_ref(), &[settled; 3], work)
+        };
+        let cancelling = [1.0, 1.0, 1e12];
+        assert!(small(cancelling, 1e-13, false) == Small::Yes);
+        for left in [1e-11, 1e-6, 1e-3] {
+            assert!(small(cancelling, left, true) == Small::No, "{left:e}");
+        }
+        let vanishing = [1e-5, 1e-5, 1e12];
+        assert!(small(vanishing, 1e-5, true) == Small::Yes);
+        assert!(small(vanishing, 1e-5, false) == Small::Perhaps);
+        assert!(small([1e3, 1e3, 1e12], 100.0, true) == Small::No);
+    }
+}

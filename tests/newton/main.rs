@@ -411,3 +411,22 @@ fn a_curve_that_misses_the_plane_is_not_met() {
         }
     }
 }
+
+/// In units in which every residual is small, the tolerance of steps says how near the curve y² = α is.
+#[test]
+fn corrections_end_by_their_steps_as_well() {
+    let map = MinMap::curve(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+        a[0] = 1e-9 * (x[0] * x[0] - x[1]);
+        b[0] = 1e9;
+    });
+    let mut corrector = MoorePenrose::new(&map, AutoSolver::new()).unwrap();
+    for (tolerance, missed) in [(1e-2, 1e-3), (1e-10, 1e-14)] {
+        let mut selection = Selection::uniform(1, 0);
+        let (mut x, mut t) = ([2.0, 1.0], [0.5, 1.0]);
+        let tolerances = (1e-8, tolerance);
+        let found = corrector.correct(&map, &mut selection, |_, _| {}, &mut x, &mut t, tolerances, 20);
+        let found = found.unwrap();
+        assert!(found.converged && found.step_norm < tolerance, "{found:?}");
+        assert!((x[0] * x[0] - x[1]).abs() < missed, "{x:?}");
+    }
+}

@@ -466,6 +466,11 @@ proptest! {
         if !p {
             check_mixture(lcp.mcp(), &origin, &strong);
         }
+        // The same at upper bounds.
+        let (lower, upper) = (vec![-1.0; 3], vec![0.0; 3]);
+        let mirrored = Lcp::boxed(lcp.matrix().clone(), vec![0.0; 3], lower, upper).unwrap();
+        let strong = strong_regularity(mirrored.mcp(), &origin, 1e-9, CAP).unwrap();
+        prop_assert_eq!((strong.is_regular(), strong.fails()), (p, !p));
         let normal = cd_regularity(&NormalMap::new(lcp.mcp()), &origin, 1e-9, CAP).unwrap();
         prop_assert_eq!((normal.is_regular(), normal.fails()), (p, !p));
         let orientation = coherent_orientation(&map, &origin, 1e-9, CAP).unwrap();
