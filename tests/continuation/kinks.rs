@@ -323,3 +323,31 @@ fn a_sparse_string() {
         }
     }
 }
+
+/// Two lines cross on the facet at which the piece changes: where a corrector knows half the digits only, the extended system of the
+/// branch point knows all.
+#[test]
+fn facets_met_at_branch_points_are_located_to_rounding() {
+    fn crossing(y: f64, alpha: f64) -> [f64; 3] {
+        let (u, v) = (y - 1.0, alpha - 2.0);
+        let (f, g) = (u - v, u + 1.5 * v);
+        [f * g, f + g, 1.5 * f - g]
+    }
+    fn facet(y: f64, alpha: f64) -> [f64; 3] {
+        [alpha - 2.0 + 0.5 * (y - 1.0), 0.5, 1.0]
+    }
+    fn beyond(y: f64, alpha: f64) -> [f64; 3] {
+        let ([c, cy, ca], [t, ty, ta]) = (crossing(y, alpha), facet(y, alpha));
+        let u = 0.3 * (y - 1.0);
+        [c + u * t, cy + u * ty + 0.3 * t, ca + u * ta]
+    }
+    let map = Plane::two(beyond, crossing, facet);
+    for h in STEPS {
+        let range = limited((0.0, 4.0), h);
+        let branch = follow(&map, [0.1, 1.1], Direction::Increasing, range);
+        let met = &branch.transitions[0];
+        assert!(near(&met.x, [1.0, 2.0], 1e-13), "h_max {h}: {:?}", met.x);
+        assert!(met.test_functions[0].abs() < 1e-13, "h_max {h}: {met:?}");
+        assert_eq!(met.kind, TransitionKind::Branching, "h_max {h}");
+    }
+}

@@ -148,9 +148,6 @@ impl Curve<'_> {
         };
         self.complete_state(&mut state)?;
         self.next = state;
-        if matches!(monitor, Monitor::Facet { .. }) && self.ill_conditioned() {
-            self.sharpen_at_branch_point()?;
-        }
         Ok(Some(value))
     }
 
@@ -237,12 +234,6 @@ impl Curve<'_> {
             state.theta.iter_mut().zip(&rates).for_each(|(t, r)| *t -= r);
         }
         self.rates = rates;
-    }
-
-    /// Whether the last linearisation was singular or nearly so, which costs the located point its last digits.
-    fn ill_conditioned(&self) -> bool {
-        const POOR: f64 = 1e-8;
-        self.next.orientation.is_none() || self.corrector.rcond().is_some_and(|r| r < POOR)
     }
 
     /// Tangent, orientation, determinant and residual at the very point.

@@ -137,16 +137,6 @@ impl Curve<'_> {
         self.here.t.iter().zip(chord).map(|(t, c)| t * c).sum()
     }
 
-    /// Replaces `next`, an event found next to a branch point of the frozen selection, by that branch point.
-    pub(in crate::continuation) fn sharpen_at_branch_point(&mut self) -> Result<(), ContinuationError> {
-        let guess = self.next.x.clone();
-        if let Some(x) = self.branch_point_near(&guess, 1e-6 * (1.0 + norm(&guess)))? {
-            self.next.x = x;
-            self.map.test_functions(&self.next.x, &mut self.next.theta);
-        }
-        Ok(())
-    }
-
     /// The next facet, where it is met at a branch point of the frozen selection: there its corrector fails on both sides. The
     /// point is extrapolated along the tangent and found by the extended system.
     pub(in crate::continuation) fn event_at_branch_point(
