@@ -323,7 +323,7 @@ fn draw(arguments: &Arguments, disc: &Disc, found: &Found) -> Outcome<()> {
         let mean = triangle.iter().map(|k| found.velocity[*k]).sum::<f64>() / 3.0;
         let shade = (235.0 - 190.0 * (mean / largest).clamp(0.0, 1.0)) as u8;
         let colour = match rigid {
-            true => "#d62728".to_owned(),
+            true => "#d55e00".to_owned(),
             false => format!("#{shade:02x}{shade:02x}e0"),
         };
         let corner = |k: usize| {

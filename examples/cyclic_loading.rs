@@ -27,7 +27,7 @@ struct Args {
     #[arg(long, default_value_t = 8)]
     cells: usize,
     /// Coefficient of friction.
-    #[arg(long, default_value_t = 0.4)]
+    #[arg(long, default_value_t = 0.2)]
     friction: f64,
     /// Folder for the picture.
     #[arg(long, default_value = "out")]
@@ -86,10 +86,9 @@ fn run(args: &Args) -> Outcome<()> {
     let picture = file_in(&args.out, "cyclic_loading.svg")?;
     BranchDiagram::new(
         Panel::new("horizontal displacement of the top", "horizontal force")
-            .with_curve(Curve::line(
-                path[..=cycle].to_vec(),
-                style("first cycle", Colour::BLUE),
-            ))
+            .with_curve(
+                Curve::line(path[..=cycle].to_vec(), style("first cycle", Colour::BLUE)).with_arrows(true),
+            )
             .with_curve(Curve::line(
                 path[cycle..].to_vec(),
                 style("second cycle", Colour::ORANGE),

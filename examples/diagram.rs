@@ -41,7 +41,7 @@ fn run(args: &Args) -> Outcome<()> {
     // Example 3 of the talk: at F = 2 a branch bifurcates from a vertical segment.
     let map = HildRenard::new(1.0, -2.0, 1.0, 1.0)?.problem()?.condensed()?;
     let diagram = Diagram::explore_sections(&map, &[1.0, 3.0], &window(0.0, 5.0), &sections)?;
-    let panels: [Ordinate; 2] = [("λν", &|x| x[0]), ("λt", &|x| x[1])];
+    let panels: [Ordinate; 2] = [("λ_ν", &|x| x[0]), ("λ_t", &|x| x[1])];
     report(
         "bifurcation",
         &map,
@@ -77,7 +77,7 @@ fn run(args: &Args) -> Outcome<()> {
             .map(|(v, w)| v.slip[0] * w)
             .sum::<f64>()
     };
-    let panels: [Ordinate; 2] = [("λν, weighted sum", &force), ("ut, weighted sum", &slip)];
+    let panels: [Ordinate; 2] = [("λ_ν, weighted sum", &force), ("u_t, weighted sum", &slip)];
     report(
         "isolas",
         &map,

@@ -153,8 +153,8 @@ fn list(verbose: bool, history: &[ActiveSetIteration]) {
 
 fn picture(m: usize, activity: &[BoundState]) -> Outcome<String> {
     raster(m, |k| match activity[k] {
-        BoundState::Lower => Some("#d62728".to_owned()),
-        BoundState::Upper => Some("#1f5fd0".to_owned()),
+        BoundState::Lower => Some("#d55e00".to_owned()),
+        BoundState::Upper => Some("#0072b2".to_owned()),
         _ => None,
     })
 }

@@ -437,7 +437,7 @@ fn picture(rings: &Rings, before: &[f64]) -> Outcome<String> {
     let mut cells = String::new();
     for cell in 0..mesh.num_cells() {
         let colour = match (rings.yielded(cell, Some(before)), rings.yielded(cell, None)) {
-            (now, _) if now >= 0.5 => "#d62728",
+            (now, _) if now >= 0.5 => "#d55e00",
             (_, ever) if ever >= 0.5 => "#ffbb78",
             _ => "#d0d0d0",
         };

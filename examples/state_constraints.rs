@@ -316,7 +316,7 @@ fn draw(arguments: &Arguments, m: usize, y: &[f64]) -> Outcome<()> {
     let picture = raster(m, |k| {
         let shade = (250.0 - 200.0 * (y[k] - least) / (BOUND - least)) as u8;
         Some(match y[k] >= BOUND - 1e-12 {
-            true => "#d62728".to_owned(),
+            true => "#d55e00".to_owned(),
             false => format!("#{shade:02x}{shade:02x}e8"),
         })
     })?;

@@ -302,9 +302,9 @@ fn positive_zero(v: f64) -> f64 {
 fn picture(example: &Example, map: &FullContact<PlanarCoulomb>, all: &[Followed], p: usize) -> BranchDiagram {
     let panel = |node: usize| {
         let label = if p == 1 {
-            "tangential displacement".to_owned()
+            "tangential displacement u_t".to_owned()
         } else {
-            format!("tangential displacement, node {}", node + 1)
+            format!("tangential displacement u_t, node {}", node + 1)
         };
         let panel = all.iter().fold(Panel::new("α", label), |panel, followed| {
             panel.with_curve(Curve::of_branch(

@@ -172,16 +172,18 @@ type Growth = [(f64, f64, f64)];
 fn draw(flat: &Growth, solid: &Growth, args: &Args) -> Outcome<()> {
     let panel = |label: &str, pick: &dyn Fn(&(f64, f64, f64)) -> f64| {
         let curve = |points: &Growth, name: &'static str, colour| {
-            let vertices = points.iter().map(|p| (p.0.log2(), pick(p).log2())).collect();
+            let vertices = points.iter().map(|p| (p.0, pick(p))).collect();
             Curve::line(vertices, SegmentStyle::new(name, colour))
         };
-        Panel::new("log2 1/h", label)
+        Panel::new("1/h", label)
+            .with_log_x()
+            .with_log_y()
             .with_curve(curve(flat, "plane", Colour::BLUE))
             .with_curve(curve(solid, "cube", Colour::ORANGE))
     };
     let picture = file_in(&args.out, "uniqueness.svg")?;
-    BranchDiagram::new(panel("log2 C1/F", &|p| p.1))
-        .with_panel(panel("log2 C2/(L‖g‖)", &|p| p.2))
+    BranchDiagram::new(panel("C_1/F", &|p| p.1))
+        .with_panel(panel("C_2/(L‖g‖)", &|p| p.2))
         .with_title("Growth of the constants under refinement")
         .with_size(860, 420)
         .write(&picture)?;

@@ -29,7 +29,7 @@ pub(crate) const QUANTITIES: [Quantity; 5] = [
         value: |_, _, v| 1e3 * v.slip_norm(),
     },
     Quantity {
-        name: "slip bound ζ F λν [GPa]",
+        name: "slip bound ζ F λ_ν [GPa]",
         value: |friction, area, v| friction * v.pressure / area,
     },
     Quantity {
@@ -72,7 +72,7 @@ pub(crate) fn along_the_ground<L: NodeLaw>(
             let values = values(bar, nodes, quantity);
             let vertices = line.iter().map(|&i| (points[i][0], values[i])).collect();
             let style = SegmentStyle::new(format!("solution {}", k + 1), COLOURS[k % COLOURS.len()]);
-            panel.with_curve(Curve::line(vertices, style).with_arrows(false))
+            panel.with_curve(Curve::line(vertices, style))
         })
     };
     let mut written = Vec::new();

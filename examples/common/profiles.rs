@@ -82,7 +82,7 @@ impl Costs {
             let mut corners = self.profile(k);
             corners.push((reach.max(corners[corners.len() - 1].0), self.solved(k)));
             let style = SegmentStyle::new(*name, COLOURS[k % COLOURS.len()]);
-            panel = panel.with_curve(Curve::line(corners, style).with_arrows(false).with_start(false));
+            panel = panel.with_curve(Curve::line(corners, style));
         }
         panel
     }

@@ -192,7 +192,7 @@ impl<'a> Curve<'a> {
     }
 
     /// The sign of det ∇_yH; zero on vertical segments, where α̇ is the rounding error of an ill-conditioned kernel.
-    fn det_sign_here(&self) -> Option<i8> {
+    pub(super) fn det_sign_here(&self) -> Option<i8> {
         let vertical = self.here.t.last().is_some_and(|t| t.abs() <= SINGULAR);
         self.here.det_sign.map(|s| if vertical { 0 } else { s })
     }

@@ -147,6 +147,8 @@ pub struct Transition {
     /// Whether all active selections were examined and none left open, within tolerances: no limit was reached.
     /// [`all_arms`](crate::enumeration::all_arms) proves such a list, or says why it cannot.
     pub complete: bool,
+    /// Sign of det ∇_yH^(σ) on departure, where an arm is followed and the solver knows determinants; 0 on vertical segments.
+    pub det_sign: Option<i8>,
     /// ‖H(x)‖₂.
     pub residual_norm: f64,
     /// Arclength from the start.

@@ -1,9 +1,9 @@
 use std::borrow::Cow;
 
-use super::plane::{Point, Range};
+use super::draw::plane::{Point, Range};
 use super::walk::vertices;
 use crate::contact::ContactState;
-use crate::continuation::{Branch, Diagram, DiagramEdge, TransitionKind, VertexKind};
+use crate::continuation::{Branch, Diagram, DiagramEdge, Point as CurvePoint, TransitionKind, VertexKind};
 use crate::piecewise::Selection;
 
 /// An sRGB colour.
@@ -17,19 +17,21 @@ pub struct Colour {
     pub blue: u8,
 }
 
+/// The constants can be told apart by readers who take red and green for one colour: as they see them, and as others do, no two are nearer
+/// than 20 in CIELAB.
 impl Colour {
-    /// No contact.
-    pub const RED: Self = Self::new(0xd6, 0x27, 0x28);
-    /// Stick.
-    pub const GREEN: Self = Self::new(0x1a, 0x96, 0x41);
+    /// Vermilion: no contact.
+    pub const RED: Self = Self::new(0xd5, 0x5e, 0x00);
+    /// Bluish green: stick.
+    pub const GREEN: Self = Self::new(0x1a, 0xa8, 0x73);
     /// Slip.
-    pub const BLUE: Self = Self::new(0x1f, 0x5f, 0xd0);
-    /// Grazing.
-    pub const GREY: Self = Self::new(0x8c, 0x8c, 0x8c);
-    /// Orange.
-    pub const ORANGE: Self = Self::new(0xe6, 0x7e, 0x00);
-    /// Purple.
-    pub const PURPLE: Self = Self::new(0x7b, 0x3f, 0xa0);
+    pub const BLUE: Self = Self::new(0x00, 0x72, 0xb2);
+    /// Dark grey: grazing.
+    pub const GREY: Self = Self::new(0x55, 0x55, 0x55);
+    /// Yellowish orange.
+    pub const ORANGE: Self = Self::new(0xff, 0xb0, 0x00);
+    /// Light reddish purple.
+    pub const PURPLE: Self = Self::new(0xdd, 0x8f, 0xbd);
 
     /// A colour from its components.
     #[must_use]
@@ -78,17 +80,86 @@ impl SegmentStyle {
     }
 }
 
+/// Kinds of points that are marked, each by its own sign.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Marker {
+    /// ○ The active selection changes.
+    Transition,
+    /// △ It changes, and the parameter turns.
+    Fold,
+    /// □ The parameter turns inside a piece.
+    SmoothFold,
+    /// ◇ A vertical segment begins or ends.
+    Vertical,
+    /// ◆ Curves branch.
+    Branching,
+    /// × The curve ends.
+    End,
+    /// ● An isolated solution.
+    Isolated,
+    /// ⊗ What happens here is not decided.
+    Undecided,
+    /// ✱ The curve starts.
+    Start,
+}
+
+impl Marker {
+    pub(super) const ALL: [Self; 9] = [
+        Self::Transition,
+        Self::Fold,
+        Self::SmoothFold,
+        Self::Vertical,
+        Self::Branching,
+        Self::End,
+        Self::Isolated,
+        Self::Undecided,
+        Self::Start,
+    ];
+
+    /// Its name in the legend.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Transition => "transition",
+            Self::Fold => "fold",
+            Self::SmoothFold => "smooth fold",
+            Self::Vertical => "vertical segment",
+            Self::Branching => "branching",
+            Self::End => "end",
+            Self::Isolated => "isolated solution",
+            Self::Undecided => "undecided",
+            Self::Start => "start",
+        }
+    }
+}
+
+impl From<TransitionKind> for Marker {
+    fn from(kind: TransitionKind) -> Self {
+        match kind {
+            TransitionKind::PassThrough => Self::Transition,
+            TransitionKind::Fold => Self::Fold,
+            TransitionKind::VerticalBegin | TransitionKind::VerticalEnd => Self::Vertical,
+            TransitionKind::Branching => Self::Branching,
+            TransitionKind::End => Self::End,
+            TransitionKind::Undecided => Self::Undecided,
+        }
+    }
+}
+
+/// Whether det ∇_yH < 0 between two points of a stretch; at a smooth fold, where it changes, the point knows no sign.
+fn is_negative(ends: [Option<i8>; 2]) -> bool {
+    ends.into_iter().flatten().find(|s| *s != 0) == Some(-1)
+}
+
 /// A curve in the plane: a polyline with a style for each segment, and marks.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct Curve {
     pub(super) vertices: Vec<Point>,
     pub(super) styles: Vec<SegmentStyle>,
-    pub(super) transitions: Vec<Point>,
-    pub(super) branchings: Vec<Point>,
-    pub(super) smooth_folds: Vec<Point>,
-    pub(super) starts: bool,
-    /// Without arrows: the curve has no direction of travel.
-    pub(super) undirected: bool,
+    pub(super) marks: Vec<(Marker, Point)>,
+    /// Whether arrows show the direction of travel.
+    pub(super) arrows: bool,
 }
 
 impl Curve {
@@ -110,91 +181,68 @@ impl Curve {
     }
 
     /// A branch over its parameter: `ordinate` is the scalar of x = (y, α) that is drawn, `style` the class of a segment from its
-    /// selection and the sites that graze on it. Marks the start, the transitions, the smooth folds and the branching points.
+    /// selection and the sites that graze on it. Dashed where det ∇_yH < 0; the start and all events but monitors are marked.
     pub fn of_branch(
         branch: &Branch,
         ordinate: impl Fn(&[f64]) -> f64,
         style: impl Fn(&Selection, &[usize]) -> SegmentStyle,
     ) -> Self {
         let place = |x: &[f64]| (x.last().copied().unwrap_or(f64::NAN), ordinate(x));
+        let mark = |kind: Marker| move |point: &CurvePoint| (kind, place(&point.x));
         let walk = vertices(branch);
-        let segments = walk.len().saturating_sub(1);
-        let (branching, other): (Vec<_>, Vec<_>) = branch
-            .transitions
-            .iter()
-            .partition(|t| t.kind == TransitionKind::Branching);
-        let branchings = branching
-            .iter()
-            .map(|t| place(&t.x))
-            .chain(branch.branch_points.iter().map(|b| place(&b.point.x)));
+        let styles = walk.windows(2).map(|ends| {
+            let negative = is_negative([ends[0].det_signs[1], ends[1].det_signs[0]]);
+            style(ends[0].selection, ends[0].grazing).with_dashes(negative)
+        });
+        let transitions = branch.transitions.iter();
+        let folds = branch.smooth_folds.iter().map(|f| &f.point);
+        let crossings = branch.branch_points.iter().map(|b| &b.point);
+        let marks = transitions
+            .map(|t| (Marker::from(t.kind), place(&t.x)))
+            .chain(folds.map(mark(Marker::SmoothFold)))
+            .chain(crossings.map(mark(Marker::Branching)))
+            .chain(branch.points.first().map(mark(Marker::Start)));
         Self {
             vertices: walk.iter().map(|v| place(v.x)).collect(),
-            styles: walk[..segments]
-                .iter()
-                .map(|v| style(v.selection, v.grazing))
-                .collect(),
-            transitions: other.iter().map(|t| place(&t.x)).collect(),
-            branchings: branchings.collect(),
-            smooth_folds: branch.smooth_folds.iter().map(|f| place(&f.point.x)).collect(),
-            starts: true,
-            undirected: false,
+            styles: styles.collect(),
+            marks: marks.collect(),
+            arrows: false,
         }
     }
 
-    /// An edge of an explored diagram, without marks and arrows; dashed where det ∇_yH < 0. `ordinate` and `style` as in
+    /// An edge of an explored diagram, without marks; dashed where det ∇_yH < 0. `ordinate` and `style` as in
     /// [`of_branch`](Self::of_branch).
     pub fn of_edge(
         edge: &DiagramEdge,
         ordinate: impl Fn(&[f64]) -> f64,
         style: impl Fn(&Selection, &[usize]) -> SegmentStyle,
     ) -> Self {
-        let points = edge.points.iter();
         let styles = edge.points.windows(2).map(|ends| {
-            // Signs are those of a stretch; at a smooth fold, where it changes, the point knows none.
-            let signs = ends.iter().map(|p| p.det_sign);
-            let negative = signs.flatten().find(|s| *s != 0) == Some(-1);
+            let negative = is_negative([ends[0].det_sign, ends[1].det_sign]);
             style(&ends[0].selection, &ends[0].grazing).with_dashes(negative)
         });
-        Self {
-            vertices: points.map(|p| (p.parameter(), ordinate(&p.x))).collect(),
-            styles: styles.collect(),
-            undirected: true,
-            ..Self::default()
-        }
+        let vertices = edge.points.iter().map(|p| (p.parameter(), ordinate(&p.x)));
+        Self::segments(vertices.collect(), styles.collect())
     }
 
-    /// Marks transitions by circles.
+    /// Marks points of one kind.
     #[must_use]
-    pub fn with_transitions(mut self, points: Vec<(f64, f64)>) -> Self {
-        self.transitions = points;
+    pub fn with_marks(mut self, kind: Marker, points: impl IntoIterator<Item = (f64, f64)>) -> Self {
+        self.marks.extend(points.into_iter().map(|p| (kind, p)));
         self
     }
 
-    /// Marks branching points by diamonds.
+    /// Without any mark.
     #[must_use]
-    pub fn with_branchings(mut self, points: Vec<(f64, f64)>) -> Self {
-        self.branchings = points;
+    pub fn without_marks(mut self) -> Self {
+        self.marks.clear();
         self
     }
 
-    /// Marks smooth folds by squares.
-    #[must_use]
-    pub fn with_smooth_folds(mut self, points: Vec<(f64, f64)>) -> Self {
-        self.smooth_folds = points;
-        self
-    }
-
-    /// Whether arrows show the direction of travel.
+    /// Whether arrows show the direction of travel; by default they do not.
     #[must_use]
     pub fn with_arrows(mut self, drawn: bool) -> Self {
-        self.undirected = !drawn;
-        self
-    }
-
-    /// Whether the first vertex is marked by a star.
-    #[must_use]
-    pub fn with_start(mut self, marked: bool) -> Self {
-        self.starts = marked;
+        self.arrows = drawn;
         self
     }
 }
@@ -209,10 +257,12 @@ pub struct Panel {
     pub(super) regions: Vec<(Vec<Point>, Colour)>,
     pub(super) notes: Vec<(Point, String)>,
     pub(super) ranges: (Option<Range>, Option<Range>),
+    pub(super) logarithmic: (bool, bool),
 }
 
 impl Panel {
-    /// Empty axes with their labels.
+    /// Empty axes with their labels. In labels, as in captions, notes, names and titles, `_` and `^` behind a letter on its own or a bracket
+    /// lower and raise what follows, `^` behind a number as well: `u_t`, `10^-3`, `‖u‖_{L¹}`.
     pub fn new(x_label: impl Into<String>, y_label: impl Into<String>) -> Self {
         Self {
             labels: (x_label.into(), y_label.into()),
@@ -255,8 +305,7 @@ impl Panel {
         self
     }
 
-    /// Adds an explored diagram over its parameter: every edge, ○ at vertices with two arms or fewer, ◆ where more meet, □ at
-    /// smooth folds, ✱ at starts. Bounds and limits are not marked.
+    /// Adds an explored diagram over its parameter: every edge, and a [`Marker`] at each vertex but bounds and limits.
     #[must_use]
     pub fn with_diagram(
         mut self,
@@ -267,32 +316,88 @@ impl Panel {
         let edges = diagram.edges().iter();
         self.curves
             .extend(edges.map(|e| Curve::of_edge(e, &ordinate, &style)));
-        let mut marks = Curve::default();
+        let mut marks = Vec::new();
         for vertex in diagram.vertices() {
             let place = (vertex.parameter(), ordinate(&vertex.x));
-            match vertex.kind {
-                VertexKind::Branching | VertexKind::BranchPoint => marks.branchings.push(place),
-                VertexKind::Start | VertexKind::Bound | VertexKind::Limit(_) => {}
-                _ => marks.transitions.push(place),
-            }
+            let kind = match vertex.kind {
+                VertexKind::PassThrough => Some(Marker::Transition),
+                VertexKind::Fold => Some(Marker::Fold),
+                VertexKind::Vertical => Some(Marker::Vertical),
+                VertexKind::Branching | VertexKind::BranchPoint => Some(Marker::Branching),
+                VertexKind::End => Some(Marker::End),
+                VertexKind::Isolated => Some(Marker::Isolated),
+                VertexKind::Start | VertexKind::Bound | VertexKind::Limit(_) => None,
+            };
+            marks.extend(kind.map(|k| (k, place)));
             if vertex.is_start {
-                let start = Curve::line(vec![place], SegmentStyle::new("", Colour::GREY));
-                self.curves.push(start.with_start(true));
+                marks.push((Marker::Start, place));
             }
         }
         let smooth = diagram.folds().into_iter().filter(|f| f.vertex.is_none());
-        marks.smooth_folds = smooth.map(|f| (f.parameter(), ordinate(&f.x))).collect();
-        self.with_curve(marks)
+        marks.extend(smooth.map(|f| (Marker::SmoothFold, (f.parameter(), ordinate(&f.x)))));
+        self.with_curve(Curve {
+            marks,
+            ..Curve::default()
+        })
     }
 
-    /// Shows this range of the abscissa only; by default all of every curve.
+    /// Draws the abscissa on a logarithmic axis: all of it must be positive.
+    #[must_use]
+    pub fn with_log_x(mut self) -> Self {
+        self.logarithmic.0 = true;
+        self
+    }
+
+    /// Draws the ordinate on a logarithmic axis: all of it must be positive.
+    #[must_use]
+    pub fn with_log_y(mut self) -> Self {
+        self.logarithmic.1 = true;
+        self
+    }
+
+    /// Takes logarithms to base 10 where an axis is logarithmic.
+    ///
+    /// # Errors
+    /// A finite value that is not positive.
+    pub(super) fn on_axes(&mut self) -> Result<(), f64> {
+        let log = |value: &mut f64, logarithmic: bool| {
+            // What is not finite is found later.
+            if !logarithmic || !value.is_finite() {
+                return Ok(());
+            }
+            if *value <= 0.0 {
+                return Err(*value);
+            }
+            *value = value.log10();
+            Ok(())
+        };
+        let (log_x, log_y) = self.logarithmic;
+        let curves = self.curves.iter_mut();
+        let of_curves =
+            curves.flat_map(|c| c.vertices.iter_mut().chain(c.marks.iter_mut().map(|m| &mut m.1)));
+        let of_regions = self.regions.iter_mut().flat_map(|r| &mut r.0);
+        let of_notes = self.notes.iter_mut().map(|n| &mut n.0);
+        for (x, y) in of_curves.chain(of_regions).chain(of_notes) {
+            log(x, log_x)?;
+            log(y, log_y)?;
+        }
+        for (range, logarithmic) in [(&mut self.ranges.0, log_x), (&mut self.ranges.1, log_y)] {
+            if let Some((lower, upper)) = range {
+                log(lower, logarithmic)?;
+                log(upper, logarithmic)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Shows this range of the abscissa only; by default all of what is shown of the ordinate.
     #[must_use]
     pub fn with_x_range(mut self, lower: f64, upper: f64) -> Self {
         self.ranges.0 = Some((lower, upper));
         self
     }
 
-    /// Shows this range of the ordinate only; by default all of every curve.
+    /// Shows this range of the ordinate only; by default all of what is shown of the abscissa.
     #[must_use]
     pub fn with_y_range(mut self, lower: f64, upper: f64) -> Self {
         self.ranges.1 = Some((lower, upper));
@@ -300,8 +405,8 @@ impl Panel {
     }
 }
 
-/// A branch diagram: solution curves over the parameter, coloured by state, ○ at transitions, □ at smooth folds, ◆ at branching points, ✱ at starts,
-/// arrows in the direction of travel, dashes where det ∇_yH < 0 (diagrams), axes, legend. One panel, or several side by side.
+/// A branch diagram: solution curves over the parameter, coloured by state, dashed where det ∇_yH < 0, with a [`Marker`] at each event,
+/// axes and legend. One panel, or several side by side. Written as SVG, or as PDF with the feature `pdf`.
 ///
 /// ```
 /// use semismooth::output::{BranchDiagram, Colour, Curve, Panel, SegmentStyle};

@@ -80,11 +80,13 @@ pub enum OutputError {
         /// Upper bound.
         upper: f64,
     },
-    /// The drawing library failed.
-    #[error("drawing failed: {what}")]
-    Drawing {
-        /// Its message.
-        what: String,
+    /// A logarithmic axis shows positive values only.
+    #[error("panel {panel}: {value} cannot be drawn on a logarithmic axis")]
+    Logarithm {
+        /// Panel, from 0.
+        panel: usize,
+        /// The value.
+        value: f64,
     },
     /// A field does not fit its mesh.
     #[error("the field \"{name}\" has {found} values, expected {expected}")]

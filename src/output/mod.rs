@@ -1,5 +1,5 @@
 //! What people take away: branches and explored diagrams as CSV tables, fields on meshes for ParaView, with the `json` feature diagrams as
-//! JSON, with `svg` as pictures.
+//! JSON, with `svg` as pictures, with `pdf` for papers.
 
 mod csv;
 #[cfg(feature = "svg")]
@@ -9,14 +9,12 @@ mod draw;
 mod error;
 mod graph;
 mod live;
-#[cfg(feature = "svg")]
-mod plane;
 mod vtu;
 mod walk;
 
 pub use csv::{Column, write_csv};
 #[cfg(feature = "svg")]
-pub use diagram::{BranchDiagram, Colour, Curve, Panel, SegmentStyle};
+pub use diagram::{BranchDiagram, Colour, Curve, Marker, Panel, SegmentStyle};
 pub use error::OutputError;
 pub use graph::write_diagram_csv;
 #[cfg(feature = "json")]

@@ -10,6 +10,8 @@ pub(super) struct Vertex<'a> {
     pub(super) event: &'a str,
     pub(super) selection: &'a Selection,
     pub(super) grazing: &'a [usize],
+    /// Signs of det ∇_yH on arrival and on departure, where known.
+    pub(super) det_signs: [Option<i8>; 2],
 }
 
 impl<'a> Vertex<'a> {
@@ -20,6 +22,7 @@ impl<'a> Vertex<'a> {
             event,
             selection: &point.selection,
             grazing: &point.grazing,
+            det_signs: [point.det_sign; 2],
         }
     }
 
@@ -40,6 +43,7 @@ impl<'a> From<&'a Transition> for Vertex<'a> {
             event: t.kind.name(),
             selection: &t.after,
             grazing: &[],
+            det_signs: [None, t.det_sign],
         };
         vertex.leaving_along(t.followed.and_then(|k| t.arms.get(k)))
     }

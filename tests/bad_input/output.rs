@@ -139,7 +139,7 @@ fn outputs() {
 
 #[cfg(feature = "svg")]
 fn pictures(t: &mut Table, branch: &Branch) {
-    use semismooth::output::{BranchDiagram, Colour, Curve, Panel, SegmentStyle};
+    use semismooth::output::{BranchDiagram, Colour, Curve, Marker, Panel, SegmentStyle};
     let svg = "output::BranchDiagram::to_svg";
     let style = || SegmentStyle::new("s", Colour::RED);
     let line = |points: Vec<(f64, f64)>| Panel::new("x", "y").with_curve(Curve::line(points, style()));
@@ -166,8 +166,8 @@ fn pictures(t: &mut Table, branch: &Branch) {
             draw(
                 Panel::new("x", "y").with_curve(
                     curve
-                        .with_transitions(vec![(bad, 0.0)])
-                        .with_branchings(vec![(0.0, bad)]),
+                        .with_marks(Marker::Transition, [(bad, 0.0)])
+                        .with_marks(Marker::Branching, [(0.0, bad)]),
                 ),
             )
         });

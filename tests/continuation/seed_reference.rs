@@ -86,6 +86,7 @@ fn check_chain<V: View>(map: &Contact<V, PlanarCoulomb>, case: &Case, chain: &[L
         assert_eq!(t.kind, kind, "{context}");
         if let Some(next) = chain.get(k + 1) {
             assert_eq!(map.states(&t.after), next.states, "{context}");
+            assert_eq!(t.det_sign.map(i64::from), Some(next.det_sign), "{context}");
         }
     }
     let last = chain.last().unwrap();

@@ -43,7 +43,7 @@ impl Curve<'_> {
             arms
         };
         let followed = self.choose(&arms);
-        let record = self.transition(&vanishing, &arms, followed);
+        let mut record = self.transition(&vanishing, &arms, followed);
         let stop = match (followed, arms.list.len()) {
             (Some(_), _) => None,
             (None, 0) if arms.complete => Some(Termination::End),
@@ -51,18 +51,21 @@ impl Curve<'_> {
             (None, 0) => Some(Termination::Undecided),
             (None, _) => Some(Termination::Branching),
         };
-        self.emit(Event::Transition(record));
-        match followed {
-            Some(k) => {
-                self.h = self.h.max(self.options.step).min(self.options.max_step);
-                self.adopt(&arms.list[k], &vanishing)?;
-                if !simple {
-                    self.doubt_orientation()?;
-                }
-            }
-            None => self.termination = stop,
+        let Some(k) = followed else {
+            self.emit(Event::Transition(record));
+            self.termination = stop;
+            return Ok(());
+        };
+        self.h = self.h.max(self.options.step).min(self.options.max_step);
+        let mut left = self.adopt(&arms.list[k], &vanishing);
+        if left.is_ok() && !simple {
+            left = self.doubt_orientation();
         }
-        Ok(())
+        if left.is_ok() {
+            record.det_sign = self.det_sign_here();
+        }
+        self.emit(Event::Transition(record));
+        left
     }
 
     /// The arms where a single facet between two pieces is crossed: the kernel of the selection beyond it. Its sign is fixed by the
@@ -191,6 +194,7 @@ impl Curve<'_> {
             arms: arms.list.clone(),
             followed,
             complete: arms.complete,
+            det_sign: None,
             residual_norm: self.here.residual_norm,
             arclength: self.arclength,
         }

@@ -231,6 +231,7 @@ impl Curve<'_> {
             arms: arms.list,
             followed: Some(0),
             complete: false,
+            det_sign: None,
             residual_norm: norm(&r),
             arclength: self.arclength,
         };

@@ -32,19 +32,18 @@ fn assert_well_formed(svg: &str) {
 #[test]
 fn pictures_are_well_formed_and_the_same_every_time() {
     let curve = Curve::line(vec![(0.0, 0.0), (1.0, 2.0), (0.5, 3.0)], blue())
-        .with_transitions(vec![(1.0, 2.0), (0.5, 3.0), (9.0, 9.0)])
-        .with_branchings(vec![(0.2, 0.4)])
-        .with_start(true);
+        .with_marks(Marker::Transition, [(1.0, 2.0), (0.5, 3.0), (9.0, 9.0)])
+        .with_marks(Marker::Branching, [(0.2, 0.4)])
+        .with_marks(Marker::Start, [(0.0, 0.0)]);
     let d = BranchDiagram::new(Panel::new("α", "y").with_curve(curve).with_caption("a < b"))
         .with_title("R&D \u{0}")
-        .with_panel(Panel::new("x", "y").with_curve(Curve::line(vec![(0.0, 0.0)], blue()).with_start(true)));
+        .with_panel(Panel::new("x", "y").with_curve(Curve::line(vec![(0.0, 0.0)], blue())));
     let svg = d.to_svg().unwrap();
     assert_well_formed(&svg);
     assert_eq!(svg, d.to_svg().unwrap());
     // Two transitions inside the axes, and the legend's.
     assert_eq!(svg.matches("<circle").count(), 3);
-    assert!(svg.contains("width=\"640\" height=\"420\" viewBox=\"0 0 2560 1680\""));
-    assert!(svg.contains("font-family=\"sans-serif\""));
+    assert!(svg.contains("width=\"640\" height=\"420\" viewBox=\"0 0 640 420\""));
 }
 
 #[test]
@@ -55,7 +54,9 @@ fn bad_data_give_their_error() {
         let d = diagram(vec![(0.0, 0.0), (1.0, bad)]);
         assert!(matches!(d.to_svg(), Err(NotDrawable { vertex: 1, .. })));
         let d = diagram(vec![(0.0, 0.0), (1.0, 1.0)]);
-        let curve = d.panels[0].curves[0].clone().with_transitions(vec![(bad, 0.0)]);
+        let curve = d.panels[0].curves[0]
+            .clone()
+            .with_marks(Marker::Transition, [(bad, 0.0)]);
         let d = BranchDiagram::new(Panel::new("", "").with_curve(curve));
         assert!(matches!(d.to_svg(), Err(NotDrawable { vertex: 0, .. })));
     }
@@ -95,9 +96,9 @@ fn regions_notes_and_folds_are_drawn() {
     let svg = noted.to_svg().unwrap();
     assert_well_formed(&svg);
     assert!(svg.contains("T1 &amp; T2") && !svg.contains("far"));
-    let curve = Curve::line(vec![(0.0, 0.0), (1.0, 1.0)], blue()).with_arrows(false);
-    let marked =
-        BranchDiagram::new(Panel::new("x", "y").with_curve(curve.with_smooth_folds(vec![(0.5, 0.5)])));
+    let curve =
+        Curve::line(vec![(0.0, 0.0), (1.0, 1.0)], blue()).with_marks(Marker::SmoothFold, [(0.5, 0.5)]);
+    let marked = BranchDiagram::new(Panel::new("x", "y").with_curve(curve));
     assert!(marked.to_svg().unwrap().contains("smooth fold"));
     for bad in [f64::NAN, f64::INFINITY, 1e101] {
         let region = Panel::new("x", "y").with_region(vec![(0.0, bad)], shade);
@@ -140,4 +141,218 @@ fn degenerate_data_can_be_drawn() {
 fn vertical_segments_are_drawn() {
     let svg = diagram(vec![(2.0, 0.0), (2.0, 1.0)]).to_svg().unwrap();
     assert!(svg.contains("polyline"));
+}
+
+#[test]
+fn arrows_are_drawn_when_asked_for() {
+    let heads = |arrows: bool| {
+        let curve = Curve::line(vec![(0.0, 0.0), (1.0, 1.0)], blue()).with_arrows(arrows);
+        let svg = BranchDiagram::new(Panel::new("", "").with_curve(curve)).to_svg();
+        svg.unwrap().matches("<polygon").count()
+    };
+    assert_eq!(heads(false), 0);
+    assert!(heads(true) > 0);
+}
+
+#[test]
+fn labels_are_set_with_their_scripts() {
+    let panel = Panel::new("u_t [m]", "λ_ν").with_curve(Curve::line(vec![(0.0, 0.0), (1.0, 2e-7)], blue()));
+    let svg = BranchDiagram::new(panel).to_svg().unwrap();
+    assert_well_formed(&svg);
+    assert!(
+        svg.contains(
+            ">u<tspan dy=\"3.08\" font-size=\"9.8\">t</tspan><tspan dy=\"-3.08\"> [m]</tspan></text>"
+        )
+    );
+    assert!(svg.contains(">λ<tspan") && svg.contains(">−7</tspan>") && !svg.contains('_'));
+}
+
+/// Every kind of mark has a sign of its own and a name of its own.
+#[test]
+fn marks_differ() {
+    let signs: Vec<String> = Marker::ALL
+        .iter()
+        .map(|kind| format!("{:?}", mark(*kind, (0.0, 0.0), 5.0)))
+        .collect();
+    let names: Vec<&str> = Marker::ALL.iter().map(|k| k.name()).collect();
+    for k in 1..signs.len() {
+        assert!(!signs[..k].contains(&signs[k]) && !names[..k].contains(&names[k]));
+    }
+}
+
+/// Marks of one kind that would cover each other are drawn once.
+#[test]
+fn marks_do_not_pile_up() {
+    let fold = |k: usize| (0.5 + 1e-6 * k as f64, 0.5);
+    let curve =
+        Curve::line(vec![(0.0, 0.0), (1.0, 1.0)], blue()).with_marks(Marker::Transition, (0..9).map(fold));
+    let svg = BranchDiagram::new(Panel::new("", "").with_curve(curve))
+        .to_svg()
+        .unwrap();
+    // The legend has the other.
+    assert_eq!(svg.matches("<circle").count(), 2);
+}
+
+/// y = x³ is a straight line between logarithmic axes.
+#[test]
+fn powers_are_lines_on_logarithmic_axes() {
+    let cubic = |k: i32| (10.0_f64.powi(k), 10.0_f64.powi(3 * k));
+    let curve = Curve::line((-2..=2).map(cubic).collect(), blue());
+    let panel = Panel::new("x", "y").with_curve(curve).with_log_x().with_log_y();
+    let drawn = shapes(&BranchDiagram::new(panel)).unwrap();
+    let points = drawn.iter().find_map(|s| match s {
+        Shape::Line { points, width, .. } if *width == CURVE => Some(points),
+        _ => None,
+    });
+    let points = points.unwrap();
+    assert_eq!(points.len(), 5);
+    for w in points.windows(3) {
+        assert!((w[2].0 - 2.0 * w[1].0 + w[0].0).abs() < 1e-9);
+        assert!((w[2].1 - 2.0 * w[1].1 + w[0].1).abs() < 1e-9);
+        assert!(w[1].0 > w[0].0 && w[1].1 < w[0].1);
+    }
+    for bad in [0.0, -1.0] {
+        let curve = Curve::line(vec![(1.0, 1.0), (2.0, bad)], blue());
+        let panel = Panel::new("x", "y").with_curve(curve).with_log_y();
+        let refused = BranchDiagram::new(panel).to_svg();
+        assert_eq!(refused, Err(OutputError::Logarithm { panel: 0, value: bad }));
+    }
+}
+
+/// Only what lies in the range of the abscissa counts for that of the ordinate.
+#[test]
+fn ranges_are_those_of_what_is_shown() {
+    let curve = Curve::line(vec![(0.0, 0.0), (1.0, 1.0), (2.0, 1000.0)], blue());
+    let panel = Panel::new("x", "y").with_curve(curve).with_x_range(-1.0, 1.0);
+    let (x, y) = panel_ranges(0, &panel).unwrap();
+    assert_eq!(x, (-1.0, 1.0));
+    assert!(y.0 < 0.0 && y.1 > 1.0 && y.1 < 1.1, "{y:?}");
+}
+
+#[test]
+fn notes_keep_clear_of_curves_and_of_each_other() {
+    let cross = [vec![(0.0, 0.0), (1.0, 1.0)], vec![(0.0, 1.0), (1.0, 0.0)]];
+    let panel = cross.into_iter().fold(Panel::new("", ""), |panel, line| {
+        let curve = Curve::line(line, blue()).with_marks(Marker::Branching, [(0.5, 0.5)]);
+        panel.with_curve(curve)
+    });
+    let panel = ["T1", "T2", "T3", "T4"]
+        .iter()
+        .fold(panel, |panel, note| panel.with_note((0.5, 0.5), *note));
+    let drawn = shapes(&BranchDiagram::new(panel)).unwrap();
+    let (notes, rest): (Vec<&Shape>, Vec<&Shape>) = drawn.iter().partition(
+        |s| matches!(s, Shape::Text { runs, .. } if runs.first().is_some_and(|r| r.1.starts_with('T'))),
+    );
+    let room = |s: &Shape| match s {
+        Shape::Text { at, .. } => ((at.0 - 8.0, at.0 + 8.0), (at.1 - 6.0, at.1 + 6.0)),
+        _ => unreachable!(),
+    };
+    assert_eq!(notes.len(), 4);
+    for (k, note) in notes.iter().enumerate() {
+        let (x, y) = room(note);
+        for other in &notes[..k] {
+            let (u, v) = room(other);
+            assert!(x.1 <= u.0 || u.1 <= x.0 || y.1 <= v.0 || v.1 <= y.0);
+        }
+        for shape in &rest {
+            if let Shape::Line { points, width, .. } = shape
+                && *width == CURVE
+            {
+                assert!(points.windows(2).all(|w| clip(w[0], w[1], x, y).is_none()));
+            }
+        }
+    }
+}
+
+/// CIELAB coordinates of a colour as a reader sees it who lacks one kind of cone (G. M. Machado, M. M. Oliveira, L. A. F. Fernandes, IEEE
+/// Trans. Vis. Comput. Graph. 15 (2009), severity 1, rows for linear sRGB).
+fn seen(colour: Colour, vision: &[[f64; 3]; 3]) -> [f64; 3] {
+    let linear = [colour.red, colour.green, colour.blue].map(|v| {
+        let v = f64::from(v) / 255.0;
+        if v <= 0.04045 {
+            v / 12.92
+        } else {
+            ((v + 0.055) / 1.055).powf(2.4)
+        }
+    });
+    let times = |m: &[[f64; 3]; 3], v: [f64; 3]| m.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2]);
+    let rgb = times(vision, linear).map(|v| v.clamp(0.0, 1.0));
+    let to_xyz = [
+        [0.4124, 0.3576, 0.1805],
+        [0.2126, 0.7152, 0.0722],
+        [0.0193, 0.1192, 0.9505],
+    ];
+    let xyz = times(&to_xyz, rgb);
+    let f = |t: f64| {
+        if t > 216.0 / 24389.0 {
+            t.cbrt()
+        } else {
+            (24389.0 / 27.0 * t + 16.0) / 116.0
+        }
+    };
+    let (x, y, z) = (f(xyz[0] / 0.9505), f(xyz[1]), f(xyz[2] / 1.089));
+    [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
+}
+
+#[test]
+fn colours_differ_for_every_reader() {
+    let normal = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let without_red = [
+        [0.152286, 1.052583, -0.204868],
+        [0.114503, 0.786281, 0.099216],
+        [-0.003882, -0.048116, 1.051998],
+    ];
+    let without_green = [
+        [0.367322, 0.860646, -0.227968],
+        [0.280085, 0.672501, 0.047413],
+        [-0.011820, 0.042940, 0.968881],
+    ];
+    let colours = [
+        Colour::RED,
+        Colour::GREEN,
+        Colour::BLUE,
+        Colour::GREY,
+        Colour::ORANGE,
+        Colour::PURPLE,
+    ];
+    for vision in [&normal, &without_red, &without_green] {
+        for (k, a) in colours.iter().enumerate() {
+            for b in &colours[..k] {
+                let (a, b) = (seen(*a, vision), seen(*b, vision));
+                let squares: f64 = (0..3).map(|i| (a[i] - b[i]).powi(2)).sum();
+                assert!(squares.sqrt() > 20.0, "{a:?} {b:?}");
+            }
+        }
+    }
+}
+
+#[cfg(feature = "pdf")]
+mod pages {
+    use super::*;
+
+    /// What is written decodes to streams whose operators balance, and holds the letters of labels in the codes of their fonts.
+    #[test]
+    fn pages_hold_the_same_picture() {
+        let curve = Curve::line(vec![(0.0, 0.0), (1.0, 2.0)], blue())
+            .with_marks(Marker::Transition, [(0.5, 1.0)])
+            .with_marks(Marker::Fold, [(1.0, 2.0)]);
+        let d = BranchDiagram::new(Panel::new("f_ν [kN]", "u").with_curve(curve)).with_title("A (b) €");
+        let page = d.to_pdf().unwrap();
+        assert_eq!(page, d.to_pdf().unwrap());
+        assert!(page.starts_with(b"%PDF-1.7") && page.ends_with(b"%%EOF"));
+        let text = String::from_utf8_lossy(&page);
+        assert_eq!(text.matches("\nBT\n").count(), text.matches("\nET\n").count());
+        assert!(text.contains("/MediaBox [0 0 480 315]"));
+        // ν is the letter n of Symbol; a sign that no font has is a question mark.
+        assert!(text.contains("(n) Tj") && text.contains("([kN]) Tj") | text.contains("( [kN]) Tj"));
+        assert!(text.contains("?) Tj"));
+        let circles = |d: &BranchDiagram| {
+            let shapes = shapes(d).unwrap();
+            shapes
+                .iter()
+                .filter(|s| matches!(s, Shape::Circle { .. }))
+                .count()
+        };
+        assert_eq!(text.matches(" c\n").count(), 4 * circles(&d));
+    }
 }

@@ -3,10 +3,10 @@
 /// Largest magnitude that is drawn: differences and products of such numbers stay finite.
 pub(super) const LARGEST: f64 = 1e100;
 
-pub(super) type Point = (f64, f64);
+pub(in crate::output) type Point = (f64, f64);
 
 /// A range of an axis, (lower, upper).
-pub(super) type Range = (f64, f64);
+pub(in crate::output) type Range = (f64, f64);
 
 pub(super) fn drawable(p: Point) -> bool {
     p.0.abs() <= LARGEST && p.1.abs() <= LARGEST
@@ -92,25 +92,6 @@ pub(super) fn inside(p: Point, x: Range, y: Range) -> bool {
     (x.0..=x.1).contains(&p.0) && (y.0..=y.1).contains(&p.1)
 }
 
-/// A tick label: six significant digits, no trailing zeros.
-pub(super) fn tick_label(value: f64, range: Range) -> String {
-    let span = range.1 - range.0;
-    if value.abs() < 1e-9 * span {
-        return "0".into();
-    }
-    let magnitude = value.abs().max(1e-2 * span).log10().floor();
-    if !(-4.0..6.0).contains(&value.abs().log10()) {
-        return format!("{value:.3e}");
-    }
-    let decimals = (5.0 - magnitude).clamp(0.0, 9.0) as usize;
-    let text = format!("{value:.decimals$}");
-    if text.contains('.') {
-        text.trim_end_matches('0').trim_end_matches('.').replace('-', "−")
-    } else {
-        text.replace('-', "−")
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -156,14 +137,5 @@ mod tests {
         assert!((area(&corner) - 0.5).abs() < 1e-15, "{corner:?}");
         assert!(clip_region(&diamond, (5.0, 6.0), unit).is_empty());
         assert!(clip_region(&[], unit, unit).is_empty());
-    }
-
-    #[test]
-    fn ticks_are_short() {
-        assert_eq!(tick_label(0.30000000000000004, (0.0, 1.0)), "0.3");
-        assert_eq!(tick_label(1e-17, (0.0, 1.0)), "0");
-        assert_eq!(tick_label(-2.5, (-5.0, 5.0)), "−2.5");
-        assert_eq!(tick_label(120.0, (0.0, 200.0)), "120");
-        assert_eq!(tick_label(2e7, (0.0, 3e7)), "2.000e7");
     }
 }
