@@ -353,6 +353,7 @@ fn of_svg() -> Vec<&'static str> {
         "output::BranchDiagram": output::BranchDiagram,
         "output::Colour": output::Colour,
         "output::Curve": output::Curve,
+        "output::Marker": output::Marker,
         "output::Panel": output::Panel,
         "output::SegmentStyle": output::SegmentStyle,
     }
