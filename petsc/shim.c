@@ -10,6 +10,7 @@ _Static_assert(sizeof(PetscInt) == 8, "PetscInt is not int64_t");
 #else
 _Static_assert(sizeof(PetscInt) == 4, "PetscInt is not int32_t");
 #endif
+_Static_assert(sizeof(PetscLogDouble) == sizeof(double), "PetscLogDouble is not double");
 _Static_assert(sizeof(PetscErrorCode) == sizeof(int), "PetscErrorCode is not int");
 _Static_assert(sizeof(Vec) == sizeof(void *) && sizeof(Mat) == sizeof(void *) && sizeof(KSP) == sizeof(void *), "handles");
 
@@ -194,6 +195,62 @@ int shim_near_kernel(Mat a, PetscInt local, PetscInt block, int count, const dou
   for (int i = 0; i < kept; i++) PetscCall(VecDestroy(&v[i]));
   PetscCall(MatSetNearNullSpace(a, kernel));
   return MatNullSpaceDestroy(&kernel);
+}
+
+static int eliminate(Mat a, Mat factor, PetscInt n, const PetscInt rows[], double schur[])
+{
+  IS             is;
+  Mat            s;
+  MatFactorInfo  info;
+  MatFactorError failure;
+
+  PetscCall(ISCreateGeneral(PETSC_COMM_WORLD, n, rows, PETSC_COPY_VALUES, &is));
+  PetscCall(MatFactorSetSchurIS(factor, is));
+  PetscCall(ISDestroy(&is));
+  /* MUMPS fills one triangle, on one process another than on several. */
+  PetscCall(MatFactorGetSchurComplement(factor, &s, NULL));
+  PetscCall(MatZeroEntries(s));
+  PetscCall(MatFactorInfoInitialize(&info));
+  PetscCall(MatCholeskyFactorSymbolic(factor, a, NULL, &info));
+  PetscCall(MatCholeskyFactorNumeric(factor, a, &info));
+  PetscCall(MatFactorGetError(factor, &failure));
+  if (failure == MAT_FACTOR_OUTMEMORY) return PETSC_ERR_MEM;
+  if (failure != MAT_FACTOR_NOERROR) return PETSC_ERR_MAT_CH_ZRPVT;
+  if (n > 0) {
+    const PetscScalar *v;
+    PetscInt           lda;
+
+    PetscCall(MatDenseGetLDA(s, &lda));
+    PetscCall(MatDenseGetArrayRead(s, &v));
+    for (size_t i = 0; i < (size_t)n; i++) {
+      for (size_t j = 0; j <= i; j++) {
+        double one = v[i * lda + j], other = v[j * lda + i];
+        schur[i * n + j] = schur[j * n + i] = one != 0.0 ? one : other;
+      }
+    }
+    PetscCall(MatDenseRestoreArrayRead(s, &v));
+  }
+  return MatFactorRestoreSchurComplement(factor, &s, MAT_FACTOR_SCHUR_UNFACTORED);
+}
+
+/* The Schur complement of n rows, which process 0 names, symmetric, on process 0: MUMPS eliminates all others and is done. */
+int shim_eliminate(Mat a, PetscInt n, const PetscInt rows[], double schur[])
+{
+  Mat factor;
+  int code;
+
+  PetscCall(MatGetFactor(a, "mumps", MAT_FACTOR_CHOLESKY, &factor));
+  code = eliminate(a, factor, n, rows, schur);
+  PetscCall(MatDestroy(&factor));
+  return code;
+}
+
+int shim_share_near_kernel(Mat a, Mat b)
+{
+  MatNullSpace kernel;
+
+  PetscCall(MatGetNearNullSpace(a, &kernel));
+  return MatSetNearNullSpace(b, kernel);
 }
 
 /* An option, unless it is given already. */

@@ -1,6 +1,7 @@
 use std::collections::HashMap;
 use std::error::Error as StdError;
 
+use semismooth::contact::ContactError;
 use semismooth::fem::{ContactRows, ElasticSystem};
 use thiserror::Error;
 
@@ -36,6 +37,12 @@ pub enum BodyError {
         /// Number of unknowns.
         unknowns: usize,
     },
+    /// A Schur complement that does not do what it should.
+    #[error("the Schur complement from MUMPS gives forces back with an error of {error}")]
+    Schur {
+        /// Against the largest force.
+        error: f64,
+    },
     /// Contact nodes along whose frame the stiffness is not positive.
     #[error("the stiffness of the contact nodes is not positive: {mean} in the mean")]
     NotPositive {
@@ -57,9 +64,6 @@ pub struct DistributedBody<'w> {
     /// Components of the nodes with equations of this process.
     pub(crate) len: usize,
     pub(crate) stiffness: Matrix<'w>,
-    /// Rigid motions at these components, one vector after another.
-    pub(crate) modes: Vec<f64>,
-    pub(crate) num_modes: usize,
     /// Mean stiffness of single contact nodes, over all directions and processes.
     pub(crate) node_stiffness: f64,
     /// The component along ν of each contact node of this process.
@@ -138,7 +142,9 @@ impl<'w> DistributedBody<'w> {
             .map(|&n| (0..dim).filter(|&d| system.dof(n, d).is_some()).count())
             .sum();
         let (_, num_displacements) = world.offset(own_free)?;
-        let stiffness = numbering.stiffness(world, part, system, mean)?;
+        let mut stiffness = numbering.stiffness(world, part, system, mean)?;
+        stiffness.set_near_kernel(dim, num_modes, &modes)?;
+        drop(modes);
         // What no process solves for, at nodes that have supports this part does not know of: nowhere.
         let mut places = vec![u32::MAX; system.num_free()];
         for (k, node) in nodes.iter().chain(&numbering.others).enumerate() {
@@ -159,8 +165,6 @@ impl<'w> DistributedBody<'w> {
             first: numbering.first,
             len,
             stiffness,
-            modes,
-            num_modes,
             node_stiffness: mean,
             components,
             gap,
@@ -207,6 +211,17 @@ impl<'w> DistributedBody<'w> {
     #[must_use]
     pub fn dim(&self) -> usize {
         self.dim
+    }
+
+    pub(crate) fn check_length(&self, what: &'static str, v: &[f64]) -> Result<(), ContactError> {
+        match v.len() == self.num_free() {
+            true => Ok(()),
+            false => Err(ContactError::Length {
+                what,
+                expected: self.num_free(),
+                found: v.len(),
+            }),
+        }
     }
 
     /// From free displacements (or forces) of the part to the components of this process, those of contact nodes along their frames.

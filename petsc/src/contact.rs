@@ -104,16 +104,9 @@ impl<'w, L: NodeLaw> DistributedContact<'w, L> {
     }
 
     pub(crate) fn check(&self, alpha: f64, load: &[f64], start: Option<&[f64]>) -> Result<(), ContactError> {
-        let n = self.system.body.num_free();
         let vectors = [("the load", Some(load)), ("the start", start)];
         for (what, v) in vectors.iter().filter_map(|(what, v)| Some((*what, (*v)?))) {
-            if v.len() != n {
-                return Err(ContactError::Length {
-                    what,
-                    expected: n,
-                    found: v.len(),
-                });
-            }
+            self.system.body.check_length(what, v)?;
             check_finite(what, v)?;
         }
         check_finite("the parameter", &[alpha])?;

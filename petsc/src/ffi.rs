@@ -43,7 +43,10 @@ unsafe extern "C" {
     pub fn shim_copy(a: Handle, b: Handle) -> Code;
     pub fn shim_hold(a: Handle, n: Int, rows: *const Int, diagonal: f64) -> Code;
     pub fn shim_both(a: Handle, b: Handle, sum: *mut Handle) -> Code;
+    pub fn shim_share_near_kernel(a: Handle, b: Handle) -> Code;
     pub fn shim_near_kernel(a: Handle, local: Int, block: Int, count: c_int, values: *const f64) -> Code;
+
+    pub fn shim_eliminate(a: Handle, n: Int, rows: *const Int, schur: *mut f64) -> Code;
 
     pub fn shim_default(name: *const c_char, value: *const c_char) -> Code;
     pub fn shim_solver(k: *mut Handle) -> Code;
@@ -59,6 +62,7 @@ unsafe extern "C" {
         reason: *mut c_int,
     ) -> Code;
 
+    pub fn PetscGetFlops(count: *mut f64) -> Code;
     pub fn PetscErrorMessage(code: Code, text: *mut *const c_char, specific: *mut *mut c_char) -> Code;
     pub fn VecDestroy(v: *mut Handle) -> Code;
     pub fn VecGetArray(v: Handle, a: *mut *mut f64) -> Code;

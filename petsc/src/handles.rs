@@ -106,6 +106,11 @@ impl<'w> Matrix<'w> {
         ))
     }
 
+    /// That of another matrix.
+    pub(crate) fn share_near_kernel(&mut self, a: &Self) -> Outcome<()> {
+        call!(shim_share_near_kernel(a.0, self.0))
+    }
+
     pub(crate) fn duplicate(&self) -> Outcome<Self> {
         let mut a = null_mut();
         call!(shim_duplicate(self.0, &mut a))?;
@@ -138,6 +143,13 @@ impl<'w> Matrix<'w> {
 
     pub(crate) fn mul(&self, x: &Vector<'_>, y: &mut Vector<'_>) -> Outcome<()> {
         call!(MatMult(self.0, x.0, y.0))
+    }
+
+    /// The Schur complement of the rows that process 0 names, row by row on process 0: all others are eliminated.
+    pub(crate) fn eliminate_others(&self, rows: &[Int], schur: &mut [f64]) -> Outcome<()> {
+        debug_assert_eq!(schur.len(), rows.len() * rows.len());
+        let (n, rows) = (rows.len() as Int, rows.as_ptr());
+        call!(shim_eliminate(self.0, n, rows, schur.as_mut_ptr()))
     }
 
     /// a + b, which is not formed: PETSc counts references to both.

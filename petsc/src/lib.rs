@@ -34,6 +34,7 @@
 //! motions as near-kernel.
 
 mod body;
+mod condensed;
 mod contact;
 mod ffi;
 mod handles;
@@ -45,6 +46,7 @@ mod system;
 mod world;
 
 pub use body::{BodyError, DistributedBody};
+pub use condensed::CondensedBody;
 pub use contact::DistributedContact;
 pub use part::{Part, PartError};
 pub use pieces::PartField;

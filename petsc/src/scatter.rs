@@ -222,26 +222,16 @@ pub(crate) struct Piece {
 
 impl Piece {
     pub(crate) fn send(&self, world: &World, to: usize) -> Result<(), PetscError> {
-        world.send(&[self.lists.len() as u64], to)?;
-        for list in &self.lists {
-            world.send(&[list.len() as u64], to)?;
-            world.send(list, to)?;
-        }
-        Ok(())
+        world.send_list(&[self.lists.len() as u64], to)?;
+        self.lists.iter().try_for_each(|list| world.send_list(list, to))
     }
 
     pub(crate) fn receive(world: &World, from: usize) -> Result<Self, PetscError> {
-        let mut count = [0];
-        world.receive(&mut count, from)?;
-        let mut lists = Vec::new();
-        for _ in 0..count[0] {
-            let mut length = [0];
-            world.receive(&mut length, from)?;
-            let mut list = vec![0; length[0] as usize];
-            world.receive(&mut list, from)?;
-            lists.push(list);
-        }
-        Ok(Self { lists })
+        let count = world.receive_list(from)?.first().copied().unwrap_or(0);
+        let lists = (0..count).map(|_| world.receive_list(from));
+        Ok(Self {
+            lists: lists.collect::<Result<_, _>>()?,
+        })
     }
 
     /// Mesh, own nodes, numbers of nodes, number of the first own node.

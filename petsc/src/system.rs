@@ -4,7 +4,7 @@ use thiserror::Error;
 use crate::DistributedBody;
 use crate::ffi::Int;
 use crate::handles::{Matrix, Solver, Vector};
-use crate::world::{Error, PetscError};
+use crate::world::{Error, PetscError, World};
 
 /// What can go wrong in a linear solver.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
@@ -21,6 +21,19 @@ pub enum SolverError {
         /// Number of iterations.
         iterations: usize,
     },
+}
+
+/// The solver that options choose; without them GMRES with algebraic multigrid.
+pub(crate) fn krylov(world: &World, directions: usize) -> Result<Solver<'_>, PetscError> {
+    let directions = directions.to_string();
+    let defaults = [
+        ("-ksp_type", "fgmres"),
+        ("-ksp_gmres_restart", directions.as_str()),
+        ("-pc_type", "gamg"),
+        // The aggregates stay as nodes change state; matrices of coarse levels are computed anew.
+        ("-pc_gamg_reuse_interpolation", "true"),
+    ];
+    Solver::new(world, &defaults)
 }
 
 /// The linear systems of Newton's method, by PETSc.
@@ -47,18 +60,8 @@ impl<'w> System<'w> {
         let world = body.world;
         let mut definite = body.stiffness.duplicate()?;
         definite.set_definite()?;
-        definite.set_near_kernel(body.dim, body.num_modes, &body.modes)?;
-        let directions = directions.to_string();
-        let solver = Solver::new(
-            world,
-            &[
-                ("-ksp_type", "fgmres"),
-                ("-ksp_gmres_restart", &directions),
-                ("-pc_type", "gamg"),
-                // The aggregates stay as nodes change state; matrices of coarse levels are computed anew.
-                ("-pc_gamg_reuse_interpolation", "true"),
-            ],
-        )?;
+        definite.share_near_kernel(&body.stiffness)?;
+        let solver = krylov(world, directions)?;
         Ok(Self {
             definite,
             sum: None,

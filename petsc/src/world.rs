@@ -291,6 +291,17 @@ impl World {
         self.agree(done.map(|()| values))
     }
 
+    /// Floating-point operations in PETSc, in this process, since the start: what PETSc counts of matrices, vectors and solvers. Not
+    /// collective.
+    #[must_use]
+    pub fn operations(&self) -> f64 {
+        let mut count = 0.0;
+        match call!(PetscGetFlops(&mut count)) {
+            Ok(()) => count,
+            Err(_) => f64::NAN,
+        }
+    }
+
     pub(crate) fn add(&self, values: &mut [f64]) -> Result<(), PetscError> {
         call!(shim_sum(values.as_mut_ptr(), values.len() as c_int))
     }
@@ -323,13 +334,49 @@ impl World {
 
 impl World {
     /// Numbers for another process, which receives as many. Not collective.
-    pub(crate) fn send(&self, list: &[u64], to: usize) -> Result<(), PetscError> {
+    fn send(&self, list: &[u64], to: usize) -> Result<(), PetscError> {
         let bytes = size_of_val(list) as i64;
         call!(shim_send(list.as_ptr().cast(), bytes, to as c_int))
     }
 
+    /// On process 0 the lists of all processes, elsewhere nothing.
+    pub(crate) fn collect(&self, own: &[u64]) -> Result<Vec<Vec<u64>>, PetscError> {
+        if self.rank > 0 {
+            self.send_list(own, 0)?;
+            return Ok(Vec::new());
+        }
+        let others = (1..self.size).map(|rank| self.receive_list(rank));
+        std::iter::once(Ok(own.to_vec())).chain(others).collect()
+    }
+
+    /// To each process its list of those that process 0 has.
+    pub(crate) fn spread(&self, lists: &[Vec<u64>]) -> Result<Vec<u64>, PetscError> {
+        if self.rank > 0 {
+            return self.receive_list(0);
+        }
+        for (rank, list) in lists.iter().enumerate().skip(1) {
+            self.send_list(list, rank)?;
+        }
+        Ok(lists.first().cloned().unwrap_or_default())
+    }
+
+    /// A list for another process, its length first. Not collective.
+    pub(crate) fn send_list(&self, list: &[u64], to: usize) -> Result<(), PetscError> {
+        self.send(&[list.len() as u64], to)?;
+        self.send(list, to)
+    }
+
+    /// A list of another process. Not collective.
+    pub(crate) fn receive_list(&self, from: usize) -> Result<Vec<u64>, PetscError> {
+        let mut length = [0];
+        self.receive(&mut length, from)?;
+        let mut list = vec![0; length[0] as usize];
+        self.receive(&mut list, from)?;
+        Ok(list)
+    }
+
     /// Numbers of another process. Not collective.
-    pub(crate) fn receive(&self, list: &mut [u64], from: usize) -> Result<(), PetscError> {
+    fn receive(&self, list: &mut [u64], from: usize) -> Result<(), PetscError> {
         let bytes = size_of_val(list) as i64;
         call!(shim_receive(list.as_mut_ptr().cast(), bytes, from as c_int))
     }

@@ -5,7 +5,8 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
 use semismooth::contact::{
-    CondensedContact, ContactBody, FrictionCoefficient, LoadPath, OrthotropicCoulomb, ReducedOptions,
+    CondensedContact, ContactBody, ContactError, FrictionCoefficient, LoadPath, OrthotropicCoulomb,
+    ReducedOptions,
 };
 use semismooth::fem::{
     CellKind, ContactRows, ElasticSystem, Elasticity, FemError, Foundation, Material, Mesh, read_gmsh,
@@ -93,16 +94,22 @@ fn law() -> OrthotropicCoulomb {
     OrthotropicCoulomb::new(constant(0.2), constant(0.6))
 }
 
-/// On each process: solves, and writes `NAME.pvtu` with the displacements and the owners of nodes.
+/// On each process: solves, or lets process 0 solve with what MUMPS has left of the body, and writes `NAME.pvtu` with the displacements and
+/// the owners of nodes.
 pub fn solve(world: &World, name: &str) -> Result<(), Error> {
     let part = Part::read_gmsh(world, folder().join("body.msh"))?;
     let (system, load, rows) = world.agree(discretize(part.mesh().clone()))?;
     let body = DistributedBody::new(world, &part, &system, &rows)?;
-    let options = ReducedOptions::default().with_tolerance(1e-12);
-    let mut problem = DistributedContact::new(body, law(), options)?;
-    let found = problem.solve(0.0, &load, None)?;
+    let (free, states) = match name.starts_with("condensed") {
+        true => in_one(world, &body, &load)?,
+        false => {
+            let options = ReducedOptions::default().with_tolerance(1e-12);
+            let found = DistributedContact::new(body, law(), options)?.solve(0.0, &load, None)?;
+            (found.displacements, found.states)
+        }
+    };
     let supports = system.supports().displacements();
-    let u = world.agree(system.displacements(&found.displacements, supports))?;
+    let u = world.agree(system.displacements(&free, supports))?;
     let mut owner = vec![f64::NAN; part.mesh().num_nodes()];
     part.own().iter().for_each(|n| owner[*n] = world.rank() as f64);
     let fields = [
@@ -111,9 +118,28 @@ pub fn solve(world: &World, name: &str) -> Result<(), Error> {
     ];
     part.write(world, folder().join(name), &fields)?;
     if world.rank() == 0 {
-        println!("states {:?}", found.states);
+        println!("states {states:?}");
     }
     Ok(())
+}
+
+type Found = (Vec<f64>, [usize; 3]);
+
+/// At α = 1 of a load that comes in two parts.
+fn in_one(world: &World, body: &DistributedBody<'_>, load: &[f64]) -> Result<Found, Error> {
+    let mut condensed = body.condense(Some(1 << 30))?;
+    let [some, rest] = [0.3, 0.7].map(|part| load.iter().map(|f| part * f).collect::<Vec<_>>());
+    let nodes = condensed.contact_body(&some, &rest)?;
+    assert_eq!(nodes.is_some(), world.rank() == 0);
+    let solve = |nodes| -> Result<Found, ContactError> {
+        let problem = CondensedContact::new(nodes, law())?;
+        let mut x = problem.solve(1.0, None)?;
+        let found = problem.solution(&x)?;
+        x.pop();
+        Ok((x, [found.open(), found.stick(), found.slip()]))
+    };
+    let (forces, states) = world.agree(nodes.map(solve).transpose())?.unwrap_or_default();
+    Ok((condensed.displacements(load, &forces)?, states))
 }
 
 type Position = [u64; 3];

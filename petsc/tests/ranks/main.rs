@@ -110,7 +110,13 @@ fn from_outside(wanted: &dyn Fn(&str) -> bool) {
         assert_eq!(ended.count("all agree with one process"), 1);
     }
     files::write_gmsh(&files::folder().join("body.msh"));
-    let files = [(1, "files-1"), (2, "files-2"), (3, "files-3")];
+    let files = [
+        (1, "files-1"),
+        (2, "files-2"),
+        (3, "files-3"),
+        (1, "condensed-1"),
+        (3, "condensed-3"),
+    ];
     for (ranks, case) in files.into_iter().filter(|c| wanted(c.1)) {
         let ended = here(ranks, case);
         assert!(ended.success, "{}", ended.output);
@@ -123,6 +129,7 @@ fn from_outside(wanted: &dyn Fn(&str) -> bool) {
         ("law", "does not determine the forces", 1),
         ("length", "the load", 2),
         ("floating", "rigid motions", 0),
+        ("dense", "bytes", 0),
         ("too-many", "cannot be cut", 0),
         ("too-few-nodes", "cannot be spread", 0),
         ("no-mesh", "gave none", 0),
@@ -200,7 +207,9 @@ fn on_ranks(world: &World, case: &str) -> Result<(), Error> {
                 &[PartField::new("speed", 1, &values)],
             )
         }
-        _ if case.starts_with("files") => files::solve(world, &format!("{case}.pvtu")),
+        _ if case.starts_with("files-") || case.starts_with("condensed-") => {
+            files::solve(world, &format!("{case}.pvtu"))
+        }
         _ if case.starts_with("history") => history::run(world, case),
         _ => contact(world, case),
     }
@@ -218,6 +227,9 @@ fn contact(world: &World, case: &str) -> Result<(), Error> {
     let ground = Foundation::plane([0.0; 3], [0.0, 0.0, 1.0]);
     let rows = world.agree(system.contact("bottom", &ground))?;
     let body = DistributedBody::new(world, &part, &system, &rows)?;
+    if case == "dense" {
+        return body.condense(Some(1000)).map(|_| ());
+    }
     let coulomb = OrthotropicCoulomb::isotropic(world.agree(FrictionCoefficient::constant(0.3))?);
     let law = Odd {
         coulomb,
