@@ -1,15 +1,33 @@
-//! Corrector: iterations on the one-node friction model, and the cost of an iteration on large sparse problems in
-//! factorisations of the same matrix.
+//! Corrector: time to 1e-12 by class of problem and method, and the cost of an iteration beside that of its parts (evaluation,
+//! factorisation, solve), dense with 2 to 500 unknowns and sparse with 1 000 to 1 000 000.
 
-use std::borrow::Cow;
+#[macro_use]
+#[path = "../examples/common/mod.rs"]
+mod common;
+#[path = "../examples/common/contenders.rs"]
+#[allow(dead_code)]
+mod contenders;
+#[path = "../examples/common/obstacles.rs"]
+#[allow(dead_code)]
+mod obstacles;
+
+use std::cell::Cell;
 use std::hint::black_box;
+use std::rc::Rc;
+use std::time::{Duration, Instant};
 
-use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use common::Random;
+use contenders::{Complementarity, METHODS, random_lcp};
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use semismooth::complementarity::{AffineFunction, Mcp};
 use semismooth::contact::HildRenard;
-use semismooth::linear::{LinearSolver, SparseLu};
-use semismooth::newton::Newton;
-use semismooth::piecewise::{Facet, PiecewiseSmooth, Selection, select};
-use semismooth::sparse::{Matrix, Pattern};
+use semismooth::linear::{AutoSolver, LinearError, LinearSolver};
+use semismooth::newton::{Newton, NewtonOptions};
+use semismooth::piecewise::{Facet, PiecewiseSmooth, Selection};
+use semismooth::sparse::{Matrix, MatrixRef, Pattern, PatternRef};
+
+/// Residual, relative to that of the start, at which a method has arrived.
+const ARRIVED: f64 = 1e-12;
 
 fn one_node(c: &mut Criterion) {
     let problem = HildRenard::new(1.5, -4.0, 1.0, 1.0).unwrap().problem().unwrap();
@@ -30,154 +48,261 @@ fn one_node(c: &mut Criterion) {
     group.finish();
 }
 
-/// Membrane over an obstacle: min(−Δv − c, v − ψ) = 0 on m × m points.
-struct Obstacle {
-    m: usize,
-    pattern: Pattern,
+/// One problem a class: linear ones with n = 20 of the kinds of `random_lcp`, a membrane and a twisted bar on grids.
+fn classes() -> Vec<Complementarity> {
+    let mut random = Random::new(3);
+    let mut list: Vec<_> = (0..4)
+        .map(|kind| random_lcp(20, kind, &mut random, "LCP, n = 20").unwrap())
+        .collect();
+    for kind in [obstacles::Problem::Hemisphere, obstacles::Problem::Torsion] {
+        let lcp = kind.lcp(31).unwrap();
+        list.push(Complementarity {
+            name: format!("obstacle {}, n = 961", kind.name()),
+            function: Rc::new(lcp.mcp().function().clone()),
+            lower: lcp.lower().to_vec(),
+            upper: lcp.upper().to_vec(),
+            start: vec![0.0; 961],
+        });
+    }
+    list
 }
 
-impl Obstacle {
-    fn new(m: usize) -> Self {
-        let n = m * m;
-        let neighbours = move |k: usize| {
-            let (i, j) = (k / m, k % m);
-            let mut list = vec![k];
-            if i > 0 {
-                list.push(k - m);
-            }
-            if i + 1 < m {
-                list.push(k + m);
-            }
-            if j > 0 {
-                list.push(k - 1);
-            }
-            if j + 1 < m {
-                list.push(k + 1);
-            }
-            list
-        };
-        let entries = (0..n).flat_map(|k| neighbours(k).into_iter().map(move |l| (k, l)));
-        Self {
-            m,
-            pattern: Pattern::from_entries(n, n, entries).unwrap(),
-        }
-    }
-
-    fn balance(&self, k: usize, v: &[f64]) -> f64 {
-        let m = self.m;
-        let (i, j) = (k / m, k % m);
-        let at = |inside: bool, l: usize| if inside { v[l] } else { 0.0 };
-        4.0 * v[k]
-            - at(i > 0, k.wrapping_sub(m))
-            - at(i + 1 < m, k + m)
-            - at(j > 0, k.wrapping_sub(1))
-            - at(j + 1 < m, k + 1)
-            + 8.0 / ((m + 1) * (m + 1)) as f64
-    }
-
-    fn obstacle(&self, k: usize) -> f64 {
-        let h = 1.0 / (self.m + 1) as f64;
-        let (x, y) = ((k / self.m + 1) as f64 * h, (k % self.m + 1) as f64 * h);
-        -0.2 + 0.1 * (9.0 * x).sin() * (7.0 * y).sin()
-    }
-}
-
-impl PiecewiseSmooth for Obstacle {
-    fn num_vars(&self) -> usize {
-        self.m * self.m
-    }
-    fn num_residuals(&self) -> usize {
-        self.m * self.m
-    }
-    fn num_sites(&self) -> usize {
-        self.m * self.m
-    }
-    fn num_pieces(&self, _: usize) -> usize {
-        2
-    }
-    fn num_tests(&self, _: usize) -> usize {
-        1
-    }
-    fn cell(&self, _: usize, piece: usize) -> &[Facet] {
-        const FREE: [Facet; 1] = [Facet::positive(0)];
-        const CONTACT: [Facet; 1] = [Facet::negative(0)];
-        if piece == 0 { &FREE } else { &CONTACT }
-    }
-    fn piece_name(&self, _: usize, piece: usize) -> Cow<'_, str> {
-        Cow::Borrowed(["free", "contact"][piece])
-    }
-    fn pattern(&self) -> Pattern {
-        self.pattern.clone()
-    }
-    fn test_functions(&self, x: &[f64], out: &mut [f64]) {
-        for k in 0..x.len() {
-            out[k] = x[k] - self.obstacle(k) - self.balance(k, x);
-        }
-    }
-    fn residual(&self, s: &Selection, x: &[f64], out: &mut [f64]) {
-        for k in 0..x.len() {
-            out[k] = if s.piece(k) == 0 {
-                self.balance(k, x)
-            } else {
-                x[k] - self.obstacle(k)
-            };
-        }
-    }
-    fn jacobian(&self, s: &Selection, x: &[f64], jac: &mut Matrix) {
-        let m = self.m;
-        for k in 0..x.len() {
-            if s.piece(k) == 1 {
-                jac.add(k, k, 1.0);
+fn to_solution(c: &mut Criterion) {
+    for problem in classes() {
+        let (lower, upper) = (problem.lower.clone(), problem.upper.clone());
+        let mcp = Mcp::new(problem.function.as_ref(), lower, upper).unwrap();
+        let first = mcp
+            .natural_residual(&problem.start, &mut vec![0.0; problem.start.len()])
+            .unwrap();
+        let mut group = c.benchmark_group(format!("to 1e-12: {}", problem.name));
+        group.sample_size(10).measurement_time(Duration::from_millis(500));
+        group.warm_up_time(Duration::from_millis(100));
+        for method in &METHODS {
+            let run = problem.run(method).unwrap();
+            if run.residual > ARRIVED * first {
+                println!(
+                    "{}, {}: ends at {:.1e}",
+                    problem.name,
+                    method.name,
+                    run.residual / first
+                );
                 continue;
             }
-            let (i, j) = (k / m, k % m);
-            jac.add(k, k, 4.0);
-            for (inside, l) in [
-                (i > 0, k.wrapping_sub(m)),
-                (i + 1 < m, k + m),
-                (j > 0, k.wrapping_sub(1)),
-                (j + 1 < m, k + 1),
-            ] {
-                if inside {
-                    jac.add(k, l, -1.0);
-                }
-            }
+            group.bench_function(method.name, |b| b.iter(|| problem.run(method).unwrap().residual));
         }
-    }
-}
-
-fn sparse(c: &mut Criterion) {
-    for m in [100, 316] {
-        let map = Obstacle::new(m);
-        let n = m * m;
-        let mut x = vec![0.0; n];
-        let mut newton = Newton::default();
-        newton.solve(&map, &mut x).unwrap();
-        let selection = select(&map, &x);
-        let mut jac = Matrix::zeros(map.pattern());
-        map.jacobian(&selection, &x, &mut jac);
-        let mut lu = SparseLu::default();
-        lu.analyze(jac.pattern().as_ref()).unwrap();
-        let mut group = c.benchmark_group(format!("sparse, {n} unknowns"));
-        group.sample_size(10);
-        group.bench_function("one factorisation", |b| {
-            b.iter(|| lu.factor(jac.as_ref()).unwrap())
-        });
-        let solved = x.clone();
-        let mut rounds = 0;
-        // One iteration: from a point off the solution, all pieces right.
-        group.bench_function("one corrector iteration", |b| {
-            b.iter(|| {
-                let mut x = solved.clone();
-                x.iter_mut().for_each(|v| *v += 1e-9);
-                newton.solve(&map, &mut x).unwrap();
-                rounds = newton.report().factorisations;
-            });
-        });
-        println!("factorisations a solve: {rounds}");
         group.finish();
     }
 }
 
-criterion_group!(benches, one_node, sparse);
+/// Time spent in a part.
+#[derive(Default)]
+struct Watch(Cell<Duration>);
+
+impl Watch {
+    fn time<T>(&self, work: impl FnOnce() -> T) -> T {
+        let begun = Instant::now();
+        let result = work();
+        self.0.set(self.0.get() + begun.elapsed());
+        result
+    }
+}
+
+/// A map, its evaluations timed.
+struct TimedMap<'w, P> {
+    map: P,
+    watch: &'w Watch,
+}
+
+impl<P: PiecewiseSmooth> PiecewiseSmooth for TimedMap<'_, P> {
+    fn num_vars(&self) -> usize {
+        self.map.num_vars()
+    }
+    fn num_residuals(&self) -> usize {
+        self.map.num_residuals()
+    }
+    fn num_sites(&self) -> usize {
+        self.map.num_sites()
+    }
+    fn num_pieces(&self, site: usize) -> usize {
+        self.map.num_pieces(site)
+    }
+    fn num_tests(&self, site: usize) -> usize {
+        self.map.num_tests(site)
+    }
+    fn cell(&self, site: usize, piece: usize) -> &[Facet] {
+        self.map.cell(site, piece)
+    }
+    fn pattern(&self) -> Pattern {
+        self.map.pattern()
+    }
+    fn test_functions(&self, x: &[f64], out: &mut [f64]) {
+        self.watch.time(|| self.map.test_functions(x, out));
+    }
+    fn residual(&self, s: &Selection, x: &[f64], out: &mut [f64]) {
+        self.watch.time(|| self.map.residual(s, x, out));
+    }
+    fn jacobian(&self, s: &Selection, x: &[f64], jac: &mut Matrix) {
+        self.watch.time(|| self.map.jacobian(s, x, jac));
+    }
+}
+
+struct TimedSolver<'w> {
+    solver: AutoSolver,
+    factorisation: &'w Watch,
+    solve: &'w Watch,
+}
+
+impl LinearSolver for TimedSolver<'_> {
+    fn analyze(&mut self, pattern: PatternRef<'_>) -> Result<(), LinearError> {
+        self.solver.analyze(pattern)
+    }
+    fn factor(&mut self, a: MatrixRef<'_>) -> Result<(), LinearError> {
+        self.factorisation.time(|| self.solver.factor(a))
+    }
+    fn solve_in_place(&mut self, b: &mut [f64]) -> Result<(), LinearError> {
+        self.solve.time(|| self.solver.solve_in_place(b))
+    }
+    fn solve_transpose_in_place(&mut self, b: &mut [f64]) -> Result<(), LinearError> {
+        self.solver.solve_transpose_in_place(b)
+    }
+}
+
+/// A linear complementarity problem z ≥ 0, M z + q ≥ 0 with a solution at which about half of the components vanish, and a point near it.
+struct Sample {
+    name: String,
+    map: Mcp<AffineFunction>,
+    start: Vec<f64>,
+}
+
+/// M positive definite and full.
+fn dense(n: usize) -> Sample {
+    let mut random = Random::new(n as u64);
+    let mut rows: Vec<Vec<f64>> = (0..n)
+        .map(|_| (0..n).map(|_| random.symmetric()).collect())
+        .collect();
+    (0..n).for_each(|i| rows[i][i] += 2.0 * (n as f64).sqrt());
+    sample(
+        format!("dense, n = {n}"),
+        Matrix::from_rows(&rows).unwrap(),
+        &mut random,
+    )
+}
+
+/// Five-point differences on a grid.
+fn sparse(width: usize, length: usize) -> Sample {
+    let n = width * length;
+    let mut entries = Vec::with_capacity(5 * n);
+    for k in 0..n {
+        entries.push((k, k, 4.01));
+        for (inside, other) in [(k % width + 1 < width, k + 1), (k + width < n, k + width)] {
+            if inside {
+                entries.extend([(k, other, -1.0), (other, k, -1.0)]);
+            }
+        }
+    }
+    let matrix = Matrix::from_triplets(n, n, &entries).unwrap();
+    sample(
+        format!("sparse, n = {n} ({width} x {length})"),
+        matrix,
+        &mut Random::new(n as u64),
+    )
+}
+
+fn sample(name: String, matrix: Matrix, random: &mut Random) -> Sample {
+    let n = matrix.nrows();
+    let z: Vec<f64> = (0..n).map(|_| random.symmetric().max(0.0)).collect();
+    let mut q = vec![0.0; n];
+    matrix.as_ref().mul_add(-1.0, &z, &mut q);
+    for (q, z) in q.iter_mut().zip(&z) {
+        *q += if *z > 0.0 { 0.0 } else { 1.0 };
+    }
+    let start = z.iter().map(|z| z + 0.3 * random.symmetric()).collect();
+    let map = Mcp::new(
+        AffineFunction::new(matrix, q).unwrap(),
+        vec![0.0; n],
+        vec![f64::INFINITY; n],
+    )
+    .unwrap();
+    Sample { name, map, start }
+}
+
+/// Mean time of an iteration of one solve, and of its parts: evaluation of the map and its Jacobian, factorisation, solve.
+fn times_of<P: PiecewiseSmooth>(newton: &mut Timed<'_, P>, start: &[f64]) -> [Duration; 4] {
+    for watch in newton.watches {
+        watch.0.set(Duration::ZERO);
+    }
+    let mut x = start.to_vec();
+    let begun = Instant::now();
+    newton.newton.solve(&newton.map, &mut x).unwrap();
+    let whole = begun.elapsed();
+    let iterations = newton.newton.report().history.len() as u32 - 1;
+    let [a, b, c] = newton.watches.map(|w| w.0.get());
+    [whole, a, b, c].map(|t| t / iterations.max(1))
+}
+
+struct Timed<'w, P> {
+    newton: Newton<TimedSolver<'w>>,
+    map: TimedMap<'w, P>,
+    watches: [&'w Watch; 3],
+}
+
+/// Unknowns beyond which a solve takes seconds.
+const LONG: usize = 50_000;
+const PARTS: [&str; 4] = ["iteration", "evaluation", "factorisation", "solve"];
+
+fn iterations(c: &mut Criterion) {
+    let mut table = Vec::new();
+    let dense =
+        [2, 5, 10, 20, 50, 100, 200, 500].map(|n| -> Box<dyn Fn() -> Sample> { Box::new(move || dense(n)) });
+    let grids = [(32, 32), (100, 100), (316, 316), (10, 100_000)];
+    let grids = grids.map(|(w, l)| -> Box<dyn Fn() -> Sample> { Box::new(move || sparse(w, l)) });
+    for make in dense.into_iter().chain(grids) {
+        let Sample { name, map, start } = make();
+        let watches = [Watch::default(), Watch::default(), Watch::default()];
+        let [evaluation, factorisation, solve] = &watches;
+        let solver = TimedSolver {
+            solver: AutoSolver::new(),
+            factorisation,
+            solve,
+        };
+        let mut timed = Timed {
+            newton: Newton::with_solver(NewtonOptions::default(), solver),
+            map: TimedMap {
+                map,
+                watch: evaluation,
+            },
+            watches: [evaluation, factorisation, solve],
+        };
+        // The first solve makes room and finds an order of elimination.
+        times_of(&mut timed, &start);
+        let mut group = c.benchmark_group(format!("an iteration: {name}"));
+        group.sample_size(10).measurement_time(Duration::from_millis(500));
+        group.warm_up_time(Duration::from_millis(100));
+        // A sample would take a minute where a solve takes seconds: those are in the table alone.
+        let shown = if start.len() > LONG { 0 } else { PARTS.len() };
+        for (k, part) in PARTS[..shown].iter().enumerate() {
+            group.bench_function(BenchmarkId::from_parameter(part), |b| {
+                b.iter_custom(|rounds| (0..rounds).map(|_| times_of(&mut timed, &start)[k]).sum());
+            });
+        }
+        group.finish();
+        let solves = if start.len() > LONG { 3 } else { 15 };
+        let mut runs: Vec<_> = (0..solves)
+            .map(|_| times_of(&mut timed, &start).map(|t| t.as_secs_f64()))
+            .collect();
+        let ratio = |t: &[f64; 4]| t[0] / (t[1] + t[2] + t[3]);
+        runs.sort_by(|a, b| ratio(a).total_cmp(&ratio(b)));
+        table.push((name, runs[solves / 2]));
+    }
+    println!(
+        "\nmicroseconds an iteration, its parts, and the iteration over their sum (of the solve with the median of it)"
+    );
+    for (name, [whole, a, b, c]) in table {
+        let ratio = whole / (a + b + c);
+        let [whole, a, b, c] = [whole, a, b, c].map(|t| 1e6 * t);
+        println!("{name:32} {whole:12.2} = {a:10.2} + {b:12.2} + {c:10.2} x {ratio:.3}");
+    }
+}
+
+criterion_group!(benches, one_node, to_solution, iterations);
 criterion_main!(benches);

@@ -1,6 +1,7 @@
 //! Newton methods for complementarity and friction problems side by side, as papers print them, and iteration by iteration on a few.
 //! You will see what each method solves, what it costs and its observed order, a table of all runs and performance profiles (Dolan and
-//! Moré 2002), then residuals, steps and changes of pieces on friction problems and a circuit.
+//! Moré 2002) of iterations and of times, with --full orders of McpSolver's strategies chosen on one half of the problems and judged on the
+//! other, then residuals, steps and changes of pieces on friction problems and a circuit.
 //! Run: cargo run --release --example corrector_convergence [-- --full]
 
 // The circuit comes from another example, with what examples share.
@@ -12,10 +13,17 @@ mod common;
 mod contenders;
 #[path = "common/expressions.rs"]
 mod expressions;
+#[path = "common/inequalities.rs"]
+mod inequalities;
 #[path = "common/obstacles.rs"]
 mod obstacles;
+#[path = "common/orders.rs"]
+mod orders;
 #[path = "common/profiles.rs"]
 mod profiles;
+#[allow(dead_code)]
+#[path = "state_constraints.rs"]
+mod state_constraints;
 #[allow(dead_code)]
 #[path = "your_own_problem.rs"]
 mod your_own_problem;
@@ -28,8 +36,9 @@ use std::rc::Rc;
 use clap::Parser;
 use common::{Outcome, Random, ensure, exit, file_in, files_or_shipped, shipped_folder};
 use contenders::{
-    Complementarity, DAMPINGS, Friction, FunctionOf, METHODS, Run, random_friction, random_lcp,
+    CONES, Complementarity, DAMPINGS, Friction, FunctionOf, METHODS, Run, random_friction, random_lcp,
 };
+use inequalities::{read_cone, read_vi};
 use profiles::Costs;
 use semismooth::complementarity::McpFunction;
 use semismooth::contact::{
@@ -39,6 +48,7 @@ use semismooth::newton::{Newton, NewtonOptions};
 use semismooth::output::BranchDiagram;
 use semismooth::piecewise::{PiecewiseSmooth, Traced, value};
 use semismooth::sparse::Matrix;
+use state_constraints::Yosida;
 use your_own_problem::TunnelDiode;
 
 /// Compares Newton methods on problems from files and at random; histories of the corrector on contact problems and a circuit.
@@ -70,6 +80,8 @@ struct Sizes {
     orders: &'static [usize],
     /// Points a side of obstacle problems.
     grids: &'static [usize],
+    /// Points a side of problems with state constraints.
+    spaces: &'static [usize],
     /// Random friction problems.
     friction: usize,
 }
@@ -79,6 +91,7 @@ const SMALL: Sizes = Sizes {
     linear: 40,
     orders: &[5, 10, 20],
     grids: &[15, 31],
+    spaces: &[15],
     friction: 120,
 };
 
@@ -87,6 +100,7 @@ const FULL: Sizes = Sizes {
     linear: 400,
     orders: &[5, 10, 20],
     grids: &[15, 31, 63],
+    spaces: &[15, 31, 63],
     friction: 1000,
 };
 
@@ -171,70 +185,164 @@ fn friction(sizes: &Sizes) -> Outcome<Vec<Friction>> {
     Ok(list)
 }
 
+/// Equations of function spaces, on grids: the Moreau–Yosida regularisation of a state constraint, from 0, at log₁₀ γ = 0 … 8.
+fn function_spaces(sizes: &Sizes) -> Outcome<Vec<Friction>> {
+    let mut list = Vec::new();
+    for &m in sizes.spaces {
+        for s in [0.0, 2.0, 4.0, 6.0, 8.0] {
+            let map = Box::new(Yosida::new(m)?);
+            let mut start = vec![0.0; m * m + 1];
+            start[m * m] = s;
+            let name = format!("state constraint {m} x {m}, gamma = 1e{s}");
+            list.push(Friction { name, map, start });
+        }
+    }
+    Ok(list)
+}
+
+/// Variational inequalities over polyhedra by their multiplier conditions, from the starts of their files with multipliers 0.
+fn variational() -> Outcome<Vec<Complementarity>> {
+    let mut list = Vec::new();
+    for file in files_or_shipped(&[], "vi")? {
+        let (problem, vi) = read_vi(&file)?;
+        if !problem.solvable {
+            continue;
+        }
+        // Its conditions borrow it, and are kept to the end.
+        let vi: &'static _ = Box::leak(Box::new(vi));
+        let (first, name) = (vi.kkt()?, problem.name);
+        let (lower, upper) = (first.lower().to_vec(), first.upper().to_vec());
+        let function: Rc<dyn McpFunction> = Rc::new(FunctionOf(first));
+        for (label, mut start) in problem.starts {
+            start.resize(lower.len(), 0.0);
+            list.push(Complementarity {
+                name: format!("{name} {label}"),
+                function: function.clone(),
+                lower: lower.clone(),
+                upper: upper.clone(),
+                start,
+            });
+        }
+    }
+    Ok(list)
+}
+
+/// The runs of some methods on problems of one class.
+struct Group {
+    class: &'static str,
+    title: String,
+    methods: Vec<&'static str>,
+    problems: Vec<String>,
+    runs: Vec<Vec<Run>>,
+}
+
+impl Group {
+    fn new(class: &'static str, title: &str, methods: Vec<&'static str>) -> Self {
+        Self {
+            class,
+            title: title.to_owned(),
+            methods,
+            problems: Vec::new(),
+            runs: Vec::new(),
+        }
+    }
+
+    fn add(&mut self, problem: &str, row: Vec<Run>) {
+        self.problems.push(problem.to_owned());
+        self.runs.push(row);
+    }
+
+    fn of_complementarity(class: &'static str, title: &str, problems: &[Complementarity]) -> Outcome<Self> {
+        let mut group = Self::new(class, title, METHODS.iter().map(|m| m.name).collect());
+        for problem in problems {
+            let row: Outcome<Vec<Run>> = METHODS.iter().map(|m| problem.run(m)).collect();
+            group.add(&problem.name, row?);
+        }
+        Ok(group)
+    }
+
+    fn of_equations(class: &'static str, title: &str, equations: &[Friction]) -> Outcome<Self> {
+        let mut group = Self::new(class, title, DAMPINGS.iter().map(|d| d.0).collect());
+        for equation in equations {
+            let row: Outcome<Vec<Run>> = DAMPINGS.iter().map(|d| equation.run(d.1)).collect();
+            group.add(&equation.name, row?);
+        }
+        Ok(group)
+    }
+
+    /// Problems over second-order cones from files, with their starts.
+    fn of_cones() -> Outcome<Self> {
+        let methods = CONES.iter().map(|m| m.0).collect();
+        let mut group = Self::new("cones", "problems over second-order cones", methods);
+        for file in files_or_shipped(&[], "cones")? {
+            let (problem, cones) = read_cone(&file)?;
+            for (label, start) in problem.starts.iter().filter(|_| problem.solvable) {
+                let row: Outcome<Vec<Run>> = CONES.iter().map(|m| (m.1)(&cones, start)).collect();
+                group.add(&format!("{} {label}", problem.name), row?);
+            }
+        }
+        Ok(group)
+    }
+
+    fn index(&self, method: &str) -> Option<usize> {
+        self.methods.iter().position(|m| *m == method)
+    }
+
+    fn costs(&self) -> [(Costs, &'static str); 2] {
+        let (work, time) = (Costs::work, |r: &Run| r.seconds);
+        [
+            (Costs::new(&self.methods, &self.runs, work), "iterations"),
+            (Costs::new(&self.methods, &self.runs, time), "times"),
+        ]
+    }
+}
+
 /// Runs all methods on all problems; prints a line a method, writes the table and the profiles.
 fn compare(args: &Args) -> Outcome<()> {
     let sizes = if args.full { &FULL } else { &SMALL };
+    let problems = complementarity(sizes)?;
+    let groups = [
+        Group::of_complementarity(
+            "complementarity",
+            "complementarity problems with their starts",
+            &problems,
+        )?,
+        Group::of_complementarity(
+            "variational",
+            "starts of variational inequalities",
+            &variational()?,
+        )?,
+        Group::of_equations("friction", "friction problems", &friction(sizes)?)?,
+        Group::of_equations("spaces", "problems on grids", &function_spaces(sizes)?)?,
+        Group::of_cones()?,
+    ];
     let mut table = String::from(
         "class,problem,method,solved,residual,evaluations,jacobians,iterations,factorisations,seconds,order\r\n",
     );
-    let problems = complementarity(sizes)?;
-    let (mut costs, mut runs) = (Costs::new(METHODS.iter().map(|m| m.name).collect()), Vec::new());
-    for problem in &problems {
-        let row = METHODS
-            .iter()
-            .map(|m| problem.run(m))
-            .collect::<Outcome<Vec<Run>>>()?;
-        record(&mut table, "complementarity", &problem.name, &costs.methods, &row)?;
-        costs.add(&row);
-        runs.push(row);
+    for group in &groups {
+        summary(group);
+        for (problem, row) in group.problems.iter().zip(&group.runs) {
+            record(&mut table, group.class, problem, &group.methods, row)?;
+        }
     }
-    summary(
-        &format!("{} complementarity problems with their starts", problems.len()),
-        &costs,
-        &runs,
-    );
-    let bodies = friction(sizes)?;
-    let names = DAMPINGS.iter().map(|d| d.0).collect();
-    let (mut contact, mut pushed) = (Costs::new(names), Vec::new());
-    for body in &bodies {
-        let row = DAMPINGS
-            .iter()
-            .map(|d| body.run(d.1))
-            .collect::<Outcome<Vec<Run>>>()?;
-        record(&mut table, "friction", &body.name, &contact.methods, &row)?;
-        contact.add(&row);
-        pushed.push(row);
+    write(&args.out, &table, &groups)?;
+    if args.full {
+        orders::compare(&problems)?;
     }
-    summary(&format!("{} friction problems", bodies.len()), &contact, &pushed);
-    write(&args.out, &table, &costs, &contact)?;
     // What the picture says, in sentences that can be false.
-    let share = |name: &str| {
-        costs
-            .methods
-            .iter()
-            .position(|m| *m == name)
-            .map_or(0.0, |k| costs.solved(k))
-    };
+    let costs = &groups[0].costs()[0].0;
+    let share = |name: &str| groups[0].index(name).map_or(0.0, |k| costs.solved(k));
     let all = share("McpSolver, all strategies");
     ensure(all >= 0.99, "McpSolver solves at least 99 % of the problems")?;
     ensure(
         METHODS.iter().all(|m| share(m.name) <= all),
         "no single method solves more problems than McpSolver with all its strategies",
     )?;
-    let orders = |k: usize| {
-        median(
-            runs.iter()
-                .filter(|r| r[k].solved)
-                .filter_map(|r| r[k].order)
-                .collect(),
-        )
-    };
-    let exact = METHODS
-        .iter()
-        .position(|m| m.name == "Fischer-Burmeister, full steps")
-        .and_then(orders);
+    let exact = groups[0].index("Fischer-Burmeister, full steps");
+    let runs = groups[0].runs.iter().filter_map(|row| exact.map(|k| &row[k]));
+    let order = median(runs.filter(|r| r.solved).filter_map(|r| r.order).collect());
     ensure(
-        exact.is_some_and(|o| o > 1.6),
+        order.is_some_and(|o| o > 1.6),
         "Fischer-Burmeister's method with full steps converges superlinearly, in the median",
     )
 }
@@ -256,8 +364,10 @@ fn median(mut values: Vec<f64>) -> Option<f64> {
     values.get(values.len() / 2).copied()
 }
 
-fn summary(title: &str, costs: &Costs, runs: &[Vec<Run>]) {
-    println!("\n{title}");
+fn summary(group: &Group) {
+    let [(costs, _), _] = group.costs();
+    let runs = &group.runs;
+    println!("\n{} {}", runs.len(), group.title);
     println!(
         "  {:44} {:>8} {:>8} {:>10} {:>7} {:>9}",
         "method", "solved", "best", "iterations", "order", "seconds"
@@ -280,20 +390,29 @@ fn summary(title: &str, costs: &Costs, runs: &[Vec<Run>]) {
     );
 }
 
-fn write(folder: &Path, table: &str, costs: &Costs, contact: &Costs) -> Outcome<()> {
+fn write(folder: &Path, table: &str, groups: &[Group]) -> Outcome<()> {
     let path = file_in(folder, "corrector_runs.csv")?;
     std::fs::write(&path, table)?;
     println!("\nwritten: {}", path.display());
-    for (costs, title, name) in [
-        (costs, "complementarity problems", "corrector_profile.svg"),
-        (contact, "friction problems", "corrector_profile_friction.svg"),
-    ] {
-        let path = file_in(folder, name)?;
-        let caption = format!("{} {title}", costs.rows.len());
-        BranchDiagram::new(costs.panel(caption, "iterations", 7.0))
-            .with_size(900, 520)
-            .write(&path)?;
-        println!("written: {}", path.display());
+    for group in groups.iter().filter(|g| g.methods.len() > 1) {
+        for (costs, cost) in group.costs() {
+            let mut name = String::from("corrector_profile");
+            for (part, usual) in [(group.class, "complementarity"), (cost, "iterations")] {
+                if part != usual {
+                    write!(name, "_{part}")?;
+                }
+            }
+            let path = file_in(folder, &format!("{name}.svg"))?;
+            let caption = format!(
+                "{} {}",
+                costs.rows.len(),
+                group.title.replace(" with their starts", "")
+            );
+            BranchDiagram::new(costs.panel(caption, cost, 7.0))
+                .with_size(900, 520)
+                .write(&path)?;
+            println!("written: {}", path.display());
+        }
     }
     Ok(())
 }

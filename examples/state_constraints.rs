@@ -65,7 +65,7 @@ const LAST: f64 = 8.0;
 const GROWTH: usize = 2;
 
 /// H(y, s) = (I + ν Δ²) y − y_d + 10ˢ (y − ψ)₊.
-struct Yosida {
+pub(crate) struct Yosida {
     m: usize,
     /// I + ν Δ².
     stiffness: Matrix,
@@ -73,7 +73,7 @@ struct Yosida {
 }
 
 impl Yosida {
-    fn new(m: usize) -> Outcome<Self> {
+    pub(crate) fn new(m: usize) -> Outcome<Self> {
         let h = 1.0 / (m + 1) as f64;
         let laplacian = five_point(m)?;
         let columns: Vec<Vec<(usize, f64)>> = {

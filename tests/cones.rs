@@ -176,6 +176,61 @@ fn limits_and_observers_stop_the_run() {
     assert_eq!(report.status, ConeStatus::TimeLimit);
 }
 
+/// F without derivative: constant F inside of the cone has the solution 0, on the boundary a ray of them, outside none.
+#[test]
+fn functions_that_are_singular_everywhere() {
+    for (q, status) in [
+        ([0.0, 0.0, 0.0], ConeStatus::Solved),
+        ([2.0, 1.0, 0.0], ConeStatus::Solved),
+        ([1.0, 0.6, -0.8], ConeStatus::Solved),
+        ([0.5, 0.6, -0.8], ConeStatus::NoSolution),
+        ([-1.0, 0.0, 0.0], ConeStatus::NoSolution),
+    ] {
+        for start in [[0.0; 3], [3.0, 1.0, -2.0], [-1e6, 2e6, 0.0]] {
+            let function =
+                AffineFunction::new(Matrix::from_rows(&[[0.0; 3]; 3]).unwrap(), q.to_vec()).unwrap();
+            let problem = ConeProblem::new(&function, vec![Cone::SecondOrder(3)]).unwrap();
+            let mut x = start;
+            let report = ConeSolver::default().solve(&problem, &mut x).unwrap();
+            assert_eq!(report.status, status, "{q:?} from {start:?}: {x:?}");
+            let product: f64 = x.iter().zip(&q).map(|(x, q)| x * q).sum();
+            assert!(!report.is_solved() || product.abs() <= 1e-9 * norm(&x), "{x:?}");
+        }
+    }
+}
+
+/// Outside of their domain functions say NaN: steps end inside of it, and a start outside is told.
+#[test]
+fn functions_with_a_domain() {
+    // 1/(t + 1) + t − 2 vanishes where t² − t − 1 does; there t > ‖v‖.
+    let value = |x: &[f64], out: &mut [f64]| {
+        out[0] = if x[0] > -1.0 && x[0] < 50.0 {
+            1.0 / (x[0] + 1.0) + x[0] - 2.0
+        } else {
+            f64::NAN
+        };
+        out[1] = x[1] - 0.3;
+        out[2] = x[2] + 0.4;
+    };
+    let jacobian = |x: &[f64], jac: &mut Matrix| {
+        jac.add(0, 0, 1.0 - (x[0] + 1.0).powi(-2));
+        jac.add(1, 1, 1.0);
+        jac.add(2, 2, 1.0);
+    };
+    let problem =
+        ConeProblem::new(WithJacobian::new(3, value, jacobian), vec![Cone::SecondOrder(3)]).unwrap();
+    for start in [0.5, 10.0, 49.0] {
+        let mut x = [start, 0.0, 0.0];
+        let report = ConeSolver::default().solve(&problem, &mut x).unwrap();
+        assert!(report.is_solved(), "{start}: {:?}", report.status);
+        assert!((x[0] - 0.5 * (1.0 + 5_f64.sqrt())).abs() < 1e-9, "{x:?}");
+    }
+    let mut x = [60.0, 0.0, 0.0];
+    let report = ConeSolver::default().solve(&problem, &mut x).unwrap();
+    assert_eq!(report.status, ConeStatus::EvaluationFailure);
+    assert_eq!(x[1..], [0.0, 0.0]);
+}
+
 #[test]
 fn bad_data_is_refused_by_name() {
     let function = AffineFunction::new(Matrix::identity(3), vec![0.0; 3]).unwrap();

@@ -6,6 +6,7 @@ use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use semismooth::complementarity::{Mcp, McpFunction, McpOptions, McpSolver};
+use semismooth::cones::{Cone, ConeOptions, ConeProblem, ConeSolver, ConeStatus};
 use semismooth::continuation::{
     Branch, ContinuationOptions, Diagram, DiagramOptions, Direction, SearchOptions, search_solutions,
 };
@@ -14,6 +15,7 @@ use semismooth::newton::{Failure, Newton, NewtonError, NewtonOptions};
 use semismooth::piecewise::{Facet, PiecewiseSmooth, Selection, Semismooth};
 use semismooth::sparse::Matrix;
 use semismooth::sweep::sweep;
+use semismooth::variational::{Polyhedron, Vi, ViSolver};
 
 /// The evaluation with this number failed.
 #[derive(Debug, Clone, PartialEq)]
@@ -214,6 +216,42 @@ fn complementarity_from_all_strategies() {
             assert!(solution[0] > 0.9 && solution[0] < root + 1e-9);
         });
     }
+}
+
+/// Cones and variational inequalities: half-lines, over which the problem is Kojima and Shindo's, and a cone on top of them.
+#[test]
+fn cones_and_variational_inequalities() {
+    for cones in [
+        vec![Cone::Nonnegative(4)],
+        vec![Cone::SecondOrder(3), Cone::Nonnegative(1)],
+    ] {
+        let solve = |counted: &Counted| {
+            let mut x = [1.0, 0.5, 0.2, 0.1];
+            let problem = ConeProblem::new(Kojima(counted), cones.clone()).unwrap();
+            let report = ConeSolver::new(ConeOptions::default().with_restarts(1)).solve(&problem, &mut x);
+            (report.map(|r| r.status), x)
+        };
+        with_each_failing(solve, |(status, x), (_, solution)| {
+            assert!(x.iter().all(|v| v.is_finite()), "{x:?} {status:?}");
+            // A point within the tolerance is one, though the steps that would have bettered it failed.
+            let near = x.iter().zip(solution).all(|(a, b)| (a - b).abs() < 1e-4);
+            assert!(*status != Ok(ConeStatus::Solved) || near, "{x:?} {solution:?}");
+        });
+    }
+    let solve = |counted: &Counted| {
+        let set = Polyhedron::boxed(vec![0.0; 4], vec![f64::INFINITY; 4]).unwrap();
+        let cut = Matrix::from_rows(&[[1.0, 1.0, 1.0, 1.0]]).unwrap();
+        let problem = Vi::new(Kojima(counted), set.with_inequalities(cut, vec![9.0]).unwrap()).unwrap();
+        let mut x = [1.0; 4];
+        let report = ViSolver::default().solve(&problem, &mut x);
+        (report.map(|r| r.is_solved()), x)
+    };
+    with_each_failing(solve, |(solved, x), (reference, solution)| {
+        assert_eq!(*reference, Ok(true));
+        assert!(x.iter().all(|v| v.is_finite()), "{x:?} {solved:?}");
+        let near = x.iter().zip(solution).all(|(a, b)| (a - b).abs() < 1e-6);
+        assert!(*solved != Ok(true) || near, "{x:?} {solution:?}");
+    });
 }
 
 #[test]

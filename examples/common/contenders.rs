@@ -7,6 +7,7 @@ use std::time::Instant;
 use semismooth::complementarity::{
     AffineFunction, FischerBurmeister, Mcp, McpFunction, McpOptions, McpSolver, McpStrategy, NormalMap,
 };
+use semismooth::cones::{ConeProblem, ConeSolver};
 use semismooth::contact::{FrictionCoefficient, FullContact, LoadPath, PlanarCoulomb};
 use semismooth::linear::IncompleteLu;
 use semismooth::newton::{Damping, Newton, NewtonKrylov, NewtonOptions, Report};
@@ -75,7 +76,7 @@ pub(crate) struct Friction {
 }
 
 /// F, counting the points at which it is asked for: what a method asks for twice at one point costs once.
-struct Counted<'a> {
+pub(crate) struct Counted<'a> {
     function: &'a dyn McpFunction,
     last: RefCell<[Vec<f64>; 2]>,
     seen: [Cell<usize>; 2],
@@ -121,7 +122,7 @@ impl McpFunction for Counted<'_> {
 }
 
 /// What the report of a method says.
-struct Told {
+pub(crate) struct Told {
     iterations: usize,
     factorisations: usize,
     order: Option<f64>,
@@ -220,7 +221,7 @@ fn fischer(p: &Mcp<Counted<'_>>, x: &mut [f64], lambda: f64, damping: Damping) -
 }
 
 /// McpSolver with these strategies alone, or with all.
-fn solver(p: &Mcp<Counted<'_>>, x: &mut [f64], strategies: &[McpStrategy]) -> Option<Told> {
+pub(crate) fn solver(p: &Mcp<Counted<'_>>, x: &mut [f64], strategies: &[McpStrategy]) -> Option<Told> {
     let mut options = McpOptions::default();
     if !strategies.is_empty() {
         options = options.with_strategies(strategies.to_vec());
@@ -237,11 +238,18 @@ fn solver(p: &Mcp<Counted<'_>>, x: &mut [f64], strategies: &[McpStrategy]) -> Op
 
 impl Complementarity {
     pub(crate) fn run(&self, method: &Method) -> Outcome<Run> {
+        self.run_with(method.run)
+    }
+
+    pub(crate) fn run_with(
+        &self,
+        method: impl Fn(&Mcp<Counted<'_>>, &mut [f64]) -> Option<Told>,
+    ) -> Outcome<Run> {
         let counted = Counted::new(self.function.as_ref());
         let problem = Mcp::new(counted, self.lower.clone(), self.upper.clone())?;
         let mut x = self.start.clone();
         let begun = Instant::now();
-        let told = (method.run)(&problem, &mut x);
+        let told = method(&problem, &mut x);
         let seconds = begun.elapsed().as_secs_f64();
         let [evaluations, jacobians] = [0, 1].map(|k| problem.function().seen[k].get());
         problem.project(&mut x);
@@ -258,6 +266,27 @@ impl Complementarity {
         })
     }
 }
+
+/// A method for problems over cones.
+type ConeMethod = fn(&ConeProblem<Box<dyn McpFunction>>, &[f64]) -> Outcome<Run>;
+
+/// The contenders there.
+pub(crate) const CONES: [(&str, ConeMethod); 1] = [("ConeSolver", |problem, start| {
+    let mut x = start.to_vec();
+    let begun = Instant::now();
+    let report = ConeSolver::default().solve(problem, &mut x)?;
+    Ok(Run {
+        solved: report.residual <= SOLVED,
+        residual: report.residual,
+        // The solver does not tell them apart from its steps.
+        evaluations: report.iterations,
+        jacobians: report.iterations,
+        iterations: report.iterations,
+        factorisations: report.factorisations,
+        seconds: begun.elapsed().as_secs_f64(),
+        order: None,
+    })
+})];
 
 /// Rules of shortening Newton's steps on friction problems.
 pub(crate) const DAMPINGS: [(&str, Damping); 3] = [

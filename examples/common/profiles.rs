@@ -10,17 +10,18 @@ pub(crate) struct Costs {
 }
 
 impl Costs {
-    pub(crate) fn new(methods: Vec<&'static str>) -> Self {
+    /// The costs of these runs, row by problem.
+    pub(crate) fn new(methods: &[&'static str], runs: &[Vec<Run>], cost: impl Fn(&Run) -> f64) -> Self {
+        let of = |row: &Vec<Run>| row.iter().map(|r| r.solved.then(|| cost(r))).collect();
         Self {
-            methods,
-            rows: Vec::new(),
+            methods: methods.to_vec(),
+            rows: runs.iter().map(of).collect(),
         }
     }
 
-    /// The work of the runs of a problem: iterations, or factorisations where these are more; at least one.
-    pub(crate) fn add(&mut self, row: &[Run]) {
-        let cost = |r: &Run| r.solved.then(|| r.iterations.max(r.factorisations).max(1) as f64);
-        self.rows.push(row.iter().map(cost).collect());
+    /// Iterations, or factorisations where these are more; at least one.
+    pub(crate) fn work(r: &Run) -> f64 {
+        r.iterations.max(r.factorisations).max(1) as f64
     }
 
     /// The share of all problems that a method solves at no more than τ times the cost of the best method for each, as the corners (log₂ τ, share)
