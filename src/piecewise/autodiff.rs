@@ -73,6 +73,16 @@ pub trait NonsmoothFunction {
         // All of them lie inside.
         Pattern::from_entries(n, m, entries).unwrap_or_else(|_| Pattern::full(n, m))
     }
+
+    /// Name of a site, in the order of the calls on `kinks`, for tables and pictures. Default: none, the site has a number.
+    fn site_name(&self, _site: usize) -> Option<Cow<'_, str>> {
+        None
+    }
+
+    /// Name of a piece of a site. Default: none, it is that of the kind of kink ("first", "second", "lower", "interior", "upper").
+    fn piece_name(&self, _site: usize, _piece: usize) -> Option<Cow<'_, str>> {
+        None
+    }
 }
 
 /// Coefficients up to which conditions are stated.
@@ -430,7 +440,15 @@ impl<F: NonsmoothFunction> PiecewiseSmooth for Traced<F> {
         }
     }
 
+    fn site_name(&self, site: usize) -> Cow<'_, str> {
+        let own = self.function.site_name(site);
+        own.unwrap_or_else(|| Cow::Owned(format!("site {site}")))
+    }
+
     fn piece_name(&self, site: usize, piece: usize) -> Cow<'_, str> {
+        if let Some(name) = self.function.piece_name(site, piece) {
+            return name;
+        }
         Cow::Borrowed(match self.kinds[site] {
             Kind::Mid => ["lower", "interior", "upper"][piece.min(2)],
             Kind::Abs => ["positive", "negative"][piece.min(1)],

@@ -5,9 +5,8 @@ use semismooth::continuation::ContinuationError;
 use semismooth::enumeration::EnumerationError;
 use semismooth::piecewise::PiecewiseError;
 use semismooth::sparse::SparseError;
+use semismooth_formulas::WrongEquation;
 use serde::Serialize;
-
-use crate::parser::Mistake;
 
 /// Why there is no answer.
 #[derive(Debug, thiserror::Error)]
@@ -37,13 +36,8 @@ pub enum Error {
         found: usize,
     },
     /// A formula that cannot be read.
-    #[error("{mistake}")]
-    Formula {
-        /// The equation, from 0.
-        equation: usize,
-        /// What is wrong, and where.
-        mistake: Mistake,
-    },
+    #[error(transparent)]
+    Formula(#[from] WrongEquation),
     /// The problem was refused.
     #[error(transparent)]
     Contact(#[from] ContactError),
@@ -86,7 +80,7 @@ impl From<Error> for Told {
             cause = inner.source();
         }
         let place = match &error {
-            Error::Formula { equation, mistake } => Some((*equation, mistake.from, mistake.to)),
+            Error::Formula(e) => Some((e.equation, e.mistake.from, e.mistake.to)),
             _ => None,
         };
         Self {

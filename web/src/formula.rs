@@ -2,13 +2,13 @@
 
 use semismooth::continuation::{Diagram, SearchOptions, search_solutions};
 use semismooth::enumeration::{EnumerationError, EnumerationOptions};
-use semismooth::piecewise::{Kinks, NonsmoothFunction, PiecewiseSmooth, Real, Selection, Traced};
+use semismooth::piecewise::{PiecewiseSmooth, Selection, Traced};
+use semismooth_formulas::Formulas;
 use serde::{Deserialize, Serialize};
 
 use crate::drawing::{Drawing, Words};
 use crate::error::{Error, interval, within};
 use crate::friction::{Solutions, listed, options, sections};
-use crate::parser::{Equation, read};
 
 /// Kinks in all equations together.
 const MOST_SITES: usize = 10;
@@ -62,25 +62,6 @@ struct FoundSolution {
     index: Option<i8>,
 }
 
-/// The equations as a function of (x, a) or (x, y, a).
-struct System(Vec<Equation>);
-
-impl NonsmoothFunction for System {
-    fn num_vars(&self) -> usize {
-        self.0.len() + 1
-    }
-
-    fn num_residuals(&self) -> usize {
-        self.0.len()
-    }
-
-    fn eval<T: Real>(&self, x: &[T], kinks: &mut Kinks<'_, T>, out: &mut [T]) {
-        for (out, equation) in out.iter_mut().zip(&self.0) {
-            *out = equation.expression.eval(x, kinks);
-        }
-    }
-}
-
 /// The pieces of each site in the words of the formula.
 struct Pieces(Vec<[String; 2]>);
 
@@ -119,7 +100,7 @@ impl Formula {
         })
     }
 
-    fn curves(&self, map: &Traced<System>, solutions: &Listed) -> Result<Diagram, Error> {
+    fn curves(&self, map: &Traced<Formulas>, solutions: &Listed) -> Result<Diagram, Error> {
         let options = options(self.range);
         let continuation = options.continuation.clone();
         let reach = self.range[1] - self.range[0] + self.reach;
@@ -151,7 +132,7 @@ impl Formula {
             .with_reach(None)
     }
 
-    fn found(&self, map: &Traced<System>, pieces: &Pieces) -> Result<Found, Error> {
+    fn found(&self, map: &Traced<Formulas>, pieces: &Pieces) -> Result<Found, Error> {
         let none: [[f64; 1]; 0] = [];
         let found = search_solutions(map, self.at, &none, &self.search())?;
         Ok(Found {
@@ -169,7 +150,7 @@ impl Formula {
         })
     }
 
-    fn map(&self) -> Result<(Traced<System>, Pieces), Error> {
+    fn map(&self) -> Result<(Traced<Formulas>, Pieces), Error> {
         let given: Vec<&String> = match self.equations.as_slice() {
             [first, second] if second.trim().is_empty() => vec![first],
             list => list.iter().collect(),
@@ -180,26 +161,18 @@ impl Formula {
             (1.0, 2.0),
             "1 (in x and a) or 2 (in x, y and a)",
         )?;
-        let variables: &[(&str, usize)] = match given.len() {
-            1 => &[("x", 0), ("a", 1)],
-            _ => &[("x", 0), ("y", 1), ("a", 2)],
+        let variables: &[&str] = match given.len() {
+            1 => &["x", "a"],
+            _ => &["x", "y", "a"],
         };
-        let read = |(equation, text): (usize, &&String)| {
-            read(text, variables).map_err(|mistake| Error::Formula { equation, mistake })
-        };
-        let equations = given
-            .iter()
-            .enumerate()
-            .map(read)
-            .collect::<Result<Vec<_>, _>>()?;
-        let sites = equations.iter().flat_map(|e| &e.sites);
-        let pieces = Pieces(sites.map(|s| s.pieces.clone()).collect());
+        let formulas = Formulas::read(&given, variables)?;
+        let pieces = Pieces(formulas.sites().map(|s| s.pieces.clone()).collect());
         within(
             "the number of kinks (max, min, abs)",
             pieces.0.len() as f64,
             (0.0, MOST_SITES as f64),
             "at most 10",
         )?;
-        Ok((Traced::new(System(equations)), pieces))
+        Ok((Traced::new(formulas), pieces))
     }
 }

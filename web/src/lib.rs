@@ -4,10 +4,8 @@
 mod border;
 mod drawing;
 mod error;
-mod expression;
 mod formula;
 mod friction;
-mod parser;
 mod plane;
 
 use serde::{Deserialize, Serialize};

@@ -3,7 +3,10 @@
 mod contact;
 mod error;
 mod friction;
+mod options;
+mod problem;
 mod progress;
+mod run_file;
 
 use std::ffi::OsString;
 use std::io::Write;
@@ -14,6 +17,8 @@ use clap::{Args, CommandFactory, Parser, Subcommand};
 use self::contact::ContactArgs;
 pub use self::error::CommandError;
 use self::friction::FrictionArgs;
+use self::options::OptionsArgs;
+use self::problem::ProblemArgs;
 
 /// Piecewise-smooth equations: contact with friction, complementarity problems
 #[derive(Debug, Parser)]
@@ -30,7 +35,14 @@ struct Arguments {
 #[derive(Debug, Subcommand)]
 enum Command {
     Contact(ContactArgs),
+    /// The curve of solutions of equations with kinks, or of a folder with a discrete friction problem
+    Follow(ProblemArgs),
+    /// All curves of solutions connected to given starts, or to all solutions at some parameters
+    Diagram(ProblemArgs),
+    /// All solutions at given parameters
+    Solutions(ProblemArgs),
     Friction(FrictionArgs),
+    Options(OptionsArgs),
     Init(InitArgs),
     /// Prints what a shell completes on the command line
     Completions {
@@ -45,12 +57,19 @@ enum Command {
 #[derive(Debug, Args)]
 struct InitArgs {
     /// What for
-    #[arg(value_parser = ["contact"])]
+    #[arg(value_parser = TEMPLATES.map(|t| t.0))]
     kind: String,
-    /// The file; it must not be there yet
-    #[arg(default_value = "contact.toml")]
-    file: PathBuf,
+    /// The file, by default KIND.toml; it must not be there yet
+    file: Option<PathBuf>,
 }
+
+/// Run files to begin with, by command.
+const TEMPLATES: [(&str, &str); 4] = [
+    ("contact", contact::TEMPLATE),
+    ("follow", problem::FOLLOW),
+    ("diagram", problem::DIAGRAM),
+    ("solutions", problem::SOLUTIONS),
+];
 
 /// Whether the arguments begin with a command, and are not those that AMPL gives for a problem of that name.
 #[must_use]
@@ -71,7 +90,11 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, out: &mut dyn Write) -
     let name = OsString::from("semismooth");
     match Arguments::parse_from(std::iter::once(name).chain(arguments)).command {
         Command::Contact(arguments) => contact::run(&arguments, out),
+        Command::Follow(arguments) => problem::follow(&arguments, out),
+        Command::Diagram(arguments) => problem::diagram(&arguments, out),
+        Command::Solutions(arguments) => problem::solutions(&arguments, out),
         Command::Friction(arguments) => friction::run(&arguments, out),
+        Command::Options(arguments) => options::run(&arguments, out),
         Command::Init(arguments) => init(&arguments, out),
         Command::Completions { shell } => {
             clap_complete::generate(shell, &mut Arguments::command(), "semismooth", out);
@@ -82,12 +105,18 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, out: &mut dyn Write) -
 }
 
 fn init(arguments: &InitArgs, out: &mut dyn Write) -> Result<(), CommandError> {
-    let path = arguments.file.display().to_string();
-    let made = std::fs::File::create_new(&arguments.file);
-    made.and_then(|mut file| file.write_all(contact::TEMPLATE.as_bytes()))
+    let kind = &arguments.kind;
+    let file = arguments
+        .file
+        .clone()
+        .unwrap_or_else(|| format!("{kind}.toml").into());
+    let path = file.display().to_string();
+    let text = TEMPLATES.iter().find(|t| t.0 == kind).map_or("", |t| t.1);
+    std::fs::File::create_new(&file)
+        .and_then(|mut file| file.write_all(text.as_bytes()))
         .map_err(|source| CommandError::File {
             path: path.clone(),
             source,
         })?;
-    Ok(writeln!(out, "written: {path}; then: semismooth contact {path}")?)
+    Ok(writeln!(out, "written: {path}; then: semismooth {kind} {path}")?)
 }

@@ -1,5 +1,7 @@
 //! The commands as users start them: run files, results, exit codes.
 
+mod problems;
+
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -42,10 +44,15 @@ fn refused(folder: &Path, arguments: &[&str]) -> String {
     String::from_utf8(output.stderr).unwrap()
 }
 
-/// The run file that `init` writes, changed.
+/// The run file that `init` writes for a body in contact, changed.
 fn run_file(folder: &Path, changes: &[(&str, &str)]) {
+    run_file_of(folder, "contact", changes);
+}
+
+/// The run file that `init` writes for a command, changed.
+fn run_file_of(folder: &Path, command: &str, changes: &[(&str, &str)]) {
     let _ = std::fs::remove_file(folder.join("run.toml"));
-    printed(folder, &["init", "contact", "run.toml"]);
+    printed(folder, &["init", command, "run.toml"]);
     let mut text = std::fs::read_to_string(folder.join("run.toml")).unwrap();
     for (from, to) in changes {
         assert!(text.contains(from), "{from}");

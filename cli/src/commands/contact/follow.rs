@@ -1,7 +1,6 @@
 //! The curve of static solutions over α.
 
-use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::Write;
 
 use semismooth::contact::NodeLaw;
 use semismooth::continuation::{
@@ -10,9 +9,10 @@ use semismooth::continuation::{
 use semismooth::output::{BranchDiagram, Colour, Column, Curve, Panel, SegmentStyle, write_csv};
 use semismooth::piecewise::PiecewiseSmooth;
 
-use super::{Case, counts, write_failed};
+use super::{Case, counts};
 use crate::commands::error::CommandError;
 use crate::commands::progress::Progress;
+use crate::commands::run_file::{create, write_failed};
 
 /// Positions of the progress between the two ends.
 const POSITIONS: f64 = 1000.0;
@@ -119,7 +119,7 @@ fn write<L: NodeLaw>(case: &Case<'_, L>, branch: &Branch) -> Result<(), CommandE
     let normal = |x: &[f64]| x[..p].iter().sum::<f64>();
     let tangential = |x: &[f64]| x[p..2 * p].iter().sum::<f64>();
     let path = case.file("curve.csv");
-    let mut file = BufWriter::new(File::create(&path).map_err(write_failed(&path))?);
+    let mut file = create(&path)?;
     let columns = [
         Column::new("normal force", normal),
         Column::new("tangential force", tangential),

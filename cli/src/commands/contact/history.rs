@@ -1,16 +1,16 @@
 //! A history of loading.
 
-use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::Write;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
 use semismooth::contact::{Arrival, EvolutionOptions, EvolutionStep, NodeLaw, evolve};
 use semismooth::output::write_pvd;
 
-use super::{Case, counts, write_failed};
+use super::{Case, counts};
 use crate::commands::error::CommandError;
 use crate::commands::progress::Progress;
+use crate::commands::run_file::{create, write_failed};
 
 const COLUMNS: &str = "level,open,stick,slip,transitions,arrival,normal force,tangential force 1,tangential force 2,\
 work,stored,dissipated";
@@ -25,7 +25,7 @@ pub(super) fn run<L: NodeLaw>(
     let mut x = case.problem.solve(first, None).map_err(failed(first))?;
     let (json, quiet) = (case.arguments.json, case.arguments.quiet);
     let path = case.file("history.csv");
-    let mut table = BufWriter::new(File::create(&path).map_err(write_failed(&path))?);
+    let mut table = create(&path)?;
     writeln!(table, "{COLUMNS}").map_err(write_failed(&path))?;
     if !json && !quiet {
         writeln!(

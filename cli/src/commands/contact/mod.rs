@@ -7,7 +7,7 @@ mod input;
 mod model;
 
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use semismooth::contact::{CondensedContact, ContactState, NodeLaw};
@@ -67,14 +67,7 @@ fn work<L: NodeLaw>(
     plan: &Plan,
     out: &mut dyn Write,
 ) -> Result<(), CommandError> {
-    let folder = match &arguments.out {
-        Some(folder) => folder.clone(),
-        None => file.relative(&file.input.output.folder),
-    };
-    std::fs::create_dir_all(&folder).map_err(|source| CommandError::File {
-        path: folder.display().to_string(),
-        source,
-    })?;
+    let folder = file.results(arguments.out.as_ref(), &file.input.output.folder)?;
     let case = Case {
         problem,
         system,
@@ -101,9 +94,4 @@ fn counts(states: &[ContactState]) -> [usize; 3] {
     let open = count(|s| *s == ContactState::Open);
     let stick = count(|s| *s == ContactState::Stick);
     [open, stick, states.len() - open - stick]
-}
-
-fn write_failed(path: &Path) -> impl FnOnce(std::io::Error) -> CommandError {
-    let path = path.display().to_string();
-    move |source| CommandError::File { path, source }
 }

@@ -1,7 +1,6 @@
 //! From a run file to a problem.
 
 use std::error::Error;
-use std::path::{Path, PathBuf};
 
 use semismooth::contact::{
     CondensedContact, ContactBody, FrictionCoefficient, FrictionCurve, NodeLaw, OrthotropicCoulomb,
@@ -15,55 +14,11 @@ use toml::Spanned;
 
 use super::input::{BlockInput, Component, ContactInput, Input, MeshInput, Plane, RunInput};
 use crate::commands::error::CommandError;
+use crate::commands::run_file;
 
-/// A run file: its text, for the lines of errors, and where it is.
-pub(super) struct RunFile {
-    path: PathBuf,
-    text: String,
-    pub input: Input,
-}
+pub(super) type RunFile = run_file::RunFile<Input>;
 
 impl RunFile {
-    pub(super) fn read(path: &Path) -> Result<Self, CommandError> {
-        let name = path.display().to_string();
-        let text = std::fs::read_to_string(path).map_err(|source| CommandError::File {
-            path: name.clone(),
-            source,
-        })?;
-        let input = toml::from_str(&text).map_err(|source| CommandError::Toml {
-            path: name,
-            source: Box::new(source),
-        })?;
-        Ok(Self {
-            path: path.into(),
-            text,
-            input,
-        })
-    }
-
-    /// A path that is relative to the run file.
-    pub(super) fn relative(&self, path: &str) -> PathBuf {
-        self.path
-            .parent()
-            .map_or_else(|| path.into(), |folder| folder.join(path))
-    }
-
-    /// What is wrong with a value.
-    fn wrong<T>(
-        &self,
-        place: &Spanned<T>,
-        key: &str,
-        what: impl Into<Box<dyn Error + Send + Sync>>,
-    ) -> CommandError {
-        let before = self.text.get(..place.span().start).unwrap_or_default();
-        CommandError::Value {
-            path: self.path.display().to_string(),
-            line: before.matches('\n').count() + 1,
-            key: key.to_owned(),
-            source: what.into(),
-        }
-    }
-
     /// Numbers for the components of a vector, 0 where none are given.
     fn vector<T>(
         &self,

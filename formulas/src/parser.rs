@@ -11,16 +11,19 @@ const DEEPEST: usize = 40;
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("{message}")]
 pub struct Mistake {
-    pub(crate) message: String,
-    pub(crate) from: usize,
-    pub(crate) to: usize,
+    /// What is wrong.
+    pub message: String,
+    /// The first character it is about.
+    pub from: usize,
+    /// The one behind the last.
+    pub to: usize,
 }
 
 /// A place where a formula switches, in the words of the formula.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) struct Site {
+pub struct Site {
     /// The pieces, in the order of the library's.
-    pub(crate) pieces: [String; 2],
+    pub pieces: [String; 2],
 }
 
 /// An equation, expression = 0, with its sites in the order in which they are evaluated.

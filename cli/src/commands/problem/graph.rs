@@ -1,0 +1,108 @@
+//! All curves of solutions connected to given starts.
+
+use std::io::Write;
+
+use semismooth::continuation::{Diagram, DiagramOptions};
+use semismooth::enumeration::EnumerationOptions;
+use semismooth::output::{Panel, write_diagram_csv, write_diagram_json};
+
+use super::Case;
+use super::curve::picture;
+use crate::commands::error::CommandError;
+use crate::commands::progress::Progress;
+use crate::commands::run_file::create;
+
+pub(super) fn run(case: &Case<'_>, out: &mut dyn Write) -> Result<(), CommandError> {
+    let [from, to] = case.file.range(&case.problem)?;
+    let options: DiagramOptions = case.file.options()?;
+    let options = options.with_parameter_range((from.min(to), from.max(to)));
+    let progress = Progress::new(0, !case.prints())?;
+    let diagram = explore(case, &options, &progress);
+    let interrupted = progress.cancelled();
+    drop(progress);
+    let diagram = diagram?;
+    tell(case, &diagram, out)?;
+    let failed = |e| CommandError::failed("the table", e);
+    let (map, columns) = (case.problem.map(), case.columns());
+    let mut table = create(&case.path("diagram.csv"))?;
+    write_diagram_csv(&mut table, map, &diagram, &columns).map_err(failed)?;
+    let mut object = create(&case.path("diagram.json"))?;
+    write_diagram_json(&mut object, map, &diagram, &columns).map_err(failed)?;
+    let panels = case.file.plotted(&case.problem)?.into_iter().map(|k| {
+        let panel = Panel::new(case.problem.parameter(), case.problem.names[k].clone());
+        panel.with_diagram(&diagram, |x: &[f64]| x[k], case.style())
+    });
+    picture(case, panels, "diagram.svg")?;
+    if case.prints() {
+        let folder = case.folder.display();
+        writeln!(out, "written to {folder}: diagram.csv, diagram.json, diagram.svg")?;
+    }
+    match interrupted {
+        true => Err(CommandError::Interrupted(
+            "before the diagram was complete".to_owned(),
+        )),
+        false => Ok(()),
+    }
+}
+
+/// From the starts given, or from all solutions at the sections.
+fn explore(case: &Case<'_>, options: &DiagramOptions, progress: &Progress) -> Result<Diagram, CommandError> {
+    let run = &case.file.input.run;
+    let (map, failed) = (case.problem.map(), |e| CommandError::failed("the diagram", e));
+    match (&run.get_ref().starts, &run.get_ref().sections) {
+        (Some(starts), None) if !starts.is_empty() => {
+            let m = map.num_vars();
+            if let Some(wrong) = starts.iter().find(|s| s.get_ref().len() != m) {
+                let what = format!(
+                    "{} numbers, expected {m}, the parameter last",
+                    wrong.get_ref().len()
+                );
+                return Err(case.file.wrong(wrong, "run.starts", what));
+            }
+            let starts: Vec<&Vec<f64>> = starts.iter().map(toml::Spanned::get_ref).collect();
+            let name = case.problem.parameter();
+            let observe = |now: &semismooth::continuation::Progress<'_>| {
+                progress.advance(format!("{name} = {:.4}", now.event.parameter()))
+            };
+            Diagram::explore_observed(map, &starts, options, observe).map_err(failed)
+        }
+        (None, Some(sections)) => {
+            let found =
+                Diagram::explore_sections(map, sections.get_ref(), options, &EnumerationOptions::default());
+            found.map_err(|e| case.file.wrong(sections, "run.sections", e))
+        }
+        _ => {
+            let what = "one of starts and sections is wanted";
+            Err(case.file.wrong(run, "run", what))
+        }
+    }
+}
+
+fn tell(case: &Case<'_>, diagram: &Diagram, out: &mut dyn Write) -> Result<(), CommandError> {
+    let completeness = diagram.completeness();
+    let folds = diagram.folds();
+    if case.arguments.json {
+        let summary = serde_json::json!({
+            "vertices": diagram.vertices().len(), "edges": diagram.edges().len(), "branches": diagram.branches().len(),
+            "isolas": diagram.isolas().len(), "folds": folds.iter().map(|f| f.parameter()).collect::<Vec<_>>(),
+            "complete": completeness.is_complete(), "completeness": completeness.to_string(),
+        });
+        return Ok(writeln!(out, "{summary}")?);
+    }
+    if !case.prints() {
+        return Ok(());
+    }
+    for vertex in diagram.vertices() {
+        writeln!(out, "{:<18} {}", vertex.kind.name(), case.words(&vertex.x))?;
+    }
+    for fold in folds.iter().filter(|f| f.vertex.is_none()) {
+        writeln!(out, "{:<18} {}", "smooth fold", case.words(&fold.x))?;
+    }
+    writeln!(
+        out,
+        "{} branches, {} of them closed and connected to nothing else; {completeness}",
+        diagram.branches().len(),
+        diagram.isolas().len()
+    )?;
+    Ok(())
+}

@@ -1,0 +1,167 @@
+//! All solutions at given parameters.
+
+use std::io::Write;
+
+use semismooth::continuation::{SearchOptions, search_solutions};
+use semismooth::enumeration::{EnumerationError, EnumerationOptions, all_solutions};
+use semismooth::piecewise::Selection;
+
+use super::Case;
+use crate::commands::error::CommandError;
+use crate::commands::run_file::{create, write_failed};
+
+/// A list at one value of the parameter.
+struct List {
+    solutions: Vec<Listed>,
+    continua: usize,
+    index_sum: Option<i64>,
+    complete: bool,
+    /// The verdict in words.
+    verdict: String,
+}
+
+struct Listed {
+    x: Vec<f64>,
+    selections: Vec<Selection>,
+    det_sign: Option<i8>,
+    index: Option<i8>,
+}
+
+pub(super) fn run(case: &Case<'_>, out: &mut dyn Write) -> Result<(), CommandError> {
+    let (path, map) = (case.path("solutions.csv"), case.problem.map());
+    let mut table = create(&path)?;
+    let names: Vec<_> = case.problem.names.iter().map(|n| quoted(n)).collect();
+    let sites: Vec<_> = (0..map.num_sites()).map(|s| quoted(&map.site_name(s))).collect();
+    let head = ["list", "det", "index"].into_iter().map(str::to_owned);
+    let head: Vec<String> = head.chain(names).chain(sites).collect();
+    writeln!(table, "{}\r", head.join(",")).map_err(write_failed(&path))?;
+    for (k, alpha) in parameters(case)?.into_iter().enumerate() {
+        let list = find(case, alpha)?;
+        for solution in &list.solutions {
+            writeln!(table, "{}\r", row(case, k, solution)).map_err(write_failed(&path))?;
+        }
+        tell(case, alpha, &list, out)?;
+    }
+    table.flush().map_err(write_failed(&path))?;
+    if case.prints() {
+        writeln!(out, "written to {}: solutions.csv", case.folder.display())?;
+    }
+    Ok(())
+}
+
+/// The values asked for; one of no meaning where there is no parameter.
+fn parameters(case: &Case<'_>) -> Result<Vec<f64>, CommandError> {
+    let run = &case.file.input.run;
+    let with = case.problem.map().num_vars() > case.problem.map().num_residuals();
+    match (&run.get_ref().at, with) {
+        (None, false) => Ok(vec![0.0]),
+        (Some(at), true) if !at.get_ref().is_empty() => match at.get_ref().iter().find(|v| !v.is_finite()) {
+            Some(value) => Err(case.file.wrong(at, "run.at", format!("{value} is not finite"))),
+            None => Ok(at.get_ref().clone()),
+        },
+        (Some(at), false) => Err(case.file.wrong(at, "run.at", "the problem has no parameter")),
+        (_, true) => Err(case
+            .file
+            .wrong(run, "run.at", "values of the parameter are wanted")),
+    }
+}
+
+/// All solutions where the pieces are affine; else those that a search finds.
+fn find(case: &Case<'_>, alpha: f64) -> Result<List, CommandError> {
+    let map = case.problem.map();
+    let failed = |e| CommandError::failed("the list of solutions", e);
+    let listed = |s: semismooth::enumeration::Solution| Listed {
+        det_sign: s.det_signs.iter().copied().next().flatten(),
+        index: s.index,
+        x: s.x,
+        selections: s.selections,
+    };
+    match all_solutions(map, alpha, &EnumerationOptions::default()) {
+        Ok(found) => Ok(List {
+            continua: found.continua.len(),
+            index_sum: found.index_sum,
+            complete: found.completeness.is_complete(),
+            verdict: found.completeness.to_string(),
+            solutions: found.solutions.into_iter().map(listed).collect(),
+        }),
+        Err(EnumerationError::NotAffine { .. }) => {
+            let none: [Vec<f64>; 0] = [];
+            let options: SearchOptions = case.file.options()?;
+            let found = search_solutions(map, alpha, &none, &options)
+                .map_err(|e| CommandError::failed("the search", e))?;
+            let verdict = format!("{found}");
+            let one = |s: semismooth::continuation::FoundSolution| Listed {
+                x: s.x,
+                selections: vec![s.selection],
+                det_sign: s.det_sign,
+                index: s.index,
+            };
+            Ok(List {
+                continua: 0,
+                index_sum: found.index_sum,
+                complete: false,
+                verdict,
+                solutions: found.solutions.into_iter().map(one).collect(),
+            })
+        }
+        Err(e) => Err(failed(e)),
+    }
+}
+
+fn sign(value: Option<i8>) -> String {
+    value.map_or_else(String::new, |v| format!("{v:+}"))
+}
+
+fn row(case: &Case<'_>, list: usize, solution: &Listed) -> String {
+    let mut cells = vec![list.to_string(), sign(solution.det_sign), sign(solution.index)];
+    cells.extend(solution.x.iter().map(|v| format!("{v:?}")));
+    let pieces = solution.selections.first().map(|s| case.pieces(s));
+    cells.extend(pieces.into_iter().flatten().map(|p| quoted(&p)));
+    cells.join(",")
+}
+
+/// A cell of a table.
+fn quoted(text: &str) -> String {
+    match text.contains([',', '"', '\n', '\r']) {
+        true => format!("\"{}\"", text.replace('"', "\"\"")),
+        false => text.to_owned(),
+    }
+}
+
+fn tell(case: &Case<'_>, alpha: f64, list: &List, out: &mut dyn Write) -> Result<(), CommandError> {
+    let with = case.problem.map().num_vars() > case.problem.map().num_residuals();
+    if case.arguments.json {
+        let solutions: Vec<_> = (list.solutions.iter())
+            .map(|s| {
+                serde_json::json!({
+                    "x": case.object(&s.x), "det": s.det_sign, "index": s.index,
+                    "pieces": s.selections.iter().map(|s| case.pieces(s)).collect::<Vec<_>>(),
+                })
+            })
+            .collect();
+        let line = serde_json::json!({
+            "parameter": with.then_some(alpha), "solutions": solutions, "continua": list.continua,
+            "index sum": list.index_sum, "complete": list.complete, "verdict": list.verdict,
+        });
+        return Ok(writeln!(out, "{line}")?);
+    }
+    if !case.prints() {
+        return Ok(());
+    }
+    if with {
+        writeln!(out, "{} = {alpha}: {}", case.problem.parameter(), list.verdict)?;
+    } else {
+        writeln!(out, "{}", list.verdict)?;
+    }
+    let n = case.problem.map().num_residuals();
+    for solution in &list.solutions {
+        let index = solution
+            .index
+            .map_or_else(String::new, |i| format!("   index {i:+}"));
+        writeln!(out, "    {}{index}", case.words(&solution.x[..n]))?;
+    }
+    if list.continua > 0 {
+        writeln!(out, "    and {} continua of solutions", list.continua)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,147 @@
+//! Equations with kinks, and discrete friction problems from folders: curves, diagrams and lists of their solutions.
+
+mod curve;
+mod graph;
+mod input;
+mod list;
+mod model;
+
+use std::io::Write;
+use std::path::PathBuf;
+
+use clap::Args;
+use semismooth::output::{Colour, Column, SegmentStyle};
+use semismooth::piecewise::Selection;
+
+use self::model::{Problem, RunFile};
+use super::error::CommandError;
+
+/// Run files to begin with.
+pub(super) const FOLLOW: &str = include_str!("follow.toml");
+pub(super) const DIAGRAM: &str = include_str!("diagram.toml");
+pub(super) const SOLUTIONS: &str = include_str!("solutions.toml");
+
+#[derive(Debug, Args)]
+pub struct ProblemArgs {
+    /// The run, a TOML file; `semismooth init` writes one to begin with
+    run: PathBuf,
+    /// JSON instead of text
+    #[arg(long)]
+    json: bool,
+    /// No table, no progress
+    #[arg(long, short)]
+    quiet: bool,
+    /// Folder for the results, in place of that of the run file
+    #[arg(long)]
+    out: Option<PathBuf>,
+}
+
+/// A problem with what is needed to show its solutions.
+struct Case<'a> {
+    file: RunFile,
+    problem: Problem,
+    folder: PathBuf,
+    arguments: &'a ProblemArgs,
+}
+
+pub(super) fn follow(arguments: &ProblemArgs, out: &mut dyn Write) -> Result<(), CommandError> {
+    curve::run(&Case::new(arguments)?, out)
+}
+
+pub(super) fn diagram(arguments: &ProblemArgs, out: &mut dyn Write) -> Result<(), CommandError> {
+    graph::run(&Case::new(arguments)?, out)
+}
+
+pub(super) fn solutions(arguments: &ProblemArgs, out: &mut dyn Write) -> Result<(), CommandError> {
+    list::run(&Case::new(arguments)?, out)
+}
+
+/// A number for the terminal, with twelve digits; files have all of them.
+fn short(value: f64) -> String {
+    let digits = format!("{value:.11e}");
+    let rounded: f64 = digits.parse().unwrap_or(value);
+    match rounded != 0.0 && !(1e-5..1e15).contains(&rounded.abs()) {
+        true => format!("{rounded:e}"),
+        false => rounded.to_string(),
+    }
+}
+
+impl<'a> Case<'a> {
+    fn new(arguments: &'a ProblemArgs) -> Result<Self, CommandError> {
+        let file = RunFile::read(&arguments.run)?;
+        let problem = file.problem()?;
+        let folder = file.results(arguments.out.as_ref(), &file.input.output.folder)?;
+        Ok(Self {
+            file,
+            problem,
+            folder,
+            arguments,
+        })
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.join(name)
+    }
+
+    /// Whether a table is printed.
+    fn prints(&self) -> bool {
+        !self.arguments.json && !self.arguments.quiet
+    }
+
+    /// The unknowns as columns.
+    fn columns(&self) -> Vec<Column<'_>> {
+        let count = self.problem.map().num_residuals();
+        let names = self.problem.names.iter().take(count).enumerate();
+        names.map(|(k, name)| Column::entry(name.as_str(), k)).collect()
+    }
+
+    /// A point as "x = 1, y = 2".
+    fn words(&self, x: &[f64]) -> String {
+        let pairs = self.problem.names.iter().zip(x);
+        let pairs: Vec<String> = pairs.map(|(n, v)| format!("{n} = {}", short(*v))).collect();
+        pairs.join(", ")
+    }
+
+    /// A point as an object.
+    fn object(&self, x: &[f64]) -> serde_json::Value {
+        let pairs = self.problem.names.iter().zip(x);
+        pairs
+            .map(|(n, v)| (n.clone(), (*v).into()))
+            .collect::<serde_json::Map<_, _>>()
+            .into()
+    }
+
+    /// The active pieces.
+    fn pieces(&self, selection: &Selection) -> Vec<String> {
+        let map = self.problem.map();
+        let pieces = selection.pieces().enumerate();
+        pieces
+            .map(|(site, k)| map.piece_name(site, k).into_owned())
+            .collect()
+    }
+
+    /// A colour for each combination of pieces in the order in which they are met; the legend names those of few sites.
+    fn style(&self) -> impl Fn(&Selection, &[usize]) -> SegmentStyle {
+        const COLOURS: [Colour; 5] = [
+            Colour::BLUE,
+            Colour::RED,
+            Colour::GREEN,
+            Colour::PURPLE,
+            Colour::GREY,
+        ];
+        let met = std::cell::RefCell::new(Vec::<Selection>::new());
+        let sites = self.problem.map().num_sites();
+        move |selection, _| {
+            if sites == 0 || sites > 2 {
+                return SegmentStyle::new("solutions", Colour::BLUE);
+            }
+            let mut met = met.borrow_mut();
+            let known = met.iter().position(|s| s == selection);
+            let k = known.unwrap_or_else(|| {
+                met.push(selection.clone());
+                met.len() - 1
+            });
+            SegmentStyle::new(self.pieces(selection).join(", "), COLOURS[k % COLOURS.len()])
+        }
+    }
+}

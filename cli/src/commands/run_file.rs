@@ -1,0 +1,76 @@
+//! Run files: their text, for the lines of errors, and where they are.
+
+use std::error::Error;
+use std::fs::File;
+use std::io::BufWriter;
+use std::path::{Path, PathBuf};
+
+use serde::de::DeserializeOwned;
+use toml::Spanned;
+
+use super::error::CommandError;
+
+/// A run file with what it says.
+pub(super) struct RunFile<I> {
+    path: PathBuf,
+    text: String,
+    pub(super) input: I,
+}
+
+impl<I: DeserializeOwned> RunFile<I> {
+    pub(super) fn read(path: &Path) -> Result<Self, CommandError> {
+        let name = path.display().to_string();
+        let text = std::fs::read_to_string(path).map_err(|source| CommandError::File {
+            path: name.clone(),
+            source,
+        })?;
+        let input = toml::from_str(&text).map_err(|source| CommandError::Toml {
+            path: name,
+            source: Box::new(source),
+        })?;
+        Ok(Self {
+            path: path.into(),
+            text,
+            input,
+        })
+    }
+
+    /// A path that is relative to the run file.
+    pub(super) fn relative(&self, path: &str) -> PathBuf {
+        self.path
+            .parent()
+            .map_or_else(|| path.into(), |folder| folder.join(path))
+    }
+
+    /// What is wrong with a value.
+    pub(super) fn wrong<T>(
+        &self,
+        place: &Spanned<T>,
+        key: &str,
+        what: impl Into<Box<dyn Error + Send + Sync>>,
+    ) -> CommandError {
+        let before = self.text.get(..place.span().start).unwrap_or_default();
+        CommandError::Value {
+            path: self.path.display().to_string(),
+            line: before.matches('\n').count() + 1,
+            key: key.to_owned(),
+            source: what.into(),
+        }
+    }
+
+    /// The folder for results, made: that of the command line, or that of the run file.
+    pub(super) fn results(&self, asked: Option<&PathBuf>, own: &str) -> Result<PathBuf, CommandError> {
+        let folder = asked.cloned().unwrap_or_else(|| self.relative(own));
+        std::fs::create_dir_all(&folder).map_err(write_failed(&folder))?;
+        Ok(folder)
+    }
+}
+
+pub(super) fn create(path: &Path) -> Result<BufWriter<File>, CommandError> {
+    Ok(BufWriter::new(File::create(path).map_err(write_failed(path))?))
+}
+
+pub(super) fn write_failed(path: &Path) -> impl FnOnce(std::io::Error) -> CommandError {
+    let path = path.display().to_string();
+    move |source| CommandError::File { path, source }
+}
