@@ -1,7 +1,12 @@
 //! Sweeps give what single runs give, in the order of the inputs, whatever the number of threads.
 
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::time::Duration;
+
 use semismooth::complementarity::{AffineFunction, Mcp, McpSolver};
 use semismooth::continuation::{Branch, ContinuationOptions, Direction};
+use semismooth::newton::{Newton, NewtonError, NewtonOptions};
 use semismooth::piecewise::MinMap;
 use semismooth::sparse::Matrix;
 use semismooth::sweep::sweep;
@@ -66,5 +71,104 @@ fn the_number_of_threads_changes_nothing() {
             .build()
             .unwrap();
         assert_eq!(pool.install(|| sweep(&starts, solve)), alone);
+    }
+}
+
+/// Member `member` of `members`: the inputs whose results are not there yet, a file each, whole or not there.
+fn run_member(folder: &Path, inputs: &[f64], member: usize, members: usize) -> std::io::Result<()> {
+    let file = |k: usize| folder.join(format!("{k}.txt"));
+    let missing = (member..inputs.len())
+        .step_by(members)
+        .filter(|k| !file(*k).exists());
+    let missing: Vec<usize> = missing.collect();
+    let written = sweep(&missing, |&k| {
+        let text = match solved(inputs[k]) {
+            Ok(x) => format!("{x:?}\n"),
+            Err(e) => format!("{e}\n"),
+        };
+        let part = folder.join(format!("{k}.part"));
+        std::fs::write(&part, text)?;
+        std::fs::rename(part, file(k))
+    });
+    written.into_iter().collect()
+}
+
+/// x + 10 (x − 1)₊ = load.
+fn solved(load: f64) -> Result<f64, NewtonError> {
+    let map = MinMap::new(1, move |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+        // The member that is to be killed goes no further.
+        if load == STUCK && std::env::var_os("SEMISMOOTH_TEST_STUCK").is_some() {
+            std::thread::sleep(Duration::from_secs(600));
+        }
+        a[0] = load - x[0];
+        b[0] = load + 10.0 - 11.0 * x[0];
+    });
+    let mut x = [0.0];
+    Newton::new(NewtonOptions::default())
+        .solve(&map, &mut x)
+        .map(|_| x[0])
+}
+
+const STUCK: f64 = 7.0;
+const MEMBERS: usize = 3;
+
+/// Not a test by itself: what a member of the job array below does.
+#[test]
+fn member_of_a_job_array() -> std::io::Result<()> {
+    let Ok(member) = std::env::var("SEMISMOOTH_TEST_MEMBER") else {
+        return Ok(());
+    };
+    let folder = PathBuf::from(std::env::var("SEMISMOOTH_TEST_FOLDER").unwrap());
+    run_member(&folder, &loads(), member.parse().unwrap(), MEMBERS)
+}
+
+fn loads() -> Vec<f64> {
+    (0..20).map(f64::from).collect()
+}
+
+/// The recipe of the guide: a member is killed, and the same array started again fills in what is missing and nothing else.
+#[test]
+fn a_job_array_started_again_fills_in_what_is_missing() {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("job_array");
+    let _ = std::fs::remove_dir_all(&folder);
+    std::fs::create_dir_all(&folder).unwrap();
+    let start = |member: usize, stuck: bool| {
+        let mut command = Command::new(std::env::current_exe().unwrap());
+        command
+            .args(["--exact", "member_of_a_job_array", "--test-threads=1"])
+            .env("SEMISMOOTH_TEST_MEMBER", member.to_string())
+            .env("SEMISMOOTH_TEST_FOLDER", &folder)
+            .stdout(Stdio::null());
+        if stuck {
+            command.env("SEMISMOOTH_TEST_STUCK", "1");
+        }
+        command.spawn().unwrap()
+    };
+    let has = |k: usize| folder.join(format!("{k}.txt")).exists();
+    let mut members: Vec<_> = (0..MEMBERS).map(|m| start(m, true)).collect();
+    // 7 is an input of member 1, who waits there; the others end.
+    for m in [0, 2] {
+        assert!(members[m].wait().unwrap().success());
+    }
+    members[1].kill().unwrap();
+    assert!(!members[1].wait().unwrap().success());
+    let done: Vec<usize> = (0..20).filter(|k| has(*k)).collect();
+    assert!(!done.contains(&7) && (0..20).filter(|k| k % 3 != 1).all(|k| done.contains(&k)));
+    let written = |k: usize| {
+        std::fs::metadata(folder.join(format!("{k}.txt")))
+            .unwrap()
+            .modified()
+            .unwrap()
+    };
+    let before: Vec<_> = done.iter().map(|k| written(*k)).collect();
+    let again: Vec<_> = (0..MEMBERS).map(|m| start(m, false)).collect();
+    for mut member in again {
+        assert!(member.wait().unwrap().success());
+    }
+    assert!(done.iter().map(|k| written(*k)).eq(before));
+    let expected = sweep(&loads(), |load| solved(*load));
+    for (k, expected) in expected.into_iter().enumerate() {
+        let text = std::fs::read_to_string(folder.join(format!("{k}.txt"))).unwrap();
+        assert_eq!(text.trim().parse::<f64>().unwrap(), expected.unwrap());
     }
 }

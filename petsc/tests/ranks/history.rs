@@ -90,8 +90,12 @@ fn send(signal: &str, id: u32) {
 fn none_left(output: &str) {
     let begun = Instant::now();
     for (rank, id) in processes(output) {
-        let path = PathBuf::from(format!("/proc/{id}"));
-        while path.exists() {
+        // Another process may have the number by now.
+        let lives = || {
+            let line = std::fs::read(format!("/proc/{id}/cmdline")).unwrap_or_default();
+            String::from_utf8_lossy(&line).contains("--on-ranks")
+        };
+        while lives() {
             assert!(
                 begun.elapsed() < Duration::from_secs(20),
                 "process {rank} stays:\n{output}"
