@@ -8,7 +8,6 @@ mod common;
 #[allow(dead_code)]
 mod contenders;
 #[path = "../examples/common/obstacles.rs"]
-#[allow(dead_code)]
 mod obstacles;
 
 use std::cell::Cell;
