@@ -82,6 +82,17 @@ pub enum ContactError {
         /// F there.
         value: f64,
     },
+    /// A coefficient of friction is 0 under a law that divides by it.
+    #[error(
+        "the coefficient of friction of node {node} is 0 at parameter {parameter}, and the law in space divides by it; without any friction, \
+         `Frictionless::space()` is the law"
+    )]
+    NoFriction {
+        /// The contact node, from 0.
+        node: usize,
+        /// The parameter α.
+        parameter: f64,
+    },
     /// The stiffness matrix is not symmetric, so that it cannot be condensed by Cholesky.
     #[error(
         "the stiffness matrix is not symmetric: entries ({row}, {col}) and ({col}, {row}) differ by {difference:e}; use the full form"

@@ -5,7 +5,7 @@ use super::event::coincidence::keep_inside;
 use super::{Branch, ContinuationError, ContinuationOptions, Transition};
 use crate::piecewise::{
     ActiveSet, LocalUniqueness, PiecewiseSmooth, Selection, TestLayout, check_vector, local_uniqueness,
-    local_uniqueness_with,
+    local_uniqueness_with, select,
 };
 use crate::sparse::Matrix;
 
@@ -75,7 +75,15 @@ fn active_at(
     let layout = TestLayout::new(map);
     let mut theta = vec![0.0; layout.total()];
     map.test_functions(x, &mut theta);
-    let vanishing = vanishing_at(map, &layout, x, &theta, options.vanishing_distance, &[]);
+    let vanishing = vanishing_at(
+        map,
+        &layout,
+        &select(map, x),
+        x,
+        &theta,
+        options.vanishing_distance,
+        &[],
+    );
     let indices = vanishing.iter().map(|v| v.index).collect();
     Ok(ActiveSet::from_tests(map, &layout, &theta, indices))
 }

@@ -90,6 +90,14 @@ impl Enclosure {
         })
     }
 
+    /// Whether the components are known to ten digits of the largest, and those that are certainly not 0 to eight of their own.
+    pub(super) fn is_sharp(&self) -> bool {
+        let largest = self.point.iter().fold(0.0f64, |m, p| m.max(p.abs()));
+        let known =
+            |(p, r): (&f64, &f64)| *r <= 1e-10 * largest && (p.abs() <= 10.0 * r || *r <= 1e-8 * p.abs());
+        largest == 0.0 || self.point.iter().zip(&self.radius).all(known)
+    }
+
     /// Bounds of the components of the solution.
     pub(super) fn reach(&self) -> Vec<f64> {
         let both = self.point.iter().zip(&self.radius);

@@ -62,7 +62,8 @@ struct Local<'a> {
 pub(super) fn vanishing_tests(map: &dyn PiecewiseSmooth, x: &[f64], active: &ActiveSet) -> Vec<Vanishing> {
     let layout = TestLayout::new(map);
     let indices = active.vanishing().iter();
-    indices.map(|&k| Vanishing::new(map, &layout, k, x)).collect()
+    let of = |&k: &usize| Vanishing::new(map, &layout, active.first(), k, x);
+    indices.map(of).collect()
 }
 
 impl<'a> Local<'a> {

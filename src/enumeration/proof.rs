@@ -62,6 +62,7 @@ pub(super) fn proven_solutions(
         let examined = !deadline.is_over() && gathered.examine(pieces, &mut budget);
         found.open += u64::from(!examined);
     }
+    gathered.sharpen(&mut budget);
     gathered.drop_points_of_continua();
     let open = found.open + gathered.disagreeing();
     let completeness = match found.incomplete {
@@ -223,6 +224,8 @@ pub(super) struct Gathered<'a> {
     pub(super) solutions: Vec<Solution>,
     /// Exact coordinates of those solutions that others may equal.
     points: Vec<Option<ExactPoint>>,
+    /// Solutions whose coordinates are not known to many digits.
+    blunt: Vec<usize>,
     pub(super) continua: Vec<Continuum>,
     ends: Vec<Vec<ExactPoint>>,
     /// Whether a decision was taken in exact arithmetic.
@@ -254,6 +257,7 @@ impl<'a> Gathered<'a> {
             stated,
             solutions: Vec::new(),
             points: Vec::new(),
+            blunt: Vec::new(),
             continua: Vec::new(),
             ends: Vec::new(),
             close: false,
@@ -495,8 +499,21 @@ impl<'a> Gathered<'a> {
         Some((!unsure).then_some(true))
     }
 
+    /// Computes the coordinates of solutions that error bounds leave inexact in exact arithmetic, as far as the budget goes.
+    fn sharpen(&mut self, budget: &mut Budget) {
+        for k in std::mem::take(&mut self.blunt) {
+            let pieces: Vec<usize> = self.solutions[k].selections[0].pieces().collect();
+            if let Some(Held::Point { point, .. }) = decide(self.conditions, &pieces, budget) {
+                self.solutions[k].x = self.full(point.to_f64());
+            }
+        }
+    }
+
     pub(super) fn add(&mut self, pieces: &[usize], found: &Enclosure) {
         let x = self.full(self.stated.scaling.unscaled(&found.point));
+        if !found.is_sharp() {
+            self.blunt.push(self.solutions.len());
+        }
         self.points.push(None);
         self.solutions.push(solution(x, pieces, found.sign, INSIDE));
     }

@@ -55,8 +55,7 @@ pub trait NonsmoothFunction {
     fn num_residuals(&self) -> usize;
 
     /// Computes H(x) into `out` (length n). Each call on `kinks` is a site; the same calls must be made in the same order at
-    /// every x (where their number differs, [`Traced`] gives NaN), and the arguments of one kink should not depend on another for test
-    /// functions to be smooth.
+    /// every x (where their number differs, [`Traced`] gives NaN). A kink may lie inside another.
     fn eval<T: Real>(&self, x: &[T], kinks: &mut Kinks<'_, T>, out: &mut [T]);
 
     /// Where Jacobians have entries, over all pieces. Default: found by tracing [`eval`](Self::eval) at two points, the zero vector and one
@@ -113,6 +112,10 @@ enum Mode<'a> {
     Natural(&'a mut [f64]),
     /// The derivatives of the test functions.
     Slopes(&'a mut [f64]),
+    /// The test functions of a selection.
+    FrozenTests(&'a Selection, &'a mut [f64]),
+    /// Their derivatives.
+    FrozenSlopes(&'a Selection, &'a mut [f64]),
     /// All pieces at once.
     Joined,
     /// Every kink as an unknown.
@@ -175,6 +178,14 @@ impl<'a, T: Real> Kinks<'a, T> {
             Mode::Slopes(out) => {
                 write(out, T::slope);
                 natural()
+            }
+            Mode::FrozenTests(selection, out) => {
+                write(out, T::value);
+                selection.piece(site)
+            }
+            Mode::FrozenSlopes(selection, out) => {
+                write(out, T::slope);
+                selection.piece(site)
             }
             Mode::Joined => return pieces[0].joined(&pieces, None),
             Mode::Switched => return T::switched(tests, &pieces),
@@ -296,6 +307,8 @@ pub struct Traced<F> {
     rows: Vec<Vec<usize>>,
     /// Variables of each test function.
     variables: Vec<Vec<usize>>,
+    /// Whether the test functions of one kink depend on another.
+    nested: bool,
     /// Whether the pattern was compared with the function at a point.
     checked: AtomicBool,
 }
@@ -309,6 +322,7 @@ impl<F: Clone> Clone for Traced<F> {
             coloring: self.coloring.clone(),
             rows: self.rows.clone(),
             variables: self.variables.clone(),
+            nested: self.nested,
             checked: AtomicBool::new(self.checked.load(Ordering::Relaxed)),
         }
     }
@@ -327,6 +341,7 @@ impl<F: NonsmoothFunction> Traced<F> {
         let num_tests = kinds.iter().map(|k| k.tests()).sum();
         let mut rows = vec![Vec::new(); kinds.len()];
         let mut variables = vec![Vec::new(); num_tests];
+        let mut nested = false;
         let found = structure(n, m + kinds.len(), &x, &mut |x, first, out| {
             let mut tests = Vec::with_capacity(num_tests);
             let mode = Mode::Labelled {
@@ -338,6 +353,7 @@ impl<F: NonsmoothFunction> Traced<F> {
             for (own, labels) in variables.iter_mut().zip(&tests) {
                 let last = m.saturating_sub(first).min(LABELS);
                 own.extend((0..last).filter(|&l| contains(labels, l)).map(|l| first + l));
+                nested |= (last..LABELS).any(|l| contains(labels, l));
             }
         });
         for (row, index) in found {
@@ -352,6 +368,7 @@ impl<F: NonsmoothFunction> Traced<F> {
             pattern,
             rows,
             variables,
+            nested,
             checked: AtomicBool::new(false),
         }
     }
@@ -390,12 +407,26 @@ impl<F: NonsmoothFunction> Traced<F> {
         }
     }
 
-    /// Derivatives of all test functions along a direction.
-    fn test_slopes(&self, seeded: &[Dual64], out: &mut [f64]) {
+    /// Derivatives of all test functions, perhaps those of a selection, along a direction.
+    fn test_slopes(&self, selection: Option<&Selection>, seeded: &[Dual64], out: &mut [f64]) {
         let mut residual = vec![Dual64::from(0.0); self.num_residuals()];
-        let mut kinks = Kinks::new(Mode::Slopes(out));
+        let mut kinks = Kinks::new(match selection {
+            Some(selection) => Mode::FrozenSlopes(selection, out),
+            None => Mode::Slopes(out),
+        });
         self.function.eval(seeded, &mut kinks, &mut residual);
         if kinks.site != self.kinds.len() {
+            out.fill(f64::NAN);
+        }
+    }
+
+    fn tests<'a>(&self, mode: impl FnOnce(&'a mut [f64]) -> Mode<'a>, x: &[f64], out: &'a mut [f64]) {
+        let mut residual = vec![0.0; self.num_residuals()];
+        let mut kinks = Kinks::new(mode(out));
+        self.function.eval(x, &mut kinks, &mut residual);
+        if kinks.site != self.kinds.len()
+            && let Mode::Natural(out) | Mode::FrozenTests(_, out) = kinks.mode
+        {
             out.fill(f64::NAN);
         }
     }
@@ -404,6 +435,11 @@ impl<F: NonsmoothFunction> Traced<F> {
     pub fn function(&self) -> &F {
         &self.function
     }
+}
+
+fn seeded(x: &[f64], d: &[f64]) -> Vec<Dual64> {
+    let pairs = x.iter().zip(d);
+    pairs.map(|(&re, &eps)| Dual64::new(re, eps)).collect()
 }
 
 impl<F: NonsmoothFunction> PiecewiseSmooth for Traced<F> {
@@ -461,12 +497,22 @@ impl<F: NonsmoothFunction> PiecewiseSmooth for Traced<F> {
     }
 
     fn test_functions(&self, x: &[f64], out: &mut [f64]) {
-        let mut residual = vec![0.0; self.num_residuals()];
-        let mut kinks = Kinks::new(Mode::Natural(out));
-        self.function.eval(x, &mut kinks, &mut residual);
-        if kinks.site != self.kinds.len() {
-            out.fill(f64::NAN);
+        self.tests(Mode::Natural, x, out);
+    }
+
+    fn tests_of_selection(
+        &self,
+        selection: &Selection,
+        x: &[f64],
+        d: Option<&[f64]>,
+        out: &mut [f64],
+    ) -> bool {
+        match d {
+            _ if !self.nested => return false,
+            Some(d) => self.test_slopes(Some(selection), &seeded(x, d), out),
+            None => self.tests(|out| Mode::FrozenTests(selection, out), x, out),
         }
+        true
     }
 
     fn residual(&self, selection: &Selection, x: &[f64], out: &mut [f64]) {
@@ -495,9 +541,7 @@ impl<F: NonsmoothFunction> PiecewiseSmooth for Traced<F> {
     }
 
     fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {
-        let pairs = x.iter().zip(d);
-        let seeded: Vec<Dual64> = pairs.map(|(&re, &eps)| Dual64::new(re, eps)).collect();
-        self.test_slopes(&seeded, out);
+        self.test_slopes(None, &seeded(x, d), out);
     }
 
     fn test_gradient(&self, site: usize, test: usize, x: &[f64], gradient: &mut [f64]) {
@@ -507,7 +551,7 @@ impl<F: NonsmoothFunction> PiecewiseSmooth for Traced<F> {
         gradient.fill(0.0);
         for &j in &self.variables[first + test] {
             seeded[j].eps = 1.0;
-            self.test_slopes(&seeded, &mut slopes);
+            self.test_slopes(None, &seeded, &mut slopes);
             seeded[j].eps = 0.0;
             gradient[j] = slopes[first + test];
         }

@@ -110,6 +110,16 @@ impl<M: PiecewiseSmooth + ?Sized> Scaled<M> {
         self.buffers.borrow_mut().0 = x;
         value
     }
+
+    /// Evaluates a function of the direction D d.
+    fn along<R>(&self, d: &[f64], evaluate: impl FnOnce(&[f64]) -> R) -> R {
+        let mut direction = std::mem::take(&mut self.buffers.borrow_mut().1);
+        direction.clear();
+        direction.extend(d.iter().zip(&self.sizes).map(|(d, s)| d * s));
+        let value = evaluate(&direction);
+        self.buffers.borrow_mut().1 = direction;
+        value
+    }
 }
 
 /// D by the rules of [`Scaled::new`].
@@ -237,11 +247,25 @@ impl<M: PiecewiseSmooth + ?Sized> PiecewiseSmooth for Scaled<M> {
         if self.sizes.is_empty() {
             return self.map.test_derivatives(z, d, out);
         }
-        let mut direction = std::mem::take(&mut self.buffers.borrow_mut().1);
-        direction.clear();
-        direction.extend(d.iter().zip(&self.sizes).map(|(d, s)| d * s));
-        self.at(z, |x| self.map.test_derivatives(x, &direction, out));
-        self.buffers.borrow_mut().1 = direction;
+        self.along(d, |direction| {
+            self.at(z, |x| self.map.test_derivatives(x, direction, out));
+        });
+    }
+    fn tests_of_selection(
+        &self,
+        selection: &Selection,
+        z: &[f64],
+        d: Option<&[f64]>,
+        out: &mut [f64],
+    ) -> bool {
+        let Some(d) = d.filter(|_| !self.sizes.is_empty()) else {
+            return self.at(z, |x| self.map.tests_of_selection(selection, x, d, out));
+        };
+        self.along(d, |direction| {
+            self.at(z, |x| {
+                self.map.tests_of_selection(selection, x, Some(direction), out)
+            })
+        })
     }
     fn test_gradient(&self, site: usize, test: usize, z: &[f64], gradient: &mut [f64]) {
         self.at(z, |x| self.map.test_gradient(site, test, x, gradient));

@@ -1,7 +1,32 @@
-use super::{PiecewiseSmooth, TestLayout};
+use super::{PiecewiseSmooth, Selection, TestLayout};
 use crate::sparse::{dot, norm};
 
-/// A vanishing test function at a point.
+/// The test functions at x, as those of a selection.
+pub(crate) fn tests_of<P: PiecewiseSmooth + ?Sized>(
+    map: &P,
+    selection: &Selection,
+    x: &[f64],
+    out: &mut [f64],
+) {
+    if !map.tests_of_selection(selection, x, None, out) {
+        map.test_functions(x, out);
+    }
+}
+
+/// Their derivatives along d.
+pub(crate) fn test_rates_of<P: PiecewiseSmooth + ?Sized>(
+    map: &P,
+    selection: &Selection,
+    x: &[f64],
+    d: &[f64],
+    out: &mut [f64],
+) {
+    if !map.tests_of_selection(selection, x, Some(d), out) {
+        map.test_derivatives(x, d, out);
+    }
+}
+
+/// A vanishing test function of a selection at a point.
 #[derive(Debug, Clone, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub(crate) struct Vanishing {
@@ -18,12 +43,15 @@ impl Vanishing {
     pub(crate) fn new<P: PiecewiseSmooth + ?Sized>(
         map: &P,
         layout: &TestLayout,
+        selection: &Selection,
         index: usize,
         x: &[f64],
     ) -> Self {
         let (site, test) = layout.locate(index);
         let mut gradient = vec![0.0; x.len()];
-        map.test_gradient(site, test, x, &mut gradient);
+        if !own_gradient(map, layout, selection, index, x, &mut gradient) {
+            map.test_gradient(site, test, x, &mut gradient);
+        }
         let gradient_norm = norm(&gradient);
         Self {
             index,
@@ -34,8 +62,44 @@ impl Vanishing {
         }
     }
 
+    /// The same as a test function of another selection.
+    pub(crate) fn of_selection<P: PiecewiseSmooth + ?Sized>(
+        &self,
+        map: &P,
+        layout: &TestLayout,
+        selection: &Selection,
+        x: &[f64],
+    ) -> Self {
+        let mut own = self.clone();
+        if own_gradient(map, layout, selection, self.index, x, &mut own.gradient) {
+            own.gradient_norm = norm(&own.gradient);
+        }
+        own
+    }
+
     /// Its rate along a direction.
     pub(crate) fn rate(&self, direction: &[f64]) -> f64 {
         dot(&self.gradient, direction)
     }
+}
+
+/// The gradient of a test function of a selection, where they depend on it.
+fn own_gradient<P: PiecewiseSmooth + ?Sized>(
+    map: &P,
+    layout: &TestLayout,
+    selection: &Selection,
+    index: usize,
+    x: &[f64],
+    gradient: &mut [f64],
+) -> bool {
+    let (mut unit, mut rates) = (vec![0.0; x.len()], vec![0.0; layout.total()]);
+    (0..x.len()).all(|j| {
+        unit[j] = 1.0;
+        let known = map.tests_of_selection(selection, x, Some(&unit), &mut rates);
+        unit[j] = 0.0;
+        if known {
+            gradient[j] = rates[index];
+        }
+        known
+    })
 }

@@ -1,7 +1,8 @@
 //! Each is refused by the variant of the error that names it.
 
 use semismooth::contact::{
-    ContactError, ContactState, FrictionCoefficient, FullContact, HildRenard, LoadPath, PlanarCoulomb,
+    ContactBody, ContactError, ContactState, FrictionCoefficient, FullContact, HildRenard, LoadPath,
+    OrthotropicCoulomb, PlanarCoulomb,
 };
 use semismooth::continuation::{
     Arm, Branch, Continuation, ContinuationError, ContinuationOptions, Direction, arms_at,
@@ -132,6 +133,15 @@ fn first_points() {
     for bad in BAD {
         refused!(p.solve(bad, None) => ContactError::NotFinite { .. });
     }
+    let body = ContactBody::new(
+        Matrix::identity(3),
+        rows(&[&[1.0, 0.0, 0.0]]),
+        vec![rows(&[&[0.0, 1.0, 0.0]]), rows(&[&[0.0, 0.0, 1.0]])],
+        LoadPath::constant(vec![1.0, 0.5, 0.0]),
+    );
+    let none = OrthotropicCoulomb::isotropic(FrictionCoefficient::constant(0.0).unwrap());
+    let space = FullContact::new(body.unwrap(), none).unwrap();
+    refused!(space.solve(0.0, None) => ContactError::NoFriction { node: 0, .. });
     // A body that can move freely under a load that pulls it off has no equilibrium.
     let free = FullContact::planar(
         rows(&[&[0.0, 0.0], &[0.0, 0.0]]),

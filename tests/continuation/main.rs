@@ -30,6 +30,7 @@ mod load_paths;
 mod local_arms;
 mod monitors;
 mod near_crossings;
+mod nested_kinks;
 mod reproducibility;
 mod resume;
 mod row_units;

@@ -635,3 +635,34 @@ fn stated_bounds_hold() {
         }
     }
 }
+
+/// (2 − ε) z₁ + 2 z₂ = 1 = 2 z₁ + (2 − δ) z₂ at z₁ = δ/(2 ε + 2 δ − ε δ), z₂ = ε/(2 ε + 2 δ − ε δ), in any units: what the condition number takes
+/// from a solution of rounded numbers, exact arithmetic gives back.
+#[test]
+fn points_of_ill_conditioned_selections_are_exact() {
+    for (first, second) in [(1e-6, 3e-6), (9.2e-10, 5.3e-10), (1e-13, 7e-14)] {
+        for [row, column] in [[1.0, 1.0], [4096.0, 1e-20], [1e10, 1e3]] {
+            let diagonal = [2.0 - first, 2.0 - second];
+            // No rounding here.
+            let [e, d] = diagonal.map(|v| 2.0 - v);
+            // Powers of ten are as exact as their products where only ratios to one another count.
+            let unit = |v: f64| v * row * column;
+            let two = unit(2.0);
+            let m = [[two - unit(e), two], [two, two - unit(d)]];
+            let stored = [(two - m[0][0]) / two * 2.0, (two - m[1][1]) / two * 2.0];
+            let whole = 2.0 * (stored[0] + stored[1]) - stored[0] * stored[1];
+            let exact = [stored[1] / whole / column, stored[0] / whole / column];
+            let lcp = Lcp::new(Matrix::from_rows(&m).unwrap(), vec![-row; 2]).unwrap();
+            let set = list(lcp.mcp(), 0.0);
+            assert!(set.completeness.is_complete() && set.solutions.len() == 3);
+            let inside = set
+                .solutions
+                .iter()
+                .find(|s| s.x.iter().all(|z| *z > 0.0))
+                .unwrap();
+            for (z, exact) in inside.x.iter().zip(exact) {
+                assert!((z - exact).abs() < 1e-13 * exact, "{first} {row}: {z} {exact}");
+            }
+        }
+    }
+}

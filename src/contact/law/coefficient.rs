@@ -468,12 +468,14 @@ pub(super) fn check_coefficient(
             value: values.into_iter().find(|f| !f.is_finite()).unwrap_or(f64::NAN),
         });
     }
-    if values[0] < 0.0 || (positive && values[0] == 0.0) {
-        return Err(ContactError::NegativeFriction {
-            node: v.node,
-            parameter: v.parameter,
-            value: values[0],
-        });
+    let (node, parameter) = (v.node, v.parameter);
+    match values[0] {
+        value if value < 0.0 => Err(ContactError::NegativeFriction {
+            node,
+            parameter,
+            value,
+        }),
+        0.0 if positive => Err(ContactError::NoFriction { node, parameter }),
+        _ => Ok(()),
     }
-    Ok(())
 }

@@ -8,7 +8,8 @@ use crate::enumeration::{EnumerationError, directional_selections, local_selecti
 use crate::linear::{LinearError, LinearSolver, null_space};
 use crate::newton::MoorePenrose;
 use crate::piecewise::{
-    ActiveSet, PiecewiseError, PiecewiseSmooth, Scaled, Selection, TestLayout, Vanishing,
+    ActiveSet, PiecewiseError, PiecewiseSmooth, Scaled, Selection, TestLayout, Vanishing, test_rates_of,
+    tests_of,
 };
 use crate::sparse::{Matrix, distance};
 use crate::sparse::{dot, norm};
@@ -20,6 +21,8 @@ const SAME_ARM: f64 = 1e-7;
 pub(in crate::continuation) const TANGENTIAL: f64 = 1e-9;
 /// Singular values below this, relative to the largest, count as zero in the branching equation.
 pub(in crate::continuation) const RANK: f64 = 1e-9;
+/// How many times as far as its rates tell a test function moves by rounding alone.
+pub(in crate::continuation) const UNEXPLAINED: f64 = 1e3;
 /// Up to so many active selections all are tried; beyond, the pruned search rules out most of them first.
 const PLAIN: u128 = 16;
 /// How much smaller than ‖∇θ‖ the largest of two directional derivatives may be.
@@ -31,20 +34,21 @@ const MAX_BRANCHING: usize = 600;
 pub(in crate::continuation) fn vanishing_at<P: PiecewiseSmooth + ?Sized>(
     map: &P,
     layout: &TestLayout,
+    selection: &Selection,
     x: &[f64],
     theta: &[f64],
     distance: f64,
     forced: &[usize],
 ) -> Vec<Vanishing> {
     let reach = distance * (1.0 + norm(x));
-    let sizes = gradient_sizes(map, x, theta.len());
+    let sizes = gradient_sizes(map, selection, x, theta.len());
     let mut list = Vec::new();
     for (index, value) in theta.iter().enumerate() {
         let is_forced = forced.contains(&index);
         if !is_forced && value.abs() > SPREAD * reach * sizes[index] {
             continue;
         }
-        let candidate = Vanishing::new(map, layout, index, x);
+        let candidate = Vanishing::new(map, layout, selection, index, x);
         if is_forced || value.abs() <= reach * candidate.gradient_norm {
             list.push(candidate);
         }
@@ -54,14 +58,19 @@ pub(in crate::continuation) fn vanishing_at<P: PiecewiseSmooth + ?Sized>(
 
 /// Sizes of the gradients of all test functions, by two directional derivatives: gradients are dear. They are hardly ever too small by
 /// more than [`SPREAD`].
-fn gradient_sizes<P: PiecewiseSmooth + ?Sized>(map: &P, x: &[f64], tests: usize) -> Vec<f64> {
+fn gradient_sizes<P: PiecewiseSmooth + ?Sized>(
+    map: &P,
+    selection: &Selection,
+    x: &[f64],
+    tests: usize,
+) -> Vec<f64> {
     let mut sizes = vec![0.0f64; tests];
     let (mut rates, mut direction) = (vec![0.0; tests], vec![0.0; x.len()]);
     for second in [false, true] {
         for (j, d) in direction.iter_mut().enumerate() {
             *d = centred(j + 1, second);
         }
-        map.test_derivatives(x, &direction, &mut rates);
+        test_rates_of(map, selection, x, &direction, &mut rates);
         for (size, rate) in sizes.iter_mut().zip(&rates) {
             *size = size.max(rate.abs());
         }
@@ -123,7 +132,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
             complete: true,
             ..Arms::default()
         };
-        if active.total().is_none_or(|total| total > PLAIN) {
+        if active.total().is_none_or(|total| total > PLAIN) && !self.has_nested_kinks(active.first()) {
             let limit = self.options.max_nodes;
             let found = directional_selections(&self.map, self.x, active, limit, self.deadline);
             match found {
@@ -229,6 +238,12 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
         }
     }
 
+    /// Whether test functions depend on the selection, so that no one list of their gradients tells which directions lead where.
+    fn has_nested_kinks(&self, selection: &Selection) -> bool {
+        let mut theta = vec![0.0; TestLayout::new(&self.map).total()];
+        (self.map).tests_of_selection(selection, self.x, None, &mut theta)
+    }
+
     fn both_ways(&self, selection: &Selection, tangent: &[f64], arms: &mut Arms) {
         for sign in [1.0, -1.0] {
             let direction: Vec<f64> = tangent.iter().map(|t| sign * t).collect();
@@ -254,15 +269,44 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
 
     /// Whether a direction leads into the closed cell of a selection; if so, the sites in whose boundary it stays.
     fn enters(&self, selection: &Selection, direction: &[f64]) -> Option<Vec<usize>> {
+        const AHEAD: f64 = 1e-4;
+        let unit = 1.0 + norm(self.x);
+        let step = AHEAD * unit;
+        let mut own = vec![0.0; TestLayout::new(&self.map).total()];
+        let (mut theta, mut rates) = (own.clone(), own.clone());
+        let nested = (self.map).tests_of_selection(selection, self.x, Some(direction), &mut own);
+        let sizes = if nested {
+            gradient_sizes(self.map, selection, self.x, own.len())
+        } else {
+            Vec::new()
+        };
+        let curved = !self.vanishing.is_empty() && !self.map.is_piecewise_affine();
+        if curved {
+            let ahead: Vec<f64> = self.x.iter().zip(direction).map(|(x, d)| x + step * d).collect();
+            tests_of(self.map, selection, &ahead, &mut theta);
+            test_rates_of(self.map, selection, &ahead, direction, &mut rates);
+        }
         let mut grazing = Vec::new();
         for v in self.vanishing {
+            let (rate, size) = match sizes.get(v.index) {
+                Some(&size) => (own[v.index], size),
+                None => (v.rate(direction), v.gradient_norm),
+            };
+            // Nothing but rounding next to its change over the distance 1 + ‖x‖: then the second derivative decides, unless it is rounding, too.
+            let flat = curved && size <= RANK * AHEAD.recip() * (rates[v.index] - rate).abs();
+            let explained = theta[v.index].abs() <= UNEXPLAINED * step * rates[v.index].abs();
             let cell = self.map.cell(v.site, selection.piece(v.site));
             for facet in cell.iter().filter(|f| f.test() == v.test) {
-                let rate = facet.sign() * v.rate(direction);
-                if rate < -TANGENTIAL * v.gradient_norm {
+                let rate = facet.sign() * rate;
+                let leaves = if flat {
+                    explained && facet.sign() * theta[v.index] < 0.0
+                } else {
+                    rate < -TANGENTIAL * size
+                };
+                if leaves {
                     return None;
                 }
-                if rate <= TANGENTIAL * v.gradient_norm && !grazing.contains(&v.site) {
+                if (flat || rate <= TANGENTIAL * size) && !grazing.contains(&v.site) {
                     grazing.push(v.site);
                 }
             }
@@ -342,6 +386,7 @@ impl<'a> Curve<'a> {
         vanishing_at(
             &self.map,
             &self.layout,
+            &self.selection,
             &self.here.x,
             &self.here.theta,
             self.options.vanishing_distance,

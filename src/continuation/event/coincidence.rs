@@ -4,7 +4,7 @@
 use super::arms::TANGENTIAL;
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::Curve;
-use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, TestLayout, Vanishing};
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, TestLayout, Vanishing, test_rates_of};
 use crate::sparse::norm;
 
 /// Distance along the curve, relative to 1 + ‖x‖, beyond which nothing is taken to coincide.
@@ -26,7 +26,7 @@ impl Curve<'_> {
         // On affine pieces they are those of the step just made.
         if !self.map.is_piecewise_affine() || rates.len() != self.layout.total() {
             rates.resize(self.layout.total(), 0.0);
-            self.map.test_derivatives(&self.here.x, &self.here.t, &mut rates);
+            test_rates_of(&self.map, &self.selection, &self.here.x, &self.here.t, &mut rates);
         }
         let mut facets = self.facets_near(index, &rates);
         let mut others = self.other_tests_near(&facets);
@@ -63,7 +63,7 @@ impl Curve<'_> {
                 if !certain && (self.here.theta[k].abs() > wide * rates[k].abs() || rates[k].is_nan()) {
                     continue;
                 }
-                let v = Vanishing::new(&self.map, &self.layout, k, &self.here.x);
+                let v = Vanishing::new(&self.map, &self.layout, &self.selection, k, &self.here.x);
                 if certain || facet.sign() * rates[k] <= TANGENTIAL * v.gradient_norm {
                     near.push((v, certain));
                 }
@@ -94,7 +94,7 @@ impl Curve<'_> {
                 if affine && self.here.theta[k].abs() > wide * self.gradient_norms[k] {
                     continue;
                 }
-                let other = Vanishing::new(&self.map, &self.layout, k, &self.here.x);
+                let other = Vanishing::new(&self.map, &self.layout, &self.selection, k, &self.here.x);
                 if affine {
                     self.gradient_norms[k] = other.gradient_norm;
                 }

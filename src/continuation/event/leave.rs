@@ -21,8 +21,8 @@ impl Curve<'_> {
             vanishing
                 .iter()
                 .filter(|v| arm.grazing.contains(&v.site))
-                .filter(|v| v.rate(&arm.tangent).abs() <= TANGENTIAL * v.gradient_norm)
-                .cloned(),
+                .map(|v| v.of_selection(&self.map, &self.layout, &arm.selection, &self.here.x))
+                .filter(|v| v.rate(&arm.tangent).abs() <= TANGENTIAL * v.gradient_norm),
         );
         self.here.s = 0.0;
         self.linearize_here()?;
@@ -139,7 +139,14 @@ impl Curve<'_> {
             return Ok(());
         }
         let indices = self.grazing.iter().map(|v| v.index).collect();
-        let active = ActiveSet::from_tests(&self.map, &self.layout, &self.here.theta, indices);
+        // Test functions that vanish at the transition just passed have no sign.
+        let active = ActiveSet::beside(
+            &self.map,
+            &self.layout,
+            &self.here.theta,
+            indices,
+            &self.selection,
+        );
         for selection in active.selections().take(CAP) {
             if selection == self.selection {
                 continue;

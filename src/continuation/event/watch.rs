@@ -1,9 +1,10 @@
 //! What lies inside a step: monitors whose signs differ at its ends, and which of them is met first.
 
+use super::arms::UNEXPLAINED;
 use super::singular::ZERO_DETERMINANT;
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::Curve;
-use crate::piecewise::{Facet, PiecewiseSmooth};
+use crate::piecewise::{Facet, PiecewiseSmooth, test_rates_of};
 use crate::sparse::norm;
 
 /// A scalar function along the curve whose sign must not change unnoticed.
@@ -102,7 +103,7 @@ impl Curve<'_> {
                     None => ROUNDING * size * (g0 - g1).abs() / step,
                 };
                 // A facet just left may be violated by rounding for a while.
-                let leaves = g1 < -slack && !(g0 <= 0.0 && g1 >= g0);
+                let leaves = g1 < -slack && !(g0 <= 0.0 && g1 >= g0) && !self.is_rounding(index);
                 if leaves || (g1.is_nan() && !g0.is_nan()) {
                     let fraction = match self.return_to(index, facet) {
                         Some(s) => s / step,
@@ -161,6 +162,21 @@ impl Curve<'_> {
         Ok(best.map(|b| b.1))
     }
 
+    /// Whether a test function in whose zeros the curve runs has moved by rounding alone: its rates at both ends of the step do not account for
+    /// what it has become.
+    fn is_rounding(&self, index: usize) -> bool {
+        if !self.grazing.iter().any(|v| v.index == index) {
+            return false;
+        }
+        let rate = |x: &[f64], t: &[f64]| {
+            let mut rates = vec![0.0; self.layout.total()];
+            test_rates_of(&self.map, &self.selection, x, t, &mut rates);
+            rates[index].abs()
+        };
+        let fastest = rate(&self.here.x, &self.here.t).max(rate(&self.next.x, &self.next.t));
+        self.next.theta[index].abs() > UNEXPLAINED * self.next.s * fastest
+    }
+
     /// Whether a facet may be crossed twice inside the step: its cubic interpolant from values and slopes at both ends dips
     /// below zero although both ends are inside.
     fn dips_unseen(&self) -> bool {
@@ -169,8 +185,8 @@ impl Curve<'_> {
         }
         let total = self.layout.total();
         let (mut d0, mut d1) = (vec![0.0; total], vec![0.0; total]);
-        self.map.test_derivatives(&self.here.x, &self.here.t, &mut d0);
-        self.map.test_derivatives(&self.next.x, &self.next.t, &mut d1);
+        test_rates_of(&self.map, &self.selection, &self.here.x, &self.here.t, &mut d0);
+        test_rates_of(&self.map, &self.selection, &self.next.x, &self.next.t, &mut d1);
         let step = self.next.s.max(f64::MIN_POSITIVE);
         let reach = self.options.vanishing_distance * (1.0 + norm(&self.here.x));
         for site in 0..self.layout.num_sites() {
@@ -205,7 +221,7 @@ impl Curve<'_> {
             return None;
         }
         let mut rates = vec![0.0; self.layout.total()];
-        self.map.test_derivatives(&self.here.x, &self.here.t, &mut rates);
+        test_rates_of(&self.map, &self.selection, &self.here.x, &self.here.t, &mut rates);
         let rate = sign * rates[index];
         let reach = self.options.vanishing_distance * (1.0 + norm(&self.here.x));
         (rate > 0.0 && g0.abs() <= reach * rate).then(|| rate * step * step / (rate * step - g1))

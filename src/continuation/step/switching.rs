@@ -111,7 +111,7 @@ impl Curve<'_> {
         let reach = REACH * self.options.min_step;
         let vanishing: Vec<Vanishing> = (0..rates.len())
             .filter(|&k| self.here.theta[k].abs() <= reach * rates[k].abs())
-            .map(|k| Vanishing::new(&self.map, &self.layout, k, &self.here.x))
+            .map(|k| Vanishing::new(&self.map, &self.layout, &self.selection, k, &self.here.x))
             .collect();
         let indices = vanishing.iter().map(|v| v.index).collect();
         let active = ActiveSet::from_tests(&self.map, &self.layout, &self.here.theta, indices);

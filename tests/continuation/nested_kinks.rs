@@ -1,0 +1,234 @@
+//! Kinks inside kinks, kinks that coincide, and test functions that vanish where others do: graphs g(y) = α, on which nothing branches.
+
+use crate::random::Random;
+use semismooth::continuation::{Branch, ContinuationOptions, Direction, Termination, TransitionKind};
+use semismooth::piecewise::{Kinks, NonsmoothFunction, Real, Traced};
+
+type Graph = usize;
+
+/// (y₁, y₂, α) with y₂ = h(y₁) and g(y₁, y₂) = α.
+struct Nested(Graph);
+
+impl NonsmoothFunction for Nested {
+    fn num_vars(&self) -> usize {
+        3
+    }
+    fn num_residuals(&self) -> usize {
+        2
+    }
+    fn eval<T: Real>(&self, x: &[T], kinks: &mut Kinks<'_, T>, out: &mut [T]) {
+        let (y, z) = (x[0], x[1]);
+        let zero = T::from(0.0);
+        let (h, g) = match self.0 {
+            // Three kinks at y = 1: on one side the arguments of two vanish identically.
+            0 => {
+                let first = kinks.positive_part(y - 1.0);
+                let second = kinks.positive_part(first);
+                let third = kinks.project(zero, first, T::from(0.1));
+                (third + second + y * 2.0, z * 4.0)
+            }
+            // |y| − y vanishes for all y ≥ 0.
+            1 => {
+                let size = kinks.abs(y);
+                let twice = kinks.max(size - y, zero);
+                let same = kinks.min(size, y);
+                (same + twice, y + z * 0.25)
+            }
+            // A test function that vanishes everywhere.
+            2 => {
+                let nothing = kinks.abs(y * 0.7 - y * 0.7);
+                (kinks.abs(y - 1.0) + nothing, z * 0.5 + y)
+            }
+            // A kink at ½ in which 3 (2 y − 1)² touches that of another.
+            3 => {
+                let touching = kinks.abs((y * 2.0 - 1.0).powi(2) * 0.3);
+                let near = kinks.max(y, T::from(0.5));
+                (kinks.abs(touching) + near, z + y * 3.0)
+            }
+            // A site without use beside a curve that gets steep where a kink has been passed.
+            _ => {
+                let idle = kinks.min(y, y);
+                let v = y * 2.0 - 0.85 + (idle - y);
+                (kinks.positive_part(v) * -1.0 + v.sin(), z * 3.2 + z * z * 0.6)
+            }
+        };
+        out[0] = z - h;
+        out[1] = g - x[2];
+    }
+}
+
+impl Nested {
+    fn point(&self, y: f64) -> [f64; 3] {
+        let positive = |v: f64| v.max(0.0);
+        let (z, g): (f64, fn(f64, f64) -> f64) = match self.0 {
+            0 => (
+                positive(y - 1.0).min(0.1) + positive(y - 1.0) + 2.0 * y,
+                |_, z| 4.0 * z,
+            ),
+            1 => (y.abs().min(y) + positive(y.abs() - y), |y, z| y + 0.25 * z),
+            2 => ((y - 1.0).abs(), |y, z| 0.5 * z + y),
+            3 => (0.3 * (2.0 * y - 1.0).powi(2) + y.max(0.5), |y, z| z + 3.0 * y),
+            _ => {
+                let v: f64 = 2.0 * y - 0.85;
+                (v.sin() - positive(v), |_, z| 3.2 * z + 0.6 * z * z)
+            }
+        };
+        [y, z, g(y, z)]
+    }
+}
+
+/// Places on the graph at which some slope jumps.
+const JUMPS: [&[f64]; 5] = [&[1.0, 1.1], &[0.0], &[1.0], &[0.5], &[0.425]];
+
+#[test]
+fn graphs_of_nested_kinks_are_followed_through() {
+    for (graph, jumps) in JUMPS.iter().enumerate() {
+        let own = Nested(graph);
+        let map = Traced::new(Nested(graph));
+        let (begin, end) = (-0.3, 1.6);
+        for (from, to) in [(begin, end), (end, begin)] {
+            let start = own.point(from);
+            let slope = own.point(from + 1e-6 * (to - from))[2] - start[2];
+            let direction = if slope > 0.0 {
+                Direction::Increasing
+            } else {
+                Direction::Decreasing
+            };
+            let options = ContinuationOptions::default().with_max_arclength(40.0);
+            let curve =
+                semismooth::continuation::Continuation::new(&map, &start, direction, options).unwrap();
+            let sign = f64::signum(to - from);
+            let passed = curve.with_stop("end", move |x: &[f64]| sign * (x[0] - to));
+            let branch = Branch::collect(passed, |_| std::ops::ControlFlow::Continue(())).unwrap();
+            assert_eq!(branch.termination, Termination::Monitor, "{graph}");
+            assert!(branch.branch_points.is_empty(), "{graph}");
+            for (before, after) in branch.points.iter().zip(&branch.points[1..]) {
+                let [_, z, alpha] = own.point(after.x[0]);
+                assert!(
+                    (after.x[1] - z).abs() + (after.x[2] - alpha).abs() < 1e-8,
+                    "{graph}"
+                );
+                assert!(sign * (after.x[0] - before.x[0]) > -1e-9, "{graph}");
+            }
+            let mut met: Vec<f64> = branch.transitions.iter().map(|t| t.x[0]).collect();
+            let kinds: Vec<_> = branch.transitions.iter().map(|t| t.kind).collect();
+            assert!(
+                !kinds.contains(&TransitionKind::Branching) && !kinds.contains(&TransitionKind::End),
+                "{graph}: {kinds:?}"
+            );
+            met.dedup_by(|a, b| (*a - *b).abs() < 1e-9);
+            assert!(
+                met.len() == branch.transitions.len() && met.len() < 5,
+                "{graph}: {met:?}"
+            );
+            for jump in *jumps {
+                assert!(met.iter().any(|y| (y - jump).abs() < 1e-9), "{graph}: {met:?}");
+            }
+        }
+    }
+}
+
+/// Sums of projections, absolute values, maxima and minima of each other, drawn at random; `steps` names operands among what is there.
+struct Drawn(Vec<(usize, usize, usize, f64)>);
+
+impl Drawn {
+    fn new(seed: u64) -> Self {
+        let mut rng = Random::new(seed);
+        let step = |k: usize| {
+            let half = f64::from(rng.below(9) as i32 - 4) / 2.0;
+            (rng.below(6), rng.below(k + 2), rng.below(k + 2), half)
+        };
+        Self((0..7).map(step).collect())
+    }
+
+    fn plain(&self, y: f64) -> f64 {
+        let mut list = vec![y, 1.0 - 2.0 * y];
+        for &(kind, i, j, c) in &self.0 {
+            let (a, b) = (list[i], list[j]);
+            list.push(match kind {
+                0 => a.abs(),
+                1 => a.max(b),
+                2 => a.min(b + c),
+                3 => (a + c).max(0.0),
+                4 => a.clamp(c, c + 1.0),
+                _ => a - b * 0.5,
+            });
+        }
+        list.iter().skip(2).sum()
+    }
+}
+
+impl NonsmoothFunction for Drawn {
+    fn num_vars(&self) -> usize {
+        2
+    }
+    fn num_residuals(&self) -> usize {
+        1
+    }
+    fn eval<T: Real>(&self, x: &[T], kinks: &mut Kinks<'_, T>, out: &mut [T]) {
+        let mut list = vec![x[0], x[0] * -2.0 + 1.0];
+        for &(kind, i, j, c) in &self.0 {
+            let (a, b) = (list[i], list[j]);
+            list.push(match kind {
+                0 => kinks.abs(a),
+                1 => kinks.max(a, b),
+                2 => kinks.min(a, b + c),
+                3 => kinks.positive_part(a + c),
+                4 => kinks.project(T::from(c), a, T::from(c + 1.0)),
+                _ => a - b * 0.5,
+            });
+        }
+        out[0] = list.iter().skip(2).fold(x[1] * -1.0, |sum, v| sum + *v);
+    }
+}
+
+/// All numbers are multiples of a power of ½, so that slopes by differences between kinks are exact.
+#[test]
+fn graphs_of_random_nested_kinks_have_their_jumps_and_nothing_else() {
+    let mut followed = 0;
+    for seed in 0..150 {
+        let graph = Drawn::new(seed);
+        let start = -3.0 - 1.0 / 1024.0;
+        let slope = (graph.plain(start + 1.0 / 4096.0) - graph.plain(start)) * 4096.0;
+        if slope == 0.0 {
+            continue;
+        }
+        let direction = if slope > 0.0 {
+            Direction::Increasing
+        } else {
+            Direction::Decreasing
+        };
+        let options = ContinuationOptions::default().with_max_arclength(9.0);
+        let x = [start, graph.plain(start)];
+        let branch = Branch::follow(&Traced::new(Drawn::new(seed)), &x, direction, options).unwrap();
+        assert_eq!(branch.termination, Termination::MaxArclength, "{seed}");
+        let flat = branch
+            .transitions
+            .iter()
+            .filter(|t| t.kind == TransitionKind::Branching);
+        assert_eq!((flat.count(), branch.branch_points.len()), (0, 0), "{seed}");
+        let last = branch.points.last().unwrap();
+        assert!((graph.plain(last.x[0]) - last.x[1]).abs() < 1e-9, "{seed}");
+        assert!(last.x[0] > start + 1e-3, "{seed}");
+        for (a, b) in branch.transitions.iter().zip(branch.transitions.iter().skip(1)) {
+            assert!(b.x[0] > a.x[0] + 1e-9, "{seed}: {} {}", a.x[0], b.x[0]);
+        }
+        // Where slopes on both sides of a place differ, there is a transition.
+        let h = 1.0 / 512.0;
+        let mut y = start;
+        while y + h < last.x[0] {
+            let slopes =
+                [0.0, 0.25, 0.5, 0.75].map(|s| graph.plain(y + (s + 0.25) * h) - graph.plain(y + s * h));
+            if slopes.iter().any(|s| (s - slopes[0]).abs() > 1e-9) {
+                let met = branch
+                    .transitions
+                    .iter()
+                    .any(|t| t.x[0] > y - 1e-9 && t.x[0] < y + h + 1e-9);
+                assert!(met, "{seed}: {y}");
+            }
+            y += h;
+        }
+        followed += 1;
+    }
+    assert!(followed > 60, "{followed}");
+}
