@@ -36,7 +36,7 @@ impl NonsmoothFunction for Nested {
             }
             // A test function that vanishes everywhere.
             2 => {
-                let nothing = kinks.abs(y * 0.7 - y * 0.7);
+                let nothing = kinks.abs(y * 0.7 + y * -0.7);
                 (kinks.abs(y - 1.0) + nothing, z * 0.5 + y)
             }
             // A kink at ½ in which 3 (2 y − 1)² touches that of another.
