@@ -168,7 +168,7 @@ fn price(a: &Arguments) -> Outcome<Put> {
             solver.solve_from_states(lcp, &mut v, &sets)?
         };
         if report.status != ActiveSetStatus::Solved {
-            return Err(format!("step {step} ended as {:?}", report.status).into());
+            return Err(format!("step {step} ended as {}", report.status).into());
         }
         sets.copy_from_slice(solver.states());
         put.factorisations += report.iterations;

@@ -78,7 +78,7 @@ fn solve(file: &Path, args: &Args) -> Outcome<()> {
             eprintln!(
                 "{:>4} {:<9} residual {:.2e} alpha {:.1e} work {:>3} {}",
                 h.index,
-                format!("{:?}", h.phase),
+                h.phase.to_string(),
                 h.residual,
                 h.alpha,
                 h.work,

@@ -140,7 +140,7 @@ fn exponential(name: &str, lcp: &Lcp, limit: usize) -> Outcome<()> {
     let begin = Instant::now();
     let report = Lemke::new(LemkeOptions::default().with_max_pivots(limit)).solve(lcp, &mut z)?;
     println!(
-        "  Lemke        {:?} after {} exchanges, {:.1?}",
+        "  Lemke        {} after {} exchanges, {:.1?}",
         report.status,
         report.pivots,
         begin.elapsed()
@@ -149,7 +149,7 @@ fn exponential(name: &str, lcp: &Lcp, limit: usize) -> Outcome<()> {
     let begin = Instant::now();
     let report = ActiveSetSolver::default().solve(lcp, &mut z)?;
     println!(
-        "  active sets  {:?} after {} iterations, residual {:.1e}, {:.1?}",
+        "  active sets  {} after {} iterations, residual {:.1e}, {:.1?}",
         report.status,
         report.iterations,
         report.residual,

@@ -138,7 +138,7 @@ fn spatial_prices() -> Outcome<()> {
     let mut x = vec![0.0; 9];
     let report = ActiveSetSolver::default().solve(&lcp, &mut x)?;
     println!(
-        "\nspatial prices: {:?} in {} iterations, residual {:.1e}",
+        "\nspatial prices: {} in {} iterations, residual {:.1e}",
         report.status, report.iterations, report.residual
     );
     check(

@@ -222,7 +222,7 @@ fn follow(arguments: &Arguments, m: usize) -> Outcome<()> {
     let branch = Branch::follow(&map, &x, Direction::Increasing, options)?;
     let seconds = begin.elapsed().as_secs_f64();
     println!(
-        "path on {m} x {m} points: {} points, {} changes of the active set, {} factorisations, {seconds:.2} s; {:?}",
+        "path on {m} x {m} points: {} points, {} changes of the active set, {} factorisations, {seconds:.2} s; {}",
         branch.points.len(),
         branch.transitions.len(),
         branch.factorisations,

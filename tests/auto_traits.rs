@@ -168,6 +168,7 @@ fn of_every_build() -> Vec<&'static str> {
         "continuation::Arm": continuation::Arm,
         "continuation::Branch": continuation::Branch,
         "continuation::BranchPoint": continuation::BranchPoint,
+        "continuation::BranchVertex": continuation::BranchVertex<'static>,
         "continuation::CharacterChange": continuation::CharacterChange,
         "continuation::Completeness": continuation::Completeness,
         "continuation::ContinuationError": continuation::ContinuationError,

@@ -508,3 +508,82 @@ fn sweeps_are_told_and_limited() {
     let fewer = sweeps(&DelassusSolver::new(options).solve(&problem).unwrap());
     assert!(all > 10_000 && fewer == 5 * 7, "{all} {fewer}");
 }
+
+/// What is printed for people is words, not the names of variants.
+mod words {
+    use semismooth::complementarity::active_set::ActiveSetSolver;
+    use semismooth::complementarity::{Lcp, Mcp, McpSolver, strong_regularity};
+    use semismooth::continuation::{Branch, ContinuationOptions, Direction};
+    use semismooth::newton::Newton;
+    use semismooth::piecewise::{MinMap, active_set, local_uniqueness};
+    use semismooth::sparse::Matrix;
+
+    fn ends(text: &str, start: &str, end: &str) {
+        assert!(text.starts_with(start) && text.ends_with(end), "{text}");
+    }
+
+    #[test]
+    fn of_solvers() {
+        let lcp = Lcp::new(
+            Matrix::from_rows(&[[2.0, 1.0], [1.0, 2.0]]).unwrap(),
+            vec![-1.0, -1.0],
+        )
+        .unwrap();
+        let mut z = [0.0; 2];
+        let report = ActiveSetSolver::default().solve(&lcp, &mut z).unwrap();
+        let told = format!("solved after {} iterations, residual ", report.iterations);
+        ends(&report.to_string(), &told, "");
+        let mut solver = McpSolver::default();
+        let mcp: &Mcp<_> = lcp.mcp();
+        let report = solver.solve(mcp, &mut [0.0; 2]).unwrap();
+        ends(
+            &report.to_string(),
+            &format!("solved after {} iterations, residual ", report.iterations),
+            "",
+        );
+        let mut newton = Newton::default();
+        let how = newton.solve(mcp, &mut [0.0; 2]).unwrap();
+        assert_eq!(how.to_string(), "tolerance met");
+        let report = newton.report();
+        let (steps, factors) = (report.history.len() - 1, report.factorisations);
+        ends(
+            &report.to_string(),
+            &format!("{steps} iterations, {factors} factorisations, residual "),
+            "",
+        );
+        let regular = strong_regularity(mcp, &z, 1e-12, 100).unwrap();
+        ends(&regular.to_string(), "regular (", " selections)");
+    }
+
+    #[test]
+    fn of_curves() {
+        // α = |y|
+        let map = MinMap::curve(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+            a[0] = x[1] - x[0];
+            b[0] = x[1] + x[0];
+        });
+        let options = ContinuationOptions::default().with_parameter_range((-1.0, 1.0));
+        let branch = Branch::follow(&map, &[0.5, 0.5], Direction::Decreasing, options).unwrap();
+        assert_eq!(
+            branch.to_string(),
+            "1 transition, 1 fold, 0 branch points; bound of the parameter"
+        );
+        let kink = branch.transitions[0].to_string();
+        ends(&kink, "fold at parameter ", ", site 0: piece 0 to 1");
+        let load = Matrix::from_rows(&[[1.0]]).unwrap();
+        let unique = |x: [f64; 2]| {
+            let active = active_set(&map, &x, 1e-12);
+            local_uniqueness(&map, &x, &active, &load, 10)
+                .unwrap()
+                .to_string()
+        };
+        assert_eq!(
+            unique([0.5, 0.5]),
+            "locally unique, Lipschitz constant 1.000e0 (1 selections)"
+        );
+        assert_eq!(
+            unique([0.0, 0.0]),
+            "not locally unique: determinants differ in sign"
+        );
+    }
+}

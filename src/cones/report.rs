@@ -91,3 +91,13 @@ impl ConeReport {
         self.status == ConeStatus::Solved
     }
 }
+
+impl std::fmt::Display for ConeReport {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(
+            f,
+            "{} after {} iterations, residual {:.1e}",
+            self.status, self.iterations, self.residual
+        )
+    }
+}

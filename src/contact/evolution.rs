@@ -1,5 +1,6 @@
 //! Quasi-static histories of loading.
 
+use std::fmt;
 use std::ops::ControlFlow;
 
 use super::body_state::BodyState;
@@ -125,6 +126,18 @@ impl Arrival {
     #[must_use]
     pub fn is_followed(&self) -> bool {
         *self == Self::Followed
+    }
+}
+
+impl fmt::Display for Arrival {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Followed => f.write_str("followed"),
+            Self::Jumped => f.write_str("jumped to another branch"),
+            Self::PassedFolds => f.write_str("reached by Newton's method behind folds of the branch"),
+            Self::Ended(reason) => write!(f, "the branch ended ({reason}), solved by Newton's method"),
+            Self::NotFollowed(error) => write!(f, "not followed ({error}), solved by Newton's method"),
+        }
     }
 }
 

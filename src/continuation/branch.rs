@@ -1,3 +1,4 @@
+use std::fmt;
 use std::ops::ControlFlow;
 
 use super::engine::Curve;
@@ -158,32 +159,19 @@ impl Branch {
         all.sort_by(|a, b| a.0.total_cmp(&b.0));
         all.into_iter().map(|f| f.1).collect()
     }
+}
 
-    /// All points of the branch with their positions, events included, by arclength: (arclength, x).
-    #[must_use]
-    pub fn polyline(&self) -> Vec<(f64, &[f64])> {
-        let mut all: Vec<(f64, &[f64])> = self
-            .points
-            .iter()
-            .map(|p| (p.arclength, p.x.as_slice()))
-            .chain(self.transitions.iter().map(|t| (t.arclength, t.x.as_slice())))
-            .chain(
-                self.smooth_folds
-                    .iter()
-                    .map(|f| (f.point.arclength, f.point.x.as_slice())),
-            )
-            .chain(
-                self.branch_points
-                    .iter()
-                    .map(|b| (b.point.arclength, b.point.x.as_slice())),
-            )
-            .chain(
-                self.monitor_crossings
-                    .iter()
-                    .map(|m| (m.point.arclength, m.point.x.as_slice())),
-            )
-            .collect();
-        all.sort_by(|a, b| a.0.total_cmp(&b.0));
-        all
+/// "36 transitions, 2 folds, 0 branch points; bound of the parameter": in one line.
+impl fmt::Display for Branch {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let count = |n: usize, what: &str| format!("{n} {what}{}", if n == 1 { "" } else { "s" });
+        write!(
+            f,
+            "{}, {}, {}; {}",
+            count(self.transitions.len(), "transition"),
+            count(self.folds().len(), "fold"),
+            count(self.branch_points.len(), "branch point"),
+            self.termination
+        )
     }
 }

@@ -21,6 +21,7 @@ mod step;
 #[cfg(test)]
 mod testing;
 mod two_parameters;
+mod vertices;
 
 pub use branch::Branch;
 pub use certificate::{certify, certify_with};
@@ -42,3 +43,4 @@ pub use search::{
 };
 pub use start::{Direction, arms_at};
 pub use two_parameters::{CharacterChange, FoldSet, TransitionSet};
+pub use vertices::BranchVertex;

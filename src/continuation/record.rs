@@ -169,6 +169,21 @@ impl Transition {
     }
 }
 
+/// "fold at parameter 2.5, site 3: piece 0 to 1": in one line.
+impl fmt::Display for Transition {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{} at parameter {}", self.kind, self.parameter())?;
+        for change in self.sites.iter().filter(|c| c.from != c.to) {
+            write!(
+                f,
+                ", site {}: piece {} to {}",
+                change.site, change.from, change.to
+            )?;
+        }
+        Ok(())
+    }
+}
+
 /// A point inside a piece where the parameter turns (∇_yH^(σ) singular, quadratic tangency).
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]

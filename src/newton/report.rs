@@ -142,6 +142,38 @@ impl Report {
     }
 }
 
+impl fmt::Display for Step {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Newton => "Newton",
+            Self::Gradient => "descent",
+            Self::LeastIndex => "least index",
+            Self::None => "none",
+        })
+    }
+}
+
+impl fmt::Display for Convergence {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Tolerance => "tolerance met",
+            Self::Rounding => "at the rounding of the residual",
+        })
+    }
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "{} iterations, {} factorisations, residual {:.1e}",
+            self.history.len().saturating_sub(1),
+            self.factorisations,
+            self.residual_norm()
+        )
+    }
+}
+
 /// Orders below it are those of rounding; linear convergence, of order 1, is seen with some scatter.
 const SLOWEST: f64 = 0.75;
 

@@ -3,8 +3,7 @@ use std::fmt;
 use std::io::Write;
 
 use super::OutputError;
-use super::walk::{Vertex, vertices};
-use crate::continuation::Branch;
+use crate::continuation::{Branch, BranchVertex};
 use crate::piecewise::PiecewiseSmooth;
 
 type Scalar<'a> = dyn Fn(&[f64]) -> f64 + 'a;
@@ -81,7 +80,7 @@ pub fn write_csv<P: PiecewiseSmooth + ?Sized>(
     columns: &[Column<'_>],
 ) -> Result<(), OutputError> {
     write_header(out, &map, columns)?;
-    for v in vertices(branch) {
+    for v in branch.vertices() {
         write_row(out, &map, &v, columns)?;
     }
     Ok(out.flush()?)
@@ -105,7 +104,7 @@ pub(super) fn write_header(
 pub(super) fn write_row(
     out: &mut dyn Write,
     map: &dyn PiecewiseSmooth,
-    v: &Vertex<'_>,
+    v: &BranchVertex<'_>,
     columns: &[Column<'_>],
 ) -> std::io::Result<()> {
     let parameter = v.x.last().copied().unwrap_or(f64::NAN);
@@ -154,7 +153,7 @@ mod tests {
             lines[0],
             "arclength,parameter,event,\"y, \"\"quoted\"\"\",none,component 0"
         );
-        let walk = vertices(&branch);
+        let walk = branch.vertices();
         assert_eq!(lines.len(), 1 + walk.len());
         for (line, vertex) in lines[1..].iter().zip(&walk) {
             let fields: Vec<&str> = line.split(',').collect();

@@ -1,7 +1,6 @@
 use std::borrow::Cow;
 
 use super::draw::plane::{Point, Range};
-use super::walk::vertices;
 use crate::contact::ContactState;
 use crate::continuation::{Branch, Diagram, DiagramEdge, Point as CurvePoint, TransitionKind, VertexKind};
 use crate::piecewise::Selection;
@@ -189,9 +188,9 @@ impl Curve {
     ) -> Self {
         let place = |x: &[f64]| (x.last().copied().unwrap_or(f64::NAN), ordinate(x));
         let mark = |kind: Marker| move |point: &CurvePoint| (kind, place(&point.x));
-        let walk = vertices(branch);
+        let walk = branch.vertices();
         let styles = walk.windows(2).map(|ends| {
-            let negative = is_negative([ends[0].det_signs[1], ends[1].det_signs[0]]);
+            let negative = is_negative([ends[0].det_sign, ends[1].sign_before]);
             style(ends[0].selection, ends[0].grazing).with_dashes(negative)
         });
         let transitions = branch.transitions.iter();

@@ -3,9 +3,8 @@
 use std::io::{BufWriter, Write};
 
 use super::csv::{write_header, write_row};
-use super::walk::Vertex;
 use super::{Column, OutputError};
-use crate::continuation::Event;
+use crate::continuation::{BranchVertex, Event};
 use crate::piecewise::PiecewiseSmooth;
 
 /// Writes the events of a run as comma-separated values as they come, in the format of [`write_csv`](super::write_csv); each line
@@ -62,7 +61,12 @@ impl<'a, P: PiecewiseSmooth + ?Sized, W: Write> CsvWriter<'a, P, W> {
     /// # Errors
     /// [`OutputError::Io`].
     pub fn write(&mut self, event: &Event) -> Result<(), OutputError> {
-        write_row(&mut self.out, &self.map, &Vertex::from(event), &self.columns)?;
+        write_row(
+            &mut self.out,
+            &self.map,
+            &BranchVertex::from(event),
+            &self.columns,
+        )?;
         Ok(self.out.flush()?)
     }
 }
@@ -72,7 +76,7 @@ pub use json::JsonLinesWriter;
 
 #[cfg(feature = "json")]
 mod json {
-    use super::{BufWriter, Event, OutputError, PiecewiseSmooth, Vertex, Write};
+    use super::{BranchVertex, BufWriter, Event, OutputError, PiecewiseSmooth, Write};
     use serde_json::json;
 
     /// Writes the events of a run as JSON Lines as they come: one object a line with `event`, `arclength`, `parameter`, `x`, `tangent`,
@@ -101,7 +105,7 @@ mod json {
     }
 
     fn write_line(out: &mut dyn Write, map: &dyn PiecewiseSmooth, event: &Event) -> Result<(), OutputError> {
-        let vertex = Vertex::from(event);
+        let vertex = BranchVertex::from(event);
         let names = vertex.selection.pieces().enumerate();
         let pieces: Vec<_> = names.map(|(site, k)| map.piece_name(site, k)).collect();
         let (tangent, residual, det, arms, complete) = match event {

@@ -10,7 +10,6 @@ mod error;
 mod graph;
 mod live;
 mod vtu;
-mod walk;
 
 pub use csv::{Column, write_csv};
 #[cfg(feature = "svg")]

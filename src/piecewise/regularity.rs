@@ -7,6 +7,7 @@ use super::uniqueness::SINGULAR;
 use super::{Doubt, PiecewiseError, PiecewiseSmooth, Selection, active_set};
 use crate::linear::{AutoSolver, LinearError, LinearSolver, least_singular_value};
 use crate::sparse::{Matrix, Pattern};
+use std::fmt;
 
 /// Rows up to which singular values and eigenvalues are computed: both are dense.
 pub(super) const DENSE: usize = 500;
@@ -60,6 +61,22 @@ impl Regularity {
     #[must_use]
     pub fn fails(&self) -> bool {
         matches!(self, Self::Fails { .. })
+    }
+}
+
+impl fmt::Display for Regularity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Regular { selections, .. } => write!(f, "regular ({selections} selections)"),
+            Self::Fails { combination, .. } if combination.len() == 1 => {
+                f.write_str("a selection is singular")
+            }
+            Self::Fails { .. } => f.write_str("a convex combination of selections is singular"),
+            Self::Outside { site } => write!(f, "in no cell of site {site}"),
+            Self::Undecided { examined, doubt } => {
+                write!(f, "undecided after {examined} selections: {doubt}")
+            }
+        }
     }
 }
 

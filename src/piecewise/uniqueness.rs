@@ -1,4 +1,5 @@
 use std::borrow::Cow;
+use std::fmt;
 
 use super::error::check_vector;
 use super::orientation::{CLEAR, Cones, Examined, Signs, examine};
@@ -79,6 +80,38 @@ pub enum Doubt {
     Combinations,
     /// The cap was reached.
     Limit,
+}
+
+impl fmt::Display for Doubt {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Activity => "whether a cell has points near the point",
+            Self::Preimages => "how many directions have one image",
+            Self::Combinations => "whether a convex combination is singular",
+            Self::Limit => "limit on selections",
+        })
+    }
+}
+
+impl fmt::Display for LocalUniqueness {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Lipschitz {
+                constant, selections, ..
+            } => {
+                write!(
+                    f,
+                    "locally unique, Lipschitz constant {constant:.3e} ({selections} selections)"
+                )
+            }
+            Self::Fails { second: (_, 0), .. } => f.write_str("not locally unique: a selection is singular"),
+            Self::Fails { .. } => f.write_str("not locally unique: determinants differ in sign"),
+            Self::Winds { .. } => f.write_str("not locally unique: two directions have one image"),
+            Self::Outside { site } => write!(f, "in no cell of site {site}"),
+            Self::Undecided { examined, .. } => write!(f, "undecided after {examined} selections"),
+            Self::Doubtful { doubt, .. } => write!(f, "undecided: {doubt}"),
+        }
+    }
 }
 
 impl LocalUniqueness {

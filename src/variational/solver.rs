@@ -75,6 +75,16 @@ impl ViReport {
     }
 }
 
+impl std::fmt::Display for ViReport {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(
+            f,
+            "{} after {} iterations, residual {:.1e}",
+            self.status, self.mcp.iterations, self.residual
+        )
+    }
+}
+
 /// Solves variational inequalities over polyhedra.
 ///
 /// The start is projected on C. Then [`McpSolver`] solves the conditions of [`Vi::kkt`]: semismooth Newton first, then among others

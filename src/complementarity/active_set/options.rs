@@ -1,5 +1,6 @@
 use crate::complementarity::ComplementarityError;
 use crate::options::setters;
+use std::fmt;
 
 /// Options of [`ActiveSetSolver`](super::ActiveSetSolver). The defaults need no touching.
 #[derive(Debug, Clone, PartialEq)]
@@ -123,4 +124,26 @@ pub struct ActiveSetReport {
     pub iterations: usize,
     /// Iterations of the linear solver in all; 0 for a direct one.
     pub linear_iterations: usize,
+}
+
+impl fmt::Display for ActiveSetStatus {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Solved => "solved",
+            Self::IterationLimit => "iteration limit",
+            Self::Singular => "singular reduced matrix",
+            Self::Inaccurate => "reduced systems not solved accurately enough",
+            Self::Interrupted => "interrupted",
+        })
+    }
+}
+
+impl fmt::Display for ActiveSetReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "{} after {} iterations, residual {:.1e}",
+            self.status, self.iterations, self.residual
+        )
+    }
 }

@@ -111,3 +111,13 @@ pub struct LemkeReport {
     /// Natural residual of the point handed back.
     pub residual: f64,
 }
+
+impl fmt::Display for LemkeReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "{} after {} exchanges, residual {:.1e}",
+            self.status, self.pivots, self.residual
+        )
+    }
+}

@@ -256,3 +256,37 @@ impl McpReport {
         };
     }
 }
+
+impl fmt::Display for McpStep {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Natural => "natural map",
+            Self::FischerBurmeister => "Fischer-Burmeister",
+            Self::Regularised => "Levenberg-Marquardt",
+            Self::Gradient => "projected gradient",
+            Self::Linearised => "linearised problem",
+            Self::Own => "step of the strategy",
+            Self::None => "none",
+        })
+    }
+}
+
+impl fmt::Display for BoundState {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Lower => "at the lower bound",
+            Self::Interior => "between the bounds",
+            Self::Upper => "at the upper bound",
+        })
+    }
+}
+
+impl fmt::Display for McpReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "{} after {} iterations, residual {:.1e}",
+            self.status, self.iterations, self.residual
+        )
+    }
+}

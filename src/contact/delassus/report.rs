@@ -171,3 +171,24 @@ impl DelassusReport {
         self.states.iter().filter(|s| s.is_slip()).count()
     }
 }
+
+impl fmt::Display for DelassusPhase {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Sweeps => "sweeps",
+            Self::Interior => "interior point",
+            Self::Proximal => "proximal step",
+            Self::Path => "central path",
+        })
+    }
+}
+
+impl fmt::Display for DelassusReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "{} after {} factorisations and {} sweeps, residual {:.1e}",
+            self.status, self.factorisations, self.sweeps, self.residual
+        )
+    }
+}

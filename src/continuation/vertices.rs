@@ -1,0 +1,127 @@
+//! A branch as one list of vertices, events merged with regular points.
+
+use super::{Arm, Branch, BranchPoint, Event, Point, Transition};
+use crate::piecewise::Selection;
+
+/// A point of a branch, regular or an event, with the state in which the curve leaves it ([`Branch::vertices`]).
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct BranchVertex<'a> {
+    /// Arclength from the start.
+    pub arclength: f64,
+    /// x = (y, α).
+    pub x: &'a [f64],
+    /// What happens here: "point", the name of a [`TransitionKind`](super::TransitionKind), "smooth fold", "branch point", or the name of a
+    /// monitor.
+    pub event: &'a str,
+    /// The selection on departure.
+    pub selection: &'a Selection,
+    /// Sites on whose cell boundary the curve goes on, increasing.
+    pub grazing: &'a [usize],
+    /// Sign of det ∇_yH^(σ) on departure, where it is known; 0 where that is singular.
+    pub det_sign: Option<i8>,
+    /// The same on arrival.
+    pub(crate) sign_before: Option<i8>,
+}
+
+impl BranchVertex<'_> {
+    /// The parameter α.
+    #[must_use]
+    pub fn parameter(&self) -> f64 {
+        self.x.last().copied().unwrap_or(f64::NAN)
+    }
+}
+
+impl<'a> BranchVertex<'a> {
+    fn regular(point: &'a Point, event: &'a str) -> Self {
+        Self {
+            arclength: point.arclength,
+            x: &point.x,
+            event,
+            selection: &point.selection,
+            grazing: &point.grazing,
+            det_sign: point.det_sign,
+            sign_before: point.det_sign,
+        }
+    }
+
+    fn leaving_along(mut self, arm: Option<&'a Arm>) -> Self {
+        if let Some(arm) = arm {
+            self.selection = &arm.selection;
+            self.grazing = &arm.grazing;
+        }
+        self
+    }
+}
+
+impl<'a> From<&'a Transition> for BranchVertex<'a> {
+    fn from(t: &'a Transition) -> Self {
+        let vertex = BranchVertex {
+            arclength: t.arclength,
+            x: &t.x,
+            event: t.kind.name(),
+            selection: &t.after,
+            grazing: &[],
+            det_sign: t.det_sign,
+            sign_before: None,
+        };
+        vertex.leaving_along(t.followed.and_then(|k| t.arms.get(k)))
+    }
+}
+
+impl<'a> From<&'a BranchPoint> for BranchVertex<'a> {
+    fn from(b: &'a BranchPoint) -> Self {
+        BranchVertex::regular(&b.point, "branch point").leaving_along(b.followed.and_then(|k| b.arms.get(k)))
+    }
+}
+
+impl<'a> From<&'a Event> for BranchVertex<'a> {
+    fn from(event: &'a Event) -> Self {
+        match event {
+            Event::Point(p) => BranchVertex::regular(p, "point"),
+            Event::Transition(t) => t.into(),
+            Event::SmoothFold(f) => BranchVertex::regular(&f.point, "smooth fold"),
+            Event::BranchPoint(b) => b.into(),
+            Event::Monitor(m) => BranchVertex::regular(&m.point, &m.name),
+        }
+    }
+}
+
+impl Branch {
+    /// All points of the branch in the order in which they are passed: regular ones and events.
+    ///
+    /// ```
+    /// use semismooth::continuation::{Branch, ContinuationOptions, Direction};
+    /// use semismooth::piecewise::MinMap;
+    /// // α = |y|
+    /// let map = MinMap::curve(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+    ///     a[0] = x[1] - x[0];
+    ///     b[0] = x[1] + x[0];
+    /// });
+    /// let options = ContinuationOptions::default().with_parameter_range((-1.0, 1.0));
+    /// let branch = Branch::follow(&map, &[0.5, 0.5], Direction::Decreasing, options)?;
+    /// let told: Vec<(&str, f64)> = branch.vertices().iter().map(|v| (v.event, v.parameter())).collect();
+    /// assert_eq!((told[0], told[1].0, told[2].0), (("point", 0.5), "fold", "point"));
+    /// # Ok::<(), semismooth::continuation::ContinuationError>(())
+    /// ```
+    #[must_use]
+    pub fn vertices(&self) -> Vec<BranchVertex<'_>> {
+        let points = self.points.iter().map(|p| BranchVertex::regular(p, "point"));
+        let transitions = self.transitions.iter().map(BranchVertex::from);
+        let folds = self.smooth_folds.iter();
+        let folds = folds.map(|f| BranchVertex::regular(&f.point, "smooth fold"));
+        let branchings = self.branch_points.iter().map(BranchVertex::from);
+        let monitors = self.monitor_crossings.iter();
+        let monitors = monitors.map(|m| BranchVertex::regular(&m.point, &m.name));
+        let events = transitions.chain(folds).chain(branchings).chain(monitors);
+        let mut all: Vec<_> = points.chain(events).collect();
+        all.sort_by(|a, b| a.arclength.total_cmp(&b.arclength));
+        all
+    }
+
+    /// [`vertices`](Self::vertices) as a line: (arclength, x).
+    #[must_use]
+    pub fn polyline(&self) -> Vec<(f64, &[f64])> {
+        self.vertices().into_iter().map(|v| (v.arclength, v.x)).collect()
+    }
+}
