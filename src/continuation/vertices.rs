@@ -20,8 +20,8 @@ pub struct BranchVertex<'a> {
     pub grazing: &'a [usize],
     /// Sign of det ∇_yH^(σ) on departure, where it is known; 0 where that is singular.
     pub det_sign: Option<i8>,
-    /// The same on arrival.
-    pub(crate) sign_before: Option<i8>,
+    /// The same on arrival; at transitions it is not known.
+    pub sign_before: Option<i8>,
 }
 
 impl BranchVertex<'_> {
