@@ -152,6 +152,27 @@ fn pictures(t: &mut Table, branch: &Branch) {
     t.refuses(svg, "styles of another number", "styles", || {
         draw(Panel::new("x", "y").with_curve(Curve::segments(vec![(0.0, 0.0), (1.0, 1.0)], vec![style(); 5])))
     });
+    #[cfg(feature = "pdf")]
+    {
+        let pdf = "output::BranchDiagram::to_pdf";
+        let page = |panel: Panel| BranchDiagram::new(panel).to_pdf();
+        t.refuses(pdf, "nothing", "nothing to draw", || page(Panel::new("x", "y")));
+        t.survives(pdf, "letters that no font has", || {
+            BranchDiagram::new(good())
+                .with_title("\u{1f600} \u{0} 漢字")
+                .to_pdf()
+        });
+        for bad in BAD {
+            t.refuses(pdf, "a vertex", "vertex 1", || {
+                page(line(vec![(0.0, 0.0), (bad, 1.0)]))
+            });
+        }
+    }
+    for bad in [0.0, -1.0] {
+        t.refuses(svg, "what has no logarithm", "logarithmic", || {
+            draw(line(vec![(1.0, 1.0), (bad, 2.0)]).with_log_x())
+        });
+    }
     for bad in BAD {
         t.refuses(svg, "a vertex", "vertex 1", || {
             draw(line(vec![(0.0, 0.0), (bad, 1.0)]))
