@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString, PyTuple};
 use semismooth::complementarity::Mcp;
 use semismooth::continuation::{
-    self as core, Arm, Continuation, ContinuationOptions, Direction, Event, PointKind, TransitionSet,
+    self as core, Continuation, ContinuationOptions, Direction, Event, PointKind,
 };
 use semismooth::piecewise::{PiecewiseSmooth, Selection};
 
@@ -16,6 +16,7 @@ use crate::arrays::{bound, rows, vector};
 use crate::complementarity::Derivative;
 use crate::contact::{ContactProblem, point};
 use crate::errors::{Run, raised};
+use crate::events::{BranchPoint, Crossing, Fold, Transition, tangents};
 use crate::map::{Map, map_of};
 
 /// The range of a parameter unless one is given.
@@ -55,7 +56,7 @@ impl Problem {
     }
 
     /// A formula or a contact problem with so many parameters.
-    fn formula(function: &Bound<'_, PyAny>, x0: &[f64], parameters: usize) -> PyResult<Self> {
+    pub(crate) fn formula(function: &Bound<'_, PyAny>, x0: &[f64], parameters: usize) -> PyResult<Self> {
         let (m, n) = (x0.len(), values_of(x0, parameters)?);
         let (problem, vars, values) = match function.cast::<ContactProblem>() {
             Ok(problem) => {
@@ -143,10 +144,10 @@ impl Names {
 }
 
 /// A point of a curve as a row of tables.
-struct Row {
-    x: Vec<f64>,
+pub(crate) struct Row {
+    pub(crate) x: Vec<f64>,
     tangent: Vec<f64>,
-    selection: Selection,
+    pub(crate) selection: Selection,
     arclength: f64,
     det_sign: Option<i8>,
     kind: &'static str,
@@ -195,121 +196,6 @@ fn name(kind: PointKind) -> &'static str {
     }
 }
 
-/// A point where the active pieces of a curve change, located to rounding.
-#[pyclass(frozen, get_all, module = "semismooth")]
-pub(crate) struct Transition {
-    /// The point (y, parameter), shape (m,).
-    x: Py<PyArray1<f64>>,
-    /// The parameter, the last entry of x.
-    parameter: f64,
-    /// "pass-through", "fold", "vertical segment begins", "vertical segment ends", "branching", "end" or "undecided".
-    kind: &'static str,
-    /// The pieces on arrival, by name, one a site.
-    before: Vec<String>,
-    /// The pieces on departure.
-    after: Vec<String>,
-    /// The sites that switch (or could), from 0; those that change first.
-    sites: Vec<usize>,
-    /// Unit tangent on arrival, shape (m,).
-    tangent_before: Py<PyArray1<f64>>,
-    /// Unit tangent on departure; that of arrival where the curve ends.
-    tangent_after: Py<PyArray1<f64>>,
-    /// Unit tangents of all arms that leave, but the one of arrival, shape (k, m); each is a ``direction`` for :func:`follow`.
-    arms: Py<PyArray2<f64>>,
-    /// Index in ``arms`` of the arm that was followed, if any.
-    followed: Option<usize>,
-    /// Whether all active selections were examined, so that no arm is missing, within tolerances.
-    complete: bool,
-    /// The test functions of all sites at x.
-    test_functions: Py<PyArray1<f64>>,
-    /// ‖H(x)‖₂.
-    residual: f64,
-    /// Arclength from the start.
-    arclength: f64,
-}
-
-impl Transition {
-    fn new(py: Python<'_>, t: &core::Transition, names: &Names) -> PyResult<Self> {
-        Ok(Self {
-            x: PyArray1::from_slice(py, &t.x).unbind(),
-            parameter: t.parameter(),
-            kind: t.kind.name(),
-            before: names.owned(&t.before),
-            after: names.owned(&t.after),
-            sites: t.sites.iter().map(|s| s.site).collect(),
-            tangent_before: PyArray1::from_slice(py, &t.tangent_before).unbind(),
-            tangent_after: PyArray1::from_slice(py, &t.tangent_after).unbind(),
-            arms: tangents(py, &t.arms, t.x.len())?,
-            followed: t.followed,
-            complete: t.complete,
-            test_functions: PyArray1::from_slice(py, &t.test_functions).unbind(),
-            residual: t.residual_norm,
-            arclength: t.arclength,
-        })
-    }
-}
-
-#[pymethods]
-impl Transition {
-    fn __repr__(&self) -> String {
-        format!("<Transition: {} at parameter {:?}>", self.kind, self.parameter)
-    }
-}
-
-fn tangents(py: Python<'_>, arms: &[Arm], m: usize) -> PyResult<Py<PyArray2<f64>>> {
-    Ok(rows(py, m, arms.iter().map(|a| a.tangent.as_slice()))?.unbind())
-}
-
-/// A point where the parameter turns.
-#[pyclass(frozen, get_all, module = "semismooth")]
-pub(crate) struct Fold {
-    /// The point (y, parameter), shape (m,).
-    x: Py<PyArray1<f64>>,
-    /// The parameter.
-    parameter: f64,
-    /// "kink" where pieces change at the fold, "smooth" inside of a piece.
-    kind: &'static str,
-    /// Arclength from the start of the branch; None in diagrams.
-    arclength: Option<f64>,
-}
-
-#[pymethods]
-impl Fold {
-    fn __repr__(&self) -> String {
-        format!("<Fold: {} at parameter {:?}>", self.kind, self.parameter)
-    }
-}
-
-/// A point where the Jacobian of the pieces loses rank along the curve, so that further arms may leave.
-#[pyclass(frozen, get_all, module = "semismooth")]
-pub(crate) struct BranchPoint {
-    /// The point (y, parameter), shape (m,).
-    x: Py<PyArray1<f64>>,
-    /// The parameter.
-    parameter: f64,
-    /// Unit tangents of all arms that leave, but the one of arrival, shape (k, m).
-    arms: Py<PyArray2<f64>>,
-    /// Index in ``arms`` of the arm that was followed, if any.
-    followed: Option<usize>,
-    /// Whether no arm is missing, within tolerances.
-    complete: bool,
-    /// Arclength from the start.
-    arclength: f64,
-}
-
-/// A zero of a monitor on the curve.
-#[pyclass(frozen, get_all, module = "semismooth")]
-pub(crate) struct Crossing {
-    /// Name of the monitor.
-    name: String,
-    /// The point (y, parameter), shape (m,).
-    x: Py<PyArray1<f64>>,
-    /// The parameter.
-    parameter: f64,
-    /// Arclength from the start.
-    arclength: f64,
-}
-
 /// A stretch of a solution curve. Row i of the arrays is point i along it, events included.
 #[pyclass(frozen, module = "semismooth")]
 pub(crate) struct Branch {
@@ -341,7 +227,13 @@ pub(crate) struct Branch {
 }
 
 impl Branch {
-    fn new(py: Python<'_>, found: &core::Branch, rows: Vec<Row>, names: Names, m: usize) -> PyResult<Self> {
+    pub(crate) fn new(
+        py: Python<'_>,
+        found: &core::Branch,
+        rows: Vec<Row>,
+        names: Names,
+        m: usize,
+    ) -> PyResult<Self> {
         let transitions = found.transitions.iter();
         let kinks = found.transitions.iter().filter(|t| t.is_fold());
         let kinks = kinks.map(|t| (t.arclength, &t.x, "kink"));
@@ -385,17 +277,6 @@ impl Branch {
             names,
             m,
         })
-    }
-}
-
-impl Fold {
-    pub(crate) fn new(py: Python<'_>, x: &[f64], kind: &'static str, arclength: Option<f64>) -> Self {
-        Self {
-            x: PyArray1::from_slice(py, x).unbind(),
-            parameter: x.last().copied().unwrap_or(f64::NAN),
-            kind,
-            arclength,
-        }
     }
 }
 
@@ -491,7 +372,7 @@ impl Branch {
 }
 
 /// Functions of the point watched along a curve.
-struct Monitor {
+pub(crate) struct Monitor {
     name: String,
     function: Watch,
     stops: bool,
@@ -547,7 +428,7 @@ impl Monitor {
     }
 }
 
-fn direction(given: Option<&Bound<'_, PyAny>>) -> PyResult<Direction> {
+pub(crate) fn direction(given: Option<&Bound<'_, PyAny>>) -> PyResult<Direction> {
     let Some(given) = given else {
         return Ok(Direction::Increasing);
     };
@@ -646,16 +527,20 @@ fn follow(
 }
 
 /// How a curve is followed.
-struct Travel {
-    x0: Vec<f64>,
-    direction: Direction,
-    options: ContinuationOptions,
-    monitors: Vec<Monitor>,
-    callback: Option<Py<PyAny>>,
+pub(crate) struct Travel {
+    pub(crate) x0: Vec<f64>,
+    pub(crate) direction: Direction,
+    pub(crate) options: ContinuationOptions,
+    pub(crate) monitors: Vec<Monitor>,
+    pub(crate) callback: Option<Py<PyAny>>,
 }
 
 impl Travel {
-    fn along(self, run: &Run, map: &dyn PiecewiseSmooth) -> PyResult<(core::Branch, Vec<Row>, Names)> {
+    pub(crate) fn along(
+        self,
+        run: &Run,
+        map: &dyn PiecewiseSmooth,
+    ) -> PyResult<(core::Branch, Vec<Row>, Names)> {
         let mut curve = Continuation::new(map, &self.x0, self.direction, self.options).map_err(raised)?;
         for monitor in &self.monitors {
             let function = |x: &[f64]| monitor.value(run, x);
@@ -673,102 +558,6 @@ impl Travel {
         });
         Ok((found.map_err(raised)?, rows, Names::of(map)))
     }
-}
-
-/// A point of a transition set where folds begin or end along it.
-#[pyclass(frozen, get_all, module = "semismooth")]
-pub(crate) struct CharacterChange {
-    /// The point (y, α, β), shape (n + 2,).
-    x: Py<PyArray1<f64>>,
-    /// Whether the transitions before it, in the direction of travel, are folds.
-    folds_before: bool,
-}
-
-/// A transition as a curve in a second parameter.
-#[pyclass(frozen, get_all, module = "semismooth")]
-pub(crate) struct TransitionCurve {
-    /// The points (y, α, β), the second parameter last. Transitions of it are points of codimension two.
-    branch: Py<Branch>,
-    /// For each point of the branch, whether α folds there; None where that is not known.
-    folds: Vec<Option<bool>>,
-    /// Where that changes between transitions.
-    character_changes: Vec<Py<CharacterChange>>,
-}
-
-/// Follows a transition of a two-parameter family H(y, α, β) = 0 as a curve in β: the points at which one test function vanishes.
-///
-/// Parameters
-/// ----------
-/// H : callable, Map or ContactProblem
-///     ``H(x)`` for x of shape (n + 2,), both parameters last, gives n values; it is traced: see :func:`trace`. Of a contact problem
-///     :meth:`ContactProblem.with_second_parameter` makes a family.
-/// x0 : array of shape (n + 2,)
-///     Start: the x of a transition, and β behind it; corrected at its β.
-/// site, test : int
-///     The site that switches (one of ``sites`` of the transition) and which of its test functions vanishes, both from 0.
-/// parameter_range, direction, callback, **options
-///     As for :func:`follow`, the parameter being β.
-///
-/// Returns
-/// -------
-/// TransitionCurve
-///
-/// >>> import semismooth as ss
-/// >>> # y + max(y, 0) = α + β has its kink at α = -β.
-/// >>> curve = ss.transition_set(lambda x: [x[0] + ss.maximum(x[0], 0) - x[1] - x[2]], [0.0, 0.0, 0.0], 0, parameter_range=(0.0, 1.0))
-/// >>> curve.branch.points[-1].round(9).tolist(), curve.folds[-1]
-/// ([0.0, -1.0, 1.0], False)
-#[pyfunction]
-#[pyo3(signature = (H, x0, site, test=0, parameter_range=None, direction=None, *, callback=None, **options))]
-fn transition_set(
-    py: Python<'_>,
-    H: &Bound<'_, PyAny>,
-    x0: &Bound<'_, PyAny>,
-    site: usize,
-    test: usize,
-    parameter_range: Option<(f64, f64)>,
-    direction: Option<&Bound<'_, PyAny>>,
-    callback: Option<Py<PyAny>>,
-    options: Option<&Bound<'_, PyDict>>,
-) -> PyResult<TransitionCurve> {
-    let x0 = point(x0)?;
-    let problem = Problem::formula(H, &x0, 2)?;
-    let travel = Travel {
-        direction: self::direction(direction)?,
-        options: crate::arrays::options::<ContinuationOptions>(options, py)?
-            .with_parameter_range(parameter_range.unwrap_or(EVERYWHERE)),
-        monitors: Vec::new(),
-        callback,
-        x0,
-    };
-    let m = travel.x0.len();
-    let (found, rows, names, folds, changes) = Run::detached(py, |run| {
-        let set = TransitionSet::new(problem.map(run)?, site, test).map_err(raised)?;
-        let (found, rows, names) = travel.along(run, &set)?;
-        let at = |row: &Row| match row.selection.len() {
-            0 => Ok(None),
-            _ if run.poll().is_break() => Ok(None),
-            _ => set.is_fold(&row.selection, &row.x).map_err(raised),
-        };
-        let folds = rows.iter().map(at).collect::<PyResult<Vec<_>>>()?;
-        let changes = match run.is_broken() {
-            true => Vec::new(),
-            false => set.character_changes(&found).map_err(raised)?,
-        };
-        Ok((found, rows, names, folds, changes))
-    })?;
-    let changes = changes.iter().map(|c| {
-        let change = CharacterChange {
-            x: PyArray1::from_slice(py, &c.x).unbind(),
-            folds_before: c.folds_before,
-        };
-        Py::new(py, change)
-    });
-    Ok(TransitionCurve {
-        branch: Py::new(py, Branch::new(py, &found, rows, names, m)?)?,
-        folds,
-        character_changes: changes.collect::<PyResult<_>>()?,
-    })
 }
 
 /// Tells a callback of a point.
@@ -796,8 +585,5 @@ pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<Crossing>()?;
     module.add_class::<Fold>()?;
     module.add_class::<Transition>()?;
-    module.add_class::<CharacterChange>()?;
-    module.add_class::<TransitionCurve>()?;
-    module.add_function(wrap_pyfunction!(transition_set, module)?)?;
     module.add_function(wrap_pyfunction!(follow, module)?)
 }

@@ -10,8 +10,9 @@ use semismooth::continuation::{self as core, ContinuationOptions, DiagramOptions
 
 use crate::arrays::rows;
 use crate::contact::point;
-use crate::continuation::{EVERYWHERE, Fold, Given, Names, Problem};
+use crate::continuation::{EVERYWHERE, Given, Names, Problem};
 use crate::errors::{Run, raised};
+use crate::events::Fold;
 
 /// A point of a diagram where curves meet, bend or end.
 #[pyclass(frozen, get_all, module = "semismooth")]

@@ -7,12 +7,14 @@ mod contact;
 mod continuation;
 mod diagram;
 mod errors;
+mod events;
 mod expressions;
 mod fields;
 mod friction;
 mod map;
 mod mesh;
 mod solution;
+mod transition_set;
 mod variational;
 
 use pyo3::prelude::*;
@@ -27,6 +29,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     map::register(module)?;
     complementarity::register(module)?;
     continuation::register(module)?;
+    transition_set::register(module)?;
     diagram::register(module)?;
     variational::register(module)?;
     friction::register(module)?;

@@ -1,14 +1,15 @@
-// Pictures as SVG text: axes, curves, marks and legends. Colours are those of Okabe and Ito, told apart by colour-blind readers.
+// Pictures as SVG text: axes, curves, marks and legends. Colours of states are those of the crate's pictures, which colour-blind
+// readers can tell apart, and others as far apart on dark paper.
 const palettes = {
   light: {
     paper: '#ffffff', ink: '#1a1a1a', faint: '#5c6166', grid: '#e3e6ea', body: '#dfe6ee',
-    open: '#d55e00', stick: '#009e73', slip: '#0072b2', grazing: '#8c8c8c', fold: '#b0518c',
-    cycle: ['#0072b2', '#d55e00', '#009e73', '#b0518c', '#a67c00', '#3a9bd9', '#6a3d9a', '#5c6166'],
+    open: '#d55e00', stick: '#1aa873', slip: '#0072b2', grazing: '#555555', fold: '#dd8fbd',
+    cycle: ['#0072b2', '#d55e00', '#1aa873', '#dd8fbd', '#a67c00', '#3a9bd9', '#6a3d9a', '#5c6166'],
   },
   dark: {
     paper: '#15181c', ink: '#e8eaed', faint: '#a3abb3', grid: '#2a3037', body: '#2c3640',
-    open: '#ff8a3d', stick: '#2fcf9f', slip: '#5eb3ec', grazing: '#9a9a9a', fold: '#e79cc8',
-    cycle: ['#5eb3ec', '#ff8a3d', '#2fcf9f', '#e79cc8', '#e6b93c', '#9ad4f5', '#b99be0', '#a3abb3'],
+    open: '#ffaa1f', stick: '#3bf38c', slip: '#50b3ff', grazing: '#787878', fold: '#d9c4d8',
+    cycle: ['#50b3ff', '#ffaa1f', '#3bf38c', '#d9c4d8', '#e6b93c', '#9ad4f5', '#b99be0', '#a3abb3'],
   },
 };
 const font = 'DejaVu Sans, Segoe UI, Roboto, sans-serif';

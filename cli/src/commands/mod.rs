@@ -14,11 +14,10 @@ use std::path::PathBuf;
 
 use clap::{Args, CommandFactory, Parser, Subcommand};
 
-use self::contact::ContactArgs;
 pub use self::error::CommandError;
 use self::friction::FrictionArgs;
 use self::options::OptionsArgs;
-use self::problem::ProblemArgs;
+use self::run_file::RunArgs;
 
 /// Piecewise-smooth equations: contact with friction, complementarity problems
 #[derive(Debug, Parser)]
@@ -34,13 +33,14 @@ struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    Contact(ContactArgs),
+    /// A body in contact with Coulomb friction: a history of loading, or the curve of solutions
+    Contact(RunArgs),
     /// The curve of solutions of equations with kinks, or of a folder with a discrete friction problem
-    Follow(ProblemArgs),
+    Follow(RunArgs),
     /// All curves of solutions connected to given starts, or to all solutions at some parameters
-    Diagram(ProblemArgs),
+    Diagram(RunArgs),
     /// All solutions at given parameters
-    Solutions(ProblemArgs),
+    Solutions(RunArgs),
     Friction(FrictionArgs),
     Options(OptionsArgs),
     Init(InitArgs),

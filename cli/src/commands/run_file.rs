@@ -1,14 +1,31 @@
-//! Run files: their text, for the lines of errors, and where they are.
+//! Run files: what commands are told with them, their text, for the lines of errors, and where they are.
 
 use std::error::Error;
 use std::fs::File;
 use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
+use clap::Args;
 use serde::de::DeserializeOwned;
 use toml::Spanned;
 
 use super::error::CommandError;
+
+/// What the commands that read a run file are told.
+#[derive(Debug, Args)]
+pub(super) struct RunArgs {
+    /// The run, a TOML file; `semismooth init` writes one to begin with
+    pub(super) run: PathBuf,
+    /// JSON instead of text
+    #[arg(long)]
+    pub(super) json: bool,
+    /// No table, no progress
+    #[arg(long, short)]
+    pub(super) quiet: bool,
+    /// Folder for the results, in place of that of the run file
+    #[arg(long)]
+    pub(super) out: Option<PathBuf>,
+}
 
 /// A run file with what it says.
 pub(super) struct RunFile<I> {

@@ -9,31 +9,15 @@ mod model;
 use std::io::Write;
 use std::path::PathBuf;
 
-use clap::Args;
 use semismooth::contact::{CondensedContact, ContactState, NodeLaw};
 use semismooth::fem::{ContactRows, ElasticSystem};
 
 use self::model::{Plan, RunFile};
 use super::error::CommandError;
+use super::run_file::RunArgs;
 
 /// A run file to begin with.
 pub const TEMPLATE: &str = include_str!("template.toml");
-
-/// A body in contact with Coulomb friction: a history of loading, or the curve of solutions
-#[derive(Debug, Args)]
-pub struct ContactArgs {
-    /// The run, a TOML file; `semismooth init contact` writes one to begin with
-    run: PathBuf,
-    /// One JSON object a line instead of text
-    #[arg(long)]
-    json: bool,
-    /// No table, no progress
-    #[arg(long, short)]
-    quiet: bool,
-    /// Folder for the results, in place of that of the run file
-    #[arg(long)]
-    out: Option<PathBuf>,
-}
 
 /// A problem with what is needed to show its solutions.
 struct Case<'a, L> {
@@ -42,10 +26,10 @@ struct Case<'a, L> {
     rows: ContactRows,
     folder: PathBuf,
     fields: bool,
-    arguments: &'a ContactArgs,
+    arguments: &'a RunArgs,
 }
 
-pub(super) fn run(arguments: &ContactArgs, out: &mut dyn Write) -> Result<(), CommandError> {
+pub(super) fn run(arguments: &RunArgs, out: &mut dyn Write) -> Result<(), CommandError> {
     let file = RunFile::read(&arguments.run)?;
     let plan = file.plan()?;
     let (system, motion) = file.system()?;
@@ -60,7 +44,7 @@ pub(super) fn run(arguments: &ContactArgs, out: &mut dyn Write) -> Result<(), Co
 
 fn work<L: NodeLaw>(
     file: &RunFile,
-    arguments: &ContactArgs,
+    arguments: &RunArgs,
     system: &ElasticSystem,
     problem: CondensedContact<L>,
     rows: ContactRows,

@@ -9,50 +9,35 @@ mod model;
 use std::io::Write;
 use std::path::PathBuf;
 
-use clap::Args;
 use semismooth::output::{Colour, Column, SegmentStyle};
 use semismooth::piecewise::Selection;
 
 use self::model::{Problem, RunFile};
 use super::error::CommandError;
+use super::run_file::RunArgs;
 
 /// Run files to begin with.
 pub(super) const FOLLOW: &str = include_str!("follow.toml");
 pub(super) const DIAGRAM: &str = include_str!("diagram.toml");
 pub(super) const SOLUTIONS: &str = include_str!("solutions.toml");
 
-#[derive(Debug, Args)]
-pub struct ProblemArgs {
-    /// The run, a TOML file; `semismooth init` writes one to begin with
-    run: PathBuf,
-    /// JSON instead of text
-    #[arg(long)]
-    json: bool,
-    /// No table, no progress
-    #[arg(long, short)]
-    quiet: bool,
-    /// Folder for the results, in place of that of the run file
-    #[arg(long)]
-    out: Option<PathBuf>,
-}
-
 /// A problem with what is needed to show its solutions.
 struct Case<'a> {
     file: RunFile,
     problem: Problem,
     folder: PathBuf,
-    arguments: &'a ProblemArgs,
+    arguments: &'a RunArgs,
 }
 
-pub(super) fn follow(arguments: &ProblemArgs, out: &mut dyn Write) -> Result<(), CommandError> {
+pub(super) fn follow(arguments: &RunArgs, out: &mut dyn Write) -> Result<(), CommandError> {
     curve::run(&Case::new(arguments)?, out)
 }
 
-pub(super) fn diagram(arguments: &ProblemArgs, out: &mut dyn Write) -> Result<(), CommandError> {
+pub(super) fn diagram(arguments: &RunArgs, out: &mut dyn Write) -> Result<(), CommandError> {
     graph::run(&Case::new(arguments)?, out)
 }
 
-pub(super) fn solutions(arguments: &ProblemArgs, out: &mut dyn Write) -> Result<(), CommandError> {
+pub(super) fn solutions(arguments: &RunArgs, out: &mut dyn Write) -> Result<(), CommandError> {
     list::run(&Case::new(arguments)?, out)
 }
 
@@ -67,7 +52,7 @@ fn short(value: f64) -> String {
 }
 
 impl<'a> Case<'a> {
-    fn new(arguments: &'a ProblemArgs) -> Result<Self, CommandError> {
+    fn new(arguments: &'a RunArgs) -> Result<Self, CommandError> {
         let file = RunFile::read(&arguments.run)?;
         let problem = file.problem()?;
         let folder = file.results(arguments.out.as_ref(), &file.input.output.folder)?;
