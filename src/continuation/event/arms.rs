@@ -118,6 +118,8 @@ pub(in crate::continuation) struct ArmSearch<'a, P: ?Sized, L> {
     pub(in crate::continuation) options: &'a ContinuationOptions,
     pub(in crate::continuation) x: &'a [f64],
     pub(in crate::continuation) vanishing: &'a [Vanishing],
+    /// Number of all test functions of the map.
+    pub(in crate::continuation) tests: usize,
     /// A selection known to be singular at (or within rounding of) x, where its kernel is a chance mixture.
     pub(in crate::continuation) singular: Option<Selection>,
     pub(in crate::continuation) deadline: Deadline<'static>,
@@ -240,7 +242,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
 
     /// Whether test functions depend on the selection, so that no one list of their gradients tells which directions lead where.
     fn has_nested_kinks(&self, selection: &Selection) -> bool {
-        let mut theta = vec![0.0; TestLayout::new(&self.map).total()];
+        let mut theta = vec![0.0; self.tests];
         (self.map).tests_of_selection(selection, self.x, None, &mut theta)
     }
 
@@ -270,18 +272,19 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
     /// Whether a direction leads into the closed cell of a selection; if so, the sites in whose boundary it stays.
     fn enters(&self, selection: &Selection, direction: &[f64]) -> Option<Vec<usize>> {
         const AHEAD: f64 = 1e-4;
-        let unit = 1.0 + norm(self.x);
-        let step = AHEAD * unit;
-        let mut own = vec![0.0; TestLayout::new(&self.map).total()];
-        let (mut theta, mut rates) = (own.clone(), own.clone());
+        let mut own = vec![0.0; self.tests];
         let nested = (self.map).tests_of_selection(selection, self.x, Some(direction), &mut own);
         let sizes = if nested {
-            gradient_sizes(self.map, selection, self.x, own.len())
+            gradient_sizes(self.map, selection, self.x, self.tests)
         } else {
             Vec::new()
         };
         let curved = !self.vanishing.is_empty() && !self.map.is_piecewise_affine();
+        let step = AHEAD * (1.0 + norm(self.x));
+        let (mut theta, mut rates) = (Vec::new(), Vec::new());
         if curved {
+            theta.resize(self.tests, 0.0);
+            rates.resize(self.tests, 0.0);
             let ahead: Vec<f64> = self.x.iter().zip(direction).map(|(x, d)| x + step * d).collect();
             tests_of(self.map, selection, &ahead, &mut theta);
             test_rates_of(self.map, selection, &ahead, direction, &mut rates);
@@ -294,11 +297,11 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
             };
             // Nothing but rounding next to its change over the distance 1 + ‖x‖: then the second derivative decides, unless it is rounding, too.
             let flat = curved && size <= RANK * AHEAD.recip() * (rates[v.index] - rate).abs();
-            let explained = theta[v.index].abs() <= UNEXPLAINED * step * rates[v.index].abs();
             let cell = self.map.cell(v.site, selection.piece(v.site));
             for facet in cell.iter().filter(|f| f.test() == v.test) {
                 let rate = facet.sign() * rate;
                 let leaves = if flat {
+                    let explained = theta[v.index].abs() <= UNEXPLAINED * step * rates[v.index].abs();
                     explained && facet.sign() * theta[v.index] < 0.0
                 } else {
                     rate < -TANGENTIAL * size
@@ -430,6 +433,7 @@ impl<'a> Curve<'a> {
             options: &self.options,
             x: &self.here.x,
             vanishing,
+            tests: self.layout.total(),
             singular: None,
             deadline: self.clock.map_or(Deadline::after(None), |clock| {
                 Deadline::of(clock, self.options.max_time)
