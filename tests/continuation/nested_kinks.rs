@@ -182,6 +182,86 @@ impl NonsmoothFunction for Drawn {
     }
 }
 
+/// A graph of [`Drawn`] whose steps are bent, so that slopes vary and rounding is everywhere.
+struct Bent(Drawn);
+
+impl Bent {
+    fn plain(&self, y: f64) -> f64 {
+        let mut list = vec![y, 1.0 - 2.0 * y];
+        for &(kind, i, j, c) in &self.0.0 {
+            let (a, b) = (list[i], list[j]);
+            let v = match kind {
+                0 => a.abs(),
+                1 => a.max(b),
+                2 => a.min(b + c),
+                3 => (a + c).max(0.0),
+                4 => a.clamp(c, c + 1.0),
+                _ => a - b * 0.5,
+            };
+            list.push(0.7 * v + 0.3 * v.sin());
+        }
+        list.iter().skip(2).sum::<f64>() + 3.1 * y
+    }
+}
+
+impl NonsmoothFunction for Bent {
+    fn num_vars(&self) -> usize {
+        2
+    }
+    fn num_residuals(&self) -> usize {
+        1
+    }
+    fn eval<T: Real>(&self, x: &[T], kinks: &mut Kinks<'_, T>, out: &mut [T]) {
+        let mut list = vec![x[0], x[0] * -2.0 + 1.0];
+        for &(kind, i, j, c) in &self.0.0 {
+            let (a, b) = (list[i], list[j]);
+            let v = match kind {
+                0 => kinks.abs(a),
+                1 => kinks.max(a, b),
+                2 => kinks.min(a, b + c),
+                3 => kinks.positive_part(a + c),
+                4 => kinks.project(T::from(c), a, T::from(c + 1.0)),
+                _ => a - b * 0.5,
+            };
+            list.push(v * 0.7 + v.sin() * 0.3);
+        }
+        out[0] = list.iter().skip(2).fold(x[0] * 3.1 - x[1], |sum, v| sum + *v);
+    }
+}
+
+/// Arms there run in the boundaries of cells to first order, and bend away from them.
+#[test]
+fn bent_graphs_of_nested_kinks_are_followed_to_their_end() {
+    let seeds = std::env::var("SEEDS").map_or(400, |s| s.parse().unwrap());
+    for seed in 0..seeds {
+        let graph = Bent(Drawn::new(seed));
+        let start = -3.0 - 1.0 / 1024.0;
+        let direction = match graph.plain(start + 1e-6) > graph.plain(start) {
+            true => Direction::Increasing,
+            false => Direction::Decreasing,
+        };
+        let options = ContinuationOptions::default().with_max_arclength(9.0);
+        let x = [start, graph.plain(start)];
+        let branch = Branch::follow(&Traced::new(Bent(Drawn::new(seed))), &x, direction, options).unwrap();
+        assert_eq!(branch.termination, Termination::MaxArclength, "{seed}");
+        let kinds: Vec<_> = branch.transitions.iter().map(|t| t.kind).collect();
+        assert!(
+            !kinds.contains(&TransitionKind::Branching) && branch.branch_points.is_empty(),
+            "{seed}: {kinds:?}"
+        );
+        assert!(
+            branch.transitions.len() < 30,
+            "{seed}: {}",
+            branch.transitions.len()
+        );
+        for pair in branch.vertices().windows(2) {
+            assert!(pair[1].x[0] > pair[0].x[0] - 1e-9, "{seed}");
+        }
+        let last = branch.points.last().unwrap();
+        assert!((graph.plain(last.x[0]) - last.x[1]).abs() < 1e-9, "{seed}");
+    }
+}
+
 /// All numbers are multiples of a power of ½, so that slopes by differences between kinks are exact.
 #[test]
 fn graphs_of_random_nested_kinks_have_their_jumps_and_nothing_else() {

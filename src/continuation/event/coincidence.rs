@@ -106,7 +106,7 @@ impl Curve<'_> {
         near
     }
 
-    fn rounding_here(&mut self) -> Result<Rounding, ContinuationError> {
+    pub(super) fn rounding_here(&mut self) -> Result<Rounding, ContinuationError> {
         // The point was computed from the one before, and has its rounding errors where it is itself near zero.
         let pairs = self.here.x.iter().zip(&self.next.x);
         let sizes: Vec<f64> = pairs.map(|(a, b)| a.abs().max(b.abs())).collect();
@@ -124,13 +124,13 @@ impl Curve<'_> {
 }
 
 /// What rounding may do to test functions at a located point.
-enum Rounding {
+pub(super) enum Rounding {
     Measured { moves: [Vec<f64>; 2], sizes: Vec<f64> },
     Distance(f64),
 }
 
 impl Rounding {
-    fn of(&self, v: &Vanishing) -> f64 {
+    pub(super) fn of(&self, v: &Vanishing) -> f64 {
         match self {
             Self::Distance(distance) => distance * v.gradient_norm,
             Self::Measured { moves, sizes } => {

@@ -131,6 +131,30 @@ impl Curve<'_> {
         Ok(())
     }
 
+    /// On curved pieces an arm may run in the boundary of a cell to first order alone: forgets facets from which the curve has bent away.
+    pub(in crate::continuation) fn forget_facets_left(&mut self) -> Result<(), ContinuationError> {
+        if self.map.is_piecewise_affine() {
+            return Ok(());
+        }
+        let reach = self.options.vanishing_distance * (1.0 + norm(&self.here.x));
+        let is_near = |v: &Vanishing, theta: &[f64]| theta[v.index].abs() <= reach * v.gradient_norm;
+        if self.grazing.iter().all(|v| is_near(v, &self.here.theta)) {
+            return Ok(());
+        }
+        let rounding = self.rounding_here()?;
+        let mut grazing = std::mem::take(&mut self.grazing);
+        let before = grazing.len();
+        grazing.retain(|v| {
+            let now = Vanishing::new(&self.map, &self.layout, &self.selection, v.index, &self.here.x);
+            is_near(v, &self.here.theta)
+                || is_near(&now, &self.here.theta)
+                || self.here.theta[v.index].abs() <= rounding.of(&now)
+        });
+        let left = grazing.len() < before;
+        self.grazing = grazing;
+        if left { self.find_coactive() } else { Ok(()) }
+    }
+
     /// On a grazing curve the other active selections have their own Jacobians, whose singular points are branch points.
     fn find_coactive(&mut self) -> Result<(), ContinuationError> {
         const CAP: usize = 256;

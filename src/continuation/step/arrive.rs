@@ -17,6 +17,7 @@ impl Curve<'_> {
         self.arclength += distance(&self.here.x, &self.next.x);
         std::mem::swap(&mut self.here, &mut self.next);
         self.here.s = 0.0;
+        self.forget_facets_left()?;
         self.refresh_sides();
         if closed {
             let point = self.point_here(PointKind::Step, corrections);
