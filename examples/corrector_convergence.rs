@@ -459,7 +459,7 @@ fn history<P: PiecewiseSmooth>(title: &str, map: &P, parameter: f64) -> Outcome<
     let floor = 1e-13 * report.history.first().map_or(1.0, |i| i.residual_norm);
     match report.observed_order(floor) {
         Some(order) if !map.is_piecewise_affine() => {
-            println!("  observed order {order:.2} ({convergence:?})")
+            println!("  observed order {order:.2} ({convergence})")
         }
         _ => println!("  finite termination: the last step solves the right piece exactly ({convergence:?})"),
     }

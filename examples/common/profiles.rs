@@ -73,7 +73,7 @@ impl Costs {
             Colour::new(0x00, 0x00, 0x00),
         ];
         let mut panel = Panel::new(
-            format!("log2 of {cost} over those of the best method"),
+            format!("log₂ of {cost} over those of the best method"),
             "share of problems solved",
         )
         .with_caption(caption)
