@@ -461,7 +461,7 @@ fn history<P: PiecewiseSmooth>(title: &str, map: &P, parameter: f64) -> Outcome<
         Some(order) if !map.is_piecewise_affine() => {
             println!("  observed order {order:.2} ({convergence})")
         }
-        _ => println!("  finite termination: the last step solves the right piece exactly ({convergence:?})"),
+        _ => println!("  finite termination: the last step solves the right piece exactly ({convergence})"),
     }
     let mut residual = vec![0.0; map.num_residuals()];
     value(map, &x, &mut residual);

@@ -71,7 +71,7 @@ fn readme_of_path() -> Outcome<()> {
             &z,
             &format!("{} iterations", report.iterations),
         )?,
-        other => println!("  {:12} {other:?}: M is no P matrix", "active sets"),
+        other => println!("  {:12} {other}: M is no P matrix", "active sets"),
     }
     let mut z = vec![0.0; 4];
     let mut solver = McpSolver::default();

@@ -127,7 +127,7 @@ fn solve(problem: Problem, arguments: &Arguments) -> Outcome<(Vec<f64>, Vec<Boun
 fn check(status: ActiveSetStatus) -> Outcome<()> {
     match status {
         ActiveSetStatus::Solved => Ok(()),
-        other => Err(format!("not solved: {other:?}").into()),
+        other => Err(format!("not solved: {other}").into()),
     }
 }
 

@@ -117,7 +117,7 @@ impl Yosida {
         let mut solver = ActiveSetSolver::with_reduced(ActiveSetOptions::default(), DirectReduced::new());
         match solver.solve(&lcp, &mut y)?.status {
             ActiveSetStatus::Solved => Ok(y),
-            other => Err(format!("the problem without γ is not solved: {other:?}").into()),
+            other => Err(format!("the problem without γ is not solved: {other}").into()),
         }
     }
 }
