@@ -2,9 +2,7 @@
 
 use super::engine::{Curve, relative_residual, row_sizes};
 use super::{ContinuationError, SavedRun, Strategy};
-use crate::piecewise::{
-    PiecewiseError, PiecewiseSmooth, Selection, TestLayout, select, test_rates_of, tests_of,
-};
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, TestLayout, select};
 use crate::sparse::{distance, norm};
 
 /// Agreement of what is stored exactly, or computed anew.
@@ -147,7 +145,8 @@ impl Curve<'_> {
             for (j, d) in d.iter_mut().enumerate() {
                 *d *= (13.0 * phase(j)).cos().signum() / length;
             }
-            test_rates_of(&self.map, &self.selection, &self.here.x, &d, &mut rates);
+            self.map
+                .tests_of_selection(&self.selection, &self.here.x, Some(&d), &mut rates);
             for (size, rate) in sizes.iter_mut().zip(&rates) {
                 *size = size.max(rate.abs());
             }
@@ -159,7 +158,8 @@ impl Curve<'_> {
         const GRAZING: f64 = 1e3;
         let total = self.layout.total();
         let mut theta = vec![0.0; total];
-        tests_of(&self.map, &self.selection, &self.here.x, &mut theta);
+        self.map
+            .tests_of_selection(&self.selection, &self.here.x, None, &mut theta);
         let sizes = self.gradient_sizes();
         let length = 1.0 + norm(&self.here.x);
         let reach: Vec<f64> = (sizes.iter().zip(&theta))

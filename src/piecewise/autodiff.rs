@@ -500,19 +500,16 @@ impl<F: NonsmoothFunction> PiecewiseSmooth for Traced<F> {
         self.tests(Mode::Natural, x, out);
     }
 
-    fn tests_of_selection(
-        &self,
-        selection: &Selection,
-        x: &[f64],
-        d: Option<&[f64]>,
-        out: &mut [f64],
-    ) -> bool {
+    fn has_nested_kinks(&self) -> bool {
+        self.nested
+    }
+
+    fn tests_of_selection(&self, selection: &Selection, x: &[f64], d: Option<&[f64]>, out: &mut [f64]) {
         match d {
-            _ if !self.nested => return false,
-            Some(d) => self.test_slopes(Some(selection), &seeded(x, d), out),
-            None => self.tests(|out| Mode::FrozenTests(selection, out), x, out),
+            Some(d) => self.test_slopes(self.nested.then_some(selection), &seeded(x, d), out),
+            None if self.nested => self.tests(|out| Mode::FrozenTests(selection, out), x, out),
+            None => self.test_functions(x, out),
         }
-        true
     }
 
     fn residual(&self, selection: &Selection, x: &[f64], out: &mut [f64]) {

@@ -139,18 +139,20 @@ pub trait PiecewiseSmooth {
         super::differences::test_derivatives(&self, x, d, out);
     }
 
-    /// Where a kink lies inside another, the arguments of its test functions have kinks themselves. Such a map replaces `out` by the test
-    /// functions θ^(σ)(x) of a selection, in which all other kinks have its pieces, or with a direction d by ∇θ^(σ)(x)·d, and returns
-    /// `true`. They are smooth near the cell of σ, and in it they are those of [`test_functions`](Self::test_functions). Curves of σ
-    /// are followed with them. Default: `false`, and nothing written: test functions are smooth and the same for all selections.
-    fn tests_of_selection(
-        &self,
-        _selection: &Selection,
-        _x: &[f64],
-        _d: Option<&[f64]>,
-        _out: &mut [f64],
-    ) -> bool {
+    /// Whether kinks lie inside of others, so that the arguments of test functions have kinks themselves and
+    /// [`tests_of_selection`](Self::tests_of_selection) tells more than [`test_functions`](Self::test_functions). Default: `false`.
+    fn has_nested_kinks(&self) -> bool {
         false
+    }
+
+    /// The test functions θ^(σ)(x) of a selection, in which all other kinks have its pieces, or with a direction d ∇θ^(σ)(x)·d. They are
+    /// smooth near the cell of σ, and in it they are those of [`test_functions`](Self::test_functions). Curves of σ are followed with
+    /// them. Default, where no kink lies inside another: test functions are smooth and the same for all selections.
+    fn tests_of_selection(&self, _selection: &Selection, x: &[f64], d: Option<&[f64]>, out: &mut [f64]) {
+        match d {
+            Some(d) => self.test_derivatives(x, d, out),
+            None => self.test_functions(x, out),
+        }
     }
 
     /// The gradient ∇θ_test(x) (length m) of one test function of a site. Default: central differences (2 m evaluations of all
@@ -222,14 +224,11 @@ macro_rules! forward {
         fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {
             (**self).test_derivatives(x, d, out);
         }
-        fn tests_of_selection(
-            &self,
-            selection: &Selection,
-            x: &[f64],
-            d: Option<&[f64]>,
-            out: &mut [f64],
-        ) -> bool {
-            (**self).tests_of_selection(selection, x, d, out)
+        fn has_nested_kinks(&self) -> bool {
+            (**self).has_nested_kinks()
+        }
+        fn tests_of_selection(&self, selection: &Selection, x: &[f64], d: Option<&[f64]>, out: &mut [f64]) {
+            (**self).tests_of_selection(selection, x, d, out);
         }
         fn test_gradient(&self, site: usize, test: usize, x: &[f64], gradient: &mut [f64]) {
             (**self).test_gradient(site, test, x, gradient);

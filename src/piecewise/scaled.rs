@@ -251,21 +251,18 @@ impl<M: PiecewiseSmooth + ?Sized> PiecewiseSmooth for Scaled<M> {
             self.at(z, |x| self.map.test_derivatives(x, direction, out));
         });
     }
-    fn tests_of_selection(
-        &self,
-        selection: &Selection,
-        z: &[f64],
-        d: Option<&[f64]>,
-        out: &mut [f64],
-    ) -> bool {
+    fn has_nested_kinks(&self) -> bool {
+        self.map.has_nested_kinks()
+    }
+    fn tests_of_selection(&self, selection: &Selection, z: &[f64], d: Option<&[f64]>, out: &mut [f64]) {
         let Some(d) = d.filter(|_| !self.sizes.is_empty()) else {
             return self.at(z, |x| self.map.tests_of_selection(selection, x, d, out));
         };
         self.along(d, |direction| {
             self.at(z, |x| {
                 self.map.tests_of_selection(selection, x, Some(direction), out)
-            })
-        })
+            });
+        });
     }
     fn test_gradient(&self, site: usize, test: usize, z: &[f64], gradient: &mut [f64]) {
         self.at(z, |x| self.map.test_gradient(site, test, x, gradient));

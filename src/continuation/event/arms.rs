@@ -8,8 +8,7 @@ use crate::enumeration::{EnumerationError, directional_selections, local_selecti
 use crate::linear::{LinearError, LinearSolver, null_space};
 use crate::newton::MoorePenrose;
 use crate::piecewise::{
-    ActiveSet, PiecewiseError, PiecewiseSmooth, Scaled, Selection, TestLayout, Vanishing, test_rates_of,
-    tests_of,
+    ActiveSet, PiecewiseError, PiecewiseSmooth, Scaled, Selection, TestLayout, Vanishing,
 };
 use crate::sparse::{Matrix, distance};
 use crate::sparse::{dot, norm};
@@ -70,7 +69,7 @@ fn gradient_sizes<P: PiecewiseSmooth + ?Sized>(
         for (j, d) in direction.iter_mut().enumerate() {
             *d = centred(j + 1, second);
         }
-        test_rates_of(map, selection, x, &direction, &mut rates);
+        map.tests_of_selection(selection, x, Some(&direction), &mut rates);
         for (size, rate) in sizes.iter_mut().zip(&rates) {
             *size = size.max(rate.abs());
         }
@@ -134,7 +133,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
             complete: true,
             ..Arms::default()
         };
-        if active.total().is_none_or(|total| total > PLAIN) && !self.has_nested_kinks(active.first()) {
+        if active.total().is_none_or(|total| total > PLAIN) && !self.map.has_nested_kinks() {
             let limit = self.options.max_nodes;
             let found = directional_selections(&self.map, self.x, active, limit, self.deadline);
             match found {
@@ -240,12 +239,6 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
         }
     }
 
-    /// Whether test functions depend on the selection, so that no one list of their gradients tells which directions lead where.
-    fn has_nested_kinks(&self, selection: &Selection) -> bool {
-        let mut theta = vec![0.0; self.tests];
-        (self.map).tests_of_selection(selection, self.x, None, &mut theta)
-    }
-
     fn both_ways(&self, selection: &Selection, tangent: &[f64], arms: &mut Arms) {
         for sign in [1.0, -1.0] {
             let direction: Vec<f64> = tangent.iter().map(|t| sign * t).collect();
@@ -272,22 +265,23 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
     /// Whether a direction leads into the closed cell of a selection; if so, the sites in whose boundary it stays.
     fn enters(&self, selection: &Selection, direction: &[f64]) -> Option<Vec<usize>> {
         const AHEAD: f64 = 1e-4;
-        let mut own = vec![0.0; self.tests];
-        let nested = (self.map).tests_of_selection(selection, self.x, Some(direction), &mut own);
-        let sizes = if nested {
-            gradient_sizes(self.map, selection, self.x, self.tests)
-        } else {
-            Vec::new()
-        };
+        let (mut own, mut sizes) = (Vec::new(), Vec::new());
+        if self.map.has_nested_kinks() {
+            own.resize(self.tests, 0.0);
+            self.map
+                .tests_of_selection(selection, self.x, Some(direction), &mut own);
+            sizes = gradient_sizes(self.map, selection, self.x, self.tests);
+        }
         let curved = !self.vanishing.is_empty() && !self.map.is_piecewise_affine();
-        let step = AHEAD * (1.0 + norm(self.x));
-        let (mut theta, mut rates) = (Vec::new(), Vec::new());
+        let (mut step, mut theta, mut rates) = (0.0, Vec::new(), Vec::new());
         if curved {
+            step = AHEAD * (1.0 + norm(self.x));
             theta.resize(self.tests, 0.0);
             rates.resize(self.tests, 0.0);
             let ahead: Vec<f64> = self.x.iter().zip(direction).map(|(x, d)| x + step * d).collect();
-            tests_of(self.map, selection, &ahead, &mut theta);
-            test_rates_of(self.map, selection, &ahead, direction, &mut rates);
+            self.map.tests_of_selection(selection, &ahead, None, &mut theta);
+            self.map
+                .tests_of_selection(selection, &ahead, Some(direction), &mut rates);
         }
         let mut grazing = Vec::new();
         for v in self.vanishing {

@@ -4,7 +4,7 @@
 use super::arms::TANGENTIAL;
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::Curve;
-use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, TestLayout, Vanishing, test_rates_of};
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, TestLayout, Vanishing};
 use crate::sparse::norm;
 
 /// Distance along the curve, relative to 1 + ‖x‖, beyond which nothing is taken to coincide.
@@ -26,7 +26,8 @@ impl Curve<'_> {
         // On affine pieces they are those of the step just made.
         if !self.map.is_piecewise_affine() || rates.len() != self.layout.total() {
             rates.resize(self.layout.total(), 0.0);
-            test_rates_of(&self.map, &self.selection, &self.here.x, &self.here.t, &mut rates);
+            self.map
+                .tests_of_selection(&self.selection, &self.here.x, Some(&self.here.t), &mut rates);
         }
         let mut facets = self.facets_near(index, &rates);
         let mut others = self.other_tests_near(&facets);

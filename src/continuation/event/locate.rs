@@ -3,7 +3,7 @@
 use super::watch::Monitor;
 use crate::continuation::engine::{Curve, State};
 use crate::continuation::{ContinuationError, Termination};
-use crate::piecewise::{PiecewiseError, PiecewiseSmooth, test_rates_of, tests_of};
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth};
 use crate::sparse::{distance, dot, norm};
 
 /// Largest number of points computed to locate one event.
@@ -210,7 +210,8 @@ impl Curve<'_> {
                 }
                 state.residual_norm = c.residual_norm;
                 state.s = s;
-                tests_of(&self.map, &self.selection, &state.x, &mut state.theta);
+                self.map
+                    .tests_of_selection(&self.selection, &state.x, None, &mut state.theta);
                 self.refine_tests(state);
                 Ok(true)
             }
@@ -228,7 +229,8 @@ impl Curve<'_> {
         };
         let mut rates = std::mem::take(&mut self.rates);
         rates.resize(self.layout.total(), 0.0);
-        test_rates_of(&self.map, &self.selection, &state.x, rest, &mut rates);
+        self.map
+            .tests_of_selection(&self.selection, &state.x, Some(rest), &mut rates);
         let finite = rates.iter().all(|r| r.is_finite());
         if finite {
             state.theta.iter_mut().zip(&rates).for_each(|(t, r)| *t -= r);

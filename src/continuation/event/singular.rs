@@ -4,7 +4,7 @@ use super::branch_point::{BranchSystem, Singular};
 use super::watch::{Monitor, Unresolved};
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::{Curve, MAX_DENSE, State};
-use crate::piecewise::{PiecewiseSmooth, test_rates_of, tests_of};
+use crate::piecewise::PiecewiseSmooth;
 use crate::sparse::{distance, dot, norm};
 
 /// Distance to a facet, relative to 1 + ‖x‖, up to which a curve that is stuck is taken to have crept up to it.
@@ -123,7 +123,8 @@ impl Curve<'_> {
     fn settle_at(&mut self, mut target: State) {
         let mut r = vec![0.0; self.map.num_residuals()];
         self.map.residual(&self.selection, &target.x, &mut r);
-        tests_of(&self.map, &self.selection, &target.x, &mut target.theta);
+        self.map
+            .tests_of_selection(&self.selection, &target.x, None, &mut target.theta);
         target.orientation = None;
         target.det_sign = Some(0);
         target.decline = None;
@@ -144,7 +145,8 @@ impl Curve<'_> {
         h: f64,
     ) -> Result<Option<Monitor>, ContinuationError> {
         let mut rates = vec![0.0; self.layout.total()];
-        test_rates_of(&self.map, &self.selection, &self.here.x, &self.here.t, &mut rates);
+        self.map
+            .tests_of_selection(&self.selection, &self.here.x, Some(&self.here.t), &mut rates);
         let mut nearest: Option<(f64, Monitor)> = None;
         for site in 0..self.layout.num_sites() {
             let first = self.layout.range(site).start;
@@ -174,7 +176,7 @@ impl Curve<'_> {
             return Ok(None);
         };
         let mut theta = vec![0.0; self.layout.total()];
-        tests_of(&self.map, &self.selection, &x, &mut theta);
+        self.map.tests_of_selection(&self.selection, &x, None, &mut theta);
         let tiny = self.options.vanishing_distance * (1.0 + norm(&x));
         let Monitor::Facet { index, .. } = monitor else {
             return Ok(None);

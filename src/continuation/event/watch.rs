@@ -4,7 +4,7 @@ use super::arms::UNEXPLAINED;
 use super::singular::ZERO_DETERMINANT;
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::Curve;
-use crate::piecewise::{Facet, PiecewiseSmooth, test_rates_of};
+use crate::piecewise::{Facet, PiecewiseSmooth};
 use crate::sparse::norm;
 
 /// A scalar function along the curve whose sign must not change unnoticed.
@@ -170,7 +170,8 @@ impl Curve<'_> {
         }
         let rate = |x: &[f64], t: &[f64]| {
             let mut rates = vec![0.0; self.layout.total()];
-            test_rates_of(&self.map, &self.selection, x, t, &mut rates);
+            self.map
+                .tests_of_selection(&self.selection, x, Some(t), &mut rates);
             rates[index].abs()
         };
         let fastest = rate(&self.here.x, &self.here.t).max(rate(&self.next.x, &self.next.t));
@@ -185,8 +186,10 @@ impl Curve<'_> {
         }
         let total = self.layout.total();
         let (mut d0, mut d1) = (vec![0.0; total], vec![0.0; total]);
-        test_rates_of(&self.map, &self.selection, &self.here.x, &self.here.t, &mut d0);
-        test_rates_of(&self.map, &self.selection, &self.next.x, &self.next.t, &mut d1);
+        self.map
+            .tests_of_selection(&self.selection, &self.here.x, Some(&self.here.t), &mut d0);
+        self.map
+            .tests_of_selection(&self.selection, &self.next.x, Some(&self.next.t), &mut d1);
         let step = self.next.s.max(f64::MIN_POSITIVE);
         let reach = self.options.vanishing_distance * (1.0 + norm(&self.here.x));
         for site in 0..self.layout.num_sites() {
@@ -221,7 +224,8 @@ impl Curve<'_> {
             return None;
         }
         let mut rates = vec![0.0; self.layout.total()];
-        test_rates_of(&self.map, &self.selection, &self.here.x, &self.here.t, &mut rates);
+        self.map
+            .tests_of_selection(&self.selection, &self.here.x, Some(&self.here.t), &mut rates);
         let rate = sign * rates[index];
         let reach = self.options.vanishing_distance * (1.0 + norm(&self.here.x));
         (rate > 0.0 && g0.abs() <= reach * rate).then(|| rate * step * step / (rate * step - g1))

@@ -3,7 +3,7 @@
 use crate::continuation::engine::Curve;
 use crate::continuation::event::watch::{Monitor, VERTICAL};
 use crate::continuation::{ContinuationError, Event, PointKind, SmoothFold, Termination};
-use crate::piecewise::{PiecewiseSmooth, tests_of};
+use crate::piecewise::PiecewiseSmooth;
 use crate::sparse::{distance, norm};
 
 impl Curve<'_> {
@@ -73,7 +73,8 @@ impl Curve<'_> {
             self.map
                 .residual(&self.selection, &self.here.x, &mut self.residual);
             self.here.residual_norm = norm(&self.residual);
-            tests_of(&self.map, &self.selection, &self.here.x, &mut self.here.theta);
+            self.map
+                .tests_of_selection(&self.selection, &self.here.x, None, &mut self.here.theta);
             return Ok(());
         }
         let mut normal = vec![0.0; m];
@@ -97,7 +98,8 @@ impl Curve<'_> {
             x[m - 1] = value;
             self.here.x = x;
             self.here.residual_norm = c.residual_norm;
-            tests_of(&self.map, &self.selection, &self.here.x, &mut self.here.theta);
+            self.map
+                .tests_of_selection(&self.selection, &self.here.x, None, &mut self.here.theta);
         }
         Ok(())
     }

@@ -3,7 +3,7 @@
 use super::Accepted;
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::{Curve, relative_residual, row_sizes};
-use crate::piecewise::{PiecewiseError, tests_of};
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth};
 use crate::sparse::norm;
 
 /// Share of the curvature of the last step that is remembered through inflections.
@@ -70,7 +70,8 @@ impl Curve<'_> {
         for (size, next) in self.row_sizes.iter_mut().zip(&self.next_sizes) {
             *size = size.max(*next);
         }
-        tests_of(&self.map, &self.selection, &self.next.x, &mut self.next.theta);
+        self.map
+            .tests_of_selection(&self.selection, &self.next.x, None, &mut self.next.theta);
         Ok(Some(Accepted {
             corrections: correction.iterations,
             curvature: (shape.turn / h).max(FADING * self.curvature),
