@@ -218,7 +218,7 @@ pub(crate) struct EvolutionStep {
     /// Number of changes of state on the way.
     transitions: usize,
     /// How the level was reached: "followed" (along the curve from the level before), "jumped" (the curve turns back, another solution was
-    /// found), "passed folds", or "ended: ..." and "not followed: ..." with the reason.
+    /// found), "passed folds", "same level" (as that before), or "ended: ..." and "not followed: ..." with the reason.
     arrival: String,
     /// Work of the loads and of moving supports in this step.
     work: f64,
@@ -226,6 +226,9 @@ pub(crate) struct EvolutionStep {
     stored: f64,
     /// Dissipated by friction; work = stored + dissipated where the level was followed.
     dissipated: f64,
+    /// What friction gave back where nodes that slipped came back within the step: where it is not small beside dissipated, levels are too
+    /// far apart.
+    returned: f64,
     /// What the law remembers at each node, shape (p, h): the slip of all levels, where friction depends on it.
     history: Py<PyArray2<f64>>,
 }
@@ -243,6 +246,7 @@ impl EvolutionStep {
         let solution = ContactSolution::with(problem, step.x.clone(), step.solution.clone(), None)?;
         let arrival = match &step.arrival {
             Arrival::Followed => "followed".to_owned(),
+            Arrival::SameLevel => "same level".to_owned(),
             Arrival::Jumped => "jumped".to_owned(),
             Arrival::PassedFolds => "passed folds".to_owned(),
             Arrival::Ended(reason) => format!("ended: {}", reason.name()),
@@ -259,6 +263,7 @@ impl EvolutionStep {
             work: step.work,
             stored: step.stored,
             dissipated: step.dissipated,
+            returned: step.returned,
             history: rows(py, variables, [step.history.as_slice()])?.unbind(),
         })
     }

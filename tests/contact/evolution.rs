@@ -7,13 +7,14 @@ use std::time::Duration;
 
 use semismooth::contact::{
     Arrival, CondensedContact, ContactBody, ContactError, ContactOptions, EvolutionOptions,
-    EvolutionProgress, FrictionCoefficient, Frictionless, NodeLaw, OrthotropicCoulomb, evolve,
+    EvolutionProgress, FrictionCoefficient, Frictionless, NodeLaw, OrthotropicCoulomb, PlanarCoulomb, evolve,
     evolve_observed,
 };
 use semismooth::continuation::{ContinuationOptions, Termination};
 use semismooth::fem::{Elasticity, Foundation, Material, Mesh};
 use semismooth::interface::LoadPath;
 use semismooth::newton::NewtonOptions;
+use semismooth::sparse::Matrix;
 
 fn levels(steps: usize) -> Vec<f64> {
     let corners = [0.0, 1.0, -1.0, 1.0, -1.0];
@@ -237,5 +238,91 @@ fn levels_after_those_at_which_a_solid_slipped() {
         assert!(slipped > 25, "{slipped}");
         let slips = steps.iter().map(|s| s.transitions).sum::<usize>();
         assert!(slips > 20, "{slips}");
+    }
+}
+
+/// A node on springs 1 under the pressure 1 + α²/2 whose slip, while it is held to one level, is 0.3 (α − 0.1) (0.9 − α): it turns at 0.5.
+fn turning() -> CondensedContact<PlanarCoulomb> {
+    const F: f64 = 0.4;
+    let row = |k: usize| Matrix::from_triplets(1, 2, &[(0, k, 1.0)]).unwrap();
+    let load = LoadPath::cases(
+        vec![1.0, F],
+        [vec![0.5, 0.5 * F], vec![0.0, 0.3]],
+        |alpha, a, da| {
+            (a[0], da[0]) = (alpha * alpha, 2.0 * alpha);
+            (a[1], da[1]) = ((alpha - 0.1) * (0.9 - alpha), 1.0 - 2.0 * alpha);
+        },
+    );
+    let body = ContactBody::new(Matrix::identity(2), row(0), vec![row(1)], load).unwrap();
+    let law = PlanarCoulomb::new(FrictionCoefficient::constant(F).unwrap());
+    CondensedContact::new(body, law).unwrap()
+}
+
+/// In one level the node slides back with the friction force; from level to level it sticks where it turns.
+#[test]
+fn what_comes_back_within_a_level_is_told() {
+    let run = |n: u32| {
+        let mut problem = turning();
+        let start = problem.solve(0.0, None).unwrap();
+        let levels: Vec<f64> = (1..=n).map(|k| f64::from(k) / f64::from(n)).collect();
+        let short = ContinuationOptions::default().with_max_step(0.002);
+        let options = EvolutionOptions::default().with_continuation(short);
+        let steps = evolve(&mut problem, &start, &levels, &options, |_| {
+            ControlFlow::Continue(())
+        })
+        .unwrap();
+        for s in &steps {
+            assert!(s.arrival.is_followed());
+            assert!((s.work - s.stored - s.dissipated).abs() < 1e-14);
+            assert!(s.returned >= 0.0 && s.dissipated >= -s.returned);
+        }
+        let sum = |f: fn(&semismooth::contact::EvolutionStep) -> f64| steps.iter().map(f).sum::<f64>();
+        (sum(|s| s.dissipated), sum(|s| s.returned))
+    };
+    // ∫ F λν dδ = 0.12 ∫ (1 + α²/2) (1 − 2α) dα from 0.1 to 0.9, its part from 0.5 on, and that to 0.5, where friction alone is at work.
+    let primitive = |a: f64| 0.12 * (a - a * a + a.powi(3) / 6.0 - a.powi(4) / 4.0);
+    let (whole, back) = (primitive(0.9) - primitive(0.1), primitive(0.5) - primitive(0.9));
+    let right = primitive(0.5) - primitive(0.1);
+    let (dissipated, returned) = run(1);
+    assert!(
+        whole < 0.0 && (dissipated - whole).abs() < 2e-7,
+        "{dissipated} {whole}"
+    );
+    assert!((returned - back).abs() < 2e-7, "{returned} {back}");
+    // The turn is smooth: second order.
+    let errors = [5, 15, 45].map(|n| {
+        let (dissipated, returned) = run(n);
+        assert!(returned > 0.0);
+        [(dissipated - right).abs(), returned]
+    });
+    for pair in errors.windows(2) {
+        for k in 0..2 {
+            let ratio = pair[0][k] / pair[1][k];
+            assert!((7.0..11.0).contains(&ratio), "{errors:?}");
+        }
+    }
+}
+
+/// A level that comes twice has no branch to follow, and nothing happens there.
+#[test]
+fn a_level_that_comes_again_is_not_followed() {
+    let mut problem = squares::pushed_block(4, 0.4).unwrap();
+    let start = problem.solve(0.0, None).unwrap();
+    let steps = evolve(
+        &mut problem,
+        &start,
+        &[0.0, 0.7, 0.7, 1.0],
+        &EvolutionOptions::default(),
+        |_| ControlFlow::Continue(()),
+    )
+    .unwrap();
+    use Arrival::{Followed, SameLevel};
+    let arrivals: Vec<_> = steps.iter().map(|s| s.arrival.clone()).collect();
+    assert_eq!(arrivals, [SameLevel, Followed, SameLevel, Followed]);
+    for (again, before) in [(&steps[0].x, &start), (&steps[2].x, &steps[1].x)] {
+        assert!(again.iter().zip(before).all(|(a, b)| (a - b).abs() < 1e-12));
+    }
+    for s in [&steps[0], &steps[2]] {
+        assert!([s.work, s.stored, s.dissipated].iter().all(|e| e.abs() < 1e-15));
     }
 }

@@ -119,6 +119,7 @@ fn record(step: &EvolutionStep) -> serde_json::Value {
         "work": step.work,
         "stored": step.stored,
         "dissipated": step.dissipated,
+        "returned": step.returned,
     })
 }
 
@@ -141,6 +142,7 @@ fn print(out: &mut dyn Write, step: &EvolutionStep) -> std::io::Result<()> {
 fn arrival(arrival: &Arrival) -> &'static str {
     match arrival {
         Arrival::Followed => "followed",
+        Arrival::SameLevel => "same",
         Arrival::Jumped => "jumped",
         Arrival::PassedFolds => "folds",
         Arrival::Ended(_) => "ended",
