@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::kernel::{MAX_KERNEL, solutions};
-use super::local::{local_selections, vanishing_tests};
+use super::local::{VanishingTests, local_selections};
 use super::monotone::Complementary;
 use super::proven_arms::{FEW, proven_arms};
 use super::search::Search;
@@ -13,7 +13,7 @@ use super::{Completeness, Doubt, EnumerationError, EnumerationOptions, system};
 use crate::clock::Deadline;
 use crate::linear::{AutoSolver, LinearError, LinearSolver};
 use crate::piecewise::{
-    ActiveSet, PiecewiseError, PiecewiseSmooth, Scaled, Selection, TestLayout, Vanishing, check_vector,
+    ActiveSet, PiecewiseError, PiecewiseSmooth, Scaled, Selection, TestLayout, check_vector,
 };
 use crate::sparse::Matrix;
 use crate::sparse::norm;
@@ -511,7 +511,7 @@ impl Iterator for VerticalRoots {
 struct Collector<'a> {
     map: &'a dyn PiecewiseSmooth,
     x: &'a [f64],
-    vanishing: Vec<Vanishing>,
+    vanishing: VanishingTests,
     jac: Matrix,
     solver: AutoSolver,
     arms: Vec<DirectionalArm>,
@@ -524,7 +524,7 @@ impl<'a> Collector<'a> {
         let mut solver = AutoSolver::default();
         solver.analyze(jac.leading_columns(map.num_residuals()).pattern)?;
         Ok(Self {
-            vanishing: vanishing_tests(map, x, active),
+            vanishing: VanishingTests::new(map, x, active),
             map,
             x,
             jac,
@@ -585,7 +585,8 @@ impl<'a> Collector<'a> {
     }
 
     fn enters(&self, selection: &Selection, direction: &[f64]) -> bool {
-        self.vanishing.iter().all(|v| {
+        let own = self.vanishing.of(self.map, selection, self.x);
+        own.iter().all(|v| {
             let rate = v.rate(direction);
             let cell = self.map.cell(v.site, selection.piece(v.site)).iter();
             cell.filter(|f| f.test() == v.test)

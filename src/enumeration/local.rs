@@ -1,5 +1,6 @@
 //! Arms by local search: the directional problem H'(x; (ẏ, ±1)) = 0 as a piecewise-linear equation, solved from many selections.
 
+use std::borrow::Cow;
 use std::collections::BTreeSet;
 
 use super::EnumerationError;
@@ -49,7 +50,7 @@ struct Local<'a> {
     map: &'a dyn PiecewiseSmooth,
     x: &'a [f64],
     active: &'a ActiveSet,
-    vanishing: Vec<Vanishing>,
+    vanishing: VanishingTests,
     jac: Matrix,
     solver: AutoSolver,
     direction: Vec<f64>,
@@ -59,11 +60,35 @@ struct Local<'a> {
 }
 
 /// The vanishing test functions of an active set, with their gradients.
-pub(super) fn vanishing_tests(map: &dyn PiecewiseSmooth, x: &[f64], active: &ActiveSet) -> Vec<Vanishing> {
-    let layout = TestLayout::new(map);
-    let indices = active.vanishing().iter();
-    let of = |&k: &usize| Vanishing::new(map, &layout, active.first(), k, x);
-    indices.map(of).collect()
+pub(super) struct VanishingTests {
+    layout: TestLayout,
+    common: Vec<Vanishing>,
+}
+
+impl VanishingTests {
+    pub(super) fn new(map: &dyn PiecewiseSmooth, x: &[f64], active: &ActiveSet) -> Self {
+        let layout = TestLayout::new(map);
+        let indices = active.vanishing().iter();
+        let of = |&k: &usize| Vanishing::new(map, &layout, active.first(), k, x);
+        Self {
+            common: indices.map(of).collect(),
+            layout,
+        }
+    }
+
+    /// As those of a selection, on which they depend where kinks lie inside of others.
+    pub(super) fn of(
+        &self,
+        map: &dyn PiecewiseSmooth,
+        selection: &Selection,
+        x: &[f64],
+    ) -> Cow<'_, [Vanishing]> {
+        if !map.has_nested_kinks() {
+            return Cow::Borrowed(&self.common);
+        }
+        let own = |v: &Vanishing| v.of_selection(map, &self.layout, selection, x);
+        Cow::Owned(self.common.iter().map(own).collect())
+    }
 }
 
 impl<'a> Local<'a> {
@@ -77,7 +102,7 @@ impl<'a> Local<'a> {
         let mut solver = AutoSolver::default();
         solver.analyze(jac.leading_columns(map.num_residuals()).pattern)?;
         Ok(Self {
-            vanishing: vanishing_tests(map, x, active),
+            vanishing: VanishingTests::new(map, x, active),
             map,
             x,
             active,
@@ -182,9 +207,10 @@ impl<'a> Local<'a> {
     /// Moves the selection to the pieces whose cells the direction enters; `false` if it is there already.
     fn correct(&self, selection: &mut Selection, only_one: bool) -> bool {
         let length = norm(&self.direction);
+        let vanishing = self.vanishing.of(self.map, selection, self.x);
         let margin = |site: usize, piece: usize| -> f64 {
             let mut least = f64::INFINITY;
-            for v in self.vanishing.iter().filter(|v| v.site == site) {
+            for v in vanishing.iter().filter(|v| v.site == site) {
                 let rate = v.rate(&self.direction);
                 for facet in self.map.cell(site, piece).iter().filter(|f| f.test() == v.test) {
                     least =

@@ -378,6 +378,10 @@ pub(super) fn directional(
     x: &[f64],
     active: &ActiveSet,
 ) -> Result<Option<System>, EnumerationError> {
+    // Forms of a site do not depend on the pieces of others, but where kinks lie inside of others they do.
+    if map.has_nested_kinks() && active.degenerate_sites().len() > 1 {
+        return Ok(None);
+    }
     let m = map.num_vars();
     // Differences across a step of rounding size, whatever the units, show the noise of approximate derivatives, and nothing else.
     let size = |v: f64| if v == 0.0 { 1.0 } else { v.abs() };

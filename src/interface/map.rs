@@ -302,6 +302,26 @@ impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
         }
     }
 
+    /// The derivative of z along d, and z as for derivatives.
+    fn law_direction(&self, x: &[f64], d: &[f64], s: &mut Scratch) {
+        let (first, q) = (self.leading(), self.num_traces());
+        self.point_of_derivatives(x, s);
+        match self.view.reduced() {
+            None => {
+                for k in 0..q {
+                    s.dz[k] = self.operator.trace(k).map(|(j, b)| b * d[j]).sum();
+                }
+            }
+            Some(reduced) => {
+                for (k, rate) in s.dz[..q].iter_mut().enumerate() {
+                    *rate = -dot(reduced.row(k), &d[..q]);
+                }
+                reduced.add_drift(&self.operator.load, &s.free, &d[q..], &mut s.dz[..q]);
+            }
+        }
+        s.dz[q..].copy_from_slice(&d[first..]);
+    }
+
     /// A u + Bᵀ λ − f of a point (u, λ, α).
     pub(super) fn equilibrium(&self, x: &[f64], s: &mut Scratch, out: &mut [f64]) {
         let (n, q) = (self.num_displacements(), self.num_traces());
@@ -510,24 +530,26 @@ impl<V: View, G: PiecewiseSmooth> PiecewiseSmooth for Interface<V, G> {
     }
 
     fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {
-        let (first, q) = (self.leading(), self.num_traces());
         self.with_scratch(|s| {
-            self.point_of_derivatives(x, s);
-            match self.view.reduced() {
-                None => {
-                    for k in 0..q {
-                        s.dz[k] = self.operator.trace(k).map(|(j, b)| b * d[j]).sum();
-                    }
-                }
-                Some(reduced) => {
-                    for (k, rate) in s.dz[..q].iter_mut().enumerate() {
-                        *rate = -dot(reduced.row(k), &d[..q]);
-                    }
-                    reduced.add_drift(&self.operator.load, &s.free, &d[q..], &mut s.dz[..q]);
-                }
-            }
-            s.dz[q..].copy_from_slice(&d[first..]);
+            self.law_direction(x, d, s);
             self.law.test_derivatives(&s.z, &s.dz, out);
+        });
+    }
+
+    fn has_nested_kinks(&self) -> bool {
+        self.law.has_nested_kinks()
+    }
+
+    fn tests_of_selection(&self, selection: &Selection, x: &[f64], d: Option<&[f64]>, out: &mut [f64]) {
+        self.with_scratch(|s| match d {
+            Some(d) => {
+                self.law_direction(x, d, s);
+                self.law.tests_of_selection(selection, &s.z, Some(&s.dz), out);
+            }
+            None => {
+                self.law_point(x, s);
+                self.law.tests_of_selection(selection, &s.z, None, out);
+            }
         });
     }
 

@@ -134,6 +134,8 @@ pub enum FindingKind {
     TestDerivatives,
     /// `test_gradient` is not the gradient of the test function.
     TestGradient,
+    /// `tests_of_selection` are in the cell of the selection not the test functions, or their rates not their derivatives.
+    SelectionTests,
     /// A row outside `site_rows` depends on the piece of the site.
     SiteRows,
     /// The map says it is piecewise affine, and is not.
@@ -156,6 +158,7 @@ impl fmt::Display for FindingKind {
             Self::StrayEntry => "Jacobian entry outside the pattern",
             Self::TestDerivatives => "wrong test_derivatives",
             Self::TestGradient => "wrong test_gradient",
+            Self::SelectionTests => "wrong tests_of_selection",
             Self::SiteRows => "row outside site_rows depends on the piece",
             Self::Affine => "derivative not constant although declared piecewise affine",
             Self::NotFinite => "value not finite",
@@ -249,8 +252,8 @@ fn list(findings: &[Finding]) -> String {
 ///
 /// Samples should be in general position (not on kinks) and lie in all the pieces; see the [report](CheckReport) for how much was
 /// examined. Checked are: numbers and indices; that the cells of each site tile the domain; continuity at boundaries found between
-/// samples; Jacobians, `test_derivatives` and `test_gradient` against difference quotients; `pattern`, `site_rows` and
-/// `is_piecewise_affine` against what the map does.
+/// samples; Jacobians, `test_derivatives`, `test_gradient` and (where kinks lie inside of others) `tests_of_selection` against difference
+/// quotients; `pattern`, `site_rows` and `is_piecewise_affine` against what the map does.
 ///
 /// Cost: about 4 m residuals a selection and sample, and a [`test_gradient`](PiecewiseSmooth::test_gradient) a test function and
 /// sample.

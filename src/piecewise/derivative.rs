@@ -57,9 +57,7 @@ fn b_derivative_of(
     }
     let active = active_set(map, x, tolerance);
     let layout = TestLayout::new(map);
-    let mut rates = vec![0.0; layout.total()];
-    map.test_derivatives(x, d, &mut rates);
-    let selection = pointed_into(map, &layout, &active, &rates);
+    let selection = pointed_into(map, &layout, &active, x, d);
     let mut jac = Matrix::zeros(pattern);
     map.jacobian(&selection, x, &mut jac);
     if let Some((row, col)) = jac.stray() {
@@ -69,14 +67,33 @@ fn b_derivative_of(
     Ok(selection)
 }
 
-/// Of the active pieces of each degenerate site, the one into whose cell a direction with the given rates of the test functions
-/// points most.
+/// Of the active pieces of each degenerate site, the one into whose cell a direction d points most.
 pub(super) fn pointed_into(
     map: &dyn PiecewiseSmooth,
     layout: &TestLayout,
     active: &ActiveSet,
-    rates: &[f64],
+    x: &[f64],
+    d: &[f64],
 ) -> Selection {
+    let mut rates = vec![0.0; layout.total()];
+    map.test_derivatives(x, d, &mut rates);
+    let mut selection = entered(map, layout, active, &rates);
+    if map.has_nested_kinks() {
+        // Outer kinks follow inner ones, which are right after as many rounds as they are deep.
+        for _ in active.degenerate_sites() {
+            map.tests_of_selection(&selection, x, Some(d), &mut rates);
+            let next = entered(map, layout, active, &rates);
+            if next == selection {
+                break;
+            }
+            selection = next;
+        }
+    }
+    selection
+}
+
+/// The selection by given rates of the test functions.
+fn entered(map: &dyn PiecewiseSmooth, layout: &TestLayout, active: &ActiveSet, rates: &[f64]) -> Selection {
     let mut selection = active.first().clone();
     for (site, pieces) in active.degenerate_sites() {
         let range = layout.range(*site);

@@ -1,4 +1,5 @@
 use super::error::{check_selection, check_vector};
+use super::vanishing::gradient_of;
 use super::{PiecewiseError, PiecewiseSmooth, Selection, TestLayout, active_set};
 
 /// Whether a selection is essentially active: x lies in the closure of the interior of {H = H^(σ)} (Scholtes 2012, ch. 4).
@@ -54,7 +55,7 @@ fn essential_activity_of(
                 continue;
             }
             let mut g = vec![0.0; x.len()];
-            map.test_gradient(site, facet.test(), x, &mut g);
+            gradient_of(map, &layout, selection, index, x, &mut g);
             let norm = facet.sign() * g.iter().map(|v| v * v).sum::<f64>().sqrt();
             if norm == 0.0 {
                 return Ok(Activity::Undecided);

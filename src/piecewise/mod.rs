@@ -56,6 +56,6 @@ pub(crate) use scaled::{Scaled, is_ordinary};
 pub use selection::{Selection, Selections};
 pub use semismooth::Semismooth;
 pub use uniqueness::{Doubt, LocalUniqueness, local_uniqueness, local_uniqueness_with};
-pub(crate) use vanishing::Vanishing;
+pub(crate) use vanishing::{Vanishing, gradient_of};
 
 pub use crate::exact::Exact;

@@ -3,6 +3,7 @@
 use super::derivative::pointed_into;
 use super::error::check_selection;
 use super::essential::open_cone;
+use super::vanishing::gradient_of;
 use super::{ActiveSet, Activity, PiecewiseError, PiecewiseSmooth, Selection, TestLayout};
 use crate::linear::{AutoSolver, LinearError, LinearSolver};
 use crate::sparse::Matrix;
@@ -37,8 +38,14 @@ pub(super) struct Cones<'a> {
     vanishing: Vec<usize>,
     /// Sizes of the variables that move, in which directions are measured.
     sizes: Vec<f64>,
-    /// Unit gradients of the vanishing test functions; `None` where one does not depend on these variables to first order.
-    gradients: Vec<Option<Vec<f64>>>,
+    /// Those of the vanishing test functions, where no kink lies inside another; else each selection has its own.
+    common: Option<Gradients>,
+}
+
+/// Gradients of the vanishing test functions of a selection, in the variables that move.
+struct Gradients {
+    /// Of unit length; `None` where a test function does not depend on these variables to first order.
+    units: Vec<Option<Vec<f64>>>,
     /// Whether they are linearly independent, so that all signs occur.
     independent: bool,
 }
@@ -71,27 +78,42 @@ impl<'a> Cones<'a> {
         } else {
             active.vanishing().to_vec()
         };
-        let mut gradients = Vec::new();
-        let mut full = vec![0.0; m];
-        for site in 0..layout.num_sites() {
-            let range = layout.range(site);
-            for index in vanishing.iter().filter(|k| range.contains(k)) {
-                full.fill(0.0);
-                map.test_gradient(site, index - range.start, x, &mut full);
-                let mut g: Vec<f64> = full.iter().zip(&sizes).map(|(g, s)| g * s).collect();
-                let norm = dot(&g, &g).sqrt();
-                g.iter_mut().for_each(|v| *v /= norm);
-                gradients.push((norm > 0.0 && norm.is_finite()).then_some(g));
-            }
-        }
-        Self {
-            independent: are_independent(&gradients),
+        let mut cones = Self {
             map,
             x,
             layout,
             vanishing,
             sizes,
-            gradients,
+            common: None,
+        };
+        if !cones.map.has_nested_kinks() {
+            cones.common = Some(cones.own_gradients(active.first()));
+        }
+        cones
+    }
+
+    fn own_gradients(&self, selection: &Selection) -> Gradients {
+        let mut full = vec![0.0; self.map.num_vars()];
+        let unit = |&index: &usize| {
+            full.fill(0.0);
+            gradient_of(&self.map, &self.layout, selection, index, self.x, &mut full);
+            let mut g: Vec<f64> = full.iter().zip(&self.sizes).map(|(g, s)| g * s).collect();
+            let norm = dot(&g, &g).sqrt();
+            g.iter_mut().for_each(|v| *v /= norm);
+            (norm > 0.0 && norm.is_finite()).then_some(g)
+        };
+        let units: Vec<_> = self.vanishing.iter().map(unit).collect();
+        Gradients {
+            independent: are_independent(&units),
+            units,
+        }
+    }
+
+    /// The gradients of a selection, with the room to keep them if they are its own.
+    fn gradients<'b>(&'b self, selection: &Selection, own: &'b mut Option<Gradients>) -> &'b Gradients {
+        match &self.common {
+            Some(common) => common,
+            None => own.insert(self.own_gradients(selection)),
         }
     }
 
@@ -130,13 +152,15 @@ impl<'a> Cones<'a> {
         if (facets.iter().enumerate()).any(|(i, a)| facets[..i].iter().any(|b| opposite(a, b))) {
             return Cell::Empty;
         }
-        if self.independent {
+        let mut own = None;
+        let gradients = self.gradients(selection, &mut own);
+        if gradients.independent {
             return Cell::Open;
         }
         let affine = self.map.is_piecewise_affine();
         let mut normals = Vec::new();
         for (k, sign) in &facets {
-            match &self.gradients[*k] {
+            match &gradients.units[*k] {
                 Some(g) => normals.push(g.iter().map(|v| sign * v).collect()),
                 // Constant in y: the same on all of the cells that it bounds.
                 None if affine => {}
@@ -145,25 +169,32 @@ impl<'a> Cones<'a> {
         }
         match open_cone(&normals, STEPS) {
             Activity::Essential => Cell::Open,
-            Activity::Inessential if affine || self.contradicts(&facets) => Cell::Empty,
+            Activity::Inessential if affine || self.contradicts(selection, &gradients.units, &facets) => {
+                Cell::Empty
+            }
             _ => Cell::Unknown,
         }
     }
 
     /// Whether a cell asks for both signs of one function that serves as two tests.
-    fn contradicts(&self, facets: &[(usize, f64)]) -> bool {
-        let gradient = |f: &(usize, f64)| self.gradients[f.0].as_ref();
+    fn contradicts(
+        &self,
+        selection: &Selection,
+        units: &[Option<Vec<f64>>],
+        facets: &[(usize, f64)],
+    ) -> bool {
+        let gradient = |f: &(usize, f64)| units[f.0].as_ref();
         facets.iter().enumerate().any(|(i, a)| {
             facets[..i].iter().any(|b| {
                 let along = gradient(a).zip(gradient(b)).map(|(g, h)| dot(g, h));
                 let same = along.is_some_and(|c| (c.abs() - 1.0).abs() < 1e-6 && c * a.1 * b.1 < 0.0);
-                same && self.coincide(self.vanishing[a.0], self.vanishing[b.0])
+                same && self.coincide(selection, self.vanishing[a.0], self.vanishing[b.0])
             })
         })
     }
 
     /// Whether two test functions are one but for a factor, at points on all sides of x.
-    fn coincide(&self, first: usize, second: usize) -> bool {
+    fn coincide(&self, selection: &Selection, first: usize, second: usize) -> bool {
         let mut theta = vec![0.0; self.layout.total()];
         let mut spread = Random::new(3);
         let mut factor: Option<f64> = None;
@@ -174,7 +205,7 @@ impl<'a> Cones<'a> {
                 for (v, s) in at.iter_mut().zip(&self.sizes) {
                     *v += step * s.max(v.abs()) * spread.symmetric();
                 }
-                self.map.test_functions(&at, &mut theta);
+                self.map.tests_of_selection(selection, &at, None, &mut theta);
                 let (a, b) = (theta[first], theta[second]);
                 let known = *factor.get_or_insert(b / a);
                 // NaN is no agreement.
@@ -193,8 +224,10 @@ impl<'a> Cones<'a> {
         let d: Vec<f64> = d.iter().zip(&self.sizes).map(|(d, s)| d / s).collect();
         let length = dot(&d, &d).sqrt();
         let mut margin = f64::INFINITY;
+        let mut own = None;
+        let gradients = self.gradients(selection, &mut own);
         for (k, sign) in self.facets(selection) {
-            match &self.gradients[k] {
+            match &gradients.units[k] {
                 Some(g) => margin = margin.min(sign * dot(g, &d) / length),
                 None if self.map.is_piecewise_affine() => {}
                 None => return f64::NAN,
@@ -220,9 +253,7 @@ impl<'a> Cones<'a> {
         let mut spread = Random::new(2 * number + 1);
         let mut d: Vec<f64> = self.sizes.iter().map(|s| s * spread.symmetric()).collect();
         d.resize(m, 0.0);
-        let mut rates = vec![0.0; self.layout.total()];
-        self.map.test_derivatives(self.x, &d, &mut rates);
-        let selection = pointed_into(&self.map, &self.layout, active, &rates);
+        let selection = pointed_into(&self.map, &self.layout, active, self.x, &d);
         let clear = self.margin(&selection, &d[..n]) > CLEAR;
         if !clear {
             return None;

@@ -24,9 +24,7 @@ impl Vanishing {
     ) -> Self {
         let (site, test) = layout.locate(index);
         let mut gradient = vec![0.0; x.len()];
-        if !own_gradient(map, layout, selection, index, x, &mut gradient) {
-            map.test_gradient(site, test, x, &mut gradient);
-        }
+        gradient_of(map, layout, selection, index, x, &mut gradient);
         let gradient_norm = norm(&gradient);
         Self {
             index,
@@ -58,7 +56,22 @@ impl Vanishing {
     }
 }
 
-/// The gradient of a test function of a selection, where they depend on it.
+/// The gradient of a test function of a selection.
+pub(crate) fn gradient_of<P: PiecewiseSmooth + ?Sized>(
+    map: &P,
+    layout: &TestLayout,
+    selection: &Selection,
+    index: usize,
+    x: &[f64],
+    gradient: &mut [f64],
+) {
+    if !own_gradient(map, layout, selection, index, x, gradient) {
+        let (site, test) = layout.locate(index);
+        map.test_gradient(site, test, x, gradient);
+    }
+}
+
+/// The same, where test functions depend on the selection.
 fn own_gradient<P: PiecewiseSmooth + ?Sized>(
     map: &P,
     layout: &TestLayout,

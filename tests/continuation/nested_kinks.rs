@@ -1,7 +1,9 @@
 //! Kinks inside kinks, kinks that coincide, and test functions that vanish where others do: graphs g(y) = α, on which nothing branches.
 
 use crate::random::Random;
-use semismooth::continuation::{Branch, ContinuationOptions, Direction, Termination, TransitionKind};
+use semismooth::continuation::{
+    Branch, ContinuationOptions, Direction, Termination, TransitionKind, TransitionSet,
+};
 use semismooth::piecewise::{Kinks, NonsmoothFunction, Real, Traced};
 
 type Graph = usize;
@@ -311,4 +313,46 @@ fn graphs_of_random_nested_kinks_have_their_jumps_and_nothing_else() {
         followed += 1;
     }
     assert!(followed > 60, "{followed}");
+}
+
+/// The equation y + y²/5 = β of a family in (y, α, β), and beside it an outer kink where |y + y²/10| = α.
+struct OuterKink;
+
+impl NonsmoothFunction for OuterKink {
+    fn num_vars(&self) -> usize {
+        3
+    }
+    fn num_residuals(&self) -> usize {
+        1
+    }
+    fn eval<T: Real>(&self, x: &[T], kinks: &mut Kinks<'_, T>, out: &mut [T]) {
+        let size = kinks.abs(x[0] + x[0] * x[0] * 0.1);
+        let outer = kinks.positive_part(size - x[1]);
+        out[0] = x[0] + x[0] * x[0] * 0.2 - x[2] + outer * 0.5;
+    }
+}
+
+#[test]
+fn transition_sets_of_outer_kinks_bend_where_the_inner_ones_are() {
+    for (from, to) in [(-0.9, 1.2), (1.2, -0.9)] {
+        let set = TransitionSet::new(Traced::new(OuterKink), 1, 0).unwrap();
+        let point = |y: f64| [y, (y + 0.1 * y * y).abs(), y + 0.2 * y * y];
+        let options = ContinuationOptions::default().with_parameter_range((point(-0.9)[2], point(1.2)[2]));
+        let direction = if to > from {
+            Direction::Increasing
+        } else {
+            Direction::Decreasing
+        };
+        let curve = Branch::follow(&set, &point(from), direction, options).unwrap();
+        assert_eq!(curve.termination, Termination::ParameterRange);
+        for p in &curve.points {
+            let expected = point(p.x[0]);
+            let far = p.x.iter().zip(expected).any(|(a, b)| (a - b).abs() > 1e-10);
+            assert!(!far, "{:?}", p.x);
+        }
+        let met: Vec<f64> = curve.transitions.iter().map(|t| t.x[0]).collect();
+        assert!(met.len() == 1 && met[0].abs() < 1e-12, "{met:?}");
+        assert_eq!(curve.transitions[0].kind, TransitionKind::PassThrough);
+        assert!((curve.points.last().unwrap().x[0] - to).abs() < 1e-9);
+    }
 }

@@ -6,7 +6,13 @@ mod maps;
 #[path = "../dense/mod.rs"]
 mod dense;
 
+#[cfg(feature = "autodiff")]
+#[path = "../common/random.rs"]
+mod random;
+
 mod certificates;
+#[cfg(feature = "autodiff")]
+mod nested;
 mod newton_derivatives;
 mod notions;
 mod rubber;

@@ -19,7 +19,8 @@ impl Curve<'_> {
     pub(in crate::continuation) fn step_affine(&mut self) -> Result<(), ContinuationError> {
         let mut rates = std::mem::take(&mut self.rates);
         rates.resize(self.layout.total(), 0.0);
-        self.map.test_derivatives(&self.here.x, &self.here.t, &mut rates);
+        self.map
+            .tests_of_selection(&self.selection, &self.here.x, Some(&self.here.t), &mut rates);
         let (mut s, ends_by_length) = self.farthest();
         let mut event = None;
         for site in 0..self.layout.num_sites() {

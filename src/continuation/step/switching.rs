@@ -107,7 +107,8 @@ impl Curve<'_> {
     /// preserves the orientation det [∇H; τᵀ]; a step of length zero corrects the point for the new selection.
     fn new_selection(&mut self) -> Result<(), ContinuationError> {
         let mut rates = vec![0.0; self.layout.total()];
-        self.map.test_derivatives(&self.here.x, &self.here.t, &mut rates);
+        self.map
+            .tests_of_selection(&self.selection, &self.here.x, Some(&self.here.t), &mut rates);
         let reach = REACH * self.options.min_step;
         let vanishing: Vec<Vanishing> = (0..rates.len())
             .filter(|&k| self.here.theta[k].abs() <= reach * rates[k].abs())
@@ -135,6 +136,7 @@ impl Curve<'_> {
             };
             tangent.iter_mut().for_each(|t| *t *= sign);
             let enters = vanishing.iter().all(|v| {
+                let v = v.of_selection(&self.map, &self.layout, &selection, &x);
                 let cell = self.map.cell(v.site, selection.piece(v.site));
                 cell.iter()
                     .filter(|f| f.test() == v.test)

@@ -1,7 +1,9 @@
 use std::borrow::Cow;
 
 use crate::linear::{LinearError, null_space};
-use crate::piecewise::{Facet, PiecewiseError, PiecewiseSmooth, Selection, check_vector, select};
+use crate::piecewise::{
+    Facet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, check_vector, gradient_of, select,
+};
 use crate::sparse::{Matrix, Pattern, norm};
 
 /// The smooth folds of a two-parameter family: a curve to [follow](crate::continuation::Continuation) in the last parameter β.
@@ -54,6 +56,7 @@ pub struct FoldSet<P> {
     /// c, of length n.
     normal: Vec<f64>,
     selection: Selection,
+    layout: TestLayout,
     /// The cell of the selection, site by site, every facet a wall.
     cells: Vec<Vec<Facet>>,
     pattern: Pattern,
@@ -117,6 +120,7 @@ impl<P: PiecewiseSmooth> FoldSet<P> {
         let set = Self {
             pattern: pattern(&family.pattern(), n)?,
             normal: v.clone(),
+            layout: TestLayout::new(&family),
             cells,
             selection,
             family,
@@ -197,7 +201,8 @@ impl<P: PiecewiseSmooth> PiecewiseSmooth for FoldSet<P> {
     }
 
     fn test_functions(&self, x: &[f64], out: &mut [f64]) {
-        self.family.test_functions(&self.family_point(x), out);
+        self.family
+            .tests_of_selection(&self.selection, &self.family_point(x), None, out);
     }
 
     fn residual(&self, _selection: &Selection, x: &[f64], out: &mut [f64]) {
@@ -254,14 +259,22 @@ impl<P: PiecewiseSmooth> PiecewiseSmooth for FoldSet<P> {
     }
 
     fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {
+        let direction = self.family_point(d);
         self.family
-            .test_derivatives(&self.family_point(x), &self.family_point(d), out);
+            .tests_of_selection(&self.selection, &self.family_point(x), Some(&direction), out);
     }
 
     fn test_gradient(&self, site: usize, test: usize, x: &[f64], gradient: &mut [f64]) {
         let mut own = vec![0.0; self.family.num_vars()];
-        self.family
-            .test_gradient(site, test, &self.family_point(x), &mut own);
+        let index = self.layout.range(site).start + test;
+        gradient_of(
+            &self.family,
+            &self.layout,
+            &self.selection,
+            index,
+            &self.family_point(x),
+            &mut own,
+        );
         gradient.fill(0.0);
         for (j, g) in own.into_iter().enumerate() {
             gradient[self.column(j)] = g;

@@ -4,7 +4,7 @@ use crate::continuation::Branch;
 use crate::linear::{AutoSolver, LinearError, LinearSolver};
 use crate::newton::MoorePenrose;
 use crate::piecewise::{
-    Facet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, check_selection, check_vector,
+    Facet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, check_selection, check_vector, gradient_of,
 };
 use crate::sparse::{Matrix, Pattern, norm};
 
@@ -250,6 +250,11 @@ impl<P: PiecewiseSmooth> TransitionSet<P> {
         }
     }
 
+    /// The position of θ_k among all test functions.
+    fn index(&self) -> usize {
+        self.layout.range(self.site).start + self.test
+    }
+
     fn piece(&self, own: usize) -> usize {
         self.kept.get(own).map_or(0, |k| k.0)
     }
@@ -291,7 +296,7 @@ impl<P: PiecewiseSmooth> PiecewiseSmooth for TransitionSet<P> {
     /// θ_k itself, zero on the curve, is shown as 1: it bounds no cell here.
     fn test_functions(&self, x: &[f64], out: &mut [f64]) {
         self.family.test_functions(x, out);
-        out[self.layout.range(self.site).start + self.test] = 1.0;
+        out[self.index()] = 1.0;
     }
 
     fn residual(&self, selection: &Selection, x: &[f64], out: &mut [f64]) {
@@ -299,18 +304,26 @@ impl<P: PiecewiseSmooth> PiecewiseSmooth for TransitionSet<P> {
         self.family
             .residual(&self.family_selection(selection), x, &mut out[..n]);
         let mut theta = vec![0.0; self.layout.total()];
-        self.family.test_functions(x, &mut theta);
-        out[n] = theta[self.layout.range(self.site).start + self.test];
+        self.family
+            .tests_of_selection(&self.family_selection(selection), x, None, &mut theta);
+        out[n] = theta[self.index()];
     }
 
     fn jacobian(&self, selection: &Selection, x: &[f64], jac: &mut Matrix) {
         let n = self.family.num_residuals();
         let mut own = Matrix::zeros(self.family.pattern());
-        self.family
-            .jacobian(&self.family_selection(selection), x, &mut own);
+        let selection = self.family_selection(selection);
+        self.family.jacobian(&selection, x, &mut own);
         jac.add_block(0, 0, 1.0, &own);
         let mut gradient = vec![0.0; x.len()];
-        self.family.test_gradient(self.site, self.test, x, &mut gradient);
+        gradient_of(
+            &self.family,
+            &self.layout,
+            &selection,
+            self.index(),
+            x,
+            &mut gradient,
+        );
         for (j, g) in gradient.into_iter().enumerate() {
             jac.add(n, j, g);
         }
@@ -347,7 +360,17 @@ impl<P: PiecewiseSmooth> PiecewiseSmooth for TransitionSet<P> {
 
     fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {
         self.family.test_derivatives(x, d, out);
-        out[self.layout.range(self.site).start + self.test] = 0.0;
+        out[self.index()] = 0.0;
+    }
+
+    fn has_nested_kinks(&self) -> bool {
+        self.family.has_nested_kinks()
+    }
+
+    fn tests_of_selection(&self, selection: &Selection, x: &[f64], d: Option<&[f64]>, out: &mut [f64]) {
+        self.family
+            .tests_of_selection(&self.family_selection(selection), x, d, out);
+        out[self.index()] = if d.is_some() { 0.0 } else { 1.0 };
     }
 
     fn test_gradient(&self, site: usize, test: usize, x: &[f64], gradient: &mut [f64]) {

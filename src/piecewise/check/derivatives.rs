@@ -175,6 +175,51 @@ impl Session<'_> {
         }
     }
 
+    /// `tests_of_selection` at a point in the cell of `here`: smooth for every selection, and there those of `test_functions`.
+    pub(super) fn selection_tests(&mut self, point: usize, here: &Selection) {
+        let (map, x, total) = (self.map, &self.samples[point], self.layout.total());
+        if !map.has_nested_kinks() {
+            return;
+        }
+        let of = |selection: &Selection, x: &[f64], d: Option<&[f64]>| {
+            let mut out = vec![0.0; total];
+            map.tests_of_selection(selection, x, d, &mut out);
+            out
+        };
+        let (natural, own) = (self.theta(x), of(here, x, None));
+        for k in 0..total {
+            let size = self.options.tolerance * natural[k].abs().max(own[k].abs());
+            let same = (natural[k] - own[k]).abs() <= size;
+            if !same {
+                let (site, test) = self.layout.locate(k);
+                let what = format!("value of test function {test}");
+                let place = Place::at(point).site(site).piece(here.piece(site));
+                self.find(FindingKind::SelectionTests, place, natural[k], own[k], &what);
+            }
+        }
+        for selection in self.selections(here) {
+            if self.full() {
+                return;
+            }
+            let quotients = self.quotients(total, x, |y| of(&selection, y, None));
+            let mut unit = vec![0.0; x.len()];
+            for j in 0..x.len() {
+                unit[j] = 1.0;
+                let rates = of(&selection, x, Some(&unit));
+                unit[j] = 0.0;
+                for (k, &rate) in rates.iter().enumerate() {
+                    let quotient = quotients.get(k, j);
+                    if quotient.0.is_finite() && !self.agrees(quotient, rate) {
+                        let (site, test) = self.layout.locate(k);
+                        let place = self.blame(Place::at(point).site(site).entry(test, j), here, &selection);
+                        let what = format!("rate in selection {}", selection.display(map));
+                        self.find(FindingKind::SelectionTests, place, quotient.0, rate, &what);
+                    }
+                }
+            }
+        }
+    }
+
     /// Derivatives of a piecewise-affine map are the same at all points.
     pub(super) fn affine(&mut self, inside: &[(usize, Selection)]) {
         let map = self.map;

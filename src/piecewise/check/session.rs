@@ -171,6 +171,7 @@ impl<'a> Session<'a> {
             if let Some(selection) = self.cells(point) {
                 self.derivatives(point, &selection);
                 self.test_derivatives(point);
+                self.selection_tests(point, &selection);
                 self.site_rows(point, &selection);
                 inside.push((point, selection));
             }
