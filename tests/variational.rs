@@ -429,3 +429,43 @@ fn an_equation_of_one_unknown_is_solved() {
         assert!(x[1].abs() < 1e-15 && (x[2] + 3.0).abs() < 1e-15);
     }
 }
+
+/// F = 1 − 2x on x ≥ 0, s x ≤ s: a solution at either end and one between, in whichever units the row is written.
+#[test]
+fn units_of_rows_merge_no_solutions() {
+    for s in [1.0, 1e-6, 1e-9, 1e-12, 1e9] {
+        let f = AffineFunction::new(matrix(&[vec![-2.0]], 1), vec![1.0]).unwrap();
+        let set = Polyhedron::boxed(vec![0.0], vec![INF])
+            .unwrap()
+            .with_inequalities(matrix(&[vec![s]], 1), vec![s])
+            .unwrap();
+        let list = Vi::new(f, set)
+            .unwrap()
+            .all_solutions(&EnumerationOptions::default())
+            .unwrap();
+        assert_eq!(list.completeness, Completeness::Complete);
+        let mut found: Vec<f64> = list.solutions.iter().map(|x| x[0]).collect();
+        found.sort_by(f64::total_cmp);
+        assert_eq!(found, [0.0, 0.5, 1.0], "s = {s:e}");
+        assert!(list.continua.is_empty());
+    }
+}
+
+/// F = (x₂ − 5, 0) on s x₁ ≤ s, 0 ≤ x₂ ≤ 1: all (1, x₂) are solutions, and the multiplier (5 − x₂) / s changes along them.
+#[test]
+fn units_of_rows_hide_no_continua() {
+    for s in [1.0, 1e-6, 1e-10, 1e-14, 1e10] {
+        let f = AffineFunction::new(matrix(&[vec![0.0, 1.0], vec![0.0, 0.0]], 2), vec![-5.0, 0.0]).unwrap();
+        let set = Polyhedron::boxed(vec![-INF, 0.0], vec![INF, 1.0])
+            .unwrap()
+            .with_inequalities(matrix(&[vec![s, 0.0]], 2), vec![s])
+            .unwrap();
+        let list = Vi::new(f, set)
+            .unwrap()
+            .all_solutions(&EnumerationOptions::default())
+            .unwrap();
+        assert_eq!(list.completeness, Completeness::Complete);
+        assert_eq!(list.solutions, Vec::<Vec<f64>>::new(), "s = {s:e}");
+        assert_eq!(list.continua.len(), 1, "s = {s:e}");
+    }
+}

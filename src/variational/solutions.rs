@@ -1,3 +1,4 @@
+use super::polyhedron::Rows;
 use super::projection::Projection;
 use super::{Polyhedron, VariationalError, Vi};
 use crate::complementarity::{AffineFunction, McpFunction};
@@ -6,19 +7,24 @@ use crate::linear::null_space;
 use crate::piecewise::{PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, max_abs};
 
-/// Part of the largest entry of a kernel vector below which another one counts as zero, and of (x, λ, μ) below which two x are one.
+/// Part of the largest entry of a kernel vector below which another one counts as zero, where rows and columns are in units of their own, and
+/// of x below which two are one, if the multipliers of both are not unique.
 const SAME: f64 = 1e-9;
+/// Part of the least length among the data below which x is rounding.
+const ROUNDING: f64 = 1e-15;
 
 /// All solutions of an affine variational inequality.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct ViSolutions {
-    /// The isolated x, whether their multipliers are unique or not.
+    /// The isolated x, whether their multipliers are unique or not. (An end of a continuum may be among them where its multipliers are not
+    /// unique.)
     pub solutions: Vec<Vec<f64>>,
     /// Continua along which x changes, in the variables (x, λ, μ).
     pub continua: Vec<Continuum>,
-    /// Whether all selections of the Karush–Kuhn–Tucker conditions were examined, and with what certainty. That multipliers alone change
-    /// along a continuum is decided in floating-point numbers.
+    /// Whether all selections of the Karush–Kuhn–Tucker conditions were examined, and with what certainty. Two things are decided in
+    /// floating-point numbers: that multipliers alone change along a continuum, and that two x are one, to 1e-9 of the larger, where the
+    /// multipliers of both are not unique.
     pub completeness: Completeness,
 }
 
@@ -39,21 +45,56 @@ impl<F: McpFunction> Vi<F> {
             continua: Vec::new(),
             completeness: found.completeness,
         };
-        for solution in &found.solutions {
-            all.insert(&solution.x[..n], max_abs(&solution.x));
-        }
-        let affine = conditions.function().coefficients();
+        let Some((f, _)) = conditions.function().coefficients() else {
+            all.solutions = found.solutions.into_iter().map(|s| s.x[..n].to_vec()).collect();
+            all.continua = found.continua;
+            return Ok(all);
+        };
+        // For one x the multipliers are a convex set: a solution that no continuum holds is alone with its x.
+        let mut held = vec![false; found.solutions.len()];
+        let scale = self.scale(f);
         for continuum in found.continua {
-            let point = match affine {
-                Some((f, _)) => self.only_multipliers(&conditions, f, &continuum)?,
-                None => None,
-            };
+            let point = self.only_multipliers(&conditions, f, &continuum)?;
+            let mut inside = None;
+            for selection in &continuum.selections {
+                let cell = self.cell(selection, f)?;
+                for (held, solution) in held.iter_mut().zip(&found.solutions) {
+                    if cell.holds(&solution.x) {
+                        (*held, inside) = (true, Some(&solution.x[..n]));
+                    }
+                }
+            }
             match point {
-                Some(point) => all.insert(&point[..n], max_abs(&point)),
+                Some(point) => all.insert(inside.unwrap_or(&point[..n]), scale),
                 None => all.continua.push(continuum),
             }
         }
+        let alone = found.solutions.iter().zip(&held).filter(|(_, held)| !**held);
+        all.solutions.extend(alone.map(|(s, _)| s.x[..n].to_vec()));
         Ok(all)
+    }
+
+    /// The least length among the data: bounds, and right-hand sides and values of F at 0 over the largest coefficients of their rows.
+    fn scale(&self, f: &AffineFunction) -> f64 {
+        let set = self.set();
+        let bounds = set.lower.iter().chain(&set.upper).copied();
+        let rows = [&set.a, &set.e].map(|rows| {
+            let largest = |i| rows.row(i).fold(0.0_f64, |m, (_, v)| m.max(v.abs()));
+            (0..rows.len()).map(move |i| rows.right[i] / largest(i))
+        });
+        let n = set.dimension();
+        let mut largest = vec![0.0_f64; n];
+        for (i, j, v) in f.matrix().triplets() {
+            if i < n && j < n {
+                largest[i] = largest[i].max(v.abs());
+            }
+        }
+        let values = f.q().iter().zip(largest).map(|(q, m)| q / m);
+        let all = bounds
+            .chain(rows.into_iter().flatten())
+            .chain(values)
+            .map(f64::abs);
+        all.filter(|v| *v > 0.0).fold(f64::INFINITY, f64::min)
     }
 
     /// A point (x, λ, μ) of a continuum along which only multipliers change.
@@ -68,7 +109,7 @@ impl<F: McpFunction> Vi<F> {
         for selection in &continuum.selections {
             let mut jac = Matrix::zeros(conditions.pattern());
             conditions.jacobian(selection, &vec![0.0; conditions.num_vars()], &mut jac);
-            let Ok(kernel) = null_space(&jac, SAME) else {
+            let Ok(kernel) = null_space(&equilibrated(&jac)?, SAME) else {
                 return Ok(None);
             };
             let fixed = |v: &Vec<f64>| max_abs(&v[..n]) <= SAME * max_abs(v);
@@ -124,12 +165,45 @@ impl<F: McpFunction> Vi<F> {
     }
 }
 
+/// The same with rows and columns multiplied by powers of two, after which the largest entry of each is near 1.
+fn equilibrated(jac: &Matrix) -> Result<Matrix, VariationalError> {
+    let mut entries: Vec<_> = jac.triplets().collect();
+    // Columns last, whose units are those of the kernel.
+    for by_column in [false, true, false, true] {
+        let mut largest = vec![0.0_f64; jac.nrows().max(jac.ncols())];
+        let line = |&(i, j, _): &(usize, usize, f64)| if by_column { j } else { i };
+        for entry in &entries {
+            largest[line(entry)] = largest[line(entry)].max(entry.2.abs());
+        }
+        for entry in &mut entries {
+            entry.2 *= (-largest[line(entry)].log2().round()).exp2();
+        }
+    }
+    entries.retain(|e| e.2 != 0.0 && e.2.is_finite());
+    Ok(Matrix::from_triplets(jac.nrows(), jac.ncols(), &entries)?)
+}
+
+impl Polyhedron {
+    /// Whether x lies in it, by the terms of each row.
+    fn holds(&self, x: &[f64]) -> bool {
+        let off = |rows: &Rows, i: usize| {
+            let size: f64 = rows.row(i).map(|(j, v)| (v * x[j]).abs()).sum();
+            (rows.at(i, x) - rows.right[i], SAME * (size + rows.right[i].abs()))
+        };
+        let between =
+            |((x, l), u): ((&f64, &f64), &f64)| *x >= l - SAME * l.abs() && *x <= u + SAME * u.abs();
+        x.iter().zip(&self.lower).zip(&self.upper).all(between)
+            && (0..self.a.len()).all(|i| matches!(off(&self.a, i), (off, size) if off <= size))
+            && (0..self.e.len()).all(|i| matches!(off(&self.e, i), (off, size) if off.abs() <= size))
+    }
+}
+
 impl ViSolutions {
-    /// Keeps x, found with multipliers of a size, unless it is known.
-    fn insert(&mut self, x: &[f64], size: f64) {
+    /// Keeps x, whose multipliers are not unique, unless it has come before.
+    fn insert(&mut self, x: &[f64], scale: f64) {
         let same = |y: &Vec<f64>| {
             let apart: Vec<f64> = y.iter().zip(x).map(|(a, b)| a - b).collect();
-            max_abs(&apart) <= SAME * size
+            max_abs(&apart) <= (SAME * max_abs(x).max(max_abs(y))).max(ROUNDING * scale)
         };
         if !self.solutions.iter().any(same) {
             self.solutions.push(x.to_vec());
