@@ -1,5 +1,8 @@
 //! The guide: eleven pages, to be read in order or where you need them.
 //!
+//! Who wants to learn the subject may begin with the [book](../../../book/index.html): twelve lessons with figures, exercises and solutions. Links
+//! to it work where it was built beside this documentation, by `mdbook build book` in the repository.
+//!
 //! 1. [What a piecewise-smooth map is](pieces)
 //! 2. [Solve](solve)
 //! 3. [Follow a curve and read its transitions](follow)

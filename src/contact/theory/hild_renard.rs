@@ -113,7 +113,7 @@ impl HildRenard {
     /// The pieces of all branches in α ≥ 0. Vertical segments (α = (λ+3μ)/(λ+μ) in the bifurcating case) are intervals of length 0.
     ///
     /// With d = (λ+3μ)/2 and c = (λ+μ)/2: open: u = A⁻¹ f, wherever u_ν ≤ 0; stick: λ = f, wherever f_ν ≥ 0 and |f_t| ≤ α f_ν;
-    /// slip±: u_ν = 0, u_t = (f_t ∓ α f_ν)/(d ∓ α c), λ_ν = f_ν + c u_t, λ_t = ±α λ_ν, wherever λ_ν ≥ 0 and ±u_t ≥ 0.
+    /// slip±: u_ν = 0, u_t = (f_t ∓ α f_ν)/(d ± α c), λ_ν = f_ν + c u_t, λ_t = ±α λ_ν, wherever λ_ν ≥ 0 and ±u_t ≥ 0.
     #[must_use]
     pub fn branches(&self) -> Vec<HildRenardBranch> {
         let (d, c) = (self.diagonal(), self.off());

@@ -1,0 +1,1 @@
+semismooth solutions pair.toml

@@ -1,0 +1,1 @@
+semismooth diagram island.toml | grep -E 'fold|branches'

@@ -1,0 +1,1 @@
+semismooth contact block.toml | grep changes

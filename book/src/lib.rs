@@ -1,0 +1,9 @@
+//! What keeps the book true: runs the programs of its lessons, compares what they print and draw with what the text shows, and typesets
+//! formulas for mdBook.
+
+mod compare;
+pub mod formulas;
+pub mod record;
+
+/// A result with an error for people.
+pub type Outcome<T> = Result<T, Box<dyn std::error::Error>>;
