@@ -469,3 +469,25 @@ fn units_of_rows_hide_no_continua() {
         assert_eq!(list.continua.len(), 1, "s = {s:e}");
     }
 }
+
+/// F = 1 on x ≥ 0, −s x ≤ 0: the bound and the row hold the solution 0 together, and their multipliers are not unique.
+#[test]
+fn units_of_rows_move_no_multipliers() {
+    for (t, s) in [(1.0, 1.0), (5e11, 4096.0), (5e11, 1e-12), (1e-12, 5e11)] {
+        let f = AffineFunction::new(matrix(&[vec![0.0]], 1), vec![t]).unwrap();
+        let set = Polyhedron::boxed(vec![0.0], vec![INF])
+            .unwrap()
+            .with_inequalities(matrix(&[vec![-s]], 1), vec![0.0])
+            .unwrap();
+        let list = Vi::new(f, set)
+            .unwrap()
+            .all_solutions(&EnumerationOptions::default())
+            .unwrap();
+        assert_eq!(list.completeness, Completeness::Complete);
+        assert_eq!(
+            (list.solutions, list.continua),
+            (vec![vec![0.0]], Vec::new()),
+            "{t:e}, {s:e}"
+        );
+    }
+}

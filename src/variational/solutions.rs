@@ -37,6 +37,62 @@ impl<F: McpFunction> Vi<F> {
     /// # Errors
     /// As [`all_solutions`]: F that is not affine, a parametric problem, options out of range.
     pub fn all_solutions(&self, options: &EnumerationOptions) -> Result<ViSolutions, VariationalError> {
+        let Some((same, units)) = self.in_units_of_rows()? else {
+            return self.list(options);
+        };
+        let mut all = same.list(options)?;
+        for end in all.continua.iter_mut().flat_map(|c| &mut c.ends) {
+            let multipliers = &mut end[self.set().dimension()..];
+            multipliers
+                .iter_mut()
+                .zip(&units)
+                .for_each(|(v, unit)| *v *= unit);
+        }
+        Ok(all)
+    }
+
+    /// The same problem with F and each row of A and E multiplied by powers of two, after which their largest coefficients are near 1, and
+    /// what its multipliers λ and μ are to be multiplied by. `None` where F states no coefficients, or that is not exact.
+    fn in_units_of_rows(&self) -> Result<Option<(Vi<AffineFunction>, Vec<f64>)>, VariationalError> {
+        let conditions = self.kkt()?;
+        let Some((f, _)) = conditions.function().coefficients() else {
+            return Ok(None);
+        };
+        let (set, n) = (self.set(), self.set().dimension());
+        let power = |largest: f64| match largest > 0.0 {
+            true => (-largest.log2().round()).exp2(),
+            false => 1.0,
+        };
+        let mut exact = true;
+        let mut times = |v: f64, by: f64| {
+            exact &= v * by / by == v;
+            v * by
+        };
+        let of_f: Vec<_> = f.matrix().triplets().filter(|e| e.0 < n && e.1 < n).collect();
+        let slope = of_f.iter().fold(0.0_f64, |m, e| m.max(e.2.abs()));
+        let by_f = power(if slope > 0.0 { slope } else { max_abs(&f.q()[..n]) });
+        let entries: Vec<_> = of_f.iter().map(|&(i, j, v)| (i, j, times(v, by_f))).collect();
+        let q = f.q()[..n].iter().map(|v| times(*v, by_f)).collect();
+        let function = AffineFunction::new(Matrix::from_triplets(n, n, &entries)?, q)?;
+        let mut units = Vec::new();
+        let mut scaled = |rows: &Rows| -> Result<(Matrix, Vec<f64>), VariationalError> {
+            let (mut entries, mut right) = (Vec::new(), Vec::new());
+            for i in 0..rows.len() {
+                let by = power(rows.row(i).fold(0.0_f64, |m, (_, v)| m.max(v.abs())));
+                entries.extend(rows.row(i).map(|(j, v)| (i, j, times(v, by))));
+                right.push(times(rows.right[i], by));
+                units.push(by / by_f);
+            }
+            Ok((Matrix::from_triplets(rows.len(), n, &entries)?, right))
+        };
+        let ((a, b), (e, d)) = (scaled(&set.a)?, scaled(&set.e)?);
+        let set = Polyhedron::boxed(set.lower.clone(), set.upper.clone())?
+            .with_inequalities(a, b)?
+            .with_equations(e, d)?;
+        Ok(exact.then_some((Vi::new(function, set)?, units)))
+    }
+
+    fn list(&self, options: &EnumerationOptions) -> Result<ViSolutions, VariationalError> {
         let conditions = self.kkt()?;
         let n = self.set().dimension();
         let found = all_solutions(&conditions, 0.0, options)?;
