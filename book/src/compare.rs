@@ -31,32 +31,35 @@ pub(crate) fn difference(name: &str, shown: &str, found: &str) -> Option<String>
     None
 }
 
+/// Numbers in tags are coordinates; those in texts are labels, which must be the same.
 fn same_picture(a: &str, b: &str) -> bool {
     let (a, b) = (parts(a), parts(b));
+    let near = |a: &str, b: &str| match (a.parse::<f64>(), b.parse::<f64>()) {
+        (Ok(x), Ok(y)) => (x - y).abs() <= PIXELS,
+        _ => false,
+    };
     a.len() == b.len()
-        && a.iter().zip(&b).all(|(a, b)| {
-            match (a.parse::<f64>(), b.parse::<f64>()) {
-                (Ok(x), Ok(y)) => (x - y).abs() <= PIXELS,
-                _ => a == b,
-            }
-        })
+        && a.iter()
+            .zip(&b)
+            .all(|(a, b)| a == b || (a.1 && b.1 && near(a.0, b.0)))
 }
 
-/// Cuts a line into numbers and what stands between them.
-fn parts(line: &str) -> Vec<&str> {
+/// Cuts a line into numbers and what stands between them; with each part, whether it stands in a tag.
+fn parts(line: &str) -> Vec<(&str, bool)> {
     let is_number = |c: char| c.is_ascii_digit() || c == '.' || c == '-';
     let mut parts = Vec::new();
-    let mut from = 0;
-    let mut inside = None;
+    let (mut from, mut tag) = (0, false);
+    let mut before = None;
     for (at, c) in line.char_indices() {
         let number = is_number(c);
-        if inside.is_some_and(|was| was != number) {
-            parts.push(&line[from..at]);
+        if before.is_some_and(|was| was != number) {
+            parts.push((&line[from..at], tag));
             from = at;
         }
-        inside = Some(number);
+        before = Some(number);
+        tag = (tag || c == '<') && c != '>';
     }
-    parts.push(&line[from..]);
+    parts.push((&line[from..], tag));
     parts
 }
 
@@ -84,5 +87,14 @@ mod tests {
         assert!(difference("a.svg", a, far).is_some());
         assert!(difference("a.svg", a, "<path d=\"L 1.00 -2.5\"/>").is_some());
         assert!(difference("a.svg", a, "<path d=\"M 1.00\"/>").is_some());
+        let label = |x: &str, text: &str| format!("<text x=\"{x}\">{text}</text>");
+        assert_eq!(
+            difference("a.svg", &label("1.00", "0.01"), &label("1.01", "0.01")),
+            None
+        );
+        assert!(
+            difference("a.svg", &label("1.00", "0.01"), &label("1.00", "0.02"))
+                .is_some()
+        );
     }
 }

@@ -6,7 +6,8 @@ use semismooth::piecewise::{
     b_derivative, select,
 };
 
-/// A spring of stiffness 1 between two stops of stiffness 9, at y = ±1, under a load.
+/// A spring of stiffness 1 between two stops of stiffness 9, at y = ±1, under a
+/// load.
 struct Spring;
 
 impl NonsmoothFunction for Spring {

@@ -4,7 +4,8 @@ use semismooth::output::{
 };
 use semismooth::piecewise::{Kinks, NonsmoothFunction, Real, Traced};
 
-/// y plus the projection of 2 y on [−1, 1]: strictly increasing, with its only zero at 0.
+/// y plus the projection of 2 y on [−1, 1]: strictly increasing, with its only
+/// zero at 0.
 struct Saturating;
 
 impl NonsmoothFunction for Saturating {

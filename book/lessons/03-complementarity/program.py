@@ -7,7 +7,10 @@ for a in [5.0, 8.0]:
 
 def market(x):
     q1, q2, a = x
-    return [ss.minimum(q1, 2 * q1 + q2 + 2 - a), ss.minimum(q2, q1 + 2 * q2 + 4 - a)]
+    return [
+        ss.minimum(q1, 2 * q1 + q2 + 2 - a),
+        ss.minimum(q2, q1 + 2 * q2 + 4 - a),
+    ]
 
 
 branch = ss.follow(market, [0.0, 0.0, 0.0], parameter_range=(0.0, 10.0))

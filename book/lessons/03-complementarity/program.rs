@@ -4,7 +4,8 @@ use semismooth::output::{BranchDiagram, Colour, Curve, Panel, SegmentStyle};
 use semismooth::piecewise::Real;
 use semismooth::sparse::Matrix;
 
-/// What a further unit costs each of two firms, x = (q₁, q₂, a): unit costs 2 and 4, price a − q₁ − q₂.
+/// What a further unit costs each of two firms, x = (q₁, q₂, a): unit costs 2 and
+/// 4, price a − q₁ − q₂.
 struct Market;
 
 impl SmoothFunction for Market {

@@ -2,7 +2,8 @@ use semismooth::continuation::{Branch, ContinuationOptions, Direction};
 use semismooth::output::{BranchDiagram, Colour, Curve, Panel, SegmentStyle};
 use semismooth::piecewise::{Kinks, NonsmoothFunction, Real, Traced};
 
-/// A beam softens at the deflection y = 1 and meets a stop at y = 3; x = (y, load).
+/// A beam softens at the deflection y = 1 and meets a stop at y = 3; x = (y,
+/// load).
 struct Beam;
 
 impl NonsmoothFunction for Beam {

@@ -22,7 +22,8 @@ impl NonsmoothFunction for Beam {
     }
 }
 
-/// A curve with a smooth fold at y = 0 and a kink at y = 0.5: y² + max(y − 1/2, 0) = α.
+/// A curve with a smooth fold at y = 0 and a kink at y = 0.5: y² + max(y − 1/2,
+/// 0) = α.
 struct Parabola;
 
 impl NonsmoothFunction for Parabola {

@@ -12,7 +12,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut panels = Vec::new();
     for (f_nu, f_t) in [(1.5, 7.0), (1.5, -4.0), (1.0, -2.0)] {
         println!("f = ({f_nu}, {f_t})");
-        // x = (u_ν, u_t, λ_ν, λ_t, α), with the coefficient of friction F = α; the node sticks at α = 8.
+        // x = (u_ν, u_t, λ_ν, λ_t, α), with the coefficient of friction F = α;
+        // the node sticks at α = 8.
         let map = HildRenard::new(f_nu, f_t, 1.0, 1.0)?
             .problem()?
             .with_r(1.0)?;

@@ -1,6 +1,12 @@
 import semismooth as ss
 
-pair = ss.trace(lambda v: [abs(v[0]) + v[1] - v[2], 2 * v[1] + ss.minimum(v[0], 1)], 3)
+
+def equations(v):
+    x, y, a = v
+    return [abs(x) + y - a, 2 * y + ss.minimum(x, 1)]
+
+
+pair = ss.trace(equations, 3)
 for a in [-1.0, 0.5, 2.0]:
     found = ss.all_solutions(pair, a)
     print(f"a = {a}: {len(found.points)} solutions, complete: {found.complete}")

@@ -27,7 +27,8 @@ impl NonsmoothFunction for Island {
 }
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    // All curves that pass through a section a = ½, found from the complete list of solutions there.
+    // All curves that pass through a section a = ½, found from the complete list
+    // of solutions there.
     let map = Traced::new(Island);
     let options = DiagramOptions::default().with_parameter_range((-2.0, 2.0));
     let diagram = Diagram::explore_sections(
@@ -62,7 +63,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     .with_size(560, 360)
     .write("island.svg")?;
 
-    // The node of lesson 5 with f_ν = 1.5: where sticking is lost, in the plane of F and f_t. x = (u_ν, u_t, λ_ν, λ_t, F, f_t).
+    // The node of lesson 5 with f_ν = 1.5: where sticking is lost, in the plane
+    // of F and f_t. x = (u_ν, u_t, λ_ν, λ_t, F, f_t).
     let problem = HildRenard::new(1.5, 0.0, 1.0, 1.0)?.problem()?;
     let family = problem
         .with_second_parameter(vec![0.0, 1.0], problem.node_law().clone())?;

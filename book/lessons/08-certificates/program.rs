@@ -5,7 +5,8 @@ use semismooth::piecewise::{LocalUniqueness, active_set, local_index};
 use semismooth::sparse::Matrix;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    // The node of lesson 5 sticks, F = α; is its solution a Lipschitz function of the load?
+    // The node of lesson 5 sticks, F = α; is its solution a Lipschitz function of
+    // the load?
     let every_tenth = (10..=60).map(|k| 0.1 * f64::from(k)).collect();
     let options = ContinuationOptions::default()
         .with_parameter_range((1.0, 6.0))
@@ -49,23 +50,29 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
                 index.map_or("unknown".into(), |i| i.to_string())
             );
         }
-        let certified: Vec<(f64, f64)> = branch
-            .points
-            .iter()
-            .filter_map(|p| {
-                Some((
-                    p.parameter(),
-                    certify(&map, &p.x, &load, &options).ok()?.constant()?,
-                ))
-            })
-            .collect();
+        // A curve for each piece: the constant jumps between them.
+        let mut certified = 0;
+        for state in [ContactState::Stick, ContactState::SlipMinus] {
+            let mut constants = Vec::new();
+            for p in branch
+                .points
+                .iter()
+                .filter(|p| map.states(&p.selection) == [state])
+            {
+                if let Some(constant) =
+                    certify(&map, &p.x, &load, &options)?.constant()
+                {
+                    constants.push((p.parameter(), constant));
+                }
+            }
+            certified += constants.len();
+            let style = SegmentStyle::new(format!("f_t = {f_t}"), colour);
+            panel = panel.with_curve(Curve::line(constants, style));
+        }
         println!(
-            "  certified at {} of {} other points",
-            certified.len(),
+            "  certified at {certified} of {} other points",
             branch.points.len()
         );
-        let style = SegmentStyle::new(format!("f_t = {f_t}"), colour);
-        panel = panel.with_curve(Curve::line(certified, style));
     }
     BranchDiagram::new(panel)
         .with_size(560, 340)

@@ -6,7 +6,8 @@ use semismooth::fem::{Elasticity, Foundation, Material, Mesh};
 use semismooth::output::{BranchDiagram, Colour, Curve, Panel, SegmentStyle};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    // A block of 2 × 1 is pressed down by its top, which then moves to the right by 0.05 α.
+    // A block of 2 × 1 is pressed down by its top, which then moves to the right
+    // by 0.05 α.
     let mesh = Mesh::rectangle([0.0, 0.0], [2.0, 1.0], [16, 8])?;
     let system = Elasticity::new(mesh, Material::isotropic(1.0, 0.3)?)
         .prescribe("top", 0, |_| 0.0)
@@ -62,7 +63,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
     }
 
-    // The deformed mesh at α = 1, displacements as they are, and the forces of the ground on the block.
+    // The deformed mesh at α = 1, displacements as they are, and the forces of
+    // the ground on the block.
     let end = branch.points.last().ok_or("a branch has points")?;
     let u = system.displacements(
         &map.displacements(&end.x)?,

@@ -6,7 +6,8 @@ use semismooth::contact::{
 };
 use semismooth::sparse::Matrix;
 
-/// A mass on a spring of stiffness 1 along the ground, pressed by 1 and pulled by α.
+/// A mass on a spring of stiffness 1 along the ground, pressed by 1 and pulled by
+/// α.
 fn slider(
     friction: f64,
 ) -> Result<FullContact<PlanarCoulomb>, Box<dyn std::error::Error>> {

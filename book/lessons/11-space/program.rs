@@ -6,7 +6,8 @@ use semismooth::sparse::Matrix;
 use semismooth::variational::{Polyhedron, Vi, ViSolver};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    // A rod on two feet, components (N, T₁, T₂) of each; pushed at the first foot across, and along the rod.
+    // A rod on two feet, components (N, T₁, T₂) of each; pushed at the first foot
+    // across, and along the rod.
     let m = Matrix::from_rows(&[
         [3.0, 0.0, 0.0, -1.0, 0.0, 0.0],
         [0.0, 1.0, 0.0, 0.0, 1.0, 0.0],
@@ -37,7 +38,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         println!(
             "  foot {}: {}, r = ({:.4}, {:.4}, {:.4})",
             foot + 1,
-            report.states[foot].name(),
+            if report.states[foot].is_slip() {
+                "slip"
+            } else {
+                report.states[foot].name()
+            },
             r[0],
             plain(r[1]),
             r[2]
@@ -53,7 +58,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         .with_size(560, 440)
         .write("forces.svg")?;
 
-    // The projection of p on the second-order cone: x ∈ K, x − p ∈ K* = K, xᵀ(x − p) = 0.
+    // The projection of p on the second-order cone: x ∈ K, x − p ∈ K* = K, xᵀ(x −
+    // p) = 0.
     let p = [1.0, 3.0, 0.0];
     let distance =
         AffineFunction::new(Matrix::identity(3), p.map(|v| -v).to_vec())?;
@@ -68,7 +74,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         plain(x[2])
     );
 
-    // Drivers choose between two roads with travel times 1 + 2 x₁ and 3 + x₂: a variational inequality on x₁ + x₂ = 4, x ≥ 0.
+    // Drivers choose between two roads with travel times 1 + 2 x₁ and 3 + x₂: a
+    // variational inequality on x₁ + x₂ = 4, x ≥ 0.
     let times = AffineFunction::new(
         Matrix::from_rows(&[[2.0, 0.0], [0.0, 1.0]])?,
         vec![1.0, 3.0],

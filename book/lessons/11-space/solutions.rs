@@ -18,7 +18,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let slip = report.u[1].hypot(report.u[2]);
         println!(
             "  push {push}: {}, |r_T| = {force:.4}, |u_T| = {:.4}",
-            report.states[0].name(),
+            if report.states[0].is_slip() {
+                "slip"
+            } else {
+                report.states[0].name()
+            },
             (slip * 1e9).round() / 1e9
         );
     }
