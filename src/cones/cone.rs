@@ -1,6 +1,7 @@
+use super::semidefinite;
 use crate::sparse::norm;
 
-/// A factor of K, by its number of variables.
+/// A factor of K, by its number of variables or order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -11,6 +12,9 @@ pub enum Cone {
     SecondOrder(usize),
     /// x is free; F = 0.
     Free(usize),
+    /// The positive semidefinite matrices of this order k, k (k + 1)/2 variables as [`svec`](super::svec) puts them; its own dual. A step
+    /// costs O(k⁵) for the derivatives and O(k⁶) for the system: for orders to about 50.
+    Semidefinite(usize),
 }
 
 impl Cone {
@@ -19,6 +23,7 @@ impl Cone {
     pub const fn len(self) -> usize {
         match self {
             Self::Nonnegative(n) | Self::SecondOrder(n) | Self::Free(n) => n,
+            Self::Semidefinite(order) => order.saturating_mul(order.saturating_add(1)) / 2,
         }
     }
 
@@ -28,7 +33,7 @@ impl Cone {
         self.len() == 0
     }
 
-    /// Moves x to the nearest point of the cone.
+    /// Moves x to the nearest point of the cone, to rounding; a matrix that is not finite becomes NaN.
     ///
     /// ```
     /// use semismooth::cones::Cone;
@@ -52,6 +57,7 @@ impl Cone {
                     *t = s;
                 }
             }
+            Self::Semidefinite(order) => semidefinite::project(order, x),
         }
     }
 
@@ -63,7 +69,8 @@ impl Cone {
         }
     }
 
-    /// An element of the B-subdifferential of the projection at z, n × n row by row (J.-S. Chen, X. Chen, P. Tseng, 2004).
+    /// An element of the B-subdifferential of the projection at z, n × n row by row (J.-S. Chen, X. Chen, P. Tseng, 2004; for matrices
+    /// D. Sun, J. Sun, 2002).
     pub(super) fn projection_derivative(self, z: &[f64], out: &mut [f64]) {
         let n = z.len();
         out.fill(0.0);
@@ -89,6 +96,7 @@ impl Cone {
                     }
                 }
             }
+            Self::Semidefinite(order) => semidefinite::projection_derivative(order, z, out),
         }
     }
 
@@ -97,6 +105,7 @@ impl Cone {
     pub(super) fn smoothed(self, mu: f64, x: &[f64], y: &[f64], out: &mut [f64]) {
         match self {
             Self::Free(_) => out.copy_from_slice(y),
+            Self::Semidefinite(order) => semidefinite::smoothed(order, mu, x, y, out),
             _ => {
                 let root = Root::new(mu, x, y, out);
                 for i in 0..x.len() {
@@ -116,11 +125,16 @@ impl Cone {
         room: &mut [f64],
     ) {
         let n = x.len();
-        if let Self::Free(_) = self {
-            by_x.fill(0.0);
-            by_y.fill(0.0);
-            (0..n).for_each(|i| by_y[i * n + i] = 1.0);
-            return;
+        match self {
+            Self::Free(_) => {
+                by_x.fill(0.0);
+                by_y.fill(0.0);
+                return (0..n).for_each(|i| by_y[i * n + i] = 1.0);
+            }
+            Self::Semidefinite(order) => {
+                return semidefinite::smoothed_derivatives(order, mu, x, y, [by_x, by_y]);
+            }
+            Self::Nonnegative(_) | Self::SecondOrder(_) => {}
         }
         let (direction, column) = room.split_at_mut(n);
         let root = Root::new(mu, x, y, direction);

@@ -8,7 +8,7 @@ use crate::complementarity::McpFunction;
 use crate::linear::{LinearError, LinearSolver};
 use crate::sparse::{max_abs, norm};
 
-/// A second-order cone, or one half-line or free variable.
+/// A second-order or semidefinite cone, or one half-line or free variable.
 pub(super) struct Part {
     pub(super) cone: Cone,
     pub(super) range: Range<usize>,
@@ -30,7 +30,7 @@ pub(super) fn parts(problem: &ConeProblem<&dyn McpFunction>) -> (Vec<Part>, usiz
     let (mut parts, mut at, mut widest) = (Vec::new(), 0, 0);
     for (cone, range) in problem.blocks() {
         let (cone, width) = match cone {
-            Cone::SecondOrder(n) => (cone, n),
+            Cone::SecondOrder(_) | Cone::Semidefinite(_) => (cone, cone.len()),
             Cone::Nonnegative(_) => (Cone::Nonnegative(1), 1),
             Cone::Free(_) => (Cone::Free(1), 1),
         };

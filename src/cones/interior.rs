@@ -92,6 +92,8 @@ impl Interior {
                 Cone::SecondOrder(_) => cones.push(range),
                 Cone::Nonnegative(_) => cones.extend(range.map(|k| k..k + 1)),
                 Cone::Free(_) => free.extend(range),
+                // Callers have none.
+                Cone::Semidefinite(_) => {}
             }
         }
         let mut first: Vec<usize> = (0..n).collect();

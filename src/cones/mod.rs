@@ -1,6 +1,6 @@
-//! Complementarity problems over products of half-lines, second-order cones and free variables.
+//! Complementarity problems over products of half-lines, second-order cones, semidefinite matrices and free variables.
 //!
-//! Find x ∈ K with F(x) ∈ K* and xᵀF(x) = 0. Optimality conditions of second-order cone programs, friction with a given bound and
+//! Find x ∈ K with F(x) ∈ K* and xᵀF(x) = 0. Optimality conditions of second-order cone and semidefinite programs, friction with a given bound and
 //! Coulomb friction in a fixed state of pressure are of this kind (F. Facchinei, J.-S. Pang, 2003, section 1.4; F. Alizadeh, D. Goldfarb,
 //! 2003). Factors of K are [`Cone`]s, a problem is a [`ConeProblem`], and [`ConeSolver`] solves it from any start.
 
@@ -16,6 +16,7 @@ mod problem;
 mod ray;
 mod report;
 mod run;
+mod semidefinite;
 mod solver;
 
 pub use cone::Cone;
@@ -26,4 +27,5 @@ pub(crate) use jordan::jordan;
 pub use options::ConeOptions;
 pub use problem::ConeProblem;
 pub use report::{ConeIteration, ConeRay, ConeReport, ConeStatus};
+pub use semidefinite::{smat, svec};
 pub use solver::ConeSolver;

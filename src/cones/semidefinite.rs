@@ -1,0 +1,285 @@
+//! Symmetric matrices as vectors, and functions of their eigenvalues with derivatives (D. Sun, J. Sun, Math. Oper. Res. 27 (2002)).
+
+use std::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
+
+use nalgebra::{DMatrix, DVector};
+
+use super::ConeError;
+use crate::sparse::max_abs;
+
+/// Sweeps of the eigenvalue iteration for each row.
+const SWEEPS: usize = 100;
+
+/// The upper triangle of a symmetric matrix column by column, off-diagonal entries times √2: (x₁₁, √2 x₁₂, x₂₂, √2 x₁₃, …), so that the
+/// scalar product of two such vectors is the trace of the product of the matrices. Only the upper triangle is read.
+///
+/// # Errors
+/// [`ConeError::Length`] for a row that is not as long as the matrix has rows.
+///
+/// ```
+/// use semismooth::cones::{svec, smat};
+/// let x = svec(&[[2.0, -1.0], [-1.0, 3.0]])?;
+/// assert_eq!(x, [2.0, -std::f64::consts::SQRT_2, 3.0]);
+/// assert!((smat(&x)?[1][0] + 1.0).abs() < 1e-15);
+/// # Ok::<(), semismooth::cones::ConeError>(())
+/// ```
+pub fn svec<R: AsRef<[f64]>>(rows: &[R]) -> Result<Vec<f64>, ConeError> {
+    let order = rows.len();
+    if let Some(row) = rows.iter().find(|r| r.as_ref().len() != order) {
+        return Err(ConeError::Length {
+            what: "a row of the symmetric matrix",
+            expected: order,
+            found: row.as_ref().len(),
+        });
+    }
+    let entry = |(i, j): (usize, usize)| rows[i].as_ref()[j] * weight(i, j);
+    Ok(triangle(order).map(entry).collect())
+}
+
+/// The rows of the symmetric matrix of a vector as [`svec`] makes it.
+///
+/// # Errors
+/// [`ConeError::Length`] where the length is not k (k + 1)/2 for some order k.
+pub fn smat(x: &[f64]) -> Result<Vec<Vec<f64>>, ConeError> {
+    let order = (0..)
+        .take_while(|k| k * (k + 1) / 2 <= x.len())
+        .last()
+        .unwrap_or(0);
+    if order * (order + 1) / 2 != x.len() {
+        return Err(ConeError::Length {
+            what: "the vector of a symmetric matrix of the next larger order",
+            expected: (order + 1) * (order + 2) / 2,
+            found: x.len(),
+        });
+    }
+    let mut rows = vec![vec![0.0; order]; order];
+    for ((i, j), v) in triangle(order).zip(x) {
+        rows[i][j] = v / weight(i, j);
+        rows[j][i] = rows[i][j];
+    }
+    Ok(rows)
+}
+
+/// Rows and columns of the upper triangle, column by column.
+fn triangle(order: usize) -> impl Iterator<Item = (usize, usize)> {
+    (0..order).flat_map(|j| (0..=j).map(move |i| (i, j)))
+}
+
+fn weight(i: usize, j: usize) -> f64 {
+    if i == j { 1.0 } else { SQRT_2 }
+}
+
+fn matrix(order: usize, x: &[f64]) -> DMatrix<f64> {
+    let mut m = DMatrix::zeros(order, order);
+    for ((i, j), v) in triangle(order).zip(x) {
+        let v = if i == j { *v } else { v * FRAC_1_SQRT_2 };
+        (m[(i, j)], m[(j, i)]) = (v, v);
+    }
+    m
+}
+
+fn write(m: &DMatrix<f64>, out: &mut [f64]) {
+    for ((i, j), out) in triangle(m.nrows()).zip(out) {
+        *out = 0.5 * (m[(i, j)] + m[(j, i)]) * weight(i, j);
+    }
+}
+
+/// Eigenvalues and eigenvectors, as columns; `None` where they are not to be had.
+fn eigen(mut m: DMatrix<f64>) -> Option<(DVector<f64>, DMatrix<f64>)> {
+    let largest = max_abs(m.as_slice());
+    if largest == 0.0 {
+        return Some((DVector::zeros(m.nrows()), DMatrix::identity(m.nrows(), m.nrows())));
+    }
+    // The decomposition may not end for numbers that are not finite, and squares them.
+    if !m.iter().all(|v| v.is_finite()) {
+        return None;
+    }
+    let half = (0.5 * largest.log2()).round();
+    let (down, up) = ((-half).exp2(), half.exp2());
+    m.iter_mut().for_each(|v| *v = *v * down * down);
+    let sweeps = SWEEPS * m.nrows();
+    let found = m.try_symmetric_eigen(f64::EPSILON, sweeps)?;
+    let values = found.eigenvalues.map(|v| v * up * up);
+    let finite = |m: &[f64]| m.iter().all(|v| v.is_finite());
+    (finite(values.as_slice()) && finite(found.eigenvectors.as_slice()))
+        .then_some((values, found.eigenvectors))
+}
+
+/// Q diag(f(λ)) Qᵀ.
+fn spectral(values: &DVector<f64>, q: &DMatrix<f64>, f: impl Fn(f64) -> f64) -> DMatrix<f64> {
+    let mut scaled = q.clone();
+    for (mut column, &v) in scaled.column_iter_mut().zip(values.iter()) {
+        column *= f(v);
+    }
+    scaled * q.transpose()
+}
+
+/// Moves x to the nearest positive semidefinite matrix: negative eigenvalues become zero.
+pub(super) fn project(order: usize, x: &mut [f64]) {
+    let Some((values, q)) = eigen(matrix(order, x)) else {
+        return x.fill(f64::NAN);
+    };
+    // What is inside stays as it is, to the last bit.
+    if values.iter().any(|v| *v < 0.0) {
+        write(&spectral(&values, &q, |v| v.max(0.0)), x);
+    }
+}
+
+/// An element of the B-subdifferential of the projection at z, row by row: H ↦ Q (Ω ∘ QᵀHQ) Qᵀ.
+pub(super) fn projection_derivative(order: usize, z: &[f64], out: &mut [f64]) {
+    let Some((values, q)) = eigen(matrix(order, z)) else {
+        return out.fill(f64::NAN);
+    };
+    // The divided differences of max(λ, 0); those of zero are the limits from below.
+    let omega = DMatrix::from_fn(order, order, |i, j| {
+        let (a, b) = (values[i].max(values[j]), values[i].min(values[j]));
+        if b > 0.0 {
+            1.0
+        } else if a > 0.0 {
+            a / (a - b)
+        } else {
+            0.0
+        }
+    });
+    let rows = q.transpose();
+    columns(&q, &rows, 0.5, &omega, |at, image| out[at] = image);
+}
+
+/// X + Y − (X² + Y² + 2 μ² I)^½.
+pub(super) fn smoothed(order: usize, mu: f64, x: &[f64], y: &[f64], out: &mut [f64]) {
+    let [a, b] = [x, y].map(|v| matrix(order, v));
+    let Some((roots, q)) = root(mu, &a, &b) else {
+        return out.fill(f64::NAN);
+    };
+    write(&(a + b - spectral(&roots, &q, |v| v)), out);
+}
+
+/// Its derivatives by X and by Y: H ↦ H − Q ((Qᵀ(XH + HX)Q)ᵢⱼ / (zᵢ + zⱼ)) Qᵀ, z the eigenvalues of the root.
+pub(super) fn smoothed_derivatives(order: usize, mu: f64, x: &[f64], y: &[f64], by: [&mut [f64]; 2]) {
+    let [a, b] = [x, y].map(|v| matrix(order, v));
+    let Some((roots, q)) = root(mu, &a, &b) else {
+        return by.into_iter().for_each(|by| by.fill(f64::NAN));
+    };
+    let weights = DMatrix::from_fn(order, order, |i, j| (roots[i] + roots[j]).recip());
+    let n = x.len();
+    for (m, by) in [a, b].into_iter().zip(by) {
+        let rows = q.transpose() * m;
+        columns(&q, &rows, 1.0, &weights, |at, image| {
+            by[at] = f64::from(u8::from(at % (n + 1) == 0)) - image;
+        });
+    }
+}
+
+/// Eigenvalues and eigenvectors of (X² + Y² + 2 μ² I)^½.
+fn root(mu: f64, x: &DMatrix<f64>, y: &DMatrix<f64>) -> Option<(DVector<f64>, DMatrix<f64>)> {
+    let (values, q) = eigen(x * x + y * y)?;
+    Some((values.map(|v| (v.max(0.0) + 2.0 * mu * mu).sqrt()), q))
+}
+
+/// The matrix (n × n) of H ↦ Q (W ∘ (R H Q + (R H Q)ᵀ)) Qᵀ times a factor, entry by entry with its place, R given by columns.
+fn columns(
+    q: &DMatrix<f64>,
+    rows: &DMatrix<f64>,
+    factor: f64,
+    weights: &DMatrix<f64>,
+    mut write: impl FnMut(usize, f64),
+) {
+    let order = q.nrows();
+    let n = order * (order + 1) / 2;
+    let (mut inner, mut half, mut image) = (
+        DMatrix::zeros(order, order),
+        DMatrix::zeros(order, order),
+        DMatrix::zeros(order, order),
+    );
+    let across = q.transpose();
+    for (column, (a, b)) in triangle(order).enumerate() {
+        // H is e_a e_aᵀ, or (e_a e_bᵀ + e_b e_aᵀ)/√2.
+        let size = if a == b {
+            0.5 * factor
+        } else {
+            factor * FRAC_1_SQRT_2
+        };
+        for j in 0..order {
+            for i in 0..=j {
+                let sum = rows[(i, a)] * q[(b, j)]
+                    + rows[(i, b)] * q[(a, j)]
+                    + q[(b, i)] * rows[(j, a)]
+                    + q[(a, i)] * rows[(j, b)];
+                let value = size * weights[(i, j)] * sum;
+                (inner[(i, j)], inner[(j, i)]) = (value, value);
+            }
+        }
+        q.mul_to(&inner, &mut half);
+        half.mul_to(&across, &mut image);
+        for (row, (i, j)) in triangle(order).enumerate() {
+            write(row * n + column, image[(i, j)] * weight(i, j));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::sparse::{dot, norm};
+
+    proptest! {
+        /// z = P(z) − P(−z) with both parts semidefinite and orthogonal; derivatives are those of differences, where there are any.
+        #[test]
+        fn projections_and_roots(r in prop::collection::vec(-3.0..3.0_f64, 30), order in 1..5_usize, mu in 0.1..2.0_f64) {
+            let n = order * (order + 1) / 2;
+            let (x, y, d) = (&r[..n], &r[10..10 + n], &r[20..20 + n]);
+            let (mut plus, mut minus) = (x.to_vec(), x.iter().map(|v| -v).collect::<Vec<_>>());
+            project(order, &mut plus);
+            project(order, &mut minus);
+            prop_assert!(dot(&plus, &minus).abs() < 1e-12);
+            for i in 0..n {
+                prop_assert!((plus[i] - minus[i] - x[i]).abs() < 1e-12);
+            }
+            let least = |v: &[f64]| eigen(matrix(order, v)).unwrap().0.min();
+            prop_assert!(least(&plus) > -1e-13 && least(&minus) > -1e-13);
+            let along = |f: &dyn Fn(&[f64], &mut [f64]), v: &[f64]| -> Vec<f64> {
+                let at = |s: f64| {
+                    let moved: Vec<f64> = v.iter().zip(d).map(|(v, d)| v + s * d).collect();
+                    let mut out = vec![0.0; n];
+                    f(&moved, &mut out);
+                    out
+                };
+                let (p, m) = (at(1e-5), at(-1e-5));
+                p.iter().zip(&m).map(|(p, m)| (p - m) / 2e-5).collect()
+            };
+            let times = |m: &[f64]| -> Vec<f64> { m.chunks(n).map(|row| dot(row, d)).collect() };
+            let near = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-6);
+            let eigenvalues = eigen(matrix(order, x)).unwrap().0;
+            let (mut by_x, mut by_y) = (vec![0.0; n * n], vec![0.0; n * n]);
+            if eigenvalues.iter().all(|v| v.abs() > 1e-2) {
+                projection_derivative(order, x, &mut by_x);
+                let quotient = along(&|v, out| { out.copy_from_slice(v); project(order, out); }, x);
+                prop_assert!(near(&times(&by_x), &quotient));
+            }
+            smoothed_derivatives(order, mu, x, y, [&mut by_x, &mut by_y]);
+            prop_assert!(near(&times(&by_x), &along(&|v, out| smoothed(order, mu, v, y, out), x)));
+            prop_assert!(near(&times(&by_y), &along(&|v, out| smoothed(order, mu, x, v, out), y)));
+            // It vanishes exactly where X Y = μ² I, both definite.
+            let mut inside = plus.clone();
+            triangle(order).zip(&mut inside).filter(|((i, j), _)| i == j).for_each(|(_, v)| *v += 0.5);
+            let inverse = matrix(order, &inside).try_inverse().unwrap() * (mu * mu);
+            let mut image = vec![0.0; n];
+            write(&inverse, &mut image);
+            let mut out = vec![0.0; n];
+            smoothed(order, mu, &inside, &image, &mut out);
+            prop_assert!(norm(&out) < 1e-10 * (1.0 + norm(&image)));
+        }
+    }
+
+    #[test]
+    fn what_is_not_finite_stays_so() {
+        let mut x = [f64::NAN, 0.0, 1.0];
+        project(2, &mut x);
+        assert!(x.iter().all(|v| v.is_nan()));
+        let mut huge = [-1e300, 1e300, 1e300];
+        project(2, &mut huge);
+        assert!(huge.iter().all(|v| v.is_finite()));
+    }
+}
