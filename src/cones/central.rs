@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use super::equations::{Map, Part};
 use super::interior::{Image, Interior};
 use super::run::{Run, TAIL};
-use super::{Cone, ConeError, ConeStatus};
+use super::{ConeError, ConeStatus};
 use crate::linear::{Cholesky, LinearSolver};
 use crate::sparse::{Matrix, Pattern, max_abs};
 
@@ -66,12 +66,10 @@ impl Run<'_> {
     }
 
     /// From `start` along the central path until steps of the natural map end at a solution; `None` where they do not. The path leads
-    /// there where F is monotone and x and F(x) can be inside of their cones at once; solutions need not be unique. Not for matrices, whose
-    /// scaling is another.
+    /// there where F is monotone and x and F(x) can be inside of their cones at once; solutions need not be unique.
     pub(super) fn interior_points(&mut self, start: &[f64]) -> Result<Option<ConeStatus>, ConeError> {
-        let matrices = |part: &Part| matches!(part.cone, Cone::Semidefinite(_));
         self.x.copy_from_slice(start);
-        if self.parts.iter().any(matrices) || !self.evaluate()? {
+        if !self.evaluate()? {
             return Ok(None);
         }
         self.choose_units();
@@ -144,7 +142,7 @@ impl Run<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{ConeOptions, ConeProblem};
+    use super::super::{Cone, ConeOptions, ConeProblem};
     use super::*;
     use crate::clock::Deadline;
     use crate::complementarity::{AffineFunction, McpFunction, WithJacobian};

@@ -1,9 +1,10 @@
-//! Interior points for complementarity on products of second-order cones: from anywhere into the neighbourhood of a solution.
+//! Interior points for complementarity on products of symmetric cones: from anywhere into the neighbourhood of a solution.
 
 use std::ops::Range;
 
 use super::Cone;
 use super::jordan::{Scaling, jordan, jordan_divide, reach};
+use super::semidefinite::MatrixScaling;
 use crate::linear::{AutoSolver, Cholesky, Gmres, LinearSolver};
 use crate::sparse::{MatrixRef, PatternRef, dot, norm};
 
@@ -53,6 +54,8 @@ pub(crate) struct Interior {
     near: Vec<f64>,
     /// Cones with their variables; what is in none of them is free.
     cones: Vec<Range<usize>>,
+    /// The scaling of those that hold matrices.
+    matrices: Vec<Option<MatrixScaling>>,
     free: Vec<usize>,
     x: Vec<f64>,
     y: Vec<f64>,
@@ -84,7 +87,7 @@ impl Interior {
         row_idx: Vec<usize>,
         symmetric: bool,
     ) -> Self {
-        let (mut cones, mut free, mut n) = (Vec::new(), Vec::new(), 0);
+        let (mut cones, mut matrices, mut free, mut n) = (Vec::new(), Vec::new(), Vec::new(), 0);
         for cone in parts {
             let range = n..n + cone.len();
             n = range.end;
@@ -92,10 +95,14 @@ impl Interior {
                 Cone::SecondOrder(_) => cones.push(range),
                 Cone::Nonnegative(_) => cones.extend(range.map(|k| k..k + 1)),
                 Cone::Free(_) => free.extend(range),
-                // Callers have none.
-                Cone::Semidefinite(_) => {}
+                Cone::Semidefinite(order) => {
+                    cones.push(range);
+                    matrices.resize(cones.len() - 1, None);
+                    matrices.push(Some(MatrixScaling::identity(order)));
+                }
             }
         }
+        matrices.resize(cones.len(), None);
         let mut first: Vec<usize> = (0..n).collect();
         for range in &cones {
             first[range.clone()].fill(range.start);
@@ -114,6 +121,7 @@ impl Interior {
             diagonal: (0..n).map(place).collect(),
             beta: vec![1.0; cones.len()],
             cones,
+            matrices,
             free,
             x: vec![0.0; n],
             y: vec![0.0; n],
@@ -148,9 +156,12 @@ impl Interior {
         for z in [&mut self.x, &mut self.y] {
             let sum: f64 = self.cones.iter().map(|r| z[r.start].abs()).sum();
             let inside = (sum / self.cones.len() as f64).max(least);
-            for range in &self.cones {
+            for (range, matrix) in self.cones.iter().zip(&self.matrices) {
                 let z = &mut z[range.clone()];
-                z[0] = z[0].max(norm(&z[1..]) + inside);
+                match matrix {
+                    Some(m) => m.lift(inside, z),
+                    None => z[0] = z[0].max(norm(&z[1..]) + inside),
+                }
             }
         }
         for &k in &self.free {
@@ -158,17 +169,22 @@ impl Interior {
         }
     }
 
-    /// Complementarity, mean of x·y over the cones.
+    /// Complementarity, mean of x·y over the cones and the rows of matrices.
     pub(crate) fn gap(&self) -> f64 {
-        dot(&self.x, &self.y) / self.cones.len().max(1) as f64
+        let rows = |m: &Option<MatrixScaling>| m.as_ref().map_or(1, MatrixScaling::order);
+        let degree: usize = self.matrices.iter().map(rows).sum();
+        dot(&self.x, &self.y) / degree.max(1) as f64
     }
 
-    fn scaling(&self, cone: usize) -> Scaling<'_> {
+    fn scaling(&self, cone: usize) -> CurrentScaling<'_> {
         let range = self.cones[cone].clone();
-        Scaling {
-            beta: self.beta[cone],
-            v: &self.v[range.clone()],
-            w: &self.w[range],
+        match &self.matrices[cone] {
+            Some(m) => CurrentScaling::Matrix(m),
+            None => CurrentScaling::SecondOrder(Scaling {
+                beta: self.beta[cone],
+                v: &self.v[range.clone()],
+                w: &self.w[range],
+            }),
         }
     }
 
@@ -177,8 +193,17 @@ impl Interior {
         map.image(&self.x, &mut self.image);
         for (k, range) in self.cones.iter().enumerate() {
             let (x, y) = (&self.x[range.clone()], &self.y[range.clone()]);
-            let (v, w) = (&mut self.v[range.clone()], &mut self.w[range.clone()]);
-            self.beta[k] = Scaling::between(x, y, v, w);
+            match &mut self.matrices[k] {
+                Some(m) => {
+                    if !m.between(x, y) {
+                        return None;
+                    }
+                }
+                None => {
+                    let (v, w) = (&mut self.v[range.clone()], &mut self.w[range.clone()]);
+                    self.beta[k] = Scaling::between(x, y, v, w);
+                }
+            }
         }
         // Near the boundary the matrix may be singular to working precision: a larger shift makes the step inexact, no more.
         let mut shift = SHIFT;
@@ -204,21 +229,15 @@ impl Interior {
     }
 
     fn assemble(&mut self, map: &impl Image, shift: f64) {
-        map.derivative(&mut self.values);
+        let (mut all, mut near) = (std::mem::take(&mut self.values), std::mem::take(&mut self.near));
+        map.derivative(&mut all);
         if self.symmetric {
-            map.near(&mut self.near);
+            map.near(&mut near);
         }
-        let scalings = self.cones.iter().enumerate().map(|(k, range)| {
-            let scaling = Scaling {
-                beta: self.beta[k],
-                v: &self.v[range.clone()],
-                w: &self.w[range.clone()],
-            };
-            (range.clone(), scaling)
-        });
-        for values in [Some(&mut self.values), self.symmetric.then_some(&mut self.near)] {
+        for values in [Some(&mut all), self.symmetric.then_some(&mut near)] {
             let Some(values) = values else { continue };
-            for (range, scaling) in scalings.clone() {
+            for (k, range) in self.cones.iter().enumerate() {
+                let scaling = self.scaling(k);
                 for (c, j) in range.clone().enumerate() {
                     let at = self.diagonal[j];
                     for (a, value) in values[at..at + range.len()].iter_mut().enumerate() {
@@ -231,6 +250,7 @@ impl Interior {
                 values[self.diagonal[j]] += shift * map.unit(j);
             }
         }
+        (self.values, self.near) = (all, near);
     }
 
     /// Mehrotra's direction with the matrix assembled last.
@@ -288,18 +308,17 @@ impl Interior {
             target.fill(0.0);
             if correct {
                 scaling.apply(&self.dx[range.clone()], lambda);
-                scaling.apply_inverse(&self.dy[range.clone()], other);
-                jordan(lambda, other, target);
+                scaling.apply_inverse_transposed(&self.dy[range.clone()], other);
+                scaling.product(lambda, other, target);
             }
             scaling.apply(&self.x[range.clone()], lambda);
-            jordan(lambda, lambda, d);
+            scaling.product(lambda, lambda, d);
             d.iter_mut()
                 .zip(&*target)
                 .for_each(|(d, second)| *d = -*d - second);
-            // x ∘ y = σ e has x·y = σ: the gap counts one for a cone.
-            d[0] += sigma;
-            jordan_divide(lambda, d);
-            scaling.apply(d, target);
+            scaling.add_unit(sigma, d);
+            scaling.divide(lambda, d);
+            scaling.apply_transposed(d, target);
         }
         for &k in &self.free {
             target[k] = 0.0;
@@ -322,10 +341,84 @@ impl Interior {
 
     fn longest(&self) -> f64 {
         let pairs = [(&self.x, &self.dx), (&self.y, &self.dy)];
-        let reaches = self
-            .cones
-            .iter()
-            .flat_map(|range| pairs.map(|(z, d)| reach(&z[range.clone()], &d[range.clone()])));
+        let reaches = self.cones.iter().zip(&self.matrices).flat_map(|(range, matrix)| {
+            pairs.map(|(z, d)| {
+                let (z, d) = (&z[range.clone()], &d[range.clone()]);
+                match matrix {
+                    Some(m) => m.reach(z, d),
+                    None => reach(z, d),
+                }
+            })
+        });
         reaches.fold(1.0, f64::min)
+    }
+}
+
+/// The scaling W of one cone, W x = W⁻ᵀ y, and its algebra.
+enum CurrentScaling<'a> {
+    SecondOrder(Scaling<'a>),
+    Matrix(&'a MatrixScaling),
+}
+
+impl CurrentScaling<'_> {
+    fn apply(&self, z: &[f64], out: &mut [f64]) {
+        match self {
+            Self::SecondOrder(s) => s.apply(z, out),
+            Self::Matrix(m) => m.apply(z, out),
+        }
+    }
+
+    fn apply_transposed(&self, z: &[f64], out: &mut [f64]) {
+        match self {
+            Self::SecondOrder(s) => s.apply(z, out),
+            Self::Matrix(m) => m.apply_transposed(z, out),
+        }
+    }
+
+    fn apply_inverse_transposed(&self, z: &[f64], out: &mut [f64]) {
+        match self {
+            Self::SecondOrder(s) => s.apply_inverse(z, out),
+            Self::Matrix(m) => m.apply_inverse_transposed(z, out),
+        }
+    }
+
+    /// out − WᵀW z.
+    fn subtract_square(&self, z: &[f64], out: &mut [f64]) {
+        match self {
+            Self::SecondOrder(s) => s.subtract_square(z, out),
+            Self::Matrix(m) => m.subtract_square(z, out),
+        }
+    }
+
+    /// Entry (i, j) of WᵀW.
+    fn square(&self, i: usize, j: usize) -> f64 {
+        match self {
+            Self::SecondOrder(s) => s.square(i, j),
+            Self::Matrix(m) => m.square(i, j),
+        }
+    }
+
+    /// a ∘ b.
+    fn product(&self, a: &[f64], b: &[f64], out: &mut [f64]) {
+        match self {
+            Self::SecondOrder(_) => jordan(a, b, out),
+            Self::Matrix(m) => m.product(a, b, out),
+        }
+    }
+
+    /// Overwrites b by z with λ ∘ z = b, λ = W x.
+    fn divide(&self, lambda: &[f64], b: &mut [f64]) {
+        match self {
+            Self::SecondOrder(_) => jordan_divide(lambda, b),
+            Self::Matrix(m) => m.divide(b),
+        }
+    }
+
+    /// z + s e; x ∘ y = σ e has x·y = σ in a second-order cone: the gap counts one for it.
+    fn add_unit(&self, s: f64, z: &mut [f64]) {
+        match self {
+            Self::SecondOrder(_) => z[0] += s,
+            Self::Matrix(m) => m.add_unit(s, z),
+        }
     }
 }

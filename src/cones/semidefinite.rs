@@ -217,6 +217,135 @@ fn columns(
     }
 }
 
+/// The scaling of Nesterov and Todd between X and Y inside of the cone: RᵀXR = R⁻¹YR⁻ᵀ = Λ, diagonal, and W z = Rᵀ Z R.
+#[derive(Debug, Clone)]
+pub(super) struct MatrixScaling {
+    r: DMatrix<f64>,
+    inverse: DMatrix<f64>,
+    /// R Rᵀ: WᵀW z = R Rᵀ Z R Rᵀ.
+    square: DMatrix<f64>,
+    lambda: DVector<f64>,
+    /// Rows and columns of the entries of a vector.
+    places: Vec<(usize, usize)>,
+}
+
+impl MatrixScaling {
+    pub(super) fn identity(order: usize) -> Self {
+        let one = DMatrix::identity(order, order);
+        Self {
+            r: one.clone(),
+            inverse: one.clone(),
+            square: one,
+            lambda: DVector::from_element(order, 1.0),
+            places: triangle(order).collect(),
+        }
+    }
+
+    pub(super) fn order(&self) -> usize {
+        self.lambda.len()
+    }
+
+    /// From X = K Kᵀ, Y = L Lᵀ and Lᵀ K = U Λ Vᵀ: R = L U Λ^(−½), R⁻¹ = Λ^(−½) Vᵀ Kᵀ (M. Todd, K. Toh, R. Tütüncü, 1998). `false` where
+    /// X or Y is not inside to working precision.
+    pub(super) fn between(&mut self, x: &[f64], y: &[f64]) -> bool {
+        let order = self.order();
+        let factor = |v: &[f64]| matrix(order, v).cholesky().map(|c| c.unpack());
+        let (Some(k), Some(l)) = (factor(x), factor(y)) else {
+            return false;
+        };
+        let product = l.transpose() * &k;
+        if !product.iter().all(|v| v.is_finite()) {
+            return false;
+        }
+        let Some(svd) = product.try_svd(true, true, f64::EPSILON, SWEEPS * order) else {
+            return false;
+        };
+        let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else {
+            return false;
+        };
+        self.lambda = svd.singular_values;
+        let half = DMatrix::from_diagonal(&self.lambda.map(|s| s.sqrt().recip()));
+        self.r = l * u * &half;
+        self.inverse = half * v_t * k.transpose();
+        self.square = &self.r * self.r.transpose();
+        let finite = |m: &DMatrix<f64>| m.iter().all(|v| v.is_finite());
+        finite(&self.square) && finite(&self.inverse)
+    }
+
+    fn congruence(&self, left: &DMatrix<f64>, z: &[f64], out: &mut [f64]) {
+        write(&(left * matrix(self.order(), z) * left.transpose()), out);
+    }
+
+    /// W z.
+    pub(super) fn apply(&self, z: &[f64], out: &mut [f64]) {
+        self.congruence(&self.r.transpose(), z, out);
+    }
+
+    /// Wᵀ z.
+    pub(super) fn apply_transposed(&self, z: &[f64], out: &mut [f64]) {
+        self.congruence(&self.r, z, out);
+    }
+
+    /// W⁻ᵀ z.
+    pub(super) fn apply_inverse_transposed(&self, z: &[f64], out: &mut [f64]) {
+        self.congruence(&self.inverse, z, out);
+    }
+
+    /// out − WᵀW z.
+    pub(super) fn subtract_square(&self, z: &[f64], out: &mut [f64]) {
+        let mut image = vec![0.0; z.len()];
+        self.congruence(&self.square, z, &mut image);
+        out.iter_mut().zip(&image).for_each(|(o, v)| *o -= v);
+    }
+
+    /// Entry (i, j) of WᵀW.
+    pub(super) fn square(&self, i: usize, j: usize) -> f64 {
+        let ((a, b), (c, d), w) = (self.places[i], self.places[j], &self.square);
+        0.5 * weight(a, b) * weight(c, d) * (w[(a, c)] * w[(b, d)] + w[(a, d)] * w[(b, c)])
+    }
+
+    /// Overwrites b by z with Λ ∘ z = b, A ∘ B = (AB + BA)/2.
+    pub(super) fn divide(&self, b: &mut [f64]) {
+        for (b, &(i, j)) in b.iter_mut().zip(&self.places) {
+            *b /= 0.5 * (self.lambda[i] + self.lambda[j]);
+        }
+    }
+
+    /// z + s I.
+    pub(super) fn add_unit(&self, s: f64, z: &mut [f64]) {
+        let diagonal = z.iter_mut().zip(&self.places).filter(|e| e.1.0 == e.1.1);
+        diagonal.for_each(|(z, _)| *z += s);
+    }
+
+    /// A ∘ B.
+    pub(super) fn product(&self, a: &[f64], b: &[f64], out: &mut [f64]) {
+        let [a, b] = [a, b].map(|v| matrix(self.order(), v));
+        write(&(a * b), out);
+    }
+
+    /// Largest t ≤ 1 with Z + t D in the cone, for Z inside.
+    pub(super) fn reach(&self, z: &[f64], d: &[f64]) -> f64 {
+        let [z, d] = [z, d].map(|v| matrix(self.order(), v));
+        let Some(l) = z.cholesky().map(|c| c.unpack()) else {
+            return 0.0;
+        };
+        let half = l.solve_lower_triangular(&d).map(|h| h.transpose());
+        let inner = half.and_then(|h| l.solve_lower_triangular(&h));
+        match inner.and_then(eigen) {
+            Some((values, _)) if values.min() < -1.0 => -values.min().recip(),
+            Some(_) => 1.0,
+            None => 0.0,
+        }
+    }
+
+    /// Lifts the eigenvalues of Z to at least `inside`.
+    pub(super) fn lift(&self, inside: f64, z: &mut [f64]) {
+        if let Some((values, _)) = eigen(matrix(self.order(), z)) {
+            self.add_unit((inside - values.min()).max(0.0), z);
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use proptest::prelude::*;
@@ -270,6 +399,46 @@ mod tests {
             let mut out = vec![0.0; n];
             smoothed(order, mu, &inside, &image, &mut out);
             prop_assert!(norm(&out) < 1e-10 * (1.0 + norm(&image)));
+        }
+    }
+
+    proptest! {
+        /// W x = W⁻ᵀ y = Λ, WᵀW x = y; division undoes the product; the reach ends on the boundary.
+        #[test]
+        fn scalings_of_matrices(r in prop::collection::vec(-2.0..2.0_f64, 30), order in 1..5_usize) {
+            let n = order * (order + 1) / 2;
+            let mut scaling = MatrixScaling::identity(order);
+            let inside = |r: &[f64]| {
+                let mut z = r[..n].to_vec();
+                scaling.lift(0.3, &mut z);
+                z
+            };
+            let (x, y, d) = (inside(&r), inside(&r[10..]), &r[20..20 + n]);
+            prop_assert!(scaling.between(&x, &y));
+            let near = |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-9);
+            let (mut left, mut right) = (vec![0.0; n], vec![0.0; n]);
+            scaling.apply(&x, &mut left);
+            scaling.apply_inverse_transposed(&y, &mut right);
+            prop_assert!(near(&left, &right));
+            let mut lambda = vec![0.0; n];
+            write(&DMatrix::from_diagonal(&scaling.lambda), &mut lambda);
+            prop_assert!(near(&left, &lambda));
+            let rows: Vec<f64> = (0..n).map(|i| (0..n).map(|j| scaling.square(i, j) * x[j]).sum()).collect();
+            prop_assert!(near(&rows, &y));
+            let mut rest = y.clone();
+            scaling.subtract_square(&x, &mut rest);
+            prop_assert!(near(&rest, &vec![0.0; n]));
+            // ⟨W d, x⟩ = ⟨d, Wᵀ x⟩.
+            scaling.apply(d, &mut left);
+            scaling.apply_transposed(&x, &mut right);
+            prop_assert!((dot(&left, &x) - dot(d, &right)).abs() < 1e-9);
+            scaling.product(&lambda, d, &mut left);
+            scaling.divide(&mut left);
+            prop_assert!(near(&left, d));
+            let t = scaling.reach(&x, d);
+            let at: Vec<f64> = x.iter().zip(d).map(|(x, d)| x + t * d).collect();
+            let least = eigen(matrix(order, &at)).unwrap().0.min();
+            prop_assert!(least > -1e-9 && (t == 1.0 || least < 1e-9));
         }
     }
 
