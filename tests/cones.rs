@@ -415,6 +415,34 @@ fn lovasz_numbers_of_circles() {
     }
 }
 
+/// (t, v) nearest to (1, 3, 4) turned, with the second entry of v, in the old axes, held at 0 by an equation: it is rounding, and so are the
+/// terms of that row.
+#[test]
+fn equations_for_what_is_rounding_are_solved() {
+    for angle in [0.3_f64, 1.1, 2.0] {
+        let (sin, cos) = angle.sin_cos();
+        // x = (t, v₁, v₂) in turned axes; cos v₁ + sin v₂ = 0 with the multiplier y.
+        let rows = [
+            [0.0, 0.0, cos, sin],
+            [0.0, 1.0, 0.0, 0.0],
+            [-cos, 0.0, 1.0, 0.0],
+            [-sin, 0.0, 0.0, 1.0],
+        ];
+        let f = AffineFunction::new(Matrix::from_rows(&rows).unwrap(), vec![0.0, -1.0, -3.0, -4.0]).unwrap();
+        let problem = ConeProblem::new(f, vec![Cone::Free(1), Cone::SecondOrder(3)]).unwrap();
+        let mut x = [0.0; 4];
+        let report = ConeSolver::default().solve(&problem, &mut x).unwrap();
+        // The point of the plane t ≥ |w| nearest to (1, w), w = −3 sin + 4 cos.
+        let w = 4.0 * cos - 3.0 * sin;
+        let t = if w.abs() > 1.0 { 0.5 * (1.0 + w.abs()) } else { 1.0 };
+        assert!(
+            report.is_solved() && (x[1] - t).abs() < 1e-9,
+            "{angle}: {report:?} {x:?}"
+        );
+        assert!(report.iterations < 40, "{angle}: {}", report.iterations);
+    }
+}
+
 /// X₁₁ = −1 has no semidefinite X, and neither have X₁₁ = 0, X₁₂ = 1.
 #[test]
 fn semidefinite_programs_without_points() {

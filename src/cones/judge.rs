@@ -9,6 +9,9 @@ use crate::sparse::{max_abs, norm};
 /// relative to its terms. Smaller ones may be rounding where F is curved.
 const FAR: f64 = 1e-6;
 const NO_CONSTANT: f64 = 8.0 * f64::EPSILON;
+/// Part of the norm of a cone's entries that one entry counts at least: some rounding errors of the norm are then within the tolerance.
+const FLOOR: f64 = 1e-4;
+
 impl Run<'_> {
     /// Keeps the projection of x on K if it is the best point so far; tells whether it is a solution.
     pub(super) fn judge(&mut self) -> Result<bool, ConeError> {
@@ -31,11 +34,14 @@ impl Run<'_> {
 
     /// [`ConeReport::error`](super::ConeReport::error) at x, F and ∇F at hand.
     fn error(&mut self) -> f64 {
-        self.terms.fill(0.0);
         self.rest.copy_from_slice(&self.f);
         for (i, j, v) in self.jac.triplets() {
-            self.terms[i] += (v * self.x[j]).abs();
             self.rest[i] -= v * self.x[j];
+        }
+        self.choose_floors();
+        self.terms.fill(0.0);
+        for (i, j, v) in self.jac.triplets() {
+            self.terms[i] += v.abs() * self.x[j].abs().max(self.room[self.owner[j]]);
         }
         for (term, rest) in self.terms.iter_mut().zip(&self.rest) {
             *term += rest.abs();
@@ -81,5 +87,32 @@ impl Run<'_> {
         // What the rounding of the terms may hide.
         let hidden = if far < 1.0 { f64::EPSILON / far } else { 0.0 };
         (worst / far).max(hidden)
+    }
+
+    /// Sizes below which entries of each cone are told from zero no more, in `room`: projections round by the norm of all entries. Where
+    /// this norm is larger than the size at which the constants are terms like others, that one counts: far out everything is small.
+    fn choose_floors(&mut self) {
+        let constants = self.constant.as_ref().unwrap_or(&self.rest);
+        let largest = &mut self.terms;
+        largest.fill(0.0);
+        for (i, _, v) in self.jac.triplets() {
+            largest[i] = largest[i].max(v.abs());
+        }
+        let (floors, sizes) = self.room.split_at_mut(self.parts.len());
+        floors.fill(0.0);
+        sizes.fill(0.0);
+        for (i, j, v) in self.jac.triplets().filter(|e| e.2 != 0.0) {
+            let part = self.owner[j];
+            floors[part] = floors[part].max(constants[i].abs() / largest[i]);
+            sizes[part] = sizes[part].max(v.abs() / largest[i]);
+        }
+        for ((part, floor), size) in self.parts.iter().zip(floors).zip(sizes) {
+            let length = norm(&self.x[part.range.clone()]);
+            *floor = match part.range.len() {
+                1 => 0.0,
+                _ if *floor > 0.0 => FLOOR * length.min(*floor / *size),
+                _ => FLOOR * length,
+            };
+        }
     }
 }
