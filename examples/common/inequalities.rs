@@ -74,7 +74,7 @@ pub(crate) fn read_vi(path: &Path) -> Result<(Problem, Vi<Function>), Failure> {
     })
 }
 
-/// Reads a cone complementarity problem: `cones` is a list of ["l" | "q" | "f", number of variables].
+/// Reads a cone complementarity problem: `cones` is a list of ["l" | "q" | "f" | "s", number of variables].
 pub(crate) fn read_cone(path: &Path) -> Result<(Problem, ConeProblem<Function>), Failure> {
     open(path, |file, n| {
         let list = file["cones"].as_array().ok_or("`cones` is missing or no list")?;
@@ -88,6 +88,14 @@ pub(crate) fn read_cone(path: &Path) -> Result<(Problem, ConeProblem<Function>),
                 (Some("l"), Some(size)) => Cone::Nonnegative(size),
                 (Some("q"), Some(size)) => Cone::SecondOrder(size),
                 (Some("f"), Some(size)) => Cone::Free(size),
+                (Some("s"), Some(size)) => match (1..=size).find(|k| k * (k + 1) / 2 >= size) {
+                    Some(order) if order * (order + 1) / 2 == size => Cone::Semidefinite(order),
+                    _ => {
+                        return Err(format!(
+                            "cones[{k}]: {size} is not k (k + 1)/2, the variables of a matrix of order k"
+                        ));
+                    }
+                },
                 _ => {
                     return Err(format!(
                         "cones[{k}]: {} is no cone of 1 to {n} variables",

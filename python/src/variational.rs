@@ -186,7 +186,9 @@ impl ConeResult {
 /// F : callable, Map, or tuple (M, q)
 ///     As for :func:`solve_vi`.
 /// cones : list of (str, int)
-///     The factors of K and their dimensions, which cut x in order: "free", "nonnegative", or "second-order" (x₀ ≥ ‖(x₁, …)‖₂).
+///     The factors of K and their dimensions, which cut x in order: "free", "nonnegative", "second-order" (x₀ ≥ ‖(x₁, …)‖₂),
+///     or "semidefinite" with the order k of the matrices, k (k + 1)/2 variables: the upper triangle column by column, entries off the
+///     diagonal times √2.
 /// x0 : array of shape (n,), optional
 ///     Start; 0 unless given.
 /// jac, pattern, callback
@@ -218,8 +220,9 @@ fn solve_cone(
         "free" => Ok(Cone::Free(dimension)),
         "nonnegative" => Ok(Cone::Nonnegative(dimension)),
         "second-order" => Ok(Cone::SecondOrder(dimension)),
+        "semidefinite" => Ok(Cone::Semidefinite(dimension)),
         _ => Err(PyValueError::new_err(format!(
-            "the cone \"{name}\" is not known: write \"free\", \"nonnegative\" or \"second-order\""
+            "the cone \"{name}\" is not known: write \"free\", \"nonnegative\", \"second-order\" or \"semidefinite\""
         ))),
     };
     let cones: Vec<Cone> = cones.into_iter().map(cone).collect::<PyResult<_>>()?;

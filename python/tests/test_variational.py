@@ -53,6 +53,20 @@ def test_nearest_points_of_cones_have_closed_forms(seed):
     np.testing.assert_allclose(traced.x, result.x, atol=1e-9)
 
 
+def test_semidefinite_cones_project_by_eigenvalues():
+    rng = np.random.default_rng(7)
+    given = rng.normal(size=(4, 4))
+    given = given + given.T
+    rows, columns = np.array([(i, j) for j in range(4) for i in range(j + 1)]).T
+    weights = np.where(rows == columns, 1.0, np.sqrt(2.0))
+    point = given[rows, columns] * weights
+    result = ss.solve_cone((np.eye(10), -point), [("semidefinite", 4)])
+    values, vectors = np.linalg.eigh(given)
+    nearest = (vectors * np.maximum(values, 0.0)) @ vectors.T
+    assert result.solved
+    np.testing.assert_allclose(result.x, nearest[rows, columns] * weights, atol=1e-9)
+
+
 def test_cones_are_refused_by_name():
     with pytest.raises(ValueError, match="second-order"):
         ss.solve_cone((np.eye(1), [0.0]), [("round", 1)])

@@ -575,7 +575,7 @@ class _ConeOptions(TypedDict, total=False):
 
 def solve_cone(
     F: Callable[[Any], Any] | Map | tuple[_Matrix, ArrayLike],
-    cones: Sequence[tuple[Literal["free", "nonnegative", "second-order"], int]],
+    cones: Sequence[tuple[Literal["free", "nonnegative", "second-order", "semidefinite"], int]],
     x0: ArrayLike | None = None,
     *,
     jac: Callable[[_Vector], _Matrix] | Literal["differences"] | None = None,
