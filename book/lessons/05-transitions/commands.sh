@@ -1,0 +1,1 @@
+semismooth follow node.toml
