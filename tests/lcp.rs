@@ -9,6 +9,9 @@ use semismooth::complementarity::{BoundState, Lcp};
 use semismooth::enumeration::{EnumerationOptions, SolutionSet, all_solutions};
 use semismooth::sparse::Matrix;
 
+#[path = "common/random.rs"]
+mod random;
+
 fn enumerate(lcp: &Lcp) -> SolutionSet {
     all_solutions(lcp.mcp(), 0.0, &EnumerationOptions::default()).unwrap()
 }
@@ -636,4 +639,56 @@ fn small_violations_are_violations() {
             assert!((z[1] - e).abs() < 1e-15 && z[0] == 1.0, "{e:e} {z:?}");
         }
     }
+}
+
+/// The solution of three equations, by Cramer's rule; of small integers, so that what is not 0 is not small.
+fn cramer(rows: [[f64; 4]; 3]) -> Option<[f64; 3]> {
+    let det = |c: [usize; 3]| -> f64 {
+        let at = |i: usize, j: usize| rows[i][c[j]];
+        (0..3)
+            .map(|j| {
+                let (k, l) = ((j + 1) % 3, (j + 2) % 3);
+                at(0, j) * (at(1, k) * at(2, l) - at(1, l) * at(2, k))
+            })
+            .sum()
+    };
+    let d = det([0, 1, 2]);
+    (d != 0.0).then(|| [det([3, 1, 2]) / d, det([0, 3, 2]) / d, det([0, 1, 3]) / d])
+}
+
+/// Lemke's method calls a problem infeasible only where no z ≥ l has M z + q ≥ 0. Three inequalities bound z, so that the set has a vertex
+/// if it has a point: all are tried.
+#[test]
+fn what_is_called_infeasible_has_no_feasible_point() {
+    let mut random = random::Random::new(14);
+    let mut integer = move || random.below(5) as f64 - 2.0;
+    let (mut proven, mut others) = (0, 0);
+    for case in 0..6000 {
+        let m: [[f64; 3]; 3] = std::array::from_fn(|_| std::array::from_fn(|_| integer()));
+        let q: [f64; 3] = std::array::from_fn(|_| integer());
+        let lower = if case % 2 == 0 { 0.0 } else { -1.0 };
+        let rows = matrix(3, |i, j| m[i][j]);
+        let lcp = Lcp::boxed(rows, q.to_vec(), vec![lower; 3], vec![f64::INFINITY; 3]).unwrap();
+        let LemkeStatus::Ray { infeasible } = lemke(&lcp).0 else {
+            continue;
+        };
+        // a·z ≥ b.
+        let plane = |k: usize| match k {
+            0..3 => [m[k][0], m[k][1], m[k][2], -q[k]],
+            _ => std::array::from_fn(|j| match j {
+                3 => lower,
+                _ => f64::from(u8::from(j == k - 3)),
+            }),
+        };
+        let triples = (0..6).flat_map(|a| (0..a).flat_map(move |b| (0..b).map(move |c| [a, b, c])));
+        let feasible = triples.filter_map(|t| cramer(t.map(plane))).any(|z| {
+            (0..6).map(plane).all(|[a, b, c, d]| {
+                let value = a * z[0] + b * z[1] + c * z[2];
+                value >= d - 1e-9
+            })
+        });
+        assert!(!(infeasible && feasible), "{m:?} {q:?} {lower}");
+        *(if infeasible { &mut proven } else { &mut others }) += 1;
+    }
+    assert!(proven > 100 && others > 100, "{proven} {others}");
 }

@@ -238,3 +238,37 @@ impl NewtonKrylovOptions {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// S. C. Eisenstat, H. F. Walker, SIAM J. Sci. Comput. 17 (1996), (2.2), (2.6) and the safeguards behind them, by hand.
+    #[test]
+    fn forcing_terms_by_hand() {
+        let options = NewtonKrylovOptions::default();
+        let eta = |forcing: Forcing, before: f64, norm: f64, goal: f64| {
+            let before = Before {
+                norm: 1.0,
+                model: 0.3,
+                forcing: before,
+            };
+            forcing.next(&options, Some(before), norm, goal)
+        };
+        let is = |a: f64, b: f64| assert!((a - b).abs() < 1e-15, "{a} {b}");
+        let decrease = Forcing::default();
+        is(eta(decrease, 0.2, 0.1, 0.0), 0.9 * 0.01);
+        is(eta(decrease, 0.5, 0.1, 0.0), 0.9 * 0.25);
+        is(eta(decrease, 0.2, 2.0, 0.0), 0.9);
+        is(eta(Forcing::Model, 0.2, 0.1, 0.0), 0.2);
+        is(
+            eta(Forcing::Model, 0.5, 0.1, 0.0),
+            0.5_f64.powf((1.0 + 5.0_f64.sqrt()) / 2.0),
+        );
+        // Half of what would end the run.
+        is(eta(decrease, 0.2, 0.1, 0.08), 0.4);
+        is(eta(decrease, 0.2, 0.1, 0.3), 0.9);
+        is(decrease.next(&options, None, 1.0, 0.0), 0.5);
+        is(eta(Forcing::Constant(0.01), 0.5, 0.1, 0.08), 0.01);
+    }
+}

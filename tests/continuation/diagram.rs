@@ -175,6 +175,17 @@ fn limits_are_told() {
         Completeness::Limited(list) => assert!(list.contains(&Limit::Stopped)),
         other => panic!("{other}"),
     }
+    // A curve that is given up, at its length or at its number of points, leaves a diagram that is not complete.
+    let curve = DiagramOptions::default().continuation;
+    for inner in [curve.clone().with_max_arclength(0.5), curve.with_max_points(3)] {
+        let mut options = DiagramOptions::default();
+        options.continuation = inner;
+        let diagram = Diagram::explore(&circle, &[[0.8, 0.6]], &options).unwrap();
+        let Completeness::Limited(list) = diagram.completeness() else {
+            panic!("{diagram}");
+        };
+        assert!(list.iter().any(|l| matches!(l, Limit::Curve { .. })), "{diagram}");
+    }
     let outside = DiagramOptions::default().with_parameter_range((2.0, 3.0));
     assert!(Diagram::explore(&circle, &[[0.8, 0.6]], &outside).is_err());
 }

@@ -130,6 +130,27 @@ fn graphs_of_nested_kinks_are_followed_through() {
     }
 }
 
+/// |y| − y vanishes for all y > 0: the sites with this test function stay degenerate along the curve.
+#[test]
+fn sites_that_stay_degenerate_are_named() {
+    let (map, own) = (Traced::new(Nested(1)), Nested(1));
+    for (from, to) in [(-0.3, 1.6), (1.6, -0.3)] {
+        let direction = match own.point(to)[2] > own.point(from)[2] {
+            true => Direction::Increasing,
+            false => Direction::Decreasing,
+        };
+        let options = ContinuationOptions::default().with_max_arclength(5.0);
+        let branch = Branch::follow(&map, &own.point(from), direction, options).unwrap();
+        let mut seen = [0, 0];
+        for point in &branch.points {
+            let expected: &[usize] = if point.x[0] > 0.0 { &[1, 2] } else { &[] };
+            assert_eq!(point.grazing, expected, "{} from {from}", point.x[0]);
+            seen[usize::from(point.x[0] > 0.0)] += 1;
+        }
+        assert!(seen[0] > 1 && seen[1] > 1, "{seen:?}");
+    }
+}
+
 /// Sums of projections, absolute values, maxima and minima of each other, drawn at random; `steps` names operands among what is there.
 struct Drawn(Vec<(usize, usize, usize, f64)>);
 

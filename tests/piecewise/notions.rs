@@ -335,6 +335,34 @@ fn maps_that_wind_have_their_index() {
     assert_eq!(local_index(&abs, &[0.0], 1e-9, CAP).unwrap(), Some(0));
 }
 
+/// (x, y) for x > 0 and (x, −y) for x < 0: not continuous, so that the signs at the preimages of different values have different sums.
+struct Torn;
+
+impl PiecewiseSmooth for Torn {
+    two_pieces!(self, [negative, positive], 2, 2, 1);
+    fn test_functions(&self, x: &[f64], out: &mut [f64]) {
+        out[0] = x[0];
+    }
+    fn residual(&self, s: &Selection, x: &[f64], out: &mut [f64]) {
+        let sign = if s.piece(0) == 1 { 1.0 } else { -1.0 };
+        out.copy_from_slice(&[x[0], sign * x[1]]);
+    }
+    fn jacobian(&self, s: &Selection, _: &[f64], jac: &mut Matrix) {
+        jac.add(0, 0, 1.0);
+        jac.add(1, 1, if s.piece(0) == 1 { 1.0 } else { -1.0 });
+    }
+    fn is_piecewise_affine(&self) -> bool {
+        true
+    }
+}
+
+#[test]
+fn maps_that_jump_have_no_index() {
+    assert_eq!(local_index(&Torn, &[0.0; 2], 1e-9, CAP).unwrap(), None);
+    assert_eq!(local_index(&Torn, &[1.0, 0.0], 1e-9, CAP).unwrap(), Some(1));
+    assert_eq!(local_index(&Torn, &[-1.0, 0.0], 1e-9, CAP).unwrap(), Some(-1));
+}
+
 /// Turned there and back by up to 60°: rows of two of the matrices, or columns, make one whose determinant is negative, but all have
 /// definite symmetric parts, and so have their combinations.
 #[test]

@@ -297,3 +297,23 @@ fn what_error_bounds_leave_open_is_decided() {
         );
     }
 }
+
+/// F = α, whatever z: with z ≤ 0 the point 0 has an arm along which z falls at α = 0, with z ≥ 0 one along which it grows, and with z free
+/// both.
+#[test]
+fn vertical_arms_lead_into_the_bounds() {
+    let infinite = f64::INFINITY;
+    for (lower, upper, expected) in [
+        (-infinite, 0.0, vec![[-1.0, 0.0], [0.0, -1.0]]),
+        (0.0, infinite, vec![[0.0, 1.0], [1.0, 0.0]]),
+        (-infinite, infinite, vec![[-1.0, 0.0], [1.0, 0.0]]),
+    ] {
+        let f = AffineFunction::new(Matrix::from_rows(&[[0.0, 1.0]]).unwrap(), vec![0.0]).unwrap();
+        let map = Mcp::new(f, vec![lower], vec![upper]).unwrap();
+        let found = arms(&map, &[0.0, 0.0]);
+        assert!(found.completeness.is_complete(), "{found:?}");
+        let mut tangents: Vec<Vec<f64>> = found.arms.iter().map(|a| a.tangent.clone()).collect();
+        tangents.sort_by(|a, b| a[0].total_cmp(&b[0]));
+        assert_eq!(tangents, expected, "{lower} {upper}");
+    }
+}

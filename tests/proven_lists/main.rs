@@ -666,3 +666,44 @@ fn points_of_ill_conditioned_selections_are_exact() {
         }
     }
 }
+
+/// z₁ = 1/k and ±(k z₁ − 1) + z₂ = 0 with z₂ = 0: degenerate, although k times the number next to 1/k is not 1.
+#[test]
+fn degenerate_solutions_have_no_margin() {
+    for k in [49.0, 98.0, 103.0, 107.0, 161.0] {
+        assert!(k * (1.0 / k) != 1.0);
+        for sign in [1.0, -1.0] {
+            let m = Matrix::from_rows(&[[k, 0.0], [sign * k, 1.0]]).unwrap();
+            let lcp = Lcp::new(m, vec![-1.0, -sign]).unwrap();
+            let found = list(lcp.mcp(), 0.0);
+            assert!(found.completeness.is_complete());
+            let [solution] = found.solutions.as_slice() else {
+                panic!("{found:?}");
+            };
+            assert_eq!((solution.x[0], solution.x[1]), (1.0 / k, 0.0));
+            assert_eq!(
+                (solution.margin, solution.selections.len()),
+                (0.0, 2),
+                "{k} {sign}"
+            );
+        }
+    }
+}
+
+/// ½ − z in [0, 1] has the solutions 0, ½ and 1; beside an unknown that nothing determines each is a line.
+#[test]
+fn lines_without_ends_are_told_apart() {
+    let m = Matrix::from_rows(&[[-1.0, 0.0], [0.0, 0.0]]).unwrap();
+    let infinite = f64::INFINITY;
+    let lcp = Lcp::boxed(m, vec![0.5, 0.0], vec![0.0, -infinite], vec![1.0, infinite]).unwrap();
+    let found = list(lcp.mcp(), 0.0);
+    assert!(found.completeness.is_complete() && found.solutions.is_empty());
+    assert_eq!(found.continua.len(), 3, "{found:?}");
+    for line in &found.continua {
+        assert_eq!(
+            (line.dimension, line.ends.len(), line.selections.len()),
+            (1, 0, 1)
+        );
+    }
+    assert_eq!(found.index_sum, None);
+}
