@@ -25,6 +25,16 @@ pub(super) struct RunArgs {
     /// Folder for the results, in place of that of the run file
     #[arg(long)]
     pub(super) out: Option<PathBuf>,
+    /// Pictures as PDF instead of SVG
+    #[arg(long)]
+    pub(super) pdf: bool,
+}
+
+impl RunArgs {
+    /// The file of a picture.
+    pub(super) fn picture(&self, name: &str) -> String {
+        format!("{name}.{}", if self.pdf { "pdf" } else { "svg" })
+    }
 }
 
 /// A run file with what it says.

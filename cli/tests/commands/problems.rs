@@ -63,6 +63,10 @@ fn the_curve_of_a_beam_turns_at_its_kinks() {
             .unwrap()
             .contains("load")
     );
+    let text = printed(&folder, &["follow", "run.toml", "--pdf", "--out", "paper"]);
+    assert!(text.contains("curve.csv, curve.pdf\n"), "{text}");
+    let picture = std::fs::read(folder.join("paper/curve.pdf")).unwrap();
+    assert!(picture.starts_with(b"%PDF-") && !folder.join("paper/curve.svg").exists());
     // Objects with the same numbers, elsewhere; the other way from the other end.
     let text = printed(&folder, &["follow", "run.toml", "--json", "--out", "json"]);
     let lines: Vec<serde_json::Value> = text.lines().map(|l| serde_json::from_str(l).unwrap()).collect();

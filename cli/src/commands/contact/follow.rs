@@ -71,7 +71,8 @@ pub(super) fn run<L: NodeLaw>(
     }
     write(case, &branch)?;
     if !json && !quiet {
-        writeln!(out, "written to {}: curve.csv, curve.svg", case.folder.display())?;
+        let picture = case.arguments.picture("curve");
+        writeln!(out, "written to {}: curve.csv, {picture}", case.folder.display())?;
     }
     if interrupted && branch.termination == Termination::Stopped {
         let alpha = branch.points.last().map_or(from, |p| p.parameter());
@@ -134,7 +135,7 @@ fn write<L: NodeLaw>(case: &Case<'_, L>, branch: &Branch) -> Result<(), CommandE
     let drawn = BranchDiagram::new(panel("sum of normal forces", &normal))
         .with_panel(panel("sum of tangential forces", &tangential))
         .with_size(860, 420)
-        .write(case.file("curve.svg"));
+        .write(case.file(&case.arguments.picture("curve")));
     drawn.map_err(|e| CommandError::failed("the picture", e))?;
     let Some(end) = branch.points.last().filter(|_| case.fields) else {
         return Ok(());

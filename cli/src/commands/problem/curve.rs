@@ -40,7 +40,8 @@ pub(super) fn run(case: &Case<'_>, out: &mut dyn Write) -> Result<(), CommandErr
     tell(case, &branch, out)?;
     write(case, &branch)?;
     if case.prints() {
-        writeln!(out, "written to {}: curve.csv, curve.svg", case.folder.display())?;
+        let picture = case.arguments.picture("curve");
+        writeln!(out, "written to {}: curve.csv, {picture}", case.folder.display())?;
     }
     if interrupted && branch.termination == Termination::Stopped {
         let alpha = branch.points.last().map_or(from, |p| p.parameter());
@@ -125,7 +126,7 @@ fn write(case: &Case<'_>, branch: &Branch) -> Result<(), CommandError> {
         let curve = Curve::of_branch(branch, |x: &[f64]| x[k], case.style());
         Panel::new(case.problem.parameter(), case.problem.names[k].clone()).with_curve(curve)
     });
-    picture(case, panels, "curve.svg")
+    picture(case, panels, "curve")
 }
 
 /// Panels side by side.
@@ -145,6 +146,6 @@ pub(super) fn picture(
     }
     drawn
         .with_size(430 * count, 420)
-        .write(case.path(name))
+        .write(case.path(&case.arguments.picture(name)))
         .map_err(|e| CommandError::failed("the picture", e))
 }

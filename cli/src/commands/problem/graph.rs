@@ -32,10 +32,10 @@ pub(super) fn run(case: &Case<'_>, out: &mut dyn Write) -> Result<(), CommandErr
         let panel = Panel::new(case.problem.parameter(), case.problem.names[k].clone());
         panel.with_diagram(&diagram, |x: &[f64]| x[k], case.style())
     });
-    picture(case, panels, "diagram.svg")?;
+    picture(case, panels, "diagram")?;
     if case.prints() {
-        let folder = case.folder.display();
-        writeln!(out, "written to {folder}: diagram.csv, diagram.json, diagram.svg")?;
+        let (folder, picture) = (case.folder.display(), case.arguments.picture("diagram"));
+        writeln!(out, "written to {folder}: diagram.csv, diagram.json, {picture}")?;
     }
     match interrupted {
         true => Err(CommandError::Interrupted(
