@@ -479,3 +479,62 @@ pub(super) fn check_coefficient(
         _ => Ok(()),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// c F has c times the values and derivatives of F, in whichever form it is asked for.
+    #[test]
+    fn multiples_are_multiples_in_every_form() {
+        let line = FrictionCoefficient::affine(vec![0.2], vec![0.1]).unwrap();
+        assert_eq!(line.affine_at(0), Some([0.2, 0.1]));
+        let twice = line.times(2.0);
+        let [value, slope, rate] = twice.value(0, 0.0, 3.0);
+        assert!((value - 1.0).abs() < 1e-15 && slope == 0.0 && rate == 0.2);
+        assert!(twice.affine_at(0).is_none_or(|l| l == [0.4, 0.2]));
+        let v = LocalValues {
+            second: 3.0,
+            ..LocalValues::default()
+        };
+        let second = FrictionCoefficient::constant(0.25)
+            .and_then(|c| c.with_second(vec![0.5]))
+            .unwrap();
+        assert_eq!(second.at(&v, 0.0), [1.75, 0.0, 0.0, 0.5]);
+        assert_eq!(second.times(2.0).at(&v, 0.0), [3.5, 0.0, 0.0, 1.0]);
+    }
+
+    /// F = α + s for s ≥ 0, continued to s < 0 as α² / (α − s): positive there, with one slope at 0.
+    #[test]
+    fn continued_coefficients_have_their_derivatives() {
+        let f = FrictionCoefficient::function(|_, s, alpha| [alpha + s, 1.0, 1.0]);
+        for (alpha, s) in [(0.5_f64, -0.25_f64), (1.5, -4.0), (0.3, -1e-3)] {
+            let [value, slope, rate] = f.value(0, s, alpha);
+            let exact = [
+                alpha * alpha / (alpha - s),
+                (alpha / (alpha - s)).powi(2),
+                alpha * (alpha - 2.0 * s) / (alpha - s).powi(2),
+            ];
+            for (found, exact) in [value, slope, rate].into_iter().zip(exact) {
+                assert!((found - exact).abs() < 1e-15 * (1.0 + exact), "{found} {exact}");
+            }
+        }
+    }
+
+    /// Between two points of a table values lie between theirs, also where it falls and rises again.
+    #[test]
+    fn tables_have_no_new_extrema() {
+        let points = [(0.0, 1.0), (1.0, 0.5), (2.0, 0.7), (2.5, 0.7), (4.0, 0.1)];
+        let curve = FrictionCurve::table(&points).unwrap();
+        for pair in points.windows(2) {
+            let [(a, f), (b, g)] = [pair[0], pair[1]];
+            for k in 0..=20 {
+                let value = curve.value(a + (b - a) * f64::from(k) / 20.0).0;
+                assert!(
+                    value >= f.min(g) - 1e-15 && value <= f.max(g) + 1e-15,
+                    "{a} {k} {value}"
+                );
+            }
+        }
+    }
+}

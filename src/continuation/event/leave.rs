@@ -141,14 +141,11 @@ impl Curve<'_> {
         if self.grazing.iter().all(|v| is_near(v, &self.here.theta)) {
             return Ok(());
         }
-        let rounding = self.rounding_here()?;
         let mut grazing = std::mem::take(&mut self.grazing);
         let before = grazing.len();
         grazing.retain(|v| {
             let now = Vanishing::new(&self.map, &self.layout, &self.selection, v.index, &self.here.x);
-            is_near(v, &self.here.theta)
-                || is_near(&now, &self.here.theta)
-                || self.here.theta[v.index].abs() <= rounding.of(&now)
+            is_near(v, &self.here.theta) || is_near(&now, &self.here.theta)
         });
         let left = grazing.len() < before;
         self.grazing = grazing;
