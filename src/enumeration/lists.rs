@@ -104,16 +104,17 @@ pub struct Solution {
     /// The point: y, followed by α for a curve. Of complete lists the exact one to about eight digits or more in each component that is not
     /// far below the others, also where it depends much on the data.
     pub x: Vec<f64>,
-    /// Selections that give this point, in lexicographic order: all of them, or some where more than 256 do.
+    /// Selections that give this point alone, in lexicographic order: all of them, or some where more than 256 do. Those of a continuum that
+    /// ends here stand with the continuum.
     pub selections: Vec<Selection>,
-    /// How many there are: those in whose closed cells the point lies.
+    /// How many there are: those in whose closed cells the point lies, but for those of continua.
     pub num_selections: f64,
     /// For each of them the sign of det ∇_yH^(σ): 0 when singular, `None` when the linear solver knows no determinants.
     pub det_signs: Vec<Option<i8>>,
     /// Distance to the nearest kink: the smallest signed test function of its cells; 0 at a transition.
     pub margin: f64,
     /// The local index (degree) of the solution: the sign of the determinant where one selection is active, the mean of the two
-    /// signs where two are (0: the point is a fold); `None` where that does not decide.
+    /// signs where two are (0: the point is a fold); `None` where that does not decide, and at points of continua, which are not isolated.
     pub index: Option<i8>,
 }
 

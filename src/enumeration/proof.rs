@@ -421,19 +421,23 @@ impl<'a> Gathered<'a> {
         self.ends.push(ends);
     }
 
+    /// Of each solution whether a continuum holds it. One that error bounds alone tell lies inside of its cell.
+    fn held_by_continua(&self) -> Vec<bool> {
+        let selections = self.continua.iter().flat_map(|c| &c.selections);
+        let held: Vec<Vec<usize>> = selections.map(|s| s.pieces().collect()).collect();
+        let inside = |p: &ExactPoint| held.iter().any(|h| exhaustive::contains(self.conditions, h, p));
+        self.points
+            .iter()
+            .map(|p| p.as_ref().is_some_and(inside))
+            .collect()
+    }
+
     /// Drops what only singular selections hold as points, where it belongs to a continuum of another one.
     pub(super) fn drop_points_of_continua(&mut self) {
-        let held: Vec<Vec<usize>> = self
-            .continua
-            .iter()
-            .flat_map(|c| &c.selections)
-            .map(|s| s.pieces().collect())
-            .collect();
-        let conditions = self.conditions;
-        let kept = self.solutions.iter().zip(&self.points).map(|(s, point)| {
+        let held = self.held_by_continua();
+        let kept = self.solutions.iter().zip(held).map(|(s, held)| {
             let singular = s.det_signs.iter().all(|d| *d == Some(0));
-            let inside = |p: &ExactPoint| held.iter().any(|h| exhaustive::contains(conditions, h, p));
-            !(singular && point.as_ref().is_some_and(inside))
+            !(singular && held)
         });
         let kept: Vec<bool> = kept.collect();
         let mut next = kept.iter();
@@ -539,7 +543,8 @@ impl<'a> Gathered<'a> {
     fn finish(mut self, map: &dyn PiecewiseSmooth, set: &mut SolutionSet) {
         let layout = TestLayout::new(map);
         let mut theta = vec![0.0; layout.total()];
-        for solution in &mut self.solutions {
+        let held = self.held_by_continua();
+        for (solution, held) in self.solutions.iter_mut().zip(held) {
             if solution.margin > 0.0 {
                 map.test_functions(&solution.x, &mut theta);
                 let pieces = solution.selections[0].pieces().enumerate();
@@ -548,6 +553,7 @@ impl<'a> Gathered<'a> {
                 solution.margin = margins.fold(f64::INFINITY, f64::min).max(0.0);
             }
             solution.find_index();
+            solution.index = solution.index.filter(|_| !held);
         }
         self.solutions.sort_by(|a, b| a.selections.cmp(&b.selections));
         let indices: Option<i64> = self.solutions.iter().map(|s| s.index.map(i64::from)).sum();

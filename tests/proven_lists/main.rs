@@ -211,6 +211,13 @@ fn solutions_that_are_close_are_two() {
         (Completeness::Complete, 1, None)
     );
     assert_eq!(set.continua[0].ends.len(), 2);
+    // Both ends are solutions of regular selections, and not isolated.
+    assert_eq!(set.solutions.len(), 2);
+    assert!(
+        set.solutions
+            .iter()
+            .all(|s| s.det_signs.iter().any(|d| *d != Some(0)) && s.index.is_none())
+    );
 }
 
 /// Two nodes of their own, three solutions each, however small the load of one is.
@@ -492,7 +499,7 @@ fn points_of_a_continuum_are_no_solutions_of_their_own() {
     assert_eq!(set.completeness, Completeness::Complete);
     let points: Vec<&[f64]> = set.solutions.iter().map(|s| s.x.as_slice()).collect();
     assert_eq!(points, [[1.0, 0.0, 1.0, 1.0]]);
-    assert_eq!(set.index_sum, None);
+    assert_eq!((set.solutions[0].index, set.index_sum), (None, None));
     let at = |t: f64| [1.0 + t, t, (2.0 - t).clamp(0.0, 1.0), (1.0 - t).max(0.0)].to_vec();
     assert!(set.continua.iter().all(|c| c.dimension == 1));
     let mut ends: Vec<Vec<Vec<f64>>> = set.continua.iter().map(|c| c.ends.clone()).collect();
