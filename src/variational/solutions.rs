@@ -13,6 +13,9 @@ const SAME: f64 = 1e-9;
 /// Part of the least length among the data below which x is rounding.
 const ROUNDING: f64 = 1e-15;
 
+/// A problem in other units, and what its multipliers are to be multiplied by.
+type Scaled = (Vi<AffineFunction>, Vec<f64>);
+
 /// All solutions of an affine variational inequality.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
@@ -53,7 +56,7 @@ impl<F: McpFunction> Vi<F> {
 
     /// The same problem with F and each row of A and E multiplied by powers of two, after which their largest coefficients are near 1, and
     /// what its multipliers λ and μ are to be multiplied by. `None` where F states no coefficients, or that is not exact.
-    fn in_units_of_rows(&self) -> Result<Option<(Vi<AffineFunction>, Vec<f64>)>, VariationalError> {
+    fn in_units_of_rows(&self) -> Result<Option<Scaled>, VariationalError> {
         let conditions = self.kkt()?;
         let Some((f, _)) = conditions.function().coefficients() else {
             return Ok(None);
