@@ -20,6 +20,8 @@ const SAME_ARM: f64 = 1e-7;
 pub(in crate::continuation) const TANGENTIAL: f64 = 1e-9;
 /// Singular values below this, relative to the largest, count as zero in the branching equation.
 pub(in crate::continuation) const RANK: f64 = 1e-9;
+/// How many times as far as its rates tell a test function moves by rounding alone.
+pub(in crate::continuation) const UNEXPLAINED: f64 = 1e3;
 /// Up to so many active selections all are tried; beyond, the pruned search rules out most of them first.
 const PLAIN: u128 = 16;
 /// How much smaller than ‖∇θ‖ the largest of two directional derivatives may be.
@@ -271,9 +273,9 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
             sizes = gradient_sizes(self.map, selection, self.x, self.tests);
         }
         let curved = !self.vanishing.is_empty() && !self.map.is_piecewise_affine();
-        let (mut theta, mut rates) = (Vec::new(), Vec::new());
+        let (mut step, mut theta, mut rates) = (0.0, Vec::new(), Vec::new());
         if curved {
-            let step = AHEAD * (1.0 + norm(self.x));
+            step = AHEAD * (1.0 + norm(self.x));
             theta.resize(self.tests, 0.0);
             rates.resize(self.tests, 0.0);
             let ahead: Vec<f64> = self.x.iter().zip(direction).map(|(x, d)| x + step * d).collect();
@@ -287,13 +289,14 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
                 Some(&size) => (own[v.index], size),
                 None => (v.rate(direction), v.gradient_norm),
             };
-            // Nothing but rounding next to its change over the distance 1 + ‖x‖: then the second derivative decides.
+            // Nothing but rounding next to its change over the distance 1 + ‖x‖: then the second derivative decides, unless it is rounding, too.
             let flat = curved && size <= RANK * AHEAD.recip() * (rates[v.index] - rate).abs();
             let cell = self.map.cell(v.site, selection.piece(v.site));
             for facet in cell.iter().filter(|f| f.test() == v.test) {
                 let rate = facet.sign() * rate;
                 let leaves = if flat {
-                    facet.sign() * theta[v.index] < 0.0
+                    let explained = theta[v.index].abs() <= UNEXPLAINED * step * rates[v.index].abs();
+                    explained && facet.sign() * theta[v.index] < 0.0
                 } else {
                     rate < -TANGENTIAL * size
                 };

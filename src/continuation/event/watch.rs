@@ -1,5 +1,6 @@
 //! What lies inside a step: monitors whose signs differ at its ends, and which of them is met first.
 
+use super::arms::UNEXPLAINED;
 use super::singular::ZERO_DETERMINANT;
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::Curve;
@@ -102,7 +103,7 @@ impl Curve<'_> {
                     None => ROUNDING * size * (g0 - g1).abs() / step,
                 };
                 // A facet just left may be violated by rounding for a while.
-                let leaves = g1 < -slack && !(g0 <= 0.0 && g1 >= g0);
+                let leaves = g1 < -slack && !(g0 <= 0.0 && g1 >= g0) && !self.is_rounding(index);
                 if leaves || (g1.is_nan() && !g0.is_nan()) {
                     let fraction = match self.return_to(index, facet) {
                         Some(s) => s / step,
@@ -159,6 +160,22 @@ impl Curve<'_> {
             }
         }
         Ok(best.map(|b| b.1))
+    }
+
+    /// Whether a test function in whose zeros the curve runs has moved by rounding alone: its rates at both ends of the step do not account for
+    /// what it has become.
+    fn is_rounding(&self, index: usize) -> bool {
+        if !self.grazing.iter().any(|v| v.index == index) {
+            return false;
+        }
+        let rate = |x: &[f64], t: &[f64]| {
+            let mut rates = vec![0.0; self.layout.total()];
+            self.map
+                .tests_of_selection(&self.selection, x, Some(t), &mut rates);
+            rates[index].abs()
+        };
+        let fastest = rate(&self.here.x, &self.here.t).max(rate(&self.next.x, &self.next.t));
+        self.next.theta[index].abs() > UNEXPLAINED * self.next.s * fastest
     }
 
     /// Whether a facet may be crossed twice inside the step: its cubic interpolant from values and slopes at both ends dips
