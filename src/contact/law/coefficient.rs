@@ -75,8 +75,8 @@ impl FrictionCurve {
         Ok(Self(Curve::Exponential { first, last, length }))
     }
 
-    /// Monotone cubic interpolation of (ξ, F) pairs (Fritsch and Carlson 1980), constant outside the table: no overshoot, so F ≥ 0
-    /// everywhere if it is at the points.
+    /// Monotone cubic interpolation of (ξ, F) pairs (F. Fritsch, R. Carlson, 1980) with the harmonic means of the secants as slopes
+    /// (J. Butland, 1980), constant outside the table: no overshoot, so F ≥ 0 everywhere if it is at the points.
     ///
     /// # Errors
     /// No points, ξ that do not increase or are negative, F below 0 or not finite.
