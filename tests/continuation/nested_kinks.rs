@@ -285,6 +285,45 @@ fn bent_graphs_of_nested_kinks_are_followed_to_their_end() {
     }
 }
 
+/// A graph of [`Drawn`] with 6.1 y more.
+struct Rising(Drawn);
+
+impl NonsmoothFunction for Rising {
+    fn num_vars(&self) -> usize {
+        2
+    }
+    fn num_residuals(&self) -> usize {
+        1
+    }
+    fn eval<T: Real>(&self, x: &[T], kinks: &mut Kinks<'_, T>, out: &mut [T]) {
+        self.0.eval(x, kinks, out);
+        out[0] = out[0] + x[0] * 6.1;
+    }
+}
+
+/// Along these some test function vanishes, up to rounding, which is no reason to leave a piece.
+#[test]
+fn rounding_of_test_functions_that_vanish_is_no_kink() {
+    for seed in [1098, 1715, 1838, 1881, 2071, 2931, 3794, 4717, 4762, 4985, 5607].map(|k| 7919 * k) {
+        let start = -3.0 - 1.0 / 1024.0;
+        let x = [start, Drawn::new(seed).plain(start) + 6.1 * start];
+        let ahead = start + 1e-6;
+        let direction = match Drawn::new(seed).plain(ahead) + 6.1 * ahead > x[1] {
+            true => Direction::Increasing,
+            false => Direction::Decreasing,
+        };
+        let options = ContinuationOptions::default()
+            .with_max_arclength(9.0)
+            .with_max_points(300);
+        let branch = Branch::follow(&Traced::new(Rising(Drawn::new(seed))), &x, direction, options).unwrap();
+        assert_eq!(branch.termination, Termination::MaxArclength, "{seed}");
+        assert!(
+            branch.transitions.len() < 40 && branch.branch_points.is_empty(),
+            "{seed}"
+        );
+    }
+}
+
 /// All numbers are multiples of a power of ½, so that slopes by differences between kinks are exact.
 #[test]
 fn graphs_of_random_nested_kinks_have_their_jumps_and_nothing_else() {
@@ -376,4 +415,64 @@ fn transition_sets_of_outer_kinks_bend_where_the_inner_ones_are() {
         assert_eq!(curve.transitions[0].kind, TransitionKind::PassThrough);
         assert!((curve.points.last().unwrap().x[0] - to).abs() < 1e-9);
     }
+}
+
+/// Three kinks, each inside the next, where y = 0, and a square.
+struct Three;
+
+impl NonsmoothFunction for Three {
+    fn num_vars(&self) -> usize {
+        2
+    }
+    fn num_residuals(&self) -> usize {
+        1
+    }
+    fn eval<T: Real>(&self, x: &[T], kinks: &mut Kinks<'_, T>, out: &mut [T]) {
+        let y = x[0];
+        let inner = kinks.abs(y);
+        let middle = kinks.abs(inner - y * 0.5);
+        let outer = kinks.max(middle, y * 2.0);
+        out[0] = y * 9.0 + inner + middle + outer + y * y - x[1];
+    }
+}
+
+#[test]
+fn a_list_of_arms_cut_off_by_the_limit_is_not_called_complete() {
+    for (limit, complete) in [(2, false), (8, true)] {
+        let options = ContinuationOptions::default()
+            .with_parameter_range((-4.0, 3.0))
+            .with_max_selections(limit);
+        let branch =
+            Branch::follow(&Traced::new(Three), &[-1.0, -4.0], Direction::Increasing, options).unwrap();
+        assert_eq!(branch.termination, Termination::ParameterRange);
+        let met: Vec<_> = branch.transitions.iter().map(|t| (t.x[0], t.complete)).collect();
+        assert!(
+            matches!(met.as_slice(), [(y, told)] if y.abs() < 1e-12 && *told == complete),
+            "{limit}: {met:?}"
+        );
+    }
+}
+
+/// Where the limit leaves no selection that goes on, that is not known to be an end.
+#[test]
+fn a_curve_whose_arms_were_not_all_looked_at_has_no_known_end() {
+    let options = ContinuationOptions::default()
+        .with_parameter_range((-4.0, 3.0))
+        .with_max_selections(1)
+        .with_local_starts(0);
+    let mut kept = 0;
+    for (x, direction) in [
+        ([-1.0, -4.0], Direction::Increasing),
+        ([0.2, 2.54], Direction::Decreasing),
+    ] {
+        let branch = Branch::follow(&Traced::new(Three), &x, direction, options.clone()).unwrap();
+        let told = branch.transitions.last().unwrap();
+        match branch.termination {
+            Termination::Undecided => assert!(!told.complete && told.kind == TransitionKind::Undecided),
+            Termination::ParameterRange => kept += 1,
+            other => panic!("{other:?}"),
+        }
+    }
+    // The first selection in the list belongs to one of the sides.
+    assert!(kept < 2, "{kept}");
 }
