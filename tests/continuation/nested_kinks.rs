@@ -297,7 +297,7 @@ impl NonsmoothFunction for Rising {
     }
     fn eval<T: Real>(&self, x: &[T], kinks: &mut Kinks<'_, T>, out: &mut [T]) {
         self.0.eval(x, kinks, out);
-        out[0] = out[0] + x[0] * 6.1;
+        out[0] += x[0] * 6.1;
     }
 }
 
