@@ -458,6 +458,12 @@ fn semidefinite_programs_without_points() {
     let mut x = vec![0.0; problem.len()];
     let report = ConeSolver::default().solve(&problem, &mut x).unwrap();
     assert!(!report.is_solved(), "{report:?}");
+    // All conditions hold here but X₁₁ = ε, which is rounding beside X₂₂ = 1/ε, and not beside the data.
+    let e = 1e-8;
+    let mut x = [1.0 - 1.0 / (e * e), 1.0 / e, e, std::f64::consts::SQRT_2, 1.0 / e];
+    let few = ConeOptions::default().with_max_iterations(1).with_restarts(0);
+    let report = ConeSolver::new(few).solve(&problem, &mut x).unwrap();
+    assert!(!report.is_solved(), "{report:?}");
 }
 
 /// N. Higham (2002): the correlation matrix nearest to a tridiagonal one, against alternating projections with Dykstra's correction.

@@ -3,7 +3,9 @@
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum ConeStatus {
-    /// x lies in K, and [`ConeReport::error`] is at most the tolerance.
+    /// x lies in K, and [`ConeReport::error`] is at most the tolerance. That may hold far out where a problem has no solution, but others
+    /// with coefficients that differ by as little have (weak infeasibility: t = v₁, v₂ = 1 in the cone t ≥ ‖v‖);
+    /// [`ConeReport::residual`] is then not small.
     Solved,
     /// No x in K has F(x) in K*, as [`ConeReport::ray`] proves for all x within its radius.
     NoSolution,

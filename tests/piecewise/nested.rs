@@ -486,3 +486,37 @@ fn laws_of_interfaces_may_nest_their_kinks() {
         assert!((a - b).abs() < 1e-9, "{first:?} {second:?}");
     }
 }
+
+/// |y| − z and y − z are one function for y > 0, and not for y < 0.
+struct OneOrTwo;
+
+impl NonsmoothFunction for OneOrTwo {
+    fn num_vars(&self) -> usize {
+        2
+    }
+    fn num_residuals(&self) -> usize {
+        2
+    }
+    fn eval<T: Real>(&self, x: &[T], kinks: &mut Kinks<'_, T>, out: &mut [T]) {
+        let size = kinks.abs(x[0]);
+        out[0] = x[0] + kinks.positive_part(size - x[1]) * 0.1 + x[0] * x[0];
+        out[1] = x[1] + kinks.positive_part(x[0] - x[1]) * 0.1;
+    }
+}
+
+/// Where y > 0 neither test function is positive without the other: such selections are known to have no points, not merely to first order.
+#[test]
+fn tests_that_are_one_function_in_a_selection_exclude_its_cell() {
+    let map = Traced::new(OneOrTwo);
+    let elements = b_subdifferential(&map, &[0.0; 2], 1e-12).unwrap();
+    let found: Vec<_> = elements.map(Result::unwrap).collect();
+    let count = |piece: usize, activity: Activity| {
+        let own = found.iter().filter(|e| e.selection.piece(0) == piece);
+        own.filter(|e| e.activity == activity).count()
+    };
+    assert_eq!(
+        (count(0, Activity::Essential), count(0, Activity::Undecided)),
+        (2, 0)
+    );
+    assert_eq!(count(1, Activity::Essential), 3);
+}
