@@ -71,7 +71,7 @@ impl DenseLu {
         match (balanced, full) {
             (false, true) => self.scaling.compute_full(values)?,
             (false, false) => self.scaling.compute(col_ptr, row_idx, values)?,
-            (true, _) => (self.scaling).balance(col_ptr, row_idx, values, &mut self.work),
+            (true, _) => (self.scaling).balance(col_ptr, row_idx, values),
         }
         if !full {
             self.lu.fill(0.0);

@@ -4,6 +4,8 @@ use super::memory::check_finite;
 
 /// Sweeps of [`Scaling::balance`]; a handful does unless units vary along a long chain.
 const BALANCE_SWEEPS: usize = 12;
+/// Change of the exponents within a sweep after which no further one changes what they are rounded to but in freak cases.
+const SETTLED: f64 = 1e-2;
 
 /// Equilibration S = R A C by powers of two, so that the largest entry of every row and column of S lies near 1.
 ///
@@ -14,7 +16,16 @@ const BALANCE_SWEEPS: usize = 12;
 pub(super) struct Scaling {
     row: Vec<f64>,
     col: Vec<f64>,
+    /// Of rows, then of columns; for [`balance`](Scaling::balance).
+    totals: Vec<Total>,
     regular: bool,
+}
+
+/// What a row or a column has of nonzero entries: their number and the sum of their exponents.
+#[derive(Clone, Copy, Default)]
+struct Total {
+    count: f64,
+    exponents: f64,
 }
 
 impl Scaling {
@@ -23,6 +34,8 @@ impl Scaling {
         self.row.resize(n, 1.0);
         self.col.clear();
         self.col.resize(n, 1.0);
+        self.totals.clear();
+        self.totals.reserve_exact(2 * n);
     }
 
     /// Finds R and C; an empty row or column is a singularity.
@@ -52,33 +65,45 @@ impl Scaling {
     }
 
     /// Finds R and C that bring the *geometric means* of rows and columns near 1: dearer, but it undoes any scaling of a
-    /// matrix with entries of one size, where largest entries mislead. `count` is scratch of the order of the matrix.
+    /// matrix with entries of one size, where largest entries mislead.
     ///
     /// Alternating least squares of log₂ |r a c| (A. R. Curtis and J. K. Reid, 1972, doi:10.1093/imamat/10.1.118).
-    pub(super) fn balance(
-        &mut self,
-        col_ptr: &[usize],
-        row_idx: &[usize],
-        values: &[f64],
-        count: &mut [f64],
-    ) {
+    pub(super) fn balance(&mut self, col_ptr: &[usize], row_idx: &[usize], values: &[f64]) {
         let (u, v) = (&mut self.row, &mut self.col);
+        let n = u.len();
+        self.totals.clear();
+        self.totals.resize(2 * n, Total::default());
+        let (rows, cols) = self.totals.split_at_mut(n);
+        for (j, span) in col_ptr.windows(2).enumerate() {
+            for k in (span[0]..span[1]).filter(|k| values[*k] != 0.0) {
+                let exponent = ((values[k].to_bits() >> 52) & 0x7ff) as f64 - 1023.0;
+                for total in [&mut rows[row_idx[k]], &mut cols[j]] {
+                    total.count += 1.0;
+                    total.exponents += exponent;
+                }
+            }
+        }
         v.fill(0.0);
         for _ in 0..BALANCE_SWEEPS {
             u.fill(0.0);
-            count.fill(0.0);
-            for_nonzeros(col_ptr, row_idx, values, |i, j, log| {
-                u[i] -= log + v[j];
-                count[i] += 1.0;
-            });
-            u.iter_mut().zip(&*count).for_each(|(u, c)| *u /= c.max(1.0));
-            v.fill(0.0);
-            count.fill(0.0);
-            for_nonzeros(col_ptr, row_idx, values, |i, j, log| {
-                v[j] -= log + u[i];
-                count[j] += 1.0;
-            });
-            v.iter_mut().zip(&*count).for_each(|(v, c)| *v /= c.max(1.0));
+            for (span, v) in col_ptr.windows(2).zip(v.iter()) {
+                let span = span[0]..span[1];
+                add_to_rows(&row_idx[span.clone()], &values[span], *v, u);
+            }
+            for (u, total) in u.iter_mut().zip(&*rows) {
+                *u = -(*u + total.exponents) / total.count.max(1.0);
+            }
+            let mut change = 0.0f64;
+            for ((span, v), total) in col_ptr.windows(2).zip(v.iter_mut()).zip(&*cols) {
+                let span = span[0]..span[1];
+                let sum = sum_of_rows(&row_idx[span.clone()], &values[span], u);
+                let new = -(sum + total.exponents) / total.count.max(1.0);
+                change = change.max((new - *v).abs());
+                *v = new;
+            }
+            if change < SETTLED {
+                break;
+            }
         }
         for f in u.iter_mut().chain(v) {
             *f = f.clamp(-500.0, 500.0).round().exp2();
@@ -95,7 +120,7 @@ impl Scaling {
         x: &mut [f64],
         sign: &mut [f64],
     ) -> f64 {
-        self.balance(col_ptr, row_idx, values, x);
+        self.balance(col_ptr, row_idx, values);
         let mut norm = 0.0_f64;
         for (span, c) in col_ptr.windows(2).zip(&self.col) {
             let rows = &row_idx[span[0]..span[1]];
@@ -181,16 +206,35 @@ fn larger(a: f64, b: f64) -> f64 {
     if b > a { b } else { a }
 }
 
-/// Calls `f` with row, column and binary exponent of each entry that is not zero.
-fn for_nonzeros(col_ptr: &[usize], row_idx: &[usize], values: &[f64], mut f: impl FnMut(usize, usize, f64)) {
-    for j in 0..col_ptr.len() - 1 {
-        for k in col_ptr[j]..col_ptr[j + 1] {
-            if values[k] != 0.0 {
-                let exponent = (values[k].to_bits() >> 52) & 0x7ff;
-                f(row_idx[k], j, exponent as f64 - 1023.0);
-            }
+/// Adds v to u where the column has an entry that is not zero.
+fn add_to_rows(rows: &[usize], values: &[f64], v: f64, u: &mut [f64]) {
+    if rows.len() == u.len() {
+        for (u, a) in u.iter_mut().zip(values) {
+            *u += if *a == 0.0 { 0.0 } else { v };
+        }
+    } else {
+        for (&i, a) in rows.iter().zip(values) {
+            u[i] += if *a == 0.0 { 0.0 } else { v };
         }
     }
+}
+
+/// The sum of u where the column has an entry that is not zero.
+fn sum_of_rows(rows: &[usize], values: &[f64], u: &[f64]) -> f64 {
+    let at = |a: f64, u: f64| if a == 0.0 { 0.0 } else { u };
+    if rows.len() != u.len() {
+        return rows.iter().zip(values).map(|(&i, a)| at(*a, u[i])).sum();
+    }
+    let (values, values_left) = values.as_chunks::<8>();
+    let (u, u_left) = u.as_chunks::<8>();
+    let mut sums = [0.0; 8];
+    for (a, u) in values.iter().zip(u) {
+        for k in 0..8 {
+            sums[k] += at(a[k], u[k]);
+        }
+    }
+    let left = values_left.iter().zip(u_left).map(|(a, u)| at(*a, *u));
+    sums.iter().sum::<f64>() + left.sum::<f64>()
 }
 
 fn invert_all(maxima: &mut [f64]) -> Result<(), LinearError> {

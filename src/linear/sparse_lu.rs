@@ -102,7 +102,7 @@ impl SparseLu {
         }
         match balanced {
             false => self.scaling.compute(col_ptr, row_idx, values)?,
-            true => (self.scaling).balance(col_ptr, row_idx, values, &mut self.work[..n]),
+            true => (self.scaling).balance(col_ptr, row_idx, values),
         }
         let (row, col) = (self.scaling.row(), self.scaling.col());
         let row_sums = &mut self.work[..n];
