@@ -64,7 +64,7 @@ fn exact(r: f64) -> f64 {
 }
 
 /// Triangles of the unit disc, made from those of a hexagon whose hexagonal rings become circles.
-struct Disc {
+pub(crate) struct Disc {
     /// In the hexagon.
     nodes: Vec<[f64; 2]>,
     triangles: Vec<[usize; 3]>,
@@ -73,7 +73,7 @@ struct Disc {
 }
 
 impl Disc {
-    fn hexagon() -> Self {
+    pub(crate) fn hexagon() -> Self {
         let corner = |k: usize| {
             let angle = k as f64 * PI / 3.0;
             [angle.cos(), angle.sin()]
@@ -86,7 +86,7 @@ impl Disc {
     }
 
     /// Four triangles from each; those of triangle t are 4t to 4t + 3.
-    fn refined(&self) -> Self {
+    pub(crate) fn refined(&self) -> Self {
         let mut nodes = self.nodes.clone();
         let mut parents: Vec<_> = (0..nodes.len()).map(|k| [k, k]).collect();
         let mut middles = HashMap::new();
@@ -131,7 +131,7 @@ impl Disc {
 }
 
 /// The flow through a disc.
-fn flow(disc: &Disc, threshold: f64) -> Outcome<Yielding> {
+pub(crate) fn flow(disc: &Disc, threshold: f64) -> Outcome<Yielding> {
     let mut unknown = vec![None; disc.nodes.len()];
     let mut unknowns = 0;
     for (node, unknown) in unknown.iter_mut().enumerate() {

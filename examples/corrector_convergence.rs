@@ -1,16 +1,23 @@
-//! Newton methods for complementarity and friction problems side by side, as papers print them, and iteration by iteration on a few.
-//! You will see what each method solves, what it costs and its observed order, a table of all runs and performance profiles (Dolan and
-//! Moré 2002) of iterations and of times, with --full orders of McpSolver's strategies chosen on one half of the problems and judged on the
-//! other, then residuals, steps and changes of pieces on friction problems and a circuit.
+//! Newton methods side by side, as papers print them: on complementarity problems, variational inequalities, friction, equations of function
+//! spaces and problems over cones; and iteration by iteration on a few. You will see what each method solves, what it costs and its
+//! observed order, a table of all runs and performance profiles (Dolan and Moré 2002) of iterations and of times, with --full orders of
+//! McpSolver's strategies chosen on one half of the families of problems and judged on the other, then residuals, steps and changes of
+//! pieces on friction problems and a circuit.
 //! Run: cargo run --release --example corrector_convergence [-- --full]
 
-// The circuit comes from another example, with what examples share.
+// Function spaces and the circuit come from other examples, with what examples share.
 #![allow(clippy::duplicate_mod)]
 
 #[macro_use]
 mod common;
+#[path = "common/classes.rs"]
+mod classes;
+#[path = "common/cones.rs"]
+mod cones;
 #[path = "common/contenders.rs"]
 mod contenders;
+#[path = "common/equations.rs"]
+mod equations;
 #[path = "common/expressions.rs"]
 mod expressions;
 #[path = "common/inequalities.rs"]
@@ -21,9 +28,8 @@ mod obstacles;
 mod orders;
 #[path = "common/profiles.rs"]
 mod profiles;
-#[allow(dead_code)]
-#[path = "state_constraints.rs"]
-mod state_constraints;
+#[path = "common/textbook.rs"]
+mod textbook;
 #[allow(dead_code)]
 #[path = "your_own_problem.rs"]
 mod your_own_problem;
@@ -31,30 +37,22 @@ mod your_own_problem;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::rc::Rc;
 
 use clap::Parser;
-use common::{Outcome, Random, ensure, exit, file_in, files_or_shipped, shipped_folder};
-use contenders::{
-    CONES, Complementarity, DAMPINGS, Friction, FunctionOf, METHODS, Run, random_friction, random_lcp,
-};
-use inequalities::{read_cone, read_vi};
+use classes::{Class, Sizes, classes, complementarity, two_nodes, variational};
+use common::{Outcome, ensure, exit, file_in, shipped_folder};
+use contenders::Run;
 use profiles::Costs;
-use semismooth::complementarity::McpFunction;
-use semismooth::contact::{
-    FrictionCoefficient, FullContact, HildRenard, LoadPath, PlanarCoulomb, read_folder,
-};
+use semismooth::contact::{HildRenard, read_folder};
 use semismooth::newton::{Newton, NewtonOptions};
 use semismooth::output::BranchDiagram;
 use semismooth::piecewise::{PiecewiseSmooth, Traced, value};
-use semismooth::sparse::Matrix;
-use state_constraints::Yosida;
 use your_own_problem::TunnelDiode;
 
-/// Compares Newton methods on problems from files and at random; histories of the corrector on contact problems and a circuit.
+/// Compares Newton methods on problems from files, on grids and at random; histories of the corrector on contact problems and a circuit.
 #[derive(Parser)]
 struct Args {
-    /// More and larger problems: a minute or two in place of seconds
+    /// More and larger problems, and orders of strategies: some minutes in place of seconds
     #[arg(long)]
     full: bool,
     /// Folder for the table and the pictures
@@ -71,28 +69,55 @@ fn run(args: &Args) -> Outcome<()> {
     histories()
 }
 
-/// How much of each kind there is.
-struct Sizes {
-    /// Whether the files of the tests are solved, too.
-    files: bool,
-    /// Random linear problems, and their orders.
-    linear: usize,
-    orders: &'static [usize],
-    /// Points a side of obstacle problems.
-    grids: &'static [usize],
-    /// Points a side of problems with state constraints.
-    spaces: &'static [usize],
-    /// Random friction problems.
-    friction: usize,
+/// The runs of all methods of a class on its problems: row by problem.
+struct Group {
+    class: Class,
+    runs: Vec<Vec<Run>>,
+}
+
+impl Group {
+    fn of(class: Class) -> Outcome<Self> {
+        let methods = 0..class.methods.len();
+        let row = |(_, run): &(String, _)| methods.clone().map(run).collect();
+        let runs: Outcome<_> = class.problems.iter().map(row).collect();
+        Ok(Self { runs: runs?, class })
+    }
+
+    fn costs(&self) -> [(Costs, &'static str); 2] {
+        let (methods, time) = (&self.class.methods, |r: &Run| r.seconds);
+        [
+            (Costs::new(methods, &self.runs, Costs::work), "iterations"),
+            (Costs::new(methods, &self.runs, time), "times"),
+        ]
+    }
+
+    /// The share of the problems that a method solves.
+    fn solved(&self, method: &str) -> f64 {
+        let place = self.class.methods.iter().position(|m| *m == method);
+        place.map_or(0.0, |k| self.costs()[0].0.solved(k))
+    }
+
+    /// The median of the observed orders of a method.
+    fn order(&self, method: &str) -> Option<f64> {
+        let place = self.class.methods.iter().position(|m| *m == method)?;
+        let runs = self.runs.iter().map(|row| &row[place]);
+        median(runs.filter(|r| r.solved).filter_map(|r| r.order).collect())
+    }
 }
 
 const SMALL: Sizes = Sizes {
     files: false,
     linear: 40,
     orders: &[5, 10, 20],
-    grids: &[15, 31],
-    spaces: &[15],
-    friction: 120,
+    grids: &[15],
+    friction: [120, 30],
+    bar: 20,
+    contacts: 30,
+    states: &[15],
+    controls: &[15, 31],
+    pixels: &[16],
+    pipes: &[1, 2],
+    plastic: &[0],
 };
 
 const FULL: Sizes = Sizes {
@@ -100,260 +125,84 @@ const FULL: Sizes = Sizes {
     linear: 400,
     orders: &[5, 10, 20],
     grids: &[15, 31, 63],
-    spaces: &[15, 31, 63],
-    friction: 1000,
+    friction: [1000, 200],
+    bar: 40,
+    contacts: 100,
+    states: &[15, 31],
+    controls: &[15, 31, 63, 127],
+    pixels: &[16, 32, 64],
+    pipes: &[1, 2, 3, 4],
+    plastic: &[0, 1],
 };
-
-fn complementarity(sizes: &Sizes) -> Outcome<Vec<Complementarity>> {
-    let mut list = Vec::new();
-    let mut files = files_or_shipped(&[], "complementarity")?;
-    if sizes.files {
-        files.extend(files_or_shipped(&[], "mcp")?);
-    }
-    for file in files {
-        let expressions::Problem {
-            name,
-            solvable,
-            mcp,
-            starts,
-            ..
-        } = expressions::read(&file)?;
-        if !solvable {
-            continue;
-        }
-        let (lower, upper) = (mcp.lower().to_vec(), mcp.upper().to_vec());
-        let function: Rc<dyn McpFunction> = Rc::new(FunctionOf(mcp));
-        for (label, start) in starts {
-            list.push(Complementarity {
-                name: format!("{name} {label}"),
-                function: function.clone(),
-                lower: lower.clone(),
-                upper: upper.clone(),
-                start,
-            });
-        }
-    }
-    for &m in sizes.grids {
-        for kind in [
-            obstacles::Problem::Mcplib,
-            obstacles::Problem::Hemisphere,
-            obstacles::Problem::Torsion,
-        ] {
-            let lcp = kind.lcp(m)?;
-            list.push(Complementarity {
-                name: format!("obstacle {} {m} x {m}", kind.name()),
-                function: Rc::new(lcp.mcp().function().clone()),
-                lower: lcp.lower().to_vec(),
-                upper: lcp.upper().to_vec(),
-                start: vec![0.0; m * m],
-            });
-        }
-    }
-    let mut random = Random::new(1);
-    for k in 0..sizes.linear {
-        let n = sizes.orders[k / 4 % sizes.orders.len()];
-        list.push(random_lcp(n, k, &mut random, &format!("LCP {k}, n = {n}"))?);
-    }
-    Ok(list)
-}
-
-fn friction(sizes: &Sizes) -> Outcome<Vec<Friction>> {
-    let mut list = Vec::new();
-    let at = |map: Box<dyn PiecewiseSmooth>, name: &str, parameter: f64| {
-        let mut start = vec![0.0; map.num_vars()];
-        start[map.num_vars() - 1] = parameter;
-        let name = format!("{name}, at {parameter}");
-        Friction { name, map, start }
-    };
-    for k in 0..8 {
-        let parameter = 0.5 + 0.5 * f64::from(k);
-        let one = HildRenard::new(1.5, 7.0, 1.0, 1.0)?.problem()?;
-        list.push(at(Box::new(one), "one node of Hild and Renard", parameter));
-        list.push(at(Box::new(two_nodes()?), "two nodes", parameter));
-        let block = read_folder(shipped_folder())?.problem.condensed()?;
-        list.push(at(Box::new(block), "elastic block", parameter / 4.0));
-    }
-    let mut random = Random::new(2);
-    for k in 0..sizes.friction {
-        let p = 1 + k % 6;
-        list.push(random_friction(
-            p,
-            &mut random,
-            format!("random body {k}, {p} nodes"),
-        )?);
-    }
-    Ok(list)
-}
-
-/// Equations of function spaces, on grids: the Moreau–Yosida regularisation of a state constraint, from 0, at log₁₀ γ = 0 … 8.
-fn function_spaces(sizes: &Sizes) -> Outcome<Vec<Friction>> {
-    let mut list = Vec::new();
-    for &m in sizes.spaces {
-        for s in [0.0, 2.0, 4.0, 6.0, 8.0] {
-            let map = Box::new(Yosida::new(m)?);
-            let mut start = vec![0.0; m * m + 1];
-            start[m * m] = s;
-            let name = format!("state constraint {m} x {m}, gamma = 1e{s}");
-            list.push(Friction { name, map, start });
-        }
-    }
-    Ok(list)
-}
-
-/// Variational inequalities over polyhedra by their multiplier conditions, from the starts of their files with multipliers 0.
-fn variational() -> Outcome<Vec<Complementarity>> {
-    let mut list = Vec::new();
-    for file in files_or_shipped(&[], "vi")? {
-        let (problem, vi) = read_vi(&file)?;
-        if !problem.solvable {
-            continue;
-        }
-        // Its conditions borrow it, and are kept to the end.
-        let vi: &'static _ = Box::leak(Box::new(vi));
-        let (first, name) = (vi.kkt()?, problem.name);
-        let (lower, upper) = (first.lower().to_vec(), first.upper().to_vec());
-        let function: Rc<dyn McpFunction> = Rc::new(FunctionOf(first));
-        for (label, mut start) in problem.starts {
-            start.resize(lower.len(), 0.0);
-            list.push(Complementarity {
-                name: format!("{name} {label}"),
-                function: function.clone(),
-                lower: lower.clone(),
-                upper: upper.clone(),
-                start,
-            });
-        }
-    }
-    Ok(list)
-}
-
-/// The runs of some methods on problems of one class.
-struct Group {
-    class: &'static str,
-    title: String,
-    methods: Vec<&'static str>,
-    problems: Vec<String>,
-    runs: Vec<Vec<Run>>,
-}
-
-impl Group {
-    fn new(class: &'static str, title: &str, methods: Vec<&'static str>) -> Self {
-        Self {
-            class,
-            title: title.to_owned(),
-            methods,
-            problems: Vec::new(),
-            runs: Vec::new(),
-        }
-    }
-
-    fn add(&mut self, problem: &str, row: Vec<Run>) {
-        self.problems.push(problem.to_owned());
-        self.runs.push(row);
-    }
-
-    fn of_complementarity(class: &'static str, title: &str, problems: &[Complementarity]) -> Outcome<Self> {
-        let mut group = Self::new(class, title, METHODS.iter().map(|m| m.name).collect());
-        for problem in problems {
-            let row: Outcome<Vec<Run>> = METHODS.iter().map(|m| problem.run(m)).collect();
-            group.add(&problem.name, row?);
-        }
-        Ok(group)
-    }
-
-    fn of_equations(class: &'static str, title: &str, equations: &[Friction]) -> Outcome<Self> {
-        let mut group = Self::new(class, title, DAMPINGS.iter().map(|d| d.0).collect());
-        for equation in equations {
-            let row: Outcome<Vec<Run>> = DAMPINGS.iter().map(|d| equation.run(d.1)).collect();
-            group.add(&equation.name, row?);
-        }
-        Ok(group)
-    }
-
-    /// Problems over second-order cones from files, with their starts.
-    fn of_cones() -> Outcome<Self> {
-        let methods = CONES.iter().map(|m| m.0).collect();
-        let mut group = Self::new("cones", "problems over second-order cones", methods);
-        for file in files_or_shipped(&[], "cones")? {
-            let (problem, cones) = read_cone(&file)?;
-            for (label, start) in problem.starts.iter().filter(|_| problem.solvable) {
-                let row: Outcome<Vec<Run>> = CONES.iter().map(|m| (m.1)(&cones, start)).collect();
-                group.add(&format!("{} {label}", problem.name), row?);
-            }
-        }
-        Ok(group)
-    }
-
-    fn index(&self, method: &str) -> Option<usize> {
-        self.methods.iter().position(|m| *m == method)
-    }
-
-    fn costs(&self) -> [(Costs, &'static str); 2] {
-        let (work, time) = (Costs::work, |r: &Run| r.seconds);
-        [
-            (Costs::new(&self.methods, &self.runs, work), "iterations"),
-            (Costs::new(&self.methods, &self.runs, time), "times"),
-        ]
-    }
-}
 
 /// Runs all methods on all problems; prints a line a method, writes the table and the profiles.
 fn compare(args: &Args) -> Outcome<()> {
     let sizes = if args.full { &FULL } else { &SMALL };
-    let problems = complementarity(sizes)?;
-    let groups = [
-        Group::of_complementarity(
-            "complementarity",
-            "complementarity problems with their starts",
-            &problems,
-        )?,
-        Group::of_complementarity(
-            "variational",
-            "starts of variational inequalities",
-            &variational()?,
-        )?,
-        Group::of_equations("friction", "friction problems", &friction(sizes)?)?,
-        Group::of_equations("spaces", "problems on grids", &function_spaces(sizes)?)?,
-        Group::of_cones()?,
-    ];
+    let (mut problems, inequalities) = (complementarity(sizes)?, variational()?);
     let mut table = String::from(
-        "class,problem,method,solved,residual,evaluations,jacobians,iterations,factorisations,seconds,order\r\n",
+        "class,problem,method,solved,first_residual,residual,evaluations,jacobians,iterations,factorisations,linear_iterations,seconds,order\r\n",
     );
-    for group in &groups {
-        summary(group);
-        for (problem, row) in group.problems.iter().zip(&group.runs) {
-            record(&mut table, group.class, problem, &group.methods, row)?;
+    let mut groups = Vec::new();
+    for class in classes(sizes, &problems, &inequalities)? {
+        let group = Group::of(class)?;
+        summary(&group);
+        for ((problem, _), row) in group.class.problems.iter().zip(&group.runs) {
+            record(&mut table, &group.class, problem, row)?;
         }
+        groups.push(group);
     }
     write(&args.out, &table, &groups)?;
     if args.full {
+        problems.extend(inequalities);
         orders::compare(&problems)?;
     }
-    // What the picture says, in sentences that can be false.
-    let costs = &groups[0].costs()[0].0;
-    let share = |name: &str| groups[0].index(name).map_or(0.0, |k| costs.solved(k));
-    let all = share("McpSolver, all strategies");
-    ensure(all >= 0.99, "McpSolver solves at least 99 % of the problems")?;
-    ensure(
-        METHODS.iter().all(|m| share(m.name) <= all),
-        "no single method solves more problems than McpSolver with all its strategies",
-    )?;
-    let exact = groups[0].index("Fischer-Burmeister, full steps");
-    let runs = groups[0].runs.iter().filter_map(|row| exact.map(|k| &row[k]));
-    let order = median(runs.filter(|r| r.solved).filter_map(|r| r.order).collect());
-    ensure(
-        order.is_some_and(|o| o > 1.6),
-        "Fischer-Burmeister's method with full steps converges superlinearly, in the median",
-    )
+    groups.iter().try_for_each(check)
 }
 
-fn record(table: &mut String, class: &str, problem: &str, methods: &[&str], row: &[Run]) -> Outcome<()> {
-    for (method, r) in methods.iter().zip(row) {
+/// What the pictures say, in sentences that can be false.
+fn check(group: &Group) -> Outcome<()> {
+    let all = |method: &str| {
+        ensure(
+            group.solved(method) == 1.0,
+            &format!("{method} solves all of {}", group.class.title),
+        )
+    };
+    match group.class.name {
+        "complementarity" | "variational" => {
+            all("McpSolver, all strategies")?;
+            ensure(
+                group
+                    .order("Fischer-Burmeister, full steps")
+                    .is_some_and(|o| o > 1.6),
+                "Fischer-Burmeister's method with full steps converges superlinearly, in the median",
+            )
+        }
+        "cones" => all("ConeSolver"),
+        "delassus" => all("DelassusSolver"),
+        "friction" => ensure(
+            group.solved("Newton, line search on trouble") >= 0.95,
+            "Newton's method solves 95 % of the friction problems",
+        ),
+        _ => all("Newton, full steps"),
+    }
+}
+
+fn record(table: &mut String, class: &Class, problem: &str, row: &[Run]) -> Outcome<()> {
+    for (method, r) in class.methods.iter().zip(row) {
         let order = r.order.map_or_else(String::new, |o| format!("{o:.3}"));
         write!(
             table,
-            "{class},\"{problem}\",\"{method}\",{},{:e},{},{},{},{},{:.3e},{order}\r\n",
-            r.solved, r.residual, r.evaluations, r.jacobians, r.iterations, r.factorisations, r.seconds
+            "{},\"{problem}\",\"{method}\",{},{:e},{:e},{},{},{},{},{},{:.3e},{order}\r\n",
+            class.name,
+            r.solved,
+            r.first,
+            r.residual,
+            r.evaluations,
+            r.jacobians,
+            r.iterations,
+            r.factorisations,
+            r.linear_iterations,
+            r.seconds
         )?;
     }
     Ok(())
@@ -367,7 +216,7 @@ fn median(mut values: Vec<f64>) -> Option<f64> {
 fn summary(group: &Group) {
     let [(costs, _), _] = group.costs();
     let runs = &group.runs;
-    println!("\n{} {}", runs.len(), group.title);
+    println!("\n{} {}", runs.len(), group.class.title);
     println!(
         "  {:44} {:>8} {:>8} {:>10} {:>7} {:>9}",
         "method", "solved", "best", "iterations", "order", "seconds"
@@ -376,17 +225,18 @@ fn summary(group: &Group) {
         let own = || runs.iter().map(|row| &row[k]);
         let middle = |values: Vec<f64>| median(values).map_or_else(|| "-".to_owned(), |v| format!("{v:.1}"));
         println!(
-            "  {:44} {:>6.1} % {:>6.1} % {:>10} {:>7} {:>9.3}",
+            "  {:44} {:>6.1} % {:>6.1} % {:>10} {:>7} {:>9.3}{}",
             method,
             100.0 * costs.solved(k),
             100.0 * costs.best(k),
             middle(own().filter(|r| r.solved).map(|r| r.iterations as f64).collect()),
             middle(own().filter(|r| r.solved).filter_map(|r| r.order).collect()),
-            own().map(|r| r.seconds).sum::<f64>()
+            own().map(|r| r.seconds).sum::<f64>(),
+            if *method == group.class.usual { " *" } else { "" }
         );
     }
     println!(
-        "  (solved; needs the least work, iterations or factorisations; medians of the runs that solve; all runs)"
+        "  (solved; needs the least work, iterations or factorisations; medians of the runs that solve; all runs; *: unless told otherwise)"
     );
 }
 
@@ -394,10 +244,10 @@ fn write(folder: &Path, table: &str, groups: &[Group]) -> Outcome<()> {
     let path = file_in(folder, "corrector_runs.csv")?;
     std::fs::write(&path, table)?;
     println!("\nwritten: {}", path.display());
-    for group in groups.iter().filter(|g| g.methods.len() > 1) {
+    for group in groups {
         for (costs, cost) in group.costs() {
             let mut name = String::from("corrector_profile");
-            for (part, usual) in [(group.class, "complementarity"), (cost, "iterations")] {
+            for (part, usual) in [(group.class.name, "complementarity"), (cost, "iterations")] {
                 if part != usual {
                     write!(name, "_{part}")?;
                 }
@@ -406,7 +256,7 @@ fn write(folder: &Path, table: &str, groups: &[Group]) -> Outcome<()> {
             let caption = format!(
                 "{} {}",
                 costs.rows.len(),
-                group.title.replace(" with their starts", "")
+                group.class.title.replace(" with their starts", "")
             );
             BranchDiagram::new(costs.panel(caption, cost, 7.0))
                 .with_size(900, 520)
@@ -471,21 +321,4 @@ fn history<P: PiecewiseSmooth>(title: &str, map: &P, parameter: f64) -> Outcome<
         worst <= 1e-9 * first.max(1.0),
         "the residual at the solution vanishes",
     )
-}
-
-/// The model with two contact nodes of Haslinger, Janovský and Ligurský, λ = μ = 1.
-fn two_nodes() -> Outcome<FullContact<PlanarCoulomb>> {
-    let stiffness = [
-        [0.5, 0.0, -0.5, -0.5],
-        [0.0, 1.5, -0.5, -1.5],
-        [-0.5, -0.5, 4.0, 0.0],
-        [-0.5, -1.5, 0.0, 4.0],
-    ];
-    Ok(FullContact::planar(
-        Matrix::from_rows(&stiffness)?,
-        Matrix::from_rows(&[[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]])?,
-        Matrix::from_rows(&[[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])?,
-        LoadPath::constant(vec![0.4, -2.1417, 1.3717, -2.1417]),
-        FrictionCoefficient::affine(vec![0.0; 2], vec![1.0; 2])?,
-    )?)
 }

@@ -54,10 +54,10 @@ struct Arguments {
 const GROWTH: usize = 2;
 
 /// A quarter of a body around a hole, in rings of quadrilaterals.
-struct Rings {
+pub(crate) struct Rings {
     around: usize,
     across: usize,
-    body: PlasticBody,
+    pub(crate) body: PlasticBody,
 }
 
 impl Rings {
@@ -155,7 +155,7 @@ fn run(arguments: &Arguments) -> Outcome<()> {
 }
 
 /// Largest pressure such that the front has this radius, and the displacement c/r, where τ = k at the front.
-struct Hill {
+pub(crate) struct Hill {
     pressure: f64,
     c: f64,
 }
@@ -177,31 +177,37 @@ fn hill(young: f64, yield_stress: f64, hardening: f64) -> Hill {
     }
 }
 
-fn tube(levels: usize) -> Outcome<()> {
+/// A quarter of the tube under the pressure of the closed solution.
+pub(crate) fn pressed(level: usize) -> Outcome<(Rings, Hill)> {
     let (young, yield_stress, hardening) = (210.0, 0.25, 10.0);
     let exact = hill(young, yield_stress, hardening);
+    let cells = [12 << level, 8 << level];
+    let law = VonMises::new(young, 0.499_99, yield_stress)?.with_hardening(hardening, 0.0)?;
+    let end = |i: usize| {
+        let angle = FRAC_PI_2 * i as f64 / cells[0] as f64;
+        [OUTER * angle.cos(), OUTER * angle.sin()]
+    };
+    let mark = |mesh: &mut Mesh| {
+        mesh.mark_boundary("inner", |f| f.centre[0].hypot(f.centre[1]) < INNER);
+    };
+    let mut rings = Rings::new(cells, INNER, end, mark, law)?;
+    let load = rings.body.system().traction("inner", |x| {
+        let r = x[0].hypot(x[1]);
+        [exact.pressure * x[0] / r, exact.pressure * x[1] / r, 0.0]
+    })?;
+    rings.body.set_load(&load)?;
+    Ok((rings, exact))
+}
+
+fn tube(levels: usize) -> Outcome<()> {
     println!("tube: Newton steps            error of    radius of");
     println!("   cells  from 0  residual  displacement  the front");
     let (mut steps, mut errors) = (Vec::new(), Vec::new());
-    let mut found = 0.0;
+    let (mut found, mut pressure) = (0.0, 0.0);
     for level in 0..levels {
-        let cells = [12 << level, 8 << level];
-        let law = VonMises::new(young, 0.499_99, yield_stress)?.with_hardening(hardening, 0.0)?;
-        let end = |i: usize| {
-            let angle = FRAC_PI_2 * i as f64 / cells[0] as f64;
-            [OUTER * angle.cos(), OUTER * angle.sin()]
-        };
-        let mark = |mesh: &mut Mesh| {
-            mesh.mark_boundary("inner", |f| f.centre[0].hypot(f.centre[1]) < INNER);
-        };
-        let mut rings = Rings::new(cells, INNER, end, mark, law)?;
-        let load = rings.body.system().traction("inner", |x| {
-            let r = x[0].hypot(x[1]);
-            [exact.pressure * x[0] / r, exact.pressure * x[1] / r, 0.0]
-        })?;
-        rings.body.set_load(&load)?;
+        let (mut rings, exact) = pressed(level)?;
         let mut newton = Newton::with_solver(NewtonOptions::default(), Cholesky::default());
-        let mut x = vec![0.0; load.len()];
+        let mut x = vec![0.0; rings.body.system().num_free()];
         newton.solve_semismooth(&rings.body, &mut x)?;
         rings.body.commit(&x)?;
         let u = rings.all(&x)?;
@@ -213,25 +219,23 @@ fn tube(levels: usize) -> Outcome<()> {
         errors.push(errors_at.fold(0.0, f64::max) * INNER / exact.c);
         // Rings of the mesh are all alike: the front is that of a circle with the yielded share of their area.
         let ring = |j: usize| {
-            let r = |j: usize| INNER + (OUTER - INNER) * j as f64 / cells[1] as f64;
+            let r = |j: usize| INNER + (OUTER - INNER) * j as f64 / rings.across as f64;
             r(j + 1).powi(2) - r(j).powi(2)
         };
-        let area: f64 = (0..cells[1]).map(|j| ring(j) * rings.yielded(j, None)).sum();
+        let area: f64 = (0..rings.across).map(|j| ring(j) * rings.yielded(j, None)).sum();
         found = (INNER * INNER + area).sqrt();
         steps.push(newton.report().history.len() - 1);
+        pressure = exact.pressure;
         println!(
             "{:8}  {:6}  {:8.1e}  {:12.2e}  {found:9.5}",
-            cells[0] * cells[1],
+            rings.around * rings.across,
             steps[level],
             newton.report().residual_norm(),
             errors[level],
         );
     }
     let h = 0.125 / f64::from(1 << (levels - 1));
-    println!(
-        "exactly, incompressible: p = {:.6}, front {FRONT}",
-        exact.pressure
-    );
+    println!("exactly, incompressible: p = {pressure:.6}, front {FRONT}",);
     not_growing(&steps)?;
     // The tube is compressible by 1 − 2ν = 2e-5.
     ensure(
@@ -251,7 +255,7 @@ const HOLE: f64 = 5.0;
 const PULL: f64 = 0.14;
 
 /// The quarter of the strip, and the forces of a unit load.
-fn quarter(level: usize) -> Outcome<(Rings, Vec<f64>)> {
+pub(crate) fn quarter(level: usize) -> Outcome<(Rings, Vec<f64>)> {
     let n = 4 << level;
     // Two thirds of the rays end at the side, one third at the top.
     let end = |i: usize| match i <= 2 * n {

@@ -66,7 +66,7 @@ fn control(p: f64) -> f64 {
 /// The optimality conditions in x = (y, p/√ν), with K = −√ν Δ: y − y_d − K p/√ν = 0 and √ν u(p) − K y = 0. Scaled so, their derivative
 /// [I, −K; −K, −D] is symmetric; D is 1 where u is neither 0 nor at a bound. diag(I, (K + D)²) is near the blocks diag(I, K² + D) that
 /// a block elimination leaves, whatever ν and h are (J. W. Pearson, A. J. Wathen, 2012).
-struct Control {
+pub(crate) struct Control {
     m: usize,
     target: Vec<f64>,
     /// √ν/h².
@@ -79,7 +79,7 @@ struct Control {
 }
 
 impl Control {
-    fn new(m: usize) -> Outcome<Self> {
+    pub(crate) fn new(m: usize) -> Outcome<Self> {
         let h = 1.0 / (m + 1) as f64;
         let scale = NU.sqrt() / (h * h);
         let mut near = five_point(m)?;

@@ -74,7 +74,7 @@ fn grey(x: f64, y: f64) -> f64 {
 }
 
 /// Forward differences on m × m pixels, none across the sides.
-struct Picture {
+pub(crate) struct Picture {
     m: usize,
     noisy: Vec<f64>,
     lambda: f64,
@@ -85,7 +85,7 @@ impl Picture {
         1.0 / self.m as f64
     }
 
-    fn equations(&self, threshold: f64) -> Outcome<Yielding> {
+    pub(crate) fn equations(&self, threshold: f64) -> Outcome<Yielding> {
         let (m, h) = (self.m, self.h());
         let element = |k: usize| {
             let right = (k % m + 1 < m).then(|| k + 1);
@@ -135,11 +135,9 @@ impl Picture {
         const LIMIT: usize = 100_000;
         let (h, n) = (self.h(), self.noisy.len());
         let norm = 8.0 / (h * h);
-        let tau0: f64 = std::env::var("TAU")
-            .ok()
-            .and_then(|t| t.parse().ok())
-            .unwrap_or(0.35);
-        let (mut tau, mut sigma) = (tau0, 1.0 / (norm * tau0));
+        /// By trial the best of some.
+        const TAU: f64 = 0.35;
+        let (mut tau, mut sigma) = (TAU, 1.0 / (norm * TAU));
         let (mut u, mut beyond) = (self.noisy.clone(), self.noisy.clone());
         let mut q = vec![[0.0; 2]; n];
         let mut of_dual = vec![0.0; n];
@@ -171,6 +169,24 @@ impl Picture {
     }
 }
 
+/// The picture as it is, and with noise.
+pub(crate) fn example(pixels: usize, lambda: f64) -> (Vec<f64>, Picture) {
+    let mut random = Random::new(1);
+    // The sum of twelve uniform numbers is nearly normal.
+    let mut noise = || 0.5 * (0..12).map(|_| random.symmetric()).sum::<f64>() * NOISE;
+    let at = |i: usize| (i as f64 + 0.5) / pixels as f64;
+    let original: Vec<f64> = (0..pixels * pixels)
+        .map(|k| grey(at(k % pixels), at(k / pixels)))
+        .collect();
+    let noisy = original.iter().map(|g| g + noise()).collect();
+    let picture = Picture {
+        m: pixels,
+        noisy,
+        lambda,
+    };
+    (original, picture)
+}
+
 /// 10 log₁₀ of 1 over the mean square of the difference.
 fn psnr(u: &[f64], original: &[f64]) -> f64 {
     let square: f64 = u.iter().zip(original).map(|(u, o)| (u - o) * (u - o)).sum();
@@ -187,21 +203,7 @@ fn run(arguments: &Arguments) -> Outcome<()> {
     if !(16..=1024).contains(&pixels) || !positive {
         return Err("--pixels goes from 16 to 1024; --lambda is positive".into());
     }
-    let mut random = Random::new(1);
-    // The sum of twelve uniform numbers is nearly normal.
-    let mut noise = || 0.5 * (0..12).map(|_| random.symmetric()).sum::<f64>() * NOISE;
-    let original: Vec<f64> = (0..pixels * pixels)
-        .map(|k| {
-            let at = |i: usize| (i as f64 + 0.5) / pixels as f64;
-            grey(at(k % pixels), at(k / pixels))
-        })
-        .collect();
-    let noisy: Vec<f64> = original.iter().map(|g| g + noise()).collect();
-    let picture = Picture {
-        m: pixels,
-        noisy: noisy.clone(),
-        lambda: arguments.lambda,
-    };
+    let (original, picture) = example(pixels, arguments.lambda);
     let mut newton = NewtonKrylov::new(
         NewtonKrylovOptions::default()
             .with_method(KrylovMethod::Gmres { directions: 10 })
@@ -246,20 +248,24 @@ fn run(arguments: &Arguments) -> Outcome<()> {
     let u = &x[..pixels * pixels];
     println!(
         "PSNR with noise {:.3}, without {:.3} dB",
-        psnr(&noisy, &original),
+        psnr(&picture.noisy, &original),
         psnr(u, &original)
     );
     draw(
         arguments,
         pixels,
-        &[("original", &original), ("noisy", &noisy), ("denoised", u)],
+        &[
+            ("original", &original),
+            ("noisy", &picture.noisy),
+            ("denoised", u),
+        ],
     )?;
     ensure(
         gaps.windows(2).all(|g| g[1] < 0.5 * g[0]) && gaps[gaps.len() - 1] < 1e-6,
         "the gap closes as the threshold falls",
     )?;
     ensure(
-        psnr(u, &original) > psnr(&noisy, &original) + 3.0,
+        psnr(u, &original) > psnr(&picture.noisy, &original) + 3.0,
         "the noise is reduced by 3 dB",
     )
 }

@@ -1,4 +1,4 @@
-//! Problems and methods of the comparison of correctors, and what one run of one method on one problem costs.
+//! Methods for complementarity problems, and what one run of one method on one problem costs.
 
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
@@ -7,40 +7,45 @@ use std::time::Instant;
 use semismooth::complementarity::{
     AffineFunction, FischerBurmeister, Mcp, McpFunction, McpOptions, McpSolver, McpStrategy, NormalMap,
 };
-use semismooth::cones::{ConeProblem, ConeSolver};
-use semismooth::contact::{FrictionCoefficient, FullContact, LoadPath, PlanarCoulomb};
 use semismooth::linear::IncompleteLu;
 use semismooth::newton::{Damping, Newton, NewtonKrylov, NewtonOptions, Report};
-use semismooth::piecewise::{Assembled, PiecewiseSmooth, Semismooth, value};
+use semismooth::piecewise::{Assembled, PiecewiseSmooth, Semismooth};
 use semismooth::sparse::{Matrix, Pattern};
 
 use crate::common::{Outcome, Random};
+use crate::textbook::{Direction, minimise};
 
-/// Natural residual of a solution of a complementarity problem.
-const SOLVED: f64 = 1e-6;
-/// The residual of a solution of a friction problem, relative to that of the start.
-const EQUILIBRIUM: f64 = 1e-9;
+/// Natural residual of a solution of a complementarity problem, also over cones.
+pub(crate) const SOLVED: f64 = 1e-6;
+/// Merits that nonmonotone line searches look back on.
+pub(crate) const MEMORY: usize = 8;
 
 /// What a run cost and gave.
 pub(crate) struct Run {
     pub(crate) solved: bool,
     /// ‖x − mid(l, u, x − F(x))‖∞ at the point within its bounds, or ‖H‖∞.
     pub(crate) residual: f64,
-    /// Points at which F was evaluated; of friction problems, residuals.
+    /// The same at the start; 1 where residuals are relative in themselves.
+    pub(crate) first: f64,
+    /// Points at which F was evaluated; of equations, residuals.
     pub(crate) evaluations: usize,
-    /// Points at which ∇F was evaluated. One is enough where F is affine and the method knows.
+    /// Points at which ∇F was evaluated, or derivatives of equations. One is enough where F is affine and the method knows.
     pub(crate) jacobians: usize,
     /// Iterations of all attempts.
     pub(crate) iterations: usize,
     pub(crate) factorisations: usize,
+    /// Iterations of the Krylov method, where one solves for the steps.
+    pub(crate) linear_iterations: usize,
     pub(crate) seconds: f64,
-    /// Observed order of the tail on the last active set.
+    /// Observed order of the tail; of methods that know pieces or active sets, since the last change of one.
     pub(crate) order: Option<f64>,
 }
 
 /// A complementarity problem with a start.
 pub(crate) struct Complementarity {
     pub(crate) name: String,
+    /// What problems of one kind have in common.
+    pub(crate) family: String,
     pub(crate) function: Rc<dyn McpFunction>,
     pub(crate) lower: Vec<f64>,
     pub(crate) upper: Vec<f64>,
@@ -66,13 +71,6 @@ impl<F: McpFunction> McpFunction for FunctionOf<F> {
     fn is_affine(&self) -> bool {
         self.0.function().is_affine()
     }
-}
-
-/// A friction problem at a fixed parameter, the last entry of the start.
-pub(crate) struct Friction {
-    pub(crate) name: String,
-    pub(crate) map: Box<dyn PiecewiseSmooth>,
-    pub(crate) start: Vec<f64>,
 }
 
 /// F, counting the points at which it is asked for: what a method asks for twice at one point costs once.
@@ -122,10 +120,33 @@ impl McpFunction for Counted<'_> {
 }
 
 /// What the report of a method says.
+#[derive(Default)]
 pub(crate) struct Told {
-    iterations: usize,
-    factorisations: usize,
-    order: Option<f64>,
+    /// Of residuals of equations; what complementarity problems evaluate is counted.
+    pub(crate) evaluations: usize,
+    pub(crate) iterations: usize,
+    pub(crate) factorisations: usize,
+    /// Iterations of the Krylov method in all steps.
+    pub(crate) linear_iterations: usize,
+    pub(crate) order: Option<f64>,
+}
+
+impl Run {
+    /// A run of which nothing else is known yet.
+    pub(crate) fn told(told: Told) -> Self {
+        Self {
+            solved: false,
+            residual: f64::NAN,
+            first: 1.0,
+            evaluations: told.evaluations,
+            jacobians: told.iterations + 1,
+            iterations: told.iterations,
+            factorisations: told.factorisations,
+            linear_iterations: told.linear_iterations,
+            seconds: 0.0,
+            order: told.order,
+        }
+    }
 }
 
 type Attempt = fn(&Mcp<Counted<'_>>, &mut [f64]) -> Option<Told>;
@@ -137,7 +158,7 @@ pub(crate) struct Method {
 }
 
 /// The contenders. Each starts from the same x and stops by its own rule; whether it has solved is judged alike.
-pub(crate) const METHODS: [Method; 11] = [
+pub(crate) const METHODS: [Method; 14] = [
     Method {
         name: "natural map, full steps",
         run: |p, x| pieces(p, x, Damping::Never),
@@ -169,6 +190,20 @@ pub(crate) const METHODS: [Method; 11] = [
         run: |p, x| fischer(p, x, 1.0, Damping::Always),
     },
     Method {
+        name: "Fischer-Burmeister, nonmonotone line search",
+        run: |p, x| {
+            let map = FischerBurmeister::new(p).ok()?;
+            Some(minimise(&map, x, Direction::Newton, MEMORY))
+        },
+    },
+    Method {
+        name: "Fischer-Burmeister, Levenberg-Marquardt",
+        run: |p, x| {
+            let map = FischerBurmeister::new(p).ok()?;
+            Some(minimise(&map, x, Direction::Marquardt, 1))
+        },
+    },
+    Method {
         name: "penalised Fischer-Burmeister, line search",
         run: |p, x| fischer(p, x, 0.8, Damping::Always),
     },
@@ -189,6 +224,10 @@ pub(crate) const METHODS: [Method; 11] = [
         run: |p, x| solver(p, x, &[McpStrategy::Newton]),
     },
     Method {
+        name: "McpSolver, Fischer-Burmeister alone",
+        run: |p, x| solver(p, x, &[McpStrategy::FischerBurmeister]),
+    },
+    Method {
         name: "McpSolver, smoothing alone",
         run: |p, x| solver(p, x, &[McpStrategy::Smoothing]),
     },
@@ -198,11 +237,13 @@ pub(crate) const METHODS: [Method; 11] = [
     },
 ];
 
-fn told(report: &Report) -> Told {
+pub(crate) fn told(report: &Report) -> Told {
     let first = report.history.first().map_or(1.0, |i| i.residual_norm);
     Told {
+        evaluations: report.evaluations,
         iterations: report.history.len().saturating_sub(1),
         factorisations: report.factorisations,
+        linear_iterations: report.history.iter().map(|i| i.linear_iterations).sum(),
         order: report.observed_order(1e-13 * first),
     }
 }
@@ -230,8 +271,10 @@ pub(crate) fn solver(p: &Mcp<Counted<'_>>, x: &mut [f64], strategies: &[McpStrat
     let report = solver.solve(p, x).ok()?;
     let first = report.history.first().map_or(1.0, |i| i.residual);
     Some(Told {
+        evaluations: 0,
         iterations: report.iterations,
         factorisations: report.factorisations,
+        linear_iterations: 0,
         order: report.observed_order(1e-13 * first),
     })
 }
@@ -253,110 +296,18 @@ impl Complementarity {
         let seconds = begun.elapsed().as_secs_f64();
         let [evaluations, jacobians] = [0, 1].map(|k| problem.function().seen[k].get());
         problem.project(&mut x);
-        let residual = problem.natural_residual(&x, &mut vec![0.0; x.len()])?;
+        let mut room = vec![0.0; x.len()];
+        let residual = problem.natural_residual(&x, &mut room)?;
         Ok(Run {
             solved: residual <= SOLVED,
             residual,
+            first: problem.natural_residual(&self.start, &mut room)?,
             evaluations,
             jacobians,
-            iterations: told.as_ref().map_or(0, |t| t.iterations),
-            factorisations: told.as_ref().map_or(0, |t| t.factorisations),
             seconds,
-            order: told.and_then(|t| t.order),
+            ..Run::told(told.unwrap_or_default())
         })
     }
-}
-
-/// A method for problems over cones.
-type ConeMethod = fn(&ConeProblem<Box<dyn McpFunction>>, &[f64]) -> Outcome<Run>;
-
-/// The contenders there.
-pub(crate) const CONES: [(&str, ConeMethod); 1] = [("ConeSolver", |problem, start| {
-    let mut x = start.to_vec();
-    let begun = Instant::now();
-    let report = ConeSolver::default().solve(problem, &mut x)?;
-    Ok(Run {
-        solved: report.residual <= SOLVED,
-        residual: report.residual,
-        // The solver does not tell them apart from its steps.
-        evaluations: report.iterations,
-        jacobians: report.iterations,
-        iterations: report.iterations,
-        factorisations: report.factorisations,
-        seconds: begun.elapsed().as_secs_f64(),
-        order: None,
-    })
-})];
-
-/// Rules of shortening Newton's steps on friction problems.
-pub(crate) const DAMPINGS: [(&str, Damping); 3] = [
-    ("Newton, full steps", Damping::Never),
-    ("Newton, line search on trouble", Damping::OnTrouble),
-    ("Newton, line search", Damping::Always),
-];
-
-impl Friction {
-    pub(crate) fn run(&self, damping: Damping) -> Outcome<Run> {
-        let size = |x: &[f64]| {
-            let mut r = vec![0.0; self.map.num_residuals()];
-            value(&self.map, x, &mut r);
-            r.iter()
-                .fold(0.0_f64, |m, v| if v.is_nan() { f64::NAN } else { m.max(v.abs()) })
-        };
-        let mut x = self.start.clone();
-        let mut newton = Newton::new(NewtonOptions::default().with_damping(damping));
-        let begun = Instant::now();
-        newton.solve(&self.map, &mut x).ok();
-        let seconds = begun.elapsed().as_secs_f64();
-        let told = told(newton.report());
-        let residual = size(&x);
-        Ok(Run {
-            solved: residual <= EQUILIBRIUM * size(&self.start),
-            residual,
-            evaluations: newton.report().evaluations,
-            jacobians: told.factorisations,
-            iterations: told.iterations,
-            factorisations: told.factorisations,
-            seconds,
-            order: told.order,
-        })
-    }
-}
-
-/// An elastic body with p contact nodes and two displacements a node, load and friction at random, from zero.
-pub(crate) fn random_friction(p: usize, random: &mut Random, name: String) -> Outcome<Friction> {
-    let n = 2 * p;
-    let g: Vec<Vec<f64>> = (0..n)
-        .map(|_| (0..n).map(|_| random.symmetric()).collect())
-        .collect();
-    let entry = |i: usize, j: usize| {
-        let product: f64 = (0..n).map(|k| g[i][k] * g[j][k]).sum();
-        product + if i == j { 0.3 } else { 0.0 }
-    };
-    let rows: Vec<Vec<f64>> = (0..n).map(|i| (0..n).map(|j| entry(i, j)).collect()).collect();
-    let pick = |first: usize| {
-        let entries: Vec<_> = (0..p).map(|i| (i, 2 * i + first, 1.0)).collect();
-        Matrix::from_triplets(p, n, &entries)
-    };
-    // Pressed on the ground at most nodes, dragged along.
-    let load: Vec<f64> = (0..n)
-        .map(|k| random.symmetric() * 2.0 + if k % 2 == 0 { 1.0 } else { 0.0 })
-        .collect();
-    let friction =
-        FrictionCoefficient::nodal((0..p).map(|_| 0.2 + 2.8 * random.symmetric().abs()).collect())?;
-    let problem: FullContact<PlanarCoulomb> = FullContact::planar(
-        Matrix::from_rows(&rows)?,
-        pick(0)?,
-        pick(1)?,
-        LoadPath::constant(load),
-        friction,
-    )?;
-    let start = vec![0.0; problem.num_vars()];
-    Ok(Friction {
-        name,
-        map: Box::new(problem),
-        start,
-    })
 }
 
 /// A linear complementarity problem with a matrix of one of four kinds, from zero or from a point at random.
@@ -399,6 +350,7 @@ pub(crate) fn random_lcp(n: usize, kind: usize, random: &mut Random, name: &str)
         .collect();
     Ok(Complementarity {
         name: format!("{label} {name}"),
+        family: label.to_owned(),
         function: Rc::new(function),
         lower: vec![0.0; n],
         upper: vec![f64::INFINITY; n],

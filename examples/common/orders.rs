@@ -1,9 +1,12 @@
-//! Orders of the strategies of `McpSolver`, chosen on one half of the problems and judged on the other.
+//! Orders of the strategies of `McpSolver`, chosen on one half of the families of problems and judged on the other.
+
+use std::rc::Rc;
 
 use semismooth::complementarity::{McpOptions, McpStrategy};
 
-use crate::common::Outcome;
+use crate::common::{Outcome, Random};
 use crate::contenders::{Complementarity, Run, solver};
+use crate::profiles::Costs;
 
 /// Solves of a problem, of whose times the least counts, unless one takes longer than `QUICK` seconds.
 const REPEATED: usize = 3;
@@ -27,91 +30,139 @@ fn candidates() -> Vec<Vec<McpStrategy>> {
     list
 }
 
-/// The geometric mean, over a half of the problems that both orders solve, of costs over those of the default; and what is not solved.
+/// What an order does on one family, against the default: the mean of the logarithms of the ratio of costs, over the problems that both
+/// solve, and how many it does not solve.
+#[derive(Clone, Copy, Default)]
 struct Score {
-    ratio: f64,
+    logarithm: f64,
     failed: usize,
 }
 
-fn score(order: &[Run], usual: &[Run], half: usize, cost: fn(&Run) -> f64) -> Score {
-    let (mut sum, mut count, mut failed) = (0.0, 0, 0);
-    for (a, b) in order.iter().zip(usual).skip(half).step_by(2) {
-        failed += usize::from(!a.solved);
+type Cost = fn(&Run) -> f64;
+
+/// Scores by family, so that many problems of one kind count as one.
+fn by_family(order: &[Run], usual: &[Run], families: &[usize], cost: Cost) -> Vec<Score> {
+    let count = families.iter().max().map_or(0, |k| k + 1);
+    let (mut scores, mut solved) = (vec![Score::default(); count], vec![0.0; count]);
+    for ((a, b), &k) in order.iter().zip(usual).zip(families) {
+        scores[k].failed += usize::from(!a.solved);
         if a.solved && b.solved {
-            sum += (cost(a) / cost(b)).ln();
-            count += 1;
+            scores[k].logarithm += (cost(a) / cost(b)).ln();
+            solved[k] += 1.0;
         }
     }
-    Score {
-        ratio: (sum / f64::from(count)).exp(),
-        failed,
+    for (score, solved) in scores.iter_mut().zip(solved) {
+        score.logarithm /= f64::max(solved, 1.0);
     }
+    scores
 }
 
-/// Prints the costs of all orders on either half; the best of one half is what counts on the other.
-pub(crate) fn compare(problems: &[Complementarity]) -> Outcome<()> {
-    let orders = candidates();
+/// Of the families chosen: how many problems are not solved, and the geometric mean of the ratios.
+fn total(scores: &[Score], chosen: &[bool]) -> (usize, f64) {
+    let of_chosen = || scores.iter().zip(chosen).filter(|s| *s.1).map(|s| s.0);
+    let mean = of_chosen().map(|s| s.logarithm).sum::<f64>() / of_chosen().count().max(1) as f64;
+    (of_chosen().map(|s| s.failed).sum(), mean.exp())
+}
+
+/// Runs all orders on all problems: row by order.
+fn runs(orders: &[Vec<McpStrategy>], problems: &[Rc<Complementarity>]) -> Outcome<Vec<Vec<Run>>> {
     let mut runs = Vec::with_capacity(orders.len());
-    for order in &orders {
+    for order in orders {
         let mut row = Vec::with_capacity(problems.len());
         for problem in problems {
-            let mut run = problem.run_with(|p, x| solver(p, x, order))?;
-            let repeated = if run.seconds < QUICK { REPEATED } else { 1 };
+            let run = || problem.run_with(|p, x| solver(p, x, order));
+            let mut best = run()?;
+            let repeated = if best.seconds < QUICK { REPEATED } else { 1 };
             for _ in 1..repeated {
-                run.seconds = run
-                    .seconds
-                    .min(problem.run_with(|p, x| solver(p, x, order))?.seconds);
+                best.seconds = best.seconds.min(run()?.seconds);
             }
-            row.push(run);
+            row.push(best);
         }
         runs.push(row);
     }
+    Ok(runs)
+}
+
+/// Prints the costs of all orders; chooses the best on one half of the families and judges it on the other, for many halves at random.
+pub(crate) fn compare(problems: &[Rc<Complementarity>]) -> Outcome<()> {
+    let orders = candidates();
+    let mut names: Vec<&str> = problems.iter().map(|p| p.family.as_str()).collect();
+    names.sort_unstable();
+    names.dedup();
+    let place = |p: &Rc<Complementarity>| names.binary_search(&p.family.as_str()).unwrap_or(0);
+    let families: Vec<usize> = problems.iter().map(place).collect();
+    let runs = runs(&orders, problems)?;
     println!(
-        "\norders of McpSolver's strategies on the halves of {} problems",
-        problems.len()
+        "\norders of McpSolver's strategies on {} problems of {} families",
+        problems.len(),
+        names.len()
     );
     println!(
-        "  {:64} {:>16} {:>16} {:>9}",
-        "(time and work over those of the default)", "first half", "second half", "unsolved"
+        "  {:64} {:>8} {:>8} {:>9}",
+        "(geometric means over families, relative to the default)", "time", "work", "unsolved"
     );
-    let work = |r: &Run| r.iterations.max(r.factorisations).max(1) as f64;
-    let costs: [fn(&Run) -> f64; 2] = [|r| r.seconds, work];
-    let scores: Vec<[[Score; 2]; 2]> = runs
-        .iter()
-        .map(|row| [0, 1].map(|half| costs.map(|cost| score(row, &runs[0], half, cost))))
-        .collect();
-    for (order, [a, b]) in orders.iter().zip(&scores) {
-        let names: Vec<_> = order.iter().take(3).map(|s| s.name()).collect();
+    let costs: [(&str, Cost); 2] = [("time", |r| r.seconds), ("work", Costs::work)];
+    let scores = costs.map(|(_, cost)| -> Vec<Vec<Score>> {
+        let of = |row: &Vec<Run>| by_family(row, &runs[0], &families, cost);
+        runs.iter().map(of).collect()
+    });
+    let all = vec![true; names.len()];
+    for (k, order) in orders.iter().enumerate() {
+        let first: Vec<_> = order.iter().take(3).map(|s| s.name()).collect();
+        let [time, work] = [0, 1].map(|c| total(&scores[c][k], &all));
         println!(
-            "  {:64} {:>7.3} {:>8.3} {:>7.3} {:>8.3} {:>4} {:>4}",
-            names.join(", "),
-            a[0].ratio,
-            a[1].ratio,
-            b[0].ratio,
-            b[1].ratio,
-            a[0].failed,
-            b[0].failed
+            "  {:64} {:>8.3} {:>8.3} {:>9}",
+            first.join(", "),
+            time.1,
+            work.1,
+            work.0
         );
     }
-    for (k, cost) in ["time", "work"].iter().enumerate() {
-        for half in [0, 1] {
-            let key = |s: &[[Score; 2]; 2]| (s[half][k].failed, s[half][k].ratio);
-            let best = (0..orders.len()).min_by(|&i, &j| {
-                let (a, b) = (key(&scores[i]), key(&scores[j]));
-                a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
-            });
-            let best = best.unwrap_or(0);
-            let judged = &scores[best][1 - half][k];
-            println!(
-                "  by {cost}, chosen on half {}: {} first, {} next; on the other half {:.3} of the default, {} unsolved (default {})",
-                half + 1,
-                orders[best][0],
-                orders[best][1],
-                judged.ratio,
-                judged.failed,
-                scores[0][1 - half][k].failed
-            );
-        }
+    for ((name, _), scores) in costs.iter().zip(&scores) {
+        halves(name, &orders, scores);
     }
     Ok(())
+}
+
+/// Halves of the families at random.
+const HALVES: usize = 1000;
+
+fn halves(cost: &str, orders: &[Vec<McpStrategy>], scores: &[Vec<Score>]) {
+    let mut random = Random::new(5);
+    let (mut chosen, mut judged) = (vec![0; orders.len()], Vec::with_capacity(HALVES));
+    let mut better = 0;
+    for _ in 0..HALVES {
+        let half: Vec<bool> = scores[0].iter().map(|_| random.symmetric() < 0.0).collect();
+        let other: Vec<bool> = half.iter().map(|h| !h).collect();
+        let totals: Vec<_> = scores.iter().map(|s| total(s, &half)).collect();
+        // The first of equals, which is the default where it is one of them.
+        let best = (0..orders.len())
+            .min_by(|&i, &j| {
+                let (a, b) = (totals[i], totals[j]);
+                a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
+            })
+            .unwrap_or(0);
+        let (failed, ratio) = total(&scores[best], &other);
+        chosen[best] += 1;
+        better += usize::from(ratio < 1.0 && failed <= total(&scores[0], &other).0);
+        judged.push(ratio);
+    }
+    judged.sort_by(f64::total_cmp);
+    let percent = |count: usize| 100.0 * count as f64 / HALVES as f64;
+    println!("  by {cost}, chosen on half of the families and judged on the other, {HALVES} times:");
+    for (order, count) in orders.iter().zip(&chosen).filter(|c| *c.1 > 0) {
+        println!(
+            "    {:5.1} % choose {} first, {} next",
+            percent(*count),
+            order[0],
+            order[1]
+        );
+    }
+    println!(
+        "    on the other half {:.3} of the default in the median, {:.3} to {:.3} in nine of ten; less in {:.1} %",
+        judged[HALVES / 2],
+        judged[HALVES / 20],
+        judged[HALVES - 1 - HALVES / 20],
+        percent(better)
+    );
 }

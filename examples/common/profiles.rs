@@ -59,16 +59,19 @@ impl Costs {
 
     /// The profiles of all methods up to a ratio of 2^`reach`.
     pub(crate) fn panel(&self, caption: String, cost: &str, reach: f64) -> Panel {
-        const COLOURS: [Colour; 11] = [
+        const COLOURS: [Colour; 14] = [
             Colour::new(0x1f, 0x77, 0xb4),
             Colour::new(0x17, 0xbe, 0xcf),
             Colour::new(0x08, 0x30, 0x6b),
             Colour::new(0x8c, 0x56, 0x4b),
             Colour::new(0xff, 0x7f, 0x0e),
             Colour::new(0xd6, 0x27, 0x28),
+            Colour::new(0x8c, 0x1d, 0x1d),
+            Colour::new(0x2c, 0xa0, 0x2c),
             Colour::new(0xe3, 0x77, 0xc2),
             Colour::new(0xbc, 0xbd, 0x22),
             Colour::new(0x94, 0x67, 0xbd),
+            Colour::new(0xc5, 0xb0, 0xd5),
             Colour::new(0x7f, 0x7f, 0x7f),
             Colour::new(0x00, 0x00, 0x00),
         ];

@@ -34,6 +34,11 @@ pub struct McpOptions {
     pub equilibrate: bool,
     /// What is tried, in this order, each only if all before it failed. Default: all of [`McpStrategy`], in the order of its variants.
     ///
+    /// Of the eleven orders in which another strategy comes first or second, none is better throughout on 619 problems of 51 families (the
+    /// example `corrector_convergence` with `--full`). With smoothing second all families take 0.97 of the default's time in the mean. But
+    /// the best order of half of the families, at random, takes 0.94 to 1.02 of that time on the other half in nine of ten cases, 0.99 in
+    /// the median, and for work in place of time 0.98 to 1.50 and 1.00.
+    ///
     /// ```
     /// use semismooth::complementarity::{Mcp, McpOptions, McpSolver, McpStrategy};
     /// use semismooth::sparse::Matrix;
