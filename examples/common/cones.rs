@@ -7,13 +7,13 @@ use std::time::Instant;
 use semismooth::complementarity::McpFunction;
 use semismooth::cones::{Cone, ConeProblem, ConeSolver};
 use semismooth::contact::{DelassusProblem, DelassusSolver};
-use semismooth::linear::{IncompleteLu, KrylovMethod};
+use semismooth::linear::IncompleteLu;
 use semismooth::newton::{Damping, Newton, NewtonKrylov, NewtonKrylovOptions, NewtonOptions};
 use semismooth::piecewise::{Assembled, Semismooth};
 use semismooth::sparse::{Matrix, Pattern};
 
 use crate::common::{Outcome, Random};
-use crate::contenders::{MEMORY, Run, SOLVED, Told, told};
+use crate::contenders::{MEMORY, Run, SOLVED, TOLERANCE, Told, told};
 use crate::textbook::{Direction, minimise};
 
 pub(crate) type OverCones = ConeProblem<Box<dyn McpFunction>>;
@@ -36,7 +36,7 @@ pub(crate) const CONE_METHODS: [(&str, Attempt); 8] = [
     }),
     ("inexact natural map (GMRES, ILU)", |p, x| {
         let map = ConeMap::natural(p)?;
-        let options = NewtonKrylovOptions::default().with_method(KrylovMethod::Gmres { directions: 30 });
+        let options = NewtonKrylovOptions::default().with_relative_tolerance(TOLERANCE);
         let mut newton = NewtonKrylov::new(options);
         // A failure leaves the best iterate, which is judged.
         newton

@@ -8,7 +8,7 @@ use semismooth::complementarity::{
     AffineFunction, FischerBurmeister, Mcp, McpFunction, McpOptions, McpSolver, McpStrategy, NormalMap,
 };
 use semismooth::linear::IncompleteLu;
-use semismooth::newton::{Damping, Newton, NewtonKrylov, NewtonOptions, Report};
+use semismooth::newton::{Damping, Newton, NewtonKrylov, NewtonKrylovOptions, NewtonOptions, Report};
 use semismooth::piecewise::{Assembled, PiecewiseSmooth, Semismooth};
 use semismooth::sparse::{Matrix, Pattern};
 
@@ -17,6 +17,8 @@ use crate::textbook::{Direction, minimise};
 
 /// Natural residual of a solution of a complementarity problem, also over cones.
 pub(crate) const SOLVED: f64 = 1e-6;
+/// Relative tolerance of inexact methods, as it is of exact ones.
+pub(crate) const TOLERANCE: f64 = 1e-13;
 /// Merits that nonmonotone line searches look back on.
 pub(crate) const MEMORY: usize = 8;
 
@@ -211,7 +213,8 @@ pub(crate) const METHODS: [Method; 14] = [
         name: "inexact Fischer-Burmeister (GMRES, ILU)",
         run: |p, x| {
             let map = FischerBurmeister::new(p).ok()?;
-            let mut newton = NewtonKrylov::default();
+            let options = NewtonKrylovOptions::default().with_relative_tolerance(TOLERANCE);
+            let mut newton = NewtonKrylov::new(options);
             // A failure leaves the best iterate, which is judged.
             newton
                 .solve(&mut Assembled::new(&map, IncompleteLu::default()), x)

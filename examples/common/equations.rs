@@ -10,7 +10,7 @@ use semismooth::piecewise::{Assembled, MatrixFree, PiecewiseSmooth, Semismooth, 
 use semismooth::sparse::{Matrix, Pattern};
 
 use crate::common::{Outcome, Random};
-use crate::contenders::{MEMORY, Run, Told, told};
+use crate::contenders::{MEMORY, Run, TOLERANCE, Told, told};
 use crate::textbook::{Direction, minimise};
 
 /// ‖H‖∞ of a solution, relative to that of the start. In nearly incompressible bodies terms a million times as large cancel.
@@ -232,7 +232,7 @@ impl EquationMethod {
             NewtonKrylovOptions::default()
                 .with_method(krylov)
                 .with_forcing(forcing)
-                .with_relative_tolerance(1e-12)
+                .with_relative_tolerance(TOLERANCE)
                 .with_damping(self.damping),
         );
         newton.solve(map, x).ok();
