@@ -1,13 +1,14 @@
 //! Contact in the displacements alone: multigrid and the elimination of laws, against the condensed form.
 
 use semismooth::contact::{
-    CondensedContact, ContactError, ContactState, FrictionCoefficient, FrictionCurve, Frictionless, LoadPath,
-    NodeLaw, OrthotropicCoulomb, PlanarCoulomb, ReducedBody, ReducedContact, ReducedOptions, ReducedReport,
-    ReducedStrategy,
+    CondensedContact, ContactBody, ContactError, ContactState, FrictionCoefficient, FrictionCurve,
+    Frictionless, FullContact, KrylovOutcome, LoadPath, NodeLaw, OrthotropicCoulomb, PlanarCoulomb,
+    ReducedBody, ReducedContact, ReducedError, ReducedNodes, ReducedOptions, ReducedReport, ReducedStep,
+    ReducedStrategy, ReducedSystem, solve_reduced,
 };
 use semismooth::fem::{ElasticSystem, Elasticity, Foundation, Material, Mesh};
 use semismooth::linear::LinearError;
-use semismooth::sparse::{Matrix, NodalMatrix};
+use semismooth::sparse::{Matrix, NodalMatrix, SparseError};
 
 fn block(cells: [usize; 3], material: Material) -> ElasticSystem {
     let mesh = Mesh::block([0.0; 3], [2.0, 2.0, 1.0], cells).unwrap();
@@ -251,63 +252,300 @@ fn pieces(system: &ElasticSystem, layer: &ElasticSystem, without: &[f64], more: 
     NodalMatrix::new(&a, all, &unknowns, 3).unwrap()
 }
 
-/// Floating bodies, one of two pieces that floats, and matrices of negative stiffness in what is smooth, where each node by itself
-/// resists: told when the problem is made, before anything is solved.
+/// Floating and half-held bodies, one of two pieces that floats, and matrices of negative stiffness in what is smooth, where each node by
+/// itself resists: told when the problem is made, before anything is solved, in both forms.
 #[test]
 fn what_nothing_holds_is_refused() {
-    let system = block([8, 6, 4], Material::isotropic(1.0, 0.277).unwrap());
-    let rows = system.contact("bottom", &ground(3)).unwrap();
-    let traces = [&rows.normal, &rows.tangential, rows.tangential2.as_ref().unwrap()];
-    let make = |stiffness: NodalMatrix| {
+    let material = || Material::isotropic(1.0, 0.277).unwrap();
+    let system = block([8, 6, 4], material());
+    let mesh = Mesh::block([0.0; 3], [0.25, 2.0, 1.0], [1, 6, 4]).unwrap();
+    let left = Elasticity::new(mesh, material()).fix("left").assemble().unwrap();
+    let make = |system: &ElasticSystem, stiffness: NodalMatrix| {
+        let rows = system.contact("bottom", &ground(3)).unwrap();
         let n = stiffness.num_unknowns();
         let wide =
-            traces.map(|t| Matrix::from_triplets(t.nrows(), n, &t.triplets().collect::<Vec<_>>()).unwrap());
-        let [normal, first, second] = wide;
+            |t: &Matrix| Matrix::from_triplets(t.nrows(), n, &t.triplets().collect::<Vec<_>>()).unwrap();
+        let tangential = [wide(&rows.tangential), wide(rows.tangential2.as_ref().unwrap())];
         let load = LoadPath::constant(vec![0.0; n]);
-        let body = ReducedBody::new(stiffness, &normal, &[first, second], load).unwrap();
-        ReducedContact::new(
-            body,
-            OrthotropicCoulomb::isotropic(constant(0.3)),
-            ReducedOptions::default(),
-        )
+        let body = ReducedBody::new(stiffness, &wide(&rows.normal), &tangential, load).unwrap();
+        let law = || OrthotropicCoulomb::isotropic(constant(0.3));
+        let condensed = CondensedContact::new(body.to_contact_body().unwrap(), law());
+        let reduced = ReducedContact::new(body, law(), ReducedOptions::default());
+        (reduced.err(), condensed.err())
     };
-    let mesh = Mesh::block([0.0; 3], [0.25, 2.0, 1.0], [1, 6, 4]).unwrap();
-    let material = Material::isotropic(1.0, 0.277).unwrap();
-    let layer = Elasticity::new(mesh, material).fix("left").assemble().unwrap();
-    let pieces = |without: &[f64], more: f64| pieces(&system, &layer, without, more);
-    assert!(make(pieces(&[0.0], 0.0)).is_ok());
-    assert!(make(pieces(&[0.999, 0.5], 0.0)).is_ok());
-    let refused = [
-        ("floats", pieces(&[1.0], 0.0)),
-        ("a piece floats", pieces(&[0.0, 1.0], 0.0)),
-        ("negative", pieces(&[0.0], -0.02)),
-    ];
-    for (name, stiffness) in refused {
-        let made = make(stiffness);
-        let expected = matches!(made, Err(ContactError::Linear(LinearError::NotPositiveDefinite)));
-        assert!(expected, "{name}: {:?}", made.err());
+    let held = |without: &[f64], more: f64| make(&system, pieces(&system, &left, without, more));
+    assert_eq!(held(&[0.0], 0.0), (None, None));
+    assert_eq!(held(&[0.999, 0.5], 0.0), (None, None));
+    let indefinite = Some(ContactError::Linear(LinearError::NotPositiveDefinite));
+    assert_eq!(held(&[0.0], -0.02), (indefinite.clone(), indefinite.clone()));
+
+    let modes = |found: &Option<ContactError>| match found {
+        Some(ContactError::Unsupported {
+            displacement,
+            at,
+            modes,
+        }) => (*displacement, *at, modes.clone()),
+        other => panic!("{other:?}"),
+    };
+    let all = "translation along x, translation along y, translation along z, rotation about x, rotation about y, rotation about z";
+    let (reduced, condensed) = held(&[1.0], 0.0);
+    assert_eq!((modes(&reduced).2.as_str(), condensed), (all, indefinite));
+    // The second of two pieces; what is left of it begins behind the layer.
+    let (reduced, condensed) = held(&[0.0, 1.0], 0.0);
+    let (displacement, at, names) = modes(&reduced);
+    assert!(
+        displacement >= system.num_free() && at.unwrap()[0] >= 10.0,
+        "{at:?}"
+    );
+    assert_eq!(names, all);
+    assert_eq!(modes(&condensed), (displacement, None, String::new()));
+    // A body held from above alone, after what held it at one end has gone.
+    let under = |from: f64, cells: usize| {
+        let mesh = Mesh::block([from, 0.0, 0.0], [2.0, 2.0, 1.0], [cells, 6, 4]).unwrap();
+        let body = Elasticity::new(mesh, material())
+            .fix("right")
+            .fix_component("top", 2);
+        body.assemble().unwrap()
+    };
+    let (slides, right) = (under(0.0, 8), under(1.75, 1));
+    assert_eq!(make(&slides, pieces(&slides, &right, &[0.0], 0.0)), (None, None));
+    let (reduced, _) = make(&slides, pieces(&slides, &right, &[1.0], 0.0));
+    let names = modes(&reduced).2;
+    assert_eq!(
+        names,
+        "translation along x, translation along y, rotation about z"
+    );
+}
+
+/// Contact holds what supports do not, in the full form: a block that floats, pressed on the ground by less friction than it is pulled with.
+#[test]
+fn the_full_form_takes_pieces_that_contact_alone_holds() {
+    let system = block([4, 3, 2], Material::isotropic(1.0, 0.277).unwrap());
+    let mesh = Mesh::block([0.0; 3], [0.5, 2.0, 1.0], [1, 3, 2]).unwrap();
+    let layer = Elasticity::new(mesh, Material::isotropic(1.0, 0.277).unwrap()).fix("left");
+    let floating = pieces(&system, &layer.assemble().unwrap(), &[1.0], 0.0);
+    let rows = system.contact("bottom", &ground(3)).unwrap();
+    let tangential = [rows.tangential, rows.tangential2.unwrap()];
+    let press = system.traction("top", |_| [0.0, 0.0, -0.01]).unwrap();
+    let pull = system.traction("top", |_| [0.002, 0.0, 0.0]).unwrap();
+    let sum = |v: &[f64]| v.iter().sum::<f64>();
+    let (weight, drag) = (-sum(&press), sum(&pull));
+    let load: Vec<f64> = press.iter().zip(&pull).map(|(a, b)| a + b).collect();
+    let body = ContactBody::new(
+        floating.to_matrix().unwrap(),
+        rows.normal,
+        tangential.to_vec(),
+        LoadPath::constant(load),
+    );
+    let law = OrthotropicCoulomb::isotropic(constant(0.3));
+    let problem = FullContact::new(body.unwrap(), law).unwrap();
+    let x = problem.solve(0.0, None).unwrap();
+    let (n, p) = (system.num_free(), rows.nodes.len());
+    let total = |d: usize| x[n + d * p..n + (d + 1) * p].iter().sum::<f64>();
+    for (found, expected) in [(total(0), weight), (total(1), drag), (total(2), 0.0)] {
+        assert!((found - expected).abs() <= 1e-10 * weight, "{found} {expected}");
     }
+}
+
+/// A diagonal matrix whose system breaks down at a given solve, or whose products are NaN from a given one on.
+struct Brittle {
+    diagonal: Vec<f64>,
+    held: Vec<usize>,
+    added: Vec<(usize, usize, f64)>,
+    solves: usize,
+    products: usize,
+}
+
+impl ReducedSystem for Brittle {
+    type Error = LinearError;
+
+    fn len(&self) -> usize {
+        self.diagonal.len()
+    }
+
+    fn mul(&mut self, u: &[f64], out: &mut [f64]) -> Result<(), LinearError> {
+        self.products = self.products.saturating_sub(1);
+        for ((out, u), a) in out.iter_mut().zip(u).zip(&self.diagonal) {
+            *out = if self.products == 0 { f64::NAN } else { a * u };
+        }
+        Ok(())
+    }
+
+    fn select(&mut self, step: &ReducedStep<'_>) -> Result<(), LinearError> {
+        (self.held, self.added) = (step.held.to_vec(), step.added.to_vec());
+        Ok(())
+    }
+
+    /// Three quarters of what is left: Newton's method takes a few steps.
+    fn solve(&mut self, r: &[f64], d: &mut [f64], _: f64) -> Result<KrylovOutcome, LinearError> {
+        self.solves = self.solves.saturating_sub(1);
+        if self.solves == 0 {
+            return Err(LinearError::NotFactored);
+        }
+        for (k, d) in d.iter_mut().enumerate() {
+            let more = self.added.iter().filter(|a| (a.0, a.1) == (k, k)).map(|a| a.2);
+            *d = 0.75 * r[k] / (self.diagonal[k] + more.sum::<f64>());
+        }
+        self.held.iter().for_each(|k| d[*k] = 0.0);
+        Ok(KrylovOutcome::new(1, 0.25))
+    }
+
+    fn sum(&self, _: &mut [f64]) -> Result<(), LinearError> {
+        Ok(())
+    }
+
+    fn max(&self, _: &mut [f64]) -> Result<(), LinearError> {
+        Ok(())
+    }
+}
+
+/// A system that breaks down leaves the best iterate before with its history and forces; products that are NaN are no solution, though
+/// no residual is larger than any number.
+#[test]
+fn breakdowns_leave_the_best_iterate() {
+    let solve = |solves: usize, products: usize| {
+        let mut system = Brittle {
+            diagonal: vec![2.0, 4.0, 1.0, 1.0],
+            held: Vec::new(),
+            added: Vec::new(),
+            solves,
+            products,
+        };
+        let nodes = ReducedNodes {
+            components: &[0],
+            first: 0,
+            gap: &[10.0],
+            reference: &[],
+            history: &[],
+            r: 1.0,
+            parameter: 0.0,
+        };
+        let law = PlanarCoulomb::new(constant(0.3));
+        let load = [1.0, 0.5, 3.0, -1.0];
+        let options = ReducedOptions::default().with_max_load_steps(0);
+        solve_reduced(&mut system, &nodes, &law, &load, vec![0.0; 4], &options)
+    };
+    let mut before = f64::INFINITY;
+    for solves in 1..6 {
+        let Err(ReducedError::System { source, best }) = solve(solves, usize::MAX) else {
+            panic!("{solves}");
+        };
+        assert_eq!((source, best.newton()), (LinearError::NotFactored, solves));
+        // Each step leaves a quarter of what is missing of u = (1/2, 1/8, 3, −1), which touches nothing.
+        let left = 0.25f64.powi(solves as i32 - 1);
+        for (u, exact) in best.displacements.iter().zip([0.5, 0.125, 3.0, -1.0]) {
+            // The open node keeps some 1e-9 of r as stiffness.
+            assert!((u - (1.0 - left) * exact).abs() <= 1e-8);
+        }
+        assert!((best.residuals.equilibrium - left).abs() <= 1e-8);
+        assert!((best.forces[0] - left).abs() <= 1e-8 && best.residuals.largest() < before);
+        before = best.residuals.largest();
+    }
+    match solve(usize::MAX, 1) {
+        Err(ReducedError::Contact(ContactError::NotConverged { best })) => {
+            assert_eq!(best.residuals.largest(), f64::INFINITY);
+        }
+        other => panic!("{other:?}"),
+    }
+}
+
+/// A matrix beyond the range of numbers is told as such, not as one that is indefinite.
+#[test]
+fn stiffness_beyond_the_range_of_numbers_is_refused() {
+    let system = block([6, 6, 3], Material::isotropic(1e308, 0.3).unwrap());
+    let rows = system.contact("bottom", &ground(3)).unwrap();
+    let tangential = [rows.tangential, rows.tangential2.unwrap()];
+    let load = LoadPath::constant(vec![0.0; system.num_free()]);
+    let body = ReducedBody::new(system.nodal_stiffness().unwrap(), &rows.normal, &tangential, load);
+    match body.err() {
+        Some(ContactError::Matrix {
+            source: SparseError::NotFinite { row, col, value },
+            ..
+        }) => assert!(!value.is_finite() && row.max(col) < system.num_free()),
+        other => panic!("{other:?}"),
+    }
+}
+
+/// Both forms say what they need and are refused one byte below it; the condensed form is not tried where it would not fit beside
+/// multigrid.
+#[test]
+fn memory_is_told_before_it_is_taken() {
+    let system = block([6, 6, 3], Material::isotropic(1.0, 0.277).unwrap());
+    let law = || OrthotropicCoulomb::isotropic(constant(0.3));
+    let body = || reduced_body(&system, &ground(3));
+    let options = || {
+        ReducedOptions::default()
+            .with_max_iterations(1)
+            .with_max_load_steps(0)
+    };
+    let contact = || body().to_contact_body().unwrap();
+    let needed = contact().condensed_memory().unwrap();
+    assert!(CondensedContact::within_memory(contact(), law(), needed).is_ok());
+    let refused = CondensedContact::within_memory(contact(), law(), needed - 1).err();
+    assert_eq!(
+        refused,
+        Some(ContactError::Memory {
+            needed,
+            limit: needed - 1
+        })
+    );
+    // C, its half, and a Jacobian with its factors at least.
+    let traces = 3 * body().num_contacts() as u64;
+    assert!(needed > 8 * 5 * traces * traces);
+
+    let own = body().memory(&options());
+    let made = |limit: u64| ReducedContact::new(body(), law(), options().with_max_memory(Some(limit)));
+    let refused = made(own - 1).err();
+    assert_eq!(
+        refused,
+        Some(ContactError::Memory {
+            needed: own,
+            limit: own - 1
+        })
+    );
+    let tight = made(own + needed).unwrap().solve(1.0, None);
+    assert!(
+        matches!(tight, Err(ContactError::NotConverged { .. })),
+        "{tight:?}"
+    );
+    let wide = made(own + 2 * needed + (64 << 20))
+        .unwrap()
+        .solve(1.0, None)
+        .unwrap();
+    assert_eq!(wide.strategy, ReducedStrategy::Condensed);
 }
 
 /// Loads beyond the range of numbers and laws without a solution in reach end with the best iterate, which is finite.
 #[test]
 fn failures_carry_finite_iterates() {
     let system = block([6, 6, 3], Material::isotropic(1.0, 0.277).unwrap());
-    let press = system.traction("top", |_| [0.0, 0.0, -1e290]).unwrap();
     let rows = system.contact("bottom", &ground(3)).unwrap();
     let tangential = [rows.tangential, rows.tangential2.unwrap()];
-    let load = LoadPath::constant(press);
-    let body = ReducedBody::new(system.nodal_stiffness().unwrap(), &rows.normal, &tangential, load).unwrap();
-    let law = OrthotropicCoulomb::isotropic(constant(0.3));
-    match ReducedContact::new(body, law, ReducedOptions::default())
-        .unwrap()
-        .solve(0.0, None)
-    {
-        Ok(found) => assert!(found.residuals.largest() <= 1e-10),
-        Err(ContactError::NotConverged { best }) => {
-            assert!(best.displacements.iter().all(|u| u.is_finite()));
+    for pressure in [1e150, 1e290, 1e307, 1e308] {
+        let press = system.traction("top", |_| [0.0, 0.0, -pressure]).unwrap();
+        let load = LoadPath::constant(press);
+        let body = ReducedBody::new(system.nodal_stiffness().unwrap(), &rows.normal, &tangential, load);
+        let law = OrthotropicCoulomb::isotropic(constant(0.3));
+        let options = ReducedOptions::default();
+        match ReducedContact::new(body.unwrap(), law, options)
+            .unwrap()
+            .solve(0.0, None)
+        {
+            Ok(found) => {
+                assert!(found.residuals.largest() <= 1e-10);
+                assert!(
+                    found
+                        .displacements
+                        .iter()
+                        .chain(&found.forces)
+                        .all(|u| u.is_finite())
+                );
+            }
+            Err(ContactError::NotConverged { best } | ContactError::StepFailed { best, .. }) => {
+                assert!(best.displacements.iter().all(|u| u.is_finite()));
+            }
+            Err(e) => panic!("{pressure:e}: {e}"),
         }
-        Err(e) => assert!(matches!(e, ContactError::Linear(_)), "{e}"),
     }
 }
 

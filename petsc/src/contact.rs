@@ -89,7 +89,7 @@ impl<'w, L: NodeLaw> DistributedContact<'w, L> {
         let world = self.world();
         let solved = match solve_reduced(&mut self.system, &nodes, &self.law, &load, u, &self.options) {
             Ok(report) => Ok(report),
-            Err(ReducedError::System(e)) => Err(Some(e.into())),
+            Err(ReducedError::System { source, .. }) => Err(Some(source.into())),
             Err(ReducedError::Contact(ContactError::Elsewhere)) => Err(None),
             // The same on all processes, as residuals are.
             Err(ReducedError::Contact(ContactError::NotConverged { mut best })) => {

@@ -3,8 +3,11 @@ use std::sync::Arc;
 use super::error::check_length;
 use super::{ContactError, NodeLaw, check_multipliers};
 use crate::interface::{LoadPath, Operator};
-use crate::linear::{Cholesky, LinearSolver};
-use crate::sparse::Matrix;
+use crate::linear::{Cholesky, Condensation, LinearSolver};
+use crate::sparse::{Matrix, pieces};
+
+/// Dense matrices that a search for a solution takes: a Jacobian with the places of its entries, its rest, its factors.
+const JACOBIANS: u64 = 5;
 
 /// A discrete elastic body with contact nodes, without a law of friction: A u = f(α) − Bνᵀ λν − Σ Btᵀ λt, u_ν = Bν u ≤ gap.
 ///
@@ -124,6 +127,57 @@ impl ContactBody {
     #[must_use]
     pub fn stiffness(&self) -> &Matrix {
         &self.operator.a
+    }
+
+    /// Bytes that the [condensed form](super::CondensedContact) of the body takes beside the body, by an estimate made before they are
+    /// allocated: the [factorisation](crate::linear::Condensation::memory) with C, and the Jacobians of the search for a solution.
+    ///
+    /// # Errors
+    /// None in practice; shapes are checked again.
+    pub fn condensed_memory(&self) -> Result<u64, ContactError> {
+        let operator = &self.operator;
+        let made = Condensation::memory(&operator.a, &operator.b_t.transpose())?;
+        let q = operator.num_traces() as u64;
+        Ok(made.saturating_add(8u64.saturating_mul(JACOBIANS).saturating_mul(q).saturating_mul(q)))
+    }
+
+    /// Why the stiffness matrix is not positive definite, if single pieces of the body are to blame.
+    pub(super) fn indefinite_piece(&self) -> Option<ContactError> {
+        let a = &self.operator.a;
+        let piece = pieces(a.nrows(), |connect| {
+            for (i, j, _) in a.triplets().filter(|t| t.2 != 0.0) {
+                connect(&mut [i, j].into_iter());
+            }
+        });
+        let count = piece.iter().max().map_or(0, |m| m + 1);
+        if count < 2 {
+            return None;
+        }
+        let mut entries = vec![Vec::new(); count];
+        let (mut size, mut place) = (vec![0; count], vec![0; piece.len()]);
+        for (k, &own) in piece.iter().enumerate() {
+            place[k] = size[own];
+            size[own] += 1;
+        }
+        for (i, j, v) in a.triplets() {
+            if piece[i] == piece[j] {
+                entries[piece[i]].push((place[i], place[j], v));
+            }
+        }
+        let definite = |own: usize| {
+            let own = Matrix::from_triplets(size[own], size[own], &entries[own]);
+            let mut cholesky = Cholesky::new();
+            own.is_ok_and(|own| {
+                cholesky.analyze(own.pattern().as_ref()).is_ok()
+                    && cholesky.factor_by_pivots(own.as_ref()).is_ok()
+            })
+        };
+        let own = (0..count).find(|own| !definite(*own))?;
+        Some(ContactError::Unsupported {
+            displacement: piece.iter().position(|p| *p == own)?,
+            at: None,
+            modes: String::new(),
+        })
     }
 
     /// The same body under another load, whatever that makes of the sizes.

@@ -189,6 +189,38 @@ pub enum ContactError {
         /// The best iterate, with its history.
         best: Box<super::ReducedReport>,
     },
+    /// The linear system of a Newton step in the displacements could not be solved, as where numbers overflow or the preconditioner breaks
+    /// down, and no other strategy found a solution.
+    #[error(
+        "the linear system of Newton step {} could not be solved; relative residuals of equilibrium {:e}, of the normal law {:e}, of friction \
+         {:e} at the best iterate: check the sizes of stiffness, load and r",
+        .best.iterations.len(), .best.residuals.equilibrium, .best.residuals.normal, .best.residuals.tangential
+    )]
+    StepFailed {
+        /// What went wrong.
+        source: LinearError,
+        /// The best iterate, with its history.
+        best: Box<super::ReducedReport>,
+    },
+    /// A piece of the body, which hangs together with no other one, is not held, and its stiffness matrix not positive definite.
+    #[error(
+        "the piece of the body that displacement {displacement}{} belongs to is not held: {}. Each piece needs supports of its own; the full form \
+         takes pieces that contact alone holds",
+        .at.map_or(String::new(), |p| format!(" at ({}, {}, {})", p[0], p[1], p[2])),
+        if .modes.is_empty() {
+            "its stiffness matrix is not positive definite".to_owned()
+        } else {
+            format!("nothing resists {modes}")
+        }
+    )]
+    Unsupported {
+        /// The first displacement of the piece, as numbered in the stiffness matrix.
+        displacement: usize,
+        /// Where its node is, if that is known.
+        at: Option<[f64; 3]>,
+        /// The free rigid motions about the centre of the piece, in words; empty where positions are not known.
+        modes: String,
+    },
     /// The law has no Delassus form.
     #[error(
         "only Coulomb's law with coefficients of friction that do not depend on the slip has a Delassus form: solve the full or the condensed form"

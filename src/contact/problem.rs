@@ -5,6 +5,7 @@ use super::law::{LocalValues, NodeLaw};
 use super::per_node::PerNode;
 use super::{ContactBody, ContactError, ContactState, FrictionCoefficient, LoadPath, PlanarCoulomb};
 use crate::interface::{CondensedView, FullView, Interface, LoadCase, View};
+use crate::linear::LinearError;
 use crate::piecewise::{PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, Pattern};
 
@@ -100,12 +101,30 @@ impl<L: NodeLaw> CondensedContact<L> {
     /// That of [`Condensation::new`](crate::linear::Condensation::new) with q = 2p in the plane and 3p in space.
     ///
     /// # Errors
-    /// A law of another dimension, A that is not symmetric or not positive definite.
+    /// A law of another dimension, A that is not symmetric or not positive definite ([`ContactError::Unsupported`] names the piece, where
+    /// there are several).
     pub fn new(body: ContactBody, law: L) -> Result<Self, ContactError> {
         if let Some((row, col, difference)) = body.stiffness().asymmetry(1e-10) {
             return Err(ContactError::NotSymmetric { row, col, difference });
         }
-        Self::of(body, law, |body| Ok(CondensedView::new(&body.operator)?))
+        Self::of(body, law, |body| {
+            CondensedView::new(&body.operator).map_err(|e| match e {
+                LinearError::NotPositiveDefinite => body.indefinite_piece().unwrap_or(e.into()),
+                e => e.into(),
+            })
+        })
+    }
+
+    /// As [`new`](Self::new), if [`ContactBody::condensed_memory`] is not above `limit`, in bytes.
+    ///
+    /// # Errors
+    /// [`ContactError::Memory`], before anything large is allocated, and those of [`new`](Self::new).
+    pub fn within_memory(body: ContactBody, law: L, limit: u64) -> Result<Self, ContactError> {
+        let needed = body.condensed_memory()?;
+        if needed > limit {
+            return Err(ContactError::Memory { needed, limit });
+        }
+        Self::new(body, law)
     }
 
     /// The displacements of the contact nodes without contact forces, w(α), in the order of [`compliance`](Self::compliance).

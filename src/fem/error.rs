@@ -190,11 +190,13 @@ pub enum FemError {
     NothingFree,
     /// The supports let the body move without strain.
     #[error(
-        "the body floats: nothing resists {modes}; the stiffness matrix is singular. Fix more of the boundary"
+        "the body floats: nothing resists {modes}; the stiffness matrix is singular. Fix more of the boundary of the part that node {node} belongs to"
     )]
     Floating {
         /// The free rigid modes, in words.
         modes: String,
+        /// The first node of the part that floats.
+        node: usize,
     },
     /// A contact node whose displacement is prescribed in the normal direction or in a tangential one.
     #[error(

@@ -73,6 +73,15 @@ impl Cholesky {
         self.prepare(last)
     }
 
+    /// Bytes of a factorisation of matrices over a pattern, the unknowns in `last` eliminated last; nothing of that size is allocated.
+    pub(crate) fn memory_with_last(pattern: PatternRef<'_>, last: &[usize]) -> Result<u64, LinearError> {
+        let mut memory = PatternMemory::default();
+        memory.learn(pattern)?;
+        let analysis = Analysis::new(&memory, last)?;
+        let numbers = analysis.symbolic.len_val() + 3 * memory.n() + memory.row_idx().len();
+        Ok((size_of::<f64>() * numbers + analysis.scratch) as u64)
+    }
+
     /// The trailing q × q block of the factor of A (not scaled), column-major, lower triangular. With the unknowns of an index
     /// set J eliminated last, L Lᵀ of this block is the Schur complement of A on J.
     pub(crate) fn trailing_factor(&self, last: &[usize]) -> Result<Vec<f64>, LinearError> {
@@ -266,8 +275,15 @@ impl Cholesky {
     }
 }
 
-impl Engine {
-    /// Analyses a pattern; the unknowns in `last` are eliminated last, in the order given.
+/// The factor of a pattern before there are numbers in it.
+struct Analysis {
+    symbolic: SymbolicCholesky<usize>,
+    /// Bytes.
+    scratch: usize,
+}
+
+impl Analysis {
+    /// The unknowns in `last` are eliminated last, in the order given.
     fn new(pattern: &PatternMemory, last: &[usize]) -> Result<Self, LinearError> {
         let n = pattern.n();
         let a = SymbolicSparseColMatRef::new_checked(n, n, pattern.col_ptr(), None, pattern.row_idx());
@@ -300,7 +316,21 @@ impl Engine {
             symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default()),
             symbolic.solve_in_place_scratch::<f64>(BLOCK_RHS, Par::Seq),
         );
-        let (entries, bytes) = (symbolic.len_val(), request.unaligned_bytes_required());
+        Ok(Self {
+            symbolic,
+            scratch: request.unaligned_bytes_required(),
+        })
+    }
+}
+
+impl Engine {
+    /// Analyses a pattern; the unknowns in `last` are eliminated last, in the order given.
+    fn new(pattern: &PatternMemory, last: &[usize]) -> Result<Self, LinearError> {
+        let Analysis {
+            symbolic,
+            scratch: bytes,
+        } = Analysis::new(pattern, last)?;
+        let entries = symbolic.len_val();
         let (mut factor, mut scratch) = (Vec::new(), Vec::new());
         if factor.try_reserve_exact(entries).is_err() || scratch.try_reserve_exact(bytes).is_err() {
             return Err(LinearError::Solver {

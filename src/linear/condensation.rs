@@ -50,23 +50,7 @@ impl Condensation {
     /// Shapes that do not fit ([`LinearError::Shape`], [`LinearError::NotSquare`]), A not positive definite; more than 50 000 rows of
     /// B, or unknowns that it touches ([`LinearError::TooLarge`]).
     pub fn new(a: &Matrix, b: &Matrix) -> Result<Self, LinearError> {
-        let (n, q) = (a.nrows(), b.nrows());
-        if a.ncols() != n {
-            return Err(LinearError::NotSquare {
-                nrows: n,
-                ncols: a.ncols(),
-            });
-        }
-        if b.ncols() != n {
-            return Err(LinearError::Shape {
-                what: "a row of B",
-                expected: n,
-                found: b.ncols(),
-            });
-        }
-        let touched: Vec<usize> = (0..n)
-            .filter(|&j| b.pattern().col_ptr()[j] < b.pattern().col_ptr()[j + 1])
-            .collect();
+        let (q, touched) = (b.nrows(), touched(a, b)?);
         let mut factor = Cholesky::default();
         factor.analyze_with_last(a.pattern().as_ref(), &touched)?;
         factor.factor_by_pivots(a.as_ref())?;
@@ -86,6 +70,32 @@ impl Condensation {
             touched: touched.len(),
             half,
         })
+    }
+
+    /// Bytes that [`new`](Self::new) takes at its peak, A and B not counted: the factor of A, of which the pattern alone is looked at, and
+    /// dense matrices of the order of the rows of B. Nothing of that size is allocated.
+    ///
+    /// ```
+    /// use semismooth::linear::Condensation;
+    /// use semismooth::sparse::Matrix;
+    /// let (a, b) = (Matrix::identity(1000), Matrix::from_triplets(1, 1000, &[(0, 7, 1.0)])?);
+    /// let bytes = Condensation::memory(&a, &b)?;
+    /// assert!((8 * 1000..100 * 1000).contains(&bytes)); // a diagonal factor with its scales
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    /// Shapes that do not fit.
+    pub fn memory(a: &Matrix, b: &Matrix) -> Result<u64, LinearError> {
+        let touched = touched(a, b)?;
+        let factor = Cholesky::memory_with_last(a.pattern().as_ref(), &touched)?;
+        let (k, q) = (touched.len() as u64, b.nrows() as u64);
+        let square = |a: u64, b: u64| 8u64.saturating_mul(a).saturating_mul(b);
+        // Three at a time: L⁻¹, Y and S; S, Y and C; Y, C and the places of its entries.
+        let dense = (2 * square(k, k))
+            .max(square(k, k) + square(q, q))
+            .max(2 * square(q, q));
+        Ok(factor.saturating_add(square(k, q)).saturating_add(dense))
     }
 
     /// C = B A⁻¹ Bᵀ, q × q, full and exactly symmetric.
@@ -154,6 +164,26 @@ impl Condensation {
             })
         }
     }
+}
+
+/// The unknowns that B touches.
+fn touched(a: &Matrix, b: &Matrix) -> Result<Vec<usize>, LinearError> {
+    let n = a.nrows();
+    if a.ncols() != n {
+        return Err(LinearError::NotSquare {
+            nrows: n,
+            ncols: a.ncols(),
+        });
+    }
+    if b.ncols() != n {
+        return Err(LinearError::Shape {
+            what: "a row of B",
+            expected: n,
+            found: b.ncols(),
+        });
+    }
+    let columns = b.pattern().col_ptr();
+    Ok((0..n).filter(|&j| columns[j] < columns[j + 1]).collect())
 }
 
 /// A row of B at the touched unknowns J: (place in J, value).

@@ -1,5 +1,6 @@
 //! Sparse matrices of small dense blocks.
 
+use super::SparseError;
 use crate::parallel;
 
 /// Rows that one thread takes at a time.
@@ -42,6 +43,22 @@ impl<const R: usize, const C: usize> Blocks<R, C> {
         let first = self.start[i];
         let cols = &self.col[first..self.start[i + 1]];
         cols.binary_search(&(j as u32)).ok().map(|k| first + k)
+    }
+
+    /// As [`Matrix::check_finite`](super::Matrix::check_finite), of the entries by component.
+    pub(crate) fn check_finite(&self) -> Result<(), SparseError> {
+        for i in 0..self.nrows() {
+            let (cols, values) = self.row(i);
+            for (&j, block) in cols.iter().zip(values) {
+                for (e, &value) in block.as_flattened().iter().enumerate() {
+                    if !value.is_finite() {
+                        let (row, col) = (R * i + e / C, C * j as usize + e % C);
+                        return Err(SparseError::NotFinite { row, col, value });
+                    }
+                }
+            }
+        }
+        Ok(())
     }
 
     /// y ← A x.

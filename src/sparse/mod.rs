@@ -11,6 +11,7 @@ mod matrix;
 mod matrix_market;
 mod nodal;
 mod pattern;
+mod rigid;
 mod vector;
 
 pub(crate) use blocks::{Blocks, ROWS, add_product, subtract_transposed};
@@ -26,4 +27,5 @@ pub use matrix_market::{
 pub(crate) use nodal::NodalBlocks;
 pub use nodal::NodalMatrix;
 pub use pattern::{Pattern, PatternRef};
+pub(crate) use rigid::{Place, Resistance, pieces};
 pub(crate) use vector::{distance, dot, max_abs, norm};

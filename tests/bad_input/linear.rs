@@ -199,6 +199,16 @@ fn linear_algebra() {
     t.refuses("linear::Condensation::new", "oblong A", "", || {
         Condensation::new(&b(), &b())
     });
+    t.refuses("linear::Condensation::memory", "oblong A", "", || {
+        Condensation::memory(&b(), &b())
+    });
+    t.refuses("linear::Condensation::memory", "B of another width", "", || {
+        Condensation::memory(&spd(), &rows(&[&[1.0]]))
+    });
+    t.survives("linear::Condensation::memory", "empty", || {
+        let empty = Matrix::zeros(Pattern::full(0, 0));
+        Condensation::memory(&empty, &empty)
+    });
     t.refuses("linear::Condensation::new", "B of another width", "", || {
         Condensation::new(&spd(), &rows(&[&[1.0]]))
     });

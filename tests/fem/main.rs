@@ -398,7 +398,7 @@ fn bad_input() {
         ),
     ] {
         match body.assemble() {
-            Err(FemError::Floating { modes: found }) => assert_eq!(found, modes),
+            Err(FemError::Floating { modes: found, node }) => assert_eq!((found.as_str(), node), (modes, 0)),
             other => panic!("{other:?}"),
         }
     }

@@ -14,6 +14,7 @@ use super::error::{check_finite, check_length};
 use super::solution::judge;
 use super::{CondensedContact, ContactError, ContactOptions, ContactSolution, NodeLaw};
 use crate::clock::Clock;
+use crate::linear::LinearError;
 
 pub use body::ReducedBody;
 pub use newton::{ReducedError, ReducedNodes, solve_reduced};
@@ -70,12 +71,31 @@ pub struct ReducedContact<L> {
     history: Vec<f64>,
 }
 
+/// A search that found no solution.
+struct Failed {
+    /// In free displacements.
+    best: ReducedReport,
+    /// What broke down, if anything did.
+    source: Option<LinearError>,
+}
+
+impl From<Failed> for ContactError {
+    fn from(failed: Failed) -> Self {
+        let best = Box::new(failed.best);
+        match failed.source {
+            Some(source) => Self::StepFailed { source, best },
+            None => Self::NotConverged { best },
+        }
+    }
+}
+
 impl<L: NodeLaw> ReducedContact<L> {
     /// The problem, with its multigrid hierarchy.
     ///
     /// # Errors
     /// Options out of range, a law of another dimension, [`ContactError::Memory`] where more memory would be needed than the options
-    /// allow; a stiffness matrix that is not positive definite, as that of a body which the supports leave free to move.
+    /// allow; a stiffness matrix that is not positive definite: [`ContactError::Unsupported`] names a piece which the supports leave
+    /// free to move.
     pub fn new(body: ReducedBody, law: L, options: ReducedOptions) -> Result<Self, ContactError> {
         options.validate()?;
         let tangents = body.dim() - 1;
@@ -93,12 +113,16 @@ impl<L: NodeLaw> ReducedContact<L> {
                 found,
             });
         }
-        let needed = memory(&body, &options);
+        let needed = body.memory(&options);
         if let Some(limit) = options.max_memory.filter(|limit| needed > *limit) {
             return Err(ContactError::Memory { needed, limit });
         }
         let body = Arc::new(body);
-        let system = SerialSystem::new(Arc::clone(&body), options.directions, options.max_krylov)?;
+        let system = SerialSystem::new(Arc::clone(&body), options.directions, options.max_krylov);
+        let system = system.map_err(|e| match e {
+            LinearError::NotPositiveDefinite => body.floating_piece().unwrap_or(e.into()),
+            e => e.into(),
+        })?;
         Ok(Self {
             components: body.contacts.iter().map(|c| body.dim() * c).collect(),
             r: GIVING_WAY * body.node_stiffness(),
@@ -139,8 +163,8 @@ impl<L: NodeLaw> ReducedContact<L> {
     /// options and the size of the body allow, by the strategies of [`CondensedContact::solve`].
     ///
     /// # Errors
-    /// Wrong lengths, values that are not finite, coefficients of friction that the law refuses; [`ContactError::NotConverged`] with
-    /// the best iterate and its history.
+    /// Wrong lengths, values that are not finite, coefficients of friction that the law refuses; [`ContactError::NotConverged`] and
+    /// [`ContactError::StepFailed`] with the best iterate and its history.
     pub fn solve(&mut self, alpha: f64, start: Option<&[f64]>) -> Result<ReducedReport, ContactError> {
         check_finite("the parameter", &[alpha])?;
         let n = self.body.num_displacements();
@@ -178,13 +202,24 @@ impl<L: NodeLaw> ReducedContact<L> {
         let solved = solve_reduced(&mut self.system, &nodes, &self.law, &load, u, &self.options);
         match solved {
             Ok(report) => Ok(self.in_free(report)),
-            Err(ReducedError::System(e)) => Err(e.into()),
-            Err(ReducedError::Contact(ContactError::NotConverged { best })) => {
-                let best = self.in_free(*best);
-                self.condensed(alpha, &load, best)
+            Err(e) => {
+                let failed = self.failed(e)?;
+                self.condensed(alpha, &load, failed)
             }
-            Err(ReducedError::Contact(e)) => Err(e),
         }
+    }
+
+    /// The best iterate of a search that found no solution, and what broke down if anything did; else the error.
+    fn failed(&self, error: ReducedError<LinearError>) -> Result<Failed, ContactError> {
+        let (best, source) = match error {
+            ReducedError::System { source, best } => (best, Some(source)),
+            ReducedError::Contact(ContactError::NotConverged { best }) => (best, None),
+            ReducedError::Contact(e) => return Err(e),
+        };
+        Ok(Failed {
+            best: self.in_free(*best),
+            source,
+        })
     }
 
     fn in_free(&self, mut report: ReducedReport) -> ReducedReport {
@@ -193,37 +228,20 @@ impl<L: NodeLaw> ReducedContact<L> {
     }
 
     /// The strategies of the condensed form, polished here.
-    fn condensed(
-        &mut self,
-        alpha: f64,
-        load: &[f64],
-        best: ReducedReport,
-    ) -> Result<ReducedReport, ContactError> {
-        let (n, q) = (self.body.num_displacements(), best.forces.len());
-        let late = self
-            .options
-            .max_time
-            .is_some_and(|limit| best.times.total() >= limit);
+    fn condensed(&mut self, alpha: f64, load: &[f64], failed: Failed) -> Result<ReducedReport, ContactError> {
+        let (n, q) = (self.body.num_displacements(), failed.best.forces.len());
+        let spent = failed.best.times.total();
+        let late = self.options.max_time.is_some_and(|limit| spent >= limit);
         if n > self.options.max_condensed || q > MAX_DENSE || late {
-            return Err(ContactError::NotConverged { best: Box::new(best) });
+            return Err(failed.into());
         }
         let clock = Clock::start();
-        let law: &dyn NodeLaw = &self.law;
-        let mut problem = CondensedContact::new(self.body.to_contact_body()?, law)?;
-        problem.set_reference_slip(&self.reference)?;
-        problem.set_history(&self.history)?;
-        let left = self
-            .options
-            .max_time
-            .map(|limit| limit.saturating_sub(best.times.total()));
+        let left = self.options.max_time.map(|limit| limit.saturating_sub(spent));
         let options = ContactOptions::default().with_max_time(left);
-        let Ok(found) =
-            problem.solve_observed(alpha, None, &options, |_| std::ops::ControlFlow::Continue(()))
-        else {
-            return Err(ContactError::NotConverged { best: Box::new(best) });
+        let Ok(u) = self.condensed_solution(alpha, &options) else {
+            return Err(failed.into());
         };
-        let u = self.body.turned(&problem.displacements(&found.x)?);
-        drop(problem);
+        let u = self.body.turned(&u);
         let elapsed = clock.elapsed();
         let nodes = ReducedNodes {
             components: &self.components,
@@ -235,25 +253,48 @@ impl<L: NodeLaw> ReducedContact<L> {
             parameter: alpha,
         };
         let options = self.options.clone().with_max_load_steps(0);
+        let before = failed.best;
         let join = |mut report: ReducedReport| {
-            let mut iterations = best.iterations.clone();
+            let mut iterations = before.iterations.clone();
             iterations.append(&mut report.iterations);
             report.iterations = iterations;
             report.strategy = ReducedStrategy::Condensed;
-            report.times.select += best.times.select;
-            report.times.krylov += best.times.krylov;
-            report.times.rest += best.times.rest + elapsed;
+            report.times.select += before.times.select;
+            report.times.krylov += before.times.krylov;
+            report.times.rest += before.times.rest + elapsed;
             report
         };
         match solve_reduced(&mut self.system, &nodes, &self.law, load, u, &options) {
             Ok(report) => Ok(join(self.in_free(report))),
-            Err(ReducedError::System(e)) => Err(e.into()),
-            Err(ReducedError::Contact(ContactError::NotConverged { best })) => {
-                let best = Box::new(join(self.in_free(*best)));
-                Err(ContactError::NotConverged { best })
+            Err(e) => {
+                let Failed { best, source } = self.failed(e)?;
+                let best = join(best);
+                Err(Failed { best, source }.into())
             }
-            Err(ReducedError::Contact(e)) => Err(e),
         }
+    }
+
+    /// Displacements from the condensed form, if the memory that is left does for it.
+    fn condensed_solution(&self, alpha: f64, options: &ContactOptions) -> Result<Vec<f64>, ContactError> {
+        let taken = self
+            .body
+            .memory(&self.options)
+            .saturating_add(self.body.memory_by_columns());
+        let left = match self.options.max_memory {
+            Some(limit) if taken > limit => {
+                return Err(ContactError::Memory { needed: taken, limit });
+            }
+            limit => limit.map(|limit| limit - taken),
+        };
+        let (body, law): (_, &dyn NodeLaw) = (self.body.to_contact_body()?, &self.law);
+        let mut problem = match left {
+            Some(left) => CondensedContact::within_memory(body, law, left)?,
+            None => CondensedContact::new(body, law)?,
+        };
+        problem.set_reference_slip(&self.reference)?;
+        problem.set_history(&self.history)?;
+        let found = problem.solve_observed(alpha, None, options, |_| std::ops::ControlFlow::Continue(()))?;
+        problem.displacements(&found.x)
     }
 
     /// States, local quantities, energies and residuals at displacements.
@@ -331,12 +372,4 @@ impl<L: NodeLaw> ReducedContact<L> {
         }
         Ok(())
     }
-}
-
-/// Bytes that multigrid and GMRES take beside the body: measured against hexahedra and tetrahedra, where they take less.
-fn memory(body: &ReducedBody, options: &ReducedOptions) -> u64 {
-    let (len, dim) = (body.len() as u64, body.dim() as u64);
-    let matrix = body.stiffness.num_blocks() as u64 * (8 * dim * dim + 4);
-    let vectors = 8 * len * (options.directions as u64 + 16);
-    matrix + vectors
 }

@@ -30,6 +30,13 @@ const SMALLEST_STEP: f64 = 1e-4;
 const ON_THE_WAY: f64 = 1e-6;
 const STEPS_ON_THE_WAY: usize = 25;
 
+/// Residuals where there are none.
+const UNKNOWN: ContactResiduals = ContactResiduals {
+    equilibrium: f64::INFINITY,
+    normal: f64::INFINITY,
+    tangential: f64::INFINITY,
+};
+
 /// What can go wrong in [`solve_reduced`].
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
@@ -39,7 +46,24 @@ pub enum ReducedError<E> {
     Contact(#[from] ContactError),
     /// In the linear system.
     #[error("the linear system of a Newton step failed")]
-    System(#[source] E),
+    System {
+        /// What went wrong.
+        source: E,
+        /// The best iterate before; residuals are infinite where there was none beside the start.
+        best: Box<ReducedReport>,
+    },
+}
+
+/// What ends a search.
+enum Stop<E> {
+    Contact(ContactError),
+    System(E),
+}
+
+impl<E> From<ContactError> for Stop<E> {
+    fn from(error: ContactError) -> Self {
+        Self::Contact(error)
+    }
 }
 
 /// The contact nodes of this process.
@@ -104,7 +128,17 @@ pub fn solve_reduced<S: ReducedSystem>(
     options: &ReducedOptions,
 ) -> Result<ReducedReport, ReducedError<S::Error>> {
     let checked = check(system.len(), nodes, law, load, &u, options);
-    let is_contact = agreed(system, checked)?;
+    let is_contact = match agreed(system, checked) {
+        Ok(is_contact) => is_contact,
+        Err(Stop::Contact(e)) => return Err(e.into()),
+        Err(Stop::System(source)) => {
+            let best = Best::start(u, nodes, law).report(ReducedStrategy::Newton);
+            return Err(ReducedError::System {
+                source,
+                best: Box::new(best),
+            });
+        }
+    };
     let len = is_contact.len();
     let mut search = Search {
         system,
@@ -117,6 +151,7 @@ pub fn solve_reduced<S: ReducedSystem>(
         deadline: Deadline::after(options.max_time),
         iterations: Vec::new(),
         times: ReducedTimes::default(),
+        best: Best::start(u, nodes, law),
         image: vec![0.0; len],
         other: vec![0.0; len],
         direction: vec![0.0; len],
@@ -124,42 +159,31 @@ pub fn solve_reduced<S: ReducedSystem>(
         lists: Lists::default(),
     };
     let clock = Clock::start();
-    let (found, mut u) = search.run(1.0, u, options.tolerance, options.max_iterations)?;
-    let mut ended = (found, ReducedStrategy::Newton);
-    if found == Ended::Stuck && options.max_load_steps > 0 {
-        let (found, other) = search.load_steps()?;
-        if found != Ended::Stuck {
-            (ended, u) = ((found, ReducedStrategy::LoadSteps), other);
-        }
-    }
-    search.set_load(1.0);
-    let state = search.evaluate(&u)?;
-    let p = nodes.components.len();
-    let mut forces = vec![0.0; p * (1 + law.num_tangents())];
-    for (i, node) in search.local.iter().enumerate() {
-        for d in 0..=law.num_tangents() {
-            forces[d * p + i] = node.force[d];
-        }
-    }
+    let ended = search.solve();
     search.times.rest = clock
         .elapsed()
         .saturating_sub(search.times.select + search.times.krylov);
+    let strategy = match &ended {
+        Ok(strategy) => *strategy,
+        Err(_) => ReducedStrategy::Newton,
+    };
     let report = ReducedReport {
-        displacements: u,
-        forces,
-        residuals: state.residuals,
-        states: state.states,
-        strategy: ended.1,
         iterations: search.iterations,
         times: search.times,
+        ..search.best.report(strategy)
     };
-    if state.residuals.largest() <= options.tolerance {
-        return Ok(report);
+    match ended {
+        Ok(_) if report.residuals.largest() <= options.tolerance => Ok(report),
+        Ok(_) => Err(ContactError::NotConverged {
+            best: Box::new(report),
+        }
+        .into()),
+        Err(Stop::Contact(e)) => Err(e.into()),
+        Err(Stop::System(source)) => Err(ReducedError::System {
+            source,
+            best: Box::new(report),
+        }),
     }
-    Err(ContactError::NotConverged {
-        best: Box::new(report),
-    }
-    .into())
 }
 
 /// Which components belong to contact nodes.
@@ -207,7 +231,7 @@ fn check(
 /// What this process has found, if none has found an error.
 fn agreed<S: ReducedSystem, T>(system: &S, own: Result<T, ContactError>) -> Outcome<T, S::Error> {
     let mut failed = [f64::from(u8::from(own.is_err()))];
-    system.max(&mut failed).map_err(ReducedError::System)?;
+    system.max(&mut failed).map_err(Stop::System)?;
     match own {
         Ok(_) if failed[0] > 0.0 => Err(ContactError::Elsewhere.into()),
         own => Ok(own?),
@@ -232,6 +256,41 @@ struct State {
     late: bool,
 }
 
+/// The best iterate under the full load.
+#[derive(Debug)]
+struct Best {
+    u: Vec<f64>,
+    forces: Vec<f64>,
+    residuals: ContactResiduals,
+    states: [usize; 3],
+    merit: f64,
+}
+
+impl Best {
+    /// A start of which nothing is known.
+    fn start(u: Vec<f64>, nodes: &ReducedNodes<'_>, law: &dyn NodeLaw) -> Self {
+        Self {
+            u,
+            forces: vec![0.0; nodes.components.len() * (1 + law.num_tangents())],
+            residuals: UNKNOWN,
+            states: [0; 3],
+            merit: f64::INFINITY,
+        }
+    }
+
+    fn report(self, strategy: ReducedStrategy) -> ReducedReport {
+        ReducedReport {
+            displacements: self.u,
+            forces: self.forces,
+            residuals: self.residuals,
+            states: self.states,
+            strategy,
+            iterations: Vec::new(),
+            times: ReducedTimes::default(),
+        }
+    }
+}
+
 #[derive(Debug, Default)]
 struct Lists {
     held: Vec<usize>,
@@ -252,6 +311,7 @@ struct Search<'a, S> {
     deadline: Deadline<'static>,
     iterations: Vec<ReducedIteration>,
     times: ReducedTimes,
+    best: Best,
     /// A u.
     image: Vec<f64>,
     other: Vec<f64>,
@@ -260,9 +320,42 @@ struct Search<'a, S> {
     lists: Lists,
 }
 
-type Outcome<T, E> = Result<T, ReducedError<E>>;
+type Outcome<T, E> = Result<T, Stop<E>>;
 
 impl<S: ReducedSystem> Search<'_, S> {
+    /// Newton's method from the start, then load steps; what led to `best`, which is the solution if there is one.
+    fn solve(&mut self) -> Outcome<ReducedStrategy, S::Error> {
+        let options = self.options;
+        let start = self.best.u.clone();
+        let (found, mut u) = self.run(1.0, start, options.tolerance, options.max_iterations)?;
+        let mut strategy = ReducedStrategy::Newton;
+        if found == Ended::Stuck && options.max_load_steps > 0 {
+            let (found, other) = self.load_steps()?;
+            if found != Ended::Stuck {
+                (strategy, u) = (ReducedStrategy::LoadSteps, other);
+            }
+        }
+        self.set_load(1.0);
+        let state = self.evaluate(&u)?;
+        if state.merit <= self.best.merit || state.residuals.largest() <= options.tolerance {
+            self.keep(&u, &state);
+        }
+        Ok(strategy)
+    }
+
+    /// Keeps an iterate that has just been evaluated as the best one.
+    fn keep(&mut self, u: &[f64], state: &State) {
+        let p = self.nodes.components.len();
+        let best = &mut self.best;
+        best.u.copy_from_slice(u);
+        for (i, node) in self.local.iter().enumerate() {
+            for d in 0..=self.law.num_tangents() {
+                best.forces[d * p + i] = node.force[d];
+            }
+        }
+        (best.residuals, best.states, best.merit) = (state.residuals, state.states, state.merit);
+    }
+
     fn set_load(&mut self, share: f64) {
         for (own, full) in self.load.iter_mut().zip(self.full) {
             *own = share * full;
@@ -296,6 +389,9 @@ impl<S: ReducedSystem> Search<'_, S> {
                 }
                 best.0 = state.merit;
                 best.1.clone_from(&u);
+                if share == 1.0 && state.merit < self.best.merit {
+                    self.keep(&u, &state);
+                }
             }
             if state.late {
                 return Ok((Ended::Interrupted, best.1));
@@ -384,7 +480,7 @@ impl<S: ReducedSystem> Search<'_, S> {
     /// A u into `image`, the laws at u into `local`.
     fn evaluate(&mut self, u: &[f64]) -> Outcome<State, S::Error> {
         let mut image = std::mem::take(&mut self.image);
-        let product = self.system.mul(u, &mut image).map_err(ReducedError::System);
+        let product = self.system.mul(u, &mut image).map_err(Stop::System);
         let mut local = std::mem::take(&mut self.local);
         local.clear();
         let state = self.judge(u, &image, Some(&mut local));
@@ -442,19 +538,22 @@ impl<S: ReducedSystem> Search<'_, S> {
         let mut sums = [squares, counts[0], counts[1], counts[2]];
         let flags = [self.deadline.is_over(), failure.is_some()].map(|b| f64::from(u8::from(b)));
         let mut largest = [balance, weight, normal, tangential, size, flags[0], flags[1]];
-        self.system.sum(&mut sums).map_err(ReducedError::System)?;
-        self.system.max(&mut largest).map_err(ReducedError::System)?;
+        self.system.sum(&mut sums).map_err(Stop::System)?;
+        self.system.max(&mut largest).map_err(Stop::System)?;
         let [balance, weight, normal, tangential, size, late, failed] = largest;
         if failed > 0.0 {
             return Err(failure.unwrap_or(ContactError::Elsewhere).into());
         }
         let relative = |h: f64, size: f64| if h == 0.0 { 0.0 } else { h / size };
+        // Maxima pass over NaN, and against infinity everything is small.
+        let known = !sums[0].is_nan() && weight.is_finite() && size.is_finite();
+        let residuals = ContactResiduals {
+            equilibrium: relative(balance, weight),
+            normal: relative(normal, size),
+            tangential: relative(tangential, size),
+        };
         Ok(State {
-            residuals: ContactResiduals {
-                equilibrium: relative(balance, weight),
-                normal: relative(normal, size),
-                tangential: relative(tangential, size),
-            },
+            residuals: if known { residuals } else { UNKNOWN },
             merit: sums[0].sqrt(),
             states: [sums[1], sums[2], sums[3]].map(|c| c as usize),
             late: late > 0.0,
@@ -472,12 +571,10 @@ impl<S: ReducedSystem> Search<'_, S> {
             beside: &lists.beside,
             combined: &lists.combined,
         };
-        self.system.select(&step).map_err(ReducedError::System)?;
+        self.system.select(&step).map_err(Stop::System)?;
         self.times.select += clock.elapsed();
         // What is prescribed is in u already: the rest of the equations at this u.
-        self.system
-            .mul(u, &mut self.other)
-            .map_err(ReducedError::System)?;
+        self.system.mul(u, &mut self.other).map_err(Stop::System)?;
         for (k, v) in self.other.iter_mut().enumerate() {
             *v = self.load[k] - *v;
         }
@@ -494,7 +591,7 @@ impl<S: ReducedSystem> Search<'_, S> {
         let clock = Clock::start();
         let solved = self.system.solve(&self.other, &mut self.direction, forcing);
         self.times.krylov += clock.elapsed();
-        let outcome = solved.map_err(ReducedError::System)?;
+        let outcome = solved.map_err(Stop::System)?;
         u.iter_mut().zip(&self.direction).for_each(|(u, d)| *u += d);
         Ok(outcome)
     }
@@ -533,9 +630,7 @@ impl<S: ReducedSystem> Search<'_, S> {
 
     /// The longest part of the step from `from` to u for which the residual falls, which u then is; 0 if there is none.
     fn damp(&mut self, from: &[f64], image: Vec<f64>, u: &mut [f64], merit: f64) -> Outcome<f64, S::Error> {
-        self.system
-            .mul(u, &mut self.other)
-            .map_err(ReducedError::System)?;
+        self.system.mul(u, &mut self.other).map_err(Stop::System)?;
         let step: Vec<f64> = u.iter().zip(from).map(|(u, v)| u - v).collect();
         let change: Vec<f64> = self.other.iter().zip(&image).map(|(b, a)| b - a).collect();
         let mut part = 1.0;

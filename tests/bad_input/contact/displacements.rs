@@ -1,8 +1,9 @@
 use std::time::Duration;
 
 use semismooth::contact::{
-    ContactError, FrictionCoefficient, LoadPath, OrthotropicCoulomb, PlanarCoulomb, ReducedBody,
-    ReducedContact, ReducedError, ReducedNodes, ReducedOptions, ReducedStep, ReducedSystem, solve_reduced,
+    CondensedContact, ContactError, FrictionCoefficient, LoadPath, OrthotropicCoulomb, PlanarCoulomb,
+    ReducedBody, ReducedContact, ReducedError, ReducedNodes, ReducedOptions, ReducedStep, ReducedSystem,
+    solve_reduced,
 };
 use semismooth::sparse::{Matrix, NodalMatrix, SparseError};
 
@@ -101,7 +102,13 @@ pub(super) fn displacements(t: &mut Table) {
     });
     t.holds(solve, "the failure of a system is its source", || {
         let error = at(&[1.0; 2], &[0], &[0.0], vec![0.0; 2]).unwrap_err();
-        matches!(error, ReducedError::System(SparseError::Malformed { .. }))
+        matches!(
+            error,
+            ReducedError::System {
+                source: SparseError::Malformed { .. },
+                ..
+            }
+        )
     });
     t.holds(solve, "an error of another process ends this one", || {
         let error = with(true, &[1.0; 2], &[0], &[0.0], vec![0.0; 2]).unwrap_err();
@@ -210,18 +217,37 @@ fn problems(t: &mut Table) {
         let law = PlanarCoulomb::new(FrictionCoefficient::nodal(vec![0.3; 3]).unwrap());
         ReducedContact::new(body(), law, o())
     });
-    for a in [
-        [1.0, -1.0, 1.0],
-        [-1.0, 0.0, 1.0],
-        [1.0, 2.0, 1.0],
-        [0.0, 0.0, 1.0],
+    // A body of one node floats along whatever its matrix is zero for.
+    for (a, named) in [
+        ([1.0, -1.0, 1.0], "translation along y"),
+        ([-1.0, 0.0, 1.0], "positive definite"),
+        ([1.0, 2.0, 1.0], "positive definite"),
+        ([0.0, 0.0, 1.0], "translation along x"),
     ] {
-        t.refuses(new, "a floating or unstable body", "positive definite", || {
+        t.refuses(new, "a floating or unstable body", named, || {
             let a = nodal(&rows(&[&[a[0], a[1]], &[a[1], a[2]]])).unwrap();
             let body = ReducedBody::new(a, &normal(), &[tangential()], load()).unwrap();
             ReducedContact::new(body, law(0.3), o())
         });
     }
+    let within = "contact::CondensedContact::within_memory";
+    t.refuses(within, "little memory", "bytes", || {
+        CondensedContact::within_memory(body().to_contact_body().unwrap(), law(0.3), 64)
+    });
+    t.holds(
+        "contact::ContactBody::condensed_memory",
+        "it is what is refused",
+        || {
+            let body = || body().to_contact_body().unwrap();
+            let needed = body().condensed_memory().unwrap();
+            let error = CondensedContact::within_memory(body(), law(0.3), needed - 1).err();
+            error
+                == Some(ContactError::Memory {
+                    needed,
+                    limit: needed - 1,
+                })
+        },
+    );
     let mut solver = problem(o()).unwrap();
     for bad in BAD {
         t.refuses("contact::ReducedContact::solve", "alpha", "parameter", || {
