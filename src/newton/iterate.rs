@@ -282,6 +282,7 @@ impl Run<'_> {
         }
         if outcome.is_some() && !evaluation.settled {
             self.system.natural(x, &mut self.work.trial_r);
+            self.work.report.evaluations += 1;
             self.system.accept();
         }
         Ok(outcome)
@@ -424,6 +425,7 @@ impl Run<'_> {
         self.back_to_best(x);
         self.work.settled.fill(false);
         self.system.natural(x, &mut self.work.r);
+        self.work.report.evaluations += 1;
         self.system.accept();
         if self.linearize(jac, x).is_err() {
             return false;

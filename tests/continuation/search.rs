@@ -1,6 +1,7 @@
 //! Searches for solutions where no complete enumeration is asked for: what they find is compared with complete lists.
 
 use std::ops::ControlFlow;
+use std::time::Duration;
 
 use crate::random::Random;
 use semismooth::contact::{CondensedContact, FrictionCoefficient, FullContact, LoadPath, PlanarCoulomb};
@@ -222,6 +223,16 @@ fn it_can_be_ended_and_bad_input_is_refused() {
     .unwrap();
     assert_eq!((calls, ended.runs), (3, 3));
     let options = SearchOptions::default();
+    let run = |limit: Option<Duration>| {
+        search_solutions(&map, 0.0, &NONE, &options.clone().with_max_time(limit)).unwrap()
+    };
+    let (none, long, over) = (
+        run(None),
+        run(Some(Duration::from_secs(3600))),
+        run(Some(Duration::ZERO)),
+    );
+    assert_eq!((long.runs, &long.solutions), (none.runs, &none.solutions));
+    assert!(none.runs > 3 && over.runs == 0 && over.solutions.is_empty());
     let short = search_solutions(&map, 0.0, &[vec![0.0; 3]], &options);
     assert!(matches!(short, Err(ContinuationError::Map(_))));
     let nan = search_solutions(&map, 0.0, &[vec![f64::NAN; 13]], &options);

@@ -1,8 +1,12 @@
 //! Folds and branch points inside a piece.
 
+use std::f64::consts::PI;
+
 use super::curves::{follow, near, within};
-use super::maps::{Function, Plane};
+use super::maps::{Function, Plane, one_piece};
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, Termination, arms_at};
+use semismooth::piecewise::{PiecewiseSmooth, Selection};
+use semismooth::sparse::{Matrix, Pattern};
 
 #[test]
 fn a_quadratic_fold() {
@@ -233,5 +237,84 @@ fn an_isolated_point_has_no_arms() {
     for map in [circle, ellipse] {
         let (arms, complete) = arms_at(&map, &[0.0, 0.0], &ContinuationOptions::default()).unwrap();
         assert!(arms.is_empty() && complete, "{arms:?}");
+    }
+}
+
+/// −u″ = λ (u − u³) on (0, 1), u = 0 at the ends, by n differences, times a unit: u = 0 bifurcates at the eigenvalues of the discrete Laplacian.
+struct Buckling {
+    n: usize,
+    unit: f64,
+}
+
+impl PiecewiseSmooth for Buckling {
+    one_piece!(self, self.n + 1, self.n);
+    fn residual(&self, _: &Selection, x: &[f64], out: &mut [f64]) {
+        let scale = self.unit * ((self.n + 1) as f64).powi(2);
+        let u = |i: usize| if i == 0 || i > self.n { 0.0 } else { x[i - 1] };
+        for i in 1..=self.n {
+            out[i - 1] =
+                scale * (2.0 * u(i) - u(i - 1) - u(i + 1)) - self.unit * x[self.n] * (u(i) - u(i).powi(3));
+        }
+    }
+    fn jacobian(&self, _: &Selection, x: &[f64], jac: &mut Matrix) {
+        let scale = self.unit * ((self.n + 1) as f64).powi(2);
+        for i in 0..self.n {
+            jac.add(
+                i,
+                i,
+                2.0 * scale - self.unit * x[self.n] * (1.0 - 3.0 * x[i] * x[i]),
+            );
+            if i > 0 {
+                jac.add(i, i - 1, -scale);
+                jac.add(i - 1, i, -scale);
+            }
+            jac.add(i, self.n, self.unit * (x[i].powi(3) - x[i]));
+        }
+    }
+    fn pattern(&self) -> Pattern {
+        let near = (0..self.n).flat_map(|i| [(i, i), (i, i + 1), (i + 1, i), (i, self.n)]);
+        let entries = near.filter(|e| e.0 < self.n && e.1 <= self.n);
+        Pattern::from_entries(self.n, self.n + 1, entries).unwrap()
+    }
+}
+
+/// Small systems and large ones, in two units: determinants of the last one are beyond all floating-point numbers.
+#[test]
+fn branch_points_of_systems_of_any_size() {
+    for (n, unit) in [(7, 1.0), (40, 1.0), (150, 1e-4), (150, 1.0), (400, 1.0)] {
+        let map = Buckling { n, unit };
+        let h = 1.0 / (n + 1) as f64;
+        let eigenvalue = |k: f64| (2.0 / h * (0.5 * k * PI * h).sin()).powi(2);
+        let mut start = vec![0.0; n + 1];
+        start[n] = 5.0;
+        let branch = Branch::follow(&map, &start, Direction::Increasing, within((4.0, 60.0))).unwrap();
+        assert_eq!(branch.termination, Termination::ParameterRange, "{n}");
+        assert_eq!(branch.branch_points.len(), 2, "{n}: {:?}", branch.branch_points);
+        for (k, b) in branch.branch_points.iter().enumerate() {
+            let exact = eigenvalue(1.0 + k as f64);
+            assert!(
+                (b.point.parameter() - exact).abs() < 1e-10 * exact,
+                "{n}: {}",
+                b.point.parameter() - exact
+            );
+            assert_eq!((b.arms.len(), b.complete), (3, true), "{n}");
+            // Two arms are buckled as the eigenvector is, to either side.
+            let mode = |i: usize| (PI * (1.0 + k as f64) * (i + 1) as f64 * h).sin();
+            let buckled: Vec<_> = b.arms.iter().filter(|a| a.tangent[n].abs() < 0.5).collect();
+            assert_eq!(buckled.len(), 2);
+            for arm in buckled {
+                let scale = (2.0 * h).sqrt() * arm.tangent[0].signum();
+                assert!(
+                    (0..n).all(|i| (arm.tangent[i] - scale * mode(i)).abs() < 1e-6),
+                    "{n}"
+                );
+            }
+        }
+        // Buckled solutions are followed from there.
+        let b = &branch.branch_points[0];
+        let arm = b.arms.iter().find(|a| a.tangent[n].abs() < 0.5).unwrap();
+        let buckled = Branch::follow_arm(&map, &b.point.x, arm, within((4.0, 15.0))).unwrap();
+        assert_eq!(buckled.termination, Termination::ParameterRange, "{n}");
+        assert!(buckled.branch_points.is_empty() && buckled.points.last().unwrap().x[n / 2].abs() > 0.3);
     }
 }

@@ -100,6 +100,17 @@ fn the_same_branch_in_every_bit() {
                         (s.kind, &s.before, &s.after, &s.test_functions),
                         (t.kind, &t.before, &t.after, &t.test_functions)
                     );
+                    assert_eq!(s.arms.len(), t.arms.len());
+                    let arms = s.arms.iter().zip(&t.arms).map(|(a, b)| (&a.tangent, &b.tangent));
+                    let sides = [
+                        (&s.tangent_before, &t.tangent_before),
+                        (&s.tangent_after, &t.tangent_after),
+                    ];
+                    for (p, q) in sides.into_iter().chain(arms) {
+                        assert!((p[0].hypot(p[1]) - 1.0).abs() < 1e-12);
+                        let cross = p[0] * q[1] - unit * q[0] * p[1];
+                        assert!(cross.abs() <= 1e-12 * p[0].abs().max(unit * p[1].abs()));
+                    }
                 }
             }
         }

@@ -1,10 +1,15 @@
 //! Which strategies are tried, and in which order, is up to the options.
 
+use std::cell::Cell;
+
 use semismooth::complementarity::{
-    ComplementarityError, Mcp, McpOptions, McpSolver, McpStatus, McpStep, McpStrategy,
+    BoundState, ComplementarityError, Mcp, McpFunction, McpOptions, McpSolver, McpStatus, McpStep,
+    McpStrategy,
 };
+use semismooth::sparse::Matrix;
 
 use crate::properties::known;
+use crate::random::Random;
 use crate::support::{INF, matrix, residual, scalar};
 
 use McpStrategy::{
@@ -170,5 +175,134 @@ fn smoothing_stays_next_to_its_path() {
         let merits: Vec<f64> = smoothed.map(|i| i.merit).collect();
         assert!(merits.len() >= 3, "seed {seed}: {}", merits.len());
         assert!(merits.last() < merits.first(), "seed {seed}: {merits:?}");
+    }
+}
+
+/// A function that counts what is asked of it.
+struct Counting<F> {
+    function: F,
+    values: Cell<usize>,
+    jacobians: Cell<usize>,
+}
+
+impl<F: McpFunction> McpFunction for Counting<F> {
+    fn num_vars(&self) -> usize {
+        self.function.num_vars()
+    }
+    fn value(&self, x: &[f64], out: &mut [f64]) {
+        self.values.set(self.values.get() + 1);
+        self.function.value(x, out);
+    }
+    fn jacobian(&self, x: &[f64], jac: &mut Matrix) {
+        self.jacobians.set(self.jacobians.get() + 1);
+        self.function.jacobian(x, jac);
+    }
+}
+
+/// x³ − 2 x + 1 + c y, y eˣ − 1 + d x: neither monotone nor affine, and some have no solution.
+fn counted(seed: u64) -> Mcp<Counting<impl McpFunction>> {
+    let (c, d) = (0.7 * (seed % 5) as f64 - 1.4, 0.9 * (seed % 7) as f64 - 2.7);
+    let function = semismooth::complementarity::WithJacobian::new(
+        2,
+        move |x: &[f64], out: &mut [f64]| {
+            out[0] = x[0].powi(3) - 2.0 * x[0] + 1.0 + c * x[1];
+            out[1] = x[1] * x[0].exp() - 1.0 + d * x[0];
+        },
+        move |x: &[f64], jac: &mut Matrix| {
+            jac.add(0, 0, 3.0 * x[0] * x[0] - 2.0);
+            jac.add(0, 1, c);
+            jac.add(1, 0, x[1] * x[0].exp() + d);
+            jac.add(1, 1, x[0].exp());
+        },
+    );
+    let counting = Counting {
+        function,
+        values: Cell::new(0),
+        jacobians: Cell::new(0),
+    };
+    Mcp::new(counting, vec![-1.5, 0.0], vec![2.0, INF]).unwrap()
+}
+
+#[test]
+fn reports_count_each_call_of_the_functions() {
+    for strategy in ALL {
+        for seed in 0..35 {
+            let problem = counted(seed);
+            let mut x = [0.3 * (seed % 11) as f64 - 1.5, 0.5];
+            let mut solver = only(&[strategy]);
+            let report = solver.solve(&problem, &mut x).unwrap();
+            let f = problem.function();
+            assert_eq!(
+                (report.evaluations, report.jacobians),
+                (f.values.get(), f.jacobians.get()),
+                "{strategy}, {seed}: {}",
+                report.status
+            );
+        }
+    }
+}
+
+/// The active set of a start is a guess: any one leads to the only solution, the right one in one step.
+#[test]
+fn any_active_set_to_start_from_leads_to_the_solution() {
+    for seed in 1..60 {
+        let (problem, exact) = known(seed, 7);
+        let mut rng = Random::new(seed);
+        let guess = |i: usize, u: f64| match (problem.lower()[i].is_finite(), problem.upper()[i].is_finite())
+        {
+            (true, _) if u < -0.3 => BoundState::Lower,
+            (_, true) if u > 0.3 => BoundState::Upper,
+            _ => BoundState::Interior,
+        };
+        let states: Vec<BoundState> = (0..7).map(|i| guess(i, rng.symmetric())).collect();
+        let mut solver = McpSolver::default();
+        let mut x = vec![0.0; 7];
+        let report = solver
+            .solve_from_states(&problem, &mut x, &states)
+            .unwrap()
+            .clone();
+        assert!(report.is_solved(), "{seed}: {}", report.status);
+        let distance = x
+            .iter()
+            .zip(&exact)
+            .map(|(a, b)| (a - b).abs())
+            .fold(0.0, f64::max);
+        assert!(distance < 1e-8, "{seed}: {distance:e}");
+        // Back to where one was: nothing changes any more.
+        let again = solver
+            .solve_from_states(&problem, &mut x, &report.states)
+            .unwrap();
+        assert!(
+            again.is_solved() && again.iterations <= 2,
+            "{seed}: {}",
+            again.iterations
+        );
+    }
+}
+
+/// Where rounding leaves a residual above the tolerance, iterations end as soon as there is nothing left but rounding.
+#[test]
+fn large_units_of_a_row_cost_no_iterations() {
+    for c in [2.0, 3.0, 5.0, 7.0, 11.0] {
+        let iterations = |unit: f64| {
+            let root = Mcp::equations(scalar(|x| unit * (x * x - c), |x| 2.0 * unit * x)).unwrap();
+            let mut x = [2.2];
+            let mut solver = only(&[Newton]);
+            let report = solver.solve(&root, &mut x).unwrap();
+            assert!(
+                report.is_solved() && (x[0] - f64::sqrt(c)).abs() < 1e-14,
+                "{unit:e}: {x:?}"
+            );
+            report.iterations
+        };
+        let usual = iterations(1.0);
+        assert!(usual >= 3);
+        for unit in [1e15, 1e60, 1e150] {
+            assert!(
+                iterations(unit) <= usual + 1,
+                "{c}, {unit:e}: {} {usual}",
+                iterations(unit)
+            );
+        }
     }
 }

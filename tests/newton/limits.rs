@@ -1,5 +1,7 @@
 //! Rounding, scales, misuse and problems without solution.
 
+use std::cell::Cell;
+
 use semismooth::newton::{Convergence, Damping, Failure, Newton, NewtonError, NewtonOptions};
 use semismooth::piecewise::{MinMap, PiecewiseError, PiecewiseSmooth, Selection, Semismooth};
 use semismooth::sparse::{Matrix, Pattern};
@@ -421,4 +423,53 @@ fn a_row_whose_terms_vanish_is_solved_beside_one_with_large_terms() {
             }
         }
     }
+}
+
+/// x³ − 2 x − 5 = 0 in units that no residual below rounding is 0 in; counts its evaluations.
+struct Counted {
+    unit: f64,
+    evaluations: Cell<usize>,
+}
+
+impl Semismooth for Counted {
+    fn num_vars(&self) -> usize {
+        1
+    }
+    fn residual(&self, x: &[f64], out: &mut [f64]) {
+        self.evaluations.set(self.evaluations.get() + 1);
+        out[0] = self.unit * ((x[0] * x[0] - 2.0) * x[0] - 5.0 + 3.0_f64.sqrt() * (x[0] - 2.0).abs());
+    }
+    fn jacobian(&self, x: &[f64], jac: &mut Matrix) {
+        jac.add(
+            0,
+            0,
+            self.unit * (3.0 * x[0] * x[0] - 2.0 + 3.0_f64.sqrt() * (x[0] - 2.0).signum()),
+        );
+    }
+}
+
+#[test]
+fn reports_count_each_evaluation() {
+    let mut floors = 0;
+    for damping in [Damping::OnTrouble, Damping::Always, Damping::Never] {
+        for k in 0..40 {
+            let map = Counted {
+                unit: 1.0 + 0.1 * f64::from(k),
+                evaluations: Cell::new(0),
+            };
+            let options = NewtonOptions::default()
+                .with_tolerances(0.0, 0.0)
+                .with_damping(damping);
+            let mut newton = Newton::new(options);
+            let mut x = [-3.0 + 0.21 * f64::from(k)];
+            let end = newton.solve_semismooth(&map, &mut x);
+            floors += usize::from(end == Ok(Convergence::Rounding));
+            assert_eq!(
+                newton.report().evaluations,
+                map.evaluations.get(),
+                "{damping:?} {k} {end:?}"
+            );
+        }
+    }
+    assert!(floors > 20);
 }

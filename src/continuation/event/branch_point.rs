@@ -1,9 +1,9 @@
 //! The extended system of a simple branch point, and whether its solution is one.
 
 use crate::continuation::ContinuationError;
-use crate::linear::{DenseLu, LinearSolver, null_space};
+use crate::linear::{AutoSolver, Bordered, LinearError, LinearSolver};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection};
-use crate::sparse::{Matrix, Pattern, dot};
+use crate::sparse::{Matrix, Pattern, dot, max_abs, norm};
 
 /// |β|, in rounding errors of the terms of wᵀH, up to which β is zero.
 const ROUNDING: f64 = 64.0;
@@ -11,19 +11,24 @@ const ROUNDING: f64 = 64.0;
 const SMALLEST: f64 = 1e-4;
 /// Step of the differences, in units of the variables.
 const DIFFERENCE: f64 = 6e-6;
+/// Determinant of the last two equations, relative to its terms, below which they are dependent.
+const DEPENDENT: f64 = 1e-10;
 
-/// A solution (x, β, w) of H(x) + β w = 0, ∇H(x)ᵀ w = 0, wᵀw = 1.
+/// A solution (x, β) of H(x) + β e_k = 0, wᵀ∇H(x) = 0 with w_k = 1.
 pub(in crate::continuation) struct Singular {
     pub(in crate::continuation) x: Vec<f64>,
-    /// Whether β vanishes to rounding. Else x is a singular point of H = −β w, next to which two curves of H = 0 pass each other.
+    /// Whether H vanishes to rounding. Else x is a singular point of H = −β e_k, next to which two curves of H = 0 pass each other.
     pub(in crate::continuation) on_curve: bool,
 }
 
-/// The extended system of a simple branch point (A. Griewank and G. W. Reddien 1984, doi:10.1137/0721043): H(x) + β w = 0,
-/// ∇H(x)ᵀ w = 0, wᵀw = 1, which is regular there. Anything that solves with ∇H stops at the square root of the rounding unit.
+/// The extended system of a simple branch point, where ∇H has a kernel of dimension 2 (A. Griewank and G. W. Reddien 1984,
+/// doi:10.1137/0721043): H(x) + β e_k = 0, g(x) = 0. Two columns i, j of ∇H are left out and e_k is put in their place, which makes a regular
+/// matrix N; Nᵀw is the unit vector of e_k, and g = (wᵀ∂ᵢH, wᵀ∂ⱼH) vanishes with wᵀ∇H. The system is regular at a simple branch point, where
+/// anything that solves with ∇H stops at the square root of the rounding unit.
 ///
-/// Rows and variables are scaled by their sizes between `from`, a point of the curve, and the guess, so that nothing depends on
-/// units. Dense.
+/// Newton's method by block elimination: all systems are solved with N, which is as sparse as ∇H.
+///
+/// Rows and variables are scaled by their sizes between `from`, a point of the curve, and the guess, so that nothing depends on units.
 pub(in crate::continuation) struct BranchSystem<'m, P: ?Sized> {
     map: &'m P,
     selection: &'m Selection,
@@ -31,8 +36,18 @@ pub(in crate::continuation) struct BranchSystem<'m, P: ?Sized> {
     rows: Vec<f64>,
     units: Vec<f64>,
     jac: Matrix,
-    system: Matrix,
-    rhs: Vec<f64>,
+    /// i and j; k.
+    columns: [usize; 2],
+    row: usize,
+    /// N.
+    core: Matrix,
+    solver: AutoSolver,
+    w: Vec<f64>,
+    /// Solutions of ∇H v = −h e_k with (vᵢ, vⱼ) = (1, 0) and (0, 1), and their h.
+    kernel: [(Vec<f64>, f64); 2],
+    /// Derivatives of g.
+    slopes: [Vec<f64>; 2],
+    values: Vec<f64>,
 }
 
 impl<'m, P: PiecewiseSmooth + ?Sized> BranchSystem<'m, P> {
@@ -58,15 +73,20 @@ impl<'m, P: PiecewiseSmooth + ?Sized> BranchSystem<'m, P> {
         }
         rows.iter_mut()
             .for_each(|r| *r = if *r > 0.0 { r.recip() } else { 1.0 });
-        let order = n + m + 1;
         Self {
             map,
             selection,
             rows,
             units,
             jac,
-            system: Matrix::zeros(Pattern::full(order, order)),
-            rhs: vec![0.0; order],
+            columns: [0, 1],
+            row: 0,
+            core: Matrix::zeros(Pattern::full(0, 0)),
+            solver: AutoSolver::new(),
+            w: vec![0.0; n],
+            kernel: [(vec![0.0; m], 0.0), (vec![0.0; m], 0.0)],
+            slopes: [vec![0.0; m], vec![0.0; m]],
+            values: vec![0.0; n],
         }
     }
 
@@ -77,37 +97,28 @@ impl<'m, P: PiecewiseSmooth + ?Sized> BranchSystem<'m, P> {
     ) -> Result<Option<Singular>, ContinuationError> {
         const LIMIT: usize = 15;
         const SETTLED: f64 = 1e-9;
-        let (n, m) = (self.rows.len(), self.units.len());
-        self.linearize(guess);
-        let kernels = null_space(&self.jac, 1.0).map_err(PiecewiseError::from)?;
-        let Some(mut w) = kernels.left.last().cloned() else {
+        if !self.choose(guess)? {
             return Ok(None);
-        };
+        }
         let (mut x, mut beta, mut last) = (guess.to_vec(), 0.0, f64::INFINITY);
-        let mut solver = DenseLu::default();
-        solver
-            .analyze(self.system.pattern().as_ref())
-            .map_err(PiecewiseError::from)?;
+        let mut dx = vec![0.0; x.len()];
         for _ in 0..LIMIT {
-            self.assemble(&x, beta, &w);
-            if solver.factor(self.system.as_ref()).is_err() || solver.solve_in_place(&mut self.rhs).is_err() {
+            let Some(change) = self.step(&x, beta, &mut dx)? else {
                 return Ok(None);
+            };
+            for ((x, d), unit) in x.iter_mut().zip(&dx).zip(&self.units) {
+                *x += unit * d;
             }
-            let (dx, rest) = self.rhs.split_at(m);
-            for ((x, d), unit) in x.iter_mut().zip(dx).zip(&self.units) {
-                *x -= unit * d;
-            }
-            beta -= rest[0];
-            w.iter_mut().zip(&rest[1..]).for_each(|(w, d)| *w -= d);
-            let step = (dx.iter().chain(&rest[1..])).fold(0.0f64, |a, d| a.max(d.abs()));
+            beta += change;
+            let step = max_abs(&dx);
             if !step.is_finite() {
                 return Ok(None);
             }
-            if step <= f64::EPSILON || (step >= 0.5 * last && step <= SETTLED) {
-                last = step;
+            let settled = step <= f64::EPSILON || (step >= 0.5 * last && step <= SETTLED);
+            last = step;
+            if settled {
                 break;
             }
-            last = step;
         }
         if last > SETTLED {
             return Ok(None);
@@ -118,13 +129,159 @@ impl<'m, P: PiecewiseSmooth + ?Sized> BranchSystem<'m, P> {
                 *x = 0.0;
             }
         }
-        self.assemble(&x, beta, &w);
-        let rounding = ROUNDING * f64::EPSILON * self.terms(&w) + 4.0 * self.noise(&x, &w);
-        debug_assert_eq!(w.len(), n);
+        if self.step(&x, beta, &mut dx)?.is_none() {
+            return Ok(None);
+        }
+        let length = norm(&self.w);
+        self.w.iter_mut().for_each(|w| *w /= length);
+        let mut r = std::mem::take(&mut self.values);
+        self.residual(&x, &mut r);
+        let beta = dot(&self.w, &r);
+        self.values = r;
+        let rounding = ROUNDING * f64::EPSILON * self.terms(length) + 4.0 * self.noise(&x);
         Ok(Some(Singular {
             on_curve: beta.abs() <= rounding,
             x,
         }))
+    }
+
+    /// Chooses i, j and k from the kernel of ∇H at x and the smallest singular vectors, by inverse iteration: a branch point is near.
+    fn choose(&mut self, x: &[f64]) -> Result<bool, ContinuationError> {
+        const ITERATIONS: usize = 3;
+        let (n, m) = (self.rows.len(), self.units.len());
+        let mut bordered =
+            Bordered::new(self.jac.pattern(), AutoSolver::new()).map_err(PiecewiseError::from)?;
+        // Where ∇H has no full rank at the point itself, it has beside it.
+        let mut ready = false;
+        for shift in [0.0, 1e-4, -1e-3] {
+            let moved = (x.iter().zip(&self.units)).enumerate();
+            let moved: Vec<f64> = moved
+                .map(|(j, (x, unit))| x + shift * (1.0 + 0.1 * (j as f64).sin()) * unit)
+                .collect();
+            self.linearize(&moved);
+            ready = found(bordered.factor(&self.jac, None))?.is_some();
+            if ready {
+                break;
+            }
+        }
+        if !ready {
+            return Ok(false);
+        }
+        let tangent = bordered.tangent().to_vec();
+        let mut v: Vec<f64> = (0..m).map(|j| 1.0 + 0.5 * (1.7 * j as f64).sin()).collect();
+        let mut w = vec![0.0; n];
+        for _ in 0..ITERATIONS {
+            let solved = bordered
+                .solve_transpose(&v, &tangent, &mut w)
+                .and_then(|_| normalise(&mut w))
+                .and_then(|()| bordered.solve(&w, &tangent, 0.0, &mut v))
+                .and_then(|()| normalise(&mut v));
+            if found(solved)?.is_none() {
+                return Ok(false);
+            }
+        }
+        let largest = |v: &[f64]| (0..v.len()).max_by(|&a, &b| v[a].abs().total_cmp(&v[b].abs()));
+        let (Some(i), Some(k)) = (largest(&tangent), largest(&w)) else {
+            return Ok(false);
+        };
+        let share = v[i] / tangent[i];
+        v.iter_mut().zip(&tangent).for_each(|(v, t)| *v -= share * t);
+        v[i] = 0.0;
+        let Some(j) = largest(&v).filter(|&j| j != i) else {
+            return Ok(false);
+        };
+        (self.columns, self.row) = ([i.min(j), i.max(j)], k);
+        let place = |c: usize| c - usize::from(c > self.columns[0]) - usize::from(c > self.columns[1]);
+        let kept = self.jac.triplets().filter(|e| !self.columns.contains(&e.1));
+        let entries: Vec<_> = kept.map(|(r, c, _)| (r, place(c))).chain([(k, n - 1)]).collect();
+        let Ok(pattern) = Pattern::from_entries(n, n, entries) else {
+            return Ok(false);
+        };
+        self.core = Matrix::zeros(pattern.clone());
+        Ok(found(self.solver.analyze(pattern.as_ref()))?.is_some())
+    }
+
+    /// Newton's step from (x, β), `dx` in units of the variables; gives the change of β, `None` where the system is singular.
+    fn step(&mut self, x: &[f64], beta: f64, dx: &mut [f64]) -> Result<Option<f64>, ContinuationError> {
+        let n = self.rows.len();
+        self.linearize(x);
+        let columns = self.columns;
+        let place = |c: usize| c - usize::from(c > columns[0]) - usize::from(c > columns[1]);
+        self.core.clear();
+        for (r, c, v) in self.jac.triplets().filter(|e| !columns.contains(&e.1)) {
+            self.core.add(r, place(c), v);
+        }
+        self.core.add(self.row, n - 1, 1.0);
+        if found(self.solver.factor(self.core.as_ref()))?.is_none() {
+            return Ok(None);
+        }
+        self.w.fill(0.0);
+        self.w[n - 1] = 1.0;
+        if found(self.solver.solve_transpose_in_place(&mut self.w))?.is_none() {
+            return Ok(None);
+        }
+        let mut g = [0.0; 2];
+        for a in 0..2 {
+            let mut r = vec![0.0; n];
+            for (i, c, v) in self.jac.triplets() {
+                if c == columns[a] {
+                    r[i] -= v;
+                    g[a] += v * self.w[i];
+                }
+            }
+            if found(self.solver.solve_in_place(&mut r))?.is_none() {
+                return Ok(None);
+            }
+            let (v, h) = &mut self.kernel[a];
+            spread(&r, columns, v);
+            (v[columns[a]], *h) = (1.0, r[n - 1]);
+        }
+        for a in 0..2 {
+            self.differentiate(x, a);
+        }
+        let mut r = std::mem::take(&mut self.values);
+        self.residual(x, &mut r);
+        r[self.row] += beta;
+        r.iter_mut().for_each(|r| *r = -*r);
+        let solved = found(self.solver.solve_in_place(&mut r))?.is_some();
+        let change = r[n - 1];
+        spread(&r, columns, dx);
+        self.values = r;
+        if !solved {
+            return Ok(None);
+        }
+        let [(first, h0), (second, h1)] = &self.kernel;
+        let at = |a: usize, v: &[f64]| dot(&self.slopes[a], v);
+        let (a, b, c, d) = (at(0, first), at(0, second), at(1, first), at(1, second));
+        let det = a * d - b * c;
+        if !(det.abs() > DEPENDENT * ((a * d).abs() + (b * c).abs())) {
+            return Ok(None);
+        }
+        let (r0, r1) = (-g[0] - at(0, dx), -g[1] - at(1, dx));
+        let (s, t) = ((r0 * d - b * r1) / det, (a * r1 - c * r0) / det);
+        for (dx, (u, v)) in dx.iter_mut().zip(first.iter().zip(second)) {
+            *dx += s * u + t * v;
+        }
+        Ok(Some(change + s * h0 + t * h1))
+    }
+
+    /// d(wᵀ∇H v)/dx with v of the kernel, w fixed, by differences: they only drive Newton's method, the residuals are exact.
+    fn differentiate(&mut self, x: &[f64], a: usize) {
+        let h = DIFFERENCE / max_abs(&self.kernel[a].0);
+        let mut slope = std::mem::take(&mut self.slopes[a]);
+        let mut back = vec![0.0; slope.len()];
+        for (product, h) in [(&mut slope, h), (&mut back, -h)] {
+            let moved = x.iter().zip(&self.kernel[a].0).zip(&self.units);
+            let y: Vec<f64> = moved.map(|((x, v), unit)| x + h * v * unit).collect();
+            self.linearize(&y);
+            self.jac.mul_transpose_vec(&self.w, product);
+        }
+        slope
+            .iter_mut()
+            .zip(&back)
+            .for_each(|(s, b)| *s = (*s - b) / (2.0 * h));
+        self.slopes[a] = slope;
+        self.linearize(x);
     }
 
     /// ∇H(x), scaled.
@@ -143,71 +300,60 @@ impl<'m, P: PiecewiseSmooth + ?Sized> BranchSystem<'m, P> {
         r.iter_mut().zip(&self.rows).for_each(|(r, f)| *r *= f);
     }
 
-    fn assemble(&mut self, x: &[f64], beta: f64, w: &[f64]) {
-        let (n, m) = (w.len(), x.len());
-        self.system.clear();
-        // d(∇Hᵀw)/dx by differences: it only drives Newton's method, the residual below is exact.
-        let mut y = x.to_vec();
-        let mut products = [vec![0.0; m], vec![0.0; m]];
-        for j in 0..m {
-            let h = DIFFERENCE * self.units[j];
-            for (product, shift) in products.iter_mut().zip([h, -h]) {
-                y[j] = x[j] + shift;
-                self.linearize(&y);
-                self.jac.mul_transpose_vec(w, product);
-            }
-            y[j] = x[j];
-            for i in 0..m {
-                let slope = (products[0][i] - products[1][i]) / (2.0 * DIFFERENCE);
-                self.system.add(n + i, j, slope);
-            }
-        }
-        self.linearize(x);
-        for (i, j, v) in self.jac.triplets() {
-            self.system.add(i, j, v);
-            self.system.add(n + j, m + 1 + i, v);
-        }
-        for i in 0..n {
-            self.system.add(i, m, w[i]);
-            self.system.add(i, m + 1 + i, beta);
-            self.system.add(n + m, m + 1 + i, 2.0 * w[i]);
-        }
-        let mut r = std::mem::take(&mut self.rhs);
-        self.residual(x, &mut r[..n]);
-        for i in 0..n {
-            r[i] += beta * w[i];
-        }
-        self.jac.mul_transpose_vec(w, &mut r[n..n + m]);
-        r[n + m] = dot(w, w) - 1.0;
-        self.rhs = r;
-    }
-
-    /// Size of the terms of wᵀH at the point assembled last, up to second order: they cancel there and along the curve.
-    fn terms(&self, w: &[f64]) -> f64 {
-        let (n, m) = (w.len(), self.units.len());
-        let first: f64 = self.jac.triplets().map(|(i, _, v)| (w[i] * v).abs()).sum();
-        let second: f64 = (self.system.triplets())
-            .filter(|(i, j, _)| (n..n + m).contains(i) && *j < m)
-            .map(|(.., v)| v.abs())
-            .sum();
+    /// Size of the terms of wᵀH at the point linearised last, up to second order along the kernel: they cancel there and along the curve.
+    /// The slopes belong to a w of the given length.
+    fn terms(&self, length: f64) -> f64 {
+        let first: f64 = (self.jac.triplets()).map(|(i, _, v)| (self.w[i] * v).abs()).sum();
+        let second: f64 = self.slopes.iter().flatten().map(|v| v.abs() / length).sum();
         first + 0.5 * second
     }
 
     /// Scatter of wᵀH in the last bits of x: rounding errors of H, as it varies by squares of distances only.
-    fn noise(&self, x: &[f64], w: &[f64]) -> f64 {
+    fn noise(&self, x: &[f64]) -> f64 {
         const SHIFTS: [f64; 4] = [1.0, -2.0, 3.0, -4.0];
-        let mut r = vec![0.0; w.len()];
+        let mut r = vec![0.0; self.w.len()];
         self.residual(x, &mut r);
-        let centre = dot(w, &r);
+        let centre = dot(&self.w, &r);
         let mut noise = 0.0f64;
         for (k, shift) in SHIFTS.into_iter().enumerate() {
             let alternate = |j: usize| if (j >> k) & 1 == 0 { shift } else { -shift };
             let moved = (x.iter().enumerate()).map(|(j, x)| x * (1.0 + alternate(j) * f64::EPSILON));
             self.residual(&moved.collect::<Vec<_>>(), &mut r);
-            noise = noise.max((dot(w, &r) - centre).abs());
+            noise = noise.max((dot(&self.w, &r) - centre).abs());
         }
         noise
     }
+}
+
+/// `None` where a matrix is singular.
+fn found<T>(result: Result<T, LinearError>) -> Result<Option<T>, ContinuationError> {
+    match result {
+        Ok(value) => Ok(Some(value)),
+        Err(LinearError::Shape { .. } | LinearError::NotAnalyzed | LinearError::NotFactored) => {
+            result.map(Some).map_err(|e| PiecewiseError::from(e).into())
+        }
+        Err(_) => Ok(None),
+    }
+}
+
+/// Entries of all columns but two, with zeros for these; the last entry is left out.
+fn spread(entries: &[f64], columns: [usize; 2], out: &mut [f64]) {
+    let mut entries = entries.iter();
+    for (c, out) in out.iter_mut().enumerate() {
+        *out = match columns.contains(&c) {
+            true => 0.0,
+            false => entries.next().copied().unwrap_or(0.0),
+        };
+    }
+}
+
+fn normalise(v: &mut [f64]) -> Result<(), LinearError> {
+    let largest = max_abs(v);
+    if !(largest.is_finite() && largest > 0.0) {
+        return Err(LinearError::Singular { rcond: 0.0 });
+    }
+    v.iter_mut().for_each(|v| *v /= largest);
+    Ok(())
 }
 
 #[cfg(test)]

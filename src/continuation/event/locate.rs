@@ -37,15 +37,25 @@ impl Curve<'_> {
         state: &State,
         origin: &Origin,
     ) -> Result<f64, ContinuationError> {
+        Ok(match self.log_determinant(coactive, state)? {
+            Some((sign, log)) => sign * origin.sign * (log - origin.log).exp(),
+            None => 0.0,
+        })
+    }
+
+    /// Sign and logarithm of |det [∇H^(σ); tᵀ]|, which itself may be beyond all floating-point numbers; `None` when singular.
+    fn log_determinant(
+        &mut self,
+        coactive: Option<usize>,
+        state: &State,
+    ) -> Result<Option<(f64, f64)>, ContinuationError> {
         let selection = match coactive {
             Some(k) => self.coactive[k].0.clone(),
             None => self.selection.clone(),
         };
-        let Some(sign) = self.orientation_of(&selection, &state.x, &state.t)? else {
-            return Ok(0.0);
-        };
+        let sign = self.orientation_of(&selection, &state.x, &state.t)?;
         let log = self.corrector.log_det().unwrap_or(0.0);
-        Ok(f64::from(sign) * origin.sign * (log - origin.log).exp())
+        Ok(sign.filter(|s| *s != 0).map(|s| (f64::from(s), log)))
     }
 
     fn origin(&mut self, monitor: Monitor) -> Result<Origin, ContinuationError> {
@@ -67,9 +77,9 @@ impl Curve<'_> {
         origin: &mut Origin,
     ) -> Result<(), ContinuationError> {
         let here = self.here.clone();
-        let value = self.determinant(coactive, &here, origin)?;
-        origin.sign = sign_of(value);
-        origin.log = value.abs().max(f64::MIN_POSITIVE).ln();
+        if let Some((sign, log)) = self.log_determinant(coactive, &here)? {
+            (origin.sign, origin.log) = (sign, log);
+        }
         Ok(())
     }
 

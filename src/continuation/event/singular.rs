@@ -3,7 +3,7 @@
 use super::branch_point::{BranchSystem, Singular};
 use super::watch::{Monitor, Unresolved};
 use crate::continuation::ContinuationError;
-use crate::continuation::engine::{Curve, MAX_DENSE, State};
+use crate::continuation::engine::{Curve, State};
 use crate::piecewise::PiecewiseSmooth;
 use crate::sparse::{distance, dot, norm};
 
@@ -13,12 +13,8 @@ const CREEP: f64 = 1e-6;
 pub(in crate::continuation) const ZERO_DETERMINANT: f64 = 1e-6;
 
 impl Curve<'_> {
-    /// The solution next to `guess` of the extended system of a branch point of the followed selection, where that is regular;
-    /// `None` for large problems.
+    /// The solution next to `guess` of the extended system of a branch point of the followed selection, where that is regular.
     fn singular_near(&self, guess: &[f64]) -> Result<Option<Singular>, ContinuationError> {
-        if self.map.num_residuals() > MAX_DENSE {
-            return Ok(None);
-        }
         BranchSystem::new(&self.map, &self.selection, &self.here.x, guess).solve(guess)
     }
 
@@ -44,13 +40,8 @@ impl Curve<'_> {
             return self.arrive_at(&found, beyond.s);
         }
         // The determinant as a guide to where.
-        let value = self.locate(Monitor::Singular)?;
-        let Some(value) = value else {
+        if self.locate(Monitor::Singular)?.is_none() {
             return Ok(Err(Unresolved::Crossing));
-        };
-        if self.map.num_residuals() > MAX_DENSE {
-            let zero = value <= ZERO_DETERMINANT;
-            return Ok(if zero { Ok(()) } else { Err(Unresolved::Crossing) });
         }
         match self.singular_near(&self.next.x)? {
             Some(found) if self.is_between(&found.x, &beyond) => self.arrive_at(&found, beyond.s),

@@ -1,15 +1,14 @@
 //! What happens at a located transition or branch point: arms, kind, and the arm that is followed.
 
 use super::arms::{Arms, TANGENTIAL};
-use super::singular::mirrored_tangent;
 use super::watch::VERTICAL;
-use crate::continuation::engine::{Curve, MAX_DENSE};
+use crate::continuation::engine::Curve;
 use crate::continuation::{
     Arm, BranchPoint, ContinuationError, Event, PointKind, SiteChange, Termination, Transition,
     TransitionKind,
 };
 use crate::piecewise::{ActiveSet, PiecewiseSmooth, Vanishing};
-use crate::sparse::{distance, norm};
+use crate::sparse::distance;
 
 /// An arm within this distance of the reversed tangent of arrival is the one the curve came along.
 const INCOMING: f64 = 1e-5;
@@ -124,24 +123,13 @@ impl Curve<'_> {
         }
     }
 
-    /// The tangent of arrival belongs to the point next to the branch point from which that was found, perhaps on the other curve
-    /// through it: the arm meant is the one that goes with the last point and its tangent.
+    /// The tangent of arrival is extrapolated: the arm meant is the one that it is next to.
     fn snap_tangent(&mut self, arms: &Arms) {
         const NEAR: f64 = 0.05;
-        let before = &self.next;
-        let length = distance(&self.here.x, &before.x);
-        let arrival = if self.map.num_residuals() <= MAX_DENSE {
-            // Extrapolated along the curve.
-            self.here.t.clone()
-        } else if length <= self.options.vanishing_distance * (1.0 + norm(&before.x)) {
-            before.t.clone()
-        } else {
-            mirrored_tangent(before, &self.here.x)
-        };
         let far = |a: &Arm| {
             (a.tangent
                 .iter()
-                .zip(&arrival)
+                .zip(&self.here.t)
                 .map(|(a, b)| (a + b).powi(2))
                 .sum::<f64>())
             .sqrt()
