@@ -402,6 +402,21 @@ fn bad_input() {
             other => panic!("{other:?}"),
         }
     }
+    // Two squares apart, of which one is held: the other one is named by its first node.
+    let corners = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+    let points = [0.0, 2.0]
+        .map(|at| corners.map(|[x, y]| [x + at, y, 0.0]))
+        .concat();
+    let cells = [0, 4].map(|n| (CellKind::Quadrilateral, vec![n, n + 1, n + 2, n + 3]));
+    let mut apart = Mesh::new(2, points, cells).unwrap();
+    apart.add_facet_group("first", vec![vec![3, 0]]).unwrap();
+    apart.add_facet_group("second", vec![vec![7, 4]]).unwrap();
+    let body = Elasticity::new(apart, steel()).fix("first");
+    match body.assemble() {
+        Err(FemError::Floating { node, modes }) => assert!(node == 4 && modes.contains("1 of 2"), "{modes}"),
+        other => panic!("{other:?}"),
+    }
+    assert!(body.fix_component("second", 0).assemble().is_err());
     assert!(matches!(
         Elasticity::new(square(), steel())
             .fix_component("bottom", 2)
