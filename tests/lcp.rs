@@ -132,6 +132,25 @@ proptest! {
         prop_assert!(listed(&enumerate(&lcp), &z));
     }
 
+    /// The pattern of a matrix is of no consequence.
+    #[test]
+    fn sparse_matrices(m in small_integers(N * N), q in reals(N), shift in 4.5..6.0f64) {
+        let entry = |i: usize, j: usize| {
+            let near = i.abs_diff(j) <= 1;
+            f64::from(u8::from(near)) * m[i * N + j] + shift * f64::from(u8::from(i == j))
+        };
+        let triplets: Vec<_> = (0..N)
+            .flat_map(|i| (i.saturating_sub(1)..N.min(i + 2)).map(move |j| (i, j)))
+            .map(|(i, j)| (i, j, entry(i, j)))
+            .collect();
+        let sparse = Lcp::new(Matrix::from_triplets(N, N, &triplets).unwrap(), q.clone()).unwrap();
+        let (status, z, residual) = lemke(&sparse);
+        prop_assert_eq!(status, LemkeStatus::Solved);
+        prop_assert!(residual < 1e-12);
+        let (_, full, _) = lemke(&Lcp::new(matrix(N, entry), q).unwrap());
+        prop_assert!(z.iter().zip(&full).all(|(a, b)| (a - b).abs() < 1e-12));
+    }
+
     /// Any matrix: what is called solved is listed, and a certificate is never given to a solvable problem.
     #[test]
     fn any_matrix(m in small_integers(N * N), q in small_integers(N)) {

@@ -174,3 +174,24 @@ fn indefinite_symmetric_matrices_are_solved_directly() {
         assert!(off < 1e-9, "{m}: {off:e}");
     }
 }
+
+/// Without load a membrane that lies on its obstacle stays there: each component is degenerate, and no iteration moves one.
+#[test]
+fn a_membrane_at_rest_on_its_obstacle_stays_there() {
+    let m = 24;
+    for at in [BoundState::Lower, BoundState::Upper] {
+        let bounds = match at {
+            BoundState::Lower => (vec![0.0; m * m], vec![1.0; m * m]),
+            _ => (vec![-1.0; m * m], vec![0.0; m * m]),
+        };
+        let lcp = Lcp::boxed(laplacian(m, 0.0), vec![0.0; m * m], bounds.0, bounds.1).unwrap();
+        let mut solver =
+            ActiveSetSolver::with_reduced(ActiveSetOptions::default(), MultigridReduced::algebraic());
+        let mut z = vec![0.0; m * m];
+        let sets = vec![at; m * m];
+        let report = solver.solve_from_states(&lcp, &mut z, &sets).unwrap();
+        assert_eq!((report.status, report.iterations), (ActiveSetStatus::Solved, 1));
+        assert!(z.iter().all(|z| *z == 0.0));
+        assert_eq!(solver.states(), sets);
+    }
+}

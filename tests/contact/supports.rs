@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use semismooth::contact::{
     CondensedContact, ContactBody, EvolutionOptions, FrictionCoefficient, FrictionCurve, FullContact,
-    LoadCase, LoadPath, PlanarCoulomb, evolve,
+    LoadCase, LoadPath, OrthotropicCoulomb, PlanarCoulomb, evolve,
 };
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, Termination};
 use semismooth::fem::{ElasticSystem, Elasticity, FemError, Foundation, Material, Mesh};
@@ -104,6 +104,41 @@ fn energies_are_those_of_the_whole_body() {
             assert!((e.load - work).abs() < 1e-12 * exact, "{} {work}", e.load);
             assert!(e.imbalance().abs() < 1e-12 * exact);
         }
+    }
+}
+
+#[test]
+fn reactions_in_space_hold_the_contact_forces() {
+    let mesh = Mesh::block([0.0; 3], [2.0, 1.0, 1.0], [4, 2, 2]).unwrap();
+    let system = Elasticity::new(mesh, Material::isotropic(1.0, NU).unwrap())
+        .prescribe("top", 0, |_| 0.004)
+        .prescribe("top", 1, |_| -0.007)
+        .prescribe("top", 2, |_| -0.02)
+        .assemble()
+        .unwrap();
+    let rows = system
+        .contact("bottom", &Foundation::plane([0.0; 3], [0.0, 0.0, 1.0]))
+        .unwrap();
+    let tangential = vec![rows.tangential, rows.tangential2.unwrap()];
+    let load = LoadPath::constant(system.supports());
+    let body = ContactBody::new(system.stiffness().clone(), rows.normal, tangential, load).unwrap();
+    let law = OrthotropicCoulomb::isotropic(FrictionCoefficient::constant(0.4).unwrap());
+    let condensed = CondensedContact::new(body.with_gap(rows.gap).unwrap(), law).unwrap();
+    let x = condensed.solve(0.0, None).unwrap();
+    let reactions = system
+        .reactions(
+            &condensed.displacements(&x).unwrap(),
+            &condensed.support_displacements(&x).unwrap(),
+        )
+        .unwrap();
+    let sum = |d: usize| reactions.iter().skip(d).step_by(3).sum::<f64>();
+    let [normal, first, second] = condensed.solution(&x).unwrap().resultant();
+    for (d, force) in [first, second, -normal].into_iter().enumerate() {
+        assert!(
+            force.abs() > 1e-3 && (sum(d) - force).abs() < 1e-12,
+            "{d}: {} {force}",
+            sum(d)
+        );
     }
 }
 

@@ -284,6 +284,20 @@ fn a_cap_is_said() {
     };
     assert_eq!(total, 65536.0);
     assert!(examined < total);
+    // What was examined never falls as more nodes are allowed, up to all there is.
+    let mut before = 0.0;
+    for nodes in [1, 2, 4, 8, 16, 32, 64, 128] {
+        let options = EnumerationOptions::default().with_max_nodes(nodes);
+        let set = all_solutions(&map, 0.0, &options).unwrap();
+        let Completeness::Incomplete { examined, total } = set.completeness else {
+            break;
+        };
+        assert!(
+            (before..=total).contains(&examined),
+            "{nodes}: {before} {examined} {total}"
+        );
+        before = examined;
+    }
 }
 
 /// A piece with the same derivatives everywhere and another constant in between is none that is affine.

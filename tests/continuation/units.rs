@@ -195,6 +195,22 @@ fn diagrams_of_the_pitchfork() {
         assert_eq!(y.len(), 3);
         assert!((y[0] + 0.5).abs() < 1e-12 && y[1].abs() < 1e-12 && (y[2] - 0.5).abs() < 1e-12);
         assert_eq!(three.index_sum(), Some(1));
+        // |z − ½| + |α − ¼| = 0 has one point, beside which nothing is.
+        let point = MinMap::curve(3, move |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+            let (z, s) = (x[0] / unit - 0.5, x[3] - 0.25);
+            (a[0], b[0]) = (x[1] - z, x[1] + z);
+            (a[1], b[1]) = (x[2] - s, x[2] + s);
+            (a[2], b[2]) = (x[1] + x[2], 1e9);
+        })
+        .with_typical_sizes(vec![unit, 1.0, 1.0, 1.0])
+        .unwrap();
+        let start = [0.5 * unit, 0.0, 0.0, 0.25];
+        let alone = Diagram::explore(&point, &[start], &options).unwrap();
+        let found = alone.solutions_at(&point, 0.25).unwrap();
+        assert_eq!(
+            (found.isolated.as_slice(), found.points.len()),
+            ([start.to_vec()].as_slice(), 0)
+        );
         // Half of it, and then the rest, is the whole.
         let half = Diagram::explore(&map, &[[0.0, -0.5]], &options.clone().with_max_points(12)).unwrap();
         assert!(!half.completeness().is_complete());

@@ -714,3 +714,29 @@ fn lines_without_ends_are_told_apart() {
     }
     assert_eq!(found.index_sum, None);
 }
+
+/// [[a, b], [b, a]] with b > a > 0 has three solutions; the list tells of each how far its nearest kink is, proven by floating-point numbers
+/// or, next to singular, in exact arithmetic.
+#[test]
+fn margins_are_distances_to_the_nearest_kink() {
+    for gap in [1.0, 1e-3, 1e-9, 4.0 * f64::EPSILON] {
+        let (a, b) = (1.0, 1.0 + gap);
+        let lcp = Lcp::new(Matrix::from_rows(&[[a, b], [b, a]]).unwrap(), vec![-1.0; 2]).unwrap();
+        let found = list(lcp.mcp(), 0.0);
+        assert!(
+            found.completeness.is_complete() && found.solutions.len() == 3,
+            "{found:?}"
+        );
+        assert!(found.pivots > 0 && found.nodes >= 3);
+        for s in &found.solutions {
+            let mut tests = [0.0; 2];
+            lcp.mcp().test_functions(&s.x, &mut tests);
+            let nearest = tests.iter().fold(f64::INFINITY, |m, t| m.min(t.abs()));
+            assert!(
+                (s.margin - nearest).abs() <= 1e-9 * nearest,
+                "{gap:e}: {} {nearest:e}",
+                s.margin
+            );
+        }
+    }
+}

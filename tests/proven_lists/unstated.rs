@@ -3,7 +3,7 @@
 use semismooth::enumeration::{
     Completeness, Doubt, EnumerationError, EnumerationOptions, all_arms, all_solutions,
 };
-use semismooth::piecewise::{PiecewiseSmooth, Selection};
+use semismooth::piecewise::{MinMap, PiecewiseSmooth, Selection};
 use semismooth::sparse::Matrix;
 
 use super::list;
@@ -184,4 +184,21 @@ fn vertical_arms_leave_to_all_sides() {
         assert!(found.arms.iter().any(|a| near(&a.tangent)), "{found:?}");
     }
     assert_eq!(found.orientation, None);
+}
+
+/// |y₁| = 1 beside an unknown that nothing determines: two lines without ends, told apart without coefficients, too.
+#[test]
+fn two_lines_without_ends() {
+    let map = MinMap::new(2, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+        (a[0], b[0]) = (1.0 - x[0], 1.0 + x[0]);
+        (a[1], b[1]) = (0.0, 1.0);
+    });
+    let found = all_solutions(&map, 0.0, &EnumerationOptions::default()).unwrap();
+    assert_eq!(found.continua.len(), 2, "{found:?}");
+    assert!(
+        found
+            .continua
+            .iter()
+            .all(|c| (c.dimension, c.ends.len()) == (1, 0))
+    );
 }
