@@ -41,8 +41,8 @@ impl Branch {
     /// # Complexity
     /// A step takes one to [`max_corrections`](ContinuationOptions::max_corrections) factorisations of ∇H with n residuals, two or three as
     /// a rule: O(n³) dense, what fill there is sparse. Where all pieces are affine a transition replaces the rows of the site that changes,
-    /// O(n²). A branch point inside a piece takes an extended system of 2 n + 2 unknowns by differences, O(n³), up to 120 residuals. Where p
-    /// sites with k pieces each switch at once there are up to kᵖ selections to try; see [`arms_at`](super::arms_at).
+    /// O(n²). A branch point inside a piece takes about ten more factorisations. Where p sites with k pieces each switch at
+    /// once there are up to kᵖ selections to try; see [`arms_at`](super::arms_at).
     ///
     /// # Errors
     /// As [`Continuation::new`] and its iteration.

@@ -254,7 +254,8 @@ impl<'m, P: PiecewiseSmooth + ?Sized> BranchSystem<'m, P> {
         let at = |a: usize, v: &[f64]| dot(&self.slopes[a], v);
         let (a, b, c, d) = (at(0, first), at(0, second), at(1, first), at(1, second));
         let det = a * d - b * c;
-        if !(det.abs() > DEPENDENT * ((a * d).abs() + (b * c).abs())) {
+        let regular = det.abs() > DEPENDENT * ((a * d).abs() + (b * c).abs());
+        if !regular {
             return Ok(None);
         }
         let (r0, r1) = (-g[0] - at(0, dx), -g[1] - at(1, dx));
