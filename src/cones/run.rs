@@ -18,8 +18,9 @@ const NEARNESS: f64 = 0.1;
 const FALL: f64 = 0.2;
 /// Merit, relative to that of the start, from which on steps of the natural map are tried, and once more after each fall by TAIL.
 pub(super) const TAIL: f64 = 0.1;
-/// Most steps of the natural map in a row.
+/// Most steps of the natural map in a row, and of these that bring nothing.
 const LONGEST: usize = 30;
+const PATIENCE: usize = 2;
 /// Multiples of the identity added to ∇F where steps fail.
 const PROXIMAL: [f64; 6] = [0.0, 1e-10, 1e-7, 1e-4, 1e-2, 1.0];
 /// Proximal points: the first weight of x − x_k in units of F, its changes after success and failure, and how far each of the problems is
@@ -85,16 +86,18 @@ impl<'a> Run<'a> {
         // Rows of a cone are mixed.
         let transposed = jac.transpose();
         let pattern = transposed.pattern();
-        let mut entries = Vec::new();
+        let (mut entries, mut columns) = (Vec::new(), Vec::new());
         let mut owner = vec![0; n];
         for (k, part) in parts.iter().enumerate() {
+            let (first, end) = (part.range.start, part.range.end);
             owner[part.range.clone()].fill(k);
-            for i in part.range.clone() {
-                for r in part.range.clone() {
-                    let columns = &pattern.row_idx()[pattern.col_ptr()[r]..pattern.col_ptr()[r + 1]];
-                    entries.extend(columns.iter().map(|&j| (i, j)));
-                    entries.push((i, r));
-                }
+            columns.clear();
+            columns.extend(part.range.clone());
+            columns.extend_from_slice(&pattern.row_idx()[pattern.col_ptr()[first]..pattern.col_ptr()[end]]);
+            columns.sort_unstable();
+            columns.dedup();
+            for &j in &columns {
+                entries.extend(part.range.clone().map(|i| (i, j)));
             }
         }
         let system = Matrix::zeros(Pattern::from_entries(n, n, entries)?);
@@ -363,7 +366,7 @@ impl<'a> Run<'a> {
     /// Full steps of the natural map from x, as long as they converge; `None` where they do not, x as it was.
     pub(super) fn tail(&mut self) -> Result<Option<ControlFlow<()>>, ConeError> {
         self.kept_x.copy_from_slice(&self.x);
-        let mut last = f64::INFINITY;
+        let (mut last, mut least) = (f64::INFINITY, f64::INFINITY);
         let mut worse = 0;
         for _ in 0..LONGEST {
             let merit = self.map(Map::Natural, false);
@@ -374,9 +377,10 @@ impl<'a> Run<'a> {
             if flow.is_break() {
                 return Ok(Some(flow));
             }
-            worse = if merit < last { 0 } else { worse + 1 };
-            last = merit;
-            if worse > 2 || self.deadline.is_over() {
+            // Against the least so far: far from a solution merits jump up and down for ever.
+            worse = if merit < least { 0 } else { worse + 1 };
+            (last, least) = (merit, least.min(merit));
+            if worse > PATIENCE || self.deadline.is_over() {
                 break;
             }
             // Singular where solutions are not unique.
