@@ -280,6 +280,41 @@ fn any_active_set_to_start_from_leads_to_the_solution() {
     }
 }
 
+/// M is diagonally dominant with a negative off-diagonal part: from any set full steps settle, and none goes back to the start.
+#[test]
+fn full_steps_go_on_from_any_active_set() {
+    let n = 12;
+    for seed in 1..40 {
+        let mut rng = Random::new(seed);
+        let rows: Vec<Vec<f64>> = (0..n)
+            .map(|i| {
+                let row: Vec<f64> = (0..n).map(|_| -rng.symmetric().abs()).collect();
+                let sum: f64 = row.iter().map(|v| v.abs()).sum();
+                (0..n).map(|j| if i == j { sum + 0.1 } else { row[j] }).collect()
+            })
+            .collect();
+        let problem = Mcp::affine(matrix(&rows), rng.vector(n, 1.0), vec![0.0; n], vec![INF; n]).unwrap();
+        let guess = |u: f64| {
+            if u < 0.0 {
+                BoundState::Lower
+            } else {
+                BoundState::Interior
+            }
+        };
+        let states: Vec<BoundState> = (0..n).map(|_| guess(rng.symmetric())).collect();
+        let mut solver = only(&[Newton]);
+        let mut x = vec![0.0; n];
+        let report = solver.solve_from_states(&problem, &mut x, &states).unwrap();
+        assert!(
+            report.is_solved() && residual(&problem, &x) <= 1e-9,
+            "{seed}: {}",
+            report.status
+        );
+        let first = report.history[0].residual;
+        assert!(report.history[1..].iter().all(|i| i.residual != first), "{seed}");
+    }
+}
+
 /// Where rounding leaves a residual above the tolerance, iterations end as soon as there is nothing left but rounding.
 #[test]
 fn large_units_of_a_row_cost_no_iterations() {
