@@ -191,7 +191,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
         direction: Direction,
         options: ContinuationOptions,
     ) -> Result<Self, ContinuationError> {
-        Self::with_solver(map, x, direction, options, AutoSolver::default())
+        Self::with_solver(map, x, direction, options, solver_for(map))
     }
 
     /// Starts at `x` along a given arm (of a transition or branch point, or from [`arms_at`]).
@@ -204,14 +204,16 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
         arm: &Arm,
         options: ContinuationOptions,
     ) -> Result<Self, ContinuationError> {
-        let mut curve = Curve::prepare(map, x, options, auto_solver())?;
+        let mut curve = Curve::prepare(map, x, options, Box::new(solver_for(map)))?;
         curve.erased_mut().leave_along(arm)?;
         Ok(Self::of(curve))
     }
 }
 
 impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver + Send + 'a> Continuation<'a, P, L> {
-    /// [`new`](Continuation::new) with a linear solver of your own.
+    /// [`new`](Continuation::new) with a linear solver of your own. Branch points inside of curved pieces are seen by the sign of a
+    /// determinant: not at all with a solver whose [`log_det`](LinearSolver::log_det) is `None`, as that of [`AutoSolver::new`] may be for
+    /// large systems.
     ///
     /// # Errors
     /// As [`new`](Continuation::new).
@@ -243,7 +245,7 @@ pub fn arms_at<P: PiecewiseSmooth + ?Sized>(
     x: &[f64],
     options: &ContinuationOptions,
 ) -> Result<(Vec<Arm>, bool), ContinuationError> {
-    let mut curve = Curve::prepare(map, x, options.clone(), auto_solver())?;
+    let mut curve = Curve::prepare(map, x, options.clone(), Box::new(solver_for(map)))?;
     let arms = curve.erased_mut().arms_here()?;
     Ok((arms.list, arms.complete))
 }
@@ -253,9 +255,12 @@ pub(super) fn slices<S: AsRef<[f64]>>(starts: &[S]) -> Vec<&[f64]> {
     starts.iter().map(AsRef::as_ref).collect()
 }
 
-/// The crate's own solver, for a curve.
-pub(super) fn auto_solver<'a>() -> Solver<'a> {
-    Box::new(AutoSolver::default())
+/// The crate's own solver, for curves of the map: where pieces are affine no determinant changes its sign inside of one.
+pub(super) fn solver_for<P: PiecewiseSmooth + ?Sized>(map: &P) -> AutoSolver {
+    match map.is_piecewise_affine() {
+        true => AutoSolver::new(),
+        false => AutoSolver::with_determinants(),
+    }
 }
 
 impl<'a> Curve<'a> {
@@ -380,7 +385,7 @@ impl Start {
 pub(super) fn auto_corrector<'a>(
     map: &dyn PiecewiseSmooth,
 ) -> Result<MoorePenrose<Solver<'a>>, PiecewiseError> {
-    MoorePenrose::new(map, auto_solver())
+    MoorePenrose::new(map, Box::new(solver_for(map)) as Solver<'_>)
 }
 
 /// A corrector, and the point of the curve at the α of the start.

@@ -8,6 +8,7 @@ pub const DENSE_LIMIT: usize = 200;
 #[derive(Debug, Clone)]
 pub struct AutoSolver {
     kind: Kind,
+    determinants: bool,
 }
 
 #[derive(Debug, Clone)]
@@ -20,6 +21,7 @@ impl Default for AutoSolver {
     fn default() -> Self {
         Self {
             kind: Kind::Dense(Box::default()),
+            determinants: false,
         }
     }
 }
@@ -29,6 +31,16 @@ impl AutoSolver {
     #[must_use]
     pub fn new() -> Self {
         Self::default()
+    }
+
+    /// A solver whose [`log_det`](LinearSolver::log_det) is always known: sparse factors are made by
+    /// [`SparseLu::with_determinants`].
+    #[must_use]
+    pub fn with_determinants() -> Self {
+        Self {
+            determinants: true,
+            ..Self::default()
+        }
     }
 
     /// Whether the dense factorisation is in use.
@@ -61,7 +73,13 @@ impl LinearSolver for AutoSolver {
     fn analyze(&mut self, pattern: PatternRef<'_>) -> Result<(), LinearError> {
         match (prefers_dense(pattern), self.is_dense()) {
             (true, false) => self.kind = Kind::Dense(Box::default()),
-            (false, true) => self.kind = Kind::Sparse(Box::default()),
+            (false, true) => {
+                let sparse = match self.determinants {
+                    true => SparseLu::with_determinants(),
+                    false => SparseLu::new(),
+                };
+                self.kind = Kind::Sparse(Box::new(sparse));
+            }
             _ => {}
         }
         self.inner_mut().analyze(pattern)

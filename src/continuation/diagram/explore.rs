@@ -8,7 +8,7 @@ use super::natural::{natural_observer, scaled_options, scaled_starts};
 use super::{Diagram, DiagramEdge, DiagramOptions, DiagramVertex, EdgeEnd, Limit, VertexArm, VertexKind};
 use crate::clock::Clock;
 use crate::continuation::engine::Curve;
-use crate::continuation::start::{auto_solver, slices};
+use crate::continuation::start::{slices, solver_for};
 use crate::continuation::{
     Arm, ContinuationError, Event, MonitorCrossing, Point, PointKind, Strategy, Termination,
 };
@@ -154,7 +154,7 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
 
     fn start(&mut self, x: &[f64]) -> Result<(), ContinuationError> {
         let options = self.options.continuation.clone();
-        let mut curve = Curve::prepare(self.map, x, options, auto_solver())?;
+        let mut curve = Curve::prepare(self.map, x, options, Box::new(solver_for(self.map)))?;
         let curve = curve.erased_mut();
         let x = curve.here.x.clone();
         let alpha = x.last().copied().unwrap_or(f64::NAN);
