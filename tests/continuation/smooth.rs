@@ -281,7 +281,7 @@ impl PiecewiseSmooth for Buckling {
 /// Small systems and large ones, in two units: determinants of the last one are beyond all floating-point numbers.
 #[test]
 fn branch_points_of_systems_of_any_size() {
-    for (n, unit) in [(7, 1.0), (40, 1.0), (150, 1e-4), (150, 1.0), (400, 1.0)] {
+    for (n, unit) in [(7, 1.0), (40, 1.0), (150, 1e-4), (150, 1.0), (700, 1.0)] {
         let map = Buckling { n, unit };
         let h = 1.0 / (n + 1) as f64;
         let eigenvalue = |k: f64| (2.0 / h * (0.5 * k * PI * h).sin()).powi(2);
@@ -381,11 +381,20 @@ fn branch_points_of_plates() {
             panic!("{m}: {:?}", branch.branch_points.len());
         };
         assert!((b.point.parameter() - exact).abs() < 1e-10 * exact, "{m}");
-        // Arms other than the followed one are found up to some hundred unknowns; beyond, the list does not claim to be complete.
-        assert_eq!(
-            (b.arms.len(), b.complete),
-            if m == 12 { (3, true) } else { (1, false) },
-            "{m}"
-        );
+        assert_eq!((b.arms.len(), b.complete), (3, true), "{m}");
+        let mode = |k: usize| [k % m, k / m].map(|i| (PI * (i + 1) as f64 * h).sin());
+        for arm in b.arms.iter().filter(|a| a.tangent[n].abs() < 0.5) {
+            let scale = 2.0 * h * arm.tangent[0].signum();
+            let off = |k: usize| arm.tangent[k] - scale * mode(k)[0] * mode(k)[1];
+            assert!((0..n).all(|k| off(k).abs() < 1e-6), "{m}");
+        }
+    }
+    // Twice the same eigenvalue: a doubt, and not passed unseen.
+    for m in [12, 30] {
+        let map = Plate { m };
+        let mut start = vec![0.0; m * m + 1];
+        start[m * m] = 45.0;
+        let branch = Branch::follow(&map, &start, Direction::Increasing, within((44.0, 60.0))).unwrap();
+        assert_eq!(branch.termination, Termination::UnresolvedCrossing, "{m}");
     }
 }

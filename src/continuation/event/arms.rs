@@ -1,6 +1,7 @@
 //! The arms of the solution set at a point: for each active selection the kernel of its Jacobian, kept where it points into the
 //! selection's cell.
 
+use super::branch_point::BranchSystem;
 use crate::clock::Deadline;
 use crate::continuation::engine::{Curve, Solver};
 use crate::continuation::{Arm, ContinuationError, ContinuationOptions};
@@ -11,7 +12,7 @@ use crate::piecewise::{
     ActiveSet, PiecewiseError, PiecewiseSmooth, Scaled, Selection, TestLayout, Vanishing,
 };
 use crate::sparse::{Matrix, distance};
-use crate::sparse::{dot, norm};
+use crate::sparse::{dot, max_abs, norm};
 use crate::spread::centred;
 
 /// Two unit tangents closer than this are one arm.
@@ -26,7 +27,7 @@ pub(in crate::continuation) const UNEXPLAINED: f64 = 1e3;
 const PLAIN: u128 = 16;
 /// How much smaller than ‖∇θ‖ the largest of two directional derivatives may be.
 const SPREAD: f64 = 1e5;
-/// Largest number of residuals for which the dense branching equation is set up.
+/// Largest number of residuals whose kernels are found by singular values; beyond, next to simple branch points only.
 const MAX_BRANCHING: usize = 600;
 
 /// The vanishing test functions at x: those within `distance`·(1 + ‖x‖) of their facet, and those `forced`.
@@ -342,15 +343,22 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
         &mut self,
         selection: &Selection,
     ) -> Result<Result<Vec<Vec<f64>>, Option<UndecidedKernel>>, PiecewiseError> {
-        if self.map.num_residuals() > MAX_BRANCHING {
-            return Ok(Err(None));
-        }
-        self.decomposed = true;
         self.corrector.assemble(self.map, selection, self.x)?;
-        let rank = if self.is_noise(selection) { 1.0 } else { RANK };
-        let kernel = null_space(self.corrector.jacobian(), rank)?;
-        let ([n1, n2], [psi]) = (kernel.right.as_slice(), kernel.left.as_slice()) else {
-            return Ok(Err(UndecidedKernel::of(&kernel.right)));
+        let jac = self.corrector.jacobian();
+        let (right, left, scale) = if self.map.num_residuals() > MAX_BRANCHING {
+            match BranchSystem::new(self.map, selection, self.x, self.x).kernels(self.x)? {
+                Some(k) => (k.right.to_vec(), vec![k.left], max_abs(jac.values())),
+                None => return Ok(Err(None)),
+            }
+        } else {
+            self.decomposed = true;
+            let rank = if self.is_noise(selection) { 1.0 } else { RANK };
+            let kernel = null_space(jac, rank)?;
+            let scale = kernel.singular_values.first().copied().unwrap_or(0.0);
+            (kernel.right, kernel.left, scale)
+        };
+        let ([n1, n2], [psi]) = (right.as_slice(), left.as_slice()) else {
+            return Ok(Err(UndecidedKernel::of(&right)));
         };
         let mut shifted = self.corrector.jacobian().clone();
         let mut second =
@@ -358,9 +366,8 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
         let (b11, b12, b22) = (second(n1, n1), second(n1, n2), second(n2, n2));
         let size = b11.abs().max(b12.abs()).max(b22.abs());
         let discriminant = b12 * b12 - b11 * b22;
-        let scale = kernel.singular_values.first().copied().unwrap_or(0.0);
         if size <= 1e-7 * scale.max(f64::MIN_POSITIVE) || discriminant.abs() <= 1e-7 * size * size {
-            return Ok(Err(UndecidedKernel::of(&kernel.right)));
+            return Ok(Err(UndecidedKernel::of(&right)));
         }
         if discriminant < 0.0 {
             return Ok(Ok(Vec::new()));

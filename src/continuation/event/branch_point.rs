@@ -1,6 +1,5 @@
 //! The extended system of a simple branch point, and whether its solution is one.
 
-use crate::continuation::ContinuationError;
 use crate::linear::{AutoSolver, Bordered, LinearError, LinearSolver};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, Pattern, dot, max_abs, norm};
@@ -19,6 +18,12 @@ pub(in crate::continuation) struct Singular {
     pub(in crate::continuation) x: Vec<f64>,
     /// Whether H vanishes to rounding. Else x is a singular point of H = −β e_k, next to which two curves of H = 0 pass each other.
     pub(in crate::continuation) on_curve: bool,
+}
+
+/// Orthonormal bases of the kernels of ∇H and ∇Hᵀ.
+pub(in crate::continuation) struct Kernels {
+    pub(in crate::continuation) right: [Vec<f64>; 2],
+    pub(in crate::continuation) left: Vec<f64>,
 }
 
 /// The extended system of a simple branch point, where ∇H has a kernel of dimension 2 (A. Griewank and G. W. Reddien 1984,
@@ -94,7 +99,7 @@ impl<'m, P: PiecewiseSmooth + ?Sized> BranchSystem<'m, P> {
     pub(in crate::continuation) fn solve(
         &mut self,
         guess: &[f64],
-    ) -> Result<Option<Singular>, ContinuationError> {
+    ) -> Result<Option<Singular>, PiecewiseError> {
         const LIMIT: usize = 15;
         const SETTLED: f64 = 1e-9;
         if !self.choose(guess)? {
@@ -145,12 +150,42 @@ impl<'m, P: PiecewiseSmooth + ?Sized> BranchSystem<'m, P> {
         }))
     }
 
+    /// Orthonormal bases of the kernels of ∇H and ∇Hᵀ at x, where they have the dimensions 2 and 1; else `None`.
+    pub(in crate::continuation) fn kernels(&mut self, x: &[f64]) -> Result<Option<Kernels>, PiecewiseError> {
+        const SINGULAR: f64 = 1e-8;
+        let mut room = vec![0.0; x.len()];
+        if !self.choose(x)? || self.step(x, 0.0, &mut room)?.is_none() {
+            return Ok(None);
+        }
+        if (self.kernel.iter()).any(|(v, h)| h.abs() > SINGULAR * max_abs(v)) {
+            return Ok(None);
+        }
+        let [mut first, mut second] = [0, 1].map(|a| -> Vec<f64> {
+            let scaled = self.kernel[a].0.iter().zip(&self.units);
+            scaled.map(|(v, unit)| v * unit).collect()
+        });
+        let mut left: Vec<f64> = self.w.iter().zip(&self.rows).map(|(w, row)| w * row).collect();
+        let unit = |v: &mut [f64]| {
+            let length = norm(v);
+            v.iter_mut().for_each(|v| *v /= length);
+        };
+        unit(&mut left);
+        unit(&mut first);
+        // Twice is enough.
+        for _ in 0..2 {
+            let share = dot(&first, &second);
+            second.iter_mut().zip(&first).for_each(|(v, u)| *v -= share * u);
+            unit(&mut second);
+        }
+        let right = [first, second];
+        Ok(Some(Kernels { right, left }))
+    }
+
     /// Chooses i, j and k from the kernel of ∇H at x and the smallest singular vectors, by inverse iteration: a branch point is near.
-    fn choose(&mut self, x: &[f64]) -> Result<bool, ContinuationError> {
+    fn choose(&mut self, x: &[f64]) -> Result<bool, PiecewiseError> {
         const ITERATIONS: usize = 3;
         let (n, m) = (self.rows.len(), self.units.len());
-        let mut bordered =
-            Bordered::new(self.jac.pattern(), AutoSolver::new()).map_err(PiecewiseError::from)?;
+        let mut bordered = Bordered::new(self.jac.pattern(), AutoSolver::new())?;
         // Where ∇H has no full rank at the point itself, it has beside it.
         let mut ready = false;
         for shift in [0.0, 1e-4, -1e-3] {
@@ -202,7 +237,7 @@ impl<'m, P: PiecewiseSmooth + ?Sized> BranchSystem<'m, P> {
     }
 
     /// Newton's step from (x, β), `dx` in units of the variables; gives the change of β, `None` where the system is singular.
-    fn step(&mut self, x: &[f64], beta: f64, dx: &mut [f64]) -> Result<Option<f64>, ContinuationError> {
+    fn step(&mut self, x: &[f64], beta: f64, dx: &mut [f64]) -> Result<Option<f64>, PiecewiseError> {
         let n = self.rows.len();
         self.linearize(x);
         let columns = self.columns;
@@ -327,11 +362,11 @@ impl<'m, P: PiecewiseSmooth + ?Sized> BranchSystem<'m, P> {
 }
 
 /// `None` where a matrix is singular.
-fn found<T>(result: Result<T, LinearError>) -> Result<Option<T>, ContinuationError> {
+fn found<T>(result: Result<T, LinearError>) -> Result<Option<T>, PiecewiseError> {
     match result {
         Ok(value) => Ok(Some(value)),
         Err(LinearError::Shape { .. } | LinearError::NotAnalyzed | LinearError::NotFactored) => {
-            result.map(Some).map_err(|e| PiecewiseError::from(e).into())
+            Ok(Some(result?))
         }
         Err(_) => Ok(None),
     }

@@ -15,7 +15,7 @@ pub(in crate::continuation) const ZERO_DETERMINANT: f64 = 1e-6;
 impl Curve<'_> {
     /// The solution next to `guess` of the extended system of a branch point of the followed selection, where that is regular.
     fn singular_near(&self, guess: &[f64]) -> Result<Option<Singular>, ContinuationError> {
-        BranchSystem::new(&self.map, &self.selection, &self.here.x, guess).solve(guess)
+        Ok(BranchSystem::new(&self.map, &self.selection, &self.here.x, guess).solve(guess)?)
     }
 
     /// The branch point of the followed selection within `reach` of `guess`.
