@@ -357,3 +357,40 @@ impl fmt::Display for Limit {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::continuation::PointKind;
+    use crate::piecewise::Selection;
+
+    /// From (0, 0) to (y, slope · y).
+    fn edge(y: f64, slope: f64) -> DiagramEdge {
+        let point = |share: f64| Point {
+            x: vec![share * y, share * slope * y],
+            tangent: vec![1.0 / 1f64.hypot(slope), slope / 1f64.hypot(slope)],
+            selection: Selection::uniform(1, 0),
+            grazing: Vec::new(),
+            arclength: share * y,
+            residual_norm: 0.0,
+            det_sign: Some(1),
+            corrections: 0,
+            kind: PointKind::Step,
+        };
+        DiagramEdge {
+            from: EdgeEnd { vertex: 0, arm: 0 },
+            to: EdgeEnd { vertex: 1, arm: 0 },
+            points: [0.0, 0.5, 1.0].map(point).to_vec(),
+            smooth_folds: Vec::new(),
+        }
+    }
+
+    /// Neither is an edge vertical because it is short, nor because its unknowns are large.
+    #[test]
+    fn vertical_is_where_the_parameter_stands_still() {
+        assert!(edge(1.0, 0.0).is_vertical() && edge(1e6, 0.0).is_vertical());
+        assert!(!edge(1e-5, 1e-5).is_vertical());
+        assert!(!edge(1e6, 1e-8).is_vertical());
+        assert!(!edge(1.0, 1.0).is_vertical());
+    }
+}
