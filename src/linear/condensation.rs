@@ -80,7 +80,7 @@ impl Condensation {
     /// use semismooth::sparse::Matrix;
     /// let (a, b) = (Matrix::identity(1000), Matrix::from_triplets(1, 1000, &[(0, 7, 1.0)])?);
     /// let bytes = Condensation::memory(&a, &b)?;
-    /// assert!((8 * 1000..100 * 1000).contains(&bytes)); // a diagonal factor with its scales
+    /// assert!(bytes >= 8 * 1000); // at least a diagonal factor
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     ///
