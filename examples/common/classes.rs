@@ -2,7 +2,7 @@
 
 use std::rc::Rc;
 
-use semismooth::complementarity::McpFunction;
+use semismooth::complementarity::{Mcp, McpFunction};
 use semismooth::contact::{
     FrictionCoefficient, FullContact, HildRenard, LoadPath, PlanarCoulomb, read_delassus, read_folder,
 };
@@ -158,6 +158,27 @@ pub(crate) fn classes(
     ])
 }
 
+/// A problem from each of its starts.
+fn push<F: McpFunction + 'static>(
+    list: &mut Vec<Rc<Complementarity>>,
+    family: &str,
+    mcp: Mcp<F>,
+    starts: Vec<(String, Vec<f64>)>,
+) {
+    let (lower, upper) = (mcp.lower().to_vec(), mcp.upper().to_vec());
+    let function: Rc<dyn McpFunction> = Rc::new(FunctionOf(mcp));
+    for (label, start) in starts {
+        list.push(Rc::new(Complementarity {
+            name: format!("{family} {label}"),
+            family: family.to_owned(),
+            function: function.clone(),
+            lower: lower.clone(),
+            upper: upper.clone(),
+            start,
+        }));
+    }
+}
+
 /// Complementarity problems from files with their starts, obstacles on grids, and linear ones at random.
 pub(crate) fn complementarity(sizes: &Sizes) -> Outcome<Vec<Rc<Complementarity>>> {
     let mut list = Vec::new();
@@ -176,18 +197,7 @@ pub(crate) fn complementarity(sizes: &Sizes) -> Outcome<Vec<Rc<Complementarity>>
         if !solvable {
             continue;
         }
-        let (lower, upper) = (mcp.lower().to_vec(), mcp.upper().to_vec());
-        let function: Rc<dyn McpFunction> = Rc::new(FunctionOf(mcp));
-        for (label, start) in starts {
-            list.push(Rc::new(Complementarity {
-                name: format!("{name} {label}"),
-                family: name.clone(),
-                function: function.clone(),
-                lower: lower.clone(),
-                upper: upper.clone(),
-                start,
-            }));
-        }
+        push(&mut list, &name, mcp, starts);
     }
     for &m in sizes.grids {
         for kind in [
@@ -332,20 +342,10 @@ pub(crate) fn variational() -> Outcome<Vec<Rc<Complementarity>>> {
         }
         // Its conditions borrow it, and are kept to the end.
         let vi: &'static _ = Box::leak(Box::new(vi));
-        let (first, name) = (vi.kkt()?, problem.name);
-        let (lower, upper) = (first.lower().to_vec(), first.upper().to_vec());
-        let function: Rc<dyn McpFunction> = Rc::new(FunctionOf(first));
-        for (label, mut start) in problem.starts {
-            start.resize(lower.len(), 0.0);
-            list.push(Rc::new(Complementarity {
-                name: format!("{name} {label}"),
-                family: name.clone(),
-                function: function.clone(),
-                lower: lower.clone(),
-                upper: upper.clone(),
-                start,
-            }));
-        }
+        let conditions = vi.kkt()?;
+        let mut starts = problem.starts;
+        starts.iter_mut().for_each(|s| s.1.resize(conditions.len(), 0.0));
+        push(&mut list, &problem.name, conditions, starts);
     }
     Ok(list)
 }

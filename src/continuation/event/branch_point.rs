@@ -10,8 +10,6 @@ const ROUNDING: f64 = 64.0;
 const SMALLEST: f64 = 1e-4;
 /// Step of the differences, in units of the variables.
 const DIFFERENCE: f64 = 6e-6;
-/// Determinant of the last two equations, relative to its terms, below which they are dependent.
-const DEPENDENT: f64 = 1e-10;
 
 /// A solution (x, β) of H(x) + β e_k = 0, wᵀ∇H(x) = 0 with w_k = 1.
 pub(in crate::continuation) struct Singular {
@@ -105,20 +103,16 @@ impl<'m, P: PiecewiseSmooth + ?Sized> BranchSystem<'m, P> {
         if !self.choose(guess)? {
             return Ok(None);
         }
-        let (mut x, mut beta, mut last) = (guess.to_vec(), 0.0, f64::INFINITY);
+        let (mut x, mut last) = (guess.to_vec(), f64::INFINITY);
         let mut dx = vec![0.0; x.len()];
         for _ in 0..LIMIT {
-            let Some(change) = self.step(&x, beta, &mut dx)? else {
+            if !self.step(&x, &mut dx)? {
                 return Ok(None);
-            };
+            }
             for ((x, d), unit) in x.iter_mut().zip(&dx).zip(&self.units) {
                 *x += unit * d;
             }
-            beta += change;
             let step = max_abs(&dx);
-            if !step.is_finite() {
-                return Ok(None);
-            }
             let settled = step <= f64::EPSILON || (step >= 0.5 * last && step <= SETTLED);
             last = step;
             if settled {
@@ -134,7 +128,7 @@ impl<'m, P: PiecewiseSmooth + ?Sized> BranchSystem<'m, P> {
                 *x = 0.0;
             }
         }
-        if self.step(&x, beta, &mut dx)?.is_none() {
+        if !self.linear(&x)? {
             return Ok(None);
         }
         let length = norm(&self.w);
@@ -153,8 +147,7 @@ impl<'m, P: PiecewiseSmooth + ?Sized> BranchSystem<'m, P> {
     /// Orthonormal bases of the kernels of ∇H and ∇Hᵀ at x, where they have the dimensions 2 and 1; else `None`.
     pub(in crate::continuation) fn kernels(&mut self, x: &[f64]) -> Result<Option<Kernels>, PiecewiseError> {
         const SINGULAR: f64 = 1e-8;
-        let mut room = vec![0.0; x.len()];
-        if !self.choose(x)? || self.step(x, 0.0, &mut room)?.is_none() {
+        if !self.choose(x)? || !self.linear(x)? {
             return Ok(None);
         }
         if (self.kernel.iter()).any(|(v, h)| h.abs() > SINGULAR * max_abs(v)) {
@@ -226,9 +219,11 @@ impl<'m, P: PiecewiseSmooth + ?Sized> BranchSystem<'m, P> {
             return Ok(false);
         };
         (self.columns, self.row) = ([i.min(j), i.max(j)], k);
-        let place = |c: usize| c - usize::from(c > self.columns[0]) - usize::from(c > self.columns[1]);
         let kept = self.jac.triplets().filter(|e| !self.columns.contains(&e.1));
-        let entries: Vec<_> = kept.map(|(r, c, _)| (r, place(c))).chain([(k, n - 1)]).collect();
+        let entries: Vec<_> = kept
+            .map(|(r, c, _)| (r, place(c, self.columns)))
+            .chain([(k, n - 1)])
+            .collect();
         let Ok(pattern) = Pattern::from_entries(n, n, entries) else {
             return Ok(false);
         };
@@ -236,36 +231,32 @@ impl<'m, P: PiecewiseSmooth + ?Sized> BranchSystem<'m, P> {
         Ok(found(self.solver.analyze(pattern.as_ref()))?.is_some())
     }
 
-    /// Newton's step from (x, β), `dx` in units of the variables; gives the change of β, `None` where the system is singular.
-    fn step(&mut self, x: &[f64], beta: f64, dx: &mut [f64]) -> Result<Option<f64>, PiecewiseError> {
+    /// N at x, with w, the kernel and the slopes of g; `false` where N is singular.
+    fn linear(&mut self, x: &[f64]) -> Result<bool, PiecewiseError> {
         let n = self.rows.len();
         self.linearize(x);
         let columns = self.columns;
-        let place = |c: usize| c - usize::from(c > columns[0]) - usize::from(c > columns[1]);
         self.core.clear();
         for (r, c, v) in self.jac.triplets().filter(|e| !columns.contains(&e.1)) {
-            self.core.add(r, place(c), v);
+            self.core.add(r, place(c, columns), v);
         }
         self.core.add(self.row, n - 1, 1.0);
         if found(self.solver.factor(self.core.as_ref()))?.is_none() {
-            return Ok(None);
+            return Ok(false);
         }
         self.w.fill(0.0);
         self.w[n - 1] = 1.0;
         if found(self.solver.solve_transpose_in_place(&mut self.w))?.is_none() {
-            return Ok(None);
+            return Ok(false);
         }
-        let mut g = [0.0; 2];
+        let mut r = vec![0.0; n];
         for a in 0..2 {
-            let mut r = vec![0.0; n];
-            for (i, c, v) in self.jac.triplets() {
-                if c == columns[a] {
-                    r[i] -= v;
-                    g[a] += v * self.w[i];
-                }
+            r.fill(0.0);
+            for (i, _, v) in self.jac.triplets().filter(|e| e.1 == columns[a]) {
+                r[i] -= v;
             }
             if found(self.solver.solve_in_place(&mut r))?.is_none() {
-                return Ok(None);
+                return Ok(false);
             }
             let (v, h) = &mut self.kernel[a];
             spread(&r, columns, v);
@@ -274,31 +265,31 @@ impl<'m, P: PiecewiseSmooth + ?Sized> BranchSystem<'m, P> {
         for a in 0..2 {
             self.differentiate(x, a);
         }
+        Ok(true)
+    }
+
+    /// Newton's step from x, in units of the variables: β, in which the system is linear, need not be kept. `false` where it is singular.
+    fn step(&mut self, x: &[f64], dx: &mut [f64]) -> Result<bool, PiecewiseError> {
+        if !self.linear(x)? {
+            return Ok(false);
+        }
         let mut r = std::mem::take(&mut self.values);
         self.residual(x, &mut r);
-        r[self.row] += beta;
         r.iter_mut().for_each(|r| *r = -*r);
         let solved = found(self.solver.solve_in_place(&mut r))?.is_some();
-        let change = r[n - 1];
-        spread(&r, columns, dx);
+        spread(&r, self.columns, dx);
         self.values = r;
-        if !solved {
-            return Ok(None);
-        }
+        // N v = −∂ₐH with the last entry h: g = wᵀ∂ₐH = −h.
         let [(first, h0), (second, h1)] = &self.kernel;
         let at = |a: usize, v: &[f64]| dot(&self.slopes[a], v);
         let (a, b, c, d) = (at(0, first), at(0, second), at(1, first), at(1, second));
+        let (r0, r1) = (h0 - at(0, dx), h1 - at(1, dx));
         let det = a * d - b * c;
-        let regular = det.abs() > DEPENDENT * ((a * d).abs() + (b * c).abs());
-        if !regular {
-            return Ok(None);
-        }
-        let (r0, r1) = (-g[0] - at(0, dx), -g[1] - at(1, dx));
         let (s, t) = ((r0 * d - b * r1) / det, (a * r1 - c * r0) / det);
         for (dx, (u, v)) in dx.iter_mut().zip(first.iter().zip(second)) {
             *dx += s * u + t * v;
         }
-        Ok(Some(change + s * h0 + t * h1))
+        Ok(solved && dx.iter().all(|d| d.is_finite()))
     }
 
     /// d(wᵀ∇H v)/dx with v of the kernel, w fixed, by differences: they only drive Newton's method, the residuals are exact.
@@ -370,6 +361,11 @@ fn found<T>(result: Result<T, LinearError>) -> Result<Option<T>, PiecewiseError>
         }
         Err(_) => Ok(None),
     }
+}
+
+/// The place of a column when two others are left out.
+fn place(c: usize, columns: [usize; 2]) -> usize {
+    c - usize::from(c > columns[0]) - usize::from(c > columns[1])
 }
 
 /// Entries of all columns but two, with zeros for these; the last entry is left out.
@@ -449,5 +445,35 @@ mod tests {
                 ([0.0; 2].as_slice(), on_curve)
             );
         }
+    }
+
+    /// Two curves that touch at the origin: the extended system is singular there, Newton's method crawls, and nothing is claimed.
+    #[test]
+    fn curves_that_touch_are_no_simple_branch_point() {
+        let touching: Function = |y, a| [y * (y - a * a), 2.0 * y - a * a, -2.0 * y * a];
+        let map = Plane::within(touching, &[]);
+        let selection = Selection::uniform(1, 0);
+        for k in 1..20 {
+            let d = 1e-2 * f64::from(k);
+            let mut system = BranchSystem::new(&map, &selection, &[0.3, 0.3], &[d, -0.7 * d]);
+            assert!(system.solve(&[d, -0.7 * d]).unwrap().is_none(), "{d}");
+        }
+    }
+
+    /// Where one curve passes the kernel has one dimension; where two cross it has two.
+    #[test]
+    fn kernels_are_those_of_branch_points() {
+        let crossing: Function = |y, a| [y * y - a * a, 2.0 * y, -2.0 * a];
+        let map = Plane::within(crossing, &[]);
+        let selection = Selection::uniform(1, 0);
+        let kernels = |x: [f64; 2]| {
+            let mut system = BranchSystem::new(&map, &selection, &[0.3, 0.3], &x);
+            system.kernels(&x).unwrap()
+        };
+        assert!(kernels([0.2, 0.2]).is_none() && kernels([1e-3, -1e-3]).is_none());
+        let found = kernels([0.0, 0.0]).unwrap();
+        let [u, v] = found.right;
+        assert!((u[0] * v[0] + u[1] * v[1]).abs() < 1e-15 && found.left == [1.0]);
+        assert!([u, v].iter().all(|v| (v[0].hypot(v[1]) - 1.0).abs() < 1e-15));
     }
 }

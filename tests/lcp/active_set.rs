@@ -1,0 +1,408 @@
+//! Active set methods: sets, iterations and linear solvers of large problems.
+
+use super::*;
+use semismooth::complementarity::active_set::{
+    ActiveSetOptions, ActiveSetSolver, ActiveSetStatus, DirectReduced, GmresReduced, MultigridReduced,
+    Nested, ReducedSolver,
+};
+use semismooth::linear::{LinearError, Preconditioner, Prolongation};
+use semismooth::sparse::MatrixRef;
+
+fn solve(lcp: &Lcp) -> (ActiveSetStatus, Vec<f64>, f64, usize) {
+    let mut z = vec![0.0; lcp.len()];
+    let report = ActiveSetSolver::default().solve(lcp, &mut z).unwrap();
+    (report.status, z, report.residual, report.iterations)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(200))]
+
+    /// On P matrices the method is finite, from any start and sets.
+    #[test]
+    fn p_matrices(
+        g in reals(N * N),
+        s in reals(N * N),
+        q in reals(N),
+        start in reals(N),
+        width in prop::collection::vec(0.0..2.0, N),
+    ) {
+        let m = matrix(N, |i, j| {
+            let dot: f64 = (0..N).map(|k| g[k * N + i] * g[k * N + j]).sum();
+            dot + if i == j { 0.05 } else { 4.0 * (s[i * N + j] - s[j * N + i]) }
+        });
+        let lcp = Lcp::boxed(m, q, vec![-0.5; N], width.iter().map(|w: &f64| w - 0.5).collect()).unwrap();
+        let mut z = start;
+        let report = ActiveSetSolver::default().solve(&lcp, &mut z).unwrap();
+        prop_assert_eq!(report.status, ActiveSetStatus::Solved);
+        prop_assert!(report.residual < 1e-12);
+        let set = enumerate(&lcp);
+        prop_assert!(listed(&set, &z), "{z:?} {:?} {lcp:?} {set:?}", lcp.q());
+        let (status, by_lemke, _) = lemke(&lcp);
+        prop_assert_eq!(status, LemkeStatus::Solved);
+        for (a, b) in z.iter().zip(&by_lemke) {
+            prop_assert!((a - b).abs() < 1e-10);
+        }
+    }
+
+    /// Unknowns without load, of which nothing else is in their rows, are zero: what solves with pivots of other rows leave of
+    /// them is no solution of rows that have no other terms.
+    #[test]
+    fn unloaded_unknowns_are_zero(a in reals(4), b in reals(4), c in reals(4), q in reals(2)) {
+        let definite = |g: &[f64], i: usize, j: usize| {
+            g[i] * g[j] + g[2 + i] * g[2 + j] + if i == j { 0.1 } else { 0.0 }
+        };
+        let m = matrix(4, |i, j| match (i / 2, j / 2) {
+            (0, 0) => definite(&a, i, j),
+            (1, 0) => 50.0 * b[2 * (i - 2) + j],
+            (1, 1) => definite(&c, i - 2, j - 2),
+            _ => 0.0,
+        });
+        let load = vec![0.0, 0.0, q[0], q[1]];
+        let lcp = Lcp::boxed(m, load, vec![-40.0; 4], vec![40.0; 4]).unwrap();
+        let (status, z, residual, _) = solve(&lcp);
+        prop_assert_eq!(status, ActiveSetStatus::Solved);
+        prop_assert!(residual < 1e-11);
+        prop_assert_eq!(&z[..2], &[0.0, 0.0]);
+        prop_assert!(listed(&enumerate(&lcp), &z), "{z:?}");
+    }
+
+    /// Whatever the matrix, what is called solved is a solution.
+    #[test]
+    fn any_matrix(m in small_integers(N * N), q in small_integers(N)) {
+        let lcp = Lcp::new(matrix(N, |i, j| m[i * N + j]), q).unwrap();
+        let mut z = vec![0.0; N];
+        let options = ActiveSetOptions::default().with_max_iterations(50);
+        let report = ActiveSetSolver::new(options).solve(&lcp, &mut z).unwrap();
+        if report.status == ActiveSetStatus::Solved {
+            prop_assert!(lcp.natural_residual(&z, &mut z.clone()).unwrap() < 1e-12);
+        }
+    }
+}
+
+#[test]
+fn murty_and_fathi_take_few_iterations() {
+    let (status, z, _, iterations) = solve(&murty(40));
+    assert_eq!(status, ActiveSetStatus::Solved);
+    assert!(z[0] == 1.0 && z[1..].iter().all(|z| *z == 0.0));
+    assert!(iterations <= 100, "{iterations}");
+    // Fathi: M = L Lᵀ with Murty's L, q = −1; Lemke's method needs 2ⁿ − 1 exchanges, Newton's few.
+    let n = 120;
+    let l = |i: usize, j: usize| [0.0, 1.0, 2.0][usize::from(i >= j) + usize::from(i > j)];
+    let fathi = matrix(n, |i, j| (0..n).map(|k| l(i, k) * l(j, k)).sum());
+    let (status, z, residual, iterations) = solve(&Lcp::new(fathi, vec![-1.0; n]).unwrap());
+    assert_eq!(status, ActiveSetStatus::Solved);
+    assert!(residual < 1e-10 && z[0] == 1.0, "{residual:e}");
+    assert!(iterations <= 100, "{iterations}");
+}
+
+#[test]
+fn a_right_start_takes_one_iteration() {
+    let lcp = Lcp::new(
+        matrix(3, |i, j| if i == j { 2.0 } else { -0.5 }),
+        vec![-1.0, 1.0, 2.0],
+    )
+    .unwrap();
+    let mut solver = ActiveSetSolver::default();
+    let mut z = [0.0; 3];
+    solver.solve(&lcp, &mut z).unwrap();
+    let (sets, solution) = (solver.states().to_vec(), z);
+    assert_eq!(sets, [BoundState::Interior, BoundState::Lower, BoundState::Lower]);
+    let report = solver.solve(&lcp, &mut z).unwrap();
+    assert_eq!(report.iterations, 1);
+    let mut far = [7.0; 3];
+    let report = solver.solve_from_states(&lcp, &mut far, &sets).unwrap();
+    assert_eq!((report.iterations, far), (1, solution));
+}
+
+/// w vanishes with z at a bound, but for rounding: that is no reason to leave the bound, whatever else has to change.
+#[test]
+fn degenerate_components_stay_at_their_bounds() {
+    let mut below = 0;
+    for k in 1..60 {
+        let (c, d) = (0.01 * f64::from(k), [5.0, 10.0, 13.0][k as usize % 3]);
+        // z₁ = 1/d as rounded, w₂ = c − d c z₁, w₃ = 1.
+        let entry = |i: usize, j: usize| [[d, 0.0, 0.0], [-d * c, 1.0, 0.0], [0.0, 0.0, 1.0]][i][j];
+        let lcp = Lcp::new(matrix(3, entry), vec![-1.0, c, 1.0]).unwrap();
+        for wrong in [BoundState::Lower, BoundState::Interior] {
+            let mut z = [0.0; 3];
+            let sets = [BoundState::Interior, BoundState::Lower, wrong];
+            let mut solver = ActiveSetSolver::default();
+            let report = solver.solve_from_states(&lcp, &mut z, &sets).unwrap();
+            let expected = 1 + usize::from(wrong == BoundState::Interior);
+            assert_eq!(
+                (report.status, report.iterations),
+                (ActiveSetStatus::Solved, expected)
+            );
+            assert_eq!(z, [1.0 / d, 0.0, 0.0], "{c} {d}");
+            assert_eq!(solver.states()[1..], [BoundState::Lower; 2]);
+        }
+        below += usize::from(-d * c * (1.0 / d) + c < 0.0);
+    }
+    assert!(below > 10, "{below}");
+}
+
+#[test]
+fn a_singular_matrix_is_reported() {
+    let lcp = Lcp::new(matrix(2, |_, _| 1.0), vec![-1.0, -2.0]).unwrap();
+    assert_eq!(solve(&lcp).0, ActiveSetStatus::Singular);
+    let mut short = [0.0];
+    assert!(ActiveSetSolver::default().solve(&lcp, &mut short).is_err());
+    assert!(
+        ActiveSetSolver::default()
+            .solve(&lcp, &mut [f64::NAN, 0.0])
+            .is_err()
+    );
+}
+
+/// −Δu + b·∇u = 0.3 on the unit square, upwind differences on m × m points, between a bump below and a roof above.
+fn membrane_in_a_stream(m: usize, [bx, by]: [f64; 2]) -> Lcp {
+    let h = 1.0 / (m + 1) as f64;
+    let (n, mut entries) = (m * m, Vec::new());
+    let (mut lower, mut upper) = (Vec::new(), Vec::new());
+    for j in 0..m {
+        for i in 0..m {
+            let k = j * m + i;
+            let to = [
+                (i > 0, 1, false, 1.0 + bx * h),
+                (i + 1 < m, 1, true, 1.0),
+                (j > 0, m, false, 1.0 + by * h),
+                (j + 1 < m, m, true, 1.0),
+            ];
+            entries.push((k, k, to.iter().map(|t| t.3).sum()));
+            for (inside, step, forward, weight) in to {
+                if inside {
+                    entries.push((k, if forward { k + step } else { k - step }, -weight));
+                }
+            }
+            let (x, y) = ((i + 1) as f64 * h, (j + 1) as f64 * h);
+            lower.push(0.04 - 2.0 * ((x - 0.3).powi(2) + (y - 0.4).powi(2)));
+            upper.push(0.045);
+        }
+    }
+    let matrix = Matrix::from_triplets(n, n, &entries).unwrap();
+    Lcp::boxed(matrix, vec![-0.3 * h * h; n], lower, upper).unwrap()
+}
+
+/// Solves with the diagonal.
+#[derive(Default)]
+struct Jacobi(Vec<f64>);
+
+impl Preconditioner for Jacobi {
+    fn prepare(&mut self, a: MatrixRef<'_>) -> Result<(), LinearError> {
+        self.0.clear();
+        self.0.resize(a.pattern.ncols, 0.0);
+        for j in 0..a.pattern.ncols {
+            for k in a.pattern.col_ptr[j]..a.pattern.col_ptr[j + 1] {
+                if a.pattern.row_idx[k] == j {
+                    self.0[j] = a.values[k];
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn apply(&mut self, b: &mut [f64]) -> Result<(), LinearError> {
+        b.iter_mut().zip(&self.0).for_each(|(b, d)| *b /= d);
+        Ok(())
+    }
+}
+
+#[test]
+fn iterative_and_direct_routes_agree_on_unsymmetric_systems() {
+    fn run<R: ReducedSolver>(lcp: &Lcp, reduced: R) -> (Vec<f64>, Vec<BoundState>, usize) {
+        let mut solver = ActiveSetSolver::with_reduced(ActiveSetOptions::default(), reduced);
+        let mut z = vec![0.0; lcp.len()];
+        let report = solver.solve(lcp, &mut z).unwrap();
+        assert_eq!(report.status, ActiveSetStatus::Solved);
+        // 1e-11 of the size of rows and of z is what an iterative route is asked for.
+        assert!(lcp.natural_residual(&z, &mut z.clone()).unwrap() < 1e-11);
+        (z, solver.states().to_vec(), report.linear_iterations)
+    }
+    for stream in [[0.0, 0.0], [20.0, 5.0], [300.0, 0.0]] {
+        let lcp = membrane_in_a_stream(31, stream);
+        let (z, states, none) = run(&lcp, DirectReduced::new());
+        assert_eq!(none, 0);
+        for state in [BoundState::Lower, BoundState::Interior] {
+            assert!(states.contains(&state), "{stream:?} has no {state:?}");
+        }
+        let (by_factors, _, with_factors) = run(&lcp, GmresReduced::default());
+        let (by_diagonal, _, with_diagonal) = run(&lcp, GmresReduced::new(Jacobi::default()));
+        for other in [by_factors, by_diagonal] {
+            assert!(z.iter().zip(&other).all(|(a, b)| (a - b).abs() < 1e-9));
+        }
+        // Incomplete factors are worth their price.
+        assert!(0 < with_factors && 2 * with_factors < with_diagonal);
+    }
+}
+
+#[test]
+fn a_preconditioner_that_fails_is_not_hidden() {
+    /// Turns everything into zero, so that no direction is left.
+    struct Nothing;
+    impl Preconditioner for Nothing {
+        fn prepare(&mut self, _: MatrixRef<'_>) -> Result<(), LinearError> {
+            Ok(())
+        }
+        fn apply(&mut self, b: &mut [f64]) -> Result<(), LinearError> {
+            b.fill(0.0);
+            Ok(())
+        }
+    }
+    let lcp = membrane_in_a_stream(7, [20.0, 5.0]);
+    let mut solver = ActiveSetSolver::with_reduced(ActiveSetOptions::default(), GmresReduced::new(Nothing));
+    let report = solver.solve(&lcp, &mut vec![0.0; 49]).unwrap();
+    assert_eq!(report.status, ActiveSetStatus::Inaccurate);
+}
+
+/// Limits on iterations end the run, and no point that was not solved for passes for a solution.
+#[test]
+fn iterative_solves_are_given_up_when_told() {
+    let lcp = membrane_in_a_stream(15, [0.0, 0.0]);
+    let status = |limit: usize, gmres: bool| {
+        let mut z = vec![0.0; lcp.len()];
+        let o = ActiveSetOptions::default();
+        let report = if gmres {
+            let reduced = GmresReduced::default().with_max_iterations(limit);
+            ActiveSetSolver::with_reduced(o, reduced).solve(&lcp, &mut z)
+        } else {
+            let reduced = MultigridReduced::algebraic().with_max_iterations(limit);
+            ActiveSetSolver::with_reduced(o, reduced).solve(&lcp, &mut z)
+        };
+        report.unwrap().status
+    };
+    for gmres in [false, true] {
+        for limit in [0, 1] {
+            assert_eq!(
+                status(limit, gmres),
+                ActiveSetStatus::Inaccurate,
+                "{limit} {gmres}"
+            );
+        }
+        assert_eq!(status(100, gmres), ActiveSetStatus::Solved);
+    }
+}
+
+/// −u″ = load on a line of n points above an obstacle.
+fn string(n: usize, obstacle: impl Fn(f64) -> f64) -> Lcp {
+    let mut entries = Vec::new();
+    for i in 0..n {
+        entries.push((i, i, 2.0));
+        if i > 0 {
+            entries.push((i, i - 1, -1.0));
+            entries.push((i - 1, i, -1.0));
+        }
+    }
+    let h = 1.0 / (n + 1) as f64;
+    let lower = (1..=n).map(|i| obstacle(i as f64 * h)).collect();
+    let m = Matrix::from_triplets(n, n, &entries).unwrap();
+    Lcp::boxed(m, vec![0.0; n], lower, vec![f64::INFINITY; n]).unwrap()
+}
+
+fn halving(n: usize) -> Prolongation {
+    let mut entries = Vec::new();
+    for c in 0..n / 2 {
+        entries.push((2 * c, c, 0.5));
+        entries.push((2 * c + 1, c, 1.0));
+        if 2 * c + 2 < n {
+            entries.push((2 * c + 2, c, 0.5));
+        }
+    }
+    Prolongation::new(&Matrix::from_triplets(n, n / 2, &entries).unwrap()).unwrap()
+}
+
+/// The taut string over a parabola: tangent lines from the ends, contact between; three routes.
+#[test]
+fn string_over_a_parabola() {
+    let n = 1023;
+    // The tangents from (0, 0) and (1, 0) touch 1/4 − 4 (x − 1/2)² at x = √12/8 and 1 − √12/8.
+    let obstacle = |x: f64| 0.25 - 4.0 * (x - 0.5) * (x - 0.5);
+    let lcp = string(n, obstacle);
+    let touch = 12.0_f64.sqrt() / 8.0;
+    let exact = |x: f64| {
+        let x = x.min(1.0 - x);
+        if x < touch {
+            x * obstacle(touch) / touch
+        } else {
+            obstacle(x)
+        }
+    };
+    let mut nested = Nested::new(lcp.clone());
+    for size in [1023, 511, 255, 127, 63, 31] {
+        nested = nested.coarsen(halving(size)).unwrap();
+    }
+    let mut by_levels = vec![0.0; n];
+    let report = nested
+        .solve(&ActiveSetOptions::default(), &mut by_levels)
+        .unwrap();
+    assert_eq!(report.status(), ActiveSetStatus::Solved);
+    assert!(report.levels.iter().all(|l| l.report.iterations <= 6));
+    let mut by_cholesky = vec![0.0; n];
+    let mut solver = ActiveSetSolver::with_reduced(ActiveSetOptions::default(), DirectReduced::new());
+    assert_eq!(
+        solver.solve(&lcp, &mut by_cholesky).unwrap().status,
+        ActiveSetStatus::Solved
+    );
+    let mut by_aggregates = vec![0.0; n];
+    let mut solver =
+        ActiveSetSolver::with_reduced(ActiveSetOptions::default(), MultigridReduced::algebraic());
+    assert_eq!(
+        solver.solve(&lcp, &mut by_aggregates).unwrap().status,
+        ActiveSetStatus::Solved
+    );
+    for i in 0..n {
+        let x = (i + 1) as f64 / (n + 1) as f64;
+        assert!(
+            (by_cholesky[i] - exact(x)).abs() < 1e-5,
+            "{i}: {} {}",
+            by_cholesky[i],
+            exact(x)
+        );
+        assert!((by_cholesky[i] - by_levels[i]).abs() < 1e-8);
+        assert!((by_cholesky[i] - by_aggregates[i]).abs() < 1e-8);
+    }
+}
+
+/// Conjugate gradients refuse what is not positive definite on its diagonal, instead of leaving the unknown out.
+#[test]
+fn a_free_unknown_without_positive_diagonal_is_singular() {
+    let n = 15;
+    let mut entries: Vec<_> = string(n, |_| -1.0).matrix().triplets().collect();
+    entries
+        .iter_mut()
+        .filter(|t| t.0 == 4 && t.1 == 4)
+        .for_each(|t| t.2 = -2.0);
+    let matrix = Matrix::from_triplets(n, n, &entries).unwrap();
+    let lcp = Lcp::boxed(
+        matrix,
+        vec![-1.0; n],
+        vec![f64::NEG_INFINITY; n],
+        vec![f64::INFINITY; n],
+    )
+    .unwrap();
+    let reduced = MultigridReduced::with_prolongations(vec![std::sync::Arc::new(halving(n))]);
+    let mut solver = ActiveSetSolver::with_reduced(ActiveSetOptions::default(), reduced);
+    let report = solver.solve(&lcp, &mut vec![0.0; n]).unwrap();
+    assert_eq!(report.status, ActiveSetStatus::Singular);
+}
+
+#[test]
+fn prolongations_are_checked() {
+    let lcp = string(15, |_| -1.0);
+    assert!(Nested::new(lcp.clone()).coarsen(halving(17)).is_err());
+    assert!(
+        Nested::new(lcp.clone())
+            .with_coarser(string(9, |_| -1.0), halving(15))
+            .is_err()
+    );
+    assert!(Prolongation::new(&Matrix::identity(3)).is_err());
+    assert!(Prolongation::new(&Matrix::from_triplets(3, 2, &[(0, 0, 1.0)]).unwrap()).is_err());
+    assert!(halving(15).with_offset(vec![0.0; 3]).is_err());
+    assert!(halving(15).with_offset(vec![f64::NAN; 15]).is_err());
+    let rediscretised = Nested::new(lcp)
+        .with_coarser(string(7, |_| -1.0), halving(15))
+        .unwrap();
+    let mut z = vec![1.0; 15];
+    let report = rediscretised.solve(&ActiveSetOptions::default(), &mut z).unwrap();
+    assert_eq!(report.status(), ActiveSetStatus::Solved);
+    assert!(z.iter().all(|z| z.abs() < 1e-9));
+}

@@ -1,0 +1,74 @@
+//! What lists say of each solution: its margin, and of continua their ends.
+
+use semismooth::complementarity::Lcp;
+use semismooth::piecewise::PiecewiseSmooth;
+use semismooth::sparse::Matrix;
+
+use super::list;
+
+/// z₁ = 1/k and ±(k z₁ − 1) + z₂ = 0 with z₂ = 0: degenerate, although k times the number next to 1/k is not 1.
+#[test]
+fn degenerate_solutions_have_no_margin() {
+    for k in [49.0, 98.0, 103.0, 107.0, 161.0] {
+        assert!(k * (1.0 / k) != 1.0);
+        for sign in [1.0, -1.0] {
+            let m = Matrix::from_rows(&[[k, 0.0], [sign * k, 1.0]]).unwrap();
+            let lcp = Lcp::new(m, vec![-1.0, -sign]).unwrap();
+            let found = list(lcp.mcp(), 0.0);
+            assert!(found.completeness.is_complete());
+            let [solution] = found.solutions.as_slice() else {
+                panic!("{found:?}");
+            };
+            assert_eq!((solution.x[0], solution.x[1]), (1.0 / k, 0.0));
+            assert_eq!(
+                (solution.margin, solution.selections.len()),
+                (0.0, 2),
+                "{k} {sign}"
+            );
+        }
+    }
+}
+
+/// ½ − z in [0, 1] has the solutions 0, ½ and 1; beside an unknown that nothing determines each is a line.
+#[test]
+fn lines_without_ends_are_told_apart() {
+    let m = Matrix::from_rows(&[[-1.0, 0.0], [0.0, 0.0]]).unwrap();
+    let infinite = f64::INFINITY;
+    let lcp = Lcp::boxed(m, vec![0.5, 0.0], vec![0.0, -infinite], vec![1.0, infinite]).unwrap();
+    let found = list(lcp.mcp(), 0.0);
+    assert!(found.completeness.is_complete() && found.solutions.is_empty());
+    assert_eq!(found.continua.len(), 3, "{found:?}");
+    for line in &found.continua {
+        assert_eq!(
+            (line.dimension, line.ends.len(), line.selections.len()),
+            (1, 0, 1)
+        );
+    }
+    assert_eq!(found.index_sum, None);
+}
+
+/// [[a, b], [b, a]] with b > a > 0 has three solutions; the list tells of each how far its nearest kink is, proven by floating-point numbers
+/// or, next to singular, in exact arithmetic.
+#[test]
+fn margins_are_distances_to_the_nearest_kink() {
+    for gap in [1.0, 1e-3, 1e-9, 4.0 * f64::EPSILON] {
+        let (a, b) = (1.0, 1.0 + gap);
+        let lcp = Lcp::new(Matrix::from_rows(&[[a, b], [b, a]]).unwrap(), vec![-1.0; 2]).unwrap();
+        let found = list(lcp.mcp(), 0.0);
+        assert!(
+            found.completeness.is_complete() && found.solutions.len() == 3,
+            "{found:?}"
+        );
+        assert!(found.pivots > 0 && found.nodes >= 3);
+        for s in &found.solutions {
+            let mut tests = [0.0; 2];
+            lcp.mcp().test_functions(&s.x, &mut tests);
+            let nearest = tests.iter().fold(f64::INFINITY, |m, t| m.min(t.abs()));
+            assert!(
+                (s.margin - nearest).abs() <= 1e-9 * nearest,
+                "{gap:e}: {} {nearest:e}",
+                s.margin
+            );
+        }
+    }
+}
