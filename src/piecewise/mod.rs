@@ -52,7 +52,7 @@ pub use min_map::MinMap;
 pub use real::Real;
 pub(crate) use regularity::{Between, singular, square};
 pub use regularity::{Regularity, bd_regularity, cd_regularity};
-pub(crate) use scaled::{Scaled, is_ordinary};
+pub(crate) use scaled::{Scaled, check_sizes, is_ordinary};
 pub use selection::{Selection, Selections};
 pub use semismooth::Semismooth;
 pub use uniqueness::{Doubt, LocalUniqueness, local_uniqueness, local_uniqueness_with};

@@ -158,7 +158,7 @@ fn sizes_of(map: &dyn PiecewiseSmooth, given: &[f64], range: (f64, f64)) -> Resu
 }
 
 /// Checks that there are `expected` sizes, all positive and finite.
-pub(super) fn check_sizes(sizes: &[f64], expected: usize) -> Result<(), PiecewiseError> {
+pub(crate) fn check_sizes(sizes: &[f64], expected: usize) -> Result<(), PiecewiseError> {
     super::check_vector("the list of typical sizes", sizes, expected)?;
     match sizes.iter().position(|s| *s <= 0.0) {
         Some(index) => Err(PiecewiseError::Size {

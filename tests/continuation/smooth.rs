@@ -53,6 +53,29 @@ fn a_curve_that_runs_back_beside_its_start_is_not_closed() {
     }
 }
 
+/// c y² + α = 1000: the tangent turns by much over corrections that are small next to α, and is made anew where they may hide the fold.
+#[test]
+fn sharp_folds_far_from_the_origin_are_located_to_rounding() {
+    let curves: [(f64, Function); 3] = [
+        (1e2, |y, a| [1e2 * y * y + (a - 1e3), 2e2 * y, 1.0]),
+        (1e3, |y, a| [1e3 * y * y + (a - 1e3), 2e3 * y, 1.0]),
+        (1e4, |y, a| [1e4 * y * y + (a - 1e3), 2e4 * y, 1.0]),
+    ];
+    for (c, curve) in curves {
+        let map = Plane::smooth(curve);
+        for k in 1..100 {
+            let y = 1e-3 * f64::from(k);
+            let start = [y, 1e3 - c * y * y];
+            let o = within((start[1] - 1.0, 2e3));
+            let branch = Branch::follow(&map, &start, Direction::Increasing, o).unwrap();
+            assert_eq!(branch.smooth_folds.len(), 1, "{c} {y}");
+            let fold = &branch.smooth_folds[0].point.x;
+            assert!(near(fold, [0.0, 1e3], 1e-11), "{c} {y} {fold:?}");
+            assert_eq!(branch.termination, Termination::ParameterRange);
+        }
+    }
+}
+
 #[test]
 fn a_cubic_turning_twice() {
     // α = y³ − y: folds at y = ±1/√3.

@@ -1,6 +1,6 @@
 //! Transition sets of the model with one contact node (Hild and Renard 2005), against the analytic lines.
 
-use crate::maps::two_pieces;
+use crate::maps::{one_piece, two_pieces};
 use semismooth::contact::{
     CondensedContact, ContactBody, FrictionCoefficient, FrictionCurve, FullContact, LoadPath,
     OrthotropicCoulomb, PlanarCoulomb,
@@ -141,6 +141,57 @@ fn folds_begin_along_the_line_of_slip_where_its_slope_vanishes() {
     assert!(changes[0].folds_before);
 }
 
+/// ((β − ½)² + ¼ − w²) y + |y|/4 + |β − b| = α has kinks y = 0, which are folds where |β − ½| < w. b is a transition of their line.
+#[derive(Debug)]
+struct Window {
+    half: f64,
+    other: f64,
+}
+
+impl PiecewiseSmooth for Window {
+    two_pieces!(self, [negative, positive], 3, 1, 2);
+    fn test_functions(&self, x: &[f64], out: &mut [f64]) {
+        (out[0], out[1]) = (x[0], x[2] - self.other);
+    }
+    fn residual(&self, s: &Selection, x: &[f64], out: &mut [f64]) {
+        let [kink, other] = [0, 1].map(|k| s.piece(k) as f64 * 2.0 - 1.0);
+        let slope = (x[2] - 0.5).powi(2) + 0.25 - self.half.powi(2);
+        out[0] = (slope + 0.25 * kink) * x[0] + other * (x[2] - self.other) - x[1];
+    }
+    fn jacobian(&self, s: &Selection, x: &[f64], jac: &mut Matrix) {
+        let [kink, other] = [0, 1].map(|k| s.piece(k) as f64 * 2.0 - 1.0);
+        let slope = (x[2] - 0.5).powi(2) + 0.25 - self.half.powi(2);
+        jac.add(0, 0, slope + 0.25 * kink);
+        jac.add(0, 1, -1.0);
+        jac.add(0, 2, 2.0 * (x[2] - 0.5) * x[0] + other);
+    }
+}
+
+/// Both ends of the window are found: within one step of the curve, on both sides of a transition, and where points lie on them.
+#[test]
+fn folds_begin_and_end_however_short_the_window() {
+    for half in [0.3, 0.02, 1e-3] {
+        let ends = [0.5 - half, 0.5 + half];
+        for other in [0.5, 0.5 - 0.3 * half, 0.5 + 1.1 * half, 3.0] {
+            for targets in [vec![], ends.to_vec()] {
+                let set = TransitionSet::new(Window { half, other }, 0, 0).unwrap();
+                let options = ContinuationOptions::default()
+                    .with_parameter_range((-2.0, 2.0))
+                    .with_targets(targets);
+                let start = [0.0, (2.0 + other).abs(), -2.0];
+                let line = Branch::follow(&set, &start, Direction::Increasing, options).unwrap();
+                assert_eq!(line.transitions.len(), usize::from(other < 2.0));
+                let changes = set.character_changes(&line).unwrap();
+                assert_eq!(changes.len(), 2, "{half} {other}");
+                for (change, (beta, before)) in changes.iter().zip(ends.iter().zip([false, true])) {
+                    assert!((change.x[2] - beta).abs() < 1e-12 / half, "{change:?} {beta}");
+                    assert_eq!(change.folds_before, before);
+                }
+            }
+        }
+    }
+}
+
 /// A softening spring y − β y³/3, with a stop of stiffness 9 at y = 2, under the load α.
 #[derive(Debug)]
 struct Softening;
@@ -191,6 +242,66 @@ fn smooth_folds_end_where_they_meet_the_line_of_kinks() {
     assert_eq!(changes.len(), 1);
     for (a, b) in changes[0].x.iter().zip(&end) {
         assert!((a - b).abs() < 1e-9, "{:?} {end:?}", changes[0]);
+    }
+}
+
+/// y³ − β y = α and w = 5 y²: on the folds β = 3 y² the kernel is (1, 10 y), which turns by more than a right angle. y and w are in units,
+/// the second row, too.
+#[derive(Debug)]
+struct TurningKernel {
+    unit: f64,
+    row: f64,
+}
+
+impl PiecewiseSmooth for TurningKernel {
+    one_piece!(self, 4, 2);
+    fn residual(&self, _: &Selection, x: &[f64], out: &mut [f64]) {
+        let (y, w) = (x[0] / self.unit, x[1] / self.unit);
+        out[0] = y.powi(3) - x[3] * y - x[2];
+        out[1] = self.row * (w - 5.0 * y * y);
+    }
+    fn jacobian(&self, _: &Selection, x: &[f64], jac: &mut Matrix) {
+        let y = x[0] / self.unit;
+        jac.add(0, 0, (3.0 * y * y - x[3]) / self.unit);
+        jac.add(0, 2, -1.0);
+        jac.add(0, 3, -y);
+        jac.add(1, 0, -10.0 * self.row * y / self.unit);
+        jac.add(1, 1, self.row / self.unit);
+    }
+    fn typical_sizes(&self, sizes: &mut [f64]) {
+        sizes[..2].fill(self.unit);
+    }
+}
+
+#[test]
+fn folds_are_followed_however_their_kernel_turns() {
+    for (unit, row) in [
+        (1.0, 1.0),
+        (1.0, 1e9),
+        (1.0, 1e-9),
+        (1e-9, 1.0),
+        (1e9, 1.0),
+        (1e-7, 1e6),
+    ] {
+        let family = TurningKernel { unit, row };
+        let (set, start) = FoldSet::new(family, &[-unit, 5.0 * unit, 2.0, 3.0]).unwrap();
+        let options = ContinuationOptions::default().with_parameter_range((-1.0, 6.0));
+        let line = Branch::follow(&set, &start, Direction::Decreasing, options).unwrap();
+        assert_eq!(line.termination, Termination::ParameterRange, "{unit:e} {row:e}");
+        assert!(line.branch_points.is_empty());
+        // It turns in the cusp.
+        assert_eq!(line.smooth_folds.len(), 1);
+        let cusp = &line.smooth_folds[0].point.x;
+        assert!((cusp[0] / unit).abs() < 1e-7 && cusp[5].abs() < 1e-12, "{cusp:?}");
+        for p in &line.points {
+            let [y, w, alpha, beta] = set.family_point(&p.x)[..] else {
+                panic!("four variables");
+            };
+            let y = y / unit;
+            assert!((beta - 3.0 * y * y).abs() < 1e-9 && (alpha + 2.0 * y.powi(3)).abs() < 1e-9);
+            assert!((w / unit - 5.0 * y * y).abs() < 1e-9);
+        }
+        assert!((line.points.last().unwrap().x[0] / unit - 2f64.sqrt()).abs() < 1e-9);
     }
 }
 

@@ -45,6 +45,10 @@ impl Curve<'_> {
                 Ok(())
             }
             Some(Monitor::Fold) => {
+                // Rounding must not leave the fold ahead.
+                if let Some(rate) = self.here.t.last_mut() {
+                    *rate = 0.0;
+                }
                 let point = self.point_here(PointKind::Step, corrections);
                 self.emit(Event::SmoothFold(SmoothFold { point }));
                 Ok(())

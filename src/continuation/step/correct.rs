@@ -8,6 +8,8 @@ use crate::sparse::norm;
 
 /// Share of the curvature of the last step that is remembered through inflections.
 const FADING: f64 = 0.5;
+/// How much more than the last step a curve may turn over the last correction.
+const SAFETY: f64 = 10.0;
 
 impl Curve<'_> {
     /// Predicts and corrects; fills `next` if the corrected point is acceptable.
@@ -66,6 +68,11 @@ impl Curve<'_> {
             if doubtful && !self.holds_halfway(&shape)? {
                 return Ok(None);
             }
+        }
+        // The tangent is that of the iterate before, which may lie on the other side of a fold.
+        let blur = SAFETY * shape.turn / h * correction.step_norm;
+        if self.next.t.last().is_some_and(|rate| rate.abs() <= blur) {
+            self.sharpen_next()?;
         }
         for (size, next) in self.row_sizes.iter_mut().zip(&self.next_sizes) {
             *size = size.max(*next);

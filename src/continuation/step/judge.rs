@@ -113,22 +113,38 @@ impl Curve<'_> {
     /// Makes the tangents at both ends, which are those of the iterates before, anew and gives their distance. That at a singular point,
     /// where kernels are noise, is kept.
     pub(super) fn sharpen_tangents(&mut self) -> Result<f64, ContinuationError> {
-        let regular = self.here.decline.is_some();
-        for state in [&mut self.here, &mut self.next]
-            .into_iter()
-            .skip(usize::from(!regular))
-        {
-            match (self.corrector).linearize(&self.map, &self.selection, &state.x, Some(&state.t)) {
-                Ok(tangent) => {
-                    let sign = dot(tangent, &state.t).signum();
-                    state.t.iter_mut().zip(tangent).for_each(|(t, v)| *t = sign * v);
-                }
-                // Next to a singular point the tangent at hand serves.
-                Err(PiecewiseError::Linear(_)) => {}
-                Err(e) => return Err(e.into()),
-            }
+        if self.here.decline.is_some() {
+            let (x, mut t) = (self.here.x.clone(), std::mem::take(&mut self.here.t));
+            let made = self.sharpen(&x, &mut t);
+            self.here.t = t;
+            made?;
         }
+        self.sharpen_next()?;
         Ok(distance(&self.here.t, &self.next.t))
+    }
+
+    /// Makes the tangent at `next` anew, and the sign of det ∇_yH, which goes with it.
+    pub(super) fn sharpen_next(&mut self) -> Result<(), ContinuationError> {
+        let (x, mut t) = (self.next.x.clone(), std::mem::take(&mut self.next.t));
+        let made = self.sharpen(&x, &mut t);
+        self.next.t = t;
+        if made? {
+            self.next.det_sign = self.corrector.det_sign();
+        }
+        Ok(())
+    }
+
+    /// Makes the tangent t at x anew; `false` next to a singular point, where the tangent at hand serves.
+    fn sharpen(&mut self, x: &[f64], t: &mut [f64]) -> Result<bool, ContinuationError> {
+        match (self.corrector).linearize(&self.map, &self.selection, x, Some(t)) {
+            Ok(tangent) => {
+                let sign = dot(tangent, t).signum();
+                t.iter_mut().zip(tangent).for_each(|(t, v)| *t = sign * v);
+                Ok(true)
+            }
+            Err(PiecewiseError::Linear(_)) => Ok(false),
+            Err(e) => Err(e.into()),
+        }
     }
 
     /// Whether the curve between `here` and `next` is the smooth one that its ends suggest, by one correction halfway. It is not where the

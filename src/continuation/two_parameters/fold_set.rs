@@ -2,25 +2,25 @@ use std::borrow::Cow;
 
 use crate::linear::{LinearError, null_space};
 use crate::piecewise::{
-    Facet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, check_vector, gradient_of, select,
+    Facet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, check_sizes, check_vector, gradient_of,
+    select,
 };
-use crate::sparse::{Matrix, Pattern, norm};
+use crate::sparse::{Matrix, Pattern};
 
 /// The smooth folds of a two-parameter family: a curve to [follow](crate::continuation::Continuation) in the last parameter β.
 ///
 /// The family is a map of n residuals in x = (y, α, β). A fold in α has a kernel v of ∇_yH, so that
 ///
 /// ```text
-/// H(y, α, β) = 0,   ∇_yH(y, α, β) v = 0,   cᵀ v = 1
+/// H(y, α, β) = 0,   ∇_yH(y, α, β) v = 0,   Σ (v_j / s_j)² = 1
 /// ```
 ///
-/// are 2n + 1 equations in the 2n + 2 variables (y, v, α, β) (Seydel 1979; Allgower and Georg 1990, ch. 8). c is the unit kernel at
-/// the fold started from. The set belongs to one selection: where the curve leaves its cell the fold stops being smooth, and the
+/// are 2n + 1 equations in the 2n + 2 variables (y, v, α, β) (Seydel 1979; Allgower and Georg 1990, ch. 8). s are the
+/// [typical sizes](PiecewiseSmooth::typical_sizes) that the family has of y, and v has, too. The set belongs to one selection: where the curve leaves its cell the fold stops being smooth, and the
 /// curve [ends](crate::continuation::TransitionKind::End) in a point of codimension two, where a [`TransitionSet`](crate::continuation::TransitionSet) takes over
 /// (its kink folds). [Smooth folds](crate::continuation::SmoothFold) of this curve are its turning points in β: cusps, and births of isolas.
 ///
-/// Second derivatives are central differences of Jacobians: 2n + 4 of them an assembly, so this is for families of moderate size
-/// (condense first).
+/// Second derivatives are central differences of Jacobians along v.
 ///
 /// ```
 /// use semismooth::continuation::{Branch, ContinuationOptions, Direction, FoldSet};
@@ -53,8 +53,8 @@ use crate::sparse::{Matrix, Pattern, norm};
 #[derive(Debug, Clone)]
 pub struct FoldSet<P> {
     family: P,
-    /// c, of length n.
-    normal: Vec<f64>,
+    /// s, of all variables of the family.
+    sizes: Vec<f64>,
     selection: Selection,
     layout: TestLayout,
     /// The cell of the selection, site by site, every facet a wall.
@@ -62,21 +62,21 @@ pub struct FoldSet<P> {
     pattern: Pattern,
 }
 
-/// Step of the central differences, relative to 1 + |x_j|: about the cube root of the rounding error.
+/// Step of the central differences in units of s, relative to the largest of 1 and |x_j| / s_j: about the cube root of the rounding error.
 const STEP: f64 = 6e-6;
-/// Singular value of ∇_yH, relative to the largest entry of ∇H, up to which it counts as zero at the fold given.
+/// Singular value up to which ∇_yH, its variables in units of s and the largest entry in each row of ∇H being 1, has a kernel at the fold given.
 const KERNEL: f64 = 1e-5;
 
 impl<P: PiecewiseSmooth> FoldSet<P> {
     /// The set through the smooth fold near `x` = (y, α, β), in the selection there, and the point (y, v, α, β) to start from.
     ///
     /// # Complexity
-    /// The start takes singular values of a dense matrix, O(n³) for n residuals. Each Jacobian of the set takes 2 (n + 2) + 1 Jacobians of
-    /// the family, since the second derivatives are differences: O(n²) entries at least, and a system of 2 n + 1 rows to factor.
+    /// The start takes singular values of a dense matrix, O(n³) for n residuals. Each Jacobian of the set takes three of the family and is as
+    /// sparse as they are; a step factors systems of 2 n + 1 rows.
     ///
     /// # Errors
-    /// A family that has not two variables more than residuals, x of the wrong length or not finite, a point at which ∇_yH has no
-    /// kernel of dimension one.
+    /// A family that has not two variables more than residuals, or sizes that are not positive; x of the wrong length or not finite, a point
+    /// at which ∇_yH has no kernel of dimension one.
     pub fn new(family: P, x: &[f64]) -> Result<(Self, Vec<f64>), PiecewiseError> {
         let (m, n) = (family.num_vars(), family.num_residuals());
         if m != n + 2 {
@@ -87,17 +87,27 @@ impl<P: PiecewiseSmooth> FoldSet<P> {
             });
         }
         check_vector("the fold x", x, m)?;
+        let mut sizes = vec![1.0; m];
+        family.typical_sizes(&mut sizes);
+        check_sizes(&sizes, m)?;
         let selection = select(&family, x);
         let mut jac = Matrix::zeros(family.pattern());
         family.jacobian(&selection, x, &mut jac);
+        if let Some((row, col)) = jac.stray() {
+            return Err(PiecewiseError::StrayEntry { row, col });
+        }
+        jac.scale_columns(&sizes);
+        let mut rows = vec![0.0f64; n];
+        for (i, _, v) in jac.triplets() {
+            rows[i] = rows[i].max(v.abs());
+        }
         let mut square = Matrix::zeros(Pattern::full(n, n));
-        for (i, j, v) in jac.triplets().filter(|t| t.1 < n) {
-            square.add(i, j, v);
+        for (i, j, v) in jac.triplets().filter(|t| t.1 < n && rows[t.0] > 0.0) {
+            square.add(i, j, v / rows[i]);
         }
         let largest = null_space(&square, 0.0)?.singular_values.first().copied();
-        let size = jac.values().iter().fold(0.0, |m: f64, v| m.max(v.abs()));
         let rtol = match largest {
-            Some(s) if s > 0.0 => (KERNEL * size / s).min(1.0),
+            Some(s) if s > 0.0 => (KERNEL / s).min(1.0),
             _ => 1.0,
         };
         let kernel = null_space(&square, rtol)?.right;
@@ -115,11 +125,11 @@ impl<P: PiecewiseSmooth> FoldSet<P> {
             })
             .collect();
         let mut start = x[..n].to_vec();
-        start.extend_from_slice(v);
+        start.extend(v.iter().zip(&sizes).map(|(v, s)| v * s));
         start.extend_from_slice(&x[n..]);
         let set = Self {
             pattern: pattern(&family.pattern(), n)?,
-            normal: v.clone(),
+            sizes,
             layout: TestLayout::new(&family),
             cells,
             selection,
@@ -158,6 +168,12 @@ impl<P: PiecewiseSmooth> FoldSet<P> {
     fn kernel<'x>(&self, x: &'x [f64]) -> &'x [f64] {
         let n = self.family.num_residuals();
         &x[n..2 * n]
+    }
+
+    /// The length of v in units of s.
+    fn length(&self, v: &[f64]) -> f64 {
+        let squares = v.iter().zip(&self.sizes).map(|(v, s)| (v / s).powi(2));
+        squares.sum::<f64>().sqrt()
     }
 
     /// out = ∇_yH v.
@@ -212,7 +228,7 @@ impl<P: PiecewiseSmooth> PiecewiseSmooth for FoldSet<P> {
         self.family.residual(&self.selection, &own, first);
         let mut jac = Matrix::zeros(self.family.pattern());
         self.apply(&own, v, &mut jac, &mut rest[..n]);
-        rest[n] = crate::sparse::dot(&self.normal, v) - 1.0;
+        rest[n] = 0.5 * (self.length(v).powi(2) - 1.0);
     }
 
     fn jacobian(&self, _selection: &Selection, x: &[f64], jac: &mut Matrix) {
@@ -220,34 +236,43 @@ impl<P: PiecewiseSmooth> PiecewiseSmooth for FoldSet<P> {
         let (mut own, v) = (self.family_point(x), self.kernel(x));
         let mut part = Matrix::zeros(self.family.pattern());
         self.family.jacobian(&self.selection, &own, &mut part);
+        if let Some((i, j)) = part.stray() {
+            return jac.refuse(i, j);
+        }
         for (i, j, value) in part.triplets() {
             jac.add(i, self.column(j), value);
             if j < n {
                 jac.add(n + i, n + j, value);
             }
         }
-        for (j, c) in self.normal.iter().enumerate() {
-            jac.add(2 * n, n + j, *c);
+        for (j, (v, s)) in v.iter().zip(&self.sizes).enumerate() {
+            jac.add(2 * n, n + j, v / (s * s));
         }
-        let (mut plus, mut minus) = (vec![0.0; n], vec![0.0; n]);
-        let scale = 1.0 / norm(v).max(f64::MIN_POSITIVE);
-        for j in 0..n + 2 {
-            let (at, h) = (own[j], STEP * (1.0 + own[j].abs()) * scale.min(1.0));
-            own[j] = at + h;
-            self.apply(&own, v, &mut part, &mut plus);
-            own[j] = at - h;
-            self.apply(&own, v, &mut part, &mut minus);
-            own[j] = at;
-            for (i, (p, m)) in plus.iter().zip(&minus).enumerate() {
-                if p != m {
-                    jac.add(n + i, self.column(j), (p - m) / (2.0 * h));
-                }
-            }
+        // The derivatives of ∇_yH v are those of ∇H along v.
+        let largest = own
+            .iter()
+            .zip(&self.sizes)
+            .fold(1.0f64, |a, (x, s)| a.max(x.abs() / s));
+        let h = STEP * largest / self.length(v).max(f64::MIN_POSITIVE);
+        let mut back = part.clone();
+        for (jac, h) in [(&mut part, h), (&mut back, -2.0 * h)] {
+            own.iter_mut().zip(v).for_each(|(x, v)| *x += h * v);
+            jac.clear();
+            self.family.jacobian(&self.selection, &own, jac);
+        }
+        for ((i, j, ahead), (_, _, behind)) in part.triplets().zip(back.triplets()) {
+            jac.add(n + i, self.column(j), (ahead - behind) / (2.0 * h));
         }
     }
 
     fn pattern(&self) -> Pattern {
         self.pattern.clone()
+    }
+
+    fn typical_sizes(&self, sizes: &mut [f64]) {
+        let n = self.family.num_residuals();
+        sizes[..n].copy_from_slice(&self.sizes[..n]);
+        sizes[n..].copy_from_slice(&self.sizes);
     }
 
     fn piece_name(&self, site: usize, _piece: usize) -> Cow<'_, str> {
@@ -289,11 +314,11 @@ fn pattern(family: &Pattern, n: usize) -> Result<Pattern, PiecewiseError> {
         let column = if j < n { j } else { j + n };
         for &i in &family.row_idx()[family.col_ptr()[j]..family.col_ptr()[j + 1]] {
             entries.push((i, column));
+            entries.push((n + i, column));
             if j < n {
                 entries.push((n + i, n + j));
             }
         }
-        entries.extend((0..n).map(|i| (n + i, column)));
     }
     entries.extend((0..n).map(|j| (2 * n, n + j)));
     let pattern = Pattern::from_entries(2 * n + 1, 2 * n + 2, entries);

@@ -1,25 +1,10 @@
 use std::borrow::Cow;
 
-use crate::continuation::Branch;
 use crate::linear::{AutoSolver, LinearError, LinearSolver};
-use crate::newton::MoorePenrose;
 use crate::piecewise::{
     Facet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, check_selection, check_vector, gradient_of,
 };
-use crate::sparse::{Matrix, Pattern, norm};
-
-/// A point of a [`TransitionSet`] where folds begin or end along it.
-#[derive(Debug, Clone, PartialEq)]
-#[non_exhaustive]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct CharacterChange {
-    /// The point (y, α, β).
-    pub x: Vec<f64>,
-    /// The selection of the family on the side kept.
-    pub selection: Selection,
-    /// Whether the transitions before it, in the direction of the curve, are folds.
-    pub folds_before: bool,
-}
+use crate::sparse::{Matrix, Pattern};
 
 /// The points (y, α, β) of a two-parameter family at which one test function vanishes: a curve to [follow](crate::continuation::Continuation) in
 /// the last parameter β.
@@ -165,87 +150,49 @@ impl<P: PiecewiseSmooth> TransitionSet<P> {
     pub fn is_fold(&self, selection: &Selection, x: &[f64]) -> Result<Option<bool>, PiecewiseError> {
         check_vector("the point x", x, self.num_vars())?;
         check_selection("the selection", selection, self)?;
+        let Some([here, there]) = self.sides(selection, x) else {
+            return Ok(None);
+        };
+        Ok(
+            match (self.determinant(&here, x)?, self.determinant(&there, x)?) {
+                (Some((a, _)), Some((b, _))) if a * b != 0 => Some(a != b),
+                _ => None,
+            },
+        )
+    }
+
+    /// The selections of the family on both sides of the facet at x, that of the side kept first.
+    pub(super) fn sides(&self, selection: &Selection, x: &[f64]) -> Option<[Selection; 2]> {
         let here = self.family_selection(selection);
-        let mut there = here.clone();
         let mut theta = vec![0.0; self.layout.total()];
         self.family.test_functions(x, &mut theta);
         let tests = &theta[self.layout.range(self.site)];
-        let Some(&across) = self.beyond.iter().max_by(|&&a, &&b| {
-            let margin = |piece: usize| {
-                let facets = self.family.cell(self.site, piece).iter();
-                let rest = facets.filter(|f| f.test() != self.test);
-                rest.map(|f| f.margin(tests)).fold(f64::INFINITY, f64::min)
-            };
-            margin(a).total_cmp(&margin(b))
-        }) else {
-            return Ok(None);
+        let margin = |piece: usize| {
+            let facets = self.family.cell(self.site, piece).iter();
+            let rest = facets.filter(|f| f.test() != self.test);
+            rest.map(|f| f.margin(tests)).fold(f64::INFINITY, f64::min)
         };
+        let beyond = self.beyond.iter();
+        let across = *beyond.max_by(|&&a, &&b| margin(a).total_cmp(&margin(b)))?;
+        let mut there = here.clone();
         there.set(self.site, across);
-        Ok(match (self.det_sign(&here, x)?, self.det_sign(&there, x)?) {
-            (Some(a), Some(b)) if a * b != 0 => Some(a != b),
-            _ => None,
-        })
+        Some([here, there])
     }
 
-    /// The points of a followed curve where its character changes: where α folds on one side and does not on the other, as the
-    /// determinant of a piece beside the facet passes zero. Curves of [smooth folds](crate::continuation::FoldSet) end there. Points of codimension
-    /// two where a second test function vanishes are transitions of the curve, and not repeated.
-    ///
-    /// # Errors
-    /// Failures of the linear solver.
-    pub fn character_changes(&self, curve: &Branch) -> Result<Vec<CharacterChange>, PiecewiseError> {
-        const HALVINGS: usize = 60;
-        let mut corrector = MoorePenrose::new(self, AutoSolver::default())?;
-        let mut changes = Vec::new();
-        for pair in curve.points.windows(2) {
-            if pair[0].selection != pair[1].selection {
-                continue;
-            }
-            let selection = &pair[0].selection;
-            let [before, after] = [&pair[0], &pair[1]].map(|p| self.is_fold(selection, &p.x));
-            let (Some(before), Some(after)) = (before?, after?) else {
-                continue;
-            };
-            if before == after {
-                continue;
-            }
-            let anchor = &pair[0].x;
-            let mut normal: Vec<f64> = pair[1].x.iter().zip(anchor).map(|(b, a)| b - a).collect();
-            let length = norm(&normal);
-            normal.iter_mut().for_each(|v| *v /= length);
-            let (mut low, mut high) = (0.0, length);
-            let mut x = anchor.clone();
-            let mut t = normal.clone();
-            for _ in 0..HALVINGS {
-                let s = 0.5 * (low + high);
-                for (x, (a, v)) in x.iter_mut().zip(anchor.iter().zip(&normal)) {
-                    *x = a + s * v;
-                }
-                corrector.correct_in_plane(self, selection, anchor, &normal, s, &mut x, &mut t)?;
-                match self.is_fold(selection, &x)? {
-                    Some(fold) if fold == before => low = s,
-                    Some(_) => high = s,
-                    None => break,
-                }
-            }
-            changes.push(CharacterChange {
-                x,
-                selection: self.family_selection(selection),
-                folds_before: before,
-            });
-        }
-        Ok(changes)
-    }
-
-    fn det_sign(&self, selection: &Selection, x: &[f64]) -> Result<Option<i8>, PiecewiseError> {
+    /// Sign and logarithm of |det ∇_yH| of a selection of the family: (0, −∞) where that is singular, `None` where the solver cannot tell.
+    pub(super) fn determinant(
+        &self,
+        selection: &Selection,
+        x: &[f64],
+    ) -> Result<Option<(i8, f64)>, PiecewiseError> {
         let mut jac = Matrix::zeros(self.family.pattern());
         self.family.jacobian(selection, x, &mut jac);
         let square = jac.leading_columns(self.family.num_residuals());
-        let mut solver = AutoSolver::default();
+        let mut solver = AutoSolver::with_determinants();
         solver.analyze(square.pattern)?;
         match solver.factor(square) {
-            Ok(()) => Ok(solver.log_det().map(|d| d.0)),
-            Err(LinearError::Singular { .. }) => Ok(Some(0)),
+            Ok(()) => Ok(solver.log_det()),
+            Err(LinearError::Singular { .. }) => Ok(Some((0, f64::NEG_INFINITY))),
             Err(e) => Err(e.into()),
         }
     }
@@ -314,6 +261,9 @@ impl<P: PiecewiseSmooth> PiecewiseSmooth for TransitionSet<P> {
         let mut own = Matrix::zeros(self.family.pattern());
         let selection = self.family_selection(selection);
         self.family.jacobian(&selection, x, &mut own);
+        if let Some((i, j)) = own.stray() {
+            return jac.refuse(i, j);
+        }
         jac.add_block(0, 0, 1.0, &own);
         let mut gradient = vec![0.0; x.len()];
         gradient_of(
