@@ -227,6 +227,23 @@ mod tests {
     }
 
     #[test]
+    fn is_homogeneous_up_to_the_largest_numbers() {
+        for (x, f) in [(0.3, 0.4), (2.0, -1.0), (-0.5, 1.0), (-1.0, -2.0)] {
+            let at = |size: f64| {
+                let (below, above) = (size * x, f64::INFINITY);
+                let value = component(Gap { below, above }, size * f, 1.0) / size;
+                (
+                    value,
+                    component_gradient(Gap { below, above }, size * f, 1.0, 0.0),
+                )
+            };
+            for exponent in [-700, -500, 500, 1000] {
+                assert_eq!(at(f64::powi(2.0, exponent)), at(1.0), "{x} {f} 2^{exponent}");
+            }
+        }
+    }
+
+    #[test]
     fn gradients_are_those_of_differences() {
         let inf = f64::INFINITY;
         for (l, u) in [(0.0, inf), (-inf, 1.0), (0.0, 1.0), (-inf, inf)] {

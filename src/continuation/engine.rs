@@ -283,7 +283,20 @@ pub(super) fn relative_residual(r: &[f64], sizes: &[f64]) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::term_size;
     use crate::continuation::testing::Plane;
+    use crate::sparse::Matrix;
+
+    /// ‖ |J| (|x| + h |t|) ‖ by hand, whatever the signs.
+    #[test]
+    fn sizes_of_terms_add_up() {
+        let jac = Matrix::from_rows(&[[3.0, -1.0], [0.0, 2.0]]).unwrap();
+        for (x, t) in [([1.0, 2.0], [0.5, -0.25]), ([-1.0, -2.0], [-0.5, 0.25])] {
+            for (h, rows) in [(0.0, [5.0, 4.0]), (4.0, [12.0, 6.0])] {
+                assert_eq!(term_size(&jac, &x, h, &t), f64::hypot(rows[0], rows[1]));
+            }
+        }
+    }
 
     /// Where α̇ is rounding, so is the sign of det ∇_yH.
     #[test]

@@ -73,6 +73,14 @@ impl ExactPoint {
         self
     }
 
+    pub(super) fn plus(&self, other: &Self) -> Self {
+        let sum = |(a, b)| a * &other.denominator + b * &self.denominator;
+        Self {
+            numerators: self.numerators.iter().zip(&other.numerators).map(sum).collect(),
+            denominator: &self.denominator * &other.denominator,
+        }
+    }
+
     pub(super) fn to_f64(&self) -> Vec<f64> {
         let value = |n| quotient(n, &self.denominator, 0);
         self.numerators.iter().map(value).collect()

@@ -4,6 +4,7 @@ use num_bigint::BigInt;
 use num_traits::{Signed, Zero};
 
 use super::exhaustive::{Budget, ExactPoint, Tableau, elimination, piece_of};
+use super::lists::Extent;
 use super::proof::MAX_WORK;
 use crate::exact::{Dictionary, Exact, Halt};
 use crate::piecewise::ExactConditions;
@@ -18,11 +19,10 @@ pub(super) enum Held {
         sign: i8,
         touched: Vec<usize>,
     },
-    /// A polyhedron of this dimension, with its ends, and one of its directions, where that is one.
+    /// A polyhedron of this dimension; its extent where that is one.
     Continuum {
         dimension: usize,
-        ends: Vec<ExactPoint>,
-        direction: Option<ExactPoint>,
+        extent: Option<Extent<ExactPoint>>,
     },
 }
 
@@ -68,8 +68,7 @@ fn examine(table: &mut Tableau<'_>, conditions: &ExactConditions, pieces: &[usiz
         0 | 1 => segment(table, &facets),
         dimension => Ok(Held::Continuum {
             dimension,
-            ends: Vec::new(),
-            direction: None,
+            extent: None,
         }),
     }
 }
@@ -225,15 +224,19 @@ fn segment(table: &Tableau<'_>, facets: &[SignedFacet]) -> Result<Held, Halt> {
             return Ok(single(table.point(std::slice::from_ref(l))));
         }
     }
-    Ok(Held::Continuum {
-        dimension: 1,
-        direction: table.direction(low.is_none() && high.is_some()),
-        ends: [low, high]
-            .into_iter()
-            .flatten()
-            .map(|t| table.point(&[t]))
-            .collect(),
-    })
+    let [low, high] = [low, high].map(|t| t.map(|t| table.point(&[t])));
+    let extent = table.line().map(|(foot, forth)| {
+        let back = forth.clone().opposite();
+        let beyond = match (&low, &high) {
+            (Some(_), Some(_)) => Vec::new(),
+            (Some(end), None) => vec![end.plus(&forth)],
+            (None, Some(end)) => vec![end.plus(&back)],
+            (None, None) => vec![foot.plus(&forth), foot.plus(&back)],
+        };
+        let ends = [low, high].into_iter().flatten().collect();
+        Extent { ends, beyond }
+    });
+    Ok(Held::Continuum { dimension: 1, extent })
 }
 
 /// A point that is all that a singular selection holds.
@@ -246,17 +249,27 @@ fn single(point: ExactPoint) -> Held {
 }
 
 impl Tableau<'_> {
-    /// The direction of a line, or against it, so that the first component that is not 0 is 1 or −1.
-    fn direction(&self, against: bool) -> Option<ExactPoint> {
-        let rate = |k: usize| self.dictionary.entries(self.unknowns + k).swap_remove(1);
-        let mut numerators: Vec<BigInt> = (0..self.conditions.unknowns).map(rate).collect();
-        if against {
-            numerators.iter_mut().for_each(|n| *n = -std::mem::take(n));
-        }
-        let denominator = numerators.iter().find(|n| !n.is_zero())?.abs();
-        Some(ExactPoint {
-            numerators,
-            denominator,
-        })
+    /// The point of the line of the column left at which the first component that varies is 0, and the direction of growing values of the
+    /// column in which that component changes by 1.
+    fn line(&self) -> Option<(ExactPoint, ExactPoint)> {
+        let entries = |k: usize| self.dictionary.entries(self.unknowns + k);
+        let numerators: Vec<BigInt> = (0..self.conditions.unknowns)
+            .map(|k| entries(k).swap_remove(1))
+            .collect();
+        let first = numerators.iter().position(|n| !n.is_zero())?;
+        let (value, denominator) = (entries(first).swap_remove(0), numerators[first].abs());
+        let value = if numerators[first].is_positive() {
+            -value
+        } else {
+            value
+        };
+        let foot = self.point(&[(value, denominator.clone())]);
+        Some((
+            foot,
+            ExactPoint {
+                numerators,
+                denominator,
+            },
+        ))
     }
 }

@@ -119,6 +119,14 @@ pub struct Solution {
 }
 
 impl Solution {
+    /// Puts the selections in order, with their signs.
+    pub(super) fn sort(&mut self) {
+        let selections = std::mem::take(&mut self.selections).into_iter();
+        let mut both: Vec<_> = selections.zip(std::mem::take(&mut self.det_signs)).collect();
+        both.sort_by(|a, b| a.0.cmp(&b.0));
+        (self.selections, self.det_signs) = both.into_iter().unzip();
+    }
+
     /// The local index, where the list of selections holds all that are active.
     pub(super) fn find_index(&mut self) {
         self.index = match self.det_signs.as_slice() {
@@ -141,6 +149,21 @@ pub struct Continuum {
     pub dimension: usize,
     /// The ends of a segment (of a ray: one; none where the dimension is larger than one).
     pub ends: Vec<Vec<f64>>,
+}
+
+/// How far a segment, a ray or a line reaches.
+#[derive(Debug, Clone)]
+pub(super) struct Extent<P> {
+    pub(super) ends: Vec<P>,
+    /// A point in each direction in which it has no end, by a rule that depends on the segment, ray or line alone.
+    pub(super) beyond: Vec<P>,
+}
+
+impl<P> Extent<P> {
+    pub(super) fn agrees(&self, other: &Self, same: impl Fn(&P, &P) -> bool) -> bool {
+        let agree = |a: &[P], b: &[P]| a.len() == b.len() && a.iter().all(|p| b.iter().any(|q| same(p, q)));
+        agree(&self.ends, &other.ends) && agree(&self.beyond, &other.beyond)
+    }
 }
 
 /// All solutions of an equation, or of a curve's equation at one parameter.

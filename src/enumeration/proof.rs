@@ -6,7 +6,7 @@ use super::certificate::Certificates;
 use super::enclosure::Enclosure;
 use super::exhaustive::{self, Budget, ExactPoint};
 use super::held::{Held, decide};
-use super::lists::{Completeness, Continuum, Doubt, LISTED, NAMED, Solution, SolutionSet};
+use super::lists::{Completeness, Continuum, Doubt, Extent, LISTED, NAMED, Solution, SolutionSet};
 use super::near;
 use super::reduced::{reduced_directions, reduced_solutions};
 use super::search::Search;
@@ -227,7 +227,7 @@ pub(super) struct Gathered<'a> {
     /// Solutions whose coordinates are not known to many digits.
     blunt: Vec<usize>,
     pub(super) continua: Vec<Continuum>,
-    ends: Vec<Vec<ExactPoint>>,
+    extents: Vec<Option<Extent<ExactPoint>>>,
     /// Whether a decision was taken in exact arithmetic.
     close: bool,
     /// How many of the unknowns are those of the map.
@@ -259,7 +259,7 @@ impl<'a> Gathered<'a> {
             points: Vec::new(),
             blunt: Vec::new(),
             continua: Vec::new(),
-            ends: Vec::new(),
+            extents: Vec::new(),
             close: false,
         }
     }
@@ -291,7 +291,7 @@ impl<'a> Gathered<'a> {
                 };
                 self.point(pieces, point, sign, margin);
             }
-            Some(Held::Continuum { dimension, ends, .. }) => self.continuum(pieces, dimension, ends),
+            Some(Held::Continuum { dimension, extent }) => self.continuum(pieces, dimension, extent),
         }
         true
     }
@@ -400,25 +400,22 @@ impl<'a> Gathered<'a> {
         none
     }
 
-    fn continuum(&mut self, pieces: &[usize], dimension: usize, ends: Vec<ExactPoint>) {
+    fn continuum(&mut self, pieces: &[usize], dimension: usize, extent: Option<Extent<ExactPoint>>) {
         let selection = Selection::from_pieces(pieces.iter().copied());
-        let known = (0..self.continua.len()).find(|&k| {
-            let own = &self.ends[k];
-            dimension == 1
-                && self.continua[k].dimension == 1
-                && !ends.is_empty()
-                && own.len() == ends.len()
-                && ends.iter().all(|e| own.contains(e))
-        });
-        if let Some(k) = known {
+        let agrees = |other: &Option<Extent<ExactPoint>>| {
+            let both = extent.as_ref().zip(other.as_ref());
+            both.is_some_and(|(own, other)| own.agrees(other, |a, b| a == b))
+        };
+        if let Some(k) = self.extents.iter().position(agrees) {
             return self.continua[k].selections.push(selection);
         }
+        let ends = extent.iter().flat_map(|e| &e.ends);
         self.continua.push(Continuum {
             selections: vec![selection],
             dimension,
-            ends: ends.iter().map(|e| self.full(e.to_f64())).collect(),
+            ends: ends.map(|e| self.full(e.to_f64())).collect(),
         });
-        self.ends.push(ends);
+        self.extents.push(extent);
     }
 
     /// Of each solution whether a continuum holds it. One that error bounds alone tell lies inside of its cell.
@@ -552,6 +549,7 @@ impl<'a> Gathered<'a> {
                     pieces.map(|(s, piece)| cell_margin(map.cell(s, piece), &theta[layout.range(s)]));
                 solution.margin = margins.fold(f64::INFINITY, f64::min).max(0.0);
             }
+            solution.sort();
             solution.find_index();
             solution.index = solution.index.filter(|_| !held);
         }

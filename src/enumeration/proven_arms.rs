@@ -223,15 +223,13 @@ impl<'p> Arms<'p> {
         }
         match decide(&self.conditions[2], pieces, budget) {
             None => return Err(Doubt::Limit),
+            // A ray from 0, or a line through it.
             Some(Held::Continuum {
-                ends,
-                direction: Some(direction),
-                ..
+                extent: Some(extent), ..
             }) => {
-                if ends.is_empty() {
-                    level.point(pieces, direction.clone().opposite(), 0, 0.0);
+                for direction in extent.beyond {
+                    level.point(pieces, direction, 0, 0.0);
                 }
-                level.point(pieces, direction, 0, 0.0);
             }
             Some(Held::Continuum { .. }) => {
                 unresolved.insert(Selection::from_pieces(pieces.iter().copied()));

@@ -2,7 +2,7 @@
 
 use super::arms::level_selections;
 use super::kernel::{AffineSet, MAX_KERNEL, solutions};
-use super::lists::{Completeness, Continuum, Doubt, LISTED, NAMED, Solution, SolutionSet};
+use super::lists::{Completeness, Continuum, Doubt, Extent, LISTED, NAMED, Solution, SolutionSet};
 use super::proof::MAX_COEFFICIENTS;
 use super::search::Search;
 use super::{EnumerationError, EnumerationOptions, system};
@@ -12,7 +12,7 @@ use crate::piecewise::{
     ActiveSet, ExactConditions, ExactForm, PiecewiseError, PiecewiseSmooth, Scaled, Selection, Selections,
     TestLayout, active_set, cell_margin, check_vector,
 };
-use crate::sparse::{Matrix, max_abs, norm};
+use crate::sparse::{Matrix, dot, max_abs, norm};
 
 /// All solutions y of H(y, α) = 0 for a map whose pieces are affine in y. For an equation (as many variables as residuals) `alpha`
 /// is ignored.
@@ -119,12 +119,13 @@ pub(super) fn stated_conditions(
     let sites = conditions.sites.len() == map.num_sites()
         && conditions.sites.iter().enumerate().all(|(site, s)| {
             let known = |form: usize| form < s.forms.len();
+            let signed = |f: &(usize, i8)| known(f.0) && matches!(f.1, 1 | -1);
             let pieces = s.pieces.iter().all(|p| {
                 p.piece < map.num_pieces(site)
                     && p.equalities.iter().all(|e| e.0 < unknowns && known(e.1))
-                    && p.facets.iter().all(|f| known(f.0) && f.1.abs() == 1)
+                    && p.facets.iter().all(signed)
             });
-            pieces && s.implied.iter().all(|f| known(f.0)) && s.forms.iter().all(fits)
+            pieces && s.implied.iter().all(signed) && s.forms.iter().all(fits)
         });
     let fit = unknowns >= n && conditions.common.iter().all(fits) && sites;
     fit.then_some(conditions)
@@ -220,6 +221,7 @@ struct Collector<'a> {
     /// Whether one of the selections of a solution holds it up to rounding, and not by tolerance alone.
     clean: Vec<bool>,
     continua: Vec<Continuum>,
+    extents: Vec<Option<Extent<Vec<f64>>>>,
     undecided: u64,
 }
 
@@ -243,6 +245,7 @@ impl<'a> Collector<'a> {
             solutions: Vec::new(),
             clean: Vec::new(),
             continua: Vec::new(),
+            extents: Vec::new(),
             undecided: 0,
         })
     }
@@ -506,11 +509,14 @@ impl<'a> Collector<'a> {
         match set.kernel.as_slice() {
             [] => return Rank::Full,
             [direction] => self.segment(selection, &set, direction),
-            _ => self.continua.push(Continuum {
-                selections: vec![selection.clone()],
-                dimension: set.kernel.len(),
-                ends: Vec::new(),
-            }),
+            _ => {
+                self.continua.push(Continuum {
+                    selections: vec![selection.clone()],
+                    dimension: set.kernel.len(),
+                    ends: Vec::new(),
+                });
+                self.extents.push(None);
+            }
         }
         Rank::Deficient
     }
@@ -556,32 +562,42 @@ impl<'a> Collector<'a> {
             let x = at(0.5 * (low + high));
             return self.add(selection, x, Some(0), true);
         }
-        let ends: Vec<Vec<f64>> = [low, high]
-            .into_iter()
-            .filter(|t| t.is_finite())
-            .map(at)
-            .collect();
-        let known = self.continua.iter().position(|c| {
-            let agree = |e: &Vec<f64>| c.ends.iter().any(|f| self.same(e, f));
-            c.dimension == 1 && !ends.is_empty() && c.ends.len() == ends.len() && ends.iter().all(agree)
-        });
-        match known {
+        let square: f64 = direction.iter().map(|d| d * d).sum();
+        let foot = -dot(&set.point, direction) / square;
+        // As far from an end, or from the point next to the origin, as this is large.
+        let away = |t: f64, way: f64| at(t + way * (1.0 + norm(&at(t))) / square.sqrt());
+        let beyond = match (low.is_finite(), high.is_finite()) {
+            (true, true) => Vec::new(),
+            (true, false) => vec![away(low, 1.0)],
+            (false, true) => vec![away(high, -1.0)],
+            (false, false) => vec![away(foot, 1.0), away(foot, -1.0)],
+        };
+        let ends = [low, high].into_iter().filter(|t| t.is_finite()).map(at);
+        let extent = Extent {
+            ends: ends.collect(),
+            beyond,
+        };
+        let agrees = |other: &Option<Extent<Vec<f64>>>| {
+            let other = other.as_ref();
+            other.is_some_and(|other| extent.agrees(other, |a, b| self.same(a, b)))
+        };
+        match self.extents.iter().position(agrees) {
             Some(k) => self.continua[k].selections.push(selection.clone()),
-            None => self.continua.push(Continuum {
-                selections: vec![selection.clone()],
-                dimension: 1,
-                ends,
-            }),
+            None => {
+                self.continua.push(Continuum {
+                    selections: vec![selection.clone()],
+                    dimension: 1,
+                    ends: extent.ends.clone(),
+                });
+                self.extents.push(Some(extent));
+            }
         }
     }
 
     /// Orders the list, finds the local indices and their sum.
     fn finish(mut self, set: &mut SolutionSet) {
         for s in &mut self.solutions {
-            let mut order: Vec<usize> = (0..s.selections.len()).collect();
-            order.sort_by(|&a, &b| s.selections[a].cmp(&s.selections[b]));
-            s.selections = order.iter().map(|&k| s.selections[k].clone()).collect();
-            s.det_signs = order.iter().map(|&k| s.det_signs[k]).collect();
+            s.sort();
             s.find_index();
             // Selections that are active, too, but give no single point leave the solution without an index.
             let tolerance = self.options.merge_distance * s.x.iter().fold(1.0f64, |m, v| m.max(v.abs()));

@@ -261,6 +261,10 @@ mod tests {
         short[2].2 = 1.0;
         short[1].2 = 0.5;
         assert_eq!(order(&short), None);
+        // Nor is one along the gradient, long as it may be.
+        let mut other = history(&quadratic);
+        other.history[2].step = Step::Gradient;
+        assert_eq!(other.observed_order(1e-13), None);
         assert_eq!(order(&quadratic[..2]), None);
         assert_eq!(order(&[(1e-1, 0, 1.0), (1e-2, 0, 1.0), (2e-2, 0, 1.0)]), None);
         // A floor below rounding.

@@ -356,6 +356,16 @@ fn curves() {
             o().with_max_time(Some(Duration::MAX)),
         )
     });
+    for range in [(-1.0, 0.4), (0.6, 2.0), (-1.0, 0.5 - 5e-12), (0.5 + 5e-12, 2.0)] {
+        let options = DiagramOptions::default().with_parameter_range(range);
+        let outside = "start = 0.5";
+        t.refuses(
+            "continuation::Diagram::explore",
+            "a start outside",
+            outside,
+            || Diagram::explore(&map, &[ON], &options),
+        );
+    }
     t.survives("continuation::Diagram::explore", "no start", || {
         Diagram::explore::<_, [f64; 2]>(&map, &[], &DiagramOptions::default())
     });

@@ -357,6 +357,12 @@ fn correctors() {
             || moore().linearize(&vee(), &good, &[0.5; 2], Some(&x)).map(drop),
         );
     }
+    t.refuses(
+        "newton::MoorePenrose::linearize",
+        "a map with other variables",
+        "variables of the map",
+        || moore().linearize(&square(1), &good, &[0.5; 2], None).map(drop),
+    );
     for selection in [
         Selection::default(),
         Selection::uniform(2, 0),

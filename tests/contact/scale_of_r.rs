@@ -118,3 +118,29 @@ fn nothing_that_is_found_depends_on_r() {
     }
     assert!(transitions >= 6, "{transitions}");
 }
+
+/// Where the nodes of a body have no positive stiffness in the mean there is nothing to scale by: r is that of the stiffness 1.
+#[test]
+fn bodies_without_stiffness_have_a_scale() {
+    let of = |diagonal: [f64; 4]| {
+        let unit = |k: usize| (0..4).map(|j| f64::from(u8::from(j == k))).collect::<Vec<f64>>();
+        let pick = |k: [usize; 2]| Matrix::from_rows(&k.map(unit)).unwrap();
+        let rows: Vec<Vec<f64>> = (0..4)
+            .map(|k| unit(k).iter().map(|v| v * diagonal[k]).collect())
+            .collect();
+        let body = FullContact::planar(
+            Matrix::from_rows(&rows).unwrap(),
+            pick([0, 2]),
+            pick([1, 3]),
+            LoadPath::constant(vec![1.0; 4]),
+            FrictionCoefficient::constant(0.5).unwrap(),
+        );
+        body.unwrap().r()
+    };
+    let one = of([1.0; 4]);
+    assert!(one > 0.0);
+    assert_eq!(of([3.0; 4]), 3.0 * one);
+    for none in [[0.0; 4], [-2.0; 4], [1.0, -1.0, 1.0, -1.5]] {
+        assert_eq!(of(none), one, "{none:?}");
+    }
+}

@@ -202,3 +202,37 @@ fn a_diagram_of_another_map_is_refused() {
         other => panic!("{other:?}"),
     }
 }
+
+/// |y| + α² = 1 met first at a bound of the range or between its bounds, α in any unit: the same arc from bound to bound.
+#[test]
+fn an_arc_from_bound_to_bound_has_one_diagram() {
+    for unit in [1.0, 1e-8, 1e8] {
+        let map = smooth(move |y, a| y + (a / unit).powi(2) - 1.0);
+        let (low, high) = (-0.6 * unit, 0.5 * unit);
+        let mut options = DiagramOptions::default().with_parameter_range((low, high));
+        options.continuation.typical_sizes = vec![1.0, unit];
+        let curve = options
+            .continuation
+            .with_step(0.05 * unit)
+            .with_max_step(0.3 * unit);
+        options.continuation = curve.with_min_step(1e-9 * unit);
+        for at in [-0.6, 0.0, 0.5] {
+            let start = [1.0 - at * at, at * unit];
+            let diagram = Diagram::explore(&map, &[start], &options).unwrap();
+            assert!(diagram.completeness().is_complete(), "{unit:e} {at}: {diagram}");
+            assert_eq!(diagram.branches().len(), 1, "{unit:e} {at}: {diagram}");
+            let covered = diagram.edges().iter().map(|e| e.interval());
+            let (a, b) = covered.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), (l, u)| {
+                (a.min(l), b.max(u))
+            });
+            assert!((a - low).abs() <= 1e-9 * unit && (b - high).abs() <= 1e-9 * unit);
+            for at in [-0.59, 0.0, 0.49] {
+                let found = diagram.solutions_at(&map, at * unit).unwrap();
+                let [one] = found.points.as_slice() else {
+                    panic!("{unit:e} {at}: {diagram}");
+                };
+                assert!((one.x[0] - (1.0 - at * at)).abs() < 1e-9);
+            }
+        }
+    }
+}

@@ -92,6 +92,20 @@ fn no_local_starts_no_arms() {
     assert_eq!((arms.len(), complete), (0, false));
 }
 
+/// Three directions at each of some nodes, independent of each other: a single start finds more than one, by what differs at one node.
+#[test]
+fn neighbours_of_an_arm_are_tried() {
+    for multiple in [1, 2, 3] {
+        let map = unloaded(8, multiple);
+        let options = EnumerationOptions::default()
+            .with_max_nodes(3)
+            .with_local_starts(1);
+        let found = all_arms(&map, &vec![0.0; map.num_vars()], &options).unwrap();
+        check(&map, &vec![0.0; map.num_vars()], &found);
+        assert!(by_sign(&found).0 > 1, "{multiple}");
+    }
+}
+
 #[test]
 fn a_diagram_says_that_arms_may_miss() {
     let map = unloaded(20, 1);

@@ -2,8 +2,11 @@
 //! units, among further unknowns.
 
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, Termination};
+use semismooth::piecewise::{PiecewiseSmooth, Selection};
+use semismooth::sparse::Matrix;
 
 use super::embedded::{Embedded, LARGE, PLANE, Plane, Random, SMALL, SPACE, Setting, TURNED};
+use super::maps::one_piece;
 
 /// Two curves that cross at the origin of (y, α), perturbed by ε.
 #[derive(Clone, Copy, PartialEq)]
@@ -210,6 +213,46 @@ fn units_that_are_not_told() {
                 map.plane.at(u[0], u[1])[0].abs() < 1e-10 * (1.0 + u[0] * u[0] + u[1] * u[1]),
                 "{k}: off"
             );
+        }
+    }
+}
+
+/// y₀² = α² + ε and y₁ = y₀ − α, the equations in either order: two branches that pass each other, whichever row tells.
+struct Beside {
+    gap: f64,
+    first: usize,
+}
+
+impl PiecewiseSmooth for Beside {
+    one_piece!(self, 3, 2);
+    fn residual(&self, _s: &Selection, x: &[f64], out: &mut [f64]) {
+        out[self.first] = x[0] * x[0] - x[2] * x[2] - self.gap;
+        out[1 - self.first] = x[1] - x[0] + x[2];
+    }
+    fn jacobian(&self, _s: &Selection, x: &[f64], jac: &mut Matrix) {
+        jac.add(self.first, 0, 2.0 * x[0]);
+        jac.add(self.first, 2, -2.0 * x[2]);
+        for (j, v) in [-1.0, 1.0, 1.0].into_iter().enumerate() {
+            jac.add(1 - self.first, j, v);
+        }
+    }
+}
+
+#[test]
+fn a_gap_is_told_by_whichever_row() {
+    for gap in [1e-3, 1e-5, 1e-7, 1e-9, 0.0] {
+        for first in [0, 1] {
+            let map = Beside { gap, first };
+            let y = (1.0_f64 + gap).sqrt();
+            let options = ContinuationOptions::default().with_parameter_range((-1.0, 1.0));
+            let branch = Branch::follow(&map, &[y, y + 1.0, -1.0], Direction::Increasing, options).unwrap();
+            let crossings = branch.branch_points.len();
+            assert_eq!(crossings, usize::from(gap == 0.0), "{gap:e} {first}");
+            let end = &branch.points.last().unwrap().x;
+            assert_eq!(branch.termination, Termination::ParameterRange);
+            // Straight on where they cross, along the own branch where they do not.
+            let sign = if gap == 0.0 { -1.0 } else { 1.0 };
+            assert!((end[0] - sign * y).abs() < 1e-10, "{gap:e} {first}: {end:?}");
         }
     }
 }

@@ -421,3 +421,46 @@ fn branch_points_of_plates() {
         assert_eq!(branch.termination, Termination::UnresolvedCrossing, "{m}");
     }
 }
+
+/// α = δ (y − y³): steep as the curve is, its folds are those at y = ±1/√3.
+#[test]
+fn folds_of_steep_curves() {
+    for scale in [1.0, 1e-3, 1e-5, 3e-7] {
+        let map = Steep(scale);
+        let options = ContinuationOptions::default().with_parameter_range((-scale, scale));
+        let start = [-1.2, scale * (-1.2 + 1.728)];
+        let branch = Branch::follow(&map, &start, Direction::Decreasing, options).unwrap();
+        let folds: Vec<f64> = branch.smooth_folds.iter().map(|f| f.point.x[0]).collect();
+        assert_eq!(folds.len(), 2, "{scale:e}: {folds:?}");
+        let exact = 1.0 / 3.0_f64.sqrt();
+        for (y, at) in folds.iter().zip([-exact, exact]) {
+            assert!((y - at).abs() < 1e-6, "{scale:e}: {y}");
+        }
+    }
+}
+
+struct Steep(f64);
+
+impl PiecewiseSmooth for Steep {
+    one_piece!(self, 2, 1);
+    fn residual(&self, _s: &Selection, x: &[f64], out: &mut [f64]) {
+        out[0] = x[1] - self.0 * (x[0] - x[0].powi(3));
+    }
+    fn jacobian(&self, _s: &Selection, x: &[f64], jac: &mut Matrix) {
+        jac.add(0, 0, -self.0 * (1.0 - 3.0 * x[0] * x[0]));
+        jac.add(0, 1, 1.0);
+    }
+}
+
+/// Beside the origin a start is as far off as its own size tells, and is corrected.
+#[test]
+fn starts_of_any_size_are_brought_onto_the_curve() {
+    let map = Steep(2.0);
+    for size in [0.1, 1e-6, 1e-14, 1e-20] {
+        let options = ContinuationOptions::default().with_parameter_range((-1.0, 1.0));
+        let branch = Branch::follow(&map, &[size, 3.0 * size], Direction::Decreasing, options).unwrap();
+        let x = &branch.points[0].x;
+        let exact = 2.0 * (x[0] - x[0].powi(3));
+        assert!((x[1] - exact).abs() <= 1e-13 * x[1].abs(), "{size:e}: {x:?}");
+    }
+}

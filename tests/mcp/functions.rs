@@ -170,3 +170,38 @@ fn first_order_conditions_of_a_program() {
         })
     ));
 }
+
+/// Of several wrong entries the largest error is told, wherever it stands.
+#[test]
+fn the_worst_entry_of_a_jacobian_is_told() {
+    for worst in 0..3 {
+        let wrong = WithJacobian::new(
+            3,
+            |x: &[f64], out: &mut [f64]| out.copy_from_slice(x),
+            move |_: &[f64], jac: &mut Matrix| {
+                for i in 0..3 {
+                    jac.add(i, i, if i == worst { 1.1 } else { 1.01 });
+                }
+            },
+        );
+        let check = check_jacobian(&wrong, &[0.5, 0.25, 2.0], 1.0).unwrap();
+        assert_eq!(check.entry, (worst, worst));
+        // Relative to 1 + the larger one.
+        assert!((check.largest_error - 0.1 / 2.1).abs() < 1e-6);
+    }
+}
+
+/// A value that is no number at any x says nothing of the pattern.
+#[test]
+fn values_that_are_no_numbers_are_no_lacking_entries() {
+    let value = |x: &[f64], out: &mut [f64]| {
+        out[0] = x[0] - 1.0;
+        out[1] = f64::NAN;
+    };
+    let pattern = Pattern::from_entries(2, 2, [(0, 0), (1, 1)]).unwrap();
+    let function = Differenced::new(2, value).with_pattern(pattern);
+    let mut jac = Matrix::zeros(function.pattern());
+    function.jacobian(&[0.5, 0.5], &mut jac);
+    assert_eq!(jac.stray(), None);
+    assert!((jac.get(0, 0) - 1.0).abs() < 1e-9);
+}

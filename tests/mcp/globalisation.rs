@@ -91,3 +91,17 @@ fn steps_too_long_on_credit_lead_back_to_the_best_point() {
         assert!(x[0].abs() < 1e-9);
     }
 }
+
+/// ln(x/(w − x)) from x = 0, where it is not finite: the way into a domain of any width w is found, and x = w/2.
+#[test]
+fn domains_of_any_width_are_entered() {
+    for w in [1e-5, 1e-4, 1e-2, 1.0, 100.0] {
+        let function = scalar(move |x| (x / (w - x)).ln(), move |x| x.recip() + (w - x).recip());
+        let problem = Mcp::new(function, vec![0.0], vec![INF]).unwrap();
+        let mut x = [0.0];
+        let mut solver = McpSolver::default();
+        let report = solver.solve(&problem, &mut x).unwrap();
+        assert!(report.is_solved(), "{w:e}: {}", report.status);
+        assert!((x[0] - 0.5 * w).abs() <= 1e-9 * w, "{w:e}: {x:?}");
+    }
+}

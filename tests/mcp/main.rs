@@ -15,5 +15,6 @@ mod linear;
 mod outcomes;
 mod parametric;
 mod properties;
+mod regularity;
 mod strategies;
 mod support;

@@ -8,7 +8,7 @@ use semismooth::complementarity::{
 use semismooth::sparse::{Matrix, Pattern};
 
 use crate::random::Random;
-use crate::support::{INF, matrix, scalar, solve};
+use crate::support::{INF, matrix, residual, scalar, solve};
 
 fn parabola() -> Mcp<impl semismooth::complementarity::McpFunction> {
     Mcp::equations(scalar(|x| x * x + 1.0, |x| 2.0 * x)).unwrap()
@@ -377,6 +377,48 @@ fn what_underflows_at_infinity_is_no_solution() {
         for start in starts.into_iter().filter(|s| f(*s) > 0.0) {
             let (x, report) = solve(&problem, &[start]);
             assert!(!report.is_solved(), "{k} from {start}: {x:?}");
+        }
+    }
+}
+
+/// Iterates may leave the box on their way; what is returned in the end does not, whatever ended the run.
+#[test]
+fn a_run_cut_short_returns_a_point_of_the_box() {
+    let mut rng = Random::new(11);
+    for k in 0..40 {
+        let n = 1 + k % 4;
+        let b = rng.square(n);
+        let rows: Vec<Vec<f64>> = (0..n)
+            .map(|i| (0..n).map(|j| b[i][j] + if i == j { 1.5 } else { 0.0 }).collect())
+            .collect();
+        let q: Vec<f64> = (0..n).map(|_| 2.0 * rng.symmetric()).collect();
+        let cubes = WithJacobian::new(
+            n,
+            |x: &[f64], out: &mut [f64]| {
+                for i in 0..n {
+                    let row: f64 = rows[i].iter().zip(x).map(|(a, x)| a * x).sum();
+                    out[i] = row + x[i].powi(3) + q[i];
+                }
+            },
+            |x: &[f64], jac: &mut Matrix| {
+                for i in 0..n {
+                    (0..n).for_each(|j| jac.add(i, j, rows[i][j]));
+                    jac.add(i, i, 3.0 * x[i] * x[i]);
+                }
+            },
+        );
+        let problem = Mcp::new(cubes, vec![0.0; n], vec![0.5 + (k % 3) as f64; n]).unwrap();
+        for limit in 1..8 {
+            for strategy in [McpStrategy::Newton, McpStrategy::Smoothing, McpStrategy::Restart] {
+                let options = McpOptions::default()
+                    .with_max_iterations(limit)
+                    .with_strategies(vec![strategy]);
+                let mut x = vec![0.4; n];
+                let mut solver = McpSolver::new(options);
+                let report = solver.solve(&problem, &mut x).unwrap();
+                assert_eq!(report.feasibility, 0.0, "{k} {limit} {strategy:?}: {x:?}");
+                assert!((report.residual - residual(&problem, &x)).abs() <= 1e-15);
+            }
         }
     }
 }

@@ -7,9 +7,7 @@ use semismooth::contact::{
     PlanarCoulomb,
 };
 use semismooth::enumeration::{Completeness, Doubt, EnumerationOptions, SolutionSet, all_solutions};
-use semismooth::piecewise::{
-    Exact, ExactConditions, ExactForm, ExactPiece, ExactPieces, ExactSite, MinMap, PiecewiseSmooth, Selection,
-};
+use semismooth::piecewise::{MinMap, PiecewiseSmooth, Selection};
 use semismooth::sparse::Matrix;
 use serde_json::Value;
 
@@ -24,12 +22,12 @@ mod random;
 mod support;
 
 mod arms;
+mod continua;
 mod points;
+mod statements;
 #[cfg(feature = "autodiff")]
 mod traced;
 mod unstated;
-
-use maps::two_pieces;
 
 fn list(map: &dyn PiecewiseSmooth, alpha: f64) -> SolutionSet {
     all_solutions(map, alpha, &EnumerationOptions::default()).unwrap()
@@ -345,72 +343,6 @@ fn limits_leave_lists_undecided() {
     assert!(set.completeness.has_gaps() && set.index_sum.is_none());
 }
 
-/// 3 · 0.1 x − 0.3 where x ≤ 1, x − 1 where x ≥ 1: with 3 · 0.1 not rounded the pieces miss each other by 2.8e-17 at x = 1.
-struct Torn {
-    shift: f64,
-}
-
-impl PiecewiseSmooth for Torn {
-    two_pieces!(self, [negative, positive], 1, 1, 1);
-    fn test_functions(&self, x: &[f64], out: &mut [f64]) {
-        out[0] = x[0] - 1.0;
-    }
-    fn residual(&self, s: &Selection, x: &[f64], out: &mut [f64]) {
-        out[0] = [3.0 * 0.1 * x[0] - 0.3, x[0] - 1.0][s.piece(0)] - self.shift;
-    }
-    fn jacobian(&self, s: &Selection, _x: &[f64], jac: &mut Matrix) {
-        jac.add(0, 0, [3.0 * 0.1, 1.0][s.piece(0)]);
-    }
-    fn exact(&self) -> Option<&dyn ExactPieces> {
-        Some(self)
-    }
-}
-
-impl ExactPieces for Torn {
-    fn conditions(&self, _alpha: f64) -> Option<ExactConditions> {
-        let exact = |v: f64| Exact::new(v);
-        let (one, shift) = (exact(1.0)?, exact(self.shift)?);
-        let facet = ExactForm::unknown(1, 0, -&one);
-        let mut left = ExactForm::zero(1);
-        left.coefficients[0] = &exact(3.0)? * &exact(0.1)?;
-        left.constant = -&(&exact(0.3)? + &shift);
-        let mut right = facet.clone();
-        right.constant = -&(&one + &shift);
-        let piece = |piece: usize, form: usize, sign: i8| ExactPiece {
-            piece,
-            equalities: vec![(0, form)],
-            facets: vec![(0, sign)],
-        };
-        let site = ExactSite {
-            forms: vec![facet, left, right],
-            pieces: vec![piece(0, 1, -1), piece(1, 2, 1)],
-            implied: Vec::new(),
-        };
-        Some(ExactConditions {
-            unknowns: 1,
-            sites: vec![site],
-            ..ExactConditions::default()
-        })
-    }
-}
-
-#[test]
-fn pieces_that_disagree_leave_points_near_their_facet_undecided() {
-    let far = list(&Torn { shift: 0.5 }, 0.0);
-    assert_eq!(
-        (far.completeness, far.solutions.len()),
-        (Completeness::Complete, 1)
-    );
-    let near = list(&Torn { shift: 0.0 }, 0.0);
-    assert_eq!(
-        near.completeness,
-        Completeness::Undecided {
-            selections: 1,
-            doubt: Doubt::Discontinuous
-        }
-    );
-}
-
 /// A P matrix with the solution inside of the box. Found by random tests: the point given was 0.
 #[test]
 fn a_solution_inside_of_the_box() {
@@ -523,73 +455,6 @@ fn signs_may_leave_one_point_of_a_plane() {
         "{set:?}"
     );
     assert_eq!(set.solutions[0].x, [0.0; 3]);
-}
-
-/// |x_k| = 1 for k = 1, …, n, nothing said of bounds: all is searched in exact arithmetic.
-struct Signs(usize);
-
-impl PiecewiseSmooth for Signs {
-    two_pieces!(self, [positive, negative], self.0, self.0, self.0);
-    fn test_functions(&self, x: &[f64], out: &mut [f64]) {
-        out.copy_from_slice(x);
-    }
-    fn residual(&self, s: &Selection, x: &[f64], out: &mut [f64]) {
-        for (k, x) in x.iter().enumerate() {
-            out[k] = [1.0, -1.0][s.piece(k)] * x - 1.0;
-        }
-    }
-    fn jacobian(&self, s: &Selection, _x: &[f64], jac: &mut Matrix) {
-        for k in 0..self.0 {
-            jac.add(k, k, [1.0, -1.0][s.piece(k)]);
-        }
-    }
-    fn exact(&self) -> Option<&dyn ExactPieces> {
-        Some(self)
-    }
-}
-
-impl ExactPieces for Signs {
-    fn conditions(&self, _alpha: f64) -> Option<ExactConditions> {
-        let (n, one) = (self.0, Exact::one());
-        let site = |k: usize| {
-            let facet = ExactForm::unknown(n, k, Exact::default());
-            let right = ExactForm::unknown(n, k, -&one);
-            let left = ExactForm::zero(n).plus(&-&one, &ExactForm::unknown(n, k, one.clone()));
-            let piece = |piece: usize, form: usize, sign: i8| ExactPiece {
-                piece,
-                equalities: vec![(k, form)],
-                facets: vec![(0, sign)],
-            };
-            ExactSite {
-                forms: vec![facet, right, left],
-                pieces: vec![piece(0, 1, 1), piece(1, 2, -1)],
-                implied: Vec::new(),
-            }
-        };
-        Some(ExactConditions {
-            unknowns: n,
-            sites: (0..n).map(site).collect(),
-            ..ExactConditions::default()
-        })
-    }
-}
-
-/// Where the search in exact arithmetic has to stop, nothing is claimed either.
-#[test]
-fn an_exact_search_that_stops_proves_nothing() {
-    let map = Signs(6);
-    let whole = list(&map, 0.0);
-    assert_eq!(
-        (whole.completeness, whole.solutions.len(), whole.index_sum),
-        (Completeness::Complete, 64, Some(0))
-    );
-    let options = EnumerationOptions::default().with_max_nodes(whole.nodes);
-    let set = all_solutions(&map, 0.0, &options).unwrap();
-    assert!(
-        matches!(set.completeness, Completeness::Undecided { selections, doubt: Doubt::Limit } if selections > 0),
-        "{:?}",
-        set.completeness
-    );
 }
 
 /// The second node has no friction and no tangential load: it is open under the least tension, whatever the first one carries.

@@ -72,3 +72,23 @@ fn margins_are_distances_to_the_nearest_kink() {
         }
     }
 }
+
+/// z₁ = 1/3 and z₂ = b − z₁, where b is 2⁻ᵏ above the number next to 1/3: all digits but the last few of z₂ cancel, and are those of the
+/// exact difference all the same.
+#[test]
+fn small_components_have_digits_of_their_own() {
+    let third: f64 = 1.0 / 3.0;
+    for k in [30, 40, 44] {
+        let b = third + f64::powi(2.0, -k);
+        let m = Matrix::from_rows(&[[3.0, 0.0], [1.0, 1.0]]).unwrap();
+        let found = list(Lcp::new(m, vec![-1.0, -b]).unwrap().mcp(), 0.0);
+        assert!(found.completeness.is_complete());
+        // 1/3 is 2⁻⁵⁴/3 above the number next to it.
+        let exact = f64::powi(2.0, -k) - f64::powi(2.0, -54) / 3.0;
+        let [solution] = found.solutions.as_slice() else {
+            panic!("{found:?}");
+        };
+        let error = (solution.x[1] - exact).abs() / exact;
+        assert!(error <= 1e-8, "{k}: {error:e}");
+    }
+}

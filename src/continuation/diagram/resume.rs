@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use super::explore::{Explorer, Observer, Progress};
 use super::natural::{natural_observer, scaled_options, scaled_starts};
-use super::{Completeness, Diagram, DiagramOptions, DiagramVertex, EdgeEnd, Limit, VertexArm, VertexKind};
+use super::{Completeness, Diagram, DiagramOptions, DiagramVertex, EdgeEnd, Limit, VertexKind};
 use crate::continuation::start::slices;
 use crate::continuation::{ContinuationError, Termination};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Scaled, check_selection, check_vector};
@@ -98,9 +98,7 @@ impl Diagram {
         let mut again = self.reopen();
         let mut pending = Vec::new();
         for (vertex, v) in self.vertices.iter().enumerate() {
-            let open = |a: &VertexArm| a.edge.is_none() && !a.outside;
-            let arms = (0..v.arms.len()).filter(|&k| open(&v.arms[k]));
-            pending.extend(arms.map(|arm| EdgeEnd { vertex, arm }));
+            pending.extend((0..v.arms.len()).map(|arm| EdgeEnd { vertex, arm }));
         }
         // Curves meet each other at events only; those that have none in their middle come first.
         pending.sort_by_key(|end| self.vertices[end.vertex].kind != VertexKind::Start);

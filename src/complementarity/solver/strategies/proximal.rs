@@ -154,7 +154,7 @@ impl Engine<'_> {
             })
             .collect();
         let norm = max_abs(&v);
-        if norm <= CERTIFICATE.displacement * (1.0 + max_abs(&self.work.here.x)) || norm.is_nan() {
+        if norm <= CERTIFICATE.displacement * (1.0 + max_abs(&self.work.here.x)) {
             return false;
         }
         for v in &mut v {
