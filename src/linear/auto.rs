@@ -97,8 +97,8 @@ impl LinearSolver for AutoSolver {
         self.inner_mut().solve_transpose_in_place(b)
     }
 
-    fn rcond(&self) -> Option<f64> {
-        self.inner().rcond()
+    fn rcond(&mut self) -> Option<f64> {
+        self.inner_mut().rcond()
     }
 
     fn log_det(&self) -> Option<(i8, f64)> {

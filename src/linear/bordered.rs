@@ -400,6 +400,11 @@ impl<L: LinearSolver> Bordered<L> {
     pub fn solver(&self) -> &L {
         &self.solver
     }
+
+    /// Reciprocal condition number of M_k, as the solver [estimates](LinearSolver::rcond) it.
+    pub fn rcond(&mut self) -> Option<f64> {
+        self.solver.rcond()
+    }
 }
 
 /// Whether another frozen coordinate may do better.

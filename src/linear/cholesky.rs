@@ -517,7 +517,7 @@ impl LinearSolver for Cholesky {
         self.solve(b)
     }
 
-    fn rcond(&self) -> Option<f64> {
+    fn rcond(&mut self) -> Option<f64> {
         self.rcond
     }
 

@@ -54,6 +54,8 @@ pub struct DenseLu {
     sign: Vec<f64>,
     scratch: Vec<MaybeUninit<u8>>,
     rcond: Option<f64>,
+    /// The entries of the matrix, where its condition number is still to be compared with that of the balanced one; else empty.
+    to_balance: Vec<f64>,
 }
 
 impl DenseLu {
@@ -160,15 +162,9 @@ impl DenseLu {
             &mut self.work,
             &mut self.sign,
         );
-        let mut rcond = judge(norm, inverse_norm)?;
+        let rcond = judge(norm, inverse_norm)?;
         if rcond < SMALL && !balanced {
-            rcond = rcond.max(self.balance.balanced_rcond(
-                &self.scaling,
-                (self.pattern.col_ptr(), self.pattern.row_idx(), values),
-                |x, transpose| factors.solve(x, transpose, &mut self.scratch),
-                &mut self.work,
-                &mut self.sign,
-            ));
+            self.to_balance.extend_from_slice(values);
         }
         self.rcond = Some(rcond);
         Ok(())
@@ -385,6 +381,7 @@ impl LinearSolver for DenseLu {
             return Ok(());
         }
         self.rcond = None;
+        self.to_balance = Vec::new();
         let n = pattern.ncols;
         self.scaling.resize(n);
         self.balance.resize(n);
@@ -411,6 +408,7 @@ impl LinearSolver for DenseLu {
 
     fn factor(&mut self, a: MatrixRef<'_>) -> Result<(), LinearError> {
         self.rcond = None;
+        self.to_balance.clear();
         self.pattern.check(&a)?;
         match self.attempt(a.values, false) {
             Err(LinearError::Singular { rcond }) if self.scaling.is_regular() => {
@@ -430,7 +428,24 @@ impl LinearSolver for DenseLu {
         self.solve(b, true)
     }
 
-    fn rcond(&self) -> Option<f64> {
+    fn rcond(&mut self) -> Option<f64> {
+        if !self.to_balance.is_empty() {
+            let factors = Factors {
+                n: self.pattern.n(),
+                lu: &self.lu,
+                perm: &self.perm,
+                perm_inv: &self.perm_inv,
+            };
+            let balanced = self.balance.balanced_rcond(
+                &self.scaling,
+                (self.pattern.col_ptr(), self.pattern.row_idx(), &self.to_balance),
+                |x, transpose| factors.solve(x, transpose, &mut self.scratch),
+                &mut self.work,
+                &mut self.sign,
+            );
+            self.rcond = self.rcond.map(|rcond| rcond.max(balanced));
+            self.to_balance.clear();
+        }
         self.rcond
     }
 

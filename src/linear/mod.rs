@@ -131,8 +131,9 @@ pub trait LinearSolver {
     /// As [`solve_in_place`](Self::solve_in_place).
     fn solve_transpose_in_place(&mut self, b: &mut [f64]) -> Result<(), LinearError>;
 
-    /// An estimate of the reciprocal condition number in the 1-norm, in [0, 1], of the last factored matrix.
-    fn rcond(&self) -> Option<f64> {
+    /// An estimate of the reciprocal condition number in the 1-norm, in [0, 1], of the last factored matrix. It may be made only when it is
+    /// asked for, and then costs a few solves.
+    fn rcond(&mut self) -> Option<f64> {
         None
     }
 
@@ -155,7 +156,7 @@ impl<S: LinearSolver + ?Sized> LinearSolver for Box<S> {
     fn solve_transpose_in_place(&mut self, b: &mut [f64]) -> Result<(), LinearError> {
         (**self).solve_transpose_in_place(b)
     }
-    fn rcond(&self) -> Option<f64> {
+    fn rcond(&mut self) -> Option<f64> {
         (**self).rcond()
     }
     fn log_det(&self) -> Option<(i8, f64)> {

@@ -47,6 +47,8 @@ pub struct SparseLu {
     engine: Option<Engine>,
     work: Vec<f64>,
     rcond: Option<f64>,
+    /// The entries of the matrix, where its condition number is still to be compared with that of the balanced one; else empty.
+    to_balance: Vec<f64>,
 }
 
 /// Factors and scratch, apart from the matrix.
@@ -124,15 +126,9 @@ impl SparseLu {
         let (x, rest) = self.work.split_at_mut(n);
         let solve = |x: &mut [f64], transpose: bool| engine.solve(x, transpose);
         let inverse_norm = norm_1_estimate(solve, x, &mut rest[..n]);
-        let mut rcond = judge(self.norm_1, inverse_norm)?;
+        let rcond = judge(self.norm_1, inverse_norm)?;
         if rcond < SMALL && !balanced {
-            rcond = rcond.max(self.balance.balanced_rcond(
-                &self.scaling,
-                (col_ptr, row_idx, values),
-                |x, transpose| engine.solve(x, transpose),
-                x,
-                &mut rest[..n],
-            ));
+            self.to_balance.extend_from_slice(values);
         }
         self.rcond = Some(rcond);
         Ok(())
@@ -345,6 +341,7 @@ impl LinearSolver for SparseLu {
             return Ok(());
         }
         self.rcond = None;
+        self.to_balance = Vec::new();
         self.engine = None;
         let n = pattern.ncols;
         self.scaling.resize(n);
@@ -366,6 +363,7 @@ impl LinearSolver for SparseLu {
 
     fn factor(&mut self, a: MatrixRef<'_>) -> Result<(), LinearError> {
         self.rcond = None;
+        self.to_balance.clear();
         self.pattern.check(&a)?;
         match self.attempt(a.values, false) {
             Err(LinearError::Singular { rcond }) if self.scaling.is_regular() => {
@@ -385,7 +383,22 @@ impl LinearSolver for SparseLu {
         self.solve(b, true)
     }
 
-    fn rcond(&self) -> Option<f64> {
+    fn rcond(&mut self) -> Option<f64> {
+        if let Some(engine) = &mut self.engine
+            && !self.to_balance.is_empty()
+        {
+            let n = self.pattern.n();
+            let (x, rest) = self.work.split_at_mut(n);
+            let balanced = self.balance.balanced_rcond(
+                &self.scaling,
+                (self.pattern.col_ptr(), self.pattern.row_idx(), &self.to_balance),
+                |x, transpose| engine.solve(x, transpose),
+                x,
+                &mut rest[..n],
+            );
+            self.rcond = self.rcond.map(|rcond| rcond.max(balanced));
+            self.to_balance.clear();
+        }
         self.rcond
     }
 

@@ -1,3 +1,4 @@
+use super::convergence::row_sizes;
 use crate::linear::{Bordered, DENSE_LIMIT, LinearSolver, RowInverse};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, check_length, check_selection};
 use crate::sparse::{Matrix, dot, norm};
@@ -17,6 +18,10 @@ pub struct MoorePenrose<L> {
     factored: Option<Selection>,
     /// The selection whose Jacobian, at some point, has been factored last.
     last: Option<Selection>,
+    /// The length of the steps that rounding errors of H make with these factors.
+    rounding: f64,
+    /// Rounding errors of H.
+    errors: Vec<f64>,
     /// For affine pieces, the inverse of the bordered Jacobian of a selection, and whether it is the one at hand.
     pub(super) inverse: Option<(Selection, RowInverse)>,
     pub(super) inverse_at_hand: bool,
@@ -30,6 +35,8 @@ const MAX_INVERSE: usize = 1000;
 
 /// Chord steps go on while each is at most this share of the one before.
 const CONTRACTION: f64 = 0.1;
+/// Steps up to this size, relative to 1 + ‖x‖, may be rounding errors of an ill-conditioned Jacobian.
+const STALLED: f64 = 1e-9;
 
 /// How a correction ended.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -76,6 +83,8 @@ impl<L: LinearSolver> MoorePenrose<L> {
             iterations: 0,
             factored: None,
             last: None,
+            rounding: 0.0,
+            errors: vec![0.0; n],
             inverse: None,
             inverse_at_hand: false,
             updates: 0,
@@ -165,8 +174,8 @@ impl<L: LinearSolver> MoorePenrose<L> {
     }
 
     /// Reciprocal condition estimate of the last factorisation.
-    pub(crate) fn rcond(&self) -> Option<f64> {
-        self.bordered.solver().rcond()
+    pub(crate) fn rcond(&mut self) -> Option<f64> {
+        self.bordered.rcond()
     }
 
     /// Number of updates by which factorisations were saved.
@@ -428,6 +437,17 @@ impl<L: LinearSolver> MoorePenrose<L> {
         self.correct_in_plane_on(&map, selection, plane, x, None)
     }
 
+    /// The length of the step in the plane normal to `normal` that H at x makes with the factors at hand where it is rounding errors alone:
+    /// ε times the terms of each row, with alternating signs.
+    fn rounding_step(&mut self, x: &[f64], normal: &[f64]) -> Result<f64, PiecewiseError> {
+        row_sizes(self.jac.as_ref(), x, &mut self.errors);
+        for (i, e) in self.errors.iter_mut().enumerate() {
+            *e *= if i % 2 == 0 { f64::EPSILON } else { -f64::EPSILON };
+        }
+        self.bordered.solve(&self.errors, normal, 0.0, &mut self.dx)?;
+        Ok(norm(&self.dx))
+    }
+
     fn correct_in_plane_on(
         &mut self,
         map: &dyn PiecewiseSmooth,
@@ -465,6 +485,10 @@ impl<L: LinearSolver> MoorePenrose<L> {
                 self.assemble(map, selection, x)?;
                 self.bordered.factor(&self.jac, Some(normal))?;
                 self.last = Some(selection.clone());
+                self.rounding = match t {
+                    None => self.rounding_step(x, normal)?,
+                    Some(_) => 0.0,
+                };
             }
             self.bordered.solve(&self.r, normal, offset, &mut self.dx)?;
             if let Some(t) = &mut t {
@@ -476,7 +500,10 @@ impl<L: LinearSolver> MoorePenrose<L> {
             }
             let step = norm(&self.dx);
             let size = norm(x);
-            let noise = 4.0 * f64::EPSILON * size;
+            let mut noise = 4.0 * f64::EPSILON * size;
+            if self.rounding <= STALLED * (1.0 + size) {
+                noise = noise.max(self.rounding);
+            }
             if chord && (step.is_nan() || step > CONTRACTION * outcome.step_norm) && step > noise {
                 // Factors of a point too far away: from the guess again, unless chords have come near.
                 if let Some(guess) = guess.take().filter(|_| outcome.iterations < 2) {
@@ -501,7 +528,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
             let stalled = step >= 0.5 * outcome.step_norm;
             outcome.step_norm = step;
             let piecewise_exact = map.is_piecewise_affine() && outcome.iterations >= 2;
-            if step <= noise || piecewise_exact || (stalled && step <= 1e-9 * (1.0 + size)) {
+            if step <= noise || piecewise_exact || (stalled && step <= STALLED * (1.0 + size)) {
                 outcome.converged = true;
                 return Ok(outcome);
             }

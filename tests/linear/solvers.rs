@@ -123,7 +123,7 @@ fn condition_numbers_do_not_depend_on_units() {
     let rcond = |name: &str, a: &Matrix| {
         let solver = general_solvers().into_iter().find(|s| s.0 == name).unwrap().1;
         match factored(solver, a) {
-            Ok(solver) => solver.rcond().unwrap(),
+            Ok(mut solver) => solver.rcond().unwrap(),
             Err(LinearError::Singular { rcond }) => rcond,
             Err(e) => panic!("{name}: {e}"),
         }

@@ -55,7 +55,6 @@ impl Curve<'_> {
             self.termination = stop;
             return Ok(());
         };
-        self.h = self.h.max(self.options.step).min(self.options.max_step);
         let mut left = self.adopt(&arms.list[k], &vanishing);
         if left.is_ok() && !simple {
             left = self.doubt_orientation();

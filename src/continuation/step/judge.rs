@@ -92,7 +92,7 @@ impl Curve<'_> {
     }
 
     /// Angle below which tangents cannot be told apart. Those of arms at singular points come from differences.
-    fn tangent_noise(&self) -> f64 {
+    fn tangent_noise(&mut self) -> f64 {
         let known = if self.here.decline.is_some() { 1e-9 } else { 1e-5 };
         let rcond = self.corrector.rcond().unwrap_or(1.0);
         known + 100.0 * f64::EPSILON / rcond.max(f64::EPSILON)
@@ -100,14 +100,14 @@ impl Curve<'_> {
 
     /// Whether the step may have gone over to another curve: it turns much more than the last one, its chord is not that of an arc, or the
     /// corrector converged slowly.
-    pub(super) fn is_doubtful(&self, shape: &Shape, h: f64, corrections: usize) -> bool {
+    pub(super) fn is_doubtful(&mut self, shape: &Shape, h: f64, corrections: usize) -> bool {
         const MORE: f64 = 2.0;
         const SKEW: f64 = 0.1;
         const SLOW: usize = 5;
-        let noise = self.tangent_noise();
-        shape.turn > (MORE * self.curvature * h).max(noise)
-            || shape.deviation > (SKEW * shape.turn.max(self.curvature * h)).max(noise)
-            || corrections > SLOW
+        let bend = self.curvature * h;
+        let above = |angle: f64, limit: f64| if angle > limit { angle } else { 0.0 };
+        let angle = above(shape.turn, MORE * bend).max(above(shape.deviation, SKEW * shape.turn.max(bend)));
+        corrections > SLOW || (angle > 0.0 && angle > self.tangent_noise())
     }
 
     /// Makes the tangents at both ends, which are those of the iterates before, anew and gives their distance. That at a singular point,
