@@ -18,10 +18,10 @@ pub struct MoorePenrose<L> {
     factored: Option<Selection>,
     /// The selection whose Jacobian, at some point, has been factored last.
     last: Option<Selection>,
-    /// The length of the steps that rounding errors of H make with these factors.
-    rounding: f64,
-    /// Rounding errors of H.
-    errors: Vec<f64>,
+    /// The length of the steps that rounding errors of H make with these factors, once it was asked for.
+    rounding: Option<f64>,
+    /// Rounding errors of H, and the step that they make.
+    errors: (Vec<f64>, Vec<f64>),
     /// For affine pieces, the inverse of the bordered Jacobian of a selection, and whether it is the one at hand.
     pub(super) inverse: Option<(Selection, RowInverse)>,
     pub(super) inverse_at_hand: bool,
@@ -35,8 +35,12 @@ const MAX_INVERSE: usize = 1000;
 
 /// Chord steps go on while each is at most this share of the one before.
 const CONTRACTION: f64 = 0.1;
-/// Steps up to this size, relative to 1 + ‖x‖, may be rounding errors of an ill-conditioned Jacobian.
+/// Steps up to this size, relative to 1 + ‖x‖, end a correction where they no longer shrink …
 const STALLED: f64 = 1e-9;
+/// … and up to this one where rounding errors of H explain them: with a Jacobian that is nearly singular x has no more digits.
+const ILL_CONDITIONED: f64 = 1e-6;
+/// Steps up to this many times what rounding errors were estimated to make are rounding errors.
+const AT_ROUNDING: f64 = 2.0;
 
 /// How a correction ended.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -83,8 +87,8 @@ impl<L: LinearSolver> MoorePenrose<L> {
             iterations: 0,
             factored: None,
             last: None,
-            rounding: 0.0,
-            errors: vec![0.0; n],
+            rounding: None,
+            errors: (vec![0.0; n], vec![0.0; m]),
             inverse: None,
             inverse_at_hand: false,
             updates: 0,
@@ -380,6 +384,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
         while outcome.iterations < max_iterations {
             self.assemble(map, selection, x)?;
             self.bordered.factor(&self.jac, Some(t))?;
+            self.rounding = None;
             self.bordered.solve(&self.r, t, 0.0, &mut self.dx)?;
             for (x, d) in x.iter_mut().zip(&self.dx) {
                 *x -= d;
@@ -398,7 +403,9 @@ impl<L: LinearSolver> MoorePenrose<L> {
             if !(outcome.residual_norm.is_finite() && outcome.step_norm.is_finite()) {
                 return Ok(outcome);
             }
-            if measure(&self.r) < tol_residual && outcome.step_norm < tol_step {
+            if measure(&self.r) < tol_residual
+                && (outcome.step_norm < tol_step || self.is_rounding(outcome.step_norm, x, t)?)
+            {
                 outcome.converged = true;
                 return Ok(outcome);
             }
@@ -437,15 +444,26 @@ impl<L: LinearSolver> MoorePenrose<L> {
         self.correct_in_plane_on(&map, selection, plane, x, None)
     }
 
-    /// The length of the step in the plane normal to `normal` that H at x makes with the factors at hand where it is rounding errors alone:
-    /// ε times the terms of each row, with alternating signs.
-    fn rounding_step(&mut self, x: &[f64], normal: &[f64]) -> Result<f64, PiecewiseError> {
-        row_sizes(self.jac.as_ref(), x, &mut self.errors);
-        for (i, e) in self.errors.iter_mut().enumerate() {
-            *e *= if i % 2 == 0 { f64::EPSILON } else { -f64::EPSILON };
+    /// Whether a step from x in the plane normal to `normal` is not longer than what rounding errors of H make with the factors at hand: ε
+    /// times the terms of each row, with alternating signs.
+    fn is_rounding(&mut self, step: f64, x: &[f64], normal: &[f64]) -> Result<bool, PiecewiseError> {
+        if step.is_nan() || step > ILL_CONDITIONED * (1.0 + norm(x)) {
+            return Ok(false);
         }
-        self.bordered.solve(&self.errors, normal, 0.0, &mut self.dx)?;
-        Ok(norm(&self.dx))
+        let rounding = match self.rounding {
+            Some(known) => known,
+            None => {
+                let (rows, made) = &mut self.errors;
+                row_sizes(self.jac.as_ref(), x, rows);
+                for (i, e) in rows.iter_mut().enumerate() {
+                    *e *= if i % 2 == 0 { f64::EPSILON } else { -f64::EPSILON };
+                }
+                self.bordered.solve(rows, normal, 0.0, made)?;
+                norm(made)
+            }
+        };
+        self.rounding = Some(rounding);
+        Ok(step <= AT_ROUNDING * rounding)
     }
 
     fn correct_in_plane_on(
@@ -485,10 +503,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
                 self.assemble(map, selection, x)?;
                 self.bordered.factor(&self.jac, Some(normal))?;
                 self.last = Some(selection.clone());
-                self.rounding = match t {
-                    None => self.rounding_step(x, normal)?,
-                    Some(_) => 0.0,
-                };
+                self.rounding = None;
             }
             self.bordered.solve(&self.r, normal, offset, &mut self.dx)?;
             if let Some(t) = &mut t {
@@ -500,11 +515,11 @@ impl<L: LinearSolver> MoorePenrose<L> {
             }
             let step = norm(&self.dx);
             let size = norm(x);
-            let mut noise = 4.0 * f64::EPSILON * size;
-            if self.rounding <= STALLED * (1.0 + size) {
-                noise = noise.max(self.rounding);
-            }
-            if chord && (step.is_nan() || step > CONTRACTION * outcome.step_norm) && step > noise {
+            let noise = 4.0 * f64::EPSILON * size;
+            let slow = step.is_nan() || step > CONTRACTION * outcome.step_norm;
+            let small = step <= STALLED * (1.0 + size);
+            let rounding = step <= noise || (small || slow) && self.is_rounding(step, x, normal)?;
+            if chord && slow && !rounding {
                 // Factors of a point too far away: from the guess again, unless chords have come near.
                 if let Some(guess) = guess.take().filter(|_| outcome.iterations < 2) {
                     x.copy_from_slice(&guess);
@@ -520,7 +535,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
                 return Ok(outcome);
             }
             // The last correction is applied while it still improves on its predecessor.
-            if step < 0.5 * outcome.step_norm || step <= noise {
+            if step < 0.5 * outcome.step_norm || rounding {
                 for (x, d) in x.iter_mut().zip(&self.dx) {
                     *x -= d;
                 }
@@ -528,7 +543,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
             let stalled = step >= 0.5 * outcome.step_norm;
             outcome.step_norm = step;
             let piecewise_exact = map.is_piecewise_affine() && outcome.iterations >= 2;
-            if step <= noise || piecewise_exact || (stalled && step <= STALLED * (1.0 + size)) {
+            if rounding || piecewise_exact || (stalled && small) {
                 outcome.converged = true;
                 return Ok(outcome);
             }

@@ -24,6 +24,7 @@ mod diagram_resume;
 mod embedded;
 mod enumeration;
 mod friction_parameter;
+mod ill_conditioned;
 mod kinks;
 mod live_output;
 mod load_paths;
