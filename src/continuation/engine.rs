@@ -12,9 +12,6 @@ use crate::spread::golden;
 /// |α̇| up to which ∇_yH counts as singular in the reported sign of its determinant.
 const SINGULAR: f64 = 1e-7;
 
-/// Largest number of residuals for which singular values tell whether ∇H is singular where a curve begins.
-pub(super) const MAX_DENSE: usize = 120;
-
 /// A place on the curve, with all that is known there.
 #[derive(Debug, Clone, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]

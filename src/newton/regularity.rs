@@ -21,6 +21,38 @@ impl<L: LinearSolver> MoorePenrose<L> {
         solved.is_ok().then_some(self.dx.as_slice())
     }
 
+    /// The least singular value of ∇H^(σ)(x) with its rows divided by `sizes`, from above, by inverse iteration; 0 where ∇H has no factors.
+    pub(crate) fn least_singular_value<P: PiecewiseSmooth + ?Sized>(
+        &mut self,
+        map: &P,
+        selection: &Selection,
+        x: &[f64],
+        sizes: &[f64],
+    ) -> Result<f64, PiecewiseError> {
+        const ITERATIONS: usize = 4;
+        let t = match self.linearize(map, selection, x, None) {
+            Ok(tangent) => tangent.to_vec(),
+            Err(PiecewiseError::Linear(_)) => return Ok(0.0),
+            Err(e) => return Err(e),
+        };
+        let mut v: Vec<f64> = (0..sizes.len()).map(|i| centred(i + 1, false)).collect();
+        let mut least = f64::INFINITY;
+        for _ in 0..ITERATIONS {
+            let length = norm(&v);
+            for ((r, v), size) in self.r.iter_mut().zip(&v).zip(sizes) {
+                *r = size * v / length;
+            }
+            let solved = (self.bordered.solve(&self.r, &t, 0.0, &mut self.dx))
+                .and_then(|()| self.bordered.solve_transpose(&self.dx, &t, &mut v));
+            if solved.is_err() {
+                return Ok(0.0);
+            }
+            least = least.min(norm(&self.dx).recip());
+            v.iter_mut().zip(sizes).for_each(|(v, size)| *v *= size);
+        }
+        Ok(least)
+    }
+
     /// The rate at which the regularity of ∇H falls along the curve, relative to itself: −d ln m/ds of m = 1/‖∇H⁺ S v‖, S the row `sizes`,
     /// from the last factors, those of a point next to x with the tangent t, and one more Jacobian at a distance. Towards a simple
     /// singular point m falls linearly: it lies 1/rate ahead (or behind, where the rate is negative). `v` becomes that of the next step of

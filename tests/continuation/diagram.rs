@@ -4,8 +4,12 @@ use crate::common;
 use std::ops::ControlFlow;
 
 use crate::common::{Case, cases};
-use semismooth::continuation::{Completeness, ContinuationError, Diagram, DiagramOptions, Limit, VertexKind};
-use semismooth::piecewise::{MinMap, PiecewiseSmooth};
+use crate::maps::two_pieces;
+use semismooth::continuation::{
+    Completeness, ContinuationError, ContinuationOptions, Diagram, DiagramOptions, Limit, VertexKind,
+};
+use semismooth::piecewise::{MinMap, PiecewiseSmooth, Selection};
+use semismooth::sparse::Matrix;
 
 const WINDOW: (f64, f64) = (-12.0, 25.0);
 
@@ -232,6 +236,90 @@ fn an_arc_from_bound_to_bound_has_one_diagram() {
                     panic!("{unit:e} {at}: {diagram}");
                 };
                 assert!((one.x[0] - (1.0 - at * at)).abs() < 1e-9);
+            }
+        }
+    }
+}
+
+/// (y − f)(y − g) = 0, f = 0.3 (α − c) + 0.2 max(α − d, 0) and g = −0.7 (α − c): two lines that cross at c, one with a kink at d; y and α in
+/// units.
+struct Crossing {
+    at: f64,
+    kink: f64,
+    units: [f64; 2],
+}
+
+impl Crossing {
+    /// y, f, g and f′ of a piece.
+    fn lines(&self, piece: usize, x: &[f64]) -> [f64; 4] {
+        let (y, a) = (x[0] / self.units[0], x[1] / self.units[1]);
+        let bend = 0.2 * piece as f64;
+        let f = 0.3 * (a - self.at) + bend * (a - self.kink);
+        [y, f, -0.7 * (a - self.at), 0.3 + bend]
+    }
+}
+
+impl PiecewiseSmooth for Crossing {
+    two_pieces!(self, [negative, positive], 2, 1, 1);
+    fn test_functions(&self, x: &[f64], out: &mut [f64]) {
+        out[0] = x[1] / self.units[1] - self.kink;
+    }
+    fn residual(&self, s: &Selection, x: &[f64], out: &mut [f64]) {
+        let [y, f, g, _] = self.lines(s.piece(0), x);
+        out[0] = (y - f) * (y - g);
+    }
+    fn jacobian(&self, s: &Selection, x: &[f64], jac: &mut Matrix) {
+        let [y, f, g, slope] = self.lines(s.piece(0), x);
+        jac.add(0, 0, (2.0 * y - f - g) / self.units[0]);
+        jac.add(0, 1, (0.7 * (y - f) - slope * (y - g)) / self.units[1]);
+    }
+}
+
+/// However short the edges between the crossing, the kink and the bound of α, and whatever the units: each has the one sign of
+/// det ∇_yH = ±(f − g), and none is vertical.
+#[test]
+fn edges_next_to_branch_points_have_the_sign_of_their_determinant() {
+    let places = [
+        (0.5, 0.505),
+        (0.5, 0.4999),
+        (0.99, 0.3),
+        (-0.9999, 0.0),
+        (0.1, 0.7),
+    ];
+    for units in [[1.0, 1.0], [1e9, 1e-9], [1e-9, 1e9]] {
+        for (at, kink) in places {
+            let map = Crossing { at, kink, units };
+            let bend = 0.2 * f64::max(at - kink, 0.0);
+            let alpha = at + bend / if kink < at { -1.2 } else { 1.0 };
+            let y = -0.7 * (alpha - at);
+            let inner = ContinuationOptions::default()
+                .with_typical_sizes(units.to_vec())
+                .with_parameter_range((-units[1], units[1]))
+                .with_min_step(1e-8 * units[1])
+                .with_step(0.05 * units[1])
+                .with_max_step(units[1]);
+            let options = DiagramOptions::default().with_continuation(inner);
+            let start = [-0.7 * (0.02 - at) * units[0], 0.02 * units[1]];
+            let crossing = [y * units[0], alpha * units[1]];
+            for (start, starts) in [(start, 1), (crossing, 0)] {
+                let diagram = Diagram::explore(&map, &[start], &options).unwrap();
+                assert!(diagram.completeness().is_complete());
+                let kinds = diagram.vertices().iter().map(|v| v.kind);
+                let branch_points = kinds.filter(|k| *k == VertexKind::BranchPoint).count();
+                assert_eq!(
+                    (branch_points, diagram.edges().len()),
+                    (1, 6 + starts),
+                    "{at} {kink}"
+                );
+                for edge in diagram.edges() {
+                    let ends = [&edge.points[0].x, &edge.points.last().unwrap().x];
+                    let middle = [0, 1].map(|k| 0.5 * (ends[0][k] + ends[1][k]));
+                    let piece = usize::from(middle[1] > kink * units[1]);
+                    let [y, f, g, _] = map.lines(piece, &middle);
+                    let sign = (2.0 * y - f - g).signum() as i8;
+                    assert_eq!(edge.det_signs(), [sign], "{at} {kink} {units:?}");
+                    assert!(!edge.is_vertical());
+                }
             }
         }
     }

@@ -263,6 +263,74 @@ fn an_isolated_point_has_no_arms() {
     }
 }
 
+/// (y − 1/3)² = (α − 1/7)², written out, times a unit, and n − 1 variables in a chain behind it.
+struct Tail {
+    n: usize,
+    unit: f64,
+}
+
+impl PiecewiseSmooth for Tail {
+    one_piece!(self, self.n + 1, self.n);
+    fn residual(&self, _: &Selection, x: &[f64], out: &mut [f64]) {
+        let (y, a) = (x[0], x[self.n] - 1.0 / 7.0);
+        out[0] = self.unit * (y * y - 2.0 / 3.0 * y + 1.0 / 9.0 - a * a);
+        for i in 1..self.n {
+            out[i] = x[i] - 0.5 * x[i - 1] - 0.1 * x[self.n].powi(2);
+        }
+    }
+    fn jacobian(&self, _: &Selection, x: &[f64], jac: &mut Matrix) {
+        let (y, a) = (x[0], x[self.n] - 1.0 / 7.0);
+        jac.add(0, 0, self.unit * (2.0 * y - 2.0 / 3.0));
+        jac.add(0, self.n, -2.0 * self.unit * a);
+        for i in 1..self.n {
+            jac.add(i, i, 1.0);
+            jac.add(i, i - 1, -0.5);
+            jac.add(i, self.n, -0.2 * x[self.n]);
+        }
+    }
+    fn pattern(&self) -> Pattern {
+        let chain = (1..self.n).flat_map(|i| [(i, i), (i, i - 1), (i, self.n)]);
+        let entries = chain.chain([(0, 0), (0, self.n)]);
+        Pattern::from_entries(self.n, self.n + 1, entries).unwrap()
+    }
+}
+
+/// A start at a branch point, known to a few last bits as numbers are, where the row that vanishes is nothing but rounding: four arms at any size
+/// and in any unit, and curves that leave it as they should.
+#[test]
+fn starts_at_branch_points_of_any_size() {
+    for (n, unit) in [
+        (1, 1.0),
+        (1, 1e-6),
+        (1, 1e9),
+        (2, 1.0),
+        (2, 1e9),
+        (130, 1.0),
+        (650, 1e3),
+    ] {
+        for bits in [0, 1, 3] {
+            let map = Tail { n, unit };
+            let a: f64 = 1.0 / 7.0;
+            let mut x = vec![f64::from_bits((1.0_f64 / 3.0).to_bits() + bits)];
+            (1..n).for_each(|i| x.push(0.5 * x[i - 1] + 0.1 * a * a));
+            x.push(a);
+            let options = within((-0.2, 0.5));
+            let (arms, complete) = arms_at(&map, &x, &options).unwrap();
+            assert_eq!((arms.len(), complete), (4, true), "{n} {unit:e} {bits}");
+            for arm in &arms {
+                assert!((arm.tangent[0].abs() - arm.tangent[n].abs()).abs() < 1e-9);
+            }
+            for direction in [Direction::Increasing, Direction::Decreasing] {
+                let branch = Branch::follow(&map, &x, direction, options.clone()).unwrap();
+                assert_eq!(branch.termination, Termination::ParameterRange, "{n} {unit:e}");
+                assert!(branch.branch_points.is_empty());
+                let end = &branch.points.last().unwrap().x;
+                assert!(((end[0] - 1.0 / 3.0).abs() - (end[n] - a).abs()).abs() < 1e-9);
+            }
+        }
+    }
+}
+
 /// −u″ = λ (u − u³) on (0, 1), u = 0 at the ends, by n differences, times a unit: u = 0 bifurcates at the eigenvalues of the discrete Laplacian.
 struct Buckling {
     n: usize,

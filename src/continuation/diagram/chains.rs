@@ -1,7 +1,7 @@
 //! Edges joined to branches, branches to components.
 
 use super::{Diagram, EdgeEnd};
-use crate::sparse::distance;
+use crate::sparse::{distance, max_abs, norm};
 
 /// Two arms this far from opposite go straight through a vertex.
 const STRAIGHT: f64 = 1e-4;
@@ -95,20 +95,34 @@ impl Diagram {
     /// The arm on which a branch that arrives along `end` goes on.
     fn partner(&self, end: EdgeEnd) -> Option<EdgeEnd> {
         let arms = &self.vertices[end.vertex].arms;
-        let own = &arms[end.arm].arm.tangent;
+        let tangent = |k: usize| self.explored(&arms[k].arm.tangent);
         let others = (0..arms.len()).filter(|&k| k != end.arm);
         let arm = if arms.len() == 2 {
             others.into_iter().next()?
         } else {
-            let back: Vec<f64> = own.iter().map(|t| -t).collect();
-            others
-                .into_iter()
-                .find(|&k| distance(&arms[k].arm.tangent, &back) < STRAIGHT)?
+            let back: Vec<f64> = tangent(end.arm).iter().map(|t| -t).collect();
+            let far = others.map(|k| (distance(&tangent(k), &back), k));
+            far.filter(|f| f.0 < STRAIGHT)
+                .min_by(|a, b| a.0.total_cmp(&b.0))?
+                .1
         };
         arms[arm].edge.map(|_| EdgeEnd {
             vertex: end.vertex,
             arm,
         })
+    }
+}
+
+impl Diagram {
+    /// A direction in the variables of the exploration: in others all arms may seem to be one.
+    fn explored(&self, tangent: &[f64]) -> Vec<f64> {
+        let mut t = tangent.to_vec();
+        t.iter_mut().zip(&self.sizes).for_each(|(t, size)| *t /= size);
+        let largest = max_abs(&t);
+        t.iter_mut().for_each(|t| *t /= largest);
+        let length = norm(&t);
+        t.iter_mut().for_each(|t| *t /= length);
+        t
     }
 }
 

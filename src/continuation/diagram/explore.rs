@@ -5,6 +5,7 @@ use std::ops::ControlFlow;
 
 use super::arc::{Arc, FLAT, kind_of, kind_of_slots, reversed};
 use super::natural::{natural_observer, scaled_options, scaled_starts};
+use super::split::Stretch;
 use super::{Diagram, DiagramEdge, DiagramOptions, DiagramVertex, EdgeEnd, Limit, VertexArm, VertexKind};
 use crate::clock::Clock;
 use crate::continuation::engine::Curve;
@@ -12,6 +13,7 @@ use crate::continuation::start::{slices, solver_for};
 use crate::continuation::{
     Arm, ContinuationError, Event, MonitorCrossing, Point, PointKind, Strategy, Termination,
 };
+use crate::newton::MoorePenrose;
 use crate::piecewise::{PiecewiseSmooth, Scaled};
 use crate::sparse::{distance, norm};
 
@@ -182,10 +184,10 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
             }
             _ => false,
         };
-        let kind = if straight {
-            VertexKind::Start
-        } else {
-            kind_of(&arms.list)
+        let kind = match arms.list.as_slice() {
+            _ if straight => VertexKind::Start,
+            [a, _, _, ..] if curve.is_singular_here(&a.selection)? => VertexKind::BranchPoint,
+            list => kind_of(list),
         };
         let arms_complete = arms.complete;
         let v = self.add_vertex(DiagramVertex {
@@ -425,7 +427,15 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
     /// Stores an arc as an edge; `false` if it arrives along an arm that has one.
     fn close(&mut self, arc: &mut Arc, to: EdgeEnd) -> bool {
         let singular = |v: usize| self.diagram.vertices[v].kind == VertexKind::BranchPoint;
-        arc.settle_signs([singular(arc.from.vertex), singular(to.vertex)]);
+        let ends = [singular(arc.from.vertex), singular(to.vertex)];
+        match arc.points.as_mut_slice() {
+            // Nothing is known between them.
+            [a, b] if ends.contains(&true) => {
+                let sign = sign_between(self.map, a, b);
+                (a.det_sign, b.det_sign) = (sign, sign);
+            }
+            _ => arc.settle_signs(ends),
+        }
         let mut edge = DiagramEdge {
             from: arc.from,
             to,
@@ -513,6 +523,14 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
                 .add(Limit::Curve { vertex, termination }),
         }
     }
+}
+
+/// The sign of det ∇_yH halfway between neighbouring points of a curve; `None` where it is not known.
+fn sign_between(map: &dyn PiecewiseSmooth, a: &Point, b: &Point) -> Option<i8> {
+    let mut corrector = MoorePenrose::new(map, solver_for(map)).ok()?;
+    let (_, t) = Stretch::new(a, b)?.at(map, &mut corrector, 0.5).ok()??;
+    let vertical = t.last().is_some_and(|t| t.abs() <= FLAT);
+    corrector.det_sign().map(|s| if vertical { 0 } else { s })
 }
 
 impl Diagram {

@@ -1,6 +1,7 @@
 use std::fmt;
 
 use crate::continuation::{Arm, ContinuationError, Point, Termination};
+use crate::sparse::norm;
 
 /// The solution set of H(y, α) = 0 connected to given starts, as a graph: vertices where pieces of curve meet or end, edges the
 /// pieces of curve between them.
@@ -208,16 +209,19 @@ impl DiagramEdge {
         self.from.vertex == self.to.vertex
     }
 
-    /// Whether α is constant along it: a continuum of solutions at one α.
+    /// Whether α is constant along it, to rounding: a continuum of solutions at one α.
     #[must_use]
     pub fn is_vertical(&self) -> bool {
         const FLAT: f64 = 1e-7;
-        let first = self.points.first().map_or(f64::NAN, Point::parameter);
-        // Tangents alone are flat wherever unknowns are large.
-        let constant = |p: &Point| (p.parameter() - first).abs() <= 1e-9 * (1.0 + first.abs());
-        self.points
-            .iter()
-            .all(|p| p.tangent.last().is_some_and(|t| t.abs() <= FLAT) && constant(p))
+        const ROUNDING: f64 = 1e-12;
+        // Tangents alone are flat wherever unknowns are large, or α is small; signs of determinants were told in the units of the exploration.
+        let flat = |p: &Point| match p.det_sign {
+            Some(sign) => sign == 0,
+            None => p.tangent.last().is_some_and(|t| t.abs() <= FLAT),
+        };
+        let (lower, upper) = self.interval();
+        let size = self.points.iter().map(|p| norm(&p.x)).fold(0.0, f64::max);
+        self.points.iter().all(flat) && upper - lower <= ROUNDING * size
     }
 
     /// Signs of det ∇_yH^(σ) along the edge, each change once: one sign but where smooth folds are passed. Empty where the linear
@@ -365,7 +369,7 @@ mod tests {
     use crate::piecewise::Selection;
 
     /// From (0, 0) to (y, slope · y).
-    fn edge(y: f64, slope: f64) -> DiagramEdge {
+    fn edge(y: f64, slope: f64, sign: Option<i8>) -> DiagramEdge {
         let point = |share: f64| Point {
             x: vec![share * y, share * slope * y],
             tangent: vec![1.0 / 1f64.hypot(slope), slope / 1f64.hypot(slope)],
@@ -373,7 +377,7 @@ mod tests {
             grazing: Vec::new(),
             arclength: share * y,
             residual_norm: 0.0,
-            det_sign: Some(1),
+            det_sign: sign,
             corrections: 0,
             kind: PointKind::Step,
         };
@@ -385,12 +389,17 @@ mod tests {
         }
     }
 
-    /// Neither is an edge vertical because it is short, nor because its unknowns are large.
+    /// Neither is an edge vertical because it is short, nor because its unknowns are large or α is small.
     #[test]
     fn vertical_is_where_the_parameter_stands_still() {
-        assert!(edge(1.0, 0.0).is_vertical() && edge(1e6, 0.0).is_vertical());
-        assert!(!edge(1e-5, 1e-5).is_vertical());
-        assert!(!edge(1e6, 1e-8).is_vertical());
-        assert!(!edge(1.0, 1.0).is_vertical());
+        for sign in [None, Some(0)] {
+            assert!(edge(1.0, 0.0, sign).is_vertical() && edge(1e6, 0.0, sign).is_vertical());
+            assert!(edge(1e-9, 0.0, sign).is_vertical());
+            assert!(!edge(1e6, 1e-8, sign).is_vertical() && !edge(1.0, 1e-9, sign).is_vertical());
+            assert!(!edge(1e9, 1e-9, sign).is_vertical() && !edge(1e-9, 1e-9, sign).is_vertical());
+        }
+        assert!(!edge(1e-5, 1e-5, None).is_vertical() && !edge(1.0, 1.0, None).is_vertical());
+        // In the units of the exploration α moves.
+        assert!(!edge(1e9, 1e-18, Some(1)).is_vertical());
     }
 }

@@ -120,7 +120,9 @@ impl Diagram {
     fn sections(&self, map: &dyn PiecewiseSmooth, alpha: f64) -> Result<SolutionsAt, ContinuationError> {
         let mut corrector = MoorePenrose::new(map, AutoSolver::default())?;
         self.check(map)?;
-        let near = |a: f64| (a - alpha).abs() <= 1e-10 * (1.0 + alpha.abs());
+        let intervals = self.edges.iter().map(|e| e.interval());
+        let (lower, upper) = intervals.fold((alpha, alpha), |(l, u), (a, b)| (l.min(a), u.max(b)));
+        let near = |a: f64| (a - alpha).abs() <= 1e-10 * (upper - lower).max(alpha.abs());
         let mut found = SolutionsAt::default();
         for (e, edge) in self.edges.iter().enumerate() {
             if edge.is_vertical() {

@@ -123,6 +123,8 @@ pub(in crate::continuation) struct ArmSearch<'a, P: ?Sized, L> {
     /// A selection known to be singular at (or within rounding of) x, where its kernel is a chance mixture.
     pub(in crate::continuation) singular: Option<Selection>,
     pub(in crate::continuation) deadline: Deadline<'static>,
+    /// Whether any selection may be singular at x: at a start nothing is known of them.
+    pub(in crate::continuation) unknown: bool,
     /// Whether a kernel was found by a dense decomposition, which takes far longer than a step.
     pub(in crate::continuation) decomposed: bool,
 }
@@ -216,6 +218,9 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
             }
             return Ok(());
         }
+        if self.unknown && self.is_singular(selection)? {
+            return self.at_singular_point(selection, arms);
+        }
         match self.corrector.linearize(self.map, selection, self.x, hint) {
             Ok(tangent) => {
                 let tangent = tangent.to_vec();
@@ -223,21 +228,61 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
                 Ok(())
             }
             Err(PiecewiseError::Linear(LinearError::Kernel { .. } | LinearError::Singular { .. })) => {
-                match self.branching_directions(selection)? {
-                    Ok(directions) => {
-                        for d in &directions {
-                            self.both_ways(selection, d, arms);
-                        }
-                    }
-                    Err(undecided) => {
-                        arms.complete = false;
-                        arms.undecided = arms.undecided.take().or(undecided);
-                    }
-                }
-                Ok(())
+                self.at_singular_point(selection, arms)
             }
             Err(e) => Err(e),
         }
+    }
+
+    /// The arms of a selection that is singular at x, if its branching equation tells them.
+    fn at_singular_point(&mut self, selection: &Selection, arms: &mut Arms) -> Result<(), PiecewiseError> {
+        match self.branching_directions(selection)? {
+            Ok(directions) => {
+                for d in &directions {
+                    self.both_ways(selection, d, arms);
+                }
+            }
+            Err(undecided) => {
+                arms.complete = false;
+                arms.undecided = arms.undecided.take().or(undecided);
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether ∇H^(σ) is singular within rounding of x.
+    pub(in crate::continuation) fn is_singular(
+        &mut self,
+        selection: &Selection,
+    ) -> Result<bool, PiecewiseError> {
+        let sizes = self.row_sizes(selection)?;
+        let least = (self.corrector).least_singular_value(self.map, selection, self.x, &sizes)?;
+        Ok(least <= RANK)
+    }
+
+    /// The largest entry of each row of ∇H^(σ), or its change over the distance 1 + ‖x‖: at branch points rows may vanish but for rounding.
+    fn row_sizes(&mut self, selection: &Selection) -> Result<Vec<f64>, PiecewiseError> {
+        const NEAR: f64 = 1e-4;
+        let mut jacobian_at = |s: f64| {
+            let moved = self.x.iter().enumerate();
+            let moved: Vec<f64> = moved.map(|(j, x)| x + s * centred(j + 1, false)).collect();
+            self.corrector.assemble(self.map, selection, &moved)?;
+            Ok::<_, PiecewiseError>(self.corrector.jacobian().clone())
+        };
+        let distance = NEAR * (1.0 + norm(self.x));
+        let (ahead, behind, here) = (jacobian_at(distance)?, jacobian_at(-distance)?, jacobian_at(0.0)?);
+        let mut sizes = vec![0.0f64; self.map.num_residuals()];
+        let changes = ahead
+            .values()
+            .iter()
+            .zip(behind.values())
+            .map(|(a, b)| (a - b).abs());
+        for ((i, _, v), change) in here.triplets().zip(changes) {
+            sizes[i] = sizes[i].max(v.abs()).max(change / (2.0 * NEAR));
+        }
+        let rest = sizes.iter_mut().filter(|size| **size == 0.0);
+        rest.for_each(|size| *size = 1.0);
+        Ok(sizes)
     }
 
     fn both_ways(&self, selection: &Selection, tangent: &[f64], arms: &mut Arms) {
@@ -313,29 +358,6 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
         Some(grazing)
     }
 
-    /// Whether ∇H^(σ), assembled last, is nothing but rounding next to its changes over the distance 1 + ‖x‖. So it is at every branch point
-    /// of a curve in the plane, where no other singular value tells what is small.
-    fn is_noise(&self, selection: &Selection) -> bool {
-        let jac = self.corrector.jacobian();
-        if jac.ncols() != 2 {
-            return false;
-        }
-        let unit = 1.0 + norm(self.x);
-        let (mut ahead, mut behind) = (jac.clone(), jac.clone());
-        let mut change = 0.0_f64;
-        for k in 0..2 {
-            for (shifted, s) in [(&mut ahead, 1e-4), (&mut behind, -1e-4)] {
-                let mut y = self.x.to_vec();
-                y[k] += s * unit;
-                shifted.clear();
-                self.map.jacobian(selection, &y, shifted);
-            }
-            let pairs = ahead.values().iter().zip(behind.values());
-            change = pairs.fold(change, |c, (a, b)| c.max((a - b).abs() / 2e-4));
-        }
-        jac.values().iter().all(|v| v.abs() <= RANK * change)
-    }
-
     /// The directions of the curves through a point where ∇H^(σ) has a two-dimensional kernel: with the kernel spanned by
     /// n₁, n₂ and the left kernel by ψ, the roots of Σ ψᵀH''(nᵢ, nⱼ) aᵢ aⱼ = 0 (Keller 1977). `Err` when this does not decide, with the
     /// kernel unless the problem is too large for it.
@@ -343,19 +365,32 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
         &mut self,
         selection: &Selection,
     ) -> Result<Result<Vec<Vec<f64>>, Option<UndecidedKernel>>, PiecewiseError> {
-        self.corrector.assemble(self.map, selection, self.x)?;
-        let jac = self.corrector.jacobian();
         let (right, left, scale) = if self.map.num_residuals() > MAX_BRANCHING {
-            match BranchSystem::new(self.map, selection, self.x, self.x).kernels(self.x)? {
-                Some(k) => (k.right.to_vec(), vec![k.left], max_abs(jac.values())),
+            let away = 0.01 * (1.0 + norm(self.x));
+            let from = self.x.iter().enumerate();
+            let from: Vec<f64> = from.map(|(j, x)| x + away * centred(j + 1, false)).collect();
+            let kernels = BranchSystem::new(self.map, selection, &from, self.x).kernels(self.x)?;
+            self.corrector.assemble(self.map, selection, self.x)?;
+            match kernels {
+                Some(k) => {
+                    let scale = max_abs(self.corrector.jacobian().values());
+                    (k.right.to_vec(), vec![k.left], scale)
+                }
                 None => return Ok(Err(None)),
             }
         } else {
             self.decomposed = true;
-            let rank = if self.is_noise(selection) { 1.0 } else { RANK };
-            let kernel = null_space(jac, rank)?;
-            let scale = kernel.singular_values.first().copied().unwrap_or(0.0);
-            (kernel.right, kernel.left, scale)
+            let sizes = self.row_sizes(selection)?;
+            let mut jac = self.corrector.jacobian().clone();
+            let factors: Vec<f64> = jac.triplets().map(|(i, ..)| sizes[i].recip()).collect();
+            let values = jac.values_mut().iter_mut();
+            values.zip(factors).for_each(|(v, f)| *v *= f);
+            let largest = max_abs(jac.values()).max(f64::MIN_POSITIVE);
+            let mut kernel = null_space(&jac, (RANK / largest).clamp(RANK, 1.0))?;
+            for psi in &mut kernel.left {
+                psi.iter_mut().zip(&sizes).for_each(|(w, size)| *w /= size);
+            }
+            (kernel.right, kernel.left, 1.0)
         };
         let ([n1, n2], [psi]) = (right.as_slice(), left.as_slice()) else {
             return Ok(Err(UndecidedKernel::of(&right)));
@@ -421,7 +456,9 @@ impl<'a> Curve<'a> {
                 site: self.map.site_name(site).into_owned(),
             });
         }
-        Ok(self.search(vanishing).all(&active)?)
+        let mut search = self.search(vanishing);
+        search.unknown = !search.map.is_piecewise_affine();
+        Ok(search.all(&active)?)
     }
 
     pub(in crate::continuation) fn search<'s>(
@@ -436,6 +473,7 @@ impl<'a> Curve<'a> {
             vanishing,
             tests: self.layout.total(),
             singular: None,
+            unknown: false,
             deadline: self.clock.map_or(Deadline::after(None), |clock| {
                 Deadline::of(clock, self.options.max_time)
             }),

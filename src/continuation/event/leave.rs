@@ -1,9 +1,8 @@
 //! How a curve leaves a point along an arm: the selection to freeze, and what is known of it there.
 
-use super::arms::{RANK, TANGENTIAL};
-use crate::continuation::engine::{Curve, MAX_DENSE, State, row_sizes, term_size};
+use super::arms::TANGENTIAL;
+use crate::continuation::engine::{Curve, State, row_sizes, term_size};
 use crate::continuation::{Arm, ContinuationError};
-use crate::linear::null_space;
 use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, Vanishing};
 use crate::sparse::norm;
 
@@ -86,39 +85,14 @@ impl Curve<'_> {
     }
 
     /// Whether ∇H^(σ) is singular at (or within rounding of) `here`, so that the sign of its determinant is chance. Equilibration
-    /// hides this from the condition estimate of the solver; large problems are taken to be regular.
+    /// hides this from the condition estimate of the solver.
     pub(in crate::continuation) fn is_singular_here(
         &mut self,
         selection: &Selection,
     ) -> Result<bool, ContinuationError> {
         // Where the Jacobian is the same everywhere, its factorisation has told already.
-        if self.map.num_residuals() > MAX_DENSE || self.map.is_piecewise_affine() {
-            return Ok(false);
-        }
-        // The Jacobian may vanish altogether here: singular is what is small against a step ahead, too, row by row.
-        let State { x, t, .. } = &self.here;
-        let ahead: Vec<f64> = x.iter().zip(t).map(|(x, t)| x + self.h * t).collect();
-        self.corrector.assemble(&self.map, selection, &ahead)?;
-        let mut sizes = vec![0.0f64; self.map.num_residuals()];
-        for (i, _, v) in self.corrector.jacobian().triplets() {
-            sizes[i] = sizes[i].max(v.abs());
-        }
-        self.corrector.assemble(&self.map, selection, x)?;
-        let mut jac = self.corrector.jacobian().clone();
-        let rows: Vec<f64> = jac.triplets().map(|(i, ..)| sizes[i]).collect();
-        for (v, size) in jac
-            .values_mut()
-            .iter_mut()
-            .zip(rows)
-            .filter(|(_, size)| *size > 0.0)
-        {
-            *v /= size;
-        }
-        let values = null_space(&jac, RANK)
-            .map_err(PiecewiseError::from)?
-            .singular_values;
-        let (first, last) = (values.first().copied(), values.last().copied());
-        Ok(last.unwrap_or(0.0) <= RANK * first.unwrap_or(0.0).max(1.0))
+        let affine = self.map.is_piecewise_affine();
+        Ok(!affine && self.search(&[]).is_singular(selection)?)
     }
 
     /// Forgets the orientation where a curve sets out from a branch point.
