@@ -51,9 +51,6 @@ fn penalised_gradient(a: f64, b: f64, lambda: f64, (da, db): (f64, f64)) -> (f64
     } else {
         phi_gradient(1.0, 0.0)
     };
-    if lambda == 1.0 {
-        return (ga, gb);
-    }
     let (pa, pb) = if a > 0.0 && b > 0.0 { (b, a) } else { (0.0, 0.0) };
     (
         lambda * ga + (1.0 - lambda) * pa,

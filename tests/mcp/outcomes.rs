@@ -409,9 +409,16 @@ fn a_run_cut_short_returns_a_point_of_the_box() {
         );
         let problem = Mcp::new(cubes, vec![0.0; n], vec![0.5 + (k % 3) as f64; n]).unwrap();
         for limit in 1..8 {
-            for strategy in [McpStrategy::Newton, McpStrategy::Smoothing, McpStrategy::Restart] {
+            for (strategy, stay_inside) in [
+                (McpStrategy::Newton, true),
+                (McpStrategy::Newton, false),
+                (McpStrategy::FischerBurmeister, false),
+                (McpStrategy::Smoothing, true),
+                (McpStrategy::Restart, false),
+            ] {
                 let options = McpOptions::default()
                     .with_max_iterations(limit)
+                    .with_stay_inside(stay_inside)
                     .with_strategies(vec![strategy]);
                 let mut x = vec![0.4; n];
                 let mut solver = McpSolver::new(options);

@@ -4,7 +4,7 @@ use std::cell::Cell;
 
 use semismooth::complementarity::{
     BoundState, ComplementarityError, Mcp, McpFunction, McpOptions, McpSolver, McpStatus, McpStep,
-    McpStrategy,
+    McpStrategy, WithJacobian,
 };
 use semismooth::sparse::Matrix;
 
@@ -357,5 +357,98 @@ fn changes_of_pieces_are_counted() {
         assert!(report.is_solved() && x.iter().all(|x| *x == 0.5));
         let counted: usize = report.history.iter().map(|i| i.sites_changed).sum();
         assert_eq!(counted, changes, "from {start}");
+    }
+}
+
+/// q + A x + a nonlinear function of each component, in a box.
+fn random_problem(rng: &mut Random, k: usize) -> Mcp<impl McpFunction + use<>> {
+    let n = 4;
+    let shift = [1.5, 0.0, 0.5, -0.3][k % 4];
+    let a: Vec<Vec<f64>> = (0..n)
+        .map(|i| {
+            (0..n)
+                .map(|j| rng.symmetric() + if i == j { shift } else { 0.0 })
+                .collect()
+        })
+        .collect();
+    let q: Vec<f64> = (0..n).map(|_| 3.0 * rng.symmetric()).collect();
+    let c: Vec<f64> = (0..n).map(|_| rng.symmetric()).collect();
+    let bend = move |c: f64, x: f64| match k / 4 % 3 {
+        0 => (c.abs() * x.powi(3), 3.0 * c.abs() * x * x),
+        1 => (c * (3.0 * x).sin(), 3.0 * c * (3.0 * x).cos()),
+        _ => (5.0 * c * x.atan(), 5.0 * c / (1.0 + x * x)),
+    };
+    let (rows, slopes) = (a.clone(), c.clone());
+    let function = WithJacobian::new(
+        n,
+        move |x: &[f64], out: &mut [f64]| {
+            for i in 0..n {
+                let row: f64 = a[i].iter().zip(x).map(|(a, x)| a * x).sum();
+                out[i] = q[i] + row + bend(c[i], x[i]).0;
+            }
+        },
+        move |x: &[f64], jac: &mut Matrix| {
+            for i in 0..n {
+                (0..n).for_each(|j| jac.add(i, j, rows[i][j]));
+                jac.add(i, i, bend(slopes[i], x[i]).1);
+            }
+        },
+    );
+    let upper = [INF, 5.0][k % 2];
+    Mcp::new(function, vec![0.0; n], vec![upper; n]).unwrap()
+}
+
+/// A path begins at the start with nothing of what has failed before: it ends where it ends alone, to the last bit.
+#[test]
+fn paths_know_nothing_of_what_was_tried_before() {
+    let mut rng = Random::new(5);
+    let mut compared = 0;
+    for k in 0..120 {
+        let problem = random_problem(&mut rng, k);
+        let start: Vec<f64> = (0..4).map(|_| 10.0 * rng.symmetric().abs()).collect();
+        let run = |strategies: &[McpStrategy]| {
+            let mut x = start.clone();
+            let mut solver = only(strategies);
+            let report = solver.solve(&problem, &mut x).unwrap();
+            (report.is_solved(), report.strategy, x)
+        };
+        let alone = run(&[Homotopy]);
+        for first in [FischerBurmeister, Smoothing, JosephyNewton] {
+            let after = run(&[first, Homotopy]);
+            if alone.0 && after.1 == Homotopy {
+                assert_eq!(after, alone, "{k}: {first:?}");
+                compared += 1;
+            }
+        }
+    }
+    assert!(compared > 20, "{compared}");
+}
+
+/// Linearised problems whose solutions overshoot are followed by short steps. Found by random tests.
+#[test]
+fn linearised_problems_take_short_steps() {
+    const SLOPE: f64 = 0.475_290_168_629_312_95;
+    const HEIGHT: f64 = 0.695_423_434_869_521;
+    let function = scalar(
+        |x| -1.126_642_065_369_050_5 + SLOPE * x + HEIGHT * (3.0 * x).sin(),
+        |x| SLOPE + 3.0 * HEIGHT * (3.0 * x).cos(),
+    );
+    let problem = Mcp::new(function, vec![0.0], vec![INF]).unwrap();
+    let mut x = [0.288_311_881_519_445_87];
+    let mut solver = only(&[JosephyNewton]);
+    assert!(solver.solve(&problem, &mut x).unwrap().is_solved());
+    assert!(residual(&problem, &x) < 1e-9);
+}
+
+/// Perturbed starts are other points than the start.
+#[test]
+fn restarts_begin_elsewhere() {
+    let problem = Mcp::equations(scalar(|x| x * x + 1.0, |x| 2.0 * x)).unwrap();
+    for start in [3.0, -0.5, 20.0] {
+        let mut solver = only(&[McpStrategy::Restart]);
+        let report = solver.solve(&problem, &mut [start]).unwrap();
+        assert!(!report.is_solved());
+        let here = residual(&problem, &[start]);
+        assert!(report.history.iter().all(|i| i.residual != here), "{start}");
     }
 }
