@@ -111,9 +111,7 @@ impl Diagram {
             arm,
         })
     }
-}
 
-impl Diagram {
     /// A direction in the variables of the exploration: in others all arms may seem to be one.
     fn explored(&self, tangent: &[f64]) -> Vec<f64> {
         let mut t = tangent.to_vec();
