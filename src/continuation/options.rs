@@ -42,7 +42,8 @@ pub struct ContinuationOptions {
     /// cancel in H under [`Strategy::Located`]. Default 1e-11.
     pub residual_tolerance: f64,
     /// ε': bound on the last correction ‖X^k − X^(k−1)‖₂; absolute under [`Strategy::Switching`], relative to ‖x‖₂ + h under
-    /// [`Strategy::Located`]. Default 1e-8.
+    /// [`Strategy::Located`]. Where ∇H is nearly singular a correction as short as those that rounding errors of H make serves, too, if it is
+    /// below 1e-6 (1 + ‖x‖₂). Default 1e-8.
     pub step_tolerance: f64,
     /// k_max: largest number of corrections. Default 10.
     pub max_corrections: usize,

@@ -331,8 +331,8 @@ impl<L: LinearSolver> MoorePenrose<L> {
     }
 
     /// Corrects X = `x` towards the curve of the selection that `choose` puts in place at each iterate (leave it alone to
-    /// freeze it), and turns `t` into the tangent there. Ends when ‖H‖ and ‖ΔX‖ are less than the two `tolerances`, or after
-    /// `max_iterations`.
+    /// freeze it), and turns `t` into the tangent there. Ends when ‖H‖ and ‖ΔX‖ are less than the two `tolerances`, or ‖ΔX‖ at least no longer
+    /// than rounding errors of H make it, or after `max_iterations`.
     ///
     /// # Errors
     /// Singular or non-finite linear systems, entries outside the pattern, vectors of other lengths, selections of other maps.
