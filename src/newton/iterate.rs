@@ -379,15 +379,17 @@ impl Run<'_> {
         Ok(Some(true))
     }
 
-    /// Marks the rows that the step just made has not improved though H does not bend so much.
+    /// Marks the rows that the step just made has not improved though H does not bend so much, and those that it has made vanish but for
+    /// rounding: a row c·x_i = 0 would fall by that share again and again.
     fn watch(&mut self, jac: &Matrix) {
+        const VANISHED: f64 = 4.0 * f64::EPSILON;
         let work = &mut *self.work;
         work.model.iter_mut().for_each(|m| *m = -*m);
         (jac.leading_columns(self.n)).mul_add(1.0, &work.d, &mut work.model);
         for i in 0..self.n {
             let (now, before) = (work.r[i].abs(), work.trial_r[i].abs());
             let bend = work.model[i].abs();
-            work.settled[i] |= now > 0.5 * before && now > bend;
+            work.settled[i] |= now > 0.5 * before && now > bend || now <= VANISHED * before;
         }
     }
 

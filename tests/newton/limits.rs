@@ -425,6 +425,34 @@ fn a_row_whose_terms_vanish_is_solved_beside_one_with_large_terms() {
     }
 }
 
+/// c_k y_k = 0 beside z + Σ y_k = 1: a step may leave a rounding error of y_k again and again, so that its row falls by 10¹⁶ each time and does
+/// not rest.
+#[test]
+fn rows_that_vanish_with_their_unknowns_take_one_step() {
+    const N: usize = 60;
+    let map = Smooth {
+        n: N,
+        f: |x: &[f64], out: &mut [f64]| {
+            out[0] = (x[0] - 1.0) + x[1..].iter().sum::<f64>();
+            (1..N).for_each(|k| out[k] = (1.1 + 0.037 * k as f64) * x[k]);
+        },
+        j: |_: &[f64], jac: &mut Matrix| {
+            (0..N).for_each(|k| jac.add(0, k, 1.0));
+            (1..N).for_each(|k| jac.add(k, k, 1.1 + 0.037 * k as f64));
+        },
+    };
+    let mut x = [1e-19; N];
+    x[0] = 1.0;
+    let mut newton = Newton::default();
+    newton.solve(&map, &mut x).unwrap();
+    assert!(x[1..].iter().all(|y| y.abs() <= 1e-34), "{x:?}");
+    assert!(
+        newton.report().evaluations <= 4,
+        "{}",
+        newton.report().evaluations
+    );
+}
+
 /// x³ − 2 x − 5 = 0 in units that no residual below rounding is 0 in; counts its evaluations.
 struct Counted {
     unit: f64,
