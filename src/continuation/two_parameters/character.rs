@@ -1,4 +1,5 @@
 use super::TransitionSet;
+use super::transition_set::Determinants;
 use crate::continuation::Branch;
 use crate::linear::{AutoSolver, LinearError};
 use crate::newton::MoorePenrose;
@@ -40,13 +41,17 @@ impl<P: PiecewiseSmooth> TransitionSet<P> {
             check_selection("the selection of a point of the curve", node.after, self)?;
         }
         let scaled = Scaled::with_divisors(self, extents(&nodes, self.num_vars()))?;
+        let mut tools = Tools {
+            corrector: MoorePenrose::new(&scaled, AutoSolver::default())?,
+            determinants: self.determinants(),
+        };
         let mut changes = Vec::new();
         let mut folds = None;
         for pair in nodes.windows(2) {
             if pair[0].before != pair[0].after {
                 folds = None;
             }
-            let Some(mut stretch) = Stretch::new(self, &scaled, &pair[0], &pair[1])? else {
+            let Some(mut stretch) = Stretch::new(self, &scaled, &mut tools, [&pair[0], &pair[1]])? else {
                 continue;
             };
             let mut cuts = stretch.zeros()?;
@@ -58,7 +63,7 @@ impl<P: PiecewiseSmooth> TransitionSet<P> {
                     continue;
                 }
                 let x = stretch.at(0.5 * (start + cut))?;
-                let Some(now) = self.is_fold(stretch.selection, &x)? else {
+                let Some(now) = self.folds_at(stretch.selection, &x, &mut stretch.tools.determinants)? else {
                     continue;
                 };
                 if let Some(before) = folds.replace(now).filter(|b| *b != now) {
@@ -120,11 +125,17 @@ fn extents(nodes: &[Node<'_>], vars: usize) -> Vec<f64> {
     (0..vars).map(extent).collect()
 }
 
+/// Made once for all stretches of a curve.
+struct Tools {
+    corrector: MoorePenrose<AutoSolver>,
+    determinants: Determinants,
+}
+
 /// The curve between two nodes, and the determinants on both sides of the facet.
 struct Stretch<'s, P: PiecewiseSmooth> {
     set: &'s TransitionSet<P>,
     scaled: &'s Scaled<&'s TransitionSet<P>>,
-    corrector: MoorePenrose<AutoSolver>,
+    tools: &'s mut Tools,
     selection: &'s Selection,
     sides: [Selection; 2],
     /// The first node, and the unit vector to the second.
@@ -138,8 +149,8 @@ impl<'s, P: PiecewiseSmooth> Stretch<'s, P> {
     fn new(
         set: &'s TransitionSet<P>,
         scaled: &'s Scaled<&'s TransitionSet<P>>,
-        from: &Node<'s>,
-        to: &Node<'s>,
+        tools: &'s mut Tools,
+        [from, to]: [&Node<'s>; 2],
     ) -> Result<Option<Self>, PiecewiseError> {
         let (mut anchor, mut normal) = (from.x.to_vec(), to.x.to_vec());
         scaled.scale(&mut anchor);
@@ -153,7 +164,7 @@ impl<'s, P: PiecewiseSmooth> Stretch<'s, P> {
         let mut stretch = Self {
             set,
             scaled,
-            corrector: MoorePenrose::new(scaled, AutoSolver::default())?,
+            tools,
             selection: from.after,
             sides: [from.after.clone(), from.after.clone()],
             anchor,
@@ -179,7 +190,7 @@ impl<'s, P: PiecewiseSmooth> Stretch<'s, P> {
             .collect();
         let mut t = self.normal.clone();
         let (anchor, normal) = (&self.anchor, &self.normal);
-        let corrected = (self.corrector).correct_in_plane(
+        let corrected = (self.tools.corrector).correct_in_plane(
             self.scaled,
             self.selection,
             anchor,
@@ -201,7 +212,8 @@ impl<'s, P: PiecewiseSmooth> Stretch<'s, P> {
 
     fn determinant(&mut self, side: usize, s: f64) -> Result<Option<(i8, f64)>, PiecewiseError> {
         let x = self.at(s)?;
-        self.set.determinant(&self.sides[side], &x)
+        self.set
+            .determinant(&self.sides[side], &x, &mut self.tools.determinants)
     }
 
     /// Where one of the determinants vanishes, increasing.

@@ -62,6 +62,12 @@ pub struct TransitionSet<P> {
     pattern: Pattern,
 }
 
+/// What determinants of a family are computed with, kept from one to the next.
+pub(super) struct Determinants {
+    jac: Matrix,
+    solver: AutoSolver,
+}
+
 impl<P: PiecewiseSmooth> TransitionSet<P> {
     /// The set θ = 0 for test function `test` of `site`.
     ///
@@ -150,15 +156,24 @@ impl<P: PiecewiseSmooth> TransitionSet<P> {
     pub fn is_fold(&self, selection: &Selection, x: &[f64]) -> Result<Option<bool>, PiecewiseError> {
         check_vector("the point x", x, self.num_vars())?;
         check_selection("the selection", selection, self)?;
-        let Some([here, there]) = self.sides(selection, x) else {
+        self.folds_at(selection, x, &mut self.determinants())
+    }
+
+    /// [`is_fold`](Self::is_fold) at a point and a selection of this set.
+    pub(super) fn folds_at(
+        &self,
+        selection: &Selection,
+        x: &[f64],
+        work: &mut Determinants,
+    ) -> Result<Option<bool>, PiecewiseError> {
+        let Some(sides) = self.sides(selection, x) else {
             return Ok(None);
         };
-        Ok(
-            match (self.determinant(&here, x)?, self.determinant(&there, x)?) {
-                (Some((a, _)), Some((b, _))) if a * b != 0 => Some(a != b),
-                _ => None,
-            },
-        )
+        let [here, there] = sides.map(|side| self.determinant(&side, x, work));
+        Ok(match (here?, there?) {
+            (Some((a, _)), Some((b, _))) if a * b != 0 => Some(a != b),
+            _ => None,
+        })
     }
 
     /// The selections of the family on both sides of the facet at x, that of the side kept first.
@@ -179,16 +194,23 @@ impl<P: PiecewiseSmooth> TransitionSet<P> {
         Some([here, there])
     }
 
+    pub(super) fn determinants(&self) -> Determinants {
+        Determinants {
+            jac: Matrix::zeros(self.family.pattern()),
+            solver: AutoSolver::with_determinants(),
+        }
+    }
+
     /// Sign and logarithm of |det ∇_yH| of a selection of the family: (0, −∞) where that is singular, `None` where the solver cannot tell.
     pub(super) fn determinant(
         &self,
         selection: &Selection,
         x: &[f64],
+        Determinants { jac, solver }: &mut Determinants,
     ) -> Result<Option<(i8, f64)>, PiecewiseError> {
-        let mut jac = Matrix::zeros(self.family.pattern());
-        self.family.jacobian(selection, x, &mut jac);
+        jac.clear();
+        self.family.jacobian(selection, x, jac);
         let square = jac.leading_columns(self.family.num_residuals());
-        let mut solver = AutoSolver::with_determinants();
         solver.analyze(square.pattern)?;
         match solver.factor(square) {
             Ok(()) => Ok(solver.log_det()),
