@@ -215,7 +215,7 @@ pub(crate) struct EvolutionStep {
     solution: Py<ContactSolution>,
     /// Parameters of the folds on the way: where there are any, solutions are not unique nearby.
     folds: Vec<f64>,
-    /// Number of changes of state on the way.
+    /// Number of transitions on the way: points of the curve where nodes change their state.
     transitions: usize,
     /// How the level was reached: "followed" (along the curve from the level before), "jumped" (the curve turns back, another solution was
     /// found), "passed folds", "same level" (as that before), or "ended: ..." and "not followed: ..." with the reason.
@@ -277,7 +277,7 @@ impl EvolutionStep {
 /// problem : ContactProblem
 ///     It is left as it is.
 /// start : ContactSolution, EvolutionStep or array
-///     The solution at the first level; with a step of an earlier history, what the law remembers there, too.
+///     The solution at the first level, whose slips count; with a step of an earlier history, what the law remembers there.
 /// levels : array of shape (k,)
 ///     The parameters that come after.
 /// slip_increments : bool
@@ -321,8 +321,13 @@ pub(crate) fn evolve(
         Ok(step) => {
             let step = step.get();
             let history = vector(&step.history.bind(py).call_method0("ravel")?, "the history")?;
-            of_form!(&mut form, p => p.set_history(&history)).map_err(raised)?;
-            step.solution.get().x.clone()
+            let x = step.solution.get().x.clone();
+            of_form!(&mut form, p => p.set_history(&history).and_then(|()| {
+                let traces = p.traces(&x)?;
+                p.set_reference_slip(&traces[p.num_contacts()..])
+            }))
+            .map_err(raised)?;
+            x
         }
         Err(_) => point(start)?,
     };

@@ -178,9 +178,10 @@ pub enum EvolutionProgress<'a> {
 /// the branch of solutions is followed from the old level to the new one, so that folds are seen and not jumped. At the end of a
 /// level laws with a history update it: friction that depends on the slip depends on all the slip since the beginning.
 ///
-/// `start` is the solution at the first level (from [`Contact::solve`]); `levels` are those that come after. `observe` sees each
-/// step and may stop. The problem keeps the last reference of its slips and its history. Limits of time in the options are those of one
-/// step.
+/// `start` is the solution at the first level (from [`Contact::solve`]), which ends there: its slips, from the reference that the problem
+/// has, count. `levels` are those that come after. `observe` sees each step and may stop. The problem keeps the last reference of its slips
+/// and its history: a history begun anew needs both [set](Contact::set_reference_slip) to 0. Limits of time in the options are those of
+/// one step.
 ///
 /// # Complexity
 /// The sum of that of [`Branch::follow`](crate::continuation::Branch::follow) over the levels: O(q²) operations for each transition in condensed
@@ -223,8 +224,12 @@ pub fn evolve_observed<V: View, L: NodeLaw>(
     super::error::check_length("the solution x", start, problem.num_vars())?;
     let p = problem.num_contacts();
     let mut x = start.to_vec();
-    let reference = problem.traces(&x)?;
-    problem.set_reference_slip(&reference[p..])?;
+    if options.slip_increments {
+        let reference = problem.traces(&x)?;
+        problem.set_reference_slip(&reference[p..])?;
+    } else {
+        problem.end_level(&x)?;
+    }
     let mut steps = Vec::new();
     let mut stopped = false;
     for &level in levels {

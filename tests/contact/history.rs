@@ -118,6 +118,32 @@ fn a_level_behind_folds_is_not_followed() {
     assert!((u + friction(u) - 2.0).abs() < 1e-9);
 }
 
+/// The solution that a history begins with has slipped, too: begun on the way, it goes on as one that was begun before.
+#[test]
+fn the_slip_of_the_start_counts() {
+    fn check<V: View, L: NodeLaw>(problem: impl Fn() -> Contact<V, L>) {
+        let whole = run(&mut problem(), &[0.7, 0.72, 1.0]);
+        let mut later = problem();
+        let start = later.solve(0.7, None).unwrap();
+        let rest = evolve(
+            &mut later,
+            &start,
+            &[0.72, 1.0],
+            &EvolutionOptions::default(),
+            |_| ControlFlow::Continue(()),
+        )
+        .unwrap();
+        for (a, b) in rest.iter().zip(&whole[1..]) {
+            let u = a.displacements[1];
+            assert!((u - slip(a.level)).abs() < 1e-9, "{u} {}", slip(a.level));
+            assert!((a.history[0] - u).abs() < 1e-9, "{:?}", a.history);
+            assert!((a.work - b.work).abs() < 1e-9 && (a.dissipated - b.dissipated).abs() < 1e-9);
+        }
+    }
+    check(|| CondensedContact::new(body(1), PlanarCoulomb::new(weakening())).unwrap());
+    check(|| FullContact::new(body(2), OrthotropicCoulomb::isotropic(weakening())).unwrap());
+}
+
 /// To and fro: all slip counts, in whichever direction.
 #[test]
 fn slip_to_and_fro_adds_up() {
