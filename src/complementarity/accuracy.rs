@@ -1,7 +1,6 @@
 //! When a point counts as a solution: the one rule of all solvers of this module, stated in its documentation.
 
-use super::Lcp;
-use crate::sparse::MatrixRef;
+use super::columns::{BoxLcp, Columns};
 
 /// Part of its terms below which the residual of a row is rounding.
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
@@ -20,10 +19,10 @@ const OPEN: f64 = 1e-3;
 
 /// Sets to zero what is rounding of the largest component, where the bounds allow it; tells whether there was any. In a row whose terms
 /// are all such rounding, no sign and no relative size says anything.
-pub(super) fn drop_rounding(lcp: &Lcp, z: &mut [f64]) -> bool {
+pub(super) fn drop_rounding(lcp: BoxLcp<'_>, z: &mut [f64]) -> bool {
     let rounding = ROUNDING * z.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
     let mut any = false;
-    for ((z, l), u) in z.iter_mut().zip(lcp.lower()).zip(lcp.upper()) {
+    for ((z, l), u) in z.iter_mut().zip(lcp.lower).zip(lcp.upper) {
         if *z != 0.0 && z.abs() <= rounding && *l <= 0.0 && *u >= 0.0 {
             *z = 0.0;
             any = true;
@@ -76,21 +75,21 @@ pub(super) struct Point<'a> {
     /// Sizes of the unknowns, where they are not |x|.
     pub(super) sizes: Option<&'a [f64]>,
     pub(super) f: &'a [f64],
-    pub(super) jac: MatrixRef<'a>,
+    pub(super) jac: Columns<'a>,
     pub(super) lower: &'a [f64],
     pub(super) upper: &'a [f64],
 }
 
 impl<'a> Point<'a> {
     /// A point z of an LCP and w = M z + q.
-    pub(super) fn of(lcp: &'a Lcp, z: &'a [f64], w: &'a [f64]) -> Self {
+    pub(super) fn of(lcp: BoxLcp<'a>, z: &'a [f64], w: &'a [f64]) -> Self {
         Self {
             x: z,
             sizes: None,
             f: w,
-            jac: lcp.matrix().as_ref(),
-            lower: lcp.lower(),
-            upper: lcp.upper(),
+            jac: lcp.matrix,
+            lower: lcp.lower,
+            upper: lcp.upper,
         }
     }
 
@@ -109,19 +108,18 @@ impl Accuracy {
             v.clear();
             v.resize(n, 0.0);
         }
-        let pattern = &p.jac.pattern;
         for j in 0..n {
             let x = p.x[j];
             let size = p.sizes.map_or(x, |s| s[j]);
             let moves = x != p.lower[j] && x != p.upper[j];
-            for k in pattern.col_ptr[j]..pattern.col_ptr[j + 1] {
-                let (i, term) = (pattern.row_idx[k], p.jac.values[k] * x);
-                self.terms[i] += (p.jac.values[k] * size).abs();
+            p.jac.each(j, |i, v| {
+                let term = v * x;
+                self.terms[i] += (v * size).abs();
                 self.sum[i] += term;
                 if !moves {
                     self.constants[i] += term.abs();
                 }
-            }
+            });
         }
         let mut constants = 0.0_f64;
         for i in 0..n {
@@ -145,8 +143,9 @@ impl Accuracy {
         let empty = |i: usize| self.terms[i] == 0.0 && !(p.x[i] == p.lower[i] || p.x[i] == p.upper[i]);
         let flat = (0..n).any(empty)
             && (0..n).any(|j| {
-                let rows = &pattern.row_idx[pattern.col_ptr[j]..pattern.col_ptr[j + 1]];
-                p.x[j] != 0.0 && rows.iter().any(|&i| empty(i))
+                let mut acts = false;
+                p.jac.each(j, |i, _| acts |= empty(i));
+                p.x[j] != 0.0 && acts
             });
         let beyond = p.x.iter().any(|x| x.abs() > LARGEST);
         Measure {
@@ -178,17 +177,13 @@ impl Accuracy {
 
     /// What moving x_i by `length` changes in a row, relative to its terms, at most.
     fn shift(&self, p: &Point<'_>, i: usize, length: f64) -> f64 {
-        let mut worst = None;
-        let pattern = &p.jac.pattern;
-        for k in pattern.col_ptr[i]..pattern.col_ptr[i + 1] {
-            let change = (p.jac.values[k] * length).abs();
+        let mut worst: Option<f64> = None;
+        p.jac.each(i, |row, v| {
+            let change = (v * length).abs();
             if change > 0.0 {
-                worst = Some(f64::max(
-                    worst.unwrap_or(0.0),
-                    change / self.terms[pattern.row_idx[k]],
-                ));
+                worst = Some(worst.unwrap_or(0.0).max(change / self.terms[row]));
             }
-        }
+        });
         worst.unwrap_or(length / p.x[i].abs())
     }
 }
@@ -196,6 +191,7 @@ impl Accuracy {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::complementarity::Lcp;
     use crate::sparse::Matrix;
 
     /// 0 ≤ z ⟂ 2 z − 3 ≥ 0: below its bound z is wrong by what moving back changes in the row, beside it by the residual.
@@ -205,7 +201,7 @@ mod tests {
         let mut accuracy = Accuracy::default();
         let mut error = |z: f64| {
             let (z, w) = ([z], [2.0 * z - 3.0]);
-            accuracy.measure(&Point::of(&lcp, &z, &w)).error
+            accuracy.measure(&Point::of((&lcp).into(), &z, &w)).error
         };
         assert_eq!(error(1.5), 0.0);
         assert_eq!(error(0.0), 1.0);

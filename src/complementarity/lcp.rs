@@ -1,5 +1,4 @@
 use super::error::check_finite;
-use super::problem::natural;
 use super::{AffineFunction, ComplementarityError, Mcp};
 use crate::sparse::Matrix;
 
@@ -137,19 +136,6 @@ impl Lcp {
     /// As [`Mcp::natural_residual`].
     pub fn natural_residual(&self, z: &[f64], out: &mut [f64]) -> Result<f64, ComplementarityError> {
         self.mcp.natural_residual(z, out)
-    }
-
-    /// The natural residual for w = M z + q at hand.
-    pub(super) fn natural_residual_of(&self, z: &[f64], w: &[f64]) -> f64 {
-        let (lower, upper) = (self.lower(), self.upper());
-        let mut worst = 0.0_f64;
-        for i in 0..z.len() {
-            let r = natural(z[i], lower[i], upper[i], w[i]).abs();
-            if r > worst || r.is_nan() {
-                worst = r;
-            }
-        }
-        worst
     }
 
     /// Whether the bounds are 0 ≤ z < ∞.

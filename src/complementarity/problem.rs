@@ -43,33 +43,7 @@ impl<F: McpFunction> Mcp<F> {
                 expected: "an MCP has as many variables as values, a parametric one has one variable more",
             });
         }
-        for (what, bound, wrong, free) in [
-            ("lower", &lower, f64::INFINITY, "-inf"),
-            ("upper", &upper, f64::NEG_INFINITY, "+inf"),
-        ] {
-            if bound.len() != n {
-                return Err(ComplementarityError::Length {
-                    what,
-                    expected: n,
-                    found: bound.len(),
-                });
-            }
-            if let Some(index) = bound.iter().position(|b| b.is_nan() || *b == wrong) {
-                return Err(ComplementarityError::Bound {
-                    what,
-                    index,
-                    value: bound[index],
-                    free,
-                });
-            }
-        }
-        if let Some(index) = (0..n).find(|&i| lower[i] > upper[i]) {
-            return Err(ComplementarityError::CrossedBounds {
-                index,
-                lower: lower[index],
-                upper: upper[index],
-            });
-        }
+        check_bounds(&lower, &upper, n)?;
         let pattern = function.pattern();
         if pattern.nrows() != n || pattern.ncols() != m {
             return Err(ComplementarityError::Length {
@@ -214,6 +188,38 @@ impl Mcp<AffineFunction> {
     ) -> Result<Self, ComplementarityError> {
         Self::new(AffineFunction::new(matrix, q)?, lower, upper)
     }
+}
+
+/// Bounds of length n that leave a value to each of their variables.
+pub(super) fn check_bounds(lower: &[f64], upper: &[f64], n: usize) -> Result<(), ComplementarityError> {
+    for (what, bound, wrong, free) in [
+        ("lower", lower, f64::INFINITY, "-inf"),
+        ("upper", upper, f64::NEG_INFINITY, "+inf"),
+    ] {
+        if bound.len() != n {
+            return Err(ComplementarityError::Length {
+                what,
+                expected: n,
+                found: bound.len(),
+            });
+        }
+        if let Some(index) = bound.iter().position(|b| b.is_nan() || *b == wrong) {
+            return Err(ComplementarityError::Bound {
+                what,
+                index,
+                value: bound[index],
+                free,
+            });
+        }
+    }
+    if let Some(index) = (0..n).find(|&i| lower[i] > upper[i]) {
+        return Err(ComplementarityError::CrossedBounds {
+            index,
+            lower: lower[index],
+            upper: upper[index],
+        });
+    }
+    Ok(())
 }
 
 /// x − mid(l, u, x − f), without the rounding of the difference where it is f; NaN where x or f is.

@@ -1,5 +1,6 @@
 use std::sync::Arc;
 
+use super::engine::Systems;
 use super::nested::algebraic_start;
 use super::reduced::{check_order, check_square};
 use super::{ActiveSetOptions, ReducedSolver, Start};
@@ -14,8 +15,6 @@ use crate::sparse::Matrix;
 #[derive(Debug, Clone)]
 pub struct MultigridReduced {
     given: Option<Vec<Arc<Prolongation>>>,
-    /// The matrix to be loaded and its Galerkin products under the given prolongations, where they are known.
-    known: Option<Vec<Rows>>,
     multigrid: Option<TruncatedMultigrid>,
     max_iterations: usize,
     /// What was found by aggregation: prolongations, the matrix and its Galerkin products.
@@ -28,7 +27,6 @@ impl MultigridReduced {
     pub fn algebraic() -> Self {
         Self {
             given: None,
-            known: None,
             multigrid: None,
             max_iterations: 200,
             found: Default::default(),
@@ -47,41 +45,31 @@ impl MultigridReduced {
     pub fn with_prolongations(prolongations: Vec<Arc<Prolongation>>) -> Self {
         Self {
             given: Some(prolongations),
-            known: None,
             multigrid: None,
             max_iterations: 200,
             found: Default::default(),
         }
     }
 
-    /// As [`with_prolongations`](Self::with_prolongations), for one matrix given by rows, with Galerkin products as far as they are known.
-    pub(super) fn with_matrices(prolongations: Vec<Arc<Prolongation>>, matrices: Vec<Rows>) -> Self {
-        Self {
-            known: Some(matrices),
-            ..Self::with_prolongations(prolongations)
-        }
+    /// For a matrix given by rows, with its Galerkin products as far as they are known.
+    pub(super) fn with_matrices(
+        prolongations: &[Arc<Prolongation>],
+        matrices: &[Rows],
+    ) -> Result<Self, ComplementarityError> {
+        Ok(Self {
+            multigrid: Some(TruncatedMultigrid::new(matrices, prolongations)?),
+            ..Self::algebraic()
+        })
     }
 }
 
-impl ReducedSolver for MultigridReduced {
-    fn load(&mut self, matrix: &Matrix) -> Result<(), ComplementarityError> {
-        check_square(matrix)?;
-        // What is known belongs to the first matrix alone.
-        let known = self.known.take();
-        self.multigrid = Some(match &self.given {
-            Some(prolongations) => {
-                let matrices = known.unwrap_or_else(|| vec![Rows::transposed(matrix.as_ref())]);
-                TruncatedMultigrid::new(&matrices, prolongations)?
-            }
-            None => {
-                self.found = aggregation_hierarchy(matrix.as_ref())?;
-                TruncatedMultigrid::new(&self.found.1, &self.found.0)?
-            }
-        });
+impl Systems for MultigridReduced {
+    /// The matrix came with it.
+    fn load(&mut self) -> Result<(), ComplementarityError> {
         Ok(())
     }
 
-    fn select(&mut self, _matrix: &Matrix, free: &[bool]) -> Result<(), ComplementarityError> {
+    fn select(&mut self, free: &[bool]) -> Result<(), ComplementarityError> {
         let multigrid = self.multigrid.as_mut().ok_or(LinearError::NotAnalyzed)?;
         check_order(multigrid.order(), &[("the set of free components", free.len())])?;
         multigrid.set_free(free);
@@ -102,6 +90,38 @@ impl ReducedSolver for MultigridReduced {
         false
     }
 
+    fn coarse_start(&mut self, _options: &ActiveSetOptions) -> Result<Option<Start>, ComplementarityError> {
+        Ok(None)
+    }
+}
+
+impl ReducedSolver for MultigridReduced {
+    fn load(&mut self, matrix: &Matrix) -> Result<(), ComplementarityError> {
+        check_square(matrix)?;
+        self.multigrid = Some(match &self.given {
+            Some(prolongations) => {
+                TruncatedMultigrid::new(&[Rows::transposed(matrix.as_ref())], prolongations)?
+            }
+            None => {
+                self.found = aggregation_hierarchy(matrix.as_ref())?;
+                TruncatedMultigrid::new(&self.found.1, &self.found.0)?
+            }
+        });
+        Ok(())
+    }
+
+    fn select(&mut self, _matrix: &Matrix, free: &[bool]) -> Result<(), ComplementarityError> {
+        Systems::select(self, free)
+    }
+
+    fn solve(&mut self, r: &mut [f64], d: &mut [f64], tolerance: f64) -> Result<usize, ComplementarityError> {
+        Systems::solve(self, r, d, tolerance)
+    }
+
+    fn is_direct(&self) -> bool {
+        false
+    }
+
     fn coarse_start(
         &mut self,
         lcp: &Lcp,
@@ -110,6 +130,6 @@ impl ReducedSolver for MultigridReduced {
         if self.given.is_some() || self.found.0.is_empty() {
             return Ok(None);
         }
-        algebraic_start(lcp, &self.found.0, &self.found.1, options)
+        algebraic_start(lcp.into(), &self.found.0, &self.found.1, options)
     }
 }

@@ -7,6 +7,7 @@
 
 mod blocks;
 mod direct;
+mod engine;
 mod iterative;
 mod krylov;
 mod nested;

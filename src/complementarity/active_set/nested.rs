@@ -1,12 +1,15 @@
+use std::ops::ControlFlow;
 use std::sync::Arc;
 
+use super::engine::Engine;
 use super::{
-    ActiveSetIteration, ActiveSetOptions, ActiveSetReport, ActiveSetSolver, ActiveSetStatus,
-    MultigridReduced, Start,
+    ActiveSetIteration, ActiveSetOptions, ActiveSetReport, ActiveSetStatus, MultigridReduced, Start,
 };
+use crate::complementarity::columns::{BoxLcp, Columns};
+use crate::complementarity::error::check_finite;
+use crate::complementarity::problem::check_bounds;
 use crate::complementarity::{BoundState, ComplementarityError, Lcp};
 use crate::linear::{LinearError, Prolongation, Rows, affine_prolongation, coarse_problem};
-use crate::sparse::Matrix;
 
 /// Tolerance on coarser levels, whose solutions are starts only.
 const COARSE_TOLERANCE: f64 = 1e-6;
@@ -18,12 +21,20 @@ const COARSE_TOLERANCE: f64 = 1e-6;
 #[derive(Debug, Clone)]
 pub struct Nested {
     /// Finest first.
-    problems: Vec<Lcp>,
+    levels: Vec<Level>,
     /// Their matrices by rows.
     matrices: Vec<Rows>,
     prolongations: Vec<Arc<Prolongation>>,
     /// Whether all coarser matrices are Galerkin products.
     galerkin: bool,
+}
+
+/// What a problem has beside its matrix.
+#[derive(Debug, Clone)]
+struct Level {
+    q: Vec<f64>,
+    lower: Vec<f64>,
+    upper: Vec<f64>,
 }
 
 /// Report on one level.
@@ -66,7 +77,7 @@ impl Nested {
     pub fn new(finest: Lcp) -> Self {
         Self {
             matrices: vec![Rows::transposed(finest.matrix().as_ref())],
-            problems: vec![finest],
+            levels: vec![Level::of(&finest)],
             prolongations: Vec::new(),
             galerkin: true,
         }
@@ -75,13 +86,13 @@ impl Nested {
     /// Adds a coarser level: the Galerkin problem Pᵀ M P, Pᵀ(M b + q), its bounds those at the representatives of the coarse unknowns.
     ///
     /// # Errors
-    /// A prolongation whose fine unknowns are not those of the coarsest level so far.
+    /// A prolongation whose fine unknowns are not those of the coarsest level so far, one that overflows, or bounds that leave no value.
     pub fn coarsen(self, prolongation: Prolongation) -> Result<Self, ComplementarityError> {
         self.check(&prolongation)?;
-        let fine = &self.problems[self.problems.len() - 1];
-        let (matrix, q) = coarse_problem(&self.matrices[self.matrices.len() - 1], fine.q(), &prolongation);
-        let coarse = coarse_lcp(fine, &prolongation, matrix.to_matrix()?, q)?;
-        self.push(coarse, matrix, prolongation)
+        let fine = self.coarsest();
+        let (matrix, q) = coarse_problem(&self.matrices[self.matrices.len() - 1], fine.q, &prolongation);
+        let coarse = Level::coarse(fine, &prolongation, &matrix, q)?;
+        Ok(self.push(coarse, matrix, prolongation))
     }
 
     /// Adds a coarser level with a problem of your own (another discretisation).
@@ -94,17 +105,6 @@ impl Nested {
         prolongation: Prolongation,
     ) -> Result<Self, ComplementarityError> {
         self.check(&prolongation)?;
-        self.galerkin = false;
-        let matrix = Rows::transposed(coarse.matrix().as_ref());
-        self.push(coarse, matrix, prolongation)
-    }
-
-    fn push(
-        mut self,
-        coarse: Lcp,
-        matrix: Rows,
-        prolongation: Prolongation,
-    ) -> Result<Self, ComplementarityError> {
         if prolongation.num_coarse() != coarse.len() {
             return Err(ComplementarityError::Length {
                 what: "the coarse problem",
@@ -112,14 +112,20 @@ impl Nested {
                 found: coarse.len(),
             });
         }
-        self.problems.push(coarse);
+        self.galerkin = false;
+        let matrix = Rows::transposed(coarse.matrix().as_ref());
+        Ok(self.push(Level::of(&coarse), matrix, prolongation))
+    }
+
+    fn push(mut self, coarse: Level, matrix: Rows, prolongation: Prolongation) -> Self {
+        self.levels.push(coarse);
         self.matrices.push(matrix);
         self.prolongations.push(Arc::new(prolongation));
-        Ok(self)
+        self
     }
 
     fn check(&self, prolongation: &Prolongation) -> Result<(), ComplementarityError> {
-        let expected = self.problems[self.problems.len() - 1].len();
+        let expected = self.coarsest().len();
         if prolongation.num_fine() == expected {
             return Ok(());
         }
@@ -131,10 +137,24 @@ impl Nested {
         .into())
     }
 
-    /// The problems, finest first.
+    /// Number of unknowns of each level, finest first.
     #[must_use]
-    pub fn problems(&self) -> &[Lcp] {
-        &self.problems
+    pub fn levels(&self) -> Vec<usize> {
+        self.levels.iter().map(|l| l.q.len()).collect()
+    }
+
+    fn problem(&self, k: usize) -> BoxLcp<'_> {
+        let Level { q, lower, upper } = &self.levels[k];
+        BoxLcp {
+            matrix: Columns::Short(self.matrices[k].view()),
+            q,
+            lower,
+            upper,
+        }
+    }
+
+    fn coarsest(&self) -> BoxLcp<'_> {
+        self.problem(self.levels.len() - 1)
     }
 
     /// Solves from the coarsest level to the finest, whose solution is written to `z`.
@@ -146,74 +166,92 @@ impl Nested {
         options: &ActiveSetOptions,
         z: &mut [f64],
     ) -> Result<NestedReport, ComplementarityError> {
-        if z.len() != self.problems[0].len() {
+        if z.len() != self.levels[0].q.len() {
             return Err(ComplementarityError::Length {
                 what: "the point",
-                expected: self.problems[0].len(),
+                expected: self.levels[0].q.len(),
                 found: z.len(),
             });
         }
         let mut levels = Vec::new();
         let mut states = Vec::new();
         let mut coarse: Vec<f64> = Vec::new();
-        for k in (0..self.problems.len()).rev() {
-            let problem = &self.problems[k];
-            let mut x = vec![0.0; problem.len()];
+        for k in (0..self.levels.len()).rev() {
+            let problem = self.problem(k);
             let below = &self.prolongations[k..];
             let known = if self.galerkin {
                 k..self.matrices.len()
             } else {
                 k..k + 1
             };
-            let reduced = MultigridReduced::with_matrices(below.to_vec(), self.matrices[known].to_vec());
+            let mut systems = MultigridReduced::with_matrices(below, &self.matrices[known])?;
             let mut options = options.clone();
             if k > 0 {
                 options.tolerance = options.tolerance.max(COARSE_TOLERANCE);
             }
-            let mut solver = ActiveSetSolver::with_reduced(options, reduced);
-            let report = match below.first() {
-                None => {
-                    for (x, (l, u)) in x.iter_mut().zip(problem.lower().iter().zip(problem.upper())) {
-                        *x = f64::max(*x, *l).min(*u);
-                    }
-                    solver.solve(problem, &mut x)?
-                }
-                Some(p) => {
-                    p.prolong(&coarse, &mut x);
-                    let sets = p.inherit(&states, BoundState::Interior);
-                    solver.solve_from_states(problem, &mut x, &sets)?
-                }
+            let mut engine = Engine::new(options);
+            let mut own = if k > 0 {
+                vec![0.0; problem.len()]
+            } else {
+                Vec::new()
             };
+            let x = if k > 0 { &mut own[..] } else { &mut *z };
+            let sets = below.first().map(|p| {
+                p.prolong(&coarse, x);
+                p.inherit(&states, BoundState::Interior)
+            });
+            coarse.clear();
+            if sets.is_none() {
+                for (x, (l, u)) in x.iter_mut().zip(problem.lower.iter().zip(problem.upper)) {
+                    *x = 0.0_f64.max(*l).min(*u);
+                }
+            }
+            let observe = &mut |_: &_| ControlFlow::Continue(());
+            let report = engine.solve(problem, &mut systems, x, sets.as_deref(), observe)?;
             levels.push(LevelReport {
                 unknowns: problem.len(),
                 report,
-                history: solver.history().to_vec(),
+                history: engine.history().to_vec(),
             });
-            states = solver.states().to_vec();
-            coarse = x;
+            states = engine.states().to_vec();
+            coarse = own;
         }
-        z.copy_from_slice(&coarse);
         Ok(NestedReport { levels, states })
     }
 }
 
-/// The coarse problem with bounds read at the representatives.
-fn coarse_lcp(
-    fine: &Lcp,
-    p: &Prolongation,
-    matrix: Matrix,
-    q: Vec<f64>,
-) -> Result<Lcp, ComplementarityError> {
-    let at = |bounds: &[f64]| -> Vec<f64> {
-        let value = |&i: &usize| bounds[i] - p.offset().get(i).copied().unwrap_or(0.0);
-        p.representatives().iter().map(value).collect()
-    };
-    Lcp::boxed(matrix, q, at(fine.lower()), at(fine.upper()))
+impl Level {
+    fn of(lcp: &Lcp) -> Self {
+        Self {
+            q: lcp.q().to_vec(),
+            lower: lcp.lower().to_vec(),
+            upper: lcp.upper().to_vec(),
+        }
+    }
+
+    /// With bounds read at the representatives.
+    fn coarse(
+        fine: BoxLcp<'_>,
+        p: &Prolongation,
+        matrix: &Rows,
+        q: Vec<f64>,
+    ) -> Result<Self, ComplementarityError> {
+        let at = |bounds: &[f64]| -> Vec<f64> {
+            let value = |&i: &usize| bounds[i] - p.offset().get(i).copied().unwrap_or(0.0);
+            p.representatives().iter().map(value).collect()
+        };
+        let (lower, upper) = (at(fine.lower), at(fine.upper));
+        check_bounds(&lower, &upper, q.len())?;
+        check_finite("q", &q, q.len())?;
+        let values = matrix.view().value;
+        check_finite("the values of the matrix", values, values.len())?;
+        Ok(Self { q, lower, upper })
+    }
 }
 
 /// A start for a problem from the levels that aggregation found for its matrix, `matrices[0]`.
 pub(super) fn algebraic_start(
-    lcp: &Lcp,
+    lcp: BoxLcp<'_>,
     hierarchy: &[Arc<Prolongation>],
     matrices: &[Rows],
     options: &ActiveSetOptions,
@@ -221,15 +259,20 @@ pub(super) fn algebraic_start(
     let mut first = None;
     let mut nested: Option<Nested> = None;
     for (p, pair) in hierarchy.iter().zip(matrices.windows(2)) {
-        let fine = nested.as_ref().map_or(lcp, |n| &n.problems[n.problems.len() - 1]);
-        let (p, q) = affine_prolongation(&pair[0], fine.q(), p)?;
-        let coarse = coarse_lcp(fine, &p, pair[1].to_matrix()?, q)?;
+        let fine = nested.as_ref().map_or(lcp, Nested::coarsest);
+        let (p, q) = affine_prolongation(&pair[0], fine.q, p)?;
+        let coarse = Level::coarse(fine, &p, &pair[1], q)?;
         nested = Some(match nested {
             None => {
                 first = Some(p);
-                Nested::new(coarse)
+                Nested {
+                    levels: vec![coarse],
+                    matrices: vec![pair[1].clone()],
+                    prolongations: Vec::new(),
+                    galerkin: true,
+                }
             }
-            Some(n) => n.push(coarse, pair[1].clone(), p)?,
+            Some(n) => n.push(coarse, pair[1].clone(), p),
         });
     }
     let (Some(first), Some(nested)) = (first, nested) else {

@@ -8,6 +8,7 @@ use ratio::Block;
 use super::basis::Basis;
 use super::{LemkeOptions, LemkePivot, LemkeReport, LemkeStatus};
 use crate::complementarity::accuracy::Accuracy;
+use crate::complementarity::columns::BoxLcp;
 use crate::complementarity::{ComplementarityError, Lcp};
 use crate::linear::LinearError;
 use crate::piecewise::is_ordinary;
@@ -165,7 +166,7 @@ impl Lemke {
             status: if wrong { LemkeStatus::Inaccurate } else { status },
             pivots,
             refactorisations: self.refactorisations,
-            residual: lcp.natural_residual_of(z, &self.work),
+            residual: BoxLcp::from(lcp).natural_residual(z, &self.work),
         };
         if let LemkeStatus::Ray { .. } = status {
             report.status = LemkeStatus::Ray {

@@ -4,6 +4,7 @@ use super::McpStatus;
 use super::engine::Engine;
 use super::plan::Plan;
 use crate::complementarity::accuracy::{Measure, Point};
+use crate::complementarity::columns::Columns;
 use crate::complementarity::problem::natural;
 use crate::sparse::max_abs;
 
@@ -18,7 +19,7 @@ impl Engine<'_> {
             x: &w.here.x,
             sizes: None,
             f: &w.here.f,
-            jac: w.lin.jac().as_ref(),
+            jac: Columns::Long(w.lin.jac().as_ref()),
             lower: self.lower,
             upper: self.upper,
         });

@@ -7,7 +7,7 @@ pub(super) struct Galerkin {
     /// Position of a column in the row of C being summed.
     slot: Vec<u32>,
     marked: Vec<bool>,
-    affected: Vec<usize>,
+    affected: Vec<u32>,
     /// The row of Pᵀ A.
     left: RowSum,
 }
@@ -118,27 +118,30 @@ impl Galerkin {
         a: &Rows,
         free: Option<&[bool]>,
         p: &Prolongation,
-        changed: Option<&[usize]>,
+        changed: Option<&[u32]>,
         c: &mut Rows,
-    ) -> &[usize] {
+    ) -> &[u32] {
         let (a, coarse, interpolation) = (a.view(), p.columns(), p.rows());
         self.affected.clear();
         match changed {
-            None => self.affected.extend(0..p.num_coarse()),
+            None => self.affected.extend(0..p.num_coarse() as u32),
             Some(rows) => {
                 for &i in rows {
-                    for &k in interpolation.row(i).0 {
+                    for &k in interpolation.row(i as usize).0 {
                         if !self.marked[k as usize] {
                             self.marked[k as usize] = true;
-                            self.affected.push(k as usize);
+                            self.affected.push(k);
                         }
                     }
                 }
-                self.affected.iter().for_each(|&k| self.marked[k] = false);
+                self.affected
+                    .iter()
+                    .for_each(|&k| self.marked[k as usize] = false);
             }
         }
         let (start, col, value) = c.parts_mut();
         for &row in &self.affected {
+            let row = row as usize;
             match free {
                 Some(free) => self.left.left(a, coarse, row, |i| free[i as usize]),
                 None => self.left.left(a, coarse, row, |_| true),
@@ -223,7 +226,7 @@ mod tests {
             let mut changed = Vec::new();
             for i in flipped {
                 free[i] = !free[i];
-                changed.extend(rows.view().row(i).0.iter().map(|&j| j as usize));
+                changed.extend_from_slice(rows.view().row(i).0);
             }
             galerkin.sum(&rows, Some(&free), &prolongation, Some(&changed), &mut c);
             assert!(close(&c, &free));

@@ -12,9 +12,9 @@ pub use prolongation::Prolongation;
 use std::sync::Arc;
 
 use self::galerkin::Galerkin;
-pub(crate) use self::rows::Rows;
+pub(crate) use self::rows::{Rows, RowsRef};
 use super::LinearError;
-use crate::sparse::{Matrix, MatrixRef, Pattern};
+use crate::sparse::MatrixRef;
 
 /// Coarsening stops at this many unknowns.
 const COARSEST: usize = 60;
@@ -72,18 +72,6 @@ pub(crate) fn coarse_problem(a: &Rows, q: &[f64], p: &Prolongation) -> (Rows, Ve
     let c = Galerkin::new(p).product(a, p);
     let q = coarse_vector(a, &mut q.to_vec(), p);
     (c, q)
-}
-
-impl Rows {
-    /// A symmetric matrix by rows is one by columns.
-    pub(crate) fn to_matrix(&self) -> Result<Matrix, LinearError> {
-        let (n, c) = (self.nrows(), self.view());
-        let start = c.start.iter().map(|&s| s as usize).collect();
-        let col = c.col.iter().map(|&j| j as usize).collect();
-        let refuse = |e: crate::sparse::SparseError| LinearError::Solver { what: e.to_string() };
-        let pattern = Pattern::from_csc(n, n, start, col).map_err(refuse)?;
-        Matrix::from_values(pattern, c.value.to_vec()).map_err(refuse)
-    }
 }
 
 /// One level: a matrix with the workspace of a cycle.
@@ -224,8 +212,7 @@ pub(crate) struct TruncatedMultigrid {
     levels: Vec<Level>,
     free: Vec<bool>,
     direction: Vec<f64>,
-    product: Vec<f64>,
-    changed: Vec<usize>,
+    changed: Vec<u32>,
     marked: Vec<bool>,
 }
 
@@ -266,7 +253,6 @@ impl TruncatedMultigrid {
             // As long as nothing is left out, all coarse matrices are right.
             free: vec![true; n],
             direction: vec![0.0; n],
-            product: vec![0.0; n],
             changed: Vec::new(),
             marked: vec![false; n],
         })
@@ -320,11 +306,11 @@ impl TruncatedMultigrid {
             for &j in fine.a.view().row(i).0 {
                 if !marked[j as usize] {
                     marked[j as usize] = true;
-                    changed.push(j as usize);
+                    changed.push(j);
                 }
             }
         }
-        changed.iter().for_each(|&j| marked[j] = false);
+        changed.iter().for_each(|&j| marked[j as usize] = false);
         known.copy_from_slice(free);
         let anew = changed.len() > free.len() / 2;
         for k in 0..self.prolongations.len() {
@@ -334,7 +320,9 @@ impl TruncatedMultigrid {
             let coarse = &mut below[0];
             let affected =
                 self.galerkin[k].sum(&above[k].a, mask, &self.prolongations[k], rows, &mut coarse.a);
-            affected.iter().for_each(|&i| coarse.invert_diagonal(i, true));
+            affected
+                .iter()
+                .for_each(|&i| coarse.invert_diagonal(i as usize, true));
             if !anew {
                 changed.clear();
                 changed.extend_from_slice(affected);
@@ -376,7 +364,7 @@ impl TruncatedMultigrid {
     }
 
     /// Conjugate gradients for A_FF d = r_F: stops when ‖r_F‖₂ has fallen by `tolerance`. `d` is overwritten, zero where unknowns
-    /// are left out; `r` becomes the residual. Tells the number of iterations; stops at `limit`.
+    /// are left out, and so is `r`. Tells the number of iterations; stops at `limit`.
     pub(crate) fn solve(
         &mut self,
         r: &mut [f64],
@@ -388,40 +376,39 @@ impl TruncatedMultigrid {
             return Err(LinearError::NotPositiveDefinite);
         }
         d.fill(0.0);
-        for (r, free) in r.iter_mut().zip(&self.free) {
-            if !free {
-                *r = 0.0;
-            }
+        let residual = &mut self.levels[0].b;
+        for ((b, r), free) in residual.iter_mut().zip(&*r).zip(&self.free) {
+            *b = if *free { *r } else { 0.0 };
         }
-        let mut size = inner(r, r);
+        let mut size = inner(residual, residual);
         let goal = size * tolerance * tolerance;
         self.direction.fill(0.0);
-        self.product.fill(0.0);
+        let product = r;
+        product.fill(0.0);
         let mut rho = 1.0;
         for iteration in 0..limit {
             if size <= goal || size == 0.0 {
                 return Ok(iteration);
             }
-            self.levels[0].b.copy_from_slice(r);
             self.cycle();
-            let Level { x: z, r: rest, .. } = &self.levels[0];
-            let next = inner(r, z);
+            let Level { x: z, b, r: rest, .. } = &mut self.levels[0];
+            let next = inner(b, z);
             if !(next > 0.0 && next.is_finite()) {
                 return Err(LinearError::NotPositiveDefinite);
             }
             let beta = if iteration == 0 { 0.0 } else { next / rho };
             rho = next;
-            // The cycle leaves A z = r − rest behind, so that A times the direction follows by recurrence, without another product.
+            // The cycle leaves A z = b − rest behind, so that A times the direction follows by recurrence, without another product.
             let mut curvature = 0.0;
-            for (((((p, image), z), r), rest), free) in (self.direction.iter_mut())
-                .zip(&mut self.product)
-                .zip(z)
-                .zip(&*r)
-                .zip(rest)
+            for (((((p, image), z), b), rest), free) in (self.direction.iter_mut())
+                .zip(&mut *product)
+                .zip(&*z)
+                .zip(&*b)
+                .zip(&*rest)
                 .zip(&self.free)
             {
                 *p = z + beta * *p;
-                *image = if *free { r - rest } else { 0.0 } + beta * *image;
+                *image = if *free { b - rest } else { 0.0 } + beta * *image;
                 curvature += *image * *p;
             }
             if !(curvature > 0.0 && curvature.is_finite()) {
@@ -429,15 +416,10 @@ impl TruncatedMultigrid {
             }
             let alpha = rho / curvature;
             size = 0.0;
-            for (((d, p), r), product) in d
-                .iter_mut()
-                .zip(&self.direction)
-                .zip(r.iter_mut())
-                .zip(&self.product)
-            {
+            for (((d, p), b), product) in d.iter_mut().zip(&self.direction).zip(b).zip(&*product) {
                 *d += alpha * p;
-                *r -= alpha * product;
-                size += *r * *r;
+                *b -= alpha * product;
+                size += *b * *b;
             }
         }
         Ok(if size <= goal { limit - 1 } else { limit })

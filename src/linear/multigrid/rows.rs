@@ -14,10 +14,10 @@ pub(crate) struct Rows {
 
 /// The arrays of [`Rows`], for loops.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct RowsRef<'a> {
+pub(crate) struct RowsRef<'a> {
     pub(super) start: &'a [u32],
     pub(super) col: &'a [u32],
-    pub(super) value: &'a [f64],
+    pub(crate) value: &'a [f64],
 }
 
 impl<'a> RowsRef<'a> {
@@ -27,7 +27,7 @@ impl<'a> RowsRef<'a> {
     }
 
     #[inline(always)]
-    pub(super) fn row(self, i: usize) -> (&'a [u32], &'a [f64]) {
+    pub(crate) fn row(self, i: usize) -> (&'a [u32], &'a [f64]) {
         let span = self.span(i);
         (&self.col[span.clone()], &self.value[span])
     }
@@ -60,12 +60,12 @@ impl Rows {
         )
     }
 
-    pub(super) fn nrows(&self) -> usize {
+    pub(crate) fn nrows(&self) -> usize {
         self.start.len() - 1
     }
 
     #[inline]
-    pub(super) fn view(&self) -> RowsRef<'_> {
+    pub(crate) fn view(&self) -> RowsRef<'_> {
         RowsRef {
             start: &self.start,
             col: &self.col,

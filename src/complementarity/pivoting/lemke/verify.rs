@@ -100,14 +100,14 @@ impl Lemke {
 
     /// Whether z, with w = M z + q in `work`, is a solution.
     pub(super) fn is_solution(&mut self, lcp: &Lcp, z: &[f64]) -> bool {
-        let point = Point::of(lcp, z, &self.work);
+        let point = Point::of(lcp.into(), z, &self.work);
         self.accuracy.measure(&point).is_solved(TOLERANCE)
     }
 
     /// Whether z without its rounding is a solution; otherwise z and `work` stay as they are.
     pub(super) fn is_solution_without_rounding(&mut self, lcp: &Lcp, z: &mut [f64]) -> bool {
         self.entering.copy_from_slice(z);
-        if drop_rounding(lcp, z) {
+        if drop_rounding(lcp.into(), z) {
             lcp.value(z, &mut self.work);
             if self.is_solution(lcp, z) {
                 return true;

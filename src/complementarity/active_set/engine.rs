@@ -1,0 +1,482 @@
+use std::ops::ControlFlow;
+
+use super::blocks::Blocks;
+use super::{ActiveSetIteration, ActiveSetOptions, ActiveSetReport, ActiveSetStatus, Exchange, Start};
+use crate::complementarity::accuracy::{Accuracy, Point, drop_rounding};
+use crate::complementarity::columns::BoxLcp;
+use crate::complementarity::problem::natural;
+use crate::complementarity::{BoundState, ComplementarityError};
+use crate::linear::LinearError;
+
+/// Relative accuracy asked of iterative solves while the sets still change much.
+const COARSE: f64 = 5e-2;
+/// Part of the components that must still change after the first iteration for a start to be given up for one from coarser problems.
+const FAR: f64 = 0.02;
+/// Block exchanges before single ones; triangular matrices need as many as unknowns, with slow or no decrease of their number.
+const MORE_BLOCKS: usize = 100;
+/// Further solves with sets that no longer change, where rounding left too much of the residual (a start far out).
+const REFINEMENTS: usize = 5;
+/// Rounding of w, relative to its terms, below which its sign says nothing.
+const ROUNDING: f64 = 8.0 * f64::EPSILON;
+
+/// The reduced systems of one problem; see [`ReducedSolver`](super::ReducedSolver).
+pub(super) trait Systems {
+    fn load(&mut self) -> Result<(), ComplementarityError>;
+
+    fn select(&mut self, free: &[bool]) -> Result<(), ComplementarityError>;
+
+    fn solve(&mut self, r: &mut [f64], d: &mut [f64], tolerance: f64) -> Result<usize, ComplementarityError>;
+
+    fn is_direct(&self) -> bool;
+
+    fn coarse_start(&mut self, options: &ActiveSetOptions) -> Result<Option<Start>, ComplementarityError>;
+}
+
+/// The iterations of [`ActiveSetSolver`](super::ActiveSetSolver), with their memory.
+#[derive(Debug, Clone)]
+pub(super) struct Engine {
+    options: ActiveSetOptions,
+    states: Vec<BoundState>,
+    next: Vec<BoundState>,
+    ranking: Vec<(f64, usize)>,
+    free: Vec<bool>,
+    scale: Vec<f64>,
+    blocks: Blocks,
+    /// Largest |z| in the block of each unknown.
+    size: Vec<f64>,
+    accuracy: Accuracy,
+    w: Vec<f64>,
+    r: Vec<f64>,
+    step: Vec<f64>,
+    history: Vec<ActiveSetIteration>,
+}
+
+impl Engine {
+    pub(super) fn new(options: ActiveSetOptions) -> Self {
+        Self {
+            options,
+            states: Vec::new(),
+            next: Vec::new(),
+            ranking: Vec::new(),
+            free: Vec::new(),
+            scale: Vec::new(),
+            blocks: Blocks::default(),
+            size: Vec::new(),
+            accuracy: Accuracy::default(),
+            w: Vec::new(),
+            r: Vec::new(),
+            step: Vec::new(),
+            history: Vec::new(),
+        }
+    }
+
+    pub(super) fn states(&self) -> &[BoundState] {
+        &self.states
+    }
+
+    pub(super) fn history(&self) -> &[ActiveSetIteration] {
+        &self.history
+    }
+
+    /// Solves the problem from the start in `z`, from given sets if there are any.
+    pub(super) fn solve(
+        &mut self,
+        lcp: BoxLcp<'_>,
+        systems: &mut dyn Systems,
+        z: &mut [f64],
+        sets: Option<&[BoundState]>,
+        observe: &mut dyn FnMut(&ActiveSetIteration) -> ControlFlow<()>,
+    ) -> Result<ActiveSetReport, ComplementarityError> {
+        self.options.validate()?;
+        crate::complementarity::error::check_finite("the start", z, lcp.len())?;
+        if let Some(sets) = sets
+            && sets.len() != lcp.len()
+        {
+            return Err(ComplementarityError::Length {
+                what: "the array of sets",
+                expected: lcp.len(),
+                found: sets.len(),
+            });
+        }
+        systems.load()?;
+        self.prepare(lcp);
+        let status = match self.iterate(lcp, systems, z, sets, observe) {
+            Ok(status) => status,
+            Err(ComplementarityError::Linear(
+                LinearError::Singular { .. } | LinearError::NotPositiveDefinite,
+            )) => ActiveSetStatus::Singular,
+            Err(ComplementarityError::Linear(LinearError::Inaccurate { .. })) => ActiveSetStatus::Inaccurate,
+            Err(e) => return Err(e),
+        };
+        lcp.value(z, &mut self.w);
+        Ok(ActiveSetReport {
+            status,
+            residual: lcp.natural_residual(z, &self.w),
+            iterations: self.history.len(),
+            linear_iterations: self.history.iter().map(|i| i.linear_iterations).sum(),
+        })
+    }
+
+    /// Starts again from coarser problems, if there are any; tells whether.
+    fn coarse_start(
+        &mut self,
+        lcp: BoxLcp<'_>,
+        systems: &mut dyn Systems,
+        z: &mut [f64],
+    ) -> Result<bool, ComplementarityError> {
+        let Some(start) = systems.coarse_start(&self.options)? else {
+            return Ok(false);
+        };
+        z.copy_from_slice(&start.z);
+        self.next.copy_from_slice(&start.states);
+        lcp.value(z, &mut self.w);
+        Ok(true)
+    }
+
+    fn prepare(&mut self, lcp: BoxLcp<'_>) {
+        let n = lcp.len();
+        self.history.clear();
+        self.ranking.reserve(n);
+        for sets in [&mut self.states, &mut self.next] {
+            sets.clear();
+            sets.resize(n, BoundState::Interior);
+        }
+        self.free.resize(n, true);
+        for v in [
+            &mut self.scale,
+            &mut self.size,
+            &mut self.w,
+            &mut self.r,
+            &mut self.step,
+        ] {
+            v.clear();
+            v.resize(n, 0.0);
+        }
+        // Positive diagonals are the natural size of a row; largest entries stand in for others.
+        self.blocks.find(lcp);
+        for j in 0..n {
+            lcp.matrix.each(j, |i, v| {
+                if i == j && v > 0.0 {
+                    self.scale[i] = v;
+                } else {
+                    self.r[i] = v.abs().max(self.r[i]);
+                }
+            });
+        }
+        for (s, largest) in self.scale.iter_mut().zip(&self.r) {
+            if *s <= 1e-3 * largest {
+                *s = *largest;
+            }
+            if *s == 0.0 {
+                *s = 1.0;
+            }
+        }
+    }
+
+    fn iterate(
+        &mut self,
+        lcp: BoxLcp<'_>,
+        systems: &mut dyn Systems,
+        z: &mut [f64],
+        sets: Option<&[BoundState]>,
+        observe: &mut dyn FnMut(&ActiveSetIteration) -> ControlFlow<()>,
+    ) -> Result<ActiveSetStatus, ComplementarityError> {
+        let n = z.len();
+        let (lower, upper) = (lcp.lower, lcp.upper);
+        lcp.value(z, &mut self.w);
+        match sets {
+            Some(sets) => {
+                for i in 0..n {
+                    self.next[i] = match sets[i] {
+                        BoundState::Upper if upper[i].is_finite() => BoundState::Upper,
+                        BoundState::Lower if lower[i].is_finite() => BoundState::Lower,
+                        _ if lower[i] == upper[i] => BoundState::Lower,
+                        _ => BoundState::Interior,
+                    };
+                }
+            }
+            None => {
+                self.guess(lcp, systems.is_direct(), z);
+            }
+        }
+        let mut changes = n;
+        let (mut fewest, mut stagnant) = (usize::MAX, 0);
+        let mut exchange = Exchange::Block;
+        let (mut residual, mut progress) = (f64::INFINITY, 1.0);
+        let mut restarted = false;
+        let mut refinements = 0;
+        let mut at_most: usize = 1;
+        let mut may_restart = sets.is_none();
+        loop {
+            if self.history.len() == self.options.max_iterations {
+                return Ok(ActiveSetStatus::IterationLimit);
+            }
+            if changes > 0 {
+                self.states.copy_from_slice(&self.next);
+                for i in 0..n {
+                    self.free[i] = self.states[i] == BoundState::Interior;
+                }
+                systems.select(&self.free)?;
+            }
+            let linear = self.newton_step(lcp, systems, z, changes, residual, progress)?;
+            lcp.value(z, &mut self.w);
+            let earlier = residual;
+            residual = self.scaled_residual(lcp, z);
+            progress = if earlier.is_finite() {
+                residual / earlier
+            } else {
+                1.0
+            };
+            let iteration = ActiveSetIteration {
+                residual: lcp.natural_residual(z, &self.w),
+                changes,
+                inactive: self.free.iter().filter(|f| **f).count(),
+                linear_iterations: linear,
+                exchange,
+            };
+            self.history.push(iteration);
+            if observe(&iteration).is_break() {
+                return Ok(ActiveSetStatus::Interrupted);
+            }
+            if !residual.is_finite() {
+                return Ok(ActiveSetStatus::Inaccurate);
+            }
+            let before = changes;
+            changes = self.guess(lcp, systems.is_direct(), z);
+            let direct = systems.is_direct();
+            let settled = changes == 0 && direct;
+            if settled || residual <= self.options.tolerance * size(z) {
+                self.clamp(lcp, z);
+                lcp.value(z, &mut self.w);
+                if self.is_solution(lcp, direct, z) {
+                    return Ok(ActiveSetStatus::Solved);
+                }
+                refinements += 1;
+                if refinements > REFINEMENTS {
+                    return Ok(match self.is_solution_without_rounding(lcp, direct, z) {
+                        true => ActiveSetStatus::Solved,
+                        false => ActiveSetStatus::Inaccurate,
+                    });
+                }
+                if settled {
+                    continue;
+                }
+            }
+            let part = changes as f64 / n as f64;
+            // A layer of a set in the plane has about √n components; to peel off one by one is slow.
+            let peeling = self.history.len() > 3 && changes * changes > n && 2 * changes > before;
+            if may_restart && (part > FAR || peeling) {
+                may_restart = false;
+                if self.coarse_start(lcp, systems, z)? {
+                    changes = n;
+                    residual = f64::INFINITY;
+                    continue;
+                }
+            }
+            if changes < fewest {
+                (fewest, stagnant) = (changes, 0);
+            } else if self.adds() {
+                // Releases alone cannot go on for ever, however few they are at a time.
+                stagnant += 1;
+            }
+            let patience = self.options.patience;
+            exchange = if !direct || stagnant <= patience {
+                Exchange::Block
+            } else if stagnant <= 3 * patience {
+                Exchange::Largest
+            } else if stagnant <= 3 * patience + n.min(MORE_BLOCKS) {
+                Exchange::Block
+            } else {
+                Exchange::Single
+            };
+            match exchange {
+                Exchange::Block => {}
+                // What block exchanges made of the sets is no better than none at all.
+                Exchange::Largest if !restarted => {
+                    restarted = true;
+                    for i in 0..n {
+                        self.next[i] = match (lower[i].is_finite(), upper[i].is_finite()) {
+                            (true, _) => BoundState::Lower,
+                            (false, true) => BoundState::Upper,
+                            (false, false) => BoundState::Interior,
+                        };
+                    }
+                    changes = n;
+                }
+                Exchange::Largest => {
+                    at_most = if changes < before {
+                        at_most.saturating_mul(2)
+                    } else {
+                        1
+                    };
+                    self.keep_largest(lcp, z, at_most);
+                }
+                Exchange::Single => self.keep_one(),
+            }
+        }
+    }
+
+    /// Moves the active components to their bounds and solves for the others; tells the iterations of the linear solver.
+    fn newton_step(
+        &mut self,
+        lcp: BoxLcp<'_>,
+        systems: &mut dyn Systems,
+        z: &mut [f64],
+        changes: usize,
+        residual: f64,
+        progress: f64,
+    ) -> Result<usize, ComplementarityError> {
+        for j in 0..z.len() {
+            let bound = match self.states[j] {
+                BoundState::Lower => lcp.lower[j],
+                BoundState::Upper => lcp.upper[j],
+                BoundState::Interior => continue,
+            };
+            let move_by = bound - z[j];
+            if move_by != 0.0 {
+                z[j] = bound;
+                lcp.matrix.each(j, |i, v| self.w[i] += v * move_by);
+            }
+        }
+        self.r.iter_mut().zip(&self.w).for_each(|(r, w)| *r = -*w);
+        let goal = 0.3 * self.options.tolerance * size(z) / residual;
+        // While sets change, accuracy is wasted: the forcing term is the square of the last progress (S. C. Eisenstat, H. F. Walker,
+        // 1996, choice 2), which with settling sets falls quickly.
+        let goal = goal.clamp(1e-10, COARSE);
+        let tolerance = if !residual.is_finite() {
+            COARSE
+        } else if changes == 0 {
+            goal
+        } else {
+            (progress * progress).clamp(goal, COARSE)
+        };
+        let count = systems.solve(&mut self.r, &mut self.step, tolerance)?;
+        z.iter_mut().zip(&self.step).for_each(|(z, d)| *z += d);
+        Ok(count)
+    }
+
+    /// The sets that the point in `z` and `w` suggests, in `next`; tells how many components differ from those at hand.
+    fn guess(&mut self, lcp: BoxLcp<'_>, direct: bool, z: &[f64]) -> usize {
+        let (lower, upper) = (lcp.lower, lcp.upper);
+        self.blocks.sizes(z, &mut self.size);
+        let mut changes = 0;
+        for i in 0..z.len() {
+            let rounding = ROUNDING * self.size[i];
+            let now = self.states[i];
+            let reach = self.w[i] / self.scale[i];
+            self.next[i] = if lower[i] == upper[i] {
+                BoundState::Lower
+            } else if direct && now != BoundState::Interior && reach.abs() <= rounding {
+                // Degenerate: nothing says that the component should move.
+                now
+            } else {
+                // For exact solves one of the two terms is zero.
+                let position = z[i] - reach;
+                let slack = if now == BoundState::Interior {
+                    rounding
+                } else {
+                    0.0
+                };
+                if position < lower[i] - slack || (position <= lower[i] && now == BoundState::Lower) {
+                    BoundState::Lower
+                } else if position > upper[i] + slack || (position >= upper[i] && now == BoundState::Upper) {
+                    BoundState::Upper
+                } else {
+                    BoundState::Interior
+                }
+            };
+            changes += usize::from(self.next[i] != now);
+        }
+        changes
+    }
+
+    /// Whether a component in `next` moves to a bound.
+    fn adds(&self) -> bool {
+        let moves = |(next, now): (&BoundState, &BoundState)| next != now && *next != BoundState::Interior;
+        self.next.iter().zip(&self.states).any(moves)
+    }
+
+    /// Keeps only the last of the changes in `next` (Murty's rule, in the order from the end), one step between bounds at a time.
+    fn keep_one(&mut self) {
+        let last = (0..self.next.len())
+            .rev()
+            .find(|&i| self.next[i] != self.states[i]);
+        let Some(last) = last else { return };
+        self.next[..last].copy_from_slice(&self.states[..last]);
+        if self.states[last] != BoundState::Interior {
+            self.next[last] = BoundState::Interior;
+        }
+    }
+
+    /// Keeps only the changes with the largest violations, measured so that scaling M and q by DMD, Dq does not matter; among equal
+    /// ones those of the least indices.
+    fn keep_largest(&mut self, lcp: BoxLcp<'_>, z: &[f64], at_most: usize) {
+        self.ranking.clear();
+        for i in 0..z.len() {
+            let now = self.states[i];
+            if self.next[i] == now {
+                continue;
+            }
+            let violation = match now {
+                BoundState::Interior => (lcp.lower[i] - z[i]).max(z[i] - lcp.upper[i]) * self.scale[i].sqrt(),
+                _ => self.w[i].abs() / self.scale[i].sqrt(),
+            };
+            self.ranking.push((violation, i));
+        }
+        (self.ranking).sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        for &(_, i) in self.ranking.iter().skip(at_most) {
+            self.next[i] = self.states[i];
+        }
+    }
+
+    /// maxᵢ |zᵢ − mid(lᵢ, uᵢ, zᵢ − wᵢ/mᵢ)|.
+    fn scaled_residual(&self, lcp: BoxLcp<'_>, z: &[f64]) -> f64 {
+        let mut worst = 0.0_f64;
+        for i in 0..z.len() {
+            let r = natural(z[i], lcp.lower[i], lcp.upper[i], self.w[i] / self.scale[i]).abs();
+            if r > worst || r.is_nan() {
+                worst = r;
+            }
+        }
+        worst
+    }
+
+    /// Whether z, with w at hand, is a solution; see [`ActiveSetOptions::tolerance`].
+    fn is_solution(&mut self, lcp: BoxLcp<'_>, direct: bool, z: &[f64]) -> bool {
+        let mut point = Point::of(lcp, z, &self.w);
+        let tolerance = self.options.tolerance;
+        if self.accuracy.measure(&point).is_solved(tolerance) {
+            return true;
+        }
+        // Direct solves can do better, iterative ones see a block as a whole.
+        if direct {
+            return false;
+        }
+        self.blocks.sizes(z, &mut self.size);
+        point.sizes = Some(&self.size);
+        self.accuracy.measure(&point).is_solved(tolerance)
+    }
+
+    /// Whether z without its rounding is a solution; otherwise z stays as it is.
+    fn is_solution_without_rounding(&mut self, lcp: BoxLcp<'_>, direct: bool, z: &mut [f64]) -> bool {
+        self.step.copy_from_slice(z);
+        if drop_rounding(lcp, z) {
+            lcp.value(z, &mut self.w);
+            if self.is_solution(lcp, direct, z) {
+                return true;
+            }
+            z.copy_from_slice(&self.step);
+        }
+        false
+    }
+
+    fn clamp(&self, lcp: BoxLcp<'_>, z: &mut [f64]) {
+        for ((z, l), u) in z.iter_mut().zip(lcp.lower).zip(lcp.upper) {
+            *z = z.max(*l).min(*u);
+        }
+    }
+}
+
+fn size(z: &[f64]) -> f64 {
+    z.iter().fold(0.0_f64, |m, v| m.max(v.abs()))
+}
