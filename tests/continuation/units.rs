@@ -5,9 +5,12 @@ use std::ops::ControlFlow;
 use super::curves::{lens, parabola_and_line, two_arcs, within};
 use super::maps::{Plane, same_cells};
 use semismooth::continuation::{
-    Branch, Continuation, ContinuationError, Diagram, DiagramOptions, Direction, Event, TransitionKind,
+    Branch, Continuation, ContinuationError, Diagram, DiagramOptions, Direction, Event, Termination,
+    TransitionKind,
 };
-use semismooth::piecewise::{MinMap, PiecewiseError, PiecewiseSmooth, Selection};
+use semismooth::piecewise::{
+    Kinks, MinMap, NonsmoothFunction, PiecewiseError, PiecewiseSmooth, Real, Selection, Traced,
+};
 use semismooth::sparse::Matrix;
 
 /// A plane map whose y is measured in another unit.
@@ -264,6 +267,68 @@ fn a_facet_crossed_twice_in_one_step() {
             for (t, alpha) in branch.transitions.iter().zip(order) {
                 assert_eq!(t.kind, TransitionKind::PassThrough);
                 assert!((t.parameter() - alpha).abs() < 1e-12 / c.min(1e-2), "{t:?}");
+            }
+        }
+    }
+}
+
+/// y₁/s = α and v + ½ |v| = α (1 + c α) with v = s y₂: y₁ is large where y₂ is small.
+struct Apart {
+    unit: f64,
+    curved: f64,
+}
+
+impl Apart {
+    fn v(&self, a: f64) -> f64 {
+        let right = a * (1.0 + self.curved * a);
+        if right > 0.0 { right / 1.5 } else { right / 0.5 }
+    }
+}
+
+impl NonsmoothFunction for Apart {
+    fn num_vars(&self) -> usize {
+        3
+    }
+    fn num_residuals(&self) -> usize {
+        2
+    }
+    fn eval<T: Real>(&self, x: &[T], k: &mut Kinks<'_, T>, out: &mut [T]) {
+        let v = x[1] * self.unit;
+        let kink = k.abs(v);
+        out[0] = x[0] / self.unit - x[2];
+        out[1] = v + kink * 0.5 - x[2] * (x[2] * self.curved + 1.0);
+    }
+}
+
+/// Without sizes the tangent is all but that of y₁, at right angles to the gradient of v but for 10⁻¹⁸: it crosses the facet none the
+/// less, and a start that is far from the facet in its own units is not on it.
+#[test]
+fn facets_are_crossed_in_variables_of_small_units() {
+    for curved in [0.0, 0.25] {
+        for unit in [1e5, 1e9] {
+            let function = Apart { unit, curved };
+            let map = Traced::new(Apart { unit, curved });
+            for (begin, direction) in [(-0.9, Direction::Increasing), (0.9, Direction::Decreasing)] {
+                let start = [unit * begin, function.v(begin) / unit, begin];
+                let options = within((-1.0, 1.0)).with_step(0.05 * unit).with_max_step(unit);
+                let branch = Branch::follow(&map, &start, direction, options).unwrap();
+                assert_eq!(
+                    branch.termination,
+                    Termination::ParameterRange,
+                    "{unit:e} {curved}"
+                );
+                for p in &branch.points {
+                    let [y, v, a] = [p.x[0] / unit, p.x[1] * unit, p.x[2]];
+                    assert!(
+                        (y - a).abs() < 1e-12 && (v - function.v(a)).abs() < 1e-9,
+                        "{v} {a}"
+                    );
+                }
+                let [t] = branch.transitions.as_slice() else {
+                    panic!("{unit:e} {curved}: {:?}", branch.transitions);
+                };
+                assert_eq!((t.kind, t.arms.len()), (TransitionKind::PassThrough, 1));
+                assert!(t.parameter().abs() < 1e-12, "{}", t.parameter());
             }
         }
     }

@@ -2,6 +2,7 @@
 //! selection's cell.
 
 use super::branch_point::BranchSystem;
+use super::units::Units;
 use crate::clock::Deadline;
 use crate::continuation::engine::{Curve, Solver};
 use crate::continuation::{Arm, ContinuationError, ContinuationOptions};
@@ -17,8 +18,6 @@ use crate::spread::centred;
 
 /// Two unit tangents closer than this are one arm.
 const SAME_ARM: f64 = 1e-7;
-/// Rate of a test function, relative to its gradient, below which an arm runs inside the facet.
-pub(in crate::continuation) const TANGENTIAL: f64 = 1e-9;
 /// Singular values below this, relative to the largest, count as zero in the branching equation.
 pub(in crate::continuation) const RANK: f64 = 1e-9;
 /// How many times as far as its rates tell a test function moves by rounding alone.
@@ -330,6 +329,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
                 .tests_of_selection(selection, &ahead, Some(direction), &mut rates);
         }
         let mut grazing = Vec::new();
+        let mut units = Units::new(self.map, selection, self.x);
         for v in self.vanishing {
             let (rate, size) = match sizes.get(v.index) {
                 Some(&size) => (own[v.index], size),
@@ -337,6 +337,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
             };
             // Nothing but rounding next to its change over the distance 1 + ‖x‖: then the second derivative decides, unless it is rounding, too.
             let flat = curved && size <= RANK * AHEAD.recip() * (rates[v.index] - rate).abs();
+            let least = units.least_rate(v, rate, size, direction);
             let cell = self.map.cell(v.site, selection.piece(v.site));
             for facet in cell.iter().filter(|f| f.test() == v.test) {
                 let rate = facet.sign() * rate;
@@ -344,12 +345,12 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
                     let explained = theta[v.index].abs() <= UNEXPLAINED * step * rates[v.index].abs();
                     explained && facet.sign() * theta[v.index] < 0.0
                 } else {
-                    rate < -TANGENTIAL * size
+                    rate < -least
                 };
                 if leaves {
                     return None;
                 }
-                if (flat || rate <= TANGENTIAL * size) && !grazing.contains(&v.site) {
+                if (flat || rate <= least) && !grazing.contains(&v.site) {
                     grazing.push(v.site);
                 }
             }
@@ -422,15 +423,19 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
 
 impl<'a> Curve<'a> {
     pub(in crate::continuation) fn vanishing_here(&self, forced: &[usize]) -> Vec<Vanishing> {
-        vanishing_at(
+        let distance = self.options.vanishing_distance;
+        let mut list = vanishing_at(
             &self.map,
             &self.layout,
             &self.selection,
             &self.here.x,
             &self.here.theta,
-            self.options.vanishing_distance,
+            distance,
             forced,
-        )
+        );
+        let mut units = Units::new(&self.map, &self.selection, &self.here.x);
+        list.retain(|v| forced.contains(&v.index) || units.is_near(v, self.here.theta[v.index], distance));
+        list
     }
 
     pub(in crate::continuation) fn active_here(

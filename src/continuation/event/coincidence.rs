@@ -1,7 +1,7 @@
 //! Which test functions vanish together with the one on which a transition was located: those whose zero the curve meets at the same
 //! distance along itself, as far as rounding can tell.
 
-use super::arms::TANGENTIAL;
+use super::units::Units;
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::Curve;
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, TestLayout, Vanishing};
@@ -56,6 +56,7 @@ impl Curve<'_> {
     fn facets_near(&self, index: usize, rates: &[f64]) -> Vec<(Vanishing, bool)> {
         let wide = WIDE * (1.0 + norm(&self.here.x));
         let mut near = Vec::new();
+        let mut units = Units::new(&self.map, &self.selection, &self.here.x);
         for site in 0..self.layout.num_sites() {
             let first = self.layout.range(site).start;
             for facet in self.map.cell(site, self.selection.piece(site)) {
@@ -65,7 +66,8 @@ impl Curve<'_> {
                     continue;
                 }
                 let v = Vanishing::new(&self.map, &self.layout, &self.selection, k, &self.here.x);
-                if certain || facet.sign() * rates[k] <= TANGENTIAL * v.gradient_norm {
+                let mut least = || units.least_rate(&v, rates[k], v.gradient_norm, &self.here.t);
+                if certain || facet.sign() * rates[k] <= least() {
                     near.push((v, certain));
                 }
             }

@@ -1,6 +1,6 @@
 //! How a curve leaves a point along an arm: the selection to freeze, and what is known of it there.
 
-use super::arms::TANGENTIAL;
+use super::units::Units;
 use crate::continuation::engine::{Curve, State, row_sizes, term_size};
 use crate::continuation::{Arm, ContinuationError};
 use crate::piecewise::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, Vanishing};
@@ -16,12 +16,16 @@ impl Curve<'_> {
         self.selection.copy_from(&arm.selection);
         self.here.t.copy_from_slice(&arm.tangent);
         self.grazing.clear();
+        let mut units = Units::new(&self.map, &arm.selection, &self.here.x);
         self.grazing.extend(
             vanishing
                 .iter()
                 .filter(|v| arm.grazing.contains(&v.site))
                 .map(|v| v.of_selection(&self.map, &self.layout, &arm.selection, &self.here.x))
-                .filter(|v| v.rate(&arm.tangent).abs() <= TANGENTIAL * v.gradient_norm),
+                .filter(|v| {
+                    let rate = v.rate(&arm.tangent);
+                    rate.abs() <= units.least_rate(v, rate, v.gradient_norm, &arm.tangent)
+                }),
         );
         self.here.s = 0.0;
         self.linearize_here()?;

@@ -8,4 +8,5 @@ mod locate;
 mod monitor;
 mod singular;
 pub(super) mod turn;
+mod units;
 pub(super) mod watch;

@@ -1,6 +1,7 @@
 //! What happens at a located transition or branch point: arms, kind, and the arm that is followed.
 
-use super::arms::{Arms, TANGENTIAL};
+use super::arms::Arms;
+use super::units::Units;
 use super::watch::VERTICAL;
 use crate::continuation::engine::Curve;
 use crate::continuation::{
@@ -256,15 +257,17 @@ impl Curve<'_> {
 
     /// A vanishing test function of a facet of the followed cell across which the tangent leads out.
     fn facet_left_here(&self) -> Option<usize> {
-        let leaves = |v: &&Vanishing| {
+        let mut units = Units::new(&self.map, &self.selection, &self.here.x);
+        let mut leaves = |v: &&Vanishing| {
             let rate = v.rate(&self.here.t);
+            let least = units.least_rate(v, rate, v.gradient_norm, &self.here.t);
             let cell = self.map.cell(v.site, self.selection.piece(v.site));
             !self.grazing.iter().any(|g| g.index == v.index)
                 && cell
                     .iter()
-                    .any(|f| f.test() == v.test && f.sign() * rate < -TANGENTIAL * v.gradient_norm)
+                    .any(|f| f.test() == v.test && f.sign() * rate < -least)
         };
-        self.vanishing_here(&[]).iter().find(leaves).map(|v| v.index)
+        self.vanishing_here(&[]).iter().find(&mut leaves).map(|v| v.index)
     }
 }
 

@@ -1,0 +1,81 @@
+//! Angles and distances to facets in whatever units the variables are.
+
+use crate::newton::equilibrate;
+use crate::piecewise::{PiecewiseSmooth, Selection, TestLayout, Vanishing};
+use crate::sparse::{Matrix, norm};
+
+/// Rate of a test function, relative to its gradient, up to which a direction runs inside the facet.
+const TANGENTIAL: f64 = 1e-9;
+
+/// Entries of ∇H that are smaller than this part of the largest one in their row may be rounding errors: they tell no units.
+const ROUNDING: f64 = 1e-13;
+
+/// Lengths of vectors depend on the units of the variables: what is small in units that lie far apart need not be small at all. Rates and
+/// values of test functions that count as none have to be small in the units of ∇H^(σ), too, in which the entries of its columns
+/// are of one size.
+pub(super) struct Units<'a, P: ?Sized> {
+    map: &'a P,
+    selection: &'a Selection,
+    x: &'a [f64],
+    /// Found where something small is met; empty until then.
+    units: Vec<f64>,
+}
+
+impl<'a, P: PiecewiseSmooth + ?Sized> Units<'a, P> {
+    pub(super) fn new(map: &'a P, selection: &'a Selection, x: &'a [f64]) -> Self {
+        Self {
+            map,
+            selection,
+            x,
+            units: Vec::new(),
+        }
+    }
+
+    /// The largest rate along a unit vector that counts as none; `size` is the norm of the gradient of the test function.
+    pub(super) fn least_rate(&mut self, v: &Vanishing, rate: f64, size: f64, t: &[f64]) -> f64 {
+        let bound = TANGENTIAL * size;
+        if rate == 0.0 || rate.abs() > bound || rate.is_nan() {
+            return bound;
+        }
+        let gradient = self.gradient_norm(v);
+        bound.min(TANGENTIAL * gradient * self.length(t))
+    }
+
+    /// Whether a value θ is within `distance` of the facet, relative to 1, in the unit of the parameter, and to the length of x.
+    pub(super) fn is_near(&mut self, v: &Vanishing, theta: f64, distance: f64) -> bool {
+        if theta == 0.0 {
+            return true;
+        }
+        let gradient = self.gradient_norm(v);
+        let one = self.units.last().map_or(1.0, |unit| unit.recip());
+        theta.abs() <= distance * (one + self.length(self.x)) * gradient
+    }
+
+    fn length(&self, vector: &[f64]) -> f64 {
+        let scaled: Vec<f64> = vector.iter().zip(&self.units).map(|(v, d)| v / d).collect();
+        norm(&scaled)
+    }
+
+    fn gradient_norm(&mut self, v: &Vanishing) -> f64 {
+        if self.units.is_empty() {
+            self.find();
+        }
+        let own = (self.map.has_nested_kinks())
+            .then(|| v.of_selection(self.map, &TestLayout::new(self.map), self.selection, self.x));
+        let gradient = &own.as_ref().unwrap_or(v).gradient;
+        let scaled: Vec<f64> = gradient.iter().zip(&self.units).map(|(g, d)| g * d).collect();
+        norm(&scaled)
+    }
+
+    fn find(&mut self) {
+        let mut jac = Matrix::zeros(self.map.pattern());
+        self.map.jacobian(self.selection, self.x, &mut jac);
+        let (mut row, mut largest) = (vec![1.0; jac.nrows()], vec![0.0f64; jac.nrows()]);
+        (jac.triplets()).for_each(|(i, _, v)| largest[i] = largest[i].max(v.abs()));
+        let kept = |(i, _, v): (usize, usize, f64)| if v.abs() < ROUNDING * largest[i] { 0.0 } else { v };
+        let values: Vec<f64> = jac.triplets().map(kept).collect();
+        jac.values_mut().copy_from_slice(&values);
+        self.units.resize(jac.ncols(), 1.0);
+        equilibrate(jac.as_ref(), &mut row, &mut self.units, &mut largest);
+    }
+}
