@@ -31,21 +31,23 @@ pub enum Direction {
     Along(Vec<f64>),
 }
 
-/// A curve that starts beyond a bound of its parameter would take the way back to it for one along the curve.
-fn check_inside(x: &[f64], (lower, upper): (f64, f64)) -> Result<(), ContinuationError> {
+/// The start, on the bound of its parameter where rounding put it beyond. From further out a curve would take the way back to the bound for one
+/// along itself.
+fn inside(x: &[f64], (lower, upper): (f64, f64)) -> Result<Vec<f64>, ContinuationError> {
     const ROUNDING: f64 = 1e-10;
-    let Some(&alpha) = x.last() else {
-        return Ok(());
-    };
-    let margin = ROUNDING * (1.0 + alpha.abs());
-    if alpha >= lower - margin && alpha <= upper + margin {
-        return Ok(());
+    let mut inside = x.to_vec();
+    if let Some(alpha) = inside.last_mut() {
+        let value = *alpha;
+        *alpha = value.max(lower).min(upper);
+        if (value - *alpha).abs() > ROUNDING * (1.0 + value.abs()) {
+            return Err(ContinuationError::Option {
+                name: "start",
+                value,
+                range: "inside the range of the parameter",
+            });
+        }
     }
-    Err(ContinuationError::Option {
-        name: "start",
-        value: alpha,
-        range: "inside the range of the parameter",
-    })
+    Ok(inside)
 }
 
 /// Whether every row of H = `r` is small against its own terms: the norm sees only those in the largest units.
@@ -397,8 +399,7 @@ fn corrected_start<'a>(
 ) -> Result<(MoorePenrose<Solver<'a>>, Vec<f64>), ContinuationError> {
     let corrector = MoorePenrose::new(map, solver)?;
     check_vector("the start x", x, map.num_vars())?;
-    check_inside(x, options.parameter_range)?;
-    let z = onto_curve(map, x, options)?;
+    let z = onto_curve(map, &inside(x, options.parameter_range)?, options)?;
     Ok((corrector, z))
 }
 

@@ -5,7 +5,8 @@ use std::ops::ControlFlow;
 use super::curves::{follow, lens, near, parabola_and_line, two_arcs, within};
 use super::maps::Plane;
 use semismooth::continuation::{
-    Branch, Continuation, ContinuationError, Direction, Event, PointKind, Termination, arms_at,
+    Branch, Continuation, ContinuationError, Diagram, DiagramOptions, Direction, Event, PointKind,
+    Termination, arms_at,
 };
 
 #[test]
@@ -173,6 +174,37 @@ fn starts_outside_the_range_are_refused() {
     // On the bound is inside.
     let branch = follow(&map, x, Direction::Decreasing, within((-2.0, 4.76)));
     assert!(branch.points.len() > 2 && branch.points.iter().all(|p| map.value(&p.x).abs() < 1e-14));
+}
+
+/// Beyond a bound by rounding is on it, for curves with affine and with curved pieces and for diagrams: nothing outside is a point of any.
+#[test]
+fn starts_beyond_a_bound_by_rounding_are_on_it() {
+    let line: [fn(f64, f64) -> [f64; 3]; 2] = [|y, a| [y - 2.0 * a, 1.0, -2.0]; 2];
+    for mut map in [
+        Plane::smooth(line[0]),
+        Plane::two(line[0], line[1], |y, _| [y - 0.5, 1.0, 0.0]),
+    ] {
+        for affine in [false, true] {
+            map.affine = affine;
+            let options = within((-1.0, 1.0));
+            for (begin, bound) in [(1.0 + 5e-11, 1.0), (-1.0 - 5e-11, -1.0)] {
+                let start = [2.0 * begin, begin];
+                for direction in [Direction::Increasing, Direction::Decreasing] {
+                    let outwards = (direction == Direction::Increasing) == (bound > 0.0);
+                    let branch = Branch::follow(&map, &start, direction, options.clone()).unwrap();
+                    assert_eq!(branch.termination, Termination::ParameterRange);
+                    assert_eq!(branch.points[0].x, [2.0 * bound, bound]);
+                    let end = branch.points.last().unwrap().x[1];
+                    assert_eq!(end, if outwards { bound } else { -bound });
+                }
+                let explored = DiagramOptions::default().with_parameter_range((-1.0, 1.0));
+                let diagram = Diagram::explore(&map, &[start], &explored).unwrap();
+                assert_eq!(diagram.vertices()[0].x, [2.0 * bound, bound]);
+                assert!(diagram.vertices().iter().all(|v| v.x[1].abs() <= 1.0));
+                assert!(Diagram::explore(&map, &[[2.2, 1.1]], &explored).is_err());
+            }
+        }
+    }
 }
 
 /// y = 0, declared as curved: steps along it end at multiples of h exactly, and so do targets.

@@ -159,15 +159,6 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
         let mut curve = Curve::prepare(self.map, x, options, Box::new(solver_for(self.map)))?;
         let curve = curve.erased_mut();
         let x = curve.here.x.clone();
-        let alpha = x.last().copied().unwrap_or(f64::NAN);
-        let (lower, upper) = self.diagram.range;
-        if !(alpha >= lower && alpha <= upper) {
-            return Err(ContinuationError::Option {
-                name: "start",
-                value: alpha,
-                range: "inside the range of the parameter",
-            });
-        }
         if let Some(v) = self.diagram.vertex_near(&x) {
             self.diagram.vertices[v].is_start = true;
             return Ok(());
