@@ -354,6 +354,8 @@ struct Brittle {
     added: Vec<(usize, usize, f64)>,
     solves: usize,
     products: usize,
+    /// The share of the right-hand side that its solves leave.
+    left: f64,
 }
 
 impl ReducedSystem for Brittle {
@@ -376,7 +378,7 @@ impl ReducedSystem for Brittle {
         Ok(())
     }
 
-    /// Three quarters of what is left: Newton's method takes a few steps.
+    /// A share of what is left: Newton's method takes a few steps.
     fn solve(&mut self, r: &[f64], d: &mut [f64], _: f64) -> Result<KrylovOutcome, LinearError> {
         self.solves = self.solves.saturating_sub(1);
         if self.solves == 0 {
@@ -384,10 +386,10 @@ impl ReducedSystem for Brittle {
         }
         for (k, d) in d.iter_mut().enumerate() {
             let more = self.added.iter().filter(|a| (a.0, a.1) == (k, k)).map(|a| a.2);
-            *d = 0.75 * r[k] / (self.diagonal[k] + more.sum::<f64>());
+            *d = (1.0 - self.left) * r[k] / (self.diagonal[k] + more.sum::<f64>());
         }
         self.held.iter().for_each(|k| d[*k] = 0.0);
-        Ok(KrylovOutcome::new(1, 0.25))
+        Ok(KrylovOutcome::new(1, self.left))
     }
 
     fn sum(&self, _: &mut [f64]) -> Result<(), LinearError> {
@@ -403,13 +405,14 @@ impl ReducedSystem for Brittle {
 /// no residual is larger than any number.
 #[test]
 fn breakdowns_leave_the_best_iterate() {
-    let solve = |solves: usize, products: usize| {
+    let solve = |solves: usize, products: usize, left: f64| {
         let mut system = Brittle {
             diagonal: vec![2.0, 4.0, 1.0, 1.0],
             held: Vec::new(),
             added: Vec::new(),
             solves,
             products,
+            left,
         };
         let nodes = ReducedNodes {
             components: &[0],
@@ -427,7 +430,7 @@ fn breakdowns_leave_the_best_iterate() {
     };
     let mut before = f64::INFINITY;
     for solves in 1..6 {
-        let Err(ReducedError::System { source, best }) = solve(solves, usize::MAX) else {
+        let Err(ReducedError::System { source, best }) = solve(solves, usize::MAX, 0.25) else {
             panic!("{solves}");
         };
         assert_eq!((source, best.newton()), (LinearError::NotFactored, solves));
@@ -441,9 +444,18 @@ fn breakdowns_leave_the_best_iterate() {
         assert!((best.forces[0] - left).abs() <= 1e-8 && best.residuals.largest() < before);
         before = best.residuals.largest();
     }
-    match solve(usize::MAX, 1) {
+    match solve(usize::MAX, 1, 0.25) {
         Err(ReducedError::Contact(ContactError::NotConverged { best })) => {
             assert_eq!(best.residuals.largest(), f64::INFINITY);
+        }
+        other => panic!("{other:?}"),
+    }
+    // Steps that leave most of the right-hand side are not taken.
+    match solve(usize::MAX, usize::MAX, 0.75) {
+        Err(ReducedError::Contact(ContactError::NotConverged { best })) => {
+            assert_eq!(best.displacements, [0.0; 4]);
+            assert!(best.iterations.iter().all(|i| i.step == 0.0 && i.krylov == 1));
+            assert_eq!((best.newton(), best.residuals.equilibrium), (1, 1.0));
         }
         other => panic!("{other:?}"),
     }

@@ -35,11 +35,7 @@ fn phi_gradient(a: f64, b: f64) -> (f64, f64) {
 
 /// φ with the penalty of Chen, Chen and Kanzow (2000): λ φ(a, b) + (1 − λ) a₊ b₊.
 fn penalised(a: f64, b: f64, lambda: f64) -> f64 {
-    if lambda == 1.0 {
-        phi(a, b)
-    } else {
-        lambda * phi(a, b) + (1.0 - lambda) * a.max(0.0) * b.max(0.0)
-    }
+    lambda * phi(a, b) + (1.0 - lambda) * a.max(0.0) * b.max(0.0)
 }
 
 /// An element of the B-subdifferential of the penalised φ at (a, b); at (0, 0) the limit of gradients along (da, db).

@@ -163,6 +163,35 @@ mod tests {
         assert!(small([1e3, 1e3, 1e12], 100.0, true) == Small::No);
     }
 
+    /// x₀ is rounded in a row with terms of 1, of which it has a share of 1e-3: so much may be left in its own row, whose terms vanish.
+    #[test]
+    fn rows_are_excused_by_what_others_see_of_their_unknown() {
+        let (share, tolerance) = (1e-3, 1e-8);
+        let jac = Matrix::from_rows(&[[1.0, 0.0], [share, 1.0]]).unwrap();
+        let small = |left: f64, settled: bool| {
+            let (mut row, mut col, mut max) = ([0.0; 2], [0.0; 2], [0.0; 2]);
+            let work = Scratch {
+                row: &mut row,
+                col: &mut col,
+                max: &mut max,
+            };
+            is_small(
+                &[left, 0.0],
+                &[left, 1.0],
+                tolerance,
+                jac.as_ref(),
+                &[settled; 2],
+                work,
+            )
+        };
+        let excused = tolerance * share;
+        assert!(small(0.9 * excused, true) == Small::Yes);
+        assert!(small(0.9 * excused, false) == Small::Perhaps);
+        for left in [1.1 * excused, 0.9 * tolerance, 1.1 * tolerance] {
+            assert!(small(left, true) == Small::No, "{left:e}");
+        }
+    }
+
     /// Rows and columns in units from 1e-12 to 1e12.
     #[test]
     fn equilibration_brings_largest_entries_near_one() {

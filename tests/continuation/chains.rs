@@ -375,4 +375,22 @@ fn undecided_kernels_are_named() {
         text.contains("undecided") && text.contains("kernel of dimension 2 along x["),
         "{text}"
     );
+    assert!(!text.contains("more"), "{text}");
+    // Twelve flows of one demand: eight are named.
+    let map = MinMap::curve(12, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+        for row in 0..12 {
+            a[row] = x[..12].iter().sum::<f64>() - x[12];
+            b[row] = a[row] + 1.0;
+        }
+    });
+    let start = [vec![1.0 / 12.0; 12], vec![1.0]].concat();
+    let options = ContinuationOptions::default().with_parameter_range((0.0, 2.0));
+    let error = Branch::follow(&map, &start, Direction::Increasing, options).unwrap_err();
+    let text = error.to_string();
+    assert!(text.contains("kernel of dimension 12 along x["), "{text}");
+    assert_eq!(
+        (text.matches("x[").count(), text.contains(" and 5 more")),
+        (8, true),
+        "{text}"
+    );
 }

@@ -40,6 +40,7 @@ mod seed_reference;
 mod seed_strategy;
 mod small_angles;
 mod smooth;
+mod step_control;
 mod tampered;
 mod transition_sets;
 mod uniqueness;

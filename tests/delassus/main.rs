@@ -12,8 +12,8 @@ use std::path::Path;
 use proptest::prelude::*;
 use random::Random;
 use semismooth::contact::{
-    ContactState, DelassusError, DelassusOptions, DelassusProblem, DelassusReport, DelassusSolver,
-    DelassusStatus, read_delassus,
+    ContactState, DelassusError, DelassusOptions, DelassusPhase, DelassusProblem, DelassusReport,
+    DelassusSolver, DelassusStatus, read_delassus,
 };
 use semismooth::sparse::Matrix;
 
@@ -38,7 +38,36 @@ fn solved(p: &DelassusProblem) -> Result<DelassusReport, String> {
             report.residual
         ));
     }
+    check_history(&report);
     Ok(report)
+}
+
+fn check_history(report: &DelassusReport) {
+    for (k, entry) in report.history.iter().enumerate() {
+        assert_eq!(entry.index, k);
+    }
+    let work = |sweeps: bool| {
+        let entries = report
+            .history
+            .iter()
+            .filter(|i| (i.phase == DelassusPhase::Sweeps) == sweeps);
+        entries.map(|i| i.work).sum::<usize>()
+    };
+    assert_eq!((report.sweeps, report.factorisations), (work(true), work(false)));
+    // A proximal step that succeeds makes the next weight smaller, one that fails larger, unless another attempt begins.
+    let first = report.history.iter().find(|i| i.phase == DelassusPhase::Proximal);
+    for pair in report.history.windows(2) {
+        let (one, next) = (&pair[0], &pair[1]);
+        if one.phase != DelassusPhase::Proximal || next.phase != DelassusPhase::Proximal {
+            continue;
+        }
+        let begins = first.is_some_and(|f| f.alpha == next.alpha);
+        let moves = match one.success {
+            true => next.alpha < one.alpha || next.alpha <= 1e-14,
+            false => next.alpha > one.alpha,
+        };
+        assert!(moves || begins, "{one:?} {next:?}");
+    }
 }
 
 fn rows(p: &DelassusProblem) -> Vec<Vec<f64>> {

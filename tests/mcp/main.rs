@@ -16,5 +16,6 @@ mod outcomes;
 mod parametric;
 mod properties;
 mod regularity;
+mod reports;
 mod strategies;
 mod support;

@@ -50,6 +50,48 @@ fn the_problem_at_a_parameter_agrees_with_the_curve() {
     assert!(McpSolver::default().solve(&problem, &mut [0.0, 0.0]).is_err());
 }
 
+/// 0 ≤ x ⟂ M x + q + α c ≥ 0 in another unit: the same points to the last bit, and the same lists.
+#[test]
+fn units_of_affine_problems_change_nothing() {
+    let rows = [
+        vec![2.0, -1.0, 0.0, 1.0],
+        vec![1.0, 1.0, -2.0, 0.5],
+        vec![0.0, 1.0, 1.0, -1.0],
+    ];
+    let problem = |unit: f64| {
+        let scaled: Vec<Vec<f64>> = rows
+            .iter()
+            .map(|r| [r[..3].to_vec(), vec![unit * r[3]]].concat())
+            .collect();
+        let q = vec![-unit, 0.5 * unit, 0.25 * unit];
+        let function = AffineFunction::new(matrix(&scaled), q).unwrap();
+        Mcp::ncp(function).unwrap()
+    };
+    let follow = |unit: f64| {
+        let map = problem(unit);
+        let list = all_solutions(&map, -2.0, &EnumerationOptions::default()).unwrap();
+        let x = &list.solutions[0].x;
+        let options = ContinuationOptions::default().with_parameter_range((-2.0, 3.0));
+        let branch = Branch::follow(&map, x, Direction::Increasing, options).unwrap();
+        (list.solutions.len(), branch)
+    };
+    let (count, plain) = follow(1.0);
+    assert!(plain.transitions.len() > 1);
+    // One factorisation: at each kink the row of one component changes in the inverse at hand.
+    assert!(plain.factorisations <= 2 && plain.updates >= plain.transitions.len());
+    for unit in [(-40.0_f64).exp2(), 50.0_f64.exp2()] {
+        let (number, branch) = follow(unit);
+        assert_eq!((number, branch.termination), (count, plain.termination));
+        assert_eq!(branch.points.len(), plain.points.len());
+        for (p, q) in branch.points.iter().zip(&plain.points) {
+            let back: Vec<f64> = p.x[..3].iter().map(|x| x / unit).collect();
+            assert_eq!((&back[..], p.x[3], p.arclength), (&q.x[..3], q.x[3], q.arclength));
+        }
+        let kinds = |b: &Branch| b.transitions.iter().map(|t| (t.kind, t.x[3])).collect::<Vec<_>>();
+        assert_eq!(kinds(&branch), kinds(&plain));
+    }
+}
+
 #[test]
 fn all_equilibria_of_a_coordination_game() {
     // Payoffs diag(1, α) for both: two pure equilibria and a mixed one for α > 0. As an LCP: x, y ≥ 0 with costs K − payoff.

@@ -271,7 +271,7 @@ proptest! {
 }
 
 /// The problem seen in a mirror: z = −x, G(z) = −F(−z), bounds −u, −l.
-struct Mirrored<F>(F);
+pub(crate) struct Mirrored<F>(F);
 
 impl<F: McpFunction> McpFunction for Mirrored<F> {
     fn num_vars(&self) -> usize {
@@ -288,7 +288,7 @@ impl<F: McpFunction> McpFunction for Mirrored<F> {
     }
 }
 
-fn mirrored<F: McpFunction>(function: F, problem: &Mcp<impl McpFunction>) -> Mcp<Mirrored<F>> {
+pub(crate) fn mirrored<F: McpFunction>(function: F, problem: &Mcp<impl McpFunction>) -> Mcp<Mirrored<F>> {
     let turn = |v: &[f64]| v.iter().map(|v| -v).collect::<Vec<_>>();
     Mcp::new(Mirrored(function), turn(problem.upper()), turn(problem.lower())).unwrap()
 }

@@ -16,7 +16,7 @@ use McpStrategy::{
     Enumeration, FischerBurmeister, Homotopy, JosephyNewton, Newton, Proximal, Restart, Smoothing,
 };
 
-const ALL: [McpStrategy; 8] = [
+pub(crate) const ALL: [McpStrategy; 8] = [
     Newton,
     FischerBurmeister,
     Proximal,
@@ -361,7 +361,7 @@ fn changes_of_pieces_are_counted() {
 }
 
 /// q + A x + a nonlinear function of each component, in a box.
-fn random_problem(rng: &mut Random, k: usize) -> Mcp<impl McpFunction + use<>> {
+pub(crate) fn random_problem(rng: &mut Random, k: usize) -> Mcp<impl McpFunction + use<>> {
     let n = 4;
     let shift = [1.5, 0.0, 0.5, -0.3][k % 4];
     let a: Vec<Vec<f64>> = (0..n)

@@ -9,6 +9,7 @@ mod globalisation;
 mod krylov;
 mod limits;
 mod problems;
+mod replay;
 
 use std::cell::Cell;
 use std::ops::ControlFlow;

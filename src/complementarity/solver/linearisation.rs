@@ -120,3 +120,45 @@ impl Linearisation {
             .any(|((s, f), r)| *s > STALE || (*s < 1.0 / STALE && *s > 0.0 && (r * f).abs() < 1.0 / STALE))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{Linearisation, STALE};
+    use crate::complementarity::WithJacobian;
+    use crate::sparse::{Matrix, Pattern};
+
+    /// ∇F = diag (s, 1): factors serve until a row, and its value with it, has grown or shrunk by more than they may leave.
+    #[test]
+    fn factors_are_stale_where_rows_leave_their_range() {
+        let function = |s: f64| {
+            WithJacobian::new(
+                2,
+                |_: &[f64], _: &mut [f64]| {},
+                move |_: &[f64], jac: &mut Matrix| {
+                    jac.add(0, 0, s);
+                    jac.add(1, 1, 1.0);
+                },
+            )
+        };
+        for (s, value, stale) in [
+            (1.0, 1.0, false),
+            (0.9 * STALE, 1.0, false),
+            (1.1 * STALE, 1.0, true),
+            (1.1 / STALE, 0.0, false),
+            (0.9 / STALE, 0.0, true),
+            (0.9 / STALE, 0.9 / STALE, true),
+            (0.9 / STALE, 1.1 / STALE, false),
+            (0.0, 0.0, false),
+        ] {
+            let mut lin = Linearisation::new(Pattern::from_entries(2, 2, [(0, 0), (1, 1)]).unwrap());
+            assert!(lin.evaluate(&function(1.0), &[0.0; 2]));
+            lin.equilibrate(&[1.0; 2]);
+            assert_eq!((lin.row(), lin.col()), (&[1.0; 2][..], &[1.0; 2][..]));
+            assert!(lin.evaluate(&function(s), &[0.0; 2]));
+            assert_eq!(lin.is_stale(&[value, 1.0]), stale, "{s} {value}");
+            // Made anew they serve again.
+            lin.equilibrate(&[value, 1.0]);
+            assert!(!lin.is_stale(&[value, 1.0]));
+        }
+    }
+}

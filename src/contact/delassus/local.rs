@@ -103,3 +103,51 @@ pub(super) fn solve_contact<const D: usize>(w: &Block<D>, b: &[f64; D], mu: f64)
     at(high);
     r
 }
+
+#[cfg(test)]
+mod tests {
+    use super::solve_contact;
+    use crate::spread::Random;
+
+    /// W = B Bᵀ and any b: open, stick or slip, by the law itself.
+    fn laws_hold<const D: usize>() {
+        let mut rng = Random::new(D as u64);
+        let mut states = [0; 3];
+        for _ in 0..600 {
+            let factor: [[f64; D]; D] = std::array::from_fn(|_| std::array::from_fn(|_| rng.symmetric()));
+            let product = |i: usize, j: usize| (0..D).map(|k| factor[i][k] * factor[j][k]).sum::<f64>();
+            let w: [[f64; D]; D] = std::array::from_fn(|i| {
+                std::array::from_fn(|j| product(i, j) + if i == j { 0.1 } else { 0.0 })
+            });
+            let b: [f64; D] = std::array::from_fn(|_| rng.symmetric());
+            let mu = 0.2 + rng.symmetric().abs();
+            let r = solve_contact(&w, &b, mu);
+            let u: [f64; D] = std::array::from_fn(|i| b[i] + (0..D).map(|j| w[i][j] * r[j]).sum::<f64>());
+            let traction = r[1..].iter().map(|t| t * t).sum::<f64>().sqrt();
+            let slip = u[1..].iter().map(|v| v * v).sum::<f64>().sqrt();
+            if b[0] >= 0.0 {
+                states[0] += 1;
+                assert_eq!(r, [0.0; D]);
+                continue;
+            }
+            assert!(r[0] > 0.0 && u[0].abs() < 1e-12, "{r:?} {u:?}");
+            assert!(traction <= mu * r[0] + 1e-12);
+            states[if slip > 1e-9 { 2 } else { 1 }] += 1;
+            if slip > 1e-9 {
+                assert!((traction - mu * r[0]).abs() < 1e-10);
+                let against: f64 = u[1..].iter().zip(&r[1..]).map(|(u, r)| u * r).sum();
+                assert!((against + slip * traction).abs() < 1e-10);
+            }
+            // Without friction the pressure alone acts.
+            let smooth = solve_contact(&w, &b, 0.0);
+            assert!((w[0][0] * smooth[0] + b[0]).abs() < 1e-14 && smooth[1..].iter().all(|t| *t == 0.0));
+        }
+        assert!(states.iter().all(|n| *n > 10), "{states:?}");
+    }
+
+    #[test]
+    fn single_contacts_obey_the_law() {
+        laws_hold::<2>();
+        laws_hold::<3>();
+    }
+}

@@ -628,7 +628,7 @@ impl<S: ReducedSystem> Search<'_, S> {
         }
     }
 
-    /// The longest part of the step from `from` to u for which the residual falls, which u then is; 0 if there is none.
+    /// The longest part of the step from `from` to u for which the residual falls, at which u then is; 0 if there is none, and u is of no use.
     fn damp(&mut self, from: &[f64], image: Vec<f64>, u: &mut [f64], merit: f64) -> Outcome<f64, S::Error> {
         self.system.mul(u, &mut self.other).map_err(Stop::System)?;
         let step: Vec<f64> = u.iter().zip(from).map(|(u, v)| u - v).collect();
@@ -645,7 +645,6 @@ impl<S: ReducedSystem> Search<'_, S> {
             }
             part *= 0.5;
         }
-        u.copy_from_slice(from);
         Ok(0.0)
     }
 }

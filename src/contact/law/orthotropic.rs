@@ -70,7 +70,7 @@ impl OrthotropicCoulomb {
         let d = [0, 1].map(|k| v.traction[k] / (f[k][0] * f[k][0]) + v.r * u[k]);
         let length = d[0].hypot(d[1]);
         let size = length.max(v.r * norm);
-        if size == 0.0 || norm == 0.0 && length == 0.0 {
+        if size == 0.0 {
             return (0.0, LocalRow::default());
         }
         let e = if norm > 0.0 { u.map(|u| u / norm) } else { [0.0; 2] };

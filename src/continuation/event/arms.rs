@@ -508,3 +508,37 @@ fn second_derivative<P: PiecewiseSmooth + ?Sized>(
     };
     (8.0 * (at(h) - at(-h)) - (at(2.0 * h) - at(-2.0 * h))) / (12.0 * h)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::vanishing_at;
+    use crate::continuation::testing::Plane;
+    use crate::piecewise::{Selection, TestLayout};
+
+    /// θ = 10 y next to its zero: within the distance, which is one of x, or where it is known to vanish.
+    #[test]
+    fn facets_within_the_distance_vanish_and_those_that_are_forced() {
+        let map = Plane::within(|y, _| [y, 1.0, 0.0], &[|y, _| [10.0 * y, 10.0, 0.0]]);
+        let (layout, selection) = (TestLayout::new(&map), Selection::uniform(1, 0));
+        let count = |y: f64, distance: f64, forced: &[usize]| {
+            vanishing_at(
+                &map,
+                &layout,
+                &selection,
+                &[y, 0.0],
+                &[10.0 * y],
+                distance,
+                forced,
+            )
+            .len()
+        };
+        for y in [1e-9, 1e-6, 0.5] {
+            assert_eq!(
+                (count(y, 0.99 * y / (1.0 + y), &[]), count(y, 1.01 * y, &[])),
+                (0, 1),
+                "{y}"
+            );
+            assert_eq!((count(y, 1e-15, &[0]), count(-y, 1e-15, &[0])), (1, 1), "{y}");
+        }
+    }
+}

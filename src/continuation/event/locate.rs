@@ -63,7 +63,15 @@ impl Curve<'_> {
         let mut origin = Origin { sign: 1.0, log: 0.0 };
         match monitor {
             Monitor::Facet { .. } | Monitor::User(_) => {}
-            Monitor::Parameter { value, .. } => origin.sign = sign_of(self.here.x[last] - value),
+            Monitor::Parameter { value, .. } => {
+                let (before, after) = (self.here.x[last] - value, self.next.x[last] - value);
+                // A step may begin at the value.
+                origin.sign = if before == 0.0 {
+                    -sign_of(after)
+                } else {
+                    sign_of(before)
+                };
+            }
             Monitor::Fold => origin.sign = sign_of(self.here.t[last]),
             Monitor::Singular => self.determinant_origin(None, &mut origin)?,
             Monitor::Coactive(k) => self.determinant_origin(Some(k), &mut origin)?,

@@ -119,13 +119,13 @@ impl Curve<'_> {
         let (lower, upper) = self.options.parameter_range;
         let targets = self.options.targets.iter().map(|&v| (v, false));
         for (value, is_bound) in targets.chain([(lower, true), (upper, true)]) {
-            let strictly_before = if is_bound {
+            let passed = if is_bound {
                 // A start on the bound may walk inwards.
                 (value == upper && a1 > value) || (value == lower && a1 < value)
             } else {
-                (a0 - value) * (a1 - value) < 0.0 || (a1 == value && a0 != value)
+                (a0 - value) * (a1 - value) < 0.0
             };
-            if strictly_before && value.is_finite() {
+            if (passed || a1 == value && a0 != value) && value.is_finite() {
                 let fraction = ((value - a0) / (a1 - a0)).clamp(0.0, 1.0);
                 offer(
                     fraction,

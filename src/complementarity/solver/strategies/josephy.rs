@@ -65,14 +65,12 @@ impl Engine<'_> {
             if !self.evaluate() || !self.jacobian() {
                 return McpStatus::Stalled;
             }
+            let residual = self.residual();
+            self.note_best(residual);
             let Some(psi) = self.linearise(&plan, k == 0) else {
                 return McpStatus::Stalled;
             };
-            reference = if k == 0 {
-                psi
-            } else {
-                reference.min(psi * WEIGHTS.growth).max(psi)
-            };
+            reference = reference.min(psi * WEIGHTS.growth).max(psi);
             let Some((target, _)) = self.linearised_solution() else {
                 return McpStatus::Stalled;
             };
@@ -93,10 +91,10 @@ impl Engine<'_> {
                 }
             };
             if !accepted {
-                self.record(self.residual(), psi, McpStep::None, 0.0);
+                self.record(residual, psi, McpStep::None, 0.0);
                 return McpStatus::Stalled;
             }
-            self.record(self.residual(), psi, McpStep::Linearised, t);
+            self.record(residual, psi, McpStep::Linearised, t);
             self.accept_trial();
             let here = self.work.here.x.clone();
             // From here Newton's method may do; otherwise the sequence of linearised problems goes on.
