@@ -1,11 +1,12 @@
 //! Singular values and eigenvalues through nalgebra, whose iterations divide zeros where numbers underflow and panic over the NaN that
 //! follows: what goes in is finite and of one size, what comes out is looked at.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 use super::LinearError;
 use super::memory::{check_finite, dense_zeros};
 use crate::sparse::Matrix;
+use crate::spread::golden;
 
 /// Most sweeps of an iteration for each row of the matrix; convergence takes a handful.
 const SWEEPS: usize = 100;
@@ -85,14 +86,30 @@ pub(super) fn any(m: DMatrix<f64>) -> Result<Vec<(f64, f64)>, LinearError> {
     if m.nrows() == 0 {
         return Ok(Vec::new());
     }
-    let found = m.try_schur(ACCURACY, sweeps);
-    let values = found.map(|s| -> Vec<(f64, f64)> {
-        let all = s.complex_eigenvalues();
-        all.iter().map(|z| (z.re, z.im)).collect()
-    });
-    values
-        .filter(|v| v.iter().all(|z| z.0.is_finite() && z.1.is_finite()))
+    let values = |m: DMatrix<f64>, shift: f64| -> Option<Vec<(f64, f64)>> {
+        let all = m.try_schur(ACCURACY, sweeps)?.complex_eigenvalues();
+        let all: Vec<_> = all.iter().map(|z| (z.re - shift, z.im)).collect();
+        let finite = all.iter().all(|z| z.0.is_finite() && z.1.is_finite());
+        finite.then_some(all)
+    };
+    // The shifts of the iteration leave some matrices as they are, cyclic permutations among them, and its test for convergence asks too
+    // much between entries that vanish on the diagonal: neither is so in another basis, with the diagonal moved away from 0.
+    let elsewhere = || {
+        let shift = 2.0 * m.norm();
+        let mut other = reflected(&m);
+        (0..m.nrows()).for_each(|i| other[(i, i)] += shift);
+        values(other, shift)
+    };
+    values(m.clone(), 0.0)
+        .or_else(elsewhere)
         .ok_or_else(|| failed("eigenvalues"))
+}
+
+/// H m H for a reflection H without preference.
+fn reflected(m: &DMatrix<f64>) -> DMatrix<f64> {
+    let w = DVector::from_fn(m.nrows(), |i, _| 1.0 + golden(i + 1)).normalize();
+    let rows = m - &w * (w.transpose() * m) * 2.0;
+    &rows - (&rows * &w) * w.transpose() * 2.0
 }
 
 #[cfg(test)]
@@ -138,6 +155,20 @@ mod tests {
             }
             let _ = symmetric_eigenvalues(&a);
             let _ = generalized_eigenvalues(&a, &a);
+        }
+    }
+
+    /// Cyclic permutations, which the usual shifts leave as they are, have the roots of unity as eigenvalues.
+    #[test]
+    fn eigenvalues_of_cycles_are_roots_of_unity() {
+        for n in 3..9 {
+            let cycle: Vec<_> = (0..n).map(|i| (i, (i + 1) % n, 1.0)).collect();
+            let values = eigenvalues(&Matrix::from_triplets(n, n, &cycle).unwrap()).unwrap();
+            for k in 0..n {
+                let (im, re) = (std::f64::consts::TAU * k as f64 / n as f64).sin_cos();
+                let near = values.iter().filter(|z| (z.0 - re).hypot(z.1 - im) < 1e-13);
+                assert_eq!(near.count(), 1, "{n}: {values:?}");
+            }
         }
     }
 
