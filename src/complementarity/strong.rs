@@ -9,7 +9,7 @@ use crate::piecewise::{
 };
 use crate::sparse::Matrix;
 
-/// Reciprocal condition below which a matrix counts as singular, and principal minors as 0.
+/// Reciprocal condition below which a matrix counts as singular, and part of its terms below which a minor counts as 0.
 const SINGULAR: f64 = 1e-11;
 /// Least eigenvalue of a symmetric part, relative to the largest, above which it is definite.
 const DEFINITE: f64 = 1e-10;
@@ -24,6 +24,9 @@ const DENSE: usize = 500;
 /// I − D + D ∇F, D diagonal, dᵢ = 1 on α, 0 ≤ dᵢ ≤ 1 on β, 0 elsewhere, are regular. [`Regularity::Fails`] names a singular one, mixed from
 /// selections of the natural map; where the gradients of xᵢ − Fᵢ on β are linearly independent it is an element of Clarke's generalised
 /// Jacobian of that map, else strong regularity asks for more than [`cd_regularity`](crate::piecewise::cd_regularity).
+///
+/// It goes by floating-point numbers: ∇F_αα with a reciprocal condition below 1e-11 counts as singular, and quotients of minors below 1e-11 of
+/// the terms that cancel in them count as 0, whatever the units of F and x.
 ///
 /// Test functions of the natural map with |θ(x)| ≤ `tolerance` count as vanishing. A parameter keeps its value. That x is a solution is not
 /// checked.
@@ -101,10 +104,10 @@ impl Ends<'_> {
 
     fn decide(&self, beta: &[usize], cap: u64) -> Result<Regularity, PiecewiseError> {
         let (base, full) = (self.matrix(&self.bound)?, self.matrix(&self.interior)?);
-        let Some(schur) = schur_complement(&base, &full, beta)? else {
+        let Some([schur, terms]) = schur_complement(&base, &full, beta)? else {
             return singular(vec![(self.bound.clone(), 1.0)], &base);
         };
-        match is_p_matrix(&schur, cap)? {
+        match is_p_matrix(&schur, &terms, cap)? {
             Minors::Positive => Ok(Regularity::Regular {
                 selections: 1_u64.checked_shl(beta.len() as u32).unwrap_or(u64::MAX),
                 singular_value: None,
@@ -155,13 +158,16 @@ impl Ends<'_> {
     }
 }
 
+/// A full matrix, row by row.
+type Rows = Vec<Vec<f64>>;
+
 /// ∇F_ββ − ∇F_βα (∇F_αα)⁻¹ ∇F_αβ, row by row: with z the solution of A z = e_j, A the matrix with β at its bounds, its column j is that of
-/// the rows β of the other matrix times z. `None` where ∇F_αα is singular.
+/// the rows β of the other matrix times z. With the sizes of the terms of its entries. `None` where ∇F_αα is singular.
 fn schur_complement(
     base: &Matrix,
     full: &Matrix,
     beta: &[usize],
-) -> Result<Option<Vec<Vec<f64>>>, PiecewiseError> {
+) -> Result<Option<[Rows; 2]>, PiecewiseError> {
     let n = base.nrows();
     let mut solver = AutoSolver::default();
     solver.analyze(base.as_ref().pattern)?;
@@ -172,6 +178,9 @@ fn schur_complement(
         Err(e) => return Err(e.into()),
     }
     let mut schur = vec![vec![0.0; beta.len()]; beta.len()];
+    let mut terms = schur.clone();
+    let mut sizes = full.clone();
+    sizes.values_mut().iter_mut().for_each(|v| *v = v.abs());
     let mut image = vec![0.0; n];
     for (k, &j) in beta.iter().enumerate() {
         let mut z = vec![0.0; n];
@@ -179,8 +188,11 @@ fn schur_complement(
         solver.solve_in_place(&mut z)?;
         full.mul_vec(&z, &mut image);
         schur.iter_mut().zip(beta).for_each(|(row, &i)| row[k] = image[i]);
+        z.iter_mut().for_each(|v| *v = v.abs());
+        sizes.mul_vec(&z, &mut image);
+        terms.iter_mut().zip(beta).for_each(|(row, &i)| row[k] = image[i]);
     }
-    Ok(Some(schur))
+    Ok(Some([schur, terms]))
 }
 
 /// Signs of the principal minors of a matrix.
@@ -194,32 +206,39 @@ enum Minors {
     },
 }
 
-/// Whether a matrix is a P-matrix.
-fn is_p_matrix(rows: &[Vec<f64>], cap: u64) -> Result<Minors, PiecewiseError> {
+/// What is left to choose from, the Schur complement on it with the errors of its entries in units of rounding, and what has been chosen.
+struct Node {
+    left: Vec<usize>,
+    a: Vec<f64>,
+    errors: Vec<f64>,
+    chosen: Vec<usize>,
+}
+
+/// Whether a matrix is a P-matrix; `terms` are the sizes of the terms of its entries.
+fn is_p_matrix(rows: &[Vec<f64>], terms: &[Vec<f64>], cap: u64) -> Result<Minors, PiecewiseError> {
     let p = rows.len();
-    let size = |i: usize| rows[i].iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-    if let Some(i) = (0..p).find(|&i| rows[i][i] <= SINGULAR * size(i)) {
+    // NaN is not positive.
+    let positive = |i: usize| rows[i][i] > SINGULAR * terms[i][i];
+    if let Some(i) = (0..p).find(|&i| !positive(i)) {
         return Ok(Minors::NotPositive(vec![i]));
     }
-    // Positive scales of rows and columns leave signs as they are.
-    let root: Vec<f64> = (0..p).map(|i| rows[i][i].sqrt()).collect();
-    let entry = |i: usize, j: usize| rows[i][j] / root[i] / root[j];
-    if p <= DENSE && p > 0 {
-        let mean = |i: usize, j: usize| 0.5 * (entry(i, j) + entry(j, i));
-        let rows: Vec<Vec<f64>> = (0..p).map(|i| (0..p).map(|j| mean(i, j)).collect()).collect();
-        if let Ok(symmetric) = Matrix::from_rows(&rows) {
-            let values = symmetric_eigenvalues(&symmetric)?;
-            let (least, largest) = (values[0], values[p - 1]);
-            if least > DEFINITE * largest {
-                return Ok(Minors::Positive);
-            }
-        }
+    if p <= DENSE && p > 0 && has_definite_part(rows)? {
+        return Ok(Minors::Positive);
     }
-    let scaled = (0..p).flat_map(|i| (0..p).map(move |j| entry(i, j))).collect();
-    // Each entry of the stack: what is left to choose from, the Schur complement on it, and what has been chosen.
-    let mut stack: Vec<(Vec<usize>, Vec<f64>, Vec<usize>)> = vec![((0..p).collect(), scaled, Vec::new())];
+    let mut stack = vec![Node {
+        left: (0..p).collect(),
+        a: rows.concat(),
+        errors: terms.concat(),
+        chosen: Vec::new(),
+    }];
     let mut examined = 0;
-    while let Some((left, a, chosen)) = stack.pop() {
+    while let Some(Node {
+        left,
+        a,
+        errors: e,
+        chosen,
+    }) = stack.pop()
+    {
         let Some((&first, others)) = left.split_first() else {
             continue;
         };
@@ -232,26 +251,56 @@ fn is_p_matrix(rows: &[Vec<f64>], cap: u64) -> Result<Minors, PiecewiseError> {
         with.push(first);
         // The quotient of the minor with `first` and the one without.
         let pivot = a[0];
-        let size = a.iter().take(k).fold(1.0_f64, |m, v| m.max(v.abs()));
-        // NaN is not positive.
-        let positive = pivot > SINGULAR * size;
+        let positive = pivot > SINGULAR * e[0];
         if !positive {
             return Ok(Minors::NotPositive(with));
         }
         let without = (1..k).flat_map(|i| (1..k).map(move |j| (i, j)));
-        let plain = without.clone().map(|(i, j)| a[i * k + j]).collect();
-        let reduced = without
-            .map(|(i, j)| a[i * k + j] - a[i * k] / pivot * a[j])
-            .collect();
-        stack.push((others.to_vec(), plain, chosen));
-        stack.push((others.to_vec(), reduced, with));
+        let part = |v: &[f64]| without.clone().map(|(i, j)| v[i * k + j]).collect();
+        stack.push(Node {
+            left: others.to_vec(),
+            a: part(&a),
+            errors: part(&e),
+            chosen,
+        });
+        let factor = |i: usize| a[i * k] / pivot;
+        let reduced = |(i, j): (usize, usize)| a[i * k + j] - factor(i) * a[j];
+        let error = |(i, j): (usize, usize)| {
+            let (l, u) = (factor(i).abs(), a[j].abs());
+            e[i * k + j] + l * (e[j] + u) + (e[i * k] + l * e[0]) * u / pivot
+        };
+        stack.push(Node {
+            left: others.to_vec(),
+            a: without.clone().map(reduced).collect(),
+            errors: without.map(error).collect(),
+            chosen: with,
+        });
     }
     Ok(Minors::Positive)
+}
+
+/// Whether the symmetric part is definite, the diagonal scaled to 1: positive factors of rows and columns leave signs of minors as they are.
+fn has_definite_part(rows: &[Vec<f64>]) -> Result<bool, PiecewiseError> {
+    let p = rows.len();
+    let entry = |i: usize, j: usize| rows[i][j] / rows[i][i].sqrt() / rows[j][j].sqrt();
+    let mean = |i: usize, j: usize| 0.5 * (entry(i, j) + entry(j, i));
+    let mean: Rows = (0..p).map(|i| (0..p).map(|j| mean(i, j)).collect()).collect();
+    let Ok(symmetric) = Matrix::from_rows(&mean) else {
+        return Ok(false);
+    };
+    let values = symmetric_eigenvalues(&symmetric)?;
+    Ok(values[0] > DEFINITE * values[p - 1])
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn sizes(m: &[Vec<f64>]) -> Rows {
+        m.iter()
+            .map(|row| row.iter().map(|v| v.abs()).collect())
+            .collect()
+    }
 
     /// Against all minors, by Leibniz' formula: matrices of small integers, some of whose minors vanish.
     #[test]
@@ -275,7 +324,7 @@ mod tests {
                 .map(|_| (0..3).map(|_| random.below(7) as f64 - 3.0).collect())
                 .collect();
             (0..3).for_each(|i| m[i][i] = 1.0 + random.below(3) as f64);
-            match is_p_matrix(&m, 100).unwrap() {
+            match is_p_matrix(&m, &sizes(&m), 100).unwrap() {
                 Minors::Positive => {
                     positive += 1;
                     assert!(subsets.iter().all(|s| det(&m, s) > 0.0), "{m:?}");
@@ -301,7 +350,10 @@ mod tests {
                     .collect()
             })
             .collect();
-        assert_eq!(is_p_matrix(&m, 40_000).unwrap(), Minors::Positive);
-        assert_eq!(is_p_matrix(&m, 100).unwrap(), Minors::Capped { examined: 100 });
+        assert_eq!(is_p_matrix(&m, &sizes(&m), 40_000).unwrap(), Minors::Positive);
+        assert_eq!(
+            is_p_matrix(&m, &sizes(&m), 100).unwrap(),
+            Minors::Capped { examined: 100 }
+        );
     }
 }
