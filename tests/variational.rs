@@ -491,3 +491,36 @@ fn units_of_rows_move_no_multipliers() {
         );
     }
 }
+
+/// F = x on 3 x₂ + 2 x₃ = −2, (3 − δ) x₂ + 2 x₃ = −2, x₃ ≥ −1: the nearly parallel equations leave (0, 0, −1) alone, where the inequality makes
+/// the multipliers a ray. For δ = 0 the solution is the point of the plane nearest to 0.
+#[test]
+fn nearly_parallel_rows_let_no_solution_move() {
+    for delta in [1.0, 1e-6, 2_f64.powi(-44), 0.0] {
+        let f = AffineFunction::new(Matrix::identity(3), vec![0.0; 3]).unwrap();
+        let equations = [vec![0.0, 3.0, 2.0], vec![0.0, 3.0 - delta, 2.0]];
+        let set = Polyhedron::space(3)
+            .unwrap()
+            .with_equations(matrix(&equations, 3), vec![-2.0; 2])
+            .unwrap()
+            .with_inequalities(matrix(&[vec![0.0, 0.0, -1.0]], 3), vec![1.0])
+            .unwrap();
+        let list = Vi::new(f, set)
+            .unwrap()
+            .all_solutions(&EnumerationOptions::default())
+            .unwrap();
+        assert_eq!(list.completeness, Completeness::Complete);
+        let expected = match delta > 0.0 {
+            true => [0.0, 0.0, -1.0],
+            false => [0.0, -6.0 / 13.0, -4.0 / 13.0],
+        };
+        let [x] = &list.solutions[..] else {
+            panic!("{delta:e}: {list:?}");
+        };
+        assert!(
+            x.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-12),
+            "{delta:e}: {x:?}"
+        );
+        assert!(list.continua.is_empty(), "{delta:e}: {:?}", list.continua);
+    }
+}

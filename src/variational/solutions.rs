@@ -1,14 +1,13 @@
 use super::polyhedron::Rows;
-use super::projection::Projection;
 use super::{Polyhedron, VariationalError, Vi};
 use crate::complementarity::{AffineFunction, McpFunction};
 use crate::enumeration::{Completeness, Continuum, EnumerationOptions, all_solutions};
-use crate::linear::null_space;
+use crate::exact::{Dictionary, Exact, quotient};
 use crate::piecewise::{PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, max_abs};
+use num_traits::Zero;
 
-/// Part of the largest entry of a kernel vector below which another one counts as zero, where rows and columns are in units of their own, and
-/// of x below which two are one, if the multipliers of both are not unique.
+/// Part of x below which two are one, if the multipliers of both are not unique.
 const SAME: f64 = 1e-9;
 /// Part of the least length among the data below which x is rounding.
 const ROUNDING: f64 = 1e-15;
@@ -25,9 +24,8 @@ pub struct ViSolutions {
     pub solutions: Vec<Vec<f64>>,
     /// Continua along which x changes, in the variables (x, λ, μ).
     pub continua: Vec<Continuum>,
-    /// Whether all selections of the Karush–Kuhn–Tucker conditions were examined, and with what certainty. Two things are decided in
-    /// floating-point numbers: that multipliers alone change along a continuum, and that two x are one, to 1e-9 of the larger, where the
-    /// multipliers of both are not unique.
+    /// Whether all selections of the Karush–Kuhn–Tucker conditions were examined, and with what certainty. One thing is decided in
+    /// floating-point numbers: that two x are one, to 1e-9 of the larger, where the multipliers of both are not unique.
     pub completeness: Completeness,
 }
 
@@ -113,18 +111,19 @@ impl<F: McpFunction> Vi<F> {
         let mut held = vec![false; found.solutions.len()];
         let scale = self.scale(f);
         for continuum in found.continua {
-            let point = self.only_multipliers(&conditions, f, &continuum)?;
-            let mut inside = None;
             for selection in &continuum.selections {
                 let cell = self.cell(selection, f)?;
                 for (held, solution) in held.iter_mut().zip(&found.solutions) {
-                    if cell.holds(&solution.x) {
-                        (*held, inside) = (true, Some(&solution.x[..n]));
-                    }
+                    *held |= cell.holds(&solution.x);
                 }
             }
-            match point {
-                Some(point) => all.insert(inside.unwrap_or(&point[..n]), scale),
+            // x is the same along the continuum where all of its selections determine it.
+            let x = continuum.selections.iter().map(|s| determined(&conditions, s, n));
+            match x
+                .collect::<Option<Vec<_>>>()
+                .and_then(|list| list.into_iter().next())
+            {
+                Some(x) => all.insert(&x, scale),
                 None => all.continua.push(continuum),
             }
         }
@@ -154,34 +153,6 @@ impl<F: McpFunction> Vi<F> {
             .chain(values)
             .map(f64::abs);
         all.filter(|v| *v > 0.0).fold(f64::INFINITY, f64::min)
-    }
-
-    /// A point (x, λ, μ) of a continuum along which only multipliers change.
-    fn only_multipliers(
-        &self,
-        conditions: &impl PiecewiseSmooth,
-        f: &AffineFunction,
-        continuum: &Continuum,
-    ) -> Result<Option<Vec<f64>>, VariationalError> {
-        let n = self.set().dimension();
-        let mut point = None;
-        for selection in &continuum.selections {
-            let mut jac = Matrix::zeros(conditions.pattern());
-            conditions.jacobian(selection, &vec![0.0; conditions.num_vars()], &mut jac);
-            let Ok(kernel) = null_space(&equilibrated(&jac)?, SAME) else {
-                return Ok(None);
-            };
-            let fixed = |v: &Vec<f64>| max_abs(&v[..n]) <= SAME * max_abs(v);
-            if !kernel.right.iter().all(fixed) {
-                return Ok(None);
-            }
-            let cell = self.cell(selection, f)?;
-            match cell.project(&vec![0.0; conditions.num_vars()]) {
-                Ok(Projection::Nearest(nearest)) => point = Some(nearest.x),
-                _ => return Ok(None),
-            }
-        }
-        Ok(point)
     }
 
     /// The polyhedron of the points (x, λ, μ) that solve the conditions in a selection.
@@ -224,22 +195,30 @@ impl<F: McpFunction> Vi<F> {
     }
 }
 
-/// The same with rows and columns multiplied by powers of two, after which the largest entry of each is near 1.
-fn equilibrated(jac: &Matrix) -> Result<Matrix, VariationalError> {
-    let mut entries: Vec<_> = jac.triplets().collect();
-    // Columns last, whose units are those of the kernel.
-    for by_column in [false, true, false, true] {
-        let mut largest = vec![0.0_f64; jac.nrows().max(jac.ncols())];
-        let line = |&(i, j, _): &(usize, usize, f64)| if by_column { j } else { i };
-        for entry in &entries {
-            largest[line(entry)] = largest[line(entry)].max(entry.2.abs());
-        }
-        for entry in &mut entries {
-            entry.2 *= (-largest[line(entry)].log2().round()).exp2();
-        }
+/// The first n unknowns where the affine equations of a selection determine them, in exact arithmetic.
+fn determined(conditions: &impl PiecewiseSmooth, selection: &Selection, n: usize) -> Option<Vec<f64>> {
+    let (count, unknowns) = (conditions.num_residuals(), conditions.num_vars());
+    let origin = vec![0.0; unknowns];
+    let (mut jac, mut constants) = (Matrix::zeros(conditions.pattern()), vec![0.0; count]);
+    conditions.jacobian(selection, &origin, &mut jac);
+    conditions.residual(selection, &origin, &mut constants);
+    let mut forms = Vec::with_capacity(count);
+    for constant in constants {
+        forms.push((Exact::new(constant)?, vec![Exact::default(); unknowns]));
     }
-    entries.retain(|e| e.2 != 0.0 && e.2.is_finite());
-    Ok(Matrix::from_triplets(jac.nrows(), jac.ncols(), &entries)?)
+    for (i, j, v) in jac.triplets() {
+        forms[i].1[j] = Exact::new(v)?;
+    }
+    let mut table = Dictionary::new(unknowns, forms.iter().map(|(c, row)| (c, row.as_slice())));
+    for row in 0..count {
+        table.fix(row).ok()?;
+    }
+    let value = |j: usize| {
+        let entries = table.entries(count + j);
+        let is_fixed = entries[1..].iter().all(Zero::is_zero);
+        is_fixed.then(|| quotient(&entries[0], table.denominator(), 0))
+    };
+    (0..n).map(value).collect()
 }
 
 impl Polyhedron {
