@@ -61,6 +61,7 @@ mod differences;
 mod error;
 mod fischer;
 mod function;
+mod infeasible;
 mod kkt;
 mod lcp;
 mod natural;

@@ -1,9 +1,11 @@
 //! Exact arithmetic for decisions that rounding must not make: floating-point data are exact rational numbers.
 
 mod bounds;
+mod contradiction;
 mod dictionary;
 mod number;
 
 pub(crate) use bounds::passive_bounds;
+pub(crate) use contradiction::contradict;
 pub(crate) use dictionary::{Dictionary, Halt, Place, quotient};
 pub use number::Exact;

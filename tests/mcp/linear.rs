@@ -1,11 +1,12 @@
 //! What Lemke's and the active-set method call solved, in all units and from all starts.
 
 use proptest::prelude::*;
-use semismooth::complementarity::Lcp;
 use semismooth::complementarity::active_set::{
     ActiveSetOptions, ActiveSetSolver, ActiveSetStatus, DirectReduced, GmresReduced,
 };
 use semismooth::complementarity::pivoting::{Lemke, LemkeStatus};
+use semismooth::complementarity::{Lcp, McpOptions, McpSolver, McpStatus, McpStrategy};
+use semismooth::sparse::Matrix;
 
 use crate::random::Random;
 use crate::support::{INF, matrix};
@@ -112,5 +113,58 @@ proptest! {
         let mut z = vec![0.0; n];
         let status = Lemke::default().solve(&lcp, &mut z).unwrap().status;
         prop_assert_ne!(status, LemkeStatus::Ray { infeasible: true });
+    }
+}
+
+/// M = g gᵀ + δ: for δ = 0 some v ≥ 0 has Mᵀv = 0 and qᵀv < 0, for δ > 0 there is a solution (of size 1/δ), however small δ is.
+#[test]
+fn what_has_a_solution_far_out_is_not_called_infeasible() {
+    for (g, q) in [
+        ([2.0, 3.0, -2.0], [2.0, -1.0, 0.0]),
+        ([1.0, 3.0, -2.0], [0.0, -1.0, -1.0]),
+    ] {
+        for delta in [36, 40, 44].map(|k| 2_f64.powi(-k)).into_iter().chain([0.0]) {
+            let entry = |i: usize, j: usize| g[i] * g[j] + if i == j { delta } else { 0.0 };
+            let rows: Vec<Vec<f64>> = (0..3).map(|i| (0..3).map(|j| entry(i, j)).collect()).collect();
+            let lcp = Lcp::new(matrix(&rows), q.to_vec()).unwrap();
+            let status = Lemke::default().solve(&lcp, &mut [0.0; 3]).unwrap().status;
+            assert_eq!(
+                status == LemkeStatus::Ray { infeasible: true },
+                delta == 0.0,
+                "{delta:e}"
+            );
+            for strategies in [McpOptions::default().strategies, vec![McpStrategy::Proximal]] {
+                let mut solver = McpSolver::new(McpOptions::default().with_strategies(strategies));
+                let status = solver.solve(lcp.mcp(), &mut [0.0; 3]).unwrap().status;
+                assert_eq!(
+                    status == McpStatus::Infeasible,
+                    delta == 0.0,
+                    "{delta:e}: {status}"
+                );
+            }
+        }
+    }
+}
+
+/// z_k ≥ z_{k+1} round a circle, once with 1 to spare: the sum of all is 0 ≥ 1. With so many unknowns v = (1, …, 1) is verified as it is.
+#[test]
+fn large_infeasible_problems_are_told_by_a_simple_certificate() {
+    let n = 90;
+    let entries: Vec<_> = (0..n)
+        .flat_map(|i| [(i, i, 1.0), (i, (i + 1) % n, -1.0)])
+        .collect();
+    for (total, infeasible) in [(1.0, true), (-1.0, false)] {
+        let mut q = vec![0.0; n];
+        q[n / 2] = -total;
+        let lcp = Lcp::new(Matrix::from_triplets(n, n, &entries).unwrap(), q).unwrap();
+        let status = Lemke::default().solve(&lcp, &mut vec![0.0; n]).unwrap().status;
+        assert_eq!(
+            status == LemkeStatus::Ray { infeasible: true },
+            infeasible,
+            "{status}"
+        );
+        let mut solver = McpSolver::default();
+        let status = solver.solve(lcp.mcp(), &mut vec![0.0; n]).unwrap().status;
+        assert_eq!(status == McpStatus::Infeasible, infeasible, "{status}");
     }
 }

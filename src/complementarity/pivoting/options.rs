@@ -41,8 +41,10 @@ pub enum LemkeStatus {
     /// At a solution: each component to 1e-10 relative to the terms of its row, as checked at the point handed back
     /// ([accuracy](crate::complementarity#accuracy)).
     Solved,
-    /// On a secondary ray, whose direction is [`Lemke::ray`](super::Lemke::ray). With `infeasible` that direction v was verified to be a certificate
-    /// that no z ≥ 0 has M z + q ≥ 0, hence that there is no solution: v ≥ 0, Mᵀv ≤ 0, qᵀv < 0. Without it, there may be one.
+    /// On a secondary ray, whose direction is [`Lemke::ray`](super::Lemke::ray). With `infeasible` that direction v is but for rounding a
+    /// certificate that no z ≥ 0 has M z + q ≥ 0 (v ≥ 0, Mᵀv ≤ 0, qᵀv < 0), and exact arithmetic has confirmed that there is none, hence no
+    /// solution. Without it, there may be one; with many unknowns (the rows of v have more than 5 000 entries, zeros counted, and so have all)
+    /// only a v of simple ratios is confirmed.
     Ray {
         /// Whether the direction proves that there is no solution.
         infeasible: bool,

@@ -22,8 +22,8 @@ pub enum McpStatus {
     },
     /// Iterates or paths tend to infinity; a residual that tends to 0 there belongs to no solution.
     Unbounded,
-    /// There is no solution: the report holds a certificate, or (certificate empty) all active sets of a small affine problem were
-    /// ruled out.
+    /// There is no solution, by exact arithmetic: the report holds a certificate, or (certificate empty) all active sets of a small affine
+    /// problem were ruled out.
     Infeasible,
     /// No strategy made progress any more.
     Stalled,
@@ -184,7 +184,7 @@ pub struct McpReport {
     /// Where each component is.
     pub states: Vec<BoundState>,
     /// For [`McpStatus::Infeasible`] the vector v that proves it: v points along no finite bound, so that every solution has
-    /// vᵀF(x) ≥ 0, yet sup vᵀF(x) < 0 over the bounds. Empty where enumeration proved it, and otherwise.
+    /// vᵀF(x) ≥ 0, yet sup vᵀF(x) < 0 over the bounds, for v but for its rounding. Empty where enumeration proved it, and otherwise.
     pub certificate: Vec<f64>,
     /// Wall-clock time.
     pub time: Duration,

@@ -2,6 +2,7 @@
 
 use super::{Lemke, Var};
 use crate::complementarity::accuracy::{Point, drop_rounding};
+use crate::complementarity::infeasible::Conditions;
 use crate::complementarity::pivoting::LemkeStatus;
 use crate::complementarity::{ComplementarityError, Lcp};
 use crate::linear::LinearError;
@@ -151,7 +152,8 @@ impl Lemke {
         }
     }
 
-    /// Whether v ≥ 0, Mᵀv ≤ 0 and qᵀv < 0 hold for the ray: for every z ≥ 0 then vᵀ(M z + q) < 0.
+    /// Whether v ≥ 0, Mᵀv ≤ 0 and qᵀv < 0 hold for the ray but for rounding, so that vᵀ(M z + q) < 0 for every z ≥ 0, and exact
+    /// arithmetic confirms that no z ≥ 0 has M z + q ≥ 0.
     pub(super) fn proves_infeasibility(&mut self, lcp: &Lcp) -> bool {
         if !self.has_ray || !lcp.is_standard() {
             return false;
@@ -170,7 +172,7 @@ impl Lemke {
         }
         // (Mᵀv)ⱼ ≤ 0 relative to its own terms: rows in small units count as much as others.
         let pattern = lcp.matrix().pattern();
-        gain < -ROUNDING * size
+        let nearly = gain < -ROUNDING * size
             && (0..lcp.len()).all(|j| {
                 let span = pattern.col_ptr()[j]..pattern.col_ptr()[j + 1];
                 let terms = pattern.row_idx()[span.clone()]
@@ -179,6 +181,13 @@ impl Lemke {
                 let (sum, terms) =
                     terms.fold((0.0, 0.0), |(s, t), (&i, a)| (s + a * v[i], t + (a * v[i]).abs()));
                 sum <= ROUNDING * terms
-            })
+            });
+        let conditions = Conditions {
+            matrix: lcp.matrix(),
+            q: lcp.q(),
+            lower: lcp.lower(),
+            upper: lcp.upper(),
+        };
+        nearly && conditions.contradict(&self.ray)
     }
 }

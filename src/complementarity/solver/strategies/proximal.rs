@@ -1,5 +1,6 @@
 //! Proximal points, and what their displacement proves.
 
+use crate::complementarity::infeasible::Conditions;
 use crate::complementarity::solver::McpStatus;
 use crate::complementarity::solver::engine::Engine;
 use crate::complementarity::solver::plan::Plan;
@@ -139,7 +140,7 @@ impl Engine<'_> {
     }
 
     /// Whether x − centre proves an affine problem infeasible: v along no finite bound, so that vᵀF ≥ 0 at solutions, and
-    /// sup (Mᵀv)ᵀx + qᵀv < 0 over the bounds.
+    /// sup (Mᵀv)ᵀx + qᵀv < 0 over the bounds, but for rounding, and whether exact arithmetic confirms that there is no solution.
     fn certify(&mut self) -> bool {
         let n = self.n();
         let mut v: Vec<f64> = (0..n)
@@ -187,7 +188,13 @@ impl Engine<'_> {
                 return false;
             }
         }
-        let proven = sum < -CERTIFICATE.margin * size;
+        let conditions = Conditions {
+            matrix: jac,
+            q: &w.trial.f,
+            lower: self.lower,
+            upper: self.upper,
+        };
+        let proven = sum < -CERTIFICATE.margin * size && conditions.contradict(&v);
         if proven {
             self.report.certificate = v;
         }
