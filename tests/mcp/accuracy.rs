@@ -123,10 +123,11 @@ fn the_rounding_of_huge_terms_is_no_solution() {
     for start in [[0.0; 6], [1.0; 6], [10.0; 6], [5.0; 6]] {
         let (_, report) = run(&problem, &start);
         assert!(!report.is_solved(), "{start:?} {:e}", report.residual);
+        if start == [5.0; 6] {
+            assert_eq!(report.status, McpStatus::AtRounding);
+            assert_eq!(report.status.name(), "at rounding");
+        }
     }
-    let (_, report) = run(&problem, &[5.0; 6]);
-    assert_eq!(report.status, McpStatus::AtRounding);
-    assert_eq!(report.status.name(), "at rounding");
 }
 
 #[test]

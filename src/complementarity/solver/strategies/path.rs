@@ -6,6 +6,10 @@ use crate::piecewise::PiecewiseSmooth;
 
 /// Most branchings on a path.
 const BRANCHINGS: usize = 7;
+/// Limits of a search for arms. Where a start far out lies on many kinks but for rounding, longer searches cost seconds and find no way.
+const ARM_NODES: u64 = 1000;
+const ARM_SELECTIONS: u64 = 256;
+const LOCAL_STARTS: usize = 8;
 
 /// The last point of a path.
 pub(super) struct End {
@@ -23,7 +27,9 @@ impl Engine<'_> {
             .with_parameter_range((least, 1.0))
             .with_max_points(self.options.max_path_points)
             .with_max_step(10.0 * (1.0 + size))
-            .with_max_nodes(self.options.max_nodes.min(20_000))
+            .with_max_nodes(self.options.max_nodes.min(ARM_NODES))
+            .with_max_selections(ARM_SELECTIONS)
+            .with_local_starts(LOCAL_STARTS)
             .with_max_growth(1e8)
             .with_max_time(left)
     }
