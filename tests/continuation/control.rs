@@ -207,6 +207,34 @@ fn starts_beyond_a_bound_by_rounding_are_on_it() {
     }
 }
 
+/// y = min(θ, 0) with θ = (α − 0.4)(α − 0.6)(0.8 − α): one step from 0 to 1 ends in θ < 0, at bounds and targets before 0.8 in θ > 0, and
+/// the two kinks in between are found.
+#[test]
+fn a_facet_is_crossed_twice_before_a_bound() {
+    fn theta(_: f64, a: f64) -> [f64; 3] {
+        let factors = [a - 0.4, a - 0.6, 0.8 - a];
+        let [p, q, r] = factors;
+        [p * q * r, 0.0, q * r + p * r - p * q]
+    }
+    fn below(y: f64, a: f64) -> [f64; 3] {
+        let [value, _, rate] = theta(y, a);
+        [y - value, 1.0, -rate]
+    }
+    let map = Plane::two(|y, _| [y, 1.0, 0.0], below, theta);
+    for (bound, targets) in [(0.7, vec![]), (0.9, vec![0.7]), (0.7, vec![0.3, 0.65])] {
+        let options = within((0.0, bound)).with_step(1.0).with_targets(targets);
+        let branch = follow(&map, [0.0, 0.0], Direction::Increasing, options);
+        let kinks: Vec<f64> = branch.transitions.iter().map(|t| t.parameter()).collect();
+        let expected = [0.4, 0.6, 0.8];
+        let expected = &expected[..if bound > 0.8 { 3 } else { 2 }];
+        assert_eq!(kinks.len(), expected.len(), "{kinks:?}");
+        assert!(
+            kinks.iter().zip(expected).all(|(k, e)| (k - e).abs() < 1e-12),
+            "{kinks:?}"
+        );
+    }
+}
+
 /// y = 0, declared as curved: steps along it end at multiples of h exactly, and so do targets.
 #[test]
 fn a_target_at_the_end_of_a_step_is_hit_once() {

@@ -51,6 +51,10 @@ impl Curve<'_> {
         let mut found = Vec::new();
         for _ in 0..LIMIT {
             let Some(monitor) = self.earliest(&found)? else {
+                // Beyond the event the curve of the selection may have gone anywhere: what comes before it shows now.
+                if !found.is_empty() && self.dips_unseen() {
+                    return Ok(Err(Unresolved::Event));
+                }
                 return Ok(Ok(found.pop()));
             };
             match monitor {
