@@ -418,7 +418,8 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Curve<'a, &'a P> {
     }
 
     /// [`along_arm`](Continuation::along_arm) from a point known to lie on the curve. It is not corrected: at a fold or branch point
-    /// Newton's method at fixed α may end on another branch. At a `singular` point signs of determinants are rounding noise.
+    /// Newton's method at fixed α may end on another branch. At a `singular` point signs of determinants are rounding noise. The options are
+    /// those of a diagram, known to be valid.
     pub(super) fn along_arm_from(
         map: &'a P,
         x: &[f64],
@@ -426,7 +427,6 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Curve<'a, &'a P> {
         singular: bool,
         options: ContinuationOptions,
     ) -> Result<Self, ContinuationError> {
-        options.validate()?;
         let scaled = Scaled::new(map, &options.typical_sizes, options.parameter_range)?;
         let corrector = auto_corrector(&map)?;
         let mut z = x.to_vec();
@@ -454,7 +454,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Curve<'a, &'a P> {
             state,
             selection,
         } = Start::at(&map, x)?;
-        let (m, probe) = (map.num_vars(), generic_probe(map.num_residuals()));
+        let (m, n) = (map.num_vars(), map.num_residuals());
         Ok(Self {
             map,
             h: options.step.min(options.max_step),
@@ -474,7 +474,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Curve<'a, &'a P> {
             row_sizes: Vec::new(),
             next_sizes: Vec::new(),
             curvature: 0.0,
-            probe,
+            probe: generic_probe(n),
             points: 0,
             creeping: 0,
             queue: VecDeque::new(),
@@ -482,7 +482,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Curve<'a, &'a P> {
             earlier: (0, 0),
             rates: Vec::new(),
             gradient_norms: Vec::new(),
-            residual: Vec::new(),
+            residual: vec![0.0; n],
             behind: vec![0.0; m],
             sizes: Vec::new(),
             watches: Vec::new(),

@@ -261,3 +261,18 @@ fn unit(mut v: Vec<f64>) -> Vec<f64> {
     }
     v
 }
+
+#[cfg(test)]
+mod tests {
+    use super::unit;
+
+    /// A component whose share underflows keeps its sign: cells are told by signs.
+    #[test]
+    fn unit_vectors_keep_the_signs_of_all_components() {
+        for large in [1.0, 1e90, 1e160, 1e300] {
+            let v = unit(vec![3.0 * large, 0.0, -4.0 * large, 1e-200, -1e-300]);
+            assert!((v[0] - 0.6).abs() < 1e-15 && (v[2] + 0.8).abs() < 1e-15, "{v:?}");
+            assert!(v[1] == 0.0 && v[3] > 0.0 && v[4] < 0.0, "{v:?}");
+        }
+    }
+}

@@ -332,7 +332,7 @@ impl Run<'_> {
         self.map.product(&work.d, &mut work.product);
         let (gradient, curvature) = (norm2(&work.d), norm2(&work.product));
         let length = (gradient / curvature).powi(2);
-        if !(length.is_finite() && curvature > 0.0) {
+        if !length.is_finite() {
             return None;
         }
         work.d.iter_mut().for_each(|d| *d *= -length);

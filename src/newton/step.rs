@@ -77,7 +77,7 @@ impl Run<'_> {
             q.iter_mut().zip(w).for_each(|(q, w)| *q *= w);
             let curvature = norm2(q);
             let length = (gradient / curvature).powi(2);
-            if !(length.is_finite() && curvature > 0.0) {
+            if !length.is_finite() {
                 break;
             }
             for i in 0..self.n {

@@ -207,6 +207,17 @@ fn a_tangent_that_is_too_long() {
             other => panic!("{path}: {:?}", other.map(|_| ())),
         }
     };
+    // A point beside the curve, in both kinds of variables.
+    let mut state = saved.clone();
+    for place in ["/x/0", "/here/x/0"] {
+        let value = state.pointer(place).unwrap().as_f64().unwrap();
+        *state.pointer_mut(place).unwrap() = json!(value + 1e-3 * (1.0 + value.abs()));
+    }
+    let state: SavedRun = serde_json::from_value(state).unwrap();
+    match Continuation::resume(&case.problem, &state) {
+        Err(ContinuationError::Saved { what, .. }) => assert_eq!(what, "the point"),
+        other => panic!("{:?}", other.map(|_| ())),
+    }
     let last = case.problem.num_vars() - 1;
     assert_eq!(
         refused(&format!("/here/t/{last}"), &|v| v + 1.0),

@@ -1,6 +1,6 @@
 //! MCPs with a parameter, followed through changes of the active set and folds.
 
-use semismooth::complementarity::{AffineFunction, Mcp, McpSolver, WithJacobian};
+use semismooth::complementarity::{AffineFunction, Mcp, McpFunction, McpSolver, WithJacobian};
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, TransitionKind};
 use semismooth::enumeration::{EnumerationOptions, all_solutions};
 use semismooth::sparse::Matrix;
@@ -8,7 +8,7 @@ use semismooth::sparse::Matrix;
 use crate::support::{INF, matrix, residual};
 
 /// 0 ≤ x ⟂ x² − 2x + α ≥ 0: x = 0 for α ≥ 0, and a parabola of solutions with a smooth fold at (1, 1) that meets x = 0 at α = 0.
-fn fold() -> Mcp<impl semismooth::complementarity::McpFunction> {
+fn fold() -> Mcp<impl McpFunction> {
     Mcp::ncp(WithJacobian::parametric(
         1,
         |x: &[f64], out: &mut [f64]| out[0] = x[0] * x[0] - 2.0 * x[0] + x[1],
@@ -44,6 +44,13 @@ fn the_problem_at_a_parameter_agrees_with_the_curve() {
         assert!(residual(&at, &point.x[..1]) < 1e-9);
         let mut x = [point.x[0] + 1e-6];
         assert!(McpSolver::default().solve(&at, &mut x).unwrap().is_solved());
+    }
+    // Each evaluation begins anew.
+    let at = problem.at(0.5).unwrap();
+    for _ in 0..2 {
+        let mut jac = Matrix::zeros(at.jacobian_pattern().clone());
+        at.function().jacobian(&[3.0], &mut jac);
+        assert_eq!(jac.get(0, 0), 4.0);
     }
     assert!(problem.at(f64::NAN).is_err());
     assert!(problem.at(0.0).unwrap().at(0.0).is_err());

@@ -71,7 +71,6 @@ impl Curve<'_> {
         }
         if !affine || self.points == 0 {
             // Steps on affine pieces have measured it, and H is continuous.
-            self.residual.resize(self.map.num_residuals(), 0.0);
             self.map
                 .residual(&self.selection, &self.here.x, &mut self.residual);
             self.here.residual_norm = norm(&self.residual);

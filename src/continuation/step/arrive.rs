@@ -73,7 +73,6 @@ impl Curve<'_> {
                 *x += rest * t;
             }
             self.here.x[m - 1] = value;
-            self.residual.resize(self.map.num_residuals(), 0.0);
             self.map
                 .residual(&self.selection, &self.here.x, &mut self.residual);
             self.here.residual_norm = norm(&self.residual);

@@ -83,7 +83,6 @@ impl Curve<'_> {
         if *selection == self.selection {
             return true;
         }
-        self.residual.resize(self.map.num_residuals(), 0.0);
         self.map.residual(&self.selection, &next.x, &mut self.residual);
         norm(&self.residual) < self.options.residual_tolerance
     }

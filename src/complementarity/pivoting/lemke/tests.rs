@@ -100,3 +100,23 @@ fn ends_are_measured_row_by_row() {
             && !judged([1.5, -1e-8])
     );
 }
+
+/// w = z − (1, 0): dropping the rounding in z₁ makes a solution of (1, ε), and nothing of (3, ε), which comes back as it was.
+#[test]
+fn rounding_is_dropped_only_where_a_solution_is_left() {
+    let lcp = Lcp::new(
+        Matrix::from_rows(&[[1.0, 0.0], [0.0, 1.0]]).unwrap(),
+        vec![-1.0, 0.0],
+    );
+    let lcp = lcp.unwrap();
+    for (first, solves) in [(1.0, true), (3.0, false)] {
+        let mut solver = Lemke::default();
+        solver.solve(&lcp, &mut [0.0; 2]).unwrap();
+        let mut z = [first, 1e-17];
+        lcp.value(&z, &mut solver.work);
+        let before = solver.work.clone();
+        assert_eq!(solver.is_solution_without_rounding(&lcp, &mut z), solves);
+        assert_eq!(z, [first, if solves { 0.0 } else { 1e-17 }]);
+        assert_eq!(solver.work == before, !solves);
+    }
+}

@@ -176,6 +176,21 @@ mod tests {
         }
     }
 
+    /// 2ab/(a + b + r) − 2μ²/(a + b + r) for arguments from 1e-4 to 1e13, where a + b − r has no digit.
+    #[test]
+    fn positive_arguments_do_not_cancel() {
+        for (a, b) in [(1e-4, 1e13), (1e13, 1e-4), (0.25, 1e17)] {
+            let small = f64::min(a, b);
+            assert!(
+                (smoothed(a, b, 1e-9).0 - 2.0 * small).abs() <= 1e-14 * small,
+                "{a} {b}"
+            );
+        }
+        let root = 5.0_f64.sqrt();
+        assert!((smoothed(2.0, 1.0, 1.0).0 - (3.0 - root)).abs() < 1e-15);
+        assert!((smoothed(-2.0, -3.0, 1.0).0 + 5.0 + root).abs() < 1e-15);
+    }
+
     #[test]
     fn components_tend_to_the_natural_map() {
         for (below, above, f) in [
