@@ -129,6 +129,17 @@ fn one_contact_in_closed_form() {
     assert_eq!(solved(&open).unwrap().r, [0.0; 3]);
 }
 
+/// r = (t, −t) on an open contact violates the law by its own size, however large t is: nothing is solved where squares overflow.
+#[test]
+fn forces_beyond_all_squares_are_no_solution() {
+    let p = DelassusProblem::new(2, Matrix::identity(2), vec![1.0, 0.5], vec![0.3]).unwrap();
+    for t in [1.0, 1e100, 1e150, 1e154, 1e160, 1e300] {
+        let told = p.residual(&[t, -t]).unwrap();
+        assert!(told > 0.1, "{t:e}: {told:e}");
+    }
+    assert_eq!(p.residual(&[0.0, 0.0]).unwrap(), 0.0);
+}
+
 /// However little a contact bears against its slip, it is closed: r_N = p, u_T = μ p − 1.
 #[test]
 fn contacts_that_slide_fast_under_little_pressure_are_closed() {

@@ -207,7 +207,12 @@ impl<const D: usize> Scaled<D> {
             terms += sizes[i] * sizes[i];
             data = [data[0] + parts[1], data[1] + parts[2]];
         }
-        let share = |error: f64, size: f64| if error == 0.0 { 0.0 } else { error.sqrt() / size };
+        // Against terms that overflow nothing is small.
+        let share = |error: f64, size: f64| match error {
+            _ if !size.is_finite() => f64::INFINITY,
+            0.0 => 0.0,
+            _ => error.sqrt() / size,
+        };
         let least = NEGLIGIBLE * sizes.iter().fold(0.0_f64, |m, s| m.max(*s));
         let blocks = (0..r.len()).map(|i| {
             let error = natural_residual(self.friction[i], 1.0, &r[i], &u[i]);
