@@ -347,6 +347,23 @@ fn the_full_form_takes_pieces_that_contact_alone_holds() {
     }
 }
 
+/// Without loads and gaps nothing moves, and nothing is missing of equilibrium.
+#[test]
+fn a_body_at_rest_is_in_equilibrium() {
+    let system = rectangle([4, 2]);
+    let rows = system.contact("bottom", &ground(2)).unwrap();
+    let load = LoadPath::constant(vec![0.0; system.num_free()]);
+    let stiffness = system.nodal_stiffness().unwrap();
+    let body = ReducedBody::new(stiffness, &rows.normal, &[rows.tangential], load).unwrap();
+    let law = PlanarCoulomb::new(constant(0.3));
+    let problem = ReducedContact::new(body, law, ReducedOptions::default()).unwrap();
+    let solution = problem.solution(0.0, &vec![0.0; system.num_free()]).unwrap();
+    assert_eq!(
+        (solution.residuals.equilibrium, solution.residuals.largest()),
+        (0.0, 0.0)
+    );
+}
+
 /// A diagonal matrix whose system breaks down at a given solve, or whose products are NaN from a given one on.
 struct Brittle {
     diagonal: Vec<f64>,
