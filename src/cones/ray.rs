@@ -6,6 +6,7 @@ use super::run::Run;
 use super::{Cone, ConeError, ConeIteration, ConeOptions, ConeProblem, ConeRay};
 use crate::clock::Deadline;
 use crate::complementarity::{AffineFunction, McpFunction};
+use crate::exact::Exact;
 use crate::sparse::{Matrix, dot, max_abs, norm};
 
 /// Parts of the largest component of a direction below which other ones are dropped in turn.
@@ -78,7 +79,8 @@ pub(super) fn ray(
     Ok(best.filter(|ray| ray.radius > RADIUS * typical))
 }
 
-/// What v proves, scaled to qᵀv = −1.
+/// What v proves, scaled to qᵀv = −1: a solution x has 0 ≤ vᵀF(x) ≤ qᵀv + ‖x‖ d + δ (‖M‖ ‖x‖ + ‖q‖), where d is the distance of −Mᵀv from K*
+/// and δ that of v from K, both with all rounding.
 fn certificate(
     problem: &ConeProblem<&dyn McpFunction>,
     matrix: &Matrix,
@@ -91,26 +93,107 @@ fn certificate(
         return Ok(None);
     }
     v.iter_mut().for_each(|v| *v /= -value);
-    // −Mᵀv less its part in K*.
-    let mut rest = vec![0.0; v.len()];
-    matrix.as_ref().mul_transpose_add(-1.0, &v, &mut rest);
+    let (mut outside, mut left) = (0.0, 0.0);
     for (cone, range) in problem.blocks() {
-        let block = &mut rest[range];
-        let mut inside = block.to_vec();
-        cone.project_dual(&mut inside);
-        block.iter_mut().zip(&inside).for_each(|(r, p)| *r -= p);
+        outside += move_inside(cone, &mut v[range]);
     }
-    let (value, left) = (dot(q, &v), norm(&rest));
-    Ok(Some(ConeRay {
+    if v.iter().any(|v| !v.is_finite()) {
+        return Ok(None);
+    }
+    let exact: Vec<Exact> = v.iter().map(|v| Exact::new(*v).unwrap_or_default()).collect();
+    let mut image = vec![Exact::default(); v.len()];
+    for (i, j, a) in matrix.triplets() {
+        let term = &Exact::new(-a).unwrap_or_default() * &exact[i];
+        image[j] = &image[j] + &term;
+    }
+    for (cone, range) in problem.blocks() {
+        left += distance_from_dual(cone, &image[range]);
+    }
+    let sum = exact.iter().zip(q).fold(Exact::default(), |sum, (v, q)| {
+        &sum + &(v * &Exact::new(*q).unwrap_or_default())
+    });
+    let value = sum.to_f64();
+    let (gap, slope) = (-value - outside * norm(q), left + outside * norm(matrix.values()));
+    Ok((gap > 0.0).then(|| ConeRay {
         direction: v,
         value,
-        radius: if left == 0.0 { f64::INFINITY } else { -value / left },
+        radius: if slope == 0.0 { f64::INFINITY } else { gap / slope },
     }))
+}
+
+/// Moves what has been projected on a cone inside of it, if rounding left it outside; a bound of the distance where that may not succeed.
+fn move_inside(cone: Cone, v: &mut [f64]) -> f64 {
+    match cone {
+        Cone::Nonnegative(_) | Cone::Free(_) => 0.0,
+        Cone::SecondOrder(_) => {
+            let inside = |v: &[f64]| is_inside(&v.iter().filter_map(|v| Exact::new(*v)).collect::<Vec<_>>());
+            if !inside(v) {
+                v[0] = norm(&v[1..]) * (1.0 + v.len() as f64 * f64::EPSILON);
+            }
+            if inside(v) { 0.0 } else { rounding(v) }
+        }
+        Cone::Semidefinite(_) => rounding(v),
+    }
+}
+
+/// The distance from the dual cone, at most, rounding included.
+fn distance_from_dual(cone: Cone, y: &[Exact]) -> f64 {
+    let rounded: Vec<f64> = y.iter().map(Exact::to_f64).collect();
+    let size = |i: usize| rounded[i].abs().max(f64::MIN_POSITIVE);
+    let length = |parts: Vec<f64>| norm(&parts) * (1.0 + rounded.len() as f64 * f64::EPSILON);
+    let among = |keep: &dyn Fn(i8) -> bool| (0..y.len()).filter(|&i| keep(y[i].sign())).map(size).collect();
+    match cone {
+        Cone::Free(_) => length(among(&|sign| sign != 0)),
+        Cone::Nonnegative(_) => length(among(&|sign| sign < 0)),
+        Cone::SecondOrder(_) if is_inside(y) => 0.0,
+        Cone::Semidefinite(_) if y.iter().all(Exact::is_zero) => 0.0,
+        _ => {
+            let mut inside = rounded.clone();
+            cone.project_dual(&mut inside);
+            let apart = rounded.iter().zip(&inside).map(|(y, p)| y - p);
+            length(apart.collect()) + rounding(&rounded)
+        }
+    }
+}
+
+/// Whether t ≥ ‖u‖, exactly.
+fn is_inside(y: &[Exact]) -> bool {
+    let Some((t, u)) = y.split_first() else {
+        return true;
+    };
+    let squares = u.iter().fold(Exact::default(), |sum, u| &sum + &(u * u));
+    t.sign() >= 0 && (&(t * t) - &squares).sign() >= 0
+}
+
+/// The rounding of a projection.
+fn rounding(y: &[f64]) -> f64 {
+    4.0 * (1.0 + (y.len() as f64).sqrt()) * f64::EPSILON * norm(y)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// F = (t x₁ − s x₂, −T x₁ + S x₂ − 1) with T and S what 3 t and 3 s round to: for v = (3, 1) Mᵀv is 0 in floating-point numbers, but
+    /// x₁ = s / (S t − T s) = 2.4e15 is a solution.
+    #[test]
+    fn radii_include_rounding() {
+        let (t, s) = (0.7, 0.1);
+        let matrix = Matrix::from_rows(&[[t, -s], [-3.0 * t, 3.0 * s]]).unwrap();
+        let q = vec![0.0, -1.0];
+        let mut image = [0.0; 2];
+        matrix.as_ref().mul_transpose_add(1.0, &[3.0, 1.0], &mut image);
+        assert_eq!(image, [0.0, 0.0]);
+        let apart = [t, s].map(|v| f64::mul_add(3.0, v, -(3.0 * v)));
+        let first = s / (apart[0] * s - apart[1] * t);
+        let function = AffineFunction::new(matrix.clone(), q.clone()).unwrap();
+        let cones = vec![Cone::Nonnegative(2)];
+        let problem = ConeProblem::new(&function as &dyn McpFunction, cones).unwrap();
+        let found = certificate(&problem, &matrix, &q, vec![3.0, 1.0])
+            .unwrap()
+            .unwrap();
+        assert!(first > 1e15 && found.radius > 1e15 && found.radius < first.hypot(first * t / s));
+    }
 
     /// F(x) = δ x − 1 ≥ 0 ⟂ x ≥ 0 has the solution 1/δ, however small δ > 0 is, and none for δ ≤ 0.
     #[test]
