@@ -524,3 +524,31 @@ fn nearly_parallel_rows_let_no_solution_move() {
         assert!(list.continua.is_empty(), "{delta:e}: {:?}", list.continua);
     }
 }
+
+/// The equations and x₃ ≥ 2 ask for x₂ ≤ −23/3, and with the inequality, which is nearly one of them, for δ x₂ ≥ 0: there is no point, and
+/// what violates the constraints by more than rounding is not called one.
+#[test]
+fn points_that_violate_a_nearly_dependent_row_are_not_the_nearest() {
+    for k in 1..60 {
+        let delta = 0.5_f64.powi(k);
+        let equations = [vec![3.0, -3.0, 0.0], vec![-1.0, 2.0, 2.0]];
+        let rows = [vec![3.0, 3.0, 1.0], vec![-1.0, 2.0 - delta, 2.0]];
+        let set = Polyhedron::boxed(vec![-INF, -INF, 2.0], vec![INF; 3])
+            .unwrap()
+            .with_equations(matrix(&equations, 3), vec![-2.0, -3.0])
+            .unwrap()
+            .with_inequalities(matrix(&rows, 3), vec![3.0, -3.0])
+            .unwrap();
+        for x in [[-4096.0, -2048.0, -1024.0], [0.0; 3], [7.0, -1.0, 3.0]] {
+            match set.project(&x) {
+                Ok(Projection::Empty(certificate)) => assert_eq!(certificate.radius, INF),
+                Ok(Projection::Nearest(nearest)) => {
+                    let violation = set.violation(&nearest.x).unwrap();
+                    assert!(k > 24 && violation < 1e-6, "{k}: {violation:e}, {nearest:?}");
+                }
+                Err(VariationalError::Unresolved { .. }) => assert!(k > 24, "{k}"),
+                other => panic!("{k}: {other:?}"),
+            }
+        }
+    }
+}

@@ -2,12 +2,16 @@
 
 use super::emptiness::is_empty;
 use super::{Polyhedron, VariationalError};
+use crate::exact::Exact;
 use crate::sparse::{dot, max_abs, norm};
 
 /// Part of its terms below which the violation of a row is rounding.
 const ROUNDING: f64 = 32.0 * f64::EPSILON;
 /// A normal of length 1 whose part outside the span of the active ones is shorter than this, times their coefficients, lies in it.
 const DEPENDENT: f64 = 1e-13;
+
+/// Part of its terms and of the points by which a constraint may be violated in the end.
+const MET: f64 = 1e-10;
 
 /// Radius of a certificate that exact arithmetic does not confirm, relative to the data.
 const MARGIN: f64 = 1e12;
@@ -26,7 +30,8 @@ pub enum Projection {
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Nearest {
-    /// The point, length n; bounds that are active hold exactly.
+    /// The point, length n; bounds that are active hold exactly, other constraints to 1e-10 of their terms and of the largest component of it
+    /// and of the point that was projected, at least.
     pub x: Vec<f64>,
     /// Multipliers; those of constraints that are not active are 0.
     pub multipliers: Multipliers,
@@ -66,20 +71,28 @@ impl Infeasibility {
     /// The certificate with multipliers of a polyhedron, if they are one.
     pub(super) fn of(set: &Polyhedron, multipliers: Multipliers) -> Option<Self> {
         let m = &multipliers;
-        let mut rest: Vec<f64> = m.upper.iter().zip(&m.lower).map(|(u, l)| u - l).collect();
+        // Sums without rounding, so that the radius is right. Numbers of a polyhedron are finite.
+        let exact = |v: f64| Exact::new(v).unwrap_or_default();
+        let bounds = m.upper.iter().zip(&m.lower);
+        let mut rest: Vec<Exact> = bounds.map(|(u, l)| &exact(*u) - &exact(*l)).collect();
+        let mut value = Exact::default();
         for (rows, factors) in [(&set.a, &m.inequalities), (&set.e, &m.equations)] {
-            rows.transposed.as_ref().mul_add(1.0, factors, &mut rest);
+            for (j, i, v) in rows.transposed.triplets() {
+                rest[j] = &rest[j] + &(&exact(v) * &exact(factors[i]));
+            }
+            for (right, factor) in rows.right.iter().zip(factors) {
+                value = &value + &(&exact(*right) * &exact(*factor));
+            }
         }
-        let bound = |bounds: &[f64], factors: &[f64]| -> f64 {
-            let pairs = bounds.iter().zip(factors);
-            pairs.filter(|(_, f)| **f != 0.0).map(|(b, f)| b * f).sum()
-        };
-        let value = dot(&set.a.right, &m.inequalities) + dot(&set.e.right, &m.equations)
-            - bound(&set.lower, &m.lower)
-            + bound(&set.upper, &m.upper);
+        for (bounds, factors, sign) in [(&set.lower, &m.lower, -1.0), (&set.upper, &m.upper, 1.0)] {
+            for (bound, factor) in bounds.iter().zip(factors).filter(|p| *p.1 != 0.0) {
+                value = &value + &(&exact(sign * bound) * &exact(*factor));
+            }
+        }
+        let value = value.to_f64();
         let signs = [&m.inequalities, &m.lower, &m.upper];
         let valid = value < 0.0 && signs.iter().all(|v| v.iter().all(|v| *v >= 0.0));
-        let size: f64 = rest.iter().map(|r| r.abs()).sum();
+        let size: f64 = rest.iter().map(|r| r.to_f64().abs()).sum();
         valid.then(|| Self {
             radius: if size == 0.0 { f64::INFINITY } else { -value / size },
             value,
@@ -152,7 +165,12 @@ pub(super) fn project(set: &Polyhedron, x: &[f64]) -> Result<Projection, Variati
             }
         }
     }
-    Ok(Projection::Nearest(solver.finish(x)))
+    solver.finish();
+    // Rows that depend on the active ones but for rounding were passed over on the way.
+    match solver.violated() {
+        Some(row) => Err(VariationalError::Unresolved { steps, row }),
+        None => Ok(Projection::Nearest(solver.nearest(x))),
+    }
 }
 
 impl<'a> Solver<'a> {
@@ -427,8 +445,19 @@ impl<'a> Solver<'a> {
         self.q.pop();
     }
 
-    /// The point on the active rows, and multipliers, free of what the way there left.
-    fn finish(mut self, x: &[f64]) -> Nearest {
+    /// A row that y violates by more than rounding.
+    fn violated(&self) -> Option<usize> {
+        let far = self.far.max(max_abs(&self.y));
+        let met = |p: &usize| {
+            let (slack, size) = self.slack(*p);
+            let off = if self.is_equation(*p) { slack.abs() } else { -slack };
+            self.norms[*p] == 0.0 || off <= MET * (size + far)
+        };
+        (0..self.kinds.len()).find(|p| !met(p))
+    }
+
+    /// Moves y to the point on the active rows, free of what the way there left.
+    fn finish(&mut self) {
         for _ in 0..2 {
             // Least change of y that meets the active rows: Rᵀ v = −slack, y + Q v.
             let mut v: Vec<f64> = Vec::with_capacity(self.active.len());
@@ -450,6 +479,10 @@ impl<'a> Solver<'a> {
         for j in 0..self.y.len() {
             self.y[j] = self.y[j].max(self.set.lower[j]).min(self.set.upper[j]);
         }
+    }
+
+    /// y, and the multipliers that belong to its move from x.
+    fn nearest(self, x: &[f64]) -> Nearest {
         let moved: Vec<f64> = self.y.iter().zip(x).map(|(y, x)| y - x).collect();
         let d: Vec<f64> = self.q.iter().map(|q| dot(q, &moved)).collect();
         // Multipliers that rounding makes negative are those of rows that need not be active.
