@@ -161,6 +161,46 @@ fn residuals_that_vanish_at_infinity_are_no_solutions() {
     }
 }
 
+/// The same beside x₃ ≥ 0 ⟂ x₃ − 1 ≥ 0, which has nothing to do with it: its constants are large where those of the others are small.
+#[test]
+fn other_blocks_do_not_hide_what_vanishes_at_infinity() {
+    let rows = [
+        [0.0, 0.0, 1.0, 0.0],
+        [0.0, 0.0, -1.0, 0.0],
+        [-1.0, 1.0, 0.0, 0.0],
+        [0.0, 0.0, 0.0, 1.0],
+    ];
+    for own in [1.0, 1e-3, 1e6] {
+        let q = vec![-1.0, 0.5, 0.0, -own];
+        let function = AffineFunction::new(Matrix::from_rows(&rows).unwrap(), q).unwrap();
+        let cones = vec![Cone::SecondOrder(3), Cone::Nonnegative(1)];
+        let problem = ConeProblem::new(function, cones).unwrap();
+        for scale in [1.0, 1e8, 1e12, 1e16] {
+            let mut x = [scale, scale, 0.0, own];
+            let report = ConeSolver::default().solve(&problem, &mut x).unwrap();
+            let told = (own, scale, x, report.error);
+            assert_ne!(report.status, ConeStatus::Solved, "{told:?}");
+        }
+    }
+}
+
+/// 0 ≤ x ⟂ x − 1 ≥ 0 is not solved by x = 2, wherever another block is.
+#[test]
+fn other_blocks_do_not_hide_errors() {
+    let matrix = Matrix::from_rows(&[[1.0, 0.0], [0.0, 1.0]]).unwrap();
+    for far in [1.0, 1e8, 1e20, 1e-20] {
+        let function = AffineFunction::new(matrix.clone(), vec![-1.0, -far]).unwrap();
+        let problem = ConeProblem::new(function, vec![Cone::Nonnegative(1); 2]).unwrap();
+        let mut x = [2.0, far];
+        let report = ConeSolver::default().solve(&problem, &mut x).unwrap();
+        assert_eq!(report.status, ConeStatus::Solved);
+        assert!(
+            (x[0] - 1.0).abs() < 1e-9 && (x[1] / far - 1.0).abs() < 1e-9,
+            "{x:?}"
+        );
+    }
+}
+
 #[test]
 fn limits_and_observers_stop_the_run() {
     let function = AffineFunction::new(Matrix::identity(3), vec![1.0, -3.0, -4.0]).unwrap();

@@ -1,6 +1,7 @@
 //! When a point counts as a solution: the one rule of all solvers of this module, stated in its documentation.
 
 use super::columns::{BoxLcp, Columns};
+use crate::sparse::pieces;
 
 /// Part of its terms below which the residual of a row is rounding.
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
@@ -8,11 +9,16 @@ const ROUNDING: f64 = 64.0 * f64::EPSILON;
 /// Unknowns beyond 2⁴⁸ have hardly a digit left after the point: no residual tells where they are.
 const LARGEST: f64 = 281_474_976_710_656.0;
 
-/// Where the constants of all rows are a smaller part of their terms, the residual is compared with the constants: far out along
+/// Where the constants of all rows of a block are a smaller part of their terms, the residual is compared with the constants: far out along
 /// directions that rows hardly see, everything is small relative to its terms.
 const FAR: f64 = 1e-6;
 /// Smaller constants are the rounding of none.
 const NO_CONSTANT: f64 = 8.0 * f64::EPSILON;
+
+/// Whether constants that are this part of the terms are few, but no rounding.
+fn is_far(part: &f64) -> bool {
+    (NO_CONSTANT..FAR).contains(part)
+}
 
 /// Part of its terms from which on a residual has not begun to cancel.
 const OPEN: f64 = 1e-3;
@@ -36,7 +42,7 @@ pub(super) fn drop_rounding(lcp: BoxLcp<'_>, z: &mut [f64]) -> bool {
 pub(super) struct Accuracy {
     terms: Vec<f64>,
     sum: Vec<f64>,
-    /// Constants of rows: terms of unknowns at bounds, and what is left without the others.
+    /// Constants of rows, terms of unknowns at bounds and what is left without the others; then their parts of the terms.
     constants: Vec<f64>,
 }
 
@@ -121,25 +127,27 @@ impl Accuracy {
                 }
             });
         }
-        let mut constants = 0.0_f64;
         for i in 0..n {
             let rest = (p.f[i] - self.sum[i]).abs();
             self.terms[i] += rest;
-            if self.terms[i] > 0.0 && !p.rests(i) {
-                constants = constants.max((self.constants[i] + rest) / self.terms[i]);
-            }
+            self.constants[i] = match self.terms[i] > 0.0 && !p.rests(i) {
+                true => (self.constants[i] + rest) / self.terms[i],
+                false => 0.0,
+            };
         }
-        let mut worst = 0.0_f64;
+        let parts = (p.sizes.is_none() && self.constants.iter().any(is_far)).then(|| self.far_out(p));
+        let (mut worst, mut plain, mut far) = (0.0_f64, 0.0_f64, 1.0_f64);
         for i in 0..n {
+            let part = parts.as_ref().map_or(1.0, |parts| parts[i]);
             let error = self.error(p, i);
-            if error > worst || error.is_nan() {
-                worst = error;
+            if error > plain || error.is_nan() {
+                plain = error;
             }
+            if error / part > worst || error.is_nan() {
+                worst = error / part;
+            }
+            far = far.min(part);
         }
-        let far = match p.sizes.is_none() && (NO_CONSTANT..FAR).contains(&constants) {
-            true => constants / FAR,
-            false => 1.0,
-        };
         let empty = |i: usize| self.terms[i] == 0.0 && !(p.x[i] == p.lower[i] || p.x[i] == p.upper[i]);
         let flat = (0..n).any(empty)
             && (0..n).any(|j| {
@@ -149,8 +157,8 @@ impl Accuracy {
             });
         let beyond = p.x.iter().any(|x| x.abs() > LARGEST);
         Measure {
-            error: worst / far,
-            plain: worst,
+            error: worst,
+            plain,
             flat,
             hidden: if beyond {
                 f64::INFINITY
@@ -160,6 +168,32 @@ impl Accuracy {
                 0.0
             },
         }
+    }
+
+    /// For each row what its residual is divided by where all rows that hang together with it have small constants, 1 elsewhere.
+    fn far_out(&self, p: &Point<'_>) -> Vec<f64> {
+        let n = p.x.len();
+        let block = pieces(n, |join| {
+            for j in 0..n {
+                p.jac.each(j, |i, v| {
+                    if v != 0.0 {
+                        join(&mut [i, j].into_iter());
+                    }
+                });
+            }
+        });
+        let mut largest = vec![0.0_f64; n];
+        for (b, part) in block.iter().zip(&self.constants) {
+            largest[*b] = largest[*b].max(*part);
+        }
+        let part = |b: &usize| {
+            if is_far(&largest[*b]) {
+                largest[*b] / FAR
+            } else {
+                1.0
+            }
+        };
+        block.iter().map(part).collect()
     }
 
     /// The residual of one component relative to the terms of its row; NaN where F is.

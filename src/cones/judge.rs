@@ -5,12 +5,19 @@ use super::equations::Part;
 use super::run::Run;
 use crate::sparse::{max_abs, norm};
 
-/// Where the constants of all rows are a smaller part of their terms, errors are compared with the constants: far out everything is small
+/// Where the constants of all rows of a block are a smaller part of their terms, errors are compared with the constants: far out everything is small
 /// relative to its terms. Smaller ones may be rounding where F is curved.
 const FAR: f64 = 1e-6;
 const NO_CONSTANT: f64 = 8.0 * f64::EPSILON;
 /// Part of the norm of a cone's entries that one entry counts at least: some rounding errors of the norm are then within the tolerance.
 const FLOOR: f64 = 1e-4;
+
+/// How far out the parts of a block are: the largest |xᵢ|, and the largest part that constants have of the terms of a cone.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Size {
+    share: f64,
+    largest: f64,
+}
 
 impl Run<'_> {
     /// Keeps the projection of x on K if it is the best point so far; tells whether it is a solution.
@@ -55,20 +62,25 @@ impl Run<'_> {
                 0.0
             }
         };
-        let share = self.parts.iter().map(share).fold(0.0, f64::max);
+        self.blocks.fill(Size::default());
+        for (part, &b) in self.parts.iter().zip(&self.block) {
+            let block = &mut self.blocks[b];
+            block.share = block.share.max(share(part));
+            block.largest = block.largest.max(max_abs(&self.x[part.range.clone()]));
+        }
         let least = if self.constant.is_some() {
             f64::MIN_POSITIVE
         } else {
             NO_CONSTANT
         };
-        let far = match (least..FAR).contains(&share) {
-            true => share / FAR,
-            false => 1.0,
-        };
-        let largest = max_abs(&self.x);
-        let largest = if largest > 0.0 { largest } else { 1.0 };
         let mut worst = 0.0_f64;
-        for part in &self.parts {
+        for (part, &b) in self.parts.iter().zip(&self.block) {
+            let Size { share, largest } = self.blocks[b];
+            let far = match (least..FAR).contains(&share) {
+                true => share / FAR,
+                false => 1.0,
+            };
+            let largest = if largest > 0.0 { largest } else { 1.0 };
             let size = norm(&self.terms[part.range.clone()]);
             let size = if size > 0.0 { size } else { 1.0 };
             let z = &mut self.room[..part.range.len()];
@@ -79,14 +91,15 @@ impl Run<'_> {
             for (z, i) in z.iter_mut().zip(part.range.clone()) {
                 *z -= self.x[i] / largest;
             }
-            let error = norm(z);
+            // What the rounding of the terms may hide.
+            let hidden = if far < 1.0 { f64::EPSILON / far } else { 0.0 };
+            let error = norm(z) / far;
             if error > worst || error.is_nan() {
                 worst = error;
             }
+            worst = if hidden > worst { hidden } else { worst };
         }
-        // What the rounding of the terms may hide.
-        let hidden = if far < 1.0 { f64::EPSILON / far } else { 0.0 };
-        (worst / far).max(hidden)
+        worst
     }
 
     /// Sizes below which entries of each cone are told from zero no more, in `room`: projections round by the norm of all entries. Where

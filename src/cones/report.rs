@@ -72,10 +72,10 @@ pub struct ConeReport {
     pub status: ConeStatus,
     /// ‖x − P(x − F(x))‖_∞ at the point returned.
     pub residual: f64,
-    /// Largest ‖x_b/X − P(x_b/X − F_b/S_b)‖₂ over the cones b, where X is the largest |xᵢ| and S_b the norm of the terms
+    /// Largest ‖x_b/X − P(x_b/X − F_b/S_b)‖₂ over the cones b, where X is the largest |xᵢ| in the block of b, the cones that entries of J connect, and S_b the norm of the terms
     /// Σⱼ |Jᵢⱼ xⱼ| + |Fᵢ − Σⱼ Jᵢⱼ xⱼ| of its rows, where xⱼ in a cone counts at least 1e-4 of the norm of its entries or of the size at which
     /// the constants are terms like others, whichever is less: the same in all units of x and of F in a cone. Far out, where the constants of all rows
-    /// are less than 1e-6 of their terms, it is divided by that part times 1e6. The point is solved where this is at most the tolerance.
+    /// of a block are less than 1e-6 of their terms, it is divided by that part times 1e6. The point is solved where this is at most the tolerance.
     pub error: f64,
     /// Iterations, over all starts.
     pub iterations: usize,

@@ -3,11 +3,12 @@
 use std::ops::ControlFlow;
 
 use super::equations::{Map, Part, parts};
+use super::judge::Size;
 use super::{ConeError, ConeIteration, ConeOptions, ConeProblem, ConeReport, ConeStatus};
 use crate::clock::Deadline;
 use crate::complementarity::McpFunction;
 use crate::linear::{AutoSolver, LinearSolver};
-use crate::sparse::{Matrix, Pattern, max_abs};
+use crate::sparse::{Matrix, Pattern, max_abs, pieces};
 use crate::spread::Random;
 
 /// Share of the merit by which a step must lessen it, and the shortest step that is tried.
@@ -44,6 +45,9 @@ pub(super) struct Run<'a> {
     pub(super) parts: Vec<Part>,
     /// The part of each row.
     pub(super) owner: Vec<usize>,
+    /// The block of each part: those that entries of ∇F connect.
+    pub(super) block: Vec<usize>,
+    pub(super) blocks: Vec<Size>,
     pub(super) x: Vec<f64>,
     pub(super) f: Vec<f64>,
     pub(super) phi: Vec<f64>,
@@ -108,7 +112,20 @@ impl<'a> Run<'a> {
             problem.function().value(&vec![0.0; n], &mut q);
             q
         });
+        // What entries of ∇F connect; those of a constant one may be zero.
+        let mut slopes = jac.clone();
+        if constant.is_some() {
+            problem.function().jacobian(&vec![0.0; n], &mut slopes);
+        }
+        let connects = |v: f64| constant.is_none() || v != 0.0;
+        let block = pieces(parts.len(), |join| {
+            for (i, j, _) in slopes.triplets().filter(|e| connects(e.2)) {
+                join(&mut [owner[i], owner[j]].into_iter());
+            }
+        });
         Ok(Self {
+            blocks: vec![Default::default(); parts.len()],
+            block,
             centre: vec![0.0; n],
             weight: 0.0,
             constant,

@@ -356,7 +356,7 @@ fn curves() {
             o().with_max_time(Some(Duration::MAX)),
         )
     });
-    for range in [(-1.0, 0.4), (0.6, 2.0), (-1.0, 0.5 - 5e-12), (0.5 + 5e-12, 2.0)] {
+    for range in [(-1.0, 0.4), (0.6, 2.0), (-1.0, 0.5 - 1e-9), (0.5 + 1e-9, 2.0)] {
         let options = DiagramOptions::default().with_parameter_range(range);
         let outside = "start = 0.5";
         t.refuses(

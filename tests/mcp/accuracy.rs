@@ -150,6 +150,19 @@ fn residuals_along_a_direction_that_rows_do_not_see_are_none_of_rounding() {
         let (x, report) = run(&problem, &[far, far]);
         assert!(!report.is_solved(), "{far:e}: {x:?}");
     }
+    // Nor beside z − 1 = 0, whose constant is large.
+    let rows = [[1.0, -1.0, 0.0], [-1.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let problem = Mcp::affine(
+        matrix(&rows.map(Vec::from)),
+        vec![1.0, 0.0, -1.0],
+        vec![-INF; 3],
+        vec![INF; 3],
+    );
+    let problem = problem.unwrap();
+    for far in [0.0, 1e9, 1e11, 1e13] {
+        let (x, report) = run(&problem, &[far, far, 1.0]);
+        assert!(!report.is_solved(), "{far:e}: {x:?}");
+    }
 }
 
 /// The kernel of a Jacobian with entries of 1e19 and 1 was sought by an iteration that ended in NaN.
