@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use num_dual::{Dual64, DualNum};
 
 use super::abs_normal::{AbsNormal, Added, Terms, abs_normal};
-use super::trace::{LABELS, Labels, contains, lacking, ordinary_point, structure};
+use super::trace::{LABELS, Labels, lacking, members, ordinary_point, structure};
 use super::{
     Exact, ExactConditions, ExactForm, ExactPiece, ExactPieces, ExactSite, Facet, PiecewiseSmooth, Real,
     Selection,
@@ -352,8 +352,8 @@ impl<F: NonsmoothFunction> Traced<F> {
             function.eval(x, &mut Kinks::new(mode), out);
             for (own, labels) in variables.iter_mut().zip(&tests) {
                 let last = m.saturating_sub(first).min(LABELS);
-                own.extend((0..last).filter(|&l| contains(labels, l)).map(|l| first + l));
-                nested |= (last..LABELS).any(|l| contains(labels, l));
+                own.extend(members(labels).take_while(|l| *l < last).map(|l| first + l));
+                nested |= members(labels).any(|l| l >= last);
             }
         });
         for (row, index) in found {

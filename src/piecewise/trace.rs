@@ -34,8 +34,13 @@ fn insert(labels: &mut Labels, label: usize) {
     }
 }
 
-pub(crate) fn contains(labels: &Labels, label: usize) -> bool {
-    labels.get(label / 64).is_some_and(|w| w >> (label % 64) & 1 == 1)
+/// The labels of a set, in order.
+pub(crate) fn members(labels: &Labels) -> impl Iterator<Item = usize> {
+    labels.iter().enumerate().flat_map(|(k, &word)| {
+        std::iter::successors(Some(word), |rest| Some(rest & rest.wrapping_sub(1)))
+            .take_while(|rest| *rest != 0)
+            .map(move |rest| 64 * k + rest.trailing_zeros() as usize)
+    })
 }
 
 impl Dependence {
@@ -211,7 +216,7 @@ pub(crate) fn structure(
         formula(&arguments, first, &mut out);
         for (i, value) in out.iter().enumerate() {
             let last = (indices - first).min(LABELS);
-            let own = (0..last).filter(|&l| contains(&value.labels, l));
+            let own = members(&value.labels).take_while(|l| *l < last);
             found.extend(own.map(|l| (i, first + l)));
         }
     }
@@ -243,7 +248,7 @@ pub(crate) fn lacking(pattern: &Pattern, x: &[f64], formula: &mut Formula) -> Op
         let first = w * LABELS;
         let label = |j: usize| j.checked_sub(first).filter(|l| *l < LABELS);
         let (row, labels) = stray_row(pattern, x, first, &label, formula)?;
-        let label = (0..LABELS).find(|&l| contains(&labels, l))?;
+        let label = members(&labels).next()?;
         Some((row, first + label))
     })
 }
