@@ -5,9 +5,10 @@ use std::ops::ControlFlow;
 use super::curves::{follow, lens, near, parabola_and_line, two_arcs, within};
 use super::maps::Plane;
 use semismooth::continuation::{
-    Branch, Continuation, ContinuationError, Diagram, DiagramOptions, Direction, Event, PointKind,
-    Termination, arms_at,
+    Branch, Continuation, ContinuationError, ContinuationOptions, Diagram, DiagramOptions, Direction, Event,
+    FoldSet, PointKind, Termination, arms_at,
 };
+use semismooth::piecewise::{Kinks, NonsmoothFunction, Real, Traced};
 
 #[test]
 fn targets_and_bounds_are_hit_exactly() {
@@ -266,5 +267,34 @@ fn a_row_of_the_other_sign_is_an_error() {
     match found {
         Err(ContinuationError::Orientation { parameter, .. }) => assert!(parameter.abs() < 1e-12),
         other => panic!("{other:?}"),
+    }
+}
+
+/// b = 3 y² along the folds of y³ − b y + a = 0: the bound 0 is touched at the cusp, and the curve goes on to the other fold.
+#[test]
+fn a_bound_that_is_touched_is_not_left() {
+    struct Cusp;
+    impl NonsmoothFunction for Cusp {
+        fn num_vars(&self) -> usize {
+            3
+        }
+        fn num_residuals(&self) -> usize {
+            1
+        }
+        fn eval<T: Real>(&self, x: &[T], _: &mut Kinks<'_, T>, out: &mut [T]) {
+            out[0] = x[0] * x[0] * x[0] - x[2] * x[0] + x[1];
+        }
+    }
+    for largest in [0.05, 0.1, 0.3] {
+        let (folds, start) = FoldSet::new(Traced::new(Cusp), &[1.0, 2.0, 3.0]).unwrap();
+        let options = ContinuationOptions::default()
+            .with_parameter_range((0.0, 3.0))
+            .with_max_step(largest);
+        let curve = Branch::follow(&folds, &start, Direction::Decreasing, options).unwrap();
+        let end = folds.family_point(&curve.points.last().unwrap().x);
+        assert!(
+            (end[0] + 1.0).abs() < 1e-8 && (end[2] - 3.0).abs() < 1e-8,
+            "{end:?}"
+        );
     }
 }

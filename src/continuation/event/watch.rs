@@ -120,16 +120,19 @@ impl Curve<'_> {
         }
         let last = self.here.x.len() - 1;
         let (a0, a1) = (self.here.x[last], self.next.x[last]);
+        let (t0, t1) = (self.here.t[last], self.next.t[last]);
         let (lower, upper) = self.options.parameter_range;
         let targets = self.options.targets.iter().map(|&v| (v, false));
         for (value, is_bound) in targets.chain([(lower, true), (upper, true)]) {
+            let arrived = a1 == value && a0 != value;
             let passed = if is_bound {
-                // A start on the bound may walk inwards.
-                (value == upper && a1 > value) || (value == lower && a1 < value)
+                let outwards = if value == upper { 1.0 } else { -1.0 };
+                // A start on the bound may walk inwards, and a curve may touch it.
+                outwards * (a1 - value) > 0.0 || (arrived && outwards * t1 > VERTICAL)
             } else {
-                (a0 - value) * (a1 - value) < 0.0
+                (a0 - value) * (a1 - value) < 0.0 || arrived
             };
-            if (passed || a1 == value && a0 != value) && value.is_finite() {
+            if passed && value.is_finite() {
                 let fraction = ((value - a0) / (a1 - a0)).clamp(0.0, 1.0);
                 offer(
                     fraction,
@@ -140,7 +143,6 @@ impl Curve<'_> {
                 );
             }
         }
-        let (t0, t1) = (self.here.t[last], self.next.t[last]);
         if t0 * t1 < 0.0 && t0.abs() > VERTICAL && t1.abs() > VERTICAL {
             offer(t0 / (t0 - t1), Monitor::Fold);
         }
