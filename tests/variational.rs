@@ -8,7 +8,7 @@ use semismooth::newton::Newton;
 use semismooth::piecewise::check::{CheckOptions, check};
 use semismooth::sparse::Matrix;
 use semismooth::variational::{
-    Infeasibility, Multipliers, Polyhedron, Projection, VariationalError, Vi, ViSolver, ViStatus,
+    Infeasibility, Multipliers, Polyhedron, Projection, VariationalError, Vi, ViSolutions, ViSolver, ViStatus,
 };
 
 const INF: f64 = f64::INFINITY;
@@ -74,6 +74,16 @@ impl Data {
                 .iter()
                 .all(|r| r.abs() <= 1e-10 * (1.0 - value))
     }
+}
+
+/// All solutions of an affine problem, proven to be so.
+fn complete_list(f: AffineFunction, set: Polyhedron) -> ViSolutions {
+    let list = Vi::new(f, set)
+        .unwrap()
+        .all_solutions(&EnumerationOptions::default())
+        .unwrap();
+    assert_eq!(list.completeness, Completeness::Complete);
+    list
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
@@ -282,11 +292,7 @@ fn all_equilibria_of_a_bimatrix_game() {
         .unwrap()
         .with_equations(sums, vec![1.0; 2])
         .unwrap();
-    let list = Vi::new(f, set)
-        .unwrap()
-        .all_solutions(&EnumerationOptions::default())
-        .unwrap();
-    assert_eq!(list.completeness, Completeness::Complete);
+    let list = complete_list(f, set);
     assert!(list.continua.is_empty());
     let mut found = list.solutions;
     found.sort_by(|x, y| x[0].total_cmp(&y[0]));
@@ -439,11 +445,7 @@ fn units_of_rows_merge_no_solutions() {
             .unwrap()
             .with_inequalities(matrix(&[vec![s]], 1), vec![s])
             .unwrap();
-        let list = Vi::new(f, set)
-            .unwrap()
-            .all_solutions(&EnumerationOptions::default())
-            .unwrap();
-        assert_eq!(list.completeness, Completeness::Complete);
+        let list = complete_list(f, set);
         let mut found: Vec<f64> = list.solutions.iter().map(|x| x[0]).collect();
         found.sort_by(f64::total_cmp);
         assert_eq!(found, [0.0, 0.5, 1.0], "s = {s:e}");
@@ -460,11 +462,7 @@ fn units_of_rows_hide_no_continua() {
             .unwrap()
             .with_inequalities(matrix(&[vec![s, 0.0]], 2), vec![s])
             .unwrap();
-        let list = Vi::new(f, set)
-            .unwrap()
-            .all_solutions(&EnumerationOptions::default())
-            .unwrap();
-        assert_eq!(list.completeness, Completeness::Complete);
+        let list = complete_list(f, set);
         assert_eq!(list.solutions, Vec::<Vec<f64>>::new(), "s = {s:e}");
         assert_eq!(list.continua.len(), 1, "s = {s:e}");
     }
@@ -479,11 +477,7 @@ fn units_of_rows_move_no_multipliers() {
             .unwrap()
             .with_inequalities(matrix(&[vec![-s]], 1), vec![0.0])
             .unwrap();
-        let list = Vi::new(f, set)
-            .unwrap()
-            .all_solutions(&EnumerationOptions::default())
-            .unwrap();
-        assert_eq!(list.completeness, Completeness::Complete);
+        let list = complete_list(f, set);
         assert_eq!(
             (list.solutions, list.continua),
             (vec![vec![0.0]], Vec::new()),
@@ -505,11 +499,7 @@ fn nearly_parallel_rows_let_no_solution_move() {
             .unwrap()
             .with_inequalities(matrix(&[vec![0.0, 0.0, -1.0]], 3), vec![1.0])
             .unwrap();
-        let list = Vi::new(f, set)
-            .unwrap()
-            .all_solutions(&EnumerationOptions::default())
-            .unwrap();
-        assert_eq!(list.completeness, Completeness::Complete);
+        let list = complete_list(f, set);
         let expected = match delta > 0.0 {
             true => [0.0, 0.0, -1.0],
             false => [0.0, -6.0 / 13.0, -4.0 / 13.0],
