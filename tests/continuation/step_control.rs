@@ -34,7 +34,7 @@ fn steps_grow_along_a_line() {
             assert!((h - expected).abs() < 1e-14, "{h} {expected}");
             expected = (expected * growth).min(longest);
         }
-        assert!(*last <= expected + 1e-14);
+        assert!(*last > 0.0 && *last <= expected + 1e-14);
         assert!((branch.arclength() - 8.0).abs() < 1e-13, "{}", branch.arclength());
         for p in &branch.points {
             assert_eq!((p.tangent.as_slice(), p.det_sign), (&[0.0, 1.0][..], Some(1)));
