@@ -1,7 +1,7 @@
 //! When a point counts as a solution: the one rule of all solvers of this module, stated in its documentation.
 
+use super::blocks::Blocks;
 use super::columns::{BoxLcp, Columns};
-use crate::sparse::pieces;
 
 /// Part of its terms below which the residual of a row is rounding.
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
@@ -41,9 +41,13 @@ pub(super) fn drop_rounding(lcp: BoxLcp<'_>, z: &mut [f64]) -> bool {
 #[derive(Debug, Clone, Default)]
 pub(super) struct Accuracy {
     terms: Vec<f64>,
+    /// J x, where the constants of rows are not given.
     sum: Vec<f64>,
     /// Constants of rows, terms of unknowns at bounds and what is left without the others; then their parts of the terms.
     constants: Vec<f64>,
+    blocks: Blocks,
+    /// Largest part of the constants in each block.
+    largest: Vec<f64>,
 }
 
 /// How near a point is to a solution.
@@ -61,7 +65,7 @@ pub(super) struct Measure {
 
 impl Measure {
     pub(super) fn is_solved(self, tolerance: f64) -> bool {
-        self.error.max(self.hidden) <= tolerance
+        self.error <= tolerance && self.hidden <= tolerance
     }
 
     /// Whether some residual is no small part of its terms at all.
@@ -78,10 +82,14 @@ impl Measure {
 /// A point with what F is there; outside the bounds it may be by little, as moving back counts as an error.
 pub(super) struct Point<'a> {
     pub(super) x: &'a [f64],
-    /// Sizes of the unknowns, where they are not |x|.
-    pub(super) sizes: Option<&'a [f64]>,
     pub(super) f: &'a [f64],
     pub(super) jac: Columns<'a>,
+    /// F − J x, where it is stored and not left by cancellation.
+    pub(super) rest: Option<&'a [f64]>,
+    /// The blocks of `jac`, where they are known.
+    pub(super) blocks: Option<&'a Blocks>,
+    /// Sizes of the unknowns, those of their blocks, where they are not |x|.
+    pub(super) sizes: Option<&'a [f64]>,
     pub(super) lower: &'a [f64],
     pub(super) upper: &'a [f64],
 }
@@ -91,9 +99,11 @@ impl<'a> Point<'a> {
     pub(super) fn of(lcp: BoxLcp<'a>, z: &'a [f64], w: &'a [f64]) -> Self {
         Self {
             x: z,
-            sizes: None,
             f: w,
             jac: lcp.matrix,
+            rest: Some(lcp.q),
+            blocks: None,
+            sizes: None,
             lower: lcp.lower,
             upper: lcp.upper,
         }
@@ -110,35 +120,46 @@ impl Accuracy {
     /// Terms Sᵢ = Σⱼ |Jᵢⱼ xⱼ| + |fᵢ − Σⱼ Jᵢⱼ xⱼ|, and the residuals relative to them.
     pub(super) fn measure(&mut self, p: &Point<'_>) -> Measure {
         let n = p.x.len();
-        for v in [&mut self.terms, &mut self.sum, &mut self.constants] {
+        for v in [&mut self.terms, &mut self.constants] {
             v.clear();
             v.resize(n, 0.0);
         }
+        self.sum.clear();
+        self.sum.resize(if p.rest.is_some() { 0 } else { n }, 0.0);
         for j in 0..n {
             let x = p.x[j];
-            let size = p.sizes.map_or(x, |s| s[j]);
+            let size = p.sizes.map_or(x, |sizes| sizes[p.blocks.map_or(j, |b| b.of(j))]);
             let moves = x != p.lower[j] && x != p.upper[j];
             p.jac.each(j, |i, v| {
                 let term = v * x;
                 self.terms[i] += (v * size).abs();
-                self.sum[i] += term;
+                if let Some(sum) = self.sum.get_mut(i) {
+                    *sum += term;
+                }
                 if !moves {
                     self.constants[i] += term.abs();
                 }
             });
         }
         for i in 0..n {
-            let rest = (p.f[i] - self.sum[i]).abs();
+            let rest = p.rest.map_or_else(|| p.f[i] - self.sum[i], |rest| rest[i]).abs();
             self.terms[i] += rest;
             self.constants[i] = match self.terms[i] > 0.0 && !p.rests(i) {
                 true => (self.constants[i] + rest) / self.terms[i],
                 false => 0.0,
             };
         }
-        let parts = (p.sizes.is_none() && self.constants.iter().any(is_far)).then(|| self.far_out(p));
+        let far_out = p.sizes.is_none() && self.constants.iter().any(is_far);
+        if far_out {
+            if p.blocks.is_none() {
+                self.blocks.find(p.jac, n);
+            }
+            let blocks = p.blocks.unwrap_or(&self.blocks);
+            blocks.largest(&self.constants, &mut self.largest);
+        }
         let (mut worst, mut plain, mut far) = (0.0_f64, 0.0_f64, 1.0_f64);
         for i in 0..n {
-            let part = parts.as_ref().map_or(1.0, |parts| parts[i]);
+            let part = if far_out { self.divisor(p, i) } else { 1.0 };
             let error = self.error(p, i);
             if error > plain || error.is_nan() {
                 plain = error;
@@ -170,30 +191,10 @@ impl Accuracy {
         }
     }
 
-    /// For each row what its residual is divided by where all rows that hang together with it have small constants, 1 elsewhere.
-    fn far_out(&self, p: &Point<'_>) -> Vec<f64> {
-        let n = p.x.len();
-        let block = pieces(n, |join| {
-            for j in 0..n {
-                p.jac.each(j, |i, v| {
-                    if v != 0.0 {
-                        join(&mut [i, j].into_iter());
-                    }
-                });
-            }
-        });
-        let mut largest = vec![0.0_f64; n];
-        for (b, part) in block.iter().zip(&self.constants) {
-            largest[*b] = largest[*b].max(*part);
-        }
-        let part = |b: &usize| {
-            if is_far(&largest[*b]) {
-                largest[*b] / FAR
-            } else {
-                1.0
-            }
-        };
-        block.iter().map(part).collect()
+    /// What the residual of a row is divided by: less than 1 where all rows that hang together with it have small constants.
+    fn divisor(&self, p: &Point<'_>, i: usize) -> f64 {
+        let largest = self.largest[p.blocks.unwrap_or(&self.blocks).of(i)];
+        if is_far(&largest) { largest / FAR } else { 1.0 }
     }
 
     /// The residual of one component relative to the terms of its row; NaN where F is.
@@ -227,6 +228,15 @@ mod tests {
     use super::*;
     use crate::complementarity::Lcp;
     use crate::sparse::Matrix;
+
+    #[test]
+    fn a_point_where_the_rows_overflow_is_no_solution() {
+        let lcp = Lcp::new(Matrix::from_rows(&[[1e308]]).unwrap(), vec![-1.0]).unwrap();
+        for w in [f64::NAN, f64::INFINITY] {
+            let measure = Accuracy::default().measure(&Point::of((&lcp).into(), &[10.0], &[w]));
+            assert!(!measure.is_solved(1.0), "{w}");
+        }
+    }
 
     /// 0 ≤ z ⟂ 2 z − 3 ≥ 0: below its bound z is wrong by what moving back changes in the row, beside it by the residual.
     #[test]

@@ -56,6 +56,7 @@ pub mod active_set;
 mod affine;
 #[cfg(feature = "autodiff")]
 mod autodiff;
+mod blocks;
 mod columns;
 mod differences;
 mod error;

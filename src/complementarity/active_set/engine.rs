@@ -1,8 +1,8 @@
 use std::ops::ControlFlow;
 
-use super::blocks::Blocks;
 use super::{ActiveSetIteration, ActiveSetOptions, ActiveSetReport, ActiveSetStatus, Exchange, Start};
 use crate::complementarity::accuracy::{Accuracy, Point, drop_rounding};
+use crate::complementarity::blocks::Blocks;
 use crate::complementarity::columns::BoxLcp;
 use crate::complementarity::problem::natural;
 use crate::complementarity::{BoundState, ComplementarityError};
@@ -42,8 +42,8 @@ pub(super) struct Engine {
     free: Vec<bool>,
     scale: Vec<f64>,
     blocks: Blocks,
-    /// Largest |z| in the block of each unknown.
-    size: Vec<f64>,
+    /// Largest |z| of each block.
+    sizes: Vec<f64>,
     accuracy: Accuracy,
     w: Vec<f64>,
     r: Vec<f64>,
@@ -61,7 +61,7 @@ impl Engine {
             free: Vec::new(),
             scale: Vec::new(),
             blocks: Blocks::default(),
-            size: Vec::new(),
+            sizes: Vec::new(),
             accuracy: Accuracy::default(),
             w: Vec::new(),
             r: Vec::new(),
@@ -135,6 +135,7 @@ impl Engine {
 
     fn prepare(&mut self, lcp: BoxLcp<'_>) {
         let n = lcp.len();
+        self.blocks.find(lcp.matrix, n);
         self.history.clear();
         self.ranking.reserve(n);
         for sets in [&mut self.states, &mut self.next] {
@@ -142,18 +143,11 @@ impl Engine {
             sets.resize(n, BoundState::Interior);
         }
         self.free.resize(n, true);
-        for v in [
-            &mut self.scale,
-            &mut self.size,
-            &mut self.w,
-            &mut self.r,
-            &mut self.step,
-        ] {
+        for v in [&mut self.scale, &mut self.w, &mut self.r, &mut self.step] {
             v.clear();
             v.resize(n, 0.0);
         }
         // Positive diagonals are the natural size of a row; largest entries stand in for others.
-        self.blocks.find(lcp);
         for j in 0..n {
             lcp.matrix.each(j, |i, v| {
                 if i == j && v > 0.0 {
@@ -358,10 +352,10 @@ impl Engine {
     /// The sets that the point in `z` and `w` suggests, in `next`; tells how many components differ from those at hand.
     fn guess(&mut self, lcp: BoxLcp<'_>, direct: bool, z: &[f64]) -> usize {
         let (lower, upper) = (lcp.lower, lcp.upper);
-        self.blocks.sizes(z, &mut self.size);
+        self.blocks.largest(z, &mut self.sizes);
         let mut changes = 0;
         for i in 0..z.len() {
-            let rounding = ROUNDING * self.size[i];
+            let rounding = ROUNDING * self.sizes[self.blocks.of(i)];
             let now = self.states[i];
             let reach = self.w[i] / self.scale[i];
             self.next[i] = if lower[i] == upper[i] {
@@ -444,6 +438,7 @@ impl Engine {
     /// Whether z, with w at hand, is a solution; see [`ActiveSetOptions::tolerance`].
     fn is_solution(&mut self, lcp: BoxLcp<'_>, direct: bool, z: &[f64]) -> bool {
         let mut point = Point::of(lcp, z, &self.w);
+        point.blocks = Some(&self.blocks);
         let tolerance = self.options.tolerance;
         if self.accuracy.measure(&point).is_solved(tolerance) {
             return true;
@@ -452,8 +447,8 @@ impl Engine {
         if direct {
             return false;
         }
-        self.blocks.sizes(z, &mut self.size);
-        point.sizes = Some(&self.size);
+        self.blocks.largest(z, &mut self.sizes);
+        point.sizes = Some(&self.sizes);
         self.accuracy.measure(&point).is_solved(tolerance)
     }
 

@@ -5,7 +5,6 @@
 //! ends after finitely many iterations, and needs few. [`ReducedSolver`] is the seam behind which reduced systems are solved;
 //! [`Nested`] starts from coarser problems.
 
-mod blocks;
 mod direct;
 mod engine;
 mod iterative;

@@ -17,9 +17,11 @@ impl Engine<'_> {
         let w = &mut *self.work;
         let measure = w.accuracy.measure(&Point {
             x: &w.here.x,
-            sizes: None,
             f: &w.here.f,
             jac: Columns::Long(w.lin.jac().as_ref()),
+            rest: None,
+            blocks: None,
+            sizes: None,
             lower: self.lower,
             upper: self.upper,
         });

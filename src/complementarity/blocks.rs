@@ -1,24 +1,25 @@
-use crate::complementarity::columns::BoxLcp;
+use super::columns::Columns;
 
 /// The unknowns that entries of a matrix connect with each other, block by block.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Blocks {
-    /// The first member of the block of each unknown.
+    /// The first member of the block of each unknown; empty where there is one block.
     block: Vec<usize>,
 }
 
 impl Blocks {
-    /// Finds the blocks of a problem.
-    pub(super) fn find(&mut self, lcp: BoxLcp<'_>) {
-        let n = lcp.len();
+    /// Finds the blocks of a square matrix of order n.
+    pub(super) fn find(&mut self, matrix: Columns<'_>, n: usize) {
         self.block.clear();
         self.block.extend(0..n);
         let mut left = n;
         for j in 0..n {
             if left <= 1 {
-                break;
+                // Large problems are of one block; their memory is wanted for other things.
+                self.block = Vec::new();
+                return;
             }
-            lcp.matrix.each(j, |i, v| {
+            matrix.each(j, |i, v| {
                 if i != j && v != 0.0 {
                     let (a, b) = (self.root(i), self.root(j));
                     if a != b {
@@ -42,14 +43,18 @@ impl Blocks {
         i
     }
 
-    /// The largest |z| in the block of each unknown.
-    pub(super) fn sizes(&self, z: &[f64], sizes: &mut [f64]) {
-        sizes.fill(0.0);
-        for (z, &b) in z.iter().zip(&self.block) {
-            sizes[b] = sizes[b].max(z.abs());
-        }
-        for (i, &b) in self.block.iter().enumerate() {
-            sizes[i] = sizes[b];
+    /// The first member of the block of an unknown.
+    pub(super) fn of(&self, i: usize) -> usize {
+        self.block.get(i).copied().unwrap_or(0)
+    }
+
+    /// The largest |value| of each block, at its first member.
+    pub(super) fn largest(&self, values: &[f64], largest: &mut Vec<f64>) {
+        largest.clear();
+        largest.resize(self.block.len().max(1), 0.0);
+        for (i, value) in values.iter().enumerate() {
+            let b = self.of(i);
+            largest[b] = largest[b].max(value.abs());
         }
     }
 }
