@@ -7,7 +7,7 @@ use super::columns::{BoxLcp, Columns};
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
 
 /// Unknowns beyond 2⁴⁸ have hardly a digit left after the point: no residual tells where they are.
-const LARGEST: f64 = 281_474_976_710_656.0;
+pub(super) const LARGEST: f64 = 281_474_976_710_656.0;
 
 /// Where the constants of all rows of a block are a smaller part of their terms, the residual is compared with the constants: far out along
 /// directions that rows hardly see, everything is small relative to its terms.
@@ -155,7 +155,7 @@ impl Accuracy {
                 self.blocks.find(p.jac, n);
             }
             let blocks = p.blocks.unwrap_or(&self.blocks);
-            blocks.largest(&self.constants, &mut self.largest);
+            blocks.largest(self.constants.iter().copied(), &mut self.largest);
         }
         let (mut worst, mut plain, mut far) = (0.0_f64, 0.0_f64, 1.0_f64);
         for i in 0..n {

@@ -49,10 +49,10 @@ impl Blocks {
     }
 
     /// The largest |value| of each block, at its first member.
-    pub(super) fn largest(&self, values: &[f64], largest: &mut Vec<f64>) {
+    pub(super) fn largest(&self, values: impl Iterator<Item = f64>, largest: &mut Vec<f64>) {
         largest.clear();
         largest.resize(self.block.len().max(1), 0.0);
-        for (i, value) in values.iter().enumerate() {
+        for (i, value) in values.enumerate() {
             let b = self.of(i);
             largest[b] = largest[b].max(value.abs());
         }

@@ -67,6 +67,13 @@ impl BoxLcp<'_> {
         self.matrix.mul_add(z, w);
     }
 
+    /// Overwrites z by the point within the bounds that is nearest to zero.
+    pub(super) fn nearest_to_zero(&self, z: &mut [f64]) {
+        for ((z, l), u) in z.iter_mut().zip(self.lower).zip(self.upper) {
+            *z = 0.0_f64.max(*l).min(*u);
+        }
+    }
+
     /// The largest natural residual for w = M z + q at hand.
     pub(super) fn natural_residual(&self, z: &[f64], w: &[f64]) -> f64 {
         let mut worst = 0.0_f64;

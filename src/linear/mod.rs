@@ -53,6 +53,7 @@ pub(crate) use multigrid::{
 };
 pub use operator::{LinearOperator, Preconditioned};
 pub(crate) use row_inverse::RowInverse;
+pub(crate) use scaling::Scaling;
 pub(crate) use small_lu::SmallLu;
 pub use sparse_lu::SparseLu;
 

@@ -12,8 +12,8 @@ const SETTLED: f64 = 1e-2;
 /// Scaling is exact, and solutions do not depend on the units of equations and unknowns. Reciprocal condition numbers of S may: where the
 /// largest entry of a row lies in a column of large units alone, they come out too small. Those of the [balanced](Scaling::balance) matrix
 /// do not.
-#[derive(Clone, Default)]
-pub(super) struct Scaling {
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Scaling {
     row: Vec<f64>,
     col: Vec<f64>,
     /// Of rows, then of columns; for [`balance`](Scaling::balance).
@@ -22,14 +22,14 @@ pub(super) struct Scaling {
 }
 
 /// What a row or a column has of nonzero entries: their number and the sum of their exponents.
-#[derive(Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy, Default)]
 struct Total {
     count: f64,
     exponents: f64,
 }
 
 impl Scaling {
-    pub(super) fn resize(&mut self, n: usize) {
+    pub(crate) fn resize(&mut self, n: usize) {
         self.row.clear();
         self.row.resize(n, 1.0);
         self.col.clear();
@@ -68,7 +68,7 @@ impl Scaling {
     /// matrix with entries of one size, where largest entries mislead.
     ///
     /// Alternating least squares of log₂ |r a c| (A. R. Curtis and J. K. Reid, 1972, doi:10.1093/imamat/10.1.118).
-    pub(super) fn balance(&mut self, col_ptr: &[usize], row_idx: &[usize], values: &[f64]) {
+    pub(crate) fn balance(&mut self, col_ptr: &[usize], row_idx: &[usize], values: &[f64]) {
         let (u, v) = (&mut self.row, &mut self.col);
         let n = u.len();
         self.totals.clear();
@@ -176,7 +176,7 @@ impl Scaling {
         &self.row
     }
 
-    pub(super) fn col(&self) -> &[f64] {
+    pub(crate) fn col(&self) -> &[f64] {
         &self.col
     }
 

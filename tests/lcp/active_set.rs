@@ -1,5 +1,6 @@
 //! Active set methods: sets, iterations and linear solvers of large problems.
 
+use super::random::Random;
 use super::*;
 use semismooth::complementarity::active_set::{
     ActiveSetOptions, ActiveSetSolver, ActiveSetStatus, DirectReduced, GmresReduced, MultigridReduced,
@@ -75,6 +76,42 @@ proptest! {
         let report = ActiveSetSolver::new(options).solve(&lcp, &mut z).unwrap();
         if report.status == ActiveSetStatus::Solved {
             prop_assert!(lcp.natural_residual(&z, &mut z.clone()).unwrap() < 1e-12);
+        }
+    }
+}
+
+/// A string over a flat obstacle, 2 z₁ − z₂ = 1, … , in units of rows and unknowns that lie up to 2⁸⁰ apart, from starts up to the ends of the
+/// range of numbers: z = (1/4, 1/2, 3/4, 0, 0) with the third unknown held at 3/4 from above and the load −3 on the last.
+#[test]
+fn neither_units_nor_starts_far_out_change_the_solution() {
+    let n = 5;
+    let q = [0.0, 0.0, -1.5, 0.0, 3.0];
+    let exact = [0.25, 0.5, 0.75, 0.0, 0.0];
+    let upper = [f64::INFINITY, f64::INFINITY, 0.75, 0.0, f64::INFINITY];
+    let entry = |i: usize, j: usize| match i.abs_diff(j) {
+        0 => 2.0,
+        1 => -1.0,
+        _ => 0.0,
+    };
+    let mut exponent = (0..).map(|k: i32| k * 37 % 81 - 40);
+    for far in [0.0, 1.0, 1e12, 1e199, f64::MAX] {
+        for _ in 0..40 {
+            let mut unit = || f64::exp2(f64::from(exponent.next().unwrap()));
+            let (rows, columns): (Vec<f64>, Vec<f64>) = (0..n).map(|_| (unit(), unit())).unzip();
+            let m = matrix(n, |i, j| rows[i] * entry(i, j) / columns[j]);
+            let scaled =
+                |v: &[f64], units: &[f64]| -> Vec<f64> { v.iter().zip(units).map(|(v, u)| v * u).collect() };
+            let lcp = Lcp::boxed(m, scaled(&q, &rows), vec![0.0; n], scaled(&upper, &columns)).unwrap();
+            let mut z: Vec<f64> = (0..n).map(|i| if i % 2 == 0 { far } else { -far }).collect();
+            let report = ActiveSetSolver::default().solve(&lcp, &mut z).unwrap();
+            assert_eq!(
+                report.status,
+                ActiveSetStatus::Solved,
+                "{far:e} {rows:?} {columns:?}"
+            );
+            for ((z, exact), unit) in z.iter().zip(exact).zip(&columns) {
+                assert!((z / unit - exact).abs() < 1e-14, "{far:e} {rows:?} {columns:?}");
+            }
         }
     }
 }
@@ -360,6 +397,52 @@ fn string_over_a_parabola() {
         assert!((by_cholesky[i] - by_levels[i]).abs() < 1e-8);
         assert!((by_cholesky[i] - by_aggregates[i]).abs() < 1e-8);
     }
+}
+
+/// Bounds on some unknowns only: coarse levels, which have bounds where their representatives do, hand none down to the others.
+#[test]
+fn unknowns_without_bounds_inherit_none() {
+    let mut random = Random::new(4);
+    let whole = membrane_in_a_stream(40, [0.0, 0.0]);
+    let n = whole.len();
+    let (lower, upper): (Vec<f64>, Vec<f64>) = (0..n)
+        .map(|_| match random.below(4) {
+            0 => (random.symmetric(), f64::INFINITY),
+            1 => (f64::NEG_INFINITY, random.symmetric()),
+            _ => (f64::NEG_INFINITY, f64::INFINITY),
+        })
+        .unzip();
+    let lcp = Lcp::boxed(whole.matrix().clone(), vec![0.0; n], lower, upper).unwrap();
+    let (_, by_cholesky) = run(&lcp, DirectReduced::new(), &vec![0.0; n]);
+    let (status, by_aggregates) = run(&lcp, MultigridReduced::algebraic(), &vec![0.0; n]);
+    assert_eq!(status, ActiveSetStatus::Solved);
+    for (a, b) in by_cholesky.iter().zip(&by_aggregates) {
+        assert!((a - b).abs() < 1e-8);
+    }
+}
+
+/// Without load and obstacle a string is straight: iterative solves, too, end at 0 from any start.
+#[test]
+fn a_free_string_comes_to_rest() {
+    let n = 255;
+    let lcp = string(n, |_| f64::NEG_INFINITY);
+    for far in [1.0, 1e12, 1e300] {
+        let mut random = Random::new(7);
+        let start: Vec<f64> = (0..n).map(|_| far * random.symmetric()).collect();
+        for end in [
+            run(&lcp, MultigridReduced::algebraic(), &start),
+            run(&lcp, DirectReduced::new(), &start),
+        ] {
+            assert_eq!(end, (ActiveSetStatus::Solved, vec![0.0; n]));
+        }
+    }
+}
+
+fn run<R: ReducedSolver>(lcp: &Lcp, reduced: R, start: &[f64]) -> (ActiveSetStatus, Vec<f64>) {
+    let mut z = start.to_vec();
+    let mut solver = ActiveSetSolver::with_reduced(ActiveSetOptions::default(), reduced);
+    let report = solver.solve(lcp, &mut z).unwrap();
+    (report.status, z)
 }
 
 /// Conjugate gradients refuse what is not positive definite on its diagonal, instead of leaving the unknown out.

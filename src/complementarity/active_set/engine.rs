@@ -1,12 +1,12 @@
 use std::ops::ControlFlow;
 
 use super::{ActiveSetIteration, ActiveSetOptions, ActiveSetReport, ActiveSetStatus, Exchange, Start};
-use crate::complementarity::accuracy::{Accuracy, Point, drop_rounding};
+use crate::complementarity::accuracy::{Accuracy, LARGEST, Point, drop_rounding};
 use crate::complementarity::blocks::Blocks;
-use crate::complementarity::columns::BoxLcp;
+use crate::complementarity::columns::{BoxLcp, Columns};
 use crate::complementarity::problem::natural;
 use crate::complementarity::{BoundState, ComplementarityError};
-use crate::linear::LinearError;
+use crate::linear::{LinearError, Scaling};
 
 /// Relative accuracy asked of iterative solves while the sets still change much.
 const COARSE: f64 = 5e-2;
@@ -42,7 +42,10 @@ pub(super) struct Engine {
     free: Vec<bool>,
     scale: Vec<f64>,
     blocks: Blocks,
-    /// Largest |z| of each block.
+    balance: Scaling,
+    /// Units of the unknowns: those in which M is balanced; empty for 1, where systems are solved iteratively.
+    units: Vec<f64>,
+    /// Largest |z| of each block, in these units.
     sizes: Vec<f64>,
     accuracy: Accuracy,
     w: Vec<f64>,
@@ -61,6 +64,8 @@ impl Engine {
             free: Vec::new(),
             scale: Vec::new(),
             blocks: Blocks::default(),
+            balance: Scaling::default(),
+            units: Vec::new(),
             sizes: Vec::new(),
             accuracy: Accuracy::default(),
             w: Vec::new(),
@@ -99,7 +104,7 @@ impl Engine {
             });
         }
         systems.load()?;
-        self.prepare(lcp);
+        self.prepare(lcp, systems.is_direct());
         let status = match self.iterate(lcp, systems, z, sets, observe) {
             Ok(status) => status,
             Err(ComplementarityError::Linear(
@@ -128,12 +133,25 @@ impl Engine {
             return Ok(false);
         };
         z.copy_from_slice(&start.z);
-        self.next.copy_from_slice(&start.states);
+        self.start_from(lcp, &start.states);
         lcp.value(z, &mut self.w);
         Ok(true)
     }
 
-    fn prepare(&mut self, lcp: BoxLcp<'_>) {
+    /// Takes over sets, without the bounds in them that an unknown does not have.
+    fn start_from(&mut self, lcp: BoxLcp<'_>, sets: &[BoundState]) {
+        for (i, next) in self.next.iter_mut().enumerate() {
+            let (lower, upper) = (lcp.lower[i], lcp.upper[i]);
+            *next = match sets[i] {
+                BoundState::Upper if upper.is_finite() => BoundState::Upper,
+                BoundState::Lower if lower.is_finite() => BoundState::Lower,
+                _ if lower == upper => BoundState::Lower,
+                _ => BoundState::Interior,
+            };
+        }
+    }
+
+    fn prepare(&mut self, lcp: BoxLcp<'_>, direct: bool) {
         let n = lcp.len();
         self.blocks.find(lcp.matrix, n);
         self.history.clear();
@@ -147,13 +165,22 @@ impl Engine {
             v.clear();
             v.resize(n, 0.0);
         }
+        self.units.clear();
+        if let Columns::Long(a) = lcp.matrix
+            && direct
+        {
+            self.balance.resize(n);
+            (self.balance).balance(a.pattern.col_ptr, a.pattern.row_idx, a.values);
+            self.units.extend_from_slice(self.balance.col());
+        }
         // Positive diagonals are the natural size of a row; largest entries stand in for others.
+        let unit = |i| unit(&self.units, i);
         for j in 0..n {
             lcp.matrix.each(j, |i, v| {
                 if i == j && v > 0.0 {
                     self.scale[i] = v;
                 } else {
-                    self.r[i] = v.abs().max(self.r[i]);
+                    self.r[i] = (v.abs() * unit(j) / unit(i)).max(self.r[i]);
                 }
             });
         }
@@ -177,17 +204,14 @@ impl Engine {
     ) -> Result<ActiveSetStatus, ComplementarityError> {
         let n = z.len();
         let (lower, upper) = (lcp.lower, lcp.upper);
+        // So far out a start says nothing of the solution, and F may overflow there.
+        if z.iter().any(|z| z.abs() > LARGEST) {
+            lcp.nearest_to_zero(z);
+        }
         lcp.value(z, &mut self.w);
         match sets {
             Some(sets) => {
-                for i in 0..n {
-                    self.next[i] = match sets[i] {
-                        BoundState::Upper if upper[i].is_finite() => BoundState::Upper,
-                        BoundState::Lower if lower[i].is_finite() => BoundState::Lower,
-                        _ if lower[i] == upper[i] => BoundState::Lower,
-                        _ => BoundState::Interior,
-                    };
-                }
+                self.start_from(lcp, sets);
             }
             None => {
                 self.guess(lcp, systems.is_direct(), z);
@@ -199,6 +223,8 @@ impl Engine {
         let (mut residual, mut progress) = (f64::INFINITY, 1.0);
         let mut restarted = false;
         let mut refinements = 0;
+        // From zero, no rounding of much larger iterates is left.
+        let (mut largest, mut afresh) = (self.size(z), false);
         let mut at_most: usize = 1;
         let mut may_restart = sets.is_none();
         loop {
@@ -211,6 +237,12 @@ impl Engine {
                     self.free[i] = self.states[i] == BoundState::Interior;
                 }
                 systems.select(&self.free)?;
+            }
+            if std::mem::take(&mut afresh) {
+                for (z, _) in z.iter_mut().zip(&self.free).filter(|(_, free)| **free) {
+                    *z = 0.0;
+                }
+                lcp.value(z, &mut self.w);
             }
             let linear = self.newton_step(lcp, systems, z, changes, residual, progress)?;
             lcp.value(z, &mut self.w);
@@ -235,11 +267,16 @@ impl Engine {
             if !residual.is_finite() {
                 return Ok(ActiveSetStatus::Inaccurate);
             }
+            let reached = self.size(z);
+            if reached <= ROUNDING * largest {
+                (largest, afresh) = (0.0, true);
+            }
+            largest = largest.max(reached);
             let before = changes;
             changes = self.guess(lcp, systems.is_direct(), z);
             let direct = systems.is_direct();
             let settled = changes == 0 && direct;
-            if settled || residual <= self.options.tolerance * size(z) {
+            if settled || residual <= self.options.tolerance * self.size(z) {
                 self.clamp(lcp, z);
                 lcp.value(z, &mut self.w);
                 if self.is_solution(lcp, direct, z) {
@@ -333,7 +370,7 @@ impl Engine {
             }
         }
         self.r.iter_mut().zip(&self.w).for_each(|(r, w)| *r = -*w);
-        let goal = 0.3 * self.options.tolerance * size(z) / residual;
+        let goal = 0.3 * self.options.tolerance * self.size(z) / residual;
         // While sets change, accuracy is wasted: the forcing term is the square of the last progress (S. C. Eisenstat, H. F. Walker,
         // 1996, choice 2), which with settling sets falls quickly.
         let goal = goal.clamp(1e-10, COARSE);
@@ -352,10 +389,10 @@ impl Engine {
     /// The sets that the point in `z` and `w` suggests, in `next`; tells how many components differ from those at hand.
     fn guess(&mut self, lcp: BoxLcp<'_>, direct: bool, z: &[f64]) -> usize {
         let (lower, upper) = (lcp.lower, lcp.upper);
-        self.blocks.largest(z, &mut self.sizes);
+        (self.blocks).largest(in_units(z, &self.units), &mut self.sizes);
         let mut changes = 0;
         for i in 0..z.len() {
-            let rounding = ROUNDING * self.sizes[self.blocks.of(i)];
+            let rounding = ROUNDING * self.sizes[self.blocks.of(i)] * unit(&self.units, i);
             let now = self.states[i];
             let reach = self.w[i] / self.scale[i];
             self.next[i] = if lower[i] == upper[i] {
@@ -423,11 +460,17 @@ impl Engine {
         }
     }
 
-    /// maxᵢ |zᵢ − mid(lᵢ, uᵢ, zᵢ − wᵢ/mᵢ)|.
+    /// The largest |z| in the units of the unknowns.
+    fn size(&self, z: &[f64]) -> f64 {
+        in_units(z, &self.units).fold(0.0_f64, f64::max)
+    }
+
+    /// maxᵢ |zᵢ − mid(lᵢ, uᵢ, zᵢ − wᵢ/mᵢ)| in the units of the unknowns.
     fn scaled_residual(&self, lcp: BoxLcp<'_>, z: &[f64]) -> f64 {
         let mut worst = 0.0_f64;
         for i in 0..z.len() {
-            let r = natural(z[i], lcp.lower[i], lcp.upper[i], self.w[i] / self.scale[i]).abs();
+            let r = natural(z[i], lcp.lower[i], lcp.upper[i], self.w[i] / self.scale[i]).abs()
+                / unit(&self.units, i);
             if r > worst || r.is_nan() {
                 worst = r;
             }
@@ -447,7 +490,7 @@ impl Engine {
         if direct {
             return false;
         }
-        self.blocks.largest(z, &mut self.sizes);
+        (self.blocks).largest(in_units(z, &self.units), &mut self.sizes);
         point.sizes = Some(&self.sizes);
         self.accuracy.measure(&point).is_solved(tolerance)
     }
@@ -472,6 +515,11 @@ impl Engine {
     }
 }
 
-fn size(z: &[f64]) -> f64 {
-    z.iter().fold(0.0_f64, |m, v| m.max(v.abs()))
+fn unit(units: &[f64], i: usize) -> f64 {
+    units.get(i).copied().unwrap_or(1.0)
+}
+
+/// |z| in the units of the unknowns.
+fn in_units(z: &[f64], units: &[f64]) -> impl Iterator<Item = f64> {
+    z.iter().enumerate().map(|(i, z)| z.abs() / unit(units, i))
 }

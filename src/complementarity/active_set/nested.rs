@@ -202,9 +202,7 @@ impl Nested {
             });
             coarse.clear();
             if sets.is_none() {
-                for (x, (l, u)) in x.iter_mut().zip(problem.lower.iter().zip(problem.upper)) {
-                    *x = 0.0_f64.max(*l).min(*u);
-                }
+                problem.nearest_to_zero(x);
             }
             let observe = &mut |_: &_| ControlFlow::Continue(());
             let report = engine.solve(problem, &mut systems, x, sets.as_deref(), observe)?;
