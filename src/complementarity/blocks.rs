@@ -15,8 +15,9 @@ impl Blocks {
         let mut left = n;
         for j in 0..n {
             if left <= 1 {
-                // Large problems are of one block; their memory is wanted for other things.
-                self.block = Vec::new();
+                // Large problems are of one block; their memory is wanted for other things. Small ones are solved again and again.
+                self.block.clear();
+                self.block.shrink_to(1 << 10);
                 return;
             }
             matrix.each(j, |i, v| {
