@@ -247,6 +247,39 @@ fn empty_sets_are_proven_empty() {
     assert!(matches!(zero.project(&[0.0]).unwrap(), Projection::Empty(_)));
 }
 
+/// 3 x₁ − 2 x₂ ≤ −2, x₂ − 3 x₃ ≤ 3 and twice the first less the second from below: a strip of width δ is solved on, one of width −δ is
+/// empty, from near and from far, for small and for large F; exact arithmetic tells both.
+#[test]
+fn sets_empty_by_little_are_never_solved_on() {
+    let rows = [vec![3.0, -2.0, 0.0], vec![0.0, 1.0, -3.0], vec![-6.0, 2.0, 6.0]];
+    for exponent in 24..=38 {
+        for (sign, far, size) in [-1.0, 1.0]
+            .into_iter()
+            .flat_map(|sign| [0.0, 1.0, 1e3].map(|far| [1e-6, 1.0, 1e6].map(|size| (sign, far, size))))
+            .flatten()
+        {
+            let delta = sign * f64::exp2(-f64::from(exponent));
+            let set = Polyhedron::space(3)
+                .unwrap()
+                .with_inequalities(matrix(&rows, 3), vec![-2.0, 3.0, -2.0 + delta])
+                .unwrap();
+            let scaled = |v: [f64; 3]| v.map(|v| v * size).to_vec();
+            let m = [[3.0, 1.0, 0.0], [1.0, 2.0, 1.0], [0.0, 1.0, 4.0]].map(scaled);
+            let f = AffineFunction::new(matrix(&m, 3), scaled([7.0, -5.0, 8.0])).unwrap();
+            let mut x = [far, -0.7 * far, 0.3 * far];
+            let report = ViSolver::default()
+                .solve(&Vi::new(f, set).unwrap(), &mut x)
+                .unwrap();
+            if sign > 0.0 {
+                assert!(report.is_solved(), "{delta:e} {far} {size}: {report}");
+            } else {
+                assert_eq!(report.status, ViStatus::EmptySet, "{delta:e} {far} {size}");
+                assert_eq!(report.infeasibility.unwrap().radius, INF);
+            }
+        }
+    }
+}
+
 /// y ≤ 0 and y ≥ 10⁻⁶ − θ x meet at x = 10⁻⁶/θ, however far that is: never called empty, unless θ = 0.
 #[test]
 fn lines_that_meet_far_away_are_not_called_parallel() {

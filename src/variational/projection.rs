@@ -10,6 +10,12 @@ const ROUNDING: f64 = 32.0 * f64::EPSILON;
 /// A normal of length 1 whose part outside the span of the active ones is shorter than this, times their coefficients, lies in it.
 const DEPENDENT: f64 = 1e-13;
 
+/// How often rows are looked at again, free of what the way from the point left.
+const LOOKS: usize = 2;
+
+/// Part of its terms below which a contradiction may be the rounding of the data: rows that depend on each other as meant, not as stored.
+const STATED: f64 = 16.0 * f64::EPSILON;
+
 /// Part of its terms and of the points by which a constraint may be violated in the end.
 const MET: f64 = 1e-10;
 
@@ -22,7 +28,8 @@ const MARGIN: f64 = 1e12;
 pub enum Projection {
     /// The nearest point.
     Nearest(Nearest),
-    /// The polyhedron is empty.
+    /// The polyhedron is empty. Constraints that contradict each other by no more than 32 roundings of their terms are taken for constraints
+    /// that depend on each other, and do not make it so.
     Empty(Infeasibility),
 }
 
@@ -147,13 +154,18 @@ pub(super) fn project(set: &Polyhedron, x: &[f64]) -> Result<Projection, Variati
     let mut steps = 0;
     let equations = (0..solver.kinds.len()).filter(|&p| solver.is_equation(p));
     let mut waiting: Vec<usize> = equations.rev().collect();
+    let mut looks = LOOKS;
     loop {
-        let p = match waiting.pop() {
+        let p = match waiting.pop().or_else(|| solver.most_violated()) {
             Some(p) => p,
-            None => match solver.most_violated() {
-                Some(p) => p,
-                None => break,
-            },
+            None => {
+                solver.finish();
+                looks -= 1;
+                match solver.most_violated() {
+                    Some(p) if looks > 0 => p,
+                    _ => break,
+                }
+            }
         };
         match solver.add(p, &mut steps, limit)? {
             Added::Yes | Added::Redundant => {}
@@ -165,7 +177,6 @@ pub(super) fn project(set: &Polyhedron, x: &[f64]) -> Result<Projection, Variati
             }
         }
     }
-    solver.finish();
     // Rows that depend on the active ones but for rounding were passed over on the way.
     match solver.violated() {
         Some(row) => Err(VariationalError::Unresolved { steps, row }),
@@ -291,6 +302,23 @@ impl<'a> Solver<'a> {
         Some(certificate)
     }
 
+    /// Whether constraints contradict each other by more than the rounding of their numbers.
+    fn contradict(&self, multipliers: &Multipliers) -> bool {
+        let Some(certificate) = Infeasibility::of(self.set, multipliers.clone()) else {
+            return false;
+        };
+        let terms = |right: &[f64], factors: &[f64]| -> f64 {
+            let used = right.iter().zip(factors).filter(|p| *p.1 != 0.0);
+            used.map(|(r, f)| (r * f).abs()).sum()
+        };
+        let (set, m) = (self.set, multipliers);
+        let size = terms(&set.a.right, &m.inequalities)
+            + terms(&set.e.right, &m.equations)
+            + terms(&set.lower, &m.lower)
+            + terms(&set.upper, &m.upper);
+        -certificate.value > STATED * size && is_empty(set, multipliers) == Some(true)
+    }
+
     fn no_multipliers(&self) -> Multipliers {
         let n = self.y.len();
         Multipliers {
@@ -366,10 +394,6 @@ impl<'a> Solver<'a> {
             // Combined from active rows, whose own rounding comes in, as does that of y on its way from x.
             let size = size + self.far.max(max_abs(&self.y));
             let rounding = slack.abs() <= 8.0 * ROUNDING * spread * size;
-            if dependent && rounding {
-                self.skipped[p] = true;
-                return Ok(Added::Redundant);
-            }
             let mut leaves: Option<(usize, f64)> = None;
             for (k, &row) in self.active.iter().enumerate() {
                 if !self.is_equation(row) && r[k] > 0.0 {
@@ -383,9 +407,14 @@ impl<'a> Solver<'a> {
                 true => f64::INFINITY,
                 false => (-slack / (length * length)).max(0.0),
             };
-            if leaves.is_none() && dependent {
+            if dependent && (rounding || leaves.is_none()) {
                 let others = self.active.iter().zip(&r).map(|(row, r)| (*row, -r));
-                return Ok(Added::Empty(self.multipliers(others.chain([(p, 1.0)]))));
+                let multipliers = self.multipliers(others.chain([(p, 1.0)]));
+                if rounding && !(leaves.is_none() && self.contradict(&multipliers)) {
+                    self.skipped[p] = true;
+                    return Ok(Added::Redundant);
+                }
+                return Ok(Added::Empty(multipliers));
             }
             let t = leaves.map_or(full, |(_, t)| t.min(full));
             if !dependent {

@@ -173,7 +173,15 @@ impl ViSolver {
                 })
                 .collect(),
         };
-        report.residual = natural_residual(problem, x)?;
+        match natural_residual(problem, x)? {
+            Ok(residual) => report.residual = residual,
+            Err(certificate) => {
+                // Seen from elsewhere, the contradiction is no rounding.
+                report.status = ViStatus::EmptySet;
+                report.infeasibility = Some(certificate);
+                return Ok(report);
+            }
+        }
         let ended = matches!(
             report.status,
             ViStatus::Solved | ViStatus::Unsolved(McpStatus::Interrupted | McpStatus::TimeLimit)
@@ -192,20 +200,24 @@ impl ViSolver {
     }
 }
 
-/// ‖x − P(x − F(x))‖_∞.
-fn natural_residual<F: McpFunction>(problem: &Vi<F>, x: &[f64]) -> Result<f64, VariationalError> {
+/// ‖x − P(x − F(x))‖_∞, or the proof that there is no P.
+fn natural_residual<F: McpFunction>(
+    problem: &Vi<F>,
+    x: &[f64],
+) -> Result<Result<f64, Infeasibility>, VariationalError> {
     let mut moved = vec![0.0; x.len()];
     problem.function().value(x, &mut moved);
     moved.iter_mut().zip(x).for_each(|(f, x)| *f = x - *f);
     if moved.iter().any(|v| !v.is_finite()) {
-        return Ok(f64::NAN);
+        return Ok(Ok(f64::NAN));
     }
     match problem.set().project(&moved) {
         Ok(Projection::Nearest(nearest)) => {
             let apart: Vec<f64> = nearest.x.iter().zip(x).map(|(p, x)| p - x).collect();
-            Ok(max_abs(&apart))
+            Ok(Ok(max_abs(&apart)))
         }
-        Ok(Projection::Empty(_)) | Err(VariationalError::Unresolved { .. }) => Ok(f64::NAN),
+        Ok(Projection::Empty(certificate)) => Ok(Err(certificate)),
+        Err(VariationalError::Unresolved { .. }) => Ok(Ok(f64::NAN)),
         Err(e) => Err(e),
     }
 }
