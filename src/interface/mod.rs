@@ -63,6 +63,7 @@
 
 mod condensed;
 mod error;
+mod evaluation;
 mod exact;
 mod full;
 mod load;

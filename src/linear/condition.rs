@@ -1,4 +1,5 @@
 use super::LinearError;
+use crate::sparse::sum_abs;
 
 /// Equilibrated matrices with a smaller reciprocal condition number count as singular: fewer than two digits of a solution
 /// would be right.
@@ -26,12 +27,12 @@ pub(super) fn norm_1_estimate(
             x.fill(0.0);
             x[j] = 1.0;
             apply(x, false);
-            larger(norm, norm_1(x))
+            larger(norm, sum_abs(x))
         });
     }
     x.fill(1.0 / n as f64);
     apply(x, false);
-    let mut estimate = norm_1(x);
+    let mut estimate = sum_abs(x);
     for (s, v) in sign.iter_mut().zip(x.iter()) {
         *s = 1.0_f64.copysign(*v);
     }
@@ -47,7 +48,7 @@ pub(super) fn norm_1_estimate(
         x.fill(0.0);
         x[j] = 1.0;
         apply(x, false);
-        let norm = norm_1(x);
+        let norm = sum_abs(x);
         let mut same = true;
         for (s, v) in sign.iter_mut().zip(x.iter()) {
             let new = 1.0_f64.copysign(*v);
@@ -66,7 +67,7 @@ pub(super) fn norm_1_estimate(
         *x = if i % 2 == 0 { size } else { -size };
     }
     apply(x, false);
-    larger(estimate, 2.0 * norm_1(x) / (3 * n) as f64)
+    larger(estimate, 2.0 * sum_abs(x) / (3 * n) as f64)
 }
 
 /// Turns ‖S‖₁ and an estimate of ‖S⁻¹‖₁ into a reciprocal condition number, or the finding that S is singular.
@@ -90,10 +91,6 @@ pub(super) fn arg_max_abs(x: &[f64]) -> usize {
         }
     }
     best
-}
-
-fn norm_1(x: &[f64]) -> f64 {
-    x.iter().map(|v| v.abs()).sum()
 }
 
 fn larger(a: f64, b: f64) -> f64 {

@@ -10,7 +10,7 @@ use super::condition::{SMALL, arg_max_abs, judge, norm_1_estimate};
 use super::memory::{PatternMemory, check_finite, count_rhs, dense_zeros};
 use super::scaling::{Scaling, scale_columns};
 use super::{LinearError, LinearSolver};
-use crate::sparse::{MatrixRef, PatternRef};
+use crate::sparse::{MatrixRef, PatternRef, max_abs, sum_abs};
 
 /// Orders below this are eliminated column by column, where blocking does not pay.
 const BLOCKED: usize = 50;
@@ -87,8 +87,8 @@ impl DenseLu {
             if full {
                 for ((s, v), r) in target.iter_mut().zip(&values[span]).zip(row) {
                     *s = v * r * col[j];
-                    sum += s.abs();
                 }
+                sum = sum_abs(target);
             } else {
                 for (&i, v) in row_idx[span.clone()].iter().zip(&values[span]) {
                     target[i] = v * row[i] * col[j];
@@ -123,7 +123,7 @@ impl DenseLu {
             };
             self.odd = run(n, &mut self.lu, &mut self.perm).ok_or(LinearError::Singular { rcond: 0.0 })?;
         }
-        let growth = self.lu.iter().fold(0.0, |m: f64, v| m.max(v.abs()));
+        let growth = max_abs(&self.lu);
         if (0..n).any(|k| self.lu[k * n + k] == 0.0 || !self.lu[k * n + k].is_finite()) {
             return Err(LinearError::Singular { rcond: 0.0 });
         }

@@ -1,6 +1,7 @@
 use super::LinearError;
 use super::condition::norm_1_estimate;
 use super::memory::check_finite;
+use crate::sparse::max_abs_scaled;
 
 /// Sweeps of [`Scaling::balance`]; a handful does unless units vary along a long chain.
 const BALANCE_SWEEPS: usize = 12;
@@ -160,7 +161,7 @@ impl Scaling {
         }
         invert_all(&mut self.row)?;
         for (c, column) in self.col.iter_mut().zip(values.chunks_exact(n)) {
-            *c = (self.row.iter().zip(column)).fold(0.0, |m: f64, (r, v)| larger(m, v.abs() * r));
+            *c = max_abs_scaled(column, &self.row);
         }
         invert_all(&mut self.col)?;
         self.regular = true;

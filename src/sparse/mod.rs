@@ -28,4 +28,4 @@ pub(crate) use nodal::NodalBlocks;
 pub use nodal::NodalMatrix;
 pub use pattern::{Pattern, PatternRef};
 pub(crate) use rigid::{Place, Resistance, pieces};
-pub(crate) use vector::{distance, dot, max_abs, norm};
+pub(crate) use vector::{distance, dot, max_abs, max_abs_scaled, norm, sum_abs};

@@ -1,0 +1,172 @@
+//! The parts of an interface problem at a point: the point of the law, the equilibrium, and their derivatives.
+
+use super::Interface;
+use super::load::add;
+use super::operator::Operator;
+use super::view::{Free, View};
+use crate::piecewise::PiecewiseSmooth;
+use crate::sparse::{Matrix, Pattern, dot};
+
+/// What an evaluation needs besides its arguments.
+#[derive(Debug, Clone)]
+pub(super) struct Scratch {
+    /// The point z = (v, λ, α) of the law, and a direction there.
+    pub(super) z: Vec<f64>,
+    pub(super) dz: Vec<f64>,
+    /// The point x to which z belongs, in condensed form: residuals, test functions and derivatives are asked for at one x after the
+    /// other, and v costs as much as all the rest. Empty where z holds no v.
+    at: Vec<f64>,
+    /// Whether the law had reported tests when it was asked last.
+    pub(super) reports: bool,
+    pub(super) free: Free,
+    pub(super) jac: Matrix,
+}
+
+impl Scratch {
+    pub(super) fn new(operator: &Operator, law: &Pattern, condensed: bool) -> Self {
+        Self {
+            z: vec![0.0; law.ncols()],
+            dz: vec![0.0; law.ncols()],
+            at: Vec::with_capacity(law.ncols()),
+            reports: false,
+            free: Free::new(operator, condensed),
+            jac: Matrix::zeros(law.clone()),
+        }
+    }
+}
+
+impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
+    /// z = (v, λ, α).
+    pub(super) fn law_point(&self, x: &[f64], s: &mut Scratch) {
+        let (first, q) = (self.leading(), self.num_traces());
+        match self.view.reduced() {
+            None => {
+                for k in 0..q {
+                    s.z[k] = self.operator.trace(k).map(|(j, b)| b * x[j]).sum();
+                }
+            }
+            Some(_) if same_bits(&s.at, x) => return,
+            Some(reduced) => {
+                let load = &self.operator.load;
+                s.at.clear();
+                s.free.factors.set(load, &x[q..]);
+                reduced.motion(load, &mut s.free, &x[q..], &mut s.z[..q]);
+                for (k, v) in s.z[..q].iter_mut().enumerate() {
+                    *v -= dot(reduced.row(k), &x[..q]);
+                }
+                s.at.extend_from_slice(x);
+            }
+        }
+        s.z[q..].copy_from_slice(&x[first..]);
+    }
+
+    /// As [`law_point`](Self::law_point), for derivatives: those of affine laws do not depend on v, which is left out.
+    pub(super) fn point_of_derivatives(&self, x: &[f64], s: &mut Scratch) {
+        let (first, q) = (self.leading(), self.num_traces());
+        if self.law.is_piecewise_affine() && self.operator.load.base().is_some() {
+            s.free.factors.set(&self.operator.load, &x[first + q..]);
+            s.z[q..].copy_from_slice(&x[first..]);
+            s.at.clear();
+        } else {
+            self.law_point(x, s);
+        }
+    }
+
+    /// The derivative of z along d, and z as for derivatives.
+    pub(super) fn law_direction(&self, x: &[f64], d: &[f64], s: &mut Scratch) {
+        let (first, q) = (self.leading(), self.num_traces());
+        self.point_of_derivatives(x, s);
+        match self.view.reduced() {
+            None => {
+                for k in 0..q {
+                    s.dz[k] = self.operator.trace(k).map(|(j, b)| b * d[j]).sum();
+                }
+            }
+            Some(reduced) => {
+                for (k, rate) in s.dz[..q].iter_mut().enumerate() {
+                    *rate = -dot(reduced.row(k), &d[..q]);
+                }
+                reduced.add_drift(&self.operator.load, &s.free, &d[q..], &mut s.dz[..q]);
+            }
+        }
+        s.dz[q..].copy_from_slice(&d[first..]);
+    }
+
+    /// A u + Bᵀ λ − f of a point (u, λ, α).
+    pub(super) fn equilibrium(&self, x: &[f64], s: &mut Scratch, out: &mut [f64]) {
+        let (n, q) = (self.num_displacements(), self.num_traces());
+        let load = &self.operator.load;
+        s.free.factors.set(load, &x[n + q..]);
+        let half = s.free.load.len() / 2;
+        load.general(x[n + q], out, &mut s.free.load[half..]);
+        for (case, c) in load.parts().zip(&s.free.factors.value) {
+            add(*c, case.forces(), out);
+        }
+        out.iter_mut().for_each(|f| *f = -*f);
+        Matrix::as_ref(&self.operator.a).mul_add(1.0, &x[..n], out);
+        Matrix::as_ref(&self.operator.b_t).mul_add(1.0, &x[n..n + q], out);
+    }
+
+    /// Derivatives of the equilibrium of the full form.
+    pub(super) fn equilibrium_jacobian(&self, x: &[f64], s: &mut Scratch, jac: &mut Matrix) {
+        let (n, q) = (self.num_displacements(), self.num_traces());
+        let load = &self.operator.load;
+        jac.add_block(0, 0, 1.0, &self.operator.a);
+        jac.add_block(0, n, 1.0, &self.operator.b_t);
+        s.free.factors.set(load, &x[n + q..]);
+        if load.base().is_none() {
+            let (f, rate) = s.free.load.split_at_mut(n);
+            load.general(x[n + q], f, rate);
+            for (i, r) in rate.iter().enumerate() {
+                jac.add(i, n + q, -r);
+            }
+        }
+        for (k, case) in load.parts().enumerate() {
+            let (rate, column) = (s.free.factors.rate[k], n + q + load.slot(k));
+            for (i, f) in case.forces().iter().enumerate().filter(|c| *c.1 != 0.0) {
+                jac.add(i, column, -rate * f);
+            }
+        }
+    }
+
+    /// Adds c times the gradient of variable k of the law to row `i` of a Jacobian.
+    pub(super) fn add_gradient(&self, s: &Free, (i, k, c): (usize, usize, f64), jac: &mut Matrix) {
+        let (first, q) = (self.leading(), self.num_traces());
+        if k >= q {
+            jac.add(first + i, first + k - q, c);
+        } else if let Some(reduced) = self.view.reduced() {
+            let row = reduced.row(k);
+            if jac.pattern().is_full() {
+                // By strides, as a search for each entry would cost most of a step.
+                let order = jac.nrows();
+                for (column, v) in jac.values_mut().chunks_exact_mut(order).zip(row) {
+                    column[i] -= c * v;
+                }
+            } else {
+                for (j, v) in row.iter().enumerate() {
+                    jac.add(i, j, -c * v);
+                }
+            }
+            for slot in 0..self.num_parameters() {
+                let drift = reduced.drift(&self.operator.load, s, k, slot);
+                jac.add(i, q + slot, c * drift);
+            }
+        } else {
+            for (j, b) in self.operator.trace(k) {
+                jac.add(first + i, j, c * b);
+            }
+        }
+    }
+}
+
+/// The entries that are not zero, of which there are few when a single site has written its rows.
+pub(super) fn nonzeros(a: &Matrix) -> impl Iterator<Item = (usize, usize, f64)> + '_ {
+    let (col_ptr, row_idx) = (a.pattern().col_ptr(), a.pattern().row_idx());
+    let entries = a.values().iter().enumerate().filter(|e| *e.1 != 0.0);
+    entries.map(move |(k, v)| (row_idx[k], col_ptr.partition_point(|c| *c <= k) - 1, *v))
+}
+
+/// Whether two points are the same to the sign of their zeros.
+fn same_bits(a: &[f64], b: &[f64]) -> bool {
+    a.len() == b.len() && a.iter().zip(b).all(|(a, b)| a.to_bits() == b.to_bits())
+}
