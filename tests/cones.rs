@@ -201,6 +201,23 @@ fn limits_and_observers_stop_the_run() {
     let options = ConeOptions::default().with_max_time(Some(std::time::Duration::ZERO));
     let report = ConeSolver::new(options).solve(&problem, &mut x).unwrap();
     assert_eq!(report.status, ConeStatus::TimeLimit);
+    // No solution, which takes all methods and starts to find out.
+    let matrix = Matrix::from_rows(&[[-2.0, 1.0, 0.0], [1.0, 1.0, -2.0], [0.0, 2.0, -1.0]]).unwrap();
+    let function = AffineFunction::new(matrix, vec![-3.0, 1.0, 2.0]).unwrap();
+    let problem = ConeProblem::new(function, vec![Cone::SecondOrder(3)]).unwrap();
+    for limit in [0, 1, 2, 3, 10, 30, 100, 150, 400] {
+        let options = ConeOptions::default().with_max_iterations(limit);
+        let report = ConeSolver::new(options).solve(&problem, &mut x).unwrap();
+        assert_eq!(
+            (report.iterations, report.history.len()),
+            (limit, limit),
+            "{report}"
+        );
+        assert!(matches!(
+            report.status,
+            ConeStatus::IterationLimit | ConeStatus::NoSolution
+        ));
+    }
 }
 
 /// F without derivative: constant F inside of the cone has the solution 0, on the boundary a ray of them, outside none.

@@ -94,7 +94,10 @@ impl Run<'_> {
         let least = if size > 0.0 { size } else { 1.0 };
         let begin = self.x.clone();
         let (mut next_tail, mut length, mut stuck) = (TAIL * first, 1.0, 0);
-        for step in 0..=STEPS.min(self.options.max_iterations) {
+        for step in 0..=STEPS {
+            if let Some(status) = self.exhausted() {
+                return Ok(Some(status));
+            }
             let mut map = Evaluated {
                 f: &self.f,
                 jac: &self.jac,
@@ -118,9 +121,6 @@ impl Run<'_> {
             let merit = self.map(smoothed, false);
             if self.record(merit, smoothed, length).is_break() {
                 return Ok(Some(ConeStatus::Interrupted));
-            }
-            if self.deadline.is_over() {
-                return Ok(Some(ConeStatus::TimeLimit));
             }
             stuck = if length < SHORT { stuck + 1 } else { 0 };
             let merit = self.map(Map::Natural, false);

@@ -14,7 +14,7 @@ use crate::options::setters;
 pub struct ConeOptions {
     /// Bound on [`ConeReport::error`](super::ConeReport::error). Default 1e-10.
     pub tolerance: f64,
-    /// Largest number of iterations of one run from a start. Default 300.
+    /// Largest number of iterations, over all starts and methods. Default 100 000.
     pub max_iterations: usize,
     /// Further starts, should the first one fail. Default 8.
     pub restarts: usize,
@@ -26,7 +26,7 @@ impl Default for ConeOptions {
     fn default() -> Self {
         Self {
             tolerance: 1e-10,
-            max_iterations: 300,
+            max_iterations: 100_000,
             restarts: 8,
             max_time: None,
         }
@@ -37,7 +37,7 @@ impl ConeOptions {
     setters! {
         /// Sets the bound on the error.
         with_tolerance(tolerance: f64);
-        /// Sets the largest number of iterations of one run.
+        /// Sets the largest number of iterations.
         with_max_iterations(max_iterations: usize);
         /// Sets the number of further starts.
         with_restarts(restarts: usize);

@@ -22,6 +22,8 @@ pub(super) const TAIL: f64 = 0.1;
 /// Most steps of the natural map in a row, and of these that bring nothing.
 const LONGEST: usize = 30;
 const PATIENCE: usize = 2;
+/// Most steps of one run of the smoothing method.
+const STEPS: usize = 300;
 /// Multiples of the identity added to ∇F where steps fail.
 const PROXIMAL: [f64; 6] = [0.0, 1e-10, 1e-7, 1e-4, 1e-2, 1.0];
 /// Proximal points: the first weight of x − x_k in units of F, its changes after success and failure, and how far each of the problems is
@@ -189,6 +191,9 @@ impl<'a> Run<'a> {
                 ConeStatus::EvaluationFailure if attempt > 0 => {}
                 _ => return Ok(outcome),
             }
+            if let Some(limit) = self.exhausted() {
+                return Ok(limit);
+            }
         }
         Ok(status)
     }
@@ -208,7 +213,7 @@ impl<'a> Run<'a> {
         {
             outcome = found;
         }
-        match fails(outcome) {
+        match fails(outcome) && self.exhausted().is_none() {
             true => self.proximal_points(start),
             false => Ok(outcome),
         }
@@ -270,12 +275,25 @@ impl<'a> Run<'a> {
                     Some(ControlFlow::Break(())) => return Ok(ConeStatus::Interrupted),
                     None => {}
                 }
+            } else if let Some(limit) = self.exhausted() {
+                return Ok(limit);
             } else {
                 weight *= HEAVIER;
                 self.x.copy_from_slice(&self.centre);
             }
         }
         Ok(ConeStatus::Stalled)
+    }
+
+    /// A reason to stop altogether.
+    pub(super) fn exhausted(&self) -> Option<ConeStatus> {
+        if self.deadline.is_over() {
+            Some(ConeStatus::TimeLimit)
+        } else if self.report.iterations >= self.options.max_iterations {
+            Some(ConeStatus::IterationLimit)
+        } else {
+            None
+        }
     }
 
     pub(super) fn record(&mut self, merit: f64, map: Map, damping: f64) -> ControlFlow<()> {
@@ -304,12 +322,12 @@ impl<'a> Run<'a> {
         let mut merit = self.map(Map::Smoothed(mu), false);
         let mut next_tail = f64::INFINITY;
         let mut damping = 1.0;
-        for k in 0..=self.options.max_iterations {
+        for k in 0..=STEPS {
+            if let Some(status) = self.exhausted() {
+                return Ok(status);
+            }
             if self.record(merit, Map::Smoothed(mu), damping).is_break() {
                 return Ok(ConeStatus::Interrupted);
-            }
-            if self.deadline.is_over() {
-                return Ok(ConeStatus::TimeLimit);
             }
             if self.weight > 0.0 && merit.max(mu) <= LOOSE * first {
                 return Ok(ConeStatus::Solved);
@@ -322,18 +340,15 @@ impl<'a> Run<'a> {
                     None => {}
                 }
             }
-            if k == self.options.max_iterations {
-                return Ok(ConeStatus::IterationLimit);
+            if k == STEPS {
+                break;
             }
             let step = match merit > 0.0 {
                 true => self.search(&mut merit, mu)?,
                 false => None,
             };
             let Some(length) = step else {
-                return Ok(match self.deadline.is_over() {
-                    true => ConeStatus::TimeLimit,
-                    false => ConeStatus::Stalled,
-                });
+                return Ok(self.exhausted().unwrap_or(ConeStatus::Stalled));
             };
             damping = length;
             // A smaller μ as soon as its equations are nearly met.
@@ -386,6 +401,9 @@ impl<'a> Run<'a> {
         let (mut last, mut least) = (f64::INFINITY, f64::INFINITY);
         let mut worse = 0;
         for _ in 0..LONGEST {
+            if self.exhausted().is_some() {
+                break;
+            }
             let merit = self.map(Map::Natural, false);
             let flow = self.record(merit, Map::Natural, 1.0);
             if self.judge()? && (merit >= 0.5 * last || merit == 0.0) {
@@ -397,7 +415,7 @@ impl<'a> Run<'a> {
             // Against the least so far: far from a solution merits jump up and down for ever.
             worse = if merit < least { 0 } else { worse + 1 };
             (last, least) = (merit, least.min(merit));
-            if worse > PATIENCE || self.deadline.is_over() {
+            if worse > PATIENCE {
                 break;
             }
             // Singular where solutions are not unique.

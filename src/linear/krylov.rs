@@ -4,20 +4,20 @@ use std::cell::RefCell;
 
 use super::gmres::{Gmres, GmresEnd};
 use super::{LinearError, LinearOperator};
-use crate::sparse::{dot, norm};
+use crate::sparse::{distance, dot, norm};
 
 /// Which Krylov method.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum KrylovMethod {
-    /// Conjugate gradients (Hestenes, Stiefel 1952): A and the preconditioner symmetric positive definite. Five vectors.
+    /// Conjugate gradients (Hestenes, Stiefel 1952): A and the preconditioner symmetric positive definite. Seven vectors.
     Cg,
-    /// Minimal residuals (Paige, Saunders 1975): A symmetric, the preconditioner symmetric positive definite. Nine vectors.
+    /// Minimal residuals (Paige, Saunders 1975): A symmetric, the preconditioner symmetric positive definite. Eleven vectors.
     Minres,
     /// Generalized minimal residuals (Saad, Schultz 1986), preconditioned from the right: any regular A.
     Gmres {
-        /// Directions between restarts, at least 1; as many vectors are kept, and three more.
+        /// Directions between restarts, at least 1; as many vectors are kept, and five more.
         directions: usize,
     },
     /// Flexible GMRES (Saad 1993): the preconditioner may change from one call to the next, as another iteration does. Twice the vectors.
@@ -49,7 +49,7 @@ pub enum KrylovEnd {
 pub struct KrylovReport {
     /// Number of products with A that made a new direction.
     pub iterations: usize,
-    /// ‖b − A x‖₂ / ‖b‖₂ by the recurrence of the method, which leaves the true one by rounding only; 0 for b = 0.
+    /// ‖b − A x‖₂ / ‖b‖₂, measured at the x handed back; 0 for b = 0.
     pub residual: f64,
     /// How it ended.
     pub end: KrylovEnd,
@@ -95,6 +95,9 @@ pub struct Krylov {
     max_iterations: usize,
     gmres: Gmres,
     vectors: [Vec<f64>; 9],
+    /// b and x, of unit b.
+    rhs: Vec<f64>,
+    x: Vec<f64>,
 }
 
 impl Krylov {
@@ -111,6 +114,8 @@ impl Krylov {
             max_iterations: 1000,
             gmres,
             vectors: Default::default(),
+            rhs: Vec::new(),
+            x: Vec::new(),
         }
     }
 
@@ -157,7 +162,8 @@ impl Krylov {
     ///
     /// # Errors
     /// [`LinearError::Shape`] for a `b` of another length; [`LinearError::NotFinite`] where `b`, a product or what the preconditioner
-    /// gives is NaN or infinite (`b` holds the last finite x unless it came with such numbers); errors of the preconditioner.
+    /// gives is NaN or infinite, or the solution beyond the range of numbers; errors of the preconditioner. `b` then holds the last finite x, or 0,
+    /// unless it came with such numbers.
     pub fn solve(
         &mut self,
         a: &mut dyn LinearOperator,
@@ -185,13 +191,96 @@ impl Krylov {
         }
         // Squares of what is far from 1 would leave the range of numbers.
         b.iter_mut().for_each(|b| *b /= size);
-        let result = match self.method {
-            KrylovMethod::Cg => self.conjugate_gradients(a, b, tolerance),
-            KrylovMethod::Minres => self.minimal_residuals(a, b, tolerance),
-            _ => self.generalized(a, b, tolerance),
-        };
-        b.iter_mut().for_each(|b| *b *= size);
-        result
+        let result = self.rounds(a, b, tolerance);
+        for x in b.iter_mut() {
+            *x *= size;
+        }
+        if b.iter().all(|x| x.is_finite()) {
+            return result;
+        }
+        b.fill(0.0);
+        result.and(Err(NOT_FINITE_SOLUTION))
+    }
+
+    /// Solves for `b` of length 1; where the recurrence of the method has left the residual, once more for what is left of it.
+    fn rounds(
+        &mut self,
+        a: &mut dyn LinearOperator,
+        b: &mut [f64],
+        tolerance: f64,
+    ) -> Result<KrylovReport, LinearError> {
+        let n = b.len();
+        for v in [&mut self.rhs, &mut self.x] {
+            v.clear();
+            v.resize(n, 0.0);
+        }
+        self.rhs.copy_from_slice(b);
+        let size = norm(b);
+        let (mut iterations, mut left) = (0, 1.0);
+        loop {
+            // `b` is the residual, divided by its norm `left`.
+            let limit = self.max_iterations - iterations;
+            let result = match self.method {
+                KrylovMethod::Cg => self.conjugate_gradients(a, b, tolerance / left, limit),
+                KrylovMethod::Minres => self.minimal_residuals(a, b, tolerance / left, limit),
+                _ => self.generalized(a, b, tolerance / left, limit),
+            };
+            let end = match result {
+                Ok(report) => {
+                    iterations += report.iterations;
+                    report.end
+                }
+                Err(e) => {
+                    b.iter_mut().zip(&self.x).for_each(|(b, x)| *b = x + left * *b);
+                    return Err(e);
+                }
+            };
+            let image = &mut self.vectors[0];
+            image.resize(n, 0.0);
+            for (b, x) in b.iter_mut().zip(&self.x) {
+                *b = x + left * *b;
+            }
+            a.product(b, image);
+            let found = distance(&self.rhs, image) / size;
+            if !found.is_finite() {
+                b.copy_from_slice(&self.x);
+                return Err(NOT_FINITE_PRODUCT);
+            }
+            // Rounding may leave an x that is worse than none.
+            if found > left {
+                b.copy_from_slice(&self.x);
+                return Ok(KrylovReport {
+                    iterations,
+                    residual: left,
+                    end: match end {
+                        KrylovEnd::Converged => KrylovEnd::Stagnation,
+                        end => end,
+                    },
+                });
+            }
+            let stagnates = found > 0.5 * left;
+            if found <= tolerance
+                || end != KrylovEnd::Converged
+                || stagnates
+                || iterations == self.max_iterations
+            {
+                return Ok(KrylovReport {
+                    iterations,
+                    residual: found,
+                    end: match end {
+                        _ if found <= tolerance => KrylovEnd::Converged,
+                        KrylovEnd::Converged if stagnates => KrylovEnd::Stagnation,
+                        KrylovEnd::Converged => KrylovEnd::IterationLimit,
+                        end => end,
+                    },
+                });
+            }
+            left = found;
+            self.x.copy_from_slice(b);
+            for ((b, rhs), image) in b.iter_mut().zip(&self.rhs).zip(&*image) {
+                *b = (rhs - image) / left;
+            }
+        }
     }
 
     fn generalized(
@@ -199,6 +288,7 @@ impl Krylov {
         a: &mut dyn LinearOperator,
         b: &mut [f64],
         tolerance: f64,
+        limit: usize,
     ) -> Result<KrylovReport, LinearError> {
         let a = RefCell::new(a);
         let outcome = self.gmres.solve(
@@ -206,10 +296,10 @@ impl Krylov {
             |b| a.borrow_mut().precondition(b),
             b,
             tolerance,
-            self.max_iterations,
+            limit,
         );
         let outcome = outcome.map_err(|e| match e {
-            LinearError::Inaccurate { residual } if residual.is_nan() => NOT_FINITE_PRODUCT,
+            LinearError::Inaccurate { residual } if !residual.is_finite() => NOT_FINITE_PRODUCT,
             e => e,
         })?;
         let end = match outcome.end {
@@ -231,6 +321,7 @@ impl Krylov {
         a: &mut dyn LinearOperator,
         b: &mut [f64],
         tolerance: f64,
+        limit: usize,
     ) -> Result<KrylovReport, LinearError> {
         let [r, z, p, q, ..] = &mut self.vectors;
         [&mut *r, z, p, q]
@@ -239,7 +330,7 @@ impl Krylov {
         r.copy_from_slice(b);
         let x = b;
         x.fill(0.0);
-        let mut report = Progress::new(tolerance, self.max_iterations);
+        let mut report = Progress::new(tolerance, limit);
         let mut rho = 0.0;
         while report.goes_on() {
             z.copy_from_slice(r);
@@ -272,6 +363,7 @@ impl Krylov {
         a: &mut dyn LinearOperator,
         b: &mut [f64],
         tolerance: f64,
+        limit: usize,
     ) -> Result<KrylovReport, LinearError> {
         let [r, z, next_z, v, before, w, w_before, q, ..] = &mut self.vectors;
         for y in [&mut *r, z, next_z, v, before, w, w_before, q] {
@@ -283,7 +375,7 @@ impl Krylov {
         z.copy_from_slice(b);
         let x = b;
         x.fill(0.0);
-        let mut report = Progress::new(tolerance, self.max_iterations);
+        let mut report = Progress::new(tolerance, limit);
         a.precondition(z)?;
         let square = finite(dot(z, v))?;
         if square <= 0.0 {
@@ -344,6 +436,8 @@ impl Krylov {
 const NOT_FINITE_RHS: LinearError = LinearError::NotFinite {
     what: "the right-hand side",
 };
+
+const NOT_FINITE_SOLUTION: LinearError = LinearError::NotFinite { what: "the solution" };
 
 const NOT_FINITE_PRODUCT: LinearError = LinearError::NotFinite {
     what: "a product with the operator or its preconditioner",

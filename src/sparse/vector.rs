@@ -32,11 +32,16 @@ pub(crate) fn norm(v: &[f64]) -> f64 {
 
 /// ‖a − b‖₂.
 pub(crate) fn distance(a: &[f64], b: &[f64]) -> f64 {
-    a.iter()
-        .zip(b)
-        .map(|(a, b)| (a - b) * (a - b))
-        .sum::<f64>()
-        .sqrt()
+    let apart = || a.iter().zip(b).map(|(a, b)| a - b);
+    let squares: f64 = apart().map(|d| d * d).sum();
+    if (1e-290..1e290).contains(&squares) || squares.is_nan() {
+        return squares.sqrt();
+    }
+    let max = apart().fold(0.0, |m: f64, d| m.max(d.abs()));
+    if max == 0.0 || max.is_infinite() {
+        return max;
+    }
+    max * apart().map(|d| (d / max).powi(2)).sum::<f64>().sqrt()
 }
 
 /// max |vᵢ|, 0 for an empty vector; NaN if there is one.

@@ -1,5 +1,6 @@
 //! Krylov methods against elimination, against each other, and where they cannot go on.
 
+use super::random::Random;
 use proptest::prelude::*;
 use semismooth::linear::{
     BlockDiagonal, DenseLu, IncompleteLu, Krylov, KrylovEnd, LinearError, LinearOperator, LinearSolver,
@@ -8,7 +9,7 @@ use semismooth::linear::{
 use semismooth::sparse::Matrix;
 
 fn norm(v: &[f64]) -> f64 {
-    v.iter().map(|v| v * v).sum::<f64>().sqrt()
+    v.iter().fold(0.0, |n: f64, v| n.hypot(*v))
 }
 
 fn true_residual(a: &Matrix, x: &[f64], b: &[f64]) -> f64 {
@@ -213,6 +214,67 @@ fn what_cannot_go_on_says_so_and_keeps_the_best() {
             .iterations,
         0
     );
+}
+
+/// Singular systems without a solution, and products near the ends of the range of numbers: what recurrences say drifts away from the residual, which
+/// is measured; no x is worse than 0, and none is infinite.
+#[test]
+fn residuals_told_are_those_of_x() {
+    let mut random = Random::new(11);
+    for round in 0..400 {
+        let n = 2 + round % 5;
+        let scale = [1.0, 1e-150, 1e150][round % 3];
+        let (mut directions, e) = (Vec::<Vec<f64>>::new(), random.vector(n * n, 1.0));
+        for v in e.chunks_exact(n) {
+            let mut v = v.to_vec();
+            for u in directions.iter().chain(&directions) {
+                let part: f64 = u.iter().zip(&v).map(|(u, v)| u * v).sum();
+                v.iter_mut().zip(u).for_each(|(v, u)| *v -= part * u);
+            }
+            let length = norm(&v);
+            v.iter_mut().for_each(|v| *v /= length);
+            directions.push(v);
+        }
+        let weights: Vec<f64> = (0..n)
+            .map(|k| [1.0, -1.0, 0.0][random.below(3)] * 10_f64.powf(-8.0 * k as f64 / n as f64))
+            .collect();
+        let mut a = from_full(n, |i, j| {
+            scale
+                * (0..n)
+                    .map(|k| weights[k] * directions[k][i] * directions[k][j])
+                    .sum::<f64>()
+        });
+        let b = random.vector(n, 1.0);
+        for method in [
+            Krylov::cg(),
+            Krylov::minres(),
+            Krylov::gmres(3),
+            Krylov::flexible_gmres(n),
+        ] {
+            let mut x = b.clone();
+            let tolerance = 1e-6;
+            let report = method
+                .with_max_iterations(100)
+                .solve(&mut a, &mut x, tolerance)
+                .unwrap();
+            assert!(x.iter().all(|x| x.is_finite()));
+            let rounding = 1e-14 * (1.0 + scale * n as f64 * norm(&x) / norm(&b));
+            let truth = true_residual(&a, &x, &b);
+            assert!(
+                (truth - report.residual).abs() <= rounding,
+                "{round} {report:?} {truth}"
+            );
+            assert!(report.residual <= 1.0 && report.is_converged() == (report.residual <= tolerance));
+        }
+    }
+    // The solution is 10³⁵⁰.
+    let mut x = [1e200];
+    let mut small = Matrix::from_rows(&[[1e-150]]).unwrap();
+    for mut method in [Krylov::cg(), Krylov::minres(), Krylov::gmres(3)] {
+        let result = method.solve(&mut small, &mut x, 1e-6);
+        assert!(matches!(result, Err(LinearError::NotFinite { .. })) && x == [0.0]);
+        x = [1e200];
+    }
 }
 
 /// Finite for so many products.

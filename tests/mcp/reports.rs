@@ -80,7 +80,7 @@ fn check_history(report: &McpReport, max_iterations: usize) {
         );
     }
     assert_eq!(report.iterations, steps);
-    assert!(steps <= max_iterations + usize::from(linearises));
+    assert!(steps <= max_iterations);
     let failed: usize = report.fallbacks.iter().map(|f| f.iterations).sum();
     assert!(failed <= steps);
     if !report.is_solved() {

@@ -288,3 +288,46 @@ fn steepest_descent_goes_on_where_the_newton_step_does_not_descend() {
     assert!(x.iter().all(|x| x.abs() < 1e-2));
     assert!(newton.report().history.last().unwrap().step == Step::None);
 }
+
+/// a x − b = 0, each component on its own.
+struct Uniform(f64, f64);
+
+impl LinearOperator for Uniform {
+    fn order(&self) -> usize {
+        3
+    }
+    fn product(&mut self, x: &[f64], y: &mut [f64]) {
+        y.iter_mut().zip(x).for_each(|(y, x)| *y = self.0 * x);
+    }
+}
+
+impl MatrixFree for Uniform {
+    fn residual(&mut self, x: &[f64], out: &mut [f64]) {
+        out.iter_mut().zip(x).for_each(|(y, x)| *y = self.0 * x - self.1);
+    }
+    fn linearize(&mut self, _x: &[f64]) -> Result<(), LinearError> {
+        Ok(())
+    }
+}
+
+/// Numbers whose squares overflow are no reason to call a start a solution.
+#[test]
+fn sizes_near_the_ends_of_the_range_of_numbers_end_at_solutions() {
+    for (a, b) in [
+        (1e160, 1.5e160),
+        (1e-160, 1.5e-160),
+        (1e300, 1.5e300),
+        (1e-150, 1.5e140),
+    ] {
+        let mut x = [1.0, -2.0, 0.0];
+        NewtonKrylov::default().solve(&mut Uniform(a, b), &mut x).unwrap();
+        assert!(
+            x.iter().all(|x| (x / (b / a) - 1.0).abs() < 1e-9),
+            "{a:e} {b:e} {x:?}"
+        );
+    }
+    // The solution would be 10³⁵⁰.
+    let mut x = [1.0, -2.0, 0.0];
+    let failed = NewtonKrylov::default().solve(&mut Uniform(1e-150, 1e200), &mut x);
+    assert!(failed.is_err() && x == [1.0, -2.0, 0.0]);
+}

@@ -36,8 +36,11 @@ impl Engine<'_> {
         );
         let left = self.options.max_time;
         let left = left.map(|t| t.saturating_sub(self.clock.elapsed()));
+        // As many nodes as components count as an iteration.
+        let iterations = self.options.max_iterations - self.report.iterations;
+        let nodes = (iterations as u64).saturating_mul(n as u64);
         let options = EnumerationOptions::default()
-            .with_max_nodes(self.options.max_nodes)
+            .with_max_nodes(self.options.max_nodes.min(nodes))
             .with_max_time(left);
         let set = match problem.map(|p| all_solutions(&p, 0.0, &options)) {
             Ok(Ok(set)) => set,

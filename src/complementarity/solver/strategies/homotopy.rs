@@ -114,7 +114,10 @@ impl Engine<'_> {
         if !self.evaluate() {
             return McpStatus::Stalled;
         }
-        self.record(self.residual(), f64::NAN, McpStep::Own, 1.0);
+        // The last point of the path has been counted.
+        if self.exhausted().is_none() {
+            self.record(self.residual(), f64::NAN, McpStep::Own, 1.0);
+        }
         match self.descend(&plan) {
             McpStatus::Stalled if !end.reached => McpStatus::Unbounded,
             status => status,

@@ -71,7 +71,13 @@ impl Engine<'_> {
                 return McpStatus::Stalled;
             };
             reference = reference.min(psi * WEIGHTS.growth).max(psi);
-            let Some((target, _)) = self.linearised_solution() else {
+            let target = self.linearised_solution();
+            // Its path counts, too.
+            if let Some(status) = self.exhausted() {
+                self.record(residual, psi, McpStep::None, 0.0);
+                return status;
+            }
+            let Some((target, _)) = target else {
                 return McpStatus::Stalled;
             };
             for i in 0..n {

@@ -36,6 +36,9 @@ impl Engine<'_> {
 
     /// Follows the curve from (y, 0) towards α = 1, as long as α stays above `least`, also over branchings.
     pub(super) fn follow<P: PiecewiseSmooth>(&mut self, map: &P, y: &[f64], least: f64) -> Option<End> {
+        if self.exhausted().is_some() {
+            return None;
+        }
         let mut x = y.to_vec();
         x.push(0.0);
         let size = y.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
