@@ -30,7 +30,7 @@ pub struct ContinuationOptions {
     pub strategy: Strategy,
     /// First step length h, in arclength. Default 0.05.
     pub step: f64,
-    /// Smallest step length h_min, shortened with the size of α where that is below 1. Default 1e-8.
+    /// Smallest step length h_min, shortened with the size of α where that is below 1; then at most `step` and `max_step`. Default 1e-8.
     pub min_step: f64,
     /// Largest step length h_max. Default 1.
     pub max_step: f64,
@@ -176,6 +176,7 @@ impl ContinuationOptions {
     /// [`ContinuationError::Option`] names the option out of range.
     pub fn validate(&self) -> Result<(), ContinuationError> {
         let positive = |v: f64| v > 0.0 && v.is_finite();
+        let size = self.typical_sizes.last().copied().unwrap_or(1.0);
         let open_unit = |v: f64| v > 0.0 && v < 1.0;
         let checks: [(&'static str, f64, bool, &'static str); 17] = [
             ("step", self.step, positive(self.step), "positive and finite"),
@@ -194,8 +195,8 @@ impl ContinuationOptions {
             (
                 "min_step",
                 self.min_step,
-                self.min_step <= self.step.min(self.max_step),
-                "at most step and max_step",
+                self.min_step * size.min(1.0) <= self.step.min(self.max_step),
+                "at most step and max_step (times the typical size of α, where one below 1 is given)",
             ),
             (
                 "growth",

@@ -171,8 +171,9 @@ fn no_arm(arms: &Arms, wanted: &'static str) -> ContinuationError {
         found,
         kernel: undecided.dimension,
         reason: format!(
-            "kernel of dimension {} along {}{more}. There the solutions at this parameter are not unique, or rows of H depend on each other: \
-             choose among them by a small term (ε x_j added to the rows of these variables), or drop what does not matter",
+            "kernel of dimension {} along {}{more}, to rounding. There the solutions at this parameter are not unique, or rows of H depend on \
+             each other: choose among them by a small term (ε x_j added to the rows of these variables), or drop what does not matter. Or \
+             units of the unknowns lie so far apart that rounding hides what is regular: give `typical_sizes`",
             undecided.dimension,
             names.join(", ")
         ),

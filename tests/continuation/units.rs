@@ -5,8 +5,8 @@ use std::ops::ControlFlow;
 use super::curves::{lens, parabola_and_line, two_arcs, within};
 use super::maps::{Plane, same_cells};
 use semismooth::continuation::{
-    Branch, Continuation, ContinuationError, Diagram, DiagramOptions, Direction, Event, Termination,
-    TransitionKind,
+    Branch, Continuation, ContinuationError, ContinuationOptions, Diagram, DiagramOptions, Direction, Event,
+    Termination, TransitionKind, arms_at,
 };
 use semismooth::piecewise::{
     Kinks, MinMap, NonsmoothFunction, PiecewiseError, PiecewiseSmooth, Real, Selection, Traced,
@@ -331,5 +331,86 @@ fn facets_are_crossed_in_variables_of_small_units() {
                 assert!(t.parameter().abs() < 1e-12, "{}", t.parameter());
             }
         }
+    }
+}
+
+/// M v + v² / 10 = c α, or M times v₀ (v₀ − α), v₁ + v₀ − 2 α, v₂ − v₁ + v₀, with unknowns and parameter in units.
+struct Sheared {
+    units: [f64; 4],
+    branching: bool,
+}
+
+const SHEAR: [[f64; 3]; 3] = [[1.0, 0.4, -0.3], [0.2, 1.0, 0.5], [-0.6, 0.1, 1.0]];
+
+impl NonsmoothFunction for Sheared {
+    fn num_vars(&self) -> usize {
+        4
+    }
+    fn num_residuals(&self) -> usize {
+        3
+    }
+    fn eval<T: Real>(&self, x: &[T], _: &mut Kinks<'_, T>, out: &mut [T]) {
+        let v: Vec<T> = x.iter().zip(&self.units).map(|(x, u)| *x / *u).collect();
+        let terms = match self.branching {
+            true => [v[0] * (v[0] - v[3]), v[1] + v[0] - v[3] * 2.0, v[2] - v[1] + v[0]],
+            false => [v[0] - v[3], v[1] - v[3] * 2.0, v[2] + v[3] * 3.0],
+        };
+        for ((out, row), v) in out.iter_mut().zip(SHEAR).zip(&v) {
+            *out = terms[0] * row[0] + terms[1] * row[1] + terms[2] * row[2];
+            if !self.branching {
+                *out += *v * *v / 10.0;
+            }
+        }
+    }
+}
+
+/// Units 10⁹ apart make the least singular value of ∇H small: neither is a regular start singular then, nor a branch point regular.
+#[test]
+fn units_far_apart_do_not_make_starts_singular() {
+    const TANGENT: [f64; 4] = [1.0, 2.0, -3.0, 1.0];
+    let (mut crossings, options) = (0, ContinuationOptions::default());
+    for k in 0..81_u32 {
+        let units = [0, 1, 2, 3].map(|j| [3e-5, 1.0, 3e4][(k / 3_u32.pow(j)) as usize % 3]);
+        let map = |branching| Traced::new(Sheared { units, branching });
+        let (arms, complete) = arms_at(&map(false), &[0.0; 4], &options).unwrap();
+        assert_eq!((arms.len(), complete), (2, true), "{units:?}");
+        for arm in arms {
+            let natural: Vec<f64> = arm.tangent.iter().zip(units).map(|(t, u)| t / u).collect();
+            for (v, expected) in natural.iter().zip(TANGENT) {
+                assert!((v / natural[3] - expected).abs() < 1e-9, "{units:?} {natural:?}");
+            }
+        }
+        let (arms, complete) = arms_at(&map(true), &[0.0; 4], &options).unwrap();
+        assert!(!complete || arms.len() == 4, "{units:?} {arms:?}");
+        crossings += usize::from(complete);
+    }
+    assert!(crossings > 0);
+}
+
+/// The default shortest step shrinks with the size of α: steps in its unit are not refused.
+#[test]
+fn steps_in_a_small_unit_of_the_parameter() {
+    let follow = |unit: f64| {
+        let units = [1.0, 1.0, 1.0, unit];
+        let options = ContinuationOptions::default()
+            .with_typical_sizes(units.to_vec())
+            .with_step(0.05 * unit)
+            .with_max_step(0.125 * unit)
+            .with_parameter_range((0.0, unit));
+        let map = Traced::new(Sheared {
+            units,
+            branching: false,
+        });
+        Branch::follow(&map, &[0.0; 4], Direction::Increasing, options).unwrap()
+    };
+    let (first, unit) = (follow(1.0), UNITS[0]);
+    let branch = follow(unit);
+    assert_eq!(branch.termination, Termination::ParameterRange);
+    assert_eq!(branch.points.len(), first.points.len());
+    for (p, q) in branch.points.iter().zip(&first.points) {
+        assert_eq!(
+            (p.x[..3].to_vec(), p.x[3], p.arclength),
+            (q.x[..3].to_vec(), unit * q.x[3], unit * q.arclength)
+        );
     }
 }

@@ -1,22 +1,21 @@
 //! The arms of the solution set at a point: for each active selection the kernel of its Jacobian, kept where it points into the
 //! selection's cell.
 
-use super::branch_point::BranchSystem;
+use super::branching::{MAX_BRANCHING, UndecidedKernel};
 use super::units::Units;
 use crate::clock::Deadline;
 use crate::continuation::engine::{Curve, Solver};
 use crate::continuation::{Arm, ContinuationError, ContinuationOptions};
 use crate::enumeration::{EnumerationError, directional_selections, local_selections};
-use crate::linear::{LinearError, LinearSolver, null_space};
+use crate::linear::{LinearError, LinearSolver};
 use crate::newton::MoorePenrose;
 use crate::piecewise::{
     ActiveSet, PiecewiseError, PiecewiseSmooth, Scaled, Selection, TestLayout, Vanishing,
 };
-use crate::sparse::{Matrix, distance};
-use crate::sparse::{dot, max_abs, norm};
+use crate::sparse::{distance, norm};
 use crate::spread::centred;
 
-/// Two unit tangents closer than this are one arm.
+/// Two unit tangents closer than this, in the units of ∇H, too, are one arm.
 const SAME_ARM: f64 = 1e-7;
 /// Singular values below this, relative to the largest, count as zero in the branching equation.
 pub(in crate::continuation) const RANK: f64 = 1e-9;
@@ -26,8 +25,6 @@ pub(in crate::continuation) const UNEXPLAINED: f64 = 1e3;
 const PLAIN: u128 = 16;
 /// How much smaller than ‖∇θ‖ the largest of two directional derivatives may be.
 const SPREAD: f64 = 1e5;
-/// Largest number of residuals whose kernels are found by singular values; beyond, next to simple branch points only.
-const MAX_BRANCHING: usize = 600;
 
 /// The vanishing test functions at x: those within `distance`·(1 + ‖x‖) of their facet, and those `forced`.
 pub(in crate::continuation) fn vanishing_at<P: PiecewiseSmooth + ?Sized>(
@@ -85,30 +82,6 @@ pub(in crate::continuation) struct Arms {
     pub(in crate::continuation) complete: bool,
     /// The first selection whose kernel was not, if there is one.
     pub(in crate::continuation) undecided: Option<UndecidedKernel>,
-}
-
-/// A kernel of ∇H^(σ) of two dimensions or more, in which the first derivatives do not tell the arms.
-#[derive(Debug, Clone)]
-pub(in crate::continuation) struct UndecidedKernel {
-    pub(in crate::continuation) dimension: usize,
-    /// The variables that take part in it, those that do most first.
-    pub(in crate::continuation) variables: Vec<usize>,
-}
-
-impl UndecidedKernel {
-    /// That of an orthonormal basis, if it has two vectors or more.
-    fn of(basis: &[Vec<f64>]) -> Option<Self> {
-        const NAMED: f64 = 1e-6;
-        let (first, rest) = basis.split_first().filter(|b| !b.1.is_empty())?;
-        let part = |j: usize| rest.iter().fold(first[j].powi(2), |sum, v| sum + v[j].powi(2));
-        let parts: Vec<f64> = (0..first.len()).map(part).collect();
-        let mut variables: Vec<usize> = (0..parts.len()).filter(|&j| parts[j] > NAMED * NAMED).collect();
-        variables.sort_by(|&a, &b| parts[b].total_cmp(&parts[a]));
-        Some(Self {
-            dimension: basis.len(),
-            variables,
-        })
-    }
 }
 
 pub(in crate::continuation) struct ArmSearch<'a, P: ?Sized, L> {
@@ -249,42 +222,8 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
         Ok(())
     }
 
-    /// Whether ∇H^(σ) is singular within rounding of x.
-    pub(in crate::continuation) fn is_singular(
-        &mut self,
-        selection: &Selection,
-    ) -> Result<bool, PiecewiseError> {
-        let sizes = self.row_sizes(selection)?;
-        let least = (self.corrector).least_singular_value(self.map, selection, self.x, &sizes)?;
-        Ok(least <= RANK)
-    }
-
-    /// The largest entry of each row of ∇H^(σ), or its change over the distance 1 + ‖x‖: at branch points rows may vanish but for rounding.
-    fn row_sizes(&mut self, selection: &Selection) -> Result<Vec<f64>, PiecewiseError> {
-        const NEAR: f64 = 1e-4;
-        let mut jacobian_at = |s: f64| {
-            let moved = self.x.iter().enumerate();
-            let moved: Vec<f64> = moved.map(|(j, x)| x + s * centred(j + 1, false)).collect();
-            self.corrector.assemble(self.map, selection, &moved)?;
-            Ok::<_, PiecewiseError>(self.corrector.jacobian().clone())
-        };
-        let distance = NEAR * (1.0 + norm(self.x));
-        let (ahead, behind, here) = (jacobian_at(distance)?, jacobian_at(-distance)?, jacobian_at(0.0)?);
-        let mut sizes = vec![0.0f64; self.map.num_residuals()];
-        let changes = ahead
-            .values()
-            .iter()
-            .zip(behind.values())
-            .map(|(a, b)| (a - b).abs());
-        for ((i, _, v), change) in here.triplets().zip(changes) {
-            sizes[i] = sizes[i].max(v.abs()).max(change / (2.0 * NEAR));
-        }
-        let rest = sizes.iter_mut().filter(|size| **size == 0.0);
-        rest.for_each(|size| *size = 1.0);
-        Ok(sizes)
-    }
-
     fn both_ways(&self, selection: &Selection, tangent: &[f64], arms: &mut Arms) {
+        let mut units = Units::new(self.map, selection, self.x);
         for sign in [1.0, -1.0] {
             let direction: Vec<f64> = tangent.iter().map(|t| sign * t).collect();
             let Some(grazing) = self.enters(selection, &direction) else {
@@ -295,10 +234,11 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
                 tangent: direction,
                 grazing,
             };
-            let same = arms
-                .list
-                .iter_mut()
-                .find(|a| distance(&a.tangent, &arm.tangent) < SAME_ARM);
+            let mut is_same = |a: &Arm| {
+                distance(&a.tangent, &arm.tangent) < SAME_ARM
+                    && units.are_near(&a.tangent, &arm.tangent, SAME_ARM)
+            };
+            let same = arms.list.iter_mut().find(|a| is_same(a));
             match same {
                 Some(known) if known.grazing.len() > arm.grazing.len() => *known = arm,
                 Some(_) => {}
@@ -357,67 +297,6 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
         }
         grazing.sort_unstable();
         Some(grazing)
-    }
-
-    /// The directions of the curves through a point where ∇H^(σ) has a two-dimensional kernel: with the kernel spanned by
-    /// n₁, n₂ and the left kernel by ψ, the roots of Σ ψᵀH''(nᵢ, nⱼ) aᵢ aⱼ = 0 (Keller 1977). `Err` when this does not decide, with the
-    /// kernel unless the problem is too large for it.
-    fn branching_directions(
-        &mut self,
-        selection: &Selection,
-    ) -> Result<Result<Vec<Vec<f64>>, Option<UndecidedKernel>>, PiecewiseError> {
-        let (right, left, scale) = if self.map.num_residuals() > MAX_BRANCHING {
-            let away = 0.01 * (1.0 + norm(self.x));
-            let from = self.x.iter().enumerate();
-            let from: Vec<f64> = from.map(|(j, x)| x + away * centred(j + 1, false)).collect();
-            let kernels = BranchSystem::new(self.map, selection, &from, self.x).kernels(self.x)?;
-            self.corrector.assemble(self.map, selection, self.x)?;
-            match kernels {
-                Some(k) => {
-                    let scale = max_abs(self.corrector.jacobian().values());
-                    (k.right.to_vec(), vec![k.left], scale)
-                }
-                None => return Ok(Err(None)),
-            }
-        } else {
-            self.decomposed = true;
-            let sizes = self.row_sizes(selection)?;
-            let mut jac = self.corrector.jacobian().clone();
-            let factors: Vec<f64> = jac.triplets().map(|(i, ..)| sizes[i].recip()).collect();
-            let values = jac.values_mut().iter_mut();
-            values.zip(factors).for_each(|(v, f)| *v *= f);
-            let largest = max_abs(jac.values()).max(f64::MIN_POSITIVE);
-            let mut kernel = null_space(&jac, (RANK / largest).clamp(RANK, 1.0))?;
-            for psi in &mut kernel.left {
-                psi.iter_mut().zip(&sizes).for_each(|(w, size)| *w /= size);
-            }
-            (kernel.right, kernel.left, 1.0)
-        };
-        let ([n1, n2], [psi]) = (right.as_slice(), left.as_slice()) else {
-            return Ok(Err(UndecidedKernel::of(&right)));
-        };
-        let mut shifted = self.corrector.jacobian().clone();
-        let mut second =
-            |a: &[f64], b: &[f64]| second_derivative(self.map, selection, self.x, a, b, psi, &mut shifted);
-        let (b11, b12, b22) = (second(n1, n1), second(n1, n2), second(n2, n2));
-        let size = b11.abs().max(b12.abs()).max(b22.abs());
-        let discriminant = b12 * b12 - b11 * b22;
-        if size <= 1e-7 * scale.max(f64::MIN_POSITIVE) || discriminant.abs() <= 1e-7 * size * size {
-            return Ok(Err(UndecidedKernel::of(&right)));
-        }
-        if discriminant < 0.0 {
-            return Ok(Ok(Vec::new()));
-        }
-        let root = discriminant.sqrt();
-        // The root without cancellation gives the other one; q ≠ 0 as the discriminant is positive.
-        let q = -(b12 + b12.signum() * root);
-        let pairs = [(q, b11), (b22, q)];
-        let combine = |(a, b): (f64, f64)| -> Vec<f64> {
-            let v: Vec<f64> = n1.iter().zip(n2).map(|(x, y)| a * x + b * y).collect();
-            let length = norm(&v);
-            v.into_iter().map(|c| c / length).collect()
-        };
-        Ok(Ok(pairs.into_iter().map(combine).collect()))
     }
 }
 
@@ -485,28 +364,6 @@ impl<'a> Curve<'a> {
             decomposed: false,
         }
     }
-}
-
-/// ψᵀ H^(σ)''(x)(a, b) by central differences, of fourth order, of the Jacobian along a.
-fn second_derivative<P: PiecewiseSmooth + ?Sized>(
-    map: &P,
-    selection: &Selection,
-    x: &[f64],
-    a: &[f64],
-    b: &[f64],
-    psi: &[f64],
-    jac: &mut Matrix,
-) -> f64 {
-    let h = 1e-4 * (1.0 + norm(x));
-    let mut image = vec![0.0; psi.len()];
-    let mut at = |s: f64| {
-        let y: Vec<f64> = x.iter().zip(a).map(|(x, a)| x + s * a).collect();
-        jac.clear();
-        map.jacobian(selection, &y, jac);
-        jac.mul_vec(b, &mut image);
-        dot(psi, &image)
-    };
-    (8.0 * (at(h) - at(-h)) - (at(2.0 * h) - at(-2.0 * h))) / (12.0 * h)
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 pub(super) mod arms;
 mod branch_point;
+mod branching;
 pub(super) mod coincidence;
 mod leave;
 mod locate;

@@ -51,6 +51,30 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Units<'a, P> {
         theta.abs() <= distance * (one + self.length(self.x)) * gradient
     }
 
+    /// Whether two unit vectors, which are nearly the same, have no larger `angle` in these units, but for rounding of their entries.
+    pub(super) fn are_near(&mut self, a: &[f64], b: &[f64], angle: f64) -> bool {
+        if a == b {
+            return true;
+        }
+        if self.units.is_empty() {
+            self.find();
+        }
+        let difference: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
+        let rounding = ROUNDING * self.units.iter().fold(0.0_f64, |sum, d| sum.hypot(d.recip()));
+        self.length(&difference) <= angle * self.length(a) + rounding
+    }
+
+    /// The units as divisors of the unknowns, powers of two.
+    pub(super) fn divisors(mut self) -> Vec<f64> {
+        self.find();
+        let mut units = self.units;
+        (units.iter_mut()).for_each(|unit| *unit = unit.log2().round().exp2());
+        if units.iter().all(|unit| *unit == 1.0) {
+            units.clear();
+        }
+        units
+    }
+
     fn length(&self, vector: &[f64]) -> f64 {
         let scaled: Vec<f64> = vector.iter().zip(&self.units).map(|(v, d)| v / d).collect();
         norm(&scaled)
