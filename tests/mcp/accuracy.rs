@@ -249,3 +249,29 @@ fn the_corpus_is_solved_in_all_units() {
         }
     }
 }
+
+/// Beside a singularity x decides about F in its last digits: terms that are large there say nothing of a solution that is elsewhere.
+#[test]
+fn no_point_beside_a_singularity_is_a_solution() {
+    fn is_solved<F: McpFunction>(function: F, start: f64, solution: f64) -> bool {
+        let mut x = [start];
+        let problem = Mcp::equations(function).unwrap();
+        let report = McpSolver::default().solve(&problem, &mut x).unwrap().clone();
+        assert!(
+            !report.is_solved() || (x[0] - solution).abs() < 1e-9,
+            "from {start}: {x:?}"
+        );
+        report.is_solved()
+    }
+    let mut solved = 0;
+    for unit in [1.0, 1e-20, 1e20] {
+        for exponent in 10..=14 {
+            let apart = 10_f64.powi(-exponent);
+            let logarithm = scalar(|x| unit * ((x + 2.0).ln() - 1.0), |x| unit / (x + 2.0));
+            solved += usize::from(is_solved(logarithm, apart - 2.0, 1_f64.exp() - 2.0));
+            let pole = scalar(|x| unit * (5.0 - 1.0 / (2.0 - x)), |x| -unit / (2.0 - x).powi(2));
+            solved += usize::from(is_solved(pole, 2.0 - apart, 1.8));
+        }
+    }
+    assert!(solved > 0);
+}

@@ -29,9 +29,35 @@ impl Engine<'_> {
         measure
     }
 
-    /// Whether what was measured is a solution. Where iterates of a curved F went to infinity, flat is what has underflowed.
-    pub(super) fn accepts(&self, measure: Measure, tolerance: f64) -> bool {
-        measure.is_solved(tolerance) && (self.affine || !(measure.flat && self.asymptotic))
+    /// Whether what was measured, where F and ∇F have just been evaluated, is a solution. Where iterates of a curved F went to infinity,
+    /// flat is what has underflowed; beside a singularity terms are large for x alone.
+    pub(super) fn accepts(&mut self, measure: Measure, tolerance: f64) -> bool {
+        measure.is_solved(tolerance)
+            && (self.affine || !(measure.flat && self.asymptotic) && self.terms_last(2.0 * measure.error))
+    }
+
+    /// Whether the terms of rows that are solved by their size alone keep it, to a factor of two, on one side of x at least where its
+    /// components change by this part of themselves.
+    fn terms_last(&mut self, part: f64) -> bool {
+        [part, -part].into_iter().any(|part| {
+            let bounds = self.lower.iter().zip(self.upper);
+            let beside = |(&x, (&l, &u)): (&f64, (&f64, &f64))| (x + part * x).max(l).min(u);
+            let w = &mut *self.work;
+            let x = w.here.x.iter().zip(bounds).map(beside);
+            if x.clone().eq(w.here.x.iter().copied()) {
+                return true;
+            }
+            self.report.jacobians += 1;
+            let open = |i: usize| {
+                let (x, f) = (w.here.x[i], w.here.f[i]);
+                f != 0.0 && !(x == self.lower[i] && f > 0.0) && !(x == self.upper[i] && f < 0.0)
+            };
+            w.lin
+                .terms_beside(self.function, &w.here.x, x)
+                .iter()
+                .enumerate()
+                .all(|(i, [here, there])| !open(i) || (0.5 * here..=2.0 * here).contains(there))
+        })
     }
 
     /// Whether `work.here.x` is a solution, and as good a one as can be asked for: where the natural residual is still above the tolerance

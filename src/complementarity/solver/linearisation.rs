@@ -20,6 +20,9 @@ pub(super) struct Linearisation {
     max: Vec<f64>,
     /// Where ∇F is evaluated, if not at the iterate.
     point: Vec<f64>,
+    /// ∇F beside the iterate, and Σⱼ |∇Fᵢⱼ xⱼ| at both points; of functions that are not affine.
+    beside: Option<Matrix>,
+    terms: Vec<[f64; 2]>,
 }
 
 impl Linearisation {
@@ -32,6 +35,8 @@ impl Linearisation {
             col: vec![1.0; n],
             max: vec![0.0; n],
             point: vec![0.0; n],
+            beside: None,
+            terms: Vec::new(),
         }
     }
 
@@ -49,6 +54,29 @@ impl Linearisation {
         let finite = self.evaluate(function, &point);
         self.point = point;
         finite
+    }
+
+    /// Σⱼ |∇Fᵢⱼ xⱼ| with the ∇F at hand and with that of another point; NaN or infinite where it is not finite there.
+    pub(super) fn terms_beside(
+        &mut self,
+        function: &dyn McpFunction,
+        x: &[f64],
+        there: impl Iterator<Item = f64>,
+    ) -> &[[f64; 2]] {
+        let beside = self
+            .beside
+            .get_or_insert_with(|| Matrix::zeros(self.jac.pattern().clone()));
+        self.point.iter_mut().zip(there).for_each(|(to, x)| *to = x);
+        beside.clear();
+        function.jacobian(&self.point, beside);
+        self.terms.clear();
+        self.terms.resize(x.len(), [0.0; 2]);
+        for (side, jac) in [&self.jac, &*beside].into_iter().enumerate() {
+            for (i, j, v) in jac.triplets() {
+                self.terms[i][side] += (v * x[j]).abs();
+            }
+        }
+        &self.terms
     }
 
     /// ∇F.
