@@ -2,6 +2,7 @@
 
 use std::ops::ControlFlow;
 
+use super::equations::Part;
 use super::run::Run;
 use super::{Cone, ConeError, ConeIteration, ConeOptions, ConeProblem, ConeRay};
 use crate::clock::Deadline;
@@ -14,19 +15,71 @@ const SMALL: [f64; 4] = [0.0, 1e-6, 1e-4, 1e-2];
 /// Least radius of a certificate, relative to the x at which the terms of M x + q are alike.
 const RADIUS: f64 = 1e12;
 
-/// The certificate of least norm, if there is one: minimise ½‖v‖² over v ∈ K, −Mᵀv ∈ K*, qᵀv = −1.
+/// A proof from one of the blocks, unknowns that entries of M connect: what stands beside it has no say, nor have its units.
 pub(super) fn ray(
+    problem: &ConeProblem<&dyn McpFunction>,
+    options: &ConeOptions,
+    deadline: Deadline<'static>,
+    (parts, block): (&[Part], &[usize]),
+    x: &[f64],
+) -> Result<Option<ConeRay>, ConeError> {
+    let (matrix, q) = coefficients(problem, x);
+    let mut members = vec![Vec::new(); parts.len()];
+    let (mut place, mut owner) = (vec![0; x.len()], vec![0; x.len()]);
+    let mut blocks = vec![Vec::new(); parts.len()];
+    for (part, &b) in parts.iter().zip(block) {
+        blocks[b].push(part.cone);
+        for i in part.range.clone() {
+            (place[i], owner[i]) = (members[b].len(), b);
+            members[b].push(i);
+        }
+    }
+    let mut entries = vec![Vec::new(); parts.len()];
+    for (i, j, v) in matrix.triplets().filter(|e| owner[e.0] == owner[e.1]) {
+        entries[owner[i]].push((place[i], place[j], v));
+    }
+    for ((cones, members), entries) in blocks.into_iter().zip(&members).zip(&entries) {
+        let n = members.len();
+        let part_of = |v: &[f64]| members.iter().map(|&i| v[i]).collect::<Vec<_>>();
+        if n == 0 {
+            continue;
+        }
+        let function = AffineFunction::new(Matrix::from_triplets(n, n, entries)?, part_of(&q));
+        let Ok(function) = function else {
+            return Ok(None);
+        };
+        let alone = ConeProblem::new(&function as &dyn McpFunction, cones)?;
+        if let Some(mut found) = ray_of_block(&alone, options, deadline, &part_of(x))? {
+            let mut direction = vec![0.0; x.len()];
+            members
+                .iter()
+                .zip(&found.direction)
+                .for_each(|(&i, v)| direction[i] = *v);
+            found.direction = direction;
+            return Ok(Some(found));
+        }
+    }
+    Ok(None)
+}
+
+/// M and q of an affine F.
+fn coefficients(problem: &ConeProblem<&dyn McpFunction>, x: &[f64]) -> (Matrix, Vec<f64>) {
+    let (f, mut q) = (problem.function(), vec![0.0; x.len()]);
+    let mut matrix = Matrix::zeros(f.pattern());
+    f.jacobian(x, &mut matrix);
+    f.value(&vec![0.0; x.len()], &mut q);
+    (matrix, q)
+}
+
+/// The certificate of least norm, if there is one: minimise ½‖v‖² over v ∈ K, −Mᵀv ∈ K*, qᵀv = −1.
+fn ray_of_block(
     problem: &ConeProblem<&dyn McpFunction>,
     options: &ConeOptions,
     deadline: Deadline<'static>,
     x: &[f64],
 ) -> Result<Option<ConeRay>, ConeError> {
     let n = x.len();
-    let f = problem.function();
-    let mut matrix = Matrix::zeros(f.pattern());
-    f.jacobian(x, &mut matrix);
-    let mut q = vec![0.0; n];
-    f.value(&vec![0.0; n], &mut q);
+    let (matrix, q) = coefficients(problem, x);
     let size = max_abs(&q);
     if size == 0.0 {
         return Ok(None);
@@ -209,7 +262,8 @@ mod tests {
             let function = AffineFunction::new(matrix, vec![-1.0]).unwrap();
             let problem =
                 ConeProblem::new(&function as &dyn McpFunction, vec![Cone::Nonnegative(1)]).unwrap();
-            let found = ray(&problem, &ConeOptions::default(), Deadline::after(None), &[1.0]).unwrap();
+            let found =
+                ray_of_block(&problem, &ConeOptions::default(), Deadline::after(None), &[1.0]).unwrap();
             assert_eq!(found.is_none(), solvable, "{slope}");
         }
     }

@@ -55,12 +55,12 @@ pub struct ConeIteration {
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ConeRay {
-    /// v, in K; qᵀv = −1 but for rounding.
+    /// v, in K; qᵀv = −1 but for rounding. 0 outside of one block of unknowns that entries of M connect.
     pub direction: Vec<f64>,
     /// qᵀv.
     pub value: f64,
     /// −Mᵀv lies in K* but for rounding; v proves that there is no solution with ‖x‖₂ below this radius. At least 10¹² times the size of x
-    /// at which the terms of M x + q are alike; infinite where −Mᵀv lies in K* exactly.
+    /// at which the terms of M x + q of this block are alike; infinite where −Mᵀv lies in K* exactly.
     pub radius: f64,
 }
 

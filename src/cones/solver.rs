@@ -66,7 +66,7 @@ impl ConeSolver {
         report.residual = problem.natural_residual(x, &mut room)?;
         let sought = matches!(report.status, ConeStatus::Stalled | ConeStatus::IterationLimit);
         if sought && problem.function().is_affine() {
-            report.ray = ray(&problem, &self.options, deadline, x)?;
+            report.ray = ray(&problem, &self.options, deadline, (&run.parts, &run.block), x)?;
             if report.ray.is_some() {
                 report.status = ConeStatus::NoSolution;
             }

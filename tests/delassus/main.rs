@@ -140,6 +140,28 @@ fn forces_beyond_all_squares_are_no_solution() {
     assert_eq!(p.residual(&[0.0, 0.0]).unwrap(), 0.0);
 }
 
+/// M (10, 1) = 0, which jams a contact with μ = 0.2: beside reactions of 1e17 in this direction nothing is left of q, by which bodies
+/// overlap.
+#[test]
+fn reactions_that_swallow_the_velocities_are_no_solution() {
+    let matrix = Matrix::from_rows(&[[0.75, -7.5], [-0.125, 1.25]]).unwrap();
+    let problem = DelassusProblem::new(2, matrix, vec![-0.25, 1.0], vec![0.2]).unwrap();
+    for power in [30, 57, 60, 90] {
+        let size = 2_f64.powi(power);
+        let solver = DelassusSolver::default();
+        let go_on = |_: &_| ControlFlow::Continue(());
+        let report = solver.solve_observed(&problem, Some(&[10.0 * size, size]), go_on);
+        let report = report.unwrap();
+        // M r first, as its terms are exact.
+        let normal = (0.75 * report.r[0] - 7.5 * report.r[1]) - 0.25;
+        assert!(
+            !report.is_solved() || normal >= -1e-6,
+            "2^{power}: {report} at {:?}",
+            report.r
+        );
+    }
+}
+
 /// However little a contact bears against its slip, it is closed: r_N = p, u_T = μ p − 1.
 #[test]
 fn contacts_that_slide_fast_under_little_pressure_are_closed() {

@@ -138,7 +138,8 @@ pub(super) struct Law {
     pub(super) residual: f64,
     /// The same in the norm of all contacts: what tells far from a solution whether an iteration gains.
     pub(super) overall: f64,
-    /// In the norm of all contacts, against ‖q‖ and ‖u‖ alone.
+    /// In the norm of all contacts, against ‖q‖ and ‖u‖ alone, with what the rounding of the terms may hide: reactions that are large enough
+    /// swallow u.
     pub(super) violation: f64,
 }
 
@@ -213,6 +214,12 @@ impl<const D: usize> Scaled<D> {
             0.0 => 0.0,
             _ => error.sqrt() / size,
         };
+        let data = data[0].max(data[1]);
+        let hidden = if data > 0.0 {
+            f64::EPSILON.powi(2) * terms
+        } else {
+            0.0
+        };
         let least = NEGLIGIBLE * sizes.iter().fold(0.0_f64, |m, s| m.max(*s));
         let blocks = (0..r.len()).map(|i| {
             let error = natural_residual(self.friction[i], 1.0, &r[i], &u[i]);
@@ -224,7 +231,7 @@ impl<const D: usize> Scaled<D> {
                 |m, e| if e.is_nan() { f64::INFINITY } else { f64::max(m, e) },
             ),
             overall: share(errors, f64::sqrt(terms)),
-            violation: share(errors, f64::sqrt(data[0].max(data[1])).max(f64::MIN_POSITIVE)),
+            violation: share(errors + hidden, f64::sqrt(data).max(f64::MIN_POSITIVE)),
         }
     }
 
