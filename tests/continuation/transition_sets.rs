@@ -425,3 +425,77 @@ fn folds_of_a_condensed_problem() {
         assert!((alpha - u - traction).abs() < 1e-7);
     }
 }
+
+/// The same folds towards smaller β: their slip falls to 0, where the line of kinks between stick and slip takes over.
+#[test]
+fn folds_of_slip_end_where_the_node_sticks() {
+    let row = |k: usize| Matrix::from_triplets(1, 2, &[(0, k, 1.0)]).unwrap();
+    let load = LoadPath::affine(vec![1.0, 0.0], vec![0.0, 1.0]);
+    let body = ContactBody::new(Matrix::identity(2), row(0), vec![row(1)], load).unwrap();
+    // F' = −6 exp(−10 u) or −6 (1 + 10 u)^−2 where the slip begins: 1 + (1 + β) F' = 0 at u = 0 for β = −5/6.
+    let exponential = FrictionCurve::exponential(0.8, 0.2, 0.1).unwrap();
+    let function = FrictionCurve::function(|u| {
+        let shrink = 1.0 / (1.0 + 10.0 * u);
+        (0.2 + 0.6 * shrink, -6.0 * shrink * shrink)
+    });
+    let root = (3f64.sqrt() - 1.0) / 10.0;
+    for (curve, slip) in [(exponential, 3f64.ln() / 10.0), (function, root)] {
+        let law = PlanarCoulomb::new(FrictionCoefficient::uniform(curve.clone()));
+        let problem = CondensedContact::new(body.clone(), law.clone()).unwrap();
+        let family = problem.with_second_parameter(vec![1.0, 0.0], law).unwrap();
+        let traction = 0.5 * curve.value(slip).0;
+        let (set, x) = FoldSet::new(&family, &[0.5, traction, slip + traction, -0.5]).unwrap();
+        let options = ContinuationOptions::default().with_parameter_range((-0.99, 0.0));
+        let branch = Branch::follow(&set, &x, Direction::Decreasing, options).unwrap();
+        assert_eq!(branch.termination, Termination::End, "{curve:?}");
+        let end = set.family_point(&branch.transitions[0].x);
+        for (found, exact) in end.iter().zip([1.0 / 6.0, 0.8 / 6.0, 0.8 / 6.0, -5.0 / 6.0]) {
+            assert!((found - exact).abs() < 1e-9, "{end:?}");
+        }
+    }
+}
+
+/// (β² − 0.2) y + |y|/4 = α has kinks y = 0, which are folds where β² < 0.45. Another unknown is 0 but for rounding: 1e-20 sin(10⁵ β).
+#[derive(Debug)]
+struct Rounding;
+
+impl PiecewiseSmooth for Rounding {
+    two_pieces!(self, [negative, positive], 4, 2, 1);
+    fn test_functions(&self, x: &[f64], out: &mut [f64]) {
+        out[0] = x[0];
+    }
+    fn residual(&self, s: &Selection, x: &[f64], out: &mut [f64]) {
+        let slope = x[3] * x[3] - 0.2 + 0.25 * (s.piece(0) as f64 * 2.0 - 1.0);
+        out[0] = slope * x[0] - x[2];
+        out[1] = x[1] - 1e-20 * (1e5 * x[3]).sin();
+    }
+    fn jacobian(&self, s: &Selection, x: &[f64], jac: &mut Matrix) {
+        let slope = x[3] * x[3] - 0.2 + 0.25 * (s.piece(0) as f64 * 2.0 - 1.0);
+        jac.add(0, 0, slope);
+        jac.add(0, 2, -1.0);
+        jac.add(0, 3, 2.0 * x[3] * x[0]);
+        jac.add(1, 1, 1.0);
+        jac.add(1, 3, -1e-15 * (1e5 * x[3]).cos());
+    }
+}
+
+/// What moves by rounding alone is no measure for the planes in which points between neighbours are found.
+#[test]
+fn folds_begin_beside_unknowns_that_are_rounding() {
+    let set = TransitionSet::new(Rounding, 0, 0).unwrap();
+    let options = ContinuationOptions::default().with_parameter_range((-1.0, 2.0));
+    let line = Branch::follow(&set, &[0.0, 0.0, 0.0, -1.0], Direction::Increasing, options).unwrap();
+    assert_eq!(line.termination, Termination::ParameterRange);
+    let changes = set.character_changes(&line).unwrap();
+    assert_eq!(changes.len(), 2, "{changes:?}");
+    for (change, beta) in changes.iter().zip([-0.45f64.sqrt(), 0.45f64.sqrt()]) {
+        let [y, _, alpha, found] = change.x[..] else {
+            panic!("four variables");
+        };
+        assert!(
+            (found - beta).abs() < 1e-9 && y.abs().max(alpha.abs()) < 1e-12,
+            "{change:?}"
+        );
+        assert_eq!(change.folds_before, beta > 0.0);
+    }
+}

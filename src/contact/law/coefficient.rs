@@ -119,16 +119,15 @@ impl FrictionCurve {
         Self(Curve::Function(Arc::new(function)))
     }
 
-    /// F(ξ) and F'(ξ). For ξ < 0, where selections are evaluated beyond their cells, a smooth continuation that stays positive: the tangent
-    /// at 0 where F' ≤ 0, a hyperbola otherwise.
+    /// F(ξ) and F'(ξ). For ξ < 0, where selections are evaluated beyond their cells, a smooth continuation that stays positive:
+    /// F(−ξ) + 2 F'(0) ξ where F'(0) ≤ 0, which has the curvature of F, too; a hyperbola otherwise.
     #[must_use]
     pub fn value(&self, slip: f64) -> (f64, f64) {
         if let Curve::Constant(c) = self.0 {
             return (c, 0.0);
         }
         if slip < 0.0 {
-            let (value, slope) = self.value(0.0);
-            let (f, by_slip, _) = continued(value, slope, slip);
+            let [f, by_slip, _] = continued(of_slip(self, 0.0), of_slip(self, -slip), slip);
             return (f, by_slip);
         }
         match &self.0 {
@@ -181,18 +180,28 @@ impl FrictionCurve {
     }
 }
 
-/// F at a slip below 0 from F(0) and F'(0), its derivative, and that with respect to F(0).
+/// F and its derivatives with respect to slip and α at a slip below 0, from those at 0 and at the slip without its sign.
 ///
-/// Were F negative there, a node could lie in the cells of slip to both sides.
-fn continued(value: f64, slope: f64, slip: f64) -> (f64, f64, f64) {
+/// Were F negative there, a node could lie in the cells of slip to both sides. Curves of folds end at slip 0, and see second derivatives. The
+/// derivative of F' with respect to α is not known: the last one is exact to first order in the slip.
+fn continued(zero: [f64; 3], mirrored: [f64; 3], slip: f64) -> [f64; 3] {
+    let [value, slope, rate] = zero;
     if slope <= 0.0 {
-        return (value + slope * slip, slope, 1.0);
+        return [
+            mirrored[0] + 2.0 * slope * slip,
+            2.0 * slope - mirrored[1],
+            2.0 * rate - mirrored[2],
+        ];
     }
     if value <= 0.0 {
-        return (0.0, 0.0, 0.0);
+        return [0.0; 3];
     }
     let shrink = 1.0 / (1.0 - slope * slip / value);
-    (value * shrink, slope * shrink * shrink, shrink * (2.0 - shrink))
+    [
+        value * shrink,
+        slope * shrink * shrink,
+        rate * shrink * (2.0 - shrink),
+    ]
 }
 
 fn check(value: f64, slip: f64) -> Result<(), ContactError> {
@@ -391,9 +400,7 @@ impl FrictionCoefficient {
                 [alpha * value, alpha * slope, value]
             }
             Shape::Function(function) if slip < 0.0 => {
-                let [value, slope, rate] = function(node, 0.0, alpha);
-                let (f, by_slip, by_value) = continued(value, slope, slip);
-                [f, by_slip, by_value * rate]
+                continued(function(node, 0.0, alpha), function(node, -slip, alpha), slip)
             }
             Shape::Function(function) => function(node, slip, alpha),
         };
@@ -517,6 +524,28 @@ mod tests {
             ];
             for (found, exact) in [value, slope, rate].into_iter().zip(exact) {
                 assert!((found - exact).abs() < 1e-15 * (1.0 + exact), "{found} {exact}");
+            }
+        }
+    }
+
+    /// Where F falls its continuation has the same curvature at 0, stays positive and has its derivatives.
+    #[test]
+    fn falling_coefficients_are_continued_with_their_curvature() {
+        let exponential = FrictionCurve::exponential(0.8, 0.2, 0.1).unwrap();
+        let table = FrictionCurve::table(&[(0.0, 0.9), (0.5, 0.3), (1.0, 0.1), (2.0, 0.05)]).unwrap();
+        let function = FrictionCurve::function(|s| (1.0 / (1.0 + s), -(1.0 + s).powi(-2)));
+        for curve in [exponential, table, function] {
+            let curvature = |a: f64, b: f64| (curve.value(b).1 - curve.value(a).1) / (b - a);
+            let (before, after) = (curvature(-1e-6, 0.0), curvature(0.0, 1e-6));
+            assert!(
+                (before - after).abs() < 1e-3 * after.abs(),
+                "{curve:?} {before} {after}"
+            );
+            for s in [-1e-3, -0.1, -0.7, -5.0, -1e9] {
+                let h = 1e-6 * f64::max(1.0, -s);
+                let difference = (curve.value(s + h).0 - curve.value(s - h).0) / (2.0 * h);
+                let (value, slope) = curve.value(s);
+                assert!(value > 0.0 && (difference - slope).abs() < 1e-6, "{curve:?} {s}");
             }
         }
     }

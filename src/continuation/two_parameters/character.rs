@@ -3,8 +3,10 @@ use super::transition_set::Determinants;
 use crate::continuation::Branch;
 use crate::linear::{AutoSolver, LinearError};
 use crate::newton::MoorePenrose;
-use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Scaled, Selection, check_selection, check_vector};
-use crate::sparse::norm;
+use crate::piecewise::{
+    PiecewiseError, PiecewiseSmooth, Scaled, Selection, check_selection, check_sizes, check_vector,
+};
+use crate::sparse::{dot, norm};
 
 /// A point of a [`TransitionSet`] where folds begin or end along it.
 #[derive(Debug, Clone, PartialEq)]
@@ -40,7 +42,10 @@ impl<P: PiecewiseSmooth> TransitionSet<P> {
             check_vector("a point of the curve", node.x, self.num_vars())?;
             check_selection("the selection of a point of the curve", node.after, self)?;
         }
-        let scaled = Scaled::with_divisors(self, extents(&nodes, self.num_vars()))?;
+        let mut sizes = vec![1.0; self.num_vars()];
+        self.typical_sizes(&mut sizes);
+        check_sizes(&sizes, self.num_vars())?;
+        let scaled = Scaled::with_divisors(self, extents(&nodes, &sizes))?;
         let mut tools = Tools {
             corrector: MoorePenrose::new(&scaled, AutoSolver::default())?,
             determinants: self.determinants(),
@@ -107,22 +112,27 @@ fn nodes_of(curve: &Branch) -> Vec<Node<'_>> {
     nodes
 }
 
-/// How far each variable moves along the curve: the units in which its planes are normal to it.
-fn extents(nodes: &[Node<'_>], vars: usize) -> Vec<f64> {
+/// How far each variable moves along the curve: the units in which its planes are normal to it. What moves by rounding has the least of them.
+fn extents(nodes: &[Node<'_>], sizes: &[f64]) -> Vec<f64> {
     const LEAST: f64 = 1e-8;
-    let extent = |j: usize| {
+    let range = |j: usize| {
         let values = nodes.iter().map(|n| n.x[j]);
-        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
+        values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
             (l.min(v), h.max(v))
-        });
-        let extent = (high - low).max(LEAST * low.abs().max(high.abs()));
+        })
+    };
+    let ranges: Vec<_> = (0..sizes.len()).map(range).collect();
+    let farthest = |((low, high), s): (&(f64, f64), &f64)| low.abs().max(high.abs()) / s;
+    let largest = ranges.iter().zip(sizes).map(farthest).fold(0.0, f64::max);
+    let extent = |((low, high), s): (&(f64, f64), &f64)| {
+        let extent = (high - low).max(LEAST * largest * s);
         if extent > 0.0 && extent.is_finite() {
             extent
         } else {
             1.0
         }
     };
-    (0..vars).map(extent).collect()
+    ranges.iter().zip(sizes).map(extent).collect()
 }
 
 /// Made once for all stretches of a curve.
@@ -182,13 +192,49 @@ impl<'s, P: PiecewiseSmooth> Stretch<'s, P> {
 
     /// The point (y, α, β) over the chord at distance s from the first node.
     fn at(&mut self, s: f64) -> Result<Vec<f64>, PiecewiseError> {
-        let mut z: Vec<f64> = self
-            .anchor
-            .iter()
-            .zip(&self.normal)
-            .map(|(a, n)| a + s * n)
-            .collect();
+        let (anchor, mut t) = (self.anchor.clone(), self.normal.clone());
+        let found = match self.corrected(&anchor, s, s, &mut t)? {
+            Some(z) => Some(z),
+            None => self.walk(s)?,
+        };
+        let mut z = found.ok_or_else(|| LinearError::Solver {
+            what: "no point of the curve was found between two neighbours: follow it in shorter steps (max_step)"
+                .to_owned(),
+        })?;
+        self.scaled.unscale(&mut z);
+        Ok(z)
+    }
+
+    /// The point at s, reached from the first node along tangents, in steps as long as corrections serve.
+    fn walk(&mut self, s: f64) -> Result<Option<Vec<f64>>, PiecewiseError> {
+        const TRIALS: usize = 60;
         let mut t = self.normal.clone();
+        let Some(mut z) = self.corrected(&self.anchor.clone(), 0.0, 0.0, &mut t)? else {
+            return Ok(None);
+        };
+        let (mut reached, mut step) = (0.0, 0.5 * s);
+        for _ in 0..TRIALS {
+            let next = (reached + step).min(s);
+            let mut turned = t.clone();
+            match self.corrected(&z, next - reached, next, &mut turned)? {
+                Some(found) if next == s => return Ok(Some(found)),
+                Some(found) => (z, t, reached, step) = (found, turned, next, 2.0 * step),
+                None => step *= 0.5,
+            }
+        }
+        Ok(None)
+    }
+
+    /// The point at s, corrected from what the tangent t says of it at a distance from z; t becomes the tangent there.
+    fn corrected(
+        &mut self,
+        z: &[f64],
+        distance: f64,
+        s: f64,
+        t: &mut [f64],
+    ) -> Result<Option<Vec<f64>>, PiecewiseError> {
+        let along = distance / dot(t, &self.normal);
+        let mut z: Vec<f64> = z.iter().zip(&*t).map(|(z, t)| z + along * t).collect();
         let (anchor, normal) = (&self.anchor, &self.normal);
         let corrected = (self.tools.corrector).correct_in_plane(
             self.scaled,
@@ -197,17 +243,9 @@ impl<'s, P: PiecewiseSmooth> Stretch<'s, P> {
             normal,
             s,
             &mut z,
-            &mut t,
+            t,
         )?;
-        if !corrected.converged {
-            return Err(LinearError::Solver {
-                what: "no point of the curve was found between two neighbours: follow it in shorter steps (max_step)"
-                    .to_owned(),
-            }
-            .into());
-        }
-        self.scaled.unscale(&mut z);
-        Ok(z)
+        Ok(corrected.converged.then_some(z))
     }
 
     fn determinant(&mut self, side: usize, s: f64) -> Result<Option<(i8, f64)>, PiecewiseError> {

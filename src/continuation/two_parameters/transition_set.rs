@@ -11,7 +11,8 @@ use crate::sparse::{Matrix, Pattern};
 ///
 /// The family is a map of n residuals in n + 2 variables, the parameters α and β last; the equation θ_k(y, α, β) = 0 is appended. At
 /// the site of θ_k only the pieces on one side of its facet are kept, without that facet: on θ_k = 0 the pieces of the other side say
-/// the same. Transitions of the curve are its points of codimension two, where a second test function vanishes.
+/// the same, up to the walls of the pieces kept: where a coefficient of friction falls below 0 the curve ends, though a node that only
+/// touches would go on. Transitions of the curve are its points of codimension two, where a second test function vanishes.
 ///
 /// A non-smooth fold is followed in the same way: [`is_fold`](Self::is_fold) tells where along the curve α folds.
 ///
