@@ -155,6 +155,10 @@ pub enum CoherentOrientation {
 
 /// Examines up to `cap` active selections at x for coherent orientation of ∇_yH (the first n columns of ∇H).
 ///
+/// Signs are those of an LU factorisation in floating-point numbers. A matrix counts as singular, sign 0, where its reciprocal condition
+/// number, rows and columns equilibrated so that units of H and y do not matter, is below 1e-14; [`local_uniqueness`](super::local_uniqueness)
+/// and [`bd_regularity`](super::bd_regularity) ask for 1e-11. Integer matrices of order 4 with entries up to 9, say, are far from either.
+///
 /// # Errors
 /// Wrong lengths, maps with neither m = n nor m = n + 1, Jacobians that are not finite, and matrices so large that no determinant
 /// is available ([`LinearError::Solver`](crate::linear::LinearError::Solver)).

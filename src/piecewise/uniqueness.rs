@@ -152,6 +152,9 @@ impl LocalUniqueness {
 ///   often, and is a homeomorphism exactly if that is once. At most four cells cannot wind twice (D. Kuhn, R. Löwen, Linear Algebra
 ///   Appl. 96 (1987), Theorem 5.3: at most four round each face of codimension two); of more, the preimages of one value are counted.
 ///
+/// A ∇_yH^(σ) counts as singular where its reciprocal condition number, rows and columns equilibrated so that units do not matter, is below
+/// 1e-11.
+///
 /// The constant holds in the limit of small neighbourhoods, in the maximum norm.
 ///
 /// For discrete Coulomb friction with F > 0, a Lipschitz function of the load is locally one of F too (Haslinger, Janovský and

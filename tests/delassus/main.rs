@@ -140,6 +140,27 @@ fn forces_beyond_all_squares_are_no_solution() {
     assert_eq!(p.residual(&[0.0, 0.0]).unwrap(), 0.0);
 }
 
+/// Skew matrices, whose diagonals vanish, have units, too.
+#[test]
+fn units_of_skew_matrices_do_not_matter() {
+    let of = |unit: f64, r: [f64; 2]| {
+        let matrix = Matrix::from_rows(&[[0.0, -0.5 * unit], [0.5 * unit, 0.0]]).unwrap();
+        let problem = DelassusProblem::new(2, matrix, vec![-0.25, 1.0], vec![0.2]).unwrap();
+        (
+            problem.residual(&r.map(|r| r / unit)).unwrap(),
+            solve(&problem).status,
+        )
+    };
+    let (known, status) = of(1.0, [1.0, 0.125]);
+    for exponent in [-60, -10, 10, 60] {
+        let (residual, other) = of(2_f64.powi(exponent), [1.0, 0.125]);
+        assert!(
+            (residual - known).abs() < 1e-14 && other == status,
+            "2^{exponent}: {residual}, {known}"
+        );
+    }
+}
+
 /// M (10, 1) = 0, which jams a contact with μ = 0.2: beside reactions of 1e17 in this direction nothing is left of q, by which bodies
 /// overlap.
 #[test]

@@ -13,6 +13,7 @@ use semismooth::sparse::Matrix;
 use super::certificates::Sectors;
 use super::dense::eliminate;
 use super::maps::two_pieces;
+use super::random::Random;
 
 const CAP: u64 = 1000;
 
@@ -461,6 +462,77 @@ fn strong_regularity_of_boxed_problems_with_a_parameter() {
         let found = strong_regularity(&problem, &x, 1e-9, CAP).unwrap();
         check_mixture(&problem, &x, &found);
     }
+}
+
+/// The determinant of an integer matrix, exactly.
+fn integer_det(m: &[Vec<i64>]) -> i64 {
+    let minor = |j: usize| -> Vec<Vec<i64>> {
+        let without = |row: &Vec<i64>| [&row[..j], &row[j + 1..]].concat();
+        m[1..].iter().map(without).collect()
+    };
+    let sign = |j: usize| if j.is_multiple_of(2) { 1 } else { -1 };
+    match m {
+        [] => 1,
+        _ => (0..m.len())
+            .map(|j| sign(j) * m[0][j] * integer_det(&minor(j)))
+            .sum(),
+    }
+}
+
+/// At the origin every active set of the normal map of LCP(0, M) has points nearby: all principal minors count, in exact arithmetic.
+#[test]
+fn verdicts_on_integer_matrices_are_those_of_their_minors() {
+    let mut random = Random::new(5);
+    let mut met = [0; 3];
+    for _ in 0..2000 {
+        let (n, bound) = (1 + random.below(4), [1, 2, 9][random.below(3)]);
+        let mut m: Vec<Vec<i64>> = (0..n)
+            .map(|_| {
+                (0..n)
+                    .map(|_| random.below(2 * bound + 1) as i64 - bound as i64)
+                    .collect()
+            })
+            .collect();
+        match random.below(3) {
+            // Singular, or nearly so.
+            0 => m[n - 1] = m[0].iter().map(|v| 2 * v).collect(),
+            1 => (0..n).for_each(|i| m[i][i] = m[i].iter().map(|v| v.abs()).sum::<i64>().max(1)),
+            _ => {}
+        }
+        let minors = (1..1_usize << n).map(|set| {
+            let of = |v: &[i64]| {
+                (0..n)
+                    .filter(|i| set >> i & 1 == 1)
+                    .map(|i| v[i])
+                    .collect::<Vec<_>>()
+            };
+            let rows: Vec<_> = (0..n).filter(|i| set >> i & 1 == 1).map(|i| of(&m[i])).collect();
+            integer_det(&rows)
+        });
+        let (positive, regular) = minors.fold((true, true), |(p, r), d| (p && d > 0, r && d != 0));
+        let rows: Vec<Vec<f64>> = m
+            .iter()
+            .map(|row| row.iter().map(|v| *v as f64).collect())
+            .collect();
+        let lcp = Lcp::new(Matrix::from_rows(&rows).unwrap(), vec![0.0; n]).unwrap();
+        let (map, origin) = (NormalMap::new(lcp.mcp()), vec![0.0; n]);
+        let found = coherent_orientation(&map, &origin, 1e-12, CAP).unwrap();
+        let (yes, no) = (
+            matches!(found, CoherentOrientation::Coherent { .. }),
+            matches!(found, CoherentOrientation::Incoherent { .. }),
+        );
+        assert_eq!((yes, no), (positive, !positive), "{m:?}");
+        let found = bd_regularity(&map, &origin, 1e-12, CAP).unwrap();
+        assert_eq!((found.is_regular(), found.fails()), (regular, !regular), "{m:?}");
+        let found = strong_regularity(lcp.mcp(), &origin, 1e-12, CAP).unwrap();
+        assert_eq!(
+            (found.is_regular(), found.fails()),
+            (positive, !positive),
+            "{m:?}"
+        );
+        met[usize::from(positive) + usize::from(regular)] += 1;
+    }
+    assert!(met.iter().all(|count| *count > 200), "{met:?}");
 }
 
 proptest! {

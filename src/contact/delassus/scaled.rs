@@ -1,5 +1,6 @@
 use super::DelassusProblem;
 use super::cone::natural_residual;
+use crate::sparse::max_abs;
 
 /// A vector of blocks, one a contact.
 pub(super) type Vector<const D: usize> = Vec<[f64; D]>;
@@ -164,8 +165,11 @@ impl<const D: usize> Scaled<D> {
             .map(|i| (0..D).map(|k| m.get(i * D + k, i * D + k)).sum::<f64>() / D as f64)
             .collect();
         let largest = means.iter().fold(0.0_f64, |a, b| a.max(*b));
-        // Contacts that cannot move have no scale of their own.
-        let ordinary = if largest > 0.0 { largest } else { 1.0 };
+        // Contacts that cannot move have no scale of their own; where none can, M may be skew.
+        let ordinary = match (largest, max_abs(m.values())) {
+            (d, _) | (0.0, d) if d > 0.0 => d,
+            _ => 1.0,
+        };
         let scale: Vec<f64> = means
             .iter()
             .map(|&d| if d > 1e-13 * largest { d } else { ordinary }.sqrt().recip())
