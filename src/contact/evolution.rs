@@ -386,14 +386,21 @@ fn reach<V: View, L: NodeLaw>(
         .clone()
         .with_parameter_range((begin.min(level), begin.max(level)));
     let mut way: Vec<(f64, Vec<f64>)> = Vec::new();
+    let mut stopped = false;
     let branch = Continuation::new(problem, x, direction, continuation).and_then(|curve| {
         Branch::collect(curve, |event| {
             if let Event::Point(_) | Event::Transition(_) = event {
                 way.push((event.arclength(), event.x().to_vec()));
             }
-            observe(&EvolutionProgress::Point(event))
+            let flow = observe(&EvolutionProgress::Point(event));
+            stopped |= flow.is_break();
+            flow
         })
     });
+    // Perhaps at the last point, where the branch has ended for a reason of its own.
+    if stopped {
+        return Ok(None);
+    }
     let mut jump = || search(problem, x, level, options, observe).map(|end| vec![x.to_vec(), end]);
     // Nodes that slipped start at the boundary of their cells, many at once: where that start is too degenerate Newton decides.
     let branch = match branch {
@@ -407,9 +414,6 @@ fn reach<V: View, L: NodeLaw>(
             }));
         }
     };
-    if branch.termination == Termination::Stopped {
-        return Ok(None);
-    }
     let (folds, transitions) = (branch.folds(), branch.transitions.len());
     let arrives = branch.points.last().is_some_and(|p| p.parameter() == level);
     let arrival = match branch.termination {

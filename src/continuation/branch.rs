@@ -113,9 +113,12 @@ impl Branch {
             updates: 0,
             corrections: 0,
         };
+        // Events found together with one at which the observer stops are kept; it does not see them.
+        let mut stopped = false;
         while let Some(event) = curve.next_event() {
             let event = event?;
-            if observe(&event).is_break() {
+            if !stopped && observe(&event).is_break() {
+                stopped = true;
                 curve.stop();
             }
             match event {

@@ -141,6 +141,35 @@ fn observers_stop_between_levels() {
     }
 }
 
+/// Wherever an observer stops, it sees nothing more, and the levels before are those of the whole history: at the last point of a branch, too,
+/// where nothing is left to be followed.
+#[test]
+fn observers_that_stop_see_nothing_more() {
+    let problem = squares::pushed_block(2, 0.4).unwrap();
+    let start = problem.solve(0.0, None).unwrap();
+    let options = EvolutionOptions::default();
+    let mut events = 0;
+    let whole = evolve_observed(&mut problem.clone(), &start, &[0.4, 0.1], &options, |_| {
+        events += 1;
+        ControlFlow::Continue(())
+    })
+    .unwrap();
+    for last in 1..=events {
+        let mut seen = 0;
+        let steps = evolve_observed(&mut problem.clone(), &start, &[0.4, 0.1], &options, |_| {
+            seen += 1;
+            if seen == last {
+                ControlFlow::Break(())
+            } else {
+                ControlFlow::Continue(())
+            }
+        })
+        .unwrap();
+        assert_eq!(seen, last, "of {events}");
+        assert_eq!(steps, whole[..steps.len()]);
+    }
+}
+
 /// Without friction there is nothing to dissipate or to remember: levels alone decide.
 #[test]
 fn no_friction_no_memory() {
