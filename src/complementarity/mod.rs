@@ -28,10 +28,11 @@
 //! * |fᵢ| ≤ τ Sᵢ.
 //!
 //! The largest error in this sense is [`McpReport::error`]. It does not change with the units of rows and unknowns, and no start enters
-//! it. Three provisos: where F is curved, terms count only where they stay the same, to a factor of two, on one side of x, its components
-//! changed by twice the error (beside a singularity of F they are large without a solution near); far out, where the constants of all rows (their terms without the xⱼ between bounds) of a block, unknowns that
-//! entries of J connect, are less than 1e-6 of their terms, errors are compared with the constants instead, as along a direction that rows hardly see every residual is small relative to
-//! its terms; and beyond |xⱼ| = 2⁴⁸ nothing is solved. What is only the rounding of huge terms is [`McpStatus::AtRounding`]. All solvers
+//! it. Three provisos. Where F is curved, terms count only where they stay the same, to a factor of two, on one side of x, its components
+//! changed by twice the error: beside a singularity of F they are large without a solution near. Far out, where the constants of all rows
+//! (their terms without the xⱼ between bounds) of a block, unknowns that entries of J connect, are less than 1e-6 of their terms, errors are
+//! compared with the constants instead, as along a direction that rows hardly see every residual is small relative to
+//! its terms. And beyond |xⱼ| = 2⁴⁸ nothing is solved. What is only the rounding of huge terms is [`McpStatus::AtRounding`]. All solvers
 //! of this module go by the rule: McpSolver, [`ActiveSetSolver`](active_set::ActiveSetSolver), [`Nested`](active_set::Nested) and
 //! [`Lemke`](pivoting::Lemke).
 //!

@@ -60,7 +60,9 @@ pub trait NonsmoothFunction {
 
     /// Where Jacobians have entries, over all pieces. Default: found by tracing [`eval`](Self::eval) at two points, the zero vector and one
     /// in (½, ¾)ᵐ, every kink counting as dependent on all of its arguments. A pattern of your own that lacks an entry is
-    /// refused ([`PiecewiseError::StrayEntry`](super::PiecewiseError::StrayEntry)) where the first Jacobian is evaluated.
+    /// refused ([`PiecewiseError::StrayEntry`](super::PiecewiseError::StrayEntry)) where the first Jacobian is evaluated. Where
+    /// [`eval`](Self::eval) branches without a kink, a branch that none of these points takes may have entries that are not seen, and
+    /// Jacobians there are wrong: give the pattern then.
     fn pattern(&self) -> Pattern {
         let (n, m) = (self.num_residuals(), self.num_vars());
         let mut entries = Vec::new();
