@@ -140,6 +140,28 @@ fn infeasible_problems_are_refuted() {
     assert!((value + 1.0).abs() < 1e-9 && ray.radius > 1e6);
 }
 
+/// F(x) = (0, x₁ − 1, x₂) at points far along the axis of the cone: F is as large there as anywhere, and so is what is measured.
+#[test]
+fn residuals_do_not_vanish_along_the_axis() {
+    let matrix = Matrix::from_rows(&[[0.0; 3], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]).unwrap();
+    let function = AffineFunction::new(matrix, vec![0.0, -1.0, 0.0]).unwrap();
+    let problem = ConeProblem::new(function, vec![Cone::SecondOrder(3)]).unwrap();
+    for length in [2.0, 1e4, 1e7, 1e10] {
+        for limit in [3, 4, 5, 6, 100] {
+            let mut x = [length, 2.0, 0.0];
+            let options = ConeOptions::default().with_max_iterations(limit);
+            let report = ConeSolver::new(options).solve(&problem, &mut x).unwrap();
+            let (off, error) = ((x[1] - 1.0).abs(), report.error);
+            // Nothing is measured before the last iterations.
+            let agrees = error == f64::INFINITY || error >= 0.1 * off - 1e-12 && error <= off + 1e-12;
+            assert!(
+                agrees && (limit < 100 || report.is_solved()),
+                "{length:e}: {off:e} {error:e}"
+            );
+        }
+    }
+}
+
 /// With skew M and v = (1, 1, 0) in K, vᵀF(x) = −½ for all x: far out a small relative residual is no solution.
 #[test]
 fn residuals_that_vanish_at_infinity_are_no_solutions() {

@@ -170,6 +170,7 @@ fn what_newton_does_not_solve_the_other_strategies_do() {
     let expected = solve(ReducedOptions::default()).unwrap();
     assert_eq!(expected.strategy, ReducedStrategy::Newton);
     let largest = expected.forces.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+    assert!(ReducedOptions::default().with_tolerance(1e-14).validate().is_ok());
     let few = ReducedOptions::default().with_max_iterations(expected.newton() - 1);
     let steps = solve(few.clone()).unwrap();
     assert_eq!(steps.strategy, ReducedStrategy::LoadSteps);

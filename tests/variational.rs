@@ -202,6 +202,58 @@ fn unbounded_programs_are_refuted_by_a_ray() {
     assert!(-v[0] - 2.0 * v[1] < 0.0 && ray.value < 0.0 && ray.radius > 1e10);
 }
 
+/// With equations, bounds and F(x) = M x + q that varies along the set, each sentence of the definition of a ray holds.
+#[test]
+fn rays_prove_what_they_say() {
+    let q = [-9.0, 1.0, 0.5, -9.0, 0.0];
+    let rows = vec![vec![1.0, 1.0, -1.0, 0.0, 0.0], vec![0.0, 1.0, 0.0, -1.0, 0.0]];
+    let (zero, twice) = (vec![0.0; 5], rows[1].iter().map(|v| 2.0 * v).collect());
+    let m = vec![zero.clone(), zero.clone(), rows[0].clone(), twice, zero];
+    let data = Data {
+        a: vec![vec![-1.0, 0.0, 0.0, 0.0, 1.0]],
+        b: vec![3.0],
+        e: rows,
+        d: vec![1.0, 2.0],
+        lower: vec![-INF, 1.0, -INF, -INF, 0.0],
+        upper: vec![INF, INF, INF, INF, 1.0],
+    };
+    let f = AffineFunction::new(matrix(&m, 5), q.to_vec()).unwrap();
+    let vi = Vi::new(f, data.set()).unwrap();
+    let report = ViSolver::default().solve(&vi, &mut [0.0; 5]).unwrap();
+    assert_eq!(report.status, ViStatus::NoSolution);
+    let ray = report.ray.unwrap();
+    let (v, by) = (&ray.direction, &ray.multipliers);
+    let small = 1e-9 * (1.0 + v.iter().fold(0.0_f64, |m, v| m.max(v.abs())));
+    assert!(data.a.iter().all(|row| dot(row, v) <= small));
+    assert!(data.e.iter().all(|row| dot(row, v).abs() <= small));
+    let lists = [&by.inequalities, &by.lower, &by.upper];
+    assert!(lists.iter().all(|list| list.iter().all(|y| *y >= 0.0)));
+    let mut value = dot(&q, v) + dot(&data.b, &by.inequalities) + dot(&data.d, &by.equations);
+    for j in 0..5 {
+        let along: f64 = (0..5).map(|i| m[i][j] * v[i]).sum();
+        let of_rows = data.a[0][j] * by.inequalities[0]
+            + data.e[0][j] * by.equations[0]
+            + data.e[1][j] * by.equations[1];
+        assert!(
+            (along - of_rows + by.lower[j] - by.upper[j]).abs() <= small,
+            "{j}"
+        );
+        for (bound, rho, sign) in [
+            (data.lower[j], by.lower[j], -1.0),
+            (data.upper[j], by.upper[j], 1.0),
+        ] {
+            assert!(bound.is_finite() || rho == 0.0);
+            assert!(!bound.is_finite() || sign * v[j] <= small);
+            value += if bound.is_finite() {
+                sign * bound * rho
+            } else {
+                0.0
+            };
+        }
+    }
+    assert!((value - ray.value).abs() <= small && ray.value < 0.0);
+}
+
 #[test]
 fn empty_sets_are_proven_empty() {
     let rows = vec![vec![1.0, 1.0], vec![-1.0, -1.0]];

@@ -236,6 +236,29 @@ mod tests {
         }
     }
 
+    /// Where the gap is closed and f = 0, gradients are limits along directions in which f changes at the rate given.
+    #[test]
+    fn gradients_at_kinks_are_limits_along_the_direction() {
+        let inf = f64::INFINITY;
+        for (below, above) in [(0.0, inf), (inf, 0.0), (0.0, 1.0), (1.0, 0.0)] {
+            for (lambda, rate) in [(1.0, 0.7), (1.0, -0.7), (0.8, 3.0), (0.8, -3.0)] {
+                // The penalty of the other bound has a kink at f = 0 of its own.
+                if lambda < 1.0 && below + above == 1.0 {
+                    continue;
+                }
+                let at = |s: f64| {
+                    let (below, above) = (below + s, above - s);
+                    component_gradient(Gap { below, above }, s * rate, lambda, rate)
+                };
+                let ((x, f), (near_x, near_f)) = (at(0.0), at(1e-9));
+                assert!(
+                    (x - near_x).abs() < 1e-7 && (f - near_f).abs() < 1e-7,
+                    "{below} {above} {lambda} {rate}: {x} {f}, {near_x} {near_f}"
+                );
+            }
+        }
+    }
+
     #[test]
     fn gradients_are_those_of_differences() {
         let inf = f64::INFINITY;

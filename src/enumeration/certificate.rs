@@ -144,6 +144,7 @@ struct Identity<'a> {
 mod tests {
     use super::super::table::Sign;
     use super::*;
+    use crate::spread::Random;
 
     fn form(constant: f64, coefficients: &[f64]) -> Form {
         Form {
@@ -174,6 +175,36 @@ mod tests {
         assert!(!proven(&[fixed.clone(), form(0.0, &[-1.0, 2.0])], 1e6));
         assert!(!proven(&[fixed.clone(), form(0.0, &[-1.0, 2.0])], 2.0));
         assert!(proven(&[fixed, form(0.0, &[-1.0, 2.0])], 1.9));
+    }
+
+    /// Rows made anew are identities: v = c + Σ aⱼ vⱼ for all unknowns, whether forms or unknowns themselves stand in the columns.
+    #[test]
+    fn rows_made_anew_are_identities() {
+        let mut random = Random::new(1);
+        let mut number = || random.symmetric();
+        let forms: Vec<Form> = (0..3).map(|_| form(number(), &[number(), number()])).collect();
+        let system = System {
+            unknowns: 2,
+            common: forms.clone(),
+            sites: Vec::new(),
+        };
+        let certificates = Certificates::new(&system, vec![1.0; 2]);
+        // The unknowns come behind the forms.
+        for columns in [[0, 1], [1, 3], [4, 0], [3, 4]] {
+            let (constant, coefficients) = certificates.anew(&forms[2], &columns).unwrap();
+            for unknowns in [[0.0, 0.0], [1.0, 0.0], [0.3, -0.7]] {
+                let value = |v: usize| match forms.get(v) {
+                    Some(f) => f.constant + f.coefficients[0] * unknowns[0] + f.coefficients[1] * unknowns[1],
+                    None => unknowns[v - forms.len()],
+                };
+                let sum: f64 = columns
+                    .iter()
+                    .zip(&coefficients)
+                    .map(|(&v, a)| a * value(v))
+                    .sum();
+                assert!((value(2) - constant - sum).abs() < 1e-13, "{columns:?}");
+            }
+        }
     }
 
     /// a (z + c) vanishes where z + c does, but for the rounding of a c: what is left of constants that cancel has no sign.

@@ -302,6 +302,22 @@ mod tests {
         }
     }
 
+    /// Rows and their errors in smaller units span the same space with the same error.
+    #[test]
+    fn errors_of_spaces_are_relative_to_rows() {
+        let mut random = Random::new(5);
+        let forms = [(); 3].map(|()| form(random_vector(&mut random)));
+        let error = Space::of(&[0, 1, 2], &forms).error;
+        for unit in [-30, -3].map(|k| 2f64.powi(k)) {
+            let scaled = forms.clone().map(|f| Form {
+                coefficients: f.coefficients.iter().map(|a| a * unit).collect(),
+                constant: 0.0,
+                error: f.error * unit,
+            });
+            assert_eq!(Space::of(&[0, 1, 2], &scaled).error, error);
+        }
+    }
+
     /// A facet that is no multiple of the other piece's form stays what it is.
     #[test]
     fn other_facets_stay() {

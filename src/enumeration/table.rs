@@ -645,6 +645,23 @@ mod tests {
         })
     }
 
+    /// A variable that other variables are told by is bounded by what constrains itself, and by rows on its way.
+    #[test]
+    fn columns_are_bounded_by_their_own_sign_and_by_rows() {
+        let form = |constant: f64, rate: f64| Form {
+            constant,
+            coefficients: vec![rate],
+            error: EPS,
+        };
+        // y and 1 − y.
+        let forms = [form(0.0, 1.0), form(1.0, -1.0)];
+        let mut table = Table::new(1, forms.iter());
+        table.exchange(0, 0);
+        assert!(!table.is_bounded(0, Sign::Positive) && !table.is_bounded(0, Sign::Negative));
+        assert!(table.constrain(0, Sign::Positive).is_ok());
+        assert!(table.is_bounded(0, Sign::Positive) && !table.is_bounded(0, Sign::Negative));
+    }
+
     /// Exchanges there and back leave the bounds of all of them. A dictionary made anew has the same rows, and bounds that hold, with the factor of
     /// safety, for what rounding errors of the root do to its rows, and are not much larger.
     #[test]

@@ -143,6 +143,43 @@ fn an_isola_is_one_closed_edge() {
     assert_eq!(two.folds().len(), 2);
 }
 
+/// Starts just beyond points of a known edge cut it where they lie, on circles of all sizes, near the origin and far from it.
+#[test]
+fn starts_on_an_edge_cut_it_where_they_lie() {
+    for (radius, centre) in [(1.0, 0.0), (3.0, 1e6)] {
+        let circle = smooth(move |y, a| (y - centre).powi(2) + (a - centre).powi(2) - radius * radius);
+        let on = |angle: f64| [centre + radius * angle.sin(), centre + radius * angle.cos()];
+        let explore =
+            |starts: &[[f64; 2]]| Diagram::explore(&circle, starts, &DiagramOptions::default()).unwrap();
+        let one = explore(&[on(0.3)]);
+        let whole = one.edges()[0].points.last().unwrap().arclength;
+        for point in one.edges()[0].points.iter().skip(2).step_by(3) {
+            let angle = (point.x[0] - centre).atan2(point.x[1] - centre);
+            // The points of the start itself are one vertex.
+            if (angle - 0.3).abs() < 0.2 {
+                continue;
+            }
+            for beyond in [-0.01, 0.01] {
+                let two = explore(&[on(0.3), on(angle + beyond)]);
+                assert_eq!((two.edges().len(), two.components().len()), (2, 1), "{two}");
+                let mut total = 0.0;
+                for edge in two.edges() {
+                    for pair in edge.points.windows(2) {
+                        let [before, after] =
+                            [&pair[0].x, &pair[1].x].map(|x| (x[0] - centre, x[1] - centre));
+                        // The tangent of a circle is perpendicular to its radius; steps go one way round.
+                        let turned = before.0 * after.1 - before.1 * after.0;
+                        let along = -before.1 * pair[0].tangent[0] + before.0 * pair[0].tangent[1];
+                        assert!(turned * along > 0.0 && pair[1].arclength > pair[0].arclength);
+                    }
+                    total += edge.points.last().unwrap().arclength;
+                }
+                assert!((total - whole).abs() < 1e-2 * whole);
+            }
+        }
+    }
+}
+
 #[test]
 fn two_starts_on_a_curve_give_one_component() {
     let case = cases().into_iter().find(|c| c.name == "p2_ex2").unwrap();
@@ -201,6 +238,16 @@ fn a_diagram_of_another_map_is_refused() {
     let larger = smooth(|y, a| y * y + a * a - 1.1);
     let diagram = Diagram::explore(&circle, &[[0.8, 0.6]], &DiagramOptions::default()).unwrap();
     assert_eq!(diagram.solutions_at(&circle, 0.3).unwrap().points.len(), 2);
+    // Points with six digits are points of the diagram.
+    let rounded = smooth(|y, a| y * y + a * a - 1.000_001);
+    let found = diagram.solutions_at(&rounded, 0.3).unwrap();
+    assert!(
+        found
+            .points
+            .iter()
+            .all(|p| (p.x[0].abs() - 0.910_001_f64.sqrt()).abs() < 1e-9)
+    );
+    assert_eq!(found.points.len(), 2);
     match diagram.solutions_at(&larger, 0.3) {
         Err(ContinuationError::OtherMap { residual, .. }) => assert!((residual - 0.1).abs() < 1e-9),
         other => panic!("{other:?}"),

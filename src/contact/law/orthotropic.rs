@@ -271,3 +271,43 @@ impl NodeLaw for OrthotropicCoulomb {
             .try_for_each(|c| check_coefficient(c, v, true))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contact::FrictionCurve;
+
+    /// The slip at which coefficients are taken is smooth where a node comes to rest: its derivatives are differences also there.
+    #[test]
+    fn derivatives_of_the_slip_are_differences_next_to_rest() {
+        let curve = |rest: f64| FrictionCurve::exponential(rest, 0.1, 2.0).unwrap();
+        let [first, second] = [0.6, 0.4].map(|f| FrictionCoefficient::uniform(curve(f)));
+        let law = OrthotropicCoulomb::new(first, second);
+        for slip in [[0.8, 1.5], [-0.3, 0.7], [2.0, -2.5]] {
+            let at = LocalValues {
+                slip: slip.map(|u| u * SHORT),
+                traction: [0.3, -0.2],
+                r: 1.3,
+                ..LocalValues::default()
+            };
+            let (value, row) = law.signed_slip(&at);
+            for k in 0..2 {
+                let difference = |step: f64, of: fn(&mut LocalValues) -> &mut [f64; 2]| {
+                    let moved = [step, -step].map(|h| {
+                        let mut v = at;
+                        of(&mut v)[k] += h;
+                        law.signed_slip(&v).0
+                    });
+                    (moved[0] - moved[1]) / (2.0 * step)
+                };
+                let by_traction = difference(1e-5, |v| &mut v.traction);
+                assert!(
+                    (row.traction[k] - by_traction).abs() < 1e-6 * value.abs(),
+                    "{slip:?} {k}"
+                );
+                let by_slip = difference(1e-4 * SHORT, |v| &mut v.slip);
+                assert!((row.slip[k] - by_slip).abs() < 1e-6, "{slip:?} {k}");
+            }
+        }
+    }
+}

@@ -217,7 +217,6 @@ impl Diagram {
     }
 }
 
-/// The point at `alpha` between two neighbouring points, by bisected secants along the chord, then exactly onto α.
 /// A point of the diagram solves the equation of the map.
 fn belongs(map: &dyn PiecewiseSmooth, point: &Point) -> Result<(), ContinuationError> {
     const FAR: f64 = 1e-5;
@@ -236,6 +235,7 @@ fn belongs(map: &dyn PiecewiseSmooth, point: &Point) -> Result<(), ContinuationE
     })
 }
 
+/// The point at `alpha` between two neighbouring points, by bisected secants along the chord, then exactly onto α.
 fn onto_parameter(
     map: &dyn PiecewiseSmooth,
     corrector: &mut MoorePenrose<AutoSolver>,
