@@ -4,6 +4,7 @@ use std::ops::ControlFlow;
 
 use super::curves::{follow, lens, near, parabola_and_line, two_arcs, within};
 use super::maps::Plane;
+use crate::squares;
 use semismooth::continuation::{
     Branch, Continuation, ContinuationError, ContinuationOptions, Diagram, DiagramOptions, Direction, Event,
     FoldSet, PointKind, Termination, arms_at,
@@ -267,6 +268,25 @@ fn a_row_of_the_other_sign_is_an_error() {
     match found {
         Err(ContinuationError::Orientation { parameter, .. }) => assert!(parameter.abs() < 1e-12),
         other => panic!("{other:?}"),
+    }
+}
+
+/// Transitions within rounding of a bound lie on either side of it; the curve ends on the bound all the same.
+#[test]
+fn curves_end_on_bounds_next_to_transitions() {
+    let problem = squares::pushed_block(4, 0.4).unwrap();
+    let start = problem.solve(0.0, None).unwrap();
+    let follow =
+        |upper| Branch::follow(&problem, &start, Direction::Increasing, within((0.0, upper))).unwrap();
+    let transitions = follow(1.0).transitions;
+    assert_eq!(transitions.len(), 6);
+    for at in transitions.iter().map(|t| t.parameter()) {
+        for ulps in -8..=8 {
+            let upper = at + f64::from(ulps) * (at.next_up() - at);
+            let branch = follow(upper);
+            assert_eq!(branch.termination, Termination::ParameterRange);
+            assert_eq!(branch.points.last().unwrap().parameter(), upper);
+        }
     }
 }
 

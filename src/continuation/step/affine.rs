@@ -44,10 +44,11 @@ impl Curve<'_> {
         for (value, is_bound) in targets.chain([(lower, true), (upper, true)]) {
             let ahead = (value - alpha) / rate;
             let leaves = !is_bound || (value == upper) == (rate > 0.0);
-            let reached = if is_bound { ahead >= 0.0 } else { ahead > 0.0 };
+            // A transition next to a bound may lie behind it by rounding.
+            let reached = is_bound || ahead > 0.0;
             if leaves && reached && ahead.is_finite() && ahead < s {
                 (s, event) = (
-                    ahead,
+                    ahead.max(0.0),
                     Some(Monitor::Parameter {
                         value,
                         last: is_bound,
