@@ -1,19 +1,21 @@
 //! Newton's method for a condensed problem with all that is known node by node eliminated first.
 
+use std::collections::HashMap;
+
 use crate::contact::Contact;
-use crate::contact::law::{LocalRow, NodeLaw};
+use crate::contact::law::{LocalRow, LocalValues, NodeLaw};
 use crate::contact::solution::piece_of;
 use crate::interface::View;
 use crate::linear::{DenseLu, LinearSolver};
 use crate::piecewise::PiecewiseSmooth;
 use crate::sparse::{Matrix, Pattern};
 
-/// Most iterations; the general method takes over where they do not do.
-const ITERATIONS: usize = 40;
-
 /// A residual against the largest force that is rounding, and one that is where it no longer falls.
 const ROUNDING: f64 = 1e-14;
 const NEARLY: f64 = 1e-10;
+
+/// Residuals that are not below this share of the one with the same pieces before do not fall.
+const PROGRESS: f64 = 0.9;
 
 /// Smallest pivot of a node's block against its largest entry.
 const PIVOT: f64 = 1e-12;
@@ -124,7 +126,7 @@ fn pivot(m: &[[f64; 3]; 3], rows: std::ops::Range<usize>, blocks: usize, used: &
     at
 }
 
-/// Improves x by full Newton steps until the residual is rounding, or an affine selection comes back; false where that fails, and in
+/// Improves x by Newton steps (full ones, shorter ones where these go round in a cycle) until the residual is rounding, or an affine selection comes back; false where that fails, and in
 /// full form.
 ///
 /// Open nodes have known forces, in the plane slipping ones have λt = ±F λν, in space one of their three equations is one between
@@ -148,7 +150,9 @@ pub(in crate::contact) fn reduced_newton<V: View>(
     let (mut s, mut image, mut column) = (vec![0.0; q], vec![0.0; q], vec![0.0; q]);
     let mut lu = DenseLu::new();
     let mut before = f64::INFINITY;
-    for _ in 0..max_iterations.min(ITERATIONS) {
+    let mut seen = HashMap::new();
+    let mut cycles = false;
+    for _ in 0..max_iterations {
         let (mut order, mut worst, mut size, mut changed) = (0, 0.0f64, 0.0f64, false);
         let values = problem.nodes(x);
         if values.len() != p {
@@ -178,6 +182,8 @@ pub(in crate::contact) fn reduced_newton<V: View>(
             return true;
         }
         before = worst;
+        let known = seen.insert(pieces.clone(), worst);
+        cycles |= known.is_some_and(|known| worst > PROGRESS * known);
         for (i, node) in nodes.iter().enumerate() {
             for b in 0..blocks {
                 s[b * p + i] = node.s[b];
@@ -228,9 +234,43 @@ pub(in crate::contact) fn reduced_newton<V: View>(
         for (i, node) in nodes.iter().enumerate() {
             for b in 0..blocks {
                 let moved: f64 = (0..node.rank).map(|m| node.t[b][m] * rhs[node.first + m]).sum();
-                x[b * p + i] += node.s[b] + moved;
+                s[b * p + i] += moved;
             }
         }
+        // Full steps that come back to the same pieces without progress go round for ever.
+        if cycles {
+            if !descend(problem, x, &s) {
+                return false;
+            }
+        } else {
+            x.iter_mut().zip(&s).for_each(|(x, d)| *x += d);
+        }
     }
+    false
+}
+
+/// Goes along the step as far as the residual falls, by halving; `false` where it does not.
+fn descend<V: View>(problem: &Contact<V, &dyn NodeLaw>, x: &mut [f64], step: &[f64]) -> bool {
+    const HALVINGS: i32 = 12;
+    let law = *problem.node_law();
+    let blocks = problem.num_residuals() / problem.num_contacts();
+    let squares = |x: &[f64]| -> f64 {
+        let square = |v: &LocalValues| {
+            let h = law.residual(piece_of(law, v), v);
+            h[..blocks].iter().map(|h| h * h).sum::<f64>()
+        };
+        problem.nodes(x).iter().map(square).sum()
+    };
+    let (start, before) = (x.to_vec(), squares(x));
+    for halvings in 0..HALVINGS {
+        let length = 0.5_f64.powi(halvings);
+        for ((x, start), d) in x.iter_mut().zip(&start).zip(step) {
+            *x = start + length * d;
+        }
+        if squares(x) < (1.0 - 1e-4 * length) * before {
+            return true;
+        }
+    }
+    x.copy_from_slice(&start);
     false
 }
