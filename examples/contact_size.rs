@@ -4,8 +4,10 @@
 //! curved, in a foundation of the same shape.
 //! You will see displacements, contact nodes, the route, the time of each phase (mesh, assembly, factorisation or multigrid, first solve,
 //! a further solve at another load), Newton steps and Krylov iterations, the states of the nodes, and the peak memory, row by row.
+//! With --follow the load path of condensed problems is followed from α = 1 down to 0: the number of transitions, how many nodes they are
+//! at, and how often a matrix was factored.
 //! Run: cargo run --release --example contact_size [-- --plane 999x500] [--solid 40x38x20] [--mesh body.msh] [--friction 0.8]
-//! [--route displacements]
+//! [--route displacements] [--follow]
 
 #[macro_use]
 mod common;
@@ -15,11 +17,12 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use clap::Parser;
-use common::{Outcome, exit};
+use common::{Outcome, ensure, exit};
 use semismooth::contact::{
     CondensedContact, ContactBody, ContactError, ContactSolution, FrictionCoefficient, FrictionCurve,
     LoadPath, NodeLaw, OrthotropicCoulomb, PlanarCoulomb, ReducedBody, ReducedContact, ReducedOptions,
 };
+use semismooth::continuation::{Branch, ContinuationOptions, Direction};
 use semismooth::fem::{ContactRows, ElasticSystem, Elasticity, Foundation, Material, Mesh, read_gmsh};
 use semismooth::sparse::Matrix;
 
@@ -46,6 +49,9 @@ struct Args {
     /// "condensed", "displacements", or "auto": by size.
     #[arg(long, default_value = "auto")]
     route: String,
+    /// Follows the load path of condensed problems from α = 1 down to 0.
+    #[arg(long)]
+    follow: bool,
 }
 
 fn main() -> ExitCode {
@@ -81,7 +87,7 @@ fn run(args: &Args) -> Outcome<()> {
             &ground(2),
             begun,
             PlanarCoulomb::new(friction()?),
-            &args.route,
+            args,
         )?;
     }
     for cells in &solid {
@@ -89,7 +95,7 @@ fn run(args: &Args) -> Outcome<()> {
         let begun = Instant::now();
         let mesh = Mesh::block([0.0; 3], [2.0, 2.0, 1.0], n)?;
         let law = OrthotropicCoulomb::isotropic(friction()?);
-        measure(cells, mesh, &ground(3), begun, law, &args.route)?;
+        measure(cells, mesh, &ground(3), begun, law, args)?;
     }
     for path in &args.mesh {
         let begun = Instant::now();
@@ -99,17 +105,10 @@ fn run(args: &Args) -> Outcome<()> {
             .map_or_else(String::new, |n| n.to_string_lossy().into());
         let bed = Foundation::gap(|_| 0.0);
         if mesh.dim() == 2 {
-            measure(
-                &name,
-                mesh,
-                &bed,
-                begun,
-                PlanarCoulomb::new(friction()?),
-                &args.route,
-            )?;
+            measure(&name, mesh, &bed, begun, PlanarCoulomb::new(friction()?), args)?;
         } else {
             let law = OrthotropicCoulomb::isotropic(friction()?);
-            measure(&name, mesh, &bed, begun, law, &args.route)?;
+            measure(&name, mesh, &bed, begun, law, args)?;
         }
     }
     Ok(())
@@ -143,7 +142,7 @@ fn measure<L: NodeLaw>(
     foundation: &Foundation,
     begun: Instant,
     law: L,
-    route: &str,
+    args: &Args,
 ) -> Outcome<()> {
     let mut lap = Lap(begun);
     let dim = mesh.dim();
@@ -152,7 +151,7 @@ fn measure<L: NodeLaw>(
         .fix("left")
         .discretize()?;
     let free = system.num_free();
-    let condensed = match route {
+    let condensed = match args.route.as_str() {
         "condensed" => true,
         "displacements" => false,
         "auto" => free <= if dim == 2 { PLANE } else { SOLID },
@@ -161,12 +160,15 @@ fn measure<L: NodeLaw>(
         }
     };
     let mut row = if condensed {
-        condense(system, foundation, law, &mut lap)?
+        condense(system, foundation, law, args.follow, &mut lap)?
     } else {
         reduce(system, foundation, law, &mut lap)?
     };
     row.times[0] = meshed;
     row.print(name, free);
+    if let Some(path) = &row.path {
+        println!("    {path}");
+    }
     Ok(())
 }
 
@@ -181,6 +183,7 @@ fn condense<L: NodeLaw>(
     system: ElasticSystem,
     foundation: &Foundation,
     law: L,
+    followed: bool,
     lap: &mut Lap,
 ) -> Outcome<Row> {
     let (load, (rows, tangential)) = (loads(&system)?, traces(&system, foundation)?);
@@ -193,12 +196,46 @@ fn condense<L: NodeLaw>(
     let x = problem.solve(1.0, None)?;
     let solved = lap.seconds();
     let y = problem.solve(1.05, Some(&x))?;
+    let further = lap.seconds();
     Ok(Row {
         route: "condensed",
-        times: [0.0, assembled, setup, solved, lap.seconds()],
+        times: [0.0, assembled, setup, solved, further],
         iterations: ["-".into(), "-".into()],
+        path: followed.then(|| follow(&problem, &x, lap)).transpose()?,
         solution: problem.solution(&y)?,
     })
+}
+
+/// Follows the load path from the solution at α = 1 down to α = 0; on the bodies that run by default its end must be the solution that is
+/// found there from nothing.
+fn follow<L: NodeLaw>(problem: &CondensedContact<L>, start: &[f64], lap: &mut Lap) -> Outcome<String> {
+    let contacts = problem.num_contacts();
+    let options = ContinuationOptions::default()
+        .with_parameter_range((0.0, 1.0))
+        .with_max_points(20 * contacts + 100);
+    let branch = Branch::follow(problem, start, Direction::Decreasing, options)?;
+    let seconds = lap.seconds();
+    let end = branch.points.last().ok_or("the path has no points")?;
+    ensure(end.parameter() == 0.0, "the path ends at α = 0")?;
+    if contacts <= 200 {
+        let found = problem.solve(0.0, None)?;
+        let size = found.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+        let same = (end.x.iter().zip(&found)).all(|(a, b)| (a - b).abs() <= 1e-9 * size);
+        ensure(same, "the path ends in the solution at α = 0")?;
+    }
+    let mut nodes: Vec<usize> = (branch.transitions.iter())
+        .flat_map(|t| t.sites.iter().map(|s| s.site))
+        .collect();
+    nodes.sort_unstable();
+    nodes.dedup();
+    Ok(format!(
+        "path down to α = 0: {seconds:.2} s, {} transitions at {} nodes, {} folds, {} factorisations, peak memory {}",
+        branch.transitions.len(),
+        nodes.len(),
+        branch.folds().len(),
+        branch.factorisations,
+        peak_memory()
+    ))
 }
 
 fn reduce<L: NodeLaw>(system: ElasticSystem, foundation: &Foundation, law: L, lap: &mut Lap) -> Outcome<Row> {
@@ -219,6 +256,7 @@ fn reduce<L: NodeLaw>(system: ElasticSystem, foundation: &Foundation, law: L, la
             format!("{}+{}", first.newton(), second.newton()),
             format!("{}+{}", first.krylov(), second.krylov()),
         ],
+        path: None,
         solution: problem.solution(1.05, &second.displacements)?,
     })
 }
@@ -230,6 +268,8 @@ struct Row {
     times: [f64; 5],
     iterations: [String; 2],
     solution: ContactSolution,
+    /// What is told of its load path.
+    path: Option<String>,
 }
 
 impl Row {

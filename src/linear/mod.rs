@@ -27,10 +27,12 @@ mod multigrid;
 mod operator;
 mod ordering;
 mod row_inverse;
+mod row_updates;
 mod scaling;
 mod small_lu;
 mod sparse_lu;
 mod spectral;
+mod updated_factors;
 
 pub(crate) use aggregation::Aggregation;
 pub use auto::{AutoSolver, DENSE_LIMIT};
@@ -52,7 +54,7 @@ pub(crate) use multigrid::{
     Rows, RowsRef, TruncatedMultigrid, affine_prolongation, aggregation_hierarchy, coarse_problem,
 };
 pub use operator::{LinearOperator, Preconditioned};
-pub(crate) use row_inverse::RowInverse;
+pub(crate) use row_updates::RowUpdates;
 pub(crate) use scaling::Scaling;
 pub(crate) use small_lu::SmallLu;
 pub use sparse_lu::SparseLu;

@@ -12,6 +12,7 @@ pub(crate) struct SmallLu {
     /// Column-major.
     entries: Vec<f64>,
     exchanged: Vec<usize>,
+    odd: bool,
     /// Largest modulus in each column before elimination.
     largest: Vec<f64>,
 }
@@ -33,13 +34,22 @@ impl SmallLu {
         self.largest.clear();
         let columns = self.entries.chunks_exact(k.max(1));
         self.largest.extend(columns.map(max_abs));
-        if eliminate_small(k, &mut self.entries, &mut self.exchanged).is_none() {
+        let Some(odd) = eliminate_small(k, &mut self.entries, &mut self.exchanged) else {
             return false;
-        }
+        };
+        self.odd = odd;
         // Written so that NaN fails.
         self.largest.iter().enumerate().all(|(j, largest)| {
             let pivot = self.entries[j * k + j];
             pivot.abs() > SINGULAR * largest && pivot.is_finite()
+        })
+    }
+
+    /// Sign and natural logarithm of |det A|.
+    pub(crate) fn log_det(&self) -> (i8, f64) {
+        let pivots = self.entries.iter().step_by(self.order + 1);
+        pivots.fold((if self.odd { -1 } else { 1 }, 0.0), |(sign, log), pivot| {
+            (if *pivot < 0.0 { -sign } else { sign }, log + pivot.abs().ln())
         })
     }
 
@@ -73,6 +83,10 @@ mod tests {
         for (b, x) in b.iter().zip(&x) {
             assert!((b - x).abs() < 1e-14);
         }
+        // By the rule of Sarrus: 24 - 1 - 3 - 1.
+        let (sign, log) = lu.log_det();
+        assert_eq!(sign, 1);
+        assert!((log - 19.0_f64.ln()).abs() < 1e-14);
         let m = lu.matrix(2);
         m.copy_from_slice(&[1.0, 2.0, 2.0, 4.0]);
         assert!(!lu.factor());

@@ -1,5 +1,5 @@
 use super::convergence::row_sizes;
-use crate::linear::{Bordered, DENSE_LIMIT, LinearSolver, RowInverse};
+use crate::linear::{Bordered, DENSE_LIMIT, LinearError, LinearSolver, RowUpdates};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, check_length, check_selection};
 use crate::sparse::{Matrix, dot, norm};
 
@@ -22,15 +22,15 @@ pub struct MoorePenrose<L> {
     rounding: Option<f64>,
     /// Rounding errors of H, and the step that they make.
     errors: (Vec<f64>, Vec<f64>),
-    /// For affine pieces, the inverse of the bordered Jacobian of a selection, and whether it is the one at hand.
-    pub(super) inverse: Option<(Selection, RowInverse)>,
-    pub(super) inverse_at_hand: bool,
+    /// For affine pieces, the bordered Jacobian of a selection with updates, and whether it is the one at hand.
+    pub(super) updated: Option<(Selection, RowUpdates)>,
+    pub(super) updated_at_hand: bool,
     updates: usize,
     rows: Vec<usize>,
     changed_rows: Vec<usize>,
 }
 
-/// Largest number of residuals for which an inverse of a full Jacobian is kept.
+/// Largest number of residuals for which the inverse of a full Jacobian is kept, rather than its factors.
 const MAX_INVERSE: usize = 1000;
 
 /// Chord steps go on while each is at most this share of the one before.
@@ -89,8 +89,8 @@ impl<L: LinearSolver> MoorePenrose<L> {
             last: None,
             rounding: None,
             errors: (vec![0.0; n], vec![0.0; m]),
-            inverse: None,
-            inverse_at_hand: false,
+            updated: None,
+            updated_at_hand: false,
             updates: 0,
             rows: Vec::new(),
             changed_rows: Vec::new(),
@@ -132,43 +132,48 @@ impl<L: LinearSolver> MoorePenrose<L> {
         &self.jac
     }
 
+    fn at_hand(&self) -> Option<&RowUpdates> {
+        let updated = self.updated.as_ref().filter(|_| self.updated_at_hand);
+        updated.map(|(_, updated)| updated)
+    }
+
     /// The unit kernel vector of the last linearisation.
     pub(crate) fn tangent(&self) -> &[f64] {
-        match &self.inverse {
-            Some((_, inverse)) if self.inverse_at_hand => inverse.tangent(),
-            _ => self.bordered.tangent(),
+        match self.at_hand() {
+            Some(updated) => updated.tangent(),
+            None => self.bordered.tangent(),
         }
     }
 
     /// Sign of det [∇H; tᵀ] at the last linearisation, where determinants are known.
     pub(crate) fn orientation(&self, t: &[f64]) -> Option<i8> {
-        match &self.inverse {
-            Some((_, inverse)) if self.inverse_at_hand => Some(inverse.orientation(t)),
-            _ => self.bordered.orientation(t),
+        match self.at_hand() {
+            Some(updated) => Some(updated.orientation(t)),
+            None => self.bordered.orientation(t),
         }
     }
 
     /// Sign of det ∇_yH at the last linearisation, where determinants are known.
     pub(crate) fn det_sign(&self) -> Option<i8> {
-        match &self.inverse {
-            Some((_, inverse)) if self.inverse_at_hand => {
-                let last = inverse.tangent().last().copied().unwrap_or(0.0);
-                let sign = inverse.orientation(inverse.tangent());
+        match self.at_hand() {
+            Some(updated) => {
+                let last = updated.tangent().last().copied().unwrap_or(0.0);
+                let sign = updated.orientation(updated.tangent());
                 Some(if last == 0.0 {
                     0
                 } else {
                     sign * last.signum() as i8
                 })
             }
-            _ => self.bordered.det_sign(),
+            None => self.bordered.det_sign(),
         }
     }
 
     /// Logarithm of |det [∇H; τᵀ]| at the last linearisation, where determinants are known.
     pub(crate) fn log_det(&self) -> Option<f64> {
-        match &self.inverse {
-            Some((_, inverse)) if self.inverse_at_hand => Some(inverse.log_det()),
-            _ => self.bordered.log_det().map(|d| d.1),
+        match self.at_hand() {
+            Some(updated) => Some(updated.log_det()),
+            None => self.bordered.log_det().map(|d| d.1),
         }
     }
 
@@ -213,38 +218,42 @@ impl<L: LinearSolver> MoorePenrose<L> {
         self.check(map, selection, &[("the point x", x)])?;
         if !map.is_piecewise_affine() {
             self.assemble(map, selection, x)?;
-            self.bordered.factor(&self.jac, hint)?;
+            self.factor(hint)?;
             return Ok(self.tangent());
         }
         if self.factored.as_ref() == Some(selection) {
             return Ok(self.tangent());
         }
-        if self.update_inverse(map, selection, x)? {
-            self.inverse_at_hand = true;
+        if self.update(map, selection, x)? {
+            self.updated_at_hand = true;
             self.updates += 1;
         } else {
             self.assemble(map, selection, x)?;
-            self.bordered.factor(&self.jac, hint)?;
-            self.inverse = None;
+            self.factor(hint)?;
             let n = self.jac.nrows();
-            if n <= DENSE_LIMIT || (self.jac.pattern().is_full() && n <= MAX_INVERSE) {
-                let inverse = RowInverse::new(&self.jac, &mut self.bordered)?;
-                self.inverse = inverse.map(|i| (selection.clone(), i));
-            }
+            let keep_inverse = n <= DENSE_LIMIT || (self.jac.pattern().is_full() && n <= MAX_INVERSE);
+            let updated = RowUpdates::new(&self.jac, &mut self.bordered, keep_inverse)?;
+            self.updated = updated.map(|updated| (selection.clone(), updated));
         }
         self.factored = Some(selection.clone());
         Ok(self.tangent())
     }
 
-    /// Turns the inverse at hand into that of `selection` where they differ at one or two sites whose rows are known to be few.
-    fn update_inverse(
+    /// Factors the assembled Jacobian.
+    pub(super) fn factor(&mut self, hint: Option<&[f64]>) -> Result<(), LinearError> {
+        self.updated.take_if(|(_, updated)| updated.relies_on_factors());
+        self.bordered.factor(&self.jac, hint)
+    }
+
+    /// Goes over to `selection` by updates where it differs from the one kept at one or two sites whose rows are known to be few.
+    fn update(
         &mut self,
         map: &dyn PiecewiseSmooth,
         selection: &Selection,
         x: &[f64],
     ) -> Result<bool, PiecewiseError> {
         const FEW_SITES: usize = 2;
-        let Some((known, mut inverse)) = self.inverse.take() else {
+        let Some((known, mut updated)) = self.updated.take() else {
             return Ok(false);
         };
         self.changed_rows.clear();
@@ -255,19 +264,25 @@ impl<L: LinearSolver> MoorePenrose<L> {
             map.site_rows(site, &mut self.rows);
             self.changed_rows.extend_from_slice(&self.rows);
         }
+        // Sites may share rows.
+        self.changed_rows.sort_unstable();
+        self.changed_rows.dedup();
         if self.changed_rows.len() * 4 > self.jac.nrows().max(8) {
             return Ok(false);
         }
-        // Where the Jacobian at hand is that of the inverse, only the rows that change need be made.
-        let at_hand = self.inverse_at_hand && self.factored.as_ref() == Some(&known);
-        if !(at_hand && self.assemble_sites(map, &known, selection, x)?) {
+        if !(self.updated_at_hand && self.factored.as_ref() == Some(&known)) {
+            self.assemble(map, &known, x)?;
+        }
+        updated.note(&self.jac, &self.changed_rows);
+        // Only the rows that change need be made.
+        if !self.assemble_sites(map, &known, selection, x)? {
             self.assemble(map, selection, x)?;
         }
-        let replaced = inverse.replace(&self.jac, &self.changed_rows);
-        if replaced {
-            self.inverse = Some((selection.clone(), inverse));
+        let replaced = updated.replace(&self.jac, &self.changed_rows, &mut self.bordered);
+        if replaced == Ok(true) {
+            self.updated = Some((selection.clone(), updated));
         }
-        Ok(replaced)
+        Ok(self.updated.is_some())
     }
 
     /// Assembles anew the rows of the sites in which the selections differ; false if the map does not offer that.
@@ -279,7 +294,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
         x: &[f64],
     ) -> Result<bool, PiecewiseError> {
         self.factored = None;
-        self.inverse_at_hand = false;
+        self.updated_at_hand = false;
         self.jac.clear_rows(&self.changed_rows);
         for site in known.differing_sites(selection) {
             if !map.site_jacobian(site, selection, x, &mut self.jac) {
@@ -295,17 +310,17 @@ impl<L: LinearSolver> MoorePenrose<L> {
         if self.factored.as_ref() != Some(selection) {
             return false;
         }
-        match &self.inverse {
-            Some((_, inverse)) if self.inverse_at_hand => inverse.correct(r, x),
+        match &mut self.updated {
+            Some((_, updated)) if self.updated_at_hand => updated.correct(r, x, &mut self.bordered).is_ok(),
             _ => {
                 let tangent = self.bordered.tangent().to_vec();
                 if self.bordered.solve(r, &tangent, 0.0, &mut self.dx).is_err() {
                     return false;
                 }
                 x.iter_mut().zip(&self.dx).for_each(|(x, d)| *x -= d);
+                true
             }
         }
-        true
     }
 
     /// Assembles ∇H^(σ)(x) without factoring it.
@@ -317,7 +332,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
     ) -> Result<(), PiecewiseError> {
         self.factored = None;
         self.last = None;
-        self.inverse_at_hand = false;
+        self.updated_at_hand = false;
         self.jac.clear();
         map.jacobian(selection, x, &mut self.jac);
         self.check_stray()
@@ -383,7 +398,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
         };
         while outcome.iterations < max_iterations {
             self.assemble(map, selection, x)?;
-            self.bordered.factor(&self.jac, Some(t))?;
+            self.factor(Some(t))?;
             self.rounding = None;
             self.bordered.solve(&self.r, t, 0.0, &mut self.dx)?;
             for (x, d) in x.iter_mut().zip(&self.dx) {
@@ -501,7 +516,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
                 - s;
             if !chord {
                 self.assemble(map, selection, x)?;
-                self.bordered.factor(&self.jac, Some(normal))?;
+                self.factor(Some(normal))?;
                 self.last = Some(selection.clone());
                 self.rounding = None;
             }

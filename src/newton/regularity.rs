@@ -1,7 +1,7 @@
 //! What the factors at hand tell of a point on a curve: how far rounding may have moved it, and how fast ∇H loses its regularity.
 
 use super::MoorePenrose;
-use crate::linear::LinearSolver;
+use crate::linear::{LinearError, LinearSolver};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection};
 use crate::sparse::{dot, norm};
 use crate::spread::centred;
@@ -17,8 +17,18 @@ impl<L: LinearSolver> MoorePenrose<L> {
         normal: &[f64],
     ) -> Option<&[f64]> {
         map.residual(selection, x, &mut self.r);
-        let solved = self.bordered.solve(&self.r, normal, 0.0, &mut self.dx);
+        let solved = self.solve_across(normal);
         solved.is_ok().then_some(self.dx.as_slice())
+    }
+
+    /// ∇H dx = r with dx across t, by the last linearisation.
+    fn solve_across(&mut self, t: &[f64]) -> Result<(), LinearError> {
+        match &mut self.updated {
+            Some((_, updated)) if self.updated_at_hand => {
+                updated.solve_across(&self.r, t, &mut self.dx, &mut self.bordered)
+            }
+            _ => self.bordered.solve(&self.r, t, 0.0, &mut self.dx),
+        }
     }
 
     /// The least singular value of ∇H^(σ)(x) with its rows divided by `sizes`, from above, by inverse iteration; 0 where ∇H has no factors.
@@ -30,11 +40,11 @@ impl<L: LinearSolver> MoorePenrose<L> {
         sizes: &[f64],
     ) -> Result<f64, PiecewiseError> {
         const ITERATIONS: usize = 4;
-        let t = match self.linearize(map, selection, x, None) {
-            Ok(tangent) => tangent.to_vec(),
-            Err(PiecewiseError::Linear(_)) => return Ok(0.0),
-            Err(e) => return Err(e),
-        };
+        self.assemble(map, selection, x)?;
+        if self.factor(None).is_err() {
+            return Ok(0.0);
+        }
+        let t = self.bordered.tangent().to_vec();
         let mut v: Vec<f64> = (0..sizes.len()).map(|i| centred(i + 1, false)).collect();
         let mut least = f64::INFINITY;
         for _ in 0..ITERATIONS {
@@ -120,10 +130,8 @@ impl<L: LinearSolver> MoorePenrose<L> {
             for (i, (r, e)) in self.r.iter_mut().zip(&errors).enumerate() {
                 *r = e.copysign(centred(i + 1, second));
             }
-            match &self.inverse {
-                Some((_, inverse)) if self.inverse_at_hand => inverse.correct(&self.r, moved),
-                _ => self.bordered.solve(&self.r, t, 0.0, moved)?,
-            }
+            self.solve_across(t)?;
+            moved.copy_from_slice(&self.dx);
         }
         Ok(moves)
     }

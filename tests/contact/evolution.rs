@@ -63,7 +63,9 @@ fn energy_and_loop() {
                 _ => {}
             }
         }
-        assert!(history.iter().all(|s| s.arrival.is_followed()));
+        for s in &history {
+            assert!(s.arrival.is_followed(), "{steps}: {:?}", s.arrival);
+        }
     }
     // Every level was reached along the curve, so that work = stored + dissipated, however long the steps.
     assert!(defects.iter().all(|d| *d < 1e-11), "{defects:?}");

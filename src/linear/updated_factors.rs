@@ -1,0 +1,130 @@
+use super::{Bordered, LinearError, LinearSolver, SmallLu};
+use crate::sparse::dot;
+
+/// [∇H; tᵀ] of which some rows differ from those of the factored B: B + E D, solved with the factors of B (Woodbury). Two solves a row
+/// that is replaced.
+#[derive(Debug, Clone)]
+pub(super) struct UpdatedFactors {
+    border: Vec<f64>,
+    /// Sign and logarithm of |det B|.
+    det: (i8, f64),
+    /// Rows that differ.
+    rows: Vec<usize>,
+    /// D, a row of it at a time.
+    changes: Vec<f64>,
+    /// B⁻¹ E, column-major.
+    columns: Vec<f64>,
+    /// D B⁻¹ E, a row of it every `limit` entries.
+    products: Vec<f64>,
+    limit: usize,
+    /// I + D B⁻¹ E.
+    small: SmallLu,
+    weights: Vec<f64>,
+    step: Vec<f64>,
+}
+
+impl UpdatedFactors {
+    pub(super) fn new<L: LinearSolver>(bordered: &Bordered<L>, det: (i8, f64)) -> Self {
+        let border = bordered.tangent().to_vec();
+        // More rows than these cost as much as factors made anew.
+        let limit = (border.len() / 16).clamp(16, 256);
+        Self {
+            step: vec![0.0; border.len()],
+            border,
+            det,
+            rows: Vec::new(),
+            changes: Vec::new(),
+            columns: Vec::new(),
+            products: vec![0.0; limit * limit],
+            limit,
+            small: SmallLu::default(),
+            weights: Vec::with_capacity(limit),
+        }
+    }
+
+    /// Adds `change` to row i; `false` where there are too many of them.
+    pub(super) fn add_to_row<L: LinearSolver>(
+        &mut self,
+        i: usize,
+        change: &[f64],
+        bordered: &mut Bordered<L>,
+    ) -> Result<bool, LinearError> {
+        let (m, limit) = (self.border.len(), self.limit);
+        let place = match self.rows.iter().position(|row| *row == i) {
+            Some(place) => {
+                let known = &mut self.changes[place * m..(place + 1) * m];
+                known.iter_mut().zip(change).for_each(|(d, c)| *d += c);
+                place
+            }
+            None if self.rows.len() == limit => return Ok(false),
+            None => {
+                let place = self.rows.len();
+                let mut unit = vec![0.0; m - 1];
+                unit[i] = 1.0;
+                bordered.solve(&unit, &self.border, 0.0, &mut self.step)?;
+                for (k, d) in self.changes.chunks_exact(m).enumerate() {
+                    self.products[k * limit + place] = dot(d, &self.step);
+                }
+                self.columns.extend_from_slice(&self.step);
+                self.changes.extend_from_slice(change);
+                self.rows.push(i);
+                place
+            }
+        };
+        let d = &self.changes[place * m..(place + 1) * m];
+        let products = &mut self.products[place * limit..][..self.rows.len()];
+        for (product, column) in products.iter_mut().zip(self.columns.chunks_exact(m)) {
+            *product = dot(d, column);
+        }
+        Ok(true)
+    }
+
+    /// Makes solves with the changes since the last call possible; sign and logarithm of the modulus of the determinant, `None` where it
+    /// is 0.
+    pub(super) fn factor(&mut self) -> Option<(i8, f64)> {
+        let k = self.rows.len();
+        let matrix = self.small.matrix(k);
+        for (j, column) in matrix.chunks_exact_mut(k.max(1)).enumerate() {
+            for (i, v) in column.iter_mut().enumerate() {
+                *v = self.products[i * self.limit + j] + f64::from(i == j);
+            }
+        }
+        let det = self.small.factor().then(|| self.small.log_det())?;
+        Some((self.det.0 * det.0, self.det.1 + det.1))
+    }
+
+    /// The kernel of ∇H.
+    pub(super) fn kernel(&mut self, out: &mut [f64]) {
+        out.copy_from_slice(&self.border);
+        self.complete(out);
+    }
+
+    /// x ← x − [∇H; tᵀ]⁻¹ [r; 0].
+    pub(super) fn correct<L: LinearSolver>(
+        &mut self,
+        r: &[f64],
+        x: &mut [f64],
+        bordered: &mut Bordered<L>,
+    ) -> Result<(), LinearError> {
+        let mut step = std::mem::take(&mut self.step);
+        let solved = bordered.solve(r, &self.border, 0.0, &mut step);
+        if solved.is_ok() {
+            self.complete(&mut step);
+            x.iter_mut().zip(&step).for_each(|(x, d)| *x -= d);
+        }
+        self.step = step;
+        solved
+    }
+
+    /// Turns y = B⁻¹ b into (B + E D)⁻¹ b.
+    fn complete(&mut self, y: &mut [f64]) {
+        let m = self.border.len();
+        self.weights.clear();
+        let weights = self.changes.chunks_exact(m).map(|d| dot(d, y));
+        self.weights.extend(weights);
+        self.small.solve(&mut self.weights);
+        for (w, column) in self.weights.iter().zip(self.columns.chunks_exact(m)) {
+            y.iter_mut().zip(column).for_each(|(y, c)| *y -= w * c);
+        }
+    }
+}
