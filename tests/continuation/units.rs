@@ -4,6 +4,7 @@ use std::ops::ControlFlow;
 
 use super::curves::{lens, parabola_and_line, two_arcs, within};
 use super::maps::{Plane, same_cells};
+use semismooth::complementarity::{AffineFunction, Mcp};
 use semismooth::continuation::{
     Branch, Continuation, ContinuationError, ContinuationOptions, Diagram, DiagramOptions, Direction, Event,
     Termination, TransitionKind, arms_at,
@@ -412,5 +413,48 @@ fn steps_in_a_small_unit_of_the_parameter() {
             (p.x[..3].to_vec(), p.x[3], p.arclength),
             (q.x[..3].to_vec(), unit * q.x[3], unit * q.arclength)
         );
+    }
+}
+
+/// Where y₂ sticks to its bound along a vertical segment, ∇H knows nothing of y₁: that the arm leaves the kink of y₂, and does not run
+/// in it, is told by ∇θ alone.
+#[test]
+fn vertical_arms_leave_kinks_in_any_unit() {
+    // 0 ≤ y₁ ≤ 3 ⟂ −2 α − 2 and 0 ≤ y₂ ⟂ 2 y₁ + y₂ − α − 3.
+    let follow = |[first, second]: [f64; 2]| {
+        let rows = [[0.0, 0.0, -2.0], [2.0 / first, 1.0 / second, -1.0]];
+        let f = AffineFunction::new(Matrix::from_rows(&rows).unwrap(), vec![-2.0, -3.0]).unwrap();
+        let map = Mcp::new(f, vec![0.0; 2], vec![3.0 * first, f64::INFINITY]).unwrap();
+        let options = ContinuationOptions::default()
+            .with_parameter_range((-8.0, 8.0))
+            .with_typical_sizes(vec![first, second, 1.0]);
+        let start = [0.0, 0.5 * second, -2.5];
+        Branch::follow(&map, &start, Direction::Increasing, options).unwrap()
+    };
+    let of = |branch: &Branch, units: [f64; 2]| -> Vec<(TransitionKind, usize, [f64; 3])> {
+        let transitions = branch.transitions.iter();
+        let told = transitions.map(|t| {
+            (
+                t.kind,
+                t.arms.len(),
+                [t.x[0] / units[0], t.x[1] / units[1], t.x[2]],
+            )
+        });
+        told.collect()
+    };
+    use TransitionKind::{PassThrough, VerticalBegin, VerticalEnd};
+    let exact = [
+        (VerticalBegin, 1, [0.0, 2.0, -1.0]),
+        (PassThrough, 1, [1.0, 0.0, -1.0]),
+        (VerticalEnd, 1, [3.0, 0.0, -1.0]),
+        (PassThrough, 1, [3.0, 0.0, 3.0]),
+    ];
+    for exponent in [0, 10, 20, 30] {
+        let unit = f64::from(exponent).exp2();
+        for units in [[1.0, unit], [1.0 / unit, 1.0], [unit.sqrt().recip(), unit.sqrt()]] {
+            let branch = follow(units);
+            assert_eq!(of(&branch, units), exact, "{units:?}");
+            assert_eq!(branch.termination, Termination::ParameterRange);
+        }
     }
 }

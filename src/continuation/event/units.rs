@@ -19,6 +19,8 @@ pub(super) struct Units<'a, P: ?Sized> {
     x: &'a [f64],
     /// Found where something small is met; empty until then.
     units: Vec<f64>,
+    /// Whether their columns of ∇H are 0.
+    unseen: Vec<bool>,
 }
 
 impl<'a, P: PiecewiseSmooth + ?Sized> Units<'a, P> {
@@ -28,6 +30,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Units<'a, P> {
             selection,
             x,
             units: Vec::new(),
+            unseen: Vec::new(),
         }
     }
 
@@ -87,6 +90,23 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Units<'a, P> {
         let own = (self.map.has_nested_kinks())
             .then(|| v.of_selection(self.map, &TestLayout::new(self.map), self.selection, self.x));
         let gradient = &own.as_ref().unwrap_or(v).gradient;
+        // Unknowns of which ∇H knows nothing, along its kernel: ∇θ alone tells their units.
+        let largest = |values: &mut dyn Iterator<Item = f64>| values.fold(0.0, f64::max);
+        let entries = gradient.iter().zip(&self.units).zip(&self.unseen);
+        let known = largest(&mut entries.filter(|e| !e.1).map(|((g, d), _)| (g * d).abs()));
+        let rounding = ROUNDING * largest(&mut gradient.iter().map(|g| g.abs()));
+        for ((g, d), _) in gradient
+            .iter()
+            .zip(&mut self.units)
+            .zip(&self.unseen)
+            .filter(|e| *e.1)
+        {
+            *d = if known > 0.0 && g.abs() > rounding {
+                known / g.abs()
+            } else {
+                1.0
+            };
+        }
         let scaled: Vec<f64> = gradient.iter().zip(&self.units).map(|(g, d)| g * d).collect();
         norm(&scaled)
     }
@@ -100,6 +120,8 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Units<'a, P> {
         let values: Vec<f64> = jac.triplets().map(kept).collect();
         jac.values_mut().copy_from_slice(&values);
         self.units.resize(jac.ncols(), 1.0);
+        self.unseen.resize(jac.ncols(), true);
+        (jac.triplets().filter(|t| t.2 != 0.0)).for_each(|(_, j, _)| self.unseen[j] = false);
         equilibrate(jac.as_ref(), &mut row, &mut self.units, &mut largest);
     }
 }
