@@ -15,7 +15,7 @@ const SMALL: [f64; 4] = [0.0, 1e-6, 1e-4, 1e-2];
 /// Least radius of a certificate, relative to the x at which the terms of M x + q are alike.
 const RADIUS: f64 = 1e12;
 
-/// A proof from one of the blocks, unknowns that entries of M connect: what stands beside it has no say, nor have its units.
+/// A proof from one of the blocks, unknowns that entries of M connect: it depends neither on the other blocks nor on their units.
 pub(super) fn ray(
     problem: &ConeProblem<&dyn McpFunction>,
     options: &ConeOptions,

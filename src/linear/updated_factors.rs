@@ -21,6 +21,7 @@ pub(super) struct UpdatedFactors {
     small: SmallLu,
     weights: Vec<f64>,
     step: Vec<f64>,
+    unit: Vec<f64>,
 }
 
 impl UpdatedFactors {
@@ -30,6 +31,7 @@ impl UpdatedFactors {
         let limit = (border.len() / 16).clamp(16, 256);
         Self {
             step: vec![0.0; border.len()],
+            unit: vec![0.0; border.len() - 1],
             border,
             det,
             rows: Vec::new(),
@@ -59,9 +61,9 @@ impl UpdatedFactors {
             None if self.rows.len() == limit => return Ok(false),
             None => {
                 let place = self.rows.len();
-                let mut unit = vec![0.0; m - 1];
-                unit[i] = 1.0;
-                bordered.solve(&unit, &self.border, 0.0, &mut self.step)?;
+                self.unit.fill(0.0);
+                self.unit[i] = 1.0;
+                bordered.solve(&self.unit, &self.border, 0.0, &mut self.step)?;
                 for (k, d) in self.changes.chunks_exact(m).enumerate() {
                     self.products[k * limit + place] = dot(d, &self.step);
                 }

@@ -140,8 +140,10 @@ impl<L: LinearSolver> MoorePenrose<L> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::complementarity::{AffineFunction, Mcp};
     use crate::linear::AutoSolver;
     use crate::piecewise::MinMap;
+    use crate::sparse::Matrix;
 
     /// A point that misses the line y = α by some distance may have been moved by as much, and by the rounding of its terms at least.
     #[test]
@@ -163,5 +165,37 @@ mod tests {
                 assert!(length <= 1.01 * distance + 1e-14 && dot(moved, &t).abs() <= 1e-15);
             }
         }
+    }
+
+    /// After an update of rows it is that of the selection asked for, not of the one that was factored.
+    #[test]
+    fn least_singular_values_are_those_of_the_selection() {
+        let rows = [[2.0, 1.0, -1.0], [0.5, 1e-3, 1e-3]];
+        let f = AffineFunction::new(Matrix::from_rows(&rows).unwrap(), vec![1.0, -1.0]).unwrap();
+        let map = Mcp::new(f, vec![0.0; 2], vec![f64::INFINITY; 2]).unwrap();
+        let (x, sizes) = ([0.3, 0.2, 0.1], [1.0; 2]);
+        let mut values = Vec::new();
+        for pieces in [[0, 0], [0, 1], [1, 0], [1, 1]] {
+            let selection = Selection::from_pieces(pieces);
+            let mut anew = MoorePenrose::new(&map, AutoSolver::new()).unwrap();
+            let expected = anew.least_singular_value(&map, &selection, &x, &sizes).unwrap();
+            for known in [[0, 0], [1, 1]] {
+                let mut corrector = MoorePenrose::new(&map, AutoSolver::new()).unwrap();
+                for s in [&Selection::from_pieces(known), &selection] {
+                    corrector.linearize(&map, s, &x, None).unwrap();
+                }
+                assert_eq!(corrector.updates(), usize::from(known != pieces));
+                let least = corrector.least_singular_value(&map, &selection, &x, &sizes);
+                assert!(
+                    (least.unwrap() - expected).abs() <= 1e-9 * expected,
+                    "{known:?} {pieces:?}"
+                );
+            }
+            values.push(expected);
+        }
+        assert!(
+            values.iter().skip(1).any(|v| (v - values[0]).abs() > 0.1),
+            "{values:?}"
+        );
     }
 }

@@ -151,9 +151,9 @@ impl DelassusProblem {
     /// solutions.
     ///
     /// It is taken in scaled variables, S⁻¹ r and S u with one factor a contact by which the mean diagonal entry of its block of S M S is
-    /// 1 (that of the largest block where its own vanishes, the largest entry of M where all do), and sizeᵢ = max(‖rᵢ‖, ‖uᵢ‖, ‖qᵢ‖, ‖Mᵢⱼ rⱼ‖ over all j) is that of the terms that cancel there (at least 1e-12 of the largest
-    /// one), so that it depends neither on the units of M and q nor on how the forces at other contacts compare. Infinite where squares of these
-    /// terms overflow.
+    /// 1 (that of the largest block where its own vanishes, the largest entry of M where all do), and sizeᵢ = max(‖rᵢ‖, ‖uᵢ‖, ‖qᵢ‖,
+    /// ‖Mᵢⱼ rⱼ‖ over all j) is that of the terms that cancel there (at least 1e-12 of the largest one), so that it depends neither on the
+    /// units of M and q nor on how the forces at other contacts compare. Infinite where squares of these terms overflow.
     ///
     /// # Complexity
     /// Linear in the entries of M: O(n²) where that is dense.

@@ -166,10 +166,8 @@ impl<const D: usize> Scaled<D> {
             .collect();
         let largest = means.iter().fold(0.0_f64, |a, b| a.max(*b));
         // Contacts that cannot move have no scale of their own; where none can, M may be skew.
-        let ordinary = match (largest, max_abs(m.values())) {
-            (d, _) | (0.0, d) if d > 0.0 => d,
-            _ => 1.0,
-        };
+        let sizes = [largest, max_abs(m.values())];
+        let ordinary = sizes.into_iter().find(|d| *d > 0.0).unwrap_or(1.0);
         let scale: Vec<f64> = means
             .iter()
             .map(|&d| if d > 1e-13 * largest { d } else { ordinary }.sqrt().recip())
