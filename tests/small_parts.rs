@@ -491,9 +491,15 @@ fn files_are_replaced_whole() {
 /// Long runs of sweeps are told of in parts, and cut.
 #[test]
 fn sweeps_are_told_and_limited() {
-    // No solution: a contact pushed apart by nothing and pulled by −1 on a zero matrix.
-    let m = Matrix::from_rows(&[[0.0, 0.0], [0.0, 0.0]]).unwrap();
-    let problem = DelassusProblem::new(2, m, vec![-1.0, 0.0], vec![0.3]).unwrap();
+    // No solution: two contacts that press on each other as much as on the ground, so that forces grow with each sweep.
+    let m = [
+        [1.0, 0.0, -1.0, 0.0],
+        [0.0, 1.0, 0.0, 0.0],
+        [-1.0, 0.0, 1.0, 0.0],
+        [0.0, 0.0, 0.0, 1.0],
+    ];
+    let m = Matrix::from_rows(&m).unwrap();
+    let problem = DelassusProblem::new(2, m, vec![-1.0, 0.0, -1.0, 0.0], vec![0.3; 2]).unwrap();
     let report = DelassusSolver::default().solve(&problem).unwrap();
     // No phase uses up what the later ones need: all of them were tried.
     assert_eq!(report.status, DelassusStatus::Stalled);

@@ -394,6 +394,34 @@ fn multibody_families_are_solved() {
     }
 }
 
+/// Contacts that do not feel each other are at rest after one sweep, and the next one says so. Where sweeps are slow, but their states right,
+/// a few factorisations end small problems at once.
+#[test]
+fn small_problems_take_few_sweeps() {
+    let q = [-1.0, 0.4];
+    let contacts = |nc: usize, coupling: f64| {
+        let entry = |i: usize, j: usize| match (i == j, i % 2 == j % 2) {
+            (true, _) => 1.0,
+            (false, true) => -coupling / (nc - 1) as f64,
+            (false, false) => 0.0,
+        };
+        let row = |i: usize| (0..2 * nc).map(|j| entry(i, j)).collect::<Vec<f64>>();
+        let m = Matrix::from_rows(&(0..2 * nc).map(row).collect::<Vec<_>>()).unwrap();
+        DelassusProblem::new(2, m, q.repeat(nc), vec![0.6; nc]).unwrap()
+    };
+    for nc in [1, 32, 33, 100] {
+        let report = solve(&contacts(nc, 0.0));
+        assert_eq!((report.sweeps, report.factorisations), (2, 0), "{nc}");
+    }
+    for (nc, sweeps) in [(32, 4), (33, 30)] {
+        let report = solve(&contacts(nc, 0.95));
+        assert_eq!(report.sweeps, sweeps, "{nc}");
+        assert!((1..=6).contains(&report.factorisations), "{nc}");
+        // All contacts are alike: each bears −q over the sum of a row.
+        assert!(report.r.chunks(2).all(|r| close(r, &[20.0, -8.0], 1e-10)));
+    }
+}
+
 #[test]
 fn no_load_no_reaction() {
     let p = families::random(3, 4, 6, 0.5, true, 0.0, 3);

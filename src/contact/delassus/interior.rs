@@ -140,7 +140,7 @@ impl<const D: usize> Interior<D> {
             }
         }
         let n = nc * D;
-        let symmetric = n >= LARGE && row_idx.len() < n * n / 4 && m.is_structurally_symmetric();
+        let symmetric = Self::is_large(p) && row_idx.len() < n * n / 4 && m.is_structurally_symmetric();
         let parts = p.friction.iter().flat_map(|&mu| match mu > 0.0 {
             true => [Cone::SecondOrder(D), Cone::Free(0)],
             false => [Cone::SecondOrder(1), Cone::Free(D - 1)],
@@ -160,8 +160,8 @@ impl<const D: usize> Interior<D> {
     }
 
     /// Whether the order is one at which a factorisation that may be of no use is too dear.
-    pub(super) fn is_large(&self) -> bool {
-        self.engine.x().len() >= LARGE
+    pub(super) fn is_large(p: &Scaled<D>) -> bool {
+        p.contacts() * D >= LARGE
     }
 
     fn parts<'a>(&'a mut self, p: &'a Scaled<D>) -> (&'a mut cones::Interior, Law<'a, D>) {

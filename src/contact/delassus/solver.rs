@@ -3,7 +3,7 @@ use std::ops::ControlFlow;
 use super::cone::tangential_norm;
 use super::interior::{Interior, SHORT};
 use super::local::solve_contact;
-use super::newton::{Inner, Newton};
+use super::newton::{Inner, Newton, Piece};
 use super::path::CentralPath;
 use super::report::{DelassusIteration, DelassusPhase, DelassusReport, DelassusStatus};
 use super::scaled::{Scaled, Vector};
@@ -11,8 +11,16 @@ use super::{DelassusError, DelassusOptions, DelassusProblem};
 use crate::clock::Deadline;
 use crate::contact::ContactState;
 
-/// Sweeps of the cheap first attempt.
+/// Sweeps of the cheap first attempt, and those after which Newton's method may try states that no longer change: up to SMALL unknowns a
+/// factorisation costs no more than the other sweeps.
 const SWEEPS: usize = 30;
+const FEW_SWEEPS: usize = 4;
+const SMALL: usize = 64;
+
+/// A sweep that moves no reaction by more than this share of the largest one has reached its limit.
+const AT_REST: f64 = 2.0 * f64::EPSILON;
+/// A traction below this share of the bound sticks.
+const STICK: f64 = 1.0 - 1e-9;
 
 /// First weight of the proximal term, far from a solution and after interior points; its changes after success and failure.
 const ALPHA: f64 = 1e-2;
@@ -70,6 +78,17 @@ const ZERO: f64 = 1e-9;
 
 /// Break with a status ends the run.
 type Outcome = ControlFlow<DelassusStatus>;
+
+/// What a sweep has changed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Swept {
+    /// Some contact is in another state: open, stick or slip.
+    States,
+    /// Reactions alone.
+    Reactions,
+    /// Nothing beyond rounding.
+    Nothing,
+}
 
 /// The law at an iterate.
 struct Measure {
@@ -256,19 +275,30 @@ impl<'a, const D: usize> Run<'a, D> {
     }
 
     /// One sweep of nonsmooth Gauss–Seidel.
-    fn sweep(&mut self, backward: bool) {
+    fn sweep(&mut self, backward: bool) -> Swept {
         let p = &self.scaled;
         let nc = p.contacts();
+        let (mut moved, mut largest, mut same) = (0.0_f64, 0.0_f64, true);
         for k in 0..nc {
             let i = if backward { nc - 1 - k } else { k };
             let mut b = p.q[i];
             let old = self.r[i];
             self.r[i] = [0.0; D];
             p.matrix.add_row(i, &self.r, &mut b);
-            self.r[i] = old;
-            self.r[i] = solve_contact(&p.matrix.diagonal[i], &b, p.friction[i]);
+            let new = solve_contact(&p.matrix.diagonal[i], &b, p.friction[i]);
+            for k in 0..D {
+                moved = moved.max((new[k] - old[k]).abs());
+                largest = largest.max(new[k].abs());
+            }
+            same = same && piece(p.friction[i], &new) == piece(p.friction[i], &old);
+            self.r[i] = new;
         }
         self.sweeps += 1;
+        match same {
+            true if moved <= AT_REST * largest => Swept::Nothing,
+            true => Swept::Reactions,
+            false => Swept::States,
+        }
     }
 
     fn run(&mut self) -> DelassusStatus {
@@ -283,16 +313,18 @@ impl<'a, const D: usize> Run<'a, D> {
         if self.solved {
             return ControlFlow::Break(DelassusStatus::Solved);
         }
-        self.sweeps_of(SWEEPS)?;
-        let mut interior = Interior::new(&self.scaled);
-        if !interior.is_large() {
-            // Where sweeps have found most of the states, a few factorisations of the closed contacts end it.
-            let swept = self.r.clone();
-            self.proximal(ALPHA_NEAR, QUICK_PATIENCE, QUICK)?;
-            self.r = swept;
-            self.near_progress = f64::INFINITY;
-            self.measure();
+        let is_large = Interior::is_large(&self.scaled);
+        let is_small = D * self.scaled.contacts() <= SMALL;
+        let most = SWEEPS.min(self.options.max_sweeps);
+        let first = self.sweeps_of(most, is_small)?;
+        if !is_large {
+            self.quick()?;
+            if is_small && first < most {
+                self.sweeps_of(most - first, false)?;
+                self.quick()?;
+            }
         }
+        let mut interior = Interior::new(&self.scaled);
         let shortened = self.interior(&mut interior, false)?;
         // Without a short step nothing would be frozen: the same steps again.
         if shortened && self.near_progress > NEAR {
@@ -304,7 +336,7 @@ impl<'a, const D: usize> Run<'a, D> {
         self.newton.rho = HEAVY;
         self.restart();
         self.proximal(ALPHA_NEAR, PATIENCE, INNER)?;
-        if interior.is_large() {
+        if is_large {
             drop(interior);
         } else {
             self.newton.rho = 1.0;
@@ -314,7 +346,7 @@ impl<'a, const D: usize> Run<'a, D> {
         }
         for sweeps in MORE_SWEEPS {
             self.restart();
-            self.sweeps_of(sweeps)?;
+            self.sweeps_of(sweeps, false)?;
             self.proximal(ALPHA, PATIENCE, INNER)?;
         }
         ControlFlow::Continue(())
@@ -325,23 +357,39 @@ impl<'a, const D: usize> Run<'a, D> {
         self.r.copy_from_slice(&self.near);
     }
 
-    /// At most n sweeps, fewer where time is over.
-    fn sweeps_of(&mut self, n: usize) -> Outcome {
+    /// Where sweeps have found the states, a few factorisations of the closed contacts end it; else the iterate stays as it is.
+    fn quick(&mut self) -> Outcome {
+        let swept = self.r.clone();
+        self.proximal(ALPHA_NEAR, QUICK_PATIENCE, QUICK)?;
+        self.r = swept;
+        self.near_progress = f64::INFINITY;
+        self.measure();
+        ControlFlow::Continue(())
+    }
+
+    /// At most n sweeps: fewer where time is over, where they come to rest, or, if asked for, where states no longer change. How many.
+    fn sweeps_of(&mut self, n: usize, until_settled: bool) -> ControlFlow<DelassusStatus, usize> {
         let n = n.min(self.options.max_sweeps);
-        let mut done = 0;
-        while done < n {
+        let (mut done, mut ended) = (0, false);
+        while done < n && !ended {
             let end = n.min(done + REPORTED);
             let begun = done;
-            while done < end && !self.newton.deadline.is_over() {
-                self.sweep(done % 2 == 1);
+            while done < end && !ended {
+                ended = self.newton.deadline.is_over();
+                if ended {
+                    break;
+                }
+                let swept = self.sweep(done % 2 == 1);
                 done += 1;
+                ended = match swept {
+                    Swept::Nothing => true,
+                    Swept::Reactions => until_settled && done >= FEW_SWEEPS,
+                    Swept::States => false,
+                };
             }
             self.record(DelassusPhase::Sweeps, 0.0, done - begun, true)?;
-            if done < end {
-                break;
-            }
         }
-        ControlFlow::Continue(())
+        ControlFlow::Continue(done)
     }
 
     /// Interior points from the iterate; leaves the last iterate. Tells whether a step was short.
@@ -478,6 +526,17 @@ impl<'a, const D: usize> Run<'a, D> {
             sweeps: self.sweeps,
             history: self.history,
         })
+    }
+}
+
+/// The piece of Coulomb's law that the reaction of a contact in the cone tells.
+fn piece<const D: usize>(mu: f64, r: &[f64; D]) -> Piece {
+    if r[0] <= 0.0 {
+        Piece::Open
+    } else if tangential_norm(r) < STICK * mu * r[0] {
+        Piece::Stick
+    } else {
+        Piece::Slip
     }
 }
 
