@@ -1,5 +1,5 @@
 //! Complementarity problems over second-order cones from files: every one is solved from each of its starts.
-//! You see one line a start: status, ‖x − P(x − F(x))‖_∞, iterations, time, x.
+//! You see one line a start: status, ‖x − P(x − F(x))‖_∞, x, iterations, time, below it the certificate where there is no solution.
 //! Run: cargo run --release --example solve_cone -- [FILE…] [--json]
 //!
 //! The format is told at the head of `examples/common/inequalities.rs`; `tests/data/cones` holds examples.
@@ -82,7 +82,7 @@ fn print(as_json: bool, problem: &Problem, label: &str, report: &ConeReport, tim
         let ray = report
             .ray
             .as_ref()
-            .map(|r| json!({"v": r.direction, "value": r.value, "radius": r.radius}));
+            .map(|r| json!({"v": r.direction, "value": r.value, "radius": Some(r.radius).filter(|r| r.is_finite())}));
         let record = json!({
             "name": problem.name,
             "start": label,
@@ -104,4 +104,8 @@ fn print(as_json: bool, problem: &Problem, label: &str, report: &ConeReport, tim
         report.residual,
         common::short_list(x)
     );
+    if let Some(r) = &report.ray {
+        let v = common::short_list(&r.direction);
+        println!("    ray: value {:.3e}, v {v}, radius {:.1e}", r.value, r.radius);
+    }
 }

@@ -1,5 +1,6 @@
 //! Variational inequalities over polyhedra from files: every one is solved from each of its starts.
-//! You see one line a start: status, ‖x − P(x − F(x))‖_∞, iterations, time, x; with --all complete lists of the affine ones.
+//! You see one line a start: status, ‖x − P(x − F(x))‖_∞, x, iterations, time, below it the certificate where there is no solution; with --all
+//! complete lists of the affine ones.
 //! Run: cargo run --release --example solve_vi -- [FILE…] [--all] [--json]
 //!
 //! The format is told at the head of `examples/common/inequalities.rs`; `tests/data/vi` holds examples.
@@ -20,7 +21,7 @@ use common::{Outcome, distance, ensure};
 use inequalities::{Problem, read_vi};
 use semismooth::complementarity::McpOptions;
 use semismooth::enumeration::{Completeness, EnumerationOptions};
-use semismooth::variational::{ViReport, ViSolutions, ViSolver, ViStatus};
+use semismooth::variational::{Multipliers, ViReport, ViSolutions, ViSolver, ViStatus};
 use serde_json::json;
 
 /// Solves variational inequalities over polyhedra from all their starts.
@@ -97,14 +98,19 @@ fn print(as_json: bool, problem: &Problem, label: &str, report: &ViReport, time:
         time.as_secs_f64(),
     );
     if as_json {
-        let ray = report
-            .ray
-            .as_ref()
-            .map(|r| json!({"v": r.direction, "value": r.value}));
-        let farkas = report.infeasibility.as_ref().map(|c| {
-            let m = &c.multipliers;
-            json!({"A": m.inequalities, "E": m.equations, "lower": m.lower, "upper": m.upper, "value": c.value})
+        let proof = |m: &Multipliers, value: f64, radius: f64| {
+            let mut proof = json!({"A": m.inequalities, "E": m.equations, "lower": m.lower, "upper": m.upper, "value": value});
+            // JSON has no infinity: without a radius the proof holds everywhere.
+            proof["radius"] = json!(Some(radius).filter(|r| r.is_finite()));
+            proof
+        };
+        let ray = report.ray.as_ref().map(|r| {
+            let mut ray = proof(&r.multipliers, r.value, r.radius);
+            ray["v"] = json!(r.direction);
+            ray
         });
+        let farkas = report.infeasibility.as_ref();
+        let farkas = farkas.map(|c| proof(&c.multipliers, c.value, c.radius));
         let m = &report.multipliers;
         let record = json!({
             "name": problem.name,
@@ -112,7 +118,7 @@ fn print(as_json: bool, problem: &Problem, label: &str, report: &ViReport, time:
             "status": status,
             "residual": report.residual,
             "x": x,
-            "multipliers": {"A": m.inequalities, "E": m.equations},
+            "multipliers": {"A": m.inequalities, "E": m.equations, "lower": m.lower, "upper": m.upper},
             "iterations": iterations,
             "seconds": seconds,
             "ray": ray,
@@ -127,6 +133,30 @@ fn print(as_json: bool, problem: &Problem, label: &str, report: &ViReport, time:
         report.residual,
         common::short_list(x)
     );
+    let certificate = |name: &str, v: &[f64], m: &Multipliers, value: f64, radius: f64| {
+        let lists = [
+            ("A", &m.inequalities),
+            ("E", &m.equations),
+            ("lower", &m.lower),
+            ("upper", &m.upper),
+        ];
+        let lists = lists.iter().filter(|(_, list)| list.iter().any(|v| *v != 0.0));
+        let lists: String = lists
+            .map(|(name, list)| format!(", {name} {}", common::short_list(list)))
+            .collect();
+        let v = if v.is_empty() {
+            String::new()
+        } else {
+            format!(", v {}", common::short_list(v))
+        };
+        println!("    {name}: value {value:.3e}{v}{lists}, radius {radius:.1e}");
+    };
+    if let Some(r) = &report.ray {
+        certificate("ray", &r.direction, &r.multipliers, r.value, r.radius);
+    }
+    if let Some(c) = &report.infeasibility {
+        certificate("empty set", &[], &c.multipliers, c.value, c.radius);
+    }
 }
 
 fn print_all(as_json: bool, problem: &Problem, list: &ViSolutions, time: Duration) {

@@ -304,6 +304,7 @@ fn of_every_build() -> Vec<&'static str> {
         "cones::Cone": cones::Cone,
         "cones::ConeError": cones::ConeError,
         "cones::ConeIteration": cones::ConeIteration,
+        "cones::ConeMap": cones::ConeMap<'static, F>,
         "cones::ConeOptions": cones::ConeOptions,
         "cones::ConeProblem": cones::ConeProblem<F>,
         "cones::ConeRay": cones::ConeRay,

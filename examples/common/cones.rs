@@ -1,11 +1,10 @@
 //! Complementarity problems over cones, friction in space among them, and methods for them.
 
-use std::ops::Range;
 use std::rc::Rc;
 use std::time::Instant;
 
 use semismooth::complementarity::McpFunction;
-use semismooth::cones::{Cone, ConeProblem, ConeSolver};
+use semismooth::cones::{Cone, ConeMap, ConeProblem, ConeSolver};
 use semismooth::contact::{DelassusProblem, DelassusSolver};
 use semismooth::linear::IncompleteLu;
 use semismooth::newton::{Damping, Newton, NewtonKrylov, NewtonKrylovOptions, NewtonOptions};
@@ -20,14 +19,17 @@ pub(crate) type OverCones = ConeProblem<Box<dyn McpFunction>>;
 
 type Attempt = fn(&OverCones, &mut [f64]) -> Outcome<Told>;
 
-/// The contenders: Newton's method for the natural and the normal map, with an element of the B-subdifferential of the projection, and
-/// `ConeSolver`.
-pub(crate) const CONE_METHODS: [(&str, Attempt); 8] = [
-    ("natural map, full steps", |p, x| newton(p, x, Damping::Never)),
-    ("natural map, line search on trouble", |p, x| {
-        newton(p, x, Damping::OnTrouble)
+/// The contenders: Newton's method for the natural and the normal map and the Fischer–Burmeister function, smoothing, and `ConeSolver`.
+pub(crate) const CONE_METHODS: [(&str, Attempt); 13] = [
+    ("natural map, full steps", |p, x| {
+        newton(&ConeMap::natural(p)?, x, Damping::Never)
     }),
-    ("natural map, line search", |p, x| newton(p, x, Damping::Always)),
+    ("natural map, line search on trouble", |p, x| {
+        newton(&ConeMap::natural(p)?, x, Damping::OnTrouble)
+    }),
+    ("natural map, line search", |p, x| {
+        newton(&ConeMap::natural(p)?, x, Damping::Always)
+    }),
     ("natural map, nonmonotone line search", |p, x| {
         Ok(minimise(&ConeMap::natural(p)?, x, Direction::Newton, MEMORY))
     }),
@@ -45,20 +47,29 @@ pub(crate) const CONE_METHODS: [(&str, Attempt); 8] = [
         Ok(told(newton.report()))
     }),
     ("normal map, line search on trouble", |p, x| {
-        let map = ConeMap {
-            normal: true,
-            ..ConeMap::natural(p)?
-        };
-        let mut newton = Newton::new(NewtonOptions::default());
-        newton.solve_semismooth(&map, x).ok();
+        let told = newton(&ConeMap::normal(p)?, x, Damping::OnTrouble)?;
         p.project(x)?;
-        Ok(told(newton.report()))
+        Ok(told)
     }),
+    ("Fischer-Burmeister, full steps", |p, x| {
+        newton(&ConeMap::fischer_burmeister(p)?, x, Damping::Never)
+    }),
+    ("Fischer-Burmeister, line search", |p, x| {
+        newton(&ConeMap::fischer_burmeister(p)?, x, Damping::Always)
+    }),
+    ("Fischer-Burmeister, nonmonotone line search", |p, x| {
+        let map = ConeMap::fischer_burmeister(p)?;
+        Ok(minimise(&map, x, Direction::Newton, MEMORY))
+    }),
+    ("Fischer-Burmeister, Levenberg-Marquardt", |p, x| {
+        let map = ConeMap::fischer_burmeister(p)?;
+        Ok(minimise(&map, x, Direction::Marquardt, 1))
+    }),
+    ("smoothed Fischer-Burmeister, line search", smoothing),
     ("ConeSolver", |p, x| {
         let report = ConeSolver::default().solve(p, x)?;
         Ok(Told {
-            // The solver does not tell them apart from its steps.
-            evaluations: report.iterations,
+            evaluations: report.evaluations,
             iterations: report.iterations,
             factorisations: report.factorisations,
             ..Told::default()
@@ -66,169 +77,40 @@ pub(crate) const CONE_METHODS: [(&str, Attempt); 8] = [
     }),
 ];
 
-fn newton(p: &OverCones, x: &mut [f64], damping: Damping) -> Outcome<Told> {
+fn newton(map: &dyn Semismooth, x: &mut [f64], damping: Damping) -> Outcome<Told> {
     let mut newton = Newton::new(NewtonOptions::default().with_damping(damping));
-    newton.solve_semismooth(&ConeMap::natural(p)?, x).ok();
+    newton.solve_semismooth(&map, x).ok();
     Ok(told(newton.report()))
 }
 
-/// The natural map x − P(x − F(x)), or the normal map F(P(x)) + x − P(x).
-struct ConeMap<'a> {
-    problem: &'a OverCones,
-    normal: bool,
-    /// Second-order cones, half-lines and free variables, one by one, and the one of each variable.
-    parts: Vec<(Cone, Range<usize>)>,
-    part_of: Vec<usize>,
-}
-
-impl<'a> ConeMap<'a> {
-    fn natural(problem: &'a OverCones) -> Outcome<Self> {
-        let (mut parts, mut part_of) = (Vec::new(), Vec::new());
-        for cone in problem.cones() {
-            let (one, width) = match cone {
-                Cone::Nonnegative(_) => (Cone::Nonnegative(1), 1),
-                Cone::Free(_) => (Cone::Free(1), 1),
-                Cone::SecondOrder(width) => (*cone, *width),
-                _ => return Err("derivatives are those of second-order cones".into()),
-            };
-            for _ in 0..cone.len() / width {
-                let first = part_of.len();
-                part_of.resize(first + width, parts.len());
-                parts.push((one, first..first + width));
-            }
+/// Few steps for each μ, which falls to rounding, then the function itself.
+fn smoothing(p: &OverCones, x: &mut [f64]) -> Outcome<Told> {
+    const STEPS: usize = 4;
+    let mut room = vec![0.0; x.len()];
+    let first = p.natural_residual(x, &mut room)?;
+    let mut all = Told::default();
+    for k in 1..14 {
+        let mu = first * 0.1_f64.powi(k);
+        if !(mu > 0.0 && mu.is_finite()) {
+            break;
         }
-        Ok(Self {
-            problem,
-            normal: false,
-            parts,
-            part_of,
-        })
+        let options = NewtonOptions::default()
+            .with_damping(Damping::Always)
+            .with_max_iterations(STEPS);
+        let mut newton = Newton::new(options);
+        newton.solve_semismooth(&ConeMap::smoothed(p, mu)?, x).ok();
+        let told = told(newton.report());
+        all.evaluations += told.evaluations;
+        all.iterations += told.iterations;
+        all.factorisations += told.factorisations;
     }
-
-    fn range(&self, variable: usize) -> Range<usize> {
-        self.parts[self.part_of[variable]].1.clone()
-    }
-
-    /// F′ at a point.
-    fn derivative(&self, x: &[f64]) -> Matrix {
-        let mut matrix = Matrix::zeros(self.problem.function().pattern());
-        self.problem.function().jacobian(x, &mut matrix);
-        matrix
-    }
-}
-
-/// An element of the B-subdifferential of the projection on a cone, row by row.
-fn projection_element(cone: Cone, z: &[f64]) -> Vec<Vec<f64>> {
-    let n = z.len();
-    let multiple = |a: f64| -> Vec<Vec<f64>> {
-        let row = |i: usize| (0..n).map(|j| if i == j { a } else { 0.0 }).collect();
-        (0..n).map(row).collect()
-    };
-    if matches!(cone, Cone::Free(_)) {
-        return multiple(1.0);
-    }
-    let length = z[1..].iter().map(|v| v * v).sum::<f64>().sqrt();
-    if z[0] >= length {
-        return multiple(1.0);
-    }
-    if z[0] <= -length {
-        return multiple(0.0);
-    }
-    let slope = z[0] / length;
-    let unit: Vec<f64> = z.iter().map(|v| v / length).collect();
-    let mut element = multiple(0.5 * (1.0 + slope));
-    element[0][0] = 0.5;
-    for i in 1..n {
-        element[0][i] = 0.5 * unit[i];
-        element[i][0] = 0.5 * unit[i];
-        for j in 1..n {
-            element[i][j] -= 0.5 * slope * unit[i] * unit[j];
-        }
-    }
-    element
-}
-
-impl Semismooth for ConeMap<'_> {
-    fn num_vars(&self) -> usize {
-        self.part_of.len()
-    }
-
-    fn residual(&self, x: &[f64], out: &mut [f64]) {
-        let mut projected = x.to_vec();
-        if self.normal {
-            self.parts
-                .iter()
-                .for_each(|(c, r)| c.project(&mut projected[r.clone()]));
-            self.problem.function().value(&projected, out);
-        } else {
-            self.problem.function().value(x, out);
-            projected.iter_mut().zip(&*out).for_each(|(z, f)| *z -= f);
-            self.parts
-                .iter()
-                .for_each(|(c, r)| c.project(&mut projected[r.clone()]));
-            out.fill(0.0);
-        }
-        out.iter_mut()
-            .zip(x)
-            .zip(&projected)
-            .for_each(|((out, x), p)| *out += x - p);
-    }
-
-    fn jacobian(&self, x: &[f64], jac: &mut Matrix) {
-        let mut z = x.to_vec();
-        let f = if self.normal {
-            let mut projected = x.to_vec();
-            self.parts
-                .iter()
-                .for_each(|(c, r)| c.project(&mut projected[r.clone()]));
-            self.derivative(&projected)
-        } else {
-            let mut f = vec![0.0; x.len()];
-            self.problem.function().value(x, &mut f);
-            z.iter_mut().zip(&f).for_each(|(z, f)| *z -= f);
-            self.derivative(x)
-        };
-        let elements: Vec<_> = self
-            .parts
-            .iter()
-            .map(|(cone, range)| projection_element(*cone, &z[range.clone()]))
-            .collect();
-        for ((_, range), element) in self.parts.iter().zip(&elements) {
-            for (i, row) in range.clone().zip(element) {
-                for (j, v) in range.clone().zip(row) {
-                    jac.add(i, j, f64::from(u8::from(i == j)) - v);
-                }
-            }
-        }
-        for (i, j, v) in f.triplets() {
-            let along = if self.normal { j } else { i };
-            let (element, range) = (&elements[self.part_of[along]], self.range(along));
-            for (k, other) in range.clone().enumerate() {
-                let weight = element[along - range.start][k];
-                let (row, column) = if self.normal { (i, other) } else { (other, j) };
-                jac.add(row, column, weight * v);
-            }
-        }
-    }
-
-    fn pattern(&self) -> Pattern {
-        let n = self.num_vars();
-        let f = self.problem.function().pattern();
-        let columns = (0..n).flat_map(|j| f.col_ptr()[j]..f.col_ptr()[j + 1]);
-        let column_of: Vec<usize> = (0..n)
-            .flat_map(|j| std::iter::repeat_n(j, f.col_ptr()[j + 1] - f.col_ptr()[j]))
-            .collect();
-        let of_f = columns.flat_map(|k| {
-            let (i, j) = (f.row_idx()[k], column_of[k]);
-            let (rows, columns) = match self.normal {
-                true => (i..i + 1, self.range(j)),
-                false => (self.range(i), j..j + 1),
-            };
-            rows.flat_map(move |i| columns.clone().map(move |j| (i, j)))
-        });
-        let own = (0..n).flat_map(|i| self.range(i).map(move |j| (i, j)));
-        Pattern::from_entries(n, n, of_f.chain(own)).unwrap_or_else(|_| Pattern::full(n, n))
-    }
+    let last = newton(&ConeMap::fischer_burmeister(p)?, x, Damping::Always)?;
+    Ok(Told {
+        evaluations: all.evaluations + last.evaluations,
+        iterations: all.iterations + last.iterations,
+        factorisations: all.factorisations + last.factorisations,
+        ..last
+    })
 }
 
 /// Friction u = M r + q over second-order cones: with r = (s₀/μ, s₁, …) and û = u + μ‖u_T‖ e_N (G. de Saxcé, Z.-Q. Feng, Math. Comput.

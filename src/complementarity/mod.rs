@@ -87,6 +87,7 @@ pub use kkt::{ConstraintKind, Kkt, Program, kkt};
 pub use lcp::Lcp;
 pub use normal::NormalMap;
 pub use problem::{AtParameter, Mcp};
+pub(crate) use scratch::Scratch;
 pub use solver::{
     BoundState, Fallback, McpIteration, McpOptions, McpReport, McpSolver, McpStatus, McpStep, McpStrategy,
 };

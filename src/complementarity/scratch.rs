@@ -3,14 +3,14 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// Buffers of a function that is evaluated through `&self`, perhaps from several threads. What is in them between two evaluations
 /// does not matter, so that one which panicked leaves nothing behind.
-pub(super) struct Scratch<T>(Mutex<T>);
+pub(crate) struct Scratch<T>(Mutex<T>);
 
 impl<T> Scratch<T> {
-    pub(super) fn new(buffers: T) -> Self {
+    pub(crate) fn new(buffers: T) -> Self {
         Self(Mutex::new(buffers))
     }
 
-    pub(super) fn lock(&self) -> MutexGuard<'_, T> {
+    pub(crate) fn lock(&self) -> MutexGuard<'_, T> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

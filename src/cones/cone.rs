@@ -1,4 +1,4 @@
-use super::semidefinite;
+use super::{root, semidefinite};
 use crate::sparse::norm;
 
 /// A factor of K, by its number of variables or order.
@@ -18,12 +18,13 @@ pub enum Cone {
 }
 
 impl Cone {
-    /// Number of variables.
+    /// Number of variables; `usize::MAX` where that is too small for it.
     #[must_use]
     pub const fn len(self) -> usize {
         match self {
             Self::Nonnegative(n) | Self::SecondOrder(n) | Self::Free(n) => n,
-            Self::Semidefinite(order) => order.saturating_mul(order.saturating_add(1)) / 2,
+            Self::Semidefinite(order) if order % 2 == 0 => (order / 2).saturating_mul(order + 1),
+            Self::Semidefinite(order) => order.saturating_mul(order / 2 + 1),
         }
     }
 
@@ -106,21 +107,17 @@ impl Cone {
         match self {
             Self::Free(_) => out.copy_from_slice(y),
             Self::Semidefinite(order) => semidefinite::smoothed(order, mu, x, y, out),
-            _ => {
-                let root = Root::new(mu, x, y, out);
-                for i in 0..x.len() {
-                    out[i] = x[i] + y[i] - if i == 0 { root.first } else { root.half * out[i] };
-                }
-            }
+            _ => root::fischer_burmeister(mu, x, y, out),
         }
     }
 
-    /// Its derivatives by x and by y, n × n row by row: I − L_z⁻¹ L_x and I − L_z⁻¹ L_y, z the square root; `room` has length 2 n.
+    /// Its derivatives by x and by y, n × n row by row: I − L_z⁻¹ L_x and I − L_z⁻¹ L_y, z the square root; where it has none, their limits
+    /// along (x + t e, y + t `rate`) for t ↓ 0, an element of the B-subdifferential. `room` has length 3 n.
     pub(super) fn smoothed_derivatives(
         self,
         mu: f64,
-        x: &[f64],
-        y: &[f64],
+        [x, y]: [&[f64]; 2],
+        rate: Option<&[f64]>,
         [by_x, by_y]: [&mut [f64]; 2],
         room: &mut [f64],
     ) {
@@ -129,70 +126,25 @@ impl Cone {
             Self::Free(_) => {
                 by_x.fill(0.0);
                 by_y.fill(0.0);
-                return (0..n).for_each(|i| by_y[i * n + i] = 1.0);
+                (0..n).for_each(|i| by_y[i * n + i] = 1.0);
             }
             Self::Semidefinite(order) => {
-                return semidefinite::smoothed_derivatives(order, mu, x, y, [by_x, by_y]);
+                semidefinite::smoothed_derivatives(order, mu, [x, y], rate, [by_x, by_y]);
             }
-            Self::Nonnegative(_) | Self::SecondOrder(_) => {}
-        }
-        let (direction, column) = room.split_at_mut(n);
-        let root = Root::new(mu, x, y, direction);
-        for (a, by) in [(x, by_x), (y, by_y)] {
-            // L_a has (a₀, a₁ᵀ) in its first row and column, and a₀ on the diagonal.
-            for j in 0..n {
-                for (i, c) in column.iter_mut().enumerate() {
-                    *c = match (i, j) {
-                        (0, j) => a[j],
-                        (i, 0) => a[i],
-                        (i, j) => f64::from(u8::from(i == j)) * a[0],
-                    };
-                }
-                root.divide(column, direction);
-                for (i, c) in column.iter().enumerate() {
-                    by[i * n + j] = f64::from(u8::from(i == j)) - c;
-                }
+            Self::Nonnegative(_) | Self::SecondOrder(_) => {
+                root::derivatives(mu, [x, y], rate, [by_x, by_y], room);
             }
         }
     }
-}
 
-/// z = (x² + y² + 2 μ² e)^½ = (z₀, h d), d of length 1 or 0.
-struct Root {
-    first: f64,
-    half: f64,
-    /// z₀² − h².
-    determinant: f64,
-}
-
-impl Root {
-    /// By eigenvalues; d is written to `direction[1..]`.
-    fn new(mu: f64, x: &[f64], y: &[f64], direction: &mut [f64]) -> Self {
-        let shift = 2.0 * mu * mu;
-        let t = x.iter().chain(y).map(|v| v * v).sum::<f64>() + shift;
-        for i in 1..x.len() {
-            direction[i] = 2.0 * (x[0] * x[i] + y[0] * y[i]);
+    /// The identity e of the Jordan algebra, inside of the cone; 0 for free variables.
+    pub(super) fn unit(self, out: &mut [f64]) {
+        out.fill(0.0);
+        match self {
+            Self::Free(_) => {}
+            Self::Nonnegative(_) => out.fill(1.0),
+            Self::SecondOrder(_) => out[..1].fill(1.0),
+            Self::Semidefinite(order) => semidefinite::unit(order, out),
         }
-        let length = norm(&direction[1..]);
-        if length > 0.0 {
-            direction[1..].iter_mut().for_each(|d| *d /= length);
-        }
-        let (small, large) = ((t - length).max(shift).sqrt(), (t + length).sqrt());
-        Self {
-            first: 0.5 * (large + small),
-            half: 0.5 * (large - small),
-            determinant: small * large,
-        }
-    }
-
-    /// Overwrites b by L_z⁻¹ b.
-    fn divide(&self, b: &mut [f64], direction: &[f64]) {
-        let d = &direction[1..];
-        let along: f64 = d.iter().zip(&b[1..]).map(|(d, b)| d * b).sum();
-        let first = (self.first * b[0] - self.half * along) / self.determinant;
-        for (b, d) in b[1..].iter_mut().zip(d) {
-            *b = (*b - self.half * d * first) / self.first;
-        }
-        b[0] = first;
     }
 }

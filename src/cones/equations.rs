@@ -6,9 +6,10 @@ use super::run::Run;
 use super::{Cone, ConeError, ConeProblem};
 use crate::complementarity::McpFunction;
 use crate::linear::{LinearError, LinearSolver};
-use crate::sparse::{max_abs, norm};
+use crate::sparse::{Pattern, max_abs, norm};
 
 /// A second-order or semidefinite cone, or one half-line or free variable.
+#[derive(Debug, Clone)]
 pub(super) struct Part {
     pub(super) cone: Cone,
     pub(super) range: Range<usize>,
@@ -25,8 +26,31 @@ pub(super) enum Map {
     Natural,
 }
 
+/// The part of each row.
+pub(super) fn owners(parts: &[Part]) -> Vec<usize> {
+    let of = |(k, part): (usize, &Part)| std::iter::repeat_n(k, part.range.len());
+    parts.iter().enumerate().flat_map(of).collect()
+}
+
+/// Entries (row, column) of the product of a matrix with a block for each part with ∇F, and of the blocks; `rows` is the pattern of ∇Fᵀ.
+pub(super) fn mixed(parts: &[Part], rows: &Pattern) -> Vec<(usize, usize)> {
+    let (mut entries, mut columns) = (Vec::new(), Vec::new());
+    for part in parts {
+        let (first, end) = (part.range.start, part.range.end);
+        columns.clear();
+        columns.extend(part.range.clone());
+        columns.extend_from_slice(&rows.row_idx()[rows.col_ptr()[first]..rows.col_ptr()[end]]);
+        columns.sort_unstable();
+        columns.dedup();
+        for &j in &columns {
+            entries.extend(part.range.clone().map(|i| (i, j)));
+        }
+    }
+    entries
+}
+
 /// The parts of K, the number of entries of all their derivatives and of the widest of them.
-pub(super) fn parts(problem: &ConeProblem<&dyn McpFunction>) -> (Vec<Part>, usize, usize) {
+pub(super) fn parts<F: McpFunction>(problem: &ConeProblem<F>) -> (Vec<Part>, usize, usize) {
     let (mut parts, mut at, mut widest) = (Vec::new(), 0, 0);
     for (cone, range) in problem.blocks() {
         let (cone, width) = match cone {
@@ -106,8 +130,9 @@ impl Run<'_> {
             let (by_x, by_y) = (&mut self.by_x[..n * n], &mut self.by_y[part.at..part.at + n * n]);
             match map {
                 Map::Smoothed(mu) => {
+                    let room = &mut self.room[..3 * n];
                     part.cone
-                        .smoothed_derivatives(mu, x, y, [by_x, by_y], &mut self.room[..2 * n])
+                        .smoothed_derivatives(mu, [x, y], None, [by_x, by_y], room)
                 }
                 Map::Natural => {
                     // x − P(x − y): I − D by x, D by y.

@@ -10,10 +10,18 @@ pub enum ConeError {
     /// There is nothing to solve for.
     #[error("the problem has no variables; at least one is needed")]
     Empty,
-    /// A second-order cone needs at least one variable.
+    /// A cone needs at least one variable.
     #[error("cone {index} has no variables; leave it out")]
     NoVariables {
         /// Position of the cone, from 0.
+        index: usize,
+    },
+    /// The numbers of variables add up to more than a `usize` holds.
+    #[error(
+        "the cones up to number {index} have more variables than can be counted; check their numbers of variables"
+    )]
+    TooLarge {
+        /// Position of the last cone of the sum, from 0.
         index: usize,
     },
     /// The numbers of variables do not agree.

@@ -2,7 +2,8 @@
 //!
 //! Find x ∈ K with F(x) ∈ K* and xᵀF(x) = 0. Optimality conditions of second-order cone and semidefinite programs, friction with a given bound and
 //! Coulomb friction in a fixed state of pressure are of this kind (F. Facchinei, J.-S. Pang, 2003, section 1.4; F. Alizadeh, D. Goldfarb,
-//! 2003). Factors of K are [`Cone`]s, a problem is a [`ConeProblem`], and [`ConeSolver`] solves it from any start.
+//! 2003). Factors of K are [`Cone`]s, a problem is a [`ConeProblem`], and [`ConeSolver`] solves it from any start. Its semismooth equations, for
+//! other methods, are [`ConeMap`]s.
 
 mod central;
 mod cone;
@@ -11,10 +12,12 @@ mod error;
 mod interior;
 mod jordan;
 mod judge;
+mod map;
 mod options;
 mod problem;
 mod ray;
 mod report;
+mod root;
 mod run;
 mod semidefinite;
 mod solver;
@@ -24,6 +27,7 @@ pub use error::ConeError;
 pub(crate) use interior::{Image, Interior};
 #[cfg(test)]
 pub(crate) use jordan::jordan;
+pub use map::ConeMap;
 pub use options::ConeOptions;
 pub use problem::ConeProblem;
 pub use report::{ConeIteration, ConeRay, ConeReport, ConeStatus};

@@ -26,26 +26,31 @@ impl<F: McpFunction> ConeProblem<F> {
     /// The problem of F and K.
     ///
     /// # Errors
-    /// No variables, a second-order cone without any, F with other numbers of variables or values than K.
+    /// No cones, a cone without variables, more variables than can be counted, F with other numbers of variables or values than K or a
+    /// pattern of another shape.
     pub fn new(function: F, cones: Vec<Cone>) -> Result<Self, ConeError> {
-        let n = cones.iter().map(|c| c.len()).sum();
+        let mut n = 0_usize;
+        for (index, cone) in cones.iter().enumerate() {
+            if cone.is_empty() {
+                return Err(ConeError::NoVariables { index });
+            }
+            n = n.checked_add(cone.len()).ok_or(ConeError::TooLarge { index })?;
+        }
         if n == 0 {
             return Err(ConeError::Empty);
-        }
-        if let Some(index) = cones.iter().position(|c| c.is_empty()) {
-            return Err(ConeError::NoVariables { index });
         }
         for (what, found) in [
             ("F", function.num_values()),
             ("the argument of F", function.num_vars()),
         ] {
-            if found != n {
-                return Err(ConeError::Length {
-                    what,
-                    expected: n,
-                    found,
-                });
-            }
+            check_length(what, found, n)?;
+        }
+        let pattern = function.pattern();
+        for (what, found) in [
+            ("a column of the pattern of F", pattern.nrows()),
+            ("a row of the pattern of F", pattern.ncols()),
+        ] {
+            check_length(what, found, n)?;
         }
         Ok(Self { function, cones })
     }
@@ -103,6 +108,11 @@ impl<F: McpFunction> ConeProblem<F> {
     pub fn natural_residual(&self, x: &[f64], out: &mut [f64]) -> Result<f64, ConeError> {
         self.check("x", x.len())?;
         self.check("out", out.len())?;
+        self.natural_map(x, out);
+        Ok(max_abs(out))
+    }
+
+    pub(super) fn natural_map(&self, x: &[f64], out: &mut [f64]) {
         self.function.value(x, out);
         for (cone, range) in self.blocks() {
             let block = &mut out[range.clone()];
@@ -113,18 +123,20 @@ impl<F: McpFunction> ConeProblem<F> {
             cone.project(block);
             block.iter_mut().zip(&x[range]).for_each(|(p, x)| *p = x - *p);
         }
-        Ok(max_abs(out))
     }
 
     pub(super) fn check(&self, what: &'static str, found: usize) -> Result<(), ConeError> {
-        let expected = self.len();
-        match found == expected {
-            true => Ok(()),
-            false => Err(ConeError::Length {
-                what,
-                expected,
-                found,
-            }),
-        }
+        check_length(what, found, self.len())
+    }
+}
+
+pub(super) fn check_length(what: &'static str, found: usize, expected: usize) -> Result<(), ConeError> {
+    match found == expected {
+        true => Ok(()),
+        false => Err(ConeError::Length {
+            what,
+            expected,
+            found,
+        }),
     }
 }

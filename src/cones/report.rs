@@ -79,6 +79,8 @@ pub struct ConeReport {
     pub error: f64,
     /// Iterations, over all starts.
     pub iterations: usize,
+    /// Evaluations of F, those of line searches included.
+    pub evaluations: usize,
     /// Factorisations.
     pub factorisations: usize,
     /// The iterates.

@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use super::equations::{Map, Part, parts};
+use super::equations::{Map, Part, mixed, owners, parts};
 use super::judge::Size;
 use super::{ConeError, ConeIteration, ConeOptions, ConeProblem, ConeReport, ConeStatus};
 use crate::clock::Deadline;
@@ -89,23 +89,8 @@ impl<'a> Run<'a> {
         let n = problem.len();
         let jac = Matrix::zeros(problem.function().pattern());
         let (parts, at, widest) = parts(problem);
-        // Rows of a cone are mixed.
-        let transposed = jac.transpose();
-        let pattern = transposed.pattern();
-        let (mut entries, mut columns) = (Vec::new(), Vec::new());
-        let mut owner = vec![0; n];
-        for (k, part) in parts.iter().enumerate() {
-            let (first, end) = (part.range.start, part.range.end);
-            owner[part.range.clone()].fill(k);
-            columns.clear();
-            columns.extend(part.range.clone());
-            columns.extend_from_slice(&pattern.row_idx()[pattern.col_ptr()[first]..pattern.col_ptr()[end]]);
-            columns.sort_unstable();
-            columns.dedup();
-            for &j in &columns {
-                entries.extend(part.range.clone().map(|i| (i, j)));
-            }
-        }
+        let owner = owners(&parts);
+        let entries = mixed(&parts, jac.transpose().pattern());
         let system = Matrix::zeros(Pattern::from_entries(n, n, entries)?);
         let mut solver = AutoSolver::new();
         solver.analyze(system.pattern().as_ref())?;
@@ -135,7 +120,7 @@ impl<'a> Run<'a> {
             kept_f: vec![0.0; n],
             terms: vec![0.0; n],
             rest: vec![0.0; n],
-            room: vec![0.0; 2 * n],
+            room: vec![0.0; 3 * n],
             deadline,
             problem,
             options,
@@ -161,6 +146,7 @@ impl<'a> Run<'a> {
                 residual: f64::NAN,
                 error: f64::NAN,
                 iterations: 0,
+                evaluations: 0,
                 factorisations: 0,
                 history: Vec::new(),
                 ray: None,

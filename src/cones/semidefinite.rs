@@ -9,6 +9,10 @@ use crate::sparse::max_abs;
 
 /// Sweeps of the eigenvalue iteration for each row.
 const SWEEPS: usize = 100;
+/// Part of the largest eigenvalue of a root below which squares hide what there is of one.
+const SEPARATE: f64 = 1e-4;
+/// Part of the largest eigenvalue of a root, for each row, below which one is rounding.
+const SMALL: f64 = 8.0 * f64::EPSILON;
 
 /// The upper triangle of a symmetric matrix column by column, off-diagonal entries times √2: (x₁₁, √2 x₁₂, x₂₂, √2 x₁₃, …), so that the
 /// scalar product of two such vectors is the trace of the product of the matrices. Only the upper triangle is read.
@@ -142,7 +146,7 @@ pub(super) fn projection_derivative(order: usize, z: &[f64], out: &mut [f64]) {
         }
     });
     let rows = q.transpose();
-    columns(&q, &rows, 0.5, &omega, |at, image| out[at] = image);
+    columns(&q, |_, _| &rows, 0.5, &omega, |at, image| out[at] = image);
 }
 
 /// X + Y − (X² + Y² + 2 μ² I)^½.
@@ -155,31 +159,106 @@ pub(super) fn smoothed(order: usize, mu: f64, x: &[f64], y: &[f64], out: &mut [f
 }
 
 /// Its derivatives by X and by Y: H ↦ H − Q ((Qᵀ(XH + HX)Q)ᵢⱼ / (zᵢ + zⱼ)) Qᵀ, z the eigenvalues of the root.
-pub(super) fn smoothed_derivatives(order: usize, mu: f64, x: &[f64], y: &[f64], by: [&mut [f64]; 2]) {
+///
+/// Where X² + Y² is singular and μ = 0 they are limits along (X + t I, Y + t `rate`), t ↓ 0: on the kernel N, which both map to 0, the root
+/// is t S^½ + o(t) with S = G_XᵀG_X + G_YᵀG_Y, G the rates of XQ and YQ there, and S ⪰ I.
+pub(super) fn smoothed_derivatives(
+    order: usize,
+    mu: f64,
+    [x, y]: [&[f64]; 2],
+    rate: Option<&[f64]>,
+    by: [&mut [f64]; 2],
+) {
     let [a, b] = [x, y].map(|v| matrix(order, v));
-    let Some((roots, q)) = root(mu, &a, &b) else {
+    let rate = rate.map_or_else(|| DMatrix::zeros(order, order), |v| matrix(order, v));
+    let Some((mut roots, mut q)) = root(mu, &a, &b) else {
         return by.into_iter().for_each(|by| by.fill(f64::NAN));
     };
-    let weights = DMatrix::from_fn(order, order, |i, j| (roots[i] + roots[j]).recip());
-    let n = x.len();
-    for (m, by) in [a, b].into_iter().zip(by) {
-        let rows = q.transpose() * m;
-        columns(&q, &rows, 1.0, &weights, |at, image| {
+    let (largest, n) = (roots.max(), x.len());
+    if largest <= f64::MIN_POSITIVE {
+        // The derivative is the same all along the ray from the origin.
+        let (mut one, mut along) = (vec![0.0; n], vec![0.0; n]);
+        unit(order, &mut one);
+        write(&rate, &mut along);
+        return smoothed_derivatives(order, 0.0, [&one, &along], None, by);
+    }
+    let range = roots
+        .iter()
+        .filter(|z| **z > SMALL * order as f64 * largest)
+        .count();
+    let mut limits = [DMatrix::zeros(0, 0), DMatrix::zeros(0, 0)];
+    let mut slopes = roots.clone();
+    if range < order {
+        let kernel = q.columns(range, order - range).into_owned();
+        let moved = &b * &rate * &kernel;
+        let mut turned = q.columns(0, range).transpose() * moved;
+        for (mut row, z) in turned.row_iter_mut().zip(roots.iter()) {
+            row /= -z * z;
+        }
+        let turned = q.columns(0, range) * turned;
+        let rates = [&kernel + &a * &turned, &rate * &kernel + &b * &turned];
+        let squares = rates[0].transpose() * &rates[0] + rates[1].transpose() * &rates[1];
+        let Some((squares, turn)) = eigen(squares) else {
+            return by.into_iter().for_each(|by| by.fill(f64::NAN));
+        };
+        q.columns_mut(range, order - range).copy_from(&(kernel * &turn));
+        for (k, s) in squares.iter().enumerate() {
+            (roots[range + k], slopes[range + k]) = (0.0, s.sqrt());
+        }
+        limits = rates.map(|g| {
+            let mut rows = DMatrix::zeros(order, order);
+            rows.rows_mut(range, order - range)
+                .copy_from(&(g * &turn).transpose());
+            rows
+        });
+    }
+    let weights = DMatrix::from_fn(order, order, |i, j| {
+        let z = if i.min(j) >= range { &slopes } else { &roots };
+        (z[i] + z[j]).recip()
+    });
+    for ((m, by), limits) in [a, b].into_iter().zip(by).zip(limits) {
+        let mut rows = q.transpose() * m;
+        rows.rows_mut(range, order - range).fill(0.0);
+        let rows = |i: usize, j: usize| if i.min(j) >= range { &limits } else { &rows };
+        columns(&q, rows, 1.0, &weights, |at, image| {
             by[at] = f64::from(u8::from(at % (n + 1) == 0)) - image;
         });
     }
 }
 
-/// Eigenvalues and eigenvectors of (X² + Y² + 2 μ² I)^½.
-fn root(mu: f64, x: &DMatrix<f64>, y: &DMatrix<f64>) -> Option<(DVector<f64>, DMatrix<f64>)> {
-    let (values, q) = eigen(x * x + y * y)?;
-    Some((values.map(|v| (v.max(0.0) + 2.0 * mu * mu).sqrt()), q))
+/// The unit matrix.
+pub(super) fn unit(order: usize, out: &mut [f64]) {
+    for ((i, j), v) in triangle(order).zip(out) {
+        *v = f64::from(u8::from(i == j));
+    }
 }
 
-/// The matrix (n × n) of H ↦ Q (W ∘ (R H Q + (R H Q)ᵀ)) Qᵀ times a factor, entry by entry with its place, R given by columns.
-fn columns(
+/// Eigenvalues, from the largest on, and eigenvectors of (X² + Y² + 2 μ² I)^½. Those small beside the largest are found once more among
+/// themselves, from XQ and YQ, so that they are no roots of rounding.
+fn root(mu: f64, x: &DMatrix<f64>, y: &DMatrix<f64>) -> Option<(DVector<f64>, DMatrix<f64>)> {
+    let order = x.nrows();
+    let (mut values, mut q) = (DVector::zeros(order), DMatrix::identity(order, order));
+    let mut first = 0;
+    while first < order {
+        let part = q.columns(first, order - first).into_owned();
+        let (of_x, of_y) = (x * &part, y * &part);
+        let (found, turn) = eigen(of_x.transpose() * of_x + of_y.transpose() * of_y)?;
+        let mut by_size: Vec<usize> = (0..found.len()).collect();
+        by_size.sort_by(|a, b| found[*b].total_cmp(&found[*a]));
+        for (k, &at) in by_size.iter().enumerate() {
+            values[first + k] = found[at].max(0.0).sqrt();
+            q.set_column(first + k, &(&part * turn.column(at)));
+        }
+        let least = SEPARATE * values[first];
+        first += 1 + (first + 1..order).take_while(|k| values[*k] > least).count();
+    }
+    Some((values.map(|s| s.hypot(SQRT_2 * mu)), q))
+}
+
+/// The matrix (n × n) of H ↦ Q (W ∘ (R H Q + (R H Q)ᵀ)) Qᵀ times a factor, entry by entry with its place; R may depend on the entry of W.
+fn columns<'m>(
     q: &DMatrix<f64>,
-    rows: &DMatrix<f64>,
+    rows: impl Fn(usize, usize) -> &'m DMatrix<f64>,
     factor: f64,
     weights: &DMatrix<f64>,
     mut write: impl FnMut(usize, f64),
@@ -201,6 +280,7 @@ fn columns(
         };
         for j in 0..order {
             for i in 0..=j {
+                let rows = rows(i, j);
                 let sum = rows[(i, a)] * q[(b, j)]
                     + rows[(i, b)] * q[(a, j)]
                     + q[(b, i)] * rows[(j, a)]
@@ -387,7 +467,7 @@ mod tests {
                 let quotient = along(&|v, out| { out.copy_from_slice(v); project(order, out); }, x);
                 prop_assert!(near(&times(&by_x), &quotient));
             }
-            smoothed_derivatives(order, mu, x, y, [&mut by_x, &mut by_y]);
+            smoothed_derivatives(order, mu, [x, y], None, [&mut by_x, &mut by_y]);
             prop_assert!(near(&times(&by_x), &along(&|v, out| smoothed(order, mu, v, y, out), x)));
             prop_assert!(near(&times(&by_y), &along(&|v, out| smoothed(order, mu, x, v, out), y)));
             // It vanishes exactly where X Y = μ² I, both definite.

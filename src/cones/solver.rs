@@ -1,10 +1,12 @@
+use std::cell::Cell;
 use std::ops::ControlFlow;
 
 use super::ray::ray;
 use super::run::Run;
 use super::{ConeError, ConeIteration, ConeOptions, ConeProblem, ConeReport, ConeStatus};
 use crate::clock::Deadline;
-use crate::complementarity::McpFunction;
+use crate::complementarity::{AffineFunction, McpFunction};
+use crate::sparse::{Matrix, Pattern};
 
 /// Semismooth Newton method for cone problems.
 ///
@@ -54,7 +56,8 @@ impl ConeSolver {
             let value = x[index];
             return Err(ConeError::NotFinite { index, value });
         }
-        let problem = ConeProblem::new(problem.function() as &dyn McpFunction, problem.cones().to_vec())?;
+        let counted = Counted::new(problem.function());
+        let problem = ConeProblem::new(&counted as &dyn McpFunction, problem.cones().to_vec())?;
         let deadline = Deadline::after(self.options.max_time);
         let mut run = Run::new(&problem, &self.options, deadline, &mut observe)?;
         let status = run.all_starts(x)?;
@@ -71,6 +74,47 @@ impl ConeSolver {
                 report.status = ConeStatus::NoSolution;
             }
         }
+        report.evaluations = counted.evaluations.get();
         Ok(report)
+    }
+}
+
+/// F, counting its evaluations.
+struct Counted<'a> {
+    function: &'a dyn McpFunction,
+    evaluations: Cell<usize>,
+}
+
+impl<'a> Counted<'a> {
+    fn new(function: &'a dyn McpFunction) -> Self {
+        Self {
+            function,
+            evaluations: Cell::new(0),
+        }
+    }
+}
+
+impl McpFunction for Counted<'_> {
+    fn num_vars(&self) -> usize {
+        self.function.num_vars()
+    }
+    fn num_values(&self) -> usize {
+        self.function.num_values()
+    }
+    fn value(&self, x: &[f64], out: &mut [f64]) {
+        self.evaluations.set(self.evaluations.get() + 1);
+        self.function.value(x, out);
+    }
+    fn jacobian(&self, x: &[f64], jac: &mut Matrix) {
+        self.function.jacobian(x, jac);
+    }
+    fn pattern(&self) -> Pattern {
+        self.function.pattern()
+    }
+    fn is_affine(&self) -> bool {
+        self.function.is_affine()
+    }
+    fn coefficients(&self) -> Option<(&AffineFunction, Option<f64>)> {
+        self.function.coefficients()
     }
 }

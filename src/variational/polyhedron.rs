@@ -168,9 +168,9 @@ impl Polyhedron {
     /// The largest violation of an inequality, an equation or a bound by x, each divided by the Euclidean norm of its row; 0 in C.
     ///
     /// # Errors
-    /// x of the wrong length.
+    /// x of the wrong length or not finite.
     pub fn violation(&self, x: &[f64]) -> Result<f64, VariationalError> {
-        check_length("x", x.len(), self.dimension())?;
+        check_finite("x", x, self.dimension())?;
         let distance = |rows: &Rows, i: usize, excess: f64| {
             let size = rows.row(i).map(|(_, v)| v * v).sum::<f64>().sqrt();
             if excess == 0.0 { 0.0 } else { excess / size }

@@ -7,6 +7,16 @@ use crate::sparse::{Matrix, Pattern};
 ///
 /// F has n variables, or n + 1 where the last one is a parameter.
 ///
+/// # Normal map
+/// With P the projection on C, x is a solution if and only if x = P(z) for a zero z of F(P(z)) + z − P(z), the normal map of S. M. Robinson (1992);
+/// then z = x − F(x) (F. Facchinei, J.-S. Pang, 2003, Proposition 1.5.9). In the n variables z its pieces belong to sets of active
+/// constraints, of which there may be several for one P where constraints depend on each other, and none is told by signs at single
+/// constraints. [`kkt`](Self::kkt) states the same in (x, λ, μ): a map whose sites are the constraints, each with pieces of its own. Its zeros give
+/// those of the normal map as z = x + Aᵀλ + Eᵀμ − ρₗ + ρᵤ, ρ the [multipliers](super::Multipliers) of the bounds, and z gives (λ, μ, ρ) as the
+/// multipliers of [`Polyhedron::project`], unique where the normals of active constraints do not depend on each other.
+/// [`NormalMap`](crate::complementarity::NormalMap) of [`kkt`](Self::kkt) is the normal map of the box of (x, λ, μ), and for C a box without
+/// rows that of the problem itself.
+///
 /// ```
 /// use semismooth::complementarity::AffineFunction;
 /// use semismooth::sparse::Matrix;
@@ -32,7 +42,7 @@ impl<F: McpFunction> Vi<F> {
     /// The problem of F and C.
     ///
     /// # Errors
-    /// F with another number of values or variables than C has.
+    /// F with another number of values or variables than C has, or a pattern of another shape.
     pub fn new(function: F, set: Polyhedron) -> Result<Self, VariationalError> {
         let n = set.dimension();
         check_length("F", function.num_values(), n)?;
@@ -40,6 +50,9 @@ impl<F: McpFunction> Vi<F> {
         if vars != n + 1 {
             check_length("the argument of F", vars, n)?;
         }
+        let pattern = function.pattern();
+        check_length("a column of the pattern of F", pattern.nrows(), n)?;
+        check_length("a row of the pattern of F", pattern.ncols(), vars)?;
         Ok(Self { function, set })
     }
 

@@ -1,6 +1,6 @@
 use super::polyhedron::Rows;
 use super::{Polyhedron, VariationalError, Vi};
-use crate::complementarity::{AffineFunction, McpFunction};
+use crate::complementarity::{AffineFunction, ComplementarityError, McpFunction};
 use crate::enumeration::{Completeness, Continuum, EnumerationOptions, all_solutions};
 use crate::exact::{Dictionary, Exact, quotient};
 use crate::piecewise::{PiecewiseSmooth, Selection};
@@ -38,6 +38,15 @@ impl<F: McpFunction> Vi<F> {
     /// # Errors
     /// As [`all_solutions`]: F that is not affine, a parametric problem, options out of range.
     pub fn all_solutions(&self, options: &EnumerationOptions) -> Result<ViSolutions, VariationalError> {
+        let (vars, values) = (self.function().num_vars(), self.set().dimension());
+        if vars != values {
+            return Err(ComplementarityError::Dimensions {
+                vars,
+                values,
+                expected: "fix the parameter first",
+            }
+            .into());
+        }
         let Some((same, units)) = self.in_units_of_rows()? else {
             return self.list(options);
         };

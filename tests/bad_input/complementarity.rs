@@ -33,10 +33,10 @@ fn times(c: f64) -> impl McpFunction + Clone {
 
 /// A function that says what it likes of its shape.
 #[derive(Clone)]
-struct Shape {
-    vars: usize,
-    values: usize,
-    pattern: (usize, usize),
+pub(crate) struct Shape {
+    pub(crate) vars: usize,
+    pub(crate) values: usize,
+    pub(crate) pattern: (usize, usize),
 }
 impl McpFunction for Shape {
     fn num_vars(&self) -> usize {

@@ -4,6 +4,7 @@
 mod maps;
 
 mod complementarity;
+mod cones;
 mod contact;
 mod continuation;
 mod enumeration;
@@ -16,3 +17,4 @@ mod output;
 mod piecewise;
 mod sparse;
 mod table;
+mod variational;

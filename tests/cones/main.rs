@@ -1,14 +1,15 @@
-//! Cone complementarity problems built from their solutions, proofs that there is none, and bad data.
+//! Cone complementarity problems built from their solutions, and proofs that there is none.
 
-#[path = "common/random.rs"]
+mod maps;
+#[path = "../common/random.rs"]
 mod random;
 
 use std::ops::ControlFlow;
 
 use proptest::prelude::*;
 use random::Random;
-use semismooth::complementarity::{AffineFunction, McpFunction, WithJacobian};
-use semismooth::cones::{Cone, ConeError, ConeOptions, ConeProblem, ConeSolver, ConeStatus, smat, svec};
+use semismooth::complementarity::{AffineFunction, WithJacobian};
+use semismooth::cones::{Cone, ConeOptions, ConeProblem, ConeSolver, ConeStatus, smat, svec};
 use semismooth::sparse::Matrix;
 
 fn norm(v: &[f64]) -> f64 {
@@ -300,41 +301,6 @@ fn functions_with_a_domain() {
     assert_eq!(x[1..], [0.0, 0.0]);
 }
 
-#[test]
-fn bad_data_is_refused_by_name() {
-    let function = AffineFunction::new(Matrix::identity(3), vec![0.0; 3]).unwrap();
-    assert_eq!(ConeProblem::new(&function, vec![]).unwrap_err(), ConeError::Empty);
-    let cones = vec![Cone::SecondOrder(3), Cone::SecondOrder(0)];
-    assert_eq!(
-        ConeProblem::new(&function, cones).unwrap_err(),
-        ConeError::NoVariables { index: 1 }
-    );
-    let wrong = ConeProblem::new(&function, vec![Cone::Nonnegative(2)]).unwrap_err();
-    assert_eq!(wrong.to_string(), "F has length 3, expected 2");
-    let problem = ConeProblem::new(&function, vec![Cone::SecondOrder(3)]).unwrap();
-    let solver = ConeSolver::default();
-    assert!(matches!(
-        solver.solve(&problem, &mut [0.0; 2]),
-        Err(ConeError::Length { .. })
-    ));
-    let nan = solver.solve(&problem, &mut [0.0, f64::NAN, 0.0]);
-    assert!(matches!(nan, Err(ConeError::NotFinite { index: 1, .. })));
-    let solver = ConeSolver::new(ConeOptions::default().with_tolerance(0.0));
-    assert!(matches!(
-        solver.solve(&problem, &mut [0.0; 3]),
-        Err(ConeError::Option { .. })
-    ));
-    let nan = WithJacobian::new(
-        1,
-        |_: &[f64], out: &mut [f64]| out[0] = f64::NAN,
-        |_: &[f64], _: &mut Matrix| {},
-    );
-    assert_eq!(nan.num_vars(), 1);
-    let problem = ConeProblem::new(nan, vec![Cone::Free(1)]).unwrap();
-    let report = ConeSolver::default().solve(&problem, &mut [0.0]).unwrap();
-    assert_eq!(report.status, ConeStatus::EvaluationFailure);
-}
-
 /// M as in [`monotone`], of any size.
 fn monotone_of(n: usize, random: &mut Random) -> Vec<Vec<f64>> {
     let r: Vec<Vec<f64>> = random.square(n);
@@ -576,21 +542,4 @@ fn nearest_correlation_matrices() {
     for (i, j, v) in [(0, 1, -0.8084), (0, 2, 0.1916), (0, 3, 0.1068), (1, 2, -0.6562)] {
         assert!((found[i][j] - v).abs() < 5e-5, "{found:?}");
     }
-}
-
-#[test]
-fn vectors_that_are_no_matrices_are_refused() {
-    assert!(matches!(
-        smat(&[1.0; 5]),
-        Err(ConeError::Length {
-            expected: 6,
-            found: 5,
-            ..
-        })
-    ));
-    assert!(matches!(
-        svec(&[vec![1.0, 2.0], vec![1.0]]),
-        Err(ConeError::Length { .. })
-    ));
-    assert_eq!(svec::<Vec<f64>>(&[]).unwrap(), smat(&[]).unwrap().concat());
 }
