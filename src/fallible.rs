@@ -4,7 +4,14 @@
 //! fail (a simulator that crashes, a file, a table that ends), [`FirstError`] takes the error out of the loop: the function answers NaN
 //! and is not called any more, so that the solver ends soon, as it does for any map that is not finite; and
 //! [`FirstError::run`] hands back the error in place of what the solver said. It serves all traits of the crate alike, and whatever
-//! calls them: Newton's method, complementarity solvers, curves, diagrams, enumeration, sweeps.
+//! calls them: Newton's method, complementarity solvers, curves, diagrams, enumeration, contact problems and their histories, sweeps.
+//!
+//! | what evaluates | how it fails |
+//! |---|---|
+//! | residuals, test functions, products of operators, `eval` of formulas | [`values`](FirstError::values) |
+//! | Jacobians, Hessians | [`matrix`](FirstError::matrix) |
+//! | a number, or a few: coefficients of friction, monitors | `attempt(…).unwrap_or(f64::NAN)`, [`attempt`](FirstError::attempt) |
+//! | what has a result of its own: [`MatrixFree::linearize`](crate::piecewise::MatrixFree::linearize), preconditioners | `attempt(…).ok_or(…)` with an error of the crate |
 //!
 //! Points outside of the domain of a function are no failure in this sense: answer NaN there, and steps are shortened.
 //!
@@ -108,10 +115,11 @@ impl<E> FirstError<E> {
         }
     }
 
-    /// [`attempt`](Self::attempt) for a vector, NaN where there is an error: the residual of a map.
-    pub fn values(&self, out: &mut [f64], f: impl FnOnce(&mut [f64]) -> Result<(), E>) {
+    /// [`attempt`](Self::attempt) for a vector, NaN where there is an error: the residual of a map, the product of an operator, or a formula
+    /// over numbers that carry derivatives (`T: Real` of `Traced` and `Autodiff`).
+    pub fn values<T: Copy + From<f64>>(&self, out: &mut [T], f: impl FnOnce(&mut [T]) -> Result<(), E>) {
         if self.attempt(|| f(out)).is_none() {
-            out.fill(f64::NAN);
+            out.fill(f64::NAN.into());
         }
     }
 

@@ -1,8 +1,11 @@
 //! The error of a function of the user comes back unchanged through every solver, whichever evaluation fails.
 
+mod routes;
+
 use std::error::Error;
 use std::fmt;
 use std::ops::ControlFlow;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use semismooth::complementarity::{Mcp, McpFunction, McpOptions, McpSolver};
@@ -157,13 +160,13 @@ impl Semismooth for Root<'_> {
 
 /// Runs `solve` with a function that never fails, then with each of its evaluations failing (of many, some): the error is that of this
 /// evaluation, and none comes after it. `check` sees what the solver gave.
-fn with_each_failing<R: fmt::Debug>(solve: impl Fn(&Counted) -> R, mut check: impl FnMut(&R, &R)) {
-    let whole = Counted::new(usize::MAX);
+fn with_each_failing<R: fmt::Debug>(solve: impl Fn(&Arc<Counted>) -> R, mut check: impl FnMut(&R, &R)) {
+    let whole = Arc::new(Counted::new(usize::MAX));
     let reference = whole.errors.run(|| solve(&whole)).unwrap();
     let step = 1 + whole.calls() / 400;
     assert!(whole.calls() > 5);
     for at in (0..whole.calls()).step_by(step) {
-        let counted = Counted::new(at);
+        let counted = Arc::new(Counted::new(at));
         let failed = counted.errors.run(|| solve(&counted)).unwrap_err();
         assert_eq!((&failed.error, counted.calls()), (&Broken(at), at + 1));
         assert!(!counted.errors.is_set());
@@ -173,7 +176,7 @@ fn with_each_failing<R: fmt::Debug>(solve: impl Fn(&Counted) -> R, mut check: im
 
 #[test]
 fn newton() {
-    let solve = |counted: &Counted| {
+    let solve = |counted: &Arc<Counted>| {
         let mut x = [3.0, -0.5];
         let result = Newton::default().solve(&Curve(counted), &mut x);
         (result, x)
@@ -188,7 +191,7 @@ fn newton() {
             Ok(_) => assert_eq!(x, solution),
         }
     });
-    let semismooth = |counted: &Counted| {
+    let semismooth = |counted: &Arc<Counted>| {
         let mut x = [5.0];
         Newton::default()
             .solve_semismooth(&Root(counted), &mut x)
@@ -201,7 +204,7 @@ fn newton() {
 fn complementarity_from_all_strategies() {
     let root = 6.0_f64.sqrt() / 2.0;
     for start in [[0.0; 4], [1.0; 4], [1.0, 0.0, 1.0, -5.0]] {
-        let solve = |counted: &Counted| {
+        let solve = |counted: &Arc<Counted>| {
             let mut x = start;
             let report = McpSolver::new(McpOptions::default())
                 .solve(&Mcp::ncp(Kojima(counted)).unwrap(), &mut x)
@@ -225,7 +228,7 @@ fn cones_and_variational_inequalities() {
         vec![Cone::Nonnegative(4)],
         vec![Cone::SecondOrder(3), Cone::Nonnegative(1)],
     ] {
-        let solve = |counted: &Counted| {
+        let solve = |counted: &Arc<Counted>| {
             let mut x = [1.0, 0.5, 0.2, 0.1];
             let problem = ConeProblem::new(Kojima(counted), cones.clone()).unwrap();
             let report = ConeSolver::new(ConeOptions::default().with_restarts(1)).solve(&problem, &mut x);
@@ -238,7 +241,7 @@ fn cones_and_variational_inequalities() {
             assert!(*status != Ok(ConeStatus::Solved) || near, "{x:?} {solution:?}");
         });
     }
-    let solve = |counted: &Counted| {
+    let solve = |counted: &Arc<Counted>| {
         let set = Polyhedron::boxed(vec![0.0; 4], vec![f64::INFINITY; 4]).unwrap();
         let cut = Matrix::from_rows(&[[1.0, 1.0, 1.0, 1.0]]).unwrap();
         let problem = Vi::new(Kojima(counted), set.with_inequalities(cut, vec![9.0]).unwrap()).unwrap();
@@ -261,7 +264,7 @@ fn followed_curves() {
             .with_parameter_range((-1.5, 1.0))
             .with_max_points(60)
     };
-    let follow = |counted: &Counted| {
+    let follow = |counted: &Arc<Counted>| {
         Branch::follow(&Curve(counted), &[-0.5, -1.0], Direction::Increasing, options())
             .map(|branch| branch.polyline().iter().map(|x| x.1.to_vec()).collect::<Vec<_>>())
     };
@@ -277,7 +280,7 @@ fn followed_curves() {
 
 #[test]
 fn diagrams_and_searches() {
-    let explore = |counted: &Counted| {
+    let explore = |counted: &Arc<Counted>| {
         let continuation = ContinuationOptions::default()
             .with_parameter_range((-1.5, 1.0))
             .with_max_points(60);
@@ -289,7 +292,7 @@ fn diagrams_and_searches() {
             assert!(partial <= whole.as_ref().unwrap());
         }
     });
-    let search = |counted: &Counted| {
+    let search = |counted: &Arc<Counted>| {
         let options = SearchOptions::default().with_starts(10);
         search_solutions(&Curve(counted), 0.2, &[vec![0.1, 0.2]], &options).map(|f| f.solutions.len())
     };
