@@ -21,11 +21,14 @@
 //! | [`fallible`] | functions that may fail: their errors come back unchanged |
 
 #![warn(missing_docs, unreachable_pub)]
+// Badges of features, where the documentation is built by docs.rs.
+#![cfg_attr(docsrs, feature(doc_cfg))]
 
 // Files that unit tests share with the programs in `tests` name the crate.
 #[cfg(test)]
 extern crate self as semismooth;
 
+mod cause;
 mod clock;
 pub mod complementarity;
 pub mod cones;
@@ -33,6 +36,8 @@ pub mod contact;
 pub mod continuation;
 pub mod enumeration;
 mod exact;
+#[cfg(feature = "serde")]
+mod extended;
 pub mod fallible;
 pub mod fem;
 pub mod guide;
@@ -48,6 +53,10 @@ pub mod sparse;
 mod spread;
 pub mod sweep;
 pub mod variational;
+mod words;
+
+pub use cause::Cause;
+pub use words::UnknownName;
 
 /// The example of the README, compiled with the tests.
 #[cfg(doctest)]

@@ -71,6 +71,11 @@ fn of_every_build() -> Vec<&'static str> {
     all_shared! {
         "complementarity::AffineFunction": complementarity::AffineFunction,
         "complementarity::AtParameter": complementarity::AtParameter<F>,
+        "Cause": Cause,
+        "UnknownName": UnknownName,
+        "complementarity::Block": complementarity::Block,
+        "complementarity::Variables": complementarity::Variables,
+        "complementarity::VariablesView": complementarity::VariablesView<'static, f64>,
         "complementarity::BoundState": complementarity::BoundState,
         "complementarity::ComplementarityError": complementarity::ComplementarityError,
         "complementarity::ConstraintKind": complementarity::ConstraintKind,
@@ -419,6 +424,7 @@ fn all_types_are_in_the_tables() {
 fn errors_are_data() {
     error::<semismooth::complementarity::ComplementarityError>();
     error::<ContactError>();
+    error::<semismooth::UnknownName>();
     error::<DelassusError>();
     error::<ContinuationError>();
     error::<semismooth::enumeration::EnumerationError>();

@@ -1,6 +1,7 @@
 //! Fields on parts as files that belong together.
 
 use std::fmt::Write;
+use std::io;
 use std::path::Path;
 
 use semismooth::fem::Mesh;
@@ -11,6 +12,8 @@ use crate::body::Boxed;
 use crate::ffi::Int;
 use crate::part::PartError;
 use crate::world::{Error, World};
+
+const PVTU: &str = "the name of a file with fields of parts is UTF-8 and ends in .pvtu";
 
 /// Values at the nodes of a [`Part`], for [`Part::write`].
 ///
@@ -87,7 +90,7 @@ impl Part {
         let index = match world.rank() {
             0 => std::fs::write(path, index(name, &has, fields)).map_err(|e| OutputError::Io {
                 path: Some(path.into()),
-                what: e.to_string(),
+                source: e.into(),
             }),
             _ => Ok(()),
         };
@@ -100,7 +103,7 @@ impl Part {
         let Some(name) = name.filter(|_| path.extension().is_some_and(|e| e == "pvtu")) else {
             return Err(PartError::Output(OutputError::Io {
                 path: Some(path.into()),
-                what: "the name of a file with fields of parts is UTF-8 and ends in .pvtu".into(),
+                source: io::Error::new(io::ErrorKind::InvalidInput, PVTU).into(),
             }));
         };
         for field in fields {

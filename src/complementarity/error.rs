@@ -43,6 +43,20 @@ pub enum ComplementarityError {
         /// Upper bound.
         upper: f64,
     },
+    /// Two blocks of variables of one name.
+    #[error("there are variables \"{name}\" already; each block needs a name of its own")]
+    BlockTwice {
+        /// The name.
+        name: String,
+    },
+    /// A block of variables that there is not.
+    #[error("there are no variables \"{name}\"; the blocks are {known}")]
+    NoSuchBlock {
+        /// The name asked for.
+        name: String,
+        /// The names there are.
+        known: String,
+    },
     /// A number that must be finite is not.
     #[error("{what}[{index}] = {value} is not finite")]
     NotFinite {

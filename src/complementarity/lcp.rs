@@ -21,8 +21,55 @@ use crate::sparse::Matrix;
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Deserialize),
+    serde(try_from = "file::Fields<'_>")
+)]
 pub struct Lcp {
     mcp: Mcp<AffineFunction>,
+}
+
+#[cfg(feature = "serde")]
+mod file {
+    use std::borrow::Cow;
+
+    use serde::{Deserialize, Serialize, Serializer};
+
+    use super::{ComplementarityError, Lcp, Matrix};
+
+    /// What files hold of an [`Lcp`].
+    #[derive(Serialize, Deserialize)]
+    #[serde(rename = "Lcp")]
+    pub(super) struct Fields<'a> {
+        matrix: Cow<'a, Matrix>,
+        q: Cow<'a, [f64]>,
+        #[serde(with = "crate::extended::list")]
+        lower: Cow<'a, [f64]>,
+        #[serde(with = "crate::extended::list")]
+        upper: Cow<'a, [f64]>,
+    }
+
+    impl Serialize for Lcp {
+        fn serialize<S: Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
+            Fields {
+                matrix: Cow::Borrowed(self.matrix()),
+                q: self.q().into(),
+                lower: self.lower().into(),
+                upper: self.upper().into(),
+            }
+            .serialize(s)
+        }
+    }
+
+    impl TryFrom<Fields<'_>> for Lcp {
+        type Error = ComplementarityError;
+
+        fn try_from(read: Fields<'_>) -> Result<Self, ComplementarityError> {
+            let (lower, upper) = (read.lower.into_owned(), read.upper.into_owned());
+            Self::boxed(read.matrix.into_owned(), read.q.into_owned(), lower, upper)
+        }
+    }
 }
 
 impl Lcp {

@@ -16,6 +16,7 @@
 //!   x − mid(l, u, x − F(x)), with one site a component and the pieces lower, interior, upper. So Newton's method, continuation,
 //!   transitions, diagrams and enumeration know it. A function of one variable more than values is a *parametric* MCP, its last
 //!   variable the parameter.
+//! * [`Variables`] are named blocks of variables with their bounds, so that a model is written without arithmetic with indices.
 //! * [`FischerBurmeister`] is the semismooth reformulation with a smooth merit function.
 //! * [`McpSolver`] solves an MCP from any start; see there for the strategy.
 //!
@@ -75,6 +76,7 @@ mod scratch;
 mod solver;
 mod strong;
 mod units;
+mod variables;
 
 pub use affine::AffineFunction;
 #[cfg(feature = "autodiff")]
@@ -92,3 +94,4 @@ pub use solver::{
     BoundState, Fallback, McpIteration, McpOptions, McpReport, McpSolver, McpStatus, McpStep, McpStrategy,
 };
 pub use strong::strong_regularity;
+pub use variables::{Block, Variables, VariablesView};

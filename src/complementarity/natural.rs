@@ -155,7 +155,7 @@ impl<F: McpFunction> PiecewiseSmooth for Mcp<F> {
     }
 
     fn site_name(&self, site: usize) -> Cow<'_, str> {
-        Cow::Owned(format!("component {site}"))
+        Cow::Owned(self.name(site))
     }
 
     fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {

@@ -1,11 +1,30 @@
+use std::sync::Arc;
+
 use super::affine::with_diagonal;
 use super::error::check_finite;
 use super::scratch::Scratch;
 use super::units::Units;
-use super::{AffineFunction, ComplementarityError, McpFunction};
+use super::{AffineFunction, ComplementarityError, McpFunction, Variables};
 use crate::sparse::{Matrix, Pattern, max_abs};
 
 /// A mixed complementarity problem MCP(F, l, u).
+///
+/// ```
+/// use semismooth::complementarity::{Mcp, McpSolver, WithJacobian};
+/// use semismooth::sparse::Matrix;
+/// // 0 ≤ x ≤ 2 with F(x) = x² − 9: F is still negative at the upper bound.
+/// let f = WithJacobian::new(
+///     1,
+///     |x: &[f64], out: &mut [f64]| out[0] = x[0] * x[0] - 9.0,
+///     |x: &[f64], jac: &mut Matrix| jac.add(0, 0, 2.0 * x[0]),
+/// );
+/// let problem = Mcp::new(f, vec![0.0], vec![2.0])?;
+/// let mut x = [1.0];
+/// assert!(McpSolver::default().solve(&problem, &mut x)?.is_solved());
+/// assert_eq!(x, [2.0]);
+/// assert_eq!(problem.natural_residual(&x, &mut [0.0])?, 0.0);
+/// # Ok::<(), semismooth::complementarity::ComplementarityError>(())
+/// ```
 ///
 /// Also the variational inequality over the box [l, u]: F(x)ᵀ(y − x) ≥ 0 for all y in it.
 ///
@@ -24,6 +43,8 @@ pub struct Mcp<F> {
     upper: Vec<f64>,
     pattern: Pattern,
     pub(super) units: Units,
+    /// Names of the components, where they have any.
+    names: Option<Arc<Variables>>,
 }
 
 impl<F: McpFunction> Mcp<F> {
@@ -58,7 +79,25 @@ impl<F: McpFunction> Mcp<F> {
             lower,
             upper,
             units: Units::default(),
+            names: None,
         })
+    }
+
+    /// The problem of F with the bounds and names of [`Variables`]: sites of transitions and reports go by the names.
+    ///
+    /// # Errors
+    /// As [`new`](Self::new).
+    pub fn of_variables(function: F, variables: &Variables) -> Result<Self, ComplementarityError> {
+        let (lower, upper) = (variables.lower().to_vec(), variables.upper().to_vec());
+        let mut problem = Self::new(function, lower, upper)?;
+        problem.names = Some(Arc::new(variables.clone()));
+        Ok(problem)
+    }
+
+    /// The name of a component, "component 3" where it has none.
+    pub(super) fn name(&self, component: usize) -> String {
+        let own = self.names.as_ref().and_then(|v| v.name(component));
+        own.unwrap_or_else(|| format!("component {component}"))
     }
 
     /// The nonlinear complementarity problem 0 ≤ x ⟂ F(x) ≥ 0.
@@ -171,7 +210,9 @@ impl<F: McpFunction> Mcp<F> {
         }
         check_finite("the parameter", &[parameter], 1)?;
         let function = AtParameter::new(&self.function, parameter, self.pattern.clone())?;
-        Mcp::new(function, self.lower.clone(), self.upper.clone())
+        let mut problem = Mcp::new(function, self.lower.clone(), self.upper.clone())?;
+        problem.names.clone_from(&self.names);
+        Ok(problem)
     }
 }
 

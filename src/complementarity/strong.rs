@@ -140,9 +140,7 @@ impl Ends<'_> {
                 .map(|j| f64::from(u8::from(i == j)))
                 .collect::<Vec<f64>>()
         };
-        let matrix = |rows: Vec<Vec<f64>>| {
-            Matrix::from_rows(&rows).map_err(|e| LinearError::Solver { what: e.to_string() })
-        };
+        let matrix = |rows: Vec<Vec<f64>>| Matrix::from_rows(&rows).map_err(LinearError::from);
         let (one, minor) = (
             matrix(which.iter().map(unit).collect())?,
             matrix(which.iter().map(row).collect())?,

@@ -99,10 +99,6 @@ impl ConeReport {
 
 impl std::fmt::Display for ConeReport {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(
-            f,
-            "{} after {} iterations, residual {:.1e}",
-            self.status, self.iterations, self.residual
-        )
+        crate::words::ended(f, &self.status, self.iterations, self.residual)
     }
 }

@@ -14,6 +14,20 @@ const JACOBIANS: u64 = 6;
 ///
 /// One tangential trace in the plane, two in space; n displacements u, p contact nodes, forces λ in the units of f. Matrices for instance
 /// from [`fem`](crate::fem).
+///
+/// ```
+/// use semismooth::contact::{ContactBody, CondensedContact, Frictionless, LoadPath};
+/// use semismooth::sparse::Matrix;
+/// // A spring of stiffness 2 with one node in the plane, 0.1 above the ground, pressed by α: it touches from α = 0.2 on.
+/// let a = Matrix::from_rows(&[[2.0, 0.0], [0.0, 2.0]])?;
+/// let (normal, tangential) = (Matrix::from_rows(&[[1.0, 0.0]])?, Matrix::from_rows(&[[0.0, 1.0]])?);
+/// let load = LoadPath::affine(vec![0.0, 0.0], vec![1.0, 0.0]);
+/// let body = ContactBody::new(a, normal, vec![tangential], load)?.with_gap(vec![0.1])?;
+/// let problem = CondensedContact::new(body, Frictionless::plane())?;
+/// assert_eq!(problem.solve(0.1, None)?[0], 0.0);
+/// assert!((problem.solve(1.0, None)?[0] - 0.8).abs() < 1e-12);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone)]
 pub struct ContactBody {
     /// A, B = (Bν; Bt₁; Bt₂) and the load.

@@ -12,6 +12,7 @@ use crate::continuation::{
 use crate::interface::View;
 use crate::options::setters;
 use crate::piecewise::PiecewiseSmooth;
+use crate::words::Count;
 
 /// Options of [`evolve`]. The defaults need no touching.
 #[derive(Debug, Clone, PartialEq)]
@@ -110,6 +111,18 @@ pub struct EvolutionStep {
     pub returned: f64,
 }
 
+/// "level 0.5: followed, 2 transitions; 1 open, 2 stick, 1 slips; …": in one line.
+impl fmt::Display for EvolutionStep {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let transitions = Count(self.transitions, "transition", "transitions");
+        write!(f, "level {}: {}, {transitions}", self.level, self.arrival)?;
+        if !self.folds.is_empty() {
+            write!(f, ", {}", Count(self.folds.len(), "fold", "folds"))?;
+        }
+        write!(f, "; {}", self.solution)
+    }
+}
+
 /// How a step of [`evolve`] came to its level.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
@@ -129,8 +142,7 @@ pub enum Arrival {
     /// The branch could not be followed from the step before (too many nodes at the border of their cells, say); Newton's method found a
     /// solution.
     NotFollowed(
-        #[cfg_attr(feature = "serde", serde(with = "crate::continuation::extended::error"))]
-        ContinuationError,
+        #[cfg_attr(feature = "serde", serde(with = "crate::continuation::recorded"))] ContinuationError,
     ),
 }
 
@@ -182,6 +194,28 @@ pub enum EvolutionProgress<'a> {
 /// has, count. `levels` are those that come after. `observe` sees each step and may stop. The problem keeps the last reference of its slips
 /// and its history: a history begun anew needs both [set](Contact::set_reference_slip) to 0. Limits of time in the options are those of
 /// one step.
+///
+/// ```
+/// use std::ops::ControlFlow;
+/// use semismooth::contact::{
+///     ContactBody, EvolutionOptions, FrictionCoefficient, FullContact, LoadPath, PlanarCoulomb, evolve,
+/// };
+/// use semismooth::sparse::Matrix;
+/// // A block on two springs of stiffness 2, pressed by 1 with F = ½, pushed by α: to and fro.
+/// let (normal, tangential) = (Matrix::from_rows(&[[1.0, 0.0]])?, Matrix::from_rows(&[[0.0, 1.0]])?);
+/// let a = Matrix::from_rows(&[[2.0, 0.0], [0.0, 2.0]])?;
+/// let body = ContactBody::new(a, normal, vec![tangential], LoadPath::affine(vec![1.0, 0.0], vec![0.0, 1.0]))?;
+/// let mut problem = FullContact::new(body, PlanarCoulomb::new(FrictionCoefficient::nodal(vec![0.5])?))?;
+/// let start = problem.solve(0.0, None)?;
+/// let options = EvolutionOptions::default();
+/// let steps = evolve(&mut problem, &start, &[1.5, 1.0, 0.0], &options, |_| ControlFlow::Continue(()))?;
+/// // Beyond ½ it slips by half of what is more; as the push falls it first sticks, and comes back when the spring pulls by more than ½.
+/// let slips: Vec<f64> = steps.iter().map(|s| s.displacements[1]).collect();
+/// for (slip, exact) in slips.iter().zip([0.5, 0.5, 0.25]) {
+///     assert!((slip - exact).abs() < 1e-12, "{slips:?}");
+/// }
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 ///
 /// # Complexity
 /// The sum of that of [`Branch::follow`](crate::continuation::Branch::follow) over the levels: O(q²) operations for each transition in condensed

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::body::check_matrices;
 use super::{ContactBody, ContactError, FrictionCoefficient, FullContact, LoadPath, PlanarCoulomb};
+use crate::Cause;
 use crate::sparse::{Announced, Matrix, SparseError, read_matrix_if, read_vector};
 
 /// A discrete problem read from a folder, with the load f(γ) = (1 − γ) f₀ + γ f₁.
@@ -33,17 +34,18 @@ pub fn read_folder(path: impl AsRef<Path>) -> Result<DiscreteFolder, ContactErro
     let meta_path = folder.join("meta.json");
     let text = std::fs::read_to_string(&meta_path).map_err(|e| SparseError::Io {
         path: meta_path.clone(),
-        what: e.to_string(),
+        source: e.into(),
     })?;
-    let malformed = |line: usize, what: String| {
+    let malformed = |line: usize, what: String, source: Option<Cause>| {
         ContactError::File(SparseError::Parse {
             path: meta_path.clone(),
             line,
             what,
+            source,
         })
     };
     let meta: serde_json::Value =
-        serde_json::from_str(&text).map_err(|e| malformed(e.line(), e.to_string()))?;
+        serde_json::from_str(&text).map_err(|e| malformed(e.line(), e.to_string(), Some(Cause::new(e))))?;
     let friction = match meta.get("friction") {
         Some(serde_json::Value::Array(list)) => list
             .iter()
@@ -52,13 +54,13 @@ pub fn read_folder(path: impl AsRef<Path>) -> Result<DiscreteFolder, ContactErro
         Some(v) => v.as_f64().map(|f| vec![f; p]),
         None => None,
     };
-    let friction =
-        friction.ok_or_else(|| malformed(1, "`friction` must be a number or a list of numbers".into()))?;
+    let friction = friction
+        .ok_or_else(|| malformed(1, "`friction` must be a number or a list of numbers".into(), None))?;
     let r = match meta.get("r") {
         None => None,
         Some(v) => Some(
             v.as_f64()
-                .ok_or_else(|| malformed(1, "`r` must be a number".into()))?,
+                .ok_or_else(|| malformed(1, "`r` must be a number".into(), None))?,
         ),
     };
     let f0 = read_vector(folder.join("f0.txt"))?;

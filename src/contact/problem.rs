@@ -38,6 +38,22 @@ pub type FullContact<L> = Contact<FullView, L>;
 /// Contact condensed onto its nodes, dense: x = (λν, λt₁[, λt₂], α). With C = B A⁻¹ Bᵀ and the free motion w(α) = B A⁻¹ f(α) the
 /// displacements of the contact nodes are w(α) − C λ. One Cholesky factorisation at construction; afterwards every step costs as much as a
 /// dense problem of 2p (in space 3p) unknowns.
+///
+/// ```
+/// use semismooth::contact::{ContactBody, CondensedContact, ContactState, FrictionCoefficient, LoadPath, PlanarCoulomb};
+/// use semismooth::sparse::Matrix;
+/// // One contact node with F = ½ under the load (1 − α, α): it sticks up to α = ⅓ and slips then.
+/// let a = Matrix::from_rows(&[[2.0, -1.0], [-1.0, 2.0]])?;
+/// let (normal, tangential) = (Matrix::from_rows(&[[1.0, 0.0]])?, Matrix::from_rows(&[[0.0, 1.0]])?);
+/// let body = ContactBody::new(a, normal, vec![tangential], LoadPath::affine(vec![1.0, 0.0], vec![-1.0, 1.0]))?;
+/// let law = PlanarCoulomb::new(FrictionCoefficient::nodal(vec![0.5])?);
+/// let problem = CondensedContact::new(body, law)?;
+/// let x = problem.solve(1.0, None)?;
+/// // x = (λν, λt, α).
+/// assert!((x[0] - 0.4).abs() < 1e-12 && (x[1] - 0.2).abs() < 1e-12 && x[2] == 1.0);
+/// assert_eq!(problem.solution(&x)?.states, [ContactState::SlipPlus]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub type CondensedContact<L> = Contact<CondensedView, L>;
 
 impl<L: NodeLaw> FullContact<L> {

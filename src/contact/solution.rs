@@ -1,7 +1,10 @@
 //! One result for every way to a solution.
 
+use std::fmt;
+
 use super::ContactState;
 use super::law::{LocalValues, MAX_TESTS, NodeLaw};
+use crate::words::Count;
 
 /// A solution of a contact problem, node by node: the same from the full form, the condensed form, the fixed point and the Delassus form.
 ///
@@ -18,6 +21,44 @@ pub struct ContactSolution {
     pub energy: ContactEnergy,
     /// How well the equations hold, block by block.
     pub residuals: ContactResiduals,
+}
+
+/// "1 open, 2 stick, 1 slips; residuals 1.0e-16 of equilibrium, …": in one line.
+impl fmt::Display for ContactSolution {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let of = |wanted: fn(&ContactState) -> bool| self.states.iter().filter(|s| wanted(s)).count();
+        let counts = [
+            of(|s| *s == ContactState::Open),
+            of(|s| *s == ContactState::Stick),
+            of(|s| s.is_slip()),
+        ];
+        write!(f, "{}; {}", StateCounts(counts), self.residuals)
+    }
+}
+
+/// Numbers of open, sticking and slipping nodes.
+pub(super) struct StateCounts(pub(super) [usize; 3]);
+
+impl fmt::Display for StateCounts {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [open, stick, slip] = self.0;
+        write!(
+            f,
+            "{open} open, {}, {}",
+            Count(stick, "sticks", "stick"),
+            Count(slip, "slips", "slip")
+        )
+    }
+}
+
+impl fmt::Display for ContactResiduals {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "residuals {:.1e} of equilibrium, {:.1e} of the normal law, {:.1e} of friction",
+            self.equilibrium, self.normal, self.tangential
+        )
+    }
 }
 
 /// Energies of a solution, in force times length. They balance: 2 `stored` = `load` − `normal` − `friction`.

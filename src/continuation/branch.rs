@@ -8,8 +8,26 @@ use super::{
 };
 use crate::linear::LinearSolver;
 use crate::piecewise::PiecewiseSmooth;
+use crate::words::Count;
 
 /// A stretch of a solution curve, collected.
+///
+/// ```
+/// use semismooth::continuation::{Branch, ContinuationOptions, Direction};
+/// use semismooth::piecewise::MinMap;
+/// // min(α − y, α + y) = 0, that is α = |y|, from y = 1 to y = −1: one kink, where α turns.
+/// let map = MinMap::curve(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+///     a[0] = x[1] - x[0];
+///     b[0] = x[1] + x[0];
+/// });
+/// let options = ContinuationOptions::default().with_parameter_range((-1.0, 1.0));
+/// let branch = Branch::follow(&map, &[1.0, 1.0], Direction::Decreasing, options)?;
+/// assert_eq!(branch.to_string(), "1 transition, 1 fold, 0 branch points; bound of the parameter");
+/// assert!(branch.folds()[0].abs() < 1e-12);
+/// let end = branch.points.last().expect("the start at least");
+/// assert!((end.x[0] + 1.0).abs() < 1e-12 && end.parameter() == 1.0);
+/// # Ok::<(), semismooth::continuation::ContinuationError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -167,13 +185,12 @@ impl Branch {
 /// "36 transitions, 2 folds, 0 branch points; bound of the parameter": in one line.
 impl fmt::Display for Branch {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let count = |n: usize, what: &str| format!("{n} {what}{}", if n == 1 { "" } else { "s" });
         write!(
             f,
             "{}, {}, {}; {}",
-            count(self.transitions.len(), "transition"),
-            count(self.folds().len(), "fold"),
-            count(self.branch_points.len(), "branch point"),
+            Count(self.transitions.len(), "transition", "transitions"),
+            Count(self.folds().len(), "fold", "folds"),
+            Count(self.branch_points.len(), "branch point", "branch points"),
             self.termination
         )
     }

@@ -7,12 +7,12 @@ mod diagram;
 mod engine;
 mod error;
 mod event;
-#[cfg(feature = "serde")]
-pub(crate) mod extended;
 mod natural;
 mod options;
 mod pursuit;
 mod record;
+#[cfg(feature = "serde")]
+pub(crate) mod recorded;
 mod restored;
 mod save;
 mod search;

@@ -50,7 +50,7 @@ pub struct ContinuationOptions {
     /// Smallest cosine between the tangents at both ends of an accepted step, in (0, 1). Default 0.97.
     pub min_cos: f64,
     /// Interval of the parameter α to stay in. Default (−∞, ∞).
-    #[cfg_attr(feature = "serde", serde(with = "super::extended::pair"))]
+    #[cfg_attr(feature = "serde", serde(with = "crate::extended::pair"))]
     pub parameter_range: (f64, f64),
     /// Parameter values at which a point is wanted exactly, in any order. Default none.
     pub targets: Vec<f64>,
@@ -58,10 +58,10 @@ pub struct ContinuationOptions {
     /// point; the iterator itself keeps none.
     pub max_points: usize,
     /// Largest arclength. Default ∞.
-    #[cfg_attr(feature = "serde", serde(with = "super::extended"))]
+    #[cfg_attr(feature = "serde", serde(with = "crate::extended"))]
     pub max_arclength: f64,
     /// Largest ‖x‖₂ relative to 1 + ‖x⁰‖₂ (curves may tend to infinity at a pole). Default 1e6.
-    #[cfg_attr(feature = "serde", serde(with = "super::extended"))]
+    #[cfg_attr(feature = "serde", serde(with = "crate::extended"))]
     pub max_growth: f64,
     /// Largest wall-clock time, looked at before each step and, where many arms are searched, each linear program and factorisation. No
     /// factorisation is interrupted, and no kernel by singular values at a degenerate point. Default none.

@@ -1,6 +1,7 @@
 use std::fmt;
 
 use crate::piecewise::Selection;
+use crate::words::{Count, at_parameter};
 
 /// A point of a solution curve.
 #[derive(Debug, Clone, PartialEq)]
@@ -46,6 +47,16 @@ pub enum PointKind {
     Step,
     /// A requested parameter value (or a bound of the parameter range), hit exactly.
     Target,
+}
+
+impl fmt::Display for PointKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::Start => "start",
+            Self::Step => "step",
+            Self::Target => "target",
+        })
+    }
 }
 
 /// What kind of point a [`Transition`] is.
@@ -118,6 +129,27 @@ pub struct SiteChange {
 }
 
 /// A transition point: the active selection changes here.
+///
+/// ```
+/// use semismooth::continuation::{Branch, ContinuationOptions, Direction, TransitionKind};
+/// use semismooth::piecewise::MinMap;
+/// // α = min(y, 2 y − 1): 2 y − 1 below y = 1, y above.
+/// let map = MinMap::curve(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+///     a[0] = x[0] - x[1];
+///     b[0] = 2.0 * x[0] - 1.0 - x[1];
+/// });
+/// let options = ContinuationOptions::default().with_parameter_range((0.0, 2.0));
+/// let branch = Branch::follow(&map, &[0.5, 0.0], Direction::Increasing, options)?;
+/// let kink = &branch.transitions[0];
+/// assert_eq!(kink.kind, TransitionKind::PassThrough);
+/// assert!((kink.x[0] - 1.0).abs() < 1e-12 && (kink.parameter() - 1.0).abs() < 1e-12);
+/// assert_eq!((kink.before.piece(0), kink.after.piece(0)), (1, 0));
+/// // The slope dy/dα doubles.
+/// let slope = |tangent: &[f64]| tangent[0] / tangent[1];
+/// assert!((slope(&kink.tangent_before) - 0.5).abs() < 1e-12);
+/// assert!((slope(&kink.tangent_after) - 1.0).abs() < 1e-12);
+/// # Ok::<(), semismooth::continuation::ContinuationError>(())
+/// ```
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -172,7 +204,7 @@ impl Transition {
 /// "fold at parameter 2.5, site 3: piece 0 to 1": in one line.
 impl fmt::Display for Transition {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} at parameter {}", self.kind, self.parameter())?;
+        at_parameter(f, &self.kind, self.parameter())?;
         for change in self.sites.iter().filter(|c| c.from != c.to) {
             write!(
                 f,
@@ -269,6 +301,53 @@ impl Event {
     #[must_use]
     pub fn parameter(&self) -> f64 {
         self.x().last().copied().unwrap_or(f64::NAN)
+    }
+}
+
+/// "step at parameter 0.5": in one line.
+impl fmt::Display for Point {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        at_parameter(f, &self.kind, self.parameter())
+    }
+}
+
+/// "smooth fold at parameter 0.5": in one line.
+impl fmt::Display for SmoothFold {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        at_parameter(f, &"smooth fold", self.point.parameter())
+    }
+}
+
+/// "branch point at parameter 0.5, 3 arms leave": in one line; "at least" where the list of arms is not known to be complete.
+impl fmt::Display for BranchPoint {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        at_parameter(f, &"branch point", self.point.parameter())?;
+        let least = if self.complete { "" } else { "at least " };
+        write!(
+            f,
+            ", {least}{}",
+            Count(self.arms.len(), "arm leaves", "arms leave")
+        )
+    }
+}
+
+/// "zero of energy at parameter 0.5": in one line.
+impl fmt::Display for MonitorCrossing {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        at_parameter(f, &format_args!("zero of {}", self.name), self.point.parameter())
+    }
+}
+
+/// The event in one line.
+impl fmt::Display for Event {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Point(point) => point.fmt(f),
+            Self::Transition(transition) => transition.fmt(f),
+            Self::SmoothFold(fold) => fold.fmt(f),
+            Self::BranchPoint(point) => point.fmt(f),
+            Self::Monitor(crossing) => crossing.fmt(f),
+        }
     }
 }
 

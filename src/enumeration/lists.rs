@@ -3,6 +3,7 @@
 use std::fmt;
 
 use crate::piecewise::Selection;
+use crate::words::{Coordinates, Count};
 
 /// Selections of one solution up to which each is examined.
 pub(super) const LISTED: f64 = 256.0;
@@ -184,4 +185,29 @@ pub struct SolutionSet {
     pub nodes: u64,
     /// Exchange steps of all linear programs.
     pub pivots: u64,
+}
+
+/// "(1, 0.5), index 1, margin 2.5e-1": in one line.
+impl fmt::Display for Solution {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", Coordinates(&self.x))?;
+        if let Some(index) = self.index {
+            write!(f, ", index {index}")?;
+        }
+        write!(f, ", margin {:.1e}", self.margin)
+    }
+}
+
+/// "3 solutions, sum of indices 1, complete": in one line.
+impl fmt::Display for SolutionSet {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", Count(self.solutions.len(), "solution", "solutions"))?;
+        if !self.continua.is_empty() {
+            write!(f, ", {}", Count(self.continua.len(), "continuum", "continua"))?;
+        }
+        if let Some(sum) = self.index_sum {
+            write!(f, ", sum of indices {sum}")?;
+        }
+        write!(f, ", {}", self.completeness)
+    }
 }

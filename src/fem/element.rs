@@ -1,11 +1,14 @@
 //! Reference elements: shape functions, quadrature, topology.
 
+use crate::words::named;
+
 /// Kinds of cells, all with linear (simplices) or multilinear (boxes) shape functions.
 ///
 /// Nodes are numbered as in Gmsh and VTK: counter-clockwise in the plane; a tetrahedron with its fourth node on the side to which the
 /// normal of the first three points; a hexahedron as bottom face counter-clockwise seen from above, then top face.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
 pub enum CellKind {
     /// Three nodes (P1).
     Triangle,
@@ -17,12 +20,21 @@ pub enum CellKind {
     Hexahedron,
 }
 
+named!(CellKind, "kind of cell", Self::ALL);
+
 /// Largest number of nodes of a cell.
 pub(super) const MAX_NODES: usize = 8;
 
 const G: f64 = 0.577_350_269_189_625_8;
 
 impl CellKind {
+    const ALL: [Self; 4] = [
+        Self::Triangle,
+        Self::Quadrilateral,
+        Self::Tetrahedron,
+        Self::Hexahedron,
+    ];
+
     /// 2 or 3.
     #[must_use]
     pub const fn dim(self) -> usize {

@@ -2,6 +2,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
+use crate::Cause;
 use crate::sparse::SparseError;
 
 /// What can be wrong with a mesh, a material, supports, loads or a contact boundary. Nodes, cells and facets count from 0.
@@ -236,12 +237,12 @@ pub enum FemError {
         found: usize,
     },
     /// A file could not be read.
-    #[error("{path}: {what}", path = path.display())]
+    #[error("{path}: {source}", path = path.display())]
     Io {
         /// The file.
         path: PathBuf,
-        /// The operating system's words.
-        what: String,
+        /// The error of the operating system.
+        source: Cause,
     },
     /// A file is not in the format it should be in.
     #[error("{path}, line {line}: {what}", path = path.display())]

@@ -14,7 +14,7 @@ pub fn read_getfem(path: impl AsRef<Path>) -> Result<Mesh, FemError> {
     let path = path.as_ref();
     let text = std::fs::read_to_string(path).map_err(|e| FemError::Io {
         path: path.into(),
-        what: e.to_string(),
+        source: e.into(),
     })?;
     parse_getfem(&text, path)
 }

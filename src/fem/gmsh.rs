@@ -21,7 +21,7 @@ pub fn read_gmsh(path: impl AsRef<Path>) -> Result<Mesh, FemError> {
     let path = path.as_ref();
     let bytes = std::fs::read(path).map_err(|e| FemError::Io {
         path: path.into(),
-        what: e.to_string(),
+        source: e.into(),
     })?;
     parse_gmsh(&bytes, path)
 }

@@ -1,4 +1,5 @@
 use super::FemError;
+use crate::words::named;
 
 /// Order of strains and stresses: 11, 22, 33, 12, 23, 13 (shear strains doubled).
 pub(super) const VOIGT: [[usize; 2]; 6] = [[0, 0], [1, 1], [2, 2], [0, 1], [1, 2], [0, 2]];
@@ -6,6 +7,7 @@ pub(super) const VOIGT: [[usize; 2]; 6] = [[0, 0], [1, 1], [2, 2], [0, 1], [1, 2
 /// How a plane problem stands for a body in space.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
 pub enum PlaneModel {
     /// ε₁₃ = ε₂₃ = ε₃₃ = 0: a long body, one unit of its length.
     #[default]
@@ -13,6 +15,19 @@ pub enum PlaneModel {
     /// σ₁₃ = σ₂₃ = σ₃₃ = 0: a thin plate of unit thickness.
     Stress,
 }
+
+impl PlaneModel {
+    /// "strain" or "stress".
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Strain => "strain",
+            Self::Stress => "stress",
+        }
+    }
+}
+
+named!(PlaneModel, "model of a plane body", [Self::Strain, Self::Stress]);
 
 /// A linearly elastic material.
 ///
@@ -25,9 +40,36 @@ pub enum PlaneModel {
 /// # Ok::<(), semismooth::fem::FemError>(())
 /// ```
 #[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(try_from = "Unchecked")
+)]
 pub struct Material {
     /// Stress from strain, in the order of [`VOIGT`].
     matrix: [[f64; 6]; 6],
+}
+
+/// A material as read from a file.
+#[cfg(feature = "serde")]
+#[derive(serde::Deserialize)]
+#[serde(rename = "Material")]
+struct Unchecked {
+    matrix: [[f64; 6]; 6],
+}
+
+#[cfg(feature = "serde")]
+impl TryFrom<Unchecked> for Material {
+    type Error = FemError;
+
+    fn try_from(Unchecked { matrix }: Unchecked) -> Result<Self, FemError> {
+        let read = Self { matrix };
+        // Isotropic ones may be as near to incompressible as one likes.
+        match Self::lame(matrix[0][1], matrix[3][3]) {
+            Ok(isotropic) if isotropic == read => Ok(read),
+            _ => Self::tensor(&read.components()),
+        }
+    }
 }
 
 impl Material {

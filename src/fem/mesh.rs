@@ -21,11 +21,17 @@ pub(super) type CellGroups = BTreeMap<String, Vec<usize>>;
 /// # Ok::<(), semismooth::fem::FemError>(())
 /// ```
 #[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(try_from = "super::file::Unchecked")
+)]
 pub struct Mesh {
     dim: usize,
     points: Vec<[f64; 3]>,
     kinds: Vec<CellKind>,
     /// Nodes of cell c: `nodes[first[c]..first[c + 1]]`.
+    #[cfg_attr(feature = "serde", serde(skip_serializing))]
     first: Vec<usize>,
     nodes: Vec<usize>,
     facet_groups: FacetGroups,

@@ -11,6 +11,8 @@ mod elasticity;
 mod element;
 mod error;
 mod facet;
+#[cfg(feature = "serde")]
+mod file;
 mod generate;
 mod getfem;
 mod gmsh;

@@ -111,8 +111,7 @@ impl Preconditioner for BlockDiagonal {
         let mut first = 0;
         for block in &mut self.blocks {
             if anew || block.matrix.is_none() {
-                let refuse = |e: SparseError| LinearError::Solver { what: e.to_string() };
-                block.cut(a, first).map_err(refuse)?;
+                block.cut(a, first)?;
             }
             first += block.order;
             if let Some(matrix) = &mut block.matrix {

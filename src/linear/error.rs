@@ -1,5 +1,8 @@
 use thiserror::Error;
 
+use crate::Cause;
+use crate::sparse::SparseError;
+
 /// What can go wrong in a factorisation or a solve.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
@@ -73,4 +76,13 @@ pub enum LinearError {
         /// The solver's words.
         what: String,
     },
+    /// The solver failed with an error of its own: of the library that factors, or of a [`LinearSolver`](super::LinearSolver) of the user.
+    #[error("the solver gave up: {source}")]
+    External {
+        /// That error.
+        source: Cause,
+    },
+    /// A matrix could not be built.
+    #[error(transparent)]
+    Sparse(#[from] SparseError),
 }

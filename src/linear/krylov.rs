@@ -1,6 +1,7 @@
 //! Krylov methods behind one interface.
 
 use std::cell::RefCell;
+use std::fmt;
 
 use super::gmres::{Gmres, GmresEnd};
 use super::{LinearError, LinearOperator};
@@ -60,6 +61,23 @@ impl KrylovReport {
     #[must_use]
     pub fn is_converged(&self) -> bool {
         self.end == KrylovEnd::Converged
+    }
+}
+
+impl fmt::Display for KrylovEnd {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::Converged => "converged",
+            Self::IterationLimit => "limit on iterations",
+            Self::Stagnation => "no progress between restarts",
+            Self::Breakdown => "breakdown",
+        })
+    }
+}
+
+impl fmt::Display for KrylovReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        crate::words::ended(f, &self.end, self.iterations, self.residual)
     }
 }
 

@@ -14,6 +14,7 @@ use super::condition::{SMALL, judge, norm_1_estimate};
 use super::memory::{PatternMemory, check_finite, count_rhs};
 use super::scaling::{Scaling, scale_columns};
 use super::{LinearError, LinearSolver};
+use crate::Cause;
 use crate::sparse::{MatrixRef, PatternRef};
 
 /// Right-hand sides solved for at a time, so that scratch is bounded.
@@ -332,7 +333,9 @@ fn is_odd(perm: &[usize], seen: &mut [bool]) -> bool {
 }
 
 pub(super) fn give_up(e: faer::sparse::FaerError) -> LinearError {
-    LinearError::Solver { what: e.to_string() }
+    LinearError::External {
+        source: Cause::new(e),
+    }
 }
 
 impl LinearSolver for SparseLu {

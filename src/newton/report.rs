@@ -1,5 +1,7 @@
 use std::fmt;
 
+use crate::words::{Count, iterations};
+
 /// One iteration of the corrector.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
@@ -166,9 +168,9 @@ impl fmt::Display for Report {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "{} iterations, {} factorisations, residual {:.1e}",
-            self.history.len().saturating_sub(1),
-            self.factorisations,
+            "{}, {}, residual {:.1e}",
+            iterations(self.history.len().saturating_sub(1)),
+            Count(self.factorisations, "factorisation", "factorisations"),
             self.residual_norm()
         )
     }

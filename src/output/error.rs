@@ -2,6 +2,8 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
+use crate::Cause;
+
 /// What can go wrong in writing results.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
@@ -107,12 +109,12 @@ pub enum OutputError {
         time: f64,
     },
     /// Writing failed.
-    #[error("cannot write{}: {what}", path.as_ref().map(|p| format!(" {}", p.display())).unwrap_or_default())]
+    #[error("cannot write{}: {source}", path.as_ref().map(|p| format!(" {}", p.display())).unwrap_or_default())]
     Io {
         /// The file, where there is one.
         path: Option<PathBuf>,
-        /// The message of the system.
-        what: String,
+        /// The error of the operating system; of kind `InvalidInput` where the name of the file does not do.
+        source: Cause,
     },
 }
 
@@ -120,7 +122,7 @@ impl From<std::io::Error> for OutputError {
     fn from(e: std::io::Error) -> Self {
         Self::Io {
             path: None,
-            what: e.to_string(),
+            source: e.into(),
         }
     }
 }

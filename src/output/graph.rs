@@ -156,10 +156,7 @@ mod json {
             "isolas": list(diagram.isolas()),
             "folds": folds.collect::<Vec<_>>(),
         });
-        serde_json::to_writer_pretty(&mut *out, &value).map_err(|e| OutputError::Io {
-            path: None,
-            what: e.to_string(),
-        })?;
+        serde_json::to_writer_pretty(&mut *out, &value).map_err(std::io::Error::from)?;
         writeln!(out)?;
         Ok(out.flush()?)
     }

@@ -154,11 +154,7 @@ mod json {
             object["arms"] = arms.into();
             object["complete"] = complete.into();
         }
-        let failed = |e: serde_json::Error| OutputError::Io {
-            path: None,
-            what: e.to_string(),
-        };
-        serde_json::to_writer(&mut *out, &object).map_err(failed)?;
+        serde_json::to_writer(&mut *out, &object).map_err(std::io::Error::from)?;
         out.write_all(b"\n")?;
         Ok(out.flush()?)
     }

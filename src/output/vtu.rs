@@ -85,10 +85,10 @@ pub fn write_vtu(
         "vtu" => xml_grid as Grid,
         "vtk" => legacy_grid,
         _ => {
-            return Err(OutputError::Io {
-                path: Some(path.into()),
-                what: "the name of a file with fields ends in .vtu or .vtk".into(),
-            });
+            return Err(bad_name(
+                path,
+                "the name of a file with fields ends in .vtu or .vtk",
+            ));
         }
     };
     write_file(path, |out| grid(out, mesh, at_nodes, in_cells))
@@ -119,10 +119,10 @@ pub fn write_pvd<P: AsRef<Path>>(path: impl AsRef<Path>, files: &[(f64, P)]) -> 
             return Err(OutputError::Time { index, time: *time });
         }
         let Some(name) = file.as_ref().to_str() else {
-            return Err(OutputError::Io {
-                path: Some(file.as_ref().into()),
-                what: "names of files in a series must be UTF-8".into(),
-            });
+            return Err(bad_name(
+                file.as_ref(),
+                "names of files in a series must be UTF-8",
+            ));
         };
         entries.push((*time, escaped(name)));
     }
@@ -139,6 +139,13 @@ pub fn write_pvd<P: AsRef<Path>>(path: impl AsRef<Path>, files: &[(f64, P)]) -> 
     })
 }
 
+fn bad_name(path: &Path, what: &str) -> OutputError {
+    OutputError::Io {
+        path: Some(path.into()),
+        source: io::Error::new(io::ErrorKind::InvalidInput, what).into(),
+    }
+}
+
 fn write_file(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<(), OutputError> {
     let whole = |part: &Path| {
         let mut out = BufWriter::new(File::create(part)?);
@@ -147,7 +154,7 @@ fn write_file(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>)
     };
     replace_file(path, whole).map_err(|e| OutputError::Io {
         path: Some(path.into()),
-        what: e.to_string(),
+        source: e.into(),
     })
 }
 

@@ -399,6 +399,18 @@ impl Real for Affine<'_> {
     fn cos(self) -> Self {
         self.curved()
     }
+    fn tan(self) -> Self {
+        self.curved()
+    }
+    fn atan(self) -> Self {
+        self.curved()
+    }
+    fn sinh(self) -> Self {
+        self.curved()
+    }
+    fn cosh(self) -> Self {
+        self.curved()
+    }
     fn tanh(self) -> Self {
         self.curved()
     }

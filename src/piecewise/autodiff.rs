@@ -31,6 +31,18 @@ impl Real for Dual64 {
     fn cos(self) -> Self {
         DualNum::cos(&self)
     }
+    fn tan(self) -> Self {
+        DualNum::tan(&self)
+    }
+    fn atan(self) -> Self {
+        DualNum::atan(&self)
+    }
+    fn sinh(self) -> Self {
+        DualNum::sinh(&self)
+    }
+    fn cosh(self) -> Self {
+        DualNum::cosh(&self)
+    }
     fn tanh(self) -> Self {
         DualNum::tanh(&self)
     }
@@ -73,6 +85,16 @@ pub trait NonsmoothFunction {
         }
         // All of them lie inside.
         Pattern::from_entries(n, m, entries).unwrap_or_else(|_| Pattern::full(n, m))
+    }
+
+    /// Typical sizes of the variables, as [`PiecewiseSmooth::typical_sizes`]. Default: left as they are.
+    fn typical_sizes(&self, _sizes: &mut [f64]) {}
+
+    /// Whether the function is affine but for its kinks, in all variables (the parameter among them), and so are the arguments of the
+    /// kinks: its curves are then polygons, from corner to corner in one step. Where this is said of another function its curves are wrong;
+    /// where a kink lies inside another, it is not made use of. Default: `false`.
+    fn is_piecewise_affine(&self) -> bool {
+        false
     }
 
     /// Name of a site, in the order of the calls on `kinks`, for tables and pictures. Default: none, the site has a number.
@@ -256,8 +278,12 @@ impl<'a, T: Real> Kinks<'a, T> {
         self.kink(Kind::Switch, [first, second], [test, test], natural)
     }
 
-    /// The projection of z on [lower, upper] (lower ≤ upper); pieces "lower", "interior", "upper"; test functions z − lower and
-    /// z − upper.
+    /// The projection of z on [lower, upper]; pieces "lower", "interior", "upper"; test functions z − lower and z − upper.
+    ///
+    /// lower ≤ upper must hold at every x that anything is evaluated at, not at solutions alone: where bounds cross, the cells of "lower" and
+    /// "upper" overlap and [`check`](super::check) refuses the map. A bound that may become negative, F θ of Coulomb's friction with
+    /// the pressure θ, is cut off at 0: `let g = kinks.positive_part(theta) * f; kinks.project(-g, z, g)`. The
+    /// [guide](crate::guide::your_own_map) has the whole law.
     pub fn project(&mut self, lower: T, z: T, upper: T) -> T {
         let tests = [z - lower, z - upper];
         let natural = || {
@@ -504,6 +530,15 @@ impl<F: NonsmoothFunction> PiecewiseSmooth for Traced<F> {
 
     fn has_nested_kinks(&self) -> bool {
         self.nested
+    }
+
+    fn typical_sizes(&self, sizes: &mut [f64]) {
+        self.function.typical_sizes(sizes);
+    }
+
+    fn is_piecewise_affine(&self) -> bool {
+        // The test functions of a kink outside of another are affine on its pieces only.
+        self.function.is_piecewise_affine() && !self.nested
     }
 
     fn tests_of_selection(&self, selection: &Selection, x: &[f64], d: Option<&[f64]>, out: &mut [f64]) {

@@ -29,6 +29,7 @@ mod newton_derivative;
 mod session;
 
 use crate::options::setters;
+use crate::words::Count;
 use session::Session;
 
 /// Options of [`check`] and [`check_semismooth`]. The defaults suit maps of moderate size and scale.
@@ -111,6 +112,22 @@ pub struct CheckReport {
     pub selections: usize,
     /// Points on boundaries between pieces at which continuity was examined.
     pub boundaries: usize,
+}
+
+/// "20 points (2 more behind a wall): 31 Jacobians and 12 points on boundaries examined": in one line.
+impl fmt::Display for CheckReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", Count(self.points, "point", "points"))?;
+        if self.outside > 0 {
+            write!(f, " ({} more behind a wall)", self.outside)?;
+        }
+        write!(
+            f,
+            ": {} and {} examined",
+            Count(self.selections, "Jacobian", "Jacobians"),
+            Count(self.boundaries, "point on boundaries", "points on boundaries")
+        )
+    }
 }
 
 /// What kind of error was found.

@@ -26,6 +26,18 @@ pub trait Real:
     /// cos x
     #[must_use]
     fn cos(self) -> Self;
+    /// tan x
+    #[must_use]
+    fn tan(self) -> Self;
+    /// arctan x, in (−π/2, π/2)
+    #[must_use]
+    fn atan(self) -> Self;
+    /// sinh x
+    #[must_use]
+    fn sinh(self) -> Self;
+    /// cosh x
+    #[must_use]
+    fn cosh(self) -> Self;
     /// tanh x
     #[must_use]
     fn tanh(self) -> Self;
@@ -78,6 +90,18 @@ impl Real for f64 {
     }
     fn cos(self) -> Self {
         f64::cos(self)
+    }
+    fn tan(self) -> Self {
+        f64::tan(self)
+    }
+    fn atan(self) -> Self {
+        f64::atan(self)
+    }
+    fn sinh(self) -> Self {
+        f64::sinh(self)
+    }
+    fn cosh(self) -> Self {
+        f64::cosh(self)
     }
     fn tanh(self) -> Self {
         f64::tanh(self)

@@ -260,7 +260,7 @@ pub(crate) fn square(jac: &Matrix) -> Result<Matrix, PiecewiseError> {
     let (ptr, idx) = (leading.pattern.col_ptr.to_vec(), leading.pattern.row_idx.to_vec());
     let made =
         Pattern::from_csc(n, n, ptr, idx).and_then(|p| Matrix::from_values(p, leading.values.to_vec()));
-    made.map_err(|e| LinearError::Solver { what: e.to_string() }.into())
+    Ok(made.map_err(LinearError::from)?)
 }
 
 /// What a singular combination is told with.

@@ -175,6 +175,18 @@ impl Real for Dependence {
     fn cos(self) -> Self {
         self.map(f64::cos)
     }
+    fn tan(self) -> Self {
+        self.map(f64::tan)
+    }
+    fn atan(self) -> Self {
+        self.map(f64::atan)
+    }
+    fn sinh(self) -> Self {
+        self.map(f64::sinh)
+    }
+    fn cosh(self) -> Self {
+        self.map(f64::cosh)
+    }
     fn tanh(self) -> Self {
         self.map(f64::tanh)
     }

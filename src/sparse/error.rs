@@ -2,6 +2,8 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
+use crate::Cause;
+
 /// What can be wrong with a pattern, a matrix or a file that should hold one.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
@@ -45,12 +47,12 @@ pub enum SparseError {
         value: f64,
     },
     /// A file could not be read.
-    #[error("{path}: {what}", path = path.display())]
+    #[error("{path}: {source}", path = path.display())]
     Io {
         /// The file.
         path: PathBuf,
-        /// The operating system's words.
-        what: String,
+        /// The error of the operating system.
+        source: Cause,
     },
     /// A file is not in the format it should be in.
     #[error("{path}, line {line}: {what}", path = path.display())]
@@ -61,5 +63,7 @@ pub enum SparseError {
         line: usize,
         /// What was found and what was expected.
         what: String,
+        /// The error that says so, where there is one: of the JSON, or of the matrix that the file describes.
+        source: Option<Cause>,
     },
 }

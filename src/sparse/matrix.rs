@@ -16,10 +16,50 @@ use super::{Pattern, PatternRef, SparseError, max_abs};
 /// assert_eq!(y, [8.0, 0.0]);
 /// ```
 #[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(try_from = "file::Unchecked")
+)]
 pub struct Matrix {
     pattern: Pattern,
+    #[cfg_attr(feature = "serde", serde(with = "crate::extended::list"))]
     values: Vec<f64>,
+    #[cfg_attr(
+        feature = "serde",
+        serde(skip_serializing_if = "Option::is_none", serialize_with = "file::refuse")
+    )]
     stray: Option<(usize, usize)>,
+}
+
+#[cfg(feature = "serde")]
+mod file {
+    use serde::ser::{Error, Serializer};
+
+    use super::{Matrix, Pattern, SparseError};
+
+    #[derive(serde::Deserialize)]
+    #[serde(rename = "Matrix")]
+    pub(super) struct Unchecked {
+        pattern: Pattern,
+        #[serde(with = "crate::extended::list")]
+        values: Vec<f64>,
+    }
+
+    impl TryFrom<Unchecked> for Matrix {
+        type Error = SparseError;
+
+        fn try_from(read: Unchecked) -> Result<Self, SparseError> {
+            Self::from_values(read.pattern, read.values)
+        }
+    }
+
+    /// A matrix that lacks an addition is not what it was meant to be.
+    pub(super) fn refuse<S: Serializer>(stray: &Option<(usize, usize)>, _: S) -> Result<S::Ok, S::Error> {
+        let (row, col) = stray.unwrap_or_default();
+        let what = format!("entry ({row}, {col}) was added outside the pattern of the matrix");
+        Err(S::Error::custom(what))
+    }
 }
 
 /// A borrowed matrix in compressed columns, as handed to a [linear solver](crate::linear::LinearSolver).

@@ -3,6 +3,7 @@ use std::fs;
 use std::path::Path;
 
 use super::{Matrix, Pattern, SparseError};
+use crate::Cause;
 
 /// Largest number of rows or columns accepted in a file.
 const MAX_DIMENSION: usize = 1 << 31;
@@ -73,7 +74,7 @@ pub fn write_matrix_market(path: impl AsRef<Path>, matrix: &Matrix) -> Result<()
     for (i, j, v) in matrix.triplets() {
         let _ = writeln!(text, "{} {} {v:.16e}", i + 1, j + 1);
     }
-    replace_file(path, |part| fs::write(part, &text)).map_err(|e| io_error(path, &e))
+    replace_file(path, |part| fs::write(part, &text)).map_err(|e| io_error(path, e))
 }
 
 /// Writes a file next to `path` and moves it there, so that a run that is killed leaves the old file or the new one, and no part.
@@ -122,13 +123,13 @@ pub fn parse_vector(text: &str) -> Result<Vec<f64>, SparseError> {
 }
 
 fn read(path: &Path) -> Result<String, SparseError> {
-    fs::read_to_string(path).map_err(|e| io_error(path, &e))
+    fs::read_to_string(path).map_err(|e| io_error(path, e))
 }
 
-fn io_error(path: &Path, e: &std::io::Error) -> SparseError {
+fn io_error(path: &Path, e: std::io::Error) -> SparseError {
     SparseError::Io {
         path: path.to_owned(),
-        what: e.to_string(),
+        source: e.into(),
     }
 }
 
@@ -149,6 +150,7 @@ fn parse_error(path: &Path, line: usize, what: String) -> SparseError {
         path: path.to_owned(),
         line,
         what,
+        source: None,
     }
 }
 
@@ -277,7 +279,12 @@ fn parse_matrix(
             last,
             format!("entries at ({}, {}) sum up to infinity", row + 1, col + 1),
         ),
-        e => fail(last, e.to_string()),
+        e => SparseError::Parse {
+            path: path.to_owned(),
+            line: last,
+            what: e.to_string(),
+            source: Some(Cause::new(e)),
+        },
     })
 }
 

@@ -14,16 +14,38 @@ use super::SparseError;
 /// # Ok::<(), semismooth::sparse::SparseError>(())
 /// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize), serde(try_from = "Inner"))]
 pub struct Pattern {
     inner: Arc<Inner>,
 }
 
 #[derive(Debug, PartialEq, Eq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(rename = "Pattern")
+)]
 struct Inner {
     nrows: usize,
     ncols: usize,
     col_ptr: Vec<usize>,
     row_idx: Vec<usize>,
+}
+
+#[cfg(feature = "serde")]
+impl serde::Serialize for Pattern {
+    fn serialize<S: serde::Serializer>(&self, s: S) -> Result<S::Ok, S::Error> {
+        self.inner.serialize(s)
+    }
+}
+
+#[cfg(feature = "serde")]
+impl TryFrom<Inner> for Pattern {
+    type Error = SparseError;
+
+    fn try_from(read: Inner) -> Result<Self, SparseError> {
+        Self::from_csc(read.nrows, read.ncols, read.col_ptr, read.row_idx)
+    }
 }
 
 /// A borrowed pattern, as handed to a [linear solver](crate::linear::LinearSolver).

@@ -77,11 +77,7 @@ impl ViReport {
 
 impl std::fmt::Display for ViReport {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(
-            f,
-            "{} after {} iterations, residual {:.1e}",
-            self.status, self.mcp.iterations, self.residual
-        )
+        crate::words::ended(f, &self.status, self.mcp.iterations, self.residual)
     }
 }
 

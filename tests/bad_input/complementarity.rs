@@ -9,7 +9,7 @@ use semismooth::complementarity::active_set::{
 use semismooth::complementarity::pivoting::{Lemke, LemkeOptions};
 use semismooth::complementarity::{
     AffineFunction, BoundState, ConstraintKind, Differenced, FischerBurmeister, Lcp, Mcp, McpFunction,
-    McpOptions, McpSolver, Program, WithJacobian, check_jacobian, kkt, strong_regularity,
+    McpOptions, McpSolver, Program, Variables, WithJacobian, check_jacobian, kkt, strong_regularity,
 };
 use semismooth::linear::{IncompleteLu, Prolongation};
 use semismooth::sparse::{Matrix, Pattern};
@@ -89,9 +89,79 @@ impl Program for Square {
     }
 }
 
+fn named() -> Variables {
+    let mut variables = Variables::new();
+    variables.add("flow", 2, 0.0, INF).unwrap();
+    variables
+}
+
+fn variables(t: &mut Table) {
+    t.refuses(
+        "complementarity::Variables::add",
+        "a name twice",
+        "\"flow\"",
+        || named().add("flow", 1, 0.0, 1.0),
+    );
+    t.refuses(
+        "complementarity::Variables::add",
+        "no variables",
+        "no variables",
+        || named().add("price", 0, 0.0, 1.0),
+    );
+    for (lower, upper, names) in [(f64::NAN, 1.0, "NaN"), (INF, INF, "inf"), (2.0, 1.0, "above")] {
+        t.refuses("complementarity::Variables::add", names, names, || {
+            named().add("price", 1, lower, upper)
+        });
+    }
+    t.refuses(
+        "complementarity::Variables::block",
+        "another name",
+        "\"flow\"",
+        || named().block("price"),
+    );
+    t.refuses("complementarity::Variables::block", "no blocks", "none", || {
+        Variables::new().block("price")
+    });
+    t.refuses(
+        "complementarity::Variables::set_bounds",
+        "another name",
+        "\"price\"",
+        || named().set_bounds("price", &[0.0], &[1.0]),
+    );
+    t.refuses(
+        "complementarity::Variables::set_bounds",
+        "too few",
+        "length 1",
+        || named().set_bounds("flow", &[0.0], &[1.0]),
+    );
+    t.refuses("complementarity::Variables::view", "too few", "length 1", || {
+        named().view(&[0.0]).map(drop)
+    });
+    t.refuses(
+        "complementarity::VariablesView::block",
+        "another name",
+        "\"price\"",
+        || named().view(&[0.0; 2]).unwrap().block("price").map(drop),
+    );
+    t.refuses(
+        "complementarity::Mcp::of_variables",
+        "more variables",
+        "length 3",
+        || {
+            Mcp::of_variables(times(1.0), &{
+                let mut more = named();
+                more.add("price", 1, 0.0, 1.0).unwrap();
+                more
+            })
+            .map(drop)
+        },
+    );
+}
+
 #[test]
 fn problems() {
     let mut t = Table::new("complementarity");
+    variables(&mut t);
     let empty = || Matrix::zeros(Pattern::full(0, 0));
 
     for (new, name) in [
@@ -141,6 +211,9 @@ fn problems() {
     ];
     for (names, lower, upper) in bounds {
         let b = || (lower.clone(), upper.clone());
+        t.refuses("complementarity::Variables::set_bounds", names, names, || {
+            named().set_bounds("flow", &lower, &upper)
+        });
         t.refuses("complementarity::Mcp::new", names, names, || {
             Mcp::new(times(1.0), b().0, b().1).map(drop)
         });

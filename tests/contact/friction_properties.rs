@@ -251,6 +251,7 @@ impl Sample {
                         ContactState::Stick => pn.min(self.friction_at(k, alpha) * pn - pt.abs()),
                         ContactState::SlipPlus => pn.min(ut),
                         ContactState::SlipMinus => pn.min(-ut),
+                        state => unreachable!("{state}"),
                     }
                 })
                 .fold(f64::INFINITY, f64::min);

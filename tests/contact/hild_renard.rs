@@ -98,6 +98,7 @@ proptest! {
                 ContactState::Stick => vec![x[2], alpha * x[2] - x[3].abs()],
                 ContactState::SlipPlus => vec![x[2], x[1]],
                 ContactState::SlipMinus => vec![x[2], -x[1]],
+                state => unreachable!("{state}"),
             };
             if margins.iter().all(|m| *m > 1e-9) {
                 prop_assert!(listed, "{d:?} {state} at {alpha}");

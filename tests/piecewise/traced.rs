@@ -1,6 +1,7 @@
 //! Functions written once over a scalar.
 
 use proptest::prelude::*;
+use semismooth::continuation::{Branch, ContinuationOptions, Direction};
 use semismooth::piecewise::check::{CheckOptions, check};
 use semismooth::piecewise::{Kinks, NonsmoothFunction, Real, Traced};
 use semismooth::piecewise::{PiecewiseSmooth, Selection, select, value};
@@ -118,10 +119,10 @@ struct Elementary;
 
 impl NonsmoothFunction for Elementary {
     fn num_vars(&self) -> usize {
-        9
+        13
     }
     fn num_residuals(&self) -> usize {
-        9
+        13
     }
     fn eval<T: Real>(&self, x: &[T], _: &mut Kinks<'_, T>, out: &mut [T]) {
         out[0] = x[0].sqrt();
@@ -133,6 +134,10 @@ impl NonsmoothFunction for Elementary {
         out[6] = x[6].powi(-3);
         out[7] = x[7].powf(1.7);
         out[8] = T::from(2.0) / x[8] - x[8];
+        out[9] = (x[9] * 0.4).tan();
+        out[10] = x[10].atan();
+        out[11] = x[11].sinh();
+        out[12] = x[12].cosh();
     }
 }
 
@@ -140,7 +145,7 @@ proptest! {
 #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn derivatives_of_elementary_functions(x in prop::collection::vec(0.2..3.0_f64, 9)) {
+    fn derivatives_of_elementary_functions(x in prop::collection::vec(0.2..3.0_f64, 13)) {
         let map = Traced::new(Elementary);
         let expected = [
             0.5 / x[0].sqrt(),
@@ -152,20 +157,81 @@ proptest! {
             -3.0 * x[6].powi(-4),
             1.7 * x[7].powf(0.7),
             -2.0 / (x[8] * x[8]) - 1.0,
+            0.4 * (1.0 + (0.4 * x[9]).tan().powi(2)),
+            1.0 / (1.0 + x[10] * x[10]),
+            x[11].cosh(),
+            x[12].sinh(),
         ];
         let mut jac = Matrix::zeros(map.pattern());
         map.jacobian(&Selection::default(), &x, &mut jac);
-        let mut h = vec![0.0; 9];
+        let mut h = vec![0.0; 13];
         map.residual(&Selection::default(), &x, &mut h);
-        prop_assert!((h[7] - x[7].powf(1.7)).abs() < 1e-14 * h[7]);
-        for i in 0..9 {
-            for j in 0..9 {
+        let values = [x[7].powf(1.7), (0.4 * x[9]).tan(), x[10].atan(), x[11].sinh(), x[12].cosh()];
+        for (i, value) in [7, 9, 10, 11, 12].into_iter().zip(values) {
+            prop_assert!((h[i] - value).abs() < 1e-14 * value);
+        }
+        for i in 0..13 {
+            for j in 0..13 {
                 let e = if i == j { expected[i] } else { 0.0 };
                 let size = if i == j { e.abs().max(1e-2) } else { 0.0 };
                 prop_assert!((jac.get(i, j) - e).abs() <= 1e-13 * size);
             }
         }
     }
+}
+
+/// |max(y, 0) − 1| = α, said to be affine, too: one kink inside another.
+struct Nested;
+
+impl NonsmoothFunction for Nested {
+    fn num_vars(&self) -> usize {
+        2
+    }
+    fn num_residuals(&self) -> usize {
+        1
+    }
+    fn eval<T: Real>(&self, x: &[T], kinks: &mut Kinks<'_, T>, out: &mut [T]) {
+        let ramp = kinks.positive_part(x[0]);
+        out[0] = kinks.abs(ramp - 1.0) - x[1];
+    }
+    fn is_piecewise_affine(&self) -> bool {
+        true
+    }
+}
+
+/// α = max(y, 2 y) · 10³, said to be affine, with the size of y.
+struct Ramp;
+
+impl NonsmoothFunction for Ramp {
+    fn num_vars(&self) -> usize {
+        2
+    }
+    fn num_residuals(&self) -> usize {
+        1
+    }
+    fn eval<T: Real>(&self, x: &[T], kinks: &mut Kinks<'_, T>, out: &mut [T]) {
+        out[0] = kinks.max(x[0], x[0] * 2.0) * 1e3 - x[1];
+    }
+    fn typical_sizes(&self, sizes: &mut [f64]) {
+        sizes[0] = 1e-3;
+    }
+    fn is_piecewise_affine(&self) -> bool {
+        true
+    }
+}
+
+#[test]
+fn what_a_function_says_of_itself_is_handed_on() {
+    let map = Traced::new(Ramp);
+    let mut sizes = [1.0; 2];
+    map.typical_sizes(&mut sizes);
+    assert_eq!(sizes, [1e-3, 1.0]);
+    assert!(map.is_piecewise_affine() && !Traced::new(Nested).is_piecewise_affine());
+    // From corner to corner: start, kink, end.
+    let options = ContinuationOptions::default().with_parameter_range((-1.0, 1.0));
+    let branch = Branch::follow(&map, &[-1e-3, -1.0], Direction::Increasing, options).unwrap();
+    assert_eq!((branch.points.len(), branch.transitions.len()), (2, 1));
+    assert_eq!(branch.transitions[0].x, [0.0, 0.0]);
 }
 
 /// A kink on one side of an `if` only: the other side is out of the domain, whichever side x = 0 is on.

@@ -1,3 +1,4 @@
+use std::fmt;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
@@ -68,6 +69,20 @@ impl NestedReport {
         self.levels
             .last()
             .map_or(ActiveSetStatus::Inaccurate, |l| l.report.status)
+    }
+}
+
+/// "solved after 3 iterations, residual 1.0e-12, on the finest of 5 levels": in one line.
+impl fmt::Display for NestedReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.levels.last() {
+            Some(finest) => write!(f, "{}", finest.report)?,
+            None => write!(f, "{}", self.status())?,
+        }
+        match self.levels.len() {
+            1 => Ok(()),
+            levels => write!(f, ", on the finest of {levels} levels"),
+        }
     }
 }
 

@@ -101,6 +101,7 @@ pub struct ActiveSetIteration {
 /// Which components are exchanged between two iterations.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
 pub enum Exchange {
     /// All whose signs are wrong.
     #[default]
@@ -140,10 +141,6 @@ impl fmt::Display for ActiveSetStatus {
 
 impl fmt::Display for ActiveSetReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "{} after {} iterations, residual {:.1e}",
-            self.status, self.iterations, self.residual
-        )
+        crate::words::ended(f, &self.status, self.iterations, self.residual)
     }
 }

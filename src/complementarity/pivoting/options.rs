@@ -1,5 +1,7 @@
 use std::fmt;
 
+use crate::words::Count;
+
 /// Options of [`Lemke`](super::Lemke). The defaults need no touching.
 #[derive(Debug, Clone, PartialEq, Default)]
 #[non_exhaustive]
@@ -118,8 +120,10 @@ impl fmt::Display for LemkeReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "{} after {} exchanges, residual {:.1e}",
-            self.status, self.pivots, self.residual
+            "{} after {}, residual {:.1e}",
+            self.status,
+            Count(self.pivots, "exchange", "exchanges"),
+            self.residual
         )
     }
 }

@@ -51,6 +51,22 @@ use work::Work;
 /// Iterates stay within the bounds (unless F is affine), and F is evaluated nowhere else ([`McpOptions::stay_inside`]); where it is not
 /// finite the step is shortened. Success is claimed only by the rule stated under [accuracy](super#accuracy), for the point returned.
 ///
+/// ```
+/// use semismooth::complementarity::{Lcp, McpOptions, McpSolver};
+/// use semismooth::sparse::Matrix;
+/// // A string of three points over an obstacle at 0, pulled up beside the middle, which rests.
+/// let matrix = Matrix::from_rows(&[[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 2.0]])?;
+/// let lcp = Lcp::new(matrix, vec![-0.5, 1.0, -0.5])?;
+/// let mut solver = McpSolver::new(McpOptions::default().with_tolerance(1e-12));
+/// let mut x = [1.0; 3];
+/// let report = solver.solve(lcp.mcp(), &mut x)?;
+/// assert!(report.is_solved() && report.error <= 1e-12);
+/// for (x, exact) in x.iter().zip([0.25, 0.0, 0.25]) {
+///     assert!((x - exact).abs() < 1e-12);
+/// }
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
 /// # Complexity
 /// A step factors the system of the k components away from their bounds: O(k³) where it is small or mostly full, else with the
 /// fill-in of sparse LU; up to 200 components regularised steps are O(n³). Paths take such a step at each point, and enumeration

@@ -283,10 +283,6 @@ impl fmt::Display for BoundState {
 
 impl fmt::Display for McpReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "{} after {} iterations, residual {:.1e}",
-            self.status, self.iterations, self.residual
-        )
+        crate::words::ended(f, &self.status, self.iterations, self.residual)
     }
 }

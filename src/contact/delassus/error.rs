@@ -1,5 +1,6 @@
 use thiserror::Error;
 
+use crate::Cause;
 use crate::sparse::SparseError;
 
 /// What can be wrong with a problem in Delassus form, or with the options of its solver.
@@ -90,5 +91,7 @@ pub enum DelassusError {
         path: std::path::PathBuf,
         /// What was found and what was expected.
         what: String,
+        /// The error that says so, where there is one: of the operating system, of the JSON, or of the matrix.
+        source: Option<Cause>,
     },
 }

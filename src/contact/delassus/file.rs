@@ -1,11 +1,13 @@
 //! Problems from JSON files.
 
+use std::error::Error;
 use std::path::Path;
 
 use serde_json::Value;
 
 use super::{DelassusError, DelassusProblem};
-use crate::sparse::Matrix;
+use crate::Cause;
+use crate::sparse::{Matrix, SparseError};
 
 /// Reads a problem from a JSON file: an object with `dimension` (2 or 3), `mu` (one coefficient a contact), `q`, and `M` as
 /// `{"format": "csc", "indptr": […], "indices": […], "data": […]}` (compressed columns, indices from 0) or as a list of rows.
@@ -16,17 +18,49 @@ use crate::sparse::Matrix;
 /// [`DelassusProblem::new`] checks.
 pub fn read_delassus(path: impl AsRef<Path>) -> Result<DelassusProblem, DelassusError> {
     let path = path.as_ref();
-    let failed = |what: String| DelassusError::File {
+    let failed = |Flaw { what, source }| DelassusError::File {
         path: path.to_path_buf(),
         what,
+        source,
     };
-    let text = std::fs::read_to_string(path).map_err(|e| failed(e.to_string()))?;
-    let json: Value = serde_json::from_str(&text).map_err(|e| failed(e.to_string()))?;
+    let text = std::fs::read_to_string(path).map_err(|e| failed(Flaw::of(e)))?;
+    let json: Value = serde_json::from_str(&text).map_err(|e| failed(Flaw::of(e)))?;
     parse(&json).map_err(failed)?
 }
 
+/// What is wrong with the format.
+struct Flaw {
+    what: String,
+    source: Option<Cause>,
+}
+
+impl Flaw {
+    fn of(error: impl Error + Send + Sync + 'static) -> Self {
+        Self {
+            what: error.to_string(),
+            source: Some(Cause::new(error)),
+        }
+    }
+
+    fn of_matrix(error: SparseError) -> Self {
+        Self {
+            what: format!("`M`: {error}"),
+            ..Self::of(error)
+        }
+    }
+}
+
+impl<T: Into<String>> From<T> for Flaw {
+    fn from(what: T) -> Self {
+        Self {
+            what: what.into(),
+            source: None,
+        }
+    }
+}
+
 /// The outer error is one of format, the inner one of content.
-fn parse(json: &Value) -> Result<Result<DelassusProblem, DelassusError>, String> {
+fn parse(json: &Value) -> Result<Result<DelassusProblem, DelassusError>, Flaw> {
     let dimension = whole(json, "dimension")?.ok_or("`dimension` is missing")?;
     let friction = floats(json, "mu")?;
     let q = floats(json, "q")?;
@@ -34,7 +68,7 @@ fn parse(json: &Value) -> Result<Result<DelassusProblem, DelassusError>, String>
         if let Some(told) = whole(json, name)?
             && told != found
         {
-            return Err(format!("`{name}` is {told}, but the lists have {found}"));
+            return Err(format!("`{name}` is {told}, but the lists have {found}").into());
         }
     }
     let n = q.len();
@@ -44,19 +78,19 @@ fn parse(json: &Value) -> Result<Result<DelassusProblem, DelassusError>, String>
             let rows = (rows.iter().enumerate())
                 .map(|(i, row)| numbers(row, &format!("row {i} of `M`")))
                 .collect::<Result<Vec<_>, _>>()?;
-            Matrix::from_rows(&rows).map_err(|e| format!("`M`: {e}"))?
+            Matrix::from_rows(&rows).map_err(Flaw::of_matrix)?
         }
         Value::Object(_) => compressed(m, n)?,
-        _ => return Err("`M` must be an object or a list of rows".to_owned()),
+        _ => return Err("`M` must be an object or a list of rows".into()),
     };
     Ok(DelassusProblem::new(dimension, matrix, q, friction))
 }
 
-fn compressed(m: &Value, n: usize) -> Result<Matrix, String> {
+fn compressed(m: &Value, n: usize) -> Result<Matrix, Flaw> {
     match m.get("format").and_then(Value::as_str) {
         Some("csc") => {}
-        Some(other) => return Err(format!("`M.format` is \"{other}\", expected \"csc\"")),
-        None => return Err("`M.format` is missing, expected \"csc\"".to_owned()),
+        Some(other) => return Err(format!("`M.format` is \"{other}\", expected \"csc\"").into()),
+        None => return Err("`M.format` is missing, expected \"csc\"".into()),
     }
     let ptr = wholes(m, "indptr")?;
     let rows = wholes(m, "indices")?;
@@ -65,26 +99,29 @@ fn compressed(m: &Value, n: usize) -> Result<Matrix, String> {
         return Err(format!(
             "`M.indptr` has {} entries, but `q` has {n}: n + 1 are needed",
             ptr.len()
-        ));
+        )
+        .into());
     }
     if rows.len() != values.len() {
         return Err(format!(
             "`M.indices` has {} entries and `M.data` {}; they belong together",
             rows.len(),
             values.len()
-        ));
+        )
+        .into());
     }
     if ptr[0] != 0 || ptr[n] != rows.len() || ptr.windows(2).any(|w| w[0] > w[1]) {
         return Err(format!(
             "`M.indptr` must rise from 0 to the number of entries, {}",
             rows.len()
-        ));
+        )
+        .into());
     }
     let mut triplets = Vec::with_capacity(rows.len());
     for j in 0..n {
         triplets.extend((ptr[j]..ptr[j + 1]).map(|k| (rows[k], j, values[k])));
     }
-    Matrix::from_triplets(n, n, &triplets).map_err(|e| format!("`M`: {e}"))
+    Matrix::from_triplets(n, n, &triplets).map_err(Flaw::of_matrix)
 }
 
 fn whole(json: &Value, name: &str) -> Result<Option<usize>, String> {

@@ -25,11 +25,36 @@ use crate::sparse::Matrix;
 /// # Ok::<(), semismooth::contact::DelassusError>(())
 /// ```
 #[derive(Debug, Clone, PartialEq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(try_from = "Unchecked")
+)]
 pub struct DelassusProblem {
     dimension: usize,
     matrix: Matrix,
     q: Vec<f64>,
     friction: Vec<f64>,
+}
+
+/// The fields of a problem as read from a file.
+#[cfg(feature = "serde")]
+#[derive(serde::Deserialize)]
+#[serde(rename = "DelassusProblem")]
+struct Unchecked {
+    dimension: usize,
+    matrix: Matrix,
+    q: Vec<f64>,
+    friction: Vec<f64>,
+}
+
+#[cfg(feature = "serde")]
+impl TryFrom<Unchecked> for DelassusProblem {
+    type Error = DelassusError;
+
+    fn try_from(read: Unchecked) -> Result<Self, DelassusError> {
+        Self::new(read.dimension, read.matrix, read.q, read.friction)
+    }
 }
 
 impl DelassusProblem {

@@ -3,6 +3,7 @@ use std::fmt;
 use super::{DelassusError, DelassusProblem};
 use crate::contact::{ContactSolution, ContactState, LocalValues};
 use crate::sparse::dot;
+use crate::words::Count;
 
 /// How a solution ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -187,8 +188,11 @@ impl fmt::Display for DelassusReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "{} after {} factorisations and {} sweeps, residual {:.1e}",
-            self.status, self.factorisations, self.sweeps, self.residual
+            "{} after {} and {}, residual {:.1e}",
+            self.status,
+            Count(self.factorisations, "factorisation", "factorisations"),
+            Count(self.sweeps, "sweep", "sweeps"),
+            self.residual
         )
     }
 }

@@ -113,6 +113,20 @@ struct Measure {
 /// only, say) may leave a problem without a solution: runs then stall at a residual of about ε against M. A run that stalls is no
 /// evidence against a solution.
 ///
+/// ```
+/// use semismooth::contact::{DelassusOptions, DelassusProblem, DelassusSolver};
+/// use semismooth::sparse::Matrix;
+/// // A unit mass on the ground, μ = 0.3, with the free velocities −1 and 0.5: friction takes 0.3 of the latter, and 0.2 are left.
+/// let problem = DelassusProblem::new(2, Matrix::identity(2), vec![-1.0, 0.5], vec![0.3])?;
+/// let mut solver = DelassusSolver::new(DelassusOptions::default());
+/// let report = solver.solve(&problem)?;
+/// assert!(report.is_solved() && report.states[0].is_slip());
+/// assert!((report.r[0] - 1.0).abs() < 1e-12 && (report.r[1] + 0.3).abs() < 1e-12);
+/// let velocity = problem.velocities(&report.r)?;
+/// assert!(velocity[0].abs() < 1e-12 && (velocity[1] - 0.2).abs() < 1e-12);
+/// # Ok::<(), semismooth::contact::DelassusError>(())
+/// ```
+///
 /// # Complexity
 /// A sweep is linear in the entries of M. A Newton iteration, a step of interior points or of the path takes one factorisation, or
 /// a few, of at most n = D·(number of contacts) unknowns: O(n³) and 8 n² bytes where M is small (n ≤ 200) or mostly full, else time

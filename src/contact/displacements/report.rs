@@ -1,6 +1,9 @@
+use std::fmt;
 use std::time::Duration;
 
 use crate::contact::ContactResiduals;
+use crate::contact::solution::StateCounts;
+use crate::words::Count;
 
 /// How a solution was found, or an attempt failed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -80,5 +83,30 @@ impl ReducedReport {
     #[must_use]
     pub fn krylov(&self) -> usize {
         self.iterations.iter().map(|i| i.krylov).sum()
+    }
+}
+
+impl fmt::Display for ReducedStrategy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(match self {
+            Self::Newton => "Newton",
+            Self::LoadSteps => "load steps",
+            Self::Condensed => "condensed form",
+        })
+    }
+}
+
+/// "12 Newton steps, 90 GMRES iterations (load steps); 1 open, 2 stick, 1 slips; …": in one line.
+impl fmt::Display for ReducedReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "{}, {} ({}); {}; {}",
+            Count(self.newton(), "Newton step", "Newton steps"),
+            Count(self.krylov(), "GMRES iteration", "GMRES iterations"),
+            self.strategy,
+            StateCounts(self.states),
+            self.residuals
+        )
     }
 }

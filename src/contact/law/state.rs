@@ -1,8 +1,9 @@
-use std::fmt;
+use crate::words::named;
 
 /// State of a contact node.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[non_exhaustive]
 pub enum ContactState {
     /// λ_ν = λ_t = 0.
     Open,
@@ -63,8 +64,4 @@ impl ContactState {
     }
 }
 
-impl fmt::Display for ContactState {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
+named!(ContactState, "state of a contact node", Self::ALL);

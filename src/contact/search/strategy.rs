@@ -12,6 +12,7 @@ use crate::contact::{Contact, ContactError, ContactOptions};
 use crate::interface::View;
 use crate::newton::Failure;
 use crate::piecewise::PiecewiseSmooth;
+use crate::words::{iterations, named};
 
 /// Augmentation parameters tried after the one asked for, in units of the stiffness of a contact node.
 const STIFFER: [f64; 3] = [1.0, 10.0, 1e3];
@@ -47,11 +48,17 @@ impl ContactStrategy {
     }
 }
 
-impl fmt::Display for ContactStrategy {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
+named!(
+    ContactStrategy,
+    "strategy for a contact problem",
+    [
+        Self::Newton,
+        Self::Restart,
+        Self::Stiffer,
+        Self::Increments,
+        Self::Path
+    ]
+);
 
 /// How far a search for a solution has come.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -103,6 +110,25 @@ impl ContactReport {
         self.attempts
             .last()
             .map_or(ContactStrategy::Newton, |a| a.strategy)
+    }
+}
+
+/// "found by increments in attempt 3, after 5 iterations": in one line.
+impl fmt::Display for ContactReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "found by {}", self.strategy())?;
+        if self.attempts.len() > 1 {
+            write!(f, " in attempt {}", self.attempts.len())?;
+        }
+        match self.attempts.last() {
+            Some(last) => write!(
+                f,
+                " after {}, residual {:.1e}",
+                iterations(last.iterations),
+                last.residual_norm
+            ),
+            None => Ok(()),
+        }
     }
 }
 

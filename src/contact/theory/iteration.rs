@@ -1,3 +1,4 @@
+use std::fmt;
 use std::ops::ControlFlow;
 
 use crate::contact::CondensedContact;
@@ -7,6 +8,7 @@ use crate::contact::{ContactError, ContactOptions};
 use crate::options::setters;
 use crate::piecewise::{PiecewiseSmooth, Selection, select};
 use crate::sparse::norm;
+use crate::words::iterations;
 
 /// Iterations without a new smallest change after which there is no more to come.
 const STAGNATION: usize = 100;
@@ -95,6 +97,22 @@ const NOISE: f64 = 1e-9;
 const ABOVE_NOISE: f64 = 100.0;
 /// Ratios of changes that a rate is taken from: at least, at most.
 const RATIOS: [usize; 2] = [3, 10];
+
+/// "converged after 12 iterations, last change 1.0e-13": in one line.
+impl fmt::Display for FixedPointReport {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let how = match (self.converged, self.stagnated) {
+            (true, _) => "converged",
+            (_, true) => "changes are rounding",
+            _ => "not converged",
+        };
+        write!(f, "{how} after {}", iterations(self.iterations()))?;
+        match self.changes.last() {
+            Some(change) => write!(f, ", last change {change:.1e}"),
+            None => Ok(()),
+        }
+    }
+}
 
 impl FixedPointReport {
     /// Number of iterations.

@@ -10,7 +10,7 @@ pub(super) struct Unchecked {
     vertices: Vec<DiagramVertex>,
     edges: Vec<DiagramEdge>,
     completeness: Completeness,
-    #[serde(with = "crate::continuation::extended::pair")]
+    #[serde(with = "crate::extended::pair")]
     range: (f64, f64),
     same_point: f64,
     points: usize,

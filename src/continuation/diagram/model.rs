@@ -36,7 +36,7 @@ pub struct Diagram {
     pub(super) vertices: Vec<DiagramVertex>,
     pub(super) edges: Vec<DiagramEdge>,
     pub(super) completeness: Completeness,
-    #[cfg_attr(feature = "serde", serde(with = "crate::continuation::extended::pair"))]
+    #[cfg_attr(feature = "serde", serde(with = "crate::extended::pair"))]
     pub(super) range: (f64, f64),
     pub(super) same_point: f64,
     pub(super) points: usize,
@@ -336,7 +336,7 @@ pub enum Limit {
         /// The vertex.
         vertex: usize,
         /// Why.
-        #[cfg_attr(feature = "serde", serde(with = "crate::continuation::extended::error"))]
+        #[cfg_attr(feature = "serde", serde(with = "crate::continuation::recorded"))]
         error: ContinuationError,
     },
 }

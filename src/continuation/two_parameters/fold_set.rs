@@ -322,5 +322,5 @@ fn pattern(family: &Pattern, n: usize) -> Result<Pattern, PiecewiseError> {
     }
     entries.extend((0..n).map(|j| (2 * n, n + j)));
     let pattern = Pattern::from_entries(2 * n + 1, 2 * n + 2, entries);
-    Ok(pattern.map_err(|e| LinearError::Solver { what: e.to_string() })?)
+    Ok(pattern.map_err(LinearError::from)?)
 }

@@ -122,8 +122,7 @@ impl<P: PiecewiseSmooth> TransitionSet<P> {
             entries.extend(rows.iter().map(|&i| (i, j)));
         }
         entries.extend((0..m).map(|j| (n, j)));
-        let pattern = Pattern::from_entries(n + 1, m, entries)
-            .map_err(|e| LinearError::Solver { what: e.to_string() })?;
+        let pattern = Pattern::from_entries(n + 1, m, entries).map_err(LinearError::from)?;
         Ok(Self {
             layout: TestLayout::new(&family),
             site,

@@ -426,8 +426,7 @@ impl Direct {
             let blocks = a.row(i).0.iter().map(|j| *j as usize).filter(move |j| *j <= i);
             blocks.flat_map(move |j| (0..B * B).map(move |e| (B * i + e / B, B * j + e % B)))
         });
-        let pattern = Pattern::from_entries(B * n, B * n, entries);
-        let pattern = pattern.map_err(|e| LinearError::Solver { what: e.to_string() })?;
+        let pattern = Pattern::from_entries(B * n, B * n, entries)?;
         let mut cholesky = Cholesky::new();
         cholesky.analyze(pattern.as_ref())?;
         Ok(Self {

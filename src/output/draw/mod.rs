@@ -65,7 +65,7 @@ impl BranchDiagram {
         };
         replace_file(path, |part| std::fs::write(part, &picture)).map_err(|e| OutputError::Io {
             path: Some(path.to_path_buf()),
-            what: e.to_string(),
+            source: e.into(),
         })
     }
 }

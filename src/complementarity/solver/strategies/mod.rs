@@ -10,10 +10,9 @@ mod proximal;
 mod restart;
 mod smoothing;
 
-use std::fmt;
-
 use super::engine::Engine;
 use super::{BoundState, Fallback, McpStatus};
+use crate::words::named;
 
 /// What is tried, in this order unless [`McpOptions::strategies`](super::McpOptions::strategies) says otherwise.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -46,11 +45,7 @@ impl McpStrategy {
     }
 }
 
-impl fmt::Display for McpStrategy {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
+named!(McpStrategy, "strategy for an MCP", all());
 
 /// What strategies keep from one solve to the next, so that it is allocated once.
 #[derive(Debug, Clone, Default)]

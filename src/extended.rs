@@ -1,4 +1,4 @@
-//! Numbers that may be infinite, for formats that know none (JSON), and errors as their messages.
+//! Numbers that may be infinite, for formats that know none (JSON).
 
 use std::fmt;
 
@@ -60,11 +60,11 @@ impl Visitor<'_> for NumberOrWord {
     }
 }
 
-pub(super) fn serialize<S: Serializer>(v: &f64, s: S) -> Result<S::Ok, S::Error> {
+pub(crate) fn serialize<S: Serializer>(v: &f64, s: S) -> Result<S::Ok, S::Error> {
     Extended(*v).serialize(s)
 }
 
-pub(super) fn deserialize<'de, D: Deserializer<'de>>(d: D) -> Result<f64, D::Error> {
+pub(crate) fn deserialize<'de, D: Deserializer<'de>>(d: D) -> Result<f64, D::Error> {
     Extended::deserialize(d).map(|v| v.0)
 }
 
@@ -81,17 +81,16 @@ pub(crate) mod pair {
     }
 }
 
-/// An error comes back as its message.
-pub(crate) mod error {
-    use serde::{Deserialize, Deserializer, Serializer};
+/// The same for a list.
+pub(crate) mod list {
+    use super::{Deserialize, Deserializer, Extended, Serializer};
 
-    use crate::continuation::ContinuationError;
-
-    pub(crate) fn serialize<S: Serializer>(e: &ContinuationError, s: S) -> Result<S::Ok, S::Error> {
-        s.collect_str(e)
+    pub(crate) fn serialize<S: Serializer>(v: &impl AsRef<[f64]>, s: S) -> Result<S::Ok, S::Error> {
+        s.collect_seq(v.as_ref().iter().copied().map(Extended))
     }
 
-    pub(crate) fn deserialize<'de, D: Deserializer<'de>>(d: D) -> Result<ContinuationError, D::Error> {
-        String::deserialize(d).map(|message| ContinuationError::Recorded { message })
+    pub(crate) fn deserialize<'de, D: Deserializer<'de>, V: From<Vec<f64>>>(d: D) -> Result<V, D::Error> {
+        let read = Vec::<Extended>::deserialize(d)?;
+        Ok(read.into_iter().map(|v| v.0).collect::<Vec<f64>>().into())
     }
 }

@@ -1,0 +1,46 @@
+//! Meshes as read from files of serde's formats: whatever makes them is checked as [`Mesh::new`] checks it.
+
+use super::mesh::{CellGroups, FacetGroups};
+use super::{CellKind, FemError, Mesh};
+
+/// The fields of a [`Mesh`].
+#[derive(serde::Deserialize)]
+#[serde(rename = "Mesh")]
+pub(super) struct Unchecked {
+    dim: usize,
+    points: Vec<[f64; 3]>,
+    kinds: Vec<CellKind>,
+    nodes: Vec<usize>,
+    facet_groups: FacetGroups,
+    cell_groups: CellGroups,
+    is_part: bool,
+}
+
+impl TryFrom<Unchecked> for Mesh {
+    type Error = FemError;
+
+    fn try_from(read: Unchecked) -> Result<Self, FemError> {
+        let expected = read.kinds.iter().map(|k| k.num_nodes()).sum();
+        if read.nodes.len() != expected {
+            return Err(FemError::Length {
+                what: "the list of the nodes of all cells",
+                expected,
+                found: read.nodes.len(),
+            });
+        }
+        let mut rest = read.nodes.as_slice();
+        let cells = read.kinds.into_iter().map(|kind| {
+            let (nodes, after) = rest.split_at(kind.num_nodes());
+            rest = after;
+            (kind, nodes.to_vec())
+        });
+        let mut mesh = Self::new(read.dim, read.points, cells)?;
+        for (name, facets) in read.facet_groups {
+            mesh.add_facet_group(name, facets)?;
+        }
+        for (name, cells) in read.cell_groups {
+            mesh.add_cell_group(name, cells)?;
+        }
+        Ok(if read.is_part { mesh.into_part() } else { mesh })
+    }
+}

@@ -1,0 +1,150 @@
+//! Enums whose values are told by words and read from them, and numbers of things in sentences.
+
+use std::fmt;
+
+use thiserror::Error;
+
+/// Longest part of a word that an error repeats.
+const SHOWN: usize = 40;
+
+/// A word that names no value of an enum.
+///
+/// ```
+/// use semismooth::fem::CellKind;
+/// assert_eq!("triangle".parse(), Ok(CellKind::Triangle));
+/// let wrong = "wedge".parse::<CellKind>().unwrap_err();
+/// assert_eq!(
+///     wrong.to_string(),
+///     "\"wedge\" is no kind of cell: write triangle, quadrilateral, tetrahedron or hexahedron"
+/// );
+/// ```
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+#[non_exhaustive]
+#[error("\"{found}\" is no {what}: write {}", alternatives(known))]
+pub struct UnknownName {
+    /// What should have been named.
+    pub what: &'static str,
+    /// The word found; of a long one its beginning.
+    pub found: String,
+    /// The words there are.
+    pub known: Vec<&'static str>,
+}
+
+fn alternatives(known: &[&str]) -> String {
+    match known {
+        [rest @ .., last] if !rest.is_empty() => format!("{} or {last}", rest.join(", ")),
+        _ => known.join(""),
+    }
+}
+
+/// The value of that name.
+pub(crate) fn find<T: Copy>(
+    what: &'static str,
+    found: &str,
+    all: impl Iterator<Item = T> + Clone,
+    name: impl Fn(T) -> &'static str,
+) -> Result<T, UnknownName> {
+    (all.clone().find(|value| name(*value) == found)).ok_or_else(|| UnknownName {
+        what,
+        found: found.chars().take(SHOWN).collect(),
+        known: all.map(name).collect(),
+    })
+}
+
+/// So many things: "1 fold", "2 folds".
+pub(crate) struct Count(pub(crate) usize, pub(crate) &'static str, pub(crate) &'static str);
+
+impl fmt::Display for Count {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self(number, one, many) = self;
+        write!(f, "{number} {}", if *number == 1 { one } else { many })
+    }
+}
+
+/// Iterations of a method.
+pub(crate) fn iterations(number: usize) -> Count {
+    Count(number, "iteration", "iterations")
+}
+
+/// The line that reports of iterations have in common.
+pub(crate) fn ended(
+    f: &mut fmt::Formatter<'_>,
+    status: &dyn fmt::Display,
+    number: usize,
+    residual: f64,
+) -> fmt::Result {
+    write!(
+        f,
+        "{status} after {}, residual {residual:.1e}",
+        iterations(number)
+    )
+}
+
+/// What lies at a parameter, which is rounded where the format says so (`{:.6}`).
+pub(crate) fn at_parameter(
+    f: &mut fmt::Formatter<'_>,
+    what: &dyn fmt::Display,
+    parameter: f64,
+) -> fmt::Result {
+    match f.precision() {
+        Some(digits) => {
+            let text = format!("{parameter:.digits$}");
+            // A rounding error is no reason for a sign.
+            let size = text.trim_start_matches('-');
+            let zero = size.bytes().all(|b| matches!(b, b'0' | b'.'));
+            write!(f, "{what} at parameter {}", if zero { size } else { &text })
+        }
+        None => write!(f, "{what} at parameter {parameter}"),
+    }
+}
+
+/// The first coordinates of a point, rounded to six digits.
+pub(crate) struct Coordinates<'a>(pub(crate) &'a [f64]);
+
+impl fmt::Display for Coordinates<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        const FIRST: usize = 6;
+        f.write_str("(")?;
+        for (k, value) in self.0.iter().take(FIRST).enumerate() {
+            let gap = if k > 0 { ", " } else { "" };
+            let size = value.abs();
+            if size == 0.0 || (1e-4..1e6).contains(&size) {
+                let digits = (5.0 - size.max(1e-4).log10().floor()).clamp(0.0, 9.0) as usize;
+                let text = format!("{value:.digits$}");
+                let short = match text.contains('.') {
+                    true => text.trim_end_matches('0').trim_end_matches('.'),
+                    false => &text,
+                };
+                write!(f, "{gap}{}", if size == 0.0 { "0" } else { short })?;
+            } else {
+                write!(f, "{gap}{value:.5e}")?;
+            }
+        }
+        match self.0.len().saturating_sub(FIRST) {
+            0 => f.write_str(")"),
+            more => write!(f, ", and {more} more)"),
+        }
+    }
+}
+
+/// `Display` by the method `name`, and `FromStr` from the same words.
+macro_rules! named {
+    ($type:ty, $what:literal, $all:expr) => {
+        impl std::fmt::Display for $type {
+            fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+                f.pad(self.name())
+            }
+        }
+
+        impl std::str::FromStr for $type {
+            type Err = crate::UnknownName;
+
+            #[doc = concat!("The ", $what, " of this name, as `Display` writes it.")]
+            fn from_str(word: &str) -> Result<Self, Self::Err> {
+                crate::words::find($what, word, $all.into_iter(), Self::name)
+            }
+        }
+    };
+}
+
+pub(crate) use named;
