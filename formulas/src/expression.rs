@@ -11,6 +11,9 @@ pub(crate) enum Smooth {
     Sin,
     Cos,
     Tan,
+    Atan,
+    Sinh,
+    Cosh,
     Tanh,
 }
 
@@ -62,7 +65,10 @@ impl Expression {
                     Smooth::Ln => a.ln(),
                     Smooth::Sin => a.sin(),
                     Smooth::Cos => a.cos(),
-                    Smooth::Tan => a.sin() / a.cos(),
+                    Smooth::Tan => a.tan(),
+                    Smooth::Atan => a.atan(),
+                    Smooth::Sinh => a.sinh(),
+                    Smooth::Cosh => a.cosh(),
                     Smooth::Tanh => a.tanh(),
                 }
             }

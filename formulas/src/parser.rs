@@ -326,11 +326,14 @@ impl Reader<'_> {
             "sin" => Smooth::Sin,
             "cos" => Smooth::Cos,
             "tan" => Smooth::Tan,
+            "atan" => Smooth::Atan,
+            "sinh" => Smooth::Sinh,
+            "cosh" => Smooth::Cosh,
             "tanh" => Smooth::Tanh,
             _ => {
                 let names: Vec<&str> = self.variables.iter().map(|v| v.0).collect();
                 return Err(token.mistake(format!(
-                    "{name} is unknown; there are {}, pi, max, min, abs, sqrt, exp, ln, sin, cos, tan, tanh",
+                    "{name} is unknown; there are {}, pi, max, min, abs, sqrt, exp, ln, sin, cos, tan, atan, sinh, cosh, tanh",
                     names.join(", ")
                 )));
             }

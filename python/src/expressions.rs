@@ -37,6 +37,10 @@ pub(crate) enum Smooth {
     Ln,
     Sin,
     Cos,
+    Tan,
+    Atan,
+    Sinh,
+    Cosh,
     Tanh,
 }
 
@@ -101,7 +105,7 @@ pub(crate) fn write(page: &Page) -> MutexGuard<'_, Writing> {
 
 /// A real number that is not known yet: a variable of a formula being traced, or what was computed from such variables.
 ///
-/// Arithmetic (``+ - * / **`` and ``abs``), the functions of this module, and numpy's ``sqrt exp log sin cos tan sinh cosh tanh`` work on
+/// Arithmetic (``+ - * / **`` and ``abs``), the functions of this module, and numpy's ``sqrt exp log sin cos tan arctan sinh cosh tanh`` work on
 /// it. It has no value, so that ``if x > 0`` raises ``TypeError``: write :func:`semismooth.where` or :func:`semismooth.maximum`.
 #[pyclass(frozen, module = "semismooth")]
 pub(crate) struct Expression {
@@ -330,19 +334,16 @@ impl Expression {
         self.smooth(Smooth::Tanh)
     }
     fn tan(&self) -> Self {
-        let cos = self.cos().at;
-        self.sin().one(|sin| Node::Div(sin, cos))
+        self.smooth(Smooth::Tan)
+    }
+    fn arctan(&self) -> Self {
+        self.smooth(Smooth::Atan)
+    }
+    fn sinh(&self) -> Self {
+        self.smooth(Smooth::Sinh)
     }
     fn cosh(&self) -> Self {
-        let inverse = self.one(Node::Neg).exp().at;
-        let sum = self.exp().one(|e| Node::Add(e, inverse));
-        let half = Self::new(&self.page, Node::Number(0.5_f64.to_bits())).at;
-        sum.one(|s| Node::Mul(s, half))
-    }
-    /// tanh x · cosh x, which cancels nothing near 0.
-    fn sinh(&self) -> Self {
-        let cosh = self.cosh().at;
-        self.tanh().one(|tanh| Node::Mul(tanh, cosh))
+        self.smooth(Smooth::Cosh)
     }
 }
 

@@ -64,6 +64,10 @@ impl Formula {
                     Smooth::Ln => v[a].ln(),
                     Smooth::Sin => v[a].sin(),
                     Smooth::Cos => v[a].cos(),
+                    Smooth::Tan => v[a].tan(),
+                    Smooth::Atan => v[a].atan(),
+                    Smooth::Sinh => v[a].sinh(),
+                    Smooth::Cosh => v[a].cosh(),
                     Smooth::Tanh => v[a].tanh(),
                 },
                 Node::Max(a, b) => kinks.max(v[a], v[b]),
@@ -241,7 +245,7 @@ impl Map {
 
 /// Runs ``function(x)`` once on an array x of ``num_vars`` variables, and keeps what it computes as a :class:`Map`.
 ///
-/// The function may use arithmetic, numpy's ``sqrt exp log sin cos tan sinh cosh tanh`` and linear algebra made of sums and products
+/// The function may use arithmetic, numpy's ``sqrt exp log sin cos tan arctan sinh cosh tanh`` and linear algebra made of sums and products
 /// (``M @ x``), and :func:`maximum`, :func:`minimum`, ``abs``, :func:`clip` and :func:`where` for its kinks. It returns n values. Python's ``if``
 /// on values, ``math.sin`` and ``numpy.maximum`` raise ``TypeError``. Afterwards no Python runs: what the function reads elsewhere (time,
 /// globals, random numbers) is kept as it was in that one call.

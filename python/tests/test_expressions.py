@@ -12,7 +12,7 @@ def everything(x):
     return [
         a * b - 2 / (c + 3) + 1.5**a - a**2.5 + b**-2 + (a + 1) ** b,
         np.sqrt(a) * np.exp(b) - np.log(c) + np.sin(a) * np.cos(b) - np.tan(c / 3),
-        np.sinh(a) + np.cosh(b) * np.tanh(c) - (+a) - (-b),
+        np.sinh(a) + np.cosh(b) * np.tanh(c) - np.arctan(a * b) - (+a) - (-b),
         ss.maximum(a * b, c) + ss.minimum(a, 2 * c) * abs(a - b),
         ss.clip(a + b, -1.0, c) + ss.where(a > b, a * a, b * (2 * a - b)),
     ]
