@@ -19,7 +19,7 @@ use serde_json::{Value, json};
 /// Prints all solutions of small friction problems at given parameters.
 #[derive(Parser)]
 struct Arguments {
-    /// JSON file with a list `cases`, each with A, Bnu, Bt, f0, f1, F0, F1, r, alphas; the seed's examples when left out
+    /// JSON file with a list `cases`; default: the shipped examples
     file: Option<PathBuf>,
     /// Print a JSON object for each case and parameter instead of a table
     #[arg(long)]
@@ -134,11 +134,14 @@ fn print(map: &CondensedContact<PlanarCoulomb>, name: &str, alpha: f64, set: &So
         notes.push_str(&format!(", index sum {sum:+}"));
     }
     if !set.continua.is_empty() {
-        notes.push_str(&format!(", {} continua of solutions", set.continua.len()));
+        notes.push_str(&format!(
+            ", {}",
+            common::count(set.continua.len(), "continuum", "continua")
+        ));
     }
-    let count = set.solutions.len();
     println!(
-        "{name:16} α = {alpha:<10.6} {count:2} solutions: {}   [{notes}]",
+        "{name:16} α = {alpha:<10.6} {:>12}: {}   [{notes}]",
+        common::count(set.solutions.len(), "solution", "solutions"),
         solutions.join("  ")
     );
 }

@@ -31,7 +31,7 @@ struct Arguments {
     /// Strike (positive).
     #[arg(long, default_value_t = 40.0)]
     strike: f64,
-    /// Rate of interest a year (positive: otherwise exercise is never early).
+    /// Rate of interest a year, positive.
     #[arg(long, default_value_t = 0.06)]
     rate: f64,
     /// Volatility a square root of a year (0.02 to 2).
@@ -40,7 +40,7 @@ struct Arguments {
     /// Years to expiry (positive).
     #[arg(long, default_value_t = 1.0)]
     years: f64,
-    /// Points of the grid of logarithmic prices (50 to 100000).
+    /// Points of the grid of logarithms (50 to 100000).
     #[arg(long, default_value_t = 800)]
     points: usize,
     /// Steps in time (4 to 100000).

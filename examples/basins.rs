@@ -297,7 +297,8 @@ fn friction(arguments: &Arguments, n: usize) -> Outcome<()> {
         exact[fate.unwrap_or(ends.len())] += area(&cell) / area(&whole);
     }
 
-    println!("friction at one node, F = {coefficient}: {ends:?}");
+    let names: Vec<&str> = ends.iter().map(|s| s.name()).collect();
+    println!("friction at one node, F = {coefficient}: {}", names.join(", "));
     print("full steps, by areas", &exact, 0.0);
     let methods = [
         ("full steps", "basins_friction_full.svg", Damping::Never),

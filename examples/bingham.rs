@@ -34,7 +34,7 @@ use yielding::{Element, Weights, Yielding};
 #[derive(Parser)]
 #[command(about = "Flow of a paste with yield stress through a round pipe")]
 struct Arguments {
-    /// Number of meshes, from 96 triangles on, each with four times as many as the one before (2 to 8).
+    /// Number of meshes: 96 triangles, then four times more (2 to 8).
     #[arg(long, default_value_t = 6)]
     levels: usize,
     /// The weight of Tikhonov's term in the dual variable is 1/γ.

@@ -34,13 +34,13 @@ const PLANE: usize = 3_000_000;
 /// Times the phases of contact problems on finer and finer meshes.
 #[derive(Parser)]
 struct Args {
-    /// Cells of a plane block, as NXxNY; may be given several times. Default: 16x8, 32x16, 64x32.
+    /// Cells of plane blocks, NXxNY each. Default: 16x8, 32x16, 64x32.
     #[arg(long)]
     plane: Vec<String>,
-    /// Cells of a solid block, as NXxNYxNZ; may be given several times. Default: 6x6x3, 10x10x5.
+    /// Cells of solid blocks, NXxNYxNZ each. Default: 6x6x3, 10x10x5.
     #[arg(long)]
     solid: Vec<String>,
-    /// A Gmsh file with the groups "left", "right", "bottom" and "top"; may be given several times.
+    /// Gmsh files with the groups "left", "right", "bottom" and "top".
     #[arg(long)]
     mesh: Vec<PathBuf>,
     /// Coefficient of friction.

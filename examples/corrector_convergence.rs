@@ -49,10 +49,10 @@ use semismooth::output::BranchDiagram;
 use semismooth::piecewise::{PiecewiseSmooth, Traced, value};
 use your_own_problem::TunnelDiode;
 
-/// Compares Newton methods on problems from files, on grids and at random; histories of the corrector on contact problems and a circuit.
+/// Compares Newton methods on problems from files, on grids and at random.
 #[derive(Parser)]
 struct Args {
-    /// More and larger problems, and orders of strategies: some minutes in place of seconds
+    /// More and larger problems, and orders of strategies: some minutes
     #[arg(long)]
     full: bool,
     /// Folder for the table and the pictures

@@ -22,7 +22,7 @@ use semismooth::output::{
 };
 use semismooth::piecewise::PiecewiseSmooth;
 
-/// Explores the complete solution sets of three friction problems and writes them as tables and pictures.
+/// Explores the solution sets of three friction problems; writes tables and pictures.
 #[derive(Parser)]
 struct Args {
     /// Folder for tables and pictures.

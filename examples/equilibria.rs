@@ -53,7 +53,7 @@ struct Arguments {
     /// Folder for the picture
     #[arg(long, default_value = "out")]
     out: PathBuf,
-    /// Endowment r at which all equilibria found are listed, in (0.05, 1.5)
+    /// Endowment r at which equilibria are listed, in (0.05, 1.5)
     #[arg(long, default_value_t = 0.6)]
     at: f64,
 }

@@ -28,7 +28,7 @@ struct Args {
     /// One JSON object a line instead of a table.
     #[arg(long)]
     json: bool,
-    /// Runs of each problem, at least; short ones are repeated for a quarter of a second. The fastest counts.
+    /// Runs of each problem, at least; the fastest counts.
     #[arg(long, default_value_t = 3)]
     runs: usize,
 }

@@ -12,17 +12,17 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use clap::Parser;
-use common::{Outcome, ensure, exit, file_in, shipped_folder};
+use common::{Outcome, count, ensure, exit, file_in, list, shipped_folder};
 use semismooth::contact::{CondensedContact, ContactState, PlanarCoulomb, read_folder};
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, Transition};
 use semismooth::output::{BranchDiagram, Colour, Column, Curve, Panel, SegmentStyle, write_csv};
 use semismooth::piecewise::PiecewiseSmooth;
 use serde_json::json;
 
-/// Follows the load path f(γ) = (1 − γ) f0 + γ f1 of a discrete friction problem from the solution at γ = 0 until γ leaves [0, 1].
+/// Follows the load path (1 − γ) f0 + γ f1 of a discrete friction problem from γ = 0 on.
 #[derive(Parser)]
 struct Args {
-    /// Folder with A.mtx, Bnu.mtx, Bt.mtx, f0.txt, f1.txt, gap.txt and meta.json; default: the one in examples/data.
+    /// Folder as `read_folder` takes it; default: the one in examples/data.
     folder: Option<PathBuf>,
     /// One JSON object a line instead of text.
     #[arg(long)]
@@ -58,7 +58,10 @@ fn run(args: &Args) -> Outcome<()> {
                 json!({"event": "branch point", "parameter": parameter, "arms": arms})
             );
         } else {
-            println!("{parameter:<20}  branch point, {arms} arms go on");
+            println!(
+                "{parameter:<14.10}  branch point, {}",
+                count(arms, "arm goes on", "arms go on")
+            );
         }
     }
     if args.json {
@@ -72,8 +75,8 @@ fn run(args: &Args) -> Outcome<()> {
         println!("{summary}");
     } else {
         println!(
-            "\n{transitions} transitions, folds at {:?}, end: {}; {} factorisations, {:.1} ms",
-            branch.folds(),
+            "\n{transitions} transitions, folds at {}, end: {}; {} factorisations, {:.1} ms",
+            list(&branch.folds(), 10),
             branch.termination,
             branch.factorisations,
             seconds * 1e3,
@@ -109,7 +112,7 @@ fn print_transition(map: &CondensedContact<PlanarCoulomb>, t: &Transition, json:
             });
             println!("{line}");
         } else {
-            println!("{parameter:<20}  node {site:>3}  {from:>5} → {to:<5}  {kind}");
+            println!("{parameter:<14.10}  node {site:>3}  {from:>5} → {to:<5}  {kind}");
         }
     }
     lines

@@ -14,18 +14,18 @@ use common::{Outcome, exit};
 use semismooth::contact::{DelassusOptions, DelassusSolver, read_delassus};
 use serde_json::json;
 
-/// Solves frictional contact problems u = M r + q, K* ∋ û ⟂ r ∈ K to a residual of 1e-12 at every contact.
+/// Solves frictional contact problems u = M r + q, K* ∋ û ⟂ r ∈ K to a residual of 1e-12.
 #[derive(Parser)]
 struct Args {
-    /// JSON files with `dimension`, `mu`, `q` and `M` (csc); default: the one in examples/data.
+    /// JSON files as `read_delassus` takes them.
     files: Vec<PathBuf>,
-    /// One JSON object a file instead of a table, with r and u contact by contact (N, T1[, T2]).
+    /// One JSON object a file instead of a table.
     #[arg(long)]
     json: bool,
-    /// Seconds after which a problem is given up, with its best iterate.
+    /// Limit on the time of a problem, in seconds.
     #[arg(long, default_value_t = 300.0)]
     seconds: f64,
-    /// Factorisations after which a problem is given up, with its best iterate.
+    /// Limit on factorisations of a problem.
     #[arg(long, default_value_t = 6000)]
     factorisations: usize,
     /// The history of each solution on standard error.

@@ -15,7 +15,7 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use clap::Parser;
-use common::{Outcome, exit};
+use common::{Outcome, exit, list};
 use semismooth::complementarity::active_set::{ActiveSetSolver, ActiveSetStatus};
 use semismooth::complementarity::pivoting::{Lemke, LemkeOptions, LemkeStatus};
 use semismooth::complementarity::{Lcp, McpSolver};
@@ -169,12 +169,12 @@ fn without_solution() -> Outcome<()> {
     let report = solver.solve(&lcp, &mut z)?;
     println!("a problem without solution");
     println!(
-        "  Lemke        {:?}, certificate v = {:?}: v ≥ 0, Mᵀv ≤ 0, qᵀv < 0",
+        "  Lemke        {}, certificate v = ({}): v ≥ 0, Mᵀv ≤ 0, qᵀv < 0",
         report.status,
-        solver.ray()
+        list(solver.ray().unwrap_or_default(), 3)
     );
     match report.status {
         LemkeStatus::Ray { infeasible: true } => Ok(()),
-        other => Err(format!("no certificate: {other:?}").into()),
+        other => Err(format!("no certificate: {other}").into()),
     }
 }

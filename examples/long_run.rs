@@ -26,7 +26,7 @@ use semismooth::piecewise::PiecewiseSmooth;
 /// Follows the load path of a discrete friction problem with a table and a state on disk.
 #[derive(Parser)]
 struct Args {
-    /// Folder with A.mtx, Bnu.mtx, Bt.mtx, f0.txt, f1.txt, gap.txt and meta.json; default: the one in examples/data.
+    /// Folder as `read_folder` takes it; default: in examples/data.
     folder: Option<PathBuf>,
     /// Goes on from the state in the output folder.
     #[arg(long)]
@@ -34,7 +34,7 @@ struct Args {
     /// Stops after this number of events.
     #[arg(long)]
     stop_after: Option<usize>,
-    /// Number of points at given parameters, besides the transitions.
+    /// Points at given parameters, besides the transitions.
     #[arg(long, default_value_t = 200)]
     points: u32,
     /// Folder for the table and the state.

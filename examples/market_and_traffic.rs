@@ -14,9 +14,9 @@ mod common;
 use std::process::ExitCode;
 
 use clap::Parser;
-use common::{Outcome, exit};
+use common::{Outcome, exit, list};
 use semismooth::complementarity::active_set::{ActiveSetSolver, ActiveSetStatus};
-use semismooth::complementarity::{Autodiff, Lcp, Mcp, McpSolver, SmoothFunction};
+use semismooth::complementarity::{Autodiff, Block, Lcp, Mcp, McpSolver, SmoothFunction, Variables};
 use semismooth::piecewise::Real;
 use semismooth::sparse::Matrix;
 
@@ -26,7 +26,7 @@ struct Arguments {
     /// Unit cost of the first of the five firms (positive).
     #[arg(long, default_value_t = 10.0)]
     cost: f64,
-    /// Drivers on the network of Braess (positive; the paradox needs 2.6 to 8.9).
+    /// Drivers on Braess' network (a paradox from 2.6 to 8.9).
     #[arg(long, default_value_t = 6.0)]
     drivers: f64,
 }
@@ -189,39 +189,55 @@ fn traffic(drivers: f64) -> Outcome<()> {
     Ok(())
 }
 
-/// Unknowns: flow of each route ≥ 0 ⟂ its time − u ≥ 0, and the time u, without bounds, for Σ flows = drivers. Gives u.
-fn assignment(drivers: f64, routes: usize) -> Outcome<f64> {
-    let n = routes + 1;
-    let mut rows = vec![vec![0.0; n]; n];
-    let mut q = vec![0.0; n];
-    for r in 0..routes {
-        for s in 0..routes {
-            let shared = ROUTES[r].iter().filter(|l| ROUTES[s].contains(l));
-            rows[r][s] = shared.map(|&l| LINKS[l].1).sum();
-        }
-        q[r] = ROUTES[r].iter().map(|&l| LINKS[l].0).sum();
-        rows[r][routes] = -1.0;
-        rows[routes][r] = 1.0;
+/// Flow of each route ≥ 0 ⟂ its time − the least time ≥ 0, and the least time, without bounds, for Σ flows = drivers.
+struct Network {
+    drivers: f64,
+    flow: Block,
+    least: Block,
+}
+
+impl SmoothFunction for Network {
+    fn num_vars(&self) -> usize {
+        self.flow.len() + self.least.len()
     }
-    q[routes] = -drivers;
-    let mut lower = vec![0.0; n];
-    lower[routes] = f64::NEG_INFINITY;
-    let lcp = Lcp::boxed(Matrix::from_rows(&rows)?, q, lower, vec![f64::INFINITY; n])?;
-    let mut x = vec![drivers / routes as f64; n];
+
+    fn eval<T: Real>(&self, x: &[T], out: &mut [T]) {
+        let (flow, least) = (self.flow.of(x), self.least.of(x)[0]);
+        let mut excess = T::from(-self.drivers);
+        let mut times = [T::from(0.0); LINKS.len()];
+        for (link, (time, (free, slope))) in times.iter_mut().zip(LINKS).enumerate() {
+            let on_it = |route: &&[usize]| route.contains(&link);
+            let used = ROUTES.iter().zip(flow).filter(|(route, _)| on_it(route));
+            *time = used.fold(T::from(0.0), |sum, (_, f)| sum + *f) * slope + free;
+        }
+        for ((route, f), out) in ROUTES.iter().zip(flow).zip(self.flow.of_mut(out)) {
+            *out = route.iter().fold(-least, |sum, link| sum + times[*link]);
+            excess += *f;
+        }
+        self.least.of_mut(out)[0] = excess;
+    }
+}
+
+/// The least time from start to end where the first so many routes are open.
+fn assignment(drivers: f64, routes: usize) -> Outcome<f64> {
+    let mut variables = Variables::new();
+    let flow = variables.add("flow", routes, 0.0, f64::INFINITY)?;
+    let least = variables.add("least time", 1, f64::NEG_INFINITY, f64::INFINITY)?;
+    let network = Autodiff::new(Network { drivers, flow, least });
+    let problem = Mcp::of_variables(network, &variables)?;
+    let mut x = vec![drivers / routes as f64; variables.len()];
     let mut solver = McpSolver::default();
-    let report = solver.solve(lcp.mcp(), &mut x)?;
+    let report = solver.solve(&problem, &mut x)?;
+    let x = variables.view(&x)?;
+    let (flows, time) = (x.block("flow")?, x.block("least time")?[0]);
     println!(
-        "  {routes} routes: {}, flows {:?}, time {:.6}, residual {:.1e}",
+        "  {routes} routes: {}, flows {}, time {time:.6}, residual {:.1e}",
         report.status,
-        x[..routes]
-            .iter()
-            .map(|f| (f * 1e9).round() / 1e9)
-            .collect::<Vec<_>>(),
-        x[routes],
+        list(flows, 6),
         report.residual
     );
     check(report.is_solved(), "no equilibrium was found")?;
-    Ok(x[routes])
+    Ok(time)
 }
 
 fn check(good: bool, otherwise: &str) -> Outcome<()> {

@@ -27,18 +27,21 @@ const WANTED: f64 = 1.4;
 
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
 enum Problem {
+    /// In the plane.
     Bar2d,
+    /// In space.
     Bar3d,
+    /// In space, with friction diag(F, 0.6 F).
     Bar3dOrthotropic,
 }
 
 /// Follows the scale of friction ζ through both folds of a bar with slip-weakening friction.
 #[derive(Parser)]
 struct Args {
-    /// Plane bar, solid bar, or solid bar with friction diag(F, 0.6 F).
+    /// The bar.
     #[arg(long, value_enum, default_value_t = Problem::Bar2d)]
     problem: Problem,
-    /// Cells along the bar, a multiple of 10; default 40 in the plane, 20 in space.
+    /// Cells along the bar, a multiple of 10; default 40 (plane) or 20.
     #[arg(long)]
     nx: Option<usize>,
     /// One JSON object instead of text.

@@ -35,7 +35,7 @@ struct Arguments {
     /// Which problem; all three by default.
     #[arg(long, value_enum)]
     problem: Option<Problem>,
-    /// Solve coarse grids first, and prolong solution and active set from each to the next.
+    /// Solve coarse grids first, and start from what they give.
     #[arg(long)]
     nested: bool,
     /// Solve reduced systems by Cholesky factorisation whatever their size.

@@ -15,7 +15,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Parser;
-use common::{Outcome, exit, file_in};
+use common::{Outcome, count, exit, file_in};
 use semismooth::complementarity::{Autodiff, Mcp, McpFunction, McpSolver, SmoothFunction};
 use semismooth::continuation::{ContinuationOptions, Diagram, DiagramOptions};
 use semismooth::output::{BranchDiagram, Colour, Panel, SegmentStyle};
@@ -172,7 +172,10 @@ fn kojima_shindo(arguments: &Arguments) -> Outcome<()> {
     let diagram = explore(&map, &starts, (0.0, 12.0))?;
     for constant in [1.0, 6.0, 8.5] {
         let at = diagram.solutions_at(&map, constant)?;
-        println!("  at {constant}: {} solutions", at.points.len());
+        println!(
+            "  at {constant}: {}",
+            count(at.points.len(), "solution", "solutions")
+        );
     }
     report(&map, &diagram);
     draw(

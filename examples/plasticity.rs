@@ -36,7 +36,7 @@ use semismooth::newton::{Newton, NewtonOptions};
 #[derive(Parser)]
 #[command(about = "A tube under pressure and a perforated strip, with von Mises plasticity")]
 struct Arguments {
-    /// Number of meshes, from 96 quadrilaterals on, each with four times as many as the one before (2 to 7).
+    /// Number of meshes, 96 cells and four times more each (2 to 7).
     #[arg(long, default_value_t = 4)]
     levels: usize,
     /// Steps from no load to the largest (1 to 100).

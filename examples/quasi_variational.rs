@@ -26,7 +26,7 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use common::squares::plane;
-use common::{Outcome, Random, distance, ensure, exit, five_branches, short_list};
+use common::{Outcome, Random, distance, ensure, exit, five_branches, list, short_list};
 use semismooth::complementarity::{AffineFunction, Mcp, McpSolver};
 use semismooth::contact::{
     CondensedContact, FixedPointOptions, FrictionCoefficient, FrictionCurve, PlanarCoulomb, fixed_point,
@@ -397,7 +397,7 @@ fn two_players() -> Outcome<()> {
     println!("two players with a shared constraint\n{HEAD}");
     for weights in [[1.0, 1.0], [1.0, 3.0], [4.0, 1.0]] {
         let x = game.solve(weights)?;
-        let verdict = game.print(&format!("{weights:?}"), &x)?;
+        let verdict = game.print(&list(&weights, 0), &x)?;
         let s = (2.0 * weights[0] + weights[1]) / (2.0 * weights[0] + 2.0 * weights[1]);
         ensure(
             (x[0] - s).abs() < 1e-12 && (x[1] - (1.0 - s)).abs() < 1e-12 && verdict.is_equilibrium(),
@@ -429,7 +429,7 @@ fn river() -> Outcome<()> {
     println!("three factories at a river\n{HEAD}");
     for weights in [[1.0; 3], [2.0, 1.0, 1.0], [1.0, 1.0, 5.0]] {
         let x = game.solve(weights)?;
-        let verdict = game.print(&format!("{weights:?}"), &x)?;
+        let verdict = game.print(&list(&weights, 0), &x)?;
         ensure(verdict.is_equilibrium(), "no factory gains by another decision")?;
         ensure(
             verdict.is_variational() == (weights == [1.0; 3]),

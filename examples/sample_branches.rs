@@ -13,23 +13,23 @@ use std::collections::BTreeMap;
 use std::process::ExitCode;
 
 use clap::Parser;
-use common::{Interrupted, Outcome, Random, exit};
+use common::{Interrupted, Outcome, Random, exit, list};
 use progress::Progress;
 use semismooth::contact::{CondensedContact, FrictionCoefficient, FullContact, LoadPath, PlanarCoulomb};
 use semismooth::continuation::{Diagram, DiagramOptions};
 use semismooth::enumeration::{EnumerationOptions, all_solutions};
 use semismooth::sparse::Matrix;
 
-/// Samples loads and Lamé coefficients of the model with two contact nodes and counts solutions and solution branches.
+/// Counts solutions and branches of two contact nodes for samples of loads and coefficients.
 #[derive(Parser)]
 struct Args {
     /// Number of problems drawn.
     #[arg(long, default_value_t = 500)]
     samples: u64,
-    /// Number of loads tried near each load with several solutions.
+    /// Loads tried near each load with several solutions.
     #[arg(long, default_value_t = 2)]
     neighbours: u64,
-    /// Number of values of α at which all solutions are enumerated.
+    /// Values of α at which all solutions are listed.
     #[arg(long, default_value_t = 16)]
     alphas: usize,
     /// Where the sequence of random numbers begins.
@@ -205,8 +205,9 @@ fn run(args: &Args) -> Outcome<()> {
             found.solutions
         };
         println!(
-            "most {what}: {number}, for λ/μ = {:?}, f = {:?}",
-            sample.lambda, sample.load
+            "most {what}: {number}, for λ/μ = {}, f = ({})",
+            sample.lambda,
+            list(&sample.load, 6)
         );
         println!(
             "    {} branches in {} components, {} solutions at α = {:.6}",

@@ -22,7 +22,7 @@ use serde_json::json;
 /// Solves mixed complementarity problems from all their starts.
 #[derive(Parser)]
 struct Arguments {
-    /// JSON files, one problem each; the shipped ones when left out
+    /// JSON files, one problem each; default: those shipped
     files: Vec<PathBuf>,
     /// Print one JSON object a start
     #[arg(long)]

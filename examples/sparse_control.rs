@@ -37,10 +37,10 @@ use semismooth::sparse::Matrix;
 #[derive(Parser)]
 #[command(about = "Sparse optimal control of a Poisson equation on nested grids")]
 struct Arguments {
-    /// Interior points a side of the coarsest grid, 2ᵏ − 1 (7 to 1023).
+    /// Points a side of the coarsest grid, 2ᵏ − 1 (7 to 1023).
     #[arg(long, default_value_t = 63)]
     coarsest: usize,
-    /// Number of grids, each with twice the lines of the one before.
+    /// Number of grids, each with twice the lines.
     #[arg(long, default_value_t = 5)]
     levels: usize,
     /// Four grids from 15 points a side on.

@@ -41,7 +41,7 @@ use semismooth::sparse::{Matrix, Pattern};
 #[derive(Parser)]
 #[command(about = "Control with a bound on the state: Moreau-Yosida path and mesh independence")]
 struct Arguments {
-    /// Points a side of the grid on which the path is followed, 2ᵏ − 1 (7 to 63).
+    /// Points a side of the grid of the path, 2ᵏ − 1 (7 to 63).
     #[arg(long, default_value_t = 31)]
     path: usize,
     /// Number of grids at fixed γ, from 15 points a side on (2 to 6).

@@ -23,7 +23,7 @@ use semismooth::output::{BranchDiagram, Colour, Curve, Panel, SegmentStyle};
 /// Prints constants of uniqueness under refinement.
 #[derive(Parser)]
 struct Args {
-    /// Finest plane mesh, cells a unit length: a power of two, at least 4, at most 64.
+    /// Cells a unit length, finest: a power of two (4 to 64).
     #[arg(long, default_value_t = 32)]
     finest: usize,
     /// Finest mesh of the cube, cells an edge, at most 16.

@@ -83,13 +83,13 @@ fn run(args: &Args) -> Result<(), Box<dyn Error>> {
             );
         }
     }
-    println!("folds at e = {:?}", branch.folds());
+    println!("folds at e = {} V", common::list(&branch.folds(), 9));
     // The current falls from the peak at 0.1 V on and rises again from the valley at 0.35 V on.
     let thermal = |v: f64| ((v / 0.075).exp() - 1.0) * 1e-3;
     let exact = [0.1 + 1.0 + thermal(0.1), 0.35 + thermal(0.35)];
     let same = |(found, exact): (&f64, &f64)| (found - exact).abs() < 1e-9;
     if branch.folds().len() != 2 || !branch.folds().iter().zip(&exact).all(same) {
-        return Err(format!("the folds should be at {exact:?}").into());
+        return Err(format!("the folds should be at {}", common::list(&exact, 9)).into());
     }
 
     let style = |s: &semismooth::piecewise::Selection, _: &[usize]| {

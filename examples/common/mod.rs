@@ -79,6 +79,17 @@ pub(crate) fn ensure(holds: bool, claim: &str) -> Outcome<()> {
     }
 }
 
+/// Numbers with so many decimals, separated by commas.
+pub(crate) fn list(values: &[f64], decimals: usize) -> String {
+    let words: Vec<String> = values.iter().map(|v| format!("{v:.decimals$}")).collect();
+    words.join(", ")
+}
+
+/// "1 solution", "2 solutions".
+pub(crate) fn count(number: usize, one: &str, many: &str) -> String {
+    format!("{number} {}", if number == 1 { one } else { many })
+}
+
 /// A file in a folder, which is made if need be.
 pub(crate) fn file_in(folder: &Path, name: &str) -> Outcome<PathBuf> {
     std::fs::create_dir_all(folder)

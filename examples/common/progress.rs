@@ -17,7 +17,7 @@ pub(crate) struct Progress {
 impl Progress {
     /// A bar of `length` units.
     pub(crate) fn new(length: u64) -> Outcome<Self> {
-        let template = "{elapsed_precise} [{bar:40}] {percent:>3} %  {msg}  ({eta} left)";
+        let template = "{elapsed_precise} [{bar:20}] {percent:>3} %  {wide_msg}";
         let bar = ProgressBar::new(length).with_style(ProgressStyle::with_template(template)?);
         let cancelled = Arc::new(AtomicBool::new(false));
         let flag = Arc::clone(&cancelled);
