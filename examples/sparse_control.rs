@@ -24,7 +24,7 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use clap::Parser;
-use common::{Outcome, distance, ensure, exit, file_in};
+use common::{Outcome, distance, ensure, exit, file_in, growth};
 use grids::{apply_five_point, bilinear, five_point, nested_grids, raster};
 use semismooth::linear::{
     Cholesky, KrylovMethod, LinearError, LinearOperator, LinearSolver, Multigrid, Preconditioner,
@@ -239,12 +239,8 @@ fn run(arguments: &Arguments) -> Outcome<()> {
         }
         coarse = Some(x);
     }
-    let grows = |counts: &[usize]| match counts {
-        [first, .., last] => last.saturating_sub(*first),
-        _ => 0,
-    };
     ensure(
-        grows(&fixed) <= GROWTH && grows(&nested) <= GROWTH,
+        growth(&fixed) <= GROWTH && growth(&nested) <= GROWTH,
         "the number of Newton steps does not grow with refinement",
     )?;
     let steps: Vec<f64> = costs.windows(2).map(|w| (w[1] - w[0]).abs()).collect();

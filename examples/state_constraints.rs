@@ -26,7 +26,7 @@ use std::process::ExitCode;
 use std::time::Instant;
 
 use clap::Parser;
-use common::{Outcome, distance, ensure, exit, file_in};
+use common::{Outcome, distance, ensure, exit, file_in, growth};
 use grids::{bilinear, five_point, raster};
 use semismooth::complementarity::Lcp;
 use semismooth::complementarity::active_set::{
@@ -301,12 +301,8 @@ fn refine(levels: usize, s: f64, from_zero: bool) -> Outcome<()> {
         coarse = Some(x);
         m = 2 * m + 1;
     }
-    let grows = |counts: &[usize]| match counts {
-        [first, .., last] => last.saturating_sub(*first),
-        _ => 0,
-    };
     ensure(
-        (!from_zero || grows(&fixed) <= GROWTH) && grows(&nested) <= GROWTH,
+        (!from_zero || growth(&fixed) <= GROWTH) && growth(&nested) <= GROWTH,
         "the number of Newton steps does not grow with refinement",
     )
 }

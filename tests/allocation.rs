@@ -5,8 +5,8 @@ use std::alloc::System;
 use semismooth::complementarity::active_set::{ActiveSetSolver, ActiveSetStatus};
 use semismooth::complementarity::pivoting::{Lemke, LemkeStatus};
 use semismooth::complementarity::{Lcp, Mcp, McpSolver, McpStrategy, WithJacobian};
-use semismooth::linear::{KrylovMethod, Multigrid};
-use semismooth::newton::{NewtonKrylov, NewtonKrylovOptions};
+use semismooth::linear::{BlockDiagonal, IncompleteLu, KrylovMethod, Multigrid, Preconditioner};
+use semismooth::newton::{Damping, NewtonKrylov, NewtonKrylovOptions};
 use semismooth::piecewise::{Assembled, Semismooth};
 use semismooth::sparse::{Matrix, Pattern};
 use stats_alloc::{INSTRUMENTED_SYSTEM, Region, StatsAlloc};
@@ -97,6 +97,32 @@ impl Semismooth for Membrane {
     }
 }
 
+/// Inexact Newton methods for −Δu + 30 (u − 0.02)₊ = 8, with full steps and line search.
+fn inexact_newton_does_not_allocate<P: Preconditioner>(name: &str, preconditioner: impl Fn() -> P) {
+    for method in [
+        KrylovMethod::Cg,
+        KrylovMethod::Minres,
+        KrylovMethod::Gmres { directions: 5 },
+        KrylovMethod::FlexibleGmres { directions: 5 },
+    ] {
+        for damping in [Damping::OnTrouble, Damping::Always] {
+            let membrane = Membrane(12);
+            let mut problem = Assembled::new(&membrane, preconditioner());
+            let options = NewtonKrylovOptions::default()
+                .with_method(method)
+                .with_damping(damping);
+            let mut newton = NewtonKrylov::new(options);
+            let mut u = vec![0.0; 144];
+            let mut run = || {
+                u.fill(0.0);
+                newton.solve(&mut problem, &mut u).unwrap();
+            };
+            run();
+            assert_eq!(allocations(run), 0, "{name}, {method:?}, {damping:?}");
+        }
+    }
+}
+
 #[test]
 fn reused_solvers_do_not_allocate() {
     // The counter counts.
@@ -120,24 +146,13 @@ fn reused_solvers_do_not_allocate() {
         assert_eq!(allocations(all), 0, "n = {n}");
     }
 
-    // Nor do inexact Newton methods, which solve −Δu + 30 (u − 0.02)₊ = 8 with multigrid.
-    for method in [
-        KrylovMethod::Cg,
-        KrylovMethod::Minres,
-        KrylovMethod::Gmres { directions: 5 },
-        KrylovMethod::FlexibleGmres { directions: 5 },
-    ] {
-        let membrane = Membrane(12);
-        let mut problem = Assembled::new(&membrane, Multigrid::algebraic());
-        let mut newton = NewtonKrylov::new(NewtonKrylovOptions::default().with_method(method));
-        let mut u = vec![0.0; 144];
-        let mut run = || {
-            u.fill(0.0);
-            newton.solve(&mut problem, &mut u).unwrap();
-        };
-        run();
-        assert_eq!(allocations(run), 0, "{method:?}");
-    }
+    inexact_newton_does_not_allocate("multigrid", Multigrid::algebraic);
+    inexact_newton_does_not_allocate("incomplete LU", IncompleteLu::default);
+    inexact_newton_does_not_allocate("blocks", || {
+        BlockDiagonal::new()
+            .with_block(60, IncompleteLu::default())
+            .with_block(84, Multigrid::algebraic())
+    });
 
     // Not even where other strategies are needed.
     let problem = billups();

@@ -323,7 +323,7 @@ fn by_products(sizes: &Sizes) -> Outcome<Vec<Equation>> {
         }
     }
     for &pixels in sizes.pixels {
-        let (_, picture) = total_variation::example(pixels, 6e-4);
+        let (_, picture) = total_variation::example(pixels, 6e-4)?;
         for threshold in [1e-1, 1e-2, 1e-3] {
             let name = format!("picture {pixels} x {pixels}, threshold {threshold:e}");
             list.push(Equation::products(name, picture.equations(threshold)?, GMRES));

@@ -149,6 +149,12 @@ pub(crate) fn short_list(x: &[f64]) -> String {
     format!("({}{more})", head.join(", "))
 }
 
+/// By how much numbers, of Newton steps on finer and finer grids, exceed the first of them at most.
+pub(crate) fn growth(counts: &[usize]) -> usize {
+    let first = counts.first().copied().unwrap_or_default();
+    counts.iter().max().map_or(0, |most| most - first)
+}
+
 /// A small generator of reproducible random numbers (xorshift64*, Vigna 2016).
 pub(crate) struct Random(u64);
 

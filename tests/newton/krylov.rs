@@ -68,22 +68,66 @@ fn ratios(newton: &NewtonKrylov) -> Vec<f64> {
         .collect()
 }
 
+/// The same with a wind along the first axis, upwind differences: not symmetric.
+struct Carried(Reaction, f64);
+
+impl Carried {
+    fn weight(&self) -> f64 {
+        self.1 * self.0.h2().sqrt()
+    }
+    fn upwind(&self, k: usize) -> Option<usize> {
+        (!k.is_multiple_of(self.0.0)).then(|| k - 1)
+    }
+}
+
+impl Semismooth for Carried {
+    fn num_vars(&self) -> usize {
+        self.0.num_vars()
+    }
+    fn pattern(&self) -> Pattern {
+        self.0.pattern()
+    }
+    fn residual(&self, u: &[f64], out: &mut [f64]) {
+        self.0.residual(u, out);
+        for k in 0..u.len() {
+            out[k] += self.weight() * (u[k] - self.upwind(k).map_or(0.0, |l| u[l]));
+        }
+    }
+    fn jacobian(&self, u: &[f64], jac: &mut Matrix) {
+        self.0.jacobian(u, jac);
+        for k in 0..u.len() {
+            jac.add(k, k, self.weight());
+            if let Some(l) = self.upwind(k) {
+                jac.add(k, l, -self.weight());
+            }
+        }
+    }
+}
+
+const GENERAL: [KrylovMethod; 2] = [
+    KrylovMethod::Gmres { directions: 40 },
+    KrylovMethod::FlexibleGmres { directions: 40 },
+];
+
 #[test]
 fn forcing_terms_keep_the_superlinear_tail() {
-    let map = Reaction(15);
+    let symmetric = [KrylovMethod::Cg, KrylovMethod::Minres];
+    for damping in [Damping::OnTrouble, Damping::Always] {
+        keeps_the_tail(&Reaction(15), &symmetric, damping);
+        keeps_the_tail(&Reaction(15), &GENERAL, damping);
+        keeps_the_tail(&Carried(Reaction(15), 20.0), &GENERAL, damping);
+    }
+}
+
+fn keeps_the_tail(map: &dyn Semismooth, methods: &[KrylovMethod], damping: Damping) {
     let mut direct = vec![0.0; 225];
     Newton::default().solve_semismooth(&map, &mut direct).unwrap();
     let decrease = Forcing::default();
-    for method in [
-        KrylovMethod::Cg,
-        KrylovMethod::Minres,
-        KrylovMethod::Gmres { directions: 40 },
-        KrylovMethod::FlexibleGmres { directions: 40 },
-    ] {
+    for &method in methods {
         for forcing in [Forcing::Model, decrease, Forcing::Constant(0.2)] {
             // ILU(0) of a symmetric matrix is symmetric, and definite for M matrices.
-            let mut problem = Assembled::new(&map, IncompleteLu::default());
-            let mut newton = NewtonKrylov::new(options(forcing, method));
+            let mut problem = Assembled::new(map, IncompleteLu::default());
+            let mut newton = NewtonKrylov::new(options(forcing, method).with_damping(damping));
             let mut u = vec![0.0; 225];
             newton.solve(&mut problem, &mut u).unwrap();
             let distance = u.iter().zip(&direct).map(|(u, d)| (u - d).abs());
