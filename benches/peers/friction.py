@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
 """Friction problems u = M r + q by Siconos (package python3-siconos), beside `friction_problem`.
 
-    python3 benches/peers/friction.py [--runs 5] [--seconds 20] FILES...
+    python3 benches/peers/friction.py [--runs 20] [--seconds 20] FILES...
 
 FILES are those that `friction_problem` reads. Each of Siconos' solvers runs with dense and with sparse storage at its own tolerance 1e-12; its
 time counts where the residual of the reactions returned, measured here, is at most 1e-10. One core; times are the least of --runs and of the
-two storages, ours with the reading of the file left out. A solver that takes longer than --seconds is ended.
+two storages. A solver that takes longer than --seconds is ended.
 """
 
 import argparse
@@ -104,39 +104,32 @@ def fastest(path, name, runs, seconds):
     return best
 
 
-def crate(paths, runs):
-    """Least seconds and the residual measured here, by file."""
-    subprocess.run(["cargo", "build", "-q", "--release", "--example", "friction_problem"], cwd=ROOT, check=True)
-    program = os.path.join(os.environ.get("CARGO_TARGET_DIR", os.path.join(ROOT, "target")), "release", "examples", "friction_problem")
-    best = {}
-    for _ in range(runs):
-        for path in paths:
-            lines = subprocess.run([program, "--json", path], check=True, capture_output=True, text=True).stdout
-            found = json.loads(lines)
-            known = best.get(path)
-            if known is None or found["seconds"] < known[0]:
-                best[path] = (found["seconds"], residual(*problem(path), np.array(found["r"]).ravel()), found["status"])
-    return best
+def crate(path, program, runs):
+    """Least seconds, the residual measured here, and the status."""
+    command = [program, "--json", "--repeat", str(runs), path]
+    found = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+    return found["seconds"], residual(*problem(path), np.array(found["r"])), found["status"]
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("files", nargs="+")
-    parser.add_argument("--runs", type=int, default=5)
+    parser.add_argument("--runs", type=int, default=20)
     parser.add_argument("--seconds", type=float, default=20.0)
     given = parser.parse_args()
     try:
         import siconos.numerics  # noqa: F401
     except ImportError:
         sys.exit("Siconos is not installed (package python3-siconos)")
-    ours = crate(given.files, given.runs)
+    subprocess.run(["cargo", "build", "-q", "--release", "--example", "friction_problem"], cwd=ROOT, check=True)
+    program = os.path.join(os.environ.get("CARGO_TARGET_DIR", os.path.join(ROOT, "target")), "release", "examples", "friction_problem")
     print(f"{'problem':40} {'contacts':>8}  {'ours ms':>9} {'residual':>8}  {'Siconos ms':>10} {'residual':>8}  solver, and how many arrived")
     slower = 0
     for path in given.files:
         dimension, mu, *_ = problem(path)
         found = {name: fastest(path, name, given.runs, given.seconds) for name in SOLVERS[dimension]}
         arrived = {name: value for name, value in found.items() if value is not None}
-        seconds, error, status = ours[path]
+        seconds, error, status = crate(path, program, given.runs)
         title = os.path.basename(path).removesuffix(".json")
         line = f"{title[:40]:40} {len(mu):8}  {1e3 * seconds:9.3f} {error:8.1e}"
         if arrived:

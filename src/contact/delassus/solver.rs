@@ -84,7 +84,7 @@ type Outcome = ControlFlow<DelassusStatus>;
 enum Swept {
     /// Some contact is in another state: open, stick or slip.
     States,
-    /// Reactions alone.
+    /// Reactions, and no state as far as those were looked at.
     Reactions,
     /// Nothing beyond rounding.
     Nothing,
@@ -288,8 +288,8 @@ impl<'a, const D: usize> Run<'a, D> {
         ControlFlow::Continue(progress)
     }
 
-    /// One sweep of nonsmooth Gauss–Seidel.
-    fn sweep(&mut self, backward: bool) -> Swept {
+    /// One sweep of nonsmooth Gauss–Seidel. Whether states change is looked at where that is asked for.
+    fn sweep(&mut self, backward: bool, states: bool) -> Swept {
         let p = &self.scaled;
         let nc = p.contacts();
         let (mut moved, mut largest, mut same) = (0.0_f64, 0.0_f64, true);
@@ -304,12 +304,14 @@ impl<'a, const D: usize> Run<'a, D> {
                 moved = moved.max((new[k] - old[k]).abs());
                 largest = largest.max(new[k].abs());
             }
-            same = same && piece(p.friction[i], &new) == piece(p.friction[i], &old);
+            if states && same {
+                same = piece(p.friction[i], &new) == piece(p.friction[i], &old);
+            }
             self.r[i] = new;
         }
         self.sweeps += 1;
         match same {
-            true if moved <= AT_REST * largest => Swept::Nothing,
+            _ if moved <= AT_REST * largest => Swept::Nothing,
             true => Swept::Reactions,
             false => Swept::States,
         }
@@ -393,7 +395,7 @@ impl<'a, const D: usize> Run<'a, D> {
                 if ended {
                     break;
                 }
-                let swept = self.sweep(done % 2 == 1);
+                let swept = self.sweep(done % 2 == 1, until_settled);
                 done += 1;
                 ended = match swept {
                     Swept::Nothing => true,
