@@ -182,8 +182,17 @@ fn price(a: &Arguments) -> Outcome<Put> {
             .iter()
             .rposition(|s| *s == BoundState::Lower)
             .filter(|&i| payoff[i] > 0.0);
-        if let Some(i) = exercised {
-            put.boundary.push(((step + 1) as f64 * dt, share(i)));
+        if let Some(i) = exercised.filter(|&i| i + 2 < n) {
+            // The option leaves the payoff with its slope, on a parabola: its vertex, from the next two points, is the boundary.
+            let [near, far] = [i + 1, i + 2].map(|k| v[k] - payoff[k]);
+            let bend = far - 2.0 * near;
+            let ahead = if bend > 0.0 {
+                (0.5 - near / bend).clamp(-0.5, 0.5)
+            } else {
+                0.0
+            };
+            let log = (i as f64 + ahead - (n / 2) as f64) * h;
+            put.boundary.push(((step + 1) as f64 * dt, a.strike * log.exp()));
         }
     }
     // Cubic interpolation at the price asked for.

@@ -7,7 +7,7 @@
 //!    x = (s, 0, t, max(½ − t/6, 0)).
 //!
 //! You will see the share of starts for each solution and that of failures, for several methods, and a picture of each: a colour for each
-//! solution, black for failures, rings around the solutions.
+//! solution, black for failures, discs at the solutions.
 //!
 //! ```text
 //! cargo run --release --example basins -- --full
@@ -15,17 +15,20 @@
 
 #[macro_use]
 mod common;
+#[path = "common/raster.rs"]
+mod raster;
 
-use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
 use clap::Parser;
 use common::{Outcome, distance, ensure, exit, file_in};
+use raster::{raster, square, with_classes};
 use semismooth::complementarity::{Autodiff, FischerBurmeister, Mcp, McpSolver, SmoothFunction};
 use semismooth::contact::{ContactState, HildRenard};
 use semismooth::newton::{Damping, Newton, NewtonOptions};
+use semismooth::output::{Colour, Curve, Marker, Panel};
 use semismooth::piecewise::Real;
 
 #[derive(Parser)]
@@ -42,10 +45,13 @@ struct Arguments {
 const SMALL: usize = 200;
 const FULL: usize = 1000;
 
-/// Cells of a picture each way; finer grids are thinned out.
-const DRAWN: usize = 250;
-
-const COLOURS: [&str; 3] = ["#aec7e8", "#ffbb78", "#98df8a"];
+/// Of solutions, as names in the legend.
+const COLOURS: [(&str, Colour); 3] = [
+    ("to the first", Colour::BLUE),
+    ("to the second", Colour::ORANGE),
+    ("to the third", Colour::GREEN),
+];
+const FAILURE: Colour = Colour::new(0, 0, 0);
 
 fn main() -> ExitCode {
     exit(run(&Arguments::parse()))
@@ -113,41 +119,28 @@ impl Basins {
         counts
     }
 
-    fn draw(&self, arguments: &Arguments, name: &str, solutions: &[[f64; 2]]) -> Outcome<()> {
-        let mut svg = String::from(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"500\" height=\"500\" viewBox=\"0 0 1 1\" shape-rendering=\"crispEdges\">\n",
-        );
+    fn draw(
+        &self,
+        arguments: &Arguments,
+        (name, file): (&str, &str),
+        labels: [&str; 2],
+        solutions: &[[f64; 2]],
+    ) -> Outcome<()> {
         let Window { low, high, n } = self.window;
-        let (drawn, side) = (n.min(DRAWN), 1.0 / n.min(DRAWN) as f64);
-        for j in 0..drawn {
-            let end = |i: usize| self.ends[(j * n / drawn) * n + i * n / drawn];
-            let mut i = 0;
-            while i < drawn {
-                let from = i;
-                while i < drawn && end(i) == end(from) {
-                    i += 1;
-                }
-                let colour = end(from).map_or("black", |k| COLOURS[k]);
-                let (x, y) = (from as f64 * side, 1.0 - (j + 1) as f64 * side);
-                let width = (i - from) as f64 * side;
-                writeln!(
-                    svg,
-                    "<rect x=\"{x:.4}\" y=\"{y:.4}\" width=\"{width:.4}\" height=\"{side:.4}\" fill=\"{colour}\"/>"
-                )?;
-            }
+        let colour = |k: usize| Some(self.ends[k].map_or(FAILURE, |end| COLOURS[end].1));
+        let panel = raster(Panel::new(labels[0], labels[1]), n, [low, high], colour);
+        let mut classes = COLOURS[..solutions.len()].to_vec();
+        if self.ends.contains(&None) {
+            classes.push(("fails", FAILURE));
         }
-        for s in solutions {
-            let at = |d: usize| (s[d] - low[d]) / (high[d] - low[d]);
-            writeln!(
-                svg,
-                "<circle cx=\"{:.4}\" cy=\"{:.4}\" r=\"0.012\" fill=\"none\" stroke=\"black\" stroke-width=\"0.005\"/>",
-                at(0),
-                1.0 - at(1)
-            )?;
-        }
-        svg.push_str("</svg>\n");
-        let path = file_in(&arguments.out, name)?;
-        std::fs::write(&path, svg).map_err(|e| format!("cannot write {}: {e}", path.display()))?;
+        let at = solutions.iter().map(|s| (s[0], s[1]));
+        let marks = Curve::default().with_marks(Marker::Isolated, at);
+        let path = file_in(&arguments.out, file)?;
+        square(
+            with_classes(panel, &classes).with_curve(marks),
+            &format!("Where starts lead: {name}"),
+        )
+        .write(&path)?;
         println!("    {}", path.display());
         Ok(())
     }
@@ -319,7 +312,7 @@ fn friction(arguments: &Arguments, n: usize) -> Outcome<()> {
         })?;
         let shares = basins.shares(ends.len());
         print(name, &shares, begin.elapsed().as_secs_f64());
-        basins.draw(arguments, file, &points)?;
+        basins.draw(arguments, (name, file), ["λ_ν", "λ_t"], &points)?;
         if damping == Damping::Never {
             // A border of a cell misses at most one start of each row or column.
             ensure(
@@ -391,7 +384,7 @@ fn kojima_shindo(arguments: &Arguments, n: usize) -> Outcome<()> {
         })?;
         let shares = basins.shares(2);
         print(name, &shares, begin.elapsed().as_secs_f64());
-        basins.draw(arguments, file, &points)?;
+        basins.draw(arguments, (name, file), ["s", "t"], &points)?;
         if name.starts_with("McpSolver") {
             ensure(shares[2] == 0.0, "McpSolver solves from every start")?;
         }

@@ -15,20 +15,23 @@
 
 #[macro_use]
 mod common;
+#[path = "common/raster.rs"]
+mod raster;
 #[path = "common/yielding.rs"]
 mod yielding;
 
 use std::collections::HashMap;
 use std::f64::consts::PI;
-use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
 
 use clap::Parser;
 use common::{Outcome, ensure, exit, file_in, growth};
+use raster::{blend, square, with_classes};
 use semismooth::linear::{KrylovMethod, LinearOperator};
 use semismooth::newton::{Damping, NewtonKrylov, NewtonKrylovOptions};
+use semismooth::output::{Colour, Curve, Panel, SegmentStyle};
 use yielding::{Element, Weights, Yielding};
 
 #[derive(Parser)]
@@ -312,30 +315,29 @@ fn check(disc: &Disc, found: &Found, gamma: f64) -> Outcome<()> {
 }
 
 fn draw(arguments: &Arguments, disc: &Disc, found: &Found) -> Outcome<()> {
-    let mut svg = String::from(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"600\" height=\"600\" viewBox=\"-1.05 -1.05 2.1 2.1\">\n",
-    );
+    const SLOW: Colour = Colour::new(0xf0, 0xf4, 0xfa);
     let largest = exact(0.0);
+    let mut panel = Panel::new("x", "y")
+        .with_x_range(-1.05, 1.05)
+        .with_y_range(-1.05, 1.05);
     for (triangle, rigid) in disc.triangles.iter().zip(&found.rigid) {
         let mean = triangle.iter().map(|k| found.velocity[*k]).sum::<f64>() / 3.0;
-        let shade = (235.0 - 190.0 * (mean / largest).clamp(0.0, 1.0)) as u8;
         let colour = match rigid {
-            true => "#d55e00".to_owned(),
-            false => format!("#{shade:02x}{shade:02x}e0"),
+            true => Colour::RED,
+            false => blend(SLOW, Colour::BLUE, mean / largest),
         };
-        let corner = |k: usize| {
-            let [x, y] = disc.point(k);
-            format!("{x:.4},{:.4}", -y)
-        };
-        let [a, b, c] = triangle.map(corner);
-        writeln!(
-            svg,
-            "<polygon points=\"{a} {b} {c}\" fill=\"{colour}\" stroke=\"{colour}\" stroke-width=\"0.002\"/>"
-        )?;
+        let corners = triangle.map(|k| <(f64, f64)>::from(disc.point(k)));
+        panel = panel.with_region(corners.to_vec(), colour);
     }
-    svg.push_str("<circle r=\"0.5\" fill=\"none\" stroke=\"black\" stroke-width=\"0.008\"/>\n</svg>\n");
+    let circle = (0..=120).map(|k| {
+        let (sine, cosine) = (2.0 * PI * f64::from(k) / 120.0).sin_cos();
+        (0.5 * cosine, 0.5 * sine)
+    });
+    let exact_plug = SegmentStyle::new("end of the exact plug", Colour::new(0, 0, 0));
+    let panel = panel.with_curve(Curve::line(circle.collect(), exact_plug));
+    let classes = [("plug", Colour::RED), ("fast", Colour::BLUE), ("slow", SLOW)];
     let path = file_in(&arguments.out, "bingham.svg")?;
-    std::fs::write(&path, svg).map_err(|e| format!("cannot write {}: {e}", path.display()))?;
+    square(with_classes(panel, &classes), "Flow of a Bingham fluid in a pipe").write(&path)?;
     println!("{}", path.display());
     Ok(())
 }

@@ -85,14 +85,17 @@ fn run(args: &Args) -> Outcome<()> {
     let style = |name: &'static str, colour| SegmentStyle::new(name, colour);
     let picture = file_in(&args.out, "cyclic_loading.svg")?;
     BranchDiagram::new(
-        Panel::new("horizontal displacement of the top", "horizontal force")
-            .with_curve(
-                Curve::line(path[..=cycle].to_vec(), style("first cycle", Colour::BLUE)).with_arrows(true),
-            )
-            .with_curve(Curve::line(
-                path[cycle..].to_vec(),
-                style("second cycle", Colour::ORANGE),
-            )),
+        Panel::new(
+            "horizontal displacement of the top [block heights]",
+            "horizontal force [E × height]",
+        )
+        .with_curve(
+            Curve::line(path[..=cycle].to_vec(), style("first cycle", Colour::BLUE)).with_arrows(true),
+        )
+        .with_curve(Curve::line(
+            path[cycle..].to_vec(),
+            style("second cycle", Colour::ORANGE),
+        )),
     )
     .with_title("Hysteresis of a block with friction")
     .with_size(640, 480)

@@ -1,14 +1,12 @@
 //! All solution branches of friction problems, as diagrams: a bifurcation with a vertical segment, five branches of which four are
 //! closed and connected to nothing (isolas), and a symmetric block with six branches in one point.
-//! You will see the vertices and edges of each diagram, the numbers of solutions, the folds, and CSV, JSON and SVG files;
-//! dashes mean det ∇_yH < 0.
+//! You will see the vertices and edges of each diagram, the numbers of solutions, the folds, and pictures; dashes mean det ∇_yH < 0.
+//! The program `semismooth diagram` writes tables and JSON, too.
 //! Run: cargo run --release --example diagram [-- --out DIR]
 
 #[macro_use]
 mod common;
 
-use std::fs::File;
-use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -17,15 +15,13 @@ use common::{Outcome, ensure, exit, file_in, five_branches};
 use semismooth::contact::{CondensedContact, ContactState, HildRenard, PlanarCoulomb, read_folder};
 use semismooth::continuation::{Diagram, DiagramOptions, DiagramVertex, SolutionsAt, VertexKind};
 use semismooth::enumeration::EnumerationOptions;
-use semismooth::output::{
-    BranchDiagram, Colour, Column, Panel, SegmentStyle, write_diagram_csv, write_diagram_json,
-};
+use semismooth::output::{BranchDiagram, Colour, Panel, SegmentStyle};
 use semismooth::piecewise::PiecewiseSmooth;
 
-/// Explores the solution sets of three friction problems; writes tables and pictures.
+/// Explores the solution sets of three friction problems and draws them.
 #[derive(Parser)]
 struct Args {
-    /// Folder for tables and pictures.
+    /// Folder for the pictures.
     #[arg(long, default_value = "out")]
     out: PathBuf,
 }
@@ -159,16 +155,6 @@ fn report(
     );
     println!("isolas: {}", diagram.isolas().len());
 
-    let columns: Vec<Column<'_>> = panels.iter().map(|p| Column::new(p.0, p.1)).collect();
-    let create = |extension: &str| -> Outcome<(PathBuf, BufWriter<File>)> {
-        let path = file_in(out, &format!("diagram_{name}.{extension}"))?;
-        let file = File::create(&path).map_err(|e| format!("cannot write {}: {e}", path.display()))?;
-        Ok((path, BufWriter::new(file)))
-    };
-    let (table, mut file) = create("csv")?;
-    write_diagram_csv(&mut file, map, diagram, &columns)?;
-    let (object, mut file) = create("json")?;
-    write_diagram_json(&mut file, map, diagram, &columns)?;
     let panel = |(label, ordinate): Ordinate| {
         Panel::new("α", label)
             .with_x_range(view.0, view.1)
@@ -180,12 +166,7 @@ fn report(
         .with_title(name)
         .with_size(960, 460)
         .write(&picture)?;
-    println!(
-        "written: {}, {}, {}\n",
-        table.display(),
-        object.display(),
-        picture.display()
-    );
+    println!("written: {}\n", picture.display());
     Ok(())
 }
 

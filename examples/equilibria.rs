@@ -17,8 +17,8 @@ use clap::Parser;
 use common::{Outcome, exit, file_in};
 use semismooth::complementarity::{Autodiff, Mcp, McpSolver, SmoothFunction};
 use semismooth::continuation::{Diagram, DiagramOptions, VertexKind};
-use semismooth::output::{BranchDiagram, Colour, Curve, Panel, SegmentStyle};
-use semismooth::piecewise::Real;
+use semismooth::output::{BranchDiagram, Colour, Panel, SegmentStyle};
+use semismooth::piecewise::{PiecewiseSmooth, Real, Selection};
 
 /// x = (x₁₁, x₂₁, λ₁, x₁₂, x₂₂, λ₂, p, r).
 struct Economy;
@@ -126,19 +126,16 @@ fn run(arguments: &Arguments) -> Outcome<()> {
         println!("  index sum {sum:+}");
     }
 
-    let mut panel = Panel::new("endowment r", "price p");
-    for edge in diagram.edges() {
-        let corner = edge
-            .points
-            .iter()
-            .any(|q| [0, 3, 4].iter().any(|&i| q.x[i] == 0.0));
-        let style = match corner {
-            true => SegmentStyle::new("a consumer does without a good", Colour::ORANGE),
-            false => SegmentStyle::new("both consume both goods", Colour::BLUE),
-        };
-        let line = edge.points.iter().map(|q| (q.x[7], q.x[6])).collect();
-        panel = panel.with_curve(Curve::line(line, style));
-    }
+    let at_bound = |s: &Selection| {
+        (s.pieces().enumerate()).any(|(site, piece)| market.piece_name(site, piece) == "lower")
+    };
+    let style = |selection: &Selection, _: &[usize]| match at_bound(selection) {
+        true => SegmentStyle::new("a consumer does without a good", Colour::ORANGE),
+        false => SegmentStyle::new("both consume both goods", Colour::BLUE),
+    };
+    let panel = Panel::new("endowment r", "price p")
+        .with_diagram(&diagram, |x: &[f64]| x[6], style)
+        .with_log_y();
     let picture = file_in(&arguments.out, "equilibria.svg")?;
     BranchDiagram::new(panel)
         .with_title("Equilibria of a market with two consumers")

@@ -12,6 +12,8 @@
 mod common;
 #[path = "common/obstacles.rs"]
 mod obstacles;
+#[path = "common/raster.rs"]
+mod raster;
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -19,8 +21,8 @@ use std::time::Instant;
 
 use clap::Parser;
 use common::{Outcome, exit, file_in};
-use obstacles::grids::raster;
 use obstacles::{Grid, Problem, exact, nested};
+use raster::{raster, square, with_classes};
 use semismooth::complementarity::BoundState;
 use semismooth::complementarity::active_set::{
     ActiveSetIteration, ActiveSetOptions, ActiveSetReport, ActiveSetSolver, ActiveSetStatus, DirectReduced,
@@ -77,8 +79,7 @@ fn run(arguments: &Arguments) -> Outcome<()> {
             );
         }
         let path = file_in(&arguments.out, &format!("contact_{}.svg", problem.name()))?;
-        std::fs::write(&path, picture(m, &activity)?)
-            .map_err(|e| format!("cannot write {}: {e}", path.display()))?;
+        picture(problem, m, &activity).write(&path)?;
     }
     Ok(())
 }
@@ -151,10 +152,24 @@ fn list(verbose: bool, history: &[ActiveSetIteration]) {
     }
 }
 
-fn picture(m: usize, activity: &[BoundState]) -> Outcome<String> {
-    raster(m, |k| match activity[k] {
-        BoundState::Lower => Some("#d55e00".to_owned()),
-        BoundState::Upper => Some("#0072b2".to_owned()),
+fn picture(problem: Problem, m: usize, activity: &[BoundState]) -> BranchDiagram {
+    let [low, high] = problem.window();
+    let panel = raster(Panel::new("x", "y"), m, [low, high], |k| match activity[k] {
+        BoundState::Lower => Some(Colour::RED),
+        BoundState::Upper => Some(Colour::BLUE),
         _ => None,
-    })
+    });
+    let mut classes = Vec::new();
+    for (state, class) in [
+        (BoundState::Lower, ("on the lower obstacle", Colour::RED)),
+        (BoundState::Upper, ("on the upper obstacle", Colour::BLUE)),
+    ] {
+        if activity.contains(&state) {
+            classes.push(class);
+        }
+    }
+    square(
+        with_classes(panel, &classes),
+        &format!("Contact set, problem {}", problem.name()),
+    )
 }

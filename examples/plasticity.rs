@@ -22,7 +22,6 @@
 mod common;
 
 use std::f64::consts::FRAC_PI_2;
-use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Instant;
@@ -32,6 +31,7 @@ use common::{Outcome, ensure, exit, file_in, growth};
 use semismooth::fem::{CellKind, Elasticity, Mesh, PlasticBody, PlasticEnergies, VonMises};
 use semismooth::linear::Cholesky;
 use semismooth::newton::{Newton, NewtonOptions};
+use semismooth::output::{BranchDiagram, Colour, Panel, SegmentStyle};
 
 #[derive(Parser)]
 #[command(about = "A tube under pressure and a perforated strip, with von Mises plasticity")]
@@ -280,7 +280,7 @@ struct History {
     /// At the ends of the load: all displacements.
     ends: Vec<Vec<f64>>,
     /// Elements of a picture at each.
-    pictures: Vec<String>,
+    pictures: Vec<Vec<(Vec<(f64, f64)>, Colour)>>,
     /// After each step: load, work by the trapezoidal rule, energies with what was dissipated so far.
     balance: Vec<(f64, f64, PlasticEnergies)>,
     /// Largest error of the balance with the load at the end of the step.
@@ -350,7 +350,7 @@ fn cycle(rings: &mut Rings, unit: &[f64], steps: usize, coarse: Option<&[Vec<f64
         history.balance.push((load, work, energies));
         if end {
             history.ends.push(rings.all(&x)?);
-            history.pictures.push(picture(rings, &accumulated)?);
+            history.pictures.push(picture(rings, &accumulated));
         }
         last = load;
     }
@@ -431,55 +431,54 @@ fn not_growing(counts: &[usize]) -> Outcome<()> {
     )
 }
 
+const NEVER: Colour = Colour::new(0xd0, 0xd0, 0xd0);
+
 /// The cells of a quarter, coloured.
-fn picture(rings: &Rings, before: &[f64]) -> Outcome<String> {
+fn picture(rings: &Rings, before: &[f64]) -> Vec<(Vec<(f64, f64)>, Colour)> {
     let mesh = rings.body.system().mesh();
-    let mut cells = String::new();
-    for cell in 0..mesh.num_cells() {
+    let cells = (0..mesh.num_cells()).map(|cell| {
         let colour = match (rings.yielded(cell, Some(before)), rings.yielded(cell, None)) {
-            (now, _) if now >= 0.5 => "#d55e00",
-            (_, ever) if ever >= 0.5 => "#ffbb78",
-            _ => "#d0d0d0",
+            (now, _) if now >= 0.5 => Colour::RED,
+            (_, ever) if ever >= 0.5 => Colour::ORANGE,
+            _ => NEVER,
         };
-        let mut corners = String::new();
-        for &node in mesh.cell(cell) {
+        let corners = mesh.cell(cell).iter().map(|&node| {
             let [x, y, _] = mesh.points()[node];
-            write!(corners, "{x:.3},{y:.3} ")?;
-        }
-        let corners = corners.trim_end();
-        writeln!(
-            cells,
-            "<polygon points=\"{corners}\" fill=\"{colour}\" stroke=\"{colour}\"/>"
-        )?;
-    }
-    Ok(cells)
+            (x, y)
+        });
+        (corners.collect(), colour)
+    });
+    cells.collect()
 }
 
 /// Three strips side by side, each a quarter and its mirror images.
 fn draw(arguments: &Arguments, history: &History) -> Outcome<()> {
-    let mut svg = String::from(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"720\" height=\"440\" viewBox=\"-12 -20 72 44\" font-size=\"1.6\" font-family=\"sans-serif\">\n",
-    );
-    for (k, (cells, load)) in history.pictures.iter().zip(["1", "−1", "1 again"]).enumerate() {
-        writeln!(
-            svg,
-            "<g transform=\"translate({} 0)\" stroke-width=\"0.02\">",
-            24 * k
-        )?;
-        writeln!(svg, "<g id=\"q{k}\">\n{cells}</g>")?;
-        for mirror in ["-1 1", "1 -1", "-1 -1"] {
-            writeln!(svg, "<use href=\"#q{k}\" transform=\"scale({mirror})\"/>")?;
+    let strip = |cells: &[(Vec<(f64, f64)>, Colour)], load: &str| {
+        let mut panel = Panel::new("x [hole radii]", "y [hole radii]").with_caption(load);
+        for (corners, colour) in cells {
+            for (a, b) in [(1.0, 1.0), (-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)] {
+                let mirrored = corners.iter().map(|(x, y)| (a * x, b * y)).collect();
+                panel = panel.with_region(mirrored, *colour);
+            }
         }
-        writeln!(
-            svg,
-            "<text y=\"20.5\" text-anchor=\"middle\">load {load}</text>\n</g>"
-        )?;
-    }
-    svg.push_str(
-        "<text x=\"24\" y=\"23\" text-anchor=\"middle\">red: yields; orange: has yielded before; grey: never has</text>\n</svg>\n",
-    );
+        let classes = [
+            ("yields", Colour::RED),
+            ("has yielded before", Colour::ORANGE),
+            ("never has", NEVER),
+        ];
+        classes.into_iter().fold(panel, |panel, (name, colour)| {
+            panel.with_class(SegmentStyle::new(name, colour))
+        })
+    };
+    let panels = history.pictures.iter().zip(["load 1", "load −1", "load 1 again"]);
+    let mut panels = panels.map(|(cells, load)| strip(cells, load));
+    let first = panels.next().ok_or("no picture")?;
     let path = file_in(&arguments.out, "plasticity.svg")?;
-    std::fs::write(&path, svg).map_err(|e| format!("cannot write {}: {e}", path.display()))?;
+    panels
+        .fold(BranchDiagram::new(first), BranchDiagram::with_panel)
+        .with_title("Where a strip with a hole yields")
+        .with_size(960, 580)
+        .write(&path)?;
     println!("{}", path.display());
     Ok(())
 }

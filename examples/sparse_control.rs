@@ -17,6 +17,8 @@
 mod common;
 #[path = "common/grids.rs"]
 mod grids;
+#[path = "common/raster.rs"]
+mod raster;
 
 use std::f64::consts::PI;
 use std::path::PathBuf;
@@ -25,12 +27,14 @@ use std::time::Instant;
 
 use clap::Parser;
 use common::{Outcome, distance, ensure, exit, file_in, growth};
-use grids::{apply_five_point, bilinear, five_point, nested_grids, raster};
+use grids::{apply_five_point, bilinear, five_point, nested_grids};
+use raster::{UNIT, blend, raster, square, with_classes};
 use semismooth::linear::{
     Cholesky, KrylovMethod, LinearError, LinearOperator, LinearSolver, Multigrid, Preconditioner,
     Prolongation,
 };
 use semismooth::newton::{NewtonKrylov, NewtonKrylovOptions, Report};
+use semismooth::output::{Colour, Panel};
 use semismooth::piecewise::MatrixFree;
 use semismooth::sparse::Matrix;
 
@@ -321,16 +325,27 @@ fn compare(problem: &Control, u: &[f64], j: f64) -> Outcome<()> {
 }
 
 fn draw(arguments: &Arguments, m: usize, u: &[f64]) -> Outcome<()> {
-    let shade = |u: f64| {
-        let pale = (200.0 * (1.0 - u.abs() / BOUND)) as u8;
-        match u > 0.0 {
-            true => format!("#d6{pale:02x}{pale:02x}"),
-            false => format!("#{pale:02x}{pale:02x}d6"),
-        }
+    const NOTHING: Colour = Colour::new(0xf0, 0xf0, 0xf0);
+    let shade = |u: f64| match u {
+        0.0 => NOTHING,
+        _ => blend(
+            NOTHING,
+            if u > 0.0 { Colour::RED } else { Colour::BLUE },
+            0.2 + 0.8 * u.abs() / BOUND,
+        ),
     };
-    let picture = raster(m, |k| (u[k] != 0.0).then(|| shade(u[k])))?;
+    let panel = raster(Panel::new("x", "y"), m, UNIT, |k| Some(shade(u[k])));
+    let classes = [
+        ("source, to the bound", Colour::RED),
+        ("sink, to the bound", Colour::BLUE),
+        ("no control", NOTHING),
+    ];
     let path = file_in(&arguments.out, "sparse_control.svg")?;
-    std::fs::write(&path, picture).map_err(|e| format!("cannot write {}: {e}", path.display()))?;
+    square(
+        with_classes(panel, &classes),
+        "Sparse control of a Poisson equation",
+    )
+    .write(&path)?;
     println!("{}", path.display());
     Ok(())
 }

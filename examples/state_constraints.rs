@@ -19,6 +19,8 @@
 mod common;
 #[path = "common/grids.rs"]
 mod grids;
+#[path = "common/raster.rs"]
+mod raster;
 
 use std::f64::consts::{LN_10, PI};
 use std::path::PathBuf;
@@ -27,7 +29,8 @@ use std::time::Instant;
 
 use clap::Parser;
 use common::{Outcome, distance, ensure, exit, file_in, growth};
-use grids::{bilinear, five_point, raster};
+use grids::{bilinear, five_point};
+use raster::{UNIT, blend, raster, square, with_classes};
 use semismooth::complementarity::Lcp;
 use semismooth::complementarity::active_set::{
     ActiveSetOptions, ActiveSetSolver, ActiveSetStatus, DirectReduced,
@@ -35,6 +38,7 @@ use semismooth::complementarity::active_set::{
 use semismooth::continuation::{Branch, ContinuationOptions, Direction};
 use semismooth::linear::{Cholesky, Prolongation};
 use semismooth::newton::{Newton, NewtonOptions};
+use semismooth::output::{Colour, Panel};
 use semismooth::piecewise::{Facet, PiecewiseSmooth, Selection};
 use semismooth::sparse::{Matrix, Pattern};
 
@@ -309,15 +313,19 @@ fn refine(levels: usize, s: f64, from_zero: bool) -> Outcome<()> {
 
 fn draw(arguments: &Arguments, m: usize, y: &[f64]) -> Outcome<()> {
     let least = y.iter().fold(0.0, |a: f64, b| a.min(*b));
-    let picture = raster(m, |k| {
-        let shade = (250.0 - 200.0 * (y[k] - least) / (BOUND - least)) as u8;
-        Some(match y[k] >= BOUND - 1e-12 {
-            true => "#d55e00".to_owned(),
-            false => format!("#{shade:02x}{shade:02x}e8"),
-        })
-    })?;
+    const PALE: Colour = Colour::new(0xf0, 0xf4, 0xfa);
+    let shade = |y: f64| match y >= BOUND - 1e-12 {
+        true => Colour::RED,
+        false => blend(PALE, Colour::BLUE, (y - least) / (BOUND - least)),
+    };
+    let panel = raster(Panel::new("x", "y"), m, UNIT, |k| Some(shade(y[k])));
+    let classes = [
+        ("at the bound", Colour::RED),
+        ("near the bound", Colour::BLUE),
+        ("least", PALE),
+    ];
     let path = file_in(&arguments.out, "state_constraints.svg")?;
-    std::fs::write(&path, picture).map_err(|e| format!("cannot write {}: {e}", path.display()))?;
+    square(with_classes(panel, &classes), "The state of the optimal control").write(&path)?;
     println!("{}", path.display());
     Ok(())
 }

@@ -10,7 +10,7 @@
 //! of random numbers. You will see, as t falls, Newton steps from the solution before, gaps, times and those of the other method to the same
 //! gap, and the PSNR. First-order steps are cheap and enough for the eye; of the digits after that each costs them more and more. Then, with a
 //! small term −μΔu, without which nothing makes the number of Newton steps independent of the number of pixels, one noisy picture on grids of
-//! 32 to 256 pixels a side. `out/total_variation_*.svg` have the picture, with noise, and without it again.
+//! 32 to 256 pixels a side. `out/total_variation.svg` has the picture, with noise, and without it again.
 //!
 //! ```text
 //! cargo run --release --example total_variation -- --pixels 256 --lambda 6e-4
@@ -18,8 +18,8 @@
 
 #[macro_use]
 mod common;
-#[path = "common/grids.rs"]
-mod grids;
+#[path = "common/raster.rs"]
+mod raster;
 #[path = "common/yielding.rs"]
 mod yielding;
 
@@ -29,9 +29,10 @@ use std::time::Instant;
 
 use clap::Parser;
 use common::{Outcome, Random, distance, ensure, exit, file_in, growth};
-use grids::raster;
+use raster::{UNIT, blend, raster, with_classes};
 use semismooth::linear::{KrylovMethod, LinearOperator};
 use semismooth::newton::{Damping, NewtonKrylov, NewtonKrylovOptions};
+use semismooth::output::{BranchDiagram, Colour, Panel};
 use yielding::{Element, Weights, Yielding};
 
 #[derive(Parser)]
@@ -395,16 +396,21 @@ fn run(arguments: &Arguments) -> Outcome<()> {
 }
 
 fn draw(arguments: &Arguments, m: usize, pictures: &[(&str, &[f64])]) -> Outcome<()> {
-    for (name, values) in pictures {
-        let shade = |v: f64| {
-            // Few shades make long runs of equal cells.
-            let v = ((v.clamp(0.0, 1.0) * 32.0).round() * 255.0 / 32.0) as u8;
-            format!("#{v:02x}{v:02x}{v:02x}")
-        };
-        let picture = raster(m, |k| Some(shade(values[k])))?;
-        let path = file_in(&arguments.out, &format!("total_variation_{name}.svg"))?;
-        std::fs::write(&path, picture).map_err(|e| format!("cannot write {}: {e}", path.display()))?;
-        println!("{}", path.display());
-    }
+    const BLACK: Colour = Colour::new(0, 0, 0);
+    const WHITE: Colour = Colour::new(255, 255, 255);
+    let panels = pictures.iter().map(|(name, values)| {
+        let panel = Panel::new("x", "y").with_caption(*name);
+        raster(panel, m, UNIT, |k| Some(blend(BLACK, WHITE, values[k])))
+    });
+    let classes = [("0", BLACK), ("½", blend(BLACK, WHITE, 0.5))];
+    let mut panels = panels.map(|panel| with_classes(panel, &classes));
+    let first = panels.next().ok_or("no picture")?;
+    let path = file_in(&arguments.out, "total_variation.svg")?;
+    panels
+        .fold(BranchDiagram::new(first), BranchDiagram::with_panel)
+        .with_title("Denoising by total variation; white is 1")
+        .with_size(340 * pictures.len() as u32, 400)
+        .write(&path)?;
+    println!("{}", path.display());
     Ok(())
 }

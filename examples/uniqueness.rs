@@ -18,7 +18,7 @@ use semismooth::contact::{
     FixedPointOptions, FrictionCoefficient, FrictionCurve, Frictionless, PlanarCoulomb, UniquenessConstants,
     critical_friction, fixed_point, friction_bounds, pressure_norm,
 };
-use semismooth::output::{BranchDiagram, Colour, Curve, Panel, SegmentStyle};
+use semismooth::output::{BranchDiagram, Colour, Curve, Marker, Panel, SegmentStyle};
 
 /// Prints constants of uniqueness under refinement.
 #[derive(Parser)]
@@ -172,8 +172,8 @@ type Growth = [(f64, f64, f64)];
 fn draw(flat: &Growth, solid: &Growth, args: &Args) -> Outcome<()> {
     let panel = |label: &str, pick: &dyn Fn(&(f64, f64, f64)) -> f64| {
         let curve = |points: &Growth, name: &'static str, colour| {
-            let vertices = points.iter().map(|p| (p.0, pick(p))).collect();
-            Curve::line(vertices, SegmentStyle::new(name, colour))
+            let vertices: Vec<_> = points.iter().map(|p| (p.0, pick(p))).collect();
+            Curve::line(vertices.clone(), SegmentStyle::new(name, colour)).with_marks(Marker::Value, vertices)
         };
         Panel::new("1/h", label)
             .with_log_x()

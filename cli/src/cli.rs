@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use semismooth::complementarity::McpIteration;
 use thiserror::Error;
 
+use crate::commands;
 use crate::model::Model;
 use crate::names::Names;
 use crate::nl::{self, NlError};
@@ -209,12 +210,13 @@ fn help(out: &mut dyn Write) -> Result<(), CliError> {
         "{VERSION}: solves mixed complementarity problems, square systems and first-order\n\
          conditions of nonlinear programs from AMPL's .nl files.\n\n\
          semismooth FILE[.nl] [-AMPL] [option=value …]\n  \
-         semismooth help         the commands: contact, friction, init, completions, man\n\n  \
+         semismooth help         the commands, as\n                          {}\n\n  \
          -AMPL      write FILE.sol, as AMPL and Pyomo ask for\n  \
          -s         the same\n  \
          -v         print the version\n  \
          -=         print this list\n\n\
-         Options, also from the environment variable {ENVIRONMENT}; the default in brackets:\n"
+         Options, also from the environment variable {ENVIRONMENT}; the default in brackets:\n",
+        commands::names().join(", ")
     )?;
     for (name, meaning) in OPTIONS {
         writeln!(out, "  {name:12} {meaning}")?;

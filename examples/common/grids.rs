@@ -1,8 +1,7 @@
-//! m × m interior points of a square, numbered line by line from below: differences, nested grids, pictures.
+//! m × m interior points of a square, numbered line by line from below: differences, nested grids.
 #![allow(dead_code)]
 
 use std::error::Error;
-use std::fmt::Write as _;
 
 use semismooth::linear::Prolongation;
 use semismooth::sparse::{Matrix, Pattern};
@@ -92,32 +91,4 @@ pub(crate) fn nested_grids(mut m: usize) -> Result<Vec<Prolongation>> {
         m /= 2;
     }
     Ok(all)
-}
-
-/// A picture of at most 200 × 200 cells of the colours of their points, in runs of equal ones; the y axis points up.
-pub(crate) fn raster(m: usize, colour: impl Fn(usize) -> Option<String>) -> Result<String> {
-    let cells = m.min(200);
-    let at = |i: usize, j: usize| colour((j * m / cells) * m + i * m / cells);
-    let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"600\" height=\"600\" viewBox=\"0 0 {cells} {cells}\" shape-rendering=\"crispEdges\">\n\
-         <rect width=\"{cells}\" height=\"{cells}\" fill=\"#f4f4f4\"/>\n"
-    );
-    for j in 0..cells {
-        let mut i = 0;
-        while i < cells {
-            let (first, kind) = (i, at(i, j));
-            while i < cells && at(i, j) == kind {
-                i += 1;
-            }
-            if let Some(colour) = kind {
-                let (y, width) = (cells - 1 - j, i - first);
-                writeln!(
-                    svg,
-                    "<rect x=\"{first}\" y=\"{y}\" width=\"{width}\" height=\"1\" fill=\"{colour}\"/>"
-                )?;
-            }
-        }
-    }
-    svg.push_str("</svg>\n");
-    Ok(svg)
 }

@@ -46,6 +46,12 @@ impl Problem {
         }
     }
 
+    /// The lowest and the highest corner of the square.
+    pub(crate) fn window(self) -> [[f64; 2]; 2] {
+        let (corner, side, _) = self.geometry();
+        [[corner; 2], [corner + side; 2]]
+    }
+
     fn bounds(self, x: f64, y: f64) -> (f64, f64) {
         match self {
             Self::Mcplib => {

@@ -126,6 +126,16 @@ pub(crate) fn rows<'py, 'v>(
     PyArray1::from_vec(py, flat).reshape([rows, columns])
 }
 
+/// "1 fold", "2 folds".
+pub(crate) fn counted(count: usize, what: &str) -> String {
+    let plural = match what {
+        "vertex" => "vertices",
+        "continuum" => "continua",
+        _ => return format!("{count} {what}{}", if count == 1 { "" } else { "s" }),
+    };
+    format!("{count} {}", if count == 1 { what } else { plural })
+}
+
 /// Points in space as the rows of a numpy array with the first `dim` coordinates.
 pub(crate) fn truncated<'py>(
     py: Python<'py>,

@@ -11,12 +11,12 @@ use semismooth::complementarity::{
     AffineFunction, BoundState, Differenced, Mcp, McpFunction, McpIteration, McpOptions, McpReport,
     McpSolver, WithJacobian,
 };
-use semismooth::enumeration::{self, EnumerationOptions};
-use semismooth::piecewise::{PiecewiseSmooth, Selection};
+use semismooth::enumeration::{self, Completeness, EnumerationOptions};
+use semismooth::piecewise::{self, PiecewiseSmooth, Selection};
 use semismooth::sparse::{Matrix, Pattern};
 use serde::Serialize;
 
-use crate::arrays::{bound, matrix, names, python, rows, sparse, vector};
+use crate::arrays::{bound, counted, matrix, names, python, rows, sparse, vector};
 use crate::contact::ContactProblem;
 use crate::errors::{Run, raised};
 use crate::map::{Map, TracedFunction, map_of};
@@ -53,7 +53,7 @@ impl Lcp {
     }
 
     fn __repr__(&self) -> String {
-        format!("<Lcp of {} unknowns>", self.problem.len())
+        format!("<Lcp of {}>", counted(self.problem.len(), "unknown"))
     }
 }
 
@@ -141,8 +141,10 @@ impl McpResult {
 
     fn __repr__(&self) -> String {
         format!(
-            "<McpResult: {}, residual {:.1e}, {} iterations>",
-            self.message, self.residual, self.iterations
+            "<McpResult: {}, residual {:.1e}, {}>",
+            self.message,
+            self.residual,
+            counted(self.iterations, "iteration")
         )
     }
 }
@@ -457,7 +459,7 @@ impl LemkeResult {
     }
 
     fn __repr__(&self) -> String {
-        format!("<LemkeResult: {}, {} pivots>", self.message, self.pivots)
+        format!("<LemkeResult: {}, {}>", self.message, counted(self.pivots, "pivot"))
     }
 }
 
@@ -531,6 +533,8 @@ pub(crate) struct Solution {
     margin: f64,
     /// The local index (degree), where one or two active selections tell it.
     index: Option<i8>,
+    /// max |Hᵢ(x)|, evaluated at the point returned.
+    residual: f64,
 }
 
 /// A continuum of solutions.
@@ -555,6 +559,10 @@ pub(crate) struct SolutionSet {
     continua: Vec<Py<Continuum>>,
     /// Whether every selection was examined or ruled out, which is proven in exact arithmetic for the numbers given.
     complete: bool,
+    /// "complete", "incomplete" (the search was ended by a limit) or "not proven" (all selections were examined, some in doubt).
+    status: &'static str,
+    /// The largest residual of the solutions; 0 where there are none.
+    residual: f64,
     /// The verdict: "complete", "incomplete: ..." with how far the search came, or "not proven: ..." with the reason.
     completeness: String,
     /// Sum of the local indices of a complete list, where all are known.
@@ -571,9 +579,9 @@ impl SolutionSet {
 
     fn __repr__(&self) -> String {
         format!(
-            "<SolutionSet: {} solutions, {} continua, {}>",
-            self.solutions.len(),
-            self.continua.len(),
+            "<SolutionSet: {}, {}, {}>",
+            counted(self.solutions.len(), "solution"),
+            counted(self.continua.len(), "continuum"),
             self.completeness
         )
     }
@@ -602,13 +610,15 @@ impl SolutionSet {
             selections.iter().map(|s| names(map, s)).collect()
         };
         let m = map.num_vars();
-        let solutions = found.solutions.iter().map(|s| {
+        let residuals: Vec<f64> = found.solutions.iter().map(|s| residual(map, s)).collect();
+        let solutions = found.solutions.iter().zip(&residuals).map(|(s, &residual)| {
             let solution = Solution {
                 x: PyArray1::from_slice(py, &s.x).unbind(),
                 pieces: pieces(&s.selections),
                 det_signs: s.det_signs.clone(),
                 margin: s.margin,
                 index: s.index,
+                residual,
             };
             Py::new(py, solution)
         });
@@ -625,11 +635,35 @@ impl SolutionSet {
             points: rows(py, m, found.solutions.iter().map(|s| s.x.as_slice()))?.unbind(),
             continua: continua.collect::<PyResult<_>>()?,
             complete: found.completeness.is_complete(),
+            status: match found.completeness {
+                Completeness::Complete => "complete",
+                Completeness::Incomplete { .. } => "incomplete",
+                Completeness::Undecided { .. } => "not proven",
+            },
+            residual: residuals.iter().copied().fold(0.0, f64::max),
             completeness: found.completeness.to_string(),
             index_sum: found.index_sum,
             nodes: found.nodes,
         })
     }
+}
+
+/// max |Hᵢ(x)| on a selection in whose closed cell x lies: H is continuous, so that all of them agree.
+fn residual(map: &dyn PiecewiseSmooth, solution: &enumeration::Solution) -> f64 {
+    let own;
+    let selection = match solution.selections.first() {
+        Some(selection) => selection,
+        None => {
+            own = piecewise::select(map, &solution.x);
+            &own
+        }
+    };
+    let mut values = vec![0.0; map.num_residuals()];
+    map.residual(selection, &solution.x, &mut values);
+    // NaN, which `max` would drop, is told.
+    values
+        .into_iter()
+        .fold(0.0, |m: f64, v| if v.is_nan() { v } else { m.max(v.abs()) })
 }
 
 /// All solutions of an Lcp, or of a piecewise-affine map H(x) = 0, at ``parameter`` where H has one variable more than values.

@@ -7,10 +7,10 @@ use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use semismooth::contact::{
-    CondensedContact, ContactBody, ContactError, FrictionCoefficient, FrictionCurve, Frictionless,
+    self, CondensedContact, ContactBody, ContactError, FrictionCoefficient, FrictionCurve, Frictionless,
     FullContact, NodeLaw, OrthotropicCoulomb, PlanarCoulomb,
 };
-use semismooth::fem::{self, ContactRows};
+use semismooth::fem::{self, ContactRows, Multipliers};
 use semismooth::interface::{LoadCase, LoadPath};
 use semismooth::piecewise::PiecewiseSmooth;
 
@@ -222,6 +222,66 @@ impl Friction {
     }
 }
 
+/// Friction with a given bound (Tresca), whatever the pressure: ‖λt‖ ≤ ``bound`` at each contact node, a nodal force, and λt = bound · u_t/‖u_t‖
+/// where it slips. The problem is then that of a convex energy.
+///
+/// Parameters
+/// ----------
+/// bound : number or array of shape (p,)
+///     At least 0.
+#[pyclass(frozen, module = "semismooth")]
+pub(crate) struct GivenBound {
+    bounds: Vec<f64>,
+    /// Whether there is one number for all nodes.
+    uniform: bool,
+}
+
+#[pymethods]
+impl GivenBound {
+    #[new]
+    fn new(bound: &Bound<'_, PyAny>) -> PyResult<Self> {
+        Ok(match bound.extract::<f64>() {
+            Ok(bound) => Self {
+                bounds: vec![bound],
+                uniform: true,
+            },
+            Err(_) => Self {
+                bounds: vector(bound, "the bound of friction")?,
+                uniform: false,
+            },
+        })
+    }
+}
+
+impl GivenBound {
+    fn law(&self, dim: usize, nodes: usize) -> Result<contact::GivenBound, ContactError> {
+        let bounds = match self.uniform {
+            true => vec![self.bounds[0]; nodes],
+            false => self.bounds.clone(),
+        };
+        let coefficients = vec![[1.0; 2]; bounds.len()];
+        contact::GivenBound::new(dim - 1, bounds, coefficients)
+    }
+}
+
+/// The space of contact forces by its name, or the size of its patches.
+fn multipliers(given: Option<&Bound<'_, PyAny>>) -> PyResult<Multipliers> {
+    let Some(given) = given else {
+        return Ok(Multipliers::Nodal);
+    };
+    if let Ok(size) = given.extract::<f64>() {
+        return Ok(Multipliers::Patches { size });
+    }
+    match given.extract::<String>().as_deref() {
+        Ok("nodal") => Ok(Multipliers::Nodal),
+        Ok("dual cells") => Ok(Multipliers::DualCells),
+        _ => Err(PyValueError::new_err(format!(
+            "multipliers = {} is not known: write \"nodal\", \"dual cells\", or the size of patches",
+            given.repr()?
+        ))),
+    }
+}
+
 /// A traced function with one value and no kinks.
 fn smooth(function: &Bound<'_, PyAny>, vars: usize, what: &str) -> PyResult<Py<Map>> {
     let map = map_of(function, vars)?;
@@ -275,8 +335,8 @@ impl Form {
 /// facets : str
 ///     The group of facets that may touch the foundation.
 /// foundation : Foundation
-/// friction : number, array of shape (p,), Friction, or a pair of them, or None
-///     The coefficient; a pair of coefficients along the two tangents in space; ``None``: no friction.
+/// friction : number, array of shape (p,), Friction, or a pair of them, or GivenBound, or None
+///     The coefficient; a pair of coefficients along the two tangents in space; a bound of its own; ``None``: no friction.
 /// load, rate : Load, optional
 ///     Loads at every parameter, and times the parameter. Displacements prescribed by the body's supports belong to every load.
 /// paths : list of (Load, callable), optional
@@ -284,6 +344,10 @@ impl Form {
 /// form : {"condensed", "full"}
 ///     "condensed": x = (λν, λt₁[, λt₂], α), nodal forces, dense, one factorisation of the stiffness matrix in all. "full": x = (u, λν, λt₁[,
 ///     λt₂], α), sparse, one factorisation a step: for thousands of contact nodes.
+/// multipliers : "nodal", "dual cells" or float, optional
+///     Where the p contact forces are sought (Haslinger, Kučera, Vlach 2008): at the nodes (unless given); constant on the part of the facets
+///     nearest to each node; or constant on patches, those facets whose centroids lie in one box of a grid of this width. Contact nodes of
+///     patches are the mesh nodes nearest to their centroids.
 ///
 /// >>> import semismooth as ss
 /// >>> body = ss.Body(ss.Mesh.rectangle([0, 0], [2, 1], [8, 4]), ss.Material(1.0, 0.3), supports={"top": [0.0, -0.02]})
@@ -306,7 +370,9 @@ pub(crate) struct ContactProblem {
 #[pymethods]
 impl ContactProblem {
     #[new]
-    #[pyo3(signature = (body, facets, foundation, friction, *, load=None, rate=None, paths=None, form="condensed"))]
+    #[pyo3(signature = (
+        body, facets, foundation, friction, *, load=None, rate=None, paths=None, form="condensed", multipliers=None
+    ))]
     fn new(
         body: &Bound<'_, Body>,
         facets: &str,
@@ -316,11 +382,12 @@ impl ContactProblem {
         rate: Option<&Load>,
         paths: Option<Vec<(Bound<'_, Load>, Bound<'_, PyAny>)>>,
         form: &str,
+        multipliers: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         let (py, system) = (body.py(), &body.get().system);
         let (dim, failures) = (system.mesh().dim(), Failures::default());
         let foundation = foundation.foundation(py, dim, &failures)?;
-        let law = law(friction, dim)?;
+        let multipliers = self::multipliers(multipliers)?;
         let path = load_path(body, load, rate, paths.unwrap_or_default())?;
         let condensed = match form {
             "condensed" => true,
@@ -331,7 +398,9 @@ impl ContactProblem {
                 )));
             }
         };
-        let rows = failures.settle(py.detach(|| system.contact(facets, &foundation)))?;
+        let rows =
+            failures.settle(py.detach(|| system.contact_with(facets, &foundation, multipliers)))?;
+        let law = law(friction, dim, rows.nodes.len())?;
         let own = law.clone();
         let form = py.detach(|| -> Result<Form, ContactError> {
             let mut tangential = vec![rows.tangential.clone()];
@@ -505,7 +574,7 @@ impl ContactProblem {
     }
 }
 
-fn law(friction: Option<&Bound<'_, PyAny>>, dim: usize) -> PyResult<Law> {
+fn law(friction: Option<&Bound<'_, PyAny>>, dim: usize, nodes: usize) -> PyResult<Law> {
     let Some(friction) = friction else {
         return Ok(match dim {
             2 => Arc::new(Frictionless::plane()),
@@ -516,6 +585,9 @@ fn law(friction: Option<&Bound<'_, PyAny>>, dim: usize) -> PyResult<Law> {
         let (first, second): (Bound<'_, PyAny>, Bound<'_, PyAny>) = pair.extract()?;
         let [first, second] = [Friction::coefficient(&first)?, Friction::coefficient(&second)?];
         return Ok(Arc::new(OrthotropicCoulomb::new(first, second)));
+    }
+    if let Ok(bound) = friction.cast::<GivenBound>() {
+        return Ok(Arc::new(bound.get().law(dim, nodes).map_err(raised)?));
     }
     let coefficient = Friction::coefficient(friction)?;
     Ok(match dim {
@@ -581,5 +653,6 @@ fn state(name: &str) -> PyResult<semismooth::contact::ContactState> {
 pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<Foundation>()?;
     module.add_class::<Friction>()?;
+    module.add_class::<GivenBound>()?;
     module.add_class::<ContactProblem>()
 }

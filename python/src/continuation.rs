@@ -7,12 +7,10 @@ use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString, PyTuple};
 use semismooth::complementarity::Mcp;
-use semismooth::continuation::{
-    self as core, Continuation, ContinuationOptions, Direction, Event, PointKind,
-};
+use semismooth::continuation::{self as core, Continuation, ContinuationOptions, Direction, Event};
 use semismooth::piecewise::{PiecewiseSmooth, Selection};
 
-use crate::arrays::{bound, rows, vector};
+use crate::arrays::{bound, counted, rows, vector};
 use crate::complementarity::Derivative;
 use crate::contact::{ContactProblem, point};
 use crate::errors::{Run, raised};
@@ -143,63 +141,10 @@ impl Names {
     }
 }
 
-/// A point of a curve as a row of tables.
-pub(crate) struct Row {
-    pub(crate) x: Vec<f64>,
-    tangent: Vec<f64>,
-    pub(crate) selection: Selection,
-    arclength: f64,
-    det_sign: Option<i8>,
-    kind: &'static str,
-}
-
-impl Row {
-    fn of(event: &Event) -> Self {
-        let point = |p: &core::Point, kind| Row {
-            x: p.x.clone(),
-            tangent: p.tangent.clone(),
-            selection: p.selection.clone(),
-            arclength: p.arclength,
-            det_sign: p.det_sign,
-            kind,
-        };
-        match event {
-            Event::Transition(t) => Row {
-                x: t.x.clone(),
-                tangent: t.tangent_before.clone(),
-                selection: t.before.clone(),
-                arclength: t.arclength,
-                det_sign: None,
-                kind: t.kind.name(),
-            },
-            Event::Point(p) => point(p, name(p.kind)),
-            Event::SmoothFold(f) => point(&f.point, "smooth fold"),
-            Event::BranchPoint(b) => point(&b.point, "branch point"),
-            Event::Monitor(m) => point(&m.point, "monitor"),
-            other => Row {
-                x: other.x().to_vec(),
-                tangent: vec![f64::NAN; other.x().len()],
-                selection: Selection::default(),
-                arclength: other.arclength(),
-                det_sign: None,
-                kind: "other",
-            },
-        }
-    }
-}
-
-fn name(kind: PointKind) -> &'static str {
-    match kind {
-        PointKind::Start => "start",
-        PointKind::Target => "target",
-        _ => "step",
-    }
-}
-
 /// A stretch of a solution curve. Row i of the arrays is point i along it, events included.
 #[pyclass(frozen, module = "semismooth")]
 pub(crate) struct Branch {
-    rows: Vec<Row>,
+    found: core::Branch,
     names: Names,
     m: usize,
     /// Transitions, along the curve.
@@ -229,8 +174,7 @@ pub(crate) struct Branch {
 impl Branch {
     pub(crate) fn new(
         py: Python<'_>,
-        found: &core::Branch,
-        rows: Vec<Row>,
+        found: core::Branch,
         names: Names,
         m: usize,
     ) -> PyResult<Self> {
@@ -255,13 +199,8 @@ impl Branch {
             Py::new(py, point)
         });
         let crossings = found.monitor_crossings.iter().map(|c| {
-            let crossing = Crossing {
-                name: c.name.clone(),
-                x: PyArray1::from_slice(py, &c.point.x).unbind(),
-                parameter: c.point.parameter(),
-                arclength: c.point.arclength,
-            };
-            Py::new(py, crossing)
+            let (x, arclength) = (&c.point.x, c.point.arclength);
+            Py::new(py, Crossing::new(py, &c.name, x, arclength, None))
         });
         Ok(Self {
             transitions: transitions
@@ -273,7 +212,7 @@ impl Branch {
             termination: found.termination.name(),
             factorisations: found.factorisations,
             corrections: found.corrections,
-            rows,
+            found,
             names,
             m,
         })
@@ -285,57 +224,72 @@ impl Branch {
     /// The points (y, parameter), shape (k, m).
     #[getter]
     fn points<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        rows(py, self.m, self.rows.iter().map(|r| r.x.as_slice()))
+        rows(py, self.m, self.found.vertices().iter().map(|v| v.x))
     }
 
-    /// Unit tangents in the direction of travel (at transitions, on arrival), shape (k, m).
+    /// Unit tangents in the direction of travel (at transitions, on departure), shape (k, m).
     #[getter]
     fn tangents<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        rows(py, self.m, self.rows.iter().map(|r| r.tangent.as_slice()))
+        rows(py, self.m, self.found.vertices().iter().map(|v| v.tangent))
     }
 
     /// The parameter, the last column of ``points``, shape (k,).
     #[getter]
     fn parameter<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        let last = self.rows.iter().map(|r| r.x.last().copied().unwrap_or(f64::NAN));
-        PyArray1::from_iter(py, last)
+        let vertices = self.found.vertices();
+        PyArray1::from_iter(py, vertices.iter().map(core::BranchVertex::parameter))
     }
 
     /// Arclength from the start, shape (k,).
     #[getter]
     fn arclength<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        PyArray1::from_iter(py, self.rows.iter().map(|r| r.arclength))
+        PyArray1::from_iter(py, self.found.vertices().iter().map(|v| v.arclength))
     }
 
-    /// The piece of each site, by name, a list for each point (at transitions, on arrival).
+    /// The piece of each site, by name, a list for each point (at transitions, on departure).
     #[getter]
     fn pieces(&self) -> Vec<Vec<&str>> {
-        let selections = self.rows.iter().map(|r| &r.selection);
-        selections.map(|s| self.names.selection(s)).collect()
+        let vertices = self.found.vertices();
+        vertices
+            .iter()
+            .map(|v| self.names.selection(v.selection))
+            .collect()
     }
 
-    /// What each point is: "start", "step", "target", a kind of transition, "smooth fold", "branch point" or "monitor".
+    /// What each point is: "point", a kind of transition, "smooth fold", "branch point", or the name of a monitor.
     #[getter]
-    fn events(&self) -> Vec<&'static str> {
-        self.rows.iter().map(|r| r.kind).collect()
+    fn events(&self) -> Vec<String> {
+        let vertices = self.found.vertices();
+        vertices.iter().map(|v| v.event.to_owned()).collect()
     }
 
-    /// Sign of the determinant of ∂H/∂y at each point: −1, 0 or 1, None at transitions and where it is not known.
+    /// Sign of the determinant of ∂H/∂y at each point: −1, 0 or 1, None where it is not known; at transitions, on departure.
     #[getter]
     fn det_signs(&self) -> Vec<Option<i8>> {
-        self.rows.iter().map(|r| r.det_sign).collect()
+        self.found.vertices().iter().map(|v| v.det_sign).collect()
+    }
+
+    /// The same between each point and the next: that of a regular end.
+    #[getter]
+    fn _segment_signs(&self) -> Vec<Option<i8>> {
+        let vertices = self.found.vertices();
+        let sign = |ends: [Option<i8>; 2]| ends.into_iter().flatten().find(|s| *s != 0);
+        vertices
+            .windows(2)
+            .map(|v| sign([v[0].det_sign, v[1].sign_before]))
+            .collect()
     }
 
     fn __len__(&self) -> usize {
-        self.rows.len()
+        self.found.vertices().len()
     }
 
     fn __repr__(&self) -> String {
         format!(
-            "<Branch: {} points, {} transitions, {} folds, ended: {}>",
-            self.rows.len(),
-            self.transitions.len(),
-            self.folds.len(),
+            "<Branch: {}, {}, {}, ended: {}>",
+            counted(self.__len__(), "point"),
+            counted(self.transitions.len(), "transition"),
+            counted(self.folds.len(), "fold"),
             self.termination
         )
     }
@@ -384,7 +338,7 @@ enum Watch {
 }
 
 impl Monitor {
-    fn list(given: Option<&Bound<'_, PyDict>>, stops: bool, m: usize) -> PyResult<Vec<Self>> {
+    pub(crate) fn list(given: Option<&Bound<'_, PyDict>>, stops: bool, m: usize) -> PyResult<Vec<Self>> {
         let Some(given) = given else {
             return Ok(Vec::new());
         };
@@ -413,8 +367,12 @@ impl Monitor {
         given.iter().map(monitor).collect()
     }
 
+    pub(crate) fn name(&self) -> &str {
+        &self.name
+    }
+
     /// The value at x; NaN, which is no change of sign, after an exception.
-    fn value(&self, run: &Run, x: &[f64]) -> f64 {
+    pub(crate) fn value(&self, run: &Run, x: &[f64]) -> f64 {
         match &self.function {
             Watch::Formula(map) => map.get().first_value(x),
             Watch::Called(function) => {
@@ -522,8 +480,8 @@ fn follow(
         x0,
     };
     let m = travel.x0.len();
-    let (found, rows, names) = Run::detached(py, |run| travel.along(run, &*problem.map(run)?))?;
-    Branch::new(py, &found, rows, names, m)
+    let (found, names) = Run::detached(py, |run| travel.along(run, &*problem.map(run)?))?;
+    Branch::new(py, found, names, m)
 }
 
 /// How a curve is followed.
@@ -536,11 +494,7 @@ pub(crate) struct Travel {
 }
 
 impl Travel {
-    pub(crate) fn along(
-        self,
-        run: &Run,
-        map: &dyn PiecewiseSmooth,
-    ) -> PyResult<(core::Branch, Vec<Row>, Names)> {
+    pub(crate) fn along(self, run: &Run, map: &dyn PiecewiseSmooth) -> PyResult<(core::Branch, Names)> {
         let mut curve = Continuation::new(map, &self.x0, self.direction, self.options).map_err(raised)?;
         for monitor in &self.monitors {
             let function = |x: &[f64]| monitor.value(run, x);
@@ -549,29 +503,24 @@ impl Travel {
                 false => curve.with_monitor(&monitor.name, function),
             };
         }
-        let mut rows = Vec::new();
-        let found = core::Branch::collect(curve, |event| {
-            let row = Row::of(event);
-            let flow = told(run, self.callback.as_ref(), &row);
-            rows.push(row);
-            flow
-        });
-        Ok((found.map_err(raised)?, rows, Names::of(map)))
+        let found = core::Branch::collect(curve, |event| told(run, self.callback.as_ref(), event));
+        Ok((found.map_err(raised)?, Names::of(map)))
     }
 }
 
 /// Tells a callback of a point.
-fn told(run: &Run, callback: Option<&Py<PyAny>>, row: &Row) -> ControlFlow<()> {
+pub(crate) fn told(run: &Run, callback: Option<&Py<PyAny>>, event: &Event) -> ControlFlow<()> {
     let Some(callback) = callback else {
         return run.poll();
     };
+    let vertex = core::BranchVertex::from(event);
     let stop = run.call(|py| {
-        let event = PyDict::new(py);
-        event.set_item("event", row.kind)?;
-        event.set_item("x", PyArray1::from_slice(py, &row.x))?;
-        event.set_item("parameter", row.x.last())?;
-        event.set_item("arclength", row.arclength)?;
-        callback.bind(py).call1((event,))?.is_truthy()
+        let told = PyDict::new(py);
+        told.set_item("event", vertex.event)?;
+        told.set_item("x", PyArray1::from_slice(py, vertex.x))?;
+        told.set_item("parameter", vertex.parameter())?;
+        told.set_item("arclength", vertex.arclength)?;
+        callback.bind(py).call1((told,))?.is_truthy()
     });
     match stop {
         Some(false) => run.poll(),

@@ -6,13 +6,17 @@ use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use semismooth::continuation::{self as core, ContinuationOptions, DiagramOptions};
+use semismooth::continuation::{
+    self as core, Continuation, ContinuationOptions, DiagramOptions, Direction,
+};
+use semismooth::output::{Column, write_diagram_csv};
+use semismooth::piecewise::PiecewiseSmooth;
 
-use crate::arrays::rows;
+use crate::arrays::{counted, rows};
 use crate::contact::point;
-use crate::continuation::{EVERYWHERE, Given, Names, Problem};
-use crate::errors::{Run, raised};
-use crate::events::Fold;
+use crate::continuation::{EVERYWHERE, Given, Monitor, Names, Problem, told};
+use crate::errors::{Run, SemismoothError, raised};
+use crate::events::{Crossing, Fold};
 
 /// A point of a diagram where curves meet, bend or end.
 #[pyclass(frozen, get_all, module = "semismooth")]
@@ -28,6 +32,8 @@ pub(crate) struct Vertex {
     edges: Vec<Option<usize>>,
     /// Whether no arm is missing, within tolerances.
     complete: bool,
+    /// Whether a start was given here.
+    is_start: bool,
 }
 
 #[pymethods]
@@ -48,6 +54,10 @@ pub(crate) struct Edge {
     ends: (usize, usize),
     /// Signs of the determinant of ∂H/∂y along it, each change once.
     det_signs: Vec<i8>,
+    /// The sign at each point; None where it is not known.
+    point_det_signs: Vec<Option<i8>>,
+    /// Rows of ``points`` at which the parameter turns inside of the piece.
+    smooth_folds: Vec<usize>,
     /// Whether the parameter is constant along it: a continuum of solutions.
     vertical: bool,
     /// Its arclength.
@@ -66,6 +76,9 @@ pub(crate) struct Diagram {
     /// The edges.
     #[pyo3(get)]
     edges: Vec<Py<Edge>>,
+    /// Zeros of monitors, edge by edge.
+    #[pyo3(get)]
+    crossings: Vec<Py<Crossing>>,
 }
 
 impl Diagram {
@@ -74,8 +87,13 @@ impl Diagram {
         found: core::Diagram,
         names: &Names,
         problem: Arc<Problem>,
-        m: usize,
+        zeros: &[Zero],
     ) -> PyResult<Self> {
+        let m = found.vertices().first().map_or(0, |v| v.x.len());
+        let crossings = zeros.iter().map(|z| {
+            let crossing = Crossing::new(py, &z.name, &z.x, z.arclength, Some(z.edge));
+            Py::new(py, crossing)
+        });
         let vertices = found.vertices().iter().map(|v| {
             let vertex = Vertex {
                 x: PyArray1::from_slice(py, &v.x).unbind(),
@@ -83,6 +101,7 @@ impl Diagram {
                 kind: v.kind.name(),
                 edges: v.arms.iter().map(|a| a.edge).collect(),
                 complete: v.complete,
+                is_start: v.is_start,
             };
             Py::new(py, vertex)
         });
@@ -93,6 +112,8 @@ impl Diagram {
                 pieces: selection.map_or_else(Vec::new, |s| names.owned(s)),
                 ends: (e.from.vertex, e.to.vertex),
                 det_signs: e.det_signs(),
+                point_det_signs: e.points.iter().map(|p| p.det_sign).collect(),
+                smooth_folds: e.smooth_folds.clone(),
                 vertical: e.is_vertical(),
                 arclength: e.arclength(),
             };
@@ -101,6 +122,7 @@ impl Diagram {
         Ok(Self {
             vertices: vertices.collect::<PyResult<_>>()?,
             edges: edges.collect::<PyResult<_>>()?,
+            crossings: crossings.collect::<PyResult<_>>()?,
             found,
             problem,
             m,
@@ -154,11 +176,33 @@ impl Diagram {
 
     fn __repr__(&self) -> String {
         format!(
-            "<Diagram: {} vertices, {} edges, {}>",
-            self.vertices.len(),
-            self.edges.len(),
+            "<Diagram: {}, {}, {}>",
+            counted(self.vertices.len(), "vertex"),
+            counted(self.edges.len(), "edge"),
             self.found.completeness()
         )
+    }
+
+    /// The table of :meth:`to_pandas` as comma-separated values.
+    fn _csv(&self, py: Python<'_>) -> PyResult<Vec<u8>> {
+        Run::detached(py, |run| {
+            let map = self.problem.map(run)?;
+            let columns: Vec<_> = (0..self.m - 1)
+                .map(|k| Column::entry(format!("x{k}"), k))
+                .collect();
+            let mut table = Vec::new();
+            write_diagram_csv(&mut table, &*map, &self.found, &columns).map_err(raised)?;
+            Ok(table)
+        })
+    }
+
+    /// A pandas.DataFrame with a row for each point, edge after edge, isolated vertices last: "edge" (missing there), "arclength" along it,
+    /// "x0" …, "parameter", "event" ("point", "smooth fold", or the kind of the vertex), "det" (missing where unknown), and "site0" … for the
+    /// pieces.
+    fn to_pandas<'py>(slf: &Bound<'py, Self>) -> PyResult<Bound<'py, PyAny>> {
+        slf.py()
+            .import("semismooth._views")?
+            .call_method1("diagram_table", (slf,))
     }
 
     /// Draws the diagram with matplotlib and returns the axes; arguments are those of :meth:`Branch.plot`.
@@ -176,6 +220,77 @@ impl Diagram {
     }
 }
 
+/// A zero of a monitor on an edge.
+struct Zero {
+    name: String,
+    x: Vec<f64>,
+    arclength: f64,
+    edge: usize,
+}
+
+/// Where monitors change their signs along the edges, located on the curve from the point before.
+fn zeros(
+    run: &Run,
+    map: &dyn PiecewiseSmooth,
+    found: &core::Diagram,
+    monitors: &[Monitor],
+    options: &ContinuationOptions,
+) -> PyResult<Vec<Zero>> {
+    let mut zeros = Vec::new();
+    for (edge, of) in found.edges().iter().enumerate() {
+        for monitor in monitors {
+            let values: Vec<f64> = of.points.iter().map(|p| monitor.value(run, &p.x)).collect();
+            for (k, ends) in of.points.windows(2).enumerate() {
+                let (a, b) = (values[k], values[k + 1]);
+                let at = |x: &[f64], arclength| Zero {
+                    name: monitor.name().to_owned(),
+                    x: x.to_vec(),
+                    arclength,
+                    edge,
+                };
+                if a * b < 0.0 {
+                    let point = between(run, map, monitor, [&ends[0], &ends[1]], options)?;
+                    zeros.extend(point.map(|p| at(&p.x, ends[0].arclength + p.arclength)));
+                }
+                // A zero at the end belongs to the last stretch, one between two stretches to that before it.
+                if b == 0.0 {
+                    zeros.push(at(&ends[1].x, ends[1].arclength));
+                } else if a == 0.0 && k == 0 {
+                    zeros.push(at(&ends[0].x, ends[0].arclength));
+                }
+            }
+        }
+    }
+    Ok(zeros)
+}
+
+/// The zero of a monitor between two points of a curve at which its signs differ; none after an exception.
+fn between(
+    run: &Run,
+    map: &dyn PiecewiseSmooth,
+    monitor: &Monitor,
+    [here, there]: [&core::Point; 2],
+    options: &ContinuationOptions,
+) -> PyResult<Option<core::Point>> {
+    let chord = there.x.iter().zip(&here.x).map(|(b, a)| b - a).collect();
+    let mut options = options.clone();
+    options.targets.clear();
+    options.max_arclength = 2.0 * (there.arclength - here.arclength);
+    let curve = Continuation::new(map, &here.x, Direction::Along(chord), options)
+        .map_err(raised)?
+        .with_stop(monitor.name(), |x: &[f64]| monitor.value(run, x));
+    let branch = core::Branch::collect(curve, |_| run.poll()).map_err(raised)?;
+    let found = branch.monitor_crossings.into_iter().next().map(|c| c.point);
+    match found {
+        None if !run.is_broken() => Err(SemismoothError::new_err(format!(
+            "the zero of monitor {} near parameter {} cannot be located: a smaller max_step may help",
+            monitor.name(),
+            here.parameter()
+        ))),
+        found => Ok(found),
+    }
+}
+
 /// Follows the curves of H(x) = 0 through all starts in both directions, and all arms met on the way.
 ///
 /// Parameters
@@ -186,6 +301,11 @@ impl Diagram {
 ///     Points (y, parameter), corrected onto the curve at their parameter.
 /// parameter_range : (float, float), optional
 ///     Where curves end.
+/// monitors : dict of name and callable or Map, optional
+///     Real functions of x; where one changes its sign along an edge the zero is located and listed in ``crossings``.
+/// callback : callable, optional
+///     Called with a dict of "event", "x", "parameter" and "arclength" (of the curve under way) at each point, in the order in which they
+///     are computed; returns True to stop, which leaves the diagram incomplete.
 /// max_edges, max_points, same_point
 ///     Limits on the whole diagram (10 000 edges, 1 000 000 points), and the distance, relative to 1 + ‖x‖, within which vertices are one
 ///     (1e-7).
@@ -203,8 +323,8 @@ impl Diagram {
 /// ('complete within the bounds', [-0.5, 0.0, 0.5])
 #[pyfunction]
 #[pyo3(signature = (
-    H, starts, parameter_range=None, *, jac=None, pattern=None, lower=None, upper=None, max_edges=None,
-    max_points=None, same_point=None, **options
+    H, starts, parameter_range=None, *, jac=None, pattern=None, lower=None, upper=None, monitors=None,
+    callback=None, max_edges=None, max_points=None, same_point=None, **options
 ))]
 fn diagram(
     py: Python<'_>,
@@ -215,6 +335,8 @@ fn diagram(
     pattern: Option<&Bound<'_, PyAny>>,
     lower: Option<&Bound<'_, PyAny>>,
     upper: Option<&Bound<'_, PyAny>>,
+    monitors: Option<&Bound<'_, PyDict>>,
+    callback: Option<Py<PyAny>>,
     max_edges: Option<usize>,
     max_points: Option<usize>,
     same_point: Option<f64>,
@@ -247,12 +369,17 @@ fn diagram(
     options.max_edges = max_edges.unwrap_or(options.max_edges);
     options.max_points = max_points.unwrap_or(options.max_points);
     options.same_point = same_point.unwrap_or(options.same_point);
-    let (found, names) = Run::detached(py, |run| {
+    let monitors = Monitor::list(monitors, false, m)?;
+    let (found, names, zeros) = Run::detached(py, |run| {
         let map = problem.map(run)?;
-        let found = core::Diagram::explore_observed(&*map, &starts, &options, |_| run.poll());
-        Ok((found.map_err(raised)?, Names::of(&*map)))
+        let found = core::Diagram::explore_observed(&*map, &starts, &options, |now| {
+            told(run, callback.as_ref(), now.event)
+        })
+        .map_err(raised)?;
+        let zeros = zeros(run, &*map, &found, &monitors, &options.continuation)?;
+        Ok((found, Names::of(&*map), zeros))
     })?;
-    Diagram::new(py, found, &names, problem, m)
+    Diagram::new(py, found, &names, problem, &zeros)
 }
 
 pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {

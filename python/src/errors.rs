@@ -34,8 +34,8 @@ pub(crate) fn raised(error: impl Error) -> PyErr {
     SemismoothError::new_err(message)
 }
 
-/// A run that Python can end. The library knows no functions that fail: after the first exception they give NaN without a call, observers
-/// stop, and the exception is raised once the run has come back.
+/// A run that Python can end. Functions of the library's maps give numbers and no errors: after the first exception they give NaN without a
+/// call (as those of `semismooth::fallible` do), observers stop, and the exception is raised once the run has come back.
 pub(crate) struct Run {
     broken: AtomicBool,
     exception: Mutex<Option<PyErr>>,

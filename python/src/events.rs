@@ -129,6 +129,27 @@ pub(crate) struct Crossing {
     pub(crate) x: Py<PyArray1<f64>>,
     /// The parameter.
     pub(crate) parameter: f64,
-    /// Arclength from the start.
+    /// Arclength from the start; in diagrams, along the edge.
     pub(crate) arclength: f64,
+    /// Index of the edge of a diagram; None on branches.
+    pub(crate) edge: Option<usize>,
+}
+
+impl Crossing {
+    pub(crate) fn new(py: Python<'_>, name: &str, x: &[f64], arclength: f64, edge: Option<usize>) -> Self {
+        Self {
+            name: name.to_owned(),
+            x: PyArray1::from_slice(py, x).unbind(),
+            parameter: x.last().copied().unwrap_or(f64::NAN),
+            arclength,
+            edge,
+        }
+    }
+}
+
+#[pymethods]
+impl Crossing {
+    fn __repr__(&self) -> String {
+        format!("<Crossing: {} = 0 at parameter {:?}>", self.name, self.parameter)
+    }
 }

@@ -1,12 +1,14 @@
 //! Transitions as curves in a second parameter.
 
+use std::ops::ControlFlow;
+
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use semismooth::continuation::{ContinuationOptions, TransitionSet};
+use semismooth::continuation::{BranchVertex, ContinuationOptions, TransitionSet};
 
 use crate::contact::point;
-use crate::continuation::{Branch, EVERYWHERE, Problem, Row, Travel};
+use crate::continuation::{Branch, EVERYWHERE, Problem, Travel};
 use crate::errors::{Run, raised};
 
 /// A point of a transition set where folds begin or end along it.
@@ -76,20 +78,19 @@ fn transition_set(
         x0,
     };
     let m = travel.x0.len();
-    let (found, rows, names, folds, changes) = Run::detached(py, |run| {
+    let (found, names, folds, changes) = Run::detached(py, |run| {
         let set = TransitionSet::new(problem.map(run)?, site, test).map_err(raised)?;
-        let (found, rows, names) = travel.along(run, &set)?;
-        let at = |row: &Row| match row.selection.len() {
-            0 => Ok(None),
-            _ if run.poll().is_break() => Ok(None),
-            _ => set.is_fold(&row.selection, &row.x).map_err(raised),
+        let (found, names) = travel.along(run, &set)?;
+        let at = |v: &BranchVertex<'_>| match run.poll() {
+            ControlFlow::Break(()) => Ok(None),
+            ControlFlow::Continue(()) => set.is_fold(v.selection, v.x).map_err(raised),
         };
-        let folds = rows.iter().map(at).collect::<PyResult<Vec<_>>>()?;
+        let folds = found.vertices().iter().map(at).collect::<PyResult<Vec<_>>>()?;
         let changes = match run.is_broken() {
             true => Vec::new(),
             false => set.character_changes(&found).map_err(raised)?,
         };
-        Ok((found, rows, names, folds, changes))
+        Ok((found, names, folds, changes))
     })?;
     let changes = changes.iter().map(|c| {
         let change = CharacterChange {
@@ -99,7 +100,7 @@ fn transition_set(
         Py::new(py, change)
     });
     Ok(TransitionCurve {
-        branch: Py::new(py, Branch::new(py, &found, rows, names, m)?)?,
+        branch: Py::new(py, Branch::new(py, found, names, m)?)?,
         folds,
         character_changes: changes.collect::<PyResult<_>>()?,
     })

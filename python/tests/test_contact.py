@@ -33,7 +33,7 @@ def test_the_bar_has_three_solutions(nx, name, folds):
     branch = ss.follow(problem, start, parameter_range=(0.9, 3.2), targets=[1.4])
     np.testing.assert_allclose(sorted(f.parameter for f in branch.folds), folds, rtol=1e-9)
     assert sorted(f.kind for f in branch.folds) == ["kink", "smooth"]
-    found = [x for x, e in zip(branch.points, branch.events) if e == "target" and x[-1] == 1.4]
+    found = [x for x in branch.points if x[-1] == 1.4]
     assert len(found) == 3
     expected = [json.loads((DATA / "bar2d.json").read_text())[name][f"solution{k}"] for k in (1, 2, 3)]
     slips = [problem.at(x).slips[-1, 0] for x in found]
@@ -45,6 +45,50 @@ def test_the_bar_has_three_solutions(nx, name, folds):
         np.testing.assert_allclose(own, u, rtol=0, atol=1e-9 * abs(u).max())
         own = np.column_stack([solution.pressures, solution.tractions])
         np.testing.assert_allclose(own, force, rtol=0, atol=1e-9 * abs(force).max())
+
+
+def pressed(friction, **more):
+    """A block pressed on the ground by a traction of 0.01 an area, and sheared."""
+    mesh = ss.Mesh.rectangle([0, 0], [2, 1], [16, 8])
+    body = ss.Body(mesh, ss.Material(1.0, 0.3), supports={"left": 0.0})
+    load = body.traction("top", [0, -0.01]) + body.traction("right", [0.002, 0])
+    return ss.ContactProblem(body, "bottom", ss.Foundation.plane([0, 0], [0, 1]), friction, load=load, **more)
+
+
+def test_the_bound_of_a_coulomb_solution_gives_that_solution():
+    coulomb = pressed(0.3).solve()
+    assert 0 < coulomb.counts[2] < len(coulomb.states)
+    given = pressed(ss.GivenBound(0.3 * coulomb.pressures)).solve()
+    np.testing.assert_allclose(given.pressures, coulomb.pressures, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(given.tractions, coulomb.tractions, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(given.slips, coulomb.slips, rtol=0, atol=1e-10)
+    # Where nothing is given nothing rubs; far above it all that touches sticks.
+    free = pressed(ss.GivenBound(0.0)).solve()
+    np.testing.assert_allclose(free.tractions, 0, atol=1e-15)
+    np.testing.assert_allclose(free.pressures, pressed(None).solve().pressures, atol=1e-12)
+    assert pressed(ss.GivenBound(1.0)).solve().counts[2] == 0
+    with pytest.raises(ss.SemismoothError, match="-1"):
+        pressed(ss.GivenBound(-1.0))
+    with pytest.raises(ss.SemismoothError, match="16"):
+        pressed(ss.GivenBound(np.ones(3)))
+
+
+def test_contact_forces_live_on_nodes_dual_cells_or_patches():
+    nodal = pressed(0.3)
+    for multipliers, count in [("nodal", 16), ("dual cells", 16), (0.25, 8), (0.5, 4)]:
+        problem = pressed(0.3, multipliers=multipliers)
+        assert problem.num_contacts == count
+        # The node at the support carries none: the dual cells of others take its part of the facets.
+        np.testing.assert_allclose(problem.areas.sum(), 2.0 if multipliers != "nodal" else nodal.areas.sum(), rtol=1e-12)
+        solution = problem.solve()
+        assert max(solution.residuals.values()) < 1e-12
+        slipping = [s.startswith("slip") for s in solution.states]
+        np.testing.assert_allclose(abs(solution.tractions[slipping, 0]), 0.3 * solution.pressures[slipping], rtol=1e-10)
+        # With smaller patches the means of normal displacements tend to those of nodes.
+        assert abs(solution.resultant[0] - nodal.solve().resultant[0]) < 0.1 * nodal.solve().resultant[0]
+    for wrong, error in [("nodes", ValueError), (0.0, ss.SemismoothError), (float("nan"), ss.SemismoothError)]:
+        with pytest.raises(error):
+            pressed(0.3, multipliers=wrong)
 
 
 def stiffness(mesh, young, poisson):

@@ -3,6 +3,7 @@
 import json
 import os
 import pathlib
+import re
 import signal
 import threading
 
@@ -43,10 +44,12 @@ def test_arrays_describe_the_polygon():
     np.testing.assert_allclose(branch.arclength, np.concatenate([[0.0], np.cumsum(chords)]), atol=1e-9)
     np.testing.assert_allclose(np.linalg.norm(branch.tangents, axis=1), 1, rtol=1e-12)
     np.testing.assert_allclose((np.diff(points, axis=0) / chords[:, None])[0], branch.tangents[0], atol=1e-9)
-    for (y, _), pieces, sign in zip(points, branch.pieces, branch.det_signs):
-        if abs(y - 1) > 1e-9 and abs(y - 3) > 1e-9:
-            assert pieces == ["first" if y > 1 else "second", "first" if y > 3 else "second"]
-            assert sign == (-1 if 1 < y < 3 else 1)
+    # At kinks they are those of departure.
+    for (y, _), tangent, pieces, sign in zip(points, branch.tangents, branch.pieces, branch.det_signs):
+        assert pieces == ["first" if y > 1 - 1e-9 else "second", "first" if y > 3 - 1e-9 else "second"]
+        assert sign == (-1 if 1 - 1e-9 < y < 3 - 1e-9 else 1)
+        slope = 1 - 1.25 * (y > 1 - 1e-9) + 10 * (y > 3 - 1e-9)
+        np.testing.assert_allclose(tangent, np.array([1, slope]) / np.hypot(1, slope), rtol=1e-9)
     assert branch.points[-1] == pytest.approx([3 + 1.5 / 9.75, 2.0], abs=1e-12)
 
 
@@ -102,8 +105,11 @@ def test_targets_monitors_and_stops_are_hit():
     )
     assert [(c.name, round(float(c.x[0]), 12)) for c in branch.crossings] == [("half", 0.5), ("two", 2.0)]
     assert branch.termination == "zero of a monitor" and calls
-    at = branch.events.index("target")
+    (at,) = np.flatnonzero(branch.parameter == 0.25)
     np.testing.assert_allclose(branch.points[at], [0.25, 0.25], atol=1e-12)
+    # Zeros of monitors are events of their names; all rows are those of the crate's tables.
+    names = ["fold", "half", "point", "two"]
+    assert sorted(set(branch.events)) == names and branch.events[0] == "point"
 
 
 def test_both_arms_of_a_pitchfork_can_be_followed():
@@ -137,6 +143,38 @@ def test_diagrams_hold_all_arms_and_list_solutions():
     assert sorted(e for branch in diagram.branches for e, _ in branch) == list(range(len(diagram.edges)))
     limited = ss.diagram(lambda x: [x[0] ** 3 - x[1] * x[0]], [[0.0, -0.5]], (-1.0, 1.0), max_edges=1)
     assert not limited.complete and "limit on edges" in limited.completeness
+
+
+def test_monitors_and_callbacks_of_diagrams():
+    seen = []
+    kinked = ss.trace(lambda x: x[0] - 0.5, 2)
+    diagram = ss.diagram(
+        lambda x: [abs(x[0]) + abs(x[1]) - 1],
+        [[0.5, 0.5]],
+        parameter_range=(-2.0, 2.0),
+        monitors={"half": kinked, "sum": lambda x: x[0] + x[1] - 0.25, "never": lambda x: 1.0 + x[0] ** 2},
+        callback=seen.append,
+    )
+    # On the diamond y = 1/2 at α = ±1/2, and y + α = 1/4 at (5/8, −3/8) and (−3/8, 5/8).
+    found = sorted((c.name, *c.x.round(10)) for c in diagram.crossings)
+    assert found == [("half", 0.5, -0.5), ("half", 0.5, 0.5), ("sum", -0.375, 0.625), ("sum", 0.625, -0.375)]
+    for c in diagram.crossings:
+        # As long as the edge runs from its end.
+        start = diagram.edges[c.edge].points[0]
+        assert c.arclength == pytest.approx(np.linalg.norm(c.x - start), abs=1e-9) and c.parameter == c.x[-1]
+    assert {"point", "fold", "pass-through"} <= {e["event"] for e in seen}
+    assert all(abs(e["x"][0]) + abs(e["x"][1]) == pytest.approx(1, abs=1e-9) for e in seen)
+    stopped = ss.diagram(lambda x: [abs(x[0]) + abs(x[1]) - 1], [[0.5, 0.5]], callback=lambda e: True)
+    assert not stopped.complete and "stopped" in stopped.completeness
+    error = KeyError("mine")
+
+    def failing(x):
+        raise error
+
+    for option in [{"callback": failing}, {"monitors": {"m": failing}}]:
+        with pytest.raises(KeyError) as caught:
+            ss.diagram(lambda x: [abs(x[0]) + abs(x[1]) - 1], [[0.5, 0.5]], **option)
+        assert caught.value is error
 
 
 def test_circles_are_isolas():
@@ -317,6 +355,43 @@ def test_tables_hold_a_row_for_each_point():
     np.testing.assert_allclose(folds[["x0", "parameter"]], [[1.0, 1.0], [3.0, 0.5]], atol=1e-12)
 
 
+def test_tables_of_diagrams_hold_a_row_for_each_point():
+    pandas = pytest.importorskip("pandas")
+    diagram = ss.diagram(lambda x: [abs(x[0]) + x[0] / 2 - x[1]], [[1.0, 1.5]], (-1.0, 2.0))
+    table = diagram.to_pandas()
+    assert list(table.columns) == ["edge", "arclength", "x0", "parameter", "event", "det", "site0"]
+    for e, edge in enumerate(diagram.edges):
+        rows = table[table.edge == e]
+        np.testing.assert_array_equal(rows[["x0", "parameter"]], edge.points)
+        assert list(rows.det.array) == [s if s is not None else pandas.NA for s in edge.point_det_signs]
+        assert set(rows.site0) == set(edge.pieces)
+        assert [rows.event.iloc[0], rows.event.iloc[-1]] == [diagram.vertices[v].kind for v in edge.ends]
+    # y = |a| has its isolated solution where the two parts of y² = −a² meet.
+    point = ss.diagram(lambda x: [abs(x[0]) + abs(x[1])], [[0.0, 0.0]], (-1.0, 1.0)).to_pandas()
+    assert point.edge.isna().all() and list(point.event) == ["isolated"]
+
+
+def signs_of_the_crate():
+    """The signs of `Marker` in the crate, by the first character of their documentation, and the constants of `Colour`."""
+    source = (CRATE / "src" / "output" / "diagram.rs").read_text(encoding="utf-8")
+    names = dict(re.findall(r'Self::(\w+) => "([^"]+)"', source))
+    body = source[source.index("pub enum Marker {") :]
+    signs = re.findall(r"/// (\S) [^\n]*\n    (\w+),", body[: body.index("\n}")])
+    colours = re.findall(r"pub const (\w+): Self = Self::new\(0x(\w+), 0x(\w+), 0x(\w+)\)", source)
+    return {names[kind]: sign for sign, kind in signs}, {name: "#" + "".join(parts) for name, *parts in colours}
+
+
+def test_signs_and_colours_are_those_of_the_crate():
+    from semismooth import _views
+
+    signs, colours = signs_of_the_crate()
+    drawn = {"○": ("o", "white"), "△": ("^", "white"), "□": ("s", "white"), "◇": ("D", "white"), "◆": ("D", "black")}
+    drawn |= {"×": ("x", "black"), "●": ("o", "black"), "⊗": ("$\\otimes$", "black"), "✱": ((6, 2, 0), "black"), "＋": ("+", "black")}
+    assert {kind: (m, fill) for kind, (m, _, fill) in _views._MARKERS.items()} == {kind: drawn[s] for kind, s in signs.items()}
+    assert list(_views._COLOURS) == [colours[name] for name in ("BLUE", "RED", "GREEN", "PURPLE", "GREY")]
+    assert set(_views._KINDS.values()) == set(signs) - {"value"}
+
+
 def test_pictures_dash_negative_determinants_and_mark_events():
     matplotlib = pytest.importorskip("matplotlib")
     matplotlib.use("Agg")
@@ -325,13 +400,18 @@ def test_pictures_dash_negative_determinants_and_mark_events():
     # Where steps are long, no regular point lies between the folds.
     long = ss.follow(beam, [0.0, 0.0], (0.0, 2.0), step=10.0, max_step=10.0)
     lines = long.plot(ax=pyplot.figure().add_subplot()).lines
-    assert [line.get_linestyle() for line in lines if line.get_linestyle() in ("-", "--")] == ["-", "--", "-"]
+    drawn = [line for line in lines if line.get_linestyle() in ("-", "--") and len(line.get_xdata())]
+    assert [line.get_linestyle() for line in drawn] == ["-", "--", "-"]
+    # A colour for each pair of pieces.
+    assert len({line.get_color() for line in drawn}) == 3
     branch = ss.follow(beam, [0.0, 0.0], (0.0, 2.0))
     ax = branch.plot(y=lambda x: 2 * x[0])
-    lines = [line for line in ax.lines if line.get_linestyle() in ("-", "--")]
+    lines = [line for line in ax.lines if line.get_linestyle() in ("-", "--") and len(line.get_xdata())]
     assert [line.get_linestyle() for line in lines] == ["-", "--", "-"]
     np.testing.assert_allclose([lines[1].get_xydata()[0], lines[1].get_xydata()[-1]], [[1.0, 2.0], [0.5, 6.0]], atol=1e-12)
-    assert ax.get_legend_handles_labels()[1] == ["fold"] and ax.get_xlabel() == "parameter"
+    pieces = ["second, second", "first, second", "first, first"]
+    assert ax.get_legend_handles_labels()[1] == [*pieces, "fold", "start", "det < 0"] and ax.get_xlabel() == "parameter"
+    assert {line.get_color() for line in branch.plot(ax=pyplot.figure().add_subplot(), color="green").lines[:3]} == {"green"}
     diagram = ss.diagram(lambda x: [x[0] ** 3 - x[1] * x[0]], [[0.0, -0.5]], (-1.0, 1.0))
-    assert diagram.plot(ax=pyplot.figure().add_subplot()).get_legend_handles_labels()[1] == ["branch point"]
+    assert diagram.plot(ax=pyplot.figure().add_subplot()).get_legend_handles_labels()[1] == ["branching", "start", "det < 0"]
     pyplot.close("all")

@@ -1,8 +1,9 @@
-"""Ctrl-C ends long runs of every kind, each of which would take hours."""
+"""Ctrl-C ends long runs of every kind, each of which would take hours, within a tenth of a second."""
 
 import os
 import signal
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -60,15 +61,85 @@ def transition_set():
     ss.transition_set(family, [0.0, 0.0, 0.0], 0, parameter_range=(0.0, 1.0), min_step=1e-12, step=1e-9, max_step=1e-9, max_points=10**12)
 
 
-@pytest.mark.parametrize("work", [many_solutions, restarts, starts_without_values, one_level, many_levels, transition_set])
-def test_ctrl_c_ends(work):
-    timer = threading.Timer(0.3, lambda: os.kill(os.getpid(), signal.SIGINT))
+def diagram():
+    # A helix in tiny steps.
+    helix = ss.trace(lambda x: [x[0] - np.sin(50 * x[2]), x[1] - np.cos(50 * x[2])], 3)
+    ss.diagram(helix, [[0.0, 1.0, 0.0]], step=1e-6, max_step=1e-6, max_points=10**12)
+
+
+def without_end(**more):
+    """Iterates that tend to infinity or turn around, at whatever limits the options have."""
+    return {"max_iterations": 10**9, "restarts": 10**6} | more
+
+
+def inequality():
+    ss.solve_vi(lambda x: np.exp(x) + np.roll(x, 1) ** 2 + 1, np.zeros(100), **without_end(max_attempt=10**9))
+
+
+def cone():
+    def residual(x):
+        return x**2 + np.roll(x, 1) ** 2 + 1
+
+    ss.solve_cone(residual, [("free", 30), ("second-order", 10)], np.ones(40), **without_end())
+
+
+def pivots():
+    # The problem of Murty (1978), in which Lemke's method takes 2ⁿ pivots.
+    n = 40
+    ss.lemke(np.eye(n) + 2 * np.tril(np.ones((n, n)), -1), -(2.0 ** np.arange(n, 0, -1)), max_pivots=10**15)
+
+
+def friction():
+    # To more digits than there are.
+    rng = np.random.default_rng(0)
+    H = rng.normal(size=(300, 60))
+    ss.solve_friction(H @ H.T, H @ rng.normal(size=60), np.full(100, 0.8), tolerance=1e-300, max_sweeps=10**9, max_factorisations=10**9)
+
+
+def first_solution():
+    # A coefficient of friction that is not a number where the solution is.
+    weird = ss.Friction.function(lambda slip, alpha: 0.5 + 0.4 * np.sin(1e9 * slip))
+    sheared(weird).solve(1.0, max_increments=10**9, max_paths=10**9, max_points=10**9)
+
+
+WORK = [
+    many_solutions,
+    restarts,
+    starts_without_values,
+    one_level,
+    many_levels,
+    transition_set,
+    diagram,
+    inequality,
+    cone,
+    pivots,
+    friction,
+    first_solution,
+]
+
+
+def seconds_to_end(work):
+    """From the signal to the exception, half a second after the begin."""
+    sent = []
+
+    def send():
+        sent.append(time.perf_counter())
+        os.kill(os.getpid(), signal.SIGINT)
+
+    timer = threading.Timer(0.5, send)
     timer.start()
     try:
         with pytest.raises(KeyboardInterrupt):
             work()
+        return time.perf_counter() - sent[0]
     finally:
         timer.cancel()
+
+
+@pytest.mark.parametrize("work", WORK)
+def test_ctrl_c_ends_within_a_tenth_of_a_second(work):
+    # On a machine with other work one try in ten is in time; where the library does not look, none is.
+    assert any(seconds_to_end(work) < 0.1 for _ in range(10))
 
 
 def test_interrupts_amid_conversions_come_out_unchanged():

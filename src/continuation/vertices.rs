@@ -14,6 +14,8 @@ pub struct BranchVertex<'a> {
     /// What happens here: "point", the name of a [`TransitionKind`](super::TransitionKind), "smooth fold", "branch point", or the name of a
     /// monitor.
     pub event: &'a str,
+    /// Unit tangent on departure; where the curve ends, on arrival.
+    pub tangent: &'a [f64],
     /// The selection on departure.
     pub selection: &'a Selection,
     /// Sites on whose cell boundary the curve goes on, increasing.
@@ -38,6 +40,7 @@ impl<'a> BranchVertex<'a> {
             arclength: point.arclength,
             x: &point.x,
             event,
+            tangent: &point.tangent,
             selection: &point.selection,
             grazing: &point.grazing,
             det_sign: point.det_sign,
@@ -47,6 +50,7 @@ impl<'a> BranchVertex<'a> {
 
     fn leaving_along(mut self, arm: Option<&'a Arm>) -> Self {
         if let Some(arm) = arm {
+            self.tangent = &arm.tangent;
             self.selection = &arm.selection;
             self.grazing = &arm.grazing;
         }
@@ -60,6 +64,7 @@ impl<'a> From<&'a Transition> for BranchVertex<'a> {
             arclength: t.arclength,
             x: &t.x,
             event: t.kind.name(),
+            tangent: &t.tangent_after,
             selection: &t.after,
             grazing: &[],
             det_sign: t.det_sign,
@@ -105,6 +110,8 @@ impl Branch {
     /// let kink = vertices.iter().find(|v| v.event == "fold").unwrap();
     /// assert!(kink.parameter().abs() < 1e-12);
     /// assert_eq!((vertices[0].event, vertices[0].parameter()), ("point", 0.5));
+    /// // From the kink on y falls and α grows.
+    /// assert!(kink.tangent[0] < 0.0 && kink.tangent[1] > 0.0);
     /// # Ok::<(), semismooth::continuation::ContinuationError>(())
     /// ```
     #[must_use]

@@ -101,10 +101,12 @@ pub enum Marker {
     Undecided,
     /// ✱ The curve starts.
     Start,
+    /// ＋ A value that was computed or measured: of curves that join such values, each of them.
+    Value,
 }
 
 impl Marker {
-    pub(super) const ALL: [Self; 9] = [
+    pub(super) const ALL: [Self; 10] = [
         Self::Transition,
         Self::Fold,
         Self::SmoothFold,
@@ -114,6 +116,7 @@ impl Marker {
         Self::Isolated,
         Self::Undecided,
         Self::Start,
+        Self::Value,
     ];
 
     /// Its name in the legend.
@@ -129,6 +132,7 @@ impl Marker {
             Self::Isolated => "isolated solution",
             Self::Undecided => "undecided",
             Self::Start => "start",
+            Self::Value => "value",
         }
     }
 }

@@ -1,15 +1,15 @@
-// Pictures as SVG text: axes, curves, marks and legends. Colours of states are those of the crate's pictures, which colour-blind
-// readers can tell apart, and others as far apart on dark paper.
+// Pictures as SVG text: axes, curves, marks and legends. Colours and signs are those of the crate's pictures, which colour-blind readers can
+// tell apart, and others as far apart on dark paper (tests/pictures.rs). Pieces beyond `cycle` are grey, as grazing is.
 const palettes = {
   light: {
     paper: '#ffffff', ink: '#1a1a1a', faint: '#5c6166', grid: '#e3e6ea', body: '#dfe6ee',
     open: '#d55e00', stick: '#1aa873', slip: '#0072b2', grazing: '#555555', fold: '#dd8fbd',
-    cycle: ['#0072b2', '#d55e00', '#1aa873', '#dd8fbd', '#a67c00', '#3a9bd9', '#6a3d9a', '#5c6166'],
+    cycle: ['#0072b2', '#d55e00', '#1aa873', '#dd8fbd', '#ffb000'],
   },
   dark: {
     paper: '#15181c', ink: '#e8eaed', faint: '#a3abb3', grid: '#2a3037', body: '#2c3640',
     open: '#ffaa1f', stick: '#3bf38c', slip: '#50b3ff', grazing: '#787878', fold: '#d9c4d8',
-    cycle: ['#50b3ff', '#ffaa1f', '#3bf38c', '#d9c4d8', '#e6b93c', '#9ad4f5', '#b99be0', '#a3abb3'],
+    cycle: ['#50b3ff', '#ffaa1f', '#3bf38c', '#d9c4d8', '#888833'],
   },
 };
 const font = 'DejaVu Sans, Segoe UI, Roboto, sans-serif';
@@ -82,21 +82,30 @@ const rangeOf = (curves, events) => {
   return padded(values.length ? values : [0]);
 };
 
-// Marks, one for each kind of event.
-const marks = {
-  'pass-through': (r) => `<circle r="${r}"/>`,
-  fold: (r) => `<path d="M${-r},${-r}L${1.2 * r},0L${-r},${r}Z"/>`,
-  'vertical segment': (r) => `<path d="M${-r},${-r}H${r}V${r}H${-r}Z M0,${-r}V${r}"/>`,
-  branching: (r) => `<path class="full" d="M${1.3 * r},0L0,${1.3 * r}L${-1.3 * r},0L0,${-1.3 * r}Z"/>`,
-  'branch point': (r) => `<path d="M${1.3 * r},0L0,${1.3 * r}L${-1.3 * r},0L0,${-1.3 * r}Z"/>`,
-  end: (r) => `<path d="M${-r},${-r}L${r},${r}M${-r},${r}L${r},${-r}"/>`,
-  'smooth fold': (r) => `<path d="M${-r},${-r}H${r}V${r}H${-r}Z"/>`,
-  isolated: (r) => `<path d="M${-1.2 * r},0H${1.2 * r}M0,${-1.2 * r}V${1.2 * r}"/>`,
+// What happens at a vertex, by its kind: the name of its mark.
+const events = {
+  'pass-through': 'transition', fold: 'fold', 'smooth fold': 'smooth fold', 'vertical segment': 'vertical segment', branching: 'branching',
+  'branch point': 'branching', end: 'end', isolated: 'isolated solution', undecided: 'undecided', start: 'start',
 };
+// Marks as the crate draws them, in the order of legends; 'these data' is where the sliders are.
+const marks = {
+  transition: (r) => `<circle r="${r}"/>`,
+  fold: (r) => `<path d="M0,${-1.25 * r}L${1.15 * r},${0.85 * r}H${-1.15 * r}Z"/>`,
+  'smooth fold': (r) => `<path d="M${-0.9 * r},${-0.9 * r}H${0.9 * r}V${0.9 * r}H${-0.9 * r}Z"/>`,
+  'vertical segment': (r) => `<path d="M${1.25 * r},0L0,${1.25 * r}L${-1.25 * r},0L0,${-1.25 * r}Z"/>`,
+  branching: (r) => `<path d="M${1.25 * r},0L0,${1.25 * r}L${-1.25 * r},0L0,${-1.25 * r}Z"/>`,
+  end: (r) => `<path stroke-width="2" d="M${-0.9 * r},${-0.9 * r}L${0.9 * r},${0.9 * r}M${-0.9 * r},${0.9 * r}L${0.9 * r},${-0.9 * r}"/>`,
+  'isolated solution': (r) => `<circle r="${0.7 * r}"/>`,
+  undecided: (r) => `<circle r="${1.1 * r}"/><path d="M${-0.7 * r},${-0.7 * r}L${0.7 * r},${0.7 * r}M${-0.7 * r},${0.7 * r}L${0.7 * r},${-0.7 * r}"/>`,
+  start: (r) => `<path stroke-width="2" d="M0,${-1.3 * r}V${1.3 * r}M${-1.13 * r},${-0.65 * r}L${1.13 * r},${0.65 * r}M${-1.13 * r},${0.65 * r}L${1.13 * r},${-0.65 * r}"/>`,
+  value: (r) => `<path d="M${-1.1 * r},0H${1.1 * r}M0,${-1.1 * r}V${1.1 * r}"/>`,
+  'these data': (r) => `<path d="M${-1.2 * r},0H${1.2 * r}M0,${-1.2 * r}V${1.2 * r}"/>`,
+};
+const filled = new Set(['branching', 'isolated solution']);
 const mark = (kind, x, y, colours, r = 4.5) => {
   if (!marks[kind]) return '';
-  const filled = kind === 'branching' ? colours.ink : colours.paper;
-  return `<g transform="translate(${x.toFixed(2)},${y.toFixed(2)})" fill="${filled}" stroke="${colours.ink}" stroke-width="1.5">${marks[kind](r)}</g>`;
+  const fill = filled.has(kind) ? colours.ink : colours.paper;
+  return `<g transform="translate(${x.toFixed(2)},${y.toFixed(2)})" fill="${fill}" stroke="${colours.ink}" stroke-width="1.5">${marks[kind](r)}</g>`;
 };
 
 // Axes of a picture: places, and the text of frame, ticks and labels.
@@ -150,12 +159,13 @@ const polyline = (points, X, Y) => points.map(([a, b], k) => `${k ? 'L' : 'M'}${
 const diagramPicture = ({ diagram, value, style, range, at, solutions, colours, ...picture }) => {
   const place = (x) => [x[x.length - 1], value(x)];
   const curves = diagram.edges.map((edge) => edge.points.map(place));
-  const events = diagram.vertices.filter((v) => v.number || v.kind === 'isolated');
-  const y = rangeOf(curves, [...events.map((v) => value(v.x)), ...solutions.map(value)]);
+  // Starts, which nobody asked for here, are not marked.
+  const marked = diagram.vertices.filter((v) => v.number || v.kind === 'isolated');
+  const y = rangeOf(curves, [...marked.map((v) => value(v.x)), ...solutions.map(value)]);
 
   const runs = [];
   const classes = new Map();
-  const kinds = new Set(events.map((v) => v.kind));
+  const kinds = new Set(marked.map((v) => events[v.kind]));
   diagram.edges.forEach((edge, e) => {
     const look = style(edge);
     classes.set(look.label, look);
@@ -182,12 +192,12 @@ const diagramPicture = ({ diagram, value, style, range, at, solutions, colours, 
   diagram.edges.forEach((edge, e) => {
     for (const k of edge.folds) text += mark('smooth fold', X(curves[e][k][0]), Y(curves[e][k][1]), colours);
   });
-  for (const v of events) text += mark(v.kind, X(place(v.x)[0]), Y(place(v.x)[1]), colours);
+  for (const v of marked) text += mark(events[v.kind], X(place(v.x)[0]), Y(place(v.x)[1]), colours);
   text += '</g>' + frame.frame;
 
   // Labels where nothing was written before.
   const taken = [];
-  for (const v of events.filter((e) => e.number)) {
+  for (const v of marked.filter((e) => e.number)) {
     const [px, py] = [X(place(v.x)[0]), Y(place(v.x)[1])];
     if (px < frame.left - 1 || px > frame.right + 1 || py < frame.top - 1 || py > frame.bottom + 1) continue;
     const label = `T${v.number}`;

@@ -48,7 +48,7 @@ const formulaTab = (() => {
         const name = edge.pieces.join('; ');
         const k = names.indexOf(name);
         // Many classes: the legend names the first.
-        return k < 7 ? { label: name || 'solutions', colour: colours.cycle[k] } : { label: 'other pieces', colour: colours.cycle[7] };
+        return k < colours.cycle.length ? { label: name || 'solutions', colour: colours.cycle[k] } : { label: 'other pieces', colour: colours.grazing };
       },
       width, height: 400, xLabel: 'a', yLabel: 'xy'[s.quantity], title: '', name: `Solutions ${'xy'[s.quantity]} over a`,
     });

@@ -188,7 +188,7 @@ const frictionTab = (() => {
     const used = looks.filter(([, is]) => lines.some((line) => line.folds.some((_, k) => is(line, k))));
     const legend = used.map(([entry]) => entry);
     if (lines.some((line) => line.node === 1)) legend.push({ label: 'node 2', colour: colours.faint, dash: '3 3' });
-    legend.push({ label: 'these data', mark: 'isolated' });
+    legend.push({ label: 'these data', mark: 'these data' });
     const xLabel = s.mode === 'F' ? component(s, s.plane) : 'α';
     const frame = axes({
       width, height: 340, x: plane.load, y: plane.friction, xLabel, yLabel: nodes(s) === 1 ? 'F' : 'F_1', title: '', legend, colours,
@@ -210,7 +210,7 @@ const frictionTab = (() => {
       }
     }
     const [a, b] = planePoint(s);
-    text += mark('isolated', frame.X(a), frame.Y(b), colours, 6) + `<circle cx="${frame.X(a).toFixed(2)}" cy="${frame.Y(b).toFixed(2)}" r="9" stroke="${colours.ink}" stroke-width="2"/>`;
+    text += mark('these data', frame.X(a), frame.Y(b), colours, 6) + `<circle cx="${frame.X(a).toFixed(2)}" cy="${frame.Y(b).toFixed(2)}" r="9" stroke="${colours.ink}" stroke-width="2"/>`;
     return `${text}</g>${frame.frame}</svg>`;
   };
   const drawPlane = () => {

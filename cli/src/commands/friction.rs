@@ -1,13 +1,17 @@
 //! Frictional contact problems in Delassus form.
 
+use std::ffi::OsStr;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use semismooth::contact::{DelassusOptions, DelassusSolver, read_delassus};
+use semismooth::contact::{DelassusOptions, DelassusProblem, DelassusReport, DelassusSolver, read_delassus};
 
 use super::error::CommandError;
+use super::progress::Progress;
+use super::run_file::{create, write_failed};
+use super::text::quoted;
 
 /// Residual at every contact up to which a problem is solved.
 const TOLERANCE: f64 = 1e-12;
@@ -21,22 +25,54 @@ pub struct FrictionArgs {
     /// One JSON object a file, with r and u contact by contact (N, T1[, T2])
     #[arg(long)]
     json: bool,
+    /// No table, no progress
+    #[arg(long, short)]
+    quiet: bool,
+    /// Folder for problems.csv (a line a file) and contacts_0000.csv … (a line a contact)
+    #[arg(long)]
+    out: Option<PathBuf>,
     /// Seconds after which a problem is given up
     #[arg(long, default_value_t = 300.0)]
     seconds: f64,
 }
 
+/// How a problem ended.
+struct Outcome {
+    name: String,
+    status: &'static str,
+    solved: bool,
+    residual: f64,
+    seconds: f64,
+    report: DelassusReport,
+}
+
 pub(super) fn run(arguments: &FrictionArgs, out: &mut dyn Write) -> Result<(), CommandError> {
-    if !arguments.json {
+    let prints = !arguments.json && !arguments.quiet;
+    if prints {
         writeln!(
             out,
             "{:<32} {:>8} {:>10} {:>9} {:>8} {:>5} {:>5} {:>5}",
             "problem", "contacts", "status", "residual", "seconds", "open", "stick", "slip"
         )?;
     }
+    let mut table = arguments.out.as_deref().map(Table::new).transpose()?;
+    let progress = Progress::new(arguments.files.len() as u64, !prints)?;
     let mut unsolved = 0;
-    for file in &arguments.files {
-        unsolved += usize::from(!solve(file, arguments, out)?);
+    for (k, file) in arguments.files.iter().enumerate() {
+        let (problem, outcome) = solve(file, k, arguments.seconds, &progress)?;
+        unsolved += usize::from(!outcome.solved);
+        if let Some(table) = &mut table {
+            table.add(&problem, &outcome)?;
+        }
+        progress.suspend(|| tell(arguments, &outcome, out))?;
+        if progress.cancelled() {
+            return Err(CommandError::Interrupted(format!("at {}", file.display())));
+        }
+    }
+    drop(progress);
+    if let (Some(folder), true) = (&arguments.out, prints) {
+        let folder = folder.display();
+        writeln!(out, "written to {folder}: problems.csv, and contacts_0000.csv on")?;
     }
     match unsolved {
         0 => Ok(()),
@@ -47,14 +83,21 @@ pub(super) fn run(arguments: &FrictionArgs, out: &mut dyn Write) -> Result<(), C
     }
 }
 
-fn solve(file: &Path, arguments: &FrictionArgs, out: &mut dyn Write) -> Result<bool, CommandError> {
+fn solve(
+    file: &Path,
+    position: usize,
+    seconds: f64,
+    progress: &Progress,
+) -> Result<(DelassusProblem, Outcome), CommandError> {
     let failed = |e| CommandError::failed(file.display().to_string(), e);
     let problem = read_delassus(file).map_err(failed)?;
-    let limit = Duration::try_from_secs_f64(arguments.seconds)
-        .map_err(|e| CommandError::failed(format!("--seconds {}", arguments.seconds), e))?;
+    let limit = Duration::try_from_secs_f64(seconds)
+        .map_err(|e| CommandError::failed(format!("--seconds {seconds}"), e))?;
     let begun = Instant::now();
     let report = DelassusSolver::new(DelassusOptions::default().with_max_time(Some(limit)))
-        .solve(&problem)
+        .solve_observed(&problem, None, |now| {
+            progress.at(position as u64, format!("residual {:.1e}", now.residual))
+        })
         .map_err(failed)?;
     let seconds = begun.elapsed().as_secs_f64();
     // By an evaluation of its own.
@@ -66,19 +109,109 @@ fn solve(file: &Path, arguments: &FrictionArgs, out: &mut dyn Write) -> Result<b
     };
     let name = file
         .file_stem()
-        .map_or_else(String::new, |s| s.to_string_lossy().into_owned());
-    let [contacts, open, stick, slip] = [problem.contacts(), report.open(), report.stick(), report.slip()];
+        .unwrap_or_else(|| OsStr::new("problem"))
+        .to_string_lossy()
+        .into_owned();
+    let outcome = Outcome {
+        name,
+        status,
+        solved,
+        residual,
+        seconds,
+        report,
+    };
+    Ok((problem, outcome))
+}
+
+fn tell(arguments: &FrictionArgs, outcome: &Outcome, out: &mut dyn Write) -> Result<(), CommandError> {
+    let Outcome {
+        name,
+        status,
+        residual,
+        seconds,
+        report,
+        ..
+    } = outcome;
+    let [contacts, open, stick, slip] = [report.states.len(), report.open(), report.stick(), report.slip()];
     if arguments.json {
         let line = serde_json::json!({
             "name": name, "contacts": contacts, "status": status, "residual": residual, "seconds": seconds,
             "open": open, "stick": stick, "slip": slip, "r": report.r, "u": report.u,
         });
         writeln!(out, "{line}")?;
-    } else {
+    } else if !arguments.quiet {
         writeln!(
             out,
-            "{name:<32} {contacts:>8} {status:>10} {residual:>9.1e} {seconds:>8.3} {open:>5} {stick:>5} {slip:>5}"
+            "{name:<32.32} {contacts:>8} {status:>10} {residual:>9.1e} {seconds:>8.3} {open:>5} {stick:>5} {slip:>5}"
         )?;
     }
-    Ok(solved)
+    Ok(())
+}
+
+/// Results as files.
+struct Table<'a> {
+    folder: &'a Path,
+    path: PathBuf,
+    lines: std::io::BufWriter<std::fs::File>,
+    /// Problems so far.
+    count: usize,
+}
+
+impl<'a> Table<'a> {
+    fn new(folder: &'a Path) -> Result<Self, CommandError> {
+        std::fs::create_dir_all(folder).map_err(write_failed(folder))?;
+        let path = folder.join("problems.csv");
+        let mut lines = create(&path)?;
+        writeln!(lines, "problem,contacts,status,residual,seconds,open,stick,slip\r")
+            .map_err(write_failed(&path))?;
+        Ok(Self {
+            folder,
+            path,
+            lines,
+            count: 0,
+        })
+    }
+
+    /// A line for the problem, and its contacts in a table of their own.
+    fn add(&mut self, problem: &DelassusProblem, outcome: &Outcome) -> Result<(), CommandError> {
+        let report = &outcome.report;
+        let line = writeln!(
+            self.lines,
+            "{},{},{},{:?},{:?},{},{},{}\r",
+            quoted(&outcome.name),
+            problem.contacts(),
+            outcome.status,
+            outcome.residual,
+            outcome.seconds,
+            report.open(),
+            report.stick(),
+            report.slip()
+        );
+        line.and_then(|()| self.lines.flush())
+            .map_err(write_failed(&self.path))?;
+        let path = self.folder.join(format!("contacts_{:04}.csv", self.count));
+        self.count += 1;
+        contacts(&mut create(&path)?, problem.dimension(), report).map_err(write_failed(&path))
+    }
+}
+
+/// A line for each contact.
+fn contacts(out: &mut impl Write, dimension: usize, report: &DelassusReport) -> std::io::Result<()> {
+    let axes = &["N", "T1", "T2"][..dimension];
+    write!(out, "contact,state")?;
+    for name in ["r", "u"] {
+        for axis in axes {
+            write!(out, ",{name} {axis}")?;
+        }
+    }
+    write!(out, "\r\n")?;
+    let pairs = report.r.chunks(dimension).zip(report.u.chunks(dimension));
+    for (k, (state, (r, u))) in report.states.iter().zip(pairs).enumerate() {
+        write!(out, "{k},{state}")?;
+        for value in r.iter().chain(u) {
+            write!(out, ",{value:?}")?;
+        }
+        write!(out, "\r\n")?;
+    }
+    out.flush()
 }

@@ -7,6 +7,7 @@ mod options;
 mod problem;
 mod progress;
 mod run_file;
+mod text;
 
 use std::ffi::OsString;
 use std::io::Write;
@@ -75,11 +76,16 @@ const TEMPLATES: [(&str, &str); 4] = [
 #[must_use]
 pub fn is_command(arguments: &[OsString]) -> bool {
     let first = arguments.first().and_then(|f| f.to_str()).unwrap_or_default();
-    let known = first == "help"
-        || Arguments::command()
-            .get_subcommands()
-            .any(|c| c.get_name() == first);
+    let known = first == "help" || names().iter().any(|n| n == first);
     known && arguments.get(1).is_none_or(|second| second != "-AMPL")
+}
+
+/// The names of the commands.
+#[must_use]
+pub fn names() -> Vec<String> {
+    let program = Arguments::command();
+    let names = program.get_subcommands().map(|c| c.get_name().to_owned());
+    names.collect()
 }
 
 /// Runs a command with its arguments, the name of the program not among them.
@@ -100,8 +106,30 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>, out: &mut dyn Write) -
             clap_complete::generate(shell, &mut Arguments::command(), "semismooth", out);
             Ok(())
         }
-        Command::Man => Ok(clap_mangen::Man::new(Arguments::command()).render(out)?),
+        Command::Man => Ok(man(out)?),
     }
+}
+
+/// One page: the program, then each command with its arguments.
+fn man(out: &mut dyn Write) -> std::io::Result<()> {
+    let mut program = Arguments::command();
+    program.build();
+    let page = clap_mangen::Man::new(program.clone());
+    page.render_title(out)?;
+    page.render_name_section(out)?;
+    page.render_synopsis_section(out)?;
+    page.render_description_section(out)?;
+    for command in program.get_subcommands().filter(|c| c.get_name() != "help") {
+        writeln!(out, ".SH \"SEMISMOOTH {}\"", command.get_name().to_uppercase())?;
+        let mut section = Vec::new();
+        let page = clap_mangen::Man::new(command.clone());
+        page.render_description_section(&mut section)?;
+        page.render_synopsis_section(&mut section)?;
+        page.render_options_section(&mut section)?;
+        out.write_all(String::from_utf8_lossy(&section).replace(".SH ", ".SS ").as_bytes())?;
+    }
+    page.render_extra_section(out)?;
+    page.render_version_section(out)
 }
 
 fn init(arguments: &InitArgs, out: &mut dyn Write) -> Result<(), CommandError> {

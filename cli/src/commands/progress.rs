@@ -8,8 +8,8 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use super::error::CommandError;
 
-/// Fits 80 columns.
-const TEMPLATE: &str = "{elapsed_precise} [{bar:30}] {percent:>3} %  {msg:.20}";
+/// Fits 80 columns, without colours.
+const TEMPLATE: &str = "{elapsed_precise} [{bar:30}] {percent:>3} %  {msg:20!}";
 
 /// A bar on standard error (none where that is no terminal), and whether Ctrl-C was pressed.
 pub(super) struct Progress {
@@ -45,6 +45,11 @@ impl Progress {
             true => ControlFlow::Break(()),
             false => ControlFlow::Continue(()),
         }
+    }
+
+    /// Sets what the end is.
+    pub(super) fn of(&self, length: u64) {
+        self.bar.set_length(length);
     }
 
     /// The next position.

@@ -6,6 +6,7 @@ use std::io::BufWriter;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use semismooth::output::BranchDiagram;
 use serde::de::DeserializeOwned;
 use toml::Spanned;
 
@@ -25,15 +26,26 @@ pub(super) struct RunArgs {
     /// Folder for the results, in place of that of the run file
     #[arg(long)]
     pub(super) out: Option<PathBuf>,
-    /// Pictures as PDF instead of SVG
+    /// Pictures as PDF, too, beside SVG
     #[arg(long)]
     pub(super) pdf: bool,
 }
 
 impl RunArgs {
-    /// The file of a picture.
-    pub(super) fn picture(&self, name: &str) -> String {
-        format!("{name}.{}", if self.pdf { "pdf" } else { "svg" })
+    /// The files of a picture.
+    pub(super) fn pictures(&self, name: &str) -> Vec<String> {
+        let kinds = if self.pdf { &["svg", "pdf"][..] } else { &["svg"] };
+        kinds.iter().map(|kind| format!("{name}.{kind}")).collect()
+    }
+
+    /// Writes a picture into a folder.
+    pub(super) fn draw(&self, folder: &Path, name: &str, picture: &BranchDiagram) -> Result<(), CommandError> {
+        for file in self.pictures(name) {
+            picture
+                .write(folder.join(file))
+                .map_err(|e| CommandError::failed("the picture", e))?;
+        }
+        Ok(())
     }
 }
 

@@ -338,29 +338,119 @@ fn friction_problems_are_judged_by_their_residuals() {
     let found: serde_json::Value = serde_json::from_str(&text).unwrap();
     assert!(found["status"] == "solved" && found["residual"].as_f64().unwrap() <= 1e-12);
     // No time, no solution.
+    assert!(printed(&folder, &["friction", "-q", &shipped]).is_empty());
+    // Tables with the same numbers, complementary at each contact.
+    printed(&folder, &["friction", "--out", "tables", &shipped, &shipped]);
+    let rows = table(&folder.join("tables/problems.csv"));
+    assert!(rows.len() == 3 && rows[1][2] == "solved", "{rows:?}");
+    let contacts = table(&folder.join("tables/contacts_0001.csv"));
+    assert_eq!(contacts[0], ["contact", "state", "r N", "r T1", "r T2", "u N", "u T1", "u T2"]);
+    assert_eq!(contacts.len(), 1 + found["r"].as_array().unwrap().len() / 3);
+    let count = |state: &str| contacts[1..].iter().filter(|c| c[1].starts_with(state)).count();
+    for state in ["open", "stick", "slip"] {
+        assert_eq!(found[state], count(state));
+    }
+    for (k, row) in contacts[1..].iter().enumerate() {
+        let [r, u] = [2, 5].map(|c| row[c].parse::<f64>().unwrap());
+        assert_eq!((found["r"][3 * k].as_f64(), found["u"][3 * k].as_f64()), (Some(r), Some(u)));
+        assert!(row[1] == "open" || u.abs() < 1e-12, "{row:?}");
+        assert!(row[1] != "open" || r.abs() < 1e-12, "{row:?}");
+    }
     let message = refused(&folder, &["friction", "--seconds", "0", &shipped, &shipped]);
     assert!(message.contains("2 of 2 problems are not solved"), "{message}");
     assert!(refused(&folder, &["friction", "absent.json"]).contains("absent.json"));
     assert!(refused(&folder, &["friction", "--seconds", "nan", &shipped]).contains("--seconds NaN"));
 }
 
+/// The block in the plane has 26 unknowns: tables of it are cut, or go on in the next line.
+#[test]
+fn nothing_is_wider_than_a_hundred_columns() {
+    let folder = folder("columns");
+    let narrow = |text: &str| {
+        let wide = text.lines().find(|l| l.chars().count() > 100);
+        assert_eq!(wide, None);
+    };
+    narrow(&printed(&folder, &["--help"]));
+    for kind in ["contact", "continuation", "delassus", "diagram", "enumeration", "mcp", "newton", "search"] {
+        narrow(&printed(&folder, &["options", kind]));
+    }
+    for command in ["follow", "diagram", "solutions"] {
+        run_file_of(&folder, command, &[]);
+        narrow(&printed(&folder, &[command, "run.toml"]));
+        let discrete = problems::discrete();
+        let mut changes: Vec<(&str, &str)> = discrete.iter().map(|(a, b)| (*a, b.as_str())).collect();
+        match command {
+            "follow" => {}
+            "diagram" => changes.extend([
+                ("sections = [-1.0, 0.5, 2.0]", "sections = [0.5]"),
+                ("range = [-2.0, 3.0]", "range = [0.4, 0.6]"),
+            ]),
+            _ => changes.push(("at = [-1.0, 0.5, 2.0]", "at = [0.5]")),
+        }
+        run_file_of(&folder, command, &changes);
+        let text = printed(&folder, &[command, "run.toml"]);
+        narrow(&text);
+        assert!(command == "follow" || text.contains(" …\n"), "{text}");
+    }
+}
+
+/// Nothing is printed in colours, not even where a terminal asks for them; no reader of NO_COLOR is disappointed.
+#[test]
+#[cfg(target_os = "linux")]
+fn no_colours_are_printed() {
+    let folder = folder("colours");
+    run_file_of(&folder, "follow", &[]);
+    let program = env!("CARGO_BIN_EXE_semismooth");
+    for line in ["follow run.toml", "follow absent.toml", "--help", "follow --help", "follow --wrong"] {
+        for (name, value) in [("NO_COLOR", "1"), ("CLICOLOR_FORCE", "1")] {
+            // A terminal of its own, in which the bar is drawn.
+            let output = Command::new("script")
+                .args(["--quiet", "--return", "--command", &format!("{program} {line}"), "/dev/null"])
+                .env("TERM", "xterm-256color")
+                .env(name, value)
+                .current_dir(&folder)
+                .output()
+                .expect("`script` of util-linux");
+            let text = String::from_utf8_lossy(&output.stdout);
+            assert!(!text.is_empty());
+            // "ESC [ numbers m" sets colours and weights.
+            for sequence in text.split("\u{1b}[").skip(1) {
+                let end = sequence.trim_start_matches(|c: char| c.is_ascii_digit() || c == ';');
+                assert!(!end.starts_with('m'), "{line}: {text:?}");
+            }
+        }
+    }
+}
+
 #[test]
 fn shells_and_manuals_know_the_commands() {
     let folder = folder("help");
+    let commands = semismooth_cli::commands::names();
+    assert_eq!(commands.len(), 9);
     for arguments in [
         &["help"][..],
+        &["--help"],
         &["completions", "bash"],
         &["completions", "zsh"],
         &["man"],
     ] {
         let text = printed(&folder, arguments);
-        for word in ["contact", "friction", "init"] {
+        for word in &commands {
             assert!(text.contains(word), "{arguments:?}: {word}");
         }
     }
-    for command in ["contact", "friction", "init"] {
+    // The manual has the options that each command has.
+    let manual = printed(&folder, &["man"]).replace('\\', "");
+    for command in &commands {
         let text = printed(&folder, &[command, "--help"]);
         assert!(text.lines().all(|l| l.chars().count() <= 100), "{text}");
+        let title = format!(".SH \"SEMISMOOTH {}\"", command.to_uppercase());
+        let section = manual.split(&title).nth(1).unwrap();
+        let section = section.split(".SH \"").next().unwrap();
+        let options = text.split_whitespace().filter(|w| w.starts_with("--"));
+        for option in options {
+            assert!(section.contains(option), "{command}: {option} is not in {section}");
+        }
     }
     // A problem of AMPL's may have the name of a command.
     let message = refused(&folder, &["contact", "-AMPL"]);

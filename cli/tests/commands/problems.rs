@@ -12,7 +12,7 @@ use super::{folder, printed, refused, run_file_of, table};
 const BLOCK: &str = "../examples/data/block_linear_10x20_F0.5";
 
 /// Changes that put a discrete problem in place of the equations.
-fn discrete() -> [(&'static str, String); 4] {
+pub fn discrete() -> [(&'static str, String); 4] {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(BLOCK);
     [
         ("unknowns", "# unknowns".to_owned()),
@@ -64,9 +64,11 @@ fn the_curve_of_a_beam_turns_at_its_kinks() {
             .contains("load")
     );
     let text = printed(&folder, &["follow", "run.toml", "--pdf", "--out", "paper"]);
-    assert!(text.contains("curve.csv, curve.pdf\n"), "{text}");
+    assert!(text.contains("curve.csv, curve.svg, curve.pdf\n"), "{text}");
     let picture = std::fs::read(folder.join("paper/curve.pdf")).unwrap();
-    assert!(picture.starts_with(b"%PDF-") && !folder.join("paper/curve.svg").exists());
+    assert!(picture.starts_with(b"%PDF-"));
+    let [here, there] = ["out/curve.svg", "paper/curve.svg"].map(|f| std::fs::read(folder.join(f)).unwrap());
+    assert_eq!(here, there);
     // Objects with the same numbers, elsewhere; the other way from the other end.
     let text = printed(&folder, &["follow", "run.toml", "--json", "--out", "json"]);
     let lines: Vec<serde_json::Value> = text.lines().map(|l| serde_json::from_str(l).unwrap()).collect();

@@ -26,6 +26,7 @@ __all__ = [
     "Foundation",
     "Friction",
     "FrictionResult",
+    "GivenBound",
     "Lcp",
     "LemkeResult",
     "Load",
@@ -235,6 +236,8 @@ class Solution:
     def margin(self) -> float: ...
     @property
     def index(self) -> int | None: ...
+    @property
+    def residual(self) -> float: ...
 
 @final
 class Continuum:
@@ -255,6 +258,10 @@ class SolutionSet:
     def continua(self) -> list[Continuum]: ...
     @property
     def complete(self) -> bool: ...
+    @property
+    def status(self) -> str: ...
+    @property
+    def residual(self) -> float: ...
     @property
     def completeness(self) -> str: ...
     @property
@@ -341,6 +348,8 @@ class Crossing:
     def parameter(self) -> float: ...
     @property
     def arclength(self) -> float: ...
+    @property
+    def edge(self) -> int | None: ...
 
 _Drawn: TypeAlias = int | Callable[[_Vector], float] | None
 
@@ -458,6 +467,8 @@ class Vertex:
     def edges(self) -> list[int | None]: ...
     @property
     def complete(self) -> bool: ...
+    @property
+    def is_start(self) -> bool: ...
 
 @final
 class Edge:
@@ -470,6 +481,10 @@ class Edge:
     @property
     def det_signs(self) -> list[int]: ...
     @property
+    def point_det_signs(self) -> list[int | None]: ...
+    @property
+    def smooth_folds(self) -> list[int]: ...
+    @property
     def vertical(self) -> bool: ...
     @property
     def arclength(self) -> float: ...
@@ -481,6 +496,8 @@ class Diagram:
     @property
     def edges(self) -> list[Edge]: ...
     @property
+    def crossings(self) -> list[Crossing]: ...
+    @property
     def complete(self) -> bool: ...
     @property
     def completeness(self) -> str: ...
@@ -491,6 +508,7 @@ class Diagram:
     @property
     def isolas(self) -> list[list[tuple[int, bool]]]: ...
     def solutions_at(self, parameter: float) -> _Vector: ...
+    def to_pandas(self) -> Any: ...
     def plot(self, ax: Any = None, x: _Drawn = None, y: _Drawn = None, **style: Any) -> Any: ...
 
 def diagram(
@@ -502,6 +520,8 @@ def diagram(
     pattern: _Matrix | None = None,
     lower: ArrayLike | None = None,
     upper: ArrayLike | None = None,
+    monitors: dict[str, Callable[[_Vector], float] | Map] | None = None,
+    callback: Callable[[dict[str, Any]], Any] | None = None,
     max_edges: int | None = None,
     max_points: int | None = None,
     same_point: float | None = None,
@@ -727,6 +747,10 @@ class Friction:
     def scaled(self) -> Friction: ...
     def __call__(self, slip: float = 0.0, parameter: float = 0.0, node: int = 0) -> float: ...
 
+@final
+class GivenBound:
+    def __new__(cls, bound: ArrayLike) -> GivenBound: ...
+
 class _ContactOptions(TypedDict, total=False):
     newton: dict[str, Any]
     max_increments: int
@@ -745,12 +769,13 @@ class ContactProblem:
         body: Body,
         facets: str,
         foundation: Foundation,
-        friction: _Coefficient | tuple[_Coefficient, _Coefficient] | None,
+        friction: _Coefficient | tuple[_Coefficient, _Coefficient] | GivenBound | None,
         *,
         load: Load | None = None,
         rate: Load | None = None,
         paths: Sequence[tuple[Load, Callable[[Any], Any] | Map]] | None = None,
         form: Literal["condensed", "full"] = "condensed",
+        multipliers: Literal["nodal", "dual cells"] | float | None = None,
     ) -> ContactProblem: ...
     def with_second_parameter(self, load: Load) -> ContactProblem: ...
     @property

@@ -1,25 +1,46 @@
-"""Tables and pictures of branches and diagrams, where pandas and matplotlib are installed."""
+"""Tables and pictures of branches and diagrams, where pandas and matplotlib are installed. Colours and signs are those of the crate's pictures
+(`Colour` and `Marker` in its module `output`)."""
 
-from collections.abc import Callable
+import io
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
 
-#: Marker and size of each kind of event; steps have none.
-_MARKERS = {
-    "pass-through": ("o", 4),
-    "fold": (">", 7),
-    "smooth fold": ("D", 5),
-    "vertical segment begins": ("v", 6),
-    "vertical segment ends": ("^", 6),
-    "vertical segment": ("v", 6),
-    "branching": ("s", 6),
-    "branch point": ("*", 9),
-    "end": ("x", 7),
-    "isolated": ("x", 7),
-    "undecided": ("P", 7),
-    "monitor": ("|", 9),
+#: Colours of combinations of pieces, in the order in which they are met.
+_COLOURS = ("#0072b2", "#d55e00", "#1aa873", "#dd8fbd", "#555555")
+
+#: What happens at a point, by the name of its event: the name in the legend.
+_KINDS = {
+    "pass-through": "transition",
+    "fold": "fold",
+    "smooth fold": "smooth fold",
+    "vertical segment begins": "vertical segment",
+    "vertical segment ends": "vertical segment",
+    "vertical segment": "vertical segment",
+    "branching": "branching",
+    "branch point": "branching",
+    "end": "end",
+    "isolated": "isolated solution",
+    "undecided": "undecided",
+    "start": "start",
 }
+
+#: The sign of each kind: matplotlib's marker, its size, and how it is filled.
+_MARKERS: dict[str, tuple[Any, float, str]] = {
+    "transition": ("o", 7, "white"),
+    "fold": ("^", 8, "white"),
+    "smooth fold": ("s", 6.5, "white"),
+    "vertical segment": ("D", 6.5, "white"),
+    "branching": ("D", 6.5, "black"),
+    "end": ("x", 7, "black"),
+    "isolated solution": ("o", 5, "black"),
+    "undecided": ("$\\otimes$", 9, "black"),
+    "start": ((6, 2, 0), 9, "black"),
+    "value": ("+", 8, "black"),
+}
+
+_Drawn = int | Callable[[Any], float]
 
 
 def branch_table(branch: Any) -> Any:
@@ -34,83 +55,110 @@ def branch_table(branch: Any) -> Any:
     return pandas.DataFrame(columns)
 
 
-def _values(points: Any, what: int | Callable[[Any], float]) -> Any:
+def diagram_table(diagram: Any) -> Any:
+    import pandas
+
+    table = pandas.read_csv(io.BytesIO(bytes(diagram._csv())), float_precision="round_trip", dtype={"edge": "Int64", "det": "Int64"})
+    known = ["edge", "arclength", "parameter", "event", "det"]
+    values = [name for name in table.columns if name[0] == "x" and name[1:].isdigit()]
+    sites = [name for name in table.columns if name not in known + values]
+    table = table[["edge", "arclength", *values, "parameter", "event", "det", *sites]]
+    return table.rename(columns={name: f"site{s}" for s, name in enumerate(sites)})
+
+
+def _values(points: Any, what: _Drawn) -> Any:
     return np.array([what(p) for p in points]) if callable(what) else points[:, what]
 
 
-def _axes(ax: Any) -> Any:
-    if ax is None:
-        from matplotlib import pyplot
-
-        _, ax = pyplot.subplots()
-    return ax
-
-
-def _label(what: int | Callable[[Any], float]) -> str:
+def _label(what: _Drawn) -> str:
     if callable(what):
         return getattr(what, "__name__", "").replace("<lambda>", "")
     return "parameter" if what == -1 else f"x[{what}]"
 
 
-def _finish(ax: Any, x: Any, y: Any) -> Any:
-    ax.set_xlabel(ax.get_xlabel() or _label(x))
-    ax.set_ylabel(ax.get_ylabel() or _label(y))
-    if ax.get_legend_handles_labels()[0]:
-        ax.legend()
-    return ax
+class _Picture:
+    """Axes to which curves and marks are added, with one entry of the legend for each class of lines and kind of marks."""
 
+    def __init__(self, ax: Any, x: _Drawn | None, y: _Drawn | None, style: dict[str, Any] | None) -> None:
+        if ax is None:
+            from matplotlib import pyplot
 
-def _line(ax: Any, xs: Any, ys: Any, dashed: bool, style: dict[str, Any]) -> None:
-    ax.plot(xs, ys, **({"linestyle": "--" if dashed else "-", "label": "_line"} | style))
+            _, ax = pyplot.subplots()
+        self.ax, self.style = ax, {"linewidth": 2.0} | (style or {})
+        self.x: _Drawn = -1 if x is None else x
+        self.y: _Drawn = 0 if y is None else y
+        self.named = set(ax.get_legend_handles_labels()[1])
+        self.classes: list[tuple[str, ...]] = []
 
+    def label(self, name: str) -> str:
+        """The name for the legend where it is the first of this name."""
+        known = name in self.named
+        self.named.add(name)
+        return "_" + name if known else name
 
-def _marks(ax: Any, marks: list[tuple[str, float, float]], color: Any) -> None:
-    known = set(ax.get_legend_handles_labels()[1])
-    for kind in dict.fromkeys(k for k, _, _ in marks):
-        marker, size = _MARKERS.get(kind, ("", 0))
-        if marker:
-            places = [(a, b) for k, a, b in marks if k == kind]
-            label = "_" + kind if kind in known else kind
-            ax.plot(*zip(*places), linestyle="", marker=marker, markersize=size, color=color, markerfacecolor="white", label=label)
+    def line(self, points: Any, pieces: Sequence[str], negative: bool) -> None:
+        # As in pictures of the crate, the pieces of few sites are told by colours.
+        few = 0 < len(pieces) <= 2
+        look = {"color": _COLOURS[0], "label": "_line"}
+        if few and "color" not in self.style:
+            if tuple(pieces) not in self.classes:
+                self.classes.append(tuple(pieces))
+            look["color"] = _COLOURS[self.classes.index(tuple(pieces)) % len(_COLOURS)]
+            look["label"] = self.label(", ".join(pieces))
+        style = look | {"linestyle": "--" if negative else "-"} | self.style
+        self.ax.plot(_values(points, self.x), _values(points, self.y), **style)
 
+    def marks(self, marks: Iterable[tuple[str, Any]]) -> None:
+        places: dict[str, list[Any]] = {}
+        for event, point in marks:
+            if event in _KINDS:
+                places.setdefault(_KINDS[event], []).append(point)
+        for kind, (marker, size, fill) in _MARKERS.items():
+            if kind not in places:
+                continue
+            points = np.array(places[kind])
+            look = {"color": "black", "markerfacecolor": fill, "markeredgewidth": 1.25, "markersize": size, "zorder": 3}
+            xs, ys = _values(points, self.x), _values(points, self.y)
+            self.ax.plot(xs, ys, linestyle="", marker=marker, label=self.label(kind), **look)
 
-def _segment_signs(signs: list[int | None], events: list[str]) -> list[int]:
-    """The sign of the determinant between each point and the next: that of a regular end, else it follows from the segment before, as it
-    changes at folds alone; 0 where nothing is known."""
-    known = [b or a or 0 for a, b in zip(signs, signs[1:])]
-    order = range(1, len(known))
-    for here, there, between in [(k, k - 1, k) for k in order] + [(k - 1, k, k) for k in reversed(order)]:
-        if not known[here] and events[between] in ("fold", "pass-through"):
-            known[here] = -known[there] if events[between] == "fold" else known[there]
-    return known
+    def finish(self, negative: bool) -> Any:
+        ax = self.ax
+        if negative:
+            ax.plot([], [], color=_COLOURS[4], linestyle="--", label=self.label("det < 0"))
+        ax.set_xlabel(ax.get_xlabel() or _label(self.x))
+        ax.set_ylabel(ax.get_ylabel() or _label(self.y))
+        if ax.get_legend_handles_labels()[0]:
+            ax.legend()
+        return ax
 
 
 def plot_branch(branch: Any, ax: Any, x: Any, y: Any, style: dict[str, Any] | None) -> Any:
-    ax, x, y = _axes(ax), -1 if x is None else x, 0 if y is None else y
-    style = {"color": "C0"} | (style or {})
-    xs, ys = _values(branch.points, x), _values(branch.points, y)
-    dashed = [s < 0 for s in _segment_signs(branch.det_signs, branch.events)]
+    picture = _Picture(ax, x, y, style)
+    points, pieces, events = branch.points, branch.pieces, branch.events
+    looks = [(tuple(p), (s or 0) < 0) for p, s in zip(pieces, branch._segment_signs)]
     start = 0
-    for i in range(1, len(dashed) + 1):
-        if i == len(dashed) or dashed[i] != dashed[start]:
-            _line(ax, xs[start : i + 1], ys[start : i + 1], dashed[start], style)
+    for i in range(1, len(looks) + 1):
+        if i == len(looks) or looks[i] != looks[start]:
+            picture.line(points[start : i + 1], *looks[start])
             start = i
-    _marks(ax, list(zip(branch.events, xs, ys)), style["color"])
-    return _finish(ax, x, y)
+    marks = list(zip(events, points))
+    picture.marks(marks + [("start", points[0])] if len(points) else marks)
+    return picture.finish(any(negative for _, negative in looks))
 
 
 def plot_diagram(diagram: Any, ax: Any, x: Any, y: Any, style: dict[str, Any] | None) -> Any:
-    ax, x, y = _axes(ax), -1 if x is None else x, 0 if y is None else y
-    style = {"color": "C0"} | (style or {})
+    picture = _Picture(ax, x, y, style)
+    dashed = False
     for edge in diagram.edges:
-        dashed = bool(edge.det_signs) and max(edge.det_signs) < 0
-        _line(ax, _values(edge.points, x), _values(edge.points, y), dashed, style)
-    points = np.array([v.x for v in diagram.vertices])
-    kinds = [v.kind for v in diagram.vertices]
-    if len(points):
-        _marks(ax, list(zip(kinds, _values(points, x), _values(points, y))), style["color"])
-    smooth = [f.x for f in diagram.folds if f.kind == "smooth"]
-    if smooth:
-        points = np.array(smooth)
-        _marks(ax, [("smooth fold", a, b) for a, b in zip(_values(points, x), _values(points, y))], style["color"])
-    return _finish(ax, x, y)
+        # The determinant changes its sign at smooth folds alone.
+        cuts = [0, *edge.smooth_folds, len(edge.points) - 1]
+        for a, b in zip(cuts, cuts[1:]):
+            signs = [s for s in edge.point_det_signs[a : b + 1] if s]
+            negative = bool(signs) and signs[len(signs) // 2] < 0
+            dashed |= negative
+            picture.line(edge.points[a : b + 1], edge.pieces, negative)
+    vertices = [(v.kind, v.x) for v in diagram.vertices]
+    starts = [("start", v.x) for v in diagram.vertices if v.is_start and v.kind != "start"]
+    smooth = [("smooth fold", f.x) for f in diagram.folds if f.kind == "smooth"]
+    picture.marks(vertices + starts + smooth)
+    return picture.finish(dashed)

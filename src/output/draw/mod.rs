@@ -471,6 +471,7 @@ fn mark(kind: Marker, (x, y): Pixel, r: f64) -> Vec<Shape> {
         Marker::Isolated => vec![circle(0.7 * r, BLACK)],
         Marker::Undecided => vec![circle(1.1 * r, WHITE), ray(0.7, 0.7, LINE), ray(0.7, -0.7, LINE)],
         Marker::Start => vec![ray(0.0, 1.3, 2.0), ray(1.13, 0.65, 2.0), ray(1.13, -0.65, 2.0)],
+        Marker::Value => vec![ray(1.1, 0.0, LINE), ray(0.0, 1.1, LINE)],
     }
 }
 

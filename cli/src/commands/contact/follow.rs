@@ -13,6 +13,7 @@ use super::{Case, counts};
 use crate::commands::error::CommandError;
 use crate::commands::progress::Progress;
 use crate::commands::run_file::{create, write_failed};
+use crate::commands::text::{counted, wrapped};
 
 /// Positions of the progress between the two ends.
 const POSITIONS: f64 = 1000.0;
@@ -60,19 +61,17 @@ pub(super) fn run<L: NodeLaw>(
         });
         writeln!(out, "{summary}")?;
     } else if !quiet {
-        writeln!(
-            out,
-            "{changes} changes of state; the curve ends: {}",
-            branch.termination
-        )?;
+        let count = counted(changes, "change");
+        let end = format!("{count} of state; the curve ends: {}", branch.termination);
+        writeln!(out, "{}", wrapped(&end))?;
         for alpha in branch.folds() {
             writeln!(out, "fold at α = {alpha}")?;
         }
     }
     write(case, &branch)?;
     if !json && !quiet {
-        let picture = case.arguments.picture("curve");
-        writeln!(out, "written to {}: curve.csv, {picture}", case.folder.display())?;
+        let pictures = case.arguments.pictures("curve").join(", ");
+        writeln!(out, "written to {}: curve.csv, {pictures}", case.folder.display())?;
     }
     if interrupted && branch.termination == Termination::Stopped {
         let alpha = branch.points.last().map_or(from, |p| p.parameter());
@@ -134,9 +133,8 @@ fn write<L: NodeLaw>(case: &Case<'_, L>, branch: &Branch) -> Result<(), CommandE
     };
     let drawn = BranchDiagram::new(panel("sum of normal forces", &normal))
         .with_panel(panel("sum of tangential forces", &tangential))
-        .with_size(860, 420)
-        .write(case.file(&case.arguments.picture("curve")));
-    drawn.map_err(|e| CommandError::failed("the picture", e))?;
+        .with_size(860, 420);
+    case.arguments.draw(&case.folder, "curve", &drawn)?;
     let Some(end) = branch.points.last().filter(|_| case.fields) else {
         return Ok(());
     };

@@ -9,6 +9,7 @@ use super::{Case, short};
 use crate::commands::error::CommandError;
 use crate::commands::progress::Progress;
 use crate::commands::run_file::create;
+use crate::commands::text::{counted, fitted, wrapped};
 
 /// Positions of the progress between the two ends.
 const POSITIONS: f64 = 1000.0;
@@ -40,8 +41,8 @@ pub(super) fn run(case: &Case<'_>, out: &mut dyn Write) -> Result<(), CommandErr
     tell(case, &branch, out)?;
     write(case, &branch)?;
     if case.prints() {
-        let picture = case.arguments.picture("curve");
-        writeln!(out, "written to {}: curve.csv, {picture}", case.folder.display())?;
+        let pictures = case.arguments.pictures("curve").join(", ");
+        writeln!(out, "written to {}: curve.csv, {pictures}", case.folder.display())?;
     }
     if interrupted && branch.termination == Termination::Stopped {
         let alpha = branch.points.last().map_or(from, |p| p.parameter());
@@ -96,7 +97,7 @@ fn tell(case: &Case<'_>, branch: &Branch, out: &mut dyn Write) -> Result<(), Com
                 transition.kind.name()
             )?;
             for (_, from, to) in changes {
-                writeln!(out, "    {from} → {to}")?;
+                writeln!(out, "{}", fitted(&format!("    {from} → {to}"), ""))?;
             }
         }
     }
@@ -112,8 +113,9 @@ fn tell(case: &Case<'_>, branch: &Branch, out: &mut dyn Write) -> Result<(), Com
         for fold in branch.folds() {
             writeln!(out, "fold at {} = {}", case.problem.parameter(), short(fold))?;
         }
-        let count = branch.transitions.len();
-        writeln!(out, "{count} transitions; the curve ends: {}", branch.termination)?;
+        let count = counted(branch.transitions.len(), "transition");
+        let end = format!("{count}; the curve ends: {}", branch.termination);
+        writeln!(out, "{}", wrapped(&end))?;
     }
     Ok(())
 }
@@ -144,8 +146,6 @@ pub(super) fn picture(
         drawn = drawn.with_panel(panel);
         count += 1;
     }
-    drawn
-        .with_size(430 * count, 420)
-        .write(case.path(&case.arguments.picture(name)))
-        .map_err(|e| CommandError::failed("the picture", e))
+    let drawn = drawn.with_size(430 * count, 420);
+    case.arguments.draw(&case.folder, name, &drawn)
 }

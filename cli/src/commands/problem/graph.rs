@@ -2,7 +2,7 @@
 
 use std::io::Write;
 
-use semismooth::continuation::{Diagram, DiagramOptions};
+use semismooth::continuation::{Completeness, Diagram, DiagramOptions, Limit};
 use semismooth::enumeration::EnumerationOptions;
 use semismooth::output::{Panel, write_diagram_csv, write_diagram_json};
 
@@ -11,16 +11,17 @@ use super::curve::picture;
 use crate::commands::error::CommandError;
 use crate::commands::progress::Progress;
 use crate::commands::run_file::create;
+use crate::commands::text::{counted, fitted, wrapped};
 
 pub(super) fn run(case: &Case<'_>, out: &mut dyn Write) -> Result<(), CommandError> {
     let [from, to] = case.file.range(&case.problem)?;
     let options: DiagramOptions = case.file.options()?;
     let options = options.with_parameter_range((from.min(to), from.max(to)));
-    let progress = Progress::new(0, !case.prints())?;
+    let progress = Progress::new(1, !case.prints())?;
     let diagram = explore(case, &options, &progress);
-    let interrupted = progress.cancelled();
     drop(progress);
     let diagram = diagram?;
+    let stopped = |c: &Completeness| matches!(c, Completeness::Limited(list) if list.contains(&Limit::Stopped));
     tell(case, &diagram, out)?;
     let failed = |e| CommandError::failed("the table", e);
     let (map, columns) = (case.problem.map(), case.columns());
@@ -34,10 +35,11 @@ pub(super) fn run(case: &Case<'_>, out: &mut dyn Write) -> Result<(), CommandErr
     });
     picture(case, panels, "diagram")?;
     if case.prints() {
-        let (folder, picture) = (case.folder.display(), case.arguments.picture("diagram"));
-        writeln!(out, "written to {folder}: diagram.csv, diagram.json, {picture}")?;
+        let pictures = case.arguments.pictures("diagram").join(", ");
+        let folder = case.folder.display();
+        writeln!(out, "written to {folder}: diagram.csv, diagram.json, {pictures}")?;
     }
-    match interrupted {
+    match stopped(diagram.completeness()) {
         true => Err(CommandError::Interrupted(
             "before the diagram was complete".to_owned(),
         )),
@@ -62,7 +64,13 @@ fn explore(case: &Case<'_>, options: &DiagramOptions, progress: &Progress) -> Re
             let starts: Vec<&Vec<f64>> = starts.iter().map(toml::Spanned::get_ref).collect();
             let name = case.problem.parameter();
             let observe = |now: &semismooth::continuation::Progress<'_>| {
-                progress.advance(format!("{name} = {:.4}", now.event.parameter()))
+                // What is known: edges that are done, the one under way, and arms that wait.
+                let known = now.edges + 1 + now.pending;
+                progress.of(known as u64);
+                progress.at(
+                    now.edges as u64,
+                    format!("{name} = {:.4}", now.event.parameter()),
+                )
             };
             Diagram::explore_observed(map, &starts, options, observe).map_err(failed)
         }
@@ -93,16 +101,17 @@ fn tell(case: &Case<'_>, diagram: &Diagram, out: &mut dyn Write) -> Result<(), C
         return Ok(());
     }
     for vertex in diagram.vertices() {
-        writeln!(out, "{:<18} {}", vertex.kind.name(), case.words(&vertex.x))?;
+        let line = format!("{:<18} {}", vertex.kind.name(), case.words(&vertex.x));
+        writeln!(out, "{}", fitted(&line, ""))?;
     }
     for fold in folds.iter().filter(|f| f.vertex.is_none()) {
-        writeln!(out, "{:<18} {}", "smooth fold", case.words(&fold.x))?;
+        let line = format!("{:<18} {}", "smooth fold", case.words(&fold.x));
+        writeln!(out, "{}", fitted(&line, ""))?;
     }
-    writeln!(
-        out,
-        "{} branches, {} of them closed and connected to nothing else; {completeness}",
-        diagram.branches().len(),
+    let end = format!(
+        "{}, {} of them closed and connected to nothing else; {completeness}",
+        counted(diagram.branches().len(), "branch"),
         diagram.isolas().len()
-    )?;
-    Ok(())
+    );
+    Ok(writeln!(out, "{}", wrapped(&end))?)
 }

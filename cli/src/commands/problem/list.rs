@@ -9,6 +9,7 @@ use semismooth::piecewise::Selection;
 use super::Case;
 use crate::commands::error::CommandError;
 use crate::commands::run_file::{create, write_failed};
+use crate::commands::text::{fitted, quoted, wrapped};
 
 /// A list at one value of the parameter.
 struct List {
@@ -120,14 +121,6 @@ fn row(case: &Case<'_>, list: usize, solution: &Listed) -> String {
     cells.join(",")
 }
 
-/// A cell of a table.
-fn quoted(text: &str) -> String {
-    match text.contains([',', '"', '\n', '\r']) {
-        true => format!("\"{}\"", text.replace('"', "\"\"")),
-        false => text.to_owned(),
-    }
-}
-
 fn tell(case: &Case<'_>, alpha: f64, list: &List, out: &mut dyn Write) -> Result<(), CommandError> {
     let with = case.problem.map().num_vars() > case.problem.map().num_residuals();
     if case.arguments.json {
@@ -149,19 +142,23 @@ fn tell(case: &Case<'_>, alpha: f64, list: &List, out: &mut dyn Write) -> Result
         return Ok(());
     }
     if with {
-        writeln!(out, "{} = {alpha}: {}", case.problem.parameter(), list.verdict)?;
+        let verdict = format!("{} = {alpha}: {}", case.problem.parameter(), list.verdict);
+        writeln!(out, "{}", wrapped(&verdict))?;
     } else {
-        writeln!(out, "{}", list.verdict)?;
+        writeln!(out, "{}", wrapped(&list.verdict))?;
     }
     let n = case.problem.map().num_residuals();
     for solution in &list.solutions {
         let index = solution
             .index
             .map_or_else(String::new, |i| format!("   index {i:+}"));
-        writeln!(out, "    {}{index}", case.words(&solution.x[..n]))?;
+        let line = format!("    {}", case.words(&solution.x[..n]));
+        writeln!(out, "{}", fitted(&line, &index))?;
     }
-    if list.continua > 0 {
-        writeln!(out, "    and {} continua of solutions", list.continua)?;
+    match list.continua {
+        0 => {}
+        1 => writeln!(out, "    and a continuum of solutions")?,
+        many => writeln!(out, "    and {many} continua of solutions")?,
     }
     Ok(())
 }

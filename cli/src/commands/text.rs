@@ -1,0 +1,72 @@
+//! Text for terminals of 100 columns.
+
+/// Columns that lines have at most.
+const WIDTH: usize = 100;
+
+/// "1 fold", "2 folds".
+pub(super) fn counted(count: usize, what: &str) -> String {
+    match (count, what.strip_suffix("ch")) {
+        (1, _) => format!("1 {what}"),
+        (_, Some(_)) => format!("{count} {what}es"),
+        _ => format!("{count} {what}s"),
+    }
+}
+
+/// A cell of a table (RFC 4180).
+pub(super) fn quoted(text: &str) -> String {
+    match text.contains([',', '"', '\n', '\r']) {
+        true => format!("\"{}\"", text.replace('"', "\"\"")),
+        false => text.to_owned(),
+    }
+}
+
+/// A line with what fits into it, and its end; files have the rest.
+pub(super) fn fitted(line: &str, end: &str) -> String {
+    let room = WIDTH.saturating_sub(end.chars().count());
+    if line.chars().count() <= room {
+        return format!("{line}{end}");
+    }
+    let cut: String = line.chars().take(room.saturating_sub(2)).collect();
+    format!("{cut} …{end}")
+}
+
+/// A sentence in as many lines as it takes, those behind the first indented; a word longer than a line stays whole.
+pub(super) fn wrapped(text: &str) -> String {
+    const INDENT: &str = "    ";
+    let (mut lines, mut line) = (Vec::new(), String::new());
+    for word in text.split(' ') {
+        if !line.trim().is_empty() && line.chars().count() + 1 + word.chars().count() > WIDTH {
+            lines.push(std::mem::replace(&mut line, INDENT.to_owned()));
+        } else if !lines.is_empty() || !line.is_empty() {
+            line.push(' ');
+        }
+        line.push_str(word);
+    }
+    lines.push(line);
+    lines.join("\n")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lines_end_before_the_hundred_and_first_column() {
+        let long = ["αβγδε"; 30].join(" ");
+        let lines: Vec<_> = wrapped(&long).lines().map(str::to_owned).collect();
+        assert!(lines.iter().all(|l| l.chars().count() <= WIDTH));
+        assert!(lines.len() == 2 && lines[1].starts_with("    α"), "{lines:?}");
+        let words: Vec<_> = lines.iter().flat_map(|l| l.split_whitespace()).collect();
+        assert_eq!(words.join(" "), long);
+        assert_eq!(fitted(&long, "  index +1").chars().count(), WIDTH);
+        assert!(fitted(&long, "  index +1").ends_with(" …  index +1"));
+        assert_eq!((fitted("short", " end"), wrapped("short")), ("short end".into(), "short".into()));
+    }
+
+    #[test]
+    fn one_is_singular() {
+        assert_eq!(counted(1, "branch"), "1 branch");
+        assert_eq!(counted(0, "branch"), "0 branches");
+        assert_eq!(counted(2, "fold"), "2 folds");
+    }
+}
