@@ -210,7 +210,7 @@ fn help(out: &mut dyn Write) -> Result<(), CliError> {
         "{VERSION}: solves mixed complementarity problems, square systems and first-order\n\
          conditions of nonlinear programs from AMPL's .nl files.\n\n\
          semismooth FILE[.nl] [-AMPL] [option=value …]\n  \
-         semismooth help         the commands, as\n                          {}\n\n  \
+         semismooth help         the commands:\n    {}\n\n  \
          -AMPL      write FILE.sol, as AMPL and Pyomo ask for\n  \
          -s         the same\n  \
          -v         print the version\n  \

@@ -62,8 +62,13 @@ fn block(n: usize) -> Outcome<(CondensedContact<PlanarCoulomb>, Vec<f64>)> {
         .assemble()?;
     let load = LoadPath::affine(system.supports(), system.motion("top", 0, |_| 0.05)?);
     let rows = system.contact("bottom", &Foundation::plane([0.0; 3], [0.0, 1.0, 0.0]))?;
-    let body = ContactBody::new(system.stiffness().clone(), rows.normal, vec![rows.tangential], load)?
-        .with_gap(rows.gap)?;
+    let body = ContactBody::new(
+        system.stiffness().clone(),
+        rows.normal,
+        vec![rows.tangential],
+        load,
+    )?
+    .with_gap(rows.gap)?;
     let problem = CondensedContact::new(body, PlanarCoulomb::new(FrictionCoefficient::constant(0.4)?))?;
     let start = problem.solve(0.0, None)?;
     Ok((problem, start))
@@ -84,9 +89,13 @@ fn measure(name: &str, work: &dyn Fn() -> Outcome<f64>) -> Outcome<()> {
 fn main() -> Outcome<()> {
     // Problems are made once; what is measured begins with their arrays, as in Python.
     let (matrix, q) = (square(300, 300.0 / 8.0, 1)?, numbers(300, 2));
-    measure("dense LCP, n = 300", &|| solved(&Lcp::new(matrix.clone(), q.clone())?))?;
+    measure("dense LCP, n = 300", &|| {
+        solved(&Lcp::new(matrix.clone(), q.clone())?)
+    })?;
     let (matrix, q) = (five_points(100)?, numbers(10_000, 3));
-    measure("sparse LCP, n = 10 000", &|| solved(&Lcp::new(matrix.clone(), q.clone())?))?;
+    measure("sparse LCP, n = 10 000", &|| {
+        solved(&Lcp::new(matrix.clone(), q.clone())?)
+    })?;
     let (problem, start) = block(20)?;
     let options = ContinuationOptions::default().with_parameter_range((0.0, 1.0));
     measure("followed block, 41 contact nodes", &|| {
@@ -96,6 +105,8 @@ fn main() -> Outcome<()> {
     let q = numbers(14, 5).iter().map(|v| -v - 0.1).collect();
     let lcp = Lcp::new(square(14, 0.0, 4)?, q)?;
     measure("all solutions, LCP, n = 14", &|| {
-        Ok(all_solutions(lcp.mcp(), 0.0, &EnumerationOptions::default())?.solutions.len() as f64)
+        Ok(all_solutions(lcp.mcp(), 0.0, &EnumerationOptions::default())?
+            .solutions
+            .len() as f64)
     })
 }

@@ -459,7 +459,11 @@ impl LemkeResult {
     }
 
     fn __repr__(&self) -> String {
-        format!("<LemkeResult: {}, {}>", self.message, counted(self.pivots, "pivot"))
+        format!(
+            "<LemkeResult: {}, {}>",
+            self.message,
+            counted(self.pivots, "pivot")
+        )
     }
 }
 
@@ -638,7 +642,7 @@ impl SolutionSet {
             status: match found.completeness {
                 Completeness::Complete => "complete",
                 Completeness::Incomplete { .. } => "incomplete",
-                Completeness::Undecided { .. } => "not proven",
+                _ => "not proven",
             },
             residual: residuals.iter().copied().fold(0.0, f64::max),
             completeness: found.completeness.to_string(),

@@ -254,13 +254,19 @@ impl GivenBound {
 }
 
 impl GivenBound {
-    fn law(&self, dim: usize, nodes: usize) -> Result<contact::GivenBound, ContactError> {
+    fn law(&self, dim: usize, nodes: usize) -> PyResult<contact::GivenBound> {
+        if !self.uniform && self.bounds.len() != nodes {
+            return Err(PyValueError::new_err(format!(
+                "{} bounds of friction for {nodes} contact nodes",
+                self.bounds.len()
+            )));
+        }
         let bounds = match self.uniform {
             true => vec![self.bounds[0]; nodes],
             false => self.bounds.clone(),
         };
         let coefficients = vec![[1.0; 2]; bounds.len()];
-        contact::GivenBound::new(dim - 1, bounds, coefficients)
+        contact::GivenBound::new(dim - 1, bounds, coefficients).map_err(raised)
     }
 }
 
@@ -398,8 +404,7 @@ impl ContactProblem {
                 )));
             }
         };
-        let rows =
-            failures.settle(py.detach(|| system.contact_with(facets, &foundation, multipliers)))?;
+        let rows = failures.settle(py.detach(|| system.contact_with(facets, &foundation, multipliers)))?;
         let law = law(friction, dim, rows.nodes.len())?;
         let own = law.clone();
         let form = py.detach(|| -> Result<Form, ContactError> {
@@ -587,7 +592,7 @@ fn law(friction: Option<&Bound<'_, PyAny>>, dim: usize, nodes: usize) -> PyResul
         return Ok(Arc::new(OrthotropicCoulomb::new(first, second)));
     }
     if let Ok(bound) = friction.cast::<GivenBound>() {
-        return Ok(Arc::new(bound.get().law(dim, nodes).map_err(raised)?));
+        return Ok(Arc::new(bound.get().law(dim, nodes)?));
     }
     let coefficient = Friction::coefficient(friction)?;
     Ok(match dim {

@@ -172,12 +172,7 @@ pub(crate) struct Branch {
 }
 
 impl Branch {
-    pub(crate) fn new(
-        py: Python<'_>,
-        found: core::Branch,
-        names: Names,
-        m: usize,
-    ) -> PyResult<Self> {
+    pub(crate) fn new(py: Python<'_>, found: core::Branch, names: Names, m: usize) -> PyResult<Self> {
         let transitions = found.transitions.iter();
         let kinks = found.transitions.iter().filter(|t| t.is_fold());
         let kinks = kinks.map(|t| (t.arclength, &t.x, "kink"));

@@ -1,14 +1,13 @@
 //! Diagrams: all solutions connected to given starts.
 
+use std::collections::HashSet;
 use std::sync::Arc;
 
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use semismooth::continuation::{
-    self as core, Continuation, ContinuationOptions, DiagramOptions, Direction,
-};
+use semismooth::continuation::{self as core, Continuation, ContinuationOptions, DiagramOptions, Direction};
 use semismooth::output::{Column, write_diagram_csv};
 use semismooth::piecewise::PiecewiseSmooth;
 
@@ -237,26 +236,31 @@ fn zeros(
     options: &ContinuationOptions,
 ) -> PyResult<Vec<Zero>> {
     let mut zeros = Vec::new();
+    // Vertices at which a monitor vanishes belong to several edges.
+    let mut known = HashSet::new();
     for (edge, of) in found.edges().iter().enumerate() {
-        for monitor in monitors {
+        let last = of.points.len() - 1;
+        for (number, monitor) in monitors.iter().enumerate() {
             let values: Vec<f64> = of.points.iter().map(|p| monitor.value(run, &p.x)).collect();
-            for (k, ends) in of.points.windows(2).enumerate() {
-                let (a, b) = (values[k], values[k + 1]);
-                let at = |x: &[f64], arclength| Zero {
-                    name: monitor.name().to_owned(),
-                    x: x.to_vec(),
-                    arclength,
-                    edge,
+            let at = |x: &[f64], arclength| Zero {
+                name: monitor.name().to_owned(),
+                x: x.to_vec(),
+                arclength,
+                edge,
+            };
+            for (k, point) in of.points.iter().enumerate() {
+                let new = match k {
+                    0 => known.insert((number, of.from.vertex)),
+                    _ if k == last => known.insert((number, of.to.vertex)),
+                    _ => true,
                 };
-                if a * b < 0.0 {
-                    let point = between(run, map, monitor, [&ends[0], &ends[1]], options)?;
-                    zeros.extend(point.map(|p| at(&p.x, ends[0].arclength + p.arclength)));
+                if values[k] == 0.0 && new {
+                    zeros.push(at(&point.x, point.arclength));
                 }
-                // A zero at the end belongs to the last stretch, one between two stretches to that before it.
-                if b == 0.0 {
-                    zeros.push(at(&ends[1].x, ends[1].arclength));
-                } else if a == 0.0 && k == 0 {
-                    zeros.push(at(&ends[0].x, ends[0].arclength));
+                if k < last && values[k] * values[k + 1] < 0.0 {
+                    let ends = [point, &of.points[k + 1]];
+                    let zero = between(run, map, monitor, ends, options)?;
+                    zeros.extend(zero.map(|z| at(&z.x, point.arclength + z.arclength)));
                 }
             }
         }

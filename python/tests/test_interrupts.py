@@ -62,9 +62,10 @@ def transition_set():
 
 
 def diagram():
-    # A helix in tiny steps.
+    # A helix in tiny steps, from many starts.
     helix = ss.trace(lambda x: [x[0] - np.sin(50 * x[2]), x[1] - np.cos(50 * x[2])], 3)
-    ss.diagram(helix, [[0.0, 1.0, 0.0]], step=1e-6, max_step=1e-6, max_points=10**12)
+    starts = [[np.sin(50 * a), np.cos(50 * a), a] for a in np.linspace(0, 1, 1000)]
+    ss.diagram(helix, starts, step=1e-6, max_step=1e-6, max_points=10**12)
 
 
 def without_end(**more):
@@ -80,13 +81,14 @@ def cone():
     def residual(x):
         return x**2 + np.roll(x, 1) ** 2 + 1
 
-    ss.solve_cone(residual, [("free", 30), ("second-order", 10)], np.ones(40), **without_end())
+    # Restarts at which F has no values any more pass without a look: five microseconds each.
+    ss.solve_cone(residual, [("free", 30), ("second-order", 10)], np.ones(40), **without_end(restarts=2000))
 
 
 def pivots():
-    # The problem of Murty (1978), in which Lemke's method takes 2ⁿ pivots.
-    n = 40
-    ss.lemke(np.eye(n) + 2 * np.tril(np.ones((n, n)), -1), -(2.0 ** np.arange(n, 0, -1)), max_pivots=10**15)
+    # The problem of Murty (1978), for which Lemke's method takes exponentially many.
+    n = 60
+    ss.lemke(np.eye(n) + 2 * np.tril(np.ones((n, n)), -1), -np.ones(n), max_pivots=10**15)
 
 
 def friction():
@@ -97,7 +99,7 @@ def friction():
 
 
 def first_solution():
-    # A coefficient of friction that is not a number where the solution is.
+    # A coefficient of friction that changes too fast with the slip.
     weird = ss.Friction.function(lambda slip, alpha: 0.5 + 0.4 * np.sin(1e9 * slip))
     sheared(weird).solve(1.0, max_increments=10**9, max_paths=10**9, max_points=10**9)
 

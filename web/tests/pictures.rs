@@ -39,7 +39,13 @@ fn constant(name: &str) -> [u8; 3] {
 #[test]
 fn light_colours_are_those_of_the_crate() {
     let light = between(SCRIPT, "light: {", "},");
-    for (name, of_crate) in [("open", "RED"), ("stick", "GREEN"), ("slip", "BLUE"), ("grazing", "GREY"), ("fold", "PURPLE")] {
+    for (name, of_crate) in [
+        ("open", "RED"),
+        ("stick", "GREEN"),
+        ("slip", "BLUE"),
+        ("grazing", "GREY"),
+        ("fold", "PURPLE"),
+    ] {
         assert_eq!(colour(light, name), constant(of_crate), "{name}");
     }
     let names = ["BLUE", "RED", "GREEN", "PURPLE", "ORANGE"];
@@ -68,14 +74,27 @@ fn colours_of_both_palettes_differ_for_every_reader() {
 #[test]
 fn kinds_of_events_have_the_marks_of_the_crate() {
     let legend = between(CRATE, "pub const fn name(self) -> &'static str {", "impl From");
-    let mut expected: Vec<&str> = legend.split("=> \"").skip(1).map(|l| l.split('"').next().unwrap()).collect();
+    let mut expected: Vec<&str> = legend
+        .split("=> \"")
+        .skip(1)
+        .map(|l| l.split('"').next().unwrap())
+        .collect();
     expected.push("these data");
     let marks = between(SCRIPT, "const marks = {\n", "\n};");
-    let name = |line: &str| line.split_once(": (r)").unwrap().0.trim().trim_matches('\'').to_owned();
+    let name = |line: &str| {
+        line.split_once(": (r)")
+            .unwrap()
+            .0
+            .trim()
+            .trim_matches('\'')
+            .to_owned()
+    };
     assert_eq!(marks.lines().map(name).collect::<Vec<_>>(), expected);
     let events = between(SCRIPT, "const events = {", "};");
     let of_vertex = |kind: &str| {
-        let quoted = events.split_once(&format!("'{kind}': '")).or_else(|| events.split_once(&format!(" {kind}: '")));
+        let quoted = events
+            .split_once(&format!("'{kind}': '"))
+            .or_else(|| events.split_once(&format!(" {kind}: '")));
         quoted.map(|(_, rest)| rest.split('\'').next().unwrap())
     };
     for (kind, mark) in [

@@ -28,7 +28,7 @@ pub struct FrictionArgs {
     /// No table, no progress
     #[arg(long, short)]
     quiet: bool,
-    /// Folder for problems.csv (a line a file) and contacts_0000.csv … (a line a contact)
+    /// Folder for tables: problems.csv, a line a file, and one of the contacts of each
     #[arg(long)]
     out: Option<PathBuf>,
     /// Seconds after which a problem is given up
@@ -162,8 +162,11 @@ impl<'a> Table<'a> {
         std::fs::create_dir_all(folder).map_err(write_failed(folder))?;
         let path = folder.join("problems.csv");
         let mut lines = create(&path)?;
-        writeln!(lines, "problem,contacts,status,residual,seconds,open,stick,slip\r")
-            .map_err(write_failed(&path))?;
+        writeln!(
+            lines,
+            "problem,contacts,status,residual,seconds,open,stick,slip\r"
+        )
+        .map_err(write_failed(&path))?;
         Ok(Self {
             folder,
             path,

@@ -126,7 +126,11 @@ fn man(out: &mut dyn Write) -> std::io::Result<()> {
         page.render_description_section(&mut section)?;
         page.render_synopsis_section(&mut section)?;
         page.render_options_section(&mut section)?;
-        out.write_all(String::from_utf8_lossy(&section).replace(".SH ", ".SS ").as_bytes())?;
+        out.write_all(
+            String::from_utf8_lossy(&section)
+                .replace(".SH ", ".SS ")
+                .as_bytes(),
+        )?;
     }
     page.render_extra_section(out)?;
     page.render_version_section(out)

@@ -61,6 +61,13 @@ fn table(value: &Value, prefix: &str, out: &mut dyn Write) -> Result<(), Command
         match value {
             Value::Null => writeln!(out, "# {name} =")?,
             Value::Array(list) if list.iter().any(Value::is_null) => writeln!(out, "# {name} =")?,
+            Value::Array(list) if list.len() > 4 => {
+                writeln!(out, "{name} = [")?;
+                for value in list {
+                    writeln!(out, "    {value},")?;
+                }
+                writeln!(out, "]")?;
+            }
             value => writeln!(out, "{name} = {value}")?,
         }
     }

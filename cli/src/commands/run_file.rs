@@ -39,7 +39,12 @@ impl RunArgs {
     }
 
     /// Writes a picture into a folder.
-    pub(super) fn draw(&self, folder: &Path, name: &str, picture: &BranchDiagram) -> Result<(), CommandError> {
+    pub(super) fn draw(
+        &self,
+        folder: &Path,
+        name: &str,
+        picture: &BranchDiagram,
+    ) -> Result<(), CommandError> {
         for file in self.pictures(name) {
             picture
                 .write(folder.join(file))

@@ -60,7 +60,10 @@ mod tests {
         assert_eq!(words.join(" "), long);
         assert_eq!(fitted(&long, "  index +1").chars().count(), WIDTH);
         assert!(fitted(&long, "  index +1").ends_with(" …  index +1"));
-        assert_eq!((fitted("short", " end"), wrapped("short")), ("short end".into(), "short".into()));
+        assert_eq!(
+            (fitted("short", " end"), wrapped("short")),
+            ("short end".into(), "short".into())
+        );
     }
 
     #[test]

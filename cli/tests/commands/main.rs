@@ -344,7 +344,10 @@ fn friction_problems_are_judged_by_their_residuals() {
     let rows = table(&folder.join("tables/problems.csv"));
     assert!(rows.len() == 3 && rows[1][2] == "solved", "{rows:?}");
     let contacts = table(&folder.join("tables/contacts_0001.csv"));
-    assert_eq!(contacts[0], ["contact", "state", "r N", "r T1", "r T2", "u N", "u T1", "u T2"]);
+    assert_eq!(
+        contacts[0],
+        ["contact", "state", "r N", "r T1", "r T2", "u N", "u T1", "u T2"]
+    );
     assert_eq!(contacts.len(), 1 + found["r"].as_array().unwrap().len() / 3);
     let count = |state: &str| contacts[1..].iter().filter(|c| c[1].starts_with(state)).count();
     for state in ["open", "stick", "slip"] {
@@ -352,7 +355,10 @@ fn friction_problems_are_judged_by_their_residuals() {
     }
     for (k, row) in contacts[1..].iter().enumerate() {
         let [r, u] = [2, 5].map(|c| row[c].parse::<f64>().unwrap());
-        assert_eq!((found["r"][3 * k].as_f64(), found["u"][3 * k].as_f64()), (Some(r), Some(u)));
+        assert_eq!(
+            (found["r"][3 * k].as_f64(), found["u"][3 * k].as_f64()),
+            (Some(r), Some(u))
+        );
         assert!(row[1] == "open" || u.abs() < 1e-12, "{row:?}");
         assert!(row[1] != "open" || r.abs() < 1e-12, "{row:?}");
     }
@@ -371,7 +377,16 @@ fn nothing_is_wider_than_a_hundred_columns() {
         assert_eq!(wide, None);
     };
     narrow(&printed(&folder, &["--help"]));
-    for kind in ["contact", "continuation", "delassus", "diagram", "enumeration", "mcp", "newton", "search"] {
+    for kind in [
+        "contact",
+        "continuation",
+        "delassus",
+        "diagram",
+        "enumeration",
+        "mcp",
+        "newton",
+        "search",
+    ] {
         narrow(&printed(&folder, &["options", kind]));
     }
     for command in ["follow", "diagram", "solutions"] {
@@ -401,11 +416,23 @@ fn no_colours_are_printed() {
     let folder = folder("colours");
     run_file_of(&folder, "follow", &[]);
     let program = env!("CARGO_BIN_EXE_semismooth");
-    for line in ["follow run.toml", "follow absent.toml", "--help", "follow --help", "follow --wrong"] {
+    for line in [
+        "follow run.toml",
+        "follow absent.toml",
+        "--help",
+        "follow --help",
+        "follow --wrong",
+    ] {
         for (name, value) in [("NO_COLOR", "1"), ("CLICOLOR_FORCE", "1")] {
             // A terminal of its own, in which the bar is drawn.
             let output = Command::new("script")
-                .args(["--quiet", "--return", "--command", &format!("{program} {line}"), "/dev/null"])
+                .args([
+                    "--quiet",
+                    "--return",
+                    "--command",
+                    &format!("{program} {line}"),
+                    "/dev/null",
+                ])
                 .env("TERM", "xterm-256color")
                 .env(name, value)
                 .current_dir(&folder)
@@ -449,7 +476,10 @@ fn shells_and_manuals_know_the_commands() {
         let section = section.split(".SH \"").next().unwrap();
         let options = text.split_whitespace().filter(|w| w.starts_with("--"));
         for option in options {
-            assert!(section.contains(option), "{command}: {option} is not in {section}");
+            assert!(
+                section.contains(option),
+                "{command}: {option} is not in {section}"
+            );
         }
     }
     // A problem of AMPL's may have the name of a command.

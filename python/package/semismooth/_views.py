@@ -1,6 +1,7 @@
 """Tables and pictures of branches and diagrams, where pandas and matplotlib are installed. Colours and signs are those of the crate's pictures
 (`Colour` and `Marker` in its module `output`)."""
 
+import csv
 import io
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
@@ -58,12 +59,21 @@ def branch_table(branch: Any) -> Any:
 def diagram_table(diagram: Any) -> Any:
     import pandas
 
-    table = pandas.read_csv(io.BytesIO(bytes(diagram._csv())), float_precision="round_trip", dtype={"edge": "Int64", "det": "Int64"})
+    names, *rows = csv.reader(io.StringIO(bytes(diagram._csv()).decode(), newline=""))
+    columns = dict(zip(names, zip(*rows) if rows else [()] * len(names)))
+
+    def numbers(name: str) -> list[float]:
+        return [float(v) if v else np.nan for v in columns[name]]
+
+    def integers(name: str) -> Any:
+        return pandas.array([int(v) if v else pandas.NA for v in columns[name]], dtype="Int64")
+
     known = ["edge", "arclength", "parameter", "event", "det"]
-    values = [name for name in table.columns if name[0] == "x" and name[1:].isdigit()]
-    sites = [name for name in table.columns if name not in known + values]
-    table = table[["edge", "arclength", *values, "parameter", "event", "det", *sites]]
-    return table.rename(columns={name: f"site{s}" for s, name in enumerate(sites)})
+    values = [name for name in names if name[0] == "x" and name[1:].isdigit()]
+    table = {"edge": integers("edge"), "arclength": numbers("arclength")} | {name: numbers(name) for name in values}
+    table |= {"parameter": numbers("parameter"), "event": columns["event"], "det": integers("det")}
+    sites = [name for name in names if name not in known + values]
+    return pandas.DataFrame(table | {f"site{s}": columns[name] for s, name in enumerate(sites)})
 
 
 def _values(points: Any, what: _Drawn) -> Any:

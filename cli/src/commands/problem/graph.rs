@@ -21,7 +21,8 @@ pub(super) fn run(case: &Case<'_>, out: &mut dyn Write) -> Result<(), CommandErr
     let diagram = explore(case, &options, &progress);
     drop(progress);
     let diagram = diagram?;
-    let stopped = |c: &Completeness| matches!(c, Completeness::Limited(list) if list.contains(&Limit::Stopped));
+    let stopped =
+        |c: &Completeness| matches!(c, Completeness::Limited(list) if list.contains(&Limit::Stopped));
     tell(case, &diagram, out)?;
     let failed = |e| CommandError::failed("the table", e);
     let (map, columns) = (case.problem.map(), case.columns());
@@ -67,10 +68,7 @@ fn explore(case: &Case<'_>, options: &DiagramOptions, progress: &Progress) -> Re
                 // What is known: edges that are done, the one under way, and arms that wait.
                 let known = now.edges + 1 + now.pending;
                 progress.of(known as u64);
-                progress.at(
-                    now.edges as u64,
-                    format!("{name} = {:.4}", now.event.parameter()),
-                )
+                progress.at(now.edges as u64, format!("{name} = {:.4}", now.event.parameter()))
             };
             Diagram::explore_observed(map, &starts, options, observe).map_err(failed)
         }
