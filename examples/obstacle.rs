@@ -27,6 +27,7 @@ use semismooth::complementarity::BoundState;
 use semismooth::complementarity::active_set::{
     ActiveSetIteration, ActiveSetOptions, ActiveSetReport, ActiveSetSolver, ActiveSetStatus, DirectReduced,
 };
+use semismooth::output::{BranchDiagram, Colour, Panel};
 
 #[derive(Parser)]
 #[command(about = "Obstacle problems and elastic-plastic torsion on an m x m grid")]
