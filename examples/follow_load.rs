@@ -43,9 +43,12 @@ fn run(args: &Args) -> Outcome<()> {
             changes += 1;
         }
     }
+    let folds = match branch.folds() {
+        none if none.is_empty() => "no folds".to_owned(),
+        some => format!("folds at {}", list(&some, 10)),
+    };
     println!(
-        "\n{changes} changes of state, folds at {}, end: {}; {} factorisations",
-        list(&branch.folds(), 10),
+        "\n{changes} changes of state, {folds}, end: {}; {} factorisations",
         branch.termination,
         branch.factorisations
     );
