@@ -49,8 +49,7 @@ fn run(args: &Args) -> Outcome<()> {
     };
     println!(
         "\n{changes} changes of state, {folds}, end: {}; {} factorisations",
-        branch.termination,
-        branch.factorisations
+        branch.termination, branch.factorisations
     );
 
     let p = map.num_sites();
