@@ -454,7 +454,7 @@ fn picture(rings: &Rings, before: &[f64]) -> Vec<(Vec<(f64, f64)>, Colour)> {
 /// Three strips side by side, each a quarter and its mirror images.
 fn draw(arguments: &Arguments, history: &History) -> Outcome<()> {
     let strip = |cells: &[(Vec<(f64, f64)>, Colour)], load: &str| {
-        let mut panel = Panel::new("x", "y").with_caption(load);
+        let mut panel = Panel::new("x [mm]", "y [mm]").with_caption(load);
         for (corners, colour) in cells {
             for (a, b) in [(1.0, 1.0), (-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0)] {
                 let mirrored = corners.iter().map(|(x, y)| (a * x, b * y)).collect();
