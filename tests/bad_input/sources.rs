@@ -1,4 +1,5 @@
 //! Errors that come from the system or from another library hand on the original.
+#![cfg(feature = "json")]
 
 use std::error::Error;
 use std::io;
