@@ -28,7 +28,7 @@ pub struct FrictionArgs {
     /// No table, no progress
     #[arg(long, short)]
     quiet: bool,
-    /// Folder for tables: problems.csv, a line a file, and one of the contacts of each
+    /// Folder for problems.csv, a line a file, and a table of contacts for each
     #[arg(long)]
     out: Option<PathBuf>,
     /// Seconds after which a problem is given up
