@@ -31,7 +31,7 @@ struct Args {
     /// The history of each solution on standard error.
     #[arg(long)]
     history: bool,
-    /// Solves each problem so often and tells the least time.
+    /// Solves of each problem; the least time is told.
     #[arg(long, default_value_t = 1)]
     repeat: usize,
 }
