@@ -207,21 +207,19 @@ impl ReducedBody {
         places.map(|p| turned[*p as usize]).collect()
     }
 
-    /// Rigid motions at the nodes, from those at positions about the centre in units of the size of the body.
+    /// Rigid motions of the whole body at its nodes, by component; `which` numbers them as [`Place::motions`] does.
     pub(super) fn rigid_modes<const F: usize, const K: usize>(
         &self,
-        at: impl Fn([f64; 3]) -> [[f64; K]; F],
+        which: [usize; K],
     ) -> Vec<[[f64; K]; F]> {
         let points = self.stiffness.points();
-        let count = points.len().max(1) as f64;
-        let centre: [f64; 3] = std::array::from_fn(|d| points.iter().map(|p| p[d]).sum::<f64>() / count);
-        let relative = |p: &[f64; 3]| -> [f64; 3] { std::array::from_fn(|d| p[d] - centre[d]) };
-        let size = points
-            .iter()
-            .flat_map(relative)
-            .fold(0.0f64, |m, x| m.max(x.abs()));
-        let size = if size > 0.0 { size } else { 1.0 };
-        let mut modes: Vec<_> = points.iter().map(|p| at(relative(p).map(|x| x / size))).collect();
+        let places = Place::of(points, &vec![0; points.len()]);
+        let place = places.first().copied().unwrap_or_default();
+        let at = |p: &[f64; 3]| {
+            let motions = place.motions(*p);
+            std::array::from_fn(|d| which.map(|k| motions[k][d]))
+        };
+        let mut modes: Vec<[[f64; K]; F]> = points.iter().map(at).collect();
         for (node, frame) in self.contacts.iter().zip(&self.frames) {
             let old = modes[*node];
             for (row, direction) in modes[*node].iter_mut().zip(frame) {

@@ -124,17 +124,11 @@ impl SerialSystem {
         let fixed = body.fixed();
         let hierarchy = match &body.stiffness.blocks {
             NodalBlocks::Plane(a) => {
-                let modes = body.rigid_modes(|x| [[1.0, 0.0, -x[1]], [0.0, 1.0, x[0]]]);
+                let modes = body.rigid_modes([0, 1, 5]);
                 Hierarchy::Plane(Box::new(Aggregation::new(a, modes, fixed)?))
             }
             NodalBlocks::Space(a) => {
-                let modes = body.rigid_modes(|x| {
-                    [
-                        [1.0, 0.0, 0.0, 0.0, x[2], -x[1]],
-                        [0.0, 1.0, 0.0, -x[2], 0.0, x[0]],
-                        [0.0, 0.0, 1.0, x[1], -x[0], 0.0],
-                    ]
-                });
+                let modes = body.rigid_modes([0, 1, 2, 3, 4, 5]);
                 Hierarchy::Space(Box::new(Aggregation::new(a, modes, fixed)?))
             }
         };
