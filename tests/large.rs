@@ -146,6 +146,42 @@ fn laws_in_the_plane_agree_with_the_condensed_form() {
     compare(body(), PlanarCoulomb::new(weakening(0.4)), [0.5, 1.0]);
 }
 
+/// What a search that was cut short says of its best iterate is what the iterate's displacements say, node by node.
+#[test]
+fn residuals_of_iterates_are_those_of_their_displacements() {
+    fn judge<L: NodeLaw + Clone>(body: &ReducedBody, law: &L) {
+        let mut largest = 0.0f64;
+        for limit in 1..4 {
+            let options = ReducedOptions::default()
+                .with_max_iterations(limit)
+                .with_max_load_steps(0)
+                .with_max_condensed(0);
+            let mut problem = ReducedContact::new(body.clone(), law.clone(), options).unwrap();
+            let best = match problem.solve(2.0, None) {
+                Err(ContactError::NotConverged { best }) => *best,
+                other => other.unwrap(),
+            };
+            let own = problem.solution(2.0, &best.displacements).unwrap();
+            for (a, b) in [
+                (best.residuals.normal, own.residuals.normal),
+                (best.residuals.tangential, own.residuals.tangential),
+            ] {
+                assert!((a - b).abs() <= 1e-10 + 1e-6 * b, "{limit}: {a:e} {b:e}");
+            }
+            assert_eq!(best.states[..2], [own.open(), own.stick()], "{limit}");
+            largest = largest.max(own.residuals.tangential);
+        }
+        assert!(largest > 1e-3, "{largest:e}");
+    }
+    judge(
+        &reduced_body(&rectangle([48, 24]), &ground(2)),
+        &PlanarCoulomb::new(constant(0.3)),
+    );
+    let system = block([6, 6, 3], Material::isotropic(1.0, 0.277).unwrap());
+    let law = OrthotropicCoulomb::isotropic(constant(0.3));
+    judge(&reduced_body(&system, &ground(3)), &law);
+}
+
 /// A curved foundation turns the frames of the nodes, an anisotropic material couples all directions.
 #[test]
 fn curved_foundations_and_gaps_agree_with_the_condensed_form() {

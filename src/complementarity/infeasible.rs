@@ -120,3 +120,36 @@ impl Conditions<'_> {
 fn exact(v: f64) -> Exact {
     Exact::new(v).unwrap_or_default()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// F = (11 x₀, q₁ − 8 x₀) with bounds 0 ≤ x₀ ≤ u, 0 ≤ x₁: 8 F₀ + 11 F₁ = 11 q₁ and 8 F₀ + 10 F₁ = 10 q₁ + 8 x₀.
+    #[test]
+    fn certificates_are_right_with_simple_ratios_or_not_believed() {
+        let matrix = Matrix::from_rows(&[[11.0, 0.0], [-8.0, 0.0]]).unwrap();
+        let inf = f64::INFINITY;
+        for (v, constant, upper, refuted) in [
+            ([8.0, 11.0], -1.0, inf, true),
+            ([8.0, 11.0], 1.0, inf, false),
+            ([8.0, 11.0], 0.0, inf, false),
+            ([8.0, 10.0], -1.0, inf, false),
+            ([8.0, 10.0], -1.0, 2.0, false),
+            ([8.0, 10.0], -1.0, 1.0, true),
+        ] {
+            let conditions = Conditions {
+                matrix: &matrix,
+                q: &[0.0, constant],
+                lower: &[0.0; 2],
+                upper: &[upper, inf],
+            };
+            let rounded = [v[0] * (1.0 + 1e-10), v[1] * (1.0 - 1e-10)];
+            assert_eq!(
+                conditions.refuted_by(&rounded),
+                refuted,
+                "{v:?} {constant} {upper}"
+            );
+        }
+    }
+}

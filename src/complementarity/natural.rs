@@ -284,6 +284,29 @@ mod tests {
     use crate::piecewise::check::{CheckOptions, check};
     use crate::piecewise::value;
 
+    /// Constants and bounds that are c times as large make unknowns that are: the bounds alone tell where there are no constants.
+    #[test]
+    fn typical_sizes_grow_with_constants_and_bounds() {
+        for (constant, bound) in [(0.0, 7.0), (1.0, 7.0), (30.0, 0.5)] {
+            let size = |c: f64| {
+                let matrix = Matrix::from_rows(&[[2.0, 1.0], [1.0, 4.0]]).unwrap();
+                let f = AffineFunction::new(matrix, vec![c * constant, -c * constant]).unwrap();
+                let lower = vec![0.0, -c * bound];
+                let mcp = Mcp::new(f, lower, vec![f64::INFINITY; 2]).unwrap();
+                let mut sizes = [0.0; 2];
+                mcp.typical_sizes(&mut sizes);
+                assert_eq!(sizes[0], sizes[1]);
+                sizes[0]
+            };
+            for c in [1e-9, 1e9] {
+                assert!(
+                    (size(c) / c - size(1.0)).abs() < 1e-12,
+                    "{constant} {bound} {c:e}"
+                );
+            }
+        }
+    }
+
     #[test]
     fn keeps_the_contract_for_all_kinds_of_bounds() {
         let inf = f64::INFINITY;

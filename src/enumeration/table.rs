@@ -662,6 +662,50 @@ mod tests {
         assert!(table.is_bounded(0, Sign::Positive) && !table.is_bounded(0, Sign::Negative));
     }
 
+    /// 0 y − v ≥ 0 is a contradiction where v is more than what the error of the coefficient makes of unknowns up to 1e4.
+    #[test]
+    fn contradictions_are_clearer_than_what_is_not_known() {
+        for (violation, error, clear) in [
+            (1e-8, 0.0, true),
+            (1e-10, 0.0, false),
+            (1e-6, 1e-14, true),
+            (1e-9, 1e-14, false),
+            (1e-4, 1e-11, true),
+            (1e-6, 1e-11, false),
+        ] {
+            let form = Form {
+                constant: -violation,
+                coefficients: vec![0.0],
+                error,
+            };
+            let mut table = Table::new(1, [form].iter());
+            table.constrain(0, Sign::Positive).unwrap();
+            assert_eq!(table.repair().is_err(), clear, "{violation:e} {error:e}");
+        }
+    }
+
+    /// y₀ or y₁ could make 1e-6 y₀ + y₁ − 1 positive. What is then known of them keeps all its digits where y₁ does, whether their signs are
+    /// given or not.
+    #[test]
+    fn rows_are_repaired_by_large_coefficients() {
+        for signed in [false, true] {
+            let forms = [[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 1e-6, 1.0]].map(|a| Form {
+                constant: a[0],
+                coefficients: a[1..].to_vec(),
+                error: EPS,
+            });
+            let mut table = Table::new(2, forms.iter());
+            (0..2).for_each(|k| table.exchange(k, k));
+            for k in 0..3 {
+                if signed || k == 2 {
+                    table.constrain(k, Sign::Positive).unwrap();
+                }
+            }
+            table.repair().unwrap();
+            assert!(table.value(2) >= 0.0 && table.largest_error() < 1e-14, "{signed}");
+        }
+    }
+
     /// Exchanges there and back leave the bounds of all of them. A dictionary made anew has the same rows, and bounds that hold, with the factor of
     /// safety, for what rounding errors of the root do to its rows, and are not much larger.
     #[test]

@@ -163,6 +163,20 @@ mod tests {
         assert!(small([1e3, 1e3, 1e12], 100.0, true) == Small::No);
     }
 
+    /// A row whose terms are no numbers is not excused by another one, however large.
+    #[test]
+    fn rows_without_sizes_are_not_solved() {
+        let jac = Matrix::from_rows(&[[1.0, f64::NAN], [1.0, 0.0]]).unwrap();
+        let (mut row, mut col, mut max) = ([0.0; 2], [0.0; 2], [0.0; 2]);
+        let work = Scratch {
+            row: &mut row,
+            col: &mut col,
+            max: &mut max,
+        };
+        let sizes = [f64::NAN, 1e15];
+        assert!(is_small(&[1e-3, 0.0], &sizes, 1e-12, jac.as_ref(), &[true; 2], work) == Small::No);
+    }
+
     /// x₀ is rounded in a row with terms of 1, of which it has a share of 1e-3: so much may be left in its own row, whose terms vanish.
     #[test]
     fn rows_are_excused_by_what_others_see_of_their_unknown() {

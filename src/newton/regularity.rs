@@ -167,7 +167,8 @@ mod tests {
         }
     }
 
-    /// After an update of rows it is that of the selection asked for, not of the one that was factored.
+    /// After an update of rows it is that of the selection asked for, not of the one that was factored; corrections by its factors are its
+    /// own, too, not those of the one kept for updates.
     #[test]
     fn least_singular_values_are_those_of_the_selection() {
         let rows = [[2.0, 1.0, -1.0], [0.5, 1e-3, 1e-3]];
@@ -179,6 +180,8 @@ mod tests {
             let selection = Selection::from_pieces(pieces);
             let mut anew = MoorePenrose::new(&map, AutoSolver::new()).unwrap();
             let expected = anew.least_singular_value(&map, &selection, &x, &sizes).unwrap();
+            let t = anew.tangent().to_vec();
+            let correction = anew.remainder(&map, &selection, &x, &t).unwrap();
             for known in [[0, 0], [1, 1]] {
                 let mut corrector = MoorePenrose::new(&map, AutoSolver::new()).unwrap();
                 for s in [&Selection::from_pieces(known), &selection] {
@@ -190,6 +193,16 @@ mod tests {
                     (least.unwrap() - expected).abs() <= 1e-9 * expected,
                     "{known:?} {pieces:?}"
                 );
+                let mut corrector = MoorePenrose::new(&map, AutoSolver::new()).unwrap();
+                corrector
+                    .linearize(&map, &Selection::from_pieces(known), &x, None)
+                    .unwrap();
+                corrector
+                    .least_singular_value(&map, &selection, &x, &sizes)
+                    .unwrap();
+                let found = corrector.remainder(&map, &selection, &x, &t).unwrap();
+                let near = |(a, b): (&f64, &f64)| (a - b).abs() <= 1e-9 * norm(correction);
+                assert!(found.iter().zip(correction).all(near), "{known:?} {pieces:?}");
             }
             values.push(expected);
         }

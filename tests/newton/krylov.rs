@@ -317,20 +317,81 @@ fn failures_are_typed_and_keep_the_best_iterate() {
     }
 }
 
+/// Newton's steps for x³ = 0 leave 8/27 of the residual each, until it is below the absolute tolerance.
 #[test]
-fn steepest_descent_goes_on_where_the_newton_step_does_not_descend() {
-    // A wrong derivative: its Newton steps climb, but it has the sign for steepest descent only where it is right, beyond 1.
-    let mut map = Scalar::new(|x| (x.powi(3), if x.abs() < 1e-3 { 0.0 } else { 3.0 * x * x }));
+fn an_absolute_tolerance_ends_slow_convergence() {
+    let mut map = Scalar::new(|x| (x.powi(3), 3.0 * x * x));
     let mut newton = NewtonKrylov::new(
-        NewtonKrylovOptions::default()
+        options(Forcing::Constant(1e-10), KrylovMethod::Gmres { directions: 3 })
             .with_damping(Damping::Always)
             .with_absolute_tolerance(1e-6)
             .with_relative_tolerance(0.0),
     );
     let mut x = [1.0, 0.5, 0.0];
     newton.solve(&mut map, &mut x).unwrap();
-    assert!(x.iter().all(|x| x.abs() < 1e-2));
-    assert!(newton.report().history.last().unwrap().step == Step::None);
+    let norms: Vec<f64> = newton.report().history.iter().map(|i| i.residual_norm).collect();
+    let (last, others) = norms.split_last().unwrap();
+    assert!(
+        *last <= 1e-6 && others.iter().all(|norm| *norm > 1e-6),
+        "{norms:?}"
+    );
+    assert!(
+        ratios(&newton)
+            .iter()
+            .all(|ratio| (ratio - 8.0 / 27.0).abs() < 1e-8),
+        "{norms:?}"
+    );
+}
+
+/// A quarter turn of the plane, less (1, 2).
+struct Turn;
+
+impl LinearOperator for Turn {
+    fn order(&self) -> usize {
+        2
+    }
+    fn product(&mut self, x: &[f64], y: &mut [f64]) {
+        y.copy_from_slice(&[-x[1], x[0]]);
+    }
+    fn transpose_product(&mut self, x: &[f64], y: &mut [f64]) -> bool {
+        y.copy_from_slice(&[x[1], -x[0]]);
+        true
+    }
+}
+
+impl MatrixFree for Turn {
+    fn residual(&mut self, x: &[f64], out: &mut [f64]) {
+        out.copy_from_slice(&[-x[1] - 1.0, x[0] - 2.0]);
+    }
+    fn linearize(&mut self, _x: &[f64]) -> Result<(), LinearError> {
+        Ok(())
+    }
+}
+
+/// One direction of GMRES is across the right-hand side and gains nothing; steepest descent with the length of the minimum ends at the
+/// solution, as G Gᵀ = I.
+#[test]
+fn turns_are_solved_by_steepest_descent() {
+    let options = NewtonKrylovOptions::default()
+        .with_method(KrylovMethod::Gmres { directions: 1 })
+        .with_max_linear_iterations(1);
+    let solve = |damping, x: &mut [f64; 2]| {
+        let mut newton = NewtonKrylov::new(options.clone().with_damping(damping));
+        let solved = newton.solve(&mut Turn, x);
+        (
+            solved,
+            newton.report().history.iter().map(|i| i.step).collect::<Vec<_>>(),
+        )
+    };
+    let mut x = [5.0, -7.0];
+    let (solved, steps) = solve(Damping::Always, &mut x);
+    solved.unwrap();
+    assert_eq!((x, steps), ([2.0, -1.0], vec![Step::Gradient, Step::None]));
+    let why = reason(solve(Damping::Never, &mut [5.0, -7.0]).0.unwrap_err());
+    assert!(
+        matches!(why, Failure::Linear { residual } if residual == 1.0),
+        "{why:?}"
+    );
 }
 
 /// a x − b = 0, each component on its own.

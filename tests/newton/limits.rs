@@ -2,7 +2,8 @@
 
 use std::cell::Cell;
 
-use semismooth::newton::{Convergence, Damping, Failure, Newton, NewtonError, NewtonOptions};
+use semismooth::linear::DenseLu;
+use semismooth::newton::{Convergence, Damping, Failure, MoorePenrose, Newton, NewtonError, NewtonOptions};
 use semismooth::piecewise::{MinMap, PiecewiseError, PiecewiseSmooth, Selection, Semismooth};
 use semismooth::sparse::{Matrix, Pattern};
 
@@ -188,6 +189,13 @@ fn misuse_is_named() {
     for (name, map, options, mut x, message) in cases {
         let error = Newton::new(options).solve(map, &mut x).unwrap_err();
         assert!(error.to_string().starts_with(message), "{name}: {error}");
+    }
+    for (rows, columns) in [(1, 3), (2, 2), (3, 3), (3, 2)] {
+        let found = MoorePenrose::new(&Shape(3, 2, rows, columns), DenseLu::new());
+        match found.map(|_| ()) {
+            Err(PiecewiseError::Length { what, .. }) => assert!(what.contains("declared pattern")),
+            other => panic!("{rows} x {columns}: {other:?}"),
+        }
     }
     let stray = Newton::default().solve_semismooth(&Thin(lcp, diagonal), &mut [5.0, 5.0]);
     let expected = PiecewiseError::StrayEntry { row: 1, col: 1 };

@@ -186,6 +186,47 @@ fn vertical_arms_leave_to_all_sides() {
     assert_eq!(found.orientation, None);
 }
 
+/// a x = α, a = 1 or −3 where x is positive or negative, and y = x − 3 α: two solutions for α > 0, none for α < 0, two arms at 0.
+#[test]
+fn lists_are_those_of_their_parameter() {
+    let map = rows(3, 1, |p| {
+        let a = [1.0, -3.0][p[0]];
+        vec![vec![a, 0.0, -1.0, 0.0], vec![-1.0, 1.0, 3.0, 0.0]]
+    });
+    let options = EnumerationOptions::default();
+    let near = |x: &[f64], y: &[f64; 3]| x.iter().zip(y).all(|(a, b)| (a - b).abs() < 1e-14);
+    for alpha in [-1.0, -0.1, 0.3, 1.0] {
+        let set = all_solutions(&map, alpha, &options).unwrap();
+        let exact = match alpha > 0.0 {
+            true => vec![
+                [alpha, -2.0 * alpha, alpha],
+                [-alpha / 3.0, -10.0 * alpha / 3.0, alpha],
+            ],
+            false => vec![],
+        };
+        assert_eq!(
+            (set.solutions.len(), doubtful(&set.completeness)),
+            (exact.len(), 0),
+            "{alpha}"
+        );
+        assert!(
+            exact.iter().all(|x| set.solutions.iter().any(|s| near(&s.x, x))),
+            "{set:?}"
+        );
+    }
+    let found = all_arms(&map, &[0.0; 3], &options).unwrap();
+    let arms = [[1.0, -2.0, 1.0], [-1.0, -10.0, 3.0]].map(|d: [f64; 3]| {
+        let length = d.iter().map(|d| d * d).sum::<f64>().sqrt();
+        d.map(|d| d / length)
+    });
+    assert_eq!((found.arms.len(), found.orientation), (2, Some((0, 0))));
+    assert!(
+        arms.iter()
+            .all(|t| found.arms.iter().any(|a| near(&a.tangent, t))),
+        "{found:?}"
+    );
+}
+
 /// |y₁| = 1 beside an unknown that nothing determines: two lines without ends, told apart without coefficients, too.
 #[test]
 fn two_lines_without_ends() {

@@ -212,3 +212,63 @@ impl<const D: usize> Interior<D> {
         Some(length)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contact::delassus::DelassusProblem;
+    use crate::sparse::Matrix;
+
+    /// Three contacts and one without friction, against differences of y; while De Saxcé's term is frozen, of y without it.
+    #[test]
+    fn newton_matrices_are_derivatives() {
+        let n = 12;
+        let entry = |i: usize, j: usize| {
+            if i == j {
+                3.0
+            } else {
+                0.1 * ((i * j % 5) as f64 - 2.0)
+            }
+        };
+        let all = (0..n).flat_map(|i| (0..n).map(move |j| (i, j)));
+        let m: Vec<_> = all.map(|(i, j)| (i, j, entry(i.min(j), i.max(j)))).collect();
+        let m = Matrix::from_triplets(n, n, &m).unwrap();
+        let q = (0..n).map(|i| (1.7 * i as f64).cos()).collect();
+        let problem = DelassusProblem::new(3, m, q, vec![0.3, 0.8, 0.5, 0.0]).unwrap();
+        let p = Scaled::<3>::new(&problem);
+        let x: Vec<f64> = (0..n).map(|i| (2.3 * i as f64).sin()).collect();
+        let (col_ptr, row_idx) = Interior::new(&p).into_pattern();
+        for is_frozen in [false, true] {
+            let mut law = Law {
+                p: &p,
+                is_frozen,
+                direction: &mut [[0.0; 3]; 4],
+                reactions: &mut [[0.0; 3]; 4],
+            };
+            let mut values = vec![f64::NAN; row_idx.len()];
+            law.image(&x, &mut [0.0; 12]);
+            law.derivative(&mut values);
+            let mut image = |j: usize, h: f64| {
+                let (mut x, mut y) = (x.clone(), [0.0; 12]);
+                x[j] += h;
+                law.image(&x, &mut y);
+                for i in (0..9).step_by(3).filter(|_| is_frozen) {
+                    y[i] -= y[i + 1].hypot(y[i + 2]);
+                }
+                y
+            };
+            for j in 0..n {
+                let h = 1e-6;
+                let (above, below) = (image(j, h), image(j, -h));
+                let mut column = [0.0; 12];
+                for k in col_ptr[j]..col_ptr[j + 1] {
+                    column[row_idx[k]] += values[k];
+                }
+                for i in 0..n {
+                    let slope = (above[i] - below[i]) / (2.0 * h);
+                    assert!((column[i] - slope).abs() < 1e-7, "{i} {j}: {} {slope}", column[i]);
+                }
+            }
+        }
+    }
+}

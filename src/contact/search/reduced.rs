@@ -274,3 +274,58 @@ fn descend<V: View>(problem: &Contact<V, &dyn NodeLaw>, x: &mut [f64], step: &[f
     x.copy_from_slice(&start);
     false
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::spread::Random;
+
+    /// D of each rank, as a product, with its rows in no order, and steps (δv, δλ) that satisfy the rows: they satisfy what is left of them,
+    /// with the components of δλ that are free as μ.
+    #[test]
+    fn elimination_at_a_node_keeps_its_solutions() {
+        let mut random = Random::new(3);
+        for case in 0..300 {
+            let blocks = 2 + case % 2;
+            let rank = case / 2 % (blocks + 1);
+            let mut numbers = || -> [[f64; 3]; 3] {
+                std::array::from_fn(|a| {
+                    std::array::from_fn(|b| {
+                        let v = random.symmetric();
+                        if a < blocks && b < blocks { v } else { 0.0 }
+                    })
+                })
+            };
+            let [left, right, e, steps] = std::array::from_fn(|_| numbers());
+            let d: [[f64; 3]; 3] = std::array::from_fn(|a| {
+                std::array::from_fn(|b| (0..rank).map(|k| left[a][k] * right[k][b]).sum())
+            });
+            let dot = |a: &[f64; 3], b: &[f64; 3]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
+            let [v, lambda, _] = steps;
+            let h = std::array::from_fn(|a| -dot(&d[a], &v) - dot(&e[a], &lambda));
+            let rows = std::array::from_fn(|a| LocalRow {
+                penetration: d[a][0],
+                slip: [d[a][1], d[a][2]],
+                pressure: e[a][0],
+                traction: [e[a][1], e[a][2]],
+                ..LocalRow::default()
+            });
+            let node = Node::new(blocks, &h, &rows).unwrap();
+            assert_eq!(node.rank, rank, "{case}");
+            let near = |a: f64, b: f64| assert!((a - b).abs() < 1e-7, "{case}: {a} {b}");
+            for k in 0..rank {
+                near(dot(&node.d[k], &v) + dot(&node.e[k], &lambda), node.b[k]);
+            }
+            let free = |m: usize| {
+                (0..blocks).position(|c| (0..rank).all(|k| node.t[c][k] == f64::from(u8::from(k == m))))
+            };
+            let mu: Vec<f64> = (0..rank).map(|m| lambda[free(m).unwrap()]).collect();
+            for c in 0..blocks {
+                near(
+                    node.s[c] + (0..rank).map(|m| node.t[c][m] * mu[m]).sum::<f64>(),
+                    lambda[c],
+                );
+            }
+        }
+    }
+}

@@ -300,6 +300,31 @@ mod tests {
         assert_eq!(left([1.0, -1e-6], &[second, first]), None);
     }
 
+    /// The cubic in the form of Bernstein on a grid; the parabola (1 − 2u)², whose least value is at a root of a linear equation.
+    #[test]
+    fn cubics_have_their_least_values() {
+        for k in 0..200 {
+            let [a, b, c, d] = [1, 2, 3, 5].map(|m: u32| (f64::from(k * m) * f64::from(m).sqrt()).fract());
+            let (g, slope) = ([a, b], [-0.1 - 9.0 * c, 0.1 + 9.0 * d]);
+            let control = [g[0], g[0] + slope[0] / 3.0, g[1] - slope[1] / 3.0, g[1]];
+            let value = |u: f64| {
+                let v = 1.0 - u;
+                control[0] * v.powi(3)
+                    + 3.0 * u * v * (control[1] * v + control[2] * u)
+                    + control[3] * u.powi(3)
+            };
+            let least = (1..2000)
+                .map(|i| value(f64::from(i) / 2000.0))
+                .fold(f64::INFINITY, f64::min);
+            let found = hermite_min(g, slope);
+            assert!(
+                found <= least + 1e-14 && found > least - 1e-5,
+                "{k}: {found} {least}"
+            );
+        }
+        assert_eq!(hermite_min([1.0, 1.0], [-4.0, 4.0]), 0.0);
+    }
+
     /// α (2 − α) leaves its facet inwards at 0 and comes back at 2; at 2 it leaves outwards. The parabola is its own interpolant.
     #[test]
     fn a_facet_left_inwards_is_met_again() {

@@ -332,3 +332,35 @@ impl<'s, P: PiecewiseSmooth> Stretch<'s, P> {
         Ok(None)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A variable that moves, one that moves by 1e-6 about 5, one that moves by rounding, and one that is 0, whatever its unit.
+    #[test]
+    fn variables_are_measured_by_how_far_they_move() {
+        let selection = Selection::uniform(0, 0);
+        for unit in [1e-6, 1.0, 1e9] {
+            let points = [0.0, 0.7, 1.0].map(|s| {
+                let x = [s, 5.0 + 1e-6 * s, 3.0 + 1e-16 * s, 0.0];
+                x.map(|x| x * unit)
+            });
+            let nodes: Vec<_> = (points.iter().enumerate())
+                .map(|(k, x)| Node {
+                    x,
+                    arclength: k as f64,
+                    before: &selection,
+                    after: &selection,
+                })
+                .collect();
+            let exact = [1.0, 1e-6, 5.000_001e-8, 5.000_001e-8];
+            for (found, exact) in extents(&nodes, &[unit; 4]).iter().zip(exact) {
+                assert!(
+                    (found / unit - exact).abs() < 1e-7 * exact,
+                    "{unit:e}: {found:e} {exact:e}"
+                );
+            }
+        }
+    }
+}
