@@ -170,7 +170,7 @@ fn without_solution() -> Outcome<()> {
     println!("a problem without solution");
     println!(
         "  Lemke        {}, certificate v = ({}): v ≥ 0, Mᵀv ≤ 0, qᵀv < 0",
-        report.status,
+        report.status.name(),
         list(solver.ray().unwrap_or_default(), 3)
     );
     match report.status {
