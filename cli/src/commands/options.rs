@@ -15,8 +15,8 @@ use super::error::CommandError;
 /// Prints options with their defaults, as the table [options] of a run file takes them
 #[derive(Debug, Args)]
 pub struct OptionsArgs {
-    /// Of what
-    #[arg(value_parser = KINDS, default_value = "continuation")]
+    #[arg(value_parser = KINDS, default_value = "continuation", hide_possible_values = true)]
+    #[arg(help = format!("Of what: {},\n{}", KINDS[..5].join(", "), KINDS[5..].join(", ")))]
     kind: String,
     /// As one JSON object
     #[arg(long)]
