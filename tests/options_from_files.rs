@@ -18,8 +18,8 @@ use semismooth::continuation::{
 };
 use semismooth::enumeration::EnumerationOptions;
 use semismooth::newton::{Damping, NewtonKrylovOptions, NewtonOptions};
-use semismooth::piecewise::MinMap;
 use semismooth::piecewise::check::CheckOptions;
+use semismooth::piecewise::{MinMap, RegularityOptions};
 use semismooth::sparse::Matrix;
 use serde_json::json;
 
@@ -43,6 +43,7 @@ fn all_options_have_files() {
     check::<SearchOptions>();
     check::<EnumerationOptions>();
     check::<CheckOptions>();
+    check::<RegularityOptions>();
     check::<McpOptions>();
     check::<ActiveSetOptions>();
     check::<LemkeOptions>();

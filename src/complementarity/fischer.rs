@@ -3,6 +3,7 @@
 use super::{ComplementarityError, Mcp, McpFunction};
 use crate::piecewise::Semismooth;
 use crate::sparse::{Matrix, Pattern};
+use crate::spread::Random;
 
 /// φ(a, b) = a + b − √(a² + b²).
 ///
@@ -38,7 +39,7 @@ fn penalised(a: f64, b: f64, lambda: f64) -> f64 {
     lambda * phi(a, b) + (1.0 - lambda) * a.max(0.0) * b.max(0.0)
 }
 
-/// An element of the B-subdifferential of the penalised φ at (a, b); at (0, 0) the limit of gradients along (da, db).
+/// An element of the B-subdifferential of the penalised φ at (a, b); at its kinks the limit of gradients along (da, db).
 fn penalised_gradient(a: f64, b: f64, lambda: f64, (da, db): (f64, f64)) -> (f64, f64) {
     let (ga, gb) = if a != 0.0 || b != 0.0 {
         phi_gradient(a, b)
@@ -47,7 +48,12 @@ fn penalised_gradient(a: f64, b: f64, lambda: f64, (da, db): (f64, f64)) -> (f64
     } else {
         phi_gradient(1.0, 0.0)
     };
-    let (pa, pb) = if a > 0.0 && b > 0.0 { (b, a) } else { (0.0, 0.0) };
+    // The penalty has kinks where one argument is 0 and the other positive.
+    let positive = |v: f64, dv: f64| v > 0.0 || v == 0.0 && dv > 0.0;
+    let (pa, pb) = match positive(a, da) && positive(b, db) {
+        true => (b, a),
+        false => (0.0, 0.0),
+    };
     (
         lambda * ga + (1.0 - lambda) * pa,
         lambda * gb + (1.0 - lambda) * pb,
@@ -74,10 +80,22 @@ pub(super) fn component(gap: Gap, f: f64, lambda: f64) -> f64 {
     }
 }
 
-/// The derivatives of Φ of one component with respect to x and to f. Where the gap is closed and f = 0 it is the limit along a
-/// direction in which x changes at rate 1 and f at rate `df`.
+/// Whether Φ of one component has no gradient and the rate of f decides which limit of gradients is taken.
+pub(super) fn is_kink(gap: Gap, f: f64, lambda: f64) -> bool {
+    let Gap { below, above } = gap;
+    let penalty = lambda < 1.0 && (below.is_finite() || above.is_finite());
+    f == 0.0 && (below == 0.0 || above == 0.0 || penalty)
+}
+
+/// The derivatives of Φ of one component with respect to x and to f. Where f = 0 it is their limit along a direction in which f changes at
+/// rate `df` and, where the gap is closed, x at rate 1; where f ≠ 0 the penalty's kinks at closed gaps are left for points beyond the bounds.
+/// With df = 0 f grows where no gap is closed, slower than x where one is.
 pub(super) fn component_gradient(gap: Gap, f: f64, lambda: f64, df: f64) -> (f64, f64) {
     let Gap { below, above } = gap;
+    let df = match df == 0.0 && below != 0.0 && above != 0.0 {
+        true => 1.0,
+        false => df,
+    };
     // With respect to x: γ, to f: δ.
     let (inner, gamma, delta) = match above < f64::INFINITY {
         true => {
@@ -88,7 +106,8 @@ pub(super) fn component_gradient(gap: Gap, f: f64, lambda: f64, df: f64) -> (f64
     };
     match below < f64::INFINITY {
         true => {
-            let (a, b) = penalised_gradient(below, inner, lambda, (1.0, gamma + delta * df));
+            let dx = if inner > 0.0 { -1.0 } else { 1.0 };
+            let (a, b) = penalised_gradient(below, inner, lambda, (dx, gamma + delta * df));
             (a + b * gamma, b * delta)
         }
         false => (gamma, delta),
@@ -99,8 +118,8 @@ pub(super) fn component_gradient(gap: Gap, f: f64, lambda: f64, df: f64) -> (f64
 ///
 /// Φᵢ = φ(xᵢ − lᵢ, Fᵢ) with a lower bound only, −φ(uᵢ − xᵢ, −Fᵢ) with an upper one only, φ(xᵢ − lᵢ, −φ(uᵢ − xᵢ, −Fᵢ)) with
 /// both, Fᵢ without (Fischer 1992, Billups 1995). φ is evaluated without cancellation, so that Φ and the natural residual vanish
-/// together also in floating-point numbers, and where it has no gradient an element of the B-subdifferential is taken (De Luca,
-/// Facchinei and Kanzow 1996).
+/// together also in floating-point numbers, and where Φ is not differentiable the Jacobian is the limit of those along a direction, an element
+/// of the B-subdifferential (De Luca, Facchinei and Kanzow 1996; Chen, Chen and Kanzow 2000; Facchinei and Pang 2003, section 9.1).
 ///
 /// ```
 /// use semismooth::complementarity::{FischerBurmeister, Mcp, WithJacobian};
@@ -154,6 +173,41 @@ impl<'a, F: McpFunction> FischerBurmeister<'a, F> {
         Ok(Self { problem, lambda })
     }
 
+    /// Rates of F along the direction along which limits are taken: the indicator of the components that need one. Where it leaves an F alone
+    /// whose sign decides, as much as that is known at a distance of higher order, in a direction without preference.
+    fn rates(&self, x: &[f64], f: &[f64], jac: &Matrix) -> Vec<f64> {
+        let n = x.len();
+        let kink: Vec<bool> = (0..n)
+            .map(|i| is_kink(self.gap(x, i), f[i], self.lambda))
+            .collect();
+        let mut z: Vec<f64> = kink.iter().map(|&k| f64::from(u8::from(k))).collect();
+        let mut rate = vec![0.0; n];
+        jac.mul_vec(&z, &mut rate);
+        let open = |i: usize| {
+            let Gap { below, above } = self.gap(x, i);
+            below != 0.0 && above != 0.0
+        };
+        if !(0..n).any(|i| kink[i] && open(i) && rate[i] == 0.0) {
+            return rate;
+        }
+        // At closed gaps of components with F ≠ 0 points beyond the bounds are looked at.
+        let mut spread = Random::new(1);
+        for (i, z) in z.iter_mut().enumerate() {
+            *z = match self.gap(x, i) {
+                Gap { below: 0.0, .. } if f[i] > 0.0 => -1.0,
+                _ => 1.5 + 0.5 * spread.symmetric(),
+            };
+        }
+        let mut further = vec![0.0; n];
+        jac.mul_vec(&z, &mut further);
+        let open_kinks = rate
+            .iter_mut()
+            .enumerate()
+            .filter(|(i, r)| **r == 0.0 && open(*i));
+        open_kinks.for_each(|(i, r)| *r = further[i]);
+        rate
+    }
+
     fn gap(&self, x: &[f64], i: usize) -> Gap {
         Gap {
             below: x[i] - self.problem.lower()[i],
@@ -179,13 +233,7 @@ impl<F: McpFunction> Semismooth for FischerBurmeister<'_, F> {
         let mut f = vec![0.0; n];
         self.problem.function().value(x, &mut f);
         self.problem.function().jacobian(x, jac);
-        // Rates of f along the indicator of the components without a gradient.
-        let (mut z, mut rate) = (vec![0.0; n], vec![0.0; n]);
-        for i in 0..n {
-            let Gap { below, above } = self.gap(x, i);
-            z[i] = f64::from(u8::from(f[i] == 0.0 && (below == 0.0 || above == 0.0)));
-        }
-        jac.mul_vec(&z, &mut rate);
+        let rate = self.rates(x, &f, jac);
         let pattern = jac.pattern().clone();
         let factors: Vec<(f64, f64)> = (0..n)
             .map(|i| component_gradient(self.gap(x, i), f[i], self.lambda, rate[i]))
@@ -236,16 +284,20 @@ mod tests {
         }
     }
 
-    /// Where the gap is closed and f = 0, gradients are limits along directions in which f changes at the rate given.
+    /// Where f = 0, gradients are limits along directions in which f changes at the rate given.
     #[test]
     fn gradients_at_kinks_are_limits_along_the_direction() {
         let inf = f64::INFINITY;
-        for (below, above) in [(0.0, inf), (inf, 0.0), (0.0, 1.0), (1.0, 0.0)] {
+        for (below, above) in [
+            (0.0, inf),
+            (inf, 0.0),
+            (0.0, 1.0),
+            (1.0, 0.0),
+            (0.5, 2.0),
+            (2.0, inf),
+            (inf, 2.0),
+        ] {
             for (lambda, rate) in [(1.0, 0.7), (1.0, -0.7), (0.8, 3.0), (0.8, -3.0)] {
-                // The penalty of the other bound has a kink at f = 0 of its own.
-                if lambda < 1.0 && below + above == 1.0 {
-                    continue;
-                }
                 let at = |s: f64| {
                     let (below, above) = (below + s, above - s);
                     component_gradient(Gap { below, above }, s * rate, lambda, rate)

@@ -5,7 +5,8 @@ use super::natural::Piece;
 use super::{ComplementarityError, Mcp, McpFunction};
 use crate::linear::{AutoSolver, LinearError, LinearSolver, symmetric_eigenvalues};
 use crate::piecewise::{
-    Between, Doubt, PiecewiseError, PiecewiseSmooth, Regularity, Selection, active_set, singular, square,
+    Between, Doubt, ExactSigns, PiecewiseError, PiecewiseSmooth, Regularity, Selection, active_set, near,
+    singular, square,
 };
 use crate::sparse::Matrix;
 
@@ -25,8 +26,9 @@ const DENSE: usize = 500;
 /// selections of the natural map; where the gradients of xᵢ − Fᵢ on β are linearly independent it is an element of Clarke's generalised
 /// Jacobian of that map, else strong regularity asks for more than [`cd_regularity`](crate::piecewise::cd_regularity).
 ///
-/// It goes by floating-point numbers: ∇F_αα with a reciprocal condition below 1e-11 counts as singular, and quotients of minors below 1e-11 of
-/// the terms that cancel in them count as 0, whatever the units of F and x.
+/// Where F is affine and rounding may decide about a minor, exact arithmetic does, up to 200 components and some tenths of a second; beyond it
+/// is undecided ([`Doubt::Rounding`]). Else it goes by floating-point numbers: ∇F_αα with a reciprocal condition below 1e-11 counts as singular,
+/// and quotients of minors below 1e-11 of the terms that cancel in them count as 0, whatever the units of F and x.
 ///
 /// Test functions of the natural map with |θ(x)| ≤ `tolerance` count as vanishing. A parameter keeps its value. That x is a solution is not
 /// checked.
@@ -104,20 +106,61 @@ impl Ends<'_> {
 
     fn decide(&self, beta: &[usize], cap: u64) -> Result<Regularity, PiecewiseError> {
         let (base, full) = (self.matrix(&self.bound)?, self.matrix(&self.interior)?);
-        let Some([schur, terms]) = schur_complement(&base, &full, beta)? else {
-            return singular(vec![(self.bound.clone(), 1.0)], &base);
+        let mut exact = ExactSigns::new(self.map, self.x);
+        let least = match exact {
+            Some(_) => near(base.nrows()),
+            None => SINGULAR,
         };
-        match is_p_matrix(&schur, &terms, cap)? {
+        let schur = match schur_complement(&base, &full, beta, least)? {
+            Some(schur) => schur,
+            None => match exact.as_mut().map(|exact| exact.sign(&self.bound)) {
+                None | Some(Some(0)) => return singular(vec![(self.bound.clone(), 1.0)], &base),
+                Some(None) => {
+                    return Ok(Regularity::Undecided {
+                        examined: 0,
+                        doubt: Doubt::Rounding,
+                    });
+                }
+                // Regular, but nothing is known of its inverse.
+                Some(Some(_)) => Schur::unknown(beta.len()),
+            },
+        };
+        let mut sign = None;
+        let mut minor = exact.as_mut().map(|exact| {
+            move |which: &[usize]| {
+                let first = match sign {
+                    Some(sign) => sign,
+                    None => *sign.insert(exact.sign(&self.bound)?),
+                };
+                Some(first * exact.sign(&self.between(beta, which))?)
+            }
+        });
+        let minor = minor.as_mut().map(|m| m as &mut ExactMinor<'_>);
+        match is_p_matrix(&schur, cap, minor)? {
             Minors::Positive => Ok(Regularity::Regular {
                 selections: 1_u64.checked_shl(beta.len() as u32).unwrap_or(u64::MAX),
                 singular_value: None,
+                weakest: None,
             }),
             Minors::Capped { examined } => Ok(Regularity::Undecided {
                 examined,
                 doubt: Doubt::Limit,
             }),
-            Minors::NotPositive(which) => self.singular_one(&base, &schur, beta, &which),
+            Minors::Unknown { examined } => Ok(Regularity::Undecided {
+                examined,
+                doubt: Doubt::Rounding,
+            }),
+            Minors::NotPositive(which) => self.singular_one(&base, beta, &which),
         }
+    }
+
+    /// The selection with some of β between their bounds.
+    fn between(&self, beta: &[usize], which: &[usize]) -> Selection {
+        let mut other = self.bound.clone();
+        for &k in which {
+            other.set(beta[k], self.interior.piece(beta[k]));
+        }
+        other
     }
 
     /// The singular matrix between that with β at its bounds and that with some of it between them, whose determinants are as 1 to a
@@ -125,52 +168,61 @@ impl Ends<'_> {
     fn singular_one(
         &self,
         base: &Matrix,
-        schur: &[Vec<f64>],
         beta: &[usize],
         which: &[usize],
     ) -> Result<Regularity, PiecewiseError> {
-        let mut other = self.bound.clone();
-        for &k in which {
-            other.set(beta[k], self.interior.piece(beta[k]));
-        }
-        let row = |i: &usize| which.iter().map(|&j| schur[*i][j]).collect::<Vec<f64>>();
-        let unit = |i: &usize| {
-            which
-                .iter()
-                .map(|j| f64::from(u8::from(i == j)))
-                .collect::<Vec<f64>>()
-        };
-        let matrix = |rows: Vec<Vec<f64>>| Matrix::from_rows(&rows).map_err(LinearError::from);
-        let (one, minor) = (
-            matrix(which.iter().map(unit).collect())?,
-            matrix(which.iter().map(row).collect())?,
-        );
-        // Within rounding of 0 the end itself is singular.
-        let share = Between::new(&one, &minor)?.crossing()?;
+        let other = self.between(beta, which);
         let end = self.matrix(&other)?;
+        let mut segment = Between::new(base, &end)?;
+        // Within rounding of 0 the end itself is singular.
+        let share = segment.crossing()?;
         let combination = match share < 1.0 {
             true => vec![(self.bound.clone(), 1.0 - share), (other, share)],
             false => vec![(other, 1.0)],
         };
-        singular(combination, Between::new(base, &end)?.at(share))
+        singular(combination, segment.at(share))
     }
 }
+
+/// The sign of a principal minor of the Schur complement in exact arithmetic, `None` where that takes too long.
+type ExactMinor<'a> = dyn FnMut(&[usize]) -> Option<i8> + 'a;
 
 /// A full matrix, row by row.
 type Rows = Vec<Vec<f64>>;
 
+/// A Schur complement.
+struct Schur {
+    rows: Rows,
+    /// The sizes of the terms of its entries.
+    terms: Rows,
+    /// Part of its terms below which an entry may be rounding.
+    rounding: f64,
+}
+
+impl Schur {
+    /// Of so many rows, of which rounding leaves nothing.
+    fn unknown(size: usize) -> Self {
+        Self {
+            rows: vec![vec![0.0; size]; size],
+            terms: vec![vec![f64::INFINITY; size]; size],
+            rounding: SINGULAR,
+        }
+    }
+}
+
 /// ∇F_ββ − ∇F_βα (∇F_αα)⁻¹ ∇F_αβ, row by row: with z the solution of A z = e_j, A the matrix with β at its bounds, its column j is that of
-/// the rows β of the other matrix times z. With the sizes of the terms of its entries. `None` where ∇F_αα is singular.
+/// the rows β of the other matrix times z. `None` where the reciprocal condition of ∇F_αα is below `least`.
 fn schur_complement(
     base: &Matrix,
     full: &Matrix,
     beta: &[usize],
-) -> Result<Option<[Rows; 2]>, PiecewiseError> {
+    least: f64,
+) -> Result<Option<Schur>, PiecewiseError> {
     let n = base.nrows();
     let mut solver = AutoSolver::default();
     solver.analyze(base.as_ref().pattern)?;
     match solver.factor(base.as_ref()) {
-        Ok(()) if solver.rcond().is_some_and(|r| r < SINGULAR) => return Ok(None),
+        Ok(()) if solver.rcond().is_some_and(|r| r < least) => return Ok(None),
         Ok(()) => {}
         Err(LinearError::Singular { .. }) => return Ok(None),
         Err(e) => return Err(e.into()),
@@ -190,15 +242,24 @@ fn schur_complement(
         sizes.mul_vec(&z, &mut image);
         terms.iter_mut().zip(beta).for_each(|(row, &i)| row[k] = image[i]);
     }
-    Ok(Some([schur, terms]))
+    let rounding = 16.0 * n as f64 * f64::EPSILON / solver.rcond().unwrap_or(1.0);
+    Ok(Some(Schur {
+        rows: schur,
+        terms,
+        rounding: rounding.max(SINGULAR),
+    }))
 }
 
 /// Signs of the principal minors of a matrix.
 #[derive(Debug, PartialEq)]
 enum Minors {
     Positive,
-    /// That of these rows and columns is not, within rounding.
+    /// That of these rows and columns is not, within rounding where there is no exact arithmetic.
     NotPositive(Vec<usize>),
+    /// Exact arithmetic takes too long.
+    Unknown {
+        examined: u64,
+    },
     Capped {
         examined: u64,
     },
@@ -212,15 +273,63 @@ struct Node {
     chosen: Vec<usize>,
 }
 
-/// Whether a matrix is a P-matrix; `terms` are the sizes of the terms of its entries.
-fn is_p_matrix(rows: &[Vec<f64>], terms: &[Vec<f64>], cap: u64) -> Result<Minors, PiecewiseError> {
-    let p = rows.len();
+/// What is known of the sign of a minor.
+#[derive(PartialEq)]
+enum Judged {
+    Positive,
+    /// By exact arithmetic: rounding leaves nothing of its floating-point value.
+    ExactlyPositive,
+    NotPositive,
+    Unknown,
+}
+
+/// Judges a minor by its quotient with one that is positive, in the terms of which it is given.
+fn judge(
+    pivot: f64,
+    terms: f64,
+    rounding: f64,
+    which: &[usize],
+    exact: Option<&mut ExactMinor<'_>>,
+) -> Judged {
     // NaN is not positive.
-    let positive = |i: usize| rows[i][i] > SINGULAR * terms[i][i];
-    if let Some(i) = (0..p).find(|&i| !positive(i)) {
-        return Ok(Minors::NotPositive(vec![i]));
+    match exact {
+        _ if pivot > rounding * terms => Judged::Positive,
+        Some(exact) if pivot.is_nan() || pivot >= -rounding * terms => match exact(which) {
+            Some(1) => Judged::ExactlyPositive,
+            Some(_) => Judged::NotPositive,
+            None => Judged::Unknown,
+        },
+        _ => Judged::NotPositive,
     }
-    if p <= DENSE && p > 0 && has_definite_part(rows)? {
+}
+
+/// Whether a matrix is a P-matrix; exact arithmetic, where there is any, decides where rounding may.
+fn is_p_matrix(
+    Schur {
+        rows,
+        terms,
+        rounding,
+    }: &Schur,
+    cap: u64,
+    mut exact: Option<&mut ExactMinor<'_>>,
+) -> Result<Minors, PiecewiseError> {
+    let p = rows.len();
+    // Without exact arithmetic what may be rounding is.
+    let rounding = match exact {
+        Some(_) => *rounding,
+        None => SINGULAR,
+    };
+    let mut clear = true;
+    for i in 0..p {
+        let which = [i];
+        match judge(rows[i][i], terms[i][i], rounding, &which, exact.as_deref_mut()) {
+            Judged::Positive => {}
+            Judged::ExactlyPositive => clear = false,
+            Judged::NotPositive => return Ok(Minors::NotPositive(which.to_vec())),
+            Judged::Unknown => return Ok(Minors::Unknown { examined: 0 }),
+        }
+    }
+    if clear && p <= DENSE && p > 0 && has_definite_part(rows, terms, rounding)? {
         return Ok(Minors::Positive);
     }
     let mut stack = vec![Node {
@@ -249,9 +358,11 @@ fn is_p_matrix(rows: &[Vec<f64>], terms: &[Vec<f64>], cap: u64) -> Result<Minors
         with.push(first);
         // The quotient of the minor with `first` and the one without.
         let pivot = a[0];
-        let positive = pivot > SINGULAR * e[0];
-        if !positive {
-            return Ok(Minors::NotPositive(with));
+        let judged = judge(pivot, e[0], rounding, &with, exact.as_deref_mut());
+        match judged {
+            Judged::Positive | Judged::ExactlyPositive => {}
+            Judged::NotPositive => return Ok(Minors::NotPositive(with)),
+            Judged::Unknown => return Ok(Minors::Unknown { examined }),
         }
         let without = (1..k).flat_map(|i| (1..k).map(move |j| (i, j)));
         let part = |v: &[f64]| without.clone().map(|(i, j)| v[i * k + j]).collect();
@@ -261,6 +372,16 @@ fn is_p_matrix(rows: &[Vec<f64>], terms: &[Vec<f64>], cap: u64) -> Result<Minors
             errors: part(&e),
             chosen,
         });
+        if judged == Judged::ExactlyPositive {
+            let many = (k - 1) * (k - 1);
+            stack.push(Node {
+                left: others.to_vec(),
+                a: vec![0.0; many],
+                errors: vec![f64::INFINITY; many],
+                chosen: with,
+            });
+            continue;
+        }
         let factor = |i: usize| a[i * k] / pivot;
         let reduced = |(i, j): (usize, usize)| a[i * k + j] - factor(i) * a[j];
         let error = |(i, j): (usize, usize)| {
@@ -278,26 +399,36 @@ fn is_p_matrix(rows: &[Vec<f64>], terms: &[Vec<f64>], cap: u64) -> Result<Minors
 }
 
 /// Whether the symmetric part is definite, the diagonal scaled to 1: positive factors of rows and columns leave signs of minors as they are.
-fn has_definite_part(rows: &[Vec<f64>]) -> Result<bool, PiecewiseError> {
+fn has_definite_part(rows: &Rows, terms: &Rows, rounding: f64) -> Result<bool, PiecewiseError> {
     let p = rows.len();
-    let entry = |i: usize, j: usize| rows[i][j] / rows[i][i].sqrt() / rows[j][j].sqrt();
+    let scaled = |m: &Rows, i: usize, j: usize| m[i][j] / rows[i][i].sqrt() / rows[j][j].sqrt();
+    let entry = |i: usize, j: usize| scaled(rows, i, j);
+    // Row and column together bound what rounding does to the symmetric part.
+    let error = |i: usize| {
+        let pair = |j: usize| 0.5 * (scaled(terms, i, j) + scaled(terms, j, i));
+        rounding * (0..p).map(pair).sum::<f64>()
+    };
+    let error = (0..p).map(error).fold(0.0, f64::max);
     let mean = |i: usize, j: usize| 0.5 * (entry(i, j) + entry(j, i));
     let mean: Rows = (0..p).map(|i| (0..p).map(|j| mean(i, j)).collect()).collect();
     let Ok(symmetric) = Matrix::from_rows(&mean) else {
         return Ok(false);
     };
     let values = symmetric_eigenvalues(&symmetric)?;
-    Ok(values[0] > DEFINITE * values[p - 1])
+    Ok(values[0] > DEFINITE * values[p - 1] + error)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
-    fn sizes(m: &[Vec<f64>]) -> Rows {
-        m.iter()
-            .map(|row| row.iter().map(|v| v.abs()).collect())
-            .collect()
+    fn schur(m: &[Vec<f64>]) -> Schur {
+        let sizes = |row: &Vec<f64>| row.iter().map(|v| v.abs()).collect();
+        Schur {
+            rows: m.to_vec(),
+            terms: m.iter().map(sizes).collect(),
+            rounding: SINGULAR,
+        }
     }
 
     /// Against all minors, by Leibniz' formula: matrices of small integers, some of whose minors vanish.
@@ -322,7 +453,7 @@ mod tests {
                 .map(|_| (0..3).map(|_| random.below(7) as f64 - 3.0).collect())
                 .collect();
             (0..3).for_each(|i| m[i][i] = 1.0 + random.below(3) as f64);
-            match is_p_matrix(&m, &sizes(&m), 100).unwrap() {
+            match is_p_matrix(&schur(&m), 100, None).unwrap() {
                 Minors::Positive => {
                     positive += 1;
                     assert!(subsets.iter().all(|s| det(&m, s) > 0.0), "{m:?}");
@@ -348,9 +479,9 @@ mod tests {
                     .collect()
             })
             .collect();
-        assert_eq!(is_p_matrix(&m, &sizes(&m), 40_000).unwrap(), Minors::Positive);
+        assert_eq!(is_p_matrix(&schur(&m), 40_000, None).unwrap(), Minors::Positive);
         assert_eq!(
-            is_p_matrix(&m, &sizes(&m), 100).unwrap(),
+            is_p_matrix(&schur(&m), 100, None).unwrap(),
             Minors::Capped { examined: 100 }
         );
     }

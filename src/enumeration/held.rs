@@ -6,7 +6,7 @@ use num_traits::{Signed, Zero};
 use super::exhaustive::{Budget, ExactPoint, Tableau, elimination, piece_of};
 use super::lists::Extent;
 use super::proof::MAX_WORK;
-use crate::exact::{Dictionary, Exact, Halt};
+use crate::exact::{Dictionary, Exact, Halt, parity};
 use crate::piecewise::ExactConditions;
 
 /// What a selection holds.
@@ -130,18 +130,6 @@ fn eliminate(
         _ => 0,
     };
     Ok((sign, facets))
-}
-
-fn parity(mut order: Vec<usize>) -> i8 {
-    let mut sign = 1;
-    for k in 0..order.len() {
-        while order[k] != k {
-            let other = order[k];
-            order.swap(k, other);
-            sign = -sign;
-        }
-    }
-    sign
 }
 
 /// The facets that vanish at all points of the polyhedron that they bound.

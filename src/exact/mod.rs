@@ -2,10 +2,12 @@
 
 mod bounds;
 mod contradiction;
+mod determinant;
 mod dictionary;
 mod number;
 
 pub(crate) use bounds::passive_bounds;
 pub(crate) use contradiction::contradict;
+pub(crate) use determinant::{determinant_sign, parity};
 pub(crate) use dictionary::{Dictionary, Halt, Place, quotient};
 pub use number::Exact;

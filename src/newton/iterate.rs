@@ -34,6 +34,7 @@ pub(super) fn iterate(
     work.report.history.clear();
     work.report.factorisations = 0;
     work.report.evaluations = 0;
+    work.report.regularity = None;
     work.visited.clear();
     work.weight.fill(1.0);
     work.settled.fill(false);

@@ -1,5 +1,6 @@
 use super::NewtonError;
 use crate::options::setters;
+use crate::piecewise::RegularityOptions;
 
 /// When Newton steps are shortened.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -36,6 +37,9 @@ pub struct NewtonOptions {
     pub armijo: f64,
     /// Smallest step length of the line search, in (0, 1). Default 1e-10.
     pub min_damping: f64,
+    /// Whether, and how, the regularity of solutions of piecewise-smooth maps is examined, for [`Report::regularity`](super::Report::regularity).
+    /// Default `None`: it is not.
+    pub regularity: Option<RegularityOptions>,
 }
 
 impl Default for NewtonOptions {
@@ -47,6 +51,7 @@ impl Default for NewtonOptions {
             damping: Damping::OnTrouble,
             armijo: 1e-4,
             min_damping: 1e-10,
+            regularity: None,
         }
     }
 }
@@ -61,6 +66,8 @@ impl NewtonOptions {
         with_min_damping(min_damping: f64);
         /// Sets when steps are shortened.
         with_damping(damping: Damping);
+        /// Sets whether, and how, the regularity of solutions is examined.
+        with_regularity(regularity: Option<RegularityOptions>);
     }
 
     /// Sets the absolute and the relative tolerance.
@@ -101,6 +108,9 @@ impl NewtonOptions {
         }
         if !open_unit(self.min_damping) {
             return bad("min_damping", self.min_damping, "in (0, 1)");
+        }
+        if let Some(tolerance) = RegularityOptions::fault(self.regularity.as_ref()) {
+            return bad("regularity.tolerance", tolerance, RegularityOptions::TOLERANCES);
         }
         Ok(())
     }

@@ -1,3 +1,4 @@
+use crate::piecewise::RegularityReport;
 use std::fmt;
 
 use crate::words::{Count, iterations};
@@ -118,6 +119,9 @@ pub struct Report {
     pub factorisations: usize,
     /// Number of residual evaluations.
     pub evaluations: usize,
+    /// The regularity of the solution at the point returned, where [`NewtonOptions::regularity`](super::NewtonOptions::regularity) asks for
+    /// it; `None` without a solution.
+    pub regularity: Option<RegularityReport>,
 }
 
 impl Report {
@@ -172,7 +176,11 @@ impl fmt::Display for Report {
             iterations(self.history.len().saturating_sub(1)),
             Count(self.factorisations, "factorisation", "factorisations"),
             self.residual_norm()
-        )
+        )?;
+        match &self.regularity {
+            Some(regularity) => write!(f, "; {regularity}"),
+            None => Ok(()),
+        }
     }
 }
 

@@ -5,7 +5,9 @@ use super::system::{PsBuffers, PsSystem, SemismoothSystem};
 use super::workspace::Workspace;
 use super::{Convergence, Iteration, NewtonError, NewtonOptions, Report};
 use crate::linear::{AutoSolver, LinearSolver};
-use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, Semismooth, TestLayout};
+use crate::piecewise::{
+    PiecewiseError, PiecewiseSmooth, Selection, Semismooth, TestLayout, regularity_report,
+};
 use crate::sparse::Pattern;
 
 /// Newton's method for piecewise-smooth and semismooth equations, with its workspaces.
@@ -97,7 +99,8 @@ impl<L: LinearSolver> Newton<L> {
     /// prescribed a scale, the equation is solved [in that scale](PiecewiseSmooth::in_prescribed_scale).
     ///
     /// # Errors
-    /// [`NewtonError::Failed`] with the best iterate and the history; errors of options, map, start and linear solver.
+    /// [`NewtonError::Failed`] with the best iterate and the history; errors of options, map, start and linear solver. Where the regularity
+    /// that [`NewtonOptions::regularity`] asks for cannot be examined, `x` holds the solution all the same.
     pub fn solve<P: PiecewiseSmooth + ?Sized>(
         &mut self,
         map: &P,
@@ -174,6 +177,16 @@ struct Work<'n> {
     work: &'n mut Workspace,
 }
 
+impl Work<'_> {
+    fn lend(&mut self) -> Work<'_> {
+        Work {
+            options: self.options,
+            solver: self.solver,
+            work: self.work,
+        }
+    }
+}
+
 struct Parts<'n> {
     work: Work<'n>,
     pieces: &'n mut PsBuffers,
@@ -181,11 +194,12 @@ struct Parts<'n> {
 
 /// [`Newton::solve_observed`], compiled once.
 fn solve_pieces(
-    Parts { work, pieces }: Parts<'_>,
-    map: &dyn PiecewiseSmooth,
+    Parts { mut work, pieces }: Parts<'_>,
+    own: &dyn PiecewiseSmooth,
     x: &mut [f64],
     observe: &mut dyn FnMut(&Iteration) -> ControlFlow<()>,
 ) -> Result<Convergence, NewtonError> {
+    let map = own;
     let prescribed = if pieces.own_scale {
         None
     } else {
@@ -222,9 +236,13 @@ fn solve_pieces(
         fresh: true,
     };
     let pattern = || map.pattern();
-    let result = run(work, &mut system, x, (m, n), &pattern, observe);
+    let result = run(work.lend(), &mut system, x, (m, n), &pattern, observe);
     pieces.layout = Some(layout);
-    result
+    let convergence = result?;
+    if let Some(options) = &work.options.regularity {
+        work.work.report.regularity = Some(regularity_report(own, x, options)?);
+    }
+    Ok(convergence)
 }
 
 /// Runs the loop; a Jacobian that does not fit the pattern kept from an earlier map of the same size makes a new workspace.

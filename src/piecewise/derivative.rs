@@ -1,8 +1,10 @@
 use super::error::check_vector;
-use super::orientation::{Cones, Signs, examine};
-use super::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, active_set, cell_margin};
-use crate::linear::LinearError;
+use super::orientation::{Cones, Signs, examine, no_determinant};
+use super::{
+    ActiveSet, Doubt, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, active_set, cell_margin,
+};
 use crate::sparse::Matrix;
+use std::fmt;
 
 /// The B-derivative H'(x; d): the directional derivative of H at x along d, written to `out` (length n). Returns a selection
 /// whose cell d points into, so that H'(x; d) = ∇H^(σ)(x) d.
@@ -146,18 +148,33 @@ pub enum CoherentOrientation {
         /// Selections active, if the number does not overflow.
         total: Option<u128>,
     },
-    /// Not decided: a selection whose sign differs is not known to have, or to lack, points near x.
+    /// Not decided: the sign of a selection is not known, or differs and it is not known to have, or to lack, points near x.
     Doubtful {
         /// That selection.
         selection: Selection,
+        /// What is not known.
+        doubt: Doubt,
     },
+}
+
+impl fmt::Display for CoherentOrientation {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Coherent { sign } => write!(f, "yes, sign {sign:+}"),
+            Self::Incoherent { second: (_, 0), .. } => f.write_str("no, a selection is singular"),
+            Self::Incoherent { .. } => f.write_str("no, determinants differ in sign"),
+            Self::Undecided { examined, .. } => write!(f, "undecided after {examined} selections"),
+            Self::Doubtful { doubt, .. } => write!(f, "undecided: {doubt}"),
+        }
+    }
 }
 
 /// Examines up to `cap` active selections at x for coherent orientation of ∇_yH (the first n columns of ∇H).
 ///
-/// Signs are those of an LU factorisation in floating-point numbers. A matrix counts as singular, sign 0, where its reciprocal condition
-/// number, rows and columns equilibrated so that units of H and y do not matter, is below 1e-14; [`local_uniqueness`](super::local_uniqueness)
-/// and [`bd_regularity`](super::bd_regularity) ask for 1e-11. Integer matrices of order 4 with entries up to 9, say, are far from either.
+/// Signs are those of an LU factorisation in floating-point numbers. Where rounding may decide (a reciprocal condition number, rows and
+/// columns equilibrated so that units of H and y do not matter, below 1e-10 and some roundings a row), those of maps that state
+/// [exact](PiecewiseSmooth::exact) coefficients are decided in exact arithmetic, up to 200 rows and some tenths of a second. Of other maps a
+/// matrix counts as singular, sign 0, where that number is below 1e-14; [`bd_regularity`](super::bd_regularity) asks for 1e-11.
 ///
 /// # Errors
 /// Wrong lengths, maps with neither m = n nor m = n + 1, Jacobians that are not finite, and matrices so large that no determinant
@@ -168,15 +185,16 @@ pub fn coherent_orientation<P: PiecewiseSmooth + ?Sized>(
     tolerance: f64,
     cap: u64,
 ) -> Result<CoherentOrientation, PiecewiseError> {
-    coherent_orientation_of(&map, x, tolerance, cap)
+    orientation_of(&map, x, tolerance, cap)?.ok_or_else(no_determinant)
 }
 
-fn coherent_orientation_of(
+/// [`coherent_orientation`]; `None` where the linear solver has no determinants.
+pub(super) fn orientation_of(
     map: &dyn PiecewiseSmooth,
     x: &[f64],
     tolerance: f64,
     cap: u64,
-) -> Result<CoherentOrientation, PiecewiseError> {
+) -> Result<Option<CoherentOrientation>, PiecewiseError> {
     let (m, n) = (map.num_vars(), map.num_residuals());
     if m != n && m != n + 1 {
         return Err(PiecewiseError::Dimensions {
@@ -189,19 +207,21 @@ fn coherent_orientation_of(
     let active = active_set(map, x, tolerance);
     let cones = Cones::new(Box::new(map), x, &active, n);
     let signs = examine(&cones, &active, cap, 0.0, &mut |_| Ok(()))?;
-    Ok(match signs {
+    Ok(Some(match signs {
         Signs::Coherent { sign: Some(sign), .. } => CoherentOrientation::Coherent { sign },
-        Signs::Coherent { sign: None, .. } => {
-            return Err(LinearError::Solver {
-                what: "no determinant is available for a sparse matrix of this size".into(),
-            }
-            .into());
-        }
+        Signs::Coherent { sign: None, .. } | Signs::NoDeterminant => return Ok(None),
         Signs::Incoherent { first, second } => CoherentOrientation::Incoherent { first, second },
         Signs::Capped { examined } => CoherentOrientation::Undecided {
             examined,
             total: active.total(),
         },
-        Signs::Doubtful { selection } => CoherentOrientation::Doubtful { selection },
-    })
+        Signs::Doubtful { selection } => CoherentOrientation::Doubtful {
+            selection,
+            doubt: Doubt::Activity,
+        },
+        Signs::Rounding { selection } => CoherentOrientation::Doubtful {
+            selection,
+            doubt: Doubt::Rounding,
+        },
+    }))
 }

@@ -8,8 +8,12 @@ use crate::linear::{AutoSolver, LinearError, LinearSolver, eigenvalues, symmetri
 use crate::sparse::{Matrix, Pattern};
 use crate::spread::Random;
 
-/// Eigenvalues within this angle of the negative half-line may lie on it.
-const ON_AXIS: f64 = 1e-6;
+/// Eigenvalues within this angle of the negative half-line may lie on it: rounding moves fourfold ones by the fourth root of its size.
+const ON_AXIS: f64 = 1e-3;
+/// Eigenvalues below this part of the largest may have any angle.
+const SMALL: f64 = 1e-9;
+/// Reciprocal condition above which the rounding of a quotient of matrices leaves those angles as they are.
+const SOUND: f64 = 1e-8;
 /// Least eigenvalue of a symmetric part, relative to the largest, above which it is definite.
 const DEFINITE: f64 = 1e-10;
 
@@ -62,7 +66,8 @@ pub(super) fn search(elements: &[Element], cap: u64) -> Result<Hull, PiecewiseEr
     segments(elements, sign, cap)
 }
 
-/// Whether all matrices made of rows of the given ones, each row of any of them, have determinants of one sign.
+/// Whether all matrices made of rows of the given ones, each row of any of them, have determinants of one sign, which the given ones have.
+/// No two of these are the same.
 fn mixtures<'m>(
     matrices: impl Iterator<Item = &'m Matrix> + Clone,
     sign: i8,
@@ -81,7 +86,9 @@ fn mixtures<'m>(
         .enumerate()
         .for_each(|(k, &i)| places[i].push(k));
     let mut rows: Vec<Vec<Vec<f64>>> = vec![Vec::new(); n];
+    let mut count = 0_u128;
     for m in matrices {
+        count += 1;
         for (row, places) in rows.iter_mut().zip(&places) {
             let values: Vec<f64> = places.iter().map(|&k| m.values()[k]).collect();
             if !row.contains(&values) {
@@ -92,6 +99,10 @@ fn mixtures<'m>(
     let choices = rows.iter().enumerate().filter(|r| r.1.len() > 1);
     let choices = choices.map(|(i, row)| (i, (0..row.len()).collect())).collect();
     let all = Selections::new(Selection::uniform(n, 0), choices);
+    // Each of them is a matrix given, whose sign is known.
+    if all.total() == Some(count) {
+        return Ok(true);
+    }
     if all.total().is_none_or(|t| t > u128::from(cap)) {
         return Ok(false);
     }
@@ -110,8 +121,8 @@ fn mixtures<'m>(
     Ok(true)
 }
 
-/// A⁻¹ B as a full matrix; `None` where rounding spoils it.
-fn quotient(a: &Matrix, b: &Matrix) -> Result<Option<Matrix>, PiecewiseError> {
+/// A⁻¹ B as a full matrix, and the reciprocal condition of A; `None` where rounding spoils it.
+fn quotient(a: &Matrix, b: &Matrix) -> Result<Option<(Matrix, f64)>, PiecewiseError> {
     let n = a.nrows();
     let mut solver = AutoSolver::default();
     solver.analyze(a.as_ref().pattern)?;
@@ -125,23 +136,46 @@ fn quotient(a: &Matrix, b: &Matrix) -> Result<Option<Matrix>, PiecewiseError> {
         Err(LinearError::Singular { .. } | LinearError::Inaccurate { .. }) => return Ok(None),
         Err(e) => return Err(e.into()),
     }
-    Ok(Matrix::from_values(Pattern::full(n, n), columns).ok())
+    let rcond = solver.rcond().unwrap_or(0.0);
+    Ok(Matrix::from_values(Pattern::full(n, n), columns)
+        .ok()
+        .map(|quotient| (quotient, rcond)))
 }
 
-/// Whether the inverse of their mean makes the symmetric parts of all matrices definite.
+/// A B, A and the product full matrices, and a bound of the rounding in a row or a column of it.
+fn times(a: &Matrix, b: &Matrix) -> (Matrix, f64) {
+    let n = a.nrows();
+    let mut product = Matrix::zeros(Pattern::full(n, n));
+    let mut sizes = vec![0.0; n * n];
+    for (k, j, v) in b.triplets() {
+        let entries = product.values_mut()[j * n..].iter_mut().zip(&mut sizes[j * n..]);
+        for ((entry, size), a) in entries.zip(&a.values()[k * n..(k + 1) * n]) {
+            *entry += a * v;
+            *size += (a * v).abs();
+        }
+    }
+    let column = |j: usize| sizes[j * n..(j + 1) * n].iter().sum::<f64>();
+    let row = |i: usize| sizes.iter().skip(i).step_by(n).sum::<f64>();
+    let largest = (0..n).fold(0.0_f64, |m, k| m.max(column(k)).max(row(k)));
+    (product, 2.0 * (n as f64 + 2.0) * f64::EPSILON * largest)
+}
+
+/// Whether the inverse of their mean, or what is computed for it, makes the symmetric parts of all matrices definite.
 fn definite(elements: &[Element]) -> Result<bool, PiecewiseError> {
+    let n = elements[0].matrix.nrows();
     let mut mean = elements[0].matrix.clone();
     mix(elements, &vec![1.0; elements.len()], &mut mean);
+    let Some((inverse, _)) = quotient(&mean, &Matrix::identity(n))? else {
+        return Ok(false);
+    };
     for e in elements {
-        let Some(mut product) = quotient(&mean, &e.matrix)? else {
-            return Ok(false);
-        };
+        let (mut product, rounding) = times(&inverse, &e.matrix);
         let transposed = product.transpose();
         let entries = product.values_mut().iter_mut().zip(transposed.values());
         entries.for_each(|(v, t)| *v = 0.5 * (*v + t));
         let values = symmetric_eigenvalues(&product)?;
         let largest = values.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-        let positive = values.iter().all(|v| *v > DEFINITE * largest);
+        let positive = values.iter().all(|v| *v > DEFINITE * largest + rounding);
         if !positive {
             return Ok(false);
         }
@@ -156,16 +190,19 @@ fn segments(elements: &[Element], sign: i8, cap: u64) -> Result<Hull, PiecewiseE
     let mut mixture = Mixture::new(elements)?;
     for ([i, j], _) in pairs.zip(0..cap) {
         let (a, b) = (&elements[i], &elements[j]);
-        let Some(product) = quotient(&a.matrix, &b.matrix)? else {
+        let Some((product, rcond)) = quotient(&a.matrix, &b.matrix)? else {
             continue;
         };
+        let values = eigenvalues(&product)?;
+        let largest = values.iter().fold(0.0_f64, |m, z| m.max(z.0.hypot(z.1)));
         let on_axis = |(re, im): &(f64, f64)| *re < 0.0 && im.abs() <= ON_AXIS * re.abs();
-        let mut shares: Vec<f64> = (eigenvalues(&product)?.iter().filter(|&z| on_axis(z)))
-            .map(|(re, _)| 1.0 / (1.0 - re))
-            .collect();
-        if shares.is_empty() && elements.len() == 2 {
+        let clear = |z: &(f64, f64)| !on_axis(z) && z.0.hypot(z.1) > SMALL * largest;
+        if elements.len() == 2 && rcond > SOUND && values.iter().all(clear) {
             return Ok(Hull::Regular);
         }
+        let mut shares: Vec<f64> = (values.iter().filter(|&z| on_axis(z)))
+            .map(|(re, _)| 1.0 / (1.0 - re))
+            .collect();
         if !(a.certain && b.certain) {
             continue;
         }

@@ -1,9 +1,10 @@
+use super::determinants::{Determinant, Determinants};
 use super::error::check_vector;
-use super::orientation::{CLEAR, Cell, Cones, sign_of};
+use super::orientation::{CLEAR, Cell, Cones, Side, Target};
 use super::regularity::{DENSE, square};
 use super::uniqueness::{SINGULAR, TRIES};
 use super::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection, active_set};
-use crate::linear::{AutoSolver, LinearError, LinearSolver, null_space};
+use crate::linear::null_space;
 use crate::sparse::Matrix;
 
 /// Singular values below this part of the largest one belong to the kernel.
@@ -23,7 +24,7 @@ type Preimages = Vec<(Vec<f64>, i8)>;
 /// Unknown is the index where
 ///
 /// * x is in no cell of some site, or more than `cap` selections are active,
-/// * a selection is singular (reciprocal condition below 1e-11) and a direction of its kernel lies in its cell or on the boundary, or the kernel
+/// * a selection is singular (decided as in [`bd_regularity`](super::bd_regularity)) and a direction of its kernel lies in its cell or on the boundary, or the kernel
 ///   has more than one dimension, or there are more than 500 rows,
 /// * first derivatives do not tell whether the cell of a selection has points near x,
 /// * all values v tried have a direction on a boundary of cells, or the linear solver knows no determinants.
@@ -70,15 +71,16 @@ fn index_of(
         return Ok(None);
     }
     let cones = Cones::new(Box::new(map), x, active, n);
-    let mut solver = AutoSolver::default();
     let mut jac = Matrix::zeros(map.pattern());
-    solver.analyze(jac.leading_columns(n).pattern)?;
+    let mut determinants = Determinants::new(map, x, &jac, SINGULAR)?;
     if active.is_singleton() {
         cones.element(active.first(), &mut jac)?;
-        let sign = sign_of(&mut solver, &jac, n, SINGULAR)?;
-        return Ok(sign.filter(|s| *s != 0).map(i64::from));
+        return Ok(match determinants.sign(active.first(), &jac)? {
+            Determinant::Sign(sign) if sign != 0 => Some(i64::from(sign)),
+            _ => None,
+        });
     }
-    let targets: Vec<Vec<f64>> = (0..TRIES).filter_map(|k| cones.target(active, k)).collect();
+    let targets: Vec<Target> = (0..TRIES).filter_map(|k| cones.target(active, k)).collect();
     // Of each value the directions that are taken to it, with their signs, unless one is on a boundary.
     let mut preimages: Vec<Option<Preimages>> = vec![Some(Vec::new()); targets.len()];
     for selection in active.selections() {
@@ -87,28 +89,20 @@ fn index_of(
             Cell::Unknown => return Ok(None),
             Cell::Open => {}
         }
-        let sign = match sign_of(&mut solver, &jac, n, SINGULAR)? {
-            None => return Ok(None),
-            Some(0) if has_zero(&cones, &selection, &jac)? => return Ok(None),
-            Some(0) => continue,
-            Some(sign) => sign,
+        let sign = match determinants.sign(&selection, &jac)? {
+            Determinant::Unavailable | Determinant::Doubtful => return Ok(None),
+            Determinant::Sign(0) if has_zero(&cones, &selection, &jac)? => return Ok(None),
+            Determinant::Sign(0) => continue,
+            Determinant::Sign(sign) => sign,
         };
         for (target, found) in targets.iter().zip(&mut preimages) {
             let Some(known) = found else {
                 continue;
             };
-            let mut d = target.clone();
-            let margin = match solver.solve_in_place(&mut d) {
-                Ok(()) => cones.margin(&selection, &d),
-                Err(LinearError::Inaccurate { .. }) => f64::NAN,
-                Err(e) => return Err(e.into()),
-            };
-            if margin > CLEAR {
-                if !known.iter().any(|(e, _)| cones.is_same(e, &d)) {
-                    known.push((d, sign));
-                }
-            } else if margin.is_nan() || margin >= -CLEAR {
-                *found = None;
+            match cones.preimage(determinants.examined(&selection), target)? {
+                Side::Inside(d) if !known.iter().any(|(e, _)| cones.is_same(e, &d)) => known.push((d, sign)),
+                Side::Inside(_) | Side::Outside => {}
+                Side::Unclear => *found = None,
             }
         }
     }

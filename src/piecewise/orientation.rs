@@ -1,6 +1,7 @@
 //! The selections active at a point one by one: which of them have points nearby, and the signs of their determinants.
 
 use super::derivative::pointed_into;
+use super::determinants::{Determinant, Determinants};
 use super::error::check_selection;
 use super::essential::open_cone;
 use super::vanishing::gradient_of;
@@ -236,6 +237,40 @@ impl<'a> Cones<'a> {
         margin
     }
 
+    /// The direction that a selection takes to a target, and where it lies.
+    pub(super) fn preimage(&self, found: Examined<'_>, target: &Target) -> Result<Side, PiecewiseError> {
+        let Some(solver) = found.solver else {
+            return Ok(Side::Unclear);
+        };
+        let mut d = target.image.clone();
+        let n = d.len();
+        if target.rate != 0.0 {
+            let mut jac = Matrix::zeros(self.map.pattern());
+            self.map.jacobian(found.selection, self.x, &mut jac);
+            d.iter_mut()
+                .enumerate()
+                .for_each(|(i, d)| *d -= target.rate * jac.get(i, n));
+        }
+        match solver.solve_in_place(&mut d) {
+            Ok(()) => {}
+            Err(LinearError::Inaccurate { .. }) => return Ok(Side::Unclear),
+            Err(e) => return Err(e.into()),
+        }
+        if self.sizes.len() > n {
+            d.push(target.rate);
+        }
+        let rounding = 16.0 * n as f64 * f64::EPSILON;
+        let clear = CLEAR.max(rounding / solver.rcond().unwrap_or(1.0));
+        let margin = self.margin(found.selection, &d);
+        Ok(if margin > clear {
+            Side::Inside(d)
+        } else if margin < -clear {
+            Side::Outside
+        } else {
+            Side::Unclear
+        })
+    }
+
     /// Whether two directions are one: where a test function vanishes identically, the selections on both of its sides hold everywhere.
     pub(super) fn is_same(&self, d: &[f64], e: &[f64]) -> bool {
         let scaled = |v: &[f64], w: &[f64]| -> f64 {
@@ -246,15 +281,16 @@ impl<'a> Cones<'a> {
         scaled(d, e) <= CLEAR * CLEAR * scaled(d, &zero)
     }
 
-    /// The image of a direction of y without preference under the B-derivative, another one for every `number`; `None` where that
+    /// The value of a direction without preference under the B-derivative, another one for every `number`; `None` where that
     /// direction runs too near to a boundary of cells.
-    pub(super) fn target(&self, active: &ActiveSet, number: u64) -> Option<Vec<f64>> {
+    pub(super) fn target(&self, active: &ActiveSet, number: u64) -> Option<Target> {
         let (m, n) = (self.map.num_vars(), self.map.num_residuals());
         let mut spread = Random::new(2 * number + 1);
         let mut d: Vec<f64> = self.sizes.iter().map(|s| s * spread.symmetric()).collect();
+        let moving = d.len();
         d.resize(m, 0.0);
         let selection = pointed_into(&self.map, &self.layout, active, self.x, &d);
-        let clear = self.margin(&selection, &d[..n]) > CLEAR;
+        let clear = self.margin(&selection, &d[..moving]) > CLEAR;
         if !clear {
             return None;
         }
@@ -262,7 +298,8 @@ impl<'a> Cones<'a> {
         self.map.jacobian(&selection, self.x, &mut jac);
         let mut image = vec![0.0; n];
         jac.mul_vec(&d, &mut image);
-        Some(image)
+        let rate = d.get(n).copied().unwrap_or(0.0);
+        Some(Target { image, rate })
     }
 }
 
@@ -302,12 +339,39 @@ pub(super) enum Signs {
     Capped { examined: u64 },
     /// One whose cell is not known to have points near x has another sign than the rest.
     Doubtful { selection: Selection },
+    /// It is not known whether one is singular.
+    Rounding { selection: Selection },
+    /// The linear solver has none.
+    NoDeterminant,
 }
 
-/// A selection examined: its matrix is factored in `solver`.
+/// What is said where signs are asked for that the linear solver does not have.
+pub(super) fn no_determinant() -> PiecewiseError {
+    let what = "no determinant is available for a sparse matrix of this size";
+    LinearError::Solver { what: what.into() }.into()
+}
+
+/// A regular selection examined: its matrix is factored in `solver`, unless that took it for singular.
 pub(super) struct Examined<'a> {
-    pub(super) solver: &'a mut AutoSolver,
+    pub(super) solver: Option<&'a mut AutoSolver>,
     pub(super) selection: &'a Selection,
+}
+
+/// A value of the B-derivative.
+pub(super) struct Target {
+    /// H'(x; d).
+    image: Vec<f64>,
+    /// What d changes the parameter by, if that moves; else 0.
+    rate: f64,
+}
+
+/// Where the direction that a selection takes to a value lies.
+pub(super) enum Side {
+    /// In the cell of the selection: the direction.
+    Inside(Vec<f64>),
+    Outside,
+    /// Too near to the boundary to tell, for its rounding.
+    Unclear,
 }
 
 /// Goes through at most `cap` active selections whose cells are not empty; `visit` sees each of them that is regular. A reciprocal
@@ -319,10 +383,9 @@ pub(super) fn examine(
     singular: f64,
     visit: &mut dyn FnMut(Examined<'_>) -> Result<(), PiecewiseError>,
 ) -> Result<Signs, PiecewiseError> {
-    let n = cones.map.num_residuals();
     let mut jac = Matrix::zeros(cones.map.pattern());
-    let mut solver = AutoSolver::default();
-    solver.analyze(jac.leading_columns(n).pattern)?;
+    let mut determinants = Determinants::new(&cones.map, cones.x, &jac, singular)?;
+    let mut rounding = None;
     let mut first: Option<(Selection, i8)> = None;
     let mut unknown: Vec<(Selection, i8)> = Vec::new();
     let mut selections = 0;
@@ -334,32 +397,25 @@ pub(super) fn examine(
         if cell == Cell::Empty {
             continue;
         }
-        let sign = match sign_of(&mut solver, &jac, n, singular)? {
-            Some(sign) => sign,
+        let sign = match determinants.sign(&selection, &jac)? {
+            Determinant::Sign(sign) => sign,
+            Determinant::Doubtful => {
+                rounding = rounding.or(Some(selection));
+                continue;
+            }
             // A single regular selection needs no determinant.
-            None if active.is_singleton() => {
-                visit(Examined {
-                    solver: &mut solver,
-                    selection: &selection,
-                })?;
+            Determinant::Unavailable if active.is_singleton() => {
+                visit(determinants.examined(&selection))?;
                 return Ok(Signs::Coherent {
                     sign: None,
                     selections: 1,
                 });
             }
-            None => {
-                return Err(LinearError::Solver {
-                    what: "no determinant is available for a sparse matrix of this size".into(),
-                }
-                .into());
-            }
+            Determinant::Unavailable => return Ok(Signs::NoDeterminant),
         };
         selections += 1;
         if sign != 0 {
-            visit(Examined {
-                solver: &mut solver,
-                selection: &selection,
-            })?;
+            visit(determinants.examined(&selection))?;
         }
         match &first {
             _ if cell == Cell::Unknown => unknown.push((selection, sign)),
@@ -373,6 +429,9 @@ pub(super) fn examine(
                 });
             }
         }
+    }
+    if let Some(selection) = rounding {
+        return Ok(Signs::Rounding { selection });
     }
     // Where nothing is known to have interior, signs that agree decide all the same.
     let common = first.map(|f| f.1).or_else(|| unknown.first().map(|u| u.1));

@@ -1,5 +1,6 @@
 //! Regularity of the generalised Jacobians at a point.
 
+use super::determinants::{Determinant, Determinants};
 use super::error::check_vector;
 use super::hull::{self, Hull};
 use super::orientation::{Cell, Cones, sign_of};
@@ -26,6 +27,8 @@ pub enum Regularity {
         /// The least singular value of these matrices, in the units of the map; `None` with more than 500 rows, and where it was decided
         /// without them.
         singular_value: Option<f64>,
+        /// The selection whose matrix has it, and a unit vector that this matrix takes to that length; `None` where `singular_value` is.
+        weakest: Option<(Selection, Vec<f64>)>,
     },
     /// One is singular.
     Fails {
@@ -83,8 +86,11 @@ impl fmt::Display for Regularity {
 /// BD-regularity: whether all elements of the B-subdifferential ∂_B H(x) are regular (L. Qi, Math. Oper. Res. 18 (1993)). Newton's method
 /// then converges superlinearly near the solution x, quadratically where ∇H^(σ) are Lipschitz continuous, and ‖H‖ bounds the distance.
 ///
-/// Of a curve's map, y alone varies (∇_yH, the first n columns). A matrix whose reciprocal condition is below 1e-11 counts as singular.
-/// Test functions with |θ(x)| ≤ `tolerance` count as vanishing; at most `cap` active selections are examined, one factorisation each and
+/// Of a curve's map, y alone varies (∇_yH, the first n columns). A matrix whose reciprocal condition, rows and columns equilibrated, is below
+/// 1e-11 counts as singular, but where the map states [exact](PiecewiseSmooth::exact) coefficients: whether a matrix of theirs that rounding
+/// may decide about is singular is decided in exact arithmetic, up to 200 rows and some tenths of a second ([`Doubt::Rounding`] beyond).
+/// Test functions with |θ(x)| ≤ `tolerance` count as vanishing, and their unit gradients as dependent within 1e-8, by which is told which cells
+/// have points near x; at most `cap` active selections are examined, one factorisation each and
 /// up to 500 rows one singular value decomposition, O(n³).
 ///
 /// # Errors
@@ -106,7 +112,7 @@ pub fn bd_regularity<P: PiecewiseSmooth + ?Sized>(
     tolerance: f64,
     cap: u64,
 ) -> Result<Regularity, PiecewiseError> {
-    examine(&map, x, tolerance, cap, &mut |_| ())
+    examine(&map, x, tolerance, cap, None)
 }
 
 /// CD-regularity: whether all elements of Clarke's generalised Jacobian ∂H(x) = conv ∂_B H(x) are regular. H is then a Lipschitz
@@ -121,8 +127,8 @@ pub fn bd_regularity<P: PiecewiseSmooth + ?Sized>(
 /// * ∂H(x) is the segment between two matrices A and B, and A⁻¹B has no eigenvalue on the negative half-line.
 ///
 /// Else segments between two elements, and random combinations, are searched for a determinant of the other sign, and what is left is
-/// undecided ([`Doubt::Combinations`]). All of it goes by floating-point numbers: matrices whose reciprocal condition is below 1e-11 count as
-/// singular. Above 500 rows only signs and choices of rows and columns decide.
+/// undecided ([`Doubt::Combinations`]). The elements are judged as in [`bd_regularity`]; of mixtures of their rows that are none of them
+/// floating-point numbers have to say clearly that they are regular. Above 500 rows only signs and choices of rows and columns decide.
 ///
 /// Conventions are those of [`bd_regularity`]; `cap` limits the choices of rows and the segments, too, each O(n³).
 ///
@@ -134,31 +140,25 @@ pub fn cd_regularity<P: PiecewiseSmooth + ?Sized>(
     tolerance: f64,
     cap: u64,
 ) -> Result<Regularity, PiecewiseError> {
-    cd_regularity_of(&map, x, tolerance, cap)
+    let mut elements = Vec::new();
+    let known = examine(&map, x, tolerance, cap, Some(&mut elements))?;
+    convex_hull(known, &elements, cap)
 }
 
-fn cd_regularity_of(
-    map: &dyn PiecewiseSmooth,
-    x: &[f64],
-    tolerance: f64,
+/// CD-regularity, from what is known of BD-regularity and the elements.
+pub(super) fn convex_hull(
+    known: Regularity,
+    elements: &[Element],
     cap: u64,
 ) -> Result<Regularity, PiecewiseError> {
-    let mut elements: Vec<Element> = Vec::new();
-    let known = examine(map, x, tolerance, cap, &mut |element| {
-        // Kinks that cancel give one matrix several times.
-        match elements.iter_mut().find(|d| d.matrix == element.matrix) {
-            Some(same) => same.certain |= element.certain,
-            None => elements.push(element),
-        }
-    })?;
     let Regularity::Regular { selections, .. } = known else {
         return Ok(known);
     };
-    match hull::search(&elements, cap)? {
+    match hull::search(elements, cap)? {
         Hull::Regular => Ok(known),
         Hull::Crossing { from, mut weights } => {
             let mut end = elements[from].matrix.clone();
-            hull::mix(&elements, &weights, &mut end);
+            hull::mix(elements, &weights, &mut end);
             let mut between = Between::new(&elements[from].matrix, &end)?;
             let share = between.crossing()?;
             weights.iter_mut().for_each(|w| *w *= share);
@@ -185,13 +185,13 @@ pub(super) struct Element {
     pub(super) certain: bool,
 }
 
-/// BD-regularity; `keep` is given the elements.
-fn examine(
+/// BD-regularity; the different elements go to `keep`.
+pub(super) fn examine(
     map: &dyn PiecewiseSmooth,
     x: &[f64],
     tolerance: f64,
     cap: u64,
-    keep: &mut dyn FnMut(Element),
+    mut keep: Option<&mut Vec<Element>>,
 ) -> Result<Regularity, PiecewiseError> {
     let (m, n) = (map.num_vars(), map.num_residuals());
     if m != n && m != n + 1 {
@@ -208,9 +208,9 @@ fn examine(
     }
     let cones = Cones::new(Box::new(map), x, &active, n);
     let mut jac = Matrix::zeros(map.pattern());
-    let mut solver = AutoSolver::default();
-    solver.analyze(jac.leading_columns(n).pattern)?;
-    let (mut selections, mut least, mut doubtful) = (0, None::<f64>, false);
+    let mut determinants = Determinants::new(map, x, &jac, SINGULAR)?;
+    let (mut selections, mut doubtful) = (0, None);
+    let (mut least, mut weakest) = (None::<f64>, None);
     for (selection, examined) in active.selections().zip(0..) {
         if examined == cap {
             return Ok(undecided(selections, Doubt::Limit));
@@ -219,32 +219,51 @@ fn examine(
         if cell == Cell::Empty {
             continue;
         }
-        let sign = sign_of(&mut solver, &jac, n, SINGULAR)?;
-        let matrix = square(&jac)?;
-        if sign == Some(0) {
-            if cell == Cell::Open {
-                return singular(vec![(selection, 1.0)], &matrix);
+        let sign = match determinants.sign(&selection, &jac)? {
+            Determinant::Sign(0) if cell == Cell::Open => {
+                return singular(vec![(selection, 1.0)], &square(&jac)?);
             }
-            doubtful = true;
-            continue;
-        }
+            Determinant::Sign(0) => {
+                doubtful = doubtful.or(Some(Doubt::Activity));
+                continue;
+            }
+            Determinant::Doubtful => {
+                doubtful = doubtful.or(Some(Doubt::Rounding));
+                continue;
+            }
+            Determinant::Sign(sign) => Some(sign),
+            Determinant::Unavailable => None,
+        };
+        let matrix = square(&jac)?;
         selections += 1;
         if n <= DENSE {
-            let (value, _) = least_singular_value(&matrix)?;
-            least = Some(least.map_or(value, |l| l.min(value)));
+            let (value, direction) = least_singular_value(&matrix)?;
+            if least.is_none_or(|l| value < l) {
+                least = Some(value);
+                weakest = Some((selection.clone(), direction));
+            }
         }
-        keep(Element {
-            selection,
-            matrix,
-            sign,
-            certain: cell == Cell::Open,
-        });
+        let certain = cell == Cell::Open;
+        let Some(elements) = keep.as_deref_mut() else {
+            continue;
+        };
+        // Kinks that cancel give one matrix several times.
+        match elements.iter_mut().find(|e| e.matrix == matrix) {
+            Some(same) => same.certain |= certain,
+            None => elements.push(Element {
+                selection,
+                matrix,
+                sign,
+                certain,
+            }),
+        }
     }
     Ok(match doubtful {
-        true => undecided(selections, Doubt::Activity),
-        false => Regularity::Regular {
+        Some(doubt) => undecided(selections, doubt),
+        None => Regularity::Regular {
             selections,
             singular_value: least,
+            weakest,
         },
     })
 }

@@ -2,7 +2,7 @@ use std::borrow::Cow;
 use std::fmt;
 
 use super::error::check_vector;
-use super::orientation::{CLEAR, Cones, Examined, Signs, examine};
+use super::orientation::{Cones, Examined, Side, Signs, examine, no_determinant};
 use super::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection};
 use crate::linear::{LinearError, LinearSolver};
 use crate::sparse::Matrix;
@@ -78,6 +78,8 @@ pub enum Doubt {
     Preimages,
     /// Whether a convex combination of regular matrices is singular: no argument at hand says so, or the contrary.
     Combinations,
+    /// Whether a matrix is singular, or only nearly: rounding decides, and exact arithmetic takes too long.
+    Rounding,
     /// The cap was reached.
     Limit,
 }
@@ -88,6 +90,7 @@ impl fmt::Display for Doubt {
             Self::Activity => "whether a cell has points near the point",
             Self::Preimages => "how many directions have one image",
             Self::Combinations => "whether a convex combination is singular",
+            Self::Rounding => "whether a matrix is singular or only nearly so",
             Self::Limit => "limit on selections",
         })
     }
@@ -152,8 +155,9 @@ impl LocalUniqueness {
 ///   often, and is a homeomorphism exactly if that is once. At most four cells cannot wind twice (D. Kuhn, R. Löwen, Linear Algebra
 ///   Appl. 96 (1987), Theorem 5.3: at most four round each face of codimension two); of more, the preimages of one value are counted.
 ///
-/// A ∇_yH^(σ) counts as singular where its reciprocal condition number, rows and columns equilibrated so that units do not matter, is below
-/// 1e-11.
+/// Of maps that state [exact](PiecewiseSmooth::exact) coefficients exact arithmetic says whether a ∇_yH^(σ) is singular, where rounding may
+/// decide. Of others it counts as singular where its reciprocal condition number, rows and columns equilibrated so that units do not matter,
+/// is below 1e-11.
 ///
 /// The constant holds in the limit of small neighbourhoods, in the maximum norm.
 ///
@@ -230,8 +234,12 @@ fn local_uniqueness_of(
     let signs = examine(&cones, active, cap, SINGULAR, &mut |found| {
         let load = load(found.selection);
         check_rows(&load, n)?;
+        let Some(solver) = found.solver else {
+            constant = f64::INFINITY;
+            return Ok(());
+        };
         block.resize(n * BLOCK.min(load.ncols()), 0.0);
-        match row_sums(found.solver, &load, &mut block, &mut sums) {
+        match row_sums(solver, &load, &mut block, &mut sums) {
             Ok(()) => constant = sums.iter().fold(constant, |c, s| c.max(*s)),
             // Close to singular: regular by its determinant, but no norm can be vouched for.
             Err(LinearError::Inaccurate { .. }) => constant = f64::INFINITY,
@@ -239,10 +247,20 @@ fn local_uniqueness_of(
         }
         Ok(())
     })?;
+    verdict(&cones, active, signs, constant)
+}
+
+/// What signs and the largest norm of an inverse say.
+pub(super) fn verdict(
+    cones: &Cones<'_>,
+    active: &ActiveSet,
+    signs: Signs,
+    constant: f64,
+) -> Result<LocalUniqueness, PiecewiseError> {
     match signs {
         Signs::Coherent { sign, selections } => {
             if selections > FEW
-                && let Some(other) = winding(&cones, active)?
+                && let Some(other) = winding(cones, active)?
             {
                 return Ok(other);
             }
@@ -262,6 +280,11 @@ fn local_uniqueness_of(
             doubt: Doubt::Activity,
             selection,
         }),
+        Signs::Rounding { selection } => Ok(LocalUniqueness::Doubtful {
+            doubt: Doubt::Rounding,
+            selection,
+        }),
+        Signs::NoDeterminant => Err(no_determinant()),
     }
 }
 
@@ -284,21 +307,14 @@ fn winding(cones: &Cones<'_>, active: &ActiveSet) -> Result<Option<LocalUniquene
         };
         let (mut inside, mut clear): (Vec<(Selection, Vec<f64>)>, bool) = (Vec::new(), true);
         let mut preimage = |found: Examined<'_>| {
-            let mut d = target.clone();
-            match found.solver.solve_in_place(&mut d) {
-                Ok(()) => {}
-                Err(LinearError::Inaccurate { .. }) => {
-                    clear = false;
-                    return Ok(());
+            let selection = found.selection;
+            match cones.preimage(found, &target)? {
+                Side::Inside(d) => {
+                    let known = inside.iter().any(|(_, other)| cones.is_same(other, &d));
+                    inside.extend((!known).then(|| (selection.clone(), d)));
                 }
-                Err(e) => return Err(e.into()),
-            }
-            let margin = cones.margin(found.selection, &d);
-            if margin > CLEAR {
-                let known = inside.iter().any(|(_, other)| cones.is_same(other, &d));
-                inside.extend((!known).then(|| (found.selection.clone(), d)));
-            } else {
-                clear &= margin < -CLEAR;
+                Side::Outside => {}
+                Side::Unclear => clear = false,
             }
             Ok(())
         };

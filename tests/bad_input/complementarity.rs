@@ -12,6 +12,7 @@ use semismooth::complementarity::{
     McpOptions, McpSolver, Program, Variables, WithJacobian, check_jacobian, kkt, strong_regularity,
 };
 use semismooth::linear::{IncompleteLu, Prolongation};
+use semismooth::piecewise::RegularityOptions;
 use semismooth::sparse::{Matrix, Pattern};
 
 use super::table::{BAD, NOT_POSITIVE, Table, rows};
@@ -419,6 +420,11 @@ fn solvers(t: &mut Table) {
     for bad in [f64::NAN, INF, -1.0] {
         options.push(("tolerance", McpOptions::default().with_tolerance(bad)));
         options.push(("acceptable", McpOptions::default().with_acceptable(bad)));
+        let regularity = Some(RegularityOptions::default().with_tolerance(bad));
+        options.push((
+            "regularity.tolerance",
+            McpOptions::default().with_regularity(regularity),
+        ));
     }
     let problem = || Mcp::ncp(times(1.0)).unwrap();
     for (name, o) in options {

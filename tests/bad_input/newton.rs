@@ -5,7 +5,7 @@ use semismooth::newton::{
     Damping, Failure, Forcing, MoorePenrose, Newton, NewtonError, NewtonKrylov, NewtonKrylovOptions,
     NewtonOptions,
 };
-use semismooth::piecewise::{MatrixFree, MinMap, PiecewiseSmooth, Selection, Semismooth};
+use semismooth::piecewise::{MatrixFree, MinMap, PiecewiseSmooth, RegularityOptions, Selection, Semismooth};
 use semismooth::sparse::{Matrix, Pattern};
 
 use super::piecewise::{no_numbers, square, vee};
@@ -162,6 +162,13 @@ fn correctors() {
         options.push((
             "relative_tolerance",
             NewtonOptions::default().with_tolerances(0.0, bad),
+        ));
+    }
+    for bad in [f64::NAN, f64::INFINITY, -1.0] {
+        let regularity = Some(RegularityOptions::default().with_tolerance(bad));
+        options.push((
+            "regularity.tolerance",
+            NewtonOptions::default().with_regularity(regularity),
         ));
     }
     for bad in [f64::NAN, f64::INFINITY, 0.0, 1.0, -1.0] {

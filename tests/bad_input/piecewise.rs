@@ -3,8 +3,8 @@ use semismooth::piecewise::check::{CheckOptions, check, check_semismooth};
 use semismooth::piecewise::{
     ActiveSet, Assembled, Facet, MatrixFree, MinMap, PiecewiseError, PiecewiseSmooth, Regularity, Selection,
     Selections, Semismooth, TestLayout, active_set, b_derivative, b_subdifferential, bd_regularity,
-    cd_regularity, cell_margin, clarke_element, coherent_orientation, essential_activity, local_index,
-    local_uniqueness, local_uniqueness_with, select, select_pieces, value,
+    cd_regularity, cell_margin, clarke_element, coherent_orientation, essential_activity, implicit_function,
+    local_index, local_uniqueness, local_uniqueness_with, select, select_pieces, value,
 };
 use semismooth::sparse::{Matrix, Pattern};
 
@@ -91,11 +91,20 @@ fn notions(t: &mut Table) {
         t.refuses("piecewise::local_index", "x", "x", || {
             local_index(&equation, x, 1e-9, 10)
         });
+        t.refuses("piecewise::implicit_function", "x", "x", || {
+            implicit_function(&curve, x, 1e-9, 10)
+        });
         t.refuses("piecewise::check::check_semismooth", "a sample", "", || {
             check_semismooth(&fine(), std::slice::from_ref(x), &CheckOptions::default())
         });
     }
     let at = [0.5, 0.5];
+    t.refuses(
+        "piecewise::implicit_function",
+        "no parameter",
+        "parameter",
+        || implicit_function(&equation, &at, 1e-9, 10),
+    );
     for bad in BAD {
         for (name, f) in verdicts {
             t.survives(name, "tolerance", || f(&equation, &at, bad, 10));
@@ -113,6 +122,14 @@ fn notions(t: &mut Table) {
         t.survives("piecewise::local_index", "tolerance", || {
             local_index(&equation, &at, bad, 0)
         });
+        t.survives("piecewise::implicit_function", "tolerance", || {
+            implicit_function(&curve, &at, bad, 0)
+        });
+        t.survives(
+            "piecewise::implicit_function",
+            "a residual that is no number",
+            || implicit_function(&no_numbers(bad), &at, 1e-9, u64::MAX),
+        );
         t.survives("piecewise::local_index", "a residual that is no number", || {
             local_index(&no_numbers(bad), &at, 1e-9, u64::MAX)
         });

@@ -11,6 +11,8 @@ mod dense;
 mod random;
 
 mod certificates;
+mod exact;
+mod implicit;
 #[cfg(feature = "autodiff")]
 mod nested;
 mod newton_derivatives;

@@ -1,9 +1,11 @@
 //! The checker of Newton derivatives.
 
-use semismooth::complementarity::{FischerBurmeister, Lcp};
+use semismooth::complementarity::{FischerBurmeister, Lcp, Mcp};
 use semismooth::piecewise::Semismooth;
 use semismooth::piecewise::check::{CheckError, CheckOptions, Finding, FindingKind, check_semismooth};
 use semismooth::sparse::{Matrix, Pattern};
+
+use super::random::Random;
 
 /// A map of one variable by its value and what is said to be its derivative.
 struct Scalar(fn(f64) -> f64, fn(f64) -> f64);
@@ -234,4 +236,60 @@ fn maps_that_are_not_semismooth_are_told() {
         orders(&Scalar(|x| x * x.sqrt(), |x| 1.5 * x.sqrt()), &[vec![0.0]]).len(),
         1
     );
+}
+
+fn derivative(map: &dyn Semismooth, x: &[f64]) -> Matrix {
+    let mut jac = Matrix::zeros(map.pattern());
+    map.jacobian(x, &mut jac);
+    jac
+}
+
+/// Where kinks of the penalty meet, the derivative of all components is that at points on one side of all kinks. Without closed gaps at which
+/// F = 0, too, there are finitely many.
+#[test]
+fn penalised_derivatives_at_kinks_are_those_nearby() {
+    let inf = f64::INFINITY;
+    let mut rng = Random::new(4);
+    let mut several = 0;
+    for _ in 0..300 {
+        let entry = |rng: &mut Random| rng.below(5) as f64 - 2.0;
+        let rows: Vec<Vec<f64>> = (0..3)
+            .map(|_| (0..3).map(|_| entry(&mut rng)).collect())
+            .collect();
+        let boxes: Vec<(f64, f64)> = (0..3)
+            .map(|_| [(0.0, inf), (-inf, 2.0), (0.0, 2.0), (0.0, 2.0)][rng.below(4)])
+            .collect();
+        let x: Vec<f64> = (0..3).map(|_| rng.below(3) as f64).collect();
+        let closed = |i: usize| x[i] == boxes[i].0 || x[i] == boxes[i].1;
+        let f: Vec<f64> = (0..3)
+            .map(|i| {
+                if closed(i) {
+                    [-1.0, 1.0][rng.below(2)]
+                } else {
+                    [0.0, 0.0, 1.0][rng.below(3)]
+                }
+            })
+            .collect();
+        let q = (0..3).map(|i| f[i] - (0..3).map(|j| rows[i][j] * x[j]).sum::<f64>());
+        let problem = Mcp::affine(
+            Matrix::from_rows(&rows).unwrap(),
+            q.collect(),
+            boxes.iter().map(|b| b.0).collect(),
+            boxes.iter().map(|b| b.1).collect(),
+        )
+        .unwrap();
+        several += usize::from((0..3).filter(|&i| closed(i) || f[i] == 0.0).count() > 1);
+        let map = FischerBurmeister::penalised(&problem, 0.8).unwrap();
+        let found = derivative(&map, &x);
+        let nearest = (0..500)
+            .map(|_| {
+                let near: Vec<f64> = x.iter().map(|x| x + 1e-8 * rng.symmetric()).collect();
+                let other = derivative(&map, &near);
+                let pairs = found.values().iter().zip(other.values());
+                pairs.fold(0.0_f64, |d, (a, b)| d.max((a - b).abs()))
+            })
+            .fold(inf, f64::min);
+        assert!(nearest < 1e-6, "{rows:?} {boxes:?} {x:?} {f:?}: {nearest:e}");
+    }
+    assert!(several > 100, "{several}");
 }

@@ -1,12 +1,13 @@
 //! Generalised derivatives, regularity and index at a point, against determinants by hand and against each other.
 
 use proptest::prelude::*;
-use semismooth::complementarity::{Lcp, Mcp, NormalMap, strong_regularity};
+use semismooth::complementarity::{Lcp, Mcp, McpOptions, McpSolver, NormalMap, strong_regularity};
 use semismooth::enumeration::{EnumerationOptions, all_solutions};
+use semismooth::newton::{Newton, NewtonOptions};
 use semismooth::piecewise::{
     Activity, BElement, CoherentOrientation, Doubt, MinMap, PiecewiseError, PiecewiseSmooth, Regularity,
-    Selection, active_set, b_subdifferential, bd_regularity, cd_regularity, clarke_element,
-    coherent_orientation, local_index, select,
+    RegularityOptions, Selection, active_set, b_subdifferential, bd_regularity, cd_regularity,
+    clarke_element, coherent_orientation, local_index, select,
 };
 use semismooth::sparse::Matrix;
 
@@ -254,12 +255,14 @@ fn a_singular_selection_is_named() {
     let Regularity::Regular {
         selections,
         singular_value,
+        weakest,
     } = bd_regularity(&map, &[-2.0, 1.0], 1e-9, CAP).unwrap()
     else {
         panic!();
     };
     assert_eq!(selections, 1);
     assert!((singular_value.unwrap() - 1.0).abs() < 1e-14);
+    assert_eq!(weakest.unwrap().0, Selection::uniform(2, 0));
     // A list cut short before that selection says nothing.
     let cut = bd_regularity(&map, &[0.0; 2], 1e-9, 1).unwrap();
     assert_eq!(
@@ -282,6 +285,7 @@ fn two_pieces_are_decided_by_eigenvalues() {
     let Regularity::Regular {
         selections: 2,
         singular_value,
+        weakest,
     } = found
     else {
         panic!("{found:?}");
@@ -290,6 +294,15 @@ fn two_pieces_are_decided_by_eigenvalues() {
     let squares: f64 = [11.0_f64, 10.0, -10.5, -9.5].map(|v| v * v).iter().sum();
     let expected = ((squares + 1.0).sqrt() - (squares - 1.0).sqrt()) / 2.0;
     assert!((singular_value.unwrap() - expected).abs() < 1e-13 * squares);
+    let (selection, direction) = weakest.unwrap();
+    let weakest = elements(&kink(0.5), &[0.0; 2])
+        .into_iter()
+        .find(|e| e.selection == selection);
+    let mut image = [0.0; 2];
+    weakest.unwrap().jacobian.mul_vec(&direction, &mut image);
+    let length = |v: &[f64]| v[0].hypot(v[1]);
+    assert!((length(&direction) - 1.0).abs() < 1e-14);
+    assert!((length(&image) - expected).abs() < 1e-13 * squares);
     let map = kink(-0.5);
     let found = cd_regularity(&map, &[0.0; 2], 1e-9, CAP).unwrap();
     check_clarke(&map, &[0.0; 2], &found);
@@ -450,7 +463,8 @@ fn strong_regularity_of_boxed_problems_with_a_parameter() {
         found,
         Regularity::Regular {
             selections: 4,
-            singular_value: None
+            singular_value: None,
+            weakest: None
         }
     );
     for corner in [
@@ -594,4 +608,89 @@ proptest! {
             prop_assert_eq!(index, sum);
         }
     }
+}
+
+/// Solvers that are asked say of the point returned what the functions say of it, and nothing where they are not or do not solve.
+#[test]
+fn reports_tell_the_regularity_of_the_solution() {
+    let wanted = RegularityOptions::default();
+    let options = NewtonOptions::default().with_regularity(Some(wanted));
+    // min(x, M x): 0 is the only solution, or one of many; det M = 11, 0 and −3.
+    for m in [
+        [[2.0, 1.0], [1.0, 6.0]],
+        [[1.0, 1.0], [1.0, 1.0]],
+        [[1.0, 2.0], [2.0, 1.0]],
+    ] {
+        let map = Min(m.iter().map(|row| row.to_vec()).collect());
+        let (mut newton, mut x) = (Newton::new(options.clone()), vec![0.0; 2]);
+        newton.solve(&map, &mut x).unwrap();
+        let found = newton.report().regularity.clone().unwrap();
+        let args = (wanted.tolerance, wanted.cap);
+        assert_eq!(found.bd, bd_regularity(&map, &x, args.0, args.1).unwrap());
+        assert_eq!(found.cd, cd_regularity(&map, &x, args.0, args.1).unwrap());
+        let orientation = coherent_orientation(&map, &x, args.0, args.1).unwrap();
+        assert_eq!(
+            (found.orientation.as_ref(), &found.strong),
+            (Some(&orientation), &None)
+        );
+        assert!(newton.report().to_string().ends_with(&found.to_string()));
+
+        let lcp = map.lcp(&[0.0; 2]);
+        let mut solver = McpSolver::new(McpOptions::default().with_regularity(Some(wanted)));
+        let mut x = vec![0.0; 2];
+        let report = solver.solve(lcp.mcp(), &mut x).unwrap();
+        let found = report.regularity.clone().unwrap();
+        assert_eq!(found.bd, bd_regularity(lcp.mcp(), &x, args.0, args.1).unwrap());
+        let strong = strong_regularity(lcp.mcp(), &x, args.0, args.1).unwrap();
+        assert_eq!(
+            (strong.is_regular(), found.strong),
+            (m[1][1] == 6.0, Some(strong))
+        );
+        assert!(report.to_string().contains("strongly regular: "), "{report}");
+        // The next solve forgets it.
+        let plain = McpSolver::default()
+            .solve(lcp.mcp(), &mut x)
+            .unwrap()
+            .regularity
+            .clone();
+        assert_eq!(plain, None);
+    }
+    // x² + 1 = 0 has no solution, x ≥ 0, −1 − x ≥ 0 neither.
+    let none = MinMap::new(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+        a[0] = x[0] * x[0] + 1.0;
+        b[0] = a[0] + 1.0;
+    });
+    let mut newton = Newton::new(options);
+    newton.solve(&none, &mut [0.5]).unwrap_err();
+    assert_eq!(newton.report().regularity, None);
+    let lcp = Min(vec![vec![-1.0]]).lcp(&[-1.0]);
+    let mut solver = McpSolver::new(McpOptions::default().with_regularity(Some(wanted)));
+    let report = solver.solve(lcp.mcp(), &mut [0.5]).unwrap();
+    assert!(!report.is_solved() && report.regularity.is_none());
+}
+
+#[test]
+fn verdicts_on_solutions_are_told_in_words() {
+    let told = |m: [[f64; 2]; 2]| {
+        let map = Min(m.iter().map(|row| row.to_vec()).collect());
+        let wanted = RegularityOptions::default();
+        let mut solver = McpSolver::new(McpOptions::default().with_regularity(Some(wanted)));
+        let report = solver.solve(map.lcp(&[0.0; 2]).mcp(), &mut [0.0; 2]).unwrap();
+        report.regularity.as_ref().unwrap().to_string()
+    };
+    assert_eq!(
+        told([[2.0, 1.0], [1.0, 6.0]]),
+        "BD-regular: yes (4 selections); CD-regular: yes (4 selections); coherently oriented: yes, sign +1; \
+         strongly regular: yes (4 selections)"
+    );
+    assert_eq!(
+        told([[1.0, 2.0], [2.0, 1.0]]),
+        "BD-regular: yes (4 selections); CD-regular: no, a convex combination of selections is singular; \
+         coherently oriented: no, determinants differ in sign; \
+         strongly regular: no, a convex combination of selections is singular"
+    );
+    assert!(told([[1.0, 1.0], [1.0, 1.0]]).starts_with(
+        "BD-regular: no, a selection is singular; CD-regular: no, a selection is singular; \
+         coherently oriented: no, a selection is singular;"
+    ));
 }

@@ -21,8 +21,9 @@ pub use report::{BoundState, Fallback, McpIteration, McpReport, McpStatus, McpSt
 pub use strategies::McpStrategy;
 
 use super::error::check_finite;
-use super::{ComplementarityError, Mcp, McpFunction};
+use super::{ComplementarityError, Mcp, McpFunction, strong_regularity};
 use crate::clock::Clock;
+use crate::piecewise::regularity_report;
 use engine::Engine;
 use work::Work;
 
@@ -107,7 +108,8 @@ impl McpSolver {
     ///
     /// # Errors
     /// Misuse only: a parametric problem, a start of wrong length or not finite, options out of range, a Jacobian entry outside the
-    /// pattern. That no solution was found is no error: see [`McpReport::status`].
+    /// pattern, and failures of the linear solver where [regularity](McpOptions::regularity) is asked for (`x` then holds the solution). That
+    /// no solution was found is no error: see [`McpReport::status`].
     pub fn solve<F: McpFunction>(
         &mut self,
         problem: &Mcp<F>,
@@ -203,11 +205,16 @@ impl McpSolver {
         let status = engine.solve(states);
         let stray = engine.work.lin.jac().stray();
         engine.finish(status, x);
-        self.report.time = clock.elapsed();
         self.work = Some(work);
-        match stray {
-            Some((row, col)) => Err(crate::piecewise::PiecewiseError::StrayEntry { row, col }.into()),
-            None => Ok(&self.report),
+        if let Some((row, col)) = stray {
+            return Err(crate::piecewise::PiecewiseError::StrayEntry { row, col }.into());
         }
+        if let Some(wanted) = self.options.regularity.filter(|_| self.report.is_solved()) {
+            let mut found = regularity_report(problem, x, &wanted)?;
+            found.strong = Some(strong_regularity(problem, x, wanted.tolerance, wanted.cap)?);
+            self.report.regularity = Some(found);
+        }
+        self.report.time = clock.elapsed();
+        Ok(&self.report)
     }
 }

@@ -3,6 +3,7 @@ use std::time::Duration;
 use super::{McpStrategy, strategies};
 use crate::complementarity::ComplementarityError;
 use crate::options::setters;
+use crate::piecewise::RegularityOptions;
 
 /// Options of [`McpSolver`](super::McpSolver). The defaults need no touching.
 #[derive(Debug, Clone, PartialEq)]
@@ -63,6 +64,9 @@ pub struct McpOptions {
     pub max_nodes: u64,
     /// Number of perturbed starts tried in the end. Default 12.
     pub restarts: usize,
+    /// Whether, and how, the regularity of solutions is examined, for [`McpReport::regularity`](super::McpReport::regularity). Default `None`:
+    /// it is not.
+    pub regularity: Option<RegularityOptions>,
 }
 
 impl Default for McpOptions {
@@ -81,6 +85,7 @@ impl Default for McpOptions {
             max_path_points: 1500,
             max_nodes: 50_000,
             restarts: 12,
+            regularity: None,
         }
     }
 }
@@ -113,6 +118,8 @@ impl McpOptions {
         with_max_nodes(max_nodes: u64);
         /// Sets the number of perturbed starts.
         with_restarts(restarts: usize);
+        /// Sets whether, and how, the regularity of solutions is examined.
+        with_regularity(regularity: Option<RegularityOptions>);
     }
 
     /// Checks the ranges.
@@ -135,6 +142,9 @@ impl McpOptions {
         }
         if self.max_attempt == 0 {
             return bad("max_attempt", 0.0, "at least 1");
+        }
+        if let Some(tolerance) = RegularityOptions::fault(self.regularity.as_ref()) {
+            return bad("regularity.tolerance", tolerance, RegularityOptions::TOLERANCES);
         }
         Ok(())
     }

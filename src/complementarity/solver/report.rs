@@ -3,6 +3,7 @@ use std::time::Duration;
 
 use super::McpStrategy;
 use crate::newton::{Tail, observed_order};
+use crate::piecewise::RegularityReport;
 
 /// How a solve ended.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -186,6 +187,25 @@ pub struct McpReport {
     /// For [`McpStatus::Infeasible`] the vector v that proves it: v points along no finite bound, so that every solution has
     /// vᵀF(x) ≥ 0, yet sup vᵀF(x) < 0 over the bounds, for v but for its rounding. Empty where enumeration proved it, and otherwise.
     pub certificate: Vec<f64>,
+    /// The regularity of the solution at the x returned, as a zero of the natural map and in Robinson's sense, where
+    /// [`McpOptions::regularity`](super::McpOptions::regularity) asks for it; `None` unless the problem is solved.
+    ///
+    /// ```
+    /// use semismooth::complementarity::{Mcp, McpOptions, McpSolver};
+    /// use semismooth::piecewise::RegularityOptions;
+    /// use semismooth::sparse::Matrix;
+    /// // 0 ≤ x ⟂ M x ≥ 0 at its solution 0, where all components are degenerate; det M = −3 and M₁₁ > 0.
+    /// let m = Matrix::from_rows(&[[1.0, 2.0], [2.0, 1.0]])?;
+    /// let problem = Mcp::affine(m, vec![0.0; 2], vec![0.0; 2], vec![f64::INFINITY; 2])?;
+    /// let wanted = McpOptions::default().with_regularity(Some(RegularityOptions::default()));
+    /// let mut solver = McpSolver::new(wanted);
+    /// let report = solver.solve(&problem, &mut [1.0, 1.0])?;
+    /// let found = report.regularity.as_ref().expect("asked for and solved");
+    /// assert!(found.bd.is_regular() && found.cd.fails());
+    /// assert!(found.strong.as_ref().is_some_and(|s| s.fails()));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub regularity: Option<RegularityReport>,
     /// Wall-clock time.
     pub time: Duration,
 }
@@ -207,6 +227,7 @@ impl Default for McpReport {
             history: Vec::new(),
             states: Vec::new(),
             certificate: Vec::new(),
+            regularity: None,
             time: Duration::ZERO,
         }
     }
@@ -283,6 +304,10 @@ impl fmt::Display for BoundState {
 
 impl fmt::Display for McpReport {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        crate::words::ended(f, &self.status, self.iterations, self.residual)
+        crate::words::ended(f, &self.status, self.iterations, self.residual)?;
+        match &self.regularity {
+            Some(regularity) => write!(f, "; {regularity}"),
+            None => Ok(()),
+        }
     }
 }

@@ -5,7 +5,7 @@ use super::engine::Engine;
 use super::plan::{ARMIJO, Plan};
 use super::system::NORMAL_EQUATIONS;
 use super::work::Work;
-use crate::complementarity::fischer::{Gap, component_gradient};
+use crate::complementarity::fischer::{Gap, component_gradient, is_kink};
 
 /// Regularised steps by normal equations: the first parameter relative to ‖Φ‖ (at most 1), its growth, and how many are tried.
 const REGULARISED: (f64, f64, usize) = (1e-3, 30.0, 5);
@@ -141,8 +141,8 @@ impl Engine<'_> {
         let n = self.n();
         let mut any = false;
         for i in 0..n {
-            let Gap { below, above } = self.gap(i, self.work.here.x[i]);
-            let kink = self.work.equations.scaled[i] == 0.0 && (below == 0.0 || above == 0.0);
+            let gap = self.gap(i, self.work.here.x[i]);
+            let kink = is_kink(gap, self.work.equations.scaled[i], plan.lambda);
             self.work.equations.kinks[i] = f64::from(u8::from(kink));
             any |= kink;
         }
