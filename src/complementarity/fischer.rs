@@ -1,9 +1,12 @@
 //! Fischer–Burmeister functions, free of cancellation, and the reformulation of an MCP by them.
 
 use super::{ComplementarityError, Mcp, McpFunction};
-use crate::piecewise::Semismooth;
-use crate::sparse::{Matrix, Pattern};
+use crate::piecewise::{Activity, Semismooth, open_cone};
+use crate::sparse::{Matrix, Pattern, norm};
 use crate::spread::Random;
+
+/// Steps after which it is undecided whether sides of kinks meet.
+const STEPS: usize = 20_000;
 
 /// φ(a, b) = a + b − √(a² + b²).
 ///
@@ -49,7 +52,7 @@ fn penalised_gradient(a: f64, b: f64, lambda: f64, (da, db): (f64, f64)) -> (f64
         phi_gradient(1.0, 0.0)
     };
     // The penalty has kinks where one argument is 0 and the other positive.
-    let positive = |v: f64, dv: f64| v > 0.0 || v == 0.0 && dv > 0.0;
+    let positive = |v: f64, dv: f64| if v == 0.0 { dv > 0.0 } else { v > 0.0 };
     let (pa, pb) = match positive(a, da) && positive(b, db) {
         true => (b, a),
         false => (0.0, 0.0),
@@ -65,6 +68,20 @@ fn penalised_gradient(a: f64, b: f64, lambda: f64, (da, db): (f64, f64)) -> (f64
 pub(super) struct Gap {
     pub(super) below: f64,
     pub(super) above: f64,
+}
+
+impl Gap {
+    fn vanishing(self, tolerance: f64) -> Self {
+        Self {
+            below: vanishing(self.below, tolerance),
+            above: vanishing(self.above, tolerance),
+        }
+    }
+}
+
+/// 0 in place of values up to `tolerance`.
+fn vanishing(v: f64, tolerance: f64) -> f64 {
+    if v.abs() <= tolerance { 0.0 } else { v }
 }
 
 /// Φ of one component: φ(a, f), −φ(b, −f), f, or φ(a, −φ(b, −f)), by the bounds there are (Billups 1995).
@@ -91,6 +108,12 @@ pub(super) fn is_kink(gap: Gap, f: f64, lambda: f64) -> bool {
 /// rate `df` and, where the gap is closed, x at rate 1; where f ≠ 0 the penalty's kinks at closed gaps are left for points beyond the bounds.
 /// With df = 0 f grows where no gap is closed, slower than x where one is.
 pub(super) fn component_gradient(gap: Gap, f: f64, lambda: f64, df: f64) -> (f64, f64) {
+    let dx = if gap.below == 0.0 && f > 0.0 { -1.0 } else { 1.0 };
+    component_limit(gap, f, lambda, (dx, df))
+}
+
+/// The limit of the derivatives of Φ of one component along a direction with the rates dx and df.
+fn component_limit(gap: Gap, f: f64, lambda: f64, (dx, df): (f64, f64)) -> (f64, f64) {
     let Gap { below, above } = gap;
     let df = match df == 0.0 && below != 0.0 && above != 0.0 {
         true => 1.0,
@@ -99,18 +122,30 @@ pub(super) fn component_gradient(gap: Gap, f: f64, lambda: f64, df: f64) -> (f64
     // With respect to x: γ, to f: δ.
     let (inner, gamma, delta) = match above < f64::INFINITY {
         true => {
-            let (g, d) = penalised_gradient(above, -f, lambda, (-1.0, -df));
+            let (g, d) = penalised_gradient(above, -f, lambda, (-dx, -df));
             (-penalised(above, -f, lambda), g, d)
         }
         false => (f, 0.0, 1.0),
     };
     match below < f64::INFINITY {
         true => {
-            let dx = if inner > 0.0 { -1.0 } else { 1.0 };
-            let (a, b) = penalised_gradient(below, inner, lambda, (dx, gamma + delta * df));
+            let (a, b) = penalised_gradient(below, inner, lambda, (dx, gamma * dx + delta * df));
             (a + b * gamma, b * delta)
         }
         false => (gamma, delta),
+    }
+}
+
+/// Puts diag(a) + diag(b) J in the place of J, from a and b of each row.
+fn combine(jac: &mut Matrix, factors: &[(f64, f64)]) {
+    let pattern = jac.pattern().clone();
+    for j in 0..pattern.ncols() {
+        for k in pattern.col_ptr()[j]..pattern.col_ptr()[j + 1] {
+            let i = pattern.row_idx()[k];
+            let (a, b) = factors[i];
+            let v = &mut jac.values_mut()[k];
+            *v = b * *v + if i == j { a } else { 0.0 };
+        }
     }
 }
 
@@ -208,6 +243,41 @@ impl<'a, F: McpFunction> FischerBurmeister<'a, F> {
         rate
     }
 
+    /// F(x), values up to `tolerance` as 0.
+    fn values(&self, x: &[f64], tolerance: f64) -> Vec<f64> {
+        let mut f = vec![0.0; x.len()];
+        self.problem.function().value(x, &mut f);
+        f.iter_mut().for_each(|f| *f = vanishing(*f, tolerance));
+        f
+    }
+
+    /// The components at kinks of the penalty, with the unit gradient of what changes its sign there: xᵢ or Fᵢ. `None` where a gap is closed
+    /// and F = 0, and where both bounds are equal.
+    fn kinks(&self, f: &[f64], gap: &dyn Fn(usize) -> Gap, jac: &Matrix) -> Option<Vec<(usize, Vec<f64>)>> {
+        let n = f.len();
+        let mut kinks = Vec::new();
+        for (i, &f) in f.iter().enumerate() {
+            let Gap { below, above } = gap(i);
+            let closed = below == 0.0 || above == 0.0;
+            if closed && (f == 0.0 || below == above) {
+                return None;
+            }
+            let gradient: Vec<f64> = if below == 0.0 && f > 0.0 || above == 0.0 && f < 0.0 {
+                (0..n).map(|j| f64::from(u8::from(i == j))).collect()
+            } else if is_kink(gap(i), f, self.lambda) {
+                (0..n).map(|j| jac.get(i, j)).collect()
+            } else {
+                continue;
+            };
+            // Where ∇F vanishes both sides have one limit.
+            let size = norm(&gradient);
+            if size > 0.0 && self.lambda < 1.0 {
+                kinks.push((i, gradient.iter().map(|g| g / size).collect()));
+            }
+        }
+        Some(kinks)
+    }
+
     fn gap(&self, x: &[f64], i: usize) -> Gap {
         Gap {
             below: x[i] - self.problem.lower()[i],
@@ -234,22 +304,46 @@ impl<F: McpFunction> Semismooth for FischerBurmeister<'_, F> {
         self.problem.function().value(x, &mut f);
         self.problem.function().jacobian(x, jac);
         let rate = self.rates(x, &f, jac);
-        let pattern = jac.pattern().clone();
         let factors: Vec<(f64, f64)> = (0..n)
             .map(|i| component_gradient(self.gap(x, i), f[i], self.lambda, rate[i]))
             .collect();
-        for j in 0..n {
-            for k in pattern.col_ptr()[j]..pattern.col_ptr()[j + 1] {
-                let i = pattern.row_idx()[k];
-                let (a, b) = factors[i];
-                let v = &mut jac.values_mut()[k];
-                *v = b * *v + if i == j { a } else { 0.0 };
-            }
-        }
+        combine(jac, &factors);
     }
 
     fn pattern(&self) -> Pattern {
         self.problem.jacobian_pattern().clone()
+    }
+
+    /// `None` where a gap is closed and F = 0, as there are as many elements as directions, and where it is not known which sides of kinks of the
+    /// penalty meet (a curved F with dependent gradients). Gaps and values of F up to `tolerance` count as 0.
+    fn b_subdifferential(&self, x: &[f64], tolerance: f64, cap: u64) -> Option<Vec<Matrix>> {
+        let f = self.values(x, tolerance);
+        let mut jac = Matrix::zeros(self.pattern());
+        self.problem.function().jacobian(x, &mut jac);
+        let gap = |i: usize| self.gap(x, i).vanishing(tolerance);
+        let kinks = self.kinks(&f, &gap, &jac)?;
+        let choices = 1_u64.checked_shl(kinks.len() as u32).filter(|c| *c <= cap)?;
+        let mut found = Vec::new();
+        for choice in 0..choices {
+            let side = |k: usize| if choice >> k & 1 == 0 { 1.0 } else { -1.0 };
+            let mut sides = vec![1.0; x.len()];
+            let mut normals = Vec::new();
+            for (k, (i, gradient)) in kinks.iter().enumerate() {
+                sides[*i] = side(k);
+                normals.push(gradient.iter().map(|g| side(k) * g).collect());
+            }
+            match open_cone(&normals, STEPS) {
+                Activity::Essential => {}
+                Activity::Inessential if self.problem.function().is_affine() => continue,
+                _ => return None,
+            }
+            let limit = |i: usize| component_limit(gap(i), f[i], self.lambda, (sides[i], sides[i]));
+            let factors: Vec<(f64, f64)> = (0..x.len()).map(limit).collect();
+            let mut element = jac.clone();
+            combine(&mut element, &factors);
+            found.push(element);
+        }
+        Some(found)
     }
 }
 

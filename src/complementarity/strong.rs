@@ -357,8 +357,7 @@ fn is_p_matrix(
         let mut with = chosen.clone();
         with.push(first);
         // The quotient of the minor with `first` and the one without.
-        let pivot = a[0];
-        let judged = judge(pivot, e[0], rounding, &with, exact.as_deref_mut());
+        let judged = judge(a[0], e[0], rounding, &with, exact.as_deref_mut());
         match judged {
             Judged::Positive | Judged::ExactlyPositive => {}
             Judged::NotPositive => return Ok(Minors::NotPositive(with)),
@@ -372,30 +371,34 @@ fn is_p_matrix(
             errors: part(&e),
             chosen,
         });
-        if judged == Judged::ExactlyPositive {
-            let many = (k - 1) * (k - 1);
-            stack.push(Node {
-                left: others.to_vec(),
-                a: vec![0.0; many],
-                errors: vec![f64::INFINITY; many],
-                chosen: with,
-            });
-            continue;
-        }
-        let factor = |i: usize| a[i * k] / pivot;
-        let reduced = |(i, j): (usize, usize)| a[i * k + j] - factor(i) * a[j];
-        let error = |(i, j): (usize, usize)| {
-            let (l, u) = (factor(i).abs(), a[j].abs());
-            e[i * k + j] + l * (e[j] + u) + (e[i * k] + l * e[0]) * u / pivot
+        let (a, errors) = match judged {
+            Judged::Positive => eliminated(&a, &e, k),
+            _ => (
+                vec![0.0; (k - 1) * (k - 1)],
+                vec![f64::INFINITY; (k - 1) * (k - 1)],
+            ),
         };
         stack.push(Node {
             left: others.to_vec(),
-            a: without.clone().map(reduced).collect(),
-            errors: without.map(error).collect(),
+            a,
+            errors,
             chosen: with,
         });
     }
     Ok(Minors::Positive)
+}
+
+/// A matrix of k rows after the elimination of the first, and the errors of its entries, from those before.
+fn eliminated(a: &[f64], e: &[f64], k: usize) -> (Vec<f64>, Vec<f64>) {
+    let pivot = a[0];
+    let left = (1..k).flat_map(|i| (1..k).map(move |j| (i, j)));
+    let factor = |i: usize| a[i * k] / pivot;
+    let reduced = |(i, j): (usize, usize)| a[i * k + j] - factor(i) * a[j];
+    let error = |(i, j): (usize, usize)| {
+        let (l, u) = (factor(i).abs(), a[j].abs());
+        e[i * k + j] + l * (e[j] + u) + (e[i * k] + l * e[0]) * u / pivot
+    };
+    (left.clone().map(reduced).collect(), left.map(error).collect())
 }
 
 /// Whether the symmetric part is definite, the diagonal scaled to 1: positive factors of rows and columns leave signs of minors as they are.

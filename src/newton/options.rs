@@ -37,8 +37,8 @@ pub struct NewtonOptions {
     pub armijo: f64,
     /// Smallest step length of the line search, in (0, 1). Default 1e-10.
     pub min_damping: f64,
-    /// Whether, and how, the regularity of solutions of piecewise-smooth maps is examined, for [`Report::regularity`](super::Report::regularity).
-    /// Default `None`: it is not.
+    /// Whether, and how, the regularity of solutions is examined, for [`Report::regularity`](super::Report::regularity). Default `None`: it is
+    /// not.
     pub regularity: Option<RegularityOptions>,
 }
 

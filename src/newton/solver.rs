@@ -6,7 +6,7 @@ use super::workspace::Workspace;
 use super::{Convergence, Iteration, NewtonError, NewtonOptions, Report};
 use crate::linear::{AutoSolver, LinearSolver};
 use crate::piecewise::{
-    PiecewiseError, PiecewiseSmooth, Selection, Semismooth, TestLayout, regularity_report,
+    PiecewiseError, PiecewiseSmooth, Selection, Semismooth, TestLayout, regularity_report, semismooth_report,
 };
 use crate::sparse::Pattern;
 
@@ -166,7 +166,11 @@ impl<L: LinearSolver> Newton<L> {
         }
         let mut system = SemismoothSystem(map);
         let pattern = || map.pattern();
-        run(self.parts().work, &mut system, x, (n, n), &pattern, &mut observe)
+        let convergence = run(self.parts().work, &mut system, x, (n, n), &pattern, &mut observe)?;
+        if let Some(options) = &self.options.regularity {
+            self.work.report.regularity = Some(semismooth_report(&map, x, options)?);
+        }
+        Ok(convergence)
     }
 }
 

@@ -70,7 +70,7 @@ fn essential_activity_of(
 /// Is there a d with g·d > 0 for all unit vectors g? The point w of their convex hull nearest to 0 tells: either w itself serves
 /// as d, or it is 0. Pairwise steps of Frank and Wolfe move weight from the g that helps least to the one that helps most; they
 /// converge linearly, faces with 0 in them included (Lacoste-Julien and Jaggi 2015).
-pub(super) fn open_cone(normals: &[Vec<f64>], max_steps: usize) -> Activity {
+pub(crate) fn open_cone(normals: &[Vec<f64>], max_steps: usize) -> Activity {
     const ZERO: f64 = 1e-12;
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let Some(first) = normals.first() else {

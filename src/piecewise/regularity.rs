@@ -191,7 +191,7 @@ pub(super) fn examine(
     x: &[f64],
     tolerance: f64,
     cap: u64,
-    mut keep: Option<&mut Vec<Element>>,
+    keep: Option<&mut Vec<Element>>,
 ) -> Result<Regularity, PiecewiseError> {
     let (m, n) = (map.num_vars(), map.num_residuals());
     if m != n && m != n + 1 {
@@ -209,11 +209,10 @@ pub(super) fn examine(
     let cones = Cones::new(Box::new(map), x, &active, n);
     let mut jac = Matrix::zeros(map.pattern());
     let mut determinants = Determinants::new(map, x, &jac, SINGULAR)?;
-    let (mut selections, mut doubtful) = (0, None);
-    let (mut least, mut weakest) = (None::<f64>, None);
+    let (mut tally, mut doubtful) = (Tally::new(keep), None);
     for (selection, examined) in active.selections().zip(0..) {
         if examined == cap {
-            return Ok(undecided(selections, Doubt::Limit));
+            return Ok(tally.verdict(Some(Doubt::Limit)));
         }
         let cell = cones.element(&selection, &mut jac)?;
         if cell == Cell::Empty {
@@ -234,38 +233,64 @@ pub(super) fn examine(
             Determinant::Sign(sign) => Some(sign),
             Determinant::Unavailable => None,
         };
-        let matrix = square(&jac)?;
-        selections += 1;
-        if n <= DENSE {
-            let (value, direction) = least_singular_value(&matrix)?;
-            if least.is_none_or(|l| value < l) {
-                least = Some(value);
-                weakest = Some((selection.clone(), direction));
-            }
-        }
-        let certain = cell == Cell::Open;
-        let Some(elements) = keep.as_deref_mut() else {
-            continue;
-        };
-        // Kinks that cancel give one matrix several times.
-        match elements.iter_mut().find(|e| e.matrix == matrix) {
-            Some(same) => same.certain |= certain,
-            None => elements.push(Element {
-                selection,
-                matrix,
-                sign,
-                certain,
-            }),
+        tally.add(Element {
+            selection,
+            matrix: square(&jac)?,
+            sign,
+            certain: cell == Cell::Open,
+        })?;
+    }
+    Ok(tally.verdict(doubtful))
+}
+
+/// The regular elements seen so far.
+#[derive(Default)]
+pub(super) struct Tally<'k> {
+    selections: u64,
+    least: Option<f64>,
+    weakest: Option<(Selection, Vec<f64>)>,
+    /// Those that differ.
+    keep: Option<&'k mut Vec<Element>>,
+}
+
+impl<'k> Tally<'k> {
+    pub(super) fn new(keep: Option<&'k mut Vec<Element>>) -> Self {
+        Self {
+            keep,
+            ..Self::default()
         }
     }
-    Ok(match doubtful {
-        Some(doubt) => undecided(selections, doubt),
-        None => Regularity::Regular {
-            selections,
-            singular_value: least,
-            weakest,
-        },
-    })
+
+    pub(super) fn add(&mut self, element: Element) -> Result<(), PiecewiseError> {
+        self.selections += 1;
+        if element.matrix.nrows() <= DENSE {
+            let (value, direction) = least_singular_value(&element.matrix)?;
+            if self.least.is_none_or(|least| value < least) {
+                self.least = Some(value);
+                self.weakest = Some((element.selection.clone(), direction));
+            }
+        }
+        if let Some(list) = &mut self.keep {
+            // Kinks that cancel give one matrix several times.
+            match list.iter_mut().find(|e| e.matrix == element.matrix) {
+                Some(same) => same.certain |= element.certain,
+                None => list.push(element),
+            }
+        }
+        Ok(())
+    }
+
+    /// The verdict without a singular element; `doubt` is what is not known of others.
+    pub(super) fn verdict(self, doubt: Option<Doubt>) -> Regularity {
+        match doubt {
+            Some(doubt) => undecided(self.selections, doubt),
+            None => Regularity::Regular {
+                selections: self.selections,
+                singular_value: self.least,
+                weakest: self.weakest,
+            },
+        }
+    }
 }
 
 fn undecided(examined: u64, doubt: Doubt) -> Regularity {

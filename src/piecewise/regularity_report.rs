@@ -2,7 +2,8 @@
 
 use super::derivative::orientation_of;
 use super::regularity::{convex_hull, examine};
-use super::{CoherentOrientation, PiecewiseError, PiecewiseSmooth, Regularity};
+use super::semismooth_regularity::examine_elements;
+use super::{CoherentOrientation, PiecewiseError, PiecewiseSmooth, Regularity, Semismooth};
 use crate::options::setters;
 use std::fmt;
 
@@ -72,7 +73,7 @@ pub struct RegularityReport {
     pub bd: Regularity,
     /// [CD-regularity](super::cd_regularity).
     pub cd: Regularity,
-    /// [Coherent orientation](super::coherent_orientation); `None` outside of all cells, and where the linear solver knows no determinants. What
+    /// [Coherent orientation](super::coherent_orientation); `None` outside of all cells, of semismooth maps, and where the linear solver knows no determinants. What
     /// a selection of sign 0 takes to 0 is the direction of `bd`.
     pub orientation: Option<CoherentOrientation>,
     /// [Strong regularity](crate::complementarity::strong_regularity), of complementarity problems; else `None`.
@@ -129,6 +130,23 @@ pub(crate) fn regularity_report(
         bd,
         cd,
         orientation,
+        strong: None,
+    })
+}
+
+/// [`regularity_report`] of a semismooth map.
+pub(crate) fn semismooth_report(
+    map: &dyn Semismooth,
+    x: &[f64],
+    options: &RegularityOptions,
+) -> Result<RegularityReport, PiecewiseError> {
+    let mut elements = Vec::new();
+    let bd = examine_elements(map, x, options.tolerance, options.cap, Some(&mut elements))?;
+    let cd = convex_hull(bd.clone(), &elements, options.cap)?;
+    Ok(RegularityReport {
+        bd,
+        cd,
+        orientation: None,
         strong: None,
     })
 }

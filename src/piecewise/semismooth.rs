@@ -36,6 +36,16 @@ pub trait Semismooth {
     /// Adds an element of the generalized (B- or Clarke) Jacobian at x to a zeroed matrix over [`pattern`](Self::pattern).
     fn jacobian(&self, x: &[f64], jac: &mut Matrix);
 
+    /// All elements of the B-subdifferential ∂_B H(x), the limits of ∇H(x_k) along points x_k → x at which H is differentiable, each at least
+    /// once and over the [pattern](Self::pattern), where they are finitely many. What a kink depends on counts as 0 up to `tolerance`, as at
+    /// solutions it is so but for rounding.
+    ///
+    /// `None` where the map does not know them, where they are infinitely many, and where they may be more than `cap`. Default: `None`.
+    /// [`bd_regularity_semismooth`](super::bd_regularity_semismooth) has an example.
+    fn b_subdifferential(&self, _x: &[f64], _tolerance: f64, _cap: u64) -> Option<Vec<Matrix>> {
+        None
+    }
+
     /// Where Jacobians have entries (n × n). Default: everywhere.
     fn pattern(&self) -> Pattern {
         Pattern::full(self.num_vars(), self.num_vars())
@@ -52,6 +62,9 @@ macro_rules! forward {
         }
         fn jacobian(&self, x: &[f64], jac: &mut Matrix) {
             (**self).jacobian(x, jac);
+        }
+        fn b_subdifferential(&self, x: &[f64], tolerance: f64, cap: u64) -> Option<Vec<Matrix>> {
+            (**self).b_subdifferential(x, tolerance, cap)
         }
         fn pattern(&self) -> Pattern {
             (**self).pattern()

@@ -80,6 +80,8 @@ pub enum Doubt {
     Combinations,
     /// Whether a matrix is singular, or only nearly: rounding decides, and exact arithmetic takes too long.
     Rounding,
+    /// Which elements the B-subdifferential of a semismooth map has, or there are infinitely many.
+    Elements,
     /// The cap was reached.
     Limit,
 }
@@ -91,6 +93,7 @@ impl fmt::Display for Doubt {
             Self::Preimages => "how many directions have one image",
             Self::Combinations => "whether a convex combination is singular",
             Self::Rounding => "whether a matrix is singular or only nearly so",
+            Self::Elements => "all elements of the B-subdifferential",
             Self::Limit => "limit on selections",
         })
     }

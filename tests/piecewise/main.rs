@@ -11,6 +11,7 @@ mod dense;
 mod random;
 
 mod certificates;
+mod elements;
 mod exact;
 mod implicit;
 #[cfg(feature = "autodiff")]
