@@ -3,8 +3,9 @@ use semismooth::piecewise::check::{CheckOptions, check, check_semismooth};
 use semismooth::piecewise::{
     ActiveSet, Assembled, Facet, MatrixFree, MinMap, PiecewiseError, PiecewiseSmooth, Regularity, Selection,
     Selections, Semismooth, TestLayout, active_set, b_derivative, b_subdifferential, bd_regularity,
-    cd_regularity, cell_margin, clarke_element, coherent_orientation, essential_activity, implicit_function,
-    local_index, local_uniqueness, local_uniqueness_with, select, select_pieces, value,
+    bd_regularity_semismooth, cd_regularity, cd_regularity_semismooth, cell_margin, clarke_element,
+    coherent_orientation, essential_activity, implicit_function, local_index, local_uniqueness,
+    local_uniqueness_with, select, select_pieces, value,
 };
 use semismooth::sparse::{Matrix, Pattern};
 
@@ -100,11 +101,30 @@ fn notions(t: &mut Table) {
         t.refuses("piecewise::cd_regularity_semismooth", "x", "x", || {
             cd_regularity_semismooth(&fine(), x, 1e-9, 10)
         });
+        t.refuses("piecewise::bd_regularity_semismooth", "x", "x", || {
+            bd_regularity_semismooth(&fine(), x, 1e-9, 10)
+        });
+        t.refuses("piecewise::cd_regularity_semismooth", "x", "x", || {
+            cd_regularity_semismooth(&fine(), x, 1e-9, 10)
+        });
         t.refuses("piecewise::check::check_semismooth", "a sample", "", || {
             check_semismooth(&fine(), std::slice::from_ref(x), &CheckOptions::default())
         });
     }
     let at = [0.5, 0.5];
+    let small = Listed(rows(&[&[1.0]]));
+    t.refuses(
+        "piecewise::bd_regularity_semismooth",
+        "an element",
+        "element",
+        || bd_regularity_semismooth(&small, &at, 1e-9, 10),
+    );
+    t.refuses(
+        "piecewise::cd_regularity_semismooth",
+        "an element",
+        "element",
+        || cd_regularity_semismooth(&small, &at, 1e-9, 10),
+    );
     t.refuses(
         "piecewise::implicit_function",
         "no parameter",
@@ -134,6 +154,13 @@ fn notions(t: &mut Table) {
         });
         t.refuses("piecewise::cd_regularity_semismooth", "an element", "", || {
             cd_regularity_semismooth(&element, &at, 1e-9, 10)
+        });
+        let element = Listed(rows(&[&[bad, 0.0], &[0.0, 1.0]]));
+        t.survives("piecewise::bd_regularity_semismooth", "an element", || {
+            bd_regularity_semismooth(&element, &at, bad, 10)
+        });
+        t.survives("piecewise::cd_regularity_semismooth", "an element", || {
+            cd_regularity_semismooth(&element, &at, bad, 10)
         });
         t.survives("piecewise::implicit_function", "tolerance", || {
             implicit_function(&curve, &at, bad, 0)
@@ -208,6 +235,21 @@ fn notions(t: &mut Table) {
                 check_semismooth(&map, &[at.to_vec()], &CheckOptions::default())
             },
         );
+    }
+}
+
+/// A map that is 0, with one element of the B-subdifferential.
+struct Listed(Matrix);
+impl Semismooth for Listed {
+    fn num_vars(&self) -> usize {
+        2
+    }
+    fn residual(&self, _: &[f64], out: &mut [f64]) {
+        out.fill(0.0);
+    }
+    fn jacobian(&self, _: &[f64], _: &mut Matrix) {}
+    fn b_subdifferential(&self, _: &[f64], _: f64, _: u64) -> Option<Vec<Matrix>> {
+        Some(vec![self.0.clone()])
     }
 }
 
