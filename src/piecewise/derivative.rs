@@ -206,7 +206,7 @@ pub(super) fn orientation_of(
     check_vector("the point x", x, m)?;
     let active = active_set(map, x, tolerance);
     let cones = Cones::new(Box::new(map), x, &active, n);
-    let signs = examine(&cones, &active, cap, 0.0, &mut |_| Ok(()))?;
+    let signs = examine(&cones, &active, cap, (0.0, true), &mut |_| Ok(()))?;
     Ok(Some(match signs {
         Signs::Coherent { sign: Some(sign), .. } => CoherentOrientation::Coherent { sign },
         Signs::Coherent { sign: None, .. } | Signs::NoDeterminant => return Ok(None),

@@ -37,12 +37,13 @@ pub(super) struct Determinants<'a> {
 }
 
 impl<'a> Determinants<'a> {
-    /// A reciprocal condition below `singular` counts as singular, unless the map states its coefficients.
+    /// A reciprocal condition below `singular` counts as singular, unless exact arithmetic is asked for and the map states its coefficients.
     pub(super) fn new(
         map: &'a dyn PiecewiseSmooth,
         x: &[f64],
         pattern: &Matrix,
         singular: f64,
+        exact: bool,
     ) -> Result<Self, PiecewiseError> {
         let n = map.num_residuals();
         let mut solver = AutoSolver::default();
@@ -52,7 +53,7 @@ impl<'a> Determinants<'a> {
             factored: false,
             n,
             singular,
-            exact: ExactSigns::new(map, x),
+            exact: ExactSigns::new(map, x).filter(|_| exact),
         })
     }
 

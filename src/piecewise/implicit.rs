@@ -102,7 +102,7 @@ fn implicit_function_of(
     let mut constant = 0.0_f64;
     // Of both directions of α the selection into whose cell the rate points most.
     let mut best: [(f64, Option<Vec<f64>>); 2] = [(-CLEAR, None), (-CLEAR, None)];
-    let signs = examine(&cones, &active, cap, SINGULAR, &mut |found| {
+    let signs = examine(&cones, &active, cap, (SINGULAR, false), &mut |found| {
         let selection = found.selection;
         let Some(rate) = rate_of(map, x, &mut jac, found)? else {
             constant = f64::INFINITY;

@@ -72,7 +72,7 @@ fn index_of(
     }
     let cones = Cones::new(Box::new(map), x, active, n);
     let mut jac = Matrix::zeros(map.pattern());
-    let mut determinants = Determinants::new(map, x, &jac, SINGULAR)?;
+    let mut determinants = Determinants::new(map, x, &jac, SINGULAR, true)?;
     if active.is_singleton() {
         cones.element(active.first(), &mut jac)?;
         return Ok(match determinants.sign(active.first(), &jac)? {

@@ -375,16 +375,16 @@ pub(super) enum Side {
 }
 
 /// Goes through at most `cap` active selections whose cells are not empty; `visit` sees each of them that is regular. A reciprocal
-/// condition below `singular` counts as singular.
+/// condition below `singular` counts as singular, unless `exact` arithmetic is to decide.
 pub(super) fn examine(
     cones: &Cones<'_>,
     active: &ActiveSet,
     cap: u64,
-    singular: f64,
+    (singular, exact): (f64, bool),
     visit: &mut dyn FnMut(Examined<'_>) -> Result<(), PiecewiseError>,
 ) -> Result<Signs, PiecewiseError> {
     let mut jac = Matrix::zeros(cones.map.pattern());
-    let mut determinants = Determinants::new(&cones.map, cones.x, &jac, singular)?;
+    let mut determinants = Determinants::new(&cones.map, cones.x, &jac, singular, exact)?;
     let mut rounding = None;
     let mut first: Option<(Selection, i8)> = None;
     let mut unknown: Vec<(Selection, i8)> = Vec::new();

@@ -208,7 +208,7 @@ pub(super) fn examine(
     }
     let cones = Cones::new(Box::new(map), x, &active, n);
     let mut jac = Matrix::zeros(map.pattern());
-    let mut determinants = Determinants::new(map, x, &jac, SINGULAR)?;
+    let mut determinants = Determinants::new(map, x, &jac, SINGULAR, true)?;
     let (mut tally, mut doubtful) = (Tally::new(keep), None);
     for (selection, examined) in active.selections().zip(0..) {
         if examined == cap {

@@ -158,9 +158,8 @@ impl LocalUniqueness {
 ///   often, and is a homeomorphism exactly if that is once. At most four cells cannot wind twice (D. Kuhn, R. Löwen, Linear Algebra
 ///   Appl. 96 (1987), Theorem 5.3: at most four round each face of codimension two); of more, the preimages of one value are counted.
 ///
-/// Of maps that state [exact](PiecewiseSmooth::exact) coefficients exact arithmetic says whether a ∇_yH^(σ) is singular, where rounding may
-/// decide. Of others it counts as singular where its reciprocal condition number, rows and columns equilibrated so that units do not matter,
-/// is below 1e-11.
+/// A ∇_yH^(σ) counts as singular where its reciprocal condition number, rows and columns equilibrated so that units do not matter, is below
+/// 1e-11.
 ///
 /// The constant holds in the limit of small neighbourhoods, in the maximum norm.
 ///
@@ -234,7 +233,7 @@ fn local_uniqueness_of(
     let cones = Cones::new(Box::new(map), x, active, n);
     let (mut block, mut sums) = (Vec::new(), vec![0.0; n]);
     let mut constant = 0.0_f64;
-    let signs = examine(&cones, active, cap, SINGULAR, &mut |found| {
+    let signs = examine(&cones, active, cap, (SINGULAR, false), &mut |found| {
         let load = load(found.selection);
         check_rows(&load, n)?;
         let Some(solver) = found.solver else {
@@ -321,7 +320,7 @@ fn winding(cones: &Cones<'_>, active: &ActiveSet) -> Result<Option<LocalUniquene
             }
             Ok(())
         };
-        examine(cones, active, u64::MAX, SINGULAR, &mut preimage)?;
+        examine(cones, active, u64::MAX, (SINGULAR, false), &mut preimage)?;
         if inside.len() > 1 {
             let mut list = inside.into_iter();
             if let (Some(first), Some(second)) = (list.next(), list.next()) {
