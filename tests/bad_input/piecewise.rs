@@ -101,12 +101,6 @@ fn notions(t: &mut Table) {
         t.refuses("piecewise::cd_regularity_semismooth", "x", "x", || {
             cd_regularity_semismooth(&fine(), x, 1e-9, 10)
         });
-        t.refuses("piecewise::bd_regularity_semismooth", "x", "x", || {
-            bd_regularity_semismooth(&fine(), x, 1e-9, 10)
-        });
-        t.refuses("piecewise::cd_regularity_semismooth", "x", "x", || {
-            cd_regularity_semismooth(&fine(), x, 1e-9, 10)
-        });
         t.refuses("piecewise::check::check_semismooth", "a sample", "", || {
             check_semismooth(&fine(), std::slice::from_ref(x), &CheckOptions::default())
         });
@@ -147,13 +141,6 @@ fn notions(t: &mut Table) {
         t.survives("piecewise::clarke_element", "tolerance", || clarke(&at, bad));
         t.survives("piecewise::local_index", "tolerance", || {
             local_index(&equation, &at, bad, 0)
-        });
-        let element = Listed(Matrix::from_rows(&[[bad, 0.0], [0.0, 1.0]]));
-        t.refuses("piecewise::bd_regularity_semismooth", "an element", "", || {
-            bd_regularity_semismooth(&element, &at, 1e-9, 10)
-        });
-        t.refuses("piecewise::cd_regularity_semismooth", "an element", "", || {
-            cd_regularity_semismooth(&element, &at, 1e-9, 10)
         });
         let element = Listed(rows(&[&[bad, 0.0], &[0.0, 1.0]]));
         t.survives("piecewise::bd_regularity_semismooth", "an element", || {
