@@ -109,8 +109,8 @@ impl NewtonOptions {
         if !open_unit(self.min_damping) {
             return bad("min_damping", self.min_damping, "in (0, 1)");
         }
-        if let Some(tolerance) = RegularityOptions::fault(self.regularity.as_ref()) {
-            return bad("regularity.tolerance", tolerance, RegularityOptions::TOLERANCES);
+        if let Some(regularity) = &self.regularity {
+            regularity.validate()?;
         }
         Ok(())
     }

@@ -69,6 +69,16 @@ pub enum PiecewiseError {
         /// What is wrong.
         what: &'static str,
     },
+    /// An option is out of its range.
+    #[error("option {name} = {value} is out of range; it must be {range}")]
+    Option {
+        /// Name of the field.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+        /// The range.
+        range: &'static str,
+    },
     /// A linear-algebra failure.
     #[error(transparent)]
     Linear(#[from] LinearError),

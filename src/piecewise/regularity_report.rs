@@ -33,9 +33,6 @@ impl Default for RegularityOptions {
 }
 
 impl RegularityOptions {
-    /// What `tolerance` has to be.
-    pub(crate) const TOLERANCES: &str = "finite and at least 0";
-
     setters! {
         /// Sets the value up to which test functions count as vanishing.
         with_tolerance(tolerance: f64);
@@ -43,11 +40,19 @@ impl RegularityOptions {
         with_cap(cap: u64);
     }
 
-    /// The tolerance, where it is out of its range.
-    pub(crate) fn fault(options: Option<&Self>) -> Option<f64> {
-        let tolerance = options?.tolerance;
-        let fine = tolerance >= 0.0 && tolerance.is_finite();
-        (!fine).then_some(tolerance)
+    /// Checks the ranges.
+    ///
+    /// # Errors
+    /// [`PiecewiseError::Option`] names the option out of range.
+    pub fn validate(&self) -> Result<(), PiecewiseError> {
+        if self.tolerance >= 0.0 && self.tolerance.is_finite() {
+            return Ok(());
+        }
+        Err(PiecewiseError::Option {
+            name: "regularity.tolerance",
+            value: self.tolerance,
+            range: "finite and at least 0",
+        })
     }
 }
 

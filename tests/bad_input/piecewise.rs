@@ -1,11 +1,11 @@
 use semismooth::linear::IncompleteLu;
 use semismooth::piecewise::check::{CheckOptions, check, check_semismooth};
 use semismooth::piecewise::{
-    ActiveSet, Assembled, Facet, MatrixFree, MinMap, PiecewiseError, PiecewiseSmooth, Regularity, Selection,
-    Selections, Semismooth, TestLayout, active_set, b_derivative, b_subdifferential, bd_regularity,
-    bd_regularity_semismooth, cd_regularity, cd_regularity_semismooth, cell_margin, clarke_element,
-    coherent_orientation, essential_activity, implicit_function, local_index, local_uniqueness,
-    local_uniqueness_with, select, select_pieces, value,
+    ActiveSet, Assembled, Facet, MatrixFree, MinMap, PiecewiseError, PiecewiseSmooth, Regularity,
+    RegularityOptions, Selection, Selections, Semismooth, TestLayout, active_set, b_derivative,
+    b_subdifferential, bd_regularity, bd_regularity_semismooth, cd_regularity, cd_regularity_semismooth,
+    cell_margin, clarke_element, coherent_orientation, essential_activity, implicit_function, local_index,
+    local_uniqueness, local_uniqueness_with, select, select_pieces, value,
 };
 use semismooth::sparse::{Matrix, Pattern};
 
@@ -138,6 +138,13 @@ fn notions(t: &mut Table) {
         t.survives("piecewise::b_subdifferential", "tolerance", || {
             all(&equation, &at, bad)
         });
+        let options = RegularityOptions::default().with_tolerance(-bad.abs());
+        t.refuses(
+            "piecewise::RegularityOptions::validate",
+            "tolerance",
+            "regularity.tolerance",
+            || options.validate(),
+        );
         t.survives("piecewise::clarke_element", "tolerance", || clarke(&at, bad));
         t.survives("piecewise::local_index", "tolerance", || {
             local_index(&equation, &at, bad, 0)

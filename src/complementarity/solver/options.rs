@@ -143,8 +143,8 @@ impl McpOptions {
         if self.max_attempt == 0 {
             return bad("max_attempt", 0.0, "at least 1");
         }
-        if let Some(tolerance) = RegularityOptions::fault(self.regularity.as_ref()) {
-            return bad("regularity.tolerance", tolerance, RegularityOptions::TOLERANCES);
+        if let Some(regularity) = &self.regularity {
+            regularity.validate()?;
         }
         Ok(())
     }
