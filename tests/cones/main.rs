@@ -301,6 +301,28 @@ fn functions_with_a_domain() {
     assert_eq!(x[1..], [0.0, 0.0]);
 }
 
+/// Evaluations of F are counted as F itself counts them, on all ways to a solution and where there is none.
+#[test]
+fn evaluations_are_counted() {
+    for (slope, q) in [(1.0, -1.0), (0.0, -1.0), (-0.5, 1.0)] {
+        let (calls, q) = (std::cell::Cell::new(0), [q, 0.8, 0.9]);
+        let value = |x: &[f64], out: &mut [f64]| {
+            calls.set(calls.get() + 1);
+            (0..3).for_each(|i| out[i] = slope * (x[i] + 0.1 * x[i].powi(3)) + q[i]);
+        };
+        let jacobian = |x: &[f64], jac: &mut Matrix| {
+            (0..3).for_each(|i| jac.add(i, i, slope * (1.0 + 0.3 * x[i] * x[i])));
+        };
+        let function = WithJacobian::new(3, value, jacobian);
+        let problem = ConeProblem::new(function, vec![Cone::SecondOrder(3)]).unwrap();
+        let report = ConeSolver::default()
+            .solve(&problem, &mut [3.0, 1.0, -2.0])
+            .unwrap();
+        assert_eq!(report.evaluations, calls.get());
+        assert!(report.evaluations > report.iterations);
+    }
+}
+
 /// M as in [`monotone`], of any size.
 fn monotone_of(n: usize, random: &mut Random) -> Vec<Vec<f64>> {
     let r: Vec<Vec<f64>> = random.square(n);

@@ -54,6 +54,13 @@ fn check_history(report: &DelassusReport) {
         entries.map(|i| i.work).sum::<usize>()
     };
     assert_eq!((report.sweeps, report.factorisations), (work(true), work(false)));
+    // Each entry has a residual, and each factorisation of Newton's method a point of its own.
+    assert!(report.evaluations >= report.history.len());
+    let of_newton = report
+        .history
+        .iter()
+        .filter(|i| i.phase == DelassusPhase::Proximal);
+    assert!(report.evaluations > of_newton.map(|i| i.work).sum::<usize>());
     // A proximal step that succeeds makes the next weight smaller, one that fails larger, unless another attempt begins.
     let first = report.history.iter().find(|i| i.phase == DelassusPhase::Proximal);
     for pair in report.history.windows(2) {

@@ -55,6 +55,7 @@ fn reactions_of<const D: usize>(p: &Scaled<D>, x: &[f64], r: &mut [[f64; D]]) {
 
 impl<const D: usize> Image for Law<'_, D> {
     fn image(&mut self, x: &[f64], y: &mut [f64]) {
+        self.p.count_evaluation();
         reactions_of(self.p, x, self.reactions);
         for (i, &mu) in self.p.friction.iter().enumerate() {
             let mut u = self.p.q[i];

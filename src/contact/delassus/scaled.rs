@@ -1,3 +1,5 @@
+use std::cell::Cell;
+
 use super::DelassusProblem;
 use super::cone::natural_residual;
 use crate::sparse::max_abs;
@@ -17,6 +19,8 @@ pub(super) struct Scaled<const D: usize> {
     pub(super) matrix: BlockMatrix<D>,
     scale: Vec<f64>,
     sigma: f64,
+    /// How often velocities of all contacts were asked for.
+    evaluations: Cell<usize>,
 }
 
 /// D × D blocks by rows, with the way to read them by columns.
@@ -183,7 +187,16 @@ impl<const D: usize> Scaled<D> {
             matrix: BlockMatrix::new(problem, &scale),
             scale,
             sigma,
+            evaluations: Cell::new(0),
         }
+    }
+
+    pub(super) fn evaluations(&self) -> usize {
+        self.evaluations.get()
+    }
+
+    pub(super) fn count_evaluation(&self) {
+        self.evaluations.set(self.evaluations.get() + 1);
     }
 
     pub(super) fn contacts(&self) -> usize {
@@ -192,6 +205,7 @@ impl<const D: usize> Scaled<D> {
 
     /// u = M r + q.
     pub(super) fn velocities(&self, r: &[[f64; D]], u: &mut [[f64; D]]) {
+        self.count_evaluation();
         for i in 0..r.len() {
             u[i] = self.q[i];
             self.matrix.add_row(i, r, &mut u[i]);
@@ -200,6 +214,7 @@ impl<const D: usize> Scaled<D> {
 
     /// u = M r + q, and how well the law holds. `sizes` is room for one number a contact.
     pub(super) fn law(&self, r: &[[f64; D]], u: &mut [[f64; D]], sizes: &mut [f64]) -> Law {
+        self.count_evaluation();
         let (mut errors, mut terms, mut data) = (0.0, 0.0, [0.0_f64; 2]);
         for i in 0..r.len() {
             u[i] = self.q[i];

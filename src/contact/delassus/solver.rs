@@ -539,6 +539,7 @@ impl<'a, const D: usize> Run<'a, D> {
             r: self.best,
             states,
             factorisations: self.newton.factorisations,
+            evaluations: self.scaled.evaluations(),
             sweeps: self.sweeps,
             history: self.history,
         })
