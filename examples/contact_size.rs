@@ -5,14 +5,18 @@
 //! You will see displacements, contact nodes, the route, the time of each phase (mesh, assembly, factorisation or multigrid, first solve,
 //! a further solve at another load), Newton steps and Krylov iterations, the states of the nodes, and the peak memory, row by row.
 //! With --follow the load path of condensed problems is followed from α = 1 down to 0: the number of transitions, how many nodes they are
-//! at, and how often a matrix was factored.
+//! at, and how often a matrix was factored; --out writes the transitions to a file: α, node, state before and after.
+//! With --levels problems in the displacements go through so many load levels up to α = 1: steps, changes of state and time of each.
 //! Run: cargo run --release --example contact_size [-- --plane 999x500] [--solid 40x38x20] [--mesh body.msh] [--friction 0.8]
-//! [--route displacements] [--follow]
+//! [--route displacements] [--follow] [--out transitions.csv] [--levels 10]
 
 #[macro_use]
 mod common;
 
-use std::path::PathBuf;
+use std::fs::OpenOptions;
+use std::io::{BufWriter, Write};
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
@@ -24,6 +28,7 @@ use semismooth::contact::{
 };
 use semismooth::continuation::{Branch, ContinuationOptions, Direction};
 use semismooth::fem::{ContactRows, ElasticSystem, Elasticity, Foundation, Material, Mesh, read_gmsh};
+use semismooth::piecewise::PiecewiseSmooth;
 use semismooth::sparse::Matrix;
 
 /// Displacements of a solid beyond which multigrid is quicker than one factorisation, on the machine of the README.
@@ -52,6 +57,12 @@ struct Args {
     /// Follows the load path of condensed problems from α = 1 down to 0.
     #[arg(long)]
     follow: bool,
+    /// File for the transitions of load paths, those of one body after the other.
+    #[arg(long, requires = "follow")]
+    out: Option<PathBuf>,
+    /// Number of load levels that problems in the displacements go through.
+    #[arg(long, default_value_t = 0)]
+    levels: usize,
 }
 
 fn main() -> ExitCode {
@@ -59,6 +70,9 @@ fn main() -> ExitCode {
 }
 
 fn run(args: &Args) -> Outcome<()> {
+    if let Some(path) = &args.out {
+        std::fs::write(path, "alpha,node,from,to\n")?;
+    }
     let (mut plane, mut solid) = (args.plane.clone(), args.solid.clone());
     if plane.is_empty() && solid.is_empty() && args.mesh.is_empty() {
         plane = ["16x8", "32x16", "64x32"].map(String::from).to_vec();
@@ -160,14 +174,14 @@ fn measure<L: NodeLaw>(
         }
     };
     let mut row = if condensed {
-        condense(system, foundation, law, args.follow, &mut lap)?
+        condense(system, foundation, law, args, &mut lap)?
     } else {
-        reduce(system, foundation, law, &mut lap)?
+        reduce(system, foundation, law, args.levels, &mut lap)?
     };
     row.times[0] = meshed;
     row.print(name, free);
-    if let Some(path) = &row.path {
-        println!("    {path}");
+    for line in &row.more {
+        println!("    {line}");
     }
     Ok(())
 }
@@ -183,7 +197,7 @@ fn condense<L: NodeLaw>(
     system: ElasticSystem,
     foundation: &Foundation,
     law: L,
-    followed: bool,
+    args: &Args,
     lap: &mut Lap,
 ) -> Outcome<Row> {
     let (load, (rows, tangential)) = (loads(&system)?, traces(&system, foundation)?);
@@ -201,14 +215,22 @@ fn condense<L: NodeLaw>(
         route: "condensed",
         times: [0.0, assembled, setup, solved, further],
         iterations: ["-".into(), "-".into()],
-        path: followed.then(|| follow(&problem, &x, lap)).transpose()?,
+        more: match args.follow {
+            true => vec![follow(&problem, &x, args.out.as_deref(), lap)?],
+            false => Vec::new(),
+        },
         solution: problem.solution(&y)?,
     })
 }
 
 /// Follows the load path from the solution at α = 1 down to α = 0; on the bodies that run by default its end must be the solution that is
 /// found there from nothing.
-fn follow<L: NodeLaw>(problem: &CondensedContact<L>, start: &[f64], lap: &mut Lap) -> Outcome<String> {
+fn follow<L: NodeLaw>(
+    problem: &CondensedContact<L>,
+    start: &[f64],
+    out: Option<&Path>,
+    lap: &mut Lap,
+) -> Outcome<String> {
     let contacts = problem.num_contacts();
     let options = ContinuationOptions::default()
         .with_parameter_range((0.0, 1.0))
@@ -222,6 +244,23 @@ fn follow<L: NodeLaw>(problem: &CondensedContact<L>, start: &[f64], lap: &mut La
         let size = found.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
         let same = (end.x.iter().zip(&found)).all(|(a, b)| (a - b).abs() <= 1e-9 * size);
         ensure(same, "the path ends in the solution at α = 0")?;
+    }
+    if let Some(path) = out {
+        let mut file = BufWriter::new(OpenOptions::new().append(true).open(path)?);
+        for t in &branch.transitions {
+            for s in t.sites.iter().filter(|s| s.from != s.to) {
+                let name = |piece| problem.piece_name(s.site, piece);
+                writeln!(
+                    file,
+                    "{},{},{},{}",
+                    t.parameter(),
+                    s.site,
+                    name(s.from),
+                    name(s.to)
+                )?;
+            }
+        }
+        file.flush()?;
     }
     let mut nodes: Vec<usize> = (branch.transitions.iter())
         .flat_map(|t| t.sites.iter().map(|s| s.site))
@@ -238,7 +277,13 @@ fn follow<L: NodeLaw>(problem: &CondensedContact<L>, start: &[f64], lap: &mut La
     ))
 }
 
-fn reduce<L: NodeLaw>(system: ElasticSystem, foundation: &Foundation, law: L, lap: &mut Lap) -> Outcome<Row> {
+fn reduce<L: NodeLaw>(
+    system: ElasticSystem,
+    foundation: &Foundation,
+    law: L,
+    levels: usize,
+    lap: &mut Lap,
+) -> Outcome<Row> {
     let (load, (rows, tangential)) = (loads(&system)?, traces(&system, foundation)?);
     let stiffness = system.nodal_stiffness()?;
     drop(system);
@@ -249,16 +294,53 @@ fn reduce<L: NodeLaw>(system: ElasticSystem, foundation: &Foundation, law: L, la
     let first = problem.solve(1.0, None)?;
     let solved = lap.seconds();
     let second = problem.solve(1.05, Some(&first.displacements))?;
+    let further = lap.seconds();
+    let solution = problem.solution(1.05, &second.displacements)?;
     Ok(Row {
         route: "displacements",
-        times: [0.0, assembled, setup, solved, lap.seconds()],
+        times: [0.0, assembled, setup, solved, further],
         iterations: [
             format!("{}+{}", first.newton(), second.newton()),
             format!("{}+{}", first.krylov(), second.krylov()),
         ],
-        path: None,
-        solution: problem.solution(1.05, &second.displacements)?,
+        more: history(&mut problem, levels)?,
+        solution,
     })
+}
+
+/// Load levels up to α = 1, from rest: what each took and how many nodes changed their state in it.
+fn history<L: NodeLaw>(problem: &mut ReducedContact<L>, levels: usize) -> Outcome<Vec<String>> {
+    if levels == 0 {
+        return Ok(Vec::new());
+    }
+    let mut lines = vec![
+        "    α  Newton  Krylov    time  open stick  slip  changes: open→stick open→slip stick→open stick→slip slip→open slip→stick turned".to_owned(),
+    ];
+    let loads: Vec<f64> = (1..=levels).map(|k| k as f64 / levels as f64).collect();
+    let mut lap = Lap(Instant::now());
+    problem.evolve(None, &loads, |level| {
+        let (r, s, [open, stick, slip]) = (&level.report, &level.solution, level.changes);
+        lines.push(format!(
+            "{:>5.3} {:>7} {:>7} {:>7.2} {:>5} {:>5} {:>5} {:>8} {:>11} {:>9} {:>10} {:>10} {:>9} {:>10} {:>6}",
+            level.level,
+            r.newton(),
+            r.krylov(),
+            lap.seconds(),
+            s.open(),
+            s.stick(),
+            s.slip(),
+            level.num_changes(),
+            open[1],
+            open[2],
+            stick[0],
+            stick[2],
+            slip[0],
+            slip[1],
+            slip[2]
+        ));
+        ControlFlow::Continue(())
+    })?;
+    Ok(lines)
 }
 
 /// What is told of a body.
@@ -268,8 +350,8 @@ struct Row {
     times: [f64; 5],
     iterations: [String; 2],
     solution: ContactSolution,
-    /// What is told of its load path.
-    path: Option<String>,
+    /// What is told of its load path or levels.
+    more: Vec<String>,
 }
 
 impl Row {

@@ -163,6 +163,7 @@ fn of_every_build() -> Vec<&'static str> {
         "contact::ReducedContact": contact::ReducedContact<OrthotropicCoulomb>,
         "contact::ReducedError": contact::ReducedError<ContactError>,
         "contact::ReducedIteration": contact::ReducedIteration,
+        "contact::ReducedLevel": contact::ReducedLevel,
         "contact::ReducedNodes": contact::ReducedNodes<'static>,
         "contact::ReducedOptions": contact::ReducedOptions,
         "contact::ReducedReport": contact::ReducedReport,

@@ -1,10 +1,10 @@
 //! Contact in the displacements alone: multigrid and the elimination of laws, against the condensed form.
 
 use semismooth::contact::{
-    CondensedContact, ContactBody, ContactError, ContactState, FrictionCoefficient, FrictionCurve,
-    Frictionless, FullContact, KrylovOutcome, LoadPath, NodeLaw, OrthotropicCoulomb, PlanarCoulomb,
-    ReducedBody, ReducedContact, ReducedError, ReducedNodes, ReducedOptions, ReducedReport, ReducedStep,
-    ReducedStrategy, ReducedSystem, solve_reduced,
+    CondensedContact, ContactBody, ContactError, ContactState, EvolutionOptions, FrictionCoefficient,
+    FrictionCurve, Frictionless, FullContact, KrylovOutcome, LoadPath, LocalValues, NodeLaw,
+    OrthotropicCoulomb, PlanarCoulomb, ReducedBody, ReducedContact, ReducedError, ReducedNodes,
+    ReducedOptions, ReducedReport, ReducedStep, ReducedStrategy, ReducedSystem, evolve, solve_reduced,
 };
 use semismooth::fem::{ElasticSystem, Elasticity, Foundation, Material, Mesh};
 use semismooth::linear::LinearError;
@@ -246,6 +246,69 @@ fn levels_of_a_history_are_those_of_the_condensed_form() {
         problem.end_level(alpha, &found.displacements).unwrap();
         u = Some(found.displacements);
     }
+}
+
+/// Levels from the line through those before end where the branch between them leads, and the changes of all nodes are counted.
+#[test]
+fn histories_are_those_of_the_condensed_form() {
+    let system = block([6, 6, 3], Material::isotropic(1.0, 0.277).unwrap());
+    let law = || OrthotropicCoulomb::isotropic(constant(0.3));
+    let body = reduced_body(&system, &ground(3));
+    let mut condensed = CondensedContact::new(body.to_contact_body().unwrap(), law()).unwrap();
+    let mut problem = ReducedContact::new(body, law(), ReducedOptions::default()).unwrap();
+    let loads = [0.3, 0.6, 0.9, 1.2];
+    let mut seen = 0;
+    let levels = problem.evolve(None, &loads, |_| {
+        seen += 1;
+        std::ops::ControlFlow::Continue(())
+    });
+    let levels = levels.unwrap();
+    assert_eq!((seen, levels.len()), (loads.len(), loads.len()));
+    let start = condensed.solve(loads[0], None).unwrap();
+    let go_on = |_: &_| std::ops::ControlFlow::Continue(());
+    let steps = evolve(
+        &mut condensed,
+        &start,
+        &loads[1..],
+        &EvolutionOptions::default(),
+        go_on,
+    );
+    let mut total = 0;
+    for (pair, step) in levels.windows(2).zip(&steps.unwrap()) {
+        let (before, level) = (&pair[0].solution, &pair[1]);
+        let forces = &level.report.forces;
+        let largest = step.x[..forces.len()].iter().fold(0.0f64, |m, v| m.max(v.abs()));
+        let apart = forces.iter().zip(&step.x).map(|(a, b)| (a - b).abs());
+        assert!(apart.fold(0.0, f64::max) <= 1e-8 * largest, "{}", step.level);
+        // The same states but where a node is on the border of two, up to rounding.
+        let (own, other) = (&level.solution, &step.solution);
+        let largest = |f: fn(&LocalValues) -> f64| other.nodes.iter().map(f).fold(0.0, f64::max);
+        let (pressure, slip) = (largest(|v| v.pressure), largest(LocalValues::slip_norm));
+        for (i, v) in other
+            .nodes
+            .iter()
+            .enumerate()
+            .filter(|(i, _)| own.states[*i] != other.states[*i])
+        {
+            let small = [
+                v.pressure.abs() / pressure,
+                v.traction[0].abs() / pressure,
+                v.slip_norm() / slip,
+            ];
+            assert!(small.iter().any(|s| *s <= 1e-7), "{}: {i} {v:?}", step.level);
+        }
+        let moved = before.states.iter().zip(&own.states).filter(|(a, b)| a != b);
+        assert_eq!(level.num_changes(), moved.count());
+        total += level.num_changes();
+    }
+    assert!(total > 0);
+    let stopped = problem.evolve(None, &loads, |_| std::ops::ControlFlow::Break(()));
+    assert_eq!(stopped.unwrap().len(), 1);
+    let weak = OrthotropicCoulomb::isotropic(weakening(0.6));
+    let mut weak =
+        ReducedContact::new(reduced_body(&system, &ground(3)), weak, ReducedOptions::default()).unwrap();
+    let refused = weak.evolve(None, &loads, |_| std::ops::ControlFlow::Continue(()));
+    assert_eq!(refused, Err(ContactError::SlipOfLevels));
 }
 
 /// The free displacements of a system: node and component of each, among nodes with the positions returned.

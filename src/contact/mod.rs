@@ -31,8 +31,8 @@ pub use delassus::{
     DelassusSolver, DelassusStatus,
 };
 pub use displacements::{
-    KrylovOutcome, ReducedBody, ReducedContact, ReducedError, ReducedIteration, ReducedNodes, ReducedOptions,
-    ReducedReport, ReducedStep, ReducedStrategy, ReducedSystem, ReducedTimes, solve_reduced,
+    KrylovOutcome, ReducedBody, ReducedContact, ReducedError, ReducedIteration, ReducedLevel, ReducedNodes,
+    ReducedOptions, ReducedReport, ReducedStep, ReducedStrategy, ReducedSystem, ReducedTimes, solve_reduced,
 };
 pub use error::ContactError;
 pub use evolution::{Arrival, EvolutionOptions, EvolutionProgress, EvolutionStep, evolve, evolve_observed};

@@ -258,14 +258,14 @@ pub(super) fn row_sizes(
 ) {
     const ROUNDING: f64 = 64.0 * f64::EPSILON;
     sizes.resize(jac.nrows(), 0.0);
-    let mut rows = vec![(0.0, 0.0f64); jac.nrows()];
-    for (i, j, v) in jac.triplets() {
-        rows[i].0 += v.abs() * (x[j].abs() + h * t[j].abs());
-        rows[i].1 = rows[i].1.max(v.abs());
-    }
-    let lengths = rows.iter().filter(|r| r.1 > 0.0).map(|r| r.0 / r.1);
+    let lengths: Vec<f64> = x.iter().zip(t).map(|(x, t)| x.abs() + h * t.abs()).collect();
+    let (mut terms, mut largest) = (vec![0.0; jac.nrows()], vec![0.0; jac.nrows()]);
+    jac.as_ref().add_term_sizes(&lengths, &mut terms);
+    jac.as_ref().raise_to_largest(&mut largest);
+    let rows = || terms.iter().zip(&largest);
+    let lengths = rows().filter(|r| *r.1 > 0.0).map(|r| r.0 / r.1);
     let least = ROUNDING / tolerance * lengths.fold(0.0, f64::max);
-    for (size, (terms, largest)) in sizes.iter_mut().zip(rows) {
+    for (size, (&terms, &largest)) in sizes.iter_mut().zip(rows()) {
         *size = size.max(terms).max(least * largest);
     }
 }

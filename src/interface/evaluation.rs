@@ -3,9 +3,9 @@
 use super::Interface;
 use super::load::add;
 use super::operator::Operator;
-use super::view::{Free, View};
+use super::view::{Free, Reduced, View};
 use crate::piecewise::PiecewiseSmooth;
-use crate::sparse::{Matrix, Pattern, dot};
+use crate::sparse::{Matrix, Pattern};
 
 /// What an evaluation needs besides its arguments.
 #[derive(Debug, Clone)]
@@ -20,6 +20,8 @@ pub(super) struct Scratch {
     pub(super) reports: bool,
     pub(super) free: Free,
     pub(super) jac: Matrix,
+    /// The entries of `jac` that are not zero.
+    entries: Vec<(usize, usize, f64)>,
 }
 
 impl Scratch {
@@ -31,6 +33,7 @@ impl Scratch {
             reports: false,
             free: Free::new(operator, condensed),
             jac: Matrix::zeros(law.clone()),
+            entries: Vec::new(),
         }
     }
 }
@@ -51,9 +54,7 @@ impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
                 s.at.clear();
                 s.free.factors.set(load, &x[q..]);
                 reduced.motion(load, &mut s.free, &x[q..], &mut s.z[..q]);
-                for (k, v) in s.z[..q].iter_mut().enumerate() {
-                    *v -= dot(reduced.row(k), &x[..q]);
-                }
+                reduced.subtract_compliance(&x[..q], &mut s.z[..q]);
                 s.at.extend_from_slice(x);
             }
         }
@@ -83,9 +84,8 @@ impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
                 }
             }
             Some(reduced) => {
-                for (k, rate) in s.dz[..q].iter_mut().enumerate() {
-                    *rate = -dot(reduced.row(k), &d[..q]);
-                }
+                s.dz[..q].fill(0.0);
+                reduced.subtract_compliance(&d[..q], &mut s.dz[..q]);
                 reduced.add_drift(&self.operator.load, &s.free, &d[q..], &mut s.dz[..q]);
             }
         }
@@ -129,6 +129,44 @@ impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
         }
     }
 
+    /// Adds the gradients of all rows of the law to a Jacobian.
+    pub(super) fn add_gradients(&self, s: &mut Scratch, jac: &mut Matrix) {
+        let (Some(reduced), true) = (self.view.reduced(), jac.pattern().is_full()) else {
+            nonzeros(&s.jac).for_each(|entry| self.add_gradient(&s.free, entry, jac));
+            return;
+        };
+        let (q, order) = (self.num_traces(), jac.nrows());
+        s.entries.clear();
+        s.entries.extend(nonzeros(&s.jac));
+        let of_traces = s.entries.partition_point(|e| e.1 < q);
+        let (of_traces, others) = s.entries.split_at(of_traces);
+        // Column by column of C, which stays at hand: rows of a large Jacobian are far apart in memory.
+        for (j, column) in jac
+            .values_mut()
+            .chunks_exact_mut(order.max(1))
+            .take(q)
+            .enumerate()
+        {
+            let compliance = reduced.row(j);
+            for &(i, k, c) in of_traces {
+                column[i] -= c * compliance[k];
+            }
+        }
+        for &(i, k, c) in of_traces {
+            self.add_drift(reduced, &s.free, (i, k, c), jac);
+        }
+        for &(i, k, c) in others {
+            jac.add(i, k - q, c);
+        }
+    }
+
+    fn add_drift(&self, reduced: &Reduced, s: &Free, (i, k, c): (usize, usize, f64), jac: &mut Matrix) {
+        for slot in 0..self.num_parameters() {
+            let drift = reduced.drift(&self.operator.load, s, k, slot);
+            jac.add(i, self.num_traces() + slot, c * drift);
+        }
+    }
+
     /// Adds c times the gradient of variable k of the law to row `i` of a Jacobian.
     pub(super) fn add_gradient(&self, s: &Free, (i, k, c): (usize, usize, f64), jac: &mut Matrix) {
         let (first, q) = (self.leading(), self.num_traces());
@@ -147,10 +185,7 @@ impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
                     jac.add(i, j, -c * v);
                 }
             }
-            for slot in 0..self.num_parameters() {
-                let drift = reduced.drift(&self.operator.load, s, k, slot);
-                jac.add(i, q + slot, c * drift);
-            }
+            self.add_drift(reduced, s, (i, k, c), jac);
         } else {
             for (j, b) in self.operator.trace(k) {
                 jac.add(first + i, j, c * b);

@@ -364,7 +364,7 @@ impl<V: View, G: PiecewiseSmooth> PiecewiseSmooth for Interface<V, G> {
             self.point_of_derivatives(x, s);
             s.jac.clear();
             self.law.jacobian(selection, &s.z, &mut s.jac);
-            nonzeros(&s.jac).for_each(|entry| self.add_gradient(&s.free, entry, jac));
+            self.add_gradients(s, jac);
         });
     }
 

@@ -3,6 +3,7 @@ use std::sync::Arc;
 use super::load::{Factors, LoadCase, LoadPath, add};
 use super::operator::Operator;
 use crate::linear::{Condensation, LinearError};
+use crate::sparse::dot;
 
 mod sealed {
     pub trait Sealed {}
@@ -85,6 +86,28 @@ impl CondensedView {
     }
 }
 
+/// Orders up to which C stays in the caches of the processor.
+const CACHED: usize = 400;
+/// Rows of C that are read together.
+const ROWS: usize = 4;
+
+/// v ← v − Σ factorᵣ rowᵣ; the products of the rows with λ. Lengths are multiples of `ROWS`.
+fn subtract_rows(rows: [&[f64]; ROWS], factors: [f64; ROWS], lambda: &[f64], v: &mut [f64]) -> [f64; ROWS] {
+    let rows = rows.map(|row| row.as_chunks::<ROWS>().0);
+    let (lambda, v) = (lambda.as_chunks::<ROWS>().0, v.as_chunks_mut::<ROWS>().0);
+    let mut sums = [[0.0; ROWS]; ROWS];
+    for (at, (lambda, v)) in lambda.iter().zip(v).enumerate() {
+        for r in 0..ROWS {
+            let row = &rows[r][at];
+            for e in 0..ROWS {
+                sums[r][e] += row[e] * lambda[e];
+                v[e] -= factors[r] * row[e];
+            }
+        }
+    }
+    sums.map(|s| (s[0] + s[2]) + (s[1] + s[3]))
+}
+
 /// The compliance C = B A⁻¹ Bᵀ and the free motions B A⁻¹ f of the load cases.
 #[derive(Debug)]
 pub struct Reduced {
@@ -100,6 +123,35 @@ impl Reduced {
     pub(crate) fn row(&self, k: usize) -> &[f64] {
         let q = self.condensation.compliance().nrows();
         &self.condensation.compliance().values()[k * q..(k + 1) * q]
+    }
+
+    /// v ← v − C λ.
+    pub(super) fn subtract_compliance(&self, lambda: &[f64], v: &mut [f64]) {
+        if lambda.len() <= CACHED {
+            for (k, v) in v.iter_mut().enumerate() {
+                *v -= dot(self.row(k), lambda);
+            }
+            return;
+        }
+        // Large matrices are read from memory, which is what takes the time: one triangle does.
+        for k in (0..lambda.len()).step_by(ROWS) {
+            let rows = ROWS.min(lambda.len() - k);
+            if rows == ROWS {
+                let own: [&[f64]; ROWS] = std::array::from_fn(|r| &self.row(k + r)[..k]);
+                let factors: [f64; ROWS] = std::array::from_fn(|r| lambda[k + r]);
+                let (before, here) = v.split_at_mut(k);
+                let sums = subtract_rows(own, factors, &lambda[..k], before);
+                here.iter_mut().zip(sums).for_each(|(v, sum)| *v -= sum);
+            }
+            let first = if rows == ROWS { k } else { 0 };
+            for r in k..k + rows {
+                let row = self.row(r);
+                v[r] -= dot(&row[first..k + rows], &lambda[first..k + rows]);
+                if rows < ROWS {
+                    add(-lambda[r], &row[..k], &mut v[..k]);
+                }
+            }
+        }
     }
 
     /// Free motion under a load f₀ + α f₁, and its rate.

@@ -296,24 +296,39 @@ impl<L: LinearSolver> Bordered<L> {
         const BLOCK: usize = 32;
         let n = self.pattern.nrows();
         check_length("the inverse", (n + 1) * (n + 1), out)?;
-        let slope = self.slope(&self.tangent)?;
         let (columns, last) = out.split_at_mut(n * (n + 1));
         last.copy_from_slice(&self.tangent);
-        // Right-hand sides solved for together share their way through the factors.
-        let mut block = vec![0.0; n * BLOCK.min(n)];
-        for (first, columns) in columns.chunks_mut(BLOCK * (n + 1)).enumerate() {
-            let solved = &mut block[..columns.len() / (n + 1) * n];
-            solved.fill(0.0);
-            for (k, unit) in solved.chunks_exact_mut(n).enumerate() {
-                unit[first * BLOCK + k] = 1.0;
-            }
-            self.solver.solve_in_place(solved)?;
-            for (x, solved) in columns.chunks_exact_mut(n + 1).zip(solved.chunks_exact(n)) {
-                insert(solved, self.frozen, 0.0, x);
-                self.move_along_kernel(&self.tangent, slope, 0.0, x);
-            }
+        let border = self.tangent.clone();
+        let mut block = Vec::with_capacity(n * BLOCK.min(n));
+        let rows: Vec<usize> = (0..n).collect();
+        for (rows, columns) in rows.chunks(BLOCK).zip(columns.chunks_mut(BLOCK * (n + 1))) {
+            self.solve_units(rows, &border, columns, &mut block)?;
         }
-        check_finite(columns, "").map_err(|_| LinearError::Inaccurate { residual: f64::NAN })
+        Ok(())
+    }
+
+    /// Columns of the inverse of [∇H; tᵀ], those of the given rows, side by side into `out`. Right-hand sides solved for together share
+    /// their way through the factors; `block` is scratch.
+    pub(super) fn solve_units(
+        &mut self,
+        rows: &[usize],
+        t: &[f64],
+        out: &mut [f64],
+        block: &mut Vec<f64>,
+    ) -> Result<(), LinearError> {
+        let n = self.pattern.nrows();
+        let slope = self.slope(t)?;
+        block.clear();
+        block.resize(rows.len() * n, 0.0);
+        for (unit, &i) in block.chunks_exact_mut(n).zip(rows) {
+            unit[i] = 1.0;
+        }
+        self.solver.solve_in_place(block)?;
+        for (x, solved) in out.chunks_exact_mut(n + 1).zip(block.chunks_exact(n)) {
+            insert(solved, self.frozen, 0.0, x);
+            self.move_along_kernel(t, slope, 0.0, x);
+        }
+        check_finite(out, "").map_err(|_| LinearError::Inaccurate { residual: f64::NAN })
     }
 
     /// Solves the transposed system `∇Hᵀ y + s t = g` (`g` and `t` of length n + 1, `y` of length n) and returns `s`.

@@ -13,7 +13,7 @@ use super::{LinearError, LinearSolver};
 use crate::sparse::{MatrixRef, PatternRef, max_abs, sum_abs};
 
 /// Orders below this are eliminated column by column, where blocking does not pay.
-const BLOCKED: usize = 50;
+pub(super) const BLOCKED: usize = 50;
 
 /// Right-hand sides solved for at a time by the blocked route, so that scratch is bounded.
 const BLOCK_RHS: usize = 16;
@@ -102,17 +102,14 @@ impl DenseLu {
 
     fn eliminate(&mut self) -> Result<(), LinearError> {
         let n = self.pattern.n();
-        self.odd = false;
         if n >= BLOCKED {
-            let (info, _) = factor::lu_in_place(
-                MatMut::from_column_major_slice_mut(&mut self.lu, n, n),
+            self.odd = eliminate_blocked(
+                n,
+                &mut self.lu,
                 &mut self.perm,
                 &mut self.perm_inv,
-                Par::Seq,
-                MemStack::new(&mut self.scratch),
-                Default::default(),
+                &mut self.scratch,
             );
-            self.odd = info.transposition_count % 2 == 1;
         } else {
             let run = match n {
                 1 => eliminate_fixed::<1>,
@@ -195,15 +192,15 @@ impl DenseLu {
 }
 
 /// The factors of P S = L U, borrowed apart from the scratch of a solve.
-struct Factors<'a> {
-    n: usize,
-    lu: &'a [f64],
-    perm: &'a [usize],
-    perm_inv: &'a [usize],
+pub(super) struct Factors<'a> {
+    pub(super) n: usize,
+    pub(super) lu: &'a [f64],
+    pub(super) perm: &'a [usize],
+    pub(super) perm_inv: &'a [usize],
 }
 
 impl Factors<'_> {
-    fn solve(&self, b: &mut [f64], transpose: bool, scratch: &mut [MaybeUninit<u8>]) {
+    pub(super) fn solve(&self, b: &mut [f64], transpose: bool, scratch: &mut [MaybeUninit<u8>]) {
         let n = self.n;
         if n == 0 {
             return;
@@ -275,6 +272,35 @@ fn solve_fixed<const N: usize>(lu: &[f64], perm: &[usize], b: &mut [f64], transp
         }
     }
     *b = x;
+}
+
+/// Bytes of scratch for elimination by blocks and for solves.
+pub(super) fn scratch_bytes(n: usize) -> usize {
+    let request = StackReq::any_of(&[
+        factor::lu_in_place_scratch::<usize, f64>(n, n, Par::Seq, Default::default()),
+        solve::solve_in_place_scratch::<usize, f64>(n, BLOCK_RHS, Par::Seq),
+        solve::solve_transpose_in_place_scratch::<usize, f64>(n, BLOCK_RHS, Par::Seq),
+    ]);
+    request.unaligned_bytes_required()
+}
+
+/// Elimination with partial pivoting in place, by blocks; `true` for an odd number of exchanges.
+pub(super) fn eliminate_blocked(
+    n: usize,
+    lu: &mut [f64],
+    perm: &mut [usize],
+    perm_inv: &mut [usize],
+    scratch: &mut [MaybeUninit<u8>],
+) -> bool {
+    let (info, _) = factor::lu_in_place(
+        MatMut::from_column_major_slice_mut(lu, n, n),
+        perm,
+        perm_inv,
+        Par::Seq,
+        MemStack::new(scratch),
+        Default::default(),
+    );
+    info.transposition_count % 2 == 1
 }
 
 /// Elimination with partial pivoting in place; `true` for an odd number of exchanges, `None` at a pivot that is zero.
@@ -394,14 +420,7 @@ impl LinearSolver for DenseLu {
         if n >= BLOCKED {
             self.perm_inv.clear();
             self.perm_inv.resize(n, 0);
-            let params = Default::default();
-            let request = StackReq::any_of(&[
-                factor::lu_in_place_scratch::<usize, f64>(n, n, Par::Seq, params),
-                solve::solve_in_place_scratch::<usize, f64>(n, BLOCK_RHS, Par::Seq),
-                solve::solve_transpose_in_place_scratch::<usize, f64>(n, BLOCK_RHS, Par::Seq),
-            ]);
-            self.scratch
-                .resize(request.unaligned_bytes_required(), MaybeUninit::uninit());
+            self.scratch.resize(scratch_bytes(n), MaybeUninit::uninit());
         }
         Ok(())
     }

@@ -47,10 +47,8 @@ impl RowUpdates {
         let Some(det) = bordered.log_det() else {
             return Ok(None);
         };
-        let mut sizes = vec![0.0_f64; jacobian.nrows()];
-        for (i, _, v) in jacobian.triplets() {
-            sizes[i] = sizes[i].max(v.abs());
-        }
+        let mut sizes = vec![0.0; jacobian.nrows()];
+        jacobian.as_ref().raise_to_largest(&mut sizes);
         let border = bordered.tangent().to_vec();
         let kept = if keep_inverse {
             Kept::Inverse(RowInverse::new(bordered)?)
@@ -96,26 +94,26 @@ impl RowUpdates {
         self.updates += 1;
         for (change, &i) in self.old.chunks_exact_mut(m).zip(rows) {
             self.sizes[i] = add_row(1.0, jacobian, i, change);
+            let Kept::Inverse(inverse) = &mut self.kept else {
+                continue;
+            };
             if change.iter().all(|d| *d == 0.0) {
                 continue;
             }
-            let trusted = match &mut self.kept {
-                Kept::Inverse(inverse) => match inverse.add_to_row(i, change) {
-                    Some(factor) => {
-                        self.det = times(self.det, factor);
-                        self.updates <= MAX_UPDATES.max(m)
-                    }
-                    None => false,
-                },
-                Kept::Factors(factors) => factors.add_to_row(i, change, bordered)?,
+            let Some(factor) = inverse.add_to_row(i, change) else {
+                return Ok(false);
             };
-            if !trusted {
+            self.det = times(self.det, factor);
+            if self.updates > MAX_UPDATES.max(m) {
                 return Ok(false);
             }
         }
         match &mut self.kept {
             Kept::Inverse(inverse) => self.tangent.copy_from_slice(inverse.kernel()),
             Kept::Factors(factors) => {
+                if !factors.add_to_rows(rows, &self.old, bordered)? {
+                    return Ok(false);
+                }
                 let Some(det) = factors.factor() else {
                     return Ok(false);
                 };

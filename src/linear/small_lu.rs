@@ -1,4 +1,7 @@
-use super::dense_lu::{eliminate_small, solve_small};
+use std::fmt;
+use std::mem::MaybeUninit;
+
+use super::dense_lu::{BLOCKED, Factors, eliminate_blocked, eliminate_small, scratch_bytes};
 use crate::sparse::max_abs;
 
 /// Pivots below this share of the largest entry of their column count as zero.
@@ -6,12 +9,15 @@ const SINGULAR: f64 = 1e-13;
 
 /// LU with partial pivoting of a small dense matrix whose order changes from call to call; no scaling, no condition estimate, no
 /// allocation up to the largest order seen. Meant for the reduced systems of active-set methods, which are equilibrated.
-#[derive(Debug, Clone, Default)]
+#[derive(Clone, Default)]
 pub(crate) struct SmallLu {
     order: usize,
     /// Column-major.
     entries: Vec<f64>,
     exchanged: Vec<usize>,
+    /// From order `BLOCKED` on `exchanged` is the permutation, and this its inverse.
+    inverse: Vec<usize>,
+    scratch: Vec<MaybeUninit<u8>>,
     odd: bool,
     /// Largest modulus in each column before elimination.
     largest: Vec<f64>,
@@ -34,10 +40,19 @@ impl SmallLu {
         self.largest.clear();
         let columns = self.entries.chunks_exact(k.max(1));
         self.largest.extend(columns.map(max_abs));
-        let Some(odd) = eliminate_small(k, &mut self.entries, &mut self.exchanged) else {
-            return false;
-        };
-        self.odd = odd;
+        if k >= BLOCKED {
+            self.inverse.clear();
+            self.inverse.resize(k, 0);
+            let needed = scratch_bytes(k).max(self.scratch.len());
+            self.scratch.resize(needed, MaybeUninit::uninit());
+            let (exchanged, inverse) = (&mut self.exchanged, &mut self.inverse);
+            self.odd = eliminate_blocked(k, &mut self.entries, exchanged, inverse, &mut self.scratch);
+        } else {
+            let Some(odd) = eliminate_small(k, &mut self.entries, &mut self.exchanged) else {
+                return false;
+            };
+            self.odd = odd;
+        }
         // Written so that NaN fails.
         self.largest.iter().enumerate().all(|(j, largest)| {
             let pivot = self.entries[j * k + j];
@@ -54,8 +69,22 @@ impl SmallLu {
     }
 
     /// Overwrites b by A⁻¹ b.
-    pub(crate) fn solve(&self, b: &mut [f64]) {
-        solve_small(&self.entries, &self.exchanged, b, false);
+    pub(crate) fn solve(&mut self, b: &mut [f64]) {
+        let factors = Factors {
+            n: self.order,
+            lu: &self.entries,
+            perm: &self.exchanged,
+            perm_inv: &self.inverse,
+        };
+        factors.solve(b, false, &mut self.scratch);
+    }
+}
+
+impl fmt::Debug for SmallLu {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("SmallLu")
+            .field("order", &self.order)
+            .finish_non_exhaustive()
     }
 }
 

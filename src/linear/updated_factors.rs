@@ -21,17 +21,18 @@ pub(super) struct UpdatedFactors {
     small: SmallLu,
     weights: Vec<f64>,
     step: Vec<f64>,
-    unit: Vec<f64>,
+    /// Scratch of solves.
+    block: Vec<f64>,
 }
 
 impl UpdatedFactors {
     pub(super) fn new<L: LinearSolver>(bordered: &Bordered<L>, det: (i8, f64)) -> Self {
         let border = bordered.tangent().to_vec();
         // More rows than these cost as much as factors made anew.
-        let limit = (border.len() / 16).clamp(16, 256);
+        let limit = (border.len() / 8).max(16);
         Self {
             step: vec![0.0; border.len()],
-            unit: vec![0.0; border.len() - 1],
+            block: Vec::new(),
             border,
             det,
             rows: Vec::new(),
@@ -44,39 +45,46 @@ impl UpdatedFactors {
         }
     }
 
-    /// Adds `change` to row i; `false` where there are too many of them.
-    pub(super) fn add_to_row<L: LinearSolver>(
+    /// Adds `changes`, one beside the other, to different rows; `false` where there are too many of them.
+    pub(super) fn add_to_rows<L: LinearSolver>(
         &mut self,
-        i: usize,
-        change: &[f64],
+        rows: &[usize],
+        changes: &[f64],
         bordered: &mut Bordered<L>,
     ) -> Result<bool, LinearError> {
         let (m, limit) = (self.border.len(), self.limit);
-        let place = match self.rows.iter().position(|row| *row == i) {
-            Some(place) => {
+        let known = self.rows.len();
+        for (&i, change) in rows.iter().zip(changes.chunks_exact(m)) {
+            if change.iter().all(|d| *d == 0.0) {
+                continue;
+            }
+            if let Some(place) = self.rows[..known].iter().position(|row| *row == i) {
                 let known = &mut self.changes[place * m..(place + 1) * m];
                 known.iter_mut().zip(change).for_each(|(d, c)| *d += c);
-                place
-            }
-            None if self.rows.len() == limit => return Ok(false),
-            None => {
-                let place = self.rows.len();
-                self.unit.fill(0.0);
-                self.unit[i] = 1.0;
-                bordered.solve(&self.unit, &self.border, 0.0, &mut self.step)?;
-                for (k, d) in self.changes.chunks_exact(m).enumerate() {
-                    self.products[k * limit + place] = dot(d, &self.step);
-                }
-                self.columns.extend_from_slice(&self.step);
-                self.changes.extend_from_slice(change);
+            } else {
                 self.rows.push(i);
-                place
+                self.changes.extend_from_slice(change);
             }
-        };
-        let d = &self.changes[place * m..(place + 1) * m];
-        let products = &mut self.products[place * limit..][..self.rows.len()];
-        for (product, column) in products.iter_mut().zip(self.columns.chunks_exact(m)) {
-            *product = dot(d, column);
+        }
+        let new = &self.rows[known..];
+        if self.rows.len() > limit {
+            return Ok(false);
+        }
+        if !new.is_empty() {
+            self.columns.resize(self.rows.len() * m, 0.0);
+            let columns = &mut self.columns[known * m..];
+            bordered.solve_units(new, &self.border, columns, &mut self.block)?;
+        }
+        for (place, d) in self.changes.chunks_exact(m).enumerate() {
+            let first = if rows.contains(&self.rows[place]) {
+                0
+            } else {
+                known
+            };
+            let products = &mut self.products[place * limit..][first..self.rows.len()];
+            for (product, column) in products.iter_mut().zip(self.columns[first * m..].chunks_exact(m)) {
+                *product = dot(d, column);
+            }
         }
         Ok(true)
     }

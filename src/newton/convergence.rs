@@ -9,11 +9,7 @@ const SWEEPS: usize = 6;
 /// The size of the terms that cancel in each residual, S_i = Σ_j |∂H_i/∂x_j| |x_j|.
 pub(super) fn row_sizes(jac: MatrixRef<'_>, x: &[f64], size: &mut [f64]) {
     size.fill(0.0);
-    for (j, xj) in x.iter().enumerate() {
-        for k in jac.pattern.col_ptr[j]..jac.pattern.col_ptr[j + 1] {
-            size[jac.pattern.row_idx[k]] += (jac.values[k] * xj).abs();
-        }
-    }
+    jac.add_term_sizes(x, size);
 }
 
 /// What [`is_small`] finds.

@@ -97,10 +97,10 @@ impl MatrixRef<'_> {
         }
     }
 
-    /// Adds |A| w to `y`: the sizes of the terms of A x for |x| = w ≥ 0.
-    pub(crate) fn add_term_sizes(&self, w: &[f64], y: &mut [f64]) {
+    /// Adds |A| |x| to `y`: the sizes of the terms of A x.
+    pub(crate) fn add_term_sizes(&self, x: &[f64], y: &mut [f64]) {
         let p = &self.pattern;
-        for (j, w) in w.iter().enumerate().take(p.ncols) {
+        for (j, w) in x.iter().map(|x| x.abs()).enumerate().take(p.ncols) {
             let span = p.col_ptr[j]..p.col_ptr[j + 1];
             if span.len() == p.nrows {
                 for (y, v) in y[..p.nrows].iter_mut().zip(&self.values[span]) {
@@ -110,6 +110,22 @@ impl MatrixRef<'_> {
             }
             for (&i, &v) in p.row_idx[span.clone()].iter().zip(&self.values[span]) {
                 y[i] += v.abs() * w;
+            }
+        }
+    }
+
+    /// Raises `y` to the largest modulus in each row.
+    pub(crate) fn raise_to_largest(&self, y: &mut [f64]) {
+        let p = &self.pattern;
+        for span in p.col_ptr.windows(2).map(|w| w[0]..w[1]) {
+            if span.len() == p.nrows {
+                for (y, v) in y[..p.nrows].iter_mut().zip(&self.values[span]) {
+                    *y = y.max(v.abs());
+                }
+                continue;
+            }
+            for (&i, &v) in p.row_idx[span.clone()].iter().zip(&self.values[span]) {
+                y[i] = y[i].max(v.abs());
             }
         }
     }

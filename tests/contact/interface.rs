@@ -406,3 +406,37 @@ fn many_threads_on_one_problem() {
         assert_eq!((image(&copies.0, seed), image(&copies.1, seed)), *known);
     }
 }
+
+/// With so many multipliers that C is read by triangles: traces are those of the displacements, and derivatives differences of values.
+#[test]
+fn large_condensed_forms_are_the_full_one() {
+    let parts = parts(26, 201, 5);
+    let full = parts.interface();
+    let map = parts.interface().condensed().unwrap();
+    let (q, mut rng) = (map.num_traces(), Random::new(9));
+    let (x, d) = (rng.vector(q + 1, 1.0), rng.vector(q + 1, 1.0));
+    let beside: Vec<f64> = x.iter().zip(&d).map(|(x, d)| x + d).collect();
+    let expanded = map.expand(&x).unwrap();
+    close(&map.traces(&x).unwrap(), &full.traces(&expanded).unwrap(), 1e-11);
+    let selection = Selection::from_pieces((0..201).map(|i| i % 4).collect::<Vec<_>>());
+    let values = |x: &[f64]| {
+        let mut out = vec![0.0; q + 603];
+        let (residual, tests) = out.split_at_mut(q);
+        map.residual(&selection, x, residual);
+        map.test_functions(x, tests);
+        out
+    };
+    let change: Vec<f64> = values(&beside)
+        .iter()
+        .zip(&values(&x))
+        .map(|(b, a)| b - a)
+        .collect();
+    let mut jac = Matrix::zeros(map.pattern());
+    map.jacobian(&selection, &x, &mut jac);
+    let mut rates = vec![0.0; q + 603];
+    jac.as_ref().mul_add(1.0, &d, &mut rates[..q]);
+    map.test_derivatives(&x, &d, &mut rates[q..]);
+    close(&rates[..q], &change[..q], 1e-11);
+    // Those of this law are differences.
+    close(&rates[q..], &change[q..], 1e-7);
+}

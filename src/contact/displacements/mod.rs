@@ -1,6 +1,7 @@
 //! Contact in the displacements alone, for bodies too large for one factorisation.
 
 mod body;
+mod evolution;
 mod newton;
 mod node;
 mod options;
@@ -17,6 +18,7 @@ use crate::clock::Clock;
 use crate::linear::LinearError;
 
 pub use body::ReducedBody;
+pub use evolution::ReducedLevel;
 pub use newton::{ReducedError, ReducedNodes, solve_reduced};
 pub use options::ReducedOptions;
 pub use report::{ReducedIteration, ReducedReport, ReducedStrategy, ReducedTimes};

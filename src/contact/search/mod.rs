@@ -8,4 +8,5 @@ mod strategy;
 mod tries;
 
 pub use options::ContactOptions;
+pub(super) use reduced::ReducedNewton;
 pub use strategy::{ContactAttempt, ContactProgress, ContactReport, ContactStrategy};

@@ -22,7 +22,7 @@ const PIVOT: f64 = 1e-12;
 
 /// The rows of one node, D δv + E δλ = b, after elimination: the first `rank` keep displacements, the others have given
 /// δλ = T μ + s with `rank` components μ.
-#[derive(Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy, Default)]
 struct Node {
     rank: usize,
     /// Number of the node's first μ.
@@ -55,8 +55,13 @@ impl Node {
             n.e.swap(k, row);
             n.b.swap(k, row);
             used[column] = true;
+            // Rows of laws differ by factors that change with the coefficient of friction: divided by it their matrix does not.
+            let p = n.d[k][column];
+            n.d[k] = n.d[k].map(|v| v / p);
+            n.e[k] = n.e[k].map(|v| v / p);
+            n.b[k] /= p;
             for a in k + 1..blocks {
-                let c = n.d[a][column] / n.d[k][column];
+                let c = n.d[a][column];
                 for j in 0..3 {
                     n.d[a][j] -= c * n.d[k][j];
                     n.e[a][j] -= c * n.e[k][j];
@@ -67,6 +72,17 @@ impl Node {
         }
         n.solve_local(blocks)?;
         Some(n)
+    }
+
+    /// Whether the rows and columns of the matrix are those of another node.
+    fn has_matrix_of(&self, other: &Self) -> bool {
+        let rows = |n: &Self| (n.rank, n.first, n.t, n.d, n.e);
+        let (own, other) = (rows(self), rows(other));
+        own.0 == other.0
+            && own.1 == other.1
+            && own.2 == other.2
+            && own.3[..own.0] == other.3[..own.0]
+            && own.4[..own.0] == other.4[..own.0]
     }
 
     /// T and s from the rows without displacements (Gauss–Jordan).
@@ -126,95 +142,177 @@ fn pivot(m: &[[f64; 3]; 3], rows: std::ops::Range<usize>, blocks: usize, used: &
     at
 }
 
-/// Improves x by Newton steps (full ones, shorter ones where these go round in a cycle) until the residual is rounding, or an affine selection comes back; false where that fails, and in
-/// full form.
-///
-/// Open nodes have known forces, in the plane slipping ones have λt = ±F λν, in space one of their three equations is one between
-/// forces alone: the order of the dense system is that of what is left, which is what makes large problems quick. Nothing is
-/// judged here: the result is a start for the general method.
-pub(in crate::contact) fn reduced_newton<V: View>(
-    problem: &Contact<V, &dyn NodeLaw>,
-    x: &mut [f64],
-    max_iterations: usize,
-) -> bool {
-    let Some(reduced) = problem.view.reduced() else {
-        return false;
-    };
-    let p = problem.num_contacts();
-    let q = problem.num_residuals();
-    let blocks = q / p;
-    let c = reduced.compliance().values();
-    let law = *problem.node_law();
-    let mut pieces = vec![usize::MAX; p];
-    let mut nodes = vec![Node::default(); p];
-    let (mut s, mut image, mut column) = (vec![0.0; q], vec![0.0; q], vec![0.0; q]);
-    let mut lu = DenseLu::new();
-    let mut before = f64::INFINITY;
-    let mut seen = HashMap::new();
-    let mut cycles = false;
-    for _ in 0..max_iterations {
-        let (mut order, mut worst, mut size, mut changed) = (0, 0.0f64, 0.0f64, false);
-        let values = problem.nodes(x);
-        if values.len() != p {
+/// Newton's method for condensed problems in what is not known node by node, with the last matrix factored: that of laws with given bounds is
+/// the same as long as the pieces are, from one problem to the next.
+#[derive(Debug, Default)]
+pub(in crate::contact) struct ReducedNewton {
+    nodes: Vec<Node>,
+    pieces: Vec<usize>,
+    /// The nodes to which `lu` belongs; none where that failed.
+    factored: Vec<Node>,
+    lu: DenseLu,
+    /// The step in the forces, and C times it.
+    s: Vec<f64>,
+    image: Vec<f64>,
+    column: Vec<f64>,
+    rhs: Vec<f64>,
+}
+
+/// What is known of the nodes at an iterate.
+struct Look {
+    /// The largest residual, and the largest force.
+    worst: f64,
+    size: f64,
+    changed: bool,
+    order: usize,
+}
+
+impl ReducedNewton {
+    /// Improves x by Newton steps (full ones, shorter ones where these go round in a cycle) until the residual is rounding, or an affine
+    /// selection comes back; false where that fails, and in full form.
+    ///
+    /// Open nodes have known forces, in the plane slipping ones have λt = ±F λν, in space one of their three equations is one between
+    /// forces alone: the order of the dense system is that of what is left, which is what makes large problems quick. Nothing is
+    /// judged here: the result is a start for the general method.
+    pub(super) fn run<V: View>(
+        &mut self,
+        problem: &Contact<V, &dyn NodeLaw>,
+        x: &mut [f64],
+        max_iterations: usize,
+    ) -> bool {
+        let Some(reduced) = problem.view.reduced() else {
             return false;
+        };
+        let law = *problem.node_law();
+        let (p, q) = (problem.num_contacts(), problem.num_residuals());
+        self.pieces.clear();
+        self.pieces.resize(p, usize::MAX);
+        self.nodes.resize(p, Node::default());
+        self.column.resize(q, 0.0);
+        let mut before = f64::INFINITY;
+        let mut seen = HashMap::new();
+        let mut cycles = false;
+        for _ in 0..max_iterations {
+            let Some(look) = self.look(problem, x) else {
+                return false;
+            };
+            let Look { worst, size, .. } = look;
+            let settled = worst <= NEARLY * size && worst > 0.1 * before;
+            if worst <= ROUNDING * size || settled || (!look.changed && law.is_affine()) {
+                return true;
+            }
+            before = worst;
+            let known = seen.insert(self.pieces.clone(), worst);
+            cycles |= known.is_some_and(|known| worst > PROGRESS * known);
+            if self.step(reduced.compliance(), q / p, look.order).is_none() {
+                return false;
+            }
+            // Full steps that come back to the same pieces without progress go round for ever.
+            if cycles {
+                if !descend(problem, x, &self.s) {
+                    return false;
+                }
+            } else {
+                x.iter_mut().zip(&self.s).for_each(|(x, d)| *x += d);
+            }
+        }
+        false
+    }
+
+    /// Pieces, residuals and rows of all nodes at x.
+    fn look<V: View>(&mut self, problem: &Contact<V, &dyn NodeLaw>, x: &[f64]) -> Option<Look> {
+        let law = *problem.node_law();
+        let blocks = problem.num_residuals() / problem.num_contacts();
+        let mut look = Look {
+            worst: 0.0,
+            size: 0.0,
+            changed: false,
+            order: 0,
+        };
+        let values = problem.nodes(x);
+        if values.len() != self.nodes.len() {
+            return None;
         }
         for (i, v) in values.into_iter().enumerate() {
             let piece = piece_of(law, &v);
-            changed |= std::mem::replace(&mut pieces[i], piece) != piece;
+            look.changed |= std::mem::replace(&mut self.pieces[i], piece) != piece;
             let h = law.residual(piece, &v);
-            worst = h[..blocks].iter().fold(worst, |m, h| m.max(h.abs()));
-            size = size.max(v.pressure.abs()).max(v.r * v.penetration.abs());
+            look.worst = h[..blocks].iter().fold(look.worst, |m, h| m.max(h.abs()));
+            look.size = look.size.max(v.pressure.abs()).max(v.r * v.penetration.abs());
             for d in 0..blocks - 1 {
-                size = size.max(v.traction[d].abs()).max(v.r * v.slip[d].abs());
+                look.size = look.size.max(v.traction[d].abs()).max(v.r * v.slip[d].abs());
             }
-            let Some(mut node) = Node::new(blocks, &h, &law.rows(piece, &v)) else {
-                return false;
-            };
-            node.first = order;
-            order += node.rank;
-            nodes[i] = node;
+            let mut node = Node::new(blocks, &h, &law.rows(piece, &v))?;
+            node.first = look.order;
+            look.order += node.rank;
+            self.nodes[i] = node;
         }
-        if !(worst.is_finite() && size.is_finite()) {
-            return false;
+        (look.worst.is_finite() && look.size.is_finite()).then_some(look)
+    }
+
+    /// The Newton step into `s`.
+    fn step(&mut self, compliance: &Matrix, blocks: usize, order: usize) -> Option<()> {
+        let Self {
+            nodes, s, image, rhs, ..
+        } = self;
+        let p = nodes.len();
+        for v in [&mut *s, image] {
+            v.clear();
+            v.resize(blocks * p, 0.0);
         }
-        let settled = worst <= NEARLY * size && worst > 0.1 * before;
-        if worst <= ROUNDING * size || settled || (!changed && law.is_affine()) {
-            return true;
-        }
-        before = worst;
-        let known = seen.insert(pieces.clone(), worst);
-        cycles |= known.is_some_and(|known| worst > PROGRESS * known);
         for (i, node) in nodes.iter().enumerate() {
             for b in 0..blocks {
                 s[b * p + i] = node.s[b];
             }
         }
-        image.fill(0.0);
-        reduced.compliance().as_ref().mul_add(1.0, &s, &mut image);
-        let mut rhs = vec![0.0; order];
-        let mut matrix = Matrix::zeros(Pattern::full(order, order));
+        compliance.as_ref().mul_add(1.0, s, image);
+        rhs.clear();
         for (i, node) in nodes.iter().enumerate() {
             for a in 0..node.rank {
                 let known = |b: usize| node.d[a][b] * image[b * p + i] - node.e[a][b] * node.s[b];
-                rhs[node.first + a] = node.b[a] + (0..blocks).map(known).sum::<f64>();
+                rhs.push(node.b[a] + (0..blocks).map(known).sum::<f64>());
             }
         }
+        if order > 0 {
+            self.factor(compliance.values(), blocks, order)?;
+            self.lu.solve_in_place(&mut self.rhs).ok()?;
+        }
+        for (i, node) in self.nodes.iter().enumerate() {
+            for b in 0..blocks {
+                let moved = (0..node.rank).map(|m| node.t[b][m] * self.rhs[node.first + m]);
+                self.s[b * p + i] += moved.sum::<f64>();
+            }
+        }
+        Some(())
+    }
+
+    /// Factors the matrix of what is left, unless it is the one at hand.
+    fn factor(&mut self, c: &[f64], blocks: usize, order: usize) -> Option<()> {
+        let (nodes, p) = (&self.nodes, self.nodes.len());
+        let same = self.factored.len() == p
+            && (nodes.iter().zip(&self.factored)).all(|(node, known)| node.has_matrix_of(known));
+        if same {
+            return Some(());
+        }
+        self.factored.clear();
+        let q = blocks * p;
+        let mut matrix = Matrix::zeros(Pattern::full(order, order));
         for (j, node) in nodes.iter().enumerate() {
             for m in 0..node.rank {
-                column.fill(0.0);
+                self.column.fill(0.0);
                 for b in 0..blocks {
                     let t = node.t[b][m];
                     if t != 0.0 {
                         let own = &c[(b * p + j) * q..(b * p + j + 1) * q];
-                        column.iter_mut().zip(own).for_each(|(y, c)| *y -= t * c);
+                        self.column.iter_mut().zip(own).for_each(|(y, c)| *y -= t * c);
                     }
                 }
                 let at = (node.first + m) * order;
                 let target = &mut matrix.values_mut()[at..at + order];
                 for (i, row) in nodes.iter().enumerate() {
                     for a in 0..row.rank {
-                        let moved: f64 = (0..blocks).map(|b| row.d[a][b] * column[b * p + i]).sum();
-                        target[row.first + a] = moved;
+                        let moved = (0..blocks).map(|b| row.d[a][b] * self.column[b * p + i]);
+                        target[row.first + a] = moved.sum();
                     }
                 }
                 for a in 0..node.rank {
@@ -222,31 +320,11 @@ pub(in crate::contact) fn reduced_newton<V: View>(
                 }
             }
         }
-        if order > 0 {
-            let solved = lu
-                .analyze(matrix.pattern().as_ref())
-                .and_then(|()| lu.factor(matrix.as_ref()))
-                .and_then(|()| lu.solve_in_place(&mut rhs));
-            if solved.is_err() {
-                return false;
-            }
-        }
-        for (i, node) in nodes.iter().enumerate() {
-            for b in 0..blocks {
-                let moved: f64 = (0..node.rank).map(|m| node.t[b][m] * rhs[node.first + m]).sum();
-                s[b * p + i] += moved;
-            }
-        }
-        // Full steps that come back to the same pieces without progress go round for ever.
-        if cycles {
-            if !descend(problem, x, &s) {
-                return false;
-            }
-        } else {
-            x.iter_mut().zip(&s).for_each(|(x, d)| *x += d);
-        }
+        self.lu.analyze(matrix.pattern().as_ref()).ok()?;
+        self.lu.factor(matrix.as_ref()).ok()?;
+        self.factored.extend_from_slice(nodes);
+        Some(())
     }
-    false
 }
 
 /// Goes along the step as far as the residual falls, by halving; `false` where it does not.

@@ -3,6 +3,7 @@
 use std::ops::ControlFlow;
 
 use super::lowering::lower;
+use super::reduced::ReducedNewton;
 use super::strategy;
 use super::tries::{Observer, newton_step};
 use crate::contact::error::check_finite;
@@ -116,6 +117,18 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
         options: &ContactOptions,
         mut observe: impl FnMut(&ContactProgress) -> ControlFlow<()>,
     ) -> Result<ContactReport, ContactError> {
+        self.solve_again(alpha, start, options, &mut ReducedNewton::default(), &mut observe)
+    }
+
+    /// [`solve_observed`](Self::solve_observed) with what an earlier solve of this body has factored.
+    pub(in crate::contact) fn solve_again(
+        &self,
+        alpha: f64,
+        start: Option<&[f64]>,
+        options: &ContactOptions,
+        quick: &mut ReducedNewton,
+        observe: &mut Observer<'_>,
+    ) -> Result<ContactReport, ContactError> {
         // The search is compiled once for all laws.
         let own: Contact<V, &dyn NodeLaw> = self.borrowed();
         let mut condensed = None;
@@ -133,7 +146,7 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
             }
             lower(&own, alpha, way, options, see)
         };
-        strategy::solve(&own, alpha, start, options, &mut descend, &mut observe)
+        strategy::solve(&own, alpha, start, options, quick, &mut descend, observe)
     }
 
     /// The same problem with its law borrowed.

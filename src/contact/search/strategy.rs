@@ -3,7 +3,7 @@
 use std::fmt;
 
 use super::lowering::{Arrival, Way};
-use super::reduced::reduced_newton;
+use super::reduced::ReducedNewton;
 use super::tries::{Observer, Tries, timed};
 use crate::clock::Deadline;
 use crate::contact::error::{check_finite, check_length};
@@ -138,6 +138,7 @@ pub(in crate::contact) fn solve<V: View>(
     alpha: f64,
     start: Option<&[f64]>,
     options: &ContactOptions,
+    quick: &mut ReducedNewton,
     lower: &mut Lower<'_>,
     observe: &mut Observer<'_>,
 ) -> Result<ContactReport, ContactError> {
@@ -161,7 +162,7 @@ pub(in crate::contact) fn solve<V: View>(
         tries: Tries::new(options, deadline, &mut observe),
         attempts: Vec::new(),
     };
-    let found = search.newton_starts(alpha, &first, &zero)?;
+    let found = search.newton_starts(alpha, &first, &zero, quick)?;
     let found = match found {
         None if !search.tries.interrupted => search.lowered(lower)?,
         found => found,
@@ -193,11 +194,12 @@ impl<V: View> Search<'_, '_, V> {
         alpha: f64,
         first: &[f64],
         zero: &[f64],
+        reduced: &mut ReducedNewton,
     ) -> Result<Option<Vec<f64>>, ContactError> {
         let own = self.form.r();
         // Quick where it works: what Newton's method in general then makes of its result is one look.
         let mut quick = first.to_vec();
-        if reduced_newton(self.form, &mut quick, self.options.newton.max_iterations) {
+        if reduced.run(self.form, &mut quick, self.options.newton.max_iterations) {
             let found = self.attempt(ContactStrategy::Newton, own, &quick, 0)?;
             if found.is_some() || self.tries.interrupted {
                 return Ok(found);

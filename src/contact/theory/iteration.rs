@@ -4,6 +4,7 @@ use std::ops::ControlFlow;
 use crate::contact::CondensedContact;
 use crate::contact::law::GivenBound;
 use crate::contact::law::NodeLaw;
+use crate::contact::search::ReducedNewton;
 use crate::contact::{ContactError, ContactOptions};
 use crate::options::setters;
 use crate::piecewise::{PiecewiseSmooth, Selection, select};
@@ -195,6 +196,7 @@ pub fn fixed_point_observed<L: NodeLaw>(
     };
     let (mut smallest, mut since) = (f64::INFINITY, 0);
     let mut pieces: Option<Selection> = None;
+    let mut quick = ReducedNewton::default();
     while report.changes.len() < options.max_iterations && !report.converged && !report.stagnated {
         let coefficients = nodes
             .iter()
@@ -211,9 +213,9 @@ pub fn fixed_point_observed<L: NodeLaw>(
         *inner.node_law_mut() =
             GivenBound::new(problem.node_law().num_tangents(), pressures.clone(), coefficients)?;
         let before = pieces.take().unwrap_or_else(|| select(&inner, &report.x));
-        let go_on = |_: &_| ControlFlow::Continue(());
+        let mut go_on = |_: &_| ControlFlow::Continue(());
         let x = inner
-            .solve_observed(alpha, Some(&report.x), &options.contact, go_on)?
+            .solve_again(alpha, Some(&report.x), &options.contact, &mut quick, &mut go_on)?
             .x;
         let change: Vec<f64> = x.iter().zip(&report.x).map(|(a, b)| a - b).collect();
         let change = norm(&change) / norm(&x[..q]).max(f64::MIN_POSITIVE);

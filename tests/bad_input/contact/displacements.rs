@@ -263,6 +263,13 @@ fn problems(t: &mut Table) {
             solver.end_level(0.0, &[bad, 0.0])
         });
     }
+    let go_on = |_: &_| std::ops::ControlFlow::Continue(());
+    t.refuses("contact::ReducedContact::evolve", "a level", "levels", || {
+        solver.evolve(None, &[0.0, f64::NAN], go_on)
+    });
+    t.refuses("contact::ReducedContact::evolve", "the start", "start", || {
+        solver.evolve(Some(&[0.0]), &[0.0], go_on)
+    });
     t.refuses("contact::ReducedContact::solve", "a short start", "start", || {
         solver.solve(0.0, Some(&[0.0]))
     });

@@ -1,0 +1,146 @@
+//! Histories of load levels in the displacements alone.
+
+use std::ops::ControlFlow;
+
+use super::{ReducedContact, ReducedReport};
+use crate::contact::{ContactError, ContactSolution, ContactState, NodeLaw};
+
+/// One level of [`ReducedContact::evolve`].
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct ReducedLevel {
+    /// The load level α.
+    pub level: f64,
+    /// The solution and how it was found.
+    pub report: ReducedReport,
+    /// States and local quantities; slips are increments of this level.
+    pub solution: ContactSolution,
+    /// How many nodes have gone from each state to each other since the level before, open, stick and slip both ways: `changes[0][2]` went
+    /// from open to slip, `changes[2][2]` counts those whose traction along t₁ has turned round. Zeros in the first level.
+    pub changes: [[usize; 3]; 3],
+}
+
+impl ReducedLevel {
+    /// Number of nodes whose state has changed.
+    #[must_use]
+    pub fn num_changes(&self) -> usize {
+        self.changes.as_flattened().iter().sum()
+    }
+}
+
+/// Open, stick or slip.
+fn kind(state: ContactState) -> usize {
+    match state {
+        ContactState::Open => 0,
+        ContactState::Stick => 1,
+        ContactState::SlipPlus | ContactState::SlipMinus => 2,
+    }
+}
+
+fn changes(before: &[ContactState], after: &[ContactState]) -> [[usize; 3]; 3] {
+    let mut counts = [[0; 3]; 3];
+    for (a, b) in before.iter().zip(after).filter(|(a, b)| a != b) {
+        counts[kind(*a)][kind(*b)] += 1;
+    }
+    counts
+}
+
+impl<L: NodeLaw> ReducedContact<L> {
+    /// Goes through a history of load levels, the first one from the displacements `start` (zero if there is none): in each the static law
+    /// holds for the increments of slip since the level before, whose histories are then [ended](Self::end_level). Newton's method
+    /// begins on the line through the last two levels, and from the last one where that fails. `observe` sees each level and may stop.
+    ///
+    /// What [`evolve`](crate::contact::evolve) does, but for the branch between two levels: folds on it are not seen, where a body
+    /// snaps through is not told. Nodes that change their state and change it back within a level are not counted.
+    ///
+    /// ```
+    /// use std::ops::ControlFlow;
+    /// use semismooth::contact::{FrictionCoefficient, LoadPath, PlanarCoulomb, ReducedBody, ReducedContact, ReducedOptions};
+    /// use semismooth::fem::{Elasticity, Foundation, Material, Mesh};
+    /// let mesh = Mesh::rectangle([0.0; 2], [2.0, 1.0], [16, 8])?;
+    /// let system = Elasticity::new(mesh, Material::isotropic(1.0, 0.277)?).fix("left").discretize()?;
+    /// let load = LoadPath::affine(
+    ///     system.traction("top", |_| [0.0, -0.01, 0.0])?,
+    ///     system.traction("right", |_| [0.01, 0.0, 0.0])?,
+    /// );
+    /// let rows = system.contact("bottom", &Foundation::plane([0.0; 3], [0.0, 1.0, 0.0]))?;
+    /// let body = ReducedBody::new(system.nodal_stiffness()?, &rows.normal, &[rows.tangential], load)?.with_gap(rows.gap)?;
+    /// let law = PlanarCoulomb::new(FrictionCoefficient::constant(0.3)?);
+    /// let mut problem = ReducedContact::new(body, law, ReducedOptions::default())?;
+    /// let levels = problem.evolve(None, &[0.0, 0.5, 1.0], |_| ControlFlow::Continue(()))?;
+    /// assert!(levels[1].num_changes() + levels[2].num_changes() > 0);
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    /// A law whose coefficients depend on the slip but has no history ([`ContactError::SlipOfLevels`]); those of
+    /// [`solve`](Self::solve): `observe` has seen the levels before, at the last of which the problem is left.
+    pub fn evolve(
+        &mut self,
+        start: Option<&[f64]>,
+        levels: &[f64],
+        mut observe: impl FnMut(&ReducedLevel) -> ControlFlow<()>,
+    ) -> Result<Vec<ReducedLevel>, ContactError> {
+        if self.node_law().depends_on_slip() {
+            return Err(ContactError::SlipOfLevels);
+        }
+        crate::contact::error::check_finite("the list of load levels", levels)?;
+        let mut reached: Vec<ReducedLevel> = Vec::new();
+        for &level in levels {
+            let report = match reached.as_slice() {
+                [] => self.solve(level, start)?,
+                [.., last] => self.next_level(level, &reached, last)?,
+            };
+            let solution = self.solution(level, &report.displacements)?;
+            self.end_level(level, &report.displacements)?;
+            let changes = match reached.last() {
+                Some(last) => changes(&last.solution.states, &solution.states),
+                None => [[0; 3]; 3],
+            };
+            reached.push(ReducedLevel {
+                level,
+                report,
+                solution,
+                changes,
+            });
+            if reached.last().is_some_and(|level| observe(level).is_break()) {
+                break;
+            }
+        }
+        Ok(reached)
+    }
+
+    fn next_level(
+        &mut self,
+        level: f64,
+        reached: &[ReducedLevel],
+        last: &ReducedLevel,
+    ) -> Result<ReducedReport, ContactError> {
+        if let [.., before, _] = reached {
+            let share = (level - last.level) / (last.level - before.level);
+            let (old, new) = (&before.report.displacements, &last.report.displacements);
+            let line: Vec<f64> = new.iter().zip(old).map(|(v, u)| v + share * (v - u)).collect();
+            if line.iter().all(|u| u.is_finite()) {
+                match self.solve(level, Some(&line)) {
+                    Err(ContactError::NotConverged { .. } | ContactError::StepFailed { .. }) => {}
+                    found => return found,
+                }
+            }
+        }
+        self.solve(level, Some(&last.report.displacements))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::changes;
+    use crate::contact::ContactState::{Open, SlipMinus, SlipPlus, Stick};
+
+    #[test]
+    fn changes_are_counted_by_where_they_lead() {
+        let before = [Open, Open, Stick, SlipPlus, SlipPlus, Stick];
+        let after = [Open, SlipMinus, SlipPlus, SlipMinus, SlipPlus, Open];
+        assert_eq!(changes(&before, &after), [[0, 0, 1], [1, 0, 1], [0, 0, 1]]);
+    }
+}
