@@ -272,6 +272,9 @@ pub(crate) fn quarter(level: usize) -> Outcome<(Rings, Vec<f64>)> {
 }
 
 /// A history of the strip.
+/// The corners of an element in a picture, and its colour.
+type Element = (Vec<(f64, f64)>, Colour);
+
 #[derive(Default)]
 struct History {
     /// Most Newton steps from the last load, from rest and from the coarser mesh.
@@ -280,7 +283,7 @@ struct History {
     /// At the ends of the load: all displacements.
     ends: Vec<Vec<f64>>,
     /// Elements of a picture at each.
-    pictures: Vec<Vec<(Vec<(f64, f64)>, Colour)>>,
+    pictures: Vec<Vec<Element>>,
     /// After each step: load, work by the trapezoidal rule, energies with what was dissipated so far.
     balance: Vec<(f64, f64, PlasticEnergies)>,
     /// Largest error of the balance with the load at the end of the step.
@@ -434,7 +437,7 @@ fn not_growing(counts: &[usize]) -> Outcome<()> {
 const NEVER: Colour = Colour::new(0xd0, 0xd0, 0xd0);
 
 /// The cells of a quarter, coloured.
-fn picture(rings: &Rings, before: &[f64]) -> Vec<(Vec<(f64, f64)>, Colour)> {
+fn picture(rings: &Rings, before: &[f64]) -> Vec<Element> {
     let mesh = rings.body.system().mesh();
     let cells = (0..mesh.num_cells()).map(|cell| {
         let colour = match (rings.yielded(cell, Some(before)), rings.yielded(cell, None)) {
