@@ -94,8 +94,8 @@ def pivots():
 def friction():
     # To more digits than there are.
     rng = np.random.default_rng(0)
-    H = rng.normal(size=(300, 60))
-    ss.solve_friction(H @ H.T, H @ rng.normal(size=60), np.full(100, 0.8), tolerance=1e-300, max_sweeps=10**9, max_factorisations=10**9)
+    H = rng.normal(size=(90, 20))
+    ss.solve_friction(H @ H.T, H @ rng.normal(size=20), np.full(30, 0.8), tolerance=1e-300, max_sweeps=10**9, max_factorisations=10**9)
 
 
 def first_solution():
@@ -132,7 +132,9 @@ def seconds_to_end(work):
     timer.start()
     try:
         with pytest.raises(KeyboardInterrupt):
-            work()
+            # Those that end are begun again.
+            while True:
+                work()
         return time.perf_counter() - sent[0]
     finally:
         timer.cancel()
