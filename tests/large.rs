@@ -304,11 +304,6 @@ fn histories_are_those_of_the_condensed_form() {
     assert!(total > 0);
     let stopped = problem.evolve(None, &loads, |_| std::ops::ControlFlow::Break(()));
     assert_eq!(stopped.unwrap().len(), 1);
-    let weak = OrthotropicCoulomb::isotropic(weakening(0.6));
-    let mut weak =
-        ReducedContact::new(reduced_body(&system, &ground(3)), weak, ReducedOptions::default()).unwrap();
-    let refused = weak.evolve(None, &loads, |_| std::ops::ControlFlow::Continue(()));
-    assert_eq!(refused, Err(ContactError::SlipOfLevels));
 }
 
 /// The free displacements of a system: node and component of each, among nodes with the positions returned.

@@ -7,8 +7,8 @@ use std::time::Duration;
 
 use semismooth::contact::{
     Arrival, CondensedContact, ContactBody, ContactError, ContactOptions, EvolutionOptions,
-    EvolutionProgress, FrictionCoefficient, Frictionless, NodeLaw, OrthotropicCoulomb, PlanarCoulomb, evolve,
-    evolve_observed,
+    EvolutionProgress, FrictionCoefficient, Frictionless, NodeLaw, OrthotropicCoulomb, PlanarCoulomb,
+    ReducedBody, ReducedContact, ReducedOptions, evolve, evolve_observed,
 };
 use semismooth::continuation::{ContinuationOptions, Termination};
 use semismooth::fem::{Elasticity, Foundation, Material, Mesh};
@@ -218,6 +218,19 @@ fn slip_of_levels_is_refused() {
         ContactError::SlipOfLevels
     );
     assert!(run(&EvolutionOptions::default().with_slip_increments(true)).is_ok());
+    let mesh = Mesh::rectangle([0.0; 2], [2.0, 1.0], [4, 2]).unwrap();
+    let system = Elasticity::new(mesh, Material::isotropic(1.0, 0.3).unwrap()).fix("left");
+    let system = system.discretize().unwrap();
+    let rows = system
+        .contact("bottom", &Foundation::plane([0.0; 3], [0.0, 1.0, 0.0]))
+        .unwrap();
+    let load = LoadPath::constant(vec![0.0; system.num_free()]);
+    let stiffness = system.nodal_stiffness().unwrap();
+    let body = ReducedBody::new(stiffness, &rows.normal, &[rows.tangential], load).unwrap();
+    let law = Forgetful(Frictionless::plane());
+    let mut problem = ReducedContact::new(body, law, ReducedOptions::default()).unwrap();
+    let refused = problem.evolve(None, &[0.5, 1.0], |_| ControlFlow::Continue(()));
+    assert_eq!(refused, Err(ContactError::SlipOfLevels));
 }
 
 /// A solid block held at its top, pressed 0.02 into the ground and moved by (0.007, 0.01) α.
