@@ -525,6 +525,10 @@ mod words {
     use semismooth::piecewise::{MinMap, active_set, local_uniqueness};
     use semismooth::sparse::Matrix;
 
+    fn counted(n: usize, what: &str) -> String {
+        format!("{n} {what}{}", if n == 1 { "" } else { "s" })
+    }
+
     fn ends(text: &str, start: &str, end: &str) {
         assert!(text.starts_with(start) && text.ends_with(end), "{text}");
     }
@@ -538,26 +542,20 @@ mod words {
         .unwrap();
         let mut z = [0.0; 2];
         let report = ActiveSetSolver::default().solve(&lcp, &mut z).unwrap();
-        let told = format!("solved after {} iterations, residual ", report.iterations);
-        ends(&report.to_string(), &told, "");
+        let told = |n: usize| format!("solved after {}, residual ", counted(n, "iteration"));
+        ends(&report.to_string(), &told(report.iterations), "");
         let mut solver = McpSolver::default();
         let mcp: &Mcp<_> = lcp.mcp();
         let report = solver.solve(mcp, &mut [0.0; 2]).unwrap();
-        ends(
-            &report.to_string(),
-            &format!("solved after {} iterations, residual ", report.iterations),
-            "",
-        );
+        ends(&report.to_string(), &told(report.iterations), "");
         let mut newton = Newton::default();
         let how = newton.solve(mcp, &mut [0.0; 2]).unwrap();
         assert_eq!(how.to_string(), "tolerance met");
         let report = newton.report();
         let (steps, factors) = (report.history.len() - 1, report.factorisations);
-        ends(
-            &report.to_string(),
-            &format!("{steps} iterations, {factors} factorisations, residual "),
-            "",
-        );
+        let [steps, factors] =
+            [(steps, "iteration"), (factors, "factorisation")].map(|(n, what)| counted(n, what));
+        ends(&report.to_string(), &format!("{steps}, {factors}, residual "), "");
         let regular = strong_regularity(mcp, &z, 1e-12, 100).unwrap();
         ends(&regular.to_string(), "regular (", " selections)");
     }
