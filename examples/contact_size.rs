@@ -58,8 +58,8 @@ struct Args {
     #[arg(long)]
     follow: bool,
     /// File for the transitions of load paths, those of one body after the other.
-    #[arg(long, requires = "follow")]
-    out: Option<PathBuf>,
+    #[arg(long, value_name = "FILE", requires = "follow")]
+    transitions: Option<PathBuf>,
     /// Number of load levels that problems in the displacements go through.
     #[arg(long, default_value_t = 0)]
     levels: usize,
@@ -70,7 +70,7 @@ fn main() -> ExitCode {
 }
 
 fn run(args: &Args) -> Outcome<()> {
-    if let Some(path) = &args.out {
+    if let Some(path) = &args.transitions {
         std::fs::write(path, "alpha,node,from,to\n")?;
     }
     let (mut plane, mut solid) = (args.plane.clone(), args.solid.clone());
@@ -216,7 +216,7 @@ fn condense<L: NodeLaw>(
         times: [0.0, assembled, setup, solved, further],
         iterations: ["-".into(), "-".into()],
         more: match args.follow {
-            true => vec![follow(&problem, &x, args.out.as_deref(), lap)?],
+            true => vec![follow(&problem, &x, args.transitions.as_deref(), lap)?],
             false => Vec::new(),
         },
         solution: problem.solution(&y)?,
