@@ -66,6 +66,15 @@ pub(crate) fn iterations(number: usize) -> Count {
     Count(number, "iteration", "iterations")
 }
 
+/// Selections of a map, of which there may be more than memory has addresses.
+pub(crate) fn selections(number: u64) -> Count {
+    Count(
+        usize::try_from(number).unwrap_or(usize::MAX),
+        "selection",
+        "selections",
+    )
+}
+
 /// The line that reports of iterations have in common.
 pub(crate) fn ended(
     f: &mut fmt::Formatter<'_>,

@@ -557,7 +557,7 @@ mod words {
             [(steps, "iteration"), (factors, "factorisation")].map(|(n, what)| counted(n, what));
         ends(&report.to_string(), &format!("{steps}, {factors}, residual "), "");
         let regular = strong_regularity(mcp, &z, 1e-12, 100).unwrap();
-        ends(&regular.to_string(), "regular (", " selections)");
+        ends(&regular.to_string(), "regular (", " selection)");
     }
 
     #[test]
@@ -584,7 +584,7 @@ mod words {
         };
         assert_eq!(
             unique([0.5, 0.5]),
-            "locally unique, Lipschitz constant 1.000e0 (1 selections)"
+            "locally unique, Lipschitz constant 1.000e0 (1 selection)"
         );
         assert_eq!(
             unique([0.0, 0.0]),

@@ -4,6 +4,7 @@ use super::{
     ActiveSet, Doubt, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, active_set, cell_margin,
 };
 use crate::sparse::Matrix;
+use crate::words;
 use std::fmt;
 
 /// The B-derivative H'(x; d): the directional derivative of H at x along d, written to `out` (length n). Returns a selection
@@ -163,7 +164,7 @@ impl fmt::Display for CoherentOrientation {
             Self::Coherent { sign } => write!(f, "yes, sign {sign:+}"),
             Self::Incoherent { second: (_, 0), .. } => f.write_str("no, a selection is singular"),
             Self::Incoherent { .. } => f.write_str("no, determinants differ in sign"),
-            Self::Undecided { examined, .. } => write!(f, "undecided after {examined} selections"),
+            Self::Undecided { examined, .. } => write!(f, "undecided after {}", words::selections(*examined)),
             Self::Doubtful { doubt, .. } => write!(f, "undecided: {doubt}"),
         }
     }

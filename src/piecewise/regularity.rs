@@ -8,6 +8,7 @@ use super::uniqueness::SINGULAR;
 use super::{Doubt, PiecewiseError, PiecewiseSmooth, Selection, active_set};
 use crate::linear::{AutoSolver, LinearError, LinearSolver, least_singular_value};
 use crate::sparse::{Matrix, Pattern};
+use crate::words;
 use std::fmt;
 
 /// Rows up to which singular values and eigenvalues are computed: both are dense.
@@ -70,14 +71,14 @@ impl Regularity {
 impl fmt::Display for Regularity {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Regular { selections, .. } => write!(f, "regular ({selections} selections)"),
+            Self::Regular { selections, .. } => write!(f, "regular ({})", words::selections(*selections)),
             Self::Fails { combination, .. } if combination.len() == 1 => {
                 f.write_str("a selection is singular")
             }
             Self::Fails { .. } => f.write_str("a convex combination of selections is singular"),
             Self::Outside { site } => write!(f, "in no cell of site {site}"),
             Self::Undecided { examined, doubt } => {
-                write!(f, "undecided after {examined} selections: {doubt}")
+                write!(f, "undecided after {}: {doubt}", words::selections(*examined))
             }
         }
     }

@@ -5,6 +5,7 @@ use super::regularity::{convex_hull, examine};
 use super::semismooth_regularity::examine_elements;
 use super::{CoherentOrientation, PiecewiseError, PiecewiseSmooth, Regularity, Semismooth};
 use crate::options::setters;
+use crate::words;
 use std::fmt;
 
 /// How the regularity of a solution is examined. The options of solvers ask for it, by `with_regularity`; by default they do not.
@@ -110,7 +111,7 @@ impl fmt::Display for Answer<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.0 {
             Regularity::Regular { selections: 1, .. } => f.write_str("yes (1 selection)"),
-            Regularity::Regular { selections, .. } => write!(f, "yes ({selections} selections)"),
+            Regularity::Regular { selections, .. } => write!(f, "yes ({})", words::selections(*selections)),
             Regularity::Fails { .. } => write!(f, "no, {}", self.0),
             other => write!(f, "{other}"),
         }

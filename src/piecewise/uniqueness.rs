@@ -6,6 +6,7 @@ use super::orientation::{Cones, Examined, Side, Signs, examine, no_determinant};
 use super::{ActiveSet, PiecewiseError, PiecewiseSmooth, Selection};
 use crate::linear::{LinearError, LinearSolver};
 use crate::sparse::Matrix;
+use crate::words;
 
 /// Columns of the load solved for at a time.
 const BLOCK: usize = 64;
@@ -107,14 +108,15 @@ impl fmt::Display for LocalUniqueness {
             } => {
                 write!(
                     f,
-                    "locally unique, Lipschitz constant {constant:.3e} ({selections} selections)"
+                    "locally unique, Lipschitz constant {constant:.3e} ({})",
+                    words::selections(*selections)
                 )
             }
             Self::Fails { second: (_, 0), .. } => f.write_str("not locally unique: a selection is singular"),
             Self::Fails { .. } => f.write_str("not locally unique: determinants differ in sign"),
             Self::Winds { .. } => f.write_str("not locally unique: two directions have one image"),
             Self::Outside { site } => write!(f, "in no cell of site {site}"),
-            Self::Undecided { examined, .. } => write!(f, "undecided after {examined} selections"),
+            Self::Undecided { examined, .. } => write!(f, "undecided after {}", words::selections(*examined)),
             Self::Doubtful { doubt, .. } => write!(f, "undecided: {doubt}"),
         }
     }

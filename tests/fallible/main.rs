@@ -1,5 +1,7 @@
 //! The error of a function of the user comes back unchanged through every solver, whichever evaluation fails.
 
+#[path = "../maps/mod.rs"]
+mod maps;
 mod routes;
 
 use std::error::Error;
@@ -15,10 +17,12 @@ use semismooth::continuation::{
 };
 use semismooth::fallible::{Failed, FirstError};
 use semismooth::newton::{Failure, Newton, NewtonError, NewtonOptions};
-use semismooth::piecewise::{Facet, PiecewiseSmooth, Selection, Semismooth};
+use semismooth::piecewise::{PiecewiseSmooth, Selection, Semismooth};
 use semismooth::sparse::Matrix;
 use semismooth::sweep::sweep;
 use semismooth::variational::{Polyhedron, Vi, ViSolver};
+
+use maps::two_pieces;
 
 /// The evaluation with this number failed.
 #[derive(Debug, Clone, PartialEq)]
@@ -65,25 +69,7 @@ impl Counted {
 struct Curve<'c>(&'c Counted);
 
 impl PiecewiseSmooth for Curve<'_> {
-    fn num_vars(&self) -> usize {
-        2
-    }
-    fn num_residuals(&self) -> usize {
-        1
-    }
-    fn num_sites(&self) -> usize {
-        1
-    }
-    fn num_pieces(&self, _: usize) -> usize {
-        2
-    }
-    fn num_tests(&self, _: usize) -> usize {
-        1
-    }
-    fn cell(&self, _: usize, piece: usize) -> &[Facet] {
-        const CELLS: [[Facet; 1]; 2] = [[Facet::negative(0)], [Facet::positive(0)]];
-        &CELLS[piece]
-    }
+    two_pieces!(self, [negative, positive], 2, 1, 1);
     fn test_functions(&self, x: &[f64], out: &mut [f64]) {
         self.0.errors.values(out, |out| {
             out[0] = x[0];

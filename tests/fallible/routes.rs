@@ -12,9 +12,10 @@ use semismooth::continuation::{
 use semismooth::enumeration::{EnumerationOptions, all_arms, all_solutions};
 use semismooth::linear::{DenseLu, LinearError, LinearOperator};
 use semismooth::newton::{MoorePenrose, NewtonKrylov};
-use semismooth::piecewise::{Facet, MatrixFree, PiecewiseSmooth, Selection};
+use semismooth::piecewise::{MatrixFree, PiecewiseSmooth, Selection};
 use semismooth::sparse::Matrix;
 
+use super::maps::two_pieces;
 use super::{Counted, Curve, with_each_failing};
 
 /// 2 xᵢ + xᵢ³ = 1 by products.
@@ -114,25 +115,7 @@ fn corrections_and_lists() {
 struct Lines<'c>(&'c Counted);
 
 impl PiecewiseSmooth for Lines<'_> {
-    fn num_vars(&self) -> usize {
-        2
-    }
-    fn num_residuals(&self) -> usize {
-        1
-    }
-    fn num_sites(&self) -> usize {
-        1
-    }
-    fn num_pieces(&self, _: usize) -> usize {
-        2
-    }
-    fn num_tests(&self, _: usize) -> usize {
-        1
-    }
-    fn cell(&self, _: usize, piece: usize) -> &[Facet] {
-        const CELLS: [[Facet; 1]; 2] = [[Facet::negative(0)], [Facet::positive(0)]];
-        &CELLS[piece]
-    }
+    two_pieces!(self, [negative, positive], 2, 1, 1);
     fn test_functions(&self, x: &[f64], out: &mut [f64]) {
         self.0.errors.values(out, |out| {
             out[0] = x[0];
@@ -158,25 +141,7 @@ impl PiecewiseSmooth for Lines<'_> {
 struct Family<'c>(&'c Counted);
 
 impl PiecewiseSmooth for Family<'_> {
-    fn num_vars(&self) -> usize {
-        3
-    }
-    fn num_residuals(&self) -> usize {
-        1
-    }
-    fn num_sites(&self) -> usize {
-        1
-    }
-    fn num_pieces(&self, _: usize) -> usize {
-        2
-    }
-    fn num_tests(&self, _: usize) -> usize {
-        1
-    }
-    fn cell(&self, _: usize, piece: usize) -> &[Facet] {
-        const CELLS: [[Facet; 1]; 2] = [[Facet::negative(0)], [Facet::positive(0)]];
-        &CELLS[piece]
-    }
+    two_pieces!(self, [negative, positive], 3, 1, 1);
     fn test_functions(&self, x: &[f64], out: &mut [f64]) {
         self.0.errors.values(out, |out| {
             out[0] = x[0] + 9.0;
