@@ -256,7 +256,7 @@ fn histories_are_those_of_the_condensed_form() {
     let body = reduced_body(&system, &ground(3));
     let mut condensed = CondensedContact::new(body.to_contact_body().unwrap(), law()).unwrap();
     let mut problem = ReducedContact::new(body, law(), ReducedOptions::default()).unwrap();
-    let loads = [0.3, 0.6, 0.9, 1.2];
+    let loads = [0.3, 0.6, 0.9, 1.2, 0.8, 0.4];
     let mut seen = 0;
     let levels = problem.evolve(None, &loads, |_| {
         seen += 1;

@@ -17,7 +17,8 @@ pub struct ReducedLevel {
     /// States and local quantities; slips are increments of this level.
     pub solution: ContactSolution,
     /// How many nodes have gone from each state to each other since the level before, open, stick and slip both ways: `changes[0][2]` went
-    /// from open to slip, `changes[2][2]` counts those whose traction along t₁ has turned round. Zeros in the first level.
+    /// from open to slip, `changes[2][2]` counts those whose traction along t₁ has turned round. Zeros in the first level. A node
+    /// at the border of two states, with its traction at the bound and no slip since the level before, say, may count for either.
     pub changes: [[usize; 3]; 3],
 }
 
