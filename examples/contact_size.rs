@@ -79,7 +79,7 @@ fn run(args: &Args) -> Outcome<()> {
         solid = ["6x6x3", "10x10x5"].map(String::from).to_vec();
     }
     println!(
-        "             cells       free  contacts          route    mesh  assembly   setup   solve  further  Newton  Krylov  open stick  slip   peak memory"
+        "         cells     free  nodes         route    mesh assembly   setup   solve further Newton  Krylov"
     );
     let friction = || {
         Ok::<_, ContactError>(FrictionCoefficient::uniform(FrictionCurve::constant(
@@ -314,14 +314,15 @@ fn history<L: NodeLaw>(problem: &mut ReducedContact<L>, levels: usize) -> Outcom
         return Ok(Vec::new());
     }
     let mut lines = vec![
-        "    α  Newton  Krylov    time  open stick  slip  changes: open→stick open→slip stick→open stick→slip slip→open slip→stick turned".to_owned(),
+        "     α Newton Krylov    time  open stick  slip changes  o→st  o→sl  st→o st→sl  sl→o sl→st  turn"
+            .to_owned(),
     ];
     let loads: Vec<f64> = (1..=levels).map(|k| k as f64 / levels as f64).collect();
     let mut lap = Lap(Instant::now());
     problem.evolve(None, &loads, |level| {
         let (r, s, [open, stick, slip]) = (&level.report, &level.solution, level.changes);
         lines.push(format!(
-            "{:>5.3} {:>7} {:>7} {:>7.2} {:>5} {:>5} {:>5} {:>8} {:>11} {:>9} {:>10} {:>10} {:>9} {:>10} {:>6}",
+            "{:>6.3} {:>6} {:>6} {:>7.2} {:>5} {:>5} {:>5} {:>7} {:>5} {:>5} {:>5} {:>5} {:>5} {:>5} {:>5}",
             level.level,
             r.newton(),
             r.krylov(),
@@ -359,12 +360,13 @@ impl Row {
         let [meshed, assembled, setup, solved, further] = self.times;
         let ([newton, krylov], s) = (&self.iterations, &self.solution);
         println!(
-            "{cells:>18} {free:>10} {:>9} {:>14} {meshed:>7.2} {assembled:>9.2} {setup:>7.2} {solved:>7.2} {further:>8.2} {newton:>7} {krylov:>7}  {:>4} {:>5} {:>5}  {:>12}",
+            "{cells:>14} {free:>8} {:>6} {:>13} {meshed:>7.2} {assembled:>8.2} {setup:>7.2} {solved:>7.2} {further:>7.2} {newton:>6} {krylov:>7}",
             s.nodes.len(),
             self.route,
-            s.open(),
-            s.stick(),
-            s.slip(),
+        );
+        let (open, stick, slip) = (s.open(), s.stick(), s.slip());
+        println!(
+            "    open {open}, stick {stick}, slip {slip}; peak memory {}",
             peak_memory()
         );
     }

@@ -60,7 +60,7 @@ fn readme_of_path() -> Outcome<()> {
     let lcp = Lcp::boxed(matrix, vec![2.0, 2.0, -2.0, -6.0], vec![0.0; 4], vec![10.0; 4])?;
     let mut z = vec![0.0; 4];
     let report = Lemke::default().solve(&lcp, &mut z)?;
-    show("Lemke", &lcp, &z, &format!("{} exchanges", report.pivots))?;
+    show("Lemke", &lcp, &z, &format!("exchanges: {}", report.pivots))?;
     let mut z = vec![0.0; 4];
     // M has a zero block, so reduced systems may be singular: that is said, not hidden.
     let report = ActiveSetSolver::default().solve(&lcp, &mut z)?;
@@ -69,14 +69,14 @@ fn readme_of_path() -> Outcome<()> {
             "active sets",
             &lcp,
             &z,
-            &format!("{} iterations", report.iterations),
+            &format!("iterations: {}", report.iterations),
         )?,
         other => println!("  {:12} {other}: M is no P matrix", "active sets"),
     }
     let mut z = vec![0.0; 4];
     let mut solver = McpSolver::default();
     let iterations = solver.solve(lcp.mcp(), &mut z)?.iterations;
-    show("Newton", &lcp, &z, &format!("{iterations} iterations"))?;
+    show("Newton", &lcp, &z, &format!("iterations: {iterations}"))?;
     let set = all_solutions(lcp.mcp(), 0.0, &EnumerationOptions::default())?;
     for solution in &set.solutions {
         show(

@@ -98,7 +98,7 @@ fn print(as_json: bool, problem: &Problem, label: &str, report: &McpReport, seco
         false => format!(" (after {})", tried.join(", ")),
     };
     println!(
-        "{:18} {:10} {:11} residual {:8.1e} {:5} iterations {:6} evaluations {:9.2e} s  {}{}",
+        "{:18} {:10} {:11} residual {:8.1e} iterations {:4} evaluations {:5} {:9.2e} s  {}{}",
         problem.name,
         label,
         report.status.name(),

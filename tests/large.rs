@@ -1,10 +1,14 @@
 //! Contact in the displacements alone: multigrid and the elimination of laws, against the condensed form.
 
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
 use semismooth::contact::{
     CondensedContact, ContactBody, ContactError, ContactState, EvolutionOptions, FrictionCoefficient,
     FrictionCurve, Frictionless, FullContact, KrylovOutcome, LoadPath, LocalValues, NodeLaw,
     OrthotropicCoulomb, PlanarCoulomb, ReducedBody, ReducedContact, ReducedError, ReducedNodes,
-    ReducedOptions, ReducedReport, ReducedStep, ReducedStrategy, ReducedSystem, evolve, solve_reduced,
+    ReducedOptions, ReducedProgress, ReducedReport, ReducedStep, ReducedStrategy, ReducedSystem, evolve,
+    solve_reduced,
 };
 use semismooth::fem::{ElasticSystem, Elasticity, Foundation, Material, Mesh};
 use semismooth::linear::LinearError;
@@ -439,6 +443,113 @@ fn the_full_form_takes_pieces_that_contact_alone_holds() {
     let total = |d: usize| x[n + d * p..n + (d + 1) * p].iter().sum::<f64>();
     for (found, expected) in [(total(0), weight), (total(1), drag), (total(2), 0.0)] {
         assert!((found - expected).abs() <= 1e-10 * weight, "{found} {expected}");
+    }
+}
+
+/// An observer ends a search wherever it is asked, within a linear solve, too, and is not asked again; from the best iterate, which comes back,
+/// the search goes on to the same solution.
+#[test]
+fn observers_stop_searches() {
+    let system = block([6, 6, 3], Material::isotropic(1.0, 0.277).unwrap());
+    let problem = |options: ReducedOptions| {
+        let law = OrthotropicCoulomb::isotropic(constant(0.3));
+        ReducedContact::new(reduced_body(&system, &ground(3)), law, options).unwrap()
+    };
+    let mut seen: Vec<ReducedProgress> = Vec::new();
+    let expected = problem(ReducedOptions::default()).solve_observed(1.0, None, |p| {
+        seen.push(*p);
+        ControlFlow::Continue(())
+    });
+    let expected = expected.unwrap();
+    let starts: Vec<usize> = (0..seen.len()).filter(|k| seen[*k].krylov == 0).collect();
+    let steps: Vec<usize> = expected.iterations.iter().map(|i| i.krylov).collect();
+    assert!(steps.iter().all(|k| *k > 1), "{steps:?}");
+    assert_eq!(seen[1].residual, expected.iterations[0].residuals.largest());
+    let largest = expected.forces.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+    for stop in [0, 1, 3, starts[starts.len() - 2] + 1, seen.len() - 2] {
+        let (mut calls, mut stopping) = (0, problem(ReducedOptions::default()));
+        let found = stopping.solve_observed(1.0, None, |_| {
+            calls += 1;
+            match calls > stop {
+                true => ControlFlow::Break(()),
+                false => ControlFlow::Continue(()),
+            }
+        });
+        let Err(ContactError::Interrupted { best }) = found else {
+            panic!("{stop}: {found:?}");
+        };
+        assert_eq!((calls, best.newton()), (stop + 1, seen[stop].newton));
+        assert!(best.residuals.largest() > 1e-10);
+        let own = stopping.solution(1.0, &best.displacements).unwrap();
+        assert!((own.residuals.equilibrium - best.residuals.equilibrium).abs() <= 1e-10);
+        let again = stopping.solve(1.0, Some(&best.displacements)).unwrap();
+        let pairs = again.forces.iter().zip(&expected.forces);
+        assert!(pairs.fold(0.0f64, |m, (a, b)| m.max((a - b).abs())) <= 1e-8 * largest);
+    }
+    // In the attempts of the condensed form, which come where steps and load steps have ended.
+    let few = expected.newton() - 1;
+    let options = ReducedOptions::default()
+        .with_max_iterations(few)
+        .with_max_load_steps(0);
+    let mut ends = 0;
+    let found = problem(options).solve_observed(1.0, None, |p| {
+        ends += usize::from((p.newton, p.krylov) == (few, 0));
+        match ends {
+            2 => ControlFlow::Break(()),
+            _ => ControlFlow::Continue(()),
+        }
+    });
+    assert!(
+        matches!(found, Err(ContactError::Interrupted { .. })),
+        "{found:?}"
+    );
+}
+
+/// A history stopped on the way to a level keeps the levels before, and goes on from there as if nothing had been.
+#[test]
+fn histories_stopped_on_the_way_go_on() {
+    let system = rectangle([24, 12]);
+    let problem = || {
+        let law = PlanarCoulomb::new(constant(0.3));
+        ReducedContact::new(reduced_body(&system, &ground(2)), law, ReducedOptions::default()).unwrap()
+    };
+    let levels = [0.4, 0.8, 1.2];
+    let whole = problem()
+        .evolve(None, &levels, |_| ControlFlow::Continue(()))
+        .unwrap();
+    let (mut stopping, done) = (problem(), AtomicUsize::new(0));
+    let before = stopping.evolve_observed(
+        None,
+        &levels,
+        |_| match done.load(Ordering::Relaxed) {
+            2 => ControlFlow::Break(()),
+            _ => ControlFlow::Continue(()),
+        },
+        |_| {
+            done.fetch_add(1, Ordering::Relaxed);
+            ControlFlow::Continue(())
+        },
+    );
+    let before = before.unwrap();
+    assert_eq!(before.len(), 2);
+    for (a, b) in before.iter().zip(&whole) {
+        assert_eq!(a.report.displacements, b.report.displacements);
+    }
+    let last = stopping
+        .solve(levels[2], Some(&before[1].report.displacements))
+        .unwrap();
+    let largest = last.forces.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+    for (a, b) in last.forces.iter().zip(&whole[2].report.forces) {
+        assert!((a - b).abs() <= 1e-8 * largest);
+    }
+    // From the beginning again, once slips and histories are forgotten.
+    stopping
+        .set_reference_slip(&vec![0.0; stopping.body().num_contacts()])
+        .unwrap();
+    stopping.set_history(&[]).unwrap();
+    let first = stopping.solve(levels[0], None).unwrap();
+    for (a, b) in first.forces.iter().zip(&whole[0].report.forces) {
+        assert!((a - b).abs() <= 1e-8 * largest);
     }
 }
 

@@ -70,7 +70,8 @@ impl<'w, L: NodeLaw> DistributedContact<'w, L> {
     ///
     /// # Errors
     /// On all processes, if there is one on any: wrong lengths, values that are not finite, coefficients of friction that the law
-    /// refuses; [`ContactError::NotConverged`], with the best iterate, is the source of the error then.
+    /// refuses; [`ContactError::NotConverged`] or, where time is over, [`ContactError::Interrupted`], with the best iterate, is the source of the
+    /// error then.
     pub fn solve(&mut self, alpha: f64, load: &[f64], start: Option<&[f64]>) -> Result<ReducedReport, Error> {
         self.world().agree(self.check(alpha, load, start))?;
         let body = &self.system.body;
@@ -95,6 +96,10 @@ impl<'w, L: NodeLaw> DistributedContact<'w, L> {
             Err(ReducedError::Contact(ContactError::NotConverged { mut best })) => {
                 best.displacements = self.system.body.free(&best.displacements)?;
                 Err(Some(ContactError::NotConverged { best }.into()))
+            }
+            Err(ReducedError::Contact(ContactError::Interrupted { mut best })) => {
+                best.displacements = self.system.body.free(&best.displacements)?;
+                Err(Some(ContactError::Interrupted { best }.into()))
             }
             Err(e) => Err(Some(e.into())),
         };

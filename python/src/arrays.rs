@@ -15,10 +15,22 @@ use crate::errors::raised;
 
 /// Numbers of anything that numpy can make a vector of.
 pub(crate) fn vector(object: &Bound<'_, PyAny>, what: &str) -> PyResult<Vec<f64>> {
+    real(object, what)?;
     let array: PyArrayLike1<'_, f64, AllowTypeChange> = object
         .extract()
         .map_err(|e| explained(object.py(), e, &format!("{what} must be a vector of numbers")))?;
     Ok(array.as_array().to_vec())
+}
+
+/// Complex arrays are refused: numpy would leave out imaginary parts with a warning.
+fn real(object: &Bound<'_, PyAny>, what: &str) -> PyResult<()> {
+    let kind = object.getattr("dtype").and_then(|dtype| dtype.getattr("kind"));
+    match kind.and_then(|kind| kind.extract::<String>()).as_deref() {
+        Ok("c") => Err(PyTypeError::new_err(format!(
+            "{what} has complex numbers; real ones are wanted"
+        ))),
+        _ => Ok(()),
+    }
 }
 
 /// A bound: one number for all components, or one each.
@@ -42,6 +54,7 @@ pub(crate) fn matrix(object: &Bound<'_, PyAny>, what: &str) -> PyResult<Matrix> 
     if let Some(sparse) = sparse(object)? {
         return sparse.matrix();
     }
+    real(object, what)?;
     let array: PyArrayLike2<'_, f64, AllowTypeChange> = object.extract().map_err(|e| {
         explained(
             object.py(),
@@ -51,9 +64,28 @@ pub(crate) fn matrix(object: &Bound<'_, PyAny>, what: &str) -> PyResult<Matrix> 
     })?;
     let array = array.as_array();
     let (rows, columns) = array.dim();
-    // Matrices are stored by columns.
-    let values = array.t().iter().copied().collect();
-    Matrix::from_values(Pattern::full(rows, columns), values).map_err(raised)
+    Matrix::from_values(Pattern::full(rows, columns), by_columns(&array)).map_err(raised)
+}
+
+/// Rows of a tile, whose lines stay in the cache.
+const TILE: usize = 16;
+
+/// The entries as matrices store them.
+fn by_columns(array: &numpy::ndarray::ArrayView2<'_, f64>) -> Vec<f64> {
+    let (rows, columns) = array.dim();
+    let Some(entries) = array.as_slice() else {
+        return array.t().iter().copied().collect();
+    };
+    let mut values = vec![0.0; entries.len()];
+    for first in (0..rows).step_by(TILE) {
+        let tile = first..rows.min(first + TILE);
+        for j in 0..columns {
+            for i in tile.clone() {
+                values[j * rows + i] = entries[i * columns + j];
+            }
+        }
+    }
+    values
 }
 
 /// A matrix of scipy, by columns.
@@ -174,7 +206,19 @@ pub(crate) fn options<T: DeserializeOwned>(given: Option<&Bound<'_, PyDict>>, py
             .map_err(|e| PyValueError::new_err(format!("max_time = {seconds} s: {e}")))?;
         given.set_item("max_time", pythonize::pythonize(py, &time)?)?;
     }
-    pythonize::depythonize(&given).map_err(|e| PyTypeError::new_err(format!("options: {e}")))
+    let wrong = match pythonize::depythonize(&given) {
+        Ok(options) => return Ok(options),
+        Err(e) => e,
+    };
+    // The error does not say which one is of another type.
+    for (name, value) in given.iter() {
+        let one = PyDict::new(py);
+        one.set_item(&name, value)?;
+        if let Err(e) = pythonize::depythonize::<T>(&one) {
+            return Err(PyTypeError::new_err(format!("option {name}: {e}")));
+        }
+    }
+    Err(PyTypeError::new_err(format!("options: {wrong}")))
 }
 
 /// The same over other defaults than those of the type.

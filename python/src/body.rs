@@ -7,6 +7,7 @@ use pyo3::types::{PyDict, PyList, PyTuple};
 use semismooth::fem::{self, ElasticSystem, Elasticity, PlaneModel};
 use semismooth::interface::LoadCase;
 
+use crate::arrays::counted;
 use crate::errors::raised;
 use crate::fields::{Direction, Failures, Scalar};
 use crate::mesh::Mesh;
@@ -166,7 +167,7 @@ impl Body {
                 body = body.prescribe(&name, component, value.function(py, dim, &failures));
             }
         }
-        let system = py.detach(|| body.assemble());
+        let system = py.detach(|| body.discretize());
         Ok(Self {
             system: failures.settle(system)?,
             mesh: mesh.clone().unbind(),
@@ -235,9 +236,9 @@ impl Body {
 
     fn __repr__(&self) -> String {
         format!(
-            "<Body of {} cells with {} free displacements>",
-            self.system.mesh().num_cells(),
-            self.system.num_free()
+            "<Body of {} with {}>",
+            counted(self.system.mesh().num_cells(), "cell"),
+            counted(self.system.num_free(), "free displacement")
         )
     }
 }

@@ -282,7 +282,7 @@ impl Derivative {
             return match (variables, values) == (m, n) {
                 true => Ok(Self::Formula(map.unbind())),
                 false => Err(PyValueError::new_err(format!(
-                    "the function gives {values} values for {variables} variables; here it must give {n} for {m}"
+                    "the function must give {n} values for {m} variables; it gives {values} for {variables}"
                 ))),
             };
         };
@@ -704,7 +704,7 @@ fn all_solutions(
     }
     if let Ok(contact) = problem.cast::<ContactProblem>() {
         contact.get().one_parameter()?;
-        return SolutionSet::of(py, contact.get().form.map(), parameter, &options);
+        return SolutionSet::of(py, contact.get().form()?.map(), parameter, &options);
     }
     let Ok(map) = problem.cast::<Map>() else {
         return Err(PyTypeError::new_err(

@@ -1,6 +1,6 @@
 //! Bodies in contact with rigid foundations, with friction.
 
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, MutexGuard, TryLockError};
 
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::{PyTypeError, PyValueError};
@@ -8,15 +8,15 @@ use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use semismooth::contact::{
     self, CondensedContact, ContactBody, ContactError, FrictionCoefficient, FrictionCurve, Frictionless,
-    FullContact, NodeLaw, OrthotropicCoulomb, PlanarCoulomb,
+    FullContact, NodeLaw, OrthotropicCoulomb, PlanarCoulomb, ReducedBody, ReducedContact, ReducedOptions,
 };
 use semismooth::fem::{self, ContactRows, Multipliers};
 use semismooth::interface::{LoadCase, LoadPath};
 use semismooth::piecewise::PiecewiseSmooth;
 
-use crate::arrays::{truncated, vector};
+use crate::arrays::{counted, truncated, vector};
 use crate::body::{Body, Load};
-use crate::errors::{Run, raised};
+use crate::errors::{Run, SemismoothError, raised};
 use crate::fields::{Direction, Failures, Scalar, in_space};
 use crate::map::{Map, map_of};
 use crate::solution::ContactSolution;
@@ -298,12 +298,12 @@ fn smooth(function: &Bound<'_, PyAny>, vars: usize, what: &str) -> PyResult<Py<M
     match (found, values, sites) == (vars, 1, 0) {
         true => Ok(map.unbind()),
         false => Err(PyValueError::new_err(format!(
-            "{what} must be a smooth function of {vars} variables with one value; this one has {found} variables, {values} values and {sites} kinks"
+            "{what} must be a smooth function of {vars} variables with one value; variables of this one: {found}, values: {values}, kinks: {sites}"
         ))),
     }
 }
 
-type Law = Arc<dyn NodeLaw + Send + Sync>;
+pub(crate) type Law = Arc<dyn NodeLaw + Send + Sync>;
 
 /// A problem in one of its forms.
 #[derive(Clone)]
@@ -311,6 +311,21 @@ pub(crate) enum Form {
     Condensed(CondensedContact<Law>),
     Full(FullContact<Law>),
 }
+
+/// How a problem is solved.
+pub(crate) enum Route {
+    /// As a map of its unknowns.
+    Mapped(Form),
+    /// In its displacements.
+    Reduced(Box<Reduced>),
+}
+
+pub(crate) type Reduced = Mutex<ReducedContact<Law>>;
+
+/// Displacements beyond which multigrid is quicker than one factorisation: of solids, and in the plane, where factors stay sparse until
+/// they do not fit into memory.
+const SOLID: usize = 6_000;
+const PLANE: usize = 3_000_000;
 
 /// The same expression for either form.
 macro_rules! of_form {
@@ -347,9 +362,11 @@ impl Form {
 ///     Loads at every parameter, and times the parameter. Displacements prescribed by the body's supports belong to every load.
 /// paths : list of (Load, callable), optional
 ///     Loads f_k with smooth amplitudes φ_k(α), traced (see :func:`trace`).
-/// form : {"condensed", "full"}
+/// form : {"condensed", "full", "reduced", "auto"}
 ///     "condensed": x = (λν, λt₁[, λt₂], α), nodal forces, dense, one factorisation of the stiffness matrix in all. "full": x = (u, λν, λt₁[,
-///     λt₂], α), sparse, one factorisation a step: for thousands of contact nodes.
+///     λt₂], α), sparse, one factorisation a step: for thousands of contact nodes. "reduced": x as in full form, but solved in the
+///     displacements with multigrid, for bodies of up to millions of displacements: :meth:`solve` and :func:`evolve` alone, curves are not
+///     followed. "auto": "reduced" for solids of more than 6000 free displacements and plane bodies of more than 3 million, else "condensed".
 /// multipliers : "nodal", "dual cells" or float, optional
 ///     Where the p contact forces are sought (Haslinger, Kučera, Vlach 2008): at the nodes (unless given); constant on the part of the facets
 ///     nearest to each node; or constant on patches, those facets whose centroids lie in one box of a grid of this width. Contact nodes of
@@ -364,7 +381,7 @@ impl Form {
 /// ((0, 7, 2), 0.049168)
 #[pyclass(frozen, module = "semismooth")]
 pub(crate) struct ContactProblem {
-    pub(crate) form: Form,
+    pub(crate) route: Route,
     pub(crate) rows: Arc<ContactRows>,
     /// The body.
     #[pyo3(get)]
@@ -395,30 +412,41 @@ impl ContactProblem {
         let foundation = foundation.foundation(py, dim, &failures)?;
         let multipliers = self::multipliers(multipliers)?;
         let path = load_path(body, load, rate, paths.unwrap_or_default())?;
-        let condensed = match form {
-            "condensed" => true,
-            "full" => false,
+        let large = system.num_free() > if dim == 2 { PLANE } else { SOLID };
+        let form = match form {
+            "auto" if large => "reduced",
+            "auto" => "condensed",
+            "condensed" | "full" | "reduced" => form,
             other => {
                 return Err(PyValueError::new_err(format!(
-                    "form = \"{other}\" is not known: write \"condensed\" or \"full\""
+                    "form = \"{other}\" is not known: write \"condensed\", \"full\", \"reduced\" or \"auto\""
                 )));
             }
         };
         let rows = failures.settle(py.detach(|| system.contact_with(facets, &foundation, multipliers)))?;
         let law = law(friction, dim, rows.nodes.len())?;
         let own = law.clone();
-        let form = py.detach(|| -> Result<Form, ContactError> {
+        let route = py.detach(|| -> Result<Route, SetupError> {
             let mut tangential = vec![rows.tangential.clone()];
             tangential.extend(rows.tangential2.clone());
+            if form == "reduced" {
+                let body = ReducedBody::new(system.nodal_stiffness()?, &rows.normal, &tangential, path)?;
+                let body = body.with_gap(rows.gap.clone())?;
+                let problem = ReducedContact::new(body, own, ReducedOptions::default())?;
+                return Ok(Route::Reduced(Box::new(Mutex::new(problem))));
+            }
             let body = ContactBody::new(system.stiffness().clone(), rows.normal.clone(), tangential, path)?
                 .with_gap(rows.gap.clone())?;
-            Ok(match condensed {
-                true => Form::Condensed(CondensedContact::new(body, own)?),
-                false => Form::Full(FullContact::new(body, own)?),
-            })
+            Ok(Route::Mapped(match form {
+                "condensed" => Form::Condensed(CondensedContact::new(body, own)?),
+                _ => Form::Full(FullContact::new(body, own)?),
+            }))
         });
         Ok(Self {
-            form: form.map_err(raised)?,
+            route: route.map_err(|e| match e {
+                SetupError::Body(e) => raised(e),
+                SetupError::Contact(e) => raised(e),
+            })?,
             rows: Arc::new(rows),
             body: body.clone().unbind(),
             law,
@@ -428,7 +456,7 @@ impl ContactProblem {
 
     /// The family with a second parameter β behind α: the load f(α) + β ``load``. For :func:`transition_set`.
     fn with_second_parameter(&self, py: Python<'_>, load: &Load) -> PyResult<Self> {
-        let form = match &self.form {
+        let form = match self.form()? {
             Form::Condensed(p) => p
                 .with_second_parameter(&load.case, self.law.clone())
                 .map(Form::Condensed),
@@ -437,7 +465,7 @@ impl ContactProblem {
                 .map(Form::Full),
         };
         Ok(Self {
-            form: form.map_err(raised)?,
+            route: Route::Mapped(form.map_err(raised)?),
             rows: self.rows.clone(),
             body: self.body.clone_ref(py),
             law: self.law.clone(),
@@ -454,7 +482,10 @@ impl ContactProblem {
     /// Number of entries of x, the parameter (or both) among them.
     #[getter]
     fn num_vars(&self) -> usize {
-        self.form.map().num_vars()
+        match &self.route {
+            Route::Mapped(form) => form.map().num_vars(),
+            Route::Reduced(_) => self.num_displacements() + self.dim() * self.num_contacts() + 1,
+        }
     }
 
     /// The mesh nodes of the contact nodes, shape (p,), ordered by x, then y, then z.
@@ -508,7 +539,8 @@ impl ContactProblem {
     /// states : list of str, optional
     ///     In place of a start: "open", "stick", "slip+" or "slip-" for each contact node.
     /// **options
-    ///     max_time (seconds), max_increments, max_paths and others of ContactOptions.
+    ///     max_time (seconds), max_increments, max_paths and others of ContactOptions; in reduced form max_time, tolerance, max_iterations,
+    ///     max_memory (bytes) and others of ReducedOptions.
     ///
     /// Returns
     /// -------
@@ -528,19 +560,27 @@ impl ContactProblem {
     ) -> PyResult<ContactSolution> {
         let (py, own) = (slf.py(), slf.get());
         own.one_parameter()?;
+        if let Route::Reduced(reduced) = &own.route {
+            if states.is_some() {
+                return Err(PyValueError::new_err(
+                    "in reduced form searches begin from displacements, not from states",
+                ));
+            }
+            return Self::solve_reduced(slf, reduced, parameter, start, options);
+        }
+        let form = own.form()?;
         let mut start = start.map(point).transpose()?;
         let options = crate::arrays::options(options, py)?;
         if let Some(states) = states {
             let states = states.iter().map(|s| state(s)).collect::<PyResult<Vec<_>>>()?;
             let first = Run::detached(py, |_| {
-                of_form!(&own.form, p => p.start_with(parameter, &states)).map_err(raised)
+                of_form!(form, p => p.start_with(parameter, &states)).map_err(raised)
             });
             start = Some(first?);
         }
         let report = Run::detached(py, |run| {
             let poll = |_: &_| run.poll();
-            of_form!(&own.form, p => p.solve_observed(parameter, start.as_deref(), &options, poll))
-                .map_err(raised)
+            of_form!(form, p => p.solve_observed(parameter, start.as_deref(), &options, poll)).map_err(raised)
         })?;
         let strategy = crate::arrays::python(py, &report.strategy())?.extract()?;
         ContactSolution::at(slf, report.x, Some(strategy))
@@ -554,14 +594,95 @@ impl ContactProblem {
 
     fn __repr__(&self) -> String {
         format!(
-            "<ContactProblem with {} contact nodes, {} variables>",
-            self.num_contacts(),
-            self.num_vars()
+            "<ContactProblem with {}, {}>",
+            counted(self.num_contacts(), "contact node"),
+            counted(self.num_vars(), "variable")
         )
     }
 }
 
+/// What can go wrong in the making of a problem.
+enum SetupError {
+    Body(fem::FemError),
+    Contact(ContactError),
+}
+
+impl From<fem::FemError> for SetupError {
+    fn from(error: fem::FemError) -> Self {
+        Self::Body(error)
+    }
+}
+
+impl From<ContactError> for SetupError {
+    fn from(error: ContactError) -> Self {
+        Self::Contact(error)
+    }
+}
+
 impl ContactProblem {
+    /// The problem as a map.
+    pub(crate) fn form(&self) -> PyResult<&Form> {
+        match &self.route {
+            Route::Mapped(form) => Ok(form),
+            Route::Reduced(_) => Err(SemismoothError::new_err(
+                "a problem in reduced form has solutions and histories, but no curves and no lists: write form=\"condensed\"",
+            )),
+        }
+    }
+
+    /// The problem in its displacements.
+    pub(crate) fn reduced(&self) -> Option<&Reduced> {
+        match &self.route {
+            Route::Mapped(_) => None,
+            Route::Reduced(problem) => Some(problem),
+        }
+    }
+
+    /// Number of free displacements.
+    pub(crate) fn num_displacements(&self) -> usize {
+        self.rows.normal.ncols()
+    }
+
+    fn solve_reduced(
+        slf: &Bound<'_, Self>,
+        reduced: &Reduced,
+        parameter: f64,
+        start: Option<&Bound<'_, PyAny>>,
+        options: Option<&Bound<'_, pyo3::types::PyDict>>,
+    ) -> PyResult<ContactSolution> {
+        let (py, own) = (slf.py(), slf.get());
+        let start = start.map(point).transpose()?;
+        if let Some(x) = &start {
+            own.check_length(x)?;
+        }
+        let start = start.as_ref().map(|x| &x[..own.num_displacements()]);
+        let options: ReducedOptions = crate::arrays::options(options, py)?;
+        let report = Run::watched(py, |run| {
+            let mut problem = begun(reduced)?;
+            problem.set_options(options).map_err(raised)?;
+            problem
+                .solve_observed(parameter, start, |_| run.flow())
+                .map_err(raised)
+        })?;
+        let strategy = report.strategy.to_string();
+        let mut x = report.displacements;
+        x.extend(report.forces);
+        x.push(parameter);
+        ContactSolution::at(slf, x, Some(strategy))
+    }
+
+    /// Whether x is a point of the problem in reduced form.
+    pub(crate) fn check_length(&self, x: &[f64]) -> PyResult<()> {
+        let expected = self.num_displacements() + self.dim() * self.rows.nodes.len() + 1;
+        match x.len() == expected {
+            true => Ok(()),
+            false => Err(SemismoothError::new_err(format!(
+                "the point x has length {}, expected {expected}",
+                x.len()
+            ))),
+        }
+    }
+
     pub(crate) fn dim(&self) -> usize {
         match self.law.num_tangents() {
             1 => 2,
@@ -636,6 +757,25 @@ fn load_path(
         }
     };
     Ok(LoadPath::cases(constant, cases, at))
+}
+
+/// A problem in its displacements without the levels of earlier histories.
+pub(crate) fn begun(problem: &Reduced) -> PyResult<MutexGuard<'_, ReducedContact<Law>>> {
+    let mut problem = match problem.try_lock() {
+        Ok(problem) => problem,
+        Err(TryLockError::Poisoned(e)) => e.into_inner(),
+        // A callback that waited would wait for ever.
+        Err(TryLockError::WouldBlock) => {
+            return Err(SemismoothError::new_err(
+                "a problem in reduced form does one thing at a time: do not use it in its own callback or in two threads",
+            ));
+        }
+    };
+    let slips = vec![0.0; problem.body().num_contacts() * (problem.body().dim() - 1)];
+    let history = vec![0.0; problem.history().len()];
+    problem.set_reference_slip(&slips).map_err(raised)?;
+    problem.set_history(&history).map_err(raised)?;
+    Ok(problem)
 }
 
 /// The variables of a solution, or a vector of them.

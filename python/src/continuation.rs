@@ -58,7 +58,7 @@ impl Problem {
         let (m, n) = (x0.len(), values_of(x0, parameters)?);
         let (problem, vars, values) = match function.cast::<ContactProblem>() {
             Ok(problem) => {
-                let map = problem.get().form.map();
+                let map = problem.get().form()?.map();
                 let (vars, values) = (map.num_vars(), map.num_residuals());
                 (Self::Contact(problem.clone().unbind()), vars, values)
             }
@@ -71,7 +71,7 @@ impl Problem {
         match (vars, values) == (m, n) {
             true => Ok(problem),
             false => Err(PyValueError::new_err(format!(
-                "H gives {values} values for {vars} variables; for a start of length {m} it must give {n} for {m}"
+                "for a start of length {m} H must give {n} values for {m} variables; it gives {values} for {vars}"
             ))),
         }
     }
@@ -79,7 +79,7 @@ impl Problem {
     pub(crate) fn map<'r>(&'r self, run: &'r Run) -> PyResult<Box<dyn PiecewiseSmooth + 'r>> {
         match self {
             Self::Map(map) => Ok(Box::new(map.get().traced(run))),
-            Self::Contact(problem) => Ok(Box::new(problem.get().form.map())),
+            Self::Contact(problem) => Ok(Box::new(problem.get().form()?.map())),
             Self::Mcp {
                 derivative,
                 lower,

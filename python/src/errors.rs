@@ -19,6 +19,7 @@ create_exception!(
 
 /// Time between two looks at signals: they take the lock, and Ctrl-C shall be noticed within 0.1 s.
 const LOOK_EVERY: Duration = Duration::from_millis(30);
+const BETWEEN_LOOKS: Duration = Duration::from_millis(5);
 
 /// An error of the library as an exception, with all that it says.
 pub(crate) fn raised(error: impl Error) -> PyErr {
@@ -60,6 +61,26 @@ impl Run {
         }
     }
 
+    /// As [`detached`](Self::detached), for work whose observers are called from other threads, which see no signals: this thread looks for
+    /// them while another one works, whose observers return [`flow`](Self::flow).
+    pub(crate) fn watched<T: Send>(
+        py: Python<'_>,
+        work: impl FnOnce(&Run) -> PyResult<T> + Send,
+    ) -> PyResult<T> {
+        Self::detached(py, |run| {
+            std::thread::scope(|scope| {
+                let worker = scope.spawn(|| work(run));
+                while !worker.is_finished() {
+                    std::thread::sleep(BETWEEN_LOOKS);
+                    let _ = run.poll();
+                }
+                worker
+                    .join()
+                    .unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+            })
+        })
+    }
+
     /// Whether to go on: not after an exception, nor after Ctrl-C.
     pub(crate) fn poll(&self) -> ControlFlow<()> {
         let due = {
@@ -73,6 +94,11 @@ impl Run {
         if due && !self.is_broken() {
             Python::attach(|py| py.check_signals().map_err(|e| self.keep(e)).ok());
         }
+        self.flow()
+    }
+
+    /// Whether to go on, without a look at signals.
+    pub(crate) fn flow(&self) -> ControlFlow<()> {
         match self.is_broken() {
             true => ControlFlow::Break(()),
             false => ControlFlow::Continue(()),

@@ -10,7 +10,7 @@ use semismooth::complementarity::McpFunction;
 use semismooth::piecewise::{self, Kinks, NonsmoothFunction, PiecewiseSmooth, Real, Traced};
 use semismooth::sparse::{Matrix, Pattern};
 
-use crate::arrays::{dense, names, vector};
+use crate::arrays::{counted, dense, names, vector};
 use crate::errors::Run;
 use crate::expressions::{Expression, Node, Operand, Page, Smooth, write};
 
@@ -235,10 +235,10 @@ impl Map {
 
     fn __repr__(&self) -> String {
         format!(
-            "<Map of {} variables with {} values and {} sites>",
-            self.formula.variables,
-            self.formula.values.len(),
-            self.num_sites()
+            "<Map of {} with {} and {}>",
+            counted(self.formula.variables, "variable"),
+            counted(self.formula.values.len(), "value"),
+            counted(self.num_sites(), "site")
         )
     }
 }

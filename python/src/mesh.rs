@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use semismooth::fem::{self, BoundaryFacet, CellKind};
 
-use crate::arrays::{indices, rows, truncated};
+use crate::arrays::{counted, indices, rows, truncated};
 use crate::errors::raised;
 
 const KINDS: [(CellKind, &str, &str); 4] = [
@@ -37,7 +37,7 @@ type Block<'py> = (&'static str, Bound<'py, PyArray2<i64>>);
 /// >>> import semismooth as ss
 /// >>> mesh = ss.Mesh([[0, 0], [1, 0], [0, 1]], {"triangle": [[0, 1, 2]]}, facets={"bottom": [[0, 1]]})
 /// >>> mesh
-/// <Mesh in 2 dimensions: 3 nodes, 1 cells, facets: bottom>
+/// <Mesh in 2 dimensions: 3 nodes, 1 cell, facets: bottom>
 #[pyclass(frozen, module = "semismooth")]
 pub(crate) struct Mesh {
     pub(crate) mesh: fem::Mesh,
@@ -277,11 +277,14 @@ impl Mesh {
     fn __repr__(&self) -> String {
         let names: Vec<_> = self.mesh.facet_group_names().collect();
         format!(
-            "<Mesh in {} dimensions: {} nodes, {} cells, facets: {}>",
+            "<Mesh in {} dimensions: {}, {}, {}>",
             self.mesh.dim(),
-            self.mesh.num_nodes(),
-            self.mesh.num_cells(),
-            names.join(", ")
+            counted(self.mesh.num_nodes(), "node"),
+            counted(self.mesh.num_cells(), "cell"),
+            match names.is_empty() {
+                true => "no groups of facets".to_owned(),
+                false => format!("facets: {}", names.join(", ")),
+            }
         )
     }
 }

@@ -5,11 +5,13 @@ use std::ops::ControlFlow;
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use semismooth::contact::{self, Arrival, EvolutionOptions, EvolutionProgress, LocalValues};
+use semismooth::contact::{
+    self, Arrival, EvolutionOptions, EvolutionProgress, LocalValues, ReducedLevel, ReducedOptions,
+};
 use semismooth::continuation::ContinuationOptions;
 
 use crate::arrays::{python, rows, vector};
-use crate::contact::{ContactProblem, Form, of_form, point};
+use crate::contact::{ContactProblem, Form, Reduced, Route, begun, of_form, point};
 use crate::errors::{Run, raised};
 
 /// A solution of a contact problem, node by node. Forces are nodal forces: divided by :attr:`ContactProblem.areas` they are pressures.
@@ -34,11 +36,18 @@ impl ContactSolution {
         x: Vec<f64>,
         strategy: Option<String>,
     ) -> PyResult<Self> {
-        let form = &problem.get().form;
-        let solution = problem
-            .py()
-            .detach(|| of_form!(form, p => p.solution(&x)))
-            .map_err(raised)?;
+        let own = problem.get();
+        let solution = match &own.route {
+            Route::Mapped(form) => problem.py().detach(|| of_form!(form, p => p.solution(&x))),
+            Route::Reduced(reduced) => {
+                own.check_length(&x)?;
+                let (u, alpha) = (&x[..own.num_displacements()], x[x.len() - 1]);
+                problem
+                    .py()
+                    .detach(|| Ok::<_, PyErr>(begun(reduced)?.solution(alpha, u)))?
+            }
+        };
+        let solution = solution.map_err(raised)?;
         Self::with(problem, x, solution, strategy)
     }
 
@@ -48,10 +57,18 @@ impl ContactSolution {
         solution: contact::ContactSolution,
         strategy: Option<String>,
     ) -> PyResult<Self> {
-        let form = &problem.get().form;
-        let (free, supports) = problem
-            .py()
-            .detach(|| of_form!(form, p => (p.displacements(&x), p.support_displacements(&x))));
+        let own = problem.get();
+        let (free, supports) = match &own.route {
+            Route::Mapped(form) => {
+                let py = problem.py();
+                py.detach(|| of_form!(form, p => (p.displacements(&x), p.support_displacements(&x))))
+            }
+            Route::Reduced(reduced) => {
+                let alpha = x.last().copied().unwrap_or(f64::NAN);
+                let supports = begun(reduced)?.body().support_displacements(alpha);
+                (Ok(x[..own.num_displacements()].to_vec()), Ok(supports))
+            }
+        };
         Ok(Self {
             problem: problem.clone().unbind(),
             x,
@@ -215,19 +232,21 @@ pub(crate) struct EvolutionStep {
     solution: Py<ContactSolution>,
     /// Parameters of the folds on the way: where there are any, solutions are not unique nearby.
     folds: Vec<f64>,
-    /// Number of transitions on the way: points of the curve where nodes change their state.
+    /// Number of transitions on the way: points of the curve where nodes change their state. In reduced form, the nodes whose state is not
+    /// that of the level before.
     transitions: usize,
     /// How the level was reached: "followed" (along the curve from the level before), "jumped" (the curve turns back, another solution was
-    /// found), "passed folds", "same level" (as that before), or "ended: ..." and "not followed: ..." with the reason.
+    /// found), "passed folds", "same level" (as that before), or "ended: ..." and "not followed: ..." with the reason; "solved" in reduced
+    /// form, where curves are not followed.
     arrival: String,
-    /// Work of the loads and of moving supports in this step.
+    /// Work of the loads and of moving supports in this step; NaN in reduced form.
     work: f64,
     /// Change of the elastic energy.
     stored: f64,
-    /// Dissipated by friction; work = stored + dissipated where the level was followed.
+    /// Dissipated by friction; work = stored + dissipated where the level was followed. In reduced form, by the forces at its end.
     dissipated: f64,
     /// What friction gave back where nodes that slipped came back within the step: where it is not small beside dissipated, levels are too
-    /// far apart.
+    /// far apart. NaN in reduced form.
     returned: f64,
     /// What the law remembers at each node, shape (p, h): the slip of all levels, where friction depends on it.
     history: Py<PyArray2<f64>>,
@@ -267,6 +286,36 @@ impl EvolutionStep {
             history: rows(py, variables, [step.history.as_slice()])?.unbind(),
         })
     }
+
+    /// A level of a history in reduced form; `stored` is the elastic energy of the one before.
+    fn of_level(problem: &Bound<'_, ContactProblem>, level: &ReducedLevel, stored: f64) -> PyResult<Self> {
+        let (py, energy) = (problem.py(), level.solution.energy);
+        let mut x = level.report.displacements.clone();
+        x.extend(&level.report.forces);
+        x.push(level.level);
+        let supports = level.supports.clone();
+        let solution = ContactSolution {
+            problem: problem.clone().unbind(),
+            x,
+            solution: level.solution.clone(),
+            free: level.report.displacements.clone(),
+            supports,
+            strategy: Some(level.report.strategy.to_string()),
+        };
+        let variables = level.history.len() / level.solution.states.len().max(1);
+        Ok(Self {
+            level: level.level,
+            solution: Py::new(py, solution)?,
+            folds: Vec::new(),
+            transitions: level.num_changes(),
+            arrival: "solved".to_owned(),
+            work: f64::NAN,
+            stored: energy.stored - stored,
+            dissipated: energy.dissipated,
+            returned: f64::NAN,
+            history: rows(py, variables, [level.history.as_slice()])?.unbind(),
+        })
+    }
 }
 
 /// Goes through a history of load levels: in each the static law holds for the increments of slip, and the curve of solutions is followed
@@ -285,7 +334,8 @@ impl EvolutionStep {
 /// callback : callable, optional
 ///     Called with each :class:`EvolutionStep`; returns True to stop.
 /// **options
-///     As for :func:`follow`; max_points is 1000 for each level, max_time (seconds) for each.
+///     As for :func:`follow`; max_points is 1000 for each level, max_time (seconds) for each. In reduced form those of
+///     :meth:`ContactProblem.solve`.
 ///
 /// Returns
 /// -------
@@ -316,7 +366,11 @@ pub(crate) fn evolve(
     let py = problem.py();
     problem.get().one_parameter()?;
     let levels = vector(levels, "levels")?;
-    let mut form: Form = problem.get().form.clone();
+    if let Some(reduced) = problem.get().reduced() {
+        let start = Start::of(start)?;
+        return evolve_reduced(problem, reduced, &start, &levels, callback, options);
+    }
+    let mut form: Form = problem.get().form()?.clone();
     let start = match start.cast::<EvolutionStep>() {
         Ok(step) => {
             let step = step.get();
@@ -355,6 +409,81 @@ pub(crate) fn evolve(
         };
         of_form!(&mut form, p => contact::evolve_observed(p, &start, &levels, &options, observe))
             .map_err(raised)
+    })?;
+    Ok(steps)
+}
+
+/// Where a history begins.
+struct Start {
+    x: Vec<f64>,
+    /// Of an earlier one that goes on.
+    history: Option<Vec<f64>>,
+}
+
+impl Start {
+    fn of(start: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let Ok(step) = start.cast::<EvolutionStep>() else {
+            return Ok(Self {
+                x: point(start)?,
+                history: None,
+            });
+        };
+        let (py, step) = (start.py(), step.get());
+        let history = step.history.bind(py).call_method0("ravel")?;
+        Ok(Self {
+            x: step.solution.get().x.clone(),
+            history: Some(vector(&history, "the history")?),
+        })
+    }
+}
+
+fn evolve_reduced(
+    problem: &Bound<'_, ContactProblem>,
+    reduced: &Reduced,
+    start: &Start,
+    levels: &[f64],
+    callback: Option<Py<PyAny>>,
+    options: Option<&Bound<'_, PyDict>>,
+) -> PyResult<Vec<Py<EvolutionStep>>> {
+    let (py, own) = (problem.py(), problem.get());
+    own.check_length(&start.x)?;
+    let (u, first) = (&start.x[..own.num_displacements()], start.x[start.x.len() - 1]);
+    let options: ReducedOptions = crate::arrays::options(options, py)?;
+    let all: Vec<f64> = std::iter::once(first).chain(levels.iter().copied()).collect();
+    let (mut steps, mut stored) = (Vec::new(), None);
+    let shared = problem.clone().unbind();
+    Run::watched(py, |run| {
+        let mut problem = begun(reduced)?;
+        problem.set_options(options).map_err(raised)?;
+        if let Some(history) = &start.history {
+            // The slips of the levels before are those of the displacements.
+            let solution = problem.solution(first, u).map_err(raised)?;
+            let along = |d: usize| solution.nodes.iter().map(move |v| v.slip[d]);
+            let slips: Vec<f64> = (0..own.dim() - 1).flat_map(along).collect();
+            problem.set_reference_slip(&slips).map_err(raised)?;
+            problem.set_history(history).map_err(raised)?;
+        }
+        let observe = |level: &ReducedLevel| {
+            let before = stored.replace(level.solution.energy.stored);
+            // The first one is the start.
+            let Some(before) = before else {
+                return run.flow();
+            };
+            let told = run.call(|py| {
+                let step = Py::new(py, EvolutionStep::of_level(shared.bind(py), level, before)?)?;
+                steps.push(step.clone_ref(py));
+                match &callback {
+                    Some(callback) => callback.bind(py).call1((step,))?.is_truthy(),
+                    None => Ok(false),
+                }
+            });
+            match told {
+                Some(false) => run.flow(),
+                _ => ControlFlow::Break(()),
+            }
+        };
+        let done = problem.evolve_observed(Some(u), &all, |_| run.flow(), observe);
+        done.map_err(raised)
     })?;
     Ok(steps)
 }

@@ -255,6 +255,59 @@ def test_histories_balance_and_can_be_continued():
     assert len(ss.evolve(problem, problem.solve(0.0), levels, callback=lambda s: s.level == 1.0)) == 2
 
 
+@pytest.mark.parametrize("solid", [False, True])
+def test_large_bodies_are_solved_in_their_displacements(solid):
+    cells, upper = ([8, 8, 4], [2, 2, 1]) if solid else ([32, 16], [2, 1])
+    make = ss.Mesh.block if solid else ss.Mesh.rectangle
+    down, across = ([0.0, 0.0, -0.02], [0.05, 0.01, None]) if solid else ([0.0, -0.02], [0.05, None])
+    body = ss.Body(make([0.0] * len(upper), upper, cells), ss.Material(1.0, 0.3), supports={"top": down})
+    ground = ss.Foundation.plane([0.0] * len(upper), np.eye(len(upper))[-1])
+
+    def problem(form):
+        return ss.ContactProblem(body, "bottom", ground, 0.4, rate=body.motion("top", across), form=form)
+
+    condensed, reduced = problem("condensed"), problem("reduced")
+    assert reduced.num_vars == problem("full").num_vars
+    n = body.num_free
+    for parameter in (0.0, 0.3, 0.6):
+        a, b = condensed.solve(parameter), reduced.solve(parameter)
+        size = np.abs(a.x[:-1]).max()
+        np.testing.assert_allclose(b.x[n:-1], a.x[:-1], atol=1e-8 * size, rtol=0)
+        np.testing.assert_allclose(b.displacements, a.displacements, atol=1e-8 * np.abs(a.displacements).max(), rtol=0)
+        np.testing.assert_allclose(b.reactions, a.reactions, atol=1e-8 * np.abs(a.reactions).max(), rtol=0)
+        assert b.strategy == "Newton" and max(b.residuals.values()) <= 1e-10
+        assert abs(b.energy["stored"] - a.energy["stored"]) <= 1e-8 * a.energy["stored"]
+        # The point is one of the full form, whose residuals are measured there.
+        assert max(problem("full").at(b.x).residuals.values()) <= 1e-9
+        assert reduced.at(b.x).states == b.states and reduced.solve(parameter, b).states == b.states
+
+    levels = [0.3, 0.6, 0.2]
+    told = []
+    a = ss.evolve(condensed, condensed.solve(0.0), levels)
+    b = ss.evolve(reduced, reduced.solve(0.0), levels, callback=told.append)
+    assert [s.level for s in b] == levels and [s.level for s in told] == levels
+    for s, t in zip(a, b):
+        size = np.abs(s.solution.x[:-1]).max()
+        np.testing.assert_allclose(t.solution.x[n:-1], s.solution.x[:-1], atol=1e-8 * size, rtol=0)
+        assert t.arrival == "solved" and t.folds == [] and np.isnan(t.work)
+        assert abs(t.stored - s.stored) <= 1e-8 * a[1].solution.energy["stored"]
+        assert t.dissipated >= 0.0
+    # A history that goes on from a level is the rest of one in a piece.
+    rest = ss.evolve(reduced, b[1], levels[2:])
+    np.testing.assert_allclose(rest[0].solution.x, b[2].solution.x, atol=1e-8 * np.abs(b[2].solution.x).max(), rtol=0)
+
+
+def test_the_size_of_a_body_chooses_its_route():
+    def problem(n):
+        body = ss.Body(ss.Mesh.block([0, 0, 0], [1, 1, 1], [n, n, n]), ss.Material(1.0, 0.3), supports={"top": 0.0})
+        ground = ss.Foundation.plane([0, 0, 0], [0, 0, 1])
+        return body.num_free, ss.ContactProblem(body, "bottom", ground, 0.4, form="auto")
+
+    small, large = problem(4), problem(13)
+    assert small[0] < 6000 < large[0]
+    assert small[1].num_vars == 3 * 25 + 1 and large[1].num_vars == large[0] + 3 * 14**2 + 1
+
+
 def test_what_is_worn_off_is_remembered():
     body = sheared().body
     friction = ss.Friction.exponential(0.4, 0.2, 0.005)
@@ -394,6 +447,7 @@ def test_exceptions_of_functions_come_out_unchanged():
         lambda: mesh.with_cells("x", fails),
         lambda: ss.evolve(sheared(), sheared().solve(), [0.5], callback=fails),
         lambda: ss.follow(sheared(), sheared().solve(), (0.0, 1.0), callback=fails),
+        lambda: ss.evolve(LARGE, LARGE.solve(), [0.5], callback=fails),
     ]:
         with pytest.raises(Failed):
             work()
@@ -401,6 +455,7 @@ def test_exceptions_of_functions_come_out_unchanged():
 
 BODY = sheared().body
 GROUND = ss.Foundation.plane([0, 0], [0, 1])
+LARGE = ss.ContactProblem(BODY, "bottom", GROUND, 0.4, rate=BODY.motion("top", [0.05, None]), form="reduced")
 TRIANGLE = [[0, 0], [1, 0], [0, 1]]
 
 
@@ -416,6 +471,15 @@ TRIANGLE = [[0, 0], [1, 0], [0, 1]]
         (lambda: ss.Mesh(TRIANGLE, {"triangle": [[0, 1, 2]]}, facets={"a": [[0]]}), "facet 0"),
         (lambda: ss.Mesh([[0, 0], [1, 0], [2, 0]], {"triangle": [[0, 1, 2]]}), "Jacobian"),
         (lambda: ss.Material(1.0, 0.5), "Poisson"),
+        (lambda: ss.follow(LARGE, LARGE.solve(), (0.0, 1.0)), "form=\"condensed\""),
+        (lambda: ss.all_solutions(LARGE), "form=\"condensed\""),
+        (lambda: LARGE.solve(states=["stick"]), "not from states"),
+        (lambda: LARGE.solve(tolerance=-1.0), "tolerance"),
+        (lambda: LARGE.solve(max_memory=1), "memory"),
+        (lambda: LARGE.solve(start=[0.0]), "length 1"),
+        (lambda: LARGE.at([0.0]), "length 1"),
+        (lambda: LARGE.solve(1.0, max_time=0.0), "stopped"),
+        (lambda: ss.evolve(LARGE, LARGE.solve(), [0.5], callback=lambda s: LARGE.solve()), "one thing at a time"),
         (lambda: ss.Body(BODY.mesh, ss.Material(1, 0.3), supports={"roof": 0.0}), "roof"),
         (lambda: ss.Body(BODY.mesh, ss.Material(1, 0.3), supports={"top": [0.0]}), "2 components"),
         (lambda: ss.Body(BODY.mesh, ss.Material(1, 0.3), supports={}), "floats"),
@@ -429,7 +493,7 @@ TRIANGLE = [[0, 0], [1, 0], [0, 1]]
         (lambda: ss.ContactProblem(BODY, "bottom", GROUND, 0.3, form="dense"), "dense"),
         (lambda: ss.ContactProblem(BODY, "bottom", ss.Foundation.plane([0, 0], [0, -1]), 0.3), "points into the body"),
         (lambda: ss.ContactProblem(BODY, "bottom", ss.Foundation.plane([0, 0, 0], [0, 0, 1]), 0.3), "length 3, expected 2"),
-        (lambda: ss.ContactProblem(BODY, "bottom", GROUND, ss.Friction.function(lambda s, a: abs(a))), "1 kinks"),
+        (lambda: ss.ContactProblem(BODY, "bottom", GROUND, ss.Friction.function(lambda s, a: abs(a))), "kinks: 1"),
         (lambda: ss.ContactProblem(BODY, "bottom", GROUND, ss.Friction([0.1], 0.1).scaled()), "slip alone"),
         (lambda: sheared().solve(0.0, states=["stick"]), "9"),
         (lambda: sheared().solve(0.0, states=["glue"] * 9), "glue"),

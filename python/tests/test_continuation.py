@@ -327,7 +327,7 @@ def test_ctrl_c_ends_a_curve(called):
     ("call", "error", "message"),
     [
         (lambda: ss.follow(beam, [0.0]), ValueError, "at least two"),
-        (lambda: ss.follow(ss.trace(beam, 2), [0.0, 0.0, 0.0]), ValueError, "must give 2 for 3"),
+        (lambda: ss.follow(ss.trace(beam, 2), [0.0, 0.0, 0.0]), ValueError, "must give 2 values for 3"),
         (lambda: ss.follow(beam, [0.0, 0.0], (2.0, 1.0)), ss.SemismoothError, "parameter_range"),
         (lambda: ss.follow(beam, [0.0, 0.0], direction="up"), ValueError, "increasing"),
         (lambda: ss.follow(beam, [0.0, 0.0], direction=[1.0]), ss.SemismoothError, "length"),

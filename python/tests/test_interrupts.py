@@ -54,6 +54,13 @@ def many_levels():
     ss.evolve(problem, problem.solve(), np.sin(np.arange(10.0**6)))
 
 
+def large_body():
+    body = ss.Body(ss.Mesh.block([0, 0, 0], [2, 2, 1], [16, 16, 8]), ss.Material(1.0, 0.3), supports={"top": [0.0, 0.0, -0.02]})
+    ground = ss.Foundation.plane([0, 0, 0], [0, 0, 1])
+    problem = ss.ContactProblem(body, "bottom", ground, 0.4, rate=body.motion("top", [0.05, 0.01, None]), form="reduced")
+    ss.evolve(problem, problem.solve(tolerance=1e-12), np.sin(np.arange(10.0**6)), tolerance=1e-12)
+
+
 def transition_set():
     def family(x):
         return [x[0] ** 3 + ss.maximum(x[0], 0) - x[1] - x[2]]
@@ -110,6 +117,7 @@ WORK = [
     starts_without_values,
     one_level,
     many_levels,
+    large_body,
     transition_set,
     diagram,
     inequality,

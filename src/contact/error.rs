@@ -182,10 +182,21 @@ pub enum ContactError {
     },
     /// Contact in the displacements alone found no solution.
     #[error(
-        "no solution found in {} steps: relative residuals of equilibrium {:e}, of the normal law {:e}, of friction {:e} at the best iterate",
-        .best.iterations.len(), .best.residuals.equilibrium, .best.residuals.normal, .best.residuals.tangential
+        "no solution found in {}: relative residuals of equilibrium {:e}, of the normal law {:e}, of friction {:e} at the best iterate",
+        crate::words::Count(.best.iterations.len(), "step", "steps"),
+        .best.residuals.equilibrium, .best.residuals.normal, .best.residuals.tangential
     )]
     NotConverged {
+        /// The best iterate, with its history.
+        best: Box<super::ReducedReport>,
+    },
+    /// A search in the displacements was stopped by its observer or by the limit of its time.
+    #[error(
+        "stopped after {}: relative residuals of equilibrium {:e}, of the normal law {:e}, of friction {:e} at the best iterate",
+        crate::words::Count(.best.iterations.len(), "step", "steps"),
+        .best.residuals.equilibrium, .best.residuals.normal, .best.residuals.tangential
+    )]
+    Interrupted {
         /// The best iterate, with its history.
         best: Box<super::ReducedReport>,
     },

@@ -31,8 +31,9 @@ pub use delassus::{
     DelassusSolver, DelassusStatus,
 };
 pub use displacements::{
-    KrylovOutcome, ReducedBody, ReducedContact, ReducedError, ReducedIteration, ReducedLevel, ReducedNodes,
-    ReducedOptions, ReducedReport, ReducedStep, ReducedStrategy, ReducedSystem, ReducedTimes, solve_reduced,
+    KrylovObserver, KrylovOutcome, ReducedBody, ReducedContact, ReducedError, ReducedIteration, ReducedLevel,
+    ReducedNodes, ReducedObserver, ReducedOptions, ReducedProgress, ReducedReport, ReducedStep,
+    ReducedStrategy, ReducedSystem, ReducedTimes, solve_reduced, solve_reduced_observed,
 };
 pub use error::ContactError;
 pub use evolution::{Arrival, EvolutionOptions, EvolutionProgress, EvolutionStep, evolve, evolve_observed};

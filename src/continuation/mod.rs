@@ -28,7 +28,7 @@ pub use certificate::{certify, certify_with};
 pub use curve::Continuation;
 pub use diagram::{
     Completeness, Diagram, DiagramBranch, DiagramEdge, DiagramFold, DiagramOptions, DiagramVertex, EdgeEnd,
-    Limit, Progress, Solution, SolutionsAt, VertexArm, VertexKind,
+    Limit, Progress, SectionProgress, Solution, SolutionsAt, VertexArm, VertexKind,
 };
 pub use error::ContinuationError;
 pub use options::{ContinuationOptions, Strategy};

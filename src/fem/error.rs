@@ -22,7 +22,7 @@ pub enum FemError {
         what: &'static str,
     },
     /// A cell, a facet or a list refers to a node that does not exist.
-    #[error("{what} {index} refers to node {node}, but there are {nodes} nodes, counted from 0")]
+    #[error("{what} {index} refers to node {node}; nodes are counted from 0, and there are {nodes}")]
     NoSuchNode {
         /// "cell" or "facet".
         what: &'static str,
@@ -34,7 +34,7 @@ pub enum FemError {
         nodes: usize,
     },
     /// A group has a cell that does not exist.
-    #[error("cell {cell} does not exist: there are {cells} cells, counted from 0")]
+    #[error("cell {cell} does not exist: cells are counted from 0, and there are {cells}")]
     CellNumber {
         /// Its number.
         cell: usize,

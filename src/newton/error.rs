@@ -3,6 +3,7 @@ use thiserror::Error;
 use super::{Failure, Report};
 use crate::linear::LinearError;
 use crate::piecewise::PiecewiseError;
+use crate::words::Count;
 
 /// What can go wrong in the corrector.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -25,7 +26,10 @@ pub enum NewtonError {
     #[error(transparent)]
     Linear(#[from] LinearError),
     /// No solution was found. The best iterate and the history are kept.
-    #[error("no solution found after {} iterations: {}; best residual {:e}", .0.report.history.len(), .0.reason, .0.residual_norm)]
+    #[error(
+        "no solution found after {}: {}; best residual {:e}",
+        Count(.0.report.history.len(), "iteration", "iterations"), .0.reason, .0.residual_norm
+    )]
     Failed(Box<Unsolved>),
 }
 

@@ -26,7 +26,7 @@ pub enum PiecewiseError {
         index: usize,
     },
     /// A selection names a piece that its site does not have: it is of another map, or its file was changed.
-    #[error("{what} has piece {piece} at site {site}, which has {pieces} pieces, counted from 0")]
+    #[error("{what} has piece {piece} at site {site}, whose pieces are counted from 0 and are {pieces}")]
     NoSuchPiece {
         /// Which selection.
         what: &'static str,

@@ -119,6 +119,13 @@ fn curves() {
         t.refuses("continuation::Diagram::explore_sections", name, name, || {
             Diagram::explore_sections(&map, &[0.5], &diagram, &EnumerationOptions::default())
         });
+        let sections = "continuation::Diagram::explore_sections_observed";
+        t.refuses(sections, name, name, || {
+            let lists = EnumerationOptions::default();
+            Diagram::explore_sections_observed(&map, &[0.5], &diagram, &lists, |_| {
+                std::ops::ControlFlow::Continue(())
+            })
+        });
         t.refuses("continuation::search_solutions", name, name, || {
             search_solutions(
                 &map,

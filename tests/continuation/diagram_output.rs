@@ -1,8 +1,12 @@
 //! Diagrams from all solutions at chosen parameters, against brute force over all selections; and what is written of them.
 
+use std::ops::ControlFlow;
+
 use crate::common;
 use semismooth::contact::{CondensedContact, FrictionCoefficient, FullContact, LoadPath, PlanarCoulomb};
-use semismooth::continuation::{Completeness, Diagram, DiagramOptions, Limit, VertexKind, certify};
+use semismooth::continuation::{
+    Completeness, Diagram, DiagramOptions, Limit, SectionProgress, VertexKind, certify,
+};
 use semismooth::enumeration::{EnumerationOptions, all_solutions};
 use semismooth::linear::{DenseLu, LinearSolver};
 use semismooth::output::{Column, write_diagram_csv};
@@ -232,6 +236,52 @@ fn certificates_fail_exactly_at_folds() {
             other => panic!("{other:?}"),
         }
     }
+}
+
+/// An observer is told of each section and of every event on the curves; once it has stopped it is not asked again, and what is missing is told.
+#[test]
+fn sections_are_observed() {
+    let (map, none) = (three_nodes(), EnumerationOptions::default());
+    let options = DiagramOptions::default().with_parameter_range(RANGE);
+    let sections = [0.0, 0.5];
+    let (mut told, mut points) = (Vec::new(), 0);
+    let whole = Diagram::explore_sections_observed(&map, &sections, &options, &none, |progress| {
+        match progress {
+            SectionProgress::Solutions(alpha) => told.push(*alpha),
+            SectionProgress::Curves(now) => points = now.points,
+            _ => unreachable!(),
+        }
+        ControlFlow::Continue(())
+    });
+    told.dedup();
+    assert_eq!(told, sections);
+    let whole = whole.unwrap();
+    assert!(whole == Diagram::explore_sections(&map, &sections, &options, &none).unwrap());
+    assert!(points > whole.vertices().len());
+
+    let stopped = |at: &dyn Fn(&SectionProgress<'_>) -> bool| {
+        let mut asked_after = 0;
+        let mut is_over = false;
+        let diagram = Diagram::explore_sections_observed(&map, &sections, &options, &none, |progress| {
+            asked_after += usize::from(is_over);
+            is_over |= at(progress);
+            match is_over {
+                true => ControlFlow::Break(()),
+                false => ControlFlow::Continue(()),
+            }
+        })
+        .unwrap();
+        assert_eq!(asked_after, 0);
+        match diagram.completeness() {
+            Completeness::Limited(list) => assert!(list.contains(&Limit::Stopped), "{list:?}"),
+            other => panic!("{other}"),
+        }
+        diagram
+    };
+    let listing = stopped(&|p| *p == SectionProgress::Solutions(0.5));
+    assert_eq!((listing.vertices().len(), listing.edges().len()), (0, 0));
+    let following = stopped(&|p| matches!(p, SectionProgress::Curves(now) if now.edges == 2));
+    assert!(following.edges().len() >= 2 && following.edges().len() < whole.edges().len());
 }
 
 #[test]

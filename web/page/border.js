@@ -9,8 +9,11 @@ const computations = (() => {
     module = await WebAssembly.compile(await new Response(unpacked).arrayBuffer());
     start();
   };
+  // Milliseconds in all answers.
+  let spent = 0;
   // The answer, {ok} or {error}.
   const ask = (question) => {
+    const begun = performance.now();
     try {
       const text = new TextEncoder().encode(JSON.stringify(question));
       const at = exports.question(text.length);
@@ -22,7 +25,9 @@ const computations = (() => {
       // What stopped once is not to be asked again.
       start();
       return { error: { message: `the computation stopped (${error.message}); please report the address of this page` } };
+    } finally {
+      spent += performance.now() - begun;
     }
   };
-  return { load, ask };
+  return { load, ask, spent: () => spent };
 })();

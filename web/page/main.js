@@ -2,16 +2,18 @@
 const colour = () => palettes[document.documentElement.classList.contains('dark') ? 'dark' : 'light'];
 const fail = (message) => { element('failure').hidden = !message; element('failure').textContent = message ?? ''; };
 const tabs = ['one', 'two', 'formula'];
-// What the last drawing took, in milliseconds, and how many there were: for the line at the end of the page and for tests.
-const drawn = { count: 0, milliseconds: 0 };
+// What the last drawing took, in milliseconds, what of it went into computations, and how many there were: for the line at the end of the
+// page and for tests.
+const drawn = { count: 0, milliseconds: 0, computed: 0 };
 
 let ready = false;
 const redraw = () => {
   if (!ready) return;
-  const begun = performance.now();
+  const [begun, before] = [performance.now(), computations.spent()];
   (state.tab === 'formula' ? formulaTab : frictionTab).redraw();
   drawn.count += 1;
   drawn.milliseconds = performance.now() - begun;
+  drawn.computed = computations.spent() - before;
   element('time').textContent = `Computed and drawn in ${drawn.milliseconds.toFixed(1)} ms.`;
 };
 

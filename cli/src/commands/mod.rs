@@ -132,6 +132,18 @@ fn man(out: &mut dyn Write) -> std::io::Result<()> {
                 .as_bytes(),
         )?;
     }
+    writeln!(
+        out,
+        ".SH \"RUN FILES\"\nAs `semismooth init` writes them, with all their keys."
+    )?;
+    for (command, template) in TEMPLATES {
+        writeln!(out, ".SS \"{command}\"\n.nf")?;
+        for line in template.lines() {
+            // A dot or a quotation mark at the beginning would be a request.
+            writeln!(out, "\\&{}", line.replace('\\', "\\e").replace('-', "\\-"))?;
+        }
+        writeln!(out, ".fi")?;
+    }
     page.render_extra_section(out)?;
     page.render_version_section(out)
 }

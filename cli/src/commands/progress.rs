@@ -41,10 +41,21 @@ impl Progress {
     pub(super) fn at(&self, position: u64, message: impl Into<String>) -> ControlFlow<()> {
         self.bar.set_position(position);
         self.bar.set_message(message.into());
+        self.flow()
+    }
+
+    /// Asks to stop once Ctrl-C was pressed.
+    pub(super) fn flow(&self) -> ControlFlow<()> {
         match self.cancelled() {
             true => ControlFlow::Break(()),
             false => ControlFlow::Continue(()),
         }
+    }
+
+    /// What goes on at the position; asks to stop once Ctrl-C was pressed.
+    pub(super) fn message(&self, message: String) -> ControlFlow<()> {
+        self.bar.set_message(message);
+        self.flow()
     }
 
     /// Sets what the end is.

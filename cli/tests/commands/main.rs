@@ -1,5 +1,6 @@
 //! The commands as users start them: run files, results, exit codes.
 
+mod large;
 mod problems;
 
 use std::ops::ControlFlow;
@@ -480,6 +481,15 @@ fn shells_and_manuals_know_the_commands() {
                 section.contains(option),
                 "{command}: {option} is not in {section}"
             );
+        }
+    }
+    // And the keys of their run files.
+    for command in ["contact", "follow", "diagram", "solutions"] {
+        printed(&folder, &["init", command]);
+        let template = std::fs::read_to_string(folder.join(format!("{command}.toml"))).unwrap();
+        for line in template.lines() {
+            assert!(line.chars().count() <= 100, "{line}");
+            assert!(manual.contains(&format!("&{line}\n")), "{command}: {line}");
         }
     }
     // A problem of AMPL's may have the name of a command.

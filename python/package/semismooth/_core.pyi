@@ -759,6 +759,15 @@ class _ContactOptions(TypedDict, total=False):
     max_branchings: int
     max_nodes: int
     max_time: float | None
+    # In reduced form.
+    tolerance: float
+    max_iterations: int
+    max_krylov: int
+    directions: int
+    forcing: float
+    max_load_steps: int
+    max_condensed: int
+    max_memory: int | None
 
 _Coefficient: TypeAlias = ArrayLike | Friction
 
@@ -774,7 +783,7 @@ class ContactProblem:
         load: Load | None = None,
         rate: Load | None = None,
         paths: Sequence[tuple[Load, Callable[[Any], Any] | Map]] | None = None,
-        form: Literal["condensed", "full"] = "condensed",
+        form: Literal["condensed", "full", "reduced", "auto"] = "condensed",
         multipliers: Literal["nodal", "dual cells"] | float | None = None,
     ) -> ContactProblem: ...
     def with_second_parameter(self, load: Load) -> ContactProblem: ...

@@ -139,6 +139,13 @@ impl ReducedBody {
         &self.load
     }
 
+    /// Displacements of the supports at α, to be shown with those that are free: as they are in the first load case that has supports.
+    /// Empty where no load case has.
+    #[must_use]
+    pub fn support_displacements(&self, alpha: f64) -> Vec<f64> {
+        self.load.support_state(&[alpha]).displacements().to_vec()
+    }
+
     /// The initial gaps.
     #[must_use]
     pub fn gap(&self) -> &[f64] {

@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use super::{ReducedContact, ReducedReport};
+use super::{ReducedContact, ReducedObserver, ReducedProgress, ReducedReport};
 use crate::contact::{ContactError, ContactSolution, ContactState, NodeLaw};
 
 /// One level of [`ReducedContact::evolve`].
@@ -20,6 +20,10 @@ pub struct ReducedLevel {
     /// from open to slip, `changes[2][2]` counts those whose traction along t₁ has turned round. Zeros in the first level. A node
     /// at the border of two states, with its traction at the bound and no slip since the level before, say, may count for either.
     pub changes: [[usize; 3]; 3],
+    /// Displacements of the supports ([`ReducedBody::support_displacements`](super::ReducedBody::support_displacements)).
+    pub supports: Vec<f64>,
+    /// History variables at the end of the level, node by node.
+    pub history: Vec<f64>,
 }
 
 impl ReducedLevel {
@@ -81,6 +85,21 @@ impl<L: NodeLaw> ReducedContact<L> {
         &mut self,
         start: Option<&[f64]>,
         levels: &[f64],
+        observe: impl FnMut(&ReducedLevel) -> ControlFlow<()>,
+    ) -> Result<Vec<ReducedLevel>, ContactError> {
+        self.evolve_observed(start, levels, |_| ControlFlow::Continue(()), observe)
+    }
+
+    /// [`evolve`](Self::evolve) with a second observer, that of [`solve_observed`](Self::solve_observed), which sees how the search for the next
+    /// level goes on and may stop it: the levels before are returned, and the problem is left at the last of them.
+    ///
+    /// # Errors
+    /// As [`evolve`](Self::evolve).
+    pub fn evolve_observed(
+        &mut self,
+        start: Option<&[f64]>,
+        levels: &[f64],
+        mut search: impl FnMut(&ReducedProgress) -> ControlFlow<()> + Send,
         mut observe: impl FnMut(&ReducedLevel) -> ControlFlow<()>,
     ) -> Result<Vec<ReducedLevel>, ContactError> {
         if self.node_law().depends_on_slip() {
@@ -89,9 +108,19 @@ impl<L: NodeLaw> ReducedContact<L> {
         crate::contact::error::check_finite("the list of load levels", levels)?;
         let mut reached: Vec<ReducedLevel> = Vec::new();
         for &level in levels {
-            let report = match reached.as_slice() {
-                [] => self.solve(level, start)?,
-                [.., last] => self.next_level(level, &reached, last)?,
+            let mut stopped = false;
+            let mut each = |progress: &ReducedProgress| {
+                let flow = search(progress);
+                stopped |= flow.is_break();
+                flow
+            };
+            let found = match reached.as_slice() {
+                [] => self.solve_telling(level, start, &mut each),
+                [.., last] => self.next_level(level, &reached, last, &mut each),
+            };
+            let report = match found {
+                Err(ContactError::Interrupted { .. }) if stopped => break,
+                found => found?,
             };
             let solution = self.solution(level, &report.displacements)?;
             self.end_level(level, &report.displacements)?;
@@ -104,6 +133,8 @@ impl<L: NodeLaw> ReducedContact<L> {
                 report,
                 solution,
                 changes,
+                supports: self.body().support_displacements(level),
+                history: self.history().to_vec(),
             });
             if reached.last().is_some_and(|level| observe(level).is_break()) {
                 break;
@@ -117,19 +148,20 @@ impl<L: NodeLaw> ReducedContact<L> {
         level: f64,
         reached: &[ReducedLevel],
         last: &ReducedLevel,
+        observe: &mut ReducedObserver<'_>,
     ) -> Result<ReducedReport, ContactError> {
         if let [.., before, _] = reached {
             let share = (level - last.level) / (last.level - before.level);
             let (old, new) = (&before.report.displacements, &last.report.displacements);
             let line: Vec<f64> = new.iter().zip(old).map(|(v, u)| v + share * (v - u)).collect();
             if line.iter().all(|u| u.is_finite()) {
-                match self.solve(level, Some(&line)) {
+                match self.solve_telling(level, Some(&line), observe) {
                     Err(ContactError::NotConverged { .. } | ContactError::StepFailed { .. }) => {}
                     found => return found,
                 }
             }
         }
-        self.solve(level, Some(&last.report.displacements))
+        self.solve_telling(level, Some(&last.report.displacements), observe)
     }
 }
 

@@ -8,22 +8,23 @@ mod options;
 mod report;
 mod system;
 
+use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use super::body_state::BodyState;
 use super::error::{check_finite, check_length};
 use super::solution::judge;
-use super::{CondensedContact, ContactError, ContactOptions, ContactSolution, NodeLaw};
+use super::{CondensedContact, ContactError, ContactOptions, ContactProgress, ContactSolution, NodeLaw};
 use crate::clock::Clock;
 use crate::linear::LinearError;
 
 pub use body::ReducedBody;
 pub use evolution::ReducedLevel;
-pub use newton::{ReducedError, ReducedNodes, solve_reduced};
+pub use newton::{ReducedError, ReducedNodes, ReducedObserver, solve_reduced, solve_reduced_observed};
 pub use options::ReducedOptions;
-pub use report::{ReducedIteration, ReducedReport, ReducedStrategy, ReducedTimes};
+pub use report::{ReducedIteration, ReducedProgress, ReducedReport, ReducedStrategy, ReducedTimes};
 use system::SerialSystem;
-pub use system::{KrylovOutcome, ReducedStep, ReducedSystem};
+pub use system::{KrylovObserver, KrylovOutcome, ReducedStep, ReducedSystem};
 
 /// The augmentation parameter against the stiffness of single contact nodes, as in the other forms.
 const GIVING_WAY: f64 = 0.25;
@@ -73,6 +74,15 @@ pub struct ReducedContact<L> {
     history: Vec<f64>,
 }
 
+/// The memory needed is held against its limit.
+fn fits(body: &ReducedBody, options: &ReducedOptions) -> Result<(), ContactError> {
+    let needed = body.memory(options);
+    match options.max_memory {
+        Some(limit) if needed > limit => Err(ContactError::Memory { needed, limit }),
+        _ => Ok(()),
+    }
+}
+
 /// A search that found no solution.
 struct Failed {
     /// In free displacements.
@@ -115,10 +125,7 @@ impl<L: NodeLaw> ReducedContact<L> {
                 found,
             });
         }
-        let needed = body.memory(&options);
-        if let Some(limit) = options.max_memory.filter(|limit| needed > *limit) {
-            return Err(ContactError::Memory { needed, limit });
-        }
+        fits(&body, &options)?;
         let body = Arc::new(body);
         let system = SerialSystem::new(Arc::clone(&body), options.directions, options.max_krylov);
         let system = system.map_err(|e| match e {
@@ -135,6 +142,18 @@ impl<L: NodeLaw> ReducedContact<L> {
             options,
             system,
         })
+    }
+
+    /// Other options, from the next solve on.
+    ///
+    /// # Errors
+    /// Options out of range; [`ContactError::Memory`] where more memory would be needed than they allow.
+    pub fn set_options(&mut self, options: ReducedOptions) -> Result<(), ContactError> {
+        options.validate()?;
+        fits(&self.body, &options)?;
+        self.system.limit(options.directions, options.max_krylov);
+        self.options = options;
+        Ok(())
     }
 
     /// The body.
@@ -166,8 +185,31 @@ impl<L: NodeLaw> ReducedContact<L> {
     ///
     /// # Errors
     /// Wrong lengths, values that are not finite, coefficients of friction that the law refuses; [`ContactError::NotConverged`] and
-    /// [`ContactError::StepFailed`] with the best iterate and its history.
+    /// [`ContactError::StepFailed`] with the best iterate and its history, [`ContactError::Interrupted`] where time is over before.
     pub fn solve(&mut self, alpha: f64, start: Option<&[f64]>) -> Result<ReducedReport, ContactError> {
+        self.solve_observed(alpha, start, |_| ControlFlow::Continue(()))
+    }
+
+    /// [`solve`](Self::solve), telling `observe` before each Newton step, each GMRES iteration and each attempt in the condensed form; it may
+    /// stop the search, but for a factorisation under way. It may be called from a thread of the pool.
+    ///
+    /// # Errors
+    /// As [`solve`](Self::solve); [`ContactError::Interrupted`] with the best iterate where `observe` has stopped.
+    pub fn solve_observed(
+        &mut self,
+        alpha: f64,
+        start: Option<&[f64]>,
+        mut observe: impl FnMut(&ReducedProgress) -> ControlFlow<()> + Send,
+    ) -> Result<ReducedReport, ContactError> {
+        self.solve_telling(alpha, start, &mut observe)
+    }
+
+    pub(super) fn solve_telling(
+        &mut self,
+        alpha: f64,
+        start: Option<&[f64]>,
+        observe: &mut ReducedObserver<'_>,
+    ) -> Result<ReducedReport, ContactError> {
         check_finite("the parameter", &[alpha])?;
         let n = self.body.num_displacements();
         let free = match start {
@@ -201,12 +243,13 @@ impl<L: NodeLaw> ReducedContact<L> {
         check_finite("the load", &load)?;
         let load = self.body.turned(&load);
         let u = self.body.turned(&free);
-        let solved = solve_reduced(&mut self.system, &nodes, &self.law, &load, u, &self.options);
+        let (system, options) = (&mut self.system, &self.options);
+        let solved = solve_reduced_observed(system, &nodes, &self.law, &load, u, options, observe);
         match solved {
             Ok(report) => Ok(self.in_free(report)),
             Err(e) => {
                 let failed = self.failed(e)?;
-                self.condensed(alpha, &load, failed)
+                self.condensed(alpha, &load, failed, observe)
             }
         }
     }
@@ -216,6 +259,10 @@ impl<L: NodeLaw> ReducedContact<L> {
         let (best, source) = match error {
             ReducedError::System { source, best } => (best, Some(source)),
             ReducedError::Contact(ContactError::NotConverged { best }) => (best, None),
+            ReducedError::Contact(ContactError::Interrupted { best }) => {
+                let best = Box::new(self.in_free(*best));
+                return Err(ContactError::Interrupted { best });
+            }
             ReducedError::Contact(e) => return Err(e),
         };
         Ok(Failed {
@@ -230,7 +277,13 @@ impl<L: NodeLaw> ReducedContact<L> {
     }
 
     /// The strategies of the condensed form, polished here.
-    fn condensed(&mut self, alpha: f64, load: &[f64], failed: Failed) -> Result<ReducedReport, ContactError> {
+    fn condensed(
+        &mut self,
+        alpha: f64,
+        load: &[f64],
+        failed: Failed,
+        observe: &mut ReducedObserver<'_>,
+    ) -> Result<ReducedReport, ContactError> {
         let (n, q) = (self.body.num_displacements(), failed.best.forces.len());
         let spent = failed.best.times.total();
         let late = self.options.max_time.is_some_and(|limit| spent >= limit);
@@ -240,8 +293,31 @@ impl<L: NodeLaw> ReducedContact<L> {
         let clock = Clock::start();
         let left = self.options.max_time.map(|limit| limit.saturating_sub(spent));
         let options = ContactOptions::default().with_max_time(left);
-        let Ok(u) = self.condensed_solution(alpha, &options) else {
-            return Err(failed.into());
+        let mut progress = ReducedProgress {
+            load: 1.0,
+            newton: failed.best.newton(),
+            krylov: 0,
+            residual: failed.best.residuals.largest(),
+        };
+        let mut stopped = false;
+        let mut each = |tried: &ContactProgress| {
+            progress.load = tried.level;
+            let flow = observe(&progress);
+            stopped |= flow.is_break();
+            flow
+        };
+        let found = self.condensed_solution(alpha, &options, &mut each);
+        let late = self
+            .options
+            .max_time
+            .is_some_and(|limit| spent + clock.elapsed() >= limit);
+        let u = match found {
+            Ok(u) => u,
+            Err(_) if stopped || late => {
+                let best = Box::new(failed.best);
+                return Err(ContactError::Interrupted { best });
+            }
+            Err(_) => return Err(failed.into()),
         };
         let u = self.body.turned(&u);
         let elapsed = clock.elapsed();
@@ -266,7 +342,8 @@ impl<L: NodeLaw> ReducedContact<L> {
             report.times.rest += before.times.rest + elapsed;
             report
         };
-        match solve_reduced(&mut self.system, &nodes, &self.law, load, u, &options) {
+        let system = &mut self.system;
+        match solve_reduced_observed(system, &nodes, &self.law, load, u, &options, observe) {
             Ok(report) => Ok(join(self.in_free(report))),
             Err(e) => {
                 let Failed { best, source } = self.failed(e)?;
@@ -277,7 +354,12 @@ impl<L: NodeLaw> ReducedContact<L> {
     }
 
     /// Displacements from the condensed form, if the memory that is left does for it.
-    fn condensed_solution(&self, alpha: f64, options: &ContactOptions) -> Result<Vec<f64>, ContactError> {
+    fn condensed_solution(
+        &self,
+        alpha: f64,
+        options: &ContactOptions,
+        observe: &mut dyn FnMut(&ContactProgress) -> ControlFlow<()>,
+    ) -> Result<Vec<f64>, ContactError> {
         let taken = self
             .body
             .memory(&self.options)
@@ -295,7 +377,7 @@ impl<L: NodeLaw> ReducedContact<L> {
         };
         problem.set_reference_slip(&self.reference)?;
         problem.set_history(&self.history)?;
-        let found = problem.solve_observed(alpha, None, options, |_| std::ops::ControlFlow::Continue(()))?;
+        let found = problem.solve_observed(alpha, None, options, observe)?;
         problem.displacements(&found.x)
     }
 
@@ -356,6 +438,33 @@ impl<L: NodeLaw> ReducedContact<L> {
             },
             (state.stored(), state.load_energy(), equilibrium),
         ))
+    }
+
+    /// Sets the tangential displacements from which slips are measured (all along t₁, then all along t₂), as
+    /// [`Contact::set_reference_slip`](super::Contact::set_reference_slip) does. Zero at first.
+    ///
+    /// # Errors
+    /// Wrong length, values that are not finite.
+    pub fn set_reference_slip(&mut self, reference: &[f64]) -> Result<(), ContactError> {
+        check_length("the reference of the slip", reference, self.reference.len())?;
+        self.reference.copy_from_slice(reference);
+        Ok(())
+    }
+
+    /// Sets the history variables, node by node: those at the end of the level before. Zero at first.
+    ///
+    /// # Errors
+    /// Wrong length, values that are not finite.
+    pub fn set_history(&mut self, history: &[f64]) -> Result<(), ContactError> {
+        check_length("the list of history variables", history, self.history.len())?;
+        self.history.copy_from_slice(history);
+        Ok(())
+    }
+
+    /// The history variables, node by node.
+    #[must_use]
+    pub fn history(&self) -> &[f64] {
+        &self.history
     }
 
     /// Ends a load level at displacements: history variables and the slips that count as none are updated.

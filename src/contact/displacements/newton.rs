@@ -1,12 +1,15 @@
 //! Semismooth Newton in the displacements, the laws of the nodes eliminated one by one.
 
+use std::ops::ControlFlow;
 use std::time::Duration;
 
 use thiserror::Error;
 
 use super::node::Node;
 use super::system::{KrylovOutcome, ReducedStep, ReducedSystem};
-use super::{ReducedIteration, ReducedOptions, ReducedReport, ReducedStrategy, ReducedTimes};
+use super::{
+    ReducedIteration, ReducedOptions, ReducedProgress, ReducedReport, ReducedStrategy, ReducedTimes,
+};
 use crate::clock::{Clock, Deadline};
 use crate::contact::law::{LocalValues, NodeLaw};
 use crate::contact::{ContactError, ContactResiduals, ContactState};
@@ -53,6 +56,9 @@ pub enum ReducedError<E> {
         best: Box<ReducedReport>,
     },
 }
+
+/// Sees how far a solve has come, and may stop it.
+pub type ReducedObserver<'a> = dyn FnMut(&ReducedProgress) -> ControlFlow<()> + Send + 'a;
 
 /// What ends a search.
 enum Stop<E> {
@@ -117,8 +123,8 @@ impl ReducedNodes<'_> {
 /// all components. What one process finds wrong ends the solve in all of them, and so does the time of one that is over.
 ///
 /// # Errors
-/// Those of the system; laws that cannot be eliminated; [`ContactError::NotConverged`] with the best iterate;
-/// [`ContactError::Elsewhere`] where another process found an error.
+/// Those of the system; laws that cannot be eliminated; [`ContactError::NotConverged`] with the best iterate, and
+/// [`ContactError::Interrupted`] where time is over before; [`ContactError::Elsewhere`] where another process found an error.
 pub fn solve_reduced<S: ReducedSystem>(
     system: &mut S,
     nodes: &ReducedNodes<'_>,
@@ -126,6 +132,24 @@ pub fn solve_reduced<S: ReducedSystem>(
     load: &[f64],
     u: Vec<f64>,
     options: &ReducedOptions,
+) -> Result<ReducedReport, ReducedError<S::Error>> {
+    let observe = &mut |_: &ReducedProgress| ControlFlow::Continue(());
+    solve_reduced_observed(system, nodes, law, load, u, options, observe)
+}
+
+/// [`solve_reduced`], telling `observe` before each Newton step, and where the system does so before each iteration of its linear solves; it
+/// may stop. What the observer of one process stops ends in all of them.
+///
+/// # Errors
+/// Those of [`solve_reduced`]; [`ContactError::Interrupted`] with the best iterate where the observer has stopped.
+pub fn solve_reduced_observed<S: ReducedSystem>(
+    system: &mut S,
+    nodes: &ReducedNodes<'_>,
+    law: &dyn NodeLaw,
+    load: &[f64],
+    u: Vec<f64>,
+    options: &ReducedOptions,
+    observe: &mut ReducedObserver<'_>,
 ) -> Result<ReducedReport, ReducedError<S::Error>> {
     let checked = check(system.len(), nodes, law, load, &u, options);
     let is_contact = match agreed(system, checked) {
@@ -149,6 +173,8 @@ pub fn solve_reduced<S: ReducedSystem>(
         is_contact,
         options,
         deadline: Deadline::after(options.max_time),
+        observe,
+        stopped: false,
         iterations: Vec::new(),
         times: ReducedTimes::default(),
         best: Best::start(u, nodes, law),
@@ -167,6 +193,7 @@ pub fn solve_reduced<S: ReducedSystem>(
         Ok(strategy) => *strategy,
         Err(_) => ReducedStrategy::Newton,
     };
+    let stopped = search.stopped;
     let report = ReducedReport {
         iterations: search.iterations,
         times: search.times,
@@ -174,10 +201,14 @@ pub fn solve_reduced<S: ReducedSystem>(
     };
     match ended {
         Ok(_) if report.residuals.largest() <= options.tolerance => Ok(report),
-        Ok(_) => Err(ContactError::NotConverged {
-            best: Box::new(report),
+        Ok(_) => {
+            let best = Box::new(report);
+            Err(match stopped {
+                true => ContactError::Interrupted { best },
+                false => ContactError::NotConverged { best },
+            }
+            .into())
         }
-        .into()),
         Err(Stop::Contact(e)) => Err(e.into()),
         Err(Stop::System(source)) => Err(ReducedError::System {
             source,
@@ -309,6 +340,9 @@ struct Search<'a, S> {
     is_contact: Vec<bool>,
     options: &'a ReducedOptions,
     deadline: Deadline<'static>,
+    observe: &'a mut ReducedObserver<'a>,
+    /// By the observer or the limit of time, in any process.
+    stopped: bool,
     iterations: Vec<ReducedIteration>,
     times: ReducedTimes,
     best: Best,
@@ -374,6 +408,7 @@ impl<S: ReducedSystem> Search<'_, S> {
         let (mut best, mut since) = ((f64::INFINITY, Vec::new()), 0);
         let (mut before, mut damped) = (f64::INFINITY, false);
         for taken in 0..=limit {
+            self.tell(share);
             let state = self.evaluate(&u)?;
             let error = state.residuals.largest();
             if error <= tolerance {
@@ -394,6 +429,7 @@ impl<S: ReducedSystem> Search<'_, S> {
                 }
             }
             if state.late {
+                self.stopped = true;
                 return Ok((Ended::Interrupted, best.1));
             }
             if taken == limit {
@@ -432,12 +468,32 @@ impl<S: ReducedSystem> Search<'_, S> {
             if let Some(last) = self.iterations.last_mut() {
                 (last.krylov, last.step) = (outcome.iterations, taken);
             }
-            if taken == 0.0 {
+            if taken == 0.0 && !self.stopped {
                 break;
             }
         }
         let u = if best.1.is_empty() { u } else { best.1 };
         Ok((Ended::Stuck, u))
+    }
+
+    /// How far the search has come, but for the linear solve under way.
+    fn progress(&self, load: f64) -> ReducedProgress {
+        ReducedProgress {
+            load,
+            newton: self.iterations.len(),
+            krylov: 0,
+            residual: self
+                .iterations
+                .last()
+                .map_or(f64::INFINITY, |i| i.residuals.largest()),
+        }
+    }
+
+    fn tell(&mut self, load: f64) {
+        if !self.stopped {
+            let progress = self.progress(load);
+            self.stopped = (self.observe)(&progress).is_break();
+        }
     }
 
     /// The load in steps, from none.
@@ -536,7 +592,8 @@ impl<S: ReducedSystem> Search<'_, S> {
             }
         }
         let mut sums = [squares, counts[0], counts[1], counts[2]];
-        let flags = [self.deadline.is_over(), failure.is_some()].map(|b| f64::from(u8::from(b)));
+        let flags =
+            [self.stopped || self.deadline.is_over(), failure.is_some()].map(|b| f64::from(u8::from(b)));
         let mut largest = [balance, weight, normal, tangential, size, flags[0], flags[1]];
         self.system.sum(&mut sums).map_err(Stop::System)?;
         self.system.max(&mut largest).map_err(Stop::System)?;
@@ -588,8 +645,19 @@ impl<S: ReducedSystem> Search<'_, S> {
                 };
             }
         }
-        let clock = Clock::start();
-        let solved = self.system.solve(&self.other, &mut self.direction, forcing);
+        let progress = self.progress(self.iterations.last().map_or(1.0, |i| i.load));
+        let (clock, left) = (Clock::start(), self.deadline.left());
+        let (observe, stopped) = (&mut *self.observe, &mut self.stopped);
+        let mut each = |krylov: usize| {
+            let late = left.is_some_and(|left| clock.elapsed() >= left);
+            *stopped = *stopped || late || observe(&ReducedProgress { krylov, ..progress }).is_break();
+            match *stopped {
+                true => ControlFlow::Break(()),
+                false => ControlFlow::Continue(()),
+            }
+        };
+        let (rest, direction) = (&self.other, &mut self.direction);
+        let solved = self.system.solve_observed(rest, direction, forcing, &mut each);
         self.times.krylov += clock.elapsed();
         let outcome = solved.map_err(Stop::System)?;
         u.iter_mut().zip(&self.direction).for_each(|(u, d)| *u += d);

@@ -35,7 +35,7 @@ pub struct ReducedOptions {
     /// Most displacements with which the condensed form is tried when load steps fail as well: it factors the stiffness matrix. 0 leaves
     /// it out. Default 100 000.
     pub max_condensed: usize,
-    /// Wall-clock time after which a solve ends; looked at between Newton steps. Default none: with a limit results depend on the
+    /// Wall-clock time after which a solve ends; looked at between GMRES iterations. Default none: with a limit results depend on the
     /// machine.
     pub max_time: Option<Duration>,
     /// Memory in bytes that multigrid and GMRES may take beside the body, by an estimate made before they are allocated. Default none.

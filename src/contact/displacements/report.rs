@@ -18,6 +18,20 @@ pub enum ReducedStrategy {
     Condensed,
 }
 
+/// How far a solve has come.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct ReducedProgress {
+    /// Share of the load, 1 but for load steps.
+    pub load: f64,
+    /// Newton steps begun, of failed attempts too.
+    pub newton: usize,
+    /// GMRES iterations of the step under way, one more for each restart.
+    pub krylov: usize,
+    /// The largest residual before the last Newton step; infinite before the first one.
+    pub residual: f64,
+}
+
 /// One Newton step.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]

@@ -1,6 +1,7 @@
 //! The linear systems of Newton's method in the displacements, and who solves them.
 
 use std::cell::RefCell;
+use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use super::ReducedBody;
@@ -46,6 +47,21 @@ pub trait ReducedSystem {
     /// Those of the implementation.
     fn solve(&mut self, r: &[f64], d: &mut [f64], tolerance: f64) -> Result<KrylovOutcome, Self::Error>;
 
+    /// [`solve`](Self::solve), which tells `observe` how many iterations it has done before each one and ends where that breaks, with
+    /// what it has reached. Unless an implementation does so, the observer is asked between Newton steps alone.
+    ///
+    /// # Errors
+    /// Those of the implementation.
+    fn solve_observed(
+        &mut self,
+        r: &[f64],
+        d: &mut [f64],
+        tolerance: f64,
+        _observe: &mut KrylovObserver<'_>,
+    ) -> Result<KrylovOutcome, Self::Error> {
+        self.solve(r, d, tolerance)
+    }
+
     /// Sums over all processes, entry by entry.
     ///
     /// # Errors
@@ -58,6 +74,9 @@ pub trait ReducedSystem {
     /// Those of the implementation.
     fn max(&self, values: &mut [f64]) -> Result<(), Self::Error>;
 }
+
+/// Sees the number of iterations of a linear solve, and may end it. It may be called from a thread of the pool.
+pub type KrylovObserver<'a> = dyn FnMut(usize) -> ControlFlow<()> + Send + 'a;
 
 /// A matrix in terms of the stiffness matrix A: rows and columns that are held become those of the identity, the rest is A + `added` +
 /// `beside` + `combined`.
@@ -143,6 +162,12 @@ impl SerialSystem {
         })
     }
 
+    /// Limits of the solves to come.
+    pub(super) fn limit(&mut self, directions: usize, max_iterations: usize) {
+        self.gmres = Gmres::new(directions);
+        self.max_iterations = max_iterations;
+    }
+
     /// Nodes and blocks of each level.
     pub(super) fn levels(&self) -> Vec<(usize, usize)> {
         match (&self.hierarchy, &self.body.stiffness.blocks) {
@@ -180,17 +205,28 @@ impl ReducedSystem for SerialSystem {
     }
 
     fn solve(&mut self, r: &[f64], d: &mut [f64], tolerance: f64) -> Result<KrylovOutcome, LinearError> {
+        self.solve_observed(r, d, tolerance, &mut |_| ControlFlow::Continue(()))
+    }
+
+    fn solve_observed(
+        &mut self,
+        r: &[f64],
+        d: &mut [f64],
+        tolerance: f64,
+        observe: &mut KrylovObserver<'_>,
+    ) -> Result<KrylovOutcome, LinearError> {
         d.copy_from_slice(r);
         let rows = Rows {
             held: &self.held,
             beside: &self.beside,
             combined: &self.combined,
         };
-        let (hierarchy, gmres, limit) = (&mut self.hierarchy, &mut self.gmres, self.max_iterations);
+        let (hierarchy, gmres) = (&mut self.hierarchy, &mut self.gmres);
+        let limits = (tolerance, self.max_iterations);
         let blocks = &self.body.stiffness.blocks;
         let outcome = parallel::within(|| match (hierarchy, blocks) {
-            (Hierarchy::Plane(h), NodalBlocks::Plane(a)) => rows.solve(a, h, gmres, d, tolerance, limit),
-            (Hierarchy::Space(h), NodalBlocks::Space(a)) => rows.solve(a, h, gmres, d, tolerance, limit),
+            (Hierarchy::Plane(h), NodalBlocks::Plane(a)) => rows.solve(a, h, gmres, d, limits, observe),
+            (Hierarchy::Space(h), NodalBlocks::Space(a)) => rows.solve(a, h, gmres, d, limits, observe),
             _ => Err(LinearError::NotAnalyzed),
         })?;
         let rate = outcome.residual.powf(1.0 / outcome.iterations.max(1) as f64);
@@ -226,12 +262,13 @@ impl Rows<'_> {
         hierarchy: &mut Aggregation<F, K>,
         gmres: &mut Gmres,
         d: &mut [f64],
-        tolerance: f64,
-        limit: usize,
+        (tolerance, limit): (f64, usize),
+        observe: &mut KrylovObserver<'_>,
     ) -> Result<KrylovOutcome, LinearError> {
         let hierarchy = RefCell::new(hierarchy);
+        let (mut iterations, mut stopped) = (0, false);
         // GMRES multiplies what the cycle has just made, and the cycle knows A times that.
-        let outcome = gmres.solve(
+        let solved = gmres.solve(
             |x, y| {
                 hierarchy.borrow().add_image(a, x, y);
                 for &(i, j, v) in self.beside {
@@ -242,11 +279,23 @@ impl Rows<'_> {
                 }
                 self.held.iter().for_each(|&k| y[k] = 0.0);
             },
-            |z| hierarchy.borrow_mut().apply(a, z),
+            |z| {
+                stopped = stopped || observe(iterations).is_break();
+                iterations += 1;
+                match stopped {
+                    // Any error ends GMRES, which then leaves what it has reached.
+                    true => Err(LinearError::NotFactored),
+                    false => hierarchy.borrow_mut().apply(a, z),
+                }
+            },
             d,
             tolerance,
             limit,
-        )?;
+        );
+        if stopped {
+            return Ok(KrylovOutcome::new(iterations - 1, 1.0));
+        }
+        let outcome = solved?;
         Ok(KrylovOutcome {
             iterations: outcome.iterations,
             residual: outcome.residual,

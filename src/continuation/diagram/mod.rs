@@ -19,3 +19,4 @@ pub use explore::Progress;
 pub use model::{Completeness, Diagram, DiagramEdge, DiagramVertex, EdgeEnd, Limit, VertexArm, VertexKind};
 pub use options::DiagramOptions;
 pub use query::{DiagramFold, Solution, SolutionsAt};
+pub use sections::SectionProgress;

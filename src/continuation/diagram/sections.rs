@@ -1,19 +1,32 @@
 //! Diagrams from all solutions at given parameters.
 
-use super::{Diagram, DiagramOptions, Limit};
+use std::cell::{Cell, RefCell};
+use std::ops::ControlFlow;
+
+use super::{Diagram, DiagramOptions, Limit, Progress};
 use crate::continuation::ContinuationError;
-use crate::enumeration::{EnumerationOptions, all_solutions};
+use crate::enumeration::{EnumerationOptions, all_solutions_until};
 use crate::piecewise::PiecewiseSmooth;
 
+/// What [`Diagram::explore_sections_observed`] tells of.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub enum SectionProgress<'a> {
+    /// All solutions at this parameter are being searched for; told often.
+    Solutions(f64),
+    /// An event on a curve through them.
+    Curves(Progress<'a>),
+}
+
 impl Diagram {
-    /// Explores from all solutions at each of the parameters `alphas`, as [`all_solutions`] finds them: whatever crosses one of
+    /// Explores from all solutions at each of the parameters `alphas`, as [`all_solutions`](crate::enumeration::all_solutions) finds them: whatever crosses one of
     /// these values is in the diagram, isolas included. For maps that are piecewise affine in y at fixed α (in α they need not
     /// be).
     ///
     /// [`completeness`](Self::completeness) tells of an α whose solutions could not all be found.
     ///
     /// # Errors
-    /// As [`explore`](Self::explore) and [`all_solutions`].
+    /// As [`explore`](Self::explore) and [`all_solutions`](crate::enumeration::all_solutions).
     ///
     /// ```
     /// use semismooth::continuation::{Diagram, DiagramOptions};
@@ -35,7 +48,24 @@ impl Diagram {
         options: &DiagramOptions,
         enumeration: &EnumerationOptions,
     ) -> Result<Self, ContinuationError> {
-        Self::explore_sections_of(&map, alphas, options, enumeration)
+        Self::explore_sections_of(&map, alphas, options, enumeration, &mut |_| {
+            ControlFlow::Continue(())
+        })
+    }
+
+    /// [`explore_sections`](Self::explore_sections), telling `observe` of all that happens; it may stop. Where it stops while solutions
+    /// are searched for, the curves through those found so far are not followed.
+    ///
+    /// # Errors
+    /// As [`explore_sections`](Self::explore_sections).
+    pub fn explore_sections_observed<P: PiecewiseSmooth + ?Sized>(
+        map: &P,
+        alphas: &[f64],
+        options: &DiagramOptions,
+        enumeration: &EnumerationOptions,
+        mut observe: impl FnMut(&SectionProgress<'_>) -> ControlFlow<()>,
+    ) -> Result<Self, ContinuationError> {
+        Self::explore_sections_of(&map, alphas, options, enumeration, &mut observe)
     }
 
     fn explore_sections_of(
@@ -43,11 +73,26 @@ impl Diagram {
         alphas: &[f64],
         options: &DiagramOptions,
         enumeration: &EnumerationOptions,
+        observe: &mut dyn FnMut(&SectionProgress<'_>) -> ControlFlow<()>,
     ) -> Result<Self, ContinuationError> {
         let mut starts = Vec::new();
         let mut unknown = Vec::new();
+        let (told, stopped) = (RefCell::new(&mut *observe), Cell::new(false));
         for &alpha in alphas {
-            let set = all_solutions(map, alpha, enumeration)?;
+            let stop = || {
+                stopped
+                    .set(stopped.get() || told.borrow_mut()(&SectionProgress::Solutions(alpha)).is_break());
+                stopped.get()
+            };
+            let set = match stop() {
+                true => None,
+                false => Some(all_solutions_until(map, alpha, enumeration, &stop)?),
+            };
+            let Some(set) = set.filter(|_| !stopped.get()) else {
+                starts.clear();
+                unknown.push(Limit::Stopped);
+                break;
+            };
             let open = set.continua.iter().any(|c| c.ends.is_empty());
             if open || set.completeness.has_gaps() {
                 unknown.push(Limit::Solutions { parameter: alpha });
@@ -55,7 +100,9 @@ impl Diagram {
             starts.extend(set.solutions.into_iter().map(|s| s.x));
             starts.extend(set.continua.into_iter().flat_map(|c| c.ends));
         }
-        let mut diagram = Self::explore(map, &starts, options)?;
+        let mut diagram = Self::explore_observed(map, &starts, options, |progress| {
+            observe(&SectionProgress::Curves(*progress))
+        })?;
         for limit in unknown {
             diagram.completeness.add(limit);
         }

@@ -3,7 +3,7 @@ use std::time::Duration;
 use semismooth::contact::{
     CondensedContact, ContactError, FrictionCoefficient, LoadPath, OrthotropicCoulomb, PlanarCoulomb,
     ReducedBody, ReducedContact, ReducedError, ReducedNodes, ReducedOptions, ReducedStep, ReducedSystem,
-    solve_reduced,
+    solve_reduced, solve_reduced_observed,
 };
 use semismooth::sparse::{Matrix, NodalMatrix, SparseError};
 
@@ -96,6 +96,28 @@ pub(super) fn displacements(t: &mut Table) {
     t.refuses(solve, "a short start", "start", || {
         at(&[1.0; 2], &[0], &[0.0], vec![])
     });
+    t.refuses("contact::solve_reduced_observed", "a short load", "load", || {
+        let nodes = ReducedNodes {
+            components: &[0],
+            first: 0,
+            gap: &[0.0],
+            reference: &[],
+            history: &[],
+            r: 1.0,
+            parameter: 0.0,
+        };
+        let go_on = &mut |_: &_| std::ops::ControlFlow::Continue(());
+        let (mut system, options) = (Unit(2, false), ReducedOptions::default());
+        solve_reduced_observed(
+            &mut system,
+            &nodes,
+            &law(0.3),
+            &[1.0],
+            vec![0.0; 2],
+            &options,
+            go_on,
+        )
+    });
     t.refuses(solve, "no gap", "gap", || at(&[1.0; 2], &[0], &[], vec![0.0; 2]));
     t.refuses(solve, "components that do not exist", "components", || {
         at(&[1.0; 2], &[1], &[0.0], vec![0.0; 2])
@@ -123,6 +145,7 @@ pub(super) fn displacements(t: &mut Table) {
             "contact::ReducedSystem::mul",
             "contact::ReducedSystem::select",
             "contact::ReducedSystem::solve",
+            "contact::ReducedSystem::solve_observed",
             "contact::ReducedSystem::sum",
             "contact::ReducedSystem::max",
         ],
@@ -263,6 +286,45 @@ fn problems(t: &mut Table) {
             solver.end_level(0.0, &[bad, 0.0])
         });
     }
+    t.refuses(
+        "contact::ReducedContact::set_reference_slip",
+        "slips",
+        "slip",
+        || solver.set_reference_slip(&[]),
+    );
+    t.refuses(
+        "contact::ReducedContact::set_history",
+        "a history",
+        "history",
+        || solver.set_history(&[0.0]),
+    );
+    t.refuses(
+        "contact::ReducedContact::set_options",
+        "a tolerance",
+        "tolerance",
+        || solver.set_options(o().with_tolerance(0.0)),
+    );
+    t.refuses(
+        "contact::ReducedContact::set_options",
+        "little memory",
+        "bytes",
+        || solver.set_options(o().with_max_memory(Some(64))),
+    );
+    t.refuses(
+        "contact::ReducedContact::solve_observed",
+        "a short start",
+        "start",
+        || solver.solve_observed(0.0, Some(&[0.0]), |_| std::ops::ControlFlow::Continue(())),
+    );
+    t.refuses(
+        "contact::ReducedContact::evolve_observed",
+        "a level",
+        "levels",
+        || {
+            let go_on = std::ops::ControlFlow::Continue(());
+            solver.evolve_observed(None, &[0.0, f64::NAN], |_| go_on, |_| go_on)
+        },
+    );
     let go_on = |_: &_| std::ops::ControlFlow::Continue(());
     t.refuses("contact::ReducedContact::evolve", "a level", "levels", || {
         solver.evolve(None, &[0.0, f64::NAN], go_on)
@@ -283,7 +345,7 @@ fn problems(t: &mut Table) {
         || {
             let mut solver = problem(o().with_max_time(Some(Duration::ZERO))).unwrap();
             match solver.solve(10.0, None) {
-                Err(ContactError::NotConverged { best }) => best.displacements == [0.0, 0.0],
+                Err(ContactError::Interrupted { best }) => best.displacements == [0.0, 0.0],
                 _ => false,
             }
         },

@@ -2,13 +2,13 @@
 
 use std::path::Path;
 
-use semismooth::contact::{ContactSolution, NodeLaw};
+use semismooth::contact::ContactSolution;
 use semismooth::output::{Field, write_vtu};
 
 use super::Case;
 use crate::commands::error::CommandError;
 
-impl<L: NodeLaw> Case<'_, L> {
+impl<P> Case<'_, P> {
     /// Displacements, stresses, and at the contact nodes states, pressures, tractions (forces by area; −1 and 0 elsewhere) and slips.
     pub(super) fn write_fields(
         &self,

@@ -2,7 +2,7 @@
 
 use std::io::Write;
 
-use semismooth::contact::NodeLaw;
+use semismooth::contact::{CondensedContact, NodeLaw};
 use semismooth::continuation::{
     Branch, Continuation, ContinuationOptions, Direction, Termination, Transition,
 };
@@ -19,7 +19,7 @@ use crate::commands::text::{counted, wrapped};
 const POSITIONS: f64 = 1000.0;
 
 pub(super) fn run<L: NodeLaw>(
-    case: &Case<'_, L>,
+    case: &Case<'_, CondensedContact<L>>,
     range: [f64; 2],
     out: &mut dyn Write,
 ) -> Result<(), CommandError> {
@@ -114,7 +114,7 @@ fn tell(
 }
 
 /// The sums of the normal and of the tangential forces over α, as a table and as a picture, and the fields at the end.
-fn write<L: NodeLaw>(case: &Case<'_, L>, branch: &Branch) -> Result<(), CommandError> {
+fn write<L: NodeLaw>(case: &Case<'_, CondensedContact<L>>, branch: &Branch) -> Result<(), CommandError> {
     let (problem, p) = (&case.problem, case.problem.num_contacts());
     let normal = |x: &[f64]| x[..p].iter().sum::<f64>();
     let tangential = |x: &[f64]| x[p..2 * p].iter().sum::<f64>();

@@ -1,10 +1,11 @@
 //! A history of loading.
 
 use std::io::Write;
-use std::ops::ControlFlow;
 use std::path::PathBuf;
 
-use semismooth::contact::{Arrival, EvolutionOptions, EvolutionStep, NodeLaw, evolve};
+use semismooth::contact::{
+    Arrival, CondensedContact, ContactSolution, EvolutionOptions, EvolutionStep, NodeLaw, evolve_observed,
+};
 use semismooth::output::write_pvd;
 
 use super::{Case, counts};
@@ -12,11 +13,11 @@ use crate::commands::error::CommandError;
 use crate::commands::progress::Progress;
 use crate::commands::run_file::{create, write_failed};
 
-const COLUMNS: &str = "level,open,stick,slip,transitions,arrival,normal force,tangential force 1,tangential force 2,\
+pub(super) const COLUMNS: &str = "level,open,stick,slip,transitions,arrival,normal force,tangential force 1,tangential force 2,\
 work,stored,dissipated";
 
 pub(super) fn run<L: NodeLaw>(
-    mut case: Case<'_, L>,
+    mut case: Case<'_, CondensedContact<L>>,
     levels: &[f64],
     out: &mut dyn Write,
 ) -> Result<(), CommandError> {
@@ -41,10 +42,8 @@ pub(super) fn run<L: NodeLaw>(
         if progress.advance(format!("α = {level}")).is_break() {
             break;
         }
-        let steps = evolve(&mut case.problem, &x, &[level], &options, |_| {
-            ControlFlow::Continue(())
-        })
-        .map_err(failed(level))?;
+        let steps = evolve_observed(&mut case.problem, &x, &[level], &options, |_| progress.flow())
+            .map_err(failed(level))?;
         for step in steps {
             line(&mut table, &step).map_err(write_failed(&path))?;
             case.write_level(&step.x, &mut series)?;
@@ -71,18 +70,31 @@ pub(super) fn run<L: NodeLaw>(
     Ok(())
 }
 
-impl<L: NodeLaw> Case<'_, L> {
+impl<L: NodeLaw> Case<'_, CondensedContact<L>> {
     /// The fields of a level; those of a series are numbered, as a level may come again.
     fn write_level(&self, x: &[f64], series: &mut Vec<(f64, PathBuf)>) -> Result<(), CommandError> {
         if !self.fields {
             return Ok(());
         }
         let failed = |e| CommandError::failed("the fields", e);
-        let name = format!("level_{:04}.vtu", series.len());
         let free = self.problem.displacements(x).map_err(failed)?;
         let supports = self.problem.support_displacements(x).map_err(failed)?;
         let solution = self.problem.solution(x).map_err(failed)?;
-        self.write_fields(&self.file(&name), &solution, &free, &supports)?;
+        self.write_numbered(series, &solution, &free, &supports)
+    }
+}
+
+impl<P> Case<'_, P> {
+    /// The next of a series of fields.
+    pub(super) fn write_numbered(
+        &self,
+        series: &mut Vec<(f64, PathBuf)>,
+        solution: &ContactSolution,
+        free: &[f64],
+        supports: &[f64],
+    ) -> Result<(), CommandError> {
+        let name = format!("level_{:04}.vtu", series.len());
+        self.write_fields(&self.file(&name), solution, free, supports)?;
         series.push((series.len() as f64, name.into()));
         Ok(())
     }

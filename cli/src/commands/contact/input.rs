@@ -107,6 +107,21 @@ pub(super) struct ContactInput {
 pub(super) struct RunInput {
     pub levels: Option<Vec<f64>>,
     pub follow: Option<[f64; 2]>,
+    #[serde(default)]
+    pub route: Route,
+}
+
+/// In which unknowns the problem is solved.
+#[derive(Debug, Default, Clone, Copy, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub(super) enum Route {
+    /// By the size of the body.
+    #[default]
+    Auto,
+    /// The contact forces, after one factorisation of the stiffness matrix.
+    Condensed,
+    /// The displacements, with multigrid.
+    Reduced,
 }
 
 #[derive(Debug, Deserialize)]

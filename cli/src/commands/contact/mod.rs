@@ -5,11 +5,12 @@ mod follow;
 mod history;
 mod input;
 mod model;
+mod reduced;
 
 use std::io::Write;
 use std::path::PathBuf;
 
-use semismooth::contact::{CondensedContact, ContactState, NodeLaw};
+use semismooth::contact::{ContactState, LoadCase, NodeLaw};
 use semismooth::fem::{ContactRows, ElasticSystem};
 
 use self::model::{Plan, RunFile};
@@ -20,8 +21,8 @@ use super::run_file::RunArgs;
 pub const TEMPLATE: &str = include_str!("template.toml");
 
 /// A problem with what is needed to show its solutions.
-struct Case<'a, L> {
-    problem: CondensedContact<L>,
+struct Case<'a, P> {
+    problem: P,
     system: &'a ElasticSystem,
     rows: ContactRows,
     folder: PathBuf,
@@ -33,40 +34,64 @@ pub(super) fn run(arguments: &RunArgs, out: &mut dyn Write) -> Result<(), Comman
     let file = RunFile::read(&arguments.run)?;
     let plan = file.plan()?;
     let (system, motion) = file.system()?;
-    if system.mesh().dim() == 2 {
-        let (problem, rows) = file.problem(&system, motion, file.planar()?)?;
-        work(&file, arguments, &system, problem, rows, &plan, out)
-    } else {
-        let (problem, rows) = file.problem(&system, motion, file.orthotropic()?)?;
-        work(&file, arguments, &system, problem, rows, &plan, out)
-    }
-}
-
-fn work<L: NodeLaw>(
-    file: &RunFile,
-    arguments: &RunArgs,
-    system: &ElasticSystem,
-    problem: CondensedContact<L>,
-    rows: ContactRows,
-    plan: &Plan,
-    out: &mut dyn Write,
-) -> Result<(), CommandError> {
-    let folder = file.results(arguments.out.as_ref(), &file.input.output.folder)?;
-    let case = Case {
-        problem,
-        system,
-        rows,
-        folder,
-        fields: file.input.output.fields,
+    let run = Run {
+        plan: file.routed(plan, &system)?,
+        file,
         arguments,
+        system,
     };
-    match plan {
-        Plan::History(levels) => history::run(case, levels, out),
-        Plan::Follow(range) => follow::run(&case, *range, out),
+    match run.system.mesh().dim() {
+        2 => run.work(run.file.planar()?, motion, out),
+        _ => run.work(run.file.orthotropic()?, motion, out),
     }
 }
 
-impl<L> Case<'_, L> {
+/// What is to be done with which body.
+struct Run<'a> {
+    file: RunFile,
+    arguments: &'a RunArgs,
+    system: ElasticSystem,
+    plan: Plan,
+}
+
+impl Run<'_> {
+    fn work<L: NodeLaw>(
+        &self,
+        law: L,
+        motion: Option<LoadCase>,
+        out: &mut dyn Write,
+    ) -> Result<(), CommandError> {
+        let contact = self.file.contact(&self.system, motion)?;
+        match &self.plan {
+            Plan::Levels(levels) => {
+                let (problem, rows) = self.file.reduced(&self.system, contact, law)?;
+                reduced::run(&self.case((), rows)?, problem, levels, out)
+            }
+            Plan::History(levels) => {
+                let (problem, rows) = self.file.condensed(&self.system, contact, law)?;
+                history::run(self.case(problem, rows)?, levels, out)
+            }
+            Plan::Follow(range) => {
+                let (problem, rows) = self.file.condensed(&self.system, contact, law)?;
+                follow::run(&self.case(problem, rows)?, *range, out)
+            }
+        }
+    }
+
+    fn case<P>(&self, problem: P, rows: ContactRows) -> Result<Case<'_, P>, CommandError> {
+        let output = &self.file.input.output;
+        Ok(Case {
+            problem,
+            system: &self.system,
+            rows,
+            folder: self.file.results(self.arguments.out.as_ref(), &output.folder)?,
+            fields: output.fields,
+            arguments: self.arguments,
+        })
+    }
+}
+
+impl<P> Case<'_, P> {
     fn file(&self, name: &str) -> PathBuf {
         self.folder.join(name)
     }

@@ -4,17 +4,30 @@ use std::error::Error;
 
 use semismooth::contact::{
     CondensedContact, ContactBody, FrictionCoefficient, FrictionCurve, NodeLaw, OrthotropicCoulomb,
-    PlanarCoulomb,
+    PlanarCoulomb, ReducedBody, ReducedContact, ReducedOptions,
 };
 use semismooth::fem::{
     ContactRows, ElasticSystem, Elasticity, Foundation, Material, Mesh, PlaneModel, read_gmsh,
 };
 use semismooth::interface::{LoadCase, LoadPath};
+use semismooth::sparse::Matrix;
 use toml::Spanned;
 
-use super::input::{BlockInput, Component, ContactInput, Input, MeshInput, Plane, RunInput};
+use super::input::{BlockInput, Component, ContactInput, Input, MeshInput, Plane, Route, RunInput};
 use crate::commands::error::CommandError;
 use crate::commands::run_file;
+
+/// Displacements beyond which multigrid is quicker than one factorisation: of solids, and in the plane, where factors stay sparse until
+/// they do not fit into memory.
+const SOLID: usize = 6_000;
+const PLANE: usize = 3_000_000;
+
+/// What a body in contact is made of, but for its stiffness and its law.
+pub(super) struct Traces {
+    rows: ContactRows,
+    tangential: Vec<Matrix>,
+    load: LoadPath,
+}
 
 pub(super) type RunFile = run_file::RunFile<Input>;
 
@@ -108,7 +121,7 @@ impl RunFile {
             }
         }
         let system = elasticity
-            .assemble()
+            .discretize()
             .map_err(|e| CommandError::failed("the body on its supports", e))?;
         let mut motion: Option<LoadCase> = None;
         for (place, component, rate) in moving {
@@ -200,13 +213,12 @@ impl RunFile {
         })
     }
 
-    /// The problem, condensed onto its contact nodes, and these nodes.
-    pub(super) fn problem<L: NodeLaw>(
+    /// The contact nodes, their tangential rows, and the load.
+    pub(super) fn contact(
         &self,
         system: &ElasticSystem,
         motion: Option<LoadCase>,
-        law: L,
-    ) -> Result<(CondensedContact<L>, ContactRows), CommandError> {
+    ) -> Result<Traces, CommandError> {
         let place = &self.input.contact;
         let foundation = self.foundation(system.mesh().dim())?;
         let mut rows = system
@@ -214,7 +226,22 @@ impl RunFile {
             .map_err(|e| self.wrong(place, "contact", e))?;
         let mut tangential = vec![rows.tangential.clone()];
         tangential.extend(rows.tangential2.take());
-        let load = self.load(system, motion)?;
+        Ok(Traces {
+            load: self.load(system, motion)?,
+            rows,
+            tangential,
+        })
+    }
+
+    /// The problem, condensed onto its contact nodes, and these nodes.
+    pub(super) fn condensed<L: NodeLaw>(
+        &self,
+        system: &ElasticSystem,
+        traces: Traces,
+        law: L,
+    ) -> Result<(CondensedContact<L>, ContactRows), CommandError> {
+        let (place, rows) = (&self.input.contact, traces.rows);
+        let (tangential, load) = (traces.tangential, traces.load);
         let body = ContactBody::new(system.stiffness().clone(), rows.normal.clone(), tangential, load)
             .and_then(|body| body.with_gap(rows.gap.clone()))
             .map_err(|e| self.wrong(place, "contact", e))?;
@@ -223,10 +250,47 @@ impl RunFile {
         Ok((problem, rows))
     }
 
+    /// The problem in its displacements, and its contact nodes.
+    pub(super) fn reduced<L: NodeLaw>(
+        &self,
+        system: &ElasticSystem,
+        traces: Traces,
+        law: L,
+    ) -> Result<(ReducedContact<L>, ContactRows), CommandError> {
+        let (place, rows) = (&self.input.contact, traces.rows);
+        let stiffness = system
+            .nodal_stiffness()
+            .map_err(|e| CommandError::failed("the body", e))?;
+        let body = ReducedBody::new(stiffness, &rows.normal, &traces.tangential, traces.load)
+            .and_then(|body| body.with_gap(rows.gap.clone()))
+            .map_err(|e| self.wrong(place, "contact", e))?;
+        let problem = ReducedContact::new(body, law, ReducedOptions::default())
+            .map_err(|e| CommandError::failed("the body in contact", e))?;
+        Ok((problem, rows))
+    }
+
+    /// The plan, by the route that the run file asks for.
+    pub(super) fn routed(&self, plan: Plan, system: &ElasticSystem) -> Result<Plan, CommandError> {
+        let place = &self.input.run;
+        let most = match system.mesh().dim() {
+            2 => PLANE,
+            _ => SOLID,
+        };
+        match (place.get_ref().route, plan) {
+            (Route::Auto, Plan::History(levels)) if system.num_free() > most => Ok(Plan::Levels(levels)),
+            (Route::Reduced, Plan::History(levels)) => Ok(Plan::Levels(levels)),
+            (Route::Reduced, Plan::Follow(_)) => {
+                let what = "curves are followed by the condensed route alone";
+                Err(self.wrong(place, "run.route", what))
+            }
+            (_, plan) => Ok(plan),
+        }
+    }
+
     /// What is to be done.
     pub(super) fn plan(&self) -> Result<Plan, CommandError> {
         let place = &self.input.run;
-        let RunInput { levels, follow } = place.get_ref();
+        let RunInput { levels, follow, .. } = place.get_ref();
         match (levels, follow) {
             (Some(levels), None) if !levels.is_empty() => Ok(Plan::History(levels.clone())),
             (None, Some([from, to])) if from != to => Ok(Plan::Follow([*from, *to])),
@@ -239,8 +303,10 @@ impl RunFile {
 
 /// What is to be done with the problem.
 pub(super) enum Plan {
-    /// A history of loading.
+    /// A history of loading, followed from level to level.
     History(Vec<f64>),
+    /// A history of loading, solved at its levels.
+    Levels(Vec<f64>),
     /// The curve of static solutions.
     Follow([f64; 2]),
 }

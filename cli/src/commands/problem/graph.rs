@@ -2,7 +2,7 @@
 
 use std::io::Write;
 
-use semismooth::continuation::{Completeness, Diagram, DiagramOptions, Limit};
+use semismooth::continuation::{Completeness, Diagram, DiagramOptions, Limit, SectionProgress};
 use semismooth::enumeration::EnumerationOptions;
 use semismooth::output::{Panel, write_diagram_csv, write_diagram_json};
 
@@ -52,6 +52,13 @@ pub(super) fn run(case: &Case<'_>, out: &mut dyn Write) -> Result<(), CommandErr
 fn explore(case: &Case<'_>, options: &DiagramOptions, progress: &Progress) -> Result<Diagram, CommandError> {
     let run = &case.file.input.run;
     let (map, failed) = (case.problem.map(), |e| CommandError::failed("the diagram", e));
+    let name = case.problem.parameter();
+    let curves = |now: &semismooth::continuation::Progress<'_>| {
+        // What is known: edges that are done, the one under way, and arms that wait.
+        let known = now.edges + 1 + now.pending;
+        progress.of(known as u64);
+        progress.at(now.edges as u64, format!("{name} = {:.4}", now.event.parameter()))
+    };
     match (&run.get_ref().starts, &run.get_ref().sections) {
         (Some(starts), None) if !starts.is_empty() => {
             let m = map.num_vars();
@@ -63,18 +70,17 @@ fn explore(case: &Case<'_>, options: &DiagramOptions, progress: &Progress) -> Re
                 return Err(case.file.wrong(wrong, "run.starts", what));
             }
             let starts: Vec<&Vec<f64>> = starts.iter().map(toml::Spanned::get_ref).collect();
-            let name = case.problem.parameter();
-            let observe = |now: &semismooth::continuation::Progress<'_>| {
-                // What is known: edges that are done, the one under way, and arms that wait.
-                let known = now.edges + 1 + now.pending;
-                progress.of(known as u64);
-                progress.at(now.edges as u64, format!("{name} = {:.4}", now.event.parameter()))
-            };
-            Diagram::explore_observed(map, &starts, options, observe).map_err(failed)
+            Diagram::explore_observed(map, &starts, options, curves).map_err(failed)
         }
         (None, Some(sections)) => {
+            let observe = |now: &SectionProgress<'_>| match now {
+                SectionProgress::Curves(now) => curves(now),
+                SectionProgress::Solutions(alpha) => progress.at(0, format!("all at {name} = {alpha}")),
+                _ => progress.flow(),
+            };
+            let enumeration = EnumerationOptions::default();
             let found =
-                Diagram::explore_sections(map, sections.get_ref(), options, &EnumerationOptions::default());
+                Diagram::explore_sections_observed(map, sections.get_ref(), options, &enumeration, observe);
             found.map_err(|e| case.file.wrong(sections, "run.sections", e))
         }
         _ => {

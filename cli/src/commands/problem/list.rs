@@ -2,12 +2,13 @@
 
 use std::io::Write;
 
-use semismooth::continuation::{SearchOptions, search_solutions};
-use semismooth::enumeration::{EnumerationError, EnumerationOptions, all_solutions};
+use semismooth::continuation::{SearchOptions, search_solutions_observed};
+use semismooth::enumeration::{EnumerationError, EnumerationOptions, all_solutions_until};
 use semismooth::piecewise::Selection;
 
 use super::Case;
 use crate::commands::error::CommandError;
+use crate::commands::progress::Progress;
 use crate::commands::run_file::{create, write_failed};
 use crate::commands::text::{fitted, quoted, wrapped};
 
@@ -36,18 +37,30 @@ pub(super) fn run(case: &Case<'_>, out: &mut dyn Write) -> Result<(), CommandErr
     let head = ["list", "det", "index"].into_iter().map(str::to_owned);
     let head: Vec<String> = head.chain(names).chain(sites).collect();
     writeln!(table, "{}\r", head.join(",")).map_err(write_failed(&path))?;
-    for (k, alpha) in parameters(case)?.into_iter().enumerate() {
-        let list = find(case, alpha)?;
+    let values = parameters(case)?;
+    let progress = Progress::new(values.len() as u64, !case.prints())?;
+    for (k, alpha) in values.into_iter().enumerate() {
+        if progress.at(k as u64, format!("{alpha}")).is_break() {
+            break;
+        }
+        let list = find(case, alpha, &progress)?;
         for solution in &list.solutions {
             writeln!(table, "{}\r", row(case, k, solution)).map_err(write_failed(&path))?;
         }
-        tell(case, alpha, &list, out)?;
+        progress.suspend(|| tell(case, alpha, &list, out))?;
     }
+    let interrupted = progress.cancelled();
+    drop(progress);
     table.flush().map_err(write_failed(&path))?;
     if case.prints() {
         writeln!(out, "written to {}: solutions.csv", case.folder.display())?;
     }
-    Ok(())
+    match interrupted {
+        true => Err(CommandError::Interrupted(
+            "before the list was complete".to_owned(),
+        )),
+        false => Ok(()),
+    }
 }
 
 /// The values asked for; one of no meaning where there is no parameter.
@@ -68,7 +81,7 @@ fn parameters(case: &Case<'_>) -> Result<Vec<f64>, CommandError> {
 }
 
 /// All solutions where the pieces are affine; else those that a search finds.
-fn find(case: &Case<'_>, alpha: f64) -> Result<List, CommandError> {
+fn find(case: &Case<'_>, alpha: f64, progress: &Progress) -> Result<List, CommandError> {
     let map = case.problem.map();
     let failed = |e| CommandError::failed("the list of solutions", e);
     let listed = |s: semismooth::enumeration::Solution| Listed {
@@ -77,7 +90,9 @@ fn find(case: &Case<'_>, alpha: f64) -> Result<List, CommandError> {
         x: s.x,
         selections: s.selections,
     };
-    match all_solutions(map, alpha, &EnumerationOptions::default()) {
+    match all_solutions_until(map, alpha, &EnumerationOptions::default(), &|| {
+        progress.cancelled()
+    }) {
         Ok(found) => Ok(List {
             continua: found.continua.len(),
             index_sum: found.index_sum,
@@ -88,7 +103,7 @@ fn find(case: &Case<'_>, alpha: f64) -> Result<List, CommandError> {
         Err(EnumerationError::NotAffine { .. }) => {
             let none: [Vec<f64>; 0] = [];
             let options: SearchOptions = case.file.options()?;
-            let found = search_solutions(map, alpha, &none, &options)
+            let found = search_solutions_observed(map, alpha, &none, &options, |_| progress.flow())
                 .map_err(|e| CommandError::failed("the search", e))?;
             let verdict = format!("{found}");
             let one = |s: semismooth::continuation::FoundSolution| Listed {

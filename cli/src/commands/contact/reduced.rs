@@ -1,0 +1,138 @@
+//! A history of loading of a large body, solved at its levels in the displacements.
+
+use std::io::Write;
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+
+use semismooth::contact::{NodeLaw, ReducedContact, ReducedLevel};
+use semismooth::output::write_pvd;
+
+use super::Case;
+use super::history::COLUMNS;
+use crate::commands::error::CommandError;
+use crate::commands::progress::Progress;
+use crate::commands::run_file::{create, write_failed};
+use crate::commands::text::counted;
+
+pub(super) fn run<L: NodeLaw>(
+    case: &Case<'_, ()>,
+    mut problem: ReducedContact<L>,
+    levels: &[f64],
+    out: &mut dyn Write,
+) -> Result<(), CommandError> {
+    let shown = !case.arguments.json && !case.arguments.quiet;
+    let path = case.file("history.csv");
+    let mut table = create(&path)?;
+    writeln!(table, "{COLUMNS}").map_err(write_failed(&path))?;
+    if shown {
+        let nodes = counted(case.rows.nodes.len(), "contact node");
+        let count = counted(case.system.num_free(), "displacement");
+        writeln!(
+            out,
+            "{count}, {nodes}: solved at each level, not followed between levels"
+        )?;
+        writeln!(
+            out,
+            "     level  open stick  slip changes Newton   GMRES      normal  tangential      stored  dissipated"
+        )?;
+    }
+    let progress = Progress::new(levels.len() as u64, !shown)?;
+    let (mut done, mut failure) = (Done::default(), None);
+    let reached = problem.evolve_observed(
+        None,
+        levels,
+        |now| progress.message(format!("Newton step {}", now.newton + 1)),
+        |level| {
+            let told = case.level_done(level, &mut done, &mut table, &progress, out);
+            match told {
+                Ok(()) => progress.advance(format!("α = {}", level.level)),
+                Err(e) => {
+                    failure = Some(e);
+                    ControlFlow::Break(())
+                }
+            }
+        },
+    );
+    let interrupted = progress.cancelled();
+    drop(progress);
+    if let Some(e) = failure {
+        return Err(e);
+    }
+    let at = levels.get(done.count).copied().unwrap_or(f64::NAN);
+    reached.map_err(|e| CommandError::failed(format!("the level α = {at}"), e))?;
+    table.flush().map_err(write_failed(&path))?;
+    if case.fields {
+        let failed = |e| CommandError::failed("the fields", e);
+        write_pvd(case.file("history.pvd"), &done.series).map_err(failed)?;
+    }
+    if shown {
+        let fields = if case.fields { ", history.pvd" } else { "" };
+        writeln!(out, "written to {}: history.csv{fields}", case.folder.display())?;
+    }
+    match (interrupted, done.count) {
+        (false, _) => Ok(()),
+        (_, 0) => Err(CommandError::Interrupted("before the first level".to_owned())),
+        (_, k) => {
+            let alpha = levels[k - 1];
+            Err(CommandError::Interrupted(format!("after the level α = {alpha}")))
+        }
+    }
+}
+
+/// What there is of the levels so far.
+#[derive(Default)]
+struct Done {
+    count: usize,
+    /// The elastic energy of the last one.
+    stored: f64,
+    series: Vec<(f64, PathBuf)>,
+}
+
+impl Case<'_, ()> {
+    fn level_done(
+        &self,
+        level: &ReducedLevel,
+        done: &mut Done,
+        table: &mut impl Write,
+        progress: &Progress,
+        out: &mut dyn Write,
+    ) -> Result<(), CommandError> {
+        let (s, alpha) = (&level.solution, level.level);
+        if self.fields {
+            self.write_numbered(&mut done.series, s, &level.report.displacements, &level.supports)?;
+        }
+        let (open, stick, slip) = (s.open(), s.stick(), s.slip());
+        let [normal, first, second] = s.resultant();
+        let (stored, dissipated) = (s.energy.stored - done.stored, s.energy.dissipated);
+        (done.stored, done.count) = (s.energy.stored, done.count + 1);
+        // The first one is where a history begins, as in that of the condensed form.
+        if done.count > 1 {
+            let changes = level.num_changes();
+            writeln!(
+                table,
+                "{alpha},{open},{stick},{slip},{changes},solved,{normal:?},{first:?},{second:?},,{stored:?},{dissipated:?}"
+            )
+            .map_err(write_failed(&self.file("history.csv")))?;
+        }
+        let (newton, krylov) = (level.report.newton(), level.report.krylov());
+        progress.suspend(|| match (self.arguments.json, self.arguments.quiet) {
+            (true, _) => {
+                let record = serde_json::json!({
+                    "level": alpha, "open": open, "stick": stick, "slip": slip, "transitions": level.num_changes(),
+                    "arrival": "solved", "normal": normal, "tangential": [first, second], "stored": stored,
+                    "dissipated": dissipated, "newton": newton, "krylov": krylov,
+                    "residual": level.report.residuals.largest(),
+                });
+                writeln!(out, "{record}")
+            }
+            (_, true) => Ok(()),
+            _ => writeln!(
+                out,
+                "{alpha:>10.4}  {open:>4} {stick:>5} {slip:>5} {:>7} {newton:>6} {krylov:>7} {normal:>11.4e} {:>11.4e} {stored:>11.4e} {dissipated:>11.4e}",
+                level.num_changes(),
+                if second == 0.0 { first } else { first.hypot(second) },
+            ),
+        })?;
+        Ok(())
+    }
+}

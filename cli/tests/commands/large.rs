@@ -1,0 +1,150 @@
+//! Large bodies in their displacements, and runs that are interrupted.
+
+use crate::{folder, printed, refused, run_file, table};
+
+/// A solid in place of the rectangle.
+const SOLID: [(&str, &str); 4] = [
+    (
+        "lower = [0.0, 0.0], upper = [2.0, 1.0], cells = [16, 8]",
+        "lower = [0, 0, 0], upper = [2, 2, 1], cells = [6, 6, 3]",
+    ),
+    ("value = [0.0, -0.02]", "value = [0.0, 0.0, -0.02]"),
+    ("grows = [0.05, 0.0]", "grows = [0.05, 0.02, 0.0]"),
+    (
+        "point = [0.0, 0.0]\nnormal = [0.0, 1.0]",
+        "point = [0.0, 0.0, 0.0]\nnormal = [0.0, 0.0, 1.0]",
+    ),
+];
+
+/// Under forces that grow both routes go through the same levels; what one of them alone knows the other leaves out.
+#[test]
+fn both_routes_have_the_same_forces() {
+    let folder = folder("routes");
+    let levels = (
+        "levels = [0.0, 0.25, 0.5, 0.75, 1.0, 0.5, 0.0, -0.5, -1.0]",
+        "levels = [0.0, 0.2, 0.5, 1.0]",
+    );
+    for solid in [false, true] {
+        let mut tables = Vec::new();
+        for route in ["condensed", "reduced"] {
+            let own = format!("route = \"{route}\"");
+            let mut changes = vec![levels, ("# route = \"auto\"", own.as_str())];
+            changes.extend(SOLID.iter().filter(|_| solid));
+            run_file(&folder, &changes);
+            let text = printed(&folder, &["contact", "run.toml"]);
+            assert!(text.lines().all(|l| l.chars().count() <= 100), "{text}");
+            assert_eq!(
+                text.contains("not followed between levels"),
+                route == "reduced",
+                "{text}"
+            );
+            assert!(folder.join("out/level_0003.vtu").exists());
+            tables.push(table(&folder.join("out/history.csv")));
+        }
+        let [condensed, reduced] = tables.try_into().unwrap();
+        assert_eq!((&condensed[0], condensed.len()), (&reduced[0], reduced.len()));
+        assert_eq!(condensed.len(), 4);
+        let column = |name: &str| condensed[0].iter().position(|n| n == name).unwrap();
+        for (a, b) in condensed[1..].iter().zip(&reduced[1..]) {
+            let number = |row: &[String], name: &str| row[column(name)].parse::<f64>().unwrap();
+            assert_eq!(a[column("level")], b[column("level")]);
+            assert_eq!(
+                (b[column("arrival")].as_str(), b[column("work")].as_str()),
+                ("solved", "")
+            );
+            let size = number(a, "normal force");
+            for name in ["normal force", "tangential force 1", "tangential force 2"] {
+                let apart = (number(a, name) - number(b, name)).abs();
+                assert!(apart <= 1e-8 * size, "{name}: {apart:e} of {size:e}");
+            }
+            let apart = (number(a, "stored") - number(b, "stored")).abs();
+            assert!(apart <= 1e-8 * 0.02 * size, "{apart:e}");
+        }
+    }
+    // Curves have one route.
+    run_file(
+        &folder,
+        &[
+            (
+                "levels = [0.0, 0.25, 0.5, 0.75, 1.0, 0.5, 0.0, -0.5, -1.0]",
+                "follow = [0.0, 1.0]",
+            ),
+            ("# route = \"auto\"", "route = \"reduced\""),
+        ],
+    );
+    let message = refused(&folder, &["contact", "run.toml"]);
+    assert!(
+        message.contains("run.toml, line") && message.contains("run.route"),
+        "{message}"
+    );
+}
+
+/// Ctrl-C, once, while all solutions of forty equations with kinks are searched for: the run ends by itself and says so.
+#[cfg(unix)]
+#[test]
+fn one_interrupt_ends_a_search_for_all_solutions() {
+    use std::process::{Command, Stdio};
+    use std::time::{Duration, Instant};
+
+    let n = 40;
+    let names: Vec<String> = (0..n).map(|i| format!("\"x{i}\"")).collect();
+    let equations: Vec<String> = (0..n)
+        .map(|i| {
+            let term = |j: usize| {
+                format!(
+                    "{}*abs(x{j})",
+                    ((i * 17 + j * 29 + i * j) % 19) as f64 / 9.0 - 1.0
+                )
+            };
+            let terms: Vec<String> = (0..n).map(term).collect();
+            format!(
+                "\"x{i} + {} = a + {}\"",
+                terms.join(" + "),
+                (i * 7 % 11) as f64 / 5.0 - 1.0
+            )
+        })
+        .collect();
+    let problem = format!(
+        "[problem]\nunknowns = [{}]\nparameter = \"a\"\nequations = [{}]\n",
+        names.join(", "),
+        equations.join(",\n")
+    );
+    for (command, run, made) in [
+        ("diagram", "range = [-1.0, 1.0]\nsections = [0.0]", "out"),
+        ("solutions", "at = [0.0]", "out/solutions.csv"),
+    ] {
+        let folder = folder(&format!("interrupted {command}"));
+        std::fs::write(folder.join("run.toml"), format!("{problem}\n[run]\n{run}\n")).unwrap();
+        let mut child = Command::new(env!("CARGO_BIN_EXE_semismooth"))
+            .args([command, "run.toml"])
+            .current_dir(&folder)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let begun = Instant::now();
+        while !folder.join(made).exists() && begun.elapsed() < Duration::from_secs(60) {
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        // What has been made is followed by the handler at once.
+        std::thread::sleep(Duration::from_millis(300));
+        assert!(
+            child.try_wait().unwrap().is_none(),
+            "{command}: it has ended by itself"
+        );
+        let signal = Command::new("kill")
+            .args(["-INT", &child.id().to_string()])
+            .status();
+        assert!(signal.unwrap().success());
+        while child.try_wait().unwrap().is_none() {
+            if begun.elapsed() > Duration::from_secs(120) {
+                child.kill().unwrap();
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        let output = child.wait_with_output().unwrap();
+        let message = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(130), "{message}");
+        assert!(message.contains("interrupted before the"), "{message}");
+    }
+}
