@@ -365,8 +365,10 @@ PROBLEMS = {
 
 
 class HockSchittkowski(unittest.TestCase):
+    problems = PROBLEMS
+
     def check(self, name):
-        problem = PROBLEMS[name]
+        problem = self.problems[name]
         m = problem.model()
         results = pyo.SolverFactory("asl:semismooth").solve(m, load_solutions=False)
         self.assertEqual(results.solver.id, 0, results.solver.message)
@@ -402,7 +404,7 @@ class HockSchittkowski(unittest.TestCase):
             self.assertLessEqual(abs(value(m.o) - problem.best), 1e-5 * (1 + abs(problem.best)))
 
     def test_kkt_points(self):
-        for name in PROBLEMS:
+        for name in self.problems:
             with self.subTest(name):
                 self.check(name)
 
