@@ -381,6 +381,37 @@ fn what_underflows_at_infinity_is_no_solution() {
     }
 }
 
+/// Far from the start, and with a row all of whose terms vanish there, but at rest: stationary points on a circle (BT1 of P. Boggs and
+/// J. Tolle), f = −x + 10 (x² + y² − 1) under x² + y² = 1, at (±1, 0).
+#[test]
+fn iterates_that_come_to_rest_far_away_are_solutions() {
+    let lagrangian = WithJacobian::new(
+        3,
+        |x: &[f64], out: &mut [f64]| {
+            out[0] = -1.0 + 20.0 * x[0] - 2.0 * x[2] * x[0];
+            out[1] = 20.0 * x[1] - 2.0 * x[2] * x[1];
+            out[2] = x[0] * x[0] + x[1] * x[1] - 1.0;
+        },
+        |x: &[f64], jac: &mut Matrix| {
+            jac.add(0, 0, 20.0 - 2.0 * x[2]);
+            jac.add(0, 2, -2.0 * x[0]);
+            jac.add(1, 1, 20.0 - 2.0 * x[2]);
+            jac.add(1, 2, -2.0 * x[1]);
+            jac.add(2, 0, 2.0 * x[0]);
+            jac.add(2, 1, 2.0 * x[1]);
+        },
+    );
+    let problem = Mcp::equations(lagrangian).unwrap();
+    for start in [[0.08, 0.06, 0.0], [0.08, -0.06, 0.0], [-0.05, 0.06, 1.0]] {
+        let (x, report) = solve(&problem, &start);
+        assert_eq!(report.status, McpStatus::Solved, "{start:?}: {x:?}");
+        assert!(
+            (x[0].abs() - 1.0).abs() <= 1e-9 && x[1].abs() <= 1e-9,
+            "{start:?}: {x:?}"
+        );
+    }
+}
+
 /// Iterates may leave the box on their way; what is returned in the end does not, whatever ended the run.
 #[test]
 fn a_run_cut_short_returns_a_point_of_the_box() {

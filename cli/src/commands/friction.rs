@@ -6,7 +6,9 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use semismooth::contact::{DelassusOptions, DelassusProblem, DelassusReport, DelassusSolver, read_delassus};
+use semismooth::contact::{
+    DelassusError, DelassusOptions, DelassusProblem, DelassusReport, DelassusSolver, read_delassus,
+};
 
 use super::error::CommandError;
 use super::progress::Progress;
@@ -90,7 +92,11 @@ fn solve(
     progress: &Progress,
 ) -> Result<(DelassusProblem, Outcome), CommandError> {
     let failed = |e| CommandError::failed(file.display().to_string(), e);
-    let problem = read_delassus(file).map_err(failed)?;
+    // Its errors name the file.
+    let problem = read_delassus(file).map_err(|e| match e {
+        DelassusError::File { what, .. } => CommandError::failed(file.display().to_string(), what),
+        e => failed(e),
+    })?;
     let limit = Duration::try_from_secs_f64(seconds)
         .map_err(|e| CommandError::failed(format!("--seconds {seconds}"), e))?;
     let begun = Instant::now();

@@ -90,18 +90,13 @@ fn one_interrupt_ends_a_search_for_all_solutions() {
     let names: Vec<String> = (0..n).map(|i| format!("\"x{i}\"")).collect();
     let equations: Vec<String> = (0..n)
         .map(|i| {
-            let term = |j: usize| {
-                format!(
-                    "{}*abs(x{j})",
-                    ((i * 17 + j * 29 + i * j) % 19) as f64 / 9.0 - 1.0
-                )
+            let term = |k: usize| {
+                let factor = ((i * 17 + k * 29 + i * k) % 19) as f64 / 9.0 - 1.0;
+                format!("{factor:.1}*abs(x{})", (i * 5 + k * 3) % n)
             };
-            let terms: Vec<String> = (0..n).map(term).collect();
-            format!(
-                "\"x{i} + {} = a + {}\"",
-                terms.join(" + "),
-                (i * 7 % 11) as f64 / 5.0 - 1.0
-            )
+            let terms: Vec<String> = (0..14).map(term).collect();
+            let constant = (i * 7 % 11) as f64 / 5.0 - 1.0;
+            format!("\"x{i} + {} = a + {constant:.1}\"", terms.join(" + "))
         })
         .collect();
     let problem = format!(

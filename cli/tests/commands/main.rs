@@ -230,6 +230,16 @@ fn what_is_wrong_is_named_with_file_line_and_key() {
             "facets = \"roof\"",
             &["line 22", "support", "roof"],
         ),
+        (
+            "levels = [0.0, 0.25",
+            "levels = [nan, 0.25",
+            &["line 50", "run.levels", "NaN is not finite"],
+        ),
+        (
+            "value = [0.0, -0.02]",
+            "value = [inf, -0.02]",
+            &["line 22", "support.value", "inf is not finite"],
+        ),
         ("young = 1.0\n", "young = -1.0\n", &["line 10", "material", "-1"]),
         ("young = 1.0\n", "young = \"a\"\n", &["line 11", "young"]),
         ("young = 1.0\n", "jung = 1.0\n", &["line 11", "jung", "young"]),

@@ -203,7 +203,10 @@ impl Engine<'_> {
     /// Whether there is a solution next to `work.here.x`, where the merit has fallen far. Notes where it falls on the way to infinity.
     fn is_next_to_solution(&mut self, psi: f64, watch: &mut Watch) -> bool {
         let fallen = psi <= Watch::FALLEN * watch.first;
-        self.asymptotic |= fallen && self.open && max_abs(&self.work.here.x) > Watch::AWAY * watch.size;
+        let size = max_abs(&self.work.here.x);
+        // Iterates that come to rest converge, however far from the start.
+        let moving = self.step_length() > Watch::REST * size;
+        self.asymptotic |= fallen && self.open && size > Watch::AWAY * watch.size && moving;
         if psi > watch.next || psi.is_nan() {
             return false;
         }
@@ -240,6 +243,9 @@ impl Watch {
     const AGAIN: f64 = 1e-8;
     /// Growth of the iterates on the way to infinity.
     const AWAY: f64 = 1.2;
+    /// Their last step against their size where they rest. Where the merit of exp(−x), exp(−x²) or exp(−exp x) has fallen so far on the way
+    /// to infinity it is 1e-3 and more; quadratic convergence leaves less than 1e-4.
+    const REST: f64 = 1e-4;
 
     fn new(first: f64, size: f64) -> Self {
         Self {

@@ -44,6 +44,9 @@ impl RunFile {
             let what = format!("{} numbers, expected {count}", given.len());
             return Err(self.wrong(place, key, what));
         }
+        if let Some(wrong) = given.iter().find(|v| !v.is_finite()) {
+            return Err(self.wrong(place, key, format!("{wrong} is not finite")));
+        }
         let mut out = [0.0; 3];
         out[..given.len()].copy_from_slice(given);
         Ok(out)
@@ -291,6 +294,15 @@ impl RunFile {
     pub(super) fn plan(&self) -> Result<Plan, CommandError> {
         let place = &self.input.run;
         let RunInput { levels, follow, .. } = place.get_ref();
+        let all = levels.iter().flatten().chain(follow.iter().flatten());
+        if let Some(wrong) = all.copied().find(|v| !v.is_finite()) {
+            let key = if levels.is_some() {
+                "run.levels"
+            } else {
+                "run.follow"
+            };
+            return Err(self.wrong(place, key, format!("{wrong} is not finite")));
+        }
         match (levels, follow) {
             (Some(levels), None) if !levels.is_empty() => Ok(Plan::History(levels.clone())),
             (None, Some([from, to])) if from != to => Ok(Plan::Follow([*from, *to])),

@@ -24,6 +24,10 @@ pub(super) fn run(case: &Case<'_>, out: &mut dyn Write) -> Result<(), CommandErr
     let stopped =
         |c: &Completeness| matches!(c, Completeness::Limited(list) if list.contains(&Limit::Stopped));
     tell(case, &diagram, out)?;
+    let interrupted = || CommandError::Interrupted("before the diagram was complete".to_owned());
+    if diagram.edges().is_empty() && stopped(diagram.completeness()) {
+        return Err(interrupted());
+    }
     let failed = |e| CommandError::failed("the table", e);
     let (map, columns) = (case.problem.map(), case.columns());
     let mut table = create(&case.path("diagram.csv"))?;
@@ -41,9 +45,7 @@ pub(super) fn run(case: &Case<'_>, out: &mut dyn Write) -> Result<(), CommandErr
         writeln!(out, "written to {folder}: diagram.csv, diagram.json, {pictures}")?;
     }
     match stopped(diagram.completeness()) {
-        true => Err(CommandError::Interrupted(
-            "before the diagram was complete".to_owned(),
-        )),
+        true => Err(interrupted()),
         false => Ok(()),
     }
 }
@@ -113,7 +115,7 @@ fn tell(case: &Case<'_>, diagram: &Diagram, out: &mut dyn Write) -> Result<(), C
         writeln!(out, "{}", fitted(&line, ""))?;
     }
     let end = format!(
-        "{}, {} of them closed and connected to nothing else; {completeness}",
+        "{}, {} closed and connected to nothing else; {completeness}",
         counted(diagram.branches().len(), "branch"),
         diagram.isolas().len()
     );

@@ -10,7 +10,7 @@ use super::Case;
 use crate::commands::error::CommandError;
 use crate::commands::progress::Progress;
 use crate::commands::run_file::{create, write_failed};
-use crate::commands::text::{fitted, quoted, wrapped};
+use crate::commands::text::{counted, fitted, quoted, wrapped};
 
 /// A list at one value of the parameter.
 struct List {
@@ -20,6 +20,8 @@ struct List {
     complete: bool,
     /// The verdict in words.
     verdict: String,
+    /// With the number of solutions.
+    words: String,
 }
 
 struct Listed {
@@ -98,6 +100,10 @@ fn find(case: &Case<'_>, alpha: f64, progress: &Progress) -> Result<List, Comman
             index_sum: found.index_sum,
             complete: found.completeness.is_complete(),
             verdict: found.completeness.to_string(),
+            words: match found.solutions.len() {
+                0 => format!("no solution, {}", found.completeness),
+                n => format!("{}, {}", counted(n, "solution"), found.completeness),
+            },
             solutions: found.solutions.into_iter().map(listed).collect(),
         }),
         Err(EnumerationError::NotAffine { .. }) => {
@@ -116,6 +122,7 @@ fn find(case: &Case<'_>, alpha: f64, progress: &Progress) -> Result<List, Comman
                 continua: 0,
                 index_sum: found.index_sum,
                 complete: false,
+                words: verdict.clone(),
                 verdict,
                 solutions: found.solutions.into_iter().map(one).collect(),
             })
@@ -157,10 +164,10 @@ fn tell(case: &Case<'_>, alpha: f64, list: &List, out: &mut dyn Write) -> Result
         return Ok(());
     }
     if with {
-        let verdict = format!("{} = {alpha}: {}", case.problem.parameter(), list.verdict);
+        let verdict = format!("{} = {alpha}: {}", case.problem.parameter(), list.words);
         writeln!(out, "{}", wrapped(&verdict))?;
     } else {
-        writeln!(out, "{}", wrapped(&list.verdict))?;
+        writeln!(out, "{}", wrapped(&list.words))?;
     }
     let n = case.problem.map().num_residuals();
     for solution in &list.solutions {
