@@ -475,7 +475,7 @@ TRIANGLE = [[0, 0], [1, 0], [0, 1]]
         (lambda: ss.all_solutions(LARGE), "form=\"condensed\""),
         (lambda: LARGE.solve(states=["stick"]), "not from states"),
         (lambda: LARGE.solve(tolerance=-1.0), "tolerance"),
-        (lambda: LARGE.solve(max_memory=1), "memory"),
+        (lambda: LARGE.solve(max_memory=1), "bytes would be needed"),
         (lambda: LARGE.solve(start=[0.0]), "length 1"),
         (lambda: LARGE.at([0.0]), "length 1"),
         (lambda: LARGE.solve(1.0, max_time=0.0), "stopped"),

@@ -60,7 +60,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         }
         let total = Selections::all(&map).count();
         println!(
-            "  {} sites, {total} selections, of which {} are met",
+            "  sites: {}, selections: {total}, of which met: {}",
             map.num_sites(),
             met.len()
         );
