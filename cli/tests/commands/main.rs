@@ -233,7 +233,7 @@ fn what_is_wrong_is_named_with_file_line_and_key() {
         (
             "levels = [0.0, 0.25",
             "levels = [nan, 0.25",
-            &["line 50", "run.levels", "NaN is not finite"],
+            &["line 47", "run.levels", "NaN is not finite"],
         ),
         (
             "value = [0.0, -0.02]",
