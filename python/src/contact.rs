@@ -315,7 +315,7 @@ pub(crate) enum Form {
 /// How a problem is solved.
 pub(crate) enum Route {
     /// As a map of its unknowns.
-    Mapped(Form),
+    Mapped(Box<Form>),
     /// In its displacements.
     Reduced(Box<Reduced>),
 }
@@ -437,10 +437,10 @@ impl ContactProblem {
             }
             let body = ContactBody::new(system.stiffness().clone(), rows.normal.clone(), tangential, path)?
                 .with_gap(rows.gap.clone())?;
-            Ok(Route::Mapped(match form {
+            Ok(Route::Mapped(Box::new(match form {
                 "condensed" => Form::Condensed(CondensedContact::new(body, own)?),
                 _ => Form::Full(FullContact::new(body, own)?),
-            }))
+            })))
         });
         Ok(Self {
             route: route.map_err(|e| match e {
@@ -465,7 +465,7 @@ impl ContactProblem {
                 .map(Form::Full),
         };
         Ok(Self {
-            route: Route::Mapped(form.map_err(raised)?),
+            route: Route::Mapped(Box::new(form.map_err(raised)?)),
             rows: self.rows.clone(),
             body: self.body.clone_ref(py),
             law: self.law.clone(),
@@ -623,7 +623,7 @@ impl ContactProblem {
     /// The problem as a map.
     pub(crate) fn form(&self) -> PyResult<&Form> {
         match &self.route {
-            Route::Mapped(form) => Ok(form),
+            Route::Mapped(form) => Ok(form.as_ref()),
             Route::Reduced(_) => Err(SemismoothError::new_err(
                 "a problem in reduced form has solutions and histories, but no curves and no lists: write form=\"condensed\"",
             )),

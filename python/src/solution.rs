@@ -38,7 +38,9 @@ impl ContactSolution {
     ) -> PyResult<Self> {
         let own = problem.get();
         let solution = match &own.route {
-            Route::Mapped(form) => problem.py().detach(|| of_form!(form, p => p.solution(&x))),
+            Route::Mapped(form) => problem
+                .py()
+                .detach(|| of_form!(form.as_ref(), p => p.solution(&x))),
             Route::Reduced(reduced) => {
                 own.check_length(&x)?;
                 let (u, alpha) = (&x[..own.num_displacements()], x[x.len() - 1]);
@@ -61,7 +63,7 @@ impl ContactSolution {
         let (free, supports) = match &own.route {
             Route::Mapped(form) => {
                 let py = problem.py();
-                py.detach(|| of_form!(form, p => (p.displacements(&x), p.support_displacements(&x))))
+                py.detach(|| of_form!(form.as_ref(), p => (p.displacements(&x), p.support_displacements(&x))))
             }
             Route::Reduced(reduced) => {
                 let alpha = x.last().copied().unwrap_or(f64::NAN);
