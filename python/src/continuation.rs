@@ -1,6 +1,7 @@
 //! Curves of solutions.
 
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 use numpy::{PyArray1, PyArray2};
 use pyo3::exceptions::{PyTypeError, PyValueError};
@@ -129,7 +130,7 @@ impl Names {
         Self((0..map.num_sites()).map(site).collect())
     }
 
-    fn selection(&self, selection: &Selection) -> Vec<&str> {
+    pub(crate) fn selection(&self, selection: &Selection) -> Vec<&str> {
         let pieces = self.0.iter().zip(selection.pieces());
         pieces
             .map(|(names, p)| names.get(p).map_or("", String::as_str))
@@ -144,8 +145,8 @@ impl Names {
 /// A stretch of a solution curve. Row i of the arrays is point i along it, events included.
 #[pyclass(frozen, module = "semismooth")]
 pub(crate) struct Branch {
-    found: core::Branch,
-    names: Names,
+    found: Arc<core::Branch>,
+    names: Arc<Names>,
     m: usize,
     /// Transitions, along the curve.
     #[pyo3(get)]
@@ -173,7 +174,9 @@ pub(crate) struct Branch {
 
 impl Branch {
     pub(crate) fn new(py: Python<'_>, found: core::Branch, names: Names, m: usize) -> PyResult<Self> {
-        let transitions = found.transitions.iter();
+        let (found, names) = (Arc::new(found), Arc::new(names));
+        let transition = |at| Transition::new(Arc::clone(&found), at, Arc::clone(&names));
+        let transitions = (0..found.transitions.len()).map(|at| Py::new(py, transition(at)));
         let kinks = found.transitions.iter().filter(|t| t.is_fold());
         let kinks = kinks.map(|t| (t.arclength, &t.x, "kink"));
         let smooth = found.smooth_folds.iter().map(|f| &f.point);
@@ -198,9 +201,7 @@ impl Branch {
             Py::new(py, Crossing::new(py, &c.name, x, arclength, None))
         });
         Ok(Self {
-            transitions: transitions
-                .map(|t| Py::new(py, Transition::new(py, t, &names)?))
-                .collect::<PyResult<_>>()?,
+            transitions: transitions.collect::<PyResult<_>>()?,
             folds: folds.into_iter().map(fold).collect::<PyResult<_>>()?,
             branch_points: branch_points.collect::<PyResult<_>>()?,
             crossings: crossings.collect::<PyResult<_>>()?,

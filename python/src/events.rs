@@ -1,5 +1,7 @@
 //! What happens on curves.
 
+use std::sync::Arc;
+
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use semismooth::continuation::{self as core, Arm};
@@ -8,63 +10,116 @@ use crate::arrays::rows;
 use crate::continuation::Names;
 
 /// A point where the active pieces of a curve change, located to rounding.
-#[pyclass(frozen, get_all, module = "semismooth")]
+#[pyclass(frozen, module = "semismooth")]
 pub(crate) struct Transition {
-    /// The point (y, parameter), shape (m,).
-    x: Py<PyArray1<f64>>,
-    /// The parameter, the last entry of x.
-    parameter: f64,
-    /// "pass-through", "fold", "vertical segment begins", "vertical segment ends", "branching", "end" or "undecided".
-    kind: &'static str,
-    /// The pieces on arrival, by name, one a site.
-    before: Vec<String>,
-    /// The pieces on departure.
-    after: Vec<String>,
-    /// The sites that switch (or could), from 0; those that change first.
-    sites: Vec<usize>,
-    /// Unit tangent on arrival, shape (m,).
-    tangent_before: Py<PyArray1<f64>>,
-    /// Unit tangent on departure; that of arrival where the curve ends.
-    tangent_after: Py<PyArray1<f64>>,
-    /// Unit tangents of all arms that leave, but the one of arrival, shape (k, m); each is a ``direction`` for :func:`follow`.
-    arms: Py<PyArray2<f64>>,
-    /// Index in ``arms`` of the arm that was followed, if any.
-    followed: Option<usize>,
-    /// Whether all active selections were examined, so that no arm is missing, within tolerances.
-    complete: bool,
-    /// The test functions of all sites at x.
-    test_functions: Py<PyArray1<f64>>,
-    /// ‖H(x)‖₂.
-    residual: f64,
-    /// Arclength from the start.
-    arclength: f64,
+    /// The curve, and which of its transitions: names and arrays are made when they are asked for.
+    branch: Arc<core::Branch>,
+    at: usize,
+    names: Arc<Names>,
 }
 
 impl Transition {
-    pub(crate) fn new(py: Python<'_>, t: &core::Transition, names: &Names) -> PyResult<Self> {
-        Ok(Self {
-            x: PyArray1::from_slice(py, &t.x).unbind(),
-            parameter: t.parameter(),
-            kind: t.kind.name(),
-            before: names.owned(&t.before),
-            after: names.owned(&t.after),
-            sites: t.sites.iter().map(|s| s.site).collect(),
-            tangent_before: PyArray1::from_slice(py, &t.tangent_before).unbind(),
-            tangent_after: PyArray1::from_slice(py, &t.tangent_after).unbind(),
-            arms: tangents(py, &t.arms, t.x.len())?,
-            followed: t.followed,
-            complete: t.complete,
-            test_functions: PyArray1::from_slice(py, &t.test_functions).unbind(),
-            residual: t.residual_norm,
-            arclength: t.arclength,
-        })
+    pub(crate) fn new(branch: Arc<core::Branch>, at: usize, names: Arc<Names>) -> Self {
+        Self { branch, at, names }
+    }
+
+    fn found(&self) -> &core::Transition {
+        &self.branch.transitions[self.at]
     }
 }
 
 #[pymethods]
 impl Transition {
+    /// The point (y, parameter), shape (m,).
+    #[getter]
+    fn x<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.found().x)
+    }
+
+    /// The parameter, the last entry of x.
+    #[getter]
+    fn parameter(&self) -> f64 {
+        self.found().parameter()
+    }
+
+    /// "pass-through", "fold", "vertical segment begins", "vertical segment ends", "branching", "end" or "undecided".
+    #[getter]
+    fn kind(&self) -> &'static str {
+        self.found().kind.name()
+    }
+
+    /// The pieces on arrival, by name, one a site.
+    #[getter]
+    fn before(&self) -> Vec<&str> {
+        self.names.selection(&self.found().before)
+    }
+
+    /// The pieces on departure.
+    #[getter]
+    fn after(&self) -> Vec<&str> {
+        self.names.selection(&self.found().after)
+    }
+
+    /// The sites that switch (or could), from 0; those that change first.
+    #[getter]
+    fn sites(&self) -> Vec<usize> {
+        self.found().sites.iter().map(|s| s.site).collect()
+    }
+
+    /// Unit tangent on arrival, shape (m,).
+    #[getter]
+    fn tangent_before<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.found().tangent_before)
+    }
+
+    /// Unit tangent on departure; that of arrival where the curve ends.
+    #[getter]
+    fn tangent_after<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.found().tangent_after)
+    }
+
+    /// Unit tangents of all arms that leave, but the one of arrival, shape (k, m); each is a ``direction`` for :func:`follow`.
+    #[getter]
+    fn arms(&self, py: Python<'_>) -> PyResult<Py<PyArray2<f64>>> {
+        tangents(py, &self.found().arms, self.found().x.len())
+    }
+
+    /// Index in ``arms`` of the arm that was followed, if any.
+    #[getter]
+    fn followed(&self) -> Option<usize> {
+        self.found().followed
+    }
+
+    /// Whether all active selections were examined, so that no arm is missing, within tolerances.
+    #[getter]
+    fn complete(&self) -> bool {
+        self.found().complete
+    }
+
+    /// The test functions of all sites at x.
+    #[getter]
+    fn test_functions<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        PyArray1::from_slice(py, &self.found().test_functions)
+    }
+
+    /// ‖H(x)‖₂.
+    #[getter]
+    fn residual(&self) -> f64 {
+        self.found().residual_norm
+    }
+
+    /// Arclength from the start.
+    #[getter]
+    fn arclength(&self) -> f64 {
+        self.found().arclength
+    }
+
     fn __repr__(&self) -> String {
-        format!("<Transition: {} at parameter {:?}>", self.kind, self.parameter)
+        format!(
+            "<Transition: {} at parameter {:?}>",
+            self.kind(),
+            self.parameter()
+        )
     }
 }
 
