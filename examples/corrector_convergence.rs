@@ -1,7 +1,7 @@
 //! Newton methods side by side, as papers print them: on complementarity problems, variational inequalities, friction, equations of function
 //! spaces and problems over cones; and iteration by iteration on a few. You will see what each method solves, what it costs and its
 //! observed order, a table of all runs and performance profiles (Dolan and Moré 2002) of iterations and of times, with --full orders of
-//! McpSolver's strategies chosen on one half of the families of problems and judged on the other, then residuals, steps and changes of
+//! McpSolver's and ConeSolver's strategies chosen on one half of the families of problems and judged on the other, then residuals, steps and changes of
 //! pieces on friction problems and a circuit.
 //! Run: cargo run --release --example corrector_convergence [-- --full]
 
@@ -37,12 +37,16 @@ mod your_own_problem;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::rc::Rc;
 
 use clap::Parser;
-use classes::{Class, Sizes, classes, complementarity, two_nodes, variational};
+use classes::{Class, Sizes, classes, complementarity, over_cones, two_nodes, variational};
 use common::{Outcome, ensure, exit, file_in, shipped_folder};
-use contenders::Run;
+use cones::OnCones;
+use contenders::{Complementarity, Run, solver};
 use profiles::Costs;
+use semismooth::complementarity::{McpOptions, McpStrategy};
+use semismooth::cones::{ConeOptions, ConeStrategy};
 use semismooth::contact::{HildRenard, read_folder};
 use semismooth::newton::{Newton, NewtonOptions};
 use semismooth::output::BranchDiagram;
@@ -154,9 +158,25 @@ fn compare(args: &Args) -> Outcome<()> {
     write(&args.out, &table, &groups)?;
     if args.full {
         problems.extend(inequalities);
-        orders::compare(&problems)?;
+        orders_of_strategies(&problems, &over_cones(sizes)?)?;
     }
     groups.iter().try_for_each(check)
+}
+
+/// Whether other orders of strategies are better than the default ones.
+fn orders_of_strategies(problems: &[Rc<Complementarity>], over_cones: &[(String, OnCones)]) -> Outcome<()> {
+    let mut orders = orders::candidates(&McpOptions::default().strategies, &[]);
+    // Restarts are made of the others.
+    orders.retain(|o| !o[..2].contains(&McpStrategy::Restart));
+    let families: Vec<&str> = problems.iter().map(|p| p.family.as_str()).collect();
+    orders::compare("McpSolver", &orders, &families, &|k, order| {
+        problems[k].run_with(|p, x| solver(p, x, order))
+    })?;
+    let orders = orders::candidates(&ConeOptions::default().strategies, &[ConeStrategy::Newton]);
+    let families: Vec<&str> = over_cones.iter().map(|p| p.0.as_str()).collect();
+    orders::compare("ConeSolver", &orders, &families, &|k, order| {
+        over_cones[k].1.run_with(&|p, x| cones::solver(p, x, order))
+    })
 }
 
 /// What the pictures say, in sentences that can be false.

@@ -322,6 +322,7 @@ fn of_every_build() -> Vec<&'static str> {
         "cones::ConeReport": cones::ConeReport,
         "cones::ConeSolver": cones::ConeSolver,
         "cones::ConeStatus": cones::ConeStatus,
+        "cones::ConeStrategy": cones::ConeStrategy,
         "variational::Infeasibility": variational::Infeasibility,
         "variational::Multipliers": variational::Multipliers,
         "variational::Nearest": variational::Nearest,

@@ -1,7 +1,14 @@
 //! Variational inequalities over polyhedra: projections, certificates, solutions against their definitions.
 
+#[allow(dead_code)]
+#[path = "common/random.rs"]
+mod random;
+
 use proptest::prelude::*;
-use semismooth::complementarity::{AffineFunction, Mcp, McpFunction, McpSolver, NormalMap, WithJacobian};
+use random::Random;
+use semismooth::complementarity::{
+    AffineFunction, Mcp, McpFunction, McpOptions, McpSolver, McpStrategy, NormalMap, WithJacobian,
+};
 use semismooth::continuation::{Branch, ContinuationOptions, Direction};
 use semismooth::enumeration::{Completeness, EnumerationOptions};
 use semismooth::newton::Newton;
@@ -600,4 +607,47 @@ fn points_that_violate_a_nearly_dependent_row_are_not_the_nearest() {
             }
         }
     }
+}
+
+/// A piecewise linear path is a whole solve, without a factorisation of Newton's method, beyond the size up to which curved ones are
+/// followed: where F is strongly monotone it ends at the solution that all strategies find.
+#[test]
+fn one_path_solves_a_large_affine_problem() {
+    let (n, m) = (240, 120);
+    let mut random = Random::new(9);
+    let mut entries = Vec::new();
+    for i in 0..n {
+        entries.push((i, i, 2.5));
+        if i + 1 < n {
+            entries.extend([(i, i + 1, -0.2), (i + 1, i, -1.9)]);
+        }
+    }
+    let rows: Vec<_> = (0..4 * m)
+        .map(|k| (k / 4, random.below(n), random.symmetric()))
+        .collect();
+    let set = Polyhedron::boxed(vec![-1.0; n], vec![1.0; n])
+        .unwrap()
+        .with_inequalities(
+            Matrix::from_triplets(m, n, &rows).unwrap(),
+            (0..m).map(|_| 0.3 * random.unit()).collect(),
+        )
+        .unwrap();
+    let matrix = Matrix::from_triplets(n, n, &entries).unwrap();
+    let problem = Vi::new(AffineFunction::new(matrix, random.vector(n, 3.0)).unwrap(), set).unwrap();
+    let alone = McpOptions::default().with_strategies(vec![McpStrategy::JosephyNewton]);
+    assert!(n + m > alone.max_path_size);
+    let (mut path, mut other) = (vec![0.0; n], vec![0.0; n]);
+    let report = ViSolver::new(alone).solve(&problem, &mut path).unwrap();
+    assert!(
+        report.is_solved() && report.mcp.strategy == McpStrategy::JosephyNewton,
+        "{report}"
+    );
+    assert_eq!(report.mcp.factorisations, 0);
+    assert!(
+        ViSolver::default()
+            .solve(&problem, &mut other)
+            .unwrap()
+            .is_solved()
+    );
+    assert!(path.iter().zip(&other).all(|(a, b)| (a - b).abs() < 1e-9));
 }

@@ -7,6 +7,7 @@ use std::str::FromStr;
 use semismooth::UnknownName;
 use semismooth::complementarity::active_set::{ActiveSetOptions, Nested};
 use semismooth::complementarity::{AffineFunction, Lcp, Mcp, McpStrategy, Variables};
+use semismooth::cones::ConeStrategy;
 use semismooth::contact::{
     CondensedContact, ContactBody, ContactState, ContactStrategy, EvolutionOptions, FixedPointOptions,
     FrictionCoefficient, FullContact, LoadPath, PlanarCoulomb, evolve, fixed_point,
@@ -53,6 +54,13 @@ fn names_are_read_back() {
         McpStrategy::Enumeration,
         McpStrategy::Smoothing,
         McpStrategy::Restart,
+    ]);
+    read_back(&[
+        ConeStrategy::Newton,
+        ConeStrategy::InteriorPoints,
+        ConeStrategy::Smoothing,
+        ConeStrategy::CentralPath,
+        ConeStrategy::ProximalPoints,
     ]);
     read_back(&[
         ContactStrategy::Newton,

@@ -11,7 +11,7 @@ use semismooth::sparse::Matrix;
 
 use crate::common::bars::bar2d;
 use crate::common::{Outcome, Random, files_or_shipped, shipped_folder};
-use crate::cones::{OnCones, cone_methods, random_delassus};
+use crate::cones::{KINDS, OnCones, cone_methods, random_delassus, random_over_cones};
 use crate::contenders::{Complementarity, FunctionOf, METHODS, Run, random_lcp};
 use crate::equations::{BY_PRODUCTS, EQUATION_METHODS, Equation, Kind, random_friction};
 use crate::inequalities::{read_cone, read_vi};
@@ -358,6 +358,24 @@ fn cones() -> Outcome<Vec<(String, OnCones)>> {
         for (label, start) in problem.starts.iter().filter(|_| problem.solvable) {
             let name = format!("{} {label}", problem.name);
             list.push((name, OnCones::General(read_cone(&file)?.1, start.clone())));
+        }
+    }
+    Ok(list)
+}
+
+/// Problems over cones by their families, the same from all starts, all friction at random one of them.
+pub(crate) fn over_cones(sizes: &Sizes) -> Outcome<Vec<(String, OnCones)>> {
+    let named = cones()?.into_iter().chain(delassus(sizes)?);
+    let family = |name: String| name.split(' ').next().unwrap_or_default().to_owned();
+    let mut list: Vec<_> = named.map(|(name, p)| (family(name), p)).collect();
+    let mut random = Random::new(6);
+    for (kind, name) in KINDS.iter().enumerate() {
+        for count in [2, 4, 8] {
+            for _ in 0..4 {
+                let problem = random_over_cones(kind, count, &mut random)?;
+                let start = vec![0.0; problem.len()];
+                list.push((format!("{name}, {count} cones"), OnCones::General(problem, start)));
+            }
         }
     }
     Ok(list)

@@ -3,8 +3,8 @@
 use std::rc::Rc;
 use std::time::Instant;
 
-use semismooth::complementarity::McpFunction;
-use semismooth::cones::{Cone, ConeMap, ConeProblem, ConeSolver};
+use semismooth::complementarity::{AffineFunction, McpFunction};
+use semismooth::cones::{Cone, ConeMap, ConeOptions, ConeProblem, ConeSolver, ConeStrategy};
 use semismooth::contact::{DelassusProblem, DelassusSolver};
 use semismooth::linear::IncompleteLu;
 use semismooth::newton::{Damping, Newton, NewtonKrylov, NewtonKrylovOptions, NewtonOptions};
@@ -19,8 +19,8 @@ pub(crate) type OverCones = ConeProblem<Box<dyn McpFunction>>;
 
 type Attempt = fn(&OverCones, &mut [f64]) -> Outcome<Told>;
 
-/// The contenders: Newton's method for the natural and the normal map and the Fischer–Burmeister function, smoothing, and `ConeSolver`.
-pub(crate) const CONE_METHODS: [(&str, Attempt); 13] = [
+/// The contenders: Newton's method for the natural and the normal map and Fischer–Burmeister functions, smoothing, and `ConeSolver`.
+pub(crate) const CONE_METHODS: [(&str, Attempt); 14] = [
     ("natural map, full steps", |p, x| {
         newton(&ConeMap::natural(p)?, x, Damping::Never)
     }),
@@ -65,17 +65,26 @@ pub(crate) const CONE_METHODS: [(&str, Attempt); 13] = [
         let map = ConeMap::fischer_burmeister(p)?;
         Ok(minimise(&map, x, Direction::Marquardt, 1))
     }),
+    ("penalised Fischer-Burmeister, line search", |p, x| {
+        newton(&ConeMap::penalised(p, 0.8)?, x, Damping::Always)
+    }),
     ("smoothed Fischer-Burmeister, line search", smoothing),
     ("ConeSolver", |p, x| {
-        let report = ConeSolver::default().solve(p, x)?;
-        Ok(Told {
-            evaluations: report.evaluations,
-            iterations: report.iterations,
-            factorisations: report.factorisations,
-            ..Told::default()
-        })
+        solver(p, x, &ConeOptions::default().strategies)
     }),
 ];
+
+/// `ConeSolver` with strategies in this order.
+pub(crate) fn solver(p: &OverCones, x: &mut [f64], strategies: &[ConeStrategy]) -> Outcome<Told> {
+    let options = ConeOptions::default().with_strategies(strategies.to_vec());
+    let report = ConeSolver::new(options).solve(p, x)?;
+    Ok(Told {
+        evaluations: report.evaluations,
+        iterations: report.iterations,
+        factorisations: report.factorisations,
+        ..Told::default()
+    })
+}
 
 fn newton(map: &dyn Semismooth, x: &mut [f64], damping: Damping) -> Outcome<Told> {
     let mut newton = Newton::new(NewtonOptions::default().with_damping(damping));
@@ -199,12 +208,21 @@ pub(crate) fn cone_methods(friction: bool) -> Vec<&'static str> {
 }
 
 impl OnCones {
+    /// One of `CONE_METHODS`; the one after them is `DelassusSolver`.
     pub(crate) fn run(&self, method: usize) -> Outcome<Run> {
+        match (CONE_METHODS.get(method), self) {
+            (Some((_, attempt)), _) => self.run_with(attempt),
+            (None, Self::Friction(problem)) => friction(problem, || delassus_solver(problem)),
+            (None, Self::General(..)) => Err("DelassusSolver solves friction problems alone".into()),
+        }
+    }
+
+    pub(crate) fn run_with(&self, attempt: &dyn Fn(&OverCones, &mut [f64]) -> Outcome<Told>) -> Outcome<Run> {
         match self {
             Self::General(problem, start) => {
                 let mut x = start.clone();
                 let begun = Instant::now();
-                let told = (CONE_METHODS[method].1)(problem, &mut x)?;
+                let told = attempt(problem, &mut x)?;
                 let seconds = begun.elapsed().as_secs_f64();
                 problem.project(&mut x)?;
                 let mut room = vec![0.0; x.len()];
@@ -217,37 +235,40 @@ impl OnCones {
                     ..Run::told(told)
                 })
             }
-            Self::Friction(problem) => friction(problem, method),
+            Self::Friction(problem) => friction(problem, || {
+                let n = problem.q().len();
+                let largest = (0..n).fold(0.0, |m: f64, i| m.max(problem.matrix().get(i, i)));
+                let law = DeSaxce {
+                    problem: problem.clone(),
+                    scale: 1.0 / largest,
+                };
+                let cones = vec![Cone::SecondOrder(problem.dimension()); problem.contacts()];
+                let over = OverCones::new(Box::new(law), cones)?;
+                let mut s = vec![0.0; n];
+                let told = attempt(&over, &mut s)?;
+                over.project(&mut s)?;
+                Ok((told, reactions(problem, &s)))
+            }),
         }
     }
 }
 
-fn friction(problem: &Rc<DelassusProblem>, method: usize) -> Outcome<Run> {
-    let n = problem.q().len();
-    let begun = Instant::now();
-    let (told, r) = if let Some((_, run)) = CONE_METHODS.get(method) {
-        let largest = (0..n).fold(0.0, |m: f64, i| m.max(problem.matrix().get(i, i)));
-        let law = DeSaxce {
-            problem: problem.clone(),
-            scale: 1.0 / largest,
-        };
-        let cones = vec![Cone::SecondOrder(problem.dimension()); problem.contacts()];
-        let over = OverCones::new(Box::new(law), cones)?;
-        let mut s = vec![0.0; n];
-        let told = run(&over, &mut s)?;
-        over.project(&mut s)?;
-        (told, reactions(problem, &s))
-    } else {
-        let report = DelassusSolver::default().solve(problem)?;
-        let told = Told {
-            // A sweep looks at each row of M once.
-            evaluations: report.evaluations + report.sweeps,
-            iterations: report.iterations(),
-            factorisations: report.factorisations,
-            ..Told::default()
-        };
-        (told, report.r)
+fn delassus_solver(problem: &DelassusProblem) -> Outcome<(Told, Vec<f64>)> {
+    let report = DelassusSolver::default().solve(problem)?;
+    let told = Told {
+        // A sweep looks at each row of M once.
+        evaluations: report.evaluations + report.sweeps,
+        iterations: report.iterations(),
+        factorisations: report.factorisations,
+        ..Told::default()
     };
+    Ok((told, report.r))
+}
+
+/// A run that ends at reactions.
+fn friction(problem: &DelassusProblem, solve: impl Fn() -> Outcome<(Told, Vec<f64>)>) -> Outcome<Run> {
+    let begun = Instant::now();
+    let (told, r) = solve()?;
     let seconds = begun.elapsed().as_secs_f64();
     let residual = problem.residual(&r)?;
     Ok(Run {
@@ -275,4 +296,49 @@ pub(crate) fn random_delassus(p: usize, random: &mut Random) -> Outcome<Delassus
         .collect();
     let friction = (0..p).map(|_| 0.1 + 0.9 * random.symmetric().abs()).collect();
     Ok(DelassusProblem::new(3, Matrix::from_rows(&rows)?, q, friction)?)
+}
+
+/// Kinds of problems over second-order cones at random.
+pub(crate) const KINDS: [&str; 4] = ["monotone", "skew", "indefinite", "program"];
+
+/// F(x) = M x + q over `count` cones of 3 and 5 variables in turn, with a solution; or the conditions of a linear program over
+/// them, whose variables come first, as many as there are in the cones of three.
+pub(crate) fn random_over_cones(kind: usize, count: usize, random: &mut Random) -> Outcome<OverCones> {
+    let mut cones: Vec<_> = (0..count).map(|k| Cone::SecondOrder(3 + 2 * (k % 2))).collect();
+    let mut free = 0;
+    if KINDS[kind] == "program" {
+        free = 3 * count.div_ceil(2);
+        cones.insert(0, Cone::Free(free));
+    }
+    let n = cones.iter().map(|c| c.len()).sum::<usize>();
+    let mut square = || -> Vec<Vec<f64>> {
+        let row = |random: &mut Random| (0..n).map(|_| random.symmetric()).collect();
+        (0..n).map(|_| row(random)).collect()
+    };
+    let (g, point) = (square(), square().swap_remove(0));
+    let entry = |i: usize, j: usize| match KINDS[kind] {
+        "monotone" => {
+            let gram: f64 = (0..n).map(|k| g[k][i] * g[k][j]).sum();
+            gram / n as f64 + g[i][j] - g[j][i]
+        }
+        "skew" => g[i][j] - g[j][i],
+        "program" => match (i < free, j < free) {
+            (true, false) => -g[i][j],
+            (false, true) => g[j][i],
+            _ => 0.0,
+        },
+        _ => g[i][j],
+    };
+    let rows: Vec<Vec<f64>> = (0..n).map(|i| (0..n).map(|j| entry(i, j)).collect()).collect();
+    let m = Matrix::from_rows(&rows)?;
+    // x = P(z) and y = x − z are complementary.
+    let (mut x, mut y) = (point.clone(), vec![0.0; n]);
+    let mut first = 0;
+    for cone in &cones {
+        cone.project(&mut x[first..first + cone.len()]);
+        first += cone.len();
+    }
+    m.mul_vec(&x, &mut y);
+    let q = (0..n).map(|i| x[i] - point[i] - y[i]).collect();
+    Ok(OverCones::new(Box::new(AffineFunction::new(m, q)?), cones)?)
 }

@@ -1,30 +1,24 @@
-//! Orders of the strategies of `McpSolver`, chosen on one half of the families of problems and judged on the other.
+//! Orders of the strategies of a solver, chosen on one half of the families of problems and judged on the other.
 
-use std::rc::Rc;
-
-use semismooth::complementarity::{McpOptions, McpStrategy};
+use std::fmt::Display;
 
 use crate::common::{Outcome, Random};
-use crate::contenders::{Complementarity, Run, solver};
+use crate::contenders::Run;
 use crate::profiles::Costs;
 
 /// Solves of a problem, of whose times the least counts, unless one takes longer than `QUICK` seconds.
 const REPEATED: usize = 3;
 const QUICK: f64 = 1e-3;
 
-/// The default order first; then those in which another strategy comes first, or second.
-fn candidates() -> Vec<Vec<McpStrategy>> {
-    let usual = McpOptions::default().strategies;
-    let mut list = vec![usual.clone()];
+/// The usual order first; then those in which another strategy comes first, or second, those `more` that are not in it, too.
+pub(crate) fn candidates<S: Copy + PartialEq>(usual: &[S], more: &[S]) -> Vec<Vec<S>> {
+    let mut list = vec![usual.to_vec()];
     for place in [0, 1] {
-        for (k, strategy) in usual.iter().enumerate().skip(place + 1) {
-            // Restarts are made of the others.
-            if *strategy != McpStrategy::Restart {
-                let mut order = usual.clone();
-                order.remove(k);
-                order.insert(place, *strategy);
-                list.push(order);
-            }
+        for strategy in usual.iter().skip(place + 1).chain(more) {
+            let mut order = usual.to_vec();
+            order.retain(|s| s != strategy);
+            order.insert(place, *strategy);
+            list.push(order);
         }
     }
     list
@@ -64,17 +58,20 @@ fn total(scores: &[Score], chosen: &[bool]) -> (usize, f64) {
     (of_chosen().map(|s| s.failed).sum(), mean.exp())
 }
 
-/// Runs all orders on all problems: row by order.
-fn runs(orders: &[Vec<McpStrategy>], problems: &[Rc<Complementarity>]) -> Outcome<Vec<Vec<Run>>> {
+/// Runs all orders on so many problems: row by order.
+fn runs<S>(
+    orders: &[Vec<S>],
+    problems: usize,
+    run: &dyn Fn(usize, &[S]) -> Outcome<Run>,
+) -> Outcome<Vec<Vec<Run>>> {
     let mut runs = Vec::with_capacity(orders.len());
     for order in orders {
-        let mut row = Vec::with_capacity(problems.len());
-        for problem in problems {
-            let run = || problem.run_with(|p, x| solver(p, x, order));
-            let mut best = run()?;
+        let mut row = Vec::with_capacity(problems);
+        for problem in 0..problems {
+            let mut best = run(problem, order)?;
             let repeated = if best.seconds < QUICK { REPEATED } else { 1 };
             for _ in 1..repeated {
-                best.seconds = best.seconds.min(run()?.seconds);
+                best.seconds = best.seconds.min(run(problem, order)?.seconds);
             }
             row.push(best);
         }
@@ -83,18 +80,22 @@ fn runs(orders: &[Vec<McpStrategy>], problems: &[Rc<Complementarity>]) -> Outcom
     Ok(runs)
 }
 
-/// Prints the costs of all orders; chooses the best on one half of the families and judges it on the other, for many halves at random.
-pub(crate) fn compare(problems: &[Rc<Complementarity>]) -> Outcome<()> {
-    let orders = candidates();
-    let mut names: Vec<&str> = problems.iter().map(|p| p.family.as_str()).collect();
+/// Prints the costs of all orders of a solver on problems of these families, the default order first; chooses the best on one half of the
+/// families and judges it on the other, for many halves at random. `run` solves the problem with a number.
+pub(crate) fn compare<S: Display>(
+    solver: &str,
+    orders: &[Vec<S>],
+    of: &[&str],
+    run: &dyn Fn(usize, &[S]) -> Outcome<Run>,
+) -> Outcome<()> {
+    let mut names = of.to_vec();
     names.sort_unstable();
     names.dedup();
-    let place = |p: &Rc<Complementarity>| names.binary_search(&p.family.as_str()).unwrap_or(0);
-    let families: Vec<usize> = problems.iter().map(place).collect();
-    let runs = runs(&orders, problems)?;
+    let families: Vec<usize> = of.iter().map(|f| names.binary_search(f).unwrap_or(0)).collect();
+    let runs = runs(orders, of.len(), run)?;
     println!(
-        "\norders of McpSolver's strategies on {} problems of {} families",
-        problems.len(),
+        "\norders of {solver}'s strategies on {} problems of {} families",
+        of.len(),
         names.len()
     );
     println!(
@@ -108,7 +109,7 @@ pub(crate) fn compare(problems: &[Rc<Complementarity>]) -> Outcome<()> {
     });
     let all = vec![true; names.len()];
     for (k, order) in orders.iter().enumerate() {
-        let first: Vec<_> = order.iter().take(3).map(|s| s.name()).collect();
+        let first: Vec<_> = order.iter().take(3).map(S::to_string).collect();
         let [time, work] = [0, 1].map(|c| total(&scores[c][k], &all));
         println!(
             "  {:64} {:>8.3} {:>8.3} {:>9}",
@@ -119,7 +120,7 @@ pub(crate) fn compare(problems: &[Rc<Complementarity>]) -> Outcome<()> {
         );
     }
     for ((name, _), scores) in costs.iter().zip(&scores) {
-        halves(name, &orders, scores);
+        halves(name, orders, scores);
     }
     Ok(())
 }
@@ -127,7 +128,7 @@ pub(crate) fn compare(problems: &[Rc<Complementarity>]) -> Outcome<()> {
 /// Halves of the families at random.
 const HALVES: usize = 1000;
 
-fn halves(cost: &str, orders: &[Vec<McpStrategy>], scores: &[Vec<Score>]) {
+fn halves<S: Display>(cost: &str, orders: &[Vec<S>], scores: &[Vec<Score>]) {
     let mut random = Random::new(5);
     let (mut chosen, mut judged) = (vec![0; orders.len()], Vec::with_capacity(HALVES));
     let mut better = 0;

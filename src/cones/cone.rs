@@ -1,3 +1,4 @@
+use super::jordan::jordan;
 use super::{root, semidefinite};
 use crate::sparse::norm;
 
@@ -134,6 +135,16 @@ impl Cone {
             Self::Nonnegative(_) | Self::SecondOrder(_) => {
                 root::derivatives(mu, [x, y], rate, [by_x, by_y], room);
             }
+        }
+    }
+
+    /// a ∘ b in the Jordan algebra; 0 for free variables.
+    pub(super) fn product(self, a: &[f64], b: &[f64], out: &mut [f64]) {
+        match self {
+            Self::Free(_) => out.fill(0.0),
+            Self::Nonnegative(_) => (0..a.len()).for_each(|i| out[i] = a[i] * b[i]),
+            Self::SecondOrder(_) => jordan(a, b, out),
+            Self::Semidefinite(order) => semidefinite::product(order, a, b, out),
         }
     }
 

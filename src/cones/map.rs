@@ -1,5 +1,5 @@
 use super::equations::{Part, mixed, owners, parts};
-use super::{ConeError, ConeProblem};
+use super::{Cone, ConeError, ConeProblem};
 use crate::complementarity::{McpFunction, Scratch};
 use crate::piecewise::Semismooth;
 use crate::sparse::{Matrix, Pattern};
@@ -11,10 +11,13 @@ use crate::sparse::{Matrix, Pattern};
 ///   1992),
 /// * [`fischer_burmeister`](Self::fischer_burmeister): x + F(x) − (x² + F(x)²)^½ = 0 in the Jordan algebra of the cones (M. Fukushima, Z.-Q. Luo,
 ///   P. Tseng, SIAM J. Optim. 12 (2002)); ½‖Φ‖² is continuously differentiable (J.-S. Chen, P. Tseng, Math. Program. 104 (2005)),
+/// * [`penalised`](Self::penalised): λ times the latter and (1 − λ) x₊ ∘ F(x)₊, with the projections on K: its norm has bounded level sets on
+///   more problems, but its square kinks (S. Pan, J.-S. Chen, S. Kum, Y. Lim, Comput. Optim. Appl. 49 (2011), for second-order cones; S. Kum,
+///   Y. Lim, J. Global Optim. 46 (2010), for all symmetric ones; B. Chen, X. Chen, C. Kanzow, Math. Program. 88 (2000), for half-lines),
 /// * [`smoothed`](Self::smoothed): x + F(x) − (x² + F(x)² + 2 μ² e)^½ = 0, which is smooth where F is; its zeros lie inside of K with
 ///   x ∘ F(x) = μ² e, the central path.
 ///
-/// Zeros of the first three are the solutions of the problem, without tolerance in their place. Free variables have the equation F = 0.
+/// Zeros of the first four are the solutions of the problem, without tolerance in their place. Free variables have the equation F = 0.
 ///
 /// With ∇F Lipschitz continuous all are strongly semismooth, so that Newton's method converges quadratically at solutions with regular elements
 /// (X. Chen, D. Sun, J. Sun, Comput. Optim. Appl. 25 (2003), for second-order cones; D. Sun, J. Sun, Math. Oper. Res. 27 (2002) and Math. Program. 103
@@ -26,7 +29,9 @@ use crate::sparse::{Matrix, Pattern};
 /// * of the Fischer–Burmeister map always: where it has no derivative the limit of its Jacobians at x + t e for t ↓ 0, e the identity of the
 ///   algebra, as T. De Luca, F. Facchinei and C. Kanzow (1996) take it for half-lines;
 /// * of the natural map I − V (I − F′(x)) with V from ∂_B P(x − F(x)): surely where I − F′(x) is regular or P differentiable; else it is one
-///   of the elements that Newton's method takes for composed functions (L. Qi, J. Sun, Math. Program. 58 (1993)).
+///   of the elements that Newton's method takes for composed functions (L. Qi, J. Sun, Math. Program. 58 (1993));
+/// * of the penalised map that of the Fischer–Burmeister map with elements of ∂_B P at x and at F(x): surely where P is differentiable at both,
+///   else as for the natural map.
 ///
 /// ```
 /// use semismooth::complementarity::AffineFunction;
@@ -60,8 +65,17 @@ pub struct ConeMap<'a, F> {
 enum Equations {
     Natural,
     Normal,
-    /// With μ.
-    FischerBurmeister(f64),
+    FischerBurmeister { mu: f64, lambda: f64 },
+}
+
+impl Equations {
+    /// The weight of x₊ ∘ F(x)₊.
+    fn penalty(self) -> f64 {
+        match self {
+            Self::FischerBurmeister { lambda, .. } => 1.0 - lambda,
+            _ => 0.0,
+        }
+    }
 }
 
 /// Buffers of a Jacobian.
@@ -74,6 +88,8 @@ struct Work {
     slope: Matrix,
     by_x: Vec<f64>,
     by_y: Vec<f64>,
+    /// The derivative of a projection, of the penalised map.
+    projected: Vec<f64>,
     room: Vec<f64>,
 }
 
@@ -99,7 +115,22 @@ impl<'a, F: McpFunction> ConeMap<'a, F> {
     /// # Errors
     /// A pattern that is too large.
     pub fn fischer_burmeister(problem: &'a ConeProblem<F>) -> Result<Self, ConeError> {
-        Self::new(problem, Equations::FischerBurmeister(0.0))
+        Self::new(problem, Equations::FischerBurmeister { mu: 0.0, lambda: 1.0 })
+    }
+
+    /// λ (x + F(x) − (x² + F(x)²)^½) + (1 − λ) x₊ ∘ F(x)₊, λ in (0, 1].
+    ///
+    /// # Errors
+    /// λ out of range; a pattern that is too large.
+    pub fn penalised(problem: &'a ConeProblem<F>, lambda: f64) -> Result<Self, ConeError> {
+        match lambda > 0.0 && lambda <= 1.0 {
+            true => Self::new(problem, Equations::FischerBurmeister { mu: 0.0, lambda }),
+            false => Err(ConeError::Option {
+                name: "lambda",
+                value: lambda,
+                range: "in (0, 1]",
+            }),
+        }
     }
 
     /// x + F(x) − (x² + F(x)² + 2 μ² e)^½, μ > 0.
@@ -108,7 +139,7 @@ impl<'a, F: McpFunction> ConeMap<'a, F> {
     /// μ out of range; a pattern that is too large.
     pub fn smoothed(problem: &'a ConeProblem<F>, mu: f64) -> Result<Self, ConeError> {
         match mu > 0.0 && mu.is_finite() {
-            true => Self::new(problem, Equations::FischerBurmeister(mu)),
+            true => Self::new(problem, Equations::FischerBurmeister { mu, lambda: 1.0 }),
             false => Err(ConeError::Option {
                 name: "mu",
                 value: mu,
@@ -142,6 +173,7 @@ impl<'a, F: McpFunction> ConeMap<'a, F> {
                 slope,
                 by_x: vec![0.0; widest],
                 by_y: vec![0.0; entries],
+                projected: vec![0.0; if equations.penalty() > 0.0 { widest } else { 0 }],
                 room: vec![0.0; 3 * n],
             }),
         })
@@ -166,12 +198,13 @@ impl<F: McpFunction> Semismooth for ConeMap<'_, F> {
                 let apart = x.iter().zip(&work.point).map(|(z, p)| z - p);
                 out.iter_mut().zip(apart).for_each(|(o, d)| *o += d);
             }
-            Equations::FischerBurmeister(mu) => {
+            Equations::FischerBurmeister { mu, .. } => {
                 function.value(x, &mut work.y);
                 for part in &self.parts {
                     let range = part.range.clone();
                     let (x, y) = (&x[range.clone()], &work.y[range.clone()]);
-                    part.cone.smoothed(mu, x, y, &mut out[range]);
+                    part.cone.smoothed(mu, x, y, &mut out[range.clone()]);
+                    self.add_penalty(part, [x, y], &mut out[range], &mut work.room);
                 }
             }
         }
@@ -193,7 +226,7 @@ impl<F: McpFunction> Semismooth for ConeMap<'_, F> {
             // An entry outside the pattern of F is passed on as one outside the pattern of the map.
             jac.add(row, usize::MAX, f64::NAN);
         }
-        if matches!(self.equations, Equations::FischerBurmeister(_)) {
+        if matches!(self.equations, Equations::FischerBurmeister { .. }) {
             let unit = &mut work.point;
             for part in &self.parts {
                 part.cone.unit(&mut unit[part.range.clone()]);
@@ -234,11 +267,11 @@ impl<F> ConeMap<'_, F> {
         let (n, range) = (part.range.len(), part.range.clone());
         let (by_x, by_y) = (&mut work.by_x[..n * n], &mut work.by_y[part.at..part.at + n * n]);
         let (x, y) = (&x[range.clone()], &work.y[range.clone()]);
-        if let Equations::FischerBurmeister(mu) = self.equations {
-            let (rate, room) = (&work.rate[range], &mut work.room[..3 * n]);
-            return part
-                .cone
-                .smoothed_derivatives(mu, [x, y], Some(rate), [by_x, by_y], room);
+        if let Equations::FischerBurmeister { mu, .. } = self.equations {
+            let (rate, room) = (&work.rate[range], &mut work.room[..]);
+            part.cone
+                .smoothed_derivatives(mu, [x, y], Some(rate), [by_x, by_y], &mut room[..3 * n]);
+            return self.add_penalty_slopes(part, [x, y], [by_x, by_y], &mut work.projected, room);
         }
         let z = &mut work.room[..n];
         z.copy_from_slice(x);
@@ -248,6 +281,57 @@ impl<F> ConeMap<'_, F> {
         part.cone.projection_derivative(z, by_y);
         for k in 0..n * n {
             by_x[k] = f64::from(u8::from(k % (n + 1) == 0)) - by_y[k];
+        }
+    }
+
+    /// λ times the Fischer–Burmeister function in `out`, and the penalty.
+    fn add_penalty(&self, part: &Part, xy: [&[f64]; 2], out: &mut [f64], room: &mut [f64]) {
+        let penalty = self.equations.penalty();
+        if penalty == 0.0 || matches!(part.cone, Cone::Free(_)) {
+            return;
+        }
+        let n = out.len();
+        let (positive, product) = room[..3 * n].split_at_mut(2 * n);
+        for (p, z) in positive.chunks_exact_mut(n).zip(xy) {
+            p.copy_from_slice(z);
+            part.cone.project(p);
+        }
+        part.cone.product(&positive[..n], &positive[n..], product);
+        for (out, p) in out.iter_mut().zip(product) {
+            *out = (1.0 - penalty) * *out + penalty * *p;
+        }
+    }
+
+    /// The same for its derivatives by x and by y: y₊ ∘ V and x₊ ∘ W, V and W those of the projections.
+    fn add_penalty_slopes(
+        &self,
+        part: &Part,
+        xy: [&[f64]; 2],
+        by: [&mut [f64]; 2],
+        projected: &mut [f64],
+        room: &mut [f64],
+    ) {
+        let penalty = self.equations.penalty();
+        if penalty == 0.0 || matches!(part.cone, Cone::Free(_)) {
+            return;
+        }
+        let n = part.range.len();
+        let projected = &mut projected[..n * n];
+        let (positive, rest) = room[..3 * n].split_at_mut(n);
+        let (column, product) = rest.split_at_mut(n);
+        let [x, y] = xy;
+        for (by, (z, other)) in by.into_iter().zip([(x, y), (y, x)]) {
+            positive.copy_from_slice(other);
+            part.cone.project(positive);
+            part.cone.projection_derivative(z, projected);
+            for j in 0..n {
+                (0..n).for_each(|i| column[i] = projected[i * n + j]);
+                part.cone.product(positive, column, product);
+                for (i, p) in product.iter().enumerate() {
+                    let by = &mut by[i * n + j];
+                    *by = (1.0 - penalty) * *by + penalty * p;
+                }
+            }
         }
     }
 }

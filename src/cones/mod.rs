@@ -28,7 +28,7 @@ pub(crate) use interior::{Image, Interior};
 #[cfg(test)]
 pub(crate) use jordan::jordan;
 pub use map::ConeMap;
-pub use options::ConeOptions;
+pub use options::{ConeOptions, ConeStrategy};
 pub use problem::ConeProblem;
 pub use report::{ConeIteration, ConeRay, ConeReport, ConeStatus};
 pub use semidefinite::{smat, svec};

@@ -2,6 +2,50 @@ use std::time::Duration;
 
 use super::ConeError;
 use crate::options::setters;
+use crate::words::named;
+
+/// What [`ConeSolver`](super::ConeSolver) tries from a start.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[non_exhaustive]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub enum ConeStrategy {
+    /// Full steps of Newton's method for the natural map, as long as they converge (L. Qi, J. Sun, 1993).
+    Newton,
+    /// Where F is affine and monotone: interior points with the scaling of Yu. Nesterov and M. Todd (1997) and the corrector of S. Mehrotra
+    /// (1992), ended by steps of the natural map.
+    InteriorPoints,
+    /// A smoothing Newton method for the Fischer–Burmeister function, ended by steps of the natural map (M. Fukushima, Z.-Q. Luo, P. Tseng,
+    /// 2002; S. Hayashi, N. Yamashita, M. Fukushima, 2005).
+    Smoothing,
+    /// Interior points for F that are not affine and monotone.
+    CentralPath,
+    /// Proximal points, F(x) + w (x − x_k) with w → 0 (R. T. Rockafellar, 1976): for monotone F whose solutions are not unique.
+    ProximalPoints,
+}
+
+impl ConeStrategy {
+    const ALL: [Self; 5] = [
+        Self::Newton,
+        Self::InteriorPoints,
+        Self::Smoothing,
+        Self::CentralPath,
+        Self::ProximalPoints,
+    ];
+
+    /// The strategy in words.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Newton => "Newton",
+            Self::InteriorPoints => "interior points",
+            Self::Smoothing => "smoothing",
+            Self::CentralPath => "central path",
+            Self::ProximalPoints => "proximal points",
+        }
+    }
+}
+
+named!(ConeStrategy, "strategy for a cone problem", Self::ALL);
 
 /// Options of [`ConeSolver`](super::ConeSolver).
 #[derive(Debug, Clone, PartialEq)]
@@ -16,17 +60,27 @@ pub struct ConeOptions {
     pub tolerance: f64,
     /// Largest number of iterations, over all starts and methods. Default 100 000.
     pub max_iterations: usize,
-    /// Further starts, should the first one fail. Default 8.
+    /// What is tried from the first start, in this order, each only if all before it failed. Default: see [`ConeStrategy`].
+    pub strategies: Vec<ConeStrategy>,
+    /// Further starts, should the first one fail, for the smoothing method. Default 8.
     pub restarts: usize,
     /// Largest wall-clock time. Default none.
     pub max_time: Option<Duration>,
 }
+
+const DEFAULT: [ConeStrategy; 4] = [
+    ConeStrategy::InteriorPoints,
+    ConeStrategy::Smoothing,
+    ConeStrategy::CentralPath,
+    ConeStrategy::ProximalPoints,
+];
 
 impl Default for ConeOptions {
     fn default() -> Self {
         Self {
             tolerance: 1e-10,
             max_iterations: 100_000,
+            strategies: DEFAULT.to_vec(),
             restarts: 8,
             max_time: None,
         }
@@ -39,6 +93,8 @@ impl ConeOptions {
         with_tolerance(tolerance: f64);
         /// Sets the largest number of iterations.
         with_max_iterations(max_iterations: usize);
+        /// Sets what is tried, and in which order.
+        with_strategies(strategies: Vec<ConeStrategy>);
         /// Sets the number of further starts.
         with_restarts(restarts: usize);
         /// Sets the largest wall-clock time.
@@ -48,15 +104,15 @@ impl ConeOptions {
     /// Checks the ranges.
     ///
     /// # Errors
-    /// A tolerance that is not between 2⁻⁵² and 1.
+    /// A tolerance that is not between 2⁻⁵² and 1, an empty list of strategies.
     pub fn validate(&self) -> Result<(), ConeError> {
-        match (f64::EPSILON..1.0).contains(&self.tolerance) {
-            true => Ok(()),
-            false => Err(ConeError::Option {
-                name: "tolerance",
-                value: self.tolerance,
-                range: "at least 2.3e-16 and less than 1",
-            }),
+        let bad = |name, value, range| Err(ConeError::Option { name, value, range });
+        if !(f64::EPSILON..1.0).contains(&self.tolerance) {
+            return bad("tolerance", self.tolerance, "at least 2.3e-16 and less than 1");
         }
+        if self.strategies.is_empty() {
+            return bad("strategies", 0.0, "a list of at least one strategy");
+        }
+        Ok(())
     }
 }

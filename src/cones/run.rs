@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use super::equations::{Map, Part, mixed, owners, parts};
 use super::judge::Size;
-use super::{ConeError, ConeIteration, ConeOptions, ConeProblem, ConeReport, ConeStatus};
+use super::{ConeError, ConeIteration, ConeOptions, ConeProblem, ConeReport, ConeStatus, ConeStrategy};
 use crate::clock::Deadline;
 use crate::complementarity::McpFunction;
 use crate::linear::{AutoSolver, LinearSolver};
@@ -184,25 +184,40 @@ impl<'a> Run<'a> {
         Ok(status)
     }
 
-    /// All methods from the start, which is x.
+    /// All strategies from the start, one after the other.
     fn first_start(&mut self, start: &[f64]) -> Result<ConeStatus, ConeError> {
-        let fails = |s: ConeStatus| matches!(s, ConeStatus::Stalled | ConeStatus::IterationLimit);
         let monotone = self.evaluate()? && self.is_monotone()?;
-        if monotone && let Some(outcome) = self.interior_points(start)? {
-            return Ok(outcome);
+        let mut outcome = ConeStatus::Stalled;
+        for strategy in &self.options.strategies {
+            self.x.copy_from_slice(start);
+            let ended = match strategy {
+                ConeStrategy::Newton => Some(self.newton()?),
+                ConeStrategy::Smoothing => Some(self.descend()?),
+                ConeStrategy::InteriorPoints if monotone => self.interior_points(start)?,
+                ConeStrategy::CentralPath if !monotone => self.interior_points(start)?,
+                ConeStrategy::ProximalPoints => Some(self.proximal_points(start)?),
+                ConeStrategy::InteriorPoints | ConeStrategy::CentralPath => None,
+            };
+            outcome = ended.unwrap_or(outcome);
+            let fails = matches!(outcome, ConeStatus::Stalled | ConeStatus::IterationLimit);
+            if !fails || self.exhausted().is_some() {
+                break;
+            }
         }
-        self.x.copy_from_slice(start);
-        let mut outcome = self.descend()?;
-        if fails(outcome)
-            && !monotone
-            && let Some(found) = self.interior_points(start)?
-        {
-            outcome = found;
+        Ok(outcome)
+    }
+
+    /// Steps of the natural map from x.
+    fn newton(&mut self) -> Result<ConeStatus, ConeError> {
+        if !self.evaluate()? {
+            return Ok(ConeStatus::EvaluationFailure);
         }
-        match fails(outcome) && self.exhausted().is_none() {
-            true => self.proximal_points(start),
-            false => Ok(outcome),
-        }
+        self.choose_units();
+        Ok(match self.tail()? {
+            Some(ControlFlow::Continue(())) => ConeStatus::Solved,
+            Some(ControlFlow::Break(())) => ConeStatus::Interrupted,
+            None => ConeStatus::Stalled,
+        })
     }
 
     /// F and ∇F at x; `false` where they are not finite.

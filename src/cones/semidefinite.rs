@@ -226,6 +226,11 @@ pub(super) fn smoothed_derivatives(
     }
 }
 
+/// ½ (A B + B A).
+pub(super) fn product(order: usize, a: &[f64], b: &[f64], out: &mut [f64]) {
+    write(&(matrix(order, a) * matrix(order, b)), out);
+}
+
 /// The unit matrix.
 pub(super) fn unit(order: usize, out: &mut [f64]) {
     for ((i, j), v) in triangle(order).zip(out) {

@@ -194,7 +194,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
         direction: Direction,
         options: ContinuationOptions,
     ) -> Result<Self, ContinuationError> {
-        Self::with_solver(map, x, direction, options, solver_for(map))
+        Self::with_solver(map, x, direction, options, solver())
     }
 
     /// Starts at `x` along a given arm (of a transition or branch point, or from [`arms_at`]).
@@ -207,7 +207,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
         arm: &Arm,
         options: ContinuationOptions,
     ) -> Result<Self, ContinuationError> {
-        let mut curve = Curve::prepare(map, x, options, Box::new(solver_for(map)))?;
+        let mut curve = Curve::prepare(map, x, options, Box::new(solver()))?;
         curve.erased_mut().leave_along(arm)?;
         Ok(Self::of(curve))
     }
@@ -248,7 +248,7 @@ pub fn arms_at<P: PiecewiseSmooth + ?Sized>(
     x: &[f64],
     options: &ContinuationOptions,
 ) -> Result<(Vec<Arm>, bool), ContinuationError> {
-    let mut curve = Curve::prepare(map, x, options.clone(), Box::new(solver_for(map)))?;
+    let mut curve = Curve::prepare(map, x, options.clone(), Box::new(solver()))?;
     let arms = curve.erased_mut().arms_here()?;
     Ok((arms.list, arms.complete))
 }
@@ -258,12 +258,10 @@ pub(super) fn slices<S: AsRef<[f64]>>(starts: &[S]) -> Vec<&[f64]> {
     starts.iter().map(AsRef::as_ref).collect()
 }
 
-/// The crate's own solver, for curves of the map: where pieces are affine no determinant changes its sign inside of one.
-pub(super) fn solver_for<P: PiecewiseSmooth + ?Sized>(map: &P) -> AutoSolver {
-    match map.is_piecewise_affine() {
-        true => AutoSolver::new(),
-        false => AutoSolver::with_determinants(),
-    }
+/// The crate's own solver for curves, with determinants at any size: without them a point has no orientation, which is how singular ones
+/// are told, and rows of a selection cannot be replaced in the factors at hand.
+pub(super) fn solver() -> AutoSolver {
+    AutoSolver::with_determinants()
 }
 
 impl<'a> Curve<'a> {
@@ -388,7 +386,7 @@ impl Start {
 pub(super) fn auto_corrector<'a>(
     map: &dyn PiecewiseSmooth,
 ) -> Result<MoorePenrose<Solver<'a>>, PiecewiseError> {
-    MoorePenrose::new(map, Box::new(solver_for(map)) as Solver<'_>)
+    MoorePenrose::new(map, Box::new(solver()) as Solver<'_>)
 }
 
 /// A corrector, and the point of the curve at the α of the start.

@@ -53,7 +53,9 @@ impl RowUpdates {
         let kept = if keep_inverse {
             Kept::Inverse(RowInverse::new(bordered)?)
         } else {
-            Kept::Factors(Box::new(UpdatedFactors::new(bordered, det)))
+            let entries = jacobian.nrows() * jacobian.ncols();
+            let sparse = jacobian.pattern().nnz() < entries / 4;
+            Kept::Factors(Box::new(UpdatedFactors::new(bordered, det, sparse)))
         };
         Ok(Some(Self {
             tangent: border.clone(),

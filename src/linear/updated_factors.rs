@@ -25,11 +25,16 @@ pub(super) struct UpdatedFactors {
     block: Vec<f64>,
 }
 
+/// Most rows that differ from those of sparse factors.
+const SPARSE: usize = 64;
+
 impl UpdatedFactors {
-    pub(super) fn new<L: LinearSolver>(bordered: &Bordered<L>, det: (i8, f64)) -> Self {
+    /// `sparse`: whether most entries of ∇H are none.
+    pub(super) fn new<L: LinearSolver>(bordered: &Bordered<L>, det: (i8, f64), sparse: bool) -> Self {
         let border = bordered.tangent().to_vec();
-        // More rows than these cost as much as factors made anew.
-        let limit = (border.len() / 8).max(16);
+        // More rows than these cost as much as factors made anew, or fill more memory than sparse ones.
+        let eighth = border.len() / 8;
+        let limit = if sparse { eighth.min(SPARSE) } else { eighth }.max(16);
         Self {
             step: vec![0.0; border.len()],
             block: Vec::new(),

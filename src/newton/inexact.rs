@@ -23,6 +23,10 @@ const JUMP: f64 = 1e-6;
 /// Newton step gives no descent and products with Gᵀ are known, the steepest descent on ½‖H‖² is tried. The tail is superlinear at solutions
 /// where all elements of the generalized Jacobian are regular (J. M. Martínez, L. Qi, J. Comput. Appl. Math. 60 (1995)).
 ///
+/// Products alone tell nothing of the regularity of a solution, and the report has none:
+/// [`bd_regularity_semismooth`](crate::piecewise::bd_regularity_semismooth) and
+/// [`cd_regularity_semismooth`](crate::piecewise::cd_regularity_semismooth) examine maps with matrices at the point returned.
+///
 /// A solver is reused from problem to problem; nothing is allocated once it has seen one of the same size.
 /// [`MatrixFree`] has an example, [`Assembled`](crate::piecewise::Assembled) another.
 #[derive(Debug, Clone)]

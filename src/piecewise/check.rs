@@ -332,7 +332,8 @@ pub struct SemismoothReport {
 /// at smooth points the order is 1 or the remainder rounding. At points next to the samples, which are in general position, where H is
 /// differentiable, entries are compared with difference quotients: a wrong one is named with its row and column.
 ///
-/// Of the options `tolerance` and `max_findings` count. Cost: 120 + 64 n residuals and 128 Jacobians a sample. Points at which the map is not
+/// Over these distances an order of 0.1 or less cannot be told from none, and counts as none. Of the options `tolerance` and `max_findings`
+/// count. Cost: 120 + 64 n residuals and 128 Jacobians a sample. Points at which the map is not
 /// finite are passed over, but for the samples themselves.
 ///
 /// # Errors

@@ -86,6 +86,26 @@ impl std::fmt::Display for ViReport {
 /// The start is projected on C. Then [`McpSolver`] solves the conditions of [`Vi::kkt`]: semismooth Newton first, then among others
 /// Josephy–Newton with linearised problems solved along piecewise linear paths (N. H. Josephy 1979; D. Ralph 1994), and a piecewise
 /// smooth homotopy; [`McpOptions::strategies`] chooses. For affine F a certificate is sought where nothing solves.
+///
+/// With [`McpStrategy::JosephyNewton`](crate::complementarity::McpStrategy::JosephyNewton) alone an affine problem is solved by one piecewise
+/// linear path from the start, as by PATHAVI (Y. Kim, O. Huber, M. C. Ferris, Math. Program. 169 (2018)), though in the variables (x, λ, μ): up to
+/// four times [`McpOptions::max_path_size`] of them and [`McpOptions::max_path_points`] kinks, on which some matrices of that order are
+/// factored.
+///
+/// ```
+/// use semismooth::complementarity::{AffineFunction, McpOptions, McpStrategy};
+/// use semismooth::sparse::Matrix;
+/// use semismooth::variational::{Polyhedron, Vi, ViSolver};
+/// // The point of x₁ + x₂ ≤ 1, x ≥ 0 nearest to (1, 2).
+/// let set = Polyhedron::boxed(vec![0.0; 2], vec![f64::INFINITY; 2])?
+///     .with_inequalities(Matrix::from_rows(&[[1.0, 1.0]])?, vec![1.0])?;
+/// let problem = Vi::new(AffineFunction::new(Matrix::identity(2), vec![-1.0, -2.0])?, set)?;
+/// let path = McpOptions::default().with_strategies(vec![McpStrategy::JosephyNewton]);
+/// let mut x = [0.0, 0.0];
+/// let report = ViSolver::new(path).solve(&problem, &mut x)?;
+/// assert!(report.is_solved() && x[0].abs() < 1e-9 && (x[1] - 1.0).abs() < 1e-9);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug, Clone, Default)]
 pub struct ViSolver {
     mcp: McpSolver,

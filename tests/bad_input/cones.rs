@@ -116,6 +116,16 @@ fn points(t: &mut Table) {
             ConeSolver::default().solve_observed(&problem, &mut x, |_| ControlFlow::Continue(()))
         });
     }
+    let none = ConeOptions::default().with_strategies(Vec::new());
+    t.refuses(
+        "cones::ConeOptions::validate",
+        "no strategies",
+        "strategies",
+        || none.validate(),
+    );
+    t.refuses("cones::ConeSolver::solve", "no strategies", "strategies", || {
+        ConeSolver::new(none.clone()).solve(&problem, &mut [0.0; 3])
+    });
     for bad in [f64::NAN, f64::INFINITY, 0.0, -1.0, 1e-17, 1.0] {
         let options = ConeOptions::default().with_tolerance(bad);
         t.refuses("cones::ConeOptions::validate", "tolerance", "tolerance", || {
@@ -198,6 +208,11 @@ fn maps(t: &mut Table) {
             "mu",
             || ConeMap::smoothed(&problem, mu),
         );
+    }
+    for lambda in [f64::NAN, f64::INFINITY, 0.0, -1.0, 1.1] {
+        t.refuses("cones::ConeMap::penalised", "not in (0, 1]", "lambda", || {
+            ConeMap::penalised(&problem, lambda)
+        });
     }
     for bad in BAD {
         let map = ConeMap::fischer_burmeister(&problem).unwrap();

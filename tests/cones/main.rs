@@ -8,8 +8,8 @@ use std::ops::ControlFlow;
 
 use proptest::prelude::*;
 use random::Random;
-use semismooth::complementarity::{AffineFunction, WithJacobian};
-use semismooth::cones::{Cone, ConeOptions, ConeProblem, ConeSolver, ConeStatus, smat, svec};
+use semismooth::complementarity::{AffineFunction, McpFunction, WithJacobian};
+use semismooth::cones::{Cone, ConeOptions, ConeProblem, ConeSolver, ConeStatus, ConeStrategy, smat, svec};
 use semismooth::sparse::Matrix;
 
 fn norm(v: &[f64]) -> f64 {
@@ -563,5 +563,59 @@ fn nearest_correlation_matrices() {
     // As printed by Higham, section 4.
     for (i, j, v) in [(0, 1, -0.8084), (0, 2, 0.1916), (0, 3, 0.1068), (1, 2, -0.6562)] {
         assert!((found[i][j] - v).abs() < 5e-5, "{found:?}");
+    }
+}
+
+/// Strategies alone find the one solution of a strongly monotone problem, and what does not suit a problem does nothing.
+#[test]
+fn strategies_alone_agree() {
+    let mut random = Random::new(33);
+    for case in 0..30 {
+        let matrix = Matrix::from_rows(&monotone_of(6, &mut random)).unwrap();
+        let q = random.vector(6, 3.0);
+        // The same values, told to be affine or not.
+        let affine = case % 2 == 0;
+        let solve = |strategy: ConeStrategy| {
+            let cones = vec![Cone::SecondOrder(3), Cone::SecondOrder(2), Cone::Nonnegative(1)];
+            let options = ConeOptions::default()
+                .with_strategies(vec![strategy])
+                .with_restarts(0);
+            let (solver, mut x) = (ConeSolver::new(options), vec![0.0; 6]);
+            let function = AffineFunction::new(matrix.clone(), q.clone()).unwrap();
+            let report = match affine {
+                true => solver.solve(&ConeProblem::new(function, cones).unwrap(), &mut x),
+                false => {
+                    let value = |x: &[f64], out: &mut [f64]| function.value(x, out);
+                    let slope = |x: &[f64], jac: &mut Matrix| function.jacobian(x, jac);
+                    solver.solve(
+                        &ConeProblem::new(WithJacobian::new(6, value, slope), cones).unwrap(),
+                        &mut x,
+                    )
+                }
+            };
+            (report.unwrap(), x)
+        };
+        let suited = |of: ConeStrategy, other: ConeStrategy| if affine { (of, other) } else { (other, of) };
+        let (interior, unsuited) = suited(ConeStrategy::InteriorPoints, ConeStrategy::CentralPath);
+        let (report, expected) = solve(interior);
+        assert!(report.is_solved(), "{case}: {report}");
+        for strategy in [ConeStrategy::Smoothing, ConeStrategy::ProximalPoints] {
+            let (report, x) = solve(strategy);
+            assert!(report.is_solved(), "{case}, {strategy}: {report}");
+            assert!(
+                x.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-7),
+                "{case}: {x:?}"
+            );
+        }
+        let (report, x) = solve(ConeStrategy::Newton);
+        if report.is_solved() {
+            assert!(
+                x.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-7),
+                "{case}: {x:?}"
+            );
+            assert!(report.history.iter().all(|i| i.mu == 0.0));
+        }
+        let (report, _) = solve(unsuited);
+        assert_eq!((report.status, report.iterations), (ConeStatus::Stalled, 0));
     }
 }

@@ -1,6 +1,6 @@
 //! Equations of cone problems: elements of B-subdifferentials are limits of Jacobians, orders of semismoothness, Newton's method on them.
 
-use semismooth::complementarity::{AffineFunction, McpFunction, WithJacobian};
+use semismooth::complementarity::{AffineFunction, FischerBurmeister, Mcp, McpFunction, WithJacobian};
 use semismooth::cones::{Cone, ConeMap, ConeProblem, ConeSolver, svec};
 use semismooth::newton::{Damping, Newton, NewtonOptions};
 use semismooth::piecewise::Semismooth;
@@ -248,6 +248,7 @@ fn maps_are_strongly_semismooth() {
             (ConeMap::natural(&problem).unwrap(), &x),
             (ConeMap::normal(&problem).unwrap(), &z),
             (ConeMap::fischer_burmeister(&problem).unwrap(), &x),
+            (ConeMap::penalised(&problem, 0.7).unwrap(), &x),
         ] {
             // x + F and its root have terms of size 1, whose rounding shows in entries of 1e-7.
             let options = CheckOptions::default().with_tolerance(1e-3);
@@ -330,4 +331,77 @@ fn zeros_of_smoothed_maps_are_central() {
         assert!(product.iter().all(|v| v.abs() < 1e-9), "{mu}: {product:?}");
         assert!(x[0] > x[1].hypot(x[2]) && y[0] > y[1].hypot(y[2]));
     }
+}
+
+/// On half-lines the penalised map is that of Chen, Chen and Kanzow for a complementarity problem, kinks included; with λ = 1 it is the
+/// Fischer–Burmeister map.
+#[test]
+fn penalised_maps_of_half_lines_are_those_of_complementarity_problems() {
+    let mut random = Random::new(31);
+    for case in 0..100 {
+        let n = 1 + case % 4;
+        let matrix = Matrix::from_rows(&random.square(n)).unwrap();
+        let mut x = random.vector(n, 2.0);
+        let mut q = random.vector(n, 2.0);
+        if case % 3 == 0 {
+            // F(x) = 1 beside x = 0, and the other way round.
+            x[0] = 0.0;
+            let mut y = vec![0.0; n];
+            matrix.mul_vec(&x, &mut y);
+            q[0] = 1.0 - y[0];
+            if n > 1 {
+                (x[1], q[1]) = (1.0, -y[1]);
+                matrix.mul_vec(&x, &mut y);
+                (q[0], q[1]) = (1.0 - y[0], -y[1]);
+            }
+        }
+        let function = AffineFunction::new(matrix, q).unwrap();
+        let ncp = Mcp::ncp(function.clone()).unwrap();
+        let problem = ConeProblem::new(function, vec![Cone::Nonnegative(n)]).unwrap();
+        for lambda in [1.0, 0.8, 0.3] {
+            let map = ConeMap::penalised(&problem, lambda).unwrap();
+            let scalar = FischerBurmeister::penalised(&ncp, lambda).unwrap();
+            let (mut ours, mut theirs) = (vec![0.0; n], vec![0.0; n]);
+            map.residual(&x, &mut ours);
+            scalar.residual(&x, &mut theirs);
+            assert!(ours.iter().zip(&theirs).all(|(a, b)| (a - b).abs() < 1e-14));
+            if case % 3 > 0 {
+                assert!(apart(&jacobian(&map, &x), &jacobian(&scalar, &x)) < 1e-13);
+            }
+        }
+        let plain = jacobian(&ConeMap::fischer_burmeister(&problem).unwrap(), &x);
+        assert_eq!(jacobian(&ConeMap::penalised(&problem, 1.0).unwrap(), &x), plain);
+    }
+}
+
+/// Wherever Newton's method on a penalised map ends at a zero, it is a solution, whatever the problem; derivatives are those of differences
+/// in general position.
+#[test]
+fn zeros_of_penalised_maps_are_solutions() {
+    let mut random = Random::new(32);
+    let cones = [
+        vec![Cone::SecondOrder(3), Cone::Free(1), Cone::SecondOrder(2)],
+        vec![Cone::Semidefinite(3)],
+        vec![Cone::Semidefinite(2), Cone::Nonnegative(2), Cone::SecondOrder(1)],
+    ];
+    let mut zeros = 0;
+    for case in 0..240 {
+        let cones = cones[case % 3].clone();
+        let rows = match case % 2 {
+            0 => monotone_of(6, &mut random),
+            _ => random.square(6),
+        };
+        let function = AffineFunction::new(Matrix::from_rows(&rows).unwrap(), random.vector(6, 2.0)).unwrap();
+        let problem = ConeProblem::new(function, cones).unwrap();
+        let map = ConeMap::penalised(&problem, [0.9, 0.5, 0.1][case / 3 % 3]).unwrap();
+        let mut x = random.vector(6, 2.0);
+        assert!(apart(&jacobian(&map, &x), &differences(&map, &x)) < 1e-6);
+        let mut newton = Newton::new(NewtonOptions::default().with_damping(Damping::Always));
+        if newton.solve_semismooth(&map, &mut x).is_ok() {
+            zeros += 1;
+            let residual = problem.natural_residual(&x, &mut [0.0; 6]).unwrap();
+            assert!(residual < 1e-6, "{case}: {residual}");
+        }
+    }
+    assert!(zeros > 120, "{zeros}");
 }

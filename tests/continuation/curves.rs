@@ -60,6 +60,10 @@ impl PiecewiseSmooth for StringOnPoints {
     fn is_piecewise_affine(&self) -> bool {
         true
     }
+    fn site_rows(&self, site: usize, rows: &mut Vec<usize>) {
+        rows.clear();
+        rows.push(self.sites[site].0);
+    }
     fn test_functions(&self, x: &[f64], out: &mut [f64]) {
         for (o, &(i, gap)) in out.iter_mut().zip(&self.sites) {
             *o = x[i] + gap - self.force(i, x);

@@ -4,7 +4,7 @@ use super::curves::{StringOnPoints, follow, lens, near, parabola_and_line, two_a
 use super::maps::Plane;
 use semismooth::contact::{ContactState, FrictionCoefficient, FullContact, LoadPath};
 use semismooth::continuation::{
-    Branch, ContinuationOptions, Direction, Termination, TransitionKind, arms_at,
+    Branch, Continuation, ContinuationOptions, Direction, Event, Termination, TransitionKind, arms_at,
 };
 use semismooth::piecewise::{Facet, MinMap};
 use semismooth::sparse::Matrix;
@@ -321,6 +321,33 @@ fn a_sparse_string() {
                 (TransitionKind::PassThrough, 1, *site)
             );
         }
+    }
+}
+
+/// At a kink rows are replaced beside the factors at hand, of sparse matrices, too.
+#[test]
+fn kinks_of_sparse_maps_need_no_new_factors() {
+    for n in [99, 299, 999] {
+        let sites = (1..8)
+            .map(|k| (k * (n + 1) / 8 - 1, 0.3 + 0.02 * k as f64))
+            .collect();
+        let map = StringOnPoints { n, sites };
+        let expected = map.contacts();
+        let range = (0.0, expected.last().unwrap().0 + 5.0);
+        let start = vec![0.0; n + 1];
+        let mut curve = Continuation::new(&map, &start, Direction::Increasing, within(range)).unwrap();
+        let events: Result<Vec<_>, _> = curve.by_ref().collect();
+        let transitions = events
+            .unwrap()
+            .iter()
+            .filter(|e| matches!(e, Event::Transition(_)))
+            .count();
+        assert_eq!(
+            (transitions, curve.updates()),
+            (expected.len(), expected.len()),
+            "{n}"
+        );
+        assert_eq!(curve.factorisations(), 1, "{n}");
     }
 }
 

@@ -9,7 +9,7 @@ use super::split::Stretch;
 use super::{Diagram, DiagramEdge, DiagramOptions, DiagramVertex, EdgeEnd, Limit, VertexArm, VertexKind};
 use crate::clock::Clock;
 use crate::continuation::engine::Curve;
-use crate::continuation::start::{slices, solver_for};
+use crate::continuation::start::{slices, solver};
 use crate::continuation::{
     Arm, ContinuationError, Event, MonitorCrossing, Point, PointKind, Strategy, Termination,
 };
@@ -156,7 +156,7 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
 
     fn start(&mut self, x: &[f64]) -> Result<(), ContinuationError> {
         let options = self.options.continuation.clone();
-        let mut curve = Curve::prepare(self.map, x, options, Box::new(solver_for(self.map)))?;
+        let mut curve = Curve::prepare(self.map, x, options, Box::new(solver()))?;
         let curve = curve.erased_mut();
         let x = curve.here.x.clone();
         if let Some(v) = self.diagram.vertex_near(&x) {
@@ -518,7 +518,7 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
 
 /// The sign of det ∇_yH halfway between neighbouring points of a curve; `None` where it is not known.
 fn sign_between(map: &dyn PiecewiseSmooth, a: &Point, b: &Point) -> Option<i8> {
-    let mut corrector = MoorePenrose::new(map, solver_for(map)).ok()?;
+    let mut corrector = MoorePenrose::new(map, solver()).ok()?;
     let (_, t) = Stretch::new(a, b)?.at(map, &mut corrector, 0.5).ok()??;
     let vertical = t.last().is_some_and(|t| t.abs() <= FLAT);
     corrector.det_sign().map(|s| if vertical { 0 } else { s })

@@ -32,7 +32,7 @@ const WEIGHTS: Weights = Weights {
 impl Engine<'_> {
     /// Moves `work.here.x` to the solution of an affine (proximal) problem along its path; `false` where the path does not arrive.
     pub(super) fn affine_path(&mut self, plan: &Plan) -> bool {
-        if self.n() > self.options.max_path_size || !self.evaluate() || !self.jacobian() {
+        if !self.has_affine_paths() || !self.evaluate() || !self.jacobian() {
             return false;
         }
         if self.linearise(plan, true).is_none() {

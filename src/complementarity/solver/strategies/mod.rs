@@ -92,7 +92,7 @@ static TABLE: &[Strategy] = &[
     }),
     Strategy::attempt(McpStrategy::Proximal, "proximal", |e| e.proximal_points()),
     Strategy::attempt(McpStrategy::JosephyNewton, "Josephy-Newton", |e| e.josephy())
-        .only_if(|e| e.has_paths()),
+        .only_if(|e| e.has_affine_paths()),
     Strategy::attempt(McpStrategy::Homotopy, "homotopy", |e| e.homotopy()).only_if(|e| e.has_paths()),
     Strategy::attempt(McpStrategy::Enumeration, "enumeration", |e| e.enumerate())
         .only_if(|e| e.is_enumerable()),
@@ -109,6 +109,9 @@ static TABLE: &[Strategy] = &[
 pub(super) fn all() -> Vec<McpStrategy> {
     TABLE.iter().map(|s| s.is).collect()
 }
+
+/// By how much piecewise linear paths of affine problems may be larger than others.
+const AFFINE: usize = 4;
 
 impl Engine<'_> {
     /// Tries one strategy after the other.
@@ -156,6 +159,13 @@ impl Engine<'_> {
     /// Whether paths are followed at this size.
     fn has_paths(&self) -> bool {
         self.n() <= self.options.max_path_size
+    }
+
+    /// Whether piecewise linear paths are followed at this size: where F is affine one of them may be the whole solve, and from kink to kink
+    /// rows are replaced beside the factors at hand.
+    fn has_affine_paths(&self) -> bool {
+        let larger = if self.function.is_affine() { AFFINE } else { 1 };
+        self.n() <= self.options.max_path_size.saturating_mul(larger)
     }
 
     /// Runs one attempt from `work.here.x` and books it; `Some` ends the solve.
