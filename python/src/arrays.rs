@@ -74,7 +74,11 @@ const TILE: usize = 16;
 fn by_columns(array: &numpy::ndarray::ArrayView2<'_, f64>) -> Vec<f64> {
     let (rows, columns) = array.dim();
     let Some(entries) = array.as_slice() else {
-        return array.t().iter().copied().collect();
+        let columns = array.t();
+        return match columns.as_slice() {
+            Some(entries) => entries.to_vec(),
+            None => columns.iter().copied().collect(),
+        };
     };
     let mut values = vec![0.0; entries.len()];
     for first in (0..rows).step_by(TILE) {

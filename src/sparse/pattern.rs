@@ -93,7 +93,8 @@ impl Pattern {
     /// Where `nrows` × `ncols` numbers do not fit into memory.
     #[must_use]
     pub fn full(nrows: usize, ncols: usize) -> Self {
-        let row_idx = (0..ncols).flat_map(|_| 0..nrows).collect();
+        let mut row_idx = Vec::with_capacity(nrows.saturating_mul(ncols));
+        (0..ncols).for_each(|_| row_idx.extend(0..nrows));
         let col_ptr = (0..=ncols).map(|j| j * nrows).collect();
         Self::new(nrows, ncols, col_ptr, row_idx)
     }
