@@ -46,7 +46,7 @@ use cones::OnCones;
 use contenders::{Complementarity, Run, solver};
 use profiles::Costs;
 use semismooth::complementarity::{McpOptions, McpStrategy};
-use semismooth::cones::{ConeOptions, ConeStrategy};
+use semismooth::cones::ConeOptions;
 use semismooth::contact::{HildRenard, read_folder};
 use semismooth::newton::{Newton, NewtonOptions};
 use semismooth::output::BranchDiagram;
@@ -165,14 +165,14 @@ fn compare(args: &Args) -> Outcome<()> {
 
 /// Whether other orders of strategies are better than the default ones.
 fn orders_of_strategies(problems: &[Rc<Complementarity>], over_cones: &[(String, OnCones)]) -> Outcome<()> {
-    let mut orders = orders::candidates(&McpOptions::default().strategies, &[]);
+    let mut orders = orders::candidates(&McpOptions::default().strategies);
     // Restarts are made of the others.
     orders.retain(|o| !o[..2].contains(&McpStrategy::Restart));
     let families: Vec<&str> = problems.iter().map(|p| p.family.as_str()).collect();
     orders::compare("McpSolver", &orders, &families, &|k, order| {
         problems[k].run_with(|p, x| solver(p, x, order))
     })?;
-    let orders = orders::candidates(&ConeOptions::default().strategies, &[ConeStrategy::Newton]);
+    let orders = orders::candidates(&ConeOptions::default().strategies);
     let families: Vec<&str> = over_cones.iter().map(|p| p.0.as_str()).collect();
     orders::compare("ConeSolver", &orders, &families, &|k, order| {
         over_cones[k].1.run_with(&|p, x| cones::solver(p, x, order))

@@ -10,11 +10,11 @@ use crate::profiles::Costs;
 const REPEATED: usize = 3;
 const QUICK: f64 = 1e-3;
 
-/// The usual order first; then those in which another strategy comes first, or second, those `more` that are not in it, too.
-pub(crate) fn candidates<S: Copy + PartialEq>(usual: &[S], more: &[S]) -> Vec<Vec<S>> {
+/// The usual order first; then those in which another strategy comes first, or second.
+pub(crate) fn candidates<S: Copy + PartialEq>(usual: &[S]) -> Vec<Vec<S>> {
     let mut list = vec![usual.to_vec()];
     for place in [0, 1] {
-        for strategy in usual.iter().skip(place + 1).chain(more) {
+        for strategy in usual.iter().skip(place + 1) {
             let mut order = usual.to_vec();
             order.retain(|s| s != strategy);
             order.insert(place, *strategy);

@@ -592,6 +592,7 @@ class _ConeOptions(TypedDict, total=False):
     tolerance: float
     max_iterations: int
     max_time: float | None
+    strategies: Sequence[str]
     restarts: int
 
 def solve_cone(
