@@ -1,7 +1,7 @@
 use super::condition::arg_max_abs;
 use super::memory::check_finite;
 use super::{AutoSolver, DENSE_LIMIT, LinearError, LinearSolver, null_space};
-use crate::sparse::{Matrix, MatrixRef, Pattern, PatternRef, dot};
+use crate::sparse::{Matrix, MatrixRef, Pattern, PatternRef, dot, norm};
 
 /// The frozen coordinate is kept while its share of the hint is at least this, to save a symbolic analysis.
 const KEEP: f64 = 0.01;
@@ -253,6 +253,20 @@ impl<L: LinearSolver> Bordered<L> {
         let factor = sign / norm;
         self.tangent.iter_mut().for_each(|v| *v *= factor);
         self.factored = true;
+    }
+
+    /// Turns the tangent into that of a Jacobian which differs little from the factored one, by a step of refinement with the factors at hand.
+    pub(crate) fn refine_tangent(&mut self, jacobian: &Matrix) -> Result<(), LinearError> {
+        self.work.fill(0.0);
+        jacobian.as_ref().mul_add(1.0, &self.tangent, &mut self.work);
+        self.solver.solve_in_place(&mut self.work)?;
+        let (before, after) = self.work.split_at(self.frozen);
+        let (head, tail) = self.tangent.split_at_mut(self.frozen);
+        head.iter_mut().zip(before).for_each(|(t, d)| *t -= d);
+        tail[1..].iter_mut().zip(after).for_each(|(t, d)| *t -= d);
+        let length = norm(&self.tangent);
+        self.tangent.iter_mut().for_each(|t| *t /= length);
+        check_finite(&self.tangent, "").map_err(|_| LinearError::Inaccurate { residual: f64::NAN })
     }
 
     /// The unit vector spanning the kernel of ∇H (length n + 1); its sign makes det [∇H; τᵀ] > 0 where the solver knows

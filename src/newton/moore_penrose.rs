@@ -35,6 +35,9 @@ const MAX_INVERSE: usize = 1000;
 
 /// Chord steps go on while each is at most this share of the one before.
 const CONTRACTION: f64 = 0.1;
+/// Steps of at most this share of the one before are so short that ∇H hardly changes along them: by the same share, so that errors of chord
+/// steps and of tangents refined once are of the order of its square.
+const QUADRATIC: f64 = 1e-4;
 /// Steps up to this size, relative to 1 + ‖x‖, end a correction where they no longer shrink …
 const STALLED: f64 = 1e-9;
 /// … and up to this one where rounding errors of H explain them: with a Jacobian that is nearly singular x has no more digits.
@@ -396,25 +399,39 @@ impl<L: LinearSolver> MoorePenrose<L> {
             residual_norm: norm(&self.r),
             step_norm: f64::INFINITY,
         };
+        let mut chord = false;
         while outcome.iterations < max_iterations {
             self.assemble(map, selection, x)?;
-            self.factor(Some(t))?;
-            self.rounding = None;
+            if !chord {
+                self.factor(Some(t))?;
+                self.rounding = None;
+            }
             self.bordered.solve(&self.r, t, 0.0, &mut self.dx)?;
             for (x, d) in x.iter_mut().zip(&self.dx) {
                 *x -= d;
+            }
+            if chord {
+                self.bordered.refine_tangent(&self.jac)?;
             }
             let tangent = self.bordered.tangent();
             let sign = dot(tangent, t).signum();
             for (t, v) in t.iter_mut().zip(tangent) {
                 *t = sign * v;
             }
+            let step = norm(&self.dx);
+            // Steps fall quadratically: the next one needs no other factors, and neither does the tangent.
+            chord = !chord
+                && self.jac.nrows() > DENSE_LIMIT
+                && outcome.step_norm.is_finite()
+                && step <= QUADRATIC * outcome.step_norm;
+            let factored = chord.then(|| selection.clone());
             choose(x, selection);
+            chord &= factored.as_ref() == Some(selection);
             map.residual(selection, x, &mut self.r);
             self.iterations += 1;
             outcome.iterations += 1;
             outcome.residual_norm = norm(&self.r);
-            outcome.step_norm = norm(&self.dx);
+            outcome.step_norm = step;
             if !(outcome.residual_norm.is_finite() && outcome.step_norm.is_finite()) {
                 return Ok(outcome);
             }

@@ -20,7 +20,7 @@ use semismooth::newton::{Damping, Failure, MoorePenrose, Newton, NewtonError, Ne
 use semismooth::piecewise::{MinMap, PiecewiseError, PiecewiseSmooth, Selection, Selections, Semismooth};
 use semismooth::sparse::{Matrix, Pattern};
 
-use maps::two_pieces;
+use maps::{one_piece, two_pieces};
 use problems::{Lcp, Smooth, close, cycling, p_matrix, scalar};
 
 fn p_lcp() -> impl Strategy<Value = (Lcp, Vec<f64>)> {
@@ -430,4 +430,51 @@ fn corrections_end_by_their_steps_as_well() {
         assert!(found.converged && found.step_norm < tolerance, "{found:?}");
         assert!((x[0] * x[0] - x[1]).abs() < missed, "{x:?}");
     }
+}
+
+/// y + 20 y² = α for each of so many y.
+struct Parabolas(usize);
+
+impl PiecewiseSmooth for Parabolas {
+    one_piece!(self, self.0 + 1, self.0);
+    fn residual(&self, _: &Selection, x: &[f64], out: &mut [f64]) {
+        let alpha = x[self.0];
+        out.iter_mut()
+            .zip(x)
+            .for_each(|(h, y)| *h = y + 20.0 * y * y - alpha);
+    }
+    fn jacobian(&self, _: &Selection, x: &[f64], jac: &mut Matrix) {
+        for (i, y) in x[..self.0].iter().enumerate() {
+            jac.add(i, i, 1.0 + 40.0 * y);
+            jac.add(i, self.0, -1.0);
+        }
+    }
+}
+
+/// The last correction is by the factors of the one before, and ends with the tangent of the point.
+#[test]
+fn large_corrections_end_by_a_chord() {
+    let n = 201;
+    let map = Parabolas(n);
+    let mut corrector = MoorePenrose::new(&map, AutoSolver::new()).unwrap();
+    let mut selection = Selection::default();
+    let mut x = vec![0.0; n + 1];
+    let mut t = corrector.linearize(&map, &selection, &x, None).unwrap().to_vec();
+    let along = t[n].signum();
+    x.iter_mut().zip(&mut t).for_each(|(x, t)| {
+        *t *= along;
+        *x += *t;
+    });
+    let before = corrector.factorisations();
+    let tolerances = (1e-9, 1e-9);
+    let found = corrector.correct(&map, &mut selection, |_, _| {}, &mut x, &mut t, tolerances, 20);
+    let found = found.unwrap();
+    assert!(found.converged);
+    assert_eq!((found.iterations, corrector.factorisations() - before), (3, 2));
+    for y in &x[..n] {
+        assert!((y + 20.0 * y * y - x[n]).abs() < 1e-12);
+    }
+    let there = corrector.linearize(&map, &selection, &x, Some(&t)).unwrap();
+    let sign = there[n].signum();
+    assert!(there.iter().zip(&t).all(|(a, b)| (sign * a - b).abs() < 1e-12));
 }
