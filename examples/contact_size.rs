@@ -1,7 +1,7 @@
 //! How large a contact problem may be: an elastic block on the ground, meshed ever finer and solved, either condensed onto its contact
 //! nodes (one Cholesky factorisation) or in its displacements with multigrid, whichever is quicker at that size. A mesh of Gmsh may take the
 //! place of the block: its groups of facets are "left" (held), "top" (pressed), "right" (pulled) and "bottom", which lies, flat or
-//! curved, in a foundation of the same shape.
+//! curved, in a foundation of the same shape (`examples/data/curved_block.geo` is one).
 //! You will see displacements, contact nodes, the route, the time of each phase (mesh, assembly, factorisation or multigrid, first solve,
 //! a further solve at another load), Newton steps and Krylov iterations, the states of the nodes, and the peak memory, row by row.
 //! With --follow the load path of condensed problems is followed from α = 1 down to 0: the number of transitions, how many nodes they are
