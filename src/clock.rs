@@ -88,6 +88,22 @@ impl<'a> Deadline<'a> {
     }
 }
 
+/// The end of a run, for all its threads to look at.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Until(Option<(Clock, Duration)>);
+
+impl Until {
+    /// That much from now on; never without a limit.
+    pub(crate) fn after(limit: Option<Duration>) -> Self {
+        Self(limit.map(|limit| (Clock::start(), limit)))
+    }
+
+    #[inline]
+    pub(crate) fn is_over(self) -> bool {
+        self.0.is_some_and(|(clock, limit)| clock.elapsed() >= limit)
+    }
+}
+
 impl fmt::Debug for Deadline<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("Deadline")

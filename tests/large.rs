@@ -1,11 +1,13 @@
 //! Contact in the displacements alone: multigrid and the elimination of laws, against the condensed form.
 
+use std::time::Duration;
+
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use semismooth::contact::{
     CondensedContact, ContactBody, ContactError, ContactState, EvolutionOptions, FrictionCoefficient,
-    FrictionCurve, Frictionless, FullContact, KrylovOutcome, LoadPath, LocalValues, NodeLaw,
+    FrictionCurve, Frictionless, FullContact, KrylovOutcome, LoadPath, LocalRow, LocalValues, NodeLaw,
     OrthotropicCoulomb, PlanarCoulomb, ReducedBody, ReducedContact, ReducedError, ReducedNodes,
     ReducedOptions, ReducedProgress, ReducedReport, ReducedStep, ReducedStrategy, ReducedSystem, evolve,
     solve_reduced,
@@ -388,16 +390,16 @@ fn what_nothing_holds_is_refused() {
     };
     let all = "translation along x, translation along y, translation along z, rotation about x, rotation about y, rotation about z";
     let (reduced, condensed) = held(&[1.0], 0.0);
-    assert_eq!((modes(&reduced).2.as_str(), condensed), (all, indefinite));
+    assert_eq!((modes(&reduced).2.as_str(), &reduced), (all, &condensed));
     // The second of two pieces; what is left of it begins behind the layer.
     let (reduced, condensed) = held(&[0.0, 1.0], 0.0);
+    assert_eq!(reduced, condensed);
     let (displacement, at, names) = modes(&reduced);
     assert!(
         displacement >= system.num_free() && at.unwrap()[0] >= 10.0,
         "{at:?}"
     );
     assert_eq!(names, all);
-    assert_eq!(modes(&condensed), (displacement, None, String::new()));
     // A body held from above alone, after what held it at one end has gone.
     let under = |from: f64, cells: usize| {
         let mesh = Mesh::block([from, 0.0, 0.0], [2.0, 2.0, 1.0], [cells, 6, 4]).unwrap();
@@ -408,12 +410,106 @@ fn what_nothing_holds_is_refused() {
     };
     let (slides, right) = (under(0.0, 8), under(1.75, 1));
     assert_eq!(make(&slides, pieces(&slides, &right, &[0.0], 0.0)), (None, None));
-    let (reduced, _) = make(&slides, pieces(&slides, &right, &[1.0], 0.0));
+    let (reduced, condensed) = make(&slides, pieces(&slides, &right, &[1.0], 0.0));
+    assert_eq!(reduced, condensed);
     let names = modes(&reduced).2;
     assert_eq!(
         names,
         "translation along x, translation along y, rotation about z"
     );
+}
+
+/// Without positions the condensed form names a displacement that moves: a bar of two springs that floats, alone and beside one that is held,
+/// one that turns about its end, and one of negative stiffness, in which nothing moves without forces.
+#[test]
+fn motions_are_told_without_positions() {
+    let refused = |entries: &[(usize, usize, f64)], n: usize| {
+        let a = Matrix::from_triplets(n, n, entries).unwrap();
+        let row = |k: usize| Matrix::from_triplets(1, n, &[(0, k, 1.0)]).unwrap();
+        let load = LoadPath::constant(vec![0.0; n]);
+        let body = ContactBody::new(a, row(0), vec![row(1)], load).unwrap();
+        CondensedContact::new(body, PlanarCoulomb::new(constant(0.3))).err()
+    };
+    let unsupported = |displacement: usize, modes: &str| {
+        Some(ContactError::Unsupported {
+            displacement,
+            at: None,
+            modes: modes.into(),
+        })
+    };
+    let spring = |i: usize, j: usize, k: f64| [(i, i, k), (j, j, k), (i, j, -k), (j, i, -k)];
+    // Two motions of one piece, u₀ + c u₁ = 0 among them: the second node moves more.
+    let lever = [(0, 0, 1.0), (0, 1, 0.5), (1, 0, 0.5), (1, 1, 0.25)];
+    assert_eq!(
+        refused(&lever, 2),
+        unsupported(0, "a motion in which displacement 1 moves most")
+    );
+    let held = [(0, 0, 1.0), (1, 1, 1.0)];
+    let beside = [&held[..], &spring(2, 3, 5.0)].concat();
+    match refused(&beside, 4) {
+        Some(ContactError::Unsupported {
+            displacement: 2,
+            modes,
+            ..
+        }) => {
+            assert!(modes.starts_with("a motion in which displacement"), "{modes}");
+        }
+        other => panic!("{other:?}"),
+    }
+    let loose = [&held[..], &[(2, 2, 0.0)]].concat();
+    assert_eq!(
+        refused(&loose, 3),
+        unsupported(2, "a motion in which displacement 2 moves most")
+    );
+    let negative = [&held[..], &[(2, 2, 1.0), (3, 3, 1.0), (2, 3, 2.0), (3, 2, 2.0)]].concat();
+    assert_eq!(refused(&negative, 4), unsupported(2, ""));
+    assert_eq!(
+        refused(&[(0, 0, 1.0), (1, 1, 1.0), (0, 1, 2.0), (1, 0, 2.0)], 2),
+        Some(ContactError::Linear(LinearError::NotPositiveDefinite))
+    );
+}
+
+/// A block that nothing holds and that is pulled off the ground: nothing balances that, and the work of the load in that motion is its
+/// resultant. Pressed, and pushed against friction, it stays.
+#[test]
+fn loads_that_nothing_balances_are_told() {
+    let system = block([4, 3, 2], Material::isotropic(1.0, 0.277).unwrap());
+    let mesh = Mesh::block([0.0; 3], [0.5, 2.0, 1.0], [1, 3, 2]).unwrap();
+    let layer = Elasticity::new(mesh, Material::isotropic(1.0, 0.277).unwrap()).fix("left");
+    let floating = pieces(&system, &layer.assemble().unwrap(), &[1.0], 0.0);
+    let rows = system.contact("bottom", &ground(3)).unwrap();
+    let tangential = [rows.tangential, rows.tangential2.unwrap()];
+    let (place, points) = places(&system);
+    let solve = |traction: [f64; 3], friction: f64| {
+        // A load that does no work in rotations: the same force on each node.
+        let load: Vec<f64> = place.iter().map(|[_, d]| traction[*d]).collect();
+        let body = ContactBody::new(
+            floating.to_matrix().unwrap(),
+            rows.normal.clone(),
+            tangential.to_vec(),
+            LoadPath::constant(load),
+        );
+        let body = body.unwrap().with_nodes(points.clone(), &place).unwrap();
+        let law = OrthotropicCoulomb::isotropic(constant(friction));
+        FullContact::new(body, law).unwrap().solve(0.0, None)
+    };
+    let unbalanced = |found: Result<Vec<f64>, ContactError>, component: usize, force: f64| match found {
+        Err(ContactError::Unbalanced {
+            displacement,
+            at,
+            work,
+            ..
+        }) => {
+            assert_eq!(place[displacement][1], component);
+            assert_eq!(at, Some(points[place[displacement][0]]));
+            let total = force * points.len() as f64;
+            // Nodes count by their stiffness: it is not quite a translation.
+            assert!((work - total).abs() <= 1e-3 * total, "{work} {total}");
+        }
+        other => panic!("{other:?}"),
+    };
+    unbalanced(solve([0.0, 0.0, 1e-4], 0.3), 2, 1e-4);
+    assert!(solve([2e-5, 0.0, -1e-4], 0.3).is_ok());
 }
 
 /// Contact holds what supports do not, in the full form: a block that floats, pressed on the ground by less friction than it is pulled with.
@@ -581,6 +677,29 @@ struct Brittle {
     left: f64,
 }
 
+impl Brittle {
+    const NODES: ReducedNodes<'static> = ReducedNodes {
+        components: &[0],
+        first: 0,
+        gap: &[10.0],
+        reference: &[],
+        history: &[],
+        r: 1.0,
+        parameter: 0.0,
+    };
+
+    fn new(solves: usize, products: usize, left: f64) -> Self {
+        Self {
+            diagonal: vec![2.0, 4.0, 1.0, 1.0],
+            held: Vec::new(),
+            added: Vec::new(),
+            solves,
+            products,
+            left,
+        }
+    }
+}
+
 impl ReducedSystem for Brittle {
     type Error = LinearError;
 
@@ -629,27 +748,11 @@ impl ReducedSystem for Brittle {
 #[test]
 fn breakdowns_leave_the_best_iterate() {
     let solve = |solves: usize, products: usize, left: f64| {
-        let mut system = Brittle {
-            diagonal: vec![2.0, 4.0, 1.0, 1.0],
-            held: Vec::new(),
-            added: Vec::new(),
-            solves,
-            products,
-            left,
-        };
-        let nodes = ReducedNodes {
-            components: &[0],
-            first: 0,
-            gap: &[10.0],
-            reference: &[],
-            history: &[],
-            r: 1.0,
-            parameter: 0.0,
-        };
+        let mut system = Brittle::new(solves, products, left);
         let law = PlanarCoulomb::new(constant(0.3));
         let load = [1.0, 0.5, 3.0, -1.0];
         let options = ReducedOptions::default().with_max_load_steps(0);
-        solve_reduced(&mut system, &nodes, &law, &load, vec![0.0; 4], &options)
+        solve_reduced(&mut system, &Brittle::NODES, &law, &load, vec![0.0; 4], &options)
     };
     let mut before = f64::INFINITY;
     for solves in 1..6 {
@@ -682,6 +785,73 @@ fn breakdowns_leave_the_best_iterate() {
         }
         other => panic!("{other:?}"),
     }
+}
+
+/// Coulomb's law, but that nodes which have slipped prescribe their slip and no force.
+#[derive(Clone)]
+struct Driven(PlanarCoulomb);
+
+impl NodeLaw for Driven {
+    fn num_tangents(&self) -> usize {
+        1
+    }
+    fn tests(&self, v: &LocalValues, out: &mut [f64]) {
+        self.0.tests(v, out);
+    }
+    fn test_rows(&self, v: &LocalValues, rows: &mut [LocalRow]) {
+        self.0.test_rows(v, rows);
+    }
+    fn residual(&self, piece: usize, v: &LocalValues) -> [f64; 3] {
+        let h = self.0.residual(piece, v);
+        if piece < 2 || v.slip[0] == 0.0 {
+            h
+        } else {
+            [h[0], v.slip[0] - 1.0, 0.0]
+        }
+    }
+    fn rows(&self, piece: usize, v: &LocalValues) -> [LocalRow; 3] {
+        let rows = self.0.rows(piece, v);
+        if piece < 2 || v.slip[0] == 0.0 {
+            rows
+        } else {
+            [rows[0], LocalRow::of_slip(0), rows[2]]
+        }
+    }
+}
+
+/// A law that cannot be eliminated ends the solve with the steps before, and the forces there.
+#[test]
+fn laws_that_do_not_determine_forces_leave_the_best_iterate() {
+    let system = rectangle([8, 4]);
+    let body = reduced_body(&system, &ground(2));
+    let law = Driven(PlanarCoulomb::new(constant(0.3)));
+    let mut problem = ReducedContact::new(body, law, ReducedOptions::default()).unwrap();
+    match problem.solve(0.0, None) {
+        Err(ContactError::NotReducible { node, piece, best }) => {
+            assert!(node < system.contact("bottom", &ground(2)).unwrap().nodes.len());
+            assert!(piece.starts_with("slip"), "{piece}");
+            assert_eq!(best.displacements.len(), system.num_free());
+            assert!(best.newton() > 0 && best.residuals.largest() < f64::INFINITY);
+            let solution = problem.solution(0.0, &best.displacements).unwrap();
+            let p = solution.nodes.len();
+            for (k, v) in solution.nodes.iter().enumerate() {
+                assert_eq!([v.pressure, v.traction[0]], [best.forces[k], best.forces[p + k]]);
+            }
+        }
+        other => panic!("{other:?}"),
+    }
+}
+
+/// Time that is over before the hierarchy is made is told.
+#[test]
+fn time_ends_the_making_of_a_problem() {
+    let options = ReducedOptions::default().with_max_time(Some(Duration::ZERO));
+    let body = reduced_body(
+        &block([6, 6, 3], Material::isotropic(1.0, 0.3).unwrap()),
+        &ground(3),
+    );
+    let made = ReducedContact::new(body, OrthotropicCoulomb::isotropic(constant(0.3)), options);
+    assert_eq!(made.err(), Some(ContactError::Linear(LinearError::Interrupted)));
 }
 
 /// A matrix beyond the range of numbers is told as such, not as one that is indefinite.

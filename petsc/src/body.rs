@@ -1,7 +1,7 @@
 use std::collections::HashMap;
 use std::error::Error as StdError;
 
-use semismooth::contact::ContactError;
+use semismooth::contact::{ContactError, ReducedOptions};
 use semismooth::fem::{ContactRows, ElasticSystem};
 use thiserror::Error;
 
@@ -11,6 +11,9 @@ use crate::handles::Matrix;
 use crate::world::{Error, World};
 
 type Frame = [[f64; 3]; 3];
+/// Vectors of Newton's method, of products and of the levels of multigrid, in vectors of displacements.
+const OTHER_VECTORS: u64 = 20;
+
 pub(crate) type Boxed = Box<dyn StdError + Send + Sync>;
 
 /// What can be wrong with bodies.
@@ -64,6 +67,8 @@ pub struct DistributedBody<'w> {
     /// Components of the nodes with equations of this process.
     pub(crate) len: usize,
     pub(crate) stiffness: Matrix<'w>,
+    /// Stored entries of it in this process.
+    entries: u64,
     /// Mean stiffness of single contact nodes, over all directions and processes.
     pub(crate) node_stiffness: f64,
     /// The component along ν of each contact node of this process.
@@ -142,7 +147,7 @@ impl<'w> DistributedBody<'w> {
             .map(|&n| (0..dim).filter(|&d| system.dof(n, d).is_some()).count())
             .sum();
         let (_, num_displacements) = world.offset(own_free)?;
-        let mut stiffness = numbering.stiffness(world, part, system, mean)?;
+        let (mut stiffness, entries) = numbering.stiffness(world, part, system, mean)?;
         stiffness.set_near_kernel(dim, num_modes, &modes)?;
         drop(modes);
         // What no process solves for, at nodes that have supports this part does not know of: nowhere.
@@ -165,6 +170,7 @@ impl<'w> DistributedBody<'w> {
             first: numbering.first,
             len,
             stiffness,
+            entries,
             node_stiffness: mean,
             components,
             gap,
@@ -211,6 +217,20 @@ impl<'w> DistributedBody<'w> {
     #[must_use]
     pub fn dim(&self) -> usize {
         self.dim
+    }
+
+    /// Bytes that a [`DistributedContact`](crate::DistributedContact) takes in this process beside the body with GMRES and GAMG, by an estimate made
+    /// before they are allocated: a copy of the matrix, the hierarchy, of which more is beside the matrix the more processes share it
+    /// (measured on one and two), and the vectors of GMRES. Other solvers, chosen by options of PETSc, need what they need. Not collective.
+    #[must_use]
+    pub fn memory(&self, options: &ReducedOptions) -> u64 {
+        let matrix = self
+            .entries
+            .saturating_mul((size_of::<f64>() + size_of::<Int>()) as u64);
+        let hierarchy = if self.world.size() == 1 { 3 } else { 6 };
+        let vectors = (options.directions as u64).saturating_add(OTHER_VECTORS);
+        let vectors = vectors.saturating_mul((size_of::<f64>() * self.len) as u64);
+        (matrix / 2).saturating_mul(2 + hierarchy).saturating_add(vectors)
     }
 
     pub(crate) fn check_length(&self, what: &'static str, v: &[f64]) -> Result<(), ContactError> {
@@ -353,7 +373,7 @@ impl Numbering {
         part: &Part,
         system: &ElasticSystem,
         diagonal: f64,
-    ) -> Result<Matrix<'w>, Boxed> {
+    ) -> Result<(Matrix<'w>, u64), Boxed> {
         let dim = self.dim;
         let a = system.stiffness();
         let (starts, indices) = (a.pattern().col_ptr(), a.pattern().row_idx());
@@ -384,6 +404,7 @@ impl Numbering {
             other.push((list.len() - here) as Int);
         }
         let mut matrix = Matrix::new(world, dim, &own, &other)?;
+        let blocks: u64 = own.iter().chain(&other).map(|k| *k as u64).sum();
         let mut slot = vec![0; part.mesh().num_nodes()];
         let (mut cols, mut values, mut block) = (Vec::new(), Vec::new(), vec![0.0; dim * dim]);
         for &node in &self.nodes {
@@ -419,7 +440,7 @@ impl Numbering {
         }
         matrix.assemble()?;
         matrix.set_definite()?;
-        Ok(matrix)
+        Ok((matrix, blocks * (dim * dim) as u64))
     }
 
     /// Rigid motions at the components of this process, one vector after another, and how many; 0 where components are prescribed.

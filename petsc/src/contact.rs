@@ -13,7 +13,7 @@ const GIVING_WAY: f64 = 0.25;
 
 /// A [`DistributedBody`] under a [`NodeLaw`], solved by semismooth Newton in the displacements alone, like
 /// [`ReducedContact`](semismooth::contact::ReducedContact), with the same laws, options and reports; but for
-/// `max_condensed` and `max_memory`, of which there is nothing here.
+/// `max_condensed`, of which there is nothing here; `max_memory` is what each process may take.
 ///
 /// Displacements are those of each part, as its [`ElasticSystem`](semismooth::fem::ElasticSystem) numbers them, at nodes of other processes
 /// too: [`ElasticSystem::displacements`](semismooth::fem::ElasticSystem::displacements), stresses and files take them as they are. Forces are those of the
@@ -32,7 +32,8 @@ impl<'w, L: NodeLaw> DistributedContact<'w, L> {
     /// The problem.
     ///
     /// # Errors
-    /// Options out of range, a law of another dimension or for another number of nodes; what PETSc says.
+    /// Options out of range, a law of another dimension or for another number of nodes, [`ContactError::Memory`] where
+    /// [`DistributedBody::memory`] is above the limit in a process, before anything is allocated; what PETSc says.
     pub fn new(body: DistributedBody<'w>, law: L, options: ReducedOptions) -> Result<Self, Error> {
         let world = body.world;
         world.agree(fits(&body, &law, &options))?;
@@ -70,8 +71,8 @@ impl<'w, L: NodeLaw> DistributedContact<'w, L> {
     ///
     /// # Errors
     /// On all processes, if there is one on any: wrong lengths, values that are not finite, coefficients of friction that the law
-    /// refuses; [`ContactError::NotConverged`] or, where time is over, [`ContactError::Interrupted`], with the best iterate, is the source of the
-    /// error then.
+    /// refuses. [`ContactError::NotConverged`], [`ContactError::Interrupted`], [`ContactError::NotReducible`] or [`ContactError::Elsewhere`], with the best iterate and the
+    /// history, is the source of the error where no solution was found, and [`Error::StepFailed`] has them where a linear solver failed.
     pub fn solve(&mut self, alpha: f64, load: &[f64], start: Option<&[f64]>) -> Result<ReducedReport, Error> {
         self.world().agree(self.check(alpha, load, start))?;
         let body = &self.system.body;
@@ -87,25 +88,55 @@ impl<'w, L: NodeLaw> DistributedContact<'w, L> {
             r: self.r,
             parameter: alpha,
         };
-        let world = self.world();
-        let solved = match solve_reduced(&mut self.system, &nodes, &self.law, &load, u, &self.options) {
-            Ok(report) => Ok(report),
-            Err(ReducedError::System { source, .. }) => Err(Some(source.into())),
-            Err(ReducedError::Contact(ContactError::Elsewhere)) => Err(None),
-            // The same on all processes, as residuals are.
-            Err(ReducedError::Contact(ContactError::NotConverged { mut best })) => {
-                best.displacements = self.system.body.free(&best.displacements)?;
-                Err(Some(ContactError::NotConverged { best }.into()))
-            }
-            Err(ReducedError::Contact(ContactError::Interrupted { mut best })) => {
-                best.displacements = self.system.body.free(&best.displacements)?;
-                Err(Some(ContactError::Interrupted { best }.into()))
-            }
-            Err(e) => Err(Some(e.into())),
+        let solved = solve_reduced(&mut self.system, &nodes, &self.law, &load, u, &self.options);
+        let (best, end) = match solved {
+            Ok(report) => (Some(report), End::Solved),
+            Err(ReducedError::System { source, best }) => (Some(*best), End::Step(source)),
+            Err(ReducedError::Contact(e)) => match e {
+                ContactError::NotConverged { best } => (Some(*best), End::NotConverged),
+                ContactError::Interrupted { best } => (Some(*best), End::Interrupted),
+                ContactError::NotReducible { node, piece, best } => (Some(*best), End::Law(node, piece)),
+                ContactError::Elsewhere { best } => (Some(*best), End::Elsewhere),
+                e => (None, End::Other(e)),
+            },
+            Err(e) => (None, End::Other(ContactError::Invalid { what: e.to_string() })),
         };
-        let mut report = world.settle(solved)?;
-        report.displacements = self.system.body.free(&report.displacements)?;
-        Ok(report)
+        // All processes take part, whatever each has found.
+        let own = best.as_ref().map(|best| best.displacements.as_slice());
+        let blank = vec![0.0; self.system.body.len];
+        let displacements = self.system.body.free(own.unwrap_or(&blank))?;
+        let best = best.map(|mut best| {
+            best.displacements = displacements;
+            Box::new(best)
+        });
+        self.ended(best, end)
+    }
+
+    /// The result of all processes.
+    fn ended(&self, best: Option<Box<ReducedReport>>, end: End) -> Result<ReducedReport, Error> {
+        let found = match (end, best) {
+            (End::Solved, Some(best)) => Ok(*best),
+            // Agreed before.
+            (End::Step(source), Some(best)) => {
+                let source = Box::new(source);
+                return Err(Error::StepFailed { source, best });
+            }
+            (End::Interrupted, Some(best)) => Err(Some(ContactError::Interrupted { best })),
+            (End::NotConverged, Some(best)) => Err(Some(ContactError::NotConverged { best })),
+            (End::Law(node, piece), Some(best)) => {
+                Err(Some(ContactError::NotReducible { node, piece, best }))
+            }
+            (End::Elsewhere, Some(best)) => {
+                let mut told = self.world().settle(Err(None));
+                if let Err(Error::Agreed { source, .. }) = &mut told {
+                    *source = Some(ContactError::Elsewhere { best }.into());
+                }
+                return told;
+            }
+            (End::Other(e), _) => Err(Some(e)),
+            (_, None) => Err(None),
+        };
+        self.world().settle(found.map_err(|e| e.map(Into::into)))
     }
 
     pub(crate) fn check(&self, alpha: f64, load: &[f64], start: Option<&[f64]>) -> Result<(), ContactError> {
@@ -160,6 +191,17 @@ impl<'w, L: NodeLaw> DistributedContact<'w, L> {
     }
 }
 
+/// How a solve ended in this process.
+enum End {
+    Solved,
+    NotConverged,
+    Interrupted,
+    Step(Error),
+    Law(usize, String),
+    Elsewhere,
+    Other(ContactError),
+}
+
 fn fits(body: &DistributedBody<'_>, law: &impl NodeLaw, options: &ReducedOptions) -> Result<(), Boxed> {
     options.validate()?;
     if law.num_tangents() + 1 != body.dim {
@@ -167,6 +209,10 @@ fn fits(body: &DistributedBody<'_>, law: &impl NodeLaw, options: &ReducedOptions
             law: law.num_tangents(),
             body: body.dim - 1,
         }));
+    }
+    let needed = body.memory(options);
+    if let Some(limit) = options.max_memory.filter(|limit| needed > *limit) {
+        return Err(Box::new(ContactError::Memory { needed, limit }));
     }
     let p = body.num_contacts();
     match law.num_nodes().filter(|k| *k != p) {

@@ -30,7 +30,7 @@
 //! }
 //! ```
 //!
-//! Options of PETSc choose the linear solver; without them it is flexible GMRES, preconditioned by PETSc's algebraic multigrid with the rigid
+//! Options of PETSc choose the linear solver; without them it is GMRES, preconditioned by PETSc's algebraic multigrid with the rigid
 //! motions as near-kernel.
 
 mod body;

@@ -27,7 +27,9 @@ pub enum SolverError {
 pub(crate) fn krylov(world: &World, directions: usize) -> Result<Solver<'_>, PetscError> {
     let directions = directions.to_string();
     let defaults = [
-        ("-ksp_type", "fgmres"),
+        // The cycle is the same from one iteration to the next; on the right, residuals are those of the system.
+        ("-ksp_type", "gmres"),
+        ("-ksp_pc_side", "right"),
         ("-ksp_gmres_restart", directions.as_str()),
         ("-pc_type", "gamg"),
         // The aggregates stay as nodes change state; matrices of coarse levels are computed anew.

@@ -8,6 +8,7 @@ use std::sync::Once;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
+use semismooth::contact::ReducedReport;
 use thiserror::Error;
 
 use crate::ffi::{self, Code, Int};
@@ -33,6 +34,14 @@ pub enum Error {
         message: String,
         /// What this process has found itself, if anything.
         source: Option<Box<dyn StdError + Send + Sync>>,
+    },
+    /// A linear solver failed in a Newton step.
+    #[error("{source}")]
+    StepFailed {
+        /// What went wrong, agreed on by all processes.
+        source: Box<Error>,
+        /// The best iterate before in the part of this process, with its history.
+        best: Box<ReducedReport>,
     },
     /// PETSc and MPI run already in this process, or have run: they start once.
     #[error("PETSc is started once in a process")]
@@ -395,7 +404,7 @@ fn chain(error: &(dyn StdError + 'static)) -> String {
     let mut text = error.to_string();
     let mut source = match error.downcast_ref::<Error>() {
         // The message has them already.
-        Some(Error::Agreed { .. }) => None,
+        Some(Error::Agreed { .. } | Error::StepFailed { .. }) => None,
         _ => error.source(),
     };
     while let Some(e) = source {

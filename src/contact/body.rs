@@ -1,10 +1,12 @@
 use std::sync::Arc;
 
+use super::balance::{free_motion, largest, random_start};
+use super::displacements::floating_piece;
 use super::error::check_length;
 use super::{ContactError, NodeLaw, check_multipliers};
 use crate::interface::{LoadPath, Operator};
 use crate::linear::{Cholesky, Condensation, LinearSolver};
-use crate::sparse::{Matrix, pieces};
+use crate::sparse::{Matrix, NodalMatrix, check_nodes, pieces};
 
 /// Dense matrices that a search for a solution takes beside C: Jacobians with the places of their entries, and factors. With it all hexahedra
 /// took a twelfth more than estimated with 110 contact nodes, and less with 240 and 504.
@@ -33,6 +35,15 @@ pub struct ContactBody {
     /// A, B = (Bν; Bt₁; Bt₂) and the load.
     pub(super) operator: Arc<Operator>,
     pub(super) gap: Vec<f64>,
+    /// Where they are known.
+    pub(super) nodes: Option<Arc<Nodes>>,
+}
+
+/// Positions of nodes, and the node and component of each displacement.
+#[derive(Debug)]
+pub(super) struct Nodes {
+    pub(super) points: Vec<[f64; 3]>,
+    pub(super) displacements: Vec<[usize; 2]>,
 }
 
 impl ContactBody {
@@ -66,7 +77,36 @@ impl ContactBody {
         Ok(Self {
             operator: Arc::new(Operator::new(a, &stacked, load)?),
             gap: vec![0.0; p],
+            nodes: None,
         })
+    }
+
+    /// Tells where the nodes are, and the node and component (from 0) of each displacement: errors name positions and motions then. Nothing else
+    /// depends on it.
+    ///
+    /// # Errors
+    /// Another number of displacements; nodes or components that do not exist, are named twice, or have no displacement; positions that are
+    /// not finite.
+    pub fn with_nodes(
+        mut self,
+        points: Vec<[f64; 3]>,
+        displacements: &[[usize; 2]],
+    ) -> Result<Self, ContactError> {
+        let n = self.num_displacements();
+        if displacements.len() != n {
+            return Err(ContactError::Length {
+                what: "the list of nodes of displacements",
+                expected: n,
+                found: displacements.len(),
+            });
+        }
+        check_nodes(&points, displacements, 1 + self.num_tangents())?;
+        let displacements = displacements.to_vec();
+        self.nodes = Some(Arc::new(Nodes {
+            points,
+            displacements,
+        }));
+        Ok(self)
     }
 
     /// Sets the initial gap of each contact node: u_ν ≤ gap.
@@ -156,18 +196,22 @@ impl ContactBody {
         Ok(made.saturating_add(8u64.saturating_mul(JACOBIANS).saturating_mul(q).saturating_mul(q)))
     }
 
-    /// Why the stiffness matrix is not positive definite, if single pieces of the body are to blame.
+    /// Why the stiffness matrix is not positive definite, if a motion without forces or a single piece of the body is to blame.
     pub(super) fn indefinite_piece(&self) -> Option<ContactError> {
         let a = &self.operator.a;
+        let nodal = self.nodes.as_deref().and_then(|nodes| {
+            let dim = 1 + self.num_tangents();
+            NodalMatrix::new(a, nodes.points.clone(), &nodes.displacements, dim).ok()
+        });
+        if let Some(found) = nodal.and_then(|a| floating_piece(&a, &[], &[])) {
+            return Some(found);
+        }
         let piece = pieces(a.nrows(), |connect| {
             for (i, j, _) in a.triplets().filter(|t| t.2 != 0.0) {
                 connect(&mut [i, j].into_iter());
             }
         });
         let count = piece.iter().max().map_or(0, |m| m + 1);
-        if count < 2 {
-            return None;
-        }
         let mut entries = vec![Vec::new(); count];
         let (mut size, mut place) = (vec![0; count], vec![0; piece.len()]);
         for (k, &own) in piece.iter().enumerate() {
@@ -179,19 +223,27 @@ impl ContactBody {
                 entries[piece[i]].push((place[i], place[j], v));
             }
         }
-        let definite = |own: usize| {
-            let own = Matrix::from_triplets(size[own], size[own], &entries[own]);
+        let definite = |a: &Matrix| {
             let mut cholesky = Cholesky::new();
-            own.is_ok_and(|own| {
-                cholesky.analyze(own.pattern().as_ref()).is_ok()
-                    && cholesky.factor_by_pivots(own.as_ref()).is_ok()
-            })
+            cholesky.analyze(a.pattern().as_ref()).is_ok() && cholesky.factor_by_pivots(a.as_ref()).is_ok()
         };
-        let own = (0..count).find(|own| !definite(*own))?;
+        let matrix = |own: usize| Matrix::from_triplets(size[own], size[own], &entries[own]).ok();
+        let (own, a) = (0..count)
+            .filter_map(|own| Some((own, matrix(own)?)))
+            .find(|(_, a)| count == 1 || !definite(a))?;
+        let mut members = (0..piece.len()).filter(|k| piece[*k] == own);
+        let modes = match free_motion(&a, random_start(a.nrows())) {
+            Some(z) => format!(
+                "a motion in which displacement {} moves most",
+                members.clone().nth(largest(&z))?
+            ),
+            None if count == 1 => return None,
+            None => String::new(),
+        };
         Some(ContactError::Unsupported {
-            displacement: piece.iter().position(|p| *p == own)?,
+            displacement: members.next()?,
             at: None,
-            modes: String::new(),
+            modes,
         })
     }
 
@@ -200,6 +252,7 @@ impl ContactBody {
         Ok(Self {
             operator: Arc::new(self.operator.with_load(load)?),
             gap: self.gap.clone(),
+            nodes: self.nodes.clone(),
         })
     }
 

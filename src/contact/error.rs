@@ -168,10 +168,15 @@ pub enum ContactError {
         node: usize,
         /// The piece of the law.
         piece: String,
+        /// The best iterate before, with its history.
+        best: Box<super::ReducedReport>,
     },
     /// Another process that works on the same body found an error.
     #[error("another process found an error in its part of the body")]
-    Elsewhere,
+    Elsewhere {
+        /// The best iterate before, in the part of this process, with its history.
+        best: Box<super::ReducedReport>,
+    },
     /// More memory would be needed than is allowed.
     #[error("about {needed} bytes would be needed, {limit} are allowed")]
     Memory {
@@ -213,15 +218,17 @@ pub enum ContactError {
         /// The best iterate, with its history.
         best: Box<super::ReducedReport>,
     },
-    /// A piece of the body, which hangs together with no other one, is not held, and its stiffness matrix not positive definite.
+    /// A piece of the body, which hangs together with no other one, is not held, or its stiffness matrix is not positive definite for another
+    /// reason.
     #[error(
-        "the piece of the body that displacement {displacement}{} belongs to is not held: {}. Each piece needs supports of its own; the full form \
-         takes pieces that contact alone holds",
+        "the piece of the body that displacement {displacement}{} belongs to {}",
         .at.map_or(String::new(), |p| format!(" at ({}, {}, {})", p[0], p[1], p[2])),
         if .modes.is_empty() {
-            "its stiffness matrix is not positive definite".to_owned()
+            "has a stiffness matrix that is not positive definite, and no motion that makes no forces: check the signs of its entries".to_owned()
         } else {
-            format!("nothing resists {modes}")
+            format!(
+                "is not held: nothing resists {modes}. Each piece needs supports of its own; the full form takes pieces that contact alone holds"
+            )
         }
     )]
     Unsupported {
@@ -229,8 +236,25 @@ pub enum ContactError {
         displacement: usize,
         /// Where its node is, if that is known.
         at: Option<[f64; 3]>,
-        /// The free rigid motions about the centre of the piece, in words; empty where positions are not known.
+        /// The free rigid motions about the centre of the piece, in words; where positions are not known, or the motion is none of a rigid
+        /// body, which displacement moves most in one that makes no forces; empty where there is none.
         modes: String,
+    },
+    /// No forces of contact balance the load: it moves a body that nothing holds away from the foundation, or along it without friction.
+    #[error(
+        "nothing balances the load at parameter {parameter}: it does the work {work:e} in a motion that makes no forces, in which displacement \
+         {displacement}{} moves most, by 1, and no contact node comes nearer to the foundation: hold the body, or change the load",
+        .at.map_or(String::new(), |p| format!(" at ({}, {}, {})", p[0], p[1], p[2]))
+    )]
+    Unbalanced {
+        /// The parameter α.
+        parameter: f64,
+        /// The displacement that moves most, as numbered in the stiffness matrix.
+        displacement: usize,
+        /// Where its node is, if that is known.
+        at: Option<[f64; 3]>,
+        /// The work of the load for a largest displacement of 1.
+        work: f64,
     },
     /// The law has no Delassus form.
     #[error(

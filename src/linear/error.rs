@@ -82,6 +82,9 @@ pub enum LinearError {
         /// That error.
         source: Cause,
     },
+    /// The time that was allowed is over.
+    #[error("the time that was allowed is over")]
+    Interrupted,
     /// A matrix could not be built.
     #[error(transparent)]
     Sparse(#[from] SparseError),

@@ -24,8 +24,8 @@ pub(crate) use matrix_market::{Announced, read_matrix_if};
 pub use matrix_market::{
     parse_matrix_market, parse_vector, read_matrix_market, read_vector, write_matrix_market,
 };
-pub(crate) use nodal::NodalBlocks;
 pub use nodal::NodalMatrix;
+pub(crate) use nodal::{NodalBlocks, check_nodes};
 pub use pattern::{Pattern, PatternRef};
 pub(crate) use rigid::{Place, Resistance, pieces};
 pub(crate) use vector::{distance, dot, max_abs, max_abs_scaled, norm, sum_abs};

@@ -54,26 +54,12 @@ impl NodalMatrix {
             let (rows, cols) = (a.nrows(), a.ncols());
             return malformed(format!("a {rows} x {cols} matrix for {n} unknowns"));
         }
-        if let Some(node) = points.iter().position(|p| p.iter().any(|x| !x.is_finite())) {
-            return malformed(format!("the position of node {node} is not finite"));
-        }
+        check_nodes(&points, unknowns, dim)?;
         a.check_finite()?;
         if let Some((row, col, difference)) = a.asymmetry(1e-10) {
             return malformed(format!(
                 "entries ({row}, {col}) and ({col}, {row}) differ by {difference:e}; the matrix must be symmetric"
             ));
-        }
-        let mut owner = vec![false; dim * points.len()];
-        for (k, &[node, component]) in unknowns.iter().enumerate() {
-            if node >= points.len() || component >= dim {
-                return malformed(format!("unknown {k} is component {component} of node {node}"));
-            }
-            if std::mem::replace(&mut owner[dim * node + component], true) {
-                return malformed(format!("component {component} of node {node} is two unknowns"));
-            }
-        }
-        if let Some(node) = owner.chunks_exact(dim).position(|c| !c.contains(&true)) {
-            return malformed(format!("node {node} has no unknown"));
         }
         let places: Vec<u32> = unknowns.iter().map(|[node, c]| (dim * node + c) as u32).collect();
         let blocks = match dim {
@@ -128,6 +114,13 @@ impl NodalMatrix {
         }
     }
 
+    /// The node and component of each unknown.
+    pub(crate) fn unknowns(&self) -> Vec<[usize; 2]> {
+        let dim = self.dim();
+        let place = |p: &u32| [*p as usize / dim, *p as usize % dim];
+        self.places.iter().map(place).collect()
+    }
+
     /// Where each unknown is among all components of all nodes.
     pub(crate) fn places(&self) -> &[u32] {
         &self.places
@@ -150,6 +143,31 @@ impl NodalMatrix {
             NodalBlocks::Plane(a) => scatter(a, &self.places),
             NodalBlocks::Space(a) => scatter(a, &self.places),
         }
+    }
+}
+
+/// Checks positions of nodes, and the node and component of each unknown.
+pub(crate) fn check_nodes(
+    points: &[[f64; 3]],
+    unknowns: &[[usize; 2]],
+    dim: usize,
+) -> Result<(), SparseError> {
+    let malformed = |what: String| Err(SparseError::Malformed { what });
+    if let Some(node) = points.iter().position(|p| p.iter().any(|x| !x.is_finite())) {
+        return malformed(format!("the position of node {node} is not finite"));
+    }
+    let mut owner = vec![false; dim * points.len()];
+    for (k, &[node, component]) in unknowns.iter().enumerate() {
+        if node >= points.len() || component >= dim {
+            return malformed(format!("unknown {k} is component {component} of node {node}"));
+        }
+        if std::mem::replace(&mut owner[dim * node + component], true) {
+            return malformed(format!("component {component} of node {node} is two unknowns"));
+        }
+    }
+    match owner.chunks_exact(dim).position(|c| !c.contains(&true)) {
+        Some(node) => malformed(format!("node {node} has no unknown")),
+        None => Ok(()),
     }
 }
 

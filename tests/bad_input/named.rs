@@ -151,7 +151,7 @@ fn first_points() {
         FrictionCoefficient::nodal(vec![0.5]).unwrap(),
     )
     .unwrap();
-    refused!(free.solve(0.0, None) => ContactError::NoStart { .. });
+    refused!(free.solve(0.0, None) => ContactError::Unbalanced { displacement: 0, work: 1.0, .. });
 }
 
 /// α = |y|.

@@ -32,7 +32,7 @@ fn large(world: &World, cells: [usize; 3]) -> Result<(), Error> {
     let system = Elasticity::new(part.mesh().clone(), material).fix("left");
     let system = world.agree(system.discretize())?;
     let press = world.agree(system.traction("top", |_| [0.0, 0.0, -0.01]))?;
-    let pull = world.agree(system.traction("right", |_| [0.01, 0.003, 0.002]))?;
+    let pull = world.agree(system.traction("right", |_| [0.01, 0.0, 0.002]))?;
     let ground = Foundation::plane([0.0; 3], [0.0, 0.0, 1.0]);
     let rows = world.agree(system.contact("bottom", &ground))?;
     let body = DistributedBody::new(world, &part, &system, &rows)?;

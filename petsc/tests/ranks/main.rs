@@ -99,8 +99,13 @@ fn from_outside(wanted: &dyn Fn(&str) -> bool) {
     let own = own.to_str().expect("a path in UTF-8");
     let here = |ranks: usize, case: &str| {
         println!("{case} on {ranks} processes");
-        let options = if case == "solver" { "nonsense" } else { "gamg" };
-        job(own, ranks, &["--on-ranks", case, "-pc_type", options], |_, _| {})
+        let options: &[&str] = match case {
+            "solver" => &["-pc_type", "nonsense"],
+            // No residual is small enough not to be called divergence.
+            "breakdown" => &["-ksp_divtol", "1e-30"],
+            _ => &["-pc_type", "gamg"],
+        };
+        job(own, ranks, &[&["--on-ranks", case], options].concat(), |_, _| {})
     };
     for ranks in [1, 2, 3].into_iter().filter(|_| wanted("check")) {
         println!("check on {ranks} processes");
@@ -137,6 +142,8 @@ fn from_outside(wanted: &dyn Fn(&str) -> bool) {
         ("pvtu", "ends in .pvtu", 0),
         ("field", "speed", 1),
         ("not-converged", "no solution found", 0),
+        ("memory", "bytes would be needed", 0),
+        ("breakdown", "linear solver stopped", 0),
         ("solver", "PETSc error", 0),
     ]
     .into_iter()
@@ -227,6 +234,12 @@ fn contact(world: &World, case: &str) -> Result<(), Error> {
     let ground = Foundation::plane([0.0; 3], [0.0, 0.0, 1.0]);
     let rows = world.agree(system.contact("bottom", &ground))?;
     let body = DistributedBody::new(world, &part, &system, &rows)?;
+    if case == "memory" {
+        let needed = body.memory(&ReducedOptions::default());
+        let options = ReducedOptions::default().with_max_memory(Some(needed - 1));
+        let coulomb = OrthotropicCoulomb::isotropic(world.agree(FrictionCoefficient::constant(0.3))?);
+        return DistributedContact::new(body, coulomb, options).map(|_| ());
+    }
     if case == "dense" {
         return body.condense(Some(1000)).map(|_| ());
     }
@@ -247,6 +260,22 @@ fn contact(world: &World, case: &str) -> Result<(), Error> {
     }
     let mut problem = DistributedContact::new(body, law, options)?;
     let outcome = problem.solve(1.0, &load, None);
+    match (case, &outcome) {
+        // Each process has its part of the best iterate.
+        ("law", Err(Error::Agreed { source, .. })) => {
+            let source = source.as_ref().and_then(|e| e.downcast_ref::<ContactError>());
+            let Some(ContactError::NotReducible { best, .. } | ContactError::Elsewhere { best }) = source
+            else {
+                panic!("no best iterate");
+            };
+            assert_eq!(best.displacements.len(), load.len());
+        }
+        ("breakdown", Err(Error::StepFailed { best, .. })) => {
+            assert_eq!((best.displacements.len(), best.iterations.len()), (load.len(), 1));
+        }
+        ("law" | "breakdown", _) => panic!("no best iterate"),
+        _ => {}
+    }
     if let ("not-converged", Err(Error::Agreed { source, .. })) = (case, &outcome) {
         let source = source.as_ref().and_then(|e| e.downcast_ref::<ContactError>());
         let Some(ContactError::NotConverged { best }) = source else {

@@ -1,12 +1,11 @@
 use super::super::error::check_length;
 use super::ReducedOptions;
+use super::floating::floating_piece;
 use crate::contact::{ContactBody, ContactError, LoadPath};
-use crate::sparse::{Blocks, Matrix, NodalBlocks, NodalMatrix, Place, Resistance, SparseError, pieces};
+use crate::sparse::{Blocks, Matrix, NodalBlocks, NodalMatrix, Place, SparseError};
 
 /// How far the traces of a node may be from orthonormal.
 const ORTHONORMAL: f64 = 1e-10;
-/// Forces of a rigid motion up to this part of those that its terms add up to are rounding.
-const ROUNDING: f64 = 1e-10;
 
 /// An elastic body with contact nodes, large: what a [`ContactBody`](crate::contact::ContactBody) is for one factorisation this one is for
 /// [`ReducedContact`](super::ReducedContact), with its stiffness matrix in blocks of nodes.
@@ -236,78 +235,9 @@ impl ReducedBody {
         modes
     }
 
-    /// The first piece that has rigid motions which make no forces: those of its nodes that are coupled.
+    /// The first piece that has rigid motions which make no forces.
     pub(super) fn floating_piece(&self) -> Option<ContactError> {
-        let (number, modes) = match &self.stiffness.blocks {
-            NodalBlocks::Plane(a) => self.floating(a),
-            NodalBlocks::Space(a) => self.floating(a),
-        }?;
-        let dim = self.dim();
-        let places = self.stiffness.places();
-        let displacement = places.iter().position(|p| number[*p as usize / dim])?;
-        Some(ContactError::Unsupported {
-            displacement,
-            at: Some(self.stiffness.points()[places[displacement] as usize / dim]),
-            modes: modes.join(", "),
-        })
-    }
-
-    /// Which nodes belong to that piece, and its motions.
-    fn floating<const F: usize>(&self, a: &Blocks<F, F>) -> Option<(Vec<bool>, Vec<&'static str>)> {
-        let points = self.stiffness.points();
-        let piece = pieces(a.nrows(), |connect| {
-            for i in 0..a.nrows() {
-                let (cols, values) = a.row(i);
-                let coupled = cols
-                    .iter()
-                    .zip(values)
-                    .filter(|(_, v)| v.as_flattened().iter().any(|v| *v != 0.0));
-                connect(&mut std::iter::once(i).chain(coupled.map(|(j, _)| *j as usize)));
-            }
-        });
-        let places = Place::of(points, &piece);
-        let mut frame = vec![None; points.len()];
-        for (node, own) in self.contacts.iter().zip(&self.frames) {
-            frame[*node] = Some(own);
-        }
-        // By component, then by motion.
-        let motions = |node: usize| -> [[f64; 6]; F] {
-            let free = places[piece[node]].motions(points[node]);
-            std::array::from_fn(|d| {
-                free.map(|m| match frame[node] {
-                    Some(frame) => (0..F).map(|k| frame[d][k] * m[k]).sum(),
-                    None => m[d],
-                })
-            })
-        };
-        let mut held = vec![Resistance::default(); places.len()];
-        // Nodes on a line do not move when they turn about it: such rotations are none.
-        let mut moved = held.clone();
-        for i in 0..a.nrows() {
-            motions(i).iter().for_each(|m| moved[piece[i]].add(m));
-            let (mut force, mut terms) = ([[0.0; 6]; F], [0.0; F]);
-            let (cols, values) = a.row(i);
-            for (&j, block) in cols.iter().zip(values) {
-                let motions = motions(j as usize);
-                for (r, row) in block.iter().enumerate() {
-                    for (v, m) in row.iter().zip(&motions) {
-                        terms[r] += v.abs();
-                        force[r].iter_mut().zip(m).for_each(|(f, m)| *f += v * m);
-                    }
-                }
-            }
-            for (force, terms) in force.iter().zip(terms) {
-                if force.iter().any(|f| f.abs() > ROUNDING * terms) {
-                    held[piece[i]].add(&force.map(|f| f / terms));
-                }
-            }
-        }
-        let free = held.iter().zip(&moved).map(|(held, moved)| -> Vec<_> {
-            let none = moved.free(F);
-            held.free(F).into_iter().filter(|m| !none.contains(m)).collect()
-        });
-        let (own, modes) = free.enumerate().find(|(_, free)| !free.is_empty())?;
-        Some((piece.iter().map(|p| *p == own).collect(), modes))
+        floating_piece(&self.stiffness, &self.contacts, &self.frames)
     }
 
     /// Bytes that multigrid and GMRES take beside the body, by an estimate made before they are allocated: measured against hexahedra
@@ -354,7 +284,8 @@ impl ReducedBody {
         };
         let tangential = (1..dim).map(trace).collect::<Result<_, _>>()?;
         ContactBody::new(original.to_matrix()?, trace(0)?, tangential, self.load.clone())?
-            .with_gap(self.gap.clone())
+            .with_gap(self.gap.clone())?
+            .with_nodes(self.stiffness.points().to_vec(), &self.stiffness.unknowns())
     }
 }
 

@@ -2,6 +2,7 @@
 
 mod body;
 mod evolution;
+mod floating;
 mod newton;
 mod node;
 mod options;
@@ -15,11 +16,12 @@ use super::body_state::BodyState;
 use super::error::{check_finite, check_length};
 use super::solution::judge;
 use super::{CondensedContact, ContactError, ContactOptions, ContactProgress, ContactSolution, NodeLaw};
-use crate::clock::Clock;
+use crate::clock::{Clock, Until};
 use crate::linear::LinearError;
 
 pub use body::ReducedBody;
 pub use evolution::ReducedLevel;
+pub(super) use floating::floating_piece;
 pub use newton::{ReducedError, ReducedNodes, ReducedObserver, solve_reduced, solve_reduced_observed};
 pub use options::ReducedOptions;
 pub use report::{ReducedIteration, ReducedProgress, ReducedReport, ReducedStrategy, ReducedTimes};
@@ -107,7 +109,7 @@ impl<L: NodeLaw> ReducedContact<L> {
     /// # Errors
     /// Options out of range, a law of another dimension, [`ContactError::Memory`] where more memory would be needed than the options
     /// allow; a stiffness matrix that is not positive definite: [`ContactError::Unsupported`] names a piece which the supports leave
-    /// free to move.
+    /// free to move; [`LinearError::Interrupted`] where the time of the options is over before the hierarchy is made.
     pub fn new(body: ReducedBody, law: L, options: ReducedOptions) -> Result<Self, ContactError> {
         options.validate()?;
         let tangents = body.dim() - 1;
@@ -127,7 +129,8 @@ impl<L: NodeLaw> ReducedContact<L> {
         }
         fits(&body, &options)?;
         let body = Arc::new(body);
-        let system = SerialSystem::new(Arc::clone(&body), options.directions, options.max_krylov);
+        let until = Until::after(options.max_time);
+        let system = SerialSystem::new(Arc::clone(&body), options.directions, options.max_krylov, until);
         let system = system.map_err(|e| match e {
             LinearError::NotPositiveDefinite => body.floating_piece().unwrap_or(e.into()),
             e => e.into(),
@@ -184,8 +187,9 @@ impl<L: NodeLaw> ReducedContact<L> {
     /// options and the size of the body allow, by the strategies of [`CondensedContact::solve`].
     ///
     /// # Errors
-    /// Wrong lengths, values that are not finite, coefficients of friction that the law refuses; [`ContactError::NotConverged`] and
-    /// [`ContactError::StepFailed`] with the best iterate and its history, [`ContactError::Interrupted`] where time is over before.
+    /// Wrong lengths, values that are not finite, coefficients of friction that the law refuses; [`ContactError::NotConverged`],
+    /// [`ContactError::StepFailed`], [`ContactError::NotReducible`] and, where time is over before, [`ContactError::Interrupted`], with the
+    /// best iterate and its history.
     pub fn solve(&mut self, alpha: f64, start: Option<&[f64]>) -> Result<ReducedReport, ContactError> {
         self.solve_observed(alpha, start, |_| ControlFlow::Continue(()))
     }
@@ -244,6 +248,7 @@ impl<L: NodeLaw> ReducedContact<L> {
         let load = self.body.turned(&load);
         let u = self.body.turned(&free);
         let (system, options) = (&mut self.system, &self.options);
+        system.set_time_limit(options.max_time);
         let solved = solve_reduced_observed(system, &nodes, &self.law, &load, u, options, observe);
         match solved {
             Ok(report) => Ok(self.in_free(report)),
@@ -262,6 +267,10 @@ impl<L: NodeLaw> ReducedContact<L> {
             ReducedError::Contact(ContactError::Interrupted { best }) => {
                 let best = Box::new(self.in_free(*best));
                 return Err(ContactError::Interrupted { best });
+            }
+            ReducedError::Contact(ContactError::NotReducible { node, piece, best }) => {
+                let best = Box::new(self.in_free(*best));
+                return Err(ContactError::NotReducible { node, piece, best });
             }
             ReducedError::Contact(e) => return Err(e),
         };
@@ -343,6 +352,7 @@ impl<L: NodeLaw> ReducedContact<L> {
             report
         };
         let system = &mut self.system;
+        system.set_time_limit(options.max_time);
         match solve_reduced_observed(system, &nodes, &self.law, load, u, &options, observe) {
             Ok(report) => Ok(join(self.in_free(report))),
             Err(e) => {

@@ -63,12 +63,21 @@ pub type ReducedObserver<'a> = dyn FnMut(&ReducedProgress) -> ControlFlow<()> + 
 /// What ends a search.
 enum Stop<E> {
     Contact(ContactError),
+    /// A node, and the piece that does not determine its forces.
+    Law(usize, String),
+    Elsewhere,
     System(E),
 }
 
-impl<E> From<ContactError> for Stop<E> {
-    fn from(error: ContactError) -> Self {
-        Self::Contact(error)
+impl<E> Stop<E> {
+    fn with(self, best: ReducedReport) -> ReducedError<E> {
+        let best = Box::new(best);
+        match self {
+            Self::Contact(e) => e.into(),
+            Self::Law(node, piece) => ContactError::NotReducible { node, piece, best }.into(),
+            Self::Elsewhere => ContactError::Elsewhere { best }.into(),
+            Self::System(source) => ReducedError::System { source, best },
+        }
     }
 }
 
@@ -123,8 +132,9 @@ impl ReducedNodes<'_> {
 /// all components. What one process finds wrong ends the solve in all of them, and so does the time of one that is over.
 ///
 /// # Errors
-/// Those of the system; laws that cannot be eliminated; [`ContactError::NotConverged`] with the best iterate, and
-/// [`ContactError::Interrupted`] where time is over before; [`ContactError::Elsewhere`] where another process found an error.
+/// Wrong lengths; all others with the best iterate and the history: those of the system, [`ContactError::NotReducible`] for laws that cannot be
+/// eliminated, [`ContactError::NotConverged`], [`ContactError::Interrupted`] where time is over before, and [`ContactError::Elsewhere`] where
+/// another process found an error.
 pub fn solve_reduced<S: ReducedSystem>(
     system: &mut S,
     nodes: &ReducedNodes<'_>,
@@ -154,14 +164,7 @@ pub fn solve_reduced_observed<S: ReducedSystem>(
     let checked = check(system.len(), nodes, law, load, &u, options);
     let is_contact = match agreed(system, checked) {
         Ok(is_contact) => is_contact,
-        Err(Stop::Contact(e)) => return Err(e.into()),
-        Err(Stop::System(source)) => {
-            let best = Best::start(u, nodes, law).report(ReducedStrategy::Newton);
-            return Err(ReducedError::System {
-                source,
-                best: Box::new(best),
-            });
-        }
+        Err(stop) => return Err(stop.with(Best::start(u, nodes, law).report(ReducedStrategy::Newton))),
     };
     let len = is_contact.len();
     let mut search = Search {
@@ -209,11 +212,7 @@ pub fn solve_reduced_observed<S: ReducedSystem>(
             }
             .into())
         }
-        Err(Stop::Contact(e)) => Err(e.into()),
-        Err(Stop::System(source)) => Err(ReducedError::System {
-            source,
-            best: Box::new(report),
-        }),
+        Err(stop) => Err(stop.with(report)),
     }
 }
 
@@ -264,8 +263,8 @@ fn agreed<S: ReducedSystem, T>(system: &S, own: Result<T, ContactError>) -> Outc
     let mut failed = [f64::from(u8::from(own.is_err()))];
     system.max(&mut failed).map_err(Stop::System)?;
     match own {
-        Ok(_) if failed[0] > 0.0 => Err(ContactError::Elsewhere.into()),
-        own => Ok(own?),
+        Ok(_) if failed[0] > 0.0 => Err(Stop::Elsewhere),
+        own => own.map_err(Stop::Contact),
     }
 }
 
@@ -565,8 +564,8 @@ impl<S: ReducedSystem> Search<'_, S> {
             let v = self.nodes.values(self.law, i, u, |k| self.load[k] - image[k]);
             let node = match Node::new(self.law, &v) {
                 Ok(node) => node,
-                Err(e) => {
-                    failure = Some(e);
+                Err(piece) => {
+                    failure = Some(Stop::Law(v.node, piece));
                     break;
                 }
             };
@@ -599,7 +598,7 @@ impl<S: ReducedSystem> Search<'_, S> {
         self.system.max(&mut largest).map_err(Stop::System)?;
         let [balance, weight, normal, tangential, size, late, failed] = largest;
         if failed > 0.0 {
-            return Err(failure.unwrap_or(ContactError::Elsewhere).into());
+            return Err(failure.unwrap_or(Stop::Elsewhere));
         }
         let relative = |h: f64, size: f64| if h == 0.0 { 0.0 } else { h / size };
         // Maxima pass over NaN, and against infinity everything is small.

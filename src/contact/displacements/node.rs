@@ -1,8 +1,8 @@
 //! What the law says at one node, solved for the forces or for the displacements.
 
+use crate::contact::ContactState;
 use crate::contact::law::{LocalRow, LocalValues, NodeLaw};
 use crate::contact::solution::piece_of;
-use crate::contact::{ContactError, ContactState};
 
 /// Pivots below this part of the largest entry do not count.
 const PIVOT: f64 = 1e-10;
@@ -27,7 +27,8 @@ pub(super) struct Node {
 }
 
 impl Node {
-    pub(super) fn new(law: &dyn NodeLaw, v: &LocalValues) -> Result<Self, ContactError> {
+    /// An error is the name of a piece whose equations do not determine the forces.
+    pub(super) fn new(law: &dyn NodeLaw, v: &LocalValues) -> Result<Self, String> {
         let directions = 1 + law.num_tangents();
         let piece = piece_of(law, v);
         let (h, rows) = (law.residual(piece, v), law.rows(piece, v));
@@ -39,10 +40,7 @@ impl Node {
             force: [v.pressure, v.traction[0], v.traction[1]],
             ..Self::default()
         };
-        let refuse = || ContactError::NotReducible {
-            node: v.node,
-            piece: law.piece_name(piece).into(),
-        };
+        let refuse = || law.piece_name(piece).into();
         let small = |row: &[f64; 3], unit: f64| row.iter().all(|c| c.abs() <= NOTHING * unit);
         if small(&e[0], 1.0) && small(&[0.0, d[0][1], d[0][2]], v.r) && d[0][0].abs() > NOTHING * v.r {
             node.prescribed[0] = Some(-h[0] / d[0][0]);

@@ -35,8 +35,9 @@ pub struct ReducedOptions {
     /// Most displacements with which the condensed form is tried when load steps fail as well: it factors the stiffness matrix. 0 leaves
     /// it out. Default 100 000.
     pub max_condensed: usize,
-    /// Wall-clock time after which a solve ends; looked at between GMRES iterations. Default none: with a limit results depend on the
-    /// machine.
+    /// Wall-clock time after which the making of a problem ends, and each solve with its best iterate; looked at between GMRES iterations, and in
+    /// multigrid at each strip of rows: between two looks there is at most a product with the stiffness matrix, or a pass over the
+    /// directions of GMRES; the condensed form looks between factorisations. Default none: with a limit results depend on the machine.
     pub max_time: Option<Duration>,
     /// Memory in bytes that multigrid and GMRES may take beside the body, by an estimate made before they are allocated. Default none.
     pub max_memory: Option<u64>,

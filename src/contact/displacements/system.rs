@@ -3,8 +3,10 @@
 use std::cell::RefCell;
 use std::ops::ControlFlow;
 use std::sync::Arc;
+use std::time::Duration;
 
 use super::ReducedBody;
+use crate::clock::Until;
 use crate::linear::{Aggregation, Gmres, LinearError};
 use crate::parallel;
 use crate::sparse::{Blocks, NodalBlocks, add_product};
@@ -139,16 +141,17 @@ impl SerialSystem {
         body: Arc<ReducedBody>,
         directions: usize,
         max_iterations: usize,
+        until: Until,
     ) -> Result<Self, LinearError> {
         let fixed = body.fixed();
         let hierarchy = match &body.stiffness.blocks {
             NodalBlocks::Plane(a) => {
                 let modes = body.rigid_modes([0, 1, 5]);
-                Hierarchy::Plane(Box::new(Aggregation::new(a, modes, fixed)?))
+                Hierarchy::Plane(Box::new(Aggregation::new(a, modes, fixed, until)?))
             }
             NodalBlocks::Space(a) => {
                 let modes = body.rigid_modes([0, 1, 2, 3, 4, 5]);
-                Hierarchy::Space(Box::new(Aggregation::new(a, modes, fixed)?))
+                Hierarchy::Space(Box::new(Aggregation::new(a, modes, fixed, until)?))
             }
         };
         Ok(Self {
@@ -166,6 +169,15 @@ impl SerialSystem {
     pub(super) fn limit(&mut self, directions: usize, max_iterations: usize) {
         self.gmres = Gmres::new(directions);
         self.max_iterations = max_iterations;
+    }
+
+    /// How much time changes and cycles to come may take from now on: they end in the middle then.
+    pub(super) fn set_time_limit(&mut self, limit: Option<Duration>) {
+        let until = Until::after(limit);
+        match &mut self.hierarchy {
+            Hierarchy::Plane(h) => h.set_until(until),
+            Hierarchy::Space(h) => h.set_until(until),
+        }
     }
 
     /// Nodes and blocks of each level.
@@ -197,10 +209,15 @@ impl ReducedSystem for SerialSystem {
         self.beside.extend_from_slice(step.beside);
         self.combined.clear();
         self.combined.extend_from_slice(step.combined);
-        match (&mut self.hierarchy, &self.body.stiffness.blocks) {
+        let changed = match (&mut self.hierarchy, &self.body.stiffness.blocks) {
             (Hierarchy::Plane(h), NodalBlocks::Plane(a)) => h.constrain(a, step.held, step.added),
             (Hierarchy::Space(h), NodalBlocks::Space(a)) => h.constrain(a, step.held, step.added),
             _ => Err(LinearError::NotAnalyzed),
+        };
+        match changed {
+            // The solve to come ends as well, before it has begun.
+            Err(LinearError::Interrupted) => Ok(()),
+            changed => changed,
         }
     }
 
@@ -282,11 +299,17 @@ impl Rows<'_> {
             |z| {
                 stopped = stopped || observe(iterations).is_break();
                 iterations += 1;
-                match stopped {
+                if stopped {
                     // Any error ends GMRES, which then leaves what it has reached.
-                    true => Err(LinearError::NotFactored),
-                    false => hierarchy.borrow_mut().apply(a, z),
+                    return Err(LinearError::Interrupted);
                 }
+                let done = hierarchy.borrow_mut().apply(a, z);
+                if done == Err(LinearError::Interrupted) {
+                    // Who asked for the solve learns that time is over.
+                    let _ = observe(iterations);
+                    stopped = true;
+                }
+                done
             },
             d,
             tolerance,

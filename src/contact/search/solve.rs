@@ -89,7 +89,8 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
     ///
     /// # Errors
     /// Coefficients of friction that are negative or not finite; [`ContactError::NoStart`], with the best iterate and its
-    /// history, when no strategy finds a solution.
+    /// history, when no strategy finds a solution; in full form [`ContactError::Unbalanced`] where that is as the load moves the body where
+    /// nothing resists.
     pub fn solve(&self, alpha: f64, start: Option<&[f64]>) -> Result<Vec<f64>, ContactError> {
         Ok(self.solve_reported(alpha, start)?.x)
     }
@@ -146,7 +147,14 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
             }
             lower(&own, alpha, way, options, see)
         };
-        strategy::solve(&own, alpha, start, options, quick, &mut descend, observe)
+        let found = strategy::solve(&own, alpha, start, options, quick, &mut descend, observe);
+        match found {
+            // What can be condensed is held by itself.
+            Err(e @ ContactError::NoStart { .. }) if own.view.reduced().is_none() && !e.is_interrupted() => {
+                Err(own.unbalanced(alpha).unwrap_or(e))
+            }
+            found => found,
+        }
     }
 
     /// The same problem with its law borrowed.

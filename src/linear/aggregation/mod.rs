@@ -19,6 +19,7 @@ use self::aggregates::aggregates;
 use self::smoother::{Direct, Smoother};
 use self::transfer::{Constraints, Modes, Transfer};
 use super::LinearError;
+use crate::clock::Until;
 use crate::parallel;
 use crate::sparse::Blocks;
 use crate::spread::Random;
@@ -99,15 +100,22 @@ pub(crate) struct Aggregation<const F: usize, const K: usize> {
     direct: Direct,
     /// Sweeps of each smoothing.
     sweeps: usize,
+    until: Until,
+    /// Nodes whose change was begun and not carried through for want of time.
+    pending: Vec<u32>,
 }
 
 impl<const F: usize, const K: usize> Aggregation<F, K> {
     /// The hierarchy of a positive definite matrix of which some components, a bit each, are not free and have zero rows and columns. `modes` are the
     /// near-kernel vectors.
+    ///
+    /// # Errors
+    /// [`LinearError::NotPositiveDefinite`]; [`LinearError::Interrupted`] once time is over.
     pub(crate) fn new(
         a: &Blocks<F, F>,
         modes: Vec<[[f64; K]; F]>,
         fixed: Vec<u8>,
+        until: Until,
     ) -> Result<Self, LinearError> {
         let mut modes = modes;
         for (m, held) in modes.iter_mut().zip(&fixed) {
@@ -128,8 +136,9 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
         let (mut first, mut sweeps) = (None, 1);
         let (mut levels, mut transfers): (Vec<Level<K>>, Vec<Transfer<K, K>>) = (Vec::new(), Vec::new());
         let mut coarse_modes = Vec::new();
-        if let Some((transfer, next)) = coarsen(a, &modes, STRONG, &fine, &fine.smoother) {
+        if let Some((transfer, next)) = coarsen(a, &modes, STRONG, &fine, &fine.smoother, until)? {
             let coarse = transfer.galerkin(a, &fine);
+            in_time(until)?;
             let smoother = Smoother::new(&coarse, |_| 0);
             levels.push(Level { a: coarse, smoother });
             coarse_modes = next;
@@ -142,11 +151,13 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
         let mut strong = STRONG;
         while let Some(level) = levels.last() {
             strong *= 0.5;
-            let made = coarsen(&level.a, &coarse_modes, strong, &level.smoother, &level.smoother);
+            let smoother = &level.smoother;
+            let made = coarsen(&level.a, &coarse_modes, strong, smoother, smoother, until)?;
             let Some((transfer, next)) = made else {
                 break;
             };
             let coarse = transfer.galerkin(&level.a, &level.smoother);
+            in_time(until)?;
             let smoother = Smoother::new(&coarse, |_| 0);
             levels.push(Level { a: coarse, smoother });
             coarse_modes = next;
@@ -168,7 +179,20 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
             levels,
             direct,
             sweeps,
+            until,
+            pending: Vec::new(),
         })
+    }
+
+    /// When changes and cycles to come end: with [`LinearError::Interrupted`], looked for in each strip of rows.
+    pub(crate) fn set_until(&mut self, until: Until) {
+        self.until = until;
+        self.fine.smoother.until = until;
+        if let Some(first) = &mut self.first {
+            first.until = until;
+        }
+        self.levels.iter_mut().for_each(|l| l.smoother.until = until);
+        self.transfers.iter_mut().for_each(|t| t.until = until);
     }
 
     /// Nodes and stored blocks of each level.
@@ -194,7 +218,7 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
             sums.entry((i / F) as u32).or_insert([[0.0; F]; F])[i % F][j % F] += v;
         }
         let fine = &mut self.fine;
-        let mut changed = Vec::new();
+        let mut changed = std::mem::take(&mut self.pending);
         let constrained = collect(now.keys().chain(sums.keys()).copied());
         for i in collect(constrained.iter().chain(&fine.constrained).copied()) {
             let node = i as usize;
@@ -207,16 +231,28 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
             }
         }
         (fine.added, fine.constrained) = (sums, constrained);
+        let changed = collect(changed.into_iter());
         if changed.is_empty() {
             return Ok(());
         }
+        let done = self.propagate(a, &changed);
+        if done == Err(LinearError::Interrupted) {
+            self.pending = changed;
+        }
+        done
+    }
+
+    /// Brings all levels up to date with the nodes of the finest one that have changed.
+    fn propagate(&mut self, a: &Blocks<F, F>, changed: &[u32]) -> Result<(), LinearError> {
         let Some(first) = &mut self.first else {
             return self.direct.factor_nearly(a, &self.fine);
         };
-        let smoothed = with_neighbours(a, &changed);
+        let smoothed = with_neighbours(a, changed);
         first.resmooth(a, &self.modes, &self.fine, &smoothed);
+        in_time(self.until)?;
         let mut affected = columns_of(&first.p, &with_neighbours(a, &smoothed));
         first.resum(a, &self.fine, &affected, &mut self.levels[0].a);
+        in_time(self.until)?;
         for k in 0..self.levels.len() {
             let (above, below) = self.levels.split_at_mut(k + 1);
             let level = &mut above[k];
@@ -227,6 +263,7 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
             if let Some(next) = below.first_mut() {
                 affected = columns_of(&self.transfers[k].p, &with_neighbours(&level.a, &affected));
                 self.transfers[k].resum(&level.a, &level.smoother, &affected, &mut next.a);
+                in_time(self.until)?;
             } else {
                 self.direct.factor_nearly(&level.a, &level.smoother)?;
             }
@@ -234,7 +271,7 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
         Ok(())
     }
 
-    /// Overwrites b by the cycle's approximation to A⁻¹ b, zero where components are held.
+    /// Overwrites b by the cycle's approximation to A⁻¹ b, zero where components are held; [`LinearError::Interrupted`] once time is over.
     pub(crate) fn apply(&mut self, a: &Blocks<F, F>, b: &mut [f64]) -> Result<(), LinearError> {
         let Some(first) = &mut self.first else {
             for (node, held) in self.fine.held.iter().enumerate() {
@@ -244,6 +281,7 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
             }
             return self.direct.solve(b);
         };
+        in_time(self.until)?;
         let fine = &mut self.fine.smoother;
         fine.b.copy_from_slice(b);
         fine.smooth_before(a, self.sweeps);
@@ -266,6 +304,7 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
         }
         first.prolong(&self.levels[0].smoother.x, &mut fine.x);
         fine.smooth_after(a, self.sweeps);
+        in_time(self.until)?;
         b.copy_from_slice(&fine.x);
         Ok(())
     }
@@ -296,6 +335,14 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
     }
 }
 
+/// What comes after parts that ended early for want of time is not gone into.
+fn in_time(until: Until) -> Result<(), LinearError> {
+    if until.is_over() {
+        return Err(LinearError::Interrupted);
+    }
+    Ok(())
+}
+
 /// Aggregates, if they are few enough, with the prolongation and the near-kernel of the coarse level.
 fn coarsen<const R: usize, const K: usize>(
     a: &Blocks<R, R>,
@@ -303,26 +350,35 @@ fn coarsen<const R: usize, const K: usize>(
     strong: f64,
     constraints: &impl Constraints<R>,
     smoother: &Smoother<R>,
-) -> Option<(Transfer<R, K>, Modes<K, K>)> {
+    until: Until,
+) -> Result<Option<(Transfer<R, K>, Modes<K, K>)>, LinearError> {
     let n = a.nrows();
     if n <= COARSEST {
-        return None;
+        return Ok(None);
     }
+    in_time(until)?;
     let found = aggregates(a, strong);
     if found.count as f64 * K as f64 > MIN_COARSENING * n as f64 * R as f64 {
-        return None;
+        return Ok(None);
     }
-    let omega = DAMPING / largest_eigenvalue(a, smoother);
-    Some(Transfer::new(a, modes, found, omega, constraints))
+    let omega = DAMPING / largest_eigenvalue(a, smoother, until)?;
+    let made = Transfer::new(a, modes, found, omega, constraints, until);
+    in_time(until)?;
+    Ok(Some(made))
 }
 
 /// The largest eigenvalue of D⁻¹A by the power method, from a start without a pattern.
-fn largest_eigenvalue<const B: usize>(a: &Blocks<B, B>, smoother: &Smoother<B>) -> f64 {
+fn largest_eigenvalue<const B: usize>(
+    a: &Blocks<B, B>,
+    smoother: &Smoother<B>,
+    until: Until,
+) -> Result<f64, LinearError> {
     let mut random = Random::new(1);
     let mut v: Vec<f64> = (0..B * a.nrows()).map(|_| random.symmetric()).collect();
     let mut w = vec![0.0; v.len()];
     let mut value: f64 = 1.0;
     for _ in 0..POWER_STEPS {
+        in_time(until)?;
         let size = parallel::product(&v, &v).sqrt();
         a.for_products(&v, &mut w, &|i, sum, w| {
             *w = [0.0; B];
@@ -332,11 +388,11 @@ fn largest_eigenvalue<const B: usize>(a: &Blocks<B, B>, smoother: &Smoother<B>) 
         std::mem::swap(&mut v, &mut w);
         v.iter_mut().for_each(|v| *v /= value * size);
     }
-    if value.is_finite() && value > 0.0 {
+    Ok(if value.is_finite() && value > 0.0 {
         MARGIN * value
     } else {
         2.0
-    }
+    })
 }
 
 /// The nodes and all they are coupled to.

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use super::dense::semi_inverse;
 use super::transfer::Constraints;
+use crate::clock::Until;
 use crate::linear::{Cholesky, LinearError, LinearSolver};
 use crate::parallel;
 use crate::sparse::{Blocks, Matrix, Pattern, ROWS, add_product, subtract_transposed};
@@ -28,6 +29,8 @@ pub(super) struct Smoother<const B: usize> {
     halo: Vec<[f64; B]>,
     halo_first: Vec<usize>,
     halo_ends: Vec<usize>,
+    /// Once it is over strips are left as they are.
+    pub(super) until: Until,
 }
 
 impl<const B: usize> Smoother<B> {
@@ -59,6 +62,7 @@ impl<const B: usize> Smoother<B> {
             strips,
             halo_first,
             halo_ends,
+            until: Until::default(),
         }
     }
 
@@ -75,6 +79,7 @@ impl<const B: usize> Smoother<B> {
             halos: &self.halo_ends,
             halo_first: &self.halo_first,
             sweep,
+            until: self.until,
         };
         let count = self.strips.len() - 1;
         let first = usize::from(count > 1 && sweep == Sweep::Backward);
@@ -202,6 +207,7 @@ struct Relaxation<'a, const B: usize> {
     halos: &'a [usize],
     halo_first: &'a [usize],
     sweep: Sweep,
+    until: Until,
 }
 
 /// Strips in a row, with x on the strips beside them.
@@ -225,6 +231,9 @@ impl<const B: usize> Relaxation<'_, B> {
         let (offset, shift) = (self.strips[from], self.halos[from]);
         let count = (to - first).div_ceil(2);
         if count == 1 {
+            if self.until.is_over() {
+                return;
+            }
             let rows = self.strips[first]..self.strips[first + 1];
             let (x_before, x) = part.x.split_at_mut(rows.start - offset);
             let (x, x_after) = x.split_at_mut(rows.len());

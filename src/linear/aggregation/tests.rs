@@ -42,7 +42,7 @@ fn space(a: &NodalMatrix) -> &Blocks<3, 3> {
 fn iterations(a: &NodalMatrix, held: &[usize]) -> usize {
     let blocks = space(a);
     let fixed = vec![0; a.num_nodes()];
-    let mut cycle = Aggregation::<3, 6>::new(blocks, rigid(a.points()), fixed).unwrap();
+    let mut cycle = Aggregation::<3, 6>::new(blocks, rigid(a.points()), fixed, Until::default()).unwrap();
     assert!(cycle.sizes(blocks).len() >= 2);
     cycle.constrain(blocks, held, &[]).unwrap();
     let n = 3 * a.num_nodes();
@@ -96,7 +96,13 @@ fn residuals_of_sweeps_are_true_and_the_cycle_is_symmetric() {
         smoother.smooth_after(blocks, sweeps);
         assert!(check(&smoother) < before);
     }
-    let mut cycle = Aggregation::<3, 6>::new(blocks, rigid(a.points()), vec![0; a.num_nodes()]).unwrap();
+    let mut cycle = Aggregation::<3, 6>::new(
+        blocks,
+        rigid(a.points()),
+        vec![0; a.num_nodes()],
+        Until::default(),
+    )
+    .unwrap();
     cycle.constrain(blocks, &bottom(&a), &[]).unwrap();
     let c: Vec<f64> = (0..n).map(|k| crate::spread::centred(k + 1, true)).collect();
     let (mut x, mut y) = (b.clone(), c.clone());
@@ -152,7 +158,13 @@ fn bodies_of_all_kinds_take_few_iterations() {
 fn constraints_change_what_depends_on_them_and_nothing_is_missed() {
     let a = body(block([9, 8, 4]), Material::isotropic(1.0, 0.3).unwrap(), 1.0);
     let blocks = space(&a);
-    let mut cycle = Aggregation::<3, 6>::new(blocks, rigid(a.points()), vec![0; a.num_nodes()]).unwrap();
+    let mut cycle = Aggregation::<3, 6>::new(
+        blocks,
+        rigid(a.points()),
+        vec![0; a.num_nodes()],
+        Until::default(),
+    )
+    .unwrap();
     let free = cycle.levels[0].a.clone();
     let held = bottom(&a);
     let node = held[0] / 3 + 3;
@@ -223,6 +235,41 @@ fn floating_bodies_are_refused() {
             *v -= s;
         }
     }
-    let made = Aggregation::<3, 6>::new(&blocks, rigid(a.points()), vec![0; a.num_nodes()]);
+    let made = Aggregation::<3, 6>::new(
+        &blocks,
+        rigid(a.points()),
+        vec![0; a.num_nodes()],
+        Until::default(),
+    );
     assert_eq!(made.err(), Some(LinearError::NotPositiveDefinite));
+}
+
+/// Changes and cycles end once time is over; what was begun is carried through by the next change, to the same bits as without.
+#[test]
+fn interrupted_changes_are_carried_through() {
+    let a = body(block([10, 10, 5]), Material::isotropic(1.0, 0.277).unwrap(), 1.0);
+    let (blocks, n) = (space(&a), a.num_nodes());
+    let make = |until| Aggregation::<3, 6>::new(blocks, rigid(a.points()), vec![0; n], until);
+    let over = Until::after(Some(std::time::Duration::ZERO));
+    assert_eq!(make(over).err(), Some(LinearError::Interrupted));
+    let (mut cycle, mut other) = (make(Until::default()).unwrap(), make(Until::default()).unwrap());
+    let (first, second): (Vec<usize>, Vec<usize>) = ((0..60).collect(), (30..90).collect());
+    cycle.set_until(over);
+    assert_eq!(
+        cycle.constrain(blocks, &first, &[]),
+        Err(LinearError::Interrupted)
+    );
+    assert_eq!(
+        cycle.apply(blocks, &mut vec![1.0; 3 * n]),
+        Err(LinearError::Interrupted)
+    );
+    cycle.set_until(Until::default());
+    let image = |cycle: &mut Aggregation<3, 6>| {
+        cycle.constrain(blocks, &second, &[]).unwrap();
+        let mut b: Vec<f64> = (0..3 * n).map(|k| ((k * k) % 17) as f64 - 8.0).collect();
+        cycle.apply(blocks, &mut b).unwrap();
+        b
+    };
+    other.constrain(blocks, &first, &[]).unwrap();
+    assert_eq!(image(&mut cycle), image(&mut other));
 }

@@ -2,6 +2,7 @@
 
 use super::aggregates::Aggregates;
 use super::dense::{add_scaled_product, add_transposed_product, mask_rows};
+use crate::clock::Until;
 use crate::parallel;
 use crate::sparse::{Blocks, ROWS, subtract_transposed};
 
@@ -31,6 +32,8 @@ pub(super) struct Transfer<const R: usize, const K: usize> {
     triangular: Vec<[[f64; K]; K]>,
     pub(super) omega: f64,
     sums: Sums<K>,
+    /// Once it is over rows are left out.
+    pub(super) until: Until,
 }
 
 /// Sums of Pᵀ x over parts of the rows of P.
@@ -69,6 +72,7 @@ impl<const R: usize, const K: usize> Transfer<R, K> {
         aggregates: Aggregates,
         omega: f64,
         constraints: &impl Constraints<R>,
+        until: Until,
     ) -> (Self, Modes<K, K>) {
         let n = a.nrows();
         let (coarse, triangular) = orthonormal(modes, &aggregates);
@@ -85,6 +89,7 @@ impl<const R: usize, const K: usize> Transfer<R, K> {
                 ends: Vec::new(),
                 values: Vec::new(),
             },
+            until,
         };
         transfer.p = joined(parallel::collect(n, part_size(n), |rows| {
             transfer.smoothed(a, modes, constraints, rows)
@@ -132,7 +137,7 @@ impl<const R: usize, const K: usize> Transfer<R, K> {
     ) -> Blocks<R, K> {
         let count = self.triangular.len();
         let (mut out, mut row) = (Blocks::new(count), Row::<R, K>::new(count));
-        for i in rows {
+        for i in rows.take_while(|_| !self.until.is_over()) {
             let (cols, values) = a.row(i);
             for (&j, block) in cols.iter().zip(values) {
                 let t = self.tentative(modes, j as usize, constraints.held(j as usize));
@@ -165,7 +170,9 @@ impl<const R: usize, const K: usize> Transfer<R, K> {
         let found = parallel::collect(rows.len(), part_size(rows.len()), |part| {
             self.smoothed(a, modes, constraints, rows[part].iter().map(|i| *i as usize))
         });
-        replace(&mut self.p, rows, &found);
+        if !self.until.is_over() {
+            replace(&mut self.p, rows, &found);
+        }
     }
 
     /// Rows of Pᵀ A P.
@@ -177,7 +184,7 @@ impl<const R: usize, const K: usize> Transfer<R, K> {
     ) -> Blocks<K, K> {
         let (mut left, mut row) = (Row::<R, K>::new(self.p.nrows()), Row::<K, K>::new(self.p.ncols));
         let mut out = Blocks::new(self.p.ncols);
-        for c in rows {
+        for c in rows.take_while(|_| !self.until.is_over()) {
             for &(i, slot) in &self.rows[self.first[c] as usize..self.first[c + 1] as usize] {
                 let p = &self.p.value[slot as usize];
                 let (cols, values) = a.row(i as usize);
@@ -219,6 +226,9 @@ impl<const R: usize, const K: usize> Transfer<R, K> {
         let found = parallel::collect(rows.len(), part_size(rows.len()), |part| {
             self.summed(a, constraints, rows[part].iter().map(|i| *i as usize))
         });
+        if self.until.is_over() {
+            return;
+        }
         replace(c, rows, &found);
         // Rows that are not summed anew change in these columns.
         for &row in rows {

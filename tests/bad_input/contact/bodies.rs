@@ -68,6 +68,23 @@ pub(super) fn bodies(t: &mut Table) {
             )
         });
     }
+    let nodes = "contact::ContactBody::with_nodes";
+    let at = |x: f64, places: &[[usize; 2]]| body().with_nodes(vec![[x, 0.0, 0.0]], places);
+    t.refuses(nodes, "a displacement too few", "nodes of displacements", || {
+        at(0.0, &[[0, 0]])
+    });
+    t.refuses(nodes, "a node that does not exist", "node 1", || {
+        at(0.0, &[[0, 0], [1, 0]])
+    });
+    t.refuses(nodes, "a component of space", "component 2", || {
+        at(0.0, &[[0, 0], [0, 2]])
+    });
+    t.refuses(nodes, "a component twice", "two unknowns", || {
+        at(0.0, &[[0, 1], [0, 1]])
+    });
+    t.refuses(nodes, "a position", "not finite", || {
+        at(f64::NAN, &[[0, 0], [0, 1]])
+    });
     t.refuses("contact::ContactBody::with_gap", "another length", "gap", || {
         body().with_gap(vec![])
     });

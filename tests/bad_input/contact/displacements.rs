@@ -134,7 +134,7 @@ pub(super) fn displacements(t: &mut Table) {
     });
     t.holds(solve, "an error of another process ends this one", || {
         let error = with(true, &[1.0; 2], &[0], &[0.0], vec![0.0; 2]).unwrap_err();
-        matches!(error, ReducedError::Contact(ContactError::Elsewhere))
+        matches!(error, ReducedError::Contact(ContactError::Elsewhere { .. }))
     });
     t.holds(solve, "what this process has found is said before that", || {
         let error = with(true, &[1.0; 2], &[0], &[], vec![0.0; 2]).unwrap_err();
@@ -253,6 +253,15 @@ fn problems(t: &mut Table) {
             ReducedContact::new(body, law(0.3), o())
         });
     }
+    t.refuses(new, "no time", "time", || {
+        let points: Vec<_> = (0..200).map(|k| [f64::from(k), 0.0, 0.0]).collect();
+        let unknowns: Vec<_> = (0..400).map(|k| [k / 2, k % 2]).collect();
+        let a = NodalMatrix::new(&Matrix::identity(400), points, &unknowns, 2).unwrap();
+        let trace = |k: usize| Matrix::from_triplets(1, 400, &[(0, k, 1.0)]).unwrap();
+        let load = LoadPath::constant(vec![0.0; 400]);
+        let body = ReducedBody::new(a, &trace(0), &[trace(1)], load).unwrap();
+        ReducedContact::new(body, law(0.3), o().with_max_time(Some(Duration::ZERO)))
+    });
     let within = "contact::CondensedContact::within_memory";
     t.refuses(within, "little memory", "bytes", || {
         CondensedContact::within_memory(body().to_contact_body().unwrap(), law(0.3), 64)
