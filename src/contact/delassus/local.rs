@@ -14,7 +14,8 @@ const STEPS: usize = 80;
 /// r_T(s) = −(S + s I)⁻¹ (b_T − W_TN b_N / W_NN),  r_N(s) = −(b_N + W_NT r_T) / W_NN.
 ///
 /// At s = 0 the reaction is outside of the cone, and inside for s → ∞, where r_N → −b_N / W_NN > 0: a bracket for every positive
-/// semidefinite W, symmetric or not.
+/// semidefinite W, symmetric or not. In the plane the sign of r_T is that of −(b_T − W_TN b_N / W_NN) for every s, and what is left is
+/// linear.
 pub(super) fn solve_contact<const D: usize>(w: &Block<D>, b: &[f64; D], mu: f64) -> [f64; D] {
     let mut r = [0.0; D];
     if b[0] >= 0.0 {
@@ -59,6 +60,15 @@ pub(super) fn solve_contact<const D: usize>(w: &Block<D>, b: &[f64; D], mu: f64)
     let stick = at(0.0);
     if stick >= 0.0 {
         return r;
+    }
+    if D == 2 {
+        let against = -mu * c[0].signum();
+        let pivot = wn + w[0][1] * against;
+        if pivot > 0.0 {
+            r[0] = -b[0] / pivot;
+            r[1] = against * r[0];
+            return r;
+        }
     }
     let (mut low, mut f_low) = (0.0, stick);
     let mut high = schur[0][0].abs().max(schur[1][1].abs()).max(f64::MIN_POSITIVE);
@@ -143,6 +153,25 @@ mod tests {
             assert!((w[0][0] * smooth[0] + b[0]).abs() < 1e-14 && smooth[1..].iter().all(|t| *t == 0.0));
         }
         assert!(states.iter().all(|n| *n > 10), "{states:?}");
+    }
+
+    /// In the plane, W = (1, c)(1, c)ᵀ, with which no traction but the bound is in equilibrium: u_N = 0 and ‖r_T‖ = μ r_N leave one reaction,
+    /// by the signs of c and of the slip.
+    #[test]
+    fn contacts_without_stiffness_of_their_own_slip() {
+        for c in [-0.8, -0.1, 0.0, 0.3, 1.5] {
+            for slip in [-2.0, 0.5] {
+                let (mu, bn) = (0.4, -1.5);
+                // With u_N = 0 the slip is b_T − c b_N.
+                let r = solve_contact(&[[1.0, c], [c, c * c]], &[bn, slip + c * bn], mu);
+                let normal = 1.5 / (1.0 - f64::signum(slip) * mu * c);
+                assert!((r[0] - normal).abs() < 1e-14 * normal, "{r:?} {c} {slip}");
+                assert!(
+                    (r[1] + f64::signum(slip) * mu * normal).abs() < 1e-14 * normal,
+                    "{r:?} {c} {slip}"
+                );
+            }
+        }
     }
 
     #[test]

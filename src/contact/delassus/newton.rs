@@ -118,30 +118,49 @@ fn distance<const D: usize>(a: &[[f64; D]], b: &[[f64; D]]) -> f64 {
 }
 
 impl<const D: usize> Newton<D> {
-    pub(super) fn new(nc: usize, deadline: Deadline<'static>) -> Self {
-        let zero = [0.0; D];
-        let open = Local {
-            piece: Piece::Open,
-            f: zero,
-        };
+    pub(super) fn new(deadline: Deadline<'static>) -> Self {
         Self {
             solver: AutoSolver::new(),
             factorisations: 0,
             deadline,
             rho: 1.0,
-            local: vec![open; nc],
-            a: vec![[[0.0; D]; D]; nc],
-            b: vec![[[0.0; D]; D]; nc],
-            u: vec![zero; nc],
-            trial: vec![zero; nc],
-            step: vec![zero; nc],
+            local: Vec::new(),
+            a: Vec::new(),
+            b: Vec::new(),
+            u: Vec::new(),
+            trial: Vec::new(),
+            step: Vec::new(),
             closed: Vec::new(),
-            index: vec![usize::MAX; nc],
+            index: Vec::new(),
             col_ptr: Vec::new(),
             row_idx: Vec::new(),
             values: Vec::new(),
             rhs: Vec::new(),
         }
+    }
+
+    /// Room for `nc` contacts, all closed: sweeps alone solve many problems, which take none.
+    fn fit(&mut self, nc: usize, entries: usize) {
+        if self.local.len() == nc {
+            return;
+        }
+        let zero = [0.0; D];
+        let open = Local {
+            piece: Piece::Open,
+            f: zero,
+        };
+        self.local.resize(nc, open);
+        self.a.resize(nc, [[0.0; D]; D]);
+        self.b.resize(nc, [[0.0; D]; D]);
+        self.u.resize(nc, zero);
+        self.trial.resize(nc, zero);
+        self.step.resize(nc, zero);
+        self.index.resize(nc, usize::MAX);
+        self.closed.reserve(nc);
+        self.rhs.reserve(nc * D);
+        self.col_ptr.reserve(nc * D + 1);
+        self.row_idx.reserve(entries);
+        self.values.reserve(entries);
     }
 
     /// F at `r`; the squared norm.
@@ -158,7 +177,8 @@ impl<const D: usize> Newton<D> {
         sum
     }
 
-    /// Improves `r` until ‖F‖₂ is at most `tolerance` or small against the proximal step; `r` is the last iterate in any case.
+    /// Improves `r` until ‖F‖₂ is at most `tolerance` or small against the proximal step; `r` is the last iterate in any case. The clock is
+    /// looked at before each factorisation but the first.
     pub(super) fn solve(
         &mut self,
         p: &Scaled<D>,
@@ -168,13 +188,15 @@ impl<const D: usize> Newton<D> {
         tolerance: f64,
         max_iterations: usize,
     ) -> Inner {
+        self.fit(r.len(), p.matrix.blocks.len() * D * D);
         let mut merit = self.evaluate(p, r, alpha, centre);
         let mut memory = [merit; MEMORY];
         for iteration in 0..max_iterations {
             if merit.sqrt() <= tolerance.max(INEXACT * alpha * distance(r, centre)) {
                 return Inner::Converged;
             }
-            if self.deadline.is_over() || !merit.is_finite() || !self.newton_step(p, r, alpha) {
+            let over = iteration > 0 && self.deadline.is_over();
+            if over || !merit.is_finite() || !self.newton_step(p, r, alpha) {
                 return Inner::Failed;
             }
             let limit = memory.iter().fold(0.0_f64, |a, b| a.max(*b));
@@ -307,6 +329,52 @@ mod tests {
     use crate::contact::delassus::DelassusProblem;
     use crate::sparse::Matrix;
 
+    /// F is r less the projection of z = r − u on z_N ≥ 0 and on the disc of radius μ z_N, which pieces name; A and B are its derivatives.
+    #[test]
+    fn residuals_are_those_of_projections() {
+        let mut random = crate::spread::Random::new(5);
+        let at = |mu: f64, r: &[f64; 3], u: &[f64; 3]| {
+            let z: [f64; 3] = std::array::from_fn(|k| r[k] - u[k]);
+            let (normal, t) = (z[0].max(0.0), z[1].hypot(z[2]));
+            let share = if t > mu * normal { mu * normal / t } else { 1.0 };
+            let piece = match () {
+                () if z[0] <= 0.0 => Piece::Open,
+                () if share < 1.0 => Piece::Slip,
+                () => Piece::Stick,
+            };
+            (piece, [r[0] - normal, r[1] - share * z[1], r[2] - share * z[2]])
+        };
+        let mut seen = [0; 3];
+        for _ in 0..300 {
+            let mu = 0.7 + 0.6 * random.symmetric();
+            let [r, u]: [[f64; 3]; 2] = [(); 2].map(|()| [(); 3].map(|()| random.symmetric()));
+            let (piece, f) = at(mu, &r, &u);
+            let local = alart_curnier(mu, &r, &u);
+            assert_eq!(local.piece, piece);
+            seen[piece as usize] += 1;
+            for (a, b) in local.f.iter().zip(f) {
+                assert!((a - b).abs() < 1e-15, "{mu} {r:?} {u:?}");
+            }
+            if piece == Piece::Slip {
+                let (a, b) = slip_derivative(mu, &r, &u);
+                for k in 0..3 {
+                    const H: f64 = 1e-6;
+                    let moved =
+                        |v: &[f64; 3], h: f64| std::array::from_fn(|j| v[j] + if j == k { h } else { 0.0 });
+                    let of_r = [H, -H].map(|h| alart_curnier(mu, &moved(&r, h), &u).f);
+                    let of_u = [H, -H].map(|h| alart_curnier(mu, &r, &moved(&u, h)).f);
+                    for i in 0..3 {
+                        let slope = |f: &[[f64; 3]; 2]| 0.5 * (f[0][i] - f[1][i]) / H;
+                        let near = |s: f64, d: f64| (s - d).abs() < 1e-4 * (1.0 + d.abs());
+                        let curved = r[0] - u[0] < 1e-2 || (r[1] - u[1]).hypot(r[2] - u[2]) < 1e-2;
+                        assert!(curved || near(slope(&of_r), a[i][k]) && near(slope(&of_u), b[i][k]));
+                    }
+                }
+            }
+        }
+        assert!(seen.iter().all(|n| *n > 10), "{seen:?}");
+    }
+
     /// A proximal problem that counts as solved is solved to a tenth of α times its step, or to the tolerance; from its centre the residual
     /// is much larger, and one Newton step is not enough.
     #[test]
@@ -325,7 +393,7 @@ mod tests {
                 .map(|i| (1.7 * i as f64 + f64::from(shift)).sin() - if i % 3 == 0 { 0.8 } else { 0.0 });
             let problem = DelassusProblem::new(3, m.clone(), q.collect(), vec![0.3, 0.8, 0.5, 1.1]).unwrap();
             let p = Scaled::<3>::new(&problem);
-            let mut newton = Newton::<3>::new(4, Deadline::after(None));
+            let mut newton = Newton::<3>::new(Deadline::after(None));
             let centre = vec![[1.0, 0.0, 0.0]; 4];
             for alpha in [10.0, 1.0, 0.1] {
                 let mut r = centre.clone();

@@ -46,8 +46,9 @@ impl<const D: usize> BlockMatrix<D> {
         let pattern = problem.matrix().pattern();
         let (ptr, rows) = (pattern.col_ptr(), pattern.row_idx());
         let values = problem.matrix().values();
-        let mut col_ptr = vec![0];
-        let mut row = Vec::new();
+        let mut col_ptr = Vec::with_capacity(nc + 1);
+        col_ptr.push(0);
+        let mut row = Vec::with_capacity(values.len() / (D * D));
         let mut place = vec![usize::MAX; nc];
         for j in 0..nc {
             let start = row.len();

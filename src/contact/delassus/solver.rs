@@ -25,6 +25,8 @@ const STICK: f64 = 1.0 - 1e-9;
 /// First weight of the proximal term, far from a solution and after interior points; its changes after success and failure.
 const ALPHA: f64 = 1e-2;
 const ALPHA_NEAR: f64 = 1e-5;
+/// In a small problem at once near the least one that leaves a singular M half of the digits.
+const ALPHA_SMALL: f64 = 1e-8;
 const SHRINK: f64 = 0.3;
 const GROW: f64 = 4.0;
 const LEAST_ALPHA: f64 = 1e-10;
@@ -52,6 +54,8 @@ const MAX_IDLE: usize = 60;
 /// closed from one iteration to the next.
 const HEAVY: f64 = 100.0;
 
+/// Sweeps of a small problem between two looks at the clock.
+const LOOKED: usize = 10;
 /// Sweeps after which the history is told.
 const REPORTED: usize = 100;
 /// Sweeps before each further attempt at proximal steps.
@@ -166,9 +170,9 @@ impl DelassusSolver {
         mut observe: impl FnMut(&DelassusIteration) -> ControlFlow<()>,
     ) -> Result<DelassusReport, DelassusError> {
         self.options.validate()?;
-        let zero = vec![0.0; problem.q().len()];
-        let start = start.unwrap_or(&zero);
-        problem.velocities(start)?;
+        if let Some(start) = start {
+            problem.velocities(start)?;
+        }
         match problem.dimension() {
             2 => Run::<2>::new(problem, &self.options, start, &mut observe).report(),
             _ => Run::<3>::new(problem, &self.options, start, &mut observe).report(),
@@ -203,22 +207,25 @@ impl<'a, const D: usize> Run<'a, D> {
     fn new(
         problem: &'a DelassusProblem,
         options: &'a DelassusOptions,
-        start: &[f64],
+        start: Option<&[f64]>,
         observe: &'a mut dyn FnMut(&DelassusIteration) -> ControlFlow<()>,
     ) -> Self {
         let scaled = Scaled::new(problem);
+        let zero = vec![[0.0; D]; problem.contacts()];
+        let r = start.map_or_else(|| zero.clone(), |start| scaled.scale(start));
+        let start = start.map_or_else(|| vec![0.0; problem.q().len()], <[f64]>::to_vec);
         Self {
-            newton: Newton::new(problem.contacts(), Deadline::after(options.max_time)),
-            r: scaled.scale(start),
-            u: vec![[0.0; D]; problem.contacts()],
+            newton: Newton::new(Deadline::after(options.max_time)),
+            u: zero.clone(),
             sizes: vec![0.0; problem.contacts()],
-            best: start.to_vec(),
+            plain: start.clone(),
+            best: start,
             best_progress: f64::INFINITY,
             solved: false,
-            near: scaled.scale(start),
+            near: r.clone(),
             near_progress: f64::INFINITY,
-            plain: start.to_vec(),
-            at: vec![[0.0; D]; problem.contacts()],
+            r,
+            at: zero,
             sweeps: 0,
             history: Vec::new(),
             problem,
@@ -334,10 +341,10 @@ impl<'a, const D: usize> Run<'a, D> {
         let most = SWEEPS.min(self.options.max_sweeps);
         let first = self.sweeps_of(most, is_small)?;
         if !is_large {
-            self.quick()?;
+            self.quick(if is_small { ALPHA_SMALL } else { ALPHA_NEAR })?;
             if is_small && first < most {
                 self.sweeps_of(most - first, false)?;
-                self.quick()?;
+                self.quick(ALPHA_NEAR)?;
             }
         }
         let mut interior = Interior::new(&self.scaled);
@@ -374,9 +381,9 @@ impl<'a, const D: usize> Run<'a, D> {
     }
 
     /// Where sweeps have found the states, a few factorisations of the closed contacts end it; else the iterate stays as it is.
-    fn quick(&mut self) -> Outcome {
+    fn quick(&mut self, alpha: f64) -> Outcome {
         let swept = self.r.clone();
-        self.proximal(ALPHA_NEAR, QUICK_PATIENCE, QUICK)?;
+        self.proximal(alpha, QUICK_PATIENCE, QUICK)?;
         self.r = swept;
         self.near_progress = f64::INFINITY;
         self.measure();
@@ -386,12 +393,18 @@ impl<'a, const D: usize> Run<'a, D> {
     /// At most n sweeps: fewer where time is over, where they come to rest, or, if asked for, where states no longer change. How many.
     fn sweeps_of(&mut self, n: usize, until_settled: bool) -> ControlFlow<DelassusStatus, usize> {
         let n = n.min(self.options.max_sweeps);
+        // So many sweeps of a small problem take less than a millisecond.
+        let unseen = if D * self.scaled.contacts() <= SMALL {
+            LOOKED
+        } else {
+            1
+        };
         let (mut done, mut ended) = (0, false);
         while done < n && !ended {
             let end = n.min(done + REPORTED);
             let begun = done;
             while done < end && !ended {
-                ended = self.newton.deadline.is_over();
+                ended = done % unseen == 0 && self.newton.deadline.is_over();
                 if ended {
                     break;
                 }
