@@ -326,6 +326,34 @@ fn circle() -> (impl PiecewiseSmooth, Diagram) {
     (map, diagram)
 }
 
+/// A section through a point of an edge, or next to one within what tells parameters apart, meets it once.
+#[test]
+fn sections_at_points_of_edges_meet_them_once() {
+    let (map, diagram) = circle();
+    let mut looked = 0;
+    for point in diagram.edges().iter().flat_map(|e| &e.points) {
+        let alpha = point.parameter();
+        if alpha.abs() > 0.99 {
+            continue;
+        }
+        for shift in [0.0, 1e-13, -1e-13, 5e-11, -5e-11, 1e-6, -1e-6] {
+            let at = diagram.solutions_at(&map, alpha + shift).unwrap();
+            let half = (1.0 - (alpha + shift) * (alpha + shift)).sqrt();
+            assert_eq!(
+                (at.count(), at.index_sum()),
+                (Some(2), Some(0)),
+                "{alpha} {shift:e}"
+            );
+            for solution in &at.points {
+                assert!((solution.x[0].abs() - half).abs() < 1e-9, "{alpha} {shift:e}");
+                assert!(solution.index.is_some());
+            }
+            looked += 1;
+        }
+    }
+    assert!(looked > 50, "{looked}");
+}
+
 #[test]
 fn the_table_holds_every_point() {
     let map = three_nodes();

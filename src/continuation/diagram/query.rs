@@ -80,6 +80,11 @@ impl DiagramFold {
     }
 }
 
+/// The sign of the determinant at a point which is neither a fold nor on a facet.
+fn regular_sign(point: &Point) -> Option<i8> {
+    point.det_sign.filter(|s| *s != 0 && point.grazing.is_empty())
+}
+
 impl Diagram {
     /// All solutions of the diagram at `alpha`, corrected to rounding on their selections; vertical segments as continua.
     ///
@@ -147,7 +152,9 @@ impl Diagram {
                 belongs(map, a)?;
                 belongs(map, b)?;
                 if let Some(x) = onto_parameter(map, &mut corrector, a, b, alpha)? {
-                    self.offer(&mut found, x, a, e);
+                    // Next to a fold the other end tells the sign.
+                    let at = if regular_sign(a).is_some() { a } else { b };
+                    self.offer(&mut found, x, at, e);
                 }
             }
         }
@@ -171,7 +178,7 @@ impl Diagram {
 
     fn offer(&self, found: &mut SolutionsAt, x: Vec<f64>, at: &Point, edge: usize) {
         let reach = self.same_point * (1.0 + norm(&x));
-        let sign = at.det_sign.filter(|s| *s != 0 && at.grazing.is_empty());
+        let sign = regular_sign(at);
         if let Some(known) = found.points.iter_mut().find(|s| distance(&s.x, &x) <= reach) {
             let vertex = self.vertex_near(&x).map(|v| self.vertices[v].arms.len());
             known.index = match (known.index, sign) {
