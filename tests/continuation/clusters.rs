@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 
+use super::embedded::cases;
 use crate::dense::eliminate;
 use crate::maps::two_pieces;
 use crate::random::Random;
@@ -143,7 +144,7 @@ fn over(map: &Kinked, s: f64) -> Option<Vec<f64>> {
 #[test]
 fn curves_that_cannot_branch_pass_clusters_of_kinks_one_by_one() {
     let mut followed = 0;
-    for seed in 0..3000 {
+    for seed in 0..cases(3000) {
         let mut random = Random::new(seed);
         let exponent = 6 + random.below(8) as i32;
         let map = random_graph(&mut random, 10_f64.powi(-exponent));

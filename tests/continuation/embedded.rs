@@ -19,6 +19,12 @@ pub(crate) struct Embedded<P> {
     mix: Vec<Vec<f64>>,
 }
 
+/// `count` random cases, or as many as PROPTEST_CASES asks for where these are more.
+pub(crate) fn cases(count: u64) -> u64 {
+    let asked = std::env::var("PROPTEST_CASES").ok().and_then(|v| v.parse().ok());
+    asked.unwrap_or(0).max(count)
+}
+
 /// What a function of the plane is embedded in.
 #[derive(Clone, Copy)]
 pub(crate) struct Setting {

@@ -1,11 +1,11 @@
-//! Curves that pass each other and curves that cross, at random: gaps down to 1e-5 of their length, in the plane, turned, in other
-//! units, among further unknowns.
+//! Curves that pass each other and curves that cross, at random: gaps down to 1e-10 of their length, in the plane, turned, in other
+//! units, among further unknowns. PROPTEST_CASES runs more.
 
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, Termination};
 use semismooth::piecewise::{PiecewiseSmooth, Selection};
 use semismooth::sparse::Matrix;
 
-use super::embedded::{Embedded, LARGE, PLANE, Plane, Random, SMALL, SPACE, Setting, TURNED};
+use super::embedded::{Embedded, LARGE, PLANE, Plane, Random, SMALL, SPACE, Setting, TURNED, cases};
 use super::maps::one_piece;
 
 /// Two curves that cross at the origin of (y, α), perturbed by ε.
@@ -114,7 +114,7 @@ fn follow(setting: Setting, k: u64, gap: f64) -> (Crossing, Vec<f64>, Branch) {
 
 /// No branch point is reported where there is none, and no curve is left for the one that passes nearby.
 fn passes(setting: Setting, count: u64) {
-    for k in 0..count {
+    for k in 0..cases(count) {
         let gap = 10f64.powi(-4 - (k / 18 % 7) as i32);
         let (map, x, branch) = follow(setting, k, gap);
         assert!(
@@ -143,7 +143,7 @@ fn passes(setting: Setting, count: u64) {
 
 /// The crossing is found to rounding, and all four arms of it.
 fn crosses(setting: Setting, count: u64) {
-    for k in 0..count {
+    for k in 0..cases(count) {
         let (map, _, branch) = follow(setting, k, 0.0);
         assert_eq!(branch.termination, Termination::MaxArclength, "{k}");
         let at_origin: Vec<_> = (branch.branch_points.iter())

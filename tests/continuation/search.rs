@@ -206,6 +206,13 @@ fn folds_have_index_zero_and_continua_none() {
         (1, Some(0)),
         "{found:?}"
     );
+    // α = min(y, 0) at 0: all y ≥ 0.
+    let map = MinMap::curve(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+        a[0] = x[0] - x[1];
+        b[0] = -x[1];
+    });
+    let found = search_solutions(&map, 0.0, &[[-1.0, -1.0]], &SearchOptions::default()).unwrap();
+    assert!(found.continua > 0 && found.index_sum.is_none(), "{found:?}");
 }
 
 #[test]

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, Termination};
 
-use super::embedded::{Embedded, LARGE, PLANE, Plane, Random, SMALL, SPACE, Setting, TURNED};
+use super::embedded::{Embedded, LARGE, PLANE, Plane, Random, SMALL, SPACE, Setting, TURNED, cases};
 
 /// α = a + b y + c y².
 #[derive(Clone, Copy, Debug)]
@@ -179,12 +179,6 @@ impl Seen {
             self.ends.entry(end).or_default().push(k);
         }
     }
-}
-
-/// `count` cases, unless more are asked for.
-fn cases(count: u64) -> u64 {
-    let asked = std::env::var("PROPTEST_CASES").ok().and_then(|v| v.parse().ok());
-    asked.unwrap_or(0).max(count)
 }
 
 /// Cases in which a crossing behind the start hides one ahead, three lie within one step, or three curves almost meet in one point.
