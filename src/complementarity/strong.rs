@@ -434,6 +434,33 @@ mod tests {
         }
     }
 
+    /// Entries that are off by no more than their errors, in units of rounding, move those of the eliminated matrix by no more than theirs, and
+    /// in some case by nearly as much.
+    #[test]
+    fn errors_of_eliminated_entries_are_bounds() {
+        const UNIT: f64 = 1e-9;
+        let mut random = crate::spread::Random::new(7);
+        let k = 4;
+        let mut nearest = 0.0_f64;
+        for _ in 0..300 {
+            let mut a: Vec<f64> = (0..k * k).map(|_| random.symmetric()).collect();
+            a[0] = 1.0 + random.symmetric().abs();
+            let e: Vec<f64> = (0..k * k).map(|_| 1e3 * random.symmetric().abs()).collect();
+            let (reduced, errors) = eliminated(&a, &e, k);
+            for _ in 0..8 {
+                let moved: Vec<f64> = (a.iter().zip(&e))
+                    .map(|(a, e)| a + UNIT * e * random.symmetric().signum())
+                    .collect();
+                let (other, _) = eliminated(&moved, &e, k);
+                for ((r, o), bound) in reduced.iter().zip(&other).zip(&errors) {
+                    assert!((r - o).abs() <= 1.0001 * UNIT * bound, "{r} {o} {bound:e}");
+                    nearest = nearest.max((r - o).abs() / (UNIT * bound));
+                }
+            }
+        }
+        assert!(nearest > 0.7, "{nearest}");
+    }
+
     /// Against all minors, by Leibniz' formula: matrices of small integers, some of whose minors vanish.
     #[test]
     fn p_matrices_are_those_with_positive_minors() {

@@ -211,3 +211,45 @@ pub(super) fn imbalance(stiff: &[f64], reaction: &[f64], load: &[f64]) -> f64 {
     }
     if worst == 0.0 { 0.0 } else { worst / size }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::contact::ContactState;
+
+    /// Two nodes with other numbers in every place: residuals are the largest against the largest term, energies are sums over nodes.
+    #[test]
+    fn residuals_are_the_largest_and_energies_sums() {
+        let node = |node: usize, [penetration, pressure, t1, t2, s1, s2]: [f64; 6]| LocalValues {
+            node,
+            penetration,
+            pressure,
+            traction: [t1, t2],
+            slip: [s1, s2],
+            r: 10.0,
+            ..LocalValues::default()
+        };
+        let nodes = [
+            node(0, [-0.25, 3.0, 1.0, -2.0, 0.125, 0.5]),
+            node(1, [0.5, -4.0, 0.5, 1.0, -0.75, 0.25]),
+        ];
+        for order in [[0, 1], [1, 0]] {
+            let laws = [[0.3, -0.1, 0.2], [-0.6, 0.9, -0.4]];
+            let states = [ContactState::Stick, ContactState::Open];
+            let own: Vec<_> = order.iter().map(|&k| nodes[k]).collect();
+            let law = |v: &LocalValues| (states[v.node], laws[v.node]);
+            let held = |i: usize| [[1.0, 2.0, 4.0], [8.0, 16.0, 32.0]][order[i]];
+            let solution = ContactSolution::assemble(own, law, held, (7.0, 9.0, 0.5));
+            // The largest term is r |slip| of the second node.
+            let expected = (0.5, 0.6 / 7.5, 0.9 / 7.5);
+            let found = &solution.residuals;
+            assert_eq!((found.equilibrium, found.normal, found.tangential), expected);
+            let energy = &solution.energy;
+            assert_eq!((energy.stored, energy.load), (7.0, 9.0));
+            assert_eq!(energy.normal, 3.0 * 0.75 - 4.0 * 8.5);
+            assert_eq!(energy.friction, 2.125 - 2.0 * 4.5 + 0.5 * 15.25 + 32.25);
+            assert_eq!(energy.dissipated, 0.125 - 1.0 - 0.375 + 0.25);
+            assert_eq!((solution.open(), solution.stick(), solution.slip()), (1, 1, 0));
+        }
+    }
+}

@@ -222,6 +222,24 @@ mod tests {
         DVector::from_fn(UNKNOWNS, |_, _| random.symmetric())
     }
 
+    /// Of vectors of several lengths so many as are asked for, those that stand out most from the ones before.
+    #[test]
+    fn spaces_have_as_many_dimensions_as_asked_for() {
+        let mut random = Random::new(3);
+        let vectors: Vec<_> = (0..4).map(|_| random_vector(&mut random)).collect();
+        for most in 0..=4 {
+            let space = Space::spanned(vectors.clone(), &[1.0; 4], most, 0.0);
+            assert_eq!(space.basis.len(), most);
+            for (i, a) in space.basis.iter().enumerate() {
+                for (j, b) in space.basis.iter().enumerate() {
+                    assert!((a.dot(b) - f64::from(i == j)).abs() < 1e-14);
+                }
+            }
+        }
+        let twice: Vec<_> = vectors.iter().chain(&vectors).cloned().collect();
+        assert_eq!(Space::spanned(twice, &[1.0; 8], 8, 0.0).basis.len(), 4);
+    }
+
     /// A site whose pieces hold s = a = 0 and s = b = 0 in rows that mix the two, the cell of the first b ≥ 0 and that of the second a ≤ 0, in
     /// facets that mix what vanishes with them; off by an angle.
     fn mixed(random: &mut Random, angle: f64) -> (Site, [DVector<f64>; 3]) {

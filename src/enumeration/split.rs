@@ -306,3 +306,55 @@ fn multiple(forms: &[Form], others: &[Form]) -> Option<f64> {
             .all(|(a, b)| (a - factor * b).abs() <= 1e-13 * size);
     (same && factor != 0.0).then_some(factor)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{Form, difference, multiple};
+
+    fn forms(numbers: [[f64; 3]; 2]) -> Vec<Form> {
+        let form = |[a, b, constant]: [f64; 3]| Form {
+            coefficients: vec![a, b],
+            constant,
+            error: 0.0,
+        };
+        numbers.map(form).to_vec()
+    }
+
+    /// Multiples are told beside the rounding of their terms, in any units; another ratio in one number, however small, is none.
+    #[test]
+    fn multiples_are_told_from_near_ones() {
+        let base = [[0.3, -0.7, 1e-3], [0.0, 1.1, 0.9]];
+        for unit in [1e-12, 1.0, 1e9] {
+            for factor in [1.0 / 3.0, -1.7, 0.1] {
+                // In two roundings.
+                let scaled = base.map(|row| row.map(|v| v * unit * 3.0 * (factor / 3.0)));
+                let found = multiple(&forms(scaled), &forms(base));
+                assert!(found.is_some_and(|f| (f / (unit * factor) - 1.0).abs() < 1e-14));
+                let mut other = scaled;
+                other[0][2] += 1e-9 * unit;
+                assert_eq!(multiple(&forms(other), &forms(base)), None);
+            }
+        }
+        assert_eq!(multiple(&forms([[0.0; 3]; 2]), &forms(base)), None);
+    }
+
+    /// Sums in another order differ by nothing; a difference of a thousand roundings is one.
+    #[test]
+    fn differences_within_rounding_are_none() {
+        for unit in [1e-12, 1.0, 1e9] {
+            let [old, new] = [[0.3, -0.7, 0.6], [0.1 + 0.2, -0.7, 0.1 + 0.2 + 0.3]]
+                .map(|row| forms([row.map(|v| v * unit), [0.0; 3]]).remove(0));
+            assert_ne!(old.coefficients, new.coefficients);
+            let rest = difference(&new, &old);
+            assert_eq!((rest.coefficients, rest.constant), (vec![0.0; 2], 0.0));
+            let mut other = new.clone();
+            other.coefficients[1] += 1e-12 * unit;
+            let rest = difference(&other, &old);
+            assert_eq!((rest.coefficients[0], rest.constant), (0.0, 0.0));
+            assert!((rest.coefficients[1] / unit - 1e-12).abs() < 1e-15);
+            // An error that is told hides as much.
+            other.error = 1e-11 * unit;
+            assert_eq!(difference(&other, &old).coefficients, vec![0.0; 2]);
+        }
+    }
+}

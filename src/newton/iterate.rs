@@ -562,3 +562,31 @@ impl Patience {
         self.iterations > PATIENCE && (self.changes > 0 || norm > 0.99 * self.norm)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{PATIENCE, Patience};
+
+    /// Iterations until patience is over, if it is within 1000, where each multiplies the norm by `factor` and changes `changes` sites.
+    fn lasts(factor: f64, changes: usize) -> Option<usize> {
+        let mut patience = Patience::new(f64::INFINITY);
+        let mut norm = 1.0;
+        (1..1000).find(|_| {
+            norm *= factor;
+            patience.is_over(norm, changes)
+        })
+    }
+
+    #[test]
+    fn line_searches_that_halve_go_on_and_those_that_creep_do_not() {
+        // The first iteration sets the mark, PATIENCE more may fail to halve it.
+        assert_eq!(lasts(1.0, 0), Some(PATIENCE + 1));
+        assert_eq!(lasts(1.0, 1), Some(PATIENCE + 1));
+        // Slowly along a smooth stretch, and among changes of pieces.
+        assert_eq!(lasts(0.99, 0), None);
+        assert_eq!(lasts(0.99, 1), Some(PATIENCE + 1));
+        assert_eq!(lasts(0.5, 1), None);
+        // Halved just within patience again and again.
+        assert_eq!(lasts(0.5_f64.powf(1.0 / (PATIENCE as f64 - 2.0)), 1), None);
+    }
+}

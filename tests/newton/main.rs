@@ -10,6 +10,7 @@ mod krylov;
 mod limits;
 mod problems;
 mod replay;
+mod routes;
 
 use std::cell::Cell;
 use std::ops::ControlFlow;

@@ -3,19 +3,20 @@
 use semismooth::enumeration::{
     Completeness, Doubt, EnumerationError, EnumerationOptions, all_arms, all_solutions,
 };
-use semismooth::piecewise::{MinMap, PiecewiseSmooth, Selection};
+use semismooth::piecewise::{Facet, MinMap, PiecewiseSmooth, Selection};
 use semismooth::sparse::Matrix;
 
 use super::list;
 use crate::maps::two_pieces;
 
-/// Sites with the test functions x_i, i = 0, …, and affine rows in each selection: coefficients, then a constant.
+/// Sites with the test functions x_i − kink, i = 0, …, and affine rows in each selection: coefficients, then a constant.
 struct Rows<F> {
     vars: usize,
     sites: usize,
     rows: F,
     /// This multiple of x₀² is added to row 0.
     curvature: f64,
+    kink: f64,
 }
 
 fn rows<F: Fn(&[usize]) -> Vec<Vec<f64>>>(vars: usize, sites: usize, rows: F) -> Rows<F> {
@@ -24,6 +25,7 @@ fn rows<F: Fn(&[usize]) -> Vec<Vec<f64>>>(vars: usize, sites: usize, rows: F) ->
         sites,
         rows,
         curvature: 0.0,
+        kink: 0.0,
     }
 }
 
@@ -42,7 +44,13 @@ impl<F: Fn(&[usize]) -> Vec<Vec<f64>>> PiecewiseSmooth for Rows<F> {
         self.sites
     );
     fn test_functions(&self, x: &[f64], out: &mut [f64]) {
-        out.copy_from_slice(&x[..self.sites]);
+        for (o, x) in out.iter_mut().zip(x) {
+            *o = x - self.kink;
+        }
+    }
+    fn test_gradient(&self, site: usize, _test: usize, _x: &[f64], gradient: &mut [f64]) {
+        gradient.fill(0.0);
+        gradient[site] = 1.0;
     }
     fn residual(&self, s: &Selection, x: &[f64], out: &mut [f64]) {
         for (o, row) in out.iter_mut().zip(self.of(s)) {
@@ -150,6 +158,148 @@ fn the_end_of_a_ray_has_no_index() {
     // Without the ray it has one.
     let kink = rows(1, 1, |p| vec![vec![[1.5, 0.5][p[0]], 0.0]]);
     assert_eq!(list(&kink, 0.0).solutions[0].index, Some(1));
+}
+
+/// One solution on a kink, to the rounding of unknowns of any size, beside an unknown that is 0: both selections give it, and its index is
+/// that of their determinants.
+#[test]
+fn a_solution_on_a_kink_is_one_in_any_units() {
+    for unit in [1e-9, 1.0, 1e5, 1e10] {
+        for (slopes, index) in [
+            ([1.3, 3.1], Some(1)),
+            ([-1.7, -0.6], Some(-1)),
+            ([1.3, -1.7], Some(0)),
+        ] {
+            let (a, b) = (unit / 3.0, unit / 7.0);
+            let mut map = rows(3, 1, |p| {
+                let s = slopes[p[0]];
+                vec![
+                    vec![s, 0.7, 0.0, -s * a - 0.7 * b],
+                    vec![0.1 * s, 1.07, 0.0, -0.1 * s * a - 1.07 * b],
+                    vec![0.0, 0.0, 1.0, 0.0],
+                ]
+            });
+            map.kink = a;
+            let set = list(&map, 0.0);
+            assert_eq!(set.solutions.len(), 1, "{unit:e} {set:?}");
+            let solution = &set.solutions[0];
+            assert_eq!(
+                (solution.selections.len(), solution.index),
+                (2, index),
+                "{unit:e}"
+            );
+            assert!((solution.x[0] - a).abs() + (solution.x[1] - b).abs() <= 1e-14 * unit);
+        }
+    }
+}
+
+/// On a kink at one site and well inside of a piece at the other, where the other piece's solution is not in its cell.
+#[test]
+fn what_other_pieces_would_give_elsewhere_is_no_doubt() {
+    let map = rows(2, 2, |p| {
+        vec![
+            vec![[1.5, 0.5][p[0]], 0.1, -0.1],
+            vec![0.0, [2.0, 1.0][p[1]], -2.0],
+        ]
+    });
+    let set = list(&map, 0.0);
+    assert_eq!(
+        (set.solutions.len(), doubtful(&set.completeness)),
+        (1, 0),
+        "{set:?}"
+    );
+    assert_eq!(set.solutions[0].x[1], 1.0);
+}
+
+/// Masses in a row on springs that soften by a third of their stiffness beyond an extension of 1 either way, each in the rows of both its ends.
+struct Springs(usize);
+
+impl Springs {
+    fn stiffness(&self, spring: usize, piece: usize) -> f64 {
+        [1.0, 2.0 / 3.0, 2.0 / 3.0][piece] * (1.0 + spring as f64 / 7.0)
+    }
+    /// Its force without an extension.
+    fn offset(&self, spring: usize, piece: usize) -> f64 {
+        [0.0, 1.0, -1.0][piece] * (self.stiffness(spring, 0) - self.stiffness(spring, piece))
+    }
+    fn force(&self, spring: usize, piece: usize, x: f64) -> f64 {
+        self.stiffness(spring, piece) * x + self.offset(spring, piece)
+    }
+    fn load(&self, mass: usize) -> f64 {
+        [-1.0, 0.5, 0.8][mass % 3]
+    }
+}
+
+impl PiecewiseSmooth for Springs {
+    fn num_vars(&self) -> usize {
+        self.0
+    }
+    fn num_residuals(&self) -> usize {
+        self.0
+    }
+    fn num_sites(&self) -> usize {
+        self.0
+    }
+    fn num_pieces(&self, _site: usize) -> usize {
+        3
+    }
+    fn num_tests(&self, _site: usize) -> usize {
+        2
+    }
+    fn cell(&self, _site: usize, piece: usize) -> &[Facet] {
+        const CELLS: [&[Facet]; 3] = [
+            &[Facet::negative(0), Facet::positive(1)],
+            &[Facet::positive(0)],
+            &[Facet::negative(1)],
+        ];
+        CELLS[piece]
+    }
+    fn test_functions(&self, x: &[f64], out: &mut [f64]) {
+        for (pair, x) in out.chunks_exact_mut(2).zip(x) {
+            pair.copy_from_slice(&[x - 1.0, x + 1.0]);
+        }
+    }
+    fn residual(&self, s: &Selection, x: &[f64], out: &mut [f64]) {
+        let force = |k: usize| self.force(k, s.piece(k), x[k]);
+        for (k, o) in out.iter_mut().enumerate() {
+            let next = if k + 1 < self.0 { force(k + 1) } else { 0.0 };
+            *o = force(k) - next + self.load(k);
+        }
+    }
+    fn jacobian(&self, s: &Selection, _x: &[f64], jac: &mut Matrix) {
+        for k in 0..self.0 {
+            let stiffness = self.stiffness(k, s.piece(k));
+            jac.add(k, k, stiffness);
+            if k > 0 {
+                jac.add(k - 1, k, -stiffness);
+            }
+        }
+    }
+}
+
+/// 3²⁰ selections, of which the search tries few: what a spring adds to both rows is one unknown.
+#[test]
+fn springs_between_two_masses_are_one_unknown() {
+    let map = Springs(20);
+    let set = list(&map, 0.0);
+    assert_eq!(
+        (set.solutions.len(), doubtful(&set.completeness)),
+        (1, 0),
+        "{set:?}"
+    );
+    // The force of a spring is the sum of the loads behind it.
+    let mut carried = 0.0;
+    let mut pieces = [0; 3];
+    for k in (0..map.0).rev() {
+        carried -= map.load(k);
+        let stretched = carried.abs() > map.stiffness(k, 0);
+        let piece = usize::from(stretched) * if carried > 0.0 { 1 } else { 2 };
+        let extension = (carried - map.offset(k, piece)) / map.stiffness(k, piece);
+        assert!((set.solutions[0].x[k] - extension).abs() < 1e-12, "{k}");
+        pieces[piece] += 1;
+    }
+    assert!(pieces[0] > 0 && pieces[1] + pieces[2] > 0, "{pieces:?}");
+    assert!(set.nodes < 10_000, "{}", set.nodes);
 }
 
 /// y + y² = 0 beside kinks: all selections give 0, where the curvature does not show, and −1 would be missed.
