@@ -1,5 +1,5 @@
 use semismooth::contact::{
-    ContactError, LocalValues, NodeLaw, ReducedError, ReducedNodes, ReducedOptions, ReducedReport,
+    ContactError, LocalValues, NodeLaw, ReducedError, ReducedNodes, ReducedOptions, ReducedReport, check_law,
     solve_reduced,
 };
 
@@ -204,24 +204,11 @@ enum End {
 
 fn fits(body: &DistributedBody<'_>, law: &impl NodeLaw, options: &ReducedOptions) -> Result<(), Boxed> {
     options.validate()?;
-    if law.num_tangents() + 1 != body.dim {
-        return Err(Box::new(ContactError::Tangents {
-            law: law.num_tangents(),
-            body: body.dim - 1,
-        }));
-    }
+    check_law(law, body.dim - 1, body.num_contacts())?;
     let needed = body.memory(options);
-    if let Some(limit) = options.max_memory.filter(|limit| needed > *limit) {
-        return Err(Box::new(ContactError::Memory { needed, limit }));
-    }
-    let p = body.num_contacts();
-    match law.num_nodes().filter(|k| *k != p) {
-        Some(found) => Err(Box::new(ContactError::Length {
-            what: "the list of coefficients of friction",
-            expected: p,
-            found,
-        })),
-        None => Ok(()),
+    match options.max_memory {
+        Some(limit) if needed > limit => Err(ContactError::Memory { needed, limit }.into()),
+        _ => Ok(()),
     }
 }
 

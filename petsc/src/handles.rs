@@ -62,7 +62,7 @@ impl<'w> Matrix<'w> {
     pub(crate) fn new(_: &'w World, block: usize, own: &[Int], other: &[Int]) -> Outcome<Self> {
         let mut a = null_mut();
         let local = (own.len() * block) as Int;
-        debug_assert_eq!(own.len(), other.len());
+        assert_eq!(own.len(), other.len());
         call!(shim_matrix(
             local,
             block as Int,
@@ -81,7 +81,7 @@ impl<'w> Matrix<'w> {
 
     /// Adds to a row of this process. Not collective.
     pub(crate) fn add_row(&mut self, row: Int, cols: &[Int], values: &[f64]) -> Outcome<()> {
-        debug_assert_eq!(cols.len(), values.len());
+        assert_eq!(cols.len(), values.len());
         let (n, cols, values) = (cols.len() as Int, cols.as_ptr(), values.as_ptr());
         call!(shim_add_row(self.0, row, n, cols, values))
     }
@@ -147,7 +147,7 @@ impl<'w> Matrix<'w> {
 
     /// The Schur complement of the rows that process 0 names, row by row on process 0: all others are eliminated.
     pub(crate) fn eliminate_others(&self, rows: &[Int], schur: &mut [f64]) -> Outcome<()> {
-        debug_assert_eq!(schur.len(), rows.len() * rows.len());
+        assert_eq!(schur.len(), rows.len() * rows.len());
         let (n, rows) = (rows.len() as Int, rows.as_ptr());
         call!(shim_eliminate(self.0, n, rows, schur.as_mut_ptr()))
     }

@@ -3,7 +3,7 @@ use std::sync::Arc;
 use super::balance::{free_motion, largest, random_start};
 use super::displacements::floating_piece;
 use super::error::check_length;
-use super::{ContactError, NodeLaw, check_multipliers};
+use super::{ContactError, check_multipliers};
 use crate::interface::{LoadPath, Operator};
 use crate::linear::{Cholesky, Condensation, LinearSolver};
 use crate::sparse::{Matrix, NodalMatrix, check_nodes, pieces};
@@ -273,23 +273,6 @@ impl ContactBody {
             mean += energy / (square * square) / b_t.ncols() as f64;
         }
         if mean > 0.0 && mean.is_finite() { mean } else { 1.0 }
-    }
-
-    pub(super) fn check_law<L: NodeLaw>(&self, law: &L) -> Result<(), ContactError> {
-        if law.num_tangents() != self.num_tangents() {
-            return Err(ContactError::Tangents {
-                law: law.num_tangents(),
-                body: self.num_tangents(),
-            });
-        }
-        match law.num_nodes() {
-            Some(found) if found != self.num_contacts() => Err(ContactError::Length {
-                what: "the list of coefficients of friction",
-                expected: self.num_contacts(),
-                found,
-            }),
-            _ => Ok(()),
-        }
     }
 }
 

@@ -139,6 +139,18 @@ pub enum ContactError {
         /// Of the body.
         body: usize,
     },
+    /// A law with more or fewer of something than a node has room for, or than the cells of its pieces name.
+    #[error("the law has {found} {what}; it must have {least} to {most}")]
+    Law {
+        /// What is counted.
+        what: &'static str,
+        /// Its number.
+        found: usize,
+        /// The least that serves: as many test functions as the cells of the pieces name.
+        least: usize,
+        /// The most that serves.
+        most: usize,
+    },
     /// Multipliers that no displacement sees: condition (1) of Haslinger, Kučera and Vlach fails.
     #[error(
         "{expected} multipliers, but the displacements tell only {rank} of them apart: use fewer (larger faces), or nodal multipliers"

@@ -42,7 +42,7 @@ pub use evolution::{Arrival, EvolutionOptions, EvolutionProgress, EvolutionStep,
 pub use folder::{DiscreteFolder, read_folder};
 pub use law::{
     ContactState, FrictionCoefficient, FrictionCurve, Frictionless, GivenBound, LocalRow, LocalValues,
-    MAX_HISTORY, MAX_TESTS, MultiplierCoulomb, NodeLaw, OrthotropicCoulomb, PlanarCoulomb,
+    MAX_HISTORY, MAX_TESTS, MultiplierCoulomb, NodeLaw, OrthotropicCoulomb, PlanarCoulomb, check_law,
 };
 pub use multipliers::{check_multipliers, inf_sup_constant};
 pub use per_node::PerNode;

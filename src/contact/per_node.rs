@@ -2,7 +2,7 @@ use std::borrow::Cow;
 use std::sync::{Arc, OnceLock};
 
 use super::ContactBody;
-use super::law::{LocalRow, LocalValues, MAX_HISTORY, MAX_TESTS, NodeLaw};
+use super::law::{LocalRow, LocalValues, MAX_TESTS, NodeLaw};
 use crate::piecewise::{ExactPieces, Facet, PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, Pattern};
 
@@ -212,7 +212,6 @@ fn values_at(parameters: &[f64], r: f64) -> LocalValues {
 
 /// History variables of p nodes before any loading.
 fn initial_history<L: NodeLaw>(law: &L, p: usize) -> Vec<f64> {
-    debug_assert!(law.num_history() <= MAX_HISTORY);
     vec![0.0; law.num_history() * p]
 }
 

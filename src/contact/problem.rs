@@ -1,7 +1,7 @@
 use std::sync::Arc;
 
 use super::error::{check_finite, check_length};
-use super::law::{LocalValues, NodeLaw};
+use super::law::{LocalValues, NodeLaw, check_law};
 use super::per_node::PerNode;
 use super::{ContactBody, ContactError, ContactState, FrictionCoefficient, LoadPath, PlanarCoulomb};
 use crate::interface::{CondensedView, FullView, Interface, LoadCase, View};
@@ -161,7 +161,7 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
         law: L,
         view: impl FnOnce(&ContactBody) -> Result<V, ContactError>,
     ) -> Result<Self, ContactError> {
-        body.check_law(&law)?;
+        check_law(&law, body.num_tangents(), body.num_contacts())?;
         let view = view(&body)?;
         let operator = Arc::clone(&body.operator);
         let mut nodes = PerNode::new(Arc::new(body), law);
@@ -194,7 +194,7 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
     /// # Errors
     /// A law of another dimension.
     pub fn with_law<M: NodeLaw>(&self, law: M) -> Result<Contact<V, M>, ContactError> {
-        self.law.body.check_law(&law)?;
+        check_law(&law, self.law.body.num_tangents(), self.num_contacts())?;
         Ok(self.under(law))
     }
 
@@ -293,7 +293,7 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
         load: impl Into<LoadCase>,
         law: M,
     ) -> Result<Contact<V, M>, ContactError> {
-        self.law.body.check_law(&law)?;
+        check_law(&law, self.law.body.num_tangents(), self.num_contacts())?;
         let load = self.operator.load.first().with_second(load);
         let body = Arc::new(self.law.body.under(load)?);
         let mut nodes = self.law.under(law);

@@ -15,7 +15,9 @@ use std::sync::Arc;
 use super::body_state::BodyState;
 use super::error::{check_finite, check_length};
 use super::solution::judge;
-use super::{CondensedContact, ContactError, ContactOptions, ContactProgress, ContactSolution, NodeLaw};
+use super::{
+    CondensedContact, ContactError, ContactOptions, ContactProgress, ContactSolution, NodeLaw, check_law,
+};
 use crate::clock::{Clock, Until};
 use crate::linear::LinearError;
 
@@ -113,20 +115,8 @@ impl<L: NodeLaw> ReducedContact<L> {
     pub fn new(body: ReducedBody, law: L, options: ReducedOptions) -> Result<Self, ContactError> {
         options.validate()?;
         let tangents = body.dim() - 1;
-        if law.num_tangents() != tangents {
-            return Err(ContactError::Tangents {
-                law: law.num_tangents(),
-                body: tangents,
-            });
-        }
         let p = body.num_contacts();
-        if let Some(found) = law.num_nodes().filter(|k| *k != p) {
-            return Err(ContactError::Length {
-                what: "the list of coefficients of friction",
-                expected: p,
-                found,
-            });
-        }
+        check_law(&law, tangents, p)?;
         fits(&body, &options)?;
         let body = Arc::new(body);
         let until = Until::after(options.max_time);

@@ -13,7 +13,7 @@ pub use coefficient::{FrictionCoefficient, FrictionCurve};
 pub use frictionless::Frictionless;
 pub use given_bound::GivenBound;
 pub use multiplier::MultiplierCoulomb;
-pub use node_law::{LocalRow, LocalValues, MAX_HISTORY, MAX_TESTS, NodeLaw};
+pub use node_law::{LocalRow, LocalValues, MAX_HISTORY, MAX_TESTS, NodeLaw, check_law};
 pub use orthotropic::OrthotropicCoulomb;
 pub use planar::PlanarCoulomb;
 pub use state::ContactState;

@@ -154,6 +154,49 @@ pub const MAX_TESTS: usize = 4;
 /// Most history variables a law may have at a node.
 pub const MAX_HISTORY: usize = 4;
 
+/// Whether a law fits a body: every form of a contact problem asks this first.
+///
+/// # Errors
+/// [`ContactError::Tangents`] and [`ContactError::Length`] where the law is for another number of tangential directions or contact nodes,
+/// [`ContactError::Law`] where it has more test functions or history variables than a node has room for, no piece, or a piece whose cell
+/// names a test function that there is not.
+///
+/// ```
+/// use semismooth::contact::{ContactError, Frictionless, check_law};
+/// assert!(check_law(&Frictionless::space(), 2, 100).is_ok());
+/// assert_eq!(check_law(&Frictionless::space(), 1, 100), Err(ContactError::Tangents { law: 2, body: 1 }));
+/// ```
+pub fn check_law<L: NodeLaw + ?Sized>(law: &L, tangents: usize, nodes: usize) -> Result<(), ContactError> {
+    if law.num_tangents() != tangents {
+        return Err(ContactError::Tangents {
+            law: law.num_tangents(),
+            body: tangents,
+        });
+    }
+    if let Some(found) = law.num_nodes().filter(|found| *found != nodes) {
+        return Err(ContactError::Length {
+            what: "the list of coefficients of friction",
+            expected: nodes,
+            found,
+        });
+    }
+    let within = |what, found, least, most| match found {
+        found if found < least || found > most => Err(ContactError::Law {
+            what,
+            found,
+            least,
+            most,
+        }),
+        _ => Ok(()),
+    };
+    let (pieces, tests) = (law.num_pieces(), law.num_tests());
+    within("pieces", pieces, 1, usize::from(u16::MAX))?;
+    within("history variables", law.num_history(), 0, MAX_HISTORY)?;
+    let facets = (0..pieces).flat_map(|piece| law.cell(piece));
+    let named = facets.map(|facet| facet.test() + 1).max().unwrap_or(0);
+    within("test functions", tests, named, MAX_TESTS)
+}
+
 /// A law of contact at one node: a finite list of smooth pieces, each with its cell.
 ///
 /// Residuals come in the order normal, t₁, t₂ (in the plane the last is not used). Pieces and test functions obey the

@@ -37,14 +37,14 @@ impl Curve<'_> {
         if let Some(found) = self.singular_near(&guess.x)?
             && self.is_between(&found.x, &beyond)
         {
-            return self.arrive_at(&found, beyond.s);
+            return self.arrive_at(&found);
         }
         // The determinant as a guide to where.
         if self.locate(Monitor::Singular)?.is_none() {
             return Ok(Err(Unresolved::Crossing));
         }
         match self.singular_near(&self.next.x)? {
-            Some(found) if self.is_between(&found.x, &beyond) => self.arrive_at(&found, beyond.s),
+            Some(found) if self.is_between(&found.x, &beyond) => self.arrive_at(&found),
             _ => Ok(Err(Unresolved::Crossing)),
         }
     }
@@ -62,11 +62,7 @@ impl Curve<'_> {
 
     /// Moves `next` to a branch point if the curve leads there: corrected points ever nearer, with the orientation of `here` and
     /// tangents that turn little.
-    fn arrive_at(
-        &mut self,
-        found: &Singular,
-        step: f64,
-    ) -> Result<Result<(), Unresolved>, ContinuationError> {
+    fn arrive_at(&mut self, found: &Singular) -> Result<Result<(), Unresolved>, ContinuationError> {
         const HALF: f64 = 0.5;
         const SHARES: [f64; 4] = [HALF, 0.9, 0.99, 0.999];
         const RATIO: f64 = 2.0;
@@ -105,7 +101,6 @@ impl Curve<'_> {
             target.t.iter_mut().for_each(|t| *t /= length);
             before = (share, state.t.clone());
         }
-        debug_assert!(target.s <= step);
         self.settle_at(target);
         Ok(Ok(()))
     }
@@ -233,7 +228,7 @@ mod tests {
                 x: x.to_vec(),
                 on_curve,
             };
-            let arrived = curve.arrive_at(&found, 1.0).unwrap().is_ok();
+            let arrived = curve.arrive_at(&found).unwrap().is_ok();
             assert!(!arrived || (curve.next.x == x && curve.next.orientation.is_none()));
             arrived
         };

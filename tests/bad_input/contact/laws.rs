@@ -1,13 +1,83 @@
 use semismooth::contact::{
-    CondensedContact, ContactBody, FrictionCoefficient, FrictionCurve, FullContact, GivenBound, LoadPath,
-    OrthotropicCoulomb, PlanarCoulomb,
+    CondensedContact, ContactBody, ContactError, FrictionCoefficient, FrictionCurve, FullContact, GivenBound,
+    LoadPath, LocalRow, LocalValues, NodeLaw, OrthotropicCoulomb, PlanarCoulomb, check_law,
 };
+use semismooth::piecewise::Facet;
 use semismooth::sparse::Matrix;
 
 use super::{body, condensed};
 use crate::table::{BAD, Table};
 
+/// A planar law of one smooth piece λ = 0 that says to have so many of each.
+#[derive(Clone, Copy)]
+struct Counted {
+    pieces: usize,
+    tests: usize,
+    history: usize,
+    cell: &'static [Facet],
+}
+
+impl NodeLaw for Counted {
+    fn num_tangents(&self) -> usize {
+        1
+    }
+    fn num_pieces(&self) -> usize {
+        self.pieces
+    }
+    fn num_tests(&self) -> usize {
+        self.tests
+    }
+    fn num_history(&self) -> usize {
+        self.history
+    }
+    fn cell(&self, _piece: usize) -> &'static [Facet] {
+        self.cell
+    }
+    fn tests(&self, _v: &LocalValues, _out: &mut [f64]) {}
+    fn test_rows(&self, _v: &LocalValues, _rows: &mut [LocalRow]) {}
+    fn residual(&self, _piece: usize, v: &LocalValues) -> [f64; 3] {
+        [v.pressure, v.traction[0], 0.0]
+    }
+    fn rows(&self, _piece: usize, _v: &LocalValues) -> [LocalRow; 3] {
+        [LocalRow::default(); 3]
+    }
+}
+
+fn counts(t: &mut Table) {
+    const LAW: Counted = Counted {
+        pieces: 1,
+        tests: 0,
+        history: 0,
+        cell: &[],
+    };
+    assert!(check_law(&LAW, 1, 7).is_ok() && CondensedContact::new(body(), LAW).is_ok());
+    const BEHIND: &[Facet] = &[Facet::positive(1)];
+    for (what, law) in [
+        ("history variables", Counted { history: 5, ..LAW }),
+        ("test functions", Counted { tests: 5, ..LAW }),
+        (
+            "test functions",
+            Counted {
+                tests: 1,
+                cell: BEHIND,
+                ..LAW
+            },
+        ),
+        ("pieces", Counted { pieces: 0, ..LAW }),
+    ] {
+        t.refuses("contact::check_law", what, what, || check_law(&law, 1, 7));
+        t.refuses("contact::Contact::new", what, what, || {
+            CondensedContact::new(body(), law)
+        });
+    }
+    assert!(matches!(
+        check_law(&LAW, 2, 7),
+        Err(ContactError::Tangents { law: 1, body: 2 })
+    ));
+}
+
 pub(super) fn laws(t: &mut Table) {
+    counts(t);
     let constant = || FrictionCurve::constant(0.3).unwrap();
     for bad in BAD.into_iter().chain([-1.0]) {
         t.refuses(
