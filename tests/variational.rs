@@ -1,6 +1,5 @@
 //! Variational inequalities over polyhedra: projections, certificates, solutions against their definitions.
 
-#[allow(dead_code)]
 #[path = "common/random.rs"]
 mod random;
 
