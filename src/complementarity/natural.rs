@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use super::{Mcp, McpFunction};
+use super::{AffineFunction, Mcp, McpFunction};
 use crate::exact::passive_bounds;
 use crate::piecewise::{
     Exact, ExactConditions, ExactForm, ExactPiece, ExactPieces, ExactSite, Facet, PiecewiseSmooth, Selection,
@@ -18,17 +18,21 @@ pub(super) enum Piece {
     Fixed,
 }
 
+/// The pieces of a component with these bounds.
+pub(super) fn pieces(l: f64, u: f64) -> &'static [Piece] {
+    use Piece::{Fixed, Interior, Lower, Upper};
+    match (l.is_finite(), u.is_finite()) {
+        (true, true) if l == u => &[Fixed],
+        (true, true) => &[Lower, Interior, Upper],
+        (true, false) => &[Lower, Interior],
+        (false, true) => &[Interior, Upper],
+        (false, false) => &[Interior],
+    }
+}
+
 impl<F: McpFunction> Mcp<F> {
-    pub(super) fn pieces_of(&self, i: usize) -> &'static [Piece] {
-        use Piece::{Fixed, Interior, Lower, Upper};
-        let (l, u) = (self.lower()[i], self.upper()[i]);
-        match (l.is_finite(), u.is_finite()) {
-            (true, true) if l == u => &[Fixed],
-            (true, true) => &[Lower, Interior, Upper],
-            (true, false) => &[Lower, Interior],
-            (false, true) => &[Interior, Upper],
-            (false, false) => &[Interior],
-        }
+    fn pieces_of(&self, i: usize) -> &'static [Piece] {
+        pieces(self.lower()[i], self.upper()[i])
     }
 
     fn piece(&self, selection: &Selection, i: usize) -> Piece {
@@ -181,16 +185,24 @@ impl<F: McpFunction> PiecewiseSmooth for Mcp<F> {
     }
 }
 
-impl<F: McpFunction> Mcp<F> {
+/// An affine problem with its data exactly.
+struct Stated<'a> {
+    function: &'a AffineFunction,
+    /// The value of a parameter that is fixed.
+    held: Option<f64>,
+    lower: &'a [f64],
+    upper: &'a [f64],
+}
+
+impl Stated<'_> {
     /// F(x) at a parameter, row by row.
-    fn exact_values(&self, alpha: f64) -> Option<Vec<ExactForm>> {
-        let (function, held) = self.function().coefficients()?;
-        let (n, alpha) = (self.len(), Exact::new(held.unwrap_or(alpha))?);
+    fn values(&self, alpha: f64) -> Option<Vec<ExactForm>> {
+        let (n, alpha) = (self.lower.len(), Exact::new(self.held.unwrap_or(alpha))?);
         let mut values = vec![ExactForm::zero(n); n];
-        for (value, q) in values.iter_mut().zip(function.q()) {
+        for (value, q) in values.iter_mut().zip(self.function.q()) {
             value.constant = Exact::new(*q)?;
         }
-        for (i, j, v) in function.matrix().triplets() {
+        for (i, j, v) in self.function.matrix().triplets() {
             let v = Exact::new(v)?;
             if j < n {
                 values[i].coefficients[j] = &values[i].coefficients[j] + &v;
@@ -202,39 +214,36 @@ impl<F: McpFunction> Mcp<F> {
     }
 
     /// Bounds of solutions: those of the box, or for LCPs with a positive definite matrix those that xᵀF(x) = 0 gives.
-    fn exact_bounds(&self, values: &[ExactForm]) -> Vec<Option<Exact>> {
+    fn bounds(&self, values: &[ExactForm]) -> Vec<Option<Exact>> {
         let boxed = |(l, u): (&f64, &f64)| Exact::new(l.abs().max(u.abs()));
-        let bounds: Vec<Option<Exact>> = self.lower().iter().zip(self.upper()).map(boxed).collect();
-        let standard = self.lower().iter().all(|l| *l == 0.0);
+        let bounds: Vec<Option<Exact>> = self.lower.iter().zip(self.upper).map(boxed).collect();
+        let standard = self.lower.iter().all(|l| *l == 0.0);
         if bounds.iter().all(Option::is_some) || !standard {
             return bounds;
         }
-        if self.upper().iter().any(|u| u.is_finite()) {
+        if self.upper.iter().any(|u| u.is_finite()) {
             return bounds;
         }
-        let rows = values.iter().map(|f| (&f.constant, f.coefficients.as_slice()));
-        passive_bounds(rows).map_or(bounds, |b| b.into_iter().map(Some).collect())
-    }
-}
-
-/// x between its bounds, F(x) with the sign that belongs to the bound reached.
-impl<F: McpFunction> ExactPieces for Mcp<F> {
-    fn is_affine_in_parameter(&self) -> bool {
-        true
+        let rows: Vec<_> = values
+            .iter()
+            .map(|f| (&f.constant, f.coefficients.as_slice()))
+            .collect();
+        passive_bounds(&rows).map_or(bounds, |b| b.into_iter().map(Some).collect())
     }
 
+    /// x between its bounds, F(x) with the sign that belongs to the bound reached.
     fn conditions(&self, alpha: f64) -> Option<ExactConditions> {
         const VALUE: usize = 0;
         const OVER_LOWER: usize = 1;
         const OVER_UPPER: usize = 2;
-        let n = self.len();
-        let values = self.exact_values(alpha)?;
+        let n = self.lower.len();
+        let values = self.values(alpha)?;
         let over = |i: usize, bound: f64| {
             let bound = Exact::new(bound).unwrap_or_default();
             ExactForm::unknown(n, i, -&bound)
         };
         let site = |i: usize| {
-            let (l, u) = (self.lower()[i], self.upper()[i]);
+            let (l, u) = (self.lower[i], self.upper[i]);
             let (below, above) = (l.is_finite(), u.is_finite());
             let mut inside = Vec::new();
             if below {
@@ -249,8 +258,8 @@ impl<F: McpFunction> ExactPieces for Mcp<F> {
                 Piece::Upper => (OVER_UPPER, vec![(VALUE, -1)]),
                 Piece::Fixed => (OVER_LOWER, Vec::new()),
             };
-            let pieces = self.pieces_of(i).iter().enumerate();
-            let pieces = pieces.map(|(piece, kind)| {
+            let own = pieces(l, u).iter().enumerate();
+            let own = own.map(|(piece, kind)| {
                 let (form, facets) = conditions(kind);
                 ExactPiece {
                     piece,
@@ -264,22 +273,40 @@ impl<F: McpFunction> ExactPieces for Mcp<F> {
             }
             ExactSite {
                 forms: vec![values[i].clone(), over(i, l), over(i, u)],
-                pieces: pieces.collect(),
+                pieces: own.collect(),
                 implied,
             }
         };
         Some(ExactConditions {
             unknowns: n,
             common: Vec::new(),
-            bounds: self.exact_bounds(&values),
+            bounds: self.bounds(&values),
             sites: (0..n).map(site).collect(),
         })
     }
 }
 
+impl<F: McpFunction> ExactPieces for Mcp<F> {
+    fn is_affine_in_parameter(&self) -> bool {
+        true
+    }
+
+    fn conditions(&self, alpha: f64) -> Option<ExactConditions> {
+        let (function, held) = self.function().coefficients()?;
+        let (lower, upper) = (self.lower(), self.upper());
+        let stated = Stated {
+            function,
+            held,
+            lower,
+            upper,
+        };
+        stated.conditions(alpha)
+    }
+}
+
 #[cfg(test)]
 mod tests {
-    use super::super::{AffineFunction, problem::natural};
+    use super::super::problem::natural;
     use super::*;
     use crate::piecewise::check::{CheckOptions, check};
     use crate::piecewise::value;

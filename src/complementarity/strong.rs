@@ -1,7 +1,7 @@
 //! Strong regularity of the solutions of complementarity problems.
 
 use super::error::check_finite;
-use super::natural::Piece;
+use super::natural::{Piece, pieces};
 use super::{ComplementarityError, Mcp, McpFunction};
 use crate::linear::{AutoSolver, LinearError, LinearSolver, symmetric_eigenvalues};
 use crate::piecewise::{
@@ -58,16 +58,27 @@ pub fn strong_regularity<F: McpFunction>(
     tolerance: f64,
     cap: u64,
 ) -> Result<Regularity, ComplementarityError> {
-    check_finite("the point x", x, problem.num_vars())?;
-    let active = active_set(problem, x, tolerance);
+    strong((problem.lower(), problem.upper()), problem, x, tolerance, cap)
+}
+
+/// The same of the natural map of a problem with these bounds.
+pub(super) fn strong(
+    (lower, upper): (&[f64], &[f64]),
+    map: &dyn PiecewiseSmooth,
+    x: &[f64],
+    tolerance: f64,
+    cap: u64,
+) -> Result<Regularity, ComplementarityError> {
+    check_finite("the point x", x, map.num_vars())?;
+    let active = active_set(map, x, tolerance);
     if let Some(&site) = active.outside().first() {
         return Ok(Regularity::Outside { site });
     }
     let (mut bound, mut interior) = (active.first().clone(), active.first().clone());
-    for (site, pieces) in active.degenerate_sites() {
-        let is_interior = |p: &usize| problem.pieces_of(*site)[*p] == Piece::Interior;
+    for (site, active_pieces) in active.degenerate_sites() {
+        let is_interior = |p: &usize| pieces(lower[*site], upper[*site])[*p] == Piece::Interior;
         // Either bound will do: their rows are the same.
-        for piece in pieces {
+        for piece in active_pieces {
             match is_interior(piece) {
                 true => interior.set(*site, *piece),
                 false => bound.set(*site, *piece),
@@ -76,7 +87,7 @@ pub fn strong_regularity<F: McpFunction>(
     }
     let beta: Vec<usize> = active.degenerate_sites().iter().map(|d| d.0).collect();
     let ends = Ends {
-        map: problem,
+        map,
         x,
         bound,
         interior,

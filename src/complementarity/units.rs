@@ -2,7 +2,7 @@ use std::sync::OnceLock;
 
 use super::{Mcp, McpFunction};
 use crate::piecewise::is_ordinary;
-use crate::sparse::Matrix;
+use crate::sparse::{Matrix, Pattern};
 
 /// Units of x and F(x), found when first asked for.
 #[derive(Debug, Clone, Default)]
@@ -25,7 +25,14 @@ impl PartialEq for Units {
 
 impl<F: McpFunction> Mcp<F> {
     fn units(&self) -> &Found {
-        self.units.0.get_or_init(|| self.find_units())
+        self.units.0.get_or_init(|| {
+            find_units(
+                self.function(),
+                self.jacobian_pattern(),
+                self.lower(),
+                self.upper(),
+            )
+        })
     }
 
     /// The factor of component i: minima of x and F mean the same in all units when both are measured alike.
@@ -36,71 +43,71 @@ impl<F: McpFunction> Mcp<F> {
     pub(super) fn size(&self) -> f64 {
         self.units().size
     }
+}
 
-    fn find_units(&self) -> Found {
-        let n = self.len();
-        let mut found = Found {
-            factors: Vec::new(),
-            size: 1.0,
-        };
-        if !self.function().is_affine() {
-            found.factors = far_from_one(&self.slopes());
-            return found;
-        }
-        let m = self.function().num_vars();
-        let origin = vec![0.0; m];
-        let mut jac = Matrix::zeros(self.jacobian_pattern().clone());
-        self.function().jacobian(&origin, &mut jac);
-        let mut offset = vec![0.0; n];
-        self.function().value(&origin, &mut offset);
-        let (mut rows, mut rates) = (vec![0.0_f64; n], vec![0.0_f64; n]);
-        for (i, j, v) in jac.triplets() {
-            let to = if j < n { &mut rows } else { &mut rates };
-            to[i] = to[i].max(v.abs());
-        }
-        let factors: Vec<f64> = rows
+fn find_units(function: &dyn McpFunction, pattern: &Pattern, lower: &[f64], upper: &[f64]) -> Found {
+    let n = lower.len();
+    let mut found = Found {
+        factors: Vec::new(),
+        size: 1.0,
+    };
+    if !function.is_affine() {
+        found.factors = far_from_one(&slopes(function, pattern, lower, upper));
+        return found;
+    }
+    let origin = vec![0.0; function.num_vars()];
+    let mut jac = Matrix::zeros(pattern.clone());
+    function.jacobian(&origin, &mut jac);
+    let mut offset = vec![0.0; n];
+    function.value(&origin, &mut offset);
+    let (mut rows, mut rates) = (vec![0.0_f64; n], vec![0.0_f64; n]);
+    for (i, j, v) in jac.triplets() {
+        let to = if j < n { &mut rows } else { &mut rates };
+        to[i] = to[i].max(v.abs());
+    }
+    let factors: Vec<f64> = rows
+        .iter()
+        .map(|row| if row.is_normal() { row.recip() } else { 1.0 })
+        .collect();
+    let shift = |v: &[f64]| {
+        factors
             .iter()
-            .map(|row| if row.is_normal() { row.recip() } else { 1.0 })
-            .collect();
-        let shift = |v: &[f64]| {
-            factors
-                .iter()
-                .zip(v)
-                .fold(0.0_f64, |a, (f, v)| a.max(f * v.abs()))
-        };
-        let bounds = self.lower().iter().chain(self.upper());
-        let bound = bounds
-            .filter(|b| b.is_finite())
-            .fold(0.0_f64, |a, b| a.max(b.abs()));
-        let size = shift(&offset).max(shift(&rates)).max(bound);
-        if size.is_normal() {
-            found.size = size;
-        }
-        found.factors = far_from_one(&factors);
-        found
+            .zip(v)
+            .fold(0.0_f64, |a, (f, v)| a.max(f * v.abs()))
+    };
+    let bound = lower
+        .iter()
+        .chain(upper)
+        .filter(|b| b.is_finite())
+        .fold(0.0_f64, |a, b| a.max(b.abs()));
+    let size = shift(&offset).max(shift(&rates)).max(bound);
+    if size.is_normal() {
+        found.size = size;
     }
+    found.factors = far_from_one(&factors);
+    found
+}
 
-    /// For each component of a nonlinear F, the reciprocal of its largest slope in the points of the bounds next to 0 and 1; 1 where F has
-    /// no finite derivatives there.
-    fn slopes(&self) -> Vec<f64> {
-        let (n, m) = (self.len(), self.function().num_vars());
-        let mut rows = vec![0.0_f64; n];
-        let mut jac = Matrix::zeros(self.jacobian_pattern().clone());
-        for reference in [0.0_f64, 1.0] {
-            let mut x = vec![reference; m];
-            for (x, (lower, upper)) in x.iter_mut().zip(self.lower().iter().zip(self.upper())) {
-                *x = x.max(*lower).min(*upper);
-            }
-            jac.clear();
-            self.function().jacobian(&x, &mut jac);
-            for (i, _, v) in jac.triplets().filter(|(_, j, v)| *j < n && v.is_finite()) {
-                rows[i] = rows[i].max(v.abs());
-            }
+/// For each component of a nonlinear F, the reciprocal of its largest slope in the points of the bounds next to 0 and 1; 1 where F has
+/// no finite derivatives there.
+fn slopes(function: &dyn McpFunction, pattern: &Pattern, lower: &[f64], upper: &[f64]) -> Vec<f64> {
+    let (n, m) = (lower.len(), function.num_vars());
+    let mut rows = vec![0.0_f64; n];
+    let mut jac = Matrix::zeros(pattern.clone());
+    for reference in [0.0_f64, 1.0] {
+        let mut x = vec![reference; m];
+        for (x, (lower, upper)) in x.iter_mut().zip(lower.iter().zip(upper)) {
+            *x = x.max(*lower).min(*upper);
         }
-        rows.iter()
-            .map(|row| if row.is_normal() { row.recip() } else { 1.0 })
-            .collect()
+        jac.clear();
+        function.jacobian(&x, &mut jac);
+        for (i, _, v) in jac.triplets().filter(|(_, j, v)| *j < n && v.is_finite()) {
+            rows[i] = rows[i].max(v.abs());
+        }
     }
+    rows.iter()
+        .map(|row| if row.is_normal() { row.recip() } else { 1.0 })
+        .collect()
 }
 
 /// The factors as powers of two; none where all are near 1.

@@ -5,8 +5,7 @@ use super::Exact;
 ///
 /// With units that make the diagonal one, μ = D⁻¹y, λ_min ‖μ‖² ≤ μᵀ(D L D)μ ≤ ‖D l‖ ‖μ‖. That λ_min > s − rounding is shown by a Cholesky
 /// factorisation of the matrix less s that runs to its end (Rump, BIT 46, 2006).
-pub(crate) fn passive_bounds<'f>(rows: impl Iterator<Item = (&'f Exact, &'f [Exact])>) -> Option<Vec<Exact>> {
-    let rows: Vec<_> = rows.collect();
+pub(crate) fn passive_bounds(rows: &[(&Exact, &[Exact])]) -> Option<Vec<Exact>> {
     let q = rows.len();
     let halved = |k: usize| -> Option<i64> {
         let diagonal = &rows[k].1[k];
@@ -74,7 +73,8 @@ mod tests {
         let rows: Vec<(Exact, Vec<Exact>)> = (0..n)
             .map(|i| (exact(1.0), (0..n).map(|j| entry(i, j)).collect()))
             .collect();
-        passive_bounds(rows.iter().map(|(l, r)| (l, r.as_slice())))
+        let rows: Vec<_> = rows.iter().map(|(l, r)| (l, r.as_slice())).collect();
+        passive_bounds(&rows)
     }
 
     /// Σ y_k (L y + l)_k ≤ 0 holds for y = −t e_0 with t ≤ 1, and for nothing beyond ‖l‖/d.
@@ -94,7 +94,7 @@ mod tests {
         let exact = |v: f64| Exact::new(v).unwrap();
         let l = [exact(-1.0), exact(1.0)];
         let rows = [[exact(1.0), exact(0.5)], [exact(0.5), exact(1.0)]];
-        let found = passive_bounds(l.iter().zip(rows.iter().map(|r| r.as_slice()))).unwrap();
+        let found = passive_bounds(&[(&l[0], &rows[0]), (&l[1], &rows[1])]).unwrap();
         assert!(found.iter().all(|b| b.scaled(0) >= 2.0));
     }
 

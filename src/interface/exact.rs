@@ -166,7 +166,11 @@ impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
         let bounds = if opposite.is_empty() {
             None
         } else {
-            passive_bounds(opposite.iter().map(|f| (&f.constant, f.coefficients.as_slice())))
+            let rows: Vec<_> = opposite
+                .iter()
+                .map(|f| (&f.constant, f.coefficients.as_slice()))
+                .collect();
+            passive_bounds(&rows)
         };
         Some(ExactConditions {
             unknowns: own.unknowns.checked_sub(q)?,

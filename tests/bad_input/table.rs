@@ -22,8 +22,8 @@ thread_local! {
     static PANIC: RefCell<String> = const { RefCell::new(String::new()) };
 }
 
-/// The panic of a call, with its place; printed once, by the table.
-fn caught<T>(call: impl FnOnce() -> T) -> Result<T, String> {
+/// The panic of a call, with its place; printed once, by the table. Compiled once for all calls.
+fn panic_of(call: &mut dyn FnMut()) -> Option<String> {
     static QUIET: Once = Once::new();
     QUIET.call_once(|| {
         let loud = take_hook();
@@ -43,7 +43,17 @@ fn caught<T>(call: impl FnOnce() -> T) -> Result<T, String> {
     PANIC.with_borrow_mut(|text| *text = "waiting".to_owned());
     let result = catch_unwind(AssertUnwindSafe(call));
     let told = PANIC.with_borrow_mut(std::mem::take);
-    result.map_err(|_| told.replace('\n', " "))
+    result.err().map(|_| told.replace('\n', " "))
+}
+
+/// What a call returns, or its panic.
+fn caught<T>(call: impl FnOnce() -> T) -> Result<T, String> {
+    let (mut call, mut result) = (Some(call), None);
+    let panic = panic_of(&mut || result = call.take().map(|call| call()));
+    match result {
+        Some(result) => Ok(result),
+        None => Err(panic.unwrap_or_default()),
+    }
 }
 
 pub(crate) struct Table {
@@ -69,12 +79,23 @@ impl Table {
         names: &str,
         call: impl FnOnce() -> Result<T, E>,
     ) {
+        let message = caught(|| call().err().map(|e| e.to_string()));
+        self.refused(entry, input, names, message);
+    }
+
+    fn refused(
+        &mut self,
+        entry: &'static str,
+        input: &str,
+        names: &str,
+        message: Result<Option<String>, String>,
+    ) {
         self.entries.insert(entry);
-        let failure = match caught(call) {
+        let failure = match message {
             Err(panic) => panic,
-            Ok(Ok(_)) => "not refused".to_owned(),
-            Ok(Err(e)) if e.to_string().contains(names) => return,
-            Ok(Err(e)) => format!("the message does not name {names:?}: {e}"),
+            Ok(None) => "not refused".to_owned(),
+            Ok(Some(message)) if message.contains(names) => return,
+            Ok(Some(message)) => format!("the message does not name {names:?}: {message}"),
         };
         self.failures.push(format!("{entry} of {input}: {failure}"));
     }

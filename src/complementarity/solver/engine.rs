@@ -4,12 +4,12 @@ use std::ops::ControlFlow;
 
 use super::plan::Plan;
 use super::work::Work;
-use super::{McpIteration, McpOptions, McpReport, McpStatus, McpStep, McpStrategy};
+use super::{McpIteration, McpOptions, McpReport, McpStatus, McpStep, McpStrategy, Parts};
 use crate::clock::Clock;
+use crate::complementarity::McpFunction;
 use crate::complementarity::accuracy::Measure;
 use crate::complementarity::fischer::{Gap, component};
 use crate::complementarity::problem::natural;
-use crate::complementarity::{Mcp, McpFunction};
 use crate::sparse::max_abs;
 
 /// Iterates beyond this size, relative to the start, count as tending to infinity.
@@ -46,8 +46,8 @@ pub(super) struct Engine<'a> {
 
 impl<'a> Engine<'a> {
     /// For a solve from `work.start`.
-    pub(super) fn new<F: McpFunction>(
-        problem: &'a Mcp<F>,
+    pub(super) fn new(
+        problem: &Parts<'a>,
         options: &'a McpOptions,
         work: &'a mut Work,
         report: &'a mut McpReport,
@@ -55,9 +55,9 @@ impl<'a> Engine<'a> {
         clock: Clock,
     ) -> Self {
         Engine {
-            function: problem.function(),
-            lower: problem.lower(),
-            upper: problem.upper(),
+            function: problem.function,
+            lower: problem.lower,
+            upper: problem.upper,
             options,
             far: far(&work.start),
             work,
@@ -65,7 +65,7 @@ impl<'a> Engine<'a> {
             observe,
             clock,
             strategy: options.strategies[0],
-            affine: problem.function().is_affine(),
+            affine: problem.function.is_affine(),
             best: f64::INFINITY,
             attempt_best: f64::INFINITY,
             least_error: f64::INFINITY,

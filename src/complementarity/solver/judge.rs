@@ -163,6 +163,7 @@ impl Engine<'_> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::Parts;
     use super::*;
     use crate::clock::Clock;
     use crate::complementarity::solver::work::Work;
@@ -186,7 +187,7 @@ mod tests {
                 let mut work = Work::new(problem.jacobian_pattern()).unwrap();
                 let (mut report, mut observe) = (McpReport::default(), |_: &_| ControlFlow::Continue(()));
                 let mut engine = Engine::new(
-                    &problem,
+                    &Parts::of(&problem),
                     &options,
                     &mut work,
                     &mut report,

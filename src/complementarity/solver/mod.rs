@@ -21,9 +21,11 @@ pub use report::{BoundState, Fallback, McpIteration, McpReport, McpStatus, McpSt
 pub use strategies::McpStrategy;
 
 use super::error::check_finite;
-use super::{ComplementarityError, Mcp, McpFunction, strong_regularity};
+use super::strong::strong;
+use super::{ComplementarityError, Mcp, McpFunction};
 use crate::clock::Clock;
-use crate::piecewise::regularity_report;
+use crate::piecewise::{PiecewiseSmooth, RegularityOptions, regularity_report};
+use crate::sparse::Pattern;
 use engine::Engine;
 use work::Work;
 
@@ -129,7 +131,7 @@ impl McpSolver {
         x: &mut [f64],
         mut observe: impl FnMut(&McpIteration) -> ControlFlow<()>,
     ) -> Result<&McpReport, ComplementarityError> {
-        self.run(problem, x, None, &mut observe)
+        self.run(&Parts::of(problem), x, None, &mut observe)
     }
 
     /// [`solve`](Self::solve) from an active set: components said to be at a bound are moved there, and for affine F the first step is
@@ -165,34 +167,38 @@ impl McpSolver {
                 });
             }
         }
-        self.run(problem, x, Some(states), &mut |_| ControlFlow::Continue(()))
+        self.run(&Parts::of(problem), x, Some(states), &mut |_| {
+            ControlFlow::Continue(())
+        })
     }
 
-    fn run<F: McpFunction>(
+    fn run(
         &mut self,
-        problem: &Mcp<F>,
+        problem: &Parts<'_>,
         x: &mut [f64],
         states: Option<&[BoundState]>,
         observe: &mut dyn FnMut(&McpIteration) -> ControlFlow<()>,
     ) -> Result<&McpReport, ComplementarityError> {
         let clock = Clock::start();
         self.options.validate()?;
-        if problem.is_parametric() {
+        let (n, vars) = (problem.lower.len(), problem.function.num_vars());
+        if vars > n {
             return Err(ComplementarityError::Dimensions {
-                vars: problem.len() + 1,
-                values: problem.len(),
+                vars,
+                values: n,
                 expected: "fix the parameter first, by `Mcp::at`, or follow the solutions by `continuation`",
             });
         }
-        check_finite("the start x", x, problem.len())?;
-        let pattern = problem.jacobian_pattern();
+        check_finite("the start x", x, n)?;
         let mut work = match self.work.take() {
-            Some(work) if work.fits(pattern) => work,
-            _ => Work::new(pattern)?,
+            Some(work) if work.fits(problem.pattern) => work,
+            _ => Work::new(problem.pattern)?,
         };
         self.report.clear();
         work.start.copy_from_slice(x);
-        problem.project(&mut work.start);
+        for (x, (lower, upper)) in work.start.iter_mut().zip(problem.lower.iter().zip(problem.upper)) {
+            *x = x.max(*lower).min(*upper);
+        }
         let mut engine = Engine::new(
             problem,
             &self.options,
@@ -210,11 +216,34 @@ impl McpSolver {
             return Err(crate::piecewise::PiecewiseError::StrayEntry { row, col }.into());
         }
         if let Some(wanted) = self.options.regularity.filter(|_| self.report.is_solved()) {
-            let mut found = regularity_report(problem, x, &wanted)?;
-            found.strong = Some(strong_regularity(problem, x, wanted.tolerance, wanted.cap)?);
+            let mut found = regularity_report(problem.natural, x, &wanted)?;
+            let RegularityOptions { tolerance, cap } = wanted;
+            let bounds = (problem.lower, problem.upper);
+            found.strong = Some(strong(bounds, problem.natural, x, tolerance, cap)?);
             self.report.regularity = Some(found);
         }
         self.report.time = clock.elapsed();
         Ok(&self.report)
+    }
+}
+
+/// A problem as the solver sees it, which is compiled once for all of them.
+struct Parts<'a> {
+    function: &'a dyn McpFunction,
+    natural: &'a dyn PiecewiseSmooth,
+    pattern: &'a Pattern,
+    lower: &'a [f64],
+    upper: &'a [f64],
+}
+
+impl<'a> Parts<'a> {
+    fn of<F: McpFunction>(problem: &'a Mcp<F>) -> Self {
+        Self {
+            function: problem.function(),
+            natural: problem,
+            pattern: problem.jacobian_pattern(),
+            lower: problem.lower(),
+            upper: problem.upper(),
+        }
     }
 }
