@@ -885,8 +885,8 @@ fn memory_is_told_before_it_is_taken() {
     };
     let contact = || body().to_contact_body().unwrap();
     let needed = contact().condensed_memory().unwrap();
-    assert!(CondensedContact::within_memory(contact(), law(), needed).is_ok());
-    let refused = CondensedContact::within_memory(contact(), law(), needed - 1).err();
+    assert!(CondensedContact::within(contact(), law(), Some(needed), None).is_ok());
+    let refused = CondensedContact::within(contact(), law(), Some(needed - 1), None).err();
     assert_eq!(
         refused,
         Some(ContactError::Memory {

@@ -4,6 +4,7 @@ use super::balance::{free_motion, largest, random_start};
 use super::displacements::floating_piece;
 use super::error::check_length;
 use super::{ContactError, check_multipliers};
+use crate::clock::Until;
 use crate::interface::{LoadPath, Operator};
 use crate::linear::{Cholesky, Condensation, LinearSolver};
 use crate::sparse::{Matrix, NodalMatrix, check_nodes, pieces};
@@ -225,7 +226,8 @@ impl ContactBody {
         }
         let definite = |a: &Matrix| {
             let mut cholesky = Cholesky::new();
-            cholesky.analyze(a.pattern().as_ref()).is_ok() && cholesky.factor_by_pivots(a.as_ref()).is_ok()
+            cholesky.analyze(a.pattern().as_ref()).is_ok()
+                && cholesky.factor_by_pivots(a.as_ref(), Until::default()).is_ok()
         };
         let matrix = |own: usize| Matrix::from_triplets(size[own], size[own], &entries[own]).ok();
         let (own, a) = (0..count)

@@ -1,9 +1,11 @@
 use std::sync::Arc;
+use std::time::Duration;
 
 use super::error::{check_finite, check_length};
 use super::law::{LocalValues, NodeLaw, check_law};
 use super::per_node::PerNode;
 use super::{ContactBody, ContactError, ContactState, FrictionCoefficient, LoadPath, PlanarCoulomb};
+use crate::clock::Until;
 use crate::interface::{CondensedView, FullView, Interface, LoadCase, View};
 use crate::linear::LinearError;
 use crate::piecewise::{PiecewiseSmooth, Selection};
@@ -120,27 +122,37 @@ impl<L: NodeLaw> CondensedContact<L> {
     /// A law of another dimension, A that is not symmetric or not positive definite ([`ContactError::Unsupported`] names the piece, where
     /// there are several).
     pub fn new(body: ContactBody, law: L) -> Result<Self, ContactError> {
+        Self::within(body, law, None, None)
+    }
+
+    /// As [`new`](Self::new), with at most so much memory, in bytes, and time.
+    ///
+    /// # Errors
+    /// [`ContactError::Memory`] where [`ContactBody::condensed_memory`] is above the limit, before anything large is allocated;
+    /// [`LinearError::Interrupted`] where time is over, which is looked at between parts of the factorisation and of the compliance, a few
+    /// milliseconds each; those of [`new`](Self::new).
+    pub fn within(
+        body: ContactBody,
+        law: L,
+        max_memory: Option<u64>,
+        max_time: Option<Duration>,
+    ) -> Result<Self, ContactError> {
+        let until = Until::after(max_time);
+        if let Some(limit) = max_memory {
+            let needed = body.condensed_memory()?;
+            if needed > limit {
+                return Err(ContactError::Memory { needed, limit });
+            }
+        }
         if let Some((row, col, difference)) = body.stiffness().asymmetry(1e-10) {
             return Err(ContactError::NotSymmetric { row, col, difference });
         }
         Self::of(body, law, |body| {
-            CondensedView::new(&body.operator).map_err(|e| match e {
+            CondensedView::within(&body.operator, until).map_err(|e| match e {
                 LinearError::NotPositiveDefinite => body.indefinite_piece().unwrap_or(e.into()),
                 e => e.into(),
             })
         })
-    }
-
-    /// As [`new`](Self::new), if [`ContactBody::condensed_memory`] is not above `limit`, in bytes.
-    ///
-    /// # Errors
-    /// [`ContactError::Memory`], before anything large is allocated, and those of [`new`](Self::new).
-    pub fn within_memory(body: ContactBody, law: L, limit: u64) -> Result<Self, ContactError> {
-        let needed = body.condensed_memory()?;
-        if needed > limit {
-            return Err(ContactError::Memory { needed, limit });
-        }
-        Self::new(body, law)
     }
 
     /// The displacements of the contact nodes without contact forces, w(α), in the order of [`compliance`](Self::compliance).

@@ -2,6 +2,7 @@ use std::sync::Arc;
 
 use super::load::{Factors, LoadCase, LoadPath, add};
 use super::operator::Operator;
+use crate::clock::Until;
 use crate::linear::{Condensation, LinearError};
 use crate::sparse::dot;
 
@@ -54,7 +55,12 @@ impl View for CondensedView {
 impl CondensedView {
     /// One factorisation, and a solve for each load case.
     pub(crate) fn new(operator: &Operator) -> Result<Self, LinearError> {
-        let condensation = Condensation::new(&operator.a, &operator.b_t.transpose())?;
+        Self::within(operator, Until::default())
+    }
+
+    /// [`new`](Self::new), or [`LinearError::Interrupted`] where time is over.
+    pub(crate) fn within(operator: &Operator, until: Until) -> Result<Self, LinearError> {
+        let condensation = Condensation::within(&operator.a, &operator.b_t.transpose(), until)?;
         Self::with(Arc::new(condensation), &operator.load)
     }
 

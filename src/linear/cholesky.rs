@@ -7,7 +7,7 @@ use faer::perm::PermRef;
 use faer::sparse::linalg::SupernodalThreshold;
 use faer::sparse::linalg::cholesky::{
     CholeskySymbolicParams, LltRef, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
-    factorize_symbolic_cholesky, supernodal,
+    factorize_symbolic_cholesky, supernodal::SupernodalLltRef,
 };
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Conj, MatMut, Par, Side};
@@ -16,7 +16,9 @@ use super::condition::{judge, norm_1_estimate};
 use super::memory::{PatternMemory, check_finite, count_rhs, dense_zeros};
 use super::ordering::{Nodes, Order};
 use super::sparse_lu::give_up;
+use super::supernodal;
 use super::{LinearError, LinearSolver};
+use crate::clock::Until;
 use crate::sparse::{MatrixRef, PatternRef};
 
 /// Right-hand sides solved for at a time: scratch grows with them.
@@ -79,7 +81,11 @@ impl Cholesky {
         memory.learn(pattern)?;
         let analysis = Analysis::new(&memory, last)?;
         let numbers = analysis.symbolic.len_val() + 3 * memory.n() + memory.row_idx().len();
-        Ok((size_of::<f64>() * numbers + analysis.scratch) as u64)
+        let more = match analysis.symbolic.raw() {
+            SymbolicCholeskyRaw::Supernodal(s) => supernodal::memory(s, memory.row_idx().len()),
+            SymbolicCholeskyRaw::Simplicial(_) => 0,
+        };
+        Ok((size_of::<f64>() * numbers + analysis.scratch + more) as u64)
     }
 
     /// The trailing q × q block of the factor of A (not scaled), column-major, lower triangular. With the unknowns of an index
@@ -100,9 +106,9 @@ impl Cholesky {
 
     /// [`factor`](LinearSolver::factor), with the condition judged by the pivots alone where they leave no doubt. With a unit
     /// diagonal 1/l_jj² bounds ‖A⁻¹‖ from below, and is near it in all but contrived matrices.
-    pub(crate) fn factor_by_pivots(&mut self, a: MatrixRef<'_>) -> Result<(), LinearError> {
+    pub(crate) fn factor_by_pivots(&mut self, a: MatrixRef<'_>, until: Until) -> Result<(), LinearError> {
         const DOUBTFUL: f64 = 1e-9;
-        let norm = self.decompose(a)?;
+        let norm = self.decompose(a, until)?;
         let smallest = self.engine.as_ref().map_or(1.0, Engine::smallest_pivot);
         if smallest < DOUBTFUL {
             return self.estimate_condition(norm);
@@ -112,7 +118,7 @@ impl Cholesky {
     }
 
     /// Scales and factors; returns the norm of the scaled matrix. Nothing is known of its condition then.
-    fn decompose(&mut self, a: MatrixRef<'_>) -> Result<f64, LinearError> {
+    fn decompose(&mut self, a: MatrixRef<'_>, until: Until) -> Result<f64, LinearError> {
         self.rcond = None;
         self.pattern.check(&a)?;
         check_finite(a.values, "the matrix")?;
@@ -127,6 +133,12 @@ impl Cholesky {
         let n = self.pattern.n();
         if n == 0 {
             return Ok(0.0);
+        }
+        if let SymbolicCholeskyRaw::Supernodal(s) = engine.symbolic.raw() {
+            let a = (self.pattern.col_ptr(), self.pattern.row_idx(), &self.values[..]);
+            let place = engine.symbolic.perm().map(|p| p.arrays().1);
+            supernodal::factorize(s, place, a, &mut engine.factor, until)?;
+            return Ok(norm);
         }
         let symbolic =
             SymbolicSparseColMatRef::new_checked(n, n, self.pattern.col_ptr(), None, self.pattern.row_idx());
@@ -312,10 +324,14 @@ impl Analysis {
                 symbolic = dissected;
             }
         }
-        let request = StackReq::or(
-            symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default()),
-            symbolic.solve_in_place_scratch::<f64>(BLOCK_RHS, Par::Seq),
-        );
+        let solve = symbolic.solve_in_place_scratch::<f64>(BLOCK_RHS, Par::Seq);
+        let request = match symbolic.raw() {
+            SymbolicCholeskyRaw::Supernodal(_) => solve,
+            SymbolicCholeskyRaw::Simplicial(_) => {
+                let factor = symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default());
+                StackReq::or(factor, solve)
+            }
+        };
         Ok(Self {
             symbolic,
             scratch: request.unaligned_bytes_required(),
@@ -372,7 +388,7 @@ impl Engine {
                 }
             }
             SymbolicCholeskyRaw::Supernodal(s) => {
-                let llt = supernodal::SupernodalLltRef::new(s, &self.factor);
+                let llt = SupernodalLltRef::new(s, &self.factor);
                 for k in 0..s.n_supernodes() {
                     let supernode = llt.supernode(k);
                     let (start, values) = (supernode.start(), supernode.val());
@@ -413,7 +429,7 @@ impl Engine {
                 }
             }
             SymbolicCholeskyRaw::Supernodal(s) => {
-                let llt = supernodal::SupernodalLltRef::new(s, &self.factor);
+                let llt = SupernodalLltRef::new(s, &self.factor);
                 for k in 0..s.n_supernodes() {
                     let supernode = llt.supernode(k);
                     let (start, values) = (supernode.start(), supernode.val());
@@ -442,7 +458,7 @@ impl Engine {
                 (0..s.ncols()).for_each(|j| f(self.factor[s.col_ptr()[j]]));
             }
             SymbolicCholeskyRaw::Supernodal(s) => {
-                let llt = supernodal::SupernodalLltRef::new(s, &self.factor);
+                let llt = SupernodalLltRef::new(s, &self.factor);
                 for k in 0..s.n_supernodes() {
                     let block = llt.supernode(k).val();
                     (0..block.ncols()).for_each(|j| f(block[(j, j)]));
@@ -505,7 +521,7 @@ impl LinearSolver for Cholesky {
     }
 
     fn factor(&mut self, a: MatrixRef<'_>) -> Result<(), LinearError> {
-        let norm = self.decompose(a)?;
+        let norm = self.decompose(a, Until::default())?;
         self.estimate_condition(norm)
     }
 

@@ -3,6 +3,7 @@ use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::{Accum, MatMut, MatRef, Par};
 
 use super::{Cholesky, LinearError, LinearSolver, dense_zeros};
+use crate::clock::Until;
 use crate::parallel;
 use crate::sparse::{Matrix, Pattern, dot};
 
@@ -50,17 +51,22 @@ impl Condensation {
     /// Shapes that do not fit ([`LinearError::Shape`], [`LinearError::NotSquare`]), A not positive definite; more than 50 000 rows of
     /// B, or unknowns that it touches ([`LinearError::TooLarge`]).
     pub fn new(a: &Matrix, b: &Matrix) -> Result<Self, LinearError> {
+        Self::within(a, b, Until::default())
+    }
+
+    /// [`new`](Self::new), or [`LinearError::Interrupted`] where time is over: it is looked at between parts of the factorisation and of C.
+    pub(crate) fn within(a: &Matrix, b: &Matrix, until: Until) -> Result<Self, LinearError> {
         let (q, touched) = (b.nrows(), touched(a, b)?);
         let mut factor = Cholesky::default();
         factor.analyze_with_last(a.pattern().as_ref(), &touched)?;
-        factor.factor_by_pivots(a.as_ref())?;
+        factor.factor_by_pivots(a.as_ref(), until)?;
         let l = factor.trailing_factor(&touched)?;
         let b_t = b.transpose();
         let rows = rows_at(&b_t, &touched);
         let (half, compliance) = if touched.len() < BLOCKED {
             small_compliance(&rows, touched.len(), &l)?
         } else {
-            compliance(&rows, touched.len(), l)?
+            compliance(&rows, touched.len(), l, until)?
         };
         let compliance = symmetric(compliance, q)?;
         Ok(Self {
@@ -227,12 +233,15 @@ fn small_compliance(rows: &[Row], k: usize, l: &[f64]) -> Result<Compliance, Lin
 }
 
 /// The same by L⁻¹ and S⁻¹ = L⁻ᵀ L⁻¹: a row of B has few entries, and triangles cost a third of full matrices.
-fn compliance(rows: &[Row], k: usize, l: Vec<f64>) -> Result<Compliance, LinearError> {
+fn compliance(rows: &[Row], k: usize, l: Vec<f64>, until: Until) -> Result<Compliance, LinearError> {
     let q = rows.len();
     let mut inverse = dense_zeros(k, k)?;
     let factor = MatRef::from_column_major_slice(&l, k, k);
     // Columns by columns, at the same time: what is above the diagonal stays zero.
     parallel::parts(&mut inverse, k * COLUMNS, &|first, part| {
+        if until.is_over() {
+            return;
+        }
         let (first, count) = (first / k, part.len() / k);
         (0..count).for_each(|c| part[c * k + first + c] = 1.0);
         let columns = MatMut::from_column_major_slice_mut(part, k, count);
@@ -254,6 +263,9 @@ fn compliance(rows: &[Row], k: usize, l: Vec<f64>) -> Result<Compliance, LinearE
     let mut s = dense_zeros(k, k)?;
     let lower = MatRef::from_column_major_slice(&inverse, k, k);
     parallel::parts(&mut s, k * COLUMNS, &|first, part| {
+        if until.is_over() {
+            return;
+        }
         let (first, count) = (first / k, part.len() / k);
         let live = k - first;
         triangular::matmul(
@@ -269,6 +281,9 @@ fn compliance(rows: &[Row], k: usize, l: Vec<f64>) -> Result<Compliance, LinearE
         );
     });
     drop(inverse);
+    if until.is_over() {
+        return Err(LinearError::Interrupted);
+    }
     let entry = |i: usize, j: usize| s[i.min(j) * k + i.max(j)];
     let mut c = dense_zeros(q, q)?;
     for (j, (column, right)) in c.chunks_exact_mut(q).zip(rows).enumerate() {

@@ -32,6 +32,7 @@ mod scaling;
 mod small_lu;
 mod sparse_lu;
 mod spectral;
+mod supernodal;
 mod updated_factors;
 
 pub(crate) use aggregation::Aggregation;

@@ -360,6 +360,7 @@ impl<L: NodeLaw> ReducedContact<L> {
         options: &ContactOptions,
         observe: &mut dyn FnMut(&ContactProgress) -> ControlFlow<()>,
     ) -> Result<Vec<f64>, ContactError> {
+        let clock = Clock::start();
         let taken = self
             .body
             .memory(&self.options)
@@ -371,13 +372,14 @@ impl<L: NodeLaw> ReducedContact<L> {
             limit => limit.map(|limit| limit - taken),
         };
         let (body, law): (_, &dyn NodeLaw) = (self.body.to_contact_body()?, &self.law);
-        let mut problem = match left {
-            Some(left) => CondensedContact::within_memory(body, law, left)?,
-            None => CondensedContact::new(body, law)?,
-        };
+        let mut problem = CondensedContact::within(body, law, left, options.max_time)?;
         problem.set_reference_slip(&self.reference)?;
         problem.set_history(&self.history)?;
-        let found = problem.solve_observed(alpha, None, options, observe)?;
+        let left = options
+            .max_time
+            .map(|limit| limit.saturating_sub(clock.elapsed()));
+        let options = options.clone().with_max_time(left);
+        let found = problem.solve_observed(alpha, None, &options, observe)?;
         problem.displacements(&found.x)
     }
 

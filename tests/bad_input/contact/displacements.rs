@@ -262,9 +262,17 @@ fn problems(t: &mut Table) {
         let body = ReducedBody::new(a, &trace(0), &[trace(1)], load).unwrap();
         ReducedContact::new(body, law(0.3), o().with_max_time(Some(Duration::ZERO)))
     });
-    let within = "contact::CondensedContact::within_memory";
+    let within = "contact::CondensedContact::within";
     t.refuses(within, "little memory", "bytes", || {
-        CondensedContact::within_memory(body().to_contact_body().unwrap(), law(0.3), 64)
+        CondensedContact::within(body().to_contact_body().unwrap(), law(0.3), Some(64), None)
+    });
+    t.refuses(within, "no time", "the time that was allowed is over", || {
+        CondensedContact::within(
+            body().to_contact_body().unwrap(),
+            law(0.3),
+            None,
+            Some(Duration::ZERO),
+        )
     });
     t.holds(
         "contact::ContactBody::condensed_memory",
@@ -272,7 +280,7 @@ fn problems(t: &mut Table) {
         || {
             let body = || body().to_contact_body().unwrap();
             let needed = body().condensed_memory().unwrap();
-            let error = CondensedContact::within_memory(body(), law(0.3), needed - 1).err();
+            let error = CondensedContact::within(body(), law(0.3), Some(needed - 1), None).err();
             error
                 == Some(ContactError::Memory {
                     needed,
