@@ -104,6 +104,33 @@ fn sum_parts_from<T: Send>(
     a + b
 }
 
+/// The largest of f over the parts of v of `size`, which it may change; NaN where one is.
+pub(crate) fn largest_of_parts(
+    v: &mut [f64],
+    size: usize,
+    f: &(impl Fn(usize, &mut [f64]) -> f64 + Sync),
+) -> f64 {
+    largest_from(0, v, size, f)
+}
+
+fn largest_from(
+    first: usize,
+    v: &mut [f64],
+    size: usize,
+    f: &(impl Fn(usize, &mut [f64]) -> f64 + Sync),
+) -> f64 {
+    if v.len() <= size {
+        return f(first, v);
+    }
+    let half = v.len().div_ceil(size) / 2 * size;
+    let (a, b) = v.split_at_mut(half);
+    let (a, b) = join(
+        || largest_from(first, a, size, f),
+        || largest_from(first + half, b, size, f),
+    );
+    if b > a || b.is_nan() { b } else { a }
+}
+
 /// Σ aᵢ bᵢ.
 pub(crate) fn product(a: &[f64], b: &[f64]) -> f64 {
     sum(a.len(), GRAIN, &|r| dot(&a[r.clone()], &b[r]))

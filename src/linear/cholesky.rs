@@ -13,7 +13,7 @@ use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Conj, MatMut, Par, Side};
 
 use super::condition::{judge, norm_1_estimate};
-use super::memory::{PatternMemory, check_finite, count_rhs, dense_zeros};
+use super::memory::{PatternMemory, check_finite, count_rhs, dense_zeros, zeros};
 use super::ordering::{Nodes, Order};
 use super::sparse_lu::give_up;
 use super::supernodal;
@@ -347,13 +347,11 @@ impl Engine {
             scratch: bytes,
         } = Analysis::new(pattern, last)?;
         let entries = symbolic.len_val();
-        let (mut factor, mut scratch) = (Vec::new(), Vec::new());
-        if factor.try_reserve_exact(entries).is_err() || scratch.try_reserve_exact(bytes).is_err() {
-            return Err(LinearError::Solver {
-                what: format!("a Cholesky factor of {entries} entries does not fit into memory"),
-            });
-        }
-        factor.resize(entries, 0.0);
+        let mut scratch = Vec::new();
+        let factor = zeros(entries).filter(|_| scratch.try_reserve_exact(bytes).is_ok());
+        let factor = factor.ok_or_else(|| LinearError::Solver {
+            what: format!("a Cholesky factor of {entries} entries does not fit into memory"),
+        })?;
         scratch.resize(bytes, MaybeUninit::uninit());
         Ok(Self {
             factor,

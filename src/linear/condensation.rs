@@ -59,6 +59,9 @@ impl Condensation {
         let (q, touched) = (b.nrows(), touched(a, b)?);
         let mut factor = Cholesky::default();
         factor.analyze_with_last(a.pattern().as_ref(), &touched)?;
+        if until.is_over() {
+            return Err(LinearError::Interrupted);
+        }
         factor.factor_by_pivots(a.as_ref(), until)?;
         let l = factor.trailing_factor(&touched)?;
         let b_t = b.transpose();

@@ -3,17 +3,24 @@ use std::mem::MaybeUninit;
 
 use faer::dyn_stack::{MemStack, StackReq};
 use faer::linalg::lu::partial_pivoting::{factor, solve};
+use faer::linalg::matmul::matmul;
+use faer::linalg::triangular_solve::solve_unit_lower_triangular_in_place;
 use faer::perm::PermRef;
-use faer::{Conj, MatMut, MatRef, Par};
+use faer::{Accum, Conj, MatMut, MatRef, Par};
 
 use super::condition::{SMALL, arg_max_abs, judge, norm_1_estimate};
 use super::memory::{PatternMemory, check_finite, count_rhs, dense_zeros};
 use super::scaling::{Scaling, scale_columns};
 use super::{LinearError, LinearSolver};
+use crate::parallel;
 use crate::sparse::{MatrixRef, PatternRef, max_abs, sum_abs};
 
 /// Orders below this are eliminated column by column, where blocking does not pay.
 pub(super) const BLOCKED: usize = 50;
+
+/// Orders from which all cores eliminate, and columns that one takes at a time.
+const PANELS: usize = 1024;
+const PANEL: usize = 256;
 
 /// Right-hand sides solved for at a time by the blocked route, so that scratch is bounded.
 const BLOCK_RHS: usize = 16;
@@ -34,7 +41,8 @@ const MAX_GROWTH: f64 = 1e8;
 /// the units of equations and unknowns; [`rcond`](LinearSolver::rcond) is that of S (up to
 /// order 4 the ratio of the smallest pivot to the norm, while that is large), and where it is below 1e-6, that of the matrix with rows
 /// and columns balanced in the geometric mean, if that is larger. [`LinearError::Singular`] is returned below
-/// 1e-14. Nothing is allocated after [`analyze`](LinearSolver::analyze), which refuses orders above 50 000
+/// 1e-14. Nothing is allocated after [`analyze`](LinearSolver::analyze), but for lists of n
+/// integers from order 1024 on, where all cores eliminate; it refuses orders above 50 000
 /// ([`LinearError::TooLarge`]).
 ///
 /// # Complexity
@@ -65,11 +73,59 @@ impl DenseLu {
         Self::default()
     }
 
+    /// Analyses and factors a full matrix of order n, given by columns.
+    pub(crate) fn factor_full(&mut self, n: usize, values: &[f64]) -> Result<(), LinearError> {
+        if self.pattern.learn_full(n) {
+            self.make_room()?;
+        }
+        self.rcond = None;
+        self.to_balance.clear();
+        self.factor_values(values)
+    }
+
+    /// Room for matrices over the pattern.
+    fn make_room(&mut self) -> Result<(), LinearError> {
+        self.rcond = None;
+        self.to_balance = Vec::new();
+        let n = self.pattern.n();
+        self.scaling.resize(n);
+        self.balance.resize(n);
+        // Room that is there already is not cleared by the system again.
+        self.lu.clear();
+        if n.checked_mul(n).is_none_or(|size| size > self.lu.capacity()) {
+            self.lu = Vec::new();
+            self.lu = dense_zeros(n, n).inspect_err(|_| self.pattern.forget())?;
+        }
+        self.lu.resize(n * n, 0.0);
+        self.perm.clear();
+        self.perm.resize(n, 0);
+        self.work.resize(n, 0.0);
+        self.sign.resize(n, 0.0);
+        if n >= BLOCKED {
+            self.perm_inv.clear();
+            self.perm_inv.resize(n, 0);
+            self.scratch.resize(scratch_bytes(n), MaybeUninit::uninit());
+        }
+        Ok(())
+    }
+
+    fn factor_values(&mut self, values: &[f64]) -> Result<(), LinearError> {
+        match self.attempt(values, false) {
+            Err(LinearError::Singular { rcond }) if self.scaling.is_regular() => {
+                // Largest entries may have misled the equilibration: a second opinion before the verdict.
+                self.pattern.write_down();
+                self.attempt(values, true)
+                    .map_err(|_| LinearError::Singular { rcond })
+            }
+            result => result,
+        }
+    }
+
     /// Writes S = R A C into `lu` and returns its 1-norm.
     fn scatter(&mut self, values: &[f64], balanced: bool) -> Result<f64, LinearError> {
         let n = self.pattern.n();
         let (col_ptr, row_idx) = (self.pattern.col_ptr(), self.pattern.row_idx());
-        let full = self.pattern.is_full();
+        let full = n > 0 && self.pattern.is_full();
         match (balanced, full) {
             (false, true) => self.scaling.compute_full(values)?,
             (false, false) => self.scaling.compute(col_ptr, row_idx, values)?,
@@ -79,21 +135,28 @@ impl DenseLu {
             self.lu.fill(0.0);
         }
         let (row, col) = (self.scaling.row(), self.scaling.col());
+        if full {
+            let size = columns_at_once(n) * n.max(1);
+            return Ok(parallel::largest_of_parts(&mut self.lu, size, &|first, part| {
+                let mut norm = 0.0_f64;
+                let columns = values[first..].chunks_exact(n).zip(&col[first / n..]);
+                for (target, (values, col)) in part.chunks_exact_mut(n).zip(columns) {
+                    for ((s, v), r) in target.iter_mut().zip(values).zip(row) {
+                        *s = v * r * col;
+                    }
+                    norm = norm.max(sum_abs(target));
+                }
+                norm
+            }));
+        }
         let mut norm = 0.0_f64;
         for j in 0..n {
             let span = col_ptr[j]..col_ptr[j + 1];
             let target = &mut self.lu[j * n..(j + 1) * n];
             let mut sum = 0.0;
-            if full {
-                for ((s, v), r) in target.iter_mut().zip(&values[span]).zip(row) {
-                    *s = v * r * col[j];
-                }
-                sum = sum_abs(target);
-            } else {
-                for (&i, v) in row_idx[span.clone()].iter().zip(&values[span]) {
-                    target[i] = v * row[i] * col[j];
-                    sum += target[i].abs();
-                }
+            for (&i, v) in row_idx[span.clone()].iter().zip(&values[span]) {
+                target[i] = v * row[i] * col[j];
+                sum += target[i].abs();
             }
             norm = norm.max(sum);
         }
@@ -120,7 +183,8 @@ impl DenseLu {
             };
             self.odd = run(n, &mut self.lu, &mut self.perm).ok_or(LinearError::Singular { rcond: 0.0 })?;
         }
-        let growth = max_abs(&self.lu);
+        let size = columns_at_once(n) * n.max(1);
+        let growth = parallel::largest_of_parts(&mut self.lu, size, &|_, part| max_abs(part));
         if (0..n).any(|k| self.lu[k * n + k] == 0.0 || !self.lu[k * n + k].is_finite()) {
             return Err(LinearError::Singular { rcond: 0.0 });
         }
@@ -189,6 +253,11 @@ impl DenseLu {
         scale_columns(b, after);
         check_finite(b, "").map_err(|_| LinearError::Inaccurate { residual: f64::NAN })
     }
+}
+
+/// So many that a part is worth a thread.
+fn columns_at_once(n: usize) -> usize {
+    if n >= PANELS { PANEL } else { n.max(1) }
 }
 
 /// The factors of P S = L U, borrowed apart from the scratch of a solve.
@@ -292,6 +361,9 @@ pub(super) fn eliminate_blocked(
     perm_inv: &mut [usize],
     scratch: &mut [MaybeUninit<u8>],
 ) -> bool {
+    if n >= PANELS {
+        return eliminate_panels(n, lu, (perm, perm_inv), scratch);
+    }
     let (info, _) = factor::lu_in_place(
         MatMut::from_column_major_slice_mut(lu, n, n),
         perm,
@@ -301,6 +373,65 @@ pub(super) fn eliminate_blocked(
         Default::default(),
     );
     info.transposition_count % 2 == 1
+}
+
+/// Elimination with partial pivoting in place, panel by panel, the columns beside a panel on all cores; whether the number of exchanges is odd.
+fn eliminate_panels(
+    n: usize,
+    lu: &mut [f64],
+    (perm, perm_inv): (&mut [usize], &mut [usize]),
+    scratch: &mut [MaybeUninit<u8>],
+) -> bool {
+    let (mut forward, mut backward) = (vec![0; n], vec![0; n]);
+    perm.iter_mut().enumerate().for_each(|(k, p)| *p = k);
+    let mut moves = Vec::with_capacity(2 * PANEL);
+    let mut exchanges = 0;
+    for k in (0..n).step_by(PANEL) {
+        let (w, m) = (PANEL.min(n - k), n - k);
+        let (left, own) = lu.split_at_mut(k * n);
+        let (own, right) = own.split_at_mut(w * n);
+        let (info, _) = factor::lu_in_place(
+            MatMut::from_column_major_slice_mut(own, n, w).subrows_mut(k, m),
+            &mut forward[..m],
+            &mut backward[..m],
+            Par::Seq,
+            MemStack::new(scratch),
+            Default::default(),
+        );
+        exchanges += info.transposition_count;
+        // Where entries of a column go and come from.
+        moves.clear();
+        let changed = forward[..m].iter().enumerate().filter(|(to, from)| *to != **from);
+        moves.extend(changed.map(|(to, from)| (k + to, k + from)));
+        let exchange = |column: &mut [f64]| {
+            let mut kept = [0.0; 2 * PANEL];
+            for (kept, (_, from)) in kept.iter_mut().zip(&moves) {
+                *kept = column[*from];
+            }
+            for (kept, (to, _)) in kept.iter().zip(&moves) {
+                column[*to] = *kept;
+            }
+        };
+        forward[..m].iter_mut().for_each(|from| *from = perm[k + *from]);
+        perm[k..].copy_from_slice(&forward[..m]);
+        parallel::parts(left, PANEL * n, &|_, part| {
+            part.chunks_exact_mut(n).for_each(exchange)
+        });
+        let own = MatRef::from_column_major_slice(own, n, w);
+        let (diagonal, below) = own.subrows(k, m).split_at_row(w);
+        parallel::parts(right, PANEL * n, &|_, part| {
+            part.chunks_exact_mut(n).for_each(exchange);
+            let count = part.len() / n;
+            let part = MatMut::from_column_major_slice_mut(part, n, count).subrows_mut(k, m);
+            let (mut above, rest) = part.split_at_row_mut(w);
+            solve_unit_lower_triangular_in_place(diagonal, above.as_mut(), Par::Seq);
+            matmul(rest, Accum::Add, below, above.as_ref(), -1.0, Par::Seq);
+        });
+    }
+    perm.iter()
+        .enumerate()
+        .for_each(|(to, from)| perm_inv[*from] = to);
+    exchanges % 2 == 1
 }
 
 /// Elimination with partial pivoting in place; `true` for an odd number of exchanges, `None` at a pivot that is zero.
@@ -403,40 +534,17 @@ pub(super) fn solve_small(lu: &[f64], perm: &[usize], b: &mut [f64], transpose: 
 
 impl LinearSolver for DenseLu {
     fn analyze(&mut self, pattern: PatternRef<'_>) -> Result<(), LinearError> {
-        if !self.pattern.learn(pattern)? {
-            return Ok(());
+        match self.pattern.learn(pattern)? {
+            true => self.make_room(),
+            false => Ok(()),
         }
-        self.rcond = None;
-        self.to_balance = Vec::new();
-        let n = pattern.ncols;
-        self.scaling.resize(n);
-        self.balance.resize(n);
-        self.lu = Vec::new();
-        self.lu = dense_zeros(n, n).inspect_err(|_| self.pattern.forget())?;
-        self.perm.clear();
-        self.perm.resize(n, 0);
-        self.work.resize(n, 0.0);
-        self.sign.resize(n, 0.0);
-        if n >= BLOCKED {
-            self.perm_inv.clear();
-            self.perm_inv.resize(n, 0);
-            self.scratch.resize(scratch_bytes(n), MaybeUninit::uninit());
-        }
-        Ok(())
     }
 
     fn factor(&mut self, a: MatrixRef<'_>) -> Result<(), LinearError> {
         self.rcond = None;
         self.to_balance.clear();
         self.pattern.check(&a)?;
-        match self.attempt(a.values, false) {
-            Err(LinearError::Singular { rcond }) if self.scaling.is_regular() => {
-                // Largest entries may have misled the equilibration: a second opinion before the verdict.
-                self.attempt(a.values, true)
-                    .map_err(|_| LinearError::Singular { rcond })
-            }
-            result => result,
-        }
+        self.factor_values(a.values)
     }
 
     fn solve_in_place(&mut self, b: &mut [f64]) -> Result<(), LinearError> {
@@ -449,6 +557,7 @@ impl LinearSolver for DenseLu {
 
     fn rcond(&mut self) -> Option<f64> {
         if !self.to_balance.is_empty() {
+            self.pattern.write_down();
             let factors = Factors {
                 n: self.pattern.n(),
                 lu: &self.lu,

@@ -6,14 +6,16 @@ const MAX_DENSE: usize = 50_000;
 
 /// A dense array of zeros, if it fits.
 pub(crate) fn dense_zeros(nrows: usize, ncols: usize) -> Result<Vec<f64>, LinearError> {
-    let mut values = Vec::new();
-    match nrows.checked_mul(ncols) {
-        Some(size) if size <= MAX_DENSE * MAX_DENSE && values.try_reserve_exact(size).is_ok() => {
-            values.resize(size, 0.0);
-            Ok(values)
-        }
-        _ => Err(LinearError::TooLarge { nrows, ncols }),
-    }
+    let size = nrows
+        .checked_mul(ncols)
+        .filter(|size| *size <= MAX_DENSE * MAX_DENSE);
+    size.and_then(zeros).ok_or(LinearError::TooLarge { nrows, ncols })
+}
+
+/// So many zeros, if they fit: pages come from the system when they are first written to.
+pub(super) fn zeros(size: usize) -> Option<Vec<f64>> {
+    Vec::<f64>::new().try_reserve_exact(size).ok()?;
+    Some(vec![0.0; size])
 }
 
 /// The pattern a solver has analysed, by its contents.
@@ -23,6 +25,8 @@ pub(super) struct PatternMemory {
     n: usize,
     col_ptr: Vec<usize>,
     row_idx: Vec<usize>,
+    /// Full, and the numbers of the rows are not written down.
+    implied: bool,
 }
 
 impl PatternMemory {
@@ -44,8 +48,35 @@ impl PatternMemory {
         self.col_ptr.extend_from_slice(p.col_ptr);
         self.row_idx.clear();
         self.row_idx.extend_from_slice(p.row_idx);
+        self.implied = false;
         self.known = true;
         Ok(true)
+    }
+
+    /// [`learn`](Self::learn) of a full pattern, which takes no room.
+    pub(super) fn learn_full(&mut self, n: usize) -> bool {
+        if self.known && self.n == n && self.is_full() {
+            return false;
+        }
+        self.n = n;
+        self.col_ptr.clear();
+        self.col_ptr.extend((0..=n).map(|j| j * n));
+        self.row_idx.clear();
+        self.implied = true;
+        self.known = true;
+        true
+    }
+
+    /// Writes down what is implied, for [`row_idx`](Self::row_idx).
+    pub(super) fn write_down(&mut self) {
+        if std::mem::take(&mut self.implied) {
+            let n = self.n;
+            self.row_idx.extend((0..n).flat_map(|_| 0..n));
+        }
+    }
+
+    fn len(&self) -> usize {
+        self.col_ptr.last().copied().unwrap_or(0)
     }
 
     /// Checks that a matrix lies over the known pattern.
@@ -53,10 +84,10 @@ impl PatternMemory {
         if !self.known || !self.is(a.pattern) {
             return Err(LinearError::NotAnalyzed);
         }
-        if a.values.len() != self.row_idx.len() {
+        if a.values.len() != self.len() {
             return Err(LinearError::Shape {
                 what: "the array of values",
-                expected: self.row_idx.len(),
+                expected: self.len(),
                 found: a.values.len(),
             });
         }
@@ -66,7 +97,7 @@ impl PatternMemory {
     fn is(&self, p: PatternRef<'_>) -> bool {
         p.nrows == self.n
             && p.ncols == self.n
-            && p.row_idx.len() == self.row_idx.len()
+            && p.row_idx.len() == self.len()
             && p.col_ptr == self.col_ptr
             // A full pattern of this size is unique.
             && (self.is_full() || p.row_idx == self.row_idx)
@@ -77,7 +108,7 @@ impl PatternMemory {
     }
 
     pub(super) fn is_full(&self) -> bool {
-        self.n.checked_mul(self.n) == Some(self.row_idx.len())
+        self.n.checked_mul(self.n) == Some(self.len())
     }
 
     pub(super) fn col_ptr(&self) -> &[usize] {

@@ -1,12 +1,17 @@
 use super::LinearError;
 use super::condition::norm_1_estimate;
 use super::memory::check_finite;
+use crate::parallel;
 use crate::sparse::max_abs_scaled;
 
 /// Sweeps of [`Scaling::balance`]; a handful does unless units vary along a long chain.
 const BALANCE_SWEEPS: usize = 12;
 /// Change of the exponents within a sweep after which no further one changes what they are rounded to but in freak cases.
 const SETTLED: f64 = 1e-2;
+
+/// Orders from which all cores look at a full matrix, and rows or columns that one takes at a time.
+const PARALLEL: usize = 1024;
+const ROWS: usize = 512;
 
 /// Equilibration S = R A C by powers of two, so that the largest entry of every row and column of S lies near 1.
 ///
@@ -154,15 +159,22 @@ impl Scaling {
         if n == 0 {
             return Ok(());
         }
-        for column in values.chunks_exact(n) {
-            for (r, v) in self.row.iter_mut().zip(column) {
-                *r = larger(*r, v.abs());
+        // Rows by parts, and columns after that.
+        let size = if n >= PARALLEL { ROWS } else { n };
+        parallel::parts(&mut self.row, size, &|first, row| {
+            for column in values.chunks_exact(n) {
+                for (r, v) in row.iter_mut().zip(&column[first..]) {
+                    *r = larger(*r, v.abs());
+                }
             }
-        }
+        });
         invert_all(&mut self.row)?;
-        for (c, column) in self.col.iter_mut().zip(values.chunks_exact(n)) {
-            *c = max_abs_scaled(column, &self.row);
-        }
+        let row = &self.row;
+        parallel::parts(&mut self.col, size, &|first, col| {
+            for (c, column) in col.iter_mut().zip(values[first * n..].chunks_exact(n)) {
+                *c = max_abs_scaled(column, row);
+            }
+        });
         invert_all(&mut self.col)?;
         self.regular = true;
         Ok(())

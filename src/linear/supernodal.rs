@@ -101,7 +101,7 @@ pub(super) fn factorize(
         below.iter().zip(width..).for_each(|(i, k)| local[*i] = k);
         let (before, own) = factor.split_at_mut(at[s]);
         let own = &mut own[..rows * width];
-        own.fill(0.0);
+        parallel::parts(own, rows * COLUMNS, &|_, part| part.fill(0.0));
         for j in 0..width {
             for k in lower.start[start + j]..lower.start[start + j + 1] {
                 own[j * rows + local[lower.row[k]]] += lower.value[k];

@@ -265,11 +265,11 @@ fn run(
     options.validate()?;
     crate::piecewise::check_vector("the start x", x, m)?;
     if !work.fits(m, n) {
-        work.prepare(solver, pattern(), m, n)?;
+        work.prepare(pattern(), m, n)?;
     }
     match iterate(work, solver, options, system, x, observe) {
         Err(NewtonError::Map(PiecewiseError::StrayEntry { .. })) => {
-            work.prepare(solver, pattern(), m, n)?;
+            work.prepare(pattern(), m, n)?;
             iterate(work, solver, options, system, x, observe)
         }
         result => result,

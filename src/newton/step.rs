@@ -22,6 +22,10 @@ impl Run<'_> {
     /// Puts the Newton direction into `d`; tells where there is none because the Jacobian is singular.
     pub(super) fn newton_direction(&mut self, jac: &Matrix) -> Result<Step, LinearError> {
         let leading = jac.leading_columns(self.n);
+        if !self.work.analyzed {
+            self.solver.analyze(leading.pattern)?;
+            self.work.analyzed = true;
+        }
         self.work.report.factorisations += 1;
         let solved = self.solver.factor(leading).and_then(|()| {
             for (d, r) in self.work.d.iter_mut().zip(&self.work.r) {

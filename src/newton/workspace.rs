@@ -1,5 +1,4 @@
 use super::{NewtonError, Report};
-use crate::linear::LinearSolver;
 use crate::piecewise::PiecewiseError;
 use crate::sparse::{Matrix, Pattern};
 
@@ -7,6 +6,8 @@ use crate::sparse::{Matrix, Pattern};
 #[derive(Debug, Clone, Default)]
 pub(super) struct Workspace {
     pub(super) jac: Option<Matrix>,
+    /// Whether the solver knows the pattern: it is not told before the first step, since a start may be a solution.
+    pub(super) analyzed: bool,
     pub(super) n: usize,
     pub(super) r: Vec<f64>,
     pub(super) trial_r: Vec<f64>,
@@ -31,13 +32,7 @@ impl Workspace {
         self.n == n && self.jac.as_ref().is_some_and(|j| j.ncols() == m)
     }
 
-    pub(super) fn prepare(
-        &mut self,
-        solver: &mut dyn LinearSolver,
-        pattern: Pattern,
-        m: usize,
-        n: usize,
-    ) -> Result<(), NewtonError> {
+    pub(super) fn prepare(&mut self, pattern: Pattern, m: usize, n: usize) -> Result<(), NewtonError> {
         let sides = [
             ("the rows of the declared pattern", n, pattern.nrows()),
             ("the columns of the declared pattern", m, pattern.ncols()),
@@ -53,7 +48,7 @@ impl Workspace {
             }
         }
         self.jac = None;
-        solver.analyze(pattern.leading_columns(n))?;
+        self.analyzed = false;
         self.jac = Some(Matrix::zeros(pattern));
         self.n = n;
         for v in [

@@ -299,3 +299,69 @@ fn blocked_elimination_meets_structural_singularity_and_nan() {
     let e = factored(SparseLu::new(), &bad).map(|_| ()).unwrap_err();
     assert!(matches!(e, LinearError::NotFinite { .. }));
 }
+
+/// Rows of a diagonally dominant matrix in another order, which pivoting undoes: solutions by construction, and the determinant by the
+/// elimination of the matrix in its own order and the sign of the permutation. All cores work from order 1024 on.
+#[test]
+fn large_dense_factors_pivot_across_panels() {
+    let n = 1100;
+    let entry = |i: usize, j: usize| {
+        let v = ((i * 31 + j * 17) % 23) as f64 / 23.0 - 0.4;
+        if i == j { v + 900.0 } else { v }
+    };
+    // A cycle through all rows, which moves them across panels: odd for an even order.
+    let row = |i: usize| (i * 7 + 3) % n;
+    let build = |of: &dyn Fn(usize) -> usize| {
+        let values = (0..n).flat_map(|j| (0..n).map(move |i| (i, j)));
+        let values = values.map(|(i, j)| entry(of(i), j)).collect();
+        Matrix::from_values(Pattern::full(n, n), values).unwrap()
+    };
+    let (plain, mixed) = (build(&|i| i), build(&row));
+    let mut lu = DenseLu::new();
+    let exact: Vec<f64> = (0..n).map(|k| 1.0 + (k % 5) as f64).collect();
+    lu.analyze(mixed.pattern().as_ref()).unwrap();
+    lu.factor(mixed.as_ref()).unwrap();
+    let (sign, log) = lu.log_det().unwrap();
+    let mut x = vec![0.0; n];
+    mixed.mul_vec(&exact, &mut x);
+    lu.solve_in_place(&mut x).unwrap();
+    assert!(x.iter().zip(&exact).all(|(x, e)| (x - e).abs() < 1e-11));
+    let transposed = mixed.transpose();
+    transposed.mul_vec(&exact, &mut x);
+    lu.solve_transpose_in_place(&mut x).unwrap();
+    assert!(x.iter().zip(&exact).all(|(x, e)| (x - e).abs() < 1e-11));
+    let mut seen = vec![false; n];
+    let mut odd = false;
+    for first in 0..n {
+        let mut k = first;
+        let mut length = 0;
+        while !std::mem::replace(&mut seen[k], true) {
+            (k, length) = (row(k), length + 1);
+        }
+        odd ^= length > 0 && length % 2 == 0;
+    }
+    lu.factor(plain.as_ref()).unwrap();
+    let (own_sign, own_log) = lu.log_det().unwrap();
+    assert_eq!(own_sign, 1);
+    assert_eq!(sign, if odd { -1 } else { 1 });
+    assert!((log - own_log).abs() < 1e-9 * log.abs());
+    #[cfg(feature = "rayon")]
+    for threads in [1, 3] {
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap();
+        let again = pool.install(|| {
+            let mut lu = DenseLu::new();
+            lu.analyze(mixed.pattern().as_ref()).unwrap();
+            lu.factor(mixed.as_ref()).unwrap();
+            let mut x = exact.clone();
+            lu.solve_in_place(&mut x).unwrap();
+            x
+        });
+        lu.factor(mixed.as_ref()).unwrap();
+        let mut x = exact.clone();
+        lu.solve_in_place(&mut x).unwrap();
+        assert_eq!(again, x);
+    }
+}

@@ -7,8 +7,9 @@ use crate::contact::law::{LocalRow, LocalValues, NodeLaw};
 use crate::contact::solution::piece_of;
 use crate::interface::View;
 use crate::linear::{DenseLu, LinearSolver};
+use crate::parallel;
 use crate::piecewise::PiecewiseSmooth;
-use crate::sparse::{Matrix, Pattern};
+use crate::sparse::Matrix;
 
 /// A residual against the largest force that is rounding, and one that is where it no longer falls.
 const ROUNDING: f64 = 1e-14;
@@ -16,6 +17,9 @@ const NEARLY: f64 = 1e-10;
 
 /// Residuals that are not below this share of the one with the same pieces before do not fall.
 const PROGRESS: f64 = 0.9;
+
+/// Columns of the matrix that one core sums at a time.
+const COLUMNS: usize = 64;
 
 /// Smallest pivot of a node's block against its largest entry.
 const PIVOT: f64 = 1e-12;
@@ -154,8 +158,10 @@ pub(in crate::contact) struct ReducedNewton {
     /// The step in the forces, and C times it.
     s: Vec<f64>,
     image: Vec<f64>,
-    column: Vec<f64>,
     rhs: Vec<f64>,
+    /// The matrix of what is left by columns, and for each of its columns the node and which of its μ.
+    matrix: Vec<f64>,
+    columns: Vec<(usize, usize)>,
 }
 
 /// What is known of the nodes at an iterate.
@@ -188,7 +194,6 @@ impl ReducedNewton {
         self.pieces.clear();
         self.pieces.resize(p, usize::MAX);
         self.nodes.resize(p, Node::default());
-        self.column.resize(q, 0.0);
         let mut before = f64::INFINITY;
         let mut seen = HashMap::new();
         let mut cycles = false;
@@ -296,32 +301,35 @@ impl ReducedNewton {
         }
         self.factored.clear();
         let q = blocks * p;
-        let mut matrix = Matrix::zeros(Pattern::full(order, order));
-        for (j, node) in nodes.iter().enumerate() {
-            for m in 0..node.rank {
-                self.column.fill(0.0);
+        self.columns.clear();
+        let of_node = |(j, node): (usize, &Node)| (0..node.rank).map(move |m| (j, m));
+        self.columns.extend(nodes.iter().enumerate().flat_map(of_node));
+        self.matrix.resize(order.checked_mul(order)?, 0.0);
+        let columns = &self.columns;
+        parallel::parts(&mut self.matrix, order * COLUMNS, &|first, part| {
+            let mut column = vec![0.0; q];
+            for (target, (j, m)) in part.chunks_exact_mut(order).zip(&columns[first / order..]) {
+                let node = &nodes[*j];
+                column.fill(0.0);
                 for b in 0..blocks {
-                    let t = node.t[b][m];
+                    let t = node.t[b][*m];
                     if t != 0.0 {
                         let own = &c[(b * p + j) * q..(b * p + j + 1) * q];
-                        self.column.iter_mut().zip(own).for_each(|(y, c)| *y -= t * c);
+                        column.iter_mut().zip(own).for_each(|(y, c)| *y -= t * c);
                     }
                 }
-                let at = (node.first + m) * order;
-                let target = &mut matrix.values_mut()[at..at + order];
                 for (i, row) in nodes.iter().enumerate() {
                     for a in 0..row.rank {
-                        let moved = (0..blocks).map(|b| row.d[a][b] * self.column[b * p + i]);
+                        let moved = (0..blocks).map(|b| row.d[a][b] * column[b * p + i]);
                         target[row.first + a] = moved.sum();
                     }
                 }
                 for a in 0..node.rank {
-                    target[node.first + a] += (0..blocks).map(|b| node.e[a][b] * node.t[b][m]).sum::<f64>();
+                    target[node.first + a] += (0..blocks).map(|b| node.e[a][b] * node.t[b][*m]).sum::<f64>();
                 }
             }
-        }
-        self.lu.analyze(matrix.pattern().as_ref()).ok()?;
-        self.lu.factor(matrix.as_ref()).ok()?;
+        });
+        self.lu.factor_full(order, &self.matrix).ok()?;
         self.factored.extend_from_slice(nodes);
         Some(())
     }
