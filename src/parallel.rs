@@ -83,41 +83,25 @@ pub(crate) fn sum_parts<T: Send>(
     size: usize,
     f: &(impl Fn(usize, &mut [T]) -> f64 + Sync),
 ) -> f64 {
-    sum_parts_from(0, v, size, f)
+    fold_parts(0, v, size, f, &|a, b| a + b)
 }
 
-fn sum_parts_from<T: Send>(
-    first: usize,
+/// The largest of f over the parts of v of `size`, which it may change; NaN where one is.
+pub(crate) fn largest_of_parts<T: Send>(
     v: &mut [T],
     size: usize,
     f: &(impl Fn(usize, &mut [T]) -> f64 + Sync),
 ) -> f64 {
-    if v.len() <= size {
-        return f(first, v);
-    }
-    let half = v.len().div_ceil(size) / 2 * size;
-    let (a, b) = v.split_at_mut(half);
-    let (a, b) = join(
-        || sum_parts_from(first, a, size, f),
-        || sum_parts_from(first + half, b, size, f),
-    );
-    a + b
+    fold_parts(0, v, size, f, &|a, b| if b > a || b.is_nan() { b } else { a })
 }
 
-/// The largest of f over the parts of v of `size`, which it may change; NaN where one is.
-pub(crate) fn largest_of_parts(
-    v: &mut [f64],
-    size: usize,
-    f: &(impl Fn(usize, &mut [f64]) -> f64 + Sync),
-) -> f64 {
-    largest_from(0, v, size, f)
-}
-
-fn largest_from(
+/// f of the parts put together two by two, in an order that depends on the length and `size` alone.
+fn fold_parts<T: Send>(
     first: usize,
-    v: &mut [f64],
+    v: &mut [T],
     size: usize,
-    f: &(impl Fn(usize, &mut [f64]) -> f64 + Sync),
+    f: &(impl Fn(usize, &mut [T]) -> f64 + Sync),
+    both: &(impl Fn(f64, f64) -> f64 + Sync),
 ) -> f64 {
     if v.len() <= size {
         return f(first, v);
@@ -125,10 +109,10 @@ fn largest_from(
     let half = v.len().div_ceil(size) / 2 * size;
     let (a, b) = v.split_at_mut(half);
     let (a, b) = join(
-        || largest_from(first, a, size, f),
-        || largest_from(first + half, b, size, f),
+        || fold_parts(first, a, size, f, both),
+        || fold_parts(first + half, b, size, f, both),
     );
-    if b > a || b.is_nan() { b } else { a }
+    both(a, b)
 }
 
 /// Σ aᵢ bᵢ.

@@ -188,8 +188,8 @@ impl<F: McpFunction> PiecewiseSmooth for Mcp<F> {
 /// An affine problem with its data exactly.
 struct Stated<'a> {
     function: &'a AffineFunction,
-    /// The value of a parameter that is fixed.
-    held: Option<f64>,
+    /// The value of the parameter, where it is fixed.
+    fixed: Option<f64>,
     lower: &'a [f64],
     upper: &'a [f64],
 }
@@ -197,7 +197,7 @@ struct Stated<'a> {
 impl Stated<'_> {
     /// F(x) at a parameter, row by row.
     fn values(&self, alpha: f64) -> Option<Vec<ExactForm>> {
-        let (n, alpha) = (self.lower.len(), Exact::new(self.held.unwrap_or(alpha))?);
+        let (n, alpha) = (self.lower.len(), Exact::new(self.fixed.unwrap_or(alpha))?);
         let mut values = vec![ExactForm::zero(n); n];
         for (value, q) in values.iter_mut().zip(self.function.q()) {
             value.constant = Exact::new(*q)?;
@@ -292,11 +292,11 @@ impl<F: McpFunction> ExactPieces for Mcp<F> {
     }
 
     fn conditions(&self, alpha: f64) -> Option<ExactConditions> {
-        let (function, held) = self.function().coefficients()?;
+        let (function, fixed) = self.function().coefficients()?;
         let (lower, upper) = (self.lower(), self.upper());
         let stated = Stated {
             function,
-            held,
+            fixed,
             lower,
             upper,
         };

@@ -129,8 +129,8 @@ impl<L: NodeLaw> CondensedContact<L> {
     ///
     /// # Errors
     /// [`ContactError::Memory`] where [`ContactBody::condensed_memory`] is above the limit, before anything large is allocated;
-    /// [`LinearError::Interrupted`] where time is over, which is looked at between parts of the factorisation and of the compliance, a few
-    /// milliseconds each; those of [`new`](Self::new).
+    /// [`LinearError::Interrupted`] where time is over: the clock is read between parts of the factorisation and of the compliance; those
+    /// of [`new`](Self::new).
     pub fn within(
         body: ContactBody,
         law: L,

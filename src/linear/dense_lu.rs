@@ -41,8 +41,8 @@ const MAX_GROWTH: f64 = 1e8;
 /// the units of equations and unknowns; [`rcond`](LinearSolver::rcond) is that of S (up to
 /// order 4 the ratio of the smallest pivot to the norm, while that is large), and where it is below 1e-6, that of the matrix with rows
 /// and columns balanced in the geometric mean, if that is larger. [`LinearError::Singular`] is returned below
-/// 1e-14. Nothing is allocated after [`analyze`](LinearSolver::analyze), but for lists of n
-/// integers from order 1024 on, where all cores eliminate; it refuses orders above 50 000
+/// 1e-14. Nothing is allocated after [`analyze`](LinearSolver::analyze), but for lists of n integers from order 1024 on, where all cores
+/// eliminate; it refuses orders above 50 000
 /// ([`LinearError::TooLarge`]).
 ///
 /// # Complexity
@@ -90,7 +90,7 @@ impl DenseLu {
         let n = self.pattern.n();
         self.scaling.resize(n);
         self.balance.resize(n);
-        // Room that is there already is not cleared by the system again.
+        // Memory that is large enough is kept: new pages cost as much as a pass through the matrix.
         self.lu.clear();
         if n.checked_mul(n).is_none_or(|size| size > self.lu.capacity()) {
             self.lu = Vec::new();
@@ -255,7 +255,7 @@ impl DenseLu {
     }
 }
 
-/// So many that a part is worth a thread.
+/// Columns of a part that is worth a thread.
 fn columns_at_once(n: usize) -> usize {
     if n >= PANELS { PANEL } else { n.max(1) }
 }
@@ -375,7 +375,8 @@ pub(super) fn eliminate_blocked(
     info.transposition_count % 2 == 1
 }
 
-/// Elimination with partial pivoting in place, panel by panel, the columns beside a panel on all cores; whether the number of exchanges is odd.
+/// Elimination with partial pivoting in place, panel by panel, the columns beside a panel on all cores; `true` for an odd number of
+/// exchanges.
 fn eliminate_panels(
     n: usize,
     lu: &mut [f64],

@@ -66,7 +66,7 @@ struct Update<'a> {
 /// Overwrites `factor` by the numbers of L. Entries above diagonals are arbitrary.
 ///
 /// # Errors
-/// A pivot that is not positive; time that is over, which is looked at between supernodes and parts of large ones.
+/// A pivot that is not positive; time that is over: the clock is read between supernodes and between parts of large ones.
 pub(super) fn factorize(
     symbolic: &SymbolicSupernodalCholesky<usize>,
     place: Option<&[usize]>,
