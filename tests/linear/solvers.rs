@@ -345,6 +345,18 @@ fn large_dense_factors_pivot_across_panels() {
     assert_eq!(own_sign, 1);
     assert_eq!(sign, if odd { -1 } else { 1 });
     assert!((log - own_log).abs() < 1e-9 * log.abs());
+    // Each panel's exchanges count: two rows of one panel, of different ones, of the last.
+    for (a, b) in [(0, 1), (0, 700), (n - 2, n - 1)] {
+        let exchanged = build(&|i| match i {
+            i if i == a => b,
+            i if i == b => a,
+            i => i,
+        });
+        lu.factor(exchanged.as_ref()).unwrap();
+        let (sign, log) = lu.log_det().unwrap();
+        assert_eq!(sign, -1, "rows {a} and {b}");
+        assert!((log - own_log).abs() < 1e-9 * own_log.abs());
+    }
     #[cfg(feature = "rayon")]
     for threads in [1, 3] {
         let pool = rayon::ThreadPoolBuilder::new()
