@@ -12,6 +12,7 @@ mod path;
 mod problem;
 mod report;
 mod scaled;
+mod settled;
 mod solver;
 
 pub use error::DelassusError;

@@ -409,7 +409,7 @@ mod tests {
         }
         let (mut r, mut u) = (vec![[0.0; 3]; 4], vec![[0.0; 3]; 4]);
         path.reactions(&p, &mut r);
-        let law = p.law(&r, &mut u, &mut [0.0; 4]);
+        let law = p.law(&r, &mut u, &mut [[0.0; 2]; 4]);
         assert!(law.residual <= 1e-6, "{law:?}");
     }
 }

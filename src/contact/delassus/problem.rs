@@ -200,8 +200,8 @@ impl DelassusProblem {
 
     fn block_residual<const D: usize>(&self, r: &[f64]) -> f64 {
         let scaled = Scaled::<D>::new(self);
-        let (mut u, mut sizes) = (vec![[0.0; D]; self.contacts()], vec![0.0; self.contacts()]);
-        scaled.law(&scaled.scale(r), &mut u, &mut sizes).residual
+        let (mut u, mut contacts) = (vec![[0.0; D]; self.contacts()], vec![[0.0; 2]; self.contacts()]);
+        scaled.law(&scaled.scale(r), &mut u, &mut contacts).residual
     }
 }
 

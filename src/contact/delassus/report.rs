@@ -48,6 +48,8 @@ pub enum DelassusPhase {
     Sweeps,
     /// One step of the interior-point iteration.
     Interior,
+    /// One linear system for the states that sweeps have found.
+    States,
     /// A proximal step by semismooth Newton.
     Proximal,
     /// A step along the central path of interior points, by arclength.
@@ -66,9 +68,9 @@ pub struct DelassusIteration {
     /// Residual after it ([`DelassusProblem::residual`](super::DelassusProblem::residual)).
     pub residual: f64,
     /// Weight of the proximal term, against a mean diagonal of 1, or complementarity r·û a contact of interior points and their
-    /// central path, in scaled variables; 0 for sweeps.
+    /// central path, in scaled variables; 0 for sweeps and for known states.
     pub alpha: f64,
-    /// Sweeps or Newton iterations.
+    /// Sweeps or factorisations.
     pub work: usize,
     /// Whether the inner problem was solved, or the step was not short.
     pub success: bool,
@@ -90,7 +92,7 @@ pub struct DelassusReport {
     pub states: Vec<ContactState>,
     /// [`DelassusProblem::residual`](super::DelassusProblem::residual) at `r`.
     pub residual: f64,
-    /// Newton and interior-point iterations, one factorisation each.
+    /// Systems of known states, Newton and interior-point iterations, one factorisation each.
     pub factorisations: usize,
     /// Evaluations of u = M r + q for all contacts, those of line searches and of the residuals in `history` included. Sweeps are not among them.
     pub evaluations: usize,
@@ -180,6 +182,7 @@ impl fmt::Display for DelassusPhase {
         f.write_str(match self {
             Self::Sweeps => "sweeps",
             Self::Interior => "interior point",
+            Self::States => "known states",
             Self::Proximal => "proximal step",
             Self::Path => "central path",
         })

@@ -71,7 +71,7 @@ impl<const D: usize> BlockMatrix<D> {
         for i in 0..nc {
             row_ptr[i + 1] += row_ptr[i];
         }
-        let mut next = row_ptr.clone();
+        // The starts of rows serve as cursors, which end one row further on.
         let mut col = vec![0; row.len()];
         let mut slot = vec![0; row.len()];
         let mut blocks = vec![[[0.0; D]; D]; row.len()];
@@ -79,10 +79,10 @@ impl<const D: usize> BlockMatrix<D> {
         for j in 0..nc {
             for k in col_ptr[j]..col_ptr[j + 1] {
                 let i = row[k];
-                slot[k] = next[i];
-                place[i] = next[i];
-                col[next[i]] = j;
-                next[i] += 1;
+                slot[k] = row_ptr[i];
+                place[i] = row_ptr[i];
+                col[row_ptr[i]] = j;
+                row_ptr[i] += 1;
             }
             for c in 0..D {
                 for k in ptr[j * D + c]..ptr[j * D + c + 1] {
@@ -94,6 +94,8 @@ impl<const D: usize> BlockMatrix<D> {
             }
             diagonal[j] = blocks[place[j]];
         }
+        row_ptr.rotate_right(1);
+        row_ptr[0] = 0;
         Self {
             row_ptr,
             col,
@@ -110,7 +112,7 @@ impl<const D: usize> BlockMatrix<D> {
         self.row_ptr == self.col_ptr && self.row == self.col
     }
 
-    /// Row `i` of M r, added to `u`; the largest norm of the products that make it up.
+    /// Row `i` of M r, added to `u`; the largest squared norm of the products that make it up.
     fn add_row_sized(&self, i: usize, r: &[[f64; D]], u: &mut [f64; D]) -> f64 {
         let mut largest = 0.0_f64;
         for k in self.row_ptr[i]..self.row_ptr[i + 1] {
@@ -121,7 +123,7 @@ impl<const D: usize> BlockMatrix<D> {
                 u[a] += product[a];
             }
         }
-        largest.sqrt()
+        largest
     }
 
     /// Adds row `i` of M r to `u`.
@@ -174,8 +176,8 @@ impl<const D: usize> Scaled<D> {
         let sizes = [largest, max_abs(m.values())];
         let ordinary = sizes.into_iter().find(|d| *d > 0.0).unwrap_or(1.0);
         let scale: Vec<f64> = means
-            .iter()
-            .map(|&d| if d > 1e-13 * largest { d } else { ordinary }.sqrt().recip())
+            .into_iter()
+            .map(|d| if d > 1e-13 * largest { d } else { ordinary }.sqrt().recip())
             .collect();
         let q = problem.q();
         let sigma = (0..nc * D).fold(0.0_f64, |a, i| a.max((scale[i / D] * q[i]).abs()));
@@ -213,17 +215,20 @@ impl<const D: usize> Scaled<D> {
         }
     }
 
-    /// u = M r + q, and how well the law holds. `sizes` is room for one number a contact.
-    pub(super) fn law(&self, r: &[[f64; D]], u: &mut [[f64; D]], sizes: &mut [f64]) -> Law {
+    /// u = M r + q, and how well the law holds. `contacts` gets the size of the terms of each contact and its squared residual.
+    pub(super) fn law(&self, r: &[[f64; D]], u: &mut [[f64; D]], contacts: &mut [[f64; 2]]) -> Law {
         self.count_evaluation();
-        let (mut errors, mut terms, mut data) = (0.0, 0.0, [0.0_f64; 2]);
+        let (mut errors, mut terms, mut largest, mut data) = (0.0, 0.0, 0.0_f64, [0.0_f64; 2]);
         for i in 0..r.len() {
             u[i] = self.q[i];
             let product = self.matrix.add_row_sized(i, r, &mut u[i]);
             let parts = [squared(&r[i]), squared(&u[i]), squared(&self.q[i])];
-            sizes[i] = parts.iter().fold(product, |m, v| m.max(v.sqrt()));
-            errors += natural_residual(self.friction[i], 1.0, &r[i], &u[i]);
-            terms += sizes[i] * sizes[i];
+            let size = parts.iter().fold(product, |m, v| m.max(*v)).sqrt();
+            let error = natural_residual(self.friction[i], 1.0, &r[i], &u[i]);
+            contacts[i] = [size, error];
+            largest = largest.max(size);
+            errors += error;
+            terms += size * size;
             data = [data[0] + parts[1], data[1] + parts[2]];
         }
         // Against terms that overflow nothing is small.
@@ -238,11 +243,10 @@ impl<const D: usize> Scaled<D> {
         } else {
             0.0
         };
-        let least = NEGLIGIBLE * sizes.iter().fold(0.0_f64, |m, s| m.max(*s));
-        let blocks = (0..r.len()).map(|i| {
-            let error = natural_residual(self.friction[i], 1.0, &r[i], &u[i]);
-            share(error, sizes[i].max(least))
-        });
+        let least = NEGLIGIBLE * largest;
+        let blocks = contacts
+            .iter()
+            .map(|[size, error]| share(*error, size.max(least)));
         Law {
             residual: blocks.fold(
                 0.0,

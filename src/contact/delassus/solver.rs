@@ -7,6 +7,7 @@ use super::newton::{Inner, Newton, Piece};
 use super::path::CentralPath;
 use super::report::{DelassusIteration, DelassusPhase, DelassusReport, DelassusStatus};
 use super::scaled::{Scaled, Vector};
+use super::settled::solve_settled;
 use super::{DelassusError, DelassusOptions, DelassusProblem};
 use crate::clock::Deadline;
 use crate::contact::ContactState;
@@ -103,8 +104,8 @@ struct Measure {
 
 /// Solver of [`DelassusProblem`]s.
 ///
-/// In turn, until the residual of every contact is met: nonsmooth Gauss–Seidel with exact one-contact solutions; a few iterations of
-/// semismooth Newton (P. Alart, A. Curnier 1991) on proximal problems M + αI, q − α r_k, which end most runs; interior points for the
+/// In turn, until the residual of every contact is met: nonsmooth Gauss–Seidel with exact one-contact solutions; in small problems where states
+/// no longer change, one linear system, unless a contact slips in space; a few iterations of semismooth Newton (P. Alart, A. Curnier 1991) on proximal problems M + αI, q − α r_k, which end most runs; interior points for the
 /// law with De Saxcé's term, which cross the many near-degenerate contacts of stacks and packings and do not mind a singular M;
 /// Newton again, with α driven to 0, for the last digits; below 1500 unknowns the central path of interior points by arclength,
 /// through its folds; and Newton from more sweeps. Runs are deterministic. A large sparse M is factored by Cholesky with GMRES for De Saxcé's term, so
@@ -188,11 +189,16 @@ struct Run<'a, const D: usize> {
     newton: Newton<D>,
     r: Vector<D>,
     u: Vector<D>,
-    sizes: Vec<f64>,
+    /// Of each contact the size of its terms and its squared residual, as measured last.
+    contacts: Vec<[f64; 2]>,
     best: Vec<f64>,
     best_progress: f64,
     /// Whether the best iterate is a solution.
     solved: bool,
+    /// Whether the best iterate was measured last, and its residual.
+    best_is_last: bool,
+    residual: f64,
+    started: bool,
     /// What further attempts start from: the best iterate but for those of an attempt that led astray.
     near: Vector<D>,
     near_progress: f64,
@@ -211,13 +217,17 @@ impl<'a, const D: usize> Run<'a, D> {
         observe: &'a mut dyn FnMut(&DelassusIteration) -> ControlFlow<()>,
     ) -> Self {
         let scaled = Scaled::new(problem);
+        let started = start.is_some();
         let zero = vec![[0.0; D]; problem.contacts()];
         let r = start.map_or_else(|| zero.clone(), |start| scaled.scale(start));
         let start = start.map_or_else(|| vec![0.0; problem.q().len()], <[f64]>::to_vec);
         Self {
             newton: Newton::new(Deadline::after(options.max_time)),
             u: zero.clone(),
-            sizes: vec![0.0; problem.contacts()],
+            contacts: vec![[0.0; 2]; problem.contacts()],
+            best_is_last: false,
+            residual: f64::INFINITY,
+            started,
             plain: start.clone(),
             best: start,
             best_progress: f64::INFINITY,
@@ -243,7 +253,7 @@ impl<'a, const D: usize> Run<'a, D> {
         let tolerance = self.options.tolerance;
         self.scaled.unscale(&self.r, &mut self.plain);
         self.scaled.scale_into(&self.plain, &mut self.at);
-        let law = self.scaled.law(&self.at, &mut self.u, &mut self.sizes);
+        let law = self.scaled.law(&self.at, &mut self.u, &mut self.contacts);
         let small = law.violation <= VIOLATION;
         // Far from a solution the worst contact tells little: all of them together come first.
         let progress = match small {
@@ -253,8 +263,10 @@ impl<'a, const D: usize> Run<'a, D> {
         };
         let solved = small && law.overall <= tolerance && law.residual <= tolerance;
         // A gain within rounding is no reason to move on.
-        if progress < 0.99 * self.best_progress || (progress < self.best_progress && solved) {
+        self.best_is_last = progress < 0.99 * self.best_progress || (progress < self.best_progress && solved);
+        if self.best_is_last {
             self.best_progress = progress;
+            self.residual = law.residual;
             self.solved = solved;
             self.best.copy_from_slice(&self.plain);
         }
@@ -332,19 +344,23 @@ impl<'a, const D: usize> Run<'a, D> {
     }
 
     fn phases(&mut self) -> Outcome {
-        self.measure();
-        if self.solved {
-            return ControlFlow::Break(DelassusStatus::Solved);
+        // Sweeps from r = 0 leave it where it is a solution.
+        if self.started || self.options.max_sweeps == 0 {
+            self.measure();
+            if self.solved {
+                return ControlFlow::Break(DelassusStatus::Solved);
+            }
         }
         let is_large = Interior::is_large(&self.scaled);
         let is_small = D * self.scaled.contacts() <= SMALL;
         let most = SWEEPS.min(self.options.max_sweeps);
         let first = self.sweeps_of(most, is_small)?;
         if !is_large {
-            self.quick(if is_small { ALPHA_SMALL } else { ALPHA_NEAR })?;
-            if is_small && first < most {
+            let is_settled = is_small && first < most;
+            self.quick(if is_small { ALPHA_SMALL } else { ALPHA_NEAR }, is_settled)?;
+            if is_settled {
                 self.sweeps_of(most - first, false)?;
-                self.quick(ALPHA_NEAR)?;
+                self.quick(ALPHA_NEAR, false)?;
             }
         }
         let mut interior = Interior::new(&self.scaled);
@@ -380,9 +396,17 @@ impl<'a, const D: usize> Run<'a, D> {
         self.r.copy_from_slice(&self.near);
     }
 
-    /// Where sweeps have found the states, a few factorisations of the closed contacts end it; else the iterate stays as it is.
-    fn quick(&mut self, alpha: f64) -> Outcome {
+    /// Where sweeps have found the states, a few factorisations of the closed contacts end it, a single one if the problem is then linear; else
+    /// the iterate stays as it is.
+    fn quick(&mut self, alpha: f64, settled: bool) -> Outcome {
         let swept = self.r.clone();
+        let state = |i: usize, r: &[f64; D]| piece(self.scaled.friction[i], r);
+        let may_factor = self.newton.factorisations < self.options.max_factorisations;
+        if settled && may_factor && solve_settled(&self.scaled, state, &mut self.r) {
+            self.newton.factorisations += 1;
+            self.record(DelassusPhase::States, 0.0, 1, true)?;
+            self.r.copy_from_slice(&swept);
+        }
         self.proximal(alpha, QUICK_PATIENCE, QUICK)?;
         self.r = swept;
         self.near_progress = f64::INFINITY;
@@ -541,13 +565,16 @@ impl<'a, const D: usize> Run<'a, D> {
 
     fn report(mut self) -> Result<DelassusReport, DelassusError> {
         let status = self.run();
-        self.scaled.scale_into(&self.best, &mut self.at);
-        let law = self.scaled.law(&self.at, &mut self.u, &mut self.sizes);
-        let contacts = self.at.iter().zip(&self.u).zip(&self.sizes);
-        let states = contacts.map(|((r, u), size)| state(r, u, *size)).collect();
+        if !self.best_is_last {
+            self.scaled.scale_into(&self.best, &mut self.at);
+            let law = self.scaled.law(&self.at, &mut self.u, &mut self.contacts);
+            self.residual = law.residual;
+        }
+        let contacts = self.at.iter().zip(&self.u).zip(&self.contacts);
+        let states = contacts.map(|((r, u), [size, _])| state(r, u, *size)).collect();
         Ok(DelassusReport {
             status,
-            residual: law.residual,
+            residual: self.residual,
             u: self.problem.velocities(&self.best)?,
             r: self.best,
             states,
