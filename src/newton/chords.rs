@@ -282,6 +282,45 @@ mod tests {
         }
     }
 
+    /// Solutions with the Jacobian at hand, after a correction by chords, are much nearer to those of factors made there than those of the
+    /// factors at hand; so are those of the transposed equations.
+    #[test]
+    fn solutions_are_those_of_the_jacobian_at_hand() {
+        let (map, mut sigma) = (coupled(), Selection::uniform(0, 0));
+        let mut chords = corrector(&map);
+        let mut t = chords
+            .linearize(&map, &sigma, &[0.0; N + 1], None)
+            .unwrap()
+            .to_vec();
+        let mut x: Vec<f64> = t.iter().map(|t| 6.0 * t).collect();
+        let found = chords.correct(&map, &mut sigma, |_, _| {}, &mut x, &mut t, (1e-11, 1e-8), 10);
+        assert!(found.unwrap().converged && chords.refined);
+        let mut anew = corrector(&map);
+        anew.linearize(&map, &sigma, &x, Some(&t)).unwrap();
+        let mut random = Random::new(4);
+        let r: Vec<f64> = (0..N).map(|_| random.symmetric()).collect();
+        let (mut exact, mut coarse) = (vec![0.0; N + 1], vec![0.0; N + 1]);
+        anew.bordered.solve(&r, &t, 0.0, &mut exact).unwrap();
+        chords.bordered.solve(&r, &t, 0.0, &mut coarse).unwrap();
+        chords.r.copy_from_slice(&r);
+        assert_eq!(chords.solve_here(&t), Ok(true));
+        let missed = distance(&exact, &coarse);
+        assert!(
+            missed > 1e-6 && distance(&exact, &chords.dx) < 0.1 * missed,
+            "{missed}"
+        );
+
+        let (mut exact, mut coarse, mut v) = (vec![0.0; N], vec![0.0; N], vec![0.0; N]);
+        anew.bordered.solve_transpose(&chords.dx, &t, &mut exact).unwrap();
+        chords
+            .bordered
+            .solve_transpose(&chords.dx, &t, &mut coarse)
+            .unwrap();
+        chords.solve_transpose_here(&t, &mut v).unwrap();
+        let missed = distance(&exact, &coarse);
+        assert!(missed > 1e-6 && distance(&exact, &v) < 0.1 * missed, "{missed}");
+    }
+
     /// (y_1 − c) y_0 = 0 beside y_1 + y_1² = α: on y_0 = 0 no correction moves y_0, and the determinant changes its sign where y_1 = c, which
     /// is between the predicted point and the corrected one.
     #[test]

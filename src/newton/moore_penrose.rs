@@ -60,7 +60,7 @@ const AT_ROUNDING: f64 = 2.0;
 pub struct Correction {
     /// Whether both tolerances were met.
     pub converged: bool,
-    /// Number of iterations.
+    /// Number of iterations: steps with the factors of an earlier iterate count as the steps of Newton's method that come as near.
     pub iterations: usize,
     /// ‖H^(σ)‖₂ at the last iterate.
     pub residual_norm: f64,
