@@ -1,6 +1,7 @@
 use std::collections::VecDeque;
 use std::fmt;
 
+use super::event::watch::Departure;
 use super::{ContinuationError, ContinuationOptions, Event, Point, PointKind, Termination};
 use crate::clock::Clock;
 use crate::linear::LinearSolver;
@@ -88,6 +89,7 @@ pub(super) struct Curve<'a, M: ?Sized = dyn PiecewiseSmooth + 'a> {
     pub(super) earlier: (usize, usize),
     /// Buffers.
     pub(super) rates: Vec<f64>,
+    pub(super) departure: Departure,
     /// Norms of the gradients of test functions that are affine, as far as known.
     pub(super) gradient_norms: Vec<f64>,
     pub(super) next_sizes: Vec<f64>,

@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 
 use super::engine::{Curve, Solver, State, generic_probe, term_size};
 use super::event::arms::Arms;
+use super::event::watch::Departure;
 use super::{Arm, Continuation, ContinuationError, ContinuationOptions, Strategy};
 use crate::clock::Clock;
 use crate::linear::{AutoSolver, LinearSolver};
@@ -480,6 +481,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Curve<'a, &'a P> {
             termination: None,
             earlier: (0, 0),
             rates: Vec::new(),
+            departure: Departure::default(),
             gradient_norms: Vec::new(),
             residual: vec![0.0; n],
             behind: vec![0.0; m],

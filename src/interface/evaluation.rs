@@ -22,6 +22,9 @@ pub(super) struct Scratch {
     pub(super) jac: Matrix,
     /// The entries of `jac` that are not zero.
     entries: Vec<(usize, usize, f64)>,
+    /// Of these the derivatives of rows by their own traces, and those by other traces.
+    own: Vec<f64>,
+    across: Vec<(usize, usize, f64)>,
 }
 
 impl Scratch {
@@ -34,6 +37,8 @@ impl Scratch {
             free: Free::new(operator, condensed),
             jac: Matrix::zeros(law.clone()),
             entries: Vec::new(),
+            own: Vec::new(),
+            across: Vec::new(),
         }
     }
 }
@@ -139,7 +144,17 @@ impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
         s.entries.clear();
         s.entries.extend(nonzeros(&s.jac));
         let of_traces = s.entries.partition_point(|e| e.1 < q);
+        // Most rows have a derivative by their own trace: these run along columns of C.
+        s.own.clear();
+        s.own.resize(q, 0.0);
+        for &(i, k, c) in &s.entries[..of_traces] {
+            if i == k {
+                s.own[i] = c;
+            }
+        }
         let (of_traces, others) = s.entries.split_at(of_traces);
+        s.across.clear();
+        s.across.extend(of_traces.iter().filter(|e| e.0 != e.1));
         // Column by column of C, which stays at hand: rows of a large Jacobian are far apart in memory.
         for (j, column) in jac
             .values_mut()
@@ -148,7 +163,10 @@ impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
             .enumerate()
         {
             let compliance = reduced.row(j);
-            for &(i, k, c) in of_traces {
+            for ((v, c), own) in column.iter_mut().zip(compliance).zip(&s.own) {
+                *v -= own * c;
+            }
+            for &(i, k, c) in &s.across {
                 column[i] -= c * compliance[k];
             }
         }

@@ -94,6 +94,8 @@ impl CondensedView {
 
 /// Orders up to which C stays in the caches of the processor.
 const CACHED: usize = 400;
+/// Orders from which its product with λ is worth a call of the linear algebra.
+const WIDE: usize = 64;
 /// Rows of C that are read together.
 const ROWS: usize = 4;
 
@@ -133,6 +135,9 @@ impl Reduced {
 
     /// v ← v − C λ.
     pub(super) fn subtract_compliance(&self, lambda: &[f64], v: &mut [f64]) {
+        if (WIDE..=CACHED).contains(&lambda.len()) {
+            return self.condensation.subtract_compliance(lambda, v);
+        }
         if lambda.len() <= CACHED {
             for (k, v) in v.iter_mut().enumerate() {
                 *v -= dot(self.row(k), lambda);

@@ -255,8 +255,9 @@ impl<L: LinearSolver> Bordered<L> {
         self.factored = true;
     }
 
-    /// Turns the tangent into that of a Jacobian which differs little from the factored one, by a step of refinement with the factors at hand.
-    pub(crate) fn refine_tangent(&mut self, jacobian: &Matrix) -> Result<(), LinearError> {
+    /// Brings the tangent nearer to that of a Jacobian which differs little from the factored one, by a step of refinement with the factors
+    /// at hand; the length of that step.
+    pub(crate) fn refine_tangent(&mut self, jacobian: &Matrix) -> Result<f64, LinearError> {
         self.work.fill(0.0);
         jacobian.as_ref().mul_add(1.0, &self.tangent, &mut self.work);
         self.solver.solve_in_place(&mut self.work)?;
@@ -266,7 +267,8 @@ impl<L: LinearSolver> Bordered<L> {
         tail[1..].iter_mut().zip(after).for_each(|(t, d)| *t -= d);
         let length = norm(&self.tangent);
         self.tangent.iter_mut().for_each(|t| *t /= length);
-        check_finite(&self.tangent, "").map_err(|_| LinearError::Inaccurate { residual: f64::NAN })
+        check_finite(&self.tangent, "").map_err(|_| LinearError::Inaccurate { residual: f64::NAN })?;
+        Ok(norm(&self.work))
     }
 
     /// The unit vector spanning the kernel of ∇H (length n + 1); its sign makes det [∇H; τᵀ] > 0 where the solver knows

@@ -1,3 +1,4 @@
+use faer::linalg::matmul::matmul;
 use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::{Accum, MatMut, MatRef, Par};
@@ -162,6 +163,21 @@ impl Condensation {
         self.factor.solve_shared(f)
     }
 
+    /// v ← v − C λ, in the widest registers that there are.
+    pub(crate) fn subtract_compliance(&self, lambda: &[f64], v: &mut [f64]) {
+        let q = self.compliance.nrows();
+        // By rows, of which C has the same as columns: sums in several registers have smaller errors.
+        let c = MatRef::from_row_major_slice(self.compliance.values(), q, q);
+        matmul(
+            MatMut::from_column_major_slice_mut(v, q, 1),
+            Accum::Add,
+            c,
+            MatRef::from_column_major_slice(lambda, q, 1),
+            -1.0,
+            Par::Seq,
+        );
+    }
+
     fn check(&self, f: &[f64]) -> Result<(), LinearError> {
         if f.len() == self.b_t.nrows() {
             Ok(())
@@ -312,4 +328,34 @@ fn symmetric(mut values: Vec<f64>, q: usize) -> Result<Matrix, LinearError> {
     let c = Matrix::from_values(Pattern::full(q, q), values).map_err(not_finite)?;
     c.check_finite().map_err(not_finite)?;
     Ok(c)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// C λ entry by entry, of orders with and without a rest beside full registers.
+    #[test]
+    fn compliance_is_subtracted() {
+        for q in [1, 3, 64, 83] {
+            let n = q + 5;
+            let entries = (0..n).flat_map(|i| {
+                let next = (i + 1 < n).then_some((i, i + 1, -1.0));
+                [Some((i, i, 2.5)), next, next.map(|(i, j, v)| (j, i, v))]
+            });
+            let entries: Vec<_> = entries.flatten().collect();
+            let a = Matrix::from_triplets(n, n, &entries).unwrap();
+            let rows: Vec<_> = (0..q).map(|k| (k, k + 2, 1.0 + k as f64 / 7.0)).collect();
+            let b = Matrix::from_triplets(q, n, &rows).unwrap();
+            let condensation = Condensation::new(&a, &b).unwrap();
+            let c = condensation.compliance();
+            let lambda: Vec<f64> = (0..q).map(|k| (1.0 + k as f64).sqrt()).collect();
+            let mut v = vec![0.5; q];
+            condensation.subtract_compliance(&lambda, &mut v);
+            for (k, v) in v.iter().enumerate() {
+                let product: f64 = (0..q).map(|l| c.get(k, l) * lambda[l]).sum();
+                assert!((v - (0.5 - product)).abs() < 1e-13 * product.abs(), "{q}, {k}");
+            }
+        }
+    }
 }

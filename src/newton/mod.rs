@@ -1,5 +1,6 @@
 //! The corrector: Newton's method for piecewise-smooth and semismooth equations.
 
+mod chords;
 mod convergence;
 mod error;
 mod forcing;

@@ -1,3 +1,4 @@
+use super::chords::{Secants, newton_steps, turn_into};
 use super::convergence::row_sizes;
 use crate::linear::{Bordered, DENSE_LIMIT, LinearError, LinearSolver, RowUpdates};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection, check_length, check_selection};
@@ -17,11 +18,17 @@ pub struct MoorePenrose<L> {
     /// The selection whose factored Jacobian is at hand; for affine pieces that serves at every x.
     factored: Option<Selection>,
     /// The selection whose Jacobian, at some point, has been factored last.
-    last: Option<Selection>,
+    pub(super) last: Option<Selection>,
+    /// The point of those factors, where they and the tangent are exactly those of `last` there.
+    pub(super) last_point: Option<Vec<f64>>,
+    /// Whether the Jacobian at hand, whose tangent is known, was assembled after the factored one.
+    pub(super) refined: bool,
     /// The length of the steps that rounding errors of H make with these factors, once it was asked for.
     rounding: Option<f64>,
+    /// Steps of the last correction by chords.
+    pub(super) secants: Secants,
     /// Rounding errors of H, and the step that they make.
-    errors: (Vec<f64>, Vec<f64>),
+    pub(super) errors: (Vec<f64>, Vec<f64>),
     /// For affine pieces, the bordered Jacobian of a selection with updates, and whether it is the one at hand.
     pub(super) updated: Option<(Selection, RowUpdates)>,
     pub(super) updated_at_hand: bool,
@@ -34,9 +41,10 @@ pub struct MoorePenrose<L> {
 const MAX_INVERSE: usize = 1000;
 
 /// Chord steps go on while each is at most this share of the one before.
-const CONTRACTION: f64 = 0.1;
-/// Steps of at most this share of the one before are so short that ∇H hardly changes along them: by the same share, so that errors of chord
-/// steps and of tangents refined once are of the order of its square.
+pub(super) const CONTRACTION: f64 = 0.1;
+/// The same for those of Broyden's method, which grow shorter faster and faster.
+const SECANTS: f64 = 0.3;
+/// Chords go on beyond the tolerance of steps, down to this share of it: that far the last step of Newton's method would lead.
 const QUADRATIC: f64 = 1e-4;
 /// Steps up to this size, relative to 1 + ‖x‖, end a correction where they no longer shrink …
 const STALLED: f64 = 1e-9;
@@ -52,7 +60,7 @@ const AT_ROUNDING: f64 = 2.0;
 pub struct Correction {
     /// Whether both tolerances were met.
     pub converged: bool,
-    /// Number of iterations.
+    /// Number of iterations: steps with the factors of an earlier iterate count as the steps of Newton's method that come as near.
     pub iterations: usize,
     /// ‖H^(σ)‖₂ at the last iterate.
     pub residual_norm: f64,
@@ -90,7 +98,10 @@ impl<L: LinearSolver> MoorePenrose<L> {
             iterations: 0,
             factored: None,
             last: None,
+            last_point: None,
+            refined: false,
             rounding: None,
+            secants: Secants::default(),
             errors: (vec![0.0; n], vec![0.0; m]),
             updated: None,
             updated_at_hand: false,
@@ -221,7 +232,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
         self.check(map, selection, &[("the point x", x)])?;
         if !map.is_piecewise_affine() {
             self.assemble(map, selection, x)?;
-            self.factor(hint)?;
+            self.factor_at(selection, x, hint)?;
             return Ok(self.tangent());
         }
         if self.factored.as_ref() == Some(selection) {
@@ -245,7 +256,26 @@ impl<L: LinearSolver> MoorePenrose<L> {
     /// Factors the assembled Jacobian.
     pub(super) fn factor(&mut self, hint: Option<&[f64]>) -> Result<(), LinearError> {
         self.updated.take_if(|(_, updated)| updated.relies_on_factors());
+        self.last = None;
+        self.last_point = None;
+        self.rounding = None;
         self.bordered.factor(&self.jac, hint)
+    }
+
+    /// Factors the assembled Jacobian, which is that of a selection at x.
+    pub(super) fn factor_at(
+        &mut self,
+        selection: &Selection,
+        x: &[f64],
+        hint: Option<&[f64]>,
+    ) -> Result<(), LinearError> {
+        let mut point = self.last_point.take().unwrap_or_default();
+        self.factor(hint)?;
+        point.clear();
+        point.extend_from_slice(x);
+        self.last = Some(selection.clone());
+        self.last_point = Some(point);
+        Ok(())
     }
 
     /// Goes over to `selection` by updates where it differs from the one kept at one or two sites whose rows are known to be few.
@@ -334,8 +364,8 @@ impl<L: LinearSolver> MoorePenrose<L> {
         x: &[f64],
     ) -> Result<(), PiecewiseError> {
         self.factored = None;
-        self.last = None;
         self.updated_at_hand = false;
+        self.refined = false;
         self.jac.clear();
         map.jacobian(selection, x, &mut self.jac);
         self.check_stray()
@@ -399,47 +429,58 @@ impl<L: LinearSolver> MoorePenrose<L> {
             residual_norm: norm(&self.r),
             step_norm: f64::INFINITY,
         };
-        let mut chord = false;
-        while outcome.iterations < max_iterations {
-            self.assemble(map, selection, x)?;
+        // Steps with the factors at hand since they were made, and corrections before that.
+        let (mut steps, mut before) = (0_usize, 0);
+        let (mut chord, mut met) = (false, false);
+        while met || outcome.iterations < max_iterations {
             if !chord {
-                self.factor(Some(t))?;
-                self.rounding = None;
+                self.assemble(map, selection, x)?;
+                self.factor_at(selection, x, Some(t))?;
+                (before, steps) = (outcome.iterations, 0);
             }
             self.bordered.solve(&self.r, t, 0.0, &mut self.dx)?;
+            let step = norm(&self.dx);
+            if chord && (step.is_nan() || step > CONTRACTION * outcome.step_norm) {
+                if met {
+                    // As near as rounding lets these factors come.
+                    break;
+                }
+                chord = false;
+                continue;
+            }
             for (x, d) in x.iter_mut().zip(&self.dx) {
                 *x -= d;
             }
-            if chord {
-                self.bordered.refine_tangent(&self.jac)?;
+            if !chord {
+                turn_into(self.bordered.tangent(), t);
             }
-            let tangent = self.bordered.tangent();
-            let sign = dot(tangent, t).signum();
-            for (t, v) in t.iter_mut().zip(tangent) {
-                *t = sign * v;
-            }
-            let step = norm(&self.dx);
-            // Steps fall quadratically: the next one needs no other factors, and neither does the tangent.
-            chord = !chord
-                && self.jac.nrows() > DENSE_LIMIT
-                && outcome.step_norm.is_finite()
-                && step <= QUADRATIC * outcome.step_norm;
-            let factored = chord.then(|| selection.clone());
+            let kept = (self.jac.nrows() > DENSE_LIMIT).then(|| selection.clone());
             choose(x, selection);
-            chord &= factored.as_ref() == Some(selection);
+            chord = kept.as_ref() == Some(selection);
             map.residual(selection, x, &mut self.r);
             self.iterations += 1;
-            outcome.iterations += 1;
+            steps += 1;
             outcome.residual_norm = norm(&self.r);
             outcome.step_norm = step;
-            if !(outcome.residual_norm.is_finite() && outcome.step_norm.is_finite()) {
+            if !met {
+                outcome.iterations = before + newton_steps(steps);
+            }
+            if !(outcome.residual_norm.is_finite() && step.is_finite()) {
                 return Ok(outcome);
             }
-            if measure(&self.r) < tol_residual
-                && (outcome.step_norm < tol_step || self.is_rounding(outcome.step_norm, x, t)?)
-            {
-                outcome.converged = true;
-                return Ok(outcome);
+            met = met
+                || measure(&self.r) < tol_residual && (step < tol_step || self.is_rounding(step, x, t)?);
+            // What chords leave is a share of their last step, what Newton's method leaves is far less.
+            let left = QUADRATIC * tol_step;
+            if met && (steps == 1 || !chord || step < left || self.is_rounding(step, x, t)?) {
+                break;
+            }
+        }
+        outcome.converged = met;
+        if steps > 1 {
+            let taken = self.take_tangent(map, x, t);
+            if met {
+                taken?;
             }
         }
         Ok(outcome)
@@ -522,6 +563,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
         };
         let mut chord = t.is_none() && self.last.as_ref() == Some(selection);
         let mut guess = chord.then(|| x.to_vec());
+        self.secants.clear();
         while outcome.iterations < LIMIT {
             map.residual(selection, x, &mut self.r);
             let offset = x
@@ -533,11 +575,13 @@ impl<L: LinearSolver> MoorePenrose<L> {
                 - s;
             if !chord {
                 self.assemble(map, selection, x)?;
-                self.factor(Some(normal))?;
-                self.last = Some(selection.clone());
-                self.rounding = None;
+                self.factor_at(selection, x, Some(normal))?;
             }
             self.bordered.solve(&self.r, normal, offset, &mut self.dx)?;
+            // Rounding errors tell nothing of the Jacobian.
+            if chord && !self.is_rounding(norm(&self.dx), x, normal)? {
+                self.secants.turn(&mut self.dx);
+            }
             if let Some(t) = &mut t {
                 let tangent = self.bordered.tangent();
                 let sign = dot(tangent, normal).signum();
@@ -548,11 +592,13 @@ impl<L: LinearSolver> MoorePenrose<L> {
             let step = norm(&self.dx);
             let size = norm(x);
             let noise = 4.0 * f64::EPSILON * size;
-            let slow = step.is_nan() || step > CONTRACTION * outcome.step_norm;
+            let least = if chord { SECANTS } else { CONTRACTION };
+            let slow = step.is_nan() || step > least * outcome.step_norm;
             let small = step <= STALLED * (1.0 + size);
             let rounding = step <= noise || (small || slow) && self.is_rounding(step, x, normal)?;
             if chord && slow && !rounding {
                 // Factors of a point too far away: from the guess again, unless chords have come near.
+                self.secants.clear();
                 if let Some(guess) = guess.take().filter(|_| outcome.iterations < 2) {
                     x.copy_from_slice(&guess);
                     outcome.step_norm = f64::INFINITY;
@@ -570,6 +616,9 @@ impl<L: LinearSolver> MoorePenrose<L> {
             if step < 0.5 * outcome.step_norm || rounding {
                 for (x, d) in x.iter_mut().zip(&self.dx) {
                     *x -= d;
+                }
+                if t.is_none() {
+                    self.secants.push(&self.dx);
                 }
             }
             let stalled = step >= 0.5 * outcome.step_norm;

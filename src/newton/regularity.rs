@@ -1,6 +1,7 @@
 //! What the factors at hand tell of a point on a curve: how far rounding may have moved it, and how fast ∇H loses its regularity.
 
 use super::MoorePenrose;
+use super::convergence::row_sizes;
 use crate::linear::{LinearError, LinearSolver};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Selection};
 use crate::sparse::{dot, norm};
@@ -29,6 +30,18 @@ impl<L: LinearSolver> MoorePenrose<L> {
             }
             _ => self.bordered.solve(&self.r, t, 0.0, &mut self.dx),
         }
+    }
+
+    /// What rounding errors of the terms of H make of a function with the given gradient at a point of a curve across `normal`: the square root
+    /// of the mean square over all signs of the errors, with the last factors, which must be those of a point next to x. `None` where nothing
+    /// can be told.
+    pub(crate) fn rounding_of(&mut self, gradient: &[f64], x: &[f64], normal: &[f64]) -> Option<f64> {
+        let (weights, terms) = (&mut self.errors.0, &mut self.r);
+        self.bordered.solve_transpose(gradient, normal, weights).ok()?;
+        row_sizes(self.jac.as_ref(), x, terms);
+        weights.iter_mut().zip(terms).for_each(|(w, t)| *w *= *t);
+        let mean = f64::EPSILON * norm(weights);
+        mean.is_finite().then_some(mean)
     }
 
     /// The least singular value of ∇H^(σ)(x) with its rows divided by `sizes`, from above, by inverse iteration; 0 where ∇H has no factors.
@@ -86,17 +99,29 @@ impl<L: LinearSolver> MoorePenrose<L> {
         for ((r, size), v) in self.r.iter_mut().zip(&*sizes).zip(&*v) {
             *r = size * v;
         }
-        let solved = (self.bordered.solve(&self.r, t, 0.0, &mut self.dx))
-            .and_then(|()| self.bordered.solve_transpose(&self.dx, t, v));
+        let mut solved = self.solve_here(t);
+        if solved == Ok(false) {
+            // A singular point may be this near in a direction in which the corrections did not go: signs of determinants are to be those here.
+            solved = self.factor_at(selection, x, Some(t)).map(|()| true);
+            self.refined = false;
+            if solved.is_ok() {
+                solved = self.solve_here(t);
+            }
+        }
+        let solved = solved.and_then(|_| self.solve_transpose_here(t, v));
         if solved.is_err() {
             return Ok(None);
         }
         for ((y, x), t) in behind.iter_mut().zip(x).zip(t) {
             *y = x - distance * t;
         }
-        self.assemble(map, selection, behind)?;
-        // ∇H there times ∇H⁺ S v, less S v, which that is here.
+        // ∇H there, less ∇H here, times ∇H⁺ S v, which is S v here with the factors of this point.
+        if self.refined {
+            self.r.fill(0.0);
+            self.jac.as_ref().mul_add(1.0, &self.dx, &mut self.r);
+        }
         self.r.iter_mut().for_each(|r| *r = -*r);
+        self.assemble(map, selection, behind)?;
         self.jac.as_ref().mul_add(1.0, &self.dx, &mut self.r);
         let rate = dot(v, &self.r) / (distance * dot(&self.dx, &self.dx));
         v.iter_mut().zip(&*sizes).for_each(|(v, size)| *v *= size);
@@ -118,7 +143,7 @@ impl<L: LinearSolver> MoorePenrose<L> {
         (x, sizes): (&[f64], &[f64]),
         t: &[f64],
     ) -> Result<[Vec<f64>; 2], PiecewiseError> {
-        self.linearize(map, selection, x, Some(t))?;
+        self.linearize_again(map, selection, x, Some(t))?;
         map.residual(selection, x, &mut self.r);
         let mut errors = vec![0.0; self.r.len()];
         self.jac.as_ref().add_term_sizes(sizes, &mut errors);
@@ -165,6 +190,25 @@ mod tests {
                 assert!(length <= 1.01 * distance + 1e-14 && dot(moved, &t).abs() <= 1e-15);
             }
         }
+    }
+
+    /// 2 y = α and 4 z + y = α at fixed α: z is moved by a quarter of the error of its row, and by an eighth of that of the other.
+    #[test]
+    fn rounding_moves_functions_by_the_mean_over_its_signs() {
+        let map = MinMap::curve(2, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+            (a[0], a[1]) = (2.0 * x[0] - x[2], 4.0 * x[1] + x[0] - x[2]);
+            b.fill(1e9);
+        });
+        let mut corrector = MoorePenrose::new(&map, AutoSolver::new()).unwrap();
+        let (x, normal) = ([1.5, 0.375, 3.0], [0.0, 0.0, 1.0]);
+        let selection = Selection::uniform(2, 0);
+        corrector.linearize(&map, &selection, &x, None).unwrap();
+        let found = corrector.rounding_of(&[0.0, 1.0, 0.0], &x, &normal).unwrap();
+        let expected = f64::EPSILON * f64::hypot(6.0 / 4.0, 6.0 / 8.0);
+        assert!(
+            (found - expected).abs() < 1e-6 * expected,
+            "{found:e} {expected:e}"
+        );
     }
 
     /// After an update of rows it is that of the selection asked for, not of the one that was factored; corrections by its factors are its

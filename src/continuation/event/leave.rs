@@ -50,7 +50,7 @@ impl Curve<'_> {
                 &mut self.row_sizes,
             );
         }
-        let linearized = self.corrector.linearize(&self.map, &self.selection, x, Some(t));
+        let linearized = (self.corrector).linearize_again(&self.map, &self.selection, x, Some(t));
         let regular = linearized.is_ok();
         let (orientation, det_sign) = match linearized {
             Ok(_) => (self.corrector.orientation(t), self.corrector.det_sign()),

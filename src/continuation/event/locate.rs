@@ -3,11 +3,13 @@
 use super::watch::Monitor;
 use crate::continuation::engine::{Curve, State};
 use crate::continuation::{ContinuationError, Termination};
-use crate::piecewise::{PiecewiseError, PiecewiseSmooth};
+use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Vanishing};
 use crate::sparse::{distance, dot, norm};
 
 /// Largest number of points computed to locate one event.
 const LIMIT: usize = 60;
+/// Values of facets up to this share of what rounding errors make of them count as zero: nearer ones are chance.
+const HIDDEN: f64 = 0.0625;
 /// Distance from the interpolated guess, relative to the step, beyond which a corrected point lies on another curve.
 const STRAY: f64 = 0.02;
 
@@ -109,12 +111,13 @@ impl Curve<'_> {
         let (mut a, mut ga) = (0.0, self.monitor_value(monitor, &here, &origin)?);
         let (mut b, mut gb) = (high.s, self.monitor_value(monitor, &high, &origin)?);
         let mut state = high.clone();
+        let mut misses = Misses::default();
         if let Monitor::Facet { index, facet } = monitor
             && let Some(back) = self.return_to(index, facet)
         {
             // The bracket begins between the facet just left and its second crossing.
             a = 0.5 * back;
-            if !self.find_state(a, &high, &mut state, by_chords)? {
+            if !self.find_state(a, &high, &mut state, by_chords.then_some(&mut misses))? {
                 return Ok(None);
             }
             ga = self.monitor_value(monitor, &state, &origin)?;
@@ -128,6 +131,7 @@ impl Curve<'_> {
         let width = 4.0 * f64::EPSILON * (norm(&here.x) + b);
         let slope = (ga - gb).abs() / (b - a).max(f64::MIN_POSITIVE);
         let mut best: Option<(f64, State)> = None;
+        let mut rounding = None;
         for _ in 0..LIMIT {
             let mut s = if gb < ga {
                 a + (b - a) * ga / (ga - gb)
@@ -137,7 +141,7 @@ impl Curve<'_> {
             if !(s > a && s < b) {
                 s = if ga == 0.0 && a == 0.0 { 0.0 } else { 0.5 * (a + b) };
             }
-            if !self.find_state(s, &high, &mut state, by_chords)? {
+            if !self.find_state(s, &high, &mut state, by_chords.then_some(&mut misses))? {
                 return Ok(None);
             }
             let g = self.monitor_value(monitor, &state, &origin)?;
@@ -147,7 +151,12 @@ impl Curve<'_> {
             if best.as_ref().is_none_or(|b| g.abs() < b.0) {
                 best = Some((g.abs(), state.clone()));
             }
-            if g.abs() <= width * slope || (b - a) <= width {
+            let noise = match rounding {
+                Some(known) => known,
+                None => self.rounding_of(monitor, &state),
+            };
+            rounding = Some(noise);
+            if g.abs() <= (HIDDEN * noise).max(width * slope) || (b - a) <= width {
                 break;
             }
             if g > 0.0 {
@@ -167,6 +176,18 @@ impl Curve<'_> {
         self.complete_state(&mut state)?;
         self.next = state;
         Ok(Some(value))
+    }
+
+    /// What rounding errors of H make of the value of a facet at a state, as a mean over their signs: beyond that its zero cannot be told. With
+    /// the factors at hand, which must be those of a point nearby.
+    fn rounding_of(&mut self, monitor: Monitor, state: &State) -> f64 {
+        let Monitor::Facet { index, .. } = monitor else {
+            return 0.0;
+        };
+        let v = Vanishing::new(&self.map, &self.layout, &self.selection, index, &state.x);
+        (self.corrector)
+            .rounding_of(&v.gradient, &state.x, &self.here.t)
+            .unwrap_or(0.0)
     }
 
     /// Cubic interpolation between `here` and `high` at distance `s` along the tangent at `here`.
@@ -189,28 +210,31 @@ impl Curve<'_> {
         high: &State,
         state: &mut State,
     ) -> Result<bool, ContinuationError> {
-        self.find_state(s, high, state, false)
+        self.find_state(s, high, state, None)
     }
 
-    /// [`state_at`](Self::state_at), by chords without the tangent: that of the guess is left.
+    /// [`state_at`](Self::state_at), with `misses` by chords without the tangent: that of the guess is left.
     fn find_state(
         &mut self,
         s: f64,
         high: &State,
         state: &mut State,
-        by_chords: bool,
+        mut misses: Option<&mut Misses>,
     ) -> Result<bool, ContinuationError> {
         self.interpolate(s, high, state);
         let guess = state.x.clone();
         let (anchor, normal) = (&self.here.x, &self.here.t);
-        let corrected = match by_chords {
-            true => (self.corrector).correct_by_chords(
-                &self.map,
-                &self.selection,
-                (anchor, normal, s),
-                &mut state.x,
-            ),
-            false => self.corrector.correct_in_plane(
+        let corrected = match &mut misses {
+            Some(misses) => {
+                misses.add(s, high.s, &mut state.x);
+                (self.corrector).correct_by_chords(
+                    &self.map,
+                    &self.selection,
+                    (anchor, normal, s),
+                    &mut state.x,
+                )
+            }
+            None => self.corrector.correct_in_plane(
                 &self.map,
                 &self.selection,
                 anchor,
@@ -225,6 +249,9 @@ impl Curve<'_> {
                 let strayed = distance(&state.x, &guess);
                 if strayed > STRAY * high.s + 1e-9 * (1.0 + norm(&guess)) {
                     return Ok(false);
+                }
+                if let Some(misses) = misses {
+                    misses.note(s, &guess, &state.x);
                 }
                 state.residual_norm = c.residual_norm;
                 state.s = s;
@@ -314,6 +341,45 @@ impl Curve<'_> {
     }
 }
 
+/// By how much cubic interpolation misses the curve at the last two points found on it: at the next one by about what the polynomial through
+/// both says that vanishes at the ends. Points close together on the curve then cost a few corrections alone.
+#[derive(Default)]
+struct Misses {
+    last: Option<(f64, Vec<f64>)>,
+    before: Option<(f64, Vec<f64>)>,
+}
+
+impl Misses {
+    /// Adds what the interpolation will miss at s to x; `end` is the length of the step.
+    fn add(&self, s: f64, end: f64, x: &mut [f64]) {
+        const FARTHEST: f64 = 2.0;
+        let Some((s0, last)) = &self.last else { return };
+        let bubble = |at: f64| at * (end - at);
+        let alone = bubble(s) / bubble(*s0);
+        let mut add = |weight: f64, miss: &[f64]| {
+            x.iter_mut().zip(miss).for_each(|(x, m)| *x += weight * m);
+        };
+        if let Some((s1, before)) = &self.before {
+            let away = (s - s0) / (s0 - s1);
+            let weights = (alone * (1.0 + away), bubble(s) / bubble(*s1) * -away);
+            // Not by far extrapolation, where rounding grows.
+            if weights.0.abs() <= FARTHEST && weights.1.abs() <= FARTHEST {
+                add(weights.0, last);
+                add(weights.1, before);
+                return;
+            }
+        }
+        if alone.abs() <= FARTHEST {
+            add(alone, last);
+        }
+    }
+
+    fn note(&mut self, s: f64, interpolated: &[f64], x: &[f64]) {
+        let miss = x.iter().zip(interpolated).map(|(x, g)| x - g).collect();
+        self.before = self.last.replace((s, miss));
+    }
+}
+
 /// Normalisation of a monitor: positive at the start of the step.
 struct Origin {
     sign: f64,
@@ -332,8 +398,33 @@ pub(in crate::continuation) fn side_factor(new: f64, replaced: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::Misses;
     use crate::continuation::testing::Plane;
     use crate::piecewise::PiecewiseSmooth;
+
+    /// From two points a miss s (L − s) (a + b s) is known everywhere, from one of them with b = 0.
+    #[test]
+    fn misses_that_are_cubic_are_told_exactly() {
+        let miss = |s: f64, b: f64| s * (2.0 - s) * (0.3 + b * s);
+        for (points, b) in [
+            (vec![0.4], 0.0),
+            (vec![0.4, 1.1], -0.7),
+            (vec![1.9, 1.2, 0.8], 0.2),
+        ] {
+            let mut misses = Misses::default();
+            let mut none = [5.0];
+            misses.add(0.7, 2.0, &mut none);
+            assert_eq!(none, [5.0]);
+            for s in points {
+                misses.note(s, &[1.0], &[1.0 + miss(s, b)]);
+            }
+            for s in [0.7, 0.95, 1.0] {
+                let mut x = [0.0];
+                misses.add(s, 2.0, &mut x);
+                assert!((x[0] - miss(s, b)).abs() < 1e-14, "{s} {b}: {x:?}");
+            }
+        }
+    }
 
     /// H = y − α within a test function, in units a million times larger: what x misses the curve by, in its last digits, is no distance
     /// from the facet.

@@ -1,10 +1,12 @@
 //! What lies inside a step: monitors whose signs differ at its ends, and which of them is met first.
 
+use std::borrow::Cow;
+
 use super::arms::UNEXPLAINED;
 use super::singular::ZERO_DETERMINANT;
 use crate::continuation::ContinuationError;
 use crate::continuation::engine::Curve;
-use crate::piecewise::{Facet, PiecewiseSmooth};
+use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
 use crate::sparse::norm;
 
 /// A scalar function along the curve whose sign must not change unnoticed.
@@ -45,6 +47,7 @@ impl Curve<'_> {
     pub(in crate::continuation) fn first_event(
         &mut self,
     ) -> Result<Result<Option<Monitor>, Unresolved>, ContinuationError> {
+        self.note_departure();
         if self.dips_unseen() {
             return Ok(Err(Unresolved::Event));
         }
@@ -191,9 +194,8 @@ impl Curve<'_> {
             return false;
         }
         let total = self.layout.total();
-        let (mut d0, mut d1) = (vec![0.0; total], vec![0.0; total]);
-        self.map
-            .tests_of_selection(&self.selection, &self.here.x, Some(&self.here.t), &mut d0);
+        let d0 = self.departing_rates();
+        let mut d1 = vec![0.0; total];
         self.map
             .tests_of_selection(&self.selection, &self.next.x, Some(&self.next.t), &mut d1);
         let step = self.next.s.max(f64::MIN_POSITIVE);
@@ -217,6 +219,29 @@ impl Curve<'_> {
         false
     }
 
+    /// Rates of the test functions along the tangent at `here`.
+    fn departing_rates(&self) -> Cow<'_, [f64]> {
+        if self.departure.is_of(self) {
+            return Cow::Borrowed(&self.departure.rates);
+        }
+        let mut rates = vec![0.0; self.layout.total()];
+        self.map
+            .tests_of_selection(&self.selection, &self.here.x, Some(&self.here.t), &mut rates);
+        Cow::Owned(rates)
+    }
+
+    /// Keeps these rates, which every facet that is left inside the step asks for.
+    fn note_departure(&mut self) {
+        if !self.departure.is_of(self) && !self.map.is_piecewise_affine() {
+            self.departure = Departure {
+                rates: self.departing_rates().into_owned(),
+                selection: Some(self.selection.clone()),
+                x: self.here.x.clone(),
+                t: self.here.t.clone(),
+            };
+        }
+    }
+
     /// Where the parabola through a facet's values at `here` and `next` comes back to zero, if `here` lies on the facet to rounding
     /// and the curve leaves it inwards: then the crossing is not the start of the step, where the linear interpolant has it.
     pub(in crate::continuation) fn return_to(&self, index: usize, facet: Facet) -> Option<f64> {
@@ -229,12 +254,24 @@ impl Curve<'_> {
         if self.map.is_piecewise_affine() || g1.is_nan() || g1 >= 0.0 {
             return None;
         }
-        let mut rates = vec![0.0; self.layout.total()];
-        self.map
-            .tests_of_selection(&self.selection, &self.here.x, Some(&self.here.t), &mut rates);
-        let rate = sign * rates[index];
+        let rate = sign * self.departing_rates()[index];
         let reach = self.options.vanishing_distance * (1.0 + norm(&self.here.x));
         (rate > 0.0 && g0.abs() <= reach * rate).then(|| rate * step * step / (rate * step - g1))
+    }
+}
+
+/// Rates of the test functions of a selection at a point, along a direction.
+#[derive(Default)]
+pub(in crate::continuation) struct Departure {
+    rates: Vec<f64>,
+    selection: Option<Selection>,
+    x: Vec<f64>,
+    t: Vec<f64>,
+}
+
+impl Departure {
+    fn is_of(&self, curve: &Curve<'_>) -> bool {
+        self.selection.as_ref() == Some(&curve.selection) && self.x == curve.here.x && self.t == curve.here.t
     }
 }
 

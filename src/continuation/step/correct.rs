@@ -49,14 +49,15 @@ impl Curve<'_> {
         if !(correction.converged || fine) {
             return Ok(None);
         }
-        self.next.orientation = self.corrector.orientation(&self.next.t);
-        self.next.det_sign = self.corrector.det_sign();
         self.next.residual_norm = correction.residual_norm;
         self.next.s = self.progress_to(&self.next.x);
         let mut next = std::mem::take(&mut self.next);
         let known = self.find_decline(&mut next, h);
         self.next = next;
         known?;
+        // Only now: the factors may have been made anew.
+        self.next.orientation = self.corrector.orientation(&self.next.t);
+        self.next.det_sign = self.corrector.det_sign();
         let Some(mut shape) = self.shape(h) else {
             return Ok(None);
         };
