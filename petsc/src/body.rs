@@ -8,6 +8,7 @@ use thiserror::Error;
 use crate::Part;
 use crate::ffi::Int;
 use crate::handles::Matrix;
+use crate::stiffness::Stiffness;
 use crate::world::{Error, World};
 
 type Frame = [[f64; 3]; 3];
@@ -66,7 +67,7 @@ pub struct DistributedBody<'w> {
     pub(crate) first: usize,
     /// Components of the nodes with equations of this process.
     pub(crate) len: usize,
-    pub(crate) stiffness: Matrix<'w>,
+    pub(crate) stiffness: Stiffness<'w>,
     /// Stored entries of it in this process.
     entries: u64,
     /// Mean stiffness of single contact nodes, over all directions and processes.
@@ -147,9 +148,10 @@ impl<'w> DistributedBody<'w> {
             .map(|&n| (0..dim).filter(|&d| system.dof(n, d).is_some()).count())
             .sum();
         let (_, num_displacements) = world.offset(own_free)?;
-        let (mut stiffness, entries) = numbering.stiffness(world, part, system, mean)?;
+        let (mut stiffness, entries, near) = numbering.stiffness(world, part, system, mean)?;
         stiffness.set_near_kernel(dim, num_modes, &modes)?;
         drop(modes);
+        let stiffness = Stiffness::new(world, stiffness, dim * numbering.first, near)?;
         // What no process solves for, at nodes that have supports this part does not know of: nowhere.
         let mut places = vec![u32::MAX; system.num_free()];
         for (k, node) in nodes.iter().chain(&numbering.others).enumerate() {
@@ -366,14 +368,15 @@ impl Numbering {
         }
     }
 
-    /// The rows of the stiffness matrix of this process; components that are prescribed have `diagonal` alone.
+    /// The rows of the stiffness matrix of this process and the number of its entries there; components that are prescribed have `diagonal`
+    /// alone. Then the rows of contact nodes and their neighbours, and which are of contact nodes.
     fn stiffness<'w>(
         &self,
         world: &'w World,
         part: &Part,
         system: &ElasticSystem,
         diagonal: f64,
-    ) -> Result<(Matrix<'w>, u64), Boxed> {
+    ) -> Result<(Matrix<'w>, u64, Vec<(Int, bool)>), Boxed> {
         let dim = self.dim;
         let a = system.stiffness();
         let (starts, indices) = (a.pattern().col_ptr(), a.pattern().row_idx());
@@ -396,9 +399,14 @@ impl Numbering {
             list.dedup();
         };
         let mut list = Vec::new();
-        let (mut own, mut other) = (Vec::new(), Vec::new());
+        let (mut own, mut other, mut near) = (Vec::new(), Vec::new(), Vec::new());
         for &node in &self.nodes {
             neighbours(node, &mut list);
+            let is_contact = self.frames.contains_key(&node);
+            if is_contact || list.iter().any(|n| self.frames.contains_key(n)) {
+                let row = dim as Int * self.number[node];
+                near.extend((row..row + dim as Int).map(|row| (row, is_contact)));
+            }
             let here = list.iter().filter(|n| self.own(**n).is_some()).count();
             own.push(here as Int);
             other.push((list.len() - here) as Int);
@@ -440,7 +448,7 @@ impl Numbering {
         }
         matrix.assemble()?;
         matrix.set_definite()?;
-        Ok((matrix, blocks * (dim * dim) as u64))
+        Ok((matrix, blocks * (dim * dim) as u64, near))
     }
 
     /// Rigid motions at the components of this process, one vector after another, and how many; 0 where components are prescribed.
