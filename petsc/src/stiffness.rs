@@ -1,8 +1,6 @@
 use std::cell::{Cell, RefCell};
 use std::collections::HashMap;
 
-use semismooth::contact::ReducedStep;
-
 use crate::ffi::Int;
 use crate::handles::{Matrix, Vector};
 use crate::world::{PetscError, World};
@@ -76,13 +74,19 @@ impl<'w> Stiffness<'w> {
         Ok(&self.matrix)
     }
 
-    /// Makes rows and columns of components of contact nodes those of a diagonal matrix and adds to entries of such nodes. Collective.
-    pub(crate) fn change(&mut self, step: &ReducedStep<'_>, diagonal: f64) -> Result<(), PetscError> {
+    /// Makes rows and columns of `held` components of contact nodes those of a diagonal matrix and adds to entries (row, column, value) of
+    /// such nodes. Collective.
+    pub(crate) fn change(
+        &mut self,
+        held: &[usize],
+        diagonal: f64,
+        added: &[(usize, usize, f64)],
+    ) -> Result<(), PetscError> {
         self.original()?;
         self.changed.set(true);
-        let held: Vec<Int> = step.held.iter().map(|k| self.first + *k as Int).collect();
+        let held: Vec<Int> = held.iter().map(|k| self.first + *k as Int).collect();
         self.matrix.hold(&held, diagonal)?;
-        for &(i, j, v) in step.added {
+        for &(i, j, v) in added {
             let (i, j) = (self.first + i as Int, self.first + j as Int);
             self.matrix.add_row(i, &[j], &[v])?;
         }
@@ -149,17 +153,15 @@ impl<'w> Stiffness<'w> {
         Ok(())
     }
 
-    /// What the matrix has been changed by among the components near contact nodes, into the same matrix as before. Collective.
-    pub(crate) fn difference(&self, before: Option<Matrix<'w>>) -> Result<Matrix<'w>, PetscError> {
-        let mut now = match before {
+    /// The matrix as it is now among the components near contact nodes, into the same matrix as before. Collective.
+    pub(crate) fn now_near(&self, before: Option<Matrix<'w>>) -> Result<Matrix<'w>, PetscError> {
+        match before {
             Some(mut now) => {
                 self.matrix.among_again(&self.near.rows, &mut now)?;
-                now
+                Ok(now)
             }
-            None => self.matrix.among(&self.near.rows)?,
-        };
-        now.subtract(&self.near.matrix)?;
-        Ok(now)
+            None => self.matrix.among(&self.near.rows),
+        }
     }
 
     /// The components of this process among which the matrix changes, as rows.

@@ -85,11 +85,13 @@ impl<'w> System<'w> {
     fn choose(&mut self, step: &ReducedStep<'_>) -> Result<(), PetscError> {
         self.held.clear();
         self.held.extend_from_slice(step.held);
-        // The hierarchy is that of A; of what differs from A its matrices are told.
+        let diagonal = self.body.node_stiffness;
+        // The hierarchy is that of the first components held. What laws add may be larger than A by orders, and comes and goes.
         if self.sum.is_none() && self.solver.is_multigrid()? {
+            self.body.stiffness.change(step.held, diagonal, &[])?;
             self.coarse = Coarse::new(&mut self.solver, &self.body.stiffness)?;
         }
-        self.body.stiffness.change(step, self.body.node_stiffness)?;
+        self.body.stiffness.change(step.held, diagonal, step.added)?;
         let beside = self.beside(step)?;
         let now = self.body.stiffness.now();
         let sum = Matrix::both(now, &beside)?;
@@ -160,19 +162,23 @@ struct Coarse<'w> {
     /// The rows of P near contact nodes.
     interpolation: Matrix<'w>,
     matrix: Matrix<'w>,
+    /// A near contact nodes, as it was when the hierarchy was made.
+    near: Matrix<'w>,
     /// A' − A near contact nodes, and Pᵀ (A' − A) P.
     difference: Option<[Matrix<'w>; 2]>,
 }
 
 impl<'w> Coarse<'w> {
-    /// Sets up the solver for A; none where there are no coarse levels.
+    /// Sets up the solver for the matrix as it is; none where there are no coarse levels.
     fn new(solver: &mut Solver<'w>, stiffness: &Stiffness<'w>) -> Result<Option<Self>, PetscError> {
-        let a = stiffness.original()?;
-        solver.set(a, a)?;
-        let hierarchy = solver.hierarchy(stiffness.near())?;
-        Ok(hierarchy.map(|[interpolation, matrix]| Self {
+        solver.set(stiffness.now(), stiffness.now())?;
+        let Some([interpolation, matrix]) = solver.hierarchy(stiffness.near())? else {
+            return Ok(None);
+        };
+        Ok(Some(Self {
             interpolation,
             matrix,
+            near: stiffness.now_near(None)?,
             difference: None,
         }))
     }
@@ -188,7 +194,8 @@ impl<'w> Coarse<'w> {
             Some([difference, product]) => (Some(difference), Some(product)),
             None => (None, None),
         };
-        let difference = stiffness.difference(difference)?;
+        let mut difference = stiffness.now_near(difference)?;
+        difference.subtract(&self.near)?;
         let product = difference.triple(&self.interpolation, product)?;
         solver.update(sum, stiffness.now(), &self.matrix, &product, again)?;
         self.difference = Some([difference, product]);
