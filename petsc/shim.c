@@ -1,5 +1,8 @@
 /* What Rust cannot see of PETSc and MPI: communicators (a number or a pointer), macros, the values of enums. */
 #include <petscksp.h>
+#if defined(__GLIBC__)
+  #include <malloc.h>
+#endif
 #include <signal.h>
 #include <string.h>
 #include <unistd.h>
@@ -42,6 +45,13 @@ int shim_start(const char *options)
   sigemptyset(&action.sa_mask);
   if (sigaction(SIGINT, &action, NULL) || sigaction(SIGTERM, &action, NULL)) return PETSC_ERR_SYS;
   return PetscOptionsInsertString(NULL, options);
+}
+/* Open MPI has malloc keep all that is freed, in pieces that large blocks do not fit into. */
+void shim_trim(void)
+{
+#if defined(__GLIBC__)
+  malloc_trim(0);
+#endif
 }
 int shim_finish(void)
 {

@@ -95,6 +95,7 @@ impl<'w> DistributedBody<'w> {
         let gap = world.collect(&bits)?.concat();
         let mut schur = vec![0.0; rows.len() * rows.len()];
         let stiffness = self.stiffness.original()?;
+        world.trim();
         stiffness.eliminate_others(&rows, &mut schur)?;
         let mut solver = krylov(world, DIRECTIONS)?;
         solver.set(stiffness, stiffness)?;

@@ -14,6 +14,7 @@ pub type Handle = *mut c_void;
 unsafe extern "C" {
     pub fn shim_start(options: *const c_char) -> Code;
     pub fn shim_finish() -> Code;
+    pub fn shim_trim();
     pub fn shim_abort(code: c_int);
     pub fn shim_world(rank: *mut c_int, size: *mut c_int);
     pub fn shim_vote(own: c_int, limit: c_int, patience: f64, smallest: *mut c_int, late: *mut c_int)

@@ -86,6 +86,9 @@ impl<'w> System<'w> {
         self.held.clear();
         self.held.extend_from_slice(step.held);
         let diagonal = self.body.node_stiffness;
+        if self.sum.is_none() {
+            self.body.world.trim();
+        }
         // The hierarchy is that of the first components held. What laws add may be larger than A by orders, and comes and goes.
         if self.sum.is_none() && self.solver.is_multigrid()? {
             self.body.stiffness.change(step.held, diagonal, &[])?;
