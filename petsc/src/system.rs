@@ -159,7 +159,8 @@ impl<'w> System<'w> {
 }
 
 /// GAMG's matrix on the level below the finest, Pᵀ A P: A changes near contact nodes alone, so Pᵀ (A' − A) P, a small product, is added to it.
-/// PETSc would form all of it again, two thirds of the time of a Newton step, and keep for it twice the memory of A where processes share A.
+/// PETSc would form all of it again, up to two thirds of the time of a Newton step, and keep for it more memory than A takes where processes
+/// share A.
 #[derive(Debug)]
 struct Coarse<'w> {
     /// The rows of P near contact nodes.
