@@ -1,5 +1,8 @@
 /* What Rust cannot see of PETSc and MPI: communicators (a number or a pointer), macros, the values of enums. */
 #include <petscksp.h>
+#if defined(__GLIBC__)
+  #include <malloc.h>
+#endif
 #include <signal.h>
 #include <string.h>
 #include <unistd.h>
@@ -42,6 +45,13 @@ int shim_start(const char *options)
   sigemptyset(&action.sa_mask);
   if (sigaction(SIGINT, &action, NULL) || sigaction(SIGTERM, &action, NULL)) return PETSC_ERR_SYS;
   return PetscOptionsInsertString(NULL, options);
+}
+/* Open MPI has malloc keep all that is freed, in pieces that large blocks do not fit into. */
+void shim_trim(void)
+{
+#if defined(__GLIBC__)
+  malloc_trim(0);
+#endif
 }
 int shim_finish(void)
 {
@@ -153,9 +163,23 @@ int shim_assemble(Mat a)
   PetscCall(MatAssemblyBegin(a, MAT_FINAL_ASSEMBLY));
   return MatAssemblyEnd(a, MAT_FINAL_ASSEMBLY);
 }
+/* The entries among some rows, which each process names of its own in increasing order, and their columns; `again` into the same matrix. */
+int shim_among(Mat a, PetscInt n, const PetscInt rows[], int again, Mat *part)
+{
+  IS is;
+
+  PetscCall(ISCreateGeneral(PETSC_COMM_WORLD, n, rows, PETSC_COPY_VALUES, &is));
+  PetscCall(MatCreateSubMatrix(a, is, is, again ? MAT_REUSE_MATRIX : MAT_INITIAL_MATRIX, part));
+  return ISDestroy(&is);
+}
+int shim_replace_row(Mat a, PetscInt row, PetscInt n, const PetscInt cols[], const double values[])
+{
+  return MatSetValues(a, 1, &row, n, cols, values, INSERT_VALUES);
+}
+/* a - b for matrices of the same pattern. */
+int shim_subtract(Mat a, Mat b) { return MatAXPY(a, -1.0, b, SAME_NONZERO_PATTERN); }
+int shim_triple(Mat a, Mat p, int again, Mat *product) { return MatPtAP(a, p, again ? MAT_REUSE_MATRIX : MAT_INITIAL_MATRIX, 2.0, product); }
 int shim_definite(Mat a) { return MatSetOption(a, MAT_SPD, PETSC_TRUE); }
-int shim_duplicate(Mat a, Mat *b) { return MatDuplicate(a, MAT_COPY_VALUES, b); }
-int shim_copy(Mat a, Mat b) { return MatCopy(a, b, SAME_NONZERO_PATTERN); }
 int shim_hold(Mat a, PetscInt n, const PetscInt rows[], double diagonal) { return MatZeroRowsColumns(a, n, rows, diagonal, NULL, NULL); }
 int shim_both(Mat a, Mat b, Mat *sum)
 {
@@ -245,14 +269,6 @@ int shim_eliminate(Mat a, PetscInt n, const PetscInt rows[], double schur[])
   return code;
 }
 
-int shim_share_near_kernel(Mat a, Mat b)
-{
-  MatNullSpace kernel;
-
-  PetscCall(MatGetNearNullSpace(a, &kernel));
-  return MatSetNearNullSpace(b, kernel);
-}
-
 /* An option, unless it is given already. */
 int shim_default(const char *name, const char *value)
 {
@@ -297,6 +313,84 @@ int shim_operators(KSP k, Mat a, Mat p)
   PetscCall(KSPSetOperators(k, a, p));
   PetscCall(KSPSetUp(k));
   return smooth_nodes(k);
+}
+/* Whether the preconditioner is GAMG, whose aggregates stay as the matrix changes. */
+int shim_multigrid(KSP k, int *is)
+{
+  PC        pc;
+  PetscBool gamg, stays = PETSC_FALSE;
+
+  PetscCall(KSPGetPC(k, &pc));
+  PetscCall(PetscObjectTypeCompare((PetscObject)pc, PCGAMG, &gamg));
+  PetscCall(PetscOptionsGetBool(NULL, NULL, "-pc_gamg_reuse_interpolation", &stays, NULL));
+  *is = gamg && stays;
+  return 0;
+}
+/* Of a hierarchy that has been made: the given rows of the interpolation to the finest level, and a copy of the matrix of the level below;
+   none where there is one level. What PETSc keeps to form that matrix again is freed: it is more than the matrix of the finest level where
+   processes share it. */
+int shim_hierarchy(KSP k, PetscInt n, const PetscInt rows[], Mat *interpolation, Mat *coarse)
+{
+  PC       pc;
+  KSP      smoother;
+  IS       is;
+  Mat      p, c;
+  PetscInt levels;
+
+  *interpolation = *coarse = NULL;
+  PetscCall(KSPGetPC(k, &pc));
+  PetscCall(PCMGGetLevels(pc, &levels));
+  if (levels < 2) return 0;
+  PetscCall(PCMGGetInterpolation(pc, levels - 1, &p));
+  PetscCall(PCMGGetSmoother(pc, levels - 2, &smoother));
+  PetscCall(KSPGetOperators(smoother, &c, NULL));
+  PetscCall(MatProductClear(c));
+  PetscCall(MatProductClear(p));
+  PetscCall(ISCreateGeneral(PETSC_COMM_WORLD, n, rows, PETSC_COPY_VALUES, &is));
+  PetscCall(MatCreateSubMatrix(p, is, NULL, MAT_INITIAL_MATRIX, interpolation));
+  PetscCall(ISDestroy(&is));
+  return MatDuplicate(c, MAT_COPY_VALUES, coarse);
+}
+/* The hierarchy of other operators: `coarse` + `change` is the matrix of the level below the finest, those of the others follow. GAMG's own
+   setup is not called again. */
+int shim_update(KSP k, Mat a, Mat p, Mat coarse, Mat change, int again)
+{
+  PC       pc;
+  KSP      smoother;
+  Mat      above, own;
+  PetscInt levels;
+
+  PetscCall(KSPSetOperators(k, a, p));
+  PetscCall(KSPSetReusePreconditioner(k, PETSC_TRUE));
+  PetscCall(KSPGetPC(k, &pc));
+  PetscCall(PCMGGetLevels(pc, &levels));
+  PetscCall(PCMGGetSmoother(pc, levels - 1, &smoother));
+  PetscCall(KSPSetOperators(smoother, a, p));
+  PetscCall(PCMGSetResidual(pc, levels - 1, PCMGResidualDefault, a));
+  PetscCall(PCMGGetSmoother(pc, levels - 2, &smoother));
+  PetscCall(KSPGetOperators(smoother, &own, NULL));
+  PetscCall(MatCopy(coarse, own, SAME_NONZERO_PATTERN));
+  PetscCall(MatAXPY(own, 1.0, change, SUBSET_NONZERO_PATTERN));
+  PetscCall(KSPSetOperators(smoother, own, own));
+  for (PetscInt l = levels - 3; l >= 0; l--) {
+    Mat interpolation;
+
+    above = own;
+    PetscCall(PCMGGetInterpolation(pc, l + 1, &interpolation));
+    PetscCall(PCMGGetSmoother(pc, l, &smoother));
+    if (again) {
+      PetscCall(KSPGetOperators(smoother, &own, NULL));
+      PetscCall(MatPtAP(above, interpolation, MAT_REUSE_MATRIX, 2.0, &own));
+      PetscCall(KSPSetOperators(smoother, own, own));
+      continue;
+    }
+    /* Where GAMG has moved a level to fewer processes its matrix is not the product it came from. */
+    PetscCall(MatPtAP(above, interpolation, MAT_INITIAL_MATRIX, 2.0, &own));
+    PetscCall(KSPSetOperators(smoother, own, own));
+    if (l > 0) PetscCall(PCMGSetResidual(pc, l, PCMGResidualDefault, own));
+    PetscCall(PetscObjectDereference((PetscObject)own));
+  }
+  return 0;
 }
 int shim_solve(KSP k, Vec b, Vec x, double tolerance, PetscInt most, PetscInt *iterations, double *residual, int *reason)
 {

@@ -8,6 +8,7 @@ use thiserror::Error;
 use crate::Part;
 use crate::ffi::Int;
 use crate::handles::Matrix;
+use crate::stiffness::Stiffness;
 use crate::world::{Error, World};
 
 type Frame = [[f64; 3]; 3];
@@ -66,7 +67,7 @@ pub struct DistributedBody<'w> {
     pub(crate) first: usize,
     /// Components of the nodes with equations of this process.
     pub(crate) len: usize,
-    pub(crate) stiffness: Matrix<'w>,
+    pub(crate) stiffness: Stiffness<'w>,
     /// Stored entries of it in this process.
     entries: u64,
     /// Mean stiffness of single contact nodes, over all directions and processes.
@@ -147,9 +148,14 @@ impl<'w> DistributedBody<'w> {
             .map(|&n| (0..dim).filter(|&d| system.dof(n, d).is_some()).count())
             .sum();
         let (_, num_displacements) = world.offset(own_free)?;
-        let (mut stiffness, entries) = numbering.stiffness(world, part, system, mean)?;
-        stiffness.set_near_kernel(dim, num_modes, &modes)?;
+        let Rows {
+            mut matrix,
+            entries,
+            near,
+        } = numbering.stiffness(world, part, system, mean)?;
+        matrix.set_near_kernel(dim, num_modes, &modes)?;
         drop(modes);
+        let stiffness = Stiffness::new(world, matrix, dim * numbering.first, near)?;
         // What no process solves for, at nodes that have supports this part does not know of: nowhere.
         let mut places = vec![u32::MAX; system.num_free()];
         for (k, node) in nodes.iter().chain(&numbering.others).enumerate() {
@@ -220,17 +226,17 @@ impl<'w> DistributedBody<'w> {
     }
 
     /// Bytes that a [`DistributedContact`](crate::DistributedContact) takes in this process beside the body with GMRES and GAMG, by an estimate made
-    /// before they are allocated: a copy of the matrix, the hierarchy, of which more is beside the matrix the more processes share it
-    /// (measured on one and two), and the vectors of GMRES. Other solvers, chosen by options of PETSc, need what they need. Not collective.
+    /// before they are allocated: what multigrid needs while it is set up, more where processes share the matrix (measured on one
+    /// and two), and the vectors of GMRES. Other solvers, chosen by options of PETSc, need what they need. Not collective.
     #[must_use]
     pub fn memory(&self, options: &ReducedOptions) -> u64 {
         let matrix = self
             .entries
             .saturating_mul((size_of::<f64>() + size_of::<Int>()) as u64);
-        let hierarchy = if self.world.size() == 1 { 3 } else { 6 };
+        let hierarchy = if self.world.size() == 1 { 1 } else { 2 };
         let vectors = (options.directions as u64).saturating_add(OTHER_VECTORS);
         let vectors = vectors.saturating_mul((size_of::<f64>() * self.len) as u64);
-        (matrix / 2).saturating_mul(2 + hierarchy).saturating_add(vectors)
+        matrix.saturating_mul(hierarchy).saturating_add(vectors)
     }
 
     pub(crate) fn check_length(&self, what: &'static str, v: &[f64]) -> Result<(), ContactError> {
@@ -281,6 +287,14 @@ impl<'w> DistributedBody<'w> {
 
 fn padded(v: &[f64]) -> [f64; 3] {
     std::array::from_fn(|d| v.get(d).copied().unwrap_or(0.0))
+}
+
+/// The stiffness matrix, its stored entries in this process, and its rows here at contact nodes and their neighbours, with which are of the
+/// former.
+struct Rows<'w> {
+    matrix: Matrix<'w>,
+    entries: u64,
+    near: Vec<(Int, bool)>,
 }
 
 /// Nodes with equations: those with a free component, process by process.
@@ -373,7 +387,7 @@ impl Numbering {
         part: &Part,
         system: &ElasticSystem,
         diagonal: f64,
-    ) -> Result<(Matrix<'w>, u64), Boxed> {
+    ) -> Result<Rows<'w>, Boxed> {
         let dim = self.dim;
         let a = system.stiffness();
         let (starts, indices) = (a.pattern().col_ptr(), a.pattern().row_idx());
@@ -396,9 +410,14 @@ impl Numbering {
             list.dedup();
         };
         let mut list = Vec::new();
-        let (mut own, mut other) = (Vec::new(), Vec::new());
+        let (mut own, mut other, mut near) = (Vec::new(), Vec::new(), Vec::new());
         for &node in &self.nodes {
             neighbours(node, &mut list);
+            let is_contact = self.frames.contains_key(&node);
+            if is_contact || list.iter().any(|n| self.frames.contains_key(n)) {
+                let row = dim as Int * self.number[node];
+                near.extend((row..row + dim as Int).map(|row| (row, is_contact)));
+            }
             let here = list.iter().filter(|n| self.own(**n).is_some()).count();
             own.push(here as Int);
             other.push((list.len() - here) as Int);
@@ -440,7 +459,11 @@ impl Numbering {
         }
         matrix.assemble()?;
         matrix.set_definite()?;
-        Ok((matrix, blocks * (dim * dim) as u64))
+        Ok(Rows {
+            matrix,
+            entries: blocks * (dim * dim) as u64,
+            near,
+        })
     }
 
     /// Rigid motions at the components of this process, one vector after another, and how many; 0 where components are prescribed.

@@ -94,9 +94,11 @@ impl<'w> DistributedBody<'w> {
         let bits: Vec<u64> = self.gap.iter().map(|g| g.to_bits()).collect();
         let gap = world.collect(&bits)?.concat();
         let mut schur = vec![0.0; rows.len() * rows.len()];
-        self.stiffness.eliminate_others(&rows, &mut schur)?;
+        let stiffness = self.stiffness.original()?;
+        world.trim();
+        stiffness.eliminate_others(&rows, &mut schur)?;
         let mut solver = krylov(world, DIRECTIONS)?;
-        solver.set(&self.stiffness, &self.stiffness)?;
+        solver.set(stiffness, stiffness)?;
         let mut condensed = CondensedBody {
             body: self,
             solver,

@@ -14,6 +14,7 @@ pub type Handle = *mut c_void;
 unsafe extern "C" {
     pub fn shim_start(options: *const c_char) -> Code;
     pub fn shim_finish() -> Code;
+    pub fn shim_trim();
     pub fn shim_abort(code: c_int);
     pub fn shim_world(rank: *mut c_int, size: *mut c_int);
     pub fn shim_vote(own: c_int, limit: c_int, patience: f64, smallest: *mut c_int, late: *mut c_int)
@@ -39,11 +40,12 @@ unsafe extern "C" {
     pub fn shim_add_row(a: Handle, row: Int, n: Int, cols: *const Int, values: *const f64) -> Code;
     pub fn shim_assemble(a: Handle) -> Code;
     pub fn shim_definite(a: Handle) -> Code;
-    pub fn shim_duplicate(a: Handle, b: *mut Handle) -> Code;
-    pub fn shim_copy(a: Handle, b: Handle) -> Code;
+    pub fn shim_among(a: Handle, n: Int, rows: *const Int, again: c_int, part: *mut Handle) -> Code;
+    pub fn shim_replace_row(a: Handle, row: Int, n: Int, cols: *const Int, values: *const f64) -> Code;
+    pub fn shim_subtract(a: Handle, b: Handle) -> Code;
+    pub fn shim_triple(a: Handle, p: Handle, again: c_int, product: *mut Handle) -> Code;
     pub fn shim_hold(a: Handle, n: Int, rows: *const Int, diagonal: f64) -> Code;
     pub fn shim_both(a: Handle, b: Handle, sum: *mut Handle) -> Code;
-    pub fn shim_share_near_kernel(a: Handle, b: Handle) -> Code;
     pub fn shim_near_kernel(a: Handle, local: Int, block: Int, count: c_int, values: *const f64) -> Code;
 
     pub fn shim_eliminate(a: Handle, n: Int, rows: *const Int, schur: *mut f64) -> Code;
@@ -51,6 +53,16 @@ unsafe extern "C" {
     pub fn shim_default(name: *const c_char, value: *const c_char) -> Code;
     pub fn shim_solver(k: *mut Handle) -> Code;
     pub fn shim_operators(k: Handle, a: Handle, p: Handle) -> Code;
+    pub fn shim_multigrid(k: Handle, is: *mut c_int) -> Code;
+    pub fn shim_hierarchy(
+        k: Handle,
+        n: Int,
+        rows: *const Int,
+        interpolation: *mut Handle,
+        coarse: *mut Handle,
+    ) -> Code;
+    pub fn shim_update(k: Handle, a: Handle, p: Handle, coarse: Handle, change: Handle, again: c_int)
+    -> Code;
     pub fn shim_solve(
         k: Handle,
         b: Handle,

@@ -86,7 +86,8 @@ impl<'w> Matrix<'w> {
         call!(shim_add_row(self.0, row, n, cols, values))
     }
 
-    pub(crate) fn assemble(&mut self) -> Outcome<()> {
+    /// After rows were added to or replaced; replaced ones first.
+    pub(crate) fn assemble(&self) -> Outcome<()> {
         call!(shim_assemble(self.0))
     }
 
@@ -106,20 +107,43 @@ impl<'w> Matrix<'w> {
         ))
     }
 
-    /// That of another matrix.
-    pub(crate) fn share_near_kernel(&mut self, a: &Self) -> Outcome<()> {
-        call!(shim_share_near_kernel(a.0, self.0))
+    /// The entries among some rows, those of this process in increasing order, and their columns; they are numbered through all processes.
+    pub(crate) fn among(&self, rows: &[Int]) -> Outcome<Self> {
+        let mut part = null_mut();
+        call!(shim_among(self.0, rows.len() as Int, rows.as_ptr(), 0, &mut part))?;
+        Ok(Self(part, PhantomData))
     }
 
-    pub(crate) fn duplicate(&self) -> Outcome<Self> {
-        let mut a = null_mut();
-        call!(shim_duplicate(self.0, &mut a))?;
-        Ok(Self(a, PhantomData))
+    /// As [`among`](Self::among), into what it has given before for the same rows.
+    pub(crate) fn among_again(&self, rows: &[Int], part: &mut Self) -> Outcome<()> {
+        call!(shim_among(
+            self.0,
+            rows.len() as Int,
+            rows.as_ptr(),
+            1,
+            &mut part.0
+        ))
     }
 
-    /// The entries of a matrix with the same pattern.
-    pub(crate) fn copy_from(&mut self, a: &Self) -> Outcome<()> {
-        call!(shim_copy(a.0, self.0))
+    /// Replaces entries of a row of this process. Not collective, and without `&mut` because PETSc's matrices are shared by reference:
+    /// who calls it owns the matrix.
+    pub(crate) fn replace_row(&self, row: Int, cols: &[Int], values: &[f64]) -> Outcome<()> {
+        assert_eq!(cols.len(), values.len());
+        let (n, cols, values) = (cols.len() as Int, cols.as_ptr(), values.as_ptr());
+        call!(shim_replace_row(self.0, row, n, cols, values))
+    }
+
+    /// Less a matrix of the same pattern.
+    pub(crate) fn subtract(&mut self, a: &Self) -> Outcome<()> {
+        call!(shim_subtract(self.0, a.0))
+    }
+
+    /// Pᵀ A P; if there is a product of the same matrices already, in its place.
+    pub(crate) fn triple(&self, p: &Self, before: Option<Self>) -> Outcome<Self> {
+        let again = c_int::from(before.is_some());
+        let mut product = before.unwrap_or(Self(null_mut(), PhantomData));
+        call!(shim_triple(self.0, p.0, again, &mut product.0))?;
+        Ok(product)
     }
 
     /// A row of this process is appended to lists. Not collective.
@@ -185,6 +209,48 @@ impl<'w> Solver<'w> {
 
     pub(crate) fn set(&mut self, a: &Matrix<'_>, preconditioned: &Matrix<'_>) -> Outcome<()> {
         call!(shim_operators(self.0, a.0, preconditioned.0))
+    }
+
+    /// Whether it is GAMG with aggregates that stay.
+    pub(crate) fn is_multigrid(&self) -> Outcome<bool> {
+        let mut is = 0;
+        call!(shim_multigrid(self.0, &mut is))?;
+        Ok(is != 0)
+    }
+
+    /// Of the hierarchy that [`set`](Self::set) has made the given rows of the interpolation to the finest level, and the matrix of the level
+    /// below; none where there is one level.
+    pub(crate) fn hierarchy(&mut self, rows: &[Int]) -> Outcome<Option<[Matrix<'w>; 2]>> {
+        let (mut interpolation, mut coarse) = (null_mut(), null_mut());
+        call!(shim_hierarchy(
+            self.0,
+            rows.len() as Int,
+            rows.as_ptr(),
+            &mut interpolation,
+            &mut coarse
+        ))?;
+        let owned = [interpolation, coarse].map(|m| Matrix(m, PhantomData));
+        Ok((!interpolation.is_null()).then_some(owned))
+    }
+
+    /// As [`set`](Self::set), with the hierarchy there is: the matrix below the finest level is `coarse` + `change`. `again` but for the
+    /// first time.
+    pub(crate) fn update(
+        &mut self,
+        a: &Matrix<'_>,
+        preconditioned: &Matrix<'_>,
+        coarse: &Matrix<'_>,
+        change: &Matrix<'_>,
+        again: bool,
+    ) -> Outcome<()> {
+        call!(shim_update(
+            self.0,
+            a.0,
+            preconditioned.0,
+            coarse.0,
+            change.0,
+            c_int::from(again)
+        ))
     }
 
     pub(crate) fn solve(

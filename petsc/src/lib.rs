@@ -42,6 +42,7 @@ mod part;
 mod pieces;
 mod saved;
 mod scatter;
+mod stiffness;
 mod system;
 mod world;
 

@@ -4,6 +4,7 @@ use thiserror::Error;
 use crate::DistributedBody;
 use crate::ffi::Int;
 use crate::handles::{Matrix, Solver, Vector};
+use crate::stiffness::Stiffness;
 use crate::world::{Error, PetscError, World};
 
 /// What can go wrong in a linear solver.
@@ -42,11 +43,10 @@ pub(crate) fn krylov(world: &World, directions: usize) -> Result<Solver<'_>, Pet
 #[derive(Debug)]
 pub(crate) struct System<'w> {
     pub(crate) body: DistributedBody<'w>,
-    /// What is preconditioned: A with rows held and the symmetric part of the laws added.
-    definite: Matrix<'w>,
-    /// That and what stands beside it.
+    /// What is preconditioned, A with rows held and the symmetric part of the laws added, and what stands beside it.
     sum: Option<Matrix<'w>>,
     solver: Solver<'w>,
+    coarse: Option<Coarse<'w>>,
     x: Vector<'w>,
     y: Vector<'w>,
     max_iterations: usize,
@@ -60,14 +60,11 @@ impl<'w> System<'w> {
         max_iterations: usize,
     ) -> Result<Self, PetscError> {
         let world = body.world;
-        let mut definite = body.stiffness.duplicate()?;
-        definite.set_definite()?;
-        definite.share_near_kernel(&body.stiffness)?;
         let solver = krylov(world, directions)?;
         Ok(Self {
-            definite,
             sum: None,
             solver,
+            coarse: None,
             x: Vector::new(world, body.len, body.dim)?,
             y: Vector::new(world, body.len, body.dim)?,
             max_iterations,
@@ -81,25 +78,30 @@ impl<'w> System<'w> {
     }
 
     fn product(&mut self, u: &[f64], out: &mut [f64]) -> Result<(), PetscError> {
-        self.x.set(u)?;
-        self.body.stiffness.mul(&self.x, &mut self.y)?;
-        self.y.get(out)
+        let (x, y) = (&mut self.x, &mut self.y);
+        self.body.stiffness.mul(u, x, y, out)
     }
 
     fn choose(&mut self, step: &ReducedStep<'_>) -> Result<(), PetscError> {
         self.held.clear();
         self.held.extend_from_slice(step.held);
-        self.definite.copy_from(&self.body.stiffness)?;
-        let held: Vec<Int> = step.held.iter().map(|k| self.global(*k)).collect();
-        self.definite.hold(&held, self.body.node_stiffness)?;
-        for &(i, j, v) in step.added {
-            let (i, j) = (self.global(i), self.global(j));
-            self.definite.add_row(i, &[j], &[v])?;
+        let diagonal = self.body.node_stiffness;
+        if self.sum.is_none() {
+            self.body.world.trim();
         }
-        self.definite.assemble()?;
+        // The hierarchy is that of the first components held. What laws add may be larger than A by orders, and comes and goes.
+        if self.sum.is_none() && self.solver.is_multigrid()? {
+            self.body.stiffness.change(step.held, diagonal, &[])?;
+            self.coarse = Coarse::new(&mut self.solver, &self.body.stiffness)?;
+        }
+        self.body.stiffness.change(step.held, diagonal, step.added)?;
         let beside = self.beside(step)?;
-        let sum = Matrix::both(&self.definite, &beside)?;
-        self.solver.set(&sum, &self.definite)?;
+        let now = self.body.stiffness.now();
+        let sum = Matrix::both(now, &beside)?;
+        match &mut self.coarse {
+            Some(coarse) => coarse.update(&mut self.solver, &self.body.stiffness, &sum)?,
+            None => self.solver.set(&sum, now)?,
+        }
         self.sum = Some(sum);
         Ok(())
     }
@@ -109,7 +111,7 @@ impl<'w> System<'w> {
         let mut rows: Vec<(usize, Vec<Int>, Vec<f64>)> = Vec::new();
         for &(i, j, c) in step.combined {
             let (mut cols, mut values) = (Vec::new(), Vec::new());
-            self.body.stiffness.row(self.global(j), &mut cols, &mut values)?;
+            self.body.stiffness.row(j, &mut cols, &mut values)?;
             values.iter_mut().for_each(|v| *v *= c);
             rows.push((i, cols, values));
         }
@@ -153,6 +155,55 @@ impl<'w> System<'w> {
         // The right-hand side is zero there; interpolation may have left a little.
         self.held.iter().for_each(|k| d[*k] = 0.0);
         Ok(KrylovOutcome::new(solved.iterations, solved.residual / size))
+    }
+}
+
+/// GAMG's matrix on the level below the finest, Pᵀ A P: A changes near contact nodes alone, so Pᵀ (A' − A) P, a small product, is added to it.
+/// PETSc would form all of it again, up to two thirds of the time of a Newton step, and keep for it more memory than A takes where processes
+/// share A.
+#[derive(Debug)]
+struct Coarse<'w> {
+    /// The rows of P near contact nodes.
+    interpolation: Matrix<'w>,
+    matrix: Matrix<'w>,
+    /// A near contact nodes, as it was when the hierarchy was made.
+    near: Matrix<'w>,
+    /// A' − A near contact nodes, and Pᵀ (A' − A) P.
+    difference: Option<[Matrix<'w>; 2]>,
+}
+
+impl<'w> Coarse<'w> {
+    /// Sets up the solver for the matrix as it is; none where there are no coarse levels.
+    fn new(solver: &mut Solver<'w>, stiffness: &Stiffness<'w>) -> Result<Option<Self>, PetscError> {
+        solver.set(stiffness.now(), stiffness.now())?;
+        let Some([interpolation, matrix]) = solver.hierarchy(stiffness.near())? else {
+            return Ok(None);
+        };
+        Ok(Some(Self {
+            interpolation,
+            matrix,
+            near: stiffness.now_near(None)?,
+            difference: None,
+        }))
+    }
+
+    fn update(
+        &mut self,
+        solver: &mut Solver<'w>,
+        stiffness: &Stiffness<'w>,
+        sum: &Matrix<'w>,
+    ) -> Result<(), PetscError> {
+        let again = self.difference.is_some();
+        let (difference, product) = match self.difference.take() {
+            Some([difference, product]) => (Some(difference), Some(product)),
+            None => (None, None),
+        };
+        let mut difference = stiffness.now_near(difference)?;
+        difference.subtract(&self.near)?;
+        let product = difference.triple(&self.interpolation, product)?;
+        solver.update(sum, stiffness.now(), &self.matrix, &product, again)?;
+        self.difference = Some([difference, product]);
+        Ok(())
     }
 }
 

@@ -311,6 +311,12 @@ impl World {
         }
     }
 
+    /// Gives freed memory back to the system, before something large is made. Not collective.
+    pub(crate) fn trim(&self) {
+        // SAFETY: it has no arguments.
+        unsafe { ffi::shim_trim() };
+    }
+
     pub(crate) fn add(&self, values: &mut [f64]) -> Result<(), PetscError> {
         call!(shim_sum(values.as_mut_ptr(), values.len() as c_int))
     }

@@ -17,6 +17,37 @@ use semismooth_petsc::{DistributedBody, DistributedContact, Error, Part, PartFie
 /// A job that takes longer hangs.
 const LIMIT: Duration = Duration::from_secs(600);
 
+/// Packages that PETSc may have, what its view of the solver says of them, and the options that choose them.
+const OTHER_SOLVERS: [(&str, &str, &[&str]); 2] = [
+    (
+        "mumps",
+        "type: mumps",
+        &[
+            "-pc_type",
+            "lu",
+            "-pc_factor_mat_solver_type",
+            "mumps",
+            "-ksp_view",
+        ],
+    ),
+    // Its smoothers go point by point: nodes at the brink of slip, stiff along no axis, need blocks.
+    (
+        "hypre",
+        "HYPRE BoomerAMG preconditioning",
+        &[
+            "-pc_type",
+            "composite",
+            "-pc_composite_type",
+            "multiplicative",
+            "-pc_composite_pcs",
+            "hypre,pbjacobi",
+            "-ksp_view",
+        ],
+    ),
+];
+/// What PETSc says of packages that it was built without: an unknown type, no such factorisation.
+const LACKING: [&str; 2] = ["PETSc error 86", "PETSc error 92"];
+
 fn main() -> ExitCode {
     let mut arguments = std::env::args().skip(1);
     let first = arguments.next();
@@ -113,6 +144,23 @@ fn from_outside(wanted: &dyn Fn(&str) -> bool) {
         print!("{}", ended.output);
         assert!(ended.success, "{}", ended.output);
         assert_eq!(ended.count("all agree with one process"), 1);
+    }
+    for (package, shown, options) in OTHER_SOLVERS.into_iter().filter(|s| wanted(s.0)) {
+        for ranks in [1, 2] {
+            println!("check with {package} on {ranks} processes");
+            let ended = job(env!("CARGO_BIN_EXE_check"), ranks, options, |_, _| {});
+            if LACKING.iter().any(|code| ended.output.contains(code)) {
+                println!("left out: this PETSc has no {package}");
+                continue;
+            }
+            assert!(ended.success, "{}", ended.output);
+            assert_eq!(ended.count("all agree with one process"), 1);
+            assert!(
+                ended.count(shown) >= 1,
+                "{package} was not used: {}",
+                ended.output
+            );
+        }
     }
     files::write_gmsh(&files::folder().join("body.msh"));
     let files = [

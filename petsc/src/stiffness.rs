@@ -1,0 +1,227 @@
+use std::cell::{Cell, RefCell};
+use std::collections::HashMap;
+
+use crate::ffi::Int;
+use crate::handles::{Matrix, Vector};
+use crate::world::{PetscError, World};
+
+/// The stiffness matrix A of all processes. It is most of what a process holds, and is there once: Newton steps change it in place, in the
+/// rows and columns of contact nodes, of which the entries are kept as they were.
+#[derive(Debug)]
+pub(crate) struct Stiffness<'w> {
+    world: &'w World,
+    matrix: Matrix<'w>,
+    first: Int,
+    near: Near<'w>,
+    /// Whether the matrix is another than A.
+    changed: Cell<bool>,
+    /// Of each row of `near`: whether its component is held.
+    held: RefCell<Vec<bool>>,
+}
+
+/// A among the components of contact nodes and their neighbours.
+#[derive(Debug)]
+struct Near<'w> {
+    matrix: Matrix<'w>,
+    /// The rows of this process as rows of A, and which belong to contact nodes.
+    rows: Vec<Int>,
+    is_contact: Vec<bool>,
+    first: Int,
+    /// Where the entries of each row begin, and their columns in A.
+    start: Vec<usize>,
+    columns: Vec<Int>,
+}
+
+impl<'w> Stiffness<'w> {
+    /// `rows` are the components of this process at contact nodes and at neighbours of any, in increasing order, with whether they belong
+    /// to contact nodes; `first` is the first component of this process.
+    pub(crate) fn new(
+        world: &'w World,
+        matrix: Matrix<'w>,
+        first: usize,
+        rows: Vec<(Int, bool)>,
+    ) -> Result<Self, PetscError> {
+        let (rows, is_contact): (Vec<_>, Vec<_>) = rows.into_iter().unzip();
+        let near = Near::new(world, &matrix, rows, is_contact)?;
+        Ok(Self {
+            world,
+            matrix,
+            first: first as Int,
+            changed: Cell::new(false),
+            held: RefCell::new(vec![false; near.rows.len()]),
+            near,
+        })
+    }
+
+    /// The matrix as Newton's method wants it now.
+    pub(crate) fn now(&self) -> &Matrix<'w> {
+        &self.matrix
+    }
+
+    /// A itself: changes are taken back. Collective.
+    pub(crate) fn original(&self) -> Result<&Matrix<'w>, PetscError> {
+        if self.changed.get() {
+            let (mut cols, mut values) = (Vec::new(), Vec::new());
+            for (k, row) in self.near.rows.iter().enumerate() {
+                self.near.row(k, &mut cols, &mut values)?;
+                let columns = &self.near.columns[self.near.start[k]..self.near.start[k + 1]];
+                self.matrix.replace_row(*row, columns, &values)?;
+            }
+            self.matrix.assemble()?;
+            self.held.borrow_mut().fill(false);
+            self.changed.set(false);
+        }
+        Ok(&self.matrix)
+    }
+
+    /// Makes rows and columns of `held` components of contact nodes those of a diagonal matrix and adds to entries (row, column, value) of
+    /// such nodes. Collective.
+    pub(crate) fn change(
+        &mut self,
+        held: &[usize],
+        diagonal: f64,
+        added: &[(usize, usize, f64)],
+    ) -> Result<(), PetscError> {
+        self.original()?;
+        self.changed.set(true);
+        let held: Vec<Int> = held.iter().map(|k| self.first + *k as Int).collect();
+        self.matrix.hold(&held, diagonal)?;
+        for &(i, j, v) in added {
+            let (i, j) = (self.first + i as Int, self.first + j as Int);
+            self.matrix.add_row(i, &[j], &[v])?;
+        }
+        self.matrix.assemble()?;
+        let flags = self.held.get_mut();
+        for row in held {
+            if let Ok(k) = self.near.rows.binary_search(&row) {
+                flags[k] = true;
+            }
+        }
+        Ok(())
+    }
+
+    /// `out` ← A u, whatever the matrix is now; x and y are vectors of displacements to work with. Collective.
+    pub(crate) fn mul(
+        &self,
+        u: &[f64],
+        x: &mut Vector<'_>,
+        y: &mut Vector<'_>,
+        out: &mut [f64],
+    ) -> Result<(), PetscError> {
+        x.set(u)?;
+        self.matrix.mul(x, y)?;
+        y.get(out)?;
+        let (near, held) = (&self.near, self.held.borrow());
+        let at: Vec<usize> = near.rows.iter().map(|row| (row - self.first) as usize).collect();
+        let mut all: Vec<f64> = at.iter().map(|k| u[*k]).collect();
+        let mut of_held: Vec<f64> = all
+            .iter()
+            .zip(&*held)
+            .map(|(u, h)| if *h { *u } else { 0.0 })
+            .collect();
+        for v in [&mut all, &mut of_held] {
+            let mut x = Vector::new(self.world, v.len(), 1)?;
+            let mut y = Vector::new(self.world, v.len(), 1)?;
+            x.set(v)?;
+            near.matrix.mul(&x, &mut y)?;
+            y.get(v)?;
+        }
+        // Rows of contact nodes are those of A, in all others the columns of what is held are missing: nothing is added and subtracted.
+        for (k, at) in at.into_iter().enumerate() {
+            match near.is_contact[k] {
+                true => out[at] = all[k],
+                false => out[at] += of_held[k],
+            }
+        }
+        Ok(())
+    }
+
+    /// A row of A at a component of a contact node of this process is appended to lists. Not collective.
+    pub(crate) fn row(
+        &self,
+        component: usize,
+        cols: &mut Vec<Int>,
+        values: &mut Vec<f64>,
+    ) -> Result<(), PetscError> {
+        let Ok(k) = self.near.rows.binary_search(&(self.first + component as Int)) else {
+            return self.matrix.row(self.first + component as Int, cols, values);
+        };
+        let (mut numbers, mut own) = (Vec::new(), Vec::new());
+        self.near.row(k, &mut numbers, &mut own)?;
+        cols.extend_from_slice(&self.near.columns[self.near.start[k]..self.near.start[k + 1]]);
+        values.extend_from_slice(&own);
+        Ok(())
+    }
+
+    /// The matrix as it is now among the components near contact nodes, into the same matrix as before. Collective.
+    pub(crate) fn now_near(&self, before: Option<Matrix<'w>>) -> Result<Matrix<'w>, PetscError> {
+        match before {
+            Some(mut now) => {
+                self.matrix.among_again(&self.near.rows, &mut now)?;
+                Ok(now)
+            }
+            None => self.matrix.among(&self.near.rows),
+        }
+    }
+
+    /// The components of this process among which the matrix changes, as rows.
+    pub(crate) fn near(&self) -> &[Int] {
+        &self.near.rows
+    }
+}
+
+impl<'w> Near<'w> {
+    fn new(
+        world: &'w World,
+        a: &Matrix<'w>,
+        rows: Vec<Int>,
+        is_contact: Vec<bool>,
+    ) -> Result<Self, PetscError> {
+        let (first, _) = world.offset(rows.len())?;
+        let mut near = Self {
+            matrix: a.among(&rows)?,
+            first: first as Int,
+            start: vec![0],
+            columns: Vec::new(),
+            rows,
+            is_contact,
+        };
+        let mut values = Vec::new();
+        for k in 0..near.rows.len() {
+            values.clear();
+            near.matrix
+                .row(near.first + k as Int, &mut near.columns, &mut values)?;
+            near.start.push(near.columns.len());
+        }
+        // From numbers among all such rows to rows of A; those of other processes are asked for.
+        let own = near.first..near.first + near.rows.len() as Int;
+        let mut strangers: Vec<Int> = near
+            .columns
+            .iter()
+            .copied()
+            .filter(|c| !own.contains(c))
+            .collect();
+        strangers.sort_unstable();
+        strangers.dedup();
+        let numbers: Vec<f64> = near.rows.iter().map(|r| f64::from(*r)).collect();
+        let theirs = world.fetch(1, &numbers, &strangers)?;
+        let theirs: HashMap<Int, Int> = strangers
+            .into_iter()
+            .zip(theirs.into_iter().map(|v| v as Int))
+            .collect();
+        for c in &mut near.columns {
+            *c = match own.contains(c) {
+                true => near.rows[(*c - near.first) as usize],
+                false => theirs[c],
+            };
+        }
+        Ok(near)
+    }
+
+    /// The entries of row k of this process, in the order of `columns`; the lists are emptied first. Not collective.
+    fn row(&self, k: usize, cols: &mut Vec<Int>, values: &mut Vec<f64>) -> Result<(), PetscError> {
+        cols.clear();
+        values.clear();
+        self.matrix.row(self.first + k as Int, cols, values)
+    }
+}
