@@ -52,9 +52,10 @@ def of_petsc(said):
 
 
 def of_crate(said):
-    """The same of `contact_size`'s last line."""
-    words = said.strip().splitlines()[-1].split()
-    return (words[1], words[2]), words[9], words[10], tuple(words[11:14])
+    """The same of the row of `contact_size`, and of the line below it."""
+    row = re.search(r"^ *\d+x\d+x\d+ .*$", said, re.MULTILINE).group().split()
+    states = re.search(r"open (\d+), stick (\d+), slip (\d+)", said)
+    return (row[1], row[2]), row[9], row[10], states.groups()
 
 
 def main():
