@@ -92,7 +92,8 @@ fn slip_derivative<const D: usize>(mu: f64, r: &[f64; D], u: &[f64; D]) -> (Bloc
 /// Workspace of the Newton iteration; nothing is allocated once the largest set of closed contacts was met.
 #[derive(Debug)]
 pub(super) struct Newton<const D: usize> {
-    solver: AutoSolver,
+    /// Made when it is needed: most small problems are solved without.
+    solver: Option<AutoSolver>,
     pub(super) factorisations: usize,
     pub(super) deadline: Deadline<'static>,
     /// Weight of velocities against reactions in the residual, for a mean diagonal of M of 1.
@@ -120,7 +121,7 @@ fn distance<const D: usize>(a: &[[f64; D]], b: &[[f64; D]]) -> f64 {
 impl<const D: usize> Newton<D> {
     pub(super) fn new(deadline: Deadline<'static>) -> Self {
         Self {
-            solver: AutoSolver::new(),
+            solver: None,
             factorisations: 0,
             deadline,
             rho: 1.0,
@@ -278,11 +279,10 @@ impl<const D: usize> Newton<D> {
         let pattern = PatternRef::square(&self.col_ptr, &self.row_idx);
         let values = &self.values;
         self.factorisations += 1;
-        let solved = self
-            .solver
-            .analyze(pattern)
-            .and_then(|()| self.solver.factor(MatrixRef { pattern, values }))
-            .and_then(|()| self.solver.solve_in_place(&mut self.rhs));
+        let solver = self.solver.get_or_insert_with(AutoSolver::new);
+        let solved = (solver.analyze(pattern))
+            .and_then(|()| solver.factor(MatrixRef { pattern, values }))
+            .and_then(|()| solver.solve_in_place(&mut self.rhs));
         if solved.is_err() {
             return false;
         }

@@ -12,10 +12,10 @@ use super::{DelassusError, DelassusOptions, DelassusProblem};
 use crate::clock::Deadline;
 use crate::contact::ContactState;
 
-/// Sweeps of the cheap first attempt, and those after which Newton's method may try states that no longer change: up to SMALL unknowns a
-/// factorisation costs no more than the other sweeps.
+/// Sweeps of the cheap first attempt, and those after which states that no longer change may be tried, in the plane by one linear system, in
+/// space by Newton's method: up to SMALL unknowns a factorisation costs no more than the other sweeps.
 const SWEEPS: usize = 30;
-const FEW_SWEEPS: usize = 4;
+const FEW_SWEEPS: [usize; 2] = [3, 4];
 const SMALL: usize = 64;
 
 /// A sweep that moves no reaction by more than this share of the largest one has reached its limit.
@@ -436,7 +436,7 @@ impl<'a, const D: usize> Run<'a, D> {
                 done += 1;
                 ended = match swept {
                     Swept::Nothing => true,
-                    Swept::Reactions => until_settled && done >= FEW_SWEEPS,
+                    Swept::Reactions => until_settled && done >= FEW_SWEEPS[D - 2],
                     Swept::States => false,
                 };
             }
