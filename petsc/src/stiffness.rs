@@ -203,7 +203,7 @@ impl<'w> Near<'w> {
             .collect();
         strangers.sort_unstable();
         strangers.dedup();
-        let numbers: Vec<f64> = near.rows.iter().map(|r| f64::from(*r)).collect();
+        let numbers: Vec<f64> = near.rows.iter().map(|r| *r as f64).collect();
         let theirs = world.fetch(1, &numbers, &strangers)?;
         let theirs: HashMap<Int, Int> = strangers
             .into_iter()
