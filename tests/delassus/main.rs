@@ -433,6 +433,66 @@ fn small_problems_take_few_sweeps() {
     }
 }
 
+/// Terms count against the largest of all contacts where they are less than 1e-12 of it, wherever that stands.
+#[test]
+fn contacts_that_bear_next_to_nothing_count_little() {
+    for (q, r) in [
+        ([-1.0, 0.0, -1e-14, 0.0], [1.0, 0.0, 0.0, 0.0]),
+        ([-1e-14, 0.0, -1.0, 0.0], [0.0, 0.0, 1.0, 0.0]),
+    ] {
+        let p = DelassusProblem::new(2, Matrix::identity(4), q.to_vec(), vec![0.5; 2]).unwrap();
+        assert!((p.residual(&r).unwrap() - 1e-2).abs() < 1e-12);
+    }
+}
+
+/// Whatever ends a run, residual, velocities and states are those of the reactions returned, which are the best ones met.
+#[test]
+fn reports_are_about_the_reactions_returned() {
+    let mut worse = 0;
+    for seed in 0..40 {
+        let p = families::random(2 + seed as usize % 2, 20, 30, 1.2, seed % 4 > 1, 0.2, seed);
+        let mut least = f64::INFINITY;
+        let mut last = 0.0;
+        let report = DelassusSolver::default().solve_observed(&p, None, |entry| {
+            least = least.min(entry.residual);
+            last = entry.residual;
+            match last > 2.0 * least {
+                true => ControlFlow::Break(()),
+                false => ControlFlow::Continue(()),
+            }
+        });
+        let report = report.unwrap();
+        worse += usize::from(report.residual < last);
+        assert_eq!(report.residual, p.residual(&report.r).unwrap());
+        assert_eq!(report.u, p.velocities(&report.r).unwrap());
+        let largest = report.r.iter().fold(0.0f64, |m, r| m.max(r.abs()));
+        for (k, state) in report.states.iter().enumerate() {
+            let force = report.r[p.dimension() * k];
+            if force == 0.0 || force > 1e-6 * largest {
+                assert_eq!(
+                    *state == ContactState::Open,
+                    force == 0.0,
+                    "seed {seed}, contact {k}"
+                );
+            }
+        }
+    }
+    assert!(worse > 0);
+}
+
+/// A linear system for known states is a factorisation, too, where there are to be none.
+#[test]
+fn no_factorisation_where_none_is_allowed() {
+    let couples = [(0, 2), (2, 0), (1, 3), (3, 1)].map(|(i, j)| (i, j, -0.95));
+    let ones = (0..4).map(|i| (i, i, 1.0));
+    let m = Matrix::from_triplets(4, 4, &ones.chain(couples).collect::<Vec<_>>()).unwrap();
+    let p = DelassusProblem::new(2, m, [-1.0, 0.4].repeat(2), vec![0.6; 2]).unwrap();
+    assert_eq!(solve(&p).factorisations, 1);
+    let none = DelassusSolver::new(DelassusOptions::default().with_max_factorisations(0));
+    let report = none.solve(&p).unwrap();
+    assert_eq!((report.factorisations, report.status), (0, DelassusStatus::Limit));
+}
+
 #[test]
 fn no_load_no_reaction() {
     let p = families::random(3, 4, 6, 0.5, true, 0.0, 3);

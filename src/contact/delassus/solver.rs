@@ -345,7 +345,7 @@ impl<'a, const D: usize> Run<'a, D> {
 
     fn phases(&mut self) -> Outcome {
         // Sweeps from r = 0 leave it where it is a solution.
-        if self.started || self.options.max_sweeps == 0 {
+        if self.started {
             self.measure();
             if self.solved {
                 return ControlFlow::Break(DelassusStatus::Solved);
