@@ -100,11 +100,8 @@ impl Curve<'_> {
         &mut self,
         monitor: Monitor,
     ) -> Result<Option<f64>, ContinuationError> {
-        // Zeros of these monitors are found without tangents on the way.
-        let by_chords = matches!(
-            monitor,
-            Monitor::Facet { .. } | Monitor::Parameter { .. } | Monitor::User(_)
-        );
+        // Zeros of these monitors, of which there are many, are found without tangents on the way.
+        let by_chords = matches!(monitor, Monitor::Facet { .. });
         let origin = self.origin(monitor)?;
         let here = self.here.clone();
         let mut high = self.next.clone();
