@@ -433,6 +433,33 @@ fn small_problems_take_few_sweeps() {
     }
 }
 
+/// Without factorisations a run is Gauss–Seidel's, forwards and backwards in turn: a contact at a time, whose states the oracle enumerates, with
+/// velocities taken anew for each.
+#[test]
+fn sweeps_are_those_of_gauss_and_seidel() {
+    let p = families::discs(6, 6, 0.3, 0.4, 3);
+    let (m, q, nc) = (rows(&p), p.q(), p.contacts());
+    assert!(2 * nc > 64, "states of small problems end sweeps");
+    let mut r = vec![0.0; q.len()];
+    for sweeps in 1..=8 {
+        for k in 0..nc {
+            let i = if sweeps % 2 == 0 { nc - 1 - k } else { k };
+            let own = 2 * i..2 * i + 2;
+            r[own.clone()].fill(0.0);
+            let product = |row: &[f64]| row.iter().zip(&r).map(|(a, b)| a * b).sum::<f64>();
+            let b: Vec<f64> = own.clone().map(|a| q[a] + product(&m[a])).collect();
+            let w: Vec<Vec<f64>> = own.clone().map(|a| m[a][own.clone()].to_vec()).collect();
+            r[own].copy_from_slice(&oracle::planar_solutions(&w, &b, &p.friction()[i..=i])[0]);
+        }
+        let options = DelassusOptions::default()
+            .with_max_sweeps(sweeps)
+            .with_max_factorisations(0);
+        let report = DelassusSolver::new(options).solve(&p).unwrap();
+        assert_eq!((report.sweeps, report.factorisations), (sweeps, 0));
+        assert!(close(&report.r, &r, 1e-10), "{sweeps}");
+    }
+}
+
 /// Terms count against the largest of all contacts where they are less than 1e-12 of it, wherever that stands.
 #[test]
 fn contacts_that_bear_next_to_nothing_count_little() {

@@ -55,11 +55,11 @@ fn reactions_of<const D: usize>(p: &Scaled<D>, x: &[f64], r: &mut [[f64; D]]) {
 
 impl<const D: usize> Image for Law<'_, D> {
     fn image(&mut self, x: &[f64], y: &mut [f64]) {
-        self.p.count_evaluation();
         reactions_of(self.p, x, self.reactions);
+        let (velocities, _) = y.as_chunks_mut::<D>();
+        self.p.velocities(self.reactions, velocities);
         for (i, &mu) in self.p.friction.iter().enumerate() {
-            let mut u = self.p.q[i];
-            self.p.matrix.add_row(i, self.reactions, &mut u);
+            let mut u = velocities[i];
             let t = tangential_norm(&u);
             self.direction[i] = if t > 0.0 { u.map(|v| v / t) } else { [0.0; D] };
             if mu > 0.0 {
@@ -67,7 +67,7 @@ impl<const D: usize> Image for Law<'_, D> {
             } else {
                 u[1..].copy_from_slice(&x[i * D + 1..(i + 1) * D]);
             }
-            y[i * D..(i + 1) * D].copy_from_slice(&u);
+            velocities[i] = u;
         }
     }
 
@@ -101,9 +101,7 @@ impl<const D: usize> Law<'_, D> {
                     _ if symmetric && self.p.friction[j] == 0.0 => 0.0,
                     _ => 1.0,
                 };
-                for k in m.col_ptr[j]..m.col_ptr[j + 1] {
-                    let i = m.row[k];
-                    let block = &m.blocks[m.slot[k]];
+                for (i, block) in m.column(j) {
                     let mu = self.p.friction[i];
                     let entry = &mut values[at..at + D];
                     entry.fill(0.0);

@@ -33,8 +33,25 @@ pub(super) fn solve_contact<const D: usize>(w: &Block<D>, b: &[f64; D], mu: f64)
             schur[a - 1][e - 1] = w[a][e] - w[a][0] * w[0][e] / wn;
         }
     }
+    if mu == 0.0 || c == [0.0; 2] {
+        r[0] = -b[0] / wn;
+        return r;
+    }
     if D == 2 {
         schur[1][1] = 1.0;
+        let traction = -c[0] / schur[0][0];
+        let normal = -(b[0] + w[0][1] * traction) / wn;
+        // False, as infinite or NaN, where S vanishes.
+        if mu * normal - traction.abs() >= 0.0 {
+            return std::array::from_fn(|k| if k == 0 { normal } else { traction });
+        }
+        let against = -mu * c[0].signum();
+        let pivot = wn + w[0][1] * against;
+        if pivot > 0.0 {
+            r[0] = -b[0] / pivot;
+            r[1] = against * r[0];
+            return r;
+        }
     }
     let mut at = |s: f64| -> f64 {
         let (p, q) = (schur[0][0] + s, schur[1][1] + s);
@@ -52,23 +69,10 @@ pub(super) fn solve_contact<const D: usize>(w: &Block<D>, b: &[f64; D], mu: f64)
         // ≥ 0 inside the cone; nearly linear in s.
         mu * r[0] / tangential_norm(&r) - 1.0
     };
-    if mu == 0.0 || c == [0.0; 2] {
-        r[0] = -b[0] / wn;
-        return r;
-    }
     // A singular S gives infinities or NaN at s = 0.
     let stick = at(0.0);
     if stick >= 0.0 {
         return r;
-    }
-    if D == 2 {
-        let against = -mu * c[0].signum();
-        let pivot = wn + w[0][1] * against;
-        if pivot > 0.0 {
-            r[0] = -b[0] / pivot;
-            r[1] = against * r[0];
-            return r;
-        }
     }
     let (mut low, mut f_low) = (0.0, stick);
     let mut high = schur[0][0].abs().max(schur[1][1].abs()).max(f64::MIN_POSITIVE);

@@ -262,17 +262,17 @@ impl<const D: usize> Newton<D> {
         if self.closed.is_empty() {
             return true;
         }
+        // What the open contacts release.
+        self.trial.fill([0.0; D]);
+        for j in 0..r.len() {
+            if self.index[j] == usize::MAX {
+                m.add_column(j, &self.step[j], &mut self.trial);
+            }
+        }
         self.rhs.clear();
         for &i in &self.closed {
-            let mut released = [0.0; D];
-            for k in m.row_ptr[i]..m.row_ptr[i + 1] {
-                let j = m.col[k];
-                if self.index[j] == usize::MAX {
-                    add_product(&m.blocks[k], &self.step[j], &mut released);
-                }
-            }
             let mut f = self.local[i].f;
-            add_product(&self.b[i], &released, &mut f);
+            add_product(&self.b[i], &self.trial[i], &mut f);
             self.rhs.extend(f.iter().map(|v| -v));
         }
         self.assemble(p, alpha);
@@ -301,13 +301,11 @@ impl<const D: usize> Newton<D> {
         self.col_ptr.push(0);
         for &j in &self.closed {
             for c in 0..D {
-                for k in m.col_ptr[j]..m.col_ptr[j + 1] {
-                    let i = m.row[k];
+                for (i, block) in m.column(j) {
                     let row = self.index[i];
                     if row == usize::MAX {
                         continue;
                     }
-                    let block = &m.blocks[m.slot[k]];
                     for a in 0..D {
                         let mut v: f64 = (0..D).map(|e| self.b[i][a][e] * block[e][c]).sum();
                         if i == j {

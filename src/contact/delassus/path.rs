@@ -177,9 +177,7 @@ impl<const D: usize> CentralPath<D> {
             };
             for c in 0..D {
                 let s = if c == 0 { column } else { 1.0 };
-                for k in m.col_ptr[j]..m.col_ptr[j + 1] {
-                    let i = m.row[k];
-                    let block = &m.blocks[m.slot[k]];
+                for (i, block) in m.column(j) {
                     let mut image: [f64; D] = std::array::from_fn(|a| s * block[a][c]);
                     if p.friction[i] > 0.0 {
                         let term: f64 = (1..D).map(|a| self.direction[i][a] * image[a]).sum();

@@ -44,16 +44,16 @@ pub(super) fn solve_settled<const D: usize>(
     let order = unknowns.len();
     let mut lu = SmallLu::default();
     let entries = lu.matrix(order);
-    let mut b = Vec::with_capacity(order);
-    for (row, one) in unknowns.iter().enumerate() {
-        let i = one.contact;
-        b.push(-p.q[i][one.component]);
-        for k in p.matrix.row_ptr[i]..p.matrix.row_ptr[i + 1] {
-            let j = p.matrix.col[k];
-            for column in first[j]..first[j + 1] {
-                let mut product = [0.0; D];
-                add_product(&p.matrix.blocks[k], &unknowns[column].direction, &mut product);
-                entries[column * order + row] = product[one.component];
+    let mut b: Vec<f64> = unknowns
+        .iter()
+        .map(|one| -p.q[one.contact][one.component])
+        .collect();
+    for (column, one) in unknowns.iter().enumerate() {
+        for (i, block) in p.matrix.column(one.contact) {
+            let mut product = [0.0; D];
+            add_product(block, &one.direction, &mut product);
+            for row in first[i]..first[i + 1] {
+                entries[column * order + row] = product[unknowns[row].component];
             }
         }
     }

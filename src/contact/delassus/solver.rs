@@ -6,7 +6,7 @@ use super::local::solve_contact;
 use super::newton::{Inner, Newton, Piece};
 use super::path::CentralPath;
 use super::report::{DelassusIteration, DelassusPhase, DelassusReport, DelassusStatus};
-use super::scaled::{Scaled, Vector};
+use super::scaled::{Scaled, Vector, add_product, larger};
 use super::settled::solve_settled;
 use super::{DelassusError, DelassusOptions, DelassusProblem};
 use crate::clock::Deadline;
@@ -189,7 +189,9 @@ struct Run<'a, const D: usize> {
     newton: Newton<D>,
     r: Vector<D>,
     u: Vector<D>,
-    /// Of each contact the size of its terms and its squared residual, as measured last.
+    /// Whether others have changed the velocity of a contact since it was solved.
+    stale: Vec<bool>,
+    /// Of each contact the squared size of its terms and its squared residual, as measured last.
     contacts: Vec<[f64; 2]>,
     best: Vec<f64>,
     best_progress: f64,
@@ -224,6 +226,7 @@ impl<'a, const D: usize> Run<'a, D> {
         Self {
             newton: Newton::new(Deadline::after(options.max_time)),
             u: zero.clone(),
+            stale: vec![true; problem.contacts()],
             contacts: vec![[0.0; 2]; problem.contacts()],
             best_is_last: false,
             residual: f64::INFINITY,
@@ -268,7 +271,7 @@ impl<'a, const D: usize> Run<'a, D> {
             self.best_progress = progress;
             self.residual = law.residual;
             self.solved = solved;
-            self.best.copy_from_slice(&self.plain);
+            std::mem::swap(&mut self.best, &mut self.plain);
         }
         if progress < 0.99 * self.near_progress {
             self.near_progress = progress;
@@ -307,30 +310,41 @@ impl<'a, const D: usize> Run<'a, D> {
         ControlFlow::Continue(progress)
     }
 
-    /// One sweep of nonsmooth Gauss–Seidel. Whether states change is looked at where that is asked for.
+    /// One sweep of nonsmooth Gauss–Seidel, from r and u = M r + q to those after it, over the contacts that others have changed since they were
+    /// solved. Whether states change is looked at where that is asked for.
     fn sweep(&mut self, backward: bool, states: bool) -> Swept {
         let p = &self.scaled;
         let nc = p.contacts();
-        let (mut moved, mut largest, mut same) = (0.0_f64, 0.0_f64, true);
+        let (mut moved, mut same) = (0.0_f64, true);
         for k in 0..nc {
             let i = if backward { nc - 1 - k } else { k };
-            let mut b = p.q[i];
             let old = self.r[i];
-            self.r[i] = [0.0; D];
-            p.matrix.add_row(i, &self.r, &mut b);
-            let new = solve_contact(&p.matrix.diagonal[i], &b, p.friction[i]);
-            for k in 0..D {
-                moved = moved.max((new[k] - old[k]).abs());
-                largest = largest.max(new[k].abs());
+            let stays_open = old == [0.0; D] && self.u[i][0] >= 0.0;
+            if !self.stale[i] || stays_open {
+                continue;
             }
+            let w = p.matrix.diagonal(i);
+            let mut b = self.u[i];
+            add_product(w, &old.map(|v| -v), &mut b);
+            let new = solve_contact(w, &b, p.friction[i]);
+            let step: [f64; D] = std::array::from_fn(|k| new[k] - old[k]);
+            if step != [0.0; D] {
+                for (j, block) in p.matrix.column(i) {
+                    add_product(block, &step, &mut self.u[j]);
+                    self.stale[j] = true;
+                }
+            }
+            self.stale[i] = false;
+            moved = larger(moved, &step);
             if states && same {
                 same = piece(p.friction[i], &new) == piece(p.friction[i], &old);
             }
             self.r[i] = new;
         }
         self.sweeps += 1;
+        let is_at_rest = moved == 0.0 || moved <= AT_REST * self.r.iter().fold(0.0, larger);
         match same {
-            _ if moved <= AT_REST * largest => Swept::Nothing,
+            _ if is_at_rest => Swept::Nothing,
             true => Swept::Reactions,
             false => Swept::States,
         }
@@ -427,8 +441,12 @@ impl<'a, const D: usize> Run<'a, D> {
         while done < n && !ended {
             let end = n.min(done + REPORTED);
             let begun = done;
+            // Anew, so that rounding does not add up.
+            self.u.copy_from_slice(&self.scaled.q);
+            self.scaled.matrix.add(&self.r, &mut self.u);
+            self.stale.fill(true);
             while done < end && !ended {
-                ended = done % unseen == 0 && self.newton.deadline.is_over();
+                ended = done % unseen + 1 == unseen && self.newton.deadline.is_over();
                 if ended {
                     break;
                 }
@@ -597,11 +615,12 @@ fn piece<const D: usize>(mu: f64, r: &[f64; D]) -> Piece {
     }
 }
 
-/// The state of a contact of a solution in scaled variables, whose largest term is `size`.
+/// The state of a contact of a solution in scaled variables, the square of whose largest term is `size`.
 fn state<const D: usize>(r: &[f64; D], u: &[f64; D], size: f64) -> ContactState {
-    if r[0] <= ZERO * size {
+    let vanishes = |v: f64| v * v <= ZERO * ZERO * size;
+    if r[0] <= 0.0 || vanishes(r[0]) {
         ContactState::Open
-    } else if tangential_norm(u) <= ZERO * size {
+    } else if vanishes(tangential_norm(u)) {
         ContactState::Stick
     } else if r[1] != 0.0 {
         ContactState::slipping(-r[1])
