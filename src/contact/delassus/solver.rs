@@ -629,3 +629,31 @@ fn state<const D: usize>(r: &[f64; D], u: &[f64; D], size: f64) -> ContactState 
         ContactState::slipping(u[1])
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sparse::Matrix;
+
+    /// Contacts that do not feel each other are solved by one sweep from anywhere, also after others have come to rest.
+    #[test]
+    fn sweeps_from_another_iterate_solve_all_contacts() {
+        let q = [-1.0, 0.4].repeat(5);
+        let problem = DelassusProblem::new(2, Matrix::identity(10), q, vec![0.6; 5]).unwrap();
+        let options = DelassusOptions::default();
+        let mut observe = |_: &DelassusIteration| ControlFlow::Continue(());
+        let mut run = Run::<2>::new(&problem, &options, None, &mut observe);
+        for start in [[0.0; 2], [7.0, 3.0], [0.0, 1.0]] {
+            run.r.fill(start);
+            assert_eq!(
+                run.sweeps_of(1, false),
+                ControlFlow::Break(DelassusStatus::Solved)
+            );
+            let mut r = [0.0; 10];
+            run.scaled.unscale(&run.r, &mut r);
+            for r in r.chunks(2) {
+                assert!((r[0] - 1.0).abs() < 1e-15 && (r[1] + 0.4).abs() < 1e-15, "{r:?}");
+            }
+        }
+    }
+}
