@@ -9,11 +9,12 @@ use crate::sparse::dot;
 pub(crate) struct Gmres {
     /// Directions between restarts.
     directions: usize,
-    /// Whether the preconditioner may change from one call to the next (Y. Saad, SIAM J. Sci. Comput. 14 (1993)).
+    /// Whether what the preconditioner makes of each direction is kept: it may then change from one call to the next (Y. Saad, SIAM J. Sci.
+    /// Comput. 14 (1993)), and is not called once more at the end.
     flexible: bool,
-    /// Orthonormal basis, column-major.
+    /// Orthonormal basis, column-major; as many columns as a solve has needed so far.
     basis: Vec<f64>,
-    /// What the preconditioner made of it; only where it may change.
+    /// What the preconditioner made of it, if that is kept.
     images: Vec<f64>,
     /// Upper triangular factor by columns, `directions + 1` rows each.
     hessenberg: Vec<f64>,
@@ -44,7 +45,7 @@ pub(crate) enum GmresEnd {
 }
 
 impl Gmres {
-    /// With a preconditioner that may change.
+    /// With a preconditioner that may change, or whose calls are dear against the memory of a second set of directions.
     pub(crate) fn flexible(directions: usize) -> Self {
         Self {
             flexible: true,
@@ -79,11 +80,8 @@ impl Gmres {
     ) -> Result<GmresOutcome, LinearError> {
         let n = b.len();
         let rows = self.directions + 1;
-        self.basis.resize(n * rows, 0.0);
+        at_least(n, &mut self.basis);
         self.hessenberg.resize(rows * self.directions, 0.0);
-        if self.flexible {
-            self.images.resize(n * self.directions, 0.0);
-        }
         self.z.resize(n, 0.0);
         self.x.clear();
         self.x.resize(n, 0.0);
@@ -162,11 +160,13 @@ impl Gmres {
         near: &mut impl FnMut(&mut [f64]) -> Result<(), LinearError>,
     ) -> Result<bool, LinearError> {
         let rows = self.directions + 1;
+        at_least(n * (k + 2), &mut self.basis);
         let (old, new) = self.basis.split_at_mut(n * (k + 1));
         let w = &mut new[..n];
         self.z.copy_from_slice(&old[n * k..]);
         near(&mut self.z)?;
         if self.flexible {
+            at_least(n * (k + 1), &mut self.images);
             self.images[n * k..n * (k + 1)].copy_from_slice(&self.z);
         }
         w.fill(0.0);
@@ -228,6 +228,14 @@ impl Gmres {
     }
 }
 
+/// Most solves need few columns, so memory grows with the longest one.
+fn at_least(len: usize, columns: &mut Vec<f64>) {
+    if columns.len() < len {
+        columns.reserve_exact(len - columns.len());
+        columns.resize(len, 0.0);
+    }
+}
+
 /// w ← w − c v from an entry on.
 fn take_off(direction: Option<(f64, &[f64])>, first: usize, w: &mut [f64]) {
     if let Some((c, v)) = direction {
@@ -257,6 +265,31 @@ mod tests {
         assert!(outcome.residual <= 1e-12 && outcome.iterations > 8);
         for (b, x) in b.iter().zip(&x) {
             assert!((b - x).abs() < 1e-10);
+        }
+    }
+
+    /// One call a direction; without what they made one more each time that directions are combined.
+    #[test]
+    fn kept_images_spare_the_last_calls() {
+        let x: Vec<f64> = (0..60).map(|i| (i as f64).sin()).collect();
+        let mut image = vec![0.0; 60];
+        multiply(&x, &mut image);
+        let solve = |mut gmres: Gmres| {
+            let (mut b, mut calls) = (image.clone(), 0);
+            let near = |z: &mut [f64]| {
+                calls += 1;
+                (0..60).for_each(|i| z[i] /= 2.0 + (i % 5) as f64);
+                Ok(())
+            };
+            let outcome = gmres.solve(multiply, near, &mut b, 1e-12, 500).unwrap();
+            (b, outcome.iterations, calls)
+        };
+        let (x_plain, n_plain, plain) = solve(Gmres::new(8));
+        let (x_kept, n_kept, kept) = solve(Gmres::flexible(8));
+        assert!(n_plain > 8 && n_plain == n_kept);
+        assert_eq!((plain, kept), (n_plain + n_plain.div_ceil(8), n_kept));
+        for (a, b) in x_plain.iter().zip(&x_kept) {
+            assert!((a - b).abs() < 1e-11);
         }
     }
 

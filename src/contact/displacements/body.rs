@@ -246,7 +246,7 @@ impl ReducedBody {
     pub fn memory(&self, options: &ReducedOptions) -> u64 {
         let (len, dim) = (self.len() as u64, self.dim() as u64);
         let matrix = self.stiffness.num_blocks() as u64 * (8 * dim * dim + 4);
-        let vectors = 8 * len * (options.directions as u64).saturating_add(24);
+        let vectors = 8 * len * (options.directions as u64).saturating_mul(2).saturating_add(24);
         matrix.saturating_add(vectors)
     }
 

@@ -26,7 +26,7 @@ pub struct ReducedProgress {
     pub load: f64,
     /// Newton steps begun, of failed attempts too.
     pub newton: usize,
-    /// GMRES iterations of the step under way, one more for each restart.
+    /// GMRES iterations of the step under way.
     pub krylov: usize,
     /// The largest residual before the last Newton step; infinite before the first one.
     pub residual: f64,

@@ -157,7 +157,7 @@ impl SerialSystem {
         Ok(Self {
             body,
             hierarchy,
-            gmres: Gmres::new(directions),
+            gmres: Gmres::flexible(directions),
             max_iterations,
             held: Vec::new(),
             beside: Vec::new(),
@@ -167,7 +167,7 @@ impl SerialSystem {
 
     /// Limits of the solves to come.
     pub(super) fn limit(&mut self, directions: usize, max_iterations: usize) {
-        self.gmres = Gmres::new(directions);
+        self.gmres = Gmres::flexible(directions);
         self.max_iterations = max_iterations;
     }
 
