@@ -3,7 +3,7 @@
 //! Nodes are gathered into aggregates; on each the rigid motions are interpolated, smoothed by one damped Jacobi step
 //! (P. Vaněk, J. Mandel, M. Brezina, Computing 56 (1996); P. Vaněk, M. Brezina, J. Mandel, Numer. Math. 88 (2001)). Components may be
 //! held at zero and diagonal blocks added to: the aggregates stay then, and what of the prolongation and of the coarse matrices
-//! depends on the nodes that changed is found anew.
+//! depends on the nodes that changed is found anew, unless they changed slightly: the finest level knows them exactly in any case.
 
 mod aggregates;
 mod dense;
@@ -40,6 +40,9 @@ const POWER_STEPS: usize = 8;
 const MARGIN: f64 = 1.05;
 /// Damping of the Jacobi step of prolongators against the largest eigenvalue.
 const DAMPING: f64 = 4.0 / 3.0;
+/// Changes of what is added to a diagonal block of A, against that block, of which coarse levels learn nothing: at 0.03 some bodies take more
+/// iterations already.
+const SLIGHT: f64 = 0.01;
 
 /// Constraints of the finest level.
 #[derive(Debug, Clone)]
@@ -48,6 +51,8 @@ struct Fine<const F: usize> {
     fixed: Vec<u8>,
     held: Vec<u8>,
     added: BTreeMap<u32, [[f64; F]; F]>,
+    /// What is added as the coarse levels know it: slight changes are kept from them.
+    known: BTreeMap<u32, [[f64; F]; F]>,
     /// Nodes with components that are held or added to, beside those that never were free.
     constrained: Vec<u32>,
     smoother: Smoother<F>,
@@ -59,7 +64,7 @@ impl<const F: usize> Constraints<F> for Fine<F> {
     }
 
     fn added(&self, node: usize) -> Option<&[[f64; F]; F]> {
-        self.added.get(&(node as u32))
+        self.known.get(&(node as u32))
     }
 
     fn inverse(&self, node: usize) -> &[[f64; F]; F] {
@@ -124,6 +129,7 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
         let fine = Fine {
             held: fixed.clone(),
             added: BTreeMap::new(),
+            known: BTreeMap::new(),
             constrained: Vec::new(),
             smoother: Smoother::new(a, |i| fixed[i]),
             fixed,
@@ -217,6 +223,8 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
         for &(i, j, v) in added {
             sums.entry((i / F) as u32).or_insert([[0.0; F]; F])[i % F][j % F] += v;
         }
+        // With a direct solve alone nothing else makes up for it.
+        let slight = if self.first.is_some() { SLIGHT } else { 0.0 };
         let fine = &mut self.fine;
         let mut changed = std::mem::take(&mut self.pending);
         let constrained = collect(now.keys().chain(sums.keys()).copied());
@@ -224,9 +232,16 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
             let node = i as usize;
             let wanted = fine.fixed[node] | now.get(&i).copied().unwrap_or(0);
             let (before, after) = (fine.added.get(&i), sums.get(&i));
-            if wanted != fine.held[node] || before != after {
+            let other = wanted != fine.held[node];
+            if other || before != after {
                 fine.held[node] = wanted;
                 fine.smoother.invert(a, node, wanted, after);
+            }
+            if other || !is_near(a, node, fine.known.get(&i), after, slight) {
+                match after {
+                    Some(after) => fine.known.insert(i, *after),
+                    None => fine.known.remove(&i),
+                };
                 changed.push(i);
             }
         }
@@ -328,7 +343,7 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
         let nodes = x.as_chunks::<F>().0;
         a.for_products(x, y, &|i, sum, y| {
             y.iter_mut().zip(sum).for_each(|(y, s)| *y += s);
-            if let Some(added) = self.fine.added(i) {
+            if let Some(added) = self.fine.added.get(&(i as u32)) {
                 crate::sparse::add_product(added, &nodes[i], y);
             }
         });
@@ -341,6 +356,30 @@ fn in_time(until: Until) -> Result<(), LinearError> {
         return Err(LinearError::Interrupted);
     }
     Ok(())
+}
+
+/// Whether two additions to a diagonal block of A differ by little, against that block; what is taken away has to go.
+fn is_near<const F: usize>(
+    a: &Blocks<F, F>,
+    node: usize,
+    known: Option<&[[f64; F]; F]>,
+    now: Option<&[[f64; F]; F]>,
+    slight: f64,
+) -> bool {
+    if known.is_some() && now.is_none() {
+        return false;
+    }
+    let zero = [[0.0; F]; F];
+    let (known, now) = (known.unwrap_or(&zero), now.unwrap_or(&zero));
+    let own = a.slot(node, node).map_or(&zero, |k| &a.value[k]);
+    let (mut change, mut size) = (0.0f64, 0.0f64);
+    for k in 0..F {
+        for l in 0..F {
+            change = change.max((now[k][l] - known[k][l]).abs());
+            size = size.max(own[k][l].abs());
+        }
+    }
+    change <= slight * size
 }
 
 /// Aggregates, if they are few enough, with the prolongation and the near-kernel of the coarse level.

@@ -208,6 +208,45 @@ fn constraints_change_what_depends_on_them_and_nothing_is_missed() {
     assert!(off <= 1e-14 * largest, "{off:e}");
 }
 
+/// What is added changes by little: coarse matrices stay until small changes have become a large one, products are exact all the time.
+#[test]
+fn slight_changes_are_kept_from_coarse_levels_alone() {
+    let a = body(block([9, 8, 4]), Material::isotropic(1.0, 0.3).unwrap(), 1.0);
+    let (blocks, n) = (space(&a), a.num_nodes());
+    let mut cycle =
+        Aggregation::<3, 6>::new(blocks, rigid(a.points()), vec![0; n], Until::default()).unwrap();
+    let free = cycle.levels[0].a.clone();
+    let node = bottom(&a)[0] / 3;
+    let own = blocks.value[blocks.slot(node, node).unwrap()].as_flattened();
+    let size = own.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+    for (share, same) in [(0.6, true), (1.2, false), (1.2 - 0.6, false)] {
+        let before = cycle.levels[0].a.clone();
+        let more = share * SLIGHT * size;
+        cycle
+            .constrain(blocks, &[], &[(3 * node, 3 * node, more)])
+            .unwrap();
+        assert_eq!(cycle.levels[0].a == free, same, "{share}");
+        assert_eq!(cycle.levels[0].a == before, share < 1.0, "{share}");
+        let mut x: Vec<f64> = (0..3 * n).map(|k| crate::spread::golden(k + 1) - 0.5).collect();
+        cycle.apply(blocks, &mut x).unwrap();
+        let (mut image, mut exact) = (vec![0.0; 3 * n], vec![0.0; 3 * n]);
+        cycle.add_image(blocks, &x, &mut image);
+        blocks.mul(&x, &mut exact);
+        exact[3 * node] += more * x[3 * node];
+        let off = image
+            .iter()
+            .zip(&exact)
+            .fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
+        assert!(off <= 1e-13 && more * x[3 * node].abs() > 1e-6, "{off:e}");
+    }
+    cycle.constrain(blocks, &[], &[]).unwrap();
+    let back = cycle.levels[0].a.value.iter().zip(&free.value);
+    let off = back
+        .flat_map(|(a, b)| a.as_flattened().iter().zip(b.as_flattened()))
+        .fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
+    assert!(off <= 1e-14 * size, "{off:e}");
+}
+
 /// Nothing holds the body.
 #[test]
 fn floating_bodies_are_refused() {
