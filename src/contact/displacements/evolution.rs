@@ -123,7 +123,7 @@ impl<L: NodeLaw> ReducedContact<L> {
                 found => found?,
             };
             let solution = self.solution(level, &report.displacements)?;
-            self.end_level(level, &report.displacements)?;
+            self.end_at(&solution);
             let changes = match reached.last() {
                 Some(last) => changes(&last.solution.states, &solution.states),
                 None => [[0; 3]; 3],

@@ -475,6 +475,11 @@ impl<L: NodeLaw> ReducedContact<L> {
     /// As [`solution`](Self::solution).
     pub fn end_level(&mut self, alpha: f64, displacements: &[f64]) -> Result<(), ContactError> {
         let solution = self.solution(alpha, displacements)?;
+        self.end_at(&solution);
+        Ok(())
+    }
+
+    fn end_at(&mut self, solution: &ContactSolution) {
         let (p, h) = (self.components.len(), self.law.num_history());
         for v in &solution.nodes {
             self.law
@@ -483,6 +488,5 @@ impl<L: NodeLaw> ReducedContact<L> {
                 self.reference[d * p + v.node] += v.slip[d];
             }
         }
-        Ok(())
     }
 }

@@ -22,7 +22,7 @@ const SHORTEST: f64 = 1.0 / 128.0;
 const DESCENT: f64 = 1e-4;
 /// Smallest relative residual of a linear system, and its part in what is left to do.
 const EXACT: f64 = 1e-4;
-const SHARE: f64 = 0.1;
+const SHARE: f64 = 0.3;
 /// Of Eisenstat and Walker's second choice: η = γ (‖r‖ / ‖r of the step before‖)².
 const GAMMA: f64 = 0.5;
 /// A linear solve that leaves more than this of its residual has failed.
@@ -127,7 +127,8 @@ impl ReducedNodes<'_> {
 /// fails; `load` and `u` hold all components of this process.
 ///
 /// Each step solves the law at each node for its forces or prescribes its displacements; what is left is A with few rows changed,
-/// solved to a tolerance after Eisenstat and Walker (SIAM J. Sci. Comput. 17 (1996), choice 2). Full steps are taken as long as the
+/// solved roughly as long as nodes go from piece to piece, then to a tolerance after Eisenstat and Walker (SIAM J. Sci. Comput. 17 (1996),
+/// choice 2). Full steps are taken as long as the
 /// residual falls; where it does not, steps are damped. Forces of the report are those of this process, and so are its displacements:
 /// all components. What one process finds wrong ends the solve in all of them, and so does the time of one that is over.
 ///
@@ -185,6 +186,7 @@ pub fn solve_reduced_observed<S: ReducedSystem>(
         other: vec![0.0; len],
         direction: vec![0.0; len],
         local: Vec::with_capacity(nodes.components.len()),
+        pieces: vec![usize::MAX; nodes.components.len()],
         lists: Lists::default(),
     };
     let clock = Clock::start();
@@ -282,6 +284,8 @@ struct State {
     /// ‖·‖₂ of equilibrium and of the laws.
     merit: f64,
     states: [usize; 3],
+    /// Whether no node has another piece than at the iterate before.
+    settled: bool,
     /// Whether the time of a process is over.
     late: bool,
 }
@@ -350,6 +354,8 @@ struct Search<'a, S> {
     other: Vec<f64>,
     direction: Vec<f64>,
     local: Vec<Node>,
+    /// The pieces of the nodes at the iterate before.
+    pieces: Vec<usize>,
     lists: Lists,
 }
 
@@ -360,13 +366,16 @@ impl<S: ReducedSystem> Search<'_, S> {
     fn solve(&mut self) -> Outcome<ReducedStrategy, S::Error> {
         let options = self.options;
         let start = self.best.u.clone();
-        let (found, mut u) = self.run(1.0, start, options.tolerance, options.max_iterations)?;
+        let (mut found, mut u) = self.run(1.0, start, options.tolerance, options.max_iterations)?;
         let mut strategy = ReducedStrategy::Newton;
         if found == Ended::Stuck && options.max_load_steps > 0 {
-            let (found, other) = self.load_steps()?;
-            if found != Ended::Stuck {
-                (strategy, u) = (ReducedStrategy::LoadSteps, other);
+            let (again, other) = self.load_steps()?;
+            if again != Ended::Stuck {
+                (strategy, found, u) = (ReducedStrategy::LoadSteps, again, other);
             }
+        }
+        if found == Ended::Solved {
+            return Ok(strategy);
         }
         self.set_load(1.0);
         let state = self.evaluate(&u)?;
@@ -411,6 +420,9 @@ impl<S: ReducedSystem> Search<'_, S> {
             let state = self.evaluate(&u)?;
             let error = state.residuals.largest();
             if error <= tolerance {
+                if share == 1.0 {
+                    self.keep(&u, &state);
+                }
                 return Ok((Ended::Solved, u));
             }
             if !state.merit.is_finite() {
@@ -443,10 +455,11 @@ impl<S: ReducedSystem> Search<'_, S> {
                 before = f64::INFINITY;
                 continue;
             }
-            let ratio = error / before;
-            let forcing = (GAMMA * ratio * ratio)
-                .clamp(EXACT.min(self.options.forcing), self.options.forcing)
-                .max((SHARE * tolerance / error).min(self.options.forcing));
+            let forcing = match state.settled {
+                true => self.forcing(error, before, tolerance),
+                // The next system has other rows: more than its outline is lost on them.
+                false => self.options.forcing,
+            };
             before = error;
             self.iterations.push(ReducedIteration {
                 load: share,
@@ -473,6 +486,17 @@ impl<S: ReducedSystem> Search<'_, S> {
         }
         let u = if best.1.is_empty() { u } else { best.1 };
         Ok((Ended::Stuck, u))
+    }
+
+    /// The relative residual asked of the next linear system, from the error at hand and that of the step before (infinite in the first one).
+    fn forcing(&self, error: f64, before: f64, tolerance: f64) -> f64 {
+        let largest = self.options.forcing;
+        if before.is_infinite() {
+            return largest;
+        }
+        let ratio = error / before;
+        let wanted = (GAMMA * ratio * ratio).max(EXACT).max(SHARE * tolerance / error);
+        wanted.min(largest)
     }
 
     /// How far the search has come, but for the linear solve under way.
@@ -539,6 +563,9 @@ impl<S: ReducedSystem> Search<'_, S> {
         let mut local = std::mem::take(&mut self.local);
         local.clear();
         let state = self.judge(u, &image, Some(&mut local));
+        for (piece, node) in self.pieces.iter_mut().zip(&local) {
+            *piece = node.piece;
+        }
         (self.image, self.local) = (image, local);
         product?;
         state
@@ -559,7 +586,7 @@ impl<S: ReducedSystem> Search<'_, S> {
             }
         }
         let (mut normal, mut tangential, mut size) = (0.0f64, 0.0f64, 0.0f64);
-        let (mut counts, mut failure) = ([0.0; 3], None);
+        let (mut counts, mut moved, mut failure) = ([0.0; 3], 0.0, None);
         for i in 0..self.nodes.components.len() {
             let v = self.nodes.values(self.law, i, u, |k| self.load[k] - image[k]);
             let node = match Node::new(self.law, &v) {
@@ -586,6 +613,9 @@ impl<S: ReducedSystem> Search<'_, S> {
                 ContactState::Stick => 1,
                 _ => 2,
             }] += 1.0;
+            if node.piece != self.pieces[i] {
+                moved = 1.0;
+            }
             if let Some(list) = keep.as_deref_mut() {
                 list.push(node);
             }
@@ -593,10 +623,12 @@ impl<S: ReducedSystem> Search<'_, S> {
         let mut sums = [squares, counts[0], counts[1], counts[2]];
         let flags =
             [self.stopped || self.deadline.is_over(), failure.is_some()].map(|b| f64::from(u8::from(b)));
-        let mut largest = [balance, weight, normal, tangential, size, flags[0], flags[1]];
+        let mut largest = [
+            balance, weight, normal, tangential, size, moved, flags[0], flags[1],
+        ];
         self.system.sum(&mut sums).map_err(Stop::System)?;
         self.system.max(&mut largest).map_err(Stop::System)?;
-        let [balance, weight, normal, tangential, size, late, failed] = largest;
+        let [balance, weight, normal, tangential, size, moved, late, failed] = largest;
         if failed > 0.0 {
             return Err(failure.unwrap_or(Stop::Elsewhere));
         }
@@ -612,6 +644,7 @@ impl<S: ReducedSystem> Search<'_, S> {
             residuals: if known { residuals } else { UNKNOWN },
             merit: sums[0].sqrt(),
             states: [sums[1], sums[2], sums[3]].map(|c| c as usize),
+            settled: moved == 0.0,
             late: late > 0.0,
         })
     }

@@ -25,10 +25,10 @@ pub struct ReducedOptions {
     pub max_iterations: usize,
     /// Largest number of GMRES iterations of each step. Default 400.
     pub max_krylov: usize,
-    /// Directions that GMRES keeps, a vector of displacements each. Default 30.
+    /// Directions that GMRES keeps, two vectors of displacements each, allocated as they are needed. Default 30.
     pub directions: usize,
-    /// Largest relative residual to which the linear system of a step is solved (η_max of Eisenstat and Walker); the first one of a run is
-    /// solved to 1e-4 of its right-hand side, or to this if that is less. Default 1e-2.
+    /// Largest relative residual to which the linear system of a step is solved (η_max of Eisenstat and Walker); it is that of the first step
+    /// of a run and of all steps after nodes have changed their piece. Default 0.1.
     pub forcing: f64,
     /// Largest number of load steps tried when Newton's method does not arrive from the start; 0 leaves them out. Default 100.
     pub max_load_steps: usize,
@@ -50,7 +50,7 @@ impl Default for ReducedOptions {
             max_iterations: 60,
             max_krylov: 400,
             directions: 30,
-            forcing: 1e-2,
+            forcing: 0.1,
             max_load_steps: 100,
             max_condensed: 100_000,
             max_time: None,
