@@ -46,16 +46,6 @@ fn panic_of(call: &mut dyn FnMut()) -> Option<String> {
     result.err().map(|_| told.replace('\n', " "))
 }
 
-/// What a call returns, or its panic.
-fn caught<T>(call: impl FnOnce() -> T) -> Result<T, String> {
-    let (mut call, mut result) = (Some(call), None);
-    let panic = panic_of(&mut || result = call.take().map(|call| call()));
-    match result {
-        Some(result) => Ok(result),
-        None => Err(panic.unwrap_or_default()),
-    }
-}
-
 pub(crate) struct Table {
     module: &'static str,
     entries: BTreeSet<&'static str>,
@@ -71,7 +61,8 @@ impl Table {
         }
     }
 
-    /// The call is refused, with a message that contains `names`.
+    /// The call is refused, with a message that contains `names`. There are hundreds of calls: what is compiled for each does no more
+    /// than to forget its types.
     pub(crate) fn refuses<T, E: Error + Send + Sync + 'static>(
         &mut self,
         entry: &'static str,
@@ -79,8 +70,11 @@ impl Table {
         names: &str,
         call: impl FnOnce() -> Result<T, E>,
     ) {
-        let message = caught(|| call().err().map(|e| e.to_string()));
-        self.refused(entry, input, names, message);
+        let mut call = Some(call);
+        self.refused(entry, input, names, &mut || match call.take()?() {
+            Ok(_) => None,
+            Err(e) => Some(Box::new(e)),
+        });
     }
 
     fn refused(
@@ -88,35 +82,52 @@ impl Table {
         entry: &'static str,
         input: &str,
         names: &str,
-        message: Result<Option<String>, String>,
+        call: &mut dyn FnMut() -> Option<Box<dyn Error>>,
     ) {
         self.entries.insert(entry);
-        let failure = match message {
-            Err(panic) => panic,
-            Ok(None) => "not refused".to_owned(),
-            Ok(Some(message)) if message.contains(names) => return,
-            Ok(Some(message)) => format!("the message does not name {names:?}: {message}"),
+        let mut message = None;
+        let panic = panic_of(&mut || message = call().map(|e| e.to_string()));
+        let failure = match (panic, message) {
+            (Some(panic), _) => panic,
+            (None, None) => "not refused".to_owned(),
+            (None, Some(message)) if message.contains(names) => return,
+            (None, Some(message)) => format!("the message does not name {names:?}: {message}"),
         };
         self.failures.push(format!("{entry} of {input}: {failure}"));
     }
 
     /// The call returns, with whatever result.
     pub(crate) fn survives<T>(&mut self, entry: &'static str, input: &str, call: impl FnOnce() -> T) {
+        let mut call = Some(call);
+        self.survived(entry, input, &mut || {
+            if let Some(call) = call.take() {
+                call();
+            }
+        });
+    }
+
+    fn survived(&mut self, entry: &'static str, input: &str, call: &mut dyn FnMut()) {
         self.entries.insert(entry);
-        if let Err(panic) = caught(call) {
+        if let Some(panic) = panic_of(call) {
             self.failures.push(format!("{entry} of {input}: {panic}"));
         }
     }
 
     /// An outcome that is not an error but must be as described.
     pub(crate) fn holds(&mut self, entry: &'static str, claim: &str, call: impl FnOnce() -> bool) {
+        let mut call = Some(call);
+        self.held(entry, claim, &mut || call.take().is_some_and(|call| call()));
+    }
+
+    fn held(&mut self, entry: &'static str, claim: &str, call: &mut dyn FnMut() -> bool) {
         self.entries.insert(entry);
-        match caught(call) {
-            Ok(true) => {}
-            Ok(false) => self
+        let mut holds = false;
+        match panic_of(&mut || holds = call()) {
+            None if holds => {}
+            None => self
                 .failures
                 .push(format!("{entry}: it does not hold that {claim}")),
-            Err(panic) => self.failures.push(format!("{entry}: {claim}: {panic}")),
+            Some(panic) => self.failures.push(format!("{entry}: {claim}: {panic}")),
         }
     }
 
