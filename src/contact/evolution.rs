@@ -250,6 +250,17 @@ pub fn evolve_observed<V: View, L: NodeLaw>(
     options: &EvolutionOptions,
     mut observe: impl FnMut(&EvolutionProgress<'_>) -> ControlFlow<()>,
 ) -> Result<Vec<EvolutionStep>, ContactError> {
+    evolve_told(problem, start, levels, options, &mut observe)
+}
+
+/// Compiled once for all observers.
+fn evolve_told<V: View, L: NodeLaw>(
+    problem: &mut Contact<V, L>,
+    start: &[f64],
+    levels: &[f64],
+    options: &EvolutionOptions,
+    observe: Observer<'_>,
+) -> Result<Vec<EvolutionStep>, ContactError> {
     options.validate()?;
     if problem.node_law().depends_on_slip() && !options.slip_increments {
         return Err(ContactError::SlipOfLevels);

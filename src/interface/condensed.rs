@@ -76,8 +76,8 @@ impl<G: PiecewiseSmooth> CondensedInterface<G> {
         let (n, q) = (self.num_displacements(), self.num_traces());
         let mut out = vec![0.0; n + q];
         self.with_scratch(|s| {
-            self.equilibrium(&point, s, &mut out[..n]);
-            self.law_point(x, s);
+            self.parts().equilibrium(&point, s, &mut out[..n]);
+            self.parts().law_point(x, s);
             self.law.residual(selection, &s.z, &mut out[n..]);
         });
         Ok(out)

@@ -1,5 +1,8 @@
 //! The parts of an interface problem at a point: the point of the law, the equilibrium, and their derivatives.
 
+use std::ops::{Deref, DerefMut};
+use std::sync::{Mutex, MutexGuard, TryLockError};
+
 use super::Interface;
 use super::load::add;
 use super::operator::Operator;
@@ -27,6 +30,32 @@ pub(super) struct Scratch {
     across: Vec<(usize, usize, f64)>,
 }
 
+/// The scratch of a problem, or another one.
+pub(super) enum Borrowed<'a> {
+    Shared(MutexGuard<'a, Scratch>),
+    Own(Box<Scratch>),
+}
+
+impl Deref for Borrowed<'_> {
+    type Target = Scratch;
+
+    fn deref(&self) -> &Scratch {
+        match self {
+            Self::Shared(scratch) => scratch,
+            Self::Own(scratch) => scratch,
+        }
+    }
+}
+
+impl DerefMut for Borrowed<'_> {
+    fn deref_mut(&mut self) -> &mut Scratch {
+        match self {
+            Self::Shared(scratch) => scratch,
+            Self::Own(scratch) => scratch,
+        }
+    }
+}
+
 impl Scratch {
     pub(super) fn new(operator: &Operator, law: &Pattern, condensed: bool) -> Self {
         Self {
@@ -41,13 +70,61 @@ impl Scratch {
             across: Vec::new(),
         }
     }
+
+    /// `scratch`, or a new one when another thread uses that. Compiled once, for all laws.
+    pub(super) fn borrow<'a>(
+        scratch: &'a Mutex<Self>,
+        operator: &Operator,
+        law: &Pattern,
+        condensed: bool,
+    ) -> Borrowed<'a> {
+        match scratch.try_lock() {
+            Ok(scratch) => Borrowed::Shared(scratch),
+            Err(TryLockError::Poisoned(scratch)) => Borrowed::Shared(scratch.into_inner()),
+            Err(TryLockError::WouldBlock) => Borrowed::Own(Box::new(Self::new(operator, law, condensed))),
+        }
+    }
 }
 
 impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
+    pub(super) fn parts(&self) -> Parts<'_> {
+        Parts {
+            operator: &self.operator,
+            reduced: self.view.reduced(),
+            num_parameters: self.num_parameters(),
+        }
+    }
+}
+
+/// What evaluations need of an interface problem besides its law. All that is not the law's is computed here, compiled once for all laws.
+#[derive(Clone, Copy)]
+pub(super) struct Parts<'a> {
+    pub(super) operator: &'a Operator,
+    pub(super) reduced: Option<&'a Reduced>,
+    pub(super) num_parameters: usize,
+}
+
+impl Parts<'_> {
+    fn num_displacements(&self) -> usize {
+        self.operator.num_displacements()
+    }
+
+    fn num_traces(&self) -> usize {
+        self.operator.num_traces()
+    }
+
+    /// Number of variables before the multipliers.
+    fn leading(&self) -> usize {
+        match self.reduced {
+            Some(_) => 0,
+            None => self.num_displacements(),
+        }
+    }
+
     /// z = (v, λ, α).
     pub(super) fn law_point(&self, x: &[f64], s: &mut Scratch) {
         let (first, q) = (self.leading(), self.num_traces());
-        match self.view.reduced() {
+        match self.reduced {
             None => {
                 for k in 0..q {
                     s.z[k] = self.operator.trace(k).map(|(j, b)| b * x[j]).sum();
@@ -66,10 +143,10 @@ impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
         s.z[q..].copy_from_slice(&x[first..]);
     }
 
-    /// As [`law_point`](Self::law_point), for derivatives: those of affine laws do not depend on v, which is left out.
-    pub(super) fn point_of_derivatives(&self, x: &[f64], s: &mut Scratch) {
+    /// As [`law_point`](Self::law_point), for derivatives: those of `affine` laws do not depend on v, which is left out.
+    pub(super) fn point_of_derivatives(&self, affine: bool, x: &[f64], s: &mut Scratch) {
         let (first, q) = (self.leading(), self.num_traces());
-        if self.law.is_piecewise_affine() && self.operator.load.base().is_some() {
+        if affine && self.operator.load.base().is_some() {
             s.free.factors.set(&self.operator.load, &x[first + q..]);
             s.z[q..].copy_from_slice(&x[first..]);
             s.at.clear();
@@ -79,10 +156,10 @@ impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
     }
 
     /// The derivative of z along d, and z as for derivatives.
-    pub(super) fn law_direction(&self, x: &[f64], d: &[f64], s: &mut Scratch) {
+    pub(super) fn law_direction(&self, affine: bool, x: &[f64], d: &[f64], s: &mut Scratch) {
         let (first, q) = (self.leading(), self.num_traces());
-        self.point_of_derivatives(x, s);
-        match self.view.reduced() {
+        self.point_of_derivatives(affine, x, s);
+        match self.reduced {
             None => {
                 for k in 0..q {
                     s.dz[k] = self.operator.trace(k).map(|(j, b)| b * d[j]).sum();
@@ -136,9 +213,8 @@ impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
 
     /// Adds the gradients of all rows of the law to a Jacobian.
     pub(super) fn add_gradients(&self, s: &mut Scratch, jac: &mut Matrix) {
-        let (Some(reduced), true) = (self.view.reduced(), jac.pattern().is_full()) else {
-            nonzeros(&s.jac).for_each(|entry| self.add_gradient(&s.free, entry, jac));
-            return;
+        let (Some(reduced), true) = (self.reduced, jac.pattern().is_full()) else {
+            return self.add_gradients_one_by_one(s, jac);
         };
         let (q, order) = (self.num_traces(), jac.nrows());
         s.entries.clear();
@@ -179,18 +255,41 @@ impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
     }
 
     fn add_drift(&self, reduced: &Reduced, s: &Free, (i, k, c): (usize, usize, f64), jac: &mut Matrix) {
-        for slot in 0..self.num_parameters() {
+        for slot in 0..self.num_parameters {
             let drift = reduced.drift(&self.operator.load, s, k, slot);
             jac.add(i, self.num_traces() + slot, c * drift);
         }
     }
 
+    /// The same where few rows are written.
+    pub(super) fn add_gradients_one_by_one(&self, s: &Scratch, jac: &mut Matrix) {
+        nonzeros(&s.jac).for_each(|entry| self.add_gradient(&s.free, entry, jac));
+    }
+
+    /// The gradient of a function of z, with derivatives `s.dz`, in the variables of the problem.
+    pub(super) fn gradient(&self, s: &Scratch, gradient: &mut [f64]) {
+        let (first, q) = (self.leading(), self.num_traces());
+        gradient[..first].fill(0.0);
+        gradient[first..].copy_from_slice(&s.dz[q..]);
+        for (k, &g) in s.dz[..q].iter().enumerate().filter(|g| *g.1 != 0.0) {
+            match self.reduced {
+                None => self.operator.trace(k).for_each(|(j, b)| gradient[j] += g * b),
+                Some(reduced) => {
+                    add(-g, reduced.row(k), &mut gradient[..q]);
+                    for slot in 0..self.num_parameters {
+                        gradient[q + slot] += g * reduced.drift(&self.operator.load, &s.free, k, slot);
+                    }
+                }
+            }
+        }
+    }
+
     /// Adds c times the gradient of variable k of the law to row `i` of a Jacobian.
-    pub(super) fn add_gradient(&self, s: &Free, (i, k, c): (usize, usize, f64), jac: &mut Matrix) {
+    fn add_gradient(&self, s: &Free, (i, k, c): (usize, usize, f64), jac: &mut Matrix) {
         let (first, q) = (self.leading(), self.num_traces());
         if k >= q {
             jac.add(first + i, first + k - q, c);
-        } else if let Some(reduced) = self.view.reduced() {
+        } else if let Some(reduced) = self.reduced {
             let row = reduced.row(k);
             if jac.pattern().is_full() {
                 // By strides, as a search for each entry would cost most of a step.
@@ -213,7 +312,7 @@ impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
 }
 
 /// The entries that are not zero, of which there are few when a single site has written its rows.
-pub(super) fn nonzeros(a: &Matrix) -> impl Iterator<Item = (usize, usize, f64)> + '_ {
+fn nonzeros(a: &Matrix) -> impl Iterator<Item = (usize, usize, f64)> + '_ {
     let (col_ptr, row_idx) = (a.pattern().col_ptr(), a.pattern().row_idx());
     let entries = a.values().iter().enumerate().filter(|e| *e.1 != 0.0);
     entries.map(move |(k, v)| (row_idx[k], col_ptr.partition_point(|c| *c <= k) - 1, *v))

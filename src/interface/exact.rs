@@ -1,5 +1,6 @@
 //! Interface problems with exact coefficients, composed of those of operator and law.
 
+use super::operator::Operator;
 use super::view::View;
 use super::{Interface, LoadPath};
 use crate::exact::{Dictionary, Exact, Place, passive_bounds};
@@ -152,84 +153,86 @@ impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
         let affine = load.is_affine() && load.num_parts() <= 1 && load.base().is_some();
         self.num_parameters() == 1 && affine && self.law.exact().is_some()
     }
+}
 
-    fn condensed_conditions(
-        &self,
-        alpha: f64,
-        own: &ExactConditions,
-        traces: &ExactTraces,
-    ) -> Option<ExactConditions> {
-        let q = self.num_traces();
-        let at = Exact::new(alpha)?;
-        let opposite = self.law.exact()?.passive(alpha).unwrap_or_default();
-        let opposite: Vec<ExactForm> = opposite.iter().map(|f| traces.substituted(f, &at)).collect();
-        let bounds = if opposite.is_empty() {
-            None
-        } else {
-            let rows: Vec<_> = opposite
-                .iter()
-                .map(|f| (&f.constant, f.coefficients.as_slice()))
-                .collect();
-            passive_bounds(&rows)
-        };
-        Some(ExactConditions {
-            unknowns: own.unknowns.checked_sub(q)?,
-            common: own.common.iter().map(|f| traces.substituted(f, &at)).collect(),
-            sites: changed(&own.sites, 0, |f| traces.substituted(f, &at)),
-            bounds: bounds.map_or_else(Vec::new, |b| b.into_iter().map(Some).collect()),
-        })
-    }
+/// The law with v as `traces` say. As below, compiled once for all laws.
+fn condensed_conditions(
+    law: &dyn ExactPieces,
+    alpha: f64,
+    own: &ExactConditions,
+    q: usize,
+    traces: &ExactTraces,
+) -> Option<ExactConditions> {
+    let at = Exact::new(alpha)?;
+    let opposite = law.passive(alpha).unwrap_or_default();
+    let opposite: Vec<ExactForm> = opposite.iter().map(|f| traces.substituted(f, &at)).collect();
+    let bounds = if opposite.is_empty() {
+        None
+    } else {
+        let rows: Vec<_> = opposite
+            .iter()
+            .map(|f| (&f.constant, f.coefficients.as_slice()))
+            .collect();
+        passive_bounds(&rows)
+    };
+    Some(ExactConditions {
+        unknowns: own.unknowns.checked_sub(q)?,
+        common: own.common.iter().map(|f| traces.substituted(f, &at)).collect(),
+        sites: changed(&own.sites, 0, |f| traces.substituted(f, &at)),
+        bounds: bounds.map_or_else(Vec::new, |b| b.into_iter().map(Some).collect()),
+    })
+}
 
-    /// Equilibrium, and the law with v = B u.
-    fn full_conditions(
-        &self,
-        alpha: f64,
-        own: &ExactConditions,
-        load: [&[f64]; 2],
-    ) -> Option<ExactConditions> {
-        let (n, q) = (self.num_displacements(), self.num_traces());
-        let unknowns = n + own.unknowns.checked_sub(q)?;
-        let at = Exact::new(alpha)?;
-        let mut common = vec![ExactForm::zero(unknowns); n];
-        for (k, row) in common.iter_mut().enumerate() {
-            row.constant = -&(&Exact::new(load[0][k])? + &(&at * &Exact::new(load[1][k])?));
-        }
-        let add = |sum: &mut Exact, v: f64| -> Option<()> {
-            *sum = &*sum + &Exact::new(v)?;
-            Some(())
-        };
-        for (i, j, v) in self.operator.a.triplets() {
-            add(&mut common[i].coefficients[j], v)?;
-        }
-        let mut traces = vec![ExactForm::zero(unknowns); q];
-        for (j, k, v) in self.operator.b_t.triplets() {
-            add(&mut common[j].coefficients[n + k], v)?;
-            add(&mut traces[k].coefficients[j], v)?;
-        }
-        let expanded = |form: &ExactForm| {
-            let (of_traces, multipliers) = form.coefficients.split_at(q);
-            let mut sum = ExactForm::zero(unknowns);
-            sum.constant = form.constant.clone();
-            sum.coefficients[n..].clone_from_slice(multipliers);
-            let used = of_traces.iter().zip(&traces).filter(|t| !t.0.is_zero());
-            used.fold(sum, |sum, (c, trace)| sum.plus(c, trace))
-        };
-        let sites = changed(&own.sites, n, expanded);
-        common.extend(own.common.iter().map(expanded));
-        let bounds = || {
-            let traces = ExactTraces::of_stiffness(&self.operator.a, &self.operator.b_t, load)?;
-            let forces = self.condensed_conditions(alpha, own, &traces)?.bounds;
-            let mut bounds = traces.displacement_bounds(alpha, &forces)?;
-            bounds.extend(forces);
-            Some(bounds)
-        };
-        Some(ExactConditions {
-            unknowns,
-            sites,
-            common,
-            bounds: bounds().unwrap_or_default(),
-        })
+/// Equilibrium, and the law with v = B u.
+fn full_conditions(
+    operator: &Operator,
+    law: &dyn ExactPieces,
+    alpha: f64,
+    own: &ExactConditions,
+    load: [&[f64]; 2],
+) -> Option<ExactConditions> {
+    let (n, q) = (operator.num_displacements(), operator.num_traces());
+    let unknowns = n + own.unknowns.checked_sub(q)?;
+    let at = Exact::new(alpha)?;
+    let mut common = vec![ExactForm::zero(unknowns); n];
+    for (k, row) in common.iter_mut().enumerate() {
+        row.constant = -&(&Exact::new(load[0][k])? + &(&at * &Exact::new(load[1][k])?));
     }
+    let add = |sum: &mut Exact, v: f64| -> Option<()> {
+        *sum = &*sum + &Exact::new(v)?;
+        Some(())
+    };
+    for (i, j, v) in operator.a.triplets() {
+        add(&mut common[i].coefficients[j], v)?;
+    }
+    let mut traces = vec![ExactForm::zero(unknowns); q];
+    for (j, k, v) in operator.b_t.triplets() {
+        add(&mut common[j].coefficients[n + k], v)?;
+        add(&mut traces[k].coefficients[j], v)?;
+    }
+    let expanded = |form: &ExactForm| {
+        let (of_traces, multipliers) = form.coefficients.split_at(q);
+        let mut sum = ExactForm::zero(unknowns);
+        sum.constant = form.constant.clone();
+        sum.coefficients[n..].clone_from_slice(multipliers);
+        let used = of_traces.iter().zip(&traces).filter(|t| !t.0.is_zero());
+        used.fold(sum, |sum, (c, trace)| sum.plus(c, trace))
+    };
+    let sites = changed(&own.sites, n, expanded);
+    common.extend(own.common.iter().map(expanded));
+    let bounds = || {
+        let traces = ExactTraces::of_stiffness(&operator.a, &operator.b_t, load)?;
+        let forces = condensed_conditions(law, alpha, own, q, &traces)?.bounds;
+        let mut bounds = traces.displacement_bounds(alpha, &forces)?;
+        bounds.extend(forces);
+        Some(bounds)
+    };
+    Some(ExactConditions {
+        unknowns,
+        sites,
+        common,
+        bounds: bounds().unwrap_or_default(),
+    })
 }
 
 /// Sites with other forms; the rows that equalities stand for begin at `first`.
@@ -250,17 +253,18 @@ impl<V: View, G: PiecewiseSmooth> ExactPieces for Interface<V, G> {
     }
 
     fn conditions(&self, alpha: f64) -> Option<ExactConditions> {
-        let own = self.law.exact()?.conditions(alpha)?;
+        let law = self.law.exact()?;
+        let own = law.conditions(alpha)?;
         let load = self.operator.load.line(self.num_displacements())?;
         let load = [load[0].as_slice(), load[1].as_slice()];
         let Some(reduced) = self.view.reduced() else {
-            return self.full_conditions(alpha, &own, load);
+            return full_conditions(&self.operator, law, alpha, &own, load);
         };
         let of_body = ExactTraces::of_stiffness(&self.operator.a, &self.operator.b_t, load);
         let stored = || {
             let (free, rate) = reduced.line()?;
             ExactTraces::stored(|k| reduced.row(k), free, &rate)
         };
-        self.condensed_conditions(alpha, &own, &of_body.or_else(stored)?)
+        condensed_conditions(law, alpha, &own, self.num_traces(), &of_body.or_else(stored)?)
     }
 }

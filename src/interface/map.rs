@@ -2,8 +2,7 @@ use std::borrow::Cow;
 use std::sync::{Arc, Mutex, OnceLock};
 
 use super::error::{check_size, check_vector};
-use super::evaluation::{Scratch, nonzeros};
-use super::load::add;
+use super::evaluation::Scratch;
 use super::operator::Operator;
 use super::view::{CondensedView, FullView, View};
 use super::{InterfaceError, fill_sizes};
@@ -212,7 +211,7 @@ impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
     pub fn traces(&self, x: &[f64]) -> Result<Vec<f64>, InterfaceError> {
         check_vector("the length of x", self.num_vars(), x)?;
         Ok(self.with_scratch(|s| {
-            self.law_point(x, s);
+            self.parts().law_point(x, s);
             s.z[..self.num_traces()].to_vec()
         }))
     }
@@ -228,15 +227,13 @@ impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
 
     /// Runs `f` with the scratch of this problem, or with one of its own when another thread uses that.
     pub(super) fn with_scratch<R>(&self, f: impl FnOnce(&mut Scratch) -> R) -> R {
-        match self.scratch.try_lock() {
-            Ok(mut scratch) => f(&mut scratch),
-            Err(std::sync::TryLockError::Poisoned(p)) => f(&mut p.into_inner()),
-            Err(std::sync::TryLockError::WouldBlock) => f(&mut self.new_scratch()),
-        }
-    }
-
-    fn new_scratch(&self) -> Scratch {
-        Scratch::new(&self.operator, &self.law_pattern, self.view.reduced().is_some())
+        let condensed = self.view.reduced().is_some();
+        f(&mut Scratch::borrow(
+            &self.scratch,
+            &self.operator,
+            &self.law_pattern,
+            condensed,
+        ))
     }
 }
 
@@ -322,7 +319,7 @@ impl<V: View, G: PiecewiseSmooth> PiecewiseSmooth for Interface<V, G> {
 
     fn test_functions(&self, x: &[f64], out: &mut [f64]) {
         self.with_scratch(|s| {
-            self.law_point(x, s);
+            self.parts().law_point(x, s);
             self.law.test_functions(&s.z, out);
         });
     }
@@ -332,7 +329,7 @@ impl<V: View, G: PiecewiseSmooth> PiecewiseSmooth for Interface<V, G> {
             // Whether there are any is the same at every point: traces are computed only for those.
             s.reports = s.reports || self.law.reported_tests(&s.z, out);
             if s.reports {
-                self.law_point(x, s);
+                self.parts().law_point(x, s);
                 s.reports = self.law.reported_tests(&s.z, out);
             }
             s.reports
@@ -349,9 +346,9 @@ impl<V: View, G: PiecewiseSmooth> PiecewiseSmooth for Interface<V, G> {
         let (equilibrium, rows) = out.split_at_mut(self.leading());
         self.with_scratch(|s| {
             if !equilibrium.is_empty() {
-                self.equilibrium(x, s, equilibrium);
+                self.parts().equilibrium(x, s, equilibrium);
             }
-            self.law_point(x, s);
+            self.parts().law_point(x, s);
             self.law.residual(selection, &s.z, rows);
         });
     }
@@ -359,22 +356,24 @@ impl<V: View, G: PiecewiseSmooth> PiecewiseSmooth for Interface<V, G> {
     fn jacobian(&self, selection: &Selection, x: &[f64], jac: &mut Matrix) {
         self.with_scratch(|s| {
             if self.view.reduced().is_none() {
-                self.equilibrium_jacobian(x, s, jac);
+                self.parts().equilibrium_jacobian(x, s, jac);
             }
-            self.point_of_derivatives(x, s);
+            self.parts()
+                .point_of_derivatives(self.law.is_piecewise_affine(), x, s);
             s.jac.clear();
             self.law.jacobian(selection, &s.z, &mut s.jac);
-            self.add_gradients(s, jac);
+            self.parts().add_gradients(s, jac);
         });
     }
 
     fn site_jacobian(&self, site: usize, selection: &Selection, x: &[f64], jac: &mut Matrix) -> bool {
         self.with_scratch(|s| {
-            self.point_of_derivatives(x, s);
+            self.parts()
+                .point_of_derivatives(self.law.is_piecewise_affine(), x, s);
             s.jac.clear();
             let done = self.law.site_jacobian(site, selection, &s.z, &mut s.jac);
             if done {
-                nonzeros(&s.jac).for_each(|entry| self.add_gradient(&s.free, entry, jac));
+                self.parts().add_gradients_one_by_one(s, jac);
             }
             done
         })
@@ -382,7 +381,8 @@ impl<V: View, G: PiecewiseSmooth> PiecewiseSmooth for Interface<V, G> {
 
     fn test_derivatives(&self, x: &[f64], d: &[f64], out: &mut [f64]) {
         self.with_scratch(|s| {
-            self.law_direction(x, d, s);
+            self.parts()
+                .law_direction(self.law.is_piecewise_affine(), x, d, s);
             self.law.test_derivatives(&s.z, &s.dz, out);
         });
     }
@@ -394,34 +394,23 @@ impl<V: View, G: PiecewiseSmooth> PiecewiseSmooth for Interface<V, G> {
     fn tests_of_selection(&self, selection: &Selection, x: &[f64], d: Option<&[f64]>, out: &mut [f64]) {
         self.with_scratch(|s| match d {
             Some(d) => {
-                self.law_direction(x, d, s);
+                self.parts()
+                    .law_direction(self.law.is_piecewise_affine(), x, d, s);
                 self.law.tests_of_selection(selection, &s.z, Some(&s.dz), out);
             }
             None => {
-                self.law_point(x, s);
+                self.parts().law_point(x, s);
                 self.law.tests_of_selection(selection, &s.z, None, out);
             }
         });
     }
 
     fn test_gradient(&self, site: usize, test: usize, x: &[f64], gradient: &mut [f64]) {
-        let (first, q) = (self.leading(), self.num_traces());
+        let affine = self.law.is_piecewise_affine();
         self.with_scratch(|s| {
-            self.point_of_derivatives(x, s);
+            self.parts().point_of_derivatives(affine, x, s);
             self.law.test_gradient(site, test, &s.z, &mut s.dz);
-            gradient[..first].fill(0.0);
-            gradient[first..].copy_from_slice(&s.dz[q..]);
-            for (k, &g) in s.dz[..q].iter().enumerate().filter(|g| *g.1 != 0.0) {
-                match self.view.reduced() {
-                    None => self.operator.trace(k).for_each(|(j, b)| gradient[j] += g * b),
-                    Some(reduced) => {
-                        add(-g, reduced.row(k), &mut gradient[..q]);
-                        for slot in 0..self.num_parameters() {
-                            gradient[q + slot] += g * reduced.drift(&self.operator.load, &s.free, k, slot);
-                        }
-                    }
-                }
-            }
+            self.parts().gradient(s, gradient);
         });
     }
 }
