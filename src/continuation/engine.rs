@@ -103,6 +103,46 @@ pub(super) struct Curve<'a, M: ?Sized = dyn PiecewiseSmooth + 'a> {
     pub(super) map: Scaled<M>,
 }
 
+impl<'a, M> Curve<'a, M> {
+    /// The same curve of the same map in another guise.
+    pub(super) fn with_map<N>(self, map: N) -> Curve<'a, N> {
+        Curve {
+            map: self.map.with_map(map),
+            options: self.options,
+            layout: self.layout,
+            corrector: self.corrector,
+            selection: self.selection,
+            here: self.here,
+            next: self.next,
+            grazing: self.grazing,
+            coactive: self.coactive,
+            arclength: self.arclength,
+            h: self.h,
+            size: self.size,
+            residual_scale: self.residual_scale,
+            row_sizes: self.row_sizes,
+            curvature: self.curvature,
+            points: self.points,
+            probe: self.probe,
+            creeping: self.creeping,
+            queue: self.queue,
+            termination: self.termination,
+            start: self.start,
+            clock: self.clock,
+            earlier: self.earlier,
+            rates: self.rates,
+            departure: self.departure,
+            gradient_norms: self.gradient_norms,
+            next_sizes: self.next_sizes,
+            residual: self.residual,
+            behind: self.behind,
+            sizes: self.sizes,
+            watches: self.watches,
+            saved_sides: self.saved_sides,
+        }
+    }
+}
+
 impl<'a, P: PiecewiseSmooth + ?Sized> Curve<'a, &'a P> {
     /// The same curve, the type of its map forgotten.
     pub(super) fn erased(&self) -> &Curve<'a> {

@@ -9,7 +9,7 @@ impl<M: PiecewiseSmooth + ?Sized> Scaled<M> {
         let size = self.parameter_size();
         options.min_step /= size.max(1.0);
         options.max_growth *= size.recip().max(1.0);
-        convert_lengths(options, |v| v / size);
+        convert_lengths(options, size.recip());
     }
 
     /// Takes [`scale_options`](Self::scale_options) back; exact, as sizes are powers of two.
@@ -17,7 +17,7 @@ impl<M: PiecewiseSmooth + ?Sized> Scaled<M> {
         let size = self.parameter_size();
         options.min_step *= size.max(1.0);
         options.max_growth /= size.recip().max(1.0);
-        convert_lengths(options, |v| v * size);
+        convert_lengths(options, size);
     }
 
     pub(super) fn unscale_event(&self, event: &mut Event) {
@@ -53,7 +53,8 @@ impl<M: PiecewiseSmooth + ?Sized> Scaled<M> {
     }
 }
 
-fn convert_lengths(options: &mut ContinuationOptions, convert: impl Fn(f64) -> f64) {
+/// Times a power of two.
+fn convert_lengths(options: &mut ContinuationOptions, factor: f64) {
     let (lower, upper) = &mut options.parameter_range;
     let lengths = [
         &mut options.step,
@@ -65,6 +66,6 @@ fn convert_lengths(options: &mut ContinuationOptions, convert: impl Fn(f64) -> f
         .chain([lower, upper])
         .chain(&mut options.targets)
     {
-        *v = convert(*v);
+        *v *= factor;
     }
 }

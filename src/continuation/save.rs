@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use super::engine::{Curve, State};
-use super::start::auto_corrector;
+use super::start::{auto_corrector, prepare_at};
 use super::{Continuation, ContinuationError, ContinuationOptions, Event, Termination};
 use crate::clock::Clock;
 use crate::piecewise::Vanishing;
@@ -180,14 +180,22 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
     /// States that do not fit the map, options out of range; [`ContinuationError::Saved`] for a point that is not on the curve of the map,
     /// and for a tangent, test functions, a selection or an orientation that are not those of the map there.
     pub fn resume(map: &'a P, saved: &SavedRun) -> Result<Self, ContinuationError> {
-        saved.check(&map)?;
-        saved.options.validate()?;
-        let corrector = auto_corrector(&map)?;
-        let scaled = Scaled::with_divisors(map, saved.sizes.clone())?;
-        let mut curve = Curve::prepare_at(scaled, saved.here.x.clone(), saved.options.clone(), corrector)?;
+        let mut curve = prepared(&map, saved)?.with_map(map);
         curve.erased_mut().restore(saved)?;
         Ok(Self::of(curve))
     }
+}
+
+/// Compiled once for all maps.
+fn prepared<'a, 'b>(
+    map: &'b dyn PiecewiseSmooth,
+    saved: &SavedRun,
+) -> Result<Curve<'a, &'b dyn PiecewiseSmooth>, ContinuationError> {
+    saved.check(map)?;
+    saved.options.validate()?;
+    let corrector = auto_corrector(map)?;
+    let scaled = Scaled::with_divisors(map, saved.sizes.clone())?;
+    prepare_at(scaled, saved.here.x.clone(), saved.options.clone(), corrector)
 }
 
 impl Curve<'_> {

@@ -403,6 +403,83 @@ fn corrected_start<'a>(
     Ok((corrector, z))
 }
 
+/// A curve from x, corrected onto it. Here and below the type of the map is forgotten, so that this is compiled once.
+fn prepared<'a, 'b>(
+    map: &'b dyn PiecewiseSmooth,
+    x: &[f64],
+    options: ContinuationOptions,
+    solver: Solver<'a>,
+) -> Result<Curve<'a, &'b dyn PiecewiseSmooth>, ContinuationError> {
+    options.validate()?;
+    let scaled = Scaled::new(map, &options.typical_sizes, options.parameter_range)?;
+    let (corrector, mut z) = corrected_start(map, x, &options, solver)?;
+    scaled.scale(&mut z);
+    prepare_at(scaled, z, options, corrector)
+}
+
+/// A curve from x, which lies on it.
+fn prepared_on<'a, 'b>(
+    map: &'b dyn PiecewiseSmooth,
+    x: &[f64],
+    options: ContinuationOptions,
+) -> Result<Curve<'a, &'b dyn PiecewiseSmooth>, ContinuationError> {
+    let scaled = Scaled::new(map, &options.typical_sizes, options.parameter_range)?;
+    let corrector = auto_corrector(map)?;
+    let mut z = x.to_vec();
+    scaled.scale(&mut z);
+    prepare_at(scaled, z, options, corrector)
+}
+
+/// At a point z in scaled variables; options are in those of the map.
+pub(super) fn prepare_at<'a, 'b>(
+    map: Scaled<&'b dyn PiecewiseSmooth>,
+    x: Vec<f64>,
+    mut options: ContinuationOptions,
+    corrector: MoorePenrose<Solver<'a>>,
+) -> Result<Curve<'a, &'b dyn PiecewiseSmooth>, ContinuationError> {
+    map.scale_options(&mut options);
+    let Start {
+        layout,
+        state,
+        selection,
+    } = Start::at(&map, x)?;
+    let (m, n) = (map.num_vars(), map.num_residuals());
+    Ok(Curve {
+        map,
+        h: options.step.min(options.max_step),
+        clock: options.max_time.map(|_| Clock::start()),
+        options,
+        layout,
+        corrector,
+        selection,
+        size: 1.0 + norm(&state.x),
+        next: state.clone(),
+        start: state.x.clone(),
+        here: state,
+        grazing: Vec::new(),
+        coactive: Vec::new(),
+        arclength: 0.0,
+        residual_scale: 0.0,
+        row_sizes: Vec::new(),
+        next_sizes: Vec::new(),
+        curvature: 0.0,
+        probe: generic_probe(n),
+        points: 0,
+        creeping: 0,
+        queue: VecDeque::new(),
+        termination: None,
+        earlier: (0, 0),
+        rates: Vec::new(),
+        departure: Departure::default(),
+        gradient_norms: Vec::new(),
+        residual: vec![0.0; n],
+        behind: vec![0.0; m],
+        sizes: Vec::new(),
+        watches: Vec::new(),
+        saved_sides: Vec::new(),
+    })
+}
+
 impl<'a, P: PiecewiseSmooth + ?Sized> Curve<'a, &'a P> {
     pub(super) fn prepare(
         map: &'a P,
@@ -410,11 +487,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Curve<'a, &'a P> {
         options: ContinuationOptions,
         solver: Solver<'a>,
     ) -> Result<Self, ContinuationError> {
-        options.validate()?;
-        let scaled = Scaled::new(map, &options.typical_sizes, options.parameter_range)?;
-        let (corrector, mut z) = corrected_start(&map, x, &options, solver)?;
-        scaled.scale(&mut z);
-        Self::prepare_at(scaled, z, options, corrector)
+        Ok(prepared(&map, x, options, solver)?.with_map(map))
     }
 
     /// [`along_arm`](Continuation::along_arm) from a point known to lie on the curve. It is not corrected: at a fold or branch point
@@ -427,11 +500,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Curve<'a, &'a P> {
         singular: bool,
         options: ContinuationOptions,
     ) -> Result<Self, ContinuationError> {
-        let scaled = Scaled::new(map, &options.typical_sizes, options.parameter_range)?;
-        let corrector = auto_corrector(&map)?;
-        let mut z = x.to_vec();
-        scaled.scale(&mut z);
-        let mut this = Self::prepare_at(scaled, z, options, corrector)?;
+        let mut this = prepared_on(&map, x, options)?.with_map(map);
         this.erased_mut().leave_along(arm)?;
         if singular {
             this.here.orientation = None;
@@ -439,56 +508,6 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Curve<'a, &'a P> {
             this.here.decline = None;
         }
         Ok(this)
-    }
-
-    /// At a point z in scaled variables; options are in those of the map.
-    pub(super) fn prepare_at(
-        map: Scaled<&'a P>,
-        x: Vec<f64>,
-        mut options: ContinuationOptions,
-        corrector: MoorePenrose<Solver<'a>>,
-    ) -> Result<Self, ContinuationError> {
-        map.scale_options(&mut options);
-        let Start {
-            layout,
-            state,
-            selection,
-        } = Start::at(&map, x)?;
-        let (m, n) = (map.num_vars(), map.num_residuals());
-        Ok(Self {
-            map,
-            h: options.step.min(options.max_step),
-            clock: options.max_time.map(|_| Clock::start()),
-            options,
-            layout,
-            corrector,
-            selection,
-            size: 1.0 + norm(&state.x),
-            next: state.clone(),
-            start: state.x.clone(),
-            here: state,
-            grazing: Vec::new(),
-            coactive: Vec::new(),
-            arclength: 0.0,
-            residual_scale: 0.0,
-            row_sizes: Vec::new(),
-            next_sizes: Vec::new(),
-            curvature: 0.0,
-            probe: generic_probe(n),
-            points: 0,
-            creeping: 0,
-            queue: VecDeque::new(),
-            termination: None,
-            earlier: (0, 0),
-            rates: Vec::new(),
-            departure: Departure::default(),
-            gradient_norms: Vec::new(),
-            residual: vec![0.0; n],
-            behind: vec![0.0; m],
-            sizes: Vec::new(),
-            watches: Vec::new(),
-            saved_sides: Vec::new(),
-        })
     }
 }
 

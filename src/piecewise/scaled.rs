@@ -53,6 +53,18 @@ impl<M: PiecewiseSmooth> Scaled<M> {
     }
 }
 
+impl<M> Scaled<M> {
+    /// The same scaling of another map.
+    pub(crate) fn with_map<N>(self, map: N) -> Scaled<N> {
+        Scaled {
+            sizes: self.sizes,
+            buffers: self.buffers,
+            rows: self.rows,
+            map,
+        }
+    }
+}
+
 impl<M: PiecewiseSmooth + ?Sized> Scaled<M> {
     /// The map in its own variables.
     pub(crate) fn map(&self) -> &M {
