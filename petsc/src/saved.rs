@@ -204,7 +204,7 @@ impl<L: NodeLaw> DistributedContact<'_, L> {
             self.reference.len(),
             self.history.len(),
         ];
-        if values.len() != lengths.iter().sum() {
+        if values.len() != lengths.iter().sum::<usize>() {
             return Err(damaged());
         }
         let [told, u, reference, history] = lengths.map(|n| {
