@@ -103,6 +103,66 @@ fn a_line_search_that_gets_nowhere_gives_way() {
     assert!(exact.len() == 1 && close(&x, &exact[0], 1e-12), "{x:?} {exact:?}");
 }
 
+/// The least-index rule changes one piece at a time, also where looking for a solution has evaluated others.
+#[test]
+fn the_least_index_rule_takes_its_time() {
+    let problems = [
+        (
+            [3.0, 12.0, -24.0, 15.0, -12.0, 18.0],
+            [-4.0, 0.0, -1.0, 0.0],
+            [0.0, -2.0, 0.0, 3.0],
+        ),
+        (
+            [-21.0, -18.0, -6.0, 12.0, 15.0, -21.0],
+            [-4.0, 5.0, 1.0, 4.0],
+            [0.0, 0.0, 3.0, -4.0],
+        ),
+        (
+            [6.0, 12.0, -6.0, 9.0, -18.0, -9.0],
+            [-5.0, -1.0, -2.0, 1.0],
+            [2.0, -1.0, 1.0, 1.0],
+        ),
+    ];
+    for (above, q, mut x) in problems {
+        let lcp = skew(4, &above, &q);
+        let mut newton = Newton::default();
+        newton.solve(&lcp, &mut x).unwrap();
+        assert!(close(&x, &lcp.enumerate()[0], 1e-12), "{above:?} {x:?}");
+        let steps = newton.report().history.iter();
+        assert!(
+            steps
+                .filter(|i| i.step == Step::LeastIndex)
+                .all(|i| i.sites_changed <= 1)
+        );
+    }
+}
+
+/// A residual that grows is no trouble by itself: where full steps meet no pieces twice, they are all there is.
+#[test]
+fn growth_alone_starts_no_line_search() {
+    let problems = [
+        ([21.0, 12.0, -12.0], [1.0, -2.0, -1.0], [-2.0, -2.0, -2.0]),
+        ([-3.0, -18.0, 24.0], [-3.0, 5.0, -3.0], [4.0, 4.0, -1.0]),
+        ([-12.0, 12.0, -3.0], [5.0, 2.0, -4.0], [0.0, 0.0, -2.0]),
+        ([18.0, -21.0, -12.0], [-4.0, 1.0, 1.0], [0.0, -1.0, -1.0]),
+    ];
+    for (above, q, start) in problems {
+        let lcp = skew(3, &above, &q);
+        let mut undamped = Newton::new(NewtonOptions::default().with_damping(Damping::Never));
+        let (mut x, mut y) = (start, start);
+        undamped.solve(&lcp, &mut x).unwrap();
+        let mut newton = Newton::default();
+        newton.solve(&lcp, &mut y).unwrap();
+        let history = &newton.report().history;
+        assert!(
+            history
+                .windows(2)
+                .any(|w| w[1].residual_norm > w[0].residual_norm)
+        );
+        assert_eq!((y, history), (x, &undamped.report().history), "{above:?}");
+    }
+}
+
 /// An [`Lcp`] in the unknowns 1, 2, … with a first site of two pieces that are one function, 3 x₀ = c Σ xᵢ: where its kink lies is a matter
 /// of rounding.
 struct WithNoise(Lcp, f64);

@@ -392,6 +392,44 @@ fn the_cycling_example_is_a_p_matrix() {
     }
 }
 
+/// What a solver keeps of a map is of no use for another one of the same size with other sites.
+#[test]
+fn a_solver_goes_from_map_to_map_of_one_size() {
+    let smooth = scalar(|x| x * x - 4.0, |x| 2.0 * x);
+    let lcp = Lcp::new(vec![vec![2.0]], vec![-1.0]);
+    let mut newton = Newton::default();
+    for _ in 0..2 {
+        let mut x = [5.0];
+        newton.solve(&smooth, &mut x).unwrap();
+        assert!((x[0] - 2.0).abs() < 1e-14);
+        let mut x = [-5.0];
+        newton.solve(&lcp, &mut x).unwrap();
+        assert_eq!(x, [0.5]);
+    }
+}
+
+/// The circle y² + α² = R² and the line α = 0.6 R meet at y = 0.8 R, whatever the unit of lengths: a last correction has the size of the rounding
+/// of R, not of 1/R.
+#[test]
+fn points_in_a_plane_are_exact_in_any_unit() {
+    for radius in [1e-9, 1e-6, 1.0, 1e6] {
+        let map = MinMap::curve(1, move |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+            a[0] = (x[0] / radius).powi(2) + (x[1] / radius).powi(2) - 1.0;
+            b[0] = 1e9;
+        });
+        let mut corrector = MoorePenrose::new(&map, AutoSolver::new()).unwrap();
+        let selection = Selection::uniform(1, 0);
+        let (anchor, normal) = ([0.9 * radius, 0.6 * radius], [0.0, 1.0]);
+        let (mut x, mut t) = (anchor, [0.0, 1.0]);
+        let found = corrector.correct_in_plane(&map, &selection, &anchor, &normal, 0.0, &mut x, &mut t);
+        let missed = (x[0] / radius - 0.8).abs();
+        assert!(
+            found.unwrap().converged && missed < 1e-14,
+            "{radius:e} {missed:e}"
+        );
+    }
+}
+
 /// y² + c = 0 has no point in the plane α = 0, however small c is: that corrections stall is no success.
 #[test]
 fn a_curve_that_misses_the_plane_is_not_met() {
