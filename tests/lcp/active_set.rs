@@ -178,6 +178,27 @@ fn degenerate_components_stay_at_their_bounds() {
     assert!(below > 10, "{below}");
 }
 
+/// A free component that rests on its bound, but for rounding, has no reason to be held there.
+#[test]
+fn free_components_may_rest_on_their_bounds() {
+    let mut below = 0;
+    for k in 1..60 {
+        let (c, d) = (0.01 * f64::from(k), [3.0, 6.0, 19.0][k as usize % 3]);
+        // z₁ = 1/d as rounded, z₂ = d c z₁ − c, and z₃ = −1 where that is free.
+        let entry = |i: usize, j: usize| [[d, 0.0, 0.0], [-d * c, 1.0, 0.0], [0.0, 0.0, 1.0]][i][j];
+        let lcp = Lcp::new(matrix(3, entry), vec![-1.0, c, 1.0]).unwrap();
+        let (mut z, mut solver) = ([0.0; 3], ActiveSetSolver::default());
+        let report = solver
+            .solve_from_states(&lcp, &mut z, &[BoundState::Interior; 3])
+            .unwrap();
+        assert_eq!((report.status, report.iterations), (ActiveSetStatus::Solved, 2));
+        let sets = [BoundState::Interior, BoundState::Interior, BoundState::Lower];
+        assert_eq!(solver.states(), sets, "{c} {d}");
+        below += usize::from(d * c * (1.0 / d) - c < 0.0);
+    }
+    assert!(below > 10, "{below}");
+}
+
 #[test]
 fn a_singular_matrix_is_reported() {
     let lcp = Lcp::new(matrix(2, |_, _| 1.0), vec![-1.0, -2.0]).unwrap();

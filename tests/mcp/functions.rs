@@ -72,6 +72,16 @@ fn differences_respect_bounds_and_domains() {
     jac.clear();
     f.jacobian(&[0.0], &mut jac);
     assert!(jac.get(0, 0).is_finite() && jac.get(0, 0) > 100.0);
+    // Where the only side there is lies outside the domain, no derivative is made up.
+    let nowhere = |x: &[f64], out: &mut [f64]| out[0] = if x[0] == 0.0 { 1.0 } else { f64::NAN };
+    for bounds in [(0.0, 1.0), (-1.0, 0.0)] {
+        let f = Differenced::new(1, nowhere)
+            .with_bounds(vec![bounds.0], vec![bounds.1])
+            .unwrap();
+        jac.clear();
+        f.jacobian(&[0.0], &mut jac);
+        assert!(jac.get(0, 0).is_nan(), "{bounds:?}");
+    }
 }
 
 #[test]

@@ -440,6 +440,53 @@ fn linearised_problems_take_short_steps() {
     assert!(residual(&problem, &x) < 1e-9);
 }
 
+/// Where F is defined is not known before it is tried: bounds are no domain, so that no point tried is on one.
+#[test]
+fn points_tried_for_a_domain_lie_inside_the_bounds() {
+    for (lower, upper) in [(0.0, INF), (-INF, 2.0), (0.0, 2.0)] {
+        let (tried, inside) = (Cell::new(0), Cell::new(0));
+        let nowhere = WithJacobian::new(
+            2,
+            |x: &[f64], out: &mut [f64]| {
+                tried.set(tried.get() + 1);
+                inside.set(inside.get() + usize::from(x.iter().all(|x| lower < *x && *x < upper)));
+                out.fill(f64::NAN);
+            },
+            |_: &[f64], _: &mut Matrix| {},
+        );
+        let problem = Mcp::new(nowhere, vec![lower; 2], vec![upper; 2]).unwrap();
+        let mut solver = McpSolver::default();
+        let report = solver.solve(&problem, &mut [1.0; 2]).unwrap();
+        assert!(matches!(report.status, McpStatus::EvaluationFailure { .. }));
+        assert!(tried.get() > 30, "{}", tried.get());
+        assert_eq!(inside.get(), tried.get(), "{lower} {upper}");
+    }
+}
+
+/// (x − 1)ᵖ at the bound 1, below or above: it vanishes there with all its terms, and so far out of the way that only the bound itself is a
+/// solution to the last digit.
+#[test]
+fn solutions_where_all_terms_vanish_are_on_their_bounds() {
+    for (lower, upper, side) in [
+        (1.0, INF, 1.0),
+        (1.0, 5.0, 1.0),
+        (-INF, 1.0, -1.0),
+        (-3.0, 1.0, -1.0),
+    ] {
+        for power in 3..6 {
+            let f = scalar(
+                move |x| side * (side * (x - 1.0)).powi(power),
+                move |x| f64::from(power) * (side * (x - 1.0)).powi(power - 1),
+            );
+            let problem = Mcp::new(f, vec![lower], vec![upper]).unwrap();
+            let mut x = [1.0 + 2.0 * side];
+            let mut solver = McpSolver::default();
+            let report = solver.solve(&problem, &mut x).unwrap();
+            assert!(report.is_solved() && x == [1.0], "{power} {side}: {x:?}");
+        }
+    }
+}
+
 /// Perturbed starts are other points than the start.
 #[test]
 fn restarts_begin_elsewhere() {
