@@ -298,6 +298,31 @@ fn what_error_bounds_leave_open_is_decided() {
     }
 }
 
+/// 3 y₁ = α and y₂ ≥ 0 with 3 y₁ + y₂ − α ≥ 0: along the arm with α̇ > 0 that row rests at 0, which no error bounds of 1/3 prove. The other
+/// arm is y = 0. With −α the two change places.
+#[test]
+fn rows_that_rest_at_zero_along_an_arm_are_decided() {
+    for side in [1, -1] {
+        let d = f64::from(side);
+        let map = complementarity(&[vec![3.0, 0.0], vec![3.0, 1.0]], &[d; 2], &[0.0; 2]);
+        let found = arms(&map, &[0.0; 3]);
+        assert_eq!(
+            (found.completeness, found.arms.len()),
+            (Completeness::Complete, 2),
+            "{side}"
+        );
+        for arm in &found.arms {
+            let [y, z, rate] = [0, 1, 2].map(|j| arm.tangent[j] / arm.tangent[2].abs());
+            let expected = if f64::from(side) * rate > 0.0 {
+                1.0 / 3.0
+            } else {
+                0.0
+            };
+            assert!((y - expected).abs() < 1e-15 && z == 0.0, "{side} {y} {z}");
+        }
+    }
+}
+
 /// F = α, whatever z: with z ≤ 0 the point 0 has an arm along which z falls at α = 0, with z ≥ 0 one along which it grows, and with z free
 /// both.
 #[test]

@@ -302,6 +302,29 @@ fn springs_between_two_masses_are_one_unknown() {
     assert!(set.nodes < 10_000, "{}", set.nodes);
 }
 
+/// |y_k| = 1 for nine y_k has 512 solutions, whose search, when it takes long, looks at many sites at once: no more nodes than are allowed.
+#[test]
+fn long_searches_keep_to_their_nodes() {
+    const N: usize = 9;
+    let map = rows(N, N, |p| {
+        let entry = |i: usize, j: usize| match j {
+            N => -1.0,
+            _ if i == j => [1.0, -1.0][p[i]],
+            _ => 0.0,
+        };
+        (0..N).map(|i| (0..=N).map(|j| entry(i, j)).collect()).collect()
+    });
+    for limit in 1_001..1_006 {
+        let options = EnumerationOptions::default().with_max_nodes(limit);
+        let set = all_solutions(&map, 0.0, &options).unwrap();
+        let Completeness::Incomplete { examined, total } = set.completeness else {
+            panic!("{:?}", set.completeness);
+        };
+        assert!(set.nodes <= limit && examined < total && total == 512.0);
+        assert!((set.solutions.iter()).all(|s| s.x.iter().all(|y| y.abs() == 1.0)));
+    }
+}
+
 /// y + y² = 0 beside kinks: all selections give 0, where the curvature does not show, and −1 would be missed.
 #[test]
 fn curvature_that_does_not_show_at_the_solution_is_found() {
