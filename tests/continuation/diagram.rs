@@ -365,6 +365,7 @@ fn edges_next_to_branch_points_have_the_sign_of_their_determinant() {
                     let [y, f, g, _] = map.lines(piece, &middle);
                     let sign = (2.0 * y - f - g).signum() as i8;
                     assert_eq!(edge.det_signs(), [sign], "{at} {kink} {units:?}");
+                    assert!(edge.points.iter().all(|p| p.det_sign == Some(sign)));
                     assert!(!edge.is_vertical());
                 }
             }

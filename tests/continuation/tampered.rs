@@ -182,6 +182,24 @@ fn counters_that_are_full() {
 }
 
 /// A tangent that is too long would be followed off the straight pieces of an affine map.
+/// y = 0 whatever the unit of y: no other value of the state contradicts a size that was changed, only that sizes are powers of two.
+#[test]
+fn a_typical_size_that_is_no_power_of_two() {
+    let map = Plane::smooth(|y, _| [y, 1.0, 0.0]);
+    let options = ContinuationOptions::default().with_typical_sizes(vec![1024.0, 1.0]);
+    let mut run = Continuation::new(&map, &[0.0, 0.0], Direction::Increasing, options).unwrap();
+    let saved = serde_json::to_value(run.save().unwrap()).unwrap();
+    for size in [0.0, -2.0, 3.0] {
+        let mut state = saved.clone();
+        *state.pointer_mut("/sizes/0").unwrap() = json!(size);
+        let state: SavedRun = serde_json::from_value(state).unwrap();
+        match Continuation::resume(&map, &state) {
+            Err(ContinuationError::Saved { what, .. }) => assert_eq!(what, "a typical size"),
+            other => panic!("{size}: {:?}", other.map(|_| ())),
+        }
+    }
+}
+
 #[test]
 fn a_tangent_that_is_too_long() {
     let case = common::cases().into_iter().find(|c| c.name == "p1_ex1").unwrap();

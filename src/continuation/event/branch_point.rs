@@ -392,7 +392,8 @@ fn normalise(v: &mut [f64]) -> Result<(), LinearError> {
 mod tests {
     use super::BranchSystem;
     use crate::continuation::testing::{Function, Plane};
-    use crate::piecewise::Selection;
+    use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
+    use crate::sparse::Matrix;
 
     /// Two lines cross at (1/3, 1/7). Whether H is evaluated plainly, or with terms a hundred thousand times larger that cancel and leave their
     /// rounding in it, the crossing is one; 1e-6 beside it H has no solution that is singular.
@@ -457,6 +458,55 @@ mod tests {
             let d = 1e-2 * f64::from(k);
             let mut system = BranchSystem::new(&map, &selection, &[0.3, 0.3], &[d, -0.7 * d]);
             assert!(system.solve(&[d, -0.7 * d]).unwrap().is_none(), "{d}");
+        }
+    }
+
+    /// y² = α² and z = y + α: the kernel at the origin is spanned by (1, 0, 1) and (0, 1, 1), which are not orthogonal.
+    struct Lifted;
+
+    impl PiecewiseSmooth for Lifted {
+        fn num_vars(&self) -> usize {
+            3
+        }
+        fn num_residuals(&self) -> usize {
+            2
+        }
+        fn num_sites(&self) -> usize {
+            0
+        }
+        fn num_pieces(&self, _: usize) -> usize {
+            1
+        }
+        fn num_tests(&self, _: usize) -> usize {
+            0
+        }
+        fn cell(&self, _: usize, _: usize) -> &[Facet] {
+            &[]
+        }
+        fn test_functions(&self, _: &[f64], _: &mut [f64]) {}
+        fn test_gradient(&self, _: usize, _: usize, _: &[f64], _: &mut [f64]) {}
+        fn residual(&self, _: &Selection, x: &[f64], out: &mut [f64]) {
+            out[0] = x[0] * x[0] - x[2] * x[2];
+            out[1] = x[1] - x[0] - x[2];
+        }
+        fn jacobian(&self, _: &Selection, x: &[f64], jac: &mut Matrix) {
+            jac.add(0, 0, 2.0 * x[0]);
+            jac.add(0, 2, -2.0 * x[2]);
+            for (j, v) in [-1.0, 1.0, -1.0].into_iter().enumerate() {
+                jac.add(1, j, v);
+            }
+        }
+    }
+
+    #[test]
+    fn bases_of_kernels_are_orthonormal() {
+        let (selection, origin) = (Selection::uniform(0, 0), [0.0; 3]);
+        let mut system = BranchSystem::new(&Lifted, &selection, &[0.3, 0.6, 0.3], &origin);
+        let [u, v] = system.kernels(&origin).unwrap().unwrap().right;
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        assert!(dot(&u, &v).abs() < 1e-15, "{u:?} {v:?}");
+        for w in [u, v] {
+            assert!((dot(&w, &w) - 1.0).abs() < 1e-15 && (w[1] - w[0] - w[2]).abs() < 1e-15);
         }
     }
 
