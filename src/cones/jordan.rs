@@ -35,10 +35,10 @@ pub(super) fn reach(z: &[f64], d: &[f64]) -> f64 {
     let a = hyperbolic(d);
     let b = z[0] * d[0] - dot(&z[1..], &d[1..]);
     let c = hyperbolic(z);
-    // The smallest positive root of a t² + 2 b t + c.
+    // The smallest positive root of a t² + 2 b t + c; of a half-line it is double, and half of its digits would be lost.
     let disc = b * b - a * c;
     let mut t = f64::INFINITY;
-    if disc >= 0.0 {
+    if disc >= 0.0 && z.len() > 1 {
         let s = -(b + disc.sqrt().copysign(b));
         for root in [s / a, c / s] {
             if root > 0.0 {
@@ -117,6 +117,14 @@ mod tests {
         let mut z = r.to_vec();
         z[0] = norm(&r[1..]) + r[0].abs() + 1e-3;
         z
+    }
+
+    #[test]
+    fn the_end_of_a_half_line_is_reached() {
+        for k in 1..200 {
+            let (z, d) = (0.1 * f64::from(k), -0.13 - 0.37 * f64::from(k));
+            assert_eq!(reach(&[z], &[d]), (-z / d).min(1.0));
+        }
     }
 
     proptest! {
