@@ -181,7 +181,6 @@ fn counters_that_are_full() {
     }
 }
 
-/// A tangent that is too long would be followed off the straight pieces of an affine map.
 /// y = 0 whatever the unit of y: no other value of the state contradicts a size that was changed, only that sizes are powers of two.
 #[test]
 fn a_typical_size_that_is_no_power_of_two() {
@@ -200,6 +199,7 @@ fn a_typical_size_that_is_no_power_of_two() {
     }
 }
 
+/// A tangent that is too long would be followed off the straight pieces of an affine map.
 #[test]
 fn a_tangent_that_is_too_long() {
     let case = common::cases().into_iter().find(|c| c.name == "p1_ex1").unwrap();
