@@ -284,10 +284,12 @@ fn paths_that_wind_are_cut_off() {
     }
 }
 
-/// The same one with as many points as there are by default: longer than all others here together.
+/// Of the first one, paths with another order of touching nodes are short; of the second one all are long, the first has 4220 points.
 #[test]
 fn paths_that_wind_lead_to_solutions() {
-    assert_eq!(problem(189), [ContactStrategy::Path; 2]);
+    for seed in [189, 2_247_245_699_728_832_447] {
+        assert_eq!(problem(seed), [ContactStrategy::Path; 2]);
+    }
 }
 
 /// A coefficient of friction that rises within a thousandth of the slips: the way down bends within lengths of 1e-9, which the shortest step

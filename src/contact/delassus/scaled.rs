@@ -319,8 +319,9 @@ mod tests {
         for case in 0..50 {
             let nc = 1 + case % 9;
             let n = 3 * nc;
-            let is_stored =
-                |i: usize, j: usize| (i / 3 + 2 * (j / 3) + case) % 4 > 0 && (i * j + case) % 5 > 0;
+            let is_stored = |i: usize, j: usize| {
+                !(i / 3 + 2 * (j / 3) + case).is_multiple_of(4) && !(i * j + case).is_multiple_of(5)
+            };
             let all = (0..n).flat_map(|j| (0..n).map(move |i| (i, j)));
             let stored = all.filter(|(i, j)| is_stored(*i, *j));
             let m: Vec<_> = stored

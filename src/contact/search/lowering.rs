@@ -23,11 +23,12 @@ const ACCURATE: f64 = 1e-12;
 const LARGEST: f64 = 0.25;
 const SMALLEST: f64 = 1.0 / 512.0;
 
-/// A way down: its strategy, and which order of touching nodes it takes.
+/// A way down: its strategy, which order of touching nodes it takes, and the largest number of points of a path.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::contact) struct Way {
     pub(in crate::contact) strategy: ContactStrategy,
     pub(in crate::contact) trial: usize,
+    pub(in crate::contact) points: usize,
 }
 
 /// What became of an attempt: the last point, in the variables of the form, and how many points were found on the way.
@@ -166,7 +167,7 @@ pub(in crate::contact) fn lower<V: View>(
         units[m - 1] = 1.0;
         let affordable = (WORK / (m as f64).powi(3)).max(FEWEST) as usize;
         let options = ContactOptions {
-            max_points: options.max_points.min(affordable),
+            max_points: way.points.min(affordable),
             ..options.clone()
         };
         follow(&map, &x, units, &options, &mut see)

@@ -1,5 +1,6 @@
 //! What is tried in turn to solve a contact problem at fixed α.
 
+use std::collections::VecDeque;
 use std::fmt;
 
 use super::lowering::{Arrival, Way};
@@ -16,6 +17,9 @@ use crate::words::{iterations, named};
 
 /// Augmentation parameters tried after the one asked for, in units of the stiffness of a contact node.
 const STIFFER: [f64; 3] = [1.0, 10.0, 1e3];
+
+/// Points of a path before paths with other orders of touching nodes were tried.
+const SHORT: usize = 250;
 
 /// What is tried, in this order.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -229,15 +233,21 @@ impl<V: View> Search<'_, '_, V> {
 
     /// Newton's method from where the ways down end.
     fn lowered(&mut self, lower: &mut Lower<'_>) -> Result<Option<Vec<f64>>, ContactError> {
+        let most = self.options.max_points;
         let increments = (self.options.max_increments > 0).then_some(Way {
             strategy: ContactStrategy::Increments,
             trial: 0,
+            points: most,
         });
+        // Where a path winds, another order of touching nodes may lead straight on: none is followed far before all were tried.
         let paths = (0..self.options.max_paths).map(|trial| Way {
             strategy: ContactStrategy::Path,
             trial,
+            points: SHORT.min(most),
         });
-        for way in increments.into_iter().chain(paths) {
+        let mut ways = increments.into_iter().chain(paths);
+        let mut cut_off = VecDeque::new();
+        while let Some(way) = ways.next().or_else(|| cut_off.pop_front()) {
             let Some(end) = lower(way, self.tries.observer())? else {
                 continue;
             };
@@ -251,6 +261,9 @@ impl<V: View> Search<'_, '_, V> {
                 if found.is_some() || self.tries.interrupted {
                     return Ok(found);
                 }
+            }
+            if way.strategy == ContactStrategy::Path && end.points >= way.points && way.points < most {
+                cut_off.push_back(Way { points: most, ..way });
             }
         }
         Ok(None)
