@@ -88,8 +88,8 @@ pub(super) struct Point<'a> {
     pub(super) rest: Option<&'a [f64]>,
     /// The blocks of `jac`, where they are known.
     pub(super) blocks: Option<&'a Blocks>,
-    /// Sizes of the unknowns, those of their blocks, where they are not |x|.
-    pub(super) sizes: Option<&'a [f64]>,
+    /// Sizes of the unknowns where they are not |x|: those of their blocks, in these units; none for 1.
+    pub(super) sizes: Option<(&'a [f64], &'a [f64])>,
     pub(super) lower: &'a [f64],
     pub(super) upper: &'a [f64],
 }
@@ -128,7 +128,9 @@ impl Accuracy {
         self.sum.resize(if p.rest.is_some() { 0 } else { n }, 0.0);
         for j in 0..n {
             let x = p.x[j];
-            let size = p.sizes.map_or(x, |sizes| sizes[p.blocks.map_or(j, |b| b.of(j))]);
+            let size = p.sizes.map_or(x, |(sizes, units)| {
+                sizes[p.blocks.map_or(j, |b| b.of(j))] * units.get(j).copied().unwrap_or(1.0)
+            });
             let moves = x != p.lower[j] && x != p.upper[j];
             p.jac.each(j, |i, v| {
                 let term = v * x;

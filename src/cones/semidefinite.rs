@@ -342,7 +342,7 @@ impl MatrixScaling {
         if !product.iter().all(|v| v.is_finite()) {
             return false;
         }
-        let Some(svd) = product.try_svd(true, true, f64::EPSILON, SWEEPS * order) else {
+        let Some(svd) = product.try_svd_unordered(true, true, f64::EPSILON, SWEEPS * order) else {
             return false;
         };
         let (Some(u), Some(v_t)) = (svd.u, svd.v_t) else {

@@ -116,6 +116,47 @@ fn neither_units_nor_starts_far_out_change_the_solution() {
     }
 }
 
+/// Unknowns whose units differ by up to 1e12, systems solved iteratively: what is solved is so by the terms of each row.
+#[test]
+fn iterative_solves_know_the_units_of_each_unknown() {
+    let mut random = Random::new(16);
+    let (n, mut solved) = (3, 0);
+    for _ in 0..3000 {
+        let units: Vec<f64> = (0..n).map(|_| 10f64.powf(random.between(-6.0, 6.0))).collect();
+        let mut entry = |i: usize, j: usize| random.between(-1.0, 1.0) + if i == j { 3.0 } else { 0.0 };
+        let rows: Vec<Vec<f64>> = (0..n)
+            .map(|i| (0..n).map(|j| units[j] * entry(i, j)).collect())
+            .collect();
+        let q: Vec<f64> = (0..n).map(|_| random.between(-2.0, 2.0)).collect();
+        let mut bound = |j: usize| match random.below(5) < 2 {
+            true => random.between(0.1, 1.0) / units[j],
+            false => f64::INFINITY,
+        };
+        let upper: Vec<f64> = (0..n).map(&mut bound).collect();
+        let lcp = Lcp::boxed(
+            matrix(n, |i, j| rows[i][j]),
+            q.clone(),
+            vec![0.0; n],
+            upper.clone(),
+        )
+        .unwrap();
+        let mut z = vec![0.0; n];
+        let reduced = GmresReduced::default();
+        let report = ActiveSetSolver::with_reduced(ActiveSetOptions::default(), reduced).solve(&lcp, &mut z);
+        if report.is_ok_and(|r| r.status == ActiveSetStatus::Solved) {
+            solved += 1;
+            for i in 0..n {
+                let terms: Vec<f64> = (0..n).map(|j| rows[i][j] * z[j]).chain([q[i]]).collect();
+                let f: f64 = terms.iter().sum();
+                let size: f64 = terms.iter().map(|t| t.abs()).sum();
+                let held = (z[i] == 0.0 && f >= 0.0) || (z[i] == upper[i] && f <= 0.0);
+                assert!(held || f.abs() <= 1e-9 * size, "{rows:?} {q:?} {upper:?} {z:?}");
+            }
+        }
+    }
+    assert!(solved > 2900, "{solved}");
+}
+
 #[test]
 fn murty_and_fathi_take_few_iterations() {
     let (status, z, _, iterations) = solve(&murty(40));

@@ -18,6 +18,8 @@ const MORE_BLOCKS: usize = 100;
 const REFINEMENTS: usize = 5;
 /// Rounding of w, relative to its terms, below which its sign says nothing.
 const ROUNDING: f64 = 8.0 * f64::EPSILON;
+/// Largest ratio of the largest entries of two columns for which unknowns count in one unit: they decide by how much less than a tolerance counts.
+const COMPARE: f64 = 30.0;
 
 /// The reduced systems of one problem; see [`ReducedSolver`](super::ReducedSolver).
 pub(super) trait Systems {
@@ -43,7 +45,7 @@ pub(super) struct Engine {
     scale: Vec<f64>,
     blocks: Blocks,
     balance: Scaling,
-    /// Units of the unknowns: those in which M is balanced; empty for 1, where systems are solved iteratively.
+    /// Units of the unknowns: those in which M is balanced; empty for 1, where systems are solved iteratively and columns compare.
     units: Vec<f64>,
     /// Largest |z| of each block, in these units.
     sizes: Vec<f64>,
@@ -167,7 +169,7 @@ impl Engine {
         }
         self.units.clear();
         if let Columns::Long(a) = lcp.matrix
-            && direct
+            && (direct || !columns_compare(lcp.matrix, n))
         {
             self.balance.resize(n);
             (self.balance).balance(a.pattern.col_ptr, a.pattern.row_idx, a.values);
@@ -491,7 +493,7 @@ impl Engine {
             return false;
         }
         (self.blocks).largest(in_units(z, &self.units), &mut self.sizes);
-        point.sizes = Some(&self.sizes);
+        point.sizes = Some((&self.sizes, &self.units));
         self.accuracy.measure(&point).is_solved(tolerance)
     }
 
@@ -513,6 +515,20 @@ impl Engine {
             *z = z.max(*l).min(*u);
         }
     }
+}
+
+/// Whether the largest entries of columns are of one size: balancing costs as much as many products with M.
+fn columns_compare(matrix: Columns<'_>, n: usize) -> bool {
+    let (mut least, mut most) = (f64::INFINITY, 0.0_f64);
+    for j in 0..n {
+        let mut largest = 0.0_f64;
+        matrix.each(j, |_, v| largest = largest.max(v.abs()));
+        if largest > 0.0 {
+            least = least.min(largest);
+            most = most.max(largest);
+        }
+    }
+    most <= COMPARE * least
 }
 
 fn unit(units: &[f64], i: usize) -> f64 {
