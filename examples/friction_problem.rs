@@ -124,5 +124,9 @@ fn solve(file: &Path, args: &Args) -> Outcome<()> {
             "{name:<40} {contacts:>8} {status:>8} {residual:>9.1e} {iterations:>10} {seconds:>9.4} {open:>6} {stick:>6} {slip:>6}"
         );
     }
+    // A limit that ends a run is an answer, a solution that is none is not; and the problem that comes with the example has one.
+    if status == "inaccurate" || (args.files.is_empty() && status != "solved") {
+        return Err(format!("{name}: {} at a residual of {residual:.1e}", report.status).into());
+    }
     Ok(())
 }
