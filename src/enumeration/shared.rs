@@ -13,8 +13,9 @@ use super::table::Form;
 const ANGLE: f64 = 1e-8;
 /// Products of unit vectors below this count as 0.
 const TINY: f64 = 1e-140;
-/// Sweeps of singular values a row.
+/// Sweeps of singular values a row, and how accurate they are made: with less than nalgebra's own margin some do not settle.
 const SWEEPS: usize = 100;
+const ACCURACY: f64 = 5.0 * f64::EPSILON;
 
 impl System {
     /// For homogeneous forms: takes the equalities that all pieces of a site imply for forms of their own, and those that are left to each piece.
@@ -166,7 +167,7 @@ impl Space {
         }
         // The principal vectors (Björck, Golub 1973); angles by what is left of them, as cosines near 1 tell little.
         let sweeps = SWEEPS * products.nrows().max(products.ncols());
-        let svd = products.try_svd_unordered(true, false, f64::EPSILON, sweeps);
+        let svd = products.try_svd_unordered(true, false, ACCURACY, sweeps);
         let Some(u) = svd
             .and_then(|svd| svd.u)
             .filter(|u| u.iter().all(|v| v.is_finite()))
