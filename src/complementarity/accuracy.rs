@@ -15,6 +15,11 @@ const FAR: f64 = 1e-6;
 /// Smaller constants are the rounding of none.
 const NO_CONSTANT: f64 = 8.0 * f64::EPSILON;
 
+/// The unit of an unknown; 1 where there are none.
+pub(super) fn unit(units: &[f64], i: usize) -> f64 {
+    units.get(i).copied().unwrap_or(1.0)
+}
+
 /// Whether constants that are this part of the terms are few, but no rounding.
 fn is_far(part: &f64) -> bool {
     (NO_CONSTANT..FAR).contains(part)
@@ -88,7 +93,7 @@ pub(super) struct Point<'a> {
     pub(super) rest: Option<&'a [f64]>,
     /// The blocks of `jac`, where they are known.
     pub(super) blocks: Option<&'a Blocks>,
-    /// Sizes of the unknowns where they are not |x|: those of their blocks, in these units; none for 1.
+    /// Where the sizes of the unknowns are not |x|: those of their blocks, and the units they are measured in (empty for 1).
     pub(super) sizes: Option<(&'a [f64], &'a [f64])>,
     pub(super) lower: &'a [f64],
     pub(super) upper: &'a [f64],
@@ -129,7 +134,7 @@ impl Accuracy {
         for j in 0..n {
             let x = p.x[j];
             let size = p.sizes.map_or(x, |(sizes, units)| {
-                sizes[p.blocks.map_or(j, |b| b.of(j))] * units.get(j).copied().unwrap_or(1.0)
+                sizes[p.blocks.map_or(j, |b| b.of(j))] * unit(units, j)
             });
             let moves = x != p.lower[j] && x != p.upper[j];
             p.jac.each(j, |i, v| {

@@ -1,7 +1,7 @@
 use std::ops::ControlFlow;
 
 use super::{ActiveSetIteration, ActiveSetOptions, ActiveSetReport, ActiveSetStatus, Exchange, Start};
-use crate::complementarity::accuracy::{Accuracy, LARGEST, Point, drop_rounding};
+use crate::complementarity::accuracy::{Accuracy, LARGEST, Point, drop_rounding, unit};
 use crate::complementarity::blocks::Blocks;
 use crate::complementarity::columns::{BoxLcp, Columns};
 use crate::complementarity::problem::natural;
@@ -18,7 +18,8 @@ const MORE_BLOCKS: usize = 100;
 const REFINEMENTS: usize = 5;
 /// Rounding of w, relative to its terms, below which its sign says nothing.
 const ROUNDING: f64 = 8.0 * f64::EPSILON;
-/// Largest ratio of the largest entries of two columns for which unknowns count in one unit: they decide by how much less than a tolerance counts.
+/// Largest ratio of the largest entries of two columns for which iterative solves measure unknowns in one unit: an error may exceed the
+/// tolerance by as much.
 const COMPARE: f64 = 30.0;
 
 /// The reduced systems of one problem; see [`ReducedSolver`](super::ReducedSolver).
@@ -517,7 +518,7 @@ impl Engine {
     }
 }
 
-/// Whether the largest entries of columns are of one size: balancing costs as much as many products with M.
+/// Whether columns have largest entries of about one size. It spares balancing, which costs as much as many products with M.
 fn columns_compare(matrix: Columns<'_>, n: usize) -> bool {
     let (mut least, mut most) = (f64::INFINITY, 0.0_f64);
     for j in 0..n {
@@ -529,10 +530,6 @@ fn columns_compare(matrix: Columns<'_>, n: usize) -> bool {
         }
     }
     most <= COMPARE * least
-}
-
-fn unit(units: &[f64], i: usize) -> f64 {
-    units.get(i).copied().unwrap_or(1.0)
 }
 
 /// |z| in the units of the unknowns.

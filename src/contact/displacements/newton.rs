@@ -128,8 +128,7 @@ impl ReducedNodes<'_> {
 ///
 /// Each step solves the law at each node for its forces or prescribes its displacements; what is left is A with few rows changed,
 /// solved roughly as long as nodes go from piece to piece, then to a tolerance after Eisenstat and Walker (SIAM J. Sci. Comput. 17 (1996),
-/// choice 2). Full steps are taken as long as the
-/// residual falls; where it does not, steps are damped. Forces of the report are those of this process, and so are its displacements:
+/// choice 2). Full steps are taken as long as the residual falls; where it does not, steps are damped. Forces of the report are those of this process, and so are its displacements:
 /// all components. What one process finds wrong ends the solve in all of them, and so does the time of one that is over.
 ///
 /// # Errors
@@ -457,7 +456,7 @@ impl<S: ReducedSystem> Search<'_, S> {
             }
             let forcing = match state.settled {
                 true => self.forcing(error, before, tolerance),
-                // The next system has other rows: more than its outline is lost on them.
+                // The next system has other rows, so that accuracy is wasted on this one.
                 false => self.options.forcing,
             };
             before = error;

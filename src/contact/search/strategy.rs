@@ -239,7 +239,7 @@ impl<V: View> Search<'_, '_, V> {
             trial: 0,
             points: most,
         });
-        // Where a path winds, another order of touching nodes may lead straight on: none is followed far before all were tried.
+        // Where one path winds, that of another order of touching nodes may be short: none is followed far before all were tried.
         let paths = (0..self.options.max_paths).map(|trial| Way {
             strategy: ContactStrategy::Path,
             trial,

@@ -40,8 +40,8 @@ const POWER_STEPS: usize = 8;
 const MARGIN: f64 = 1.05;
 /// Damping of the Jacobi step of prolongators against the largest eigenvalue.
 const DAMPING: f64 = 4.0 / 3.0;
-/// Changes of what is added to a diagonal block of A, against that block, of which coarse levels learn nothing: at 0.03 some bodies take more
-/// iterations already.
+/// Changes of what is added to a diagonal block of A, relative to that block, that are left out of the coarse matrices: with 0.03 some bodies
+/// take more iterations.
 const SLIGHT: f64 = 0.01;
 
 /// Constraints of the finest level.
