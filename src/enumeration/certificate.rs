@@ -1,8 +1,11 @@
 //! Proofs that what a table of rounded numbers rules out is impossible.
 
-use super::enclosure::solve;
+use std::cell::OnceCell;
+
+use super::enclosure::Factored;
 use super::system::System;
 use super::table::{Form, Table};
+use crate::clock::Deadline;
 
 /// Relative error of each number of a form, and of each operation on them.
 const EPS: f64 = f64::EPSILON;
@@ -23,6 +26,23 @@ pub(super) struct Certificates {
     floor: f64,
 }
 
+/// The columns of one table as forms of the unknowns, factored once a row is asked for anew.
+#[derive(Debug)]
+pub(super) struct Basis<'a> {
+    factored: OnceCell<Option<Factored>>,
+    deadline: Deadline<'a>,
+}
+
+impl<'a> Basis<'a> {
+    /// Nothing is proven by it once time is over.
+    pub(super) fn until(deadline: Deadline<'a>) -> Self {
+        Self {
+            factored: OnceCell::new(),
+            deadline,
+        }
+    }
+}
+
 impl Certificates {
     pub(super) fn new(system: &System, radii: Vec<f64>) -> Self {
         let forms: Vec<Form> = system.forms().cloned().collect();
@@ -39,8 +59,9 @@ impl Certificates {
         }
     }
 
-    /// Whether a variable has the sign of its row's constant, and is not 0, wherever what the table has decided holds.
-    pub(super) fn proves(&self, table: &Table, var: usize) -> bool {
+    /// Whether a variable has the sign of its row's constant, and is not 0, wherever what the table has decided holds. `basis` serves all
+    /// variables of this table.
+    pub(super) fn proves(&self, table: &Table, var: usize, basis: &Basis<'_>) -> bool {
         let (Some((constant, columns, active, coefficients)), Some(own)) =
             (table.identity(var), self.forms.get(var))
         else {
@@ -58,19 +79,30 @@ impl Certificates {
             return true;
         }
         // Rounding errors of all exchanges on the way to this table are in its rows: without them, the same row may do.
-        self.anew(own, columns).is_some_and(|(fresh, coefficients)| {
-            let row = Identity {
-                constant: fresh,
-                coefficients: &coefficients,
-                ..row
-            };
-            fresh * constant > 0.0 && self.holds(&row)
-        })
+        self.anew(own, columns, basis)
+            .is_some_and(|(fresh, coefficients)| {
+                let row = Identity {
+                    constant: fresh,
+                    coefficients: &coefficients,
+                    ..row
+                };
+                fresh * constant > 0.0 && self.holds(&row)
+            })
     }
 
     /// A form as a constant and coefficients over the given variables, from the forms alone.
-    fn anew(&self, own: &Form, columns: &[usize]) -> Option<(f64, Vec<f64>)> {
+    fn anew(&self, own: &Form, columns: &[usize], basis: &Basis<'_>) -> Option<(f64, Vec<f64>)> {
         let m = own.coefficients.len();
+        let factored = (basis.factored).get_or_init(|| self.factored(m, columns, basis.deadline));
+        let coefficients = factored.as_ref()?.solve(&own.coefficients);
+        let constants = columns.iter().zip(&coefficients);
+        let rest: f64 = constants
+            .filter_map(|(v, a)| Some(a * self.forms.get(*v)?.constant))
+            .sum();
+        Some((own.constant - rest, coefficients))
+    }
+
+    fn factored(&self, m: usize, columns: &[usize], deadline: Deadline<'_>) -> Option<Factored> {
         if columns.len() != m {
             return None;
         }
@@ -81,12 +113,7 @@ impl Certificates {
                 None => matrix[(v - self.forms.len()) * m + j] = 1.0,
             }
         }
-        let coefficients = solve(&matrix, &own.coefficients)?;
-        let constants = columns.iter().zip(&coefficients);
-        let rest: f64 = constants
-            .filter_map(|(v, a)| Some(a * self.forms.get(*v)?.constant))
-            .sum();
-        Some((own.constant - rest, coefficients))
+        Factored::new(matrix, m, deadline)
     }
 
     fn holds(&self, row: &Identity<'_>) -> bool {
@@ -164,7 +191,11 @@ mod tests {
         let mut table = Table::new(2, forms.iter());
         table.keep_fixed();
         assert!(table.constrain(forms.len(), Sign::Positive).is_ok() && table.fix(0).is_ok());
-        Certificates::new(&system, vec![radius; 2]).proves(&table, forms.len() - 1)
+        Certificates::new(&system, vec![radius; 2]).proves(
+            &table,
+            forms.len() - 1,
+            &Basis::until(Deadline::after(None)),
+        )
     }
 
     /// Where z = 1: 2 z + y is positive for y ≥ 0, and 2 z − y for y < 2.
@@ -191,7 +222,9 @@ mod tests {
         let certificates = Certificates::new(&system, vec![1.0; 2]);
         // The unknowns come behind the forms.
         for columns in [[0, 1], [1, 3], [4, 0], [3, 4]] {
-            let (constant, coefficients) = certificates.anew(&forms[2], &columns).unwrap();
+            let (constant, coefficients) = certificates
+                .anew(&forms[2], &columns, &Basis::until(Deadline::after(None)))
+                .unwrap();
             for unknowns in [[0.0, 0.0], [1.0, 0.0], [0.3, -0.7]] {
                 let value = |v: usize| match forms.get(v) {
                     Some(f) => f.constant + f.coefficients[0] * unknowns[0] + f.coefficients[1] * unknowns[1],

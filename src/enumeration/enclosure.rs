@@ -1,5 +1,7 @@
 //! The solution of a square linear system between proven bounds.
 
+use crate::clock::Deadline;
+
 /// Relative error of each number given, and of each operation on them.
 const EPS: f64 = f64::EPSILON;
 /// Norm of I − B G up to which B counts as an approximate inverse.
@@ -24,12 +26,22 @@ pub(super) struct Enclosure {
 
 impl Enclosure {
     /// `None` where G, given by rows, is not proven to be regular. `errors` bound, row by row, what the coefficients and the constant may be
-    /// off beyond their last place; where there are none it is empty.
-    pub(super) fn of(matrix: &[f64], constants: &[f64], errors: &[Error]) -> Option<Self> {
+    /// off beyond their last place; where there are none it is empty. `None` also where time is over before.
+    pub(super) fn of(
+        matrix: &[f64],
+        constants: &[f64],
+        errors: &[Error],
+        deadline: Deadline<'_>,
+    ) -> Option<Self> {
         let n = constants.len();
         let error = |i: usize| errors.get(i).copied().unwrap_or_default();
-        let factors = Factors::of(matrix, n)?;
-        let inverse = factors.inverse();
+        let factors = Factors::of(matrix, n, deadline)?;
+        let inverse = factors.inverse(deadline)?;
+        let entries = |k: usize| {
+            let row = matrix[k * n..(k + 1) * n].iter().copied().enumerate();
+            row.filter(|(_, b)| *b != 0.0)
+        };
+        let rows: Vec<Vec<(usize, f64)>> = (0..n).map(|k| entries(k).collect()).collect();
         let rounding = (n as f64 + 8.0) * EPS;
         let dot = |row: &[f64], column: &dyn Fn(usize) -> f64| {
             row.iter().enumerate().fold((0.0, 0.0), |(sum, size), (k, a)| {
@@ -38,13 +50,24 @@ impl Enclosure {
             })
         };
         let (mut defect, mut largest) = (0.0f64, 0.0f64);
+        let (mut products, mut sizes) = (vec![0.0; n], vec![0.0; n]);
         for i in 0..n {
-            let row = &inverse[i * n..(i + 1) * n];
-            let mut sum = 0.0;
-            for j in 0..n {
-                let (product, size) = dot(row, &|k| matrix[k * n + j]);
-                sum += (product - if i == j { 1.0 } else { 0.0 }).abs() + rounding * (size + 1.0);
+            if deadline.is_over() {
+                return None;
             }
+            let row = &inverse[i * n..(i + 1) * n];
+            products.fill(0.0);
+            sizes.fill(1.0);
+            products[i] = -1.0;
+            for (k, &a) in row.iter().enumerate().filter(|(_, a)| **a != 0.0) {
+                for &(j, b) in &rows[k] {
+                    let term = a * b;
+                    products[j] += term;
+                    sizes[j] += term.abs();
+                }
+            }
+            let off = products.iter().zip(&sizes);
+            let mut sum: f64 = off.map(|(product, size)| product.abs() + rounding * size).sum();
             sum += n as f64 * dot(row, &|k| error(k).coefficients).1;
             defect = defect.max(sum);
             largest = largest.max(row.iter().map(|v| v.abs()).sum());
@@ -125,25 +148,39 @@ impl Enclosure {
     }
 }
 
-/// The solution of G z = b, improved once; nothing is proven of it.
-pub(super) fn solve(matrix: &[f64], b: &[f64]) -> Option<Vec<f64>> {
-    let n = b.len();
-    let factors = Factors::of(matrix, n)?;
-    let mut z = vec![0.0; n];
-    for _ in 0..2 {
-        let mut d: Vec<f64> = (0..n)
-            .map(|i| {
-                let row = matrix[i * n..(i + 1) * n].iter();
-                b[i] - row.zip(&z).map(|(a, z)| a * z).sum::<f64>()
-            })
-            .collect();
-        factors.solve(&mut d);
-        z.iter_mut().zip(&d).for_each(|(z, d)| *z += d);
+/// A square matrix, given by rows, and its factors; nothing is proven of them.
+#[derive(Debug)]
+pub(super) struct Factored {
+    matrix: Vec<f64>,
+    factors: Factors,
+}
+
+impl Factored {
+    pub(super) fn new(matrix: Vec<f64>, n: usize, deadline: Deadline<'_>) -> Option<Self> {
+        let factors = Factors::of(&matrix, n, deadline)?;
+        Some(Self { matrix, factors })
     }
-    Some(z)
+
+    /// The solution of G z = b, improved once.
+    pub(super) fn solve(&self, b: &[f64]) -> Vec<f64> {
+        let n = b.len();
+        let mut z = vec![0.0; n];
+        for _ in 0..2 {
+            let mut d: Vec<f64> = (0..n)
+                .map(|i| {
+                    let row = self.matrix[i * n..(i + 1) * n].iter();
+                    b[i] - row.zip(&z).map(|(a, z)| a * z).sum::<f64>()
+                })
+                .collect();
+            self.factors.solve(&mut d);
+            z.iter_mut().zip(&d).for_each(|(z, d)| *z += d);
+        }
+        z
+    }
 }
 
 /// P G = L U with partial pivoting; L below the diagonal.
+#[derive(Debug)]
 struct Factors {
     n: usize,
     lu: Vec<f64>,
@@ -152,11 +189,14 @@ struct Factors {
 }
 
 impl Factors {
-    fn of(matrix: &[f64], n: usize) -> Option<Self> {
+    fn of(matrix: &[f64], n: usize, deadline: Deadline<'_>) -> Option<Self> {
         let mut lu = matrix.to_vec();
         let mut order: Vec<usize> = (0..n).collect();
         let mut sign = 1;
         for k in 0..n {
+            if deadline.is_over() {
+                return None;
+            }
             let size = |i: &usize| lu[i * n + k].abs();
             let pivot = (k..n).max_by(|a, b| size(a).total_cmp(&size(b)))?;
             if pivot != k {
@@ -186,19 +226,41 @@ impl Factors {
         Some(Self { n, lu, order, sign })
     }
 
-    fn inverse(&self) -> Vec<f64> {
+    fn inverse(&self, deadline: Deadline<'_>) -> Option<Vec<f64>> {
         let n = self.n;
         let mut inverse = vec![0.0; n * n];
-        let mut column = vec![0.0; n];
-        for c in 0..n {
-            column.fill(0.0);
-            column[c] = 1.0;
-            self.solve(&mut column);
-            for i in 0..n {
-                inverse[i * n + c] = column[i];
-            }
+        for (i, &k) in self.order.iter().enumerate() {
+            inverse[i * n + k] = 1.0;
         }
-        inverse
+        let subtract = |inverse: &mut [f64], i: usize, k: usize| {
+            let factor = self.lu[i * n + k];
+            if factor != 0.0 {
+                let (low, high) = inverse.split_at_mut(i.max(k) * n);
+                let (of, from) = if i > k {
+                    (&mut high[..n], &low[k * n..(k + 1) * n])
+                } else {
+                    (&mut low[i * n..(i + 1) * n], &high[..n])
+                };
+                of.iter_mut().zip(from).for_each(|(a, b)| *a -= factor * b);
+            }
+        };
+        for i in 0..n {
+            if deadline.is_over() {
+                return None;
+            }
+            (0..i).for_each(|k| subtract(&mut inverse, i, k));
+        }
+        for i in (0..n).rev() {
+            if deadline.is_over() {
+                return None;
+            }
+            (i + 1..n).for_each(|k| subtract(&mut inverse, i, k));
+            let diagonal = self.lu[i * n + i];
+            inverse[i * n..(i + 1) * n]
+                .iter_mut()
+                .for_each(|a| *a /= diagonal);
+        }
+        Some(inverse)
     }
 
     /// Overwrites b by the solution.
@@ -219,29 +281,32 @@ impl Factors {
     /// A bound of the norm of P G − L U.
     fn defect(&self) -> f64 {
         let n = self.n;
-        let mut largest = 0.0f64;
-        for i in 0..n {
-            let mut sum = 0.0;
-            for j in 0..n {
-                for k in 0..=i.min(j) {
-                    let l = if k == i { 1.0 } else { self.lu[i * n + k].abs() };
-                    sum += l * self.lu[k * n + j].abs();
-                }
-            }
-            largest = largest.max(sum);
-        }
+        let size = |row: &[f64]| row.iter().map(|v| v.abs()).sum::<f64>();
+        let upper: Vec<f64> = (0..n).map(|k| size(&self.lu[k * n + k..(k + 1) * n])).collect();
+        let of_row = |i: usize| {
+            let lower = self.lu[i * n..i * n + i].iter().zip(&upper);
+            upper[i] + lower.map(|(l, u)| l.abs() * u).sum::<f64>()
+        };
+        let largest = (0..n).map(of_row).fold(0.0, f64::max);
         (n as f64 + 4.0) * EPS * largest
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::cell::Cell;
+
     use super::{Enclosure, Error};
+    use crate::clock::Deadline;
+
+    fn enclosed(matrix: &[f64], constants: &[f64], errors: &[Error]) -> Option<Enclosure> {
+        Enclosure::of(matrix, constants, errors, Deadline::after(None))
+    }
 
     #[test]
     fn holds_the_solution() {
         // x + y = 3, x − y = 1, rows exchanged: det = 2.
-        let found = Enclosure::of(&[1.0, -1.0, 1.0, 1.0], &[-1.0, -3.0], &[]).unwrap();
+        let found = enclosed(&[1.0, -1.0, 1.0, 1.0], &[-1.0, -3.0], &[]).unwrap();
         assert!((found.point[0] - 2.0).abs() <= found.radius[0]);
         assert!((found.point[1] - 1.0).abs() <= found.radius[1]);
         assert!(found.radius.iter().all(|r| *r < 1e-13));
@@ -254,12 +319,12 @@ mod tests {
     /// (G⁻¹ c)₁ = 1.1 − 1.0 cancels: the solution is not 0.
     #[test]
     fn small_solutions_of_large_terms_are_found() {
-        let found = Enclosure::of(&[1.0, 1.0, 0.0, 1.0], &[-1.1, -1.0], &[]).unwrap();
+        let found = enclosed(&[1.0, 1.0, 0.0, 1.0], &[-1.1, -1.0], &[]).unwrap();
         assert!(
             (found.point[0] - 0.1).abs() < 1e-15 && found.radius[0] < 1e-14,
             "{found:?}"
         );
-        let found = Enclosure::of(&[2.0, 1.0, 1.0, 2.0], &[-1.5, -1.4], &[]).unwrap();
+        let found = enclosed(&[2.0, 1.0, 1.0, 2.0], &[-1.5, -1.4], &[]).unwrap();
         assert!((found.point[0] - 1.6 / 3.0).abs() < 1e-15, "{found:?}");
     }
 
@@ -270,7 +335,7 @@ mod tests {
             coefficients: 0.1,
             constant: 0.05,
         };
-        let found = Enclosure::of(&[2.0], &[-1.0], &[off]).unwrap();
+        let found = enclosed(&[2.0], &[-1.0], &[off]).unwrap();
         let (least, most) = (0.95 / 2.1, 1.05 / 1.9);
         assert!(found.point[0] - found.radius[0] <= least && found.point[0] + found.radius[0] >= most);
         assert!(found.radius[0] < 0.06, "{found:?}");
@@ -280,12 +345,33 @@ mod tests {
             coefficients: 2.0,
             constant: 0.0,
         };
-        assert_eq!(Enclosure::of(&[2.0], &[-1.0], &[singular]), None);
+        assert_eq!(enclosed(&[2.0], &[-1.0], &[singular]), None);
+    }
+
+    /// The clock is looked at for each row of the factors, twice of the inverse and of the products, and nothing is told once time is over.
+    #[test]
+    fn ends_where_time_is_over() {
+        let n = 20;
+        let entry = |k: usize| if k / n == k % n { 7.0 } else { (k as f64).sin() };
+        let matrix: Vec<f64> = (0..n * n).map(entry).collect();
+        let (looks, limit) = (Cell::new(0), Cell::new(usize::MAX));
+        let stop = || {
+            looks.set(looks.get() + 1);
+            looks.get() > limit.get()
+        };
+        let found = |most: usize| {
+            looks.set(0);
+            limit.set(most);
+            Enclosure::of(&matrix, &vec![1.0; n], &[], Deadline::after(None).or(&stop)).is_some()
+        };
+        assert!(found(usize::MAX));
+        assert_eq!(looks.get(), 4 * n);
+        assert!((0..4 * n).all(|most| !found(most) && looks.get() == most + 1));
     }
 
     #[test]
     fn says_nothing_of_singular_matrices() {
-        assert_eq!(Enclosure::of(&[1.0, 2.0, 2.0, 4.0], &[1.0, 1.0], &[]), None);
-        assert_eq!(Enclosure::of(&[0.1, 0.3, 0.3, 0.9], &[1.0, 1.0], &[]), None);
+        assert_eq!(enclosed(&[1.0, 2.0, 2.0, 4.0], &[1.0, 1.0], &[]), None);
+        assert_eq!(enclosed(&[0.1, 0.3, 0.3, 0.9], &[1.0, 1.0], &[]), None);
     }
 }

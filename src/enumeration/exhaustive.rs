@@ -6,7 +6,7 @@ use num_traits::{One, Zero};
 use super::EnumerationOptions;
 use super::proof::MAX_WORK;
 use crate::clock::Deadline;
-use crate::exact::{Dictionary, Exact, Halt, quotient};
+use crate::exact::{Dictionary, Exact, Halt, LOOKED_AT, quotient};
 use crate::piecewise::{ExactConditions, ExactForm, ExactPiece, ExactSite};
 
 /// Numbers that exact arithmetic may write for each node that the search may have: some seconds at most.
@@ -113,7 +113,8 @@ fn parts(form: &ExactForm) -> (&Exact, &[Exact]) {
 }
 
 impl<'a> Tableau<'a> {
-    pub(super) fn new(conditions: &'a ExactConditions, deadline: Deadline<'a>) -> Self {
+    /// With so much work at most, until it is asked for.
+    pub(super) fn new(conditions: &'a ExactConditions, limit: u64, deadline: Deadline<'a>) -> Self {
         let mut offsets = Vec::with_capacity(conditions.sites.len());
         let mut next = conditions.common.len();
         for site in &conditions.sites {
@@ -124,15 +125,17 @@ impl<'a> Tableau<'a> {
         let forms = conditions.common.iter().chain(sites).map(parts);
         Self {
             conditions,
-            dictionary: Dictionary::new(conditions.unknowns, forms).until(deadline),
+            dictionary: Dictionary::new(conditions.unknowns, forms)
+                .until(deadline)
+                .within(limit),
             offsets,
             unknowns: next,
         }
     }
 
     /// With the common rows eliminated and what is known of all pieces required.
-    fn root(conditions: &'a ExactConditions, deadline: Deadline<'a>) -> Result<Self, Halt> {
-        let mut root = Self::new(conditions, deadline);
+    fn root(conditions: &'a ExactConditions, budget: &Budget<'a>) -> Result<Self, Halt> {
+        let mut root = Self::new(conditions, MAX_WORK, budget.deadline);
         for var in 0..conditions.common.len() {
             root.dictionary.fix(var)?;
         }
@@ -179,17 +182,17 @@ impl<'a> Tableau<'a> {
     }
 }
 
-/// Numbers written where the unknowns are eliminated, large ones counted as many.
+/// About the work of eliminating the unknowns, as [`Dictionary::take_work`] counts it, where no more numbers become other than zero.
 pub(super) fn elimination(conditions: &ExactConditions) -> u64 {
-    let sites = conditions.sites.iter().map(|s| s.forms.len()).sum::<usize>();
-    let (n, forms) = (
-        conditions.unknowns as u64,
-        (conditions.common.len() + sites) as u64,
-    );
-    n.saturating_mul(n)
-        .saturating_mul(forms)
-        .saturating_mul(1 + n / 20)
-        / 2
+    let (n, mut forms, mut entries) = (conditions.unknowns as u64, 0u64, 0u64);
+    for form in super::stated::forms(conditions) {
+        forms += 1;
+        entries += form.coefficients.iter().filter(|a| !a.is_zero()).count() as u64;
+    }
+    let looked_at = n.saturating_mul(forms) / LOOKED_AT;
+    // In matrices that are half full all numbers will be written.
+    let written = entries.saturating_mul(2 + n / 10);
+    n.saturating_mul(looked_at.saturating_add(written)) / 2
 }
 
 /// All choices of pieces (by number in the map) that agree with one of some partial ones and are not infeasible; how many of these were not
@@ -206,7 +209,7 @@ pub(super) fn search(
     if budget.is_spent() || elimination(conditions) > MAX_WORK {
         return partial.len() as u64;
     }
-    let mut root = match Tableau::root(conditions, budget.deadline) {
+    let mut root = match Tableau::root(conditions, budget) {
         Ok(root) => root,
         Err(Halt::Late) => return partial.len() as u64,
         Err(Halt::Infeasible) => {
@@ -289,18 +292,22 @@ pub(super) fn piece_of(conditions: &ExactConditions, site: usize, piece: usize) 
         .find(|p| p.piece == piece)
 }
 
-/// The point at which all common forms vanish, the unknowns that they leave free being 0: the last of them, if it may. `None` also where time
-/// is over.
-pub(super) fn common_point(conditions: &ExactConditions, deadline: Deadline<'_>) -> Option<ExactPoint> {
-    let mut table = Tableau::new(conditions, deadline);
-    let last = (table.unknowns + conditions.unknowns).checked_sub(1)?;
+/// The point at which all common forms vanish, the unknowns that they leave free being 0: the last of them, if it may.
+pub(super) fn common_point(conditions: &ExactConditions, deadline: Deadline<'_>) -> Result<ExactPoint, Halt> {
+    if elimination(conditions) > MAX_WORK {
+        return Err(Halt::Late);
+    }
+    let mut table = Tableau::new(conditions, MAX_WORK, deadline);
+    let last = (table.unknowns + conditions.unknowns)
+        .checked_sub(1)
+        .ok_or(Halt::Infeasible)?;
     for var in 0..conditions.common.len() {
         // The last unknown goes where no other can.
-        table.dictionary.fix_among(var, |column| column != last).ok()?;
-        table.dictionary.fix(var).ok()?;
+        table.dictionary.fix_among(var, |column| column != last)?;
+        table.dictionary.fix(var)?;
     }
     let free = vec![(BigInt::zero(), BigInt::one()); table.dictionary.columns().len()];
-    Some(table.point(&free))
+    Ok(table.point(&free))
 }
 
 /// Whether a point meets all conditions of a selection.

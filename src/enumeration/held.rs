@@ -31,7 +31,7 @@ pub(super) fn decide(conditions: &ExactConditions, pieces: &[usize], budget: &mu
     if budget.is_spent() || elimination(conditions) > MAX_WORK {
         return None;
     }
-    let mut table = Tableau::new(conditions, budget.deadline);
+    let mut table = Tableau::new(conditions, MAX_WORK, budget.deadline);
     let held = examine(&mut table, conditions, pieces);
     budget.spend(table.dictionary.take_work());
     match held {
@@ -133,7 +133,7 @@ fn eliminate(
 }
 
 /// The facets that vanish at all points of the polyhedron that they bound.
-fn flat_facets(dictionary: &Dictionary, facets: &[SignedFacet]) -> Result<Vec<usize>, Halt> {
+fn flat_facets(dictionary: &mut Dictionary, facets: &[SignedFacet]) -> Result<Vec<usize>, Halt> {
     let mut feasible = dictionary.clone();
     for &(_, var, sign) in facets {
         feasible.constrain(var, sign)?;
@@ -155,7 +155,9 @@ fn flat_facets(dictionary: &Dictionary, facets: &[SignedFacet]) -> Result<Vec<us
         time[unknowns - 1] = one.clone();
         let all = forms.iter().map(|f| (&zero, f.as_slice()));
         let extra = [(&zero, time.as_slice()), (&target, forms[k].as_slice())];
-        let mut rays = Dictionary::new(unknowns, all.chain(extra)).until(dictionary.deadline());
+        let mut rays = Dictionary::new(unknowns, all.chain(extra))
+            .until(dictionary.deadline())
+            .within(dictionary.left());
         let mut reached = || -> Result<(), Halt> {
             for (other, facet) in facets.iter().enumerate() {
                 rays.constrain(other, facet.2)?;
@@ -164,7 +166,9 @@ fn flat_facets(dictionary: &Dictionary, facets: &[SignedFacet]) -> Result<Vec<us
             rays.fix(facets.len() + 1)?;
             rays.repair()
         };
-        match reached() {
+        let reached = reached();
+        dictionary.charge(rays.take_work());
+        match reached {
             Ok(()) => {}
             Err(Halt::Infeasible) => flat.push(var),
             Err(Halt::Late) => return Err(Halt::Late),

@@ -3,6 +3,7 @@
 
 use super::system::{Piece, Site};
 use super::table::{Form, Sign, Table};
+use crate::clock::Deadline;
 
 /// The forms of a site over the columns of a table in which all of them are rows.
 pub(super) fn forms(site: &Site, offset: usize, table: &Table) -> Option<Vec<Form>> {
@@ -55,7 +56,7 @@ fn holds(forms: &[Form], piece: &Piece, form: usize, sign: Sign) -> bool {
             table.fix(f)?;
         }
         table.fix(forms.len())?;
-        table.repair()
+        table.repair(Deadline::after(None))
     };
     require().is_err()
 }

@@ -3,7 +3,6 @@
 use super::Doubt;
 use super::enclosure::{Enclosure, Error};
 use super::exhaustive::{self, ExactPoint};
-use super::proof::MAX_WORK;
 use super::solutions::stated_conditions;
 use super::stated::{Scaling, forms};
 use crate::clock::Deadline;
@@ -136,7 +135,7 @@ impl Near {
         if exactly {
             return self.exact_point(&rows, &vanishing, deadline).map(Some);
         }
-        Ok(self.enclosed_point(&rows, &vanishing))
+        Ok(self.enclosed_point(&rows, &vanishing, deadline))
     }
 
     /// Those of some forms of a site that do not vanish wherever the others do.
@@ -178,7 +177,12 @@ impl Near {
     }
 
     /// The point between error bounds, where these prove that there is one and only one.
-    fn enclosed_point(&self, rows: &[usize], vanishing: &[Vec<usize>]) -> Option<Point> {
+    fn enclosed_point(
+        &self,
+        rows: &[usize],
+        vanishing: &[Vec<usize>],
+        deadline: Deadline<'_>,
+    ) -> Option<Point> {
         let m = self.conditions.unknowns;
         let scaling = Scaling::of(&self.conditions);
         let all: Vec<&ExactForm> = forms(&self.conditions).collect();
@@ -203,7 +207,7 @@ impl Near {
         if constants.len() != m {
             return None;
         }
-        let mut found = Enclosure::of(&matrix, &constants, &[])?;
+        let mut found = Enclosure::of(&matrix, &constants, &[], deadline)?;
         let bent = |k: &usize| all[*k].coefficients.len() > m;
         if rows.iter().any(bent) {
             // For d in this box the products are coefficients that are off by so much: a solution in it exists (Brouwer) and is unique.
@@ -218,7 +222,7 @@ impl Near {
                 }
             };
             let errors: Vec<Error> = rows.iter().map(error).collect();
-            found = Enclosure::of(&matrix, &constants, &errors)?;
+            found = Enclosure::of(&matrix, &constants, &errors, deadline)?;
             if found.reach().iter().zip(&within).any(|(r, w)| r > w) {
                 return None;
             }
@@ -262,12 +266,9 @@ impl Near {
             common: rows.iter().map(linear).collect(),
             ..ExactConditions::default()
         };
-        if exhaustive::elimination(&system) > MAX_WORK {
-            return Err(Doubt::Limit);
-        }
-        let point = exhaustive::common_point(&system, deadline).ok_or_else(|| match deadline.is_over() {
-            true => Doubt::Limit,
-            false => Doubt::Coincidence,
+        let point = exhaustive::common_point(&system, deadline).map_err(|halt| match halt {
+            Halt::Late => Doubt::Limit,
+            Halt::Infeasible => Doubt::Coincidence,
         })?;
         let bent = all.iter().any(|f| f.coefficients.len() > m);
         if bent && !point.coordinate(m - 1).0.is_zero() {

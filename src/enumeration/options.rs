@@ -14,8 +14,8 @@ pub struct EnumerationOptions {
     /// Largest number of search nodes (partial selections tried) before the search gives up and says how far it came; it also does
     /// where the tables on the way to a node take more than 2 GB. Default 1 000 000.
     pub max_nodes: u64,
-    /// Time after which the search gives up and says how far it came; looked at before each linear program and each system
-    /// solved. Default: none.
+    /// Time after which the search gives up and says how far it came; looked at before each exchange of a linear program and for each
+    /// row of a system solved. Default: none.
     pub max_time: Option<Duration>,
     /// Where the search for arms gives up, a local search goes on from this number of random selections for either sign of α̇; it
     /// may find arms and never completes the list. Default 100.

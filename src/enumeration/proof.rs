@@ -41,9 +41,8 @@ pub(super) fn proven_solutions(
     let mut budget = Budget::new(options, deadline);
     let known = map.num_residuals();
     let parameter = (map.num_vars() > known).then_some(alpha);
-    let mut gathered = Gathered::new(known, parameter, conditions, &stated);
-    let mut settle =
-        |pieces: &[usize], budget: &mut Budget| gathered.settle(pieces, options, deadline, budget);
+    let mut gathered = Gathered::new(known, parameter, conditions, &stated, deadline);
+    let mut settle = |pieces: &[usize], budget: &mut Budget| gathered.settle(pieces, options, budget);
     // The unknowns may have no bounds that are stated, and others of the same problem have some.
     let reduced = (!stated.bounded && exhaustive::elimination(conditions) <= MAX_WORK)
         .then(|| reduced_solutions(conditions, deadline))
@@ -232,6 +231,7 @@ pub(super) struct Gathered<'a> {
     close: bool,
     /// How many of the unknowns are those of the map.
     known: usize,
+    deadline: Deadline<'a>,
     /// Boxes of selections of which all that they hold is known.
     settled: Vec<Pieces>,
     /// Selections whose points were not proven to be alone in the cells that they lie in, since the last that was.
@@ -246,9 +246,11 @@ impl<'a> Gathered<'a> {
         parameter: Option<f64>,
         conditions: &'a ExactConditions,
         stated: &'a Stated,
+        deadline: Deadline<'a>,
     ) -> Self {
         Self {
             known,
+            deadline,
             settled: Vec::new(),
             attempts: 0,
             searched: (0, 0),
@@ -321,7 +323,6 @@ impl<'a> Gathered<'a> {
         &mut self,
         pieces: &[usize],
         options: &EnumerationOptions,
-        deadline: Deadline<'_>,
         budget: &mut Budget,
     ) -> Option<Pieces> {
         if self.attempts >= ATTEMPTS {
@@ -338,7 +339,7 @@ impl<'a> Gathered<'a> {
         };
         let active = exhaustive::active(self.conditions, &point);
         let count: f64 = active.iter().map(|p| p.len() as f64).product();
-        if count <= LISTED || !self.is_alone(&point, &active, options, deadline) {
+        if count <= LISTED || !self.is_alone(&point, &active, options) {
             return None;
         }
         self.attempts = 0;
@@ -360,13 +361,7 @@ impl<'a> Gathered<'a> {
     }
 
     /// Whether no other solution lies in the cells of the given pieces, in all of which a point lies: there is no direction to one.
-    fn is_alone(
-        &mut self,
-        point: &ExactPoint,
-        active: &[Vec<usize>],
-        options: &EnumerationOptions,
-        deadline: Deadline<'_>,
-    ) -> bool {
+    fn is_alone(&mut self, point: &ExactPoint, active: &[Vec<usize>], options: &EnumerationOptions) -> bool {
         let level = |form: &ExactForm| ExactForm {
             constant: Exact::default(),
             ..form.clone()
@@ -383,7 +378,7 @@ impl<'a> Gathered<'a> {
                 .collect(),
             bounds: Vec::new(),
         };
-        let Some(reduced) = reduced_directions(&directions, deadline) else {
+        let Some(reduced) = reduced_directions(&directions, self.deadline) else {
             return false;
         };
         let stated = Stated::new(&reduced);
@@ -393,7 +388,7 @@ impl<'a> Gathered<'a> {
         let (none, effort) = holds_nothing(
             &beyond,
             options.max_nodes.saturating_sub(self.searched.0),
-            deadline,
+            self.deadline,
         );
         self.searched.0 += effort.0;
         self.searched.1 += effort.1;
@@ -469,7 +464,7 @@ impl<'a> Gathered<'a> {
             constants.push(form.constant);
             errors.push(error);
         }
-        Enclosure::of(&matrix, &constants, &errors)
+        Enclosure::of(&matrix, &constants, &errors, self.deadline)
     }
 
     /// Whether it lies in the cell, if error bounds tell.

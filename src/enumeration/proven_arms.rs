@@ -128,7 +128,10 @@ impl<'p> Arms<'p> {
     fn find(&self, options: &EnumerationOptions, deadline: Deadline<'_>) -> Result<DirectionalArms, Doubt> {
         let mut budget = Budget::new(options, deadline);
         let candidates = self.candidates(options, deadline, &mut budget)?;
-        let each = |k: usize| Gathered::new(self.known, Some(RATES[k]), &self.conditions[k], &self.stated[k]);
+        let each = |k: usize| {
+            let (conditions, stated) = (&self.conditions[k], &self.stated[k]);
+            Gathered::new(self.known, Some(RATES[k]), conditions, stated, deadline)
+        };
         let mut found = [each(0), each(1), each(2)];
         let mut unresolved = BTreeSet::new();
         for pieces in &candidates.selections {

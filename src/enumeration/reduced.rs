@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 
+use super::proof::MAX_WORK;
 use crate::clock::Deadline;
 use crate::exact::{Dictionary, Exact, Halt, Place};
 use crate::piecewise::{ExactConditions, ExactForm, ExactPiece, ExactSite};
@@ -27,7 +28,7 @@ fn homogeneous(form: &ExactForm) -> Vec<Exact> {
 }
 
 /// The directional problem in few unknowns: what has no choice is eliminated, and what has one sign becomes an unknown where it can, so that
-/// the search is bounded. `None` where α̇ has no choice, or time is over.
+/// the search is bounded. `None` where α̇ has no choice, or the limits of time and work are reached.
 pub(super) fn reduced_directions(
     conditions: &ExactConditions,
     deadline: Deadline<'_>,
@@ -35,7 +36,8 @@ pub(super) fn reduced_directions(
     reduced(conditions, implied, deadline)
 }
 
-/// The same for the solutions at a parameter. `None` where the common conditions contradict each other, or time is over.
+/// The same for the solutions at a parameter. `None` where the common conditions contradict each other, or the limits of time
+/// and work are reached.
 pub(super) fn reduced_solutions(
     conditions: &ExactConditions,
     deadline: Deadline<'_>,
@@ -51,7 +53,9 @@ fn reduced(
 ) -> Option<ExactConditions> {
     let (n, zero) = (conditions.unknowns, Exact::default());
     let rows: Vec<Vec<Exact>> = super::stated::forms(conditions).map(homogeneous).collect();
-    let mut table = Dictionary::new(n + 1, rows.iter().map(|r| (&zero, r.as_slice()))).until(deadline);
+    let mut table = Dictionary::new(n + 1, rows.iter().map(|r| (&zero, r.as_slice())))
+        .until(deadline)
+        .within(MAX_WORK);
     let rate = rows.len() + n;
     let fix = |table: &mut Dictionary, var: usize| -> Option<()> {
         table.fix_among(var, |column| column != rate).ok()?;
@@ -68,6 +72,9 @@ fn reduced(
             for (_, form) in std::mem::take(&mut one.equalities) {
                 fix(&mut table, first + form)?;
             }
+        }
+        if deadline.is_over() {
+            return None;
         }
         site.implied = implied(site);
         let entries = |form: usize| rows[first + form].iter().filter(|a| !a.is_zero()).count();
@@ -92,6 +99,9 @@ fn reduced(
     let sizes: Vec<i64> = table.columns().iter().map(size).collect();
     let mut next = conditions.common.len();
     for site in &mut sites {
+        if deadline.is_over() {
+            return None;
+        }
         for form in &mut site.forms {
             let entries = table.entries(next).into_iter().skip(1).zip(&sizes);
             let mut coefficients: Vec<Exact> = entries.map(|(e, size)| Exact::of(e, *size)).collect();

@@ -4,7 +4,7 @@
 //! Without, where that takes many nodes each is tightened first: all pieces of all undecided sites are tried, and a sign that a form has in
 //! every piece left is required.
 
-use super::certificate::Certificates;
+use super::certificate::{Basis, Certificates};
 use super::hull;
 use super::system::System;
 use super::table::{Contradiction, Form, Place, Sign, Table, VAGUE, VOID};
@@ -125,7 +125,11 @@ impl<'a> Search<'a> {
 
     /// Whether a contradiction in a table is proven, or need not be.
     fn proven(&self, table: &Table, var: usize) -> bool {
-        self.certificates.is_none_or(|c| c.proves(table, var))
+        self.proven_by(&Basis::until(self.deadline), table, var)
+    }
+
+    fn proven_by(&self, basis: &Basis<'_>, table: &Table, var: usize) -> bool {
+        self.certificates.is_none_or(|c| c.proves(table, var, basis))
     }
 
     /// Keeps account of a choice that was dropped without a proof: what is decided, and piece k of a site.
@@ -192,7 +196,7 @@ impl<'a> Search<'a> {
     ) -> Result<(), E> {
         self.decided.fill(None);
         self.root = Some(root.clone());
-        if let Err(contradiction) = self.clearly(&mut root, Table::repair) {
+        if let Err(contradiction) = self.clearly(&mut root, |root| root.repair(self.deadline)) {
             self.examined += self.total;
             if !self.proven(&root, contradiction.var) {
                 self.doubt(None);
@@ -297,7 +301,7 @@ impl<'a> Search<'a> {
         mut alive: Vec<Vec<usize>>,
         weight: f64,
     ) -> Result<Level, Leave> {
-        let mut candidates = self.branching_sites(&table, undecided, &mut alive);
+        let mut candidates = self.branching_sites(&table, undecided, &mut alive)?;
         let mut leaves = None;
         if let Some(leaving) = self.outside(undecided, &alive) {
             for (position, pieces) in leaving {
@@ -313,7 +317,7 @@ impl<'a> Search<'a> {
         }
         if self.certificates.is_none() && self.nodes >= HARD {
             self.tighten(&mut table, undecided, &mut alive)?;
-            let ranked = self.branching_sites(&table, undecided, &mut alive);
+            let ranked = self.branching_sites(&table, undecided, &mut alive)?;
             candidates = leaves.map_or(ranked, |position| vec![position]);
         }
         let (position, children) = self.probe(&table, undecided, candidates, &mut alive)?;
@@ -372,7 +376,7 @@ impl<'a> Search<'a> {
                     table.constrain(self.offsets[s] + form, sign)?;
                 }
             }
-            table.repair()?;
+            table.repair(self.deadline)?;
             if !changed {
                 break;
             }
@@ -400,7 +404,7 @@ impl<'a> Search<'a> {
         let mut child = table.compact();
         let decided = self.clearly(&mut child, |child| {
             self.decide(child, site, k)?;
-            child.repair()
+            child.repair(self.deadline)
         });
         self.pivots += child.pivots;
         let possible = decided.map_or_else(|c| !self.proven(&child, c.var), |()| true);
@@ -413,7 +417,7 @@ impl<'a> Search<'a> {
         let decided = self.clearly(&mut child, |child| {
             self.decide(child, site, k)?;
             self.forget(child, site, k);
-            child.repair()
+            child.repair(self.deadline)
         });
         self.pivots += child.pivots;
         if let Err(contradiction) = decided {
@@ -489,10 +493,19 @@ impl<'a> Search<'a> {
 
     /// The undecided sites worth branching on, by position: those with the fewest pieces that are not ruled out at sight first,
     /// among them those that the present vertex of the relaxed problem violates most.
-    fn branching_sites(&self, table: &Table, undecided: &[usize], alive: &mut [Vec<usize>]) -> Vec<usize> {
+    fn branching_sites(
+        &self,
+        table: &Table,
+        undecided: &[usize],
+        alive: &mut [Vec<usize>],
+    ) -> Result<Vec<usize>, Leave> {
+        let basis = Basis::until(self.deadline);
         let mut all: Vec<(usize, f64, usize)> = Vec::with_capacity(undecided.len());
         let mut reach = Vec::new();
         for (position, &s) in undecided.iter().enumerate() {
+            if self.deadline.is_over() {
+                return Err(Leave::Stop);
+            }
             let (site, offset) = (&self.system.sites[s], self.offsets[s]);
             reach.clear();
             reach.extend((0..site.forms.len()).map(|f| table.reach(offset + f)));
@@ -512,7 +525,7 @@ impl<'a> Search<'a> {
                 if zero && inside {
                     distance = distance.min(off.chain(wrong).fold(0.0, f64::max));
                 }
-                zero && inside || !self.excluded(table, s, k, &reach)
+                zero && inside || !self.excluded(&basis, table, s, k, &reach)
             });
             all.push((alive[s].len(), distance, position));
         }
@@ -523,13 +536,14 @@ impl<'a> Search<'a> {
         } else {
             PROBES
         };
-        all.into_iter().take(count).map(|a| a.2).collect()
+        Ok(all.into_iter().take(count).map(|a| a.2).collect())
     }
 
     /// Whether a form proves, where that is asked for, that a piece which it excludes at sight cannot be chosen.
-    fn excluded(&self, table: &Table, s: usize, k: usize, reach: &[(bool, bool)]) -> bool {
+    fn excluded(&self, basis: &Basis<'_>, table: &Table, s: usize, k: usize, reach: &[(bool, bool)]) -> bool {
         let (piece, offset) = (&self.system.sites[s].pieces[k], self.offsets[s]);
-        let wrong = |f: usize, (up, down): (bool, bool)| !(up && down) && self.proven(table, offset + f);
+        let wrong =
+            |f: usize, (up, down): (bool, bool)| !(up && down) && self.proven_by(basis, table, offset + f);
         let facets = piece.facets.iter();
         piece.equalities.iter().any(|&f| wrong(f, reach[f]))
             || facets.into_iter().any(|&(f, sign)| {

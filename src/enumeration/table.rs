@@ -1,5 +1,7 @@
 //! A dictionary of affine forms: every form as a constant plus a combination of the columns, with sign constraints on both.
 
+use crate::clock::Deadline;
+
 /// Rounding unit of the running error bounds.
 const EPS: f64 = f64::EPSILON;
 /// Coefficients below this multiple of their error bound count as zero.
@@ -352,11 +354,14 @@ impl Table {
         }
     }
 
-    /// Restores the sign constraints of all rows.
-    pub(super) fn repair(&mut self) -> Result<(), Contradiction> {
+    /// Restores the sign constraints of all rows; gives no verdict once time is over.
+    pub(super) fn repair(&mut self, deadline: Deadline<'_>) -> Result<(), Contradiction> {
         let quick = 4 * (self.rows.len() + self.columns.len()) + 20;
         // Bland's rule ends in exact arithmetic; a limit makes sure of it, and gives no verdict.
         for step in 0..20 * quick {
+            if deadline.is_over() {
+                break;
+            }
             let bland = step > quick;
             let Some(r) = self.violated(bland) else {
                 return Ok(());
@@ -680,8 +685,26 @@ mod tests {
             };
             let mut table = Table::new(1, [form].iter());
             table.constrain(0, Sign::Positive).unwrap();
-            assert_eq!(table.repair().is_err(), clear, "{violation:e} {error:e}");
+            assert_eq!(
+                table.repair(Deadline::after(None)).is_err(),
+                clear,
+                "{violation:e} {error:e}"
+            );
         }
+    }
+
+    /// −1 ≥ 0 is none once time is over: what rests on that is not told.
+    #[test]
+    fn there_is_no_verdict_once_time_is_over() {
+        let form = Form {
+            constant: -1.0,
+            coefficients: vec![0.0],
+            error: EPS,
+        };
+        let mut table = Table::new(1, [form].iter());
+        table.constrain(0, Sign::Positive).unwrap();
+        assert_eq!(table.repair(Deadline::after(None).or(&|| true)), Ok(()));
+        assert!(table.repair(Deadline::after(None).or(&|| false)).is_err());
     }
 
     /// y₀ or y₁ could make 1e-6 y₀ + y₁ − 1 positive. What is then known of them keeps all its digits where y₁ does, whether their signs are
@@ -701,7 +724,7 @@ mod tests {
                     table.constrain(k, Sign::Positive).unwrap();
                 }
             }
-            table.repair().unwrap();
+            table.repair(Deadline::after(None)).unwrap();
             assert!(table.value(2) >= 0.0 && table.largest_error() < 1e-14, "{signed}");
         }
     }

@@ -61,6 +61,8 @@ mod tests {
         );
         assert_eq!(sign(&[&[0.0, 2.0], &[2.0, 5.0]], 1000), Some(-1));
         assert_eq!(sign(&[], 0), Some(1));
-        assert_eq!(sign(&[&[1.0, 2.0], &[3.0, 4.0]], 1), None);
+        // One number is written.
+        let limited = |work| sign(&[&[1.0, 2.0], &[3.0, 4.0]], work);
+        assert_eq!([limited(0), limited(1)], [None, Some(-1)]);
     }
 }

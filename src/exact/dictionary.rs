@@ -11,7 +11,7 @@ use crate::clock::Deadline;
 pub(crate) enum Halt {
     /// The conditions contradict each other.
     Infeasible,
-    /// Time is over.
+    /// Time is over, or the work that was allowed is done.
     Late,
 }
 
@@ -22,6 +22,9 @@ pub(crate) enum Place {
     /// Zero.
     Gone,
 }
+
+/// Numbers that are looked at in the time that it takes to write one.
+pub(crate) const LOOKED_AT: u64 = 16;
 
 #[derive(Debug, Clone)]
 struct Row {
@@ -41,6 +44,7 @@ pub(crate) struct Dictionary<'d> {
     sign: Vec<i8>,
     /// Numbers written, large ones counted as many.
     work: u64,
+    limit: u64,
     deadline: Deadline<'d>,
 }
 
@@ -66,14 +70,31 @@ impl<'d> Dictionary<'d> {
             rows,
             denominator: BigInt::one(),
             work: 0,
+            limit: u64::MAX,
             deadline: Deadline::after(None),
         }
     }
 
-    /// With a look at the clock before each exchange.
+    /// With looks at the clock in each exchange; once time is over the dictionary is of no more use.
     pub(crate) fn until(mut self, deadline: Deadline<'d>) -> Self {
         self.deadline = deadline;
         self
+    }
+
+    /// With so much [work](Self::take_work) between two times that it is asked for.
+    pub(crate) fn within(mut self, limit: u64) -> Self {
+        self.limit = limit;
+        self
+    }
+
+    /// What is left of it.
+    pub(crate) fn left(&self) -> u64 {
+        self.limit.saturating_sub(self.work)
+    }
+
+    /// Counts work that was done elsewhere.
+    pub(crate) fn charge(&mut self, work: u64) {
+        self.work = self.work.saturating_add(work);
     }
 
     pub(crate) fn deadline(&self) -> Deadline<'d> {
@@ -216,11 +237,11 @@ impl<'d> Dictionary<'d> {
     }
 
     fn exchange(&mut self, r: usize, c: usize) -> Result<(), Halt> {
-        if self.deadline.is_over() {
+        if self.work > self.limit || self.deadline.is_over() {
             return Err(Halt::Late);
         }
-        let numbers = (self.rows.len() * (self.columns.len() + 1)) as u64;
-        self.work += numbers * (1 + (self.denominator.bits() / 512).pow(2));
+        let large = 1 + (self.denominator.bits() / 512).pow(2);
+        self.work += (self.rows.len() * (self.columns.len() + 1)) as u64 / LOOKED_AT;
         let pivot = std::mem::take(&mut self.rows[r].entries);
         let a = pivot[1 + c].clone();
         let old = std::mem::replace(&mut self.denominator, a.clone());
@@ -228,11 +249,16 @@ impl<'d> Dictionary<'d> {
             if i == r {
                 continue;
             }
+            if self.deadline.is_over() {
+                return Err(Halt::Late);
+            }
             let m = std::mem::take(&mut row.entries[1 + c]);
+            let mut written = 0;
             for (j, (e, p)) in row.entries.iter_mut().zip(&pivot).enumerate() {
                 if j == 1 + c || (e.is_zero() && (m.is_zero() || p.is_zero())) {
                     continue;
                 }
+                written += 1;
                 *e *= &a;
                 if !m.is_zero() && !p.is_zero() {
                     *e -= &m * p;
@@ -240,6 +266,7 @@ impl<'d> Dictionary<'d> {
                 *e /= &old;
             }
             row.entries[1 + c] = m;
+            self.work += written * large;
         }
         let mut entries: Vec<BigInt> = pivot.into_iter().map(|p| -p).collect();
         entries[1 + c] = old;
@@ -292,6 +319,8 @@ pub(crate) fn quotient(numerator: &BigInt, denominator: &BigInt, shift: i64) -> 
 
 #[cfg(test)]
 mod tests {
+    use std::cell::Cell;
+
     use super::{Deadline, Dictionary, quotient};
     use crate::exact::{Exact, Halt};
 
@@ -339,6 +368,52 @@ mod tests {
                 d.constrain(var, 1).unwrap();
             }
             assert_eq!(d.repair().is_ok(), feasible, "{s}");
+        }
+    }
+
+    /// Four rows of three numbers each: an exchange writes those of the other rows that are not zero or become so, and begins while less
+    /// than the limit has been done.
+    #[test]
+    fn work_is_counted_and_limited() {
+        let rows: [&[f64]; 4] = [
+            &[1.0, 1.0, 1.0],
+            &[1.0, 0.0, 1.0],
+            &[0.0, 1.0, 0.0],
+            &[1.0, 2.0, 3.0],
+        ];
+        // Rows without x keep their numbers over the new denominator.
+        let mut d = dictionary(2, &rows);
+        assert!(d.fix(0).is_ok());
+        let all = d.take_work();
+        assert_eq!(all, 2 + 2 + 2);
+        let mut d = dictionary(2, &rows).within(all - 1);
+        assert!(d.fix(0).is_ok() && d.left() == 0);
+        assert_eq!(d.fix(1), Err(Halt::Late));
+        assert_eq!(d.take_work(), all);
+        assert!(d.fix(1).is_ok());
+        let mut d = dictionary(2, &rows).within(all);
+        d.charge(all);
+        assert!(d.fix(0).is_ok());
+        let mut d = dictionary(2, &rows).within(all);
+        d.charge(all + 1);
+        assert_eq!(d.fix(0), Err(Halt::Late));
+    }
+
+    /// The clock is looked at for each row.
+    #[test]
+    fn long_exchanges_end_in_time() {
+        let rows: [&[f64]; 4] = [&[1.0, 1.0], &[1.0, 2.0], &[0.0, 3.0], &[1.0, 4.0]];
+        let (looks, limit) = (Cell::new(0), Cell::new(0));
+        let stop = || {
+            looks.set(looks.get() + 1);
+            looks.get() > limit.get()
+        };
+        for most in 0..=4 {
+            looks.set(0);
+            limit.set(most);
+            let mut d = dictionary(1, &rows).until(Deadline::after(None).or(&stop));
+            assert_eq!(d.fix(1).is_ok(), most == 4);
+            assert_eq!(looks.get(), 4.min(most + 1));
         }
     }
 

@@ -9,5 +9,5 @@ mod number;
 pub(crate) use bounds::passive_bounds;
 pub(crate) use contradiction::contradict;
 pub(crate) use determinant::{determinant_sign, parity};
-pub(crate) use dictionary::{Dictionary, Halt, Place, quotient};
+pub(crate) use dictionary::{Dictionary, Halt, LOOKED_AT, Place, quotient};
 pub use number::Exact;

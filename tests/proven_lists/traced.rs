@@ -242,33 +242,43 @@ fn only_affine_formulas_state_coefficients() {
     ));
 }
 
-/// n springs in series in their displacements, stiffness 1, 3, 9 with kinks at the elongations 1 and 2, pulled by α: all rows are coupled.
-struct Springs(usize);
+/// n springs in series, stiffness 1, 3, 9 with kinks at the elongations 1 and 2, pulled by α: all rows are coupled. In their displacements,
+/// or in displacements and forces.
+struct Springs {
+    n: usize,
+    mixed: bool,
+}
 
 impl NonsmoothFunction for Springs {
     fn num_vars(&self) -> usize {
-        self.0 + 1
+        self.num_residuals() + 1
     }
     fn num_residuals(&self) -> usize {
-        self.0
+        if self.mixed { 2 * self.n } else { self.n }
     }
     fn eval<T: Real>(&self, x: &[T], kinks: &mut Kinks<'_, T>, out: &mut [T]) {
-        let n = self.0;
-        out[n - 1] = -x[n];
-        for i in 0..n {
+        let (n, load) = (self.n, x[self.num_residuals()]);
+        let mut of_spring = |i: usize| {
             let e = if i == 0 { x[0] } else { x[i] - x[i - 1] };
-            let force = e + kinks.positive_part(e - 1.0) * 2.0 + kinks.positive_part(e - 2.0) * 6.0;
-            if i > 0 {
-                out[i - 1] -= force;
+            e + kinks.positive_part(e - 1.0) * 2.0 + kinks.positive_part(e - 2.0) * 6.0
+        };
+        let mut before = of_spring(0);
+        for i in 0..n {
+            let next = if i + 1 < n { of_spring(i + 1) } else { load };
+            if self.mixed {
+                out[i] = x[n + i] - before;
+                out[n + i] = x[n + i] - if i + 1 < n { x[n + i + 1] } else { load };
+            } else {
+                out[i] = before - next;
             }
-            out[i] = if i + 1 < n { force } else { out[i] + force };
+            before = next;
         }
     }
 }
 
 #[test]
 fn a_stiffening_chain_of_forty_is_proven_with_few_nodes() {
-    let map = Traced::new(Springs(40));
+    let map = Traced::new(Springs { n: 40, mixed: false });
     let options = EnumerationOptions::default().with_max_nodes(2_000);
     for (e, alpha) in [(0.5, 0.5), (1.0, 1.0), (1.5, 2.5), (3.0, 13.0)] {
         let set = all_solutions(&map, alpha, &options).unwrap();
@@ -294,6 +304,27 @@ fn a_stiffening_chain_of_forty_is_proven_with_few_nodes() {
         (Completeness::Complete, Some((1, 1)))
     );
     assert_eq!(arms.arms.len(), 2);
+}
+
+/// Twice as many unknowns, with few of them in each row, are eliminated as well.
+#[test]
+fn a_stiffening_chain_is_proven_with_its_forces_as_unknowns() {
+    let map = Traced::new(Springs { n: 40, mixed: true });
+    for (e, alpha) in [(0.5, 0.5), (1.0, 1.0), (1.5, 2.5), (2.0, 4.0), (3.0, 13.0)] {
+        let set = all_solutions(&map, alpha, &EnumerationOptions::default()).unwrap();
+        assert_eq!(set.completeness, Completeness::Complete, "α = {alpha}");
+        assert_eq!(set.solutions.len(), 1);
+        let x = &set.solutions[0].x;
+        assert!(
+            (0..40).all(|i| (x[i] - e * (i + 1) as f64).abs() < 1e-12 && (x[40 + i] - alpha).abs() < 1e-12)
+        );
+        let kink = e == 1.0 || e == 2.0;
+        assert_eq!(
+            set.solutions[0].num_selections,
+            if kink { 40f64.exp2() } else { 1.0 }
+        );
+        assert!(set.nodes < 20_000);
+    }
 }
 
 /// A spring of stiffness 2 pressed against a buffer: the force λ ≥ 0 of the buffer is 4 (v − 1) for v ≥ 1, cut off at 2.
