@@ -161,7 +161,8 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
         arms: &mut Arms,
     ) -> Result<(), PiecewiseError> {
         for (examined, selection) in selections.enumerate() {
-            if self.is_late(examined) {
+            // Each is compared with the arms that were found before.
+            if self.is_late(examined.max(arms.list.len())) {
                 arms.complete = false;
                 break;
             }
