@@ -296,7 +296,7 @@ impl Factors {
 mod tests {
     use std::cell::Cell;
 
-    use super::{Enclosure, Error};
+    use super::{EPS, Enclosure, Error, Factors};
     use crate::clock::Deadline;
 
     fn enclosed(matrix: &[f64], constants: &[f64], errors: &[Error]) -> Option<Enclosure> {
@@ -346,6 +346,35 @@ mod tests {
             constant: 0.0,
         };
         assert_eq!(enclosed(&[2.0], &[-1.0], &[singular]), None);
+    }
+
+    /// By their definitions, one column and one product after the other, for a matrix of which rows are exchanged.
+    #[test]
+    fn inverses_and_defects_are_those_of_the_factors() {
+        let n = 9;
+        let matrix: Vec<f64> = (0..n * n).map(|k| ((k * k) as f64).sin()).collect();
+        let factors = Factors::of(&matrix, n, Deadline::after(None)).unwrap();
+        assert!((0..n).any(|i| factors.order[i] != i));
+        let inverse = factors.inverse(Deadline::after(None)).unwrap();
+        for c in 0..n {
+            let mut column: Vec<f64> = (0..n).map(|i| f64::from(u8::from(i == c))).collect();
+            factors.solve(&mut column);
+            assert!((0..n).all(|i| (inverse[i * n + c] - column[i]).abs() < 1e-12));
+            let product = |i: usize| {
+                (0..n)
+                    .map(|k| inverse[i * n + k] * matrix[k * n + c])
+                    .sum::<f64>()
+            };
+            assert!((0..n).all(|i| (product(i) - f64::from(u8::from(i == c))).abs() < 1e-12));
+        }
+        let lower = |i: usize, k: usize| if i == k { 1.0 } else { factors.lu[i * n + k].abs() };
+        let entry = |i: usize, j: usize| -> f64 {
+            let terms = (0..=i.min(j)).map(|k| lower(i, k) * factors.lu[k * n + j].abs());
+            terms.sum()
+        };
+        let row = |i: usize| (0..n).map(|j| entry(i, j)).sum::<f64>();
+        let bound = (n as f64 + 4.0) * EPS * (0..n).map(row).fold(0.0, f64::max);
+        assert!((factors.defect() / bound - 1.0).abs() < 1e-13);
     }
 
     /// The clock is looked at for each row of the factors, twice of the inverse and of the products, and nothing is told once time is over.
