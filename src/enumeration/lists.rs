@@ -115,7 +115,8 @@ pub struct Solution {
     /// Distance to the nearest kink: the smallest signed test function of its cells; 0 at a transition.
     pub margin: f64,
     /// The local index (degree) of the solution: the sign of the determinant where one selection is active, the mean of the two
-    /// signs where two are (0: the point is a fold); `None` where that does not decide, and at points of continua, which are not isolated.
+    /// signs where two are (0: the point is a fold); `None` where that does not decide, at points of continua, which are not
+    /// isolated, and of maps that state no coefficients once time is over.
     pub index: Option<i8>,
 }
 

@@ -179,8 +179,9 @@ fn of_scaled(
     }
     // On a facet the selections of both sides give the same point, one of them up to rounding.
     let mut doubtful = 0;
-    for k in 0..collector.solutions.len() {
-        doubtful += u64::from(!collector.clean[k] || collector.is_torn(k));
+    for k in (0..collector.solutions.len()).filter(|_| !stopped) {
+        let doubt = deadline.is_over() || !collector.clean[k] || collector.is_torn(k);
+        doubtful += u64::from(doubt);
     }
     set.completeness = match collector.undecided + doubtful {
         _ if stopped => Completeness::Incomplete { examined, total },
@@ -189,7 +190,7 @@ fn of_scaled(
             doubt: Doubt::NoCoefficients,
         },
     };
-    collector.finish(&mut set);
+    collector.finish(&mut set, deadline);
     Ok(set)
 }
 
@@ -367,6 +368,9 @@ impl<'a> Collector<'a> {
             .cloned()
             .chain(active.selections().take(NAMED))
         {
+            if deadline.is_over() {
+                return Ok(None);
+            }
             if other != *selection && !self.solutions[k].selections.contains(&other) {
                 self.examine(&other)?;
             }
@@ -594,15 +598,18 @@ impl<'a> Collector<'a> {
         }
     }
 
-    /// Orders the list, finds the local indices and their sum.
-    fn finish(mut self, set: &mut SolutionSet) {
+    /// Orders the list and finds the local indices, as far as time allows.
+    fn finish(mut self, set: &mut SolutionSet, deadline: Deadline<'_>) {
         for s in &mut self.solutions {
             s.sort();
             s.find_index();
             // Selections that are active, too, but give no single point leave the solution without an index.
             let tolerance = self.options.merge_distance * s.x.iter().fold(1.0f64, |m, v| m.max(v.abs()));
-            let all = active_set(self.map, &s.x, tolerance).total() == Some(s.selections.len() as u128);
-            s.index = s.index.filter(|_| all);
+            let all = |_: &i8| {
+                !deadline.is_over()
+                    && active_set(self.map, &s.x, tolerance).total() == Some(s.selections.len() as u128)
+            };
+            s.index = s.index.filter(all);
         }
         self.solutions.sort_by(|a, b| a.selections.cmp(&b.selections));
         set.solutions = self.solutions;

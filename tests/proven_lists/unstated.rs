@@ -1,7 +1,9 @@
 //! Maps that do not state their coefficients: what their lists say is by tolerance, and what is doubtful in them is told.
 
+use std::cell::Cell;
+
 use semismooth::enumeration::{
-    Completeness, Doubt, EnumerationError, EnumerationOptions, all_arms, all_solutions,
+    Completeness, Doubt, EnumerationError, EnumerationOptions, all_arms, all_solutions, all_solutions_until,
 };
 use semismooth::piecewise::{Facet, MinMap, PiecewiseSmooth, Selection};
 use semismooth::sparse::Matrix;
@@ -415,4 +417,41 @@ fn two_lines_without_ends() {
             .iter()
             .all(|c| (c.dimension, c.ends.len()) == (1, 0))
     );
+}
+
+/// Each x_i is 0 or about 1. Whichever look at the clock finds time over, what is told is a part of what is told without a limit.
+#[test]
+fn lists_that_are_cut_short_are_parts_of_the_whole() {
+    let map = MinMap::new(5, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+        for i in 0..5 {
+            a[i] = x[i];
+            b[i] = 1.0 - x[i] + 0.1 * x[(i + 1) % 5];
+        }
+    });
+    let looks = Cell::new(0);
+    let cut_short = |most: usize| {
+        looks.set(0);
+        let stop = || {
+            looks.set(looks.get() + 1);
+            looks.get() > most
+        };
+        all_solutions_until(&map, 0.0, &EnumerationOptions::default(), &stop).unwrap()
+    };
+    let whole = cut_short(usize::MAX);
+    let all = looks.get();
+    assert!(whole.solutions.len() == 32 && whole.solutions.iter().all(|s| s.index.is_some()));
+    let (mut partial, mut without_index) = (0, 0);
+    for most in (0..all).step_by(5) {
+        let set = cut_short(most);
+        for solution in &set.solutions {
+            let same = (whole.solutions.iter()).find(|s| s.selections == solution.selections);
+            assert!(same.is_some_and(|s| s.x == solution.x));
+            assert!(solution.index.is_none() || same.is_some_and(|s| s.index == solution.index));
+        }
+        let found = set.solutions.len();
+        partial += usize::from(found < 32 && set.completeness.has_gaps());
+        assert!(found == 32 || set.completeness.has_gaps(), "{most} of {all}");
+        without_index += usize::from(found == 32 && set.solutions.iter().any(|s| s.index.is_none()));
+    }
+    assert!(partial > 6 && without_index > 6, "{partial} {without_index}");
 }
