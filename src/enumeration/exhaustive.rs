@@ -113,8 +113,8 @@ fn parts(form: &ExactForm) -> (&Exact, &[Exact]) {
 }
 
 impl<'a> Tableau<'a> {
-    /// With so much work at most, until it is asked for.
-    pub(super) fn new(conditions: &'a ExactConditions, limit: u64, deadline: Deadline<'a>) -> Self {
+    /// With the work of one elimination at most, until that is asked for.
+    pub(super) fn new(conditions: &'a ExactConditions, deadline: Deadline<'a>) -> Self {
         let mut offsets = Vec::with_capacity(conditions.sites.len());
         let mut next = conditions.common.len();
         for site in &conditions.sites {
@@ -127,15 +127,15 @@ impl<'a> Tableau<'a> {
             conditions,
             dictionary: Dictionary::new(conditions.unknowns, forms)
                 .until(deadline)
-                .within(limit),
+                .within(MAX_WORK),
             offsets,
             unknowns: next,
         }
     }
 
     /// With the common rows eliminated and what is known of all pieces required.
-    fn root(conditions: &'a ExactConditions, budget: &Budget<'a>) -> Result<Self, Halt> {
-        let mut root = Self::new(conditions, MAX_WORK, budget.deadline);
+    fn root(conditions: &'a ExactConditions, deadline: Deadline<'a>) -> Result<Self, Halt> {
+        let mut root = Self::new(conditions, deadline);
         for var in 0..conditions.common.len() {
             root.dictionary.fix(var)?;
         }
@@ -209,7 +209,7 @@ pub(super) fn search(
     if budget.is_spent() || elimination(conditions) > MAX_WORK {
         return partial.len() as u64;
     }
-    let mut root = match Tableau::root(conditions, budget) {
+    let mut root = match Tableau::root(conditions, budget.deadline) {
         Ok(root) => root,
         Err(Halt::Late) => return partial.len() as u64,
         Err(Halt::Infeasible) => {
@@ -297,7 +297,7 @@ pub(super) fn common_point(conditions: &ExactConditions, deadline: Deadline<'_>)
     if elimination(conditions) > MAX_WORK {
         return Err(Halt::Late);
     }
-    let mut table = Tableau::new(conditions, MAX_WORK, deadline);
+    let mut table = Tableau::new(conditions, deadline);
     let last = (table.unknowns + conditions.unknowns)
         .checked_sub(1)
         .ok_or(Halt::Infeasible)?;

@@ -31,7 +31,7 @@ pub(super) fn decide(conditions: &ExactConditions, pieces: &[usize], budget: &mu
     if budget.is_spent() || elimination(conditions) > MAX_WORK {
         return None;
     }
-    let mut table = Tableau::new(conditions, MAX_WORK, budget.deadline);
+    let mut table = Tableau::new(conditions, budget.deadline);
     let held = examine(&mut table, conditions, pieces);
     budget.spend(table.dictionary.take_work());
     match held {

@@ -1,12 +1,16 @@
 //! Lists of solutions that are proven: near-degenerate problems against exact references (tests/data/near_degenerate.json: all selections
 //! tried one by one in rational arithmetic, from the same floating-point data).
 
+use std::cell::Cell;
+
 use semismooth::complementarity::Lcp;
 use semismooth::contact::{
     CondensedContact, ContactBody, ContactError, FrictionCoefficient, FrictionCurve, FullContact, LoadPath,
     PlanarCoulomb,
 };
-use semismooth::enumeration::{Completeness, Doubt, EnumerationOptions, SolutionSet, all_solutions};
+use semismooth::enumeration::{
+    Completeness, Doubt, EnumerationOptions, SolutionSet, all_solutions, all_solutions_until,
+};
 use semismooth::piecewise::{MinMap, PiecewiseSmooth, Selection};
 use semismooth::sparse::Matrix;
 use serde_json::Value;
@@ -31,6 +35,17 @@ mod unstated;
 
 fn list(map: &dyn PiecewiseSmooth, alpha: f64) -> SolutionSet {
     all_solutions(map, alpha, &EnumerationOptions::default()).unwrap()
+}
+
+/// The list at α = 0 if time is over after so many looks at the clock, and how often it was looked at.
+fn cut_short(map: &dyn PiecewiseSmooth, most: usize) -> (SolutionSet, usize) {
+    let looks = Cell::new(0);
+    let stop = || {
+        looks.set(looks.get() + 1);
+        looks.get() > most
+    };
+    let set = all_solutions_until(map, 0.0, &EnumerationOptions::default(), &stop).unwrap();
+    (set, looks.get())
 }
 
 fn numbers(v: &Value) -> Vec<f64> {

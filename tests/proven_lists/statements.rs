@@ -1,15 +1,13 @@
 //! What maps state of their pieces, and what is left where that does not fit.
 
-use std::cell::Cell;
-
-use semismooth::enumeration::{Completeness, Doubt, EnumerationOptions, all_solutions_until};
+use semismooth::enumeration::{Completeness, Doubt};
 use semismooth::piecewise::{
     Exact, ExactConditions, ExactForm, ExactPiece, ExactPieces, ExactSite, PiecewiseSmooth, Selection,
 };
 use semismooth::sparse::Matrix;
 
-use super::list;
 use super::maps::two_pieces;
+use super::{cut_short, list};
 
 /// 3 · 0.1 x − 0.3 where x ≤ 1, x − 1 where x ≥ 1: with 3 · 0.1 not rounded the pieces miss each other by 2.8e-17 at x = 1.
 struct Torn {
@@ -145,27 +143,23 @@ fn an_exact_search_that_stops_proves_nothing() {
         (whole.completeness, whole.solutions.len(), whole.index_sum),
         (Completeness::Complete, 64, Some(0))
     );
-    let looks = Cell::new(0);
-    let cut_short = |most: usize| {
-        looks.set(0);
-        let stop = || {
-            looks.set(looks.get() + 1);
-            looks.get() > most
-        };
-        all_solutions_until(&map, 0.0, &EnumerationOptions::default(), &stop).unwrap()
-    };
-    assert_eq!(cut_short(usize::MAX).completeness, Completeness::Complete);
-    let all = looks.get();
+    let (same, all) = cut_short(&map, usize::MAX);
+    assert_eq!(same.completeness, Completeness::Complete);
     let mut undecided = 0;
     for most in (0..all).step_by(all / 60) {
-        let set = cut_short(most);
+        let set = cut_short(&map, most).0;
         assert!(
             !set.completeness.is_complete() && set.index_sum.is_none(),
             "{most} of {all}"
         );
-        let limit = Doubt::Limit;
-        undecided +=
-            usize::from(matches!(set.completeness, Completeness::Undecided { doubt, .. } if doubt == limit));
+        let by_limit = matches!(
+            set.completeness,
+            Completeness::Undecided {
+                doubt: Doubt::Limit,
+                ..
+            }
+        );
+        undecided += usize::from(by_limit);
     }
     assert!(undecided > 20, "{undecided}");
 }

@@ -1,14 +1,12 @@
 //! Maps that do not state their coefficients: what their lists say is by tolerance, and what is doubtful in them is told.
 
-use std::cell::Cell;
-
 use semismooth::enumeration::{
-    Completeness, Doubt, EnumerationError, EnumerationOptions, all_arms, all_solutions, all_solutions_until,
+    Completeness, Doubt, EnumerationError, EnumerationOptions, all_arms, all_solutions,
 };
 use semismooth::piecewise::{Facet, MinMap, PiecewiseSmooth, Selection};
 use semismooth::sparse::Matrix;
 
-use super::list;
+use super::{cut_short, list};
 use crate::maps::two_pieces;
 
 /// Sites with the test functions x_i − kink, i = 0, …, and affine rows in each selection: coefficients, then a constant.
@@ -428,21 +426,11 @@ fn lists_that_are_cut_short_are_parts_of_the_whole() {
             b[i] = 1.0 - x[i] + 0.1 * x[(i + 1) % 5];
         }
     });
-    let looks = Cell::new(0);
-    let cut_short = |most: usize| {
-        looks.set(0);
-        let stop = || {
-            looks.set(looks.get() + 1);
-            looks.get() > most
-        };
-        all_solutions_until(&map, 0.0, &EnumerationOptions::default(), &stop).unwrap()
-    };
-    let whole = cut_short(usize::MAX);
-    let all = looks.get();
+    let (whole, all) = cut_short(&map, usize::MAX);
     assert!(whole.solutions.len() == 32 && whole.solutions.iter().all(|s| s.index.is_some()));
     let (mut partial, mut without_index) = (0, 0);
     for most in (0..all).step_by(5) {
-        let set = cut_short(most);
+        let set = cut_short(&map, most).0;
         for solution in &set.solutions {
             let same = (whole.solutions.iter()).find(|s| s.selections == solution.selections);
             assert!(same.is_some_and(|s| s.x == solution.x));
