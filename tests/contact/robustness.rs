@@ -118,7 +118,7 @@ fn keeps_limits(
             .with_max_points(points);
         let result = search(&options, &mut |p| {
             match p.strategy {
-                ContactStrategy::Increments if p.level < 1.0 => counts[0] += 1,
+                ContactStrategy::Increments if p.level < 1.0 => counts[0] = counts[0].max(p.points),
                 ContactStrategy::Path if p.level < 1.0 => {
                     counts[1] += 1;
                     // Attempts of Newton's method are told with level 1.

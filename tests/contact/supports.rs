@@ -1,10 +1,12 @@
 //! Prescribed displacements and supports that move: energies, work, reactions and fields, each against sums of its own.
 
 use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use semismooth::contact::{
-    CondensedContact, ContactBody, EvolutionOptions, FrictionCoefficient, FrictionCurve, FullContact,
-    LoadCase, LoadPath, OrthotropicCoulomb, PlanarCoulomb, evolve,
+    CondensedContact, ContactBody, ContactOptions, EvolutionOptions, FrictionCoefficient, FrictionCurve,
+    FullContact, LoadCase, LoadPath, OrthotropicCoulomb, PlanarCoulomb, evolve,
 };
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, Termination};
 use semismooth::fem::{ElasticSystem, Elasticity, FemError, Foundation, Material, Mesh};
@@ -298,4 +300,42 @@ fn what_does_not_belong_to_supports_is_refused() {
     );
     assert!(LoadCase::of_supports(vec![0.0; 3], vec![0.0; n], vec![0.0; 2]).is_err());
     assert!(system.supports().clone().plus(vec![0.0; 1]).is_err());
+}
+
+/// A coefficient of friction that changes within slips far below those of the problem, on which Newton's method turns around: the observer is
+/// asked within each attempt (80 000 evaluations of the coefficient, at most 2 500 from one look to the next), and once it stops no more come.
+#[test]
+fn long_attempts_are_looked_at() {
+    let evaluations = Arc::new(AtomicUsize::new(0));
+    let counted = evaluations.clone();
+    let friction = FrictionCoefficient::function(move |_, slip, _| {
+        counted.fetch_add(1, Ordering::Relaxed);
+        let phase = 1e9 * slip;
+        [0.5 + 0.4 * phase.sin(), 4e8 * phase.cos(), 0.0]
+    });
+    let (_, _, body) = sheared_block(4);
+    let problem = CondensedContact::new(body, PlanarCoulomb::new(friction)).unwrap();
+    let search = |limit: usize| {
+        let (mut most, mut before, mut looks) = (0, 0, 0);
+        evaluations.store(0, Ordering::Relaxed);
+        let found = problem.solve_observed(1.0, None, &ContactOptions::default(), |_| {
+            let now = evaluations.load(Ordering::Relaxed);
+            (most, before, looks) = (most.max(now - before), now, looks + 1);
+            match looks < limit {
+                true => ControlFlow::Continue(()),
+                false => ControlFlow::Break(()),
+            }
+        });
+        let all = evaluations.load(Ordering::Relaxed);
+        (found, most.max(all - before), looks, all)
+    };
+    let (found, most, looks, all) = search(usize::MAX);
+    assert!(found.is_ok() && all > 10_000 && most <= 2_500, "{most} of {all}");
+    for limit in [1, 2, looks / 3, looks / 2, looks - 1] {
+        let (stopped, most, seen, _) = search(limit);
+        assert!(
+            stopped.unwrap_err().is_interrupted() && seen == limit && most <= 2_500,
+            "{limit}"
+        );
+    }
 }

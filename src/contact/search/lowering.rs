@@ -1,5 +1,8 @@
 //! Ways to a solution from a problem solved easily: the body is lowered onto the foundation.
 
+use std::ops::ControlFlow;
+use std::time::Duration;
+
 use super::tries::{Observer, newton_step};
 use crate::contact::law::{LocalRow, LocalValues, NodeLaw};
 use crate::contact::{Contact, ContactError, ContactOptions, ContactProgress, ContactState, ContactStrategy};
@@ -23,12 +26,13 @@ const ACCURATE: f64 = 1e-12;
 const LARGEST: f64 = 0.25;
 const SMALLEST: f64 = 1.0 / 512.0;
 
-/// A way down: its strategy, which order of touching nodes it takes, and the largest number of points of a path.
+/// A way down: its strategy, which order of touching nodes it takes, the largest number of points of a path, and the time that is left.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::contact) struct Way {
     pub(in crate::contact) strategy: ContactStrategy,
     pub(in crate::contact) trial: usize,
     pub(in crate::contact) points: usize,
+    pub(in crate::contact) left: Option<Duration>,
 }
 
 /// What became of an attempt: the last point, in the variables of the form, and how many points were found on the way.
@@ -148,15 +152,12 @@ pub(in crate::contact) fn lower<V: View>(
     };
     let map = form.at_load(alpha, law)?;
     x[m - 1] = 0.0;
-    let mut progress = ContactProgress {
-        strategy: way.strategy,
-        points: 0,
-        level: 0.0,
-    };
-    let mut see = |level: f64| {
-        progress.points += 1;
-        progress.level = level;
-        observe(&progress).is_break()
+    let mut see = |level: f64, points: usize| {
+        observe(&ContactProgress {
+            strategy: way.strategy,
+            points,
+            level,
+        })
     };
     let arrival = if way.strategy == ContactStrategy::Increments {
         Some(increments(&map, x, options, &mut see))
@@ -168,6 +169,7 @@ pub(in crate::contact) fn lower<V: View>(
         let affordable = (WORK / (m as f64).powi(3)).max(FEWEST) as usize;
         let options = ContactOptions {
             max_points: way.points.min(affordable),
+            max_time: way.left,
             ..options.clone()
         };
         follow(&map, &x, units, &options, &mut see)
@@ -183,7 +185,7 @@ fn increments(
     map: &dyn PiecewiseSmooth,
     x: Vec<f64>,
     options: &ContactOptions,
-    see: &mut dyn FnMut(f64) -> bool,
+    see: &mut dyn FnMut(f64, usize) -> ControlFlow<()>,
 ) -> Arrival {
     let last = x.len() - 1;
     let mut newton = Newton::new(options.newton.clone());
@@ -196,14 +198,16 @@ fn increments(
     while end.x[last] < 1.0 && step >= SMALLEST && end.points < options.max_increments && !end.interrupted {
         let mut next = end.x.clone();
         next[last] = (next[last] + step).min(1.0);
-        if newton.solve(map, &mut next).is_ok() {
+        let (level, now) = (end.x[last], end.points);
+        let solved = newton.solve_observed(map, &mut next, |_| see(level, now));
+        if solved.is_ok() {
             end.x = next;
             step = (2.0 * step).min(LARGEST);
         } else {
             step *= 0.5;
         }
         end.points += 1;
-        end.interrupted = see(end.x[last]);
+        end.interrupted = see(end.x[last], end.points).is_break();
     }
     end
 }
@@ -214,7 +218,7 @@ fn follow(
     x: &[f64],
     units: Vec<f64>,
     limits: &ContactOptions,
-    see: &mut dyn FnMut(f64) -> bool,
+    see: &mut dyn FnMut(f64, usize) -> ControlFlow<()>,
 ) -> Option<Arrival> {
     let last = x.len() - 1;
     let options = ContinuationOptions::default()
@@ -225,11 +229,14 @@ fn follow(
         .with_step_tolerance(ACCURATE)
         .with_max_points(limits.max_points)
         .with_max_nodes(limits.max_nodes)
+        .with_max_time(limits.max_time)
         .with_max_growth(1e8)
         .with_typical_sizes(units);
     let left = |points: usize| limits.max_points.saturating_sub(points);
+    let mut points = 0;
     let end = pursue(map, x, &options, limits.max_branchings, &left, &mut |event| {
-        see(event.x()[last])
+        points += 1;
+        see(event.x()[last], points).is_break()
     })?;
     Some(Arrival {
         x: end.x,

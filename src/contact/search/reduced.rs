@@ -1,6 +1,7 @@
 //! Newton's method for a condensed problem with all that is known node by node eliminated first.
 
 use std::collections::HashMap;
+use std::ops::ControlFlow;
 
 use crate::contact::Contact;
 use crate::contact::law::{LocalRow, LocalValues, NodeLaw};
@@ -175,7 +176,7 @@ struct Look {
 
 impl ReducedNewton {
     /// Improves x by Newton steps (full ones, shorter ones where these go round in a cycle) until the residual is rounding, or an affine
-    /// selection comes back; false where that fails, and in full form.
+    /// selection comes back; false where that fails, in full form, and where `go_on` breaks, which is asked before each step.
     ///
     /// Open nodes have known forces, in the plane slipping ones have λt = ±F λν, in space one of their three equations is one between
     /// forces alone: the order of the dense system is that of what is left, which is what makes large problems quick. Nothing is
@@ -185,6 +186,7 @@ impl ReducedNewton {
         problem: &Contact<V, &dyn NodeLaw>,
         x: &mut [f64],
         max_iterations: usize,
+        go_on: &mut dyn FnMut() -> ControlFlow<()>,
     ) -> bool {
         let Some(reduced) = problem.view.reduced() else {
             return false;
@@ -209,7 +211,7 @@ impl ReducedNewton {
             before = worst;
             let known = seen.insert(self.pieces.clone(), worst);
             cycles |= known.is_some_and(|known| worst > PROGRESS * known);
-            if self.step(reduced.compliance(), q / p, look.order).is_none() {
+            if go_on().is_break() || self.step(reduced.compliance(), q / p, look.order).is_none() {
                 return false;
             }
             // Full steps that come back to the same pieces without progress go round for ever.

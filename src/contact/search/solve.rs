@@ -105,8 +105,8 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
         })
     }
 
-    /// [`solve_reported`](Self::solve_reported) with options, telling `observe` of each attempt and each point on the way; it may stop
-    /// the search.
+    /// [`solve_reported`](Self::solve_reported) with options, telling `observe` of each iteration of Newton's method, each attempt and each
+    /// point on the way; it may stop the search.
     ///
     /// # Errors
     /// As [`solve`](Self::solve), and options out of range; a search stopped by `observe` or by `max_time` is a

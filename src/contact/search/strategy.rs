@@ -71,7 +71,7 @@ named!(
 pub struct ContactProgress {
     /// What is being tried.
     pub strategy: ContactStrategy,
-    /// Attempts of Newton's method so far; on the way down, increments or points of the path.
+    /// Attempts of Newton's method made so far; on the way down, increments or points of the path.
     pub points: usize,
     /// How far the body is lowered, from 0 to 1; 1 where it is not.
     pub level: f64,
@@ -163,8 +163,9 @@ pub(in crate::contact) fn solve<V: View>(
     let mut search = Search {
         form,
         options,
-        tries: Tries::new(options, deadline, &mut observe),
+        tries: Tries::new(options, &mut observe),
         attempts: Vec::new(),
+        deadline,
     };
     let found = search.newton_starts(alpha, &first, &zero, quick)?;
     let found = match found {
@@ -189,6 +190,7 @@ struct Search<'a, 'o, V> {
     options: &'a ContactOptions,
     tries: Tries<'a, 'o>,
     attempts: Vec<ContactAttempt>,
+    deadline: Deadline<'static>,
 }
 
 impl<V: View> Search<'_, '_, V> {
@@ -203,7 +205,14 @@ impl<V: View> Search<'_, '_, V> {
         let own = self.form.r();
         // Quick where it works: what Newton's method in general then makes of its result is one look.
         let mut quick = first.to_vec();
-        if reduced.run(self.form, &mut quick, self.options.newton.max_iterations) {
+        let mut look = || self.tries.look(ContactStrategy::Newton);
+        let ready = reduced.run(
+            self.form,
+            &mut quick,
+            self.options.newton.max_iterations,
+            &mut look,
+        );
+        if ready || self.tries.interrupted {
             let found = self.attempt(ContactStrategy::Newton, own, &quick, 0)?;
             if found.is_some() || self.tries.interrupted {
                 return Ok(found);
@@ -238,17 +247,20 @@ impl<V: View> Search<'_, '_, V> {
             strategy: ContactStrategy::Increments,
             trial: 0,
             points: most,
+            left: None,
         });
         // Where one path winds, that of another order of touching nodes may be short: none is followed far before all were tried.
         let paths = (0..self.options.max_paths).map(|trial| Way {
             strategy: ContactStrategy::Path,
             trial,
             points: SHORT.min(most),
+            left: None,
         });
         let mut ways = increments.into_iter().chain(paths);
         let mut cut_off = VecDeque::new();
         while let Some(way) = ways.next().or_else(|| cut_off.pop_front()) {
-            let Some(end) = lower(way, self.tries.observer())? else {
+            let left = self.deadline.left();
+            let Some(end) = lower(Way { left, ..way }, self.tries.observer())? else {
                 continue;
             };
             if end.interrupted {

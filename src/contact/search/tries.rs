@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use crate::clock::Deadline;
 use crate::contact::{ContactError, ContactOptions, ContactProgress, ContactStrategy};
 use crate::linear::{AutoSolver, LinearSolver};
-use crate::newton::{Failure, Iteration, Newton, NewtonError};
+use crate::newton::{Failure, Newton, NewtonError};
 use crate::piecewise::{PiecewiseSmooth, Selection};
 use crate::sparse::Matrix;
 
@@ -14,7 +14,6 @@ pub(in crate::contact) type Observer<'a> = dyn FnMut(&ContactProgress) -> Contro
 /// Runs of Newton's method; of those that fail the best one is kept.
 pub(in crate::contact) struct Tries<'a, 'o> {
     newton: Newton,
-    deadline: Deadline<'static>,
     observe: &'a mut Observer<'o>,
     count: usize,
     /// The failure with the smallest residual.
@@ -34,14 +33,9 @@ pub(in crate::contact) struct Outcome {
 
 impl<'a, 'o> Tries<'a, 'o> {
     /// `observe` is to look at the deadline itself.
-    pub(in crate::contact) fn new(
-        options: &ContactOptions,
-        deadline: Deadline<'static>,
-        observe: &'a mut Observer<'o>,
-    ) -> Self {
+    pub(in crate::contact) fn new(options: &ContactOptions, observe: &'a mut Observer<'o>) -> Self {
         Self {
             newton: Newton::new(options.newton.clone()),
-            deadline,
             observe,
             count: 0,
             best: None,
@@ -53,6 +47,13 @@ impl<'a, 'o> Tries<'a, 'o> {
         self.observe
     }
 
+    /// Asks the observer amid an attempt.
+    pub(in crate::contact) fn look(&mut self, strategy: ContactStrategy) -> ControlFlow<()> {
+        let flow = (self.observe)(&progress(strategy, self.count));
+        self.interrupted |= flow.is_break();
+        flow
+    }
+
     /// Newton's method from x.
     pub(in crate::contact) fn run(
         &mut self,
@@ -60,12 +61,23 @@ impl<'a, 'o> Tries<'a, 'o> {
         x: &mut [f64],
         strategy: ContactStrategy,
     ) -> Result<Outcome, ContactError> {
-        self.count += 1;
-        let deadline = self.deadline;
-        let solved = self
-            .newton
-            .solve_observed(map, x, |_: &Iteration| deadline.flow());
-        let report = self.newton.report();
+        let Self {
+            newton,
+            observe,
+            count,
+            interrupted,
+            ..
+        } = self;
+        let now = progress(strategy, *count);
+        let solved = newton.solve_observed(map, x, |_| {
+            *interrupted = *interrupted || observe(&now).is_break();
+            match *interrupted {
+                true => ControlFlow::Break(()),
+                false => ControlFlow::Continue(()),
+            }
+        });
+        *count += 1;
+        let report = newton.report();
         let mut outcome = Outcome {
             solved: solved.is_ok(),
             iterations: report.history.len(),
@@ -89,12 +101,9 @@ impl<'a, 'o> Tries<'a, 'o> {
         {
             self.best = Some((norm, error));
         }
-        let progress = ContactProgress {
-            strategy,
-            points: self.count,
-            level: 1.0,
-        };
-        self.interrupted |= (self.observe)(&progress).is_break();
+        if !self.interrupted {
+            let _ = self.look(strategy);
+        }
         Ok(outcome)
     }
 
@@ -114,6 +123,15 @@ impl<'a, 'o> Tries<'a, 'o> {
             parameter,
             source: Box::new(source),
         }
+    }
+}
+
+/// Amid an attempt after so many.
+fn progress(strategy: ContactStrategy, points: usize) -> ContactProgress {
+    ContactProgress {
+        strategy,
+        points,
+        level: 1.0,
     }
 }
 
