@@ -258,6 +258,36 @@ fn what_newton_does_not_solve_the_other_strategies_do() {
     assert!(best.residuals.largest() > 1e-10 && best.residuals.largest() < first);
 }
 
+/// Factors in the plane are thinner: the condensed form is asked with ten times as many displacements.
+#[test]
+fn the_condensed_form_is_asked_up_to_a_size() {
+    let cube = block([4, 4, 2], Material::isotropic(1.0, 0.277).unwrap());
+    for (system, dim, share) in [(rectangle([24, 12]), 2, 10), (cube, 3, 1)] {
+        let solve = |limit: usize| {
+            let options = ReducedOptions::default()
+                .with_max_iterations(1)
+                .with_max_load_steps(0)
+                .with_max_condensed(limit);
+            let body = reduced_body(&system, &ground(dim));
+            let n = body.num_displacements();
+            let law = if dim == 2 {
+                Frictionless::plane()
+            } else {
+                Frictionless::space()
+            };
+            (
+                n,
+                ReducedContact::new(body, law, options).unwrap().solve(1.0, None),
+            )
+        };
+        let (n, _) = solve(0);
+        let (_, found) = solve(n.div_ceil(share));
+        let (_, none) = solve(n.div_ceil(share) - 1);
+        assert_eq!(found.unwrap().strategy, ReducedStrategy::Condensed);
+        assert!(matches!(none, Err(ContactError::NotConverged { .. })), "{none:?}");
+    }
+}
+
 /// Level by level, with slips measured from the level before.
 #[test]
 fn levels_of_a_history_are_those_of_the_condensed_form() {

@@ -34,6 +34,8 @@ pub use system::{KrylovObserver, KrylovOutcome, ReducedStep, ReducedSystem};
 const GIVING_WAY: f64 = 0.25;
 /// Pressures and tractions up to which the condensed form, whose matrices are dense, is tried.
 const MAX_DENSE: usize = 10_000;
+/// How many more displacements a body in the plane may have than one in space for a factorisation of about the same cost.
+const THINNER: usize = 10;
 
 /// A large [`ReducedBody`] under a [`NodeLaw`], solved by semismooth Newton in the displacements alone: what the law says at each node
 /// is eliminated there, what is left is the stiffness matrix with few rows changed, solved by GMRES with
@@ -286,7 +288,11 @@ impl<L: NodeLaw> ReducedContact<L> {
         let (n, q) = (self.body.num_displacements(), failed.best.forces.len());
         let spent = failed.best.times.total();
         let late = self.options.max_time.is_some_and(|limit| spent >= limit);
-        if n > self.options.max_condensed || q > MAX_DENSE || late {
+        let most = match self.body.dim() {
+            2 => self.options.max_condensed.saturating_mul(THINNER),
+            _ => self.options.max_condensed,
+        };
+        if n > most || q > MAX_DENSE || late {
             return Err(failed.into());
         }
         let clock = Clock::start();

@@ -32,8 +32,8 @@ pub struct ReducedOptions {
     pub forcing: f64,
     /// Largest number of load steps tried when Newton's method does not arrive from the start; 0 leaves them out. Default 100.
     pub max_load_steps: usize,
-    /// Most displacements with which the condensed form is tried when load steps fail as well: it factors the stiffness matrix. 0 leaves
-    /// it out. Default 100 000.
+    /// Most displacements in space with which the condensed form is tried when load steps fail as well: it factors the stiffness matrix. In
+    /// the plane, where factors are thinner, ten times as many. 0 leaves it out. Default 100 000.
     pub max_condensed: usize,
     /// Wall-clock time after which the making of a problem ends, and each solve with its best iterate; looked at between GMRES iterations, and in
     /// multigrid at each strip of rows: between two looks there is at most a product with the stiffness matrix, or a pass over the
