@@ -118,7 +118,16 @@ def first_solution():
     sheared(weird).solve(1.0, max_increments=10**9, max_paths=10**9, max_points=10**9)
 
 
+def arms():
+    # At the start 2^40 selections meet, each with an arm.
+    def residual(x):
+        return [ss.minimum(x[40] - x[i], x[40] + x[i]) for i in range(40)]
+
+    ss.follow(ss.trace(residual, 41), np.zeros(41), max_nodes=10**15)
+
+
 WORK = [
+    arms,
     many_solutions,
     restarts,
     starts_without_values,

@@ -3,7 +3,7 @@ use std::fmt;
 
 use super::event::watch::Departure;
 use super::{ContinuationError, ContinuationOptions, Event, Point, PointKind, Termination};
-use crate::clock::Clock;
+use crate::clock::{Clock, Deadline};
 use crate::linear::LinearSolver;
 use crate::newton::MoorePenrose;
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Scaled, Selection, TestLayout, Vanishing};
@@ -37,6 +37,9 @@ pub(super) type Solver<'a> = Box<dyn LinearSolver + Send + 'a>;
 
 /// A function of x = (y, α) that threads may share.
 pub(super) type Function<'a> = Box<dyn Fn(&[f64]) -> f64 + Send + Sync + 'a>;
+
+/// Whether the user wants a curve to end.
+pub(super) type Over<'a> = Box<dyn Fn() -> bool + Send + Sync + 'a>;
 
 /// A function of x, and the side of its zero set on which the curve runs.
 pub(super) struct Watch<'a> {
@@ -85,6 +88,8 @@ pub(super) struct Curve<'a, M: ?Sized = dyn PiecewiseSmooth + 'a> {
     pub(super) start: Vec<f64>,
     /// Runs where time is limited.
     pub(super) clock: Option<Clock>,
+    /// Whether the user wants the curve to end, also amid a step.
+    pub(super) over: Option<Over<'a>>,
     /// Factorisations and corrections before the state was last saved.
     pub(super) earlier: (usize, usize),
     /// Buffers.
@@ -129,6 +134,7 @@ impl<'a, M> Curve<'a, M> {
             termination: self.termination,
             start: self.start,
             clock: self.clock,
+            over: self.over,
             earlier: self.earlier,
             rates: self.rates,
             departure: self.departure,
@@ -236,23 +242,42 @@ impl<'a> Curve<'a> {
         self.here.det_sign.map(|s| if vertical { 0 } else { s })
     }
 
-    pub(super) fn is_late(&self) -> bool {
-        match (self.clock, self.options.max_time) {
-            (Some(clock), Some(limit)) => clock.elapsed() >= limit,
-            _ => false,
+    /// When searches for arms have to end.
+    pub(super) fn deadline<'s>(
+        clock: Option<Clock>,
+        options: &ContinuationOptions,
+        over: Option<&'s Over<'_>>,
+    ) -> Deadline<'s> {
+        let deadline = match clock {
+            Some(clock) => Deadline::of(clock, options.max_time),
+            None => Deadline::after(None),
+        };
+        match over {
+            Some(over) => deadline.or(over),
+            None => deadline,
         }
     }
 
+    /// Why the curve has to end now, if it has to.
+    pub(super) fn is_over(&self) -> Option<Termination> {
+        if self.over.as_ref().is_some_and(|over| over()) {
+            return Some(Termination::Stopped);
+        }
+        Self::deadline(self.clock, &self.options, None)
+            .is_over()
+            .then_some(Termination::MaxTime)
+    }
+
     pub(super) fn limits(&mut self) {
-        let late = self.is_late();
+        let over = self.is_over();
         let reason = if self.points >= self.options.max_points {
             Termination::MaxPoints
         } else if self.arclength >= self.options.max_arclength {
             Termination::MaxArclength
         } else if norm(&self.here.x) > self.options.max_growth * self.size {
             Termination::Unbounded
-        } else if late {
-            Termination::MaxTime
+        } else if let Some(over) = over {
+            over
         } else {
             return;
         };

@@ -156,7 +156,7 @@ fn no_arm(arms: &Arms, wanted: &'static str) -> ContinuationError {
             found,
             kernel: 0,
             variables: Vec::new(),
-            reason: "a limit ended the search (max_time, max_nodes, max_selections, or a kernel of more than 600 rows): raise it, or start \
+            reason: "a limit ended the search (a stop, max_time, max_nodes, max_selections, or a kernel of more than 600 rows): raise it, or start \
                      elsewhere"
                 .to_owned(),
         };
@@ -196,6 +196,25 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Continuation<'a, P> {
         options: ContinuationOptions,
     ) -> Result<Self, ContinuationError> {
         Self::with_solver(map, x, direction, options, solver())
+    }
+
+    /// [`new`](Self::new), and the curve ends once `over` says so: it is asked wherever [`max_time`](ContinuationOptions::max_time) is looked
+    /// at, also in searches for arms, which may take far longer than a step. Such a curve is [`Stopped`](super::Termination::Stopped).
+    ///
+    /// # Errors
+    /// As [`new`](Self::new); [`ContinuationError::UndecidedArms`] where it is over before an arm was found.
+    pub fn new_until(
+        map: &'a P,
+        x: &[f64],
+        direction: Direction,
+        options: ContinuationOptions,
+        over: impl Fn() -> bool + Send + Sync + 'a,
+    ) -> Result<Self, ContinuationError> {
+        let mut curve = Curve::prepare(map, x, options, Box::new(solver()))?;
+        let own = curve.erased_mut();
+        own.over = Some(Box::new(over));
+        own.leave_towards(direction)?;
+        Ok(Self::of(curve))
     }
 
     /// Starts at `x` along a given arm (of a transition or branch point, or from [`arms_at`]).
@@ -448,6 +467,7 @@ pub(super) fn prepare_at<'a, 'b>(
         map,
         h: options.step.min(options.max_step),
         clock: options.max_time.map(|_| Clock::start()),
+        over: None,
         options,
         layout,
         corrector,

@@ -84,6 +84,9 @@ fn curves() {
         t.refuses("continuation::Continuation::new", name, name, || {
             Continuation::new(&map, &ON, Direction::Increasing, options.clone()).map(drop)
         });
+        t.refuses("continuation::Continuation::new_until", name, name, || {
+            Continuation::new_until(&map, &ON, Direction::Increasing, options.clone(), || false).map(drop)
+        });
         t.refuses("continuation::Continuation::with_solver", name, name, || {
             Continuation::with_solver(
                 &map,

@@ -274,6 +274,48 @@ fn limits_of_time_leave_what_was_found() {
     }
 }
 
+/// A curve ends amid a search for arms, on the way and at its start, once the caller says so; from one that never does, nothing differs.
+#[test]
+fn curves_end_amid_a_search_when_asked() {
+    use semismooth::continuation::{Branch, Continuation, ContinuationError, Direction, Termination};
+    use std::ops::ControlFlow;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+    let springs = |count| Springs {
+        count,
+        stiffness: [1.0, -0.5, 2.0],
+        held: false,
+    };
+    let options = || ContinuationOptions::default().with_parameter_range((0.0, 4.0));
+    let map = springs(40);
+    let follow = |x: &[f64], direction, limit: usize| {
+        let asked = AtomicUsize::new(0);
+        let over = || asked.fetch_add(1, Ordering::Relaxed) >= limit;
+        let curve = Continuation::new_until(&map, x, direction, options(), over);
+        let found = curve.and_then(|curve| Branch::collect(curve, |_| ControlFlow::Continue(())));
+        (found, asked.load(Ordering::Relaxed))
+    };
+    let (branch, asked) = follow(&vec![0.0; 81], Direction::Increasing, 300);
+    let branch = branch.unwrap();
+    assert_eq!(branch.termination, Termination::Stopped);
+    assert!(
+        branch.transitions.iter().all(|t| !t.complete) && (301..1_000).contains(&asked),
+        "{asked}"
+    );
+    let (branch, asked) = follow(&map.at_kink(), Direction::Increasing, 0);
+    assert!(
+        matches!(branch, Err(ContinuationError::UndecidedArms { .. })),
+        "{branch:?}"
+    );
+    assert!((1..400).contains(&asked), "{asked}");
+
+    let few = springs(3);
+    let start = vec![0.0; 7];
+    let alone = Branch::follow(&few, &start, Direction::Increasing, options()).unwrap();
+    let never = Continuation::new_until(&few, &start, Direction::Increasing, options(), || false);
+    let never = never.and_then(|curve| Branch::collect(curve, |_| ControlFlow::Continue(())));
+    assert_eq!(alone, never.unwrap());
+}
+
 #[cfg(feature = "autodiff")]
 mod diodes {
     use super::*;

@@ -94,7 +94,7 @@ pub(in crate::continuation) struct ArmSearch<'a, P: ?Sized, L> {
     pub(in crate::continuation) tests: usize,
     /// A selection known to be singular at (or within rounding of) x, where its kernel is a chance mixture.
     pub(in crate::continuation) singular: Option<Selection>,
-    pub(in crate::continuation) deadline: Deadline<'static>,
+    pub(in crate::continuation) deadline: Deadline<'a>,
     /// Whether any selection may be singular at x: at a start nothing is known of them.
     pub(in crate::continuation) unknown: bool,
     /// Whether a kernel was found by a dense decomposition, which takes far longer than a step.
@@ -359,9 +359,7 @@ impl<'a> Curve<'a> {
             tests: self.layout.total(),
             singular: None,
             unknown: false,
-            deadline: self.clock.map_or(Deadline::after(None), |clock| {
-                Deadline::of(clock, self.options.max_time)
-            }),
+            deadline: Self::deadline(self.clock, &self.options, self.over.as_ref()),
             decomposed: false,
         }
     }

@@ -47,8 +47,7 @@ impl Curve<'_> {
         let stop = match (followed, arms.list.len()) {
             (Some(_), _) => None,
             (None, 0) if arms.complete => Some(Termination::End),
-            (None, 0) if self.is_late() => Some(Termination::MaxTime),
-            (None, 0) => Some(Termination::Undecided),
+            (None, 0) => self.is_over().or(Some(Termination::Undecided)),
             (None, _) => Some(Termination::Branching),
         };
         let Some(k) = followed else {

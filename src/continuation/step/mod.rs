@@ -110,8 +110,8 @@ impl Curve<'_> {
             }
             h *= self.options.shrink;
             rejected += 1;
-            if self.is_late() {
-                self.termination = Some(Termination::MaxTime);
+            self.termination = self.is_over();
+            if self.termination.is_some() {
                 return Ok(());
             }
         }

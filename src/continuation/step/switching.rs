@@ -35,8 +35,8 @@ impl Curve<'_> {
             }
             h = (h * self.options.shrink).max(self.options.min_step);
             halved = true;
-            if self.is_late() {
-                self.termination = Some(Termination::MaxTime);
+            self.termination = self.is_over();
+            if self.termination.is_some() {
                 return Ok(());
             }
         }

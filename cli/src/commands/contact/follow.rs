@@ -35,8 +35,14 @@ pub(super) fn run<L: NodeLaw>(
         false => Direction::Decreasing,
     };
     let options = ContinuationOptions::default().with_parameter_range((from.min(to), from.max(to)));
-    let curve = Continuation::new(problem, &start, direction, options).map_err(failed)?;
     let progress = Progress::new(POSITIONS as u64, quiet || json)?;
+    let over = || progress.cancelled();
+    let curve = match Continuation::new_until(problem, &start, direction, options, over) {
+        Err(_) if progress.cancelled() => {
+            return Err(CommandError::Interrupted("before the curve began".to_owned()));
+        }
+        curve => curve.map_err(failed)?,
+    };
     let branch = Branch::collect(curve, |event| {
         let share = (event.parameter() - from) / (to - from);
         progress.at(

@@ -25,8 +25,14 @@ pub(super) fn run(case: &Case<'_>, out: &mut dyn Write) -> Result<(), CommandErr
     let options: ContinuationOptions = case.file.options()?;
     let options = options.with_parameter_range((from.min(to), from.max(to)));
     let failed = |e| CommandError::failed("the curve of solutions", e);
-    let curve = Continuation::new(problem.map(), &start, direction, options).map_err(failed)?;
     let progress = Progress::new(POSITIONS as u64, !case.prints())?;
+    let over = || progress.cancelled();
+    let curve = match Continuation::new_until(problem.map(), &start, direction, options, over) {
+        Err(_) if progress.cancelled() => {
+            return Err(CommandError::Interrupted("before the curve began".to_owned()));
+        }
+        curve => curve.map_err(failed)?,
+    };
     let name = problem.parameter();
     let branch = Branch::collect(curve, |event| {
         let share = ((event.parameter() - from) / (to - from)).clamp(0.0, 1.0);
