@@ -309,7 +309,7 @@ fn directional(
     max_nodes: u64,
     deadline: Deadline<'_>,
 ) -> Result<Option<Candidates>, EnumerationError> {
-    let Some(system) = system::directional(map, x, active)? else {
+    let Some(system) = system::directional(map, x, active, deadline)? else {
         return Ok(None);
     };
     let m = map.num_vars();

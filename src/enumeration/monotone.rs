@@ -255,7 +255,7 @@ mod tests {
             let (m, q) = problem(&mut random, k, 1.0);
             let map = with_parameter(&m, &q);
             let active = active_set(&map, &vec![0.0; k + 1], 1e-12);
-            let system = system::directional(&map, &vec![0.0; k + 1], &active);
+            let system = system::directional(&map, &vec![0.0; k + 1], &active, Deadline::after(None));
             let system = system.unwrap().unwrap();
             let mut search = Search::new(&system, None, 100_000, Deadline::after(None));
             let root = search.root(&[rate(&system, k + 1, -1.0)]).unwrap();

@@ -591,7 +591,9 @@ mod tests {
             }
         });
         let choices = system::all_choices(&map);
-        let system = system::at_parameter(&map, &choices, &[0.0; 6]).unwrap().unwrap();
+        let system = system::at_parameter(&map, &choices, &[0.0; 6], Deadline::after(None))
+            .unwrap()
+            .unwrap();
         let mut search = Search::new(&system, None, 1000, Deadline::after(None));
         (search.kept, search.limit) = (kept, limit);
         let mut leaves = Vec::new();

@@ -153,7 +153,7 @@ fn of_scaled(
     };
     let (examined, total, stopped);
     let choices = system::all_choices(map);
-    if let Some(system) = system::at_parameter(map, &choices, &origin)? {
+    if let Some(system) = system::at_parameter(map, &choices, &origin, deadline)? {
         let mut search = Search::new(&system, None, options.max_nodes, deadline);
         match search.root(&[]) {
             Ok(root) => search.run(root, &mut |pieces| {

@@ -4,6 +4,7 @@
 use super::EnumerationError;
 use super::system::{self, System};
 use super::table::Form;
+use crate::clock::Deadline;
 use crate::piecewise::{PiecewiseSmooth, Selection};
 use crate::sparse::Matrix;
 use crate::spread::Random;
@@ -28,13 +29,14 @@ struct Sums {
     parts: Vec<Vec<Vec<Part>>>,
 }
 
-/// Where derivatives are taken, and how many of the variables are unknowns.
+/// Where derivatives are taken, how many of the variables are unknowns, and until when there is time.
 #[derive(Clone, Copy)]
 pub(super) struct At<'a> {
     pub(super) points: [&'a [f64]; 2],
     pub(super) unknowns: usize,
     /// Whether directions are asked for, for which constants do not count.
     pub(super) homogeneous: bool,
+    pub(super) deadline: Deadline<'a>,
 }
 
 impl At<'_> {
@@ -56,7 +58,7 @@ impl At<'_> {
 type Choice = (usize, Vec<usize>);
 
 /// The system of a map whose rows are sums over sites, with one unknown for each direction in which a site contributes, behind those of the
-/// map; `None` where rows are something else, or this would take too long. That they are sums is tested: at all pairs of pieces of two
+/// map; `None` where rows are something else, this would take too long, or time is over. That they are sums is tested: at all pairs of pieces of two
 /// sites that meet in a row, as far as the limits allow, and at some selections of no particular kind.
 pub(super) fn split(
     map: &dyn PiecewiseSmooth,
@@ -73,9 +75,11 @@ pub(super) fn split(
     let mut first = base.clone();
     choices.iter().for_each(|c| first.set(c.0, c.1[0]));
     let mut jac = Matrix::zeros(map.pattern());
-    let sums = Sums::new(map, &first, choices, at, &mut jac)?;
+    let Some(sums) = Sums::new(map, &first, choices, at, &mut jac)? else {
+        return Ok(None);
+    };
     for selection in compared(map, &first, choices, MAX_WORK / size.max(1)) {
-        if !sums.hold(map, &selection, choices, at, &mut jac)? {
+        if at.deadline.is_over() || !sums.hold(map, &selection, choices, at, &mut jac)? {
             return Ok(None);
         }
     }
@@ -142,18 +146,22 @@ fn compared(
 }
 
 impl Sums {
+    /// `None` once time is over.
     fn new(
         map: &dyn PiecewiseSmooth,
         first: &Selection,
         choices: &[Choice],
         at: At<'_>,
         jac: &mut Matrix,
-    ) -> Result<Self, EnumerationError> {
+    ) -> Result<Option<Self>, EnumerationError> {
         let base = at.rows(map, first, jac)?;
         let mut parts = Vec::with_capacity(choices.len());
         for (site, pieces) in choices {
             let mut of_site = vec![Vec::new()];
             for piece in &pieces[1..] {
+                if at.deadline.is_over() {
+                    return Ok(None);
+                }
                 let mut other = first.clone();
                 other.set(*site, *piece);
                 let rows = at.rows(map, &other, jac)?;
@@ -169,7 +177,7 @@ impl Sums {
             }
             parts.push(of_site);
         }
-        Ok(Self { base, parts })
+        Ok(Some(Self { base, parts }))
     }
 
     /// Whether the rows of a selection are the sums.

@@ -4,6 +4,7 @@ use super::EnumerationError;
 use super::kernel::NOISE;
 use super::split::{At, split};
 use super::table::Form;
+use crate::clock::Deadline;
 use crate::linear::LinearError;
 use crate::piecewise::{ActiveSet, PiecewiseSmooth, Selection, TestLayout, check_vector};
 use crate::sparse::Matrix;
@@ -321,6 +322,7 @@ pub(super) fn at_parameter(
     map: &dyn PiecewiseSmooth,
     choices: &[(usize, Vec<usize>)],
     origin: &[f64],
+    deadline: Deadline<'_>,
 ) -> Result<Option<System>, EnumerationError> {
     let n = map.num_residuals();
     let probe = probe(origin, n);
@@ -329,6 +331,7 @@ pub(super) fn at_parameter(
         points: [origin, &probe],
         unknowns: n,
         homogeneous: false,
+        deadline,
     };
     let Some(mut system) = build(map, &base, choices, at, |_, _| true)? else {
         return Ok(None);
@@ -377,6 +380,7 @@ pub(super) fn directional(
     map: &dyn PiecewiseSmooth,
     x: &[f64],
     active: &ActiveSet,
+    deadline: Deadline<'_>,
 ) -> Result<Option<System>, EnumerationError> {
     // Forms of a site do not depend on the pieces of others, but where kinks lie inside of others they do.
     if map.has_nested_kinks() && active.degenerate_sites().len() > 1 {
@@ -398,6 +402,7 @@ pub(super) fn directional(
         points: [x, &near],
         unknowns: m,
         homogeneous: true,
+        deadline,
     };
     let Some(mut system) = build(map, active.first(), choices, at, vanishes)? else {
         return Ok(None);
