@@ -30,7 +30,7 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    common::exit(run(&Arguments::parse()))
+    common::exit(run(&common::parse::<Arguments>()))
 }
 
 fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
@@ -47,7 +47,7 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
         let name = case["name"]
             .as_str()
             .map_or_else(|| format!("case {k}"), str::to_owned);
-        if let Err(e) = list(case, &name, &options, arguments.json) {
+        if let Err(e) = list(case, &name, &options, (arguments.json, arguments.file.is_none())) {
             refused += 1;
             match arguments.json {
                 true => println!("{}", json!({"case": name, "error": e.to_string()})),
@@ -61,8 +61,13 @@ fn run(arguments: &Arguments) -> Result<(), Box<dyn Error>> {
     }
 }
 
-/// Prints all solutions of one case.
-fn list(case: &Value, name: &str, options: &EnumerationOptions, json: bool) -> Result<(), Box<dyn Error>> {
+/// Prints all solutions of one case; those of the shipped ones are complete.
+fn list(
+    case: &Value,
+    name: &str,
+    options: &EnumerationOptions,
+    (json, shipped): (bool, bool),
+) -> Result<(), Box<dyn Error>> {
     let map = problem(case)?.condensed()?;
     for alpha in numbers(case, "alphas")? {
         let set = all_solutions(&map, alpha, options)?;
@@ -70,6 +75,12 @@ fn list(case: &Value, name: &str, options: &EnumerationOptions, json: bool) -> R
             println!("{}", record(&map, name, alpha, &set));
         } else {
             print(&map, name, alpha, &set);
+        }
+        if set.completeness.is_complete() && !certified(&map, alpha, &set) {
+            return Err(format!("the list at α = {alpha} is complete, but its index sum is not +1").into());
+        }
+        if shipped && !set.completeness.is_complete() {
+            return Err(format!("the list at α = {alpha} is not complete").into());
         }
     }
     Ok(())

@@ -54,7 +54,7 @@ const COLOURS: [(&str, Colour); 3] = [
 const FAILURE: Colour = Colour::new(0, 0, 0);
 
 fn main() -> ExitCode {
-    exit(run(&Arguments::parse()))
+    exit(run(&common::parse::<Arguments>()))
 }
 
 fn run(arguments: &Arguments) -> Outcome<()> {

@@ -170,7 +170,7 @@ pub(crate) fn flow(disc: &Disc, threshold: f64) -> Outcome<Yielding> {
 }
 
 fn main() -> ExitCode {
-    exit(run(&Arguments::parse()))
+    exit(run(&common::parse::<Arguments>()))
 }
 
 fn run(arguments: &Arguments) -> Outcome<()> {

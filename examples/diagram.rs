@@ -27,7 +27,7 @@ struct Args {
 }
 
 fn main() -> ExitCode {
-    exit(run(&Args::parse()))
+    exit(run(&common::parse::<Args>()))
 }
 
 fn run(args: &Args) -> Outcome<()> {

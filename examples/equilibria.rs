@@ -14,7 +14,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Parser;
-use common::{Outcome, exit, file_in};
+use common::{Outcome, count, ensure, exit, file_in};
 use semismooth::complementarity::{Autodiff, Mcp, McpSolver, SmoothFunction};
 use semismooth::continuation::{Diagram, DiagramOptions, VertexKind};
 use semismooth::output::{BranchDiagram, Colour, Panel, SegmentStyle};
@@ -59,7 +59,7 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    exit(run(&Arguments::parse()))
+    exit(run(&common::parse::<Arguments>()))
 }
 
 fn run(arguments: &Arguments) -> Outcome<()> {
@@ -108,22 +108,25 @@ fn run(arguments: &Arguments) -> Outcome<()> {
             );
         }
     }
+    let complete = diagram.completeness().is_complete();
     println!(
-        "{} pieces of curve, {}",
-        diagram.edges().len(),
-        if diagram.completeness().is_complete() {
-            "complete"
-        } else {
-            "incomplete"
-        }
+        "{}, {}",
+        count(diagram.edges().len(), "piece of curve", "pieces of curve"),
+        if complete { "complete" } else { "incomplete" }
     );
+    ensure(
+        complete,
+        "all that is connected to the first equilibrium was followed",
+    )?;
     let equilibria = diagram.solutions_at(&market, arguments.at)?;
-    println!("r = {}: {} equilibria", arguments.at, equilibria.points.len());
+    let found = count(equilibria.points.len(), "equilibrium", "equilibria");
+    println!("r = {}: {found}", arguments.at);
     for s in &equilibria.points {
         println!("  p = {:.9}, sign det {:+}", s.x[6], s.det_sign.unwrap_or(0));
     }
     if let Some(sum) = equilibria.index_sum() {
         println!("  index sum {sum:+}");
+        ensure(sum == 1, "the indices of a market's equilibria sum up to +1")?;
     }
 
     let at_bound = |s: &Selection| {

@@ -34,7 +34,7 @@ struct Args {
 }
 
 fn main() -> ExitCode {
-    exit(run(&Args::parse()))
+    exit(run(&common::parse::<Args>()))
 }
 
 /// What one load path took, in seconds.

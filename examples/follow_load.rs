@@ -14,7 +14,7 @@ use std::time::Instant;
 use clap::Parser;
 use common::{Outcome, count, ensure, exit, file_in, list, shipped_folder};
 use semismooth::contact::{CondensedContact, ContactState, PlanarCoulomb, read_folder};
-use semismooth::continuation::{Branch, ContinuationOptions, Direction, Transition};
+use semismooth::continuation::{Branch, ContinuationOptions, Direction, Termination, Transition};
 use semismooth::output::{BranchDiagram, Colour, Column, Curve, Panel, SegmentStyle, write_csv};
 use semismooth::piecewise::PiecewiseSmooth;
 use serde_json::json;
@@ -33,7 +33,7 @@ struct Args {
 }
 
 fn main() -> ExitCode {
-    exit(run(&Args::parse()))
+    exit(run(&common::parse::<Args>()))
 }
 
 fn run(args: &Args) -> Outcome<()> {
@@ -46,6 +46,7 @@ fn run(args: &Args) -> Outcome<()> {
     let branch = Branch::follow(&map, &start, Direction::Increasing, options)?;
     let seconds = begun.elapsed().as_secs_f64();
 
+    let end = branch.points.last().map_or(f64::NAN, |p| p.parameter());
     let mut transitions = 0;
     for t in &branch.transitions {
         transitions += print_transition(&map, t, args.json);
@@ -69,13 +70,14 @@ fn run(args: &Args) -> Outcome<()> {
             "transitions": transitions,
             "folds": branch.folds(),
             "end": branch.termination.name(),
+            "end_parameter": end,
             "factorisations": branch.factorisations,
             "seconds": seconds,
         }});
         println!("{summary}");
     } else {
         println!(
-            "\n{transitions} transitions, folds at {}, end: {}; {} factorisations, {:.1} ms",
+            "\n{transitions} transitions, folds at {}, end: {} at γ = {end}; {} factorisations, {:.1} ms",
             list(&branch.folds(), 10),
             branch.termination,
             branch.factorisations,
@@ -89,7 +91,14 @@ fn run(args: &Args) -> Outcome<()> {
             "the shipped problem has the 36 transitions of the exact list",
         )?;
     }
-    Ok(())
+    if branch.termination == Termination::ParameterRange && end > 0.5 {
+        return Ok(());
+    }
+    Err(format!(
+        "the whole load was not reached: {}, at γ = {end}",
+        branch.termination
+    )
+    .into())
 }
 
 /// One line a site that changes its piece (or, where the curve stops, a site at its boundary); returns their number.

@@ -43,7 +43,7 @@ struct Args {
 }
 
 fn main() -> ExitCode {
-    exit(run(&Args::parse()))
+    exit(run(&common::parse::<Args>()))
 }
 
 fn run(args: &Args) -> Outcome<()> {
@@ -112,12 +112,15 @@ fn run(args: &Args) -> Outcome<()> {
     let alpha = curve.point().parameter();
     println!("{} lines in {}, at γ = {alpha}", written, table.display());
     match curve.termination() {
-        Some(Termination::ParameterRange) => println!("the load path is complete"),
-        Some(reason) => println!("the run ended: {reason}"),
+        // A path may fold back to where the load began.
+        Some(Termination::ParameterRange) if alpha > 0.5 => println!("the load path is complete"),
+        Some(reason) => {
+            return Err(format!("the whole load was not reached: {reason}, at γ = {alpha}").into());
+        }
+        None if interrupted => {
+            return Err(Interrupted(format!("at γ = {alpha}, {written} lines")).into());
+        }
         None => println!("stopped; --resume goes on from {}", state.display()),
-    }
-    if interrupted && curve.termination().is_none() {
-        return Err(Interrupted(format!("at γ = {alpha}, {written} lines")).into());
     }
     Ok(())
 }

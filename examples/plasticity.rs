@@ -141,7 +141,7 @@ impl Rings {
 }
 
 fn main() -> ExitCode {
-    exit(run(&Arguments::parse()))
+    exit(run(&common::parse::<Arguments>()))
 }
 
 fn run(arguments: &Arguments) -> Outcome<()> {

@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 use std::process::ExitCode;
 
 use clap::Parser;
-use common::{Interrupted, Outcome, Random, exit, list};
+use common::{Interrupted, Outcome, Random, ensure, exit, list};
 use progress::Progress;
 use semismooth::contact::{CondensedContact, FrictionCoefficient, FullContact, LoadPath, PlanarCoulomb};
 use semismooth::continuation::{Diagram, DiagramOptions};
@@ -55,7 +55,7 @@ struct Count {
 }
 
 fn main() -> ExitCode {
-    exit(run(&Args::parse()))
+    exit(run(&common::parse::<Args>()))
 }
 
 /// The stiffness matrix of the model for (uν1, ut1, uν2, ut2).
@@ -110,7 +110,12 @@ fn count(sample: &Sample, alphas: &[f64]) -> Outcome<Count> {
     let (mut most, mut at, mut certified) = (0, f64::NAN, true);
     for &alpha in alphas {
         let set = all_solutions(&map, alpha, &options)?;
-        certified &= set.completeness.is_complete() && set.index_sum == Some(1);
+        let own = set.completeness.is_complete() && set.index_sum == Some(1);
+        ensure(
+            !own || set.solutions.len() % 2 == 1,
+            "regular solutions whose indices sum up to +1 are odd in number",
+        )?;
+        certified &= own;
         if set.solutions.len() > most {
             (most, at) = (set.solutions.len(), alpha);
         }
@@ -122,6 +127,10 @@ fn count(sample: &Sample, alphas: &[f64]) -> Outcome<Count> {
         let diagram = Diagram::explore_sections(&map, alphas, &bounds, &options)?;
         certified &= diagram.completeness().is_complete();
         (branches, components) = (diagram.branches().len(), diagram.components().len());
+        ensure(
+            (1..=branches).contains(&components),
+            "a component consists of branches",
+        )?;
     }
     Ok(Count {
         solutions: most,
@@ -217,6 +226,14 @@ fn run(args: &Args) -> Outcome<()> {
     println!(
         "not certified complete (a degenerate point among the samples, or a limit): {uncertified} problems"
     );
+    ensure(
+        by_branches.values().sum::<u64>() == by_solutions.values().sum(),
+        "each problem is counted once",
+    )?;
+    ensure(
+        uncertified * 50 <= by_branches.values().sum(),
+        "hardly a sample has a degenerate point",
+    )?;
     if interrupted {
         let what = format!("{drawn} of {} problems were drawn", args.samples);
         return Err(Interrupted(what).into());

@@ -179,7 +179,7 @@ impl MatrixFree for Control {
 }
 
 fn main() -> ExitCode {
-    exit(run(&Arguments::parse()))
+    exit(run(&common::parse::<Arguments>()))
 }
 
 fn run(arguments: &Arguments) -> Outcome<()> {

@@ -185,7 +185,7 @@ impl PiecewiseSmooth for Yosida {
 }
 
 fn main() -> ExitCode {
-    exit(run(&Arguments::parse()))
+    exit(run(&common::parse::<Arguments>()))
 }
 
 fn run(arguments: &Arguments) -> Outcome<()> {

@@ -322,7 +322,7 @@ fn psnr(u: &[f64], original: &[f64]) -> f64 {
 }
 
 fn main() -> ExitCode {
-    exit(run(&Arguments::parse()))
+    exit(run(&common::parse::<Arguments>()))
 }
 
 fn run(arguments: &Arguments) -> Outcome<()> {

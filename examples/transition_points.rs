@@ -94,7 +94,7 @@ const SHORT: f64 = 0.02;
 const TOLERANCE: f64 = 1e-9;
 
 fn main() -> ExitCode {
-    exit(run(&Args::parse()))
+    exit(run(&common::parse::<Args>()))
 }
 
 fn run(args: &Args) -> Outcome<()> {

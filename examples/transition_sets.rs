@@ -30,7 +30,7 @@ const SLIP_PLUS: usize = 1;
 const SLIP_MINUS: usize = 2;
 
 fn main() -> ExitCode {
-    exit(run(&Args::parse()))
+    exit(run(&common::parse::<Args>()))
 }
 
 fn run(args: &Args) -> Outcome<()> {

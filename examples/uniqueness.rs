@@ -13,7 +13,7 @@ use std::process::ExitCode;
 use clap::Parser;
 use common::bars::bar2d;
 use common::squares::{Multipliers, cube, inf_sup, plane, plane_mesh, traces};
-use common::{Outcome, exit, file_in};
+use common::{Outcome, ensure, exit, file_in};
 use semismooth::contact::{
     FixedPointOptions, FrictionCoefficient, FrictionCurve, Frictionless, PlanarCoulomb, UniquenessConstants,
     critical_friction, fixed_point, friction_bounds, pressure_norm,
@@ -35,7 +35,7 @@ struct Args {
 }
 
 fn main() -> ExitCode {
-    exit(run(&Args::parse()))
+    exit(run(&common::parse::<Args>()))
 }
 
 fn run(args: &Args) -> Outcome<()> {
@@ -52,7 +52,12 @@ fn run(args: &Args) -> Outcome<()> {
     for n in (2..).map(|k| 1usize << k).take_while(|n| *n <= args.finest) {
         let (problem, rows) = plane(n, Frictionless::plane())?;
         let c = UniquenessConstants::new(&problem, &rows.areas)?;
-        let critical = critical_friction(&problem)?.map_or("none".into(), |f| format!("{f:.4}"));
+        let critical = critical_friction(&problem)?;
+        ensure(
+            critical.is_none_or(|f| f > c.guaranteed_friction()),
+            "solutions are unique up to the coefficient that is guaranteed",
+        )?;
+        let critical = critical.map_or("none".into(), |f| format!("{f:.4}"));
         println!(
             "  {n:>4} {:>7.3} {} {:>10.3} {:>14.5}   {critical}",
             c.c1(),
@@ -96,6 +101,14 @@ fn run(args: &Args) -> Outcome<()> {
             inf_sup(n, kinds[2], &reference)?,
         ];
         println!("  {n:>4} {nodal:>7.3} {faces:>11.3} {merged:>12.3}");
+        ensure(
+            [nodal, faces, merged].iter().all(|b| (0.0..=1.0).contains(b)),
+            "inf-sup constants in the norm of the dual lie between 0 and 1",
+        )?;
+        ensure(
+            nodal > 0.75 && merged > 0.75,
+            "β of nodal multipliers, and of those on pairs of faces, does not fall with the mesh",
+        )?;
     }
     weakening()?;
     contraction(args.finest)?;
@@ -158,6 +171,10 @@ fn contraction(finest: usize) -> Outcome<()> {
                 &problem,
                 &start,
                 &FixedPointOptions::default().with_max_iterations(500),
+            )?;
+            ensure(
+                report.contraction().is_none_or(|rate| rate <= bound),
+                "no rate is above its bound F C1",
             )?;
             let rate = report.contraction().map_or("-".into(), |r| format!("{r:.3}"));
             line += &format!(" {:>18}", format!("{rate} ≤ {bound:.3}"));

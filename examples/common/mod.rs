@@ -38,6 +38,17 @@ impl fmt::Display for Interrupted {
 
 impl Error for Interrupted {}
 
+/// The arguments; help that cannot be written is an error, as all output is.
+pub(crate) fn parse<A: clap::Parser>() -> A {
+    A::try_parse().unwrap_or_else(|e| {
+        if !e.use_stderr() {
+            written(e.print().and_then(|()| std::io::stdout().flush()));
+            std::process::exit(e.exit_code());
+        }
+        e.exit()
+    })
+}
+
 /// Errors go to standard error, and the exit status tells.
 pub(crate) fn exit(outcome: Outcome<()>) -> ExitCode {
     let code = match outcome {

@@ -146,4 +146,20 @@ fn fixed_point_jumps_at_the_fold() {
     };
     assert!(end(1.3755019) < 5e-3);
     assert!(end(1.3755018) > 1e-2);
+    // The rate is that of the last changes above rounding.
+    let start = bar.problem.stick_start(1.4).unwrap();
+    let report = fixed_point(&bar.problem, &start, &FixedPointOptions::default()).unwrap();
+    let rate = report.contraction().unwrap();
+    let late = |w: &&[f64]| (1e-9..1e-6).contains(&w[1]);
+    let ratios: Vec<f64> = report
+        .changes
+        .windows(2)
+        .filter(late)
+        .map(|w| w[1] / w[0])
+        .collect();
+    assert!(
+        ratios.len() > 5 && ratios.iter().all(|r| (r - rate).abs() < 2e-3),
+        "{rate} {ratios:?}"
+    );
+    close(rate, 0.5063, 1e-3);
 }

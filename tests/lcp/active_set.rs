@@ -157,6 +157,38 @@ fn iterative_solves_know_the_units_of_each_unknown() {
     assert!(solved > 2900, "{solved}");
 }
 
+/// Entries and starts of any size that numbers have: whatever becomes of them, nothing panics, and what is called solved is so.
+#[test]
+fn sizes_at_the_ends_of_the_range_are_survived() {
+    let told = Lcp::new(
+        matrix(2, |i, j| [[-1e-176, 1e150], [1.0, 1.0]][i][j]),
+        vec![-5e-324, 1e150],
+    )
+    .unwrap();
+    let mut random = Random::new(26);
+    let mut size = |e: f64| {
+        let sign = if random.below(2) == 0 { 1.0 } else { -1.0 };
+        sign * 10f64.powf(random.between(-e, e))
+    };
+    let drawn = (0..4000).map(|case| {
+        let (n, e) = (2 + case % 3, [100.0, 150.0, 200.0, 300.0][case % 4]);
+        let entries: Vec<f64> = (0..n * n).map(|_| size(e)).collect();
+        let q = (0..n).map(|_| size(e)).collect();
+        let start: Vec<f64> = (0..n).map(|_| size(e)).collect();
+        (Lcp::new(matrix(n, |i, j| entries[i * n + j]), q).unwrap(), start)
+    });
+    for (lcp, start) in std::iter::once((told, vec![1e-308, f64::MAX])).chain(drawn) {
+        let mut z = start.clone();
+        let report = ActiveSetSolver::default().solve(&lcp, &mut z);
+        if report.is_ok_and(|r| r.status == ActiveSetStatus::Solved) {
+            assert!(
+                z.iter().all(|z| *z >= 0.0 && z.is_finite()),
+                "{lcp:?} {start:?} {z:?}"
+            );
+        }
+    }
+}
+
 #[test]
 fn murty_and_fathi_take_few_iterations() {
     let (status, z, _, iterations) = solve(&murty(40));

@@ -105,6 +105,29 @@ proptest! {
         prop_assert!(set.solutions.len() == 1 && same(&set.solutions[0].x), "{:?} {:?}", set, known);
     }
 
+    /// So do units of each unknown and of each row: rows and columns of a P matrix multiplied by powers of two are another one.
+    #[test]
+    fn lemke_in_units_of_each_unknown(
+        g in reals(N * N), s in reals(N * N), q in reals(N),
+        rows in prop::collection::vec(-40i32..=40, N), columns in prop::collection::vec(-40i32..=40, N)
+    ) {
+        let entry = |i: usize, j: usize| {
+            let dot: f64 = (0..N).map(|k| g[k * N + i] * g[k * N + j]).sum();
+            dot + if i == j { 0.1 } else { s[i * N + j] - s[j * N + i] }
+        };
+        let unit = |e: i32| f64::from(e).exp2();
+        let (status, known, _) = lemke(&Lcp::new(matrix(N, entry), q.clone()).unwrap());
+        prop_assert_eq!(status, LemkeStatus::Solved);
+        let scaled = matrix(N, |i, j| unit(rows[i] - columns[j]) * entry(i, j));
+        let q = q.iter().zip(&rows).map(|(q, e)| q * unit(*e)).collect();
+        let (status, z, _) = lemke(&Lcp::new(scaled, q).unwrap());
+        prop_assert_eq!(status, LemkeStatus::Solved);
+        let largest = known.iter().fold(0.0_f64, |a, z| a.max(z.abs()));
+        for ((z, e), known) in z.iter().zip(&columns).zip(&known) {
+            prop_assert!((z / unit(*e) - known).abs() <= 1e-9 * largest, "{:?}", known);
+        }
+    }
+
     /// Positive semidefinite: solvable exactly if feasible, and Lemke's method tells, with a certificate.
     #[test]
     fn positive_semidefinite(g in small_integers(2 * N), s in small_integers(N * N), q in small_integers(N)) {

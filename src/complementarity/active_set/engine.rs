@@ -10,6 +10,8 @@ use crate::linear::{LinearError, Scaling};
 
 /// Relative accuracy asked of iterative solves while the sets still change much.
 const COARSE: f64 = 5e-2;
+/// Smallest relative residual asked of a linear system.
+const EXACT: f64 = 1e-10;
 /// Part of the components that must still change after the first iteration for a start to be given up for one from coarser problems.
 const FAR: f64 = 0.02;
 /// Block exchanges before single ones; triangular matrices need as many as unknowns, with slow or no decrease of their number.
@@ -376,13 +378,12 @@ impl Engine {
         let goal = 0.3 * self.options.tolerance * self.size(z) / residual;
         // While sets change, accuracy is wasted: the forcing term is the square of the last progress (S. C. Eisenstat, H. F. Walker,
         // 1996, choice 2), which with settling sets falls quickly.
-        let goal = goal.clamp(1e-10, COARSE);
-        let tolerance = if !residual.is_finite() {
+        let tolerance = if !(residual.is_finite() && goal.is_finite()) {
             COARSE
         } else if changes == 0 {
-            goal
+            goal.clamp(EXACT, COARSE)
         } else {
-            (progress * progress).clamp(goal, COARSE)
+            (progress * progress).clamp(goal.clamp(EXACT, COARSE), COARSE)
         };
         let count = systems.solve(&mut self.r, &mut self.step, tolerance)?;
         z.iter_mut().zip(&self.step).for_each(|(z, d)| *z += d);

@@ -85,7 +85,9 @@ pub struct Lemke {
     /// Factors by which the rows of M and q are multiplied, so that slacks and unknowns are of one size whatever their units; powers of
     /// two. It makes no difference to the problem, only to which covering vector is all ones.
     units: Vec<f64>,
-    /// Values of M, its rows multiplied by `units`.
+    /// The zᵢ of the basis are those of the problem over these, so that columns are of one size as well; powers of two.
+    columns: Vec<f64>,
+    /// Values of M, its rows multiplied by `units` and its columns by `columns`.
     scaled: Vec<f64>,
     accuracy: Accuracy,
     /// Distances to bounds up to this one are rounding.
@@ -176,7 +178,7 @@ impl Lemke {
         Ok(report)
     }
 
-    /// The units of rows; 1 where all are ordinary.
+    /// The units of rows, then of columns; 1 where all are ordinary.
     fn scale(&mut self, lcp: &Lcp) {
         self.units.clear();
         self.units.resize(lcp.len(), 0.0);
@@ -187,17 +189,20 @@ impl Lemke {
             let size = if *unit == 0.0 { q.abs() } else { *unit };
             *unit = if size.is_normal() { size } else { 1.0 };
         }
-        match self.units.iter().all(|u| is_ordinary(*u)) {
-            true => self.units.fill(1.0),
-            false => self
-                .units
-                .iter_mut()
-                .for_each(|u| *u = u.log2().round().exp2().recip()),
+        balance(&mut self.units);
+        self.columns.clear();
+        self.columns.resize(lcp.len(), 0.0);
+        for (i, j, v) in lcp.matrix().triplets() {
+            self.columns[j] = self.columns[j].max((v * self.units[i]).abs());
         }
-        let rows = lcp.matrix().pattern().row_idx();
-        let values = lcp.matrix().values().iter().zip(rows);
+        for size in self.columns.iter_mut().filter(|size| !size.is_normal()) {
+            *size = 1.0;
+        }
+        balance(&mut self.columns);
+        let values = lcp.matrix().triplets();
         self.scaled.clear();
-        self.scaled.extend(values.map(|(v, &i)| v * self.units[i]));
+        self.scaled
+            .extend(values.map(|(i, j, v)| v * self.units[i] * self.columns[j]));
     }
 
     /// Entry k of the covering vector: the one chosen, or ones, spread by golden fractions in later turns.
@@ -480,8 +485,8 @@ impl Lemke {
     /// The value of a variable that is about to enter.
     fn position(&self, lcp: &Lcp, var: Var) -> f64 {
         match var {
-            Var::Point(i) if self.side[i] == Side::Upper => lcp.upper()[i],
-            Var::Point(i) => lcp.lower()[i],
+            Var::Point(i) if self.side[i] == Side::Upper => lcp.upper()[i] / self.columns[i],
+            Var::Point(i) => lcp.lower()[i] / self.columns[i],
             _ => 0.0,
         }
     }
@@ -508,7 +513,7 @@ impl Lemke {
 
     fn bounds(&self, lcp: &Lcp, var: Var) -> (f64, f64) {
         match var {
-            Var::Point(i) => (lcp.lower()[i], lcp.upper()[i]),
+            Var::Point(i) => (lcp.lower()[i] / self.columns[i], lcp.upper()[i] / self.columns[i]),
             Var::Cover => (0.0, f64::INFINITY),
             Var::Slack(i) => match self.side[i] {
                 Side::Upper => (f64::NEG_INFINITY, 0.0),
@@ -523,6 +528,17 @@ impl Lemke {
         for (v, y) in self.value.iter_mut().zip(&self.entering) {
             *v -= length * y;
         }
+    }
+}
+
+/// Makes factors of sizes; 1 where all are ordinary.
+fn balance(sizes: &mut [f64]) {
+    const LARGEST: f64 = 1000.0;
+    match sizes.iter().all(|size| is_ordinary(*size)) {
+        true => sizes.fill(1.0),
+        false => sizes
+            .iter_mut()
+            .for_each(|size| *size = (-size.log2().round()).clamp(-LARGEST, LARGEST).exp2()),
     }
 }
 

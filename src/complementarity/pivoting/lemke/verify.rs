@@ -126,10 +126,11 @@ impl Lemke {
         for (var, v) in self.basic.iter().zip(&self.value) {
             if let Var::Point(i) = *var {
                 let (l, u) = (lcp.lower()[i], lcp.upper()[i]);
+                let unit = self.columns[i];
                 z[i] = match () {
-                    () if *v <= l + self.zero => l,
-                    () if *v >= u - self.zero => u,
-                    () => *v,
+                    () if *v <= l / unit + self.zero => l,
+                    () if *v >= u / unit - self.zero => u,
+                    () => v * unit,
                 };
             }
         }
@@ -145,7 +146,12 @@ impl Lemke {
         if let Var::Point(i) = entering {
             self.ray[i] = direction;
         }
-        let largest = self.ray.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+        let size = |ray: &[f64]| ray.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+        let rounding = ROUNDING * size(&self.ray);
+        for (v, unit) in self.ray.iter_mut().zip(&self.columns) {
+            *v = if v.abs() <= rounding { 0.0 } else { *v * unit };
+        }
+        let largest = size(&self.ray);
         if largest > 0.0 {
             self.ray.iter_mut().for_each(|v| *v /= largest);
             self.has_ray = true;
@@ -154,14 +160,11 @@ impl Lemke {
 
     /// Whether v ≥ 0, Mᵀv ≤ 0 and qᵀv < 0 hold for the ray but for rounding, so that vᵀ(M z + q) < 0 for every z ≥ 0, and exact
     /// arithmetic confirms that no z ≥ 0 has M z + q ≥ 0.
-    pub(super) fn proves_infeasibility(&mut self, lcp: &Lcp) -> bool {
+    pub(super) fn proves_infeasibility(&self, lcp: &Lcp) -> bool {
         if !self.has_ray || !lcp.is_standard() {
             return false;
         }
-        let v = &mut self.ray;
-        v.iter_mut()
-            .filter(|v| v.abs() <= ROUNDING)
-            .for_each(|v| *v = 0.0);
+        let v = &self.ray;
         if v.iter().any(|v| *v < 0.0) {
             return false;
         }
