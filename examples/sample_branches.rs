@@ -227,11 +227,7 @@ fn run(args: &Args) -> Outcome<()> {
         "not certified complete (a degenerate point among the samples, or a limit): {uncertified} problems"
     );
     ensure(
-        by_branches.values().sum::<u64>() == by_solutions.values().sum(),
-        "each problem is counted once",
-    )?;
-    ensure(
-        uncertified * 50 <= by_branches.values().sum(),
+        uncertified * 50 <= by_branches.values().sum::<u64>(),
         "hardly a sample has a degenerate point",
     )?;
     if interrupted {

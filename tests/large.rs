@@ -1041,3 +1041,46 @@ fn results_have_the_same_bits_on_any_number_of_threads() {
         assert!(solve(threads) == one, "{threads} threads");
     }
 }
+
+/// Where friction weakens, whole steps of Newton's method lead back and forth; parts of them lead on, and no other strategy is needed.
+#[test]
+fn parts_of_steps_lead_to_solutions() {
+    let body = || reduced_body(&rectangle([48, 24]), &ground(2));
+    for first in [0.8, 1.2] {
+        let law = PlanarCoulomb::new(weakening(first));
+        let mut problem = ReducedContact::new(body(), law, ReducedOptions::default()).unwrap();
+        let report = problem.solve(0.5, None).unwrap();
+        assert_eq!(report.strategy, ReducedStrategy::Newton, "{first}");
+        assert!(report.residuals.largest() <= 1e-10);
+        assert!(
+            report.iterations.iter().any(|i| 0.0 < i.step && i.step < 1.0),
+            "{first}"
+        );
+    }
+}
+
+/// What the search in the displacements took before the condensed form solved the problem is part of the account.
+#[test]
+fn times_of_all_strategies_add_up() {
+    let system = block([6, 6, 3], Material::isotropic(1.0, 0.277).unwrap());
+    let options = ReducedOptions::default()
+        .with_max_iterations(2)
+        .with_max_load_steps(0);
+    let body = reduced_body(&system, &ground(3));
+    let law = OrthotropicCoulomb::isotropic(constant(0.3));
+    let mut problem = ReducedContact::new(body, law, options).unwrap();
+    let (pause, mut slept) = (Duration::from_millis(2), Duration::ZERO);
+    let report = problem.solve_observed(1.0, None, |progress| {
+        if progress.krylov > 0 {
+            std::thread::sleep(pause);
+            slept += pause;
+        }
+        ControlFlow::Continue(())
+    });
+    let report = report.unwrap();
+    assert_eq!(report.strategy, ReducedStrategy::Condensed);
+    assert!(
+        slept > Duration::ZERO && report.times.krylov >= slept,
+        "{slept:?}"
+    );
+}

@@ -263,4 +263,15 @@ mod tests {
             assert!((error(1.5 + d) - inside).abs() < 1e-15, "{d}");
         }
     }
+
+    /// Beside a component of 1 what is below 64 units in its last place is rounding, and nothing else is.
+    #[test]
+    fn only_rounding_is_dropped() {
+        let mut z = [1.0, 63.0 * f64::EPSILON, 65.0 * f64::EPSILON, 1e-12];
+        let identity = Matrix::from_triplets(4, 4, &[0, 1, 2, 3].map(|i| (i, i, 1.0))).unwrap();
+        let lcp = Lcp::new(identity, vec![-1.0; 4]).unwrap();
+        assert!(drop_rounding((&lcp).into(), &mut z));
+        assert_eq!(z, [1.0, 0.0, 65.0 * f64::EPSILON, 1e-12]);
+        assert!(!drop_rounding((&lcp).into(), &mut z));
+    }
 }

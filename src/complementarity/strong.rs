@@ -526,4 +526,18 @@ mod tests {
             Minors::Capped { examined: 100 }
         );
     }
+
+    /// Rounding leaves nothing of a diagonal entry, and exact arithmetic takes too long: the sign is not asked for again, and nothing is claimed.
+    #[test]
+    fn what_exact_arithmetic_leaves_open_is_unknown() {
+        for m in [[[0.0, 0.5], [0.5, 1.0]], [[1.0, 0.5], [0.5, 0.0]]] {
+            let mut asked = 0;
+            let mut late = |_: &[usize]| {
+                asked += 1;
+                None
+            };
+            let found = is_p_matrix(&schur(&m.map(|row| row.to_vec())), 100, Some(&mut late)).unwrap();
+            assert_eq!((found, asked), (Minors::Unknown { examined: 0 }, 1), "{m:?}");
+        }
+    }
 }

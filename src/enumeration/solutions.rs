@@ -616,3 +616,26 @@ impl<'a> Collector<'a> {
         set.continua = self.continua;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::complementarity::Mcp;
+
+    /// 0 y₀ = 0 beside y_k = 0: a selection that is singular, and too large for its kernel to be found, leaves the list incomplete.
+    #[test]
+    fn large_singular_selections_are_undecided() {
+        let n = MAX_KERNEL + 1;
+        let entries: Vec<_> = (1..n).map(|k| (k, k, 1.0)).collect();
+        let matrix = Matrix::from_triplets(n, n, &entries).unwrap();
+        let free = [f64::NEG_INFINITY, f64::INFINITY].map(|bound| vec![bound; n]);
+        let [lower, upper] = free;
+        let map = Mcp::affine(matrix, vec![0.0; n], lower, upper).unwrap();
+        let options = EnumerationOptions::default();
+        let mut collector = Collector::new(&map, vec![0.0; n], &options).unwrap();
+        let selection = Selection::uniform(collector.layout.num_sites(), 0);
+        collector.examine(&selection).unwrap();
+        assert_eq!(collector.undecided, 1);
+        assert!(collector.solutions.is_empty() && collector.continua.is_empty());
+    }
+}

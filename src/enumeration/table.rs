@@ -777,4 +777,31 @@ mod tests {
             );
         }
     }
+
+    /// −y₀ + a y₁ with y₀ ≥ 0 and any y₁ is bounded by 0 where a is rounding of the row, and known to be so where the row is known well.
+    #[test]
+    fn rows_are_bounded_by_what_is_known_of_them() {
+        for (a, error, bounded) in [
+            (0.0, EPS, true),
+            (0.0, 1e-3, false),
+            (1e-9, 1e-10, true),
+            (1e-7, 1e-10, false),
+        ] {
+            let form = |coefficients: [f64; 2], error: f64| Form {
+                constant: 0.0,
+                coefficients: coefficients.to_vec(),
+                error,
+            };
+            let forms = [
+                form([1.0, 0.0], EPS),
+                form([0.0, 1.0], EPS),
+                form([-1.0, a], error),
+            ];
+            let mut table = Table::new(2, forms.iter());
+            (0..2).for_each(|k| table.exchange(k, k));
+            table.constrain(0, Sign::Positive).unwrap();
+            assert_eq!(table.is_bounded(2, Sign::Negative), bounded, "{a:e} {error:e}");
+            assert!(!table.is_bounded(2, Sign::Positive));
+        }
+    }
 }

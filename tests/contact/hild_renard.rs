@@ -306,3 +306,24 @@ proptest! {
         compare(d, pole + s * 3.0, pole + 4.0, 1)?;
     }
 }
+
+/// The vertical segment of this bifurcating problem, −6 ≤ u_t ≤ 0 at the pole α = 57/33, ends where the node opens, at a branch point of slip:
+/// in a transition that is no ordinary point as well.
+#[test]
+fn the_end_of_the_vertical_segment_is_told_once() {
+    let problem = HildRenard::new(33.0, -57.0, 7.0, 4.0).unwrap().problem().unwrap();
+    for alpha in [2.92067556659445, 3.257756315613208] {
+        let options = ContinuationOptions::default().with_parameter_range((0.0, 5.0));
+        let start = [0.0, 0.0, 33.0, -57.0, alpha];
+        let branch = Branch::follow(&problem, &start, Direction::Decreasing, options).unwrap();
+        let last = &branch.transitions.last().unwrap().x;
+        assert!(
+            distance(last, &[0.0, -6.0, 0.0, 0.0, 57.0 / 33.0]) < 1e-10,
+            "{last:?}"
+        );
+        assert!(
+            branch.points.iter().all(|p| distance(&p.x, last) > 1e-9),
+            "{alpha}"
+        );
+    }
+}

@@ -2,12 +2,14 @@
 
 use semismooth::contact::{
     CondensedContact, ContactBody, ContactError, ContactSolution, FrictionCoefficient, FrictionCurve,
-    LoadPath, NodeLaw, OrthotropicCoulomb, PlanarCoulomb, check_multipliers,
+    LoadPath, NodeLaw, OrthotropicCoulomb, PlanarCoulomb, check_multipliers, inf_sup_constant,
 };
 use semismooth::fem::{
     ContactRows, ElasticSystem, Elasticity, FemError, Foundation, Material, Mesh, Multipliers,
 };
 use semismooth::sparse::Matrix;
+
+use crate::random::Random;
 
 fn system(dim: usize, n: usize) -> ElasticSystem {
     let mesh = if dim == 2 {
@@ -194,4 +196,32 @@ fn invisible_multipliers_are_refused() {
             .contact_with("nowhere", &ground(2), Multipliers::DualCells)
             .is_err()
     );
+}
+
+/// A space is as good as itself with its displacements in another order: β = 1, and never more, whatever rounding makes of it.
+#[test]
+fn no_space_is_better_than_its_reference() {
+    let mut random = Random::new(4);
+    let n = 6;
+    for _ in 0..60 {
+        let rows: Vec<f64> = (0..n * n).map(|_| random.symmetric()).collect();
+        let pairing: Vec<f64> = (0..n).map(|_| random.symmetric()).collect();
+        let entry = |i: usize, j: usize| {
+            let product: f64 = (0..n).map(|k| rows[i * n + k] * rows[j * n + k]).sum();
+            product + if i == j { 1.0 } else { 0.0 }
+        };
+        let ordered = |at: &dyn Fn(usize) -> usize| {
+            let metric: Vec<_> = (0..n * n)
+                .map(|k| (k / n, k % n, entry(at(k / n), at(k % n))))
+                .collect();
+            let pairing: Vec<_> = (0..n).map(|k| (0, k, pairing[at(k)])).collect();
+            (
+                Matrix::from_triplets(n, n, &metric).unwrap(),
+                Matrix::from_triplets(1, n, &pairing).unwrap(),
+            )
+        };
+        let (here, there) = (ordered(&|k| k), ordered(&|k| n - 1 - k));
+        let beta = inf_sup_constant((&here.0, &here.1), (&there.0, &there.1)).unwrap();
+        assert!(beta <= 1.0 && beta > 1.0 - 1e-9, "{beta:e}");
+    }
 }

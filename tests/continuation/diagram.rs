@@ -372,3 +372,47 @@ fn edges_next_to_branch_points_have_the_sign_of_their_determinant() {
         }
     }
 }
+
+/// min (y − s α, −y) vanishes on two rays to the left of 0, y = s α and y = 0: two edges that meet at a fold, however small their angle.
+#[test]
+fn edges_that_meet_at_small_angles_are_two() {
+    for slope in [0.3, 3e-3, 1e-3] {
+        let map = MinMap::curve(1, move |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+            a[0] = x[0] - slope * x[1];
+            b[0] = -x[0];
+        });
+        let options = DiagramOptions::default().with_parameter_range((-1.0, 1.0));
+        let diagram = Diagram::explore(&map, &[vec![0.0, -1.0]], &options).unwrap();
+        assert!(diagram.completeness().is_complete(), "{slope}\n{diagram}");
+        let mut ends: Vec<f64> = (diagram.vertices().iter())
+            .filter(|v| v.parameter() == -1.0)
+            .map(|v| v.x[0])
+            .collect();
+        ends.sort_by(f64::total_cmp);
+        assert_eq!(ends.len(), 2, "{slope}\n{diagram}");
+        assert!((ends[0] + slope).abs() < 1e-12 && ends[1].abs() < 1e-12);
+        let folds = diagram.vertices().iter().filter(|v| v.kind == VertexKind::Fold);
+        assert_eq!(
+            (folds.count(), diagram.edges().len()),
+            (1, 2),
+            "{slope}\n{diagram}"
+        );
+    }
+}
+
+/// On y² = α the derivative 2 y of H changes its sign at the fold: the ends of the edge around it have different signs.
+#[test]
+fn the_ends_of_an_edge_have_their_own_signs() {
+    let parabola = smooth(|y, alpha| y * y - alpha);
+    let options = DiagramOptions::default().with_parameter_range((-1.0, 1.0));
+    for start in [1.0, -1.0] {
+        let diagram = Diagram::explore(&parabola, &[vec![start, 1.0]], &options).unwrap();
+        let [edge] = diagram.edges() else {
+            panic!("{diagram}");
+        };
+        assert_eq!(edge.smooth_folds.len(), 1);
+        for point in [&edge.points[0], &edge.points[edge.points.len() - 1]] {
+            assert_eq!(point.det_sign, Some(point.x[0].signum() as i8), "{:?}", point.x);
+        }
+    }
+}

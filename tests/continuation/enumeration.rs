@@ -674,3 +674,23 @@ fn continua_in_a_box() {
     ends.sort_by(|a, b| a[0].total_cmp(&b[0]));
     assert_eq!(ends, [[0.0, 1.0], [1.0, 1.0]]);
 }
+
+/// A slope that changes by a few parts in a million, seen from two points, is none of a piece that is affine.
+#[test]
+fn pieces_that_are_slightly_curved_are_refused() {
+    let map = |bend: f64| {
+        MinMap::new(1, move |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+            a[0] = x[0] + bend * x[0] * x[0] - 1.0;
+            b[0] = 3.0 * x[0] + 3.0;
+        })
+    };
+    let list = |bend: f64| all_solutions(&map(bend), 0.0, &EnumerationOptions::default());
+    assert_eq!(list(0.0).unwrap().solutions.len(), 1);
+    for bend in [4e-6, 1e-4, 1e-2] {
+        let refused = list(bend);
+        assert!(
+            matches!(refused, Err(EnumerationError::NotAffine { .. })),
+            "{bend:e}: {refused:?}"
+        );
+    }
+}

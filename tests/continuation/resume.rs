@@ -235,3 +235,20 @@ fn states_of_other_maps_are_refused() {
     }
     assert!(serde_json::from_value::<SavedRun>(serde_json::json!({})).is_err());
 }
+
+/// A circle that has been followed once around has no more points, whatever limits are raised.
+#[test]
+fn curves_at_their_end_are_not_taken_up_again() {
+    let circle = MinMap::curve(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+        a[0] = x[0] * x[0] + x[1] * x[1] - 1.0;
+        b[0] = 1e9;
+    });
+    let options = ContinuationOptions::default();
+    let mut run = Continuation::new(&circle, &[0.8, 0.6], Direction::Increasing, options).unwrap();
+    run.by_ref().for_each(|event| assert!(event.is_ok()));
+    assert_eq!(run.termination(), Some(Termination::Closed));
+    let again = run.save().unwrap().reopened();
+    let mut resumed = Continuation::resume(&circle, &again).unwrap();
+    assert_eq!(resumed.by_ref().count(), 0);
+    assert_eq!(resumed.termination(), Some(Termination::Closed));
+}

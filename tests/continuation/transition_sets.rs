@@ -192,6 +192,52 @@ fn folds_begin_and_end_however_short_the_window() {
     }
 }
 
+/// s y + |y|/4 = α with s = 5/4 − 5/4 / (1 + ((β − ½)/w)²) has kinks y = 0, which are folds where |β − ½| < w/2.
+#[derive(Debug)]
+struct Dip {
+    width: f64,
+}
+
+impl PiecewiseSmooth for Dip {
+    two_pieces!(self, [negative, positive], 3, 1, 1);
+    fn test_functions(&self, x: &[f64], out: &mut [f64]) {
+        out[0] = x[0];
+    }
+    fn residual(&self, s: &Selection, x: &[f64], out: &mut [f64]) {
+        let kink = s.piece(0) as f64 * 2.0 - 1.0;
+        let depth = 1.25 / (1.0 + ((x[2] - 0.5) / self.width).powi(2));
+        out[0] = (1.25 - depth + 0.25 * kink) * x[0] - x[1];
+    }
+    fn jacobian(&self, s: &Selection, x: &[f64], jac: &mut Matrix) {
+        let kink = s.piece(0) as f64 * 2.0 - 1.0;
+        let off = (x[2] - 0.5) / self.width;
+        let depth = 1.25 / (1.0 + off * off);
+        jac.add(0, 0, 1.25 - depth + 0.25 * kink);
+        jac.add(0, 1, -1.0);
+        jac.add(0, 2, 2.0 * depth * off / (1.0 + off * off) / self.width * x[0]);
+    }
+}
+
+/// A window in a narrow dip is found, too: at the points on both sides, a hundred of its widths away, the determinant hardly falls.
+#[test]
+fn folds_begin_and_end_in_narrow_dips() {
+    for step in [0.4, 0.3, 0.2] {
+        let width = 0.01 * step;
+        let set = TransitionSet::new(Dip { width }, 0, 0).unwrap();
+        let options = ContinuationOptions::default()
+            .with_parameter_range((-2.0, 2.0))
+            .with_max_step(step);
+        let line = Branch::follow(&set, &[0.0, 0.0, -2.0], Direction::Increasing, options).unwrap();
+        let changes = set.character_changes(&line).unwrap();
+        assert_eq!(changes.len(), 2, "{step}");
+        for (change, (side, before)) in changes.iter().zip([(-0.5, false), (0.5, true)]) {
+            let beta = 0.5 + side * width;
+            assert!((change.x[2] - beta).abs() < 1e-8, "{change:?} {beta}");
+            assert_eq!(change.folds_before, before);
+        }
+    }
+}
+
 /// A softening spring y − β y³/3, with a stop of stiffness 9 at y = 2, under the load α.
 #[derive(Debug)]
 struct Softening;
@@ -498,4 +544,16 @@ fn folds_begin_beside_unknowns_that_are_rounding() {
         );
         assert_eq!(change.folds_before, beta > 0.0);
     }
+}
+
+/// The kernel at a fold has length one where the family states no sizes of its variables.
+#[test]
+fn kernels_at_the_start_have_unit_length() {
+    let (set, start) = FoldSet::new(Softening, &[1.0, 2.0 / 3.0, 1.0]).unwrap();
+    assert_eq!(start.len(), 4);
+    assert!((start[1].abs() - 1.0).abs() < 1e-12, "{start:?}");
+    let selection = set.selection().clone();
+    let mut r = vec![0.0; set.num_residuals()];
+    set.residual(&selection, &start, &mut r);
+    assert!(r.iter().all(|r| r.abs() < 1e-9), "{r:?}");
 }

@@ -5,11 +5,11 @@ use semismooth::complementarity::active_set::{
     ActiveSetOptions, ActiveSetSolver, ActiveSetStatus, DirectReduced, GmresReduced,
 };
 use semismooth::complementarity::pivoting::{Lemke, LemkeStatus};
-use semismooth::complementarity::{Lcp, McpOptions, McpSolver, McpStatus, McpStrategy};
+use semismooth::complementarity::{Lcp, Mcp, McpOptions, McpSolver, McpStatus, McpStrategy};
 use semismooth::sparse::Matrix;
 
 use crate::random::Random;
-use crate::support::{INF, matrix};
+use crate::support::{INF, matrix, residual};
 
 /// The largest error relative to the terms of rows.
 fn error(lcp: &Lcp, z: &[f64]) -> f64 {
@@ -166,5 +166,32 @@ fn large_infeasible_problems_are_told_by_a_simple_certificate() {
         let mut solver = McpSolver::default();
         let status = solver.solve(lcp.mcp(), &mut vec![0.0; n]).unwrap().status;
         assert_eq!(status == McpStatus::Infeasible, infeasible, "{status}");
+    }
+}
+
+/// An elastic string pushed to and fro between two walls: beside those of the free components, systems have only rows that say how far the
+/// others are from their bounds. Newton's method ends one step after it knows the side of each.
+#[test]
+fn large_systems_are_those_of_the_free_components() {
+    let n = 300;
+    let mut entries = Vec::new();
+    for i in 0..n {
+        entries.push((i, i, 2.1));
+        if i + 1 < n {
+            entries.extend([(i, i + 1, -1.0), (i + 1, i, -1.0)]);
+        }
+    }
+    let q: Vec<f64> = (0..n).map(|i| 0.4 * (i as f64 * 0.1).sin()).collect();
+    let matrix = Matrix::from_triplets(n, n, &entries).unwrap();
+    let problem = Mcp::affine(matrix, q, vec![-1.0; n], vec![0.5; n]).unwrap();
+    let options = McpOptions::default().with_strategies(vec![McpStrategy::Newton]);
+    for start in [0.5, -1.0, 0.0] {
+        let mut x = vec![start; n];
+        let mut solver = McpSolver::new(options.clone());
+        let report = solver.solve(&problem, &mut x).unwrap();
+        let at = |v: f64| x.iter().filter(|x| **x == v).count();
+        assert!(report.is_solved() && residual(&problem, &x) < 1e-12);
+        assert!(at(-1.0) > 30 && at(0.5) > 30 && at(-1.0) + at(0.5) < n - 30);
+        assert!(report.iterations <= 12, "{}", report.iterations);
     }
 }

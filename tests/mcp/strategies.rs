@@ -499,3 +499,42 @@ fn restarts_begin_elsewhere() {
         assert!(report.history.iter().all(|i| i.residual != here), "{start}");
     }
 }
+
+/// 1 + √x has no root, and is not defined at the start: what each strategy tries begins where F is defined.
+#[test]
+fn strategies_begin_where_a_domain_was_entered() {
+    let function = scalar(|x| 1.0 + x.sqrt(), |x| 0.5 / x.sqrt());
+    let problem = Mcp::equations(function).unwrap();
+    let mut solver = only(&[Newton, FischerBurmeister, Proximal, Smoothing]);
+    let report = solver.solve(&problem, &mut [-0.5]).unwrap();
+    assert!(!report.is_solved());
+    assert_eq!(report.fallbacks.len(), 4);
+    for tried in &report.fallbacks {
+        assert!(tried.residual.is_finite(), "{}", tried.strategy);
+    }
+}
+
+/// Of a domain that is small and far from the start nothing is known: 1, the value of nothing in particular, is tried, too.
+#[test]
+fn domains_about_one_are_found_from_anywhere() {
+    let inside = |x: f64| {
+        if (x - 1.0).abs() < 1e-3 {
+            x - 1.0005
+        } else {
+            f64::NAN
+        }
+    };
+    let function = WithJacobian::new(
+        2,
+        move |x: &[f64], out: &mut [f64]| out.iter_mut().zip(x).for_each(|(f, x)| *f = inside(*x)),
+        |_: &[f64], jac: &mut Matrix| (0..2).for_each(|i| jac.add(i, i, 1.0)),
+    );
+    let problem = Mcp::equations(function).unwrap();
+    for start in [[300.0, -7.0], [-40.0, 0.2], [3e5, 2e4]] {
+        let mut x = start;
+        let mut solver = McpSolver::default();
+        let report = solver.solve(&problem, &mut x).unwrap();
+        assert!(report.is_solved(), "{start:?}: {}", report.status);
+        assert!(x.iter().all(|x| (x - 1.0005).abs() < 1e-12));
+    }
+}

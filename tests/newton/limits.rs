@@ -509,3 +509,16 @@ fn reports_count_each_evaluation() {
     }
     assert!(floors > 20);
 }
+
+/// x² − 2 is exactly ¼ at 1.5: no larger than a tolerance of ¼, so that no step is taken.
+#[test]
+fn residuals_as_large_as_the_tolerance_are_solutions() {
+    let map = scalar(|x| x * x - 2.0, |x| 2.0 * x);
+    for (tolerance, steps) in [(0.25, 0), (0.249, 1)] {
+        let mut newton = Newton::new(NewtonOptions::default().with_tolerances(tolerance, 0.0));
+        let mut x = [1.5];
+        assert_eq!(newton.solve(&map, &mut x), Ok(Convergence::Tolerance));
+        assert_eq!(newton.report().history.len() - 1, steps);
+        assert_eq!(x[0] == 1.5, steps == 0);
+    }
+}

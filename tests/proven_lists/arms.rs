@@ -342,3 +342,36 @@ fn vertical_arms_lead_into_the_bounds() {
         assert_eq!(tangents, expected, "{lower} {upper}");
     }
 }
+
+/// A stiff plate on an obstacle, just touched by its first node: where exact elimination would take too long, error bounds prove that
+/// there is one way on and one back.
+#[test]
+fn arms_of_large_problems_are_proven_without_exact_arithmetic() {
+    let (n, band) = (200, 40);
+    let mut entries: Vec<(usize, usize, f64)> = (0..n).map(|i| (i, i, 3.0 * band as f64)).collect();
+    for k in 1..=band {
+        entries.extend((k..n).flat_map(|i| [(i, i - k, -1.0), (i - k, i, -1.0)]));
+    }
+    entries.push((0, n, -1.0));
+    // F = M y − α e₀ + q with y = (0, 1, …, 1) and F = 0 at α = 1.
+    let mut y = vec![1.0; n];
+    y[0] = 0.0;
+    let mut q = vec![0.0; n];
+    q[0] = 1.0;
+    for &(i, j, v) in entries.iter().filter(|e| e.1 < n) {
+        q[i] -= v * y[j];
+    }
+    let matrix = Matrix::from_triplets(n, n + 1, &entries).unwrap();
+    let f = AffineFunction::new(matrix, q).unwrap();
+    let map = Mcp::new(f, vec![0.0; n], vec![f64::INFINITY; n]).unwrap();
+    y.push(1.0);
+    let found = arms(&map, &y);
+    assert!(
+        matches!(found.completeness, Completeness::Complete),
+        "{:?}",
+        found.completeness
+    );
+    let mut signs: Vec<i8> = found.arms.iter().map(sign).collect();
+    signs.sort_unstable();
+    assert_eq!(signs, [-1, 1]);
+}

@@ -332,4 +332,15 @@ mod tests {
         problem.residual(&select(&problem, &report.x), &report.x, &mut h);
         assert!(norm(&h) < 1e-12, "{h:?}");
     }
+
+    /// A rate of 0.9 that becomes ½: of many ratios the last ten count.
+    #[test]
+    fn rates_are_those_of_the_last_ratios() {
+        let mut changes: Vec<f64> = (0..20).map(|k| 0.9_f64.powi(k)).collect();
+        let last = changes[19];
+        changes.extend((1..=12).map(|k| last * 0.5_f64.powi(k)));
+        let switches = vec![0; changes.len()];
+        let rate = report(changes, switches).contraction().unwrap();
+        assert!((rate - 0.5).abs() < 1e-12, "{rate}");
+    }
 }

@@ -395,4 +395,29 @@ mod tests {
         curve.step_to([0.0, 1.0], [0.0, 1.0]);
         assert_eq!(curve.return_to(1, Facet::positive(1)), None);
     }
+
+    /// Test functions that fall from 1 to −4⁹⁻ᵏ at α = 1 − k/20, k = 1, …, 9: the one that falls deepest, and last, seems to vanish first. Each
+    /// that is located brings the one before it to light, down to α = 11/20.
+    #[test]
+    fn facets_behind_one_another_are_all_looked_for() {
+        fn falls<const K: i32>(_: f64, alpha: f64) -> [f64; 3] {
+            let depth = 1.0 + 4.0_f64.powi(9 - K);
+            let ramp = (200.0 * (alpha - 1.0 + 0.05 * f64::from(K))).tanh();
+            let rate = -100.0 * depth * (1.0 - ramp * ramp);
+            [1.0 - 0.5 * depth * (1.0 + ramp), 0.0, rate]
+        }
+        let map = Plane::within(
+            |y, _| [y, 1.0, 0.0],
+            &[
+                falls::<1>, falls::<2>, falls::<3>, falls::<4>, falls::<5>, falls::<6>, falls::<7>,
+                falls::<8>, falls::<9>,
+            ],
+        );
+        let mut run = map.curve(0.0, 0.1);
+        let curve = run.curve.erased_mut();
+        curve.step_to([0.0, 1.0], [0.0, 1.0]);
+        let first = curve.first_event().unwrap();
+        assert!(matches!(first, Ok(Some(Monitor::Facet { index: 8, .. }))));
+        assert!((curve.next.x[1] - 0.55).abs() < 1e-9, "{:?}", curve.next.x);
+    }
 }

@@ -112,3 +112,30 @@ impl<'a> Steps<'a> {
         self.solver.log_det().map(|d| d.0)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::cell::RefCell;
+
+    use super::*;
+    use crate::piecewise::MinMap;
+
+    /// y = 0 is deflated: at y = ±1 the factor of the step has a pole, next to which steps end ten units away.
+    #[test]
+    fn deflated_steps_are_of_limited_length() {
+        let seen = RefCell::new(Vec::new());
+        let map = MinMap::curve(1, |x: &[f64], a: &mut [f64], b: &mut [f64]| {
+            seen.borrow_mut().push(x[0]);
+            (a[0], b[0]) = (x[0], 1e9);
+        });
+        for off in [1e-8, -1e-8] {
+            seen.borrow_mut().clear();
+            let mut steps = Steps::new(&map).unwrap();
+            let known = [0.0, 0.0];
+            steps.deflated(&[&known], 1.0, &mut [1.0 + off, 0.0]);
+            let seen = seen.borrow();
+            let longest = seen.windows(2).fold(0.0_f64, |m, y| m.max((y[1] - y[0]).abs()));
+            assert!((longest - 10.0).abs() < 1e-3, "{off:e} {longest}");
+        }
+    }
+}

@@ -209,3 +209,41 @@ impl McpFunction for Homotopy<'_> {
         self.pattern.clone()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::complementarity::WithJacobian;
+
+    /// Beyond a bound F goes on along its tangent there: x² with 0 ≤ x ≤ 1 is 0 below and 2 x − 1 above.
+    #[test]
+    fn functions_go_on_straight_beyond_their_bounds() {
+        let square = WithJacobian::new(
+            1,
+            |x: &[f64], out: &mut [f64]| out[0] = x[0] * x[0],
+            |x: &[f64], jac: &mut Matrix| jac.add(0, 0, 2.0 * x[0]),
+        );
+        let homotopy = Homotopy {
+            function: &square,
+            lower: &[0.0],
+            upper: &[1.0],
+            row: vec![1.0],
+            col: vec![1.0],
+            anchor: vec![0.0],
+            pattern: Pattern::full(1, 2),
+            buffer: RefCell::new(Buffer {
+                x: vec![0.0],
+                beyond: vec![0.0],
+                f: vec![0.0],
+                jac: Matrix::zeros(Pattern::full(1, 1)),
+                evaluations: 0,
+                jacobians: 0,
+            }),
+        };
+        for (x, f) in [(-0.5, 0.0), (0.5, 0.25), (1.0, 1.0), (1.5, 2.0)] {
+            let mut out = [f64::NAN];
+            homotopy.value(&[x, 1.0], &mut out);
+            assert_eq!(out, [f], "{x}");
+        }
+    }
+}
