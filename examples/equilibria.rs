@@ -16,7 +16,7 @@ use std::process::ExitCode;
 use clap::Parser;
 use common::{Outcome, count, ensure, exit, file_in};
 use semismooth::complementarity::{Autodiff, Mcp, McpSolver, SmoothFunction};
-use semismooth::continuation::{Diagram, DiagramOptions, VertexKind};
+use semismooth::continuation::{ContinuationOptions, Diagram, DiagramOptions, VertexKind};
 use semismooth::output::{BranchDiagram, Colour, Panel, SegmentStyle};
 use semismooth::piecewise::{PiecewiseSmooth, Real, Selection};
 
@@ -53,7 +53,7 @@ struct Arguments {
     /// Folder for the picture
     #[arg(long, default_value = "out")]
     out: PathBuf,
-    /// Endowment r at which equilibria are listed, in (0.05, 1.5)
+    /// Endowment r at which equilibria are listed, in (0.25, 1.5)
     #[arg(long, default_value_t = 0.6)]
     at: f64,
 }
@@ -86,7 +86,11 @@ fn run(arguments: &Arguments) -> Outcome<()> {
     // All that is connected to it.
     let mut start = x.to_vec();
     start.push(r);
-    let options = DiagramOptions::default().with_parameter_range((0.05, 1.5));
+    // Prices go up to thousands, λ up to 0.25⁻⁹.
+    let steps = ContinuationOptions::default().with_max_step(1e3);
+    let options = DiagramOptions::default()
+        .with_continuation(steps)
+        .with_parameter_range((0.25, 1.5));
     let diagram = Diagram::explore(&market, &[start], &options)?;
     let names = ["x11", "x21", "λ1", "x12", "x22", "λ2", "p"];
     for vertex in diagram.vertices() {

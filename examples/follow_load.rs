@@ -76,9 +76,12 @@ fn run(args: &Args) -> Outcome<()> {
         }});
         println!("{summary}");
     } else {
+        let folds = match branch.folds() {
+            none if none.is_empty() => "no folds".to_owned(),
+            some => format!("folds at {}", list(&some, 10)),
+        };
         println!(
-            "\n{transitions} transitions, folds at {}, end: {} at γ = {end}; {} factorisations, {:.1} ms",
-            list(&branch.folds(), 10),
+            "\n{transitions} transitions, {folds}, end: {} at γ = {end}; {} factorisations, {:.1} ms",
             branch.termination,
             branch.factorisations,
             seconds * 1e3,
