@@ -492,7 +492,8 @@ pub(crate) struct Travel {
 impl Travel {
     pub(crate) fn along(self, run: &Run, map: &dyn PiecewiseSmooth) -> PyResult<(core::Branch, Names)> {
         let over = || run.poll().is_break();
-        let mut curve = Continuation::new_until(map, &self.x0, self.direction, self.options, over).map_err(raised)?;
+        let mut curve =
+            Continuation::new_until(map, &self.x0, self.direction, self.options, over).map_err(raised)?;
         for monitor in &self.monitors {
             let function = |x: &[f64]| monitor.value(run, x);
             curve = match monitor.stops {
