@@ -726,7 +726,7 @@ fn a_body_at_rest_is_in_equilibrium() {
 /// A diagonal matrix whose system breaks down at a given solve, or whose products are NaN from a given one on.
 struct Brittle {
     diagonal: Vec<f64>,
-    held: Vec<usize>,
+    constrained: Vec<usize>,
     added: Vec<(usize, usize, f64)>,
     solves: usize,
     products: usize,
@@ -748,7 +748,7 @@ impl Brittle {
     fn new(solves: usize, products: usize, left: f64) -> Self {
         Self {
             diagonal: vec![2.0, 4.0, 1.0, 1.0],
-            held: Vec::new(),
+            constrained: Vec::new(),
             added: Vec::new(),
             solves,
             products,
@@ -773,7 +773,7 @@ impl ReducedSystem for Brittle {
     }
 
     fn select(&mut self, step: &ReducedStep<'_>) -> Result<(), LinearError> {
-        (self.held, self.added) = (step.held.to_vec(), step.added.to_vec());
+        (self.constrained, self.added) = (step.constrained.to_vec(), step.added.to_vec());
         Ok(())
     }
 
@@ -787,7 +787,7 @@ impl ReducedSystem for Brittle {
             let more = self.added.iter().filter(|a| (a.0, a.1) == (k, k)).map(|a| a.2);
             *d = (1.0 - self.left) * r[k] / (self.diagonal[k] + more.sum::<f64>());
         }
-        self.held.iter().for_each(|k| d[*k] = 0.0);
+        self.constrained.iter().for_each(|k| d[*k] = 0.0);
         Ok(KrylovOutcome::new(1, self.left))
     }
 

@@ -15,8 +15,8 @@ pub(crate) struct Stiffness<'w> {
     near: Near<'w>,
     /// Whether the matrix is another than A.
     changed: Cell<bool>,
-    /// Of each row of `near`: whether its component is held.
-    held: RefCell<Vec<bool>>,
+    /// Of each row of `near`: whether its component is constrained.
+    constrained: RefCell<Vec<bool>>,
 }
 
 /// A among the components of contact nodes and their neighbours.
@@ -48,7 +48,7 @@ impl<'w> Stiffness<'w> {
             matrix,
             first: first as Int,
             changed: Cell::new(false),
-            held: RefCell::new(vec![false; near.rows.len()]),
+            constrained: RefCell::new(vec![false; near.rows.len()]),
             near,
         })
     }
@@ -68,31 +68,31 @@ impl<'w> Stiffness<'w> {
                 self.matrix.replace_row(*row, columns, &values)?;
             }
             self.matrix.assemble()?;
-            self.held.borrow_mut().fill(false);
+            self.constrained.borrow_mut().fill(false);
             self.changed.set(false);
         }
         Ok(&self.matrix)
     }
 
-    /// Makes rows and columns of `held` components of contact nodes those of a diagonal matrix and adds to entries (row, column, value) of
+    /// Makes rows and columns of `constrained` components of contact nodes those of a diagonal matrix and adds to entries (row, column, value) of
     /// such nodes. Collective.
     pub(crate) fn change(
         &mut self,
-        held: &[usize],
+        constrained: &[usize],
         diagonal: f64,
         added: &[(usize, usize, f64)],
     ) -> Result<(), PetscError> {
         self.original()?;
         self.changed.set(true);
-        let held: Vec<Int> = held.iter().map(|k| self.first + *k as Int).collect();
-        self.matrix.hold(&held, diagonal)?;
+        let constrained: Vec<Int> = constrained.iter().map(|k| self.first + *k as Int).collect();
+        self.matrix.hold(&constrained, diagonal)?;
         for &(i, j, v) in added {
             let (i, j) = (self.first + i as Int, self.first + j as Int);
             self.matrix.add_row(i, &[j], &[v])?;
         }
         self.matrix.assemble()?;
-        let flags = self.held.get_mut();
-        for row in held {
+        let flags = self.constrained.get_mut();
+        for row in constrained {
             if let Ok(k) = self.near.rows.binary_search(&row) {
                 flags[k] = true;
             }
@@ -111,12 +111,12 @@ impl<'w> Stiffness<'w> {
         x.set(u)?;
         self.matrix.mul(x, y)?;
         y.get(out)?;
-        let (near, held) = (&self.near, self.held.borrow());
+        let (near, constrained) = (&self.near, self.constrained.borrow());
         let at: Vec<usize> = near.rows.iter().map(|row| (row - self.first) as usize).collect();
         let mut all: Vec<f64> = at.iter().map(|k| u[*k]).collect();
         let mut of_held: Vec<f64> = all
             .iter()
-            .zip(&*held)
+            .zip(&*constrained)
             .map(|(u, h)| if *h { *u } else { 0.0 })
             .collect();
         for v in [&mut all, &mut of_held] {
@@ -126,7 +126,7 @@ impl<'w> Stiffness<'w> {
             near.matrix.mul(&x, &mut y)?;
             y.get(v)?;
         }
-        // Rows of contact nodes are those of A, in all others the columns of what is held are missing: nothing is added and subtracted.
+        // Rows of contact nodes are those of A, in all others the columns of what is constrained are missing: nothing is added and subtracted.
         for (k, at) in at.into_iter().enumerate() {
             match near.is_contact[k] {
                 true => out[at] = all[k],

@@ -43,14 +43,14 @@ pub(crate) fn krylov(world: &World, directions: usize) -> Result<Solver<'_>, Pet
 #[derive(Debug)]
 pub(crate) struct System<'w> {
     pub(crate) body: DistributedBody<'w>,
-    /// What is preconditioned, A with rows held and the symmetric part of the laws added, and what stands beside it.
+    /// What is preconditioned, A with rows constrained and the symmetric part of the laws added, and what stands beside it.
     sum: Option<Matrix<'w>>,
     solver: Solver<'w>,
     coarse: Option<Coarse<'w>>,
     x: Vector<'w>,
     y: Vector<'w>,
     max_iterations: usize,
-    held: Vec<usize>,
+    constrained: Vec<usize>,
 }
 
 impl<'w> System<'w> {
@@ -68,7 +68,7 @@ impl<'w> System<'w> {
             x: Vector::new(world, body.len, body.dim)?,
             y: Vector::new(world, body.len, body.dim)?,
             max_iterations,
-            held: Vec::new(),
+            constrained: Vec::new(),
             body,
         })
     }
@@ -83,18 +83,20 @@ impl<'w> System<'w> {
     }
 
     fn choose(&mut self, step: &ReducedStep<'_>) -> Result<(), PetscError> {
-        self.held.clear();
-        self.held.extend_from_slice(step.held);
+        self.constrained.clear();
+        self.constrained.extend_from_slice(step.constrained);
         let diagonal = self.body.node_stiffness;
         if self.sum.is_none() {
             self.body.world.trim();
         }
-        // The hierarchy is that of the first components held. What laws add may be larger than A by orders, and comes and goes.
+        // The hierarchy is that of the first components constrained. What laws add may be larger than A by orders, and comes and goes.
         if self.sum.is_none() && self.solver.is_multigrid()? {
-            self.body.stiffness.change(step.held, diagonal, &[])?;
+            self.body.stiffness.change(step.constrained, diagonal, &[])?;
             self.coarse = Coarse::new(&mut self.solver, &self.body.stiffness)?;
         }
-        self.body.stiffness.change(step.held, diagonal, step.added)?;
+        self.body
+            .stiffness
+            .change(step.constrained, diagonal, step.added)?;
         let beside = self.beside(step)?;
         let now = self.body.stiffness.now();
         let sum = Matrix::both(now, &beside)?;
@@ -153,7 +155,7 @@ impl<'w> System<'w> {
         }
         self.y.get(d)?;
         // The right-hand side is zero there; interpolation may have left a little.
-        self.held.iter().for_each(|k| d[*k] = 0.0);
+        self.constrained.iter().for_each(|k| d[*k] = 0.0);
         Ok(KrylovOutcome::new(solved.iterations, solved.residual / size))
     }
 }

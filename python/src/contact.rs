@@ -10,7 +10,7 @@ use semismooth::contact::{
     self, CondensedContact, ContactBody, ContactError, FrictionCoefficient, FrictionCurve, Frictionless,
     FullContact, NodeLaw, OrthotropicCoulomb, PlanarCoulomb, ReducedBody, ReducedContact, ReducedOptions,
 };
-use semismooth::fem::{self, ContactRows, Multipliers};
+use semismooth::fem::{self, ContactRows, MultiplierSpace};
 use semismooth::interface::{LoadCase, LoadPath};
 use semismooth::piecewise::PiecewiseSmooth;
 
@@ -271,16 +271,16 @@ impl GivenBound {
 }
 
 /// The space of contact forces by its name, or the size of its patches.
-fn multipliers(given: Option<&Bound<'_, PyAny>>) -> PyResult<Multipliers> {
+fn multipliers(given: Option<&Bound<'_, PyAny>>) -> PyResult<MultiplierSpace> {
     let Some(given) = given else {
-        return Ok(Multipliers::Nodal);
+        return Ok(MultiplierSpace::Nodal);
     };
     if let Ok(size) = given.extract::<f64>() {
-        return Ok(Multipliers::Patches { size });
+        return Ok(MultiplierSpace::Patches { size });
     }
     match given.extract::<String>().as_deref() {
-        Ok("nodal") => Ok(Multipliers::Nodal),
-        Ok("dual cells") => Ok(Multipliers::DualCells),
+        Ok("nodal") => Ok(MultiplierSpace::Nodal),
+        Ok("dual cells") => Ok(MultiplierSpace::DualCells),
         _ => Err(PyValueError::new_err(format!(
             "multipliers = {} is not known: write \"nodal\", \"dual cells\", or the size of patches",
             given.repr()?

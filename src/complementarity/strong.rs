@@ -5,8 +5,8 @@ use super::natural::{Piece, pieces};
 use super::{ComplementarityError, Mcp, McpFunction};
 use crate::linear::{AutoSolver, LinearError, LinearSolver, symmetric_eigenvalues};
 use crate::piecewise::{
-    Between, Doubt, ExactSigns, PiecewiseError, PiecewiseSmooth, Regularity, Selection, active_set, near,
-    singular, square,
+    Between, CertificateDoubt, ExactSigns, PiecewiseError, PiecewiseSmooth, Regularity, Selection,
+    active_set, near, singular, square,
 };
 use crate::sparse::Matrix;
 
@@ -27,7 +27,7 @@ const DENSE: usize = 500;
 /// Jacobian of that map, else strong regularity asks for more than [`cd_regularity`](crate::piecewise::cd_regularity).
 ///
 /// Where F is affine and rounding may decide about a minor, exact arithmetic does, up to 200 components and some tenths of a second; beyond it
-/// is undecided ([`Doubt::Rounding`]). Else it goes by floating-point numbers: ∇F_αα with a reciprocal condition below 1e-11 counts as singular,
+/// is undecided ([`CertificateDoubt::Rounding`]). Else it goes by floating-point numbers: ∇F_αα with a reciprocal condition below 1e-11 counts as singular,
 /// and quotients of minors below 1e-11 of the terms that cancel in them count as 0, whatever the units of F and x.
 ///
 /// Test functions of the natural map with |θ(x)| ≤ `tolerance` count as vanishing. A parameter keeps its value. That x is a solution is not
@@ -129,7 +129,7 @@ impl Ends<'_> {
                 Some(None) => {
                     return Ok(Regularity::Undecided {
                         examined: 0,
-                        doubt: Doubt::Rounding,
+                        doubt: CertificateDoubt::Rounding,
                     });
                 }
                 // Regular, but nothing is known of its inverse.
@@ -155,11 +155,11 @@ impl Ends<'_> {
             }),
             Minors::Capped { examined } => Ok(Regularity::Undecided {
                 examined,
-                doubt: Doubt::Limit,
+                doubt: CertificateDoubt::Limit,
             }),
             Minors::Unknown { examined } => Ok(Regularity::Undecided {
                 examined,
-                doubt: Doubt::Rounding,
+                doubt: CertificateDoubt::Rounding,
             }),
             Minors::NotPositive(which) => self.singular_one(&base, beta, &which),
         }

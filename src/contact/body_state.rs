@@ -22,7 +22,7 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
         let mut solution = ContactSolution::assemble(
             self.nodes_in_own_scale(x),
             |v| judge(&self.law.law, v),
-            |i| at_rest(&self.law.body.gap, &self.law.reference, i),
+            |i| offsets(&self.law.body.gap, &self.law.reference, i),
             (
                 state.stored(),
                 state.load_energy(),
@@ -34,8 +34,8 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
     }
 }
 
-/// u_ν, u_t less penetration and slip.
-fn at_rest(gap: &[f64], reference: &[f64], i: usize) -> [f64; 3] {
+/// The gap and the reference slips of node i, by which (u_ν, u_t) and (penetration, slip) differ.
+fn offsets(gap: &[f64], reference: &[f64], i: usize) -> [f64; 3] {
     let p = gap.len();
     let at = |d: usize| reference.get(d * p + i).copied().unwrap_or(0.0);
     [gap[i], at(0), at(1)]

@@ -6,9 +6,9 @@ use super::law::{LocalRow, LocalValues, MAX_TESTS, NodeLaw};
 use crate::piecewise::{ExactPieces, Facet, PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, Pattern};
 
-/// The augmentation parameter against the stiffness of single contact nodes, all others held: on meshes a node gives way about four times
-/// as much, as its neighbours move along.
-const GIVING_WAY: f64 = 0.25;
+/// The augmentation parameter against the stiffness of single contact nodes, all others fixed: on meshes the displacement of a node under a
+/// force is about four times as large, as its neighbours move along.
+pub(super) const RELATIVE_R: f64 = 0.25;
 
 /// A [`NodeLaw`] at each contact node of a body, as the law of an [`Interface`](crate::interface::Interface): a map of z = (v, λ, α) with
 /// v and λ ordered by direction (all normal ones first), then by node. Its sites are the contact nodes.
@@ -43,8 +43,8 @@ impl<L: NodeLaw> PerNode<L> {
             history: initial_history(&law, p),
             body,
             law,
-            r: GIVING_WAY * stiffness,
-            scale: GIVING_WAY * stiffness,
+            r: RELATIVE_R * stiffness,
+            scale: RELATIVE_R * stiffness,
             stiffness,
             parameters: 1,
             rows: OnceLock::new(),

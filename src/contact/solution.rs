@@ -110,11 +110,11 @@ impl ContactResiduals {
 impl ContactSolution {
     /// The solution with these values at its nodes; `law` gives the state and the residuals (normal, t₁, t₂) of a node.
     ///
-    /// `stored`, `load` and `equilibrium` are known elsewhere, `held` are u_ν, u_t less penetration and slip.
+    /// `stored`, `load` and `equilibrium` are known elsewhere, `offsets` of a node are the gap and the reference slips: (u_ν, u_t) = (penetration, slip) + offsets.
     pub(super) fn assemble(
         nodes: Vec<LocalValues>,
         mut law: impl FnMut(&LocalValues) -> (ContactState, [f64; 3]),
-        held: impl Fn(usize) -> [f64; 3],
+        offsets: impl Fn(usize) -> [f64; 3],
         (stored, load, equilibrium): (f64, f64, f64),
     ) -> Self {
         let mut energy = ContactEnergy {
@@ -130,11 +130,11 @@ impl ContactSolution {
             normal = normal.max(h[0].abs());
             tangential = tangential.max(h[1].abs()).max(h[2].abs());
             size = size.max(v.pressure.abs()).max(v.r * v.penetration.abs());
-            let held = held(i);
-            energy.normal += v.pressure * (v.penetration + held[0]);
+            let offsets = offsets(i);
+            energy.normal += v.pressure * (v.penetration + offsets[0]);
             for d in 0..2 {
                 size = size.max(v.traction[d].abs()).max(v.r * v.slip[d].abs());
-                energy.friction += v.traction[d] * (v.slip[d] + held[1 + d]);
+                energy.friction += v.traction[d] * (v.slip[d] + offsets[1 + d]);
                 energy.dissipated += v.traction[d] * v.slip[d];
             }
         }
@@ -238,8 +238,8 @@ mod tests {
             let states = [ContactState::Stick, ContactState::Open];
             let own: Vec<_> = order.iter().map(|&k| nodes[k]).collect();
             let law = |v: &LocalValues| (states[v.node], laws[v.node]);
-            let held = |i: usize| [[1.0, 2.0, 4.0], [8.0, 16.0, 32.0]][order[i]];
-            let solution = ContactSolution::assemble(own, law, held, (7.0, 9.0, 0.5));
+            let offsets = |i: usize| [[1.0, 2.0, 4.0], [8.0, 16.0, 32.0]][order[i]];
+            let solution = ContactSolution::assemble(own, law, offsets, (7.0, 9.0, 0.5));
             // The largest term is r |slip| of the second node.
             let expected = (0.5, 0.6 / 7.5, 0.9 / 7.5);
             let found = &solution.residuals;

@@ -27,8 +27,8 @@ pub use branch::Branch;
 pub use certificate::{certify, certify_with};
 pub use curve::Continuation;
 pub use diagram::{
-    Completeness, Diagram, DiagramBranch, DiagramEdge, DiagramFold, DiagramOptions, DiagramVertex, EdgeEnd,
-    Limit, Progress, SectionProgress, Solution, SolutionsAt, VertexArm, VertexKind,
+    Diagram, DiagramBranch, DiagramCompleteness, DiagramEdge, DiagramFold, DiagramOptions, DiagramSolution,
+    DiagramVertex, EdgeEnd, Limit, Progress, SectionProgress, SolutionsAt, VertexArm, VertexKind,
 };
 pub use error::ContinuationError;
 pub use options::{ContinuationOptions, Strategy};

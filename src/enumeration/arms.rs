@@ -6,7 +6,7 @@ use super::kernel::{MAX_KERNEL, solutions};
 use super::local::{VanishingTests, local_selections};
 use super::monotone::Complementary;
 use super::proven_arms::{FEW, proven_arms};
-use super::search::Search;
+use super::search::SelectionSearch;
 use super::system::System;
 use super::table::{Form, Table};
 use super::{Completeness, Doubt, EnumerationError, EnumerationOptions, system};
@@ -314,7 +314,7 @@ fn directional(
     };
     let m = map.num_vars();
     // What is found has to be examined, too.
-    let mut search = Search::new(&system, None, max_nodes, deadline.half());
+    let mut search = SelectionSearch::new(&system, None, max_nodes, deadline.half());
     let mut found = BTreeSet::new();
     let mut leaf = |pieces: &[usize]| -> Result<Option<Vec<Vec<usize>>>, EnumerationError> {
         let mut selection = active.first().clone();
@@ -373,7 +373,7 @@ fn directional(
 /// For each rate α̇ the pieces at the only direction, where it is known that there is one for each and none with α̇ = 0.
 fn unique_directions(
     system: &System,
-    search: &Search<'_>,
+    search: &SelectionSearch<'_>,
     m: usize,
     rates: &[f64],
     level: &[Form],
@@ -462,7 +462,7 @@ struct VerticalRoots {
 
 impl VerticalRoots {
     /// The directions for which the forms of `level` vanish.
-    fn new(search: &Search<'_>, level: &[Form]) -> Self {
+    fn new(search: &SelectionSearch<'_>, level: &[Form]) -> Self {
         let mut roots = Self {
             normalised: None,
             rest: None,

@@ -8,7 +8,7 @@
 
 use nalgebra::{Cholesky, DMatrix};
 
-use super::search::Search;
+use super::search::SelectionSearch;
 use super::system::System;
 use super::table::{Place, Sign, Table};
 
@@ -27,7 +27,7 @@ pub(super) struct Complementary<'a> {
 
 impl<'a> Complementary<'a> {
     /// The problem at a root, where it is one with a positive definite matrix.
-    pub(super) fn new(system: &'a System, search: &Search<'_>, root: &Table) -> Option<Self> {
+    pub(super) fn new(system: &'a System, search: &SelectionSearch<'_>, root: &Table) -> Option<Self> {
         let mut wanted = vec![false; root.variables()];
         let mut pairs = Vec::with_capacity(system.sites.len());
         for (s, site) in system.sites.iter().enumerate() {
@@ -92,7 +92,7 @@ impl<'a> Complementary<'a> {
 
     /// The pieces of all sites at the solution, those of a site where either may be chosen together, and the exchanges that led there. `None`
     /// where rounding hides the solution, or where it satisfies the equalities of pieces and not their facets.
-    pub(super) fn solve(&self, search: &Search<'_>) -> Option<(Vec<Vec<usize>>, u64)> {
+    pub(super) fn solve(&self, search: &SelectionSearch<'_>) -> Option<(Vec<Vec<usize>>, u64)> {
         let mut table = self.root.compact();
         let most = 20 * self.pairs.len() + 20;
         for step in 0.. {
@@ -164,7 +164,7 @@ fn symmetrizing(matrix: &DMatrix<f64>) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::super::arms::{directional_selections, level_selections, rate};
-    use super::super::search::Search;
+    use super::super::search::SelectionSearch;
     use super::super::{EnumerationError, EnumerationOptions, all_arms, system};
     use crate::clock::Deadline;
     use crate::complementarity::pivoting::Lemke;
@@ -257,7 +257,7 @@ mod tests {
             let active = active_set(&map, &vec![0.0; k + 1], 1e-12);
             let system = system::directional(&map, &vec![0.0; k + 1], &active, Deadline::after(None));
             let system = system.unwrap().unwrap();
-            let mut search = Search::new(&system, None, 100_000, Deadline::after(None));
+            let mut search = SelectionSearch::new(&system, None, 100_000, Deadline::after(None));
             let root = search.root(&[rate(&system, k + 1, -1.0)]).unwrap();
             let mut leaves = Vec::new();
             let run = search.run(root, &mut |pieces: &[usize]| {

@@ -5,11 +5,11 @@ use std::collections::BTreeSet;
 use super::certificate::Certificates;
 use super::enclosure::Enclosure;
 use super::exhaustive::{self, Budget, ExactPoint};
-use super::held::{Held, decide};
 use super::lists::{Completeness, Continuum, Doubt, Extent, LISTED, NAMED, Solution, SolutionSet};
 use super::near;
+use super::per_selection::{SelectionSolutions, decide};
 use super::reduced::{reduced_directions, reduced_solutions};
-use super::search::Search;
+use super::search::SelectionSearch;
 use super::stated::{Beyond, Stated};
 use super::{EnumerationError, EnumerationOptions};
 use crate::clock::Deadline;
@@ -144,7 +144,8 @@ impl Candidates {
         let mut found = Self::default();
         let whole = vec![vec![None; conditions.sites.len()]];
         let certificates = Certificates::new(&stated.system, stated.radii.clone());
-        let mut search = Search::new(&stated.system, Some(&certificates), options.max_nodes, deadline);
+        let mut search =
+            SelectionSearch::new(&stated.system, Some(&certificates), options.max_nodes, deadline);
         let mut unproven = whole.clone();
         if let Ok(root) = search.root(&[]) {
             let mut leaf = |pieces: &[usize]| -> Result<_, EnumerationError> {
@@ -201,7 +202,7 @@ fn holds_nothing(beyond: &Beyond, max_nodes: u64, deadline: Deadline<'_>) -> (bo
     let none = beyond.systems().all(|(system, radii)| {
         let certificates = Certificates::new(&system, radii.to_vec());
         let left = max_nodes.saturating_sub(nodes);
-        let mut search = Search::new(&system, Some(&certificates), left, deadline);
+        let mut search = SelectionSearch::new(&system, Some(&certificates), left, deadline);
         let Ok(root) = search.root(&[]) else {
             return false;
         };
@@ -284,8 +285,8 @@ impl<'a> Gathered<'a> {
         self.close = true;
         match decide(self.conditions, pieces, budget) {
             None => return false,
-            Some(Held::Nothing) => {}
-            Some(Held::Point { point, sign, touched }) => {
+            Some(SelectionSolutions::None) => {}
+            Some(SelectionSolutions::Point { point, sign, touched }) => {
                 let margin = if touched.is_empty() && sign != 0 {
                     INSIDE
                 } else {
@@ -293,7 +294,9 @@ impl<'a> Gathered<'a> {
                 };
                 self.point(pieces, point, sign, margin);
             }
-            Some(Held::Continuum { dimension, extent }) => self.continuum(pieces, dimension, extent),
+            Some(SelectionSolutions::Continuum { dimension, extent }) => {
+                self.continuum(pieces, dimension, extent)
+            }
         }
         true
     }
@@ -334,7 +337,7 @@ impl<'a> Gathered<'a> {
             return None;
         }
         self.attempts += 1;
-        let Some(Held::Point { point, .. }) = decide(self.conditions, pieces, budget) else {
+        let Some(SelectionSolutions::Point { point, .. }) = decide(self.conditions, pieces, budget) else {
             return None;
         };
         let active = exhaustive::active(self.conditions, &point);
@@ -414,10 +417,10 @@ impl<'a> Gathered<'a> {
     }
 
     /// Of each solution whether a continuum holds it. One that error bounds alone tell lies inside of its cell.
-    fn held_by_continua(&self) -> Vec<bool> {
+    fn on_continua(&self) -> Vec<bool> {
         let selections = self.continua.iter().flat_map(|c| &c.selections);
-        let held: Vec<Vec<usize>> = selections.map(|s| s.pieces().collect()).collect();
-        let inside = |p: &ExactPoint| held.iter().any(|h| exhaustive::contains(self.conditions, h, p));
+        let pieces: Vec<Vec<usize>> = selections.map(|s| s.pieces().collect()).collect();
+        let inside = |p: &ExactPoint| pieces.iter().any(|h| exhaustive::contains(self.conditions, h, p));
         self.points
             .iter()
             .map(|p| p.as_ref().is_some_and(inside))
@@ -426,10 +429,10 @@ impl<'a> Gathered<'a> {
 
     /// Drops what only singular selections hold as points, where it belongs to a continuum of another one.
     pub(super) fn drop_points_of_continua(&mut self) {
-        let held = self.held_by_continua();
-        let kept = self.solutions.iter().zip(held).map(|(s, held)| {
+        let on_continua = self.on_continua();
+        let kept = self.solutions.iter().zip(on_continua).map(|(s, on_continuum)| {
             let singular = s.det_signs.iter().all(|d| *d == Some(0));
-            !(singular && held)
+            !(singular && on_continuum)
         });
         let kept: Vec<bool> = kept.collect();
         let mut next = kept.iter();
@@ -499,7 +502,7 @@ impl<'a> Gathered<'a> {
     fn sharpen(&mut self, budget: &mut Budget) {
         for k in std::mem::take(&mut self.blunt) {
             let pieces: Vec<usize> = self.solutions[k].selections[0].pieces().collect();
-            if let Some(Held::Point { point, .. }) = decide(self.conditions, &pieces, budget) {
+            if let Some(SelectionSolutions::Point { point, .. }) = decide(self.conditions, &pieces, budget) {
                 self.solutions[k].x = self.full(point.to_f64());
             }
         }
@@ -535,8 +538,8 @@ impl<'a> Gathered<'a> {
     fn finish(mut self, map: &dyn PiecewiseSmooth, set: &mut SolutionSet) {
         let layout = TestLayout::new(map);
         let mut theta = vec![0.0; layout.total()];
-        let held = self.held_by_continua();
-        for (solution, held) in self.solutions.iter_mut().zip(held) {
+        let on_continua = self.on_continua();
+        for (solution, on_continuum) in self.solutions.iter_mut().zip(on_continua) {
             if solution.margin > 0.0 {
                 map.test_functions(&solution.x, &mut theta);
                 let pieces = solution.selections[0].pieces().enumerate();
@@ -546,7 +549,7 @@ impl<'a> Gathered<'a> {
             }
             solution.sort();
             solution.find_index();
-            solution.index = solution.index.filter(|_| !held);
+            solution.index = solution.index.filter(|_| !on_continuum);
         }
         self.solutions.sort_by(|a, b| a.selections.cmp(&b.selections));
         let indices: Option<i64> = self.solutions.iter().map(|s| s.index.map(i64::from)).sum();

@@ -5,9 +5,9 @@ use std::collections::BTreeSet;
 use super::EnumerationOptions;
 use super::arms::{DirectionalArm, DirectionalArms};
 use super::exhaustive::{self, Budget};
-use super::held::{Held, decide};
 use super::lists::Doubt;
 use super::near::{Directions, Near};
+use super::per_selection::{SelectionSolutions, decide};
 use super::proof::{Candidates, Gathered};
 use super::reduced::{normalised, reduced_directions, with_constants};
 use super::stated::Stated;
@@ -227,14 +227,14 @@ impl<'p> Arms<'p> {
         match decide(&self.conditions[2], pieces, budget) {
             None => return Err(Doubt::Limit),
             // A ray from 0, or a line through it.
-            Some(Held::Continuum {
+            Some(SelectionSolutions::Continuum {
                 extent: Some(extent), ..
             }) => {
                 for direction in extent.beyond {
                     level.point(pieces, direction, 0, 0.0);
                 }
             }
-            Some(Held::Continuum { .. }) => {
+            Some(SelectionSolutions::Continuum { .. }) => {
                 unresolved.insert(Selection::from_pieces(pieces.iter().copied()));
             }
             Some(_) => {}

@@ -15,7 +15,7 @@ const PROBES: usize = 3;
 /// Numbers in the tables of nodes not yet entered, beyond which such tables are made anew when their turn comes: 512 MB.
 const KEPT: usize = 1 << 26;
 /// Numbers in all tables and lists of the path from the root, beyond which the search stops: 2 GB.
-const HELD: usize = 1 << 28;
+const MAX_STORED: usize = 1 << 28;
 
 /// Nodes after which every node is tightened before branching: what little trees do not repay.
 const HARD: u64 = 1000;
@@ -41,8 +41,8 @@ struct Level {
     /// The node's own table, where not all children have theirs.
     parent: Option<Table>,
     children: std::vec::IntoIter<Child>,
-    /// Numbers held for the lists and the parent.
-    held: usize,
+    /// Numbers stored for the lists and the parent.
+    stored: usize,
 }
 
 /// Why a node has no children.
@@ -61,7 +61,7 @@ impl From<Contradiction> for Leave {
 
 /// What the search may do and what it has done.
 #[derive(Debug, Clone)]
-pub(super) struct Search<'a> {
+pub(super) struct SelectionSearch<'a> {
     system: &'a System,
     /// Variable of the first form of each site.
     offsets: Vec<usize>,
@@ -83,13 +83,13 @@ pub(super) struct Search<'a> {
     pub(super) unproven: Vec<Vec<Option<usize>>>,
     /// The table at the root of the present search.
     root: Option<Table>,
-    /// Numbers held by levels and tables.
-    held: usize,
+    /// Numbers stored by levels and tables.
+    stored: usize,
     kept: usize,
     limit: usize,
 }
 
-impl<'a> Search<'a> {
+impl<'a> SelectionSearch<'a> {
     pub(super) fn new(
         system: &'a System,
         certificates: Option<&'a Certificates>,
@@ -117,9 +117,9 @@ impl<'a> Search<'a> {
             certificates,
             unproven: Vec::new(),
             root: None,
-            held: 0,
+            stored: 0,
             kept: KEPT,
-            limit: HELD,
+            limit: MAX_STORED,
         }
     }
 
@@ -208,14 +208,14 @@ impl<'a> Search<'a> {
         let all: Vec<Vec<usize>> = (self.system.sites.iter())
             .map(|s| (0..s.pieces.len()).collect())
             .collect();
-        self.held = root.size();
+        self.stored = root.size();
         let mut path: Vec<Level> = Vec::new();
         let mut node = Some(root);
         loop {
             if let Some(table) = node.take() {
                 let (alive, weight) = path.last().map_or((&all, self.total), |l| (&l.alive, l.share));
                 if undecided.is_empty() {
-                    self.held -= table.size();
+                    self.stored -= table.size();
                     self.examined += 1.0;
                     if self.outside(&undecided, alive).is_none_or(|o| !o.is_empty()) {
                         let settled = leaf(&chosen)?;
@@ -231,7 +231,7 @@ impl<'a> Search<'a> {
                             return Ok(());
                         }
                     }
-                    self.held -= own;
+                    self.stored -= own;
                 }
             }
             let Some(level) = path.last_mut() else {
@@ -246,11 +246,11 @@ impl<'a> Search<'a> {
                 node = match (table, &level.parent) {
                     (None, Some(parent)) => self
                         .child(parent, level.site, k)
-                        .inspect(|t| self.held += t.size()),
+                        .inspect(|t| self.stored += t.size()),
                     (table, _) => table,
                 };
             } else {
-                self.held -= level.held;
+                self.stored -= level.stored;
                 self.decided[level.site] = None;
                 undecided.push(level.site);
                 let end = undecided.len() - 1;
@@ -325,9 +325,9 @@ impl<'a> Search<'a> {
         let share = weight / self.system.sites[site].pieces.len() as f64;
         let lists = alive.iter().map(|pieces| 3 + pieces.len()).sum::<usize>();
         let parent = children.iter().any(|c| c.1.is_none()).then_some(table);
-        let held = lists + parent.as_ref().map_or(0, Table::size);
-        self.held += children.iter().flat_map(|c| &c.1).map(Table::size).sum::<usize>() + held;
-        if self.held > self.limit {
+        let stored = lists + parent.as_ref().map_or(0, Table::size);
+        self.stored += children.iter().flat_map(|c| &c.1).map(Table::size).sum::<usize>() + stored;
+        if self.stored > self.limit {
             return Err(Leave::Stop);
         }
         self.examined += share * (self.system.sites[site].pieces.len() - children.len()) as f64;
@@ -339,7 +339,7 @@ impl<'a> Search<'a> {
             alive,
             parent,
             children: children.into_iter(),
-            held,
+            stored,
         })
     }
 
@@ -476,7 +476,7 @@ impl<'a> Search<'a> {
                 self.nodes += 1;
                 if let Some(child) = self.child(table, site, k) {
                     let size = child.size();
-                    let keep = self.held + size * (children.len() + 1) <= self.kept;
+                    let keep = self.stored + size * (children.len() + 1) <= self.kept;
                     children.push((k, keep.then_some(child)));
                 }
             }
@@ -594,7 +594,7 @@ mod tests {
         let system = system::at_parameter(&map, &choices, &[0.0; 6], Deadline::after(None))
             .unwrap()
             .unwrap();
-        let mut search = Search::new(&system, None, 1000, Deadline::after(None));
+        let mut search = SelectionSearch::new(&system, None, 1000, Deadline::after(None));
         (search.kept, search.limit) = (kept, limit);
         let mut leaves = Vec::new();
         let root = search.root(&[]).unwrap();
@@ -604,19 +604,19 @@ mod tests {
         });
         assert_eq!(all, Ok(()));
         assert!(
-            search.stopped || search.held == 0,
+            search.stopped || search.stored == 0,
             "{} numbers are left",
-            search.held
+            search.stored
         );
         (leaves, search.nodes, search.stopped)
     }
 
     #[test]
     fn tables_made_anew_give_the_same_leaves() {
-        let kept = search(KEPT, HELD);
+        let kept = search(KEPT, MAX_STORED);
         assert_eq!((kept.0.len(), kept.2), (64, false));
-        assert_eq!(search(0, HELD), kept);
-        assert_eq!(search(400, HELD), kept);
+        assert_eq!(search(0, MAX_STORED), kept);
+        assert_eq!(search(400, MAX_STORED), kept);
     }
 
     #[test]

@@ -4,7 +4,7 @@ use super::arms::level_selections;
 use super::kernel::{AffineSet, MAX_KERNEL, solutions};
 use super::lists::{Completeness, Continuum, Doubt, Extent, LISTED, NAMED, Solution, SolutionSet};
 use super::proof::MAX_COEFFICIENTS;
-use super::search::Search;
+use super::search::SelectionSearch;
 use super::{EnumerationError, EnumerationOptions, system};
 use crate::clock::Deadline;
 use crate::linear::{AutoSolver, LinearError, LinearSolver};
@@ -154,7 +154,7 @@ fn of_scaled(
     let (examined, total, stopped);
     let choices = system::all_choices(map);
     if let Some(system) = system::at_parameter(map, &choices, &origin, deadline)? {
-        let mut search = Search::new(&system, None, options.max_nodes, deadline);
+        let mut search = SelectionSearch::new(&system, None, options.max_nodes, deadline);
         match search.root(&[]) {
             Ok(root) => search.run(root, &mut |pieces| {
                 let selection = Selection::from_pieces(pieces.iter().copied());

@@ -222,7 +222,7 @@ impl Table {
         &self.data[r * self.stride..r * self.stride + self.width()]
     }
 
-    /// Numbers held.
+    /// Numbers stored.
     pub(super) fn size(&self) -> usize {
         self.data.capacity() + self.error.len() + 2 * self.place.len() + self.sign.len()
     }

@@ -37,7 +37,7 @@ pub use getfem::{parse_getfem, read_getfem};
 pub use gmsh::{parse_gmsh, read_gmsh};
 pub use material::{Material, PlaneModel};
 pub use mesh::{BoundaryFacet, Mesh};
-pub use multipliers::Multipliers;
+pub use multipliers::MultiplierSpace;
 pub use plastic::{PlasticBody, PlasticEnergies};
 pub use trace::TraceSpace;
 pub use von_mises::{PlasticResponse, PlasticState, VonMises};

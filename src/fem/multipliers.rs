@@ -14,7 +14,7 @@ use crate::sparse::Matrix;
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub enum Multipliers {
+pub enum MultiplierSpace {
     /// A force at each node (lumped).
     #[default]
     Nodal,
@@ -50,13 +50,13 @@ impl ElasticSystem {
         &self,
         facets: &str,
         foundation: &Foundation,
-        multipliers: Multipliers,
+        multipliers: MultiplierSpace,
     ) -> Result<ContactRows, FemError> {
         let size = match multipliers {
-            Multipliers::Nodal => return self.contact(facets, foundation),
-            Multipliers::DualCells => None,
-            Multipliers::Patches { size } if size > 0.0 && size.is_finite() => Some(size),
-            Multipliers::Patches { size } => return Err(FemError::PatchSize { size }),
+            MultiplierSpace::Nodal => return self.contact(facets, foundation),
+            MultiplierSpace::DualCells => None,
+            MultiplierSpace::Patches { size } if size > 0.0 && size.is_finite() => Some(size),
+            MultiplierSpace::Patches { size } => return Err(FemError::PatchSize { size }),
         };
         let patches = self.patches(facets, foundation, size)?;
         if patches.is_empty() {

@@ -1,10 +1,10 @@
 use nalgebra::Cholesky;
 
-use super::spectral::{self, Scaled};
+use super::spectral::{self, ScaledMatrix};
 use super::{LinearError, memory::check_finite};
 use crate::sparse::Matrix;
 
-fn dense(a: &Matrix) -> Result<Scaled, LinearError> {
+fn dense(a: &Matrix) -> Result<ScaledMatrix, LinearError> {
     if a.nrows() != a.ncols() {
         return Err(LinearError::NotSquare {
             nrows: a.nrows(),

@@ -18,13 +18,13 @@ const NEGLIGIBLE: f64 = 1e-140;
 const ACCURACY: f64 = 5.0 * f64::EPSILON;
 
 /// A full matrix with entries below 4, and the power of two by whose square it was divided.
-pub(super) struct Scaled {
+pub(super) struct ScaledMatrix {
     pub(super) entries: DMatrix<f64>,
     pub(super) unit: f64,
 }
 
 /// `a` in `rows` rows, at least its own; those added are zero.
-pub(super) fn scaled(a: &Matrix, rows: usize) -> Result<Scaled, LinearError> {
+pub(super) fn scaled(a: &Matrix, rows: usize) -> Result<ScaledMatrix, LinearError> {
     check_finite(a.values(), "the matrix")?;
     let zeros = dense_zeros(rows, a.ncols())?;
     let mut entries = DMatrix::from_vec(rows, a.ncols(), zeros);
@@ -41,7 +41,7 @@ pub(super) fn scaled(a: &Matrix, rows: usize) -> Result<Scaled, LinearError> {
             entries[(i, j)] = v * down * down;
         }
     }
-    Ok(Scaled {
+    Ok(ScaledMatrix {
         entries,
         unit: half.exp2(),
     })

@@ -594,8 +594,8 @@ impl<F: NonsmoothFunction> PiecewiseSmooth for Traced<F> {
 
 impl<F: NonsmoothFunction> Traced<F> {
     /// The abs-normal form, at any parameter or at one.
-    fn abs_normal(&self, held: Option<f64>) -> Option<AbsNormal> {
-        let found = abs_normal(self.num_vars(), held, self.num_residuals(), |x, out| {
+    fn abs_normal(&self, fixed: Option<f64>) -> Option<AbsNormal> {
+        let found = abs_normal(self.num_vars(), fixed, self.num_residuals(), |x, out| {
             self.function.eval(x, &mut Kinks::new(Mode::Switched), out);
         })?;
         let kinks = found.added.iter().filter_map(|added| match added {
@@ -654,10 +654,10 @@ impl<F: NonsmoothFunction> Traced<F> {
 impl<F: NonsmoothFunction> ExactPieces for Traced<F> {
     fn conditions(&self, alpha: f64) -> Option<ExactConditions> {
         let (n, m) = (self.num_residuals(), self.num_vars());
-        let held = self.has_parameter().then_some(alpha);
-        let found = self.abs_normal(None).or_else(|| self.abs_normal(Some(held?)))?;
+        let fixed = self.has_parameter().then_some(alpha);
+        let found = self.abs_normal(None).or_else(|| self.abs_normal(Some(fixed?)))?;
         // Behind the variables come the kinks and quotients; a parameter is no unknown.
-        let own = m - usize::from(held.is_some());
+        let own = m - usize::from(fixed.is_some());
         let unknowns = own + found.added.len();
         let count = |a: &Added| match a {
             Added::Kink { tests, pieces } => tests.len() + pieces.len(),
@@ -667,10 +667,10 @@ impl<F: NonsmoothFunction> ExactPieces for Traced<F> {
         if unknowns.saturating_mul(forms) > MAX_COEFFICIENTS {
             return None;
         }
-        let at = Exact::new(held.unwrap_or(0.0))?;
+        let at = Exact::new(fixed.unwrap_or(0.0))?;
         let dense = |terms: &Terms| {
             let mut terms = terms.clone();
-            if held.is_some() {
+            if fixed.is_some() {
                 let of_parameter = |t: &(usize, Exact)| t.0 + 1 == m;
                 if let Some(k) = terms.terms.iter().position(of_parameter) {
                     let (_, rate) = terms.terms.remove(k);

@@ -1,7 +1,8 @@
 use super::error::check_vector;
 use super::orientation::{Cones, Signs, examine, no_determinant};
 use super::{
-    ActiveSet, Doubt, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, active_set, cell_margin,
+    ActiveSet, CertificateDoubt, PiecewiseError, PiecewiseSmooth, Selection, TestLayout, active_set,
+    cell_margin,
 };
 use crate::sparse::Matrix;
 use crate::words;
@@ -154,7 +155,7 @@ pub enum CoherentOrientation {
         /// That selection.
         selection: Selection,
         /// What is not known.
-        doubt: Doubt,
+        doubt: CertificateDoubt,
     },
 }
 
@@ -218,11 +219,11 @@ pub(super) fn orientation_of(
         },
         Signs::Doubtful { selection } => CoherentOrientation::Doubtful {
             selection,
-            doubt: Doubt::Activity,
+            doubt: CertificateDoubt::Activity,
         },
         Signs::Rounding { selection } => CoherentOrientation::Doubtful {
             selection,
-            doubt: Doubt::Rounding,
+            doubt: CertificateDoubt::Rounding,
         },
     }))
 }

@@ -65,7 +65,7 @@ pub(crate) use scaled::{Scaled, check_sizes, is_ordinary};
 pub use selection::{Selection, Selections};
 pub use semismooth::Semismooth;
 pub use semismooth_regularity::{bd_regularity_semismooth, cd_regularity_semismooth};
-pub use uniqueness::{Doubt, LocalUniqueness, local_uniqueness, local_uniqueness_with};
+pub use uniqueness::{CertificateDoubt, LocalUniqueness, local_uniqueness, local_uniqueness_with};
 pub(crate) use vanishing::{Vanishing, gradient_of};
 
 pub use crate::exact::Exact;

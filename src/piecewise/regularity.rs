@@ -5,7 +5,7 @@ use super::error::check_vector;
 use super::hull::{self, Hull};
 use super::orientation::{Cell, Cones, sign_of};
 use super::uniqueness::SINGULAR;
-use super::{Doubt, PiecewiseError, PiecewiseSmooth, Selection, active_set};
+use super::{CertificateDoubt, PiecewiseError, PiecewiseSmooth, Selection, active_set};
 use crate::linear::{AutoSolver, LinearError, LinearSolver, least_singular_value};
 use crate::sparse::{Matrix, Pattern};
 use crate::words;
@@ -50,7 +50,7 @@ pub enum Regularity {
         /// Selections examined, none of them singular.
         examined: u64,
         /// What is not known.
-        doubt: Doubt,
+        doubt: CertificateDoubt,
     },
 }
 
@@ -89,7 +89,7 @@ impl fmt::Display for Regularity {
 ///
 /// Of a curve's map, y alone varies (∇_yH, the first n columns). A matrix whose reciprocal condition, rows and columns equilibrated, is below
 /// 1e-11 counts as singular, but where the map states [exact](PiecewiseSmooth::exact) coefficients: whether a matrix of theirs that rounding
-/// may decide about is singular is decided in exact arithmetic, up to 200 rows and some tenths of a second ([`Doubt::Rounding`] beyond).
+/// may decide about is singular is decided in exact arithmetic, up to 200 rows and some tenths of a second ([`CertificateDoubt::Rounding`] beyond).
 /// Test functions with |θ(x)| ≤ `tolerance` count as vanishing, and their unit gradients as dependent within 1e-8, by which is told which cells
 /// have points near x; at most `cap` active selections are examined, one factorisation each and
 /// up to 500 rows one singular value decomposition, O(n³).
@@ -128,7 +128,7 @@ pub fn bd_regularity<P: PiecewiseSmooth + ?Sized>(
 /// * ∂H(x) is the segment between two matrices A and B, and A⁻¹B has no eigenvalue on the negative half-line.
 ///
 /// Else segments between two elements, and random combinations, are searched for a determinant of the other sign, and what is left is
-/// undecided ([`Doubt::Combinations`]). The elements are judged as in [`bd_regularity`]; of mixtures of their rows that are none of them
+/// undecided ([`CertificateDoubt::Combinations`]). The elements are judged as in [`bd_regularity`]; of mixtures of their rows that are none of them
 /// floating-point numbers have to say clearly that they are regular. Above 500 rows only signs and choices of rows and columns decide.
 ///
 /// Conventions are those of [`bd_regularity`]; `cap` limits the choices of rows and the segments, too, each O(n³).
@@ -170,7 +170,7 @@ pub(super) fn convex_hull(
         }
         Hull::Open => Ok(Regularity::Undecided {
             examined: selections,
-            doubt: Doubt::Combinations,
+            doubt: CertificateDoubt::Combinations,
         }),
     }
 }
@@ -213,7 +213,7 @@ pub(super) fn examine(
     let (mut tally, mut doubtful) = (Tally::new(keep), None);
     for (selection, examined) in active.selections().zip(0..) {
         if examined == cap {
-            return Ok(tally.verdict(Some(Doubt::Limit)));
+            return Ok(tally.verdict(Some(CertificateDoubt::Limit)));
         }
         let cell = cones.element(&selection, &mut jac)?;
         if cell == Cell::Empty {
@@ -224,11 +224,11 @@ pub(super) fn examine(
                 return singular(vec![(selection, 1.0)], &square(&jac)?);
             }
             Determinant::Sign(0) => {
-                doubtful = doubtful.or(Some(Doubt::Activity));
+                doubtful = doubtful.or(Some(CertificateDoubt::Activity));
                 continue;
             }
             Determinant::Doubtful => {
-                doubtful = doubtful.or(Some(Doubt::Rounding));
+                doubtful = doubtful.or(Some(CertificateDoubt::Rounding));
                 continue;
             }
             Determinant::Sign(sign) => Some(sign),
@@ -282,7 +282,7 @@ impl<'k> Tally<'k> {
     }
 
     /// The verdict without a singular element; `doubt` is what is not known of others.
-    pub(super) fn verdict(self, doubt: Option<Doubt>) -> Regularity {
+    pub(super) fn verdict(self, doubt: Option<CertificateDoubt>) -> Regularity {
         match doubt {
             Some(doubt) => undecided(self.selections, doubt),
             None => Regularity::Regular {
@@ -294,7 +294,7 @@ impl<'k> Tally<'k> {
     }
 }
 
-fn undecided(examined: u64, doubt: Doubt) -> Regularity {
+fn undecided(examined: u64, doubt: CertificateDoubt) -> Regularity {
     Regularity::Undecided { examined, doubt }
 }
 

@@ -4,12 +4,12 @@ use super::error::check_vector;
 use super::orientation::sign_of;
 use super::regularity::{Element, Tally, convex_hull, singular};
 use super::uniqueness::SINGULAR;
-use super::{Doubt, PiecewiseError, Regularity, Selection, Semismooth};
+use super::{CertificateDoubt, PiecewiseError, Regularity, Selection, Semismooth};
 use crate::linear::{AutoSolver, LinearSolver};
 
 /// BD-regularity of a semismooth map, as [`bd_regularity`](super::bd_regularity) of a piecewise-smooth one: whether all elements that
 /// [`Semismooth::b_subdifferential`] gives at x, of those up to `cap`, are regular. Where it gives none the answer is undecided
-/// ([`Doubt::Elements`]). In verdicts a selection has one site, whose piece is the number of the element in that list.
+/// ([`CertificateDoubt::Elements`]). In verdicts a selection has one site, whose piece is the number of the element in that list.
 ///
 /// A matrix whose reciprocal condition, rows and columns equilibrated, is below 1e-11 counts as singular.
 ///
@@ -73,7 +73,7 @@ pub(super) fn examine_elements(
     let mut tally = Tally::new(keep);
     let known = map.b_subdifferential(x, tolerance, cap);
     let Some(matrices) = known.filter(|list| !list.is_empty()) else {
-        return Ok(tally.verdict(Some(Doubt::Elements)));
+        return Ok(tally.verdict(Some(CertificateDoubt::Elements)));
     };
     let pattern = map.pattern();
     let mut solver = AutoSolver::default();

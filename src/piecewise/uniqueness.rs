@@ -62,7 +62,7 @@ pub enum LocalUniqueness {
     /// Not decided, by rounding or for want of more than first derivatives.
     Doubtful {
         /// What is not known.
-        doubt: Doubt,
+        doubt: CertificateDoubt,
         /// The selection it is about.
         selection: Selection,
     },
@@ -72,7 +72,7 @@ pub enum LocalUniqueness {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub enum Doubt {
+pub enum CertificateDoubt {
     /// Whether the cell of a selection whose sign differs has points near x.
     Activity,
     /// How many directions the B-derivative takes to one value: all values tried have one on a boundary of cells.
@@ -87,7 +87,7 @@ pub enum Doubt {
     Limit,
 }
 
-impl fmt::Display for Doubt {
+impl fmt::Display for CertificateDoubt {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::Activity => "whether a cell has points near the point",
@@ -154,7 +154,7 @@ impl LocalUniqueness {
 ///
 /// * *Essentially active* is a selection whose cell has interior points arbitrarily near x, α fixed: some d has sign·∇_yθ·d > 0 on its
 ///   vanishing facets. Others (a kink that cancels) say nothing and are left out, where the tests are affine or two of them are one
-///   function; else they are a [`Doubt`] if their sign differs.
+///   function; else they are a [`CertificateDoubt`] if their sign differs.
 /// * *Coherent orientation*: det ∇_yH^(σ) has one sign over all essentially active σ. If not, uniqueness [fails](LocalUniqueness::fails).
 /// * *One preimage*: a coherently oriented piecewise linear map takes every value without preimages on boundaries of cells equally
 ///   often, and is a homeomorphism exactly if that is once. At most four cells cannot wind twice (D. Kuhn, R. Löwen, Linear Algebra
@@ -281,11 +281,11 @@ pub(super) fn verdict(
             at_least: constant,
         }),
         Signs::Doubtful { selection } => Ok(LocalUniqueness::Doubtful {
-            doubt: Doubt::Activity,
+            doubt: CertificateDoubt::Activity,
             selection,
         }),
         Signs::Rounding { selection } => Ok(LocalUniqueness::Doubtful {
-            doubt: Doubt::Rounding,
+            doubt: CertificateDoubt::Rounding,
             selection,
         }),
         Signs::NoDeterminant => Err(no_determinant()),
@@ -333,7 +333,7 @@ fn winding(cones: &Cones<'_>, active: &ActiveSet) -> Result<Option<LocalUniquene
         }
     }
     Ok(Some(LocalUniqueness::Doubtful {
-        doubt: Doubt::Preimages,
+        doubt: CertificateDoubt::Preimages,
         selection: active.first().clone(),
     }))
 }

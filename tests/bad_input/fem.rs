@@ -1,7 +1,7 @@
 use std::path::Path;
 
 use semismooth::fem::{
-    CellKind, Elasticity, Foundation, Material, Mesh, Multipliers, PlaneModel, PlasticBody, TraceSpace,
+    CellKind, Elasticity, Foundation, Material, Mesh, MultiplierSpace, PlaneModel, PlasticBody, TraceSpace,
     VonMises, parse_getfem, parse_gmsh, read_getfem, read_gmsh,
 };
 
@@ -420,7 +420,7 @@ fn bodies(t: &mut Table) {
             system.contact(group, &Foundation::gap(|_| 0.0))
         });
         t.refuses("fem::ElasticSystem::contact_with", group, group, || {
-            system.contact_with(group, &Foundation::gap(|_| 0.0), Multipliers::DualCells)
+            system.contact_with(group, &Foundation::gap(|_| 0.0), MultiplierSpace::DualCells)
         });
         t.refuses("fem::TraceSpace::new", group, group, || {
             TraceSpace::new(system.mesh(), group, None).map(drop)
@@ -444,14 +444,18 @@ fn bodies(t: &mut Table) {
                 system.contact_with(
                     "bottom",
                     &Foundation::gap(|_| 0.0),
-                    Multipliers::Patches { size: bad },
+                    MultiplierSpace::Patches { size: bad },
                 )
             },
         );
     }
     for size in [1e-320, f64::MAX] {
         t.survives("fem::ElasticSystem::contact_with", "patches", || {
-            system.contact_with("bottom", &Foundation::gap(|_| 0.0), Multipliers::Patches { size })
+            system.contact_with(
+                "bottom",
+                &Foundation::gap(|_| 0.0),
+                MultiplierSpace::Patches { size },
+            )
         });
     }
     t.survives("fem::ElasticSystem::dof", "any node", || {

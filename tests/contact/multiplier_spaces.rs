@@ -5,7 +5,7 @@ use semismooth::contact::{
     LoadPath, NodeLaw, OrthotropicCoulomb, PlanarCoulomb, check_multipliers, inf_sup_constant,
 };
 use semismooth::fem::{
-    ContactRows, ElasticSystem, Elasticity, FemError, Foundation, Material, Mesh, Multipliers,
+    ContactRows, ElasticSystem, Elasticity, FemError, Foundation, Material, Mesh, MultiplierSpace,
 };
 use semismooth::sparse::Matrix;
 
@@ -31,7 +31,7 @@ fn ground(dim: usize) -> Foundation {
 
 fn solve<L: NodeLaw>(
     system: &ElasticSystem,
-    multipliers: Multipliers,
+    multipliers: MultiplierSpace,
     law: L,
 ) -> (ContactSolution, ContactRows) {
     let dim = system.mesh().dim();
@@ -65,11 +65,11 @@ fn friction() -> FrictionCoefficient {
     FrictionCoefficient::uniform(FrictionCurve::constant(0.3).unwrap())
 }
 
-fn spaces(h: f64) -> [Multipliers; 3] {
+fn spaces(h: f64) -> [MultiplierSpace; 3] {
     [
-        Multipliers::Nodal,
-        Multipliers::DualCells,
-        Multipliers::Patches { size: 2.0 * h },
+        MultiplierSpace::Nodal,
+        MultiplierSpace::DualCells,
+        MultiplierSpace::Patches { size: 2.0 * h },
     ]
 }
 
@@ -139,7 +139,7 @@ fn means_of_rigid_motions() {
             .fix("top")
             .assemble()
             .unwrap();
-        for multipliers in [Multipliers::DualCells, Multipliers::Patches { size: 1.0 }] {
+        for multipliers in [MultiplierSpace::DualCells, MultiplierSpace::Patches { size: 1.0 }] {
             let rows = system.contact_with("bottom", &ground(dim), multipliers).unwrap();
             assert!((rows.areas.iter().sum::<f64>() - 2.0).abs() < 1e-13);
             let mut u = vec![0.0; system.num_free()];
@@ -169,7 +169,7 @@ fn means_of_rigid_motions() {
 fn invisible_multipliers_are_refused() {
     let system = system(2, 2);
     let rows = system
-        .contact_with("bottom", &ground(2), Multipliers::Patches { size: 0.5 })
+        .contact_with("bottom", &ground(2), MultiplierSpace::Patches { size: 0.5 })
         .unwrap();
     let again: Vec<_> = rows
         .normal
@@ -188,12 +188,12 @@ fn invisible_multipliers_are_refused() {
         ContactError::InvisibleMultiplier { expected: 8, rank: 4 }
     );
     for size in [0.0, -1.0, f64::NAN] {
-        let error = system.contact_with("bottom", &ground(2), Multipliers::Patches { size });
+        let error = system.contact_with("bottom", &ground(2), MultiplierSpace::Patches { size });
         assert!(matches!(error, Err(FemError::PatchSize { .. })));
     }
     assert!(
         system
-            .contact_with("nowhere", &ground(2), Multipliers::DualCells)
+            .contact_with("nowhere", &ground(2), MultiplierSpace::DualCells)
             .is_err()
     );
 }

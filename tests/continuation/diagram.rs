@@ -6,7 +6,7 @@ use std::ops::ControlFlow;
 use crate::common::{Case, cases};
 use crate::maps::two_pieces;
 use semismooth::continuation::{
-    Completeness, ContinuationError, ContinuationOptions, Diagram, DiagramOptions, Limit, VertexKind,
+    ContinuationError, ContinuationOptions, Diagram, DiagramCompleteness, DiagramOptions, Limit, VertexKind,
 };
 use semismooth::piecewise::{MinMap, PiecewiseSmooth, Selection};
 use semismooth::sparse::Matrix;
@@ -213,7 +213,7 @@ fn limits_are_told() {
     })
     .unwrap();
     match stopped.completeness() {
-        Completeness::Limited(list) => assert!(list.contains(&Limit::Stopped)),
+        DiagramCompleteness::Limited(list) => assert!(list.contains(&Limit::Stopped)),
         other => panic!("{other}"),
     }
     // A curve that is given up, at its length or at its number of points, leaves a diagram that is not complete.
@@ -222,7 +222,7 @@ fn limits_are_told() {
         let mut options = DiagramOptions::default();
         options.continuation = inner;
         let diagram = Diagram::explore(&circle, &[[0.8, 0.6]], &options).unwrap();
-        let Completeness::Limited(list) = diagram.completeness() else {
+        let DiagramCompleteness::Limited(list) = diagram.completeness() else {
             panic!("{diagram}");
         };
         assert!(list.iter().any(|l| matches!(l, Limit::Curve { .. })), "{diagram}");

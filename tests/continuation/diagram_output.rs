@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use crate::common;
 use semismooth::contact::{CondensedContact, FrictionCoefficient, FullContact, LoadPath, PlanarCoulomb};
 use semismooth::continuation::{
-    Completeness, Diagram, DiagramOptions, Limit, SectionProgress, VertexKind, certify,
+    Diagram, DiagramCompleteness, DiagramOptions, Limit, SectionProgress, VertexKind, certify,
 };
 use semismooth::enumeration::{EnumerationOptions, all_solutions};
 use semismooth::linear::{DenseLu, LinearSolver};
@@ -273,7 +273,7 @@ fn sections_are_observed() {
         .unwrap();
         assert_eq!(asked_after, 0);
         match diagram.completeness() {
-            Completeness::Limited(list) => assert!(list.contains(&Limit::Stopped), "{list:?}"),
+            DiagramCompleteness::Limited(list) => assert!(list.contains(&Limit::Stopped), "{list:?}"),
             other => panic!("{other}"),
         }
         diagram
@@ -290,7 +290,7 @@ fn a_section_that_is_not_complete_is_told() {
     let few = EnumerationOptions::default().with_max_nodes(3);
     let diagram = Diagram::explore_sections(&three_nodes(), &[0.0], &options, &few).unwrap();
     match diagram.completeness() {
-        Completeness::Limited(list) => assert!(list.contains(&Limit::Solutions { parameter: 0.0 })),
+        DiagramCompleteness::Limited(list) => assert!(list.contains(&Limit::Solutions { parameter: 0.0 })),
         other => panic!("{other}"),
     }
 }
@@ -551,7 +551,7 @@ fn limits_in_words() {
     ] {
         assert_eq!(limit.to_string(), text);
     }
-    let list = Completeness::Limited(vec![Limit::MaxEdges, curve]);
+    let list = DiagramCompleteness::Limited(vec![Limit::MaxEdges, curve]);
     assert_eq!(
         list.to_string(),
         "incomplete: limit on edges; tends to infinity at vertex 3"

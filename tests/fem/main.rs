@@ -3,7 +3,7 @@
 mod plastic;
 
 use semismooth::fem::{
-    CellKind, Elasticity, FemError, Foundation, Material, Mesh, Multipliers, PlaneModel, parse_getfem,
+    CellKind, Elasticity, FemError, Foundation, Material, Mesh, MultiplierSpace, PlaneModel, parse_getfem,
 };
 use semismooth::linear::{Cholesky, LinearSolver};
 
@@ -443,7 +443,7 @@ fn bad_input() {
         Err(FemError::Frame { .. })
     ));
     // The normal of the ground points up, to the body.
-    for multipliers in [Multipliers::Nodal, Multipliers::DualCells] {
+    for multipliers in [MultiplierSpace::Nodal, MultiplierSpace::DualCells] {
         let turned = Foundation::plane([0.0; 3], [0.0, -1.0, 0.0]);
         let error = system.contact_with("bottom", &turned, multipliers).unwrap_err();
         assert!(error.to_string().contains("points into the body"), "{error}");

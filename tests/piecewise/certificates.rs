@@ -191,7 +191,7 @@ fn complementarity_is_certified_for_p_matrices() {
 mod traced {
     use super::*;
     use semismooth::continuation::{Branch, ContinuationOptions, Direction, TransitionKind, certify};
-    use semismooth::piecewise::{Doubt, Kinks, NonsmoothFunction, Real, Traced};
+    use semismooth::piecewise::{CertificateDoubt, Kinks, NonsmoothFunction, Real, Traced};
 
     /// 2 y + 4 y₊ − 4 y₊ = α: two sites with one test function.
     struct Cancelling;
@@ -264,7 +264,7 @@ mod traced {
             matches!(
                 found,
                 LocalUniqueness::Doubtful {
-                    doubt: Doubt::Activity,
+                    doubt: CertificateDoubt::Activity,
                     ..
                 }
             ),

@@ -3,7 +3,7 @@
 use semismooth::complementarity::{FischerBurmeister, Lcp, Mcp, McpFunction, WithJacobian};
 use semismooth::newton::{Newton, NewtonOptions};
 use semismooth::piecewise::{
-    Doubt, Regularity, RegularityOptions, Selection, Semismooth, bd_regularity_semismooth,
+    CertificateDoubt, Regularity, RegularityOptions, Selection, Semismooth, bd_regularity_semismooth,
     cd_regularity_semismooth,
 };
 use semismooth::sparse::Matrix;
@@ -138,7 +138,7 @@ fn regularity_of_semismooth_maps() {
     assert!(at(0.0, 0.0, 1.0).fails());
     let degenerate = Regularity::Undecided {
         examined: 0,
-        doubt: Doubt::Elements,
+        doubt: CertificateDoubt::Elements,
     };
     assert_eq!(at(1.0, 0.0, 0.0), degenerate);
 

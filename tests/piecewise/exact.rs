@@ -4,8 +4,8 @@ use num_bigint::BigInt;
 use num_traits::{Signed, Zero};
 use semismooth::complementarity::{Lcp, strong_regularity};
 use semismooth::piecewise::{
-    CoherentOrientation, Doubt, Regularity, Selection, bd_regularity, cd_regularity, coherent_orientation,
-    local_index,
+    CertificateDoubt, CoherentOrientation, Regularity, Selection, bd_regularity, cd_regularity,
+    coherent_orientation, local_index,
 };
 use semismooth::sparse::Matrix;
 
@@ -244,7 +244,7 @@ fn what_takes_too_long_is_undecided() {
         let x = vec![1.0; n];
         let rounding = Regularity::Undecided {
             examined: 0,
-            doubt: Doubt::Rounding,
+            doubt: CertificateDoubt::Rounding,
         };
         for found in [
             bd_regularity(lcp.mcp(), &x, 1e-9, 10).unwrap(),
@@ -261,7 +261,7 @@ fn what_takes_too_long_is_undecided() {
         let doubtful = matches!(
             found,
             CoherentOrientation::Doubtful {
-                doubt: Doubt::Rounding,
+                doubt: CertificateDoubt::Rounding,
                 ..
             }
         );

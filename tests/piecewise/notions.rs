@@ -5,8 +5,8 @@ use semismooth::complementarity::{Lcp, Mcp, McpOptions, McpSolver, NormalMap, st
 use semismooth::enumeration::{EnumerationOptions, all_solutions};
 use semismooth::newton::{Newton, NewtonOptions};
 use semismooth::piecewise::{
-    Activity, BElement, CoherentOrientation, Doubt, MinMap, PiecewiseError, PiecewiseSmooth, Regularity,
-    RegularityOptions, Selection, active_set, b_subdifferential, bd_regularity, cd_regularity,
+    Activity, BElement, CertificateDoubt, CoherentOrientation, MinMap, PiecewiseError, PiecewiseSmooth,
+    Regularity, RegularityOptions, Selection, active_set, b_subdifferential, bd_regularity, cd_regularity,
     clarke_element, coherent_orientation, local_index, select,
 };
 use semismooth::sparse::Matrix;
@@ -269,7 +269,7 @@ fn a_singular_selection_is_named() {
         cut,
         Regularity::Undecided {
             examined: 1,
-            doubt: Doubt::Limit
+            doubt: CertificateDoubt::Limit
         }
     );
 }

@@ -1,7 +1,7 @@
 //! Interior points for the law with De Saxcé's term: from anywhere into the neighbourhood of a solution.
 
 use super::cone::tangential_norm;
-use super::scaled::Scaled;
+use super::scaled::ScaledProblem;
 use crate::cones::{self, Cone, Image};
 
 /// A shorter step is one that De Saxcé's term has spoilt; the next few leave its derivative out. The iteration then is that of a
@@ -35,7 +35,7 @@ pub(super) struct Interior<const D: usize> {
 
 /// y of x.
 struct Law<'a, const D: usize> {
-    p: &'a Scaled<D>,
+    p: &'a ScaledProblem<D>,
     is_frozen: bool,
     direction: &'a mut [[f64; D]],
     reactions: &'a mut [[f64; D]],
@@ -46,7 +46,7 @@ fn inverse(mu: f64) -> f64 {
     if mu > 0.0 { mu.recip() } else { 1.0 }
 }
 
-fn reactions_of<const D: usize>(p: &Scaled<D>, x: &[f64], r: &mut [[f64; D]]) {
+fn reactions_of<const D: usize>(p: &ScaledProblem<D>, x: &[f64], r: &mut [[f64; D]]) {
     for (i, r) in r.iter_mut().enumerate() {
         r.copy_from_slice(&x[i * D..(i + 1) * D]);
         r[0] *= inverse(p.friction[i]);
@@ -125,7 +125,7 @@ impl<const D: usize> Law<'_, D> {
 }
 
 impl<const D: usize> Interior<D> {
-    pub(super) fn new(p: &Scaled<D>) -> Self {
+    pub(super) fn new(p: &ScaledProblem<D>) -> Self {
         let nc = p.contacts();
         let m = &p.matrix;
         let mut col_ptr = vec![0];
@@ -159,11 +159,11 @@ impl<const D: usize> Interior<D> {
     }
 
     /// Whether the order is one at which a factorisation that may be of no use is too dear.
-    pub(super) fn is_large(p: &Scaled<D>) -> bool {
+    pub(super) fn is_large(p: &ScaledProblem<D>) -> bool {
         p.contacts() * D >= LARGE
     }
 
-    fn parts<'a>(&'a mut self, p: &'a Scaled<D>) -> (&'a mut cones::Interior, Law<'a, D>) {
+    fn parts<'a>(&'a mut self, p: &'a ScaledProblem<D>) -> (&'a mut cones::Interior, Law<'a, D>) {
         let law = Law {
             p,
             is_frozen: self.frozen > 0,
@@ -174,7 +174,7 @@ impl<const D: usize> Interior<D> {
     }
 
     /// Puts x and y well inside of the cones near the reactions `r`.
-    pub(super) fn start(&mut self, p: &Scaled<D>, r: &[[f64; D]], may_freeze: bool) {
+    pub(super) fn start(&mut self, p: &ScaledProblem<D>, r: &[[f64; D]], may_freeze: bool) {
         self.may_freeze = may_freeze;
         self.frozen = 0;
         let mut x = r.to_vec();
@@ -190,7 +190,7 @@ impl<const D: usize> Interior<D> {
     }
 
     /// The reactions of x.
-    pub(super) fn reactions(&self, p: &Scaled<D>, r: &mut [[f64; D]]) {
+    pub(super) fn reactions(&self, p: &ScaledProblem<D>, r: &mut [[f64; D]]) {
         reactions_of(p, self.engine.x(), r);
     }
 
@@ -200,7 +200,7 @@ impl<const D: usize> Interior<D> {
     }
 
     /// One step with one factorisation; the length of the step, or `None` if the matrix was singular.
-    pub(super) fn step(&mut self, p: &Scaled<D>) -> Option<f64> {
+    pub(super) fn step(&mut self, p: &ScaledProblem<D>) -> Option<f64> {
         let (engine, mut law) = self.parts(p);
         let length = engine.step(&mut law)?;
         if self.frozen > 0 {
@@ -234,7 +234,7 @@ mod tests {
         let m = Matrix::from_triplets(n, n, &m).unwrap();
         let q = (0..n).map(|i| (1.7 * i as f64).cos()).collect();
         let problem = DelassusProblem::new(3, m, q, vec![0.3, 0.8, 0.5, 0.0]).unwrap();
-        let p = Scaled::<3>::new(&problem);
+        let p = ScaledProblem::<3>::new(&problem);
         let x: Vec<f64> = (0..n).map(|i| (2.3 * i as f64).sin()).collect();
         let (col_ptr, row_idx) = Interior::new(&p).into_pattern();
         for is_frozen in [false, true] {

@@ -1,7 +1,7 @@
 //! Semismooth Newton on the residual of Alart and Curnier, for M + αI and q − α c: one proximal step.
 
 use super::cone::tangential_norm;
-use super::scaled::{Block, Scaled, Vector, add_product};
+use super::scaled::{Block, ScaledProblem, Vector, add_product};
 use crate::clock::Deadline;
 use crate::linear::{AutoSolver, LinearSolver};
 use crate::sparse::{MatrixRef, PatternRef};
@@ -165,7 +165,7 @@ impl<const D: usize> Newton<D> {
     }
 
     /// F at `r`; the squared norm.
-    fn evaluate(&mut self, p: &Scaled<D>, r: &[[f64; D]], alpha: f64, centre: &[[f64; D]]) -> f64 {
+    fn evaluate(&mut self, p: &ScaledProblem<D>, r: &[[f64; D]], alpha: f64, centre: &[[f64; D]]) -> f64 {
         p.velocities(r, &mut self.u);
         let mut sum = 0.0;
         for i in 0..r.len() {
@@ -182,7 +182,7 @@ impl<const D: usize> Newton<D> {
     /// looked at before each factorisation but the first.
     pub(super) fn solve(
         &mut self,
-        p: &Scaled<D>,
+        p: &ScaledProblem<D>,
         r: &mut [[f64; D]],
         alpha: f64,
         centre: &[[f64; D]],
@@ -235,7 +235,7 @@ impl<const D: usize> Newton<D> {
     }
 
     /// The Newton step from `r`, where F was evaluated last. False if the matrix is singular.
-    fn newton_step(&mut self, p: &Scaled<D>, r: &[[f64; D]], alpha: f64) -> bool {
+    fn newton_step(&mut self, p: &ScaledProblem<D>, r: &[[f64; D]], alpha: f64) -> bool {
         let m = &p.matrix;
         self.closed.clear();
         for i in 0..r.len() {
@@ -293,7 +293,7 @@ impl<const D: usize> Newton<D> {
     }
 
     /// A + B (M + αI) of the closed contacts.
-    fn assemble(&mut self, p: &Scaled<D>, alpha: f64) {
+    fn assemble(&mut self, p: &ScaledProblem<D>, alpha: f64) {
         let m = &p.matrix;
         self.col_ptr.clear();
         self.row_idx.clear();
@@ -390,7 +390,7 @@ mod tests {
             let q = (0..n)
                 .map(|i| (1.7 * i as f64 + f64::from(shift)).sin() - if i % 3 == 0 { 0.8 } else { 0.0 });
             let problem = DelassusProblem::new(3, m.clone(), q.collect(), vec![0.3, 0.8, 0.5, 1.1]).unwrap();
-            let p = Scaled::<3>::new(&problem);
+            let p = ScaledProblem::<3>::new(&problem);
             let mut newton = Newton::<3>::new(Deadline::after(None));
             let centre = vec![[1.0, 0.0, 0.0]; 4];
             for alpha in [10.0, 1.0, 0.1] {

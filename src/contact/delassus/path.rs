@@ -2,7 +2,7 @@
 
 use super::cone::tangential_norm;
 use super::interior::Interior;
-use super::scaled::{Block, Scaled, Vector, add_product};
+use super::scaled::{Block, ScaledProblem, Vector, add_product};
 use crate::clock::Deadline;
 use crate::linear::{AutoSolver, LinearSolver};
 use crate::sparse::{MatrixRef, PatternRef};
@@ -95,7 +95,7 @@ fn smoothed_projection<const D: usize>(mu: f64, z: &[f64; D], nu: f64) -> ([f64;
 
 impl<const D: usize> CentralPath<D> {
     /// The pattern is that of `interior`.
-    pub(super) fn new(p: &Scaled<D>, interior: Interior<D>) -> Self {
+    pub(super) fn new(p: &ScaledProblem<D>, interior: Interior<D>) -> Self {
         let nc = p.contacts();
         let (col_ptr, row_idx) = interior.into_pattern();
         let mut one = [0.0; D];
@@ -124,7 +124,7 @@ impl<const D: usize> CentralPath<D> {
     }
 
     /// The reactions of the point of the path.
-    pub(super) fn reactions(&self, p: &Scaled<D>, r: &mut [[f64; D]]) {
+    pub(super) fn reactions(&self, p: &ScaledProblem<D>, r: &mut [[f64; D]]) {
         r.copy_from_slice(&self.x);
         for (r, &mu) in r.iter_mut().zip(&p.friction) {
             r[0] /= if mu > 0.0 { mu } else { 1.0 };
@@ -132,7 +132,7 @@ impl<const D: usize> CentralPath<D> {
     }
 
     /// The residual at `trial` into the first half of `rhs`, its derivative by ln ν into the second; the residual's norm.
-    fn evaluate(&mut self, p: &Scaled<D>, log_nu: f64) -> f64 {
+    fn evaluate(&mut self, p: &ScaledProblem<D>, log_nu: f64) -> f64 {
         let nu = log_nu.exp();
         let half = self.trial.len() * D;
         let mut reactions = std::mem::take(&mut self.reactions);
@@ -166,7 +166,7 @@ impl<const D: usize> CentralPath<D> {
     }
 
     /// −J⁻¹ of both halves of `rhs`, J = I − P′ + P′ G M̃ at the point evaluated last.
-    fn solve(&mut self, p: &Scaled<D>) -> Option<()> {
+    fn solve(&mut self, p: &ScaledProblem<D>) -> Option<()> {
         let m = &p.matrix;
         let mut at = 0;
         for j in 0..self.trial.len() {
@@ -206,7 +206,7 @@ impl<const D: usize> CentralPath<D> {
     /// The point with ν = 1, by damped Newton steps; counts factorisations. `None` if it was not reached.
     pub(super) fn start(
         &mut self,
-        p: &Scaled<D>,
+        p: &ScaledProblem<D>,
         left: usize,
         deadline: Deadline<'static>,
         spent: &mut usize,
@@ -269,7 +269,7 @@ impl<const D: usize> CentralPath<D> {
     /// One step along the path, halved until its corrections converge; counts factorisations. `None` where it leads no further.
     pub(super) fn advance(
         &mut self,
-        p: &Scaled<D>,
+        p: &ScaledProblem<D>,
         left: usize,
         deadline: Deadline<'static>,
         spent: &mut usize,
@@ -316,7 +316,7 @@ impl<const D: usize> CentralPath<D> {
     }
 
     /// One correction of `trial` across the tangent; its length.
-    fn correct(&mut self, p: &Scaled<D>, log_nu: &mut f64, w: f64) -> Option<f64> {
+    fn correct(&mut self, p: &ScaledProblem<D>, log_nu: &mut f64, w: f64) -> Option<f64> {
         self.evaluate(p, *log_nu);
         self.solve(p)?;
         let (newton, rate) = self.rhs.split_at(self.x.len() * D);
@@ -396,7 +396,7 @@ mod tests {
         let q = vec![-5.0, -4.0, 1.0, -3.0, 0.1, 0.2, 4.0, 1.0, 1.0, -2.0, 1.0, 0.0];
         let m = Matrix::from_triplets(n, n, &m).unwrap();
         let problem = DelassusProblem::new(3, m, q, vec![0.3, 0.8, 0.5, 0.0]).unwrap();
-        let p = Scaled::<3>::new(&problem);
+        let p = ScaledProblem::<3>::new(&problem);
         let mut path = CentralPath::new(&p, Interior::new(&p));
         let (deadline, mut spent) = (Deadline::after(None), 0);
         path.start(&p, 1000, deadline, &mut spent).unwrap();

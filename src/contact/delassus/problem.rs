@@ -1,5 +1,5 @@
 use super::DelassusError;
-use super::scaled::Scaled;
+use super::scaled::ScaledProblem;
 use crate::sparse::Matrix;
 
 /// A frictional contact problem reduced to its contacts: find the reactions r with
@@ -199,7 +199,7 @@ impl DelassusProblem {
     }
 
     fn block_residual<const D: usize>(&self, r: &[f64]) -> f64 {
-        let scaled = Scaled::<D>::new(self);
+        let scaled = ScaledProblem::<D>::new(self);
         let (mut u, mut contacts) = (vec![[0.0; D]; self.contacts()], vec![[0.0; 2]; self.contacts()]);
         scaled.law(&scaled.scale(r), &mut u, &mut contacts).residual
     }

@@ -13,7 +13,7 @@ pub(super) type Block<const D: usize> = [[f64; D]; D];
 /// With S = diag(s_i) one positive factor a contact and σ = ‖S q‖∞ the scaled problem is S M S, S q / σ, with r = σ S r̃ and
 /// u = σ S⁻¹ ũ: cones and the law do not feel it.
 #[derive(Debug, Clone)]
-pub(super) struct Scaled<const D: usize> {
+pub(super) struct ScaledProblem<const D: usize> {
     pub(super) friction: Vec<f64>,
     pub(super) q: Vector<D>,
     pub(super) matrix: BlockMatrix<D>,
@@ -171,7 +171,7 @@ pub(super) fn add_product<const D: usize>(b: &Block<D>, r: &[f64; D], u: &mut [f
     }
 }
 
-impl<const D: usize> Scaled<D> {
+impl<const D: usize> ScaledProblem<D> {
     pub(super) fn new(problem: &DelassusProblem) -> Self {
         let nc = problem.contacts();
         let mut matrix = BlockMatrix::<D>::new(problem);
@@ -334,7 +334,7 @@ mod tests {
             let q = (0..n).map(|_| random.symmetric()).collect();
             let m = Matrix::from_triplets(n, n, &m).unwrap();
             let problem = DelassusProblem::new(3, m, q, vec![0.5; nc]).unwrap();
-            let p = Scaled::<3>::new(&problem);
+            let p = ScaledProblem::<3>::new(&problem);
             let blocks: Vec<(usize, usize)> = (0..nc)
                 .flat_map(|j| p.matrix.column(j).map(move |(i, _)| (i, j)))
                 .collect();

@@ -1,7 +1,7 @@
 //! Problems whose states are known: linear as long as nothing slips in space.
 
 use super::newton::Piece;
-use super::scaled::{Scaled, add_product};
+use super::scaled::{ScaledProblem, add_product};
 use crate::linear::SmallLu;
 
 /// One unknown reaction of contact `contact` along `direction`, and the component of its velocity that vanishes.
@@ -16,7 +16,7 @@ struct Unknown<const D: usize> {
 /// where it sticks, u_N = 0 and r_T = ±μ r_N where it slips. False, with `r` as it was, where a contact slips in space or the system is
 /// singular. Whether the law holds is for the caller to see.
 pub(super) fn solve_settled<const D: usize>(
-    p: &Scaled<D>,
+    p: &ScaledProblem<D>,
     state: impl Fn(usize, &[f64; D]) -> Piece,
     r: &mut [[f64; D]],
 ) -> bool {
@@ -77,7 +77,7 @@ mod tests {
     use crate::sparse::Matrix;
     use crate::spread::Random;
 
-    fn problem<const D: usize>(random: &mut Random, contacts: usize) -> Scaled<D> {
+    fn problem<const D: usize>(random: &mut Random, contacts: usize) -> ScaledProblem<D> {
         let n = D * contacts;
         let all = (0..n).flat_map(|i| (0..n).map(move |j| (i, j)));
         // Some blocks are not stored.
@@ -86,7 +86,7 @@ mod tests {
         let m = Matrix::from_triplets(n, n, &entries.collect::<Vec<_>>()).unwrap();
         let q = (0..n).map(|_| random.symmetric()).collect();
         let friction = (0..contacts).map(|_| 0.5 + 0.4 * random.symmetric()).collect();
-        Scaled::new(&DelassusProblem::new(D, m, q, friction).unwrap())
+        ScaledProblem::new(&DelassusProblem::new(D, m, q, friction).unwrap())
     }
 
     /// Each state's equations hold for u = M r + q, computed apart, and slip keeps its side of the cone.
@@ -96,7 +96,7 @@ mod tests {
         let states = [Piece::Open, Piece::Stick, Piece::Slip];
         for case in 0..200 {
             let contacts = 1 + case % 7;
-            let p: Scaled<2> = problem(&mut random, contacts);
+            let p: ScaledProblem<2> = problem(&mut random, contacts);
             let given: Vec<Piece> = (0..contacts).map(|i| states[(case / 3 + i * i) % 3]).collect();
             let start: Vec<[f64; 2]> = (0..contacts).map(|_| [1.0, random.symmetric()]).collect();
             let mut r = start.clone();
@@ -121,7 +121,7 @@ mod tests {
     #[test]
     fn slip_in_space_and_singular_systems_are_left_alone() {
         let mut random = Random::new(4);
-        let p: Scaled<3> = problem(&mut random, 3);
+        let p: ScaledProblem<3> = problem(&mut random, 3);
         let start = vec![[1.0, 0.2, 0.1]; 3];
         let mut r = start.clone();
         let slips = |i: usize, _: &[f64; 3]| if i == 2 { Piece::Slip } else { Piece::Stick };
@@ -136,7 +136,7 @@ mod tests {
         let twice = DelassusProblem::new(2, ones, vec![-1.0, 0.0, -1.0, 0.0], vec![0.5; 2]).unwrap();
         let mut r = vec![[0.5, 0.1]; 2];
         assert!(!solve_settled(
-            &Scaled::<2>::new(&twice),
+            &ScaledProblem::<2>::new(&twice),
             |_, _| Piece::Stick,
             &mut r
         ));

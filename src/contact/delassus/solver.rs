@@ -6,7 +6,7 @@ use super::local::solve_contact;
 use super::newton::{Inner, Newton, Piece};
 use super::path::CentralPath;
 use super::report::{DelassusIteration, DelassusPhase, DelassusReport, DelassusStatus};
-use super::scaled::{Scaled, Vector, add_product, larger};
+use super::scaled::{ScaledProblem, Vector, add_product, larger};
 use super::settled::solve_settled;
 use super::{DelassusError, DelassusOptions, DelassusProblem};
 use crate::clock::Deadline;
@@ -185,7 +185,7 @@ struct Run<'a, const D: usize> {
     problem: &'a DelassusProblem,
     options: &'a DelassusOptions,
     observe: &'a mut dyn FnMut(&DelassusIteration) -> ControlFlow<()>,
-    scaled: Scaled<D>,
+    scaled: ScaledProblem<D>,
     newton: Newton<D>,
     r: Vector<D>,
     u: Vector<D>,
@@ -218,7 +218,7 @@ impl<'a, const D: usize> Run<'a, D> {
         start: Option<&[f64]>,
         observe: &'a mut dyn FnMut(&DelassusIteration) -> ControlFlow<()>,
     ) -> Self {
-        let scaled = Scaled::new(problem);
+        let scaled = ScaledProblem::new(problem);
         let started = start.is_some();
         let zero = vec![[0.0; D]; problem.contacts()];
         let r = start.map_or_else(|| zero.clone(), |start| scaled.scale(start));

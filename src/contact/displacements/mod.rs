@@ -14,6 +14,7 @@ use std::sync::Arc;
 
 use super::body_state::BodyState;
 use super::error::{check_finite, check_length};
+use super::per_node::RELATIVE_R;
 use super::solution::judge;
 use super::{
     CondensedContact, ContactError, ContactOptions, ContactProgress, ContactSolution, NodeLaw, check_law,
@@ -30,8 +31,6 @@ pub use report::{ReducedIteration, ReducedProgress, ReducedReport, ReducedStrate
 use system::SerialSystem;
 pub use system::{KrylovObserver, KrylovOutcome, ReducedStep, ReducedSystem};
 
-/// The augmentation parameter against the stiffness of single contact nodes, as in the other forms.
-const GIVING_WAY: f64 = 0.25;
 /// Pressures and tractions up to which the condensed form, whose matrices are dense, is tried.
 const MAX_DENSE: usize = 10_000;
 /// How many more displacements a body in the plane may have than one in space for a factorisation of about the same cost.
@@ -129,7 +128,7 @@ impl<L: NodeLaw> ReducedContact<L> {
         })?;
         Ok(Self {
             components: body.contacts.iter().map(|c| body.dim() * c).collect(),
-            r: GIVING_WAY * body.node_stiffness(),
+            r: RELATIVE_R * body.node_stiffness(),
             reference: vec![0.0; p * tangents],
             history: vec![0.0; p * law.num_history()],
             body,

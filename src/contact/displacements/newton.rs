@@ -113,8 +113,8 @@ impl ReducedNodes<'_> {
             ..LocalValues::default()
         };
         for d in 0..law.num_tangents() {
-            let held = self.reference.get(d * p + i).copied().unwrap_or(0.0);
-            v.slip[d] = u[at + 1 + d] - held;
+            let rest = self.reference.get(d * p + i).copied().unwrap_or(0.0);
+            v.slip[d] = u[at + 1 + d] - rest;
             v.traction[d] = force(at + 1 + d);
         }
         let h = law.num_history();
@@ -167,7 +167,7 @@ pub fn solve_reduced_observed<S: ReducedSystem>(
         Err(stop) => return Err(stop.with(Best::start(u, nodes, law).report(ReducedStrategy::Newton))),
     };
     let len = is_contact.len();
-    let mut search = Search {
+    let mut search = ReducedSearch {
         system,
         nodes,
         law,
@@ -326,13 +326,13 @@ impl Best {
 
 #[derive(Debug, Default)]
 struct Lists {
-    held: Vec<usize>,
+    constrained: Vec<usize>,
     added: Vec<(usize, usize, f64)>,
     beside: Vec<(usize, usize, f64)>,
     combined: Vec<(usize, usize, f64)>,
 }
 
-struct Search<'a, S> {
+struct ReducedSearch<'a, S> {
     system: &'a mut S,
     nodes: &'a ReducedNodes<'a>,
     law: &'a dyn NodeLaw,
@@ -360,7 +360,7 @@ struct Search<'a, S> {
 
 type Outcome<T, E> = Result<T, Stop<E>>;
 
-impl<S: ReducedSystem> Search<'_, S> {
+impl<S: ReducedSystem> ReducedSearch<'_, S> {
     /// Newton's method from the start, then load steps; what led to `best`, which is the solution if there is one.
     fn solve(&mut self) -> Outcome<ReducedStrategy, S::Error> {
         let options = self.options;
@@ -654,7 +654,7 @@ impl<S: ReducedSystem> Search<'_, S> {
         self.linearise(u);
         let lists = &self.lists;
         let step = ReducedStep {
-            held: &lists.held,
+            constrained: &lists.constrained,
             added: &lists.added,
             beside: &lists.beside,
             combined: &lists.combined,
@@ -698,7 +698,7 @@ impl<S: ReducedSystem> Search<'_, S> {
     /// The matrix of the step; prescribed changes go into u.
     fn linearise(&mut self, u: &mut [f64]) {
         let lists = &mut self.lists;
-        lists.held.clear();
+        lists.constrained.clear();
         lists.added.clear();
         lists.beside.clear();
         lists.combined.clear();
@@ -708,7 +708,7 @@ impl<S: ReducedSystem> Search<'_, S> {
             for d in 0..=self.law.num_tangents() {
                 if let Some(change) = node.prescribed[d] {
                     u[at + d] += change;
-                    lists.held.push(at + d);
+                    lists.constrained.push(at + d);
                     continue;
                 }
                 for e in (0..=self.law.num_tangents()).filter(|&e| free(e)) {

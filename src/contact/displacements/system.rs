@@ -42,7 +42,7 @@ pub trait ReducedSystem {
     /// Those of the implementation; a matrix that is singular.
     fn select(&mut self, step: &ReducedStep<'_>) -> Result<(), Self::Error>;
 
-    /// `d` ← an approximate solution for the right-hand side `r` (which is 0 where components are held, as d is), with a residual below
+    /// `d` ← an approximate solution for the right-hand side `r` (which is 0 where components are constrained, as d is), with a residual below
     /// `tolerance` ‖r‖₂ if that is reached within the limits of the implementation.
     ///
     /// # Errors
@@ -80,13 +80,13 @@ pub trait ReducedSystem {
 /// Sees the number of iterations of a linear solve, and may end it. It may be called from a thread of the pool.
 pub type KrylovObserver<'a> = dyn FnMut(usize) -> ControlFlow<()> + Send + 'a;
 
-/// A matrix in terms of the stiffness matrix A: rows and columns that are held become those of the identity, the rest is A + `added` +
+/// A matrix in terms of the stiffness matrix A: rows and columns that are constrained become those of the identity, the rest is A + `added` +
 /// `beside` + `combined`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct ReducedStep<'a> {
     /// Components whose values are prescribed.
-    pub held: &'a [usize],
+    pub constrained: &'a [usize],
     /// (row, column, value) in diagonal blocks of contact nodes: symmetric, positive semidefinite, to be preconditioned with A.
     pub added: &'a [(usize, usize, f64)],
     /// (row, column, value) beside what is preconditioned.
@@ -125,7 +125,7 @@ pub(super) struct SerialSystem {
     hierarchy: Hierarchy,
     gmres: Gmres,
     max_iterations: usize,
-    held: Vec<usize>,
+    constrained: Vec<usize>,
     beside: Vec<(usize, usize, f64)>,
     combined: Vec<(usize, usize, f64)>,
 }
@@ -159,7 +159,7 @@ impl SerialSystem {
             hierarchy,
             gmres: Gmres::flexible(directions),
             max_iterations,
-            held: Vec::new(),
+            constrained: Vec::new(),
             beside: Vec::new(),
             combined: Vec::new(),
         })
@@ -203,15 +203,15 @@ impl ReducedSystem for SerialSystem {
     }
 
     fn select(&mut self, step: &ReducedStep<'_>) -> Result<(), LinearError> {
-        self.held.clear();
-        self.held.extend_from_slice(step.held);
+        self.constrained.clear();
+        self.constrained.extend_from_slice(step.constrained);
         self.beside.clear();
         self.beside.extend_from_slice(step.beside);
         self.combined.clear();
         self.combined.extend_from_slice(step.combined);
         let changed = match (&mut self.hierarchy, &self.body.stiffness.blocks) {
-            (Hierarchy::Plane(h), NodalBlocks::Plane(a)) => h.constrain(a, step.held, step.added),
-            (Hierarchy::Space(h), NodalBlocks::Space(a)) => h.constrain(a, step.held, step.added),
+            (Hierarchy::Plane(h), NodalBlocks::Plane(a)) => h.constrain(a, step.constrained, step.added),
+            (Hierarchy::Space(h), NodalBlocks::Space(a)) => h.constrain(a, step.constrained, step.added),
             _ => Err(LinearError::NotAnalyzed),
         };
         match changed {
@@ -234,7 +234,7 @@ impl ReducedSystem for SerialSystem {
     ) -> Result<KrylovOutcome, LinearError> {
         d.copy_from_slice(r);
         let rows = Rows {
-            held: &self.held,
+            constrained: &self.constrained,
             beside: &self.beside,
             combined: &self.combined,
         };
@@ -267,7 +267,7 @@ impl ReducedSystem for SerialSystem {
 
 /// What differs from A in the matrix at hand, but for what the hierarchy knows.
 struct Rows<'a> {
-    held: &'a [usize],
+    constrained: &'a [usize],
     beside: &'a [(usize, usize, f64)],
     combined: &'a [(usize, usize, f64)],
 }
@@ -294,7 +294,7 @@ impl Rows<'_> {
                 for &(i, j, c) in self.combined {
                     y[i] += c * row_product(a, j, x);
                 }
-                self.held.iter().for_each(|&k| y[k] = 0.0);
+                self.constrained.iter().for_each(|&k| y[k] = 0.0);
             },
             |z| {
                 stopped = stopped || observe(iterations).is_break();

@@ -28,7 +28,7 @@ const SHORT: f64 = 1e-8;
 const OBLIQUE: f64 = 400.0;
 
 /// Intermediate quantities of the orthotropic law.
-struct Scaled {
+struct ScaledTraction {
     f: [f64; 2],
     /// Derivatives of F₁, F₂.
     df: [LocalRow; 2],
@@ -120,7 +120,7 @@ impl OrthotropicCoulomb {
         (a * root, row)
     }
 
-    fn scaled(&self, v: &LocalValues) -> Scaled {
+    fn scaled(&self, v: &LocalValues) -> ScaledTraction {
         let (phi, dphi) = if self.is_coulomb() {
             (v.slip_norm(), LocalRow::default())
         } else {
@@ -142,7 +142,7 @@ impl OrthotropicCoulomb {
         }
         let norm = z[0].hypot(z[1]);
         let direction = if norm > 0.0 { z.map(|c| c / norm) } else { [0.0; 2] };
-        Scaled {
+        ScaledTraction {
             f,
             df,
             dz,

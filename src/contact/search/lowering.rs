@@ -26,9 +26,9 @@ const ACCURATE: f64 = 1e-12;
 const LARGEST: f64 = 0.25;
 const SMALLEST: f64 = 1.0 / 512.0;
 
-/// A way down: its strategy, which order of touching nodes it takes, the largest number of points of a path, and the time that is left.
+/// How to lower the body: the strategy, which order of touching nodes it takes, the largest number of points of a path, and the time that is left.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::contact) struct Way {
+pub(in crate::contact) struct Lowering {
     pub(in crate::contact) strategy: ContactStrategy,
     pub(in crate::contact) trial: usize,
     pub(in crate::contact) points: usize,
@@ -36,7 +36,7 @@ pub(in crate::contact) struct Way {
 }
 
 /// What became of an attempt: the last point, in the variables of the form, and how many points were found on the way.
-pub(in crate::contact) struct Arrival {
+pub(in crate::contact) struct LoweringEnd {
     pub(in crate::contact) x: Vec<f64>,
     pub(in crate::contact) points: usize,
     pub(in crate::contact) interrupted: bool,
@@ -125,10 +125,10 @@ impl<L: NodeLaw> NodeLaw for Lowered<L> {
 pub(in crate::contact) fn lower<V: View>(
     form: &Contact<V, &dyn NodeLaw>,
     alpha: f64,
-    way: Way,
+    lowering: Lowering,
     options: &ContactOptions,
     observe: &mut Observer<'_>,
-) -> Result<Option<Arrival>, ContactError> {
+) -> Result<Option<LoweringEnd>, ContactError> {
     let (m, p) = (form.num_vars(), form.num_sites());
     let displacements = form.leading();
     let open = Selection::uniform(p, 0);
@@ -144,7 +144,7 @@ pub(in crate::contact) fn lower<V: View>(
     if !(height > 0.0 && height.is_finite()) {
         return Ok(None);
     }
-    let distance = |i: usize| height * (3.0 + golden((way.trial + 1) * (i + 1) + 7 * way.trial));
+    let distance = |i: usize| height * (3.0 + golden((lowering.trial + 1) * (i + 1) + 7 * lowering.trial));
     let law = Lowered {
         law: *form.node_law(),
         alpha,
@@ -154,12 +154,12 @@ pub(in crate::contact) fn lower<V: View>(
     x[m - 1] = 0.0;
     let mut see = |level: f64, points: usize| {
         observe(&ContactProgress {
-            strategy: way.strategy,
+            strategy: lowering.strategy,
             points,
             level,
         })
     };
-    let arrival = if way.strategy == ContactStrategy::Increments {
+    let arrival = if lowering.strategy == ContactStrategy::Increments {
         Some(increments(&map, x, options, &mut see))
     } else {
         let mut units = vec![height * form.law().stiffness; m];
@@ -168,8 +168,8 @@ pub(in crate::contact) fn lower<V: View>(
         units[m - 1] = 1.0;
         let affordable = (WORK / (m as f64).powi(3)).max(FEWEST) as usize;
         let options = ContactOptions {
-            max_points: way.points.min(affordable),
-            max_time: way.left,
+            max_points: lowering.points.min(affordable),
+            max_time: lowering.left,
             ..options.clone()
         };
         follow(&map, &x, units, &options, &mut see)
@@ -186,10 +186,10 @@ fn increments(
     x: Vec<f64>,
     options: &ContactOptions,
     see: &mut dyn FnMut(f64, usize) -> ControlFlow<()>,
-) -> Arrival {
+) -> LoweringEnd {
     let last = x.len() - 1;
     let mut newton = Newton::new(options.newton.clone());
-    let mut end = Arrival {
+    let mut end = LoweringEnd {
         x,
         points: 0,
         interrupted: false,
@@ -219,7 +219,7 @@ fn follow(
     units: Vec<f64>,
     limits: &ContactOptions,
     see: &mut dyn FnMut(f64, usize) -> ControlFlow<()>,
-) -> Option<Arrival> {
+) -> Option<LoweringEnd> {
     let last = x.len() - 1;
     let options = ContinuationOptions::default()
         .with_parameter_range((-0.2, 1.0))
@@ -238,7 +238,7 @@ fn follow(
         points += 1;
         see(event.x()[last], points).is_break()
     })?;
-    Some(Arrival {
+    Some(LoweringEnd {
         x: end.x,
         points: end.points,
         interrupted: end.interrupted,

@@ -133,19 +133,19 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
         // The search is compiled once for all laws.
         let own: Contact<V, &dyn NodeLaw> = self.borrowed();
         let mut condensed = None;
-        let mut descend = |way, see: &mut Observer<'_>| {
-            // The way down is followed on the contact nodes alone, where the body can be condensed.
+        let mut descend = |lowering, see: &mut Observer<'_>| {
+            // The body is lowered in its condensed form, where it has one.
             if own.view.reduced().is_none() && own.num_traces() <= CONDENSED {
                 let condensed = condensed.get_or_insert_with(|| own.condensed_at(alpha).ok());
                 if let Some(condensed) = &*condensed {
-                    let mut end = lower(condensed, alpha, way, options, see)?;
+                    let mut end = lower(condensed, alpha, lowering, options, see)?;
                     if let Some(end) = &mut end {
                         end.x = condensed.expand(&end.x)?;
                     }
                     return Ok(end);
                 }
             }
-            lower(&own, alpha, way, options, see)
+            lower(&own, alpha, lowering, options, see)
         };
         let found = strategy::solve(&own, alpha, start, options, quick, &mut descend, observe);
         match found {

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::fmt;
 
-use super::lowering::{Arrival, Way};
+use super::lowering::{Lowering, LoweringEnd};
 use super::reduced::ReducedNewton;
 use super::tries::{Observer, Tries, timed};
 use crate::clock::Deadline;
@@ -71,7 +71,7 @@ named!(
 pub struct ContactProgress {
     /// What is being tried.
     pub strategy: ContactStrategy,
-    /// Attempts of Newton's method made so far; on the way down, increments or points of the path.
+    /// Attempts of Newton's method made so far; while the body is lowered, increments or points of the path.
     pub points: usize,
     /// How far the body is lowered, from 0 to 1; 1 where it is not.
     pub level: f64,
@@ -136,7 +136,7 @@ impl fmt::Display for ContactReport {
     }
 }
 
-/// Runs the strategies from `start` (α is set); `lower` makes the way down.
+/// Runs the strategies from `start` (α is set); `lower` lowers the body onto the foundation.
 pub(in crate::contact) fn solve<V: View>(
     form: &Contact<V, &dyn NodeLaw>,
     alpha: f64,
@@ -160,7 +160,7 @@ pub(in crate::contact) fn solve<V: View>(
     }
     let deadline = Deadline::after(options.max_time);
     let mut observe = timed(deadline, observe);
-    let mut search = Search {
+    let mut search = ContactSearch {
         form,
         options,
         tries: Tries::new(options, &mut observe),
@@ -181,11 +181,11 @@ pub(in crate::contact) fn solve<V: View>(
     }
 }
 
-/// Takes a way down.
+/// Lowers the body onto the foundation.
 pub(in crate::contact) type Lower<'a> =
-    dyn FnMut(Way, &mut Observer<'_>) -> Result<Option<Arrival>, ContactError> + 'a;
+    dyn FnMut(Lowering, &mut Observer<'_>) -> Result<Option<LoweringEnd>, ContactError> + 'a;
 
-struct Search<'a, 'o, V> {
+struct ContactSearch<'a, 'o, V> {
     form: &'a Contact<V, &'a dyn NodeLaw>,
     options: &'a ContactOptions,
     tries: Tries<'a, 'o>,
@@ -193,7 +193,7 @@ struct Search<'a, 'o, V> {
     deadline: Deadline<'static>,
 }
 
-impl<V: View> Search<'_, '_, V> {
+impl<V: View> ContactSearch<'_, '_, V> {
     /// Newton's method from `first`, zero and stick, with several augmentation parameters.
     fn newton_starts(
         &mut self,
@@ -240,27 +240,27 @@ impl<V: View> Search<'_, '_, V> {
         Ok(None)
     }
 
-    /// Newton's method from where the ways down end.
+    /// Newton's method from where the lowered body arrives.
     fn lowered(&mut self, lower: &mut Lower<'_>) -> Result<Option<Vec<f64>>, ContactError> {
         let most = self.options.max_points;
-        let increments = (self.options.max_increments > 0).then_some(Way {
+        let increments = (self.options.max_increments > 0).then_some(Lowering {
             strategy: ContactStrategy::Increments,
             trial: 0,
             points: most,
             left: None,
         });
         // Where one path winds, that of another order of touching nodes may be short: none is followed far before all were tried.
-        let paths = (0..self.options.max_paths).map(|trial| Way {
+        let paths = (0..self.options.max_paths).map(|trial| Lowering {
             strategy: ContactStrategy::Path,
             trial,
             points: SHORT.min(most),
             left: None,
         });
-        let mut ways = increments.into_iter().chain(paths);
+        let mut lowerings = increments.into_iter().chain(paths);
         let mut cut_off = VecDeque::new();
-        while let Some(way) = ways.next().or_else(|| cut_off.pop_front()) {
+        while let Some(lowering) = lowerings.next().or_else(|| cut_off.pop_front()) {
             let left = self.deadline.left();
-            let Some(end) = lower(Way { left, ..way }, self.tries.observer())? else {
+            let Some(end) = lower(Lowering { left, ..lowering }, self.tries.observer())? else {
                 continue;
             };
             if end.interrupted {
@@ -269,13 +269,19 @@ impl<V: View> Search<'_, '_, V> {
             }
             for factor in STIFFER {
                 let r = factor * self.form.law().stiffness;
-                let found = self.attempt(way.strategy, r, &end.x, end.points)?;
+                let found = self.attempt(lowering.strategy, r, &end.x, end.points)?;
                 if found.is_some() || self.tries.interrupted {
                     return Ok(found);
                 }
             }
-            if way.strategy == ContactStrategy::Path && end.points >= way.points && way.points < most {
-                cut_off.push_back(Way { points: most, ..way });
+            if lowering.strategy == ContactStrategy::Path
+                && end.points >= lowering.points
+                && lowering.points < most
+            {
+                cut_off.push_back(Lowering {
+                    points: most,
+                    ..lowering
+                });
             }
         }
         Ok(None)

@@ -1,6 +1,6 @@
 //! Diagrams as read from files: refused where a vertex, arm or edge is out of range, so that what asks them cannot fail.
 
-use super::{Completeness, Diagram, DiagramEdge, DiagramVertex};
+use super::{Diagram, DiagramCompleteness, DiagramEdge, DiagramVertex};
 use crate::piecewise::PiecewiseError;
 
 /// The fields of a [`Diagram`].
@@ -9,7 +9,7 @@ use crate::piecewise::PiecewiseError;
 pub(super) struct Unchecked {
     vertices: Vec<DiagramVertex>,
     edges: Vec<DiagramEdge>,
-    completeness: Completeness,
+    completeness: DiagramCompleteness,
     #[serde(with = "crate::extended::pair")]
     range: (f64, f64),
     same_point: f64,

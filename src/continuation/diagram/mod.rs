@@ -16,7 +16,9 @@ mod table;
 
 pub use chains::DiagramBranch;
 pub use explore::Progress;
-pub use model::{Completeness, Diagram, DiagramEdge, DiagramVertex, EdgeEnd, Limit, VertexArm, VertexKind};
+pub use model::{
+    Diagram, DiagramCompleteness, DiagramEdge, DiagramVertex, EdgeEnd, Limit, VertexArm, VertexKind,
+};
 pub use options::DiagramOptions;
-pub use query::{DiagramFold, Solution, SolutionsAt};
+pub use query::{DiagramFold, DiagramSolution, SolutionsAt};
 pub use sections::SectionProgress;

@@ -7,7 +7,7 @@ use crate::sparse::norm;
 /// pieces of curve between them.
 ///
 /// Every arm of every vertex is followed. A curve that arrives at a known vertex is joined to it; an arc is stored once, whichever
-/// end it is found from. [`Completeness`] says whether anything was left out.
+/// end it is found from. [`DiagramCompleteness`] says whether anything was left out.
 ///
 /// ```
 /// use semismooth::continuation::{Diagram, DiagramOptions};
@@ -35,7 +35,7 @@ use crate::sparse::norm;
 pub struct Diagram {
     pub(super) vertices: Vec<DiagramVertex>,
     pub(super) edges: Vec<DiagramEdge>,
-    pub(super) completeness: Completeness,
+    pub(super) completeness: DiagramCompleteness,
     #[cfg_attr(feature = "serde", serde(with = "crate::extended::pair"))]
     pub(super) range: (f64, f64),
     pub(super) same_point: f64,
@@ -59,7 +59,7 @@ impl Diagram {
 
     /// Whether everything connected to the starts was followed.
     #[must_use]
-    pub fn completeness(&self) -> &Completeness {
+    pub fn completeness(&self) -> &DiagramCompleteness {
         &self.completeness
     }
 
@@ -257,7 +257,7 @@ impl DiagramEdge {
 #[derive(Debug, Clone, PartialEq, Default)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub enum Completeness {
+pub enum DiagramCompleteness {
     /// Every arm of every vertex was followed to a vertex, to a bound of the parameter, or to infinity (`max_growth`).
     #[default]
     WithinBounds,
@@ -265,7 +265,7 @@ pub enum Completeness {
     Limited(Vec<Limit>),
 }
 
-impl Completeness {
+impl DiagramCompleteness {
     /// Whether nothing was left out.
     #[must_use]
     pub fn is_complete(&self) -> bool {
@@ -280,7 +280,7 @@ impl Completeness {
     }
 }
 
-impl fmt::Display for Completeness {
+impl fmt::Display for DiagramCompleteness {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::WithinBounds => f.write_str("complete within the bounds"),

@@ -13,7 +13,7 @@ use crate::sparse::{Matrix, distance, norm};
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
-pub struct Solution {
+pub struct DiagramSolution {
     /// x = (y, α).
     pub x: Vec<f64>,
     /// A selection active there.
@@ -33,7 +33,7 @@ pub struct Solution {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct SolutionsAt {
     /// Solutions that are no part of a continuum.
-    pub points: Vec<Solution>,
+    pub points: Vec<DiagramSolution>,
     /// Edges that lie at this α as a whole: vertical segments, each a continuum of solutions.
     pub continua: Vec<usize>,
     /// Solutions from which no curve leaves, as x = (y, α).
@@ -187,7 +187,7 @@ impl Diagram {
             };
             return;
         }
-        found.points.push(Solution {
+        found.points.push(DiagramSolution {
             x,
             selection: at.selection.clone(),
             det_sign: at.det_sign,

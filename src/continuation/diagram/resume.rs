@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use super::explore::{Explorer, Observer, Progress};
 use super::natural::{natural_observer, scaled_options, scaled_starts};
-use super::{Completeness, Diagram, DiagramOptions, DiagramVertex, EdgeEnd, Limit, VertexKind};
+use super::{Diagram, DiagramCompleteness, DiagramOptions, DiagramVertex, EdgeEnd, Limit, VertexKind};
 use crate::continuation::start::slices;
 use crate::continuation::{ContinuationError, Termination};
 use crate::piecewise::{PiecewiseError, PiecewiseSmooth, Scaled, check_selection, check_vector};
@@ -169,8 +169,8 @@ impl Diagram {
             edge.to.vertex = vertex_of[edge.to.vertex];
         }
         let limits = match std::mem::take(&mut self.completeness) {
-            Completeness::Limited(list) => list,
-            Completeness::WithinBounds => Vec::new(),
+            DiagramCompleteness::Limited(list) => list,
+            DiagramCompleteness::WithinBounds => Vec::new(),
         };
         for limit in limits {
             match limit {
@@ -225,7 +225,7 @@ impl Diagram {
         for edge in edges {
             index("the edges of the diagram", edge, self.edges.len())?;
         }
-        if let Completeness::Limited(limits) = &self.completeness {
+        if let DiagramCompleteness::Limited(limits) = &self.completeness {
             for limit in limits {
                 if let Limit::Curve { vertex, .. } | Limit::Arms { vertex } = limit {
                     index("the vertices of the diagram", *vertex, self.vertices.len())?;

@@ -179,7 +179,7 @@ fn search(
     for start in starts {
         check_vector("a start", start, m)?;
     }
-    let mut search = Search {
+    let mut search = SolutionSearch {
         map,
         alpha,
         options,
@@ -215,7 +215,7 @@ fn search(
     Ok(search.finish())
 }
 
-struct Search<'a> {
+struct SolutionSearch<'a> {
     map: &'a dyn PiecewiseSmooth,
     alpha: f64,
     options: &'a SearchOptions,
@@ -232,7 +232,7 @@ struct Search<'a> {
     clock: Clock,
 }
 
-impl Search<'_> {
+impl SolutionSearch<'_> {
     fn round(&mut self, given: &[&[f64]]) -> Result<(), ContinuationError> {
         for k in 0..self.options.starts {
             if self.is_over() {

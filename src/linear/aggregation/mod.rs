@@ -2,7 +2,7 @@
 //!
 //! Nodes are gathered into aggregates; on each the rigid motions are interpolated, smoothed by one damped Jacobi step
 //! (P. Vaněk, J. Mandel, M. Brezina, Computing 56 (1996); P. Vaněk, M. Brezina, J. Mandel, Numer. Math. 88 (2001)). Components may be
-//! held at zero and diagonal blocks added to: the aggregates stay then, and what of the prolongation and of the coarse matrices
+//! constrained at zero and diagonal blocks added to: the aggregates stay then, and what of the prolongation and of the coarse matrices
 //! depends on the nodes that changed is found anew, unless they changed slightly: the finest level knows them exactly in any case.
 
 mod aggregates;
@@ -47,20 +47,20 @@ const SLIGHT: f64 = 0.01;
 /// Constraints of the finest level.
 #[derive(Debug, Clone)]
 struct Fine<const F: usize> {
-    /// Components that are held, a bit each; those that never were free, and those.
+    /// Components that are constrained, a bit each; those that never were free, and those.
     fixed: Vec<u8>,
-    held: Vec<u8>,
+    constrained: Vec<u8>,
     added: BTreeMap<u32, [[f64; F]; F]>,
     /// What is added as the coarse levels know it: slight changes are kept from them.
     known: BTreeMap<u32, [[f64; F]; F]>,
-    /// Nodes with components that are held or added to, beside those that never were free.
+    /// Nodes with components that are constrained or added to, beside those that never were free.
     constrained: Vec<u32>,
     smoother: Smoother<F>,
 }
 
 impl<const F: usize> Constraints<F> for Fine<F> {
-    fn held(&self, node: usize) -> u8 {
-        self.held[node]
+    fn constrained(&self, node: usize) -> u8 {
+        self.constrained[node]
     }
 
     fn added(&self, node: usize) -> Option<&[[f64; F]; F]> {
@@ -80,7 +80,7 @@ struct Level<const K: usize> {
 }
 
 impl<const K: usize> Constraints<K> for Smoother<K> {
-    fn held(&self, _node: usize) -> u8 {
+    fn constrained(&self, _node: usize) -> u8 {
         0
     }
 
@@ -123,19 +123,20 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
         until: Until,
     ) -> Result<Self, LinearError> {
         let mut modes = modes;
-        for (m, held) in modes.iter_mut().zip(&fixed) {
-            dense::mask_rows(m, *held);
+        for (m, constrained) in modes.iter_mut().zip(&fixed) {
+            dense::mask_rows(m, *constrained);
         }
         let fine = Fine {
-            held: fixed.clone(),
+            constrained: fixed.clone(),
             added: BTreeMap::new(),
             known: BTreeMap::new(),
             constrained: Vec::new(),
             smoother: Smoother::new(a, |i| fixed[i]),
             fixed,
         };
-        let dead =
-            |i: usize| (0..F).any(|k| fine.held[i] >> k & 1 == 0 && fine.smoother.inverse[i][k][k] <= 0.0);
+        let dead = |i: usize| {
+            (0..F).any(|k| fine.constrained[i] >> k & 1 == 0 && fine.smoother.inverse[i][k][k] <= 0.0)
+        };
         if (0..a.nrows()).any(dead) {
             return Err(LinearError::NotPositiveDefinite);
         }
@@ -208,15 +209,15 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
     }
 
     /// Holds components (unknown by unknown) and adds to diagonal blocks (row, column, value; in the same node), in place of what was
-    /// held and added before. What is added must be symmetric and positive semidefinite.
+    /// constrained and added before. What is added must be symmetric and positive semidefinite.
     pub(crate) fn constrain(
         &mut self,
         a: &Blocks<F, F>,
-        held: &[usize],
+        constrained: &[usize],
         added: &[(usize, usize, f64)],
     ) -> Result<(), LinearError> {
         let mut now: BTreeMap<u32, u8> = BTreeMap::new();
-        for &k in held {
+        for &k in constrained {
             *now.entry((k / F) as u32).or_default() |= 1 << (k % F);
         }
         let mut sums: BTreeMap<u32, [[f64; F]; F]> = BTreeMap::new();
@@ -232,9 +233,9 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
             let node = i as usize;
             let wanted = fine.fixed[node] | now.get(&i).copied().unwrap_or(0);
             let (before, after) = (fine.added.get(&i), sums.get(&i));
-            let other = wanted != fine.held[node];
+            let other = wanted != fine.constrained[node];
             if other || before != after {
-                fine.held[node] = wanted;
+                fine.constrained[node] = wanted;
                 fine.smoother.invert(a, node, wanted, after);
             }
             if other || !is_near(a, node, fine.known.get(&i), after, slight) {
@@ -286,12 +287,12 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
         Ok(())
     }
 
-    /// Overwrites b by the cycle's approximation to A⁻¹ b, zero where components are held; [`LinearError::Interrupted`] once time is over.
+    /// Overwrites b by the cycle's approximation to A⁻¹ b, zero where components are constrained; [`LinearError::Interrupted`] once time is over.
     pub(crate) fn apply(&mut self, a: &Blocks<F, F>, b: &mut [f64]) -> Result<(), LinearError> {
         let Some(first) = &mut self.first else {
-            for (node, held) in self.fine.held.iter().enumerate() {
+            for (node, constrained) in self.fine.constrained.iter().enumerate() {
                 (0..F)
-                    .filter(|k| held >> k & 1 == 1)
+                    .filter(|k| constrained >> k & 1 == 1)
                     .for_each(|k| b[F * node + k] = 0.0);
             }
             return self.direct.solve(b);
@@ -330,7 +331,7 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
     }
 
     /// y += A x for the x that the last [`apply`](Self::apply) made, with what is added to A, without a product where the cycle has left
-    /// its residual behind. Components that are held are arbitrary.
+    /// its residual behind. Components that are constrained are arbitrary.
     pub(crate) fn add_image(&self, a: &Blocks<F, F>, x: &[f64], y: &mut [f64]) {
         let smoother = &self.fine.smoother;
         if self.first.is_some() {

@@ -18,7 +18,7 @@ const GRAIN: usize = 1 << 18;
 /// to the two beside it alone, so that strips of one colour are relaxed at the same time, and the sweep is Gauss–Seidel's in another order.
 #[derive(Debug, Clone)]
 pub(super) struct Smoother<const B: usize> {
-    /// Inverse diagonal blocks; zero rows and columns where components are held.
+    /// Inverse diagonal blocks; zero rows and columns where components are constrained.
     pub(super) inverse: Vec<[[f64; B]; B]>,
     pub(super) x: Vec<f64>,
     pub(super) b: Vec<f64>,
@@ -34,12 +34,12 @@ pub(super) struct Smoother<const B: usize> {
 }
 
 impl<const B: usize> Smoother<B> {
-    pub(super) fn new(a: &Blocks<B, B>, held: impl Fn(usize) -> u8 + Sync) -> Self {
+    pub(super) fn new(a: &Blocks<B, B>, constrained: impl Fn(usize) -> u8 + Sync) -> Self {
         let n = a.nrows();
         let mut inverse = vec![[[0.0; B]; B]; n];
         parallel::parts(&mut inverse, ROWS, &|first, part| {
             for (i, inverse) in (first..).zip(part) {
-                *inverse = inverse_block(a, i, held(i), None);
+                *inverse = inverse_block(a, i, constrained(i), None);
             }
         });
         let strips = strips(a);
@@ -66,8 +66,14 @@ impl<const B: usize> Smoother<B> {
         }
     }
 
-    pub(super) fn invert(&mut self, a: &Blocks<B, B>, node: usize, held: u8, added: Option<&[[f64; B]; B]>) {
-        self.inverse[node] = inverse_block(a, node, held, added);
+    pub(super) fn invert(
+        &mut self,
+        a: &Blocks<B, B>,
+        node: usize,
+        constrained: u8,
+        added: Option<&[[f64; B]; B]>,
+    ) {
+        self.inverse[node] = inverse_block(a, node, constrained, added);
     }
 
     fn run(&mut self, a: &Blocks<B, B>, sweep: Sweep) {
@@ -147,7 +153,7 @@ impl<const B: usize> Smoother<B> {
 fn inverse_block<const B: usize>(
     a: &Blocks<B, B>,
     node: usize,
-    held: u8,
+    constrained: u8,
     added: Option<&[[f64; B]; B]>,
 ) -> [[f64; B]; B] {
     let mut block = a.slot(node, node).map_or([[0.0; B]; B], |k| a.value[k]);
@@ -156,7 +162,7 @@ fn inverse_block<const B: usize>(
             row.iter_mut().zip(more).for_each(|(v, m)| *v += m);
         }
     }
-    semi_inverse(&block, held)
+    semi_inverse(&block, constrained)
 }
 
 /// Rows cut so that a strip has no couplings but with the strips beside it; a single one where that leaves no two of a colour. Wide
@@ -339,7 +345,7 @@ impl<const B: usize> Strip<'_, B> {
     }
 
     /// A sweep from the x at hand, and r ← b − A x: once a row is relaxed, what its residual becomes is gathered, by symmetry, from the
-    /// rows that change later. Components that are held are arbitrary in r.
+    /// rows that change later. Components that are constrained are arbitrary in r.
     fn relax<const LAST: bool>(mut self) {
         if LAST {
             self.halo.fill([0.0; B]);

@@ -38,23 +38,23 @@ fn space(a: &NodalMatrix) -> &Blocks<3, 3> {
     }
 }
 
-/// Iterations that reduce the residual by 1e-8 with some contact nodes held.
-fn iterations(a: &NodalMatrix, held: &[usize]) -> usize {
+/// Iterations that reduce the residual by 1e-8 with some contact nodes constrained.
+fn iterations(a: &NodalMatrix, constrained: &[usize]) -> usize {
     let blocks = space(a);
     let fixed = vec![0; a.num_nodes()];
     let mut cycle = Aggregation::<3, 6>::new(blocks, rigid(a.points()), fixed, Until::default()).unwrap();
     assert!(cycle.sizes(blocks).len() >= 2);
-    cycle.constrain(blocks, held, &[]).unwrap();
+    cycle.constrain(blocks, constrained, &[]).unwrap();
     let n = 3 * a.num_nodes();
     let mut b: Vec<f64> = (0..n).map(|k| ((k * k) % 17) as f64 - 8.0).collect();
-    held.iter().for_each(|k| b[*k] = 0.0);
+    constrained.iter().for_each(|k| b[*k] = 0.0);
     let rhs = b.clone();
     let cycle = std::cell::RefCell::new(cycle);
     let outcome = Gmres::new(60)
         .solve(
             |x, y| {
                 cycle.borrow().add_image(blocks, x, y);
-                held.iter().for_each(|k| y[*k] = 0.0);
+                constrained.iter().for_each(|k| y[*k] = 0.0);
             },
             |z| cycle.borrow_mut().apply(blocks, z),
             &mut b,
@@ -65,7 +65,7 @@ fn iterations(a: &NodalMatrix, held: &[usize]) -> usize {
     // What the recurrence says is true.
     let mut image = vec![0.0; n];
     blocks.mul(&b, &mut image);
-    held.iter().for_each(|k| image[*k] = 0.0);
+    constrained.iter().for_each(|k| image[*k] = 0.0);
     let rest: f64 = rhs.iter().zip(&image).map(|(b, i)| (b - i).powi(2)).sum();
     assert!(rest.sqrt() <= 2e-8 * dot(&rhs, &rhs).sqrt());
     outcome.iterations
@@ -113,7 +113,7 @@ fn residuals_of_sweeps_are_true_and_the_cycle_is_symmetric() {
     assert!(dot(&b, &x) > 0.0 && dot(&c, &y) > 0.0);
 }
 
-/// Every other node at the bottom sticks, the rest is held along z.
+/// Every other node at the bottom sticks, the rest is constrained along z.
 fn bottom(a: &NodalMatrix) -> Vec<usize> {
     let nodes = (0..a.num_nodes()).filter(|i| a.points()[*i][2] == 0.0);
     let components = |i: usize| {
@@ -146,9 +146,13 @@ fn bodies_of_all_kinds_take_few_iterations() {
         ),
     ];
     for (name, a, most) in cases {
-        for held in [Vec::new(), bottom(&a)] {
-            let count = iterations(&a, &held);
-            assert!(count <= most, "{name}, {} held: {count}", held.len());
+        for constrained in [Vec::new(), bottom(&a)] {
+            let count = iterations(&a, &constrained);
+            assert!(
+                count <= most,
+                "{name}, {} constrained: {count}",
+                constrained.len()
+            );
         }
     }
 }
@@ -166,11 +170,11 @@ fn constraints_change_what_depends_on_them_and_nothing_is_missed() {
     )
     .unwrap();
     let free = cycle.levels[0].a.clone();
-    let held = bottom(&a);
-    let node = held[0] / 3 + 3;
+    let constrained = bottom(&a);
+    let node = constrained[0] / 3 + 3;
     let added = [(3 * node, 3 * node, 2.0), (3 * node + 1, 3 * node + 1, 0.5)];
-    cycle.constrain(blocks, &held[3..], &added).unwrap();
-    cycle.constrain(blocks, &held, &added).unwrap();
+    cycle.constrain(blocks, &constrained[3..], &added).unwrap();
+    cycle.constrain(blocks, &constrained, &added).unwrap();
     let p = cycle.first.as_ref().unwrap().p.clone();
     let mut changed = blocks.clone();
     let diagonal = changed.slot(node, node).unwrap();
@@ -188,7 +192,7 @@ fn constraints_change_what_depends_on_them_and_nothing_is_missed() {
         let mut unit = vec![0.0; 6 * m];
         unit[k] = 1.0;
         p.mul(&unit, &mut x);
-        assert!(held.iter().all(|h| x[*h] == 0.0));
+        assert!(constrained.iter().all(|h| x[*h] == 0.0));
         changed.mul(&x, &mut y);
         let mut column = vec![0.0; 6 * m];
         cycle.first.as_mut().unwrap().restrict(&y, &mut column);

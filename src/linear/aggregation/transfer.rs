@@ -12,10 +12,10 @@ const DEPENDENT: f64 = 1e-6;
 /// Near-kernel vectors of the nodes of a level, a row each component.
 pub(super) type Modes<const R: usize, const K: usize> = Vec<[[f64; K]; R]>;
 
-/// What is known of the unknowns of a level beside its matrix: components that are held at zero, and what is added to diagonal
+/// What is known of the unknowns of a level beside its matrix: components that are constrained at zero, and what is added to diagonal
 /// blocks.
 pub(super) trait Constraints<const R: usize>: Sync {
-    fn held(&self, node: usize) -> u8;
+    fn constrained(&self, node: usize) -> u8;
     fn added(&self, node: usize) -> Option<&[[f64; R]; R]>;
     fn inverse(&self, node: usize) -> &[[f64; R]; R];
 }
@@ -119,11 +119,11 @@ impl<const R: usize, const K: usize> Transfer<R, K> {
     }
 
     /// T of a node.
-    fn tentative(&self, modes: &Modes<R, K>, node: usize, held: u8) -> [[f64; K]; R] {
+    fn tentative(&self, modes: &Modes<R, K>, node: usize, constrained: u8) -> [[f64; K]; R] {
         let mut t = [[0.0; K]; R];
         let factor = &self.triangular[self.aggregate[node] as usize];
         add_scaled_product(1.0, &modes[node], factor, &mut t);
-        mask_rows(&mut t, held);
+        mask_rows(&mut t, constrained);
         t
     }
 
@@ -140,10 +140,10 @@ impl<const R: usize, const K: usize> Transfer<R, K> {
         for i in rows.take_while(|_| !self.until.is_over()) {
             let (cols, values) = a.row(i);
             for (&j, block) in cols.iter().zip(values) {
-                let t = self.tentative(modes, j as usize, constraints.held(j as usize));
+                let t = self.tentative(modes, j as usize, constraints.constrained(j as usize));
                 add_scaled_product(1.0, block, &t, row.at(self.aggregate[j as usize]));
             }
-            let own = self.tentative(modes, i, constraints.held(i));
+            let own = self.tentative(modes, i, constraints.constrained(i));
             let sum = row.at(self.aggregate[i]);
             if let Some(added) = constraints.added(i) {
                 add_scaled_product(1.0, added, &own, sum);

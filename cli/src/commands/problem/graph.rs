@@ -2,7 +2,7 @@
 
 use std::io::Write;
 
-use semismooth::continuation::{Completeness, Diagram, DiagramOptions, Limit, SectionProgress};
+use semismooth::continuation::{Diagram, DiagramCompleteness, DiagramOptions, Limit, SectionProgress};
 use semismooth::enumeration::EnumerationOptions;
 use semismooth::output::{Panel, write_diagram_csv, write_diagram_json};
 
@@ -21,8 +21,7 @@ pub(super) fn run(case: &Case<'_>, out: &mut dyn Write) -> Result<(), CommandErr
     let diagram = explore(case, &options, &progress);
     drop(progress);
     let diagram = diagram?;
-    let stopped =
-        |c: &Completeness| matches!(c, Completeness::Limited(list) if list.contains(&Limit::Stopped));
+    let stopped = |c: &DiagramCompleteness| matches!(c, DiagramCompleteness::Limited(list) if list.contains(&Limit::Stopped));
     tell(case, &diagram, out)?;
     let interrupted = || CommandError::Interrupted("before the diagram was complete".to_owned());
     if diagram.edges().is_empty() && stopped(diagram.completeness()) {

@@ -1,4 +1,4 @@
-//! What a single selection holds, in exact arithmetic: nothing, a point, or a polyhedron with its ends.
+//! The solutions of a single selection in its closed cell, in exact arithmetic: none, a point, or a polyhedron with its ends.
 
 use num_bigint::BigInt;
 use num_traits::{Signed, Zero};
@@ -9,10 +9,10 @@ use super::proof::MAX_WORK;
 use crate::exact::{Dictionary, Exact, Halt, parity};
 use crate::piecewise::ExactConditions;
 
-/// What a selection holds.
+/// The solutions of a selection that lie in its closed cell.
 #[derive(Debug, Clone)]
-pub(super) enum Held {
-    Nothing,
+pub(super) enum SelectionSolutions {
+    None,
     /// A point, the sign of the determinant, and the sites at which a facet vanishes.
     Point {
         point: ExactPoint,
@@ -26,22 +26,30 @@ pub(super) enum Held {
     },
 }
 
-/// What a selection (by number in the map) holds; `None` at the cap on work.
-pub(super) fn decide(conditions: &ExactConditions, pieces: &[usize], budget: &mut Budget) -> Option<Held> {
+/// The solutions of a selection (pieces by number in the map); `None` at the cap on work.
+pub(super) fn decide(
+    conditions: &ExactConditions,
+    pieces: &[usize],
+    budget: &mut Budget,
+) -> Option<SelectionSolutions> {
     if budget.is_spent() || elimination(conditions) > MAX_WORK {
         return None;
     }
     let mut table = Tableau::new(conditions, budget.deadline);
-    let held = examine(&mut table, conditions, pieces);
+    let found = examine(&mut table, conditions, pieces);
     budget.spend(table.dictionary.take_work());
-    match held {
-        Ok(held) => Some(held),
-        Err(Halt::Infeasible) => Some(Held::Nothing),
+    match found {
+        Ok(found) => Some(found),
+        Err(Halt::Infeasible) => Some(SelectionSolutions::None),
         Err(Halt::Late) => None,
     }
 }
 
-fn examine(table: &mut Tableau<'_>, conditions: &ExactConditions, pieces: &[usize]) -> Result<Held, Halt> {
+fn examine(
+    table: &mut Tableau<'_>,
+    conditions: &ExactConditions,
+    pieces: &[usize],
+) -> Result<SelectionSolutions, Halt> {
     let (sign, facets) = eliminate(table, conditions, pieces)?;
     let dictionary = &mut table.dictionary;
     if dictionary.columns().is_empty() {
@@ -56,7 +64,7 @@ fn examine(table: &mut Tableau<'_>, conditions: &ExactConditions, pieces: &[usiz
         }
         touched.dedup();
         let point = table.point(&[]);
-        return Ok(Held::Point { point, sign, touched });
+        return Ok(SelectionSolutions::Point { point, sign, touched });
     }
     if dictionary.columns().len() > 1 {
         let flat = flat_facets(dictionary, &facets)?;
@@ -66,7 +74,7 @@ fn examine(table: &mut Tableau<'_>, conditions: &ExactConditions, pieces: &[usiz
     }
     match dictionary.columns().len() {
         0 | 1 => segment(table, &facets),
-        dimension => Ok(Held::Continuum {
+        dimension => Ok(SelectionSolutions::Continuum {
             dimension,
             extent: None,
         }),
@@ -178,7 +186,7 @@ fn flat_facets(dictionary: &mut Dictionary, facets: &[SignedFacet]) -> Result<Ve
 }
 
 /// The part of a line that lies in the cell: a fraction as numerator and positive denominator at either end.
-fn segment(table: &Tableau<'_>, facets: &[SignedFacet]) -> Result<Held, Halt> {
+fn segment(table: &Tableau<'_>, facets: &[SignedFacet]) -> Result<SelectionSolutions, Halt> {
     let (mut low, mut high): (Option<Fraction>, Option<Fraction>) = (None, None);
     for &(_, var, sign) in facets {
         let mut entries = table.dictionary.entries(var);
@@ -228,12 +236,12 @@ fn segment(table: &Tableau<'_>, facets: &[SignedFacet]) -> Result<Held, Halt> {
         let ends = [low, high].into_iter().flatten().collect();
         Extent { ends, beyond }
     });
-    Ok(Held::Continuum { dimension: 1, extent })
+    Ok(SelectionSolutions::Continuum { dimension: 1, extent })
 }
 
-/// A point that is all that a singular selection holds.
-fn single(point: ExactPoint) -> Held {
-    Held::Point {
+/// The only solution of a singular selection.
+fn single(point: ExactPoint) -> SelectionSolutions {
+    SelectionSolutions::Point {
         point,
         sign: 0,
         touched: Vec::new(),
