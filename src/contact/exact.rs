@@ -56,7 +56,7 @@ impl<L: NodeLaw> ExactPieces for PerNode<L> {
         })
     }
 
-    /// λᵀ (v − v₀) ≥ 0: forces of contact and friction take energy.
+    /// λᵀ (v − v₀) ≥ 0: contact and friction forces dissipate energy.
     fn passive(&self, _alpha: f64) -> Option<Vec<ExactForm>> {
         self.opposite()
     }
@@ -90,7 +90,7 @@ fn coulomb(
     };
     let mut pieces = vec![piece(0, [PRESSURE, TRACTION], &[(GAP, 1)])];
     let mut implied = vec![(PRESSURE, 1), (GAP, 1)];
-    // Where F < 0 nothing but an open node has a solution.
+    // Where F < 0 only the open piece has solutions.
     if friction.sign() >= 0 {
         let mut sticking = vec![(BELOW, -1), (ABOVE, 1)];
         if friction.is_zero() {

@@ -1,16 +1,16 @@
-//! Whether a space of multipliers is seen by the displacements, and how well.
+//! Stability of a space of multipliers: full rank of the pairing with the displacements, and the discrete inf-sup constant.
 
 use super::ContactError;
 use crate::linear::{Condensation, dense_zeros, generalized_eigenvalues, symmetric_eigenvalues};
 use crate::sparse::{Matrix, Pattern};
 
-/// Checks that no non-zero multiplier is invisible: that the pairing (multipliers × displacements) has full row rank.
+/// Checks that the pairing (multipliers × displacements) has full row rank: no non-zero multiplier is orthogonal to all displacements.
 ///
 /// # Complexity
 /// Dense: O(k³) operations and 8 k² bytes, k the shorter side of the pairing.
 ///
 /// # Errors
-/// [`ContactError::InvisibleMultiplier`] tells the rank; entries that are not finite; more than 50 000 rows and columns that are not
+/// [`ContactError::InvisibleMultiplier`] with the rank; entries that are not finite; more than 50 000 rows and columns that are not
 /// zero ([`LinearError::TooLarge`](crate::linear::LinearError::TooLarge)).
 pub fn check_multipliers(pairing: &Matrix) -> Result<(), ContactError> {
     pairing.check_finite()?;
@@ -34,7 +34,7 @@ pub fn check_multipliers(pairing: &Matrix) -> Result<(), ContactError> {
         .map(|(k, j, v)| (rows[k].0, j, v * rows[k].1))
         .collect();
     let mut factor = Matrix::from_triplets(seen, n, &entries)?;
-    // B Bᵀ and Bᵀ B have one rank: the smaller one is formed.
+    // B Bᵀ and Bᵀ B have the same rank: the smaller one is formed.
     if seen <= n {
         factor = factor.transpose();
     }
@@ -73,8 +73,8 @@ const ROUNDING: f64 = 1e-8;
 /// Two condensations ([`Condensation::new`]) and a dense eigenproblem: O(q³) operations for q multipliers.
 ///
 /// # Errors
-/// Shapes that do not fit, metrics that are not positive definite, multipliers that are invisible; pairings that do not belong
-/// together, shown by a generalised eigenvalue above 1 ([`ContactError::Invalid`]).
+/// Shapes that do not fit, metrics that are not positive definite, pairings without full row rank; pairings that do not belong together,
+/// shown by a generalised eigenvalue above 1 ([`ContactError::Invalid`]).
 pub fn inf_sup_constant(
     coarse: (&Matrix, &Matrix),
     reference: (&Matrix, &Matrix),
