@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::FemError;
 
-/// The head of a text that may be of any length, for messages.
+/// The beginning of a text of any length, for messages.
 pub(super) fn shorten(text: &str) -> String {
     const SHOWN: usize = 60;
     match text.char_indices().nth(SHOWN) {
