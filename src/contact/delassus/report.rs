@@ -94,7 +94,8 @@ pub struct DelassusReport {
     pub residual: f64,
     /// Systems of known states, Newton and interior-point iterations, one factorisation each.
     pub factorisations: usize,
-    /// Evaluations of u = M r + q for all contacts, those of line searches and of the residuals in `history` included. Sweeps are not among them.
+    /// Evaluations of u = M r + q for all contacts, those of line searches and of the residuals in `history` included. Sweeps are not among
+    /// them.
     pub evaluations: usize,
     /// Sweeps of Gauss–Seidel.
     pub sweeps: usize,

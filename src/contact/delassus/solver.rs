@@ -311,8 +311,8 @@ impl<'a, const D: usize> Run<'a, D> {
         ControlFlow::Continue(progress)
     }
 
-    /// One sweep of nonsmooth Gauss–Seidel, from r and u = M r + q to those after it, over the contacts that others have changed since they were
-    /// solved. States are compared only on request.
+    /// One sweep of nonsmooth Gauss–Seidel, from r and u = M r + q to those after it, over the contacts that others have changed since they
+    /// were solved. States are compared only on request.
     fn sweep(&mut self, backward: bool, states: bool) -> Swept {
         let p = &self.scaled;
         let nc = p.contacts();

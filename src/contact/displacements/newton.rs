@@ -134,9 +134,9 @@ impl ReducedNodes<'_> {
 /// limit of one.
 ///
 /// # Errors
-/// Wrong lengths; all others with the best iterate and the history: those of the system, [`ContactError::NotReducible`] for laws that cannot be
-/// eliminated, [`ContactError::NotConverged`], [`ContactError::Interrupted`] at the time limit, and [`ContactError::Elsewhere`] where
-/// another process found an error.
+/// Wrong lengths; all others with the best iterate and the history: those of the system, [`ContactError::NotReducible`] for laws that
+/// cannot be eliminated, [`ContactError::NotConverged`], [`ContactError::Interrupted`] at the time limit, and [`ContactError::Elsewhere`]
+/// where another process found an error.
 pub fn solve_reduced<S: ReducedSystem>(
     system: &mut S,
     nodes: &ReducedNodes<'_>,

@@ -27,8 +27,8 @@ pub struct ReducedOptions {
     pub max_krylov: usize,
     /// Directions that GMRES keeps, two vectors of displacements each, allocated as they are needed. Default 30.
     pub directions: usize,
-    /// Largest relative residual to which the linear system of a step is solved (η_max of Eisenstat and Walker); it is that of the first step
-    /// of a run and of all steps after nodes have changed their piece. Default 0.1.
+    /// Largest relative residual to which the linear system of a step is solved (η_max of Eisenstat and Walker); it is that of the first
+    /// step of a run and of all steps after nodes have changed their piece. Default 0.1.
     pub forcing: f64,
     /// Largest number of load steps, tried when Newton's method does not converge from the start; 0 skips them. Default 100.
     pub max_load_steps: usize,

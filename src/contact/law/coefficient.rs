@@ -12,8 +12,8 @@ type NodeFunction = Arc<dyn Fn(usize, f64, f64) -> [f64; 3] + Send + Sync>;
 
 /// A coefficient of friction F(ξ) against the slip ξ = ‖u_t‖ ≥ 0.
 ///
-/// In the static problem u_t is the whole tangential displacement. In a history of loading ([`evolve`](crate::contact::evolve)) slips are measured
-/// anew in each level, and ξ is the slip accumulated over this level and all before it: Σ ‖Δu_t‖.
+/// In the static problem u_t is the whole tangential displacement. In a history of loading ([`evolve`](crate::contact::evolve)) slips are
+/// measured anew in each level, and ξ is the slip accumulated over this level and all before it: Σ ‖Δu_t‖.
 ///
 /// ```
 /// use semismooth::contact::FrictionCurve;

@@ -27,8 +27,8 @@ pub struct ContactOptions {
     pub max_increments: usize,
     /// Largest number of paths along which the body is lowered; the nodes touch in another order on each. Default 6.
     pub max_paths: usize,
-    /// Largest number of points of a path; all paths are tried with 250 points before one is followed further. Default 16 000; problems of more
-    /// than 630 unknowns are given fewer, the number falling with n³ to 300.
+    /// Largest number of points of a path; all paths are tried with 250 points before one is followed further. Default 16 000; problems of
+    /// more than 630 unknowns are given fewer, the number falling with n³ to 300.
     pub max_points: usize,
     /// Largest number of branchings of a path at which an arm is chosen. Default 16.
     pub max_branchings: usize,

@@ -12,7 +12,7 @@ pub(super) struct Axis {
 }
 
 impl Axis {
-    /// The pixel of a coordinate, which is a power of ten on a logarithmic axis.
+    /// The pixel of a coordinate (a logarithm on a logarithmic axis).
     pub(super) fn pixel(&self, coordinate: f64) -> f64 {
         let (lower, upper) = self.range;
         let share = (coordinate - lower) / (upper - lower);
