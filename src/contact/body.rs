@@ -185,7 +185,7 @@ impl ContactBody {
         &self.operator.a
     }
 
-    /// Bytes that the [condensed form](super::CondensedContact) of the body takes beside the body, by an estimate made before they are
+    /// Bytes that the [condensed form](super::CondensedContact) takes in addition to the body, by an estimate made before they are
     /// allocated: the [factorisation](crate::linear::Condensation::memory) with C, and the Jacobians of the search for a solution.
     ///
     /// # Errors

@@ -246,7 +246,7 @@ pub enum ContactError {
     Unsupported {
         /// The first displacement of the piece, as numbered in the stiffness matrix.
         displacement: usize,
-        /// Where its node is, if that is known.
+        /// Position of its node, if known.
         at: Option<[f64; 3]>,
         /// The free rigid motions about the centre of the piece, in words; where positions are not known, or the motion is not rigid, the
         /// displacement that moves most in a zero-energy motion; empty where there is none.
@@ -263,7 +263,7 @@ pub enum ContactError {
         parameter: f64,
         /// The displacement that moves most, as numbered in the stiffness matrix.
         displacement: usize,
-        /// Where its node is, if that is known.
+        /// Position of its node, if known.
         at: Option<[f64; 3]>,
         /// The work of the load for a largest displacement of 1.
         work: f64,

@@ -29,7 +29,7 @@ pub struct EvolutionOptions {
     /// Options of the search for a solution at a level that the branch does not reach.
     pub contact: ContactOptions,
     /// Whether coefficients of friction that depend on the slip are taken at the increment of slip of each level alone: the history
-    /// variables are then reset at each level, and the result depends on the number of levels. Default `false`.
+    /// variables are then not updated, and the result depends on the number of levels. Default `false`.
     pub slip_increments: bool,
 }
 
@@ -125,7 +125,7 @@ impl fmt::Display for EvolutionStep {
     }
 }
 
-/// How a step of [`evolve`] came to its level.
+/// How a step of [`evolve`] reached its level.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -140,7 +140,7 @@ pub enum Arrival {
     /// The branch passes folds and reaches the level after them, but the level was solved by Newton's method, whose solution may be another
     /// one.
     PassedFolds,
-    /// The branch ended on the way, for the reason given; Newton's method found a solution.
+    /// The branch ended before the level, for the reason given; Newton's method found a solution.
     Ended(Termination),
     /// The branch could not be followed from the step before (too many nodes at the border of their cells, say); Newton's method found a
     /// solution.

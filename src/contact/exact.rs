@@ -1,4 +1,4 @@
-//! Planar Coulomb friction with exact coefficients, without the augmentation parameter: on solutions nothing depends on it.
+//! Planar Coulomb friction with exact coefficients, without the augmentation parameter, on which solutions do not depend.
 
 use super::per_node::PerNode;
 use super::{ContactBody, NodeLaw};
@@ -68,7 +68,8 @@ fn at_rest(body: &ContactBody, reference: &[f64], k: usize) -> f64 {
     if k < p { body.gap[k] } else { reference[k - p] }
 }
 
-/// The pieces open, stick, slip+, slip− of a node with the forms λν, λt; gap − u_ν, −u_t; F; and the rows of the map they stand for.
+/// The pieces open, stick, slip+, slip− of a node with the forms λν, λt; gap − u_ν, −u_t; F; and the rows of the map to which they
+/// correspond.
 fn coulomb(
     [pressure, traction]: [ExactForm; 2],
     [gap, slip]: [ExactForm; 2],

@@ -19,7 +19,7 @@ pub fn check_multipliers(pairing: &Matrix) -> Result<(), ContactError> {
     for (k, _, v) in pairing.triplets() {
         squares[k] += v * v;
     }
-    // Rows of norm 1, so that small faces count like large ones; those that are zero add nothing to the rank.
+    // Rows are scaled to norm 1, so that small faces count like large ones; zero rows do not contribute to the rank.
     let mut seen = 0;
     let rows: Vec<(usize, f64)> = squares
         .iter()
@@ -60,11 +60,11 @@ pub fn check_multipliers(pairing: &Matrix) -> Result<(), ContactError> {
     Ok(())
 }
 
-/// How far above 1 rounding may lift a generalised eigenvalue.
+/// Largest excess of a generalised eigenvalue over 1 that counts as rounding.
 const ROUNDING: f64 = 1e-8;
 
 /// The discrete inf-sup constant β of a space of multipliers: β² = λmin(S, S_ref), where S = Q K⁻¹ Qᵀ with the pairing Q and the metric K
-/// of the displacements, and S_ref the same on a mesh fine enough to stand for all displacements. Each argument is (K, Q).
+/// of the displacements, and S_ref the same on a mesh fine enough to represent all displacements. Each argument is (K, Q).
 ///
 /// Qᵀ must pair the same multipliers in the same way with displacements of the space and of one that contains it (the integral
 /// itself, not a lumped rule of either mesh). Then μᵀ S μ = sup (μ, v)²/‖v‖² does not exceed μᵀ S_ref μ, and β ≤ 1.

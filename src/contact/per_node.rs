@@ -22,7 +22,8 @@ pub struct PerNode<L> {
     pub(super) history: Vec<f64>,
     /// The augmentation parameter of Newton's method and of the test functions that are reported.
     pub(super) r: f64,
-    /// The augmentation parameter in which the map is evaluated: what is followed, classified and listed must not depend on `r`.
+    /// The augmentation parameter in which the map is evaluated: continuation, classification and lists of solutions must not depend on
+    /// `r`.
     pub(super) scale: f64,
     /// Stiffness of the contact nodes; the search for solutions tries multiples of it as r.
     pub(super) stiffness: f64,

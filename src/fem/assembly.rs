@@ -37,7 +37,7 @@ impl Elasticity {
     /// Assembles the stiffness matrix of the free displacements.
     ///
     /// # Errors
-    /// Groups that do not exist or are empty, components beyond the dimension, prescribed values that are not finite, nothing free,
+    /// Groups that do not exist or are empty, components beyond the dimension, prescribed values that are not finite, no free displacement,
     /// supports that leave rigid motions ([`FemError::Floating`] names them).
     pub fn assemble(&self) -> Result<ElasticSystem, FemError> {
         let system = self.discretize()?;

@@ -95,7 +95,7 @@ impl Foundation {
 pub struct ContactRows {
     /// Mesh node of each contact node, ordered by x, then y, then z.
     pub nodes: Vec<usize>,
-    /// Where they are.
+    /// Their positions.
     pub points: Vec<[f64; 3]>,
     /// Initial gap: u_ν ≤ gap.
     pub gap: Vec<f64>,

@@ -74,7 +74,7 @@ pub enum FemError {
     Coordinate {
         /// The node.
         node: usize,
-        /// Where it is.
+        /// Its position.
         point: [f64; 3],
     },
     /// The Jacobian of a cell is not positive.
@@ -171,7 +171,7 @@ pub enum FemError {
     NotPrescribed {
         /// The node of the mesh.
         node: usize,
-        /// Where it is.
+        /// Its position.
         at: [f64; 3],
         /// The component, from 0.
         component: usize,
@@ -207,7 +207,7 @@ pub enum FemError {
     ContactFixed {
         /// The node.
         node: usize,
-        /// Where it is.
+        /// Its position.
         at: [f64; 3],
         /// "normal" or "tangential".
         direction: &'static str,

@@ -37,7 +37,7 @@ impl Reader<'_> {
         }
     }
 
-    /// Name behind the next `$` at the beginning of a line.
+    /// Name after the next `$` at the beginning of a line.
     pub(super) fn next_section(&mut self) -> Option<String> {
         while self.at < self.bytes.len() {
             let line = self.line();

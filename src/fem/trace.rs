@@ -19,7 +19,7 @@ impl<'a> TraceSpace<'a> {
     /// The finite element functions of the mesh that vanish on the facets of `fixed` (if any), with their traces on `facets`.
     ///
     /// # Errors
-    /// Groups that do not exist or are empty; nothing free.
+    /// Groups that do not exist or are empty; no free node.
     pub fn new(mesh: &'a Mesh, facets: &str, fixed: Option<&str>) -> Result<Self, FemError> {
         let mut dofs = vec![0; mesh.num_nodes()];
         if let Some(fixed) = fixed {

@@ -1,4 +1,4 @@
-//! Problems whose states are known: linear as long as nothing slips in space.
+//! Problems whose states are known: linear as long as no contact slips in space.
 
 use super::newton::Piece;
 use super::scaled::{Scaled, add_product};

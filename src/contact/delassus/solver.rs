@@ -48,7 +48,7 @@ const FIRST_PATIENCE: usize = INNER + INNER / 2;
 /// no solution, all may converge while reactions grow without bound, and the limit on factorisations without gain ends it.
 const QUICK: usize = 6;
 const QUICK_PATIENCE: usize = 30;
-/// Most proximal steps in a row without a factorisation: α is then at its least and nothing moves.
+/// Largest number of consecutive proximal steps without a factorisation: α is then minimal and the iterate does not change.
 const MAX_IDLE: usize = 60;
 
 /// Weight of velocities in Newton's residual where 1 has failed: with 1, contacts of packings may alternate between open and closed from
@@ -105,7 +105,7 @@ struct Measure {
 /// Solver of [`DelassusProblem`]s.
 ///
 /// In turn, until the residual of every contact is met: nonsmooth Gauss–Seidel with exact one-contact solutions; in small problems where
-/// states no longer change, one linear system, unless a contact slips in space; a few iterations of semismooth Newton (P. Alart, A. Curnier
+/// states no longer change, one linear system, unless a contact slips in space; a few semismooth Newton iterations (P. Alart, A. Curnier
 /// 1991) on proximal problems M + αI, q − α r_k, which end most runs; an interior-point method for the law with De Saxcé's term, which
 /// copes with the many near-degenerate contacts of stacks and packings and with a singular M; Newton again, with α driven to 0, for the
 /// last digits; below 1500 unknowns the central path of interior points by arclength, through its folds; and Newton from more sweeps. Runs
@@ -251,8 +251,8 @@ impl<'a, const D: usize> Run<'a, D> {
 
     /// The residuals of the law at the current iterate, as it would be returned; the best one is kept.
     ///
-    /// Where a problem has no solution, reactions that grow without bound make the law's violation small against themselves. An iterate
-    /// counts only if the violation is small relative to q and u, too.
+    /// Where a problem has no solution, reactions that grow without bound make the violation of the law small relative to themselves. An
+    /// iterate counts only if the violation is small relative to q and u, too.
     fn measure(&mut self) -> Measure {
         let tolerance = self.options.tolerance;
         self.scaled.unscale(&self.r, &mut self.plain);
@@ -359,7 +359,7 @@ impl<'a, const D: usize> Run<'a, D> {
     }
 
     fn phases(&mut self) -> Outcome {
-        // Sweeps from r = 0 leave it where it is a solution.
+        // If r = 0 is a solution, sweeps do not change it.
         if self.started {
             self.measure();
             if self.solved {
@@ -380,7 +380,7 @@ impl<'a, const D: usize> Run<'a, D> {
         }
         let mut interior = Interior::new(&self.scaled);
         let shortened = self.interior(&mut interior, false)?;
-        // Without a short step nothing would be frozen: the same steps again.
+        // Without a short step De Saxcé's term would never be frozen, and the same steps would be repeated.
         if shortened && self.near_progress > NEAR {
             self.restart();
             self.interior(&mut interior, true)?;
@@ -528,7 +528,8 @@ impl<'a, const D: usize> Run<'a, D> {
         let (mut mark, mut mark_at) = (f64::INFINITY, self.newton.factorisations);
         // The violation at the centre, once known.
         let mut at_centre = f64::INFINITY;
-        // Of the proximal problems: more where all contacts together are solved, and one that bears little is not.
+        // Tolerance of the proximal problems, tightened where one is met without a Newton step: a norm over all contacts may hide one with
+        // small forces.
         let mut precision = PRECISION;
         // Steps in a row that needed no factorisation, which no other limit counts.
         let mut idle = 0;

@@ -239,8 +239,8 @@ impl ReducedBody {
         floating_piece(&self.stiffness, &self.contacts, &self.frames)
     }
 
-    /// Upper estimate of the bytes that multigrid and GMRES take beside the body, made before they are allocated; checked on hexahedra and
-    /// tetrahedra.
+    /// Upper estimate of the bytes that multigrid and GMRES take in addition to the body, made before they are allocated; checked on
+    /// hexahedra and tetrahedra.
     #[must_use]
     pub fn memory(&self, options: &ReducedOptions) -> u64 {
         let (len, dim) = (self.len() as u64, self.dim() as u64);

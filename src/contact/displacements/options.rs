@@ -40,7 +40,8 @@ pub struct ReducedOptions {
     /// pass over the directions of GMRES; the condensed form checks it between factorisations. Default none: with a limit results depend on
     /// the machine.
     pub max_time: Option<Duration>,
-    /// Memory in bytes that multigrid and GMRES may take beside the body, by an estimate made before they are allocated. Default none.
+    /// Memory in bytes that multigrid and GMRES may take in addition to the body, by an estimate made before they are allocated. Default
+    /// none.
     pub max_memory: Option<u64>,
 }
 

@@ -430,7 +430,7 @@ impl FrictionCoefficient {
         self.nodes
     }
 
-    /// [c, s] where F = c + α s at a node, and nothing else.
+    /// [c, s] where F = c + α s exactly at a node; `None` otherwise.
     pub(super) fn affine_at(&self, node: usize) -> Option<[f64; 2]> {
         match &self.shape {
             _ if self.is_constant() => Some([self.value(node, 0.0, 0.0)[0], 0.0]),
@@ -450,7 +450,7 @@ impl FrictionCoefficient {
         }
     }
 
-    /// Whether F depends on nothing but the node.
+    /// Whether F depends on the node alone.
     pub(super) fn is_constant(&self) -> bool {
         !self.depends_on_parameter() && !self.depends_on_slip()
     }
@@ -491,7 +491,7 @@ pub(super) fn check_coefficient(
 mod tests {
     use super::*;
 
-    /// c F has c times the values and derivatives of F, in whichever form it is asked for.
+    /// c F has c times the values and derivatives of F, in each of its representations.
     #[test]
     fn multiples_are_multiples_in_every_form() {
         let line = FrictionCoefficient::affine(vec![0.2], vec![0.1]).unwrap();

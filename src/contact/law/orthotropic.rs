@@ -24,8 +24,7 @@ pub struct OrthotropicCoulomb {
 /// ε relative to the length of d, in units of slip: above rounding, below all relevant slips.
 const SHORT: f64 = 1e-8;
 
-/// b²/a² from which φ is linear in a. Spurious solutions, at which φ ≠ ‖u_t‖, would need at least this ratio between the components of the
-/// slip across and along d.
+/// b²/a² from which φ is linear in a. A spurious solution, at which φ ≠ ‖u_t‖, would need b²/a² at least this large.
 const OBLIQUE: f64 = 400.0;
 
 /// Intermediate quantities of the orthotropic law.

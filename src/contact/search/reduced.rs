@@ -337,7 +337,7 @@ impl ReducedNewton {
     }
 }
 
-/// Goes along the step as far as the residual falls, by halving; `false` where it does not.
+/// Backtracks along the step, by halving, until the residual decreases; `false` where it does not.
 fn descend<V: View>(problem: &Contact<V, &dyn NodeLaw>, x: &mut [f64], step: &[f64]) -> bool {
     const HALVINGS: i32 = 12;
     let law = *problem.node_law();

@@ -64,7 +64,7 @@ named!(
     ]
 );
 
-/// How far a search for a solution has come.
+/// The progress of a search for a solution.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]

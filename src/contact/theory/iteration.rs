@@ -312,7 +312,7 @@ mod tests {
         }
     }
 
-    /// With no tolerance the iteration goes on into rounding, and ends there.
+    /// With tolerance 0 the iteration continues down to rounding, and ends there.
     #[test]
     fn rounding_ends_the_iteration() {
         let a = Matrix::from_rows(&[[2.0, -0.5, 0.1], [-0.5, 1.0, 0.3], [0.1, 0.3, 3.0]]).unwrap();
