@@ -2,7 +2,7 @@ use crate::piecewise::is_ordinary;
 use crate::sparse::Matrix;
 
 /// Typical sizes of displacements u, multipliers λ and the parameter α in A u + Bᵀ λ = f: derived from forces, stiffnesses and entries of
-/// B, so that they scale with the units as u and λ do. `loads` are the sizes of the load at α = 0 and of its derivative; the typical α is
+/// B, so that they scale with the units as u and λ do. `loads` are the sizes of the load at α = 0 and of its change; the typical α is
 /// the one at which both contribute equally. `None` without load and gap.
 pub(crate) fn typical_sizes<'a>(
     a: &Matrix,
