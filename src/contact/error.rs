@@ -151,7 +151,7 @@ pub enum ContactError {
         /// The largest number allowed.
         most: usize,
     },
-    /// Multipliers that do no work in any displacement: condition (1) of Haslinger, Kučera and Vlach fails.
+    /// Multipliers that do no work in any displacement: condition (1) of Haslinger, Kučera and Vlach (2008) fails.
     #[error(
         "{expected} multipliers, but the displacements tell only {rank} of them apart: use fewer (larger faces), or nodal multipliers"
     )]

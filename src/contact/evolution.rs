@@ -97,9 +97,9 @@ pub struct EvolutionStep {
     /// coefficient of friction from the start of the next level), forces jump before the branch begins: the jump is counted in the step
     /// that follows it.
     pub stored: f64,
-    /// Dissipation: where the branch was followed ([`Arrival::is_followed`]) ∫ λt · du_t, summed as the work is, so that work = stored +
-    /// dissipated up to rounding and the tolerance of the points. Where it was not, Σ λt · Δu_t ≥ 0 of one implicit step: the balance then
-    /// has an error of second order in the length of the step, plus the energy that a jump releases.
+    /// Dissipation: where the branch was followed ([`Arrival::is_followed`]) ∫ λt · du_t, summed as the work is, so that
+    /// work = stored + dissipated up to rounding and the tolerance of the points. Where it was not, Σ λt · Δu_t ≥ 0 of one implicit step:
+    /// the balance then has an error of second order in the length of the step, plus the energy that a jump releases.
     ///
     /// On a branch it may be negative, by an amount of second order in the length of the step: see [`returned`](Self::returned).
     pub dissipated: f64,

@@ -15,8 +15,8 @@ const LARGE: usize = 1500;
 /// Least distance of the first point from the boundaries of the cones, where ‖q‖ is 1.
 const LEAST: f64 = 1e-3;
 
-/// In x = (μ r_N, r_T) and y = (û_N / μ, û_T) both cones are the second-order cone L, and the problem reads y = M̃ x + q̃ + ‖u_T‖ e_N, x ∘
-/// y = 0. The Newton matrix G M̃ + W², G the derivative of De Saxcé's term, is regular whatever the rank of M, so that the iteration
+/// In x = (μ r_N, r_T) and y = (û_N / μ, û_T) both cones are the second-order cone L, and the problem reads y = M̃ x + q̃ + ‖u_T‖ e_N,
+/// x ∘ y = 0. The Newton matrix G M̃ + W², G the derivative of De Saxcé's term, is regular whatever the rank of M, so that the iteration
 /// applies to hyperstatic problems. Frictionless contacts are half-lines, their tangential reactions free variables with y = x.
 ///
 /// Compare V. Acary, P. Armand, H. Minh Nguyen, M. Shpakovych, *Second order cone programming for frictional contact mechanics

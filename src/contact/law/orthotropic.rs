@@ -61,9 +61,9 @@ impl OrthotropicCoulomb {
     /// The slip φ at which the coefficients are taken, and its derivatives.
     ///
     /// ‖u_t‖ has a kink at u_t = 0, where nodes pass from slip to stick. At solutions slip has the direction of d = F⁻² λt + r u_t with F
-    /// at ‖u_t‖. With a the component of u_t along d, b the other one and a short length ε, φ = a (1 + b²/(a² + ε²))^½ is smooth at u_t =
-    /// 0, negative beyond, and ‖u_t‖ at solutions; for slips much larger than ε it is ±‖u_t‖, except where |b| is much larger than |a|:
-    /// there it is linear in a.
+    /// at ‖u_t‖. With a the component of u_t along d, b the other one and a short length ε, φ = a (1 + b²/(a² + ε²))^½ is smooth at
+    /// u_t = 0, negative beyond, and ‖u_t‖ at solutions; for slips much larger than ε it is ±‖u_t‖, except where |b| is much larger than
+    /// |a|: there it is linear in a.
     fn signed_slip(&self, v: &LocalValues) -> (f64, LocalRow) {
         let u = v.slip;
         let norm = v.slip_norm();
