@@ -45,7 +45,7 @@ pub struct Mesh {
 pub struct BoundaryFacet {
     /// The cell it belongs to.
     pub cell: usize,
-    /// Its nodes, turned so that the normal points out of the cell.
+    /// Its nodes, ordered so that the normal points out of the cell.
     pub nodes: Vec<usize>,
     /// Unit outward normal (of the mean plane); third component 0 in the plane.
     pub normal: [f64; 3],

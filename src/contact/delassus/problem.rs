@@ -175,10 +175,10 @@ impl DelassusProblem {
     /// The largest violation of the law at a contact, max over i of ‖rᵢ − P_K(rᵢ − ûᵢ)‖ / sizeᵢ with u = M r + q: 0 exactly at
     /// solutions.
     ///
-    /// It is taken in scaled variables, S⁻¹ r and S u with one factor a contact, chosen such that the mean diagonal entry of its block of S
-    /// M S is 1 (that of the largest block where its own vanishes, the largest entry of M where all do), and sizeᵢ = max(‖rᵢ‖, ‖uᵢ‖, ‖qᵢ‖,
-    /// ‖Mᵢⱼ rⱼ‖ over all j) is that of the terms that cancel there (at least 1e-12 of the largest one), so that it depends neither on the
-    /// units of M and q nor on the size of the forces at other contacts. Infinite where squares of these terms overflow.
+    /// It is taken in scaled variables, S⁻¹ r and S u with one factor a contact by which its block of S M S has the mean diagonal entry 1
+    /// (that of the largest block where its own vanishes, the largest entry of M where all do), and sizeᵢ = max(‖rᵢ‖, ‖uᵢ‖, ‖qᵢ‖, ‖Mᵢⱼ rⱼ‖
+    /// over all j) is that of the terms that cancel there (at least 1e-12 of the largest one), so that it depends neither on the units of M
+    /// and q nor on the size of the forces at other contacts. Infinite where squares of these terms overflow.
     ///
     /// # Complexity
     /// Linear in the entries of M: O(n²) where that is dense.

@@ -5,7 +5,7 @@ use crate::contact::{ContactSolution, ContactState, LocalValues};
 use crate::sparse::dot;
 use crate::words::Count;
 
-/// How a solution ended.
+/// How a run ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]

@@ -20,7 +20,7 @@ type NodeFunction = Arc<dyn Fn(usize, f64, f64) -> [f64; 3] + Send + Sync>;
 /// let f = FrictionCurve::exponential(0.4, 0.1, 0.005)?; // 0.1 + 0.3 exp(−ξ/0.005)
 /// assert!((f.value(0.0).0 - 0.4).abs() < 1e-15 && f.value(0.0).1 < 0.0);
 /// let table = FrictionCurve::table(&[(0.0, 0.4), (0.01, 0.2), (0.02, 0.2)])?;
-/// assert_eq!(table.value(1.0), (0.2, 0.0)); // constant behind the last point
+/// assert_eq!(table.value(1.0), (0.2, 0.0)); // constant beyond the last point
 /// # Ok::<(), semismooth::contact::ContactError>(())
 /// ```
 #[derive(Clone)]
