@@ -1,4 +1,4 @@
-//! Motions without forces, and loads that nothing balances.
+//! Zero-energy motions (null vectors of A), and loads that nothing balances.
 
 use super::law::NodeLaw;
 use super::{Contact, ContactError};
@@ -7,28 +7,28 @@ use crate::linear::{Cholesky, LinearSolver};
 use crate::sparse::{Matrix, dot};
 use crate::spread::Random;
 
-/// What is added to a matrix of unit diagonal, and the steps of inverse iteration with it.
+/// The shift added to the matrix scaled to unit diagonal, and the number of inverse iterations with it.
 const SHIFT: f64 = 1e-10;
 const STEPS: usize = 8;
-/// The energy of a motion without forces, against the terms it adds up from.
+/// Largest energy of a zero-energy motion, relative to the sum of the moduli of its terms.
 const ROUNDING: f64 = 1e-12;
-/// Displacements of contact nodes in such a motion that count as none, and resultants of the load, against the terms they add up from.
+/// Displacements of contact nodes in such a motion, and resultants of the load, below this share of their terms count as zero.
 const NOTHING: f64 = 1e-8;
 
-/// A start of inverse iteration without a pattern.
+/// A random start of inverse iteration.
 pub(super) fn random_start(n: usize) -> Vec<f64> {
     let mut random = Random::new(5);
     (0..n).map(|_| random.symmetric()).collect()
 }
 
-/// Where the largest modulus is.
+/// The index of the largest modulus.
 pub(super) fn largest(z: &[f64]) -> usize {
     let by_modulus = |i: &usize, j: &usize| z[*i].abs().total_cmp(&z[*j].abs());
     (0..z.len()).max_by(by_modulus).unwrap_or(0)
 }
 
-/// A motion without forces, A z = 0 up to rounding with a largest displacement of 1: what inverse iteration makes of the forces `start`, which
-/// do work in it. None where there is no such motion.
+/// A zero-energy motion, A z = 0 up to rounding with a largest displacement of 1, by inverse iteration from `start`, which must not be
+/// orthogonal to it. `None` where there is no such motion.
 pub(super) fn free_motion(a: &Matrix, start: Vec<f64>) -> Option<Vec<f64>> {
     let n = a.nrows();
     let mut scale = vec![0.0; n];
@@ -64,7 +64,7 @@ pub(super) fn free_motion(a: &Matrix, start: Vec<f64>) -> Option<Vec<f64>> {
         energy += term;
         terms += term.abs();
     }
-    // NaN is none either.
+    // NaN counts as no such motion.
     let (energy, free) = (energy.abs(), ROUNDING * terms);
     if energy.is_nan() || energy > free {
         return None;

@@ -9,8 +9,8 @@ use crate::interface::{LoadPath, Operator};
 use crate::linear::{Cholesky, Condensation, LinearSolver};
 use crate::sparse::{Matrix, NodalMatrix, check_nodes, pieces};
 
-/// Dense matrices that a search for a solution takes beside C: Jacobians with the places of their entries, and factors. With it all hexahedra
-/// took a twelfth more than estimated with 110 contact nodes, and less with 240 and 504.
+/// Number of dense matrices of the size of C that a search for a solution allocates: Jacobians with the indices of their entries, and
+/// factors. Measured on hexahedra: a twelfth more than this estimate with 110 contact nodes, less with 240 and 504.
 const JACOBIANS: u64 = 6;
 
 /// A discrete elastic body with contact nodes, without a law of friction: A u = f(α) − Bνᵀ λν − Σ Btᵀ λt, u_ν = Bν u ≤ gap.
@@ -36,7 +36,7 @@ pub struct ContactBody {
     /// A, B = (Bν; Bt₁; Bt₂) and the load.
     pub(super) operator: Arc<Operator>,
     pub(super) gap: Vec<f64>,
-    /// Where they are known.
+    /// Positions of the nodes, where known.
     pub(super) nodes: Option<Arc<Nodes>>,
 }
 
@@ -51,7 +51,7 @@ impl ContactBody {
     /// A body with its normal trace, one or two tangential traces (p × n each), and a load; gap 0.
     ///
     /// # Errors
-    /// Empty problems, wrong shapes, entries that are not finite; multipliers that no displacement sees
+    /// Empty problems, wrong shapes, entries that are not finite; multipliers that do no work in any displacement
     /// ([`ContactError::InvisibleMultiplier`]).
     pub fn new(
         a: Matrix,
@@ -82,8 +82,8 @@ impl ContactBody {
         })
     }
 
-    /// Tells where the nodes are, and the node and component (from 0) of each displacement: errors name positions and motions then. Nothing else
-    /// depends on it.
+    /// Sets the positions of the nodes, and the node and component (from 0) of each displacement, for error messages that name positions
+    /// and rigid motions. Nothing else depends on it.
     ///
     /// # Errors
     /// Another number of displacements; nodes or components that do not exist, are named twice, or have no displacement; positions that are
@@ -185,7 +185,7 @@ impl ContactBody {
         &self.operator.a
     }
 
-    /// Bytes that the [condensed form](super::CondensedContact) of the body takes beside the body, by an estimate made before they are
+    /// Bytes that the [condensed form](super::CondensedContact) takes in addition to the body, by an estimate made before they are
     /// allocated: the [factorisation](crate::linear::Condensation::memory) with C, and the Jacobians of the search for a solution.
     ///
     /// # Errors
@@ -197,7 +197,7 @@ impl ContactBody {
         Ok(made.saturating_add(8u64.saturating_mul(JACOBIANS).saturating_mul(q).saturating_mul(q)))
     }
 
-    /// Why the stiffness matrix is not positive definite, if a motion without forces or a single piece of the body is to blame.
+    /// Why the stiffness matrix is not positive definite, if the reason is a zero-energy motion or a single connected part of the body.
     pub(super) fn indefinite_piece(&self) -> Option<ContactError> {
         let a = &self.operator.a;
         let nodal = self.nodes.as_deref().and_then(|nodes| {
@@ -249,7 +249,7 @@ impl ContactBody {
         })
     }
 
-    /// The same body under another load, whatever that makes of the sizes.
+    /// The same body under another load; typical sizes are not recomputed.
     pub(super) fn under(&self, load: LoadPath) -> Result<Self, ContactError> {
         Ok(Self {
             operator: Arc::new(self.operator.with_load(load)?),
@@ -285,13 +285,13 @@ fn for_column(matrix: &Matrix, j: usize, mut f: impl FnMut(usize, f64)) {
     }
 }
 
-/// Products in the sparse Gram matrix of the normal trace, 24 bytes each, beyond which displacements that many nodes share are left
-/// out.
+/// Number of products in the sparse Gram matrix of the normal trace, 24 bytes each, beyond which displacements shared by many nodes are
+/// left out.
 const MAX_PRODUCTS: f64 = (1 << 25) as f64;
-/// How many nodes may share a displacement then.
+/// The number of nodes that may share a displacement in that case.
 const MAX_SHARED: usize = 64;
 
-/// Condition (1) for the normal trace: the rank is told only where a factorisation of the sparse Gram matrix fails.
+/// Condition (1) for the normal trace: the rank is computed only where a factorisation of the sparse Gram matrix fails.
 fn check_visible(trace: &Matrix) -> Result<(), ContactError> {
     let transpose = trace.transpose();
     let (pattern, values) = (transpose.pattern(), transpose.values());

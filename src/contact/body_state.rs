@@ -34,7 +34,7 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
     }
 }
 
-/// The gap and the reference slips of node i, by which (u_ν, u_t) and (penetration, slip) differ.
+/// u_ν − penetration and u_t − slip of node i.
 fn offsets(gap: &[f64], reference: &[f64], i: usize) -> [f64; 3] {
     let p = gap.len();
     let at = |d: usize| reference.get(d * p + i).copied().unwrap_or(0.0);
@@ -65,7 +65,7 @@ impl BodyState {
         ))
     }
 
-    /// From displacements u, A u, all forces on u, and what the supports do.
+    /// From displacements u, A u, all forces on u, and the contribution of the supports.
     pub(super) fn of(u: Vec<f64>, stiff: Vec<f64>, load: Vec<f64>, supports: SupportState) -> Self {
         Self {
             u,

@@ -6,9 +6,9 @@ use super::{CondensedContact, ContactError, DelassusProblem};
 use crate::sparse::{Matrix, Pattern};
 
 impl<L: NodeLaw> CondensedContact<L> {
-    /// The problem at α in Delassus form: r = (λν, −λt) and u = (gap − u_ν, u_t less its reference) node by node, components divided and
-    /// multiplied by F where that differs along t₁ and t₂ (then with coefficient 1). Solutions come back by
-    /// [`point_of_reactions`](Self::point_of_reactions).
+    /// The problem at α in Delassus form: r = (λν, −λt) and u = (gap − u_ν, u_t less its reference) node by node. Where F differs along t₁
+    /// and t₂, the components of r are divided by F, those of u multiplied by it, and the coefficient is 1.
+    /// [`point_of_reactions`](Self::point_of_reactions) maps solutions back.
     ///
     /// # Complexity
     /// O(q²) operations; the matrix is dense and takes 16 q² bytes.

@@ -15,9 +15,9 @@ pub enum ContactError {
     Shape {
         /// Which matrix.
         what: &'static str,
-        /// Rows asked for.
+        /// Rows expected.
         rows: usize,
-        /// Columns asked for.
+        /// Columns expected.
         cols: usize,
         /// Rows given.
         found_rows: usize,
@@ -29,7 +29,7 @@ pub enum ContactError {
     Length {
         /// Which vector.
         what: &'static str,
-        /// Length asked for.
+        /// Length expected.
         expected: usize,
         /// Length given.
         found: usize,
@@ -65,9 +65,9 @@ pub enum ContactError {
     Augmentation {
         /// Its value.
         r: f64,
-        /// The least that serves.
+        /// The least value allowed.
         lowest: f64,
-        /// The largest that serves.
+        /// The largest value allowed.
         highest: f64,
     },
     /// A coefficient of friction is negative where a node may be in contact.
@@ -79,7 +79,7 @@ pub enum ContactError {
         node: usize,
         /// The parameter α.
         parameter: f64,
-        /// F there.
+        /// F at α.
         value: f64,
     },
     /// A coefficient of friction is 0 under a law that divides by it.
@@ -139,19 +139,19 @@ pub enum ContactError {
         /// Of the body.
         body: usize,
     },
-    /// A law with more or fewer of something than a node has room for, or than the cells of its pieces name.
+    /// A number of pieces, test functions or history variables of a law that is out of range.
     #[error("the law has {found} {what}; it must have {least} to {most}")]
     Law {
         /// What is counted.
         what: &'static str,
         /// Its number.
         found: usize,
-        /// The least that serves: as many test functions as the cells of the pieces name.
+        /// The least number allowed; of test functions, the number that the cells of the pieces name.
         least: usize,
-        /// The most that serves.
+        /// The largest number allowed.
         most: usize,
     },
-    /// Multipliers that no displacement sees: condition (1) of Haslinger, Kučera and Vlach fails.
+    /// Multipliers that do no work in any displacement: condition (1) of Haslinger, Kučera and Vlach (2008) fails.
     #[error(
         "{expected} multipliers, but the displacements tell only {rank} of them apart: use fewer (larger faces), or nodal multipliers"
     )]
@@ -161,7 +161,7 @@ pub enum ContactError {
         /// Rank of the pairing with the displacements.
         rank: usize,
     },
-    /// Traces that are not those of single nodes along orthonormal directions, which contact in the displacements alone asks for.
+    /// Traces that are not those of single nodes along orthonormal directions, which contact in the displacements alone requires.
     #[error(
         "the traces of contact node {node} are {what}; contact in the displacements alone needs orthonormal traces of one node each: use the condensed form"
     )]
@@ -183,7 +183,7 @@ pub enum ContactError {
         /// The best iterate before, with its history.
         best: Box<super::ReducedReport>,
     },
-    /// Another process that works on the same body found an error.
+    /// Another process that computes a part of the same body found an error.
     #[error("another process found an error in its part of the body")]
     Elsewhere {
         /// The best iterate before, in the part of this process, with its history.
@@ -194,7 +194,7 @@ pub enum ContactError {
     Memory {
         /// Estimate, in bytes.
         needed: u64,
-        /// What the options allow.
+        /// Limit set in the options, in bytes.
         limit: u64,
     },
     /// Contact in the displacements alone found no solution.
@@ -207,7 +207,7 @@ pub enum ContactError {
         /// The best iterate, with its history.
         best: Box<super::ReducedReport>,
     },
-    /// A search in the displacements was stopped by its observer or by the limit of its time.
+    /// A search in the displacements was stopped by its observer or by the time limit.
     #[error(
         "stopped after {}: relative residuals of equilibrium {:e}, of the normal law {:e}, of friction {:e} at the best iterate",
         crate::words::Count(.best.iterations.len(), "step", "steps"),
@@ -230,7 +230,7 @@ pub enum ContactError {
         /// The best iterate, with its history.
         best: Box<super::ReducedReport>,
     },
-    /// A piece of the body, which hangs together with no other one, is not held, or its stiffness matrix is not positive definite for another
+    /// A connected part (piece) of the body is insufficiently supported, or its stiffness matrix is not positive definite for another
     /// reason.
     #[error(
         "the piece of the body that displacement {displacement}{} belongs to {}",
@@ -246,13 +246,13 @@ pub enum ContactError {
     Unsupported {
         /// The first displacement of the piece, as numbered in the stiffness matrix.
         displacement: usize,
-        /// Where its node is, if that is known.
+        /// Position of its node, if known.
         at: Option<[f64; 3]>,
-        /// The free rigid motions about the centre of the piece, in words; where positions are not known, or the motion is none of a rigid
-        /// body, which displacement moves most in one that makes no forces; empty where there is none.
+        /// The free rigid motions about the centre of the piece, in words; where positions are not known, or the motion is not rigid, the
+        /// displacement that moves most in a zero-energy motion; empty where there is none.
         modes: String,
     },
-    /// No forces of contact balance the load: it moves a body that nothing holds away from the foundation, or along it without friction.
+    /// No contact forces balance the load: it moves an unsupported body away from the foundation, or along it without friction.
     #[error(
         "nothing balances the load at parameter {parameter}: it does the work {work:e} in a motion that makes no forces, in which displacement \
          {displacement}{} moves most, by 1, and no contact node comes nearer to the foundation: hold the body, or change the load",
@@ -263,7 +263,7 @@ pub enum ContactError {
         parameter: f64,
         /// The displacement that moves most, as numbered in the stiffness matrix.
         displacement: usize,
-        /// Where its node is, if that is known.
+        /// Position of its node, if known.
         at: Option<[f64; 3]>,
         /// The work of the load for a largest displacement of 1.
         work: f64,
@@ -273,7 +273,8 @@ pub enum ContactError {
         "only Coulomb's law with coefficients of friction that do not depend on the slip has a Delassus form: solve the full or the condensed form"
     )]
     NotCoulomb,
-    /// A law whose coefficients of friction depend on the slip, in a history that measures slips level by level.
+    /// A law without history variables whose coefficients of friction depend on the slip, in a history of loading that measures slips level
+    /// by level.
     #[error(
         "the coefficients of friction depend on the slip, which is measured anew in each level, and the law has no history: they would depend on the number of levels; give the law a history, or choose increments of slip (`with_slip_increments`)"
     )]
@@ -297,10 +298,10 @@ pub enum ContactError {
         /// The parameter α.
         parameter: f64,
     },
-    /// A failure in the map.
+    /// A failure in the evaluation of the map.
     #[error(transparent)]
     Map(#[from] PiecewiseError),
-    /// A failure of linear algebra.
+    /// A failure in linear algebra.
     #[error(transparent)]
     Linear(#[from] LinearError),
     /// A file could not be read.
@@ -332,7 +333,7 @@ impl From<InterfaceError> for ContactError {
 }
 
 impl ContactError {
-    /// Whether a search was stopped, by its observer or for want of time.
+    /// Whether a search was stopped, by its observer or by the time limit.
     #[must_use]
     pub fn is_interrupted(&self) -> bool {
         let Self::NoStart { source, .. } = self else {

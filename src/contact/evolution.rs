@@ -14,7 +14,7 @@ use crate::options::setters;
 use crate::piecewise::PiecewiseSmooth;
 use crate::words::Count;
 
-/// Options of [`evolve`]. The defaults need no touching.
+/// Options of [`evolve`]. The defaults suit most problems.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 #[cfg_attr(
@@ -23,13 +23,13 @@ use crate::words::Count;
     serde(default, deny_unknown_fields)
 )]
 pub struct EvolutionOptions {
-    /// How the branch of a step is followed; its `parameter_range` is set to the step. Default: that of [`ContinuationOptions`] with
+    /// Options of the continuation over a step; `parameter_range` is set to the step. Default: [`ContinuationOptions::default`] with
     /// `max_points` = 1000.
     pub continuation: ContinuationOptions,
-    /// How a solution is searched at a level which the branch does not reach.
+    /// Options of the search for a solution at a level that the branch does not reach.
     pub contact: ContactOptions,
-    /// Whether coefficients of friction that depend on the slip are taken at the increment of slip of each level alone: laws forget their
-    /// history, and what comes out depends on the number of levels. Default `false`.
+    /// Whether coefficients of friction that depend on the slip are taken at the increment of slip of each level alone: the history
+    /// variables are then not updated, and the result depends on the number of levels. Default `false`.
     pub slip_increments: bool,
 }
 
@@ -76,14 +76,15 @@ pub struct EvolutionStep {
     pub level: f64,
     /// The solution there, in the variables of the form.
     pub x: Vec<f64>,
-    /// The history variables of the law at the end of the step, node by node. With them and the displacements a history goes on:
-    /// [`set_history`](crate::contact::Contact::set_history), [`set_reference_slip`](crate::contact::Contact::set_reference_slip).
+    /// The history variables of the law at the end of the step, node by node. With them and the displacements a history of loading can be
+    /// continued: [`set_history`](crate::contact::Contact::set_history),
+    /// [`set_reference_slip`](crate::contact::Contact::set_reference_slip).
     pub history: Vec<f64>,
     /// States and local quantities; slips are increments of this step.
     pub solution: ContactSolution,
     /// Displacements u_ν, u_t₁[, u_t₂] of the contact nodes: all normal ones first.
     pub displacements: Vec<f64>,
-    /// α at the folds which the branch of this step meets: where there are any, solutions are not unique near them.
+    /// α at the folds on the branch of this step; near a fold solutions are not unique.
     pub folds: Vec<f64>,
     /// Number of transitions passed.
     pub transitions: usize,
@@ -92,21 +93,22 @@ pub struct EvolutionStep {
     /// Work of the loads in this step, and of the reactions at supports that move: summed over the points of the branch by the
     /// trapezoidal rule.
     pub work: f64,
-    /// Change of the elastic energy of the whole body in this step. Where a law changes with its history at the end of a level (friction
-    /// that is less in the next level from the first), forces jump before the branch begins: the jump belongs to the step that follows it.
+    /// Change of the elastic energy of the whole body in this step. Where a law changes with its history at the end of a level (a lower
+    /// coefficient of friction from the start of the next level), forces jump before the branch begins: the jump is counted in the step
+    /// that follows it.
     pub stored: f64,
     /// Dissipation: where the branch was followed ([`Arrival::is_followed`]) ∫ λt · du_t, summed as the work is, so that
-    /// work = stored + dissipated up to rounding and the tolerance of the points. Where it was not, Σ λt · Δu_t ≥ 0 of one implicit step: the
-    /// balance is then off by what is of second order in the length of the step, and by what a jump sets free.
+    /// work = stored + dissipated up to rounding and the tolerance of the points. Where it was not, Σ λt · Δu_t ≥ 0 of one implicit step:
+    /// the balance then has an error of second order in the length of the step, plus the energy that a jump releases.
     ///
-    /// On a branch it may be negative, by what is of second order in the length of the step: see [`returned`](Self::returned).
+    /// On a branch it may be negative, by an amount of second order in the length of the step: see [`returned`](Self::returned).
     pub dissipated: f64,
-    /// What friction gave back on the branch, ≥ 0: the part of `dissipated` that is negative, node by node and between one point and the
-    /// next, with the sign changed. The law sees the net slip since the level before, so that friction keeps its direction where a
-    /// node that has slipped comes back, and drives it; that it would stick, or slip against friction, is seen from the next level on. 0 up
-    /// to rounding where no node comes back. Where a velocity changes its sign at once this is, as the error of `dissipated`, of first
-    /// order in the length of the step; of second order where it changes smoothly. Levels at which it is not small beside
-    /// `dissipated` are too far apart.
+    /// Work that friction returned on the branch, ≥ 0: minus the sum of the negative contributions to `dissipated`, taken node by node and
+    /// from point to point. The law depends on the net slip since the level before: where a node reverses its slip within a step, friction
+    /// keeps its direction and does positive work; stick or slip in the other direction follows from the next level on. 0 up to rounding
+    /// where no node reverses. Like the error of `dissipated`, this is of first order in the length of the step where a velocity changes
+    /// its sign abruptly, and of second order where it changes smoothly. Levels at which it is not small compared with `dissipated` are too
+    /// far apart.
     #[cfg_attr(feature = "serde", serde(default))]
     pub returned: f64,
 }
@@ -123,7 +125,7 @@ impl fmt::Display for EvolutionStep {
     }
 }
 
-/// How a step of [`evolve`] came to its level.
+/// How a step of [`evolve`] reached its level.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -133,11 +135,12 @@ pub enum Arrival {
     /// The level is that of the step before, so that there is no branch: Newton's method began at the solution there, and ends at
     /// another one only where the law has changed with its history.
     SameLevel,
-    /// The branch from the step before turns back at a fold: Newton's method found a solution on another branch (snap-through).
+    /// The branch from the step before turns back at a fold; Newton's method found a solution on another branch (snap-through).
     Jumped,
-    /// The branch passes folds and yet reaches the level: the first solution after them may be told from the one taken by Newton's method.
+    /// The branch passes folds and reaches the level after them, but the level was solved by Newton's method, whose solution may be another
+    /// one.
     PassedFolds,
-    /// The branch ended on the way, for the reason given; Newton's method found a solution.
+    /// The branch ended before the level, for the reason given; Newton's method found a solution.
     Ended(Termination),
     /// The branch could not be followed from the step before (too many nodes at the border of their cells, say); Newton's method found a
     /// solution.
@@ -167,7 +170,7 @@ impl fmt::Display for Arrival {
     }
 }
 
-/// What [`evolve_observed`] tells of.
+/// Events that [`evolve_observed`] reports.
 #[derive(Debug)]
 #[non_exhaustive]
 pub enum EvolutionProgress<'a> {
@@ -175,25 +178,25 @@ pub enum EvolutionProgress<'a> {
     Point(&'a Event),
     /// The search for a solution at a level which the branch does not reach.
     Search(&'a ContactProgress),
-    /// Work and energies are summed over the points of the branch to the next level: so many of them are done.
+    /// Work and energies are being summed over the points of the branch to the next level.
     Energy {
-        /// How many.
+        /// Number of points done.
         done: usize,
-        /// Of how many.
+        /// Number of points in all.
         points: usize,
     },
-    /// A level is reached.
+    /// A level has been reached.
     Step(&'a EvolutionStep),
 }
 
-/// Follows a body through a history of load levels: in each step the static law holds for the increments of slip, u_t − u_t^(k−1), and
-/// the branch of solutions is followed from the old level to the new one, so that folds are seen and not jumped. At the end of a
-/// level laws with a history update it: friction that depends on the slip depends on all the slip since the beginning.
+/// Follows a body through a history of load levels: in each step the static law holds for the increments of slip, u_t − u_t^(k−1), and the
+/// branch of solutions is followed from the old level to the new one, so that folds are found and not stepped over. At the end of a level
+/// laws with a history update it: slip-dependent friction depends on the slip accumulated since the beginning.
 ///
-/// `start` is the solution at the first level (from [`Contact::solve`]), which ends there: its slips, from the reference that the problem
-/// has, count. `levels` are those that come after. `observe` sees each step and may stop. The problem keeps the last reference of its slips
-/// and its history: a history begun anew needs both [set](Contact::set_reference_slip) to 0. Limits of time in the options are those of
-/// one step.
+/// `start` is the solution at the first level (from [`Contact::solve`]); its slips, from the reference that the problem has, enter the
+/// history. `levels` are the levels after it. `observe` is called with each step and may stop. The problem keeps its last reference of
+/// slips and its history: to begin a new history, [set](Contact::set_reference_slip) both to 0. Time limits in the options apply to each
+/// step.
 ///
 /// ```
 /// use std::ops::ControlFlow;
@@ -209,7 +212,7 @@ pub enum EvolutionProgress<'a> {
 /// let start = problem.solve(0.0, None)?;
 /// let options = EvolutionOptions::default();
 /// let steps = evolve(&mut problem, &start, &[1.5, 1.0, 0.0], &options, |_| ControlFlow::Continue(()))?;
-/// // Beyond ½ it slips by half of what is more; as the push falls it first sticks, and comes back when the spring pulls by more than ½.
+/// // Beyond ½ it slips by half of the excess; as the push falls it first sticks, and slips back once the spring pulls by more than ½.
 /// let slips: Vec<f64> = steps.iter().map(|s| s.displacements[1]).collect();
 /// for (slip, exact) in slips.iter().zip([0.5, 0.5, 0.25]) {
 ///     assert!((slip - exact).abs() < 1e-12, "{slips:?}");
@@ -218,13 +221,13 @@ pub enum EvolutionProgress<'a> {
 /// ```
 ///
 /// # Complexity
-/// The sum of that of [`Branch::follow`](crate::continuation::Branch::follow) over the levels: O(q²) operations for each transition in condensed
-/// form with an affine law, O(q³) for each point with another one.
+/// The cost of [`Branch::follow`](crate::continuation::Branch::follow), summed over the levels: O(q²) operations for each transition in
+/// condensed form with an affine law, O(q³) for each point with another one.
 ///
 /// # Errors
 /// A law whose coefficients depend on the slip but has no history, unless [`EvolutionOptions::slip_increments`] is set
-/// ([`ContactError::SlipOfLevels`]). Wrong lengths, levels that are not finite, options out of range, levels at which no solution is
-/// found: `observe` has seen the steps before.
+/// ([`ContactError::SlipOfLevels`]). Wrong lengths, levels that are not finite, options out of range, levels at which no solution is found;
+/// `observe` has been called with the steps before.
 pub fn evolve<V: View, L: NodeLaw>(
     problem: &mut Contact<V, L>,
     start: &[f64],
@@ -238,8 +241,8 @@ pub fn evolve<V: View, L: NodeLaw>(
     })
 }
 
-/// [`evolve`] with an observer that sees what happens between levels, too, and may stop there: the steps before are returned, and the
-/// problem is left at the last of them.
+/// [`evolve`] with an observer that is also called between levels and may stop there: the steps completed are returned, and the problem is
+/// left at the last of them.
 ///
 /// # Errors
 /// As [`evolve`].
@@ -333,7 +336,8 @@ fn one_level<V: View, L: NodeLaw>(
         }
     };
     let implicit = !reached.arrival.is_followed();
-    // A law that has changed with its history at the end of a level makes the branch begin away from x: that leg belongs to this step.
+    // Where the law has changed with its history at the end of a level, the branch does not begin at x: the jump from x is counted in this
+    // step.
     let (begin, mut last) = (BodyState::at(problem, x)?, ContactForces::at(problem, x)?);
     let (mut state, mut work) = (BodyState::at(problem, x)?, 0.0);
     let (mut dissipated, mut returned) = (0.0, 0.0);
@@ -399,7 +403,7 @@ struct Reached {
     arrival: Arrival,
 }
 
-/// A solution at the level, Newton's method beginning at x.
+/// A solution at the level by Newton's method from x.
 fn search<V: View, L: NodeLaw>(
     problem: &Contact<V, L>,
     x: &[f64],
@@ -442,12 +446,13 @@ fn reach<V: View, L: NodeLaw>(
             flow
         })
     });
-    // Perhaps at the last point, where the branch has ended for a reason of its own.
+    // The observer may also stop at the last point of a branch that has ended for another reason.
     if stopped {
         return Ok(None);
     }
     let mut jump = || search(problem, x, level, options, observe).map(|end| vec![x.to_vec(), end]);
-    // Nodes that slipped start at the boundary of their cells, many at once: where that start is too degenerate Newton decides.
+    // Nodes that slipped start at the boundary of their cells, many at once: where that start is too degenerate, Newton's method is used
+    // instead.
     let branch = match branch {
         Ok(branch) => branch,
         Err(error) => {

@@ -1,4 +1,4 @@
-//! Planar Coulomb friction with exact coefficients, without the augmentation parameter: on solutions nothing depends on it.
+//! Planar Coulomb friction with exact coefficients, without the augmentation parameter, on which solutions do not depend.
 
 use super::per_node::PerNode;
 use super::{ContactBody, NodeLaw};
@@ -56,7 +56,7 @@ impl<L: NodeLaw> ExactPieces for PerNode<L> {
         })
     }
 
-    /// λᵀ (v − v₀) ≥ 0: forces of contact and friction take energy.
+    /// λᵀ (v − v₀) ≥ 0: contact and friction forces dissipate energy.
     fn passive(&self, _alpha: f64) -> Option<Vec<ExactForm>> {
         self.opposite()
     }
@@ -68,7 +68,8 @@ fn at_rest(body: &ContactBody, reference: &[f64], k: usize) -> f64 {
     if k < p { body.gap[k] } else { reference[k - p] }
 }
 
-/// The pieces open, stick, slip+, slip− of a node with the forms λν, λt; gap − u_ν, −u_t; F; and the rows of the map they stand for.
+/// The pieces open, stick, slip+, slip− of a node with the forms λν, λt; gap − u_ν, −u_t; F; and the rows of the map to which they
+/// correspond.
 fn coulomb(
     [pressure, traction]: [ExactForm; 2],
     [gap, slip]: [ExactForm; 2],
@@ -90,7 +91,7 @@ fn coulomb(
     };
     let mut pieces = vec![piece(0, [PRESSURE, TRACTION], &[(GAP, 1)])];
     let mut implied = vec![(PRESSURE, 1), (GAP, 1)];
-    // Where F < 0 nothing but an open node has a solution.
+    // Where F < 0 only the open piece has solutions.
     if friction.sign() >= 0 {
         let mut sticking = vec![(BELOW, -1), (ABOVE, 1)];
         if friction.is_zero() {

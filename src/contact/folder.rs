@@ -22,13 +22,13 @@ pub struct DiscreteFolder {
 ///
 /// # Errors
 /// Files that are missing or malformed (file and line are named), matrices with fewer entries than rows, and everything
-/// [`ContactBody::new`] checks. What is allocated stays in proportion to the bytes read.
+/// [`ContactBody::new`] checks. Memory is proportional to the number of bytes read.
 pub fn read_folder(path: impl AsRef<Path>) -> Result<DiscreteFolder, ContactError> {
     let folder = path.as_ref();
     let a = read(&folder.join("A.mtx"), None, 0)?;
     let bnu = read(&folder.join("Bnu.mtx"), None, a.nrows())?;
     let bt = read(&folder.join("Bt.mtx"), Some(bnu.nrows()), a.nrows())?;
-    // No vector is made for the rows of a matrix that does not fit.
+    // Nothing of the length of a row count is allocated before the matrix is known to fit.
     check_matrices(&a, &[&bnu, &bt])?;
     let p = bnu.nrows();
     let meta_path = folder.join("meta.json");
@@ -97,8 +97,8 @@ pub fn read_folder(path: impl AsRef<Path>) -> Result<DiscreteFolder, ContactErro
     })
 }
 
-/// Reads a matrix that has no more rows than entries, but for the number given, and no more columns, but for as many as A: so that what is
-/// made of it is in proportion to what was read.
+/// Reads a matrix and refuses more rows than entries (or than the number given) and more columns than A has, so that memory stays
+/// proportional to the bytes read.
 fn read(path: &Path, rows: Option<usize>, displacements: usize) -> Result<Matrix, ContactError> {
     let accept = |found: Announced| {
         let most = found.entries.max(rows.unwrap_or(0));

@@ -1,5 +1,5 @@
-//! Contact with friction: the discrete problem in the plane and in space, in full and condensed form. A [`NodeLaw`] of your own takes
-//! the place of Coulomb's.
+//! Contact with friction: the discrete problem in the plane and in space, in full and condensed form. A user-defined [`NodeLaw`] may
+//! replace Coulomb's law.
 //!
 //! Signs: u_ν ≤ gap is the admissible side, λ_ν ≥ 0 the pressure, λ_t has the sign of the slip u_t. A node is *open* (λ = 0),
 //! *sticking* (u_ν = gap, u_t = 0) or *slipping* (u_ν = gap, λ_t = ±F λ_ν with ±u_t ≥ 0).

@@ -1,16 +1,16 @@
-//! Whether a space of multipliers is seen by the displacements, and how well.
+//! Stability of a space of multipliers: full rank of the pairing with the displacements, and the discrete inf-sup constant.
 
 use super::ContactError;
 use crate::linear::{Condensation, dense_zeros, generalized_eigenvalues, symmetric_eigenvalues};
 use crate::sparse::{Matrix, Pattern};
 
-/// Checks that no non-zero multiplier is invisible: that the pairing (multipliers × displacements) has full row rank.
+/// Checks that the pairing (multipliers × displacements) has full row rank: no non-zero multiplier is orthogonal to all displacements.
 ///
 /// # Complexity
 /// Dense: O(k³) operations and 8 k² bytes, k the shorter side of the pairing.
 ///
 /// # Errors
-/// [`ContactError::InvisibleMultiplier`] tells the rank; entries that are not finite; more than 50 000 rows and columns that are not
+/// [`ContactError::InvisibleMultiplier`] with the rank; entries that are not finite; more than 50 000 rows and columns that are not
 /// zero ([`LinearError::TooLarge`](crate::linear::LinearError::TooLarge)).
 pub fn check_multipliers(pairing: &Matrix) -> Result<(), ContactError> {
     pairing.check_finite()?;
@@ -19,7 +19,7 @@ pub fn check_multipliers(pairing: &Matrix) -> Result<(), ContactError> {
     for (k, _, v) in pairing.triplets() {
         squares[k] += v * v;
     }
-    // Rows of norm 1, so that small faces count like large ones; those that are zero add nothing to the rank.
+    // Rows are scaled to norm 1, so that small faces count like large ones; zero rows do not contribute to the rank.
     let mut seen = 0;
     let rows: Vec<(usize, f64)> = squares
         .iter()
@@ -34,7 +34,7 @@ pub fn check_multipliers(pairing: &Matrix) -> Result<(), ContactError> {
         .map(|(k, j, v)| (rows[k].0, j, v * rows[k].1))
         .collect();
     let mut factor = Matrix::from_triplets(seen, n, &entries)?;
-    // B Bᵀ and Bᵀ B have one rank: the smaller one is formed.
+    // B Bᵀ and Bᵀ B have the same rank: the smaller one is formed.
     if seen <= n {
         factor = factor.transpose();
     }
@@ -60,11 +60,11 @@ pub fn check_multipliers(pairing: &Matrix) -> Result<(), ContactError> {
     Ok(())
 }
 
-/// How far above 1 rounding may lift a generalised eigenvalue.
+/// Largest excess of a generalised eigenvalue over 1 that counts as rounding.
 const ROUNDING: f64 = 1e-8;
 
 /// The discrete inf-sup constant β of a space of multipliers: β² = λmin(S, S_ref), where S = Q K⁻¹ Qᵀ with the pairing Q and the metric K
-/// of the displacements, and S_ref the same on a mesh fine enough to stand for all displacements. Each argument is (K, Q).
+/// of the displacements, and S_ref the same on a mesh fine enough to represent all displacements. Each argument is (K, Q).
 ///
 /// Qᵀ must pair the same multipliers in the same way with displacements of the space and of one that contains it (the integral
 /// itself, not a lumped rule of either mesh). Then μᵀ S μ = sup (μ, v)²/‖v‖² does not exceed μᵀ S_ref μ, and β ≤ 1.
@@ -73,8 +73,8 @@ const ROUNDING: f64 = 1e-8;
 /// Two condensations ([`Condensation::new`]) and a dense eigenproblem: O(q³) operations for q multipliers.
 ///
 /// # Errors
-/// Shapes that do not fit, metrics that are not positive definite, multipliers that are invisible; pairings that do not belong
-/// together, shown by a generalised eigenvalue above 1 ([`ContactError::Invalid`]).
+/// Shapes that do not fit, metrics that are not positive definite, pairings without full row rank; pairings that do not belong together,
+/// shown by a generalised eigenvalue above 1 ([`ContactError::Invalid`]).
 pub fn inf_sup_constant(
     coarse: (&Matrix, &Matrix),
     reference: (&Matrix, &Matrix),

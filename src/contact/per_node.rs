@@ -6,8 +6,8 @@ use super::law::{LocalRow, LocalValues, MAX_TESTS, NodeLaw};
 use crate::piecewise::{ExactPieces, Facet, PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, Pattern};
 
-/// The augmentation parameter against the stiffness of single contact nodes, all others fixed: on meshes the displacement of a node under a
-/// force is about four times as large, as its neighbours move along.
+/// The augmentation parameter relative to the stiffness of a single contact node with all other nodes fixed: on meshes a node is about four
+/// times as compliant, as its neighbours move with it.
 pub(super) const RELATIVE_R: f64 = 0.25;
 
 /// A [`NodeLaw`] at each contact node of a body, as the law of an [`Interface`](crate::interface::Interface): a map of z = (v, λ, α) with
@@ -16,15 +16,16 @@ pub(super) const RELATIVE_R: f64 = 0.25;
 pub struct PerNode<L> {
     pub(super) body: Arc<ContactBody>,
     pub(super) law: L,
-    /// Tangential displacements that count as no slip, by t₁, then t₂.
+    /// Tangential displacements from which slips are measured, all along t₁, then t₂.
     pub(super) reference: Vec<f64>,
     /// History variables, node by node.
     pub(super) history: Vec<f64>,
     /// The augmentation parameter of Newton's method and of the test functions that are reported.
     pub(super) r: f64,
-    /// The augmentation parameter in which the map is evaluated: what is followed, classified and listed must not depend on `r`.
+    /// The augmentation parameter in which the map is evaluated: continuation, classification and lists of solutions must not depend on
+    /// `r`.
     pub(super) scale: f64,
-    /// Stiffness that contact nodes meet: what the search for solutions tries multiples of as r.
+    /// Stiffness of the contact nodes; the search for solutions tries multiples of it as r.
     pub(super) stiffness: f64,
     /// Number of parameters, 1 or 2.
     pub(super) parameters: usize,
@@ -51,7 +52,7 @@ impl<L: NodeLaw> PerNode<L> {
         }
     }
 
-    /// The same nodes under another law, with the slips that count as none; history begins anew.
+    /// The same nodes under another law, with the same reference of slips; history variables are reset to 0.
     pub(super) fn under<M: NodeLaw>(&self, law: M) -> PerNode<M> {
         PerNode {
             body: Arc::clone(&self.body),
@@ -112,7 +113,7 @@ impl<L: NodeLaw> PerNode<L> {
         v
     }
 
-    /// Makes the values those of node i, but for parameters and r.
+    /// Sets the values to those of node i; parameters and r are unchanged.
     #[inline]
     fn set(
         &self,
@@ -136,7 +137,8 @@ impl<L: NodeLaw> PerNode<L> {
         }
     }
 
-    /// Shows the values of each node at z with the augmentation parameter r: in one place, as copies take longer than laws.
+    /// Calls `see` with the values of each node at z and the augmentation parameter r, reusing one struct: copies would cost more than the
+    /// laws.
     #[inline]
     fn each(&self, z: &[f64], r: f64, mut see: impl FnMut(usize, &LocalValues)) {
         let q = self.num_traces();
@@ -200,7 +202,7 @@ impl<L: NodeLaw> PerNode<L> {
     }
 }
 
-/// What the values of all nodes have in common.
+/// The values shared by all nodes: parameters and r.
 fn values_at(parameters: &[f64], r: f64) -> LocalValues {
     LocalValues {
         parameter: parameters[0],
@@ -362,7 +364,7 @@ mod tests {
     use super::*;
     use crate::contact::{FrictionCoefficient, FrictionCurve, LoadPath, PlanarCoulomb};
 
-    /// One node of stiffness 2 to 1, under a given law.
+    /// One node under a given law.
     fn one_node(curve: FrictionCurve) -> PerNode<PlanarCoulomb> {
         let matrix = |rows: &[[f64; 2]]| Matrix::from_rows(rows).unwrap();
         let a = matrix(&[[2.0, -0.5], [-0.5, 1.0]]);
@@ -374,7 +376,7 @@ mod tests {
         )
     }
 
-    /// Derivatives that are the same everywhere are those of the law in force: of another one, once that is exchanged.
+    /// Constant derivatives are those of the current law, also after the law is replaced.
     #[test]
     fn derivatives_are_those_of_the_law_in_force() {
         let mut nodes = one_node(FrictionCurve::constant(0.3).unwrap());

@@ -44,7 +44,7 @@ pub type FullContact<L> = Contact<FullView, L>;
 /// ```
 /// use semismooth::contact::{ContactBody, CondensedContact, ContactState, FrictionCoefficient, LoadPath, PlanarCoulomb};
 /// use semismooth::sparse::Matrix;
-/// // One contact node with F = ½ under the load (1 − α, α): it sticks up to α = ⅓ and slips then.
+/// // One contact node with F = ½ under the load (1 − α, α): it sticks up to α = ⅓ and slips beyond.
 /// let a = Matrix::from_rows(&[[2.0, -1.0], [-1.0, 2.0]])?;
 /// let (normal, tangential) = (Matrix::from_rows(&[[1.0, 0.0]])?, Matrix::from_rows(&[[0.0, 1.0]])?);
 /// let body = ContactBody::new(a, normal, vec![tangential], LoadPath::affine(vec![1.0, 0.0], vec![-1.0, 1.0]))?;
@@ -59,9 +59,8 @@ pub type FullContact<L> = Contact<FullView, L>;
 pub type CondensedContact<L> = Contact<CondensedView, L>;
 
 impl<L: NodeLaw> FullContact<L> {
-    /// The problem in full form. The augmentation parameter r is a quarter of the mean stiffness b A bᵀ / (b bᵀ)² of single contact
-    /// nodes, over the rows b of the traces, about what a node meets on a mesh; solutions do not depend
-    /// on it.
+    /// The problem in full form. The augmentation parameter r is a quarter of the mean stiffness b A bᵀ / (b bᵀ)² of single contact nodes,
+    /// over the rows b of the traces, about the effective stiffness of a node on a mesh; solutions do not depend on it.
     ///
     /// # Errors
     /// A law of another dimension.
@@ -125,12 +124,12 @@ impl<L: NodeLaw> CondensedContact<L> {
         Self::within(body, law, None, None)
     }
 
-    /// As [`new`](Self::new), with at most so much memory, in bytes, and time.
+    /// As [`new`](Self::new), with limits on memory, in bytes, and on time.
     ///
     /// # Errors
     /// [`ContactError::Memory`] where [`ContactBody::condensed_memory`] is above the limit, before anything large is allocated;
-    /// [`LinearError::Interrupted`] where time is over: the clock is read between parts of the factorisation and of the compliance; those
-    /// of [`new`](Self::new).
+    /// [`LinearError::Interrupted`] where the time limit is reached (the clock is read between parts of the factorisation and of the
+    /// compliance); those of [`new`](Self::new).
     pub fn within(
         body: ContactBody,
         law: L,
@@ -183,10 +182,10 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
         Ok(Interface::with_view(operator, view, nodes)?)
     }
 
-    /// Sets the augmentation parameter r > 0 (force per length), at first chosen from the stiffness of the contact nodes. Newton's method
-    /// takes its iterates at r, and the test functions that are reported are at r ([`theta`](Self::theta), [`nodes`](Self::nodes),
-    /// transitions). Nothing else depends on it: the map is evaluated in a scale of its own, that of the r chosen at first, in which
-    /// curves, lists and certificates are made. At solutions {θ ≥ 0} is the same for every r.
+    /// Sets the augmentation parameter r > 0 (force per length), at first chosen from the stiffness of the contact nodes. The iterates of
+    /// Newton's method depend on r, and so do the test functions reported ([`theta`](Self::theta), [`nodes`](Self::nodes), transitions).
+    /// Nothing else does: curves, lists of solutions and certificates use the map with the r chosen at construction. At solutions {θ ≥ 0}
+    /// is the same for every r.
     ///
     /// # Errors
     /// [`ContactError::Augmentation`] where r is further than a factor of 10¹² from the one chosen at first.
@@ -201,7 +200,7 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
         Ok(self)
     }
 
-    /// The same body under another law: nothing is factored anew.
+    /// The same body under another law, without a new factorisation.
     ///
     /// # Errors
     /// A law of another dimension.
@@ -271,7 +270,7 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
         &self.law.law
     }
 
-    /// The law of the nodes, to be changed.
+    /// The law of the nodes, mutable.
     pub fn node_law_mut(&mut self) -> &mut L {
         self.law.law_mut()
     }
@@ -315,7 +314,8 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
         Ok(Interface::with_view(Arc::clone(&body.operator), view, nodes)?)
     }
 
-    /// What happens at each contact node at x, with the [augmentation parameter](Self::r) asked for; nothing where x has another length.
+    /// The contact quantities of each node at x, with the [augmentation parameter](Self::r) set by the user; empty where x has the wrong
+    /// length.
     #[must_use]
     pub fn nodes(&self, x: &[f64]) -> Vec<LocalValues> {
         let mut nodes = self.nodes_in_own_scale(x);
@@ -323,7 +323,7 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
         nodes
     }
 
-    /// The same with the augmentation parameter in which the map is evaluated: for what may not depend on a prescribed one.
+    /// The same with the augmentation parameter in which the map is evaluated, for results that must not depend on a prescribed one.
     pub(super) fn nodes_in_own_scale(&self, x: &[f64]) -> Vec<LocalValues> {
         let (first, q) = (self.leading(), self.num_traces());
         let Ok(v) = self.traces(x) else {
@@ -333,7 +333,7 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
         (0..self.num_contacts()).map(node).collect()
     }
 
-    /// The printed test functions θ¹ = λν + r (u_ν − gap), θ²,³ = λt + r u_t ∓ F (θ¹)₊ of each node in the plane.
+    /// The test functions θ¹ = λν + r (u_ν − gap), θ²,³ = λt + r u_t ∓ F (θ¹)₊ of each node in the plane.
     #[must_use]
     pub fn theta(&self, x: &[f64]) -> Vec<[f64; 3]> {
         let theta = |v: &LocalValues| {
@@ -358,7 +358,7 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
         (0..self.num_contacts()).map(at).collect()
     }
 
-    /// The state of each contact node in a selection. In space slip has no side here: slip+.
+    /// The state of each contact node in a selection. In space slip is reported as slip+.
     #[must_use]
     pub fn states(&self, selection: &Selection) -> Vec<ContactState> {
         let v = LocalValues::default();

@@ -1,4 +1,4 @@
-//! One result for every way to a solution.
+//! The result type shared by all solvers of contact problems.
 
 use std::fmt;
 
@@ -6,9 +6,10 @@ use super::ContactState;
 use super::law::{LocalValues, MAX_TESTS, NodeLaw};
 use crate::words::Count;
 
-/// A solution of a contact problem, node by node: the same from the full form, the condensed form, the fixed point and the Delassus form.
+/// A solution of a contact problem, node by node: the same type for the full form, the condensed form, the fixed point and the Delassus
+/// form.
 ///
-/// Gaps left are −penetration, tractions are the nodal forces of [`LocalValues`] (divide by the area of a node for a density).
+/// Gaps are −penetration, tractions are the nodal forces of [`LocalValues`] (divide by the area of a node for a density).
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -66,7 +67,8 @@ impl fmt::Display for ContactResiduals {
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ContactEnergy {
-    /// The elastic energy of the whole body: ½ uᵀ A u, and what supports add that are moved. In Delassus form, where the body is not known: ½ rᵀ M r, the energy due to the reactions.
+    /// The elastic energy of the whole body: ½ uᵀ A u, and the contribution of moving supports. In Delassus form, where the body is not
+    /// known: ½ rᵀ M r, the energy due to the reactions.
     pub stored: f64,
     /// The load times the displacements, fᵀ u, and the reactions times the displacements of supports. In Delassus form −qᵀ r.
     pub load: f64,
@@ -110,7 +112,8 @@ impl ContactResiduals {
 impl ContactSolution {
     /// The solution with these values at its nodes; `law` gives the state and the residuals (normal, t₁, t₂) of a node.
     ///
-    /// `stored`, `load` and `equilibrium` are known elsewhere, `offsets` of a node are the gap and the reference slips: (u_ν, u_t) = (penetration, slip) + offsets.
+    /// `stored`, `load` and `equilibrium` are computed by the caller; `offsets` of a node are u_ν − penetration and
+    /// u_t − slip: its gap and reference slip.
     pub(super) fn assemble(
         nodes: Vec<LocalValues>,
         mut law: impl FnMut(&LocalValues) -> (ContactState, [f64; 3]),

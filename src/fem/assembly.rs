@@ -25,10 +25,10 @@ pub struct ElasticSystem {
     stiffness: OnceLock<Matrix>,
     /// Free displacement of each component of each node, or [`PRESCRIBED`].
     pub(super) dofs: Vec<usize>,
-    /// The prescribed displacements, 0 at free components, and the forces that go with them.
+    /// The prescribed displacements, 0 at free components, and the forces due to them.
     supports: LoadCase,
     pub(super) plane: PlaneModel,
-    /// Materials, and which of them each cell has.
+    /// Materials, and the index of that of each cell.
     pub(super) materials: Vec<Material>,
     pub(super) material_of: Vec<usize>,
 }
@@ -37,7 +37,7 @@ impl Elasticity {
     /// Assembles the stiffness matrix of the free displacements.
     ///
     /// # Errors
-    /// Groups that do not exist or are empty, components beyond the dimension, prescribed values that are not finite, nothing free,
+    /// Groups that do not exist or are empty, components beyond the dimension, prescribed values that are not finite, no free displacement,
     /// supports that leave rigid motions ([`FemError::Floating`] names them).
     pub fn assemble(&self) -> Result<ElasticSystem, FemError> {
         let system = self.discretize()?;
@@ -45,8 +45,8 @@ impl Elasticity {
         Ok(system)
     }
 
-    /// As [`assemble`](Self::assemble), but the stiffness matrix is left for when it is asked for: large bodies take it
-    /// [in blocks](ElasticSystem::nodal_stiffness).
+    /// As [`assemble`](Self::assemble), but the stiffness matrix is only assembled on first use: large bodies use it [in
+    /// blocks](ElasticSystem::nodal_stiffness).
     ///
     /// # Errors
     /// As [`assemble`](Self::assemble).
@@ -138,7 +138,8 @@ impl ElasticSystem {
         Ok(LoadCase::of_supports(prescribed, forces, reactions)?)
     }
 
-    /// Calls `add` with each component of each node of the cells that displacements move, and the force that they make there.
+    /// Calls `add` with each component of the nodes of all cells with non-zero displacements, and the nodal force that the cell contributes
+    /// there.
     fn for_elements(&self, displacements: &[f64], mut add: impl FnMut(usize, f64)) {
         let dim = self.mesh.dim();
         let mut elements = Elements::new(self);
@@ -196,7 +197,7 @@ impl ElasticSystem {
     }
 
     /// The load case of supports that move: `value(x)` is u_component on a group of facets where that component is prescribed, all other
-    /// supports rest. With an amplitude in a [`LoadPath`](crate::interface::LoadPath) this is displacement control.
+    /// supports are at rest. With an amplitude in a [`LoadPath`](crate::interface::LoadPath) this is displacement control.
     ///
     /// # Errors
     /// Groups that do not exist or are empty, components beyond the dimension or not prescribed on the group
@@ -316,7 +317,7 @@ impl ElasticSystem {
         Ok(self.dofs.iter().enumerate().map(value).collect())
     }
 
-    /// The forces that hold the supports, node by node, 0 at free components; loads that act on the supports themselves come on top.
+    /// The reaction forces at the supports, node by node, 0 at free components; loads applied directly to the supports are not included.
     ///
     /// # Errors
     /// As [`displacements`](Self::displacements).
@@ -420,7 +421,7 @@ pub(super) fn pattern(mesh: &Mesh, dim: usize, dofs: &[usize], free: usize) -> R
     Ok(Pattern::from_csc(free, free, col_ptr, row_idx)?)
 }
 
-/// Calls `see` with each node and, in order, all nodes that share a cell with it, itself among them.
+/// Calls `see` with each node and, in increasing order, all nodes that share a cell with it, including itself.
 fn for_neighbours(mesh: &Mesh, mut see: impl FnMut(usize, &[usize])) {
     let cells = CellsOf::new(mesh);
     let mut neighbours: Vec<usize> = Vec::new();

@@ -6,7 +6,7 @@ use super::mesh::{by_position, cross, dot, norm};
 use super::{ElasticSystem, FemError};
 use crate::sparse::Matrix;
 
-/// What is wrong with normals that point into the body at all nodes.
+/// Message for normals that point into the body at all nodes.
 pub(super) const INWARD: &str = "its ν, like that of all others, points into the body: the normal of a plane foundation points to the \
                                  body, that of `with_normal` out of it";
 
@@ -31,8 +31,8 @@ impl fmt::Debug for Foundation {
 }
 
 impl Foundation {
-    /// The half-space below the plane through `point` with the unit normal `normal`, which points to the body. The normal is
-    /// normalised. ν = −normal, gap = (x − point)·normal.
+    /// The half-space below the plane through `point` with the normal `normal`, which points to the body and is normalised. ν = −normal,
+    /// gap = (x − point)·normal.
     #[must_use]
     pub fn plane(point: [f64; 3], normal: [f64; 3]) -> Self {
         let length = norm(normal);
@@ -95,7 +95,7 @@ impl Foundation {
 pub struct ContactRows {
     /// Mesh node of each contact node, ordered by x, then y, then z.
     pub nodes: Vec<usize>,
-    /// Where they are.
+    /// Their positions.
     pub points: Vec<[f64; 3]>,
     /// Initial gap: u_ν ≤ gap.
     pub gap: Vec<f64>,
@@ -131,11 +131,12 @@ impl ContactRows {
 }
 
 impl ElasticSystem {
-    /// The nodes of a group of facets as contact nodes. Nodes whose displacement is prescribed altogether are left out.
+    /// The nodes of a group of facets as contact nodes. Nodes with all components prescribed are left out.
     ///
     /// # Errors
-    /// Groups that do not exist or, unless the mesh is a [part](super::Mesh::into_part), are empty or have no free nodes; nodes of which a
-    /// component is prescribed that contact needs ([`FemError::ContactFixed`]), normals and tangents of no use, gaps that are not finite.
+    /// Groups that do not exist or, unless the mesh is a [part](super::Mesh::into_part), are empty or have no free nodes; nodes with some
+    /// of the components used by contact prescribed ([`FemError::ContactFixed`]), normals and tangents that are zero, not finite or
+    /// parallel, gaps that are not finite.
     pub fn contact(&self, facets: &str, foundation: &Foundation) -> Result<ContactRows, FemError> {
         let mesh = self.mesh();
         let dim = mesh.dim();
@@ -260,7 +261,7 @@ pub(super) fn unit(node: usize, dim: usize, mut v: [f64; 3], what: &str) -> Resu
     }
     let length = norm(v);
     if length > 0.0 && length.is_finite() {
-        // −0 is no direction.
+        // Adding 0 turns −0 into 0.
         Ok(v.map(|x| x / length + 0.0))
     } else {
         Err(FemError::Frame {

@@ -66,7 +66,7 @@ impl Elasticity {
         self
     }
 
-    /// Another material for a group of cells; later calls win.
+    /// Another material for a group of cells; later calls override earlier ones.
     #[must_use]
     pub fn with_material(mut self, cells: impl Into<String>, material: Material) -> Self {
         self.by_group.push((cells.into(), material));
@@ -95,7 +95,7 @@ impl Elasticity {
         self
     }
 
-    /// u_component = `value(x)` on a group of facets; later calls win where groups meet.
+    /// u_component = `value(x)` on a group of facets; where groups overlap, later calls override earlier ones.
     #[must_use]
     pub fn prescribe(
         mut self,

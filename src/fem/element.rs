@@ -65,7 +65,7 @@ impl CellKind {
         }
     }
 
-    /// Local nodes of the facets (edges in the plane, faces in space), turned so that the normal points outwards.
+    /// Local nodes of the facets (edges in the plane, faces in space), ordered so that the normal points outwards.
     #[must_use]
     pub const fn facets(self) -> &'static [&'static [usize]] {
         match self {

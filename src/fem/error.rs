@@ -9,13 +9,13 @@ use crate::sparse::SparseError;
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum FemError {
-    /// A structured mesh would have more nodes than indices and memory allow for.
+    /// A structured mesh would have more nodes than indices and memory allow.
     #[error("a grid of {cells:?} cells has too many nodes; refine where it matters instead")]
     TooLarge {
         /// Numbers of cells along the axes.
         cells: Vec<usize>,
     },
-    /// A mesh without cells, or a generator asked for none.
+    /// A mesh without cells, or a generator called with none.
     #[error("the mesh is empty: {what}")]
     Empty {
         /// What is missing.
@@ -66,7 +66,7 @@ pub enum FemError {
     /// A dimension other than 2 or 3.
     #[error("a mesh has dimension 2 or 3, not {dim}")]
     Dimension {
-        /// What was asked for.
+        /// The dimension requested.
         dim: usize,
     },
     /// A coordinate is NaN or infinite.
@@ -74,7 +74,7 @@ pub enum FemError {
     Coordinate {
         /// The node.
         node: usize,
-        /// Where it is.
+        /// Its position.
         point: [f64; 3],
     },
     /// The Jacobian of a cell is not positive.
@@ -111,9 +111,9 @@ pub enum FemError {
     NoSuchGroup {
         /// "facets" or "cells".
         what: &'static str,
-        /// The name asked for.
+        /// The name given.
         name: String,
-        /// The names there are.
+        /// The names of the groups that exist.
         known: String,
     },
     /// A group without members.
@@ -131,7 +131,7 @@ pub enum FemError {
         what: &'static str,
         /// Its value.
         value: f64,
-        /// What it must obey.
+        /// The range allowed.
         rule: &'static str,
     },
     /// An elasticity tensor without the symmetries c_ijkl = c_jikl = c_klij.
@@ -163,7 +163,7 @@ pub enum FemError {
         /// Dimension of the mesh.
         dim: usize,
     },
-    /// A support is to move that is none.
+    /// A motion is given for a component that is not prescribed.
     #[error(
         "component {component} of node {node} at ({}, {}, {}) is not prescribed: prescribe it (0, say), so that it may move",
         .at[0], .at[1], .at[2]
@@ -171,19 +171,19 @@ pub enum FemError {
     NotPrescribed {
         /// The node of the mesh.
         node: usize,
-        /// Where it is.
+        /// Its position.
         at: [f64; 3],
         /// The component, from 0.
         component: usize,
     },
-    /// A user's function gave NaN or infinity.
+    /// A user-defined function returned NaN or infinity.
     #[error("{what} at ({}, {}, {}) is {value}; it must be finite", .at[0], .at[1], .at[2])]
     NotFinite {
         /// Which function.
         what: &'static str,
         /// Where.
         at: [f64; 3],
-        /// What it gave.
+        /// Its value.
         value: f64,
     },
     /// No displacement is free.
@@ -196,7 +196,7 @@ pub enum FemError {
     Floating {
         /// The free rigid modes, in words.
         modes: String,
-        /// The first node of the part that floats.
+        /// The first node of the unsupported part.
         node: usize,
     },
     /// A contact node whose displacement is prescribed in the normal direction or in a tangential one.
@@ -207,12 +207,12 @@ pub enum FemError {
     ContactFixed {
         /// The node.
         node: usize,
-        /// Where it is.
+        /// Its position.
         at: [f64; 3],
         /// "normal" or "tangential".
         direction: &'static str,
     },
-    /// Patches of multipliers of no size.
+    /// A patch size of multipliers that is not positive and finite.
     #[error("the size of the patches of multipliers is {size}; it must be positive and finite")]
     PatchSize {
         /// H.
@@ -231,7 +231,7 @@ pub enum FemError {
     Length {
         /// Which vector.
         what: &'static str,
-        /// Length asked for.
+        /// Length expected.
         expected: usize,
         /// Length given.
         found: usize,
@@ -244,7 +244,7 @@ pub enum FemError {
         /// The error of the operating system.
         source: Cause,
     },
-    /// A file is not in the format it should be in.
+    /// A file has the wrong format.
     #[error("{path}, line {line}: {what}", path = path.display())]
     Parse {
         /// The file.
@@ -263,10 +263,10 @@ pub enum FemError {
         /// Why.
         what: &'static str,
     },
-    /// What is wrong with a vector.
+    /// An error in a vector.
     #[error(transparent)]
     Vector(#[from] crate::piecewise::PiecewiseError),
-    /// What is wrong with the load case of the supports.
+    /// An error in the load case of the supports.
     #[error(transparent)]
     Supports(#[from] crate::interface::InterfaceError),
 }

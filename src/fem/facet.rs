@@ -38,7 +38,7 @@ pub(super) fn integrate_parts(
         }
         return;
     }
-    // Towards a corner by half, in each direction: a shape function of the part is the mean of that and of those at the neighbours.
+    // Each part is the facet shrunk by half towards its corner: the shape functions at a point of it follow by averaging.
     for corner in 0..k {
         for q in &rule {
             let mut shape = [0.0; 4];
@@ -100,7 +100,7 @@ fn geometry(
 mod tests {
     use super::*;
 
-    /// Parts of a facet make up the facet, and each has its share of it and of the first moments.
+    /// The parts of a facet have its measure in sum, and each has its share of the measure and of the first moments.
     #[test]
     fn parts_make_up_the_facet() {
         let points = [
@@ -128,7 +128,7 @@ mod tests {
                 parts[3] += w;
                 size[corner] += w;
             });
-            // The area of a skew quadrilateral is no polynomial.
+            // The area element of a skew quadrilateral is not a polynomial.
             let tolerance = if nodes.len() == 4 { 1e-3 } else { 1e-14 };
             for d in 0..4 {
                 assert!(

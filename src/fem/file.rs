@@ -1,4 +1,4 @@
-//! Meshes as read from files of serde's formats: whatever makes them is checked as [`Mesh::new`] checks it.
+//! Deserialised meshes, checked as by [`Mesh::new`].
 
 use super::mesh::{CellGroups, FacetGroups};
 use super::{CellKind, FemError, Mesh};

@@ -4,7 +4,7 @@ use super::{CellKind, FemError, Mesh};
 
 /// Largest number of nodes of a structured mesh.
 const MAX_NODES: usize = 1 << 31;
-/// Memory that the making of a mesh takes at its peak for each node, in bytes: measured for hexahedra.
+/// Peak memory per node while a mesh is built, in bytes: measured for hexahedra.
 const PEAK: usize = 420;
 
 impl Mesh {
@@ -92,8 +92,8 @@ impl Mesh {
         Ok(mesh)
     }
 
-    /// The same nodes with every quadrilateral cut into two triangles (along the shorter diagonal, the first on a tie) or every
-    /// hexahedron into six tetrahedra round one of its diagonals; groups are kept. Simplices stay.
+    /// The same nodes with every quadrilateral cut into two triangles (along the shorter diagonal, the first on a tie) or every hexahedron
+    /// into six tetrahedra around one of its diagonals; groups are kept. Simplices are unchanged.
     ///
     /// # Errors
     /// A hexahedron too distorted to be cut.
@@ -191,7 +191,7 @@ impl Mesh {
     }
 }
 
-/// Numbers of cells whose nodes could not be held are refused before anything is allocated.
+/// Rejects numbers of cells whose nodes do not fit into memory before anything is allocated.
 fn check_numbers(n: &[usize]) -> Result<(), FemError> {
     if n.contains(&0) {
         return Err(FemError::Empty {

@@ -5,11 +5,11 @@ use std::path::Path;
 use super::tokens::shorten;
 use super::{CellKind, FemError, Mesh};
 
-/// Reads a GetFEM mesh file (`GETFEM MESH FILE`): linear triangles, quadrilaterals, tetrahedra, hexahedra. Regions are not read: name
-/// parts of the boundary with [`Mesh::mark_boundary`]. Points that belong to no cell are dropped.
+/// Reads a GetFEM mesh file (`GETFEM MESH FILE`): linear triangles, quadrilaterals, tetrahedra, hexahedra. Regions are not read: use
+/// [`Mesh::mark_boundary`] to name parts of the boundary. Points that belong to no cell are dropped.
 ///
 /// # Errors
-/// Files that cannot be read, lines that are not in the format (with their number), other kinds of convexes, bad cells.
+/// Files that cannot be read, malformed lines (with their number), other kinds of convexes, invalid cells.
 pub fn read_getfem(path: impl AsRef<Path>) -> Result<Mesh, FemError> {
     let path = path.as_ref();
     let text = std::fs::read_to_string(path).map_err(|e| FemError::Io {

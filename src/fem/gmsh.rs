@@ -9,14 +9,13 @@ use super::{CellKind, FemError, Mesh};
 
 /// Reads a Gmsh mesh file (MSH 2.2 or 4.1, ASCII or binary of either byte order) of linear elements.
 ///
-/// The elements of the highest dimension are the cells, those one below are the facets of groups; physical groups keep their names, or
-/// are called "physical N" by their number. Elements of lower dimension and sections of other kinds are passed over. Cells may be numbered
-/// in either sense. A plane mesh must lie in a plane z = constant.
+/// The elements of the highest dimension are the cells, those of one dimension less are the facets of groups; physical groups keep their
+/// names, or are called "physical N" by their number. Elements of lower dimension and other sections are ignored. Cells may be numbered in
+/// either orientation. A plane mesh must lie in a plane z = constant.
 ///
 /// # Errors
-/// Files that cannot be read, other versions, elements of higher order (names the element), more than 16 physical groups for each
-/// element beyond 2²⁰ in all, node numbers that do not exist, truncated
-/// files, folded cells.
+/// Files that cannot be read, other versions, elements of higher order (the element is named), more than 2²⁰ + 16 × (number of elements)
+/// memberships of elements in physical groups, node numbers that do not exist, truncated files, folded cells.
 pub fn read_gmsh(path: impl AsRef<Path>) -> Result<Mesh, FemError> {
     let path = path.as_ref();
     let bytes = std::fs::read(path).map_err(|e| FemError::Io {
@@ -69,7 +68,7 @@ pub fn parse_gmsh(bytes: &[u8], path: &Path) -> Result<Mesh, FemError> {
     file.mesh(&reader)
 }
 
-/// Memberships of elements in physical groups that any file may have, and how many more for each element.
+/// Number of memberships of elements in physical groups that any file may have, and the additional number per element.
 const MEMBERSHIPS: usize = 1 << 20;
 const PER_ELEMENT: usize = 16;
 
@@ -120,7 +119,7 @@ impl File {
         groups: Vec<i64>,
         nodes: &[u64],
     ) -> Result<(), FemError> {
-        // In version 4 an element belongs to all groups of its entity, so that a short file may ask for very many memberships.
+        // In version 4 an element belongs to all groups of its entity, so that a short file may imply very many memberships.
         self.memberships += groups.len();
         if self.memberships > MEMBERSHIPS + PER_ELEMENT * self.elements.len() {
             return Err(reader.fail(format!(

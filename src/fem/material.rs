@@ -4,7 +4,7 @@ use crate::words::named;
 /// Order of strains and stresses: 11, 22, 33, 12, 23, 13 (shear strains doubled).
 pub(super) const VOIGT: [[usize; 2]; 6] = [[0, 0], [1, 1], [2, 2], [0, 1], [1, 2], [0, 2]];
 
-/// How a plane problem stands for a body in space.
+/// The reduction of a body in space to a plane problem.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[non_exhaustive]
@@ -64,7 +64,7 @@ impl TryFrom<Unchecked> for Material {
 
     fn try_from(Unchecked { matrix }: Unchecked) -> Result<Self, FemError> {
         let read = Self { matrix };
-        // Isotropic ones may be as near to incompressible as one likes.
+        // Isotropic ones may be arbitrarily close to incompressible.
         match Self::lame(matrix[0][1], matrix[3][3]) {
             Ok(isotropic) if isotropic == read => Ok(read),
             _ => Self::tensor(&read.components()),
@@ -126,7 +126,7 @@ impl Material {
         Ok(Self { matrix })
     }
 
-    /// A general elasticity tensor, σ_ij = c_ijkl ε_kl. Symmetry is asked for to 1e-12 of the largest entry.
+    /// A general elasticity tensor, σ_ij = c_ijkl ε_kl. Symmetry is required to 1e-12 of the largest entry.
     ///
     /// # Errors
     /// Entries that are not finite, c_ijkl ≠ c_jikl, c_ijlk or c_klij, a tensor that is not positive definite.

@@ -45,7 +45,7 @@ pub struct Mesh {
 pub struct BoundaryFacet {
     /// The cell it belongs to.
     pub cell: usize,
-    /// Its nodes, turned so that the normal points out of the cell.
+    /// Its nodes, ordered so that the normal points out of the cell.
     pub nodes: Vec<usize>,
     /// Unit outward normal (of the mean plane); third component 0 in the plane.
     pub normal: [f64; 3],
@@ -71,10 +71,10 @@ impl Mesh {
         Ok(mesh)
     }
 
-    /// Like [`new`](Self::new), but cells numbered clockwise are turned round: for files whose format leaves the sense open.
+    /// Like [`new`](Self::new), but cells numbered clockwise are reversed: for file formats that do not fix the orientation.
     ///
     /// # Errors
-    /// Like [`new`](Self::new); cells that are folded or flat stay errors.
+    /// Like [`new`](Self::new); folded or flat cells remain errors.
     pub fn oriented(
         dim: usize,
         points: Vec<[f64; 3]>,
@@ -162,9 +162,9 @@ impl Mesh {
         })
     }
 
-    /// Declares that this is a part of a larger mesh, as one process holds it: groups may be empty here, and an
-    /// [`Elasticity`](super::Elasticity) on it need not be held by its supports, nor have anything free. Where the cells at a node are all
-    /// there, so are its rows of the stiffness matrix, its loads and its contact rows.
+    /// Declares that this is the part of a larger mesh that one process owns: groups may be empty here, and an
+    /// [`Elasticity`](super::Elasticity) on it may leave rigid motions free, or have no free displacement. At nodes all of whose cells are
+    /// in this part, the rows of the stiffness matrix, the loads and the contact rows are complete.
     #[must_use]
     pub fn into_part(mut self) -> Self {
         self.is_part = true;
@@ -304,7 +304,7 @@ impl Mesh {
         }
     }
 
-    /// Names the boundary facets for which `choose` says so; facets are added to a group that exists. Returns how many were chosen.
+    /// Adds the boundary facets for which `choose` is true to a group, which is created if it does not exist. Returns their number.
     pub fn mark_boundary(
         &mut self,
         name: impl Into<String>,
@@ -321,7 +321,7 @@ impl Mesh {
         number
     }
 
-    /// Names facets given by their nodes.
+    /// Adds facets, given by their nodes, to a group.
     ///
     /// # Errors
     /// Facets with too few or too many nodes or one node twice, nodes that do not exist.
@@ -358,7 +358,7 @@ impl Mesh {
         Ok(())
     }
 
-    /// Names the cells for which `choose(centre)` says so. Returns how many were chosen.
+    /// Adds the cells for which `choose(centre)` is true to a group. Returns their number.
     pub fn mark_cells(&mut self, name: impl Into<String>, choose: impl Fn([f64; 3]) -> bool) -> usize {
         let chosen: Vec<_> = (0..self.num_cells())
             .filter(|&c| choose(self.centre(c)))
@@ -368,7 +368,7 @@ impl Mesh {
         number
     }
 
-    /// Names cells given by their numbers; cells are added to a group that exists.
+    /// Adds cells, given by their numbers, to a group, which is created if it does not exist.
     ///
     /// # Errors
     /// Cells that do not exist.
@@ -409,7 +409,7 @@ impl Mesh {
         self.cell_groups.keys().map(String::as_str)
     }
 
-    /// The groups of cells of a finer mesh, cell c of this one having become `children[c]`.
+    /// The groups of cells of a finer mesh, in which cell c of this one is divided into `children[c]`.
     pub(super) fn refined_cell_groups(&self, children: &[std::ops::Range<usize>]) -> CellGroups {
         let groups = self.cell_groups.iter();
         let fine = |list: &[usize]| list.iter().flat_map(|&c| children[c].clone()).collect();

@@ -8,9 +8,9 @@ use crate::sparse::Matrix;
 
 /// The space in which contact forces are sought (Haslinger, Kučera, Vlach 2008).
 ///
-/// Unknowns are forces in each of them: resultants of constant densities, against mean displacements. Condition (1), that no non-zero
-/// multiplier is invisible to the displacements, holds for nodal forces and dual cells; patches must be larger than the facets for a
-/// stable space. [`check_multipliers`](crate::contact::check_multipliers) tells for any.
+/// In each of them the unknowns are forces: resultants of constant densities, paired with mean displacements. Condition (1), that no
+/// non-zero multiplier is orthogonal to all displacements, holds for nodal forces and dual cells; patches must be larger than the facets
+/// for a stable space. [`check_multipliers`](crate::contact::check_multipliers) checks it for any pairing.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -19,10 +19,10 @@ pub enum MultiplierSpace {
     #[default]
     Nodal,
     /// Constant on the dual cell of each node: the part of the facets that lies nearest to it. Parts of nodes without a free displacement
-    /// go to their neighbours.
+    /// are assigned to their neighbours.
     DualCells,
-    /// Constant on merged facets: those whose centroids lie in one box of a grid of mesh width H, which begins at the lowest corner of the
-    /// group. H = k h merges k (in space k²) facets.
+    /// Constant on merged facets: those whose centroids lie in one box of a grid of mesh width H, with its origin at the lowest corner of
+    /// the group. H = k h merges k (in space k²) facets.
     Patches {
         /// H > 0.
         size: f64,
@@ -147,7 +147,7 @@ impl ElasticSystem {
                 let label = match size {
                     Some(h) => std::array::from_fn(|d| ((middle[d] - low[d]) / h) as usize),
                     None => {
-                        // Around the facet to the next corner that is free.
+                        // The nearest free corner around the facet.
                         let owner = (0..k).flat_map(|s| [corner + s, corner + k - s]);
                         let owner = owner.map(|a| facet[a % k]).find(|&n| free(n));
                         [owner.unwrap_or(facet[corner]), 0, 0]

@@ -1,4 +1,4 @@
-//! The stiffness matrix, rows of nodes at the same time.
+//! Assembly of the stiffness matrix, nodes in parallel.
 
 use std::ops::Range;
 
@@ -8,10 +8,10 @@ use super::{ElasticSystem, FemError, Mesh};
 use crate::parallel;
 use crate::sparse::{Blocks, Matrix, NodalBlocks, NodalMatrix};
 
-/// Nodes are cut into this many parts at most, of this many nodes at least: cells between two parts are computed twice.
+/// Largest number of parts of the nodes, and least number of nodes of each: cells between two parts are computed twice.
 const MOST_PARTS: usize = 16;
 const LEAST_NODES: usize = 4096;
-/// Nodes this near to the end of the body, against its length, are the first ones.
+/// Nodes within this distance of the end of the body, relative to its length, form the first layer.
 const END: f64 = 1e-9;
 
 /// The cells at each node.
@@ -47,10 +47,10 @@ impl CellsOf {
     }
 }
 
-/// Nodes in an order of their own.
+/// A renumbering of nodes.
 struct Order {
     nodes: Vec<u32>,
-    /// The place of each node, `u32::MAX` for those that are left out.
+    /// The new number of each node, `u32::MAX` for those left out.
     number: Vec<u32>,
 }
 
@@ -63,7 +63,7 @@ impl Order {
         Self { nodes, number }
     }
 
-    /// Layer by layer from one end of the body, in the order of E. Cuthill and J. McKee (1969): near nodes have near numbers.
+    /// Layer by layer from one end of the body, in the order of E. Cuthill and J. McKee (1969): neighbouring nodes have close numbers.
     fn by_layers(mesh: &Mesh, cells: &CellsOf, free: impl Fn(usize) -> bool) -> Self {
         let all = mesh.num_nodes();
         let points = mesh.points();
@@ -99,7 +99,7 @@ impl Order {
                 }
                 next += 1;
             }
-            // Another piece of the body.
+            // Another connected part of the body.
             let Some(n) = rest.find(|n| !seen[*n]) else {
                 break;
             };
@@ -109,7 +109,7 @@ impl Order {
         Self::of(nodes, all)
     }
 
-    /// Ranges of nodes that are assembled at the same time.
+    /// Ranges of nodes that are assembled in parallel.
     fn parts(&self) -> impl Iterator<Item = Range<usize>> {
         let all = self.nodes.len();
         let size = all.div_ceil(MOST_PARTS).max(LEAST_NODES);
@@ -121,7 +121,7 @@ impl Order {
 
 impl ElasticSystem {
     /// A in blocks of nodes, with their positions: half the memory of single entries, for
-    /// [`ReducedContact`](crate::contact::ReducedContact). Assembled at each call. Nodes are numbered anew, layer by layer.
+    /// [`ReducedContact`](crate::contact::ReducedContact). Assembled at each call. Nodes are renumbered layer by layer.
     ///
     /// # Errors
     /// [`FemError::TooLarge`] where the blocks do not fit into memory.
@@ -179,7 +179,7 @@ impl ElasticSystem {
         drop(rows);
         let count = blocks.col.len();
         blocks.value.try_reserve_exact(count).map_err(|_| too_large())?;
-        // Written here: threads that ask the system for new pages at the same time wait for each other.
+        // Initialised by one thread: page faults of several threads at once would be serialised.
         blocks.value.resize(count, [[0.0; B]; B]);
         let fixed: Vec<u8> = (0..order.number.len())
             .map(|n| {
@@ -213,7 +213,7 @@ impl ElasticSystem {
         Ok(blocks)
     }
 
-    /// The places of the neighbours of each node, increasing, and how many there are.
+    /// The new numbers of the neighbours of each node, increasing, and their count.
     fn neighbours(&self, cells: &CellsOf, order: &Order, rows: Range<usize>) -> (Vec<u32>, Vec<u32>) {
         let (mut all, mut counts) = (Vec::new(), Vec::with_capacity(rows.len()));
         let mut seen = vec![u32::MAX; order.nodes.len()];
@@ -233,7 +233,7 @@ impl ElasticSystem {
         (all, counts)
     }
 
-    /// A by columns, one a free displacement.
+    /// A in compressed columns, one per free displacement.
     pub(super) fn single_entries(&self) -> Matrix {
         let (dim, cells) = (self.mesh.dim(), CellsOf::new(&self.mesh));
         let pattern = match pattern(&self.mesh, dim, &self.dofs, self.free) {
@@ -281,8 +281,8 @@ impl ElasticSystem {
         }
     }
 
-    /// Calls `add` with the values of a node (from `first` of its place on), a cell's nodes, which of them the node is, and the cell's
-    /// stiffness. Cells come in increasing order to each node, so that sums are symmetric to the last bit.
+    /// Calls `add` with the values of a node (from `first` of its new number on), the nodes of a cell, the index of the node among them,
+    /// and the stiffness of the cell. Each node receives its cells in increasing order, so that sums are symmetric to the last bit.
     fn fill<V: Send>(
         &self,
         cells: &CellsOf,

@@ -5,17 +5,17 @@ use super::{ElasticSystem, Elasticity, FemError, PlaneModel, PlasticResponse, Pl
 use crate::piecewise::{Semismooth, check_vector};
 use crate::sparse::{Matrix, Pattern};
 
-/// A body of [`VonMises`] material at one step of its history: the balance of forces of the free displacements as a semismooth map.
+/// A body of [`VonMises`] material at one step of its history: the equilibrium of forces on the free displacements as a semismooth map.
 ///
 /// [`set_load`](Self::set_load) sets the forces of the next step, Newton's method finds the displacements, and [`commit`](Self::commit)
-/// makes them history. Plane bodies are in plane strain. In quadrilaterals and hexahedra the volume change is the mean of the cell, so that
-/// plastic flow, which keeps the volume, does not lock (T. J. R. Hughes, Int. J. Numer. Methods Eng. 15 (1980); weighted by volume as in
-/// Simo and Hughes (1998), section 4.5); simplices do lock.
+/// updates the history. Plane bodies are in plane strain. In quadrilaterals and hexahedra the volumetric strain is averaged over the cell,
+/// so that isochoric plastic flow does not lock (T. J. R. Hughes, Int. J. Numer. Methods Eng. 15 (1980); weighted by volume as in Simo and
+/// Hughes (1998), section 4.5); simplices do lock.
 ///
 /// ```
 /// use semismooth::fem::{Elasticity, Mesh, PlasticBody, VonMises};
 /// use semismooth::newton::Newton;
-/// // MPa and mm: a square that is pulled beyond its yield stress 2 σ_y/√3 of plane strain and left alone again.
+/// // MPa and mm: a square pulled beyond its yield stress 2 σ_y/√3 in plane strain, then unloaded.
 /// let steel = VonMises::new(210e3, 0.3, 250.0)?.with_hardening(0.0, 5e3)?;
 /// let mesh = Mesh::rectangle([0.0, 0.0], [1.0, 1.0], [2, 2])?;
 /// let supported = Elasticity::new(mesh, steel.elastic().clone())
@@ -53,26 +53,27 @@ pub struct PlasticBody {
 /// A quadrature point.
 #[derive(Debug, Clone, Copy)]
 struct Point {
-    /// Volume that belongs to it.
+    /// Its volume (weight times Jacobian determinant).
     volume: f64,
-    /// Of the shape functions.
+    /// Gradients of the shape functions.
     gradient: [[f64; 3]; MAX_NODES],
-    /// A third of what the mean over the cell adds to each gradient.
+    /// A third of the correction of each gradient by the mean over the cell.
     mean: [[f64; 3]; MAX_NODES],
 }
 
 /// Energies of a [`PlasticBody`], per unit of depth in the plane.
 ///
-/// The work of the loads at the end of a step, f · Δu, is the change of the stored energies, what is dissipated, and half the elastic and
-/// hardening energy of the increments themselves, which is the error of implicit Euler's method and of second order in the step.
+/// The work of the loads at the end of a step, f · Δu, is the change of the stored energies plus the dissipation and
+/// [`increment`](Self::increment), the elastic and hardening energy of the increments, which is the error of the implicit Euler method, of
+/// second order in the step.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[non_exhaustive]
 pub struct PlasticEnergies {
-    /// What unloading gives back.
+    /// Elastic energy, recovered on unloading.
     pub elastic: f64,
-    /// What is kept in hardening.
+    /// Energy stored by hardening.
     pub hardening: f64,
-    /// What the step turned into heat, σ_y ∫Δα ≥ 0.
+    /// Dissipation in the step, σ_y ∫Δα ≥ 0.
     pub dissipated: f64,
     /// The stored energy, elastic and of hardening, of the increments of the step.
     pub increment: f64,
@@ -129,7 +130,8 @@ impl PlasticBody {
         replace("the load", &mut self.load, forces)
     }
 
-    /// Sets the displacements of the supports, node by node, say those of [`ElasticSystem::motion`]; entries of free components do not count.
+    /// Sets the displacements of the supports, node by node, say those of [`ElasticSystem::motion`]; entries of free components are
+    /// ignored.
     ///
     /// # Errors
     /// Wrong lengths, entries that are not finite.
@@ -150,7 +152,7 @@ impl PlasticBody {
         &self.states[self.first[cell]..self.first[cell + 1]]
     }
 
-    /// Makes the step to the free displacements `x` history, and says what became of the energy.
+    /// Ends the step at the free displacements `x`: updates the history and returns the energies.
     ///
     /// # Errors
     /// Wrong lengths, entries that are not finite.
@@ -213,7 +215,7 @@ impl PlasticBody {
         strain
     }
 
-    /// Calls `see` with each quadrature point of a cell and its answer to the free displacements `x`.
+    /// Calls `see` with each quadrature point of a cell and its material response at the free displacements `x`.
     fn for_points(&self, cell: usize, x: &[f64], mut see: impl FnMut(&Point, PlasticResponse)) {
         for k in self.first[cell]..self.first[cell + 1] {
             let value = |component: usize| match self.system.dofs[component] {
@@ -225,7 +227,7 @@ impl PlasticBody {
         }
     }
 
-    /// The free displacement, if it is one, of each displacement of a cell: node of the cell, component, number.
+    /// The free displacements of a cell: node of the cell, component, number.
     fn free_of(&self, cell: usize) -> impl Iterator<Item = (usize, usize, usize)> + '_ {
         let dim = self.system.mesh.dim();
         let nodes = self.system.mesh.cell(cell).iter().enumerate();

@@ -44,7 +44,7 @@ impl Mesh {
 
 struct Refiner {
     points: Vec<[f64; 3]>,
-    /// The node in the middle of an edge, a face or a cell, by its first nodes in order.
+    /// The midpoint node of an edge, a face or a cell, keyed by its (up to four) first nodes in increasing order.
     middle: HashMap<[usize; 4], usize>,
 }
 
@@ -94,7 +94,7 @@ impl Refiner {
         let edge: [usize; 4] = std::array::from_fn(|i| self.mid(&[n[i], n[(i + 1) % 4]]));
         (0..4)
             .map(|i| {
-                // Turned so that all children have the corner sequence of the parent.
+                // Oriented so that all children have the corner sequence of the parent.
                 let mut child = vec![n[i], edge[i], centre, edge[(i + 3) % 4]];
                 child.rotate_right(i);
                 child
@@ -146,7 +146,8 @@ impl Refiner {
     }
 
     fn split_hexahedron(&mut self, n: &[usize]) -> Vec<Vec<usize>> {
-        // Node at (i, j, k) of the 3 × 3 × 3 grid: the middle of the corners whose coordinates agree where not 1.
+        // Node at (i, j, k) of the 3 × 3 × 3 grid: the midpoint of the corners whose coordinates agree with those of (i, j, k) that are not
+        // 1.
         const CORNERS: [[usize; 3]; 8] = [
             [0, 0, 0],
             [2, 0, 0],

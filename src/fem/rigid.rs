@@ -1,9 +1,9 @@
-//! Rigid motions which the supports leave free.
+//! Rigid motions that the supports leave free.
 
 use super::{FemError, Mesh};
 use crate::sparse::{Place, Resistance, pieces};
 
-/// Checks that each connected part of the body is held.
+/// Checks that the supports leave no rigid motion of any connected part of the body free.
 pub(super) fn check_supports(mesh: &Mesh, fixed: &[bool]) -> Result<(), FemError> {
     let dim = mesh.dim();
     let part = pieces(mesh.num_nodes(), |connect| {

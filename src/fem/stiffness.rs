@@ -4,7 +4,7 @@ use super::element::{CellKind, MAX_NODES, map_cell};
 use super::material::VOIGT;
 use super::{ElasticSystem, Material, PlaneModel};
 
-/// Cells of different shapes that are remembered.
+/// Number of cell shapes whose stiffness is cached.
 const SHAPES: usize = 256;
 
 /// The stiffness of the cells of a system, one after another. Boxes and quadrilaterals of the same shape, of which structured meshes
@@ -25,7 +25,7 @@ struct Shape {
 }
 
 impl Shape {
-    /// Where it is remembered.
+    /// Its index in the cache.
     fn place(&self) -> usize {
         let mut hash = self.material as u64;
         for x in self.corners.as_flattened() {
@@ -153,7 +153,7 @@ impl ElementMatrix {
                 }
             }
         }
-        // Mirrored, so that the sum is symmetric to the last bit.
+        // Copied from the other triangle, so that the sum is symmetric to the last bit.
         for col in 0..self.order {
             for row in 0..col {
                 self.values[row * self.order + col] = self.values[col * self.order + row];

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::FemError;
 
-/// The head of a text that may be of any length, for messages.
+/// The beginning of a text of any length, for messages.
 pub(super) fn shorten(text: &str) -> String {
     const SHOWN: usize = 60;
     match text.char_indices().nth(SHOWN) {
@@ -37,7 +37,7 @@ impl Reader<'_> {
         }
     }
 
-    /// Name behind the next `$` at the beginning of a line.
+    /// Name after the next `$` at the beginning of a line.
     pub(super) fn next_section(&mut self) -> Option<String> {
         while self.at < self.bytes.len() {
             let line = self.line();

@@ -5,8 +5,8 @@ use super::mesh::by_position;
 use super::{FemError, Mesh};
 use crate::sparse::Matrix;
 
-/// Scalar functions on a mesh with the metric of H¹(Ω), and their traces on a part of the boundary: what the inf-sup constant of a space
-/// of multipliers is measured with. The normal displacement on a flat boundary is such a function.
+/// Scalar functions on a mesh with the metric of H¹(Ω), and their traces on a part of the boundary: the reference for the inf-sup constant
+/// of a space of multipliers. The normal displacement on a flat boundary is such a function.
 #[derive(Debug, Clone)]
 pub struct TraceSpace<'a> {
     mesh: &'a Mesh,
@@ -16,10 +16,10 @@ pub struct TraceSpace<'a> {
 }
 
 impl<'a> TraceSpace<'a> {
-    /// The finite element functions of the mesh that vanish on the facets of `fixed` (if any), with traces on `facets`.
+    /// The finite element functions of the mesh that vanish on the facets of `fixed` (if any), with their traces on `facets`.
     ///
     /// # Errors
-    /// Groups that do not exist or are empty; nothing free.
+    /// Groups that do not exist or are empty; no free node.
     pub fn new(mesh: &'a Mesh, facets: &str, fixed: Option<&str>) -> Result<Self, FemError> {
         let mut dofs = vec![0; mesh.num_nodes()];
         if let Some(fixed) = fixed {

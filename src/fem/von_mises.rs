@@ -1,14 +1,14 @@
 use super::{FemError, Material};
 
-/// √(2/3): |dev σ| in uniaxial tension over the stress.
+/// √(2/3): the ratio of |dev σ| to the stress in uniaxial tension.
 const TENSION: f64 = 0.816_496_580_927_726;
 
 /// Von Mises plasticity with linear hardening, isotropic and kinematic, of an isotropic elastic material.
 ///
-/// |dev σ − ⅔ H_k εᵖ| ≤ √⅔ (σ_y + H_i α), where εᵖ is the plastic strain and α the accumulated one, ∫√⅔ |ε̇ᵖ|. A step of time is implicit
-/// Euler's, solved in closed form by radial return (J. C. Simo, T. J. R. Hughes, *Computational Inelasticity* (1998), section 3.3). The stress
-/// is a piecewise smooth function of the strain, its consistent tangent (box 3.2) an element of the generalised Jacobian, so that Newton's
-/// method on a body is a semismooth one (M. Sauter, C. Wieners, Comput. Methods Appl. Mech. Eng. 200 (2011)).
+/// |dev σ − ⅔ H_k εᵖ| ≤ √⅔ (σ_y + H_i α), where εᵖ is the plastic strain and α the accumulated one, ∫√⅔ |ε̇ᵖ|. A time step by the implicit
+/// Euler method is solved in closed form by radial return (J. C. Simo, T. J. R. Hughes, *Computational Inelasticity* (1998), section 3.3).
+/// The stress is a piecewise smooth function of the strain, its consistent tangent (box 3.2) an element of the generalised Jacobian, so
+/// that Newton's method on a body is a semismooth Newton method (M. Sauter, C. Wieners, Comput. Methods Appl. Mech. Eng. 200 (2011)).
 ///
 /// Strains and stresses are written 11, 22, 33, 12, 23, 13, shear strains doubled.
 ///
@@ -34,7 +34,7 @@ pub struct VonMises {
     kinematic: f64,
 }
 
-/// What a point of a plastic body remembers. The default is the virgin state.
+/// The history variables of a point of a plastic body. The default is the virgin state.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[non_exhaustive]
 pub struct PlasticState {
@@ -44,13 +44,13 @@ pub struct PlasticState {
     pub accumulated: f64,
 }
 
-/// The answer of a [`VonMises`] material to a strain.
+/// The response of a [`VonMises`] material to a strain.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct PlasticResponse {
     /// The stress.
     pub stress: [f64; 6],
-    /// The consistent tangent, symmetric: derivative of the stress by the strain; on the yield surface the elastic one.
+    /// The consistent tangent, symmetric: derivative of the stress with respect to the strain; on the yield surface the elastic one.
     pub tangent: [[f64; 6]; 6],
     /// The state after the step.
     pub state: PlasticState,
@@ -80,8 +80,8 @@ impl VonMises {
         })
     }
 
-    /// The plastic moduli H_i ≥ 0, by which the yield stress grows with α, and H_k ≥ 0, by which the elastic range moves, in units of E.
-    /// Their sum is the slope of the stress over the plastic strain in tension.
+    /// The plastic moduli H_i ≥ 0 of isotropic hardening (growth of the yield stress with α) and H_k ≥ 0 of kinematic hardening (shift of
+    /// the elastic range), in the units of E. Their sum is the slope of the stress over the plastic strain in tension.
     ///
     /// # Errors
     /// Moduli that are negative or not finite.
@@ -114,7 +114,7 @@ impl VonMises {
         self.yield_stress
     }
 
-    /// Stress, tangent and new state when the strain becomes `strain` from a state. NaN in, NaN out.
+    /// Stress, tangent and new state when the strain becomes `strain` from a state. NaN in the input gives NaN.
     #[must_use]
     pub fn respond(&self, strain: &[f64; 6], state: &PlasticState) -> PlasticResponse {
         let two_mu = 2.0 * self.shear;
@@ -160,7 +160,7 @@ impl VonMises {
         answer
     }
 
-    /// Energy per volume that unloading gives back, and energy per volume kept in hardening: ½ (⅔ H_k |εᵖ|² + H_i α²).
+    /// Elastic energy per volume, and energy per volume stored by hardening: ½ (⅔ H_k |εᵖ|² + H_i α²).
     #[must_use]
     pub fn energies(&self, strain: &[f64; 6], state: &PlasticState) -> [f64; 2] {
         let trace = strain[0] + strain[1] + strain[2];
@@ -180,7 +180,7 @@ impl VonMises {
     }
 }
 
-/// From doubled shear strains to components of the tensor.
+/// From engineering (doubled) shear strains to components of the tensor.
 const fn undoubled(a: usize) -> f64 {
     if a < 3 { 1.0 } else { 0.5 }
 }

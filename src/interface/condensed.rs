@@ -40,7 +40,7 @@ impl<G: PiecewiseSmooth> CondensedInterface<G> {
         self.traces(&x)
     }
 
-    /// The tangent (u̇, λ̇, α̇) of the full form that belongs to the direction `t` at `x`: one solve. It is not of unit length.
+    /// The tangent (u̇, λ̇, α̇) of the full form that corresponds to the direction `t` at `x`: one solve. It is not normalised.
     ///
     /// # Errors
     /// Wrong lengths, values that are not finite.
@@ -66,7 +66,7 @@ impl<G: PiecewiseSmooth> CondensedInterface<G> {
         Ok(u)
     }
 
-    /// The residual of the full form at the point that belongs to x, in the given selection: n rows of equilibrium, q of the law.
+    /// The residual of the full form at the point that corresponds to x, in the given selection: n rows of equilibrium, q of the law.
     ///
     /// # Errors
     /// As [`expand`](Self::expand); selections of other maps.
@@ -83,7 +83,7 @@ impl<G: PiecewiseSmooth> CondensedInterface<G> {
         Ok(out)
     }
 
-    /// ln det A, by which logarithms of determinants of the full form exceed those of this one.
+    /// ln det A, the difference between the logarithms of the determinants of the full and the condensed form.
     #[must_use]
     pub fn log_det_operator(&self) -> f64 {
         self.view.condensation().log_det()

@@ -13,9 +13,9 @@ pub enum InterfaceError {
     Size {
         /// Which part, and which of its sizes.
         what: &'static str,
-        /// What the other parts ask for.
+        /// The size that the other parts require.
         expected: usize,
-        /// What was given.
+        /// The size given.
         found: usize,
     },
     /// A vector has an entry that is not finite.
@@ -43,7 +43,7 @@ pub enum InterfaceError {
     /// A failure in a map.
     #[error(transparent)]
     Map(#[from] PiecewiseError),
-    /// A failure of linear algebra; A that is not positive definite in particular.
+    /// A failure in linear algebra, in particular where A is not positive definite.
     #[error(transparent)]
     Linear(#[from] LinearError),
     /// A matrix with entries that are not finite.
@@ -51,7 +51,7 @@ pub enum InterfaceError {
     Matrix(#[from] SparseError),
 }
 
-/// How lengths of vectors are named, the vectors being named by what follows.
+/// Prefix of the names of lengths in errors; the name of the vector follows.
 pub(crate) const LENGTH: &str = "the length of ";
 
 pub(super) fn check_size(what: &'static str, expected: usize, found: usize) -> Result<(), InterfaceError> {

@@ -10,27 +10,27 @@ use super::view::{Free, Reduced, View};
 use crate::piecewise::PiecewiseSmooth;
 use crate::sparse::{Matrix, Pattern};
 
-/// What an evaluation needs besides its arguments.
+/// Workspace of an evaluation.
 #[derive(Debug, Clone)]
 pub(super) struct Scratch {
     /// The point z = (v, λ, α) of the law, and a direction there.
     pub(super) z: Vec<f64>,
     pub(super) dz: Vec<f64>,
-    /// The point x to which z belongs, in condensed form: residuals, test functions and derivatives are asked for at one x after the
-    /// other, and v costs as much as all the rest. Empty where z holds no v.
+    /// The point x for which z was computed, in condensed form: residuals, test functions and derivatives are usually evaluated at the same
+    /// x, and v costs as much as all the rest. Empty where z does not contain v.
     at: Vec<f64>,
-    /// Whether the law had reported tests when it was asked last.
+    /// Whether the law had reported tests at the last evaluation.
     pub(super) reports: bool,
     pub(super) free: Free,
     pub(super) jac: Matrix,
     /// The entries of `jac` that are not zero.
     entries: Vec<(usize, usize, f64)>,
-    /// Of these the derivatives of rows by their own traces, and those by other traces.
+    /// Of these, the derivatives of rows with respect to their own traces, and those with respect to other traces.
     own: Vec<f64>,
     across: Vec<(usize, usize, f64)>,
 }
 
-/// The scratch of a problem, or another one.
+/// The workspace of a problem, or a new one.
 pub(super) enum Borrowed<'a> {
     Shared(MutexGuard<'a, Scratch>),
     Own(Box<Scratch>),
@@ -71,7 +71,7 @@ impl Scratch {
         }
     }
 
-    /// `scratch`, or a new one when another thread uses that. Compiled once, for all laws.
+    /// `scratch`, or a new one while another thread uses it. Compiled once, for all laws.
     pub(super) fn borrow<'a>(
         scratch: &'a Mutex<Self>,
         operator: &Operator,
@@ -96,7 +96,7 @@ impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
     }
 }
 
-/// What evaluations need of an interface problem besides its law. All that is not the law's is computed here, compiled once for all laws.
+/// The parts of an interface problem other than its law: their computations are compiled once for all laws.
 #[derive(Clone, Copy)]
 pub(super) struct Parts<'a> {
     pub(super) operator: &'a Operator,
@@ -143,7 +143,7 @@ impl Parts<'_> {
         s.z[q..].copy_from_slice(&x[first..]);
     }
 
-    /// As [`law_point`](Self::law_point), for derivatives: those of `affine` laws do not depend on v, which is left out.
+    /// As [`law_point`](Self::law_point), for derivatives: those of `affine` laws do not depend on v, which is then not computed.
     pub(super) fn point_of_derivatives(&self, affine: bool, x: &[f64], s: &mut Scratch) {
         let (first, q) = (self.leading(), self.num_traces());
         if affine && self.operator.load.base().is_some() {
@@ -220,7 +220,7 @@ impl Parts<'_> {
         s.entries.clear();
         s.entries.extend(nonzeros(&s.jac));
         let of_traces = s.entries.partition_point(|e| e.1 < q);
-        // Most rows have a derivative by their own trace: these run along columns of C.
+        // Most rows depend on their own trace: these terms are added along columns of C.
         s.own.clear();
         s.own.resize(q, 0.0);
         for &(i, k, c) in &s.entries[..of_traces] {
@@ -231,7 +231,7 @@ impl Parts<'_> {
         let (of_traces, others) = s.entries.split_at(of_traces);
         s.across.clear();
         s.across.extend(of_traces.iter().filter(|e| e.0 != e.1));
-        // Column by column of C, which stays at hand: rows of a large Jacobian are far apart in memory.
+        // Column by column, with the column of C in cache: the entries of a row of a large Jacobian are far apart in memory.
         for (j, column) in jac
             .values_mut()
             .chunks_exact_mut(order.max(1))
@@ -292,7 +292,7 @@ impl Parts<'_> {
         } else if let Some(reduced) = self.reduced {
             let row = reduced.row(k);
             if jac.pattern().is_full() {
-                // By strides, as a search for each entry would cost most of a step.
+                // By strides: searching for each entry would take most of the time of a step.
                 let order = jac.nrows();
                 for (column, v) in jac.values_mut().chunks_exact_mut(order).zip(row) {
                     column[i] -= c * v;

@@ -1,4 +1,4 @@
-//! Interface problems with exact coefficients, composed of those of operator and law.
+//! Exact coefficients of interface problems, from those of the operator and the law.
 
 use super::operator::Operator;
 use super::view::View;
@@ -7,11 +7,11 @@ use crate::exact::{Dictionary, Exact, Place, passive_bounds};
 use crate::piecewise::{ExactConditions, ExactForm, ExactPieces, ExactSite, PiecewiseSmooth};
 use crate::sparse::Matrix;
 
-/// Displacements up to which the compliance is derived from the stiffness without rounding; beyond, it counts as stored.
+/// Largest number of displacements for which the compliance is computed exactly from the stiffness; beyond it, the stored compliance is
+/// taken as exact.
 const MAX_EXACT: usize = 16;
 
-/// Traces and displacements as affine forms of the multipliers λ, without rounding and all times one
-/// positive factor: the traces v, and all of them.
+/// The traces v and all displacements as exact affine forms of the multipliers λ, all multiplied by one positive factor.
 #[derive(Debug, Clone)]
 struct ExactTraces {
     /// The constant, the coefficient of α, and those of λ.
@@ -72,7 +72,7 @@ impl ExactTraces {
         })
     }
 
-    /// From compliance and free motion as stored: row k of C by `row`.
+    /// From the stored compliance and free motion: `row(k)` is row k of C.
     fn stored<'c>(row: impl Fn(usize) -> &'c [f64], free: &[f64], rate: &[f64]) -> Option<Self> {
         let trace = |k: usize| -> Option<Vec<Exact>> {
             let head = [free[k], rate[k]].into_iter();
@@ -93,14 +93,14 @@ impl ExactTraces {
         }
     }
 
-    /// A form in (v, λ) as one in λ, times a positive factor. What is auxiliary follows λ.
+    /// A form in (v, λ) as one in λ, times a positive factor. Auxiliary unknowns follow λ.
     fn substituted(&self, form: &ExactForm, alpha: &Exact) -> ExactForm {
         let (of_traces, own) = form.coefficients.split_at(self.traces.len());
         let mut sum = ExactForm {
             constant: form.constant.clone(),
             coefficients: own.to_vec(),
         };
-        // The values of auxiliary unknowns are compared with one another: all of them times the factor.
+        // Forms with auxiliary unknowns are compared with one another: all of them are multiplied by the factor.
         let auxiliary = own.len() > self.traces.len();
         if auxiliary || of_traces.iter().any(|c| !c.is_zero()) {
             sum = ExactForm::zero(own.len()).plus(&self.factor, &sum);
@@ -155,7 +155,7 @@ impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
     }
 }
 
-/// The law with v as `traces` say. As below, compiled once for all laws.
+/// The law with v given by `traces`. Compiled once for all laws, like the function below.
 fn condensed_conditions(
     law: &dyn ExactPieces,
     alpha: f64,
@@ -235,7 +235,7 @@ fn full_conditions(
     })
 }
 
-/// Sites with other forms; the rows that equalities stand for begin at `first`.
+/// The sites with transformed forms; the row numbers of equalities are shifted by `first`.
 fn changed(sites: &[ExactSite], first: usize, form: impl Fn(&ExactForm) -> ExactForm) -> Vec<ExactSite> {
     let mut sites = sites.to_vec();
     for site in &mut sites {

@@ -10,12 +10,12 @@ impl<G: PiecewiseSmooth> InterfaceProblem<G> {
     /// A problem from its parts: A (n × n), B (q × n), the load and the law.
     ///
     /// # Errors
-    /// Shapes that do not fit, a law that has not q residuals and 2q + 1 or 2q + 2 variables, entries that are not finite.
+    /// Shapes that do not fit, a law without q residuals and 2q + 1 or 2q + 2 variables, entries that are not finite.
     pub fn from_parts(a: Matrix, b: &Matrix, load: LoadPath, law: G) -> Result<Self, InterfaceError> {
         Self::with_view(Arc::new(Operator::new(a, b, load)?), FullView, law)
     }
 
-    /// The problem condensed onto its multipliers; the law is cloned. One that cannot be is given to both by reference.
+    /// The problem condensed onto its multipliers; the law is cloned. A law that is not `Clone` can be passed to both by reference.
     ///
     /// # Complexity
     /// That of [`Condensation::new`](crate::linear::Condensation::new) and one solve for each load case.

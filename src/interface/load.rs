@@ -9,11 +9,11 @@ type Amplitudes = Arc<dyn Fn(f64, &mut [f64], &mut [f64]) + Send + Sync>;
 
 /// A load case: forces on the displacements u, and displacements of supports.
 ///
-/// Vectors of forces become load cases by `into`; [`fem`](crate::fem) makes those of supports
+/// Vectors of forces become load cases by `into`; [`fem`](crate::fem) provides those of supports
 /// ([`ElasticSystem::supports`](crate::fem::ElasticSystem::supports), [`ElasticSystem::motion`](crate::fem::ElasticSystem::motion)).
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct LoadCase {
-    /// All forces on u, those that stem from supports included.
+    /// All forces on u, including those due to supports.
     total: Vec<f64>,
     supports: Option<Supports>,
 }
@@ -30,7 +30,7 @@ struct Supports {
 }
 
 impl LoadCase {
-    /// Displacements g of supports, in any order (free components may be among them, with 0), the forces −K_fs g that they put on u and
+    /// Displacements g of supports, in any order (free components may be among them, with 0), the forces −K_fs g that they exert on u and
     /// the reactions K_ss g of the supports themselves, with the blocks of the stiffness matrix of the whole body.
     ///
     /// # Errors
@@ -61,7 +61,7 @@ impl LoadCase {
         })
     }
 
-    /// Both cases at once.
+    /// The sum of both cases.
     ///
     /// # Errors
     /// Different numbers of displacements or of supports.
@@ -81,7 +81,7 @@ impl LoadCase {
         Ok(self)
     }
 
-    /// The forces on u: those applied, and those that stem from the supports. With them A u = f where there is no contact.
+    /// The forces on u: those applied, and those due to the supports. With them A u = f where there is no contact.
     #[must_use]
     pub fn forces(&self) -> &[f64] {
         &self.total
@@ -155,11 +155,11 @@ impl Supports {
 
 /// A load f(α) = f₀ + Σ_k φ_k(α) f_k: load cases f_k with smooth amplitudes φ_k, or any smooth path of forces.
 ///
-/// Each case costs one solve when the problem is condensed, and nothing afterwards; a general path costs one at each α.
+/// Each case costs one solve when the problem is condensed; a general path costs one at each α.
 #[derive(Clone)]
 pub struct LoadPath {
     shape: Shape,
-    /// The case that a second parameter β scales.
+    /// The case that is multiplied by a second parameter β.
     second: Option<LoadCase>,
 }
 
@@ -187,11 +187,11 @@ impl LoadPath {
         Self::sum(constant.into(), vec![slope.into()], None)
     }
 
-    /// The straight path from `start` at α = 0 to `end` at α = 1. Loads of different lengths are refused where the path is used.
+    /// The straight path from `start` at α = 0 to `end` at α = 1. Loads of different lengths are an error where the path is used.
     #[must_use]
     pub fn between(start: impl Into<LoadCase>, end: impl Into<LoadCase>) -> Self {
         let (start, end) = (start.into(), end.into());
-        // Of different lengths: the end alone shows it.
+        // Where lengths differ, the case keeps that of the end, so that the check fails.
         let slope = end.clone().plus(start.times(-1.0)).unwrap_or(end);
         Self::affine(start, slope)
     }
@@ -274,7 +274,7 @@ impl LoadPath {
         usize::from(self.second.is_some() && k + 1 == self.num_parts())
     }
 
-    /// What is neither a case nor scaled by β, and its derivative; `rate` is not touched where that is 0.
+    /// The constant case or the general path, and its derivative; `rate` is unchanged where that is 0.
     pub(super) fn general(&self, alpha: f64, out: &mut [f64], rate: &mut [f64]) {
         match &self.shape {
             Shape::Cases { constant, .. } => out.copy_from_slice(&constant.total),
@@ -290,7 +290,7 @@ impl LoadPath {
         }
     }
 
-    /// Displacements of the supports with what goes with them.
+    /// Displacements of the supports with their forces and reactions.
     fn supports(&self, parameters: &[f64]) -> Option<Supports> {
         let Shape::Cases { constant, .. } = &self.shape else {
             return None;
@@ -322,7 +322,7 @@ impl LoadPath {
         f
     }
 
-    /// What the supports do at these parameters.
+    /// The state of the supports at these parameters.
     pub(crate) fn support_state(&self, parameters: &[f64]) -> SupportState {
         SupportState(self.supports(parameters))
     }
@@ -436,7 +436,7 @@ impl Factors {
     }
 }
 
-/// What supports do: nothing where all are at rest.
+/// The state of the supports; `None` where all are at rest.
 #[derive(Debug, Clone)]
 pub(crate) struct SupportState(Option<Supports>);
 

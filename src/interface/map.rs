@@ -11,19 +11,19 @@ use crate::sparse::{Matrix, Pattern};
 
 /// A u + Bᵀ λ = f(α), G(B u, λ, α) = 0, in one of its [views](View): x = (u, λ, α) or x = (λ, α).
 ///
-/// A is n × n, B is q × n. The law G is itself a piecewise-smooth map, of z = (v, λ, α) with v = B u: q residuals, 2q + 1 variables.
+/// A is n × n, B is q × n. The law G is itself a piecewise-smooth map of z = (v, λ, α) with v = B u: q residuals, 2q + 1 variables.
 /// Residuals are those of equilibrium (n, in full form alone), then those of the law; sites, pieces and test functions are the
 /// law's. A law of 2q + 2 variables has a second parameter β, and so has the map: x = (u, λ, α, β).
 ///
-/// In full form A need be neither symmetric nor definite, and Newton steps are sparse. The condensed form has
-/// v(λ, α) = B A⁻¹ f(α) − C λ with C = B A⁻¹ Bᵀ from one Cholesky factorisation; evaluations cost O(q²). Solutions and transitions are the
-/// same, and with J, j the Jacobians det ∇_yJ = det A · det ∇_λj, so that signs agree.
+/// In full form A need be neither symmetric nor definite, and Newton steps are sparse. The condensed form has v(λ, α) = B A⁻¹ f(α) − C λ
+/// with C = B A⁻¹ Bᵀ from one Cholesky factorisation; evaluations cost O(q²). Both forms have the same solutions and transitions. With H
+/// the map in full and h that in condensed form, det ∇_yH = det A · det ∇_λh, so that signs agree.
 ///
 /// ```
 /// use semismooth::interface::{InterfaceProblem, LoadPath};
 /// use semismooth::newton::Newton;
 /// use semismooth::sparse::Matrix;
-/// // Two springs in series; the middle may not pass 1: 0 ≤ λ ⟂ 1 − v ≥ 0, the load α pushes.
+/// // Two springs in series under the load α, with a stop at 1 for the node between them: 0 ≤ λ ⟂ 1 − v ≥ 0.
 /// let a = Matrix::from_rows(&[[2.0, -1.0], [-1.0, 1.0]])?;
 /// let b = Matrix::from_rows(&[[1.0, 0.0]])?;
 /// // A law of one quantity is a curve in (v, λ, α).
@@ -51,7 +51,7 @@ use crate::sparse::{Matrix, Pattern};
 /// let condensed = InterfaceProblem::from_parts(a, &b, load, Stop)?.condensed()?;
 /// let mut x = [0.0, 3.0]; // λ and α
 /// Newton::default().solve(&condensed, &mut x)?;
-/// assert!((x[0] - 2.0).abs() < 1e-12); // 1 of the 3 is taken by the first spring
+/// assert!((x[0] - 2.0).abs() < 1e-12); // the first spring carries 1 of the 3
 /// assert_eq!(condensed.expand(&x)?.len(), 4);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
@@ -61,7 +61,7 @@ pub struct Interface<V, G> {
     pub(crate) view: V,
     pub(crate) law: G,
     law_pattern: Pattern,
-    /// Made when it is asked for: that of the full form takes as long as the assembly of a body, and the condensed form does without it.
+    /// Computed on first use: that of the full form takes as long as the assembly of a body, and the condensed form does not need it.
     pattern: OnceLock<Pattern>,
     scratch: Mutex<Scratch>,
 }
@@ -107,7 +107,7 @@ impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
         })
     }
 
-    /// The same shape with another load and law, in the pattern of this one.
+    /// The same problem with another load and law, with the pattern of this one.
     pub(crate) fn exchanged<H: PiecewiseSmooth>(
         &self,
         operator: Arc<Operator>,
@@ -190,7 +190,7 @@ impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
         Ok(u)
     }
 
-    /// The point (λ, α) of the condensed form that belongs to a point (u, λ, α).
+    /// The point (λ, α) of the condensed form that corresponds to a point (u, λ, α).
     ///
     /// # Errors
     /// Wrong length, values that are not finite.
@@ -225,7 +225,7 @@ impl<V: View, G: PiecewiseSmooth> Interface<V, G> {
         }
     }
 
-    /// Runs `f` with the scratch of this problem, or with one of its own when another thread uses that.
+    /// Runs `f` with the workspace of this problem, or with a new one while another thread uses it.
     pub(super) fn with_scratch<R>(&self, f: impl FnOnce(&mut Scratch) -> R) -> R {
         let condensed = self.view.reduced().is_some();
         f(&mut Scratch::borrow(
@@ -309,7 +309,7 @@ impl<V: View, G: PiecewiseSmooth> PiecewiseSmooth for Interface<V, G> {
         rows.iter_mut().for_each(|i| *i += first);
     }
 
-    /// β is measured as α is.
+    /// The typical size of β is that of α.
     fn typical_sizes(&self, sizes: &mut [f64]) {
         let last = sizes.len() - (self.num_parameters() - 1);
         fill_sizes(self.operator.sizes, self.leading(), &mut sizes[..last]);
@@ -326,7 +326,7 @@ impl<V: View, G: PiecewiseSmooth> PiecewiseSmooth for Interface<V, G> {
 
     fn reported_tests(&self, x: &[f64], out: &mut [f64]) -> bool {
         self.with_scratch(|s| {
-            // Whether there are any is the same at every point: traces are computed only for those.
+            // Whether there are any does not depend on the point: traces are computed only if so.
             s.reports = s.reports || self.law.reported_tests(&s.z, out);
             if s.reports {
                 self.parts().law_point(x, s);

@@ -34,7 +34,7 @@ impl Operator {
         Ok(operator)
     }
 
-    /// Finds typical sizes; initial gaps are lengths that matter.
+    /// Computes typical sizes; initial gaps count as typical lengths.
     pub(crate) fn set_sizes(&mut self, gap: &[f64]) {
         let loads = self.load.sizes(self.num_displacements());
         self.sizes = typical_sizes(&self.a, [&*self.b_t], loads, gap);

@@ -1,9 +1,9 @@
 use crate::piecewise::is_ordinary;
 use crate::sparse::Matrix;
 
-/// Typical sizes of displacements u, multipliers λ and the parameter α in A u + Bᵀ λ = f: those of forces, stiffnesses and entries of
-/// B, so that they change with the units as u and λ do. `loads` are the sizes of the load at α = 0 and of its change; that of α is what
-/// makes one as large as the other. `None` where nothing is given: no load and no gap.
+/// Typical sizes of displacements u, multipliers λ and the parameter α in A u + Bᵀ λ = f: derived from forces, stiffnesses and entries of
+/// B, so that they scale with the units as u and λ do. `loads` are the sizes of the load at α = 0 and of its change; the typical α is
+/// the one at which both contribute equally. `None` without load and gap.
 pub(crate) fn typical_sizes<'a>(
     a: &Matrix,
     traces: impl IntoIterator<Item = &'a Matrix>,
@@ -28,7 +28,7 @@ pub(crate) fn typical_sizes<'a>(
     sizes.iter().all(|s| s.is_normal()).then_some(sizes)
 }
 
-/// The largest entry that is a number, without its sign.
+/// The largest modulus of the finite entries.
 pub(crate) fn largest(v: &mut dyn Iterator<Item = f64>) -> f64 {
     v.filter(|v| v.is_finite()).fold(0.0, |a: f64, v| a.max(v.abs()))
 }

@@ -10,9 +10,10 @@ mod sealed {
     pub trait Sealed {}
 }
 
-/// How an [`Interface`](super::Interface) looks at A u + Bᵀ λ = f: [in full](FullView), or [on the multipliers alone](CondensedView).
+/// The form in which an [`Interface`](super::Interface) represents A u + Bᵀ λ = f: [full](FullView), or [condensed onto the
+/// multipliers](CondensedView).
 pub trait View: sealed::Sealed + Clone {
-    /// What is known of the condensed operator; `None` in full form.
+    /// The condensed operator; `None` in full form.
     #[doc(hidden)]
     fn reduced(&self) -> Option<&Reduced>;
 
@@ -58,7 +59,7 @@ impl CondensedView {
         Self::within(operator, Until::default())
     }
 
-    /// [`new`](Self::new), or [`LinearError::Interrupted`] where time is over.
+    /// [`new`](Self::new), or [`LinearError::Interrupted`] at the time limit.
     pub(crate) fn within(operator: &Operator, until: Until) -> Result<Self, LinearError> {
         let condensation = Condensation::within(&operator.a, &operator.b_t.transpose(), until)?;
         Self::with(Arc::new(condensation), &operator.load)
@@ -92,11 +93,11 @@ impl CondensedView {
     }
 }
 
-/// Orders up to which C stays in the caches of the processor.
+/// Largest order for which C fits into the caches of the processor.
 const CACHED: usize = 400;
-/// Orders from which its product with λ is worth a call of the linear algebra.
+/// Least order for which the product of C with λ is worth a call of the linear algebra library.
 const WIDE: usize = 64;
-/// Rows of C that are read together.
+/// Number of rows of C processed together.
 const ROWS: usize = 4;
 
 /// v ← v − Σ factorᵣ rowᵣ; the products of the rows with λ. Lengths are multiples of `ROWS`.
@@ -144,7 +145,7 @@ impl Reduced {
             }
             return;
         }
-        // Large matrices are read from memory, which is what takes the time: one triangle does.
+        // For large matrices reading from memory takes most of the time, so only one triangle is read.
         for k in (0..lambda.len()).step_by(ROWS) {
             let rows = ROWS.min(lambda.len() - k);
             if rows == ROWS {

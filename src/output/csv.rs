@@ -49,10 +49,10 @@ impl fmt::Debug for Column<'_> {
     }
 }
 
-/// Writes a branch as comma-separated values (RFC 4180): a header, then one line a point by arclength.
+/// Writes a branch as comma-separated values (RFC 4180): a header, then one line per point, in order of arclength.
 ///
-/// The columns are the arclength, the parameter α, the kind of point ("point", or that of the event), those asked for, and for
-/// each site the piece in which the curve leaves the point. Numbers are written so that reading gives the same `f64`.
+/// The columns are the arclength, the parameter α, the kind of point ("point", or that of the event), those of `columns`, and for each site
+/// the piece in which the curve leaves the point. Reading a number back gives the same `f64`.
 ///
 /// # Errors
 /// [`OutputError::Io`].

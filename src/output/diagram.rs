@@ -16,8 +16,8 @@ pub struct Colour {
     pub blue: u8,
 }
 
-/// The constants can be told apart by readers who take red and green for one colour: as they see them, and as others do, no two are nearer
-/// than 20 in CIELAB.
+/// The constants can be distinguished with red–green colour blindness: under simulation of it, and without, any two are at least 20 apart
+/// in CIELAB.
 impl Colour {
     /// Vermilion: no contact.
     pub const RED: Self = Self::new(0xd5, 0x5e, 0x00);
@@ -39,7 +39,7 @@ impl Colour {
     }
 }
 
-/// How the segments of one class are drawn: name in the legend and colour.
+/// Style of a class of segments: name in the legend, colour, dashes.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SegmentStyle {
     /// Name in the legend; segments of the same name share an entry.
@@ -79,7 +79,7 @@ impl SegmentStyle {
     }
 }
 
-/// Kinds of points that are marked, each by its own sign.
+/// Kinds of marked points, each with its own symbol.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Marker {
@@ -97,11 +97,11 @@ pub enum Marker {
     End,
     /// ● An isolated solution.
     Isolated,
-    /// ⊗ What happens here is not decided.
+    /// ⊗ An event that is not resolved.
     Undecided,
     /// ✱ The curve starts.
     Start,
-    /// ＋ A value that was computed or measured: of curves that join such values, each of them.
+    /// ＋ A computed or measured value, on curves that join such values.
     Value,
 }
 
@@ -150,7 +150,7 @@ impl From<TransitionKind> for Marker {
     }
 }
 
-/// Whether det ∇_yH < 0 between two points of a stretch; at a smooth fold, where it changes, the point knows no sign.
+/// Whether det ∇_yH < 0 between two points of a stretch; at a smooth fold, where the sign changes, the point itself has none.
 fn is_negative(ends: [Option<i8>; 2]) -> bool {
     ends.into_iter().flatten().find(|s| *s != 0) == Some(-1)
 }
@@ -161,12 +161,12 @@ pub struct Curve {
     pub(super) vertices: Vec<Point>,
     pub(super) styles: Vec<SegmentStyle>,
     pub(super) marks: Vec<(Marker, Point)>,
-    /// Whether arrows show the direction of travel.
+    /// Whether arrows show the orientation.
     pub(super) arrows: bool,
 }
 
 impl Curve {
-    /// A polyline with all segments alike, without marks.
+    /// A polyline with one style for all segments, without marks.
     #[must_use]
     pub fn line(vertices: Vec<(f64, f64)>, style: SegmentStyle) -> Self {
         let styles = vec![style; vertices.len().saturating_sub(1)];
@@ -183,8 +183,8 @@ impl Curve {
         }
     }
 
-    /// A branch over its parameter: `ordinate` is the scalar of x = (y, α) that is drawn, `style` the class of a segment from its
-    /// selection and the sites that graze on it. Dashed where det ∇_yH < 0; the start and all events but monitors are marked.
+    /// A branch over its parameter: `ordinate` is the scalar function of x = (y, α) to draw; `style` gives the class of a segment from its
+    /// selection and its grazing sites. Dashed where det ∇_yH < 0; the start and all events except those of monitors are marked.
     pub fn of_branch(
         branch: &Branch,
         ordinate: impl Fn(&[f64]) -> f64,
@@ -235,7 +235,7 @@ impl Curve {
         self
     }
 
-    /// Without any mark.
+    /// The same curve without marks.
     #[must_use]
     pub fn without_marks(mut self) -> Self {
         self.marks.clear();
@@ -264,8 +264,8 @@ pub struct Panel {
 }
 
 impl Panel {
-    /// Empty axes with their labels. In labels, as in captions, notes, names and titles, `_` and `^` behind a letter on its own or a bracket
-    /// lower and raise what follows, `^` behind a number as well: `u_t`, `10^-3`, `‖u‖_{L¹}`.
+    /// Empty axes with their labels. In labels, captions, notes, names and titles, `_` and `^` after a single letter or a bracket, and `^`
+    /// after a number, make what follows a subscript or superscript: `u_t`, `10^-3`, `‖u‖_{L¹}`.
     pub fn new(x_label: impl Into<String>, y_label: impl Into<String>) -> Self {
         Self {
             labels: (x_label.into(), y_label.into()),
@@ -287,14 +287,14 @@ impl Panel {
         self
     }
 
-    /// Fills a convex polygon, under all curves; neighbours of one colour join without a seam.
+    /// Fills a convex polygon, under all curves; adjacent polygons of one colour join without a seam.
     #[must_use]
     pub fn with_region(mut self, corners: Vec<(f64, f64)>, colour: Colour) -> Self {
         self.regions.push((corners, colour));
         self
     }
 
-    /// Adds a class of segments or regions to the legend that no curve has.
+    /// Adds a class of segments or regions to the legend, whether or not a curve has it.
     #[must_use]
     pub fn with_class(mut self, style: SegmentStyle) -> Self {
         self.classes.push(style);
@@ -308,7 +308,7 @@ impl Panel {
         self
     }
 
-    /// Adds an explored diagram over its parameter: every edge, and a [`Marker`] at each vertex but bounds and limits.
+    /// Adds an explored diagram over its parameter: every edge, and a [`Marker`] at each vertex except bounds and limits.
     #[must_use]
     pub fn with_diagram(
         mut self,
@@ -364,7 +364,7 @@ impl Panel {
     /// A finite value that is not positive.
     pub(super) fn on_axes(&mut self) -> Result<(), f64> {
         let log = |value: &mut f64, logarithmic: bool| {
-            // What is not finite is found later.
+            // Values that are not finite are detected later.
             if !logarithmic || !value.is_finite() {
                 return Ok(());
             }
@@ -393,14 +393,14 @@ impl Panel {
         Ok(())
     }
 
-    /// Shows this range of the abscissa only; by default all of what is shown of the ordinate.
+    /// Sets the range of the abscissa; by default the range of the data that lie in the range of the ordinate.
     #[must_use]
     pub fn with_x_range(mut self, lower: f64, upper: f64) -> Self {
         self.ranges.0 = Some((lower, upper));
         self
     }
 
-    /// Shows this range of the ordinate only; by default all of what is shown of the abscissa.
+    /// Sets the range of the ordinate; by default the range of the data that lie in the range of the abscissa.
     #[must_use]
     pub fn with_y_range(mut self, lower: f64, upper: f64) -> Self {
         self.ranges.1 = Some((lower, upper));

@@ -4,7 +4,7 @@ use thiserror::Error;
 
 use crate::Cause;
 
-/// What can go wrong in writing results.
+/// Errors in writing results.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum OutputError {
@@ -40,7 +40,7 @@ pub enum OutputError {
         /// Ordinate.
         y: f64,
     },
-    /// A note stands where nothing can be drawn.
+    /// The position of a note is NaN, infinite or too large to be drawn.
     #[error("panel {panel}: note {note} at ({x}, {y}) cannot be drawn")]
     Note {
         /// Panel, from 0.
@@ -95,7 +95,7 @@ pub enum OutputError {
     Field {
         /// Its name.
         name: String,
-        /// Values asked for.
+        /// Values expected.
         expected: usize,
         /// Values given.
         found: usize,
@@ -113,7 +113,7 @@ pub enum OutputError {
     Io {
         /// The file, where there is one.
         path: Option<PathBuf>,
-        /// The error of the operating system; of kind `InvalidInput` where the name of the file does not do.
+        /// The error of the operating system; of kind `InvalidInput` where the file name is not allowed.
         source: Cause,
     },
 }

@@ -7,7 +7,7 @@ use super::{Column, OutputError};
 use crate::continuation::{Diagram, DiagramEdge};
 use crate::piecewise::PiecewiseSmooth;
 
-/// What the k-th point of an edge is.
+/// The kind of the k-th point of an edge.
 fn event(diagram: &Diagram, edge: &DiagramEdge, k: usize) -> &'static str {
     let vertex = |v: usize| diagram.vertices()[v].kind.name();
     if k == 0 {
@@ -21,11 +21,11 @@ fn event(diagram: &Diagram, edge: &DiagramEdge, k: usize) -> &'static str {
     }
 }
 
-/// Writes a diagram as comma-separated values (RFC 4180): a header, then one line a point, edge after edge; isolated vertices last.
+/// Writes a diagram as comma-separated values (RFC 4180): a header, then one line per point, edge by edge; isolated vertices last.
 ///
 /// The columns are the number of the edge (empty for isolated vertices), the arclength along it, the parameter α, the kind of point
-/// ("point", "smooth fold", or that of the vertex), the sign of det ∇_yH (empty where unknown), those asked for, and the piece
-/// of each site. Numbers are written so that reading gives the same `f64`.
+/// ("point", "smooth fold", or that of the vertex), the sign of det ∇_yH (empty where unknown), those of `columns`, and the piece of each
+/// site. Reading a number back gives the same `f64`.
 ///
 /// # Errors
 /// [`OutputError::Io`].
@@ -110,9 +110,9 @@ mod json {
     use crate::piecewise::Selection;
     use serde_json::{Map, Value, json};
 
-    /// Writes a diagram as one JSON object: the range of the parameter, `complete` with what is missing, `vertices` with their arms,
-    /// `edges` with their points, `branches` and `isolas` as lists of edges, `folds`. The values of `columns` stand under their
-    /// names. Numbers that are not finite (an unbounded range) are null.
+    /// Writes a diagram as one JSON object: the range of the parameter, `complete` with the reasons if not, `vertices` with their arms,
+    /// `edges` with their points, `branches` and `isolas` as lists of edges, `folds`. The values of `columns` are stored under their names.
+    /// Numbers that are not finite (an unbounded range) are null.
     ///
     /// # Errors
     /// [`OutputError::Io`].

@@ -1,4 +1,4 @@
-//! Tables written while a run goes on, so that a run that is killed loses at most the step under way.
+//! Tables written during a run, so that a run that is killed loses at most the current step.
 
 use std::io::{BufWriter, Write};
 
@@ -7,8 +7,8 @@ use super::{Column, OutputError};
 use crate::continuation::{BranchVertex, Event};
 use crate::piecewise::PiecewiseSmooth;
 
-/// Writes the events of a run as comma-separated values as they come, in the format of [`write_csv`](super::write_csv); each line
-/// is handed to the system before the next event.
+/// Writes the events of a run as comma-separated values as they occur, in the format of [`write_csv`](super::write_csv); each line is
+/// flushed before the next event.
 ///
 /// ```
 /// use semismooth::continuation::{Continuation, ContinuationOptions, Direction};
@@ -47,7 +47,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized, W: Write> CsvWriter<'a, P, W> {
         Ok(this)
     }
 
-    /// Goes on with a table that has its header already, that of a resumed run. A last line that is cut off must have been removed.
+    /// Continues a table with an existing header, that of a resumed run. An incomplete last line must have been removed.
     pub fn appending(out: W, map: &'a P, columns: Vec<Column<'a>>) -> Self {
         Self {
             out: BufWriter::new(out),
@@ -79,9 +79,9 @@ mod json {
     use super::{BranchVertex, BufWriter, Event, OutputError, PiecewiseSmooth, Write};
     use serde_json::json;
 
-    /// Writes the events of a run as JSON Lines as they come: one object a line with `event`, `arclength`, `parameter`, `x`, `tangent`,
+    /// Writes the events of a run as JSON Lines as they occur: one object per line with `event`, `arclength`, `parameter`, `x`, `tangent`,
     /// `pieces`, `grazing`, `det` (null where unknown), `residual`, and for transitions and branch points the number of `arms` and whether
-    /// they are `complete`. Each line is handed to the system before the next event; a line that is cut off is no JSON.
+    /// they are `complete`. Each line is flushed before the next event; an incomplete last line is not valid JSON.
     #[derive(Debug)]
     pub struct JsonLinesWriter<'a, P: ?Sized, W: Write> {
         out: BufWriter<W>,

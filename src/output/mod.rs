@@ -1,5 +1,5 @@
-//! What people take away: branches and explored diagrams as CSV tables, fields on meshes for ParaView, with the `json` feature diagrams as
-//! JSON, with `svg` as pictures, with `pdf` for papers.
+//! Output of results: branches and explored diagrams as CSV tables, fields on meshes for ParaView, and, by feature, diagrams as JSON
+//! (`json`) and as SVG (`svg`) or PDF (`pdf`) pictures.
 
 mod csv;
 #[cfg(feature = "svg")]

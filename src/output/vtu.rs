@@ -17,8 +17,8 @@ pub struct Field {
 }
 
 impl Field {
-    /// A field of `components` numbers a node or cell, in their order. Displacements of plane meshes (two components) are drawn as vectors
-    /// in space.
+    /// A field of `components` numbers per node or cell, in their order. Displacements of plane meshes (two components) are drawn as
+    /// vectors in space.
     pub fn new(name: impl Into<String>, components: usize, values: Vec<f64>) -> Self {
         Self {
             name: name.into(),
@@ -39,7 +39,7 @@ impl Field {
         Ok(())
     }
 
-    /// Numbers a node or cell in the file.
+    /// Numbers per node or cell in the file.
     fn width(&self) -> usize {
         match self.components {
             2 => 3,
@@ -47,7 +47,7 @@ impl Field {
         }
     }
 
-    /// The numbers as they stand in the file, vectors of the plane with a third component 0.
+    /// The numbers as written to the file; plane vectors have a third component 0.
     fn numbers(&self) -> impl Iterator<Item = f64> + '_ {
         let padding = self.width() - self.components;
         let parts = self.values.chunks_exact(self.components);
@@ -62,7 +62,7 @@ type Grid = fn(&mut dyn Write, &Mesh, &[Field], &[Field]) -> io::Result<()>;
 /// in `.vtk`. Any f64 is written, NaN included.
 ///
 /// # Errors
-/// Fields of the wrong length, paths that cannot be written or have another ending.
+/// Fields of the wrong length, paths that cannot be written or have another extension.
 ///
 /// ```no_run
 /// use semismooth::{fem::Mesh, output::{Field, write_vtu}};
@@ -94,8 +94,8 @@ pub fn write_vtu(
     write_file(path, |out| grid(out, mesh, at_nodes, in_cells))
 }
 
-/// Writes a series in time of files written by [`write_vtu`]: ParaView opens the `.pvd` file as an animation. `files` are pairs of time
-/// (or load parameter, growing) and path; paths that are not absolute are relative to the folder of the series.
+/// Writes a series in time of files written by [`write_vtu`]: ParaView opens the `.pvd` file as an animation. `files` are pairs of time (or
+/// load parameter; increasing) and path; relative paths are relative to the folder of the series.
 ///
 /// # Errors
 /// Times that are NaN or infinite, names of files that are not UTF-8, paths that cannot be written.
@@ -166,7 +166,7 @@ fn begin_file(out: &mut dyn Write, kind: &str) -> io::Result<()> {
     )
 }
 
-/// Text as the value of an attribute. XML has no characters below a space but tab and ends of lines.
+/// Text as the value of an attribute. XML has no characters below a space except tab and line ends.
 fn escaped(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     for c in text.chars() {
@@ -183,7 +183,7 @@ fn escaped(text: &str) -> String {
     out
 }
 
-/// The number by which VTK knows a kind of cell.
+/// The cell type number of VTK.
 fn number_of(kind: CellKind) -> u8 {
     match kind {
         CellKind::Triangle => 5,
@@ -307,7 +307,7 @@ fn legacy_grid(out: &mut dyn Write, mesh: &Mesh, at_nodes: &[Field], in_cells: &
         }
         writeln!(out, "{section} {count}\nFIELD FieldData {}", fields.len())?;
         for field in fields {
-            // Names end at the first space there.
+            // In this format names end at the first space.
             let name: String = field
                 .name
                 .chars()

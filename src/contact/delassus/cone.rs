@@ -27,7 +27,7 @@ pub(super) fn de_saxce<const D: usize>(mu: f64, mut u: [f64; D]) -> [f64; D] {
 pub(super) fn tangential_norm<const D: usize>(z: &[f64; D]) -> f64 {
     match D {
         2 => z[1].abs(),
-        // No overflow matters here: problems are scaled before they are solved.
+        // Overflow is no concern here: problems are scaled before they are solved.
         _ => z[1..].iter().map(|v| v * v).sum::<f64>().sqrt(),
     }
 }

@@ -35,7 +35,7 @@ pub enum DelassusError {
     Length {
         /// Which vector.
         what: &'static str,
-        /// Length asked for.
+        /// Length expected.
         expected: usize,
         /// Length given.
         found: usize,
@@ -64,7 +64,7 @@ pub enum DelassusError {
         /// Its coefficient.
         value: f64,
     },
-    /// A diagonal entry of M is negative, so that a contact answers a push by a pull.
+    /// A diagonal entry of M is negative, so that a push at a contact makes it move against the push.
     #[error(
         "M[{index}, {index}] = {value} is negative; a Delassus matrix is positive semidefinite: check signs and block order"
     )]
@@ -84,14 +84,14 @@ pub enum DelassusError {
         /// What is allowed.
         range: &'static str,
     },
-    /// A file could not be read or is not in the format it should be in.
+    /// A file could not be read or has the wrong format.
     #[error("{path}: {what}", path = path.display())]
     File {
         /// The file.
         path: std::path::PathBuf,
         /// What was found and what was expected.
         what: String,
-        /// The error that says so, where there is one: of the operating system, of the JSON, or of the matrix.
+        /// The underlying error, where there is one: of the operating system, of the JSON, or of the matrix.
         source: Option<Cause>,
     },
 }

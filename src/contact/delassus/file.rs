@@ -28,7 +28,7 @@ pub fn read_delassus(path: impl AsRef<Path>) -> Result<DelassusProblem, Delassus
     parse(&json).map_err(failed)?
 }
 
-/// What is wrong with the format.
+/// An error in the format of the file.
 struct Flaw {
     what: String,
     source: Option<Cause>,

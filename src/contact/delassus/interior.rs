@@ -1,11 +1,11 @@
-//! Interior points for the law with De Saxcé's term: from anywhere into the neighbourhood of a solution.
+//! An interior-point method for the law with De Saxcé's term: globally, into the neighbourhood of a solution.
 
 use super::cone::tangential_norm;
 use super::scaled::ScaledProblem;
 use crate::cones::{self, Cone, Image};
 
-/// A shorter step is one that De Saxcé's term has spoilt; the next few leave its derivative out. The iteration then is that of a
-/// convex problem, slower but of longer steps.
+/// Below this length a step is taken to be shortened by De Saxcé's term; the next few steps omit its derivative. The iteration then is that
+/// of a convex problem: slower, with longer steps.
 pub(super) const SHORT: f64 = 0.1;
 const FREEZE: usize = 5;
 
@@ -15,10 +15,9 @@ const LARGE: usize = 1500;
 /// Least distance of the first point from the boundaries of the cones, where ‖q‖ is 1.
 const LEAST: f64 = 1e-3;
 
-/// In x = (μ r_N, r_T) and y = (û_N / μ, û_T) both cones are the second-order cone L, and the problem reads
-/// y = M̃ x + q̃ + ‖u_T‖ e_N, x ∘ y = 0. The Newton matrix G M̃ + W², G the derivative of De Saxcé's term, is regular however deficient the
-/// rank of M, which makes the iteration a way through hyperstatic problems. Frictionless contacts are half-lines, their tangential
-/// reactions free variables with y = x.
+/// In x = (μ r_N, r_T) and y = (û_N / μ, û_T) both cones are the second-order cone L, and the problem reads y = M̃ x + q̃ + ‖u_T‖ e_N,
+/// x ∘ y = 0. The Newton matrix G M̃ + W², G the derivative of De Saxcé's term, is regular whatever the rank of M, so that the iteration
+/// applies to hyperstatic problems. Frictionless contacts are half-lines, their tangential reactions free variables with y = x.
 ///
 /// Compare V. Acary, P. Armand, H. Minh Nguyen, M. Shpakovych, *Second order cone programming for frictional contact mechanics
 /// using interior point algorithm* (2023).
@@ -158,7 +157,7 @@ impl<const D: usize> Interior<D> {
         self.engine.into_pattern()
     }
 
-    /// Whether the order is one at which a factorisation that may be of no use is too dear.
+    /// Whether the order is so large that a factorisation that may not help is too expensive.
     pub(super) fn is_large(p: &ScaledProblem<D>) -> bool {
         p.contacts() * D >= LARGE
     }
@@ -173,7 +172,7 @@ impl<const D: usize> Interior<D> {
         (&mut self.engine, law)
     }
 
-    /// Puts x and y well inside of the cones near the reactions `r`.
+    /// Moves x and y well into the interior of the cones, near the reactions `r`.
     pub(super) fn start(&mut self, p: &ScaledProblem<D>, r: &[[f64; D]], may_freeze: bool) {
         self.may_freeze = may_freeze;
         self.frozen = 0;

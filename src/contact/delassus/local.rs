@@ -13,9 +13,8 @@ const STEPS: usize = 80;
 ///
 /// r_T(s) = −(S + s I)⁻¹ (b_T − W_TN b_N / W_NN),  r_N(s) = −(b_N + W_NT r_T) / W_NN.
 ///
-/// At s = 0 the reaction is outside of the cone, and inside for s → ∞, where r_N → −b_N / W_NN > 0: a bracket for every positive
-/// semidefinite W, symmetric or not. In the plane the sign of r_T is that of −(b_T − W_TN b_N / W_NN) for every s, and what is left is
-/// linear.
+/// At s = 0 the reaction is outside the cone, and inside for s → ∞, where r_N → −b_N / W_NN > 0: a bracket for every positive semidefinite
+/// W, symmetric or not. In the plane the sign of r_T is that of −(b_T − W_TN b_N / W_NN) for every s, and the remaining equation is linear.
 pub(super) fn solve_contact<const D: usize>(w: &Block<D>, b: &[f64; D], mu: f64) -> [f64; D] {
     let mut r = [0.0; D];
     if b[0] >= 0.0 {
@@ -159,8 +158,8 @@ mod tests {
         assert!(states.iter().all(|n| *n > 10), "{states:?}");
     }
 
-    /// In the plane, W = (1, c)(1, c)ᵀ, with which no traction but the bound is in equilibrium: u_N = 0 and ‖r_T‖ = μ r_N leave one reaction,
-    /// by the signs of c and of the slip.
+    /// In the plane, W = (1, c)(1, c)ᵀ, with which only a traction at the bound is in equilibrium: u_N = 0 and ‖r_T‖ = μ r_N determine one
+    /// reaction, by the signs of c and of the slip.
     #[test]
     fn contacts_without_stiffness_of_their_own_slip() {
         for c in [-0.8, -0.1, 0.0, 0.3, 1.5] {

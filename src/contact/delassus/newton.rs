@@ -6,12 +6,14 @@ use crate::clock::Deadline;
 use crate::linear::{AutoSolver, LinearSolver};
 use crate::sparse::{MatrixRef, PatternRef};
 
-/// The line search compares with the largest of the last merits: kinks make single full steps fail that pay later.
+/// The line search is nonmonotone and compares with the largest of the last merits: across kinks a full step may increase the merit and
+/// still lead to a faster decrease later.
 const MEMORY: usize = 4;
 const HALVINGS: usize = 12;
 const ARMIJO: f64 = 1e-4;
 
-/// A proximal problem is solved where its residual is this small against the step it makes (R. T. Rockafellar 1976, criterion B).
+/// A proximal problem counts as solved where its residual is this small relative to the proximal step (R. T. Rockafellar 1976, criterion
+/// B).
 const INEXACT: f64 = 0.1;
 
 /// How an inner iteration ended.
@@ -31,9 +33,8 @@ pub(super) enum Piece {
 
 /// The residual F of one contact and its derivative dF = A dr + B du.
 ///
-/// With z = r − u, u weighted: F_N = r_N − (z_N)₊, F_T = r_T − P(z_T) on the disc of radius μ (z_N)₊.
-/// P. Alart, A. Curnier, Comput. Methods Appl. Mech. Engrg. 92 (1991), doi:10.1016/0045-7825(91)90022-X. All terms have one unit
-/// as the mean diagonal of M is 1.
+/// With z = r − u, u weighted: F_N = r_N − (z_N)₊, F_T = r_T − P(z_T) on the disc of radius μ (z_N)₊. P. Alart, A. Curnier, Comput. Methods
+/// Appl. Mech. Engrg. 92 (1991), doi:10.1016/0045-7825(91)90022-X. All terms have the same unit, as the mean diagonal of M is 1.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Local<const D: usize> {
     pub(super) piece: Piece,
@@ -89,14 +90,14 @@ fn slip_derivative<const D: usize>(mu: f64, r: &[f64; D], u: &[f64; D]) -> (Bloc
     (a, b)
 }
 
-/// Workspace of the Newton iteration; nothing is allocated once the largest set of closed contacts was met.
+/// Workspace of the Newton iteration; nothing is allocated once the largest set of closed contacts has occurred.
 #[derive(Debug)]
 pub(super) struct Newton<const D: usize> {
-    /// Made when it is needed: most small problems are solved without.
+    /// Created on first use: most small problems are solved without it.
     solver: Option<AutoSolver>,
     pub(super) factorisations: usize,
     pub(super) deadline: Deadline<'static>,
-    /// Weight of velocities against reactions in the residual, for a mean diagonal of M of 1.
+    /// Weight of velocities relative to reactions in the residual, for a mean diagonal of M of 1.
     pub(super) rho: f64,
     local: Vec<Local<D>>,
     a: Vec<Block<D>>,
@@ -105,7 +106,7 @@ pub(super) struct Newton<const D: usize> {
     trial: Vector<D>,
     step: Vector<D>,
     closed: Vec<usize>,
-    /// Number of a contact among the closed ones.
+    /// Index of each contact among the closed ones.
     index: Vec<usize>,
     col_ptr: Vec<usize>,
     row_idx: Vec<usize>,
@@ -140,7 +141,7 @@ impl<const D: usize> Newton<D> {
         }
     }
 
-    /// Room for `nc` contacts, all closed: sweeps alone solve many problems, which take none.
+    /// Allocates for `nc` closed contacts, on first use: sweeps alone solve many problems.
     fn fit(&mut self, nc: usize, entries: usize) {
         if self.local.len() == nc {
             return;
@@ -178,8 +179,8 @@ impl<const D: usize> Newton<D> {
         sum
     }
 
-    /// Improves `r` until ‖F‖₂ is at most `tolerance` or small against the proximal step; `r` is the last iterate in any case. The clock is
-    /// looked at before each factorisation but the first.
+    /// Improves `r` until ‖F‖₂ is at most `tolerance` or small relative to the proximal step; `r` is the last iterate in any case. The time
+    /// limit is checked before each factorisation but the first.
     pub(super) fn solve(
         &mut self,
         p: &ScaledProblem<D>,
@@ -262,7 +263,7 @@ impl<const D: usize> Newton<D> {
         if self.closed.is_empty() {
             return true;
         }
-        // What the open contacts release.
+        // M times the steps of the open contacts.
         self.trial.fill([0.0; D]);
         for j in 0..r.len() {
             if self.index[j] == usize::MAX {
@@ -373,7 +374,7 @@ mod tests {
         assert!(seen.iter().all(|n| *n > 10), "{seen:?}");
     }
 
-    /// A proximal problem that counts as solved is solved to a tenth of α times its step, or to the tolerance; from its centre the residual
+    /// A proximal problem that counts as solved is solved to a tenth of α times its step, or to the tolerance; at its centre the residual
     /// is much larger, and one Newton step is not enough.
     #[test]
     fn proximal_problems_are_solved_as_well_as_their_steps_need() {

@@ -3,7 +3,7 @@ use std::time::Duration;
 use super::DelassusError;
 use crate::options::setters;
 
-/// Options of [`DelassusSolver`](super::DelassusSolver). The defaults need no touching.
+/// Options of [`DelassusSolver`](super::DelassusSolver). The defaults suit most problems.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 #[cfg_attr(
@@ -16,10 +16,10 @@ pub struct DelassusOptions {
     pub tolerance: f64,
     /// Largest number of factorisations. Default 6000.
     pub max_factorisations: usize,
-    /// Largest number of sweeps in a row; runs of sweeps that are longer by themselves are cut. Default 10 000.
+    /// Largest number of consecutive sweeps; longer runs of sweeps are cut to it. Default 10 000.
     pub max_sweeps: usize,
-    /// Wall-clock time after which the best iterate is handed out with the status [`Limit`](super::DelassusStatus::Limit); a factorisation begun is
-    /// finished. Default none: with a limit runs are no longer the same on every machine.
+    /// Wall-clock time after which the best iterate is returned with the status [`Limit`](super::DelassusStatus::Limit); a factorisation
+    /// under way is finished. Default none: with a limit results depend on the machine.
     pub max_time: Option<Duration>,
 }
 

@@ -1,4 +1,4 @@
-//! The central path by arclength, through its folds: where interior points, which let ν fall only, turn back.
+//! The central path by arclength continuation, through its folds, at which the interior-point method, which only decreases ν, stalls.
 
 use super::cone::tangential_norm;
 use super::interior::Interior;
@@ -7,16 +7,17 @@ use crate::clock::Deadline;
 use crate::linear::{AutoSolver, LinearSolver};
 use crate::sparse::{MatrixRef, PatternRef};
 
-/// Newton iterations towards the first point, and its residual.
+/// Largest number of Newton iterations for the first point, and its tolerance.
 const FIRST: usize = 60;
 const FIRST_RESIDUAL: f64 = 1e-8;
 const HALVINGS: usize = 20;
 
-/// Corrections of a step, each at most half of the last; a step is done where one is this share of the step.
+/// Largest number of corrections of a step, each at most half of the one before; the step is accepted once a correction is this share of
+/// its length.
 const CORRECTIONS: usize = 6;
 const CORRECTED: f64 = 1e-3;
 
-/// Arclength of steps in (x / max(1, ‖x‖), ln ν).
+/// Lengths of steps in (x / max(1, ‖x‖), ln ν).
 const FIRST_STEP: f64 = 0.5;
 const LARGEST_STEP: f64 = 3.0;
 const LEAST_STEP: f64 = 1e-9;
@@ -25,9 +26,9 @@ const SHRINK: f64 = 0.7;
 
 /// Points (x, ν) with x ∘ y = ν e, y = M̃ x + q̃ + √(‖u_T‖² + ν²) e_N, in the variables of [`Interior`].
 ///
-/// They are the zeros of x − P_ν(x − y), where P_ν(z) = (z + √(z² + 4ν e)) / 2 in the Jordan algebra of L (M. Fukushima, Z.-Q. Luo,
-/// P. Tseng 2001) tends to the projection on L. The law is not monotone, so that ν is no parameter of this curve: it turns back many
-/// times before it comes to ν = 0 in heaps of bodies. Arclength is one.
+/// They are the zeros of x − P_ν(x − y), where P_ν(z) = (z + √(z² + 4ν e)) / 2 in the Jordan algebra of L (M. Fukushima, Z.-Q. Luo, P.
+/// Tseng 2001) tends to the projection on L. The law is not monotone, so that ν does not parametrise this curve: for heaps of bodies it has
+/// many folds before it reaches ν = 0. Arclength does.
 #[derive(Debug)]
 pub(super) struct CentralPath<const D: usize> {
     solver: AutoSolver,
@@ -36,7 +37,7 @@ pub(super) struct CentralPath<const D: usize> {
     values: Vec<f64>,
     x: Vector<D>,
     log_nu: f64,
-    /// Unit tangent, the part of ln ν apart.
+    /// Unit tangent, with the component of ln ν separate.
     tangent: Vector<D>,
     tangent_nu: f64,
     step: f64,
@@ -46,11 +47,11 @@ pub(super) struct CentralPath<const D: usize> {
     /// P_ν′ of each contact, and the slope of De Saxcé's term there (first component unused).
     slope: Vec<Block<D>>,
     direction: Vector<D>,
-    /// The residual and its derivative by ln ν; then the Newton direction and dx/d ln ν.
+    /// The residual and its derivative with respect to ln ν; then the Newton direction and dx/d ln ν.
     rhs: Vec<f64>,
 }
 
-/// (λ + √(λ² + 4ν)) / 2 without cancellation, its derivatives by λ and by ν.
+/// (λ + √(λ² + 4ν)) / 2 without cancellation, and its derivatives with respect to λ and ν.
 fn smoothed(lambda: f64, nu: f64) -> [f64; 3] {
     let root = (lambda * lambda + 4.0 * nu).sqrt();
     let value = if lambda >= 0.0 {
@@ -61,7 +62,7 @@ fn smoothed(lambda: f64, nu: f64) -> [f64; 3] {
     [value, value / root, root.recip()]
 }
 
-/// P_ν(z), its derivative by z and that by ν; of a half-line for μ = 0.
+/// P_ν(z) and its derivatives with respect to z and ν; for μ = 0 that of a half-line.
 fn smoothed_projection<const D: usize>(mu: f64, z: &[f64; D], nu: f64) -> ([f64; D], Block<D>, [f64; D]) {
     let mut slope = [[0.0; D]; D];
     let (mut value, mut rate) = ([0.0; D], [0.0; D]);
@@ -131,7 +132,8 @@ impl<const D: usize> CentralPath<D> {
         }
     }
 
-    /// The residual at `trial` into the first half of `rhs`, its derivative by ln ν into the second; the residual's norm.
+    /// The residual at `trial` into the first half of `rhs`, its derivative with respect to ln ν into the second; returns the norm of the
+    /// residual.
     fn evaluate(&mut self, p: &ScaledProblem<D>, log_nu: f64) -> f64 {
         let nu = log_nu.exp();
         let half = self.trial.len() * D;
@@ -252,7 +254,7 @@ impl<const D: usize> CentralPath<D> {
         squares.max(1.0).recip()
     }
 
-    /// The tangent from dx/d ln ν in the second half of `rhs`, with the sense of the last one.
+    /// The tangent from dx/d ln ν in the second half of `rhs`, oriented like the last one.
     fn turn(&mut self) {
         let rate = &self.rhs[self.x.len() * D..];
         let w = self.weight();
@@ -266,7 +268,7 @@ impl<const D: usize> CentralPath<D> {
         self.tangent_nu = scale;
     }
 
-    /// One step along the path, halved until its corrections converge; counts factorisations. `None` where it leads no further.
+    /// One step along the path, halved until its corrections converge; counts factorisations. `None` where no step converges.
     pub(super) fn advance(
         &mut self,
         p: &ScaledProblem<D>,
@@ -315,7 +317,7 @@ impl<const D: usize> CentralPath<D> {
         None
     }
 
-    /// One correction of `trial` across the tangent; its length.
+    /// One correction of `trial` orthogonal to the tangent; returns its length.
     fn correct(&mut self, p: &ScaledProblem<D>, log_nu: &mut f64, w: f64) -> Option<f64> {
         self.evaluate(p, *log_nu);
         self.solve(p)?;

@@ -6,10 +6,10 @@ use crate::sparse::Matrix;
 ///
 /// u = M r + q,  K* ∋ û ⟂ r ∈ K,  û = u + (μ‖u_T‖, 0, 0) contact by contact,
 ///
-/// K = { r : ‖r_T‖ ≤ μ r_N } the Coulomb cone and K* its dual: Signorini's conditions 0 ≤ u_N ⟂ r_N ≥ 0 and Coulomb's law in one
-/// (G. De Saxcé, Z.-Q. Feng, *The bipotential method*, Math. Comput. Modelling 28 (1998)). M = H W Hᵀ is the Delassus matrix:
-/// positive semidefinite, often singular, and symmetric up to what wrote it. The components of a contact follow one another,
-/// N, T1 in the plane (dimension 2) and N, T1, T2 in space (3). Units are free: [`residual`](Self::residual) and the solver do not
+/// K = { r : ‖r_T‖ ≤ μ r_N } the Coulomb cone and K* its dual: Signorini's conditions 0 ≤ u_N ⟂ r_N ≥ 0 and Coulomb's law in one inclusion
+/// (G. De Saxcé, Z.-Q. Feng, *The bipotential method*, Math. Comput. Modelling 28 (1998)). M = H W Hᵀ is the Delassus matrix: positive
+/// semidefinite, often singular, and symmetric up to the accuracy of the program that wrote it. The components of a contact follow one
+/// another, N, T1 in the plane (dimension 2) and N, T1, T2 in space (3). Units are free: [`residual`](Self::residual) and the solver do not
 /// depend on those of M and q.
 ///
 /// ```
@@ -61,7 +61,7 @@ impl DelassusProblem {
     /// A problem with `friction.len()` contacts in the plane (`dimension` 2) or in space (3): `matrix` is M, dense or sparse.
     ///
     /// # Errors
-    /// Whatever of the shapes does not fit, NaN and infinities, negative coefficients of friction and negative diagonal entries
+    /// Shapes that do not fit, NaN and infinities, negative coefficients of friction and negative diagonal entries
     /// of M. That M is positive semidefinite is not checked: it would cost more than most solutions.
     pub fn new(
         dimension: usize,
@@ -175,10 +175,10 @@ impl DelassusProblem {
     /// The largest violation of the law at a contact, max over i of ‖rᵢ − P_K(rᵢ − ûᵢ)‖ / sizeᵢ with u = M r + q: 0 exactly at
     /// solutions.
     ///
-    /// It is taken in scaled variables, S⁻¹ r and S u with one factor a contact by which the mean diagonal entry of its block of S M S is
-    /// 1 (that of the largest block where its own vanishes, the largest entry of M where all do), and sizeᵢ = max(‖rᵢ‖, ‖uᵢ‖, ‖qᵢ‖,
-    /// ‖Mᵢⱼ rⱼ‖ over all j) is that of the terms that cancel there (at least 1e-12 of the largest one), so that it depends neither on the
-    /// units of M and q nor on how the forces at other contacts compare. Infinite where squares of these terms overflow.
+    /// It is taken in scaled variables, S⁻¹ r and S u with one factor a contact by which its block of S M S has the mean diagonal entry 1
+    /// (that of the largest block where its own vanishes, the largest entry of M where all do), and sizeᵢ = max(‖rᵢ‖, ‖uᵢ‖, ‖qᵢ‖, ‖Mᵢⱼ rⱼ‖
+    /// over all j) is that of the terms that cancel there (at least 1e-12 of the largest one), so that it depends neither on the units of M
+    /// and q nor on the size of the forces at other contacts. Infinite where squares of these terms overflow.
     ///
     /// # Complexity
     /// Linear in the entries of M: O(n²) where that is dense.

@@ -5,7 +5,7 @@ use crate::contact::{ContactSolution, ContactState, LocalValues};
 use crate::sparse::dot;
 use crate::words::Count;
 
-/// How a solution ended.
+/// How a run ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -14,9 +14,9 @@ pub enum DelassusStatus {
     Solved,
     /// The limit on factorisations or on time was reached.
     Limit,
-    /// Neither a proximal step nor a sweep makes progress any more: the problem may have no solution.
+    /// Neither proximal steps nor sweeps make progress: the problem may have no solution.
     Stalled,
-    /// The observer asked to stop.
+    /// The observer stopped the run.
     Interrupted,
 }
 
@@ -39,7 +39,7 @@ impl fmt::Display for DelassusStatus {
     }
 }
 
-/// What an entry of the history did.
+/// The kind of step that an entry of the history records.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -48,7 +48,7 @@ pub enum DelassusPhase {
     Sweeps,
     /// One step of the interior-point iteration.
     Interior,
-    /// One linear system for the states that sweeps have found.
+    /// One linear system for the states found by sweeps.
     States,
     /// A proximal step by semismooth Newton.
     Proximal,
@@ -67,12 +67,12 @@ pub struct DelassusIteration {
     pub phase: DelassusPhase,
     /// Residual after it ([`DelassusProblem::residual`](super::DelassusProblem::residual)).
     pub residual: f64,
-    /// Weight of the proximal term, against a mean diagonal of 1, or complementarity r·û a contact of interior points and their
-    /// central path, in scaled variables; 0 for sweeps and for known states.
+    /// Weight of the proximal term, relative to a mean diagonal of 1, or, of interior points and the central path, the complementarity r·û
+    /// per contact in scaled variables; 0 for sweeps and for known states.
     pub alpha: f64,
     /// Sweeps or factorisations.
     pub work: usize,
-    /// Whether the inner problem was solved, or the step was not short.
+    /// Whether the inner problem was solved; of interior points, whether the step was not short.
     pub success: bool,
 }
 
@@ -94,7 +94,8 @@ pub struct DelassusReport {
     pub residual: f64,
     /// Systems of known states, Newton and interior-point iterations, one factorisation each.
     pub factorisations: usize,
-    /// Evaluations of u = M r + q for all contacts, those of line searches and of the residuals in `history` included. Sweeps are not among them.
+    /// Evaluations of u = M r + q for all contacts, those of line searches and of the residuals in `history` included. Sweeps are not among
+    /// them.
     pub evaluations: usize,
     /// Sweeps of Gauss–Seidel.
     pub sweeps: usize,
@@ -115,7 +116,7 @@ impl DelassusReport {
         self.factorisations + self.sweeps
     }
 
-    /// The solution as that of every other form: pressures r_N, tractions −r_T, penetrations −u_N, slips u_T.
+    /// The solution in the type that all forms share: pressures r_N, tractions −r_T, penetrations −u_N, slips u_T.
     ///
     /// # Errors
     /// A problem of another size than the one solved.

@@ -11,7 +11,7 @@ pub(super) type Block<const D: usize> = [[f64; D]; D];
 /// A problem in scaled variables and block storage: the mean diagonal entry of each contact is 1 and ‖q‖∞ is 1.
 ///
 /// With S = diag(s_i) one positive factor a contact and σ = ‖S q‖∞ the scaled problem is S M S, S q / σ, with r = σ S r̃ and
-/// u = σ S⁻¹ ũ: cones and the law do not feel it.
+/// u = σ S⁻¹ ũ: cones and the law are invariant under this scaling.
 #[derive(Debug, Clone)]
 pub(super) struct ScaledProblem<const D: usize> {
     pub(super) friction: Vec<f64>,
@@ -19,7 +19,7 @@ pub(super) struct ScaledProblem<const D: usize> {
     pub(super) matrix: BlockMatrix<D>,
     scale: Vec<f64>,
     sigma: f64,
-    /// How often velocities of all contacts were asked for.
+    /// Number of evaluations of the velocities of all contacts.
     evaluations: Cell<usize>,
 }
 
@@ -30,7 +30,7 @@ pub(super) struct BlockMatrix<const D: usize> {
     /// Block row of each block, increasing in a column.
     pub(super) row: Vec<usize>,
     pub(super) blocks: Vec<Block<D>>,
-    /// Where the diagonal block of each column stands.
+    /// Index of the diagonal block of each column.
     diagonal: Vec<usize>,
 }
 
@@ -140,19 +140,19 @@ fn squared<const D: usize>(z: &[f64; D]) -> f64 {
     z.iter().map(|v| v * v).sum()
 }
 
-/// How well the law holds, in scaled variables.
+/// Residuals of the law, in scaled variables.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Law {
     /// max ‖r − P_K(r − û)‖ / size over the contacts, the size of a contact being that of the terms that cancel there.
     pub(super) residual: f64,
-    /// The same in the norm of all contacts: what tells far from a solution whether an iteration gains.
+    /// The same in the Euclidean norm over all contacts: far from a solution it measures progress better than the maximum.
     pub(super) overall: f64,
-    /// In the norm of all contacts, against ‖q‖ and ‖u‖ alone, with what the rounding of the terms may hide: reactions that are large enough
-    /// swallow u.
+    /// In the Euclidean norm over all contacts, relative to ‖q‖ and ‖u‖ alone, plus the rounding error of the terms: with very large
+    /// reactions u is lost in rounding.
     pub(super) violation: f64,
 }
 
-/// A contact whose terms are a smaller share of the largest ones carries nothing that rounding there would leave.
+/// A contact whose terms are a smaller share of the largest ones is measured against this share: smaller quantities are lost in rounding.
 const NEGLIGIBLE: f64 = 1e-12;
 
 /// The larger one of m and the largest modulus of z.
@@ -226,7 +226,8 @@ impl<const D: usize> ScaledProblem<D> {
         self.matrix.add(r, u);
     }
 
-    /// u = M r + q, and how well the law holds. `contacts` gets the squared size of the terms of each contact and its squared residual.
+    /// u = M r + q, and the residuals of the law. `contacts` receives the squared size of the terms of each contact and its squared
+    /// residual.
     pub(super) fn law(&self, r: &[[f64; D]], u: &mut [[f64; D]], contacts: &mut [[f64; 2]]) -> Law {
         self.count_evaluation();
         for ((r, u), (q, contact)) in r.iter().zip(&mut *u).zip(self.q.iter().zip(&mut *contacts)) {
@@ -254,7 +255,7 @@ impl<const D: usize> ScaledProblem<D> {
             terms += size;
             data = [data[0] + velocity, data[1] + squared(&self.q[i])];
         }
-        // Of squares. Against terms that overflow nothing is small.
+        // A quotient of squares; infinite where the terms overflow.
         let share = |error: f64, size: f64| match size.is_finite() {
             true if error == 0.0 => 0.0,
             true if !error.is_nan() => error / size,
@@ -277,7 +278,7 @@ impl<const D: usize> ScaledProblem<D> {
         }
     }
 
-    /// The reactions in the units of the problem; without friction exactly normal.
+    /// The reactions in the units of the problem; tangential ones are exactly 0 at contacts without friction.
     pub(super) fn unscale(&self, r: &[[f64; D]], out: &mut [f64]) {
         for (i, r) in r.iter().enumerate() {
             for k in 0..D {

@@ -1,4 +1,4 @@
-//! Problems whose states are known: linear as long as nothing slips in space.
+//! Problems whose states are known: linear as long as no contact slips in space.
 
 use super::newton::Piece;
 use super::scaled::{ScaledProblem, add_product};
@@ -12,9 +12,9 @@ struct Unknown<const D: usize> {
     component: usize,
 }
 
-/// Solves for the reactions of contacts in the given states, of which a slipping one bears on the side of the cone that `r` lies on: u = 0
-/// where it sticks, u_N = 0 and r_T = ±μ r_N where it slips. False, with `r` as it was, where a contact slips in space or the system is
-/// singular. Whether the law holds is for the caller to see.
+/// Solves for the reactions of contacts in the given states, where the reaction of a slipping one stays on the side of the cone on which
+/// `r` lies: u = 0 where it sticks, u_N = 0 and r_T = ±μ r_N where it slips. False, with `r` unchanged, where a contact slips in space or
+/// the system is singular. The caller must check the law.
 pub(super) fn solve_settled<const D: usize>(
     p: &ScaledProblem<D>,
     state: impl Fn(usize, &[f64; D]) -> Piece,

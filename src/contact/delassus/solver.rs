@@ -12,13 +12,13 @@ use super::{DelassusError, DelassusOptions, DelassusProblem};
 use crate::clock::Deadline;
 use crate::contact::ContactState;
 
-/// Sweeps of the cheap first attempt, and those after which states that no longer change may be tried, in the plane by one linear system, in
-/// space by Newton's method: up to SMALL unknowns a factorisation costs no more than the other sweeps.
+/// Number of sweeps of the cheap first attempt, and number after which unchanged states may be tried, in the plane by one linear system, in
+/// space by Newton's method: up to SMALL unknowns a factorisation costs no more than the remaining sweeps.
 const SWEEPS: usize = 30;
 const FEW_SWEEPS: [usize; 2] = [3, 4];
 const SMALL: usize = 64;
 
-/// A sweep that moves no reaction by more than this share of the largest one has reached its limit.
+/// Sweeps that change no reaction by more than this share of the largest one have converged.
 const AT_REST: f64 = 2.0 * f64::EPSILON;
 /// A traction below this share of the bound sticks.
 const STICK: f64 = 1.0 - 1e-9;
@@ -26,38 +26,38 @@ const STICK: f64 = 1.0 - 1e-9;
 /// First weight of the proximal term, far from a solution and after interior points; its changes after success and failure.
 const ALPHA: f64 = 1e-2;
 const ALPHA_NEAR: f64 = 1e-5;
-/// In a small problem at once near the least one that leaves a singular M half of the digits.
+/// In a small problem the first weight: near the least one with which half of the digits remain where M is singular.
 const ALPHA_SMALL: f64 = 1e-8;
 const SHRINK: f64 = 0.3;
 const GROW: f64 = 4.0;
 const LEAST_ALPHA: f64 = 1e-10;
 const LARGEST_ALPHA: f64 = 1e6;
 
-/// Residual of a proximal problem against the largest reaction, first and last.
+/// Tolerance of a proximal problem relative to the largest reaction, first and last.
 const PRECISION: f64 = 1e-14;
 const LEAST_PRECISION: f64 = 1e-24;
 
 /// Newton iterations of one proximal step.
 const INNER: usize = 60;
 
-/// Factorisations without a gain of a factor 3 after which proximal steps are given up: more than one step may take, so that none of
-/// them ends the attempt before a larger α was tried.
+/// Factorisations without a gain of a factor 3 after which proximal steps are given up: more than one step may take, so that no single step
+/// ends the attempt before a larger α has been tried.
 const PATIENCE: usize = 300;
 const FIRST_PATIENCE: usize = INNER + INNER / 2;
-/// Newton iterations of one proximal step before interior points are tried. The attempt ends with the first step that fails; where
-/// there is no solution, all may converge while reactions grow without bound, and patience ends it.
+/// Newton iterations of one proximal step before interior points are tried. The attempt ends with the first step that fails; where there is
+/// no solution, all may converge while reactions grow without bound, and the limit on factorisations without gain ends it.
 const QUICK: usize = 6;
 const QUICK_PATIENCE: usize = 30;
-/// Most proximal steps in a row without a factorisation: α is then at its least and nothing moves.
+/// Largest number of consecutive proximal steps without a factorisation: α is then minimal and the iterate does not change.
 const MAX_IDLE: usize = 60;
 
-/// Weight of velocities in Newton's residual where 1 has not done: with that contacts of packings go to and fro between open and
-/// closed from one iteration to the next.
+/// Weight of velocities in Newton's residual where 1 has failed: with 1, contacts of packings may alternate between open and closed from
+/// one iteration to the next.
 const HEAVY: f64 = 100.0;
 
-/// Sweeps of a small problem between two looks at the clock.
+/// Sweeps of a small problem between two checks of the time limit.
 const LOOKED: usize = 10;
-/// Sweeps after which the history is told.
+/// Sweeps per entry of the history.
 const REPORTED: usize = 100;
 /// Sweeps before each further attempt at proximal steps.
 const MORE_SWEEPS: [usize; 4] = [300, 1000, 3000, 10_000];
@@ -68,28 +68,28 @@ const NEAR: f64 = 1e-6;
 /// Largest violation of the law against q and u that a solution may have.
 const VIOLATION: f64 = 1e-6;
 
-/// Interior-point steps in one go.
+/// Largest number of interior-point steps in one attempt.
 const INTERIOR_STEPS: usize = 80;
 
-/// Factorisations on the central path, and those after which it is given up unless ν has come below half of its least value: in a heap
-/// where it turned 16 times it took some 2000, and some 1200 without a new least value.
+/// Largest number of factorisations on the central path, and number after which it is given up unless ν has come below half of its least
+/// value: in a heap whose path had 16 folds it took some 2000, and some 1200 without a new least value.
 const PATH: usize = 3000;
 const PATH_PATIENCE: usize = 1500;
-/// Where the central path has done its work.
+/// The ν at which the central path is left.
 const LEAST_NU: f64 = 1e-16;
 
-/// What counts as no reaction and as no slip, against the terms that cancel at the contact in scaled variables.
+/// Reactions and slips below this share of the terms that cancel at the contact, in scaled variables, count as 0.
 const ZERO: f64 = 1e-9;
 
 /// Break with a status ends the run.
 type Outcome = ControlFlow<DelassusStatus>;
 
-/// What a sweep has changed.
+/// The change made by a sweep.
 #[derive(Debug, Clone, Copy, PartialEq)]
 enum Swept {
     /// Some contact is in another state: open, stick or slip.
     States,
-    /// Reactions, and no state as far as those were looked at.
+    /// Reactions, but no state, as far as states were compared.
     Reactions,
     /// Nothing beyond rounding.
     Nothing,
@@ -98,30 +98,31 @@ enum Swept {
 /// The law at an iterate.
 struct Measure {
     residual: f64,
-    /// What falls on the way to a solution.
+    /// The merit, which decreases towards a solution.
     progress: f64,
 }
 
 /// Solver of [`DelassusProblem`]s.
 ///
-/// In turn, until the residual of every contact is met: nonsmooth Gauss–Seidel with exact one-contact solutions; in small problems where states
-/// no longer change, one linear system, unless a contact slips in space; a few iterations of semismooth Newton (P. Alart, A. Curnier 1991) on proximal problems M + αI, q − α r_k, which end most runs; interior points for the
-/// law with De Saxcé's term, which cross the many near-degenerate contacts of stacks and packings and do not mind a singular M;
-/// Newton again, with α driven to 0, for the last digits; below 1500 unknowns the central path of interior points by arclength,
-/// through its folds; and Newton from more sweeps. Runs are deterministic. A large sparse M is factored by Cholesky with GMRES for De Saxcé's term, so
-/// that memory is that of its factor; a small or mostly full one by LU.
+/// In turn, until the residual of every contact is met: nonsmooth Gauss–Seidel with exact one-contact solutions; in small problems where
+/// states no longer change, one linear system, unless a contact slips in space; a few semismooth Newton iterations (P. Alart, A. Curnier
+/// 1991) on proximal problems M + αI, q − α r_k, which end most runs; an interior-point method for the law with De Saxcé's term, which
+/// copes with the many near-degenerate contacts of stacks and packings and with a singular M; Newton again, with α driven to 0, for the
+/// last digits; below 1500 unknowns the central path of interior points by arclength, through its folds; and Newton from more sweeps. Runs
+/// are deterministic. A large sparse M is factored by Cholesky with GMRES for De Saxcé's term, so that memory is that of its factor; a
+/// small or mostly full one by LU.
 ///
 /// Where M is singular, or friction is large, solutions need not be unique: one is found. Where there is none, the best iterate
-/// is returned; a residual that is small only because reactions grow without bound is not taken for a solution.
+/// is returned; an iterate whose residual is small only because reactions grow without bound does not count as a solution.
 ///
-/// M is taken to be semidefinite up to rounding. Errors that make its symmetric part indefinite by ε (entries known to a few digits
-/// only, say) may leave a problem without a solution: runs then stall at a residual of about ε against M. A run that stalls is no
-/// evidence against a solution.
+/// M is taken to be semidefinite up to rounding. Errors that make its symmetric part indefinite by ε (entries known to a few digits only,
+/// say) may leave a problem without a solution: runs then stall at a residual of about ε against M. Stalling does not show that there is no
+/// solution.
 ///
 /// ```
 /// use semismooth::contact::{DelassusOptions, DelassusProblem, DelassusSolver};
 /// use semismooth::sparse::Matrix;
-/// // A unit mass on the ground, μ = 0.3, with the free velocities −1 and 0.5: friction takes 0.3 of the latter, and 0.2 are left.
+/// // A unit mass on the ground, μ = 0.3, with the free velocities −1 and 0.5: friction takes 0.3 of the latter and leaves 0.2.
 /// let problem = DelassusProblem::new(2, Matrix::identity(2), vec![-1.0, 0.5], vec![0.3])?;
 /// let mut solver = DelassusSolver::new(DelassusOptions::default());
 /// let report = solver.solve(&problem)?;
@@ -133,9 +134,9 @@ struct Measure {
 /// ```
 ///
 /// # Complexity
-/// A sweep is linear in the entries of M. A Newton iteration, a step of interior points or of the path takes one factorisation, or
-/// a few, of at most n = D·(number of contacts) unknowns: O(n³) and 8 n² bytes where M is small (n ≤ 200) or mostly full, else time
-/// and memory of a sparse factorisation with its fill-in.
+/// A sweep is linear in the entries of M. A Newton iteration, a step of interior points or of the path takes one factorisation, or a few,
+/// of at most n = D·(number of contacts) unknowns: O(n³) and 8 n² bytes where M is small (n ≤ 200) or mostly full, otherwise the time and
+/// memory of a sparse factorisation with its fill-in.
 #[derive(Debug, Clone, Default)]
 pub struct DelassusSolver {
     options: DelassusOptions,
@@ -155,12 +156,12 @@ impl DelassusSolver {
     /// dense. A sweep of the local method is linear in the entries of M.
     ///
     /// # Errors
-    /// [`DelassusError::Option`] names an option out of range. That a run failed is no error: see the status of the report.
+    /// [`DelassusError::Option`] names an option out of range. A failed run is not an error: see the status of the report.
     pub fn solve(&self, problem: &DelassusProblem) -> Result<DelassusReport, DelassusError> {
         self.solve_observed(problem, None, |_| ControlFlow::Continue(()))
     }
 
-    /// Solves from the reactions `start` (from 0 without them); `observe` sees every entry of the history and may stop the run.
+    /// Solves from the reactions `start` (from 0 without them); `observe` is called with every entry of the history and may stop the run.
     ///
     /// # Errors
     /// As [`solve`](Self::solve), and [`DelassusError::Length`] and [`DelassusError::NotFinite`] for the start.
@@ -189,19 +190,19 @@ struct Run<'a, const D: usize> {
     newton: Newton<D>,
     r: Vector<D>,
     u: Vector<D>,
-    /// Whether others have changed the velocity of a contact since it was solved.
+    /// Whether other contacts have changed the velocity of a contact since it was solved.
     stale: Vec<bool>,
-    /// Of each contact the squared size of its terms and its squared residual, as measured last.
+    /// For each contact, the squared size of its terms and its squared residual, as evaluated last.
     contacts: Vec<[f64; 2]>,
     best: Vec<f64>,
     best_progress: f64,
     /// Whether the best iterate is a solution.
     solved: bool,
-    /// Whether the best iterate was measured last, and its residual.
+    /// Whether the best iterate was evaluated last, and its residual.
     best_is_last: bool,
     residual: f64,
     started: bool,
-    /// What further attempts start from: the best iterate but for those of an attempt that led astray.
+    /// The start of further attempts: the best iterate, except those of an attempt that diverged.
     near: Vector<D>,
     near_progress: f64,
     plain: Vec<f64>,
@@ -248,24 +249,24 @@ impl<'a, const D: usize> Run<'a, D> {
         }
     }
 
-    /// How well the law holds at the current iterate, as it would be handed out; the best one is kept.
+    /// The residuals of the law at the current iterate, as it would be returned; the best one is kept.
     ///
-    /// Where a problem has no solution, reactions that grow without bound make the law's violation small against themselves. An
-    /// iterate counts only if the violation is small against q and u too.
+    /// Where a problem has no solution, reactions that grow without bound make the violation of the law small relative to themselves. An
+    /// iterate counts only if the violation is small relative to q and u, too.
     fn measure(&mut self) -> Measure {
         let tolerance = self.options.tolerance;
         self.scaled.unscale(&self.r, &mut self.plain);
         self.scaled.scale_into(&self.plain, &mut self.at);
         let law = self.scaled.law(&self.at, &mut self.u, &mut self.contacts);
         let small = law.violation <= VIOLATION;
-        // Far from a solution the worst contact tells little: all of them together come first.
+        // Far from a solution the residual of the worst contact says little: the norm over all contacts is compared first.
         let progress = match small {
             false => law.violation,
             true if law.overall > tolerance => law.overall,
             true => tolerance * law.residual.min(1.0),
         };
         let solved = small && law.overall <= tolerance && law.residual <= tolerance;
-        // A gain within rounding is no reason to move on.
+        // A gain within rounding does not count.
         self.best_is_last = progress < 0.99 * self.best_progress || (progress < self.best_progress && solved);
         if self.best_is_last {
             self.best_progress = progress;
@@ -310,8 +311,8 @@ impl<'a, const D: usize> Run<'a, D> {
         ControlFlow::Continue(progress)
     }
 
-    /// One sweep of nonsmooth Gauss–Seidel, from r and u = M r + q to those after it, over the contacts that others have changed since they were
-    /// solved. Whether states change is looked at where that is asked for.
+    /// One sweep of nonsmooth Gauss–Seidel, from r and u = M r + q to those after it, over the contacts that others have changed since they
+    /// were solved. States are compared only on request.
     fn sweep(&mut self, backward: bool, states: bool) -> Swept {
         let p = &self.scaled;
         let nc = p.contacts();
@@ -358,7 +359,7 @@ impl<'a, const D: usize> Run<'a, D> {
     }
 
     fn phases(&mut self) -> Outcome {
-        // Sweeps from r = 0 leave it where it is a solution.
+        // If r = 0 is a solution, sweeps do not change it.
         if self.started {
             self.measure();
             if self.solved {
@@ -379,7 +380,7 @@ impl<'a, const D: usize> Run<'a, D> {
         }
         let mut interior = Interior::new(&self.scaled);
         let shortened = self.interior(&mut interior, false)?;
-        // Without a short step nothing would be frozen: the same steps again.
+        // Without a short step De Saxcé's term would never be frozen, and the same steps would be repeated.
         if shortened && self.near_progress > NEAR {
             self.restart();
             self.interior(&mut interior, true)?;
@@ -410,8 +411,8 @@ impl<'a, const D: usize> Run<'a, D> {
         self.r.copy_from_slice(&self.near);
     }
 
-    /// Where sweeps have found the states, a few factorisations of the closed contacts end it, a single one if the problem is then linear; else
-    /// the iterate stays as it is.
+    /// Where sweeps have found the states, a few factorisations of the closed contacts solve the problem, a single one if it is then
+    /// linear; otherwise the iterate is unchanged.
     fn quick(&mut self, alpha: f64, settled: bool) -> Outcome {
         let swept = self.r.clone();
         let state = |i: usize, r: &[f64; D]| piece(self.scaled.friction[i], r);
@@ -428,10 +429,10 @@ impl<'a, const D: usize> Run<'a, D> {
         ControlFlow::Continue(())
     }
 
-    /// At most n sweeps: fewer where time is over, where they come to rest, or, if asked for, where states no longer change. How many.
+    /// At most n sweeps: fewer at the time limit, where they converge, or, on request, where states are unchanged. Returns their number.
     fn sweeps_of(&mut self, n: usize, until_settled: bool) -> ControlFlow<DelassusStatus, usize> {
         let n = n.min(self.options.max_sweeps);
-        // So many sweeps of a small problem take less than a millisecond.
+        // This many sweeps of a small problem take less than a millisecond.
         let unseen = if D * self.scaled.contacts() <= SMALL {
             LOOKED
         } else {
@@ -441,7 +442,7 @@ impl<'a, const D: usize> Run<'a, D> {
         while done < n && !ended {
             let end = n.min(done + REPORTED);
             let begun = done;
-            // Anew, so that rounding does not add up.
+            // Recomputed, so that rounding errors do not accumulate.
             self.u.copy_from_slice(&self.scaled.q);
             self.scaled.matrix.add(&self.r, &mut self.u);
             self.stale.fill(true);
@@ -463,7 +464,7 @@ impl<'a, const D: usize> Run<'a, D> {
         ControlFlow::Continue(done)
     }
 
-    /// Interior points from the iterate; leaves the last iterate. Tells whether a step was short.
+    /// The interior-point method from the iterate; the last iterate stays in place. Returns whether a step was short.
     fn interior(
         &mut self,
         interior: &mut Interior<D>,
@@ -497,7 +498,7 @@ impl<'a, const D: usize> Run<'a, D> {
         ControlFlow::Continue(shortened)
     }
 
-    /// Along the central path, through its folds; leaves its last point.
+    /// Follows the central path through its folds; its last point stays in place.
     fn central_path(&mut self, interior: Interior<D>) -> Outcome {
         let mut path = CentralPath::new(&self.scaled, interior);
         let deadline = self.newton.deadline;
@@ -520,14 +521,15 @@ impl<'a, const D: usize> Run<'a, D> {
         ControlFlow::Continue(())
     }
 
-    /// Proximal steps from the iterate until they no longer pay: `patience` factorisations without a gain of a factor 3, or, in
-    /// the quick attempt, the first step that fails.
+    /// Proximal steps from the iterate, until `patience` factorisations have not gained a factor of 3 or, in the quick attempt, a step
+    /// fails.
     fn proximal(&mut self, mut alpha: f64, patience: usize, inner: usize) -> Outcome {
         let mut centre = self.r.clone();
         let (mut mark, mut mark_at) = (f64::INFINITY, self.newton.factorisations);
-        // The violation at the centre, once that is known.
+        // The violation at the centre, once known.
         let mut at_centre = f64::INFINITY;
-        // Of the proximal problems: more where all contacts together are solved, and one that bears little is not.
+        // Tolerance of the proximal problems, tightened where one is met without a Newton step: a norm over all contacts may hide one with
+        // small forces.
         let mut precision = PRECISION;
         // Steps in a row that needed no factorisation, which no other limit counts.
         let mut idle = 0;
@@ -563,7 +565,7 @@ impl<'a, const D: usize> Run<'a, D> {
                 at_centre = progress;
             } else {
                 alpha *= GROW;
-                // What a failed iteration has gained is kept.
+                // The gain of a failed iteration is kept.
                 if progress < at_centre {
                     at_centre = progress;
                 } else {
@@ -604,7 +606,7 @@ impl<'a, const D: usize> Run<'a, D> {
     }
 }
 
-/// The piece of Coulomb's law that the reaction of a contact in the cone tells.
+/// The piece of Coulomb's law given by the reaction of a contact in the cone.
 fn piece<const D: usize>(mu: f64, r: &[f64; D]) -> Piece {
     if r[0] <= 0.0 {
         Piece::Open
@@ -625,7 +627,7 @@ fn state<const D: usize>(r: &[f64; D], u: &[f64; D], size: f64) -> ContactState 
     } else if r[1] != 0.0 {
         ContactState::slipping(-r[1])
     } else {
-        // Without friction (or across T1) only the motion tells the direction.
+        // Without friction (or across T1) only the slip gives the direction.
         ContactState::slipping(u[1])
     }
 }
@@ -635,7 +637,7 @@ mod tests {
     use super::*;
     use crate::sparse::Matrix;
 
-    /// Contacts that do not feel each other are solved by one sweep from anywhere, also after others have come to rest.
+    /// Uncoupled contacts are solved by one sweep from any start, also after others have converged.
     #[test]
     fn sweeps_from_another_iterate_solve_all_contacts() {
         let q = [-1.0, 0.4].repeat(5);

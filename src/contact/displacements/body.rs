@@ -4,14 +4,14 @@ use super::floating::floating_piece;
 use crate::contact::{ContactBody, ContactError, LoadPath};
 use crate::sparse::{Blocks, Matrix, NodalBlocks, NodalMatrix, Place, SparseError};
 
-/// How far the traces of a node may be from orthonormal.
+/// Largest deviation of the traces of a node from orthonormality.
 const ORTHONORMAL: f64 = 1e-10;
 
-/// An elastic body with contact nodes, large: what a [`ContactBody`](crate::contact::ContactBody) is for one factorisation this one is for
-/// [`ReducedContact`](super::ReducedContact), with its stiffness matrix in blocks of nodes.
+/// A large elastic body with contact nodes: the counterpart of [`ContactBody`](crate::contact::ContactBody) for
+/// [`ReducedContact`](super::ReducedContact), with its stiffness matrix in nodal blocks.
 ///
 /// The traces must be nodal: those of a contact node are its own displacement along an orthonormal frame ν, t₁[, t₂], as
-/// [`ElasticSystem::contact`](crate::fem::ElasticSystem::contact) has them.
+/// [`ElasticSystem::contact`](crate::fem::ElasticSystem::contact) returns them.
 #[derive(Debug, Clone)]
 pub struct ReducedBody {
     /// A, with the components of contact nodes along their frames.
@@ -138,8 +138,7 @@ impl ReducedBody {
         &self.load
     }
 
-    /// Displacements of the supports at α, to be shown with those that are free: as they are in the first load case that has supports.
-    /// Empty where no load case has.
+    /// Displacements of the supports at α, in the order of the first load case that has supports; empty where none has.
     #[must_use]
     pub fn support_displacements(&self, alpha: f64) -> Vec<f64> {
         self.load.support_state(&[alpha]).displacements().to_vec()
@@ -156,7 +155,7 @@ impl ReducedBody {
         self.dim() * self.stiffness.num_nodes()
     }
 
-    /// The components of nodes that are no displacements, a bit each.
+    /// The components of nodes that are prescribed, as bits.
     pub(super) fn fixed(&self) -> Vec<u8> {
         let dim = self.dim();
         let mut fixed = vec![(1u8 << dim) - 1; self.stiffness.num_nodes()];
@@ -198,7 +197,7 @@ impl ReducedBody {
         all
     }
 
-    /// The way back.
+    /// The inverse of the above.
     pub(super) fn free(&self, all: &[f64]) -> Vec<f64> {
         let dim = self.dim();
         let mut turned = all.to_vec();
@@ -235,13 +234,13 @@ impl ReducedBody {
         modes
     }
 
-    /// The first piece that has rigid motions which make no forces.
+    /// The first piece of the body with zero-energy rigid motions.
     pub(super) fn floating_piece(&self) -> Option<ContactError> {
         floating_piece(&self.stiffness, &self.contacts, &self.frames)
     }
 
-    /// Bytes that multigrid and GMRES take beside the body, by an estimate made before they are allocated: measured against hexahedra
-    /// and tetrahedra, where they take less.
+    /// Upper estimate of the bytes that multigrid and GMRES take in addition to the body, made before they are allocated; checked on
+    /// hexahedra and tetrahedra.
     #[must_use]
     pub fn memory(&self, options: &ReducedOptions) -> u64 {
         let (len, dim) = (self.len() as u64, self.dim() as u64);
@@ -253,11 +252,11 @@ impl ReducedBody {
     /// Bytes that [`to_contact_body`](Self::to_contact_body) takes.
     pub(super) fn memory_by_columns(&self) -> u64 {
         let dim = self.dim() as u64;
-        // Entries with their rows, and the copy of the blocks that they are read from.
+        // Entries with their row indices, and the copy of the blocks from which they are read.
         self.stiffness.num_blocks() as u64 * (24 * dim * dim + 4)
     }
 
-    /// The same body for one factorisation.
+    /// The same body as a [`ContactBody`](crate::contact::ContactBody), which is factored as a whole.
     ///
     /// # Errors
     /// As [`ContactBody::new`].

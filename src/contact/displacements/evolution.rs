@@ -16,9 +16,9 @@ pub struct ReducedLevel {
     pub report: ReducedReport,
     /// States and local quantities; slips are increments of this level.
     pub solution: ContactSolution,
-    /// How many nodes have gone from each state to each other since the level before, open, stick and slip both ways: `changes[0][2]` went
-    /// from open to slip, `changes[2][2]` counts those whose traction along t₁ has turned round. Zeros in the first level. A node
-    /// at the border of two states, with its traction at the bound and no slip since the level before, say, may count for either.
+    /// Number of nodes by state (open, stick, slip) at the level before and at this one: `changes[0][2]` went from open to slip;
+    /// `changes[2][2]` counts slipping nodes whose traction along t₁ has changed its sign. Zeros in the first level. A node at the boundary
+    /// of two states (traction at the bound and no slip since the level before, say) may count for either.
     pub changes: [[usize; 3]; 3],
     /// Displacements of the supports ([`ReducedBody::support_displacements`](super::ReducedBody::support_displacements)).
     pub supports: Vec<f64>,
@@ -52,12 +52,12 @@ fn changes(before: &[ContactState], after: &[ContactState]) -> [[usize; 3]; 3] {
 }
 
 impl<L: NodeLaw> ReducedContact<L> {
-    /// Goes through a history of load levels, the first one from the displacements `start` (zero if there is none): in each the static law
-    /// holds for the increments of slip since the level before, whose histories are then [ended](Self::end_level). Newton's method
-    /// begins on the line through the last two levels, and from the last one where that fails. `observe` sees each level and may stop.
+    /// Computes a history of load levels, the first one from the displacements `start` (zero if there is none). In each level the static
+    /// law holds for the increments of slip since the level before; then the level is [ended](Self::end_level). Newton's method starts from
+    /// the extrapolation of the last two levels, and from the last one where that fails. `observe` is called at each level and may stop.
     ///
-    /// What [`evolve`](crate::contact::evolve) does, but for the branch between two levels: folds on it are not seen, where a body
-    /// snaps through is not told. Nodes that change their state and change it back within a level are not counted.
+    /// Unlike [`evolve`](crate::contact::evolve) it does not follow the branch between two levels: folds are not found and snap-through is
+    /// not reported. Nodes that change their state and change it back within a level are not counted.
     ///
     /// ```
     /// use std::ops::ControlFlow;
@@ -80,7 +80,7 @@ impl<L: NodeLaw> ReducedContact<L> {
     ///
     /// # Errors
     /// A law whose coefficients depend on the slip but has no history ([`ContactError::SlipOfLevels`]); those of
-    /// [`solve`](Self::solve): `observe` has seen the levels before, at the last of which the problem is left.
+    /// [`solve`](Self::solve): `observe` has been called with the levels before, and the problem is left at the last of them.
     pub fn evolve(
         &mut self,
         start: Option<&[f64]>,
@@ -90,8 +90,8 @@ impl<L: NodeLaw> ReducedContact<L> {
         self.evolve_observed(start, levels, |_| ControlFlow::Continue(()), observe)
     }
 
-    /// [`evolve`](Self::evolve) with a second observer, that of [`solve_observed`](Self::solve_observed), which sees how the search for the next
-    /// level goes on and may stop it: the levels before are returned, and the problem is left at the last of them.
+    /// [`evolve`](Self::evolve) with a second observer, that of [`solve_observed`](Self::solve_observed), which may stop the search for the
+    /// next level: the levels completed are returned, and the problem is left at the last of them.
     ///
     /// # Errors
     /// As [`evolve`](Self::evolve).

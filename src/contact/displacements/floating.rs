@@ -1,13 +1,12 @@
-//! Pieces of a body that nothing holds.
+//! Unsupported pieces (connected parts) of a body.
 
 use crate::contact::ContactError;
 use crate::sparse::{Blocks, NodalBlocks, NodalMatrix, Place, Resistance, pieces};
 
-/// Forces of a rigid motion up to this part of those that its terms add up to are rounding.
+/// Forces due to a rigid motion below this share of the sum of the moduli of their terms are rounding.
 const ROUNDING: f64 = 1e-10;
 
-/// The first piece that has rigid motions which make no forces: those of its nodes that are coupled. Components of the nodes in `contacts` are
-/// along their frames.
+/// The first piece (set of coupled nodes) with zero-energy rigid motions. Components of the nodes in `contacts` are along their frames.
 pub(in crate::contact) fn floating_piece(
     stiffness: &NodalMatrix,
     contacts: &[usize],
@@ -31,7 +30,7 @@ pub(in crate::contact) fn floating_piece(
     })
 }
 
-/// Which nodes belong to that piece, and its motions.
+/// The nodes of that piece, and its zero-energy motions.
 fn floating<const F: usize>(
     a: &Blocks<F, F>,
     points: &[[f64; 3]],
@@ -59,7 +58,7 @@ fn floating<const F: usize>(
         })
     };
     let mut held = vec![Resistance::default(); places.len()];
-    // Nodes on a line do not move when they turn about it: such rotations are none.
+    // A rotation about a line through all nodes moves none of them: it does not count.
     let mut moved = held.clone();
     for i in 0..a.nrows() {
         motions(i).iter().for_each(|m| moved[piece[i]].add(m));

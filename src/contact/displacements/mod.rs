@@ -31,25 +31,24 @@ pub use report::{ReducedIteration, ReducedProgress, ReducedReport, ReducedStrate
 use system::SerialSystem;
 pub use system::{KrylovObserver, KrylovOutcome, ReducedStep, ReducedSystem};
 
-/// Pressures and tractions up to which the condensed form, whose matrices are dense, is tried.
+/// Largest number of pressures and tractions with which the condensed form, whose matrices are dense, is tried.
 const MAX_DENSE: usize = 10_000;
 /// How many more displacements a body in the plane may have than one in space for a factorisation of about the same cost.
 const THINNER: usize = 10;
 
-/// A large [`ReducedBody`] under a [`NodeLaw`], solved by semismooth Newton in the displacements alone: what the law says at each node
-/// is eliminated there, what is left is the stiffness matrix with few rows changed, solved by GMRES with
-/// [multigrid](crate::guide::large). λ comes back as f − A u.
+/// A large [`ReducedBody`] under a [`NodeLaw`], solved by semismooth Newton in the displacements alone: the equations of the law are
+/// eliminated at each node, which leaves the stiffness matrix with few rows changed, solved by GMRES with [multigrid](crate::guide::large).
+/// λ is recovered as f − A u.
 ///
-/// The stiffness matrix is stored once, in blocks; nothing is factored but a matrix of a few hundred unknowns. Where
-/// [`CondensedContact`] can do a body, it has the same solutions; paths, enumeration and certificates are
-/// its domain.
+/// The stiffness matrix is stored once, in blocks; the only matrix that is factored has a few hundred unknowns. [`CondensedContact`] has
+/// the same solutions where it can be used; continuation, enumeration and certificates need it.
 ///
 /// ```
 /// use semismooth::contact::{
 ///     FrictionCoefficient, LoadPath, OrthotropicCoulomb, ReducedBody, ReducedContact, ReducedOptions,
 /// };
 /// use semismooth::fem::{Elasticity, Foundation, Material, Mesh};
-/// // A block on the ground, held at the left, pressed and pulled.
+/// // A block on the ground, fixed at the left, pressed and pulled.
 /// let mesh = Mesh::block([0.0; 3], [2.0, 2.0, 1.0], [6, 6, 3])?;
 /// let system = Elasticity::new(mesh, Material::isotropic(1.0, 0.277)?).fix("left").discretize()?;
 /// let press = system.traction("top", |_| [0.0, 0.0, -0.01])?;
@@ -79,7 +78,7 @@ pub struct ReducedContact<L> {
     history: Vec<f64>,
 }
 
-/// The memory needed is held against its limit.
+/// Checks the memory needed against its limit.
 fn fits(body: &ReducedBody, options: &ReducedOptions) -> Result<(), ContactError> {
     let needed = body.memory(options);
     match options.max_memory {
@@ -88,11 +87,11 @@ fn fits(body: &ReducedBody, options: &ReducedOptions) -> Result<(), ContactError
     }
 }
 
-/// A search that found no solution.
+/// A search without a solution.
 struct Failed {
     /// In free displacements.
     best: ReducedReport,
-    /// What broke down, if anything did.
+    /// The error that ended it, if any.
     source: Option<LinearError>,
 }
 
@@ -110,9 +109,9 @@ impl<L: NodeLaw> ReducedContact<L> {
     /// The problem, with its multigrid hierarchy.
     ///
     /// # Errors
-    /// Options out of range, a law of another dimension, [`ContactError::Memory`] where more memory would be needed than the options
-    /// allow; a stiffness matrix that is not positive definite: [`ContactError::Unsupported`] names a piece which the supports leave
-    /// free to move; [`LinearError::Interrupted`] where the time of the options is over before the hierarchy is made.
+    /// Options out of range, a law of another dimension, [`ContactError::Memory`] where more memory would be needed than the options allow;
+    /// a stiffness matrix that is not positive definite ([`ContactError::Unsupported`] names a piece that the supports leave free to move);
+    /// [`LinearError::Interrupted`] where the time limit is reached before the hierarchy is complete.
     pub fn new(body: ReducedBody, law: L, options: ReducedOptions) -> Result<Self, ContactError> {
         options.validate()?;
         let tangents = body.dim() - 1;
@@ -138,7 +137,7 @@ impl<L: NodeLaw> ReducedContact<L> {
         })
     }
 
-    /// Other options, from the next solve on.
+    /// Replaces the options, from the next solve on.
     ///
     /// # Errors
     /// Options out of range; [`ContactError::Memory`] where more memory would be needed than they allow.
@@ -178,15 +177,15 @@ impl<L: NodeLaw> ReducedContact<L> {
     /// options and the size of the body allow, by the strategies of [`CondensedContact::solve`].
     ///
     /// # Errors
-    /// Wrong lengths, values that are not finite, coefficients of friction that the law refuses; [`ContactError::NotConverged`],
-    /// [`ContactError::StepFailed`], [`ContactError::NotReducible`] and, where time is over before, [`ContactError::Interrupted`], with the
-    /// best iterate and its history.
+    /// Wrong lengths, values that are not finite, coefficients of friction that the law rejects; [`ContactError::NotConverged`],
+    /// [`ContactError::StepFailed`], [`ContactError::NotReducible`] and, at the time limit, [`ContactError::Interrupted`], with the best
+    /// iterate and its history.
     pub fn solve(&mut self, alpha: f64, start: Option<&[f64]>) -> Result<ReducedReport, ContactError> {
         self.solve_observed(alpha, start, |_| ControlFlow::Continue(()))
     }
 
-    /// [`solve`](Self::solve), telling `observe` before each Newton step, each GMRES iteration and each attempt in the condensed form; it may
-    /// stop the search, but for a factorisation under way. It may be called from a thread of the pool.
+    /// [`solve`](Self::solve), calling `observe` before each Newton step, each GMRES iteration and each attempt in the condensed form; it
+    /// may stop the search, except during a factorisation. It may be called from a worker thread.
     ///
     /// # Errors
     /// As [`solve`](Self::solve); [`ContactError::Interrupted`] with the best iterate where `observe` has stopped.
@@ -250,7 +249,7 @@ impl<L: NodeLaw> ReducedContact<L> {
         }
     }
 
-    /// The best iterate of a search that found no solution, and what broke down if anything did; else the error.
+    /// The best iterate of a search without a solution and the error that ended it, if any; other errors are passed on.
     fn failed(&self, error: ReducedError<LinearError>) -> Result<Failed, ContactError> {
         let (best, source) = match error {
             ReducedError::System { source, best } => (best, Some(source)),
@@ -358,7 +357,7 @@ impl<L: NodeLaw> ReducedContact<L> {
         }
     }
 
-    /// Displacements from the condensed form, if the memory that is left does for it.
+    /// Displacements from the condensed form, if the memory left suffices for it.
     fn condensed_solution(
         &self,
         alpha: f64,
@@ -474,7 +473,7 @@ impl<L: NodeLaw> ReducedContact<L> {
         &self.history
     }
 
-    /// Ends a load level at displacements: history variables and the slips that count as none are updated.
+    /// Ends a load level at displacements: history variables and the reference of slips are updated.
     ///
     /// # Errors
     /// As [`solution`](Self::solution).

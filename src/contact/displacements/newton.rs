@@ -1,4 +1,4 @@
-//! Semismooth Newton in the displacements, the laws of the nodes eliminated one by one.
+//! Semismooth Newton in the displacements, with the law eliminated at each node.
 
 use std::ops::ControlFlow;
 use std::time::Duration;
@@ -14,26 +14,26 @@ use crate::clock::{Clock, Deadline};
 use crate::contact::law::{LocalValues, NodeLaw};
 use crate::contact::{ContactError, ContactResiduals, ContactState};
 
-/// Full steps without a residual half as large as the best one, after which steps are damped.
+/// Number of full steps that do not halve the best residual, after which steps are damped.
 const PATIENCE: usize = 8;
-/// Smallest part of a step.
+/// Smallest step length.
 const SHORTEST: f64 = 1.0 / 128.0;
-/// Fall of the residual asked of a damped step, against its length.
+/// Relative decrease of the residual required of a damped step, per unit of step length.
 const DESCENT: f64 = 1e-4;
-/// Smallest relative residual of a linear system, and its part in what is left to do.
+/// Smallest relative tolerance of a linear system, and its share of the reduction of the residual still needed.
 const EXACT: f64 = 1e-4;
 const SHARE: f64 = 0.3;
-/// Of Eisenstat and Walker's second choice: η = γ (‖r‖ / ‖r of the step before‖)².
+/// γ of Eisenstat and Walker's choice 2: η = γ (‖r‖ / ‖r of the step before‖)².
 const GAMMA: f64 = 0.5;
 /// A linear solve that leaves more than this of its residual has failed.
 const USELESS: f64 = 0.5;
-/// Load steps: the first one, the smallest, the tolerance on the way, Newton steps of each.
+/// Load steps: the first one, the smallest, the tolerance of intermediate steps, the largest number of Newton steps of each.
 const FIRST_STEP: f64 = 0.125;
 const SMALLEST_STEP: f64 = 1e-4;
 const ON_THE_WAY: f64 = 1e-6;
 const STEPS_ON_THE_WAY: usize = 25;
 
-/// Residuals where there are none.
+/// Residuals before the first evaluation.
 const UNKNOWN: ContactResiduals = ContactResiduals {
     equilibrium: f64::INFINITY,
     normal: f64::INFINITY,
@@ -44,23 +44,23 @@ const UNKNOWN: ContactResiduals = ContactResiduals {
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum ReducedError<E> {
-    /// In the problem, or no solution was found.
+    /// An error in the problem, or no solution found.
     #[error(transparent)]
     Contact(#[from] ContactError),
-    /// In the linear system.
+    /// An error in the linear system.
     #[error("the linear system of a Newton step failed")]
     System {
         /// What went wrong.
         source: E,
-        /// The best iterate before; residuals are infinite where there was none beside the start.
+        /// The best iterate before; residuals are infinite where only the start was available.
         best: Box<ReducedReport>,
     },
 }
 
-/// Sees how far a solve has come, and may stop it.
+/// Called with the progress of a solve, which it may stop.
 pub type ReducedObserver<'a> = dyn FnMut(&ReducedProgress) -> ControlFlow<()> + Send + 'a;
 
-/// What ends a search.
+/// Reasons that end a search.
 enum Stop<E> {
     Contact(ContactError),
     /// A node, and the piece that does not determine its forces.
@@ -86,11 +86,11 @@ impl<E> Stop<E> {
 pub struct ReducedNodes<'a> {
     /// The component along ν of each contact node; those along t₁[, t₂] follow it.
     pub components: &'a [usize],
-    /// Number of the first node among those of all processes, as the law sees it.
+    /// Global number of the first node of this process, which the law receives.
     pub first: usize,
     /// Initial gaps.
     pub gap: &'a [f64],
-    /// Tangential displacements that count as no slip, by t₁, then t₂; none: zeros.
+    /// Tangential displacements from which slips are measured, all along t₁, then t₂; empty: zeros.
     pub reference: &'a [f64],
     /// History variables, node by node.
     pub history: &'a [f64],
@@ -101,7 +101,8 @@ pub struct ReducedNodes<'a> {
 }
 
 impl ReducedNodes<'_> {
-    /// What the law sees at node i of this process: the displacements u and the contact forces `force`, both by component.
+    /// The values that the law receives at node i of this process, from the displacements u and the contact forces `force`, both by
+    /// component.
     fn values(&self, law: &dyn NodeLaw, i: usize, u: &[f64], force: impl Fn(usize) -> f64) -> LocalValues {
         let (at, p) = (self.components[i], self.components.len());
         let mut v = LocalValues {
@@ -126,15 +127,16 @@ impl ReducedNodes<'_> {
 /// Solves A u + Bᵀ λ = f with a law at each contact node by Newton's method in u alone, from the u given, and by load steps where that
 /// fails; `load` and `u` hold all components of this process.
 ///
-/// Each step solves the law at each node for its forces or prescribes its displacements; what is left is A with few rows changed,
-/// solved roughly as long as nodes go from piece to piece, then to a tolerance after Eisenstat and Walker (SIAM J. Sci. Comput. 17 (1996),
-/// choice 2). Full steps are taken as long as the residual falls; where it does not, steps are damped. Forces of the report are those of this process, and so are its displacements:
-/// all components. What one process finds wrong ends the solve in all of them, and so does the time of one that is over.
+/// Each step solves the law at each node for its forces or prescribes its displacements; this leaves A with few rows changed, solved to a
+/// loose tolerance as long as nodes change their piece, then to the tolerance of Eisenstat and Walker (SIAM J. Sci. Comput. 17 (1996),
+/// choice 2). Full steps are taken as long as the residual falls; where it does not, steps are damped. Forces of the report are those of
+/// this process, and so are its displacements: all components. An error in one process ends the solve in all of them, and so does the time
+/// limit of one.
 ///
 /// # Errors
-/// Wrong lengths; all others with the best iterate and the history: those of the system, [`ContactError::NotReducible`] for laws that cannot be
-/// eliminated, [`ContactError::NotConverged`], [`ContactError::Interrupted`] where time is over before, and [`ContactError::Elsewhere`] where
-/// another process found an error.
+/// Wrong lengths; all others with the best iterate and the history: those of the system, [`ContactError::NotReducible`] for laws that
+/// cannot be eliminated, [`ContactError::NotConverged`], [`ContactError::Interrupted`] at the time limit, and [`ContactError::Elsewhere`]
+/// where another process found an error.
 pub fn solve_reduced<S: ReducedSystem>(
     system: &mut S,
     nodes: &ReducedNodes<'_>,
@@ -147,8 +149,8 @@ pub fn solve_reduced<S: ReducedSystem>(
     solve_reduced_observed(system, nodes, law, load, u, options, observe)
 }
 
-/// [`solve_reduced`], telling `observe` before each Newton step, and where the system does so before each iteration of its linear solves; it
-/// may stop. What the observer of one process stops ends in all of them.
+/// [`solve_reduced`], calling `observe` before each Newton step and, where the system supports it, before each iteration of its linear
+/// solves; it may stop. A stop in one process ends the solve in all of them.
 ///
 /// # Errors
 /// Those of [`solve_reduced`]; [`ContactError::Interrupted`] with the best iterate where the observer has stopped.
@@ -217,7 +219,7 @@ pub fn solve_reduced_observed<S: ReducedSystem>(
     }
 }
 
-/// Which components belong to contact nodes.
+/// Whether each component belongs to a contact node.
 fn check(
     len: usize,
     nodes: &ReducedNodes<'_>,
@@ -259,7 +261,7 @@ fn check(
     Ok(is_contact)
 }
 
-/// What this process has found, if none has found an error.
+/// The result of this process, unless some process has found an error.
 fn agreed<S: ReducedSystem, T>(system: &S, own: Result<T, ContactError>) -> Outcome<T, S::Error> {
     let mut failed = [f64::from(u8::from(own.is_err()))];
     system.max(&mut failed).map_err(Stop::System)?;
@@ -283,9 +285,9 @@ struct State {
     /// ‖·‖₂ of equilibrium and of the laws.
     merit: f64,
     states: [usize; 3],
-    /// Whether no node has another piece than at the iterate before.
+    /// Whether all nodes have the same piece as at the iterate before.
     settled: bool,
-    /// Whether the time of a process is over.
+    /// Whether a process has reached its time limit.
     late: bool,
 }
 
@@ -300,7 +302,7 @@ struct Best {
 }
 
 impl Best {
-    /// A start of which nothing is known.
+    /// A start, not yet evaluated.
     fn start(u: Vec<f64>, nodes: &ReducedNodes<'_>, law: &dyn NodeLaw) -> Self {
         Self {
             u,
@@ -337,13 +339,13 @@ struct ReducedSearch<'a, S> {
     nodes: &'a ReducedNodes<'a>,
     law: &'a dyn NodeLaw,
     full: &'a [f64],
-    /// The share of the load that is on.
+    /// The share of the load applied.
     load: Vec<f64>,
     is_contact: Vec<bool>,
     options: &'a ReducedOptions,
     deadline: Deadline<'static>,
     observe: &'a mut ReducedObserver<'a>,
-    /// By the observer or the limit of time, in any process.
+    /// Stopped by the observer or by the time limit, in any process.
     stopped: bool,
     iterations: Vec<ReducedIteration>,
     times: ReducedTimes,
@@ -361,7 +363,7 @@ struct ReducedSearch<'a, S> {
 type Outcome<T, E> = Result<T, Stop<E>>;
 
 impl<S: ReducedSystem> ReducedSearch<'_, S> {
-    /// Newton's method from the start, then load steps; what led to `best`, which is the solution if there is one.
+    /// Newton's method from the start, then load steps; returns the strategy that led to `best`, which is the solution if there is one.
     fn solve(&mut self) -> Outcome<ReducedStrategy, S::Error> {
         let options = self.options;
         let start = self.best.u.clone();
@@ -403,7 +405,7 @@ impl<S: ReducedSystem> ReducedSearch<'_, S> {
         }
     }
 
-    /// Newton's method from u under a share of the load; the last iterate if it arrived, else the best.
+    /// Newton's method from u under a share of the load; the last iterate if it converged, else the best.
     fn run(
         &mut self,
         share: f64,
@@ -456,7 +458,7 @@ impl<S: ReducedSystem> ReducedSearch<'_, S> {
             }
             let forcing = match state.settled {
                 true => self.forcing(error, before, tolerance),
-                // The next system has other rows, so that accuracy is wasted on this one.
+                // The next system will have other rows changed, so that accuracy in this one is wasted.
                 false => self.options.forcing,
             };
             before = error;
@@ -487,7 +489,7 @@ impl<S: ReducedSystem> ReducedSearch<'_, S> {
         Ok((Ended::Stuck, u))
     }
 
-    /// The relative residual asked of the next linear system, from the error at hand and that of the step before (infinite in the first one).
+    /// The relative tolerance of the next linear system, from the current error and that of the step before (infinite in the first one).
     fn forcing(&self, error: f64, before: f64, tolerance: f64) -> f64 {
         let largest = self.options.forcing;
         if before.is_infinite() {
@@ -498,7 +500,7 @@ impl<S: ReducedSystem> ReducedSearch<'_, S> {
         wanted.min(largest)
     }
 
-    /// How far the search has come, but for the linear solve under way.
+    /// The progress of the search, without the linear solve under way.
     fn progress(&self, load: f64) -> ReducedProgress {
         ReducedProgress {
             load,
@@ -518,7 +520,7 @@ impl<S: ReducedSystem> ReducedSearch<'_, S> {
         }
     }
 
-    /// The load in steps, from none.
+    /// Load steps, from no load.
     fn load_steps(&mut self) -> Outcome<(Ended, Vec<f64>), S::Error> {
         let mut u = vec![0.0; self.full.len()];
         let (mut share, mut step) = (0.0f64, FIRST_STEP);
@@ -529,7 +531,7 @@ impl<S: ReducedSystem> ReducedSearch<'_, S> {
             } else {
                 (self.options.tolerance, self.options.max_iterations)
             };
-            // Along the secant from the unloaded body, which is where it was before.
+            // Extrapolation along the secant through the unloaded body, u = 0.
             let start = if share > 0.0 {
                 u.iter().map(|v| v * next / share).collect()
             } else {
@@ -632,7 +634,7 @@ impl<S: ReducedSystem> ReducedSearch<'_, S> {
             return Err(failure.unwrap_or(Stop::Elsewhere));
         }
         let relative = |h: f64, size: f64| if h == 0.0 { 0.0 } else { h / size };
-        // Maxima pass over NaN, and against infinity everything is small.
+        // Maxima ignore NaN, and any residual is small relative to an infinite force.
         let known = !sums[0].is_nan() && weight.is_finite() && size.is_finite();
         let residuals = ContactResiduals {
             equilibrium: relative(balance, weight),
@@ -661,7 +663,7 @@ impl<S: ReducedSystem> ReducedSearch<'_, S> {
         };
         self.system.select(&step).map_err(Stop::System)?;
         self.times.select += clock.elapsed();
-        // What is prescribed is in u already: the rest of the equations at this u.
+        // Prescribed changes are already in u: the remaining equations are evaluated at this u.
         self.system.mul(u, &mut self.other).map_err(Stop::System)?;
         for (k, v) in self.other.iter_mut().enumerate() {
             *v = self.load[k] - *v;
@@ -695,7 +697,7 @@ impl<S: ReducedSystem> ReducedSearch<'_, S> {
         Ok(outcome)
     }
 
-    /// The matrix of the step; prescribed changes go into u.
+    /// The matrix of the step; prescribed changes are added to u.
     fn linearise(&mut self, u: &mut [f64]) {
         let lists = &mut self.lists;
         lists.constrained.clear();
@@ -727,7 +729,8 @@ impl<S: ReducedSystem> ReducedSearch<'_, S> {
         }
     }
 
-    /// The longest part of the step from `from` to u for which the residual falls, at which u then is; 0 if there is none, and u is of no use.
+    /// The largest step length from `from` towards u, by halving, for which the residual decreases; u is set to that point. 0 if there is
+    /// none; u is then undefined.
     fn damp(&mut self, from: &[f64], image: Vec<f64>, u: &mut [f64], merit: f64) -> Outcome<f64, S::Error> {
         self.system.mul(u, &mut self.other).map_err(Stop::System)?;
         let step: Vec<f64> = u.iter().zip(from).map(|(u, v)| u - v).collect();
@@ -750,7 +753,7 @@ impl<S: ReducedSystem> ReducedSearch<'_, S> {
 
 /// Seconds, for tables.
 impl ReducedTimes {
-    /// All of it.
+    /// The total time.
     #[must_use]
     pub fn total(&self) -> Duration {
         self.select + self.krylov + self.rest

@@ -1,14 +1,14 @@
-//! What the law says at one node, solved for the forces or for the displacements.
+//! The linearised law at one node, solved for the forces or for the displacements.
 
 use crate::contact::ContactState;
 use crate::contact::law::{LocalRow, LocalValues, NodeLaw};
 use crate::contact::solution::piece_of;
 
-/// Pivots below this part of the largest entry do not count.
+/// Pivots below this share of the largest entry count as zero.
 const PIVOT: f64 = 1e-10;
-/// What keeps nearly singular blocks of forces invertible, against their size.
+/// Shift that keeps nearly singular blocks of the forces invertible, relative to their size.
 const SOFTENING: f64 = 1e-9;
-/// Coefficients of a law that count as zero, against r or 1.
+/// Coefficients of a law below this, relative to r or 1, count as zero.
 const NOTHING: f64 = 1e-12;
 
 /// The linearised law of a node: some components of its displacement are prescribed, for the others (`free`)
@@ -74,7 +74,7 @@ impl Node {
         Ok(node)
     }
 
-    /// The part of the stiffness that is symmetric and positive semidefinite; normal and tangential directions on their own.
+    /// The part of the stiffness that is symmetric and positive semidefinite; normal and tangential directions are treated separately.
     pub(super) fn definite(&self) -> [[f64; 3]; 3] {
         let s = &self.stiffness;
         let mut out = [[0.0; 3]; 3];
@@ -117,8 +117,8 @@ fn resists(d: &[[f64; 3]; 3], e: &[[f64; 3]; 3], directions: usize) -> bool {
     first[1] > 0.0 && first[1] * second[2] > off * off
 }
 
-/// A little of the mean diagonal entry, where the block is nearly singular: a node at the brink of slip has one direction in which its
-/// force does not move.
+/// A small share of the mean diagonal entry, where the block is nearly singular: at the onset of slip there is one direction in which the
+/// force of a node does not change.
 fn softened(mut e: [[f64; 3]; 3], range: std::ops::Range<usize>) -> [[f64; 3]; 3] {
     let size = range
         .clone()

@@ -3,7 +3,7 @@ use std::time::Duration;
 use crate::contact::ContactError;
 use crate::options::setters;
 
-/// Options of [`ReducedContact`](super::ReducedContact). The defaults need no touching.
+/// Options of [`ReducedContact`](super::ReducedContact). The defaults suit most problems.
 ///
 /// ```
 /// use semismooth::contact::ReducedOptions;
@@ -18,7 +18,7 @@ use crate::options::setters;
     serde(default, deny_unknown_fields)
 )]
 pub struct ReducedOptions {
-    /// Largest residual of a solution in each block of equations (equilibrium, normal law, friction) against the largest force in it:
+    /// Largest residual of a solution in each block of equations (equilibrium, normal law, friction) relative to the largest force in it:
     /// those of [`ContactResiduals`](crate::contact::ContactResiduals). Default 1e-10.
     pub tolerance: f64,
     /// Largest number of Newton steps of each run. Default 60.
@@ -27,19 +27,21 @@ pub struct ReducedOptions {
     pub max_krylov: usize,
     /// Directions that GMRES keeps, two vectors of displacements each, allocated as they are needed. Default 30.
     pub directions: usize,
-    /// Largest relative residual to which the linear system of a step is solved (η_max of Eisenstat and Walker); it is that of the first step
-    /// of a run and of all steps after nodes have changed their piece. Default 0.1.
+    /// Largest relative residual to which the linear system of a step is solved (η_max of Eisenstat and Walker); it is that of the first
+    /// step of a run and of all steps after nodes have changed their piece. Default 0.1.
     pub forcing: f64,
-    /// Largest number of load steps tried when Newton's method does not arrive from the start; 0 leaves them out. Default 100.
+    /// Largest number of load steps, tried when Newton's method does not converge from the start; 0 skips them. Default 100.
     pub max_load_steps: usize,
-    /// Most displacements in space with which the condensed form is tried when load steps fail as well: it factors the stiffness matrix. In
-    /// the plane, where factors are thinner, ten times as many. 0 leaves it out. Default 100 000.
+    /// Largest number of displacements in space with which the condensed form, which factors the stiffness matrix, is tried when load steps
+    /// fail as well; ten times as many in the plane, where factors have less fill-in. 0 skips it. Default 100 000.
     pub max_condensed: usize,
-    /// Wall-clock time after which the making of a problem ends, and each solve with its best iterate; looked at between GMRES iterations, and in
-    /// multigrid at each strip of rows: between two looks there is at most a product with the stiffness matrix, or a pass over the
-    /// directions of GMRES; the condensed form looks between factorisations. Default none: with a limit results depend on the machine.
+    /// Wall-clock time after which the construction of a problem ends, and each solve with its best iterate. It is checked between GMRES
+    /// iterations, and in multigrid at each strip of rows: between two checks there is at most a product with the stiffness matrix, or a
+    /// pass over the directions of GMRES; the condensed form checks it between factorisations. Default none: with a limit results depend on
+    /// the machine.
     pub max_time: Option<Duration>,
-    /// Memory in bytes that multigrid and GMRES may take beside the body, by an estimate made before they are allocated. Default none.
+    /// Memory in bytes that multigrid and GMRES may take in addition to the body, by an estimate made before they are allocated. Default
+    /// none.
     pub max_memory: Option<u64>,
 }
 

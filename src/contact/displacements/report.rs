@@ -12,13 +12,13 @@ use crate::words::Count;
 pub enum ReducedStrategy {
     /// Semismooth Newton steps from the start.
     Newton,
-    /// The load was put on step by step.
+    /// Load steps.
     LoadSteps,
     /// The strategies of the condensed form.
     Condensed,
 }
 
-/// How far a solve has come.
+/// The progress of a solve.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct ReducedProgress {
@@ -43,24 +43,24 @@ pub struct ReducedIteration {
     pub residuals: ContactResiduals,
     /// Numbers of open, sticking and slipping nodes before the step.
     pub states: [usize; 3],
-    /// The relative residual asked of the linear system.
+    /// The relative tolerance of the linear system.
     pub forcing: f64,
     /// GMRES iterations.
     pub krylov: usize,
-    /// The part of the step that was taken.
+    /// The step length, in (0, 1].
     pub step: f64,
 }
 
-/// Where the time went.
+/// Wall-clock times by task.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ReducedTimes {
     /// Changes of the multigrid hierarchy as nodes change state.
     pub select: Duration,
-    /// GMRES with its cycles.
+    /// GMRES with its multigrid cycles.
     pub krylov: Duration,
-    /// Products, laws of the nodes, and all else.
+    /// Products, laws of the nodes, and everything else.
     pub rest: Duration,
 }
 
@@ -71,18 +71,18 @@ pub struct ReducedTimes {
 pub struct ReducedReport {
     /// The free displacements u, as numbered in the stiffness matrix.
     pub displacements: Vec<f64>,
-    /// Contact forces λν of all nodes, then λt₁, in space then λt₂: f − A u at the contact nodes. With α appended they are the x of the
+    /// Contact forces λν of all nodes, then λt₁, in space then λt₂: f − A u at the contact nodes. Followed by α they are the x of the
     /// condensed form.
     pub forces: Vec<f64>,
     /// Residuals of the full problem, computed at these displacements.
     pub residuals: ContactResiduals,
     /// Numbers of open, sticking and slipping nodes at these displacements.
     pub states: [usize; 3],
-    /// What led here.
+    /// The strategy that led here.
     pub strategy: ReducedStrategy,
     /// All Newton steps, of failed attempts too.
     pub iterations: Vec<ReducedIteration>,
-    /// Where the time went.
+    /// Wall-clock times by task.
     pub times: ReducedTimes,
 }
 

@@ -1,4 +1,4 @@
-//! The linear systems of Newton's method in the displacements, and who solves them.
+//! The linear systems of Newton's method in the displacements, and their solver.
 
 use std::cell::RefCell;
 use std::ops::ControlFlow;
@@ -11,15 +11,15 @@ use crate::linear::{Aggregation, Gmres, LinearError};
 use crate::parallel;
 use crate::sparse::{Blocks, NodalBlocks, add_product};
 
-/// What Newton's method in the displacements needs of a body: products with its stiffness matrix A and solves with matrices that differ
-/// from A in few rows.
+/// The operations on a body that Newton's method in the displacements needs: products with its stiffness matrix A and solves with matrices
+/// that differ from A in few rows.
 ///
-/// Vectors hold all components of all nodes; components of contact nodes are those along ν, t₁[, t₂]. Where a body is spread over
-/// several processes, slices are the part of each, numbers are local, and all methods are collective: the loop itself makes the same
-/// decisions everywhere, as it sees nothing but [`sum`](Self::sum) and [`max`](Self::max). [`ReducedContact`](super::ReducedContact)
-/// brings an implementation for one process.
+/// Vectors hold all components of all nodes; components of contact nodes are those along ν, t₁[, t₂]. Where a body is distributed over
+/// several processes, slices hold the part of each, indices are local, and all methods are collective: the loop makes the same decisions
+/// everywhere, as these depend only on [`sum`](Self::sum) and [`max`](Self::max). [`ReducedContact`](super::ReducedContact) contains an
+/// implementation for one process.
 pub trait ReducedSystem {
-    /// What can go wrong.
+    /// The error type.
     type Error;
 
     /// Number of components in this process.
@@ -36,21 +36,21 @@ pub trait ReducedSystem {
     /// Those of the implementation.
     fn mul(&mut self, u: &[f64], out: &mut [f64]) -> Result<(), Self::Error>;
 
-    /// Chooses the matrix of the [solves](Self::solve) to come.
+    /// Sets the matrix of subsequent [solves](Self::solve).
     ///
     /// # Errors
     /// Those of the implementation; a matrix that is singular.
     fn select(&mut self, step: &ReducedStep<'_>) -> Result<(), Self::Error>;
 
-    /// `d` ← an approximate solution for the right-hand side `r` (which is 0 where components are constrained, as d is), with a residual below
+    /// `d` ← an approximate solution for the right-hand side `r` (which is 0 at prescribed components, as d is), with a residual below
     /// `tolerance` ‖r‖₂ if that is reached within the limits of the implementation.
     ///
     /// # Errors
     /// Those of the implementation.
     fn solve(&mut self, r: &[f64], d: &mut [f64], tolerance: f64) -> Result<KrylovOutcome, Self::Error>;
 
-    /// [`solve`](Self::solve), which tells `observe` how many iterations it has done before each one and ends where that breaks, with
-    /// what it has reached. Unless an implementation does so, the observer is asked between Newton steps alone.
+    /// [`solve`](Self::solve), which calls `observe` before each iteration with the number of those done and, where that breaks, ends with
+    /// the iterate reached. By default it is not called, so that a search can only be stopped between Newton steps.
     ///
     /// # Errors
     /// Those of the implementation.
@@ -77,11 +77,11 @@ pub trait ReducedSystem {
     fn max(&self, values: &mut [f64]) -> Result<(), Self::Error>;
 }
 
-/// Sees the number of iterations of a linear solve, and may end it. It may be called from a thread of the pool.
+/// Called with the number of iterations of a linear solve, which it may end. It may be called from a worker thread.
 pub type KrylovObserver<'a> = dyn FnMut(usize) -> ControlFlow<()> + Send + 'a;
 
-/// A matrix in terms of the stiffness matrix A: rows and columns that are constrained become those of the identity, the rest is A + `added` +
-/// `beside` + `combined`.
+/// A matrix in terms of the stiffness matrix A: rows and columns of `constrained` components become those of the identity, the rest is
+/// A + `added` + `beside` + `combined`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct ReducedStep<'a> {
@@ -89,19 +89,19 @@ pub struct ReducedStep<'a> {
     pub constrained: &'a [usize],
     /// (row, column, value) in diagonal blocks of contact nodes: symmetric, positive semidefinite, to be preconditioned with A.
     pub added: &'a [(usize, usize, f64)],
-    /// (row, column, value) beside what is preconditioned.
+    /// (row, column, value), not included in the preconditioner.
     pub beside: &'a [(usize, usize, f64)],
-    /// (i, j, c): row i += c · row j of A, beside what is preconditioned; i and j belong to one node.
+    /// (i, j, c): row i += c · row j of A, not included in the preconditioner; i and j belong to one node.
     pub combined: &'a [(usize, usize, f64)],
 }
 
-/// How an iterative solve went.
+/// The outcome of an iterative solve.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[non_exhaustive]
 pub struct KrylovOutcome {
     /// Number of iterations.
     pub iterations: usize,
-    /// ‖r − J d‖₂ / ‖r‖₂, as the recurrence has it.
+    /// ‖r − J d‖₂ / ‖r‖₂, by the recurrence.
     pub residual: f64,
 }
 
@@ -113,9 +113,9 @@ impl KrylovOutcome {
     }
 }
 
-/// Reduction of the residual by one iteration above which the cycle smooths more.
+/// Factor of the residual per iteration above which the cycle is given more smoothing.
 const SLOW: f64 = 0.54;
-/// Iterations of a solve from which its reduction tells something.
+/// Number of iterations of a solve from which its reduction factor is meaningful.
 const TELLING: usize = 6;
 
 /// One process: GMRES, preconditioned by smoothed aggregation.
@@ -165,13 +165,13 @@ impl SerialSystem {
         })
     }
 
-    /// Limits of the solves to come.
+    /// Sets the limits of subsequent solves.
     pub(super) fn limit(&mut self, directions: usize, max_iterations: usize) {
         self.gmres = Gmres::flexible(directions);
         self.max_iterations = max_iterations;
     }
 
-    /// How much time changes and cycles to come may take from now on: they end in the middle then.
+    /// Sets the time limit of subsequent changes of the hierarchy and cycles, which end early when it is reached.
     pub(super) fn set_time_limit(&mut self, limit: Option<Duration>) {
         let until = Until::after(limit);
         match &mut self.hierarchy {
@@ -215,7 +215,7 @@ impl ReducedSystem for SerialSystem {
             _ => Err(LinearError::NotAnalyzed),
         };
         match changed {
-            // The solve to come ends as well, before it has begun.
+            // The next solve then ends before its first iteration.
             Err(LinearError::Interrupted) => Ok(()),
             changed => changed,
         }
@@ -265,7 +265,7 @@ impl ReducedSystem for SerialSystem {
     }
 }
 
-/// What differs from A in the matrix at hand, but for what the hierarchy knows.
+/// The part of the current matrix that is neither in A nor in the hierarchy.
 struct Rows<'a> {
     constrained: &'a [usize],
     beside: &'a [(usize, usize, f64)],
@@ -284,7 +284,7 @@ impl Rows<'_> {
     ) -> Result<KrylovOutcome, LinearError> {
         let hierarchy = RefCell::new(hierarchy);
         let (mut iterations, mut stopped) = (0, false);
-        // GMRES multiplies what the cycle has just made, and the cycle knows A times that.
+        // GMRES multiplies the result of the last cycle, for which the cycle has computed the product with A.
         let solved = gmres.solve(
             |x, y| {
                 hierarchy.borrow().add_image(a, x, y);
@@ -300,12 +300,12 @@ impl Rows<'_> {
                 stopped = stopped || observe(iterations).is_break();
                 iterations += 1;
                 if stopped {
-                    // Any error ends GMRES, which then leaves what it has reached.
+                    // Any error ends GMRES, which keeps the iterate reached.
                     return Err(LinearError::Interrupted);
                 }
                 let done = hierarchy.borrow_mut().apply(a, z);
                 if done == Err(LinearError::Interrupted) {
-                    // Who asked for the solve learns that time is over.
+                    // The time limit is reported to the caller.
                     let _ = observe(iterations);
                     stopped = true;
                 }

@@ -12,15 +12,15 @@ type NodeFunction = Arc<dyn Fn(usize, f64, f64) -> [f64; 3] + Send + Sync>;
 
 /// A coefficient of friction F(ξ) against the slip ξ = ‖u_t‖ ≥ 0.
 ///
-/// In the static problem u_t is the whole tangential displacement. In a history of loading ([`evolve`](crate::contact::evolve)) slips are measured
-/// anew in each level, and ξ is the slip of the level and of all levels before it together: Σ ‖Δu_t‖.
+/// In the static problem u_t is the whole tangential displacement. In a history of loading ([`evolve`](crate::contact::evolve)) slips are
+/// measured anew in each level, and ξ is the slip accumulated over this level and all before it: Σ ‖Δu_t‖.
 ///
 /// ```
 /// use semismooth::contact::FrictionCurve;
 /// let f = FrictionCurve::exponential(0.4, 0.1, 0.005)?; // 0.1 + 0.3 exp(−ξ/0.005)
 /// assert!((f.value(0.0).0 - 0.4).abs() < 1e-15 && f.value(0.0).1 < 0.0);
 /// let table = FrictionCurve::table(&[(0.0, 0.4), (0.01, 0.2), (0.02, 0.2)])?;
-/// assert_eq!(table.value(1.0), (0.2, 0.0)); // constant behind the last point
+/// assert_eq!(table.value(1.0), (0.2, 0.0)); // constant beyond the last point
 /// # Ok::<(), semismooth::contact::ContactError>(())
 /// ```
 #[derive(Clone)]
@@ -165,7 +165,7 @@ impl FrictionCurve {
         }
     }
 
-    /// The same curve times a factor ≥ 0.
+    /// The curve multiplied by a factor ≥ 0.
     #[must_use]
     pub fn times(&self, factor: f64) -> Self {
         let own = self.clone();
@@ -180,10 +180,10 @@ impl FrictionCurve {
     }
 }
 
-/// F and its derivatives with respect to slip and α at a slip below 0, from those at 0 and at the slip without its sign.
+/// F and its derivatives with respect to slip and α at a slip ξ < 0, from those at 0 and at |ξ|.
 ///
-/// Were F negative there, a node could lie in the cells of slip to both sides. Curves of folds end at slip 0, and see second derivatives. The
-/// derivative of F' with respect to α is not known: the last one is exact to first order in the slip.
+/// Were F negative there, a node could lie in the cells of both slip directions. Curves of folds end at slip 0 and use second derivatives.
+/// As ∂F'/∂α is not known, the derivative with respect to α is exact only to first order in the slip.
 fn continued(zero: [f64; 3], mirrored: [f64; 3], slip: f64) -> [f64; 3] {
     let [value, slope, rate] = zero;
     if slope <= 0.0 {
@@ -221,9 +221,9 @@ fn check(value: f64, slip: f64) -> Result<(), ContactError> {
 pub struct FrictionCoefficient {
     shape: Shape,
     factor: f64,
-    /// What a second parameter β adds to F at each node: β times this.
+    /// F₂ at each node: with a second parameter β the coefficient is F + β F₂.
     second: Option<Arc<[f64]>>,
-    /// How many nodes it is for; `None`: any.
+    /// Number of nodes; `None`: any.
     nodes: Option<usize>,
 }
 
@@ -425,12 +425,12 @@ impl FrictionCoefficient {
         self.second.is_some() || !matches!(self.shape, Shape::Uniform(_) | Shape::PerNode { .. })
     }
 
-    /// How many nodes it is for; `None`: any.
+    /// Number of nodes; `None`: any.
     pub(super) fn num_nodes(&self) -> Option<usize> {
         self.nodes
     }
 
-    /// [c, s] where F = c + α s at a node, and nothing else.
+    /// [c, s] where F = c + α s exactly at a node; `None` otherwise.
     pub(super) fn affine_at(&self, node: usize) -> Option<[f64; 2]> {
         match &self.shape {
             _ if self.is_constant() => Some([self.value(node, 0.0, 0.0)[0], 0.0]),
@@ -450,7 +450,7 @@ impl FrictionCoefficient {
         }
     }
 
-    /// Whether F depends on nothing but the node.
+    /// Whether F depends on the node alone.
     pub(super) fn is_constant(&self) -> bool {
         !self.depends_on_parameter() && !self.depends_on_slip()
     }
@@ -491,7 +491,7 @@ pub(super) fn check_coefficient(
 mod tests {
     use super::*;
 
-    /// c F has c times the values and derivatives of F, in whichever form it is asked for.
+    /// c F has c times the values and derivatives of F, in each of its representations.
     #[test]
     fn multiples_are_multiples_in_every_form() {
         let line = FrictionCoefficient::affine(vec![0.2], vec![0.1]).unwrap();

@@ -46,7 +46,7 @@ impl NodeLaw for Frictionless {
     fn state(&self, piece: usize, v: &LocalValues) -> ContactState {
         match piece {
             0 => ContactState::Open,
-            // The traction is zero, with a sign of rounding.
+            // The side is that of the slip: the traction is zero up to rounding.
             _ => ContactState::slipping(v.slip[0]),
         }
     }

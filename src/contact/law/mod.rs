@@ -1,4 +1,4 @@
-//! Laws of contact at one node: the only place where friction is written.
+//! Laws of contact at one node.
 
 mod coefficient;
 mod frictionless;

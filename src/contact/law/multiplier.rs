@@ -8,9 +8,9 @@ use crate::piecewise::Facet;
 /// Planar Coulomb friction with the bound g = F λν, the form of Haslinger, Janovský and Ligurský;
 /// [`PlanarCoulomb`](crate::contact::PlanarCoulomb) has g = F (θ¹)₊.
 ///
-/// The same solutions and determinants; off solutions the open state splits ("open", "open, stick", "open, slip-"), and where
-/// λν < 0 the interval is reversed ("reversed", "open, reversed"). Along a branch an open node whose u_t changes sign passes from one open piece
-/// to another: an artefact, no transition of the solution.
+/// The same solutions and determinants; off solutions the open state splits ("open", "open, stick", "open, slip-"), and where λν < 0 the
+/// interval is reversed ("reversed", "open, reversed"). Along a branch an open node whose u_t changes sign passes from one open piece to
+/// another: an artefact of the formulation, not a transition of the solution.
 #[derive(Debug, Clone)]
 pub struct MultiplierCoulomb {
     coefficient: FrictionCoefficient,

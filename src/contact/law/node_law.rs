@@ -25,7 +25,7 @@ pub struct LocalValues {
     pub parameter: f64,
     /// β, the second parameter of a family; 0 where there is none.
     pub second: f64,
-    /// History variables; those that the law does not have are 0.
+    /// History variables; 0 beyond [`NodeLaw::num_history`].
     pub history: [f64; MAX_HISTORY],
     /// r > 0.
     pub r: f64,
@@ -148,18 +148,18 @@ impl LocalRow {
     }
 }
 
-/// Most test functions a law may have.
+/// Largest number of test functions of a law.
 pub const MAX_TESTS: usize = 4;
 
-/// Most history variables a law may have at a node.
+/// Largest number of history variables of a law at a node.
 pub const MAX_HISTORY: usize = 4;
 
-/// Whether a law fits a body: every form of a contact problem asks this first.
+/// Checks that a law fits a body; the constructors of all contact problems do so.
 ///
 /// # Errors
 /// [`ContactError::Tangents`] and [`ContactError::Length`] where the law is for another number of tangential directions or contact nodes,
-/// [`ContactError::Law`] where it has more test functions or history variables than a node has room for, no piece, or a piece whose cell
-/// names a test function that there is not.
+/// [`ContactError::Law`] where it has more than [`MAX_TESTS`] test functions or [`MAX_HISTORY`] history variables, no piece, or a piece
+/// whose cell names a test function that does not exist.
 ///
 /// ```
 /// use semismooth::contact::{ContactError, Frictionless, check_law};
@@ -199,17 +199,17 @@ pub fn check_law<L: NodeLaw + ?Sized>(law: &L, tangents: usize, nodes: usize) ->
 
 /// A law of contact at one node: a finite list of smooth pieces, each with its cell.
 ///
-/// Residuals come in the order normal, t₁, t₂ (in the plane the last is not used). Pieces and test functions obey the
-/// contract of [`PiecewiseSmooth`](crate::piecewise::PiecewiseSmooth): pieces that share a facet agree on it. Normal residuals are
-/// those of [`LocalValues::normal`], with the test function θ¹; tangential ones have to agree with λt where θ¹ = 0, and with z = λt + r u_t
-/// a law λt = P(z) with a projection P gives H_t = λt − P(z): −r u_t where z is projected onto itself (stick). All functions are pure, and the
-/// rows are derivatives by all fields of [`LocalRow`]. [`check`](crate::piecewise::check) of a small problem finds rows that are wrong.
+/// Residuals come in the order normal, t₁, t₂ (in the plane the last is not used). Pieces and test functions obey the contract of
+/// [`PiecewiseSmooth`](crate::piecewise::PiecewiseSmooth): pieces that share a facet agree on it. Normal residuals are those of
+/// [`LocalValues::normal`], with the test function θ¹; tangential ones have to equal λt where θ¹ = 0. With z = λt + r u_t, a law λt = P(z)
+/// with a projection P gives H_t = λt − P(z), which is −r u_t where P(z) = z (stick). All functions are pure, and rows hold the derivatives
+/// with respect to all fields of [`LocalRow`]. [`check`](crate::piecewise::check) on a small problem finds wrong rows.
 ///
 /// Laws whose pieces are affine ([`is_affine`](Self::is_affine)) have curves that are polygons and lists of all solutions
-/// ([`all_solutions`](crate::enumeration::all_solutions)); in space slip turns and is not affine, so that
-/// [`search_solutions`](crate::continuation::search_solutions) has to do.
+/// ([`all_solutions`](crate::enumeration::all_solutions)); in space slip may change its direction and is not affine: there
+/// [`search_solutions`](crate::continuation::search_solutions) lists the solutions that it finds, without proof.
 ///
-/// Friction in the plane that is worn off by the slip of all levels before:
+/// Planar friction that wears off with the slip accumulated over all levels before:
 ///
 /// ```
 /// use std::ops::ControlFlow;
@@ -268,7 +268,7 @@ pub fn check_law<L: NodeLaw + ?Sized>(law: &L, tangents: usize, nodes: usize) ->
 /// // It slips by 1 − F(0) = 0.4; then friction is F(0.4), and the whole slip 2 − F(0.4).
 /// assert!((steps[0].history[0] - 0.4).abs() < 1e-12);
 /// assert!((steps[1].history[0] - (2.0 - friction(&[0.4]))).abs() < 1e-12);
-/// // The elastic energy changes from ½ 0.4² to half the square of that slip, the jump at the fall of F included.
+/// // The elastic energy changes from ½ 0.4² to half the square of that slip, including the jump where F drops.
 /// assert!((steps[1].stored - (0.5 * steps[1].history[0].powi(2) - 0.08)).abs() < 1e-12);
 /// // All solutions under the load at the end, and the proof that there are no others.
 /// let set = all_solutions(&problem, 2.0, &EnumerationOptions::default())?;
@@ -318,8 +318,8 @@ pub trait NodeLaw {
         }
     }
 
-    /// The state of a node in a piece; by default that of Coulomb friction. Where slip of either direction is one piece,
-    /// [`ContactState::slipping`] tells the side.
+    /// The state of a node in a piece; by default that of Coulomb friction. Where slip in both directions is one piece,
+    /// [`ContactState::slipping`] gives the side.
     fn state(&self, piece: usize, v: &LocalValues) -> ContactState {
         match (self.num_tangents(), piece) {
             (2, 2) => ContactState::slipping(v.traction[0]),
@@ -355,11 +355,11 @@ pub trait NodeLaw {
     }
 
     /// Updates the history variables of a node at the end of a load level, from the values there: slips are those of the level. The law
-    /// must be independent of rates: levels are no times.
+    /// must be rate-independent: levels are not times.
     fn update(&self, _v: &LocalValues, _history: &mut [f64]) {}
 
-    /// Whether the coefficients of friction depend on the slip u_t of a level alone, and not on a history. A history of loading measures slips level by level
-    /// ([`evolve`](crate::contact::evolve)).
+    /// Whether the coefficients of friction depend on the slip u_t of a level alone, without history variables;
+    /// [`evolve`](crate::contact::evolve) measures slips level by level.
     fn depends_on_slip(&self) -> bool {
         false
     }
@@ -392,7 +392,7 @@ macro_rules! pointed_to {
             $(fn $name(&self $(, $arg: $ty)*) $(-> $out)? { (**self).$name($($arg),*) })*
         }
 
-        /// A law behind a shared pointer: one of several kinds, chosen as the program runs.
+        /// A law behind a shared pointer: one of several types, chosen at run time.
         impl<L: NodeLaw + ?Sized> NodeLaw for Arc<L> {
             $(fn $name(&self $(, $arg: $ty)*) $(-> $out)? { (**self).$name($($arg),*) })*
         }

@@ -14,17 +14,17 @@ use crate::piecewise::Facet;
 /// onto the disc of radius R = θ¹. Slip is parallel to F⁻² λt, not to λt, unless F₁ = F₂. Pieces "open", "stick", "slip"; test functions
 /// θ¹, θ² = ‖z‖ − R and, where F depends on α, F₁ and F₂ as walls. Only semismooth at the apex z = 0, R = 0.
 ///
-/// Where F depends on the slip it is taken not at ‖u_t‖, which has a kink where a node comes to rest, but at a function of u_t and λt that
-/// is ‖u_t‖ at solutions and smooth there.
+/// Where F depends on the slip it is evaluated not at ‖u_t‖, which has a kink at u_t = 0, but at a function of u_t and λt that equals ‖u_t‖
+/// at solutions and is smooth there.
 #[derive(Debug, Clone)]
 pub struct OrthotropicCoulomb {
     coefficients: [FrictionCoefficient; 2],
 }
 
-/// ε against the length of d in the units of slip: above rounding, below all slips that matter.
+/// ε relative to the length of d, in units of slip: above rounding, below all relevant slips.
 const SHORT: f64 = 1e-8;
 
-/// b²/a² from which φ is linear in a. Slip and d at solutions to wrong coefficients would have to lie at least that askew.
+/// b²/a² from which φ is linear in a. A spurious solution, at which φ ≠ ‖u_t‖, would need b²/a² at least this large.
 const OBLIQUE: f64 = 400.0;
 
 /// Intermediate quantities of the orthotropic law.
@@ -60,9 +60,10 @@ impl OrthotropicCoulomb {
 
     /// The slip φ at which the coefficients are taken, and its derivatives.
     ///
-    /// ‖u_t‖ has a kink at u_t = 0, where nodes pass from slip to stick. At solutions slip has the direction of d = F⁻² λt + r u_t with F at
-    /// ‖u_t‖. With a the component of u_t along d, b the other one and a short length ε, φ = a (1 + b²/(a² + ε²))^½ is smooth at
-    /// u_t = 0, negative beyond, and ‖u_t‖ at solutions; far from ε it is ±‖u_t‖, but linear in a where b is much the larger.
+    /// ‖u_t‖ has a kink at u_t = 0, where nodes pass from slip to stick. At solutions slip has the direction of d = F⁻² λt + r u_t with F
+    /// at ‖u_t‖. With a the component of u_t along d, b the other one and a short length ε, φ = a (1 + b²/(a² + ε²))^½ is smooth at
+    /// u_t = 0, negative beyond, and ‖u_t‖ at solutions; for slips much larger than ε it is ±‖u_t‖, except where |b| is much larger than
+    /// |a|: there it is linear in a.
     fn signed_slip(&self, v: &LocalValues) -> (f64, LocalRow) {
         let u = v.slip;
         let norm = v.slip_norm();
@@ -277,7 +278,7 @@ mod tests {
     use super::*;
     use crate::contact::FrictionCurve;
 
-    /// The slip at which coefficients are taken is smooth where a node comes to rest: its derivatives are differences also there.
+    /// The slip φ is smooth at u_t = 0: its derivatives agree with differences there too.
     #[test]
     fn derivatives_of_the_slip_are_differences_next_to_rest() {
         let curve = |rest: f64| FrictionCurve::exponential(rest, 0.1, 2.0).unwrap();

@@ -1,4 +1,4 @@
-//! Planar Coulomb friction with the bound F θ¹, and what laws with one tangent share.
+//! Planar Coulomb friction with the bound F θ¹, and functions shared by laws with one tangent.
 
 use super::FrictionCoefficient;
 use super::coefficient::check_coefficient;
@@ -113,7 +113,7 @@ impl PlanarCoulomb {
         row
     }
 
-    /// A function of the side at both; the same at both where F does not depend on the slip.
+    /// A function of the side σ = ±1 at both sides, evaluated once where F does not depend on the slip.
     fn sides<T: Copy>(&self, of: impl Fn(f64) -> T) -> [T; 2] {
         let first = of(1.0);
         let depends = self.coefficient.depends_on_slip();

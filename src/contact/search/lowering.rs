@@ -1,4 +1,4 @@
-//! Ways to a solution from a problem solved easily: the body is lowered onto the foundation.
+//! Homotopies from a problem with a known solution: the body is lowered onto the foundation.
 
 use std::ops::ControlFlow;
 use std::time::Duration;
@@ -13,20 +13,21 @@ use crate::piecewise::{Facet, PiecewiseSmooth, Selection};
 use crate::sparse::norm;
 use crate::spread::golden;
 
-/// Points times unknowns³ of one path beyond which it is given fewer points, and the fewest.
+/// Limit on points × unknowns³ of one path, and the least limit on points that follows from it.
 const WORK: f64 = 4e12;
 const FEWEST: f64 = 300.0;
 
-/// Where a coefficient of friction changes steeply with the slip, against the stiffness, paths bend within lengths far below those of steps:
-/// the shortest one, and how accurate its end is.
+/// The smallest step, and the accuracy of the end of a path: where a coefficient of friction changes steeply with the slip, compared with
+/// the stiffness, paths bend within lengths far below the usual steps.
 const MIN_STEP: f64 = 1e-13;
 const ACCURATE: f64 = 1e-12;
 
-/// Largest and smallest part of the way made in one increment.
+/// Largest and smallest increment of the homotopy parameter in [0, 1].
 const LARGEST: f64 = 0.25;
 const SMALLEST: f64 = 1.0 / 512.0;
 
-/// How to lower the body: the strategy, which order of touching nodes it takes, the largest number of points of a path, and the time that is left.
+/// A homotopy: its strategy, the number of the order in which nodes touch, the largest number of points of a path, and the time that is
+/// left.
 #[derive(Debug, Clone, Copy)]
 pub(in crate::contact) struct Lowering {
     pub(in crate::contact) strategy: ContactStrategy,
@@ -35,14 +36,14 @@ pub(in crate::contact) struct Lowering {
     pub(in crate::contact) left: Option<Duration>,
 }
 
-/// What became of an attempt: the last point, in the variables of the form, and how many points were found on the way.
+/// The result of an attempt: the last point, in the variables of the form, and the number of points found.
 pub(in crate::contact) struct LoweringEnd {
     pub(in crate::contact) x: Vec<f64>,
     pub(in crate::contact) points: usize,
     pub(in crate::contact) interrupted: bool,
 }
 
-/// A law at fixed α whose parameter t lowers the body: the gap is wider by (1 − t) times the distance of the node.
+/// A law at fixed α whose parameter t lowers the body: the gap is widened by (1 − t) times the initial height of the node.
 pub(in crate::contact) struct Lowered<L> {
     law: L,
     alpha: f64,
@@ -117,11 +118,11 @@ impl<L: NodeLaw> NodeLaw for Lowered<L> {
 }
 
 /// Lowers the body onto the foundation from where no node touches it: in increments, or along the curve of solutions through kinks and
-/// folds. `None` where the body does not stand without contact or the path cannot be begun.
+/// folds. `None` where the body is not supported without contact or the path cannot be started.
 ///
-/// Far above the foundation the only solution is that without contact forces, and all solutions on the way are bounded: the energy of
-/// the contact forces is at most the work of the load. As the law is continuous, the solutions on the way therefore include a
-/// continuum from the first problem to the last, which is a curve for almost all distances of the nodes.
+/// Far above the foundation the only solution is that without contact forces, and all solutions of the homotopy are bounded: the energy of
+/// the contact forces is at most the work of the load. As the law is continuous, the solutions therefore include a continuum that joins the
+/// first problem to the last; for almost all heights of the nodes it is a curve.
 pub(in crate::contact) fn lower<V: View>(
     form: &Contact<V, &dyn NodeLaw>,
     alpha: f64,

@@ -4,8 +4,8 @@ use crate::contact::ContactError;
 use crate::newton::{NewtonError, NewtonOptions};
 use crate::options::setters;
 
-/// Options of the search for a solution at fixed α ([`CondensedContact::solve_observed`](crate::contact::CondensedContact::solve_observed)). The
-/// defaults need no touching.
+/// Options of the search for a solution at fixed α
+/// ([`CondensedContact::solve_observed`](crate::contact::CondensedContact::solve_observed)). The defaults suit most problems.
 ///
 /// ```
 /// use semismooth::contact::ContactOptions;
@@ -20,21 +20,22 @@ use crate::options::setters;
     serde(default, deny_unknown_fields)
 )]
 pub struct ContactOptions {
-    /// Newton's method: each of its runs, at most 13 before the body is lowered and three behind each way down, and each increment.
+    /// Options of each run of Newton's method: at most 13 runs before the body is lowered, three after each lowering, and one for each
+    /// increment.
     pub newton: NewtonOptions,
-    /// Largest number of increments in which the body is lowered; 0 leaves that out. Default 1000.
+    /// Largest number of increments in which the body is lowered; 0 skips this strategy. Default 1000.
     pub max_increments: usize,
-    /// Largest number of paths along which the body is lowered, the nodes touching in another order each time. Default 6.
+    /// Largest number of paths along which the body is lowered; the nodes touch in another order on each. Default 6.
     pub max_paths: usize,
-    /// Largest number of points of a path; all paths are tried with 250 points before one is followed further. Default 16 000; problems of more
-    /// than 630 unknowns are given fewer, the number falling with n³ to 300.
+    /// Largest number of points of a path; all paths are tried with 250 points before one is followed further. Default 16 000; problems of
+    /// more than 630 unknowns are given fewer, the number falling with n³ to 300.
     pub max_points: usize,
     /// Largest number of branchings of a path at which an arm is chosen. Default 16.
     pub max_branchings: usize,
     /// Largest number of partial selections tried at a degenerate point of a path. Default 20 000.
     pub max_nodes: u64,
-    /// Wall-clock time after which the search ends as if the observer had stopped it; looked at between iterations. Default none:
-    /// with a limit results depend on the machine.
+    /// Wall-clock time after which the search ends as if the observer had stopped it; checked between iterations. Default none: with a
+    /// limit results depend on the machine.
     pub max_time: Option<Duration>,
 }
 

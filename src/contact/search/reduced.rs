@@ -1,4 +1,4 @@
-//! Newton's method for a condensed problem with all that is known node by node eliminated first.
+//! Newton's method for a condensed problem, with the unknowns that each node's own equations determine eliminated first.
 
 use std::collections::HashMap;
 use std::ops::ControlFlow;
@@ -12,25 +12,25 @@ use crate::parallel;
 use crate::piecewise::PiecewiseSmooth;
 use crate::sparse::Matrix;
 
-/// A residual against the largest force that is rounding, and one that is where it no longer falls.
+/// Residual relative to the largest force that counts as rounding, and a larger one that does where the residual no longer falls.
 const ROUNDING: f64 = 1e-14;
 const NEARLY: f64 = 1e-10;
 
-/// Residuals that are not below this share of the one with the same pieces before do not fall.
+/// A residual above this share of the earlier one with the same pieces is no progress.
 const PROGRESS: f64 = 0.9;
 
-/// Columns of the matrix that one core sums at a time.
+/// Number of columns of the matrix that one thread assembles at a time.
 const COLUMNS: usize = 64;
 
-/// Smallest pivot of a node's block against its largest entry.
+/// Smallest pivot of a node's block relative to its largest entry.
 const PIVOT: f64 = 1e-12;
 
-/// The rows of one node, D δv + E δλ = b, after elimination: the first `rank` keep displacements, the others have given
-/// δλ = T μ + s with `rank` components μ.
+/// The rows of one node, D δv + E δλ = b, after elimination: the first `rank` contain displacements; the others give δλ = T μ + s with
+/// `rank` free components μ.
 #[derive(Debug, Clone, Copy, Default)]
 struct Node {
     rank: usize,
-    /// Number of the node's first μ.
+    /// Index of the node's first component of μ.
     first: usize,
     d: [[f64; 3]; 3],
     e: [[f64; 3]; 3],
@@ -60,7 +60,7 @@ impl Node {
             n.e.swap(k, row);
             n.b.swap(k, row);
             used[column] = true;
-            // Rows of laws differ by factors that change with the coefficient of friction: divided by it their matrix does not.
+            // The pivot may contain a factor that changes with the coefficient of friction; the row divided by it does not change.
             let p = n.d[k][column];
             n.d[k] = n.d[k].map(|v| v / p);
             n.e[k] = n.e[k].map(|v| v / p);
@@ -79,7 +79,7 @@ impl Node {
         Some(n)
     }
 
-    /// Whether the rows and columns of the matrix are those of another node.
+    /// Whether the node contributes the same rows and columns to the matrix as `other`.
     fn has_matrix_of(&self, other: &Self) -> bool {
         let rows = |n: &Self| (n.rank, n.first, n.t, n.d, n.e);
         let (own, other) = (rows(self), rows(other));
@@ -147,25 +147,25 @@ fn pivot(m: &[[f64; 3]; 3], rows: std::ops::Range<usize>, blocks: usize, used: &
     at
 }
 
-/// Newton's method for condensed problems in what is not known node by node, with the last matrix factored: that of laws with given bounds is
-/// the same as long as the pieces are, from one problem to the next.
+/// Newton's method for condensed problems in the unknowns left after elimination at each node. The last factorisation is kept: under laws
+/// with given bounds the matrix depends only on the pieces and serves from one problem to the next.
 #[derive(Debug, Default)]
 pub(in crate::contact) struct ReducedNewton {
     nodes: Vec<Node>,
     pieces: Vec<usize>,
-    /// The nodes to which `lu` belongs; none where that failed.
+    /// The nodes to which `lu` belongs; empty where the factorisation failed.
     factored: Vec<Node>,
     lu: DenseLu,
     /// The step in the forces, and C times it.
     s: Vec<f64>,
     image: Vec<f64>,
     rhs: Vec<f64>,
-    /// The matrix of what is left by columns, and for each of its columns the node and which of its μ.
+    /// The matrix of the remaining system by columns; for each column, the node and the index of its component of μ.
     matrix: Vec<f64>,
     columns: Vec<(usize, usize)>,
 }
 
-/// What is known of the nodes at an iterate.
+/// The state of the nodes at an iterate.
 struct Look {
     /// The largest residual, and the largest force.
     worst: f64,
@@ -175,12 +175,12 @@ struct Look {
 }
 
 impl ReducedNewton {
-    /// Improves x by Newton steps (full ones, shorter ones where these go round in a cycle) until the residual is rounding, or an affine
-    /// selection comes back; false where that fails, in full form, and where `go_on` breaks, which is asked before each step.
+    /// Improves x by Newton steps (full ones; damped ones once they cycle) until the residual is rounding, or an affine selection is
+    /// repeated. False where that fails, in full form, and where `go_on`, called before each step, breaks.
     ///
-    /// Open nodes have known forces, in the plane slipping ones have λt = ±F λν, in space one of their three equations is one between
-    /// forces alone: the order of the dense system is that of what is left, which is what makes large problems quick. Nothing is
-    /// judged here: the result is a start for the general method.
+    /// The forces of open nodes are known; at slipping nodes λt = ±F λν in the plane, and in space one of the three equations contains
+    /// forces alone. The dense system has only the remaining unknowns, which makes large problems fast. The result is not verified here: it
+    /// is a start for the general method.
     pub(super) fn run<V: View>(
         &mut self,
         problem: &Contact<V, &dyn NodeLaw>,
@@ -214,7 +214,7 @@ impl ReducedNewton {
             if go_on().is_break() || self.step(reduced.compliance(), q / p, look.order).is_none() {
                 return false;
             }
-            // Full steps that come back to the same pieces without progress go round for ever.
+            // Full steps that return to the same pieces without progress would cycle.
             if cycles {
                 if !descend(problem, x, &self.s) {
                     return false;
@@ -293,7 +293,7 @@ impl ReducedNewton {
         Some(())
     }
 
-    /// Factors the matrix of what is left, unless it is the one at hand.
+    /// Factors the matrix of the remaining system, unless it is the one factored last.
     fn factor(&mut self, c: &[f64], blocks: usize, order: usize) -> Option<()> {
         let (nodes, p) = (&self.nodes, self.nodes.len());
         let same = self.factored.len() == p
@@ -337,7 +337,7 @@ impl ReducedNewton {
     }
 }
 
-/// Goes along the step as far as the residual falls, by halving; `false` where it does not.
+/// Backtracks along the step, by halving, until the residual decreases; `false` where it does not.
 fn descend<V: View>(problem: &Contact<V, &dyn NodeLaw>, x: &mut [f64], step: &[f64]) -> bool {
     const HALVINGS: i32 = 12;
     let law = *problem.node_law();
@@ -368,8 +368,8 @@ mod tests {
     use super::*;
     use crate::spread::Random;
 
-    /// D of each rank, as a product, with its rows in no order, and steps (δv, δλ) that satisfy the rows: they satisfy what is left of them,
-    /// with the components of δλ that are free as μ.
+    /// D of each rank, as a product with permuted rows, and steps (δv, δλ) that satisfy the rows: they satisfy the eliminated rows with the
+    /// free components of δλ as μ.
     #[test]
     fn elimination_at_a_node_keeps_its_solutions() {
         let mut random = Random::new(3);

@@ -14,7 +14,7 @@ use crate::contact::{
 use crate::interface::View;
 use crate::newton::Newton;
 
-/// Pressures and tractions up to which the way down is followed in condensed form, whose matrices are dense.
+/// Largest number of pressures and tractions with which the lowering is followed in condensed form, whose matrices are dense.
 const CONDENSED: usize = 10_000;
 
 impl<'a, V: View> Contact<V, &'a dyn NodeLaw> {
@@ -55,7 +55,7 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
     }
 
     /// A solution at fixed α by PS-Newton from the linear problem with the given states (open nodes may have any coefficient of friction);
-    /// where that fails as [`solve`](Self::solve) without a start.
+    /// where that fails, as by [`solve`](Self::solve) without a start.
     ///
     /// # Errors
     /// [`ContactError::NegativeFriction`] where F(α) < 0 at a node that is not to be open; those of [`solve`](Self::solve); another number
@@ -79,23 +79,23 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
     /// A solution at fixed α: by PS-Newton from `start` (α is set; zero if there is none) and, where that fails, by the other
     /// strategies of [`ContactStrategy`](crate::contact::ContactStrategy).
     ///
-    /// A body that stands without contact has a solution under every law of this crate whose coefficients are continuous and
+    /// A body that is supported without contact has a solution under every law of this crate whose coefficients are continuous and
     /// bounded; it need not be unique.
     ///
     /// # Complexity
-    /// In condensed form a step of Newton's method costs O(q² + k³) operations, where k ≤ q counts what is not known node by node (nothing at
-    /// open nodes, one number at nodes that slip in the plane); in full form one sparse factorisation. The number of steps hardly grows
-    /// with the mesh; ways down, where they are needed, take as many as there are transitions on them.
+    /// In condensed form a step of Newton's method costs O(q² + k³) operations, where k ≤ q counts the unknowns left after elimination at
+    /// each node (none at open nodes, one at nodes that slip in the plane); in full form one sparse factorisation. The number of steps
+    /// hardly grows with the mesh; a lowering, where it is needed, takes as many as there are transitions on its path.
     ///
     /// # Errors
-    /// Coefficients of friction that are negative or not finite; [`ContactError::NoStart`], with the best iterate and its
-    /// history, when no strategy finds a solution; in full form [`ContactError::Unbalanced`] where that is as the load moves the body where
-    /// nothing resists.
+    /// Coefficients of friction that are negative or not finite; [`ContactError::NoStart`], with the best iterate and its history, when no
+    /// strategy finds a solution; in full form [`ContactError::Unbalanced`] where the reason is that the load moves the body in a direction
+    /// that neither stiffness nor contact resists.
     pub fn solve(&self, alpha: f64, start: Option<&[f64]>) -> Result<Vec<f64>, ContactError> {
         Ok(self.solve_reported(alpha, start)?.x)
     }
 
-    /// [`solve`](Self::solve) with an account of all attempts.
+    /// [`solve`](Self::solve) with a report of all attempts.
     ///
     /// # Errors
     /// As [`solve`](Self::solve).
@@ -105,8 +105,8 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
         })
     }
 
-    /// [`solve_reported`](Self::solve_reported) with options, telling `observe` of each iteration of Newton's method, each attempt and each
-    /// point on the way; it may stop the search.
+    /// [`solve_reported`](Self::solve_reported) with options; `observe` is called at each iteration of Newton's method, each attempt and
+    /// each point of a path, and may stop the search.
     ///
     /// # Errors
     /// As [`solve`](Self::solve), and options out of range; a search stopped by `observe` or by `max_time` is a
@@ -121,7 +121,7 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
         self.solve_again(alpha, start, options, &mut ReducedNewton::default(), &mut observe)
     }
 
-    /// [`solve_observed`](Self::solve_observed) with what an earlier solve of this body has factored.
+    /// [`solve_observed`](Self::solve_observed) with the factorisation of an earlier solve of this body.
     pub(in crate::contact) fn solve_again(
         &self,
         alpha: f64,
@@ -134,7 +134,7 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
         let own: Contact<V, &dyn NodeLaw> = self.borrowed();
         let mut condensed = None;
         let mut descend = |lowering, see: &mut Observer<'_>| {
-            // The body is lowered in its condensed form, where it has one.
+            // The lowering is computed in condensed form where the body can be condensed.
             if own.view.reduced().is_none() && own.num_traces() <= CONDENSED {
                 let condensed = condensed.get_or_insert_with(|| own.condensed_at(alpha).ok());
                 if let Some(condensed) = &*condensed {
@@ -149,7 +149,7 @@ impl<V: View, L: NodeLaw> Contact<V, L> {
         };
         let found = strategy::solve(&own, alpha, start, options, quick, &mut descend, observe);
         match found {
-            // What can be condensed is held by itself.
+            // A body that can be condensed is supported without contact, so only the full form can be unbalanced.
             Err(e @ ContactError::NoStart { .. }) if own.view.reduced().is_none() && !e.is_interrupted() => {
                 Err(own.unbalanced(alpha).unwrap_or(e))
             }

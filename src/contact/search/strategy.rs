@@ -15,13 +15,13 @@ use crate::newton::Failure;
 use crate::piecewise::PiecewiseSmooth;
 use crate::words::{iterations, named};
 
-/// Augmentation parameters tried after the one asked for, in units of the stiffness of a contact node.
+/// Augmentation parameters tried after the prescribed one, in units of the stiffness of a contact node.
 const STIFFER: [f64; 3] = [1.0, 10.0, 1e3];
 
-/// Points of a path before paths with other orders of touching nodes were tried.
+/// Points of a path until paths with other orders of touching nodes have been tried.
 const SHORT: usize = 250;
 
-/// What is tried, in this order.
+/// Strategies for a first solution, in the order in which they are tried.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -30,9 +30,9 @@ pub enum ContactStrategy {
     Newton,
     /// PS-Newton from zero and from the problem with all nodes stuck.
     Restart,
-    /// The same with larger augmentation parameters r: solutions do not depend on r, the way of Newton's method does.
+    /// The same with larger augmentation parameters r: solutions do not depend on r, the iterates of Newton's method do.
     Stiffer,
-    /// The body is lowered onto the foundation in increments, from where no node touches it, each solved by PS-Newton.
+    /// The body is lowered onto the foundation, from a height at which no node touches it, in increments, each solved by PS-Newton.
     Increments,
     /// The body is lowered onto the foundation, and the curve of solutions followed through kinks and folds.
     Path,
@@ -64,7 +64,7 @@ named!(
     ]
 );
 
-/// How far a search for a solution has come.
+/// The progress of a search for a solution.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -86,13 +86,13 @@ pub struct ContactAttempt {
     pub strategy: ContactStrategy,
     /// The augmentation parameter of Newton's method.
     pub r: f64,
-    /// Increments, or points of the path; 0 without.
+    /// Number of increments, or of points of the path; 0 for other strategies.
     pub path_points: usize,
-    /// Iterations of Newton's method (behind the path, if there is one).
+    /// Iterations of Newton's method (after the path, if there is one).
     pub iterations: usize,
     /// ‖H‖₂ at the best iterate.
     pub residual_norm: f64,
-    /// Why it failed; `None` for a solution, and for a linear solver that refused.
+    /// Why it failed; `None` for a solution, and where the linear solver failed.
     pub failure: Option<Failure>,
 }
 
@@ -136,7 +136,7 @@ impl fmt::Display for ContactReport {
     }
 }
 
-/// Runs the strategies from `start` (α is set); `lower` lowers the body onto the foundation.
+/// Runs the strategies from `start` (α is set); `lower` lowers the body.
 pub(in crate::contact) fn solve<V: View>(
     form: &Contact<V, &dyn NodeLaw>,
     alpha: f64,
@@ -181,7 +181,7 @@ pub(in crate::contact) fn solve<V: View>(
     }
 }
 
-/// Lowers the body onto the foundation.
+/// Lowers the body by one homotopy.
 pub(in crate::contact) type Lower<'a> =
     dyn FnMut(Lowering, &mut Observer<'_>) -> Result<Option<LoweringEnd>, ContactError> + 'a;
 
@@ -203,7 +203,7 @@ impl<V: View> ContactSearch<'_, '_, V> {
         reduced: &mut ReducedNewton,
     ) -> Result<Option<Vec<f64>>, ContactError> {
         let own = self.form.r();
-        // Quick where it works: what Newton's method in general then makes of its result is one look.
+        // Fast where it works: the general Newton method then only verifies its result.
         let mut quick = first.to_vec();
         let mut look = || self.tries.look(ContactStrategy::Newton);
         let ready = reduced.run(
@@ -240,7 +240,7 @@ impl<V: View> ContactSearch<'_, '_, V> {
         Ok(None)
     }
 
-    /// Newton's method from where the lowered body arrives.
+    /// Newton's method from the ends of the homotopies.
     fn lowered(&mut self, lower: &mut Lower<'_>) -> Result<Option<Vec<f64>>, ContactError> {
         let most = self.options.max_points;
         let increments = (self.options.max_increments > 0).then_some(Lowering {
@@ -249,7 +249,7 @@ impl<V: View> ContactSearch<'_, '_, V> {
             points: most,
             left: None,
         });
-        // Where one path winds, that of another order of touching nodes may be short: none is followed far before all were tried.
+        // Where one path is long, that of another order of touching nodes may be short: none is followed far before all have been tried.
         let paths = (0..self.options.max_paths).map(|trial| Lowering {
             strategy: ContactStrategy::Path,
             trial,
@@ -287,7 +287,7 @@ impl<V: View> ContactSearch<'_, '_, V> {
         Ok(None)
     }
 
-    /// Newton's method from a start, booked.
+    /// Newton's method from a start, recorded in the report.
     fn attempt(
         &mut self,
         strategy: ContactStrategy,
@@ -303,7 +303,8 @@ impl<V: View> ContactSearch<'_, '_, V> {
             self.tries.run(&self.form.at_r(r), &mut x, strategy)?
         };
         if outcome.solved && r != own {
-            // Far from the stiffness rounding passes for solved: what counts is the residual in the scale of the problem.
+            // With r far from the stiffness, a residual of rounding size may be no solution: the residual is checked in the scale of the
+            // problem.
             let checked = self.tries.run(&self.form.at_r(own), &mut x, strategy)?;
             if !checked.solved {
                 outcome = checked;

@@ -1,4 +1,4 @@
-//! Newton's method from one start after another.
+//! Newton's method from several starts in turn.
 
 use std::ops::ControlFlow;
 
@@ -11,7 +11,7 @@ use crate::sparse::Matrix;
 
 pub(in crate::contact) type Observer<'a> = dyn FnMut(&ContactProgress) -> ControlFlow<()> + 'a;
 
-/// Runs of Newton's method; of those that fail the best one is kept.
+/// Runs of Newton's method; of the failed ones that with the smallest residual is kept.
 pub(in crate::contact) struct Tries<'a, 'o> {
     newton: Newton,
     observe: &'a mut Observer<'o>,
@@ -22,17 +22,17 @@ pub(in crate::contact) struct Tries<'a, 'o> {
     pub(in crate::contact) interrupted: bool,
 }
 
-/// What became of a run.
+/// The result of a run.
 pub(in crate::contact) struct Outcome {
     pub(in crate::contact) solved: bool,
     pub(in crate::contact) iterations: usize,
     pub(in crate::contact) residual_norm: f64,
-    /// `None` for a solution, and for a linear solver that refused.
+    /// `None` for a solution, and where the linear solver failed.
     pub(in crate::contact) failure: Option<Failure>,
 }
 
 impl<'a, 'o> Tries<'a, 'o> {
-    /// `observe` is to look at the deadline itself.
+    /// `observe` must check the deadline itself.
     pub(in crate::contact) fn new(options: &ContactOptions, observe: &'a mut Observer<'o>) -> Self {
         Self {
             newton: Newton::new(options.newton.clone()),
@@ -47,7 +47,7 @@ impl<'a, 'o> Tries<'a, 'o> {
         self.observe
     }
 
-    /// Asks the observer amid an attempt.
+    /// Calls the observer during an attempt.
     pub(in crate::contact) fn look(&mut self, strategy: ContactStrategy) -> ControlFlow<()> {
         let flow = (self.observe)(&progress(strategy, self.count));
         self.interrupted |= flow.is_break();
@@ -107,7 +107,7 @@ impl<'a, 'o> Tries<'a, 'o> {
         Ok(outcome)
     }
 
-    /// The error when all has failed.
+    /// The error when all attempts have failed.
     pub(in crate::contact) fn no_start(self, parameter: f64) -> ContactError {
         let Some((_, mut source)) = self.best else {
             return ContactError::Empty {
@@ -126,7 +126,7 @@ impl<'a, 'o> Tries<'a, 'o> {
     }
 }
 
-/// Amid an attempt after so many.
+/// Progress after so many attempts.
 fn progress(strategy: ContactStrategy, points: usize) -> ContactProgress {
     ContactProgress {
         strategy,
@@ -135,7 +135,7 @@ fn progress(strategy: ContactStrategy, points: usize) -> ContactProgress {
     }
 }
 
-/// The observer, which also stops when time is over.
+/// The observer, which also stops at the deadline.
 pub(in crate::contact) fn timed<'a>(
     deadline: Deadline<'static>,
     observe: &'a mut Observer<'_>,

@@ -1,4 +1,4 @@
-//! Constants that bound the fixed-point map Ψ of the friction problem, and what follows for uniqueness (Haslinger, Kučera, Vlach 2008).
+//! Constants that bound the fixed-point map Ψ of the friction problem, and consequences for uniqueness (Haslinger, Kučera, Vlach 2008).
 
 use crate::contact::CondensedContact;
 use crate::contact::ContactError;
@@ -83,19 +83,19 @@ impl UniquenessConstants {
         })
     }
 
-    /// C₁ / F_max = c_t c_inv: what a change of g moves λν, the part that stems from the size of F. ∼ H^(−1/2).
+    /// C₁ / F_max = c_t c_inv: Lipschitz constant of g ↦ λν, the part due to the size of F. ∼ H^(−1/2).
     #[must_use]
     pub fn c1(&self) -> f64 {
         self.c_t * self.c_inv
     }
 
-    /// C₂ / (L κ ‖g‖) = c_∞ c_inv: what a change of φ moves λν, the part that stems from the slope L of F. ∼ (H h)^(−1/2).
+    /// C₂ / (L κ ‖g‖) = c_∞ c_inv: Lipschitz constant of φ ↦ λν, the part due to the slope L of F. ∼ (H h)^(−1/2).
     #[must_use]
     pub fn c2(&self) -> f64 {
         self.c_inf * self.c_inv
     }
 
-    /// C₂ / (L κ ‖g‖) with what a change of φ moves φ′ = ‖u_t‖ in addition: c_∞ (c_inv + c_t), as ‖φ′ − φ̄′‖ ≤ c_t ‖u − ū‖_A.
+    /// C₂ / (L κ ‖g‖) including the change of φ′ = ‖u_t‖ with φ: c_∞ (c_inv + c_t), as ‖φ′ − φ̄′‖ ≤ c_t ‖u − ū‖_A.
     #[must_use]
     pub fn c2_with_slip(&self) -> f64 {
         self.c_inf * (self.c_inv + self.c_t)
@@ -112,7 +112,7 @@ impl UniquenessConstants {
     #[must_use]
     pub fn lipschitz(&self, friction: f64, slope: f64, kappa: f64, pressure: f64) -> FixedPointBound {
         let (a, b) = (slope * kappa * pressure * self.c_inf, friction * self.c_t);
-        // Where F does not depend on φ, nothing feeds back what g does to φ′.
+        // Where F does not depend on φ, a change of φ′ has no effect on Ψ.
         let moved = self.c_inv + if a > 0.0 { self.c_t } else { 0.0 };
         FixedPointBound {
             c1: b * moved,
@@ -178,8 +178,8 @@ fn check_areas(areas: &[f64]) -> Result<(), ContactError> {
     })
 }
 
-/// ∂H^(σ)/∂𝓕 at a solution x, one column a contact node: the derivative with respect to the coefficients of friction of all nodes, F(‖u_t‖)
-/// being lifted by a constant at each. Slipping nodes have −λt/F in their tangential rows, all others nothing.
+/// ∂H^(σ)/∂𝓕 at a solution x, one column a contact node: the derivative with respect to the coefficients of friction of all nodes, where a
+/// constant is added to F(‖u_t‖) at each. Slipping nodes have −λt/F in their tangential rows, all others 0.
 ///
 /// With it a [certificate](crate::continuation::certify_with) gives the constant of the solution as a function of 𝓕. By a theorem of
 /// Haslinger, Janovský and Ligurský a solution that is locally a Lipschitz function of the load is one of 𝓕, too, where 𝓕 > 0: the

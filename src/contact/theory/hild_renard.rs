@@ -48,7 +48,7 @@ impl HildRenard {
     /// The model with load (f_ν, f_t) and Lamé coefficients λ, μ > 0.
     ///
     /// # Errors
-    /// Values that are not finite; λ or μ not positive ([`ContactError::NotFinite`] names them).
+    /// Values that are not finite; λ or μ not positive ([`ContactError::Modulus`]).
     pub fn new(f_nu: f64, f_t: f64, lambda: f64, mu: f64) -> Result<Self, ContactError> {
         crate::contact::error::check_finite("(f_nu, f_t, lambda, mu)", &[f_nu, f_t, lambda, mu])?;
         for (index, value) in [(2, lambda), (3, mu)] {
@@ -157,8 +157,8 @@ impl HildRenard {
         list
     }
 
-    /// The solution (u_ν, u_t, λ_ν, λ_t) in a given state at α; meaningful on the interval of that state. Not so on the
-    /// vertical segment of the bifurcating case: there u_t runs from 0 to −f_ν/c, with λ_ν = f_ν + c u_t, λ_t = −α λ_ν.
+    /// The solution (u_ν, u_t, λ_ν, λ_t) in a given state at α; meaningful on the interval of that state. It does not apply on the vertical
+    /// segment of the bifurcating case: there u_t ranges from 0 to −f_ν/c, with λ_ν = f_ν + c u_t, λ_t = −α λ_ν.
     #[must_use]
     pub fn solution(&self, state: ContactState, alpha: f64) -> [f64; 4] {
         let (d, c) = (self.diagonal(), self.off());

@@ -11,10 +11,10 @@ use crate::piecewise::{PiecewiseSmooth, Selection, select};
 use crate::sparse::norm;
 use crate::words::iterations;
 
-/// Iterations without a new smallest change after which there is no more to come.
+/// Number of iterations without a new smallest change after which the iteration has stagnated.
 const STAGNATION: usize = 100;
 
-/// Options of [`fixed_point`]. The defaults need no touching.
+/// Options of [`fixed_point`]. The defaults suit most problems.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 #[cfg_attr(
@@ -25,8 +25,8 @@ const STAGNATION: usize = 100;
 pub struct FixedPointOptions {
     /// ω in (0, 1]: (φ, g) ← (1 − ω)(φ, g) + ω Ψ(φ, g). Default 1.
     pub relaxation: f64,
-    /// The iteration ends when λ changes by less than this, relative to its norm. Default 1e-11. Rounding of the inner problems may
-    /// be more; the iteration has then [stagnated](FixedPointReport::stagnated).
+    /// The iteration ends when λ changes by less than this, relative to its norm. Default 1e-11. Rounding errors of the inner problems may
+    /// exceed it; the iteration then [stagnates](FixedPointReport::stagnated).
     pub tolerance: f64,
     /// Largest number of iterations. Default 10 000.
     pub max_iterations: usize,
@@ -92,11 +92,11 @@ pub struct FixedPointReport {
     pub nodes_changed: Vec<usize>,
 }
 
-/// A smallest change above this is no noise: that of inner problems solved to rounding is far below.
+/// A smallest change above this is not noise: the noise of inner problems solved to rounding is far below.
 const NOISE: f64 = 1e-9;
-/// How far above the smallest change noise reaches, where it is noise.
+/// Factor up to which changes above the smallest one count as noise.
 const ABOVE_NOISE: f64 = 100.0;
-/// Ratios of changes that a rate is taken from: at least, at most.
+/// Least and largest number of ratios of changes from which a rate is computed.
 const RATIOS: [usize; 2] = [3, 10];
 
 /// "converged after 12 iterations, last change 1.0e-13": in one line.
@@ -154,7 +154,8 @@ impl FixedPointReport {
 /// Each iteration is a [`solve`](CondensedContact::solve) from the solution before.
 ///
 /// # Errors
-/// Wrong lengths, options out of range, inner problems that cannot be solved. Not to converge is no error.
+/// Wrong lengths, options out of range, inner problems that cannot be solved. Failure to converge is not an error: see
+/// [`FixedPointReport`].
 pub fn fixed_point<L: NodeLaw>(
     problem: &CondensedContact<L>,
     start: &[f64],
@@ -163,10 +164,10 @@ pub fn fixed_point<L: NodeLaw>(
     fixed_point_observed(problem, start, options, |_| ControlFlow::Continue(()))
 }
 
-/// [`fixed_point`], telling `observe` of each iteration; it may stop the iteration.
+/// [`fixed_point`] with an observer, called after each iteration, that may stop it.
 ///
 /// # Errors
-/// As [`fixed_point`]. To be stopped is no error either.
+/// As [`fixed_point`]. Being stopped is not an error either.
 pub fn fixed_point_observed<L: NodeLaw>(
     problem: &CondensedContact<L>,
     start: &[f64],
@@ -311,7 +312,7 @@ mod tests {
         }
     }
 
-    /// With no tolerance the iteration goes on into rounding, and ends there.
+    /// With tolerance 0 the iteration continues down to rounding, and ends there.
     #[test]
     fn rounding_ends_the_iteration() {
         let a = Matrix::from_rows(&[[2.0, -0.5, 0.1], [-0.5, 1.0, 0.3], [0.1, 0.3, 3.0]]).unwrap();

@@ -1,5 +1,5 @@
-//! What is known of solutions: constants of the fixed-point map and what follows for uniqueness, the fixed-point iteration itself, and
-//! the one-element model in closed form.
+//! Theory of solutions: constants of the fixed-point map and consequences for uniqueness, the fixed-point iteration itself, and the
+//! one-element model in closed form.
 
 mod constants;
 mod hild_renard;

@@ -1,8 +1,8 @@
-//! Axes: where data stand on them, and their tick marks.
+//! Axes: positions of data, and tick marks.
 
 use super::plane::Range;
 
-/// An axis between two ends of a picture. On a logarithmic one coordinates are powers of ten.
+/// An axis. On a logarithmic one coordinates are logarithms to base 10.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Axis {
     pub(super) range: Range,
@@ -12,14 +12,14 @@ pub(super) struct Axis {
 }
 
 impl Axis {
-    /// The pixel of a coordinate, which is a power of ten on a logarithmic axis.
+    /// The pixel of a coordinate (a logarithm on a logarithmic axis).
     pub(super) fn pixel(&self, coordinate: f64) -> f64 {
         let (lower, upper) = self.range;
         let share = (coordinate - lower) / (upper - lower);
         self.ends.0 + share * (self.ends.1 - self.ends.0)
     }
 
-    /// Coordinates and labels of about as many tick marks as fit `every` so many pixels.
+    /// Coordinates and labels of tick marks, about one for `every` so many pixels.
     pub(super) fn ticks(&self, every: f64) -> Vec<(f64, String)> {
         let room = (self.ends.1 - self.ends.0).abs();
         let most = (room / every).floor().clamp(4.0, 20.0);
@@ -42,7 +42,7 @@ fn multiples(lower: f64, upper: f64, step: f64) -> impl Iterator<Item = f64> {
     (0..=(last - first).clamp(-1.0, 100.0) as i64).map(move |k| first + k as f64)
 }
 
-/// 1, 2 or 5 times a power of ten that cuts a range into at most so many parts.
+/// 1, 2 or 5 times a power of ten that divides a range into at most so many parts.
 fn nice_step(span: f64, most: f64) -> f64 {
     let least = span / most;
     let decade = 10.0_f64.powf(least.log10().floor());

@@ -1,6 +1,6 @@
-//! Labels: `u_t` and `10^{-3}` as runs of text, and how wide they are.
+//! Labels: `u_t` and `10^{-3}` as runs of text, and their widths.
 
-/// Where a run of text stands.
+/// The level of a run of text.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Level {
     Base,
@@ -27,9 +27,9 @@ impl Level {
     }
 }
 
-/// Splits a label. `_` and `^` behind a letter on its own or a bracket, `^` also behind a number, lower and raise the letters, digits and
-/// signs that follow, or what braces hold; elsewhere, as in `first_point`, they are characters like others. Control characters, for which XML has no way to be
-/// written, are left out.
+/// Splits a label. `_` and `^` after a single letter or a bracket, and `^` also after a number, make a subscript or superscript of the
+/// letters, digits and signs that follow, or of the text in braces; elsewhere, as in `first_point`, they are ordinary characters. Control
+/// characters, which XML cannot represent, are left out.
 pub(super) fn runs(label: &str) -> Vec<(Level, String)> {
     let text: Vec<char> = label
         .chars()
@@ -67,7 +67,7 @@ pub(super) fn runs(label: &str) -> Vec<(Level, String)> {
     runs
 }
 
-/// Whether a text ends with a letter on its own, or with `‖` or a bracket.
+/// Whether a text ends with a single letter, or with `‖` or a bracket.
 fn is_symbol(text: &[char]) -> bool {
     match text {
         [] => false,
@@ -77,7 +77,7 @@ fn is_symbol(text: &[char]) -> bool {
     }
 }
 
-/// What stands raised or lowered at the beginning of a text, and how many characters that takes.
+/// The subscript or superscript at the beginning of a text, and the number of characters that it takes.
 fn moved(text: &[char]) -> Option<(String, usize)> {
     if text.first() == Some(&'{') {
         let end = text.iter().position(|c| *c == '}')?;
@@ -88,7 +88,7 @@ fn moved(text: &[char]) -> Option<(String, usize)> {
     (length > 0).then(|| (text[..sign + length].iter().collect(), sign + length))
 }
 
-/// Width of a label whose letters have a size: that of Helvetica and Arial, and a tenth for other fonts.
+/// Width of a label in letters of the given size: that in Helvetica and Arial, plus a tenth for other fonts.
 pub(super) fn width(label: &str, size: f64) -> f64 {
     1.1 * size * length(&runs(label))
 }

@@ -7,7 +7,7 @@ use crate::output::diagram::{BranchDiagram, Colour, Marker, SegmentStyle};
 
 /// Height of a row.
 pub(super) const ROW: f64 = 22.0;
-/// Width of what stands before a name, and the gap behind it.
+/// Width of the sample before a name, and the gap after it.
 const SIGN: f64 = 30.0;
 const GAP: f64 = 18.0;
 

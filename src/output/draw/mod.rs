@@ -1,4 +1,4 @@
-//! Drawing of diagrams: where everything stands. What is drawn is a list of shapes; `svg` and `pdf` write it.
+//! Layout of diagrams as a list of shapes, which `svg` and `pdf` write.
 
 mod axis;
 mod label;
@@ -23,12 +23,12 @@ const TEXT: f64 = 14.0;
 const SMALL: f64 = 12.5;
 const LINE: f64 = 1.25;
 const CURVE: f64 = 2.5;
-/// Beyond this number of marks of a kind they are smaller.
+/// Number of marks of a kind beyond which they are drawn smaller.
 const MANY: usize = 12;
-/// Length of curve that gets an arrow of its own, and a stretch too short for any.
+/// Length of curve per arrow, and length below which a stretch has none.
 const ARROW_EVERY: f64 = 170.0;
 const ARROW_ROOM: f64 = 34.0;
-/// Vertices nearer than this to the one before are left out inside a stretch.
+/// Inner vertices of a stretch closer than this to the one before are left out.
 const THIN: f64 = 0.3;
 const GRID: Colour = Colour::new(225, 225, 225);
 const FRAME: Colour = Colour::new(60, 60, 60);
@@ -37,13 +37,13 @@ impl BranchDiagram {
     /// The picture as SVG; the same diagram gives the same text.
     ///
     /// # Errors
-    /// Diagrams without a vertex, coordinates that are NaN, infinite, beyond 1e100, or not positive on a logarithmic axis, ranges that
-    /// are no intervals, sizes out of range.
+    /// Diagrams without a vertex, coordinates that are NaN, infinite, beyond 1e100, or not positive on a logarithmic axis, ranges with
+    /// lower ≥ upper, sizes out of range.
     pub fn to_svg(&self) -> Result<String, OutputError> {
         Ok(svg::write(&shapes(self)?, self.size, &self.title))
     }
 
-    /// The picture as a page of PDF, with the fonts that all readers have: Latin and Greek letters and common signs; others become "?".
+    /// The picture as a page of PDF in the standard fonts: Latin and Greek letters and common signs; other characters become "?".
     ///
     /// # Errors
     /// As [`to_svg`](Self::to_svg).
@@ -52,7 +52,7 @@ impl BranchDiagram {
         Ok(pdf::write(&shapes(self)?, self.size))
     }
 
-    /// Writes the picture to a file, which it replaces in one move: PDF where its name ends in `.pdf` (feature `pdf`), SVG otherwise.
+    /// Writes the picture to a file, which is replaced atomically: PDF where its name ends in `.pdf` (feature `pdf`), SVG otherwise.
     ///
     /// # Errors
     /// As [`to_svg`](Self::to_svg); [`OutputError::Io`].
@@ -98,7 +98,7 @@ fn shapes(diagram: &BranchDiagram) -> Result<Vec<Shape>, OutputError> {
     Ok(shapes)
 }
 
-/// Panels in the coordinates of their axes: the logarithms to base 10 where those are logarithmic.
+/// Panels in the coordinates of their axes: logarithms to base 10 on logarithmic axes.
 fn on_axes(diagram: &BranchDiagram) -> Result<Vec<Panel>, OutputError> {
     let panels = diagram.panels.iter().enumerate();
     panels
@@ -112,7 +112,7 @@ fn on_axes(diagram: &BranchDiagram) -> Result<Vec<Panel>, OutputError> {
         .collect()
 }
 
-/// Checks everything that could go wrong in drawing, and fixes the ranges of the axes.
+/// Validates a panel and determines the ranges of its axes.
 fn check(panels: &[Panel], (width, height): (u32, u32)) -> Result<Vec<(Range, Range)>, OutputError> {
     let each = width / panels.len().max(1) as u32;
     if !(160..=10_000).contains(&each) || width > 10_000 || !(160..=10_000).contains(&height) {
@@ -165,7 +165,7 @@ fn panel_ranges(k: usize, panel: &Panel) -> Result<(Range, Range), OutputError> 
     }
     let (given_x, given_y) = panel.ranges;
     let (given_x, given_y) = (given("abscissa", given_x)?, given("ordinate", given_y)?);
-    // What is shown of one axis is a matter of the range of the other.
+    // The default range of one axis depends on the range of the other.
     let everything = (-plane::LARGEST, plane::LARGEST);
     let mut shown = visible(
         panel,
@@ -184,7 +184,7 @@ fn panel_ranges(k: usize, panel: &Panel) -> Result<(Range, Range), OutputError> 
     ))
 }
 
-/// A range as asked for; one too narrow for tick marks is widened as data would be.
+/// The range set by the caller; one too narrow for tick marks is widened like that of data.
 fn given(axis: &'static str, range: Option<Range>) -> Result<Option<Range>, OutputError> {
     match range {
         Some((lower, upper)) if !(lower < upper && drawable((lower, upper))) => {
@@ -197,7 +197,7 @@ fn given(axis: &'static str, range: Option<Range>) -> Result<Option<Range>, Outp
     }
 }
 
-/// The ends of all segments and the corners of all regions inside of ranges.
+/// The ends of all segments and the corners of all regions, clipped to the ranges.
 fn visible(panel: &Panel, (x, y): (Range, Range)) -> Vec<Point> {
     let mut shown = Vec::new();
     for curve in &panel.curves {
@@ -233,7 +233,7 @@ fn line(points: Vec<Pixel>, colour: Colour, width: f64) -> Shape {
     }
 }
 
-/// Where a panel stands, and how its coordinates become pixels.
+/// The position of a panel, and the map from its coordinates to pixels.
 struct Frame {
     x: Axis,
     y: Axis,
@@ -290,7 +290,7 @@ fn draw_panel(
         let at = frame.x.pixel(at);
         shapes.push(line(vec![(at, low), (at, high)], GRID, 1.0));
         shapes.push(line(vec![(at, low), (at, low + 4.0)], FRAME, 1.0));
-        // A label that would touch the one before is left out.
+        // Labels that would touch the one before are left out.
         let half = 0.5 * label::width(&label, SMALL);
         if at - half > previous + 4.0 {
             shapes.push(text(&label, (at, low + 14.0), SMALL, Anchor::Middle));
@@ -309,7 +309,7 @@ fn draw_panel(
             .map(|p| frame.pixel(p))
             .collect();
         if corners.len() > 2 {
-            // The outline closes the seam between neighbours.
+            // The outline closes the seam between adjacent regions.
             shapes.push(Shape::Polygon {
                 corners,
                 fill: *colour,
@@ -392,7 +392,7 @@ fn thinned(stretch: &[Pixel]) -> Vec<Pixel> {
     kept
 }
 
-/// Arrow heads in the direction of travel, evenly along the stretch.
+/// Arrow heads in the direction of the curve, evenly spaced along the stretch.
 fn draw_arrows(shapes: &mut Vec<Shape>, stretch: &[Pixel], colour: Colour) {
     let total: f64 = stretch.windows(2).map(|w| distance(w[0], w[1])).sum();
     if total < ARROW_ROOM {
@@ -420,7 +420,7 @@ fn draw_arrows(shapes: &mut Vec<Shape>, stretch: &[Pixel], colour: Colour) {
     }
 }
 
-/// The marks of all curves, kind after kind, so that those of the same kind which lie on each other are drawn once.
+/// The marks of all curves by kind, so that marks of the same kind at the same place are drawn once.
 fn draw_marks(shapes: &mut Vec<Shape>, panel: &Panel, frame: &Frame) {
     for kind in Marker::ALL {
         let marks = panel.curves.iter().flat_map(|c| &c.marks);
@@ -439,7 +439,7 @@ fn draw_marks(shapes: &mut Vec<Shape>, panel: &Panel, frame: &Frame) {
     }
 }
 
-/// The sign of a kind of point.
+/// The symbol of a kind of point.
 fn mark(kind: Marker, (x, y): Pixel, r: f64) -> Vec<Shape> {
     let outline = Some((BLACK, LINE));
     let circle = |radius: f64, fill: Colour| Shape::Circle {

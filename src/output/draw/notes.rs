@@ -1,4 +1,4 @@
-//! Notes beside points, where they cover least.
+//! Placement of notes beside points, with the least overlap.
 
 use super::label::width;
 use super::plane::clip;
@@ -9,9 +9,9 @@ use crate::output::diagram::Panel;
 /// Left, right, top, bottom.
 type Room = (f64, f64, f64, f64);
 
-/// Distances of a note from its point, in turn.
+/// Distances of a note from its point, in the order tried.
 const AWAY: [f64; 4] = [9.0, 15.0, 23.0, 34.0];
-/// Directions from the point, in turn.
+/// Directions from the point, in the order tried.
 const SIDES: [(f64, f64); 8] = [
     (1.0, -1.0),
     (-1.0, -1.0),
@@ -27,8 +27,8 @@ fn overlap(a: Room, b: Room) -> bool {
     a.0 < b.1 && b.0 < a.1 && a.2 < b.3 && b.2 < a.3
 }
 
-/// Every note takes the first place around its point, from the nearest on, that is inside the axes and covers nothing; where there is
-/// none, the one that covers least.
+/// Every note takes the nearest place around its point that is inside the axes and covers nothing; where there is none, the one that covers
+/// least.
 pub(super) fn place(panel: &Panel, frame: &Frame, drawn: &[Shape]) -> Vec<Shape> {
     let mut taken: Vec<Room> = Vec::new();
     let mut out = Vec::new();
@@ -65,7 +65,7 @@ pub(super) fn place(panel: &Panel, frame: &Frame, drawn: &[Shape]) -> Vec<Shape>
     out
 }
 
-/// How many segments or marks of a shape a place covers.
+/// Number of segments or marks of a shape that a place covers.
 fn crossings(shape: &Shape, room: Room) -> usize {
     let covers = |ends: &[Pixel]| {
         clip(

@@ -69,7 +69,7 @@ fn glyph(c: char) -> Glyph {
     }
 }
 
-/// Digits of their own scripts, as in x₁, are digits of runs here.
+/// Unicode subscript and superscript digits, as in x₁, become runs of digits.
 fn spelled(runs: &[(Level, String)]) -> Vec<(Level, String)> {
     let mut out: Vec<(Level, String)> = Vec::new();
     for (level, run) in runs {
@@ -116,7 +116,7 @@ impl Page {
         }
     }
 
-    /// Four cubic curves, off by 3e-4 of the radius at most.
+    /// Four cubic Bézier curves, accurate to 3e-4 of the radius.
     fn circle(&mut self, centre: Pixel, radius: f64) {
         const KAPPA: f64 = 0.5523;
         let (r, k) = (radius, KAPPA * radius);
@@ -146,7 +146,7 @@ impl Page {
         self.content.set_fill_rgb(r, g, b);
     }
 
-    /// Fills what `path` draws; colours have to be told before a path begins.
+    /// Fills the path drawn by `path`; PDF requires the colour to be set before a path begins.
     fn filled(&mut self, fill: Colour, outline: Option<(Colour, f64)>, path: impl FnOnce(&mut Self)) {
         self.fill(fill);
         if let Some((colour, width)) = outline {

@@ -1,4 +1,4 @@
-//! Plane geometry of diagrams: ranges of axes and clipping, with every degenerate case caught.
+//! Plane geometry of diagrams: ranges of axes and clipping, degenerate cases included.
 
 /// Largest magnitude that is drawn: differences and products of such numbers stay finite.
 pub(super) const LARGEST: f64 = 1e100;
@@ -12,7 +12,7 @@ pub(super) fn drawable(p: Point) -> bool {
     p.0.abs() <= LARGEST && p.1.abs() <= LARGEST
 }
 
-/// The range of some values with a margin; degenerate ones are widened until tick marks can be told apart in `f64`.
+/// The range of some values with a margin; degenerate ones are widened until tick marks are distinct in `f64`.
 pub(super) fn padded_range(values: impl Iterator<Item = f64>) -> Option<Range> {
     let (lower, upper) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| {
         (a.min(v), b.max(v))
@@ -61,7 +61,7 @@ pub(super) fn clip(a: Point, b: Point, x: Range, y: Range) -> Option<(Point, Poi
 
 /// The part of a convex polygon inside the box (Sutherland–Hodgman); empty where there is none.
 pub(super) fn clip_region(corners: &[Point], x: Range, y: Range) -> Vec<Point> {
-    // (coordinate, sign, bound): what is kept has sign · coordinate ≤ sign · bound.
+    // (coordinate, sign, bound): the part kept satisfies sign · coordinate ≤ sign · bound.
     type Side = (fn(Point) -> f64, f64, f64);
     let sides: [Side; 4] = [
         (|p| p.0, -1.0, x.0),

@@ -1,4 +1,4 @@
-//! What pictures are made of. Coordinates are pixels from the upper left corner.
+//! Shapes of pictures. Coordinates are pixels from the upper left corner.
 
 use super::label::Level;
 use crate::output::diagram::Colour;
@@ -11,7 +11,7 @@ pub(super) const WHITE: Colour = Colour::new(255, 255, 255);
 /// Lengths of dashes and of gaps between them.
 pub(super) const DASHES: (f64, f64) = (7.0, 4.0);
 
-/// Which point of a text stands at its place; vertically it is the middle of small letters.
+/// The horizontal anchor of a text; vertically it is the middle of lower-case letters.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Anchor {
     Start,
@@ -42,11 +42,11 @@ pub(super) enum Shape {
         at: Pixel,
         size: f64,
         anchor: Anchor,
-        /// Whether it is read from below.
+        /// Whether it is rotated to read upwards.
         upwards: bool,
         runs: Vec<(Level, String)>,
     },
 }
 
-/// How far below its middle the base line of a text is, relative to its size.
+/// Distance of the base line of a text below its middle, relative to its size.
 pub(super) const BASE_LINE: f64 = 0.35;

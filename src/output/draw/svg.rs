@@ -59,7 +59,7 @@ fn escaped(out: &mut String, text: &str) {
     }
 }
 
-/// Scripts move the base line, and the next run moves it back.
+/// Subscripts and superscripts shift the base line, and the next run shifts it back.
 fn text_runs(out: &mut String, runs: &[(Level, String)], size: f64) {
     let mut rise = 0.0;
     for (level, run) in runs {

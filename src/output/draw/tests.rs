@@ -8,7 +8,7 @@ fn diagram(vertices: Vec<Point>) -> BranchDiagram {
     BranchDiagram::new(Panel::new("α <\u{1}>", "y & z").with_curve(Curve::line(vertices, blue())))
 }
 
-/// Tags open and close in order, attributes are quoted, no bare ampersand: enough of XML for what is written here.
+/// Checks the part of XML well-formedness that matters here: tags nest, attributes are quoted, no bare ampersand.
 fn assert_well_formed(svg: &str) {
     let mut open = Vec::new();
     for piece in svg.split('<').skip(1) {
@@ -167,7 +167,7 @@ fn labels_are_set_with_their_scripts() {
     assert!(svg.contains(">λ<tspan") && svg.contains(">−7</tspan>") && !svg.contains('_'));
 }
 
-/// Every kind of mark has a sign of its own and a name of its own.
+/// Every kind of mark has its own symbol and its own name.
 #[test]
 fn marks_differ() {
     let signs: Vec<String> = Marker::ALL
@@ -189,7 +189,7 @@ fn marks_do_not_pile_up() {
     let svg = BranchDiagram::new(Panel::new("", "").with_curve(curve))
         .to_svg()
         .unwrap();
-    // The legend has the other.
+    // The other one is in the legend.
     assert_eq!(svg.matches("<circle").count(), 2);
 }
 
@@ -289,7 +289,7 @@ fn colours_differ_for_every_reader() {
 mod pages {
     use super::*;
 
-    /// What is written decodes to streams whose operators balance, and holds the letters of labels in the codes of their fonts.
+    /// The PDF decodes to streams with balanced operators, and contains the letters of labels in the codes of their fonts.
     #[test]
     fn pages_hold_the_same_picture() {
         let curve = Curve::line(vec![(0.0, 0.0), (1.0, 2.0)], blue())
