@@ -199,7 +199,7 @@ fn bad_files() {
         ("2.0 1.5 0.5", "2.0 1.5 0.7", "plane"),
         ("2.0 1.5 0.5", "1.2 -1.0 0.5", "element 4"),
         ("\"the foot\"", "the foot", "physical name"),
-        ("2 1.0 0.0 0.5", "1 1.0 0.0 0.5", "node 1 is there twice"),
+        ("2 1.0 0.0 0.5", "1 1.0 0.0 0.5", "node 1 is defined twice"),
     ] {
         assert!(text.contains(from), "{from}");
         let error = parse(&text.replacen(from, to, 1)).unwrap_err();

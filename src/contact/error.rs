@@ -131,7 +131,7 @@ pub enum ContactError {
     },
     /// A law for another dimension than the body.
     #[error(
-        "the law has {law} tangential direction(s), the body {body}: planar laws belong to planar bodies"
+        "the law has {law} tangential direction(s), the body {body}: use planar laws with planar bodies"
     )]
     Tangents {
         /// Of the law.
@@ -153,7 +153,7 @@ pub enum ContactError {
     },
     /// Multipliers that do no work in any displacement: condition (1) of Haslinger, Kučera and Vlach (2008) fails.
     #[error(
-        "{expected} multipliers, but the displacements tell only {rank} of them apart: use fewer (larger faces), or nodal multipliers"
+        "{expected} multipliers, but their pairing with the displacements has rank {rank} only: use fewer (larger faces), or nodal multipliers"
     )]
     InvisibleMultiplier {
         /// Number of multipliers.
@@ -239,7 +239,7 @@ pub enum ContactError {
             "has a stiffness matrix that is not positive definite, and no motion that makes no forces: check the signs of its entries".to_owned()
         } else {
             format!(
-                "is not held: nothing resists {modes}. Each piece needs supports of its own; the full form takes pieces that contact alone holds"
+                "is not supported against {modes}. Each piece needs supports of its own; the full form accepts pieces supported by contact alone"
             )
         }
     )]

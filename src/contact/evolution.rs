@@ -163,7 +163,7 @@ impl fmt::Display for Arrival {
             Self::Followed => f.write_str("followed"),
             Self::SameLevel => f.write_str("at the level before, solved by Newton's method"),
             Self::Jumped => f.write_str("jumped to another branch"),
-            Self::PassedFolds => f.write_str("reached by Newton's method behind folds of the branch"),
+            Self::PassedFolds => f.write_str("reached by Newton's method after folds of the branch"),
             Self::Ended(reason) => write!(f, "the branch ended ({reason}), solved by Newton's method"),
             Self::NotFollowed(error) => write!(f, "not followed ({error}), solved by Newton's method"),
         }

@@ -104,7 +104,7 @@ fn read(path: &Path, rows: Option<usize>, displacements: usize) -> Result<Matrix
         let most = found.entries.max(rows.unwrap_or(0));
         if found.rows > most {
             return Err(format!(
-                "{} rows with {} entries: a row without an entry says nothing",
+                "{} rows with {} entries: every row needs an entry",
                 found.rows, found.entries
             ));
         }

@@ -201,7 +201,7 @@ pub enum FemError {
     },
     /// A contact node whose displacement is prescribed in the normal direction or in a tangential one.
     #[error(
-        "contact node {node} at ({}, {}, {}): its {direction} displacement is prescribed, so that no reaction can be told; take it out of the contact group",
+        "contact node {node} at ({}, {}, {}): its {direction} displacement is prescribed, so that its contact force is not determined; take it out of the contact group",
         .at[0], .at[1], .at[2]
     )]
     ContactFixed {

@@ -58,10 +58,10 @@ pub fn parse_getfem(text: &str, path: &Path) -> Result<Mesh, FemError> {
                 for (x, word) in point.iter_mut().zip(coordinates) {
                     *x = word
                         .parse()
-                        .map_err(|_| fail(format!("\"{}\" is no coordinate", shorten(word))))?;
+                        .map_err(|_| fail(format!("\"{}\" is not a coordinate", shorten(word))))?;
                 }
                 if ids.insert(id.to_string(), points.len()).is_some() {
-                    return Err(fail(format!("point {id} is there twice")));
+                    return Err(fail(format!("point {id} is defined twice")));
                 }
                 points.push(point);
             }

@@ -304,7 +304,7 @@ impl Reader<'_> {
 
     fn node(&self, file: &mut File, tag: u64, point: [f64; 3]) -> Result<(), FemError> {
         if file.place.insert(tag, file.points.len()).is_some() {
-            return Err(self.fail(format!("node {tag} is there twice")));
+            return Err(self.fail(format!("node {tag} is defined twice")));
         }
         if point.iter().any(|x| !x.is_finite()) {
             return Err(self.fail(format!(

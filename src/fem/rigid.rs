@@ -26,7 +26,7 @@ pub(super) fn check_supports(mesh: &Mesh, fixed: &[bool]) -> Result<(), FemError
         if places.len() > 1 {
             let centre = places[own].centre;
             modes += &format!(
-                " (of the part number {own} of {} that is round ({:.3}, {:.3}, {:.3}))",
+                " (of part {own} of {}, centred at ({:.3}, {:.3}, {:.3}))",
                 places.len(),
                 centre[0],
                 centre[1],

@@ -82,7 +82,7 @@ impl Reader<'_> {
             .position(u8::is_ascii_whitespace)
             .unwrap_or(self.bytes.len() - start);
         if length == 0 {
-            return Err(self.fail("the file ends where a number should be"));
+            return Err(self.fail("the file ends where a number is expected"));
         }
         self.at = start + length;
         std::str::from_utf8(&self.bytes[start..start + length]).map_err(|_| FemError::Parse {

@@ -479,7 +479,7 @@ fn bad_input() {
     for (text, number, word) in [
         ("POINT 0 1 2 3 4", 1, "4 coordinates"),
         ("% first\nPOINT 0", 2, "0 coordinates"),
-        ("POINT 0 0 0\n\nPOINT 0 1 0", 3, "point 0 is there twice"),
+        ("POINT 0 0 0\n\nPOINT 0 1 0", 3, "point 0 is defined twice"),
         (&format!("{corners}CONVEX 0 GT_PK(2,1) 0 1 2"), 5, "in quotes"),
         (
             &format!("{corners}CONVEX 0 'GT_PK(2,1)' 0 1 2 3"),

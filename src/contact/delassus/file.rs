@@ -104,7 +104,7 @@ fn compressed(m: &Value, n: usize) -> Result<Matrix, Flaw> {
     }
     if rows.len() != values.len() {
         return Err(format!(
-            "`M.indices` has {} entries and `M.data` {}; they belong together",
+            "`M.indices` has {} entries and `M.data` {}; the lengths must agree",
             rows.len(),
             values.len()
         )
