@@ -130,9 +130,7 @@ pub enum ContactError {
         what: String,
     },
     /// A law for another dimension than the body.
-    #[error(
-        "the law has {law} tangential direction(s), the body {body}: use planar laws with planar bodies"
-    )]
+    #[error("the law has {law} tangential direction(s), the body {body}: use planar laws with planar bodies")]
     Tangents {
         /// Of the law.
         law: usize,

@@ -7,6 +7,7 @@ mod newton;
 mod node;
 mod options;
 mod report;
+mod solve;
 mod system;
 
 use std::ops::ControlFlow;
@@ -25,9 +26,9 @@ use crate::linear::LinearError;
 pub use body::ReducedBody;
 pub use evolution::ReducedLevel;
 pub(super) use floating::floating_piece;
-pub use newton::{ReducedError, ReducedNodes, ReducedObserver, solve_reduced, solve_reduced_observed};
 pub use options::ReducedOptions;
 pub use report::{ReducedIteration, ReducedProgress, ReducedReport, ReducedStrategy, ReducedTimes};
+pub use solve::{ReducedError, ReducedNodes, ReducedObserver, solve_reduced, solve_reduced_observed};
 use system::SerialSystem;
 pub use system::{KrylovObserver, KrylovOutcome, ReducedStep, ReducedSystem};
 

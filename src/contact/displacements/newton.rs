@@ -3,9 +3,8 @@
 use std::ops::ControlFlow;
 use std::time::Duration;
 
-use thiserror::Error;
-
 use super::node::Node;
+use super::solve::{Outcome, ReducedError, ReducedNodes, ReducedObserver, Stop, agreed};
 use super::system::{KrylovOutcome, ReducedStep, ReducedSystem};
 use super::{
     ReducedIteration, ReducedOptions, ReducedProgress, ReducedReport, ReducedStrategy, ReducedTimes,
@@ -40,237 +39,6 @@ const UNKNOWN: ContactResiduals = ContactResiduals {
     tangential: f64::INFINITY,
 };
 
-/// What can go wrong in [`solve_reduced`].
-#[derive(Debug, Clone, PartialEq, Error)]
-#[non_exhaustive]
-pub enum ReducedError<E> {
-    /// An error in the problem, or no solution found.
-    #[error(transparent)]
-    Contact(#[from] ContactError),
-    /// An error in the linear system.
-    #[error("the linear system of a Newton step failed")]
-    System {
-        /// What went wrong.
-        source: E,
-        /// The best iterate before; residuals are infinite where only the start was available.
-        best: Box<ReducedReport>,
-    },
-}
-
-/// Called with the progress of a solve, which it may stop.
-pub type ReducedObserver<'a> = dyn FnMut(&ReducedProgress) -> ControlFlow<()> + Send + 'a;
-
-/// Reasons that end a search.
-enum Stop<E> {
-    Contact(ContactError),
-    /// A node, and the piece that does not determine its forces.
-    Law(usize, String),
-    Elsewhere,
-    System(E),
-}
-
-impl<E> Stop<E> {
-    fn with(self, best: ReducedReport) -> ReducedError<E> {
-        let best = Box::new(best);
-        match self {
-            Self::Contact(e) => e.into(),
-            Self::Law(node, piece) => ContactError::NotReducible { node, piece, best }.into(),
-            Self::Elsewhere => ContactError::Elsewhere { best }.into(),
-            Self::System(source) => ReducedError::System { source, best },
-        }
-    }
-}
-
-/// The contact nodes of this process.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ReducedNodes<'a> {
-    /// The component along ν of each contact node; those along t₁[, t₂] follow it.
-    pub components: &'a [usize],
-    /// Global number of the first node of this process, which the law receives.
-    pub first: usize,
-    /// Initial gaps.
-    pub gap: &'a [f64],
-    /// Tangential displacements from which slips are measured, all along t₁, then t₂; empty: zeros.
-    pub reference: &'a [f64],
-    /// History variables, node by node.
-    pub history: &'a [f64],
-    /// The augmentation parameter.
-    pub r: f64,
-    /// α.
-    pub parameter: f64,
-}
-
-impl ReducedNodes<'_> {
-    /// The values that the law receives at node i of this process, from the displacements u and the contact forces `force`, both by
-    /// component.
-    fn values(&self, law: &dyn NodeLaw, i: usize, u: &[f64], force: impl Fn(usize) -> f64) -> LocalValues {
-        let (at, p) = (self.components[i], self.components.len());
-        let mut v = LocalValues {
-            node: self.first + i,
-            penetration: u[at] - self.gap[i],
-            pressure: force(at),
-            parameter: self.parameter,
-            r: self.r,
-            ..LocalValues::default()
-        };
-        for d in 0..law.num_tangents() {
-            let rest = self.reference.get(d * p + i).copied().unwrap_or(0.0);
-            v.slip[d] = u[at + 1 + d] - rest;
-            v.traction[d] = force(at + 1 + d);
-        }
-        let h = law.num_history();
-        v.history[..h].copy_from_slice(&self.history[i * h..(i + 1) * h]);
-        v
-    }
-}
-
-/// Solves A u + Bᵀ λ = f with a law at each contact node by Newton's method in u alone, from the u given, and by load steps where that
-/// fails; `load` and `u` hold all components of this process.
-///
-/// Each step solves the law at each node for its forces or prescribes its displacements; this leaves A with few rows changed, solved to a
-/// loose tolerance as long as nodes change their piece, then to the tolerance of Eisenstat and Walker (SIAM J. Sci. Comput. 17 (1996),
-/// choice 2). Full steps are taken as long as the residual falls; where it does not, steps are damped. Forces of the report are those of
-/// this process, and so are its displacements: all components. An error in one process ends the solve in all of them, and so does the time
-/// limit of one.
-///
-/// # Errors
-/// Wrong lengths; all others with the best iterate and the history: those of the system, [`ContactError::NotReducible`] for laws that
-/// cannot be eliminated, [`ContactError::NotConverged`], [`ContactError::Interrupted`] at the time limit, and [`ContactError::Elsewhere`]
-/// where another process found an error.
-pub fn solve_reduced<S: ReducedSystem>(
-    system: &mut S,
-    nodes: &ReducedNodes<'_>,
-    law: &dyn NodeLaw,
-    load: &[f64],
-    u: Vec<f64>,
-    options: &ReducedOptions,
-) -> Result<ReducedReport, ReducedError<S::Error>> {
-    let observe = &mut |_: &ReducedProgress| ControlFlow::Continue(());
-    solve_reduced_observed(system, nodes, law, load, u, options, observe)
-}
-
-/// [`solve_reduced`], calling `observe` before each Newton step and, where the system supports it, before each iteration of its linear
-/// solves; it may stop. A stop in one process ends the solve in all of them.
-///
-/// # Errors
-/// Those of [`solve_reduced`]; [`ContactError::Interrupted`] with the best iterate where the observer has stopped.
-pub fn solve_reduced_observed<S: ReducedSystem>(
-    system: &mut S,
-    nodes: &ReducedNodes<'_>,
-    law: &dyn NodeLaw,
-    load: &[f64],
-    u: Vec<f64>,
-    options: &ReducedOptions,
-    observe: &mut ReducedObserver<'_>,
-) -> Result<ReducedReport, ReducedError<S::Error>> {
-    let checked = check(system.len(), nodes, law, load, &u, options);
-    let is_contact = match agreed(system, checked) {
-        Ok(is_contact) => is_contact,
-        Err(stop) => return Err(stop.with(Best::start(u, nodes, law).report(ReducedStrategy::Newton))),
-    };
-    let len = is_contact.len();
-    let mut search = ReducedSearch {
-        system,
-        nodes,
-        law,
-        full: load,
-        load: load.to_vec(),
-        is_contact,
-        options,
-        deadline: Deadline::after(options.max_time),
-        observe,
-        stopped: false,
-        iterations: Vec::new(),
-        times: ReducedTimes::default(),
-        best: Best::start(u, nodes, law),
-        image: vec![0.0; len],
-        other: vec![0.0; len],
-        direction: vec![0.0; len],
-        local: Vec::with_capacity(nodes.components.len()),
-        pieces: vec![usize::MAX; nodes.components.len()],
-        lists: Lists::default(),
-    };
-    let clock = Clock::start();
-    let ended = search.solve();
-    search.times.rest = clock
-        .elapsed()
-        .saturating_sub(search.times.select + search.times.krylov);
-    let strategy = match &ended {
-        Ok(strategy) => *strategy,
-        Err(_) => ReducedStrategy::Newton,
-    };
-    let stopped = search.stopped;
-    let report = ReducedReport {
-        iterations: search.iterations,
-        times: search.times,
-        ..search.best.report(strategy)
-    };
-    match ended {
-        Ok(_) if report.residuals.largest() <= options.tolerance => Ok(report),
-        Ok(_) => {
-            let best = Box::new(report);
-            Err(match stopped {
-                true => ContactError::Interrupted { best },
-                false => ContactError::NotConverged { best },
-            }
-            .into())
-        }
-        Err(stop) => Err(stop.with(report)),
-    }
-}
-
-/// Whether each component belongs to a contact node.
-fn check(
-    len: usize,
-    nodes: &ReducedNodes<'_>,
-    law: &dyn NodeLaw,
-    load: &[f64],
-    u: &[f64],
-    options: &ReducedOptions,
-) -> Result<Vec<bool>, ContactError> {
-    options.validate()?;
-    for (what, found, expected) in [
-        ("the load", load.len(), len),
-        ("the start", u.len(), len),
-        ("the gap", nodes.gap.len(), nodes.components.len()),
-        (
-            "the list of history variables",
-            nodes.history.len(),
-            law.num_history() * nodes.components.len(),
-        ),
-    ] {
-        if found != expected {
-            return Err(ContactError::Length {
-                what,
-                expected,
-                found,
-            });
-        }
-    }
-    let mut is_contact = vec![false; len];
-    for c in nodes.components {
-        let Some(own) = is_contact.get_mut(*c..c.saturating_add(1 + law.num_tangents())) else {
-            return Err(ContactError::Length {
-                what: "the list of components",
-                expected: c.saturating_add(1 + law.num_tangents()),
-                found: len,
-            });
-        };
-        own.fill(true);
-    }
-    Ok(is_contact)
-}
-
-/// The result of this process, unless some process has found an error.
-fn agreed<S: ReducedSystem, T>(system: &S, own: Result<T, ContactError>) -> Outcome<T, S::Error> {
-    let mut failed = [f64::from(u8::from(own.is_err()))];
-    system.max(&mut failed).map_err(Stop::System)?;
-    match own {
-        Ok(_) if failed[0] > 0.0 => Err(Stop::Elsewhere),
-        own => own.map_err(Stop::Contact),
-    }
-}
-
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Ended {
     Solved,
@@ -293,7 +61,7 @@ struct State {
 
 /// The best iterate under the full load.
 #[derive(Debug)]
-struct Best {
+pub(super) struct Best {
     u: Vec<f64>,
     forces: Vec<f64>,
     residuals: ContactResiduals,
@@ -303,7 +71,7 @@ struct Best {
 
 impl Best {
     /// A start, not yet evaluated.
-    fn start(u: Vec<f64>, nodes: &ReducedNodes<'_>, law: &dyn NodeLaw) -> Self {
+    pub(super) fn start(u: Vec<f64>, nodes: &ReducedNodes<'_>, law: &dyn NodeLaw) -> Self {
         Self {
             u,
             forces: vec![0.0; nodes.components.len() * (1 + law.num_tangents())],
@@ -313,7 +81,7 @@ impl Best {
         }
     }
 
-    fn report(self, strategy: ReducedStrategy) -> ReducedReport {
+    pub(super) fn report(self, strategy: ReducedStrategy) -> ReducedReport {
         ReducedReport {
             displacements: self.u,
             forces: self.forces,
@@ -334,7 +102,7 @@ struct Lists {
     combined: Vec<(usize, usize, f64)>,
 }
 
-struct ReducedSearch<'a, S> {
+pub(super) struct ReducedSearch<'a, S> {
     system: &'a mut S,
     nodes: &'a ReducedNodes<'a>,
     law: &'a dyn NodeLaw,
@@ -360,9 +128,71 @@ struct ReducedSearch<'a, S> {
     lists: Lists,
 }
 
-type Outcome<T, E> = Result<T, Stop<E>>;
+impl<'a, S: ReducedSystem> ReducedSearch<'a, S> {
+    /// A search from u under `load`; `is_contact` says which components belong to contact nodes.
+    pub(super) fn new(
+        system: &'a mut S,
+        nodes: &'a ReducedNodes<'a>,
+        law: &'a dyn NodeLaw,
+        (load, u): (&'a [f64], Vec<f64>),
+        is_contact: Vec<bool>,
+        options: &'a ReducedOptions,
+        observe: &'a mut ReducedObserver<'a>,
+    ) -> Self {
+        let len = is_contact.len();
+        Self {
+            system,
+            nodes,
+            law,
+            full: load,
+            load: load.to_vec(),
+            is_contact,
+            options,
+            deadline: Deadline::after(options.max_time),
+            observe,
+            stopped: false,
+            iterations: Vec::new(),
+            times: ReducedTimes::default(),
+            best: Best::start(u, nodes, law),
+            image: vec![0.0; len],
+            other: vec![0.0; len],
+            direction: vec![0.0; len],
+            local: Vec::with_capacity(nodes.components.len()),
+            pieces: vec![usize::MAX; nodes.components.len()],
+            lists: Lists::default(),
+        }
+    }
 
-impl<S: ReducedSystem> ReducedSearch<'_, S> {
+    /// The solution, or an error with the best iterate.
+    pub(super) fn run(mut self) -> Result<ReducedReport, ReducedError<S::Error>> {
+        let clock = Clock::start();
+        let ended = self.solve();
+        self.times.rest = clock
+            .elapsed()
+            .saturating_sub(self.times.select + self.times.krylov);
+        let strategy = match &ended {
+            Ok(strategy) => *strategy,
+            Err(_) => ReducedStrategy::Newton,
+        };
+        let report = ReducedReport {
+            iterations: self.iterations,
+            times: self.times,
+            ..self.best.report(strategy)
+        };
+        match ended {
+            Ok(_) if report.residuals.largest() <= self.options.tolerance => Ok(report),
+            Ok(_) => {
+                let best = Box::new(report);
+                Err(match self.stopped {
+                    true => ContactError::Interrupted { best },
+                    false => ContactError::NotConverged { best },
+                }
+                .into())
+            }
+            Err(stop) => Err(stop.with(report)),
+        }
+    }
+
     /// Newton's method from the start, then load steps; returns the strategy that led to `best`, which is the solution if there is one.
     fn solve(&mut self) -> Outcome<ReducedStrategy, S::Error> {
         let options = self.options;
@@ -748,14 +578,5 @@ impl<S: ReducedSystem> ReducedSearch<'_, S> {
             part *= 0.5;
         }
         Ok(0.0)
-    }
-}
-
-/// Seconds, for tables.
-impl ReducedTimes {
-    /// The total time.
-    #[must_use]
-    pub fn total(&self) -> Duration {
-        self.select + self.krylov + self.rest
     }
 }

@@ -64,6 +64,14 @@ pub struct ReducedTimes {
     pub rest: Duration,
 }
 
+impl ReducedTimes {
+    /// The total time.
+    #[must_use]
+    pub fn total(&self) -> Duration {
+        self.select + self.krylov + self.rest
+    }
+}
+
 /// A solution in the displacements, or the best iterate of a search that failed.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
