@@ -11,6 +11,7 @@ mod options;
 mod path;
 mod problem;
 mod report;
+mod run;
 mod scaled;
 mod settled;
 mod solver;

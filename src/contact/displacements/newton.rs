@@ -1,7 +1,6 @@
 //! Semismooth Newton in the displacements, with the law eliminated at each node.
 
 use std::ops::ControlFlow;
-use std::time::Duration;
 
 use super::node::Node;
 use super::solve::{Outcome, ReducedError, ReducedNodes, ReducedObserver, Stop, agreed};
