@@ -46,7 +46,7 @@ impl Columns<'_> {
     }
 }
 
-/// Find l ≤ z ≤ u with the signs of w = M z + q that its bounds ask for; see [`Lcp`].
+/// Find l ≤ z ≤ u with the signs of w = M z + q that belong to its bounds; see [`Lcp`].
 #[derive(Debug, Clone, Copy)]
 pub(super) struct BoxLcp<'a> {
     pub(super) matrix: Columns<'a>,
