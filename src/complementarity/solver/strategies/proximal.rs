@@ -139,8 +139,8 @@ impl Engine<'_> {
         }
     }
 
-    /// Whether x − centre proves an affine problem infeasible: v along no finite bound, so that vᵀF ≥ 0 at solutions, and
-    /// sup (Mᵀv)ᵀx + qᵀv < 0 over the bounds, but for rounding, and whether exact arithmetic confirms that there is no solution.
+    /// Whether x − centre proves an affine problem infeasible: v a recession direction of the box, so that vᵀF ≥ 0 at solutions, and sup
+    /// (Mᵀv)ᵀx + qᵀv < 0 over the bounds, up to rounding, and whether exact arithmetic confirms that there is no solution.
     fn certify(&mut self) -> bool {
         let n = self.n();
         let mut v: Vec<f64> = (0..n)
