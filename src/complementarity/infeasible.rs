@@ -90,7 +90,7 @@ impl Conditions<'_> {
         }
     }
 
-    /// Whether sup vᵀF over the bounds is negative for v with rounded entries.
+    /// Whether sup vᵀF over the bounds is negative for v, a recession direction of the box, with rounded entries.
     fn refuted_by(&self, v: &[f64]) -> bool {
         let nonzero = v.iter().map(|v| v.abs()).filter(|v| *v > 0.0);
         let grain = GRAIN * nonzero.fold(f64::INFINITY, f64::min);

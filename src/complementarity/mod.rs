@@ -12,8 +12,8 @@
 //! # Parts
 //! * [`McpFunction`] is F, with its Jacobian: [`WithJacobian`] (two closures), [`Differenced`] (coloured finite differences over a
 //!   sparse pattern), `Autodiff` (dual numbers), [`AffineFunction`] (M x + q).
-//! * [`Mcp`] is the problem: F and its bounds. It is a [`PiecewiseSmooth`](crate::piecewise::PiecewiseSmooth) map, the natural map x −
-//!   mid(l, u, x − F(x)), with one site a component and the pieces lower, interior, upper. Newton's method, continuation, transitions,
+//! * [`Mcp`] is the problem: F and its bounds. It is a [`PiecewiseSmooth`](crate::piecewise::PiecewiseSmooth) map, the natural map
+//!   x − mid(l, u, x − F(x)), with one site a component and the pieces lower, interior, upper. Newton's method, continuation, transitions,
 //!   diagrams and enumeration therefore apply to it. A function with one variable more than values gives a *parametric* MCP, its last
 //!   variable the parameter.
 //! * [`Variables`] are named blocks of variables with their bounds, so that a model is written without arithmetic with indices.

@@ -22,10 +22,9 @@ const DENSE: usize = 500;
 ///
 /// With α the components between their bounds, β the degenerate ones (at a bound, Fᵢ = 0), this holds exactly if ∇F_αα is regular and its
 /// Schur complement in ∇F_(α∪β) is a P-matrix (all principal minors positive; Facchinei, Pang (2003), section 5.3). Equivalently all
-/// matrices
-/// I − D + D ∇F, D diagonal, dᵢ = 1 on α, 0 ≤ dᵢ ≤ 1 on β, 0 elsewhere, are regular. [`Regularity::Fails`] gives a singular one, a mixture
-/// of selections of the natural map; where the gradients of xᵢ − Fᵢ on β are linearly independent it is an element of Clarke's generalised
-/// Jacobian of that map, else strong regularity requires more than [`cd_regularity`](crate::piecewise::cd_regularity).
+/// matrices I − D + D ∇F, D diagonal, dᵢ = 1 on α, 0 ≤ dᵢ ≤ 1 on β, 0 elsewhere, are regular. [`Regularity::Fails`] gives a singular one, a
+/// mixture of selections of the natural map; where the gradients of xᵢ − Fᵢ on β are linearly independent it is an element of Clarke's
+/// generalised Jacobian of that map, else strong regularity requires more than [`cd_regularity`](crate::piecewise::cd_regularity).
 ///
 /// Where F is affine and rounding may decide the sign of a minor, exact arithmetic is used, for up to 200 components and some tenths of a
 /// second; beyond that the sign is undecided ([`Doubt::Rounding`]). Otherwise floating-point numbers decide: ∇F_αα with a reciprocal

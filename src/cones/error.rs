@@ -29,7 +29,7 @@ pub enum ConeError {
     Length {
         /// Which one.
         what: &'static str,
-        /// Length asked for.
+        /// Length required.
         expected: usize,
         /// Length given.
         found: usize,
