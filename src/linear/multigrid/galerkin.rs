@@ -112,7 +112,7 @@ impl Galerkin {
         Rows::new(p.num_coarse(), start, col, value)
     }
 
-    /// Sums the rows of C that depend on the given rows of A (all with `None`); tells which those are.
+    /// Sums the rows of C that depend on the given rows of A (all with `None`); returns which those are.
     pub(super) fn sum(
         &mut self,
         a: &Rows,
