@@ -116,8 +116,8 @@ impl<E> FirstError<E> {
         }
     }
 
-    /// [`attempt`](Self::attempt) for a vector, NaN where there is an error: the residual of a map, the product of an operator, or a formula
-    /// over numbers that carry derivatives (`T: Real` of `Traced` and `Autodiff`).
+    /// [`attempt`](Self::attempt) for a vector, NaN where there is an error: the residual of a map, the product of an operator, or a
+    /// formula over numbers that carry derivatives (`T: Real` of `Traced` and `Autodiff`).
     pub fn values<T: Copy + From<f64>>(&self, out: &mut [T], f: impl FnOnce(&mut [T]) -> Result<(), E>) {
         if self.attempt(|| f(out)).is_none() {
             out.fill(f64::NAN.into());

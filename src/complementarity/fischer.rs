@@ -151,10 +151,10 @@ fn combine(jac: &mut Matrix, factors: &[(f64, f64)]) {
 
 /// The reformulation Φ(x) = 0 of an MCP by (penalised) Fischer–Burmeister functions; ½‖Φ‖² is continuously differentiable.
 ///
-/// Φᵢ = φ(xᵢ − lᵢ, Fᵢ) with a lower bound only, −φ(uᵢ − xᵢ, −Fᵢ) with an upper one only, φ(xᵢ − lᵢ, −φ(uᵢ − xᵢ, −Fᵢ)) with
-/// both, Fᵢ without (Fischer 1992, Billups 1995). φ is evaluated without cancellation, so that Φ and the natural residual vanish
-/// together also in floating-point numbers, and where Φ is not differentiable the Jacobian is the limit of those along a direction, an element
-/// of the B-subdifferential (De Luca, Facchinei and Kanzow 1996; Chen, Chen and Kanzow 2000; Facchinei and Pang 2003, section 9.1).
+/// Φᵢ = φ(xᵢ − lᵢ, Fᵢ) with a lower bound only, −φ(uᵢ − xᵢ, −Fᵢ) with an upper one only, φ(xᵢ − lᵢ, −φ(uᵢ − xᵢ, −Fᵢ)) with both, Fᵢ without
+/// (Fischer 1992, Billups 1995). φ is evaluated without cancellation, so that Φ and the natural residual vanish together also in
+/// floating-point numbers, and where Φ is not differentiable the Jacobian is the limit of those along a direction, an element of the
+/// B-subdifferential (De Luca, Facchinei and Kanzow 1996; Chen, Chen and Kanzow 2000; Facchinei and Pang 2003, section 9.1).
 ///
 /// ```
 /// use semismooth::complementarity::{FischerBurmeister, Mcp, WithJacobian};

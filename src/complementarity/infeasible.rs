@@ -46,7 +46,8 @@ impl Conditions<'_> {
         }
     }
 
-    /// As [`contradict`](Self::contradict) for the conditions on F of some rows. Unknowns are the distances from a bound where there is one.
+    /// As [`contradict`](Self::contradict) for the conditions on F of some rows. Unknowns are the distances from a bound where there is
+    /// one.
     fn contradict_among(&self, rows: &[usize]) -> Option<bool> {
         let n = self.q.len();
         let (equations, inequalities): (Vec<usize>, Vec<usize>) =

@@ -35,8 +35,8 @@ const DENSE: usize = 500;
 /// checked.
 ///
 /// # Complexity
-/// A factorisation of order n, |β| solves, and, unless the symmetric part of the Schur complement is definite, at most `cap` principal minors
-/// of up to 2^|β| (M. J. Tsatsomeros, L. Li, A recursive test for P-matrices, BIT 40 (2000)).
+/// A factorisation of order n, |β| solves, and, unless the symmetric part of the Schur complement is definite, at most `cap` principal
+/// minors of up to 2^|β| (M. J. Tsatsomeros, L. Li, A recursive test for P-matrices, BIT 40 (2000)).
 ///
 /// # Errors
 /// Wrong lengths, values that are not finite, failures of the linear solver other than singularity.
@@ -414,7 +414,8 @@ fn eliminated(a: &[f64], e: &[f64], k: usize) -> (Vec<f64>, Vec<f64>) {
     (left.clone().map(reduced).collect(), left.map(error).collect())
 }
 
-/// Whether the symmetric part is definite, the diagonal scaled to 1: positive factors of rows and columns leave signs of minors as they are.
+/// Whether the symmetric part is definite, the diagonal scaled to 1: positive factors of rows and columns leave signs of minors as they
+/// are.
 fn has_definite_part(rows: &Rows, terms: &Rows, rounding: f64) -> Result<bool, PiecewiseError> {
     let p = rows.len();
     let scaled = |m: &Rows, i: usize, j: usize| m[i][j] / rows[i][i].sqrt() / rows[j][j].sqrt();
@@ -447,8 +448,8 @@ mod tests {
         }
     }
 
-    /// Entries that are off by no more than their errors, in units of rounding, move those of the eliminated matrix by no more than theirs, and
-    /// in some case by nearly as much.
+    /// Entries that are off by no more than their errors, in units of rounding, move those of the eliminated matrix by no more than theirs,
+    /// and in some case by nearly as much.
     #[test]
     fn errors_of_eliminated_entries_are_bounds() {
         const UNIT: f64 = 1e-9;

@@ -110,7 +110,8 @@ impl Variables {
         Self::default()
     }
 
-    /// Adds a block of `len` variables with the same bounds, −∞ and +∞ where there is none. [`set_bounds`](Self::set_bounds) gives each its own.
+    /// Adds a block of `len` variables with the same bounds, −∞ and +∞ where there is none. [`set_bounds`](Self::set_bounds) gives each its
+    /// own.
     ///
     /// # Errors
     /// A name that exists already, no variables, bounds that are NaN or leave no value.

@@ -162,7 +162,8 @@ mod tests {
         (run.interior_points(&start).unwrap(), monotone, run.best)
     }
 
-    /// min cᵀx + ½ x₀² over h − G x in two cones, a half-line and an equality, with points inside of both sides: value and dual value agree.
+    /// min cᵀx + ½ x₀² over h − G x in two cones, a half-line and an equality, with points inside of both sides: value and dual value
+    /// agree.
     #[test]
     fn cone_programs_have_no_duality_gap() {
         let mut random = Random::new(5);

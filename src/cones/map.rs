@@ -7,10 +7,11 @@ use crate::sparse::{Matrix, Pattern};
 /// A cone problem as semismooth equations of n unknowns, P the projection on K:
 ///
 /// * [`natural`](Self::natural): x − P(x − F(x)) = 0,
-/// * [`normal`](Self::normal): F(P(z)) + z − P(z) = 0, with the solution x = P(z) ([`ConeProblem::project`]) and z = x − F(x) (S. M. Robinson,
-///   1992),
-/// * [`fischer_burmeister`](Self::fischer_burmeister): x + F(x) − (x² + F(x)²)^½ = 0 in the Jordan algebra of the cones (M. Fukushima, Z.-Q. Luo,
-///   P. Tseng, SIAM J. Optim. 12 (2002)); ½‖Φ‖² is continuously differentiable (J.-S. Chen, P. Tseng, Math. Program. 104 (2005)),
+/// * [`normal`](Self::normal): F(P(z)) + z − P(z) = 0, with the solution x = P(z) ([`ConeProblem::project`]) and z = x − F(x)
+///   (S. M. Robinson, 1992),
+/// * [`fischer_burmeister`](Self::fischer_burmeister): x + F(x) − (x² + F(x)²)^½ = 0 in the Jordan algebra of the cones (M. Fukushima,
+///   Z.-Q. Luo, P. Tseng, SIAM J. Optim. 12 (2002)); ½‖Φ‖² is continuously differentiable (J.-S. Chen, P. Tseng, Math. Program. 104
+///   (2005)),
 /// * [`penalised`](Self::penalised): λ times the latter and (1 − λ) x₊ ∘ F(x)₊, with the projections on K: its norm has bounded level sets
 ///   on more problems, but its square is not differentiable everywhere (S. Pan, J.-S. Chen, S. Kum, Y. Lim, Comput. Optim. Appl. 49 (2011),
 ///   for second-order cones; S. Kum, Y. Lim, J. Global Optim. 46 (2010), for all symmetric ones; B. Chen, X. Chen, C. Kanzow, Math.
@@ -20,15 +21,15 @@ use crate::sparse::{Matrix, Pattern};
 ///
 /// Zeros of the first four give exactly the solutions of the problem. Free variables have the equation F = 0.
 ///
-/// With ∇F Lipschitz continuous all are strongly semismooth, so that Newton's method converges quadratically at solutions with regular elements
-/// (X. Chen, D. Sun, J. Sun, Comput. Optim. Appl. 25 (2003), for second-order cones; D. Sun, J. Sun, Math. Oper. Res. 27 (2002) and Math. Program. 103
-/// (2005), for semidefinite ones and the Fischer–Burmeister function).
+/// With ∇F Lipschitz continuous all are strongly semismooth, so that Newton's method converges quadratically at solutions with regular
+/// elements (X. Chen, D. Sun, J. Sun, Comput. Optim. Appl. 25 (2003), for second-order cones; D. Sun, J. Sun, Math. Oper. Res. 27 (2002)
+/// and Math. Program. 103 (2005), for semidefinite ones and the Fischer–Burmeister function).
 ///
 /// [`Semismooth::jacobian`] is an element of the B-subdifferential at every point:
 ///
 /// * of the normal map always: I − V + F′(P(z)) V, V from ∂_B P(z) (J.-S. Pang, D. Sun, J. Sun, Math. Oper. Res. 28 (2003), section 3);
-/// * of the Fischer–Burmeister map always: where it has no derivative the limit of its Jacobians at x + t e for t ↓ 0, e the identity of the
-///   algebra, as T. De Luca, F. Facchinei and C. Kanzow (1996) take it for half-lines;
+/// * of the Fischer–Burmeister map always: where it has no derivative the limit of its Jacobians at x + t e for t ↓ 0, e the identity of
+///   the algebra, as T. De Luca, F. Facchinei and C. Kanzow (1996) take it for half-lines;
 /// * of the natural map I − V (I − F′(x)) with V from ∂_B P(x − F(x)): guaranteed where I − F′(x) is regular or P differentiable; else it
 ///   is one of the elements that Newton's method takes for composed functions (L. Qi, J. Sun, Math. Program. 58 (1993));
 /// * of the penalised map that of the Fischer–Burmeister map with elements of ∂_B P at x and at F(x): guaranteed where P is differentiable

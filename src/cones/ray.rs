@@ -132,8 +132,8 @@ fn ray_of_block(
     Ok(best.filter(|ray| ray.radius > RADIUS * typical))
 }
 
-/// What v proves, scaled to qᵀv = −1: a solution x has 0 ≤ vᵀF(x) ≤ qᵀv + ‖x‖ d + δ (‖M‖ ‖x‖ + ‖q‖), where d is the distance of −Mᵀv from K*
-/// and δ that of v from K, both with all rounding.
+/// What v proves, scaled to qᵀv = −1: a solution x has 0 ≤ vᵀF(x) ≤ qᵀv + ‖x‖ d + δ (‖M‖ ‖x‖ + ‖q‖), where d is the distance of −Mᵀv from
+/// K* and δ that of v from K, both with all rounding.
 fn certificate(
     problem: &ConeProblem<&dyn McpFunction>,
     matrix: &Matrix,

@@ -38,8 +38,8 @@ const HEAVY: f64 = 2e10;
 /// diagonal near 1 first; [`rcond`](LinearSolver::rcond) is that of the scaled matrix.
 ///
 /// # Complexity
-/// On a mesh of n nodes about n^1.5 operations and n log n numbers in the plane, n² operations and n^1.33 numbers in space; a solve is linear
-/// in the entries of the factor.
+/// On a mesh of n nodes about n^1.5 operations and n log n numbers in the plane, n² operations and n^1.33 numbers in space; a solve is
+/// linear in the entries of the factor.
 #[derive(Clone, Default)]
 pub struct Cholesky {
     pattern: PatternMemory,

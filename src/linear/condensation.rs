@@ -124,8 +124,8 @@ impl Condensation {
     /// B A⁻¹ f for one load or several: f holds n values for each, the result q for each.
     ///
     /// # Complexity
-    /// A forward substitution for each load, which is linear in the entries of the factor (about n log n in the plane, n^1.33 in space), and
-    /// q k operations with k unknowns touched by B.
+    /// A forward substitution for each load, which is linear in the entries of the factor (about n log n in the plane, n^1.33 in space),
+    /// and q k operations with k unknowns touched by B.
     ///
     /// # Errors
     /// A right-hand side of the wrong length or not finite.

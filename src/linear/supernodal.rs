@@ -262,7 +262,8 @@ mod tests {
     use crate::linear::{Cholesky, LinearSolver};
     use crate::sparse::Matrix;
 
-    /// A chain of cubes whose last separators have several parts: seven-point differences on m × m × 3m points, with a diagonal that varies.
+    /// A chain of cubes whose last separators have several parts: seven-point differences on m × m × 3m points, with a diagonal that
+    /// varies.
     fn blocks(m: usize) -> Matrix {
         let at = |i: usize, j: usize, k: usize| (k * m + j) * m + i;
         let mut entries = Vec::new();

@@ -14,8 +14,8 @@ use crate::sparse::{Matrix, Pattern};
 /// constraints. [`kkt`](Self::kkt) states the same in (x, λ, μ): a map whose sites are the constraints, each with pieces of its own. Its
 /// zeros give those of the normal map as z = x + Aᵀλ + Eᵀμ − ρₗ + ρᵤ, ρ the [multipliers](super::Multipliers) of the bounds, and z gives
 /// (λ, μ, ρ) as the multipliers of [`Polyhedron::project`], unique where the normals of active constraints are linearly independent.
-/// [`NormalMap`](crate::complementarity::NormalMap) of [`kkt`](Self::kkt) is the normal map of the box of (x, λ, μ), and for C a box without
-/// rows that of the problem itself.
+/// [`NormalMap`](crate::complementarity::NormalMap) of [`kkt`](Self::kkt) is the normal map of the box of (x, λ, μ), and for C a box
+/// without rows that of the problem itself.
 ///
 /// ```
 /// use semismooth::complementarity::AffineFunction;

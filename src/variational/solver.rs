@@ -14,7 +14,8 @@ pub enum ViStatus {
     Solved,
     /// C is empty, as [`ViReport::infeasibility`] proves within its radius.
     EmptySet,
-    /// No x in C is a solution, as [`ViReport::ray`] proves within its radius, or (no ray) all active sets of a small affine problem were ruled out.
+    /// No x in C is a solution, as [`ViReport::ray`] proves within its radius, or (no ray) all active sets of a small affine problem were
+    /// ruled out.
     NoSolution,
     /// The solver ended otherwise, with this [`McpStatus`].
     Unsolved(McpStatus),
@@ -87,10 +88,10 @@ impl std::fmt::Display for ViReport {
 /// Josephy–Newton with linearised problems solved along piecewise linear paths (N. H. Josephy 1979; D. Ralph 1994), and a piecewise smooth
 /// homotopy; [`McpOptions::strategies`] chooses. For affine F a certificate is sought where no strategy succeeds.
 ///
-/// With [`McpStrategy::JosephyNewton`](crate::complementarity::McpStrategy::JosephyNewton) alone an affine problem is solved by one piecewise
-/// linear path from the start, as by PATHAVI (Y. Kim, O. Huber, M. C. Ferris, Math. Program. 169 (2018)), though in the variables (x, λ, μ): up to
-/// four times [`McpOptions::max_path_size`] of them and [`McpOptions::max_path_points`] kinks, on which some matrices of that order are
-/// factored.
+/// With [`McpStrategy::JosephyNewton`](crate::complementarity::McpStrategy::JosephyNewton) alone an affine problem is solved by one
+/// piecewise linear path from the start, as by PATHAVI (Y. Kim, O. Huber, M. C. Ferris, Math. Program. 169 (2018)), though in the variables
+/// (x, λ, μ): up to four times [`McpOptions::max_path_size`] of them and [`McpOptions::max_path_points`] kinks, on which some matrices of
+/// that order are factored.
 ///
 /// ```
 /// use semismooth::complementarity::{AffineFunction, McpOptions, McpStrategy};

@@ -62,8 +62,8 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
         self.solve_observed(lcp, z, None, |_| ControlFlow::Continue(()))
     }
 
-    /// Solves the problem, with the sets of the first iteration given instead of read off the start in `z`; what is [`BoundState::Lower`] or
-    /// [`BoundState::Upper`] without such a bound counts as inactive.
+    /// Solves the problem, with the sets of the first iteration given instead of read off the start in `z`; what is [`BoundState::Lower`]
+    /// or [`BoundState::Upper`] without such a bound counts as inactive.
     ///
     /// # Errors
     /// As [`solve`](Self::solve), and sets of the wrong length.
@@ -76,7 +76,8 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
         self.solve_observed(lcp, z, Some(sets), |_| ControlFlow::Continue(()))
     }
 
-    /// As [`solve`](Self::solve) or [`solve_from_states`](Self::solve_from_states), with an observer of each iteration, which may stop the run.
+    /// As [`solve`](Self::solve) or [`solve_from_states`](Self::solve_from_states), with an observer of each iteration, which may stop the
+    /// run.
     ///
     /// # Errors
     /// As [`solve_from_states`](Self::solve_from_states).

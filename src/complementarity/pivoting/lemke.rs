@@ -123,8 +123,9 @@ impl Lemke {
     /// Solves the problem; `z` is overwritten by the solution or the end of the path. Its content before does not matter.
     ///
     /// # Errors
-    /// [`ComplementarityError::Length`] for `z` or the covering vector, [`ComplementarityError::Option`] for a covering vector that is not positive,
-    /// [`ComplementarityError::Unsuitable`] for more than 20 000 unknowns or unknowns without bounds whose block of M is singular.
+    /// [`ComplementarityError::Length`] for `z` or the covering vector, [`ComplementarityError::Option`] for a covering vector that is not
+    /// positive, [`ComplementarityError::Unsuitable`] for more than 20 000 unknowns or unknowns without bounds whose block of M is
+    /// singular.
     pub fn solve(&mut self, lcp: &Lcp, z: &mut [f64]) -> Result<LemkeReport, ComplementarityError> {
         self.solve_observed(lcp, z, |_| ControlFlow::Continue(()))
     }

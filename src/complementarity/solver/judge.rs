@@ -171,8 +171,8 @@ mod tests {
     use crate::sparse::Matrix;
     use std::ops::ControlFlow;
 
-    /// x ≥ 0 with F = x − 1 beside its bound, where F pushes x off it: next to x there is no solution, although moving there changes next to
-    /// nothing in the row.
+    /// x ≥ 0 with F = x − 1 beside its bound, where F pushes x off it: next to x there is no solution, although moving there changes next
+    /// to nothing in the row.
     #[test]
     fn a_point_beside_a_bound_is_judged_at_the_bound() {
         let problem = Mcp::affine(Matrix::identity(1), vec![-1.0], vec![0.0], vec![f64::INFINITY]).unwrap();

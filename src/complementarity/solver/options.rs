@@ -65,8 +65,8 @@ pub struct McpOptions {
     pub max_nodes: u64,
     /// Number of perturbed starts tried in the end. Default 12.
     pub restarts: usize,
-    /// Whether, and how, the regularity of solutions is examined, for [`McpReport::regularity`](super::McpReport::regularity). Default `None`:
-    /// it is not.
+    /// Whether, and how, the regularity of solutions is examined, for [`McpReport::regularity`](super::McpReport::regularity). Default
+    /// `None`: it is not.
     pub regularity: Option<RegularityOptions>,
 }
 

@@ -111,8 +111,8 @@ pub(crate) struct Aggregation<const F: usize, const K: usize> {
 }
 
 impl<const F: usize, const K: usize> Aggregation<F, K> {
-    /// The hierarchy of a positive definite matrix of which some components, a bit each, are not free and have zero rows and columns. `modes` are the
-    /// near-kernel vectors.
+    /// The hierarchy of a positive definite matrix of which some components, a bit each, are not free and have zero rows and columns.
+    /// `modes` are the near-kernel vectors.
     ///
     /// # Errors
     /// [`LinearError::NotPositiveDefinite`]; [`LinearError::Interrupted`] once time is over.

@@ -38,7 +38,8 @@ impl Proximal {
     const FINISH: usize = 15;
 }
 
-/// `properties::positive_semidefinite_problems_are_solved_exactly_if_feasible`, `outcomes::infeasible_affine_problems_come_with_a_certificate`.
+/// `properties::positive_semidefinite_problems_are_solved_exactly_if_feasible`,
+/// `outcomes::infeasible_affine_problems_come_with_a_certificate`.
 const PROXIMAL_AFFINE: Proximal = Proximal {
     rounds: 40,
     shrink: 0.1,
