@@ -317,7 +317,7 @@ fn friction(arguments: &Arguments, n: usize) -> Outcome<()> {
             // A border of a cell misses at most one start of each row or column.
             ensure(
                 distance(&shares, &exact) < 4.0 / n as f64,
-                "full steps share the plane as the areas of the cells do",
+                "the shares of full steps agree with the areas of the cells",
             )?;
         }
     }

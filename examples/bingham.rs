@@ -301,7 +301,7 @@ fn check(disc: &Disc, found: &Found, gamma: f64) -> Outcome<()> {
     let h = (6.0 / disc.triangles.len() as f64).sqrt();
     ensure(
         found.error < 0.5 * h * h + 2.0 / gamma,
-        "the velocity is the exact one to second order, less what regularisation takes",
+        "the velocity is the exact one to second order, up to the error of the regularisation",
     )?;
     ensure(
         (found.plug_radius - 0.5).abs() < h,

@@ -120,7 +120,7 @@ fn run(arguments: &Arguments) -> Outcome<()> {
     );
     ensure(
         complete,
-        "all that is connected to the first equilibrium was followed",
+        "all equilibria connected to the first one were followed",
     )?;
     let equilibria = diagram.solutions_at(&market, arguments.at)?;
     let found = count(equilibria.points.len(), "equilibrium", "equilibria");

@@ -225,7 +225,7 @@ impl Counted {
         found.add(&begin);
         if found != state.tally {
             return Err(format!(
-                "{} is not the table of the state, which tells of {} lines ({} bytes) with another content; run without --resume",
+                "{} is not the table of the state, which has {} lines ({} bytes) of other content; run without --resume",
                 path.display(),
                 state.tally.lines,
                 state.tally.bytes

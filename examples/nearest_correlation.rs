@@ -49,7 +49,7 @@ fn run(arguments: &Arguments) -> Outcome<()> {
     for &order in &arguments.orders {
         nearest(order, arguments.errors)?;
     }
-    println!("\nLovász number of a circle");
+    println!("\nLovász number of a cycle");
     println!("vertices  steps  ϑ            differs from n cos(π/n)/(1 + cos(π/n)) by");
     for n in [5, 7, 9] {
         circle(n)?;

@@ -422,14 +422,14 @@ fn balance() -> Outcome<()> {
     );
     ensure(
         coarse < 0.0 && coarse > -1e-2 * work && coarse / fine > 3.0,
-        "work is stored or dissipated, but for an error of second order in the step",
+        "work is stored or dissipated, up to an error of second order in the step",
     )
 }
 
 fn not_growing(counts: &[usize]) -> Outcome<()> {
     ensure(
         growth(counts) <= GROWTH,
-        "on no mesh there are more than two Newton steps more than on the first",
+        "no mesh takes over two Newton steps more than the first",
     )
 }
 

@@ -158,7 +158,7 @@ impl Forces {
                 return Ok(count);
             }
         }
-        Err("the VIs over one set after the other do not come to an end".into())
+        Err("the sequence of VIs over fixed sets does not converge".into())
     }
 }
 
@@ -230,7 +230,7 @@ fn body(arguments: &Arguments) -> Outcome<()> {
     let mut cone = vec![0.0; 2 * p];
     let report = ViSolver::default().solve(&Vi::new(forces.function()?, set)?, &mut cone)?;
     let off = distance(&cone, &own[..2 * p]) / largest;
-    println!("  the VI over the cones that do not move: off by {off:.1e}");
+    println!("  the VI over the fixed cones: off by {off:.1e}");
     ensure(
         report.is_solved() && off > 1e-3,
         "the VI over the fixed cones is another problem",

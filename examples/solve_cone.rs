@@ -65,7 +65,7 @@ fn run(arguments: &Arguments) -> Outcome<()> {
         }
     }
     if !arguments.json {
-        println!("{right} of {all} starts solved, or told that there is no solution");
+        println!("{right} of {all} starts solved, or proven to have no solution");
     }
     if arguments.files.is_empty() {
         ensure(

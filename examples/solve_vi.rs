@@ -79,7 +79,7 @@ fn run(arguments: &Arguments) -> Outcome<()> {
         }
     }
     if !arguments.json {
-        println!("{right} of {all} starts solved, or told that there is no solution");
+        println!("{right} of {all} starts solved, or proven to have no solution");
     }
     if arguments.files.is_empty() {
         ensure(
@@ -173,7 +173,7 @@ fn print_all(as_json: bool, problem: &Problem, list: &ViSolutions, time: Duratio
     }
     let certainty = match list.completeness {
         Completeness::Complete => "complete",
-        Completeness::Undecided { .. } => "complete but for rounding",
+        Completeness::Undecided { .. } => "complete up to rounding",
         _ => "not complete",
     };
     println!(

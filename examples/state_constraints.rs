@@ -262,7 +262,7 @@ fn follow(arguments: &Arguments, m: usize) -> Outcome<()> {
     ensure((end.x[n] - LAST).abs() < 1e-9, "the path goes to its end")?;
     ensure(
         excesses.windows(2).all(|w| w[1] < w[0]) && excesses.len() > targets.len(),
-        "ψ is passed by less and less",
+        "ψ is exceeded by less and less",
     )?;
     ensure(
         off < 1e-6,
