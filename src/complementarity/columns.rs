@@ -74,7 +74,7 @@ impl BoxLcp<'_> {
         }
     }
 
-    /// The largest natural residual for w = M z + q at hand.
+    /// The largest natural residual, given w = M z + q.
     pub(super) fn natural_residual(&self, z: &[f64], w: &[f64]) -> f64 {
         let mut worst = 0.0_f64;
         for i in 0..z.len() {

@@ -52,7 +52,7 @@ pub enum ComplementarityError {
     /// No block of variables has this name.
     #[error("there are no variables \"{name}\"; the blocks are {known}")]
     NoSuchBlock {
-        /// The name asked for.
+        /// The unknown name.
         name: String,
         /// The names that exist.
         known: String,

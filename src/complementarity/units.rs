@@ -4,7 +4,7 @@ use super::{Mcp, McpFunction};
 use crate::piecewise::is_ordinary;
 use crate::sparse::{Matrix, Pattern};
 
-/// Units of x and F(x), found when first asked for.
+/// Units of x and F(x), determined on first use.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Units(OnceLock<Found>);
 

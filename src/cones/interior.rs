@@ -34,7 +34,7 @@ pub(crate) trait Image {
         self.derivative(values);
     }
 
-    /// Unit of the diagonal entry of a variable, above that of the others.
+    /// Size of the diagonal entry of a variable, relative to that of the others.
     fn unit(&self, _variable: usize) -> f64 {
         1.0
     }

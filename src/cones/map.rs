@@ -12,7 +12,7 @@ use crate::sparse::{Matrix, Pattern};
 /// * [`fischer_burmeister`](Self::fischer_burmeister): x + F(x) − (x² + F(x)²)^½ = 0 in the Jordan algebra of the cones (M. Fukushima,
 ///   Z.-Q. Luo, P. Tseng, SIAM J. Optim. 12 (2002)); ½‖Φ‖² is continuously differentiable (J.-S. Chen, P. Tseng, Math. Program. 104
 ///   (2005)),
-/// * [`penalised`](Self::penalised): λ times the latter and (1 − λ) x₊ ∘ F(x)₊, with the projections on K: its norm has bounded level sets
+/// * [`penalised`](Self::penalised): λ times that map and (1 − λ) x₊ ∘ F(x)₊, with the projections on K: its norm has bounded level sets
 ///   on more problems, but its square is not differentiable everywhere (S. Pan, J.-S. Chen, S. Kum, Y. Lim, Comput. Optim. Appl. 49 (2011),
 ///   for second-order cones; S. Kum, Y. Lim, J. Global Optim. 46 (2010), for all symmetric ones; B. Chen, X. Chen, C. Kanzow, Math.
 ///   Program. 88 (2000), for half-lines),

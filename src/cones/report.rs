@@ -55,11 +55,11 @@ pub struct ConeIteration {
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ConeRay {
-    /// v, in K; qᵀv = −1 but for rounding. 0 outside of one block of unknowns that entries of M connect.
+    /// v, in K; qᵀv = −1 up to rounding. 0 outside one block of unknowns connected by entries of M.
     pub direction: Vec<f64>,
     /// qᵀv.
     pub value: f64,
-    /// −Mᵀv lies in K* but for rounding; v proves that there is no solution with ‖x‖₂ below this radius. At least 10¹² times the size of x
+    /// −Mᵀv lies in K* up to rounding; v proves that there is no solution with ‖x‖₂ below this radius. At least 10¹² times the size of x
     /// at which M x and q of this block are of similar size; infinite where −Mᵀv lies in K* exactly.
     pub radius: f64,
 }

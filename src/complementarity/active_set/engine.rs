@@ -484,7 +484,7 @@ impl Engine {
         worst
     }
 
-    /// Whether z, with w at hand, is a solution; see [`ActiveSetOptions::tolerance`].
+    /// Whether z, with w = M z + q already computed, is a solution; see [`ActiveSetOptions::tolerance`].
     fn is_solution(&mut self, lcp: BoxLcp<'_>, direct: bool, z: &[f64]) -> bool {
         let mut point = Point::of(lcp, z, &self.w);
         point.blocks = Some(&self.blocks);

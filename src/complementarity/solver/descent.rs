@@ -13,7 +13,7 @@ const PATIENCE: usize = 40;
 /// After an excursion without decrease has failed, another one is allowed once the merit is below this part of the best one.
 const TRUSTED: f64 = 0.25;
 
-/// How often rows and columns are equilibrated anew.
+/// How often rows and columns are equilibrated again, at most.
 const ANEW: usize = 20;
 
 /// State of one descent.

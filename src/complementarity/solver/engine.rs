@@ -208,7 +208,7 @@ impl Engine<'_> {
         false
     }
 
-    /// Equilibrates anew, where the plan asks for it.
+    /// Equilibrates again, if the plan requires it.
     pub(super) fn equilibrate(&mut self, plan: &Plan) {
         let w = &mut *self.work;
         match plan.scaled && self.options.equilibrate {
@@ -303,7 +303,7 @@ impl Engine<'_> {
         }
     }
 
-    /// Scaled values, Jacobian and merit at `work.here.x`, where F and its Jacobian have just been evaluated; scaling anew if asked.
+    /// Scaled values, Jacobian and merit at `work.here.x`, where F and its Jacobian have just been evaluated; rescaled if `anew`.
     pub(super) fn linearise(&mut self, plan: &Plan, anew: bool) -> Option<f64> {
         if anew {
             self.equilibrate(plan);

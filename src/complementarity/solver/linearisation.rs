@@ -7,7 +7,7 @@ use crate::sparse::{Matrix, Pattern};
 /// Factors of rows and columns lie between this and its reciprocal, except for rows whose value of F requires more.
 const LEAST_FACTOR: f64 = 1e-8;
 
-/// Factor by which rows may grow or shrink before they are equilibrated anew.
+/// Factor by which rows may grow or shrink before they are equilibrated again.
 const STALE: f64 = 1e3;
 
 /// ∇F as evaluated, and R ∇F C + ε I with powers of two on the diagonals of R and C, each in its own matrix.
@@ -56,7 +56,7 @@ impl Linearisation {
         finite
     }
 
-    /// Σⱼ |∇Fᵢⱼ xⱼ| with the ∇F at hand and with that of another point; NaN or infinite where it is not finite there.
+    /// Σⱼ |∇Fᵢⱼ xⱼ| with the present ∇F and with that at another point; NaN or infinite where it is not finite there.
     pub(super) fn terms_beside(
         &mut self,
         function: &dyn McpFunction,
@@ -99,7 +99,7 @@ impl Linearisation {
         &self.col
     }
 
-    /// Makes the scaled matrix anew with ε = `proximal`.
+    /// Recomputes the scaled matrix with ε = `proximal`.
     pub(super) fn rescale(&mut self, proximal: f64) {
         let Self {
             jac,

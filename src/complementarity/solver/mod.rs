@@ -110,7 +110,7 @@ impl McpSolver {
     ///
     /// # Errors
     /// Misuse only: a parametric problem, a start of wrong length or not finite, options out of range, a Jacobian entry outside the
-    /// pattern, and failures of the linear solver where [regularity](McpOptions::regularity) is asked for (`x` then holds the solution).
+    /// pattern, and failures of the linear solver where [regularity](McpOptions::regularity) is requested (`x` then holds the solution).
     /// That no solution was found is no error: see [`McpReport::status`].
     pub fn solve<F: McpFunction>(
         &mut self,

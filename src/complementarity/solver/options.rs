@@ -31,7 +31,8 @@ pub struct McpOptions {
     pub max_time: Option<Duration>,
     /// Whether F is evaluated within the bounds only. Default true. An affine F is evaluated anywhere.
     pub stay_inside: bool,
-    /// Whether rows and columns are equilibrated, by powers of two and the Jacobian at the start. Default true.
+    /// Whether rows and columns are equilibrated, by powers of two, for the Jacobian at the start and again where rows have changed much.
+    /// Default true.
     pub equilibrate: bool,
     /// What is tried, in this order, each only if all before it failed. Default: all of [`McpStrategy`], in the order of its variants.
     ///

@@ -55,7 +55,7 @@ impl Engine<'_> {
             status = self.last_word(status);
         }
         x.copy_from_slice(&self.work.here.x);
-        // Evaluated at what is returned, whatever was known before.
+        // Evaluated once more, at the point returned.
         let finite = self.evaluate();
         if status != McpStatus::Solved {
             self.report.error = f64::NAN;

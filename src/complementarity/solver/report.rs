@@ -152,7 +152,7 @@ pub enum BoundState {
     Upper,
 }
 
-/// How a solve went. The solver keeps it, so that it is not allocated anew.
+/// Report on a solve. The solver keeps it, so that its memory is reused.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]

@@ -34,7 +34,7 @@ impl Engine<'_> {
         same
     }
 
-    /// The Newton step of the natural map for the active set at hand.
+    /// The Newton step of the natural map for the current active set.
     pub(super) fn natural_step(&mut self) -> bool {
         self.bound_steps();
         self.report.factorisations += 1;

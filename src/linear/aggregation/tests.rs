@@ -153,7 +153,7 @@ fn bodies_of_all_kinds_take_few_iterations() {
     }
 }
 
-/// Coarse matrices after a change of constraints are Galerkin products, as if the hierarchy were made anew, and changing back is exact.
+/// Coarse matrices after a change of constraints are Galerkin products, as if the hierarchy were rebuilt, and changing back is exact.
 #[test]
 fn constraints_change_what_depends_on_them_and_nothing_is_missed() {
     let a = body(block([9, 8, 4]), Material::isotropic(1.0, 0.3).unwrap(), 1.0);

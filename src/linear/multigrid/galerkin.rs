@@ -32,7 +32,7 @@ impl RowSum {
         }
     }
 
-    /// Adds `factor` times a row, but for the columns that are not free.
+    /// Adds `factor` times a row, except in columns that are not free.
     #[inline(always)]
     fn add(&mut self, cols: &[u32], values: &[f64], factor: f64, is_free: impl Fn(u32) -> bool) {
         let mut len = self.len;

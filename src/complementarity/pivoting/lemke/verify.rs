@@ -158,7 +158,7 @@ impl Lemke {
         }
     }
 
-    /// Whether v ≥ 0, Mᵀv ≤ 0 and qᵀv < 0 hold for the ray but for rounding, so that vᵀ(M z + q) < 0 for every z ≥ 0, and exact
+    /// Whether v ≥ 0, Mᵀv ≤ 0 and qᵀv < 0 hold for the ray up to rounding, so that vᵀ(M z + q) < 0 for every z ≥ 0, and exact
     /// arithmetic confirms that no z ≥ 0 has M z + q ≥ 0.
     pub(super) fn proves_infeasibility(&self, lcp: &Lcp) -> bool {
         if !self.has_ray || !lcp.is_standard() {

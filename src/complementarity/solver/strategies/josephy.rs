@@ -30,7 +30,7 @@ const WEIGHTS: Weights = Weights {
 };
 
 impl Engine<'_> {
-    /// Moves `work.here.x` to the solution of an affine (proximal) problem along its path; `false` where the path does not arrive.
+    /// Moves `work.here.x` to the solution of an affine (proximal) problem along its path; `false` where the path does not reach it.
     pub(super) fn affine_path(&mut self, plan: &Plan) -> bool {
         if !self.has_affine_paths() || !self.evaluate() || !self.jacobian() {
             return false;
