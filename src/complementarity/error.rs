@@ -4,7 +4,7 @@ use crate::linear::LinearError;
 use crate::piecewise::PiecewiseError;
 use crate::sparse::SparseError;
 
-/// What can be wrong with a complementarity problem or its options. How a solve ended stands in its report.
+/// What can be wrong with a complementarity problem or its options. How a solve ended is in its report.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum ComplementarityError {

@@ -4,7 +4,7 @@ use crate::complementarity::ComplementarityError;
 use crate::enumeration::EnumerationError;
 use crate::sparse::SparseError;
 
-/// What can be wrong with a polyhedron or a variational inequality. How a solve ended stands in its report.
+/// What can be wrong with a polyhedron or a variational inequality. How a solve ended is in its report.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum VariationalError {
