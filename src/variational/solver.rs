@@ -33,8 +33,8 @@ impl std::fmt::Display for ViStatus {
 }
 
 /// Proof that an affine variational inequality has no solution: a recession direction v of C (A v ≤ 0, E v = 0, vⱼ ≥ 0 where lⱼ is finite,
-/// vⱼ ≤ 0 where uⱼ is finite) with F(x)ᵀv ≤ value < 0 for all x in C, as Mᵀv = Aᵀy + Eᵀw − ρₗ + ρᵤ with y, ρₗ, ρᵤ ≥ 0 and value = qᵀv + bᵀy
-/// + dᵀw − lᵀρₗ + uᵀρᵤ. At a solution x the point x + v of C would contradict F(x)ᵀ(y − x) ≥ 0.
+/// vⱼ ≤ 0 where uⱼ is finite) with F(x)ᵀv ≤ value < 0 for all x in C, as Mᵀv = Aᵀy + Eᵀw − ρₗ + ρᵤ with y, ρₗ, ρᵤ ≥ 0 and
+/// value = qᵀv + bᵀy + dᵀw − lᵀρₗ + uᵀρᵤ. At a solution x the point x + v of C would contradict F(x)ᵀ(y − x) ≥ 0.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
