@@ -172,7 +172,7 @@ impl Gmres {
         w.fill(0.0);
         multiply(&self.z, w);
         let h = &mut self.hessenberg[rows * k..rows * (k + 1)];
-        // The last orthogonalisation is combined with the product of the next one.
+        // Each subtraction is combined with the scalar product for the next direction.
         let mut last: Option<(f64, &[f64])> = None;
         for (i, v) in old.chunks_exact(n).enumerate() {
             let c = parallel::sum_parts(w, GRAIN, &|first, w| {

@@ -47,8 +47,9 @@ const SLIGHT: f64 = 0.01;
 /// Constraints of the finest level.
 #[derive(Debug, Clone)]
 struct Fine<const F: usize> {
-    /// Components that are fixed, a bit each; those that never were free, and the others.
+    /// Components that never were free, a bit each.
     fixed: Vec<u8>,
+    /// These and the components fixed at present.
     held: Vec<u8>,
     added: BTreeMap<u32, [[f64; F]; F]>,
     /// The additions that the coarse levels include: slight changes are left out.
@@ -350,7 +351,7 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
     }
 }
 
-/// After the time limit the results of parts that ended early are not used.
+/// Ends the work where parts of it ended early for lack of time.
 fn in_time(until: Until) -> Result<(), LinearError> {
     if until.is_over() {
         return Err(LinearError::Interrupted);
