@@ -99,7 +99,7 @@ struct Put {
     first: usize,
     most: usize,
     residual: f64,
-    /// (time to expiry, price below which to exercise)
+    /// (time to expiry, price of the share below which to exercise)
     boundary: Vec<(f64, f64)>,
 }
 
@@ -183,7 +183,7 @@ fn price(a: &Arguments) -> Outcome<Put> {
             .rposition(|s| *s == BoundState::Lower)
             .filter(|&i| payoff[i] > 0.0);
         if let Some(i) = exercised.filter(|&i| i + 2 < n) {
-            // The option leaves the payoff with its slope, on a parabola: its vertex, from the next two points, is the boundary.
+            // The price departs from the payoff tangentially, on a parabola: its vertex, from the next two points, is the boundary.
             let [near, far] = [i + 1, i + 2].map(|k| v[k] - payoff[k]);
             let bend = far - 2.0 * near;
             let ahead = if bend > 0.0 {
@@ -195,7 +195,7 @@ fn price(a: &Arguments) -> Outcome<Put> {
             put.boundary.push(((step + 1) as f64 * dt, a.strike * log.exp()));
         }
     }
-    // Cubic interpolation at the price asked for.
+    // Cubic interpolation at the requested price.
     let place = (a.spot / a.strike).ln() / h + (n / 2) as f64;
     let base = (place.floor() as usize).clamp(1, n - 3);
     let t = place - base as f64;

@@ -1,8 +1,8 @@
-//! Basins of attraction: to which solution does Newton's method go from where?
+//! Basins of attraction: which start leads Newton's method to which solution?
 //!
 //! 1. One contact node with friction (Hild and Renard's model), with three solutions. Starts are forces (λν, λt). With full steps the
-//!    method goes from a start to the solution of its piece, wherever that lies, and on from there: so all starts in one cell share their
-//!    fate, and the shares of the plane are areas of polygons. They are computed apart, and compared with the counts.
+//!    method goes from a start to the solution of its piece, in whatever cell that lies, and on from there: so all starts in one cell end
+//!    alike, and the parts of the plane are areas of polygons. They are computed separately, and compared with the counts.
 //! 2. The problem of Kojima and Shindo with its two solutions, of which one is degenerate, from starts in a plane through both:
 //!    x = (s, 0, t, max(½ − t/6, 0)).
 //!
@@ -88,7 +88,7 @@ struct Basins {
 }
 
 impl Basins {
-    /// `solve` gives the end of a start, if the method says that it is one; an end that is no solution known is an error.
+    /// `solve` returns the end of a run from a start, if the method reports success; an end that is no known solution is an error.
     fn new(
         window: Window,
         solutions: &[Vec<f64>],
@@ -100,7 +100,7 @@ impl Basins {
                 ends.push(match solve(window.start(i, j))? {
                     None => None,
                     Some(x) => {
-                        // Rounding of a residual moves a degenerate solution by its root.
+                        // A residual at rounding level leaves an error of its square root at a degenerate solution.
                         let known = solutions.iter().position(|s| distance(s, &x) < 1e-5);
                         Some(known.ok_or_else(|| format!("{x:?} is said to be a solution"))?)
                     }
@@ -110,7 +110,7 @@ impl Basins {
         Ok(Self { window, ends })
     }
 
-    /// Of each solution, and of failures.
+    /// Shares of the starts, for each solution and for failures.
     fn shares(&self, solutions: usize) -> Vec<f64> {
         let mut counts = vec![0.0; solutions + 1];
         for end in &self.ends {
@@ -223,7 +223,7 @@ impl Node {
         STATES.into_iter().find(inside)
     }
 
-    /// The state at whose solution full steps end from the cell of a state; none where they go round in circles.
+    /// The state at whose solution full steps end from the cell of a state; none where they cycle.
     fn fate(&self, mut state: ContactState) -> Option<ContactState> {
         for _ in STATES {
             let next = self.state_of(self.forces(state))?;
@@ -277,7 +277,7 @@ fn friction(arguments: &Arguments, n: usize) -> Outcome<()> {
         n,
     };
 
-    // The areas, of the cells that share a fate.
+    // The areas, of the cells that end alike.
     let [low, high] = [window.low, window.high];
     let whole = [low, [high[0], low[1]], high, [low[0], high[1]]];
     let mut exact = vec![0.0; ends.len() + 1];
@@ -317,7 +317,7 @@ fn friction(arguments: &Arguments, n: usize) -> Outcome<()> {
             // A border of a cell misses at most one start of each row or column.
             ensure(
                 distance(&shares, &exact) < 4.0 / n as f64,
-                "full steps share the plane as the areas of the cells do",
+                "the shares of full steps agree with the areas of the cells",
             )?;
         }
     }

@@ -1,9 +1,9 @@
 //! Bingham flow through a round pipe: a paste that moves as a rigid plug where its stress is below the yield stress g.
 //!
-//! The velocity u makes ½∫|∇u|² + g∫|∇u| − ∫f u least, u = 0 on the circle r = 1, here with g = 1 and f = 4. Its stress is ∇u + q, with
-//! q = g ∇u/|∇u| where the paste shears and |q| ≤ g in the plug. With Tikhonov's term of weight 1/γ in q that is
-//! max(g/γ, |∇u|) q = g ∇u in each triangle of a mesh, solved together with the balance of forces by a semismooth Newton method in (u, q)
-//! (J. C. De los Reyes, M. Hintermüller, Interfaces Free Bound. 13 (2011)). q is eliminated triangle by triangle; what is left is factored.
+//! The velocity u minimises ½∫|∇u|² + g∫|∇u| − ∫f u with u = 0 on the circle r = 1, here with g = 1 and f = 4. Its stress is ∇u + q, with
+//! q = g ∇u/|∇u| where the paste shears and |q| ≤ g in the plug. With Tikhonov's term of weight 1/γ in q that is max(g/γ, |∇u|) q = g ∇u in
+//! each triangle of a mesh, solved together with the balance of forces by a semismooth Newton method in (u, q) (J. C. De los Reyes,
+//! M. Hintermüller, Interfaces Free Bound. 13 (2011)). q is eliminated triangle by triangle; the reduced matrix is factored.
 //! Exactly, the plug is r ≤ 2g/f = ½, u = f/4 (1 − r²) − g (1 − r) outside, and Buckingham's flow rate is ∫u = 2π · 17/192.
 //!
 //! You will see that the numbers of Newton steps do not grow as the mesh is refined, and the errors of velocity, plug and flow rate; and
@@ -54,7 +54,7 @@ struct Arguments {
 const YIELD: f64 = 1.0;
 const FORCE: f64 = 4.0;
 
-/// More Newton steps than this may not come in from the coarsest to the finest mesh.
+/// Largest increase of the number of Newton steps from the coarsest to the finest mesh.
 const GROWTH: usize = 2;
 
 /// Pictures of finer meshes than this one, of 6144 triangles, would be large.
@@ -190,8 +190,8 @@ fn run(arguments: &Arguments) -> Outcome<()> {
         let mut newton = NewtonKrylov::new(
             NewtonKrylovOptions::default()
                 .with_method(KrylovMethod::Gmres { directions: 10 })
-                // The residual rises on the way, as triangles begin to yield, and steps of a derivative made definite need not lower it:
-                // line searches end in front of the first of them.
+                // The residual rises in early iterations, as triangles begin to yield, and steps of a derivative made definite need not
+                // reduce it: line searches fail before the first of them.
                 .with_damping(Damping::Never)
                 .with_first_forcing(1e-2),
         );
@@ -240,7 +240,7 @@ struct Found {
     rigid: Vec<bool>,
     /// Largest difference from the exact velocity at a node.
     error: f64,
-    /// That of a circle with the area of the rigid triangles.
+    /// Radius of a circle with the area of the rigid triangles.
     plug_radius: f64,
     /// ∫u.
     rate: f64,
@@ -301,7 +301,7 @@ fn check(disc: &Disc, found: &Found, gamma: f64) -> Outcome<()> {
     let h = (6.0 / disc.triangles.len() as f64).sqrt();
     ensure(
         found.error < 0.5 * h * h + 2.0 / gamma,
-        "the velocity is the exact one to second order, less what regularisation takes",
+        "the velocity is the exact one to second order, up to the error of the regularisation",
     )?;
     ensure(
         (found.plug_radius - 0.5).abs() < h,

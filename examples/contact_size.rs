@@ -1,14 +1,14 @@
 //! How large a contact problem may be: an elastic block on the ground, meshed ever finer and solved, either condensed onto its contact
-//! nodes (one Cholesky factorisation) or in its displacements with multigrid, whichever is quicker at that size. A mesh of Gmsh may take the
-//! place of the block: its groups of facets are "left" (held), "top" (pressed), "right" (pulled) and "bottom", which lies, flat or
-//! curved, in a foundation of the same shape (`examples/data/curved_block.geo` is one).
+//! nodes (one Cholesky factorisation) or in its displacements with multigrid, whichever is faster at that size. A Gmsh mesh may replace the
+//! block: its groups of facets are "left" (clamped), "top" (pressed), "right" (pulled) and "bottom", flat or curved, on a foundation of the
+//! same shape (`examples/data/curved_block.geo` is one).
 //! You will see displacements, contact nodes, the route, the time of each phase (mesh, assembly, factorisation or multigrid, first solve,
 //! a further solve at another load), Newton steps and Krylov iterations, the states of the nodes, and the peak memory, row by row.
-//! With --follow the load path of condensed problems is followed from α = 1 down to 0: the number of transitions, how many nodes they are
-//! at, and how often a matrix was factored; --out writes the transitions to a file: α, node, state before and after.
+//! With --follow the load path of condensed problems is followed from α = 1 down to 0: the number of transitions, of nodes that change
+//! their state, and how often a matrix was factored; --transitions writes the transitions to a file: α, node, state before and after.
 //! With --levels problems in the displacements go through so many load levels up to α = 1: steps, changes of state and time of each.
 //! Run: cargo run --release --example contact_size [-- --plane 999x500] [--solid 40x38x20] [--mesh body.msh] [--friction 0.8]
-//! [--route displacements] [--follow] [--out transitions.csv] [--levels 10]
+//! [--route displacements] [--follow] [--transitions transitions.csv] [--levels 10]
 
 #[macro_use]
 mod common;
@@ -31,7 +31,7 @@ use semismooth::fem::{ContactRows, ElasticSystem, Elasticity, Foundation, Materi
 use semismooth::piecewise::PiecewiseSmooth;
 use semismooth::sparse::Matrix;
 
-/// Displacements of a solid beyond which multigrid is quicker than one factorisation, on the machine of the README.
+/// Displacements of a solid beyond which multigrid is faster than one factorisation, on the machine of the README.
 const SOLID: usize = 6_000;
 /// The same in the plane, where factors stay sparse: what 16 GB hold.
 const PLANE: usize = 3_000_000;
@@ -139,7 +139,7 @@ fn parse<const N: usize>(text: &str) -> Outcome<[usize; N]> {
         })
 }
 
-/// Seconds since it was asked before.
+/// Measures the seconds since its last call.
 struct Lap(Instant);
 
 impl Lap {
@@ -223,8 +223,8 @@ fn condense<L: NodeLaw>(
     })
 }
 
-/// Follows the load path from the solution at α = 1 down to α = 0; on the bodies that run by default its end must be the solution that is
-/// found there from nothing.
+/// Follows the load path from the solution at α = 1 down to α = 0; for the default bodies its end must be the solution computed there from
+/// scratch.
 fn follow<L: NodeLaw>(
     problem: &CondensedContact<L>,
     start: &[f64],
@@ -308,7 +308,7 @@ fn reduce<L: NodeLaw>(
     })
 }
 
-/// Load levels up to α = 1, from rest: what each took and how many nodes changed their state in it.
+/// Load levels up to α = 1, from rest: steps and time of each, and how many nodes changed their state in it.
 fn history<L: NodeLaw>(problem: &mut ReducedContact<L>, levels: usize) -> Outcome<Vec<String>> {
     if levels == 0 {
         return Ok(Vec::new());
@@ -344,14 +344,14 @@ fn history<L: NodeLaw>(problem: &mut ReducedContact<L>, levels: usize) -> Outcom
     Ok(lines)
 }
 
-/// What is told of a body.
+/// Results for a body.
 struct Row {
     route: &'static str,
     /// Mesh, assembly, setup, first solve, a further one.
     times: [f64; 5],
     iterations: [String; 2],
     solution: ContactSolution,
-    /// What is told of its load path or levels.
+    /// Results for its load path or levels.
     more: Vec<String>,
 }
 
@@ -384,7 +384,7 @@ fn loads(system: &ElasticSystem) -> Outcome<LoadPath> {
     Ok(LoadPath::affine(press, pull))
 }
 
-/// The largest resident set so far, where the system tells it.
+/// The largest resident set so far, where the operating system reports it.
 fn peak_memory() -> String {
     std::fs::read_to_string("/proc/self/status")
         .ok()

@@ -1,11 +1,11 @@
-//! Newton methods side by side, as papers print them: on complementarity problems, variational inequalities, friction, equations of function
-//! spaces and problems over cones; and iteration by iteration on a few. You will see what each method solves, what it costs and its
-//! observed order, a table of all runs and performance profiles (Dolan and Moré 2002) of iterations and of times, with --full orders of
-//! McpSolver's and ConeSolver's strategies chosen on one half of the families of problems and judged on the other, then residuals, steps and changes of
-//! pieces on friction problems and a circuit.
+//! A comparison of Newton methods, as papers print them: on complementarity problems, variational inequalities, friction, equations of
+//! function spaces and problems over cones; and iteration by iteration on a few. You will see what each method solves, what it costs and
+//! its observed order, a table of all runs and performance profiles (Dolan and Moré 2002) of iterations and of times, with --full orders of
+//! McpSolver's and ConeSolver's strategies chosen on one half of the families of problems and judged on the other, then residuals, steps
+//! and changes of pieces on friction problems and a circuit.
 //! Run: cargo run --release --example corrector_convergence [-- --full]
 
-// Function spaces and the circuit come from other examples, with what examples share.
+// The function spaces and the circuit come from other examples, with their common modules.
 #![allow(clippy::duplicate_mod)]
 
 #[macro_use]
@@ -179,7 +179,7 @@ fn orders_of_strategies(problems: &[Rc<Complementarity>], over_cones: &[(String,
     })
 }
 
-/// What the pictures say, in sentences that can be false.
+/// Statements on the pictures, which are checked.
 fn check(group: &Group) -> Outcome<()> {
     let all = |method: &str| {
         ensure(

@@ -1,4 +1,4 @@
-//! A block pressed on the ground, its top moved to and fro (displacement control): friction remembers the way (hysteresis).
+//! A block pressed on the ground, its top moved to and fro (displacement control): friction depends on the history (hysteresis).
 //! You will see, for each position of the top, how many nodes stick and slip, the horizontal force that moves it, the energy balance
 //! (work = stored + dissipated), and a picture of the hysteresis loop. The program fails when the balance does not close where the curve of
 //! solutions was followed.

@@ -3,9 +3,9 @@
 //! a good, prices and determinants at one parameter, and a bifurcation diagram.
 //! Run: cargo run --release --example equilibria [-- --out DIR] [--at R]
 //!
-//! Shapley and Shubik's economy (1977; Mas-Colell, Whinston and Green 1995, example 15.B.2): two goods, two consumers with the
-//! utilities x₁₁ − x₂₁⁻⁸/8 and x₂₂ − x₁₂⁻⁸/8, endowments (2, r) and (r, 2). With the first price 1 and the second p, consumption and
-//! λ of each consumer, and p, are the unknowns; nobody consumes less than nothing.
+//! Shapley and Shubik's economy (1977; Mas-Colell, Whinston and Green 1995, example 15.B.2): two goods, two consumers with the utilities
+//! x₁₁ − x₂₁⁻⁸/8 and x₂₂ − x₁₂⁻⁸/8, endowments (2, r) and (r, 2). With the first price 1 and the second p, consumption and λ of each
+//! consumer, and p, are the unknowns; consumption is nonnegative.
 
 #[macro_use]
 mod common;
@@ -83,7 +83,7 @@ fn run(arguments: &Arguments) -> Outcome<()> {
         return Err("there is no equilibrium to start from".into());
     }
 
-    // All that is connected to it.
+    // All equilibria connected to it.
     let mut start = x.to_vec();
     start.push(r);
     // Prices go up to thousands, λ up to 0.25⁻⁹.
@@ -120,7 +120,7 @@ fn run(arguments: &Arguments) -> Outcome<()> {
     );
     ensure(
         complete,
-        "all that is connected to the first equilibrium was followed",
+        "all equilibria connected to the first one were followed",
     )?;
     let equilibria = diagram.solutions_at(&market, arguments.at)?;
     let found = count(equilibria.points.len(), "equilibrium", "equilibria");

@@ -16,7 +16,7 @@ use semismooth::contact::{FullContact, PlanarCoulomb};
 use semismooth::continuation::{Branch, ContinuationOptions, Direction, Termination, Transition};
 use serde_json::json;
 
-/// Repetitions for so long at least: a processor takes its time to wake up.
+/// Least time of the repetitions, so that the processor reaches its full speed.
 const LEAST: Duration = Duration::from_millis(250);
 
 /// Follows five load paths γ = 0 … 1 and prints what they cost, set-up included.
@@ -37,7 +37,7 @@ fn main() -> ExitCode {
     exit(run(&common::parse::<Args>()))
 }
 
-/// What one load path took, in seconds.
+/// Costs of one load path, times in seconds.
 struct Cost {
     condensation: f64,
     start: f64,

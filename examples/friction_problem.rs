@@ -31,7 +31,7 @@ struct Args {
     /// The history of each solution on standard error.
     #[arg(long)]
     history: bool,
-    /// Solves of each problem; the least time is told.
+    /// Solves of each problem; the shortest time is printed.
     #[arg(long, default_value_t = 1)]
     repeat: usize,
 }
@@ -78,7 +78,7 @@ fn solve(file: &Path, args: &Args) -> Outcome<()> {
     for _ in 1..args.repeat {
         report = solve()?;
     }
-    // Judged by a fresh evaluation, not by what the solver believes.
+    // Judged by a new evaluation, not by the report of the solver.
     let residual = problem.residual(&report.r)?;
     let status = match (residual <= 1e-12, report.is_solved()) {
         (true, true) => "solved",
@@ -124,7 +124,7 @@ fn solve(file: &Path, args: &Args) -> Outcome<()> {
             "{name:<40} {contacts:>8} {status:>8} {residual:>9.1e} {iterations:>10} {seconds:>9.4} {open:>6} {stick:>6} {slip:>6}"
         );
     }
-    // A limit that ends a run is an answer, a solution that is none is not; and the problem that comes with the example has one.
+    // A limit that ends a run is a valid outcome, a wrong solution is not; and the problem that comes with the example has a solution.
     if status == "inaccurate" || (args.files.is_empty() && status != "solved") {
         return Err(format!("{name}: {} at a residual of {residual:.1e}", report.status).into());
     }

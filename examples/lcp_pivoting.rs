@@ -62,7 +62,7 @@ fn readme_of_path() -> Outcome<()> {
     let report = Lemke::default().solve(&lcp, &mut z)?;
     show("Lemke", &lcp, &z, &format!("exchanges: {}", report.pivots))?;
     let mut z = vec![0.0; 4];
-    // M has a zero block, so reduced systems may be singular: that is said, not hidden.
+    // M has a zero block, so reduced systems may be singular: the status reports this.
     let report = ActiveSetSolver::default().solve(&lcp, &mut z)?;
     match report.status {
         ActiveSetStatus::Solved => show(

@@ -1,6 +1,6 @@
 //! A long run that may be killed at any moment: the load path of a discrete contact problem, in small steps.
-//! You will see a progress bar (on a terminal), a table that grows event by event, and a state from which the run goes on: stop it by
-//! Ctrl-C, by kill or with --stop-after, and call it again with --resume.
+//! You will see a progress bar (on a terminal), a table that grows event by event, and a saved state from which the run can be resumed:
+//! stop it by Ctrl-C, by kill or with --stop-after, and call it again with --resume.
 //! Run: cargo run --release --features serde --example long_run [-- DIR] [--stop-after N] [--resume] [--out DIR]
 
 #[macro_use]
@@ -28,7 +28,7 @@ use semismooth::piecewise::PiecewiseSmooth;
 struct Args {
     /// Folder as `read_folder` takes it; default: in examples/data.
     folder: Option<PathBuf>,
-    /// Goes on from the state in the output folder.
+    /// Resumes from the state in the output folder.
     #[arg(long)]
     resume: bool,
     /// Stops after this number of events.
@@ -65,7 +65,7 @@ fn run(args: &Args) -> Outcome<()> {
         None
     };
     let (mut curve, mut writer, mut written) = if let Some(Checkpoint { table: own, run }) = saved {
-        // What was written after the state was saved comes again.
+        // Lines written after the state was saved are written again.
         let file = Counted::appending(&table, &own, &tally)?;
         (
             Continuation::resume(&map, &run)?,
@@ -112,7 +112,7 @@ fn run(args: &Args) -> Outcome<()> {
     let alpha = curve.point().parameter();
     println!("{} lines in {}, at γ = {alpha}", written, table.display());
     match curve.termination() {
-        // A path may fold back to where the load began.
+        // A path may fold back to the α at which it began.
         Some(Termination::ParameterRange) if alpha > 0.5 => println!("the load path is complete"),
         Some(reason) => {
             return Err(format!("the whole load was not reached: {reason}, at γ = {alpha}").into());
@@ -133,7 +133,7 @@ struct Checkpoint {
 }
 
 impl Checkpoint {
-    /// What is in a file; `None` where there is none.
+    /// Reads the file; `None` where there is none.
     fn read(path: &Path) -> Outcome<Option<Self>> {
         match std::fs::read_to_string(path) {
             Err(e) if e.kind() == ErrorKind::NotFound => Ok(None),
@@ -146,7 +146,7 @@ impl Checkpoint {
     }
 }
 
-/// The name of a table, and what was written to it.
+/// The name of a table, and the tally of what was written to it.
 #[derive(serde::Serialize, serde::Deserialize)]
 struct TableState {
     file: String,
@@ -205,7 +205,7 @@ impl Counted {
         })
     }
 
-    /// A table that begins as the state tells, cut there, open at its end.
+    /// A table cut to the length stored in the state, opened for appending.
     fn appending(path: &Path, state: &TableState, tally: &Rc<Cell<Tally>>) -> Outcome<Self> {
         let failed = |e: std::io::Error| format!("{}: {e}", path.display());
         let own = TableState::new(path, state.tally);
@@ -225,7 +225,7 @@ impl Counted {
         found.add(&begin);
         if found != state.tally {
             return Err(format!(
-                "{} is not the table of the state, which tells of {} lines ({} bytes) with another content; run without --resume",
+                "{} is not the table of the state, which has {} lines ({} bytes) of other content; run without --resume",
                 path.display(),
                 state.tally.lines,
                 state.tally.bytes
@@ -263,7 +263,7 @@ fn remove(path: &Path) -> Outcome<()> {
     }
 }
 
-/// A new file replaces the old one in one move: there is always a whole state.
+/// A new file replaces the old one atomically: there is always a complete state.
 fn save(
     curve: &mut Continuation<'_, CondensedContact<PlanarCoulomb>>,
     table: TableState,

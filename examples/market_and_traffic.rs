@@ -1,8 +1,8 @@
 //! Three equilibria of economics and transport: oligopolists who choose quantities (Cournot–Nash), prices of a good traded between
 //! regions, and routes of drivers in the network of Braess.
 //!
-//! You will see each equilibrium with a check of its own meaning: no firm gains by another quantity, no trader by another
-//! shipment, no driver by another route; and Braess' paradox, a new road that makes everybody slower.
+//! You will see each equilibrium with a check of what defines it: no firm gains by another quantity, no trader by another shipment, no
+//! driver by another route; and Braess' paradox, a new road that makes everybody slower.
 //!
 //! ```text
 //! cargo run --release --example market_and_traffic
@@ -153,7 +153,7 @@ fn spatial_prices() -> Outcome<()> {
         println!("  from {i} at price {:7.4}: {}", supply(i), row.join(" "));
         for j in 0..3 {
             let gain = demand(j) - supply(i) - COST[i][j] - CONGESTION * x[3 * i + j];
-            // Traders gain nothing on shipments, and could gain nothing on those they leave.
+            // Traders make no profit on shipments, and could make none on those they omit.
             worst = worst.max(if x[3 * i + j] > 0.0 { gain.abs() } else { gain });
         }
     }
@@ -218,7 +218,7 @@ impl SmoothFunction for Network {
     }
 }
 
-/// The least time from start to end where the first so many routes are open.
+/// The least time from start to end where the first `routes` routes are open.
 fn assignment(drivers: f64, routes: usize) -> Outcome<f64> {
     let mut variables = Variables::new();
     let flow = variables.add("flow", routes, 0.0, f64::INFINITY)?;

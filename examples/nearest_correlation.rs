@@ -1,11 +1,11 @@
-//! Semidefinite complementarity: the correlation matrix nearest to a given one, and the Lovász number of a circle.
+//! Semidefinite complementarity: the correlation matrix nearest to a given one, and the Lovász number of a cycle graph.
 //!
-//! 1. Correlations that are estimated pair by pair need not be those of anything: A has eigenvalues below zero. The nearest X with unit
-//!    diagonal and without such eigenvalues (N. Higham, IMA J. Numer. Anal. 22 (2002)) solves X ⪰ 0 ⟂ X − A − Diag y ⪰ 0, diag X = e: a
-//!    [`ConeProblem`] of free multipliers y and one [`Cone::Semidefinite`]. The dual value of y, eᵀy + ½‖A‖² − ½‖(A + Diag y)₊‖², is a lower
-//!    bound of the squared distance; both agree at the solution (H. Qi, D. Sun, SIAM J. Matrix Anal. Appl. 28 (2006)).
-//! 2. max ⟨eeᵀ, X⟩ with tr X = 1, Xᵢⱼ = 0 on the edges of a circle of n vertices, n odd, is n cos(π/n)/(1 + cos(π/n)) (L. Lovász, IEEE Trans.
-//!    Inf. Theory 25 (1979)): √5 for the pentagon.
+//! 1. Correlations that are estimated pair by pair need not form a correlation matrix: A has eigenvalues below zero. The nearest X with
+//!    unit diagonal and without such eigenvalues (N. Higham, IMA J. Numer. Anal. 22 (2002)) solves X ⪰ 0 ⟂ X − A − Diag y ⪰ 0, diag X = e:
+//!    a [`ConeProblem`] of free multipliers y and one [`Cone::Semidefinite`]. The dual value of y, eᵀy + ½‖A‖² − ½‖(A + Diag y)₊‖², is a
+//!    lower bound of the squared distance; both agree at the solution (H. Qi, D. Sun, SIAM J. Matrix Anal. Appl. 28 (2006)).
+//! 2. max ⟨eeᵀ, X⟩ with tr X = 1, Xᵢⱼ = 0 on the edges of a cycle of n vertices, n odd, is n cos(π/n)/(1 + cos(π/n)) (L. Lovász, IEEE
+//!    Trans. Inf. Theory 25 (1979)): √5 for the pentagon.
 //!
 //! You will see for each order the steps, the distance, how far the two values differ, and the time.
 //!
@@ -49,7 +49,7 @@ fn run(arguments: &Arguments) -> Outcome<()> {
     for &order in &arguments.orders {
         nearest(order, arguments.errors)?;
     }
-    println!("\nLovász number of a circle");
+    println!("\nLovász number of a cycle");
     println!("vertices  steps  ϑ            differs from n cos(π/n)/(1 + cos(π/n)) by");
     for n in [5, 7, 9] {
         circle(n)?;

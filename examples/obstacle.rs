@@ -38,7 +38,7 @@ struct Arguments {
     /// Which problem; all three by default.
     #[arg(long, value_enum)]
     problem: Option<Problem>,
-    /// Solve coarse grids first, and start from what they give.
+    /// Solve coarse grids first, and start from their solutions
     #[arg(long)]
     nested: bool,
     /// Solve reduced systems by Cholesky factorisation whatever their size.

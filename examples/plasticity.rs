@@ -10,9 +10,8 @@
 //! computed. Its hardening is isotropic and kinematic; the load on its ends goes 0, 1, −1, 1.
 //!
 //! You will see the errors of the tube's displacement and of the radius of its plastic front; for the strip the numbers of Newton steps
-//! from three starts (the last load, rest, the coarser mesh), which grow by two at most from the first mesh to the last; and where its work
-//! went. In
-//! `out/plasticity.svg` the strip at the three ends of the load: red yields, orange has yielded before, grey never has.
+//! from three starts (the last load, rest, the coarser mesh), which grow by two at most from the first mesh to the last; and the balance of
+//! its work. In `out/plasticity.svg` the strip at the three ends of the load: red yields, orange has yielded before, grey never has.
 //!
 //! ```text
 //! cargo run --release --example plasticity -- --levels 4
@@ -50,7 +49,7 @@ struct Arguments {
     out: PathBuf,
 }
 
-/// More Newton steps than this may not come in from the coarsest to the finest mesh.
+/// Largest increase of the number of Newton steps from the coarsest to the finest mesh.
 const GROWTH: usize = 2;
 
 /// A quarter of a body around a hole, in rings of quadrilaterals.
@@ -125,7 +124,7 @@ impl Rings {
         x
     }
 
-    /// The share of a cell's quadrature points that have ever yielded or, with what had accumulated before a step, yield in it.
+    /// The share of a cell's quadrature points that have ever yielded or, from the plastic strain `before` a step, yield in it.
     fn yielded(&self, cell: usize, before: Option<&[f64]>) -> f64 {
         let states = self.body.states(cell);
         let yields = |k: usize| states[k].accumulated > before.map_or(0.0, |b| b[states.len() * cell + k]);
@@ -291,7 +290,7 @@ struct History {
 }
 
 impl History {
-    /// What the trapezoidal rule says was put in and was neither stored nor dissipated.
+    /// Work by the trapezoidal rule that was neither stored nor dissipated.
     fn missing(&self) -> f64 {
         let (_, work, e) = &self.balance[self.balance.len() - 1];
         work - (e.elastic + e.hardening + e.dissipated)
@@ -408,7 +407,7 @@ fn strip(levels: usize, steps: usize, arguments: &Arguments) -> Outcome<()> {
     draw(arguments, &history)
 }
 
-/// The trapezoidal rule is exact for the work along straight steps; what is missing is implicit Euler's, of second order.
+/// The trapezoidal rule is exact for the work along straight steps; what is missing is the second-order error of implicit Euler.
 fn balance() -> Outcome<()> {
     const STEPS: usize = 10;
     let missing = |steps| -> Outcome<[f64; 2]> {
@@ -423,14 +422,14 @@ fn balance() -> Outcome<()> {
     );
     ensure(
         coarse < 0.0 && coarse > -1e-2 * work && coarse / fine > 3.0,
-        "work is stored or dissipated, but for an error of second order in the step",
+        "work is stored or dissipated, up to an error of second order in the step",
     )
 }
 
 fn not_growing(counts: &[usize]) -> Outcome<()> {
     ensure(
         growth(counts) <= GROWTH,
-        "on no mesh there are more than two Newton steps more than on the first",
+        "no mesh takes over two Newton steps more than the first",
     )
 }
 

@@ -1,15 +1,17 @@
-//! Quasi-variational inequalities, whose sets move with the solution: contact with Coulomb friction, and games with shared constraints.
+//! Quasi-variational inequalities, whose sets depend on the solution: contact with Coulomb friction, and games with shared constraints.
 //!
-//! QVI(G, K): find x ∈ K(x) with G(x)ᵀ(y − x) ≥ 0 for all y ∈ K(x). In its Karush–Kuhn–Tucker conditions constraints are differentiated by
-//! y alone (F. Facchinei, C. Kanzow, S. Sagratella, Math. Program. 144 (2014)), which makes them mixed complementarity problems.
+//! QVI(G, K): find x ∈ K(x) with G(x)ᵀ(y − x) ≥ 0 for all y ∈ K(x). In its Karush–Kuhn–Tucker conditions constraints are differentiated
+//! with respect to y alone (F. Facchinei, C. Kanzow, S. Sagratella, Math. Program. 144 (2014)), which makes them mixed complementarity
+//! problems.
 //!
-//! 1. Forces λ = (λν, λt) of contact with friction: G(λ) = C λ − w with the compliance C and the free motion w, and
-//!    K(λ) = {μν ≥ 0, |μt| ≤ F λν}. A body on the ground is solved as a QVI through these conditions, by VIs over one K(λ) after the other,
-//!    and by the crate's own methods for contact; and a problem of three nodes has as many solutions as its proven list. Over the set that
-//!    does not move, {|μt| ≤ F μν}, the VI is another problem: slip lifts the body.
-//! 2. Generalised Nash equilibria: nobody gains by another decision that respects the shared constraints, as the decisions of the others
-//!    leave them. Variational ones, at which all players share the multipliers too, solve one VI; the others belong to weights of the players
-//!    (J. B. Rosen, Econometrica 33 (1965)). Each point is certified by solving every player's own problem, whose multipliers tell the kind.
+//! 1. Forces λ = (λν, λt) of contact with friction: G(λ) = C λ − w with the compliance C and the free displacement w, and K(λ) = {μν ≥ 0,
+//!    |μt| ≤ F λν}. A body on the ground is solved as a QVI through these conditions, by a sequence of VIs over fixed K(λ), and by the
+//!    crate's own methods for contact; and a problem of three nodes has as many solutions as its proven list. Over the fixed set {|μt| ≤ F
+//!    μν}, the VI is another problem: slip lifts the body.
+//! 2. Generalised Nash equilibria: no player gains by another decision that satisfies the shared constraints, given the decisions of the
+//!    others. Variational ones, at which all players share the multipliers too, solve one VI; the others depend on weights of the players
+//!    (J. B. Rosen, Econometrica 33 (1965)). Each point is certified by solving every player's own problem, whose multipliers tell the
+//!    kind.
 //!
 //! You will see the differences of the routes, the residuals of the conditions, and both kinds of equilibria of the game of two players of
 //! Facchinei and Kanzow (Ann. Oper. Res. 175 (2010), example 1) and of three factories at a river (A. Haurie, J. Krawczyk, Environ. Model.
@@ -137,7 +139,7 @@ impl Forces {
         (0..2 * self.p).map(|i| gap(i).abs()).fold(0.0, f64::max)
     }
 
-    /// Solves the VI over K(λ), with friction of Tresca, again and again; how often.
+    /// Solves the VI over fixed K(λ), Tresca friction, repeatedly; returns how often.
     fn by_given_bounds(&self, forces: &mut [f64]) -> Outcome<usize> {
         let mut solver = ViSolver::default();
         for count in 1..=1000 {
@@ -156,7 +158,7 @@ impl Forces {
                 return Ok(count);
             }
         }
-        Err("the VIs over one set after the other do not come to an end".into())
+        Err("the sequence of VIs over fixed sets does not converge".into())
     }
 }
 
@@ -206,14 +208,14 @@ fn body(arguments: &Arguments) -> Outcome<()> {
         let off = distance(found, &own[..2 * p]) / largest;
         let residual = forces.residual(found);
         println!("  {name:37}  {steps:5}  {off:7.1e}  {residual:8.1e}");
-        // The fixed points end where their changes are 1e-10 or rounding.
+        // The fixed-point iteration ends where its changes are 1e-10 or rounding.
         ensure(
             off < 1e-8 && residual < 1e-8 * largest,
             "contact with friction is its QVI",
         )?;
     }
 
-    // The same cones, not moving.
+    // The same cones, fixed.
     let rows = (0..p).flat_map(|i| {
         let f = forces.friction[i];
         [
@@ -228,7 +230,7 @@ fn body(arguments: &Arguments) -> Outcome<()> {
     let mut cone = vec![0.0; 2 * p];
     let report = ViSolver::default().solve(&Vi::new(forces.function()?, set)?, &mut cone)?;
     let off = distance(&cone, &own[..2 * p]) / largest;
-    println!("  the VI over the cones that do not move: off by {off:.1e}");
+    println!("  the VI over the fixed cones: off by {off:.1e}");
     ensure(
         report.is_solved() && off > 1e-3,
         "the VI over the fixed cones is another problem",
@@ -251,7 +253,7 @@ fn three_nodes(starts: usize) -> Outcome<()> {
         let report = solver.solve(&conditions, &mut x)?;
         kept += usize::from(report.is_solved() && distance(&x[..n], known) < 1e-9);
     }
-    // What is found from anywhere must be on the list.
+    // Any solution that is found must be on the list.
     let mut random = Random::new(1);
     let mut met = vec![false; list.solutions.len()];
     let (mut solved, mut unknown) = (0, 0);
@@ -341,7 +343,7 @@ impl<const N: usize> Game<N> {
         Ok(x)
     }
 
-    /// Solves each player's own problem while the others stay.
+    /// Solves each player's own problem with the decisions of the others fixed.
     fn judge(&self, x: &[f64; N]) -> Outcome<Verdict> {
         let mut verdict = Verdict {
             off: 0.0,
@@ -436,7 +438,7 @@ fn river() -> Outcome<()> {
             "the equilibrium is variational where the weights are equal, and nowhere else",
         )?;
         if weights == [1.0; 3] {
-            // Printed with an error of the method that found it.
+            // The published solution has an error of the method that found it.
             ensure(
                 distance(&x, &[21.149, 16.028, 2.722]) < 1e-2,
                 "the variational equilibrium is the published one",

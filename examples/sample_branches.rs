@@ -32,7 +32,7 @@ struct Args {
     /// Values of α at which all solutions are listed.
     #[arg(long, default_value_t = 16)]
     alphas: usize,
-    /// Where the sequence of random numbers begins.
+    /// Seed of the random numbers.
     #[arg(long, default_value_t = 1)]
     seed: u64,
 }
@@ -120,7 +120,7 @@ fn count(sample: &Sample, alphas: &[f64]) -> Outcome<Count> {
             (most, at) = (set.solutions.len(), alpha);
         }
     }
-    // What is unique at every α sampled is one branch.
+    // Solutions that are unique at every sampled α form one branch.
     let (mut branches, mut components) = (1, 1);
     if most > 1 {
         let bounds = DiagramOptions::default().with_parameter_range((1e-3, 1e3));

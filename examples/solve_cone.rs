@@ -1,8 +1,8 @@
-//! Complementarity problems over second-order cones from files: every one is solved from each of its starts.
+//! Complementarity problems over cones from files: every one is solved from each of its starts.
 //! You see one line a start: status, ‖x − P(x − F(x))‖_∞, x, iterations, time, below it the certificate where there is no solution.
 //! Run: cargo run --release --example solve_cone -- [FILE…] [--json]
 //!
-//! The format is told at the head of `examples/common/inequalities.rs`; `tests/data/cones` holds examples.
+//! The format is described at the head of `examples/common/inequalities.rs`; `tests/data/cones` holds examples.
 
 #[macro_use]
 mod common;
@@ -21,7 +21,7 @@ use inequalities::{Problem, read_cone};
 use semismooth::cones::{ConeOptions, ConeReport, ConeSolver, ConeStatus};
 use serde_json::json;
 
-/// Solves complementarity problems over second-order cones from all their starts.
+/// Solves complementarity problems over cones from all their starts.
 #[derive(Parser)]
 struct Arguments {
     /// JSON files, one problem each; the shipped ones when left out
@@ -40,7 +40,7 @@ fn main() -> ExitCode {
 
 fn run(arguments: &Arguments) -> Outcome<()> {
     let options = ConeOptions::default().with_max_time(common::time_limit(arguments.max_time)?);
-    // All files are read before anything is solved, so that a bad one is told at once.
+    // All files are read before anything is solved, so that an invalid one is reported at once.
     let files = common::files_or_shipped(&arguments.files, "cones")?;
     let problems = files
         .iter()
@@ -65,7 +65,7 @@ fn run(arguments: &Arguments) -> Outcome<()> {
         }
     }
     if !arguments.json {
-        println!("{right} of {all} starts solved, or told that there is no solution");
+        println!("{right} of {all} starts solved, or proven to have no solution");
     }
     if arguments.files.is_empty() {
         ensure(

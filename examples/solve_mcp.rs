@@ -2,7 +2,7 @@
 //! You see one line a start: status, natural residual, iterations, evaluations of F, time, and the strategy that finished.
 //! Run: cargo run --release --example solve_mcp -- [FILE…] [--json]
 //!
-//! The format is told at the head of `examples/common/expressions.rs`; `tests/data/complementarity` holds examples.
+//! The format is described at the head of `examples/common/expressions.rs`; `tests/data/complementarity` holds examples.
 
 #[macro_use]
 mod common;
@@ -48,7 +48,7 @@ fn run(arguments: &Arguments) -> Outcome<()> {
         .with_max_iterations(arguments.max_iterations)
         .with_max_time(common::time_limit(arguments.max_time)?);
     options.validate()?;
-    // All files are read before anything is solved, so that a bad one is told at once.
+    // All files are read before anything is solved, so that an invalid one is reported at once.
     let files = common::files_or_shipped(&arguments.files, "complementarity")?;
     let problems = files.iter().map(|f| read(f)).collect::<Result<Vec<_>, _>>()?;
     let mut solver = McpSolver::new(options);

@@ -1,9 +1,8 @@
-//! Variational inequalities over polyhedra from files: every one is solved from each of its starts.
-//! You see one line a start: status, ‖x − P(x − F(x))‖_∞, x, iterations, time, below it the certificate where there is no solution; with --all
-//! complete lists of the affine ones.
-//! Run: cargo run --release --example solve_vi -- [FILE…] [--all] [--json]
+//! Variational inequalities over polyhedra from files: every one is solved from each of its starts. You see one line a start: status,
+//! ‖x − P(x − F(x))‖_∞, x, iterations, time, below it the certificate where there is no solution; with --all complete lists of the affine
+//! ones. Run: cargo run --release --example solve_vi -- [FILE…] [--all] [--json]
 //!
-//! The format is told at the head of `examples/common/inequalities.rs`; `tests/data/vi` holds examples.
+//! The format is described at the head of `examples/common/inequalities.rs`; `tests/data/vi` holds examples.
 
 #[macro_use]
 mod common;
@@ -46,7 +45,7 @@ fn main() -> ExitCode {
 
 fn run(arguments: &Arguments) -> Outcome<()> {
     let options = McpOptions::default().with_max_time(common::time_limit(arguments.max_time)?);
-    // All files are read before anything is solved, so that a bad one is told at once.
+    // All files are read before anything is solved, so that an invalid one is reported at once.
     let files = common::files_or_shipped(&arguments.files, "vi")?;
     let problems = files.iter().map(|f| read_vi(f)).collect::<Result<Vec<_>, _>>()?;
     let mut solver = ViSolver::new(options);
@@ -80,7 +79,7 @@ fn run(arguments: &Arguments) -> Outcome<()> {
         }
     }
     if !arguments.json {
-        println!("{right} of {all} starts solved, or told that there is no solution");
+        println!("{right} of {all} starts solved, or proven to have no solution");
     }
     if arguments.files.is_empty() {
         ensure(
@@ -174,7 +173,7 @@ fn print_all(as_json: bool, problem: &Problem, list: &ViSolutions, time: Duratio
     }
     let certainty = match list.completeness {
         Completeness::Complete => "complete",
-        Completeness::Undecided { .. } => "complete but for rounding",
+        Completeness::Undecided { .. } => "complete up to rounding",
         _ => "not complete",
     };
     println!(

@@ -1,6 +1,6 @@
-//! Optimal control with a sparse control: heat sources u that act on small parts of a square alone.
+//! Optimal control with a sparse control: heat sources u that act on small parts of a square only.
 //!
-//! −Δy = u in the unit square, y = 0 on its boundary, and J = ½‖y − y_d‖² + ν/2 ‖u‖² + β ‖u‖_L¹ shall be least over −30 ≤ u ≤ 30, with
+//! −Δy = u in the unit square, y = 0 on its boundary, and J = ½‖y − y_d‖² + ν/2 ‖u‖² + β ‖u‖_L¹ is minimised over −30 ≤ u ≤ 30, with
 //! y_d = sin(2πx₁) sin(2πx₂) e^(2x₁)/6, ν = 1e-5, β = 1e-3 (G. Stadler, Comput. Optim. Appl. 44 (2009), Example 1). With the adjoint state
 //! A p = y − y_d the control is u = mid(−30, −(p − mid(−β, p, β))/ν, 30): a semismooth equation in (y, p), solved by inexact Newton steps,
 //! MINRES and multigrid on nested grids.
@@ -59,7 +59,7 @@ const NU: f64 = 1e-5;
 const BETA: f64 = 1e-3;
 const BOUND: f64 = 30.0;
 
-/// More Newton steps than this may not come in from the coarsest to the finest grid.
+/// Largest increase of the number of Newton steps from the coarsest to the finest grid.
 const GROWTH: usize = 2;
 
 /// The control that belongs to an adjoint state.
@@ -68,8 +68,8 @@ fn control(p: f64) -> f64 {
 }
 
 /// The optimality conditions in x = (y, p/√ν), with K = −√ν Δ: y − y_d − K p/√ν = 0 and √ν u(p) − K y = 0. Scaled so, their derivative
-/// [I, −K; −K, −D] is symmetric; D is 1 where u is neither 0 nor at a bound. diag(I, (K + D)²) is near the blocks diag(I, K² + D) that
-/// a block elimination leaves, whatever ν and h are (J. W. Pearson, A. J. Wathen, 2012).
+/// [I, −K; −K, −D] is symmetric; D is 1 where u is neither 0 nor at a bound. diag(I, (K + D)²) is spectrally close to the blocks
+/// diag(I, K² + D) of a block elimination, uniformly in ν and h (J. W. Pearson, A. J. Wathen, 2012).
 pub(crate) struct Control {
     m: usize,
     target: Vec<f64>,
@@ -273,7 +273,7 @@ fn prolong(m: usize, coarse: &[f64]) -> Outcome<Vec<f64>> {
     Ok(fine)
 }
 
-/// The problem in u alone by accelerated proximal gradients, with factors of the matrix: another route to the same control.
+/// The problem in u alone by accelerated proximal gradients, with a factorisation of the matrix: another method for the same control.
 fn compare(problem: &Control, u: &[f64], j: f64) -> Outcome<()> {
     let m = problem.m;
     let h2 = 1.0 / ((m + 1) * (m + 1)) as f64;

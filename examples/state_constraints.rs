@@ -1,14 +1,14 @@
-//! Optimal control with a bound on the temperature: sources u shall make a square warm as wished, but nowhere warmer than ψ.
+//! Optimal control with a bound on the temperature: sources u are to heat a square to a desired state, but nowhere above ψ.
 //!
-//! −Δy = u in the unit square, y = 0 on its boundary, ½‖y − y_d‖² + ν/2 ‖u‖² least over y ≤ ψ, with y_d = sin(2πx₁) sin(2πx₂) e^(2x₁)/6,
-//! ν = 1e-5, ψ = 0.1. The multiplier of y ≤ ψ is a measure, no function; after Moreau and Yosida it is replaced by γ (y − ψ)₊, and γ → ∞
-//! is a path (M. Hintermüller, K. Kunisch, SIAM J. Optim. 17 (2006)): y − y_d + γ (y − ψ)₊ + ν Δ²y = 0, a piecewise-smooth map with a
-//! site a point, and log₁₀ γ for its parameter. The crate follows it through every change of the active set. On each grid, γ is fixed
-//! beforehand.
+//! −Δy = u in the unit square, y = 0 on its boundary, ½‖y − y_d‖² + ν/2 ‖u‖² minimised over y ≤ ψ, with y_d = sin(2πx₁) sin(2πx₂)
+//! e^(2x₁)/6, ν = 1e-5, ψ = 0.1. The multiplier of y ≤ ψ is a measure, not a function; Moreau–Yosida regularisation replaces it by
+//! γ (y − ψ)₊, and γ → ∞ is a path (M. Hintermüller, K. Kunisch, SIAM J. Optim. 17 (2006)): y − y_d + γ (y − ψ)₊ + ν Δ²y = 0, a
+//! piecewise-smooth map with one site per point, and log₁₀ γ as its parameter. The crate follows it through every change of the active set.
+//! On each grid, γ is fixed beforehand.
 //!
-//! You will see the path with the numbers of active points and by how much ψ is passed, which falls like 1/γ; its end beside the solution of
-//! the problem without γ, a complementarity problem; and that Newton steps do not grow with refinement, at γ = 10 from a fixed start and
-//! from the coarser grid, at γ = 1e4 from the coarser grid.
+//! You will see the path with the numbers of active points and by how much ψ is exceeded, which falls like 1/γ; its end compared with the
+//! solution of the problem without γ, a complementarity problem; and that Newton steps do not grow with refinement, at γ = 10 from a fixed
+//! start and from the coarser grid, at γ = 1e4 from the coarser grid.
 //! `out/state_constraints.svg` shows the state (darker: warmer) and where it is at its bound (red).
 //!
 //! ```text
@@ -65,7 +65,7 @@ const BOUND: f64 = 0.1;
 const FIRST: f64 = -2.0;
 const LAST: f64 = 8.0;
 
-/// More Newton steps than this may not come in from the coarsest to the finest grid.
+/// Largest increase of the number of Newton steps from the coarsest to the finest grid.
 const GROWTH: usize = 2;
 
 /// H(y, s) = (I + ν Δ²) y − y_d + 10ˢ (y − ψ)₊.
@@ -197,8 +197,8 @@ fn run(arguments: &Arguments) -> Outcome<()> {
         return Err("--path is a power of two less 1 from 7 to 63, --levels goes from 2 to 6".into());
     }
     follow(arguments, path)?;
-    // From the fixed start the number grows where γ is large: y − ψ is as rough as the multiplier then, and the active set shrinks by
-    // layers of points. That is what paths and coarser grids are for.
+    // From the fixed start the number grows where γ is large: y − ψ is then as irregular as the multiplier, and the active set shrinks by
+    // layers of points. Paths and coarser grids avoid this.
     refine(levels, 1.0, true)?;
     refine(levels, 4.0, false)
 }
@@ -207,7 +207,7 @@ fn largest_excess(y: &[f64]) -> f64 {
     y.iter().fold(0.0, |m, y| f64::max(m, y - BOUND))
 }
 
-/// The path on one grid, from where nothing is active to where next to nothing passes the bound.
+/// The path on one grid, from no active point to nearly no violation of the bound.
 fn follow(arguments: &Arguments, m: usize) -> Outcome<()> {
     let map = Yosida::new(m)?;
     let n = map.points();
@@ -262,7 +262,7 @@ fn follow(arguments: &Arguments, m: usize) -> Outcome<()> {
     ensure((end.x[n] - LAST).abs() < 1e-9, "the path goes to its end")?;
     ensure(
         excesses.windows(2).all(|w| w[1] < w[0]) && excesses.len() > targets.len(),
-        "ψ is passed by less and less",
+        "ψ is exceeded by less and less",
     )?;
     ensure(
         off < 1e-6,

@@ -1,16 +1,16 @@
-//! Pictures without their noise: total variation (L. Rudin, S. Osher, E. Fatemi, Physica D 60 (1992)).
+//! Denoising of images by total variation (L. Rudin, S. Osher, E. Fatemi, Physica D 60 (1992)).
 //!
-//! Of a noisy picture f on the unit square the one is sought that makes ½∫(u − f)² + λ∫|∇u| least. The dual variable q, with |q| ≤ λ and
-//! u = f + div q, is bounded by the semismooth equation max(t, |∇u|) q = λ ∇u in each pixel, where t ≪ 1 is a threshold below which |∇u|
-//! counts as 0; a primal–dual Newton method solves for both (Hintermüller, Stadler 2006), the systems in u alone by factorisation. The gap
-//! between the primal and the dual value bounds the distance from the exact solution of the problem without t. A first-order method
-//! (A. Chambolle, T. Pock, J. Math. Imaging Vis. 40 (2011), algorithm 2) is run to the same gap.
+//! For a noisy picture f on the unit square, u minimises ½∫(u − f)² + λ∫|∇u|. The dual variable q, with |q| ≤ λ and u = f + div q, is
+//! bounded by the semismooth equation max(t, |∇u|) q = λ ∇u in each pixel, where t ≪ 1 is a threshold below which |∇u| counts as 0; a
+//! primal–dual Newton method solves for both (Hintermüller, Stadler 2006), the systems in u alone by factorisation. The gap between the
+//! primal and the dual value bounds the distance from the exact solution of the problem without t. A first-order method (A. Chambolle,
+//! T. Pock, J. Math. Imaging Vis. 40 (2011), algorithm 2) is run to the same gap.
 //!
-//! The picture is rendered: balls, a box, a chequered table and a papered wall (`examples/data/still_life.pgm`), the noise comes from a generator
-//! of random numbers. You will see, as t falls, Newton steps from the solution before, gaps, times and those of the other method to the same
-//! gap, and the PSNR. First-order steps are cheap and enough for the eye; of the digits after that each costs them more and more. Then, with a
-//! small term −μΔu, without which nothing makes the number of Newton steps independent of the number of pixels, one noisy picture on grids of
-//! 32 to 256 pixels a side. `out/total_variation.svg` has the picture, with noise, and without it again.
+//! The picture is rendered: balls, a box, a chequered table and a papered wall (`examples/data/still_life.pgm`), the noise comes from a
+//! generator of random numbers. You will see, as t falls, Newton steps from the solution before, gaps, times and those of the other method
+//! to the same gap, and the PSNR. First-order steps are cheap and suffice for viewing; each further digit costs them more and more. Then,
+//! with a small term −μΔu, without which the number of Newton steps depends on the number of pixels, one noisy picture on grids of 32 to
+//! 256 pixels a side. `out/total_variation.svg` has the picture, the noisy one and the denoised one.
 //!
 //! ```text
 //! cargo run --release --example total_variation -- --pixels 256 --lambda 6e-4
@@ -58,12 +58,12 @@ const NOISE: f64 = 0.1;
 /// Gradients below which |∇u| counts as 0, one after the other.
 const THRESHOLDS: [f64; 5] = [1e-1, 1e-2, 1e-3, 1e-4, 1e-5];
 
-/// Levels of refinement: −μΔu and the threshold make the number of Newton steps independent of the number of pixels.
+/// Size of −μΔu where grids are refined; it makes the number of Newton steps independent of the number of pixels.
 const VISCOSITY: f64 = 1e-4;
 const THRESHOLD: f64 = 1e-1;
 /// Squares of noise a side, where grids are refined.
 const NOISY: usize = 64;
-/// How many more Newton steps than on the first grid there may be on any.
+/// Largest increase of the number of Newton steps from the first grid to any other.
 const GROWTH: usize = 2;
 
 /// Grey values of `examples/data/still_life.pgm`, rows from below; `still_life.py` beside it has made it.
@@ -144,7 +144,7 @@ impl Picture {
         Yielding::new((0..m * m).map(element).collect(), load, weights)
     }
 
-    /// The value of u, and how far it lies above that of q taken back into |q| ≤ λ, relative to it; both in units of a pixel.
+    /// The value of u, and how far it lies above that of q scaled back into |q| ≤ λ, relative to it; both in units of a pixel.
     fn gap(&self, equations: &Yielding, u: &[f64], q: &[[f64; 2]]) -> (f64, f64) {
         let area = self.h() * self.h();
         let half_square =
@@ -180,7 +180,7 @@ impl Picture {
         const LIMIT: usize = 100_000;
         let (h, n) = (self.h(), self.noisy.len());
         let norm = 8.0 / (h * h);
-        /// By trial the best of some.
+        /// Found by trial.
         const TAU: f64 = 0.35;
         let (mut tau, mut sigma) = (TAU, 1.0 / (norm * TAU));
         let (mut u, mut beyond) = (self.noisy.clone(), self.noisy.clone());
@@ -214,7 +214,7 @@ impl Picture {
     }
 }
 
-/// The picture as it is, and with noise.
+/// The picture without noise, and with noise.
 pub(crate) fn example(pixels: usize, lambda: f64) -> Outcome<(Vec<f64>, Picture)> {
     let (m, values) = still_life()?;
     let original = resampled(&values, m, pixels);
@@ -304,7 +304,7 @@ fn refine(finest: usize, levels: u32, lambda: f64) -> Outcome<()> {
     )
 }
 
-/// With full steps: the residual rises on the way, as edges appear, and steps of a derivative made definite need not lower it.
+/// With full steps: the residual rises in early iterations, as edges appear, and steps of a derivative made definite need not reduce it.
 fn solver() -> NewtonKrylov {
     NewtonKrylov::new(
         NewtonKrylovOptions::default()

@@ -1,6 +1,6 @@
 //! Every solution branch of six small Coulomb friction problems with one or two contact nodes (Haslinger, Janovský, Ligurský).
-//! You will see each transition point exact and classified, its distance from exact arithmetic, the tables that the talk prints
-//! beside the values found here, and a picture of each problem.
+//! You will see each transition point exact and classified, its distance from exact arithmetic, the tables that the talk prints next to the
+//! values found here, and a picture of each problem.
 //! Run: cargo run --release --example transition_points [-- --out DIR]
 
 #[macro_use]
@@ -30,17 +30,17 @@ struct Args {
     out: PathBuf,
 }
 
-/// An example of the talk: where its data stand, the window of α, and a state at α = 10 from which each branch is followed.
+/// An example of the talk: the source of its data, the window of α, and a state at α = 10 from which each branch is followed.
 struct Example {
     key: &'static str,
     title: &'static str,
     window: (f64, f64),
     starts: &'static [&'static str],
-    /// What the talk prints of each branch.
+    /// The values that the talk prints for each branch.
     printed: &'static [&'static [Printed]],
 }
 
-/// Coefficients of friction F = α must not be negative in contact: windows reach a little below 0 to show where branches end.
+/// Coefficients of friction F = α must not be negative in contact: windows extend slightly below 0 to show where branches end.
 const EXAMPLES: [Example; 6] = [
     Example {
         key: "p1_ex1",
@@ -192,7 +192,7 @@ fn file_name(example: &Example) -> String {
     example.key.replace("ex", "example")
 }
 
-/// A branch with the state it starts from and what it meets.
+/// A branch with the state at its start and its events.
 struct Followed {
     states: Vec<ContactState>,
     x: Vec<f64>,
@@ -200,7 +200,7 @@ struct Followed {
     events: Vec<Met>,
 }
 
-/// A transition or branch point that a branch meets, with the states of all nodes before and behind it.
+/// A transition or branch point on a branch, with the states of all nodes before and after it.
 struct Met {
     /// T1, T2, … of an example.
     number: usize,
@@ -253,7 +253,7 @@ fn events(map: &FullContact<PlanarCoulomb>, branch: &Branch) -> Vec<Met> {
     all.into_iter().map(|(_, met)| met).collect()
 }
 
-/// Numbers what is met, from the last branch on as the talk does; a point that two branches meet has one number.
+/// Numbers the events, from the last branch on as the talk does; a point on two branches has one number.
 fn number(all: &mut [Followed]) {
     let mut known: Vec<Vec<f64>> = Vec::new();
     for met in all.iter_mut().rev().flat_map(|followed| &mut followed.events) {

@@ -63,7 +63,7 @@ fn load_plane() -> Outcome<BranchDiagram> {
             })
         },
     )?;
-    // Each line starts at a point of it that is plain to see.
+    // Each line starts at one of its points that is known.
     let starts = [
         (SLIP_MINUS, [0.0, 0.0, 2.0, -6.0, 2.0, -6.0]),
         (SLIP_PLUS, [0.0, 0.0, 2.0, 6.0, 2.0, 6.0]),
@@ -125,7 +125,7 @@ const ONE: Colour = Colour::new(0xe4, 0xe9, 0xf2);
 const TWO: Colour = Colour::new(0xf6, 0xdc, 0xb8);
 const THREE: Colour = Colour::new(0xf1, 0xc4, 0xc4);
 
-/// Fills regions of the plane by their class, told in small steps.
+/// Fills regions of the plane by their class, sampled in small steps.
 fn regions(
     mut panel: Panel,
     x: (f64, f64),

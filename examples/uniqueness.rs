@@ -1,7 +1,7 @@
 //! How the constants that guarantee a unique solution of the friction problem depend on the mesh (Haslinger, Kučera, Vlach 2008).
-//! You will see the two parts of the Lipschitz constant of the fixed-point map grow as the mesh is refined (in the plane and in space),
-//! the guaranteed and the first critical coefficient of friction, the inf-sup constants of three spaces of multipliers, C = max{C1, C2} and
-//! the critical slope of a law that weakens with the slip, the contraction rates observed beside their bounds, and a picture of the growth.
+//! You will see the two parts of the Lipschitz constant of the fixed-point map grow as the mesh is refined (in the plane and in space), the
+//! guaranteed and the first critical coefficient of friction, the inf-sup constants of three spaces of multipliers, C = max{C1, C2} and the
+//! critical slope of a law that weakens with the slip, the observed contraction rates with their bounds, and a picture of the growth.
 //! Run: cargo run --release --example uniqueness [-- --finest 32] [--cube 8] [--out DIR]
 
 #[macro_use]
@@ -154,7 +154,7 @@ fn weakening() -> Outcome<()> {
     Ok(())
 }
 
-/// Observed rates of the fixed-point iteration beside F C1.
+/// Observed rates of the fixed-point iteration with their bounds F C1.
 fn contraction(finest: usize) -> Outcome<()> {
     println!(
         "\nfixed-point iteration under the load (0, −1) on top and (0.4, 0) on the right: observed rate, and its bound F C1"

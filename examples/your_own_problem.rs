@@ -56,7 +56,7 @@ fn main() -> ExitCode {
 fn run(args: &Args) -> Result<(), Box<dyn Error>> {
     let circuit = Traced::new(TunnelDiode);
 
-    // One operating point: the last variable, the source voltage, stays as it is.
+    // One operating point: the last variable, the source voltage, is kept fixed.
     let mut x = [0.0, 0.0, 0.0, -0.5];
     let mut newton = Newton::new(NewtonOptions::default());
     newton.solve(&circuit, &mut x)?;
@@ -74,7 +74,7 @@ fn run(args: &Args) -> Result<(), Box<dyn Error>> {
         for c in t.sites.iter().filter(|c| c.from != c.to) {
             println!(
                 "e = {:.6} V: {}, {} → {}: {}",
-                // A rounding error is no reason to print −0.
+                // Rounds off errors, so that −0 is not printed.
                 (t.parameter() * 1e9).round() / 1e9 + 0.0,
                 ["rectifier", "peak", "valley"][c.site],
                 circuit.piece_name(c.site, c.from),

@@ -4,10 +4,10 @@ use std::io;
 use std::ops::Deref;
 use std::sync::Arc;
 
-/// The error of the system or of another library that an error of this crate comes from, shared between its clones.
+/// The operating-system or third-party error that caused an error of this crate, shared between its clones.
 ///
-/// `source()` of the error gives the original, not this type. Two causes are equal where they say the same and, for errors of the
-/// system, are of one [`io::ErrorKind`].
+/// `source()` of the error gives the original, not this type. Two causes are equal if their messages are and, for errors of the system,
+/// also their [`io::ErrorKind`].
 ///
 /// ```
 /// use std::error::Error;
@@ -30,7 +30,7 @@ impl Cause {
     }
 }
 
-// No `Error` itself: `source()` would end at it.
+// No `Error` itself, so that `source()` reaches the original.
 impl Deref for Cause {
     type Target = dyn Error + Send + Sync;
 

@@ -14,7 +14,7 @@ impl Clock {
         Self::resumed(Duration::ZERO)
     }
 
-    /// That of a run which has taken some time already.
+    /// The clock of a run that has already taken the time `before`.
     pub(crate) fn resumed(before: Duration) -> Self {
         let known = !cfg!(all(target_family = "wasm", target_os = "unknown"));
         Self {
@@ -29,7 +29,7 @@ impl Clock {
     }
 }
 
-/// When a run has to end, if it has to: where time is not limited the clock is not read.
+/// The end of a run, if its time is limited; the clock is not read otherwise.
 #[derive(Clone, Copy)]
 pub(crate) struct Deadline<'a> {
     limit: Option<(Clock, Duration)>,
@@ -44,7 +44,7 @@ impl<'a> Deadline<'a> {
         }
     }
 
-    /// That of a run whose clock began earlier.
+    /// The deadline of a run that began with `clock`.
     pub(crate) fn of(clock: Clock, limit: Option<Duration>) -> Self {
         Self {
             limit: limit.map(|limit| (clock, limit)),
@@ -52,7 +52,7 @@ impl<'a> Deadline<'a> {
         }
     }
 
-    /// Over as well once `stop` says so.
+    /// Passes as well once `stop` returns true.
     pub(crate) fn or(self, stop: &'a dyn Fn() -> bool) -> Self {
         Self {
             stop: Some(stop),
@@ -72,7 +72,7 @@ impl<'a> Deadline<'a> {
         }
     }
 
-    /// When half of what is left has passed.
+    /// A deadline after half of the remaining time.
     pub(crate) fn half(self) -> Self {
         let limit = self.left().map(|left| left / 2);
         Self {
@@ -81,19 +81,19 @@ impl<'a> Deadline<'a> {
         }
     }
 
-    /// What is left of the limit.
+    /// The remaining time; `None` without a limit.
     pub(crate) fn left(self) -> Option<Duration> {
         self.limit
             .map(|(clock, limit)| limit.saturating_sub(clock.elapsed()))
     }
 }
 
-/// The end of a run, for all its threads to look at.
+/// The end of a run, shared by its threads.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Until(Option<(Clock, Duration)>);
 
 impl Until {
-    /// That much from now on; never without a limit.
+    /// `limit` from now on; never without a limit.
     pub(crate) fn after(limit: Option<Duration>) -> Self {
         Self(limit.map(|limit| (Clock::start(), limit)))
     }

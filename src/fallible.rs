@@ -1,19 +1,19 @@
 //! Functions of the user that may fail: their first error comes back unchanged.
 //!
-//! Maps, functions, laws and operators are evaluated without a result, as nothing but numbers belongs into inner loops. Where an evaluation can
-//! fail (a simulator that crashes, a file, a table that ends), [`FirstError`] takes the error out of the loop: the function answers NaN
-//! and is not called any more, so that the solver ends soon, as it does for any map that is not finite; and
-//! [`FirstError::run`] hands back the error in place of what the solver said. It serves all traits of the crate alike, and whatever
-//! calls them: Newton's method, complementarity solvers, curves, diagrams, enumeration, contact problems and their histories, sweeps.
+//! Maps, functions, laws and operators do not return a `Result`: inner loops compute with numbers only. Where an evaluation can fail (a
+//! simulator that crashes, a file, a table that ends), [`FirstError`] carries the error past the solver: the function returns NaN and is
+//! not called again, so that the solver ends soon, as for any map that is not finite, and [`FirstError::run`] returns the error in place of
+//! the solver's result. It works with all traits of the crate and with all that evaluate them: Newton's method, complementarity solvers,
+//! curves, diagrams, enumeration, contact problems and their histories, sweeps.
 //!
 //! | what evaluates | how it fails |
 //! |---|---|
 //! | residuals, test functions, products of operators, `eval` of formulas | [`values`](FirstError::values) |
 //! | Jacobians, Hessians | [`matrix`](FirstError::matrix) |
 //! | a number, or a few: coefficients of friction, monitors | `attempt(…).unwrap_or(f64::NAN)`, [`attempt`](FirstError::attempt) |
-//! | what has a result of its own: [`MatrixFree::linearize`](crate::piecewise::MatrixFree::linearize), preconditioners | `attempt(…).ok_or(…)` with an error of the crate |
+//! | functions that return a `Result`: [`MatrixFree::linearize`](crate::piecewise::MatrixFree::linearize), preconditioners | `attempt(…).ok_or(…)` with an error of the crate |
 //!
-//! Points outside of the domain of a function are no failure in this sense: answer NaN there, and steps are shortened.
+//! A point outside the domain of a function is not an error in this sense: return NaN there, and the step is shortened.
 //!
 //! ```
 //! use semismooth::complementarity::{Mcp, McpFunction, McpSolver};
@@ -59,8 +59,8 @@ use crate::sparse::Matrix;
 /// Keeps the first error of a function during a [run](Self::run), after which the function is not called any more.
 ///
 /// It is shared by the function, which evaluates through it, and by the caller of the solver. For a [sweep](crate::sweep) make one in each
-/// call: an error ends the run whose function failed, and no other. Where several threads evaluate one function, the error that is kept may
-/// be any of those that come at the same time.
+/// call: an error ends the run whose function failed, and no other. If several threads evaluate one function and fail at the same time, any
+/// of their errors may be the one kept.
 ///
 /// The [module](self) has an example.
 #[derive(Debug)]
@@ -75,7 +75,7 @@ impl<E> Default for FirstError<E> {
 }
 
 impl<E> FirstError<E> {
-    /// Without an error.
+    /// No error yet.
     #[must_use]
     pub const fn new() -> Self {
         Self {
@@ -87,13 +87,14 @@ impl<E> FirstError<E> {
         self.first.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Whether there is one.
+    /// Whether an error has occurred.
     #[must_use]
     pub fn is_set(&self) -> bool {
         self.lock().is_some()
     }
 
-    /// [`Break`](ControlFlow::Break) once there is an error: what an observer of a solver answers so that it ends with the iteration.
+    /// [`Break`](ControlFlow::Break) once there is an error: the return value of an observer, which stops its solver after the current
+    /// iteration.
     pub fn flow(&self) -> ControlFlow<()> {
         match self.is_set() {
             true => ControlFlow::Break(()),
@@ -101,7 +102,7 @@ impl<E> FirstError<E> {
         }
     }
 
-    /// The value of `f`; `None` if it fails now, which is kept, or if there is an error already: `f` is not called then.
+    /// The value of `f`; `None` if it fails (its error is kept) or if an error has occurred before (`f` is not called).
     pub fn attempt<T>(&self, f: impl FnOnce() -> Result<T, E>) -> Option<T> {
         if self.is_set() {
             return None;
@@ -115,8 +116,8 @@ impl<E> FirstError<E> {
         }
     }
 
-    /// [`attempt`](Self::attempt) for a vector, NaN where there is an error: the residual of a map, the product of an operator, or a formula
-    /// over numbers that carry derivatives (`T: Real` of `Traced` and `Autodiff`).
+    /// [`attempt`](Self::attempt) for a vector, NaN where there is an error: the residual of a map, the product of an operator, or a
+    /// formula over numbers that carry derivatives (`T: Real` of `Traced` and `Autodiff`).
     pub fn values<T: Copy + From<f64>>(&self, out: &mut [T], f: impl FnOnce(&mut [T]) -> Result<(), E>) {
         if self.attempt(|| f(out)).is_none() {
             out.fill(f64::NAN.into());
@@ -130,10 +131,10 @@ impl<E> FirstError<E> {
         }
     }
 
-    /// What `solve` gives, if no function failed in it. An error of an earlier run is forgotten.
+    /// The result of `solve`, if no function failed in it. An error of an earlier run is discarded.
     ///
     /// # Errors
-    /// [`Failed`] with the first error of the function, beside what `solve` gave all the same.
+    /// [`Failed`] with the first error of the function and the result of `solve`.
     pub fn run<R>(&self, solve: impl FnOnce() -> R) -> Result<R, Failed<E, R>> {
         *self.lock() = None;
         let result = solve();
@@ -148,10 +149,10 @@ impl<E> FirstError<E> {
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Failed<E, R> {
-    /// The first error of the function, as it came.
+    /// The first error of the function, unchanged.
     pub error: E,
-    /// What the solver gave: most often its own error, with the best iterate before; a curve as far as it was followed. It may be a success where
-    /// nothing depended on the evaluation that failed.
+    /// The result of the solver: usually its own error, with the best iterate so far; a curve as far as it was followed. It may be a
+    /// success if nothing depended on the failed evaluation.
     pub result: R,
 }
 

@@ -1,8 +1,8 @@
 //! Piecewise-smooth equations: solve them, follow their solution curves through every kink, list all their solutions.
 //!
-//! For equations that are continuous but only piecewise smooth: contact with Coulomb friction, obstacle problems, economic and
-//! traffic equilibria, complementarity problems, circuits with diodes. The [guide] starts from nothing; the [prelude] has the names
-//! most programs need. Modules:
+//! For equations that are continuous but only piecewise smooth: contact with Coulomb friction, obstacle problems, economic and traffic
+//! equilibria, complementarity problems, circuits with diodes. The [guide] is an introduction; the [prelude] has the names most programs
+//! need. Modules:
 //!
 //! | | |
 //! |---|---|
@@ -12,11 +12,11 @@
 //! | [`enumeration`] | all solutions at a parameter, all arms at a point, with certificates |
 //! | [`complementarity`] | LCP, NCP, MCP, obstacle problems |
 //! | [`variational`] | variational inequalities over polyhedra |
-//! | [`cones`] | complementarity over second-order cones |
+//! | [`cones`] | complementarity over second-order and semidefinite cones |
 //! | [`interface`] | any nonsmooth law on few traces of a definite operator |
 //! | [`fem`], [`contact`] | linear elasticity on meshes, Coulomb friction in the plane and in space |
 //! | [`output`] | tables, JSON, pictures, VTU |
-//! | [`linear`], [`sparse`] | linear solvers behind one seam, sparse matrices |
+//! | [`linear`], [`sparse`] | linear solvers behind one trait, sparse matrices |
 //! | [`sweep`] | many problems at once |
 //! | [`fallible`] | functions that may fail: their errors come back unchanged |
 
@@ -24,7 +24,7 @@
 // Badges of features, where the documentation is built by docs.rs.
 #![cfg_attr(docsrs, feature(doc_cfg))]
 
-// Files that unit tests share with the programs in `tests` name the crate.
+// Files shared by the unit tests and the programs in `tests` refer to the crate by name.
 #[cfg(test)]
 extern crate self as semismooth;
 

@@ -1,5 +1,5 @@
-//! Loops that run on all cores where the feature `rayon` is on. What is split is split by sizes alone, never by the number of threads:
-//! results have the same bits on any number of them, and without the feature.
+//! Loops that run on all cores where the feature `rayon` is on. Work is split by its size alone, never by the number of threads: results
+//! are bitwise the same on any number of threads, and without the feature.
 
 use std::ops::Range;
 
@@ -18,12 +18,12 @@ pub(crate) fn join<A: Send, B: Send>(a: impl FnOnce() -> A + Send, b: impl FnOnc
     (a(), b())
 }
 
-/// f on a thread that hands out work: what it splits is not passed from outside each time.
+/// Runs f on a thread of the pool, so that its parallel loops do not enter the pool from outside each time.
 pub(crate) fn within<R: Send>(f: impl FnOnce() -> R + Send) -> R {
     join(f, || ()).0
 }
 
-/// f of the place of the first entry and the entries of each part of `size`, the last one shorter.
+/// Calls f with the position of the first entry and the entries of each part of length `size`; the last part may be shorter.
 pub(crate) fn parts<T: Send>(v: &mut [T], size: usize, f: &(impl Fn(usize, &mut [T]) + Sync)) {
     parts_from(0, v, size, f);
 }
@@ -40,7 +40,7 @@ fn parts_from<T: Send>(first: usize, v: &mut [T], size: usize, f: &(impl Fn(usiz
     );
 }
 
-/// f of the number and the entries of each span `ends[k]..ends[k + 1]` of v, which the first one begins and the last one ends.
+/// Calls f with the number and the entries of each span `ends[k]..ends[k + 1]` of v; the spans cover v.
 pub(crate) fn spans<T: Send>(ends: &[usize], v: &mut [T], f: &(impl Fn(usize, &mut [T]) + Sync)) {
     spans_from(0, ends, v, f);
 }
@@ -60,7 +60,7 @@ fn spans_from<T: Send>(first: usize, ends: &[usize], v: &mut [T], f: &(impl Fn(u
     }
 }
 
-/// The sum of f over the parts of 0..n of `size`, in an order that depends on n and `size` alone.
+/// The sum of f over parts of 0..n of length `size`, in an order that depends on n and `size` alone.
 pub(crate) fn sum(n: usize, size: usize, f: &(impl Fn(Range<usize>) -> f64 + Sync)) -> f64 {
     sum_over(0..n, size, f)
 }
@@ -77,7 +77,7 @@ fn sum_over(range: Range<usize>, size: usize, f: &(impl Fn(Range<usize>) -> f64 
     a + b
 }
 
-/// The sum of f over the parts of v of `size`, which it may change.
+/// The sum of f over parts of v of length `size`, which f may change.
 pub(crate) fn sum_parts<T: Send>(
     v: &mut [T],
     size: usize,
@@ -86,7 +86,7 @@ pub(crate) fn sum_parts<T: Send>(
     fold_parts(0, v, size, f, &|a, b| a + b)
 }
 
-/// The largest of f over the parts of v of `size`, which it may change; NaN where one is.
+/// The largest f over parts of v of length `size`, which f may change; NaN if any is.
 pub(crate) fn largest_of_parts<T: Send>(
     v: &mut [T],
     size: usize,
@@ -95,7 +95,7 @@ pub(crate) fn largest_of_parts<T: Send>(
     fold_parts(0, v, size, f, &|a, b| if b > a || b.is_nan() { b } else { a })
 }
 
-/// f of the parts put together two by two, in an order that depends on the length and `size` alone.
+/// Combines f of the parts pairwise, in an order that depends on the length and `size` alone.
 fn fold_parts<T: Send>(
     first: usize,
     v: &mut [T],
@@ -127,7 +127,7 @@ pub(crate) fn add_scaled(c: f64, x: &[f64], y: &mut [f64]) {
     });
 }
 
-/// f of each part of 0..n of `size`, in order.
+/// f of each part of 0..n of length `size`, in order.
 pub(crate) fn collect<R: Send>(n: usize, size: usize, f: impl Fn(Range<usize>) -> R + Sync) -> Vec<R> {
     let ranges: Vec<_> = (0..n)
         .step_by(size.max(1))

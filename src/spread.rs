@@ -1,11 +1,11 @@
-//! Numbers of no particular position, the same on every machine.
+//! Quasi-random and pseudo-random numbers, the same on every machine.
 
 /// The fractional parts of k/φ, k = 1, 2, …, which fill (0, 1) evenly (φ the golden ratio).
 pub(crate) fn golden(k: usize) -> f64 {
     (k as f64 * 0.618_033_988_749_895).fract()
 }
 
-/// Number k of two sequences in (−½, ½) that have no pattern in common: fractional parts of multiples of 1/φ and of √2, less ½.
+/// Term k of one of two sequences in (−½, ½) without a common pattern: fractional parts of multiples of 1/φ and of √2, less ½.
 pub(crate) fn centred(k: usize, second: bool) -> f64 {
     let step = if second {
         std::f64::consts::SQRT_2

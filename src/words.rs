@@ -1,4 +1,4 @@
-//! Enums whose values are told by words and read from them, and numbers of things in sentences.
+//! Conversion of enums to and from words, and counts in sentences.
 
 use std::fmt;
 
@@ -51,7 +51,7 @@ pub(crate) fn find<T: Copy>(
     })
 }
 
-/// So many things: "1 fold", "2 folds".
+/// A count with its noun: "1 fold", "2 folds".
 pub(crate) struct Count(pub(crate) usize, pub(crate) &'static str, pub(crate) &'static str);
 
 impl fmt::Display for Count {
@@ -75,7 +75,7 @@ pub(crate) fn selections(number: u64) -> Count {
     )
 }
 
-/// The line that reports of iterations have in common.
+/// The line common to the reports of iterations.
 pub(crate) fn ended(
     f: &mut fmt::Formatter<'_>,
     status: &dyn fmt::Display,
@@ -89,7 +89,7 @@ pub(crate) fn ended(
     )
 }
 
-/// What lies at a parameter, which is rounded where the format says so (`{:.6}`).
+/// Something at a parameter value, which is rounded where the format says so (`{:.6}`).
 pub(crate) fn at_parameter(
     f: &mut fmt::Formatter<'_>,
     what: &dyn fmt::Display,
@@ -98,7 +98,7 @@ pub(crate) fn at_parameter(
     match f.precision() {
         Some(digits) => {
             let text = format!("{parameter:.digits$}");
-            // A rounding error is no reason for a sign.
+            // No minus sign for a value that is rounded to 0.
             let size = text.trim_start_matches('-');
             let zero = size.bytes().all(|b| matches!(b, b'0' | b'.'));
             write!(f, "{what} at parameter {}", if zero { size } else { &text })

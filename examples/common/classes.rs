@@ -34,7 +34,7 @@ mod state_constraints;
 #[path = "../total_variation.rs"]
 mod total_variation;
 
-/// How much of each kind there is.
+/// Number and sizes of the problems of each kind.
 pub(crate) struct Sizes {
     /// Whether the files of other tests are solved, too.
     pub(crate) files: bool,
@@ -64,10 +64,10 @@ type Running = Box<dyn Fn(usize) -> Outcome<Run>>;
 pub(crate) struct Class {
     pub(crate) name: &'static str,
     pub(crate) title: &'static str,
-    /// The method that the crate uses unless told otherwise.
+    /// The method that the crate uses by default.
     pub(crate) usual: &'static str,
     pub(crate) methods: Vec<&'static str>,
-    /// Their names, and what runs the method with a number.
+    /// Their names, and the function that runs the method with a number.
     pub(crate) problems: Vec<(String, Running)>,
 }
 
@@ -86,7 +86,7 @@ impl Class {
         }
     }
 
-    /// With the first of all methods.
+    /// With the first `count` methods.
     fn of_equations(name: &'static str, title: &'static str, count: usize, equations: Vec<Equation>) -> Self {
         let running = |e: Equation| -> (String, Running) {
             (e.name.clone(), Box::new(move |k| Ok(e.run(&EQUATION_METHODS[k]))))
@@ -229,7 +229,8 @@ pub(crate) fn complementarity(sizes: &Sizes) -> Outcome<Vec<Rc<Complementarity>>
     Ok(list)
 }
 
-/// Models with few nodes, an elastic block and a bar whose friction weakens with the slip, at some parameters, and bodies at random; from 0.
+/// Models with few nodes, an elastic block and a bar whose friction weakens with the slip, at some parameters, and bodies at random; from
+/// 0.
 fn friction(sizes: &Sizes) -> Outcome<Vec<Equation>> {
     let mut list = Vec::new();
     for k in 0..8 {

@@ -19,7 +19,7 @@ pub(crate) type OverCones = ConeProblem<Box<dyn McpFunction>>;
 
 type Attempt = fn(&OverCones, &mut [f64]) -> Outcome<Told>;
 
-/// The contenders: Newton's method for the natural and the normal map and Fischer–Burmeister functions, smoothing, and `ConeSolver`.
+/// The methods compared: Newton's method for the natural and the normal map and Fischer–Burmeister functions, smoothing, and `ConeSolver`.
 pub(crate) const CONE_METHODS: [(&str, Attempt); 14] = [
     ("natural map, full steps", |p, x| {
         newton(&ConeMap::natural(p)?, x, Damping::Never)
@@ -123,10 +123,10 @@ fn smoothing(p: &OverCones, x: &mut [f64]) -> Outcome<Told> {
 }
 
 /// Friction u = M r + q over second-order cones: with r = (s₀/μ, s₁, …) and û = u + μ‖u_T‖ e_N (G. de Saxcé, Z.-Q. Feng, Math. Comput.
-/// Model. 28 (1998)), s and (û_N/μ, u_T) lie in the cone and are perpendicular.
+/// Model. 28 (1998)), s and (û_N/μ, u_T) lie in the cone and are orthogonal.
 struct DeSaxce {
     problem: Rc<DelassusProblem>,
-    /// Of F, which puts the diagonal of M near 1.
+    /// Scale of F, which brings the diagonal of M near 1.
     scale: f64,
 }
 

@@ -1,4 +1,4 @@
-//! Methods for complementarity problems, and what one run of one method on one problem costs.
+//! Methods for complementarity problems, and the cost of one run of one method on one problem.
 
 use std::cell::{Cell, RefCell};
 use std::rc::Rc;
@@ -17,21 +17,21 @@ use crate::textbook::{Direction, minimise};
 
 /// Natural residual of a solution of a complementarity problem, also over cones.
 pub(crate) const SOLVED: f64 = 1e-6;
-/// Relative tolerance of inexact methods, as it is of exact ones.
+/// Relative tolerance of inexact methods, the same as of exact ones.
 pub(crate) const TOLERANCE: f64 = 1e-13;
 /// Merits that nonmonotone line searches look back on.
 pub(crate) const MEMORY: usize = 8;
 
-/// What a run cost and gave.
+/// Cost and result of a run.
 pub(crate) struct Run {
     pub(crate) solved: bool,
     /// ‖x − mid(l, u, x − F(x))‖∞ at the point within its bounds, or ‖H‖∞.
     pub(crate) residual: f64,
-    /// The same at the start; 1 where residuals are relative in themselves.
+    /// The same at the start; 1 for residuals that are relative already.
     pub(crate) first: f64,
     /// Points at which F was evaluated; of equations, residuals.
     pub(crate) evaluations: usize,
-    /// Points at which ∇F was evaluated, or derivatives of equations. One is enough where F is affine and the method knows.
+    /// Points at which ∇F was evaluated, or derivatives of equations. One is enough where F is affine and the method uses this.
     pub(crate) jacobians: usize,
     /// Iterations of all attempts.
     pub(crate) iterations: usize,
@@ -46,7 +46,7 @@ pub(crate) struct Run {
 /// A complementarity problem with a start.
 pub(crate) struct Complementarity {
     pub(crate) name: String,
-    /// What problems of one kind have in common.
+    /// The family that it belongs to.
     pub(crate) family: String,
     pub(crate) function: Rc<dyn McpFunction>,
     pub(crate) lower: Vec<f64>,
@@ -75,7 +75,7 @@ impl<F: McpFunction> McpFunction for FunctionOf<F> {
     }
 }
 
-/// F, counting the points at which it is asked for: what a method asks for twice at one point costs once.
+/// F, counting the points at which it is evaluated: repeated evaluations at one point count once.
 pub(crate) struct Counted<'a> {
     function: &'a dyn McpFunction,
     last: RefCell<[Vec<f64>; 2]>,
@@ -121,7 +121,7 @@ impl McpFunction for Counted<'_> {
     }
 }
 
-/// What the report of a method says.
+/// The data in the report of a method.
 #[derive(Default)]
 pub(crate) struct Told {
     /// Of residuals of equations; what complementarity problems evaluate is counted.
@@ -134,7 +134,7 @@ pub(crate) struct Told {
 }
 
 impl Run {
-    /// A run of which nothing else is known yet.
+    /// A run with unknown residuals and costs.
     pub(crate) fn told(told: Told) -> Self {
         Self {
             solved: false,
@@ -153,13 +153,13 @@ impl Run {
 
 type Attempt = fn(&Mcp<Counted<'_>>, &mut [f64]) -> Option<Told>;
 
-/// A method for complementarity problems: it moves x and tells of its work, unless it refuses the problem.
+/// A method for complementarity problems: it overwrites x and returns its costs, unless it refuses the problem.
 pub(crate) struct Method {
     pub(crate) name: &'static str,
     run: Attempt,
 }
 
-/// The contenders. Each starts from the same x and stops by its own rule; whether it has solved is judged alike.
+/// The methods compared. Each starts from the same x and stops by its own rule; whether it has solved is judged by one rule.
 pub(crate) const METHODS: [Method; 14] = [
     Method {
         name: "natural map, full steps",

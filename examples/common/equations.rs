@@ -18,7 +18,7 @@ const EQUILIBRIUM: f64 = 1e-7;
 /// Where products alone are known, Newton steps count as exact from here on.
 const EXACT: f64 = 1e-10;
 
-/// What is known of an equation.
+/// How an equation is given.
 pub(crate) enum Kind {
     /// Pieces. The last variable is a parameter, which stays as it is.
     Pieces(Box<dyn PiecewiseSmooth>),
@@ -58,7 +58,7 @@ const CHOICE_2: Steps = Steps::Inexact(Forcing::Decrease {
     alpha: 2.0,
 });
 
-/// The contenders; the last two want matrices.
+/// The methods compared; the last two need matrices.
 pub(crate) const EQUATION_METHODS: [EquationMethod; 9] = [
     method("Newton, full steps", Steps::Exact, Damping::Never),
     method("Newton, line search on trouble", Steps::Exact, Damping::OnTrouble),
@@ -87,7 +87,7 @@ pub(crate) const EQUATION_METHODS: [EquationMethod; 9] = [
     ),
 ];
 
-/// How many of them do with products.
+/// How many of them need products only.
 pub(crate) const BY_PRODUCTS: usize = 7;
 
 /// A piecewise-smooth map at a fixed parameter.
@@ -185,7 +185,7 @@ impl Equation {
                 }
                 _ => {
                     let (y, parameter) = x.split_at_mut(map.num_residuals());
-                    // Without its pieces the tail of a run tells no order.
+                    // The order is not determined, as pieces are not known.
                     Told {
                         order: None,
                         ..method.run(&AtParameter::new(map, parameter[0]), y)

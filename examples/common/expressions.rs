@@ -76,7 +76,7 @@ struct Work {
 
 pub(crate) type Failure = String;
 
-/// Reads a problem; the error tells what is wrong, and where.
+/// Reads a problem; the error says what is wrong, and where.
 pub(crate) fn read(path: &Path) -> Result<Problem, Failure> {
     let text = std::fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))?;
     let stem = path
@@ -85,7 +85,7 @@ pub(crate) fn read(path: &Path) -> Result<Problem, Failure> {
     parse(&text, &stem).map_err(|e| format!("{}: {e}", path.display()))
 }
 
-/// As [`read`], from text; `name` serves where the text has none.
+/// As [`read`], from text; `name` is used where the text has none.
 pub(crate) fn parse(text: &str, name: &str) -> Result<Problem, Failure> {
     let file: Value = serde_json::from_str(text).map_err(|e| e.to_string())?;
     if !file.is_object() {
@@ -159,7 +159,7 @@ pub(crate) fn starts(file: &Value, n: usize) -> Result<Vec<(String, Vec<f64>)>, 
     Ok(all)
 }
 
-/// The head of a value that may be of any length.
+/// The beginning of a value, which may be long.
 pub(crate) fn shown(value: &Value) -> String {
     const SHOWN: usize = 60;
     let text = value.to_string();
@@ -353,7 +353,7 @@ impl Builder {
 }
 
 impl Tape {
-    /// For each node 0: constant, 1: affine, 2: anything else. Each is looked at once, however often it is shared.
+    /// For each node 0: constant, 1: affine, 2: anything else. Each is visited once, however often it is shared.
     fn degrees(&self) -> Vec<u8> {
         let mut degrees: Vec<u8> = Vec::with_capacity(self.nodes.len());
         for node in &self.nodes {

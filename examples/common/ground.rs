@@ -1,4 +1,4 @@
-//! Pictures of what happens where a bar touches the ground.
+//! Pictures of the contact of a bar with the ground.
 
 use std::path::PathBuf;
 
@@ -14,7 +14,7 @@ pub(crate) struct Quantity {
     value: fn(f64, f64, &LocalValues) -> f64,
 }
 
-/// What the talk shows of each solution.
+/// The quantities that the talk shows of each solution.
 pub(crate) const QUANTITIES: [Quantity; 5] = [
     Quantity {
         name: "normal displacement [mm]",
@@ -132,7 +132,7 @@ pub(crate) fn surface<L: NodeLaw>(
         .with_size(1200, 300)
 }
 
-/// From light to dark, in steps of lightness that also those tell apart who see no colours.
+/// From light to dark, in steps of lightness that are distinguishable without colour vision.
 fn shade(step: usize) -> Colour {
     let t = step as f64 / (SHADES - 1) as f64;
     let mix = |light: f64, dark: f64| (light + t * (dark - light)).round() as u8;

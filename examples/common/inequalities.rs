@@ -15,7 +15,7 @@ use crate::expressions::{Failure, bounds, number, shown, starts, tape, vector};
 
 pub(crate) type Function = Box<dyn McpFunction>;
 
-/// What every file states.
+/// The data common to all files.
 pub(crate) struct Problem {
     pub(crate) name: String,
     /// Whether a solution is known to exist.
@@ -27,7 +27,7 @@ pub(crate) struct Problem {
     pub(crate) all: bool,
 }
 
-/// Calls `parse` with the object in a file; errors tell the file.
+/// Calls `parse` with the object in a file; errors name the file.
 fn open<T>(
     path: &Path,
     parse: impl FnOnce(&Value, usize) -> Result<T, Failure>,

@@ -1,4 +1,4 @@
-//! What the examples share: exit status, files, random numbers.
+//! Common parts of the examples: exit status, files, random numbers.
 #![allow(dead_code)]
 
 use std::error::Error;
@@ -11,7 +11,7 @@ use std::time::Duration;
 use semismooth::contact::{FrictionCoefficient, FullContact, LoadPath, PlanarCoulomb};
 use semismooth::sparse::Matrix;
 
-/// As the standard one, but an output that was closed or is full ends the program instead of a panic.
+/// As the standard one, but a closed or full output ends the program without a panic.
 macro_rules! println {
     ($($arguments:tt)*) => {
         $crate::common::print_line(format_args!($($arguments)*))
@@ -26,7 +26,7 @@ pub(crate) type Outcome<T> = Result<T, Box<dyn Error>>;
 /// Exit status of a program that Ctrl-C ended.
 pub(crate) const INTERRUPTED: u8 = 130;
 
-/// Ctrl-C ended the program before its work was done; the text says what there is.
+/// Ctrl-C ended the program before its work was done; the text describes the partial results.
 #[derive(Debug)]
 pub(crate) struct Interrupted(pub(crate) String);
 
@@ -38,7 +38,7 @@ impl fmt::Display for Interrupted {
 
 impl Error for Interrupted {}
 
-/// The arguments; help that cannot be written is an error, as all output is.
+/// The arguments; failing to write the help is an error, as for all output.
 pub(crate) fn parse<A: clap::Parser>() -> A {
     A::try_parse().unwrap_or_else(|e| {
         if !e.use_stderr() {
@@ -49,7 +49,7 @@ pub(crate) fn parse<A: clap::Parser>() -> A {
     })
 }
 
-/// Errors go to standard error, and the exit status tells.
+/// Prints errors to standard error, and returns the exit status.
 pub(crate) fn exit(outcome: Outcome<()>) -> ExitCode {
     let code = match outcome {
         Ok(()) => ExitCode::SUCCESS,
@@ -70,7 +70,7 @@ pub(crate) fn print_line(text: fmt::Arguments<'_>) {
     written(writeln!(std::io::stdout(), "{text}"));
 }
 
-/// A reader that has seen enough (`| head`) is no failure; a full disk is.
+/// A reader that closes the pipe early (`| head`) is no failure; a full disk is.
 fn written(outcome: std::io::Result<()>) {
     match outcome {
         Ok(()) => {}
@@ -82,7 +82,7 @@ fn written(outcome: std::io::Result<()>) {
     }
 }
 
-/// An example ends with an error where what it shows does not hold.
+/// An example ends with an error where one of its claims does not hold.
 pub(crate) fn ensure(holds: bool, claim: &str) -> Outcome<()> {
     match holds {
         true => Ok(()),
@@ -101,7 +101,7 @@ pub(crate) fn count(number: usize, one: &str, many: &str) -> String {
     format!("{number} {}", if number == 1 { one } else { many })
 }
 
-/// A file in a folder, which is made if need be.
+/// A file in a folder, which is created if necessary.
 pub(crate) fn file_in(folder: &Path, name: &str) -> Outcome<PathBuf> {
     std::fs::create_dir_all(folder)
         .map_err(|e| format!("cannot make the folder {}: {e}", folder.display()))?;
@@ -152,7 +152,7 @@ pub(crate) fn distance(a: &[f64], b: &[f64]) -> f64 {
     }
 }
 
-/// The head of a list of numbers.
+/// The beginning of a list of numbers.
 pub(crate) fn short_list(x: &[f64]) -> String {
     const SHOWN: usize = 5;
     let head: Vec<_> = x.iter().take(SHOWN).map(|v| format!("{:.6}", v + 0.0)).collect();
@@ -160,7 +160,7 @@ pub(crate) fn short_list(x: &[f64]) -> String {
     format!("({}{more})", head.join(", "))
 }
 
-/// By how much numbers, of Newton steps on finer and finer grids, exceed the first of them at most.
+/// The largest excess of the numbers, of Newton steps on finer and finer grids, over the first of them.
 pub(crate) fn growth(counts: &[usize]) -> usize {
     let first = counts.first().copied().unwrap_or_default();
     counts.iter().max().map_or(0, |most| most - first)

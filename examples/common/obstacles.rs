@@ -1,4 +1,4 @@
-//! Obstacle problems on m × m points of a square, and the grids to nest them in.
+//! Obstacle problems on m × m points of a square, and their hierarchies of grids.
 #![allow(dead_code)]
 
 #[path = "grids.rs"]

@@ -6,11 +6,11 @@ use crate::common::{Outcome, Random};
 use crate::contenders::Run;
 use crate::profiles::Costs;
 
-/// Solves of a problem, of whose times the least counts, unless one takes longer than `QUICK` seconds.
+/// Solves of a problem, of which the fastest counts, unless one takes longer than `QUICK` seconds.
 const REPEATED: usize = 3;
 const QUICK: f64 = 1e-3;
 
-/// The usual order first; then those in which another strategy comes first, or second.
+/// The default order first; then those in which another strategy comes first, or second.
 pub(crate) fn candidates<S: Copy + PartialEq>(usual: &[S]) -> Vec<Vec<S>> {
     let mut list = vec![usual.to_vec()];
     for place in [0, 1] {
@@ -24,8 +24,8 @@ pub(crate) fn candidates<S: Copy + PartialEq>(usual: &[S]) -> Vec<Vec<S>> {
     list
 }
 
-/// What an order does on one family, against the default: the mean of the logarithms of the ratio of costs, over the problems that both
-/// solve, and how many it does not solve.
+/// The performance of an order on one family, relative to the default: the mean of the logarithms of the ratio of costs, over the problems
+/// that both solve, and how many it does not solve.
 #[derive(Clone, Copy, Default)]
 struct Score {
     logarithm: f64,
@@ -58,7 +58,7 @@ fn total(scores: &[Score], chosen: &[bool]) -> (usize, f64) {
     (of_chosen().map(|s| s.failed).sum(), mean.exp())
 }
 
-/// Runs all orders on so many problems: row by order.
+/// Runs all orders on so many problems: a row for each order.
 fn runs<S>(
     orders: &[Vec<S>],
     problems: usize,
@@ -136,7 +136,7 @@ fn halves<S: Display>(cost: &str, orders: &[Vec<S>], scores: &[Vec<Score>]) {
         let half: Vec<bool> = scores[0].iter().map(|_| random.symmetric() < 0.0).collect();
         let other: Vec<bool> = half.iter().map(|h| !h).collect();
         let totals: Vec<_> = scores.iter().map(|s| total(s, &half)).collect();
-        // The first of equals, which is the default where it is one of them.
+        // The first of equals, which is the default if it is among them.
         let best = (0..orders.len())
             .min_by(|&i, &j| {
                 let (a, b) = (totals[i], totals[j]);

@@ -95,7 +95,7 @@ pub(crate) const P2_EXAMPLE_1: &[Printed] = &[
     ),
 ];
 
-/// A state in the words of the talk.
+/// A state in the terms of the talk.
 pub(crate) fn word(state: ContactState, grazing: bool) -> &'static str {
     match state {
         _ if grazing => "grazing contact",
@@ -105,7 +105,7 @@ pub(crate) fn word(state: ContactState, grazing: bool) -> &'static str {
     }
 }
 
-/// Prints the table of the talk beside what `branch`, followed with short steps, has there.
+/// Prints the table of the talk next to the values of `branch`, followed with short steps.
 ///
 /// # Errors
 /// A value that is not the printed one.

@@ -3,14 +3,14 @@
 use crate::contenders::Run;
 use semismooth::output::{Colour, Curve, Panel, SegmentStyle};
 
-/// Costs of methods on problems: row by problem, an entry by method, `None` where it failed.
+/// Costs of methods on problems: a row for each problem, an entry for each method, `None` where it failed.
 pub(crate) struct Costs {
     pub(crate) methods: Vec<&'static str>,
     pub(crate) rows: Vec<Vec<Option<f64>>>,
 }
 
 impl Costs {
-    /// The costs of these runs, row by problem.
+    /// The costs of these runs, a row for each problem.
     pub(crate) fn new(methods: &[&'static str], runs: &[Vec<Run>], cost: impl Fn(&Run) -> f64) -> Self {
         let of = |row: &Vec<Run>| row.iter().map(|r| r.solved.then(|| cost(r))).collect();
         Self {
@@ -24,8 +24,8 @@ impl Costs {
         r.iterations.max(r.factorisations).max(1) as f64
     }
 
-    /// The share of all problems that a method solves at no more than τ times the cost of the best method for each, as the corners (log₂ τ, share)
-    /// of a step function.
+    /// The share of all problems that a method solves at no more than τ times the cost of the best method for each, as the corners (log₂ τ,
+    /// share) of a step function.
     pub(crate) fn profile(&self, method: usize) -> Vec<(f64, f64)> {
         let best = |row: &[Option<f64>]| row.iter().flatten().fold(f64::INFINITY, |m, c| m.min(*c));
         let mut ratios: Vec<f64> = self

@@ -22,7 +22,7 @@ impl Progress {
         let cancelled = Arc::new(AtomicBool::new(false));
         let flag = Arc::clone(&cancelled);
         ctrlc::set_handler(move || {
-            // Who asks twice does not want to wait.
+            // A second Ctrl-C ends the program at once.
             if flag.swap(true, Ordering::Relaxed) {
                 std::process::exit(i32::from(INTERRUPTED));
             }

@@ -53,7 +53,7 @@ pub(crate) fn with_classes(panel: Panel, classes: &[(&'static str, Colour)]) -> 
     classes.fold(panel, Panel::with_class)
 }
 
-/// A picture whose axes are as long as each other, about.
+/// A picture whose axes are of about equal length.
 pub(crate) fn square(panel: Panel, title: &str) -> BranchDiagram {
     BranchDiagram::new(panel).with_title(title).with_size(600, 640)
 }

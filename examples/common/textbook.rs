@@ -93,7 +93,7 @@ fn norm(v: &[f64]) -> f64 {
     v.iter().map(|v| v * v).sum::<f64>().sqrt()
 }
 
-/// d, by a solver that is made for the first of matrices with one pattern.
+/// d, by a solver that is created for the first of the matrices with one pattern.
 fn step(
     solver: &mut Option<AutoSolver>,
     j: &Matrix,

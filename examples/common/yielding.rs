@@ -1,5 +1,5 @@
-//! Least energies ½ uᵀ(m + v K) u − bᵀu + s Σ area |∇u| with norms of gradients that are constant on elements: pastes with a yield stress,
-//! pictures with small total variation.
+//! Minimisers of energies ½ uᵀ(m + v K) u − bᵀu + s Σ area |∇u| with norms of gradients that are constant on elements: pastes with a yield
+//! stress, pictures with small total variation.
 #![allow(dead_code)]
 
 use semismooth::linear::{Cholesky, LinearError, LinearOperator, LinearSolver};
@@ -35,7 +35,7 @@ impl Element {
     }
 }
 
-/// How much of what there is in an energy.
+/// The weights of the terms of the energy.
 pub(crate) struct Weights {
     /// m, of ½|u|².
     pub(crate) mass: f64,
@@ -54,8 +54,8 @@ pub(crate) struct Yielding {
     pub(crate) unknowns: usize,
     load: Vec<f64>,
     weights: Weights,
-    /// For each element max(t, |∇u|), and the matrix C of the derivative m δq − C ∇δu. With q taken back into |q| ≤ s and C made
-    /// symmetric, what is left for u is positive definite; at solutions nothing is changed by that.
+    /// For each element max(t, |∇u|), and the matrix C of the derivative m δq − C ∇δu. With q scaled back into |q| ≤ s and C made
+    /// symmetric, the reduced matrix for u is positive definite; at solutions this changes nothing.
     slopes: Vec<(f64, [[f64; 2]; 2])>,
     reduced: Matrix,
     solver: Cholesky,

@@ -6,30 +6,30 @@ use super::columns::{BoxLcp, Columns};
 /// Part of its terms below which the residual of a row is rounding.
 const ROUNDING: f64 = 64.0 * f64::EPSILON;
 
-/// Unknowns beyond 2⁴⁸ have hardly a digit left after the point: no residual tells where they are.
+/// Unknowns beyond 2⁴⁸ have hardly a digit after the point: residuals do not determine them.
 pub(super) const LARGEST: f64 = 281_474_976_710_656.0;
 
 /// Where the constants of all rows of a block are a smaller part of their terms, the residual is compared with the constants: far out along
-/// directions that rows hardly see, everything is small relative to its terms.
+/// directions near the kernel of J, every residual is small relative to its terms.
 const FAR: f64 = 1e-6;
-/// Smaller constants are the rounding of none.
+/// Smaller parts count as 0: they may be rounding errors.
 const NO_CONSTANT: f64 = 8.0 * f64::EPSILON;
 
-/// The unit of an unknown; 1 where there are none.
+/// The unit of an unknown; 1 where no units are given.
 pub(super) fn unit(units: &[f64], i: usize) -> f64 {
     units.get(i).copied().unwrap_or(1.0)
 }
 
-/// Whether constants that are this part of the terms are few, but no rounding.
+/// Whether constants that are this part of the terms are small, but more than rounding errors.
 fn is_far(part: &f64) -> bool {
     (NO_CONSTANT..FAR).contains(part)
 }
 
-/// Part of its terms from which on a residual has not begun to cancel.
+/// A residual of at least this part of its terms shows no cancellation.
 const OPEN: f64 = 1e-3;
 
-/// Sets to zero what is rounding of the largest component, where the bounds allow it; tells whether there was any. In a row whose terms
-/// are all such rounding, no sign and no relative size says anything.
+/// Sets components to zero that are rounding errors of the largest one, where the bounds allow it; returns whether there were any. In a row
+/// whose terms are all of this size, neither signs nor relative residuals are meaningful.
 pub(super) fn drop_rounding(lcp: BoxLcp<'_>, z: &mut [f64]) -> bool {
     let rounding = ROUNDING * z.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
     let mut any = false;
@@ -42,13 +42,13 @@ pub(super) fn drop_rounding(lcp: BoxLcp<'_>, z: &mut [f64]) -> bool {
     any
 }
 
-/// Terms of rows, and room for what is found about them.
+/// Terms of rows, and buffers.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Accuracy {
     terms: Vec<f64>,
     /// J x, where the constants of rows are not given.
     sum: Vec<f64>,
-    /// Constants of rows, terms of unknowns at bounds and what is left without the others; then their parts of the terms.
+    /// Sums of the constant terms of rows (unknowns at bounds, and F − J x), then their parts of the terms.
     constants: Vec<f64>,
     blocks: Blocks,
     /// Largest part of the constants in each block.
@@ -62,7 +62,7 @@ pub(super) struct Measure {
     pub(super) error: f64,
     /// Relative error that the evaluation of F may hide.
     hidden: f64,
-    /// The same as `error` but for what is far out.
+    /// As `error`, but always relative to the terms, far out as well.
     plain: f64,
     /// Whether a row vanishes with all its terms although its unknowns do not: flat, or its numbers underflow.
     pub(super) flat: bool,
@@ -73,23 +73,23 @@ impl Measure {
         self.error <= tolerance && self.hidden <= tolerance
     }
 
-    /// Whether some residual is no small part of its terms at all.
+    /// Whether some residual is not small relative to its terms.
     pub(super) fn is_open(self) -> bool {
         self.plain >= OPEN
     }
 
-    /// Whether the terms are so large that what is left of them is their rounding.
+    /// Whether the residuals are only rounding errors of the terms.
     pub(super) fn is_rounding(self) -> bool {
         self.plain <= ROUNDING
     }
 }
 
-/// A point with what F is there; outside the bounds it may be by little, as moving back counts as an error.
+/// A point and F there; it may lie slightly outside the bounds, where the distance to them counts as an error.
 pub(super) struct Point<'a> {
     pub(super) x: &'a [f64],
     pub(super) f: &'a [f64],
     pub(super) jac: Columns<'a>,
-    /// F − J x, where it is stored and not left by cancellation.
+    /// F − J x, where it is known without cancellation.
     pub(super) rest: Option<&'a [f64]>,
     /// The blocks of `jac`, where they are known.
     pub(super) blocks: Option<&'a Blocks>,
@@ -114,7 +114,7 @@ impl<'a> Point<'a> {
         }
     }
 
-    /// Whether the sign of F holds the component at the bound where it is.
+    /// Whether the component is at a bound at which F has the required sign.
     fn rests(&self, i: usize) -> bool {
         let (x, f) = (self.x[i], self.f[i]);
         (x == self.lower[i] && f >= 0.0) || (x == self.upper[i] && f <= 0.0) || self.lower[i] == self.upper[i]
@@ -198,7 +198,7 @@ impl Accuracy {
         }
     }
 
-    /// What the residual of a row is divided by: less than 1 where all rows that hang together with it have small constants.
+    /// The divisor of the residual of a row: less than 1 where all rows of its block have small constants.
     fn divisor(&self, p: &Point<'_>, i: usize) -> f64 {
         let largest = self.largest[p.blocks.unwrap_or(&self.blocks).of(i)];
         if is_far(&largest) { largest / FAR } else { 1.0 }
@@ -217,7 +217,7 @@ impl Accuracy {
         f.abs() / self.terms[i]
     }
 
-    /// What moving x_i by `length` changes in a row, relative to its terms, at most.
+    /// The largest relative change of a row, with respect to its terms, when x_i moves by `length`.
     fn shift(&self, p: &Point<'_>, i: usize, length: f64) -> f64 {
         let mut worst: Option<f64> = None;
         p.jac.each(i, |row, v| {

@@ -21,10 +21,10 @@ pub trait SmoothFunction {
     /// Writes F(x) to `out`.
     fn eval<T: Real>(&self, x: &[T], out: &mut [T]);
 
-    /// Where the Jacobian has entries. Default: found by tracing [`eval`](Self::eval) at two points, the zero vector and one in (½, ¾)ᵐ, with
-    /// one evaluation for 256 variables. A pattern of your own saves these evaluations; one that lacks an entry is refused
-    /// ([`PiecewiseError::StrayEntry`](crate::piecewise::PiecewiseError::StrayEntry)) where the first Jacobian is evaluated. Entries of a branch
-    /// of [`eval`](Self::eval) that none of these points takes are not seen: Jacobians are wrong where it is taken later (d² x₂ for
+    /// Where the Jacobian has entries. Default: found by tracing [`eval`](Self::eval) at two points, the zero vector and one in (½, ¾)ᵐ,
+    /// with one evaluation for 256 variables. A pattern of your own saves these evaluations; one that lacks an entry is refused
+    /// ([`PiecewiseError::StrayEntry`](crate::piecewise::PiecewiseError::StrayEntry)) where the first Jacobian is evaluated. Entries of a
+    /// branch of [`eval`](Self::eval) that none of these points takes are not seen: Jacobians are wrong where it is taken later (d² x₂ for
     /// d = x₀ − 2 > 0 is counted for another column). Functions with such branches need a pattern of their own.
     fn pattern(&self) -> Pattern {
         let (n, m) = (self.num_values(), self.num_vars());

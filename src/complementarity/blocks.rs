@@ -15,7 +15,7 @@ impl Blocks {
         let mut left = n;
         for j in 0..n {
             if left <= 1 {
-                // Large problems are of one block; their memory is wanted for other things. Small ones are solved again and again.
+                // Large problems are usually one block, and need the memory elsewhere; small ones are solved repeatedly and keep it.
                 self.block.clear();
                 self.block.shrink_to(1 << 10);
                 return;

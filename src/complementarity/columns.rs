@@ -46,7 +46,7 @@ impl Columns<'_> {
     }
 }
 
-/// Find l ≤ z ≤ u with the signs of w = M z + q that its bounds ask for; see [`Lcp`].
+/// Find l ≤ z ≤ u with the signs of w = M z + q that belong to its bounds; see [`Lcp`].
 #[derive(Debug, Clone, Copy)]
 pub(super) struct BoxLcp<'a> {
     pub(super) matrix: Columns<'a>,
@@ -74,7 +74,7 @@ impl BoxLcp<'_> {
         }
     }
 
-    /// The largest natural residual for w = M z + q at hand.
+    /// The largest natural residual, given w = M z + q.
     pub(super) fn natural_residual(&self, z: &[f64], w: &[f64]) -> f64 {
         let mut worst = 0.0_f64;
         for i in 0..z.len() {

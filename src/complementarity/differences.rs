@@ -123,8 +123,8 @@ impl<V: Fn(&[f64], &mut [f64])> Differenced<V> {
 
     /// An entry (value, variable) of the function at x that the pattern lacks; `here` is the value there.
     ///
-    /// Columns of one colour share no row of the pattern. Moved by halves, by each binary digit of their number in it, every pair of
-    /// them is told apart, so that no column hides an entry that another one lacks.
+    /// Columns of one colour share no row of the pattern. Perturbing half of them at a time, by each binary digit of their number in the
+    /// colour, separates every pair of them, so that no column hides an entry that another one lacks.
     fn lacking(&self, x: &[f64], work: &mut Work) -> Option<(usize, usize)> {
         let (pattern, coloring) = self.sparse.as_ref().filter(|(pattern, _)| !pattern.is_full())?;
         let Work {
@@ -271,14 +271,14 @@ impl<V: Fn(&[f64], &mut [f64])> McpFunction for Differenced<V> {
     }
 }
 
-/// What [`check_jacobian`] has seen.
+/// Result of [`check_jacobian`].
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct JacobianCheck {
     /// Largest difference between an entry and its difference quotient, relative to 1 + its size.
     pub largest_error: f64,
-    /// Where.
+    /// Its row and column.
     pub entry: (usize, usize),
 }
 

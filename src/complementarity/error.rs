@@ -4,7 +4,7 @@ use crate::linear::LinearError;
 use crate::piecewise::PiecewiseError;
 use crate::sparse::SparseError;
 
-/// What can be wrong with a complementarity problem or its options. How a solve ended stands in its report.
+/// What can be wrong with a complementarity problem or its options. How a solve ended is in its report.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum ComplementarityError {
@@ -16,7 +16,7 @@ pub enum ComplementarityError {
     Length {
         /// Which vector.
         what: &'static str,
-        /// Length asked for.
+        /// Length required.
         expected: usize,
         /// Length given.
         found: usize,
@@ -49,12 +49,12 @@ pub enum ComplementarityError {
         /// The name.
         name: String,
     },
-    /// A block of variables that there is not.
+    /// No block of variables has this name.
     #[error("there are no variables \"{name}\"; the blocks are {known}")]
     NoSuchBlock {
-        /// The name asked for.
+        /// The unknown name.
         name: String,
-        /// The names there are.
+        /// The names that exist.
         known: String,
     },
     /// A number that must be finite is not.
@@ -67,7 +67,7 @@ pub enum ComplementarityError {
         /// Its value.
         value: f64,
     },
-    /// The function does not have as many variables as its use asks for.
+    /// The numbers of variables and values of the function do not fit its use.
     #[error("a function of {vars} variables with {values} values does not fit here; {expected}")]
     Dimensions {
         /// Number of variables.
@@ -101,7 +101,7 @@ pub enum ComplementarityError {
         /// The range.
         range: &'static str,
     },
-    /// A method needs what the problem has not.
+    /// A method does not apply to the problem.
     #[error("{method} cannot solve this problem: {reason}")]
     Unsuitable {
         /// The method.

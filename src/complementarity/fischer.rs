@@ -5,7 +5,7 @@ use crate::piecewise::{Activity, Semismooth, open_cone};
 use crate::sparse::{Matrix, Pattern, norm};
 use crate::spread::Random;
 
-/// Steps after which it is undecided whether sides of kinks meet.
+/// Steps after which it is left undecided whether sides of kinks intersect.
 const STEPS: usize = 20_000;
 
 /// φ(a, b) = a + b − √(a² + b²).
@@ -84,7 +84,7 @@ fn vanishing(v: f64, tolerance: f64) -> f64 {
     if v.abs() <= tolerance { 0.0 } else { v }
 }
 
-/// Φ of one component: φ(a, f), −φ(b, −f), f, or φ(a, −φ(b, −f)), by the bounds there are (Billups 1995).
+/// Φ of one component: φ(a, f), −φ(b, −f), f, or φ(a, −φ(b, −f)), depending on which bounds are finite (Billups 1995).
 pub(super) fn component(gap: Gap, f: f64, lambda: f64) -> f64 {
     let Gap { below, above } = gap;
     let inner = match above < f64::INFINITY {
@@ -105,8 +105,8 @@ pub(super) fn is_kink(gap: Gap, f: f64, lambda: f64) -> bool {
 }
 
 /// The derivatives of Φ of one component with respect to x and to f. Where f = 0 it is their limit along a direction in which f changes at
-/// rate `df` and, where the gap is closed, x at rate 1; where f ≠ 0 the penalty's kinks at closed gaps are left for points beyond the bounds.
-/// With df = 0 f grows where no gap is closed, slower than x where one is.
+/// rate `df` and, at a bound, x at rate 1; where f ≠ 0, kinks of the penalty at a bound are left towards points outside the bounds. df = 0
+/// means that f grows: away from bounds at any rate, at a bound slower than x.
 pub(super) fn component_gradient(gap: Gap, f: f64, lambda: f64, df: f64) -> (f64, f64) {
     let dx = if gap.below == 0.0 && f > 0.0 { -1.0 } else { 1.0 };
     component_limit(gap, f, lambda, (dx, df))
@@ -136,7 +136,7 @@ fn component_limit(gap: Gap, f: f64, lambda: f64, (dx, df): (f64, f64)) -> (f64,
     }
 }
 
-/// Puts diag(a) + diag(b) J in the place of J, from a and b of each row.
+/// Replaces J by diag(a) + diag(b) J, from a and b of each row.
 fn combine(jac: &mut Matrix, factors: &[(f64, f64)]) {
     let pattern = jac.pattern().clone();
     for j in 0..pattern.ncols() {
@@ -151,10 +151,10 @@ fn combine(jac: &mut Matrix, factors: &[(f64, f64)]) {
 
 /// The reformulation Φ(x) = 0 of an MCP by (penalised) Fischer–Burmeister functions; ½‖Φ‖² is continuously differentiable.
 ///
-/// Φᵢ = φ(xᵢ − lᵢ, Fᵢ) with a lower bound only, −φ(uᵢ − xᵢ, −Fᵢ) with an upper one only, φ(xᵢ − lᵢ, −φ(uᵢ − xᵢ, −Fᵢ)) with
-/// both, Fᵢ without (Fischer 1992, Billups 1995). φ is evaluated without cancellation, so that Φ and the natural residual vanish
-/// together also in floating-point numbers, and where Φ is not differentiable the Jacobian is the limit of those along a direction, an element
-/// of the B-subdifferential (De Luca, Facchinei and Kanzow 1996; Chen, Chen and Kanzow 2000; Facchinei and Pang 2003, section 9.1).
+/// Φᵢ = φ(xᵢ − lᵢ, Fᵢ) with a lower bound only, −φ(uᵢ − xᵢ, −Fᵢ) with an upper one only, φ(xᵢ − lᵢ, −φ(uᵢ − xᵢ, −Fᵢ)) with both, Fᵢ without
+/// (Fischer 1992, Billups 1995). φ is evaluated without cancellation, so that Φ and the natural residual vanish together also in
+/// floating-point numbers, and where Φ is not differentiable the Jacobian is the limit of those along a direction, an element of the
+/// B-subdifferential (De Luca, Facchinei and Kanzow 1996; Chen, Chen and Kanzow 2000; Facchinei and Pang 2003, section 9.1).
 ///
 /// ```
 /// use semismooth::complementarity::{FischerBurmeister, Mcp, WithJacobian};
@@ -208,8 +208,9 @@ impl<'a, F: McpFunction> FischerBurmeister<'a, F> {
         Ok(Self { problem, lambda })
     }
 
-    /// Rates of F along the direction along which limits are taken: the indicator of the components that need one. Where it leaves an F alone
-    /// whose sign decides, as much as that is known at a distance of higher order, in a direction without preference.
+    /// Rates of F along the direction along which limits are taken: the indicator of the components at kinks. Where the sign of an F
+    /// decides but its rate is zero along this direction, the rate along a generic second direction replaces it, as after a perturbation of
+    /// higher order.
     fn rates(&self, x: &[f64], f: &[f64], jac: &Matrix) -> Vec<f64> {
         let n = x.len();
         let kink: Vec<bool> = (0..n)
@@ -225,7 +226,7 @@ impl<'a, F: McpFunction> FischerBurmeister<'a, F> {
         if !(0..n).any(|i| kink[i] && open(i) && rate[i] == 0.0) {
             return rate;
         }
-        // At closed gaps of components with F ≠ 0 points beyond the bounds are looked at.
+        // At bounds, components with F ≠ 0 move outside the bounds.
         let mut spread = Random::new(1);
         for (i, z) in z.iter_mut().enumerate() {
             *z = match self.gap(x, i) {
@@ -251,8 +252,8 @@ impl<'a, F: McpFunction> FischerBurmeister<'a, F> {
         f
     }
 
-    /// The components at kinks of the penalty, with the unit gradient of what changes its sign there: xᵢ or Fᵢ. `None` where a gap is closed
-    /// and F = 0, and where both bounds are equal.
+    /// The components at kinks of the penalty, with the unit gradient of what changes its sign there: xᵢ or Fᵢ. `None` where a component
+    /// with F = 0 is at a bound, and where both bounds are equal.
     fn kinks(&self, f: &[f64], gap: &dyn Fn(usize) -> Gap, jac: &Matrix) -> Option<Vec<(usize, Vec<f64>)>> {
         let n = f.len();
         let mut kinks = Vec::new();
@@ -269,7 +270,7 @@ impl<'a, F: McpFunction> FischerBurmeister<'a, F> {
             } else {
                 continue;
             };
-            // Where ∇F vanishes both sides have one limit.
+            // Where ∇F vanishes both sides have the same limit.
             let size = norm(&gradient);
             if size > 0.0 && self.lambda < 1.0 {
                 kinks.push((i, gradient.iter().map(|g| g / size).collect()));
@@ -314,8 +315,8 @@ impl<F: McpFunction> Semismooth for FischerBurmeister<'_, F> {
         self.problem.jacobian_pattern().clone()
     }
 
-    /// `None` where a gap is closed and F = 0, as there are as many elements as directions, and where it is not known which sides of kinks of the
-    /// penalty meet (a curved F with dependent gradients). Gaps and values of F up to `tolerance` count as 0.
+    /// `None` where x is at a bound and F = 0, as the set is infinite there, and where it is not known which sides of kinks of the penalty
+    /// intersect (a curved F with dependent gradients). Distances to bounds and values of F up to `tolerance` count as 0.
     fn b_subdifferential(&self, x: &[f64], tolerance: f64, cap: u64) -> Option<Vec<Matrix>> {
         let f = self.values(x, tolerance);
         let mut jac = Matrix::zeros(self.pattern());

@@ -8,8 +8,8 @@ use crate::sparse::{Matrix, Pattern};
 /// # Contract
 /// * Both methods are pure. `out` arrives with length n and arbitrary content; the Jacobian arrives zeroed, over a pattern that
 ///   holds at least [`pattern`](Self::pattern) and the diagonal.
-/// * Outside its domain F writes NaN or an infinity to the components it cannot evaluate. A solver then shortens its step, and
-///   tells the component if all fails. Solvers evaluate F inside the bounds only, unless asked otherwise.
+/// * Outside its domain F writes NaN or an infinity to the components it cannot evaluate. A solver then shortens its step, and reports the
+///   component if that does not help. Solvers evaluate F inside the bounds only, unless asked otherwise.
 pub trait McpFunction {
     /// Number m of variables.
     fn num_vars(&self) -> usize;
@@ -36,7 +36,7 @@ pub trait McpFunction {
         false
     }
 
-    /// M and q of F(x) = M x + q as stored, with the value of a parameter that is held fixed, the last variable of F. Default: `None`.
+    /// M and q of F(x) = M x + q as stored, with the value of a fixed parameter, the last variable of F. Default: `None`.
     fn coefficients(&self) -> Option<(&AffineFunction, Option<f64>)> {
         None
     }

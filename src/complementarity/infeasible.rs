@@ -1,9 +1,9 @@
-//! Whether an affine problem contradicts itself, in exact arithmetic.
+//! Whether the conditions of an affine problem are contradictory, in exact arithmetic.
 
 use crate::exact::{Exact, contradict};
 use crate::sparse::Matrix;
 
-/// Multiples of this part of the smallest entry of a certificate to which its entries are rounded, before it is tried itself.
+/// Before a certificate is tried itself, its entries are rounded to multiples of this part of the smallest one.
 const GRAIN: f64 = 1.0 / 1024.0;
 
 /// The problem of F = M x + q with its bounds. Every solution has Fᵢ ≥ 0 where xᵢ has a lower bound only, Fᵢ ≤ 0 where it has an upper
@@ -15,7 +15,7 @@ pub(super) struct Conditions<'a> {
     pub(super) upper: &'a [f64],
 }
 
-/// What a solution is asked for: sign · F ≥ 0, or F = 0.
+/// The condition on F at a solution: sign · F ≥ 0, or F = 0.
 #[derive(Clone, Copy, PartialEq)]
 enum Asked {
     Sign(f64),
@@ -24,8 +24,9 @@ enum Asked {
 }
 
 impl Conditions<'_> {
-    /// Whether no point satisfies the conditions as their floating-point numbers state them, where `v` says so but for rounding. With many
-    /// unknowns (more than 5 000 numbers, zeros counted) `v` is believed only if it is right with its entries rounded to simple ratios.
+    /// Whether no point satisfies the conditions, with their floating-point data taken as exact, given a certificate `v` that is right up
+    /// to rounding. With many unknowns (more than 5 000 numbers, zeros counted) `v` is accepted only if it is right with its entries
+    /// rounded to simple ratios.
     pub(super) fn contradict(&self, v: &[f64]) -> bool {
         let asked = |i: &usize| self.asked(*i) != Asked::Nothing;
         let named: Vec<usize> = (0..v.len()).filter(|&i| v[i] != 0.0).filter(asked).collect();
@@ -45,7 +46,8 @@ impl Conditions<'_> {
         }
     }
 
-    /// As [`contradict`](Self::contradict) for the conditions on F of some rows. Unknowns are the distances from a bound where there is one.
+    /// As [`contradict`](Self::contradict) for the conditions on F of some rows. Unknowns are the distances from a bound where there is
+    /// one.
     fn contradict_among(&self, rows: &[usize]) -> Option<bool> {
         let n = self.q.len();
         let (equations, inequalities): (Vec<usize>, Vec<usize>) =
@@ -89,7 +91,7 @@ impl Conditions<'_> {
         }
     }
 
-    /// Whether sup vᵀF over the bounds is negative for v with rounded entries, which point along no finite bound.
+    /// Whether sup vᵀF over the bounds is negative for v, a recession direction of the box, with rounded entries.
     fn refuted_by(&self, v: &[f64]) -> bool {
         let nonzero = v.iter().map(|v| v.abs()).filter(|v| *v > 0.0);
         let grain = GRAIN * nonzero.fold(f64::INFINITY, f64::min);

@@ -72,7 +72,7 @@ impl<P: Program + ?Sized> Program for Box<P> {
     forward!();
 }
 
-/// What a constraint of a [`Program`] says.
+/// Kind of a constraint of a [`Program`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]

@@ -38,7 +38,7 @@ mod file {
 
     use super::{ComplementarityError, Lcp, Matrix};
 
-    /// What files hold of an [`Lcp`].
+    /// Serialised form of an [`Lcp`].
     #[derive(Serialize, Deserialize)]
     #[serde(rename = "Lcp")]
     pub(super) struct Fields<'a> {

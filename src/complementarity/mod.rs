@@ -9,12 +9,12 @@
 //! With l = 0, u = ∞ this is the nonlinear complementarity problem 0 ≤ x ⟂ F(x) ≥ 0 (LCP for affine F), with l = −∞, u = ∞ a
 //! system of equations, with F = ∇f + … the first-order conditions of a program ([`kkt()`]). Bounds may be infinite or equal.
 //!
-//! # Pieces
+//! # Parts
 //! * [`McpFunction`] is F, with its Jacobian: [`WithJacobian`] (two closures), [`Differenced`] (coloured finite differences over a
 //!   sparse pattern), `Autodiff` (dual numbers), [`AffineFunction`] (M x + q).
 //! * [`Mcp`] is the problem: F and its bounds. It is a [`PiecewiseSmooth`](crate::piecewise::PiecewiseSmooth) map, the natural map
-//!   x − mid(l, u, x − F(x)), with one site a component and the pieces lower, interior, upper. So Newton's method, continuation,
-//!   transitions, diagrams and enumeration know it. A function of one variable more than values is a *parametric* MCP, its last
+//!   x − mid(l, u, x − F(x)), with one site a component and the pieces lower, interior, upper. Newton's method, continuation, transitions,
+//!   diagrams and enumeration therefore apply to it. A function with one variable more than values gives a *parametric* MCP, its last
 //!   variable the parameter.
 //! * [`Variables`] are named blocks of variables with their bounds, so that a model is written without arithmetic with indices.
 //! * [`FischerBurmeister`] is the semismooth reformulation with a smooth merit function.
@@ -28,14 +28,14 @@
 //! * xᵢ is at a bound, exactly, and fᵢ has the sign that belongs to it (or both bounds are equal), or
 //! * |fᵢ| ≤ τ Sᵢ.
 //!
-//! The largest error in this sense is [`McpReport::error`]. It does not change with the units of rows and unknowns, and no start enters
-//! it. Three provisos. Where F is curved, terms count only where they stay the same, to a factor of two, on one side of x, its components
-//! changed by twice the error: beside a singularity of F they are large without a solution near. Far out, where the constants of all rows
-//! (their terms without the xⱼ between bounds) of a block, unknowns that entries of J connect, are less than 1e-6 of their terms, errors are
-//! compared with the constants instead, as along a direction that rows hardly see every residual is small relative to
-//! its terms. And beyond |xⱼ| = 2⁴⁸ nothing is solved. What is only the rounding of huge terms is [`McpStatus::AtRounding`]. All solvers
-//! of this module go by the rule: McpSolver, [`ActiveSetSolver`](active_set::ActiveSetSolver), [`Nested`](active_set::Nested) and
-//! [`Lemke`](pivoting::Lemke).
+//! The largest error in this sense is [`McpReport::error`]. It does not change with the units of rows and unknowns, and it does not depend
+//! on the start. There are three exceptions. Where F is curved, terms count only if they stay the same, up to a factor of two, when the
+//! components of x change to one side by twice the error: near a singularity of F terms are large without a solution nearby. Far out, where
+//! the constants (terms without the xⱼ between bounds) of all rows of a block (unknowns connected by entries of J) are less than 1e-6 of
+//! the terms, errors are relative to the constants instead, as along a direction near the kernel of J every residual is small relative to
+//! its terms. And beyond |xⱼ| = 2⁴⁸ no point counts as solved. A residual that is only the rounding error of huge terms gives
+//! [`McpStatus::AtRounding`]. All solvers of this module use this rule: McpSolver, [`ActiveSetSolver`](active_set::ActiveSetSolver),
+//! [`Nested`](active_set::Nested) and [`Lemke`](pivoting::Lemke).
 //!
 //! ```
 //! use semismooth::complementarity::{Mcp, McpSolver, WithJacobian};

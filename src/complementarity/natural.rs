@@ -9,7 +9,7 @@ use crate::piecewise::{
 };
 use crate::sparse::{Matrix, Pattern};
 
-/// What holds at a component.
+/// The pieces of a component.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Piece {
     Lower,
@@ -104,7 +104,7 @@ impl<F: McpFunction> PiecewiseSmooth for Mcp<F> {
         self.function().coefficients().is_some().then_some(self)
     }
 
-    /// One size for all unknowns of an affine problem; others do not tell.
+    /// One size for all unknowns of an affine problem; 1 for others, whose size is unknown.
     fn typical_sizes(&self, sizes: &mut [f64]) {
         let n = self.len();
         sizes[..n].fill(self.size());
@@ -185,7 +185,7 @@ impl<F: McpFunction> PiecewiseSmooth for Mcp<F> {
     }
 }
 
-/// An affine problem with its data exactly.
+/// An affine problem with exact data.
 struct Stated<'a> {
     function: &'a AffineFunction,
     /// The value of the parameter, where it is fixed.
@@ -311,7 +311,7 @@ mod tests {
     use crate::piecewise::check::{CheckOptions, check};
     use crate::piecewise::value;
 
-    /// Constants and bounds that are c times as large make unknowns that are: the bounds alone tell where there are no constants.
+    /// Unknowns scale with constants and bounds; without constants the bounds alone give their size.
     #[test]
     fn typical_sizes_grow_with_constants_and_bounds() {
         for (constant, bound) in [(0.0, 7.0), (1.0, 7.0), (30.0, 0.5)] {

@@ -34,8 +34,8 @@ use crate::sparse::{Matrix, Pattern, max_abs};
 /// * interior: Fᵢ, where lᵢ < xᵢ − Fᵢ < uᵢ,
 /// * upper: xᵢ − uᵢ, where xᵢ − Fᵢ > uᵢ,
 ///
-/// without those that infinite bounds rule out; a component with equal bounds has the only piece "fixed". Where F is affine and
-/// measured in units far from those of x, sᵢ Fᵢ stands for Fᵢ, with powers of two sᵢ that bring both to the same size.
+/// without those that infinite bounds rule out; a component with equal bounds has the single piece "fixed". Where the units of
+/// F are far from those of x, sᵢ Fᵢ stands for Fᵢ, with powers of two sᵢ that bring both to the same size.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mcp<F> {
     function: F,
@@ -83,7 +83,7 @@ impl<F: McpFunction> Mcp<F> {
         })
     }
 
-    /// The problem of F with the bounds and names of [`Variables`]: sites of transitions and reports go by the names.
+    /// The problem of F with the bounds and names of [`Variables`]: transitions and reports name sites accordingly.
     ///
     /// # Errors
     /// As [`new`](Self::new).

@@ -20,22 +20,23 @@ const DENSE: usize = 500;
 /// Whether a solution of an MCP is strongly regular: the linearised problem has a unique solution near x, a Lipschitz function of all
 /// small perturbations, and so has the problem itself (S. M. Robinson, Strongly regular generalized equations, Math. Oper. Res. 5 (1980)).
 ///
-/// With α the components between their bounds, β the degenerate ones (at a bound, Fᵢ = 0), this is so exactly if ∇F_αα is regular and its
-/// Schur complement in ∇F_(α∪β) is a P-matrix (all principal minors positive; Facchinei, Pang (2003), section 5.3). Equivalently all matrices
-/// I − D + D ∇F, D diagonal, dᵢ = 1 on α, 0 ≤ dᵢ ≤ 1 on β, 0 elsewhere, are regular. [`Regularity::Fails`] names a singular one, mixed from
-/// selections of the natural map; where the gradients of xᵢ − Fᵢ on β are linearly independent it is an element of Clarke's generalised
-/// Jacobian of that map, else strong regularity asks for more than [`cd_regularity`](crate::piecewise::cd_regularity).
+/// With α the components between their bounds, β the degenerate ones (at a bound, Fᵢ = 0), this holds exactly if ∇F_αα is regular and its
+/// Schur complement in ∇F_(α∪β) is a P-matrix (all principal minors positive; Facchinei, Pang (2003), section 5.3). Equivalently all
+/// matrices I − D + D ∇F, D diagonal, dᵢ = 1 on α, 0 ≤ dᵢ ≤ 1 on β, 0 elsewhere, are regular. [`Regularity::Fails`] gives a singular one, a
+/// mixture of selections of the natural map; where the gradients of xᵢ − Fᵢ on β are linearly independent it is an element of Clarke's
+/// generalised Jacobian of that map, else strong regularity requires more than [`cd_regularity`](crate::piecewise::cd_regularity).
 ///
-/// Where F is affine and rounding may decide about a minor, exact arithmetic does, up to 200 components and some tenths of a second; beyond it
-/// is undecided ([`CertificateDoubt::Rounding`]). Else it goes by floating-point numbers: ∇F_αα with a reciprocal condition below 1e-11 counts as singular,
-/// and quotients of minors below 1e-11 of the terms that cancel in them count as 0, whatever the units of F and x.
+/// Where F is affine and rounding may decide the sign of a minor, exact arithmetic is used, for up to 200 components and some tenths of a
+/// second; beyond that the sign is undecided ([`CertificateDoubt::Rounding`]). Otherwise floating-point numbers decide: ∇F_αα with a reciprocal
+/// condition below 1e-11 counts as singular, and quotients of minors below 1e-11 of the terms that cancel in them count as 0, whatever the
+/// units of F and x.
 ///
 /// Test functions of the natural map with |θ(x)| ≤ `tolerance` count as vanishing. A parameter keeps its value. That x is a solution is not
 /// checked.
 ///
 /// # Complexity
-/// A factorisation of order n, |β| solves, and, unless the symmetric part of the Schur complement is definite, at most `cap` principal minors
-/// of up to 2^|β| (M. J. Tsatsomeros, L. Li, A recursive test for P-matrices, BIT 40 (2000)).
+/// A factorisation of order n, |β| solves, and, unless the symmetric part of the Schur complement is definite, at most `cap` principal
+/// minors of up to 2^|β| (M. J. Tsatsomeros, L. Li, A recursive test for P-matrices, BIT 40 (2000)).
 ///
 /// # Errors
 /// Wrong lengths, values that are not finite, failures of the linear solver other than singularity.
@@ -61,7 +62,7 @@ pub fn strong_regularity<F: McpFunction>(
     strong((problem.lower(), problem.upper()), problem, x, tolerance, cap)
 }
 
-/// The same of the natural map of a problem with these bounds.
+/// As [`strong_regularity`], for the natural map of a problem with these bounds.
 pub(super) fn strong(
     (lower, upper): (&[f64], &[f64]),
     map: &dyn PiecewiseSmooth,
@@ -132,7 +133,7 @@ impl Ends<'_> {
                         doubt: CertificateDoubt::Rounding,
                     });
                 }
-                // Regular, but nothing is known of its inverse.
+                // Regular, but its inverse is too inaccurate.
                 Some(Some(_)) => Schur::unknown(beta.len()),
             },
         };
@@ -174,8 +175,8 @@ impl Ends<'_> {
         other
     }
 
-    /// The singular matrix between that with β at its bounds and that with some of it between them, whose determinants are as 1 to a
-    /// principal minor that is not positive.
+    /// The singular matrix on the segment from that with β at its bounds to that with some of β between them; the quotient of their
+    /// determinants is a principal minor that is not positive.
     fn singular_one(
         &self,
         base: &Matrix,
@@ -206,12 +207,12 @@ struct Schur {
     rows: Rows,
     /// The sizes of the terms of its entries.
     terms: Rows,
-    /// Part of its terms below which an entry may be rounding.
+    /// An entry below this part of its terms may be rounding error.
     rounding: f64,
 }
 
 impl Schur {
-    /// Of so many rows, of which rounding leaves nothing.
+    /// A complement of `size` rows whose entries are not known, as rounding dominates.
     fn unknown(size: usize) -> Self {
         Self {
             rows: vec![vec![0.0; size]; size],
@@ -265,7 +266,7 @@ fn schur_complement(
 #[derive(Debug, PartialEq)]
 enum Minors {
     Positive,
-    /// That of these rows and columns is not, within rounding where there is no exact arithmetic.
+    /// The minor of these rows and columns is not positive, up to rounding where there is no exact arithmetic.
     NotPositive(Vec<usize>),
     /// Exact arithmetic takes too long.
     Unknown {
@@ -276,7 +277,8 @@ enum Minors {
     },
 }
 
-/// What is left to choose from, the Schur complement on it with the errors of its entries in units of rounding, and what has been chosen.
+/// The indices left to choose from, the Schur complement on them with the errors of its entries in units of rounding, and the indices
+/// chosen.
 struct Node {
     left: Vec<usize>,
     a: Vec<f64>,
@@ -288,13 +290,13 @@ struct Node {
 #[derive(PartialEq)]
 enum Judged {
     Positive,
-    /// By exact arithmetic: rounding leaves nothing of its floating-point value.
+    /// Positive by exact arithmetic: its floating-point value is dominated by rounding.
     ExactlyPositive,
     NotPositive,
     Unknown,
 }
 
-/// Judges a minor by its quotient with one that is positive, in the terms of which it is given.
+/// Judges a minor by `pivot`, its quotient with a positive minor, whose rounding error is relative to `terms`.
 fn judge(
     pivot: f64,
     terms: f64,
@@ -325,7 +327,7 @@ fn is_p_matrix(
     mut exact: Option<&mut ExactMinor<'_>>,
 ) -> Result<Minors, PiecewiseError> {
     let p = rows.len();
-    // Without exact arithmetic what may be rounding is.
+    // Without exact arithmetic, values that may be rounding errors count as 0.
     let rounding = match exact {
         Some(_) => *rounding,
         None => SINGULAR,
@@ -412,12 +414,13 @@ fn eliminated(a: &[f64], e: &[f64], k: usize) -> (Vec<f64>, Vec<f64>) {
     (left.clone().map(reduced).collect(), left.map(error).collect())
 }
 
-/// Whether the symmetric part is definite, the diagonal scaled to 1: positive factors of rows and columns leave signs of minors as they are.
+/// Whether the symmetric part is definite, the diagonal scaled to 1: positive factors of rows and columns leave signs of minors as they
+/// are.
 fn has_definite_part(rows: &Rows, terms: &Rows, rounding: f64) -> Result<bool, PiecewiseError> {
     let p = rows.len();
     let scaled = |m: &Rows, i: usize, j: usize| m[i][j] / rows[i][i].sqrt() / rows[j][j].sqrt();
     let entry = |i: usize, j: usize| scaled(rows, i, j);
-    // Row and column together bound what rounding does to the symmetric part.
+    // Row and column together bound the rounding error of the symmetric part.
     let error = |i: usize| {
         let pair = |j: usize| 0.5 * (scaled(terms, i, j) + scaled(terms, j, i));
         rounding * (0..p).map(pair).sum::<f64>()
@@ -445,8 +448,8 @@ mod tests {
         }
     }
 
-    /// Entries that are off by no more than their errors, in units of rounding, move those of the eliminated matrix by no more than theirs, and
-    /// in some case by nearly as much.
+    /// Entries that are off by no more than their errors, in units of rounding, move those of the eliminated matrix by no more than theirs,
+    /// and in some case by nearly as much.
     #[test]
     fn errors_of_eliminated_entries_are_bounds() {
         const UNIT: f64 = 1e-9;
@@ -527,7 +530,7 @@ mod tests {
         );
     }
 
-    /// Rounding leaves nothing of a diagonal entry, and exact arithmetic takes too long: the sign is not asked for again, and nothing is claimed.
+    /// A diagonal entry is dominated by rounding, and exact arithmetic takes too long: the sign is not computed again and left unknown.
     #[test]
     fn what_exact_arithmetic_leaves_open_is_unknown() {
         for m in [[[0.0, 0.5], [0.5, 1.0]], [[1.0, 0.5], [0.5, 0.0]]] {

@@ -4,7 +4,7 @@ use super::{Mcp, McpFunction};
 use crate::piecewise::is_ordinary;
 use crate::sparse::{Matrix, Pattern};
 
-/// Units of x and F(x), found when first asked for.
+/// Units of x and F(x), determined on first use.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Units(OnceLock<Found>);
 
@@ -12,12 +12,12 @@ pub(super) struct Units(OnceLock<Found>);
 struct Found {
     /// Factors by which values of F are brought to the size of x; empty for 1.
     factors: Vec<f64>,
-    /// Typical size of x; 1 where nothing tells, as in problems that are not affine.
+    /// Typical size of x; 1 where it is not known, as in problems that are not affine.
     size: f64,
 }
 
 impl PartialEq for Units {
-    /// What follows from the problem does not tell two problems apart.
+    /// Derived from the problem, so that it does not count in comparisons.
     fn eq(&self, _other: &Self) -> bool {
         true
     }
@@ -35,7 +35,7 @@ impl<F: McpFunction> Mcp<F> {
         })
     }
 
-    /// The factor of component i: minima of x and F mean the same in all units when both are measured alike.
+    /// The factor of component i, which makes min(x, F) independent of the units of the two.
     pub(super) fn factor(&self, i: usize) -> f64 {
         self.units().factors.get(i).copied().unwrap_or(1.0)
     }
@@ -88,8 +88,8 @@ fn find_units(function: &dyn McpFunction, pattern: &Pattern, lower: &[f64], uppe
     found
 }
 
-/// For each component of a nonlinear F, the reciprocal of its largest slope in the points of the bounds next to 0 and 1; 1 where F has
-/// no finite derivatives there.
+/// For each component of a nonlinear F, the reciprocal of its largest slope at the points within the bounds nearest to 0 and 1; 1 where F
+/// has no finite derivatives there.
 fn slopes(function: &dyn McpFunction, pattern: &Pattern, lower: &[f64], upper: &[f64]) -> Vec<f64> {
     let (n, m) = (lower.len(), function.num_vars());
     let mut rows = vec![0.0_f64; n];

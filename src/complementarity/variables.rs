@@ -9,9 +9,9 @@ const LISTED: usize = 20;
 
 /// The variables of a problem in named blocks, each with its bounds, so that models need no arithmetic with indices.
 ///
-/// The order is that in which blocks are added. Functions read and write their blocks by the [`Block`]s that [`add`](Self::add) hands out;
-/// results are read by name. Where F has as many values as variables, the values go by the same blocks. A parameter stands behind all
-/// blocks and belongs to none.
+/// The order is that in which blocks are added. Functions read and write their blocks by the [`Block`]s that [`add`](Self::add) returns;
+/// results are read by name. Where F has as many values as variables, the values have the same blocks. A parameter comes after all blocks
+/// and belongs to none.
 ///
 /// ```
 /// use semismooth::complementarity::{Mcp, McpSolver, Variables, WithJacobian};
@@ -53,7 +53,7 @@ pub struct Variables {
     upper: Vec<f64>,
 }
 
-/// A block of [`Variables`]: some components that follow one another. It is a number and a length, and copied as such.
+/// A block of [`Variables`]: consecutive components, stored as a position and a length and therefore `Copy`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Block {
     first: usize,
@@ -94,7 +94,7 @@ impl Block {
         &x[self.range()]
     }
 
-    /// The same, to be written.
+    /// The same, mutably.
     ///
     /// # Panics
     /// Where the vector ends before the block does.
@@ -110,10 +110,11 @@ impl Variables {
         Self::default()
     }
 
-    /// Adds a block of `len` variables with the same bounds, −∞ and +∞ where there is none. [`set_bounds`](Self::set_bounds) gives each its own.
+    /// Adds a block of `len` variables with the same bounds, −∞ and +∞ where there is none. [`set_bounds`](Self::set_bounds) gives each its
+    /// own.
     ///
     /// # Errors
-    /// A name that is there already, no variables, bounds that are NaN or leave no value.
+    /// A name that exists already, no variables, bounds that are NaN or leave no value.
     pub fn add(
         &mut self,
         name: impl Into<String>,
@@ -140,7 +141,7 @@ impl Variables {
     /// Replaces the bounds of a block, one a variable.
     ///
     /// # Errors
-    /// A name that there is not, wrong lengths, bounds that are NaN or leave no value; the bounds are then unchanged.
+    /// A name that does not exist, wrong lengths, bounds that are NaN or leave no value; the bounds are then unchanged.
     pub fn set_bounds(
         &mut self,
         name: &str,
@@ -186,7 +187,7 @@ impl Variables {
     /// The block of a name.
     ///
     /// # Errors
-    /// A name that there is not.
+    /// A name that does not exist.
     pub fn block(&self, name: &str) -> Result<Block, ComplementarityError> {
         self.find(name).ok_or_else(|| {
             let names = self.blocks().take(LISTED).map(|(name, _)| format!("\"{name}\""));
@@ -209,8 +210,8 @@ impl Variables {
             .map(|(_, block)| block)
     }
 
-    /// The name of a variable by its position: that of its block, with its number in it, from 0, where it is not the only one; `None`
-    /// beyond the last.
+    /// The name of the variable at a position: that of its block, followed by its number in the block, from 0, unless it is the only one;
+    /// `None` beyond the last.
     #[must_use]
     pub fn name(&self, index: usize) -> Option<String> {
         let behind = self.blocks.partition_point(|(_, b)| b.range().end <= index);
@@ -221,7 +222,7 @@ impl Variables {
         })
     }
 
-    /// A vector of all variables, a parameter behind them or not, to be read by the names of blocks.
+    /// A view of a vector of all variables, with or without a parameter after them, by the names of blocks.
     ///
     /// # Errors
     /// Another length.
@@ -249,7 +250,7 @@ impl<'a, T> VariablesView<'a, T> {
     /// The components of a block.
     ///
     /// # Errors
-    /// A name that there is not.
+    /// A name that does not exist.
     pub fn block(&self, name: &str) -> Result<&'a [T], ComplementarityError> {
         Ok(self.variables.block(name)?.of(self.x))
     }

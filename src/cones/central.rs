@@ -1,4 +1,4 @@
-//! Interior points for a cone problem.
+//! An interior-point method for cone problems.
 
 use std::ops::ControlFlow;
 
@@ -9,12 +9,12 @@ use super::{ConeError, ConeStatus};
 use crate::linear::{Cholesky, LinearSolver};
 use crate::sparse::{Matrix, Pattern, max_abs};
 
-/// Most steps; a step is short below SHORT, and after so many short ones in a row there will be no other.
+/// Most steps; a step is short below SHORT, and the iteration ends after so many short ones in a row.
 const STEPS: usize = 100;
 const SHORT: f64 = 0.02;
 const STUCK: usize = 5;
 
-/// F in units of each cone, and its derivative, as evaluated at the point asked for.
+/// F in units of each cone, and its derivative, at the point of the last evaluation.
 struct Evaluated<'a> {
     f: &'a [f64],
     jac: &'a Matrix,
@@ -42,11 +42,11 @@ impl Image for Evaluated<'_> {
     }
 }
 
-/// Indefiniteness that counts as rounding, of the largest entry.
+/// Indefiniteness that counts as rounding, relative to the largest entry.
 const ROUNDING: f64 = 1e-12;
 
 impl Run<'_> {
-    /// Whether F is affine and monotone up to rounding; ∇F is at hand.
+    /// Whether F is affine and monotone up to rounding; ∇F must have been evaluated.
     pub(super) fn is_monotone(&self) -> Result<bool, ConeError> {
         if self.constant.is_none() {
             return Ok(false);
@@ -65,8 +65,8 @@ impl Run<'_> {
         Ok(factored.is_ok())
     }
 
-    /// From `start` along the central path until steps of the natural map end at a solution; `None` where they do not. The path leads
-    /// there where F is monotone and x and F(x) can be inside of their cones at once; solutions need not be unique.
+    /// Follows the central path from `start` until steps of the natural map end at a solution; `None` where they do not. The path leads
+    /// there where F is monotone and some x has both x and F(x) in the interiors of their cones; solutions need not be unique.
     pub(super) fn interior_points(&mut self, start: &[f64]) -> Result<Option<ConeStatus>, ConeError> {
         self.x.copy_from_slice(start);
         if !self.evaluate()? {
@@ -89,7 +89,7 @@ impl Run<'_> {
         let (col_ptr, row_idx) = (pattern.col_ptr().to_vec(), pattern.row_idx().to_vec());
         let cones = self.parts.iter().map(|part| part.cone);
         let mut engine = Interior::new(cones, col_ptr, row_idx, false);
-        // x and F in their units are alike; where both vanish nothing tells their size.
+        // In their units x and F are of similar size; where both vanish their size is not known.
         let size = max_abs(&self.x).max(max_abs(&self.y));
         let least = if size > 0.0 { size } else { 1.0 };
         let begin = self.x.clone();
@@ -162,7 +162,8 @@ mod tests {
         (run.interior_points(&start).unwrap(), monotone, run.best)
     }
 
-    /// min cᵀx + ½ x₀² over h − G x in two cones, a half-line and an equality, with points inside of both sides: value and dual value agree.
+    /// min cᵀx + ½ x₀² over h − G x in two cones, a half-line and an equality, with points inside of both sides: value and dual value
+    /// agree.
     #[test]
     fn cone_programs_have_no_duality_gap() {
         let mut random = Random::new(5);

@@ -35,7 +35,7 @@ impl Cone {
         self.len() == 0
     }
 
-    /// Moves x to the nearest point of the cone, to rounding; a matrix that is not finite becomes NaN.
+    /// Projects x on the cone, up to rounding; a matrix that is not finite becomes NaN.
     ///
     /// ```
     /// use semismooth::cones::Cone;
@@ -63,7 +63,7 @@ impl Cone {
         }
     }
 
-    /// The dual cone's nearest point: the cone itself, or {0} for free variables.
+    /// Projects y on the dual cone: the cone itself, or {0} for free variables.
     pub(super) fn project_dual(self, y: &mut [f64]) {
         match self {
             Self::Free(_) => y.fill(0.0),
@@ -103,7 +103,7 @@ impl Cone {
     }
 
     /// The smoothed Fischer–Burmeister function x + y − (x² + y² + 2 μ² e)^½ in the Jordan algebra of the cone (M. Fukushima, Z.-Q. Luo,
-    /// P. Tseng, 2002); for free variables y.
+    /// P. Tseng, 2002); y for free variables.
     pub(super) fn smoothed(self, mu: f64, x: &[f64], y: &[f64], out: &mut [f64]) {
         match self {
             Self::Free(_) => out.copy_from_slice(y),

@@ -19,7 +19,7 @@ pub(super) struct Part {
     pub(super) at: usize,
 }
 
-/// What the equations are: smoothed Fischer–Burmeister functions, or the natural map.
+/// The equations: smoothed Fischer–Burmeister functions, or the natural map.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Map {
     Smoothed(f64),
@@ -32,7 +32,7 @@ pub(super) fn owners(parts: &[Part]) -> Vec<usize> {
     parts.iter().enumerate().flat_map(of).collect()
 }
 
-/// Entries (row, column) of the product of a matrix with a block for each part with ∇F, and of the blocks; `rows` is the pattern of ∇Fᵀ.
+/// Entries (row, column) of D ∇F and of D, where D has a diagonal block for each part; `rows` is the pattern of ∇Fᵀ.
 pub(super) fn mixed(parts: &[Part], rows: &Pattern) -> Vec<(usize, usize)> {
     let (mut entries, mut columns) = (Vec::new(), Vec::new());
     for part in parts {
@@ -94,7 +94,7 @@ impl Run<'_> {
         }
     }
 
-    /// The equations at x or at the trial point, with its F, in `phi`; their norm.
+    /// Evaluates the equations at x or at the trial point, with F there, into `phi`; returns their norm.
     pub(super) fn map(&mut self, map: Map, at_trial: bool) -> f64 {
         let x = if at_trial { &self.trial } else { &self.x };
         for part in &self.parts {
@@ -161,7 +161,7 @@ impl Run<'_> {
                 let (r, v) = (pattern.row_idx()[k], self.jac.values()[k]);
                 let part = &self.parts[self.owner[r]];
                 let (n, first) = (part.range.len(), part.range.start);
-                // All rows of a cone stand in a column that has one of them.
+                // A column that has one row of a cone has all of its rows.
                 let Some(at) = self.system.pattern().slot(first, j) else {
                     continue;
                 };

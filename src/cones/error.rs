@@ -3,7 +3,7 @@ use thiserror::Error;
 use crate::linear::LinearError;
 use crate::sparse::SparseError;
 
-/// What can be wrong with a cone problem or its options. How a solve ended stands in its report.
+/// What can be wrong with a cone problem or its options. How a solve ended is in its report.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum ConeError {
@@ -29,7 +29,7 @@ pub enum ConeError {
     Length {
         /// Which one.
         what: &'static str,
-        /// Length asked for.
+        /// Length required.
         expected: usize,
         /// Length given.
         found: usize,

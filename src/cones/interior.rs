@@ -1,4 +1,4 @@
-//! Interior points for complementarity on products of symmetric cones: from anywhere into the neighbourhood of a solution.
+//! An interior-point method for complementarity on products of symmetric cones: from any start into the neighbourhood of a solution.
 
 use std::ops::Range;
 
@@ -8,20 +8,20 @@ use super::semidefinite::MatrixScaling;
 use crate::linear::{AutoSolver, Cholesky, Gmres, LinearSolver};
 use crate::sparse::{MatrixRef, PatternRef, dot, norm};
 
-/// Directions of GMRES, which is not restarted; the relative residual aimed at, and the worst that is handed out. Matrices are symmetric
-/// but for a few rows, and a Cholesky factorisation of the rest is in front.
+/// Directions of GMRES, which is not restarted; the relative residual aimed at, and the largest that is accepted. Matrices are symmetric
+/// but for a few rows, and a Cholesky factorisation of a symmetric matrix near them is the preconditioner.
 const DIRECTIONS: usize = 80;
 const AIM: f64 = 1e-12;
 const ACCEPT: f64 = 1e-4;
 
-/// How far towards the boundary of the cones a step may go.
+/// Largest part of the step to the boundary of the cones that is taken.
 const FRACTION: f64 = 0.995;
 
 /// Added to the diagonal, whose typical size is 1: near the boundary W² vanishes on the kernel of the derivative.
 const SHIFT: f64 = 1e-12;
 const LARGEST_SHIFT: f64 = 1e-5;
 
-/// What y is of x, with derivatives whose typical size is 1.
+/// The map x ↦ y, with derivatives whose typical size is 1.
 pub(crate) trait Image {
     /// Writes y(x).
     fn image(&mut self, x: &[f64], y: &mut [f64]);
@@ -29,12 +29,12 @@ pub(crate) trait Image {
     /// Writes the derivative at the x of the last [`image`](Self::image) over the pattern.
     fn derivative(&self, values: &mut [f64]);
 
-    /// Writes a symmetric matrix near it. Called where the iteration was made for one.
+    /// Writes a symmetric matrix near the derivative. Called where the iteration was made with `symmetric`.
     fn near(&self, values: &mut [f64]) {
         self.derivative(values);
     }
 
-    /// Unit of the diagonal entry of a variable, above that of the others.
+    /// Size of the diagonal entry of a variable, relative to that of the others.
     fn unit(&self, _variable: usize) -> f64 {
         1.0
     }
@@ -42,12 +42,12 @@ pub(crate) trait Image {
 
 /// A primal–dual interior-point iteration with Nesterov–Todd scaling and Mehrotra's corrector for x ∈ K, y(x) ∈ K*, x ∘ y = 0.
 ///
-/// With W² x = y the Newton matrix is y′ + W², regular for monotone y however deficient the rank of y′, but for free variables.
-/// Compare L. Vandenberghe, *The CVXOPT linear and quadratic cone program solvers* (2010).
+/// With W² x = y the Newton matrix is y′ + W², regular for monotone y however deficient the rank of y′, except for free variables. Compare
+/// L. Vandenberghe, *The CVXOPT linear and quadratic cone program solvers* (2010).
 #[derive(Debug)]
 pub(crate) struct Interior {
     solver: AutoSolver,
-    /// Whether a symmetric matrix is factored, and GMRES does the rest.
+    /// Whether a symmetric matrix is factored and preconditions GMRES.
     symmetric: bool,
     cholesky: Cholesky,
     gmres: Gmres,
@@ -69,7 +69,7 @@ pub(crate) struct Interior {
     dx: Vec<f64>,
     dy: Vec<f64>,
     target: Vec<f64>,
-    /// Room for W x and the products of one cone.
+    /// Buffers for W x and the products of one cone.
     room: [Vec<f64>; 3],
     col_ptr: Vec<usize>,
     row_idx: Vec<usize>,

@@ -5,11 +5,12 @@ use super::equations::Part;
 use super::run::Run;
 use crate::sparse::{max_abs, norm};
 
-/// Where the constants of all rows of a block are a smaller part of their terms, errors are compared with the constants: far out everything is small
-/// relative to its terms. Smaller ones may be rounding where F is curved.
+/// Where the constants of all rows of a block are a smaller part of their terms, errors are compared with the constants: far out every
+/// error is small relative to its terms. Parts below `NO_CONSTANT` may be rounding errors where F is curved.
 const FAR: f64 = 1e-6;
 const NO_CONSTANT: f64 = 8.0 * f64::EPSILON;
-/// Part of the norm of a cone's entries that one entry counts at least: some rounding errors of the norm are then within the tolerance.
+/// An entry of a cone counts with at least this part of the norm of all its entries: some rounding errors of the norm are then within the
+/// tolerance.
 const FLOOR: f64 = 1e-4;
 
 /// How far out the parts of a block are: the largest |xᵢ|, and the largest part that constants have of the terms of a cone.
@@ -20,7 +21,7 @@ pub(super) struct Size {
 }
 
 impl Run<'_> {
-    /// Keeps the projection of x on K if it is the best point so far; tells whether it is a solution.
+    /// Keeps the projection of x on K if it is the best point so far; returns whether it is a solution.
     pub(super) fn judge(&mut self) -> Result<bool, ConeError> {
         // `trial` is free between steps.
         self.trial.copy_from_slice(&self.x);
@@ -39,7 +40,7 @@ impl Run<'_> {
         Ok(error <= self.options.tolerance)
     }
 
-    /// [`ConeReport::error`](super::ConeReport::error) at x, F and ∇F at hand.
+    /// [`ConeReport::error`](super::ConeReport::error) at x, where F and ∇F have been evaluated.
     fn error(&mut self) -> f64 {
         self.rest.copy_from_slice(&self.f);
         for (i, j, v) in self.jac.triplets() {
@@ -102,8 +103,9 @@ impl Run<'_> {
         worst
     }
 
-    /// Sizes below which entries of each cone are told from zero no more, in `room`: projections round by the norm of all entries. Where
-    /// this norm is larger than the size at which the constants are terms like others, that one counts: far out everything is small.
+    /// Sizes below which entries of each cone are not distinguished from zero, in `room`: rounding errors of projections are relative to
+    /// the norm of all entries. Where this norm is larger than the size at which constants and other terms are alike, that size is used:
+    /// far out every error is relatively small.
     fn choose_floors(&mut self) {
         let constants = self.constant.as_ref().unwrap_or(&self.rest);
         let largest = &mut self.terms;

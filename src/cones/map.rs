@@ -7,31 +7,33 @@ use crate::sparse::{Matrix, Pattern};
 /// A cone problem as semismooth equations of n unknowns, P the projection on K:
 ///
 /// * [`natural`](Self::natural): x − P(x − F(x)) = 0,
-/// * [`normal`](Self::normal): F(P(z)) + z − P(z) = 0, with the solution x = P(z) ([`ConeProblem::project`]) and z = x − F(x) (S. M. Robinson,
-///   1992),
-/// * [`fischer_burmeister`](Self::fischer_burmeister): x + F(x) − (x² + F(x)²)^½ = 0 in the Jordan algebra of the cones (M. Fukushima, Z.-Q. Luo,
-///   P. Tseng, SIAM J. Optim. 12 (2002)); ½‖Φ‖² is continuously differentiable (J.-S. Chen, P. Tseng, Math. Program. 104 (2005)),
-/// * [`penalised`](Self::penalised): λ times the latter and (1 − λ) x₊ ∘ F(x)₊, with the projections on K: its norm has bounded level sets on
-///   more problems, but its square kinks (S. Pan, J.-S. Chen, S. Kum, Y. Lim, Comput. Optim. Appl. 49 (2011), for second-order cones; S. Kum,
-///   Y. Lim, J. Global Optim. 46 (2010), for all symmetric ones; B. Chen, X. Chen, C. Kanzow, Math. Program. 88 (2000), for half-lines),
+/// * [`normal`](Self::normal): F(P(z)) + z − P(z) = 0, with the solution x = P(z) ([`ConeProblem::project`]) and z = x − F(x)
+///   (S. M. Robinson, 1992),
+/// * [`fischer_burmeister`](Self::fischer_burmeister): x + F(x) − (x² + F(x)²)^½ = 0 in the Jordan algebra of the cones (M. Fukushima,
+///   Z.-Q. Luo, P. Tseng, SIAM J. Optim. 12 (2002)); ½‖Φ‖² is continuously differentiable (J.-S. Chen, P. Tseng, Math. Program. 104
+///   (2005)),
+/// * [`penalised`](Self::penalised): λ times that map and (1 − λ) x₊ ∘ F(x)₊, with the projections on K: its norm has bounded level sets
+///   on more problems, but its square is not differentiable everywhere (S. Pan, J.-S. Chen, S. Kum, Y. Lim, Comput. Optim. Appl. 49 (2011),
+///   for second-order cones; S. Kum, Y. Lim, J. Global Optim. 46 (2010), for all symmetric ones; B. Chen, X. Chen, C. Kanzow, Math.
+///   Program. 88 (2000), for half-lines),
 /// * [`smoothed`](Self::smoothed): x + F(x) − (x² + F(x)² + 2 μ² e)^½ = 0, which is smooth where F is; its zeros lie inside of K with
 ///   x ∘ F(x) = μ² e, the central path.
 ///
-/// Zeros of the first four are the solutions of the problem, without tolerance in their place. Free variables have the equation F = 0.
+/// Zeros of the first four give exactly the solutions of the problem. Free variables have the equation F = 0.
 ///
-/// With ∇F Lipschitz continuous all are strongly semismooth, so that Newton's method converges quadratically at solutions with regular elements
-/// (X. Chen, D. Sun, J. Sun, Comput. Optim. Appl. 25 (2003), for second-order cones; D. Sun, J. Sun, Math. Oper. Res. 27 (2002) and Math. Program. 103
-/// (2005), for semidefinite ones and the Fischer–Burmeister function).
+/// With ∇F Lipschitz continuous all are strongly semismooth, so that Newton's method converges quadratically at solutions with regular
+/// elements (X. Chen, D. Sun, J. Sun, Comput. Optim. Appl. 25 (2003), for second-order cones; D. Sun, J. Sun, Math. Oper. Res. 27 (2002)
+/// and Math. Program. 103 (2005), for semidefinite ones and the Fischer–Burmeister function).
 ///
 /// [`Semismooth::jacobian`] is an element of the B-subdifferential at every point:
 ///
 /// * of the normal map always: I − V + F′(P(z)) V, V from ∂_B P(z) (J.-S. Pang, D. Sun, J. Sun, Math. Oper. Res. 28 (2003), section 3);
-/// * of the Fischer–Burmeister map always: where it has no derivative the limit of its Jacobians at x + t e for t ↓ 0, e the identity of the
-///   algebra, as T. De Luca, F. Facchinei and C. Kanzow (1996) take it for half-lines;
-/// * of the natural map I − V (I − F′(x)) with V from ∂_B P(x − F(x)): surely where I − F′(x) is regular or P differentiable; else it is one
-///   of the elements that Newton's method takes for composed functions (L. Qi, J. Sun, Math. Program. 58 (1993));
-/// * of the penalised map that of the Fischer–Burmeister map with elements of ∂_B P at x and at F(x): surely where P is differentiable at both,
-///   else as for the natural map.
+/// * of the Fischer–Burmeister map always: where it has no derivative the limit of its Jacobians at x + t e for t ↓ 0, e the identity of
+///   the algebra, as T. De Luca, F. Facchinei and C. Kanzow (1996) take it for half-lines;
+/// * of the natural map I − V (I − F′(x)) with V from ∂_B P(x − F(x)): guaranteed where I − F′(x) is regular or P differentiable; else it
+///   is one of the elements that Newton's method takes for composed functions (L. Qi, J. Sun, Math. Program. 58 (1993));
+/// * of the penalised map that of the Fischer–Burmeister map with elements of ∂_B P at x and at F(x): guaranteed where P is differentiable
+///   at both, else as for the natural map.
 ///
 /// ```
 /// use semismooth::complementarity::AffineFunction;
@@ -262,7 +264,7 @@ impl<F: McpFunction> Semismooth for ConeMap<'_, F> {
 }
 
 impl<F> ConeMap<'_, F> {
-    /// The block of one part to stand alone, and the one to be multiplied with ∇F.
+    /// The blocks of one part: one that is added, and one that is multiplied with ∇F.
     fn block(&self, part: &Part, x: &[f64], work: &mut Work) {
         let (n, range) = (part.range.len(), part.range.clone());
         let (by_x, by_y) = (&mut work.by_x[..n * n], &mut work.by_y[part.at..part.at + n * n]);

@@ -1,9 +1,9 @@
 //! Complementarity problems over products of half-lines, second-order cones, semidefinite matrices and free variables.
 //!
-//! Find x ∈ K with F(x) ∈ K* and xᵀF(x) = 0. Optimality conditions of second-order cone and semidefinite programs, friction with a given bound and
-//! Coulomb friction in a fixed state of pressure are of this kind (F. Facchinei, J.-S. Pang, 2003, section 1.4; F. Alizadeh, D. Goldfarb,
-//! 2003). Factors of K are [`Cone`]s, a problem is a [`ConeProblem`], and [`ConeSolver`] solves it from any start. Its semismooth equations, for
-//! other methods, are [`ConeMap`]s.
+//! Find x ∈ K with F(x) ∈ K* and xᵀF(x) = 0. Optimality conditions of second-order cone and semidefinite programs, friction with a given
+//! bound and Coulomb friction in a fixed state of pressure are of this kind (F. Facchinei, J.-S. Pang, 2003, section 1.4; F. Alizadeh,
+//! D. Goldfarb, 2003). Factors of K are [`Cone`]s, a problem is a [`ConeProblem`], and [`ConeSolver`] solves it from any start. Its
+//! semismooth equations, for other methods, are [`ConeMap`]s.
 
 mod central;
 mod cone;

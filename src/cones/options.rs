@@ -4,7 +4,7 @@ use super::ConeError;
 use crate::options::setters;
 use crate::words::named;
 
-/// What [`ConeSolver`](super::ConeSolver) tries from a start.
+/// The strategies of [`ConeSolver`](super::ConeSolver).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -60,13 +60,13 @@ pub struct ConeOptions {
     pub tolerance: f64,
     /// Largest number of iterations, over all starts and methods. Default 100 000.
     pub max_iterations: usize,
-    /// What is tried from the first start, in this order, each only if all before it failed. Default: all of
-    /// [`ConeStrategy`], in the order of its variants.
+    /// Strategies tried from the first start, in this order, each only if all before it failed. Default: all of [`ConeStrategy`], in the
+    /// order of its variants.
     ///
-    /// On 284 problems of 31 families (the example `corrector_convergence` with `--full`) Newton's method before interior points takes 0.82 of the
-    /// work that it takes without, and 0.79 of the time, in the mean. Of all orders with one strategy moved it is the best by work for half of
-    /// the families, at random, in 99.5 % of the cases, with 0.73 to 0.92 of the work on the other half in nine of ten. With smoothing first
-    /// instead it is 0.91 of the work and 0.73 of the time.
+    /// On 284 problems of 31 families (the example `corrector_convergence` with `--full`) Newton's method before interior points takes 0.82
+    /// of the work, and 0.79 of the time, that interior points take without it, in the mean. Among all orders with one strategy moved it is
+    /// the best by work on a random half of the families in 99.5 % of the cases, and takes 0.73 to 0.92 of the work on the other half in
+    /// nine of ten. With smoothing first instead it is 0.91 of the work and 0.73 of the time.
     pub strategies: Vec<ConeStrategy>,
     /// Further starts, should the first one fail, for the smoothing method. Default 8.
     pub restarts: usize,
@@ -92,7 +92,7 @@ impl ConeOptions {
         with_tolerance(tolerance: f64);
         /// Sets the largest number of iterations.
         with_max_iterations(max_iterations: usize);
-        /// Sets what is tried, and in which order.
+        /// Sets the strategies and their order.
         with_strategies(strategies: Vec<ConeStrategy>);
         /// Sets the number of further starts.
         with_restarts(restarts: usize);

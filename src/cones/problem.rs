@@ -2,7 +2,7 @@ use super::{Cone, ConeError};
 use crate::complementarity::McpFunction;
 use crate::sparse::max_abs;
 
-/// The problem x ∈ K, F(x) ∈ K*, xᵀF(x) = 0 for K a product of cones, which cut x in order.
+/// The problem x ∈ K, F(x) ∈ K*, xᵀF(x) = 0 for K a product of cones, which partition x in order.
 ///
 /// ```
 /// use semismooth::complementarity::AffineFunction;

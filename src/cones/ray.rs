@@ -1,4 +1,4 @@
-//! Proofs that nothing solves.
+//! Proofs that there is no solution.
 
 use std::ops::ControlFlow;
 
@@ -12,10 +12,10 @@ use crate::sparse::{Matrix, dot, max_abs, norm};
 
 /// Parts of the largest component of a direction below which other ones are dropped in turn.
 const SMALL: [f64; 4] = [0.0, 1e-6, 1e-4, 1e-2];
-/// Least radius of a certificate, relative to the x at which the terms of M x + q are alike.
+/// Least radius of a certificate, relative to the x at which M x and q are of similar size.
 const RADIUS: f64 = 1e12;
 
-/// A proof from one of the blocks, unknowns that entries of M connect: it depends neither on the other blocks nor on their units.
+/// A proof from one of the blocks (unknowns connected by entries of M): it depends neither on the other blocks nor on their units.
 pub(super) fn ray(
     problem: &ConeProblem<&dyn McpFunction>,
     options: &ConeOptions,
@@ -111,7 +111,7 @@ fn ray_of_block(
     let mut run = Run::new(&dual, &options, deadline, &mut silent)?;
     run.all_starts(&z)?;
     z.copy_from_slice(&run.best);
-    // Where the conditions hold in the limit only, small components may be what is left of the way there.
+    // Where the conditions hold in the limit only, small components may be remainders of the iteration.
     let mut best: Option<ConeRay> = None;
     for candidate in [&z[..n], x] {
         for rounding in SMALL {
@@ -127,13 +127,13 @@ fn ray_of_block(
             }
         }
     }
-    // The size of x at which the constant is a term like the others.
+    // The size of x at which the constant is as large as the other terms.
     let typical = size / unit;
     Ok(best.filter(|ray| ray.radius > RADIUS * typical))
 }
 
-/// What v proves, scaled to qᵀv = −1: a solution x has 0 ≤ vᵀF(x) ≤ qᵀv + ‖x‖ d + δ (‖M‖ ‖x‖ + ‖q‖), where d is the distance of −Mᵀv from K*
-/// and δ that of v from K, both with all rounding.
+/// What v proves, scaled to qᵀv = −1: a solution x has 0 ≤ vᵀF(x) ≤ qᵀv + ‖x‖ d + δ (‖M‖ ‖x‖ + ‖q‖), where d is the distance of −Mᵀv from
+/// K* and δ that of v from K, both with all rounding.
 fn certificate(
     problem: &ConeProblem<&dyn McpFunction>,
     matrix: &Matrix,
@@ -174,7 +174,7 @@ fn certificate(
     }))
 }
 
-/// Moves what has been projected on a cone inside of it, if rounding left it outside; a bound of the distance where that may not succeed.
+/// Moves a projection into its cone, if rounding left it outside; returns a bound of the distance where that may not succeed.
 fn move_inside(cone: Cone, v: &mut [f64]) -> f64 {
     match cone {
         Cone::Nonnegative(_) | Cone::Free(_) => 0.0,

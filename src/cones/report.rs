@@ -3,8 +3,8 @@
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum ConeStatus {
-    /// x lies in K, and [`ConeReport::error`] is at most the tolerance. That may hold far out where a problem has no solution, but others
-    /// with coefficients that differ by as little have (weak infeasibility: t = v₁, v₂ = 1 in the cone t ≥ ‖v‖);
+    /// x lies in K, and [`ConeReport::error`] is at most the tolerance. That may hold far out for a problem without a solution, if problems
+    /// with coefficients that differ by as little have one (weak infeasibility: t = v₁, v₂ = 1 in the cone t ≥ ‖v‖);
     /// [`ConeReport::residual`] is then not small.
     Solved,
     /// No x in K has F(x) in K*, as [`ConeReport::ray`] proves for all x within its radius.
@@ -55,12 +55,12 @@ pub struct ConeIteration {
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct ConeRay {
-    /// v, in K; qᵀv = −1 but for rounding. 0 outside of one block of unknowns that entries of M connect.
+    /// v, in K; qᵀv = −1 up to rounding. 0 outside one block of unknowns connected by entries of M.
     pub direction: Vec<f64>,
     /// qᵀv.
     pub value: f64,
-    /// −Mᵀv lies in K* but for rounding; v proves that there is no solution with ‖x‖₂ below this radius. At least 10¹² times the size of x
-    /// at which the terms of M x + q of this block are alike; infinite where −Mᵀv lies in K* exactly.
+    /// −Mᵀv lies in K* up to rounding; v proves that there is no solution with ‖x‖₂ below this radius. At least 10¹² times the size of x
+    /// at which M x and q of this block are of similar size; infinite where −Mᵀv lies in K* exactly.
     pub radius: f64,
 }
 
@@ -72,10 +72,11 @@ pub struct ConeReport {
     pub status: ConeStatus,
     /// ‖x − P(x − F(x))‖_∞ at the point returned.
     pub residual: f64,
-    /// Largest ‖x_b/X − P(x_b/X − F_b/S_b)‖₂ over the cones b, where X is the largest |xᵢ| in the block of b, the cones that entries of J connect, and S_b the norm of the terms
-    /// Σⱼ |Jᵢⱼ xⱼ| + |Fᵢ − Σⱼ Jᵢⱼ xⱼ| of its rows, where xⱼ in a cone counts at least 1e-4 of the norm of its entries or of the size at which
-    /// the constants are terms like others, whichever is less: the same in all units of x and of F in a cone. Far out, where the constants of all rows
-    /// of a block are less than 1e-6 of their terms, it is divided by that part times 1e6. The point is solved where this is at most the tolerance.
+    /// Largest ‖x_b/X − P(x_b/X − F_b/S_b)‖₂ over the cones b. X is the largest |xᵢ| in the block of b (the cones connected by entries of
+    /// J), S_b the norm of the terms Σⱼ |Jᵢⱼ xⱼ| + |Fᵢ − Σⱼ Jᵢⱼ xⱼ| of its rows, where xⱼ in a cone counts with at least 1e-4 of the norm
+    /// of its entries or of the size at which constants are as large as the other terms, whichever is less. The units of x and of F in a
+    /// cone do not change it. Far out, where the constants of all rows of a block are less than 1e-6 of their terms, it is divided by that
+    /// part times 1e6. The point is solved where this is at most the tolerance.
     pub error: f64,
     /// Iterations, over all starts.
     pub iterations: usize,

@@ -57,8 +57,8 @@ pub(super) fn fischer_burmeister(mu: f64, x: &[f64], y: &[f64], out: &mut [f64])
 
 /// Its derivatives by x and by y, n × n row by row: I − L_z⁻¹ L_x and I − L_z⁻¹ L_y, where L_a b = a ∘ b.
 ///
-/// Where x² + y² lies on the boundary and μ = 0 there is no derivative: then their limits along (x + t e, y + t `rate`), t ↓ 0, which is inside
-/// for small t. `room` has length 3 n.
+/// Where x² + y² lies on the boundary and μ = 0 there is no derivative: then their limits along (x + t e, y + t `rate`), t ↓ 0, which is
+/// inside for small t. `room` has length 3 n.
 pub(super) fn derivatives(
     mu: f64,
     [x, y]: [&[f64]; 2],

@@ -11,7 +11,7 @@ use crate::linear::{AutoSolver, LinearSolver};
 use crate::sparse::{Matrix, Pattern, max_abs, pieces};
 use crate::spread::Random;
 
-/// Share of the merit by which a step must lessen it, and the shortest step that is tried.
+/// Part of the merit by which a step must reduce it, and the shortest step that is tried.
 const DECREASE: f64 = 1e-4;
 const SHORTEST: f64 = 1e-8;
 /// The smoothing parameter follows the merit: μ ≤ NEARNESS ‖Φ‖, and falls at least by the factor FALL.
@@ -19,7 +19,7 @@ const NEARNESS: f64 = 0.1;
 const FALL: f64 = 0.2;
 /// Merit, relative to that of the start, from which on steps of the natural map are tried, and once more after each fall by TAIL.
 pub(super) const TAIL: f64 = 0.1;
-/// Most steps of the natural map in a row, and of these that bring nothing.
+/// Most steps of the natural map in a row, and of these without progress.
 const LONGEST: usize = 30;
 const PATIENCE: usize = 2;
 /// Most steps of one run of the smoothing method.
@@ -71,10 +71,10 @@ pub(super) struct Run<'a> {
     /// x and F kept while something is tried.
     pub(super) kept_x: Vec<f64>,
     pub(super) kept_f: Vec<f64>,
-    /// Terms of rows, and what is left of F without the part of ∇F.
+    /// Terms of rows, and F − ∇F x.
     pub(super) terms: Vec<f64>,
     pub(super) rest: Vec<f64>,
-    /// Room for one cone.
+    /// Buffers for one cone.
     pub(super) room: Vec<f64>,
     pub(super) report: ConeReport,
 }
@@ -99,7 +99,7 @@ impl<'a> Run<'a> {
             problem.function().value(&vec![0.0; n], &mut q);
             q
         });
-        // What entries of ∇F connect; those of a constant one may be zero.
+        // The blocks that entries of ∇F connect; stored entries of a constant ∇F may be zero.
         let mut slopes = jac.clone();
         if constant.is_some() {
             problem.function().jacobian(&vec![0.0; n], &mut slopes);
@@ -227,7 +227,7 @@ impl<'a> Run<'a> {
         self.differentiate()
     }
 
-    /// ∇F at x, whose F is at hand.
+    /// ∇F at x, where F has been evaluated.
     fn differentiate(&mut self) -> Result<bool, ConeError> {
         self.jac.clear();
         self.problem.function().jacobian(&self.x, &mut self.jac);
@@ -361,7 +361,7 @@ impl<'a> Run<'a> {
         Ok(ConeStatus::IterationLimit)
     }
 
-    /// A step that lessens ‖Φ_μ‖, by line search along Newton directions, regularised more and more; tells its length.
+    /// A step that reduces ‖Φ_μ‖, by line search along Newton directions with more and more regularisation; returns its length.
     fn search(&mut self, merit: &mut f64, mu: f64) -> Result<Option<f64>, ConeError> {
         let map = Map::Smoothed(mu);
         self.kept_f.copy_from_slice(&self.f);
@@ -396,7 +396,7 @@ impl<'a> Run<'a> {
         Ok(None)
     }
 
-    /// Full steps of the natural map from x, as long as they converge; `None` where they do not, x as it was.
+    /// Full steps of the natural map from x, as long as they converge; `None`, with x restored, where they do not.
     pub(super) fn tail(&mut self) -> Result<Option<ControlFlow<()>>, ConeError> {
         self.kept_x.copy_from_slice(&self.x);
         let (mut last, mut least) = (f64::INFINITY, f64::INFINITY);
@@ -413,7 +413,7 @@ impl<'a> Run<'a> {
             if flow.is_break() {
                 return Ok(Some(flow));
             }
-            // Against the least so far: far from a solution merits jump up and down for ever.
+            // Against the least so far: far from a solution merits may oscillate for ever.
             worse = if merit < least { 0 } else { worse + 1 };
             (last, least) = (merit, least.min(merit));
             if worse > PATIENCE {

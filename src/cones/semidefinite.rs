@@ -9,7 +9,7 @@ use crate::sparse::max_abs;
 
 /// Sweeps of the eigenvalue iteration for each row.
 const SWEEPS: usize = 100;
-/// Part of the largest eigenvalue of a root below which squares hide what there is of one.
+/// Part of the largest eigenvalue of a root below which one is lost in the rounding of squares.
 const SEPARATE: f64 = 1e-4;
 /// Part of the largest eigenvalue of a root, for each row, below which one is rounding.
 const SMALL: f64 = 8.0 * f64::EPSILON;
@@ -88,7 +88,7 @@ fn write(m: &DMatrix<f64>, out: &mut [f64]) {
     }
 }
 
-/// Eigenvalues and eigenvectors, as columns; `None` where they are not to be had.
+/// Eigenvalues and eigenvectors, as columns; `None` where they cannot be computed.
 fn eigen(mut m: DMatrix<f64>) -> Option<(DVector<f64>, DMatrix<f64>)> {
     let largest = max_abs(m.as_slice());
     if largest == 0.0 {
@@ -123,7 +123,7 @@ pub(super) fn project(order: usize, x: &mut [f64]) {
     let Some((values, q)) = eigen(matrix(order, x)) else {
         return x.fill(f64::NAN);
     };
-    // What is inside stays as it is, to the last bit.
+    // A matrix in the cone is left unchanged, to the last bit.
     if values.iter().any(|v| *v < 0.0) {
         write(&spectral(&values, &q, |v| v.max(0.0)), x);
     }
@@ -238,8 +238,8 @@ pub(super) fn unit(order: usize, out: &mut [f64]) {
     }
 }
 
-/// Eigenvalues, from the largest on, and eigenvectors of (X² + Y² + 2 μ² I)^½. Those small beside the largest are found once more among
-/// themselves, from XQ and YQ, so that they are no roots of rounding.
+/// Eigenvalues, from the largest on, and eigenvectors of (X² + Y² + 2 μ² I)^½. Those small beside the largest are recomputed on their
+/// invariant subspace, from XQ and YQ, so that they are not square roots of rounding errors.
 fn root(mu: f64, x: &DMatrix<f64>, y: &DMatrix<f64>) -> Option<(DVector<f64>, DMatrix<f64>)> {
     let order = x.nrows();
     let (mut values, mut q) = (DVector::zeros(order), DMatrix::identity(order, order));

@@ -10,12 +10,13 @@ use crate::sparse::{Matrix, Pattern};
 
 /// Semismooth Newton method for cone problems.
 ///
-/// Full steps of the natural map come first, which end at a solution nearby quadratically (L. Qi, J. Sun, 1993). Where they do not converge and F
-/// is affine and monotone, as in second-order cone programs, interior points follow (scaling of Yu. Nesterov and M. Todd, 1997; corrector
-/// of S. Mehrotra, 1992). Elsewhere a smoothing Newton method for the Fischer–Burmeister function of the cones (M. Fukushima, Z.-Q. Luo, P. Tseng,
-/// 2002; S. Hayashi, N. Yamashita, M. Fukushima, 2005) brings the iterates near a solution: it converges globally for monotone F with
-/// regular systems. Where this fails, interior points for other F, proximal points (R. T. Rockafellar, 1976), for monotone F whose solutions
-/// are not unique, and other starts follow ([`ConeOptions::strategies`]); for affine F a certificate is sought.
+/// Full steps of the natural map come first, which converge to a solution nearby quadratically (L. Qi, J. Sun, 1993). Where they do not
+/// converge and F is affine and monotone, as in second-order cone programs, interior points follow (scaling of Yu. Nesterov and M. Todd,
+/// 1997; corrector of S. Mehrotra, 1992). Elsewhere a smoothing Newton method for the Fischer–Burmeister function of the cones
+/// (M. Fukushima, Z.-Q. Luo, P. Tseng, 2002; S. Hayashi, N. Yamashita, M. Fukushima, 2005) brings the iterates near a solution: it
+/// converges globally for monotone F with regular systems. Where this fails, interior points for other F, proximal points
+/// (R. T. Rockafellar, 1976), for monotone F whose solutions are not unique, and other starts follow ([`ConeOptions::strategies`]); for
+/// affine F a certificate is sought.
 #[derive(Debug, Clone, Default)]
 pub struct ConeSolver {
     options: ConeOptions,

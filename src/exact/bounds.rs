@@ -1,7 +1,7 @@
 use super::Exact;
 
 /// Bounds of |y_k| for all y with Σ y_k (L y + l)_k ≤ 0, where the symmetric part of L is positive definite; `None` where floating-point
-/// numbers do not prove that it is. Rows are given as the constant l_k and the coefficients.
+/// arithmetic does not prove that it is. Rows are given as the constant l_k and the coefficients.
 ///
 /// With units that make the diagonal one, μ = D⁻¹y, λ_min ‖μ‖² ≤ μᵀ(D L D)μ ≤ ‖D l‖ ‖μ‖. That λ_min > s − rounding is shown by a Cholesky
 /// factorisation of the matrix less s that runs to its end (Rump, BIT 46, 2006).
@@ -66,7 +66,7 @@ fn cholesky(a: &mut [f64], n: usize, shift: f64) -> bool {
 mod tests {
     use super::*;
 
-    /// All entries 1 − d but the diagonal's 1, of which d is the least eigenvalue; the loads are 1.
+    /// Diagonal entries 1, all others 1 − d, so that d is the least eigenvalue; the loads are 1.
     fn bounds(n: usize, d: f64) -> Option<Vec<Exact>> {
         let exact = |v: f64| Exact::new(v).unwrap();
         let entry = |i: usize, j: usize| exact(if i == j { 1.0 } else { 1.0 - d });
@@ -98,7 +98,7 @@ mod tests {
         assert!(found.iter().all(|b| b.scaled(0) >= 2.0));
     }
 
-    /// A factorisation that ends proves no more of an eigenvalue than its rounding errors, at most (n + 4) n ε times the trace here.
+    /// A factorisation that succeeds bounds an eigenvalue only up to its rounding errors, at most (n + 4) n ε times the trace here.
     #[test]
     fn eigenvalues_below_rounding_prove_nothing() {
         assert!(bounds(120, 1e-8).is_some());

@@ -1,7 +1,7 @@
 use super::{Dictionary, Exact};
 
-/// The sign of the determinant of a square matrix, row by row; `None` where that takes more than what is left of `work` (numbers written, long
-/// ones counted as many), from which it is taken.
+/// The sign of the determinant of a square matrix, row by row; `None` if that takes more work than is left in `work`, which is reduced by
+/// the work done (numbers written, a long one counted as several).
 pub(crate) fn determinant_sign(rows: &[&[Exact]], work: &mut u64) -> Option<i8> {
     let n = rows.len();
     let zero = Exact::default();

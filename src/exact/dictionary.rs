@@ -6,12 +6,12 @@ use num_traits::{One, Signed, Zero};
 use super::Exact;
 use crate::clock::Deadline;
 
-/// Why the forms were not brought to what was asked for.
+/// Why an operation on a dictionary ended early.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Halt {
     /// The conditions contradict each other.
     Infeasible,
-    /// Time is over, or the work that was allowed is done.
+    /// The limit on time or work is reached.
     Late,
 }
 
@@ -19,11 +19,11 @@ pub(crate) enum Halt {
 pub(crate) enum Place {
     Row(usize),
     Column(usize),
-    /// Zero.
+    /// Identically zero.
     Gone,
 }
 
-/// Numbers that are looked at in the time that it takes to write one.
+/// Numbers that can be read in the time that it takes to write one.
 pub(crate) const LOOKED_AT: u64 = 16;
 
 #[derive(Debug, Clone)]
@@ -75,19 +75,19 @@ impl<'d> Dictionary<'d> {
         }
     }
 
-    /// With looks at the clock in each exchange; once time is over the dictionary is of no more use.
+    /// Sets a deadline, checked in each exchange; once it has passed the dictionary is unusable.
     pub(crate) fn until(mut self, deadline: Deadline<'d>) -> Self {
         self.deadline = deadline;
         self
     }
 
-    /// With so much [work](Self::take_work) between two times that it is asked for.
+    /// Limits the [work](Self::take_work) between two calls of that method.
     pub(crate) fn within(mut self, limit: u64) -> Self {
         self.limit = limit;
         self
     }
 
-    /// What is left of it.
+    /// What is left of the limit.
     pub(crate) fn left(&self) -> u64 {
         self.limit.saturating_sub(self.work)
     }
@@ -101,7 +101,7 @@ impl<'d> Dictionary<'d> {
         self.deadline
     }
 
-    /// The work done since it was last asked for, in numbers of some hundred bits.
+    /// The work done since the last call, in numbers of some hundred bits.
     pub(crate) fn take_work(&mut self) -> u64 {
         std::mem::take(&mut self.work)
     }
@@ -399,7 +399,7 @@ mod tests {
         assert_eq!(d.fix(0), Err(Halt::Late));
     }
 
-    /// The clock is looked at for each row.
+    /// The clock is read for each row.
     #[test]
     fn long_exchanges_end_in_time() {
         let rows: [&[f64]; 4] = [&[1.0, 1.0], &[1.0, 2.0], &[0.0, 3.0], &[1.0, 4.0]];
@@ -417,7 +417,7 @@ mod tests {
         }
     }
 
-    /// No exchange begins once time is over; what asks for none is told all the same.
+    /// No exchange begins once time is over; operations that need none still succeed.
     #[test]
     fn exchanges_stop_in_time() {
         let over = Deadline::after(Some(std::time::Duration::ZERO));
@@ -428,7 +428,7 @@ mod tests {
         assert_eq!(d.fix(1), Err(Halt::Late));
         d.constrain(0, 1).unwrap();
         assert_eq!(d.repair(), Err(Halt::Late));
-        // A contradiction that no exchange could help is one.
+        // A contradiction that needs no exchange is still found.
         let mut d = dictionary(1, &[&[-1.0, 0.0]]).until(over);
         d.constrain(0, 1).unwrap();
         assert_eq!(d.repair(), Err(Halt::Infeasible));

@@ -20,7 +20,7 @@ pub struct Exact {
 }
 
 impl Exact {
-    /// The number a floating-point number stands for; `None` for infinities and NaN.
+    /// The exact value of a floating-point number; `None` for infinities and NaN.
     #[must_use]
     pub fn new(value: f64) -> Option<Self> {
         if !value.is_finite() {

@@ -27,7 +27,7 @@ impl Default for AutoSolver {
 }
 
 impl AutoSolver {
-    /// A solver that knows no pattern yet.
+    /// A solver without a pattern.
     #[must_use]
     pub fn new() -> Self {
         Self::default()

@@ -40,7 +40,7 @@ impl BlockDiagonal {
         Self::default()
     }
 
-    /// Adds a block of so many unknowns after those there are.
+    /// Adds a block of so many unknowns after the existing ones.
     #[must_use]
     pub fn with_block(
         mut self,

@@ -204,7 +204,7 @@ impl<L: LinearSolver> Bordered<L> {
         self.attempt(jacobian, arg_max_abs(v)).map_err(not_full_rank)
     }
 
-    /// Tries a few more coordinates; when M_k is singular for all of them, so it is for all k but in freak cases.
+    /// Tries a few more coordinates; if M_k is singular for all of them, it is almost certainly singular for all k.
     fn attempt_others(
         &mut self,
         jacobian: &Matrix,
@@ -255,8 +255,8 @@ impl<L: LinearSolver> Bordered<L> {
         self.factored = true;
     }
 
-    /// Brings the tangent nearer to that of a Jacobian which differs little from the factored one, by a step of refinement with the factors
-    /// at hand; the length of that step.
+    /// Brings the tangent nearer to that of a Jacobian which differs little from the factored one, by a step of refinement with the present
+    /// factors; returns the length of that step.
     pub(crate) fn refine_tangent(&mut self, jacobian: &Matrix) -> Result<f64, LinearError> {
         self.work.fill(0.0);
         jacobian.as_ref().mul_add(1.0, &self.tangent, &mut self.work);
@@ -271,8 +271,8 @@ impl<L: LinearSolver> Bordered<L> {
         Ok(norm(&self.work))
     }
 
-    /// The unit vector spanning the kernel of ∇H (length n + 1); its sign makes det [∇H; τᵀ] > 0 where the solver knows
-    /// determinants, else that of the frozen coordinate is +. Zeros before the first factorisation.
+    /// The unit vector spanning the kernel of ∇H (length n + 1); its sign makes det [∇H; τᵀ] > 0 where the solver computes determinants,
+    /// else its frozen coordinate is positive. Zeros before the first factorisation.
     #[must_use]
     pub fn tangent(&self) -> &[f64] {
         &self.tangent
@@ -298,7 +298,7 @@ impl<L: LinearSolver> Bordered<L> {
 
     /// Moves x along the kernel to t·x = c.
     fn move_along_kernel(&self, t: &[f64], slope: f64, c: f64, x: &mut [f64]) {
-        // The second time for what cancellation left of the last row.
+        // The second pass removes the cancellation error of the last row.
         for _ in 0..2 {
             let beta = (c - dot(t, x)) / slope;
             for (x, v) in x.iter_mut().zip(&self.tangent) {
@@ -323,8 +323,8 @@ impl<L: LinearSolver> Bordered<L> {
         Ok(())
     }
 
-    /// Columns of the inverse of [∇H; tᵀ], those of the given rows, side by side into `out`. Right-hand sides solved for together share
-    /// their way through the factors; `block` is scratch.
+    /// Columns of the inverse of [∇H; tᵀ], those of the given rows, side by side into `out`. Right-hand sides solved for together read the
+    /// factors once; `block` is scratch.
     pub(super) fn solve_units(
         &mut self,
         rows: &[usize],
@@ -384,7 +384,7 @@ impl<L: LinearSolver> Bordered<L> {
         }
     }
 
-    /// Sign of det [∇H; tᵀ], where the solver knows determinants; 0 when `t` is orthogonal to the kernel.
+    /// Sign of det [∇H; tᵀ], where the solver computes determinants; 0 when `t` is orthogonal to the kernel.
     #[must_use]
     pub fn orientation(&self, t: &[f64]) -> Option<i8> {
         self.log_det?;
@@ -395,8 +395,8 @@ impl<L: LinearSolver> Bordered<L> {
         }
     }
 
-    /// Sign of det ∇_yH (∇H without its last column), where the solver knows determinants; 0 when it is singular: when the
-    /// last coordinate of the unit tangent is below 1e-12.
+    /// Sign of det ∇_yH (∇H without its last column), where the solver computes determinants; 0 when it is singular: when the last
+    /// coordinate of the unit tangent is below 1e-12.
     #[must_use]
     pub fn det_sign(&self) -> Option<i8> {
         self.log_det?;
@@ -407,8 +407,8 @@ impl<L: LinearSolver> Bordered<L> {
         Some(if regular { sign(last) } else { 0 })
     }
 
-    /// Sign and natural logarithm of |det [∇H; τᵀ]| with τ the [`tangent`](Self::tangent), where the solver knows
-    /// determinants. By the sign of τ the sign is +.
+    /// Sign and natural logarithm of |det [∇H; τᵀ]| with τ the [`tangent`](Self::tangent), where the solver computes determinants. By the
+    /// sign of τ the sign is +.
     #[must_use]
     pub fn log_det(&self) -> Option<(i8, f64)> {
         self.log_det
@@ -426,7 +426,7 @@ impl<L: LinearSolver> Bordered<L> {
         self.factorisations
     }
 
-    /// The solver behind the seam.
+    /// The linear solver.
     #[must_use]
     pub fn solver(&self) -> &L {
         &self.solver
@@ -477,7 +477,7 @@ fn equilibrate(a: &Matrix) -> Matrix {
     scaled
 }
 
-/// `full` = `rest` with `value` put in at position k.
+/// `full` = `rest` with `value` inserted at position k.
 fn insert(rest: &[f64], k: usize, value: f64, full: &mut [f64]) {
     full[..k].copy_from_slice(&rest[..k]);
     full[k] = value;

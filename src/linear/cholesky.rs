@@ -24,8 +24,8 @@ use crate::sparse::{MatrixRef, PatternRef};
 /// Right-hand sides solved for at a time: scratch grows with them.
 const BLOCK_RHS: usize = 8;
 
-/// Operations for an entry of L, in units of faer, above which dense blocks are used: measured on meshes of a few hundred nodes,
-/// where they win already at a quarter of faer's own limit.
+/// Operations for an entry of L, in units of faer, above which dense blocks are used: measured on meshes of a few hundred nodes, where they
+/// are faster already at a quarter of faer's own limit.
 const SUPERNODAL: SupernodalThreshold = SupernodalThreshold(0.25);
 
 /// Operations of a factorisation above which a second order is tried.
@@ -38,8 +38,8 @@ const HEAVY: f64 = 2e10;
 /// diagonal near 1 first; [`rcond`](LinearSolver::rcond) is that of the scaled matrix.
 ///
 /// # Complexity
-/// On a mesh of n nodes about n^1.5 operations and n log n numbers in the plane, n² operations and n^1.33 numbers in space; a solve is linear
-/// in the entries of the factor.
+/// On a mesh of n nodes about n^1.5 operations and n log n numbers in the plane, n² operations and n^1.33 numbers in space; a solve is
+/// linear in the entries of the factor.
 #[derive(Clone, Default)]
 pub struct Cholesky {
     pattern: PatternMemory,
@@ -59,7 +59,7 @@ struct Engine {
 }
 
 impl Cholesky {
-    /// A solver that knows no pattern yet.
+    /// A solver without a pattern.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
@@ -104,8 +104,8 @@ impl Cholesky {
         Ok(block)
     }
 
-    /// [`factor`](LinearSolver::factor), with the condition judged by the pivots alone where they leave no doubt. With a unit
-    /// diagonal 1/l_jj² bounds ‖A⁻¹‖ from below, and is near it in all but contrived matrices.
+    /// [`factor`](LinearSolver::factor), with the condition judged by the pivots alone where they are conclusive. With a unit diagonal
+    /// 1/l_jj² bounds ‖A⁻¹‖ from below, and is near it in all but contrived matrices.
     pub(crate) fn factor_by_pivots(&mut self, a: MatrixRef<'_>, until: Until) -> Result<(), LinearError> {
         const DOUBTFUL: f64 = 1e-9;
         let norm = self.decompose(a, until)?;
@@ -117,13 +117,13 @@ impl Cholesky {
         Ok(())
     }
 
-    /// Scales and factors; returns the norm of the scaled matrix. Nothing is known of its condition then.
+    /// Scales and factors; returns the norm of the scaled matrix. Its condition is then unknown.
     fn decompose(&mut self, a: MatrixRef<'_>, until: Until) -> Result<f64, LinearError> {
         self.rcond = None;
         self.pattern.check(&a)?;
         check_finite(a.values, "the matrix")?;
         let norm = self.scale(a.values)?;
-        // Next to a unit diagonal larger entries are indefinite, and infinite ones none of the factorisation's business.
+        // With a unit diagonal, larger entries mean an indefinite matrix; infinite ones are not passed to the factorisation.
         if !norm.is_finite() {
             return Err(LinearError::NotPositiveDefinite);
         }
@@ -151,7 +151,7 @@ impl Cholesky {
             MemStack::new(&mut engine.scratch),
             Default::default(),
         );
-        // A pivot that is not positive is the only error there is.
+        // The only possible error is a pivot that is not positive.
         if result.is_err() {
             return Err(LinearError::NotPositiveDefinite);
         }
@@ -168,7 +168,7 @@ impl Cholesky {
         let mut scratch = std::mem::take(&mut engine.scratch);
         let inverse_norm = norm_1_estimate(|x, _| engine.solve(x, &mut scratch), x, sign);
         engine.scratch = scratch;
-        // A semidefinite matrix may pass the pivots by rounding: it is no more positive definite for that.
+        // Rounding may make all pivots of a semidefinite matrix positive: the condition number decides.
         match judge(norm, inverse_norm) {
             Ok(rcond) => self.rcond = Some(rcond),
             Err(_) => return Err(LinearError::NotPositiveDefinite),
@@ -240,7 +240,7 @@ impl Cholesky {
         result
     }
 
-    /// Solves from behind a shared reference, with scratch of its own.
+    /// Solves through a shared reference, with its own scratch.
     pub(crate) fn solve_shared(&self, b: &mut [f64]) -> Result<(), LinearError> {
         let bytes = self.engine.as_ref().map_or(0, |e| e.scratch.len());
         self.solve_with(b, &mut Box::new_uninit_slice(bytes))
@@ -287,7 +287,7 @@ impl Cholesky {
     }
 }
 
-/// The factor of a pattern before there are numbers in it.
+/// The symbolic factor of a pattern.
 struct Analysis {
     symbolic: SymbolicCholesky<usize>,
     /// Bytes.

@@ -55,7 +55,8 @@ impl Condensation {
         Self::within(a, b, Until::default())
     }
 
-    /// [`new`](Self::new), or [`LinearError::Interrupted`] where time is over: it is looked at between parts of the factorisation and of C.
+    /// [`new`](Self::new), or [`LinearError::Interrupted`] after the time limit, which is checked between parts of the factorisation and of
+    /// C.
     pub(crate) fn within(a: &Matrix, b: &Matrix, until: Until) -> Result<Self, LinearError> {
         let (q, touched) = (b.nrows(), touched(a, b)?);
         let mut factor = Cholesky::default();
@@ -82,7 +83,7 @@ impl Condensation {
         })
     }
 
-    /// Bytes that [`new`](Self::new) takes at its peak, A and B not counted: the factor of A, of which the pattern alone is looked at, and
+    /// Bytes that [`new`](Self::new) takes at its peak, A and B not counted: the factor of A, of which only the pattern is computed, and
     /// dense matrices of the order of the rows of B. Nothing of that size is allocated.
     ///
     /// ```
@@ -101,7 +102,7 @@ impl Condensation {
         let factor = Cholesky::memory_with_last(a.pattern().as_ref(), &touched)?;
         let (k, q) = (touched.len() as u64, b.nrows() as u64);
         let square = |a: u64, b: u64| 8u64.saturating_mul(a).saturating_mul(b);
-        // Three at a time: L⁻¹, Y and S; S, Y and C; Y, C and the places of its entries.
+        // Three at a time: L⁻¹, Y and S; S, Y and C; Y, C and the row indices of C.
         let dense = (2 * square(k, k))
             .max(square(k, k) + square(q, q))
             .max(2 * square(q, q));
@@ -123,8 +124,8 @@ impl Condensation {
     /// B A⁻¹ f for one load or several: f holds n values for each, the result q for each.
     ///
     /// # Complexity
-    /// A forward substitution for each load, which is linear in the entries of the factor (about n log n in the plane, n^1.33 in space), and
-    /// q k operations with k unknowns touched by B.
+    /// A forward substitution for each load, which is linear in the entries of the factor (about n log n in the plane, n^1.33 in space),
+    /// and q k operations with k unknowns touched by B.
     ///
     /// # Errors
     /// A right-hand side of the wrong length or not finite.
@@ -133,7 +134,7 @@ impl Condensation {
         if n == 0 || f.is_empty() || !f.len().is_multiple_of(n) {
             self.check(f)?;
         }
-        // B A⁻¹ f = (L⁻¹ Bᵀ)ᵀ (L⁻¹ f), and L⁻¹ Bᵀ vanishes but in the last rows.
+        // B A⁻¹ f = (L⁻¹ Bᵀ)ᵀ (L⁻¹ f), and L⁻¹ Bᵀ vanishes except in the last rows.
         let solved = self.factor.forward(f)?;
         let mut v = Vec::with_capacity(q * f.len() / n.max(1));
         for y in solved.chunks_exact(n.max(1)) {
@@ -163,10 +164,10 @@ impl Condensation {
         self.factor.solve_shared(f)
     }
 
-    /// v ← v − C λ, in the widest registers that there are.
+    /// v ← v − C λ, in the widest registers available.
     pub(crate) fn subtract_compliance(&self, lambda: &[f64], v: &mut [f64]) {
         let q = self.compliance.nrows();
-        // By rows, of which C has the same as columns: sums in several registers have smaller errors.
+        // By rows, which equal the columns of C: sums in several registers have smaller errors.
         let c = MatRef::from_row_major_slice(self.compliance.values(), q, q);
         matmul(
             MatMut::from_column_major_slice_mut(v, q, 1),
@@ -220,7 +221,7 @@ type Compliance = (Vec<f64>, Vec<f64>);
 fn rows_at(b_t: &Matrix, touched: &[usize]) -> Vec<Row> {
     let mut rows = vec![Row::new(); b_t.ncols()];
     for (j, row, v) in b_t.triplets() {
-        // Whatever B touches is in J.
+        // All unknowns that B touches are in J.
         if let Ok(place) = touched.binary_search(&j) {
             rows[row].push((place, v));
         }
@@ -256,7 +257,7 @@ fn compliance(rows: &[Row], k: usize, l: Vec<f64>, until: Until) -> Result<Compl
     let q = rows.len();
     let mut inverse = dense_zeros(k, k)?;
     let factor = MatRef::from_column_major_slice(&l, k, k);
-    // Columns by columns, at the same time: what is above the diagonal stays zero.
+    // Column by column, in parallel: what is above the diagonal stays zero.
     parallel::parts(&mut inverse, k * COLUMNS, &|first, part| {
         if until.is_over() {
             return;

@@ -5,7 +5,7 @@ use crate::sparse::sum_abs;
 /// would be right.
 pub(super) const SINGULAR: f64 = 1e-14;
 
-/// Below it a reciprocal condition number may be a matter of units, and that of the balanced matrix is asked for, too.
+/// Below it a reciprocal condition number may be due to units, and that of the balanced matrix is computed, too.
 pub(super) const SMALL: f64 = 1e-6;
 
 /// Most steps of the estimator; it rarely needs more than two.
@@ -61,7 +61,7 @@ pub(super) fn norm_1_estimate(
             break;
         }
     }
-    // A vector of alternating signs catches the matrices that deceive the iteration.
+    // A vector of alternating signs detects the matrices that mislead the iteration.
     for (i, x) in x.iter_mut().enumerate() {
         let size = 1.0 + i as f64 / (n - 1) as f64;
         *x = if i % 2 == 0 { size } else { -size };

@@ -1,4 +1,4 @@
-//! Matrices of other crates, each behind its feature: conversions both ways, and no foreign type in any signature of ours.
+//! Conversions to and from the matrices of other crates, each behind its feature; no other signature has foreign types.
 
 #[cfg(feature = "convert-nalgebra")]
 mod nalgebra_dense {

@@ -67,7 +67,7 @@ pub struct DenseLu {
 }
 
 impl DenseLu {
-    /// A solver that knows no pattern yet.
+    /// A solver without a pattern.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
@@ -83,7 +83,7 @@ impl DenseLu {
         self.factor_values(values)
     }
 
-    /// Room for matrices over the pattern.
+    /// Allocates for matrices over the pattern.
     fn make_room(&mut self) -> Result<(), LinearError> {
         self.rcond = None;
         self.to_balance = Vec::new();
@@ -112,7 +112,7 @@ impl DenseLu {
     fn factor_values(&mut self, values: &[f64]) -> Result<(), LinearError> {
         match self.attempt(values, false) {
             Err(LinearError::Singular { rcond }) if self.scaling.is_regular() => {
-                // Largest entries may have misled the equilibration: a second opinion before the verdict.
+                // Largest entries may have misled the equilibration: try the balanced matrix before reporting it singular.
                 self.pattern.write_down();
                 self.attempt(values, true)
                     .map_err(|_| LinearError::Singular { rcond })
@@ -255,7 +255,7 @@ impl DenseLu {
     }
 }
 
-/// Columns of a part that is worth a thread.
+/// Columns of a part for which a thread pays off.
 fn columns_at_once(n: usize) -> usize {
     if n >= PANELS { PANEL } else { n.max(1) }
 }

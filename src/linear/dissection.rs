@@ -1,8 +1,8 @@
 //! Nested dissection of a graph by level sets: fewer operations than minimum degree where a mesh is large and solid.
 
-/// Regions of at most so many nodes are ordered by the caller's rule for small graphs.
+/// Regions of at most so many nodes are ordered by the caller's method for small graphs.
 const LEAF: usize = 150;
-/// Share of a region that each side of a separator holds at least.
+/// Part of a region that each side of a separator must have at least.
 const BALANCE: f64 = 0.3;
 /// Level of nodes not met.
 const UNMET: usize = usize::MAX;
@@ -24,8 +24,8 @@ impl<'a> Graph<'a> {
     }
 }
 
-/// An order of elimination: both sides of a separator before it, and so on inside (George 1973). Separators are level sets of the
-/// distance from the nodes farthest from a node at the rim: planes, in a block. `leaf` orders small graphs.
+/// An order of elimination: both sides of a separator before it, recursively (George 1973). Separators are level sets of the distance from
+/// the nodes farthest from a node at the rim: planes, in a block. `leaf` orders small graphs.
 pub(super) fn dissect<E>(
     graph: Graph<'_>,
     mut leaf: impl FnMut(Graph<'_>) -> Result<Vec<usize>, E>,

@@ -66,7 +66,7 @@ pub fn generalized_eigenvalues(a: &Matrix, b: &Matrix) -> Result<Vec<f64>, Linea
         .solve_lower_triangular(&half.transpose())
         .ok_or(LinearError::NotPositiveDefinite)?;
     m = (&m + m.transpose()) * 0.5;
-    // Where B is all but singular its factors overflow.
+    // Where B is nearly singular its factors overflow.
     check_finite(m.as_slice(), "the reduced matrix").map_err(|_| LinearError::NotPositiveDefinite)?;
     let values = spectral::symmetric(m)?;
     Ok(sorted(values.iter().map(|v| v * unit * unit).collect()))

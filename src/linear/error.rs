@@ -41,7 +41,7 @@ pub enum LinearError {
     Shape {
         /// Which array.
         what: &'static str,
-        /// Length (or multiple) asked for.
+        /// Length (or multiple) required.
         expected: usize,
         /// Length given.
         found: usize,
@@ -49,10 +49,10 @@ pub enum LinearError {
     /// `factor` was called before `analyze`, or with another pattern.
     #[error("the pattern of this matrix has not been analysed; call `analyze` first")]
     NotAnalyzed,
-    /// A solve was asked for without a (successful) factorisation.
+    /// A solve was requested without a (successful) factorisation.
     #[error("there is no factorisation to solve with; call `factor` first")]
     NotFactored,
-    /// The kernel of a Jacobian has not the dimension the method needs.
+    /// The kernel of a Jacobian does not have the dimension that the method needs.
     #[error("the Jacobian has a kernel of dimension {found}, expected {expected}")]
     Kernel {
         /// Dimension needed.
@@ -73,16 +73,16 @@ pub enum LinearError {
     /// Memory or index limits of the solver.
     #[error("the solver gave up: {what}")]
     Solver {
-        /// The solver's words.
+        /// The message of the solver.
         what: String,
     },
-    /// The solver failed with an error of its own: of the library that factors, or of a [`LinearSolver`](super::LinearSolver) of the user.
+    /// The solver failed with an error of its own: of the library that factors, or of a user's [`LinearSolver`](super::LinearSolver).
     #[error("the solver gave up: {source}")]
     External {
         /// That error.
         source: Cause,
     },
-    /// The time that was allowed is over.
+    /// The time limit has passed.
     #[error("the time that was allowed is over")]
     Interrupted,
     /// A matrix could not be built.

@@ -9,12 +9,12 @@ use crate::sparse::dot;
 pub(crate) struct Gmres {
     /// Directions between restarts.
     directions: usize,
-    /// Whether what the preconditioner makes of each direction is kept: it may then change from one call to the next (Y. Saad, SIAM J. Sci.
+    /// Whether the preconditioned directions are kept: the preconditioner may then change from one call to the next (Y. Saad, SIAM J. Sci.
     /// Comput. 14 (1993)), and is not called once more at the end.
     flexible: bool,
     /// Orthonormal basis, column-major; as many columns as a solve has needed so far.
     basis: Vec<f64>,
-    /// What the preconditioner made of it, if that is kept.
+    /// The preconditioned basis, if that is kept.
     images: Vec<f64>,
     /// Upper triangular factor by columns, `directions + 1` rows each.
     hessenberg: Vec<f64>,
@@ -30,7 +30,7 @@ pub(crate) struct GmresOutcome {
     pub(crate) iterations: usize,
     /// Euclidean norm of the residual, relative to that of the right-hand side.
     pub(crate) residual: f64,
-    /// Why it ended; where the residual fell as asked, that does not count.
+    /// Why it ended; not meaningful where the residual fell to the aim.
     pub(crate) end: GmresEnd,
 }
 
@@ -45,7 +45,7 @@ pub(crate) enum GmresEnd {
 }
 
 impl Gmres {
-    /// With a preconditioner that may change, or whose calls are dear against the memory of a second set of directions.
+    /// With a preconditioner that may change, or whose calls are expensive relative to the memory of a second set of directions.
     pub(crate) fn flexible(directions: usize) -> Self {
         Self {
             flexible: true,
@@ -68,8 +68,8 @@ impl Gmres {
     }
 
     /// Overwrites `b` by an approximation to A⁻¹ b, until the residual has fallen by the factor `aim` or `limit` iterations are done.
-    /// `multiply(x, y)` adds A x to y, `near` overwrites its argument by the solution of a system near A. Without convergence the
-    /// caller judges the residual reported. After an error `b` holds what was reached before, unless it came with numbers that are none.
+    /// `multiply(x, y)` adds A x to y, `near` overwrites its argument by the solution of a system near A. Without convergence the caller
+    /// judges the residual reported. After an error `b` holds the last approximation, unless it was not finite at the start.
     pub(crate) fn solve(
         &mut self,
         mut multiply: impl FnMut(&[f64], &mut [f64]),
@@ -151,7 +151,7 @@ impl Gmres {
         Ok(outcome)
     }
 
-    /// One more direction, and the rotation that goes with it; `false` where it adds nothing.
+    /// Adds a direction and its rotation; `false` where the direction adds nothing.
     fn expand(
         &mut self,
         k: usize,
@@ -172,7 +172,7 @@ impl Gmres {
         w.fill(0.0);
         multiply(&self.z, w);
         let h = &mut self.hessenberg[rows * k..rows * (k + 1)];
-        // What one direction takes off goes with the product of the next one.
+        // Each subtraction is combined with the scalar product for the next direction.
         let mut last: Option<(f64, &[f64])> = None;
         for (i, v) in old.chunks_exact(n).enumerate() {
             let c = parallel::sum_parts(w, GRAIN, &|first, w| {
@@ -208,7 +208,7 @@ impl Gmres {
         Ok(true)
     }
 
-    /// The best combination of k directions, into `z`, preconditioned where directions were kept so.
+    /// The best combination of k directions, into `z`, of preconditioned ones where these were kept.
     fn combine(&mut self, k: usize, n: usize) {
         let rows = self.directions + 1;
         for i in (0..k).rev() {
@@ -268,7 +268,7 @@ mod tests {
         }
     }
 
-    /// One call a direction; without what they made one more each time that directions are combined.
+    /// One call a direction; without kept preconditioned directions one more each time that directions are combined.
     #[test]
     fn kept_images_spare_the_last_calls() {
         let x: Vec<f64> = (0..60).map(|i| (i as f64).sin()).collect();

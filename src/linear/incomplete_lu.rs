@@ -5,18 +5,18 @@ use crate::sparse::MatrixRef;
 /// Pivots below this part of the largest entry of their column are moved up to it.
 const PIVOT: f64 = 1e-8;
 
-/// What makes a system easier for an iterative solver: solves with a matrix near the one at hand.
+/// A preconditioner: solves with a matrix near the given one.
 pub trait Preconditioner {
-    /// Takes note of a square matrix, whose diagonal is stored; called again whenever it has changed.
+    /// Prepares for a square matrix, whose diagonal is stored; called again whenever it has changed.
     ///
     /// # Errors
-    /// What the preconditioner cannot handle.
+    /// A matrix that the preconditioner cannot handle.
     fn prepare(&mut self, a: MatrixRef<'_>) -> Result<(), LinearError>;
 
     /// Overwrites the right-hand side by the solution of the nearby system.
     ///
     /// # Errors
-    /// A wrong length; what goes wrong in a solve.
+    /// A wrong length; a failure of the solve.
     fn apply(&mut self, b: &mut [f64]) -> Result<(), LinearError>;
 }
 
@@ -47,7 +47,7 @@ pub struct IncompleteLu {
     values: Vec<f64>,
     /// Where the diagonal entry of each column is.
     diagonal: Vec<usize>,
-    /// Where each row of the column at hand is.
+    /// Where each row of the current column is.
     slot: Vec<usize>,
 }
 

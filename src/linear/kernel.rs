@@ -53,7 +53,7 @@ fn right_kernel(a: &Matrix, rtol: f64) -> Result<(Vec<Vec<f64>>, Vec<f64>), Line
     order.sort_by(|&p, &q| sigma[q].total_cmp(&sigma[p]));
     let limit = rtol * sigma[order[0]];
     let kernel = (order.iter().enumerate())
-        // The values that padding added are zero whatever rounding says.
+        // Singular values added by padding count as zero, though rounding may change them.
         .filter(|&(position, &k)| position >= short || sigma[k] <= limit)
         .map(|(_, &k)| v_t.row(k).iter().copied().collect())
         .collect();

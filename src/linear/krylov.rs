@@ -33,7 +33,7 @@ pub enum KrylovMethod {
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum KrylovEnd {
-    /// The residual fell by the factor asked for.
+    /// The residual fell by the requested factor.
     Converged,
     /// The limit on iterations was reached.
     IterationLimit,
@@ -43,21 +43,21 @@ pub enum KrylovEnd {
     Breakdown,
 }
 
-/// What a solve by a Krylov method did.
+/// Report on a solve by a Krylov method.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct KrylovReport {
     /// Number of products with A that made a new direction.
     pub iterations: usize,
-    /// ‖b − A x‖₂ / ‖b‖₂, measured at the x handed back; 0 for b = 0.
+    /// ‖b − A x‖₂ / ‖b‖₂, measured at the x returned; 0 for b = 0.
     pub residual: f64,
     /// How it ended.
     pub end: KrylovEnd,
 }
 
 impl KrylovReport {
-    /// Whether the residual fell as asked.
+    /// Whether the residual fell by the requested factor.
     #[must_use]
     pub fn is_converged(&self) -> bool {
         self.end == KrylovEnd::Converged
@@ -119,7 +119,7 @@ pub struct Krylov {
 }
 
 impl Krylov {
-    /// A method without a workspace yet, with at most 1000 iterations.
+    /// A method without a workspace, with at most 1000 iterations.
     #[must_use]
     pub fn new(method: KrylovMethod) -> Self {
         let gmres = match method {
@@ -176,12 +176,12 @@ impl Krylov {
 
     /// Overwrites `b` by an approximation x to A⁻¹ b, from x = 0 until ‖b − A x‖₂ ≤ `tolerance` ‖b‖₂.
     ///
-    /// Ends without convergence are told by the report; `b` holds the best x then, too.
+    /// The report tells whether the method converged; if not, `b` holds the best x all the same.
     ///
     /// # Errors
-    /// [`LinearError::Shape`] for a `b` of another length; [`LinearError::NotFinite`] where `b`, a product or what the preconditioner
-    /// gives is NaN or infinite, or the solution beyond the range of numbers; errors of the preconditioner. `b` then holds the last finite x, or 0,
-    /// unless it came with such numbers.
+    /// [`LinearError::Shape`] for a `b` of another length; [`LinearError::NotFinite`] where `b`, a product or a result of the
+    /// preconditioner is NaN or infinite, or the solution overflows; errors of the preconditioner. `b` then holds the last finite x, or 0,
+    /// unless it contained such numbers.
     pub fn solve(
         &mut self,
         a: &mut dyn LinearOperator,
@@ -207,7 +207,7 @@ impl Krylov {
                 end: KrylovEnd::Converged,
             });
         }
-        // Squares of what is far from 1 would leave the range of numbers.
+        // Squares of numbers far from 1 would overflow or underflow.
         b.iter_mut().for_each(|b| *b /= size);
         let result = self.rounds(a, b, tolerance);
         for x in b.iter_mut() {
@@ -220,7 +220,8 @@ impl Krylov {
         result.and(Err(NOT_FINITE_SOLUTION))
     }
 
-    /// Solves for `b` of length 1; where the recurrence of the method has left the residual, once more for what is left of it.
+    /// Solves for `b` of length 1; where the residual of the recurrence has departed from the true one, once more for the remaining
+    /// residual.
     fn rounds(
         &mut self,
         a: &mut dyn LinearOperator,
@@ -264,7 +265,7 @@ impl Krylov {
                 b.copy_from_slice(&self.x);
                 return Err(NOT_FINITE_PRODUCT);
             }
-            // Rounding may leave an x that is worse than none.
+            // Rounding may give an x that is worse than 0.
             if found > left {
                 b.copy_from_slice(&self.x);
                 return Ok(KrylovReport {

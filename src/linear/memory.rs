@@ -30,7 +30,7 @@ pub(super) struct PatternMemory {
 }
 
 impl PatternMemory {
-    /// Takes note of a pattern; `false` when it is the one already known.
+    /// Stores a pattern; `false` when it is the one already stored.
     pub(super) fn learn(&mut self, p: PatternRef<'_>) -> Result<bool, LinearError> {
         if p.nrows != p.ncols {
             return Err(LinearError::NotSquare {
@@ -67,7 +67,7 @@ impl PatternMemory {
         true
     }
 
-    /// Writes down what is implied, for [`row_idx`](Self::row_idx).
+    /// Writes out the implied row indices, for [`row_idx`](Self::row_idx).
     pub(super) fn write_down(&mut self) {
         if std::mem::take(&mut self.implied) {
             let n = self.n;
@@ -125,7 +125,7 @@ impl PatternMemory {
     }
 }
 
-/// The fields of a `PatternRef` are public, so anything may stand in them.
+/// The fields of a `PatternRef` are public, so they may have any content.
 fn validate(p: PatternRef<'_>) -> Result<(), LinearError> {
     let nnz = p.row_idx.len();
     let pointers = p.col_ptr.len().checked_sub(1) == Some(p.ncols)

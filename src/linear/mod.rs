@@ -1,4 +1,4 @@
-//! Linear solvers behind one seam. This room alone knows the linear-algebra crates; their types stay inside it.
+//! Linear solvers behind one trait. Only this module uses the linear-algebra crates; their types do not leave it.
 
 mod aggregation;
 mod auto;
@@ -67,8 +67,8 @@ use crate::sparse::{MatrixRef, PatternRef};
 /// The life of a solver: [`analyze`](Self::analyze) once a pattern, [`factor`](Self::factor) once a matrix, then any number of
 /// solves. Implement it to plug in a solver of your own (MUMPS, PARDISO, PETSc …).
 ///
-/// **Contract.** `factor` and the solves never panic; a singular or non-finite matrix is an error of `factor` or of the
-/// following solve, never a wrong answer handed out in silence. `analyze` with the pattern already analysed is cheap.
+/// **Contract.** `factor` and the solves never panic; a singular or non-finite matrix is an error of `factor` or of the following solve,
+/// never a wrong result without an error. `analyze` with the pattern already analysed is cheap.
 ///
 /// ```
 /// use semismooth::linear::{LinearError, LinearSolver};
@@ -111,10 +111,10 @@ use crate::sparse::{MatrixRef, PatternRef};
 /// # Ok::<(), LinearError>(())
 /// ```
 pub trait LinearSolver {
-    /// Takes note of the pattern of the matrices to come.
+    /// Analyses the pattern of the matrices to come.
     ///
     /// # Errors
-    /// [`LinearError::NotSquare`], or what the solver cannot handle.
+    /// [`LinearError::NotSquare`], or a pattern that the solver cannot handle.
     fn analyze(&mut self, pattern: PatternRef<'_>) -> Result<(), LinearError>;
 
     /// Factors a matrix over the analysed pattern.
@@ -135,13 +135,13 @@ pub trait LinearSolver {
     /// As [`solve_in_place`](Self::solve_in_place).
     fn solve_transpose_in_place(&mut self, b: &mut [f64]) -> Result<(), LinearError>;
 
-    /// An estimate of the reciprocal condition number in the 1-norm, in [0, 1], of the last factored matrix. It may be made only when it is
-    /// asked for, and then costs a few solves.
+    /// An estimate of the reciprocal condition number in the 1-norm, in [0, 1], of the last factored matrix. It may be computed only when
+    /// this is called, and then costs a few solves.
     fn rcond(&mut self) -> Option<f64> {
         None
     }
 
-    /// Sign (−1, 0, +1) and natural logarithm of |det A|, where the solver can tell.
+    /// Sign (−1, 0, +1) and natural logarithm of |det A|, where the solver computes them.
     fn log_det(&self) -> Option<(i8, f64)> {
         None
     }

@@ -1,9 +1,9 @@
 use super::{LinearError, Preconditioner};
 use crate::sparse::Matrix;
 
-/// A square matrix A known by its products, and what is near its inverse.
+/// A square matrix A known by its products, with a preconditioner.
 ///
-/// What [`Krylov`](super::Krylov) methods ask for. A [`Matrix`] is one without a preconditioner, [`Preconditioned`] one with it.
+/// The argument of [`Krylov`](super::Krylov) methods. A [`Matrix`] is one without a preconditioner, [`Preconditioned`] one with it.
 ///
 /// ```
 /// use semismooth::linear::{Krylov, LinearError, LinearOperator};
@@ -26,20 +26,20 @@ pub trait LinearOperator {
     /// Number n of rows and columns.
     fn order(&self) -> usize;
 
-    /// `y = A x`, both of length n; what `y` holds before does not count.
+    /// `y = A x`, both of length n; the content of `y` before does not matter.
     fn product(&mut self, x: &[f64], y: &mut [f64]);
 
-    /// `y = Aᵀ x`. `false`, with `y` left alone, where such products are not to be had: the default.
+    /// `y = Aᵀ x`. `false`, with `y` unchanged, where such products are not available: the default.
     fn transpose_product(&mut self, _x: &[f64], _y: &mut [f64]) -> bool {
         false
     }
 
     /// Overwrites `b` (length n) by P⁻¹ b for a P near A. Default: P is the identity.
     ///
-    /// CG and MINRES want a symmetric positive definite P, fixed during a solve; GMRES one that is fixed, flexible GMRES any.
+    /// CG and MINRES need a symmetric positive definite P, fixed during a solve; GMRES one that is fixed, flexible GMRES any.
     ///
     /// # Errors
-    /// What goes wrong in a solve; it ends the method with this error.
+    /// A failure of the solve, which ends the method with this error.
     fn precondition(&mut self, _b: &mut [f64]) -> Result<(), LinearError> {
         Ok(())
     }
@@ -82,7 +82,7 @@ pub struct Preconditioned<'a, P> {
 }
 
 impl<'a, P: Preconditioner> Preconditioned<'a, P> {
-    /// A square matrix, and what was prepared with it.
+    /// A square matrix, and a preconditioner prepared for it.
     #[must_use]
     pub fn new(matrix: &'a Matrix, preconditioner: &'a mut P) -> Self {
         Self {

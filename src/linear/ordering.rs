@@ -14,8 +14,8 @@ pub(super) struct Order {
     pub(super) places: Vec<usize>,
 }
 
-/// The graph of a matrix with neighbouring unknowns of equal columns (those of one node of a mesh) as one: a fraction of the size,
-/// with the same good orders.
+/// The graph of a matrix in which neighbouring unknowns of equal columns (those of one node of a mesh) are merged: much smaller, with
+/// equally good orders.
 pub(super) struct Nodes<'l> {
     /// The unknowns to come last.
     last: &'l [usize],
@@ -73,7 +73,7 @@ impl<'l> Nodes<'l> {
         })?))
     }
 
-    /// Nested dissection, of minimum degree in the small.
+    /// Nested dissection, with minimum degree for small regions.
     pub(super) fn dissected(&self) -> Result<Order, LinearError> {
         let graph = Graph {
             col_ptr: &self.col_ptr,

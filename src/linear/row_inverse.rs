@@ -25,7 +25,8 @@ impl RowInverse {
         })
     }
 
-    /// Adds `change` to row i: B' = B + eᵢ dᵀ. The factor by which the determinant changes; `None` where too many digits would be lost.
+    /// Adds `change` to row i: B' = B + eᵢ dᵀ. Returns the factor by which the determinant changes; `None` where too many digits would be
+    /// lost.
     pub(super) fn add_to_row(&mut self, i: usize, change: &[f64]) -> Option<f64> {
         let m = self.order;
         for (w, column) in self.weights.iter_mut().zip(self.entries.chunks_exact(m)) {

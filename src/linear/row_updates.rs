@@ -6,9 +6,9 @@ use crate::sparse::{Matrix, dot};
 
 /// Change of the determinant below which an update would lose too many digits.
 const SMALL_PIVOT: f64 = 1e-7;
-/// Updates after which an inverse is made anew, at least; so many as there are rows cost as much as making it anew.
+/// Updates after which an inverse is recomputed, at least; as many updates as rows cost as much as recomputing it.
 const MAX_UPDATES: usize = 100;
-/// Residual of the tangent, relative to the entries of ∇H, above which the updates have decayed.
+/// Residual of the tangent, relative to the entries of ∇H, above which the updates have become inaccurate.
 const DECAY: f64 = 1e-10;
 
 /// Solves with [∇H; tᵀ] while rows of ∇H are replaced.
@@ -37,8 +37,8 @@ enum Kept {
 }
 
 impl RowUpdates {
-    /// Begins with the system factored in `bordered`, bordered by its tangent. Keeps its inverse, or else relies on the factors in
-    /// `bordered`. `None` without determinants.
+    /// Starts with the system factored in `bordered`, bordered by its tangent. Keeps its inverse, or else uses the factors in `bordered`.
+    /// `None` without determinants.
     pub(crate) fn new<L: LinearSolver>(
         jacobian: &Matrix,
         bordered: &mut Bordered<L>,
@@ -69,12 +69,12 @@ impl RowUpdates {
         }))
     }
 
-    /// Whether the factors with which it began must stay in their place.
+    /// Whether the factors with which it started must be kept.
     pub(crate) fn relies_on_factors(&self) -> bool {
         matches!(self.kept, Kept::Factors(_))
     }
 
-    /// Takes note of rows of the Jacobian at hand before they are replaced.
+    /// Stores rows of the present Jacobian before they are replaced.
     pub(crate) fn note(&mut self, jacobian: &Matrix, rows: &[usize]) {
         let m = self.border.len();
         self.old.clear();
@@ -84,8 +84,8 @@ impl RowUpdates {
         }
     }
 
-    /// Replaces the rows of which note was taken by those of `jacobian`; false when the result is not to be trusted, and what is kept with
-    /// it.
+    /// Replaces the rows stored by [`note`](Self::note) by those of `jacobian`; false when the result and all that is kept cannot be
+    /// trusted.
     pub(crate) fn replace<L: LinearSolver>(
         &mut self,
         jacobian: &Matrix,
@@ -135,7 +135,7 @@ impl RowUpdates {
         length.is_finite() && length > 0.0
     }
 
-    /// One step of iterative refinement of the tangent; false when its residual shows that what is kept has decayed.
+    /// One step of iterative refinement of the tangent; false when its residual shows that the updates have become inaccurate.
     fn refine<L: LinearSolver>(
         &mut self,
         jacobian: &Matrix,
@@ -236,7 +236,7 @@ mod tests {
     use crate::linear::AutoSolver;
     use crate::spread::Random;
 
-    /// After each change of a row both kinds agree with factors made anew: kernel, determinant with its sign, and solutions.
+    /// After each change of a row both kinds agree with new factors: kernel, determinant with its sign, and solutions.
     #[test]
     fn updates_agree_with_factors_made_anew() {
         const N: usize = 24;
@@ -283,14 +283,14 @@ mod tests {
                 let size = expected.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
                 assert!(x.iter().zip(&expected).all(|(x, e)| (x - e).abs() < 1e-9 * size));
             }
-            // The factors serve while at most 16 rows differ.
+            // The factors are used while at most 16 rows differ.
             let expected = if keep_inverse { (40, false) } else { (14, true) };
             assert_eq!((replaced, refused), expected);
         }
         assert_eq!(signs.len(), 2);
     }
 
-    /// A change that makes ∇H singular, or nearly so, is refused, and so is one of a row that was not told.
+    /// A change that makes ∇H singular, or nearly so, is refused, and so is one of a row that was not noted.
     #[test]
     fn changes_that_cannot_be_trusted_are_refused() {
         let first = [[2.0, 1.0, 0.5], [1.0, 3.0, 0.25]];

@@ -4,12 +4,12 @@ use super::memory::check_finite;
 use crate::parallel;
 use crate::sparse::max_abs_scaled;
 
-/// Sweeps of [`Scaling::balance`]; a handful does unless units vary along a long chain.
+/// Sweeps of [`Scaling::balance`]; a handful suffices unless units vary along a long chain.
 const BALANCE_SWEEPS: usize = 12;
-/// Change of the exponents within a sweep after which no further one changes what they are rounded to but in freak cases.
+/// Change of the exponents within a sweep below which further sweeps hardly ever change the rounded exponents.
 const SETTLED: f64 = 1e-2;
 
-/// Orders from which all cores look at a full matrix, and rows or columns that one takes at a time.
+/// Orders from which all cores scale a full matrix, and rows or columns that one takes at a time.
 const PARALLEL: usize = 1024;
 const ROWS: usize = 512;
 
@@ -27,7 +27,7 @@ pub(crate) struct Scaling {
     regular: bool,
 }
 
-/// What a row or a column has of nonzero entries: their number and the sum of their exponents.
+/// The number of nonzero entries of a row or column, and the sum of their exponents.
 #[derive(Debug, Clone, Copy, Default)]
 struct Total {
     count: f64,
@@ -70,8 +70,8 @@ impl Scaling {
         Ok(())
     }
 
-    /// Finds R and C that bring the *geometric means* of rows and columns near 1: dearer, but it undoes any scaling of a
-    /// matrix with entries of one size, where largest entries mislead.
+    /// Finds R and C that bring the *geometric means* of rows and columns near 1: more expensive, but it undoes any scaling of a matrix
+    /// with entries of one size, where largest entries mislead.
     ///
     /// Alternating least squares of log₂ |r a c| (A. R. Curtis and J. K. Reid, 1972, doi:10.1093/imamat/10.1.118).
     pub(crate) fn balance(&mut self, col_ptr: &[usize], row_idx: &[usize], values: &[f64]) {
@@ -116,8 +116,8 @@ impl Scaling {
         }
     }
 
-    /// The reciprocal condition number of the balanced matrix, whose factors need not be known: `solve` divides by S, the matrix as `own`
-    /// scales it. `x` and `sign` are scratch of the order of the matrix.
+    /// The reciprocal condition number of the balanced matrix, whose factors need not be known: `solve` solves with S, the matrix as scaled
+    /// by `own`. `x` and `sign` are scratch of the order of the matrix.
     pub(super) fn balanced_rcond(
         &mut self,
         own: &Scaling,
@@ -214,7 +214,7 @@ pub(super) fn scale_columns(b: &mut [f64], factors: &[f64]) {
     }
 }
 
-/// The maximum of finite numbers: cheaper than `f64::max`, which looks after NaN.
+/// The maximum of finite numbers: cheaper than `f64::max`, which handles NaN.
 fn larger(a: f64, b: f64) -> f64 {
     if b > a { b } else { a }
 }

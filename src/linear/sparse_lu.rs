@@ -23,7 +23,7 @@ const BLOCK_RHS: usize = 8;
 /// Relative residual above which a solution is refined once.
 const REFINE: f64 = 1e-14;
 
-/// Relative residual above which a solution is not handed out.
+/// Relative residual above which a solution is rejected.
 const ACCEPT: f64 = 1e-10;
 
 /// Sparse LU with partial pivoting and a fill-reducing column order.
@@ -62,7 +62,7 @@ struct Engine {
 
 #[derive(Clone)]
 enum Factors {
-    /// faer keeps the factors of its blocked elimination to itself: no determinant.
+    /// faer does not give access to the factors of its blocked elimination: no determinant.
     Blocked(NumericLu<usize, f64>),
     Columns(Columns),
 }
@@ -77,7 +77,7 @@ struct Columns {
 }
 
 impl SparseLu {
-    /// A solver that knows no pattern yet.
+    /// A solver without a pattern.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
@@ -185,7 +185,7 @@ impl SparseLu {
     }
 }
 
-/// Writes b - S x (or b - Sᵀ x) into `r`; its ∞-norm against ‖S‖ ‖x‖ + ‖b‖.
+/// Writes b - S x (or b - Sᵀ x) into `r`; returns its ∞-norm relative to ‖S‖ ‖x‖ + ‖b‖.
 fn relative_residual(
     s: &MatrixRef<'_>,
     norm: f64,
@@ -218,8 +218,8 @@ impl Engine {
         let symbolic = factorize_symbolic_lu(a, LuSymbolicParams::default()).map_err(give_up)?;
         let blocked = symbolic.factorize_numeric_lu_scratch::<f64>(Par::Seq, Default::default());
         let columns = simplicial::factorize_simplicial_numeric_lu_scratch::<usize, f64>(n, n);
-        // The analysis does not tell which elimination it chose, but the two need different scratch; should a coincidence
-        // deceive us, elimination by columns is right all the same.
+        // The analysis does not tell which elimination it chose, but the two need different scratch; if both need the same, elimination by
+        // columns is still right.
         let (factors, scratch) = if determinants || blocked == columns {
             let identity: Vec<usize> = (0..n).collect();
             let factors = Columns {
@@ -370,7 +370,7 @@ impl LinearSolver for SparseLu {
         self.pattern.check(&a)?;
         match self.attempt(a.values, false) {
             Err(LinearError::Singular { rcond }) if self.scaling.is_regular() => {
-                // Largest entries may have misled the equilibration: a second opinion before the verdict.
+                // Largest entries may have misled the equilibration: try the balanced matrix before reporting it singular.
                 self.attempt(a.values, true)
                     .map_err(|_| LinearError::Singular { rcond })
             }

@@ -1,5 +1,5 @@
 //! Singular values and eigenvalues through nalgebra, whose iterations divide zeros where numbers underflow and panic over the NaN that
-//! follows: what goes in is finite and of one size, what comes out is looked at.
+//! follows: arguments are made finite and of moderate size, results are checked.
 
 use nalgebra::{DMatrix, DVector};
 
@@ -92,8 +92,8 @@ pub(super) fn any(m: DMatrix<f64>) -> Result<Vec<(f64, f64)>, LinearError> {
         let finite = all.iter().all(|z| z.0.is_finite() && z.1.is_finite());
         finite.then_some(all)
     };
-    // The shifts of the iteration leave some matrices as they are, cyclic permutations among them, and its test for convergence asks too
-    // much between entries that vanish on the diagonal: neither is so in another basis, with the diagonal moved away from 0.
+    // The shifts of the iteration leave some matrices unchanged, cyclic permutations among them, and its test for convergence is too strict
+    // between entries that vanish on the diagonal: another basis, with the diagonal moved away from 0, avoids both.
     let elsewhere = || {
         let shift = 2.0 * m.norm();
         let mut other = reflected(&m);
@@ -105,7 +105,7 @@ pub(super) fn any(m: DMatrix<f64>) -> Result<Vec<(f64, f64)>, LinearError> {
         .ok_or_else(|| failed("eigenvalues"))
 }
 
-/// H m H for a reflection H without preference.
+/// H m H for a generic reflection H.
 fn reflected(m: &DMatrix<f64>) -> DMatrix<f64> {
     let w = DVector::from_fn(m.nrows(), |i, _| 1.0 + golden(i + 1)).normalize();
     let rows = m - &w * (w.transpose() * m) * 2.0;
@@ -158,7 +158,7 @@ mod tests {
         }
     }
 
-    /// Cyclic permutations, which the usual shifts leave as they are, have the roots of unity as eigenvalues.
+    /// Cyclic permutations, which the usual shifts leave unchanged, have the roots of unity as eigenvalues.
     #[test]
     fn eigenvalues_of_cycles_are_roots_of_unity() {
         for n in 3..9 {

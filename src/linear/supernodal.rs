@@ -1,5 +1,5 @@
-//! The numbers of a supernodal Cholesky factor, on all cores: supernodes one after another, left-looking (E. G. Ng, B. W. Peyton, SIAM J. Sci.
-//! Comput. 14 (1993)), the columns of each in parts that are summed at the same time, each part in one order by one thread.
+//! Numeric supernodal Cholesky factorisation, on all cores: supernodes one after another, left-looking (E. G. Ng, B. W. Peyton, SIAM
+//! J. Sci. Comput. 14 (1993)), the columns of each in parts that are summed at the same time, each part in one order by one thread.
 
 use std::mem::MaybeUninit;
 
@@ -29,7 +29,7 @@ struct Lower {
 }
 
 impl Lower {
-    /// Of a matrix whose entries below the diagonal are read; `place` is where each unknown is eliminated.
+    /// From a matrix whose entries below the diagonal are read; `place` is the position of each unknown in the order of elimination.
     fn new(place: Option<&[usize]>, (col_ptr, row_idx, values): (&[usize], &[usize], &[f64])) -> Self {
         let n = col_ptr.len() - 1;
         let at = |i: usize| place.map_or(i, |place| place[i]);
@@ -66,7 +66,7 @@ struct Update<'a> {
 /// Overwrites `factor` by the numbers of L. Entries above diagonals are arbitrary.
 ///
 /// # Errors
-/// A pivot that is not positive; time that is over: the clock is read between supernodes and between parts of large ones.
+/// A pivot that is not positive; the time limit, for which the clock is read between supernodes and between parts of large ones.
 pub(super) fn factorize(
     symbolic: &SymbolicSupernodalCholesky<usize>,
     place: Option<&[usize]>,
@@ -149,8 +149,8 @@ pub(super) fn factorize(
     Ok(())
 }
 
-/// Bytes that [`factorize`] takes beside the factor, for a matrix with so many entries: a copy of it, lists, and a product of each of the
-/// threads that are counted on.
+/// Bytes that [`factorize`] takes beside the factor, for a matrix with so many entries: a copy of it, lists, and a product for each of the
+/// threads assumed.
 pub(super) fn memory(symbolic: &SymbolicSupernodalCholesky<usize>, entries: usize) -> usize {
     const THREADS: usize = 4;
     let (begin, end) = (symbolic.supernode_begin(), symbolic.supernode_end());
@@ -160,7 +160,7 @@ pub(super) fn memory(symbolic: &SymbolicSupernodalCholesky<usize>, entries: usiz
 }
 
 impl Update<'_> {
-    /// Takes the products with these columns off a part of the later supernode that consists of them.
+    /// Subtracts the products with these columns from a part of the later supernode that consists of them.
     fn subtract(
         &self,
         columns: std::ops::Range<usize>,
@@ -195,7 +195,7 @@ impl Update<'_> {
     }
 }
 
-/// The factor of the columns of a supernode, all of its updates being in it.
+/// The factor of the columns of a supernode, after all of its updates.
 fn dense(mut own: MatMut<'_, f64>, scratch: &mut [MaybeUninit<u8>], until: Until) -> Result<(), LinearError> {
     let (rows, width) = (own.nrows(), own.ncols());
     for k in (0..width).step_by(COLUMNS) {
@@ -262,7 +262,8 @@ mod tests {
     use crate::linear::{Cholesky, LinearSolver};
     use crate::sparse::Matrix;
 
-    /// A chain of cubes whose last separators have several parts: seven-point differences on m × m × 3m points, with a diagonal that varies.
+    /// A chain of cubes whose last separators have several parts: seven-point differences on m × m × 3m points, with a diagonal that
+    /// varies.
     fn blocks(m: usize) -> Matrix {
         let at = |i: usize, j: usize, k: usize| (k * m + j) * m + i;
         let mut entries = Vec::new();
@@ -308,7 +309,7 @@ mod tests {
         }
     }
 
-    /// The least eigenvalue is taken below 0 by a late pivot.
+    /// A late pivot moves the least eigenvalue below 0.
     #[test]
     fn indefinite_matrices_and_time_that_is_over_are_told() {
         let mut a = blocks(10);

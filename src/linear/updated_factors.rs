@@ -1,8 +1,8 @@
 use super::{Bordered, LinearError, LinearSolver, SmallLu};
 use crate::sparse::dot;
 
-/// [∇H; tᵀ] of which some rows differ from those of the factored B: B + E D, solved with the factors of B (Woodbury). Two solves a row
-/// that is replaced.
+/// Solves with B + E D, the [∇H; tᵀ] in which some rows differ from those of the factored B, by the factors of B (Woodbury). Two solves a
+/// row that is replaced.
 #[derive(Debug, Clone)]
 pub(super) struct UpdatedFactors {
     border: Vec<f64>,
@@ -29,10 +29,10 @@ pub(super) struct UpdatedFactors {
 const SPARSE: usize = 64;
 
 impl UpdatedFactors {
-    /// `sparse`: whether most entries of ∇H are none.
+    /// `sparse`: whether most entries of ∇H are not stored.
     pub(super) fn new<L: LinearSolver>(bordered: &Bordered<L>, det: (i8, f64), sparse: bool) -> Self {
         let border = bordered.tangent().to_vec();
-        // More rows than these cost as much as factors made anew, or fill more memory than sparse ones.
+        // More rows than these cost as much as a new factorisation, or fill more memory than sparse factors.
         let eighth = border.len() / 8;
         let limit = if sparse { eighth.min(SPARSE) } else { eighth }.max(16);
         Self {
@@ -50,7 +50,7 @@ impl UpdatedFactors {
         }
     }
 
-    /// Adds `changes`, one beside the other, to different rows; `false` where there are too many of them.
+    /// Adds `changes`, one after another, to different rows; `false` where there are too many of them.
     pub(super) fn add_to_rows<L: LinearSolver>(
         &mut self,
         rows: &[usize],
@@ -94,7 +94,7 @@ impl UpdatedFactors {
         Ok(true)
     }
 
-    /// Makes solves with the changes since the last call possible; sign and logarithm of the modulus of the determinant, `None` where it
+    /// Prepares solves with the changes since the last call; returns sign and logarithm of the modulus of the determinant, `None` where it
     /// is 0.
     pub(super) fn factor(&mut self) -> Option<(i8, f64)> {
         let k = self.rows.len();

@@ -31,7 +31,7 @@ pub enum SparseError {
     Length {
         /// Which array.
         what: &'static str,
-        /// Length asked for.
+        /// Length required.
         expected: usize,
         /// Length given.
         found: usize,
@@ -63,7 +63,7 @@ pub enum SparseError {
         line: usize,
         /// What was found and what was expected.
         what: String,
-        /// The error that says so, where there is one: of the JSON, or of the matrix that the file describes.
+        /// The underlying error, if there is one: of the JSON, or of the matrix that the file describes.
         source: Option<Cause>,
     },
 }

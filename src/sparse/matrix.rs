@@ -2,8 +2,8 @@ use super::{Pattern, PatternRef, SparseError, max_abs};
 
 /// Values over a [`Pattern`].
 ///
-/// A map fills its Jacobian by [`add`](Self::add); contributions to one entry sum up. An addition outside the pattern is
-/// remembered and reported by the solver that asked for the Jacobian, it is never dropped in silence.
+/// A map fills its Jacobian by [`add`](Self::add); contributions to one entry sum up. An addition outside the pattern is remembered and
+/// reported by the solver that asked for the Jacobian, it is never silently dropped.
 ///
 /// ```
 /// use semismooth::sparse::{Matrix, Pattern};
@@ -54,7 +54,7 @@ mod file {
         }
     }
 
-    /// A matrix that lacks an addition is not what it was meant to be.
+    /// A matrix that lacks an addition is not serialised.
     pub(super) fn refuse<S: Serializer>(stray: &Option<(usize, usize)>, _: S) -> Result<S::Ok, S::Error> {
         let (row, col) = stray.unwrap_or_default();
         let what = format!("entry ({row}, {col}) was added outside the pattern of the matrix");
@@ -273,7 +273,7 @@ impl Matrix {
         &self.values
     }
 
-    /// The values, to be overwritten.
+    /// The values, mutably.
     pub fn values_mut(&mut self) -> &mut [f64] {
         &mut self.values
     }
@@ -294,7 +294,7 @@ impl Matrix {
         }
     }
 
-    /// Sets all values to zero and forgets stray additions.
+    /// Sets all values to zero and discards stray additions.
     pub fn clear(&mut self) {
         self.values.fill(0.0);
         self.stray = None;
@@ -371,7 +371,7 @@ impl Matrix {
         }
     }
 
-    /// Tells of an entry that a formula has and its own pattern has not, also where this matrix has room for it.
+    /// Records an entry that the formula has but its own pattern lacks, also where this matrix has it in its pattern.
     pub(crate) fn refuse(&mut self, row: usize, col: usize) {
         self.stray = Some((row, col));
     }
@@ -464,8 +464,8 @@ impl Matrix {
                 worst = (row, col, difference.abs());
             }
         };
-        // Entries below the diagonal are met by rising columns, and so are their mirror images in each column: one pass finds
-        // them all. What it skips above the diagonal has no mirror image.
+        // Entries below the diagonal are visited by increasing columns, and so are their mirror images in each column: one pass finds them
+        // all. Entries that it skips above the diagonal have no mirror image.
         let mut next = col_ptr.to_vec();
         for col in 0..self.pattern.ncols() {
             let mut first = next[col];
@@ -498,7 +498,7 @@ impl Matrix {
     /// Whether a square matrix is symmetric to the last bit, as assembled ones are.
     fn is_mirrored(&self) -> bool {
         let (col_ptr, row_idx) = (self.pattern.col_ptr(), self.pattern.row_idx());
-        // Entries above the diagonal are met in the order of those below it in each column.
+        // Entries above the diagonal are visited in the order of those below it in each column.
         let mut next = vec![0; self.ncols()];
         for col in 0..self.ncols() {
             let mut k = col_ptr[col];

@@ -8,14 +8,14 @@ use crate::Cause;
 /// Largest number of rows or columns accepted in a file.
 const MAX_DIMENSION: usize = 1 << 31;
 
-/// What stands for the path in errors of text that comes from no file.
+/// The path in errors of text that is not read from a file.
 const NO_FILE: &str = "<text>";
 
 /// Reads a real matrix in MatrixMarket form (`coordinate` or `array`; `general`, `symmetric` or `skew-symmetric`).
 ///
-/// Values may be `real` or `integer`; repeated coordinates sum up. Refused are: a dimension above 2³¹; more columns than the length of
-/// the file in bytes plus 2²⁰, and more rows than 64 times that length plus 2²⁴, so that neither the matrix nor its transpose takes more
-/// memory than is in proportion to the file (but for 128 MB); and every value that is not finite.
+/// Values may be `real` or `integer`; repeated coordinates sum up. Refused are: a dimension above 2³¹; more columns than the length of the
+/// file in bytes plus 2²⁰, and more rows than 64 times that length plus 2²⁴, so that neither the matrix nor its transpose takes memory out
+/// of proportion to the file (apart from 128 MB); and every value that is not finite.
 ///
 /// # Errors
 /// [`SparseError::Io`] or [`SparseError::Parse`] with the line.
@@ -24,7 +24,7 @@ pub fn read_matrix_market(path: impl AsRef<Path>) -> Result<Matrix, SparseError>
     parse_matrix(&read(path)?, path, |_| Ok(()))
 }
 
-/// What a file announces.
+/// The header of a file.
 #[cfg(feature = "json")]
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Announced {
@@ -33,7 +33,7 @@ pub(crate) struct Announced {
     pub(crate) entries: usize,
 }
 
-/// [`read_matrix_market`], refused by `accept` before anything is made of what the file announces.
+/// [`read_matrix_market`], unless `accept` refuses what the header announces, before anything is allocated.
 #[cfg(feature = "json")]
 pub(crate) fn read_matrix_if(
     path: &Path,
@@ -77,7 +77,7 @@ pub fn write_matrix_market(path: impl AsRef<Path>, matrix: &Matrix) -> Result<()
     replace_file(path, |part| fs::write(part, &text)).map_err(|e| io_error(path, e))
 }
 
-/// Writes a file next to `path` and moves it there, so that a run that is killed leaves the old file or the new one, and no part.
+/// Writes a file next to `path` and moves it there, so that a run that is killed leaves the old file or the new one, never a part of it.
 pub(crate) fn replace_file(
     path: &Path,
     write: impl FnOnce(&Path) -> std::io::Result<()>,
@@ -89,7 +89,7 @@ pub(crate) fn replace_file(
     let Some(stem) = path.file_stem() else {
         return write(path);
     };
-    // The ending stays: it may tell the format.
+    // The extension stays: it may determine the format.
     let mut name = stem.to_os_string();
     name.push(".part");
     if let Some(ending) = path.extension() {
@@ -100,7 +100,7 @@ pub(crate) fn replace_file(
     write(&part)
         .and_then(|()| fs::rename(&part, path))
         .inspect_err(|_| {
-            // What is left of it is of no use; whether it can be removed changes nothing.
+            // The partial file is of no use; whether it can be removed changes nothing.
             let _ = fs::remove_file(&part);
         })
 }

@@ -4,8 +4,8 @@ use super::{Matrix, Pattern, SparseError};
 /// A symmetric matrix of displacements, stored in blocks of 2 × 2 (in the plane) or 3 × 3 entries (in space) for each pair of coupled
 /// nodes, with the positions of the nodes.
 ///
-/// It takes half the memory of a [`Matrix`], about 0.7 kB a displacement for hexahedra, and tells multigrid which rigid motions there
-/// are. Unknowns are numbered freely; components of nodes that are no unknowns (prescribed ones) are left out.
+/// It takes half the memory of a [`Matrix`], about 0.7 kB a displacement for hexahedra, and gives multigrid the rigid motions. Unknowns are
+/// numbered freely; components of nodes that are no unknowns (prescribed ones) are left out.
 ///
 /// ```
 /// use semismooth::sparse::{Matrix, NodalMatrix};

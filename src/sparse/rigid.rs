@@ -1,4 +1,4 @@
-//! Rigid motions, and which of them nothing resists.
+//! Rigid motions, and which of them are not resisted.
 
 /// Translations, then rotations about the axes.
 const NAMES: [&str; 6] = [
@@ -13,7 +13,7 @@ const NAMES: [&str; 6] = [
 /// Pivots of the Gram matrix below this part of its largest entry are zero.
 const NEGLIGIBLE: f64 = 1e-12;
 
-/// Where a piece of a body is, for motions about its centre in units of its size.
+/// Position of a piece of a body, for motions about its centre in units of its size.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Place {
     pub(crate) centre: [f64; 3],
@@ -55,19 +55,19 @@ impl Place {
     }
 }
 
-/// The Gram matrix of what resists, over the motions.
+/// The Gram matrix of the resisting forces, over the motions.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Resistance([[f64; 6]; 6]);
 
 impl Resistance {
-    /// One thing that resists: its force for each of the motions.
+    /// Adds a resistance by its force for each of the motions.
     pub(crate) fn add(&mut self, force: &[f64; 6]) {
         for (row, f) in self.0.iter_mut().zip(force) {
             row.iter_mut().zip(force).for_each(|(g, h)| *g += f * h);
         }
     }
 
-    /// The motions that nothing resists, beside those named before them.
+    /// The motions without resistance, beyond those named before them.
     pub(crate) fn free(&self, dim: usize) -> Vec<&'static str> {
         let wanted: &[usize] = if dim == 2 { &[0, 1, 5] } else { &[0, 1, 2, 3, 4, 5] };
         let mut g = self.0;
@@ -89,8 +89,8 @@ impl Resistance {
     }
 }
 
-/// Pieces of a graph of `n` nodes: the number of that of each node, counted by the first node. `connect` calls its argument with lists of
-/// nodes that hang together.
+/// Pieces of a graph of `n` nodes: the number of that of each node, counted in the order of their first nodes. `connect` calls its argument
+/// with lists of connected nodes.
 pub(crate) fn pieces(
     n: usize,
     connect: impl FnOnce(&mut dyn FnMut(&mut dyn Iterator<Item = usize>)),

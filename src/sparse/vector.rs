@@ -17,7 +17,7 @@ pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     (sums[0] + sums[2]) + (sums[1] + sums[3]) + tail
 }
 
-/// ‖v‖₂, also where the squares leave the range of numbers.
+/// ‖v‖₂, also where the squares overflow or underflow.
 pub(crate) fn norm(v: &[f64]) -> f64 {
     let squares = dot(v, v);
     if (1e-290..1e290).contains(&squares) || squares.is_nan() {
@@ -44,7 +44,7 @@ pub(crate) fn distance(a: &[f64], b: &[f64]) -> f64 {
     max * apart().map(|d| (d / max).powi(2)).sum::<f64>().sqrt()
 }
 
-/// max |vᵢ|, 0 for an empty vector; NaN if there is one.
+/// max |vᵢ|, 0 for an empty vector; NaN if any entry is.
 pub(crate) fn max_abs(v: &[f64]) -> f64 {
     in_lanes(
         v,
@@ -64,7 +64,7 @@ pub(crate) fn sum_abs(v: &[f64]) -> f64 {
     in_lanes(v, v, |v, _| v.abs(), |sum, x| sum + x)
 }
 
-/// Joins the terms of pairs from 0, in an order that leaves wide registers to the compiler.
+/// Combines the terms of pairs from 0 on, in an order that allows wide registers.
 #[inline(always)]
 fn in_lanes(a: &[f64], b: &[f64], term: impl Fn(f64, f64) -> f64, join: impl Fn(f64, f64) -> f64) -> f64 {
     const LANES: usize = 8;

@@ -5,8 +5,8 @@ use super::polyhedron::Rows;
 use super::projection::Multipliers;
 use crate::exact::{self, Exact};
 
-/// Whether the constraints with multipliers, or all of them, have no common point as their floating-point numbers state them; `None`
-/// where there are too many to tell.
+/// Whether the constraints with multipliers, or all of them, have no common point with their floating-point data taken as exact; `None`
+/// where there are too many to decide.
 pub(super) fn is_empty(set: &Polyhedron, multipliers: &Multipliers) -> Option<bool> {
     let m = multipliers;
     let among = |factors: &[f64]| -> Vec<usize> {

@@ -4,7 +4,7 @@ use crate::complementarity::ComplementarityError;
 use crate::enumeration::EnumerationError;
 use crate::sparse::SparseError;
 
-/// What can be wrong with a polyhedron or a variational inequality. How a solve ended stands in its report.
+/// What can be wrong with a polyhedron or a variational inequality. How a solve ended is in its report.
 #[derive(Debug, Clone, PartialEq, Error)]
 #[non_exhaustive]
 pub enum VariationalError {
@@ -13,7 +13,7 @@ pub enum VariationalError {
     Length {
         /// Which one.
         what: &'static str,
-        /// Length asked for.
+        /// Length required.
         expected: usize,
         /// Length given.
         found: usize,
@@ -28,7 +28,7 @@ pub enum VariationalError {
         /// Its value.
         value: f64,
     },
-    /// Constraints depend on each other but for rounding, and whether they have a common point is left open.
+    /// Constraints are linearly dependent up to rounding, and it is undecided whether they have a common point.
     #[error(
         "rounding leaves open whether the constraints have a common point (after {steps} changes of the active set, at row {row}, \
          equations before inequalities, lower and upper bounds); state constraints that nearly depend on each other once"

@@ -4,7 +4,7 @@
 //! constraints (F a gradient), Nash equilibria, generalised ones with shared constraints and common multipliers, and Wardrop equilibria of
 //! traffic are of this kind (F. Facchinei, J.-S. Pang, 2003, chapter 1).
 //!
-//! * [`Polyhedron`] is C; it projects points exactly, or proves that it is empty.
+//! * [`Polyhedron`] is C; it projects points, or proves that it is empty.
 //! * [`Vi`] is the problem. Its Karush–Kuhn–Tucker conditions ([`Vi::kkt`]) are an [`Mcp`](crate::complementarity::Mcp), hence a
 //!   piecewise-smooth map: parametric problems are followed by [`continuation`](crate::continuation).
 //! * [`ViSolver`] solves from any start, or proves that there is no solution; [`Vi::all_solutions`] lists all solutions of affine problems.

@@ -117,7 +117,7 @@ impl Polyhedron {
         })
     }
 
-    /// The same with the inequalities A x ≤ b, A of shape m × n, instead of those there were.
+    /// Replaces the inequalities by A x ≤ b, A of shape m × n.
     ///
     /// # Errors
     /// Shapes that do not fit, numbers that are not finite.
@@ -126,7 +126,7 @@ impl Polyhedron {
         Ok(self)
     }
 
-    /// The same with the equations E x = d, E of shape k × n, instead of those there were. They may depend on each other.
+    /// Replaces the equations by E x = d, E of shape k × n. They may be linearly dependent.
     ///
     /// # Errors
     /// Shapes that do not fit, numbers that are not finite.
@@ -189,8 +189,7 @@ impl Polyhedron {
     /// O(n (m + k + n)) operations a change of the active set, of which there are rarely more than a few for each active constraint.
     ///
     /// # Errors
-    /// x of the wrong length or not finite; constraints that depend on each other but for rounding
-    /// ([`VariationalError::Unresolved`]).
+    /// x of the wrong length or not finite; constraints that are linearly dependent up to rounding ([`VariationalError::Unresolved`]).
     pub fn project(&self, x: &[f64]) -> Result<Projection, VariationalError> {
         check_finite("x", x, self.dimension())?;
         project(self, x)

@@ -8,14 +8,14 @@ use crate::sparse::{Matrix, Pattern};
 /// F has n variables, or n + 1 where the last one is a parameter.
 ///
 /// # Normal map
-/// With P the projection on C, x is a solution if and only if x = P(z) for a zero z of F(P(z)) + z − P(z), the normal map of S. M. Robinson (1992);
-/// then z = x − F(x) (F. Facchinei, J.-S. Pang, 2003, Proposition 1.5.9). In the n variables z its pieces belong to sets of active
-/// constraints, of which there may be several for one P where constraints depend on each other, and none is told by signs at single
-/// constraints. [`kkt`](Self::kkt) states the same in (x, λ, μ): a map whose sites are the constraints, each with pieces of its own. Its zeros give
-/// those of the normal map as z = x + Aᵀλ + Eᵀμ − ρₗ + ρᵤ, ρ the [multipliers](super::Multipliers) of the bounds, and z gives (λ, μ, ρ) as the
-/// multipliers of [`Polyhedron::project`], unique where the normals of active constraints do not depend on each other.
-/// [`NormalMap`](crate::complementarity::NormalMap) of [`kkt`](Self::kkt) is the normal map of the box of (x, λ, μ), and for C a box without
-/// rows that of the problem itself.
+/// With P the projection on C, x is a solution if and only if x = P(z) for a zero z of F(P(z)) + z − P(z), the normal map of S. M. Robinson
+/// (1992); then z = x − F(x) (F. Facchinei, J.-S. Pang, 2003, Proposition 1.5.9). In the n variables z its pieces belong to sets of active
+/// constraints. Where constraints are linearly dependent several sets may give the same P, and no set is determined by the signs at single
+/// constraints. [`kkt`](Self::kkt) states the same in (x, λ, μ): a map whose sites are the constraints, each with pieces of its own. Its
+/// zeros give those of the normal map as z = x + Aᵀλ + Eᵀμ − ρₗ + ρᵤ, ρ the [multipliers](super::Multipliers) of the bounds, and z gives
+/// (λ, μ, ρ) as the multipliers of [`Polyhedron::project`], unique where the normals of active constraints are linearly independent.
+/// [`NormalMap`](crate::complementarity::NormalMap) of [`kkt`](Self::kkt) is the normal map of the box of (x, λ, μ), and for C a box
+/// without rows that of the problem itself.
 ///
 /// ```
 /// use semismooth::complementarity::AffineFunction;
@@ -103,7 +103,7 @@ pub struct ViConditions<F> {
     coupling: Matrix,
     constants: Vec<f64>,
     n: usize,
-    /// The whole, where F states M and q.
+    /// The function as M x + q, where F gives M and q.
     affine: Option<AffineFunction>,
 }
 

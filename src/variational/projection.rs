@@ -1,4 +1,4 @@
-//! Projection onto a polyhedron by the dual active-set method of D. Goldfarb and A. Idnani (1983) for the Hessian 1.
+//! Projection onto a polyhedron by the dual active-set method of D. Goldfarb and A. Idnani (1983) with the identity as Hessian.
 
 use super::emptiness::is_empty;
 use super::{Polyhedron, VariationalError};
@@ -7,29 +7,31 @@ use crate::sparse::{dot, max_abs, norm};
 
 /// Part of its terms below which the violation of a row is rounding.
 const ROUNDING: f64 = 32.0 * f64::EPSILON;
-/// A normal of length 1 whose part outside the span of the active ones is shorter than this, times their coefficients, lies in it.
+/// A unit normal counts as dependent on the active ones if its part orthogonal to their span is shorter than this, times their
+/// coefficients.
 const DEPENDENT: f64 = 1e-13;
 
-/// How often rows are looked at again, free of what the way from the point left.
+/// How often rows are checked again after the rounding errors of earlier steps have been removed.
 const LOOKS: usize = 2;
 
-/// Part of its terms below which a contradiction may be the rounding of the data: rows that depend on each other as meant, not as stored.
+/// Part of its terms below which a contradiction may come from the rounding of the data: rows that are dependent as intended, but not as
+/// stored.
 const STATED: f64 = 16.0 * f64::EPSILON;
 
-/// Part of its terms and of the points by which a constraint may be violated in the end.
+/// Part of its terms and of the points by which a constraint may be violated in the result.
 const MET: f64 = 1e-10;
 
 /// Radius of a certificate that exact arithmetic does not confirm, relative to the data.
 const MARGIN: f64 = 1e12;
 
-/// What a projection finds.
+/// Result of a projection.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub enum Projection {
     /// The nearest point.
     Nearest(Nearest),
-    /// The polyhedron is empty. Constraints that contradict each other by no more than 32 roundings of their terms are taken for constraints
-    /// that depend on each other, and do not make it so.
+    /// The polyhedron is empty. Constraints that contradict each other by no more than 32 rounding errors of their terms count as linearly
+    /// dependent, and do not make it empty.
     Empty(Infeasibility),
 }
 
@@ -37,8 +39,8 @@ pub enum Projection {
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Nearest {
-    /// The point, length n; bounds that are active hold exactly, other constraints to 1e-10 of their terms and of the largest component of it
-    /// and of the point that was projected, at least.
+    /// The point, length n. Active bounds hold exactly, other constraints at least to 1e-10 of their terms and of the largest component of
+    /// this point and of the projected one.
     pub x: Vec<f64>,
     /// Multipliers; those of constraints that are not active are 0.
     pub multipliers: Multipliers,
@@ -68,14 +70,14 @@ pub struct Infeasibility {
     pub multipliers: Multipliers,
     /// bᵀy + dᵀw − lᵀρₗ + uᵀρᵤ, negative.
     pub value: f64,
-    /// There is no point x with ‖x‖_∞ below this radius. Infinite where exact arithmetic has confirmed that the constraints, as their
-    /// floating-point numbers state them, contradict each other. Where they are too many for that (more than 5 000 entries), the first
-    /// condition holds but for rounding, which leaves a radius of at least 10¹² times the size of the data.
+    /// There is no point x with ‖x‖_∞ below this radius. Infinite where exact arithmetic has confirmed that the constraints, with their
+    /// floating-point data taken as exact, contradict each other. Where they are too many for that (more than 5 000 entries), the first
+    /// condition holds up to rounding, which leaves a radius of at least 10¹² times the size of the data.
     pub radius: f64,
 }
 
 impl Infeasibility {
-    /// The certificate with multipliers of a polyhedron, if they are one.
+    /// The certificate of a polyhedron with these multipliers, if they are one.
     pub(super) fn of(set: &Polyhedron, multipliers: Multipliers) -> Option<Self> {
         let m = &multipliers;
         // Sums without rounding, so that the radius is right. Numbers of a polyhedron are finite.
@@ -135,7 +137,7 @@ struct Solver<'a> {
     active: Vec<usize>,
     u: Vec<f64>,
     is_active: Vec<bool>,
-    /// Rows that depend on the active ones and are satisfied but for rounding.
+    /// Rows that are linearly dependent on the active ones and satisfied up to rounding.
     skipped: Vec<bool>,
 }
 
@@ -177,7 +179,7 @@ pub(super) fn project(set: &Polyhedron, x: &[f64]) -> Result<Projection, Variati
             }
         }
     }
-    // Rows that depend on the active ones but for rounding were passed over on the way.
+    // Rows dependent on the active ones up to rounding have been skipped.
     match solver.violated() {
         Some(row) => Err(VariationalError::Unresolved { steps, row }),
         None => Ok(Projection::Nearest(solver.nearest(x))),
@@ -284,7 +286,7 @@ impl<'a> Solver<'a> {
         Infeasibility::of(set, certificate)
     }
 
-    /// The certificate with multipliers that hold but for rounding, if the set is empty in exact arithmetic, or else by a wide margin.
+    /// The certificate with multipliers that are right up to rounding, if the set is empty in exact arithmetic, or else by a wide margin.
     fn confirmed(&self, multipliers: Multipliers) -> Option<Infeasibility> {
         let mut certificate = Infeasibility::of(self.set, multipliers)?;
         match is_empty(self.set, &certificate.multipliers) {
@@ -391,7 +393,7 @@ impl<'a> Solver<'a> {
             let spread = 1.0 + r.iter().map(|r| r.abs()).sum::<f64>();
             let dependent = length <= DEPENDENT * spread;
             let (slack, size) = self.slack(p);
-            // Combined from active rows, whose own rounding comes in, as does that of y on its way from x.
+            // The row is a combination of active rows, whose rounding errors count, as do those of y since the start at x.
             let size = size + self.far.max(max_abs(&self.y));
             let rounding = slack.abs() <= 8.0 * ROUNDING * spread * size;
             let mut leaves: Option<(usize, f64)> = None;
@@ -485,7 +487,7 @@ impl<'a> Solver<'a> {
         (0..self.kinds.len()).find(|p| !met(p))
     }
 
-    /// Moves y to the point on the active rows, free of what the way there left.
+    /// Moves y onto the active rows, which removes the rounding errors of earlier steps.
     fn finish(&mut self) {
         for _ in 0..2 {
             // Least change of y that meets the active rows: Rᵀ v = −slack, y + Q v.
@@ -510,7 +512,7 @@ impl<'a> Solver<'a> {
         }
     }
 
-    /// y, and the multipliers that belong to its move from x.
+    /// y, and the multipliers of the step to it from x.
     fn nearest(self, x: &[f64]) -> Nearest {
         let moved: Vec<f64> = self.y.iter().zip(x).map(|(y, x)| y - x).collect();
         let d: Vec<f64> = self.q.iter().map(|q| dot(q, &moved)).collect();

@@ -7,9 +7,9 @@ use crate::piecewise::{PiecewiseSmooth, Selection};
 use crate::sparse::{Matrix, max_abs};
 use num_traits::Zero;
 
-/// Part of x below which two are one, if the multipliers of both are not unique.
+/// Two x that differ by less than this part of x count as one, if the multipliers of both are not unique.
 const SAME: f64 = 1e-9;
-/// Part of the least length among the data below which x is rounding.
+/// Part of the least length among the data below which x counts as rounding error.
 const ROUNDING: f64 = 1e-15;
 
 /// A problem in other units, and what its multipliers are to be multiplied by.
@@ -24,8 +24,8 @@ pub struct ViSolutions {
     pub solutions: Vec<Vec<f64>>,
     /// Continua along which x changes, in the variables (x, λ, μ).
     pub continua: Vec<Continuum>,
-    /// Whether all selections of the Karush–Kuhn–Tucker conditions were examined, and with what certainty. One thing is decided in
-    /// floating-point numbers: that two x are one, to 1e-9 of the larger, where the multipliers of both are not unique.
+    /// Whether all selections of the Karush–Kuhn–Tucker conditions were examined, and with what certainty. One decision is made in
+    /// floating-point numbers: two x whose multipliers are not unique count as one if they differ by at most 1e-9 of the larger.
     pub completeness: Completeness,
 }
 
@@ -33,7 +33,7 @@ impl<F: McpFunction> Vi<F> {
     /// All solutions of the problem with affine F, by [`all_solutions`] of the conditions [`Vi::kkt`].
     ///
     /// # Complexity
-    /// Exponential in the number of inequalities and bounds in the worst case; the search is pruned and keeps the limits of its options.
+    /// Exponential in the number of inequalities and bounds in the worst case; the search is pruned and observes the limits of its options.
     ///
     /// # Errors
     /// As [`all_solutions`]: F that is not affine, a parametric problem, options out of range.
@@ -62,7 +62,7 @@ impl<F: McpFunction> Vi<F> {
     }
 
     /// The same problem with F and each row of A and E multiplied by powers of two, after which their largest coefficients are near 1, and
-    /// what its multipliers λ and μ are to be multiplied by. `None` where F states no coefficients, or that is not exact.
+    /// what its multipliers λ and μ are to be multiplied by. `None` where F gives no coefficients, or the scaling is not exact.
     fn in_units_of_rows(&self) -> Result<Option<Scaled>, VariationalError> {
         let conditions = self.kkt()?;
         let Some((f, _)) = conditions.function().coefficients() else {
@@ -116,7 +116,7 @@ impl<F: McpFunction> Vi<F> {
             all.continua = found.continua;
             return Ok(all);
         };
-        // For one x the multipliers are a convex set: a solution that no continuum holds is alone with its x.
+        // The multipliers of one x form a convex set: a solution that lies in no continuum is the only one with its x.
         let mut held = vec![false; found.solutions.len()];
         let scale = self.scale(f);
         for continuum in found.continua {
@@ -231,7 +231,7 @@ fn determined(conditions: &impl PiecewiseSmooth, selection: &Selection, n: usize
 }
 
 impl Polyhedron {
-    /// Whether x lies in it, by the terms of each row.
+    /// Whether x lies in the polyhedron, relative to the terms of each row.
     fn holds(&self, x: &[f64]) -> bool {
         let off = |rows: &Rows, i: usize| {
             let size: f64 = rows.row(i).map(|(j, v)| (v * x[j]).abs()).sum();
@@ -246,7 +246,7 @@ impl Polyhedron {
 }
 
 impl ViSolutions {
-    /// Keeps x, whose multipliers are not unique, unless it has come before.
+    /// Adds x, whose multipliers are not unique, unless it is listed already.
     fn insert(&mut self, x: &[f64], scale: f64) {
         let same = |y: &Vec<f64>| {
             let apart: Vec<f64> = y.iter().zip(x).map(|(a, b)| a - b).collect();

@@ -14,9 +14,10 @@ pub enum ViStatus {
     Solved,
     /// C is empty, as [`ViReport::infeasibility`] proves within its radius.
     EmptySet,
-    /// No x in C is a solution, as [`ViReport::ray`] proves within its radius, or (no ray) all active sets of a small affine problem were ruled out.
+    /// No x in C is a solution, as [`ViReport::ray`] proves within its radius, or (no ray) all active sets of a small affine problem were
+    /// ruled out.
     NoSolution,
-    /// The solver ended otherwise, in words of [`McpStatus`].
+    /// The solver ended otherwise, with this [`McpStatus`].
     Unsolved(McpStatus),
 }
 
@@ -31,8 +32,8 @@ impl std::fmt::Display for ViStatus {
     }
 }
 
-/// Proof that an affine variational inequality has no solution: a direction v of recession of C (A v ≤ 0, E v = 0, vⱼ ≥ 0 below no upper and
-/// vⱼ ≤ 0 above no lower bound) with F(x)ᵀv ≤ value < 0 for all x in C, as Mᵀv = Aᵀy + Eᵀw − ρₗ + ρᵤ with y, ρₗ, ρᵤ ≥ 0 and
+/// Proof that an affine variational inequality has no solution: a recession direction v of C (A v ≤ 0, E v = 0, vⱼ ≥ 0 where lⱼ is finite,
+/// vⱼ ≤ 0 where uⱼ is finite) with F(x)ᵀv ≤ value < 0 for all x in C, as Mᵀv = Aᵀy + Eᵀw − ρₗ + ρᵤ with y, ρₗ, ρᵤ ≥ 0 and
 /// value = qᵀv + bᵀy + dᵀw − lᵀρₗ + uᵀρᵤ. At a solution x the point x + v of C would contradict F(x)ᵀ(y − x) ≥ 0.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
@@ -48,14 +49,14 @@ pub struct Ray {
     pub radius: f64,
 }
 
-/// How a solve went, and what belongs to the point returned.
+/// Report on a solve, with the data of the point returned.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct ViReport {
     /// How it ended.
     pub status: ViStatus,
-    /// ‖x − P(x − F(x))‖_∞ with the projection P on C, measured at the point returned; NaN where F is, or where rounding does
-    /// not let the projection end.
+    /// ‖x − P(x − F(x))‖_∞ with the projection P on C, measured at the point returned; NaN where F is, or where the projection fails by
+    /// rounding.
     pub residual: f64,
     /// λ, μ and, from F(x) + Aᵀλ + Eᵀμ = ρₗ − ρᵤ, the multipliers of the bounds.
     pub multipliers: Multipliers,
@@ -84,13 +85,13 @@ impl std::fmt::Display for ViReport {
 /// Solves variational inequalities over polyhedra.
 ///
 /// The start is projected on C. Then [`McpSolver`] solves the conditions of [`Vi::kkt`]: semismooth Newton first, then among others
-/// Josephy–Newton with linearised problems solved along piecewise linear paths (N. H. Josephy 1979; D. Ralph 1994), and a piecewise
-/// smooth homotopy; [`McpOptions::strategies`] chooses. For affine F a certificate is sought where nothing solves.
+/// Josephy–Newton with linearised problems solved along piecewise linear paths (N. H. Josephy 1979; D. Ralph 1994), and a piecewise smooth
+/// homotopy; [`McpOptions::strategies`] chooses. For affine F a certificate is sought where no strategy succeeds.
 ///
-/// With [`McpStrategy::JosephyNewton`](crate::complementarity::McpStrategy::JosephyNewton) alone an affine problem is solved by one piecewise
-/// linear path from the start, as by PATHAVI (Y. Kim, O. Huber, M. C. Ferris, Math. Program. 169 (2018)), though in the variables (x, λ, μ): up to
-/// four times [`McpOptions::max_path_size`] of them and [`McpOptions::max_path_points`] kinks, on which some matrices of that order are
-/// factored.
+/// With [`McpStrategy::JosephyNewton`](crate::complementarity::McpStrategy::JosephyNewton) alone an affine problem is solved by one
+/// piecewise linear path from the start, as by PATHAVI (Y. Kim, O. Huber, M. C. Ferris, Math. Program. 169 (2018)), though in the variables
+/// (x, λ, μ): up to four times [`McpOptions::max_path_size`] of them and [`McpOptions::max_path_points`] kinks, on which some matrices of
+/// that order are factored.
 ///
 /// ```
 /// use semismooth::complementarity::{AffineFunction, McpOptions, McpStrategy};
@@ -123,8 +124,8 @@ impl ViSolver {
     /// Solves from the start `x`, which is overwritten by the solution or the best point; the start may lie outside of C.
     ///
     /// # Errors
-    /// Misuse: a parametric problem, a start of the wrong length or not finite, options out of range; a projection that rounding does
-    /// not let end ([`VariationalError::Unresolved`]).
+    /// Misuse: a parametric problem, a start of the wrong length or not finite, options out of range; a projection that fails by rounding
+    /// ([`VariationalError::Unresolved`]).
     pub fn solve<F: McpFunction>(
         &mut self,
         problem: &Vi<F>,
@@ -192,7 +193,7 @@ impl ViSolver {
         match natural_residual(problem, x)? {
             Ok(residual) => report.residual = residual,
             Err(certificate) => {
-                // Seen from elsewhere, the contradiction is no rounding.
+                // Projected from another point, the contradiction exceeds rounding.
                 report.status = ViStatus::EmptySet;
                 report.infeasibility = Some(certificate);
                 return Ok(report);

@@ -47,7 +47,7 @@ enum Kind {
 const LEFT_OUT: usize = usize::MAX;
 
 impl DirectReduced {
-    /// A solver that knows no matrix yet.
+    /// A solver without a matrix.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
@@ -61,7 +61,7 @@ impl DirectReduced {
         }
     }
 
-    /// Factors the matrix of the free components alone; `false` where it is singular at first sight.
+    /// Factors the matrix of the free components alone; `false` where a pivot is near zero.
     fn factor_small(&mut self, matrix: &Matrix) -> bool {
         self.rows.clear();
         for (i, free) in self.free.iter().enumerate() {

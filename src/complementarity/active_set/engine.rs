@@ -12,13 +12,14 @@ use crate::linear::{LinearError, Scaling};
 const COARSE: f64 = 5e-2;
 /// Smallest relative residual asked of a linear system.
 const EXACT: f64 = 1e-10;
-/// Part of the components that must still change after the first iteration for a start to be given up for one from coarser problems.
+/// A start is replaced by one from coarser problems if more than this part of the components still change after the first iteration.
 const FAR: f64 = 0.02;
-/// Block exchanges before single ones; triangular matrices need as many as unknowns, with slow or no decrease of their number.
+/// Block exchanges before single ones; triangular matrices need as many as unknowns, while the number of wrong signs falls slowly or not at
+/// all.
 const MORE_BLOCKS: usize = 100;
 /// Further solves with sets that no longer change, where rounding left too much of the residual (a start far out).
 const REFINEMENTS: usize = 5;
-/// Rounding of w, relative to its terms, below which its sign says nothing.
+/// Rounding of w, relative to its terms, below which its sign is meaningless.
 const ROUNDING: f64 = 8.0 * f64::EPSILON;
 /// Largest ratio of the largest entries of two columns for which iterative solves measure unknowns in one unit: an error may exceed the
 /// tolerance by as much.
@@ -48,7 +49,8 @@ pub(super) struct Engine {
     scale: Vec<f64>,
     blocks: Blocks,
     balance: Scaling,
-    /// Units of the unknowns: those in which M is balanced; empty for 1, where systems are solved iteratively and columns compare.
+    /// Units of the unknowns: those in which M is balanced; empty for 1, where systems are solved iteratively and columns are of similar
+    /// size.
     units: Vec<f64>,
     /// Largest |z| of each block, in these units.
     sizes: Vec<f64>,
@@ -127,7 +129,7 @@ impl Engine {
         })
     }
 
-    /// Starts again from coarser problems, if there are any; tells whether.
+    /// Starts again from coarser problems, if there are any; returns whether there are.
     fn coarse_start(
         &mut self,
         lcp: BoxLcp<'_>,
@@ -143,7 +145,7 @@ impl Engine {
         Ok(true)
     }
 
-    /// Takes over sets, without the bounds in them that an unknown does not have.
+    /// Starts from given sets; components at a bound that they do not have count as free.
     fn start_from(&mut self, lcp: BoxLcp<'_>, sets: &[BoundState]) {
         for (i, next) in self.next.iter_mut().enumerate() {
             let (lower, upper) = (lcp.lower[i], lcp.upper[i]);
@@ -209,7 +211,7 @@ impl Engine {
     ) -> Result<ActiveSetStatus, ComplementarityError> {
         let n = z.len();
         let (lower, upper) = (lcp.lower, lcp.upper);
-        // So far out a start says nothing of the solution, and F may overflow there.
+        // A start so far out gives no information on the solution, and F may overflow there.
         if z.iter().any(|z| z.abs() > LARGEST) {
             lcp.nearest_to_zero(z);
         }
@@ -228,7 +230,7 @@ impl Engine {
         let (mut residual, mut progress) = (f64::INFINITY, 1.0);
         let mut restarted = false;
         let mut refinements = 0;
-        // From zero, no rounding of much larger iterates is left.
+        // Starting from zero removes the rounding errors of much larger iterates.
         let (mut largest, mut afresh) = (self.size(z), false);
         let mut at_most: usize = 1;
         let mut may_restart = sets.is_none();
@@ -327,7 +329,7 @@ impl Engine {
             };
             match exchange {
                 Exchange::Block => {}
-                // What block exchanges made of the sets is no better than none at all.
+                // The sets reached by block exchanges are no better than all components at bounds.
                 Exchange::Largest if !restarted => {
                     restarted = true;
                     for i in 0..n {
@@ -352,7 +354,7 @@ impl Engine {
         }
     }
 
-    /// Moves the active components to their bounds and solves for the others; tells the iterations of the linear solver.
+    /// Moves the active components to their bounds and solves for the others; returns the number of iterations of the linear solver.
     fn newton_step(
         &mut self,
         lcp: BoxLcp<'_>,
@@ -376,8 +378,8 @@ impl Engine {
         }
         self.r.iter_mut().zip(&self.w).for_each(|(r, w)| *r = -*w);
         let goal = 0.3 * self.options.tolerance * self.size(z) / residual;
-        // While sets change, accuracy is wasted: the forcing term is the square of the last progress (S. C. Eisenstat, H. F. Walker,
-        // 1996, choice 2), which with settling sets falls quickly.
+        // While sets change, accuracy is wasted: the forcing term is the square of the last progress (S. C. Eisenstat, H. F. Walker, 1996,
+        // choice 2), which falls quickly as the sets settle.
         let tolerance = if !(residual.is_finite() && goal.is_finite()) {
             COARSE
         } else if changes == 0 {
@@ -390,7 +392,7 @@ impl Engine {
         Ok(count)
     }
 
-    /// The sets that the point in `z` and `w` suggests, in `next`; tells how many components differ from those at hand.
+    /// Writes the sets that follow from `z` and `w` to `next`; returns how many components differ from the current sets.
     fn guess(&mut self, lcp: BoxLcp<'_>, direct: bool, z: &[f64]) -> usize {
         let (lower, upper) = (lcp.lower, lcp.upper);
         (self.blocks).largest(in_units(z, &self.units), &mut self.sizes);
@@ -402,7 +404,7 @@ impl Engine {
             self.next[i] = if lower[i] == upper[i] {
                 BoundState::Lower
             } else if direct && now != BoundState::Interior && reach.abs() <= rounding {
-                // Degenerate: nothing says that the component should move.
+                // Degenerate: the component may stay where it is.
                 now
             } else {
                 // For exact solves one of the two terms is zero.
@@ -482,7 +484,7 @@ impl Engine {
         worst
     }
 
-    /// Whether z, with w at hand, is a solution; see [`ActiveSetOptions::tolerance`].
+    /// Whether z, with w = M z + q already computed, is a solution; see [`ActiveSetOptions::tolerance`].
     fn is_solution(&mut self, lcp: BoxLcp<'_>, direct: bool, z: &[f64]) -> bool {
         let mut point = Point::of(lcp, z, &self.w);
         point.blocks = Some(&self.blocks);
@@ -490,7 +492,7 @@ impl Engine {
         if self.accuracy.measure(&point).is_solved(tolerance) {
             return true;
         }
-        // Direct solves can do better, iterative ones see a block as a whole.
+        // Direct solves are accurate row by row, iterative ones relative to a whole block.
         if direct {
             return false;
         }
@@ -519,7 +521,7 @@ impl Engine {
     }
 }
 
-/// Whether columns have largest entries of about one size. It spares balancing, which costs as much as many products with M.
+/// Whether the largest entries of columns are of similar size. Then balancing, which costs as much as many products with M, is not needed.
 fn columns_compare(matrix: Columns<'_>, n: usize) -> bool {
     let (mut least, mut most) = (f64::INFINITY, 0.0_f64);
     for j in 0..n {

@@ -10,14 +10,14 @@ use crate::sparse::Matrix;
 
 /// Conjugate gradients with a multigrid cycle, for symmetric positive definite matrices.
 ///
-/// Coarse levels come from given [`Prolongation`]s (nested grids) or by smoothed aggregation from the matrix alone. They are truncated
-/// to the free components, and only what changes with a set is made anew.
+/// Coarse levels come from given [`Prolongation`]s (nested grids) or by smoothed aggregation from the matrix alone. They are truncated to
+/// the free components, and only what changes with a set is recomputed.
 #[derive(Debug, Clone)]
 pub struct MultigridReduced {
     given: Option<Vec<Arc<Prolongation>>>,
     multigrid: Option<TruncatedMultigrid>,
     max_iterations: usize,
-    /// What was found by aggregation: prolongations, the matrix and its Galerkin products.
+    /// Results of aggregation: prolongations, the matrix and its Galerkin products.
     found: (Vec<Arc<Prolongation>>, Vec<Rows>),
 }
 
@@ -64,7 +64,7 @@ impl MultigridReduced {
 }
 
 impl Systems for MultigridReduced {
-    /// The matrix came with it.
+    /// The matrix was given at construction.
     fn load(&mut self) -> Result<(), ComplementarityError> {
         Ok(())
     }

@@ -1,9 +1,8 @@
 //! Primal–dual active sets for linear complementarity problems, from a handful of unknowns to millions.
 //!
-//! An iteration guesses at which bound each component rests, solves the equations of the others (the *reduced system*), and
-//! corrects the guess by the signs that come out: the Newton method of the natural map, also known as block principal pivoting. It
-//! ends after finitely many iterations, and needs few. [`ReducedSolver`] is the seam behind which reduced systems are solved;
-//! [`Nested`] starts from coarser problems.
+//! An iteration guesses which components are at which bound, solves the equations of the others (the *reduced system*), and corrects the
+//! guess by the signs of the result: the Newton method of the natural map, also known as block principal pivoting. It ends after finitely
+//! many iterations, and needs few. [`ReducedSolver`] is the trait of solvers for reduced systems; [`Nested`] starts from coarser problems.
 
 mod direct;
 mod engine;

@@ -30,7 +30,7 @@ pub struct Nested {
     galerkin: bool,
 }
 
-/// What a problem has beside its matrix.
+/// The data of a problem without its matrix.
 #[derive(Debug, Clone)]
 struct Level {
     q: Vec<f64>,

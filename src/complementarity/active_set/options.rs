@@ -2,7 +2,7 @@ use crate::complementarity::ComplementarityError;
 use crate::options::setters;
 use std::fmt;
 
-/// Options of [`ActiveSetSolver`](super::ActiveSetSolver). The defaults need no touching.
+/// Options of [`ActiveSetSolver`](super::ActiveSetSolver). The defaults suit most problems.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 #[cfg_attr(
@@ -14,10 +14,10 @@ pub struct ActiveSetOptions {
     /// Largest number of iterations; default 1000.
     pub max_iterations: usize,
     /// Tolerance on the error of each component relative to the terms of its row ([accuracy](crate::complementarity#accuracy)). Where
-    /// reduced systems are solved iteratively the terms count with the largest |z| of all unknowns that rows connect with each other,
-    /// as the error of such solves knows no smaller size. Default 1e-11.
+    /// reduced systems are solved iteratively the terms are formed with the largest |z| of all unknowns that rows connect with each other,
+    /// as the errors of such solves are relative to that size. Default 1e-11.
     pub tolerance: f64,
-    /// Block exchanges without fewer wrong signs after which other exchanges are tried. Default 10.
+    /// Number of block exchanges without a decrease of the number of wrong signs after which other exchanges are tried. Default 10.
     pub patience: usize,
 }
 
@@ -69,7 +69,7 @@ impl ActiveSetOptions {
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum ActiveSetStatus {
-    /// At a solution, to the tolerance at the point handed back.
+    /// At a solution, to the tolerance at the point returned.
     Solved,
     /// At the limit on iterations.
     IterationLimit,
@@ -119,7 +119,7 @@ pub enum Exchange {
 pub struct ActiveSetReport {
     /// How it ended.
     pub status: ActiveSetStatus,
-    /// Natural residual of the point handed back.
+    /// Natural residual of the point returned.
     pub residual: f64,
     /// Iterations: reduced systems solved.
     pub iterations: usize,

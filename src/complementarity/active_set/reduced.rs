@@ -11,7 +11,7 @@ const ITERATIVE: usize = 5000;
 pub struct Start {
     /// The point.
     pub z: Vec<f64>,
-    /// Where each component rests.
+    /// The state of each component.
     pub states: Vec<BoundState>,
 }
 
@@ -20,10 +20,10 @@ pub struct Start {
 /// Implement it to bring a preconditioner or a solver of your own. `load` comes first, then `select` before each `solve`
 /// with another set; lengths that do not fit the matrix loaded are errors.
 pub trait ReducedSolver {
-    /// Takes note of the matrix of a problem.
+    /// Receives the matrix of a problem.
     ///
     /// # Errors
-    /// What the solver cannot handle.
+    /// A matrix that the solver cannot handle.
     fn load(&mut self, matrix: &Matrix) -> Result<(), ComplementarityError>;
 
     /// Chooses the free components, one entry an unknown, and factors or prepares what is needed. `matrix` is the one that was
@@ -33,8 +33,8 @@ pub trait ReducedSolver {
     /// [`LinearError::Singular`] or [`LinearError::NotPositiveDefinite`], wrapped, for a matrix that cannot be solved with.
     fn select(&mut self, matrix: &Matrix, free: &[bool]) -> Result<(), ComplementarityError>;
 
-    /// Overwrites `d` by the solution, 0 outside F; `r` (arbitrary outside F) may be overwritten. An iterative solver may stop
-    /// when a norm of the residual has fallen by the factor `tolerance`; the number of its iterations is handed back, 0 by a direct one.
+    /// Overwrites `d` by the solution, 0 outside F; `r` (arbitrary outside F) may be overwritten. An iterative solver may stop when a norm
+    /// of the residual has fallen by the factor `tolerance`; returns the number of iterations, 0 for a direct solver.
     ///
     /// # Errors
     /// As [`select`](Self::select).
@@ -43,7 +43,7 @@ pub trait ReducedSolver {
     /// Whether solutions are exact up to rounding whatever the tolerance.
     fn is_direct(&self) -> bool;
 
-    /// A start, point and sets, from coarser versions of the problem, if the solver has any. Asked for when nothing is known of the
+    /// A start, point and sets, from coarser versions of the problem, if the solver has any. Called when nothing is known about the
     /// solution. Default: none.
     ///
     /// # Errors
@@ -89,7 +89,7 @@ pub struct AutoReduced {
 }
 
 impl AutoReduced {
-    /// A solver that knows no matrix yet.
+    /// A solver without a matrix.
     #[must_use]
     pub fn new() -> Self {
         Self::default()

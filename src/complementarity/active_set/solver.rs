@@ -6,12 +6,11 @@ use crate::complementarity::{BoundState, ComplementarityError, Lcp};
 
 /// The primal–dual active-set method (block principal pivoting) for LCPs and box LCPs.
 ///
-/// All components whose signs are wrong are exchanged at once. Should that not lessen their number for a while, only a few with the
-/// largest violations are, starting from the bounds; then all for a longer while, and at last one at a time by the least-index rule
-/// until their number is less (J. J. Júdice, F. M. Pires, 1994, after
-/// K. G. Murty, 1974): for P matrices
-/// the method then ends at the solution after finitely many iterations. For M matrices (obstacle problems) block exchanges alone are
-/// monotone. Started from the right sets, it takes one factorisation.
+/// All components whose signs are wrong are exchanged at once. If that does not reduce their number for a while, only a few with the
+/// largest violations are exchanged, starting from the bounds; then all for a longer while, and finally one at a time by the least-index
+/// rule until their number is smaller (J. J. Júdice, F. M. Pires, 1994, after K. G. Murty, 1974): for P matrices the method then ends at
+/// the solution after finitely many iterations. For M matrices (obstacle problems) block exchanges alone are monotone. Started from the
+/// right sets, it takes one factorisation.
 ///
 /// A solver that is used again for problems of the same size with full matrices of at most 64 unknowns allocates nothing.
 ///
@@ -63,8 +62,8 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
         self.solve_observed(lcp, z, None, |_| ControlFlow::Continue(()))
     }
 
-    /// Solves the problem, with the sets of the first iteration given instead of read off the start in `z`; what is [`BoundState::Lower`] or
-    /// [`BoundState::Upper`] without such a bound counts as inactive.
+    /// Solves the problem, with the sets of the first iteration given instead of read off the start in `z`; what is [`BoundState::Lower`]
+    /// or [`BoundState::Upper`] without such a bound counts as inactive.
     ///
     /// # Errors
     /// As [`solve`](Self::solve), and sets of the wrong length.
@@ -77,7 +76,8 @@ impl<R: ReducedSolver> ActiveSetSolver<R> {
         self.solve_observed(lcp, z, Some(sets), |_| ControlFlow::Continue(()))
     }
 
-    /// As [`solve`](Self::solve) or [`solve_from_states`](Self::solve_from_states), with an observer of each iteration, which may stop the run.
+    /// As [`solve`](Self::solve) or [`solve_from_states`](Self::solve_from_states), with an observer of each iteration, which may stop the
+    /// run.
     ///
     /// # Errors
     /// As [`solve_from_states`](Self::solve_from_states).

@@ -11,7 +11,7 @@ pub(super) struct Basis {
     inverse: Vec<f64>,
     places: Vec<usize>,
     pivot_row: Vec<f64>,
-    /// For making the inverse anew.
+    /// For recomputing the inverse.
     solver: DenseLu,
 }
 
@@ -80,7 +80,7 @@ impl Basis {
         }
     }
 
-    /// Makes the inverse of `basis` (full pattern) anew.
+    /// Recomputes the inverse from `basis` (full pattern).
     pub(super) fn factor(&mut self, basis: &Matrix) -> Result<(), LinearError> {
         let n = self.n;
         self.solver.analyze(basis.pattern().as_ref())?;

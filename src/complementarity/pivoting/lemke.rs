@@ -18,7 +18,7 @@ use crate::spread::golden;
 const CHECK_EVERY: usize = 32;
 /// Distances to bounds below this part of the right-hand side are zero.
 const ZERO: f64 = 1e-14;
-/// Largest order, for the sake of memory: the inverse takes 8 n² bytes, and five times that while it is made anew.
+/// Largest order, to limit memory: the inverse takes 8 n² bytes, and five times that while it is recomputed.
 const MAX_ORDER: usize = 20_000;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -31,7 +31,7 @@ enum Var {
     Cover,
 }
 
-/// The bound at which zᵢ rests while it is not basic, and with it the sign of wᵢ.
+/// The bound at which zᵢ is while it is nonbasic, and with it the sign of wᵢ.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Side {
     Lower,
@@ -51,7 +51,7 @@ enum Side {
 /// strictly copositive ones, and for finite boxes (C. E. Lemke, 1965; R. W. Cottle, J.-S. Pang, R. E. Stone, *The Linear
 /// Complementarity Problem*, 1992, algorithm 4.4.5 and section 4.9).
 ///
-/// The inverse of the basis is maintained (n² operations an exchange) and made anew when it has decayed. A solver that is used
+/// The inverse of the basis is updated (n² operations an exchange) and recomputed when it has become inaccurate. A solver that is used
 /// again allocates nothing for problems that are not larger than the first.
 ///
 /// ```
@@ -80,12 +80,12 @@ pub struct Lemke {
     cover: Vec<f64>,
     rhs: Vec<f64>,
     work: Vec<f64>,
-    /// Sides into which the right-hand side is perturbed; 0 for equations without inequality.
+    /// Directions in which the right-hand side is perturbed; 0 for equations without inequality.
     perturbation: Vec<f64>,
     /// Factors by which the rows of M and q are multiplied, so that slacks and unknowns are of one size whatever their units; powers of
-    /// two. It makes no difference to the problem, only to which covering vector is all ones.
+    /// two. They do not change the problem, only the meaning of a covering vector of ones.
     units: Vec<f64>,
-    /// The zᵢ of the basis are those of the problem over these, so that columns are of one size as well; powers of two.
+    /// The zᵢ of the basis are those of the problem divided by these, so that columns are of one size as well; powers of two.
     columns: Vec<f64>,
     /// Values of M, its rows multiplied by `units` and its columns by `columns`.
     scaled: Vec<f64>,
@@ -97,11 +97,11 @@ pub struct Lemke {
     has_ray: bool,
     refactorisations: usize,
     fresh: bool,
-    /// How often the path was begun anew with another covering vector.
+    /// Number of restarts of the path with another covering vector.
     turn: usize,
 }
 
-/// Paths begun anew at most.
+/// Largest number of such restarts.
 const TURNS: usize = 4;
 
 impl Lemke {
@@ -120,17 +120,17 @@ impl Lemke {
         self.has_ray.then_some(&self.ray)
     }
 
-    /// Solves the problem; `z` holds the solution, or where the path ended. What `z` held before does not matter.
+    /// Solves the problem; `z` is overwritten by the solution or the end of the path. Its content before does not matter.
     ///
     /// # Errors
-    /// [`ComplementarityError::Length`] for `z` or the covering vector, [`ComplementarityError::Option`] for a covering vector that is not positive,
-    /// [`ComplementarityError::Unsuitable`] for more than 20 000 unknowns or unknowns without bounds whose block of M is singular.
+    /// [`ComplementarityError::Length`] for `z` or the covering vector, [`ComplementarityError::Option`] for a covering vector that is not
+    /// positive, [`ComplementarityError::Unsuitable`] for more than 20 000 unknowns or unknowns without bounds whose block of M is
+    /// singular.
     pub fn solve(&mut self, lcp: &Lcp, z: &mut [f64]) -> Result<LemkeReport, ComplementarityError> {
         self.solve_observed(lcp, z, |_| ControlFlow::Continue(()))
     }
 
-    /// [`solve`](Self::solve), telling `observe` of each exchange; it may stop the run, which then ends as
-    /// [`LemkeStatus::Interrupted`].
+    /// [`solve`](Self::solve), reporting each exchange to `observe`, which may stop the run; it then ends as [`LemkeStatus::Interrupted`].
     ///
     /// # Errors
     /// As [`solve`](Self::solve).
@@ -152,7 +152,7 @@ impl Lemke {
             let mut count = 0;
             let status = self.follow(lcp, limit, &mut count, &mut observe)?;
             pivots += count;
-            // Ties with opposite bounds may cycle whatever the order of rows: another covering vector meets none of them.
+            // Ties with opposite bounds may cycle whatever the order of rows: another covering vector avoids them.
             let chosen = self.options.covering.is_some() || self.options.max_pivots.is_some();
             if status != LemkeStatus::PivotLimit || chosen || self.turn == TURNS {
                 break status;
@@ -178,7 +178,7 @@ impl Lemke {
         Ok(report)
     }
 
-    /// The units of rows, then of columns; 1 where all are ordinary.
+    /// The units of rows, then of columns; 1 where all are of moderate size.
     fn scale(&mut self, lcp: &Lcp) {
         self.units.clear();
         self.units.resize(lcp.len(), 0.0);
@@ -310,7 +310,7 @@ impl Lemke {
         Ok(())
     }
 
-    /// Right-hand side q + Σ M_j z_j over the z_j that rest at bounds, then the basic variables (without t in the basis, or with it).
+    /// Right-hand side q + Σ M_j z_j over the z_j at bounds, then the basic variables (without t in the basis, or with it).
     fn values(&mut self, lcp: &Lcp) {
         self.right_hand_side(lcp);
         self.basis.apply(&self.rhs, &mut self.value);
@@ -323,7 +323,7 @@ impl Lemke {
         self.rhs.iter_mut().zip(&self.units).for_each(|(v, u)| *v *= u);
     }
 
-    /// Writes z with zeros at the basic places into `work`.
+    /// Writes z with zeros at the basic positions into `work`.
     fn resting(&mut self, lcp: &Lcp) {
         for i in 0..lcp.len() {
             self.work[i] = match self.side[i] {
@@ -380,7 +380,7 @@ impl Lemke {
             match self.ratio_test(lcp, entering, direction) {
                 Block::Nothing => {
                     if !self.fresh {
-                        // A ray is too weighty a claim for a worn inverse.
+                        // A ray is claimed only with a recomputed inverse.
                         self.refactor(lcp)?;
                         self.values(lcp);
                         *pivots -= 1;
@@ -421,7 +421,7 @@ impl Lemke {
         }
     }
 
-    /// Brings t into the basis for the slot that needs it most; `None` when no bound is violated.
+    /// Makes t basic in the slot with the largest violation; `None` when no bound is violated.
     fn enter_cover(&mut self) -> Option<usize> {
         let n = self.basic.len();
         for k in 0..n {
@@ -442,7 +442,7 @@ impl Lemke {
             }
             let needed = self.value[k] / c;
             let first = match slot {
-                // Equal needs: the row that is lexicographically smaller needs more.
+                // Equal violations: the lexicographically smaller row counts as the larger one.
                 Some(p) if needed == worst => self.lexicographically_less((k, -c), (p, -self.entering[p])),
                 _ => needed > worst,
             };
@@ -531,7 +531,7 @@ impl Lemke {
     }
 }
 
-/// Makes factors of sizes; 1 where all are ordinary.
+/// Turns sizes into factors; 1 where all are of moderate size.
 fn balance(sizes: &mut [f64]) {
     const LARGEST: f64 = 1000.0;
     match sizes.iter().all(|size| is_ordinary(*size)) {

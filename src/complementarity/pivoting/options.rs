@@ -2,7 +2,7 @@ use std::fmt;
 
 use crate::words::Count;
 
-/// Options of [`Lemke`](super::Lemke). The defaults need no touching.
+/// Options of [`Lemke`](super::Lemke). The defaults suit most problems.
 #[derive(Debug, Clone, PartialEq, Default)]
 #[non_exhaustive]
 #[cfg_attr(
@@ -40,13 +40,13 @@ impl LemkeOptions {
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub enum LemkeStatus {
-    /// At a solution: each component to 1e-10 relative to the terms of its row, as checked at the point handed back
+    /// At a solution: each component to 1e-10 relative to the terms of its row, as checked at the point returned
     /// ([accuracy](crate::complementarity#accuracy)).
     Solved,
-    /// On a secondary ray, whose direction is [`Lemke::ray`](super::Lemke::ray). With `infeasible` that direction v is but for rounding a
+    /// On a secondary ray, whose direction is [`Lemke::ray`](super::Lemke::ray). If `infeasible`, that direction v is, up to rounding, a
     /// certificate that no z ≥ 0 has M z + q ≥ 0 (v ≥ 0, Mᵀv ≤ 0, qᵀv < 0), and exact arithmetic has confirmed that there is none, hence no
-    /// solution. Without it, there may be one; with many unknowns (the rows of v have more than 5 000 entries, zeros counted, and so have all)
-    /// only a v of simple ratios is confirmed.
+    /// solution. Otherwise there may be one; with many unknowns (more than 5 000 entries, zeros counted, in the rows of v and so in all)
+    /// only a v whose entries have simple ratios is confirmed.
     Ray {
         /// Whether the direction proves that there is no solution.
         infeasible: bool,
@@ -95,7 +95,7 @@ impl fmt::Display for LemkeStatus {
 pub struct LemkePivot {
     /// Number of the exchange on its path, from 1.
     pub index: usize,
-    /// Number of the path, from 0: a path that cycles is begun anew with another covering vector.
+    /// Number of the path, from 0: a path that cycles is restarted with another covering vector.
     pub path: usize,
     /// The covering variable t before it: 0 at a solution. It need not fall from one exchange to the next.
     pub cover: f64,
@@ -110,9 +110,9 @@ pub struct LemkeReport {
     pub status: LemkeStatus,
     /// Exchanges made.
     pub pivots: usize,
-    /// How often the inverse was made anew.
+    /// How often the inverse was recomputed.
     pub refactorisations: usize,
-    /// Natural residual of the point handed back.
+    /// Natural residual of the point returned.
     pub residual: f64,
 }
 

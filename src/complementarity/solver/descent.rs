@@ -1,21 +1,22 @@
-//! The globalised iteration that most strategies use: steps of the natural map or of Φ while they reduce the merit, and a few on credit.
+//! The globalised iteration that most strategies use: steps of the natural map or of Φ while they reduce the merit, and a few without
+//! decrease (watchdog technique).
 
 use super::engine::Engine;
 use super::plan::Plan;
 use super::{McpStatus, McpStep};
 use crate::sparse::max_abs;
 
-/// A merit above this part of the best one has hardly fallen, and so many steps of that kind in a row are the last.
+/// A merit above this part of the best one counts as hardly reduced; so many such steps in a row end the descent.
 const HARDLY: f64 = 0.99;
 const PATIENCE: usize = 40;
 
-/// Part of the best merit below which steps are taken on credit again, once that has led nowhere.
+/// After an excursion without decrease has failed, another one is allowed once the merit is below this part of the best one.
 const TRUSTED: f64 = 0.25;
 
-/// How often rows and columns are equilibrated anew.
+/// How often rows and columns are equilibrated again, at most.
 const ANEW: usize = 20;
 
-/// What one descent remembers.
+/// State of one descent.
 #[derive(Debug, Clone)]
 pub(super) struct Descent {
     /// Point with the smallest merit, and that merit.
@@ -25,7 +26,7 @@ pub(super) struct Descent {
     /// Number of steps in a row that have not brought the merit below its best value, and of those that have hardly done so.
     excursion: usize,
     slow: usize,
-    /// Whether steps on credit have led nowhere.
+    /// Whether an excursion without decrease has failed.
     locked: bool,
     anew: usize,
 }
@@ -48,13 +49,13 @@ impl Descent {
         self.compare_with(f64::INFINITY);
     }
 
-    /// Forgets the merits so far but for the best.
+    /// Discards the merits so far except the best.
     fn compare_with(&mut self, best: f64) {
         self.best = best;
         self.merits.clear();
     }
 
-    /// Takes note of the merit at x; `false` where it has hardly fallen for too long.
+    /// Records the merit at x; `false` where it has hardly fallen for too long.
     fn note(&mut self, psi: f64, x: &[f64]) -> bool {
         if psi < self.best {
             self.slow = if psi > HARDLY * self.best {
@@ -130,8 +131,8 @@ impl Engine<'_> {
         McpStatus::IterationLimit
     }
 
-    /// Equilibrates anew where that is due, and gives the merit. Only at the best point: factors from an excursion would hide what is wrong
-    /// elsewhere.
+    /// Re-equilibrates where factors are outdated, and returns the merit. Only at the best point: factors from an excursion would hide
+    /// errors elsewhere.
     fn equilibrate_anew(&mut self, plan: &Plan, psi: f64) -> f64 {
         let descent = &self.work.descent;
         if psi >= descent.best || psi.is_nan() || descent.anew >= ANEW || !self.is_stale(plan) {
@@ -181,7 +182,7 @@ impl Engine<'_> {
         let psi = self.merit(plan);
         let descent = &mut self.work.descent;
         (descent.locked, descent.excursion) = (true, 0);
-        // What rounding changes is no progress.
+        // Changes by rounding are no progress.
         descent.compare_with(psi * (1.0 + 1e-12));
         Some(psi)
     }
@@ -229,7 +230,7 @@ impl Engine<'_> {
     }
 }
 
-/// When to look whether a falling merit leads to a solution.
+/// When to check whether a falling merit leads to a solution.
 struct Watch {
     first: f64,
     size: f64,
@@ -239,12 +240,12 @@ struct Watch {
 impl Watch {
     /// Part of its first value to which the merit must fall.
     const FALLEN: f64 = 1e-16;
-    /// The same from one look to the next.
+    /// The same from one check to the next.
     const AGAIN: f64 = 1e-8;
     /// Growth of the iterates on the way to infinity.
     const AWAY: f64 = 1.2;
-    /// Their last step against their size where they rest. Where the merit of exp(−x), exp(−x²) or exp(−exp x) has fallen so far on the way
-    /// to infinity it is 1e-3 and more; quadratic convergence leaves less than 1e-4.
+    /// Last step relative to the size of the iterates below which they are at rest. Where the merit of exp(−x), exp(−x²) or exp(−exp x) has
+    /// fallen so far on the way to infinity it is 1e-3 and more; quadratic convergence leaves less than 1e-4.
     const REST: f64 = 1e-4;
 
     fn new(first: f64, size: f64) -> Self {

@@ -1,4 +1,4 @@
-//! What all strategies share: the problem, where they are, what is told of it, and the limits.
+//! State that all strategies share: the problem, the iterate, the report, and the limits.
 
 use std::ops::ControlFlow;
 
@@ -177,7 +177,7 @@ impl Engine<'_> {
         0.5 * sum
     }
 
-    /// ∇F at `work.here.x`, as it is. Where entries are not finite (√x at 0) that of a point a little inside the bounds serves.
+    /// ∇F at `work.here.x`, unscaled. Where entries are not finite (√x at 0) that of a point a little inside the bounds is used.
     pub(super) fn jacobian(&mut self) -> bool {
         let mut shift = 0.0;
         for _ in 0..6 {
@@ -194,7 +194,7 @@ impl Engine<'_> {
                 });
                 w.lin.evaluate_at(self.function, inner)
             };
-            // Misuse, which ends every attempt and is told in the end.
+            // Misuse, which ends every attempt and is reported at the end.
             if w.lin.jac().stray().is_some() {
                 return false;
             }
@@ -208,7 +208,7 @@ impl Engine<'_> {
         false
     }
 
-    /// Equilibrates anew, where the plan asks for it.
+    /// Equilibrates again, if the plan requires it.
     pub(super) fn equilibrate(&mut self, plan: &Plan) {
         let w = &mut *self.work;
         match plan.scaled && self.options.equilibrate {
@@ -236,11 +236,11 @@ impl Engine<'_> {
         if step != McpStep::None {
             self.report.iterations += 1;
         }
-        // Who has asked to stop is not asked again, though the last iterate is recorded.
+        // An observer that has asked to stop is not called again, though the last iterate is recorded.
         self.interrupted = self.interrupted || (self.observe)(&iteration).is_break();
     }
 
-    /// Tells of a start at which F is not finite: there may be very many of them, and the observer may want to stop.
+    /// Reports a start at which F is not finite to the observer, which may want to stop: there may be very many of them.
     pub(super) fn tell_undefined(&mut self) {
         let start = McpIteration {
             index: self.report.iterations,
@@ -281,7 +281,7 @@ impl Engine<'_> {
         }
     }
 
-    /// Looked at before each factorisation and each trial of a search, which may be many in one step.
+    /// Checked before each factorisation and each trial point of a search, of which there may be many in one step.
     pub(super) fn is_over_time(&self) -> bool {
         self.options.max_time.is_some_and(|t| self.clock.elapsed() >= t)
     }
@@ -303,7 +303,7 @@ impl Engine<'_> {
         }
     }
 
-    /// Scaled values, Jacobian and merit at `work.here.x`, where F and its Jacobian have just been evaluated; scaling anew if asked.
+    /// Scaled values, Jacobian and merit at `work.here.x`, where F and its Jacobian have just been evaluated; rescaled if `anew`.
     pub(super) fn linearise(&mut self, plan: &Plan, anew: bool) -> Option<f64> {
         if anew {
             self.equilibrate(plan);

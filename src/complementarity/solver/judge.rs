@@ -8,7 +8,7 @@ use crate::complementarity::columns::Columns;
 use crate::complementarity::problem::natural;
 use crate::sparse::max_abs;
 
-/// Distance to zero or to a bound, relative to 1 + ‖x‖, that is taken for rounding to see whether the point next to it is a solution.
+/// Distance to zero or to a bound, relative to 1 + ‖x‖, that is treated as rounding error: the point without it is tried as a solution.
 const ROUND_OFF: f64 = 1e-8;
 
 impl Engine<'_> {
@@ -29,15 +29,15 @@ impl Engine<'_> {
         measure
     }
 
-    /// Whether what was measured, where F and ∇F have just been evaluated, is a solution. Where iterates of a curved F went to infinity,
-    /// flat is what has underflowed; beside a singularity terms are large for x alone.
+    /// Whether the measured point, where F and ∇F have just been evaluated, is a solution. Where iterates of a curved F went to infinity, a
+    /// flat row is one that has underflowed; near a singularity terms are large at x only.
     pub(super) fn accepts(&mut self, measure: Measure, tolerance: f64) -> bool {
         measure.is_solved(tolerance)
             && (self.affine || !(measure.flat && self.asymptotic) && self.terms_last(2.0 * measure.error))
     }
 
-    /// Whether the terms of rows that are solved by their size alone keep it, to a factor of two, on one side of x at least where its
-    /// components change by this part of themselves.
+    /// Whether the terms of rows that count as solved only by the size of their terms stay the same, up to a factor of two, when the
+    /// components of x change by the relative amount `part`, on at least one side of x.
     fn terms_last(&mut self, part: f64) -> bool {
         [part, -part].into_iter().any(|part| {
             let bounds = self.lower.iter().zip(self.upper);
@@ -60,8 +60,8 @@ impl Engine<'_> {
         })
     }
 
-    /// Whether `work.here.x` is a solution, and as good a one as can be asked for: where the natural residual is still above the tolerance
-    /// further steps are worthwhile.
+    /// Whether `work.here.x` is a solution that need not be improved: where the natural residual is still above the tolerance further steps
+    /// are worthwhile.
     pub(super) fn is_solution(&mut self, residual: f64) -> bool {
         let measure = self.measure();
         self.note_nearest(measure);
@@ -78,8 +78,8 @@ impl Engine<'_> {
         self.evaluate() && self.jacobian()
     }
 
-    /// Whether the point next to `work.here.x` is a solution that has zeros and bounds where `work.here.x` is near them: as terms vanish
-    /// together, their residual never gets small relative to them. It becomes `work.here.x` then.
+    /// Moves components of `work.here.x` near zeros or bounds to these; if the result is a solution it becomes `work.here.x`. Where all
+    /// terms of a row vanish at a solution, its residual never gets small relative to them.
     pub(super) fn round_off(&mut self) -> bool {
         let n = self.n();
         let near = ROUND_OFF * (1.0 + max_abs(&self.work.here.x));
@@ -171,8 +171,8 @@ mod tests {
     use crate::sparse::Matrix;
     use std::ops::ControlFlow;
 
-    /// x ≥ 0 with F = x − 1 beside its bound, where F pushes x off it: next to x there is no solution, although moving there changes next to
-    /// nothing in the row.
+    /// x ≥ 0 with F = x − 1 beside its bound, where F pushes x off it: next to x there is no solution, although moving there changes next
+    /// to nothing in the row.
     #[test]
     fn a_point_beside_a_bound_is_judged_at_the_bound() {
         let problem = Mcp::affine(Matrix::identity(1), vec![-1.0], vec![0.0], vec![f64::INFINITY]).unwrap();

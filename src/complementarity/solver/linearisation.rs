@@ -4,10 +4,10 @@ use crate::complementarity::McpFunction;
 use crate::newton::equilibrate;
 use crate::sparse::{Matrix, Pattern};
 
-/// Factors of rows and columns lie between this and its reciprocal, but for rows whose value asks for more.
+/// Factors of rows and columns lie between this and its reciprocal, except for rows whose value of F requires more.
 const LEAST_FACTOR: f64 = 1e-8;
 
-/// Factor by which rows may grow or shrink before they are equilibrated anew.
+/// Factor by which rows may grow or shrink before they are equilibrated again.
 const STALE: f64 = 1e3;
 
 /// ∇F as evaluated, and R ∇F C + ε I with powers of two on the diagonals of R and C, each in its own matrix.
@@ -20,7 +20,7 @@ pub(super) struct Linearisation {
     max: Vec<f64>,
     /// Where ∇F is evaluated, if not at the iterate.
     point: Vec<f64>,
-    /// ∇F beside the iterate, and Σⱼ |∇Fᵢⱼ xⱼ| at both points; of functions that are not affine.
+    /// ∇F at a point next to the iterate, and Σⱼ |∇Fᵢⱼ xⱼ| at both points; for functions that are not affine.
     beside: Option<Matrix>,
     terms: Vec<[f64; 2]>,
 }
@@ -56,7 +56,7 @@ impl Linearisation {
         finite
     }
 
-    /// Σⱼ |∇Fᵢⱼ xⱼ| with the ∇F at hand and with that of another point; NaN or infinite where it is not finite there.
+    /// Σⱼ |∇Fᵢⱼ xⱼ| with the present ∇F and with that at another point; NaN or infinite where it is not finite there.
     pub(super) fn terms_beside(
         &mut self,
         function: &dyn McpFunction,
@@ -99,7 +99,7 @@ impl Linearisation {
         &self.col
     }
 
-    /// Makes the scaled matrix anew with ε = `proximal`.
+    /// Recomputes the scaled matrix with ε = `proximal`.
     pub(super) fn rescale(&mut self, proximal: f64) {
         let Self {
             jac,
@@ -128,7 +128,7 @@ impl Linearisation {
     pub(super) fn equilibrate(&mut self, f: &[f64]) {
         equilibrate(self.jac.as_ref(), &mut self.row, &mut self.col, &mut self.max);
         let power = |v: f64| v.clamp(1e-150, 1e150).log2().round().exp2();
-        // Rows all of whose entries are huge or tiny follow their value; a Jacobian that happens to vanish does not make a row huge.
+        // Rows with a huge or tiny F may leave these limits; a Jacobian that happens to vanish does not make a row huge.
         for (r, f) in self.row.iter_mut().zip(f) {
             let size = if *f == 0.0 { 1.0 } else { f.abs() };
             *r = power(r.clamp(LEAST_FACTOR.min(1.0 / size), LEAST_FACTOR.recip().max(1.0 / size)));
@@ -184,7 +184,7 @@ mod tests {
             assert_eq!((lin.row(), lin.col()), (&[1.0; 2][..], &[1.0; 2][..]));
             assert!(lin.evaluate(&function(s), &[0.0; 2]));
             assert_eq!(lin.is_stale(&[value, 1.0]), stale, "{s} {value}");
-            // Made anew they serve again.
+            // Recomputed, they can be used again.
             lin.equilibrate(&[value, 1.0]);
             assert!(!lin.is_stale(&[value, 1.0]));
         }

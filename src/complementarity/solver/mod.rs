@@ -32,14 +32,14 @@ use work::Work;
 /// Solves mixed complementarity problems from any start.
 ///
 /// # Strategy
-/// What is tried, each only if all before it failed; the report lists every attempt. All of it is deterministic.
+/// Strategies are tried in this order, each only if all before it failed; the report lists every attempt. All of it is deterministic.
 ///
-/// 1. The start is projected on the bounds; if F cannot be evaluated there a point nearby is sought. Rows and columns are
-///    equilibrated. *Newton*: steps of the natural map (active-set steps), full while they reduce the merit ½‖Φ‖² of the penalised
-///    Fischer–Burmeister function below the largest of its last values, and for a few steps on credit; else line searches along the
-///    Newton step of Φ, regularised least-squares steps where H is singular, and the projected gradient (De Luca, Facchinei and
-///    Kanzow 1996; Munson et al. 2001). For affine F full steps of the natural map come first: they need no merit, and end at a
-///    solution after finitely many active sets or are left when a set comes back.
+/// 1. The start is projected on the bounds; if F cannot be evaluated there a point nearby is sought. Rows and columns are equilibrated.
+///    *Newton*: steps of the natural map (active-set steps), full while they reduce the merit ½‖Φ‖² of the penalised Fischer–Burmeister
+///    function below the largest of its last values, and for a few steps without such a decrease (watchdog technique); else line searches
+///    along the Newton step of Φ, regularised least-squares steps where H is singular, and the projected gradient (De Luca, Facchinei and
+///    Kanzow 1996; Munson et al. 2001). For affine F full steps of the natural map come first: they need no merit, and end at a solution
+///    after finitely many active sets or are abandoned when a set recurs.
 /// 2. *Fischer–Burmeister*: the penalised function of Chen, Chen and Kanzow (2000), without equilibration.
 /// 3. *Proximal*: F(x) + ε (x − x_k), ε → 0 (Billups 1995); for affine F its displacement may prove infeasibility.
 /// 4. *Josephy–Newton*: linearised problems, solved along the piecewise linear path from the iterate (Ralph 1994; Dirkse and Ferris
@@ -110,8 +110,8 @@ impl McpSolver {
     ///
     /// # Errors
     /// Misuse only: a parametric problem, a start of wrong length or not finite, options out of range, a Jacobian entry outside the
-    /// pattern, and failures of the linear solver where [regularity](McpOptions::regularity) is asked for (`x` then holds the solution). That
-    /// no solution was found is no error: see [`McpReport::status`].
+    /// pattern, and failures of the linear solver where [regularity](McpOptions::regularity) is requested (`x` then holds the solution).
+    /// That no solution was found is no error: see [`McpReport::status`].
     pub fn solve<F: McpFunction>(
         &mut self,
         problem: &Mcp<F>,
@@ -120,8 +120,8 @@ impl McpSolver {
         self.solve_observed(problem, x, |_| ControlFlow::Continue(()))
     }
 
-    /// [`solve`](Self::solve), reporting every iteration to `observe`, which may stop the run. Of perturbed starts at which F is not finite
-    /// it is told, too, with residual and merit NaN; they are not in the history.
+    /// [`solve`](Self::solve), reporting every iteration to `observe`, which may stop the run. It is also called for perturbed starts at
+    /// which F is not finite, with residual and merit NaN; these are not in the history.
     ///
     /// # Errors
     /// As [`solve`](Self::solve).
@@ -134,8 +134,8 @@ impl McpSolver {
         self.run(&Parts::of(problem), x, None, &mut observe)
     }
 
-    /// [`solve`](Self::solve) from an active set: components said to be at a bound are moved there, and for affine F the first step is
-    /// that of this active set. The [states](McpReport::states) of a similar problem serve.
+    /// [`solve`](Self::solve) from an active set: components given as at a bound are moved there, and for affine F the first step is that
+    /// of this active set. The [states](McpReport::states) of a similar problem can be used.
     ///
     /// # Errors
     /// As [`solve`](Self::solve); states of the wrong length, or at a bound that does not exist.
@@ -227,7 +227,7 @@ impl McpSolver {
     }
 }
 
-/// A problem as the solver sees it, which is compiled once for all of them.
+/// A problem without its type parameter, so that the solver is compiled once for all problems.
 struct Parts<'a> {
     function: &'a dyn McpFunction,
     natural: &'a dyn PiecewiseSmooth,

@@ -5,7 +5,7 @@ use crate::complementarity::ComplementarityError;
 use crate::options::setters;
 use crate::piecewise::RegularityOptions;
 
-/// Options of [`McpSolver`](super::McpSolver). The defaults need no touching.
+/// Options of [`McpSolver`](super::McpSolver). The defaults suit most problems.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 #[cfg_attr(
@@ -16,29 +16,30 @@ use crate::piecewise::RegularityOptions;
 pub struct McpOptions {
     /// Bound on the error of a solution relative to the terms of its rows ([accuracy](crate::complementarity#accuracy)). Default 1e-10.
     ///
-    /// While the natural residual max |xᵢ − mid(lᵢ, uᵢ, xᵢ − Fᵢ)|, in the units of x and F, is larger than this, too, iterations go on as
-    /// far as they get.
+    /// Iterations go on, as long as they make progress, while the natural residual max |xᵢ − mid(lᵢ, uᵢ, xᵢ − Fᵢ)|, in the units of x and
+    /// F, is larger than this, too.
     pub tolerance: f64,
-    /// Error that counts as solved where no strategy reaches the tolerance, as happens at solutions whose Jacobian is singular; at
-    /// least the tolerance to have an effect. Default 1e-8.
+    /// Error that counts as solved where no strategy reaches the tolerance, as happens at solutions whose Jacobian is singular; it has an
+    /// effect only if it exceeds the tolerance. Default 1e-8.
     pub acceptable: f64,
     /// Largest number of iterations, over all strategies, points of paths included. Default 20 000.
     pub max_iterations: usize,
     /// Largest number of iterations of one attempt. Default 200.
     pub max_attempt: usize,
-    /// Largest wall-clock time, looked at before each factorisation and each trial point. A factorisation is not interrupted: a full matrix
+    /// Largest wall-clock time, checked before each factorisation and each trial point. A factorisation is not interrupted: a full matrix
     /// of 800 unknowns takes some 50 ms. Default none.
     pub max_time: Option<Duration>,
     /// Whether F is evaluated within the bounds only. Default true. An affine F is evaluated anywhere.
     pub stay_inside: bool,
-    /// Whether rows and columns are equilibrated, by powers of two and the Jacobian at the start. Default true.
+    /// Whether rows and columns are equilibrated, by powers of two, for the Jacobian at the start and again where rows have changed much.
+    /// Default true.
     pub equilibrate: bool,
     /// What is tried, in this order, each only if all before it failed. Default: all of [`McpStrategy`], in the order of its variants.
     ///
     /// Of the eleven orders in which another strategy comes first or second, none is better throughout on 619 problems of 51 families (the
-    /// example `corrector_convergence` with `--full`). With smoothing second all families take 0.97 of the default's time in the mean. But
-    /// the best order of half of the families, at random, takes 0.94 to 1.02 of that time on the other half in nine of ten cases, 0.99 in
-    /// the median, and for work in place of time 0.98 to 1.50 and 1.00.
+    /// example `corrector_convergence` with `--full`). With smoothing second, all families take 0.97 of the default's time in the mean. But
+    /// the order that is best on a random half of the families takes 0.94 to 1.02 of that time on the other half in nine of ten cases
+    /// (median 0.99), and 0.98 to 1.50 of the work (median 1.00).
     ///
     /// ```
     /// use semismooth::complementarity::{Mcp, McpOptions, McpSolver, McpStrategy};
@@ -65,8 +66,8 @@ pub struct McpOptions {
     pub max_nodes: u64,
     /// Number of perturbed starts tried in the end. Default 12.
     pub restarts: usize,
-    /// Whether, and how, the regularity of solutions is examined, for [`McpReport::regularity`](super::McpReport::regularity). Default `None`:
-    /// it is not.
+    /// Whether, and how, the regularity of solutions is examined, for [`McpReport::regularity`](super::McpReport::regularity). Default
+    /// `None`: it is not.
     pub regularity: Option<RegularityOptions>,
 }
 

@@ -1,4 +1,4 @@
-//! What a solve reports in the end.
+//! The report of a solve.
 
 use super::engine::Engine;
 use super::{BoundState, McpStatus};
@@ -20,7 +20,7 @@ impl Engine<'_> {
         }
     }
 
-    /// What is said in the end of the point nearest to a solution, where no strategy reached the tolerance.
+    /// The status reported for the point nearest to a solution, where no strategy reached the tolerance.
     fn last_word(&mut self, status: McpStatus) -> McpStatus {
         let proven = matches!(status, McpStatus::Infeasible | McpStatus::Interrupted);
         if proven || self.least_error == f64::INFINITY {
@@ -55,7 +55,7 @@ impl Engine<'_> {
             status = self.last_word(status);
         }
         x.copy_from_slice(&self.work.here.x);
-        // Evaluated at what is returned, whatever was known before.
+        // Evaluated once more, at the point returned.
         let finite = self.evaluate();
         if status != McpStatus::Solved {
             self.report.error = f64::NAN;

@@ -1,4 +1,4 @@
-//! How an attempt goes about it. The tests that tell when a number is wrong are those of `tests/mcp`, here and in `strategies`.
+//! Parameters of an attempt. Names of tests, here and in `strategies`, are those of `tests/mcp` that fail where a number is wrong.
 
 /// Sufficient decrease of the line search.
 pub(super) const ARMIJO: f64 = 1e-4;

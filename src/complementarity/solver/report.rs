@@ -13,15 +13,15 @@ pub enum McpStatus {
     /// x satisfies the bounds exactly, and each component to the tolerance relative to the terms of its row, as checked at the point
     /// returned ([accuracy](crate::complementarity#accuracy)).
     Solved,
-    /// Nothing is left of the residual but the rounding of its terms, which are so large (or x so far out) that this tells little: x may
-    /// be the best point there is.
+    /// The residual is only the rounding error of its terms, which are so large (or x so far out) that it is not informative: x may be the
+    /// best attainable point.
     AtRounding,
     /// A stationary point of the merit function ½‖Φ‖² that is no solution.
     Stationary {
         /// Largest component of the projected gradient of the (scaled) merit function.
         gradient_norm: f64,
     },
-    /// Iterates or paths tend to infinity; a residual that tends to 0 there belongs to no solution.
+    /// Iterates or paths tend to infinity; a residual that tends to 0 there does not indicate a solution.
     Unbounded,
     /// There is no solution, by exact arithmetic: the report holds a certificate, or (certificate empty) all active sets of a small affine
     /// problem were ruled out.
@@ -90,7 +90,7 @@ pub struct Fallback {
     pub strategy: McpStrategy,
     /// How it ended.
     pub outcome: McpStatus,
-    /// Smallest natural residual it met; infinite where it met none.
+    /// Smallest natural residual of its iterates; infinite if there was none.
     pub residual: f64,
     /// Iterations spent.
     pub iterations: usize,
@@ -111,7 +111,7 @@ pub enum McpStep {
     Gradient,
     /// Solution of the linearised complementarity problem.
     Linearised,
-    /// A step of another kind, which [`McpIteration::strategy`] tells: a Newton step of smoothed equations, the end of a path.
+    /// A step of another kind, see [`McpIteration::strategy`]: a Newton step of smoothed equations, the end of a path.
     Own,
     /// None: the last iterate of an attempt.
     None,
@@ -134,12 +134,12 @@ pub struct McpIteration {
     pub step: McpStep,
     /// Its length, 1 for a full step.
     pub damping: f64,
-    /// Number of components that the natural map takes for free or at a bound, x − F within or beyond its bounds, otherwise than at the
-    /// iterate before; at the first iterate 0.
+    /// Number of components whose piece of the natural map (x − F below, within or above the bounds) differs from that at the iterate
+    /// before; 0 at the first iterate.
     pub sites_changed: usize,
 }
 
-/// Where a component is in a solution.
+/// Position of a component with respect to its bounds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -152,7 +152,7 @@ pub enum BoundState {
     Upper,
 }
 
-/// How a solve went. The solver keeps it, so that it is not allocated anew.
+/// Report on a solve. The solver keeps it, so that its memory is reused.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -166,7 +166,7 @@ pub struct McpReport {
     pub error: f64,
     /// Largest violation of a bound by x; 0 unless x could not be evaluated.
     pub feasibility: f64,
-    /// Complementarity max min(|xᵢ − bound|, |Fᵢ|) over the bounds that the sign of Fᵢ asks to be active.
+    /// Complementarity max min(|xᵢ − bound|, |Fᵢ|) over the bounds that should be active by the sign of Fᵢ.
     pub complementarity: f64,
     /// Iterations, over all attempts.
     pub iterations: usize,
@@ -184,8 +184,8 @@ pub struct McpReport {
     pub history: Vec<McpIteration>,
     /// Where each component is.
     pub states: Vec<BoundState>,
-    /// For [`McpStatus::Infeasible`] the vector v that proves it: v points along no finite bound, so that every solution has
-    /// vᵀF(x) ≥ 0, yet sup vᵀF(x) < 0 over the bounds, for v but for its rounding. Empty where enumeration proved it, and otherwise.
+    /// For [`McpStatus::Infeasible`] the vector v that proves it: v is a recession direction of the box [l, u], so that every solution has
+    /// vᵀF(x) ≥ 0, yet sup vᵀF(x) < 0 over the box, up to the rounding of v. Empty where enumeration proved it, and for any other status.
     pub certificate: Vec<f64>,
     /// The regularity of the solution at the x returned, as a zero of the natural map and in Robinson's sense, where
     /// [`McpOptions::regularity`](super::McpOptions::regularity) asks for it; `None` unless the problem is solved.

@@ -15,7 +15,7 @@ const SHIFTED: (f64, f64, usize) = (1e-3, 10.0, 4);
 const SHORTEST: [f64; 3] = [1e-2, 0.1, 1e-10];
 
 impl Engine<'_> {
-    /// The active set at `work.here.x`: −1 lower, +1 upper; whether it is the one it was.
+    /// The active set at `work.here.x`: −1 lower, +1 upper; returns whether it is unchanged.
     pub(super) fn update_active(&mut self) -> bool {
         let mut same = true;
         for i in 0..self.n() {
@@ -34,7 +34,7 @@ impl Engine<'_> {
         same
     }
 
-    /// The Newton step of the natural map for the active set at hand.
+    /// The Newton step of the natural map for the current active set.
     pub(super) fn natural_step(&mut self) -> bool {
         self.bound_steps();
         self.report.factorisations += 1;
@@ -95,7 +95,7 @@ impl Engine<'_> {
         Some(self.trial_merit(plan))
     }
 
-    /// A full, projected step of the natural map: taken where it helps, or on credit.
+    /// A full, projected step of the natural map: taken where it helps, or as a step without decrease.
     pub(super) fn try_natural(
         &mut self,
         plan: &Plan,
@@ -108,12 +108,12 @@ impl Engine<'_> {
             return None;
         }
         self.make_trial(1.0, inside);
-        // At a tie the projection may undo the whole step.
+        // Where x and F tie, the projection may undo the whole step.
         if self.step_length() == 0.0 {
             return None;
         }
         let mut t = 1.0;
-        // Out of the domain: half way, and so on.
+        // Outside the domain of F: halve the step.
         while !self.evaluate_trial() {
             t *= 0.5;
             if t < 1e-3 {

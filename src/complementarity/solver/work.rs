@@ -80,12 +80,12 @@ impl Work {
         self.lin.jac().pattern() == pattern
     }
 
-    /// H = diag(∂Φ/∂x) + diag(∂Φ/∂F) (J + `shift` I), as the system at hand.
+    /// H = diag(∂Φ/∂x) + diag(∂Φ/∂F) (J + `shift` I), as the current system.
     pub(super) fn build_fischer(&mut self, shift: f64) {
         self.system.build(self.lin.scaled(), &self.equations, shift);
     }
 
-    /// The step d = −(HᵀH + μ I)⁻¹ HᵀΦ of the system at hand.
+    /// The step d = −(HᵀH + μ I)⁻¹ HᵀΦ of the current system.
     pub(super) fn solve_regularised(&mut self, mu: f64) -> bool {
         self.system.solve_regularised(mu, &self.equations.gradient)
     }

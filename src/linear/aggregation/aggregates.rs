@@ -1,8 +1,8 @@
-//! Which nodes are gathered.
+//! Aggregation of nodes.
 
 use crate::sparse::Blocks;
 
-/// Fewest nodes of an aggregate that is left alone: fewer do not tell rigid motions apart.
+/// Fewest nodes of an aggregate that is not merged: rigid motions are not independent on fewer.
 const FEW: usize = 3;
 
 /// The aggregate of each node, and their number.
@@ -21,7 +21,7 @@ pub(super) fn aggregates<const B: usize>(a: &Blocks<B, B>, theta: f64) -> Aggreg
     let norms: Vec<f64> = (0..n)
         .map(|i| a.slot(i, i).map_or(0.0, |k| square(&a.value[k]).sqrt()))
         .collect();
-    // Squares of the strengths, 0 for weak neighbours: a short number each, as comparisons are all that they serve.
+    // Squares of the strengths, 0 for weak neighbours; single precision suffices for comparisons.
     let mut strength = vec![0.0f32; a.col.len()];
     for i in 0..n {
         for k in a.start[i]..a.start[i + 1] {
@@ -66,7 +66,7 @@ pub(super) fn aggregates<const B: usize>(a: &Blocks<B, B>, theta: f64) -> Aggreg
     merge_small(a, &mut of, count as usize)
 }
 
-/// Small aggregates join that of the neighbour they are most strongly coupled to.
+/// Merges each small aggregate with that of the neighbour it is most strongly coupled to.
 fn merge_small<const B: usize>(a: &Blocks<B, B>, of: &mut [u32], count: usize) -> Aggregates {
     let mut size = vec![0u32; count];
     of.iter().for_each(|k| size[*k as usize] += 1);

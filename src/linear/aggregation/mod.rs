@@ -1,9 +1,9 @@
-//! Multigrid by smoothed aggregation for matrices of bodies, a block a pair of nodes, as a preconditioner.
+//! Multigrid by smoothed aggregation for elasticity matrices, stored as blocks for pairs of nodes, as a preconditioner.
 //!
-//! Nodes are gathered into aggregates; on each the rigid motions are interpolated, smoothed by one damped Jacobi step
-//! (P. Vaněk, J. Mandel, M. Brezina, Computing 56 (1996); P. Vaněk, M. Brezina, J. Mandel, Numer. Math. 88 (2001)). Components may be
-//! constrained at zero and diagonal blocks added to: the aggregates stay then, and what of the prolongation and of the coarse matrices
-//! depends on the nodes that changed is found anew, unless they changed slightly: the finest level knows them exactly in any case.
+//! Nodes are gathered into aggregates; on each the rigid motions are interpolated, smoothed by one damped Jacobi step (P. Vaněk, J. Mandel,
+//! M. Brezina, Computing 56 (1996); P. Vaněk, M. Brezina, J. Mandel, Numer. Math. 88 (2001)). Components may be fixed at zero and diagonal
+//! blocks added to: the aggregates stay then, and those parts of the prolongation and of the coarse matrices that depend on the changed
+//! nodes are recomputed, unless the change is slight. The finest level is exact in any case.
 
 mod aggregates;
 mod dense;
@@ -32,28 +32,29 @@ const MIN_COARSENING: f64 = 0.6;
 const STRONG: f64 = 0.05;
 /// Most sweeps of a smoothing.
 const MOST_SWEEPS: usize = 4;
-/// Largest eigenvalues of D⁻¹A beyond which smoothings take two and three sweeps from the beginning: those of hexahedra are 2.8 for
-/// ν = 0.28, 3.8 for 0.45 and 4.4 for 0.49, where one sweep takes 45 iterations for 1e-8, two 32 and three 26.
+/// Largest eigenvalues of D⁻¹A beyond which smoothings begin with two and three sweeps: those of hexahedra are 2.8 for ν = 0.28, 3.8 for
+/// 0.45 and 4.4 for 0.49, where one sweep takes 45 iterations for 1e-8, two 32 and three 26.
 const STIFF: [f64; 2] = [3.7, 4.2];
 /// Steps of the power method for the largest eigenvalue of D⁻¹A, and what is added to its result, which is a lower bound.
 const POWER_STEPS: usize = 8;
 const MARGIN: f64 = 1.05;
 /// Damping of the Jacobi step of prolongators against the largest eigenvalue.
 const DAMPING: f64 = 4.0 / 3.0;
-/// Changes of what is added to a diagonal block of A, relative to that block, that are left out of the coarse matrices: with 0.03 some bodies
+/// Changes of additions to a diagonal block of A, relative to that block, that are left out of the coarse matrices: with 0.03 some bodies
 /// take more iterations.
 const SLIGHT: f64 = 0.01;
 
 /// Constraints of the finest level.
 #[derive(Debug, Clone)]
 struct Fine<const F: usize> {
-    /// Components that are constrained, a bit each; those that never were free, and those.
+    /// Components that never were free, a bit each.
     fixed: Vec<u8>,
+    /// These and the components fixed at present.
     constrained: Vec<u8>,
     added: BTreeMap<u32, [[f64; F]; F]>,
-    /// What is added as the coarse levels know it: slight changes are kept from them.
+    /// The additions that the coarse levels include: slight changes are left out.
     known: BTreeMap<u32, [[f64; F]; F]>,
-    /// Nodes with components that are constrained or added to, beside those that never were free.
+    /// Nodes with fixed components or additions, beside those that never were free.
     constrained: Vec<u32>,
     smoother: Smoother<F>,
 }
@@ -106,13 +107,13 @@ pub(crate) struct Aggregation<const F: usize, const K: usize> {
     /// Sweeps of each smoothing.
     sweeps: usize,
     until: Until,
-    /// Nodes whose change was begun and not carried through for want of time.
+    /// Nodes whose change was interrupted by the time limit.
     pending: Vec<u32>,
 }
 
 impl<const F: usize, const K: usize> Aggregation<F, K> {
-    /// The hierarchy of a positive definite matrix of which some components, a bit each, are not free and have zero rows and columns. `modes` are the
-    /// near-kernel vectors.
+    /// The hierarchy of a positive definite matrix of which some components, a bit each, are not free and have zero rows and columns.
+    /// `modes` are the near-kernel vectors.
     ///
     /// # Errors
     /// [`LinearError::NotPositiveDefinite`]; [`LinearError::Interrupted`] once time is over.
@@ -191,7 +192,7 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
         })
     }
 
-    /// When changes and cycles to come end: with [`LinearError::Interrupted`], looked for in each strip of rows.
+    /// Sets when later changes and cycles end, with [`LinearError::Interrupted`]; checked in each strip of rows.
     pub(crate) fn set_until(&mut self, until: Until) {
         self.until = until;
         self.fine.smoother.until = until;
@@ -208,8 +209,8 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
         std::iter::once((a.nrows(), a.col.len())).chain(coarse).collect()
     }
 
-    /// Holds components (unknown by unknown) and adds to diagonal blocks (row, column, value; in the same node), in place of what was
-    /// constrained and added before. What is added must be symmetric and positive semidefinite.
+    /// Fixes components (unknown by unknown) and adds to diagonal blocks (row, column, value; in the same node), in place of those fixed
+    /// and added before. Additions must be symmetric and positive semidefinite.
     pub(crate) fn constrain(
         &mut self,
         a: &Blocks<F, F>,
@@ -224,7 +225,7 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
         for &(i, j, v) in added {
             sums.entry((i / F) as u32).or_insert([[0.0; F]; F])[i % F][j % F] += v;
         }
-        // With a direct solve alone nothing else makes up for it.
+        // With a direct solve alone nothing else corrects the difference.
         let slight = if self.first.is_some() { SLIGHT } else { 0.0 };
         let fine = &mut self.fine;
         let mut changed = std::mem::take(&mut self.pending);
@@ -258,7 +259,7 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
         done
     }
 
-    /// Brings all levels up to date with the nodes of the finest one that have changed.
+    /// Updates all levels for the nodes of the finest one that have changed.
     fn propagate(&mut self, a: &Blocks<F, F>, changed: &[u32]) -> Result<(), LinearError> {
         let Some(first) = &mut self.first else {
             return self.direct.factor_nearly(a, &self.fine);
@@ -287,7 +288,7 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
         Ok(())
     }
 
-    /// Overwrites b by the cycle's approximation to A⁻¹ b, zero where components are constrained; [`LinearError::Interrupted`] once time is over.
+    /// Overwrites b by the cycle's approximation to A⁻¹ b, zero in fixed components; [`LinearError::Interrupted`] once time is over.
     pub(crate) fn apply(&mut self, a: &Blocks<F, F>, b: &mut [f64]) -> Result<(), LinearError> {
         let Some(first) = &mut self.first else {
             for (node, constrained) in self.fine.constrained.iter().enumerate() {
@@ -330,8 +331,8 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
         self.sweeps = (self.sweeps + 1).min(MOST_SWEEPS);
     }
 
-    /// y += A x for the x that the last [`apply`](Self::apply) made, with what is added to A, without a product where the cycle has left
-    /// its residual behind. Components that are constrained are arbitrary.
+    /// y += A x for the x of the last [`apply`](Self::apply), additions to A included, without a product where the cycle has left its
+    /// residual. Fixed components are arbitrary.
     pub(crate) fn add_image(&self, a: &Blocks<F, F>, x: &[f64], y: &mut [f64]) {
         let smoother = &self.fine.smoother;
         if self.first.is_some() {
@@ -351,7 +352,7 @@ impl<const F: usize, const K: usize> Aggregation<F, K> {
     }
 }
 
-/// What comes after parts that ended early for want of time is not gone into.
+/// Ends the work where parts of it ended early for lack of time.
 fn in_time(until: Until) -> Result<(), LinearError> {
     if until.is_over() {
         return Err(LinearError::Interrupted);
@@ -359,7 +360,7 @@ fn in_time(until: Until) -> Result<(), LinearError> {
     Ok(())
 }
 
-/// Whether two additions to a diagonal block of A differ by little, against that block; what is taken away has to go.
+/// Whether two additions to a diagonal block of A differ by little, relative to that block; an addition that is removed always counts.
 fn is_near<const F: usize>(
     a: &Blocks<F, F>,
     node: usize,

@@ -9,7 +9,7 @@ use crate::linear::{Cholesky, LinearError, LinearSolver};
 use crate::parallel;
 use crate::sparse::{Blocks, Matrix, Pattern, ROWS, add_product, subtract_transposed};
 
-/// Entries of a matrix that are worth a thread.
+/// Entries of a matrix for which a thread pays off.
 const GRAIN: usize = 1 << 18;
 
 /// Sweeps over a symmetric matrix, and the vectors of its level.
@@ -18,18 +18,18 @@ const GRAIN: usize = 1 << 18;
 /// to the two beside it alone, so that strips of one colour are relaxed at the same time, and the sweep is Gauss–Seidel's in another order.
 #[derive(Debug, Clone)]
 pub(super) struct Smoother<const B: usize> {
-    /// Inverse diagonal blocks; zero rows and columns where components are constrained.
+    /// Inverse diagonal blocks; zero rows and columns in fixed components.
     pub(super) inverse: Vec<[[f64; B]; B]>,
     pub(super) x: Vec<f64>,
     pub(super) b: Vec<f64>,
     pub(super) r: Vec<f64>,
     /// The first row of each strip, and the end.
     strips: Vec<usize>,
-    /// What a strip changes in the residuals of the rows beside it, from which row on, and where it is.
+    /// The changes that a strip makes to the residuals of the rows beside it, the first of these rows, and their position here.
     halo: Vec<[f64; B]>,
     halo_first: Vec<usize>,
     halo_ends: Vec<usize>,
-    /// Once it is over strips are left as they are.
+    /// Once it has passed strips are left as they are.
     pub(super) until: Until,
 }
 
@@ -100,7 +100,7 @@ impl<const B: usize> Smoother<B> {
             };
             all.colour(colour, last, whole);
         }
-        // What strips of the second colour left for those beside them.
+        // Changes by strips of the second colour to the rows beside them.
         let r = self.r.as_chunks_mut::<B>().0;
         for k in (1 - first..count).step_by(2) {
             let halo = &self.halo[self.halo_ends[k]..self.halo_ends[k + 1]];
@@ -165,8 +165,8 @@ fn inverse_block<const B: usize>(
     semi_inverse(&block, constrained)
 }
 
-/// Rows cut so that a strip has no couplings but with the strips beside it; a single one where that leaves no two of a colour. Wide
-/// strips have fewer couplings with others, narrow ones are more.
+/// Rows cut so that a strip has no couplings but with the strips beside it; a single one if there would not be two of a colour. Wide strips
+/// have fewer couplings with others, narrow ones are more.
 fn strips<const B: usize>(a: &Blocks<B, B>) -> Vec<usize> {
     const ENOUGH: usize = 8;
     let found = [3, 2, 1].map(|width| cut(a, width));
@@ -288,7 +288,7 @@ impl<const B: usize> Relaxation<'_, B> {
     }
 }
 
-/// One strip: its rows, its part of x and r, x on the strips beside it, and what they owe to it.
+/// One strip: its rows, its part of x and r, x on the strips beside it, and the changes of their residuals.
 struct Strip<'a, const B: usize> {
     all: &'a Relaxation<'a, B>,
     rows: Range<usize>,
@@ -344,8 +344,8 @@ impl<const B: usize> Strip<'_, B> {
         }
     }
 
-    /// A sweep from the x at hand, and r ← b − A x: once a row is relaxed, what its residual becomes is gathered, by symmetry, from the
-    /// rows that change later. Components that are constrained are arbitrary in r.
+    /// A sweep from the current x, and r ← b − A x: once a row is relaxed, later changes of its residual are gathered, by symmetry, from
+    /// the rows that are relaxed after it. Fixed components are arbitrary in r.
     fn relax<const LAST: bool>(mut self) {
         if LAST {
             self.halo.fill([0.0; B]);
@@ -388,7 +388,7 @@ impl<const B: usize> Strip<'_, B> {
         }
     }
 
-    /// Adds the products of a row with x on the strip before this one, and tells where the columns of this one begin.
+    /// Adds the products of a row with x on the strip before this one; returns where the columns of this one begin.
     #[inline(always)]
     fn add_before(&self, cols: &[u32], values: &[[[f64; B]; B]], sum: &mut [f64; B]) -> usize {
         let first = self.rows.start - self.before.len();
@@ -400,7 +400,7 @@ impl<const B: usize> Strip<'_, B> {
         k
     }
 
-    /// The same with the strip after this one, and where the columns of this one end.
+    /// The same with the strip after this one; returns where the columns of this one end.
     #[inline(always)]
     fn add_after(&self, cols: &[u32], values: &[[[f64; B]; B]], sum: &mut [f64; B]) -> usize {
         let mut k = cols.len();
@@ -411,7 +411,7 @@ impl<const B: usize> Strip<'_, B> {
         k
     }
 
-    /// What a step changes in the residuals of the rows beside this strip, whose columns end at `low` and begin at `high`.
+    /// The changes that a step makes to the residuals of the rows beside this strip, whose columns end at `low` and begin at `high`.
     #[inline(always)]
     fn owe(&mut self, cols: &[u32], values: &[[[f64; B]; B]], low: usize, high: usize, step: &[f64; B]) {
         for (&j, block) in cols[..low].iter().zip(values) {
@@ -427,7 +427,7 @@ impl<const B: usize> Strip<'_, B> {
 /// Share of a diagonal entry that is added where a coarse matrix is singular by rounding.
 const SHIFT: f64 = 1e-9;
 
-/// A direct solver for the coarsest matrix. Unknowns without a pivot of their own are left out.
+/// A direct solver for the coarsest matrix. Unknowns without a positive pivot are left out.
 #[derive(Debug, Clone)]
 pub(super) struct Direct {
     cholesky: Cholesky,

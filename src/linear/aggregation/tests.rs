@@ -38,7 +38,7 @@ fn space(a: &NodalMatrix) -> &Blocks<3, 3> {
     }
 }
 
-/// Iterations that reduce the residual by 1e-8 with some contact nodes constrained.
+/// Iterations that reduce the residual by 1e-8 with some contact nodes fixed.
 fn iterations(a: &NodalMatrix, constrained: &[usize]) -> usize {
     let blocks = space(a);
     let fixed = vec![0; a.num_nodes()];
@@ -62,7 +62,7 @@ fn iterations(a: &NodalMatrix, constrained: &[usize]) -> usize {
             60,
         )
         .unwrap();
-    // What the recurrence says is true.
+    // The residual of the recurrence is the true one.
     let mut image = vec![0.0; n];
     blocks.mul(&b, &mut image);
     constrained.iter().for_each(|k| image[*k] = 0.0);
@@ -71,7 +71,7 @@ fn iterations(a: &NodalMatrix, constrained: &[usize]) -> usize {
     outcome.iterations
 }
 
-/// Strips of rows, relaxed in two colours: what a smoothing calls its residual is that, and the cycle is symmetric.
+/// Strips of rows, relaxed in two colours: the residual that a smoothing returns is the true one, and the cycle is symmetric.
 #[test]
 fn residuals_of_sweeps_are_true_and_the_cycle_is_symmetric() {
     let steel = Material::isotropic(1.0, 0.277).unwrap();
@@ -113,7 +113,7 @@ fn residuals_of_sweeps_are_true_and_the_cycle_is_symmetric() {
     assert!(dot(&b, &x) > 0.0 && dot(&c, &y) > 0.0);
 }
 
-/// Every other node at the bottom sticks, the rest is constrained along z.
+/// Every other node at the bottom sticks, the rest is fixed along z.
 fn bottom(a: &NodalMatrix) -> Vec<usize> {
     let nodes = (0..a.num_nodes()).filter(|i| a.points()[*i][2] == 0.0);
     let components = |i: usize| {
@@ -157,7 +157,7 @@ fn bodies_of_all_kinds_take_few_iterations() {
     }
 }
 
-/// Coarse matrices after a change of constraints are Galerkin products, as if the hierarchy were made anew, and the way back is exact.
+/// Coarse matrices after a change of constraints are Galerkin products, as if the hierarchy were rebuilt, and changing back is exact.
 #[test]
 fn constraints_change_what_depends_on_them_and_nothing_is_missed() {
     let a = body(block([9, 8, 4]), Material::isotropic(1.0, 0.3).unwrap(), 1.0);
@@ -212,7 +212,7 @@ fn constraints_change_what_depends_on_them_and_nothing_is_missed() {
     assert!(off <= 1e-14 * largest, "{off:e}");
 }
 
-/// What is added changes by little: coarse matrices stay until small changes have become a large one, products are exact all the time.
+/// Additions change by little: coarse matrices stay until small changes have become a large one, products are exact all the time.
 #[test]
 fn slight_changes_are_kept_from_coarse_levels_alone() {
     let a = body(block([9, 8, 4]), Material::isotropic(1.0, 0.3).unwrap(), 1.0);
@@ -251,7 +251,7 @@ fn slight_changes_are_kept_from_coarse_levels_alone() {
     assert!(off <= 1e-14 * size, "{off:e}");
 }
 
-/// Nothing holds the body.
+/// The body has no support.
 #[test]
 fn floating_bodies_are_refused() {
     let a = body(block([9, 8, 4]), Material::isotropic(1.0, 0.3).unwrap(), 1.0);
@@ -287,7 +287,7 @@ fn floating_bodies_are_refused() {
     assert_eq!(made.err(), Some(LinearError::NotPositiveDefinite));
 }
 
-/// Changes and cycles end once time is over; what was begun is carried through by the next change, to the same bits as without.
+/// Changes and cycles end once time is over; an interrupted change is completed by the next one, bitwise the same as without.
 #[test]
 fn interrupted_changes_are_carried_through() {
     let a = body(block([10, 10, 5]), Material::isotropic(1.0, 0.277).unwrap(), 1.0);

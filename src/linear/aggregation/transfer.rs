@@ -6,14 +6,13 @@ use crate::clock::Until;
 use crate::parallel;
 use crate::sparse::{Blocks, ROWS, subtract_transposed};
 
-/// Columns of near-kernel vectors on an aggregate that are this much shorter once the others are taken off do not count.
+/// Columns of near-kernel vectors on an aggregate that become this much shorter by orthogonalisation against the others do not count.
 const DEPENDENT: f64 = 1e-6;
 
 /// Near-kernel vectors of the nodes of a level, a row each component.
 pub(super) type Modes<const R: usize, const K: usize> = Vec<[[f64; K]; R]>;
 
-/// What is known of the unknowns of a level beside its matrix: components that are constrained at zero, and what is added to diagonal
-/// blocks.
+/// Data on the unknowns of a level beside its matrix: components that are fixed at zero, and additions to diagonal blocks.
 pub(super) trait Constraints<const R: usize>: Sync {
     fn constrained(&self, node: usize) -> u8;
     fn added(&self, node: usize) -> Option<&[[f64; R]; R]>;
@@ -32,7 +31,7 @@ pub(super) struct Transfer<const R: usize, const K: usize> {
     triangular: Vec<[[f64; K]; K]>,
     pub(super) omega: f64,
     sums: Sums<K>,
-    /// Once it is over rows are left out.
+    /// Once it has passed rows are left out.
     pub(super) until: Until,
 }
 
@@ -56,7 +55,7 @@ struct Row<const R: usize, const K: usize> {
 }
 
 const NONE: u32 = u32::MAX;
-/// Parts into which rows are cut while matrices are made, each with a memory of its own: at most this many, and rows of one at least.
+/// Parts into which rows are cut while matrices are made, each with its own buffers: at most this many, of one row at least.
 const MOST_PARTS: usize = 32;
 const LEAST_ROWS: usize = 64;
 
@@ -159,7 +158,7 @@ impl<const R: usize, const K: usize> Transfer<R, K> {
         out
     }
 
-    /// Smooths rows of P anew; their patterns stay.
+    /// Smooths rows of P again; their patterns stay.
     pub(super) fn resmooth(
         &mut self,
         a: &Blocks<R, R>,
@@ -215,7 +214,7 @@ impl<const R: usize, const K: usize> Transfer<R, K> {
         }))
     }
 
-    /// Sums rows of Pᵀ A P anew, over the pattern it has.
+    /// Sums rows of Pᵀ A P again, over the same pattern.
     pub(super) fn resum(
         &self,
         a: &Blocks<R, R>,
@@ -230,7 +229,7 @@ impl<const R: usize, const K: usize> Transfer<R, K> {
             return;
         }
         replace(c, rows, &found);
-        // Rows that are not summed anew change in these columns.
+        // Rows that are not summed again change in these columns.
         for &row in rows {
             for k in c.start[row as usize]..c.start[row as usize + 1] {
                 let block = c.value[k];
@@ -349,7 +348,7 @@ fn joined<const R: usize, const K: usize>(parts: Vec<Blocks<R, K>>) -> Blocks<R,
     all
 }
 
-/// Writes rows that were made anew over those that are there.
+/// Overwrites rows by recomputed ones.
 fn replace<const R: usize, const K: usize>(m: &mut Blocks<R, K>, rows: &[u32], found: &[Blocks<R, K>]) {
     let made = found
         .iter()

@@ -7,8 +7,8 @@ const STRONG: f64 = 0.08;
 /// Levels stop when coarsening gains less than this factor.
 const MIN_COARSENING: f64 = 0.7;
 
-/// Smoothed aggregation (P. Vaněk, J. Mandel, M. Brezina, 1996): unknowns are gathered with their strong neighbours, and the
-/// constant on each aggregate is smoothed by one damped Jacobi step. `None` when the matrix does not coarsen.
+/// Smoothed aggregation (P. Vaněk, J. Mandel, M. Brezina, 1996): unknowns are aggregated with their strong neighbours, and the constant on
+/// each aggregate is smoothed by one damped Jacobi step. `None` when the matrix does not coarsen.
 pub(super) fn smoothed_aggregation(a: &Rows) -> Result<Option<Prolongation>, LinearError> {
     let (n, a) = (a.nrows(), a.view());
     let diagonal = diagonal(a, n);
@@ -70,7 +70,7 @@ fn damping(a: RowsRef<'_>, diagonal: &[f64]) -> f64 {
     4.0 / (3.0 * bound)
 }
 
-/// The offset of the prolongation for the affine problem A x + q = 0: what the same Jacobi step makes of 0.
+/// The offset of the prolongation for the affine problem A x + q = 0: the result of the same Jacobi step from 0.
 pub(super) fn offset(a: &Rows, q: &[f64]) -> Vec<f64> {
     let a = a.view();
     let diagonal = diagonal(a, q.len());

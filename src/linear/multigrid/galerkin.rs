@@ -32,7 +32,7 @@ impl RowSum {
         }
     }
 
-    /// Adds `factor` times a row, but for the columns that are not free.
+    /// Adds `factor` times a row, except in columns that are not free.
     #[inline(always)]
     fn add(&mut self, cols: &[u32], values: &[f64], factor: f64, is_free: impl Fn(u32) -> bool) {
         let mut len = self.len;
@@ -112,7 +112,7 @@ impl Galerkin {
         Rows::new(p.num_coarse(), start, col, value)
     }
 
-    /// Sums the rows of C that depend on the given rows of A (all with `None`); tells which those are.
+    /// Sums the rows of C that depend on the given rows of A (all with `None`); returns which those are.
     pub(super) fn sum(
         &mut self,
         a: &Rows,

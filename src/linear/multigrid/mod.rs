@@ -150,8 +150,8 @@ impl Level {
         }
     }
 
-    /// A backward Gauss–Seidel sweep, and r ← b − A x: what a row's residual is once the row is relaxed comes from the rows before it, and
-    /// by symmetry is gathered from their upper parts in the same pass. In rows left out, r is 0 or arbitrary.
+    /// A backward Gauss–Seidel sweep, and r ← b − A x: the residual of a row after its relaxation comes from the rows before it, and by
+    /// symmetry is gathered from their upper parts in the same pass. In rows left out, r is 0 or arbitrary.
     fn smooth_backward_to_residual(&mut self) {
         let Self {
             a,
@@ -263,7 +263,7 @@ impl TruncatedMultigrid {
         self.free.len()
     }
 
-    /// Takes other values for the matrix of the finest level, over the same pattern, and sums all coarse matrices anew.
+    /// Replaces the values of the matrix of the finest level, over the same pattern, and sums all coarse matrices again.
     pub(crate) fn revalue(&mut self, values: &[f64]) {
         self.levels[0].a.parts_mut().2.copy_from_slice(values);
         for k in 0..self.prolongations.len() {
@@ -282,7 +282,7 @@ impl TruncatedMultigrid {
         self.free.iter().zip(inverse).all(|(free, d)| !free || *d > 0.0)
     }
 
-    /// Overwrites b by what one cycle from zero makes of it.
+    /// Overwrites b by the result of one cycle from zero.
     fn precondition(&mut self, b: &mut [f64]) {
         self.levels[0].b.copy_from_slice(b);
         self.cycle();
@@ -363,8 +363,8 @@ impl TruncatedMultigrid {
         }
     }
 
-    /// Conjugate gradients for A_FF d = r_F: stops when ‖r_F‖₂ has fallen by `tolerance`. `d` is overwritten, zero where unknowns
-    /// are left out, and so is `r`. Tells the number of iterations; stops at `limit`.
+    /// Conjugate gradients for A_FF d = r_F: stops when ‖r_F‖₂ has fallen by `tolerance`. `d` is overwritten, zero where unknowns are left
+    /// out, and so is `r`. Returns the number of iterations; stops at `limit`.
     pub(crate) fn solve(
         &mut self,
         r: &mut [f64],

@@ -8,8 +8,8 @@ use crate::sparse::MatrixRef;
 /// A symmetric V-cycle of multigrid, one Gauss–Seidel sweep before and after, as a [`Preconditioner`] for symmetric positive definite
 /// matrices (W. L. Briggs, V. E. Henson, S. F. McCormick, A Multigrid Tutorial (2000)).
 ///
-/// Coarse levels are given (nested grids) or found by smoothed aggregation (P. Vaněk, J. Mandel, M. Brezina, 1996). They belong to a pattern:
-/// matrices with other values over it keep them, and only the coarse matrices are summed anew, without allocation.
+/// Coarse levels are given (nested grids) or found by smoothed aggregation (P. Vaněk, J. Mandel, M. Brezina, 1996). They belong to a
+/// pattern: matrices with other values over it keep them, and only the coarse matrices are recomputed, without allocation.
 ///
 /// The example of [`Krylov`](crate::linear::Krylov) uses it.
 #[derive(Clone, Default)]
@@ -52,7 +52,7 @@ impl std::fmt::Debug for Multigrid {
 }
 
 impl Preconditioner for Multigrid {
-    /// Only the symmetry of the matrix is taken on trust.
+    /// The symmetry of the matrix is not checked.
     ///
     /// # Errors
     /// [`LinearError::NotPositiveDefinite`] for a diagonal that is not positive, [`LinearError::NotFinite`], [`LinearError::NotSquare`],

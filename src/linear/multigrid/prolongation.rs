@@ -151,8 +151,8 @@ impl Prolongation {
         }
     }
 
-    /// What holds for more than half of the parents of a fine unknown, by weight; `otherwise` where nothing does: carries active sets
-    /// from a coarse problem to a finer one.
+    /// The value of more than half of the parents of a fine unknown, by weight; `otherwise` where there is none: carries active sets from a
+    /// coarse problem to a finer one.
     #[must_use]
     pub fn inherit<T: Copy + PartialEq>(&self, coarse: &[T], otherwise: T) -> Vec<T> {
         let most = |i: usize| {

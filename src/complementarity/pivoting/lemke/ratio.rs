@@ -7,7 +7,7 @@ use crate::complementarity::Lcp;
 const PIVOT: f64 = 1e-11;
 /// Ratios closer than this, relative to their size, are ties; the lexicographic rule decides among them.
 const TIE: f64 = 1e-13;
-/// Relative difference below which entries of the inverse are equal to the lexicographic rule.
+/// Relative difference below which entries of the inverse count as equal in the lexicographic rule.
 const SAME: f64 = 1e-11;
 
 /// What bounds the move of the entering variable.

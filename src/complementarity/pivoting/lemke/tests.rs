@@ -59,7 +59,7 @@ fn free_and_fixed_unknowns_and_upper_bounds() {
     assert_eq!((z[0], z[2]), (1.5, 0.25));
 }
 
-/// Basic variables that have decayed are found out, and made anew from the equations.
+/// Inaccurate basic variables are detected, and recomputed from the equations.
 #[test]
 fn decayed_variables_are_made_anew() {
     let m = Matrix::from_rows(&[[2.0, 1.0], [1.0, 2.0]]).unwrap();
@@ -81,7 +81,7 @@ fn decayed_variables_are_made_anew() {
     assert!(solver.verify(&lcp).unwrap() && solver.refactorisations == before + 2);
 }
 
-/// 2 z = 3, and a row of 1e-9 times the size: the end of a path is a solution only if each row says so.
+/// 2 z = 3, and a row of 1e-9 times the size: the end of a path is a solution only if each row is satisfied.
 #[test]
 fn ends_are_measured_row_by_row() {
     let m = Matrix::from_rows(&[[2.0, 0.0], [0.0, 2e-9]]).unwrap();
@@ -101,7 +101,7 @@ fn ends_are_measured_row_by_row() {
     );
 }
 
-/// w = z − (1, 0): dropping the rounding in z₁ makes a solution of (1, ε), and nothing of (3, ε), which comes back as it was.
+/// w = z − (1, 0): dropping the rounding in z₁ turns (1, ε) into a solution, but not (3, ε), which is returned unchanged.
 #[test]
 fn rounding_is_dropped_only_where_a_solution_is_left() {
     let lcp = Lcp::new(

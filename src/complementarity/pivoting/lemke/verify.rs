@@ -1,4 +1,4 @@
-//! What keeps a path honest: new inverses, checks of the basic variables, of results and of rays.
+//! Refactorisation, and checks of the basic variables, of results and of rays.
 
 use super::{Lemke, Var};
 use crate::complementarity::accuracy::{Point, drop_rounding};
@@ -8,7 +8,7 @@ use crate::complementarity::{ComplementarityError, Lcp};
 use crate::linear::LinearError;
 use crate::sparse::{Matrix, Pattern};
 
-/// Relative error of the basic variables above which the inverse is made anew.
+/// Relative error of the basic variables above which the inverse is recomputed.
 const DECAY: f64 = 1e-9;
 /// Relative rounding allowed in a certificate.
 const ROUNDING: f64 = 1e-10;
@@ -83,7 +83,7 @@ impl Lemke {
         Ok(self.decay(lcp) <= DECAY)
     }
 
-    /// t has left: refines the basic variables. The point that they give is judged in the end, within its bounds.
+    /// t has left the basis: refines the basic variables. The resulting point is checked later, within its bounds.
     pub(super) fn finish(&mut self, lcp: &Lcp) -> Result<LemkeStatus, ComplementarityError> {
         if !self.verify(lcp)? {
             return Ok(LemkeStatus::Inaccurate);
@@ -158,7 +158,7 @@ impl Lemke {
         }
     }
 
-    /// Whether v ≥ 0, Mᵀv ≤ 0 and qᵀv < 0 hold for the ray but for rounding, so that vᵀ(M z + q) < 0 for every z ≥ 0, and exact
+    /// Whether v ≥ 0, Mᵀv ≤ 0 and qᵀv < 0 hold for the ray up to rounding, so that vᵀ(M z + q) < 0 for every z ≥ 0, and exact
     /// arithmetic confirms that no z ≥ 0 has M z + q ≥ 0.
     pub(super) fn proves_infeasibility(&self, lcp: &Lcp) -> bool {
         if !self.has_ray || !lcp.is_standard() {

@@ -12,9 +12,9 @@ use crate::sparse::{Matrix, Pattern};
 struct Weights {
     /// Iterations of Newton's method at its end.
     newton: usize,
-    /// Distances of the anchor from bounds: from the first on, spread over the second.
+    /// Distances of the anchor from bounds: the least one, and the width of the interval above it over which they are spread.
     margin: (f64, f64),
-    /// Largest part of the width of a box for them.
+    /// Largest such distance inside a box, relative to its width.
     inner: f64,
     /// Distance to a bound, relative to 1 + |x|, that counts as none.
     at_bound: f64,
@@ -45,7 +45,7 @@ impl Engine<'_> {
         let lower: Vec<f64> = (0..n).map(|i| self.lower[i] / w.lin.col()[i]).collect();
         let upper: Vec<f64> = (0..n).map(|i| self.upper[i] / w.lin.col()[i]).collect();
         let start: Vec<f64> = (0..n).map(|i| w.here.x[i] / w.lin.col()[i]).collect();
-        // The anchor lies beyond a bound that F holds x at, and inside one it does not, so that no component starts on a kink.
+        // Where the sign of F keeps x at a bound the anchor lies outside it, otherwise inside, so that no component starts on a kink.
         let anchor: Vec<f64> = (0..n)
             .map(|i| {
                 let margin = WEIGHTS.margin.0 + WEIGHTS.margin.1 * spread(i);
@@ -147,7 +147,8 @@ struct Buffer {
 }
 
 impl Homotopy<'_> {
-    /// F at the point within the bounds next to x, continued by its linearisation: correctors look a little beyond bounds, F may not.
+    /// F at the point within the bounds next to x, continued by its linearisation: correctors may leave the bounds a little, F is not
+    /// evaluated there.
     fn evaluate(&self, y: &[f64], b: &mut Buffer) {
         let mut outside = false;
         for i in 0..y.len() {

@@ -13,10 +13,10 @@ struct Weights {
     newton: usize,
     /// Multiples of I added to a Jacobian whose path does not leave the start.
     shifts: [f64; 3],
-    /// Shortest step along the solution, and growth of the merit that is let pass.
+    /// Shortest step along the solution, and growth of the merit that is tolerated.
     shortest: f64,
     growth: f64,
-    /// Margins by which components are held at bounds at the start of the path: from this on, spread over as much again.
+    /// Margins by which components are held at bounds at the start of the path: between this and twice this.
     margin: f64,
 }
 
@@ -30,7 +30,7 @@ const WEIGHTS: Weights = Weights {
 };
 
 impl Engine<'_> {
-    /// Moves `work.here.x` to the solution of an affine (proximal) problem along its path; `false` where the path does not arrive.
+    /// Moves `work.here.x` to the solution of an affine (proximal) problem along its path; `false` where the path does not reach it.
     pub(super) fn affine_path(&mut self, plan: &Plan) -> bool {
         if !self.has_affine_paths() || !self.evaluate() || !self.jacobian() {
             return false;
@@ -103,7 +103,7 @@ impl Engine<'_> {
             self.record(residual, psi, McpStep::Linearised, t);
             self.accept_trial();
             let here = self.work.here.x.clone();
-            // From here Newton's method may do; otherwise the sequence of linearised problems goes on.
+            // From here Newton's method may suffice; otherwise the sequence of linearised problems goes on.
             if self.descend(&plan) == McpStatus::Solved {
                 return McpStatus::Solved;
             }

@@ -1,4 +1,4 @@
-//! What is tried. A strategy is a file here, with its numbers, and in this one its variant of [`McpStrategy`] and its line of the table.
+//! The strategies. Each has a file here, with its numbers, and in this file a variant of [`McpStrategy`] and a line of the table.
 
 mod enumeration;
 mod fischer;
@@ -14,7 +14,7 @@ use super::engine::Engine;
 use super::{BoundState, Fallback, McpStatus};
 use crate::words::named;
 
-/// What is tried, in this order unless [`McpOptions::strategies`](super::McpOptions::strategies) says otherwise.
+/// The strategies of the solver, tried in this order unless [`McpOptions::strategies`](super::McpOptions::strategies) says otherwise.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -57,7 +57,7 @@ pub(super) struct Own {
 struct Strategy {
     is: McpStrategy,
     name: &'static str,
-    /// Whether it is any use for the problem.
+    /// Whether the strategy applies to the problem.
     suits: fn(&Engine<'_>) -> bool,
     run: Run,
 }
@@ -65,7 +65,7 @@ struct Strategy {
 enum Run {
     /// One attempt, from the start in `work.here.x`.
     Attempt(fn(&mut Engine<'_>) -> McpStatus),
-    /// Several, which book themselves.
+    /// Several attempts, which record themselves.
     Attempts(fn(&mut Engine<'_>) -> Option<McpStatus>),
 }
 
@@ -161,14 +161,14 @@ impl Engine<'_> {
         self.n() <= self.options.max_path_size
     }
 
-    /// Whether piecewise linear paths are followed at this size: where F is affine one of them may be the whole solve, and from kink to kink
-    /// rows are replaced beside the factors at hand.
+    /// Whether piecewise linear paths are followed at this size: where F is affine one of them may be the whole solve, and at kinks the
+    /// factors are updated for the rows that change.
     fn has_affine_paths(&self) -> bool {
         let larger = if self.function.is_affine() { AFFINE } else { 1 };
         self.n() <= self.options.max_path_size.saturating_mul(larger)
     }
 
-    /// Runs one attempt from `work.here.x` and books it; `Some` ends the solve.
+    /// Runs one attempt from `work.here.x` and records it; `Some` ends the solve.
     fn attempt(
         &mut self,
         strategy: McpStrategy,

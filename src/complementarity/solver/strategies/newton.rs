@@ -24,7 +24,7 @@ impl Engine<'_> {
         self.descend(&plan)
     }
 
-    /// Full steps of the natural map for affine F, where each active set has one step: ends at a solution, or where a set comes back.
+    /// Full steps of the natural map for affine F, where each active set has one step: ends at a solution, or where a set recurs.
     pub(super) fn affine_newton(&mut self, plan: &Plan) -> McpStatus {
         let limit = (50 + self.n() / 2).min(plan.max_iterations);
         self.work.own.newton.visited.clear();

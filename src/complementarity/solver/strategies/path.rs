@@ -6,7 +6,7 @@ use crate::piecewise::PiecewiseSmooth;
 
 /// Most branchings on a path.
 const BRANCHINGS: usize = 7;
-/// Limits of a search for arms. Where a start far out lies on many kinks but for rounding, longer searches cost seconds and find no way.
+/// Limits of a search for arms. Where a start far out lies, up to rounding, on many kinks, longer searches take seconds and find none.
 const ARM_NODES: u64 = 1000;
 const ARM_SELECTIONS: u64 = 256;
 const LOCAL_STARTS: usize = 8;

@@ -38,7 +38,8 @@ impl Proximal {
     const FINISH: usize = 15;
 }
 
-/// `properties::positive_semidefinite_problems_are_solved_exactly_if_feasible`, `outcomes::infeasible_affine_problems_come_with_a_certificate`.
+/// `properties::positive_semidefinite_problems_are_solved_exactly_if_feasible`,
+/// `outcomes::infeasible_affine_problems_come_with_a_certificate`.
 const PROXIMAL_AFFINE: Proximal = Proximal {
     rounds: 40,
     shrink: 0.1,
@@ -139,8 +140,8 @@ impl Engine<'_> {
         }
     }
 
-    /// Whether x − centre proves an affine problem infeasible: v along no finite bound, so that vᵀF ≥ 0 at solutions, and
-    /// sup (Mᵀv)ᵀx + qᵀv < 0 over the bounds, but for rounding, and whether exact arithmetic confirms that there is no solution.
+    /// Whether x − centre proves an affine problem infeasible: v a recession direction of the box, so that vᵀF ≥ 0 at solutions, and sup
+    /// (Mᵀv)ᵀx + qᵀv < 0 over the bounds, up to rounding, and whether exact arithmetic confirms that there is no solution.
     fn certify(&mut self) -> bool {
         let n = self.n();
         let mut v: Vec<f64> = (0..n)

@@ -4,7 +4,7 @@ use crate::complementarity::solver::engine::Engine;
 use crate::complementarity::solver::plan::{Plan, spread};
 use crate::complementarity::solver::{McpStatus, McpStrategy};
 
-/// Half widths of the perturbed starts, in this order again and again. `corpus::more_problems_of_the_literature_from_far_starts`.
+/// Half widths of the perturbed starts, used cyclically. `corpus::more_problems_of_the_literature_from_far_starts`.
 const RESTART_WIDTHS: [f64; 12] = [1.0, 0.1, 10.0, 1.0, 100.0, 10.0, 0.01, 3.0, 30.0, 1e3, 0.3, 1.0];
 
 /// Perturbed starts from which paths are followed, too. `corpus::more_problems_of_the_literature_from_far_starts`.

@@ -11,7 +11,7 @@ use crate::sparse::{max_abs, norm};
 struct Weights {
     /// Largest μ at the start.
     first: f64,
-    /// Fall of μ once ‖Φ_μ‖ is below `centred` μ, and its end.
+    /// Factor by which μ falls once ‖Φ_μ‖ is below `centred` μ, and its final value.
     shrink: f64,
     centred: f64,
     least: f64,
@@ -44,7 +44,7 @@ fn smoothed(a: f64, b: f64, mu: f64) -> (f64, f64, f64) {
     (value, 1.0 - slope, 1.0 + slope)
 }
 
-/// Φ_μ of one component and its derivatives with respect to x and to f, by the bounds there are, as Billups (1995) nests them.
+/// Φ_μ of one component and its derivatives with respect to x and to f, depending on which bounds are finite, nested as by Billups (1995).
 fn component(gap: Gap, f: f64, mu: f64) -> (f64, f64, f64) {
     let (inner, by_x, by_f) = match gap.above < f64::INFINITY {
         true => {
@@ -95,7 +95,7 @@ impl Engine<'_> {
                 break;
             }
             let Some(t) = self.shorten(&plan, mu, size) else {
-                // Nothing more to be had at this μ.
+                // No further decrease at this μ.
                 mu *= WEIGHTS.shrink;
                 continue;
             };
