@@ -22,7 +22,7 @@ pub enum ComplementarityError {
         found: usize,
     },
     /// A bound is NaN, a lower bound +∞ or an upper bound −∞.
-    #[error("{what}[{index}] = {value} is no bound; use a number, or {free} where there is none")]
+    #[error("{what}[{index}] = {value} is not a bound; use a number, or {free} for no bound")]
     Bound {
         /// Which vector.
         what: &'static str,
@@ -44,7 +44,7 @@ pub enum ComplementarityError {
         upper: f64,
     },
     /// Two blocks of variables of one name.
-    #[error("there are variables \"{name}\" already; each block needs a name of its own")]
+    #[error("variables \"{name}\" exist already; each block needs a name of its own")]
     BlockTwice {
         /// The name.
         name: String,
@@ -68,7 +68,7 @@ pub enum ComplementarityError {
         value: f64,
     },
     /// The numbers of variables and values of the function do not fit its use.
-    #[error("a function of {vars} variables with {values} values does not fit here; {expected}")]
+    #[error("a function of {vars} variables with {values} values cannot be used here; {expected}")]
     Dimensions {
         /// Number of variables.
         vars: usize,

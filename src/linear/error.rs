@@ -62,7 +62,7 @@ pub enum LinearError {
     },
     /// A dense array that does not fit into memory, or has more entries than a square one of order 50 000 (20 GB).
     #[error(
-        "a dense {nrows} x {ncols} matrix is too large (more than 50 000² entries, or than memory holds); use a sparse method"
+        "a dense {nrows} x {ncols} matrix is too large (more than 50 000² entries, or more than fits into memory); use a sparse method"
     )]
     TooLarge {
         /// Number of rows.
@@ -83,7 +83,7 @@ pub enum LinearError {
         source: Cause,
     },
     /// The time limit has passed.
-    #[error("the time that was allowed is over")]
+    #[error("the time limit has passed")]
     Interrupted,
     /// A matrix could not be built.
     #[error(transparent)]

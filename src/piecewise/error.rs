@@ -46,7 +46,7 @@ pub enum PiecewiseError {
         col: usize,
     },
     /// The map is neither an equation nor a curve.
-    #[error("a map of {vars} variables and {residuals} residuals does not fit here; {expected}")]
+    #[error("a map of {vars} variables and {residuals} residuals cannot be used here; {expected}")]
     Dimensions {
         /// Number of variables.
         vars: usize,

@@ -77,9 +77,9 @@ impl LemkeStatus {
 impl fmt::Display for LemkeStatus {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
-            Self::Ray { infeasible: true } => "there is no solution, which the direction of a ray proves",
+            Self::Ray { infeasible: true } => "there is no solution, as the direction of a ray proves",
             Self::Ray { infeasible: false } => {
-                "the path ends on a ray, which does not tell whether there is a solution"
+                "the path ends on a ray, which does not decide whether there is a solution"
             }
             Self::PivotLimit => "limit on exchanges",
             Self::Inaccurate => "rounding destroyed the basis",

@@ -68,7 +68,7 @@ impl fmt::Display for McpStatus {
                 "stationary point of the merit function (gradient {gradient_norm:.1e}) that is no solution"
             ),
             Self::AtRounding => {
-                f.write_str("the residual is the rounding of terms too large for the tolerance")
+                f.write_str("the residual is only the rounding error of terms too large for the tolerance")
             }
             Self::Unbounded => f.write_str("the iterates tend to infinity"),
             Self::Infeasible => f.write_str("there is no solution"),

@@ -266,7 +266,7 @@ fn problems(t: &mut Table) {
     t.refuses(within, "little memory", "bytes", || {
         CondensedContact::within(body().to_contact_body().unwrap(), law(0.3), Some(64), None)
     });
-    t.refuses(within, "no time", "the time that was allowed is over", || {
+    t.refuses(within, "no time", "the time limit has passed", || {
         CondensedContact::within(
             body().to_contact_body().unwrap(),
             law(0.3),
