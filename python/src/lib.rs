@@ -11,6 +11,8 @@ mod events;
 mod expressions;
 mod fields;
 mod friction;
+mod laws;
+mod lists;
 mod map;
 mod mesh;
 mod solution;
@@ -31,6 +33,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     expressions::register(module)?;
     map::register(module)?;
     complementarity::register(module)?;
+    lists::register(module)?;
     continuation::register(module)?;
     transition_set::register(module)?;
     diagram::register(module)?;
@@ -38,6 +41,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     friction::register(module)?;
     mesh::register(module)?;
     body::register(module)?;
+    laws::register(module)?;
     contact::register(module)?;
     solution::register(module)
 }

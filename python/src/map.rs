@@ -287,6 +287,21 @@ pub(crate) fn map_of<'py>(function: &Bound<'py, PyAny>, num_vars: usize) -> PyRe
     }
 }
 
+/// A traced function with one value and no kinks.
+pub(crate) fn smooth(function: &Bound<'_, PyAny>, vars: usize, what: &str) -> PyResult<Py<Map>> {
+    let map = map_of(function, vars)?;
+    let (found, values, sites) = {
+        let map = map.get();
+        (map.num_vars(), map.num_residuals(), map.num_sites())
+    };
+    match (found, values, sites) == (vars, 1, 0) {
+        true => Ok(map.unbind()),
+        false => Err(PyValueError::new_err(format!(
+            "{what} must be a smooth function of {vars} variables with one value; variables of this one: {found}, values: {values}, kinks: {sites}"
+        ))),
+    }
+}
+
 pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<Map>()?;
     module.add_function(wrap_pyfunction!(trace, module)?)

@@ -1,0 +1,224 @@
+//! Laws of friction at contact nodes.
+
+use std::sync::Arc;
+
+use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::PyTuple;
+use semismooth::contact::{
+    self, FrictionCoefficient, FrictionCurve, Frictionless, NodeLaw, OrthotropicCoulomb, PlanarCoulomb,
+};
+
+use crate::arrays::vector;
+use crate::errors::raised;
+use crate::map::smooth;
+
+pub(crate) type Law = Arc<dyn NodeLaw + Send + Sync>;
+
+/// A coefficient of friction F: a number or one for each contact node, plus the parameter times ``rate`` (numbers likewise).
+///
+/// See :meth:`table`, :meth:`exponential` and :meth:`function` for coefficients that depend on the slip ‖u_t‖, and :meth:`scaled`.
+#[pyclass(frozen, module = "semismooth")]
+pub(crate) struct Friction {
+    coefficient: FrictionCoefficient,
+    /// Where it depends on nothing but the slip.
+    curve: Option<FrictionCurve>,
+}
+
+impl Friction {
+    fn of(curve: FrictionCurve) -> Self {
+        Self {
+            coefficient: FrictionCoefficient::uniform(curve.clone()),
+            curve: Some(curve),
+        }
+    }
+
+    /// A coefficient, a number, or numbers.
+    fn coefficient(object: &Bound<'_, PyAny>) -> PyResult<FrictionCoefficient> {
+        match object.cast::<Self>() {
+            Ok(friction) => Ok(friction.get().coefficient.clone()),
+            Err(_) => Ok(Self::new(object, None)?.coefficient),
+        }
+    }
+}
+
+#[pymethods]
+impl Friction {
+    #[new]
+    #[pyo3(signature = (value, rate=None))]
+    fn new(value: &Bound<'_, PyAny>, rate: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
+        let (constant, slope) = (value.extract::<f64>(), rate.map(|r| r.extract::<f64>()));
+        let affine = match (constant, slope) {
+            (Ok(constant), None) => {
+                return Ok(Self::of(FrictionCurve::constant(constant).map_err(raised)?));
+            }
+            (Ok(constant), Some(Ok(slope))) => {
+                let coefficient =
+                    FrictionCoefficient::of_parameter(move |_, a| [constant + a * slope, slope]);
+                return match constant.is_finite() && slope.is_finite() {
+                    true => Ok(Self {
+                        coefficient,
+                        curve: None,
+                    }),
+                    false => Err(PyValueError::new_err(
+                        "the coefficient of friction must be finite",
+                    )),
+                };
+            }
+            (Ok(constant), Some(Err(_))) => {
+                let rate = vector(rate.unwrap_or(value), "rate")?;
+                FrictionCoefficient::affine(vec![constant; rate.len()], rate)
+            }
+            (Err(_), None) => FrictionCoefficient::nodal(vector(value, "the coefficient of friction")?),
+            (Err(_), Some(slope)) => {
+                let constant = vector(value, "the coefficient of friction")?;
+                let slope = match (slope, rate) {
+                    (Err(_), Some(rate)) => vector(rate, "rate")?,
+                    (slope, _) => vec![slope.unwrap_or(0.0); constant.len()],
+                };
+                FrictionCoefficient::affine(constant, slope)
+            }
+        };
+        Ok(Self {
+            coefficient: affine.map_err(raised)?,
+            curve: None,
+        })
+    }
+
+    /// Monotone cubic interpolation of the coefficients ``values`` at the slips ``slips`` ≥ 0, increasing, both of shape (k,); constant
+    /// outside (Fritsch and Carlson 1980).
+    #[staticmethod]
+    fn table(slips: &Bound<'_, PyAny>, values: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let (slips, values) = (vector(slips, "slips")?, vector(values, "values")?);
+        if slips.len() != values.len() {
+            return Err(PyValueError::new_err(format!(
+                "{} slips with {} values",
+                slips.len(),
+                values.len()
+            )));
+        }
+        let points: Vec<_> = slips.into_iter().zip(values).collect();
+        Ok(Self::of(FrictionCurve::table(&points).map_err(raised)?))
+    }
+
+    /// last + (first − last) exp(−slip / length).
+    #[staticmethod]
+    fn exponential(first: f64, last: f64, length: f64) -> PyResult<Self> {
+        Ok(Self::of(
+            FrictionCurve::exponential(first, last, length).map_err(raised)?,
+        ))
+    }
+
+    /// Any smooth coefficient: ``function(slip, parameter)``, traced (see :func:`trace`), without kinks, for slips ≥ 0.
+    #[staticmethod]
+    fn function(function: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let py = function.py();
+        let wrapped = py
+            .import("semismooth._functions")?
+            .call_method1("of_two", (function,))?;
+        let map = smooth(&wrapped, 2, "the coefficient of friction")?;
+        let coefficient = FrictionCoefficient::function(move |_, slip, alpha| {
+            let (value, gradient) = map.get().value_and_gradient(&[slip, alpha]);
+            [value, gradient[0], gradient[1]]
+        });
+        Ok(Self {
+            coefficient,
+            curve: None,
+        })
+    }
+
+    /// The coefficient times the parameter, for one that depends on the slip alone or is constant: α F(‖u_t‖).
+    fn scaled(&self) -> PyResult<Self> {
+        let curve = self.curve.clone().ok_or_else(|| {
+            PyValueError::new_err(
+                "only a coefficient that depends on the slip alone can be scaled by the parameter",
+            )
+        })?;
+        Ok(Self {
+            coefficient: FrictionCoefficient::scaled(curve),
+            curve: None,
+        })
+    }
+
+    /// F at a slip and a parameter, of a contact node.
+    #[pyo3(signature = (slip=0.0, parameter=0.0, node=0))]
+    fn __call__(&self, slip: f64, parameter: f64, node: usize) -> f64 {
+        self.coefficient.value(node, slip, parameter)[0]
+    }
+}
+
+/// Friction with a given bound (Tresca), whatever the pressure: ‖λt‖ ≤ ``bound`` at each contact node, a nodal force, and λt = bound · u_t/‖u_t‖
+/// where it slips. The problem is then that of a convex energy.
+///
+/// Parameters
+/// ----------
+/// bound : number or array of shape (p,)
+///     At least 0.
+#[pyclass(frozen, module = "semismooth")]
+pub(crate) struct GivenBound {
+    bounds: Vec<f64>,
+    /// Whether there is one number for all nodes.
+    uniform: bool,
+}
+
+#[pymethods]
+impl GivenBound {
+    #[new]
+    fn new(bound: &Bound<'_, PyAny>) -> PyResult<Self> {
+        Ok(match bound.extract::<f64>() {
+            Ok(bound) => Self {
+                bounds: vec![bound],
+                uniform: true,
+            },
+            Err(_) => Self {
+                bounds: vector(bound, "the bound of friction")?,
+                uniform: false,
+            },
+        })
+    }
+}
+
+impl GivenBound {
+    fn law(&self, dim: usize, nodes: usize) -> PyResult<contact::GivenBound> {
+        if !self.uniform && self.bounds.len() != nodes {
+            return Err(PyValueError::new_err(format!(
+                "{} bounds of friction for {nodes} contact nodes",
+                self.bounds.len()
+            )));
+        }
+        let bounds = match self.uniform {
+            true => vec![self.bounds[0]; nodes],
+            false => self.bounds.clone(),
+        };
+        let coefficients = vec![[1.0; 2]; bounds.len()];
+        contact::GivenBound::new(dim - 1, bounds, coefficients).map_err(raised)
+    }
+}
+
+/// The law of a problem from what its `friction` says: nothing, a number, numbers, two of them in space, or an object.
+pub(crate) fn law(friction: Option<&Bound<'_, PyAny>>, dim: usize, nodes: usize) -> PyResult<Law> {
+    let Some(friction) = friction else {
+        return Ok(match dim {
+            2 => Arc::new(Frictionless::plane()),
+            _ => Arc::new(Frictionless::space()),
+        });
+    };
+    if let (3, Ok(pair)) = (dim, friction.cast::<PyTuple>()) {
+        let (first, second): (Bound<'_, PyAny>, Bound<'_, PyAny>) = pair.extract()?;
+        let [first, second] = [Friction::coefficient(&first)?, Friction::coefficient(&second)?];
+        return Ok(Arc::new(OrthotropicCoulomb::new(first, second)));
+    }
+    if let Ok(bound) = friction.cast::<GivenBound>() {
+        return Ok(Arc::new(bound.get().law(dim, nodes)?));
+    }
+    let coefficient = Friction::coefficient(friction)?;
+    Ok(match dim {
+        2 => Arc::new(PlanarCoulomb::new(coefficient)),
+        _ => Arc::new(OrthotropicCoulomb::isotropic(coefficient)),
+    })
+}
+
+pub(crate) fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<Friction>()?;
+    module.add_class::<GivenBound>()
+}
