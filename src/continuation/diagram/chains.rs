@@ -112,7 +112,7 @@ impl Diagram {
         })
     }
 
-    /// A direction in the variables of the exploration: in others all arms may seem to be one.
+    /// A direction in the scaled variables of the exploration: in others all arms may seem to be one.
     fn explored(&self, tangent: &[f64]) -> Vec<f64> {
         let mut t = tangent.to_vec();
         t.iter_mut().zip(&self.sizes).for_each(|(t, size)| *t /= size);
