@@ -19,8 +19,7 @@ const ACCURACY: f64 = 5.0 * f64::EPSILON;
 
 impl System {
     /// For homogeneous forms: separates the equalities that all pieces of a site imply, as forms of their own, from those that remain for
-    /// each
-/// piece.
+    /// each piece.
     pub(super) fn tell_shared_equalities(&mut self) {
         self.sites.iter_mut().for_each(tell);
     }
