@@ -53,7 +53,7 @@ pub enum ContinuationError {
     /// No arm of the curve leaves the start in the requested direction.
     #[error("no arm leaves the start with {wanted}; {found} arms leave it in other directions")]
     NoArm {
-        /// The direction asked for.
+        /// The direction requested.
         wanted: &'static str,
         /// Number of arms in all.
         found: usize,
@@ -63,7 +63,7 @@ pub enum ContinuationError {
         "undecided whether an arm leaves the start with {wanted}: {reason}; {found} arms were found in other directions"
     )]
     UndecidedArms {
-        /// The direction asked for.
+        /// The direction requested.
         wanted: &'static str,
         /// Number of arms found.
         found: usize,

@@ -20,7 +20,7 @@ pub struct Point {
     pub arclength: f64,
     /// ‖H(x)‖₂.
     pub residual_norm: f64,
-    /// Sign of det ∇_yH^(σ), where the solver knows determinants; 0 when singular (|α̇| ≤ 1e-7).
+    /// Sign of det ∇_yH^(σ), where the solver provides determinants; 0 when singular (|α̇| ≤ 1e-7).
     pub det_sign: Option<i8>,
     /// Number of corrections spent on it.
     pub corrections: usize,
@@ -177,9 +177,9 @@ pub struct Transition {
     /// Index in `arms` of the arm that is followed, if any.
     pub followed: Option<usize>,
     /// Whether all active selections were examined and none is undecided, within tolerances: no limit was reached.
-    /// [`all_arms`](crate::enumeration::all_arms) proves such a list, or says why it cannot.
+    /// [`all_arms`](crate::enumeration::all_arms) proves the list complete, or gives the reason why it cannot.
     pub complete: bool,
-    /// Sign of det ∇_yH^(σ) on departure, where an arm is followed and the solver knows determinants; 0 on vertical segments.
+    /// Sign of det ∇_yH^(σ) on departure, where an arm is followed and the solver provides determinants; 0 on vertical segments.
     pub det_sign: Option<i8>,
     /// ‖H(x)‖₂.
     pub residual_norm: f64,

@@ -132,7 +132,7 @@ impl Curve<'_> {
         agree(what, relative_residual(&r, &sizes), tolerance.max(ON_CURVE))
     }
 
-    /// Rates of the test functions in a few directions tell the sizes of their gradients.
+    /// Sizes of the gradients of the test functions, estimated from their rates in a few directions.
     fn gradient_sizes(&self) -> Vec<f64> {
         const DIRECTIONS: u64 = 4;
         let (m, total) = (self.here.x.len(), self.layout.total());

@@ -42,7 +42,7 @@ pub struct DirectionalArm {
     pub tangent: Vec<f64>,
     /// All selections into whose closed cells it points, in lexicographic order; more than one when it runs in a facet.
     pub selections: Vec<Selection>,
-    /// For each of them the sign of det ∇_yH^(σ): 0 when singular, `None` when the linear solver knows no determinants.
+    /// For each of them the sign of det ∇_yH^(σ): 0 when singular, `None` when the linear solver provides no determinants.
     pub det_signs: Vec<Option<i8>>,
 }
 

@@ -20,7 +20,7 @@ pub enum Completeness {
     Complete,
     /// The cap was reached.
     Incomplete {
-        /// Selections examined or ruled out.
+        /// Selections examined or excluded.
         examined: f64,
         /// Selections in all.
         total: f64,
@@ -110,7 +110,7 @@ pub struct Solution {
     pub selections: Vec<Selection>,
     /// How many there are: those in whose closed cells the point lies, without those of continua.
     pub num_selections: f64,
-    /// For each of them the sign of det ∇_yH^(σ): 0 when singular, `None` when the linear solver knows no determinants.
+    /// For each of them the sign of det ∇_yH^(σ): 0 when singular, `None` when the linear solver provides no determinants.
     pub det_signs: Vec<Option<i8>>,
     /// Distance to the nearest kink: the smallest signed test function of its cells; 0 at a transition.
     pub margin: f64,

@@ -322,7 +322,7 @@ impl<'a> Collector<'a> {
         let mut clean = true;
         let inside = (0..self.layout.num_sites()).all(|site| {
             let tests = &theta[self.layout.range(site)];
-            // A test function may vanish everywhere, gradient and all, but for rounding.
+            // A test function may vanish identically up to rounding, with its gradient.
             let rounding = NOISE * max_abs(tests);
             self.map.cell(site, selection.piece(site)).iter().all(|facet| {
                 let margin = facet.margin(tests);

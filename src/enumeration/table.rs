@@ -401,7 +401,7 @@ impl Table {
         for _ in 0..4 * (self.rows.len() + self.columns.len()) + 20 {
             let r = match self.place[var] {
                 Place::Gone => return true,
-                // A column that is free, or signed the other way, takes any value of that side unless a row bounds it.
+                // A free column, or one with the opposite sign, takes any value on that side unless a row bounds it.
                 Place::Column(c) => {
                     if self.sign[var].factor() == sign.factor() {
                         return true;

@@ -175,7 +175,7 @@ impl Run<'_> {
                         let reason = why.unwrap_or(reason);
                         return Ok(self.give_up(jac, x, index, norm, evaluation, reason));
                     }
-                    // A stationary point says more about the problem than how the last resort failed.
+                    // A stationary point is a more useful diagnosis than the failure of the least-index rule.
                     why = matches!(reason, Failure::Stationary { .. }).then_some(reason);
                     self.mode = Mode::LeastIndex;
                     self.work.visited.clear();

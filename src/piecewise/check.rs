@@ -43,7 +43,7 @@ use session::Session;
 pub struct CheckOptions {
     /// Largest deviation of a derivative from its difference quotient, relative to its size. Default 1e-5.
     pub tolerance: f64,
-    /// Largest jump of a residual at a kink, relative to the residuals met on the way there. Default 1e-8.
+    /// Largest jump of a residual at a kink, relative to the residuals there and at the samples on both sides. Default 1e-8.
     pub continuity_tolerance: f64,
     /// Largest number of selections examined at a point. If there are more, all those that differ in one site from the selection there
     /// are examined instead. Default 64.
@@ -155,7 +155,7 @@ pub enum FindingKind {
     SelectionTests,
     /// A row outside `site_rows` depends on the piece of the site.
     SiteRows,
-    /// The map says it is piecewise affine, and is not.
+    /// The map is declared piecewise affine, and is not.
     Affine,
     /// A value is NaN or infinite.
     NotFinite,
@@ -337,7 +337,7 @@ pub struct SemismoothReport {
 /// finite are skipped, except the samples themselves.
 ///
 /// # Errors
-/// [`CheckError::Findings`] with all that is wrong with the map; the others say what is wrong with the call.
+/// [`CheckError::Findings`] with all errors of the map; the other variants are errors of the call.
 ///
 /// ```
 /// use semismooth::piecewise::{Semismooth, check::{CheckOptions, check_semismooth}};

@@ -27,7 +27,7 @@ type Preimages = Vec<(Vec<f64>, i8)>;
 /// * a selection is singular (decided as in [`bd_regularity`](super::bd_regularity)) and a direction of its kernel lies in its cell or on the boundary, or the kernel
 ///   has more than one dimension, or there are more than 500 rows,
 /// * first derivatives do not decide whether the cell of a selection has points near x,
-/// * all values v tried have a direction on a boundary of cells, or the linear solver knows no determinants.
+/// * all values v tried have a direction on a boundary of cells, or the linear solver provides no determinants.
 ///
 /// For the map of a curve y alone varies. Test functions with |θ(x)| ≤ `tolerance` count as vanishing. That H(x) = 0 is not checked.
 ///

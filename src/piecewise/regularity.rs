@@ -36,7 +36,7 @@ pub enum Regularity {
     Fails {
         /// It is Σ w_σ ∇_yH^(σ), w_σ ≥ 0 of sum 1; a single selection for a singular ∇_yH^(σ).
         combination: Vec<(Selection, f64)>,
-        /// Its least singular value, 0 but for rounding; `None` with more than 500 rows.
+        /// Its least singular value, 0 up to rounding; `None` with more than 500 rows.
         singular_value: Option<f64>,
         /// A unit vector whose image has this length; empty with more than 500 rows.
         direction: Vec<f64>,

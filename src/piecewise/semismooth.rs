@@ -40,7 +40,7 @@ pub trait Semismooth {
     /// once and over the [pattern](Self::pattern), if they are finitely many. Arguments of kinks count as 0 up to `tolerance`, since at
     /// solutions they vanish only up to rounding.
     ///
-    /// `None` where the map does not know them, where they are infinitely many, and where they may be more than `cap`. Default: `None`.
+    /// `None` where the map cannot give them, where they are infinitely many, and where they may be more than `cap`. Default: `None`.
     /// [`bd_regularity_semismooth`](super::bd_regularity_semismooth) has an example.
     fn b_subdifferential(&self, _x: &[f64], _tolerance: f64, _cap: u64) -> Option<Vec<Matrix>> {
         None

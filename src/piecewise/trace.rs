@@ -1,4 +1,4 @@
-//! Which variables a formula depends on, found by evaluating it over sets of labels in place of derivatives.
+//! Which variables a formula depends on, found by evaluating it over sets of labels instead of derivatives.
 
 use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Rem, RemAssign, Sub, SubAssign};
 

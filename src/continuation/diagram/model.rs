@@ -225,7 +225,7 @@ impl DiagramEdge {
     }
 
     /// Signs of det ∇_yH^(σ) along the edge, equal neighbours merged: one sign unless smooth folds are passed. Empty where the linear
-    /// solver knows no determinants.
+    /// solver provides no determinants.
     #[must_use]
     pub fn det_signs(&self) -> Vec<i8> {
         let vertical = self.is_vertical();
@@ -296,7 +296,7 @@ impl fmt::Display for Completeness {
     }
 }
 
-/// Why something was left out of a diagram.
+/// Why a diagram is incomplete.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]

@@ -183,7 +183,7 @@ impl Diagram {
                     self.completeness.add(Limit::Arms { vertex });
                 }
                 Limit::Solutions { .. } => self.completeness.add(limit),
-                // Tried again, and told again where it fails again.
+                // Tried again, and reported again if it fails again.
                 _ => {}
             }
         }

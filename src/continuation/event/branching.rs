@@ -72,7 +72,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'a, P, L> {
         Ok((map, z))
     }
 
-    /// The largest entry of each row of ∇H^(σ), or its change over the distance 1 + ‖x‖: at branch points rows may vanish but for rounding.
+    /// The largest entry of each row of ∇H^(σ), or its change over the distance 1 + ‖x‖: at branch points rows may vanish up to rounding.
     /// The corrector then holds ∇H^(σ) at x.
     fn row_sizes<M: PiecewiseSmooth + ?Sized>(
         &mut self,

@@ -57,7 +57,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized, L> Continuation<'a, P, L> {
 
 impl<'a> Curve<'a> {
     fn watch(&mut self, name: String, function: Function<'a>, stops: bool) {
-        // A resumed run knows the side: at a zero just passed the value is rounding noise.
+        // A resumed run has stored the sign: next to a zero just passed the value is rounding noise.
         let side = match self.saved_sides.get(self.watches.len()) {
             Some(side) => *side,
             None => sign(self.map.at(&self.here.x, &function)),

@@ -53,7 +53,7 @@ impl<'a, P: PiecewiseSmooth + ?Sized> Units<'a, P> {
         theta.abs() <= distance * (one + self.length(self.x)) * gradient
     }
 
-    /// Whether two unit vectors, which are nearly the same, have no larger `angle` in these units, but for rounding of their entries.
+    /// Whether two unit vectors, which are nearly the same, have no larger `angle` in these units, up to rounding of their entries.
     pub(super) fn are_near(&mut self, a: &[f64], b: &[f64], angle: f64) -> bool {
         if a == b {
             return true;

@@ -65,7 +65,7 @@ pub struct FoundSolution {
     pub x: Vec<f64>,
     /// A selection active there.
     pub selection: Selection,
-    /// Sign of det ∇_yH^(σ) of that selection: 0 when singular, `None` when the linear solver knows no determinants.
+    /// Sign of det ∇_yH^(σ) of that selection: 0 when singular, `None` when the linear solver provides no determinants.
     pub det_sign: Option<i8>,
     /// The [local index](crate::piecewise::local_index), where it is known, of at most 256 active selections.
     pub index: Option<i8>,

@@ -140,7 +140,7 @@ impl<P: PiecewiseSmooth> TransitionSet<P> {
         &self.family
     }
 
-    /// The selection of the family that a selection of this map stands for.
+    /// The selection of the family that corresponds to a selection of this map.
     #[must_use]
     pub fn family_selection(&self, selection: &Selection) -> Selection {
         let mut own = selection.clone();
