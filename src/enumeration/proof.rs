@@ -236,7 +236,7 @@ pub(super) struct Gathered<'a> {
     settled: Vec<Pieces>,
     /// Number of selections, since the last success, whose points were not proven to be the only solution in the cells that contain them.
     attempts: usize,
-    /// Nodes and pivots of the searches that prove points to be isolated.
+    /// Nodes and pivots of the searches that prove a point to be the only solution in its cells.
     searched: (u64, u64),
 }
 
