@@ -470,7 +470,7 @@ impl<'m, O: FnMut(&Progress<'_>) -> ControlFlow<()>> Explorer<'m, O> {
         false
     }
 
-    /// The current curve ends without an event.
+    /// Ends the current curve by its termination: a bound, a limit or a failure.
     fn end(&mut self, mut arc: Arc, termination: Termination, failure: Option<ContinuationError>) {
         let from = arc.from;
         let length = arc.points.last().map_or(0.0, |p| p.arclength);

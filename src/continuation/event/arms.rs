@@ -140,7 +140,7 @@ impl<P: PiecewiseSmooth + ?Sized, L: LinearSolver> ArmSearch<'_, P, L> {
     /// The arms that a local search finds, where not all selections can be examined.
     fn locally(&mut self, active: &ActiveSet, arms: &mut Arms) -> Result<(), PiecewiseError> {
         let starts = self.options.local_starts;
-        // The search may take as long as a few hundred steps of the curve.
+        // The search takes no longer than a few hundred steps of the curve.
         let each = if self.map.num_residuals() > MAX_BRANCHING {
             4
         } else {

@@ -449,7 +449,7 @@ mod tests {
         }
     }
 
-    /// Two curves that touch at the origin: the extended system is singular there, Newton's method converges slowly, and the result is
+    /// Two curves that touch at the origin: the extended system is singular there, Newton's method converges slowly, and `solve` gives
     /// `None`.
     #[test]
     fn curves_that_touch_are_no_simple_branch_point() {
